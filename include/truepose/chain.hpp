@@ -1,0 +1,91 @@
+// How does one chain close? Both ways: from the motor to B, and from the nacelle to the motor.
+#pragma once
+
+#include "truepose/pose.hpp"
+#include "truepose/status.hpp"
+
+namespace truepose {
+
+/// A chain whose loop is closed.
+struct ChainState {
+  double q = 0;   ///< motor position as the encoder reads it
+  Vec3 p;         ///< P to B (telescopic: zero)
+  Vec3 v;         ///< A to B, the rod
+  Vec3 lever;     ///< R c, from D to the pivot
+  Vec3 dB;        ///< ∂B/∂q
+  double jq = 0;  ///< the chain's entry of J_q: v·∂B/∂q (telescopic: -L)
+};
+
+/// Base-side point B relative to P, its derivative, and the rod's length, at motor position q.
+struct Driven {
+  Vec3 p, dB;
+  double rod;
+};
+inline Driven drive(const Chain& chain, double q) {
+  const double position = q + chain.encoder_offset;
+  switch (chain.actuator) {
+    case Actuator::prismatic: return {chain.axis * position, chain.axis, chain.rod};
+    case Actuator::telescopic: return {Vec3::Zero(), Vec3::Zero(), position};
+    default: break;
+  }
+  const Vec3 e = chain.arm * chain.zero, w = chain.axis.cross(e);
+  const double c = std::cos(position), s = std::sin(position);
+  return {c * e + s * w, c * w - s * e, chain.rod};
+}
+
+inline Vec3 lever(const Chain& chain, const Mat3& R) { return R * chain.pivot; }
+
+/// The entry of J_q for a rod v: the paper's (p×v)·u, for any actuator.
+inline double jq_entry(const Chain& chain, const Vec3& v, const Driven& driven) {
+  return chain.actuator == Actuator::telescopic ? -driven.rod : v.dot(driven.dB);
+}
+
+/// Closes a chain on A = D + R c + a: the two spheres (or sphere and line) meet in two points,
+/// and the working mode says which. J_q's entry comes out as ± the root, without a division;
+/// neither tan(q/2) nor a quotient by G, M or N appears, so no position of the arm is special.
+/// NeedAngle = false leaves q out, and with it the only trigonometric function.
+/// @return false when the rod cannot reach.
+template <bool NeedAngle = true>
+TRUEPOSE_FLATTEN inline bool close(const Chain& chain, const Pose& pose, ChainState& state) {
+  state.lever = lever(chain, pose.R);
+  const Vec3 d = pose.D + state.lever + chain.anchor - chain.base;  // P to A
+  const double sign = chain.working_mode;
+  double position = 0;
+  switch (chain.actuator) {
+    case Actuator::telescopic: {
+      position = d.norm();
+      state.p = state.dB = Vec3::Zero();
+      state.jq = -position;
+      if (!(position > 0)) return false;
+      break;
+    }
+    case Actuator::prismatic: {
+      const double along = chain.axis.dot(d);
+      const double root2 = chain.rod * chain.rod - d.squaredNorm() + along * along;
+      if (!(root2 >= 0)) return false;
+      state.jq = sign * std::sqrt(root2);
+      position = along + state.jq;
+      state.p = position * chain.axis;
+      state.dB = chain.axis;
+      break;
+    }
+    default: {  // a cos q + b sin q = c, from |p - d|² = L²
+      const Vec3 e = chain.arm * chain.zero, w = chain.axis.cross(e);
+      const double a = e.dot(d), b = w.dot(d);
+      const double c = 0.5 * (chain.arm * chain.arm + d.squaredNorm() - chain.rod * chain.rod);
+      const double r2 = a * a + b * b, root2 = r2 - c * c;
+      if (!(root2 >= 0) || !(r2 > 0)) return false;
+      state.jq = sign * std::sqrt(root2);
+      const double cosine = (a * c - b * state.jq) / r2, sine = (b * c + a * state.jq) / r2;
+      if constexpr (NeedAngle) position = std::atan2(sine, cosine);
+      state.p = cosine * e + sine * w;
+      state.dB = cosine * w - sine * e;
+      break;
+    }
+  }
+  state.q = position - chain.encoder_offset;
+  state.v = state.p - d;
+  return true;
+}
+
+}  // namespace truepose

@@ -1,0 +1,146 @@
+// Which torque now? One control cycle: readings and setpoint in, motor torques out.
+#pragma once
+
+#include "truepose/control_law.hpp"
+#include "truepose/dynamics.hpp"
+#include "truepose/trajectory.hpp"
+
+namespace truepose {
+
+enum class FeedForward : int {
+  none = 0,
+  gravity = 1,  ///< holds the nominal robot at x_d
+  full = 2,     ///< gravity, inertia and Coriolis of the nominal robot along the trajectory
+};
+
+/// Constant during a run.
+struct ControlSettings {
+  Law law = Law::joint;
+  FeedForward feed_forward = FeedForward::full;
+  double period = 1e-3;             ///< s
+  double velocity_bandwidth = 1000;  ///< of the encoders' tracking loops, rad/s
+  Joint kp{};                       ///< N·m/rad (N/m)
+  Joint kd{};                       ///< N·m·s/rad
+  Joint ki{};                       ///< N·m/(rad·s); 0: no integral action
+};
+
+/// What a controller remembers from cycle to cycle. Zero it to switch the controller on.
+struct ControlState {
+  bool started = false;
+  Extended position{}, rate{};  ///< the tracking loops
+  Joint integral{};             ///< N·m
+  Joint torque{};               ///< the last one commanded; held when a cycle fails
+  Joint error{};                ///< ê_q of the last good cycle
+};
+
+/// Velocity of a quantised encoder as a drive estimates it: a tracking loop of second order (α-β
+/// filter) with both poles at exp(-bandwidth · period), hence stable for any bandwidth.
+inline void track(const ControlSettings& settings, double pole, double reading, double& position,
+                  double& rate) {
+  const double predicted = position + settings.period * rate;
+  const double innovation = reading - predicted;
+  position = predicted + (1 - pole * pole) * innovation;
+  rate += (1 - pole) * (1 - pole) / settings.period * innovation;
+}
+
+/// One cycle. Bounded work, no allocation, no exception, no lock.
+///
+/// @param q_e    readings of motors and sensors, size n + r
+/// @param state  in and out; state.torque is the command
+/// @return anything but ok: the torque of the last good cycle is held, nothing else changes
+template <Mobility K>
+inline Outcome control(const Robot& robot, const ControlSettings& settings,
+                       const Setpoint& setpoint, const Extended& q_e, ControlState& state) {
+  constexpr int n = kDof<K>;
+  if (!all_finite(q_e, n + robot.r) || !all_finite(setpoint.x, n) ||
+      !all_finite(setpoint.rate, n) || !all_finite(setpoint.acceleration, n))
+    return {Status::not_finite, -1};
+  Reference<K> reference;
+  Outcome outcome = refer<K>(robot, settings.law, setpoint.x, reference);
+  Joint error{}, error_rate{}, torque{};
+  if (outcome) outcome = motor_error<K>(robot, settings.law, reference, q_e, error);
+  if (!outcome) return outcome;
+
+  // The rate of ê_q: the law's own map of the rate of the extended error. (For Figure 2 the TEJ
+  // moves with x_d; that term is of second order in the error and is left out.)
+  ControlState next = state;
+  if (!next.started) {
+    next.started = true;
+    next.position = q_e;
+  }
+  const double pole = std::exp(-settings.velocity_bandwidth * settings.period);
+  const Joint q_rate = reference.jacobians.joint_rate(setpoint.rate);
+  for (int c = 0; c < n + robot.r; ++c) {
+    track(settings, pole, q_e[c], next.position[c], next.rate[c]);
+    if (c >= n && settings.law != Law::redundant) continue;
+    double desired = 0;
+    if (c < n)
+      desired = q_rate[c];
+    else
+      for (int j = 0; j < n; ++j) desired += reference.jr[c - n][j] * setpoint.rate[j];
+    const double rate = desired - next.rate[c];
+    if (settings.law == Law::redundant)
+      for (int i = 0; i < n; ++i) error_rate[i] += reference.tej[i][c] * rate;
+    else
+      error_rate[c] = rate;
+  }
+
+  if (settings.feed_forward != FeedForward::none) {
+    DynamicModel<K> model;
+    const bool full = settings.feed_forward == FeedForward::full;
+    outcome = dynamic_model<K>(robot, reference.closure, full ? setpoint.rate : Joint{}, model);
+    if (!outcome) return outcome;
+    torque = inverse_dynamics<K>(model, reference.jacobians.J,
+                                 full ? setpoint.acceleration : Joint{});
+  }
+  for (int i = 0; i < n; ++i) {
+    const double limit = robot.chain[i].torque_limit;
+    const double step = settings.ki[i] * settings.period * error[i];
+    const double wanted =
+        torque[i] + settings.kp[i] * error[i] + settings.kd[i] * error_rate[i] + next.integral[i];
+    const bool pushes = limit > 0 && std::fabs(wanted) > limit && wanted * step > 0;
+    if (!pushes) next.integral[i] += step;  // a saturated motor does not wind up
+    torque[i] = wanted + (pushes ? 0 : step);
+    if (limit > 0) torque[i] = std::clamp(torque[i], -limit, limit);
+  }
+  if (!all_finite(torque, n)) return {Status::not_finite, -1};
+  next.torque = torque;
+  next.error = error;
+  state = next;
+  return {};
+}
+
+inline Outcome control(const Robot& robot, const ControlSettings& settings,
+                       const Setpoint& setpoint, const Extended& q_e, ControlState& state) {
+  return with_mobility(robot.mobility, [&](auto mobility) {
+    return control<mobility()>(robot, settings, setpoint, q_e, state);
+  });
+}
+
+/// PD gains by pole placement on the diagonal of the joint inertia JᵀMJ at a pose: motor i alone
+/// answers as a second order of that natural frequency (rad/s) and damping ratio.
+inline Outcome place_poles(const Robot& robot, const Joint& x, double frequency, double damping,
+                           ControlSettings& settings) {
+  return with_mobility(robot.mobility, [&](auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr int n = kDof<K>;
+    Closure<K> closure;
+    Jacobians<K> jacobians;
+    DynamicModel<K> model;
+    Outcome outcome = ikm<K>(robot, to_pose<K>(x), closure);
+    if (outcome) outcome = jacobian<K>(closure, jacobians);
+    if (outcome) outcome = dynamic_model<K>(robot, closure, Joint{}, model);
+    if (!outcome) return outcome;
+    for (int m = 0; m < n; ++m) {
+      double inertia = 0;
+      for (int i = 0; i < n; ++i)
+        for (int j = 0; j < n; ++j)
+          inertia += jacobians.J[i][m] * model.mass[i][j] * jacobians.J[j][m];
+      settings.kp[m] = inertia * frequency * frequency;
+      settings.kd[m] = 2 * damping * inertia * frequency;
+    }
+    return outcome;
+  });
+}
+
+}  // namespace truepose

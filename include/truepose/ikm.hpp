@@ -1,0 +1,45 @@
+// Which motor positions hold this pose? The inverse kinematic model (IKM).
+#pragma once
+
+#include "truepose/chain.hpp"
+
+namespace truepose {
+
+/// A mechanism with all its loops closed: what every Jacobian is read off.
+template <Mobility K>
+struct Closure {
+  Pose pose;
+  std::array<ChainState, kDof<K>> chain;
+
+  Joint q() const {
+    Joint values{};
+    for (int i = 0; i < kDof<K>; ++i) values[i] = chain[i].q;
+    return values;
+  }
+};
+
+/// Closes every chain on the pose, each in its own working mode.
+/// @return unreachable and the first chain that cannot close, or not_finite.
+template <Mobility K, bool NeedAngle = true>
+inline Outcome ikm(const Robot& robot, const Pose& pose, Closure<K>& closure) {
+  closure.pose = pose;
+  for (int i = 0; i < kDof<K>; ++i)
+    if (!close<NeedAngle>(robot.chain[i], pose, closure.chain[i])) {
+      const bool finite = pose.D.allFinite() && pose.R.allFinite();
+      return {finite ? Status::unreachable : Status::not_finite, i};
+    }
+  return {};
+}
+
+/// q = IKM(x) for coordinates x of any mobility.
+inline Outcome ikm(const Robot& robot, const Joint& x, Joint& q) {
+  return with_mobility(robot.mobility, [&](auto mobility) {
+    constexpr Mobility K = mobility();
+    Closure<K> closure;
+    const Outcome outcome = ikm<K>(robot, to_pose<K>(x), closure);
+    if (outcome) q = closure.q();
+    return outcome;
+  });
+}
+
+}  // namespace truepose

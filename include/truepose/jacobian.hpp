@@ -1,0 +1,121 @@
+// How do small motions of the nacelle and of the motors correspond? J_x ẋ = J_q q̇, ẋ = J q̇.
+#pragma once
+
+#include "truepose/ikm.hpp"
+#include "truepose/ldlt.hpp"
+
+namespace truepose {
+
+template <Mobility K>
+using Square = Matrix<kDof<K>, kDof<K>>;
+
+/// Row i of J_x: [vᵀ, (R c × v)ᵀ] S.
+template <Mobility K>
+inline void jx_row(const Vec3& v, const Vec3& lever, std::array<double, kDof<K>>& row) {
+  if constexpr (kTurnsAboutZ<K>) {  // only the z component of the moment is free
+    free_columns<K>(v, Vec3(0, 0, lever.x() * v.y() - lever.y() * v.x()), row.data());
+  } else {
+    free_columns<K>(v, lever.cross(v), row.data());
+  }
+}
+
+/// Lower triangle of AᵀA.
+template <int N>
+inline void normal_matrix(const Matrix<N, N>& A, Matrix<N, N>& normal) {
+  for (int i = 0; i < N; ++i)
+    for (int j = 0; j <= i; ++j) {
+      double sum = 0;
+      for (int k = 0; k < N; ++k) sum += A[k][i] * A[k][j];
+      normal[i][j] = sum;
+    }
+}
+
+/// b ← Aᵀ b
+template <int N>
+inline std::array<double, N> transposed_times(const Matrix<N, N>& A, const std::array<double, N>& b) {
+  std::array<double, N> result{};
+  for (int k = 0; k < N; ++k)
+    for (int j = 0; j < N; ++j) result[j] += A[k][j] * b[k];
+  return result;
+}
+
+template <Mobility K>
+struct Jacobians {
+  Square<K> jx, J;
+  std::array<double, kDof<K>> jq;
+
+  /// q̇ = J⁻¹ ẋ = J_q⁻¹ J_x ẋ, without inverting J.
+  Joint joint_rate(const Joint& rate) const {
+    Joint result{};
+    for (int i = 0; i < kDof<K>; ++i) {
+      double sum = 0;
+      for (int j = 0; j < kDof<K>; ++j) sum += jx[i][j] * rate[j];
+      result[i] = sum / jq[i];
+    }
+    return result;
+  }
+};
+
+/// J_x, J_q and J = J_x⁻¹ J_q at a closed pose.
+/// @return singular when J_x loses rank (type 2: the motors no longer hold the nacelle) or an
+/// entry of J_q vanishes (type 1: an arm stretched or folded; `chain` says which).
+template <Mobility K>
+TRUEPOSE_FLATTEN inline Outcome jacobian(const Closure<K>& closure, Jacobians<K>& jacobians) {
+  constexpr int n = kDof<K>;
+  for (int i = 0; i < n; ++i) {
+    const ChainState& chain = closure.chain[i];
+    jx_row<K>(chain.v, chain.lever, jacobians.jx[i]);
+    jacobians.jq[i] = chain.jq;
+    if (!(chain.jq * chain.jq > kSingular * chain.v.squaredNorm() * chain.dB.squaredNorm()))
+      return {Status::singular, i};
+  }
+  Square<K> normal;
+  normal_matrix<n>(jacobians.jx, normal);
+  const Ldlt<n> factor(normal);
+  if (factor.determinacy() < kSingular) return {Status::singular, -1};
+  for (int j = 0; j < n; ++j) {  // column j: (J_xᵀJ_x)⁻¹ J_xᵀ e_j jq_j
+    std::array<double, n> column;
+    for (int i = 0; i < n; ++i) column[i] = jacobians.jx[j][i] * jacobians.jq[j];
+    factor.solve(column);
+    for (int i = 0; i < n; ++i) jacobians.J[i][j] = column[i];
+  }
+  return {};
+}
+
+/// J(x), n×n, ẋ = J q̇; ẋ is a twist (its free columns), base frame.
+inline Outcome jacobian(const Robot& robot, const Joint& x, JointMatrix& J) {
+  return with_mobility(robot.mobility, [&](auto mobility) {
+    constexpr Mobility K = mobility();
+    Closure<K> closure;
+    Outcome outcome = ikm<K, false>(robot, to_pose<K>(x), closure);
+    Jacobians<K> jacobians;
+    if (outcome) outcome = jacobian<K>(closure, jacobians);
+    if (outcome)
+      for (int i = 0; i < kDof<K>; ++i)
+        for (int j = 0; j < kDof<K>; ++j) J[i][j] = jacobians.J[i][j];
+    return outcome;
+  });
+}
+
+/// Sign of det J_x: two poses with the same motors and another sign are other assembly modes.
+template <Mobility K>
+inline int assembly_sign(const Closure<K>& closure) {
+  Square<K> jx;
+  for (int i = 0; i < kDof<K>; ++i) jx_row<K>(closure.chain[i].v, closure.chain[i].lever, jx[i]);
+  return determinant_sign<kDof<K>>(jx);
+}
+
+/// Fills what a robot derives from its own data (assembly_sign). Call once after building it.
+inline Outcome finish(Robot& robot) {
+  return with_mobility(robot.mobility, [&](auto mobility) {
+    constexpr Mobility K = mobility();
+    Closure<K> closure;
+    Outcome outcome = ikm<K>(robot, to_pose<K>(robot.home), closure);
+    Jacobians<K> jacobians;
+    if (outcome) outcome = jacobian<K>(closure, jacobians);
+    robot.assembly_sign = outcome ? assembly_sign<K>(closure) : 0;
+    return outcome;
+  });
+}
+
+}  // namespace truepose

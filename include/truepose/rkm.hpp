@@ -1,0 +1,40 @@
+// What should the redundant sensors read at this pose? The redundant kinematic model (RKM).
+#pragma once
+
+#include "truepose/ikm.hpp"
+#include "truepose/sensor.hpp"
+
+namespace truepose {
+
+/// r = RKM(x) and J_r = ∂r/∂x (r rows of n).
+template <Mobility K>
+inline void rkm(const Robot& robot, const Pose& pose, Reading& values,
+                Matrix<kMaxSensors, kDof<K>>& jr) {
+  for (int k = 0; k < robot.r; ++k) values[k] = read<K>(robot.sensor[k], pose, jr[k].data());
+}
+
+/// r = RKM(x) for coordinates x of any mobility.
+inline Outcome rkm(const Robot& robot, const Joint& x, Reading& values) {
+  return with_mobility(robot.mobility, [&](auto mobility) -> Outcome {
+    constexpr Mobility K = mobility();
+    Matrix<kMaxSensors, kDof<K>> jr;
+    rkm<K>(robot, to_pose<K>(x), values, jr);
+    return {all_finite(values, robot.r) ? Status::ok : Status::not_finite, -1};
+  });
+}
+
+/// Extended positions q_e = [q; r] at a pose, as the robot's own encoders read them.
+template <Mobility K>
+inline Outcome extended(const Robot& robot, const Pose& pose, Extended& q_e) {
+  Closure<K> closure;
+  const Outcome outcome = ikm<K>(robot, pose, closure);
+  if (!outcome) return outcome;
+  Reading values;
+  Matrix<kMaxSensors, kDof<K>> jr;
+  rkm<K>(robot, pose, values, jr);
+  for (int i = 0; i < kDof<K>; ++i) q_e[i] = closure.chain[i].q;
+  for (int k = 0; k < robot.r; ++k) q_e[kDof<K> + k] = values[k];
+  return outcome;
+}
+
+}  // namespace truepose

@@ -1,0 +1,142 @@
+// What is a robot? Plain data: chains, sensors, bodies. One struct serves every mechanism.
+//
+// One closure equation covers the field's rod-type robots (docs/model.md):
+//
+//     | B_i(q_i) - A_i(x) | = L_i,      A_i(x) = D + R(x) c_i + a_i
+//
+// Units are SI (m, rad, kg, N), frames are the base frame unless said otherwise.
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <array>
+#include <cmath>
+
+/// Inlines all calls inside a hot function. Eigen's small expressions otherwise stay calls, which
+/// costs a tenth of a simulation (benchmarks/README.md).
+#if defined(__GNUC__)
+#define TRUEPOSE_FLATTEN __attribute__((flatten))
+#else
+#define TRUEPOSE_FLATTEN
+#endif
+
+namespace truepose {
+
+using Vec3 = Eigen::Vector3d;
+using Mat3 = Eigen::Matrix3d;
+
+inline constexpr int kMaxDof = 6;        ///< chains = motors = degrees of freedom n
+inline constexpr int kMaxSensors = 10;   ///< redundant readings r
+inline constexpr int kMaxReadings = 16;  ///< extended positions n + r
+inline constexpr int kMaxBodies = 8;     ///< rigid bodies of the nacelle
+
+using Joint = std::array<double, kMaxDof>;          ///< anything of size n
+using Reading = std::array<double, kMaxSensors>;    ///< anything of size r
+using Extended = std::array<double, kMaxReadings>;  ///< anything of size n + r
+template <int Rows, int Columns>
+using Matrix = std::array<std::array<double, Columns>, Rows>;
+using JointMatrix = Matrix<kMaxDof, kMaxDof>;
+
+/// Which freedoms the mechanism leaves to the nacelle.
+enum class Mobility : int {
+  planar_translation = 0,  ///< x, y
+  planar = 1,              ///< x, y, θ
+  translation = 2,         ///< x, y, z
+  schoenflies = 3,         ///< x, y, z, θ about z
+  spatial = 4,             ///< x, y, z, rotation vector
+};
+
+/// How motor position q moves the base-side point B of a chain.
+enum class Actuator : int {
+  revolute = 0,    ///< B = P + l (e cos q + (u×e) sin q)
+  prismatic = 1,   ///< B = P + u q
+  telescopic = 2,  ///< B = P, L = q
+};
+
+enum class SensorKind : int {
+  nacelle_angle = 0,  ///< θ of the nacelle about z, gear undone
+  telemeter = 1,      ///< distance along a fixed line to a plane of the nacelle
+};
+
+/// One chain: motor, arm, rod (a spatial parallelogram counts as one rod).
+struct Chain {
+  Actuator actuator = Actuator::revolute;
+  int working_mode = -1;      ///< sign of the chain's entry of J_q: which root of the IKM
+  Vec3 base = Vec3::Zero();   ///< P, on the motor's axis
+  Vec3 axis = Vec3::UnitY();  ///< u, unit
+  Vec3 zero = Vec3::UnitX();  ///< e, direction of the arm at q = 0, unit, normal to u
+  double arm = 0;             ///< l = |PB|
+  double rod = 0;             ///< L = |AB|
+  double encoder_offset = 0;  ///< reading = angle - offset
+  Vec3 pivot = Vec3::Zero();  ///< c, turns with the nacelle
+  Vec3 anchor = Vec3::Zero();  ///< a, keeps its orientation
+  double encoder_step = 0;     ///< one count, rad or m (0: unquantised)
+  double torque_limit = 0;     ///< N·m or N (0: none)
+  double drive_inertia = 0;    ///< rotor and arm about the axis (kg·m²), or carriage (kg)
+  double arm_mass = 0;         ///< weighs at the middle of the arm, or on the carriage (kg)
+  double rod_mass = 0;         ///< all rods of the chain, slender (kg)
+  double viscous = 0;          ///< N·m·s/rad or N·s/m at the motor
+  double coulomb = 0;          ///< N·m or N at the motor
+};
+
+/// A redundant sensor: reading = gain * s(x) - offset.
+struct Sensor {
+  SensorKind kind = SensorKind::nacelle_angle;
+  double gain = 1;
+  double offset = 0;
+  double step = 0;                ///< one count of the reading (0: unquantised)
+  double weight = 1;              ///< of its row in the TEJ; the paper's is 1
+  Vec3 origin = Vec3::Zero();     ///< telemeter: a point of its line, fixed in the base
+  Vec3 direction = Vec3::UnitZ();  ///< telemeter: direction of its line, unit, in the base
+  Vec3 target = Vec3::Zero();      ///< telemeter: a point of the plane, nacelle frame
+  Vec3 normal = Vec3::UnitZ();     ///< telemeter: normal of the plane, unit, nacelle frame
+};
+
+/// A rigid body of the nacelle, its centre of mass at D + R pivot + anchor.
+struct Body {
+  double mass = 0;
+  Vec3 pivot = Vec3::Zero();
+  Vec3 anchor = Vec3::Zero();
+  Mat3 inertia = Mat3::Zero();  ///< about the centre of mass, nacelle frame; 0 if it keeps its orientation
+};
+
+/// A robot and its sensors. Copyable; constant once built; shared freely between threads.
+struct Robot {
+  Mobility mobility = Mobility::schoenflies;
+  int r = 0;  ///< redundant sensors in use
+  int bodies = 0;
+  std::array<Chain, kMaxDof> chain;  ///< as many as the mobility has freedoms
+  std::array<Sensor, kMaxSensors> sensor;
+  std::array<Body, kMaxBodies> body;
+  Vec3 gravity = Vec3(0, 0, -9.81);
+  Joint home{};            ///< a pose well inside the workspace; default guess of the FKM
+  int assembly_sign = 0;   ///< sign of det J_x at home (0: not asked for)
+};
+
+constexpr int dof(Mobility mobility) {
+  constexpr std::array<int, 5> sizes{2, 3, 3, 4, 6};
+  return sizes[static_cast<std::size_t>(mobility)];
+}
+
+/// Calls f with the mobility as a compile-time constant, so that sizes are known in the loops.
+template <class F>
+constexpr auto with_mobility(Mobility mobility, F&& f) {
+  switch (mobility) {
+    case Mobility::planar_translation:
+      return f(std::integral_constant<Mobility, Mobility::planar_translation>{});
+    case Mobility::planar: return f(std::integral_constant<Mobility, Mobility::planar>{});
+    case Mobility::translation: return f(std::integral_constant<Mobility, Mobility::translation>{});
+    case Mobility::spatial: return f(std::integral_constant<Mobility, Mobility::spatial>{});
+    default: return f(std::integral_constant<Mobility, Mobility::schoenflies>{});
+  }
+}
+
+/// Whether the first `count` values are numbers.
+template <class Values>
+inline bool all_finite(const Values& values, int count) {
+  for (int i = 0; i < count; ++i)
+    if (!std::isfinite(values[static_cast<std::size_t>(i)])) return false;
+  return true;
+}
+
+}  // namespace truepose

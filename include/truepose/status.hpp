@@ -1,0 +1,36 @@
+// How did it go? One answer for every function of the real-time core.
+#pragma once
+
+namespace truepose {
+
+/// Result of every core function. Nothing throws; whoever calls looks at this.
+enum class Status : int {
+  ok = 0,            ///< converged / computed; the outputs are finite
+  unreachable = 1,   ///< no position of the mechanism closes the loops
+  singular = 2,      ///< J_x or J_q loses rank: the answer is not determined
+  branch_lost = 3,   ///< closed, but in another working or assembly mode than the robot's
+  not_finite = 4,    ///< an input is NaN or infinite
+  not_measured = 5,  ///< the sensors do not determine what the law needs
+};
+
+/// What a status says, for people.
+constexpr const char* describe(Status status) {
+  switch (status) {
+    case Status::ok: return "ok";
+    case Status::unreachable: return "unreachable";
+    case Status::singular: return "singular";
+    case Status::branch_lost: return "branch lost";
+    case Status::not_finite: return "not finite";
+    case Status::not_measured: return "not measured";
+  }
+  return "unknown status";
+}
+
+/// Status and the chain that caused it (0-based, -1: none in particular).
+struct Outcome {
+  Status status = Status::ok;
+  int chain = -1;
+  constexpr explicit operator bool() const { return status == Status::ok; }
+};
+
+}  // namespace truepose
