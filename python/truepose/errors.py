@@ -1,0 +1,52 @@
+"""Which geometric errors does a real robot have? Robots drawn from the paper's ranges."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from truepose import paper_data
+from truepose.exceptions import InputError
+from truepose.robot import Robot
+
+
+def with_paper_errors(robot: Robot, seed: int | np.random.SeedSequence) -> Robot:
+    """Return a *true* robot: `robot` with errors drawn uniformly from the paper's ranges.
+
+    Every chain gets its own rod length L, arm length l, base radius R (its base point moves along
+    the arm's zero direction e) and nacelle offset d (its anchor moves along itself).
+
+    Parameters
+    ----------
+    robot : Robot
+        The nominal robot; its chains must be revolute.
+    seed : int or SeedSequence
+        The same seed gives the same robot.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> robot = tp.load("h4")
+    >>> true = tp.with_paper_errors(robot, seed=1)
+    >>> -0.003 <= true.parameters["chain1.rod"].value - 0.48 <= 0.010
+    True
+    """
+    if any(chain.actuator != "revolute" for chain in robot.spec.chain):
+        raise InputError(f"{robot.name}: the paper's errors are those of arms: revolute chains only")
+    generator = np.random.default_rng(seed)
+    draw = {
+        name: generator.uniform(low, high, robot.n)
+        for name, (low, high) in paper_data.simulation_errors().items()
+    }
+    values = {name: parameter.value for name, parameter in robot.parameters.items()}
+    changed = {}
+    for i, chain in enumerate(robot.spec.chain):
+        name = f"chain{i + 1}"
+        changed[f"{name}.rod"] = values[f"{name}.rod"] + draw["rod_length"][i]
+        changed[f"{name}.arm"] = values[f"{name}.arm"] + draw["arm_length"][i]
+        anchor = np.array(chain.anchor)
+        outward = anchor / max(float(np.linalg.norm(anchor)), 1e-300)
+        for k, axis in enumerate("xyz"):
+            base, bar = f"{name}.base.{axis}", f"{name}.anchor.{axis}"
+            changed[base] = values[base] + float(draw["base_radius"][i] * chain.zero[k])
+            changed[bar] = values[bar] + float(draw["nacelle_offset"][i] * outward[k])
+    return robot.replace(changed)

@@ -1,0 +1,33 @@
+"""What can go wrong, in words that name the thing, its value and the valid choices."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+_SHOWN = 20  # choices listed before the rest is only counted
+
+
+class TrueposeError(Exception):
+    """Base of all errors that truepose raises on purpose. Its text is one line."""
+
+
+class RobotFileError(TrueposeError):
+    """A robot file that cannot be read, or describes no robot."""
+
+
+class PoseError(TrueposeError):
+    """A pose that cannot be reached, is singular, or is on another branch."""
+
+
+class InputError(TrueposeError, ValueError):
+    """An argument of the wrong shape, not finite, or not among the choices."""
+
+
+def choose(what: str, value: object, choices: Iterable[str]) -> str:
+    """One line that says what `value` should have been: the nearest choice, then the choices."""
+    choices = list(choices)
+    near = difflib.get_close_matches(str(value), choices, n=1)
+    hint = f"; did you mean '{near[0]}'?" if near else ""
+    more = f", … {len(choices) - _SHOWN} more" if len(choices) > _SHOWN else ""
+    return f"unknown {what} '{value}'{hint} (choices: {', '.join(choices[:_SHOWN])}{more})"

@@ -1,0 +1,112 @@
+"""The experiment of Tables 2 and 3: 625 poses, settled under each controller, for many robots."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from truepose import paper_data, statistics
+from truepose.errors import with_paper_errors
+from truepose.robot import Array, Robot
+from truepose.simulations import LAWS, Controller, Law, settle, simulate
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """What the experiment gave. Errors are true minus desired, mm and degrees."""
+
+    robot: Robot
+    truths: list[Robot]
+    poses: Array  #: (P, 4), m and rad (nacelle)
+    errors: dict[Law, Array]  #: law: (robots, P, 4)
+    tables: dict[Law, Array]  #: law: (robots, 5, 4), see statistics.table3
+
+    def ratio(self, quantity: str, statistic: str, law: Law = "redundant") -> Array:
+        """Statistic under a law over the same under joint control, one value per robot."""
+        at = paper_data.QUANTITIES.index(quantity), paper_data.STATISTICS.index(statistic)
+        return self.tables[law][(slice(None), *at)] / self.tables["joint"][(slice(None), *at)]
+
+
+def draw_robots(robot: Robot, count: int, seed: int) -> list[Robot]:
+    """Draw `count` true robots with the paper's errors; the first ones do not depend on `count`."""
+    return [with_paper_errors(robot, s) for s in np.random.SeedSequence(seed).spawn(count)]
+
+
+def run(
+    robot: Robot,
+    truths: list[Robot],
+    poses: Array | None = None,
+    progress: Callable[[], None] = lambda: None,
+) -> Experiment:
+    """Settle every true robot at every pose under each law, in the exact statics.
+
+    Parameters
+    ----------
+    robot : Robot
+        The nominal one, of schoenflies mobility with θ measured.
+    truths : list of Robot
+        The true ones.
+    poses : ndarray, shape (P, 4), optional
+        Table 2's 625 poses by default.
+    progress : callable
+        Called after each robot.
+    """
+    poses = paper_data.table2() if poses is None else np.asarray(poses, dtype=float)
+    errors: dict[Law, list[Array]] = {law: [] for law in LAWS}
+    for truth in truths:
+        for law in LAWS:
+            settled = settle(robot, truth, poses, law)
+            errors[law].append(statistics.in_print_units(settled - poses))
+        progress()
+    stacked = {law: np.array(values) for law, values in errors.items()}
+    tables = {law: statistics.table3(values) for law, values in stacked.items()}
+    return Experiment(robot, truths, poses, stacked, tables)
+
+
+def dynamics_check(
+    robot: Robot, truth: Robot, poses: Array, progress: Callable[[], None] = lambda: None
+) -> dict[str, dict[Law, Array]]:
+    """Where the simulated dynamics end, less where the statics say, at some of the poses.
+
+    Every run moves from home to the pose in 0.4 s and holds it for 0.4 s.
+
+    Returns
+    -------
+    dict
+        "ideal": unquantised, gravity off; "loaded": unquantised, with gravity, against the statics
+        that count what the nominal feed-forward gets wrong; "as built": with gravity and encoder
+        counts, against the same. Each {law: (P, 4) in mm and degrees}.
+    """
+    weightless = (0.0, 0.0, 0.0)
+    cases = {
+        "ideal": tuple(x.unquantised().with_gravity(weightless) for x in (robot, truth)),
+        "loaded": (robot.unquantised(), truth.unquantised()),
+        "as built": (robot, truth),
+    }
+    result: dict[str, dict[Law, Array]] = {}
+    for case, (nominal, real) in cases.items():
+        result[case] = {}
+        for law in LAWS:
+            ends = []
+            for pose in poses:
+                controller = Controller(law=law)
+                ran = simulate(
+                    nominal, real, controller, start=robot.home, end=pose, duration=0.4, hold=0.4
+                )
+                ends.append(ran.x[-1])
+                progress()
+            loaded = settle(nominal, real, poses, law, gravity=case != "ideal")
+            result[case][law] = statistics.in_print_units(np.array(ends) - loaded)
+    return result
+
+
+def theta_law(robot: Robot, poses: Array) -> Array:
+    """1/(1 + w |j|²) at each pose: what the TEJ leaves of a small static θ error (docs/paper.md).
+
+    j is the θ row of J and w the weight of θ's row in the TEJ.
+    """
+    weight = next(s.weight for s in robot.spec.sensor if s.kind == "nacelle_angle")
+    j = robot.jacobian(poses)[..., 3, :]
+    return 1 / (1 + weight * (j**2).sum(axis=-1))

@@ -1,0 +1,502 @@
+"""A robot and its sensors: the facade over the C++ core."""
+
+from __future__ import annotations
+
+import fnmatch
+import math
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from truepose import _core, robot_file
+from truepose.exceptions import InputError, PoseError, RobotFileError, choose
+from truepose.schema import Chain, RobotFile, Sensor
+
+Array = NDArray[np.float64]
+Errors = Literal["raise", "nan"]
+
+#: Names and units of the coordinates of each mobility.
+COORDINATES = {
+    "planar_translation": (("x", "m"), ("y", "m")),
+    "planar": (("x", "m"), ("y", "m"), ("theta", "rad")),
+    "translation": (("x", "m"), ("y", "m"), ("z", "m")),
+    "schoenflies": (("x", "m"), ("y", "m"), ("z", "m"), ("theta", "rad")),
+    "spatial": tuple((c, "m") for c in "xyz") + tuple((c, "rad") for c in ("rx", "ry", "rz")),
+}
+
+
+class Parameter(NamedTuple):
+    """A geometric parameter ξ: its value in this robot, and what is known of it beforehand."""
+
+    value: float
+    mean: float
+    sigma: float
+
+
+def robots() -> list[str]:
+    """Names of the shipped robots.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> "h4" in tp.robots()
+    True
+    """
+    return list(robot_file.shipped())
+
+
+def load(robot: str | Path) -> Robot:
+    """Load a shipped robot by name, or any robot from its file.
+
+    Parameters
+    ----------
+    robot : str or Path
+        A name of :func:`robots`, or the path of a robot file.
+
+    Raises
+    ------
+    RobotFileError
+        The file cannot be read or describes no robot; one line says what is wrong.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> robot = tp.load("h4")
+    >>> robot.n, robot.r
+    (4, 1)
+    """
+    return Robot(robot_file.read(robot))
+
+
+class Robot:
+    """A robot and its sensors. Immutable: :meth:`replace` and :meth:`with_sensors` return copies.
+
+    Coordinates x are those of the file's mobility (m, rad), motor positions q are what the motor
+    encoders read (rad or m), redundant positions r what the sensors in use read. All methods
+    take any leading shape and run in C++. Frame: base, z up.
+
+    Parameters
+    ----------
+    spec : RobotFile
+        A validated robot file.
+    """
+
+    def __init__(self, spec: RobotFile, values: dict[str, float] | None = None):
+        self._spec = spec
+        self._nominal = {name: getattr(*at) for name, at in _locations(spec).items()}
+        self._values = self._nominal | (values or {})
+        for pattern in spec.tolerances:
+            if not fnmatch.filter(self._values, pattern):
+                raise RobotFileError(f"{spec.name}: tolerances: " + choose("parameter", pattern, self._values))
+        known = {sensor.name: sensor for sensor in spec.sensor}
+        for name in spec.sensors:
+            if name not in known:
+                raise RobotFileError(f"{spec.name}: " + choose("sensor", name, known))
+        if len(set(spec.sensors)) < len(spec.sensors):
+            raise RobotFileError(f"{spec.name}: a sensor is used twice: {', '.join(spec.sensors)}")
+        if spec.n + len(spec.sensors) > _core.max_readings or len(spec.sensors) > _core.max_sensors:
+            raise RobotFileError(f"{spec.name}: at most {_core.max_sensors} sensors can be in use")
+        self._sensors = tuple(known[name] for name in spec.sensors)
+        self._core = _build(spec, self._sensors, self._values)
+        status, chain = self._core.finish()
+        if status:
+            guilty = f", chain {chain + 1}" if chain >= 0 else ""
+            raise RobotFileError(
+                f"{spec.name}: home = {list(spec.home)}: {_core.describe(status)}{guilty}"
+            )
+
+    def __repr__(self) -> str:
+        sensors = ", ".join(self._spec.sensors) or "no sensor"
+        return f"<truepose.Robot {self.name}: {self._spec.mobility}, n={self.n}, {sensors}>"
+
+    @property
+    def name(self) -> str:
+        """The robot's name."""
+        return self._spec.name
+
+    @property
+    def spec(self) -> RobotFile:
+        """The robot file this robot was made from."""
+        return self._spec
+
+    @property
+    def n(self) -> int:
+        """Motors, chains, degrees of freedom."""
+        return self._spec.n
+
+    @property
+    def r(self) -> int:
+        """Redundant sensors in use."""
+        return len(self._sensors)
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Names of the sensors in use, in the order of r."""
+        return self._spec.sensors
+
+    @property
+    def home(self) -> Array:
+        """A pose well inside the workspace, shape (n,)."""
+        return np.array(self._spec.home)
+
+    @property
+    def coordinates(self) -> tuple[tuple[str, str], ...]:
+        """Name and unit of each coordinate of x."""
+        return COORDINATES[self._spec.mobility]
+
+    @property
+    def resolution(self) -> Array:
+        """One count of every reading, shape (n + r,); 0 where unquantised."""
+        chains = [_encoder_step(chain) for chain in self._spec.chain]
+        return np.array(chains + [sensor.step for sensor in self._sensors])
+
+    @property
+    def parameters(self) -> dict[str, Parameter]:
+        """Every geometric parameter ξ: value, prior mean, σ (m, rad).
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> rod = tp.load("h4").parameters["chain1.rod"]
+        >>> rod.value, round(rod.mean, 4), round(rod.sigma, 5)
+        (0.48, 0.4835, 0.00375)
+        """
+        result = {}
+        for name, value in self._values.items():
+            tolerance = next(
+                (t for key, t in self._spec.tolerances.items() if fnmatch.fnmatchcase(name, key)),
+                None,
+            )
+            mean = self._nominal[name] + (tolerance.mean if tolerance else 0.0)
+            result[name] = Parameter(value, mean, tolerance.deviation if tolerance else 0.0)
+        return result
+
+    def replace(self, values: dict[str, float]) -> Robot:
+        """Return a copy with other parameter values.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> longer = tp.load("h4").replace({"chain1.rod": 0.483})
+        >>> longer.parameters["chain1.rod"].value
+        0.483
+        """
+        for name, value in values.items():
+            if name not in self._values:
+                raise InputError(choose("parameter", name, self._values))
+            if not math.isfinite(value):
+                raise InputError(f"{name} = {value}: must be a finite number")
+            if name.endswith((".arm", ".rod", ".pivot")) and value <= 0:
+                raise InputError(f"{name} = {value}: must be greater than 0 (m)")
+        return Robot(self._spec, self._values | {k: float(v) for k, v in values.items()})
+
+    def with_sensors(self, *names: str) -> Robot:
+        """Return a copy that uses these sensors of its file, in this order.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> tp.load("h4").with_sensors("theta", "z_telemeter").r
+        2
+        """
+        known = [sensor.name for sensor in self._spec.sensor]
+        for name in names:
+            if name not in known:
+                raise InputError(choose("sensor", name, known))
+        if len(set(names)) < len(names):
+            raise InputError(f"a sensor is named twice: {', '.join(names)}")
+        return Robot(self._spec.model_copy(update={"sensors": names}), self._values)
+
+    def with_gravity(self, gravity: tuple[float, float, float]) -> Robot:
+        """Return a copy under another gravity, m/s², base frame; (0, 0, 0) switches it off."""
+        if len(gravity) != 3 or not all(map(math.isfinite, gravity)):
+            raise InputError(f"gravity = {gravity}: must be three finite numbers, m/s²")
+        return Robot(self._spec.model_copy(update={"gravity": tuple(gravity)}), self._values)
+
+    def unquantised(self) -> Robot:
+        """Return a copy whose encoders and sensors have no counts."""
+        chains = tuple(c.model_copy(update={"encoder_counts": None}) for c in self._spec.chain)
+        sensors = tuple(
+            s.model_copy(update={"counts" if s.kind == "nacelle_angle" else "resolution": None})
+            for s in self._spec.sensor
+        )
+        spec = self._spec.model_copy(update={"chain": chains, "sensor": sensors})
+        return Robot(spec, self._values)
+
+    def ikm(self, x: ArrayLike, errors: Errors = "raise") -> Array:
+        """Inverse kinematic model: motor positions q that hold the pose x.
+
+        Parameters
+        ----------
+        x : array_like, shape (..., n)
+            Poses, m and rad.
+        errors : {"raise", "nan"}
+            What to do with a pose that cannot be reached.
+
+        Returns
+        -------
+        ndarray, shape (..., n)
+            q as the motor encoders read them, rad or m.
+
+        Raises
+        ------
+        PoseError
+            Names the pose, the chain and the reason.
+        InputError
+            Wrong shape, or values that are not finite.
+
+        Examples
+        --------
+        >>> import numpy as np, truepose as tp
+        >>> q = tp.load("h4").ikm([0, 0, -0.5, 0])
+        >>> print(np.degrees(q).round(4))
+        [38.9429 38.9429 38.9429 38.9429]
+        """
+        rows, lead = self._rows(x, self.n, "x", errors)
+        q, status, chain = _core.ikm(self._core, rows)
+        self._check("pose", rows, lead, status, chain, errors)
+        return q.reshape(*lead, self.n)
+
+    def rkm(self, x: ArrayLike, errors: Errors = "raise") -> Array:
+        """Redundant kinematic model: what the sensors in use read at the pose x.
+
+        Returns
+        -------
+        ndarray, shape (..., r)
+        """
+        rows, lead = self._rows(x, self.n, "x", errors)
+        r, status, chain = _core.rkm(self._core, rows)
+        self._check("pose", rows, lead, status, chain, errors)
+        return r.reshape(*lead, self.r)
+
+    def extended(self, x: ArrayLike, errors: Errors = "raise") -> Array:
+        """Extended positions q_e = [q; r] at the pose x, shape (..., n + r)."""
+        return np.concatenate([self.ikm(x, errors), self.rkm(x, errors)], axis=-1)
+
+    def fkm(self, q: ArrayLike, guess: ArrayLike | None = None, errors: Errors = "raise") -> Array:
+        """Forward kinematic model: the pose, from the motor encoders alone.
+
+        Newton's method in the tangent space of the pose, with bounded iterations.
+
+        Parameters
+        ----------
+        q : array_like, shape (..., n)
+            Motor positions, rad or m.
+        guess : array_like, shape (n,) or (..., n), optional
+            Where to start; the file's home pose by default.
+        errors : {"raise", "nan"}
+            What to do where no pose is found.
+
+        Returns
+        -------
+        ndarray, shape (..., n)
+
+        Raises
+        ------
+        PoseError
+            unreachable: no pose closes the loops; singular: the motors do not determine it;
+            branch lost: it closes in another working or assembly mode than the robot's.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> robot = tp.load("h4")
+        >>> x = robot.fkm(robot.ikm([0.05, -0.02, -0.42, 0.3]))
+        >>> print(x.round(9))
+        [ 0.05 -0.02 -0.42  0.3 ]
+        """
+        rows, lead = self._rows(q, self.n, "q", errors)
+        start = self.home if guess is None else guess
+        start, _ = self._rows(np.broadcast_to(start, (*lead, self.n)), self.n, "guess", errors)
+        x, status, chain, _, _ = _core.fkm(self._core, rows, start)
+        self._check("motor position", rows, lead, status, chain, errors, name="q")
+        return x.reshape(*lead, self.n)
+
+    def redundant_fkm(self, q_e: ArrayLike, errors: Errors = "raise") -> Array:
+        """Redundant FKM in closed form: θ from its sensor, the position from all n spheres.
+
+        Parameters
+        ----------
+        q_e : array_like, shape (..., n + r)
+            Extended positions: motors, then the sensors in use.
+
+        Returns
+        -------
+        ndarray, shape (..., n)
+        """
+        rows, lead = self._rows(q_e, self.n + self.r, "q_e", errors)
+        self.require_orientation()
+        x, status, chain = _core.redundant_fkm(self._core, rows)
+        self._check("reading", rows, lead, status, chain, errors, name="q_e")
+        return x.reshape(*lead, self.n)
+
+    def require_orientation(self) -> None:
+        """Raise InputError unless the readings determine the nacelle's orientation."""
+        kinds = [sensor.kind for sensor in self._sensors]
+        mobility = self._spec.mobility
+        if mobility == "translation" or (mobility == "schoenflies" and "nacelle_angle" in kinds):
+            return
+        has = [s.name for s in self._spec.sensor if s.kind == "nacelle_angle"]
+        hint = f"use with_sensors('{has[0]}')" if has and mobility == "schoenflies" else (
+            "the closed form exists for translation robots and for schoenflies robots with θ measured"
+        )
+        raise InputError(f"{self.name}: the redundant FKM needs the nacelle's orientation; {hint}")
+
+    def jacobian(self, x: ArrayLike, errors: Errors = "raise") -> Array:
+        """Jacobian J, dx = J dq (spatial: dx a twist in the base frame), shape (..., n, n)."""
+        rows, lead = self._rows(x, self.n, "x", errors)
+        J, status, chain = _core.jacobian(self._core, rows)
+        self._check("pose", rows, lead, status, chain, errors)
+        return J.reshape(*lead, self.n, self.n)
+
+    def tej(self, x: ArrayLike, errors: Errors = "raise") -> tuple[Array, Array]:
+        """Extended-to-joint matrix of the paper, at x.
+
+        Returns
+        -------
+        M : ndarray, shape (..., n + r, n)
+            dq_e = M dq, M = [I; J_r J].
+        M_plus : ndarray, shape (..., n, n + r)
+            TEJ: the pseudo-inverse of M under the sensors' weights (1 in the paper).
+
+        Examples
+        --------
+        >>> import numpy as np, truepose as tp
+        >>> M, M_plus = tp.load("h4").tej([0.05, 0, -0.4, 0.2])
+        >>> bool(np.allclose(M_plus @ M, np.eye(4), atol=1e-12))
+        True
+        """
+        rows, lead = self._rows(x, self.n, "x", errors)
+        M, M_plus, status, chain = _core.tej(self._core, rows)
+        self._check("pose", rows, lead, status, chain, errors)
+        size = self.n + self.r
+        return M.reshape(*lead, size, self.n), M_plus.reshape(*lead, self.n, size)
+
+    def _rows(self, values: ArrayLike, width: int, name: str, errors: Errors):
+        """Check the shape and flatten the leading axes: (N, width) in C order."""
+        if errors not in ("raise", "nan"):
+            raise InputError(choose("errors", errors, ("raise", "nan")))
+        try:
+            array = np.asarray(values, dtype=np.float64)
+        except (TypeError, ValueError):
+            raise InputError(f"{name}: must be numbers") from None
+        if array.ndim == 0 or array.shape[-1] != width:
+            raise InputError(f"{name}: shape {array.shape}, must be (..., {width}) for {self.name}")
+        if errors == "raise" and not np.isfinite(array).all():
+            bad = array.reshape(-1, width)[~np.isfinite(array.reshape(-1, width)).all(axis=-1)][0]
+            raise InputError(f"{name} = {_list(bad)}: must be finite numbers")
+        return np.ascontiguousarray(array.reshape(-1, width)), array.shape[:-1]
+
+    def _check(self, what, rows, lead, status, chain, errors, name="x") -> None:
+        if errors == "nan" or not status.any():
+            return
+        k = int(np.flatnonzero(status)[0])
+        index = f" {tuple(int(i) for i in np.unravel_index(k, lead))}" if lead else ""
+        guilty = f"chain {chain[k] + 1}: " if chain[k] >= 0 else ""
+        raise PoseError(
+            f"{self.name}: {what}{index} {name} = {_list(rows[k])}: "
+            f"{guilty}{_core.describe(int(status[k]))}"
+        )
+
+
+def _list(values: Array) -> str:
+    return "[" + ", ".join(f"{v:.6g}" for v in values) + "]"
+
+
+def _locations(spec: RobotFile) -> dict[str, tuple]:
+    """Name of every geometric parameter, and (object, attribute) of its value in the file."""
+    found: dict[str, tuple] = {}
+
+    class _Component:
+        def __init__(self, vector: tuple[float, float, float]):
+            self.x, self.y, self.z = vector
+
+    for number, chain in enumerate(spec.chain, 1):
+        name = f"chain{number}"
+        for vector in ("base", "anchor"):
+            component = _Component(getattr(chain, vector))
+            found |= {f"{name}.{vector}.{axis}": (component, axis) for axis in "xyz"}
+        scalars = ["encoder_offset", "yaw", "tilt"]
+        scalars += ["arm"] * (chain.actuator == "revolute")
+        scalars += ["rod"] * (chain.actuator != "telescopic")
+        found |= {f"{name}.{scalar}": (chain, scalar) for scalar in scalars}
+    for number, bar in enumerate(spec.bar, 1):
+        found[f"bar{number}.pivot"] = (bar, "pivot")
+    for sensor in spec.sensor:
+        found |= {f"{sensor.name}.{key}": (sensor, key) for key in ("offset", "gain")}
+    return found
+
+
+def _encoder_step(chain: Chain) -> float:
+    if not chain.encoder_counts:
+        return 0.0
+    return (2 * math.pi if chain.actuator == "revolute" else 1.0) / chain.encoder_counts
+
+
+def _rotated(vector: Array, axis: Array, angle: float) -> Array:
+    """Rodrigues' formula; the identity, bit for bit, for angle = 0."""
+    if angle == 0:
+        return vector
+    across = np.cross(axis, vector)
+    along = axis * (axis @ vector)
+    return along + (vector - along) * math.cos(angle) + across * math.sin(angle)
+
+
+def _build(spec: RobotFile, sensors: tuple[Sensor, ...], values: dict[str, float]) -> _core.Robot:
+    """Fill the core's structs from the file and the parameters' values."""
+    robot = _core.Robot()
+    robot.mobility = getattr(_core.Mobility, spec.mobility)
+    robot.gravity = np.array(spec.gravity)
+    robot.home = [*spec.home, *[0.0] * (6 - spec.n)]
+    vertical = np.array([0.0, 0.0, 1.0])
+    for i, chain in enumerate(spec.chain):
+        name = f"chain{i + 1}"
+        built = _core.Chain()
+        built.actuator = getattr(_core.Actuator, chain.actuator)
+        built.base = np.array([values[f"{name}.base.{axis}"] for axis in "xyz"])
+        # Yaw adds to α: it turns e and u about z. Tilt then turns u about e.
+        zero = _rotated(np.array(chain.zero), vertical, values[f"{name}.yaw"])
+        axis = _rotated(np.array(chain.axis), vertical, values[f"{name}.yaw"])
+        built.zero = zero
+        built.axis = _rotated(axis, zero, values[f"{name}.tilt"])
+        built.arm = values.get(f"{name}.arm", 0.0)
+        built.rod = values.get(f"{name}.rod", 0.0)
+        built.encoder_offset = values[f"{name}.encoder_offset"]
+        anchor = np.array([values[f"{name}.anchor.{axis}"] for axis in "xyz"])
+        if chain.bar is None:
+            built.pivot = anchor
+        else:
+            direction = np.array(spec.bar[chain.bar - 1].direction)
+            built.pivot = values[f"bar{chain.bar}.pivot"] * direction
+            built.anchor = anchor
+        built.encoder_step = _encoder_step(chain)
+        built.torque_limit = chain.torque_limit or 0.0
+        for key in ("working_mode", "drive_inertia", "arm_mass", "rod_mass", "viscous", "coulomb"):
+            setattr(built, key, getattr(chain, key))
+        robot.set_chain(i, built)
+    for sensor in sensors:
+        built = _core.Sensor()
+        built.kind = getattr(_core.SensorKind, sensor.kind)
+        built.offset = values[f"{sensor.name}.offset"]
+        built.gain = values[f"{sensor.name}.gain"]
+        built.step = sensor.step
+        built.weight = sensor.weight
+        if sensor.kind == "telemeter":
+            for key in ("origin", "direction", "target", "normal"):
+                setattr(built, key, np.array(getattr(sensor, key)))
+        robot.add_sensor(built)
+    body = _core.Body()
+    body.mass = spec.nacelle.mass
+    body.pivot = np.array(spec.nacelle.centre)
+    body.inertia = np.diag(
+        [spec.nacelle.inertia_x, spec.nacelle.inertia_y, spec.nacelle.inertia_z]
+    ).astype(float)
+    robot.add_body(body)
+    for k, bar in enumerate(spec.bar, 1):
+        body = _core.Body()
+        body.mass = bar.mass
+        body.pivot = values[f"bar{k}.pivot"] * np.array(bar.direction)
+        robot.add_body(body)
+    return robot

@@ -1,0 +1,94 @@
+"""How does a robot file become a robot's data, and what is wrong with it if it does not?"""
+
+from __future__ import annotations
+
+from importlib import resources
+from pathlib import Path
+
+import tomlkit
+from pydantic import ValidationError
+from tomlkit.exceptions import TOMLKitError
+
+from truepose.exceptions import RobotFileError, choose
+from truepose.schema import (
+    Bar,
+    Chain,
+    Nacelle,
+    NacelleAngle,
+    RobotFile,
+    Telemeter,
+    Tolerance,
+    Workspace,
+)
+
+_SECTIONS = {
+    "chain": Chain,
+    "bar": Bar,
+    "nacelle": Nacelle,
+    "workspace": Workspace,
+    "tolerances": Tolerance,
+    "nacelle_angle": NacelleAngle,
+    "telemeter": Telemeter,
+}
+
+
+def shipped() -> dict[str, Path]:
+    """Names of the shipped robots and their files."""
+    folder = resources.files("truepose") / "robots"
+    return {p.parent.name: p for p in sorted(Path(str(folder)).glob("*/robot.toml"))}
+
+
+def read(robot: str | Path) -> RobotFile:
+    """Read a shipped robot's name or a robot file's path.
+
+    Raises
+    ------
+    RobotFileError
+        One line: file, key, value, what it should be.
+    """
+    files = shipped()
+    path = files.get(str(robot), Path(robot))
+    if path.suffix != ".toml" and not path.exists():
+        raise RobotFileError(choose("robot", robot, files) + ", or the path of a robot file")
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "not a text file"
+        raise RobotFileError(f"{robot}: cannot be read: {reason}") from None
+    try:
+        data = tomlkit.parse(text).unwrap()
+    except TOMLKitError as error:
+        raise RobotFileError(f"{robot}: not TOML: {error}") from None
+    return validate(data, str(robot))
+
+
+def validate(data: dict, where: str) -> RobotFile:
+    """Check the contents of a robot file; `where` names it in the message."""
+    data = dict(data)
+    shared = data.pop("every_chain", {})
+    chains = data.get("chain")
+    if isinstance(shared, dict) and isinstance(chains, list):
+        data["chain"] = [shared | c if isinstance(c, dict) else c for c in chains]
+    try:
+        return RobotFile.model_validate(data)
+    except ValidationError as error:
+        problems = [_describe(problem) for problem in error.errors(include_url=False)]
+        more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+        raise RobotFileError(f"{where}: {problems[0]}{more}") from None
+
+
+def _describe(problem: dict) -> str:
+    """One line for one of pydantic's problems."""
+    location = [part for part in problem["loc"] if part not in ("nacelle_angle", "telemeter")]
+    key = ".".join(str(part + 1) if isinstance(part, int) else str(part) for part in location)
+    if problem["type"] == "extra_forbidden":
+        section = next((s for s in map(str, reversed(problem["loc"][:-1])) if s in _SECTIONS), None)
+        model = _SECTIONS[section] if section else RobotFile
+        return f"{key}: " + choose("key", location[-1], model.model_fields)
+    if problem["type"] == "missing":
+        return f"{key}: is missing"
+    message = problem["msg"].removeprefix("Value error, ")
+    message = message[0].lower() + message[1:]
+    if isinstance(problem["input"], dict):
+        return f"{key}: {message}" if key else message
+    return f"{key} = {problem['input']!r}: {message}"

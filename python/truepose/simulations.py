@@ -1,0 +1,243 @@
+"""How does a robot move, and where does it settle, under each controller?
+
+The controller knows the nominal robot; the plant is the true one. Both are :class:`Robot`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose import _core, paper_data
+from truepose.exceptions import InputError, PoseError, choose
+from truepose.robot import Array, Errors, Robot
+
+Law = Literal["joint", "redundant", "cartesian"]
+FeedForward = Literal["none", "gravity", "full"]
+LAWS: tuple[Law, ...] = ("joint", "redundant", "cartesian")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Controller:
+    """A joint PD (or PID) on the motor error of one of the paper's laws.
+
+    Parameters
+    ----------
+    law : {"joint", "redundant", "cartesian"}
+        Figure 1 (usual control), Figure 2 (TEJ), or the closing remark (redundant FKM).
+    frequency, damping : float
+        PD gains by pole placement on the diagonal of the joint inertia, rad/s and 1.
+    integral : float
+        Integral action: ki = integral · kp, 1/s; 0 is none.
+    feed_forward : {"none", "gravity", "full"}
+        From the nominal robot: nothing, its weight, or weight, inertia and Coriolis.
+    period : float
+        Control period, s.
+    velocity_bandwidth : float
+        Bandwidth of the encoders' velocity tracking loops, rad/s.
+    """
+
+    law: Law = "redundant"
+    frequency: float = 150.0
+    damping: float = 1.0
+    integral: float = 0.0
+    feed_forward: FeedForward = "full"
+    period: float = 1e-3
+    velocity_bandwidth: float = 1000.0
+
+    def __post_init__(self):
+        if self.law not in LAWS:
+            raise InputError(choose("law", self.law, LAWS))
+        if self.feed_forward not in ("none", "gravity", "full"):
+            raise InputError(choose("feed_forward", self.feed_forward, ("none", "gravity", "full")))
+        for name in ("frequency", "damping", "period", "velocity_bandwidth"):
+            _positive(name, getattr(self, name))
+        if not (math.isfinite(self.integral) and self.integral >= 0):
+            raise InputError(f"integral = {self.integral}: must be a finite number of at least 0")
+
+    def settings(self, robot: Robot, x: ArrayLike) -> _core.ControlSettings:
+        """Return the core's settings, with the gains placed at the pose x."""
+        if self.law == "cartesian":
+            robot.require_orientation()
+        settings = _core.ControlSettings()
+        settings.law = getattr(_core.Law, self.law)
+        settings.feed_forward = getattr(_core.FeedForward, self.feed_forward)
+        settings.period = self.period
+        settings.velocity_bandwidth = self.velocity_bandwidth
+        pose = _pose(robot, x, "x")
+        status, _ = settings.place_poles(robot._core, pose, self.frequency, self.damping)
+        if status:
+            raise PoseError(f"{robot.name}: gains at x = {list(x)}: {_core.describe(status)}")
+        settings.ki = [self.integral * kp for kp in settings.kp]
+        return settings
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A run: one row per control period, its start. Units m, rad, s, N·m."""
+
+    robot: Robot
+    truth: Robot
+    controller: Controller
+    time: Array  #: (T,)
+    x_d: Array  #: (T, n) desired
+    x: Array  #: (T, n) true
+    q_e: Array  #: (T, n + r) as read
+    motor_error: Array  #: (T, n) ê_q of the law
+    torque: Array  #: (T, n)
+
+    @property
+    def error(self) -> Array:
+        """True minus desired coordinates, (T, n)."""
+        return self.x - self.x_d
+
+
+def settle(
+    robot: Robot,
+    truth: Robot,
+    x_d: ArrayLike,
+    controller: Controller | Law = "redundant",
+    *,
+    gravity: bool = False,
+    errors: Errors = "raise",
+) -> Array:
+    """Pose in which the true robot comes to rest, exactly, without simulating the motion.
+
+    Parameters
+    ----------
+    robot, truth : Robot
+        What the controller believes, and what is.
+    x_d : array_like, shape (..., n)
+        Desired poses.
+    controller : Controller or law
+        Its encoders count as unquantised.
+    gravity : bool
+        True: the PD must hold what the nominal feed-forward gets wrong of the true robot's weight.
+        False: no load, or integral action; the motor error of the law vanishes.
+    errors : {"raise", "nan"}
+        What to do with a pose at which the true robot does not settle.
+
+    Returns
+    -------
+    ndarray, shape (..., n)
+
+    Raises
+    ------
+    PoseError
+        Names the pose, the chain and the reason.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> robot = tp.load("h4")
+    >>> true = robot.replace({"chain1.rod": 0.483})
+    >>> x_d = [0.05, 0.05, -0.4, 0.2]
+    >>> usual, redundant = (tp.settle(robot, true, x_d, law) for law in ("joint", "redundant"))
+    >>> bool(abs(redundant[3] - 0.2) < abs(usual[3] - 0.2) / 8)
+    True
+    """
+    if not isinstance(controller, Controller):
+        controller = Controller(law=controller)
+    rows, lead = robot._rows(x_d, robot.n, "x_d", errors)
+    _same_readings(robot, truth)
+    settings = controller.settings(robot, robot.home)
+    x, status, chain = _core.settle(robot._core, truth._core, settings, gravity, rows)
+    robot._check("pose", rows, lead, status, chain, errors, name="x_d")
+    return x.reshape(*lead, robot.n)
+
+
+def simulate(
+    robot: Robot,
+    truth: Robot | None = None,
+    controller: Controller | Law = "redundant",
+    *,
+    start: ArrayLike = paper_data.MOVE_FROM,
+    end: ArrayLike = paper_data.MOVE_TO,
+    duration: float = paper_data.MOVE_DURATION,
+    hold: float = 0.2,
+    steps: int = 2,
+) -> Simulation:
+    """Simulate a straight move with a quintic time law, then holding its end.
+
+    The true robot starts at rest where the controller holds it at `start`. Its dynamics are those
+    of the reduced model, integrated by Runge-Kutta 4; its encoders are quantised as its file says.
+
+    Parameters
+    ----------
+    robot, truth : Robot
+        What the controller believes, and what is (default: the same).
+    controller : Controller or law
+        The law alone takes the other settings' defaults.
+    start, end : array_like, shape (n,)
+        Desired poses; by default the move of the paper's Figures 11 to 13.
+    duration, hold : float
+        Of the move, and after it, s.
+    steps : int
+        Integration steps in one control period.
+
+    Raises
+    ------
+    PoseError
+        The robot leaves its workspace, or the controller meets a singular pose.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> run = tp.simulate(tp.load("h4").unquantised())
+    >>> bool(abs(run.error[-1, :3]).max() < 1e-6)
+    True
+    """
+    if not isinstance(controller, Controller):
+        controller = Controller(law=controller)
+    truth = robot if truth is None else truth
+    _same_readings(robot, truth)
+    _positive("duration", duration)
+    if not (math.isfinite(hold) and hold >= 0):
+        raise InputError(f"hold = {hold}: must be a finite number of seconds of at least 0")
+    if not (isinstance(steps, int) and 1 <= steps <= 1000):
+        raise InputError(f"steps = {steps}: must be a whole number from 1 to 1000")
+    settings = controller.settings(robot, start)
+    loaded = controller.integral == 0
+    rows = np.array(_pose(robot, start, "start"))[None, : robot.n]
+    at_rest, status, chain = _core.settle(robot._core, truth._core, settings, loaded, rows)
+    robot._check("pose", rows, (), status, chain, "raise", name="start")
+    status, chain, *log = _core.simulate(
+        robot._core,
+        truth._core,
+        settings,
+        _pose(robot, start, "start"),
+        _pose(robot, end, "end"),
+        duration,
+        hold,
+        steps,
+        [*at_rest[0], *[0.0] * (6 - robot.n)],
+    )
+    if status:
+        guilty = f"chain {chain + 1}: " if chain >= 0 else ""
+        raise PoseError(
+            f"{robot.name}: simulation stopped after {len(log[0]) * controller.period:.3f} s: "
+            f"{guilty}{_core.describe(status)}"
+        )
+    return Simulation(robot, truth, controller, *log)
+
+
+def _positive(name: str, value: float) -> None:
+    if not (math.isfinite(value) and value > 0):
+        raise InputError(f"{name} = {value}: must be a finite number greater than 0")
+
+
+def _pose(robot: Robot, x: ArrayLike, name: str) -> list[float]:
+    """Return x as the core's fixed-size vector."""
+    rows, lead = robot._rows(x, robot.n, name, "raise")
+    if lead:
+        raise InputError(f"{name}: shape {(*lead, robot.n)}, must be ({robot.n},)")
+    return [*rows[0].tolist(), *[0.0] * (6 - robot.n)]
+
+
+def _same_readings(robot: Robot, truth: Robot) -> None:
+    if (robot.spec.mobility, robot.sensors) != (truth.spec.mobility, truth.sensors):
+        raise InputError(f"{robot!r} and {truth!r} must have the same mobility and sensors")

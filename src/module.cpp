@@ -1,0 +1,139 @@
+// The Python module's types: the core's structs, field by field. No mathematics.
+#include <nanobind/eigen/dense.h>
+#include <nanobind/nanobind.h>
+#include <nanobind/stl/array.h>
+#include <nanobind/stl/pair.h>
+
+#include "arrays.hpp"
+#include "truepose/control.hpp"
+
+namespace truepose::python {
+namespace {
+
+void bind_robot(nb::module_& m) {
+  nb::enum_<Mobility>(m, "Mobility")
+      .value("planar_translation", Mobility::planar_translation)
+      .value("planar", Mobility::planar)
+      .value("translation", Mobility::translation)
+      .value("schoenflies", Mobility::schoenflies)
+      .value("spatial", Mobility::spatial);
+  nb::enum_<Actuator>(m, "Actuator")
+      .value("revolute", Actuator::revolute)
+      .value("prismatic", Actuator::prismatic)
+      .value("telescopic", Actuator::telescopic);
+  nb::enum_<SensorKind>(m, "SensorKind")
+      .value("nacelle_angle", SensorKind::nacelle_angle)
+      .value("telemeter", SensorKind::telemeter);
+
+  nb::class_<Chain>(m, "Chain")
+      .def(nb::init<>())
+      .def_rw("actuator", &Chain::actuator)
+      .def_rw("working_mode", &Chain::working_mode)
+      .def_rw("base", &Chain::base)
+      .def_rw("axis", &Chain::axis)
+      .def_rw("zero", &Chain::zero)
+      .def_rw("arm", &Chain::arm)
+      .def_rw("rod", &Chain::rod)
+      .def_rw("encoder_offset", &Chain::encoder_offset)
+      .def_rw("pivot", &Chain::pivot)
+      .def_rw("anchor", &Chain::anchor)
+      .def_rw("encoder_step", &Chain::encoder_step)
+      .def_rw("torque_limit", &Chain::torque_limit)
+      .def_rw("drive_inertia", &Chain::drive_inertia)
+      .def_rw("arm_mass", &Chain::arm_mass)
+      .def_rw("rod_mass", &Chain::rod_mass)
+      .def_rw("viscous", &Chain::viscous)
+      .def_rw("coulomb", &Chain::coulomb);
+  nb::class_<Sensor>(m, "Sensor")
+      .def(nb::init<>())
+      .def_rw("kind", &Sensor::kind)
+      .def_rw("gain", &Sensor::gain)
+      .def_rw("offset", &Sensor::offset)
+      .def_rw("step", &Sensor::step)
+      .def_rw("weight", &Sensor::weight)
+      .def_rw("origin", &Sensor::origin)
+      .def_rw("direction", &Sensor::direction)
+      .def_rw("target", &Sensor::target)
+      .def_rw("normal", &Sensor::normal);
+  nb::class_<Body>(m, "Body")
+      .def(nb::init<>())
+      .def_rw("mass", &Body::mass)
+      .def_rw("pivot", &Body::pivot)
+      .def_rw("anchor", &Body::anchor)
+      .def_rw("inertia", &Body::inertia);
+
+  // Element access copies: the facade builds a robot once, from the outside in.
+  nb::class_<Robot>(m, "Robot")
+      .def(nb::init<>())
+      .def_rw("mobility", &Robot::mobility)
+      .def_rw("gravity", &Robot::gravity)
+      .def_rw("home", &Robot::home)
+      .def_prop_ro("n", [](const Robot& robot) { return dof(robot.mobility); })
+      .def_ro("r", &Robot::r)
+      .def_ro("assembly_sign", &Robot::assembly_sign)
+      .def("set_chain", [](Robot& robot, int i, const Chain& chain) { robot.chain.at(i) = chain; })
+      .def("add_sensor",
+           [](Robot& robot, const Sensor& sensor) {
+             robot.sensor.at(robot.r) = sensor;
+             ++robot.r;
+           })
+      .def("add_body",
+           [](Robot& robot, const Body& body) {
+             robot.body.at(robot.bodies) = body;
+             ++robot.bodies;
+           })
+      .def("finish", [](Robot& robot) {
+        const Outcome outcome = finish(robot);
+        return std::pair(static_cast<int>(outcome.status), outcome.chain);
+      });
+}
+
+void bind_control(nb::module_& m) {
+  nb::enum_<Law>(m, "Law")
+      .value("joint", Law::joint)
+      .value("redundant", Law::redundant)
+      .value("cartesian", Law::cartesian);
+  nb::enum_<FeedForward>(m, "FeedForward")
+      .value("none", FeedForward::none)
+      .value("gravity", FeedForward::gravity)
+      .value("full", FeedForward::full);
+  nb::class_<ControlSettings>(m, "ControlSettings")
+      .def(nb::init<>())
+      .def_rw("law", &ControlSettings::law)
+      .def_rw("feed_forward", &ControlSettings::feed_forward)
+      .def_rw("period", &ControlSettings::period)
+      .def_rw("velocity_bandwidth", &ControlSettings::velocity_bandwidth)
+      .def_rw("kp", &ControlSettings::kp)
+      .def_rw("kd", &ControlSettings::kd)
+      .def_rw("ki", &ControlSettings::ki)
+      .def("place_poles", [](ControlSettings& settings, const Robot& robot, const Joint& x,
+                             double frequency, double damping) {
+        const Outcome outcome = place_poles(robot, x, frequency, damping, settings);
+        return std::pair(static_cast<int>(outcome.status), outcome.chain);
+      });
+  nb::class_<ControlState>(m, "ControlState")
+      .def(nb::init<>())
+      .def_ro("torque", &ControlState::torque)
+      .def_ro("error", &ControlState::error)
+      .def_ro("rate", &ControlState::rate)
+      .def("step", [](ControlState& state, const Robot& robot, const ControlSettings& settings,
+                      const Joint& x, const Joint& rate, const Joint& acceleration,
+                      const Extended& q_e) {
+        const Outcome outcome = control(robot, settings, {x, rate, acceleration}, q_e, state);
+        return std::pair(static_cast<int>(outcome.status), outcome.chain);
+      });
+}
+
+}  // namespace
+}  // namespace truepose::python
+
+NB_MODULE(_core, m) {
+  using namespace truepose;
+  m.doc() = "truepose's real-time core. Use the truepose package; this is its engine.";
+  m.attr("max_sensors") = kMaxSensors;
+  m.attr("max_readings") = kMaxReadings;
+  m.def("describe", [](int status) { return describe(static_cast<Status>(status)); });
+  python::bind_robot(m);
+  python::bind_control(m);
+  python::bind_batch(m);
+}

@@ -1,0 +1,165 @@
+// Loops over many poses, in C++ and without the interpreter's lock. No mathematics.
+#include <nanobind/stl/array.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
+
+#include <vector>
+
+#include "arrays.hpp"
+#include "truepose/fkm.hpp"
+#include "truepose/offline/simulate.hpp"
+#include "truepose/offline/statics.hpp"
+
+namespace truepose::python {
+namespace {
+
+/// Calls `f(x, out)` for each row of `in` and collects n_out values and the outcome.
+template <class In, class Out, class F>
+auto map_rows(const Rows& in, std::size_t n_out, F&& f) {
+  const std::size_t count = in.shape(0);
+  Owned<double> values({count, n_out});
+  Outcomes outcomes(count);
+  {
+    nb::gil_scoped_release release;
+    for (std::size_t i = 0; i < count; ++i) {
+      Out out{};
+      const Outcome outcome = f(row<In>(in, i), out, i);
+      outcomes.set(i, outcome);
+      if (!outcome) out.fill(NAN);
+      std::memcpy(values[i], out.data(), n_out * sizeof(double));
+    }
+  }
+  return nb::make_tuple(values.release(), outcomes.status.release(), outcomes.chain.release());
+}
+
+auto batch_ikm(const Robot& robot, const Rows& x) {
+  return map_rows<Joint, Joint>(x, x.shape(1), [&](const Joint& at, Joint& q, std::size_t) {
+    return ikm(robot, at, q);
+  });
+}
+
+auto batch_rkm(const Robot& robot, const Rows& x) {
+  return map_rows<Joint, Reading>(x, robot.r, [&](const Joint& at, Reading& r, std::size_t) {
+    return rkm(robot, at, r);
+  });
+}
+
+auto batch_redundant_fkm(const Robot& robot, const Rows& q_e) {
+  return map_rows<Extended, Joint>(q_e, dof(robot.mobility),
+                                   [&](const Extended& at, Joint& x, std::size_t) {
+                                     return redundant_fkm(robot, at, x);
+                                   });
+}
+
+auto batch_settle(const Robot& nominal, const Robot& truth, const ControlSettings& control,
+                  bool gravity, const Rows& x_d) {
+  const StaticsSettings settings{control, gravity};
+  return with_mobility(nominal.mobility, [&](auto mobility) {
+    return map_rows<Joint, Joint>(x_d, x_d.shape(1), [&](const Joint& at, Joint& x, std::size_t) {
+      return settle<mobility()>(nominal, truth, settings, at, x);
+    });
+  });
+}
+
+auto batch_fkm(const Robot& robot, const Rows& q, const Rows& guess) {
+  const std::size_t count = q.shape(0), n = q.shape(1);
+  Owned<double> x({count, n}), residual({count});
+  Owned<int> iterations({count});
+  Outcomes outcomes(count);
+  {
+    nb::gil_scoped_release release;
+    for (std::size_t i = 0; i < count; ++i) {
+      Joint pose = row<Joint>(guess, i);
+      const FkmResult result = fkm(robot, row<Joint>(q, i), pose);
+      if (!result) pose.fill(NAN);
+      std::memcpy(x[i], pose.data(), n * sizeof(double));
+      outcomes.set(i, {result.status, result.chain});
+      *iterations[i] = result.iterations;
+      *residual[i] = result.residual;
+    }
+  }
+  return nb::make_tuple(x.release(), outcomes.status.release(), outcomes.chain.release(),
+                        iterations.release(), residual.release());
+}
+
+auto batch_jacobian(const Robot& robot, const Rows& x) {
+  const std::size_t count = x.shape(0), n = x.shape(1);
+  Owned<double> values({count, n, n});
+  Outcomes outcomes(count);
+  {
+    nb::gil_scoped_release release;
+    for (std::size_t i = 0; i < count; ++i) {
+      JointMatrix J;
+      const Outcome outcome = jacobian(robot, row<Joint>(x, i), J);
+      outcomes.set(i, outcome);
+      for (std::size_t k = 0; k < n * n; ++k) values[i][k] = outcome ? J[k / n][k % n] : NAN;
+    }
+  }
+  return nb::make_tuple(values.release(), outcomes.status.release(), outcomes.chain.release());
+}
+
+auto batch_tej(const Robot& robot, const Rows& x) {
+  const std::size_t count = x.shape(0), n = x.shape(1), e = n + robot.r;
+  Owned<double> m({count, e, n}), plus({count, n, e});
+  Outcomes outcomes(count);
+  {
+    nb::gil_scoped_release release;
+    for (std::size_t i = 0; i < count; ++i) {
+      ExtendedColumns M;
+      ExtendedRows M_plus;
+      const Outcome outcome = tej(robot, row<Joint>(x, i), M, M_plus);
+      outcomes.set(i, outcome);
+      for (std::size_t k = 0; k < e * n; ++k) {
+        m[i][k] = outcome ? M[k / n][k % n] : NAN;
+        plus[i][k] = outcome ? M_plus[k / e][k % e] : NAN;
+      }
+    }
+  }
+  return nb::make_tuple(m.release(), plus.release(), outcomes.status.release(),
+                        outcomes.chain.release());
+}
+
+auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
+                    const Joint& from, const Joint& to, double duration, double hold, int steps,
+                    const Joint& start) {
+  const std::size_t n = dof(nominal.mobility), e = n + nominal.r;
+  std::vector<Sample> log;
+  Outcome outcome;
+  {
+    nb::gil_scoped_release release;
+    log.reserve(static_cast<std::size_t>((duration + hold) / settings.period) + 2);
+    outcome = with_mobility(nominal.mobility, [&](auto mobility) {
+      return simulate<mobility()>(nominal, truth, settings, Run{from, to, duration, hold, steps},
+                                  start, [&](const Sample& sample) { log.push_back(sample); });
+    });
+  }
+  const std::size_t count = log.size();
+  Owned<double> time({count}), x_d({count, n}), x({count, n}), q_e({count, e}), error({count, n}),
+      torque({count, n});
+  for (std::size_t i = 0; i < count; ++i) {
+    *time[i] = log[i].time;
+    std::memcpy(x_d[i], log[i].x_d.data(), n * sizeof(double));
+    std::memcpy(x[i], log[i].x.data(), n * sizeof(double));
+    std::memcpy(q_e[i], log[i].q_e.data(), e * sizeof(double));
+    std::memcpy(error[i], log[i].error.data(), n * sizeof(double));
+    std::memcpy(torque[i], log[i].torque.data(), n * sizeof(double));
+  }
+  return nb::make_tuple(static_cast<int>(outcome.status), outcome.chain, time.release(),
+                        x_d.release(), x.release(), q_e.release(), error.release(),
+                        torque.release());
+}
+
+}  // namespace
+
+void bind_batch(nb::module_& m) {
+  m.def("ikm", &batch_ikm);
+  m.def("rkm", &batch_rkm);
+  m.def("fkm", &batch_fkm);
+  m.def("redundant_fkm", &batch_redundant_fkm);
+  m.def("jacobian", &batch_jacobian);
+  m.def("tej", &batch_tej);
+  m.def("settle", &batch_settle);
+  m.def("simulate", &run_simulation);
+}
+
+}  // namespace truepose::python
