@@ -67,7 +67,11 @@ def load(robot: str | Path) -> Robot:
     >>> robot.n, robot.r
     (4, 1)
     """
-    return Robot(robot_file.read(robot))
+    spec = robot_file.read(robot)
+    try:
+        return Robot(spec)
+    except RobotFileError as error:
+        raise RobotFileError(f"{robot}: {error}") from None
 
 
 class Robot:
@@ -309,7 +313,12 @@ class Robot:
         """
         rows, lead = self._rows(q, self.n, "q", errors)
         start = self.home if guess is None else guess
-        start, _ = self._rows(np.broadcast_to(start, (*lead, self.n)), self.n, "guess", errors)
+        try:
+            start = np.broadcast_to(start, (*lead, self.n))
+        except ValueError:
+            shapes = f"({self.n},) or that of q, {(*lead, self.n)}"
+            raise InputError(f"guess: wrong shape, must be {shapes}") from None
+        start, _ = self._rows(start, self.n, "guess", errors)
         x, status, chain, _, _ = _core.fkm(self._core, rows, start)
         self._check("motor position", rows, lead, status, chain, errors, name="q")
         return x.reshape(*lead, self.n)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from importlib import resources
 from pathlib import Path
 
@@ -30,6 +31,7 @@ _SECTIONS = {
     "nacelle_angle": NacelleAngle,
     "telemeter": Telemeter,
 }
+_SENSORS = ("nacelle_angle", "telemeter")
 
 
 def shipped() -> dict[str, Path]:
@@ -47,6 +49,8 @@ def read(robot: str | Path) -> RobotFile:
         One line: file, key, value, what it should be.
     """
     files = shipped()
+    if not isinstance(robot, (str, os.PathLike)) or not str(robot):
+        raise RobotFileError(f"robot = {robot!r}: must be a shipped robot's name or a file's path")
     path = files.get(str(robot), Path(robot))
     if path.suffix != ".toml" and not path.exists():
         raise RobotFileError(choose("robot", robot, files) + ", or the path of a robot file")
@@ -67,28 +71,41 @@ def validate(data: dict, where: str) -> RobotFile:
     data = dict(data)
     shared = data.pop("every_chain", {})
     chains = data.get("chain")
-    if isinstance(shared, dict) and isinstance(chains, list):
+    if not isinstance(shared, dict):
+        raise RobotFileError(f"{where}: every_chain: must be a table")
+    if isinstance(chains, list):
         data["chain"] = [shared | c if isinstance(c, dict) else c for c in chains]
     try:
         return RobotFile.model_validate(data)
     except ValidationError as error:
-        problems = [_describe(problem) for problem in error.errors(include_url=False)]
+        found = error.errors(include_url=False)
+        found.sort(key=lambda problem: problem["type"] != "extra_forbidden")  # misspelt, not missing
+        problems = [_describe(problem) for problem in found]
         more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
         raise RobotFileError(f"{where}: {problems[0]}{more}") from None
 
 
 def _describe(problem: dict) -> str:
     """One line for one of pydantic's problems."""
-    location = [part for part in problem["loc"] if part not in ("nacelle_angle", "telemeter")]
+    location = [part for part in problem["loc"] if part not in _SENSORS]
     key = ".".join(str(part + 1) if isinstance(part, int) else str(part) for part in location)
-    if problem["type"] == "extra_forbidden":
+    kind, value = problem["type"], problem["input"]
+    if kind == "extra_forbidden":
         section = next((s for s in map(str, reversed(problem["loc"][:-1])) if s in _SECTIONS), None)
-        model = _SECTIONS[section] if section else RobotFile
-        return f"{key}: " + choose("key", location[-1], model.model_fields)
-    if problem["type"] == "missing":
+        known = list((_SECTIONS[section] if section else RobotFile).model_fields)
+        return f"{key}: " + choose("key", location[-1], known if section else [*known, "every_chain"])
+    if kind == "missing":
         return f"{key}: is missing"
+    if kind == "union_tag_not_found":
+        return f"{key}.kind: is missing (choices: {', '.join(_SENSORS)})"
+    if kind == "union_tag_invalid":
+        return f"{key}.kind: " + choose("kind", value.get("kind"), _SENSORS)
+    if kind in ("model_type", "dict_type", "model_attributes_type"):
+        return f"{key}: must be a table"
+    if kind == "tuple_type":
+        return f"{key} = {value!r}: must be a list"
     message = problem["msg"].removeprefix("Value error, ")
     message = message[0].lower() + message[1:]
-    if isinstance(problem["input"], dict):
+    if isinstance(value, dict):
         return f"{key}: {message}" if key else message
-    return f"{key} = {problem['input']!r}: {message}"
+    return f"{key} = {value!r}: {message}"

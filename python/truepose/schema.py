@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-Vector = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
-Positive = Annotated[FiniteFloat, Field(gt=0)]
-NonNegative = Annotated[FiniteFloat, Field(ge=0)]
+#: A finite number; strictly, or true would be 1 and "0.26" would be 0.26.
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Vector = tuple[Number, Number, Number]
+Positive = Annotated[Number, Field(gt=0)]
+NonNegative = Annotated[Number, Field(ge=0)]
 
 
 def _unit(vector: Vector) -> Vector:
@@ -49,9 +51,9 @@ class Chain(_Section):
     bar: Annotated[int, Field(ge=1)] | None = Field(
         default=None, description="bar that carries A; without it, the nacelle itself"
     )
-    yaw: FiniteFloat = Field(default=0.0, description="turns e and u about z, rad")
-    tilt: FiniteFloat = Field(default=0.0, description="turns u about e, rad")
-    encoder_offset: FiniteFloat = Field(default=0.0, description="reading = q - offset, rad or m")
+    yaw: Number = Field(default=0.0, description="turns e and u about z, rad")
+    tilt: Number = Field(default=0.0, description="turns u about e, rad")
+    encoder_offset: Number = Field(default=0.0, description="reading = q - offset, rad or m")
     encoder_counts: Positive | None = Field(default=None, description="per turn, or per m")
     torque_limit: Positive | None = Field(default=None, description="N·m or N")
     drive_inertia: NonNegative = Field(default=0.0, description="rotor and arm, kg·m² or kg")
@@ -93,8 +95,8 @@ class Nacelle(_Section):
 
 class _Sensor(_Section):
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
-    offset: FiniteFloat = Field(default=0.0, description="reading = gain * value - offset")
-    gain: FiniteFloat = Field(default=1.0, description="reading = gain * value - offset")
+    offset: Number = Field(default=0.0, description="reading = gain * value - offset")
+    gain: Number = Field(default=1.0, description="reading = gain * value - offset")
     weight: NonNegative = Field(default=1.0, description="of its row in the TEJ (paper: 1)")
 
     @model_validator(mode="after")
@@ -139,15 +141,23 @@ Sensor = Annotated[NacelleAngle | Telemeter, Field(discriminator="kind")]
 class Workspace(_Section):
     """Box of coordinates in which the robot is meant to work."""
 
-    minimum: tuple[FiniteFloat, ...]
-    maximum: tuple[FiniteFloat, ...]
+    minimum: tuple[Number, ...]
+    maximum: tuple[Number, ...]
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Workspace:
+        if len(self.minimum) != len(self.maximum):
+            raise ValueError("'minimum' and 'maximum' must have the same number of coordinates")
+        if any(low > high for low, high in zip(self.minimum, self.maximum, strict=True)):
+            raise ValueError("'minimum' must not exceed 'maximum' in any coordinate")
+        return self
 
 
 class Tolerance(_Section):
     """What is not known of a parameter: a σ, or a uniform interval about its value."""
 
     sigma: NonNegative | None = None
-    interval: tuple[FiniteFloat, FiniteFloat] | None = None
+    interval: tuple[Number, Number] | None = None
 
     @model_validator(mode="after")
     def _one(self) -> Tolerance:
@@ -177,7 +187,7 @@ class RobotFile(_Section):
     title: str = ""
     source: str = Field(default="", description="where the numbers come from")
     mobility: Literal["planar_translation", "planar", "translation", "schoenflies", "spatial"]
-    home: tuple[FiniteFloat, ...] = Field(description="a pose well inside the workspace")
+    home: tuple[Number, ...] = Field(description="a pose well inside the workspace")
     gravity: Vector = (0.0, 0.0, -9.81)
     sensors: tuple[str, ...] = Field(default=(), description="names of the sensors in use")
     workspace: Workspace | None = None

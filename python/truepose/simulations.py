@@ -103,6 +103,7 @@ def settle(
     controller: Controller | Law = "redundant",
     *,
     gravity: bool = False,
+    start: ArrayLike | None = None,
     errors: Errors = "raise",
 ) -> Array:
     """Pose in which the true robot comes to rest, exactly, without simulating the motion.
@@ -118,6 +119,9 @@ def settle(
     gravity : bool
         True: the PD must hold what the nominal feed-forward gets wrong of the true robot's weight.
         False: no load, or integral action; the motor error of the law vanishes.
+    start : array_like, shape (n,), optional
+        Where the move started: :func:`simulate` places the gains there, and under gravity they
+        matter. The file's home pose by default.
     errors : {"raise", "nan"}
         What to do with a pose at which the true robot does not settle.
 
@@ -144,7 +148,7 @@ def settle(
         controller = Controller(law=controller)
     rows, lead = robot._rows(x_d, robot.n, "x_d", errors)
     _same_readings(robot, truth)
-    settings = controller.settings(robot, robot.home)
+    settings = controller.settings(robot, robot.home if start is None else start)
     x, status, chain = _core.settle(robot._core, truth._core, settings, gravity, rows)
     robot._check("pose", rows, lead, status, chain, errors, name="x_d")
     return x.reshape(*lead, robot.n)
