@@ -119,6 +119,25 @@ auto batch_tej(const Robot& robot, const Rows& x) {
                         outcomes.chain.release());
 }
 
+/// Points P, B, A and the pivot of every chain at one pose, (n, 4, 3): what a drawing needs.
+auto skeleton(const Robot& robot, const Joint& x) {
+  const std::size_t n = dof(robot.mobility);
+  Owned<double> points({n, 4, 3});
+  const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {
+    Closure<mobility()> closure;
+    const Outcome result = ikm<mobility()>(robot, to_pose<mobility()>(x), closure);
+    for (std::size_t i = 0; i < n && result; ++i) {
+      const Vec3 P = robot.chain[i].base, B = P + closure.chain[i].p, A = B - closure.chain[i].v;
+      const Vec3 C = closure.pose.D + closure.chain[i].lever;
+      int k = 0;
+      for (const Vec3& point : {P, B, A, C})
+        for (int axis = 0; axis < 3; ++axis) points[i][k++] = point[axis];
+    }
+    return result;
+  });
+  return nb::make_tuple(points.release(), static_cast<int>(outcome.status), outcome.chain);
+}
+
 auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
                     const Joint& from, const Joint& to, double duration, double hold, int steps,
                     const Joint& start) {
@@ -159,6 +178,7 @@ void bind_batch(nb::module_& m) {
   m.def("jacobian", &batch_jacobian);
   m.def("tej", &batch_tej);
   m.def("settle", &batch_settle);
+  m.def("skeleton", &skeleton);
   m.def("simulate", &run_simulation);
 }
 

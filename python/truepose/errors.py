@@ -31,7 +31,9 @@ def with_paper_errors(robot: Robot, seed: int | np.random.SeedSequence) -> Robot
     True
     """
     if any(chain.actuator != "revolute" for chain in robot.spec.chain):
-        raise InputError(f"{robot.name}: the paper's errors are those of arms: revolute chains only")
+        raise InputError(
+            f"{robot.name}: the paper's errors are those of arms: revolute chains only"
+        )
     generator = np.random.default_rng(seed)
     draw = {
         name: generator.uniform(low, high, robot.n)

@@ -93,7 +93,9 @@ class Robot:
         self._values = self._nominal | (values or {})
         for pattern in spec.tolerances:
             if not fnmatch.filter(self._values, pattern):
-                raise RobotFileError(f"{spec.name}: tolerances: " + choose("parameter", pattern, self._values))
+                raise RobotFileError(
+                    f"{spec.name}: tolerances: " + choose("parameter", pattern, self._values)
+                )
         known = {sensor.name: sensor for sensor in spec.sensor}
         for name in spec.sensors:
             if name not in known:
@@ -348,8 +350,12 @@ class Robot:
         if mobility == "translation" or (mobility == "schoenflies" and "nacelle_angle" in kinds):
             return
         has = [s.name for s in self._spec.sensor if s.kind == "nacelle_angle"]
-        hint = f"use with_sensors('{has[0]}')" if has and mobility == "schoenflies" else (
-            "the closed form exists for translation robots and for schoenflies robots with θ measured"
+        hint = (
+            f"use with_sensors('{has[0]}')"
+            if has and mobility == "schoenflies"
+            else (
+                "the closed form exists for translation robots and for schoenflies robots with θ measured"
+            )
         )
         raise InputError(f"{self.name}: the redundant FKM needs the nacelle's orientation; {hint}")
 
@@ -382,6 +388,19 @@ class Robot:
         self._check("pose", rows, lead, status, chain, errors)
         size = self.n + self.r
         return M.reshape(*lead, size, self.n), M_plus.reshape(*lead, self.n, size)
+
+    def skeleton(self, x: ArrayLike) -> Array:
+        """Points of every chain at one pose, shape (n, 4, 3), m, base frame.
+
+        P on the motor's axis, B at the arm's end, A at the rod's other end, C the pivot on the
+        nacelle that carries A (A itself where there is no bar).
+        """
+        rows, lead = self._rows(x, self.n, "x", "raise")
+        if lead:
+            raise InputError(f"x: shape {(*lead, self.n)}, must be ({self.n},)")
+        points, status, chain = _core.skeleton(self._core, [*rows[0], *[0.0] * (6 - self.n)])
+        self._check("pose", rows, (), np.array([status]), np.array([chain]), "raise")
+        return points
 
     def _rows(self, values: ArrayLike, width: int, name: str, errors: Errors):
         """Check the shape and flatten the leading axes: (N, width) in C order."""

@@ -79,7 +79,9 @@ def validate(data: dict, where: str) -> RobotFile:
         return RobotFile.model_validate(data)
     except ValidationError as error:
         found = error.errors(include_url=False)
-        found.sort(key=lambda problem: problem["type"] != "extra_forbidden")  # misspelt, not missing
+        found.sort(
+            key=lambda problem: problem["type"] != "extra_forbidden"
+        )  # misspelt, not missing
         problems = [_describe(problem) for problem in found]
         more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
         raise RobotFileError(f"{where}: {problems[0]}{more}") from None
@@ -93,7 +95,9 @@ def _describe(problem: dict) -> str:
     if kind == "extra_forbidden":
         section = next((s for s in map(str, reversed(problem["loc"][:-1])) if s in _SECTIONS), None)
         known = list((_SECTIONS[section] if section else RobotFile).model_fields)
-        return f"{key}: " + choose("key", location[-1], known if section else [*known, "every_chain"])
+        return f"{key}: " + choose(
+            "key", location[-1], known if section else [*known, "every_chain"]
+        )
     if kind == "missing":
         return f"{key}: is missing"
     if kind == "union_tag_not_found":

@@ -78,7 +78,9 @@ class Chain(_Section):
 class Bar(_Section):
     """A lateral bar of an articulated nacelle: pivots on the nacelle, keeps its orientation."""
 
-    direction: Direction = Field(description="from the nacelle's centre to the pivot, nacelle frame")
+    direction: Direction = Field(
+        description="from the nacelle's centre to the pivot, nacelle frame"
+    )
     pivot: Positive = Field(description="distance of the pivot from the nacelle's centre, m")
     mass: NonNegative = Field(default=0.0, description="centred on the pivot, kg")
 
@@ -206,7 +208,9 @@ class RobotFile(_Section):
     def _consistent(self) -> RobotFile:
         n = self.n
         if len(self.chain) != n:
-            raise ValueError(f"{self.mobility} has {n} freedoms: give {n} chains, not {len(self.chain)}")
+            raise ValueError(
+                f"{self.mobility} has {n} freedoms: give {n} chains, not {len(self.chain)}"
+            )
         boxes = [("home", self.home)]
         if self.workspace:
             boxes += [("workspace.minimum", self.workspace.minimum)]
@@ -216,7 +220,9 @@ class RobotFile(_Section):
                 raise ValueError(f"{key} needs {n} coordinates, has {len(values)}")
         for number, chain in enumerate(self.chain, 1):
             if chain.bar is not None and chain.bar > len(self.bar):
-                raise ValueError(f"chain {number}: bar = {chain.bar}, but the file has {len(self.bar)} bars")
+                raise ValueError(
+                    f"chain {number}: bar = {chain.bar}, but the file has {len(self.bar)} bars"
+                )
         names = [sensor.name for sensor in self.sensor]
         if len(set(names)) < len(names):
             raise ValueError("two sensors have the same name")

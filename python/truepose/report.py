@@ -1,0 +1,160 @@
+"""How is a result shown? A folder with one self-contained page, its figures and its numbers."""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import csv
+import io
+import os
+import platform
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from importlib import metadata
+from pathlib import Path
+
+import jinja2
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+
+import truepose
+from truepose import drawing, experiment, figures, paper_data, statistics, tables
+from truepose.exceptions import InputError
+from truepose.reproduce import Reproduction
+from truepose.simulations import LAWS
+
+FIGURES = 8  #: drawn for the report
+PAGE = "report.html"
+
+
+@contextlib.contextmanager
+def folder(out: Path) -> Iterator[Path]:
+    """Give a folder to write into whose files reach `out` only when all went well.
+
+    Raises
+    ------
+    InputError
+        `out` cannot be written. Raised on entry, before any work is done.
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        work = Path(tempfile.mkdtemp(prefix=".truepose-", dir=out))
+    except OSError as error:
+        raise InputError(f"--out {out}: cannot be written: {error.strerror}") from None
+    try:
+        yield work
+        for file in sorted(work.iterdir()):
+            os.replace(file, out / file.name)
+    except OSError as error:
+        raise InputError(f"--out {out}: cannot be written: {error.strerror}") from None
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+        with contextlib.suppress(OSError):
+            out.rmdir()  # only if it is empty: nothing is left of a failed run
+
+
+def write(
+    result: Reproduction, out: Path, progress: Callable[[str], None] = lambda _: None
+) -> None:
+    """Write report.html, the figures (SVG, PNG) and the numbers (CSV) into the folder `out`."""
+    images = {}
+    for name, figure in _figures(result):
+        images[name] = _save(figure, out / name)
+        progress("figures")
+    numbers = [
+        tables.one_robot(result),
+        tables.many_robots(result),
+        tables.gains(result),
+        tables.moves(result),
+        tables.check(result),
+    ]
+    for table in numbers:
+        _csv(out / f"{table.name}.csv", table.header, table.rows)
+    _raw_numbers(result, out)
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("truepose", "templates"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    page = environment.get_template("report.html.j2").render(
+        images=images,
+        tables={table.name: table for table in numbers},
+        robot=result.robot,
+        robots=len(result.experiment.truths),
+        seed=result.seed,
+        scatter={law: tables.theta_scatter(law) for law in ("usual", "redundant")},
+        ratio=float(np.median(result.experiment.ratio("theta", "sum_sq"))),
+        norm=float(np.median(np.sqrt(result.experiment.ratio("norm_xyz", "sum_sq")))),
+        left=experiment.theta_law(result.robot, result.experiment.poses),
+        errors=paper_data.simulation_errors(),
+        versions=_versions(),
+    )
+    (out / PAGE).write_text(page, encoding="utf-8")
+
+
+def _figures(result: Reproduction) -> Iterator[tuple[str, Figure]]:
+    yield "robot", drawing.draw(result.robot)
+    for name, run in result.moves.items():
+        yield name, figures.move(run)
+    yield "poses", figures.poses(result.experiment)
+    yield "ratios", figures.ratios(result.experiment)
+    yield "rest", figures.rest(result.robot, result.experiment)
+
+
+def _save(figure: Figure, path: Path) -> str:
+    """Save as SVG and PNG; return the SVG as a data URI."""
+    with mpl.rc_context({"svg.hashsalt": "truepose"}):  # the same figure, the same bytes
+        figure.savefig(path.with_suffix(".svg"), metadata={"Date": None}, dpi=150)
+    figure.savefig(path.with_suffix(".png"), dpi=150)
+    data = base64.b64encode(path.with_suffix(".svg").read_bytes()).decode()
+    return f"data:image/svg+xml;base64,{data}"
+
+
+def _csv(path: Path, header: list[str], rows) -> None:
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(rows)
+    path.write_text(buffer.getvalue(), encoding="utf-8")
+
+
+def _raw_numbers(result: Reproduction, out: Path) -> None:
+    """Every statistic of every robot, every pose of the first robot, every sample of the moves."""
+    _csv(
+        out / "statistics.csv",
+        ["robot", "law", "quantity", "statistic", "unit", "value"],
+        (
+            [robot, law, quantity, statistic, tables.unit(quantity, statistic), repr(float(v))]
+            for law in LAWS
+            for robot, table in enumerate(result.experiment.tables[law])
+            for quantity, row in zip(paper_data.QUANTITIES, table, strict=True)
+            for statistic, v in zip(paper_data.STATISTICS, row, strict=True)
+        ),
+    )
+    poses = statistics.in_print_units(result.experiment.poses)
+    names = ["x", "y", "z", "theta"]
+    units = ["mm", "mm", "mm", "deg"]
+    header = [f"{n}_{u}" for n, u in zip(names, units, strict=True)]
+    columns = [poses]
+    for law in LAWS:
+        header += [f"error_{law}_{n}_{u}" for n, u in zip(names, units, strict=True)]
+        columns.append(result.experiment.errors[law][0])
+    _csv(out / "poses.csv", header, np.hstack(columns).tolist())
+    for name, run in result.moves.items():
+        header = ["time_s"]
+        header += [f"{n}_desired_{u}" for n, u in zip(names, units, strict=True)]
+        header += [f"{n}_{u}" for n, u in zip(names, units, strict=True)]
+        header += [f"torque{i + 1}_Nm" for i in range(run.robot.n)]
+        x_d, x = statistics.in_print_units(run.x_d), statistics.in_print_units(run.x)
+        rows = np.column_stack([run.time, x_d, x, run.torque]).tolist()
+        _csv(out / f"{name}.csv", header, rows)
+
+
+def _versions() -> dict[str, str]:
+    packages = {name: metadata.version(name) for name in ("numpy", "matplotlib")}
+    python = platform.python_version()
+    return {"truepose": truepose.__version__, "Python": python, **packages}

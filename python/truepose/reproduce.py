@@ -1,0 +1,68 @@
+"""The paper, run end to end: Figures 11 to 13, Tables 2 and 3, as one result."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from truepose import experiment, paper_data
+from truepose.experiment import Experiment
+from truepose.robot import Array, Robot, load
+from truepose.simulations import Law, Simulation, simulate
+
+CHECKED_POSES = 12  #: of Table 2, run in the dynamics under each law and in each case
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """Everything that the report shows."""
+
+    robot: Robot
+    seed: int
+    moves: dict[str, Simulation]
+    experiment: Experiment
+    check: dict[str, dict[Law, Array]]
+
+
+#: The simulated moves: which true robot (errors: the first drawn one) and control, and its law.
+MOVES: dict[str, tuple[str, Law]] = {
+    "figure-11": ("ideal, usual", "joint"),
+    "figure-12": ("errors, usual", "joint"),
+    "figure-13": ("errors, redundant", "redundant"),
+    "cartesian": ("errors, Cartesian", "cartesian"),
+}
+
+
+def total_steps(robots: int) -> int:
+    """How often `progress` will be called."""
+    return len(MOVES) + robots + 3 * 3 * CHECKED_POSES
+
+
+def reproduce(
+    robots: int, seed: int, progress: Callable[[str], None] = lambda _: None
+) -> Reproduction:
+    """Simulate the move, settle `robots` drawn robots at 625 poses, check some in the dynamics.
+
+    Parameters
+    ----------
+    robots : int
+        How many true robots to draw from the paper's errors.
+    seed : int
+        The same seed gives the same numbers.
+    progress : callable
+        Called with what is being done after each step, see :func:`total_steps`.
+    """
+    robot = load("h4")
+    truths = experiment.draw_robots(robot, robots, seed)
+    moves = {}
+    for name, (_, law) in MOVES.items():
+        moves[name] = simulate(robot, robot if name == "figure-11" else truths[0], law)
+        progress("the 0.2 s move")
+    result = experiment.run(robot, truths, progress=lambda: progress("625 poses, exact statics"))
+    some = np.random.default_rng(seed).choice(paper_data.table2(), CHECKED_POSES, replace=False)
+    check = experiment.dynamics_check(
+        robot, truths[0], some, progress=lambda: progress("some poses in the dynamics")
+    )
+    return Reproduction(robot, seed, moves, result, check)

@@ -1,0 +1,153 @@
+"""Which numbers do people compare? The result's tables, once for terminal, report and CSV."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from truepose import paper_data, statistics
+from truepose.reproduce import MOVES, Reproduction
+
+QUANTITY_NAMES = {"x": "x", "y": "y", "z": "z", "theta": "θ", "norm_xyz": "norm"}
+STATISTIC_NAMES = {
+    "average": "average",
+    "peak_to_peak": "peak-peak",
+    "sum_sq": "Σ squares",
+    "average_abs": "average |e|",
+}
+
+
+UNITS = "error (mm, °)"
+
+
+@dataclass(frozen=True)
+class Table:
+    """Text cells under a header; `name` is also the CSV's file name."""
+
+    name: str
+    title: str
+    header: list[str]
+    rows: list[list[str]]
+
+    def columns(self, *which: int) -> Table:
+        """Return a narrower table."""
+        rows = [[row[k] for k in which] for row in self.rows]
+        return Table(self.name, self.title, [self.header[k] for k in which], rows)
+
+
+def number(value: float | None, significant: int = 3) -> str:
+    """Write a number with so many significant digits and no exponent; 0 below 0.00005.
+
+    Examples
+    --------
+    >>> from truepose.tables import number
+    >>> [number(v) for v in (52400, 8.8123, 0.0123, 0.0, -0.0321, 2e-9, None)]
+    ['52400', '8.81', '0.0123', '0', '-0.0321', '0', '']
+    """
+    if value is None:
+        return ""
+    if abs(value) < 5e-5:
+        return "0"
+    digits = significant - 1 - int(np.floor(np.log10(abs(value))))
+    return f"{round(value, digits):.{max(digits, 0)}f}"
+
+
+def unit(quantity: str, statistic: str) -> str:
+    """Millimetres and degrees; the sum of squares of θ is deg² (erratum 7)."""
+    name = "°" if quantity == "theta" else "mm"
+    return name + "²" if statistic == "sum_sq" else name
+
+
+def _cells():
+    for q, quantity in enumerate(paper_data.QUANTITIES):
+        for s, statistic in enumerate(paper_data.STATISTICS):
+            if (quantity, statistic) == ("norm_xyz", "average_abs"):
+                continue  # a norm is its own absolute value; the paper leaves it blank
+            label = f"{QUANTITY_NAMES[quantity]} {STATISTIC_NAMES[statistic]}"
+            yield (q, s), (quantity, statistic), label
+
+
+def one_robot(result: Reproduction) -> Table:
+    """Table 3 for the first drawn robot."""
+    tables, printed = result.experiment.tables, paper_data.table3()
+    rows = []
+    for at, key, label in _cells():
+        values = [printed["usual"].get(key), tables["joint"][0][at]]
+        values += [printed["redundant"].get(key), tables["redundant"][0][at]]
+        rows.append([label, *map(number, [*values, tables["cartesian"][0][at]])])
+    header = [UNITS, "usual, paper", "usual, truepose", "redundant, paper"]
+    header += ["redundant, truepose", "Cartesian, truepose"]
+    return Table("table3_one_robot", "Table 3 for one robot", header, rows)
+
+
+def many_robots(result: Reproduction) -> Table:
+    """Table 3 for all drawn robots: median and 5-95 % of each statistic."""
+    tables, printed = result.experiment.tables, paper_data.table3()
+    rows = []
+    for at, key, label in _cells():
+        row = [label]
+        for law, paper in (("joint", "usual"), ("redundant", "redundant"), ("cartesian", None)):
+            low, median, high = np.percentile(tables[law][(slice(None), *at)], [5, 50, 95])
+            row += [number(printed[paper].get(key))] if paper else []
+            row.append(f"{number(median)} [{number(low, 2)}, {number(high, 2)}]")
+        rows.append(row)
+    count = len(result.experiment.truths)
+    header = [UNITS, "usual, paper", "usual, truepose"]
+    header += ["redundant, paper", "redundant, truepose", "Cartesian, truepose"]
+    title = f"Table 3 over {count} robots: median [5 %, 95 %]"
+    return Table("table3_robots", title, header, rows)
+
+
+def gains(result: Reproduction) -> Table:
+    """What each law leaves of usual control's errors: ratios over the robots."""
+    rows = []
+    for law in ("redundant", "cartesian"):
+        for quantity, statistic, root, label in (
+            ("theta", "sum_sq", False, "θ Σ squares"),
+            ("norm_xyz", "sum_sq", True, "norm rms"),
+        ):
+            ratio = result.experiment.ratio(quantity, statistic, law)
+            ratio = np.sqrt(ratio) if root else ratio
+            cells = np.percentile(ratio, [0, 5, 50, 95, 100])
+            name = "Cartesian" if law == "cartesian" else law
+            rows.append([f"{label}, {name}", *map(number, cells)])
+    header = ["ratio to usual control", "minimum", "5 %", "median", "95 %", "maximum"]
+    return Table(
+        "gains", "What the laws leave of usual control's errors, over the robots", header, rows
+    )
+
+
+def moves(result: Reproduction) -> Table:
+    """Largest and final errors of the simulated moves."""
+    rows = []
+    for name, run in result.moves.items():
+        error = statistics.in_print_units(run.error)
+        cells = [*np.abs(error).max(axis=0), *error[-1]]
+        rows.append([MOVES[name][0], *(f"{v:.3f}" for v in cells)])
+    header = ["robot and control", *(f"max |{c}|" for c in ("x", "y", "z", "θ"))]
+    header += [f"final {c}" for c in ("x", "y", "z", "θ")]
+    return Table("moves", "Errors of the 0.2 s move (mm, °)", header, rows)
+
+
+def check(result: Reproduction) -> Table:
+    """Largest difference between the end of a simulated move and the exact statics."""
+    names = {
+        "ideal": "unquantised, gravity off",
+        "loaded": "unquantised, gravity on",
+        "as built": "quantised encoders, gravity on",
+    }
+    rows = []
+    for case, laws in result.check.items():
+        for law, difference in laws.items():
+            worst = np.abs(difference).max(axis=0)
+            rows.append([names[case], law, *(f"{v:.2g}" for v in worst)])
+    header = ["dynamics less statics", "law", "x (mm)", "y (mm)", "z (mm)", "θ (°)"]
+    return Table("dynamics_check", "Statics checked in the dynamics", header, rows)
+
+
+def theta_scatter(law: str) -> tuple[float, float]:
+    """Mean and standard deviation of the printed θ errors, from Table 3, degrees."""
+    printed = paper_data.table3()[law]
+    mean = printed["theta", "average"]
+    return mean, float(np.sqrt(printed["theta", "sum_sq"] / len(paper_data.table2()) - mean**2))
