@@ -95,10 +95,13 @@ def _print(console: Console, table) -> None:
     from rich.table import Table
 
     view = Table(
-        title=table.title, box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False, padding=(0, 1)
+        title=table.title, box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False, collapse_padding=True
     )
     for k, name in enumerate(table.header):
-        view.add_column(name.replace(", ", "\n"), justify="left" if k == 0 else "right")
+        if k == 0:
+            view.add_column(name, no_wrap=True)
+        else:
+            view.add_column(name.replace(", ", "\n"), justify="right")
     for row in table.rows:
         view.add_row(*row)
     console.print(view)

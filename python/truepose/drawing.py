@@ -67,11 +67,11 @@ def draw(robot: Robot, x: ArrayLike | None = None) -> Figure:
     line("tool", centre, centre - np.array([0, 0, 0.09]), width=4)
 
     for number, (base, chain) in enumerate(zip(bases, robot.spec.chain, strict=True), 1):
-        place = 1e3 * (base - 0.055 * np.array(chain.zero) + np.array([0, 0, 0.035]))
+        place = 1e3 * (base - 0.05 * np.array(chain.zero) + np.array([0, 0, 0.06]))
         axes.text(*place, str(number), fontsize=11, ha="center", color=_COLOURS["motor"])
     axes.set_aspect("equal")
     axes.set_box_aspect(None, zoom=0.9)  # room for labels and legend
     axes.set(xlabel="x (mm)", ylabel="y (mm)", zlabel="z (mm)")
-    axes.view_init(elev=18, azim=42)
-    axes.legend(loc="upper right", bbox_to_anchor=(1.0, 1.0), fontsize=9, frameon=False)
+    axes.view_init(elev=30, azim=35)
+    figure.legend(loc="upper right", fontsize=9, frameon=False)
     return figure

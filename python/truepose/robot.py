@@ -353,9 +353,7 @@ class Robot:
         hint = (
             f"use with_sensors('{has[0]}')"
             if has and mobility == "schoenflies"
-            else (
-                "the closed form exists for translation robots and for schoenflies robots with θ measured"
-            )
+            else ("it exists for translation robots and for schoenflies robots with θ measured")
         )
         raise InputError(f"{self.name}: the redundant FKM needs the nacelle's orientation; {hint}")
 

@@ -124,8 +124,8 @@ def moves(result: Reproduction) -> Table:
     for name, run in result.moves.items():
         error = statistics.in_print_units(run.error)
         cells = [*np.abs(error).max(axis=0), *error[-1]]
-        rows.append([MOVES[name][0], *(f"{v:.3f}" for v in cells)])
-    header = ["robot and control", *(f"max |{c}|" for c in ("x", "y", "z", "θ"))]
+        rows.append([MOVES[name][0], *(f"{v:.2f}" for v in cells)])
+    header = ["robot, control", *(f"max |{c}|" for c in ("x", "y", "z", "θ"))]
     header += [f"final {c}" for c in ("x", "y", "z", "θ")]
     return Table("moves", "Errors of the 0.2 s move (mm, °)", header, rows)
 
