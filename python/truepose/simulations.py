@@ -204,17 +204,18 @@ def simulate(
         raise InputError(f"hold = {hold}: must be a finite number of seconds of at least 0")
     if not (isinstance(steps, int) and 1 <= steps <= 1000):
         raise InputError(f"steps = {steps}: must be a whole number from 1 to 1000")
-    settings = controller.settings(robot, start)
+    origin, target = _pose(robot, start, "start"), _pose(robot, end, "end")
+    settings = controller.settings(robot, origin[: robot.n])
     loaded = controller.integral == 0
-    rows = np.array(_pose(robot, start, "start"))[None, : robot.n]
+    rows = np.array(origin)[None, : robot.n]
     at_rest, status, chain = _core.settle(robot._core, truth._core, settings, loaded, rows)
     robot._check("pose", rows, (), status, chain, "raise", name="start")
     status, chain, *log = _core.simulate(
         robot._core,
         truth._core,
         settings,
-        _pose(robot, start, "start"),
-        _pose(robot, end, "end"),
+        origin,
+        target,
         duration,
         hold,
         steps,
