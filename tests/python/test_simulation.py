@@ -1,0 +1,177 @@
+"""Does a simulated move end where the statics say, and can its numbers be trusted?"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import truepose as tp
+from truepose import paper_data
+
+LAWS = ("joint", "redundant", "cartesian")
+
+
+def weightless(robot: tp.Robot) -> tp.Robot:
+    return robot.unquantised().with_gravity((0, 0, 0))
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_an_ideal_robot_ends_the_move_where_it_was_told(h4, law):
+    end = tp.simulate(h4.unquantised(), controller=law).error[-1]
+    assert np.abs(end[:3]).max() < 1e-6
+    assert abs(end[3]) < 1e-5
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_without_gravity_a_robot_with_errors_ends_where_the_statics_say(h4, truth, law):
+    run = tp.simulate(weightless(h4), weightless(truth), law)
+    predicted = tp.settle(h4, truth, paper_data.MOVE_TO, law)
+    assert np.abs(run.x[-1] - predicted).max() < 1e-6
+    assert np.abs(run.error[-1]).max() > 1e-3
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_under_gravity_it_ends_where_the_statics_with_the_wrong_feed_forward_say(h4, truth, law):
+    run = tp.simulate(h4.unquantised(), truth.unquantised(), law)
+    where = {"x_d": paper_data.MOVE_TO, "controller": law, "start": paper_data.MOVE_FROM}
+    loaded = tp.settle(h4, truth, gravity=True, **where)
+    assert np.abs(run.x[-1] - loaded).max() < 1e-6
+    assert np.abs(run.x[-1] - tp.settle(h4, truth, **where)).max() > 5e-6  # gravity does matter
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_integral_action_removes_what_gravity_leaves(h4, truth, law):
+    controller = tp.Controller(law=law, integral=20)
+    run = tp.simulate(h4.unquantised(), truth.unquantised(), controller, hold=1.0)
+    assert np.abs(run.x[-1] - tp.settle(h4, truth, paper_data.MOVE_TO, law)).max() < 1e-6
+
+
+def test_the_cartesian_law_ends_within_one_count_of_theta_without_gravity(h4, truth):
+    end = tp.simulate(weightless(h4), weightless(truth), "cartesian").error[-1, 3]
+    assert abs(end) < 1e-4 * h4.resolution[4]
+
+
+@pytest.mark.parametrize(("gravity", "integral"), [(0.0, 0.0), (-9.81, 20.0)])
+def test_with_real_encoders_the_cartesian_law_hunts_about_the_true_theta(
+    h4, truth, gravity, integral
+):
+    """Without friction a loop on quantised encoders never rests: it hunts by counts of the motors.
+
+    A motor's count (0.025°) is four of θ's encoder (0.006°), and J turns it into more. So it is
+    θ's mean that is held within one count of θ; the hunting stays within one count of the motors.
+    """
+    robots = [robot.with_gravity((0, 0, gravity)) for robot in (h4, truth)]
+    controller = tp.Controller(law="cartesian", integral=integral)
+    theta = tp.simulate(*robots, controller, hold=3.0).error[-2000:, 3]
+    assert abs(theta.mean()) < h4.resolution[4]
+    motor_counts = np.abs(h4.jacobian(paper_data.MOVE_TO)[3]) @ h4.resolution[:4]
+    assert h4.resolution[4] < np.abs(theta).max() < motor_counts
+
+
+def test_under_redundant_control_theta_moves_as_told_and_under_joint_control_it_does_not(h4, truth):
+    worst = {law: np.abs(tp.simulate(h4, truth, law).error[:, 3]).max() for law in LAWS}
+    assert worst["redundant"] < 0.2 * worst["joint"]
+
+
+def test_it_starts_at_rest_where_its_controller_holds_it(h4, truth):
+    run = tp.simulate(h4.unquantised(), truth.unquantised(), "redundant", duration=0.2, hold=0)
+    assert np.abs(run.x[1] - run.x[0]).max() < 1e-9
+    start = tp.settle(h4, truth, paper_data.MOVE_FROM, gravity=True, start=paper_data.MOVE_FROM)
+    assert run.x[0] == pytest.approx(start, abs=1e-12)
+
+
+def test_the_log_has_one_row_per_period_ends_included(h4):
+    run = tp.simulate(h4, duration=0.1, hold=0.05)
+    assert run.time == pytest.approx(np.arange(151) * 1e-3)
+    shapes = {name: getattr(run, name).shape for name in ("x_d", "x", "error", "torque")}
+    assert set(shapes.values()) == {(151, 4)} and run.q_e.shape == (151, 5)
+    assert run.motor_error.shape == (151, 4)
+    assert run.x_d[0].tolist() == list(paper_data.MOVE_FROM)
+    assert run.x_d[100:] == pytest.approx(np.tile(paper_data.MOVE_TO, (51, 1)))
+
+
+def test_readings_are_whole_counts_of_the_true_robots_encoders(h4, truth):
+    run = tp.simulate(h4, truth)
+    counts = run.q_e / h4.resolution
+    assert np.abs(counts - counts.round()).max() < 1e-9
+    exact = truth.extended(run.x)
+    assert (np.abs(run.q_e - exact) <= 0.5001 * h4.resolution).all()
+
+
+def test_integration_converges_with_the_fourth_order(h4, truth):
+    """Torque is constant in a period, so halving the step divides the error by 16."""
+    controller = tp.Controller(law="redundant", period=4e-3, frequency=60, velocity_bandwidth=200)
+    robots = (h4.unquantised(), truth.unquantised(), controller)
+    x = {steps: tp.simulate(*robots, steps=steps).x for steps in (1, 2, 4, 8, 64)}
+    error = [np.abs(x[steps] - x[64]).max() for steps in (1, 2, 4, 8)]
+    assert error[0] / error[1] == pytest.approx(16, rel=0.3)
+    assert error[1] / error[2] == pytest.approx(16, rel=0.3)
+    assert error[3] < error[2] < 1e-9
+
+
+def test_a_simulation_repeats_itself_bit_for_bit(h4):
+    runs = [tp.simulate(h4, tp.with_paper_errors(h4, seed=5)) for _ in range(2)]
+    for name in ("x", "q_e", "motor_error", "torque"):
+        assert getattr(runs[0], name).tobytes() == getattr(runs[1], name).tobytes()
+    other = tp.simulate(h4, tp.with_paper_errors(h4, seed=6))
+    assert other.x.tobytes() != runs[0].x.tobytes()
+
+
+def test_torques_stay_within_the_motors_limits(h4):
+    spec = h4.spec
+    weak = tuple(chain.model_copy(update={"torque_limit": 9.0}) for chain in spec.chain)
+    robot = tp.Robot(spec.model_copy(update={"chain": weak}))
+    assert np.abs(tp.simulate(h4).torque).max() > 9
+    assert np.abs(tp.simulate(robot, hold=0.5).torque).max() == 9
+
+
+@pytest.mark.parametrize("bad", [{"law": "jiont"}, {"feed_forward": "al"}, {"frequency": 0}])
+def test_a_controller_says_which_setting_is_wrong(bad):
+    (name,) = bad
+    with pytest.raises(tp.InputError, match=name):
+        tp.Controller(**bad)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("damping", -1),
+        ("period", float("nan")),
+        ("velocity_bandwidth", float("inf")),
+        ("integral", -0.1),
+    ],
+)
+def test_a_controllers_numbers_are_finite_and_positive(name, value):
+    with pytest.raises(tp.InputError, match=f"^{name} = {value}: must be a finite number"):
+        replace(tp.Controller(), **{name: value})
+
+
+@pytest.mark.parametrize(
+    ("bad", "message"),
+    [
+        ({"duration": 0}, "^duration = 0: must be"),
+        ({"duration": float("nan")}, "^duration = nan: must be"),
+        ({"hold": -1}, "^hold = -1: must be"),
+        ({"steps": 0}, "^steps = 0: must be a whole number from 1 to 1000"),
+        ({"steps": 1.5}, "^steps = 1.5: must be"),
+        ({"end": [0, 0, -0.4]}, r"^end: shape \(3,\), must be \(..., 4\)"),
+        ({"end": [[0, 0, -0.4, 0]]}, r"^end: shape \(1, 4\), must be \(4,\)"),
+        ({"start": [0, 0, float("nan"), 0]}, "^start = .*: must be finite numbers"),
+        ({"controller": "jont"}, "^unknown law 'jont'; did you mean 'joint'"),
+    ],
+)
+def test_a_simulation_says_which_argument_is_wrong(h4, bad, message):
+    with pytest.raises(tp.InputError, match=message) as raised:
+        tp.simulate(h4, **bad)
+    assert "\n" not in str(raised.value)
+
+
+def test_a_move_out_of_the_workspace_stops_with_one_line(h4):
+    line = r"^h4: simulation stopped after 0\.\d+ s: chain \d: unreachable"
+    with pytest.raises(tp.PoseError, match=line) as raised:
+        tp.simulate(h4, end=[0, 0, -2, 0])
+    assert "\n" not in str(raised.value)
+
+
+def test_the_cartesian_law_needs_theta_measured(h4):
+    with pytest.raises(tp.InputError, match=r"use with_sensors\('theta'\)"):
+        tp.simulate(h4.with_sensors("z_telemeter"), controller="cartesian")
