@@ -14,7 +14,7 @@ STATISTIC_NAMES = {
     "average": "average",
     "peak_to_peak": "peak-peak",
     "sum_sq": "Σ squares",
-    "average_abs": "average |e|",
+    "average_abs": "average abs",
 }
 
 

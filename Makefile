@@ -1,0 +1,84 @@
+# make reproduce   the paper, run end to end; report in truepose-report/
+# make test        pytest, the C++ tests under ASan and UBSan, the examples
+#
+# Both set up what they need in .venv, from Python's registry, without root.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+export PATH := $(abspath $(BIN)):$(PATH)
+
+PACKAGE := $(shell find include src python robots -type f -not -name '*.pyc') \
+           CMakeLists.txt pyproject.toml README.md
+CPP := $(shell find include src tests/cpp benchmarks -name '*.[hc]pp')
+
+.DEFAULT_GOAL := help
+.PHONY: help reproduce test test-python test-cpp lint format realtime instructions bench pictures clean
+
+help:
+	@sed -n 's/^# \?//p' Makefile | sed '/^$$/q'
+	@echo "Also: lint format realtime instructions bench pictures clean"
+
+reproduce: $(VENV)/installed
+	@truepose reproduce $(ARGS)
+
+test: test-python test-cpp
+
+test-python: $(VENV)/developing
+	python -m pytest -q truepose tests/python docs README.md
+
+test-cpp: build/asan/build.ninja
+	cmake --build --preset asan
+	ctest --preset asan
+
+lint: $(VENV)/developing
+	ruff check .
+	ruff format --check .
+	clang-format --dry-run --Werror $(CPP)
+
+format: $(VENV)/developing
+	ruff check --fix .
+	ruff format .
+	clang-format -i $(CPP)
+
+# The control path under RealtimeSanitizer and clang's function effects.
+realtime: $(VENV)/developing
+	@if command -v clang++-22 >/dev/null; then \
+	  cmake --preset realtime -DPython_EXECUTABLE=$(abspath $(BIN))/python && \
+	  cmake --build --preset realtime && ctest --preset realtime; \
+	else echo "realtime: SKIPPED, clang++-22 is not installed (Debian: clang-22 libclang-rt-22-dev)"; fi
+
+# Instruction counts against benchmarks/instructions.json.
+instructions: build/dev/build.ninja
+	@if command -v valgrind >/dev/null; then \
+	  cmake --build --preset dev && python benchmarks/instructions.py; \
+	else echo "instructions: SKIPPED, valgrind is not installed (Debian: valgrind)"; fi
+
+bench: build/dev/build.ninja
+	cmake --build --preset dev
+	build/dev/benchmarks/bench_core
+
+pictures: $(VENV)/installed
+	python -c "import truepose as tp; from truepose.drawing import draw; [draw(tp.load(name)).savefig(f'robots/{name}/picture.png', dpi=110) for name in tp.robots()]"
+
+build/%/build.ninja: CMakeLists.txt CMakePresets.json tests/cpp/CMakeLists.txt benchmarks/CMakeLists.txt | $(VENV)/developing
+	cmake --preset $* -DPython_EXECUTABLE=$(abspath $(BIN))/python
+
+# pip writes to stamps' neighbours, not to the stamps: touch says when they are true.
+$(VENV)/created:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	  { echo "truepose needs Python 3.11 or later; $(PYTHON) is older (set PYTHON=...)"; exit 2; }
+	$(PYTHON) -m venv $(VENV)
+	@touch $@
+
+$(VENV)/installed: $(PACKAGE) | $(VENV)/created
+	@echo "building truepose into $(VENV) ..."
+	@pip install --quiet --disable-pip-version-check .
+	@touch $@
+
+$(VENV)/developing: $(VENV)/installed
+	@pip install --quiet --disable-pip-version-check ".[dev]"
+	@touch $@ && touch -r $@ $(VENV)/installed
+
+clean:
+	rm -rf build dist $(VENV) truepose-report
