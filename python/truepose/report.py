@@ -38,6 +38,7 @@ def folder(out: Path) -> Iterator[Path]:
     InputError
         `out` cannot be written. Raised on entry, before any work is done.
     """
+    existed = out.exists()
     try:
         out.mkdir(parents=True, exist_ok=True)
         work = Path(tempfile.mkdtemp(prefix=".truepose-", dir=out))
@@ -51,8 +52,9 @@ def folder(out: Path) -> Iterator[Path]:
         raise InputError(f"--out {out}: cannot be written: {error.strerror}") from None
     finally:
         shutil.rmtree(work, ignore_errors=True)
-        with contextlib.suppress(OSError):
-            out.rmdir()  # only if it is empty: nothing is left of a failed run
+        if not existed:
+            with contextlib.suppress(OSError):
+                out.rmdir()  # succeeds only if empty: nothing is left of a failed run
 
 
 def write(
