@@ -56,7 +56,7 @@ TRUEPOSE_FLATTEN inline bool close(const Chain& chain, const Pose& pose, ChainSt
       position = d.norm();
       state.p = state.dB = Vec3::Zero();
       state.jq = -position;
-      if (!(position > 0)) return false;
+      if (!(position > 0 && std::isfinite(position))) return false;
       break;
     }
     case Actuator::prismatic: {

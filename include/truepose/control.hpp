@@ -17,11 +17,11 @@ enum class FeedForward : int {
 struct ControlSettings {
   Law law = Law::joint;
   FeedForward feed_forward = FeedForward::full;
-  double period = 1e-3;             ///< s
+  double period = 1e-3;              ///< s
   double velocity_bandwidth = 1000;  ///< of the encoders' tracking loops, rad/s
-  Joint kp{};                       ///< N·m/rad (N/m)
-  Joint kd{};                       ///< N·m·s/rad
-  Joint ki{};                       ///< N·m/(rad·s); 0: no integral action
+  Joint kp{};                        ///< N·m/rad (N/m)
+  Joint kd{};                        ///< N·m·s/rad
+  Joint ki{};                        ///< N·m/(rad·s); 0: no integral action
 };
 
 /// What a controller remembers from cycle to cycle. Zero it to switch the controller on.
@@ -90,8 +90,8 @@ inline Outcome control(const Robot& robot, const ControlSettings& settings,
     const bool full = settings.feed_forward == FeedForward::full;
     outcome = dynamic_model<K>(robot, reference.closure, full ? setpoint.rate : Joint{}, model);
     if (!outcome) return outcome;
-    torque = inverse_dynamics<K>(model, reference.jacobians.J,
-                                 full ? setpoint.acceleration : Joint{});
+    torque =
+        inverse_dynamics<K>(model, reference.jacobians.J, full ? setpoint.acceleration : Joint{});
   }
   for (int i = 0; i < n; ++i) {
     const double limit = robot.chain[i].torque_limit;

@@ -27,8 +27,8 @@ template <Mobility K>
 inline Outcome refer(const Robot& robot, Law law, const Joint& x_d, Reference<K>& reference) {
   Outcome outcome = ikm<K>(robot, to_pose<K>(x_d), reference.closure);
   if (outcome) outcome = jacobian<K>(reference.closure, reference.jacobians);
+  if (outcome) outcome = rkm<K>(robot, reference.closure.pose, reference.r, reference.jr);
   if (!outcome) return outcome;
-  rkm<K>(robot, reference.closure.pose, reference.r, reference.jr);
   if (law == Law::redundant)
     tej<K>(robot, reference.jacobians, reference.jr, reference.M, reference.tej);
   return outcome;

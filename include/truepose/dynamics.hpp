@@ -34,8 +34,8 @@ inline Vec3 turning(const Vec3& omega, const Vec3& l) {
 /// M, c and K at a closed pose moving with the free twist `rate`.
 /// @return singular (and the chain) where an entry of J_q vanishes
 template <Mobility K>
-TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<K>& closure, const Joint& rate,
-                             DynamicModel<K>& model) {
+TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<K>& closure,
+                                              const Joint& rate, DynamicModel<K>& model) {
   constexpr int n = kDof<K>;
   const Twist twist = to_twist<K>(rate);
   const Vec3 g = robot.gravity;
@@ -96,7 +96,8 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<
     const Vec3 fB = m3 * aB + m6 * centripetal - m2 * g;
     const Vec3 fA = m3 * centripetal + m6 * aB - m2 * g;
     hang(m3, at.lever, fA);
-    const double carried = chain.actuator == Actuator::revolute ? 0.5 : 1;  // arm's centre / carriage
+    const double carried =
+        chain.actuator == Actuator::revolute ? 0.5 : 1;  // arm's centre / carriage
     const double own = chain.drive_inertia * h + at.dB.dot(fB - chain.arm_mass * carried * g);
     std::array<double, n> b;  // J_Aᵀ ∂B/∂q
     free_columns<K>(at.dB, at.lever.cross(at.dB), b.data());
@@ -181,8 +182,10 @@ inline Outcome forward_dynamics(const Robot& robot, const Pose& pose, const Join
     const double net = torque[i] - friction(robot.chain[i], model.rate[i]);
     for (int j = 0; j < n; ++j) force[j] += model.k[i][j] * net;
   }
-  const Ldlt<n> factor(model.mass);
-  if (factor.determinacy() < kSingular) return {Status::singular, -1};
+  std::array<double, n> size;
+  for (int j = 0; j < n; ++j) size[j] = model.mass[j][j];
+  const Ldlt<n> factor(model.mass, size);
+  if (!factor.regular()) return {Status::singular, -1};
   factor.solve(force);
   for (int j = 0; j < n; ++j) acceleration[j] = force[j];
   return outcome;
@@ -208,8 +211,9 @@ inline Outcome energy(const Robot& robot, const Pose& pose, const Joint& rate, E
     result.potential -= robot.gravity.dot(chain.rod_mass / 2 * (A + B) + chain.arm_mass * arm);
   }
   for (int i = 0; i < robot.bodies; ++i)
-    result.potential -= robot.body[i].mass *
-                        robot.gravity.dot(pose.D + pose.R * robot.body[i].pivot + robot.body[i].anchor);
+    result.potential -=
+        robot.body[i].mass *
+        robot.gravity.dot(pose.D + pose.R * robot.body[i].pivot + robot.body[i].anchor);
   return outcome;
 }
 

@@ -10,7 +10,7 @@ inline constexpr int kFkmIterations = 60;
 struct FkmResult {
   Status status = Status::ok;
   int chain = -1;       ///< the chain at fault, if one is
-  int iterations = 0;   ///< factorisations and refused steps, at most kFkmIterations
+  int iterations = 0;   ///< steps tried, at most kFkmIterations
   double residual = 0;  ///< largest closure error | |v_i| - L_i |, m
   explicit operator bool() const { return status == Status::ok; }
 };
@@ -34,6 +34,7 @@ TRUEPOSE_FLATTEN inline FkmResult fkm(const Robot& robot, const Joint& q, Pose& 
     per_rod[i] = 1 / driven[i].rod;
     scale = std::max(scale, driven[i].rod);
     if (!std::isfinite(q[i])) return {Status::not_finite, i, 0, 0};
+    if (!(driven[i].rod > 0)) return {Status::unreachable, i, 0, 0};  // a telescopic leg
   }
 
   struct Iterate {
@@ -61,21 +62,28 @@ TRUEPOSE_FLATTEN inline FkmResult fkm(const Robot& robot, const Joint& q, Pose& 
   if (!std::isfinite(current->cost)) return {Status::not_finite, -1, 0, 0};
 
   Square<K> jx, normal;
-  double damping = 0, determinacy = 1;
+  double damping = 0;
+  bool regular = true;
   do {
-    for (int i = 0; i < n; ++i) jx_row<K>(current->v[i], current->lever[i], jx[i]);
+    ColumnSizes<K> sizes;
+    for (int i = 0; i < n; ++i) {
+      jx_row<K>(current->v[i], current->lever[i], jx[i]);
+      sizes.add(current->v[i], current->lever[i]);
+    }
     normal_matrix<n>(jx, normal);
-    for (int j = 0; j < n; ++j) normal[j][j] *= 1 + damping;
-    const Ldlt<n> factor(normal);
-    determinacy = factor.determinacy();
-    ++result.iterations;
-    if (determinacy < kSingular) {
+    const std::array<double, n> size = sizes.columns();
+    for (int j = 0; j < n; ++j) normal[j][j] += damping * size[j];
+    const Ldlt<n> factor(normal, size);
+    regular = factor.regular();
+    if (!regular) {
+      ++result.iterations;
       damping = std::max(10 * damping, 1e-3);
       continue;
     }
     // Near the solution the same factors serve a second, chord step: its error is the product
     // of two small ones, and it costs a third of a new factorisation.
     do {
+      ++result.iterations;
       std::array<double, n> step = transposed_times<n>(jx, current->f);
       factor.solve(step);
       Joint motion{};
@@ -88,7 +96,8 @@ TRUEPOSE_FLATTEN inline FkmResult fkm(const Robot& robot, const Joint& q, Pose& 
       }
       damping = damping > 1e-3 ? 0.1 * damping : 0;
       std::swap(current, trial);
-    } while (damping == 0 && current->residual > rounding && current->residual < 1e-9 * scale);
+    } while (damping == 0 && current->residual > rounding && current->residual < 1e-9 * scale &&
+             result.iterations < kFkmIterations);
     // A step refused at the level of rounding is not a failure: nothing is left to gain.
     if (current->residual <= rounding || (damping > 0 && current->residual < 1e-13 * scale)) break;
   } while (result.iterations < kFkmIterations && damping < 1e12);
@@ -97,7 +106,7 @@ TRUEPOSE_FLATTEN inline FkmResult fkm(const Robot& robot, const Joint& q, Pose& 
   result.residual = current->residual;
   if (!(current->residual < 1e-12 * scale)) {
     result.status = Status::unreachable;
-  } else if (determinacy < kSingular) {
+  } else if (!regular) {
     result.status = Status::singular;
   } else {
     for (int i = 0; i < n; ++i) {

@@ -20,8 +20,8 @@ namespace truepose {
 /// @param D          out
 /// @return singular: the centres lie on one line; unreachable: the spheres do not meet
 template <Mobility K>
-TRUEPOSE_FLATTEN inline Outcome fkm_closed(const Robot& robot, const Joint& q, const Mat3& R, const Vec3& near_side,
-                          Vec3& D) {
+TRUEPOSE_FLATTEN inline Outcome fkm_closed(const Robot& robot, const Joint& q, const Mat3& R,
+                                           const Vec3& near_side, Vec3& D) {
   constexpr int n = kDof<K>;
   static_assert(n >= 3);
   std::array<Vec3, n> t;
@@ -48,7 +48,8 @@ TRUEPOSE_FLATTEN inline Outcome fkm_closed(const Robot& robot, const Joint& q, c
 
   // The columns of T's adjugate are the cross products of T's columns; for rank 2 each is a
   // multiple of m, so the longest gives m. For rank 3 it lies near m, which is all that is needed.
-  const Vec3 a = T.col(1).cross(T.col(2)), b = T.col(2).cross(T.col(0)), c = T.col(0).cross(T.col(1));
+  const Vec3 a = T.col(1).cross(T.col(2)), b = T.col(2).cross(T.col(0)),
+             c = T.col(0).cross(T.col(1));
   const double aa = a.squaredNorm(), bb = b.squaredNorm(), cc = c.squaredNorm();
   const Vec3 longest = aa >= bb ? (aa >= cc ? a : c) : (bb >= cc ? b : c);
   const double length = longest.norm(), size = T.trace();

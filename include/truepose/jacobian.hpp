@@ -19,6 +19,25 @@ inline void jx_row(const Vec3& v, const Vec3& lever, std::array<double, kDof<K>>
   }
 }
 
+/// Sizes of the diagonal of J_xᵀJ_x if nothing cancelled: Σ|v|² for the columns of a velocity,
+/// Σ|R c|²|v|² for those of a turn. Where the rods meet in one point the column of a turn vanishes:
+/// small against this, not against itself.
+template <Mobility K>
+struct ColumnSizes {
+  double velocity = 0, turn = 0;
+
+  void add(const Vec3& v, const Vec3& lever) {
+    const double v2 = v.squaredNorm();
+    velocity += v2;
+    turn += v2 * lever.squaredNorm();
+  }
+  std::array<double, kDof<K>> columns() const {
+    std::array<double, kDof<K>> sizes;
+    for (int j = 0; j < kDof<K>; ++j) sizes[j] = Freedom<K>::columns[j] < 3 ? velocity : turn;
+    return sizes;
+  }
+};
+
 /// Lower triangle of AᵀA.
 template <int N>
 inline void normal_matrix(const Matrix<N, N>& A, Matrix<N, N>& normal) {
@@ -32,7 +51,8 @@ inline void normal_matrix(const Matrix<N, N>& A, Matrix<N, N>& normal) {
 
 /// b ← Aᵀ b
 template <int N>
-inline std::array<double, N> transposed_times(const Matrix<N, N>& A, const std::array<double, N>& b) {
+inline std::array<double, N> transposed_times(const Matrix<N, N>& A,
+                                              const std::array<double, N>& b) {
   std::array<double, N> result{};
   for (int k = 0; k < N; ++k)
     for (int j = 0; j < N; ++j) result[j] += A[k][j] * b[k];
@@ -62,8 +82,10 @@ struct Jacobians {
 template <Mobility K>
 TRUEPOSE_FLATTEN inline Outcome jacobian(const Closure<K>& closure, Jacobians<K>& jacobians) {
   constexpr int n = kDof<K>;
+  ColumnSizes<K> sizes;
   for (int i = 0; i < n; ++i) {
     const ChainState& chain = closure.chain[i];
+    sizes.add(chain.v, chain.lever);
     jx_row<K>(chain.v, chain.lever, jacobians.jx[i]);
     jacobians.jq[i] = chain.jq;
     if (!(chain.jq * chain.jq > kSingular * chain.v.squaredNorm() * chain.dB.squaredNorm()))
@@ -71,8 +93,8 @@ TRUEPOSE_FLATTEN inline Outcome jacobian(const Closure<K>& closure, Jacobians<K>
   }
   Square<K> normal;
   normal_matrix<n>(jacobians.jx, normal);
-  const Ldlt<n> factor(normal);
-  if (factor.determinacy() < kSingular) return {Status::singular, -1};
+  const Ldlt<n> factor(normal, sizes.columns());
+  if (!factor.regular()) return {Status::singular, -1};
   for (int j = 0; j < n; ++j) {  // column j: (J_xᵀJ_x)⁻¹ J_xᵀ e_j jq_j
     std::array<double, n> column;
     for (int i = 0; i < n; ++i) column[i] = jacobians.jx[j][i] * jacobians.jq[j];

@@ -2,27 +2,30 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace truepose {
+
+/// Below this a pivot counts as zero: for A = JᵀJ a column of J within 1e-6 rad of the span of the
+/// ones before it.
+inline constexpr double kSingular = 1e-12;
 
 /// LDLᵀ of a symmetric positive definite N×N matrix, of which only the lower triangle is read.
 /// N is a compile-time size: the loops unroll and nothing is allocated.
 template <int N>
 class Ldlt {
  public:
-  /// Factorises A. `determinacy()` is then the smallest ratio of a pivot to its diagonal entry:
-  /// for A = JᵀJ the squared sine of the angle between a column of J and the ones before it,
-  /// whatever the columns' units. Zero means rank deficient.
-  template <class SquareMatrix>
-  explicit Ldlt(const SquareMatrix& A) {
-    determinacy_ = 1;
+  /// Factorises A. size[j] is what A[j][j] would be if nothing in it cancelled: it gives the unit
+  /// in which the pivots are judged, so that neither metres nor radians matter.
+  Ldlt(const std::array<std::array<double, N>, N>& A, const std::array<double, N>& size) {
     for (int j = 0; j < N; ++j) {
-      double pivot = A[j][j], scaled[N]{};  // scaled: row j of L D
+      double pivot = A[j][j], scaled[N];  // scaled: row j of L D
       for (int k = 0; k < j; ++k) {
         scaled[k] = l_[j][k] * d_[k];
         pivot -= l_[j][k] * scaled[k];
       }
+      regular_ = regular_ && pivot > kSingular * size[j];  // false for a NaN
       d_[j] = pivot;
       inverse_[j] = 1 / pivot;
       for (int i = j + 1; i < N; ++i) {
@@ -30,12 +33,11 @@ class Ldlt {
         for (int k = 0; k < j; ++k) sum -= l_[i][k] * scaled[k];
         l_[i][j] = sum * inverse_[j];
       }
-      const double ratio = pivot / A[j][j];  // a NaN counts as zero
-      determinacy_ = ratio < determinacy_ ? ratio : (ratio >= determinacy_ ? determinacy_ : 0);
     }
   }
 
-  double determinacy() const { return determinacy_; }
+  /// Whether A has full rank.
+  bool regular() const { return regular_; }
 
   /// Solves A x = b in place.
   template <class Vector>
@@ -50,11 +52,8 @@ class Ldlt {
  private:
   double l_[N][N];
   double d_[N], inverse_[N];
-  double determinacy_;
+  bool regular_ = true;
 };
-
-/// Below this a matrix JᵀJ counts as singular: a column of J within 1e-6 rad of the others' span.
-inline constexpr double kSingular = 1e-12;
 
 /// Sign of the determinant, -1, 0 or 1: up to 4×4 by minors, which need no branch; above by
 /// elimination with partial pivoting.

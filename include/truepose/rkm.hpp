@@ -7,10 +7,12 @@
 namespace truepose {
 
 /// r = RKM(x) and J_r = ∂r/∂x (r rows of n).
+/// @return not_finite where a sensor has no reading (a telemeter along its own plane)
 template <Mobility K>
-inline void rkm(const Robot& robot, const Pose& pose, Reading& values,
-                Matrix<kMaxSensors, kDof<K>>& jr) {
+inline Outcome rkm(const Robot& robot, const Pose& pose, Reading& values,
+                   Matrix<kMaxSensors, kDof<K>>& jr) {
   for (int k = 0; k < robot.r; ++k) values[k] = read<K>(robot.sensor[k], pose, jr[k].data());
+  return {all_finite(values, robot.r) ? Status::ok : Status::not_finite, -1};
 }
 
 /// r = RKM(x) for coordinates x of any mobility.
@@ -18,8 +20,7 @@ inline Outcome rkm(const Robot& robot, const Joint& x, Reading& values) {
   return with_mobility(robot.mobility, [&](auto mobility) -> Outcome {
     constexpr Mobility K = mobility();
     Matrix<kMaxSensors, kDof<K>> jr;
-    rkm<K>(robot, to_pose<K>(x), values, jr);
-    return {all_finite(values, robot.r) ? Status::ok : Status::not_finite, -1};
+    return rkm<K>(robot, to_pose<K>(x), values, jr);
   });
 }
 
@@ -27,11 +28,11 @@ inline Outcome rkm(const Robot& robot, const Joint& x, Reading& values) {
 template <Mobility K>
 inline Outcome extended(const Robot& robot, const Pose& pose, Extended& q_e) {
   Closure<K> closure;
-  const Outcome outcome = ikm<K>(robot, pose, closure);
-  if (!outcome) return outcome;
+  Outcome outcome = ikm<K>(robot, pose, closure);
   Reading values;
   Matrix<kMaxSensors, kDof<K>> jr;
-  rkm<K>(robot, pose, values, jr);
+  if (outcome) outcome = rkm<K>(robot, pose, values, jr);
+  if (!outcome) return outcome;
   for (int i = 0; i < kDof<K>; ++i) q_e[i] = closure.chain[i].q;
   for (int k = 0; k < robot.r; ++k) q_e[kDof<K> + k] = values[k];
   return outcome;

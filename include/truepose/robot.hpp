@@ -13,8 +13,9 @@
 #include <cmath>
 
 /// Inlines all calls inside a hot function. Eigen's small expressions otherwise stay calls, which
-/// costs a tenth of a simulation (benchmarks/README.md).
-#if defined(__GNUC__)
+/// costs a tenth of a simulation (benchmarks/README.md). Not under AddressSanitizer, which makes
+/// each inlined copy several times larger.
+#if defined(__GNUC__) && !defined(__SANITIZE_ADDRESS__)
 #define TRUEPOSE_FLATTEN __attribute__((flatten))
 #else
 #define TRUEPOSE_FLATTEN
@@ -61,14 +62,14 @@ enum class SensorKind : int {
 /// One chain: motor, arm, rod (a spatial parallelogram counts as one rod).
 struct Chain {
   Actuator actuator = Actuator::revolute;
-  int working_mode = -1;      ///< sign of the chain's entry of J_q: which root of the IKM
-  Vec3 base = Vec3::Zero();   ///< P, on the motor's axis
-  Vec3 axis = Vec3::UnitY();  ///< u, unit
-  Vec3 zero = Vec3::UnitX();  ///< e, direction of the arm at q = 0, unit, normal to u
-  double arm = 0;             ///< l = |PB|
-  double rod = 0;             ///< L = |AB|
-  double encoder_offset = 0;  ///< reading = angle - offset
-  Vec3 pivot = Vec3::Zero();  ///< c, turns with the nacelle
+  int working_mode = -1;       ///< sign of the chain's entry of J_q: which root of the IKM
+  Vec3 base = Vec3::Zero();    ///< P, on the motor's axis
+  Vec3 axis = Vec3::UnitY();   ///< u, unit
+  Vec3 zero = Vec3::UnitX();   ///< e, direction of the arm at q = 0, unit, normal to u
+  double arm = 0;              ///< l = |PB|
+  double rod = 0;              ///< L = |AB|
+  double encoder_offset = 0;   ///< reading = angle - offset
+  Vec3 pivot = Vec3::Zero();   ///< c, turns with the nacelle
   Vec3 anchor = Vec3::Zero();  ///< a, keeps its orientation
   double encoder_step = 0;     ///< one count, rad or m (0: unquantised)
   double torque_limit = 0;     ///< N·m or N (0: none)
@@ -84,9 +85,9 @@ struct Sensor {
   SensorKind kind = SensorKind::nacelle_angle;
   double gain = 1;
   double offset = 0;
-  double step = 0;                ///< one count of the reading (0: unquantised)
-  double weight = 1;              ///< of its row in the TEJ; the paper's is 1
-  Vec3 origin = Vec3::Zero();     ///< telemeter: a point of its line, fixed in the base
+  double step = 0;                 ///< one count of the reading (0: unquantised)
+  double weight = 1;               ///< of its row in the TEJ; the paper's is 1
+  Vec3 origin = Vec3::Zero();      ///< telemeter: a point of its line, fixed in the base
   Vec3 direction = Vec3::UnitZ();  ///< telemeter: direction of its line, unit, in the base
   Vec3 target = Vec3::Zero();      ///< telemeter: a point of the plane, nacelle frame
   Vec3 normal = Vec3::UnitZ();     ///< telemeter: normal of the plane, unit, nacelle frame
@@ -97,7 +98,8 @@ struct Body {
   double mass = 0;
   Vec3 pivot = Vec3::Zero();
   Vec3 anchor = Vec3::Zero();
-  Mat3 inertia = Mat3::Zero();  ///< about the centre of mass, nacelle frame; 0 if it keeps its orientation
+  Mat3 inertia =
+      Mat3::Zero();  ///< about the centre of mass, nacelle frame; 0 if it keeps its orientation
 };
 
 /// A robot and its sensors. Copyable; constant once built; shared freely between threads.
@@ -109,8 +111,8 @@ struct Robot {
   std::array<Sensor, kMaxSensors> sensor;
   std::array<Body, kMaxBodies> body;
   Vec3 gravity = Vec3(0, 0, -9.81);
-  Joint home{};            ///< a pose well inside the workspace; default guess of the FKM
-  int assembly_sign = 0;   ///< sign of det J_x at home (0: not asked for)
+  Joint home{};           ///< a pose well inside the workspace; default guess of the FKM
+  int assembly_sign = 0;  ///< sign of det J_x at home (0: not asked for)
 };
 
 constexpr int dof(Mobility mobility) {

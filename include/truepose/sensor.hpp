@@ -16,7 +16,8 @@ inline double read(const Sensor& sensor, const Pose& pose, double* row) {
       angular.z() = 1;
       break;
     case SensorKind::telemeter: {
-      // The line o + s w meets the plane through D + R c with normal R m: m·(D + R c - o - s w) = 0.
+      // The line o + s w meets the plane through D + R c with normal R m: m·(D + R c - o - s w) =
+      // 0.
       const Vec3 normal = pose.R * sensor.normal;
       const double slope = normal.dot(sensor.direction);
       value = normal.dot(pose.D + pose.R * sensor.target - sensor.origin) / slope;

@@ -11,39 +11,35 @@ using ExtendedRows = Matrix<kMaxDof, kMaxReadings>;     ///< M⁺
 
 /// M = [I; J_r J], Δq_e = M Δq, and its weighted pseudo-inverse TEJ = M⁺ = (MᵀWM)⁻¹MᵀW.
 /// W is 1 for motors and the sensor's weight (1 in the paper) for redundant rows.
-/// MᵀWM = I + Σ w_k g_kᵀ g_k, with g_k the rows of J_r J, is never singular; its inverse C is
-/// built by one rank-one (Sherman-Morrison) update a sensor, and M⁺ = C [I, g_kᵀ w_k …].
+/// Built by recursive least squares, which keeps M⁺M = I to rounding for any weight: M⁺ starts
+/// as [I], whose motor columns are C = (MᵀWM)⁻¹, and each sensor, g its row of J_r J, adds
+///
+///     k = C gᵀ w / (1 + w g C gᵀ),     M⁺ ← [M⁺ - k (g M⁺), k]
 template <Mobility K>
 inline void tej(const Robot& robot, const Jacobians<K>& jacobians,
                 const Matrix<kMaxSensors, kDof<K>>& jr, ExtendedColumns& M, ExtendedRows& M_plus) {
   constexpr int n = kDof<K>;
-  Square<K> C;
   for (int i = 0; i < n; ++i)
-    for (int j = 0; j < n; ++j) M[i][j] = C[i][j] = i == j;
-  std::array<double, n> Cg;
-  const auto times_row = [&](const auto& g) {
-    for (int i = 0; i < n; ++i) {
-      Cg[i] = 0;
-      for (int j = 0; j < n; ++j) Cg[i] += C[i][j] * g[j];
-    }
-  };
-  for (int k = 0; k < robot.r; ++k) {
-    auto& g = M[n + k];
-    g.fill(0);
+    for (int j = 0; j < n; ++j) M[i][j] = M_plus[i][j] = i == j;
+  for (int s = 0; s < robot.r; ++s) {
+    const double weight = robot.sensor[s].weight;
+    std::array<double, n> g{}, gain{};
     for (int i = 0; i < n; ++i)
-      for (int j = 0; j < n; ++j) g[j] += jr[k][i] * jacobians.J[i][j];
-    times_row(g);
+      for (int j = 0; j < n; ++j) g[j] += jr[s][i] * jacobians.J[i][j];
     double gCg = 0;
-    for (int i = 0; i < n; ++i) gCg += g[i] * Cg[i];
-    const double scale = robot.sensor[k].weight / (1 + robot.sensor[k].weight * gCg);
-    for (int i = 0; i < n; ++i)
-      for (int j = 0; j < n; ++j) C[i][j] -= scale * Cg[i] * Cg[j];
-  }
-  for (int i = 0; i < n; ++i)
-    for (int j = 0; j < n; ++j) M_plus[i][j] = C[i][j];
-  for (int k = 0; k < robot.r; ++k) {
-    times_row(M[n + k]);
-    for (int i = 0; i < n; ++i) M_plus[i][n + k] = robot.sensor[k].weight * Cg[i];
+    for (int i = 0; i < n; ++i) {
+      for (int j = 0; j < n; ++j) gain[i] += M_plus[i][j] * g[j];
+      gCg += g[i] * gain[i];
+      M[n + s][i] = g[i];
+    }
+    const double scale = weight / (1 + weight * gCg);
+    for (double& entry : gain) entry *= scale;
+    for (int c = 0; c < n + s; ++c) {
+      double seen = 0;  // g M⁺: what of reading c the sensor sees again
+      for (int i = 0; i < n; ++i) seen += g[i] * M_plus[i][c];
+      for (int i = 0; i < n; ++i) M_plus[i][c] -= gain[i] * seen;
+    }
+    for (int i = 0; i < n; ++i) M_plus[i][n + s] = gain[i];
   }
 }
 
@@ -55,10 +51,10 @@ inline Outcome tej(const Robot& robot, const Joint& x, ExtendedColumns& M, Exten
     Jacobians<K> jacobians;
     Outcome outcome = ikm<K, false>(robot, to_pose<K>(x), closure);
     if (outcome) outcome = jacobian<K>(closure, jacobians);
-    if (!outcome) return outcome;
     Reading values;
     Matrix<kMaxSensors, kDof<K>> jr;
-    rkm<K>(robot, closure.pose, values, jr);
+    if (outcome) outcome = rkm<K>(robot, closure.pose, values, jr);
+    if (!outcome) return outcome;
     tej<K>(robot, jacobians, jr, M, M_plus);
     return outcome;
   });

@@ -26,7 +26,8 @@ inline Joint tangent_rate(const Joint& u, const Joint& rate) {
 }
 
 /// Advances the plant by `period` under constant torque, in `steps` steps of Runge-Kutta 4.
-/// @return unreachable or singular when it leaves its workspace; the state is then the last good one
+/// @return unreachable or singular when it leaves its workspace; the state is then the last good
+/// one
 template <Mobility K>
 inline Outcome advance(const Robot& truth, const Joint& torque, double period, int steps,
                        PlantState& state) {

@@ -17,9 +17,9 @@ struct Run {
 /// One line of the log, at the start of a control period.
 struct Sample {
   double time;
-  Joint x_d, x;      ///< desired; true
-  Extended q_e;      ///< as read
-  Joint error;       ///< ê_q
+  Joint x_d, x;  ///< desired; true
+  Extended q_e;  ///< as read
+  Joint error;   ///< ê_q
   Joint torque;
 };
 

@@ -43,11 +43,11 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
   for (int iteration = 0; iteration < kSettleIterations; ++iteration) {
     Closure<K> closure;
     outcome = ikm<K>(truth, pose, closure);
-    if (!outcome) return outcome;
     Extended q_e{};
     Reading r;
     Matrix<kMaxSensors, kDof<K>> jr;
-    rkm<K>(truth, pose, r, jr);
+    if (outcome) outcome = rkm<K>(truth, pose, r, jr);
+    if (!outcome) return outcome;
     for (int i = 0; i < n; ++i) q_e[i] = closure.chain[i].q;
     for (int k = 0; k < truth.r; ++k) q_e[n + k] = r[k];
     Joint error{};
@@ -67,7 +67,7 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
       for (int j = 0; j < n; ++j) step[i] += reference.jacobians.J[i][j] * error[j];
       size = std::max(size, std::fabs(step[i]));
     }
-    if (!std::isfinite(size)) return {Status::not_finite, -1};
+    if (!all_finite(step, n)) return {Status::not_finite, -1};
     pose = moved<K>(pose, step);
     // Linear convergence: stop at rounding, or where steps of that size no longer shrink.
     if (size < 1e-14 || (size < 1e-12 && size >= last)) {

@@ -1,0 +1,309 @@
+// Which robots are tested? One of every kind, none more symmetric than a real one.
+//
+// The H4 is the paper's, with the project's assumed dimensions and masses (docs/h4.md). The others
+// are plausible machines, their symmetry spoilt by a few millimetres so that no term can cancel
+// by chance. All are without friction and with two sensors defined, the first one in use.
+#pragma once
+
+#include "check.hpp"
+#include "truepose/jacobian.hpp"
+
+namespace mechanisms {
+
+using namespace truepose;
+
+struct Mechanism {
+  const char* name;
+  Robot robot;
+  Joint box{};  ///< half widths of a box around home, all inside the workspace
+};
+
+inline double degrees(double angle) { return angle * M_PI / 180; }
+inline Vec3 polar(double radius, double angle, double z = 0) {
+  return {radius * std::cos(degrees(angle)), radius * std::sin(degrees(angle)), z};
+}
+
+/// A telemeter along a line through `origin`, towards a plane of the nacelle.
+inline Sensor telemeter(const Vec3& origin, const Vec3& direction, const Vec3& target,
+                        const Vec3& normal) {
+  Sensor sensor;
+  sensor.kind = SensorKind::telemeter;
+  sensor.origin = origin;
+  sensor.direction = direction.normalized();
+  sensor.target = target;
+  sensor.normal = normal.normalized();
+  return sensor;
+}
+
+inline void complete(Mechanism& mechanism) {
+  Robot& robot = mechanism.robot;
+  robot.r = 1;
+  if (robot.mobility == Mobility::planar_translation || robot.mobility == Mobility::planar) {
+    robot.gravity = Vec3(0, -9.81, 0);  // standing upright, so that weight matters
+    robot.sensor[0] = robot.sensor[1] =
+        telemeter({-0.6, 0.05, 0}, {1, 0.1, 0}, {0.03, 0.01, 0}, {1, -0.2, 0});
+    if (robot.mobility == Mobility::planar_translation)
+      robot.sensor[1] = telemeter({0.1, -0.5, 0}, {0.1, 1, 0}, {0.03, 0.01, 0}, {0.3, 1, 0});
+    else
+      robot.sensor[0] = Sensor{};
+  } else {
+    robot.sensor[0] = telemeter({0.02, 0.01, 0}, {0.1, 0, -1}, {0.03, 0.01, 0.02}, {0.05, 0.1, 1});
+    robot.sensor[1] = telemeter({-0.6, 0.05, -0.4}, {1, 0.1, 0.1}, {0.03, 0.01, 0}, {1, -0.2, 0.1});
+    if (robot.mobility == Mobility::schoenflies) robot.sensor[0] = Sensor{};
+  }
+  const Outcome outcome = finish(robot);
+  if (!outcome) std::printf("%s: home is %s\n", mechanism.name, describe(outcome.status));
+}
+
+inline void add_body(Robot& robot, double mass, const Vec3& pivot, const Vec3& anchor,
+                     const Vec3& inertia) {
+  Body& body = robot.body[robot.bodies++];
+  body.mass = mass;
+  body.pivot = pivot;
+  body.anchor = anchor;
+  body.inertia = inertia.asDiagonal();
+}
+
+inline void set_masses(Chain& chain, double drive, double arm, double rod) {
+  chain.drive_inertia = drive;
+  chain.arm_mass = arm;
+  chain.rod_mass = rod;
+}
+
+inline Mechanism h4() {
+  constexpr double l = 0.26, L = 0.48, R = 0.14, d = 0.06, h = 0.06;
+  Mechanism mechanism{"H4", {}, {0.1, 0.1, 0.05, M_PI / 6}};
+  Robot& robot = mechanism.robot;
+  robot.mobility = Mobility::schoenflies;
+  const Vec3 bases[]{{h + R, d, 0}, {-(h + R), d, 0}, {-h, -(d + R), 0}, {h, -(d + R), 0}};
+  const Vec3 axes[]{{0, 1, 0}, {0, -1, 0}, {1, 0, 0}, {1, 0, 0}};
+  const Vec3 zeros[]{{1, 0, 0}, {-1, 0, 0}, {0, -1, 0}, {0, -1, 0}};
+  for (int i = 0; i < 4; ++i) {
+    Chain& chain = robot.chain[i];
+    chain.base = bases[i];
+    chain.axis = axes[i];
+    chain.zero = zeros[i];
+    chain.arm = l;
+    chain.rod = L;
+    chain.pivot = Vec3(i == 0 || i == 3 ? h : -h, 0, 0);
+    chain.anchor = Vec3(0, i < 2 ? d : -d, 0);
+    set_masses(chain, 0.017, 0.30, 0.10);
+  }
+  add_body(robot, 0.60, Vec3::Zero(), Vec3::Zero(), {0, 0, 0.003});
+  add_body(robot, 0.20, Vec3(h, 0, 0), Vec3::Zero(), Vec3::Zero());
+  add_body(robot, 0.20, Vec3(-h, 0, 0), Vec3::Zero(), Vec3::Zero());
+  robot.home = {0, 0, -0.4, 0};
+  complete(mechanism);
+  return mechanism;
+}
+
+inline Mechanism five_bar() {
+  Mechanism mechanism{"5-bar", {}, {0.06, 0.05}};
+  Robot& robot = mechanism.robot;
+  robot.mobility = Mobility::planar_translation;
+  const Vec3 bases[]{{-0.15, 0, 0}, {0.17, 0.01, 0}};
+  for (int i = 0; i < 2; ++i) {
+    Chain& chain = robot.chain[i];
+    chain.base = bases[i];
+    chain.axis = Vec3::UnitZ();
+    chain.zero = Vec3::UnitX();
+    chain.arm = 0.20 + 0.01 * i;
+    chain.rod = 0.30 - 0.01 * i;
+    chain.working_mode = i == 0 ? 1 : -1;
+    chain.encoder_offset = 0.1 - 0.3 * i;
+    set_masses(chain, 0.002, 0.3, 0.2);
+  }
+  add_body(robot, 0.5, Vec3::Zero(), Vec3::Zero(), Vec3::Zero());
+  robot.home = {0.01, 0.33};
+  complete(mechanism);
+  return mechanism;
+}
+
+inline Mechanism planar(const char* name, Actuator actuator) {
+  Mechanism mechanism{name, {}, {0.04, 0.04, 0.2}};
+  Robot& robot = mechanism.robot;
+  robot.mobility = Mobility::planar;
+  for (int i = 0; i < 3; ++i) {
+    Chain& chain = robot.chain[i];
+    chain.actuator = actuator;
+    chain.base = polar(0.40 + 0.01 * i, 90 + 120 * i);
+    chain.axis = Vec3::UnitZ();
+    chain.zero = Vec3::UnitX();
+    chain.arm = 0.20 + 0.005 * i;
+    chain.rod = 0.26 - 0.004 * i;
+    chain.pivot =
+        polar(0.12 + 0.01 * i, actuator == Actuator::telescopic ? 190 + 115 * i : 90 + 120 * i);
+    set_masses(chain, actuator == Actuator::telescopic ? 0.5 : 0.002, 0.3, 0.2);
+  }
+  add_body(robot, 0.8, Vec3(0.01, 0.02, 0), Vec3::Zero(), {0, 0, 0.004});
+  robot.home = {0.01, 0.02, 0.1};
+  complete(mechanism);
+  return mechanism;
+}
+
+inline Mechanism delta() {
+  Mechanism mechanism{"Delta", {}, {0.12, 0.12, 0.08}};
+  Robot& robot = mechanism.robot;
+  robot.mobility = Mobility::translation;
+  for (int i = 0; i < 3; ++i) {
+    Chain& chain = robot.chain[i];
+    chain.zero = polar(1, 119 * i);
+    chain.axis = Vec3::UnitZ().cross(chain.zero);
+    chain.base = 0.2 * chain.zero + Vec3(0, 0, 0.005 * i);
+    chain.arm = 0.3 + 0.004 * i;
+    chain.rod = 0.7 - 0.005 * i;
+    chain.pivot = polar(0.05, 120 * i);
+    set_masses(chain, 0.02, 0.4, 0.15);
+  }
+  add_body(robot, 1, Vec3(0, 0, -0.02), Vec3::Zero(), Vec3::Zero());
+  robot.home = {0.02, 0.01, -0.6};
+  complete(mechanism);
+  return mechanism;
+}
+
+inline Mechanism linear_delta() {
+  Mechanism mechanism{"linear Delta", {}, {0.1, 0.1, 0.1}};
+  Robot& robot = mechanism.robot;
+  robot.mobility = Mobility::translation;
+  for (int i = 0; i < 3; ++i) {
+    Chain& chain = robot.chain[i];
+    chain.actuator = Actuator::prismatic;
+    chain.base = polar(0.35 + 0.01 * i, 30 + 120 * i);
+    chain.axis = (Vec3::UnitZ() + polar(0.1, 20 + 100 * i)).normalized();  // rails lean a little
+    chain.rod = 0.6 - 0.01 * i;
+    chain.working_mode = 1;  // carriages above the nacelle
+    chain.pivot = polar(0.06, 30 + 120 * i);
+    chain.encoder_offset = 0.02 * i;
+    set_masses(chain, 0.3, 0.5, 0.2);
+  }
+  add_body(robot, 1.5, Vec3(0, 0, -0.02), Vec3::Zero(), Vec3::Zero());
+  robot.home = {0.02, -0.01, -0.5};
+  complete(mechanism);
+  return mechanism;
+}
+
+inline Mechanism par4() {
+  Mechanism mechanism{"Par4", {}, {0.12, 0.12, 0.06, 0.4}};
+  Robot& robot = mechanism.robot;
+  robot.mobility = Mobility::schoenflies;
+  for (int i = 0; i < 4; ++i) {
+    Chain& chain = robot.chain[i];
+    chain.zero = polar(1, 45 + 90 * i + 2 * (i % 3));
+    chain.axis = Vec3::UnitZ().cross(chain.zero);
+    chain.base = 0.275 * chain.zero;
+    chain.arm = 0.375 + 0.002 * i;
+    chain.rod = 0.8 + 0.003 * i;
+    chain.pivot = Vec3(i == 0 || i == 3 ? 0.08 : -0.08, 0, 0.004 * i);
+    chain.anchor = Vec3(0, i < 2 ? 0.06 : -0.06, 0);
+    set_masses(chain, 0.02, 0.4, 0.2);
+  }
+  add_body(robot, 0.7, Vec3(0.01, 0, 0), Vec3::Zero(), {0, 0, 0.004});
+  add_body(robot, 0.25, Vec3(0.08, 0, 0), Vec3(0, 0.01, 0), Vec3::Zero());
+  add_body(robot, 0.25, Vec3(-0.08, 0, 0), Vec3::Zero(), Vec3::Zero());
+  robot.home = {0.02, -0.01, -0.65, 0.1};
+  complete(mechanism);
+  return mechanism;
+}
+
+/// Six chains between neighbouring points of two hexagons: 6-UPS and 6-RUS.
+inline Mechanism hexapod(const char* name, Actuator actuator) {
+  Mechanism mechanism{name, {}, {0.06, 0.06, 0.06, 0.15, 0.15, 0.15}};
+  Robot& robot = mechanism.robot;
+  robot.mobility = Mobility::spatial;
+  constexpr double base[]{-15, 15, 105, 135, 225, 255}, nacelle[]{-45, 45, 75, 165, 195, 285};
+  for (int i = 0; i < 6; ++i) {
+    Chain& chain = robot.chain[i];
+    chain.actuator = actuator;
+    chain.base = polar(0.35 + 0.004 * i, base[i] + i, 0.003 * i);
+    chain.zero = polar(1, base[i] + i);
+    chain.axis = Vec3::UnitZ().cross(chain.zero);
+    chain.arm = 0.25 + 0.002 * i;
+    chain.rod = 0.6 - 0.003 * i;
+    chain.pivot = polar(0.18 + 0.003 * i, nacelle[i] - 2 * i, 0.01 + 0.002 * i);
+    set_masses(chain, actuator == Actuator::telescopic ? 0.8 : 0.02, 0.4, 0.25);
+  }
+  add_body(robot, 2, Vec3(0.01, 0.02, -0.03), Vec3::Zero(), {0.02, 0.025, 0.03});
+  robot.body[0].inertia(0, 1) = robot.body[0].inertia(1, 0) = 0.002;
+  robot.home = {0.01, -0.02, -0.55, 0.03, -0.02, 0.05};
+  complete(mechanism);
+  return mechanism;
+}
+
+/// Six carriages on three pairs of horizontal rails along x.
+inline Mechanism hexaglide() {
+  Mechanism mechanism{"Hexaglide", {}, {0.08, 0.06, 0.06, 0.12, 0.12, 0.12}};
+  Robot& robot = mechanism.robot;
+  robot.mobility = Mobility::spatial;
+  constexpr double y[]{-0.32, -0.30, 0.02, -0.02, 0.30, 0.33};
+  const Vec3 pivots[]{{-0.15, -0.15, 0},   {-0.06, -0.09, 0.01}, {0.09, 0.06, 0},
+                      {0.15, -0.06, 0.01}, {-0.09, 0.06, 0},     {0.09, 0.12, 0.01}};
+  for (int i = 0; i < 6; ++i) {
+    Chain& chain = robot.chain[i];
+    chain.actuator = Actuator::prismatic;
+    chain.base = Vec3(0.01 * i, y[i], 0);
+    chain.axis = (Vec3::UnitX() + Vec3(0, 0.01 * i, -0.01)).normalized();
+    chain.rod = 0.7 - 0.004 * i;
+    chain.working_mode = i % 2 == 0 ? 1 : -1;
+    chain.pivot = pivots[i];
+    set_masses(chain, 0.3, 0.8, 0.25);
+  }
+  add_body(robot, 2, Vec3(0.01, 0.02, -0.03), Vec3::Zero(), {0.02, 0.025, 0.03});
+  robot.home = {0.02, 0.01, -0.45, 0.02, -0.03, 0.04};
+  complete(mechanism);
+  return mechanism;
+}
+
+/// Calls f(mechanism, mobility constant) for each.
+template <class F>
+void for_each(F&& f) {
+  static const std::vector<Mechanism> all{h4(),
+                                          five_bar(),
+                                          planar("3-RRR", Actuator::revolute),
+                                          planar("3-RPR", Actuator::telescopic),
+                                          delta(),
+                                          linear_delta(),
+                                          par4(),
+                                          hexapod("6-UPS", Actuator::telescopic),
+                                          hexapod("Hexa", Actuator::revolute),
+                                          hexaglide()};
+  for (const Mechanism& mechanism : all) {
+    check::state().scene = mechanism.name;
+    with_mobility(mechanism.robot.mobility, [&](auto mobility) { f(mechanism, mobility); });
+  }
+}
+
+/// A random pose of the box, shrunk by `part`.
+inline Joint random_pose(const Mechanism& mechanism, check::Random& random, double part = 1) {
+  Joint x = mechanism.robot.home;
+  for (int i = 0; i < dof(mechanism.robot.mobility); ++i)
+    x[i] += part * mechanism.box[i] * random();
+  return x;
+}
+
+/// x moved by `size` metres and radians in every freedom, up or down.
+template <Mobility K>
+Pose nearby(const Pose& pose, check::Random& random, double size) {
+  Joint step{};
+  for (int i = 0; i < kDof<K>; ++i) step[i] = random() < 0 ? -size : size;
+  return moved<K>(pose, step);
+}
+
+inline Joint random_joint(check::Random& random, double size) {
+  Joint values{};
+  for (double& value : values) value = size * random();
+  return values;
+}
+
+/// Largest entry of the difference of two poses.
+template <Mobility K>
+double distance(const Pose& a, const Pose& b) {
+  const Joint step = difference<K>(a, b);
+  double largest = 0;
+  for (int i = 0; i < kDof<K>; ++i) {
+    if (std::isnan(step[i])) return INFINITY;
+    largest = std::max(largest, std::fabs(step[i]));
+  }
+  return largest;
+}
+
+}  // namespace mechanisms

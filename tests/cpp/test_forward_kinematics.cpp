@@ -1,0 +1,170 @@
+// Does the forward kinematic model find the pose again? From the motors, from motors and angle.
+#include "mechanisms.hpp"
+#include "truepose/fkm.hpp"
+#include "truepose/fkm_closed.hpp"
+
+using namespace mechanisms;
+
+namespace {
+
+template <Mobility K>
+Vec3 home_side(const Robot& robot) {
+  return to_pose<K>(robot.home).D;
+}
+
+/// Checks that D comes back, at one pose, from the motors and the orientation.
+template <Mobility K>
+void check_closed(const Robot& robot, const Pose& pose) {
+  Closure<K> closure;
+  CHECK(ikm<K>(robot, pose, closure));
+  Vec3 D;
+  CHECK(fkm_closed<K>(robot, closure.q(), pose.R, home_side<K>(robot), D));
+  CHECK_NEAR((D - pose.D).norm(), 0, 1e-12);
+}
+
+}  // namespace
+
+TEST("FKM(IKM(x)) = x from 1 mm and 1 mrad away, and from home") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    const Robot& robot = mechanism.robot;
+    const bool paper = robot.mobility == Mobility::schoenflies;
+    const long poses = check::sample_size(paper ? 20000 : 4000);
+    check::Random random(11);
+    double worst = 0;
+    long lost = 0;
+    int iterations = 0;
+    for (long k = 0; k < poses; ++k) {
+      const Pose pose = to_pose<K>(random_pose(mechanism, random));
+      Closure<K> closure;
+      if (!ikm<K>(robot, pose, closure)) ++lost;
+      for (const Pose& guess : {nearby<K>(pose, random, 1e-3), to_pose<K>(robot.home)}) {
+        Pose found = guess;
+        const FkmResult result = fkm<K>(robot, closure.q(), found);
+        if (!result) ++lost;
+        worst = std::max(worst, distance<K>(found, pose));
+        iterations = std::max(iterations, result.iterations);
+      }
+    }
+    CHECK(lost == 0);
+    CHECK_NEAR(worst, 0, 1e-12);
+    CHECK(iterations <= 16);
+  });
+}
+
+TEST("the residual the FKM reports is the largest gap that is left in a loop") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    const Robot& robot = mechanism.robot;
+    check::Random random(12);
+    for (int k = 0; k < 200; ++k) {
+      Closure<K> closure;
+      CHECK(ikm<K>(robot, to_pose<K>(random_pose(mechanism, random)), closure));
+      Pose pose = to_pose<K>(robot.home);
+      const FkmResult result = fkm<K>(robot, closure.q(), pose);
+      double gap = 0;
+      for (int i = 0; i < kDof<K>; ++i) {
+        const Driven driven = drive(robot.chain[i], closure.chain[i].q);
+        const Vec3 A = pose.D + lever(robot.chain[i], pose.R) + robot.chain[i].anchor;
+        gap = std::max(gap, std::fabs((robot.chain[i].base + driven.p - A).norm() - driven.rod));
+      }
+      CHECK_NEAR(gap, result.residual, 1e-15);
+      CHECK_NEAR(gap, 0, 3e-15);
+    }
+  });
+}
+
+TEST("with the orientation known, position follows in closed form, equal to Newton's") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    if constexpr (K == Mobility::schoenflies || K == Mobility::translation) {
+      const Robot& robot = mechanism.robot;
+      check::Random random(13);
+      double worst = 0;
+      long lost = 0;
+      const long poses = check::sample_size(20000);
+      for (long k = 0; k < poses; ++k) {
+        const Pose pose = to_pose<K>(random_pose(mechanism, random));
+        Closure<K> closure;
+        if (!ikm<K>(robot, pose, closure)) ++lost;
+        Pose newton = nearby<K>(pose, random, 1e-3);
+        if (!fkm<K>(robot, closure.q(), newton)) ++lost;
+        Vec3 D;
+        if (!fkm_closed<K>(robot, closure.q(), pose.R, home_side<K>(robot), D)) ++lost;
+        worst = std::max({worst, (D - pose.D).norm(), (D - newton.D).norm()});
+      }
+      CHECK(lost == 0);
+      CHECK_NEAR(worst, 0, 1e-12);
+    }
+  });
+}
+
+TEST("the closed form has no special angle: zero, tiny, and every other θ") {
+  const Mechanism mechanism = h4();
+  constexpr Mobility K = Mobility::schoenflies;
+  check::Random random(14);
+  for (const double theta : {0.0, -0.0, 1e-300, 1e-16, -1e-12, 1e-9, -1e-7, 1e-5, 1e-3, -0.1, 0.4})
+    for (int k = 0; k < 200; ++k) {
+      Joint x = random_pose(mechanism, random);
+      x[3] = theta;
+      check_closed<K>(mechanism.robot, to_pose<K>(x));
+      x[0] = x[1] = 0;  // and in the middle, where the mechanism is symmetric
+      check_closed<K>(mechanism.robot, to_pose<K>(x));
+    }
+  for (double theta = -M_PI / 6; theta < M_PI / 6; theta += 1e-3) {
+    Joint x = random_pose(mechanism, random);
+    x[3] = theta;
+    check_closed<K>(mechanism.robot, to_pose<K>(x));
+  }
+}
+
+TEST("centres of the spheres in one plane, and almost in one, are no special case") {
+  const Mechanism flat = par4();
+  constexpr Mobility K = Mobility::schoenflies;
+  check::Random random(15);
+  // Equal motors of a symmetric robot put the four centres at one height; unequal by `tilt`,
+  // almost.
+  Robot robot = flat.robot;
+  for (int i = 0; i < 4; ++i) {
+    robot.chain[i].zero = polar(1, 45 + 90 * i);
+    robot.chain[i].axis = Vec3::UnitZ().cross(robot.chain[i].zero);
+    robot.chain[i].base = 0.275 * robot.chain[i].zero;
+    robot.chain[i].arm = 0.375;
+    robot.chain[i].rod = 0.8;
+    robot.chain[i].pivot.z() = 0;
+  }
+  for (const double tilt : {0.0, 1e-15, 1e-12, 1e-9, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3})
+    for (int k = 0; k < 50; ++k)
+      check_closed<K>(robot, to_pose<K>({tilt * random(), tilt * random(), -0.65 + 0.05 * random(),
+                                         tilt * random()}));
+}
+
+TEST("both working modes of every arm are forward models of their own inverse") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    check::Random random(16);
+    Robot robot = mechanism.robot;
+    int tried = 0;
+    for (int modes = 0; modes < 1 << kDof<K>; ++modes) {
+      for (int i = 0; i < kDof<K>; ++i) robot.chain[i].working_mode = modes >> i & 1 ? 1 : -1;
+      if (!finish(robot)) continue;
+      const Pose pose = to_pose<K>(robot.home);
+      Closure<K> closure;
+      Jacobians<K> jacobians;
+      CHECK(ikm<K>(robot, pose, closure));
+      double largest = 0;  // of J: how far 1e-5 m is from a singularity of this mode
+      CHECK(jacobian<K>(closure, jacobians));
+      for (const auto& row : jacobians.J)
+        for (const double entry : row) largest = std::max(largest, std::fabs(entry));
+      if (largest > 30) continue;
+      ++tried;
+      for (int i = 0; i < kDof<K>; ++i)
+        CHECK(robot.chain[i].actuator == Actuator::telescopic ||
+              closure.chain[i].jq * robot.chain[i].working_mode > 0);
+      Pose found = nearby<K>(pose, random, 1e-5);
+      CHECK(fkm<K>(robot, closure.q(), found));
+      CHECK_NEAR(distance<K>(found, pose), 0, 1e-12);
+    }
+    CHECK(tried >= 2);
+  });
+}

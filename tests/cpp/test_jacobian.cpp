@@ -1,0 +1,185 @@
+// Do the Jacobians say how the robot moves? Each against finite differences, in the tangent space.
+#include "mechanisms.hpp"
+#include "truepose/fkm.hpp"
+#include "truepose/rkm.hpp"
+
+using namespace mechanisms;
+
+namespace {
+
+constexpr double kStep = 1e-4;  // of fourth-order differences: truncation and rounding are ~1e-12
+
+/// Fourth-order central difference of f(step) at 0.
+template <class F>
+double derivative(const F& f) {
+  return (8 * (f(kStep) - f(-kStep)) - (f(2 * kStep) - f(-2 * kStep))) / (12 * kStep);
+}
+
+Joint unit(int i, double size) {
+  Joint step{};
+  step[i] = size;
+  return step;
+}
+
+}  // namespace
+
+TEST("J is the derivative of the forward model") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    check::Random random(31);
+    for (int k = 0; k < 50; ++k) {
+      const Joint x = random_pose(mechanism, random);
+      const Pose pose = to_pose<K>(x);
+      JointMatrix J{};
+      Closure<K> closure;
+      CHECK(jacobian(mechanism.robot, x, J));
+      CHECK(ikm<K>(mechanism.robot, pose, closure));
+      for (int m = 0; m < kDof<K>; ++m)
+        for (int i = 0; i < kDof<K>; ++i) {
+          const double slope = derivative([&](double h) {
+            Joint q = closure.q();
+            q[m] += h;
+            Pose there = pose;
+            CHECK(fkm<K>(mechanism.robot, q, there));
+            return difference<K>(there, pose)[i];
+          });
+          CHECK_NEAR(J[i][m], slope, 1e-7 * (1 + std::fabs(slope)));
+        }
+    }
+  });
+}
+
+TEST("the rows of J_x and the entries of J_q are derivatives of the closure (|v|² - L²)/2") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    check::Random random(32);
+    for (int k = 0; k < 50; ++k) {
+      const Pose pose = to_pose<K>(random_pose(mechanism, random));
+      Closure<K> closure;
+      Jacobians<K> jacobians;
+      CHECK(ikm<K>(mechanism.robot, pose, closure));
+      CHECK(jacobian<K>(closure, jacobians));
+      for (int i = 0; i < kDof<K>; ++i) {
+        const Chain& chain = mechanism.robot.chain[i];
+        const auto closed = [&](const Pose& at, double q) {
+          const Driven driven = drive(chain, q);
+          const Vec3 v = chain.base + driven.p - at.D - truepose::lever(chain, at.R) - chain.anchor;
+          return 0.5 * (v.squaredNorm() - driven.rod * driven.rod);
+        };
+        const double q = closure.chain[i].q;
+        CHECK_NEAR(jacobians.jq[i], derivative([&](double h) { return closed(pose, q + h); }),
+                   1e-10);
+        CHECK_NEAR(jacobians.jq[i], jq_entry(chain, closure.chain[i].v, drive(chain, q)), 1e-14);
+        for (int j = 0; j < kDof<K>; ++j)  // the closure falls along v when A moves towards B
+          CHECK_NEAR(jacobians.jx[i][j],
+                     -derivative([&](double h) { return closed(moved<K>(pose, unit(j, h)), q); }),
+                     1e-10);
+      }
+    }
+  });
+}
+
+TEST("J⁻¹ is the derivative of the inverse model, and joint_rate() applies it") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr int n = kDof<K>;
+    check::Random random(33);
+    for (int k = 0; k < 50; ++k) {
+      const Pose pose = to_pose<K>(random_pose(mechanism, random));
+      Closure<K> closure;
+      Jacobians<K> jacobians;
+      CHECK(ikm<K>(mechanism.robot, pose, closure));
+      CHECK(jacobian<K>(closure, jacobians));
+      for (int j = 0; j < n; ++j) {
+        const Joint rate = jacobians.joint_rate(unit(j, 1));
+        for (int i = 0; i < n; ++i) {
+          const double slope = derivative([&](double h) {
+            Closure<K> there;
+            CHECK(ikm<K>(mechanism.robot, moved<K>(pose, unit(j, h)), there));
+            return there.chain[i].q;
+          });
+          CHECK_NEAR(rate[i], slope, 1e-8 * (1 + std::fabs(slope)));
+          double back = 0;  // J J⁻¹
+          for (int m = 0; m < n; ++m) back += jacobians.J[i][m] * rate[m];
+          CHECK_NEAR(back, i == j, 1e-11);
+        }
+      }
+    }
+  });
+}
+
+TEST("the paper's J_q(2,2) has the sign of u_2 = -u_y, not of u_y as printed") {
+  Closure<Mobility::schoenflies> closure;
+  const Robot robot = h4().robot;
+  CHECK(ikm<Mobility::schoenflies>(robot, to_pose<Mobility::schoenflies>(robot.home), closure));
+  const ChainState& second = closure.chain[1];
+  const double paper = second.p.cross(second.v).dot(Vec3::UnitY());  // as printed
+  CHECK_NEAR(second.jq, -paper, 1e-15);
+  const double slope = derivative([&](double h) {
+    return 0.5 * (second.v + drive(robot.chain[1], second.q + h).p - second.p).squaredNorm();
+  });
+  CHECK_NEAR(second.jq, slope, 1e-10);
+}
+
+TEST("a sensor's row is the derivative of its reading, whatever its gain") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    Robot robot = mechanism.robot;
+    robot.r = 2;
+    robot.sensor[0].gain = -1.5;
+    robot.sensor[1].gain = 4;
+    robot.sensor[1].offset = 0.3;
+    check::Random random(34);
+    for (int k = 0; k < 50; ++k) {
+      const Pose pose = to_pose<K>(random_pose(mechanism, random));
+      Reading values;
+      Matrix<kMaxSensors, kDof<K>> jr;
+      CHECK(rkm<K>(robot, pose, values, jr));
+      for (int s = 0; s < 2; ++s)
+        for (int j = 0; j < kDof<K>; ++j)
+          CHECK_NEAR(jr[s][j], derivative([&](double h) {
+                       std::array<double, kDof<K>> row;
+                       return read<K>(robot.sensor[s], moved<K>(pose, unit(j, h)), row.data());
+                     }),
+                     1e-10);
+    }
+  });
+}
+
+TEST("the sign of det J_x agrees with elimination, up to six chains, and zero is zero") {
+  check::Random random(35);
+  const auto reference = [](auto A, int n) {  // plain Gauss, largest pivot first
+    int sign = 1;
+    for (int k = 0; k < n; ++k) {
+      int best = k;
+      for (int i = k; i < n; ++i)
+        if (std::fabs(A[i][k]) > std::fabs(A[best][k])) best = i;
+      if (A[best][k] == 0) return 0;
+      if (best != k) std::swap(A[best], A[k]), sign = -sign;
+      if (A[k][k] < 0) sign = -sign;
+      for (int i = k + 1; i < n; ++i) {
+        const double f = A[i][k] / A[k][k];
+        for (int j = k; j < n; ++j) A[i][j] -= f * A[k][j];
+      }
+    }
+    return sign;
+  };
+  const auto compare = [&](auto size) {
+    constexpr int n = size();
+    Matrix<n, n> A;
+    int positive = 0;
+    for (int k = 0; k < 500; ++k) {
+      for (auto& row : A)
+        for (double& entry : row) entry = random();
+      CHECK(determinant_sign<n>(A) == reference(A, n));
+      positive += determinant_sign<n>(A) > 0;
+    }
+    CHECK(positive > 100 && positive < 400);
+    A[n - 1].fill(0);
+    CHECK(determinant_sign<n>(A) == 0);
+  };
+  compare(std::integral_constant<int, 2>{});
+  compare(std::integral_constant<int, 3>{});
+  compare(std::integral_constant<int, 4>{});
+  compare(std::integral_constant<int, 6>{});
+}

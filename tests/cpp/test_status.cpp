@@ -1,0 +1,260 @@
+// What does a robot say when it cannot answer? Statuses, never a NaN presented as an answer.
+#include <limits>
+
+#include "mechanisms.hpp"
+#include "truepose/control_law.hpp"
+#include "truepose/fkm.hpp"
+
+using namespace mechanisms;
+
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInf = std::numeric_limits<double>::infinity();
+
+/// An answer is either finite or not ok.
+void check_honest(bool ok, const Joint& values, int n) { CHECK(!ok || all_finite(values, n)); }
+
+}  // namespace
+
+TEST("a pose out of reach is unreachable, and the chain is named") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    Joint x = mechanism.robot.home, q{};
+    x[1] += 5;
+    const Outcome outcome = ikm(mechanism.robot, x, q);
+    if (mechanism.robot.chain[0].actuator == Actuator::telescopic) {
+      CHECK(outcome);  // a telescopic leg is as long as it has to be
+    } else {
+      CHECK(outcome.status == Status::unreachable);
+      CHECK(outcome.chain >= 0 && outcome.chain < kDof<K>);
+    }
+  });
+  Robot robot = h4().robot;  // chain 2 alone is too short
+  robot.chain[2].rod = 0.1;
+  Joint q{};
+  const Outcome outcome = ikm(robot, robot.home, q);
+  CHECK(outcome.status == Status::unreachable && outcome.chain == 2);
+}
+
+TEST("motor positions that no pose holds are unreachable, by Newton and in closed form") {
+  Robot robot = h4().robot;
+  robot.chain[1].base.x() = -3;
+  Joint q{0.5, 0.5, 0.5, 0.5}, x = robot.home;
+  CHECK(fkm(robot, q, x).status == Status::unreachable);
+  Vec3 D;
+  CHECK(fkm_closed<Mobility::schoenflies>(robot, q, Mat3::Identity(), Vec3(0, 0, -0.4), D).status ==
+        Status::unreachable);
+}
+
+TEST("a telescopic leg has no negative and no zero length") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    if (mechanism.robot.chain[0].actuator != Actuator::telescopic) return;
+    Joint q{};
+    CHECK(ikm(mechanism.robot, mechanism.robot.home, q));
+    for (const double factor : {-1.0, 0.0}) {
+      Joint wrong = q, all{}, x = mechanism.robot.home;
+      wrong[1] *= factor;
+      for (int i = 0; i < kDof<K>; ++i) all[i] = factor * q[i];
+      const FkmResult result = fkm(mechanism.robot, wrong, x);
+      CHECK(result.status == Status::unreachable && result.chain == 1);
+      x = mechanism.robot.home;
+      CHECK(fkm(mechanism.robot, all, x).status == Status::unreachable);
+    }
+  });
+}
+
+TEST("a stretched arm is singular of the first type, and the chain is named") {
+  // At q_1 = 0 the arm points outwards; the rod in its continuation stretches chain 0.
+  Robot robot = h4().robot;
+  const Pose pose = to_pose<Mobility::schoenflies>(robot.home);
+  const Vec3 A = pose.D + robot.chain[0].pivot + robot.chain[0].anchor;
+  const double reach = (A - robot.chain[0].base).norm();
+  robot.chain[0].rod = reach - robot.chain[0].arm;
+  JointMatrix J{};
+  Outcome outcome = jacobian(robot, robot.home, J);
+  if (outcome.status == Status::unreachable) {  // by a rounding
+    robot.chain[0].rod *= 1 + 1e-15;
+    outcome = jacobian(robot, robot.home, J);
+  }
+  CHECK(outcome.status == Status::singular && outcome.chain == 0);
+}
+
+TEST("a robot whose motors do not hold the nacelle is singular of the second type") {
+  Robot robot = planar("3-RPR", Actuator::telescopic).robot;
+  for (int i = 0; i < 3; ++i) {  // similar triangles at θ = 0: the three legs meet in one point
+    robot.chain[i].base = polar(0.4, 90 + 120 * i);
+    robot.chain[i].pivot = polar(0.1, 90 + 120 * i);
+  }
+  robot.home = {};
+  CHECK(finish(robot).status == Status::singular);
+  CHECK(robot.assembly_sign == 0);
+  JointMatrix J{};
+  const Outcome outcome = jacobian(robot, robot.home, J);
+  CHECK(outcome.status == Status::singular && outcome.chain == -1);
+  ExtendedColumns M;
+  ExtendedRows M_plus;
+  CHECK(tej(robot, robot.home, M, M_plus).status == Status::singular);
+}
+
+TEST("sphere centres on one line leave the closed form singular") {
+  Robot robot = delta().robot;
+  for (int i = 0; i < 3; ++i) {
+    robot.chain[i] = robot.chain[0];
+    robot.chain[i].base = Vec3(0.1 * i, 0, 0);
+  }
+  Vec3 D;
+  const Outcome outcome = fkm_closed<Mobility::translation>(robot, Joint{0.3, 0.3, 0.3},
+                                                            Mat3::Identity(), Vec3(0, 0, -1), D);
+  CHECK(outcome.status == Status::singular);
+}
+
+TEST("another assembly mode is a lost branch, not an answer") {
+  // A Delta above its motors and a planar robot on the other side close the same loops.
+  Robot robot = delta().robot;
+  Joint q{}, x{};
+  CHECK(ikm(robot, robot.home, q));
+  x = robot.home;
+  x[2] = 0.9;
+  CHECK(fkm(robot, q, x).status == Status::branch_lost);
+  CHECK(x[2] > 0);
+  Robot bar = five_bar().robot;
+  CHECK(ikm(bar, bar.home, q));
+  x = bar.home;
+  x[1] = -0.4;
+  CHECK(fkm(bar, q, x).status == Status::branch_lost);
+}
+
+TEST("an arm in its other working mode is a lost branch, and the chain is named") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    for (int i = 0; i < kDof<K>; ++i) {
+      if (mechanism.robot.chain[i].actuator == Actuator::telescopic) continue;
+      Robot other = mechanism.robot;
+      other.chain[i].working_mode *= -1;
+      Joint q{}, x = mechanism.robot.home;
+      CHECK(ikm(other, other.home, q));
+      other.chain[i].working_mode *= -1;
+      const FkmResult result = fkm(other, q, x);
+      CHECK(result.status == Status::branch_lost && result.chain == i);
+    }
+  });
+}
+
+TEST("a number that is not finite is told from one that is out of reach") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    const Robot& robot = mechanism.robot;
+    Joint good{};
+    CHECK(ikm(robot, robot.home, good));
+    for (int i = 0; i < kDof<K>; ++i)
+      for (const double bad : {kNan, kInf, -kInf}) {
+        Joint x = robot.home, q = good;
+        x[i] = bad;
+        CHECK(ikm(robot, x, q).status == Status::not_finite);
+        CHECK(fkm(robot, good, x).status == Status::not_finite);  // as a guess
+        x = robot.home;
+        q = good;
+        q[i] = bad;
+        const FkmResult result = fkm(robot, q, x);
+        CHECK(result.status == Status::not_finite && result.chain == i);
+        if constexpr (K == Mobility::schoenflies || K == Mobility::translation) {
+          Vec3 D;
+          CHECK(!fkm_closed<K>(robot, q, Mat3::Identity(), to_pose<K>(robot.home).D, D));
+        }
+      }
+  });
+}
+
+TEST("from anywhere the forward model ends within its bound, with an answer or a status") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    const Robot& robot = mechanism.robot;
+    check::Random random(21);
+    const long poses = check::sample_size(3000);
+    long solved = 0;
+    int iterations = 0;
+    for (long k = 0; k < poses; ++k) {
+      Joint q{}, x{};
+      CHECK(ikm(robot, random_pose(mechanism, random), q));
+      const double far = std::pow(10, 3 * random());  // 1 mm to 1 km
+      for (int i = 0; i < kDof<K>; ++i) x[i] = robot.home[i] + far * random();
+      if (k % 3 == 0) q = random_joint(random, 3);
+      const FkmResult result = fkm(robot, q, x);
+      iterations = std::max(iterations, result.iterations);
+      check_honest(static_cast<bool>(result), x, kDof<K>);
+      if (!result) continue;
+      ++solved;
+      Joint again{};  // what it calls ok holds the motors it was given
+      CHECK(ikm(robot, x, again));
+      for (int i = 0; i < kDof<K>; ++i) {
+        double off = again[i] - q[i];
+        if (robot.chain[i].actuator == Actuator::revolute) off = std::remainder(off, 2 * M_PI);
+        CHECK_NEAR(off, 0, 1e-9);
+      }
+    }
+    CHECK(iterations <= kFkmIterations);
+    CHECK(solved > poses / 20);
+  });
+}
+
+TEST("beside a singularity, where Newton crawls, the forward model keeps its bound") {
+  Robot robot = planar("3-RPR", Actuator::telescopic).robot;
+  for (int i = 0; i < 3; ++i) {  // the legs meet in one point at θ = 0
+    robot.chain[i].base = polar(0.4, 90 + 120 * i);
+    robot.chain[i].pivot = polar(0.1, 90 + 120 * i);
+  }
+  robot.assembly_sign = 0;
+  Joint q{};
+  CHECK(ikm(robot, Joint{}, q));
+  int iterations = 0;
+  for (double turn = 1e-12; turn < 1; turn *= 1.1) {
+    Joint x{1e-3 * turn, -2e-3 * turn, turn};
+    const FkmResult result = fkm(robot, q, x);
+    iterations = std::max(iterations, result.iterations);
+    check_honest(static_cast<bool>(result), x, 3);
+  }
+  CHECK(iterations <= kFkmIterations);
+  CHECK(iterations > 8);  // it does crawl, or this test would show nothing
+}
+
+TEST("a telemeter along its own plane reads nothing, and no function calls that ok") {
+  Robot robot = h4().robot;
+  robot.r = 2;
+  robot.sensor[1] = telemeter({-0.6, 0, -0.4}, {1, 0, 0}, {0, 0, 0}, {0, 0, 1});
+  Reading values{};
+  CHECK(rkm(robot, robot.home, values).status == Status::not_finite);
+  ExtendedColumns M;
+  ExtendedRows M_plus;
+  CHECK(tej(robot, robot.home, M, M_plus).status == Status::not_finite);
+  Extended q_e{};
+  CHECK(extended<Mobility::schoenflies>(robot, to_pose<Mobility::schoenflies>(robot.home), q_e)
+            .status == Status::not_finite);
+}
+
+TEST("without a sensor of the orientation the redundant forward model says so") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    Robot robot = mechanism.robot;
+    Extended q_e{};
+    Joint x{};
+    CHECK(extended<K>(robot, to_pose<K>(robot.home), q_e));
+    if (K == Mobility::schoenflies || K == Mobility::translation) {
+      CHECK(redundant_fkm(robot, q_e, x));
+      CHECK_NEAR(distance<K>(to_pose<K>(x), to_pose<K>(robot.home)), 0, 1e-13);
+    }
+    robot.r = 0;
+    if (K != Mobility::translation)
+      CHECK(redundant_fkm(robot, q_e, x).status == Status::not_measured);
+  });
+}
+
+TEST("every status has its own words") {
+  std::vector<std::string> words;
+  for (int i = 0; i <= static_cast<int>(Status::not_measured); ++i) {
+    words.emplace_back(describe(static_cast<Status>(i)));
+    for (std::size_t j = 0; j + 1 < words.size(); ++j) CHECK(words[j] != words.back());
+  }
+  CHECK(std::string(describe(static_cast<Status>(99))) == "unknown status");
+}
