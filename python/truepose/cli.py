@@ -110,7 +110,10 @@ def _print(console: Console, table) -> None:
 def main() -> None:
     """Run the command line; what goes wrong becomes one line and exit status 2."""
     try:
-        sys.exit(app(standalone_mode=False) or 0)
+        code = app(standalone_mode=False) or 0
+        if code == 130:  # typer's own answer to Ctrl-C
+            raise KeyboardInterrupt
+        sys.exit(code)
     except TrueposeError as error:
         message = str(error)
     except TyperException as error:

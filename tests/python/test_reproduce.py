@@ -1,0 +1,155 @@
+"""Does `truepose reproduce` give people what it promises, and fail cleanly?"""
+
+import csv
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from truepose import cli, report
+
+
+def run(*arguments):
+    """Run the command line as a user does."""
+    return subprocess.run(
+        [sys.executable, "-m", "truepose.cli", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    out = tmp_path_factory.mktemp("reproduce") / "new" / "folder"
+    return run("reproduce", "--robots", 8, "--seed", 3, "--out", out), out
+
+
+def rows(path):
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_it_ends_well_and_prints_table_3_beside_the_papers(made):
+    result, _ = made
+    assert result.returncode == 0, result.stderr
+    for text in ("usual", "redundant", "paper", "52400", "θ Σ squares", "seed 3", "assumed"):
+        assert text in result.stdout
+    assert max(map(len, result.stdout.splitlines())) <= 80
+
+
+def test_the_folder_holds_page_figures_and_numbers_and_nothing_else(made):
+    _, out = made
+    pictures = [
+        "robot",
+        "figure-11",
+        "figure-12",
+        "figure-13",
+        "cartesian",
+        "poses",
+        "ratios",
+        "rest",
+    ]
+    numbers = ["table3_one_robot", "table3_robots", "gains", "moves", "dynamics_check"]
+    numbers += ["statistics", "poses", "figure-11", "figure-12", "figure-13", "cartesian"]
+    expected = {"report.html"} | {f"{name}.csv" for name in numbers}
+    expected |= {f"{name}.{kind}" for name in pictures for kind in ("svg", "png")}
+    assert {file.name for file in out.iterdir()} == expected
+    assert len(pictures) == report.FIGURES
+
+
+def test_the_page_stands_alone(made):
+    _, out = made
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert len(page) < 900_000
+    assert page.count("data:image/svg+xml;base64,") == report.FIGURES
+    assert not re.search(r'(src|href)="(?!data:)', page)
+    for text in ("Figure 11", "Figure 13", "seed 3", "8 robots", "assumed", "0.517", "0.452"):
+        assert text in page
+    assert "nan" not in re.sub(r"data:image[^\"]*", "", page).lower().split()
+
+
+def test_the_csv_hold_the_numbers_behind_the_tables(made):
+    _, out = made
+    statistics = rows(out / "statistics.csv")
+    assert len(statistics) == 8 * 3 * 5 * 4
+    poses = rows(out / "poses.csv")
+    assert len(poses) == 625
+    theta = np.array([float(pose["error_redundant_theta_deg"]) for pose in poses])
+    kept = next(
+        float(row["value"])
+        for row in statistics
+        if (row["robot"], row["law"], row["quantity"], row["statistic"])
+        == ("0", "redundant", "theta", "sum_sq")
+    )
+    assert kept == pytest.approx((theta**2).sum(), rel=1e-12)
+    move = rows(out / "figure-13.csv")
+    assert len(move) == 401
+    assert float(move[200]["x_desired_mm"]) == pytest.approx(100)
+
+
+def test_the_same_seed_gives_the_same_numbers_and_the_first_robots_do_not_depend_on_the_count(
+    made, tmp_path
+):
+    _, out = made
+    assert run("reproduce", "--robots", 2, "--seed", 3, "--out", tmp_path).returncode == 0
+    for name in ("poses.csv", "figure-12.csv", "table3_one_robot.csv"):
+        assert (tmp_path / name).read_bytes() == (out / name).read_bytes()
+    assert rows(tmp_path / "statistics.csv")[0] == rows(out / "statistics.csv")[0]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["reproduce", "--robots", "0"], ["--robots", "1"]),
+        (["reproduce", "--robots", "many"], ["--robots", "integer"]),
+        (["reproduce", "--seed", "-1"], ["--seed", "0"]),
+        (["reproduce", "--robot", "3"], ["--robot", "--robots"]),
+        (["repro"], ["repro", "reproduce"]),
+        (["reproduce", "--out", "/proc/nowhere"], ["/proc/nowhere", "cannot be written"]),
+        (["reproduce", "--out", __file__], [__file__, "cannot be written"]),
+    ],
+)
+def test_a_wrong_call_gets_one_line_and_status_2(arguments, words):
+    result = run(*arguments)
+    assert result.returncode == 2
+    assert result.stdout == ""
+    (line,) = result.stderr.splitlines()
+    assert line.startswith("truepose: error: ")
+    for word in words:
+        assert word in line
+
+
+@pytest.mark.parametrize("failure", [KeyboardInterrupt, OSError(28, "No space left on device")])
+def test_a_run_that_fails_leaves_nothing_half_written(tmp_path, monkeypatch, capsys, failure):
+    before = tmp_path / "kept"
+    before.mkdir()
+    (before / "report.html").write_text("an earlier report")
+
+    def fail(*_):
+        raise failure
+
+    monkeypatch.setattr(report, "_raw_numbers", fail)
+    for out in (before, tmp_path / "new"):
+        monkeypatch.setattr(
+            sys, "argv", ["truepose", "reproduce", "--robots", "1", "--out", str(out)]
+        )
+        with pytest.raises(SystemExit) as stop:
+            cli.main()
+        assert stop.value.code == (130 if failure is KeyboardInterrupt else 2)
+        message = capsys.readouterr().err.strip().splitlines()[-1]
+        assert "interrupted" in message or "No space left" in message
+    assert not (tmp_path / "new").exists()
+    assert [file.name for file in before.iterdir()] == ["report.html"]
+    assert (before / "report.html").read_text() == "an earlier report"
+
+
+def test_help_explains_itself_with_an_example():
+    result = run("reproduce", "--help")
+    assert result.returncode == 0
+    for text in ("--robots", "--seed", "--out", "default: 100", "Example: truepose reproduce"):
+        assert text in result.stdout
+    assert "reproduce" in run().stdout
+    assert run("--version").stdout.startswith("truepose ")
