@@ -107,6 +107,11 @@ def h4_text() -> str:
     return robot_file.shipped()["h4"].read_text(encoding="utf-8")
 
 
+@pytest.fixture(scope="session")
+def hexapod_text() -> str:
+    return ROBOTS["hexapod"]
+
+
 @pytest.fixture(params=["h4", *ROBOTS])
 def any_robot(request, tmp_path) -> tp.Robot:
     """Return an H4, and robots of other mobilities and actuators from files of their own."""

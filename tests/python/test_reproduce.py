@@ -128,10 +128,11 @@ def test_a_run_that_fails_leaves_nothing_half_written(tmp_path, monkeypatch, cap
     before.mkdir()
     (before / "report.html").write_text("an earlier report")
 
-    def fail(*_):
+    def fail(_, path):
+        path.with_suffix(".svg").write_text("half a picture")
         raise failure
 
-    monkeypatch.setattr(report, "_raw_numbers", fail)
+    monkeypatch.setattr(report, "_save", fail)
     for out in (before, tmp_path / "new"):
         monkeypatch.setattr(
             sys, "argv", ["truepose", "reproduce", "--robots", "1", "--out", str(out)]

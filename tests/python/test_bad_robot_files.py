@@ -1,0 +1,109 @@
+"""What does a robot file that describes no robot get? One line: file, key, value, choices."""
+
+import re
+
+import pytest
+import truepose as tp
+
+
+def complaint(path) -> str:
+    with pytest.raises(tp.RobotFileError) as raised:
+        tp.load(path)
+    message = str(raised.value)
+    assert len(message.splitlines()) == 1, message
+    assert str(path) in message
+    return message.replace(str(path), "FILE")
+
+
+SPOILED = [
+    # what to change, into what, what the line says after the file's name
+    ("arm = 0.26 ", "#", r"chain.1: a revolute chain needs 'arm' \(m\)"),
+    ("home = [0.0, 0.0, -0.4, 0.0]", "", "home: is missing"),
+    ('actuator = "revolute"', "", "chain.1.actuator: is missing"),
+    ('kind = "telemeter"', "", r"sensor.2.kind: is missing \(choices: nacelle_angle, telemeter\)"),
+    ("arm = 0.26", "am = 0.26", r"chain.1.am: unknown key 'am'; did you mean 'arm'\? \(choices: "),
+    ("home =", "hom =", r"hom: unknown key 'hom'; did you mean 'home'\? \(choices: name, title"),
+    ("[nacelle]", "[nacele]", r"nacele: unknown key 'nacele'; did you mean 'nacelle'\?"),
+    ("[every_chain]", "[evry_chain]", "evry_chain: unknown key 'evry_chain'; did you mean"),
+    ("gear = 4.0", "gaer = 4.0", r"sensor.1.gaer: unknown key 'gaer'; did you mean 'gear'\?"),
+    ("sigma = 0.0003", "sigm = 3", r"tolerances.chain\*.base.\*.sigm: unknown key 'sigm'"),
+    ("arm = 0.26", "arm = -0.26", "chain.1.arm = -0.26: input should be greater than 0"),
+    ("mass = 0.60", "mass = -0.60", "nacelle.mass = -0.6: input should be greater than or equal"),
+    ("pivot = 0.06", "pivot = 0", "bar.1.pivot = 0: input should be greater than 0"),
+    ("encoder_counts = 14400", "encoder_counts = 0", "chain.1.encoder_counts = 0: .*greater than"),
+    ("rod = 0.48", "rod = nan", "chain.1.rod = nan: input should be a finite number"),
+    ("rod = 0.48", "rod = inf", "chain.1.rod = inf: input should be a finite number"),
+    ("mass = 0.60", "mass = 1e400", "nacelle.mass = inf: input should be a finite number"),
+    ("rod = 0.48", 'rod = "0.48"', "chain.1.rod = '0.48': input should be a valid number"),
+    ("rod = 0.48", "rod = true", "chain.1.rod = True: input should be a valid number"),
+    ("axis = [0.0, 1.0, 0.0]", "axis = 1", "chain.1.axis = 1: must be a list"),
+    ("axis = [0.0, 1.0, 0.0]", "axis = [0.0, 1.0]", "chain.1.axis.3: is missing"),
+    ("axis = [0.0, 1.0, 0.0]", "axis = [0, 2, 0]", r"chain.1.axis = .*: must have length 1, has 2"),
+    ("axis = [0.0, 1.0, 0.0]", "axis = [1, 0, 0]", "chain.1: 'zero' must be normal to 'axis'"),
+    ("[workspace]", "[[workspace]]", "workspace: must be a table"),
+    ("[every_chain]", "[[every_chain]]", "every_chain: must be a table"),
+    ('"schoenflies"', '"schonflies"', "mobility = 'schonflies': input should be 'planar_transl"),
+    ('"schoenflies"', '"spatial"', "spatial has 6 freedoms: give 6 chains, not 4"),
+    ('"revolute"', '"rotary"', "chain.1.actuator = 'rotary': input should be 'revolute', 'prism"),
+    ("working_mode = -1", "working_mode = 0", "chain.1.working_mode = 0: input should be -1 or 1"),
+    ('"nacelle_angle"', '"angle"', r"sensor.1.kind: unknown kind 'angle' \(choices: nacelle"),
+    ("bar = 2", "bar = 3", "chain 2: bar = 3, but the file has 2 bars"),
+    ("bar = 2", "bar = 0", "chain.2.bar = 0: input should be greater than or equal to 1"),
+    ("minimum = [-0.1", "minimum = [0.5", "workspace: 'minimum' must not exceed 'maximum'"),
+    ("minimum = [-0.1,", "minimum = [", "workspace: .* must have the same number of coordinates"),
+    ("-0.4, 0.0]", "-0.4]", "home needs 4 coordinates, has 3"),
+    ('"z_telemeter"', '"theta"', "two sensors have the same name"),
+    ('"z_telemeter"', '"9"', "sensor.2.name = '9': "),
+    ("[-0.003, 0.010]", "[0.010, -0.003]", r"tolerances.chain\*.rod: interval must be \[lower"),
+    ("interval = [-0.003, 0.010]", "", r"tolerances.chain\*.rod: give either 'sigma' or 'inter"),
+    ('"chain*.rod"', '"chian*.rod"', r"h4: tolerances: unknown parameter 'chian\*.rod'; did"),
+    ('["theta"]', '["tetha"]', r"h4: unknown sensor 'tetha'; did you mean 'theta'\? \(choices: "),
+    ('["theta"]', '["theta", "theta"]', "h4: a sensor is used twice: theta, theta"),
+    ("-0.4, 0.0]", "-4, 0.0]", r"h4: home = \[0.0, 0.0, -4.0, 0.0\]: unreachable, chain 1"),
+    ("home =", "home", "not TOML: "),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "line"), SPOILED, ids=[f"{o} → {n}" for o, n, _ in SPOILED])
+def test_a_spoiled_robot_file_is_told_what_is_wrong(h4_text, tmp_path, old, new, line):
+    assert old in h4_text
+    path = tmp_path / "robot.toml"
+    path.write_text(h4_text.replace(old, new, 1), encoding="utf-8")
+    message = complaint(path)
+    assert re.match(f"FILE: {line}", message), message
+
+
+@pytest.mark.parametrize(
+    ("contents", "line"),
+    [
+        (bytes(range(256)), "FILE: cannot be read: not a text file"),
+        (b"", r"FILE: name: is missing \(and \d more\)"),
+        (b"\x00", "FILE: not TOML: "),
+        (b"chain = 3", r"FILE: .*\(and \d more\)"),
+        (None, "FILE: cannot be read: Is a directory"),
+    ],
+    ids=["binary", "empty", "nul", "no chains", "directory"],
+)
+def test_what_is_no_robot_file_is_refused(tmp_path, contents, line):
+    path = tmp_path / "robot.toml"
+    path.mkdir() if contents is None else path.write_bytes(contents)
+    message = complaint(path)
+    assert re.match(line, message), message
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path):
+    assert "cannot be read: No such file" in complaint(tmp_path / "robot.toml")
+
+
+@pytest.mark.parametrize("name", ["h5", "H44", "", None, 3])
+def test_a_robot_that_is_not_shipped_gets_the_choices(name):
+    with pytest.raises(tp.RobotFileError, match=r"choices: .*h4|shipped robot's name") as raised:
+        tp.load(name)
+    assert repr(name).strip("'") in str(raised.value)
+
+
+def test_a_good_file_loads_by_path_as_by_name(h4, h4_text, tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(h4_text, encoding="utf-8")
+    for where in (path, str(path)):
+        assert tp.load(where).parameters == h4.parameters

@@ -1,0 +1,123 @@
+"""Can a motor ever get a torque that is not a number, or more than it may have?"""
+
+import numpy as np
+import pytest
+import truepose as tp
+from truepose import _core
+
+OK, UNREACHABLE, NOT_FINITE = "ok", "unreachable", "not finite"
+X_D = [0.02, 0.01, -0.42, 0.1]
+BAD = (float("nan"), float("inf"), -float("inf"))
+
+
+def padded(values, size):
+    return [*map(float, values), *[0.0] * (size - len(values))]
+
+
+class Drive:
+    """A controller as a machine's cycle calls it, on the core's own structs."""
+
+    def __init__(self, robot: tp.Robot, law: str, **settings):
+        self.robot = robot
+        self.settings = tp.Controller(law=law, **settings).settings(robot, robot.home)
+        self.state = _core.ControlState()
+
+    def step(self, x, q_e, rate=(0, 0, 0, 0), acceleration=(0, 0, 0, 0)) -> str:
+        setpoint = [padded(v, 6) for v in (x, rate, acceleration)]
+        status, _ = self.state.step(self.robot._core, self.settings, *setpoint, padded(q_e, 16))
+        return _core.describe(status)
+
+    @property
+    def torque(self):
+        return np.array(self.state.torque)[:4]
+
+
+@pytest.fixture(params=["joint", "redundant", "cartesian"])
+def drive(request, h4) -> Drive:
+    """Return a controller that has done one good cycle, a little off its setpoint."""
+    drive = Drive(h4, request.param, integral=5)
+    assert drive.step(X_D, h4.extended(X_D) + 1e-3) == OK
+    assert np.isfinite(drive.torque).all() and np.abs(drive.torque).max() > 0.1
+    return drive
+
+
+@pytest.mark.parametrize("bad", BAD)
+@pytest.mark.parametrize("reading", range(5))
+def test_a_reading_that_is_no_number_holds_the_last_torque(h4, drive, reading, bad):
+    before, readings = drive.torque, h4.extended(X_D)
+    readings[reading] = bad
+    assert drive.step(X_D, readings) == NOT_FINITE
+    assert np.array_equal(drive.torque, before)
+
+
+@pytest.mark.parametrize("which", ["x", "rate", "acceleration"])
+def test_a_setpoint_that_is_no_number_holds_the_last_torque(h4, drive, which):
+    before, setpoint = drive.torque, {"x": X_D, which: [0, 0, float("nan"), 0]}
+    assert drive.step(q_e=h4.extended(X_D), **setpoint) == NOT_FINITE
+    assert np.array_equal(drive.torque, before)
+
+
+def test_a_setpoint_out_of_reach_holds_the_last_torque(h4, drive):
+    before = drive.torque
+    assert drive.step([0, 0, -3, 0], h4.extended(X_D)) == UNREACHABLE
+    assert np.array_equal(drive.torque, before)
+
+
+def test_the_cycle_after_a_bad_one_goes_on_as_if_it_had_not_been(h4, drive):
+    twin = Drive(h4, str(drive.settings.law).rsplit(".", maxsplit=1)[-1], integral=5)
+    twin.step(X_D, h4.extended(X_D) + 1e-3)
+    drive.step([0, 0, -3, 0], h4.extended(X_D))
+    drive.step(X_D, [float("nan")] * 5)
+    for each in (drive, twin):
+        assert each.step(X_D, h4.extended(X_D)) == OK
+    assert np.array_equal(drive.torque, twin.torque)
+
+
+@pytest.mark.parametrize("first", [[float("nan")] * 5, [float("inf")] * 5])
+def test_a_controller_that_never_had_a_good_cycle_commands_nothing(h4, first):
+    drive = Drive(h4, "redundant")
+    assert drive.step(X_D, first) == NOT_FINITE
+    assert not drive.torque.any()
+
+
+def test_torque_saturates_at_the_motors_limit(h4):
+    limit = h4.spec.chain[0].torque_limit
+    drive = Drive(h4, "joint")
+    drive.step(X_D, h4.extended(X_D) - np.array([1, -1, 1, -1, 0]))
+    assert drive.torque.tolist() == [limit, -limit, limit, -limit]
+
+
+def test_a_saturated_motor_does_not_wind_up(h4):
+    """After a second against the stop, the torque is at once that of a controller just started."""
+    readings = h4.extended(X_D)
+    wound, fresh = (Drive(h4, "joint", integral=50) for _ in range(2))
+    for _ in range(1000):
+        wound.step(X_D, readings - 0.5)
+    for _ in range(100):
+        wound.step(X_D, readings)
+        fresh.step(X_D, readings)
+    assert wound.torque == pytest.approx(fresh.torque, abs=0.05)
+
+
+def test_joint_control_pushes_each_motor_by_its_own_error(h4):
+    drive = Drive(h4, "joint", feed_forward="none")
+    e = np.array([1e-3, -2e-3, 0, 3e-3])
+    drive.step(X_D, h4.extended(X_D) - [*e, 0])
+    assert np.array(drive.state.error)[:4] == pytest.approx(e, abs=1e-15)
+    assert drive.torque == pytest.approx(np.array(drive.settings.kp)[:4] * e, abs=1e-11)
+
+
+def test_redundant_control_pushes_by_the_tej_of_the_extended_error(h4):
+    drive = Drive(h4, "redundant", feed_forward="none")
+    e = np.array([1e-3, -2e-3, 0, 3e-3, 5e-3])
+    drive.step(X_D, h4.extended(X_D) - e)
+    _, M_plus = h4.tej(X_D)
+    assert np.array(drive.state.error)[:4] == pytest.approx(M_plus @ e, abs=1e-14)
+
+
+def test_cartesian_control_pushes_by_j_inverse_of_the_pose_error(h4):
+    drive = Drive(h4, "cartesian", feed_forward="none")
+    x = np.array(X_D) + np.array([1e-3, 2e-3, -1e-3, 4e-3])
+    drive.step(X_D, h4.extended(x))
+    expected = np.linalg.solve(h4.jacobian(X_D), X_D - x)
+    assert np.array(drive.state.error)[:4] == pytest.approx(expected, abs=1e-12)

@@ -1,0 +1,97 @@
+"""Does the experiment of Tables 2 and 3, on many robots, give the figures it should?"""
+
+import numpy as np
+import pytest
+import truepose as tp
+from truepose import experiment, paper_data
+
+
+@pytest.fixture(scope="module")
+def hundred_robots(h4):
+    return experiment.run(h4, experiment.draw_robots(h4, 100, seed=0))
+
+
+def test_the_redundant_law_cuts_thetas_sum_of_squares_two_hundred_fold(hundred_robots):
+    """An outside computation found 0.0046."""
+    assert 0.0040 <= np.median(hundred_robots.ratio("theta", "sum_sq")) <= 0.0053
+
+
+def test_the_redundant_law_leaves_the_position_as_it_was(hundred_robots):
+    rms = np.sqrt(hundred_robots.ratio("norm_xyz", "sum_sq"))
+    assert 0.98 <= np.median(rms) <= 1.01
+    assert rms.min() < 0.8 and rms.max() > 1.01  # single robots win or lose
+
+
+def test_a_robot_with_the_papers_errors_is_as_wrong_as_the_papers_was(hundred_robots):
+    """The paper's one robot lies among those drawn from its errors, for all but θ's noise."""
+    drawn = hundred_robots.tables["joint"]
+    for quantity in ("x", "y", "z", "norm_xyz"):
+        printed = paper_data.table3()["usual"][quantity, "sum_sq"]
+        values = drawn[:, paper_data.QUANTITIES.index(quantity), 2]
+        assert values.min() < printed < values.max()
+
+
+def test_errors_and_tables_belong_together(hundred_robots):
+    assert hundred_robots.errors["joint"].shape == (100, 625, 4)
+    for law, tables in hundred_robots.tables.items():
+        x = hundred_robots.errors[law][..., 0]
+        assert tables[:, 0, 0] == pytest.approx(x.mean(axis=1))
+    one = tp.settle(hundred_robots.robot, hundred_robots.truths[7], hundred_robots.poses[3])
+    error = (one - hundred_robots.poses[3]) * [1e3, 1e3, 1e3, 180 / np.pi]
+    assert hundred_robots.errors["redundant"][7, 3] == pytest.approx(error, abs=1e-9)
+
+
+def test_drawing_more_robots_does_not_change_the_first_ones(h4):
+    few, many = (experiment.draw_robots(h4, count, seed=3) for count in (2, 4))
+    for a, b in zip(few, many, strict=False):
+        assert a.parameters == b.parameters
+    assert few[0].parameters != few[1].parameters
+
+
+def test_errors_are_drawn_from_the_papers_ranges_and_nothing_else_changes(h4):
+    ranges = paper_data.simulation_errors()
+    nominal = h4.parameters
+    drawn = [robot.parameters for robot in experiment.draw_robots(h4, 300, seed=1)]
+    moved = {
+        name: np.array([parameters[name].value - nominal[name].value for parameters in drawn])
+        for name in nominal
+    }
+    along = {"rod": "rod_length", "arm": "arm_length", "base": "base_radius"}
+    along["anchor"] = "nacelle_offset"
+    for name, change in moved.items():
+        kind = along.get(name.split(".")[1])
+        if kind is None:
+            assert not change.any(), name
+        else:
+            low, high = ranges[kind]
+            width = max(-low, high) if kind in ("base_radius", "nacelle_offset") else 0
+            assert change.min() >= min(low, -width) - 1e-15
+            assert change.max() <= max(high, width) + 1e-15
+    rods = np.concatenate([moved[f"chain{i}.rod"] for i in range(1, 5)])
+    low, high = ranges["rod_length"]
+    four_sigma = 4 * (high - low) / np.sqrt(12 * len(rods))
+    assert rods.mean() == pytest.approx((low + high) / 2, abs=four_sigma)
+    assert not moved["chain1.base.y"].any() and moved["chain1.base.x"].std() > 1e-4
+
+
+def test_errors_of_arms_need_arms(h4, tmp_path, hexapod_text):
+    path = tmp_path / "hexapod.toml"
+    path.write_text(hexapod_text, encoding="utf-8")
+    with pytest.raises(tp.InputError, match=r"^hexapod: .*revolute chains only"):
+        tp.with_paper_errors(tp.load(path), seed=1)
+
+
+def test_the_dynamics_end_where_the_statics_say(h4, truth, table2):
+    """Exactly without counts; within a few counts of the encoders as built."""
+    poses = table2[[0, 312, 500]]
+    result = experiment.dynamics_check(h4, truth, poses)
+    for law in ("joint", "redundant", "cartesian"):
+        assert np.abs(result["ideal"][law]).max() < 1e-3  # 1 µm
+        assert np.abs(result["loaded"][law]).max() < 1e-3
+        assert np.abs(result["as built"][law][:, :3]).max() < 0.5  # mm
+
+
+def test_progress_is_reported_once_a_robot(h4, truth, table2):
+    calls = []
+    experiment.run(h4, [truth, truth], table2[:5], progress=lambda: calls.append(1))
+    assert len(calls) == 2

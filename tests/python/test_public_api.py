@@ -1,0 +1,53 @@
+"""Is what the package offers there, described, and light to import?"""
+
+import inspect
+import subprocess
+import sys
+
+import pytest
+import truepose as tp
+from truepose import errors, experiment, paper_data, robot_file, statistics
+
+
+@pytest.mark.parametrize("name", tp.__all__)
+def test_every_public_name_exists_and_says_what_it_is(name):
+    assert inspect.getdoc(getattr(tp, name))
+
+
+MODULES = [errors, experiment, paper_data, robot_file, statistics]
+
+
+@pytest.mark.parametrize("owner", [tp.Robot, tp.Simulation, tp.Controller, *MODULES])
+def test_every_public_member_says_what_it_is(owner):
+    members = [
+        member
+        for name, member in vars(owner).items()
+        if not name.startswith("_")
+        and (callable(member) or isinstance(member, property))
+        and getattr(member, "__module__", owner.__name__) in (owner.__name__, "truepose.robot")
+    ]
+    assert all(inspect.getdoc(member) for member in members)
+
+
+def test_the_version_is_told():
+    assert tp.__version__.count(".") == 2
+
+
+@pytest.mark.parametrize("package", ["matplotlib", "mujoco", "dask", "rich", "typer", "jinja2"])
+def test_import_truepose_does_not_import(package):
+    code = f"import sys, truepose; sys.exit({package!r} in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_a_robot_introduces_itself(h4):
+    assert repr(h4) == "<truepose.Robot h4: schoenflies, n=4, theta>"
+    assert [name for name, _ in h4.coordinates] == ["x", "y", "z", "theta"]
+    assert [unit for _, unit in h4.coordinates] == ["m", "m", "m", "rad"]
+
+
+def test_errors_can_be_caught_together_and_apart(h4):
+    for error in (tp.RobotFileError, tp.PoseError, tp.InputError):
+        assert issubclass(error, tp.TrueposeError)
+    assert issubclass(tp.InputError, ValueError)
+    with pytest.raises(tp.TrueposeError):
+        h4.ikm([0, 0, -2, 0])
