@@ -4,9 +4,7 @@ import numpy as np
 import truepose as tp
 
 nominal = tp.load("h4")
-true = tp.with_paper_errors(
-    nominal, seed=1
-)  # with the paper's geometric errors
+true = tp.with_paper_errors(nominal, seed=1)  # with the paper's geometric errors
 
 
 def show(name, run):

@@ -69,7 +69,10 @@ ROBOTS = {"delta": DELTA, "hexapod": hexapod(), "five-bar": FIVE_BAR}
 
 def pytest_addoption(parser):
     parser.addoption(
-        "--count", type=int, default=100_000, help="poses in bulk samples (the full check: 1000000)"
+        "--count",
+        type=int,
+        default=100_000,
+        help="poses in bulk samples; the full check is --count=1000000",
     )
 
 
