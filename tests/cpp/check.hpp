@@ -35,10 +35,10 @@ struct Register {
   Register(const char* statement, void (*run)()) { state().cases.push_back({statement, run}); }
 };
 
-inline void report(bool passed, const char* file, int line, const std::string& what) {
+inline void report(bool passed, const char* file, int line, const char* what) {
   ++state().checks;
   if (passed || ++state().failed > 10) return;  // ten lines say enough
-  std::printf("  %s:%d: [%s] %s\n", file, line, state().scene.c_str(), what.c_str());
+  std::printf("  %s:%d: [%s] %s\n", file, line, state().scene.c_str(), what);
 }
 
 inline void near(double a, double b, double tolerance, const char* file, int line,

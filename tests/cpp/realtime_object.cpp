@@ -1,0 +1,33 @@
+// What does the real-time core ask of the machine? Every entry point in one object, compiled with
+// neither exceptions nor run-time types; check_symbols.cmake reads its undefined symbols.
+#include "truepose/control.hpp"
+#include "truepose/fkm.hpp"
+
+using namespace truepose;
+
+extern "C" {
+Outcome realtime_finish(Robot& robot) { return finish(robot); }
+Outcome realtime_ikm(const Robot& robot, const Joint& x, Joint& q) { return ikm(robot, x, q); }
+Outcome realtime_rkm(const Robot& robot, const Joint& x, Reading& r) { return rkm(robot, x, r); }
+FkmResult realtime_fkm(const Robot& robot, const Joint& q, Joint& x) { return fkm(robot, q, x); }
+Outcome realtime_redundant_fkm(const Robot& robot, const Extended& q_e, Joint& x) {
+  return redundant_fkm(robot, q_e, x);
+}
+Outcome realtime_jacobian(const Robot& robot, const Joint& x, JointMatrix& J) {
+  return jacobian(robot, x, J);
+}
+Outcome realtime_tej(const Robot& robot, const Joint& x, ExtendedColumns& M, ExtendedRows& tej_) {
+  return tej(robot, x, M, tej_);
+}
+Outcome realtime_place_poles(const Robot& robot, const Joint& x, ControlSettings& settings) {
+  return place_poles(robot, x, 150, 1, settings);
+}
+Outcome realtime_control(const Robot& robot, const ControlSettings& settings,
+                         const Setpoint& setpoint, const Extended& q_e, ControlState& state) {
+  return control(robot, settings, setpoint, q_e, state);
+}
+double realtime_friction(const Chain& chain, double rate) { return friction(chain, rate); }
+Setpoint realtime_quintic(const Joint& from, const Joint& to, double duration, double time) {
+  return quintic<Mobility::spatial>(from, to, duration, time);
+}
+}

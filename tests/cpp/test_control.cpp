@@ -1,0 +1,314 @@
+// Does the controller do what it should: rest, track, hold its torque when it must not trust?
+#include <limits>
+
+#include "mechanisms.hpp"
+#include "truepose/offline/simulate.hpp"
+#include "truepose/offline/statics.hpp"
+
+using namespace mechanisms;
+
+namespace {
+
+constexpr Law kLaws[]{Law::joint, Law::redundant, Law::cartesian};
+
+/// Whether the law exists for the mobility: Figure 2's closing remark needs an orientation.
+constexpr bool applies(Law law, Mobility mobility) {
+  return law != Law::cartesian || mobility == Mobility::schoenflies ||
+         mobility == Mobility::translation;
+}
+
+ControlSettings settings_for(const Robot& robot, Law law) {
+  ControlSettings settings;
+  settings.law = law;
+  CHECK(place_poles(robot, robot.home, 100, 1, settings));
+  return settings;
+}
+
+/// The robot as built: some rods and arms longer or shorter than drawn.
+template <Mobility K>
+Robot built(const Robot& nominal, check::Random& random) {
+  Robot truth = nominal;
+  for (int i = 0; i < kDof<K>; ++i) {
+    truth.chain[i].rod += 1e-3 * random();
+    truth.chain[i].arm += 3e-4 * random();
+    truth.chain[i].encoder_offset += 1e-3 * random();
+  }
+  return truth;
+}
+
+}  // namespace
+
+TEST("an ideal robot at rest stays at rest, under every law") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    const Robot& robot = mechanism.robot;
+    for (const Law law : kLaws) {
+      if (!applies(law, K)) continue;
+      const ControlSettings settings = settings_for(robot, law);
+      const Run run{robot.home, robot.home, 0.05, 0.05, 2};
+      double strayed = 0;
+      const Pose home = to_pose<K>(robot.home);
+      CHECK(simulate<K>(robot, robot, settings, run, robot.home, [&](const Sample& sample) {
+        strayed = std::max(strayed, distance<K>(to_pose<K>(sample.x), home));
+      }));
+      CHECK_NEAR(strayed, 0, 1e-12);
+    }
+  });
+}
+
+TEST("an ideal robot follows a move with full feed-forward, and ends on the spot") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    const Robot& robot = mechanism.robot;
+    check::Random random(61);
+    const Joint to = random_pose(mechanism, random);
+    for (const Law law : kLaws) {
+      if (!applies(law, K)) continue;
+      const Run run{robot.home, to, 0.3, 0.2, 2};
+      double strayed = 0;
+      Sample last{};
+      CHECK(simulate<K>(
+          robot, robot, settings_for(robot, law), run, robot.home, [&](const Sample& sample) {
+            strayed = std::max(strayed, distance<K>(to_pose<K>(sample.x), to_pose<K>(sample.x_d)));
+            last = sample;
+          }));
+      CHECK_NEAR(strayed, 0, 2e-3);  // torques are held for 1 ms
+      CHECK_NEAR(distance<K>(to_pose<K>(last.x), to_pose<K>(to)), 0, 1e-6);
+    }
+  });
+}
+
+TEST("whatever fails, the last torque is held, nothing else changes, and the status says why") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr int n = kDof<K>;
+    const Robot& robot = mechanism.robot;
+    for (const Law law : kLaws) {
+      if (!applies(law, K)) continue;
+      ControlSettings settings = settings_for(robot, law);
+      settings.ki.fill(1);
+      Setpoint at_home;
+      at_home.x = robot.home;
+      Extended q_e{};
+      CHECK(extended<K>(robot, to_pose<K>(robot.home), q_e));
+      q_e[0] += 1e-3;
+      ControlState state;
+      CHECK(control(robot, settings, at_home, q_e, state));
+      const ControlState good = state;
+      const auto check_held = [&](const Outcome& outcome, Status expected) {
+        CHECK(outcome.status == expected);
+        CHECK(state.torque == good.torque && state.error == good.error);
+        CHECK(state.position == good.position && state.rate == good.rate);
+        CHECK(state.integral == good.integral && state.started);
+      };
+      for (const double bad : {std::numeric_limits<double>::quiet_NaN(), HUGE_VAL, -HUGE_VAL}) {
+        for (int c = 0; c < n + robot.r; ++c) {
+          Extended broken = q_e;
+          broken[c] = bad;
+          check_held(control(robot, settings, at_home, broken, state), Status::not_finite);
+        }
+        for (int i = 0; i < n; ++i) {
+          Setpoint x = at_home, rate = at_home, acceleration = at_home;
+          x.x[i] = rate.rate[i] = acceleration.acceleration[i] = bad;
+          for (const Setpoint& broken : {x, rate, acceleration})
+            check_held(control(robot, settings, broken, q_e, state), Status::not_finite);
+        }
+      }
+      Setpoint far = at_home;
+      far.x[1] += 5;
+      if (robot.chain[0].actuator != Actuator::telescopic)
+        check_held(control(robot, settings, far, q_e, state), Status::unreachable);
+      ControlSettings broken = settings;
+      broken.kp[0] = std::numeric_limits<double>::quiet_NaN();
+      check_held(control(robot, broken, at_home, q_e, state), Status::not_finite);
+    }
+  });
+}
+
+TEST("a singular setpoint holds the torque too") {
+  Robot robot = planar("3-RPR", Actuator::telescopic).robot;
+  const ControlSettings settings = settings_for(robot, Law::redundant);
+  for (int i = 0; i < 3; ++i) {  // the legs meet in one point at θ = 0
+    robot.chain[i].base = polar(0.4, 90 + 120 * i);
+    robot.chain[i].pivot = polar(0.1, 90 + 120 * i);
+  }
+  Extended q_e{};
+  CHECK(extended<Mobility::planar>(robot, Pose{}, q_e));
+  ControlState state;
+  state.torque = {1, 2, 3};
+  CHECK(control(robot, settings, Setpoint{}, q_e, state).status == Status::singular);
+  CHECK(state.torque == (Joint{1, 2, 3}) && !state.started);
+}
+
+TEST("a law without its sensor is not measured; joint control needs none") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    Robot robot = mechanism.robot;
+    robot.r = 0;
+    Extended q_e{};
+    Setpoint at_home;
+    at_home.x = robot.home;
+    CHECK(extended<K>(robot, to_pose<K>(robot.home), q_e));
+    for (const Law law : kLaws) {
+      ControlState state;
+      const Outcome outcome = control(robot, settings_for(robot, law), at_home, q_e, state);
+      const bool measured = law != Law::cartesian || K == Mobility::translation;
+      CHECK(outcome.status == (measured ? Status::ok : Status::not_measured));
+    }
+  });
+}
+
+TEST("torque limits hold, and a saturated integral does not wind up") {
+  const Mechanism mechanism = h4();
+  Robot robot = mechanism.robot;
+  for (Chain& chain : robot.chain) chain.torque_limit = 3;
+  ControlSettings settings = settings_for(robot, Law::joint);
+  settings.feed_forward = FeedForward::none;
+  settings.kd.fill(0);
+  settings.ki.fill(100);
+  Setpoint at_home;
+  at_home.x = robot.home;
+  Extended q_home{}, q_e{};
+  CHECK(extended<Mobility::schoenflies>(robot, to_pose<Mobility::schoenflies>(robot.home), q_home));
+  for (const double side : {1.0, -1.0}) {
+    ControlState state;
+    q_e = q_home;
+    for (int i = 0; i < 4; ++i) q_e[i] -= 0.5 * side;  // far behind: 0.5 rad
+    for (int k = 0; k < 1000; ++k) {
+      CHECK(control(robot, settings, at_home, q_e, state));
+      for (int i = 0; i < 4; ++i) CHECK_NEAR(state.torque[i], 3 * side, 0);
+    }
+    for (int i = 0; i < 4; ++i) CHECK_NEAR(state.integral[i], 0, 0);
+    for (int i = 0; i < 4; ++i) q_e[i] = q_home[i] + 0.001 * side;  // a little ahead
+    CHECK(control(robot, settings, at_home, q_e, state));
+    for (int i = 0; i < 4; ++i) CHECK(state.torque[i] * side < 0);  // turns back at once
+  }
+}
+
+TEST("an integral adds ki times the error's sum where no limit is met") {
+  const Robot robot = five_bar().robot;
+  ControlSettings settings = settings_for(robot, Law::joint);
+  settings.feed_forward = FeedForward::none;
+  settings.kp.fill(0);
+  settings.kd.fill(0);
+  settings.ki.fill(10);
+  Setpoint at_home;
+  at_home.x = robot.home;
+  Extended q_e{};
+  CHECK(extended<Mobility::planar_translation>(
+      robot, to_pose<Mobility::planar_translation>(robot.home), q_e));
+  q_e[0] -= 0.02;
+  ControlState state;
+  for (int k = 1; k <= 100; ++k) {
+    CHECK(control(robot, settings, at_home, q_e, state));
+    CHECK_NEAR(state.torque[0], 10 * 0.02 * 1e-3 * k, 1e-12);
+    CHECK_NEAR(state.torque[1], 0, 1e-12);
+  }
+}
+
+TEST("the tracking loop finds the rate of a ramp, whatever its bandwidth") {
+  for (const double bandwidth : {50.0, 1000.0, 1e5}) {
+    ControlSettings settings;
+    settings.velocity_bandwidth = bandwidth;
+    const double pole = std::exp(-bandwidth * settings.period);
+    double position = 0.3, rate = 0, reading = 0;
+    for (int k = 0; k < 2000; ++k) {
+      reading = 0.3 + 2.5 * k * settings.period;
+      track(settings, pole, reading, position, rate);
+    }
+    CHECK_NEAR(rate, 2.5, 1e-9);
+    CHECK_NEAR(position, reading, 1e-9);
+  }
+}
+
+TEST("for readings that agree, every law sees the joint error to first order") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr int n = kDof<K>;
+    Robot robot = mechanism.robot;
+    robot.r = 2;
+    robot.sensor[1].weight = 16;
+    check::Random random(62);
+    for (int k = 0; k < 50; ++k) {
+      const Joint x = random_pose(mechanism, random), direction = random_joint(random, 1);
+      for (const Law law : {Law::redundant, Law::cartesian}) {
+        if (!applies(law, K)) continue;
+        Reference<K> reference;
+        CHECK(refer<K>(robot, law, x, reference));
+        const auto departure = [&](double size) {
+          Joint step{}, joint{}, error{};
+          for (int i = 0; i < n; ++i) step[i] = size * direction[i];
+          Extended q_e{};
+          CHECK(extended<K>(robot, moved<K>(reference.closure.pose, step), q_e));
+          CHECK(motor_error<K>(robot, Law::joint, reference, q_e, joint));
+          CHECK(motor_error<K>(robot, law, reference, q_e, error));
+          double largest = 0;
+          for (int i = 0; i < n; ++i) {
+            CHECK(std::fabs(joint[i]) < 30 * size);
+            largest = std::max(largest, std::fabs(error[i] - joint[i]));
+          }
+          return largest;
+        };
+        CHECK_NEAR(departure(1e-4), 0, 3e-6);  // second order: 1e-8 times the curvature
+        CHECK(departure(1e-5) < 0.011 * departure(1e-4) + 1e-13);
+      }
+    }
+  });
+}
+
+TEST("settle() foretells where the simulation comes to rest, with and without gravity") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    check::Random random(63);
+    for (const bool gravity : {false, true}) {
+      Robot nominal = mechanism.robot;
+      if (!gravity) nominal.gravity.setZero();
+      const Robot truth = built<K>(nominal, random);
+      const Joint to = random_pose(mechanism, random, 0.5);
+      for (const Law law : kLaws) {
+        if (!applies(law, K)) continue;
+        const StaticsSettings settings{settings_for(nominal, law), gravity};
+        Joint start{}, end{};
+        CHECK(settle<K>(nominal, truth, settings, nominal.home, start));
+        CHECK(settle<K>(nominal, truth, settings, to, end));
+        Sample last{};
+        CHECK(simulate<K>(nominal, truth, settings.control, Run{nominal.home, to, 0.2, 0.6, 2},
+                          start, [&](const Sample& sample) { last = sample; }));
+        CHECK_NEAR(distance<K>(to_pose<K>(last.x), to_pose<K>(end)), 0, 1e-9);
+        CHECK(distance<K>(to_pose<K>(end), to_pose<K>(to)) > 1e-5);  // the errors do show
+      }
+    }
+  });
+}
+
+TEST("settle() never calls a NaN settled") {
+  const Robot robot = h4().robot;
+  StaticsSettings settings{settings_for(robot, Law::joint), true};
+  for (const double gain : {0.0, std::numeric_limits<double>::quiet_NaN()}) {
+    settings.control.kp.fill(gain);
+    Joint x{};
+    CHECK(!settle<Mobility::schoenflies>(robot, robot, settings, robot.home, x));
+  }
+}
+
+TEST("pole placement makes each motor alone a critically damped second order") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    const ControlSettings settings = settings_for(mechanism.robot, Law::joint);
+    Closure<K> closure;
+    Jacobians<K> jacobians;
+    DynamicModel<K> model;
+    CHECK(ikm<K>(mechanism.robot, to_pose<K>(mechanism.robot.home), closure));
+    CHECK(jacobian<K>(closure, jacobians));
+    CHECK(dynamic_model<K>(mechanism.robot, closure, Joint{}, model));
+    for (int m = 0; m < kDof<K>; ++m) {
+      Joint column{};  // ẍ of a unit of q̈_m; the torque of motor m for it is its inertia
+      for (int i = 0; i < kDof<K>; ++i) column[i] = jacobians.J[i][m];
+      const Joint still = inverse_dynamics<K>(model, jacobians.J, Joint{});
+      const Joint torque = inverse_dynamics<K>(model, jacobians.J, column);
+      const double inertia = torque[m] - still[m];
+      CHECK_NEAR(settings.kp[m] / inertia, 1e4, 1e-6);
+      CHECK_NEAR(settings.kd[m] / inertia, 200, 1e-8);
+    }
+  });
+}

@@ -1,0 +1,124 @@
+// Does the control path ever allocate? A hook on the allocator counts over a million cycles.
+//
+// Outside sanitizers the executable brings its own malloc family, which also serves operator new.
+// AddressSanitizer owns those symbols and offers its own hook instead; it sees the same calls.
+#include <cstdlib>
+
+#include "mechanisms.hpp"
+#include "truepose/control.hpp"
+#include "truepose/fkm.hpp"
+
+namespace {
+volatile long allocations = 0;  // volatile: the compiler takes it that malloc changes no variable
+}
+
+#if defined(__SANITIZE_ADDRESS__)
+extern "C" int __sanitizer_install_malloc_and_free_hooks(  // gcc does not ship its header
+    void (*on_malloc)(const volatile void*, std::size_t), void (*on_free)(const volatile void*));
+static const int hook = __sanitizer_install_malloc_and_free_hooks(
+    [](const volatile void*, std::size_t) { allocations = allocations + 1; },
+    [](const volatile void*) {});
+#else
+extern "C" {
+void* __libc_malloc(std::size_t);
+void* __libc_calloc(std::size_t, std::size_t);
+void* __libc_realloc(void*, std::size_t);
+void* __libc_memalign(std::size_t, std::size_t);
+void* malloc(std::size_t size) {
+  allocations = allocations + 1;
+  return __libc_malloc(size);
+}
+void* calloc(std::size_t count, std::size_t size) {
+  allocations = allocations + 1;
+  return __libc_calloc(count, size);
+}
+void* realloc(void* old, std::size_t size) {
+  allocations = allocations + 1;
+  return __libc_realloc(old, size);
+}
+void* aligned_alloc(std::size_t alignment, std::size_t size) {
+  allocations = allocations + 1;
+  return __libc_memalign(alignment, size);
+}
+int posix_memalign(void** result, std::size_t alignment, std::size_t size) {
+  *result = aligned_alloc(alignment, size);
+  return *result == nullptr ? 12 /* ENOMEM */ : 0;
+}
+}
+#endif
+
+using namespace mechanisms;
+
+TEST("the hook sees every way to allocate") {
+  void* volatile kept = nullptr;  // volatile: the compiler may not leave the allocation out
+  const auto counted = [&](auto allocate) {
+    const long before = allocations;
+    kept = allocate();
+    const bool seen = allocations > before;
+    std::free(kept);
+    return seen;
+  };
+  CHECK(counted([] { return std::malloc(100); }));
+  CHECK(counted([] { return std::calloc(10, 10); }));
+  CHECK(counted([] { return std::realloc(nullptr, 100); }));
+  CHECK(counted([] { return std::aligned_alloc(64, 128); }));
+  CHECK(counted([] {
+    void* result = nullptr;
+    return posix_memalign(&result, 64, 128) == 0 ? result : nullptr;
+  }));
+  const long before = allocations;
+  double* volatile block = new double[100];
+  CHECK(allocations > before);
+  delete[] block;
+}
+
+TEST("no law allocates in a million cycles with full feed-forward, and neither does the FKM") {
+#if defined(__SANITIZE_ADDRESS__)
+  const long cycles = check::sample_size(100000);
+#else
+  const long cycles = check::sample_size(1000000);
+#endif
+  for_each([&](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    Robot robot = mechanism.robot;
+    robot.r = 2;
+    // All of the cycles for the paper's robot, a tenth for each of the others.
+    const long count = robot.mobility == Mobility::schoenflies ? cycles : cycles / 10;
+    check::Random random(71);
+    std::vector<Setpoint> setpoints(100);
+    std::vector<Extended> readings(setpoints.size());
+    for (std::size_t k = 0; k < setpoints.size(); ++k) {
+      setpoints[k].x = random_pose(mechanism, random);
+      setpoints[k].rate = random_joint(random, 0.5);
+      setpoints[k].acceleration = random_joint(random, 5);
+      CHECK(extended<K>(robot, nearby<K>(to_pose<K>(setpoints[k].x), random, 1e-3), readings[k]));
+    }
+    for (const Law law : {Law::joint, Law::redundant, Law::cartesian}) {
+      if (law == Law::cartesian && K != Mobility::schoenflies && K != Mobility::translation)
+        continue;
+      ControlSettings settings;
+      settings.law = law;
+      CHECK(place_poles(robot, robot.home, 100, 1, settings));
+      ControlState state;
+      long failures = 0;
+      const long before = allocations;
+      for (long cycle = 0; cycle < count; ++cycle) {
+        const std::size_t k = cycle % setpoints.size();
+        if (!control(robot, settings, setpoints[k], readings[k], state)) ++failures;
+      }
+      CHECK(allocations == before);
+      CHECK(failures == 0);
+    }
+    long failures = 0;
+    const long before = allocations;
+    for (long cycle = 0; cycle < count / 10; ++cycle) {
+      const std::size_t k = cycle % setpoints.size();
+      Joint q{}, x = robot.home;
+      for (int i = 0; i < kDof<K>; ++i) q[i] = readings[k][i];
+      if (!fkm(robot, q, x)) ++failures;
+      if (k == 0 && fkm(robot, random_joint(random, 3), x)) x = robot.home;  // mostly fails
+    }
+    CHECK(allocations == before);
+    CHECK(failures == 0);
+  });
+}
