@@ -1,0 +1,121 @@
+// How fast is the core? Times of one call each; --json prints them for programs.
+#include <cstring>
+
+#include "bench.hpp"
+#include "inputs.hpp"
+#include "truepose/offline/simulate.hpp"
+#include "truepose/offline/statics.hpp"
+
+using namespace inputs;
+
+namespace {
+
+constexpr int kRepeats = 51;
+
+template <Mobility K>
+void kinematics(const std::string& name, const Inputs<K>& in, std::vector<bench::Row>& rows) {
+  const auto add = [&](const char* what, auto f) {
+    rows.push_back(bench::measure(name + " " + what, kPoses, kRepeats, f));
+  };
+  add("IKM", [&](int i) {
+    Joint q;
+    bench::keep(ikm(in.robot, in.x[i], q));
+    bench::keep(q);
+  });
+  add("IKM + J", [&](int i) {
+    Closure<K> closure;
+    Jacobians<K> jacobians;
+    bench::keep(ikm<K>(in.robot, to_pose<K>(in.x[i]), closure));
+    bench::keep(jacobian<K>(closure, jacobians));
+    bench::keep(jacobians);
+  });
+  add("FKM from 1 mm, 1 mrad", [&](int i) {
+    Joint x = in.near[i];
+    bench::keep(fkm(in.robot, in.q[i], x));
+    bench::keep(x);
+  });
+  add("FKM from home", [&](int i) {
+    Joint x = in.robot.home;
+    bench::keep(fkm(in.robot, in.q[i], x));
+    bench::keep(x);
+  });
+}
+
+/// The robot as built: rods of -3 to +10 mm, arms of -0.4 to +0.6 mm, as in the paper's simulation.
+Robot built(const Robot& nominal) {
+  check::Random random(2);
+  Robot truth = nominal;
+  for (int i = 0; i < 4; ++i) {
+    truth.chain[i].rod += 3.5e-3 + 6.5e-3 * random();
+    truth.chain[i].arm += 1e-4 + 5e-4 * random();
+  }
+  return truth;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  constexpr Mobility K = Mobility::schoenflies;
+  const Inputs<K> h4(mechanisms::h4());
+  const Inputs<Mobility::spatial> ups(mechanisms::hexapod("6-UPS", Actuator::telescopic));
+  std::vector<bench::Row> rows;
+
+  kinematics<K>("H4", h4, rows);
+  rows.push_back(bench::measure("H4 FKM, closed, θ known", kPoses, kRepeats, [&](int i) {
+    Vec3 D;
+    bench::keep(fkm_closed<K>(h4.robot, h4.q[i], h4.R[i], Vec3(0, 0, -0.4), D));
+    bench::keep(D);
+  }));
+  rows.push_back(bench::measure("H4 TEJ from x (IKM, J, RKM, TEJ)", kPoses, kRepeats, [&](int i) {
+    ExtendedColumns M;
+    ExtendedRows M_plus;
+    bench::keep(tej(h4.robot, h4.x[i], M, M_plus));
+    bench::keep(M_plus);
+  }));
+  for (const FeedForward feed : {FeedForward::none, FeedForward::full})
+    for (const Law law : kLaws) {
+      const ControlSettings settings = settings_for(h4.robot, law, feed);
+      ControlState state;
+      rows.push_back(bench::measure(
+          std::string("H4 control cycle, ") + kLawNames[static_cast<int>(law)] +
+              (feed == FeedForward::none ? ", no feed-forward" : ", full feed-forward"),
+          kPoses, kRepeats, [&](int i) {
+            bench::keep(control<K>(h4.robot, settings, h4.setpoint[i], h4.q_e[i], state));
+          }));
+    }
+
+  const Robot truth = built(h4.robot);
+  rows.push_back(bench::measure("H4 statics, 625 poses x 3 laws", 1, kRepeats, [&](int) {
+    for (const Law law : kLaws) {
+      StaticsSettings settings;
+      settings.control.law = law;
+      for (int k = 0; k < 625; ++k) {
+        Joint x;
+        bench::keep(settle<K>(h4.robot, truth, settings, h4.x[k], x));
+        bench::keep(x);
+      }
+    }
+  }));
+  for (const Law law : kLaws) {
+    const Run run{{0, 0, -0.5, 0}, {0.1, -0.1, -0.4, 0.2}, 0.2, 0.2, 2};
+    const ControlSettings settings = settings_for(h4.robot, law, FeedForward::full);
+    const auto row = bench::measure(
+        std::string("H4 0.2 s move + 0.2 s hold, ") + kLawNames[static_cast<int>(law)], 1, kRepeats,
+        [&](int) {
+          bench::keep(simulate<K>(h4.robot, truth, settings, run, run.from,
+                                  [](const Sample& sample) { bench::keep(sample); }));
+        });
+    rows.push_back(row);
+  }
+  kinematics<Mobility::spatial>("6-UPS", ups, rows);
+
+  if (argc > 1 && std::strcmp(argv[1], "--json") == 0) {
+    bench::print_json(rows);
+    return 0;
+  }
+  bench::print_table(rows);
+  for (const bench::Row& row : rows)
+    if (row.name.find("0.2 s move") != std::string::npos)
+      std::printf("%s: %.0f times faster than real time\n", row.name.c_str(), 0.4 / row.median);
+  return 0;
+}

@@ -1,0 +1,58 @@
+// What is measured: the tests' H4 and 6-UPS at a thousand random poses, so that no branch predictor
+// learns the answers. Seeded: every run does the same work.
+#pragma once
+
+#include "../tests/cpp/mechanisms.hpp"
+#include "truepose/control.hpp"
+#include "truepose/fkm.hpp"
+
+namespace inputs {
+
+using namespace truepose;
+
+inline constexpr int kPoses = 1000;
+
+template <Mobility K>
+struct Inputs {
+  Robot robot;
+  std::vector<Joint> x, q, near;  ///< poses, their motors, guesses 1 mm and 1 mrad away
+  std::vector<Mat3> R;
+  std::vector<Setpoint> setpoint;
+  std::vector<Extended> q_e;  ///< readings of the robot a little off its setpoint
+
+  explicit Inputs(const mechanisms::Mechanism& mechanism)
+      : robot(mechanism.robot),
+        x(kPoses),
+        q(kPoses),
+        near(kPoses),
+        R(kPoses),
+        setpoint(kPoses),
+        q_e(kPoses) {
+    check::Random random(1);
+    for (int i = 0; i < kPoses; ++i) {
+      x[i] = mechanisms::random_pose(mechanism, random);
+      const Pose pose = to_pose<K>(x[i]);
+      R[i] = pose.R;
+      near[i] = to_coordinates<K>(mechanisms::nearby<K>(pose, random, 1e-3));
+      setpoint[i].x = x[i];
+      setpoint[i].rate = mechanisms::random_joint(random, 0.5);
+      setpoint[i].acceleration = mechanisms::random_joint(random, 5);
+      if (!ikm(robot, x[i], q[i]) ||
+          !extended<K>(robot, mechanisms::nearby<K>(pose, random, 1e-4), q_e[i]))
+        std::printf("pose %d is out of reach\n", i);
+    }
+  }
+};
+
+inline ControlSettings settings_for(const Robot& robot, Law law, FeedForward feed_forward) {
+  ControlSettings settings;
+  settings.law = law;
+  settings.feed_forward = feed_forward;
+  if (!place_poles(robot, robot.home, 150, 1, settings)) std::printf("home is singular\n");
+  return settings;
+}
+
+inline constexpr Law kLaws[]{Law::joint, Law::redundant, Law::cartesian};
+inline constexpr const char* kLawNames[]{"joint", "redundant", "cartesian"};
+
+}  // namespace inputs

@@ -1,0 +1,92 @@
+// Is the control path free of anything that can block? clang's RealtimeSanitizer watches it run,
+// and -Wfunction-effects, here an error, proves the same when compiling (preset `realtime`).
+//
+// clang infers the effects of inline functions it can see, so the headers need no annotation: the
+// attribute on these loops covers all that they call.
+#include <cstdlib>
+
+#include "mechanisms.hpp"
+#include "truepose/control.hpp"
+#include "truepose/fkm.hpp"
+
+using namespace mechanisms;
+
+namespace {
+
+struct Cycle {
+  Setpoint setpoint;
+  Extended q_e;
+};
+
+long run_control(const Robot& robot, const ControlSettings& settings,
+                 const std::vector<Cycle>& cycles, ControlState& state) noexcept
+    [[clang::nonblocking]] {
+  long failures = 0;
+  const Cycle* cycle = cycles.data();
+  for (std::size_t k = 0; k < cycles.size(); ++k)
+    if (!control(robot, settings, cycle[k].setpoint, cycle[k].q_e, state)) ++failures;
+  return failures;
+}
+
+long run_models(const Robot& robot, const std::vector<Cycle>& cycles) noexcept
+    [[clang::nonblocking]] {
+  long failures = 0;
+  const Cycle* cycle = cycles.data();
+  for (std::size_t k = 0; k < cycles.size(); ++k) {
+    Joint q{}, x = cycle[k].setpoint.x;
+    Reading r{};
+    ExtendedColumns M;
+    ExtendedRows M_plus;
+    if (!ikm(robot, x, q) || !rkm(robot, x, r) || !tej(robot, x, M, M_plus)) ++failures;
+    x = robot.home;
+    if (!fkm(robot, q, x)) ++failures;
+    q[0] += 1;  // mostly out of reach: the failing ways count as well
+    static_cast<void>(fkm(robot, q, x));
+  }
+  return failures;
+}
+
+#pragma clang diagnostic push
+#pragma clang diagnostic ignored "-Wfunction-effects"
+/// What the sanitizer must stop: shows that it watches at all.
+void* allocate_in_real_time(std::size_t size) noexcept [[clang::nonblocking]] {
+  return std::malloc(size);
+}
+#pragma clang diagnostic pop
+
+}  // namespace
+
+TEST("no law and no model blocks, on any mechanism") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    Robot robot = mechanism.robot;
+    robot.r = 2;
+    check::Random random(81);
+    std::vector<Cycle> cycles(2000);
+    for (Cycle& cycle : cycles) {
+      cycle.setpoint.x = random_pose(mechanism, random);
+      cycle.setpoint.rate = random_joint(random, 0.5);
+      cycle.setpoint.acceleration = random_joint(random, 5);
+      const Pose pose = nearby<K>(to_pose<K>(cycle.setpoint.x), random, 1e-3);
+      CHECK(extended<K>(robot, pose, cycle.q_e));
+    }
+    for (const Law law : {Law::joint, Law::redundant, Law::cartesian}) {
+      if (law == Law::cartesian && K != Mobility::schoenflies && K != Mobility::translation)
+        continue;
+      ControlSettings settings;
+      settings.law = law;
+      CHECK(place_poles(robot, robot.home, 100, 1, settings));
+      ControlState state;
+      CHECK(run_control(robot, settings, cycles, state) == 0);
+    }
+    CHECK(run_models(robot, cycles) == 0);
+  });
+}
+
+// Runs only when asked for: ctest expects the sanitizer to end the process.
+TEST("[allocates] the sanitizer stops an allocation") {
+  void* volatile block = nullptr;
+  if (std::getenv("TRUEPOSE_ALLOCATE") != nullptr) block = allocate_in_real_time(100);
+  CHECK(block == nullptr);
+  std::free(block);
+}
