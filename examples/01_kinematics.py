@@ -1,6 +1,7 @@
 """Where are the motors for a pose, and where is the nacelle for the motors?"""
 
 import numpy as np
+
 import truepose as tp
 
 robot = tp.load("h4")  # a shipped robot; the path of your own robot file works as well

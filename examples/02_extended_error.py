@@ -1,6 +1,7 @@
 """A rod is 3 mm too long. Who sees it, and what does the paper's control do about it?"""
 
 import numpy as np
+
 import truepose as tp
 
 nominal = tp.load("h4")

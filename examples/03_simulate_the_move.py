@@ -1,6 +1,7 @@
 """The move of the paper's Figures 11 to 13: 0.2 s, under each control law."""
 
 import numpy as np
+
 import truepose as tp
 
 nominal = tp.load("h4")

@@ -128,8 +128,10 @@ void bind_control(nb::module_& m) {
 }  // namespace truepose::python
 
 NB_MODULE(_core, m) {
+  namespace nb = nanobind;
   using namespace truepose;
   m.doc() = "truepose's real-time core. Use the truepose package; this is its engine.";
+  nb::set_leak_warnings(false);  // an interpreter may end with robots alive
   m.attr("max_sensors") = kMaxSensors;
   m.attr("max_readings") = kMaxReadings;
   m.def("describe", [](int status) { return describe(static_cast<Status>(status)); });

@@ -1,6 +1,8 @@
 // Which torque now? One control cycle: readings and setpoint in, motor torques out.
 #pragma once
 
+#include <algorithm>
+
 #include "truepose/control_law.hpp"
 #include "truepose/dynamics.hpp"
 #include "truepose/trajectory.hpp"
@@ -18,7 +20,7 @@ struct ControlSettings {
   Law law = Law::joint;
   FeedForward feed_forward = FeedForward::full;
   double period = 1e-3;              ///< s
-  double velocity_bandwidth = 1000;  ///< of the encoders' tracking loops, rad/s
+  double velocity_bandwidth = 1500;  ///< of the velocity tracking loops, rad/s
   Joint kp{};                        ///< N·m/rad (N/m)
   Joint kd{};                        ///< N·m·s/rad
   Joint ki{};                        ///< N·m/(rad·s); 0: no integral action
@@ -27,7 +29,7 @@ struct ControlSettings {
 /// What a controller remembers from cycle to cycle. Zero it to switch the controller on.
 struct ControlState {
   bool started = false;
-  Extended position{}, rate{};  ///< the tracking loops
+  Extended position{}, rate{};  ///< the tracking loops of the readings (Cartesian law: of x̂)
   Joint integral{};             ///< N·m
   Joint torque{};               ///< the last one commanded; held when a cycle fails
   Joint error{};                ///< ê_q of the last good cycle
@@ -58,32 +60,42 @@ inline Outcome control(const Robot& robot, const ControlSettings& settings,
   Reference<K> reference;
   Outcome outcome = refer<K>(robot, settings.law, setpoint.x, reference);
   Joint error{}, error_rate{}, torque{};
-  if (outcome) outcome = motor_error<K>(robot, settings.law, reference, q_e, error);
+  Pose estimate;
+  if (outcome) outcome = motor_error<K>(robot, settings.law, reference, q_e, error, estimate);
   if (!outcome) return outcome;
 
-  // The rate of ê_q: the law's own map of the rate of the extended error. (For Figure 2 the TEJ
-  // moves with x_d; that term is of second order in the error and is left out.)
+  // The rate of ê_q is the law's own map of the rates that it is made of: of the motors, of all
+  // readings, or of the estimated pose (so that θ is damped by its own, finer counts). For Figure 2
+  // the TEJ moves with x_d; that term is of second order in the error and is left out.
+  const bool cartesian = settings.law == Law::cartesian;
+  const int tracked = settings.law == Law::redundant ? n + robot.r : n;
+  Extended measured = q_e;
+  Joint desired = setpoint.rate;
+  if (cartesian) {
+    const Joint x = to_coordinates<K>(estimate);
+    std::copy_n(x.begin(), n, measured.begin());
+  } else {
+    desired = reference.jacobians.joint_rate(setpoint.rate);
+  }
   ControlState next = state;
   if (!next.started) {
     next.started = true;
-    next.position = q_e;
+    next.position = measured;
   }
   const double pole = std::exp(-settings.velocity_bandwidth * settings.period);
-  const Joint q_rate = reference.jacobians.joint_rate(setpoint.rate);
-  for (int c = 0; c < n + robot.r; ++c) {
-    track(settings, pole, q_e[c], next.position[c], next.rate[c]);
-    if (c >= n && settings.law != Law::redundant) continue;
-    double desired = 0;
+  for (int c = 0; c < tracked; ++c) {
+    track(settings, pole, measured[c], next.position[c], next.rate[c]);
+    double rate = -next.rate[c];
     if (c < n)
-      desired = q_rate[c];
+      rate += desired[c];
     else
-      for (int j = 0; j < n; ++j) desired += reference.jr[c - n][j] * setpoint.rate[j];
-    const double rate = desired - next.rate[c];
+      for (int j = 0; j < n; ++j) rate += reference.jr[c - n][j] * setpoint.rate[j];
     if (settings.law == Law::redundant)
       for (int i = 0; i < n; ++i) error_rate[i] += reference.tej[i][c] * rate;
     else
       error_rate[c] = rate;
   }
+  if (cartesian) error_rate = reference.jacobians.joint_rate(error_rate);
 
   if (settings.feed_forward != FeedForward::none) {
     DynamicModel<K> model;

@@ -23,11 +23,16 @@ struct Reference {
   ExtendedRows tej;
 };
 
+/// @return branch_lost where x_d lies in another assembly mode than the robot's home
 template <Mobility K>
 inline Outcome refer(const Robot& robot, Law law, const Joint& x_d, Reference<K>& reference) {
   Outcome outcome = ikm<K>(robot, to_pose<K>(x_d), reference.closure);
   if (outcome) outcome = jacobian<K>(reference.closure, reference.jacobians);
   if (outcome) outcome = rkm<K>(robot, reference.closure.pose, reference.r, reference.jr);
+  // On the other side of a singularity the motors would have to pass through it to get there.
+  if (outcome && robot.assembly_sign != 0 &&
+      determinant_sign<kDof<K>>(reference.jacobians.jx) != robot.assembly_sign)
+    outcome = {Status::branch_lost, -1};
   if (!outcome) return outcome;
   if (law == Law::redundant)
     tej<K>(robot, reference.jacobians, reference.jr, reference.M, reference.tej);
@@ -67,13 +72,12 @@ inline Outcome redundant_fkm(const Robot& robot, const Extended& q_e, Joint& x) 
   });
 }
 
-/// Motor error under a law.
+/// Motor error under a law. @param estimate  out, Cartesian law only: x̂
 template <Mobility K>
 inline Outcome motor_error(const Robot& robot, Law law, const Reference<K>& reference,
-                           const Extended& q_e, Joint& error) {
+                           const Extended& q_e, Joint& error, Pose& estimate) {
   constexpr int n = kDof<K>;
   if (law == Law::cartesian) {
-    Pose estimate;
     const Outcome outcome = redundant_fkm<K>(robot, q_e, reference.closure.pose.D, estimate);
     if (outcome)
       error = reference.jacobians.joint_rate(difference<K>(reference.closure.pose, estimate));

@@ -95,7 +95,11 @@ def _print(console: Console, table) -> None:
     from rich.table import Table
 
     view = Table(
-        title=table.title, box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False, collapse_padding=True
+        title=table.title,
+        box=box.SIMPLE_HEAD,
+        title_justify="left",
+        pad_edge=False,
+        collapse_padding=True,
     )
     for k, name in enumerate(table.header):
         if k == 0:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fnmatch
 import math
+import numbers
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -192,8 +193,8 @@ class Robot:
         for name, value in values.items():
             if name not in self._values:
                 raise InputError(choose("parameter", name, self._values))
-            if not math.isfinite(value):
-                raise InputError(f"{name} = {value}: must be a finite number")
+            if not (isinstance(value, numbers.Real) and math.isfinite(value)):
+                raise InputError(f"{name} = {value!r}: must be a finite number")
             if name.endswith((".arm", ".rod", ".pivot")) and value <= 0:
                 raise InputError(f"{name} = {value}: must be greater than 0 (m)")
         return Robot(self._spec, self._values | {k: float(v) for k, v in values.items()})

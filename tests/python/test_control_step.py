@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 import truepose as tp
 from truepose import _core
 

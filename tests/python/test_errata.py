@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+
 import truepose as tp
 from truepose import paper_data, statistics
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 import truepose as tp
 
 X_D = np.array([0.03, -0.02, -0.42, 0.15])

@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import pytest
+
 import truepose as tp
 from truepose import errors, experiment, paper_data, robot_file, statistics
 

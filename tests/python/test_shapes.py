@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 import truepose as tp
 
 POSE = [0.02, -0.03, -0.42, 0.1]

@@ -51,7 +51,8 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
     for (int i = 0; i < n; ++i) q_e[i] = closure.chain[i].q;
     for (int k = 0; k < truth.r; ++k) q_e[n + k] = r[k];
     Joint error{};
-    outcome = motor_error<K>(nominal, law, reference, q_e, error);
+    Pose estimate;
+    outcome = motor_error<K>(nominal, law, reference, q_e, error, estimate);
     if (!outcome) return outcome;
     if (settings.gravity) {
       Jacobians<K> jacobians;
