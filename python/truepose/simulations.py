@@ -205,6 +205,10 @@ def simulate(
         raise InputError(f"hold = {hold}: must be a finite number of seconds of at least 0")
     if not (isinstance(steps, int) and 1 <= steps <= 1000):
         raise InputError(f"steps = {steps}: must be a whole number from 1 to 1000")
+    if (duration + hold) / controller.period > _MOST_PERIODS:
+        raise InputError(
+            f"duration + hold = {duration + hold:g} s: at most {_MOST_PERIODS} control periods"
+        )
     origin, target = _pose(robot, start, "start"), _pose(robot, end, "end")
     settings = controller.settings(robot, origin[: robot.n])
     loaded = controller.integral == 0
