@@ -75,7 +75,8 @@ TRUEPOSE_FLATTEN inline bool close(const Chain& chain, const Pose& pose, ChainSt
       if (!(root2 >= 0) || !(r2 > 0)) return false;
       state.jq = sign * std::sqrt(root2);
       const double cosine = (a * c - b * state.jq) / r2, sine = (b * c + a * state.jq) / r2;
-      if constexpr (NeedAngle) position = std::atan2(sine, cosine);
+      if constexpr (NeedAngle)  // tan(q/2), at half the cost, where 1 + cos q is far from zero
+        position = cosine > -0.5 ? 2 * std::atan(sine / (1 + cosine)) : std::atan2(sine, cosine);
       state.p = cosine * e + sine * w;
       state.dB = cosine * w - sine * e;
       break;
