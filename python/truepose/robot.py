@@ -91,7 +91,10 @@ class Robot:
     def __init__(self, spec: RobotFile, values: dict[str, float] | None = None):
         self._spec = spec
         self._nominal = {name: getattr(*at) for name, at in _locations(spec).items()}
-        self._values = self._nominal | (values or {})
+        for name in spec.parameters:
+            if name not in self._nominal:
+                raise RobotFileError("parameters: " + choose("parameter", name, self._nominal))
+        self._values = self._nominal | spec.parameters | (values or {})
         for pattern in spec.tolerances:
             if not fnmatch.filter(self._values, pattern):
                 raise RobotFileError(
@@ -156,8 +159,9 @@ class Robot:
     @property
     def resolution(self) -> Array:
         """One count of every reading, shape (n + r,); 0 where unquantised."""
-        chains = [_encoder_step(chain) for chain in self._spec.chain]
-        return np.array(chains + [sensor.step for sensor in self._sensors])
+        steps = [_encoder_step(chain) for chain in self._spec.chain]
+        steps += [sensor.step for sensor in self._sensors]
+        return np.array(steps) * self._spec.quantised
 
     @property
     def parameters(self) -> dict[str, Parameter]:
@@ -224,13 +228,7 @@ class Robot:
 
     def unquantised(self) -> Robot:
         """Return a copy whose encoders and sensors have no counts."""
-        chains = tuple(c.model_copy(update={"encoder_counts": None}) for c in self._spec.chain)
-        sensors = tuple(
-            s.model_copy(update={"counts" if s.kind == "nacelle_angle" else "resolution": None})
-            for s in self._spec.sensor
-        )
-        spec = self._spec.model_copy(update={"chain": chains, "sensor": sensors})
-        return Robot(spec, self._values)
+        return Robot(self._spec.model_copy(update={"quantised": False}), self._values)
 
     def ikm(self, x: ArrayLike, errors: Errors = "raise") -> Array:
         """Inverse kinematic model: motor positions q that hold the pose x.
@@ -498,7 +496,7 @@ def _build(spec: RobotFile, sensors: tuple[Sensor, ...], values: dict[str, float
             direction = np.array(spec.bar[chain.bar - 1].direction)
             built.pivot = values[f"bar{chain.bar}.pivot"] * direction
             built.anchor = anchor
-        built.encoder_step = _encoder_step(chain)
+        built.encoder_step = _encoder_step(chain) * spec.quantised
         built.torque_limit = chain.torque_limit or 0.0
         for key in ("working_mode", "drive_inertia", "arm_mass", "rod_mass", "viscous", "coulomb"):
             setattr(built, key, getattr(chain, key))
@@ -508,7 +506,7 @@ def _build(spec: RobotFile, sensors: tuple[Sensor, ...], values: dict[str, float
         built.kind = getattr(_core.SensorKind, sensor.kind)
         built.offset = values[f"{sensor.name}.offset"]
         built.gain = values[f"{sensor.name}.gain"]
-        built.step = sensor.step
+        built.step = sensor.step * spec.quantised
         built.weight = sensor.weight
         if sensor.kind == "telemeter":
             for key in ("origin", "direction", "target", "normal"):

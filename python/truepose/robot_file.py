@@ -5,17 +5,20 @@ from __future__ import annotations
 import os
 from importlib import resources
 from pathlib import Path
+from typing import NamedTuple
 
 import tomlkit
 from pydantic import ValidationError
 from tomlkit.exceptions import TOMLKitError
 
 from truepose.exceptions import RobotFileError, choose
+from truepose.pattern import expand
 from truepose.schema import (
     Bar,
     Chain,
     Nacelle,
     NacelleAngle,
+    Pattern,
     RobotFile,
     Telemeter,
     Tolerance,
@@ -27,11 +30,14 @@ _SECTIONS = {
     "bar": Bar,
     "nacelle": Nacelle,
     "workspace": Workspace,
+    "singularity_free": Workspace,
+    "pattern": Pattern,
     "tolerances": Tolerance,
     "nacelle_angle": NacelleAngle,
     "telemeter": Telemeter,
 }
 _SENSORS = ("nacelle_angle", "telemeter")
+_SHORTHAND = ("every_chain", "based_on")
 
 
 def shipped() -> dict[str, Path]:
@@ -59,32 +65,98 @@ def read(robot: str | Path) -> RobotFile:
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not a text file"
         raise RobotFileError(f"{robot}: cannot be read: {reason}") from None
+    return parse(text, str(robot))
+
+
+def parse(text: str, where: str) -> RobotFile:
+    """Read a robot file's text; `where` names it in the message."""
     try:
         data = tomlkit.parse(text).unwrap()
     except TOMLKitError as error:
-        raise RobotFileError(f"{robot}: not TOML: {error}") from None
-    return validate(data, str(robot))
+        raise RobotFileError(f"{where}: not TOML: {error}") from None
+    spec = validate(data, where)
+    spec._text = text
+    return spec
 
 
 def validate(data: dict, where: str) -> RobotFile:
     """Check the contents of a robot file; `where` names it in the message."""
-    data = dict(data)
-    shared = data.pop("every_chain", {})
-    chains = data.get("chain")
-    if not isinstance(shared, dict):
-        raise RobotFileError(f"{where}: every_chain: must be a table")
-    if isinstance(chains, list):
-        data["chain"] = [shared | c if isinstance(c, dict) else c for c in chains]
+    spec, found = examine(data)
+    if spec is None:
+        more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+        raise RobotFileError(f"{where}: {found[0].text}{more}")
+    return spec
+
+
+class Problem(NamedTuple):
+    """What is wrong with a robot file: the key's path in the file, and a line that says it."""
+
+    path: tuple[str | int, ...]
+    text: str
+
+
+def examine(data: dict) -> tuple[RobotFile | None, list[Problem]]:
+    """Find everything the schema has against the contents of a robot file; none: it is one."""
     try:
-        return RobotFile.model_validate(data)
+        whole, motif = _resolved(data)
+        return RobotFile.model_validate(whole), []
+    except _ShorthandError as error:
+        return None, [error.problem]
     except ValidationError as error:
         found = error.errors(include_url=False)
-        found.sort(
-            key=lambda problem: problem["type"] != "extra_forbidden"
-        )  # misspelt, not missing
-        problems = [_describe(problem) for problem in found]
-        more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-        raise RobotFileError(f"{where}: {problems[0]}{more}") from None
+    found.sort(key=lambda problem: problem["type"] != "extra_forbidden")  # misspelt, not missing
+    problems = {}  # a motif's copies have the same problem: told once
+    for problem in found:
+        location = problem["loc"]
+        if motif and len(location) > 1 and location[0] == "chain":
+            location = ("chain", location[1] % motif, *location[2:])
+        text = _describe(problem | {"loc": location})
+        problems[text] = Problem(tuple(p for p in location if p not in _SENSORS), text)
+    return None, list(problems.values())
+
+
+class _ShorthandError(Exception):
+    """The file's shorthand cannot be written out."""
+
+    def __init__(self, path: tuple[str | int, ...], text: str):
+        self.problem = Problem(path, text)
+
+
+def _resolved(data: dict) -> tuple[dict, int]:
+    """Write out what is shorthand: based_on, every_chain, pattern. Also the motif's length."""
+    data = dict(data)
+    if "based_on" in data:
+        data = _based_on(data)
+    shared = data.pop("every_chain", {})
+    if not isinstance(shared, dict):
+        raise _ShorthandError(("every_chain",), "every_chain: must be a table")
+    chains, pattern = data.get("chain"), data.get("pattern")
+    if not isinstance(chains, list):
+        return data, 0
+    chains = [shared | c if isinstance(c, dict) else c for c in chains]
+    motif = len(chains)
+    try:  # an unusable pattern is the schema's to describe
+        pattern = Pattern.model_validate(pattern)
+    except ValidationError:
+        return data | {"chain": chains}, motif
+    try:
+        return data | {"chain": expand(chains, pattern.repeat, pattern.about)}, motif
+    except ValueError as error:
+        raise _ShorthandError(("chain",), f"chain: {error}") from None
+
+
+def _based_on(data: dict) -> dict:
+    """Lay a file over the shipped robot it is based on: tables key by key, the rest whole."""
+    files = shipped()
+    name = data.pop("based_on")
+    if name not in files:
+        raise _ShorthandError(("based_on",), "based_on: " + choose("robot", name, files))
+    result = tomlkit.parse(files[name].read_text(encoding="utf-8")).unwrap()
+    for key, value in data.items():
+        known = result.get(key)
+        both = isinstance(known, dict) and isinstance(value, dict)
+        result[key] = known | value if both else value
+    return result
 
 
 def _describe(problem: dict) -> str:
@@ -95,9 +167,7 @@ def _describe(problem: dict) -> str:
     if kind == "extra_forbidden":
         section = next((s for s in map(str, reversed(problem["loc"][:-1])) if s in _SECTIONS), None)
         known = list((_SECTIONS[section] if section else RobotFile).model_fields)
-        return f"{key}: " + choose(
-            "key", location[-1], known if section else [*known, "every_chain"]
-        )
+        return f"{key}: " + choose("key", location[-1], known if section else [*known, *_SHORTHAND])
     if kind == "missing":
         return f"{key}: is missing"
     if kind == "union_tag_not_found":

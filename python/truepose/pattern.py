@@ -1,0 +1,77 @@
+"""Which chains does a repeated motif stand for? Copies turned about an axis, exactly."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+from truepose.schema import Chain
+
+#: Keys of a chain that turn with its copy.
+_TURNED = ("base", "axis", "zero", "anchor")
+
+
+def turned(vector: list[float], turns: Fraction, about: str) -> list[float]:
+    """Turn a vector about an axis of the base frame by a fraction of a full turn.
+
+    Examples
+    --------
+    >>> turned([1.0, 0.0, 2.0], Fraction(1, 4), "z")
+    [0.0, 1.0, 2.0]
+    """
+    c, s = _cosine(turns), _cosine(turns - Fraction(1, 4))
+    k = "xyz".index(about)
+    i, j = (k + 1) % 3, (k + 2) % 3
+    result = list(vector)
+    result[i] = c * vector[i] - s * vector[j] + 0.0  # + 0.0: no negative zeros
+    result[j] = s * vector[i] + c * vector[j] + 0.0
+    return result
+
+
+def _cosine(turns: Fraction) -> float:
+    """Cos of a fraction of a turn, exact where it is 0, ±1/2 or ±1."""
+    turns = turns % 1
+    turns = min(turns, 1 - turns)
+    if turns > Fraction(1, 4):
+        return -_cosine(Fraction(1, 2) - turns)
+    exact = {Fraction(1, 4): 0.0, Fraction(1, 6): 0.5}
+    return exact.get(turns, math.cos(2 * math.pi * turns))
+
+
+def expand(motif: list, repeat: int, about: str) -> list:
+    """Repeat the chains of a motif: first all of them, then all of them turned, and so on.
+
+    Vectors turn. Any other key may be a list with one value for each copy.
+
+    Raises
+    ------
+    ValueError
+        A list does not have one value for each copy.
+
+    Examples
+    --------
+    >>> motif = [{"base": [2, 0, 0], "anchor": [1, 0, 0], "bar": [1, 2]}]
+    >>> [(c["base"], c["bar"]) for c in expand(motif, 2, "z")]
+    [([2.0, 0.0, 0], 1), ([-2.0, 0.0, 0], 2)]
+    """
+    return [_copy(chain, k, repeat, about) for k in range(repeat) for chain in motif]
+
+
+def _copy(chain: dict, k: int, repeat: int, about: str) -> dict:
+    if not isinstance(chain, dict):  # the schema's to describe
+        return chain
+    result = dict(chain)
+    for key in _TURNED:
+        default = Chain.model_fields[key].default
+        vector = chain.get(key, default)
+        numbers = isinstance(vector, (list, tuple)) and len(vector) == 3
+        if numbers and all(type(v) in (int, float) for v in vector):
+            result[key] = turned(list(vector), Fraction(k, repeat), about)
+    for key, value in chain.items():
+        if key not in _TURNED and isinstance(value, list):
+            if len(value) != repeat:
+                raise ValueError(
+                    f"{key} = {value}: give one value, or one for each of {repeat} copies"
+                )
+            result[key] = value[k]
+    return result
