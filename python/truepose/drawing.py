@@ -80,9 +80,7 @@ def _label(base: Array, bases: Array, k: int, size: float, planar: bool) -> Arra
     centre = bases.mean(axis=0)
     outward = base - centre
     outward = outward / max(float(np.linalg.norm(outward)), 1e-9)
-    place = base + 0.08 * size * outward
-    if not planar:
-        place[2] += 0.05 * size
+    place = base + (0.08 if planar else 0.13) * size * outward
     same = [i for i, other in enumerate(bases) if np.allclose(other, base, atol=0.02 * size)]
     if len(same) > 1:
         across = np.cross([0.0, 0.0, 1.0], outward)
