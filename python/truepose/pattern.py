@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from fractions import Fraction
 
 from truepose.schema import Chain
@@ -41,12 +42,7 @@ def _cosine(turns: Fraction) -> float:
 def expand(motif: list, repeat: int, about: str) -> list:
     """Repeat the chains of a motif: first all of them, then all of them turned, and so on.
 
-    Vectors turn. Any other key may be a list with one value for each copy.
-
-    Raises
-    ------
-    ValueError
-        A list does not have one value for each copy.
+    Vectors turn. Any other key may be a list with one value for each copy, see :func:`misfits`.
 
     Examples
     --------
@@ -57,21 +53,33 @@ def expand(motif: list, repeat: int, about: str) -> list:
     return [_copy(chain, k, repeat, about) for k in range(repeat) for chain in motif]
 
 
-def _copy(chain: dict, k: int, repeat: int, about: str) -> dict:
+def misfits(motif: list, repeat: int) -> Iterator[tuple[tuple[str | int, ...], str]]:
+    """Find lists that do not have one value for each copy: the key's path, and what is wrong."""
+    for number, chain in enumerate(motif):
+        for key, values in _lists(chain):
+            if len(values) != repeat:
+                text = (
+                    f"chain.{number + 1}.{key} = {values}: give one value, or {repeat}, one a copy"
+                )
+                yield ("chain", number, key), text
+
+
+def _lists(chain: object) -> Iterator[tuple[str, list]]:
+    for key, value in chain.items() if isinstance(chain, dict) else ():
+        if key not in _TURNED and isinstance(value, list):
+            yield key, value
+
+
+def _copy(chain: object, k: int, repeat: int, about: str) -> object:
     if not isinstance(chain, dict):  # the schema's to describe
         return chain
     result = dict(chain)
     for key in _TURNED:
-        default = Chain.model_fields[key].default
-        vector = chain.get(key, default)
+        vector = chain.get(key, Chain.model_fields[key].default)
         numbers = isinstance(vector, (list, tuple)) and len(vector) == 3
         if numbers and all(type(v) in (int, float) for v in vector):
             result[key] = turned(list(vector), Fraction(k, repeat), about)
-    for key, value in chain.items():
-        if key not in _TURNED and isinstance(value, list):
-            if len(value) != repeat:
-                raise ValueError(
-                    f"{key} = {value}: give one value, or one for each of {repeat} copies"
-                )
-            result[key] = value[k]
+    for key, values in _lists(chain):
+        if values:
+            result[key] = values[min(k, len(values) - 1)]
     return result

@@ -91,21 +91,10 @@ class Robot:
     def __init__(self, spec: RobotFile, values: dict[str, float] | None = None):
         self._spec = spec
         self._nominal = {name: getattr(*at) for name, at in _locations(spec).items()}
-        for name in spec.parameters:
-            if name not in self._nominal:
-                raise RobotFileError("parameters: " + choose("parameter", name, self._nominal))
+        if problems := robot_file.unknown_names(spec, self._nominal):
+            raise RobotFileError(f"{spec.name}: {problems[0].text}")
         self._values = self._nominal | spec.parameters | (values or {})
-        for pattern in spec.tolerances:
-            if not fnmatch.filter(self._values, pattern):
-                raise RobotFileError(
-                    f"{spec.name}: tolerances: " + choose("parameter", pattern, self._values)
-                )
         known = {sensor.name: sensor for sensor in spec.sensor}
-        for name in spec.sensors:
-            if name not in known:
-                raise RobotFileError(f"{spec.name}: " + choose("sensor", name, known))
-        if len(set(spec.sensors)) < len(spec.sensors):
-            raise RobotFileError(f"{spec.name}: a sensor is used twice: {', '.join(spec.sensors)}")
         if spec.n + len(spec.sensors) > _core.max_readings or len(spec.sensors) > _core.max_sensors:
             raise RobotFileError(f"{spec.name}: at most {_core.max_sensors} sensors can be in use")
         self._sensors = tuple(known[name] for name in spec.sensors)
@@ -464,6 +453,11 @@ class Robot:
 
 def _list(values: Array) -> str:
     return "[" + ", ".join(f"{v:.6g}" for v in values) + "]"
+
+
+def parameter_names(spec: RobotFile) -> list[str]:
+    """Names of all geometric parameters of a robot file."""
+    return list(_locations(spec))
 
 
 def _locations(spec: RobotFile) -> dict[str, tuple]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import fnmatch
 import os
+from collections.abc import Collection
 from importlib import resources
 from pathlib import Path
 from typing import NamedTuple
@@ -11,8 +13,9 @@ import tomlkit
 from pydantic import ValidationError
 from tomlkit.exceptions import TOMLKitError
 
+from truepose import consistency
 from truepose.exceptions import RobotFileError, choose
-from truepose.pattern import expand
+from truepose.pattern import expand, misfits
 from truepose.schema import (
     Bar,
     Chain,
@@ -26,6 +29,7 @@ from truepose.schema import (
 )
 
 _SECTIONS = {
+    "every_chain": Chain,
     "chain": Chain,
     "bar": Bar,
     "nacelle": Nacelle,
@@ -60,12 +64,16 @@ def read(robot: str | Path) -> RobotFile:
     path = files.get(str(robot), Path(robot))
     if path.suffix != ".toml" and not path.exists():
         raise RobotFileError(choose("robot", robot, files) + ", or the path of a robot file")
+    return parse(text_of(path, str(robot)), str(robot))
+
+
+def text_of(path: Path, where: str) -> str:
+    """Read a file; `where` names it in the message."""
     try:
-        text = path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not a text file"
-        raise RobotFileError(f"{robot}: cannot be read: {reason}") from None
-    return parse(text, str(robot))
+        raise RobotFileError(f"{where}: cannot be read: {reason}") from None
 
 
 def parse(text: str, where: str) -> RobotFile:
@@ -98,21 +106,55 @@ class Problem(NamedTuple):
 def examine(data: dict) -> tuple[RobotFile | None, list[Problem]]:
     """Find everything the schema has against the contents of a robot file; none: it is one."""
     try:
-        whole, motif = _resolved(data)
-        return RobotFile.model_validate(whole), []
+        whole, motif, problems = _resolved(data)
     except _ShorthandError as error:
         return None, [error.problem]
+    problems += [Problem(*problem) for problem in consistency.problems(whole)]
+    try:
+        spec = RobotFile.model_validate(whole)
+        return (None, problems) if problems else (spec, [])
     except ValidationError as error:
         found = error.errors(include_url=False)
     found.sort(key=lambda problem: problem["type"] != "extra_forbidden")  # misspelt, not missing
-    problems = {}  # a motif's copies have the same problem: told once
+    described = {}  # copies of a chain have the same problem: told once
     for problem in found:
-        location = problem["loc"]
-        if motif and len(location) > 1 and location[0] == "chain":
-            location = ("chain", location[1] % motif, *location[2:])
+        location = _where_written(problem["loc"], data, motif)
         text = _describe(problem | {"loc": location})
-        problems[text] = Problem(tuple(p for p in location if p not in _SENSORS), text)
-    return None, list(problems.values())
+        described[text] = Problem(tuple(p for p in location if p not in _SENSORS), text)
+    return None, [*described.values(), *problems]
+
+
+def _where_written(location: tuple, data: dict, motif: int) -> tuple:
+    """Find the place in the file of a key of a chain: in the motif, or shared by all chains."""
+    if len(location) < 2 or location[0] != "chain" or not motif:
+        return location
+    number = location[1] % motif
+    chains = data.get("chain")
+    own = chains[number] if isinstance(chains, list) and isinstance(chains[number], dict) else {}
+    shared = data.get("every_chain", {})
+    if location[2:] and location[2] not in own and location[2] in shared:
+        return ("every_chain", *location[2:])
+    return ("chain", number, *location[2:])
+
+
+def unknown_names(spec: RobotFile, parameters: Collection[str]) -> list[Problem]:
+    """Find tolerances and values of parameters, and sensors in use, that do not exist."""
+    problems = []
+    for table in ("tolerances", "parameters"):
+        for name in getattr(spec, table):
+            if not (
+                fnmatch.filter(parameters, name) if table == "tolerances" else name in parameters
+            ):
+                text = f"{table}: " + choose("parameter", name, parameters)
+                problems.append(Problem((table, name), text))
+    known = [sensor.name for sensor in spec.sensor]
+    for number, name in enumerate(spec.sensors):
+        if name not in known:
+            problems.append(Problem(("sensors", number), choose("sensor", name, known)))
+    if len(set(spec.sensors)) < len(spec.sensors):
+        text = f"a sensor is used twice: {', '.join(spec.sensors)}"
+        problems.append(Problem(("sensors",), text))
+    return problems
 
 
 class _ShorthandError(Exception):
@@ -122,8 +164,11 @@ class _ShorthandError(Exception):
         self.problem = Problem(path, text)
 
 
-def _resolved(data: dict) -> tuple[dict, int]:
-    """Write out what is shorthand: based_on, every_chain, pattern. Also the motif's length."""
+def _resolved(data: dict) -> tuple[dict, int, list[Problem]]:
+    """Write out what is shorthand: based_on, every_chain, pattern.
+
+    Also the motif's length, and what is wrong with the shorthand.
+    """
     data = dict(data)
     if "based_on" in data:
         data = _based_on(data)
@@ -132,24 +177,22 @@ def _resolved(data: dict) -> tuple[dict, int]:
         raise _ShorthandError(("every_chain",), "every_chain: must be a table")
     chains, pattern = data.get("chain"), data.get("pattern")
     if not isinstance(chains, list):
-        return data, 0
+        return data, 0, []
     chains = [shared | c if isinstance(c, dict) else c for c in chains]
     motif = len(chains)
     try:  # an unusable pattern is the schema's to describe
         pattern = Pattern.model_validate(pattern)
     except ValidationError:
-        return data | {"chain": chains}, motif
-    try:
-        return data | {"chain": expand(chains, pattern.repeat, pattern.about)}, motif
-    except ValueError as error:
-        raise _ShorthandError(("chain",), f"chain: {error}") from None
+        return data | {"chain": chains}, motif, []
+    problems = [Problem(*problem) for problem in misfits(chains, pattern.repeat)]
+    return data | {"chain": expand(chains, pattern.repeat, pattern.about)}, motif, problems
 
 
 def _based_on(data: dict) -> dict:
     """Lay a file over the shipped robot it is based on: tables key by key, the rest whole."""
     files = shipped()
     name = data.pop("based_on")
-    if name not in files:
+    if not isinstance(name, str) or name not in files:
         raise _ShorthandError(("based_on",), "based_on: " + choose("robot", name, files))
     result = tomlkit.parse(files[name].read_text(encoding="utf-8")).unwrap()
     for key, value in data.items():

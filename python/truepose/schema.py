@@ -223,27 +223,3 @@ class RobotFile(_Section):
     def n(self) -> int:
         """Degrees of freedom."""
         return FREEDOMS[self.mobility]
-
-    @model_validator(mode="after")
-    def _consistent(self) -> RobotFile:
-        n = self.n
-        if len(self.chain) != n:
-            raise ValueError(
-                f"{self.mobility} has {n} freedoms: give {n} chains, not {len(self.chain)}"
-            )
-        boxes = [("home", self.home)]
-        for name in ("workspace", "singularity_free"):
-            if box := getattr(self, name):
-                boxes += [(f"{name}.minimum", box.minimum), (f"{name}.maximum", box.maximum)]
-        for key, values in boxes:
-            if len(values) != n:
-                raise ValueError(f"{key} needs {n} coordinates, has {len(values)}")
-        for number, chain in enumerate(self.chain, 1):
-            if chain.bar is not None and chain.bar > len(self.bar):
-                raise ValueError(
-                    f"chain {number}: bar = {chain.bar}, but the file has {len(self.bar)} bars"
-                )
-        names = [sensor.name for sensor in self.sensor]
-        if len(set(names)) < len(names):
-            raise ValueError("two sensors have the same name")
-        return self
