@@ -50,6 +50,8 @@ def draw(robot: Robot, x: ArrayLike | None = None) -> Figure:
     size = max(float(np.ptp(np.vstack([p for _, p, _ in parts]), axis=0).max()), 1e-9)
     for number, (base, chain) in enumerate(zip(points[:, 0], robot.spec.chain, strict=True), 1):
         place = _label(base, points[:, 0], number - 1, size, planar)
+        if chain.actuator == "revolute" and not planar:  # opposite to the arm
+            place = base - 0.12 * size * np.array(chain.zero)
         if chain.actuator == "prismatic":  # at an end of the rail that no rod hides
             rail = next(p for part, p, _ in parts if part == "rail" and _on(p, base))
             end, beyond = (rail[1], 1) if chain.axis[2] > 0 else (rail[0], -1)
@@ -208,7 +210,8 @@ def _show_space(axes, parts: list[_Part]) -> None:
     span = np.maximum(span, 0.35 * span.max())  # not flat
     limits = np.array([middle - span / 2, middle + span / 2]).T
     axes.set(xlim=limits[0], ylim=limits[1], zlim=limits[2])
-    axes.set_box_aspect(span, zoom=0.87)  # room for labels and legend
+    tall = span[2] > 1.1 * span[:2].max()
+    axes.set_box_aspect(span, zoom=0.82 if tall else 0.93)  # room for labels and legend
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
         axis.set_major_locator(_few_ticks())
     axes.set(xlabel="x (mm)", ylabel="y (mm)", zlabel="z (mm)")
