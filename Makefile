@@ -25,7 +25,7 @@ reproduce: $(VENV)/installed
 test: test-python test-cpp
 
 test-python: $(VENV)/developing
-	python -m pytest -q truepose tests/python docs README.md
+	python -m pytest -q --pyargs truepose tests/python docs README.md
 
 test-cpp: build/asan/build.ninja
 	cmake --build --preset asan

@@ -7,19 +7,17 @@ import numpy as np
 
 import truepose as tp
 
-HEAD = """name = "my-delta"
+text = """name = "my-delta"
 mobility = "translation"
 home = [0.0, 0.0, -0.45]
+pattern = { repeat = 3, about = "z" }  # the chain below, three times
 every_chain = { actuator = "revolute", arm = 0.2, rod = 0.45 }  # m
-"""
-text = HEAD
-for degrees in (0, 120, 240):  # base point, motor axis u, arm's direction e at q = 0, anchor
-    c, s = np.cos(np.radians(degrees)).round(9), np.sin(np.radians(degrees)).round(9)
-    text += f"""[[chain]]
-base = [{0.15 * c}, {0.15 * s}, 0.0]
-axis = [{-s}, {c}, 0.0]
-zero = [{c}, {s}, 0.0]
-anchor = [{0.05 * c}, {0.05 * s}, 0.0]
+
+[[chain]]
+base = [0.15, 0.0, 0.0]  # a point of the motor's axis
+axis = [0.0, 1.0, 0.0]   # u, of the motor
+zero = [1.0, 0.0, 0.0]   # e, the arm's direction at q = 0
+anchor = [0.05, 0.0, 0.0]
 """
 
 with tempfile.TemporaryDirectory() as folder:

@@ -42,6 +42,84 @@ def _options(
 
 
 @app.command()
+def check(
+    file: Annotated[Path, typer.Argument(help="A robot file (TOML).")],
+) -> None:
+    """Explain everything that is wrong with a robot file, one line each; exit status 2 then.
+
+    A line names the file, the line, the key, its value and the valid choices.
+
+    Example: **truepose check my_robot.toml**
+    """
+    from truepose.checking import check as run
+
+    robot, problems = run(file)
+    for problem in problems:
+        typer.echo(problem, err=True)
+    if robot is None:
+        raise typer.Exit(2)
+    sensors = ", ".join(robot.sensors) or "none"
+    typer.echo(
+        f"{file}: ok: {robot.name}, n = {robot.n} motors, r = {robot.r} sensors in use ({sensors}),"
+        f" {len(robot.parameters)} parameters"
+    )
+
+
+@app.command()
+def new(
+    robot: Annotated[str, typer.Argument(help="A shipped robot: the kind to start from.")],
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", help="File to write.", show_default="ROBOT.toml")
+    ] = None,
+) -> None:
+    """Write a commented starter file for a robot of a shipped kind.
+
+    A file that is there is never overwritten.
+
+    Example: **truepose new delta -o my_delta.toml**
+    """
+    from truepose.starter import write
+
+    out = write(robot, out or Path(f"{robot}.toml"))
+    typer.echo(f"Wrote {out}. Change its numbers, then: truepose check {out}")
+
+
+@app.command()
+def info(
+    robot: Annotated[str, typer.Argument(help="A shipped robot's name, or a robot file.")],
+    plot: Annotated[
+        Path | None, typer.Option(help="Also draw the conditioning map (PNG, SVG, PDF).")
+    ] = None,
+    samples: Annotated[
+        int, typer.Option(min=1, max=10_000_000, help="Poses drawn from the workspace.")
+    ] = 100_000,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the draw.")] = 0,
+    length: Annotated[
+        float, typer.Option(min=1e-6, help="Length that makes angles comparable to lengths, m.")
+    ] = 0.1,
+) -> None:
+    """Print a robot's figures: freedoms, reach, conditioning, motor speeds.
+
+    Example: **truepose info hexa --plot hexa.png**
+    """
+    from rich.table import Table
+
+    from truepose import info as figures
+    from truepose.robot import load
+
+    loaded = load(robot)
+    measured = figures.measure(loaded, samples, seed, length)
+    view = Table(title=loaded.spec.title or loaded.name, box=None, show_header=False)
+    view.title_justify = "left"
+    for row in figures.rows(loaded, measured):
+        view.add_row(*row)
+    Console().print(view)
+    if plot is not None:
+        figures.save_map(loaded, plot, length)
+        typer.echo(f"Wrote {plot}")
+
+
+@app.command()
 def reproduce(
     robots: Annotated[
         int,

@@ -91,18 +91,10 @@ class Robot:
     def __init__(self, spec: RobotFile, values: dict[str, float] | None = None):
         self._spec = spec
         self._nominal = {name: getattr(*at) for name, at in _locations(spec).items()}
-        self._values = self._nominal | (values or {})
-        for pattern in spec.tolerances:
-            if not fnmatch.filter(self._values, pattern):
-                raise RobotFileError(
-                    f"{spec.name}: tolerances: " + choose("parameter", pattern, self._values)
-                )
+        if problems := robot_file.unknown_names(spec, self._nominal):
+            raise RobotFileError(f"{spec.name}: {problems[0].text}")
+        self._values = self._nominal | spec.parameters | (values or {})
         known = {sensor.name: sensor for sensor in spec.sensor}
-        for name in spec.sensors:
-            if name not in known:
-                raise RobotFileError(f"{spec.name}: " + choose("sensor", name, known))
-        if len(set(spec.sensors)) < len(spec.sensors):
-            raise RobotFileError(f"{spec.name}: a sensor is used twice: {', '.join(spec.sensors)}")
         if spec.n + len(spec.sensors) > _core.max_readings or len(spec.sensors) > _core.max_sensors:
             raise RobotFileError(f"{spec.name}: at most {_core.max_sensors} sensors can be in use")
         self._sensors = tuple(known[name] for name in spec.sensors)
@@ -156,8 +148,9 @@ class Robot:
     @property
     def resolution(self) -> Array:
         """One count of every reading, shape (n + r,); 0 where unquantised."""
-        chains = [_encoder_step(chain) for chain in self._spec.chain]
-        return np.array(chains + [sensor.step for sensor in self._sensors])
+        steps = [_encoder_step(chain) for chain in self._spec.chain]
+        steps += [sensor.step for sensor in self._sensors]
+        return np.array(steps) * self._spec.quantised
 
     @property
     def parameters(self) -> dict[str, Parameter]:
@@ -224,13 +217,43 @@ class Robot:
 
     def unquantised(self) -> Robot:
         """Return a copy whose encoders and sensors have no counts."""
-        chains = tuple(c.model_copy(update={"encoder_counts": None}) for c in self._spec.chain)
-        sensors = tuple(
-            s.model_copy(update={"counts" if s.kind == "nacelle_angle" else "resolution": None})
-            for s in self._spec.sensor
-        )
-        spec = self._spec.model_copy(update={"chain": chains, "sensor": sensors})
-        return Robot(spec, self._values)
+        return Robot(self._spec.model_copy(update={"quantised": False}), self._values)
+
+    def save(self, path: str | Path) -> None:
+        """Write a robot file that loads back to this robot, bit for bit.
+
+        Order and comments of the file it came from are kept. Parameters that differ from the
+        drawn ones go into the table [parameters]: tolerances stay about the drawn values.
+        An interrupted save leaves the old file as it was.
+
+        Parameters
+        ----------
+        path : str or Path
+            Where to write; a file that is there is replaced.
+
+        Raises
+        ------
+        InputError
+            The file cannot be written.
+
+        Examples
+        --------
+        >>> import tempfile, truepose as tp
+        >>> longer = tp.load("h4").replace({"chain1.rod": 0.483})
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     longer.save(folder + "/mine.toml")
+        ...     tp.load(folder + "/mine.toml").parameters == longer.parameters
+        True
+        """
+        from truepose import saving
+
+        inherited = self._spec.parameters
+        values = {
+            name: value
+            for name, value in self._values.items()
+            if value != self._nominal[name] or name in inherited
+        }
+        saving.replace_file(Path(path), saving.to_toml(self._spec, values))
 
     def ikm(self, x: ArrayLike, errors: Errors = "raise") -> Array:
         """Inverse kinematic model: motor positions q that hold the pose x.
@@ -432,6 +455,11 @@ def _list(values: Array) -> str:
     return "[" + ", ".join(f"{v:.6g}" for v in values) + "]"
 
 
+def parameter_names(spec: RobotFile) -> list[str]:
+    """Names of all geometric parameters of a robot file."""
+    return list(_locations(spec))
+
+
 def _locations(spec: RobotFile) -> dict[str, tuple]:
     """Name of every geometric parameter, and (object, attribute) of its value in the file."""
     found: dict[str, tuple] = {}
@@ -498,7 +526,7 @@ def _build(spec: RobotFile, sensors: tuple[Sensor, ...], values: dict[str, float
             direction = np.array(spec.bar[chain.bar - 1].direction)
             built.pivot = values[f"bar{chain.bar}.pivot"] * direction
             built.anchor = anchor
-        built.encoder_step = _encoder_step(chain)
+        built.encoder_step = _encoder_step(chain) * spec.quantised
         built.torque_limit = chain.torque_limit or 0.0
         for key in ("working_mode", "drive_inertia", "arm_mass", "rod_mass", "viscous", "coulomb"):
             setattr(built, key, getattr(chain, key))
@@ -508,7 +536,7 @@ def _build(spec: RobotFile, sensors: tuple[Sensor, ...], values: dict[str, float
         built.kind = getattr(_core.SensorKind, sensor.kind)
         built.offset = values[f"{sensor.name}.offset"]
         built.gain = values[f"{sensor.name}.gain"]
-        built.step = sensor.step
+        built.step = sensor.step * spec.quantised
         built.weight = sensor.weight
         if sensor.kind == "telemeter":
             for key in ("origin", "direction", "target", "normal"):

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+import fnmatch
 import os
+from collections.abc import Collection
 from importlib import resources
 from pathlib import Path
+from typing import NamedTuple
 
 import tomlkit
 from pydantic import ValidationError
 from tomlkit.exceptions import TOMLKitError
 
+from truepose import consistency
 from truepose.exceptions import RobotFileError, choose
+from truepose.pattern import expand, misfits
 from truepose.schema import (
     Bar,
     Chain,
     Nacelle,
     NacelleAngle,
+    Pattern,
     RobotFile,
     Telemeter,
     Tolerance,
@@ -23,15 +29,19 @@ from truepose.schema import (
 )
 
 _SECTIONS = {
+    "every_chain": Chain,
     "chain": Chain,
     "bar": Bar,
     "nacelle": Nacelle,
     "workspace": Workspace,
+    "singularity_free": Workspace,
+    "pattern": Pattern,
     "tolerances": Tolerance,
     "nacelle_angle": NacelleAngle,
     "telemeter": Telemeter,
 }
 _SENSORS = ("nacelle_angle", "telemeter")
+_SHORTHAND = ("every_chain", "based_on")
 
 
 def shipped() -> dict[str, Path]:
@@ -54,37 +64,142 @@ def read(robot: str | Path) -> RobotFile:
     path = files.get(str(robot), Path(robot))
     if path.suffix != ".toml" and not path.exists():
         raise RobotFileError(choose("robot", robot, files) + ", or the path of a robot file")
+    return parse(text_of(path, str(robot)), str(robot))
+
+
+def text_of(path: Path, where: str) -> str:
+    """Read a file; `where` names it in the message."""
     try:
-        text = path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not a text file"
-        raise RobotFileError(f"{robot}: cannot be read: {reason}") from None
+        raise RobotFileError(f"{where}: cannot be read: {reason}") from None
+
+
+def parse(text: str, where: str) -> RobotFile:
+    """Read a robot file's text; `where` names it in the message."""
     try:
         data = tomlkit.parse(text).unwrap()
     except TOMLKitError as error:
-        raise RobotFileError(f"{robot}: not TOML: {error}") from None
-    return validate(data, str(robot))
+        raise RobotFileError(f"{where}: not TOML: {error}") from None
+    spec = validate(data, where)
+    spec._text = text
+    return spec
 
 
 def validate(data: dict, where: str) -> RobotFile:
     """Check the contents of a robot file; `where` names it in the message."""
-    data = dict(data)
-    shared = data.pop("every_chain", {})
-    chains = data.get("chain")
-    if not isinstance(shared, dict):
-        raise RobotFileError(f"{where}: every_chain: must be a table")
-    if isinstance(chains, list):
-        data["chain"] = [shared | c if isinstance(c, dict) else c for c in chains]
+    spec, found = examine(data)
+    if spec is None:
+        more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+        raise RobotFileError(f"{where}: {found[0].text}{more}")
+    return spec
+
+
+class Problem(NamedTuple):
+    """What is wrong with a robot file: the key's path in the file, and a line that says it."""
+
+    path: tuple[str | int, ...]
+    text: str
+
+
+def examine(data: dict) -> tuple[RobotFile | None, list[Problem]]:
+    """Find everything the schema has against the contents of a robot file; none: it is one."""
     try:
-        return RobotFile.model_validate(data)
+        whole, motif, problems = _resolved(data)
+    except _ShorthandError as error:
+        return None, [error.problem]
+    problems += [Problem(*problem) for problem in consistency.problems(whole)]
+    try:
+        spec = RobotFile.model_validate(whole)
+        return (None, problems) if problems else (spec, [])
     except ValidationError as error:
         found = error.errors(include_url=False)
-        found.sort(
-            key=lambda problem: problem["type"] != "extra_forbidden"
-        )  # misspelt, not missing
-        problems = [_describe(problem) for problem in found]
-        more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-        raise RobotFileError(f"{where}: {problems[0]}{more}") from None
+    found.sort(key=lambda problem: problem["type"] != "extra_forbidden")  # misspelt, not missing
+    described = {}  # copies of a chain have the same problem: told once
+    for problem in found:
+        location = _where_written(problem["loc"], data, motif)
+        text = _describe(problem | {"loc": location})
+        described[text] = Problem(tuple(p for p in location if p not in _SENSORS), text)
+    return None, [*described.values(), *problems]
+
+
+def _where_written(location: tuple, data: dict, motif: int) -> tuple:
+    """Find the place in the file of a key of a chain: in the motif, or shared by all chains."""
+    if len(location) < 2 or location[0] != "chain" or not motif:
+        return location
+    number = location[1] % motif
+    chains = data.get("chain")
+    own = chains[number] if isinstance(chains, list) and isinstance(chains[number], dict) else {}
+    shared = data.get("every_chain", {})
+    if location[2:] and location[2] not in own and location[2] in shared:
+        return ("every_chain", *location[2:])
+    return ("chain", number, *location[2:])
+
+
+def unknown_names(spec: RobotFile, parameters: Collection[str]) -> list[Problem]:
+    """Find tolerances and values of parameters, and sensors in use, that do not exist."""
+    problems = []
+    for table in ("tolerances", "parameters"):
+        for name in getattr(spec, table):
+            if not (
+                fnmatch.filter(parameters, name) if table == "tolerances" else name in parameters
+            ):
+                text = f"{table}: " + choose("parameter", name, parameters)
+                problems.append(Problem((table, name), text))
+    known = [sensor.name for sensor in spec.sensor]
+    for number, name in enumerate(spec.sensors):
+        if name not in known:
+            problems.append(Problem(("sensors", number), choose("sensor", name, known)))
+    if len(set(spec.sensors)) < len(spec.sensors):
+        text = f"a sensor is used twice: {', '.join(spec.sensors)}"
+        problems.append(Problem(("sensors",), text))
+    return problems
+
+
+class _ShorthandError(Exception):
+    """The file's shorthand cannot be written out."""
+
+    def __init__(self, path: tuple[str | int, ...], text: str):
+        self.problem = Problem(path, text)
+
+
+def _resolved(data: dict) -> tuple[dict, int, list[Problem]]:
+    """Write out what is shorthand: based_on, every_chain, pattern.
+
+    Also the motif's length, and what is wrong with the shorthand.
+    """
+    data = dict(data)
+    if "based_on" in data:
+        data = _based_on(data)
+    shared = data.pop("every_chain", {})
+    if not isinstance(shared, dict):
+        raise _ShorthandError(("every_chain",), "every_chain: must be a table")
+    chains, pattern = data.get("chain"), data.get("pattern")
+    if not isinstance(chains, list):
+        return data, 0, []
+    chains = [shared | c if isinstance(c, dict) else c for c in chains]
+    motif = len(chains)
+    try:  # an unusable pattern is the schema's to describe
+        pattern = Pattern.model_validate(pattern)
+    except ValidationError:
+        return data | {"chain": chains}, motif, []
+    problems = [Problem(*problem) for problem in misfits(chains, pattern.repeat)]
+    return data | {"chain": expand(chains, pattern.repeat, pattern.about)}, motif, problems
+
+
+def _based_on(data: dict) -> dict:
+    """Lay a file over the shipped robot it is based on: tables key by key, the rest whole."""
+    files = shipped()
+    name = data.pop("based_on")
+    if not isinstance(name, str) or name not in files:
+        raise _ShorthandError(("based_on",), "based_on: " + choose("robot", name, files))
+    result = tomlkit.parse(files[name].read_text(encoding="utf-8")).unwrap()
+    for key, value in data.items():
+        known = result.get(key)
+        both = isinstance(known, dict) and isinstance(value, dict)
+        result[key] = known | value if both else value
+    return result
 
 
 def _describe(problem: dict) -> str:
@@ -95,9 +210,7 @@ def _describe(problem: dict) -> str:
     if kind == "extra_forbidden":
         section = next((s for s in map(str, reversed(problem["loc"][:-1])) if s in _SECTIONS), None)
         known = list((_SECTIONS[section] if section else RobotFile).model_fields)
-        return f"{key}: " + choose(
-            "key", location[-1], known if section else [*known, "every_chain"]
-        )
+        return f"{key}: " + choose("key", location[-1], known if section else [*known, *_SHORTHAND])
     if kind == "missing":
         return f"{key}: is missing"
     if kind == "union_tag_not_found":

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PrivateAttr, model_validator
 
 #: A finite number; strictly, or true would be 1 and "0.26" would be 0.26.
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -155,6 +155,15 @@ class Workspace(_Section):
         return self
 
 
+class Pattern(_Section):
+    """The file's chains are one motif, repeated about an axis of the base frame."""
+
+    repeat: Annotated[int, Field(strict=True, ge=2, le=6)] = Field(
+        description="copies of the motif, a full turn together"
+    )
+    about: Literal["x", "y", "z"] = "z"
+
+
 class Tolerance(_Section):
     """What is not known of a parameter: a σ, or a uniform interval about its value."""
 
@@ -193,37 +202,24 @@ class RobotFile(_Section):
     gravity: Vector = (0.0, 0.0, -9.81)
     sensors: tuple[str, ...] = Field(default=(), description="names of the sensors in use")
     workspace: Workspace | None = None
+    singularity_free: Workspace | None = Field(
+        default=None, description="box in which the FKM from home finds every pose"
+    )
+    quantised: bool = Field(default=True, description="false: encoders and sensors have no counts")
+    pattern: Pattern | None = None
     chain: tuple[Chain, ...]
     bar: tuple[Bar, ...] = ()
     nacelle: Nacelle = Nacelle()
     sensor: tuple[Sensor, ...] = ()
     tolerances: dict[str, Tolerance] = Field(default_factory=dict)
+    parameters: dict[str, Number] = Field(
+        default_factory=dict,
+        description="values that are not the drawn ones; tolerances stay about the drawn ones",
+    )
+    #: The file this was read from, kept so that saving keeps its order and comments.
+    _text: str = PrivateAttr(default="")
 
     @property
     def n(self) -> int:
         """Degrees of freedom."""
         return FREEDOMS[self.mobility]
-
-    @model_validator(mode="after")
-    def _consistent(self) -> RobotFile:
-        n = self.n
-        if len(self.chain) != n:
-            raise ValueError(
-                f"{self.mobility} has {n} freedoms: give {n} chains, not {len(self.chain)}"
-            )
-        boxes = [("home", self.home)]
-        if self.workspace:
-            boxes += [("workspace.minimum", self.workspace.minimum)]
-            boxes += [("workspace.maximum", self.workspace.maximum)]
-        for key, values in boxes:
-            if len(values) != n:
-                raise ValueError(f"{key} needs {n} coordinates, has {len(values)}")
-        for number, chain in enumerate(self.chain, 1):
-            if chain.bar is not None and chain.bar > len(self.bar):
-                raise ValueError(
-                    f"chain {number}: bar = {chain.bar}, but the file has {len(self.bar)} bars"
-                )
-        names = [sensor.name for sensor in self.sensor]
-        if len(set(names)) < len(names):
-            raise ValueError("two sensors have the same name")
-        return self

@@ -75,11 +75,9 @@ def test_errors_are_drawn_from_the_papers_ranges_and_nothing_else_changes(h4):
     assert not moved["chain1.base.y"].any() and moved["chain1.base.x"].std() > 1e-4
 
 
-def test_errors_of_arms_need_arms(h4, tmp_path, hexapod_text):
-    path = tmp_path / "hexapod.toml"
-    path.write_text(hexapod_text, encoding="utf-8")
-    with pytest.raises(tp.InputError, match=r"^hexapod: .*revolute chains only"):
-        tp.with_paper_errors(tp.load(path), seed=1)
+def test_errors_of_arms_need_arms(stewart):
+    with pytest.raises(tp.InputError, match=r"^stewart: .*revolute chains only"):
+        tp.with_paper_errors(stewart, seed=1)
 
 
 def test_the_dynamics_end_where_the_statics_say(h4, truth, table2):

@@ -1,0 +1,53 @@
+"""Do the parts of a robot file fit together? Looked at even where single values are wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from truepose.schema import FREEDOMS
+
+_Problem = tuple[tuple[str | int, ...], str]  # the key's path, and what is wrong
+
+
+def problems(data: dict) -> Iterator[_Problem]:
+    """Find what does not fit, in the contents of a robot file with its shorthand written out.
+
+    Examples
+    --------
+    >>> list(problems({"mobility": "planar", "home": [0.0, 0.0]}))
+    [(('home',), 'home needs 3 coordinates, has 2')]
+    """
+    mobility = data.get("mobility")
+    if isinstance(mobility, str) and mobility in FREEDOMS:
+        yield from _sizes(data, mobility)
+    chains, bars = _tables(data, "chain"), _tables(data, "bar")
+    for number, chain in enumerate(chains, 1):
+        bar = chain.get("bar")
+        if type(bar) is int and bar > len(bars):
+            text = f"chain {number}: bar = {bar}, but the file has {len(bars)} bars"
+            yield ("chain", number - 1, "bar"), text
+    names = [str(sensor.get("name")) for sensor in _tables(data, "sensor")]
+    for number, name in enumerate(names):
+        if name in names[:number]:
+            yield ("sensor", number, "name"), f"two sensors have the same name: {name}"
+
+
+def _sizes(data: dict, mobility: str) -> Iterator[_Problem]:
+    n = FREEDOMS[mobility]
+    chains = data.get("chain")
+    if isinstance(chains, list) and len(chains) != n:
+        text = f"{mobility} has {n} freedoms: give {n} chains, not {len(chains)}"
+        yield ("mobility",), text
+    boxes = [("home",)]
+    boxes += [(b, e) for b in ("workspace", "singularity_free") for e in ("minimum", "maximum")]
+    for path in boxes:
+        value = data
+        for key in path:
+            value = value.get(key) if isinstance(value, dict) else None
+        if isinstance(value, list) and len(value) != n:
+            yield path, f"{'.'.join(path)} needs {n} coordinates, has {len(value)}"
+
+
+def _tables(data: dict, key: str) -> list[dict]:
+    value = data.get(key)
+    return [v if isinstance(v, dict) else {} for v in value] if isinstance(value, list) else []

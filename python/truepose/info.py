@@ -1,0 +1,227 @@
+"""What can a robot do? Reach, conditioning and motor speeds over its workspace."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from truepose.exceptions import InputError
+from truepose.robot import Array, Robot
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+LENGTH = 0.1  #: m; turns a nacelle's angle into a length that a condition number can compare
+
+
+@dataclass(frozen=True)
+class Speed:
+    """The largest speed of any motor while the nacelle moves at 1 m/s or turns at 1 rad/s."""
+
+    value: float  #: rad/s or m/s
+    motor: int  #: from 1
+    pose: Array
+
+
+@dataclass(frozen=True)
+class Figures:
+    """What :func:`measure` finds over a workspace box."""
+
+    samples: int
+    seed: int
+    length: float  #: m, see `LENGTH`
+    reachable: float  #: fraction of the poses
+    regular: float  #: fraction of the poses that are reachable and not singular
+    q_min: Array
+    q_max: Array
+    condition: tuple[float, float, float]  #: least, median, greatest condition number of J
+    moving: Speed  #: at 1 m/s, in the worst direction
+    turning: Speed | None  #: at 1 rad/s, about the worst axis; None if the nacelle cannot turn
+
+
+def measure(robot: Robot, samples: int = 100_000, seed: int = 0, length: float = LENGTH) -> Figures:
+    """Measure a robot at poses drawn from its workspace box.
+
+    Parameters
+    ----------
+    robot : Robot
+    samples, seed : int
+        How many poses; the same seed draws the same ones.
+    length : float
+        m; angles of the nacelle are multiplied by it in condition numbers.
+
+    Raises
+    ------
+    InputError
+        The file has no workspace, or no pose of it is regular.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> figures = measure(tp.load("delta"), samples=1000)
+    >>> figures.reachable, [round(c, 1) for c in figures.condition]
+    (1.0, [1.0, 1.3, 1.9])
+    """
+    box = _box(robot)
+    generator = np.random.default_rng(seed)
+    x = generator.uniform(box.minimum, box.maximum, size=(samples, robot.n))
+    q = robot.ikm(x, errors="nan")
+    reached = np.isfinite(q).all(axis=1)
+    J = robot.jacobian(x, errors="nan")
+    regular = reached & np.isfinite(J).all(axis=(1, 2))
+    if not regular.any():
+        raise InputError(f"{robot.name}: no pose of its workspace is reachable and regular")
+    x, J = x[regular], J[regular]
+    condition = _condition(robot, J, length)
+    K = np.linalg.inv(J)  # q̇ = K ẋ
+    linear = np.array([unit == "m" for _, unit in robot.coordinates])
+    return Figures(
+        samples=samples,
+        seed=seed,
+        length=length,
+        reachable=float(reached.mean()),
+        regular=float(regular.mean()),
+        q_min=q[reached].min(axis=0),
+        q_max=q[reached].max(axis=0),
+        condition=(float(condition.min()), float(np.median(condition)), float(condition.max())),
+        moving=_fastest(K[:, :, linear], x),
+        turning=None if linear.all() else _fastest(K[:, :, ~linear], x),
+    )
+
+
+def condition_map(
+    robot: Robot, length: float = LENGTH, points: int = 101
+) -> tuple[Array, Array, Array]:
+    """Condition number of J over the first two coordinates of the workspace, through home.
+
+    Returns
+    -------
+    first, second : ndarray, shape (points,)
+        The two coordinates.
+    condition : ndarray, shape (points, points)
+        Rows along `second`; NaN where unreachable or singular.
+    """
+    box = _box(robot)
+    first, second = (np.linspace(box.minimum[k], box.maximum[k], points) for k in range(2))
+    x = np.tile(robot.home, (points, points, 1))
+    x[..., 0], x[..., 1] = np.meshgrid(first, second)
+    J = robot.jacobian(x, errors="nan")
+    condition = np.full((points, points), np.nan)
+    regular = np.isfinite(J).all(axis=(2, 3))
+    condition[regular] = _condition(robot, J[regular], length)
+    return first, second, condition
+
+
+def draw_map(robot: Robot, length: float = LENGTH) -> Figure:
+    """Draw :func:`condition_map`."""
+    from matplotlib.figure import Figure
+
+    first, second, condition = condition_map(robot, length)
+    if not np.isfinite(condition).any():
+        raise InputError(f"{robot.name}: no pose of the slice is reachable and regular")
+    shape = float(np.clip(np.ptp(second) / max(np.ptp(first), 1e-9), 0.3, 1.4))
+    figure = Figure(figsize=(6.0, 1.0 + 3.8 * shape), layout="constrained")
+    axes = figure.subplots()
+    axes.set_facecolor("0.8")  # unreachable or singular
+    levels = np.linspace(np.nanmin(condition), np.nanmax(condition) + 1e-9, 15)
+    filled = axes.contourf(1e3 * first, 1e3 * second, condition, levels, cmap="viridis")
+    figure.colorbar(filled, label="condition number of J (–)", format="%.3g")
+    axes.plot(*(1e3 * robot.home[:2]), "w+", ms=12, mew=2)
+    rest = [
+        f"{name} = {1e3 * v:g} mm" if unit == "m" else f"{name} = {np.degrees(v):g}°"
+        for (name, unit), v in zip(robot.coordinates[2:], robot.home[2:], strict=True)
+    ]
+    title = f"{robot.name}: slice through home (+)" + (", " if rest else "") + ", ".join(rest)
+    if any(unit == "rad" for _, unit in robot.coordinates):
+        title += f"\nangles times {1e3 * length:g} mm"
+    (name_1, _), (name_2, _) = robot.coordinates[:2]
+    axes.set_title(title, fontsize=10)
+    axes.set(xlabel=f"{name_1} (mm)", ylabel=f"{name_2} (mm)", aspect="equal")
+    return figure
+
+
+def save_map(robot: Robot, path: Path, length: float = LENGTH) -> None:
+    """Save :func:`draw_map`; the file's ending chooses the format."""
+    figure = draw_map(robot, length)
+    try:
+        figure.savefig(path, dpi=150)
+    except OSError as error:
+        raise InputError(f"--plot {path}: cannot be written: {error.strerror}") from None
+    except ValueError as error:
+        reason = str(error).replace("\n", " ")
+        raise InputError(f"--plot {path}: cannot be written: {reason}") from None
+
+
+def rows(robot: Robot, figures: Figures) -> list[tuple[str, str]]:
+    """Name and value of each figure, for people: mm and degrees."""
+    spec, box = robot.spec, _box(robot)
+    angles = any(unit == "rad" for _, unit in robot.coordinates)
+    scale = f", angles × {1e3 * figures.length:g} mm" if angles else ""
+    known = [sensor.name for sensor in spec.sensor]
+    spare = [name for name in known if name not in robot.sensors]
+    result = [
+        ("mobility", spec.mobility),
+        ("degrees of freedom n", str(robot.n)),
+        ("actuators", _count([chain.actuator for chain in spec.chain])),
+        ("redundant sensors r", f"{robot.r}: {', '.join(robot.sensors) or 'none'}"),
+        ("further sensors in the file", ", ".join(spare) or "none"),
+        ("geometric parameters", str(len(robot.parameters))),
+    ]
+    for (name, unit), low, high in zip(robot.coordinates, box.minimum, box.maximum, strict=True):
+        result.append((f"workspace {name}", _range(low, high, unit)))
+    poses = f"{figures.samples} poses, seed {figures.seed}"
+    result += [
+        ("reachable", f"{100 * figures.reachable:.4g} % of {poses}"),
+        ("reachable and regular", f"{100 * figures.regular:.4g} %"),
+    ]
+    for k, chain in enumerate(spec.chain):
+        unit = "rad" if chain.actuator == "revolute" else "m"
+        result.append((f"motor {k + 1}", _range(figures.q_min[k], figures.q_max[k], unit)))
+    low, middle, high = figures.condition
+    numbers = f"{low:.2f} least, {middle:.2f} median, {high:.2f} greatest"
+    result.append((f"condition number of J{scale}", numbers))
+    result.append(("fastest motor at 1 m/s", _speed(robot, figures.moving)))
+    if figures.turning is not None:
+        result.append(("fastest motor at 1 rad/s", _speed(robot, figures.turning)))
+    return result
+
+
+def _box(robot: Robot):
+    if robot.spec.workspace is None:
+        raise InputError(f"{robot.name}: workspace: is missing from its file")
+    return robot.spec.workspace
+
+
+def _condition(robot: Robot, J: Array, length: float) -> Array:
+    scale = np.array([1.0 if unit == "m" else length for _, unit in robot.coordinates])
+    return np.linalg.cond(J * scale[:, None])
+
+
+def _fastest(K: Array, x: Array) -> Speed:
+    """Rows of K: a motor is fastest when the nacelle moves along its row."""
+    speeds = np.linalg.norm(K, axis=2)
+    pose, motor = np.unravel_index(int(speeds.argmax()), speeds.shape)
+    return Speed(float(speeds[pose, motor]), int(motor) + 1, x[pose])
+
+
+def _count(names: list[str]) -> str:
+    return ", ".join(f"{names.count(name)} {name}" for name in dict.fromkeys(names))
+
+
+def _range(low: float, high: float, unit: str) -> str:
+    if unit == "m":
+        return f"{1e3 * low:.1f} to {1e3 * high:.1f} mm"
+    return f"{np.degrees(low):.2f} to {np.degrees(high):.2f}°"
+
+
+def _speed(robot: Robot, speed: Speed) -> str:
+    chain = robot.spec.chain[speed.motor - 1]
+    unit = "rad/s" if chain.actuator == "revolute" else "m/s"
+    where = ", ".join(
+        f"{name} = {1e3 * v:.0f} mm" if u == "m" else f"{name} = {np.degrees(v):.0f}°"
+        for (name, u), v in zip(robot.coordinates, speed.pose, strict=True)
+    )
+    return f"{speed.value:.3g} {unit}, motor {speed.motor}, at {where}"

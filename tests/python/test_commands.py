@@ -1,0 +1,201 @@
+"""Do check, new and info say what a user needs, in the right place, with the right status?"""
+
+import re
+
+import numpy as np
+import pytest
+
+import truepose as tp
+from truepose import cli, info
+
+
+@pytest.fixture
+def run(monkeypatch, capsys, tmp_path):
+    """Return a function that runs `truepose` in an empty folder: status, stdout, stderr."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+
+    def command(*words):
+        monkeypatch.setattr("sys.argv", ["truepose", *map(str, words)])
+        with pytest.raises(SystemExit) as left:
+            cli.main()
+        return (left.value.code or 0, *capsys.readouterr())
+
+    return command
+
+
+@pytest.mark.parametrize("name", tp.robots())
+def test_a_starter_file_of_every_kind_passes_the_check(run, name, tmp_path):
+    assert run("new", name, "-o", "mine.toml")[0] == 0
+    status, out, err = run("check", "mine.toml")
+    robot = tp.load(tmp_path / "mine.toml")
+    assert (status, err) == (0, "")
+    assert out.startswith(f"mine.toml: ok: mine, n = {robot.n} motors, r = {robot.r} sensors")
+    assert f"{len(robot.parameters)} parameters" in out and len(out.splitlines()) == 1
+    assert robot.parameters == tp.load(name).parameters
+    assert (tmp_path / "mine.toml").read_text(encoding="utf-8").startswith(f"# A {name} to start")
+
+
+def test_new_overwrites_nothing(run, tmp_path):
+    (tmp_path / "delta.toml").write_text("mine", encoding="utf-8")
+    status, _, err = run("new", "delta")
+    assert (status, err) == (
+        2,
+        "truepose: error: delta.toml: is there already and is not overwritten; choose -o\n",
+    )
+    assert (tmp_path / "delta.toml").read_text(encoding="utf-8") == "mine"
+
+
+def test_new_knows_its_kinds_and_its_folders(run):
+    assert "unknown robot 'detla'; did you mean 'delta'? (choices: " in run("new", "detla")[2]
+    assert "cannot be written: No such file" in run("new", "delta", "-o", "no/where.toml")[2]
+
+
+def test_check_tells_every_problem_at_once_with_its_line(run, h4_text, tmp_path):
+    spoiled = {
+        "home = [0.0, 0.0, -0.4, 0.0]": "home = [0.0, 0.0]",
+        "arm = 0.26 ": "am = 0.26 ",
+        "rod = 0.48 ": "rod = -0.48 ",
+        "axis = [0.0, 1.0, 0.0]": "axis = [0.0, 2.0, 0.0]",
+        'mobility = "schoenflies"': 'mobility = "spatial"',
+        "sigma = 0.0003": "sgma = 0.0003",
+        "gear = 4.0": 'gear = "4"',
+        '"z_telemeter"': '"theta"',
+    }
+    for old, new in spoiled.items():
+        assert old in h4_text
+        h4_text = h4_text.replace(old, new, 1)
+    (tmp_path / "bad.toml").write_text(h4_text, encoding="utf-8")
+    status, out, err = run("check", "bad.toml")
+    assert (status, out) == (2, "")
+    lines = h4_text.splitlines()
+    found = []
+    for problem in err.splitlines():
+        name, number, what = problem.split(":", 2)
+        assert name == "bad.toml"
+        found.append((lines[int(number) - 1].split(" #")[0].strip(), what.strip()))
+    expected = [
+        ('mobility = "spatial"', "spatial has 6 freedoms: give 6 chains, not 4"),
+        ("home = [0.0, 0.0]", "home needs 6 coordinates, has 2"),
+        ("minimum = [-0.1", "workspace.minimum needs 6 coordinates, has 4"),
+        ("am = 0.26", "every_chain.am: unknown key 'am'; did you mean 'arm'? (choices: "),
+        ("rod = -0.48", "every_chain.rod = -0.48: input should be greater than 0"),
+        ("axis = [0.0, 2.0, 0.0]", "chain.1.axis = [0.0, 2.0, 0.0]: must have length 1, has 2"),
+        ('gear = "4"', "sensor.1.gear = '4': input should be a valid number"),
+        ('name = "theta"', "two sensors have the same name: theta"),
+        ('"chain*.base.*" = { sgma', "tolerances.chain*.base.*.sgma: unknown key 'sgma'"),
+    ]
+    for line, what in expected:
+        assert any(a.startswith(line) and b.startswith(what) for a, b in found), (line, what, err)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line"),
+    [
+        ('"chain*.rod"', '"chian*.rod"', r"bad.toml:\d+: tolerances: unknown parameter 'chian\*"),
+        ('["theta"]', '["tetha", "x"]', r"(?s)bad.toml:9: unknown sensor 'tetha'.*sensor 'x'"),
+        ("-0.4, 0.0]", "-4.0, 0.0]", r"bad.toml:7: h4: home = .*: unreachable, chain 1"),
+        ("home =", "home", r"bad.toml:7: not TOML"),
+    ],
+)
+def test_check_tells_what_only_the_mechanism_shows(run, h4_text, tmp_path, old, new, line):
+    (tmp_path / "bad.toml").write_text(h4_text.replace(old, new, 1), encoding="utf-8")
+    status, _, err = run("check", "bad.toml")
+    assert status == 2 and re.match(line, err), err
+
+
+def test_check_points_into_a_pattern_once(run, tmp_path):
+    run("new", "par4", "-o", "bad.toml")
+    path = tmp_path / "bad.toml"
+    text = path.read_text(encoding="utf-8").replace("bar = [1, 2]", "bar = [1, 2, 1]")
+    path.write_text(text.replace("bar = [2, 1]", "bar = [2, 0]"), encoding="utf-8")
+    lines = [n for n, line in enumerate(text.splitlines(), 1) if line.startswith("bar = [")]
+    _, _, err = run("check", "bad.toml")
+    assert err.splitlines() == [
+        f"bad.toml:{lines[0]}: chain.1.bar = [1, 2, 1]: give one value, or 2, one a copy",
+        f"bad.toml:{lines[1]}: chain.2.bar = 0: input should be greater than or equal to 1",
+    ]
+
+
+def test_check_of_a_file_based_on_another(run, tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text('based_on = "delta"\n[parameters]\n"chain1.rd" = 1\n', encoding="utf-8")
+    assert run("check", path)[2].startswith(f"{path}:3: parameters: unknown parameter 'chain1.rd'")
+    path.write_text('based_on = "dleta"\n', encoding="utf-8")
+    assert run("check", path)[2].startswith(f"{path}:1: based_on: unknown robot 'dleta'; did you")
+
+
+def test_check_of_a_missing_file_is_one_line(run):
+    status, _, err = run("check", "none.toml")
+    assert (status, err) == (
+        2,
+        "truepose: error: none.toml: cannot be read: No such file or directory\n",
+    )
+
+
+@pytest.mark.parametrize("command", ["check", "new", "info"])
+def test_help_has_an_example(run, command):
+    status, out, _ = run(command, "--help")
+    assert status == 0 and f"Example: truepose {command}" in re.sub(r"\s+", " ", out)
+
+
+@pytest.mark.parametrize("name", tp.robots())
+def test_info_prints_the_figures_of_every_robot(run, name):
+    status, out, err = run("info", name, "--samples", "500")
+    assert (status, err) == (0, "")
+    for word in ("degrees of freedom", "actuators", "redundant sensors", "workspace x", "motor 1"):
+        assert word in out
+    assert "100 % of 500 poses, seed 0" in out and "fastest motor at 1 m/s" in out
+
+
+def test_info_draws_the_conditioning_map(run, tmp_path):
+    assert run("info", "five-bar", "--samples", "100", "--plot", "map.png")[0] == 0
+    assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")
+    assert "--plot no/map.png: cannot be written" in run("info", "h4", "--plot", "no/map.png")[2]
+    assert "cannot be written: Format 'xyz'" in run("info", "h4", "--plot", "map.xyz")[2]
+
+
+def test_info_needs_a_workspace(run, tmp_path, h4_text):
+    a, b = h4_text.index("[workspace]"), h4_text.index("[every_chain]")
+    (tmp_path / "mine.toml").write_text(h4_text[:a] + h4_text[b:], encoding="utf-8")
+    assert (
+        run("info", "mine.toml")[2] == "truepose: error: h4: workspace: is missing from its file\n"
+    )
+
+
+def test_the_condition_number_and_the_speeds_are_those_of_one_pose_by_hand(h4):
+    """A box of one pose: no statistics, only J."""
+    x = np.array([0.05, -0.02, -0.42, 0.3])
+    box = h4.spec.workspace.model_copy(update={"minimum": tuple(x), "maximum": tuple(x)})
+    robot = tp.Robot(h4.spec.model_copy(update={"workspace": box}))
+    figures = info.measure(robot, samples=3, length=0.2)
+    K = np.linalg.inv(h4.jacobian(x))
+    scaled = np.diag([1, 1, 1, 0.2]) @ h4.jacobian(x)
+    assert figures.condition == pytest.approx([np.linalg.cond(scaled)] * 3)
+    assert figures.moving.value == pytest.approx(np.linalg.norm(K[:, :3], axis=1).max())
+    assert figures.turning.value == pytest.approx(np.abs(K[:, 3]).max())
+    assert figures.turning.motor == np.abs(K[:, 3]).argmax() + 1
+    assert figures.moving.pose == pytest.approx(x)
+    assert figures.q_min == pytest.approx(h4.ikm(x)) == figures.q_max
+
+
+def test_no_direction_is_faster_than_the_worst_one(any_robot, anywhere, rng):
+    figures = info.measure(any_robot, samples=300, seed=1)
+    x = np.random.default_rng(1).uniform(
+        any_robot.spec.workspace.minimum, any_robot.spec.workspace.maximum, (300, any_robot.n)
+    )
+    linear = np.array([unit == "m" for _, unit in any_robot.coordinates])
+    direction = rng.normal(size=(300, any_robot.n)) * linear
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    q_dot = np.linalg.solve(any_robot.jacobian(x), direction[..., None])
+    assert np.abs(q_dot).max() <= figures.moving.value * (1 + 1e-12)
+
+
+def test_what_is_out_of_reach_lowers_the_fraction_and_greys_the_map(h4):
+    box = h4.spec.workspace
+    wide = box.model_copy(update={"minimum": (-1.0, *box.minimum[1:])})
+    robot = tp.Robot(h4.spec.model_copy(update={"workspace": wide}))
+    assert 0.1 < info.measure(robot, samples=2000).reachable < 0.9
+    first, second, condition = info.condition_map(robot, points=21)
+    assert first[0] == -1 and second[-1] == 0.1
+    assert np.isnan(condition[:, 0]).all() and np.isfinite(condition[:, -1]).all()
