@@ -11,16 +11,8 @@ from pydantic import ValidationError
 from tomlkit.exceptions import TOMLKitError
 
 from truepose.exceptions import RobotFileError, choose
-from truepose.schema import (
-    Bar,
-    Chain,
-    Nacelle,
-    NacelleAngle,
-    RobotFile,
-    Telemeter,
-    Tolerance,
-    Workspace,
-)
+from truepose.schema import Bar, Chain, Nacelle, RobotFile, Tolerance, Workspace
+from truepose.schema_sensors import SENSORS
 
 _SECTIONS = {
     "chain": Chain,
@@ -28,10 +20,8 @@ _SECTIONS = {
     "nacelle": Nacelle,
     "workspace": Workspace,
     "tolerances": Tolerance,
-    "nacelle_angle": NacelleAngle,
-    "telemeter": Telemeter,
+    **SENSORS,
 }
-_SENSORS = ("nacelle_angle", "telemeter")
 
 
 def shipped() -> dict[str, Path]:
@@ -89,7 +79,7 @@ def validate(data: dict, where: str) -> RobotFile:
 
 def _describe(problem: dict) -> str:
     """One line for one of pydantic's problems."""
-    location = [part for part in problem["loc"] if part not in _SENSORS]
+    location = [part for part in problem["loc"] if part not in SENSORS]
     key = ".".join(str(part + 1) if isinstance(part, int) else str(part) for part in location)
     kind, value = problem["type"], problem["input"]
     if kind == "extra_forbidden":
@@ -101,9 +91,9 @@ def _describe(problem: dict) -> str:
     if kind == "missing":
         return f"{key}: is missing"
     if kind == "union_tag_not_found":
-        return f"{key}.kind: is missing (choices: {', '.join(_SENSORS)})"
+        return f"{key}.kind: is missing (choices: {', '.join(SENSORS)})"
     if kind == "union_tag_invalid":
-        return f"{key}.kind: " + choose("kind", value.get("kind"), _SENSORS)
+        return f"{key}.kind: " + choose("kind", value.get("kind"), SENSORS)
     if kind in ("model_type", "dict_type", "model_attributes_type"):
         return f"{key}: must be a table"
     if kind == "tuple_type":
