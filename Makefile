@@ -48,15 +48,15 @@ realtime: $(VENV)/developing
 	  cmake --build --preset realtime && ctest --preset realtime; \
 	else echo "realtime: SKIPPED, clang++-22 is not installed (Debian: clang-22 libclang-rt-22-dev)"; fi
 
-# Instruction counts against benchmarks/instructions.json.
+# Instruction counts against benchmarks/instructions.json; all C++ tests, optimised.
 instructions: build/dev/build.ninja
 	@if command -v valgrind >/dev/null; then \
-	  cmake --build --preset dev && python benchmarks/instructions.py; \
+	  cmake --build --preset dev && ctest --preset dev; \
 	else echo "instructions: SKIPPED, valgrind is not installed (Debian: valgrind)"; fi
 
 bench: build/dev/build.ninja
 	cmake --build --preset dev
-	build/dev/benchmarks/bench_core
+	build/dev/benchmarks/benchmark_core
 
 pictures: $(VENV)/installed
 	python -c "import truepose as tp; from truepose.drawing import draw; [draw(tp.load(name)).savefig(f'robots/{name}/picture.png', dpi=110) for name in tp.robots()]"

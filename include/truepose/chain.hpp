@@ -33,8 +33,6 @@ inline Driven drive(const Chain& chain, double q) {
   return {c * e + s * w, c * w - s * e, chain.rod};
 }
 
-inline Vec3 lever(const Chain& chain, const Mat3& R) { return R * chain.pivot; }
-
 /// The entry of J_q for a rod v: the paper's (p×v)·u, for any actuator.
 inline double jq_entry(const Chain& chain, const Vec3& v, const Driven& driven) {
   return chain.actuator == Actuator::telescopic ? -driven.rod : v.dot(driven.dB);
@@ -45,9 +43,9 @@ inline double jq_entry(const Chain& chain, const Vec3& v, const Driven& driven) 
 /// neither tan(q/2) nor a quotient by G, M or N appears, so no position of the arm is special.
 /// NeedAngle = false leaves q out, and with it the only trigonometric function.
 /// @return false when the rod cannot reach.
-template <bool NeedAngle = true>
+template <Mobility K, bool NeedAngle = true>
 TRUEPOSE_FLATTEN inline bool close(const Chain& chain, const Pose& pose, ChainState& state) {
-  state.lever = lever(chain, pose.R);
+  state.lever = turned<K>(pose.R, chain.pivot);
   const Vec3 d = pose.D + state.lever + chain.anchor - chain.base;  // P to A
   const double sign = chain.working_mode;
   double position = 0;
@@ -77,7 +75,8 @@ TRUEPOSE_FLATTEN inline bool close(const Chain& chain, const Pose& pose, ChainSt
       if (!(root2 >= 0) || !(r2 > 0)) return false;
       state.jq = sign * std::sqrt(root2);
       const double cosine = (a * c - b * state.jq) / r2, sine = (b * c + a * state.jq) / r2;
-      if constexpr (NeedAngle) position = std::atan2(sine, cosine);
+      if constexpr (NeedAngle)  // tan(q/2), at half the cost, where 1 + cos q is far from zero
+        position = cosine > -0.5 ? 2 * std::atan(sine / (1 + cosine)) : std::atan2(sine, cosine);
       state.p = cosine * e + sine * w;
       state.dB = cosine * w - sine * e;
       break;

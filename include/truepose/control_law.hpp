@@ -31,7 +31,7 @@ inline Outcome refer(const Robot& robot, Law law, const Joint& x_d, Reference<K>
   if (outcome) outcome = rkm<K>(robot, reference.closure, reference.r, reference.jr);
   // On the other side of a singularity the motors would have to pass through it to get there.
   if (outcome && robot.assembly_sign != 0 &&
-      determinant_sign<kDof<K>>(reference.jacobians.jx) != robot.assembly_sign)
+      assembly_sign<K>(reference.jacobians) != robot.assembly_sign)
     outcome = {Status::branch_lost, -1};
   if (!outcome) return outcome;
   if (law == Law::redundant)

@@ -14,10 +14,10 @@ namespace truepose {
 template <Mobility K>
 struct DynamicModel {
   static constexpr int n = kDof<K>;
-  Square<K> mass;              ///< M, full symmetric
-  std::array<double, n> bias;  ///< c: Coriolis, centrifugal and gravity forces
-  Square<K> k;                 ///< K, rows k_i
-  std::array<double, n> rate;  ///< q̇
+  Matrix<kDof<K>, kDof<K>> mass;  ///< M, full symmetric
+  std::array<double, n> bias;     ///< c: Coriolis, centrifugal and gravity forces
+  Matrix<kDof<K>, kDof<K>> k;     ///< K, rows k_i
+  std::array<double, n> rate;     ///< q̇
 };
 
 /// ω × l for the angular velocities that the mobility allows.
@@ -112,7 +112,7 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<
 
   for (int i = 0; i < robot.bodies; ++i) {
     const Body& body = robot.body[i];
-    const Vec3 l = closure.pose.R * body.pivot;
+    const Vec3 l = turned<K>(closure.pose.R, body.pivot);
     hang(body.mass, l, body.mass * (turning<K>(twist.omega, turning<K>(twist.omega, l)) - g));
     if constexpr (K == Mobility::spatial) {
       const Mat3 inertia = closure.pose.R * body.inertia * closure.pose.R.transpose();
@@ -145,7 +145,7 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<
 
 /// Motor torques that give the acceleration: τ = Jᵀ (M ẍ + c), friction not counted.
 template <Mobility K>
-inline Joint inverse_dynamics(const DynamicModel<K>& model, const Square<K>& J,
+inline Joint inverse_dynamics(const DynamicModel<K>& model, const Matrix<kDof<K>, kDof<K>>& J,
                               const Joint& acceleration) {
   constexpr int n = kDof<K>;
   Joint torque{};

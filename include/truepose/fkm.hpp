@@ -46,7 +46,7 @@ TRUEPOSE_FLATTEN inline FkmResult fkm(const Robot& robot, const Joint& q, Pose& 
   const auto evaluate = [&](Iterate& at) {
     at.cost = at.residual = 0;  // |v| - L = f / L to first order
     for (int i = 0; i < n; ++i) {
-      at.lever[i] = lever(robot.chain[i], at.pose.R);
+      at.lever[i] = turned<K>(at.pose.R, robot.chain[i].pivot);
       at.v[i] = centre[i] - at.pose.D - at.lever[i];
       at.f[i] = 0.5 * (at.v[i].squaredNorm() - driven[i].rod * driven[i].rod);
       at.cost += at.f[i] * at.f[i];
@@ -61,7 +61,7 @@ TRUEPOSE_FLATTEN inline FkmResult fkm(const Robot& robot, const Joint& q, Pose& 
   evaluate(*current);
   if (!std::isfinite(current->cost)) return {Status::not_finite, -1, 0, 0};
 
-  Square<K> jx, normal;
+  Matrix<n, n> jx;
   double damping = 0;
   bool regular = true;
   do {
@@ -70,11 +70,8 @@ TRUEPOSE_FLATTEN inline FkmResult fkm(const Robot& robot, const Joint& q, Pose& 
       jx_row<K>(current->v[i], current->lever[i], jx[i]);
       sizes.add(current->v[i], current->lever[i]);
     }
-    normal_matrix<n>(jx, normal);
-    const std::array<double, n> size = sizes.columns();
-    for (int j = 0; j < n; ++j) normal[j][j] += damping * size[j];
-    const Ldlt<n> factor(normal, size);
-    regular = factor.regular();
+    const NormalEquations<n> square(jx, sizes.columns(), damping);
+    regular = square.regular();
     if (!regular) {
       ++result.iterations;
       damping = std::max(10 * damping, 1e-3);
@@ -84,8 +81,7 @@ TRUEPOSE_FLATTEN inline FkmResult fkm(const Robot& robot, const Joint& q, Pose& 
     // of two small ones, and it costs a third of a new factorisation.
     do {
       ++result.iterations;
-      std::array<double, n> step = transposed_times<n>(jx, current->f);
-      factor.solve(step);
+      const std::array<double, n> step = square.solve(current->f);
       Joint motion{};
       for (int j = 0; j < n; ++j) motion[j] = step[j];
       trial->pose = moved<K>(current->pose, motion);

@@ -29,21 +29,24 @@ TRUEPOSE_FLATTEN inline Outcome fkm_closed(const Robot& robot, const Joint& q, c
   Vec3 mean = Vec3::Zero();
   for (int i = 0; i < n; ++i) {
     const Driven driven = drive(robot.chain[i], q[i]);
-    t[i] = robot.chain[i].base + driven.p - lever(robot.chain[i], R) - robot.chain[i].anchor;
+    t[i] =
+        robot.chain[i].base + driven.p - turned<K>(R, robot.chain[i].pivot) - robot.chain[i].anchor;
     g[i] = driven.rod * driven.rod;
-    mean += t[i] / n;
+    mean += t[i];
   }
+  mean *= 1.0 / n;
   double square = 0;  // |y|²
   for (int i = 0; i < n; ++i) {
     t[i] -= mean;
     g[i] = t[i].squaredNorm() - g[i];
-    square -= g[i] / n;
+    square -= g[i];
   }
+  square *= 1.0 / n;
   Mat3 T = Mat3::Zero();
   Vec3 h = Vec3::Zero();
   for (int i = 0; i < n; ++i) {
-    T.noalias() += t[i] * t[i].transpose();
-    h += t[i] * (0.5 * (g[i] + square));
+    for (int column = 0; column < 3; ++column) T.col(column) += t[i][column] * t[i];
+    h += (0.5 * (g[i] + square)) * t[i];
   }
 
   // The columns of T's adjugate are the cross products of T's columns; for rank 2 each is a
@@ -60,9 +63,10 @@ TRUEPOSE_FLATTEN inline Outcome fkm_closed(const Robot& robot, const Joint& q, c
   // y = particular + λ direction: the 2×2 equations across m, solved for any component λ along it.
   const Vec3 e1 = m.unitOrthogonal(), e2 = m.cross(e1);
   const Vec3 T1 = T * e1, T2 = T * e2;
-  const double t11 = e1.dot(T1), t12 = e1.dot(T2), t22 = e2.dot(T2), det = t11 * t22 - t12 * t12;
+  const double t11 = e1.dot(T1), t12 = e1.dot(T2), t22 = e2.dot(T2),
+               per_det = 1 / (t11 * t22 - t12 * t12);
   const auto across = [&](double r1, double r2) -> Vec3 {
-    return ((t22 * r1 - t12 * r2) * e1 + (t11 * r2 - t12 * r1) * e2) / det;
+    return (per_det * (t22 * r1 - t12 * r2)) * e1 + (per_det * (t11 * r2 - t12 * r1)) * e2;
   };
   const Vec3 particular = across(e1.dot(h), e2.dot(h));
   const Vec3 direction = m - across(m.dot(T1), m.dot(T2));

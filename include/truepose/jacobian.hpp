@@ -2,12 +2,9 @@
 #pragma once
 
 #include "truepose/ikm.hpp"
-#include "truepose/ldlt.hpp"
+#include "truepose/square.hpp"
 
 namespace truepose {
-
-template <Mobility K>
-using Square = Matrix<kDof<K>, kDof<K>>;
 
 /// Row i of J_x: [vᵀ, (R c × v)ᵀ] S.
 template <Mobility K>
@@ -19,7 +16,7 @@ inline void jx_row(const Vec3& v, const Vec3& lever, std::array<double, kDof<K>>
   }
 }
 
-/// Sizes of the diagonal of J_xᵀJ_x if nothing cancelled: Σ|v|² for the columns of a velocity,
+/// |column|² of J_x if nothing cancelled: Σ|v|² for the columns of a velocity,
 /// Σ|R c|²|v|² for those of a turn. Where the rods meet in one point the column of a turn vanishes:
 /// small against this, not against itself.
 template <Mobility K>
@@ -38,30 +35,9 @@ struct ColumnSizes {
   }
 };
 
-/// Lower triangle of AᵀA.
-template <int N>
-inline void normal_matrix(const Matrix<N, N>& A, Matrix<N, N>& normal) {
-  for (int i = 0; i < N; ++i)
-    for (int j = 0; j <= i; ++j) {
-      double sum = 0;
-      for (int k = 0; k < N; ++k) sum += A[k][i] * A[k][j];
-      normal[i][j] = sum;
-    }
-}
-
-/// b ← Aᵀ b
-template <int N>
-inline std::array<double, N> transposed_times(const Matrix<N, N>& A,
-                                              const std::array<double, N>& b) {
-  std::array<double, N> result{};
-  for (int k = 0; k < N; ++k)
-    for (int j = 0; j < N; ++j) result[j] += A[k][j] * b[k];
-  return result;
-}
-
 template <Mobility K>
 struct Jacobians {
-  Square<K> jx, J;
+  Matrix<kDof<K>, kDof<K>> jx, J;
   std::array<double, kDof<K>> jq;
 
   /// q̇ = J⁻¹ ẋ = J_q⁻¹ J_x ẋ, without inverting J.
@@ -91,14 +67,10 @@ TRUEPOSE_FLATTEN inline Outcome jacobian(const Closure<K>& closure, Jacobians<K>
     if (!(chain.jq * chain.jq > kSingular * chain.v.squaredNorm() * chain.dB.squaredNorm()))
       return {Status::singular, i};
   }
-  Square<K> normal;
-  normal_matrix<n>(jacobians.jx, normal);
-  const Ldlt<n> factor(normal, sizes.columns());
-  if (!factor.regular()) return {Status::singular, -1};
-  for (int j = 0; j < n; ++j) {  // column j: (J_xᵀJ_x)⁻¹ J_xᵀ e_j jq_j
-    std::array<double, n> column;
-    for (int i = 0; i < n; ++i) column[i] = jacobians.jx[j][i] * jacobians.jq[j];
-    factor.solve(column);
+  const Square<n> square(jacobians.jx, sizes.columns());
+  if (!square.regular()) return {Status::singular, -1};
+  for (int j = 0; j < n; ++j) {
+    const std::array<double, n> column = square.column(j, jacobians.jq[j]);
     for (int i = 0; i < n; ++i) jacobians.J[i][j] = column[i];
   }
   return {};
@@ -121,10 +93,8 @@ inline Outcome jacobian(const Robot& robot, const Joint& x, JointMatrix& J) {
 
 /// Sign of det J_x: two poses with the same motors and another sign are other assembly modes.
 template <Mobility K>
-inline int assembly_sign(const Closure<K>& closure) {
-  Square<K> jx;
-  for (int i = 0; i < kDof<K>; ++i) jx_row<K>(closure.chain[i].v, closure.chain[i].lever, jx[i]);
-  return determinant_sign<kDof<K>>(jx);
+inline int assembly_sign(const Jacobians<K>& jacobians) {
+  return determinant_sign<kDof<K>>(jacobians.jx);
 }
 
 /// Fills what a robot derives from its own data (assembly_sign). Call once after building it.
@@ -135,7 +105,7 @@ inline Outcome finish(Robot& robot) {
     Outcome outcome = ikm<K>(robot, to_pose<K>(robot.home), closure);
     Jacobians<K> jacobians;
     if (outcome) outcome = jacobian<K>(closure, jacobians);
-    robot.assembly_sign = outcome ? assembly_sign<K>(closure) : 0;
+    robot.assembly_sign = outcome ? assembly_sign<K>(jacobians) : 0;
     return outcome;
   });
 }

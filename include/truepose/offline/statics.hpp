@@ -26,8 +26,8 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
   Reference<K> reference;
   Outcome outcome = refer<K>(nominal, law, x_d, reference);
   if (!outcome) return outcome;
-  const auto hold = [](const Robot& robot, const Closure<K>& closure, const Square<K>& J,
-                       Joint& torque) {
+  const auto hold = [](const Robot& robot, const Closure<K>& closure,
+                       const Matrix<kDof<K>, kDof<K>>& J, Joint& torque) {
     DynamicModel<K> model;
     const Outcome result = dynamic_model<K>(robot, closure, Joint{}, model);
     if (result) torque = inverse_dynamics<K>(model, J, Joint{});
