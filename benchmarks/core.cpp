@@ -62,7 +62,7 @@ int main(int argc, char** argv) {
 
   kinematics<K>("H4", h4, rows);
   rows.push_back(bench::measure("H4 FKM, closed, θ known", kPoses, kRepeats, [&](int i) {
-    Vec3 D;
+    Vec3 D = Vec3::Zero();
     bench::keep(fkm_closed<K>(h4.robot, h4.q[i], h4.R[i], Vec3(0, 0, -0.4), D));
     bench::keep(D);
   }));

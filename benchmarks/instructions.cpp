@@ -66,7 +66,7 @@ int main() {
     JointMatrix J;
     ExtendedColumns M;
     ExtendedRows M_plus;
-    Vec3 D;
+    Vec3 D = Vec3::Zero();
     f_ikm(h4.robot, h4.x[i], out);
     f_jacobian(h4.robot, h4.x[i], J);
     f_fkm_near(h4.robot, h4.q[i], near);
