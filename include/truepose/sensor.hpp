@@ -64,6 +64,10 @@ inline void sensor_row(const Robot& robot, const Sensor& sensor, const Closure<K
 template <Mobility K>
 inline double read(const Robot& robot, const Sensor& sensor, const Closure<K>& closure,
                    double* row) {
+  if (sensor.kind == SensorKind::nacelle_angle) {  // the paper's, without gradients it has not
+    free_columns<K>(Vec3::Zero(), Vec3(0, 0, sensor.gain), row);
+    return sensor.gain * closure.pose.theta - sensor.offset;
+  }
   const Sensed s = sense<K>(robot, sensor, closure);
   sensor_row<K>(robot, sensor, closure, s, row);
   for (int j = 0; j < kDof<K>; ++j) row[j] *= sensor.gain;

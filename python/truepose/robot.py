@@ -568,23 +568,7 @@ def _build(spec: RobotFile, sensors: tuple[Sensor, ...], values: dict[str, float
             setattr(built, key, getattr(chain, key))
         robot.set_chain(i, built)
     for sensor in sensors:
-        built = _core.Sensor()
-        built.kind = getattr(_core.SensorKind, sensor.kind)
-        built.offset = values[f"{sensor.name}.offset"]
-        built.gain = values[f"{sensor.name}.gain"]
-        built.step = sensor.step
-        built.weight = sensor.weight
-        for core, key in sensor.mounting.items():
-            vector = np.array([values[f"{sensor.name}.{key}.{axis}"] for axis in "xyz"])
-            length = np.linalg.norm(vector) if core in _DIRECTIONS else 1.0
-            setattr(built, core, vector / length)
-        if (number := getattr(sensor, "chain", None)) is not None:
-            built.chain = number - 1
-            built.at_nacelle = getattr(sensor, "side", "base") == "nacelle"
-            # A joint on the nacelle's side is built along the drawn axes of its chain.
-            built.direction = np.array(spec.chain[number - 1].axis)
-            built.normal = np.array(spec.chain[number - 1].zero)
-        robot.add_sensor(built)
+        robot.add_sensor(_build_sensor(spec, sensor, values))
     body = _core.Body()
     body.mass = spec.nacelle.mass
     body.pivot = np.array(spec.nacelle.centre)
@@ -598,3 +582,24 @@ def _build(spec: RobotFile, sensors: tuple[Sensor, ...], values: dict[str, float
         body.pivot = values[f"bar{k}.pivot"] * np.array(bar.direction)
         robot.add_body(body)
     return robot
+
+
+def _build_sensor(spec: RobotFile, sensor: Sensor, values: dict[str, float]) -> _core.Sensor:
+    """Fill the core's struct of a sensor."""
+    built = _core.Sensor()
+    built.kind = getattr(_core.SensorKind, sensor.kind)
+    built.offset = values[f"{sensor.name}.offset"]
+    built.gain = values[f"{sensor.name}.gain"]
+    built.step = sensor.step
+    built.weight = sensor.weight
+    for core, key in sensor.mounting.items():
+        vector = np.array([values[f"{sensor.name}.{key}.{axis}"] for axis in "xyz"])
+        length = np.linalg.norm(vector) if core in _DIRECTIONS else 1.0
+        setattr(built, core, vector / length)
+    if (number := getattr(sensor, "chain", None)) is not None:
+        built.chain = number - 1
+        built.at_nacelle = getattr(sensor, "side", "base") == "nacelle"
+        # A joint on the nacelle's side is built along the drawn axes of its chain.
+        built.direction = np.array(spec.chain[number - 1].axis)
+        built.normal = np.array(spec.chain[number - 1].zero)
+    return built

@@ -69,7 +69,7 @@ class NacelleAngle(_Encoder):
 class Telemeter(_Gauge):
     """Distance along a line fixed in the base to a plane of the nacelle."""
 
-    mounting = {n: n for n in ("origin", "direction", "target", "normal")}
+    mounting: ClassVar[dict[str, str]] = {n: n for n in ("origin", "direction", "target", "normal")}
 
     kind: Literal["telemeter"]
     origin: Vector = Field(description="a point of the line, base frame, m")
@@ -81,7 +81,7 @@ class Telemeter(_Gauge):
 class Coordinate(_Gauge):
     """A point of the nacelle along a fixed direction: one axis of a tracker, or a telemeter."""
 
-    mounting = {n: n for n in ("origin", "direction", "target")}
+    mounting: ClassVar[dict[str, str]] = {n: n for n in ("origin", "direction", "target")}
 
     kind: Literal["coordinate"]
     origin: Vector = Field(default=(0, 0, 0), description="where it reads 0, base frame, m")
@@ -92,7 +92,7 @@ class Coordinate(_Gauge):
 class Distance(_Gauge):
     """Draw-wire or ball bar from a point of the base to a point of the nacelle."""
 
-    mounting = {n: n for n in ("origin", "target")}
+    mounting: ClassVar[dict[str, str]] = {n: n for n in ("origin", "target")}
 
     kind: Literal["distance"]
     origin: Vector = Field(description="its point on the base, base frame, m")
@@ -102,7 +102,7 @@ class Distance(_Gauge):
 class Inclinometer(_Gauge):
     """Turn of the nacelle about one of its own axes, against gravity."""
 
-    mounting = {"direction": "axis", "normal": "up"}
+    mounting: ClassVar[dict[str, str]] = {"direction": "axis", "normal": "up"}
 
     kind: Literal["inclinometer"]
     axis: Direction = Field(description="about which it measures, nacelle frame")
@@ -112,7 +112,7 @@ class Inclinometer(_Gauge):
 class Rotation(_Gauge):
     """A component of the nacelle's rotation vector: one axis of a tracker of orientation."""
 
-    mounting = {"direction": "direction"}
+    mounting: ClassVar[dict[str, str]] = {"direction": "direction"}
 
     kind: Literal["rotation"]
     direction: Direction = Field(description="of the component, base frame")
