@@ -6,6 +6,7 @@
 
 #include "arrays.hpp"
 #include "truepose/control.hpp"
+#include "truepose/parameters.hpp"
 
 namespace truepose::python {
 namespace {
@@ -23,7 +24,15 @@ void bind_robot(nb::module_& m) {
       .value("telescopic", Actuator::telescopic);
   nb::enum_<SensorKind>(m, "SensorKind")
       .value("nacelle_angle", SensorKind::nacelle_angle)
-      .value("telemeter", SensorKind::telemeter);
+      .value("telemeter", SensorKind::telemeter)
+      .value("coordinate", SensorKind::coordinate)
+      .value("distance", SensorKind::distance)
+      .value("inclinometer", SensorKind::inclinometer)
+      .value("rotation", SensorKind::rotation)
+      .value("rod_in_plane", SensorKind::rod_in_plane)
+      .value("rod_lateral", SensorKind::rod_lateral)
+      .value("rod_length", SensorKind::rod_length)
+      .value("motor_encoder", SensorKind::motor_encoder);
 
   nb::class_<Chain>(m, "Chain")
       .def(nb::init<>())
@@ -37,6 +46,7 @@ void bind_robot(nb::module_& m) {
       .def_rw("encoder_offset", &Chain::encoder_offset)
       .def_rw("pivot", &Chain::pivot)
       .def_rw("anchor", &Chain::anchor)
+      .def_rw("bar", &Chain::bar)
       .def_rw("encoder_step", &Chain::encoder_step)
       .def_rw("torque_limit", &Chain::torque_limit)
       .def_rw("drive_inertia", &Chain::drive_inertia)
@@ -47,6 +57,8 @@ void bind_robot(nb::module_& m) {
   nb::class_<Sensor>(m, "Sensor")
       .def(nb::init<>())
       .def_rw("kind", &Sensor::kind)
+      .def_rw("chain", &Sensor::chain)
+      .def_rw("at_nacelle", &Sensor::at_nacelle)
       .def_rw("gain", &Sensor::gain)
       .def_rw("offset", &Sensor::offset)
       .def_rw("step", &Sensor::step)
@@ -116,12 +128,12 @@ void bind_control(nb::module_& m) {
       .def_ro("torque", &ControlState::torque)
       .def_ro("error", &ControlState::error)
       .def_ro("rate", &ControlState::rate)
-      .def("step", [](ControlState& state, const Robot& robot, const ControlSettings& settings,
-                      const Joint& x, const Joint& rate, const Joint& acceleration,
-                      const Extended& q_e) {
-        const Outcome outcome = control(robot, settings, {x, rate, acceleration}, q_e, state);
-        return std::pair(static_cast<int>(outcome.status), outcome.chain);
-      });
+      .def("step",
+           [](ControlState& state, const Robot& robot, const ControlSettings& settings,
+              const Joint& x, const Joint& rate, const Joint& acceleration, const Extended& q_e) {
+             const Outcome outcome = control(robot, settings, {x, rate, acceleration}, q_e, state);
+             return std::pair(static_cast<int>(outcome.status), outcome.chain);
+           });
 }
 
 }  // namespace
@@ -134,6 +146,7 @@ NB_MODULE(_core, m) {
   nb::set_leak_warnings(false);  // an interpreter may end with robots alive
   m.attr("max_sensors") = kMaxSensors;
   m.attr("max_readings") = kMaxReadings;
+  m.attr("max_bars") = kMaxBars;
   m.def("describe", [](int status) { return describe(static_cast<Status>(status)); });
   python::bind_robot(m);
   python::bind_control(m);

@@ -9,6 +9,7 @@
 #include "truepose/fkm.hpp"
 #include "truepose/offline/simulate.hpp"
 #include "truepose/offline/statics.hpp"
+#include "truepose/parameters.hpp"
 
 namespace truepose::python {
 namespace {
@@ -33,22 +34,19 @@ auto map_rows(const Rows& in, std::size_t n_out, F&& f) {
 }
 
 auto batch_ikm(const Robot& robot, const Rows& x) {
-  return map_rows<Joint, Joint>(x, x.shape(1), [&](const Joint& at, Joint& q, std::size_t) {
-    return ikm(robot, at, q);
-  });
+  return map_rows<Joint, Joint>(
+      x, x.shape(1), [&](const Joint& at, Joint& q, std::size_t) { return ikm(robot, at, q); });
 }
 
 auto batch_rkm(const Robot& robot, const Rows& x) {
-  return map_rows<Joint, Reading>(x, robot.r, [&](const Joint& at, Reading& r, std::size_t) {
-    return rkm(robot, at, r);
-  });
+  return map_rows<Joint, Reading>(
+      x, robot.r, [&](const Joint& at, Reading& r, std::size_t) { return rkm(robot, at, r); });
 }
 
 auto batch_redundant_fkm(const Robot& robot, const Rows& q_e) {
-  return map_rows<Extended, Joint>(q_e, dof(robot.mobility),
-                                   [&](const Extended& at, Joint& x, std::size_t) {
-                                     return redundant_fkm(robot, at, x);
-                                   });
+  return map_rows<Extended, Joint>(
+      q_e, dof(robot.mobility),
+      [&](const Extended& at, Joint& x, std::size_t) { return redundant_fkm(robot, at, x); });
 }
 
 auto batch_settle(const Robot& nominal, const Robot& truth, const ControlSettings& control,
@@ -119,6 +117,39 @@ auto batch_tej(const Robot& robot, const Rows& x) {
                         outcomes.chain.release());
 }
 
+/// H_x = [J⁻¹; J_r], (N, n + r, n), and H_ξ in the core's own order, (N, n + r, p).
+auto batch_linearise(const Robot& robot, const Rows& x) {
+  const std::size_t count = x.shape(0), n = x.shape(1), e = n + robot.r;
+  const std::size_t p = parameter_count(robot);
+  Owned<double> h_x({count, e, n}), h_xi({count, e, p});
+  Outcomes outcomes(count);
+  with_mobility(robot.mobility, [&](auto mobility) {
+    constexpr Mobility K = mobility();
+    nb::gil_scoped_release release;
+    for (std::size_t i = 0; i < count; ++i) {
+      Closure<K> closure;
+      Jacobians<K> jacobians;
+      Reading values;
+      Matrix<kMaxSensors, kDof<K>> jr;
+      Outcome outcome = ikm<K>(robot, to_pose<K>(row<Joint>(x, i)), closure);
+      if (outcome) outcome = jacobian<K>(closure, jacobians);
+      if (outcome) outcome = rkm<K>(robot, closure, values, jr);
+      outcomes.set(i, outcome);
+      if (!outcome) {
+        std::fill_n(h_x[i], e * n, NAN);
+        std::fill_n(h_xi[i], e * p, NAN);
+        continue;
+      }
+      for (std::size_t k = 0; k < e; ++k)
+        for (std::size_t j = 0; j < n; ++j)
+          h_x[i][k * n + j] = k < n ? jacobians.jx[k][j] / jacobians.jq[k] : jr[k - n][j];
+      parameter_jacobian<K>(robot, closure, h_xi[i]);
+    }
+  });
+  return nb::make_tuple(h_x.release(), h_xi.release(), outcomes.status.release(),
+                        outcomes.chain.release());
+}
+
 /// Points P, B, A and the pivot of every chain at one pose, (n, 4, 3): what a drawing needs.
 auto skeleton(const Robot& robot, const Joint& x) {
   const std::size_t n = dof(robot.mobility);
@@ -178,6 +209,7 @@ void bind_batch(nb::module_& m) {
   m.def("jacobian", &batch_jacobian);
   m.def("tej", &batch_tej);
   m.def("settle", &batch_settle);
+  m.def("linearise", &batch_linearise);
   m.def("skeleton", &skeleton);
   m.def("simulate", &run_simulation);
 }

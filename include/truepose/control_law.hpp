@@ -28,7 +28,7 @@ template <Mobility K>
 inline Outcome refer(const Robot& robot, Law law, const Joint& x_d, Reference<K>& reference) {
   Outcome outcome = ikm<K>(robot, to_pose<K>(x_d), reference.closure);
   if (outcome) outcome = jacobian<K>(reference.closure, reference.jacobians);
-  if (outcome) outcome = rkm<K>(robot, reference.closure.pose, reference.r, reference.jr);
+  if (outcome) outcome = rkm<K>(robot, reference.closure, reference.r, reference.jr);
   // On the other side of a singularity the motors would have to pass through it to get there.
   if (outcome && robot.assembly_sign != 0 &&
       assembly_sign<K>(reference.jacobians) != robot.assembly_sign)

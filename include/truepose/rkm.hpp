@@ -1,17 +1,18 @@
 // What should the redundant sensors read at this pose? The redundant kinematic model (RKM).
 #pragma once
 
-#include "truepose/ikm.hpp"
 #include "truepose/sensor.hpp"
 
 namespace truepose {
 
-/// r = RKM(x) and J_r = ∂r/∂x (r rows of n).
-/// @return not_finite where a sensor has no reading (a telemeter along its own plane)
+/// r = RKM(x) and J_r = ∂r/∂x (r rows of n) at a closed pose.
+/// @return not_finite where a sensor has no reading (a telemeter along its own plane, a rod across
+/// its joint's plane)
 template <Mobility K>
-inline Outcome rkm(const Robot& robot, const Pose& pose, Reading& values,
+inline Outcome rkm(const Robot& robot, const Closure<K>& closure, Reading& values,
                    Matrix<kMaxSensors, kDof<K>>& jr) {
-  for (int k = 0; k < robot.r; ++k) values[k] = read<K>(robot.sensor[k], pose, jr[k].data());
+  for (int k = 0; k < robot.r; ++k)
+    values[k] = read<K>(robot, robot.sensor[k], closure, jr[k].data());
   return {all_finite(values, robot.r) ? Status::ok : Status::not_finite, -1};
 }
 
@@ -19,8 +20,10 @@ inline Outcome rkm(const Robot& robot, const Pose& pose, Reading& values,
 inline Outcome rkm(const Robot& robot, const Joint& x, Reading& values) {
   return with_mobility(robot.mobility, [&](auto mobility) -> Outcome {
     constexpr Mobility K = mobility();
+    Closure<K> closure;
     Matrix<kMaxSensors, kDof<K>> jr;
-    return rkm<K>(robot, to_pose<K>(x), values, jr);
+    const Outcome outcome = ikm<K>(robot, to_pose<K>(x), closure);
+    return outcome ? rkm<K>(robot, closure, values, jr) : outcome;
   });
 }
 
@@ -31,7 +34,7 @@ inline Outcome extended(const Robot& robot, const Pose& pose, Extended& q_e) {
   Outcome outcome = ikm<K>(robot, pose, closure);
   Reading values;
   Matrix<kMaxSensors, kDof<K>> jr;
-  if (outcome) outcome = rkm<K>(robot, pose, values, jr);
+  if (outcome) outcome = rkm<K>(robot, closure, values, jr);
   if (!outcome) return outcome;
   for (int i = 0; i < kDof<K>; ++i) q_e[i] = closure.chain[i].q;
   for (int k = 0; k < robot.r; ++k) q_e[kDof<K> + k] = values[k];

@@ -54,9 +54,18 @@ enum class Actuator : int {
   telescopic = 2,  ///< B = P, L = q
 };
 
+/// What a redundant sensor measures. One sensor is one number; a tracker is several of them.
 enum class SensorKind : int {
   nacelle_angle = 0,  ///< θ of the nacelle about z, gear undone
   telemeter = 1,      ///< distance along a fixed line to a plane of the nacelle
+  coordinate = 2,     ///< a point of the nacelle along a fixed direction (tracker, telemeter)
+  distance = 3,       ///< from a point of the base to a point of the nacelle (draw-wire, ball bar)
+  inclinometer = 4,   ///< turn of the nacelle about one of its axes, against gravity
+  rotation = 5,       ///< a component of the nacelle's rotation vector (tracker)
+  rod_in_plane = 6,   ///< rod's direction in its joint's plane (elbow, first U-joint angle)
+  rod_lateral = 7,    ///< rod's direction out of that plane
+  rod_length = 8,     ///< distance of the rod's ends
+  motor_encoder = 9,  ///< a second encoder on a motor's load side
 };
 
 /// One chain: motor, arm, rod (a spatial parallelogram counts as one rod).
@@ -71,26 +80,37 @@ struct Chain {
   double encoder_offset = 0;   ///< reading = angle - offset
   Vec3 pivot = Vec3::Zero();   ///< c, turns with the nacelle
   Vec3 anchor = Vec3::Zero();  ///< a, keeps its orientation
-  double encoder_step = 0;     ///< one count, rad or m (0: unquantised)
-  double torque_limit = 0;     ///< N·m or N (0: none)
-  double drive_inertia = 0;    ///< rotor and arm about the axis (kg·m²), or carriage (kg)
-  double arm_mass = 0;         ///< weighs at the middle of the arm, or on the carriage (kg)
-  double rod_mass = 0;         ///< all rods of the chain, slender (kg)
-  double viscous = 0;          ///< N·m·s/rad or N·s/m at the motor
-  double coulomb = 0;          ///< N·m or N at the motor
+  int bar = -1;              ///< the nacelle's bar that carries A (0-based; -1: the nacelle itself)
+  double encoder_step = 0;   ///< one count, rad or m (0: unquantised)
+  double torque_limit = 0;   ///< N·m or N (0: none)
+  double drive_inertia = 0;  ///< rotor and arm about the axis (kg·m²), or carriage (kg)
+  double arm_mass = 0;       ///< weighs at the middle of the arm, or on the carriage (kg)
+  double rod_mass = 0;       ///< all rods of the chain, slender (kg)
+  double viscous = 0;        ///< N·m·s/rad or N·s/m at the motor
+  double coulomb = 0;        ///< N·m or N at the motor
 };
 
-/// A redundant sensor: reading = gain * s(x) - offset.
+/// A redundant sensor: reading = gain s(x, q) - offset.
+///
+/// | kind | origin | direction | target | normal |
+/// |---|---|---|---|---|
+/// | telemeter | point of the line (base) | of the line (base) | point of the plane (nacelle) | of
+/// the plane (nacelle) | | coordinate | where it reads 0 (base) | measured (base) | point (nacelle)
+/// | | | distance | point (base) | | point (nacelle) | | | inclinometer | | axis (nacelle) | | up
+/// at 0 (nacelle) | | rotation | | component (base) | | | | rod_*, on the nacelle's side | | u
+/// (body of A) | | e (body of A) |
 struct Sensor {
   SensorKind kind = SensorKind::nacelle_angle;
+  int chain = -1;           ///< whose rod or motor (0-based)
+  bool at_nacelle = false;  ///< rod_*: at the joint on the nacelle's side
   double gain = 1;
   double offset = 0;
-  double step = 0;                 ///< one count of the reading (0: unquantised)
-  double weight = 1;               ///< of its row in the TEJ; the paper's is 1
-  Vec3 origin = Vec3::Zero();      ///< telemeter: a point of its line, fixed in the base
-  Vec3 direction = Vec3::UnitZ();  ///< telemeter: direction of its line, unit, in the base
-  Vec3 target = Vec3::Zero();      ///< telemeter: a point of the plane, nacelle frame
-  Vec3 normal = Vec3::UnitZ();     ///< telemeter: normal of the plane, unit, nacelle frame
+  double step = 0;    ///< one count of the reading (0: unquantised)
+  double weight = 1;  ///< of its row in the TEJ; the paper's is 1
+  Vec3 origin = Vec3::Zero();
+  Vec3 direction = Vec3::UnitZ();  ///< unit
+  Vec3 target = Vec3::Zero();
+  Vec3 normal = Vec3::UnitZ();  ///< unit
 };
 
 /// A rigid body of the nacelle, its centre of mass at D + R pivot + anchor.

@@ -1,33 +1,77 @@
-// What does a redundant sensor read? s(x) and its derivative along the nacelle's free motions.
+// What does a redundant sensor read, and how does that change with the pose? s(x), J_r.
 #pragma once
 
-#include "truepose/pose.hpp"
+#include "truepose/jacobian.hpp"
+#include "truepose/sensor_angles.hpp"
+#include "truepose/sensor_lengths.hpp"
+#include "truepose/sensor_pose.hpp"
 
 namespace truepose {
 
-/// Reading of one sensor at a pose: gain s(x) - offset, and its row of J_r (size n).
+/// Value and gradients of a sensor at a closed pose.
 template <Mobility K>
-inline double read(const Sensor& sensor, const Pose& pose, double* row) {
-  double value = 0;
-  Vec3 linear = Vec3::Zero(), angular = Vec3::Zero();
+inline Sensed sense(const Robot& robot, const Sensor& sensor, const Closure<K>& closure) {
+  const Pose& pose = closure.pose;
   switch (sensor.kind) {
-    case SensorKind::nacelle_angle:
-      value = pose.theta;
-      angular.z() = 1;
-      break;
-    case SensorKind::telemeter: {
-      // The line o + s w meets the plane through D + R c with normal R m: m·(D + R c - o - s w) =
-      // 0.
-      const Vec3 normal = pose.R * sensor.normal;
-      const double slope = normal.dot(sensor.direction);
-      value = normal.dot(pose.D + pose.R * sensor.target - sensor.origin) / slope;
-      linear = normal / slope;
-      angular = normal.cross(pose.D - sensor.origin - value * sensor.direction) / slope;
-      break;
-    }
+    case SensorKind::nacelle_angle: return sense_nacelle_angle(pose);
+    case SensorKind::telemeter: return sense_telemeter(sensor, pose);
+    case SensorKind::coordinate: return sense_coordinate(sensor, pose);
+    case SensorKind::distance: return sense_distance(sensor, pose);
+    case SensorKind::inclinometer: return sense_inclinometer(sensor, pose);
+    case SensorKind::rotation: return sense_rotation(sensor, pose);
+    default: break;
   }
-  free_columns<K>(sensor.gain * linear, sensor.gain * angular, row);
-  return sensor.gain * value - sensor.offset;
+  const Chain& chain = robot.chain[sensor.chain];
+  const ChainState& state = closure.chain[sensor.chain];
+  switch (sensor.kind) {
+    case SensorKind::rod_length: return sense_rod_length(state);
+    case SensorKind::motor_encoder: return sense_motor(chain, state);
+    default: return sense_rod_angle(sensor, chain, state, pose);
+  }
+}
+
+/// ∂s/∂q of the sensor's chain with the nacelle held: the motor moves B, and turns the arm in
+/// which a joint on the base's side sees the rod.
+inline double by_motor(const Sensor& sensor, const Sensed& s, const Chain& chain,
+                       const ChainState& state) {
+  const bool on_arm = !sensor.at_nacelle && chain.actuator == Actuator::revolute;
+  return s.motor - s.rod.dot(state.dB) + (on_arm ? s.frame.dot(chain.axis) : 0.0);
+}
+
+/// Whether a sensor reads a chain's motor or rod, not the nacelle alone.
+inline bool on_chain(const Sensor& sensor) { return sensor.chain >= 0; }
+
+/// Row of J_r without the gain: ds along the free motions of the nacelle, the motors following.
+template <Mobility K>
+inline void sensor_row(const Robot& robot, const Sensor& sensor, const Closure<K>& closure,
+                       const Sensed& s, double* row) {
+  if (!on_chain(sensor)) {
+    free_columns<K>(s.linear, s.angular, row);
+    return;
+  }
+  const Chain& chain = robot.chain[sensor.chain];
+  const ChainState& state = closure.chain[sensor.chain];
+  // A moves with the nacelle; so does the frame of a joint that the nacelle itself carries.
+  const Vec3 turn = sensor.at_nacelle && chain.bar < 0 ? s.frame : Vec3(Vec3::Zero());
+  free_columns<K>(s.rod, state.lever.cross(s.rod) + turn, row);
+  std::array<double, kDof<K>> jx;
+  jx_row<K>(state.v, state.lever, jx);
+  const double scale = by_motor(sensor, s, chain, state) / state.jq;
+  for (int j = 0; j < kDof<K>; ++j) row[j] += scale * jx[j];
+}
+
+/// Reading of one sensor at a closed pose, gain s - offset, and its row of J_r (size n).
+template <Mobility K>
+inline double read(const Robot& robot, const Sensor& sensor, const Closure<K>& closure,
+                   double* row) {
+  if (sensor.kind == SensorKind::nacelle_angle) {  // the paper's, without gradients it has not
+    free_columns<K>(Vec3::Zero(), Vec3(0, 0, sensor.gain), row);
+    return sensor.gain * closure.pose.theta - sensor.offset;
+  }
+  const Sensed s = sense<K>(robot, sensor, closure);
+  sensor_row<K>(robot, sensor, closure, s, row);
+  for (int j = 0; j < kDof<K>; ++j) row[j] *= sensor.gain;
+  return sensor.gain * s.value - sensor.offset;
 }
 
 /// The nearest count of an encoder or telemeter (step 0: unquantised).

@@ -53,7 +53,7 @@ inline Outcome tej(const Robot& robot, const Joint& x, ExtendedColumns& M, Exten
     if (outcome) outcome = jacobian<K>(closure, jacobians);
     Reading values;
     Matrix<kMaxSensors, kDof<K>> jr;
-    if (outcome) outcome = rkm<K>(robot, closure.pose, values, jr);
+    if (outcome) outcome = rkm<K>(robot, closure, values, jr);
     if (!outcome) return outcome;
     tej<K>(robot, jacobians, jr, M, M_plus);
     return outcome;

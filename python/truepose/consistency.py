@@ -26,6 +26,18 @@ def problems(data: dict) -> Iterator[_Problem]:
         if type(bar) is int and bar > len(bars):
             text = f"chain {number}: bar = {bar}, but the file has {len(bars)} bars"
             yield ("chain", number - 1, "bar"), text
+    for number, sensor in enumerate(_tables(data, "sensor")):
+        chain, name = sensor.get("chain"), sensor.get("name")
+        if type(chain) is int and chain > len(chains):
+            yield (
+                ("sensor", number, "chain"),
+                f"sensor {name}: chain = {chain}, of {len(chains)} chains",
+            )
+        if sensor.get("kind") == "nacelle_angle" and mobility not in ("planar", "schoenflies"):
+            text = (
+                f"sensor {name}: nacelle_angle needs mobility planar or schoenflies, not {mobility}"
+            )
+            yield ("sensor", number, "kind"), text
     names = [str(sensor.get("name")) for sensor in _tables(data, "sensor")]
     for number, name in enumerate(names):
         if name in names[:number]:

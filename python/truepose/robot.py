@@ -411,6 +411,45 @@ class Robot:
         size = self.n + self.r
         return M.reshape(*lead, size, self.n), M_plus.reshape(*lead, self.n, size)
 
+    def linearise(self, x: ArrayLike, errors: Errors = "raise") -> tuple[Array, Array]:
+        """Jacobians of all readings q_e = [q; r] at the pose x, the motors holding it.
+
+        Returns
+        -------
+        H_x : ndarray, shape (..., n + r, n)
+            ∂q_e/∂x along the free twist; its first n rows are J⁻¹, the others J_r.
+        H_xi : ndarray, shape (..., n + r, p)
+            ∂q_e/∂ξ at fixed x, one column for each of the p names of :attr:`parameters`, in
+            their order; columns of sensors not in use are zero.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> robot = tp.load("h4")
+        >>> H_x, H_xi = robot.linearise([0.05, 0, -0.4, 0.2])
+        >>> names = list(robot.parameters)
+        >>> bool((H_xi[:4, names.index("chain2.encoder_offset")] == [0, -1, 0, 0]).all())
+        True
+        """
+        rows, lead = self._rows(x, self.n, "x", errors)
+        H_x, core, status, chain = _core.linearise(self._core, rows)
+        self._check("pose", rows, lead, status, chain, errors)
+        names = list(self._values)
+        H = np.zeros((*core.shape[:2], len(names)))
+        for name, column in _columns(self._spec, self._sensors):
+            if name in self._values:
+                H[..., names.index(name)] = core[..., column]
+        for sensor in self._sensors:  # directions are normalised: only turning them counts
+            for vector in _DIRECTIONS:
+                if key := sensor.mounting.get(vector):
+                    at = [names.index(f"{sensor.name}.{key}.{axis}") for axis in "xyz"]
+                    given = np.array([self._values[names[k]] for k in at])
+                    length = np.linalg.norm(given)
+                    d = given / length
+                    H[..., at] = H[..., at] @ (np.eye(3) - np.outer(d, d)) / length
+        size = self.n + self.r
+        return H_x.reshape(*lead, size, self.n), H.reshape(*lead, size, len(names))
+
     def skeleton(self, x: ArrayLike) -> Array:
         """Points of every chain at one pose, shape (n, 4, 3), m, base frame.
 
@@ -481,7 +520,34 @@ def _locations(spec: RobotFile) -> dict[str, tuple]:
         found[f"bar{number}.pivot"] = (bar, "pivot")
     for sensor in spec.sensor:
         found |= {f"{sensor.name}.{key}": (sensor, key) for key in ("offset", "gain")}
+        for key in sensor.mounting.values():
+            component = _Component(getattr(sensor, key))
+            found |= {f"{sensor.name}.{key}.{axis}": (component, axis) for axis in "xyz"}
     return found
+
+
+#: The core's sensor vectors that are directions, of length 1 whatever their parameters say.
+_DIRECTIONS = ("direction", "normal")
+
+
+def _columns(spec: RobotFile, sensors: tuple[Sensor, ...]) -> list[tuple[str, int]]:
+    """Name of every parameter that the core knows in this robot, and its column of H_ξ."""
+    chain = [f"base.{axis}" for axis in "xyz"] + ["arm", "rod", "encoder_offset", "yaw", "tilt"]
+    chain += [f"anchor.{axis}" for axis in "xyz"]
+    width = len(chain)
+    columns = [
+        (f"chain{i + 1}.{key}", i * width + k) for i in range(spec.n) for k, key in enumerate(chain)
+    ]
+    columns += [(f"bar{k + 1}.pivot", spec.n * width + k) for k in range(len(spec.bar))]
+    start = spec.n * width + _core.max_bars
+    for number, sensor in enumerate(sensors):
+        own = start + 14 * number
+        columns += [(f"{sensor.name}.offset", own), (f"{sensor.name}.gain", own + 1)]
+        for k, vector in enumerate(("origin", "direction", "target", "normal")):
+            if key := sensor.mounting.get(vector):
+                names = [f"{sensor.name}.{key}.{axis}" for axis in "xyz"]
+                columns += [(name, own + 2 + 3 * k + a) for a, name in enumerate(names)]
+    return columns
 
 
 def _encoder_step(chain: Chain) -> float:
@@ -526,22 +592,14 @@ def _build(spec: RobotFile, sensors: tuple[Sensor, ...], values: dict[str, float
             direction = np.array(spec.bar[chain.bar - 1].direction)
             built.pivot = values[f"bar{chain.bar}.pivot"] * direction
             built.anchor = anchor
+            built.bar = chain.bar - 1
         built.encoder_step = _encoder_step(chain) * spec.quantised
         built.torque_limit = chain.torque_limit or 0.0
         for key in ("working_mode", "drive_inertia", "arm_mass", "rod_mass", "viscous", "coulomb"):
             setattr(built, key, getattr(chain, key))
         robot.set_chain(i, built)
     for sensor in sensors:
-        built = _core.Sensor()
-        built.kind = getattr(_core.SensorKind, sensor.kind)
-        built.offset = values[f"{sensor.name}.offset"]
-        built.gain = values[f"{sensor.name}.gain"]
-        built.step = sensor.step * spec.quantised
-        built.weight = sensor.weight
-        if sensor.kind == "telemeter":
-            for key in ("origin", "direction", "target", "normal"):
-                setattr(built, key, np.array(getattr(sensor, key)))
-        robot.add_sensor(built)
+        robot.add_sensor(_build_sensor(spec, sensor, values))
     body = _core.Body()
     body.mass = spec.nacelle.mass
     body.pivot = np.array(spec.nacelle.centre)
@@ -555,3 +613,24 @@ def _build(spec: RobotFile, sensors: tuple[Sensor, ...], values: dict[str, float
         body.pivot = values[f"bar{k}.pivot"] * np.array(bar.direction)
         robot.add_body(body)
     return robot
+
+
+def _build_sensor(spec: RobotFile, sensor: Sensor, values: dict[str, float]) -> _core.Sensor:
+    """Fill the core's struct of a sensor."""
+    built = _core.Sensor()
+    built.kind = getattr(_core.SensorKind, sensor.kind)
+    built.offset = values[f"{sensor.name}.offset"]
+    built.gain = values[f"{sensor.name}.gain"]
+    built.step = sensor.step * spec.quantised
+    built.weight = sensor.weight
+    for core, key in sensor.mounting.items():
+        vector = np.array([values[f"{sensor.name}.{key}.{axis}"] for axis in "xyz"])
+        length = np.linalg.norm(vector) if core in _DIRECTIONS else 1.0
+        setattr(built, core, vector / length)
+    if (number := getattr(sensor, "chain", None)) is not None:
+        built.chain = number - 1
+        built.at_nacelle = getattr(sensor, "side", "base") == "nacelle"
+        # A joint on the nacelle's side is built along the drawn axes of its chain.
+        built.direction = np.array(spec.chain[number - 1].axis)
+        built.normal = np.array(spec.chain[number - 1].zero)
+    return built

@@ -16,17 +16,8 @@ from tomlkit.exceptions import TOMLKitError
 from truepose import consistency
 from truepose.exceptions import RobotFileError, choose
 from truepose.pattern import expand, misfits
-from truepose.schema import (
-    Bar,
-    Chain,
-    Nacelle,
-    NacelleAngle,
-    Pattern,
-    RobotFile,
-    Telemeter,
-    Tolerance,
-    Workspace,
-)
+from truepose.schema import Bar, Chain, Nacelle, Pattern, RobotFile, Tolerance, Workspace
+from truepose.schema_sensors import SENSORS
 
 _SECTIONS = {
     "every_chain": Chain,
@@ -37,10 +28,8 @@ _SECTIONS = {
     "singularity_free": Workspace,
     "pattern": Pattern,
     "tolerances": Tolerance,
-    "nacelle_angle": NacelleAngle,
-    "telemeter": Telemeter,
+    **SENSORS,
 }
-_SENSORS = ("nacelle_angle", "telemeter")
 _SHORTHAND = ("every_chain", "based_on")
 
 
@@ -120,7 +109,7 @@ def examine(data: dict) -> tuple[RobotFile | None, list[Problem]]:
     for problem in found:
         location = _where_written(problem["loc"], data, motif)
         text = _describe(problem | {"loc": location})
-        described[text] = Problem(tuple(p for p in location if p not in _SENSORS), text)
+        described[text] = Problem(tuple(p for p in location if p not in SENSORS), text)
     return None, [*described.values(), *problems]
 
 
@@ -204,7 +193,7 @@ def _based_on(data: dict) -> dict:
 
 def _describe(problem: dict) -> str:
     """One line for one of pydantic's problems."""
-    location = [part for part in problem["loc"] if part not in _SENSORS]
+    location = [part for part in problem["loc"] if part not in SENSORS]
     key = ".".join(str(part + 1) if isinstance(part, int) else str(part) for part in location)
     kind, value = problem["type"], problem["input"]
     if kind == "extra_forbidden":
@@ -214,9 +203,9 @@ def _describe(problem: dict) -> str:
     if kind == "missing":
         return f"{key}: is missing"
     if kind == "union_tag_not_found":
-        return f"{key}.kind: is missing (choices: {', '.join(_SENSORS)})"
+        return f"{key}.kind: is missing (choices: {', '.join(SENSORS)})"
     if kind == "union_tag_invalid":
-        return f"{key}.kind: " + choose("kind", value.get("kind"), _SENSORS)
+        return f"{key}.kind: " + choose("kind", value.get("kind"), SENSORS)
     if kind in ("model_type", "dict_type", "model_attributes_type"):
         return f"{key}: must be a table"
     if kind == "tuple_type":

@@ -5,23 +5,10 @@ from __future__ import annotations
 import math
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PrivateAttr, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
-#: A finite number; strictly, or true would be 1 and "0.26" would be 0.26.
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Vector = tuple[Number, Number, Number]
-Positive = Annotated[Number, Field(gt=0)]
-NonNegative = Annotated[Number, Field(ge=0)]
-
-
-def _unit(vector: Vector) -> Vector:
-    length = math.hypot(*vector)
-    if abs(length - 1) > 1e-6:
-        raise ValueError(f"must have length 1, has {length:.6g}")
-    return (vector[0] / length, vector[1] / length, vector[2] / length)
-
-
-Direction = Annotated[Vector, AfterValidator(_unit)]
+from truepose.schema_base import Direction, Index, NonNegative, Number, Positive, Section, Vector
+from truepose.schema_sensors import Sensor
 
 #: Degrees of freedom (= chains = motors) of each mobility.
 FREEDOMS = {
@@ -33,11 +20,7 @@ FREEDOMS = {
 }
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Chain(_Section):
+class Chain(Section):
     """One motor, its arm and its rod (a spatial parallelogram counts as one rod)."""
 
     actuator: Literal["revolute", "prismatic", "telescopic"]
@@ -48,7 +31,7 @@ class Chain(_Section):
     rod: Positive | None = Field(default=None, description="L = |AB|, m (not telescopic)")
     working_mode: Literal[-1, 1] = Field(default=-1, description="sign of the entry of J_q")
     anchor: Vector = Field(description="A in the body that carries it, m")
-    bar: Annotated[int, Field(ge=1)] | None = Field(
+    bar: Index | None = Field(
         default=None, description="bar that carries A; without it, the nacelle itself"
     )
     yaw: Number = Field(default=0.0, description="turns e and u about z, rad")
@@ -75,7 +58,7 @@ class Chain(_Section):
         return self
 
 
-class Bar(_Section):
+class Bar(Section):
     """A lateral bar of an articulated nacelle: pivots on the nacelle, keeps its orientation."""
 
     direction: Direction = Field(
@@ -85,7 +68,7 @@ class Bar(_Section):
     mass: NonNegative = Field(default=0.0, description="centred on the pivot, kg")
 
 
-class Nacelle(_Section):
+class Nacelle(Section):
     """The body whose pose is x."""
 
     mass: NonNegative = Field(default=0.0, description="kg")
@@ -95,52 +78,7 @@ class Nacelle(_Section):
     inertia_z: NonNegative = Field(default=0.0, description="kg·m²")
 
 
-class _Sensor(_Section):
-    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
-    offset: Number = Field(default=0.0, description="reading = gain * value - offset")
-    gain: Number = Field(default=1.0, description="reading = gain * value - offset")
-    weight: NonNegative = Field(default=1.0, description="of its row in the TEJ (paper: 1)")
-
-    @model_validator(mode="after")
-    def _usable(self) -> _Sensor:
-        if self.gain == 0:
-            raise ValueError("gain = 0: a sensor that reads nothing")
-        return self
-
-
-class NacelleAngle(_Sensor):
-    """θ of the nacelle about z, the gear undone."""
-
-    kind: Literal["nacelle_angle"]
-    counts: Positive | None = Field(default=None, description="per turn of the encoder")
-    gear: Positive = Field(default=1.0, description="turns of the encoder per turn of the nacelle")
-
-    @property
-    def step(self) -> float:
-        """One count of the reading, rad; 0 if unquantised."""
-        return 2 * math.pi / self.counts / self.gear if self.counts else 0.0
-
-
-class Telemeter(_Sensor):
-    """Distance along a line fixed in the base to a plane of the nacelle."""
-
-    kind: Literal["telemeter"]
-    origin: Vector = Field(description="a point of the line, base frame, m")
-    direction: Direction = Field(description="of the line, base frame")
-    target: Vector = Field(default=(0, 0, 0), description="a point of the plane, nacelle frame, m")
-    normal: Direction = Field(description="of the plane, nacelle frame")
-    resolution: Positive | None = Field(default=None, description="one count, m")
-
-    @property
-    def step(self) -> float:
-        """One count of the reading, m; 0 if unquantised."""
-        return self.resolution or 0.0
-
-
-Sensor = Annotated[NacelleAngle | Telemeter, Field(discriminator="kind")]
-
-
-class Workspace(_Section):
+class Workspace(Section):
     """Box of coordinates in which the robot is meant to work."""
 
     minimum: tuple[Number, ...]
@@ -155,7 +93,7 @@ class Workspace(_Section):
         return self
 
 
-class Pattern(_Section):
+class Pattern(Section):
     """The file's chains are one motif, repeated about an axis of the base frame."""
 
     repeat: Annotated[int, Field(strict=True, ge=2, le=6)] = Field(
@@ -164,7 +102,7 @@ class Pattern(_Section):
     about: Literal["x", "y", "z"] = "z"
 
 
-class Tolerance(_Section):
+class Tolerance(Section):
     """What is not known of a parameter: a σ, or a uniform interval about its value."""
 
     sigma: NonNegative | None = None
@@ -191,7 +129,7 @@ class Tolerance(_Section):
         return (self.interval[1] - self.interval[0]) / math.sqrt(12)
 
 
-class RobotFile(_Section):
+class RobotFile(Section):
     """A robot and its sensors."""
 
     name: str

@@ -87,6 +87,7 @@ inline Mechanism h4() {
     chain.rod = L;
     chain.pivot = Vec3(i == 0 || i == 3 ? h : -h, 0, 0);
     chain.anchor = Vec3(0, i < 2 ? d : -d, 0);
+    chain.bar = chain.pivot.x() > 0 ? 0 : 1;
     set_masses(chain, 0.017, 0.30, 0.10);
   }
   add_body(robot, 0.60, Vec3::Zero(), Vec3::Zero(), {0, 0, 0.003});
@@ -195,6 +196,7 @@ inline Mechanism par4() {
     chain.rod = 0.8 + 0.003 * i;
     chain.pivot = Vec3(i == 0 || i == 3 ? 0.08 : -0.08, 0, 0.004 * i);
     chain.anchor = Vec3(0, i < 2 ? 0.06 : -0.06, 0);
+    chain.bar = i < 2 ? 0 : 1;
     set_masses(chain, 0.02, 0.4, 0.2);
   }
   add_body(robot, 0.7, Vec3(0.01, 0, 0), Vec3::Zero(), {0, 0, 0.004});

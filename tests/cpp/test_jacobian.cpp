@@ -121,31 +121,6 @@ TEST("the paper's J_q(2,2) has the sign of u_2 = -u_y, not of u_y as printed") {
   CHECK_NEAR(second.jq, slope, 1e-10);
 }
 
-TEST("a sensor's row is the derivative of its reading, whatever its gain") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    Robot robot = mechanism.robot;
-    robot.r = 2;
-    robot.sensor[0].gain = -1.5;
-    robot.sensor[1].gain = 4;
-    robot.sensor[1].offset = 0.3;
-    check::Random random(34);
-    for (int k = 0; k < 50; ++k) {
-      const Pose pose = to_pose<K>(random_pose(mechanism, random));
-      Reading values;
-      Matrix<kMaxSensors, kDof<K>> jr;
-      CHECK(rkm<K>(robot, pose, values, jr));
-      for (int s = 0; s < 2; ++s)
-        for (int j = 0; j < kDof<K>; ++j)
-          CHECK_NEAR(jr[s][j], derivative([&](double h) {
-                       std::array<double, kDof<K>> row;
-                       return read<K>(robot.sensor[s], moved<K>(pose, unit(j, h)), row.data());
-                     }),
-                     1e-10);
-    }
-  });
-}
-
 TEST("the sign of det J_x agrees with elimination, up to six chains, and zero is zero") {
   check::Random random(35);
   const auto reference = [](auto A, int n) {  // plain Gauss, largest pivot first

@@ -22,7 +22,9 @@ Explicit by_definition(const Robot& robot, const Joint& x) {
   CHECK(jacobian(robot, x, J));
   Reading values;
   Matrix<kMaxSensors, kDof<K>> jr;
-  CHECK(rkm<K>(robot, to_pose<K>(x), values, jr));
+  Closure<K> closure;
+  CHECK(ikm<K>(robot, to_pose<K>(x), closure));
+  CHECK(rkm<K>(robot, closure, values, jr));
   Explicit result;
   result.M = Dense::Zero(n + robot.r, n);
   result.M.topRows(n).setIdentity();

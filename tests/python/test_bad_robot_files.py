@@ -21,7 +21,11 @@ SPOILED = [
     ("arm = 0.26 ", "#", r"chain.1: a revolute chain needs 'arm' \(m\)"),
     ("home = [0.0, 0.0, -0.4, 0.0]", "", "home: is missing"),
     ('actuator = "revolute"', "", "chain.1.actuator: is missing"),
-    ('kind = "telemeter"', "", r"sensor.2.kind: is missing \(choices: nacelle_angle, telemeter\)"),
+    (
+        'kind = "telemeter"',
+        "",
+        r"sensor.2.kind: is missing \(choices: nacelle_angle, telemeter, coordinate, ",
+    ),
     (
         "arm = 0.26",
         "am = 0.26",

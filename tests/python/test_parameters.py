@@ -14,6 +14,8 @@ def test_the_h4_has_the_parameters_its_interface_promises(h4):
     names = {f"chain{i}.{name}" for i in range(1, 5) for name in promised}
     names |= {"bar1.pivot", "bar2.pivot", "theta.offset", "theta.gain"}
     names |= {"z_telemeter.offset", "z_telemeter.gain"}
+    mounting = ("origin", "direction", "target", "normal")
+    names |= {f"z_telemeter.{vector}.{axis}" for vector in mounting for axis in "xyz"}
     assert set(h4.parameters) == names
 
 
@@ -129,9 +131,18 @@ def test_yaw_adds_to_alpha_and_tilt_turns_u_about_e(h4, chain, yaw, tilt):
 
 
 def test_each_parameter_moves_some_reading_by_its_first_order_effect(h4):
-    """No parameter is dead, and a small one acts in proportion."""
+    """No parameter is dead, and a small one acts in proportion.
+
+    But for the z telemeter's: moved within its plane, its line tilted, its directions lengthened,
+    it reads the same.
+    """
     robot = h4.with_sensors("theta", "z_telemeter")
+    gauges = {f"z_telemeter.{name}" for name in ("direction.x", "direction.y")}
+    gauges |= {f"z_telemeter.{name}.z" for name in ("direction", "normal")}
+    gauges |= {f"z_telemeter.{end}.{axis}" for end in ("origin", "target") for axis in "xy"}
     for name, parameter in robot.parameters.items():
+        if name in gauges:
+            continue
         effects = [
             robot.replace({name: parameter.value + step}).extended(X_D) - robot.extended(X_D)
             for step in (1e-5, 2e-5)
@@ -139,3 +150,14 @@ def test_each_parameter_moves_some_reading_by_its_first_order_effect(h4):
         largest = np.abs(effects[0]).max()
         assert largest > 1e-8, name
         assert np.abs(effects[1] - 2 * effects[0]).max() < 1e-3 * largest, name
+
+
+def test_linearise_gives_the_derivative_along_every_parameter(h4):
+    """H_ξ against central differences, for readings of every kind the H4 can carry."""
+    robot = h4.with_sensors("theta", "z_telemeter")
+    H_x, H_xi = robot.linearise(X_D)
+    assert H_xi.shape == (6, len(robot.parameters))
+    assert np.allclose(H_x[:4] @ robot.jacobian(X_D), np.eye(4), atol=1e-12)
+    for column, (name, parameter) in enumerate(robot.parameters.items()):
+        ends = [robot.replace({name: parameter.value + h}).extended(X_D) for h in (1e-5, -1e-5)]
+        assert H_xi[:, column] == pytest.approx((ends[0] - ends[1]) / 2e-5, abs=1e-6), name

@@ -46,7 +46,7 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
     Extended q_e{};
     Reading r;
     Matrix<kMaxSensors, kDof<K>> jr;
-    if (outcome) outcome = rkm<K>(truth, pose, r, jr);
+    if (outcome) outcome = rkm<K>(truth, closure, r, jr);
     if (!outcome) return outcome;
     for (int i = 0; i < n; ++i) q_e[i] = closure.chain[i].q;
     for (int k = 0; k < truth.r; ++k) q_e[n + k] = r[k];

@@ -1,0 +1,31 @@
+"""Of what are a robot file's values made? Numbers, vectors, directions, sections."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+#: A finite number; strictly, or true would be 1 and "0.26" would be 0.26.
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Vector = tuple[Number, Number, Number]
+Positive = Annotated[Number, Field(gt=0)]
+NonNegative = Annotated[Number, Field(ge=0)]
+Index = Annotated[int, Field(ge=1, strict=True)]
+
+
+def _unit(vector: Vector) -> Vector:
+    length = math.hypot(*vector)
+    if abs(length - 1) > 1e-6:
+        raise ValueError(f"must have length 1, has {length:.6g}")
+    return (vector[0] / length, vector[1] / length, vector[2] / length)
+
+
+Direction = Annotated[Vector, AfterValidator(_unit)]
+
+
+class Section(BaseModel):
+    """A table of a robot file: no unknown keys, immutable."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)

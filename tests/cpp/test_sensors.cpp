@@ -1,0 +1,217 @@
+// Do the readings' derivatives hold: along the pose, and along every geometric parameter?
+#include <functional>
+
+#include "mechanisms.hpp"
+#include "truepose/parameters.hpp"
+
+using namespace mechanisms;
+
+namespace {
+
+constexpr double kStep = 1e-4;  // of fourth-order differences
+
+/// Every sensor that a mechanism can carry, one of each kind and side, none along an axis.
+std::vector<Sensor> sensors_of(const Robot& robot, Mobility mobility) {
+  std::vector<Sensor> sensors;
+  const auto add = [&](SensorKind kind, int chain = -1, bool at_nacelle = false) -> Sensor& {
+    Sensor sensor;
+    sensor.kind = kind;
+    sensor.chain = chain;
+    sensor.at_nacelle = at_nacelle;
+    sensor.gain = 1.5 - 0.4 * static_cast<double>(sensors.size() % 5);
+    sensor.offset = 0.1;
+    sensor.origin = Vec3(-0.9, 0.2, 0.1);
+    sensor.target = Vec3(0.04, -0.03, 0.02);
+    sensor.direction = Vec3(0.9, 0.3, -0.2).normalized();
+    sensor.normal = Vec3(0.8, 0.5, 0.3).normalized();
+    sensors.push_back(sensor);
+    return sensors.back();
+  };
+  if (mobility == Mobility::planar || mobility == Mobility::schoenflies)
+    add(SensorKind::nacelle_angle);
+  add(SensorKind::telemeter);
+  add(SensorKind::coordinate);
+  add(SensorKind::distance);
+  if (mobility == Mobility::spatial) {
+    Sensor& level = add(SensorKind::inclinometer);
+    level.direction = Vec3(0.8, 0.6, 0);
+    level.normal = Vec3(0, 0, 1);
+    add(SensorKind::rotation);
+  }
+  for (const int chain : {0, dof(mobility) - 1}) {
+    add(SensorKind::rod_in_plane, chain);
+    add(SensorKind::rod_length, chain);
+    add(SensorKind::motor_encoder, chain);
+    const bool flat = mobility == Mobility::planar || mobility == Mobility::planar_translation;
+    if (!flat) add(SensorKind::rod_lateral, chain);
+    for (const SensorKind kind : {SensorKind::rod_in_plane, SensorKind::rod_lateral}) {
+      if (flat && kind == SensorKind::rod_lateral) continue;
+      Sensor& joint = add(kind, chain, true);
+      joint.direction = robot.chain[chain].axis;
+      joint.normal = flat ? Vec3(Vec3::UnitX()) : robot.chain[chain].axis.unitOrthogonal();
+    }
+  }
+  return sensors;
+}
+
+/// The mechanism with encoder offsets, its axes turned a little, and up to ten of the sensors.
+template <class F>
+void for_each_with_sensors(F&& f) {
+  for_each([&](const Mechanism& mechanism, auto mobility) {
+    Robot robot = mechanism.robot;
+    for (int i = 0; i < dof(mobility()); ++i) robot.chain[i].encoder_offset = 0.01 * (i + 1);
+    const std::vector<Sensor> all = sensors_of(robot, mobility());
+    for (std::size_t first = 0; first < all.size(); first += kMaxSensors) {
+      robot.r = 0;
+      for (std::size_t k = first; k < all.size() && robot.r < kMaxSensors; ++k)
+        robot.sensor[robot.r++] = all[k];
+      f(mechanism, robot, mobility);
+    }
+  });
+}
+
+/// Readings [q; r] at a pose.
+template <Mobility K>
+std::vector<double> readings(const Robot& robot, const Pose& pose) {
+  Closure<K> closure;
+  Reading values{};
+  Matrix<kMaxSensors, kDof<K>> jr;
+  CHECK(ikm<K>(robot, pose, closure));
+  CHECK(rkm<K>(robot, closure, values, jr));
+  std::vector<double> result;
+  for (const ChainState& chain : closure.chain) result.push_back(chain.q);
+  result.insert(result.end(), values.begin(), values.begin() + robot.r);
+  return result;
+}
+
+std::vector<double> derivative(const std::function<std::vector<double>(double)>& f) {
+  const auto a = f(2 * kStep), b = f(kStep), c = f(-kStep), d = f(-2 * kStep);
+  std::vector<double> slope(a.size());
+  for (std::size_t k = 0; k < a.size(); ++k)
+    slope[k] = (8 * (b[k] - c[k]) - (a[k] - d[k])) / (12 * kStep);
+  return slope;
+}
+
+/// Adds h to parameter p of chain i, as a builder would: yaw about z, then tilt about e.
+void change(Robot& robot, int i, ChainParameter p, double h) {
+  Chain& chain = robot.chain[i];
+  const int index = static_cast<int>(p);
+  switch (p) {
+    case ChainParameter::arm: chain.arm += h; break;
+    case ChainParameter::rod: chain.rod += h; break;
+    case ChainParameter::encoder_offset: chain.encoder_offset += h; break;
+    case ChainParameter::yaw: {
+      const Mat3 turn = rotation_z(h);
+      chain.zero = turn * chain.zero;
+      chain.axis = turn * chain.axis;
+      break;
+    }
+    case ChainParameter::tilt: chain.axis = exp_so3(h * chain.zero) * chain.axis; break;
+    default:
+      if (p <= ChainParameter::base_z)
+        chain.base[index] += h;
+      else
+        (chain.bar < 0 ? chain.pivot : chain.anchor)[index - 8] += h;
+  }
+}
+
+void change(Robot& robot, int k, SensorParameter p, double h) {
+  Sensor& sensor = robot.sensor[k];
+  const int index = static_cast<int>(p) - 2;
+  if (p == SensorParameter::offset)
+    sensor.offset += h;
+  else if (p == SensorParameter::gain)
+    sensor.gain += h;
+  else
+    (index < 3   ? sensor.origin
+     : index < 6 ? sensor.direction
+     : index < 9 ? sensor.target
+                 : sensor.normal)[index % 3] += h;
+}
+
+}  // namespace
+
+TEST("a sensor's row of J_r is the derivative of its reading, the motors following") {
+  for_each_with_sensors([](const Mechanism& mechanism, const Robot& robot, auto mobility) {
+    constexpr Mobility K = mobility();
+    check::Random random(51);
+    for (int sample = 0; sample < 20; ++sample) {
+      const Pose pose = to_pose<K>(random_pose(mechanism, random));
+      Closure<K> closure;
+      Reading values;
+      Matrix<kMaxSensors, kDof<K>> jr;
+      CHECK(ikm<K>(robot, pose, closure));
+      CHECK(rkm<K>(robot, closure, values, jr));
+      for (int j = 0; j < kDof<K>; ++j) {
+        const auto slope = derivative([&](double h) {
+          Joint step{};
+          step[j] = h;
+          return readings<K>(robot, moved<K>(pose, step));
+        });
+        for (int k = 0; k < robot.r; ++k) CHECK_NEAR(jr[k][j], slope[kDof<K> + k], 1e-8);
+      }
+    }
+  });
+}
+
+TEST("every reading's derivative along every parameter is that of its finite differences") {
+  for_each_with_sensors([](const Mechanism& mechanism, const Robot& robot, auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr int n = kDof<K>;
+    check::Random random(52);
+    const int width = parameter_count(robot);
+    std::vector<double> H((n + robot.r) * width);
+    const auto compare = [&](int column, const std::vector<double>& slope) {
+      for (int k = 0; k < n + robot.r; ++k) CHECK_NEAR(H[k * width + column], slope[k], 1e-7);
+    };
+    for (int sample = 0; sample < 5; ++sample) {
+      const Pose pose = to_pose<K>(random_pose(mechanism, random));
+      Closure<K> closure;
+      CHECK(ikm<K>(robot, pose, closure));
+      parameter_jacobian<K>(robot, closure, H.data());
+      const auto varied = [&](auto index, auto parameter) {
+        return derivative([&](double h) {
+          Robot other = robot;
+          change(other, index, parameter, h);
+          return readings<K>(other, pose);
+        });
+      };
+      for (int i = 0; i < n; ++i)
+        for (int p = 0; p < kChainParameters; ++p)
+          compare(chain_column(i) + p, varied(i, static_cast<ChainParameter>(p)));
+      for (int bar = 0; bar < kMaxBars; ++bar)
+        compare(bar_column(robot, bar), derivative([&](double h) {
+                  Robot other = robot;
+                  for (int i = 0; i < n; ++i)
+                    if (robot.chain[i].bar == bar)
+                      other.chain[i].pivot += h * robot.chain[i].pivot.normalized();
+                  return readings<K>(other, pose);
+                }));
+      for (int k = 0; k < robot.r; ++k)
+        for (int p = 0; p < kSensorParameters; ++p)
+          compare(sensor_column(robot, k) + p, varied(k, static_cast<SensorParameter>(p)));
+    }
+  });
+}
+
+TEST("an elbow's in-plane angle counts from the arm, positive as the motor's") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    const Chain& chain = mechanism.robot.chain[0];
+    if (chain.actuator != Actuator::revolute) return;
+    Closure<K> closure;
+    CHECK(ikm<K>(mechanism.robot, to_pose<K>(mechanism.robot.home), closure));
+    Sensor elbow;
+    elbow.kind = SensorKind::rod_in_plane;
+    elbow.chain = 0;
+    const double angle = sense<K>(mechanism.robot, elbow, closure).value;
+    // Turning the arm about u by that angle lays it along the rod's projection on its plane.
+    const ChainState& state = closure.chain[0];
+    const Vec3 rod = -state.v, flat = rod - rod.dot(chain.axis) * chain.axis;
+    const Vec3 turned = exp_so3(angle * chain.axis) * (state.p / chain.arm);
+    CHECK_NEAR((turned - flat.normalized()).norm(), 0, 1e-12);
+    elbow.kind = SensorKind::rod_lateral;
+    CHECK_NEAR(std::sin(sense<K>(mechanism.robot, elbow, closure).value),
+               rod.dot(chain.axis) / rod.norm(), 1e-12);
+  });
+}
