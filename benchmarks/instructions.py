@@ -25,9 +25,18 @@ def count(executable: str) -> dict[str, int]:
     with tempfile.TemporaryDirectory() as folder:
         out = pathlib.Path(folder) / "callgrind.out"
         run = subprocess.run(
-            ["valgrind", "--tool=callgrind", f"--callgrind-out-file={out}",
-             "--compress-strings=no", "--compress-pos=no", executable],
-            check=True, capture_output=True, text=True)
+            [
+                "valgrind",
+                "--tool=callgrind",
+                f"--callgrind-out-file={out}",
+                "--compress-strings=no",
+                "--compress-pos=no",
+                executable,
+            ],
+            check=True,
+            capture_output=True,
+            text=True,
+        )
         poses = int(re.search(r"(\d+) poses", run.stdout)[1])
         # The inclusive cost of a call stands on the line after its `calls=` line.
         counts: dict[str, int] = {}
@@ -42,8 +51,9 @@ def count(executable: str) -> dict[str, int]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__,
-                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("executable")
     parser.add_argument("--compiler", required=True)
     parser.add_argument("--update", action="store_true")

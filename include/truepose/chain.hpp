@@ -33,8 +33,6 @@ inline Driven drive(const Chain& chain, double q) {
   return {c * e + s * w, c * w - s * e, chain.rod};
 }
 
-inline Vec3 lever(const Chain& chain, const Mat3& R) { return R * chain.pivot; }
-
 /// The entry of J_q for a rod v: the paper's (p×v)·u, for any actuator.
 inline double jq_entry(const Chain& chain, const Vec3& v, const Driven& driven) {
   return chain.actuator == Actuator::telescopic ? -driven.rod : v.dot(driven.dB);
@@ -45,9 +43,9 @@ inline double jq_entry(const Chain& chain, const Vec3& v, const Driven& driven) 
 /// neither tan(q/2) nor a quotient by G, M or N appears, so no position of the arm is special.
 /// NeedAngle = false leaves q out, and with it the only trigonometric function.
 /// @return false when the rod cannot reach.
-template <bool NeedAngle = true>
+template <Mobility K, bool NeedAngle = true>
 TRUEPOSE_FLATTEN inline bool close(const Chain& chain, const Pose& pose, ChainState& state) {
-  state.lever = lever(chain, pose.R);
+  state.lever = turned<K>(pose.R, chain.pivot);
   const Vec3 d = pose.D + state.lever + chain.anchor - chain.base;  // P to A
   const double sign = chain.working_mode;
   double position = 0;

@@ -112,7 +112,7 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<
 
   for (int i = 0; i < robot.bodies; ++i) {
     const Body& body = robot.body[i];
-    const Vec3 l = closure.pose.R * body.pivot;
+    const Vec3 l = turned<K>(closure.pose.R, body.pivot);
     hang(body.mass, l, body.mass * (turning<K>(twist.omega, turning<K>(twist.omega, l)) - g));
     if constexpr (K == Mobility::spatial) {
       const Mat3 inertia = closure.pose.R * body.inertia * closure.pose.R.transpose();

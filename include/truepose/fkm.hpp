@@ -46,7 +46,7 @@ TRUEPOSE_FLATTEN inline FkmResult fkm(const Robot& robot, const Joint& q, Pose& 
   const auto evaluate = [&](Iterate& at) {
     at.cost = at.residual = 0;  // |v| - L = f / L to first order
     for (int i = 0; i < n; ++i) {
-      at.lever[i] = lever(robot.chain[i], at.pose.R);
+      at.lever[i] = turned<K>(at.pose.R, robot.chain[i].pivot);
       at.v[i] = centre[i] - at.pose.D - at.lever[i];
       at.f[i] = 0.5 * (at.v[i].squaredNorm() - driven[i].rod * driven[i].rod);
       at.cost += at.f[i] * at.f[i];

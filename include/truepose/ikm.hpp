@@ -24,7 +24,7 @@ template <Mobility K, bool NeedAngle = true>
 inline Outcome ikm(const Robot& robot, const Pose& pose, Closure<K>& closure) {
   closure.pose = pose;
   for (int i = 0; i < kDof<K>; ++i)
-    if (!close<NeedAngle>(robot.chain[i], pose, closure.chain[i])) {
+    if (!close<K, NeedAngle>(robot.chain[i], pose, closure.chain[i])) {
       const bool finite = pose.D.allFinite() && pose.R.allFinite();
       return {finite ? Status::unreachable : Status::not_finite, i};
     }

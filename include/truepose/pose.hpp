@@ -49,6 +49,17 @@ inline Mat3 rotation_z(double angle) {
   return R;
 }
 
+/// R l, by as many products as the mobility needs.
+template <Mobility K>
+inline Vec3 turned(const Mat3& R, const Vec3& l) {
+  if constexpr (K == Mobility::spatial)
+    return R * l;
+  else if constexpr (kTurnsAboutZ<K>)
+    return Vec3(R(0, 0) * l.x() + R(0, 1) * l.y(), R(1, 0) * l.x() + R(1, 1) * l.y(), l.z());
+  else
+    return l;
+}
+
 /// Rotation by the vector w (Rodrigues). Series near zero keep it exact to rounding.
 inline Mat3 exp_so3(const Vec3& w) {
   const double angle2 = w.squaredNorm(), angle = std::sqrt(angle2);

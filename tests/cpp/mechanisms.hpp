@@ -1,6 +1,6 @@
 // Which robots are tested? One of every kind, none more symmetric than a real one.
 //
-// The H4 is the paper's, with the project's assumed dimensions and masses (docs/h4.md). The others
+// The H4 is the paper's, with the project's assumed dimensions and masses (robots/h4). The others
 // are plausible machines, their symmetry spoilt by a few millimetres so that no term can cancel
 // by chance. All are without friction and with two sensors defined, the first one in use.
 #pragma once

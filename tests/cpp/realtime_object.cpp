@@ -5,7 +5,6 @@
 
 using namespace truepose;
 
-extern "C" {
 Outcome realtime_finish(Robot& robot) { return finish(robot); }
 Outcome realtime_ikm(const Robot& robot, const Joint& x, Joint& q) { return ikm(robot, x, q); }
 Outcome realtime_rkm(const Robot& robot, const Joint& x, Reading& r) { return rkm(robot, x, r); }
@@ -45,5 +44,4 @@ Outcome realtime_control(const Robot& robot, const ControlSettings& settings,
 double realtime_friction(const Chain& chain, double rate) { return friction(chain, rate); }
 Setpoint realtime_quintic(const Joint& from, const Joint& to, double duration, double time) {
   return quintic<Mobility::spatial>(from, to, duration, time);
-}
 }

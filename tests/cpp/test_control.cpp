@@ -140,6 +140,21 @@ TEST("a singular setpoint holds the torque too") {
   CHECK(state.torque == (Joint{1, 2, 3}) && !state.started);
 }
 
+TEST("a setpoint in another assembly mode is a lost branch and holds the torque") {
+  const Robot robot = delta().robot;
+  Robot other = robot;
+  other.assembly_sign = -robot.assembly_sign;
+  const ControlSettings settings = settings_for(robot, Law::joint);
+  Setpoint at_home;
+  at_home.x = robot.home;
+  Extended q_e{};
+  CHECK(extended<Mobility::translation>(robot, to_pose<Mobility::translation>(robot.home), q_e));
+  ControlState state;
+  state.torque = {1, 2, 3};
+  CHECK(control(other, settings, at_home, q_e, state).status == Status::branch_lost);
+  CHECK(state.torque == (Joint{1, 2, 3}) && !state.started);
+}
+
 TEST("a law without its sensor is not measured; joint control needs none") {
   for_each([](const Mechanism& mechanism, auto mobility) {
     constexpr Mobility K = mobility();
@@ -237,11 +252,12 @@ TEST("for readings that agree, every law sees the joint error to first order") {
         CHECK(refer<K>(robot, law, x, reference));
         const auto departure = [&](double size) {
           Joint step{}, joint{}, error{};
+          Pose estimate;
           for (int i = 0; i < n; ++i) step[i] = size * direction[i];
           Extended q_e{};
           CHECK(extended<K>(robot, moved<K>(reference.closure.pose, step), q_e));
-          CHECK(motor_error<K>(robot, Law::joint, reference, q_e, joint));
-          CHECK(motor_error<K>(robot, law, reference, q_e, error));
+          CHECK(motor_error<K>(robot, Law::joint, reference, q_e, joint, estimate));
+          CHECK(motor_error<K>(robot, law, reference, q_e, error, estimate));
           double largest = 0;
           for (int i = 0; i < n; ++i) {
             CHECK(std::fabs(joint[i]) < 30 * size);

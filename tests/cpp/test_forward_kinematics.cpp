@@ -65,7 +65,7 @@ TEST("the residual the FKM reports is the largest gap that is left in a loop") {
       double gap = 0;
       for (int i = 0; i < kDof<K>; ++i) {
         const Driven driven = drive(robot.chain[i], closure.chain[i].q);
-        const Vec3 A = pose.D + lever(robot.chain[i], pose.R) + robot.chain[i].anchor;
+        const Vec3 A = pose.D + pose.R * robot.chain[i].pivot + robot.chain[i].anchor;
         gap = std::max(gap, std::fabs((robot.chain[i].base + driven.p - A).norm() - driven.rod));
       }
       CHECK_NEAR(gap, result.residual, 1e-15);
