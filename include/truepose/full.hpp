@@ -6,8 +6,9 @@
 //
 //     B_i ± (s/2) u_i     and     A_i± = D + R c_i + R_bar (a_i ± (s/2) u_i⁰),   R_bar = R R_z(ψ_k)
 //
-// with u_i turning with the motor's axis (yaw and tilt) and u_i⁰ as drawn, fixed in the bar, or in
-// the nacelle where there is no bar (R_bar = R). The ideal level is R = R_z(θ), ψ_k = -θ.
+// with u_i turning with the motor's axis (yaw and tilt; on a carriage the rods' own direction) and
+// u_i⁰ as drawn, fixed in the bar, or in the nacelle where there is no bar (R_bar = R). The ideal
+// level is R = R_z(θ), ψ_k = -θ.
 #pragma once
 
 #include "truepose/jacobian.hpp"
@@ -31,11 +32,10 @@ inline constexpr int kRods = 2 * kDof<K>;
 template <Mobility K>
 inline constexpr bool kPaired = K == Mobility::translation || K == Mobility::schoenflies;
 
-/// From rod - to rod + at the base-side joint, unit. Along the motor's axis, and on a carriage
-/// across both its rail and e.
-inline Vec3 pair_direction(const Chain& chain) {
-  if (chain.actuator != Actuator::prismatic) return chain.axis;
-  return chain.axis.cross(chain.zero).normalized();
+/// From rod - to rod + at the base-side joint, unit: along a motor's axis, across a carriage's rail
+/// (rods one above the other on upright rails would leave the nacelle free to turn about z).
+inline const Vec3& pair_direction(const Chain& chain) {
+  return chain.actuator == Actuator::prismatic ? chain.pair_axis : chain.axis;
 }
 
 /// All rods at one full pose, closed or not. Rod 2i is chain i's +, rod 2i + 1 its -.
@@ -63,8 +63,8 @@ TRUEPOSE_FLATTEN inline void place(const Robot& robot, FullClosure<K>& at) {
     const Chain& chain = robot.chain[i];
     const Driven& driven = at.driven[i];
     const Mat3& R = chain.bar < 0 ? at.pose.R : bar[chain.bar];
-    const Vec3 pivot = lever(chain, at.pose.R), arm = R * chain.anchor;
-    const Vec3 half_A = R * (0.5 * chain.rod_spacing * chain.pair_axis);
+    const Vec3 pivot = at.pose.R * chain.pivot, arm = R * chain.anchor;
+    const Vec3 half_A = R * (0.5 * chain.rod_spacing * chain.pair_drawn);
     const Vec3 half_B = 0.5 * chain.rod_spacing * pair_direction(chain);
     const Vec3 middle = chain.base + driven.p - at.pose.D - pivot - arm;
     for (int rod = 2 * i; rod < 2 * i + 2; ++rod) {

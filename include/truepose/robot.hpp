@@ -83,10 +83,11 @@ struct Chain {
   double coulomb = 0;          ///< N·m or N at the motor
 
   // What only the full level sees (full.hpp): the two rods of a spatial parallelogram, + and -.
-  int bar = -1;                    ///< bar that carries A (0-based; -1: the nacelle itself)
-  double rod_spacing = 0;          ///< s, between the two rods (0: there is one rod)
-  double rod_difference = 0;       ///< δ: the rod on the side of +u has L + δ/2, the other L - δ/2
-  Vec3 pair_axis = Vec3::UnitY();  ///< from rod - to rod + on the bar, as drawn: no yaw, no tilt
+  int bar = -1;                     ///< bar that carries A (0-based; -1: the nacelle itself)
+  double rod_spacing = 0;           ///< s, between the two rods (0: there is one rod)
+  double rod_difference = 0;        ///< δ: the rod on the side of +u has L + δ/2, the other L - δ/2
+  Vec3 pair_axis = Vec3::UnitY();   ///< prismatic: from rod - to rod + on the carriage (else: u)
+  Vec3 pair_drawn = Vec3::UnitY();  ///< from rod - to rod + on the bar: without yaw and tilt
 };
 
 /// A redundant sensor: reading = gain * s(x) - offset.

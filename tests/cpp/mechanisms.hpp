@@ -75,7 +75,8 @@ inline void set_masses(Chain& chain, double drive, double arm, double rod) {
 inline void set_pair(Chain& chain, int bar = -1) {
   chain.bar = bar;
   chain.rod_spacing = 0.08;
-  chain.pair_axis = pair_direction(chain);
+  chain.pair_axis = chain.axis.cross(chain.zero);  // of a carriage: across rail and rod
+  chain.pair_drawn = pair_direction(chain);
 }
 
 inline Mechanism h4() {

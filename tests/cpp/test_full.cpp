@@ -33,7 +33,9 @@ double gaussian(check::Random& random) {
 void turn_axis(Chain& chain, double yaw, double tilt) {
   const Mat3 about_z = rotation_z(yaw);
   chain.zero = about_z * chain.zero;
-  chain.axis = exp_so3(tilt * chain.zero) * (about_z * chain.axis);
+  const Mat3 turn = exp_so3(tilt * chain.zero) * about_z;
+  chain.axis = turn * chain.axis;
+  chain.pair_axis = turn * chain.pair_axis;
 }
 
 /// The robot as built: 0.1° (1σ) of yaw and tilt on every arm's axis.
@@ -67,7 +69,7 @@ double largest_gap(const Robot& robot, const FullPose& pose, const Joint& q) {
     for (const double side : {1.0, -1.0}) {
       const double half = 0.5 * side * chain.rod_spacing;
       const Vec3 B = chain.base + drive(chain, q[i]).p + half * pair_direction(chain);
-      const Vec3 A = pose.D + pose.R * chain.pivot + R * (chain.anchor + half * chain.pair_axis);
+      const Vec3 A = pose.D + pose.R * chain.pivot + R * (chain.anchor + half * chain.pair_drawn);
       const double length = chain.rod + 0.5 * side * chain.rod_difference;
       gap = std::max(gap, std::fabs((B - A).norm() - length));
     }
@@ -357,10 +359,8 @@ TEST("whether the full level exists follows from rods, freedoms and rank") {
   robot = linear_delta().robot;  // pairs one above the other on upright rails: free about z
   for (int i = 0; i < 3; ++i) {
     Chain& chain = robot.chain[i];
-    chain.axis = Vec3::UnitY();
-    chain.zero = Vec3::UnitX();
-    chain.base = polar(0.35, 120 * i, -0.1);
-    set_pair(chain);
+    chain.axis = Vec3::UnitZ();
+    chain.pair_axis = chain.pair_drawn = Vec3::UnitZ();
   }
   full = level(robot);
   CHECK(full.kind == FullKind::loose && full.excess >= 1);
