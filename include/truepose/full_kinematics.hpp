@@ -34,7 +34,11 @@ TRUEPOSE_FLATTEN inline FullResult newton(const Robot& robot, const System& syst
   constexpr int N = kRods<K>;
   FullResult result;
   double scale = 0;
-  for (int i = 0; i < kDof<K>; ++i) scale = std::max(scale, at.driven[i].rod);
+  for (int i = 0; i < kDof<K>; ++i) {
+    if (!(at.driven[i].rod > 0.5 * std::fabs(robot.chain[i].rod_difference)))
+      return {Status::unreachable, i, 0, 0};  // a rod of no length
+    scale = std::max(scale, at.driven[i].rod);
+  }
   place<K>(robot, at);
   if (!std::isfinite(at.cost)) return {Status::not_finite, -1, 0, 0};
 
@@ -218,7 +222,6 @@ inline FullResult fkm_full(const Robot& robot, const Joint& q, FullPose& pose,
   for (int i = 0; i < kDof<K>; ++i) {
     if (!std::isfinite(q[i])) return {Status::not_finite, i, 0, 0};
     closure.driven[i] = drive(robot.chain[i], q[i]);
-    if (!(closure.driven[i].rod > 0)) return {Status::unreachable, i, 0, 0};
   }
   const full_detail::Forward<K> forward{robot};
   FullResult result = full_detail::newton<K>(robot, forward, closure);

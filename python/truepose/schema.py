@@ -51,6 +51,18 @@ class Chain(_Section):
     bar: Annotated[int, Field(ge=1)] | None = Field(
         default=None, description="bar that carries A; without it, the nacelle itself"
     )
+    rod_spacing: Positive = Field(
+        default=0.08, description="between the two rods of a spatial parallelogram, m; full level"
+    )
+    rod_difference: Number = Field(
+        default=0.0,
+        description="length of the rod on the side of +u less that of the other, m; full level",
+    )
+    pair_axis: Direction | None = Field(
+        default=None,
+        description="from one rod of a carriage to the other (prismatic); by default across its "
+        "rail and its rods at home. Rods at the end of an arm lie along u",
+    )
     yaw: Number = Field(default=0.0, description="turns e and u about z, rad")
     tilt: Number = Field(default=0.0, description="turns u about e, rad")
     encoder_offset: Number = Field(default=0.0, description="reading = q - offset, rad or m")
@@ -70,6 +82,8 @@ class Chain(_Section):
             lean = sum(a * b for a, b in zip(self.axis, self.zero, strict=True))
             if abs(lean) > 1e-6:
                 raise ValueError(f"'zero' must be normal to 'axis'; their product is {lean:.3g}")
+        if self.actuator != "prismatic" and self.pair_axis is not None:
+            raise ValueError("'pair_axis' is for prismatic chains; here the rods lie along 'axis'")
         if self.actuator != "telescopic" and self.rod is None:
             raise ValueError(f"a {self.actuator} chain needs 'rod' (m)")
         return self
@@ -87,6 +101,11 @@ class Bar(_Section):
 
 class Nacelle(_Section):
     """The body whose pose is x."""
+
+    bars: Literal["pivots", "four_bar"] = Field(
+        default="pivots",
+        description="each bar turns on its own pivot, or all with the couplers of a four-bar",
+    )
 
     mass: NonNegative = Field(default=0.0, description="kg")
     centre: Vector = Field(default=(0, 0, 0), description="centre of mass, nacelle frame, m")
@@ -113,6 +132,9 @@ class NacelleAngle(_Sensor):
 
     kind: Literal["nacelle_angle"]
     counts: Positive | None = Field(default=None, description="per turn of the encoder")
+    bar: Annotated[int, Field(ge=1)] | None = Field(
+        default=None, description="read at this bar's pivot, against the bar; without it, absolute"
+    )
     gear: Positive = Field(default=1.0, description="turns of the encoder per turn of the nacelle")
 
     @property
@@ -222,6 +244,12 @@ class RobotFile(_Section):
             if chain.bar is not None and chain.bar > len(self.bar):
                 raise ValueError(
                     f"chain {number}: bar = {chain.bar}, but the file has {len(self.bar)} bars"
+                )
+        for sensor in self.sensor:
+            bar = getattr(sensor, "bar", None)
+            if bar is not None and bar > len(self.bar):
+                raise ValueError(
+                    f"sensor {sensor.name}: bar = {bar}, but the file has {len(self.bar)} bars"
                 )
         names = [sensor.name for sensor in self.sensor]
         if len(set(names)) < len(names):
