@@ -3,6 +3,7 @@
 
 #include "bench.hpp"
 #include "inputs.hpp"
+#include "truepose/full_kinematics.hpp"
 #include "truepose/offline/simulate.hpp"
 #include "truepose/offline/statics.hpp"
 
@@ -41,6 +42,29 @@ void kinematics(const std::string& name, const Inputs<K>& in, std::vector<bench:
   });
 }
 
+/// The full level: its own Newton both ways, 8 rods of an H4.
+template <Mobility K>
+void full_level(const std::string& name, const Inputs<K>& in, std::vector<bench::Row>& rows) {
+  const auto add = [&](const char* what, auto f) {
+    rows.push_back(bench::measure(name + " full level, " + what, kPoses, kRepeats, f));
+  };
+  add("IKM", [&](int i) {
+    Joint q;
+    bench::keep(ikm_full(in.robot, in.x[i], q));
+    bench::keep(q);
+  });
+  add("J from x", [&](int i) {
+    JointMatrix J;
+    bench::keep(jacobian_full(in.robot, in.x[i], J));
+    bench::keep(J);
+  });
+  add("FKM from 1 mm, 1 mrad", [&](int i) {
+    Joint x = in.near[i];
+    bench::keep(fkm_full(in.robot, in.q[i], x));
+    bench::keep(x);
+  });
+}
+
 /// The robot as built: rods of -3 to +10 mm, arms of -0.4 to +0.6 mm, as in the paper's simulation.
 Robot built(const Robot& nominal) {
   check::Random random(2);
@@ -61,6 +85,13 @@ int main(int argc, char** argv) {
   std::vector<bench::Row> rows;
 
   kinematics<K>("H4", h4, rows);
+  Inputs<K> turned = h4;  // axes 0.1° off: the full level then differs from the ideal one
+  for (int i = 0; i < 4; ++i) {
+    Chain& chain = turned.robot.chain[i];
+    const double angle = mechanisms::degrees(i % 2 == 0 ? 0.1 : -0.1);
+    chain.axis = exp_so3(angle * chain.zero) * chain.axis;
+  }
+  full_level<K>("H4", turned, rows);
   rows.push_back(bench::measure("H4 FKM, closed, θ known", kPoses, kRepeats, [&](int i) {
     Vec3 D = Vec3::Zero();
     bench::keep(fkm_closed<K>(h4.robot, h4.q[i], h4.R[i], Vec3(0, 0, -0.4), D));

@@ -6,6 +6,7 @@
 
 #include "arrays.hpp"
 #include "truepose/control.hpp"
+#include "truepose/full.hpp"
 #include "truepose/parameters.hpp"
 
 namespace truepose::python {
@@ -34,6 +35,21 @@ void bind_robot(nb::module_& m) {
       .value("rod_length", SensorKind::rod_length)
       .value("motor_encoder", SensorKind::motor_encoder);
 
+  nb::enum_<BarJoint>(m, "BarJoint")
+      .value("pivots", BarJoint::pivots)
+      .value("four_bar", BarJoint::four_bar);
+  nb::enum_<FullKind>(m, "FullKind")
+      .value("undescribed", FullKind::undescribed)
+      .value("same", FullKind::same)
+      .value("exists", FullKind::exists)
+      .value("overconstrained", FullKind::overconstrained)
+      .value("loose", FullKind::loose);
+  nb::class_<FullLevel>(m, "FullLevel")
+      .def_ro("kind", &FullLevel::kind)
+      .def_ro("rods", &FullLevel::rods)
+      .def_ro("unknowns", &FullLevel::unknowns)
+      .def_ro("excess", &FullLevel::excess);
+
   nb::class_<Chain>(m, "Chain")
       .def(nb::init<>())
       .def_rw("actuator", &Chain::actuator)
@@ -53,7 +69,12 @@ void bind_robot(nb::module_& m) {
       .def_rw("arm_mass", &Chain::arm_mass)
       .def_rw("rod_mass", &Chain::rod_mass)
       .def_rw("viscous", &Chain::viscous)
-      .def_rw("coulomb", &Chain::coulomb);
+      .def_rw("coulomb", &Chain::coulomb)
+      .def_rw("bar", &Chain::bar)
+      .def_rw("rod_spacing", &Chain::rod_spacing)
+      .def_rw("rod_difference", &Chain::rod_difference)
+      .def_rw("pair_axis", &Chain::pair_axis)
+      .def_rw("pair_drawn", &Chain::pair_drawn);
   nb::class_<Sensor>(m, "Sensor")
       .def(nb::init<>())
       .def_rw("kind", &Sensor::kind)
@@ -66,7 +87,8 @@ void bind_robot(nb::module_& m) {
       .def_rw("origin", &Sensor::origin)
       .def_rw("direction", &Sensor::direction)
       .def_rw("target", &Sensor::target)
-      .def_rw("normal", &Sensor::normal);
+      .def_rw("normal", &Sensor::normal)
+      .def_rw("bar", &Sensor::bar);
   nb::class_<Body>(m, "Body")
       .def(nb::init<>())
       .def_rw("mass", &Body::mass)
@@ -83,6 +105,8 @@ void bind_robot(nb::module_& m) {
       .def_prop_ro("n", [](const Robot& robot) { return dof(robot.mobility); })
       .def_ro("r", &Robot::r)
       .def_ro("assembly_sign", &Robot::assembly_sign)
+      .def_rw("bar_joint", &Robot::bar_joint)
+      .def_ro("full", &Robot::full)
       .def("set_chain", [](Robot& robot, int i, const Chain& chain) { robot.chain.at(i) = chain; })
       .def("add_sensor",
            [](Robot& robot, const Sensor& sensor) {
@@ -95,7 +119,8 @@ void bind_robot(nb::module_& m) {
              ++robot.bodies;
            })
       .def("finish", [](Robot& robot) {
-        const Outcome outcome = finish(robot);
+        Outcome outcome = finish(robot);
+        if (outcome) outcome = finish_full(robot);
         return std::pair(static_cast<int>(outcome.status), outcome.chain);
       });
 }

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "arrays.hpp"
-#include "truepose/fkm.hpp"
+#include "truepose/full_kinematics.hpp"
 #include "truepose/offline/simulate.hpp"
 #include "truepose/offline/statics.hpp"
 #include "truepose/parameters.hpp"
@@ -33,14 +33,26 @@ auto map_rows(const Rows& in, std::size_t n_out, F&& f) {
   return nb::make_tuple(values.release(), outcomes.status.release(), outcomes.chain.release());
 }
 
-auto batch_ikm(const Robot& robot, const Rows& x) {
-  return map_rows<Joint, Joint>(
-      x, x.shape(1), [&](const Joint& at, Joint& q, std::size_t) { return ikm(robot, at, q); });
+// `full` chooses the level of the model: every rod by itself, or the ideal one.
+
+auto batch_ikm(const Robot& robot, const Rows& x, bool full) {
+  return map_rows<Joint, Joint>(x, x.shape(1), [&](const Joint& at, Joint& q, std::size_t) {
+    return full ? ikm_full(robot, at, q) : ikm(robot, at, q);
+  });
 }
 
-auto batch_rkm(const Robot& robot, const Rows& x) {
-  return map_rows<Joint, Reading>(
-      x, robot.r, [&](const Joint& at, Reading& r, std::size_t) { return rkm(robot, at, r); });
+auto batch_rkm(const Robot& robot, const Rows& x, bool full) {
+  return map_rows<Joint, Reading>(x, robot.r, [&](const Joint& at, Reading& r, std::size_t) {
+    return full ? rkm_full(robot, at, r) : rkm(robot, at, r);
+  });
+}
+
+auto batch_parasitic(const Robot& robot, const Rows& x) {
+  const std::size_t unknowns = robot.full.kind == FullKind::exists ? robot.full.unknowns : 0;
+  const std::size_t n = x.shape(1), rest = unknowns > n ? unknowns - n : 0;
+  return map_rows<Joint, Joint>(x, rest, [&](const Joint& at, Joint& turns, std::size_t) {
+    return parasitic(robot, at, turns);
+  });
 }
 
 auto batch_redundant_fkm(const Robot& robot, const Rows& q_e) {
@@ -59,7 +71,7 @@ auto batch_settle(const Robot& nominal, const Robot& truth, const ControlSetting
   });
 }
 
-auto batch_fkm(const Robot& robot, const Rows& q, const Rows& guess) {
+auto batch_fkm(const Robot& robot, const Rows& q, const Rows& guess, bool full) {
   const std::size_t count = q.shape(0), n = q.shape(1);
   Owned<double> x({count, n}), residual({count});
   Owned<int> iterations({count});
@@ -68,7 +80,8 @@ auto batch_fkm(const Robot& robot, const Rows& q, const Rows& guess) {
     nb::gil_scoped_release release;
     for (std::size_t i = 0; i < count; ++i) {
       Joint pose = row<Joint>(guess, i);
-      const FkmResult result = fkm(robot, row<Joint>(q, i), pose);
+      const Joint motors = row<Joint>(q, i);
+      const FkmResult result = full ? fkm_full(robot, motors, pose) : fkm(robot, motors, pose);
       if (!result) pose.fill(NAN);
       std::memcpy(x[i], pose.data(), n * sizeof(double));
       outcomes.set(i, {result.status, result.chain});
@@ -80,7 +93,7 @@ auto batch_fkm(const Robot& robot, const Rows& q, const Rows& guess) {
                         iterations.release(), residual.release());
 }
 
-auto batch_jacobian(const Robot& robot, const Rows& x) {
+auto batch_jacobian(const Robot& robot, const Rows& x, bool full) {
   const std::size_t count = x.shape(0), n = x.shape(1);
   Owned<double> values({count, n, n});
   Outcomes outcomes(count);
@@ -88,7 +101,8 @@ auto batch_jacobian(const Robot& robot, const Rows& x) {
     nb::gil_scoped_release release;
     for (std::size_t i = 0; i < count; ++i) {
       JointMatrix J;
-      const Outcome outcome = jacobian(robot, row<Joint>(x, i), J);
+      const Joint at = row<Joint>(x, i);
+      const Outcome outcome = full ? jacobian_full(robot, at, J) : jacobian(robot, at, J);
       outcomes.set(i, outcome);
       for (std::size_t k = 0; k < n * n; ++k) values[i][k] = outcome ? J[k / n][k % n] : NAN;
     }
@@ -205,6 +219,7 @@ void bind_batch(nb::module_& m) {
   m.def("ikm", &batch_ikm);
   m.def("rkm", &batch_rkm);
   m.def("fkm", &batch_fkm);
+  m.def("parasitic", &batch_parasitic);
   m.def("redundant_fkm", &batch_redundant_fkm);
   m.def("jacobian", &batch_jacobian);
   m.def("tej", &batch_tej);

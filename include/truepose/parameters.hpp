@@ -44,8 +44,6 @@ enum class SensorParameter : int {
 };
 inline constexpr int kSensorParameters = 14;
 
-inline constexpr int kMaxBars = 2;
-
 /// ξ: chains, then the pivots of the bars, then the sensors in use.
 inline int parameter_count(const Robot& robot) {
   return dof(robot.mobility) * kChainParameters + kMaxBars + robot.r * kSensorParameters;

@@ -30,6 +30,9 @@ inline constexpr int kMaxDof = 6;        ///< chains = motors = degrees of freed
 inline constexpr int kMaxSensors = 10;   ///< redundant readings r
 inline constexpr int kMaxReadings = 16;  ///< extended positions n + r
 inline constexpr int kMaxBodies = 8;     ///< rigid bodies of the nacelle
+inline constexpr int kMaxRods = 12;      ///< full level: two per spatial parallelogram
+inline constexpr int kMaxBars = 2;       ///< full level: lateral bars of the nacelle
+inline constexpr int kMaxUnknowns = 8;   ///< full level: pose and one angle per bar
 
 using Joint = std::array<double, kMaxDof>;          ///< anything of size n
 using Reading = std::array<double, kMaxSensors>;    ///< anything of size r
@@ -80,14 +83,21 @@ struct Chain {
   double encoder_offset = 0;   ///< reading = angle - offset
   Vec3 pivot = Vec3::Zero();   ///< c, turns with the nacelle
   Vec3 anchor = Vec3::Zero();  ///< a, keeps its orientation
-  int bar = -1;              ///< the nacelle's bar that carries A (0-based; -1: the nacelle itself)
-  double encoder_step = 0;   ///< one count, rad or m (0: unquantised)
-  double torque_limit = 0;   ///< N·m or N (0: none)
-  double drive_inertia = 0;  ///< rotor and arm about the axis (kg·m²), or carriage (kg)
-  double arm_mass = 0;       ///< weighs at the middle of the arm, or on the carriage (kg)
-  double rod_mass = 0;       ///< all rods of the chain, slender (kg)
-  double viscous = 0;        ///< N·m·s/rad or N·s/m at the motor
-  double coulomb = 0;        ///< N·m or N at the motor
+  double encoder_step = 0;     ///< one count, rad or m (0: unquantised)
+  double torque_limit = 0;     ///< N·m or N (0: none)
+  double drive_inertia = 0;    ///< rotor and arm about the axis (kg·m²), or carriage (kg)
+  double arm_mass = 0;         ///< weighs at the middle of the arm, or on the carriage (kg)
+  double rod_mass = 0;         ///< all rods of the chain, slender (kg)
+  double viscous = 0;          ///< N·m·s/rad or N·s/m at the motor
+  double coulomb = 0;          ///< N·m or N at the motor
+
+  int bar = -1;  ///< bar that carries A (0-based; -1: the nacelle itself)
+
+  // What only the full level sees (full.hpp): the two rods of a spatial parallelogram, + and -.
+  double rod_spacing = 0;           ///< s, between the two rods (0: there is one rod)
+  double rod_difference = 0;        ///< δ: the rod on the side of +u has L + δ/2, the other L - δ/2
+  Vec3 pair_axis = Vec3::UnitY();   ///< prismatic: from rod - to rod + on the carriage (else: u)
+  Vec3 pair_drawn = Vec3::UnitY();  ///< from rod - to rod + on the bar: without yaw and tilt
 };
 
 /// A redundant sensor: reading = gain s(x, q) - offset.
@@ -111,6 +121,8 @@ struct Sensor {
   Vec3 direction = Vec3::UnitZ();  ///< unit
   Vec3 target = Vec3::Zero();
   Vec3 normal = Vec3::UnitZ();  ///< unit
+  int bar =
+      -1;  ///< nacelle_angle at the full level: this bar's pivot (0-based; -1: the absolute θ)
 };
 
 /// A rigid body of the nacelle, its centre of mass at D + R pivot + anchor.
@@ -120,6 +132,29 @@ struct Body {
   Vec3 anchor = Vec3::Zero();
   Mat3 inertia =
       Mat3::Zero();  ///< about the centre of mass, nacelle frame; 0 if it keeps its orientation
+};
+
+/// How a nacelle carries its lateral bars: what decides the freedoms of the full level.
+enum class BarJoint : int {
+  pivots = 0,    ///< each bar turns on a pivot of its own (H4)
+  four_bar = 1,  ///< bars and couplers are a planar four-bar: the bars turn together (Par4)
+};
+
+/// Whether every rod can be solved for by itself (full.hpp).
+enum class FullKind : int {
+  undescribed = 0,  ///< the robot does not say where its rods are (or finish_full was not called)
+  same = 1,         ///< the ideal level already has every rod by itself
+  exists = 2,       ///< as many rods as freedoms, independent at home
+  overconstrained = 3,  ///< `excess` rods too many: they fit by luck or under stress
+  loose = 4,            ///< `excess` freedoms that no rod holds
+};
+
+struct FullLevel {
+  FullKind kind = FullKind::undescribed;
+  int rods = 0, bars = 0;
+  int unknowns = 0;  ///< freedoms of the nacelle and its bars, the rods taken away
+  int excess = 0;
+  int sign = 0;  ///< of the determinant at home: the assembly mode
 };
 
 /// A robot and its sensors. Copyable; constant once built; shared freely between threads.
@@ -133,6 +168,8 @@ struct Robot {
   Vec3 gravity = Vec3(0, 0, -9.81);
   Joint home{};           ///< a pose well inside the workspace; default guess of the FKM
   int assembly_sign = 0;  ///< sign of det J_x at home (0: not asked for)
+  BarJoint bar_joint = BarJoint::pivots;
+  FullLevel full;  ///< filled by finish_full
 };
 
 constexpr int dof(Mobility mobility) {

@@ -8,25 +8,31 @@
 
 namespace truepose {
 
-/// Value and gradients of a sensor at a closed pose.
-template <Mobility K>
-inline Sensed sense(const Robot& robot, const Sensor& sensor, const Closure<K>& closure) {
-  const Pose& pose = closure.pose;
+/// Value and gradients of a sensor of the nacelle's pose alone.
+inline Sensed sense_pose(const Sensor& sensor, const Pose& pose) {
   switch (sensor.kind) {
-    case SensorKind::nacelle_angle: return sense_nacelle_angle(pose);
     case SensorKind::telemeter: return sense_telemeter(sensor, pose);
     case SensorKind::coordinate: return sense_coordinate(sensor, pose);
     case SensorKind::distance: return sense_distance(sensor, pose);
     case SensorKind::inclinometer: return sense_inclinometer(sensor, pose);
     case SensorKind::rotation: return sense_rotation(sensor, pose);
-    default: break;
+    default: return sense_nacelle_angle(pose);
   }
+}
+
+/// Whether a sensor reads a chain's motor or rod, not the nacelle alone.
+inline bool on_chain(const Sensor& sensor) { return sensor.chain >= 0; }
+
+/// Value and gradients of any sensor at a closed pose.
+template <Mobility K>
+inline Sensed sense(const Robot& robot, const Sensor& sensor, const Closure<K>& closure) {
+  if (!on_chain(sensor)) return sense_pose(sensor, closure.pose);
   const Chain& chain = robot.chain[sensor.chain];
   const ChainState& state = closure.chain[sensor.chain];
   switch (sensor.kind) {
     case SensorKind::rod_length: return sense_rod_length(state);
     case SensorKind::motor_encoder: return sense_motor(chain, state);
-    default: return sense_rod_angle(sensor, chain, state, pose);
+    default: return sense_rod_angle(sensor, chain, state, closure.pose);
   }
 }
 
@@ -37,9 +43,6 @@ inline double by_motor(const Sensor& sensor, const Sensed& s, const Chain& chain
   const bool on_arm = !sensor.at_nacelle && chain.actuator == Actuator::revolute;
   return s.motor - s.rod.dot(state.dB) + (on_arm ? s.frame.dot(chain.axis) : 0.0);
 }
-
-/// Whether a sensor reads a chain's motor or rod, not the nacelle alone.
-inline bool on_chain(const Sensor& sensor) { return sensor.chain >= 0; }
 
 /// Row of J_r without the gain: ds along the free motions of the nacelle, the motors following.
 template <Mobility K>

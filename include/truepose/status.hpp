@@ -5,12 +5,13 @@ namespace truepose {
 
 /// Result of every core function. Nothing throws; whoever calls looks at this.
 enum class Status : int {
-  ok = 0,            ///< converged / computed; the outputs are finite
-  unreachable = 1,   ///< no position of the mechanism closes the loops
-  singular = 2,      ///< J_x or J_q loses rank: the answer is not determined
-  branch_lost = 3,   ///< closed, but in another working or assembly mode than the robot's
-  not_finite = 4,    ///< an input is NaN or infinite
-  not_measured = 5,  ///< the sensors do not determine what the law needs
+  ok = 0,             ///< converged / computed; the outputs are finite
+  unreachable = 1,    ///< no position of the mechanism closes the loops
+  singular = 2,       ///< J_x or J_q loses rank: the answer is not determined
+  branch_lost = 3,    ///< closed, but in another working or assembly mode than the robot's
+  not_finite = 4,     ///< an input is NaN or infinite
+  not_measured = 5,   ///< the sensors do not determine what the law needs
+  no_full_level = 6,  ///< the rods are too many, too few or unknown to be solved for one by one
 };
 
 /// What a status says, for people.
@@ -22,6 +23,7 @@ constexpr const char* describe(Status status) {
     case Status::branch_lost: return "branch lost";
     case Status::not_finite: return "not finite";
     case Status::not_measured: return "not measured";
+    case Status::no_full_level: return "no full level";
   }
   return "unknown status";
 }

@@ -33,6 +33,10 @@ def problems(data: dict) -> Iterator[_Problem]:
                 ("sensor", number, "chain"),
                 f"sensor {name}: chain = {chain}, of {len(chains)} chains",
             )
+        bar = sensor.get("bar")
+        if type(bar) is int and bar > len(bars):
+            text = f"sensor {name}: bar = {bar}, but the file has {len(bars)} bars"
+            yield ("sensor", number, "bar"), text
         if sensor.get("kind") == "nacelle_angle" and mobility not in ("planar", "schoenflies"):
             text = (
                 f"sensor {name}: nacelle_angle needs mobility planar or schoenflies, not {mobility}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import fnmatch
 import math
 import numbers
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -17,6 +18,7 @@ from truepose.schema import Chain, RobotFile, Sensor
 
 Array = NDArray[np.float64]
 Errors = Literal["raise", "nan"]
+Level = Literal["ideal", "full"]
 
 #: Names and units of the coordinates of each mobility.
 COORDINATES = {
@@ -28,12 +30,27 @@ COORDINATES = {
 }
 
 
+#: Mobilities whose chains are spatial parallelograms, two rods each.
+PAIRED = ("translation", "schoenflies")
+
+
 class Parameter(NamedTuple):
     """A geometric parameter ξ: its value in this robot, and what is known of it beforehand."""
 
     value: float
     mean: float
     sigma: float
+
+
+@dataclass(frozen=True)
+class FullLevel:
+    """Whether a robot's rods can be solved for one by one; true if they can."""
+
+    exists: bool
+    reason: str  #: rods and freedoms, or what is wrong with them
+
+    def __bool__(self) -> bool:
+        return self.exists
 
 
 def robots() -> list[str]:
@@ -139,6 +156,28 @@ class Robot:
     def home(self) -> Array:
         """A pose well inside the workspace, shape (n,)."""
         return np.array(self._spec.home)
+
+    @property
+    def full(self) -> FullLevel:
+        """Whether ``level="full"`` exists, every rod by itself, and why not.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> full = tp.load("h4").full
+        >>> bool(full), full.reason
+        (True, '8 rods, 8 freedoms')
+        """
+        full, kinds = self._core.full, _core.FullKind
+        count = f"{full.rods} rods, {full.unknowns} freedoms"
+        reasons = {
+            kinds.same: f"{count}: the ideal level itself",
+            kinds.exists: count,
+            kinds.overconstrained: f"overconstrained by {full.excess}: {count}",
+            kinds.loose: f"loose by {full.excess}: {count}, not all of them held",
+            kinds.undescribed: "more bars than the full level knows",
+        }
+        return FullLevel(full.kind in (kinds.same, kinds.exists), reasons[full.kind])
 
     @property
     def coordinates(self) -> tuple[tuple[str, str], ...]:
@@ -255,7 +294,7 @@ class Robot:
         }
         saving.replace_file(Path(path), saving.to_toml(self._spec, values))
 
-    def ikm(self, x: ArrayLike, errors: Errors = "raise") -> Array:
+    def ikm(self, x: ArrayLike, errors: Errors = "raise", level: Level = "ideal") -> Array:
         """Inverse kinematic model: motor positions q that hold the pose x.
 
         Parameters
@@ -264,6 +303,8 @@ class Robot:
             Poses, m and rad.
         errors : {"raise", "nan"}
             What to do with a pose that cannot be reached.
+        level : {"ideal", "full"}
+            One rod per chain, or every rod by itself (see :attr:`full`).
 
         Returns
         -------
@@ -285,27 +326,57 @@ class Robot:
         [38.9429 38.9429 38.9429 38.9429]
         """
         rows, lead = self._rows(x, self.n, "x", errors)
-        q, status, chain = _core.ikm(self._core, rows)
+        q, status, chain = _core.ikm(self._core, rows, self._is_full(level))
         self._check("pose", rows, lead, status, chain, errors)
         return q.reshape(*lead, self.n)
 
-    def rkm(self, x: ArrayLike, errors: Errors = "raise") -> Array:
+    def rkm(self, x: ArrayLike, errors: Errors = "raise", level: Level = "ideal") -> Array:
         """Redundant kinematic model: what the sensors in use read at the pose x.
+
+        At the full level a sensor at a bar's pivot reads the bar's own turn too.
 
         Returns
         -------
         ndarray, shape (..., r)
         """
         rows, lead = self._rows(x, self.n, "x", errors)
-        r, status, chain = _core.rkm(self._core, rows)
+        r, status, chain = _core.rkm(self._core, rows, self._is_full(level))
         self._check("pose", rows, lead, status, chain, errors)
         return r.reshape(*lead, self.r)
 
-    def extended(self, x: ArrayLike, errors: Errors = "raise") -> Array:
+    def extended(self, x: ArrayLike, errors: Errors = "raise", level: Level = "ideal") -> Array:
         """Extended positions q_e = [q; r] at the pose x, shape (..., n + r)."""
-        return np.concatenate([self.ikm(x, errors), self.rkm(x, errors)], axis=-1)
+        return np.concatenate([self.ikm(x, errors, level), self.rkm(x, errors, level)], axis=-1)
 
-    def fkm(self, q: ArrayLike, guess: ArrayLike | None = None, errors: Errors = "raise") -> Array:
+    def parasitic(self, x: ArrayLike, errors: Errors = "raise") -> Array:
+        """What x leaves out: turns of the nacelle and its bars that the ideal level forbids, rad.
+
+        Returns
+        -------
+        ndarray, shape (..., freedoms of the full level - n)
+            The nacelle's tilt about x and y (of a translation robot, its turn about x, y, z), then
+            each bar's turn about its pivot, against the base.
+
+        Examples
+        --------
+        >>> import numpy as np, truepose as tp
+        >>> h4 = tp.load("h4").replace({"chain1.tilt": 0.002})
+        >>> print(np.degrees(h4.parasitic(h4.home)).round(2))
+        [ 0.06  0.06 -0.04 -0.04]
+        """
+        self._is_full("full")
+        rows, lead = self._rows(x, self.n, "x", errors)
+        rest, status, chain = _core.parasitic(self._core, rows)
+        self._check("pose", rows, lead, status, chain, errors)
+        return rest.reshape(*lead, rest.shape[-1])
+
+    def fkm(
+        self,
+        q: ArrayLike,
+        guess: ArrayLike | None = None,
+        errors: Errors = "raise",
+        level: Level = "ideal",
+    ) -> Array:
         """Forward kinematic model: the pose, from the motor encoders alone.
 
         Newton's method in the tangent space of the pose, with bounded iterations.
@@ -318,6 +389,8 @@ class Robot:
             Where to start; the file's home pose by default.
         errors : {"raise", "nan"}
             What to do where no pose is found.
+        level : {"ideal", "full"}
+            One rod per chain, or every rod by itself (see :attr:`full`).
 
         Returns
         -------
@@ -345,7 +418,7 @@ class Robot:
             shapes = f"({self.n},) or that of q, {(*lead, self.n)}"
             raise InputError(f"guess: wrong shape, must be {shapes}") from None
         start, _ = self._rows(start, self.n, "guess", errors)
-        x, status, chain, _, _ = _core.fkm(self._core, rows, start)
+        x, status, chain, _, _ = _core.fkm(self._core, rows, start, self._is_full(level))
         self._check("motor position", rows, lead, status, chain, errors, name="q")
         return x.reshape(*lead, self.n)
 
@@ -381,10 +454,10 @@ class Robot:
         )
         raise InputError(f"{self.name}: the redundant FKM needs the nacelle's orientation; {hint}")
 
-    def jacobian(self, x: ArrayLike, errors: Errors = "raise") -> Array:
+    def jacobian(self, x: ArrayLike, errors: Errors = "raise", level: Level = "ideal") -> Array:
         """Jacobian J, dx = J dq (spatial: dx a twist in the base frame), shape (..., n, n)."""
         rows, lead = self._rows(x, self.n, "x", errors)
-        J, status, chain = _core.jacobian(self._core, rows)
+        J, status, chain = _core.jacobian(self._core, rows, self._is_full(level))
         self._check("pose", rows, lead, status, chain, errors)
         return J.reshape(*lead, self.n, self.n)
 
@@ -463,6 +536,14 @@ class Robot:
         self._check("pose", rows, (), np.array([status]), np.array([chain]), "raise")
         return points
 
+    def _is_full(self, level: Level) -> bool:
+        """Whether `level` asks for every rod by itself; it must exist."""
+        if level not in ("ideal", "full"):
+            raise InputError(choose("level", level, ("ideal", "full")))
+        if level == "full" and not self.full:
+            raise InputError(f"{self.name}: level='full': {self.full.reason}")
+        return level == "full"
+
     def _rows(self, values: ArrayLike, width: int, name: str, errors: Errors):
         """Check the shape and flatten the leading axes: (N, width) in C order."""
         if errors not in ("raise", "nan"):
@@ -513,6 +594,7 @@ def _locations(spec: RobotFile) -> dict[str, tuple]:
             component = _Component(getattr(chain, vector))
             found |= {f"{name}.{vector}.{axis}": (component, axis) for axis in "xyz"}
         scalars = ["encoder_offset", "yaw", "tilt"]
+        scalars += ["rod_difference"] * (spec.mobility in PAIRED)
         scalars += ["arm"] * (chain.actuator == "revolute")
         scalars += ["rod"] * (chain.actuator != "telescopic")
         found |= {f"{name}.{scalar}": (chain, scalar) for scalar in scalars}
@@ -565,12 +647,44 @@ def _rotated(vector: Array, axis: Array, angle: float) -> Array:
     return along + (vector - along) * math.cos(angle) + across * math.sin(angle)
 
 
+def _pair_drawn(spec: RobotFile, chain: Chain) -> Array:
+    """From one rod of a chain to the other, as drawn.
+
+    Along an arm's axis. On a carriage, unless the file says, across the rail and the rods at home:
+    there the pair holds the nacelle best.
+    """
+    if chain.actuator != "prismatic":
+        return np.array(chain.axis)
+    if chain.pair_axis is not None:
+        return np.array(chain.pair_axis)
+    theta = spec.home[3] if spec.mobility == "schoenflies" else 0.0
+    A = np.array(spec.home[:3]) + chain.anchor
+    if chain.bar is not None:
+        bar = spec.bar[chain.bar - 1]
+        A += _rotated(bar.pivot * np.array(bar.direction), np.array([0.0, 0.0, 1.0]), theta)
+    across = np.cross(chain.axis, A - chain.base)
+    return across / max(float(np.linalg.norm(across)), 1e-300)
+
+
+def _build_pair(built: _core.Chain, spec: RobotFile, i: int, values: dict[str, float]) -> None:
+    """Fill in the two rods of chain i, where it is a spatial parallelogram."""
+    if spec.mobility not in PAIRED:
+        return
+    chain, name = spec.chain[i], f"chain{i + 1}"
+    built.rod_spacing = chain.rod_spacing
+    built.rod_difference = values[f"{name}.rod_difference"]
+    built.pair_drawn = _pair_drawn(spec, chain)
+    pair = _rotated(built.pair_drawn, np.array([0.0, 0.0, 1.0]), values[f"{name}.yaw"])
+    built.pair_axis = _rotated(pair, built.zero, values[f"{name}.tilt"])
+
+
 def _build(spec: RobotFile, sensors: tuple[Sensor, ...], values: dict[str, float]) -> _core.Robot:
     """Fill the core's structs from the file and the parameters' values."""
     robot = _core.Robot()
     robot.mobility = getattr(_core.Mobility, spec.mobility)
     robot.gravity = np.array(spec.gravity)
     robot.home = [*spec.home, *[0.0] * (6 - spec.n)]
+    robot.bar_joint = getattr(_core.BarJoint, spec.nacelle.bars)
     vertical = np.array([0.0, 0.0, 1.0])
     for i, chain in enumerate(spec.chain):
         name = f"chain{i + 1}"
@@ -582,6 +696,7 @@ def _build(spec: RobotFile, sensors: tuple[Sensor, ...], values: dict[str, float
         axis = _rotated(np.array(chain.axis), vertical, values[f"{name}.yaw"])
         built.zero = zero
         built.axis = _rotated(axis, zero, values[f"{name}.tilt"])
+        _build_pair(built, spec, i, values)
         built.arm = values.get(f"{name}.arm", 0.0)
         built.rod = values.get(f"{name}.rod", 0.0)
         built.encoder_offset = values[f"{name}.encoder_offset"]
@@ -623,6 +738,7 @@ def _build_sensor(spec: RobotFile, sensor: Sensor, values: dict[str, float]) -> 
     built.gain = values[f"{sensor.name}.gain"]
     built.step = sensor.step * spec.quantised
     built.weight = sensor.weight
+    built.bar = (getattr(sensor, "bar", None) or 0) - 1
     for core, key in sensor.mounting.items():
         vector = np.array([values[f"{sensor.name}.{key}.{axis}"] for axis in "xyz"])
         length = np.linalg.norm(vector) if core in _DIRECTIONS else 1.0

@@ -34,6 +34,18 @@ class Chain(Section):
     bar: Index | None = Field(
         default=None, description="bar that carries A; without it, the nacelle itself"
     )
+    rod_spacing: Positive = Field(
+        default=0.08, description="between the two rods of a spatial parallelogram, m; full level"
+    )
+    rod_difference: Number = Field(
+        default=0.0,
+        description="length of the rod on the side of +u less that of the other, m; full level",
+    )
+    pair_axis: Direction | None = Field(
+        default=None,
+        description="from one rod of a carriage to the other (prismatic); by default across its "
+        "rail and its rods at home. Rods at the end of an arm lie along u",
+    )
     yaw: Number = Field(default=0.0, description="turns e and u about z, rad")
     tilt: Number = Field(default=0.0, description="turns u about e, rad")
     encoder_offset: Number = Field(default=0.0, description="reading = q - offset, rad or m")
@@ -53,6 +65,8 @@ class Chain(Section):
             lean = sum(a * b for a, b in zip(self.axis, self.zero, strict=True))
             if abs(lean) > 1e-6:
                 raise ValueError(f"'zero' must be normal to 'axis'; their product is {lean:.3g}")
+        if self.actuator != "prismatic" and self.pair_axis is not None:
+            raise ValueError("'pair_axis' is for prismatic chains; here the rods lie along 'axis'")
         if self.actuator != "telescopic" and self.rod is None:
             raise ValueError(f"a {self.actuator} chain needs 'rod' (m)")
         return self
@@ -70,6 +84,11 @@ class Bar(Section):
 
 class Nacelle(Section):
     """The body whose pose is x."""
+
+    bars: Literal["pivots", "four_bar"] = Field(
+        default="pivots",
+        description="each bar turns on its own pivot, or all with the couplers of a four-bar",
+    )
 
     mass: NonNegative = Field(default=0.0, description="kg")
     centre: Vector = Field(default=(0, 0, 0), description="centre of mass, nacelle frame, m")

@@ -56,6 +56,9 @@ class NacelleAngle(_Encoder):
     """θ of the nacelle about z, the gear undone."""
 
     kind: Literal["nacelle_angle"]
+    bar: Index | None = Field(
+        default=None, description="read at this bar's pivot, against the bar; without it, absolute"
+    )
 
 
 class Telemeter(_Gauge):

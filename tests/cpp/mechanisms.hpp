@@ -6,7 +6,7 @@
 #pragma once
 
 #include "check.hpp"
-#include "truepose/jacobian.hpp"
+#include "truepose/full.hpp"
 
 namespace mechanisms {
 
@@ -51,7 +51,8 @@ inline void complete(Mechanism& mechanism) {
     robot.sensor[1] = telemeter({-0.6, 0.05, -0.4}, {1, 0.1, 0.1}, {0.03, 0.01, 0}, {1, -0.2, 0.1});
     if (robot.mobility == Mobility::schoenflies) robot.sensor[0] = Sensor{};
   }
-  const Outcome outcome = finish(robot);
+  Outcome outcome = finish(robot);
+  if (outcome) outcome = finish_full(robot);
   if (!outcome) std::printf("%s: home is %s\n", mechanism.name, describe(outcome.status));
 }
 
@@ -68,6 +69,14 @@ inline void set_masses(Chain& chain, double drive, double arm, double rod) {
   chain.drive_inertia = drive;
   chain.arm_mass = arm;
   chain.rod_mass = rod;
+}
+
+/// Makes the chain a spatial parallelogram, drawn as its axis stands now.
+inline void set_pair(Chain& chain, int bar = -1) {
+  chain.bar = bar;
+  chain.rod_spacing = 0.08;
+  chain.pair_axis = chain.axis.cross(chain.zero);  // of a carriage: across rail and rod
+  chain.pair_drawn = pair_direction(chain);
 }
 
 inline Mechanism h4() {
@@ -87,7 +96,7 @@ inline Mechanism h4() {
     chain.rod = L;
     chain.pivot = Vec3(i == 0 || i == 3 ? h : -h, 0, 0);
     chain.anchor = Vec3(0, i < 2 ? d : -d, 0);
-    chain.bar = chain.pivot.x() > 0 ? 0 : 1;
+    set_pair(chain, i == 0 || i == 3 ? 0 : 1);
     set_masses(chain, 0.017, 0.30, 0.10);
   }
   add_body(robot, 0.60, Vec3::Zero(), Vec3::Zero(), {0, 0, 0.003});
@@ -154,6 +163,7 @@ inline Mechanism delta() {
     chain.arm = 0.3 + 0.004 * i;
     chain.rod = 0.7 - 0.005 * i;
     chain.pivot = polar(0.05, 120 * i);
+    set_pair(chain);
     set_masses(chain, 0.02, 0.4, 0.15);
   }
   add_body(robot, 1, Vec3(0, 0, -0.02), Vec3::Zero(), Vec3::Zero());
@@ -171,9 +181,11 @@ inline Mechanism linear_delta() {
     chain.actuator = Actuator::prismatic;
     chain.base = polar(0.35 + 0.01 * i, 30 + 120 * i);
     chain.axis = (Vec3::UnitZ() + polar(0.1, 20 + 100 * i)).normalized();  // rails lean a little
+    chain.zero = chain.axis.cross(polar(1, 120 + 120 * i)).normalized();
     chain.rod = 0.6 - 0.01 * i;
     chain.working_mode = 1;  // carriages above the nacelle
     chain.pivot = polar(0.06, 30 + 120 * i);
+    set_pair(chain);
     chain.encoder_offset = 0.02 * i;
     set_masses(chain, 0.3, 0.5, 0.2);
   }
@@ -196,9 +208,10 @@ inline Mechanism par4() {
     chain.rod = 0.8 + 0.003 * i;
     chain.pivot = Vec3(i == 0 || i == 3 ? 0.08 : -0.08, 0, 0.004 * i);
     chain.anchor = Vec3(0, i < 2 ? 0.06 : -0.06, 0);
-    chain.bar = i < 2 ? 0 : 1;
+    set_pair(chain, i == 0 || i == 3 ? 0 : 1);
     set_masses(chain, 0.02, 0.4, 0.2);
   }
+  robot.bar_joint = BarJoint::four_bar;
   add_body(robot, 0.7, Vec3(0.01, 0, 0), Vec3::Zero(), {0, 0, 0.004});
   add_body(robot, 0.25, Vec3(0.08, 0, 0), Vec3(0, 0.01, 0), Vec3::Zero());
   add_body(robot, 0.25, Vec3(-0.08, 0, 0), Vec3::Zero(), Vec3::Zero());

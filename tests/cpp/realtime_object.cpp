@@ -1,7 +1,7 @@
 // What does the real-time core ask of the machine? Every entry point in one object, compiled with
 // neither exceptions nor run-time types; check_symbols.cmake reads its undefined symbols.
 #include "truepose/control.hpp"
-#include "truepose/fkm.hpp"
+#include "truepose/full_kinematics.hpp"
 
 using namespace truepose;
 
@@ -9,6 +9,22 @@ Outcome realtime_finish(Robot& robot) { return finish(robot); }
 Outcome realtime_ikm(const Robot& robot, const Joint& x, Joint& q) { return ikm(robot, x, q); }
 Outcome realtime_rkm(const Robot& robot, const Joint& x, Reading& r) { return rkm(robot, x, r); }
 FkmResult realtime_fkm(const Robot& robot, const Joint& q, Joint& x) { return fkm(robot, q, x); }
+Outcome realtime_finish_full(Robot& robot) { return finish_full(robot); }
+Outcome realtime_ikm_full(const Robot& robot, const Joint& x, Joint& q) {
+  return ikm_full(robot, x, q);
+}
+Outcome realtime_rkm_full(const Robot& robot, const Joint& x, Reading& r) {
+  return rkm_full(robot, x, r);
+}
+FullResult realtime_fkm_full(const Robot& robot, const Joint& q, Joint& x) {
+  return fkm_full(robot, q, x);
+}
+Outcome realtime_jacobian_full(const Robot& robot, const Joint& x, JointMatrix& J) {
+  return jacobian_full(robot, x, J);
+}
+Outcome realtime_parasitic(const Robot& robot, const Joint& x, Joint& rest) {
+  return parasitic(robot, x, rest);
+}
 Outcome realtime_redundant_fkm(const Robot& robot, const Extended& q_e, Joint& x) {
   return redundant_fkm(robot, q_e, x);
 }

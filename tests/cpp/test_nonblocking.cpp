@@ -7,7 +7,7 @@
 
 #include "mechanisms.hpp"
 #include "truepose/control.hpp"
-#include "truepose/fkm.hpp"
+#include "truepose/full_kinematics.hpp"
 
 using namespace mechanisms;
 
@@ -42,6 +42,14 @@ long run_models(const Robot& robot, const std::vector<Cycle>& cycles) noexcept
     if (!fkm(robot, q, x)) ++failures;
     q[0] += 1;  // mostly out of reach: the failing ways count as well
     static_cast<void>(fkm(robot, q, x));
+    JointMatrix J;
+    x = cycle[k].setpoint.x;
+    if (robot.full.kind != FullKind::overconstrained &&
+        (!ikm_full(robot, x, q) || !rkm_full(robot, x, r) || !jacobian_full(robot, x, J) ||
+         !fkm_full(robot, q, x)))
+      ++failures;
+    q[0] += 1;
+    static_cast<void>(fkm_full(robot, q, x));
   }
   return failures;
 }

@@ -6,7 +6,7 @@
 
 #include "mechanisms.hpp"
 #include "truepose/control.hpp"
-#include "truepose/fkm.hpp"
+#include "truepose/full_kinematics.hpp"
 
 namespace {
 volatile long allocations = 0;  // volatile: the compiler takes it that malloc changes no variable
@@ -117,6 +117,30 @@ TEST("no law allocates in a million cycles with full feed-forward, and neither d
       for (int i = 0; i < kDof<K>; ++i) q[i] = readings[k][i];
       if (!fkm(robot, q, x)) ++failures;
       if (k == 0 && fkm(robot, random_joint(random, 3), x)) x = robot.home;  // mostly fails
+    }
+    CHECK(allocations == before);
+    CHECK(failures == 0);
+  });
+}
+
+TEST("the full level allocates nothing, whether it finds an answer or not") {
+  for_each([&](const Mechanism& mechanism, auto) {
+    const Robot& robot = mechanism.robot;
+    const bool has_level = robot.full.kind != FullKind::overconstrained;
+    check::Random random(72);
+    Robot copy = robot;
+    long failures = 0;
+    const long before = allocations;
+    for (long k = 0; k < 300; ++k) {
+      const Joint x = random_pose(mechanism, random);
+      Joint q{}, back = robot.home;
+      Reading r;
+      JointMatrix J;
+      const bool ok = ikm_full(robot, x, q) && rkm_full(robot, x, r) &&
+                      jacobian_full(robot, x, J) && fkm_full(robot, q, back);
+      if (ok != has_level) ++failures;
+      static_cast<void>(fkm_full(robot, random_joint(random, 3), back));  // mostly fails
+      static_cast<void>(finish_full(copy));
     }
     CHECK(allocations == before);
     CHECK(failures == 0);
