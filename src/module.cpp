@@ -116,12 +116,12 @@ void bind_control(nb::module_& m) {
       .def_ro("torque", &ControlState::torque)
       .def_ro("error", &ControlState::error)
       .def_ro("rate", &ControlState::rate)
-      .def("step", [](ControlState& state, const Robot& robot, const ControlSettings& settings,
-                      const Joint& x, const Joint& rate, const Joint& acceleration,
-                      const Extended& q_e) {
-        const Outcome outcome = control(robot, settings, {x, rate, acceleration}, q_e, state);
-        return std::pair(static_cast<int>(outcome.status), outcome.chain);
-      });
+      .def("step",
+           [](ControlState& state, const Robot& robot, const ControlSettings& settings,
+              const Joint& x, const Joint& rate, const Joint& acceleration, const Extended& q_e) {
+             const Outcome outcome = control(robot, settings, {x, rate, acceleration}, q_e, state);
+             return std::pair(static_cast<int>(outcome.status), outcome.chain);
+           });
 }
 
 }  // namespace

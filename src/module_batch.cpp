@@ -33,22 +33,19 @@ auto map_rows(const Rows& in, std::size_t n_out, F&& f) {
 }
 
 auto batch_ikm(const Robot& robot, const Rows& x) {
-  return map_rows<Joint, Joint>(x, x.shape(1), [&](const Joint& at, Joint& q, std::size_t) {
-    return ikm(robot, at, q);
-  });
+  return map_rows<Joint, Joint>(
+      x, x.shape(1), [&](const Joint& at, Joint& q, std::size_t) { return ikm(robot, at, q); });
 }
 
 auto batch_rkm(const Robot& robot, const Rows& x) {
-  return map_rows<Joint, Reading>(x, robot.r, [&](const Joint& at, Reading& r, std::size_t) {
-    return rkm(robot, at, r);
-  });
+  return map_rows<Joint, Reading>(
+      x, robot.r, [&](const Joint& at, Reading& r, std::size_t) { return rkm(robot, at, r); });
 }
 
 auto batch_redundant_fkm(const Robot& robot, const Rows& q_e) {
-  return map_rows<Extended, Joint>(q_e, dof(robot.mobility),
-                                   [&](const Extended& at, Joint& x, std::size_t) {
-                                     return redundant_fkm(robot, at, x);
-                                   });
+  return map_rows<Extended, Joint>(
+      q_e, dof(robot.mobility),
+      [&](const Extended& at, Joint& x, std::size_t) { return redundant_fkm(robot, at, x); });
 }
 
 auto batch_settle(const Robot& nominal, const Robot& truth, const ControlSettings& control,
