@@ -100,15 +100,15 @@ struct Chain {
   Vec3 pair_drawn = Vec3::UnitY();  ///< from rod - to rod + on the bar: without yaw and tilt
 };
 
-/// A redundant sensor: reading = gain s(x, q) - offset.
+/// A redundant sensor: reading = gain s(x, q) - offset. What its vectors mean:
 ///
-/// | kind | origin | direction | target | normal |
-/// |---|---|---|---|---|
-/// | telemeter | point of the line (base) | of the line (base) | point of the plane (nacelle) | of
-/// the plane (nacelle) | | coordinate | where it reads 0 (base) | measured (base) | point (nacelle)
-/// | | | distance | point (base) | | point (nacelle) | | | inclinometer | | axis (nacelle) | | up
-/// at 0 (nacelle) | | rotation | | component (base) | | | | rod_*, on the nacelle's side | | u
-/// (body of A) | | e (body of A) |
+/// - telemeter: line through origin along direction (base); plane through target with normal
+///   (nacelle)
+/// - coordinate: point target (nacelle) along direction, 0 at origin (base)
+/// - distance: from origin (base) to target (nacelle)
+/// - inclinometer: about direction, which way is up at 0: normal (nacelle)
+/// - rotation: component along direction (base)
+/// - rod_* at the nacelle's side: u is direction, e is normal (in the body that carries A)
 struct Sensor {
   SensorKind kind = SensorKind::nacelle_angle;
   int chain = -1;           ///< whose rod or motor (0-based)
