@@ -40,6 +40,7 @@ class Figures:
     condition: tuple[float, float, float]  #: least, median, greatest condition number of J
     moving: Speed  #: at 1 m/s, in the worst direction
     turning: Speed | None  #: at 1 rad/s, about the worst axis; None if the nacelle cannot turn
+    full_less_ideal: Array | None  #: (n,), see :func:`level_difference`
 
 
 def measure(robot: Robot, samples: int = 100_000, seed: int = 0, length: float = LENGTH) -> Figures:
@@ -89,7 +90,52 @@ def measure(robot: Robot, samples: int = 100_000, seed: int = 0, length: float =
         condition=(float(condition.min()), float(np.median(condition)), float(condition.max())),
         moving=_fastest(K[:, :, linear], x),
         turning=None if linear.all() else _fastest(K[:, :, ~linear], x),
+        full_less_ideal=level_difference(robot, x[:100], seed),
     )
+
+
+def level_difference(robot: Robot, poses: Array, seed: int = 0, count: int = 100) -> Array | None:
+    """Root mean square of full − ideal under the file's axis tolerances.
+
+    `count` robots get yaw and tilt on every motor's axis, normal with the file's σ; at each pose
+    both levels are asked where the same motors put the nacelle.
+
+    Returns
+    -------
+    ndarray, shape (n,), or None
+        m and rad; None where the full level is the ideal one, does not exist, or the file gives
+        no tolerance of an axis.
+
+    Examples
+    --------
+    >>> import numpy as np, truepose as tp
+    >>> from truepose import paper_data
+    >>> robot = tp.load("h4")
+    >>> rms = level_difference(robot, paper_data.table2()[::25])
+    >>> bool((abs(rms[:3] * 1e3 - [0.11, 0.20, 0.14]) < 0.03).all())
+    True
+    """
+    sigma = {
+        name: parameter.sigma
+        for name, parameter in robot.parameters.items()
+        if name.endswith((".yaw", ".tilt")) and parameter.sigma > 0
+    }
+    paired = any(name.endswith(".rod_difference") for name in robot.parameters)
+    if not (robot.full and paired and sigma):
+        return None
+    generator = np.random.default_rng(seed)
+    squares = []
+    for _ in range(count):
+        draw = generator.normal(size=len(sigma))
+        real = robot.replace(
+            {
+                name: robot.parameters[name].value + s * d
+                for (name, s), d in zip(sigma.items(), draw, strict=True)
+            }
+        )
+        q = real.ikm(poses, errors="nan", level="full")
+        squares.append((poses - real.fkm(q, guess=poses, errors="nan")) ** 2)
+    return np.sqrt(np.nanmean(squares, axis=(0, 1)))
 
 
 def condition_map(
@@ -186,6 +232,13 @@ def rows(robot: Robot, figures: Figures) -> list[tuple[str, str]]:
     result.append(("fastest motor at 1 m/s", _speed(robot, figures.moving)))
     if figures.turning is not None:
         result.append(("fastest motor at 1 rad/s", _speed(robot, figures.turning)))
+    result.append(("full level", robot.full.reason))
+    if figures.full_less_ideal is not None:
+        parts = [
+            f"{name} {1e3 * v:.2f} mm" if unit == "m" else f"{name} {np.degrees(v):.2f}°"
+            for (name, unit), v in zip(robot.coordinates, figures.full_less_ideal, strict=True)
+        ]
+        result.append(("full − ideal, rms under the axes' tolerances", ", ".join(parts)))
     return result
 
 
