@@ -8,8 +8,9 @@ import tomlkit
 from tomlkit.exceptions import ParseError, TOMLKitError
 
 from truepose import robot_file, toml_lines
+from truepose.build import parameter_names
 from truepose.exceptions import RobotFileError
-from truepose.robot import Robot, parameter_names
+from truepose.robot import Robot
 from truepose.robot_file import Problem
 
 

@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from truepose import _core, robot_file
+from truepose.build import DIRECTIONS, Array, build, columns, encoder_step, locations
 from truepose.exceptions import InputError, PoseError, RobotFileError, choose
-from truepose.schema import Chain, RobotFile, Sensor
+from truepose.schema import RobotFile
 
-Array = NDArray[np.float64]
 Errors = Literal["raise", "nan"]
 Level = Literal["ideal", "full"]
 
@@ -28,10 +28,6 @@ COORDINATES = {
     "schoenflies": (("x", "m"), ("y", "m"), ("z", "m"), ("theta", "rad")),
     "spatial": tuple((c, "m") for c in "xyz") + tuple((c, "rad") for c in ("rx", "ry", "rz")),
 }
-
-
-#: Mobilities whose chains are spatial parallelograms, two rods each.
-PAIRED = ("translation", "schoenflies")
 
 
 class Parameter(NamedTuple):
@@ -107,7 +103,7 @@ class Robot:
 
     def __init__(self, spec: RobotFile, values: dict[str, float] | None = None):
         self._spec = spec
-        self._nominal = {name: getattr(*at) for name, at in _locations(spec).items()}
+        self._nominal = {name: getattr(*at) for name, at in locations(spec).items()}
         if problems := robot_file.unknown_names(spec, self._nominal):
             raise RobotFileError(f"{spec.name}: {problems[0].text}")
         self._values = self._nominal | spec.parameters | (values or {})
@@ -115,7 +111,7 @@ class Robot:
         if spec.n + len(spec.sensors) > _core.max_readings or len(spec.sensors) > _core.max_sensors:
             raise RobotFileError(f"{spec.name}: at most {_core.max_sensors} sensors can be in use")
         self._sensors = tuple(known[name] for name in spec.sensors)
-        self._core = _build(spec, self._sensors, self._values)
+        self._core = build(spec, self._sensors, self._values)
         status, chain = self._core.finish()
         if status:
             guilty = f", chain {chain + 1}" if chain >= 0 else ""
@@ -187,7 +183,7 @@ class Robot:
     @property
     def resolution(self) -> Array:
         """One count of every reading, shape (n + r,); 0 where unquantised."""
-        steps = [_encoder_step(chain) for chain in self._spec.chain]
+        steps = [encoder_step(chain) for chain in self._spec.chain]
         steps += [sensor.step for sensor in self._sensors]
         return np.array(steps) * self._spec.quantised
 
@@ -509,11 +505,11 @@ class Robot:
         self._check("pose", rows, lead, status, chain, errors)
         names = list(self._values)
         H = np.zeros((*core.shape[:2], len(names)))
-        for name, column in _columns(self._spec, self._sensors):
+        for name, column in columns(self._spec, self._sensors):
             if name in self._values:
                 H[..., names.index(name)] = core[..., column]
         for sensor in self._sensors:  # directions are normalised: only turning them counts
-            for vector in _DIRECTIONS:
+            for vector in DIRECTIONS:
                 if key := sensor.mounting.get(vector):
                     at = [names.index(f"{sensor.name}.{key}.{axis}") for axis in "xyz"]
                     given = np.array([self._values[names[k]] for k in at])
@@ -573,180 +569,3 @@ class Robot:
 
 def _list(values: Array) -> str:
     return "[" + ", ".join(f"{v:.6g}" for v in values) + "]"
-
-
-def parameter_names(spec: RobotFile) -> list[str]:
-    """Names of all geometric parameters of a robot file."""
-    return list(_locations(spec))
-
-
-def _locations(spec: RobotFile) -> dict[str, tuple]:
-    """Name of every geometric parameter, and (object, attribute) of its value in the file."""
-    found: dict[str, tuple] = {}
-
-    class _Component:
-        def __init__(self, vector: tuple[float, float, float]):
-            self.x, self.y, self.z = vector
-
-    for number, chain in enumerate(spec.chain, 1):
-        name = f"chain{number}"
-        for vector in ("base", "anchor"):
-            component = _Component(getattr(chain, vector))
-            found |= {f"{name}.{vector}.{axis}": (component, axis) for axis in "xyz"}
-        scalars = ["encoder_offset", "yaw", "tilt"]
-        scalars += ["rod_difference"] * (spec.mobility in PAIRED)
-        scalars += ["arm"] * (chain.actuator == "revolute")
-        scalars += ["rod"] * (chain.actuator != "telescopic")
-        found |= {f"{name}.{scalar}": (chain, scalar) for scalar in scalars}
-    for number, bar in enumerate(spec.bar, 1):
-        found[f"bar{number}.pivot"] = (bar, "pivot")
-    for sensor in spec.sensor:
-        found |= {f"{sensor.name}.{key}": (sensor, key) for key in ("offset", "gain")}
-        for key in sensor.mounting.values():
-            component = _Component(getattr(sensor, key))
-            found |= {f"{sensor.name}.{key}.{axis}": (component, axis) for axis in "xyz"}
-    return found
-
-
-#: The core's sensor vectors that are directions, of length 1 whatever their parameters say.
-_DIRECTIONS = ("direction", "normal")
-
-
-def _columns(spec: RobotFile, sensors: tuple[Sensor, ...]) -> list[tuple[str, int]]:
-    """Name of every parameter that the core knows in this robot, and its column of H_ξ."""
-    chain = [f"base.{axis}" for axis in "xyz"] + ["arm", "rod", "encoder_offset", "yaw", "tilt"]
-    chain += [f"anchor.{axis}" for axis in "xyz"]
-    width = len(chain)
-    columns = [
-        (f"chain{i + 1}.{key}", i * width + k) for i in range(spec.n) for k, key in enumerate(chain)
-    ]
-    columns += [(f"bar{k + 1}.pivot", spec.n * width + k) for k in range(len(spec.bar))]
-    start = spec.n * width + _core.max_bars
-    for number, sensor in enumerate(sensors):
-        own = start + 14 * number
-        columns += [(f"{sensor.name}.offset", own), (f"{sensor.name}.gain", own + 1)]
-        for k, vector in enumerate(("origin", "direction", "target", "normal")):
-            if key := sensor.mounting.get(vector):
-                names = [f"{sensor.name}.{key}.{axis}" for axis in "xyz"]
-                columns += [(name, own + 2 + 3 * k + a) for a, name in enumerate(names)]
-    return columns
-
-
-def _encoder_step(chain: Chain) -> float:
-    if not chain.encoder_counts:
-        return 0.0
-    return (2 * math.pi if chain.actuator == "revolute" else 1.0) / chain.encoder_counts
-
-
-def _rotated(vector: Array, axis: Array, angle: float) -> Array:
-    """Rodrigues' formula; the identity, bit for bit, for angle = 0."""
-    if angle == 0:
-        return vector
-    across = np.cross(axis, vector)
-    along = axis * (axis @ vector)
-    return along + (vector - along) * math.cos(angle) + across * math.sin(angle)
-
-
-def _pair_drawn(spec: RobotFile, chain: Chain) -> Array:
-    """From one rod of a chain to the other, as drawn.
-
-    Along an arm's axis. On a carriage, unless the file says, across the rail and the rods at home:
-    there the pair holds the nacelle best.
-    """
-    if chain.actuator != "prismatic":
-        return np.array(chain.axis)
-    if chain.pair_axis is not None:
-        return np.array(chain.pair_axis)
-    theta = spec.home[3] if spec.mobility == "schoenflies" else 0.0
-    A = np.array(spec.home[:3]) + chain.anchor
-    if chain.bar is not None:
-        bar = spec.bar[chain.bar - 1]
-        A += _rotated(bar.pivot * np.array(bar.direction), np.array([0.0, 0.0, 1.0]), theta)
-    across = np.cross(chain.axis, A - chain.base)
-    return across / max(float(np.linalg.norm(across)), 1e-300)
-
-
-def _build_pair(built: _core.Chain, spec: RobotFile, i: int, values: dict[str, float]) -> None:
-    """Fill in the two rods of chain i, where it is a spatial parallelogram."""
-    if spec.mobility not in PAIRED:
-        return
-    chain, name = spec.chain[i], f"chain{i + 1}"
-    built.rod_spacing = chain.rod_spacing
-    built.rod_difference = values[f"{name}.rod_difference"]
-    built.pair_drawn = _pair_drawn(spec, chain)
-    pair = _rotated(built.pair_drawn, np.array([0.0, 0.0, 1.0]), values[f"{name}.yaw"])
-    built.pair_axis = _rotated(pair, built.zero, values[f"{name}.tilt"])
-
-
-def _build(spec: RobotFile, sensors: tuple[Sensor, ...], values: dict[str, float]) -> _core.Robot:
-    """Fill the core's structs from the file and the parameters' values."""
-    robot = _core.Robot()
-    robot.mobility = getattr(_core.Mobility, spec.mobility)
-    robot.gravity = np.array(spec.gravity)
-    robot.home = [*spec.home, *[0.0] * (6 - spec.n)]
-    robot.bar_joint = getattr(_core.BarJoint, spec.nacelle.bars)
-    vertical = np.array([0.0, 0.0, 1.0])
-    for i, chain in enumerate(spec.chain):
-        name = f"chain{i + 1}"
-        built = _core.Chain()
-        built.actuator = getattr(_core.Actuator, chain.actuator)
-        built.base = np.array([values[f"{name}.base.{axis}"] for axis in "xyz"])
-        # Yaw adds to α: it turns e and u about z. Tilt then turns u about e.
-        zero = _rotated(np.array(chain.zero), vertical, values[f"{name}.yaw"])
-        axis = _rotated(np.array(chain.axis), vertical, values[f"{name}.yaw"])
-        built.zero = zero
-        built.axis = _rotated(axis, zero, values[f"{name}.tilt"])
-        _build_pair(built, spec, i, values)
-        built.arm = values.get(f"{name}.arm", 0.0)
-        built.rod = values.get(f"{name}.rod", 0.0)
-        built.encoder_offset = values[f"{name}.encoder_offset"]
-        anchor = np.array([values[f"{name}.anchor.{axis}"] for axis in "xyz"])
-        if chain.bar is None:
-            built.pivot = anchor
-        else:
-            direction = np.array(spec.bar[chain.bar - 1].direction)
-            built.pivot = values[f"bar{chain.bar}.pivot"] * direction
-            built.anchor = anchor
-            built.bar = chain.bar - 1
-        built.encoder_step = _encoder_step(chain) * spec.quantised
-        built.torque_limit = chain.torque_limit or 0.0
-        for key in ("working_mode", "drive_inertia", "arm_mass", "rod_mass", "viscous", "coulomb"):
-            setattr(built, key, getattr(chain, key))
-        robot.set_chain(i, built)
-    for sensor in sensors:
-        robot.add_sensor(_build_sensor(spec, sensor, values))
-    body = _core.Body()
-    body.mass = spec.nacelle.mass
-    body.pivot = np.array(spec.nacelle.centre)
-    body.inertia = np.diag(
-        [spec.nacelle.inertia_x, spec.nacelle.inertia_y, spec.nacelle.inertia_z]
-    ).astype(float)
-    robot.add_body(body)
-    for k, bar in enumerate(spec.bar, 1):
-        body = _core.Body()
-        body.mass = bar.mass
-        body.pivot = values[f"bar{k}.pivot"] * np.array(bar.direction)
-        robot.add_body(body)
-    return robot
-
-
-def _build_sensor(spec: RobotFile, sensor: Sensor, values: dict[str, float]) -> _core.Sensor:
-    """Fill the core's struct of a sensor."""
-    built = _core.Sensor()
-    built.kind = getattr(_core.SensorKind, sensor.kind)
-    built.offset = values[f"{sensor.name}.offset"]
-    built.gain = values[f"{sensor.name}.gain"]
-    built.step = sensor.step * spec.quantised
-    built.weight = sensor.weight
-    built.bar = (getattr(sensor, "bar", None) or 0) - 1
-    for core, key in sensor.mounting.items():
-        vector = np.array([values[f"{sensor.name}.{key}.{axis}"] for axis in "xyz"])
-        length = np.linalg.norm(vector) if core in _DIRECTIONS else 1.0
-        setattr(built, core, vector / length)
-    if (number := getattr(sensor, "chain", None)) is not None:
-        built.chain = number - 1
-        built.at_nacelle = getattr(sensor, "side", "base") == "nacelle"
-        # A joint on the nacelle's side is built along the drawn axes of its chain.
-        built.direction = np.array(spec.chain[number - 1].axis)
-        built.normal = np.array(spec.chain[number - 1].zero)
-    return built

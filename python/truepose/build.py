@@ -1,0 +1,195 @@
+"""How does a robot file become the core's structs? Parameter names, values, chains, sensors."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from truepose import _core
+from truepose.schema import Chain, RobotFile
+from truepose.schema_sensors import Sensor
+
+Array = NDArray[np.float64]
+
+#: Mobilities whose chains are spatial parallelograms, two rods each.
+PAIRED = ("translation", "schoenflies")
+
+
+def parameter_names(spec: RobotFile) -> list[str]:
+    """Names of all geometric parameters of a robot file."""
+    return list(locations(spec))
+
+
+def locations(spec: RobotFile) -> dict[str, tuple]:
+    """Name of every geometric parameter, and (object, attribute) of its value in the file."""
+    found: dict[str, tuple] = {}
+
+    class _Component:
+        def __init__(self, vector: tuple[float, float, float]):
+            self.x, self.y, self.z = vector
+
+    for number, chain in enumerate(spec.chain, 1):
+        name = f"chain{number}"
+        for vector in ("base", "anchor"):
+            component = _Component(getattr(chain, vector))
+            found |= {f"{name}.{vector}.{axis}": (component, axis) for axis in "xyz"}
+        scalars = ["encoder_offset", "yaw", "tilt"]
+        scalars += ["rod_difference"] * (spec.mobility in PAIRED)
+        scalars += ["arm"] * (chain.actuator == "revolute")
+        scalars += ["rod"] * (chain.actuator != "telescopic")
+        found |= {f"{name}.{scalar}": (chain, scalar) for scalar in scalars}
+    for number, bar in enumerate(spec.bar, 1):
+        found[f"bar{number}.pivot"] = (bar, "pivot")
+    for sensor in spec.sensor:
+        found |= {f"{sensor.name}.{key}": (sensor, key) for key in ("offset", "gain")}
+        for key in sensor.mounting.values():
+            component = _Component(getattr(sensor, key))
+            found |= {f"{sensor.name}.{key}.{axis}": (component, axis) for axis in "xyz"}
+    return found
+
+
+#: The core's sensor vectors that are directions, of length 1 whatever their parameters say.
+DIRECTIONS = ("direction", "normal")
+
+
+def columns(spec: RobotFile, sensors: tuple[Sensor, ...]) -> list[tuple[str, int]]:
+    """Name of every parameter that the core knows in this robot, and its column of H_ξ."""
+    chain = [f"base.{axis}" for axis in "xyz"] + ["arm", "rod", "encoder_offset", "yaw", "tilt"]
+    chain += [f"anchor.{axis}" for axis in "xyz"]
+    width = len(chain)
+    columns = [
+        (f"chain{i + 1}.{key}", i * width + k) for i in range(spec.n) for k, key in enumerate(chain)
+    ]
+    columns += [(f"bar{k + 1}.pivot", spec.n * width + k) for k in range(len(spec.bar))]
+    start = spec.n * width + _core.max_bars
+    for number, sensor in enumerate(sensors):
+        own = start + 14 * number
+        columns += [(f"{sensor.name}.offset", own), (f"{sensor.name}.gain", own + 1)]
+        for k, vector in enumerate(("origin", "direction", "target", "normal")):
+            if key := sensor.mounting.get(vector):
+                names = [f"{sensor.name}.{key}.{axis}" for axis in "xyz"]
+                columns += [(name, own + 2 + 3 * k + a) for a, name in enumerate(names)]
+    return columns
+
+
+def encoder_step(chain: Chain) -> float:
+    """One count of a motor encoder, rad or m; 0 if unquantised."""
+    if not chain.encoder_counts:
+        return 0.0
+    return (2 * math.pi if chain.actuator == "revolute" else 1.0) / chain.encoder_counts
+
+
+def _rotated(vector: Array, axis: Array, angle: float) -> Array:
+    """Rodrigues' formula; the identity, bit for bit, for angle = 0."""
+    if angle == 0:
+        return vector
+    across = np.cross(axis, vector)
+    along = axis * (axis @ vector)
+    return along + (vector - along) * math.cos(angle) + across * math.sin(angle)
+
+
+def _pair_drawn(spec: RobotFile, chain: Chain) -> Array:
+    """From one rod of a chain to the other, as drawn.
+
+    Along an arm's axis. On a carriage, unless the file says, across the rail and the rods at home:
+    there the pair holds the nacelle best.
+    """
+    if chain.actuator != "prismatic":
+        return np.array(chain.axis)
+    if chain.pair_axis is not None:
+        return np.array(chain.pair_axis)
+    theta = spec.home[3] if spec.mobility == "schoenflies" else 0.0
+    A = np.array(spec.home[:3]) + chain.anchor
+    if chain.bar is not None:
+        bar = spec.bar[chain.bar - 1]
+        A += _rotated(bar.pivot * np.array(bar.direction), np.array([0.0, 0.0, 1.0]), theta)
+    across = np.cross(chain.axis, A - chain.base)
+    return across / max(float(np.linalg.norm(across)), 1e-300)
+
+
+def _build_pair(built: _core.Chain, spec: RobotFile, i: int, values: dict[str, float]) -> None:
+    """Fill in the two rods of chain i, where it is a spatial parallelogram."""
+    if spec.mobility not in PAIRED:
+        return
+    chain, name = spec.chain[i], f"chain{i + 1}"
+    built.rod_spacing = chain.rod_spacing
+    built.rod_difference = values[f"{name}.rod_difference"]
+    built.pair_drawn = _pair_drawn(spec, chain)
+    pair = _rotated(built.pair_drawn, np.array([0.0, 0.0, 1.0]), values[f"{name}.yaw"])
+    built.pair_axis = _rotated(pair, built.zero, values[f"{name}.tilt"])
+
+
+def build(spec: RobotFile, sensors: tuple[Sensor, ...], values: dict[str, float]) -> _core.Robot:
+    """Fill the core's structs from the file and the parameters' values."""
+    robot = _core.Robot()
+    robot.mobility = getattr(_core.Mobility, spec.mobility)
+    robot.gravity = np.array(spec.gravity)
+    robot.home = [*spec.home, *[0.0] * (6 - spec.n)]
+    robot.bar_joint = getattr(_core.BarJoint, spec.nacelle.bars)
+    vertical = np.array([0.0, 0.0, 1.0])
+    for i, chain in enumerate(spec.chain):
+        name = f"chain{i + 1}"
+        built = _core.Chain()
+        built.actuator = getattr(_core.Actuator, chain.actuator)
+        built.base = np.array([values[f"{name}.base.{axis}"] for axis in "xyz"])
+        # Yaw adds to α: it turns e and u about z. Tilt then turns u about e.
+        zero = _rotated(np.array(chain.zero), vertical, values[f"{name}.yaw"])
+        axis = _rotated(np.array(chain.axis), vertical, values[f"{name}.yaw"])
+        built.zero = zero
+        built.axis = _rotated(axis, zero, values[f"{name}.tilt"])
+        _build_pair(built, spec, i, values)
+        built.arm = values.get(f"{name}.arm", 0.0)
+        built.rod = values.get(f"{name}.rod", 0.0)
+        built.encoder_offset = values[f"{name}.encoder_offset"]
+        anchor = np.array([values[f"{name}.anchor.{axis}"] for axis in "xyz"])
+        if chain.bar is None:
+            built.pivot = anchor
+        else:
+            direction = np.array(spec.bar[chain.bar - 1].direction)
+            built.pivot = values[f"bar{chain.bar}.pivot"] * direction
+            built.anchor = anchor
+            built.bar = chain.bar - 1
+        built.encoder_step = encoder_step(chain) * spec.quantised
+        built.torque_limit = chain.torque_limit or 0.0
+        for key in ("working_mode", "drive_inertia", "arm_mass", "rod_mass", "viscous", "coulomb"):
+            setattr(built, key, getattr(chain, key))
+        robot.set_chain(i, built)
+    for sensor in sensors:
+        robot.add_sensor(_build_sensor(spec, sensor, values))
+    body = _core.Body()
+    body.mass = spec.nacelle.mass
+    body.pivot = np.array(spec.nacelle.centre)
+    body.inertia = np.diag(
+        [spec.nacelle.inertia_x, spec.nacelle.inertia_y, spec.nacelle.inertia_z]
+    ).astype(float)
+    robot.add_body(body)
+    for k, bar in enumerate(spec.bar, 1):
+        body = _core.Body()
+        body.mass = bar.mass
+        body.pivot = values[f"bar{k}.pivot"] * np.array(bar.direction)
+        robot.add_body(body)
+    return robot
+
+
+def _build_sensor(spec: RobotFile, sensor: Sensor, values: dict[str, float]) -> _core.Sensor:
+    """Fill the core's struct of a sensor."""
+    built = _core.Sensor()
+    built.kind = getattr(_core.SensorKind, sensor.kind)
+    built.offset = values[f"{sensor.name}.offset"]
+    built.gain = values[f"{sensor.name}.gain"]
+    built.step = sensor.step * spec.quantised
+    built.weight = sensor.weight
+    built.bar = (getattr(sensor, "bar", None) or 0) - 1
+    for core, key in sensor.mounting.items():
+        vector = np.array([values[f"{sensor.name}.{key}.{axis}"] for axis in "xyz"])
+        length = np.linalg.norm(vector) if core in DIRECTIONS else 1.0
+        setattr(built, core, vector / length)
+    if (number := getattr(sensor, "chain", None)) is not None:
+        built.chain = number - 1
+        built.at_nacelle = getattr(sensor, "side", "base") == "nacelle"
+        # A joint on the nacelle's side is built along the drawn axes of its chain.
+        built.direction = np.array(spec.chain[number - 1].axis)
+        built.normal = np.array(spec.chain[number - 1].zero)
+    return built
