@@ -71,7 +71,8 @@ auto batch_settle(const Robot& nominal, const Robot& truth, const ControlSetting
   });
 }
 
-auto batch_fkm(const Robot& robot, const Rows& q, const Rows& guess, bool full) {
+/// `any_branch`: poses in another working or assembly mode than the robot's are answers too.
+auto batch_fkm(const Robot& robot, const Rows& q, const Rows& guess, bool full, bool any_branch) {
   const std::size_t count = q.shape(0), n = q.shape(1);
   Owned<double> x({count, n}), residual({count});
   Owned<int> iterations({count});
@@ -81,7 +82,8 @@ auto batch_fkm(const Robot& robot, const Rows& q, const Rows& guess, bool full) 
     for (std::size_t i = 0; i < count; ++i) {
       Joint pose = row<Joint>(guess, i);
       const Joint motors = row<Joint>(q, i);
-      const FkmResult result = full ? fkm_full(robot, motors, pose) : fkm(robot, motors, pose);
+      FkmResult result = full ? fkm_full(robot, motors, pose) : fkm(robot, motors, pose);
+      if (any_branch && result.status == Status::branch_lost) result.status = Status::ok;
       if (!result) pose.fill(NAN);
       std::memcpy(x[i], pose.data(), n * sizeof(double));
       outcomes.set(i, {result.status, result.chain});

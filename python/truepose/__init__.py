@@ -2,6 +2,7 @@
 
 from importlib.metadata import version
 
+from truepose.assembly import assembly_modes
 from truepose.errors import with_paper_errors
 from truepose.exceptions import InputError, PoseError, RobotFileError, TrueposeError
 from truepose.robot import Parameter, Robot, load, robots
@@ -17,6 +18,7 @@ __all__ = [
     "RobotFileError",
     "Simulation",
     "TrueposeError",
+    "assembly_modes",
     "load",
     "robots",
     "settle",

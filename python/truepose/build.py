@@ -81,7 +81,7 @@ def encoder_step(chain: Chain) -> float:
     return (2 * math.pi if chain.actuator == "revolute" else 1.0) / chain.encoder_counts
 
 
-def _rotated(vector: Array, axis: Array, angle: float) -> Array:
+def rotated(vector: Array, axis: Array, angle: float) -> Array:
     """Rodrigues' formula; the identity, bit for bit, for angle = 0."""
     if angle == 0:
         return vector
@@ -104,7 +104,7 @@ def _pair_drawn(spec: RobotFile, chain: Chain) -> Array:
     A = np.array(spec.home[:3]) + chain.anchor
     if chain.bar is not None:
         bar = spec.bar[chain.bar - 1]
-        A += _rotated(bar.pivot * np.array(bar.direction), np.array([0.0, 0.0, 1.0]), theta)
+        A += rotated(bar.pivot * np.array(bar.direction), np.array([0.0, 0.0, 1.0]), theta)
     across = np.cross(chain.axis, A - chain.base)
     return across / max(float(np.linalg.norm(across)), 1e-300)
 
@@ -117,8 +117,8 @@ def _build_pair(built: _core.Chain, spec: RobotFile, i: int, values: dict[str, f
     built.rod_spacing = chain.rod_spacing
     built.rod_difference = values[f"{name}.rod_difference"]
     built.pair_drawn = _pair_drawn(spec, chain)
-    pair = _rotated(built.pair_drawn, np.array([0.0, 0.0, 1.0]), values[f"{name}.yaw"])
-    built.pair_axis = _rotated(pair, built.zero, values[f"{name}.tilt"])
+    pair = rotated(built.pair_drawn, np.array([0.0, 0.0, 1.0]), values[f"{name}.yaw"])
+    built.pair_axis = rotated(pair, built.zero, values[f"{name}.tilt"])
 
 
 def build(spec: RobotFile, sensors: tuple[Sensor, ...], values: dict[str, float]) -> _core.Robot:
@@ -135,10 +135,10 @@ def build(spec: RobotFile, sensors: tuple[Sensor, ...], values: dict[str, float]
         built.actuator = getattr(_core.Actuator, chain.actuator)
         built.base = np.array([values[f"{name}.base.{axis}"] for axis in "xyz"])
         # Yaw adds to α: it turns e and u about z. Tilt then turns u about e.
-        zero = _rotated(np.array(chain.zero), vertical, values[f"{name}.yaw"])
-        axis = _rotated(np.array(chain.axis), vertical, values[f"{name}.yaw"])
+        zero = rotated(np.array(chain.zero), vertical, values[f"{name}.yaw"])
+        axis = rotated(np.array(chain.axis), vertical, values[f"{name}.yaw"])
         built.zero = zero
-        built.axis = _rotated(axis, zero, values[f"{name}.tilt"])
+        built.axis = rotated(axis, zero, values[f"{name}.tilt"])
         _build_pair(built, spec, i, values)
         built.arm = values.get(f"{name}.arm", 0.0)
         built.rod = values.get(f"{name}.rod", 0.0)

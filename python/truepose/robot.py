@@ -414,7 +414,8 @@ class Robot:
             shapes = f"({self.n},) or that of q, {(*lead, self.n)}"
             raise InputError(f"guess: wrong shape, must be {shapes}") from None
         start, _ = self._rows(start, self.n, "guess", errors)
-        x, status, chain, _, _ = _core.fkm(self._core, rows, start, self._is_full(level))
+        full = self._is_full(level)
+        x, status, chain, _, _ = _core.fkm(self._core, rows, start, full, False)
         self._check("motor position", rows, lead, status, chain, errors, name="q")
         return x.reshape(*lead, self.n)
 

@@ -1,7 +1,7 @@
 """Which redundant sensors may a robot file describe? One class a kind; one sensor is one number.
 
 A tracker that gives a position is three `coordinate` sensors, one that gives a pose three more
-`rotation` ones. Every sensor reads gain · value − offset, in steps of its resolution, with noise.
+`rotation` ones. Every sensor reads gain · value − offset, in steps of its resolution.
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ class _Sensor(Section):
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
     offset: Number = Field(default=0.0, description="reading = gain * value - offset")
     gain: Number = Field(default=1.0, description="reading = gain * value - offset")
-    noise: NonNegative = Field(default=0.0, description="σ of the reading, rad or m")
     weight: NonNegative = Field(default=1.0, description="of its row in the TEJ (paper: 1)")
 
     @model_validator(mode="after")
