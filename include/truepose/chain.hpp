@@ -40,7 +40,7 @@ inline double jq_entry(const Chain& chain, const Vec3& v, const Driven& driven) 
 
 /// Closes a chain on A = D + R c + a: the two spheres (or sphere and line) meet in two points,
 /// and the working mode says which. J_q's entry comes out as ± the root, without a division;
-/// neither tan(q/2) nor a quotient by G, M or N appears, so no position of the arm is special.
+/// no quotient by G, M or N appears, and no position of the arm is special.
 /// NeedAngle = false leaves q out, and with it the only trigonometric function.
 /// @return false when the rod cannot reach.
 template <Mobility K, bool NeedAngle = true>
@@ -75,7 +75,7 @@ TRUEPOSE_FLATTEN inline bool close(const Chain& chain, const Pose& pose, ChainSt
       if (!(root2 >= 0) || !(r2 > 0)) return false;
       state.jq = sign * std::sqrt(root2);
       const double cosine = (a * c - b * state.jq) / r2, sine = (b * c + a * state.jq) / r2;
-      if constexpr (NeedAngle)  // tan(q/2), at half the cost, where 1 + cos q is far from zero
+      if constexpr (NeedAngle)  // tan(q/2) = sin/(1 + cos): half the cost, where regular
         position = cosine > -0.5 ? 2 * std::atan(sine / (1 + cosine)) : std::atan2(sine, cosine);
       state.p = cosine * e + sine * w;
       state.dB = cosine * w - sine * e;
