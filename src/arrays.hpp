@@ -18,6 +18,9 @@ namespace nb = nanobind;
 /// (N, width), C order; the facade has checked shapes and dtype.
 using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
+/// (width,), the same.
+using Row = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
 /// A numpy array that owns its memory.
 template <class T>
 class Owned {

@@ -7,7 +7,7 @@
 #include "arrays.hpp"
 #include "truepose/control.hpp"
 #include "truepose/full.hpp"
-#include "truepose/parameters.hpp"
+#include "truepose/geometry.hpp"
 
 namespace truepose::python {
 namespace {
@@ -92,6 +92,7 @@ void bind_robot(nb::module_& m) {
   nb::class_<Body>(m, "Body")
       .def(nb::init<>())
       .def_rw("mass", &Body::mass)
+      .def_rw("bar", &Body::bar)
       .def_rw("pivot", &Body::pivot)
       .def_rw("anchor", &Body::anchor)
       .def_rw("inertia", &Body::inertia);
@@ -117,6 +118,20 @@ void bind_robot(nb::module_& m) {
            [](Robot& robot, const Body& body) {
              robot.body.at(robot.bodies) = body;
              ++robot.bodies;
+           })
+      .def("drawn_parameters",
+           [](const Robot& drawn) {
+             Owned<double> xi({static_cast<std::size_t>(parameter_count(drawn))});
+             drawn_parameters(drawn, xi[0]);
+             return xi.release();
+           })
+      .def("with_parameters",
+           [](const Robot& drawn, const Row& xi) {
+             Robot robot = drawn;
+             if (xi.shape(0) != static_cast<std::size_t>(parameter_count(drawn)))
+               throw nb::value_error("one value for each column");
+             set_parameters(drawn, xi.data(), robot);
+             return robot;
            })
       .def("finish", [](Robot& robot) {
         Outcome outcome = finish(robot);
@@ -172,6 +187,7 @@ NB_MODULE(_core, m) {
   m.attr("max_sensors") = kMaxSensors;
   m.attr("max_readings") = kMaxReadings;
   m.attr("max_bars") = kMaxBars;
+  m.def("rotation", [](const Vec3& vector) { return exp_so3(vector); });
   m.def("describe", [](int status) { return describe(static_cast<Status>(status)); });
   python::bind_robot(m);
   python::bind_control(m);

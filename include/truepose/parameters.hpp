@@ -21,9 +21,11 @@ enum class ChainParameter : int {
   tilt,
   anchor_x,
   anchor_y,
-  anchor_z
+  anchor_z,
+  rod_difference,  ///< these two: full level only
+  rod_spacing
 };
-inline constexpr int kChainParameters = 11;
+inline constexpr int kChainParameters = 13;
 
 /// Parameters of a sensor, in this order; those that its kind does not have have zero columns.
 enum class SensorParameter : int {
@@ -88,6 +90,8 @@ inline Variation vary(const Chain& chain, const ChainState& state, const Pose& p
       change.A = chain.bar < 0 ? Vec3(pose.R * e) : e;
       break;
     }
+    case ChainParameter::rod_difference:
+    case ChainParameter::rod_spacing: break;
   }
   if (!change.turn.isZero(0)) change.B = change.turn.cross(state.p);
   return change;

@@ -128,6 +128,7 @@ struct Sensor {
 /// A rigid body of the nacelle, its centre of mass at D + R pivot + anchor.
 struct Body {
   double mass = 0;
+  int bar = -1;  ///< the bar that it is (0-based; -1: the nacelle itself)
   Vec3 pivot = Vec3::Zero();
   Vec3 anchor = Vec3::Zero();
   Mat3 inertia =

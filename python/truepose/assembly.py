@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.build import rotated
 from truepose.exceptions import InputError
 from truepose.robot import Array, Robot
 
@@ -95,14 +94,7 @@ def _distance(robot: Robot, a: Array, b: Array) -> float:
     if not angles.any():
         return float(apart.max())
     if robot.spec.mobility == "spatial":
-        turn = float(np.linalg.norm(_matrix(a[3:]) - _matrix(b[3:])))
+        turn = float(np.linalg.norm(_core.rotation(a[3:]) - _core.rotation(b[3:])))
     else:
         turn = float(np.abs((apart[angles] + np.pi) % (2 * np.pi) - np.pi).max())
     return max(float(apart[~angles].max()), turn)
-
-
-def _matrix(vector: Array) -> Array:
-    """Turn the base's axes by a rotation vector: one row each."""
-    angle = float(np.linalg.norm(vector))
-    axis = vector / angle if angle > 0 else np.array([0.0, 0.0, 1.0])
-    return np.array([rotated(unit, axis, angle) for unit in np.eye(3)])

@@ -57,7 +57,7 @@ DIRECTIONS = ("direction", "normal")
 def columns(spec: RobotFile, sensors: tuple[Sensor, ...]) -> list[tuple[str, int]]:
     """Name of every parameter that the core knows in this robot, and its column of H_ξ."""
     chain = [f"base.{axis}" for axis in "xyz"] + ["arm", "rod", "encoder_offset", "yaw", "tilt"]
-    chain += [f"anchor.{axis}" for axis in "xyz"]
+    chain += [f"anchor.{axis}" for axis in "xyz"] + ["rod_difference", "rod_spacing"]
     width = len(chain)
     columns = [
         (f"chain{i + 1}.{key}", i * width + k) for i in range(spec.n) for k, key in enumerate(chain)
@@ -81,15 +81,6 @@ def encoder_step(chain: Chain) -> float:
     return (2 * math.pi if chain.actuator == "revolute" else 1.0) / chain.encoder_counts
 
 
-def rotated(vector: Array, axis: Array, angle: float) -> Array:
-    """Rodrigues' formula; the identity, bit for bit, for angle = 0."""
-    if angle == 0:
-        return vector
-    across = np.cross(axis, vector)
-    along = axis * (axis @ vector)
-    return along + (vector - along) * math.cos(angle) + across * math.sin(angle)
-
-
 def _pair_drawn(spec: RobotFile, chain: Chain) -> Array:
     """From one rod of a chain to the other, as drawn.
 
@@ -104,60 +95,22 @@ def _pair_drawn(spec: RobotFile, chain: Chain) -> Array:
     A = np.array(spec.home[:3]) + chain.anchor
     if chain.bar is not None:
         bar = spec.bar[chain.bar - 1]
-        A += rotated(bar.pivot * np.array(bar.direction), np.array([0.0, 0.0, 1.0]), theta)
+        A += _core.rotation([0.0, 0.0, theta]) @ (bar.pivot * np.array(bar.direction))
     across = np.cross(chain.axis, A - chain.base)
     return across / max(float(np.linalg.norm(across)), 1e-300)
 
 
-def _build_pair(built: _core.Chain, spec: RobotFile, i: int, values: dict[str, float]) -> None:
-    """Fill in the two rods of chain i, where it is a spatial parallelogram."""
-    if spec.mobility not in PAIRED:
-        return
-    chain, name = spec.chain[i], f"chain{i + 1}"
-    built.rod_spacing = chain.rod_spacing
-    built.rod_difference = values[f"{name}.rod_difference"]
-    built.pair_drawn = _pair_drawn(spec, chain)
-    pair = rotated(built.pair_drawn, np.array([0.0, 0.0, 1.0]), values[f"{name}.yaw"])
-    built.pair_axis = rotated(pair, built.zero, values[f"{name}.tilt"])
-
-
-def build(spec: RobotFile, sensors: tuple[Sensor, ...], values: dict[str, float]) -> _core.Robot:
-    """Fill the core's structs from the file and the parameters' values."""
+def build(spec: RobotFile, sensors: tuple[Sensor, ...]) -> _core.Robot:
+    """Fill the core's structs from the file, as drawn: axes at zero yaw and tilt."""
     robot = _core.Robot()
     robot.mobility = getattr(_core.Mobility, spec.mobility)
     robot.gravity = np.array(spec.gravity)
     robot.home = [*spec.home, *[0.0] * (6 - spec.n)]
     robot.bar_joint = getattr(_core.BarJoint, spec.nacelle.bars)
-    vertical = np.array([0.0, 0.0, 1.0])
     for i, chain in enumerate(spec.chain):
-        name = f"chain{i + 1}"
-        built = _core.Chain()
-        built.actuator = getattr(_core.Actuator, chain.actuator)
-        built.base = np.array([values[f"{name}.base.{axis}"] for axis in "xyz"])
-        # Yaw adds to α: it turns e and u about z. Tilt then turns u about e.
-        zero = rotated(np.array(chain.zero), vertical, values[f"{name}.yaw"])
-        axis = rotated(np.array(chain.axis), vertical, values[f"{name}.yaw"])
-        built.zero = zero
-        built.axis = rotated(axis, zero, values[f"{name}.tilt"])
-        _build_pair(built, spec, i, values)
-        built.arm = values.get(f"{name}.arm", 0.0)
-        built.rod = values.get(f"{name}.rod", 0.0)
-        built.encoder_offset = values[f"{name}.encoder_offset"]
-        anchor = np.array([values[f"{name}.anchor.{axis}"] for axis in "xyz"])
-        if chain.bar is None:
-            built.pivot = anchor
-        else:
-            direction = np.array(spec.bar[chain.bar - 1].direction)
-            built.pivot = values[f"bar{chain.bar}.pivot"] * direction
-            built.anchor = anchor
-            built.bar = chain.bar - 1
-        built.encoder_step = encoder_step(chain) * spec.quantised
-        built.torque_limit = chain.torque_limit or 0.0
-        for key in ("working_mode", "drive_inertia", "arm_mass", "rod_mass", "viscous", "coulomb"):
-            setattr(built, key, getattr(chain, key))
-        robot.set_chain(i, built)
+        robot.set_chain(i, _build_chain(spec, chain))
     for sensor in sensors:
-        robot.add_sensor(_build_sensor(spec, sensor, values))
+        robot.add_sensor(_build_sensor(spec, sensor))
     body = _core.Body()
     body.mass = spec.nacelle.mass
     body.pivot = np.array(spec.nacelle.centre)
@@ -165,27 +118,48 @@ def build(spec: RobotFile, sensors: tuple[Sensor, ...], values: dict[str, float]
         [spec.nacelle.inertia_x, spec.nacelle.inertia_y, spec.nacelle.inertia_z]
     ).astype(float)
     robot.add_body(body)
-    for k, bar in enumerate(spec.bar, 1):
+    for k, bar in enumerate(spec.bar):
         body = _core.Body()
-        body.mass = bar.mass
-        body.pivot = values[f"bar{k}.pivot"] * np.array(bar.direction)
+        body.mass, body.bar = bar.mass, k
+        body.pivot = bar.pivot * np.array(bar.direction)
         robot.add_body(body)
     return robot
 
 
-def _build_sensor(spec: RobotFile, sensor: Sensor, values: dict[str, float]) -> _core.Sensor:
+def _build_chain(spec: RobotFile, chain: Chain) -> _core.Chain:
+    """Fill the core's struct of a chain."""
+    built = _core.Chain()
+    built.actuator = getattr(_core.Actuator, chain.actuator)
+    for key in ("base", "axis", "zero"):
+        setattr(built, key, np.array(getattr(chain, key)))
+    built.arm, built.rod = chain.arm or 0.0, chain.rod or 0.0
+    if chain.bar is None:
+        built.pivot = np.array(chain.anchor)
+    else:
+        bar = spec.bar[chain.bar - 1]
+        built.pivot = bar.pivot * np.array(bar.direction)
+        built.anchor = np.array(chain.anchor)
+        built.bar = chain.bar - 1
+    built.encoder_step = encoder_step(chain) * spec.quantised
+    built.torque_limit = chain.torque_limit or 0.0
+    if spec.mobility in PAIRED:  # two rods
+        built.rod_spacing = chain.rod_spacing
+        built.pair_axis = built.pair_drawn = _pair_drawn(spec, chain)
+    for key in ("working_mode", "drive_inertia", "arm_mass", "rod_mass", "viscous", "coulomb"):
+        setattr(built, key, getattr(chain, key))
+    return built
+
+
+def _build_sensor(spec: RobotFile, sensor: Sensor) -> _core.Sensor:
     """Fill the core's struct of a sensor."""
     built = _core.Sensor()
     built.kind = getattr(_core.SensorKind, sensor.kind)
-    built.offset = values[f"{sensor.name}.offset"]
-    built.gain = values[f"{sensor.name}.gain"]
+    built.offset, built.gain = sensor.offset, sensor.gain
     built.step = sensor.step * spec.quantised
     built.weight = sensor.weight
     built.bar = (getattr(sensor, "bar", None) or 0) - 1
     for core, key in sensor.mounting.items():
-        vector = np.array([values[f"{sensor.name}.{key}.{axis}"] for axis in "xyz"])
-        length = np.linalg.norm(vector) if core in DIRECTIONS else 1.0
-        setattr(built, core, vector / length)
+        setattr(built, core, np.array(getattr(sensor, key)))
     if (number := getattr(sensor, "chain", None)) is not None:
         built.chain = number - 1
         built.at_nacelle = getattr(sensor, "side", "base") == "nacelle"
@@ -193,3 +167,14 @@ def _build_sensor(spec: RobotFile, sensor: Sensor, values: dict[str, float]) -> 
         built.direction = np.array(spec.chain[number - 1].axis)
         built.normal = np.array(spec.chain[number - 1].zero)
     return built
+
+
+def parameterised(
+    drawn: _core.Robot, known: list[tuple[str, int]], values: dict[str, float]
+) -> _core.Robot:
+    """Return the drawn robot with these parameters' values; `known` as from :func:`columns`."""
+    xi = drawn.drawn_parameters()
+    for name, column in known:
+        if name in values:
+            xi[column] = values[name]
+    return drawn.with_parameters(xi)

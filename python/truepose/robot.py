@@ -13,7 +13,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core, robot_file
-from truepose.build import DIRECTIONS, Array, build, columns, encoder_step, locations
+from truepose.build import (
+    DIRECTIONS,
+    Array,
+    build,
+    columns,
+    encoder_step,
+    locations,
+    parameterised,
+)
 from truepose.exceptions import InputError, PoseError, RobotFileError, choose
 from truepose.schema import RobotFile
 
@@ -111,7 +119,8 @@ class Robot:
         if spec.n + len(spec.sensors) > _core.max_readings or len(spec.sensors) > _core.max_sensors:
             raise RobotFileError(f"{spec.name}: at most {_core.max_sensors} sensors can be in use")
         self._sensors = tuple(known[name] for name in spec.sensors)
-        self._core = build(spec, self._sensors, self._values)
+        drawn = build(spec, self._sensors)
+        self._core = parameterised(drawn, columns(spec, self._sensors), self._values)
         status, chain = self._core.finish()
         if status:
             guilty = f", chain {chain + 1}" if chain >= 0 else ""
