@@ -7,9 +7,9 @@
 
 #include "arrays.hpp"
 #include "truepose/full_kinematics.hpp"
+#include "truepose/linearise.hpp"
 #include "truepose/offline/simulate.hpp"
 #include "truepose/offline/statics.hpp"
-#include "truepose/parameters.hpp"
 
 namespace truepose::python {
 namespace {
@@ -142,24 +142,13 @@ auto batch_linearise(const Robot& robot, const Rows& x) {
   with_mobility(robot.mobility, [&](auto mobility) {
     constexpr Mobility K = mobility();
     nb::gil_scoped_release release;
+    Extended q_e;
+    Matrix<kMaxReadings, kDof<K>> H_x;
     for (std::size_t i = 0; i < count; ++i) {
-      Closure<K> closure;
-      Jacobians<K> jacobians;
-      Reading values;
-      Matrix<kMaxSensors, kDof<K>> jr;
-      Outcome outcome = ikm<K>(robot, to_pose<K>(row<Joint>(x, i)), closure);
-      if (outcome) outcome = jacobian<K>(closure, jacobians);
-      if (outcome) outcome = rkm<K>(robot, closure, values, jr);
+      const Outcome outcome = linearise<K>(robot, to_pose<K>(row<Joint>(x, i)), q_e, H_x, h_xi[i]);
       outcomes.set(i, outcome);
-      if (!outcome) {
-        std::fill_n(h_x[i], e * n, NAN);
-        std::fill_n(h_xi[i], e * p, NAN);
-        continue;
-      }
-      for (std::size_t k = 0; k < e; ++k)
-        for (std::size_t j = 0; j < n; ++j)
-          h_x[i][k * n + j] = k < n ? jacobians.jx[k][j] / jacobians.jq[k] : jr[k - n][j];
-      parameter_jacobian<K>(robot, closure, h_xi[i]);
+      for (std::size_t k = 0; k < e * n; ++k) h_x[i][k] = outcome ? H_x[k / n][k % n] : NAN;
+      if (!outcome) std::fill_n(h_xi[i], e * p, NAN);
     }
   });
   return nb::make_tuple(h_x.release(), h_xi.release(), outcomes.status.release(),
