@@ -69,5 +69,6 @@ inline Vector row(const Rows& rows, std::size_t i) {
 }
 
 void bind_batch(nb::module_& module);
+void bind_calibration(nb::module_& module);
 
 }  // namespace truepose::python

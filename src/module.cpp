@@ -192,4 +192,5 @@ NB_MODULE(_core, m) {
   python::bind_robot(m);
   python::bind_control(m);
   python::bind_batch(m);
+  python::bind_calibration(m);
 }

@@ -40,6 +40,7 @@ using Extended = std::array<double, kMaxReadings>;  ///< anything of size n + r
 template <int Rows, int Columns>
 using Matrix = std::array<std::array<double, Columns>, Rows>;
 using JointMatrix = Matrix<kMaxDof, kMaxDof>;
+using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 /// Which freedoms the mechanism leaves to the nacelle.
 enum class Mobility : int {

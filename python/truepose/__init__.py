@@ -3,14 +3,18 @@
 from importlib.metadata import version
 
 from truepose.assembly import assembly_modes
+from truepose.bound import accuracy
+from truepose.calibration import Fit, calibrate
 from truepose.errors import with_paper_errors
 from truepose.exceptions import InputError, PoseError, RobotFileError, TrueposeError
-from truepose.robot import Parameter, Robot, load, robots
+from truepose.robot import Estimate, Parameter, Robot, load, robots
 from truepose.simulations import Controller, Simulation, settle, simulate
 
 __version__ = version("truepose")
 __all__ = [
     "Controller",
+    "Estimate",
+    "Fit",
     "InputError",
     "Parameter",
     "PoseError",
@@ -18,7 +22,9 @@ __all__ = [
     "RobotFileError",
     "Simulation",
     "TrueposeError",
+    "accuracy",
     "assembly_modes",
+    "calibrate",
     "load",
     "robots",
     "settle",

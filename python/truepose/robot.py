@@ -23,7 +23,7 @@ from truepose.build import (
     parameterised,
 )
 from truepose.exceptions import InputError, PoseError, RobotFileError, choose
-from truepose.schema import RobotFile
+from truepose.schema import Calibration, RobotFile
 
 Errors = Literal["raise", "nan"]
 Level = Literal["ideal", "full"]
@@ -44,6 +44,15 @@ class Parameter(NamedTuple):
     value: float
     mean: float
     sigma: float
+
+
+class Estimate(NamedTuple):
+    """The best pose that all readings allow, and how well it is known."""
+
+    x: Array  #: (..., n)
+    covariance: Array  #: (..., n, n) of the free twist (spatial: rotation vector in the base frame)
+    chi2: Array  #: (...) of the residuals; about r where the tolerances are right
+    status: Array  #: (...) "ok", or why not
 
 
 @dataclass(frozen=True)
@@ -119,8 +128,9 @@ class Robot:
         if spec.n + len(spec.sensors) > _core.max_readings or len(spec.sensors) > _core.max_sensors:
             raise RobotFileError(f"{spec.name}: at most {_core.max_sensors} sensors can be in use")
         self._sensors = tuple(known[name] for name in spec.sensors)
-        drawn = build(spec, self._sensors)
-        self._core = parameterised(drawn, columns(spec, self._sensors), self._values)
+        self._drawn = build(spec, self._sensors)
+        self._drawn.finish()
+        self._core = parameterised(self._drawn, columns(spec, self._sensors), self._values)
         status, chain = self._core.finish()
         if status:
             guilty = f", chain {chain + 1}" if chain >= 0 else ""
@@ -208,7 +218,13 @@ class Robot:
         (0.48, 0.4835, 0.00375)
         """
         result = {}
+        learnt = self._spec.calibration
+        means = dict(zip(learnt.parameters, learnt.mean, strict=True)) if learnt else {}
+        sigmas = learnt.sigma if learnt else {}
         for name, value in self._values.items():
+            if name in means:
+                result[name] = Parameter(value, means[name], sigmas[name])
+                continue
             tolerance = next(
                 (t for key, t in self._spec.tolerances.items() if fnmatch.fnmatchcase(name, key)),
                 None,
@@ -235,6 +251,30 @@ class Robot:
             if name.endswith((".arm", ".rod", ".pivot")) and value <= 0:
                 raise InputError(f"{name} = {value}: must be greater than 0 (m)")
         return Robot(self._spec, self._values | {k: float(v) for k, v in values.items()})
+
+    def expected(self) -> Robot:
+        """Return the robot as it most likely is: every parameter at its prior mean.
+
+        A drawn robot whose tolerances are not centred is not that robot: the H4's rods are to be
+        3.5 mm longer than drawn, on average. A calibrated robot already is.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> round(tp.load("h4").expected().parameters["chain1.rod"].value, 4)
+        0.4835
+        """
+        return self.replace({name: p.mean for name, p in self.parameters.items()})
+
+    def with_calibration(self, calibration: Calibration | None) -> Robot:
+        """Return a copy that knows its parameters as a calibration found them, or not (None)."""
+        values = (
+            {}
+            if calibration is None
+            else dict(zip(calibration.parameters, calibration.mean, strict=True))
+        )
+        spec = self._spec.model_copy(update={"calibration": calibration})
+        return Robot(spec, self._values | values)
 
     def with_sensors(self, *names: str) -> Robot:
         """Return a copy that uses these sensors of its file, in this order.
@@ -416,13 +456,7 @@ class Robot:
         [ 0.05 -0.02 -0.42  0.3 ]
         """
         rows, lead = self._rows(q, self.n, "q", errors)
-        start = self.home if guess is None else guess
-        try:
-            start = np.broadcast_to(start, (*lead, self.n))
-        except ValueError:
-            shapes = f"({self.n},) or that of q, {(*lead, self.n)}"
-            raise InputError(f"guess: wrong shape, must be {shapes}") from None
-        start, _ = self._rows(start, self.n, "guess", errors)
+        start = self._guesses(guess, lead, errors)
         full = self._is_full(level)
         x, status, chain, _, _ = _core.fkm(self._core, rows, start, full, False)
         self._check("motor position", rows, lead, status, chain, errors, name="q")
@@ -445,6 +479,59 @@ class Robot:
         x, status, chain = _core.redundant_fkm(self._core, rows)
         self._check("reading", rows, lead, status, chain, errors, name="q_e")
         return x.reshape(*lead, self.n)
+
+    def estimate(
+        self,
+        q_e: ArrayLike,
+        guess: ArrayLike | None = None,
+        errors: Errors = "raise",
+        level: Level = "ideal",
+    ) -> Estimate:
+        """Best pose from all readings, weighted by what is known of each, and its covariance.
+
+        x̂ minimises the readings' residuals in the metric C⁻¹, C = H_ξ Σ_ξ H_ξᵀ + Σ_s: tolerances
+        (or a calibration's covariance) and the readings' own errors. The geometry is this robot's;
+        the covariance holds for true ones spread about it, see :meth:`expected`.
+
+        Parameters
+        ----------
+        q_e : array_like, shape (..., n + r)
+            Extended positions: motors, then the sensors in use.
+        guess : array_like, shape (n,) or (..., n), optional
+            Where to start; the file's home pose by default.
+        errors : {"raise", "nan"}
+            What to do where no pose is found.
+        level : {"ideal", "full"}
+            One rod per chain, or every rod by itself (see :attr:`full`).
+
+        Returns
+        -------
+        Estimate
+            x (..., n), covariance (..., n, n), chi2 (...) and status (...).
+
+        Examples
+        --------
+        >>> import numpy as np, truepose as tp
+        >>> robot = tp.load("h4").with_sensors("theta", "z_telemeter").expected()
+        >>> est = robot.estimate(robot.extended([0.05, 0.01, -0.4, 0.2]))
+        >>> print(est.x.round(6), np.sqrt(np.diag(est.covariance))[2].round(6), est.status)
+        [ 0.05  0.01 -0.4   0.2 ] 6e-06 ok
+        """
+        from truepose import knowledge
+
+        rows, lead = self._rows(q_e, self.n + self.r, "q_e", errors)
+        start = self._guesses(guess, lead, errors)
+        x, covariance, chi2, status, chain = _core.estimate(
+            self._core, knowledge.knowledge(self), rows, start, self._is_full(level)
+        )
+        self._check("reading", rows, lead, status, chain, errors, name="q_e")
+        words = np.array([_core.describe(int(s)) for s in status])
+        return Estimate(
+            x.reshape(*lead, self.n),
+            covariance.reshape(*lead, self.n, self.n),
+            chi2.reshape(lead)[()],
+            words.reshape(lead)[()],
+        )
 
     def require_orientation(self) -> None:
         """Raise InputError unless the readings determine the nacelle's orientation."""
@@ -541,6 +628,15 @@ class Robot:
         points, status, chain = _core.skeleton(self._core, [*rows[0], *[0.0] * (6 - self.n)])
         self._check("pose", rows, (), np.array([status]), np.array([chain]), "raise")
         return points
+
+    def _guesses(self, guess: ArrayLike | None, lead: tuple[int, ...], errors: Errors) -> Array:
+        start = self.home if guess is None else guess
+        try:
+            start = np.broadcast_to(start, (*lead, self.n))
+        except ValueError:
+            shapes = f"({self.n},) or {(*lead, self.n)}, one for each reading"
+            raise InputError(f"guess: wrong shape, must be {shapes}") from None
+        return self._rows(start, self.n, "guess", errors)[0]
 
     def _is_full(self, level: Level) -> bool:
         """Whether `level` asks for every rod by itself; it must exist."""

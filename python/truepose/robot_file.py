@@ -16,7 +16,16 @@ from tomlkit.exceptions import TOMLKitError
 from truepose import consistency
 from truepose.exceptions import RobotFileError, choose
 from truepose.pattern import expand, misfits
-from truepose.schema import Bar, Chain, Nacelle, Pattern, RobotFile, Tolerance, Workspace
+from truepose.schema import (
+    Bar,
+    Calibration,
+    Chain,
+    Nacelle,
+    Pattern,
+    RobotFile,
+    Tolerance,
+    Workspace,
+)
 from truepose.schema_sensors import SENSORS
 
 _SECTIONS = {
@@ -28,6 +37,7 @@ _SECTIONS = {
     "singularity_free": Workspace,
     "pattern": Pattern,
     "tolerances": Tolerance,
+    "calibration": Calibration,
     **SENSORS,
 }
 _SHORTHAND = ("every_chain", "based_on")
@@ -136,6 +146,10 @@ def unknown_names(spec: RobotFile, parameters: Collection[str]) -> list[Problem]
             ):
                 text = f"{table}: " + choose("parameter", name, parameters)
                 problems.append(Problem((table, name), text))
+    for number, name in enumerate(spec.calibration.parameters if spec.calibration else ()):
+        if name not in parameters:
+            text = "calibration.parameters: " + choose("parameter", name, parameters)
+            problems.append(Problem(("calibration", "parameters", number), text))
     known = [sensor.name for sensor in spec.sensor]
     for number, name in enumerate(spec.sensors):
         if name not in known:

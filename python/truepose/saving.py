@@ -12,7 +12,7 @@ import tomlkit
 
 from truepose import robot_file
 from truepose.exceptions import InputError
-from truepose.schema import RobotFile
+from truepose.schema import Calibration, RobotFile
 
 
 def to_toml(spec: RobotFile, values: dict[str, float]) -> str:
@@ -31,6 +31,10 @@ def to_toml(spec: RobotFile, values: dict[str, float]) -> str:
         if getattr(spec, key) != getattr(before, key):
             value = getattr(spec, key)
             document[key] = list(value) if isinstance(value, tuple) else value
+    if spec.calibration != before.calibration:
+        document.pop("calibration", None)
+        if spec.calibration:
+            document["calibration"] = _calibration(spec.calibration)
     if values:
         table = document.setdefault("parameters", tomlkit.table())
         for name, value in values.items():
@@ -38,9 +42,22 @@ def to_toml(spec: RobotFile, values: dict[str, float]) -> str:
     return document.as_string()
 
 
+def _calibration(calibration: Calibration) -> tomlkit.items.Table:
+    table = tomlkit.table()
+    table.update(calibration.model_dump(exclude={"root"}, exclude_defaults=True, mode="json"))
+    rows = tomlkit.array()
+    for row in calibration.root:
+        rows.add_line(list(row))
+    rows.add_line()
+    table["root"] = rows
+    return table
+
+
 def _written_out(spec: RobotFile) -> tomlkit.TOMLDocument:
     """Write every key that differs from its default, the pattern's chains one by one."""
-    data = spec.model_dump(exclude_defaults=True, exclude={"pattern", "parameters"}, mode="json")
+    data = spec.model_dump(
+        exclude_defaults=True, exclude={"pattern", "parameters", "calibration"}, mode="json"
+    )
     document = tomlkit.document()
     document.update(data)
     return document

@@ -148,6 +148,33 @@ class Tolerance(Section):
         return (self.interval[1] - self.interval[0]) / math.sqrt(12)
 
 
+class Calibration(Section):
+    """What a calibration has learnt; it takes the place of these parameters' tolerances."""
+
+    source: str = Field(default="", description="readings that it rests on")
+    parameters: tuple[str, ...] = Field(description="names, in the order of 'mean' and 'root'")
+    mean: tuple[Number, ...] = Field(description="best values, m or rad")
+    root: tuple[tuple[Number, ...], ...] = Field(
+        description="lower triangle, row by row: covariance = root · rootᵀ"
+    )
+
+    @model_validator(mode="after")
+    def _square(self) -> Calibration:
+        size = len(self.parameters)
+        if len(self.mean) != size or [len(row) for row in self.root] != list(range(1, size + 1)):
+            raise ValueError(f"'mean' and 'root' must have {size} rows, row i of 'root' i numbers")
+        if any(row[-1] <= 0 for row in self.root):
+            raise ValueError("'root' must have a positive diagonal")
+        return self
+
+    @property
+    def sigma(self) -> dict[str, float]:
+        """Standard deviation of every parameter."""
+        return {
+            name: math.hypot(*row) for name, row in zip(self.parameters, self.root, strict=True)
+        }
+
+
 class RobotFile(Section):
     """A robot and its sensors."""
 
@@ -173,6 +200,7 @@ class RobotFile(Section):
         default_factory=dict,
         description="values that are not the drawn ones; tolerances stay about the drawn ones",
     )
+    calibration: Calibration | None = None
     #: The file this was read from, kept so that saving keeps its order and comments.
     _text: str = PrivateAttr(default="")
 

@@ -1,0 +1,211 @@
+// Where is the nacelle, from all readings together, and how well is that known?
+//
+// x̂ = argmin |q_e - h(x)|² in the metric C⁻¹, C = H_ξ Σ_ξ H_ξᵀ + Σ_s: what the readings cannot be
+// trusted for, geometry and counts alike. The same weights make the weighted TEJ.
+#pragma once
+
+#include "truepose/fkm.hpp"
+#include "truepose/knowledge.hpp"
+#include "truepose/linearise.hpp"
+#include "truepose/tej.hpp"
+
+namespace truepose {
+
+inline constexpr int kEstimateIterations = 20;
+
+/// The model that an estimate rests on: one rod per chain (full_linearise.hpp has the other).
+struct IdealLevel {
+  template <Mobility K>
+  static Outcome linearise(const Robot& robot, const Pose& pose, Extended& q_e,
+                           Matrix<kMaxReadings, kDof<K>>& H_x, double* H_xi) {
+    return truepose::linearise<K>(robot, pose, q_e, H_x, H_xi);
+  }
+  template <Mobility K>
+  static Status fkm(const Robot& robot, const Joint& q, Pose& pose) {
+    return truepose::fkm<K>(robot, q, pose).status;
+  }
+};
+
+/// doubles of work space that `weigh` and `estimate` need
+inline int estimate_work(const Robot& robot, int count) {
+  return (dof(robot.mobility) + robot.r) * (parameter_count(robot) + count);
+}
+
+/// Lower triangular L with C = L Lᵀ, in units of the readings' σ.
+struct ReadingCovariance {
+  Matrix<kMaxReadings, kMaxReadings> L;
+
+  /// L⁻¹ b in place, b of `rows` entries `stride` apart.
+  void whiten(int rows, double* b, int stride) const {
+    for (int i = 0; i < rows; ++i) {
+      double sum = b[i * stride];
+      for (int k = 0; k < i; ++k) sum -= L[i][k] * b[k * stride];
+      b[i * stride] = sum / L[i][i];
+    }
+  }
+};
+
+/// C at a pose, from its H_ξ. @param B  work space, (n + r)×count
+/// @return not_finite where C is no covariance: some σ is not a positive number
+inline Outcome reading_covariance(const Robot& robot, const Knowledge& known, const double* H_xi,
+                                  double* B, ReadingCovariance& C) {
+  const int rows = dof(robot.mobility) + robot.r;
+  gather(robot, known, H_xi, rows, B);
+  times_root(known, rows, B);
+  for (int i = 0; i < rows; ++i)
+    for (int j = 0; j <= i; ++j) {
+      double sum = i == j;
+      for (int k = 0; k < known.count; ++k) sum += B[i * known.count + k] * B[j * known.count + k];
+      for (int k = 0; k < j; ++k) sum -= C.L[i][k] * C.L[j][k];
+      if (i > j) {
+        C.L[i][j] = sum / C.L[j][j];
+      } else {
+        if (!(sum > 0 && std::isfinite(sum) && known.sigma[i] > 0)) return {Status::not_finite, -1};
+        C.L[i][i] = std::sqrt(sum);
+      }
+    }
+  return {};
+}
+
+/// What was read less what was expected, whole turns of a joint left out: which of them an encoder
+/// counts from is nobody's geometry.
+inline void innovation(const Robot& robot, const Extended& q_e, const Extended& expected,
+                       Extended& residual) {
+  const int n = dof(robot.mobility);
+  for (int i = 0; i < n + robot.r; ++i) {
+    residual[i] = q_e[i] - expected[i];
+    if (i < n) {
+      if (robot.chain[i].actuator == Actuator::revolute)
+        residual[i] = std::remainder(residual[i], 2 * M_PI);
+    } else if (const Sensor& sensor = robot.sensor[i - n];
+               sensor.kind == SensorKind::rod_in_plane ||
+               sensor.kind == SensorKind::motor_encoder ||
+               sensor.kind == SensorKind::inclinometer) {
+      residual[i] = std::remainder(residual[i], 2 * M_PI * sensor.gain);
+    }
+  }
+}
+
+/// Generalised least squares at a pose: δx = gain (q_e - h(x)), and δx's covariance.
+template <Mobility K>
+struct Fusion {
+  std::array<std::array<double, kMaxReadings>, kDof<K>> gain;
+  Matrix<kDof<K>, kDof<K>> covariance;
+};
+
+/// (HᵀC⁻¹H)⁻¹HᵀC⁻¹ and (HᵀC⁻¹H)⁻¹ by LDLᵀ on the whitened rows.
+/// @return singular where the readings do not determine the pose
+template <Mobility K>
+inline Outcome fuse(const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
+                    const Matrix<kMaxReadings, kDof<K>>& H_x, Fusion<K>& fusion) {
+  constexpr int n = kDof<K>;
+  const int rows = n + robot.r;
+  Matrix<kMaxReadings, n> A = H_x;
+  for (int i = 0; i < rows; ++i)
+    for (double& entry : A[i]) entry /= known.sigma[i];
+  for (int j = 0; j < n; ++j) C.whiten(rows, &A[0][j], n);
+  Matrix<n, n> normal{};
+  std::array<double, n> size;
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; j <= i; ++j)
+      for (int k = 0; k < rows; ++k) normal[i][j] += A[k][i] * A[k][j];
+    size[i] = normal[i][i];
+  }
+  const Ldlt<n> factor(normal, size);
+  if (!factor.regular()) return {Status::singular, -1};
+  for (int j = 0; j < n; ++j) {
+    std::array<double, n> unit{};
+    unit[j] = 1;
+    factor.solve(unit);
+    for (int i = 0; i < n; ++i) fusion.covariance[i][j] = unit[i];
+  }
+  for (int c = 0; c < rows; ++c) {
+    std::array<double, n> column = A[c];
+    factor.solve(column);
+    for (int i = 0; i < n; ++i) fusion.gain[i][c] = column[i];
+  }
+  for (auto& row : fusion.gain)  // times L⁻¹, from the right
+    for (int c = rows - 1; c >= 0; --c) {
+      for (int k = c + 1; k < rows; ++k) row[c] -= row[k] * C.L[k][c];
+      row[c] /= C.L[c][c];
+    }
+  for (auto& row : fusion.gain)
+    for (int c = 0; c < rows; ++c) row[c] /= known.sigma[c];
+  return {};
+}
+
+template <Mobility K>
+struct Estimate {
+  Outcome outcome;
+  int iterations = 0;
+  Matrix<kDof<K>, kDof<K>> covariance{};  ///< of the free twist at the pose
+  double chi2 = 0;  ///< of the readings' residuals; r on average where the knowledge is right
+  explicit operator bool() const { return bool(outcome); }
+};
+
+/// Weighted Gauss-Newton on all readings, its weights taken at the pose that the motors give.
+///
+/// @param known  about the robot's own parameter values
+/// @param pose   in: the guess; out: x̂
+/// @param work   estimate_work(robot, known.count) doubles
+/// @return unreachable or singular where no pose is found; the pose is then the guess
+template <Mobility K, class Level = IdealLevel>
+inline Estimate<K> estimate(const Robot& robot, const Knowledge& known, const Extended& q_e,
+                            Pose& pose, double* work) {
+  constexpr int n = kDof<K>;
+  const int rows = n + robot.r;
+  Estimate<K> result;
+  if (!all_finite(q_e, rows)) return {{Status::not_finite, -1}};
+  Joint q{};
+  for (int i = 0; i < n; ++i) q[i] = q_e[i];
+  Pose at = pose;
+  if (Level::template fkm<K>(robot, q, at) != Status::ok) at = pose;
+
+  double *H_xi = work, *B = work + rows * parameter_count(robot);
+  Extended expected;
+  Matrix<kMaxReadings, n> H_x;
+  ReadingCovariance C;
+  Fusion<K> fusion;
+  result.outcome = Level::template linearise<K>(robot, at, expected, H_x, H_xi);
+  if (result.outcome) result.outcome = reading_covariance(robot, known, H_xi, B, C);
+  while (result.outcome) {
+    result.outcome = fuse<K>(robot, known, C, H_x, fusion);
+    if (!result.outcome) break;
+    Extended residual{}, whitened{};
+    innovation(robot, q_e, expected, residual);
+    for (int c = 0; c < rows; ++c) whitened[c] = residual[c] / known.sigma[c];
+    C.whiten(rows, whitened.data(), 1);
+    Joint step{};
+    double size = 0;  // of the step, each coordinate against its own σ
+    for (int i = 0; i < n; ++i) {
+      for (int c = 0; c < rows; ++c) step[i] += fusion.gain[i][c] * residual[c];
+      size = std::max(size, step[i] * step[i] / fusion.covariance[i][i]);
+    }
+    if (size < 1e-16) {
+      for (int c = 0; c < rows; ++c) result.chi2 += whitened[c] * whitened[c];
+      result.covariance = fusion.covariance;
+      pose = at;
+      return result;
+    }
+    if (++result.iterations > kEstimateIterations || !std::isfinite(size)) {
+      result.outcome = {Status::unreachable, -1};
+      break;
+    }
+    at = moved<K>(at, step);
+    result.outcome = Level::template linearise<K>(robot, at, expected, H_x, nullptr);
+  }
+  return result;
+}
+
+/// Weighted TEJ at a pose: M⁺ = (MᵀC⁻¹M)⁻¹MᵀC⁻¹ of M = H_x J, and so J⁻¹ times the gain.
+template <Mobility K>
+inline void weighted_tej(const Robot& robot, const Matrix<kMaxReadings, kDof<K>>& H_x,
+                         const Fusion<K>& fusion, ExtendedRows& M_plus) {
+  for (int i = 0; i < kDof<K>; ++i)
+    for (int c = 0; c < kDof<K> + robot.r; ++c) {
+      M_plus[i][c] = 0;
+      for (int j = 0; j < kDof<K>; ++j) M_plus[i][c] += H_x[i][j] * fusion.gain[j][c];
+    }
+}
+
+}  // namespace truepose

@@ -1,0 +1,41 @@
+// What is known of the geometry, and of the readings' own errors? Σ_ξ and Σ_s.
+#pragma once
+
+#include "truepose/parameters.hpp"
+
+namespace truepose {
+
+/// Normal distributions of the uncertain parameters and of the readings. The arrays are the
+/// caller's: a prior of 50 parameters is as good here as the posterior of a calibration.
+struct Knowledge {
+  int count = 0;                 ///< p, uncertain parameters
+  const int* column = nullptr;   ///< each one's column of H_ξ (parameters.hpp)
+  const double* root = nullptr;  ///< S, p×p by rows, lower triangular: Σ_ξ = S Sᵀ
+  Extended sigma{};              ///< σ of every reading's own error, > 0: Σ_s = diag(σ²)
+};
+
+/// The uncertain columns of `rows` rows of H_ξ, each row divided by its reading's σ.
+inline void gather(const Robot& robot, const Knowledge& known, const double* H_xi, int rows,
+                   double* B) {
+  const int width = parameter_count(robot);
+  for (int i = 0; i < rows; ++i) {
+    const double per_sigma = 1 / known.sigma[i];
+    for (int k = 0; k < known.count; ++k)
+      B[i * known.count + k] = per_sigma * H_xi[i * width + known.column[k]];
+  }
+}
+
+/// B S in place, row by row.
+inline void times_root(const Knowledge& known, int rows, double* B) {
+  const int p = known.count;
+  for (int i = 0; i < rows; ++i) {
+    double* row = B + i * p;
+    for (int k = 0; k < p; ++k) {  // entries below k have been read: they take what k gives
+      const double value = row[k];
+      for (int j = 0; j < k; ++j) row[j] += value * known.root[k * p + j];
+      row[k] = value * known.root[k * p + k];
+    }
+  }
+}
+
+}  // namespace truepose

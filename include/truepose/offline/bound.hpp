@@ -1,0 +1,82 @@
+// How accurate can the pose be known at best? The (Bayesian, linear-Gaussian) Cramér-Rao bound.
+#pragma once
+
+#include <Eigen/Cholesky>
+#include <vector>
+
+#include "truepose/eliminate.hpp"
+#include "truepose/estimate.hpp"
+
+namespace truepose {
+
+/// What readings at these poses leave unknown of ξ, poses unknown too: with u the parameters in
+/// units of the prior, Σ_u⁻¹ = I + Σ RᵀR over the rows that elimination leaves.
+/// @param root  out: lower triangular, Σ_ξ = root rootᵀ after the visit
+/// @return the first outcome that is not ok; `chain` is then the chain at fault
+template <Mobility K, class Level>
+inline Outcome after_visiting(const Robot& robot, const Knowledge& prior,
+                              const std::vector<Pose>& poses, RowMatrix& root) {
+  constexpr int n = kDof<K>;
+  const int p = prior.count, readings = n + robot.r;
+  std::vector<double> H_xi(readings * parameter_count(robot));
+  RowMatrix B(readings, p), stacked(robot.r * static_cast<long>(poses.size()), p);
+  long row = 0;
+  for (const Pose& pose : poses) {
+    Extended q_e;
+    Matrix<kMaxReadings, n> H_x;
+    const Outcome outcome = Level::template linearise<K>(robot, pose, q_e, H_x, H_xi.data());
+    if (!outcome) return outcome;
+    gather(robot, prior, H_xi.data(), readings, B.data());
+    times_root(prior, readings, B.data());
+    Matrix<kMaxRows, n> A;
+    for (int c = 0; c < readings; ++c)
+      for (int j = 0; j < n; ++j) A[c][j] = H_x[c][j] / prior.sigma[c];
+    std::array<double, kMaxRows> e{};
+    if (!eliminate<n>(readings, A, B.data(), p, e)) return {Status::singular, -1};
+    for (int k = 0; k < robot.r; ++k) stacked.row(row++) = B.row(n + k);
+  }
+  // I + N = U Uᵀ with U upper triangular (Cholesky from the last parameter to the first), so that
+  // Σ_u = U⁻ᵀ U⁻¹ and S U⁻ᵀ, lower times lower, is the root.
+  Eigen::MatrixXd information = Eigen::MatrixXd::Identity(p, p);
+  information.selfadjointView<Eigen::Lower>().rankUpdate(stacked.transpose());
+  information = Eigen::MatrixXd(information.selfadjointView<Eigen::Lower>()).reverse().eval();
+  const Eigen::MatrixXd L = information.llt().matrixL();
+  const Eigen::MatrixXd UT = L.transpose().reverse();
+  const Eigen::MatrixXd inverse =
+      UT.triangularView<Eigen::Lower>().solve(Eigen::MatrixXd::Identity(p, p));
+  root = Eigen::Map<const RowMatrix>(prior.root, p, p).triangularView<Eigen::Lower>() * inverse;
+  return {};
+}
+
+/// Errors of x̂ at a pose: those that come from ξ, in units of the knowledge's root, and those of
+/// the readings themselves.
+template <Mobility K>
+struct PoseError {
+  Eigen::Matrix<double, kDof<K>, Eigen::Dynamic> by_geometry;  ///< n×p
+  Eigen::Matrix<double, kDof<K>, kDof<K>> by_noise;            ///< covariance
+};
+
+template <Mobility K, class Level>
+inline Outcome pose_error(const Robot& robot, const Knowledge& known, const Pose& pose,
+                          std::vector<double>& work, PoseError<K>& error) {
+  constexpr int n = kDof<K>;
+  const int rows = n + robot.r, p = known.count;
+  work.resize(estimate_work(robot, p));
+  double *H_xi = work.data(), *B = H_xi + rows * parameter_count(robot);
+  Extended q_e;
+  Matrix<kMaxReadings, n> H_x;
+  ReadingCovariance C;
+  Fusion<K> fusion;
+  Outcome outcome = Level::template linearise<K>(robot, pose, q_e, H_x, H_xi);
+  if (outcome) outcome = reading_covariance(robot, known, H_xi, B, C);
+  if (outcome) outcome = fuse<K>(robot, known, C, H_x, fusion);
+  if (!outcome) return outcome;
+  Eigen::Matrix<double, n, Eigen::Dynamic> gain(n, rows);  // of readings in units of their σ
+  for (int i = 0; i < n; ++i)
+    for (int c = 0; c < rows; ++c) gain(i, c) = fusion.gain[i][c] * known.sigma[c];
+  error.by_geometry.noalias() = gain * Eigen::Map<const RowMatrix>(B, rows, p);
+  error.by_noise.noalias() = gain * gain.transpose();
+  return {};
+}
+
+}  // namespace truepose

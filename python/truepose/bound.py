@@ -1,0 +1,79 @@
+"""How accurate can the pose be known, before anything is built? The Cramér-Rao bound."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose import _core, knowledge
+from truepose.build import Array
+from truepose.robot import Level, Robot
+
+
+def accuracy(
+    robot: Robot,
+    poses: ArrayLike,
+    calibrated_on: ArrayLike | None = None,
+    touch_off: ArrayLike | None = None,
+    level: Level = "ideal",
+) -> Array:
+    """Covariance of the best estimate of x that the robot's sensors allow.
+
+    Linear-Gaussian and Bayesian: tolerances (or a calibration's covariance) and the readings' own
+    errors, linearised at the expected geometry. No unbiased estimate has a smaller mean covariance.
+
+    Parameters
+    ----------
+    robot : Robot
+        With the sensors in use.
+    poses : array_like, shape (..., n)
+        Where the accuracy is asked for.
+    calibrated_on : array_like, shape (N, n), optional
+        Poses at which the robot has calibrated itself before, by its own readings alone.
+    touch_off : array_like, shape (n,), optional
+        A known pose, at which the error is taken to zero: what remains is the difference.
+    level : {"ideal", "full"}
+        One rod per chain, or every rod by itself.
+
+    Returns
+    -------
+    ndarray, shape (..., n, n)
+        m², m·rad, rad²; of the free twist (spatial: rotation vector in the base frame).
+
+    Raises
+    ------
+    PoseError
+        A pose that cannot be reached, or at which the readings do not determine x.
+
+    Examples
+    --------
+    >>> import numpy as np, truepose as tp
+    >>> from truepose import paper_data
+    >>> h4, poses = tp.load("h4"), paper_data.table2()
+    >>> for visited in (None, poses):
+    ...     P = tp.accuracy(h4, poses, calibrated_on=visited)
+    ...     print((1e3 * np.sqrt(np.trace(P[:, :3, :3], axis1=1, axis2=2).mean())).round(2))  # mm
+    7.46
+    0.86
+    """
+    names = knowledge.require_uncertain(robot)
+    model = robot.expected()
+    full = model._is_full(level)
+    rows, lead = model._rows(poses, model.n, "poses", "raise")
+    root = knowledge.root(robot, names)
+    if calibrated_on is not None:
+        visited, _ = model._rows(calibrated_on, model.n, "calibrated_on", "raise")
+        prior = knowledge.knowledge(robot)
+        root, status, chain = _core.after_visiting(model._core, prior, visited, full)
+        if status:  # find the pose that it is about
+            model.linearise(visited, level=level)
+            model._check(
+                "pose", visited, (), np.array([status]), np.array([chain]), "raise", "calibrated_on"
+            )
+    touched = np.zeros((0, model.n))
+    if touch_off is not None:
+        touched, _ = model._rows(np.atleast_2d(touch_off), model.n, "touch_off", "raise")
+    known = knowledge.knowledge(robot, root)
+    P, status, chain = _core.accuracy(model._core, known, rows, touched, full)
+    model._check("pose", rows, lead, status, chain, "raise", "poses")
+    return P.reshape(*lead, model.n, model.n)

@@ -1,0 +1,221 @@
+// Estimates, calibrations and bounds for Python: arrays in, arrays out. No mathematics.
+#include <nanobind/eigen/dense.h>
+#include <nanobind/stl/array.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
+
+#include "arrays.hpp"
+#include "truepose/offline/bound.hpp"
+#include "truepose/offline/calibrate.hpp"
+
+namespace truepose::python {
+namespace {
+
+/// Knowledge that owns its arrays.
+struct Known {
+  std::vector<int> column;
+  RowMatrix root;
+  Extended sigma{};
+
+  Known(std::vector<int> columns, RowMatrix lower, const std::vector<double>& sigmas)
+      : column(std::move(columns)), root(std::move(lower)) {
+    if (root.rows() != root.cols() || root.rows() != static_cast<long>(column.size()) ||
+        sigmas.size() > sigma.size())
+      throw nb::value_error("one row and column for each parameter, one sigma for each reading");
+    std::copy(sigmas.begin(), sigmas.end(), sigma.begin());
+  }
+  Knowledge view() const {
+    return {static_cast<int>(column.size()), column.data(), root.data(), sigma};
+  }
+};
+
+/// Calls f(mobility, level) with both as types.
+template <class F>
+auto with_level(const Robot& robot, bool full, F&& f) {
+  return with_mobility(robot.mobility, [&](auto mobility) {
+    (void)full;  // TODO
+    return f(mobility, IdealLevel{});
+  });
+}
+
+auto batch_estimate(const Robot& robot, const Known& known, const Rows& q_e, const Rows& guess,
+                    bool full) {
+  const std::size_t count = q_e.shape(0), n = dof(robot.mobility);
+  Owned<double> x({count, n}), covariance({count, n, n}), chi2({count});
+  Outcomes outcomes(count);
+  with_level(robot, full, [&](auto mobility, auto level) {
+    constexpr Mobility K = decltype(mobility)::value;
+    using Level = decltype(level);
+    nb::gil_scoped_release release;
+    const Knowledge knowledge = known.view();
+    std::vector<double> work(estimate_work(robot, knowledge.count));
+    for (std::size_t i = 0; i < count; ++i) {
+      Pose pose = to_pose<K>(row<Joint>(guess, i));
+      const Estimate<K> result =
+          estimate<K, Level>(robot, knowledge, row<Extended>(q_e, i), pose, work.data());
+      outcomes.set(i, result.outcome);
+      Joint at = to_coordinates<K>(pose);
+      if (!result) at.fill(NAN);
+      std::copy_n(at.begin(), n, x[i]);
+      for (std::size_t k = 0; k < n * n; ++k)
+        covariance[i][k] = result ? result.covariance[k / n][k % n] : NAN;
+      *chi2[i] = result ? result.chi2 : NAN;
+    }
+  });
+  return nb::make_tuple(x.release(), covariance.release(), chi2.release(),
+                        outcomes.status.release(), outcomes.chain.release());
+}
+
+/// Gain of the fused readings, (N, n, n + r), at poses: how an error of one reading leaks into x.
+auto batch_gain(const Robot& robot, const Known& known, const Rows& x, bool full) {
+  const std::size_t count = x.shape(0), n = x.shape(1), e = n + robot.r;
+  Owned<double> gain({count, n, e}), tej({count, n, e});
+  Outcomes outcomes(count);
+  with_level(robot, full, [&](auto mobility, auto level) {
+    constexpr Mobility K = decltype(mobility)::value;
+    using Level = decltype(level);
+    nb::gil_scoped_release release;
+    const Knowledge knowledge = known.view();
+    std::vector<double> work(estimate_work(robot, knowledge.count));
+    for (std::size_t i = 0; i < count; ++i) {
+      Extended q_e;
+      Matrix<kMaxReadings, kDof<K>> H_x;
+      ReadingCovariance C;
+      Fusion<K> fusion;
+      Outcome outcome =
+          Level::template linearise<K>(robot, to_pose<K>(row<Joint>(x, i)), q_e, H_x, work.data());
+      if (outcome)
+        outcome = reading_covariance(robot, knowledge, work.data(),
+                                     work.data() + e * parameter_count(robot), C);
+      if (outcome) outcome = fuse<K>(robot, knowledge, C, H_x, fusion);
+      outcomes.set(i, outcome);
+      ExtendedRows M_plus{};
+      if (outcome) weighted_tej<K>(robot, H_x, fusion, M_plus);
+      for (std::size_t k = 0; k < n * e; ++k) {
+        gain[i][k] = outcome ? fusion.gain[k / e][k % e] : NAN;
+        tej[i][k] = outcome ? M_plus[k / e][k % e] : NAN;
+      }
+    }
+  });
+  return nb::make_tuple(gain.release(), tej.release(), outcomes.status.release(),
+                        outcomes.chain.release());
+}
+
+auto run_calibration(const Robot& drawn, const Known& prior, const Row& mean, const Rows& q_e,
+                     const Rows& measured, const std::vector<double>& measured_sigma, Loss loss,
+                     double tuning, int iterations, bool full) {
+  const std::size_t count = q_e.shape(0), n = dof(drawn.mobility), e = n + drawn.r;
+  CalibrationResult result;
+  with_level(drawn, full, [&](auto mobility, auto level) {
+    nb::gil_scoped_release release;
+    const Knowledge knowledge = prior.view();
+    const std::vector<double> start(mean.data(), mean.data() + mean.shape(0));
+    ReadingLog log{static_cast<int>(count), q_e.data(), nullptr, {}};
+    if (measured.shape(0) > 0) {
+      log.measured = measured.data();
+      std::copy(measured_sigma.begin(), measured_sigma.end(), log.measured_sigma.begin());
+    }
+    const CalibrationSettings settings{loss, tuning, iterations};
+    result = Calibrator<decltype(mobility)::value, decltype(level)>(drawn, knowledge, start, log,
+                                                                    settings)
+                 .run();
+  });
+  Owned<double> x({count, n}), residual({count, e}), chi2({count}), weight({count}),
+      xi({result.xi.size()});
+  Owned<int> status({count}), redundancy({count});
+  const bool usable = !result.xi.empty();
+  std::copy(result.xi.begin(), result.xi.end(), xi[0]);
+  for (std::size_t i = 0; i < count; ++i) {
+    *status[i] = static_cast<int>(result.status[i]);
+    const bool good = usable && result.status[i] == Status::ok;
+    Joint at;
+    at.fill(NAN);
+    if (good)
+      at = with_mobility(drawn.mobility,
+                         [&](auto mobility) { return to_coordinates<mobility()>(result.pose[i]); });
+    std::copy_n(at.begin(), n, x[i]);
+    for (std::size_t c = 0; c < e; ++c) residual[i][c] = usable ? result.residual[i * e + c] : NAN;
+    *chi2[i] = good ? result.chi2[i] : NAN;
+    *weight[i] = good ? result.weight[i] : 0;
+    *redundancy[i] = good ? result.redundancy[i] : 0;
+  }
+  return nb::make_tuple(static_cast<int>(result.outcome.status), result.iterations, xi.release(),
+                        RowMatrix(result.covariance), x.release(), residual.release(),
+                        chi2.release(), redundancy.release(), weight.release(), status.release());
+}
+
+template <Mobility K>
+std::vector<Pose> poses_of(const Rows& x) {
+  std::vector<Pose> poses;
+  for (std::size_t i = 0; i < x.shape(0); ++i) poses.push_back(to_pose<K>(row<Joint>(x, i)));
+  return poses;
+}
+
+/// Root of the posterior covariance after visiting poses, (p, p) lower triangular.
+auto run_after_visiting(const Robot& robot, const Known& prior, const Rows& x, bool full) {
+  RowMatrix root;
+  const Outcome outcome = with_level(robot, full, [&](auto mobility, auto level) {
+    constexpr Mobility K = decltype(mobility)::value;
+    nb::gil_scoped_release release;
+    return after_visiting<K, decltype(level)>(robot, prior.view(), poses_of<K>(x), root);
+  });
+  return nb::make_tuple(root, static_cast<int>(outcome.status), outcome.chain);
+}
+
+/// Covariance of x̂ at every pose, (N, n, n); less the error at `touched` if that is one pose.
+auto batch_accuracy(const Robot& robot, const Known& known, const Rows& x, const Rows& touched,
+                    bool full) {
+  const std::size_t count = x.shape(0), n = x.shape(1);
+  Owned<double> covariance({count, n, n});
+  Outcomes outcomes(count);
+  with_level(robot, full, [&](auto mobility, auto level) {
+    constexpr Mobility K = decltype(mobility)::value;
+    using Level = decltype(level);
+    nb::gil_scoped_release release;
+    std::vector<double> work;
+    const Knowledge knowledge = known.view();
+    PoseError<K> there, here;
+    Outcome first;
+    const bool touch = touched.shape(0) > 0;
+    if (touch)
+      first =
+          pose_error<K, Level>(robot, knowledge, to_pose<K>(row<Joint>(touched, 0)), work, there);
+    for (std::size_t i = 0; i < count; ++i) {
+      Outcome outcome = first;
+      if (outcome)
+        outcome = pose_error<K, Level>(robot, knowledge, to_pose<K>(row<Joint>(x, i)), work, here);
+      outcomes.set(i, outcome);
+      Eigen::Matrix<double, kDof<K>, kDof<K>, Eigen::RowMajor> P;
+      if (!outcome) {
+        P.setConstant(NAN);
+      } else {
+        P = here.by_noise;
+        if (touch) {
+          here.by_geometry -= there.by_geometry;
+          P += there.by_noise;
+        }
+        P.noalias() += here.by_geometry * here.by_geometry.transpose();
+      }
+      std::copy_n(P.data(), n * n, covariance[i]);
+    }
+  });
+  return nb::make_tuple(covariance.release(), outcomes.status.release(), outcomes.chain.release());
+}
+
+}  // namespace
+
+void bind_calibration(nb::module_& m) {
+  nb::enum_<Loss>(m, "Loss")
+      .value("squares", Loss::squares)
+      .value("huber", Loss::huber)
+      .value("student", Loss::student);
+  nb::class_<Known>(m, "Knowledge")
+      .def(nb::init<std::vector<int>, RowMatrix, const std::vector<double>&>());
+  m.def("estimate", &batch_estimate);
+  m.def("gain", &batch_gain);
+  m.def("calibrate", &run_calibration);
+  m.def("after_visiting", &run_after_visiting);
+  m.def("accuracy", &batch_accuracy);
+}
+
+}  // namespace truepose::python
