@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "arrays.hpp"
-#include "truepose/full_kinematics.hpp"
+#include "truepose/full_linearise.hpp"
 #include "truepose/linearise.hpp"
 #include "truepose/offline/simulate.hpp"
 #include "truepose/offline/statics.hpp"

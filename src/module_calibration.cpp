@@ -5,6 +5,7 @@
 #include <nanobind/stl/vector.h>
 
 #include "arrays.hpp"
+#include "truepose/full_linearise.hpp"
 #include "truepose/offline/bound.hpp"
 #include "truepose/offline/calibrate.hpp"
 
@@ -29,12 +30,13 @@ struct Known {
   }
 };
 
-/// Calls f(mobility, level) with both as types.
+/// Calls f(mobility, model) with both as types. Where the levels are one, the ideal model is both.
 template <class F>
 auto with_level(const Robot& robot, bool full, F&& f) {
   return with_mobility(robot.mobility, [&](auto mobility) {
-    (void)full;  // TODO
-    return f(mobility, IdealLevel{});
+    if constexpr (kPaired<mobility()>)
+      if (full) return f(mobility, FullModel{});
+    return f(mobility, IdealModel{});
   });
 }
 
@@ -101,12 +103,18 @@ auto batch_gain(const Robot& robot, const Known& known, const Rows& x, bool full
                         outcomes.chain.release());
 }
 
+LineModel model_of(const Robot& robot, bool full) {
+  return with_level(robot, full, [](auto mobility, auto model) {
+    return line_model<mobility(), decltype(model)>();
+  });
+}
+
 auto run_calibration(const Robot& drawn, const Known& prior, const Row& mean, const Rows& q_e,
                      const Rows& measured, const std::vector<double>& measured_sigma, Loss loss,
                      double tuning, int iterations, bool full) {
-  const std::size_t count = q_e.shape(0), n = dof(drawn.mobility), e = n + drawn.r;
+  const std::size_t count = q_e.shape(0), n = dof(drawn.mobility);
   CalibrationResult result;
-  with_level(drawn, full, [&](auto mobility, auto level) {
+  {
     nb::gil_scoped_release release;
     const Knowledge knowledge = prior.view();
     const std::vector<double> start(mean.data(), mean.data() + mean.shape(0));
@@ -116,49 +124,42 @@ auto run_calibration(const Robot& drawn, const Known& prior, const Row& mean, co
       std::copy(measured_sigma.begin(), measured_sigma.end(), log.measured_sigma.begin());
     }
     const CalibrationSettings settings{loss, tuning, iterations};
-    result = Calibrator<decltype(mobility)::value, decltype(level)>(drawn, knowledge, start, log,
-                                                                    settings)
-                 .run();
-  });
-  Owned<double> x({count, n}), residual({count, e}), chi2({count}), weight({count}),
-      xi({result.xi.size()});
+    const LineModel model = model_of(drawn, full);
+    result = Calibrator(drawn, model, knowledge, start, log, settings).run();
+  }
+  Owned<double> x({count, n}), chi2({count}), weight({count}), xi({result.xi.size()});
   Owned<int> status({count}), redundancy({count});
-  const bool usable = !result.xi.empty();
   std::copy(result.xi.begin(), result.xi.end(), xi[0]);
   for (std::size_t i = 0; i < count; ++i) {
     *status[i] = static_cast<int>(result.status[i]);
-    const bool good = usable && result.status[i] == Status::ok;
+    const bool good = !result.xi.empty() && result.status[i] == Status::ok;
     Joint at;
     at.fill(NAN);
     if (good)
       at = with_mobility(drawn.mobility,
                          [&](auto mobility) { return to_coordinates<mobility()>(result.pose[i]); });
     std::copy_n(at.begin(), n, x[i]);
-    for (std::size_t c = 0; c < e; ++c) residual[i][c] = usable ? result.residual[i * e + c] : NAN;
     *chi2[i] = good ? result.chi2[i] : NAN;
     *weight[i] = good ? result.weight[i] : 0;
     *redundancy[i] = good ? result.redundancy[i] : 0;
   }
   return nb::make_tuple(static_cast<int>(result.outcome.status), result.iterations, xi.release(),
-                        RowMatrix(result.covariance), x.release(), residual.release(),
-                        chi2.release(), redundancy.release(), weight.release(), status.release());
-}
-
-template <Mobility K>
-std::vector<Pose> poses_of(const Rows& x) {
-  std::vector<Pose> poses;
-  for (std::size_t i = 0; i < x.shape(0); ++i) poses.push_back(to_pose<K>(row<Joint>(x, i)));
-  return poses;
+                        RowMatrix(result.covariance), x.release(), chi2.release(),
+                        redundancy.release(), weight.release(), status.release());
 }
 
 /// Root of the posterior covariance after visiting poses, (p, p) lower triangular.
 auto run_after_visiting(const Robot& robot, const Known& prior, const Rows& x, bool full) {
   RowMatrix root;
-  const Outcome outcome = with_level(robot, full, [&](auto mobility, auto level) {
-    constexpr Mobility K = decltype(mobility)::value;
+  Outcome outcome;
+  {
     nb::gil_scoped_release release;
-    return after_visiting<K, decltype(level)>(robot, prior.view(), poses_of<K>(x), root);
-  });
+    std::vector<Pose> poses;
+    for (std::size_t i = 0; i < x.shape(0); ++i)
+      poses.push_back(with_mobility(
+          robot.mobility, [&](auto mobility) { return to_pose<mobility()>(row<Joint>(x, i)); }));
+    outcome = after_visiting(robot, model_of(robot, full), prior.view(), poses, root);
+  }
   return nb::make_tuple(root, static_cast<int>(outcome.status), outcome.chain);
 }
 

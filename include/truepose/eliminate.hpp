@@ -12,17 +12,18 @@
 namespace truepose {
 
 inline constexpr int kMaxRows = kMaxReadings + kMaxDof;  ///< readings, and an outside measurement
+using RowsOfPose = Matrix<kMaxRows, kMaxDof>;            ///< H_x, its first n columns
 
+/// @param n       degrees of freedom
 /// @param rows    of A, B and e; at least n
 /// @param A       in: H_x, whitened; out: R in its upper triangle
 /// @param B       in: H_ξ, whitened, rows of `width`; out: n rows beside R, the rest free of δx
 /// @param e       in: what was read less what was expected, whitened; out: beside B
 /// @return false where the rows do not determine the pose
-template <int N>
-inline bool eliminate(int rows, Matrix<kMaxRows, N>& A, double* B, int width,
+inline bool eliminate(int n, int rows, RowsOfPose& A, double* B, int width,
                       std::array<double, kMaxRows>& e) {
   constexpr int kBlock = 16;
-  for (int j = 0; j < N; ++j) {
+  for (int j = 0; j < n; ++j) {
     double norm2 = 0, whole2 = 0;
     for (int i = 0; i < rows; ++i) (i < j ? whole2 : norm2) += A[i][j] * A[i][j];
     whole2 += norm2;
@@ -39,7 +40,7 @@ inline bool eliminate(int rows, Matrix<kMaxRows, N>& A, double* B, int width,
       dot *= scale;
       for (int i = j; i < rows; ++i) column[i * stride] -= dot * v[i];
     };
-    for (int k = j; k < N; ++k) reflect(&A[0][k], N);
+    for (int k = j; k < n; ++k) reflect(&A[0][k], kMaxDof);
     reflect(e.data(), 1);
     for (int first = 0; first < width; first += kBlock) {  // along the rows of B, a few at a time
       const int count = std::min(kBlock, width - first);
@@ -54,10 +55,9 @@ inline bool eliminate(int rows, Matrix<kMaxRows, N>& A, double* B, int width,
 }
 
 /// R x = b in place, R as `eliminate` leaves it.
-template <int N>
-inline void back_substitute(const Matrix<kMaxRows, N>& R, Joint& b) {
-  for (int i = N - 1; i >= 0; --i) {
-    for (int k = i + 1; k < N; ++k) b[i] -= R[i][k] * b[k];
+inline void back_substitute(int n, const RowsOfPose& R, Joint& b) {
+  for (int i = n - 1; i >= 0; --i) {
+    for (int k = i + 1; k < n; ++k) b[i] -= R[i][k] * b[k];
     b[i] /= R[i][i];
   }
 }

@@ -14,7 +14,7 @@ namespace truepose {
 inline constexpr int kEstimateIterations = 20;
 
 /// The model that an estimate rests on: one rod per chain (full_linearise.hpp has the other).
-struct IdealLevel {
+struct IdealModel {
   template <Mobility K>
   static Outcome linearise(const Robot& robot, const Pose& pose, Extended& q_e,
                            Matrix<kMaxReadings, kDof<K>>& H_x, double* H_xi) {
@@ -149,7 +149,7 @@ struct Estimate {
 /// @param pose   in: the guess; out: x̂
 /// @param work   estimate_work(robot, known.count) doubles
 /// @return unreachable or singular where no pose is found; the pose is then the guess
-template <Mobility K, class Level = IdealLevel>
+template <Mobility K, class Level = IdealModel>
 inline Estimate<K> estimate(const Robot& robot, const Knowledge& known, const Extended& q_e,
                             Pose& pose, double* work) {
   constexpr int n = kDof<K>;

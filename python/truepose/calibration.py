@@ -167,7 +167,7 @@ def calibrate(
         if name in prior.parameters:
             mean[k] = prior.parameters[name].mean
     root = knowledge.root(robot, names)
-    status, iterations, xi, covariance, x, residuals, chi2, redundancy, weights, lines = (
+    status, iterations, xi, covariance, x, chi2, redundancy, weights, lines = (
         _core.calibrate(
             robot._drawn,
             knowledge.knowledge(robot),
@@ -198,15 +198,17 @@ def calibrate(
         mean=best,
         root=tuple(tuple(map(float, lower[k, : k + 1])) for k in range(len(names))),
     )
+    calibrated = robot.with_calibration(learnt)
+    expected = calibrated.extended(x, errors="nan", level=level)
     return Fit(
-        robot=robot.with_calibration(learnt),
+        robot=calibrated,
         prior=prior,
         level=level,
         names=tuple(names),
         covariance=covariance,
         prior_covariance=root @ root.T,
         x=x,
-        residuals=residuals,
+        residuals=rows - expected,
         chi2=chi2,
         redundancy=redundancy,
         weights=weights,

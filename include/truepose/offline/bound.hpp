@@ -4,8 +4,7 @@
 #include <Eigen/Cholesky>
 #include <vector>
 
-#include "truepose/eliminate.hpp"
-#include "truepose/estimate.hpp"
+#include "truepose/offline/line.hpp"
 
 namespace truepose {
 
@@ -13,27 +12,17 @@ namespace truepose {
 /// units of the prior, Σ_u⁻¹ = I + Σ RᵀR over the rows that elimination leaves.
 /// @param root  out: lower triangular, Σ_ξ = root rootᵀ after the visit
 /// @return the first outcome that is not ok; `chain` is then the chain at fault
-template <Mobility K, class Level>
-inline Outcome after_visiting(const Robot& robot, const Knowledge& prior,
+inline Outcome after_visiting(const Robot& robot, const LineModel& model, const Knowledge& prior,
                               const std::vector<Pose>& poses, RowMatrix& root) {
-  constexpr int n = kDof<K>;
-  const int p = prior.count, readings = n + robot.r;
-  std::vector<double> H_xi(readings * parameter_count(robot));
-  RowMatrix B(readings, p), stacked(robot.r * static_cast<long>(poses.size()), p);
+  const int p = prior.count;
+  std::vector<double> H_xi((model.n + robot.r) * parameter_count(robot));
+  RowMatrix stacked(robot.r * static_cast<long>(poses.size()), p);
+  Line line;
   long row = 0;
   for (const Pose& pose : poses) {
-    Extended q_e;
-    Matrix<kMaxReadings, n> H_x;
-    const Outcome outcome = Level::template linearise<K>(robot, pose, q_e, H_x, H_xi.data());
+    const Outcome outcome = model.read(robot, prior, pose, nullptr, {}, H_xi.data(), line);
     if (!outcome) return outcome;
-    gather(robot, prior, H_xi.data(), readings, B.data());
-    times_root(prior, readings, B.data());
-    Matrix<kMaxRows, n> A;
-    for (int c = 0; c < readings; ++c)
-      for (int j = 0; j < n; ++j) A[c][j] = H_x[c][j] / prior.sigma[c];
-    std::array<double, kMaxRows> e{};
-    if (!eliminate<n>(readings, A, B.data(), p, e)) return {Status::singular, -1};
-    for (int k = 0; k < robot.r; ++k) stacked.row(row++) = B.row(n + k);
+    for (int i = model.n; i < line.rows; ++i) stacked.row(row++) = line.B.row(i);
   }
   // I + N = U Uᵀ with U upper triangular (Cholesky from the last parameter to the first), so that
   // Σ_u = U⁻ᵀ U⁻¹ and S U⁻ᵀ, lower times lower, is the root.

@@ -1,0 +1,94 @@
+// What does one line of readings say of ξ, linearised, its pose eliminated?
+#pragma once
+
+#include "truepose/eliminate.hpp"
+#include "truepose/estimate.hpp"
+
+namespace truepose {
+
+/// R δx = e - B δu in the upper n rows; the rows below hold no δx. In units of the readings' σ and,
+/// for u, of the knowledge's root: ξ = μ + S u.
+struct Line {
+  int n = 0, rows = 0;
+  RowsOfPose R;
+  std::array<double, kMaxRows> e;
+  RowMatrix B;
+
+  int redundancy() const { return std::max(rows - n, 0); }
+  double chi2() const {
+    double sum = 0;
+    for (int i = n; i < rows; ++i) sum += e[i] * e[i];
+    return sum;
+  }
+};
+
+/// What was measured from outside at a line's pose: some coordinates, the others NaN.
+struct Outside {
+  const double* x = nullptr;      ///< n coordinates; nullptr: nothing was
+  const double* sigma = nullptr;  ///< n, > 0
+};
+
+/// The robot as a log sees it: the three things in which mobilities and levels differ.
+struct LineModel {
+  int n = 0;
+  Status (*fkm)(const Robot&, const Joint& q, Pose&) = nullptr;
+  Outcome (*read)(const Robot&, const Knowledge&, const Pose&, const double* q_e, Outside,
+                  double* H_xi, Line&) = nullptr;
+  Pose (*moved)(const Pose&, const Joint& step) = nullptr;
+};
+
+namespace line_detail {
+
+/// @param q_e   n + r readings, NaN where there is none; nullptr: as expected
+/// @param H_xi  work space, (n + r) × parameter_count
+template <Mobility K, class Model>
+Outcome read(const Robot& robot, const Knowledge& known, const Pose& pose, const double* q_e,
+             Outside outside, double* H_xi, Line& line) {
+  constexpr int n = kDof<K>;
+  const int readings = n + robot.r;
+  Extended expected, residual{}, values{};
+  Matrix<kMaxReadings, n> H_x;
+  const Outcome outcome = Model::template linearise<K>(robot, pose, expected, H_x, H_xi);
+  if (!outcome) return outcome;
+  if (q_e) {
+    std::copy_n(q_e, readings, values.begin());
+    innovation(robot, values, expected, residual);
+  }
+  line.n = n;
+  line.rows = 0;
+  line.B.resize(readings + n, known.count);
+  gather(robot, known, H_xi, readings, line.B.data());
+  times_root(known, readings, line.B.data());
+  const auto enter = [&](double e, double sigma, auto&& H) {
+    for (int j = 0; j < n; ++j) line.R[line.rows][j] = H(j) / sigma;
+    line.e[line.rows++] = e / sigma;
+  };
+  for (int c = 0; c < readings; ++c) {
+    if (!std::isfinite(residual[c])) continue;
+    if (line.rows < c) line.B.row(line.rows) = line.B.row(c);
+    enter(residual[c], known.sigma[c], [&](int j) { return H_x[c][j]; });
+  }
+  if (outside.x) {  // it sees the pose and nothing else
+    Joint x = to_coordinates<K>(pose);
+    for (int j = 0; j < n; ++j)
+      if (std::isfinite(outside.x[j])) x[j] = outside.x[j];
+    const Joint apart = difference<K>(to_pose<K>(x), pose);
+    for (int j = 0; j < n; ++j) {
+      if (!std::isfinite(outside.x[j])) continue;
+      line.B.row(line.rows).setZero();
+      enter(apart[j], outside.sigma[j], [&](int k) { return k == j ? 1.0 : 0.0; });
+    }
+  }
+  const bool determined =
+      line.rows >= n && eliminate(n, line.rows, line.R, line.B.data(), known.count, line.e);
+  return {determined ? Status::ok : Status::singular, -1};
+}
+
+}  // namespace line_detail
+
+template <Mobility K, class Model>
+LineModel line_model() {
+  return {kDof<K>, &Model::template fkm<K>, &line_detail::read<K, Model>, &moved<K>};
+}
+
+}  // namespace truepose
