@@ -5,9 +5,9 @@
 #include <nanobind/stl/vector.h>
 
 #include "arrays.hpp"
-#include "truepose/full_linearise.hpp"
 #include "truepose/offline/bound.hpp"
 #include "truepose/offline/calibrate.hpp"
+#include "truepose/offline/guarded.hpp"
 
 namespace truepose::python {
 namespace {
@@ -103,7 +103,12 @@ auto batch_gain(const Robot& robot, const Known& known, const Rows& x, bool full
                         outcomes.chain.release());
 }
 
-LineModel model_of(const Robot& robot, bool full) {
+LineModel model_of(const Robot& robot, bool full, bool guarded) {
+  if (guarded)
+    return with_mobility(robot.mobility, [](auto mobility) {
+      if constexpr (kPaired<mobility()>) return line_model<mobility(), GuardedModel>();
+      return line_model<mobility(), IdealModel>();
+    });
   return with_level(robot, full, [](auto mobility, auto model) {
     return line_model<mobility(), decltype(model)>();
   });
@@ -111,7 +116,7 @@ LineModel model_of(const Robot& robot, bool full) {
 
 auto run_calibration(const Robot& drawn, const Known& prior, const Row& mean, const Rows& q_e,
                      const Rows& measured, const std::vector<double>& measured_sigma, Loss loss,
-                     double tuning, int iterations, bool full) {
+                     double tuning, int nuisances, bool full) {
   const std::size_t count = q_e.shape(0), n = dof(drawn.mobility);
   CalibrationResult result;
   {
@@ -123,8 +128,8 @@ auto run_calibration(const Robot& drawn, const Known& prior, const Row& mean, co
       log.measured = measured.data();
       std::copy(measured_sigma.begin(), measured_sigma.end(), log.measured_sigma.begin());
     }
-    const CalibrationSettings settings{loss, tuning, iterations};
-    const LineModel model = model_of(drawn, full);
+    const CalibrationSettings settings{nuisances, loss, tuning};
+    const LineModel model = model_of(drawn, full, nuisances > 0);
     result = Calibrator(drawn, model, knowledge, start, log, settings).run();
   }
   Owned<double> x({count, n}), chi2({count}), weight({count}), xi({result.xi.size()});
@@ -149,7 +154,8 @@ auto run_calibration(const Robot& drawn, const Known& prior, const Row& mean, co
 }
 
 /// Root of the posterior covariance after visiting poses, (p, p) lower triangular.
-auto run_after_visiting(const Robot& robot, const Known& prior, const Rows& x, bool full) {
+auto run_after_visiting(const Robot& robot, const Known& prior, const Rows& x, bool full,
+                        bool guarded) {
   RowMatrix root;
   Outcome outcome;
   {
@@ -158,7 +164,7 @@ auto run_after_visiting(const Robot& robot, const Known& prior, const Rows& x, b
     for (std::size_t i = 0; i < x.shape(0); ++i)
       poses.push_back(with_mobility(
           robot.mobility, [&](auto mobility) { return to_pose<mobility()>(row<Joint>(x, i)); }));
-    outcome = after_visiting(robot, model_of(robot, full), prior.view(), poses, root);
+    outcome = after_visiting(robot, model_of(robot, full, guarded), prior.view(), poses, root);
   }
   return nb::make_tuple(root, static_cast<int>(outcome.status), outcome.chain);
 }

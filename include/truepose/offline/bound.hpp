@@ -15,7 +15,7 @@ namespace truepose {
 inline Outcome after_visiting(const Robot& robot, const LineModel& model, const Knowledge& prior,
                               const std::vector<Pose>& poses, RowMatrix& root) {
   const int p = prior.count;
-  std::vector<double> H_xi((model.n + robot.r) * parameter_count(robot));
+  std::vector<double> H_xi(2 * (model.n + robot.r) * parameter_count(robot));
   RowMatrix stacked(robot.r * static_cast<long>(poses.size()), p);
   Line line;
   long row = 0;

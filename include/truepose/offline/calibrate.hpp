@@ -21,6 +21,7 @@ enum class Loss : int {
 };
 
 struct CalibrationSettings {
+  int nuisances = 0;  ///< how many of the prior's last parameters are GuardedModel's, independent
   Loss loss = Loss::squares;
   double tuning = 0;
   int iterations = 100;
@@ -38,7 +39,7 @@ struct CalibrationResult {
   Outcome outcome;
   int iterations = 0;
   std::vector<double> xi;       ///< parameter_count(drawn) values
-  Eigen::MatrixXd covariance;   ///< of the uncertain ones, count×count
+  Eigen::MatrixXd covariance;   ///< of the uncertain parameters, nuisances left out
   std::vector<Pose> pose;       ///< x̂ of every line of the log
   std::vector<Status> status;   ///< of every line; one that is not ok was left out
   std::vector<double> chi2;     ///< d² of every line
@@ -66,7 +67,7 @@ class Calibrator {
         n_(model.n),
         readings_(model.n + drawn.r),
         S_(Eigen::Map<const RowMatrix>(prior.root, p_, p_)),
-        H_xi_(readings_ * parameter_count(drawn)) {}
+        H_xi_(2 * readings_ * parameter_count(drawn)) {}
 
   CalibrationResult run() {
     CalibrationResult result;
@@ -102,7 +103,7 @@ class Calibrator {
   std::vector<double> xi_of(const Eigen::VectorXd& u) const {
     std::vector<double> xi = mean_;
     const Eigen::VectorXd change = S_.triangularView<Eigen::Lower>() * u;
-    for (int k = 0; k < p_; ++k) xi[prior_.column[k]] += change[k];
+    for (int k = 0; k < p_ - settings_.nuisances; ++k) xi[prior_.column[k]] += change[k];
     return xi;
   }
 
@@ -139,6 +140,10 @@ class Calibrator {
       if (!model_.read(robot_, prior_, at.pose[k], log_.q_e + k * readings_, outside, H_xi_.data(),
                        at.line[k]))
         return k;
+      const int m = settings_.nuisances;
+      Line& line = at.line[k];
+      for (int i = 0; i < line.rows && m > 0; ++i)
+        line.e[i] -= line.B.row(i).tail(m).dot(at.u.tail(m));
     }
     return -1;
   }
@@ -263,7 +268,8 @@ class Calibrator {
     const Eigen::MatrixXd root = information.selfadjointView<Eigen::Lower>().llt().matrixL();
     const Eigen::MatrixXd half =
         root.triangularView<Eigen::Lower>().solve(Eigen::MatrixXd(S_.transpose()));
-    result.covariance = half.transpose() * half;
+    const int p = p_ - settings_.nuisances;
+    result.covariance = half.leftCols(p).transpose() * half.leftCols(p);
     result.xi = xi_of(at.u);
     result.pose = at.pose;
     result.cost = cost(at);
