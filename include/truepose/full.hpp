@@ -53,6 +53,11 @@ struct FullClosure {
   double residual = 0;               ///< largest | |v| - L |, m
 };
 
+/// Length of one rod of a pair, side = ±1.
+inline double rod_length(const Chain& chain, const Driven& driven, double side) {
+  return driven.rod + 0.5 * side * chain.rod_difference;
+}
+
 /// Fills everything in `at` that follows from its pose and its driven points.
 template <Mobility K>
 TRUEPOSE_FLATTEN inline void place(const Robot& robot, FullClosure<K>& at) {
@@ -69,7 +74,7 @@ TRUEPOSE_FLATTEN inline void place(const Robot& robot, FullClosure<K>& at) {
     const Vec3 middle = chain.base + driven.p - at.pose.D - pivot - arm;
     for (int rod = 2 * i; rod < 2 * i + 2; ++rod) {
       const double side = rod == 2 * i ? 1 : -1;
-      const double length = driven.rod + 0.5 * side * chain.rod_difference;
+      const double length = rod_length(chain, driven, side);
       at.arm[rod] = arm + side * half_A;
       at.lever[rod] = pivot + at.arm[rod];
       at.v[rod] = middle + side * (half_B - half_A);

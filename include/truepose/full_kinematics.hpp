@@ -1,10 +1,9 @@
-// Where does the real mechanism stand? IKM, FKM, RKM and Jacobian of the full level, where every
-// rod closes its own loop (full.hpp). As many rods as unknowns, so each is a square system.
+// Where does the real mechanism stand? IKM, FKM and Jacobian of the full level, where every rod
+// closes its own loop (full.hpp). As many rods as unknowns, so each is a square system.
 #pragma once
 
 #include "truepose/fkm.hpp"
 #include "truepose/full.hpp"
-#include "truepose/rkm.hpp"
 
 namespace truepose {
 
@@ -156,10 +155,13 @@ struct Inverse {
       full_row<K>(robot, at, rod, row);
       A[rod].fill(0);
       A[rod][rod / 2] = -at.jq[rod];
-      for (int j = 0; j < tilts; ++j)
-        A[rod][n + j] = Vec3(row[3], row[4], row[5]).dot(turn(at.pose.R, j));
-      for (int k = n + tilts; k < kRods<K>; ++k) A[rod][k] = row[6 + k - n - tilts];
+      hidden(at.pose.R, row, A[rod]);
     }
+  }
+  /// The entries from n on, of what changes as `row` along the motion of full_row.
+  static void hidden(const Mat3& R, const std::array<double, kMaxUnknowns>& row, Column<K>& entry) {
+    for (int j = 0; j < tilts; ++j) entry[n + j] = Vec3(row[3], row[4], row[5]).dot(turn(R, j));
+    for (int k = n + tilts; k < kRods<K>; ++k) entry[k] = row[6 + k - n - tilts];
   }
   double size(const FullClosure<K>& at, int column) const {
     if (column < n) {
@@ -241,7 +243,9 @@ inline FullResult ikm_full(const Robot& robot, const Pose& pose, FullClosure<K>&
   closure.pose = to_full(pose);
   closure.q = ideal.q();
   for (int i = 0; i < kDof<K>; ++i) closure.driven[i] = drive(robot.chain[i], closure.q[i]);
-  return full_detail::newton<K>(robot, full_detail::Inverse<K>{robot}, closure);
+  const FullResult result = full_detail::newton<K>(robot, full_detail::Inverse<K>{robot}, closure);
+  closure.pose.theta = full_detail::theta_of(closure.pose.R, pose.theta);
+  return result;
 }
 
 /// Derivatives at the full level by the implicit function theorem: A ż = Q q̇ with z = (D, R, ψ).
@@ -276,37 +280,6 @@ TRUEPOSE_FLATTEN inline Outcome jacobian_full(const Robot& robot, const FullClos
       jacobians.J[3][j] = theta.dot(Vec3(column[3], column[4], column[5]));
   }
   return {};
-}
-
-/// Reading of one sensor at a full pose, and its derivative along the motion of full_row.
-/// An angle sensor at the pivot of bar k reads -ψ_k: the bar's own turn is part of it.
-inline double read_full(const Sensor& sensor, const FullPose& pose,
-                        std::array<double, kMaxUnknowns>& row) {
-  row.fill(0);
-  if (sensor.kind != SensorKind::nacelle_angle) {
-    const Sensed s = sense_pose(sensor, pose);
-    free_columns<Mobility::spatial>(sensor.gain * s.linear, sensor.gain * s.angular, row.data());
-    return sensor.gain * s.value - sensor.offset;
-  }
-  if (sensor.bar >= 0) {
-    row[6 + sensor.bar] = -sensor.gain;
-    return -sensor.gain * pose.psi[sensor.bar] - sensor.offset;
-  }
-  const Vec3 theta = theta_row(pose.R);
-  for (int k = 0; k < 3; ++k) row[3 + k] = sensor.gain * theta[k];
-  return sensor.gain * pose.theta - sensor.offset;
-}
-
-/// r = RKM at the full level, and its derivative along the motion of full_row.
-/// @return not_measured for sensors of a single rod or motor, which only the ideal level has
-inline Outcome rkm_full(const Robot& robot, const FullPose& pose, Reading& values,
-                        Matrix<kMaxSensors, kMaxUnknowns>& rows) {
-  for (int k = 0; k < robot.r; ++k) {
-    if (on_chain(robot.sensor[k])) return {Status::not_measured, robot.sensor[k].chain};
-    if (robot.sensor[k].bar >= robot.full.bars) return {Status::not_measured, -1};
-    values[k] = read_full(robot.sensor[k], pose, rows[k]);
-  }
-  return {all_finite(values, robot.r) ? Status::ok : Status::not_finite, -1};
 }
 
 /// x = FKM(q) at the full level. @param x in: the guess; out: the pose.
@@ -375,21 +348,6 @@ inline Outcome jacobian_full(const Robot& robot, const Joint& x, JointMatrix& J)
         return outcome;
       },
       [&] { return jacobian(robot, x, J); });
-}
-
-/// r = RKM(x) at the full level, the tilt and the bars' turns included.
-inline Outcome rkm_full(const Robot& robot, const Joint& x, Reading& values) {
-  return full_detail::with_full(
-      robot,
-      [&](auto mobility) -> Outcome {
-        constexpr Mobility K = mobility();
-        FullClosure<K> closure;
-        const FullResult result = ikm_full<K>(robot, to_pose<K>(x), closure);
-        if (!result) return {result.status, result.chain};
-        Matrix<kMaxSensors, kMaxUnknowns> rows;
-        return rkm_full(robot, closure.pose, values, rows);
-      },
-      [&] { return rkm(robot, x, values); });
 }
 
 }  // namespace truepose

@@ -64,9 +64,13 @@ struct Variation {
   Vec3 turn = Vec3::Zero();  ///< of the frame e, u×e, u at the motor
   double rod = 0;            ///< of L
   double motor = 0;          ///< of the motor's angle or position
+  double difference = 0;     ///< of δ between the rods of a pair (full level)
+  double spacing = 0;        ///< of s between them
 };
 
-inline Variation vary(const Chain& chain, const ChainState& state, const Pose& pose,
+/// @param p     P to B
+/// @param body  orientation of the body that carries A
+inline Variation vary(const Chain& chain, const Vec3& p, const Mat3& body,
                       ChainParameter parameter) {
   Variation change;
   const auto unit = [&](ChainParameter first) -> Vec3 {
@@ -77,7 +81,7 @@ inline Variation vary(const Chain& chain, const ChainState& state, const Pose& p
     case ChainParameter::base_y:
     case ChainParameter::base_z: change.B = unit(ChainParameter::base_x); break;
     case ChainParameter::arm:
-      if (chain.actuator == Actuator::revolute) change.B = state.p / chain.arm;
+      if (chain.actuator == Actuator::revolute) change.B = p / chain.arm;
       break;
     case ChainParameter::rod: change.rod = chain.actuator == Actuator::telescopic ? 0 : 1; break;
     case ChainParameter::encoder_offset: change.motor = 1; break;
@@ -85,30 +89,55 @@ inline Variation vary(const Chain& chain, const ChainState& state, const Pose& p
     case ChainParameter::tilt: change.turn = chain.zero; break;    // turns u about e
     case ChainParameter::anchor_x:
     case ChainParameter::anchor_y:
-    case ChainParameter::anchor_z: {
-      const Vec3 e = unit(ChainParameter::anchor_x);
-      change.A = chain.bar < 0 ? Vec3(pose.R * e) : e;
-      break;
-    }
-    case ChainParameter::rod_difference:
-    case ChainParameter::rod_spacing: break;
+    case ChainParameter::anchor_z: change.A = body * unit(ChainParameter::anchor_x); break;
+    case ChainParameter::rod_difference: change.difference = 1; break;
+    case ChainParameter::rod_spacing: change.spacing = 1; break;
   }
-  if (!change.turn.isZero(0)) change.B = change.turn.cross(state.p);
+  if (!change.turn.isZero(0)) change.B = change.turn.cross(p);
   return change;
 }
 
-/// ∂q of a chain: the closure v·(dB (δq + δmotor) + δB - δA) = L δL.
-inline double motor_change(const ChainState& state, double rod, const Variation& change) {
-  return (state.v.dot(change.A - change.B) + rod * change.rod) / state.jq - change.motor;
+/// Calls enter(column of H_ξ, variation) for each parameter that moves chain i.
+/// @param lever  from D to the pivot
+template <class Enter>
+inline void for_each_variation(const Robot& robot, int i, const Vec3& p, const Mat3& body,
+                               const Vec3& lever, Enter&& enter) {
+  const Chain& chain = robot.chain[i];
+  for (int k = 0; k < kChainParameters; ++k)
+    enter(chain_column(i) + k, vary(chain, p, body, static_cast<ChainParameter>(k)));
+  if (chain.bar >= 0 && chain.bar < kMaxBars) {  // the pivot moves along itself
+    Variation change;
+    change.A = lever.normalized();
+    enter(bar_column(robot, chain.bar), change);
+  }
 }
 
-/// ∂s of a sensor on that chain, its own motor following.
+/// ∂f of a rod, f = (|v|² - L²)/2, its motor's reading held.
+/// @param jq  ∂f/∂q
+inline double closure_change(const Vec3& v, double jq, double length, const Variation& change) {
+  return v.dot(change.B - change.A) + jq * change.motor - length * change.rod;
+}
+
+/// ∂s of a sensor on the chain, its motor's reading held.
 inline double sensor_change(const Sensor& sensor, const Sensed& s, const Chain& chain,
-                            const ChainState& state, const Variation& change) {
-  const double motion = motor_change(state, chain.rod, change) + change.motor;
-  const Vec3 turn = sensor.at_nacelle ? Vec3(Vec3::Zero()) : change.turn;
-  return s.rod.dot(change.A - change.B) + s.frame.dot(turn) +
-         by_motor(sensor, s, chain, state) * motion;
+                            const Vec3& dB, const Variation& change) {
+  const double turned = sensor.at_nacelle ? 0 : s.frame.dot(change.turn);
+  return s.rod.dot(change.A - change.B) + turned + by_motor(sensor, s, chain, dB) * change.motor;
+}
+
+/// The columns of H_ξ that are the sensors' own: offset, gain, mounting.
+inline void sensor_columns(const Robot& robot, const std::array<Sensed, kMaxSensors>& sensed,
+                           double* H) {
+  const int n = dof(robot.mobility), width = parameter_count(robot);
+  for (int k = 0; k < robot.r; ++k) {
+    double* row = H + (n + k) * width + sensor_column(robot, k);
+    const Sensed& s = sensed[k];
+    row[static_cast<int>(SensorParameter::offset)] = -1;
+    row[static_cast<int>(SensorParameter::gain)] = s.value;
+    int column = static_cast<int>(SensorParameter::origin_x);
+    for (const Vec3* vector : {&s.origin, &s.direction, &s.target, &s.normal})
+      for (int axis = 0; axis < 3; ++axis) row[column++] = robot.sensor[k].gain * (*vector)[axis];
+  }
 }
 
 /// H_ξ = ∂[q; r]/∂ξ at a closed pose, (n + r) rows of parameter_count(robot), in memory the caller
@@ -125,32 +154,22 @@ inline void parameter_jacobian(const Robot& robot, const Closure<K>& closure, do
   for (int i = 0; i < n; ++i) {
     const Chain& chain = robot.chain[i];
     const ChainState& state = closure.chain[i];
-    const auto enter = [&](int column, const Variation& change) {
-      H[i * width + column] += motor_change(state, chain.rod, change);
-      for (int k = 0; k < robot.r; ++k)
-        if (robot.sensor[k].chain == i)
-          H[(n + k) * width + column] +=
-              robot.sensor[k].gain *
-              sensor_change(robot.sensor[k], sensed[k], chain, state, change);
-    };
-    for (int p = 0; p < kChainParameters; ++p)
-      enter(chain_column(i) + p, vary(chain, state, closure.pose, static_cast<ChainParameter>(p)));
-    if (chain.bar >= 0 && chain.bar < kMaxBars) {  // the pivot moves along itself
-      Variation change;
-      change.A = state.lever.normalized();
-      enter(bar_column(robot, chain.bar), change);
-    }
+    const Mat3 body = body_of(chain, closure.pose);
+    for_each_variation(
+        robot, i, state.p, body, state.lever, [&](int column, const Variation& change) {
+          const double motor = -closure_change(state.v, state.jq, chain.rod, change) / state.jq;
+          H[i * width + column] += motor;
+          for (int k = 0; k < robot.r; ++k) {
+            const Sensor& sensor = robot.sensor[k];
+            if (sensor.chain != i) continue;
+            const double by_q = by_motor(sensor, sensed[k], chain, state.dB);
+            H[(n + k) * width + column] +=
+                sensor.gain *
+                (sensor_change(sensor, sensed[k], chain, state.dB, change) + by_q * motor);
+          }
+        });
   }
-
-  for (int k = 0; k < robot.r; ++k) {
-    double* row = H + (n + k) * width + sensor_column(robot, k);
-    const Sensed& s = sensed[k];
-    row[static_cast<int>(SensorParameter::offset)] = -1;
-    row[static_cast<int>(SensorParameter::gain)] = s.value;
-    int column = static_cast<int>(SensorParameter::origin_x);
-    for (const Vec3* vector : {&s.origin, &s.direction, &s.target, &s.normal})
-      for (int axis = 0; axis < 3; ++axis) row[column++] = robot.sensor[k].gain * (*vector)[axis];
-  }
+  sensor_columns(robot, sensed, H);
 }
 
 }  // namespace truepose

@@ -113,6 +113,7 @@ struct Sensor {
   SensorKind kind = SensorKind::nacelle_angle;
   int chain = -1;           ///< whose rod or motor (0-based)
   bool at_nacelle = false;  ///< rod_*: at the joint on the nacelle's side
+  int rod = 1;              ///< rod_* at the full level: which of the pair, +1 or -1
   double gain = 1;
   double offset = 0;
   double step = 0;    ///< one count of the reading (0: unquantised)

@@ -23,25 +23,41 @@ inline Sensed sense_pose(const Sensor& sensor, const Pose& pose) {
 /// Whether a sensor reads a chain's motor or rod, not the nacelle alone.
 inline bool on_chain(const Sensor& sensor) { return sensor.chain >= 0; }
 
+/// Value and gradients of a sensor on a chain, whatever the level of the model.
+/// @param position  of the motor
+/// @param p         P to B
+/// @param v         A to B, the rod that it sees
+/// @param body      orientation of the body that carries A
+inline Sensed sense_chain(const Sensor& sensor, const Chain& chain, double position, const Vec3& p,
+                          const Vec3& v, const Mat3& body) {
+  switch (sensor.kind) {
+    case SensorKind::rod_length: return sense_rod_length(v);
+    case SensorKind::motor_encoder: return sense_motor(position);
+    default: return sense_rod_angle(sensor, chain, p, v, body);
+  }
+}
+
+/// Orientation of the body that carries a chain's A: bars keep theirs.
+inline Mat3 body_of(const Chain& chain, const Pose& pose) {
+  return chain.bar < 0 ? pose.R : Mat3(Mat3::Identity());
+}
+
 /// Value and gradients of any sensor at a closed pose.
 template <Mobility K>
 inline Sensed sense(const Robot& robot, const Sensor& sensor, const Closure<K>& closure) {
   if (!on_chain(sensor)) return sense_pose(sensor, closure.pose);
   const Chain& chain = robot.chain[sensor.chain];
   const ChainState& state = closure.chain[sensor.chain];
-  switch (sensor.kind) {
-    case SensorKind::rod_length: return sense_rod_length(state);
-    case SensorKind::motor_encoder: return sense_motor(chain, state);
-    default: return sense_rod_angle(sensor, chain, state, closure.pose);
-  }
+  return sense_chain(sensor, chain, state.q + chain.encoder_offset, state.p, state.v,
+                     body_of(chain, closure.pose));
 }
 
 /// ∂s/∂q of the sensor's chain with the nacelle held: the motor moves B, and turns the arm in
 /// which a joint on the base's side sees the rod.
-inline double by_motor(const Sensor& sensor, const Sensed& s, const Chain& chain,
-                       const ChainState& state) {
+/// @param dB  ∂B/∂q
+inline double by_motor(const Sensor& sensor, const Sensed& s, const Chain& chain, const Vec3& dB) {
   const bool on_arm = !sensor.at_nacelle && chain.actuator == Actuator::revolute;
-  return s.motor - s.rod.dot(state.dB) + (on_arm ? s.frame.dot(chain.axis) : 0.0);
+  return s.motor - s.rod.dot(dB) + (on_arm ? s.frame.dot(chain.axis) : 0.0);
 }
 
 /// Row of J_r without the gain: ds along the free motions of the nacelle, the motors following.
@@ -59,7 +75,7 @@ inline void sensor_row(const Robot& robot, const Sensor& sensor, const Closure<K
   free_columns<K>(s.rod, state.lever.cross(s.rod) + turn, row);
   std::array<double, kDof<K>> jx;
   jx_row<K>(state.v, state.lever, jx);
-  const double scale = by_motor(sensor, s, chain, state) / state.jq;
+  const double scale = by_motor(sensor, s, chain, state.dB) / state.jq;
   for (int j = 0; j < kDof<K>; ++j) row[j] += scale * jx[j];
 }
 

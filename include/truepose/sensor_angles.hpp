@@ -8,19 +8,20 @@ namespace truepose {
 /// Frame (forward, side, axis) in which a joint sees its rod ρ, base frame. On the base's side of
 /// a revolute chain the arm, u × arm and u; of any other chain e, u × e and u, fixed in the base.
 /// On the nacelle's side the sensor's own (normal, direction × normal, direction), carried by the
-/// nacelle or by its bar, which keeps its orientation.
+/// nacelle or by its bar.
+/// @param p     P to B
+/// @param body  orientation of the body that carries A
 struct RodFrame {
   Vec3 forward, side, axis;
 };
-inline RodFrame rod_frame(const Sensor& sensor, const Chain& chain, const ChainState& state,
-                          const Pose& pose) {
+inline RodFrame rod_frame(const Sensor& sensor, const Chain& chain, const Vec3& p,
+                          const Mat3& body) {
   Vec3 forward = chain.zero, axis = chain.axis;
   if (sensor.at_nacelle) {
-    const bool turns = chain.bar < 0;
-    forward = turns ? Vec3(pose.R * sensor.normal) : sensor.normal;
-    axis = turns ? Vec3(pose.R * sensor.direction) : sensor.direction;
+    forward = body * sensor.normal;
+    axis = body * sensor.direction;
   } else if (chain.actuator == Actuator::revolute) {
-    forward = state.p / chain.arm;
+    forward = p / chain.arm;
   }
   return {forward, axis.cross(forward), axis};
 }
@@ -30,11 +31,12 @@ inline RodFrame rod_frame(const Sensor& sensor, const Chain& chain, const ChainS
 /// atan2(axis·ρ, √((forward·ρ)² + (side·ρ)²)).
 ///
 /// Turning rod and frame together changes nothing, so ∂s/∂frame = ∂s/∂ρ × ρ.
-inline Sensed sense_rod_angle(const Sensor& sensor, const Chain& chain, const ChainState& state,
-                              const Pose& pose) {
+/// @param v  A to B
+inline Sensed sense_rod_angle(const Sensor& sensor, const Chain& chain, const Vec3& p,
+                              const Vec3& v, const Mat3& body) {
   Sensed s;
-  const RodFrame frame = rod_frame(sensor, chain, state, pose);
-  const Vec3 rod = -state.v;
+  const RodFrame frame = rod_frame(sensor, chain, p, body);
+  const Vec3 rod = -v;
   const double f = frame.forward.dot(rod), w = frame.side.dot(rod), a = frame.axis.dot(rod);
   const double plane2 = f * f + w * w;
   if (sensor.kind == SensorKind::rod_in_plane) {
@@ -48,7 +50,7 @@ inline Sensed sense_rod_angle(const Sensor& sensor, const Chain& chain, const Ch
   }
   s.frame = s.rod.cross(rod);
   if (sensor.at_nacelle) {  // its mounting: f, w and a differentiated in the body's own axes
-    const Vec3 r = chain.bar < 0 ? Vec3(pose.R.transpose() * rod) : rod;
+    const Vec3 r = body.transpose() * rod;
     const Vec3 by_axis = sensor.normal.cross(r), by_forward = r.cross(sensor.direction);  // of w
     if (sensor.kind == SensorKind::rod_in_plane) {
       s.direction = f / plane2 * by_axis;
@@ -63,9 +65,9 @@ inline Sensed sense_rod_angle(const Sensor& sensor, const Chain& chain, const Ch
 }
 
 /// The motor's own position, on the load's side: the arm's angle, not the motor encoder's reading.
-inline Sensed sense_motor(const Chain& chain, const ChainState& state) {
+inline Sensed sense_motor(double position) {
   Sensed s;
-  s.value = state.q + chain.encoder_offset;
+  s.value = position;
   s.motor = 1;
   return s;
 }

@@ -37,10 +37,10 @@ inline Sensed sense_distance(const Sensor& sensor, const Pose& pose) {
 }
 
 /// |A - B|: for a rod of fixed length a constant of the pose, that still says the length.
-inline Sensed sense_rod_length(const ChainState& chain) {
+inline Sensed sense_rod_length(const Vec3& v) {
   Sensed s;
-  s.value = chain.v.norm();
-  s.rod = -chain.v / s.value;
+  s.value = v.norm();
+  s.rod = -v / s.value;
   return s;
 }
 

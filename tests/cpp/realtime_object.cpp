@@ -1,7 +1,7 @@
 // What does the real-time core ask of the machine? Every entry point in one object, compiled with
 // neither exceptions nor run-time types; check_symbols.cmake reads its undefined symbols.
 #include "truepose/control.hpp"
-#include "truepose/full_kinematics.hpp"
+#include "truepose/full_linearise.hpp"
 
 using namespace truepose;
 

@@ -1,7 +1,7 @@
 // Does every rod fit, when the axes are not exact? The full level against the ideal one, against
 // its own closures and derivatives, and against figures computed outside this project.
 #include "mechanisms.hpp"
-#include "truepose/full_kinematics.hpp"
+#include "truepose/full_rkm.hpp"
 
 using namespace mechanisms;
 
@@ -231,32 +231,32 @@ TEST("J at the full level is the derivative of its forward model, readings follo
       FullJacobians<K> jacobians;
       JointMatrix J;
       Reading r;
-      Matrix<kMaxSensors, kMaxUnknowns> rows;
+      std::array<FullRow, kMaxSensors> rows;
       CHECK(ikm_full<K>(robot, to_pose<K>(x), closure));
       CHECK(jacobian_full<K>(robot, closure, jacobians) && jacobian_full(robot, x, J));
-      CHECK(rkm_full(robot, closure.pose, r, rows));
+      CHECK(rkm_full<K>(robot, closure, r, rows));
       const auto moved_to = [&](int motor, double h) {
         Joint q = closure.q;
         q[motor] += h;
         FullPose pose = closure.pose;
         FullClosure<K> there;
         CHECK(fkm_full<K>(robot, q, pose, there));
-        return pose;
+        return there;
       };
       for (int m = 0; m < kDof<K>; ++m) {
         for (int i = 0; i < kDof<K>; ++i) {
           CHECK(J[i][m] == jacobians.J[i][m]);
-          const double slope =
-              derivative([&](double h) { return difference<K>(moved_to(m, h), closure.pose)[i]; });
+          const double slope = derivative(
+              [&](double h) { return difference<K>(moved_to(m, h).pose, closure.pose)[i]; });
           CHECK_NEAR(J[i][m], slope, 1e-7 * (1 + std::fabs(slope)));
         }
         for (int s = 0; s < robot.r; ++s) {
           double chained = 0;
-          for (int i = 0; i < kRods<K>; ++i) chained += rows[s][i] * jacobians.Z[i][m];
+          for (int i = 0; i < kRods<K>; ++i) chained += rows[s].z[i] * jacobians.Z[i][m];
           const double slope = derivative([&](double h) {
             Reading there;
-            Matrix<kMaxSensors, kMaxUnknowns> unused;
-            CHECK(rkm_full(robot, moved_to(m, h), there, unused));
+            std::array<FullRow, kMaxSensors> unused;
+            CHECK(rkm_full<K>(robot, moved_to(m, h), there, unused));
             return there[s];
           });
           CHECK_NEAR(chained, slope, 1e-7 * (1 + std::fabs(slope)));

@@ -7,7 +7,7 @@
 
 #include "mechanisms.hpp"
 #include "truepose/control.hpp"
-#include "truepose/full_kinematics.hpp"
+#include "truepose/full_linearise.hpp"
 
 using namespace mechanisms;
 

@@ -6,7 +6,7 @@
 
 #include "mechanisms.hpp"
 #include "truepose/control.hpp"
-#include "truepose/full_kinematics.hpp"
+#include "truepose/full_linearise.hpp"
 
 namespace {
 volatile long allocations = 0;  // volatile: the compiler takes it that malloc changes no variable

@@ -1,8 +1,8 @@
-// Do the readings' derivatives hold: along the pose, and along every geometric parameter?
+// Do the readings' derivatives hold at both levels: along the pose, and along every parameter?
 #include <functional>
 
 #include "mechanisms.hpp"
-#include "truepose/parameters.hpp"
+#include "truepose/full_linearise.hpp"
 
 using namespace mechanisms;
 
@@ -17,6 +17,7 @@ std::vector<Sensor> sensors_of(const Robot& robot, Mobility mobility) {
     Sensor sensor;
     sensor.kind = kind;
     sensor.chain = chain;
+    sensor.rod = chain == 0 ? 1 : -1;
     sensor.at_nacelle = at_nacelle;
     sensor.gain = 1.5 - 0.4 * static_cast<double>(sensors.size() % 5);
     sensor.offset = 0.1;
@@ -29,6 +30,7 @@ std::vector<Sensor> sensors_of(const Robot& robot, Mobility mobility) {
   };
   if (mobility == Mobility::planar || mobility == Mobility::schoenflies)
     add(SensorKind::nacelle_angle);
+  if (robot.full.bars > 0) add(SensorKind::nacelle_angle).bar = robot.full.bars - 1;
   add(SensorKind::telemeter);
   add(SensorKind::coordinate);
   add(SensorKind::distance);
@@ -54,44 +56,6 @@ std::vector<Sensor> sensors_of(const Robot& robot, Mobility mobility) {
   return sensors;
 }
 
-/// The mechanism with encoder offsets, its axes turned a little, and up to ten of the sensors.
-template <class F>
-void for_each_with_sensors(F&& f) {
-  for_each([&](const Mechanism& mechanism, auto mobility) {
-    Robot robot = mechanism.robot;
-    for (int i = 0; i < dof(mobility()); ++i) robot.chain[i].encoder_offset = 0.01 * (i + 1);
-    const std::vector<Sensor> all = sensors_of(robot, mobility());
-    for (std::size_t first = 0; first < all.size(); first += kMaxSensors) {
-      robot.r = 0;
-      for (std::size_t k = first; k < all.size() && robot.r < kMaxSensors; ++k)
-        robot.sensor[robot.r++] = all[k];
-      f(mechanism, robot, mobility);
-    }
-  });
-}
-
-/// Readings [q; r] at a pose.
-template <Mobility K>
-std::vector<double> readings(const Robot& robot, const Pose& pose) {
-  Closure<K> closure;
-  Reading values{};
-  Matrix<kMaxSensors, kDof<K>> jr;
-  CHECK(ikm<K>(robot, pose, closure));
-  CHECK(rkm<K>(robot, closure, values, jr));
-  std::vector<double> result;
-  for (const ChainState& chain : closure.chain) result.push_back(chain.q);
-  result.insert(result.end(), values.begin(), values.begin() + robot.r);
-  return result;
-}
-
-std::vector<double> derivative(const std::function<std::vector<double>(double)>& f) {
-  const auto a = f(2 * kStep), b = f(kStep), c = f(-kStep), d = f(-2 * kStep);
-  std::vector<double> slope(a.size());
-  for (std::size_t k = 0; k < a.size(); ++k)
-    slope[k] = (8 * (b[k] - c[k]) - (a[k] - d[k])) / (12 * kStep);
-  return slope;
-}
-
 /// Adds h to parameter p of chain i, as a builder would: yaw about z, then tilt about e.
 void change(Robot& robot, int i, ChainParameter p, double h) {
   Chain& chain = robot.chain[i];
@@ -104,9 +68,17 @@ void change(Robot& robot, int i, ChainParameter p, double h) {
       const Mat3 turn = rotation_z(h);
       chain.zero = turn * chain.zero;
       chain.axis = turn * chain.axis;
+      chain.pair_axis = turn * chain.pair_axis;
       break;
     }
-    case ChainParameter::tilt: chain.axis = exp_so3(h * chain.zero) * chain.axis; break;
+    case ChainParameter::tilt: {
+      const Mat3 turn = exp_so3(h * chain.zero);
+      chain.axis = turn * chain.axis;
+      chain.pair_axis = turn * chain.pair_axis;
+      break;
+    }
+    case ChainParameter::rod_difference: chain.rod_difference += h; break;
+    case ChainParameter::rod_spacing: chain.rod_spacing += h; break;
     default:
       if (p <= ChainParameter::base_z)
         chain.base[index] += h;
@@ -129,69 +101,115 @@ void change(Robot& robot, int k, SensorParameter p, double h) {
                  : sensor.normal)[index % 3] += h;
 }
 
-}  // namespace
+/// What a level of the model says at a pose.
+template <Mobility K>
+struct Readings {
+  Extended q_e{};
+  Matrix<kMaxReadings, kDof<K>> H_x{};
+  std::vector<double> H_xi;
+};
+template <Mobility K>
+Readings<K> read_at(bool full, const Robot& robot, const Pose& pose) {
+  Readings<K> at;
+  at.H_xi.resize((kDof<K> + robot.r) * parameter_count(robot));
+  CHECK(full ? linearise_full<K>(robot, pose, at.q_e, at.H_x, at.H_xi.data())
+             : linearise<K>(robot, pose, at.q_e, at.H_x, at.H_xi.data()));
+  return at;
+}
 
-TEST("a sensor's row of J_r is the derivative of its reading, the motors following") {
-  for_each_with_sensors([](const Mechanism& mechanism, const Robot& robot, auto mobility) {
-    constexpr Mobility K = mobility();
-    check::Random random(51);
-    for (int sample = 0; sample < 20; ++sample) {
-      const Pose pose = to_pose<K>(random_pose(mechanism, random));
-      Closure<K> closure;
-      Reading values;
-      Matrix<kMaxSensors, kDof<K>> jr;
-      CHECK(ikm<K>(robot, pose, closure));
-      CHECK(rkm<K>(robot, closure, values, jr));
-      for (int j = 0; j < kDof<K>; ++j) {
-        const auto slope = derivative([&](double h) {
-          Joint step{};
-          step[j] = h;
-          return readings<K>(robot, moved<K>(pose, step));
-        });
-        for (int k = 0; k < robot.r; ++k) CHECK_NEAR(jr[k][j], slope[kDof<K> + k], 1e-8);
-      }
+/// Calls f at both levels, with each mechanism's axes turned and its pairs unequal, and up to ten
+/// of its sensors.
+template <class F>
+void for_each_with_sensors(F&& f) {
+  for_each([&](const Mechanism& mechanism, auto mobility) {
+    Robot robot = mechanism.robot;
+    const bool full = robot.full.kind == FullKind::exists || robot.full.kind == FullKind::same;
+    for (int i = 0; i < dof(mobility()); ++i) {
+      robot.chain[i].encoder_offset = 0.01 * (i + 1);
+      if (robot.full.kind != FullKind::exists) continue;
+      change(robot, i, ChainParameter::yaw, 0.003 * (i - 1));
+      change(robot, i, ChainParameter::tilt, 0.002 * (2 - i));
+      change(robot, i, ChainParameter::rod_difference, 2e-5 * (i + 1));
+    }
+    const std::vector<Sensor> all = sensors_of(robot, mobility());
+    for (std::size_t first = 0; first < all.size(); first += kMaxSensors) {
+      robot.r = 0;
+      for (std::size_t k = first; k < all.size() && robot.r < kMaxSensors; ++k)
+        robot.sensor[robot.r++] = all[k];
+      f(false, mechanism, robot, mobility);
+      if (full) f(true, mechanism, robot, mobility);
     }
   });
 }
 
+Extended derivative(const std::function<Extended(double)>& f) {
+  const Extended a = f(2 * kStep), b = f(kStep), c = f(-kStep), d = f(-2 * kStep);
+  Extended slope;
+  for (std::size_t k = 0; k < a.size(); ++k)
+    slope[k] = (8 * (b[k] - c[k]) - (a[k] - d[k])) / (12 * kStep);
+  return slope;
+}
+
+}  // namespace
+
+TEST("H_x is the derivative of every reading along the free twist, the motors following") {
+  for_each_with_sensors(
+      [](bool full, const Mechanism& mechanism, const Robot& robot, auto mobility) {
+        constexpr Mobility K = mobility();
+        check::Random random(51);
+        for (int sample = 0; sample < 20; ++sample) {
+          const Pose pose = to_pose<K>(random_pose(mechanism, random));
+          const auto at = read_at<K>(full, robot, pose);
+          for (int j = 0; j < kDof<K>; ++j) {
+            const Extended slope = derivative([&](double h) {
+              Joint step{};
+              step[j] = h;
+              return read_at<K>(full, robot, moved<K>(pose, step)).q_e;
+            });
+            for (int k = 0; k < kDof<K> + robot.r; ++k)
+              CHECK_NEAR(at.H_x[k][j], slope[k], 1e-8 * (1 + std::fabs(slope[k])));
+          }
+        }
+      });
+}
+
 TEST("every reading's derivative along every parameter is that of its finite differences") {
-  for_each_with_sensors([](const Mechanism& mechanism, const Robot& robot, auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>;
-    check::Random random(52);
-    const int width = parameter_count(robot);
-    std::vector<double> H((n + robot.r) * width);
-    const auto compare = [&](int column, const std::vector<double>& slope) {
-      for (int k = 0; k < n + robot.r; ++k) CHECK_NEAR(H[k * width + column], slope[k], 1e-7);
-    };
-    for (int sample = 0; sample < 5; ++sample) {
-      const Pose pose = to_pose<K>(random_pose(mechanism, random));
-      Closure<K> closure;
-      CHECK(ikm<K>(robot, pose, closure));
-      parameter_jacobian<K>(robot, closure, H.data());
-      const auto varied = [&](auto index, auto parameter) {
-        return derivative([&](double h) {
-          Robot other = robot;
-          change(other, index, parameter, h);
-          return readings<K>(other, pose);
-        });
-      };
-      for (int i = 0; i < n; ++i)
-        for (int p = 0; p < kChainParameters; ++p)
-          compare(chain_column(i) + p, varied(i, static_cast<ChainParameter>(p)));
-      for (int bar = 0; bar < kMaxBars; ++bar)
-        compare(bar_column(robot, bar), derivative([&](double h) {
-                  Robot other = robot;
-                  for (int i = 0; i < n; ++i)
-                    if (robot.chain[i].bar == bar)
-                      other.chain[i].pivot += h * robot.chain[i].pivot.normalized();
-                  return readings<K>(other, pose);
-                }));
-      for (int k = 0; k < robot.r; ++k)
-        for (int p = 0; p < kSensorParameters; ++p)
-          compare(sensor_column(robot, k) + p, varied(k, static_cast<SensorParameter>(p)));
-    }
-  });
+  for_each_with_sensors(
+      [](bool full, const Mechanism& mechanism, const Robot& robot, auto mobility) {
+        constexpr Mobility K = mobility();
+        constexpr int n = kDof<K>;
+        check::Random random(52);
+        const int width = parameter_count(robot);
+        for (int sample = 0; sample < 5; ++sample) {
+          const Pose pose = to_pose<K>(random_pose(mechanism, random));
+          const auto at = read_at<K>(full, robot, pose);
+          const auto compare = [&](int column, const Extended& slope) {
+            for (int k = 0; k < n + robot.r; ++k)
+              CHECK_NEAR(at.H_xi[k * width + column], slope[k], 1e-7);
+          };
+          const auto varied = [&](auto index, auto parameter) {
+            return derivative([&](double h) {
+              Robot other = robot;
+              change(other, index, parameter, h);
+              return read_at<K>(full, other, pose).q_e;
+            });
+          };
+          for (int i = 0; i < n; ++i)
+            for (int p = 0; p < kChainParameters; ++p)
+              compare(chain_column(i) + p, varied(i, static_cast<ChainParameter>(p)));
+          for (int bar = 0; bar < kMaxBars; ++bar)
+            compare(bar_column(robot, bar), derivative([&](double h) {
+                      Robot other = robot;
+                      for (int i = 0; i < n; ++i)
+                        if (robot.chain[i].bar == bar)
+                          other.chain[i].pivot += h * robot.chain[i].pivot.normalized();
+                      return read_at<K>(full, other, pose).q_e;
+                    }));
+          for (int k = 0; k < robot.r; ++k)
+            for (int p = 0; p < kSensorParameters; ++p)
+              compare(sensor_column(robot, k) + p, varied(k, static_cast<SensorParameter>(p)));
+        }
+      });
 }
 
 TEST("an elbow's in-plane angle counts from the arm, positive as the motor's") {
