@@ -58,6 +58,13 @@ void full_level(const std::string& name, const Inputs<K>& in, std::vector<bench:
     bench::keep(jacobian_full(in.robot, in.x[i], J));
     bench::keep(J);
   });
+  std::vector<double> H_xi((kDof<K> + in.robot.r) * parameter_count(in.robot));
+  add("q_e, H_x, H_ξ from x", [&](int i) {
+    Extended q_e;
+    Matrix<kMaxReadings, kDof<K>> H_x;
+    bench::keep(linearise_full<K>(in.robot, to_pose<K>(in.x[i]), q_e, H_x, H_xi.data()));
+    bench::keep(H_x);
+  });
   add("FKM from 1 mm, 1 mrad", [&](int i) {
     Joint x = in.near[i];
     bench::keep(fkm_full(in.robot, in.q[i], x));

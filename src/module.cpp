@@ -80,6 +80,7 @@ void bind_robot(nb::module_& m) {
       .def_rw("kind", &Sensor::kind)
       .def_rw("chain", &Sensor::chain)
       .def_rw("at_nacelle", &Sensor::at_nacelle)
+      .def_rw("rod", &Sensor::rod)
       .def_rw("gain", &Sensor::gain)
       .def_rw("offset", &Sensor::offset)
       .def_rw("step", &Sensor::step)

@@ -7,7 +7,6 @@
 
 #include "arrays.hpp"
 #include "truepose/full_linearise.hpp"
-#include "truepose/linearise.hpp"
 #include "truepose/offline/simulate.hpp"
 #include "truepose/offline/statics.hpp"
 
@@ -134,7 +133,7 @@ auto batch_tej(const Robot& robot, const Rows& x) {
 }
 
 /// H_x = [J⁻¹; J_r], (N, n + r, n), and H_ξ in the core's own order, (N, n + r, p).
-auto batch_linearise(const Robot& robot, const Rows& x) {
+auto batch_linearise(const Robot& robot, const Rows& x, bool full) {
   const std::size_t count = x.shape(0), n = x.shape(1), e = n + robot.r;
   const std::size_t p = parameter_count(robot);
   Owned<double> h_x({count, e, n}), h_xi({count, e, p});
@@ -145,7 +144,9 @@ auto batch_linearise(const Robot& robot, const Rows& x) {
     Extended q_e;
     Matrix<kMaxReadings, kDof<K>> H_x;
     for (std::size_t i = 0; i < count; ++i) {
-      const Outcome outcome = linearise<K>(robot, to_pose<K>(row<Joint>(x, i)), q_e, H_x, h_xi[i]);
+      const Pose pose = to_pose<K>(row<Joint>(x, i));
+      const Outcome outcome = full ? linearise_full<K>(robot, pose, q_e, H_x, h_xi[i])
+                                   : linearise<K>(robot, pose, q_e, H_x, h_xi[i]);
       outcomes.set(i, outcome);
       for (std::size_t k = 0; k < e * n; ++k) h_x[i][k] = outcome ? H_x[k / n][k % n] : NAN;
       if (!outcome) std::fill_n(h_xi[i], e * p, NAN);

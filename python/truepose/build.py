@@ -36,7 +36,7 @@ def locations(spec: RobotFile) -> dict[str, tuple]:
             component = _Component(getattr(chain, vector))
             found |= {f"{name}.{vector}.{axis}": (component, axis) for axis in "xyz"}
         scalars = ["encoder_offset", "yaw", "tilt"]
-        scalars += ["rod_difference"] * (spec.mobility in PAIRED)
+        scalars += ["rod_difference", "rod_spacing"] * (spec.mobility in PAIRED)
         scalars += ["arm"] * (chain.actuator == "revolute")
         scalars += ["rod"] * (chain.actuator != "telescopic")
         found |= {f"{name}.{scalar}": (chain, scalar) for scalar in scalars}
@@ -163,6 +163,7 @@ def _build_sensor(spec: RobotFile, sensor: Sensor) -> _core.Sensor:
     if (number := getattr(sensor, "chain", None)) is not None:
         built.chain = number - 1
         built.at_nacelle = getattr(sensor, "side", "base") == "nacelle"
+        built.rod = -1 if getattr(sensor, "rod", "+") == "-" else 1
         # A joint on the nacelle's side is built along the drawn axes of its chain.
         built.direction = np.array(spec.chain[number - 1].axis)
         built.normal = np.array(spec.chain[number - 1].zero)

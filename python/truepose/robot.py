@@ -248,7 +248,7 @@ class Robot:
                 raise InputError(choose("parameter", name, self._values))
             if not (isinstance(value, numbers.Real) and math.isfinite(value)):
                 raise InputError(f"{name} = {value!r}: must be a finite number")
-            if name.endswith((".arm", ".rod", ".pivot")) and value <= 0:
+            if name.endswith((".arm", ".rod", ".pivot", ".rod_spacing")) and value <= 0:
                 raise InputError(f"{name} = {value}: must be greater than 0 (m)")
         return Robot(self._spec, self._values | {k: float(v) for k, v in values.items()})
 
@@ -378,7 +378,8 @@ class Robot:
     def rkm(self, x: ArrayLike, errors: Errors = "raise", level: Level = "ideal") -> Array:
         """Redundant kinematic model: what the sensors in use read at the pose x.
 
-        At the full level a sensor at a bar's pivot reads the bar's own turn too.
+        At the full level a sensor at a bar's pivot reads the bar's own turn too, one of a rod its
+        own rod of the pair.
 
         Returns
         -------
@@ -577,8 +578,12 @@ class Robot:
         size = self.n + self.r
         return M.reshape(*lead, size, self.n), M_plus.reshape(*lead, self.n, size)
 
-    def linearise(self, x: ArrayLike, errors: Errors = "raise") -> tuple[Array, Array]:
+    def linearise(
+        self, x: ArrayLike, errors: Errors = "raise", level: Level = "ideal"
+    ) -> tuple[Array, Array]:
         """Jacobians of all readings q_e = [q; r] at the pose x, the motors holding it.
+
+        At the full level what x leaves out follows too: the nacelle's tilt, its bars' turns.
 
         Returns
         -------
@@ -598,7 +603,7 @@ class Robot:
         True
         """
         rows, lead = self._rows(x, self.n, "x", errors)
-        H_x, core, status, chain = _core.linearise(self._core, rows)
+        H_x, core, status, chain = _core.linearise(self._core, rows, self._is_full(level))
         self._check("pose", rows, lead, status, chain, errors)
         names = list(self._values)
         H = np.zeros((*core.shape[:2], len(names)))

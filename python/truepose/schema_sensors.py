@@ -112,6 +112,12 @@ class Rotation(_Gauge):
     direction: Direction = Field(description="of the component, base frame")
 
 
+#: Which rod of a spatial parallelogram a sensor sees: on the side of +u, or on the other.
+Side = Annotated[
+    Literal["+", "-"], Field(description="of a pair, the rod on the side of +u or -u; full level")
+]
+
+
 class RodAngle(_Encoder):
     """Direction of a rod in one of its joints: elbow, nacelle-side joint, U-joint of a leg.
 
@@ -122,6 +128,7 @@ class RodAngle(_Encoder):
     kind: Literal["rod_in_plane", "rod_lateral"]
     chain: Index = Field(description="whose rod, from 1")
     side: Literal["base", "nacelle"] = Field(default="base", description="which of its joints")
+    rod: Side = "+"
 
 
 class RodLength(_Gauge):
@@ -129,6 +136,7 @@ class RodLength(_Gauge):
 
     kind: Literal["rod_length"]
     chain: Index = Field(description="whose rod, from 1")
+    rod: Side = "+"
 
 
 class MotorEncoder(_Encoder):

@@ -22,6 +22,14 @@ FullResult realtime_fkm_full(const Robot& robot, const Joint& q, Joint& x) {
 Outcome realtime_jacobian_full(const Robot& robot, const Joint& x, JointMatrix& J) {
   return jacobian_full(robot, x, J);
 }
+Outcome realtime_linearise(const Robot& robot, const Pose& pose, Extended& q_e,
+                           Matrix<kMaxReadings, 4>& H_x, double* H_xi) {
+  return linearise<Mobility::schoenflies>(robot, pose, q_e, H_x, H_xi);
+}
+Outcome realtime_linearise_full(const Robot& robot, const Pose& pose, Extended& q_e,
+                                Matrix<kMaxReadings, 4>& H_x, double* H_xi) {
+  return linearise_full<Mobility::schoenflies>(robot, pose, q_e, H_x, H_xi);
+}
 Outcome realtime_parasitic(const Robot& robot, const Joint& x, Joint& rest) {
   return parasitic(robot, x, rest);
 }

@@ -43,6 +43,7 @@ name = "wrist_lateral"
 kind = "rod_lateral"
 chain = 1
 side = "nacelle"
+rod = "-"
 gain = -2.0
 
 [[sensor]]
@@ -67,6 +68,22 @@ name = "turn"
 kind = "rotation"
 direction = [0.6, 0.0, 0.8]
 """
+BEAM = """
+[[sensor]]
+name = "beam"
+kind = "telemeter"
+origin = [-0.6, 0.05, -0.1]
+direction = [1.0, 0.0, 0.0]
+target = [0.03, 0.01, 0.0]
+normal = [0.8, -0.6, 0.0]
+"""
+AT_PIVOT = """
+[[sensor]]
+name = "pivot"
+kind = "nacelle_angle"
+bar = 2
+gain = 1.5
+"""
 
 
 def carrying(robot, text, fits=lambda _: True):
@@ -78,32 +95,60 @@ def carrying(robot, text, fits=lambda _: True):
 
 
 @pytest.fixture
-def equipped(any_robot):
-    """Any of the robots, with every sensor that its mobility lets it carry."""
+def equipped(any_robot, rng):
+    """Any of the robots, none of its axes exact, with every sensor that its mobility allows."""
     flat = any_robot.spec.mobility in ("planar_translation", "planar")
-    text = KINDS + (ON_NACELLE if any_robot.spec.mobility == "spatial" else "")
-    return carrying(
+    text = KINDS + (ON_NACELLE if any_robot.spec.mobility == "spatial" else BEAM)
+    text += AT_PIVOT if any_robot.spec.bar else ""
+    robot = carrying(
         any_robot, text, lambda s: not (flat and (s.kind == "rod_lateral" or s.name == "wrist"))
     )
+    if flat:
+        return robot
+    turned = [name for name in robot.parameters if name.endswith((".yaw", ".tilt"))]
+    return robot.replace(dict(zip(turned, 0.002 * rng.normal(size=len(turned)), strict=True)))
 
 
-def test_linearise_is_the_derivative_of_every_reading(equipped, anywhere, rng):
+@pytest.mark.parametrize("level", ["ideal", "full"])
+def test_linearise_is_the_derivative_of_every_reading(equipped, level, anywhere, rng):
     """H_x along the free twist, H_ξ along every parameter, against central differences."""
-    x = anywhere(equipped, 1, rng)[0]
-    H_x, H_xi = equipped.linearise(x)
-    J = equipped.jacobian(x)
-    q, r = equipped.ikm(x), equipped.rkm(x)
-    assert H_x[: equipped.n] @ J == pytest.approx(np.eye(equipped.n), abs=1e-9)
-    for motor in range(equipped.n):  # J_r J: what the sensors see of one motor
-        h = 1e-6 * np.eye(equipped.n)[motor]
-        ends = [equipped.rkm(equipped.fkm(q + s, guess=x)) for s in (h, -h)]
-        slope = (ends[0] - ends[1]) / 2e-6
-        assert (H_x[equipped.n :] @ J)[:, motor] == pytest.approx(slope, abs=2e-6)
+    if level == "full" and not equipped.full:
+        pytest.skip(equipped.full.reason)
+    x, n, h = anywhere(equipped, 1, rng)[0], equipped.n, 1e-5
+    H_x, H_xi = equipped.linearise(x, level=level)
+    assert H_xi.shape == (n + equipped.r, len(equipped.parameters))
+    J = equipped.jacobian(x, level=level)
+    q = equipped.ikm(x, level=level)
+    assert H_x[:n] @ J == pytest.approx(np.eye(n), abs=1e-9)
+    for motor in range(n):  # J_r J: what the sensors see of one motor
+        step = h * np.eye(n)[motor]
+        there = [equipped.fkm(q + s, guess=x, level=level) for s in (step, -step)]
+        ends = [equipped.rkm(at, level=level) for at in there]
+        slope = (ends[0] - ends[1]) / (2 * h)
+        assert (H_x[n:] @ J)[:, motor] == pytest.approx(slope, abs=1e-6)
     for column, (name, parameter) in enumerate(equipped.parameters.items()):
-        ends = [equipped.replace({name: parameter.value + h}).extended(x) for h in (1e-6, -1e-6)]
-        slope = (ends[0] - ends[1]) / 2e-6
-        assert H_xi[:, column] == pytest.approx(slope, abs=2e-6), name
-    assert np.isfinite(r).all()
+        moved = [equipped.replace({name: parameter.value + s}) for s in (h, -h)]
+        ends = [robot.extended(x, level=level) for robot in moved]
+        slope = (ends[0] - ends[1]) / (2 * h)
+        assert H_xi[:, column] == pytest.approx(slope, abs=1e-6), name
+
+
+def test_the_rods_of_a_pair_are_seen_one_by_one(h4):
+    """A rod_length on either side reads L ± δ/2, an elbow its own rod; ideally there is one."""
+    delta = 4e-4
+    both = KINDS + "".join(
+        f'[[sensor]]\nname = "{kind}_other"\nkind = "{kind}"\nchain = 2\nrod = "-"\n'
+        for kind in ("rod_length", "rod_in_plane", "rod_lateral")
+    )
+    names = ("gauge", "rod_length_other", "elbow", "rod_in_plane_other")
+    names += ("elbow_lateral", "rod_lateral_other")
+    robot = carrying(h4, both).with_sensors(*names).replace({"chain2.rod_difference": delta})
+    x = np.array([0.03, -0.05, -0.42, 0.3])
+    ideal = robot.rkm(x)
+    assert np.array_equal(ideal[::2], ideal[1::2])
+    full = robot.rkm(x, level="full")
+    assert full[:2] == pytest.approx([0.48 + delta / 2, 0.48 - delta / 2], abs=1e-14)
+    assert (np.abs(full[2::2] - full[3::2]) > 1e-5).all()
 
 
 def test_readings_are_what_geometry_says(h4):
@@ -142,6 +187,7 @@ def test_an_inclinometer_reads_the_turn_about_its_axis(any_robot):
         ('name = "e"\nkind = "rod_in_plane"\nchain = 5', "chain = 5, of 4 chains"),
         ('name = "e"\nkind = "rod_in_plane"', "chain: is missing"),
         ('name = "e"\nkind = "rod_in_plane"\nchain = 1\nside = "arm"', "'base' or 'nacelle'"),
+        ('name = "e"\nkind = "rod_length"\nchain = 1\nrod = 1', "'+' or '-'"),
         ('name = "e"\nkind = "telemetre"', "did you mean 'telemeter'"),
         ('name = "e"\nkind = "distance"', "origin: is missing"),
     ],
