@@ -70,6 +70,19 @@ auto batch_settle(const Robot& nominal, const Robot& truth, const ControlSetting
   });
 }
 
+/// Exact readings (N, n + r) as real encoders give them: with noise, in counts.
+auto batch_spoil(const Robot& robot, const Rows& exact, std::uint64_t seed) {
+  const std::size_t count = exact.shape(0), width = exact.shape(1);
+  Owned<double> values({count, width});
+  Random random(seed);
+  for (std::size_t i = 0; i < count; ++i) {
+    Extended q_e = row<Extended>(exact, i);
+    spoil(robot, random, q_e);
+    std::memcpy(values[i], q_e.data(), width * sizeof(double));
+  }
+  return values.release();
+}
+
 /// `any_branch`: poses in another working or assembly mode than the robot's are answers too.
 auto batch_fkm(const Robot& robot, const Rows& q, const Rows& guess, bool full, bool any_branch) {
   const std::size_t count = q.shape(0), n = q.shape(1);
@@ -175,9 +188,50 @@ auto skeleton(const Robot& robot, const Joint& x) {
   return nb::make_tuple(points.release(), static_cast<int>(outcome.status), outcome.chain);
 }
 
+/// J_x at a pose, (n, n): what its rods hold of the nacelle.
+auto rod_rows(const Robot& robot, const Joint& x) {
+  const std::size_t n = dof(robot.mobility);
+  Owned<double> rows({n, n});
+  const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {
+    constexpr Mobility K = mobility();
+    Closure<K> closure;
+    const Outcome result = ikm<K>(robot, to_pose<K>(x), closure);
+    std::array<double, kDof<K>> row{};
+    for (int i = 0; i < kDof<K>; ++i) {
+      if (result) jx_row<K>(closure.chain[i].v, closure.chain[i].lever, row);
+      std::memcpy(rows[i], row.data(), sizeof row);
+    }
+    return result;
+  });
+  return nb::make_tuple(rows.release(), static_cast<int>(outcome.status));
+}
+
+/// The same at home for every rod by itself, (rods, freedoms); robot.full must have counted them.
+auto full_rod_rows(const Robot& robot) {
+  const std::size_t rods = robot.full.rods, unknowns = robot.full.unknowns;
+  Owned<double> result({rods, unknowns});
+  Matrix<kMaxRods, kMaxUnknowns> rows{};
+  const bool together = bars_together(robot, robot.full.bars);
+  if (robot.mobility == Mobility::translation)
+    full_rows<Mobility::translation>(robot, together, rows);
+  if (robot.mobility == Mobility::schoenflies)
+    full_rows<Mobility::schoenflies>(robot, together, rows);
+  for (std::size_t rod = 0; rod < rods; ++rod)
+    std::memcpy(result[rod], rows[rod].data(), unknowns * sizeof(double));
+  return result.release();
+}
+
+double rod_shortfall(const Robot& robot, const Joint& x, int chain) {
+  return with_mobility(robot.mobility, [&](auto mobility) {
+    const Pose pose = to_pose<mobility()>(x);
+    const Chain& of = robot.chain.at(chain);
+    return shortfall(of, pose.D + pose.R * of.pivot + of.anchor - of.base);
+  });
+}
+
 auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
                     const Joint& from, const Joint& to, double duration, double hold, int steps,
-                    const Joint& start) {
+                    const Joint& start, std::uint64_t seed) {
   const std::size_t n = dof(nominal.mobility), e = n + nominal.r;
   std::vector<Sample> log;
   Outcome outcome;
@@ -185,8 +239,9 @@ auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSetti
     nb::gil_scoped_release release;
     log.reserve(static_cast<std::size_t>((duration + hold) / settings.period) + 2);
     outcome = with_mobility(nominal.mobility, [&](auto mobility) {
-      return simulate<mobility()>(nominal, truth, settings, Run{from, to, duration, hold, steps},
-                                  start, [&](const Sample& sample) { log.push_back(sample); });
+      return simulate<mobility()>(nominal, truth, settings,
+                                  Run{from, to, duration, hold, steps, seed}, start,
+                                  [&](const Sample& sample) { log.push_back(sample); });
     });
   }
   const std::size_t count = log.size();
@@ -219,6 +274,10 @@ void bind_batch(nb::module_& m) {
   m.def("linearise", &batch_linearise);
   m.def("skeleton", &skeleton);
   m.def("simulate", &run_simulation);
+  m.def("spoil", &batch_spoil);
+  m.def("rod_rows", &rod_rows);
+  m.def("full_rod_rows", &full_rod_rows);
+  m.def("shortfall", &rod_shortfall);
 }
 
 }  // namespace truepose::python

@@ -23,10 +23,12 @@ struct Reference {
   ExtendedRows tej;
 };
 
-/// @return branch_lost where x_d lies in another assembly mode than the robot's home
+/// @return joint_limit where a motor would have to pass its stops; branch_lost where x_d lies in
+/// another assembly mode than the robot's home
 template <Mobility K>
 inline Outcome refer(const Robot& robot, Law law, const Joint& x_d, Reference<K>& reference) {
   Outcome outcome = ikm<K>(robot, to_pose<K>(x_d), reference.closure);
+  if (outcome) outcome = within_limits(robot, reference.closure.q());
   if (outcome) outcome = jacobian<K>(reference.closure, reference.jacobians);
   if (outcome) outcome = rkm<K>(robot, reference.closure, reference.r, reference.jr);
   // On the other side of a singularity the motors would have to pass through it to get there.
@@ -50,7 +52,7 @@ inline Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Vec3
       int k = 0;
       while (k < robot.r && robot.sensor[k].kind != SensorKind::nacelle_angle) ++k;
       if (k == robot.r) return {Status::not_measured, -1};
-      pose.theta = (q_e[kDof<K> + k] + robot.sensor[k].offset) / robot.sensor[k].gain;
+      pose.theta = measured(robot.sensor[k], q_e[kDof<K> + k]);
       pose.R = rotation_z(pose.theta);
     }
     Joint q{};

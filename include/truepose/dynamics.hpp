@@ -18,6 +18,7 @@ struct DynamicModel {
   std::array<double, n> bias;     ///< c: Coriolis, centrifugal and gravity forces
   Matrix<kDof<K>, kDof<K>> k;     ///< K, rows k_i
   std::array<double, n> rate;     ///< q̇
+  std::array<double, n> slope;    ///< ∂(q as read)/∂(q as the motor turns)
 };
 
 /// ω × l for the angular velocities that the mobility allows.
@@ -68,7 +69,10 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<
     jx_row<K>(at.v, at.lever, k);
     if (!(at.jq * at.jq > kSingular * at.v.squaredNorm() * at.dB.squaredNorm()))
       return {Status::singular, i};
-    const double per_jq = 1 / at.jq;
+    // The motor's true angle counts here, not what an eccentric encoder makes of it.
+    const double per_jq = at.rate / at.jq, slope = 1 / at.rate;
+    const Vec3 dB = slope * at.dB;
+    model.slope[i] = slope;
     double qd = 0;
     for (int j = 0; j < n; ++j) {
       k[j] *= per_jq;
@@ -79,7 +83,7 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<
     // Second derivative of the closure: q̈ = k ẍ + h. aA, aB: accelerations of A and B at ẍ = 0.
     const Vec3 swing = turning<K>(twist.omega, at.lever);
     const Vec3 centripetal = turning<K>(twist.omega, swing);
-    const Vec3 stretch = at.dB * qd - twist.velocity - swing;  // v̇
+    const Vec3 stretch = dB * qd - twist.velocity - swing;  // v̇
     Vec3 aB = Vec3::Zero();
     double right = at.v.dot(centripetal) - stretch.squaredNorm();
     if (chain.actuator == Actuator::revolute) {
@@ -89,7 +93,7 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<
       right += qd * qd;
     }
     const double h = right * per_jq;
-    aB += at.dB * h;
+    aB += dB * h;
 
     // Slender rod: virtual work of (m/6) [δB·(2B̈ + Ä) + δA·(B̈ + 2Ä)] - (m/2) (δB + δA)·g.
     const double m2 = chain.rod_mass * 0.5, m3 = chain.rod_mass * (1.0 / 3), m6 = 0.5 * m3;
@@ -98,10 +102,10 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<
     hang(m3, at.lever, fA);
     const double carried =
         chain.actuator == Actuator::revolute ? 0.5 : 1;  // arm's centre / carriage
-    const double own = chain.drive_inertia * h + at.dB.dot(fB - chain.arm_mass * carried * g);
+    const double own = chain.drive_inertia * h + dB.dot(fB - chain.arm_mass * carried * g);
     std::array<double, n> b;  // J_Aᵀ ∂B/∂q
-    free_columns<K>(at.dB, at.lever.cross(at.dB), b.data());
-    const double kk = chain.drive_inertia + m3 * at.dB.squaredNorm();
+    free_columns<K>(dB, at.lever.cross(dB), b.data());
+    const double kk = chain.drive_inertia + m3 * dB.squaredNorm();
     for (int row = 0; row < n; ++row) {
       model.bias[row] += k[row] * own;
       const double kr = kk * k[row] + m6 * b[row], br = m6 * k[row];
@@ -154,6 +158,7 @@ inline Joint inverse_dynamics(const DynamicModel<K>& model, const Matrix<kDof<K>
     for (int j = 0; j < n; ++j) force += model.mass[i][j] * acceleration[j];
     for (int j = 0; j < n; ++j) torque[j] += J[i][j] * force;
   }
+  for (int j = 0; j < n; ++j) torque[j] *= model.slope[j];
   return torque;
 }
 

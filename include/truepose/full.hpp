@@ -132,6 +132,30 @@ inline int rank(Matrix<kMaxRods, kMaxUnknowns> m, int rows, int columns) {
   return std::min(rows, columns);
 }
 
+/// The rods' rows at home, in the columns of full_row; where a four-bar turns the bars together,
+/// one column does for both.
+/// @return the outcome of the inverse model at home
+template <Mobility K>
+inline Outcome full_rows(const Robot& robot, bool together, Matrix<kMaxRods, kMaxUnknowns>& rows) {
+  Closure<K> ideal;
+  const Outcome outcome = ikm<K>(robot, to_pose<K>(robot.home), ideal);
+  if (!outcome) return outcome;
+  FullClosure<K> at;
+  at.pose = to_full(ideal.pose);
+  for (int i = 0; i < kDof<K>; ++i) at.driven[i] = drive(robot.chain[i], ideal.chain[i].q);
+  place<K>(robot, at);
+  for (int rod = 0; rod < kRods<K>; ++rod) {
+    full_row<K>(robot, at, rod, rows[rod]);
+    if (together) rows[rod][6] += rows[rod][7];
+  }
+  return outcome;
+}
+
+/// Whether the bars of an articulated nacelle turn together.
+inline bool bars_together(const Robot& robot, int bars) {
+  return robot.bar_joint == BarJoint::four_bar && bars > 1;
+}
+
 /// Whether a robot has a full level of its own: counts its rods and freedoms, and the rank of the
 /// rods' rows at home. Where rods outnumber freedoms, 8 rods on the 7 freedoms of a Par4's rigid
 /// four-bar nacelle, no pose closes all loops but by luck.
@@ -151,7 +175,7 @@ inline Outcome full_level(const Robot& robot, FullLevel& level) {
     return {};
   } else {
     if (!paired || level.bars > kMaxBars) return {};
-    const bool together = robot.bar_joint == BarJoint::four_bar && level.bars > 1;
+    const bool together = bars_together(robot, level.bars);
     level.rods = kRods<K>;
     level.unknowns = 6 + (together ? 1 : level.bars);
     if (level.unknowns > level.rods) {
@@ -159,18 +183,9 @@ inline Outcome full_level(const Robot& robot, FullLevel& level) {
       level.excess = level.unknowns - level.rods;
       return {};
     }
-    Closure<K> ideal;
-    const Outcome outcome = ikm<K>(robot, to_pose<K>(robot.home), ideal);
-    if (!outcome) return outcome;
-    FullClosure<K> at;
-    at.pose = to_full(ideal.pose);
-    for (int i = 0; i < n; ++i) at.driven[i] = drive(robot.chain[i], ideal.chain[i].q);
-    place<K>(robot, at);
     Matrix<kMaxRods, kMaxUnknowns> rows{};
-    for (int rod = 0; rod < level.rods; ++rod) {
-      full_row<K>(robot, at, rod, rows[rod]);
-      if (together) rows[rod][6] += rows[rod][7];
-    }
+    const Outcome outcome = full_rows<K>(robot, together, rows);
+    if (!outcome) return outcome;
     const int held = rank(rows, level.rods, level.unknowns);
     if (held < level.unknowns) {
       level.kind = FullKind::loose;

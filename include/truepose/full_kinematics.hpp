@@ -298,6 +298,7 @@ inline FullResult fkm_full(const Robot& robot, const Joint& q, Joint& x) {
 }
 
 /// q = IKM(x) at the full level.
+/// @return joint_limit where a motor would have to pass its stops (`q` then says how far)
 inline Outcome ikm_full(const Robot& robot, const Joint& x, Joint& q) {
   return full_detail::with_full(
       robot,
@@ -305,8 +306,9 @@ inline Outcome ikm_full(const Robot& robot, const Joint& x, Joint& q) {
         constexpr Mobility K = mobility();
         FullClosure<K> closure;
         const FullResult result = ikm_full<K>(robot, to_pose<K>(x), closure);
-        if (result) q = closure.q;
-        return {result.status, result.chain};
+        if (!result) return {result.status, result.chain};
+        q = closure.q;
+        return within_limits(robot, q);
       },
       [&] { return ikm(robot, x, q); });
 }

@@ -50,7 +50,7 @@ inline void parameter_jacobian(const Robot& robot, const FullClosure<K>& at,
           const Sensor& sensor = robot.sensor[k];
           if (sensor.chain == i && rod_of(sensor) == rod)
             H[(n + k) * width + column] +=
-                sensor.gain * sensor_change(sensor, sensed[k], chain, driven.dB, own);
+                sensor.gain * sensor_change(sensor, sensed[k], chain, driven.dB, driven.rate, own);
         }
       }
     };

@@ -26,7 +26,7 @@ template <Mobility K>
 inline Sensed sense_full(const Robot& robot, const Sensor& sensor, const FullClosure<K>& at) {
   if (on_chain(sensor)) {
     const Chain& chain = robot.chain[sensor.chain];
-    return sense_chain(sensor, chain, at.q[sensor.chain] + chain.encoder_offset,
+    return sense_chain(sensor, chain, motor_position(chain, at.q[sensor.chain]),
                        at.driven[sensor.chain].p, at.v[rod_of(sensor)], body_of(chain, at.pose));
   }
   if (sensor.kind != SensorKind::nacelle_angle) return sense_pose(sensor, at.pose);
@@ -37,6 +37,7 @@ inline Sensed sense_full(const Robot& robot, const Sensor& sensor, const FullClo
     s.value = at.pose.theta;
     s.angular = theta_row(at.pose.R);
   }
+  read_off_centre(sensor, s);
   return s;
 }
 
@@ -47,7 +48,8 @@ inline FullRow sensor_row(const Robot& robot, const Sensor& sensor, const FullCl
   FullRow row;
   if (!on_chain(sensor)) {
     free_columns<Mobility::spatial>(s.linear, s.angular, row.z.data());
-    if (sensor.kind == SensorKind::nacelle_angle && sensor.bar >= 0) row.z[6 + sensor.bar] = -1;
+    if (sensor.kind == SensorKind::nacelle_angle && sensor.bar >= 0)
+      row.z[6 + sensor.bar] = -s.slope;
     return row;
   }
   const Chain& chain = robot.chain[sensor.chain];
@@ -56,7 +58,7 @@ inline FullRow sensor_row(const Robot& robot, const Sensor& sensor, const FullCl
   const Vec3 turn = sensor.at_nacelle ? s.frame : Vec3(Vec3::Zero());
   free_columns<Mobility::spatial>(s.rod, at.lever[rod].cross(s.rod) + turn, row.z.data());
   if (chain.bar >= 0) row.z[6 + chain.bar] = at.pose.R.col(2).dot(at.arm[rod].cross(s.rod) + turn);
-  row.motor = by_motor(sensor, s, chain, at.driven[sensor.chain].dB);
+  row.motor = by_motor(sensor, s, chain, at.driven[sensor.chain].dB, at.driven[sensor.chain].rate);
   return row;
 }
 

@@ -21,6 +21,7 @@ inline void drawn_parameters(const Robot& drawn, double* xi) {
     enter(at(ChainParameter::anchor_x), chain.bar < 0 ? chain.pivot : chain.anchor);
     *at(ChainParameter::rod_difference) = chain.rod_difference;
     *at(ChainParameter::rod_spacing) = chain.rod_spacing;
+    std::copy_n(chain.eccentricity.amplitude().data(), 4, at(ChainParameter::eccentricity_c1));
     if (chain.bar >= 0) xi[bar_column(drawn, chain.bar)] = chain.pivot.norm();
   }
   for (int k = 0; k < drawn.r; ++k) {
@@ -33,6 +34,7 @@ inline void drawn_parameters(const Robot& drawn, double* xi) {
     enter(at(SensorParameter::direction_x), sensor.direction);
     enter(at(SensorParameter::target_x), sensor.target);
     enter(at(SensorParameter::normal_x), sensor.normal);
+    std::copy_n(sensor.eccentricity.amplitude().data(), 4, at(SensorParameter::eccentricity_c1));
   }
 }
 
@@ -61,6 +63,7 @@ inline void set_parameters(const Robot& drawn, const double* xi, Robot& robot) {
     chain.pair_axis = turn * from.pair_drawn;
     chain.rod_difference = *at(ChainParameter::rod_difference);
     chain.rod_spacing = *at(ChainParameter::rod_spacing);
+    chain.eccentricity.set_amplitude(at(ChainParameter::eccentricity_c1));
     const Vec3 anchor = vector(at(ChainParameter::anchor_x));
     if (chain.bar < 0) {
       chain.pivot = anchor;
@@ -82,6 +85,7 @@ inline void set_parameters(const Robot& drawn, const double* xi, Robot& robot) {
     sensor.target = vector(at(SensorParameter::target_x));
     sensor.direction = vector(at(SensorParameter::direction_x)).normalized();
     sensor.normal = vector(at(SensorParameter::normal_x)).normalized();
+    sensor.eccentricity.set_amplitude(at(SensorParameter::eccentricity_c1));
   }
 }
 

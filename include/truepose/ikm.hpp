@@ -32,13 +32,15 @@ inline Outcome ikm(const Robot& robot, const Pose& pose, Closure<K>& closure) {
 }
 
 /// q = IKM(x) for coordinates x of any mobility.
+/// @return joint_limit where a motor would have to pass its stops (`q` then says how far)
 inline Outcome ikm(const Robot& robot, const Joint& x, Joint& q) {
   return with_mobility(robot.mobility, [&](auto mobility) {
     constexpr Mobility K = mobility();
     Closure<K> closure;
     const Outcome outcome = ikm<K>(robot, to_pose<K>(x), closure);
-    if (outcome) q = closure.q();
-    return outcome;
+    if (!outcome) return outcome;
+    q = closure.q();
+    return within_limits(robot, q);
   });
 }
 

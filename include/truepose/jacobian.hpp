@@ -97,7 +97,9 @@ inline int assembly_sign(const Jacobians<K>& jacobians) {
   return determinant_sign<kDof<K>>(jacobians.jx);
 }
 
-/// Fills what a robot derives from its own data (assembly_sign). Call once after building it.
+/// Fills what a robot derives from its own data (assembly_sign, limited). Call once after building
+/// it.
+/// @return that of its home: unreachable, singular, joint_limit
 inline Outcome finish(Robot& robot) {
   return with_mobility(robot.mobility, [&](auto mobility) {
     constexpr Mobility K = mobility();
@@ -106,7 +108,11 @@ inline Outcome finish(Robot& robot) {
     Jacobians<K> jacobians;
     if (outcome) outcome = jacobian<K>(closure, jacobians);
     robot.assembly_sign = outcome ? assembly_sign<K>(jacobians) : 0;
-    return outcome;
+    robot.limited = false;
+    for (int i = 0; i < kDof<K>; ++i)
+      robot.limited =
+          robot.limited || std::isfinite(robot.chain[i].low) || std::isfinite(robot.chain[i].high);
+    return outcome ? within_limits(robot, closure.q()) : outcome;
   });
 }
 

@@ -24,9 +24,13 @@ enum class ChainParameter : int {
   anchor_y,
   anchor_z,
   rod_difference,
-  rod_spacing
+  rod_spacing,
+  eccentricity_c1,
+  eccentricity_s1,
+  eccentricity_c2,
+  eccentricity_s2
 };
-inline constexpr int kChainParameters = 13;
+inline constexpr int kChainParameters = 17;
 
 /// Parameters of a sensor, in this order; those that its kind does not have have zero columns.
 enum class SensorParameter : int {
@@ -43,9 +47,13 @@ enum class SensorParameter : int {
   target_z,
   normal_x,
   normal_y,
-  normal_z
+  normal_z,
+  eccentricity_c1,
+  eccentricity_s1,
+  eccentricity_c2,
+  eccentricity_s2
 };
-inline constexpr int kSensorParameters = 14;
+inline constexpr int kSensorParameters = 18;
 
 /// ξ: chains, then the pivots of the bars, then the sensors in use.
 inline int parameter_count(const Robot& robot) {
@@ -64,10 +72,18 @@ struct Variation {
   Vec3 B = Vec3::Zero(), A = Vec3::Zero();
   Vec3 turn = Vec3::Zero();  ///< of the frame e, u×e, u at the motor
   double rod = 0;            ///< of L
-  double motor = 0;          ///< of the motor's angle or position
+  double motor = 0;          ///< of the motor's angle or position, as its encoder reads it
   double difference = 0;     ///< of δ between the rods of a pair (full level)
   double spacing = 0;        ///< of s between them
 };
+
+/// ∂q of a motor that stands still with its arm at p, by one of its encoder's amplitudes.
+inline double eccentric_reading(const Chain& chain, const Vec3& p, ChainParameter parameter) {
+  if (chain.actuator != Actuator::revolute) return 0;
+  const double position = std::atan2(chain.axis.cross(chain.zero).dot(p), chain.zero.dot(p));
+  const int which = static_cast<int>(parameter) - static_cast<int>(ChainParameter::eccentricity_c1);
+  return harmonics(chain.eccentricity, position)[which] / chain.eccentricity.gear;
+}
 
 /// @param p     P to B
 /// @param body  orientation of the body that carries A
@@ -93,6 +109,12 @@ inline Variation vary(const Chain& chain, const Vec3& p, const Mat3& body,
     case ChainParameter::anchor_z: change.A = body * unit(ChainParameter::anchor_x); break;
     case ChainParameter::rod_difference: change.difference = 1; break;
     case ChainParameter::rod_spacing: change.spacing = 1; break;
+    case ChainParameter::eccentricity_c1:
+    case ChainParameter::eccentricity_s1:
+    case ChainParameter::eccentricity_c2:
+    case ChainParameter::eccentricity_s2:
+      change.motor = -eccentric_reading(chain, p, parameter);
+      break;
   }
   if (!change.turn.isZero(0)) change.B = change.turn.cross(p);
   return change;
@@ -121,9 +143,10 @@ inline double closure_change(const Vec3& v, double jq, double length, const Vari
 
 /// ∂s of a sensor on the chain, its motor's reading held.
 inline double sensor_change(const Sensor& sensor, const Sensed& s, const Chain& chain,
-                            const Vec3& dB, const Variation& change) {
+                            const Vec3& dB, double rate, const Variation& change) {
   const double turned = sensor.at_nacelle ? 0 : s.frame.dot(change.turn);
-  return s.rod.dot(change.A - change.B) + turned + by_motor(sensor, s, chain, dB) * change.motor;
+  return s.rod.dot(change.A - change.B) + turned +
+         by_motor(sensor, s, chain, dB, rate) * change.motor;
 }
 
 /// The columns of H_ξ that are the sensors' own: offset, gain, mounting.
@@ -138,6 +161,10 @@ inline void sensor_columns(const Robot& robot, const std::array<Sensed, kMaxSens
     int column = static_cast<int>(SensorParameter::origin_x);
     for (const Vec3* vector : {&s.origin, &s.direction, &s.target, &s.normal})
       for (int axis = 0; axis < 3; ++axis) row[column++] = robot.sensor[k].gain * (*vector)[axis];
+    if (!rotary(robot.sensor[k])) continue;
+    const Eccentricity& encoder = robot.sensor[k].eccentricity;
+    for (const double harmonic : harmonics(encoder, s.angle))
+      row[column++] = robot.sensor[k].gain * harmonic / encoder.gear;
   }
 }
 
@@ -163,10 +190,11 @@ inline void parameter_jacobian(const Robot& robot, const Closure<K>& closure, do
           for (int k = 0; k < robot.r; ++k) {
             const Sensor& sensor = robot.sensor[k];
             if (sensor.chain != i) continue;
-            const double by_q = by_motor(sensor, sensed[k], chain, state.dB);
+            const double by_q = by_motor(sensor, sensed[k], chain, state.dB, state.rate);
             H[(n + k) * width + column] +=
                 sensor.gain *
-                (sensor_change(sensor, sensed[k], chain, state.dB, change) + by_q * motor);
+                (sensor_change(sensor, sensed[k], chain, state.dB, state.rate, change) +
+                 by_q * motor);
           }
         });
   }

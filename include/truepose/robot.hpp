@@ -11,6 +11,9 @@
 #include <Eigen/Geometry>
 #include <array>
 #include <cmath>
+#include <limits>
+
+#include "truepose/eccentricity.hpp"
 
 /// Inlines all calls inside a hot function. Eigen's small expressions otherwise stay calls, which
 /// costs a tenth of a simulation (benchmarks/README.md). Not under AddressSanitizer, which makes
@@ -81,16 +84,21 @@ struct Chain {
   Vec3 zero = Vec3::UnitX();   ///< e, direction of the arm at q = 0, unit, normal to u
   double arm = 0;              ///< l = |PB|
   double rod = 0;              ///< L = |AB|
-  double encoder_offset = 0;   ///< reading = angle - offset
+  double encoder_offset = 0;   ///< reading = angle - offset, eccentricity apart
   Vec3 pivot = Vec3::Zero();   ///< c, turns with the nacelle
   Vec3 anchor = Vec3::Zero();  ///< a, keeps its orientation
   double encoder_step = 0;     ///< one count, rad or m (0: unquantised)
-  double torque_limit = 0;     ///< N·m or N (0: none)
-  double drive_inertia = 0;    ///< rotor and arm about the axis (kg·m²), or carriage (kg)
-  double arm_mass = 0;         ///< weighs at the middle of the arm, or on the carriage (kg)
-  double rod_mass = 0;         ///< all rods of the chain, slender (kg)
-  double viscous = 0;          ///< N·m·s/rad or N·s/m at the motor
-  double coulomb = 0;          ///< N·m or N at the motor
+  double encoder_noise = 0;    ///< σ of the reading, rad or m
+  double low = -std::numeric_limits<double>::infinity();  ///< the motor's stops, rad or m,
+  double high = std::numeric_limits<double>::infinity();  ///< before the encoder's offset
+  double torque_limit = 0;                                ///< N·m or N (0: none)
+  double drive_inertia = 0;  ///< rotor and arm about the axis (kg·m²), or carriage (kg)
+  double arm_mass = 0;       ///< weighs at the middle of the arm, or on the carriage (kg)
+  double rod_mass = 0;       ///< all rods of the chain, slender (kg)
+  double viscous = 0;        ///< N·m·s/rad or N·s/m at the motor
+  double coulomb = 0;        ///< N·m or N at the motor
+
+  Eccentricity eccentricity;  ///< of a revolute motor's encoder
 
   int bar = -1;  ///< bar that carries A (0-based; -1: the nacelle itself)
 
@@ -117,8 +125,10 @@ struct Sensor {
   int rod = 1;              ///< rod_* at the full level: which of the pair, +1 or -1
   double gain = 1;
   double offset = 0;
-  double step = 0;    ///< one count of the reading (0: unquantised)
-  double weight = 1;  ///< of its row in the TEJ; the paper's is 1
+  double step = 0;            ///< one count of the reading (0: unquantised)
+  double noise = 0;           ///< σ of the reading
+  Eccentricity eccentricity;  ///< of an encoder: nacelle_angle, rod_in_plane, rod_lateral, motor
+  double weight = 1;          ///< of its row in the TEJ; the paper's is 1
   Vec3 origin = Vec3::Zero();
   Vec3 direction = Vec3::UnitZ();  ///< unit
   Vec3 target = Vec3::Zero();
@@ -172,7 +182,8 @@ struct Robot {
   Joint home{};           ///< a pose well inside the workspace; default guess of the FKM
   int assembly_sign = 0;  ///< sign of det J_x at home (0: not asked for)
   BarJoint bar_joint = BarJoint::pivots;
-  FullLevel full;  ///< filled by finish_full
+  bool limited = false;  ///< whether any motor has stops; filled by finish
+  FullLevel full;        ///< filled by finish_full
 };
 
 constexpr int dof(Mobility mobility) {

@@ -8,6 +8,38 @@
 
 namespace truepose {
 
+/// Whether a sensor is an encoder on a turning shaft.
+inline bool rotary(const Sensor& sensor) {
+  switch (sensor.kind) {
+    case SensorKind::nacelle_angle:
+    case SensorKind::rod_in_plane:
+    case SensorKind::rod_lateral:
+    case SensorKind::motor_encoder: return true;
+    default: return false;
+  }
+}
+
+/// Whether it errs with its own turns.
+inline bool eccentric(const Sensor& sensor) { return sensor.eccentricity.any(); }
+
+/// An encoder's value and gradients as its eccentricity has it.
+inline void read_off_centre(const Sensor& sensor, Sensed& s) {
+  s.angle = s.value;
+  if (!eccentric(sensor)) return;
+  const Encoded read = encode(sensor.eccentricity, s.angle);
+  s.value = read.value;
+  s.slope = read.slope;
+  for (Vec3* gradient : {&s.linear, &s.angular, &s.rod, &s.frame, &s.direction, &s.normal})
+    *gradient *= read.slope;
+  s.motor *= read.slope;
+}
+
+/// What a sensor measured, from its reading.
+inline double measured(const Sensor& sensor, double reading) {
+  const double value = (reading + sensor.offset) / sensor.gain;
+  return eccentric(sensor) ? decode(sensor.eccentricity, value) : value;
+}
+
 /// Value and gradients of a sensor of the nacelle's pose alone.
 inline Sensed sense_pose(const Sensor& sensor, const Pose& pose) {
   switch (sensor.kind) {
@@ -16,8 +48,11 @@ inline Sensed sense_pose(const Sensor& sensor, const Pose& pose) {
     case SensorKind::distance: return sense_distance(sensor, pose);
     case SensorKind::inclinometer: return sense_inclinometer(sensor, pose);
     case SensorKind::rotation: return sense_rotation(sensor, pose);
-    default: return sense_nacelle_angle(pose);
+    default: break;
   }
+  Sensed s = sense_nacelle_angle(pose);
+  read_off_centre(sensor, s);
+  return s;
 }
 
 /// Whether a sensor reads a chain's motor or rod, not the nacelle alone.
@@ -30,11 +65,11 @@ inline bool on_chain(const Sensor& sensor) { return sensor.chain >= 0; }
 /// @param body      orientation of the body that carries A
 inline Sensed sense_chain(const Sensor& sensor, const Chain& chain, double position, const Vec3& p,
                           const Vec3& v, const Mat3& body) {
-  switch (sensor.kind) {
-    case SensorKind::rod_length: return sense_rod_length(v);
-    case SensorKind::motor_encoder: return sense_motor(position);
-    default: return sense_rod_angle(sensor, chain, p, v, body);
-  }
+  if (sensor.kind == SensorKind::rod_length) return sense_rod_length(v);
+  Sensed s = sensor.kind == SensorKind::motor_encoder ? sense_motor(position)
+                                                      : sense_rod_angle(sensor, chain, p, v, body);
+  read_off_centre(sensor, s);
+  return s;
 }
 
 /// Orientation of the body that carries a chain's A: bars keep theirs.
@@ -48,16 +83,18 @@ inline Sensed sense(const Robot& robot, const Sensor& sensor, const Closure<K>& 
   if (!on_chain(sensor)) return sense_pose(sensor, closure.pose);
   const Chain& chain = robot.chain[sensor.chain];
   const ChainState& state = closure.chain[sensor.chain];
-  return sense_chain(sensor, chain, state.q + chain.encoder_offset, state.p, state.v,
+  return sense_chain(sensor, chain, motor_position(chain, state.q), state.p, state.v,
                      body_of(chain, closure.pose));
 }
 
 /// ∂s/∂q of the sensor's chain with the nacelle held: the motor moves B, and turns the arm in
 /// which a joint on the base's side sees the rod.
-/// @param dB  ∂B/∂q
-inline double by_motor(const Sensor& sensor, const Sensed& s, const Chain& chain, const Vec3& dB) {
+/// @param dB    ∂B/∂q
+/// @param rate  ∂position/∂q
+inline double by_motor(const Sensor& sensor, const Sensed& s, const Chain& chain, const Vec3& dB,
+                       double rate) {
   const bool on_arm = !sensor.at_nacelle && chain.actuator == Actuator::revolute;
-  return s.motor - s.rod.dot(dB) + (on_arm ? s.frame.dot(chain.axis) : 0.0);
+  return (s.motor + (on_arm ? s.frame.dot(chain.axis) : 0.0)) * rate - s.rod.dot(dB);
 }
 
 /// Row of J_r without the gain: ds along the free motions of the nacelle, the motors following.
@@ -75,7 +112,7 @@ inline void sensor_row(const Robot& robot, const Sensor& sensor, const Closure<K
   free_columns<K>(s.rod, state.lever.cross(s.rod) + turn, row);
   std::array<double, kDof<K>> jx;
   jx_row<K>(state.v, state.lever, jx);
-  const double scale = by_motor(sensor, s, chain, state.dB) / state.jq;
+  const double scale = by_motor(sensor, s, chain, state.dB, state.rate) / state.jq;
   for (int j = 0; j < kDof<K>; ++j) row[j] += scale * jx[j];
 }
 
@@ -83,7 +120,8 @@ inline void sensor_row(const Robot& robot, const Sensor& sensor, const Closure<K
 template <Mobility K>
 inline double read(const Robot& robot, const Sensor& sensor, const Closure<K>& closure,
                    double* row) {
-  if (sensor.kind == SensorKind::nacelle_angle) {  // the paper's, without gradients it has not
+  // The paper's, without gradients it has not.
+  if (sensor.kind == SensorKind::nacelle_angle && !eccentric(sensor)) {
     free_columns<K>(Vec3::Zero(), Vec3(0, 0, sensor.gain), row);
     return sensor.gain * closure.pose.theta - sensor.offset;
   }

@@ -12,6 +12,7 @@ enum class Status : int {
   not_finite = 4,     ///< an input is NaN or infinite
   not_measured = 5,   ///< the sensors do not determine what the law needs
   no_full_level = 6,  ///< the rods are too many, too few or unknown to be solved for one by one
+  joint_limit = 7,    ///< a motor would have to pass one of its stops
 };
 
 /// What a status says, for people.
@@ -24,6 +25,7 @@ constexpr const char* describe(Status status) {
     case Status::not_finite: return "not finite";
     case Status::not_measured: return "not measured";
     case Status::no_full_level: return "no full level";
+    case Status::joint_limit: return "beyond a joint limit";
   }
   return "unknown status";
 }

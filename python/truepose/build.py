@@ -3,51 +3,75 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from truepose import _core
 from truepose.schema import Chain, RobotFile
-from truepose.schema_sensors import Sensor
+from truepose.schema_base import Section
+from truepose.schema_sensors import Encoder, Sensor
 
 Array = NDArray[np.float64]
 
 #: Mobilities whose chains are spatial parallelograms, two rods each.
 PAIRED = ("translation", "schoenflies")
 
+#: Amplitudes of an encoder's eccentricity: cosine and sine of one turn, of two.
+HARMONICS = ("c1", "s1", "c2", "s2")
 
-def parameter_names(spec: RobotFile) -> list[str]:
-    """Names of all geometric parameters of a robot file."""
-    return list(locations(spec))
+_COMPONENTS = {name: k for names in ("xyz", HARMONICS) for k, name in enumerate(names)}
 
 
-def locations(spec: RobotFile) -> dict[str, tuple]:
-    """Name of every geometric parameter, and (object, attribute) of its value in the file."""
-    found: dict[str, tuple] = {}
+def parameter_names(
+    mobility: str | None,
+    actuators: Sequence[str | None],
+    bars: int,
+    sensors: Sequence[tuple[str, type[Section]]],
+) -> list[str]:
+    """Names of all geometric parameters, those of what is None (not known) included.
 
-    class _Component:
-        def __init__(self, vector: tuple[float, float, float]):
-            self.x, self.y, self.z = vector
+    Parameters
+    ----------
+    sensors : sequence of (name, class)
+        The class as of :data:`~truepose.schema_sensors.SENSORS`.
+    """
+    names = []
+    for number, actuator in enumerate(actuators, 1):
+        keys = [f"{vector}.{axis}" for vector in ("base", "anchor") for axis in "xyz"]
+        keys += ["encoder_offset", "yaw", "tilt"]
+        keys += ["rod_difference", "rod_spacing"] * (mobility in (*PAIRED, None))
+        keys += ["arm"] * (actuator in ("revolute", None))
+        keys += ["rod"] * (actuator != "telescopic")
+        keys += _harmonics() * (actuator in ("revolute", None))
+        names += [f"chain{number}.{key}" for key in keys]
+    names += [f"bar{number}.pivot" for number in range(1, bars + 1)]
+    for name, kind in sensors:
+        keys = ["offset", "gain"]
+        keys += [f"{vector}.{axis}" for vector in kind.mounting.values() for axis in "xyz"]
+        keys += _harmonics() * issubclass(kind, Encoder)
+        names += [f"{name}.{key}" for key in keys]
+    return names
 
-    for number, chain in enumerate(spec.chain, 1):
-        name = f"chain{number}"
-        for vector in ("base", "anchor"):
-            component = _Component(getattr(chain, vector))
-            found |= {f"{name}.{vector}.{axis}": (component, axis) for axis in "xyz"}
-        scalars = ["encoder_offset", "yaw", "tilt"]
-        scalars += ["rod_difference", "rod_spacing"] * (spec.mobility in PAIRED)
-        scalars += ["arm"] * (chain.actuator == "revolute")
-        scalars += ["rod"] * (chain.actuator != "telescopic")
-        found |= {f"{name}.{scalar}": (chain, scalar) for scalar in scalars}
-    for number, bar in enumerate(spec.bar, 1):
-        found[f"bar{number}.pivot"] = (bar, "pivot")
-    for sensor in spec.sensor:
-        found |= {f"{sensor.name}.{key}": (sensor, key) for key in ("offset", "gain")}
-        for key in sensor.mounting.values():
-            component = _Component(getattr(sensor, key))
-            found |= {f"{sensor.name}.{key}.{axis}": (component, axis) for axis in "xyz"}
-    return found
+
+def drawn(spec: RobotFile) -> dict[str, float]:
+    """Name and value of every geometric parameter, as the file's keys draw them."""
+    sensors = [(sensor.name, type(sensor)) for sensor in spec.sensor]
+    names = parameter_names(spec.mobility, [c.actuator for c in spec.chain], len(spec.bar), sensors)
+    parts = {f"chain{number}": chain for number, chain in enumerate(spec.chain, 1)}
+    parts |= {f"bar{number}": bar for number, bar in enumerate(spec.bar, 1)}
+    parts |= {sensor.name: sensor for sensor in spec.sensor}
+    values = {}
+    for name in names:
+        part, key, *component = name.split(".")
+        value = getattr(parts[part], key)
+        values[name] = value[_COMPONENTS[component[0]]] if component else value
+    return values
+
+
+def _harmonics() -> list[str]:
+    return [f"eccentricity.{harmonic}" for harmonic in HARMONICS]
 
 
 #: The core's sensor vectors that are directions, of length 1 whatever their parameters say.
@@ -58,6 +82,7 @@ def columns(spec: RobotFile, sensors: tuple[Sensor, ...]) -> list[tuple[str, int
     """Name of every parameter that the core knows in this robot, and its column of H_ξ."""
     chain = [f"base.{axis}" for axis in "xyz"] + ["arm", "rod", "encoder_offset", "yaw", "tilt"]
     chain += [f"anchor.{axis}" for axis in "xyz"] + ["rod_difference", "rod_spacing"]
+    chain += _harmonics()
     width = len(chain)
     columns = [
         (f"chain{i + 1}.{key}", i * width + k) for i in range(spec.n) for k, key in enumerate(chain)
@@ -65,12 +90,14 @@ def columns(spec: RobotFile, sensors: tuple[Sensor, ...]) -> list[tuple[str, int
     columns += [(f"bar{k + 1}.pivot", spec.n * width + k) for k in range(len(spec.bar))]
     start = spec.n * width + _core.max_bars
     for number, sensor in enumerate(sensors):
-        own = start + 14 * number
+        own = start + _core.sensor_parameters * number
         columns += [(f"{sensor.name}.offset", own), (f"{sensor.name}.gain", own + 1)]
         for k, vector in enumerate(("origin", "direction", "target", "normal")):
             if key := sensor.mounting.get(vector):
                 names = [f"{sensor.name}.{key}.{axis}" for axis in "xyz"]
                 columns += [(name, own + 2 + 3 * k + a) for a, name in enumerate(names)]
+        last = own + _core.sensor_parameters - len(HARMONICS)
+        columns += [(f"{sensor.name}.eccentricity.{h}", last + k) for k, h in enumerate(HARMONICS)]
     return columns
 
 
@@ -141,6 +168,10 @@ def _build_chain(spec: RobotFile, chain: Chain) -> _core.Chain:
         built.anchor = np.array(chain.anchor)
         built.bar = chain.bar - 1
     built.encoder_step = encoder_step(chain) * spec.quantised
+    built.encoder_noise = chain.encoder_noise
+    built.set_eccentricity(chain.eccentricity, 1.0)
+    if chain.limits is not None:
+        built.low, built.high = chain.limits
     built.torque_limit = chain.torque_limit or 0.0
     if spec.mobility in PAIRED:  # two rods
         built.rod_spacing = chain.rod_spacing
@@ -156,6 +187,9 @@ def _build_sensor(spec: RobotFile, sensor: Sensor) -> _core.Sensor:
     built.kind = getattr(_core.SensorKind, sensor.kind)
     built.offset, built.gain = sensor.offset, sensor.gain
     built.step = sensor.step * spec.quantised
+    built.noise = sensor.noise
+    if isinstance(sensor, Encoder):
+        built.set_eccentricity(sensor.eccentricity, sensor.gear)
     built.weight = sensor.weight
     built.bar = (getattr(sensor, "bar", None) or 0) - 1
     for core, key in sensor.mounting.items():

@@ -8,7 +8,6 @@ import tomlkit
 from tomlkit.exceptions import ParseError, TOMLKitError
 
 from truepose import robot_file, toml_lines
-from truepose.build import parameter_names
 from truepose.exceptions import RobotFileError
 from truepose.robot import Robot
 from truepose.robot_file import Problem
@@ -17,8 +16,8 @@ from truepose.robot_file import Problem
 def check(path: Path) -> tuple[Robot | None, list[str]]:
     """Check a robot file.
 
-    Names of parameters and sensors, and whether home closes, are looked at once keys and values
-    are right.
+    Everything that can be known at once: whether the mechanism closes at home and holds its nacelle
+    is looked at as soon as the keys that it needs are right.
 
     Returns
     -------
@@ -46,14 +45,14 @@ def check(path: Path) -> tuple[Robot | None, list[str]]:
 
 def _examine(data: dict, text: str, where: str) -> tuple[Robot | None, list[Problem]]:
     spec, problems = robot_file.examine(data)
-    if spec is None:
-        return None, problems
-    if problems := robot_file.unknown_names(spec, parameter_names(spec)):
-        return None, problems
+    moving = spec or robot_file.mechanism_of(data)
     try:
-        return Robot(robot_file.parse(text, where)), []
+        robot = Robot(moving) if moving else None
     except RobotFileError as error:
-        return None, [Problem(("home",), str(error))]
+        return None, [*problems, Problem(("home",), str(error))]
+    if robot and robot.loose:
+        problems.append(Problem(("chain",), f"{robot.name}: {robot.full.reason}"))
+    return (None if problems else Robot(robot_file.parse(text, where))), problems
 
 
 def _line(where: dict, data: dict, path: tuple) -> int:

@@ -20,13 +20,13 @@ def problems(data: dict) -> Iterator[_Problem]:
     mobility = data.get("mobility")
     if isinstance(mobility, str) and mobility in FREEDOMS:
         yield from _sizes(data, mobility)
-    chains, bars = _tables(data, "chain"), _tables(data, "bar")
+    chains, bars = tables(data, "chain"), tables(data, "bar")
     for number, chain in enumerate(chains, 1):
         bar = chain.get("bar")
         if type(bar) is int and bar > len(bars):
             text = f"chain {number}: bar = {bar}, but the file has {len(bars)} bars"
             yield ("chain", number - 1, "bar"), text
-    for number, sensor in enumerate(_tables(data, "sensor")):
+    for number, sensor in enumerate(tables(data, "sensor")):
         chain, name = sensor.get("chain"), sensor.get("name")
         if type(chain) is int and chain > len(chains):
             yield (
@@ -42,7 +42,7 @@ def problems(data: dict) -> Iterator[_Problem]:
                 f"sensor {name}: nacelle_angle needs mobility planar or schoenflies, not {mobility}"
             )
             yield ("sensor", number, "kind"), text
-    names = [str(sensor.get("name")) for sensor in _tables(data, "sensor")]
+    names = [str(sensor.get("name")) for sensor in tables(data, "sensor")]
     for number, name in enumerate(names):
         if name in names[:number]:
             yield ("sensor", number, "name"), f"two sensors have the same name: {name}"
@@ -52,7 +52,11 @@ def _sizes(data: dict, mobility: str) -> Iterator[_Problem]:
     n = FREEDOMS[mobility]
     chains = data.get("chain")
     if isinstance(chains, list) and len(chains) != n:
-        text = f"{mobility} has {n} freedoms: give {n} chains, not {len(chains)}"
+        text = f"{mobility} has {n} freedoms: give {n} chains, not {len(chains)}; " + (
+            f"{n - len(chains)} of the nacelle's freedoms would be held by nothing"
+            if len(chains) < n
+            else f"{len(chains) - n} of them would work against the others"
+        )
         yield ("mobility",), text
     boxes = [("home",)]
     boxes += [(b, e) for b in ("workspace", "singularity_free") for e in ("minimum", "maximum")]
@@ -64,6 +68,7 @@ def _sizes(data: dict, mobility: str) -> Iterator[_Problem]:
             yield path, f"{'.'.join(path)} needs {n} coordinates, has {len(value)}"
 
 
-def _tables(data: dict, key: str) -> list[dict]:
+def tables(data: dict, key: str) -> list[dict]:
+    """Return the tables of an array of tables; what is none as an empty one."""
     value = data.get(key)
     return [v if isinstance(v, dict) else {} for v in value] if isinstance(value, list) else []

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from truepose import _core
 from truepose.exceptions import InputError
 from truepose.robot import Array, Robot
 
@@ -33,8 +34,9 @@ class Figures:
     samples: int
     seed: int
     length: float  #: m, see `LENGTH`
-    reachable: float  #: fraction of the poses
+    reachable: float  #: fraction of the poses, within the joint limits
     regular: float  #: fraction of the poses that are reachable and not singular
+    refused: dict[str, int]  #: of the other poses, how many for which reason and chain
     q_min: Array
     q_max: Array
     condition: tuple[float, float, float]  #: least, median, greatest condition number of J
@@ -69,12 +71,15 @@ def measure(robot: Robot, samples: int = 100_000, seed: int = 0, length: float =
     box = _box(robot)
     generator = np.random.default_rng(seed)
     x = generator.uniform(box.minimum, box.maximum, size=(samples, robot.n))
-    q = robot.ikm(x, errors="nan")
-    reached = np.isfinite(q).all(axis=1)
-    J = robot.jacobian(x, errors="nan")
-    regular = reached & np.isfinite(J).all(axis=(1, 2))
+    q, status, chain = _core.ikm(robot._core, x, False)
+    reached = status == 0
+    J, rank, lost = _core.jacobian(robot._core, x, False)
+    regular = reached & (rank == 0)
+    refused = _reasons(np.where(reached, rank, status), np.where(reached, lost, chain))
     if not regular.any():
-        raise InputError(f"{robot.name}: no pose of its workspace is reachable and regular")
+        raise InputError(
+            f"{robot.name}: no pose of its workspace is reachable and regular: {_told(refused)}"
+        )
     x, J = x[regular], J[regular]
     condition = _condition(robot, J, length)
     K = np.linalg.inv(J)  # q̇ = K ẋ
@@ -85,6 +90,7 @@ def measure(robot: Robot, samples: int = 100_000, seed: int = 0, length: float =
         length=length,
         reachable=float(reached.mean()),
         regular=float(regular.mean()),
+        refused=refused,
         q_min=q[reached].min(axis=0),
         q_max=q[reached].max(axis=0),
         condition=(float(condition.min()), float(np.median(condition)), float(condition.max())),
@@ -92,6 +98,22 @@ def measure(robot: Robot, samples: int = 100_000, seed: int = 0, length: float =
         turning=None if linear.all() else _fastest(K[:, :, ~linear], x),
         full_less_ideal=level_difference(robot, x[:100], seed),
     )
+
+
+def _reasons(status: Array, chain: Array) -> dict[str, int]:
+    """Count poses by what is wrong with them, most frequent first."""
+    counts: dict[str, int] = {}
+    pairs, numbers = np.unique(np.column_stack([status, chain]), axis=0, return_counts=True)
+    for k in np.argsort(-numbers):
+        what, who = (int(v) for v in pairs[k])
+        if what:
+            guilty = f" (chain {who + 1})" if who >= 0 else ""
+            counts[_core.describe(what) + guilty] = int(numbers[k])
+    return counts
+
+
+def _told(refused: dict[str, int]) -> str:
+    return ", ".join(f"{reason}: {count}" for reason, count in refused.items())
 
 
 def level_difference(robot: Robot, poses: Array, seed: int = 0, count: int = 100) -> Array | None:
@@ -220,9 +242,11 @@ def rows(robot: Robot, figures: Figures) -> list[tuple[str, str]]:
         result.append((f"workspace {name}", _range(low, high, unit)))
     poses = f"{figures.samples} poses, seed {figures.seed}"
     result += [
-        ("reachable", f"{100 * figures.reachable:.4g} % of {poses}"),
+        ("reachable within the joint limits", f"{100 * figures.reachable:.4g} % of {poses}"),
         ("reachable and regular", f"{100 * figures.regular:.4g} %"),
     ]
+    if figures.refused:
+        result.append(("poses that are not", _told(figures.refused)))
     for k, chain in enumerate(spec.chain):
         unit = "rad" if chain.actuator == "revolute" else "m"
         result.append((f"motor {k + 1}", _range(figures.q_min[k], figures.q_max[k], unit)))

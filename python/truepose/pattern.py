@@ -9,7 +9,9 @@ from fractions import Fraction
 from truepose.schema import Chain
 
 #: Keys of a chain that turn with its copy.
-_TURNED = ("base", "axis", "zero", "anchor")
+_TURNED = ("base", "axis", "zero", "anchor", "pair_axis")
+#: Keys whose one value is a list itself.
+_LISTS = ("limits", "eccentricity")
 
 
 def turned(vector: list[float], turns: Fraction, about: str) -> list[float]:
@@ -66,7 +68,9 @@ def misfits(motif: list, repeat: int) -> Iterator[tuple[tuple[str | int, ...], s
 
 def _lists(chain: object) -> Iterator[tuple[str, list]]:
     for key, value in chain.items() if isinstance(chain, dict) else ():
-        if key not in _TURNED and isinstance(value, list):
+        if key in _TURNED or not isinstance(value, list):
+            continue
+        if key not in _LISTS or all(isinstance(v, list) for v in value):
             yield key, value
 
 

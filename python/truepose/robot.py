@@ -12,14 +12,14 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose import _core, robot_file
+from truepose import _core, mechanism, robot_file
 from truepose.build import (
     DIRECTIONS,
     Array,
     build,
     columns,
+    drawn,
     encoder_step,
-    locations,
     parameterised,
 )
 from truepose.exceptions import InputError, PoseError, RobotFileError, choose
@@ -120,9 +120,7 @@ class Robot:
 
     def __init__(self, spec: RobotFile, values: dict[str, float] | None = None):
         self._spec = spec
-        self._nominal = {name: getattr(*at) for name, at in locations(spec).items()}
-        if problems := robot_file.unknown_names(spec, self._nominal):
-            raise RobotFileError(f"{spec.name}: {problems[0].text}")
+        self._nominal = drawn(spec)
         self._values = self._nominal | spec.parameters | (values or {})
         known = {sensor.name: sensor for sensor in spec.sensor}
         if spec.n + len(spec.sensors) > _core.max_readings or len(spec.sensors) > _core.max_sensors:
@@ -131,12 +129,11 @@ class Robot:
         self._drawn = build(spec, self._sensors)
         self._drawn.finish()
         self._core = parameterised(self._drawn, columns(spec, self._sensors), self._values)
-        status, chain = self._core.finish()
-        if status:
-            guilty = f", chain {chain + 1}" if chain >= 0 else ""
-            raise RobotFileError(
-                f"{spec.name}: home = {list(spec.home)}: {_core.describe(status)}{guilty}"
-            )
+        failure = self._core.finish()
+        if failure[0]:
+            names = [name for name, _ in self.coordinates]
+            why = mechanism.at_home(self._core, spec, names, failure)
+            raise RobotFileError(f"{spec.name}: {why}")
 
     def __repr__(self) -> str:
         sensors = ", ".join(self._spec.sensors) or "no sensor"
@@ -189,10 +186,16 @@ class Robot:
             kinds.same: f"{count}: the ideal level itself",
             kinds.exists: count,
             kinds.overconstrained: f"overconstrained by {full.excess}: {count}",
-            kinds.loose: f"loose by {full.excess}: {count}, not all of them held",
+            kinds.loose: f"loose by {full.excess}: {count}; "
+            + (mechanism.not_held(self._core) if self.loose else ""),
             kinds.undescribed: "more bars than the full level knows",
         }
         return FullLevel(full.kind in (kinds.same, kinds.exists), reasons[full.kind])
+
+    @property
+    def loose(self) -> bool:
+        """Whether the rods by themselves leave a body of the nacelle free; `full` says which."""
+        return self._core.full.kind == _core.FullKind.loose
 
     @property
     def coordinates(self) -> tuple[tuple[str, str], ...]:
@@ -205,6 +208,21 @@ class Robot:
         steps = [encoder_step(chain) for chain in self._spec.chain]
         steps += [sensor.step for sensor in self._sensors]
         return np.array(steps) * self._spec.quantised
+
+    @property
+    def reading_sigma(self) -> Array:
+        """σ of every reading, shape (n + r,): its noise, and its count as a uniform error.
+
+        Examples
+        --------
+        >>> import numpy as np, truepose as tp
+        >>> h4 = tp.load("h4")
+        >>> bool(np.allclose(h4.reading_sigma, h4.resolution / np.sqrt(12)))
+        True
+        """
+        noise = [chain.encoder_noise for chain in self._spec.chain]
+        noise += [sensor.noise for sensor in self._sensors]
+        return np.sqrt(np.square(noise) + self.resolution**2 / 12)
 
     @property
     def parameters(self) -> dict[str, Parameter]:
@@ -248,8 +266,8 @@ class Robot:
                 raise InputError(choose("parameter", name, self._values))
             if not (isinstance(value, numbers.Real) and math.isfinite(value)):
                 raise InputError(f"{name} = {value!r}: must be a finite number")
-            if name.endswith((".arm", ".rod", ".pivot", ".rod_spacing")) and value <= 0:
-                raise InputError(f"{name} = {value}: must be greater than 0 (m)")
+            if wrong := robot_file.wrong_value(name, value):
+                raise InputError(f"{name} = {value}: {wrong}")
         return Robot(self._spec, self._values | {k: float(v) for k, v in values.items()})
 
     def expected(self) -> Robot:
@@ -359,7 +377,7 @@ class Robot:
         Raises
         ------
         PoseError
-            Names the pose, the chain and the reason.
+            Names the pose, the chain and the reason: unreachable, or beyond a joint limit.
         InputError
             Wrong shape, or values that are not finite.
 
@@ -370,9 +388,12 @@ class Robot:
         >>> print(np.degrees(q).round(4))
         [38.9429 38.9429 38.9429 38.9429]
         """
+        return self._motors(self._core, x, errors, level)
+
+    def _motors(self, core: _core.Robot, x: ArrayLike, errors: Errors, level: Level) -> Array:
         rows, lead = self._rows(x, self.n, "x", errors)
-        q, status, chain = _core.ikm(self._core, rows, self._is_full(level))
-        self._check("pose", rows, lead, status, chain, errors)
+        q, status, chain = _core.ikm(core, rows, self._is_full(level))
+        self._check("pose", rows, lead, status, chain, errors, level=level)
         return q.reshape(*lead, self.n)
 
     def rkm(self, x: ArrayLike, errors: Errors = "raise", level: Level = "ideal") -> Array:
@@ -391,8 +412,42 @@ class Robot:
         return r.reshape(*lead, self.r)
 
     def extended(self, x: ArrayLike, errors: Errors = "raise", level: Level = "ideal") -> Array:
-        """Extended positions q_e = [q; r] at the pose x, shape (..., n + r)."""
-        return np.concatenate([self.ikm(x, errors, level), self.rkm(x, errors, level)], axis=-1)
+        """Extended positions q_e = [q; r] at the pose x, shape (..., n + r).
+
+        Where the robot stands, be it beyond its joint limits: it may have been pushed there.
+        """
+        q = self._motors(self._core.without_limits(), x, errors, level)
+        return np.concatenate([q, self.rkm(x, errors, level)], axis=-1)
+
+    def read(
+        self, x: ArrayLike, seed: int = 0, errors: Errors = "raise", level: Level = "ideal"
+    ) -> Array:
+        """Readings as this robot's encoders and sensors give them: with noise, in counts.
+
+        Parameters
+        ----------
+        x : array_like, shape (..., n)
+            Poses where it stands, m and rad.
+        seed : int
+            Of the noise; the same seed gives the same readings.
+        errors, level
+            As for :meth:`ikm`.
+
+        Returns
+        -------
+        ndarray, shape (..., n + r)
+            [q; r], in the order of :attr:`reading_sigma`.
+
+        Examples
+        --------
+        >>> import numpy as np, truepose as tp
+        >>> h4 = tp.load("h4")
+        >>> print((h4.read(h4.home) / h4.resolution).round(9))
+        [946. 946. 946. 946.   0.]
+        """
+        exact = self.extended(x, errors, level)
+        rows = np.ascontiguousarray(exact.reshape(-1, self.n + self.r))
+        return _core.spoil(self._core, rows, check_seed(seed)).reshape(exact.shape)
 
     def parasitic(self, x: ArrayLike, errors: Errors = "raise") -> Array:
         """What x leaves out: turns of the nacelle and its bars that the ideal level forbids, rad.
@@ -666,16 +721,29 @@ class Robot:
             raise InputError(f"{name} = {_list(bad)}: must be finite numbers")
         return np.ascontiguousarray(array.reshape(-1, width)), array.shape[:-1]
 
-    def _check(self, what, rows, lead, status, chain, errors, name="x") -> None:
+    def _check(
+        self, what, rows, lead, status, chain, errors, name="x", level: Level = "ideal"
+    ) -> None:
         if errors == "nan" or not status.any():
             return
         k = int(np.flatnonzero(status)[0])
         index = f" {tuple(int(i) for i in np.unravel_index(k, lead))}" if lead else ""
         guilty = f"chain {chain[k] + 1}: " if chain[k] >= 0 else ""
+        beyond = ""
+        if status[k] == _core.joint_limit:
+            full = self._is_full(level)
+            beyond = ", " + mechanism.beyond(self._core, self._spec, rows[k], int(chain[k]), full)
         raise PoseError(
             f"{self.name}: {what}{index} {name} = {_list(rows[k])}: "
-            f"{guilty}{_core.describe(int(status[k]))}"
+            f"{guilty}{_core.describe(int(status[k]))}{beyond}"
         )
+
+
+def check_seed(seed: int) -> int:
+    """Return a seed that the core's generator takes."""
+    if not (isinstance(seed, (int, np.integer)) and 0 <= seed < 2**64):
+        raise InputError(f"seed = {seed!r}: must be a whole number from 0 to 2^64 - 1")
+    return int(seed)
 
 
 def _list(values: Array) -> str:

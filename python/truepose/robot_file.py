@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import fnmatch
 import os
-from collections.abc import Collection
+from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
 from typing import NamedTuple
@@ -14,9 +14,12 @@ from pydantic import ValidationError
 from tomlkit.exceptions import TOMLKitError
 
 from truepose import consistency
+from truepose.build import parameter_names
 from truepose.exceptions import RobotFileError, choose
 from truepose.pattern import expand, misfits
 from truepose.schema import (
+    ACTUATORS,
+    FREEDOMS,
     Bar,
     Calibration,
     Chain,
@@ -41,6 +44,21 @@ _SECTIONS = {
     **SENSORS,
 }
 _SHORTHAND = ("every_chain", "based_on")
+#: What decides how a robot moves, and of a chain.
+_MECHANISM = ("mobility", "home", "chain", "bar", "nacelle")
+_MOVES = (
+    "actuator",
+    "base",
+    "axis",
+    "zero",
+    "arm",
+    "rod",
+    "working_mode",
+    "anchor",
+    "bar",
+    "limits",
+)
+_MOVES += ("rod_spacing", "rod_difference", "pair_axis", "yaw", "tilt", "encoder_offset")
 
 
 def shipped() -> dict[str, Path]:
@@ -109,6 +127,7 @@ def examine(data: dict) -> tuple[RobotFile | None, list[Problem]]:
     except _ShorthandError as error:
         return None, [error.problem]
     problems += [Problem(*problem) for problem in consistency.problems(whole)]
+    problems += _unknown_names(whole)
     try:
         spec = RobotFile.model_validate(whole)
         return (None, problems) if problems else (spec, [])
@@ -136,28 +155,80 @@ def _where_written(location: tuple, data: dict, motif: int) -> tuple:
     return ("chain", number, *location[2:])
 
 
-def unknown_names(spec: RobotFile, parameters: Collection[str]) -> list[Problem]:
-    """Find tolerances and values of parameters, and sensors in use, that do not exist."""
-    problems = []
-    for table in ("tolerances", "parameters"):
-        for name in getattr(spec, table):
-            if not (
-                fnmatch.filter(parameters, name) if table == "tolerances" else name in parameters
-            ):
+def _unknown_names(whole: dict) -> Iterator[Problem]:
+    """Find tolerances and values of parameters, and sensors in use, that do not exist.
+
+    Looked at even where other keys are wrong: what they leave open may be anything.
+    """
+    tables = {key: consistency.tables(whole, key) for key in ("chain", "bar", "sensor")}
+    known = [str(sensor.get("name")) for sensor in tables["sensor"]]
+    kinds = [sensor.get("kind") for sensor in tables["sensor"]]
+    listed = isinstance(whole.get("chain"), list) and all(str(kind) in SENSORS for kind in kinds)
+    actuators = [chain.get("actuator") for chain in tables["chain"]]
+    parameters = parameter_names(
+        whole.get("mobility") if whole.get("mobility") in FREEDOMS else None,
+        [actuator if actuator in ACTUATORS else None for actuator in actuators],
+        len(tables["bar"]),
+        [(name, SENSORS[str(k)]) for name, k in zip(known, kinds, strict=True)] if listed else [],
+    )
+    for table in ("tolerances", "parameters") if listed else ():
+        entries = whole.get(table)
+        for name, value in entries.items() if isinstance(entries, dict) else ():
+            exact = table == "parameters"
+            if not (name in parameters if exact else fnmatch.filter(parameters, name)):
                 text = f"{table}: " + choose("parameter", name, parameters)
-                problems.append(Problem((table, name), text))
-    for number, name in enumerate(spec.calibration.parameters if spec.calibration else ()):
+                yield Problem((table, name), text)
+            elif exact and type(value) in (int, float) and (wrong := wrong_value(name, value)):
+                yield Problem((table, name), f"{table}.{name} = {value}: {wrong}")
+    learnt = whole.get("calibration")
+    learnt = learnt.get("parameters") if isinstance(learnt, dict) and listed else None
+    for number, name in enumerate(learnt if isinstance(learnt, list) else ()):
         if name not in parameters:
             text = "calibration.parameters: " + choose("parameter", name, parameters)
-            problems.append(Problem(("calibration", "parameters", number), text))
-    known = [sensor.name for sensor in spec.sensor]
-    for number, name in enumerate(spec.sensors):
+            yield Problem(("calibration", "parameters", number), text)
+    used = whole.get("sensors")
+    used = [s for s in used if isinstance(s, str)] if isinstance(used, list) else []
+    for number, name in enumerate(used):
         if name not in known:
-            problems.append(Problem(("sensors", number), choose("sensor", name, known)))
-    if len(set(spec.sensors)) < len(spec.sensors):
-        text = f"a sensor is used twice: {', '.join(spec.sensors)}"
-        problems.append(Problem(("sensors",), text))
-    return problems
+            yield Problem(("sensors", number), choose("sensor", name, known))
+    if len(set(used)) < len(used):
+        yield Problem(("sensors",), f"a sensor is used twice: {', '.join(used)}")
+
+
+def wrong_value(name: str, value: float) -> str | None:
+    """Say what is wrong with a parameter's value, if anything."""
+    if name.endswith((".arm", ".rod", ".pivot", ".rod_spacing")) and value <= 0:
+        return "must be greater than 0 (m)"
+    if name.endswith(".gain") and value == 0:
+        return "a sensor that reads nothing"
+    if ".eccentricity." in name and abs(value) >= 0.1:
+        return "must be between -0.1 and 0.1 (rad)"
+    return None
+
+
+def mechanism_of(data: dict) -> RobotFile | None:
+    """Return what moves of a robot file, where that much is right whatever else is wrong."""
+    try:
+        whole, _, _ = _resolved(data)
+    except _ShorthandError:
+        return None
+    if any(problem[0][0] in _MECHANISM for problem in consistency.problems(whole)):
+        return None
+    values, wrong = whole.get("parameters"), {p.path for p in _unknown_names(whole)}
+    moving = {key: whole[key] for key in _MECHANISM if key in whole}
+    moving["chain"] = [
+        {key: chain[key] for key in chain if key in _MOVES}
+        for chain in consistency.tables(whole, "chain")
+    ]
+    moving["parameters"] = {
+        name: value
+        for name, value in (values if isinstance(values, dict) else {}).items()
+        if name.startswith(("chain", "bar")) and ("parameters", name) not in wrong
+    }
+    try:
+        return RobotFile.model_validate({"name": str(whole.get("name"))} | moving)
+    except ValidationError:
+        return None
 
 
 class _ShorthandError(Exception):

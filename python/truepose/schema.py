@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import Field, PrivateAttr, model_validator
 
-from truepose.schema_base import Direction, Index, NonNegative, Number, Positive, Section, Vector
+from truepose.schema_base import (
+    Direction,
+    Harmonics,
+    Index,
+    NonNegative,
+    Number,
+    Positive,
+    Section,
+    Vector,
+)
 from truepose.schema_sensors import Sensor
 
 #: Degrees of freedom (= chains = motors) of each mobility.
@@ -20,10 +29,14 @@ FREEDOMS = {
 }
 
 
+Actuator = Literal["revolute", "prismatic", "telescopic"]
+ACTUATORS: tuple[str, ...] = get_args(Actuator)
+
+
 class Chain(Section):
     """One motor, its arm and its rod (a spatial parallelogram counts as one rod)."""
 
-    actuator: Literal["revolute", "prismatic", "telescopic"]
+    actuator: Actuator
     base: Vector = Field(description="P, a point of the motor's axis, m")
     axis: Direction = Field(default=(0, 0, 1), description="u, motor axis or slide direction")
     zero: Direction = Field(default=(1, 0, 0), description="e, arm's direction at q = 0")
@@ -50,6 +63,16 @@ class Chain(Section):
     tilt: Number = Field(default=0.0, description="turns u about e, rad")
     encoder_offset: Number = Field(default=0.0, description="reading = q - offset, rad or m")
     encoder_counts: Positive | None = Field(default=None, description="per turn, or per m")
+    encoder_noise: NonNegative = Field(default=0.0, description="σ of a reading, rad or m")
+    eccentricity: Harmonics = Field(
+        default=(0, 0, 0, 0),
+        description="c1, s1, c2, s2: an angle φ reads φ + c1 cos φ + s1 sin φ + c2 cos 2φ + "
+        "s2 sin 2φ, rad (revolute)",
+    )
+    limits: tuple[Number, Number] | None = Field(
+        default=None,
+        description="stops of the motor, rad or m: its position before the encoder's offset",
+    )
     torque_limit: Positive | None = Field(default=None, description="N·m or N")
     drive_inertia: NonNegative = Field(default=0.0, description="rotor and arm, kg·m² or kg")
     arm_mass: NonNegative = Field(default=0.0, description="arm, or carriage, kg")
@@ -65,6 +88,10 @@ class Chain(Section):
             lean = sum(a * b for a, b in zip(self.axis, self.zero, strict=True))
             if abs(lean) > 1e-6:
                 raise ValueError(f"'zero' must be normal to 'axis'; their product is {lean:.3g}")
+        if self.actuator != "revolute" and any(self.eccentricity):
+            raise ValueError(f"'eccentricity' is for revolute chains, not {self.actuator}")
+        if self.limits is not None and self.limits[0] >= self.limits[1]:
+            raise ValueError("'limits' must be [lower, upper]")
         if self.actuator != "prismatic" and self.pair_axis is not None:
             raise ValueError("'pair_axis' is for prismatic chains; here the rods lie along 'axis'")
         if self.actuator != "telescopic" and self.rod is None:

@@ -12,6 +12,9 @@ Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Vector = tuple[Number, Number, Number]
 Positive = Annotated[Number, Field(gt=0)]
 NonNegative = Annotated[Number, Field(ge=0)]
+#: Of an encoder's error; small enough that its reading still rises with its angle.
+Amplitude = Annotated[Number, Field(gt=-0.1, lt=0.1)]
+Harmonics = tuple[Amplitude, Amplitude, Amplitude, Amplitude]
 Index = Annotated[int, Field(ge=1, strict=True)]
 
 

@@ -11,7 +11,16 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from truepose.schema_base import Direction, Index, NonNegative, Number, Positive, Section, Vector
+from truepose.schema_base import (
+    Direction,
+    Harmonics,
+    Index,
+    NonNegative,
+    Number,
+    Positive,
+    Section,
+    Vector,
+)
 
 
 class _Sensor(Section):
@@ -21,6 +30,7 @@ class _Sensor(Section):
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
     offset: Number = Field(default=0.0, description="reading = gain * value - offset")
     gain: Number = Field(default=1.0, description="reading = gain * value - offset")
+    noise: NonNegative = Field(default=0.0, description="σ of a reading, before it is counted")
     weight: NonNegative = Field(default=1.0, description="of its row in the TEJ (paper: 1)")
 
     @model_validator(mode="after")
@@ -30,10 +40,17 @@ class _Sensor(Section):
         return self
 
 
-class _Encoder(_Sensor):
+class Encoder(_Sensor):
+    """Of a turning shaft, perhaps through a gear."""
+
     counts: Positive | None = Field(default=None, description="per turn of the encoder")
     gear: Positive = Field(
         default=1.0, description="turns of the encoder per turn of what it reads"
+    )
+    eccentricity: Harmonics = Field(
+        default=(0, 0, 0, 0),
+        description="c1, s1, c2, s2: the encoder at φ (the gear counted) reads φ + c1 cos φ + "
+        "s1 sin φ + c2 cos 2φ + s2 sin 2φ, rad",
     )
 
     @property
@@ -51,7 +68,7 @@ class _Gauge(_Sensor):
         return self.resolution or 0.0
 
 
-class NacelleAngle(_Encoder):
+class NacelleAngle(Encoder):
     """θ of the nacelle about z, the gear undone."""
 
     kind: Literal["nacelle_angle"]
@@ -118,7 +135,7 @@ Side = Annotated[
 ]
 
 
-class RodAngle(_Encoder):
+class RodAngle(Encoder):
     """Direction of a rod in one of its joints: elbow, nacelle-side joint, U-joint of a leg.
 
     In plane: from the arm (base's side of a revolute chain), else from e, positive about u as q.
@@ -139,7 +156,7 @@ class RodLength(_Gauge):
     rod: Side = "+"
 
 
-class MotorEncoder(_Encoder):
+class MotorEncoder(Encoder):
     """A second encoder on a revolute motor's load side."""
 
     kind: Literal["motor_encoder"]

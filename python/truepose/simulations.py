@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from truepose import _core, paper_data
 from truepose.exceptions import InputError, PoseError, choose
-from truepose.robot import Array, Errors, Robot
+from truepose.robot import Array, Errors, Robot, check_seed
 
 Law = Literal["joint", "redundant", "cartesian"]
 FeedForward = Literal["none", "gravity", "full"]
@@ -165,11 +165,13 @@ def simulate(
     duration: float = paper_data.MOVE_DURATION,
     hold: float = 0.2,
     steps: int = 2,
+    seed: int = 0,
 ) -> Simulation:
     """Simulate a straight move with a quintic time law, then holding its end.
 
     The true robot starts at rest where the controller holds it at `start`. Its dynamics are those
-    of the reduced model, integrated by Runge-Kutta 4; its encoders are quantised as its file says.
+    of the reduced model, integrated by Runge-Kutta 4; its encoders have the noise and the counts
+    that its file says.
 
     Parameters
     ----------
@@ -183,11 +185,13 @@ def simulate(
         Of the move, and after it, s.
     steps : int
         Integration steps in one control period.
+    seed : int
+        Of the true robot's readings' noise.
 
     Raises
     ------
     PoseError
-        The robot leaves its workspace, or the controller meets a singular pose.
+        The robot leaves its workspace, or the controller meets a singular pose or a joint limit.
 
     Examples
     --------
@@ -225,6 +229,7 @@ def simulate(
         hold,
         steps,
         [*at_rest[0], *[0.0] * (6 - robot.n)],
+        check_seed(seed),
     )
     if status:
         guilty = f"chain {chain + 1}: " if chain >= 0 else ""

@@ -56,10 +56,29 @@ std::vector<Sensor> sensors_of(const Robot& robot, Mobility mobility) {
   return sensors;
 }
 
+/// An encoder off its centre, by both harmonics.
+void spin(Eccentricity& encoder, double size, double gear) {
+  const std::array<double, 4> amplitude{size, -0.6 * size, 0.3 * size, 0.5 * size};
+  encoder.set_amplitude(amplitude.data());
+  encoder.gear = gear;
+}
+
+/// Adds h to amplitude k.
+void spin_more(Eccentricity& encoder, int k, double h) {
+  std::array<double, 4> amplitude = encoder.amplitude();
+  amplitude[k] += h;
+  encoder.set_amplitude(amplitude.data());
+}
+
 /// Adds h to parameter p of chain i, as a builder would: yaw about z, then tilt about e.
 void change(Robot& robot, int i, ChainParameter p, double h) {
   Chain& chain = robot.chain[i];
   const int index = static_cast<int>(p);
+  if (p >= ChainParameter::eccentricity_c1) {
+    const int k = index - static_cast<int>(ChainParameter::eccentricity_c1);
+    if (chain.actuator == Actuator::revolute) spin_more(chain.eccentricity, k, h);
+    return;
+  }
   switch (p) {
     case ChainParameter::arm: chain.arm += h; break;
     case ChainParameter::rod: chain.rod += h; break;
@@ -90,6 +109,11 @@ void change(Robot& robot, int i, ChainParameter p, double h) {
 void change(Robot& robot, int k, SensorParameter p, double h) {
   Sensor& sensor = robot.sensor[k];
   const int index = static_cast<int>(p) - 2;
+  if (p >= SensorParameter::eccentricity_c1) {
+    const int which = static_cast<int>(p) - static_cast<int>(SensorParameter::eccentricity_c1);
+    if (rotary(sensor)) spin_more(sensor.eccentricity, which, h);
+    return;
+  }
   if (p == SensorParameter::offset)
     sensor.offset += h;
   else if (p == SensorParameter::gain)
@@ -126,12 +150,16 @@ void for_each_with_sensors(F&& f) {
     const bool full = robot.full.kind == FullKind::exists || robot.full.kind == FullKind::same;
     for (int i = 0; i < dof(mobility()); ++i) {
       robot.chain[i].encoder_offset = 0.01 * (i + 1);
+      if (robot.chain[i].actuator == Actuator::revolute)
+        spin(robot.chain[i].eccentricity, 0.01 * i, 1);  // chain 0's is perfect
       if (robot.full.kind != FullKind::exists) continue;
       change(robot, i, ChainParameter::yaw, 0.003 * (i - 1));
       change(robot, i, ChainParameter::tilt, 0.002 * (2 - i));
       change(robot, i, ChainParameter::rod_difference, 2e-5 * (i + 1));
     }
-    const std::vector<Sensor> all = sensors_of(robot, mobility());
+    std::vector<Sensor> all = sensors_of(robot, mobility());
+    for (std::size_t k = 0; k < all.size(); ++k)
+      if (rotary(all[k])) spin(all[k].eccentricity, 0.02, k % 2 ? 4 : 1);
     for (std::size_t first = 0; first < all.size(); first += kMaxSensors) {
       robot.r = 0;
       for (std::size_t k = first; k < all.size() && robot.r < kMaxSensors; ++k)

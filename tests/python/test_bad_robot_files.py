@@ -77,9 +77,9 @@ SPOILED = [
     ('"z_telemeter"', '"9"', "sensor.2.name = '9': "),
     ("[-0.003, 0.010]", "[0.010, -0.003]", r"tolerances.chain\*.rod: interval must be \[lower"),
     ("interval = [-0.003, 0.010]", "", r"tolerances.chain\*.rod: give either 'sigma' or 'inter"),
-    ('"chain*.rod"', '"chian*.rod"', r"h4: tolerances: unknown parameter 'chian\*.rod'; did"),
-    ('["theta"]', '["tetha"]', r"h4: unknown sensor 'tetha'; did you mean 'theta'\? \(choices: "),
-    ('["theta"]', '["theta", "theta"]', "h4: a sensor is used twice: theta, theta"),
+    ('"chain*.rod"', '"chian*.rod"', r"tolerances: unknown parameter 'chian\*.rod'; did"),
+    ('["theta"]', '["tetha"]', r"unknown sensor 'tetha'; did you mean 'theta'\? \(choices: "),
+    ('["theta"]', '["theta", "theta"]', "a sensor is used twice: theta, theta"),
     ("-0.4, 0.0]", "-4, 0.0]", r"h4: home = \[0.0, 0.0, -4.0, 0.0\]: unreachable, chain 1"),
     ("home =", "home", "not TOML: "),
 ]

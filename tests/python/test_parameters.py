@@ -11,8 +11,11 @@ X_D = np.array([0.03, -0.02, -0.42, 0.15])
 def test_the_h4_has_the_parameters_its_interface_promises(h4):
     promised = ["base.x", "base.y", "base.z", "arm", "rod", "encoder_offset", "yaw", "tilt"]
     promised += ["anchor.x", "anchor.y", "anchor.z", "rod_difference", "rod_spacing"]
+    harmonics = [f"eccentricity.{harmonic}" for harmonic in ("c1", "s1", "c2", "s2")]
+    promised += harmonics
     names = {f"chain{i}.{name}" for i in range(1, 5) for name in promised}
     names |= {"bar1.pivot", "bar2.pivot", "theta.offset", "theta.gain"}
+    names |= {f"theta.{harmonic}" for harmonic in harmonics}
     names |= {"z_telemeter.offset", "z_telemeter.gain"}
     mounting = ("origin", "direction", "target", "normal")
     names |= {f"z_telemeter.{vector}.{axis}" for vector in mounting for axis in "xyz"}
@@ -80,6 +83,8 @@ def test_what_a_robot_hands_out_cannot_change_it(h4):
         ({"chain1.rod": -0.5}, r"^chain1.rod = -0.5: must be greater than 0 \(m\)$"),
         ({"bar1.pivot": 0}, "^bar1.pivot = 0: must be greater than 0"),
         ({"chain2.rod_spacing": 0}, "^chain2.rod_spacing = 0: must be greater than 0"),
+        ({"chain1.eccentricity.c1": 0.2}, r"^chain1.eccentricity.c1 = 0.2: must be between -0.1 "),
+        ({"theta.gain": 0.0}, "^theta.gain = 0.0: a sensor that reads nothing$"),
         ({"chain1.yaw": float("nan")}, "^chain1.yaw = nan: must be a finite number$"),
     ],
 )

@@ -26,6 +26,7 @@ name = "elbow"
 kind = "rod_in_plane"
 chain = 2
 counts = 4096
+gear = 3.0
 
 [[sensor]]
 name = "elbow_lateral"
@@ -94,8 +95,8 @@ def carrying(robot, text, fits=lambda _: True):
     return tp.Robot(spec).with_sensors(*(sensor.name for sensor in sensors))
 
 
-@pytest.fixture
-def equipped(any_robot, rng):
+@pytest.fixture(params=[0.0, 0.02], ids=["centred", "eccentric"])
+def equipped(any_robot, rng, request):
     """Any of the robots, none of its axes exact, with every sensor that its mobility allows."""
     flat = any_robot.spec.mobility in ("planar_translation", "planar")
     text = KINDS + (ON_NACELLE if any_robot.spec.mobility == "spatial" else BEAM)
@@ -103,6 +104,9 @@ def equipped(any_robot, rng):
     robot = carrying(
         any_robot, text, lambda s: not (flat and (s.kind == "rod_lateral" or s.name == "wrist"))
     )
+    wobbles = [name for name in robot.parameters if ".eccentricity." in name]
+    sizes = request.param * np.cos(np.arange(len(wobbles)))
+    robot = robot.replace(dict(zip(wobbles, sizes, strict=True)))
     if flat:
         return robot
     turned = [name for name in robot.parameters if name.endswith((".yaw", ".tilt"))]

@@ -1,6 +1,8 @@
 // What does the real robot do? The true geometry under motor torques, and what its encoders read.
 #pragma once
 
+#include <random>
+
 #include "truepose/dynamics.hpp"
 #include "truepose/rkm.hpp"
 
@@ -57,14 +59,27 @@ inline Outcome advance(const Robot& truth, const Joint& torque, double period, i
   return {};
 }
 
-/// What the encoders of the real robot read: its own geometry, offsets, gains and counts.
+/// Where the noise of readings comes from: the same seed gives the same noise.
+using Random = std::mt19937_64;
+
+/// Exact readings become those of real encoders: Gaussian noise, then counts.
+inline void spoil(const Robot& truth, Random& random, Extended& q_e) {
+  const int n = dof(truth.mobility);
+  const auto spoilt = [&](double value, double sigma, double step) {
+    if (sigma > 0) value += std::normal_distribution<double>(0, sigma)(random);
+    return quantised(value, step);
+  };
+  for (int i = 0; i < n; ++i)
+    q_e[i] = spoilt(q_e[i], truth.chain[i].encoder_noise, truth.chain[i].encoder_step);
+  for (int k = 0; k < truth.r; ++k)
+    q_e[n + k] = spoilt(q_e[n + k], truth.sensor[k].noise, truth.sensor[k].step);
+}
+
+/// What the encoders of the real robot read: its own geometry, offsets, gains, noise and counts.
 template <Mobility K>
-inline Outcome measure(const Robot& truth, const Pose& pose, Extended& q_e) {
+inline Outcome measure(const Robot& truth, const Pose& pose, Random& random, Extended& q_e) {
   const Outcome outcome = extended<K>(truth, pose, q_e);
-  for (int i = 0; outcome && i < kDof<K>; ++i)
-    q_e[i] = quantised(q_e[i], truth.chain[i].encoder_step);
-  for (int k = 0; outcome && k < truth.r; ++k)
-    q_e[kDof<K> + k] = quantised(q_e[kDof<K> + k], truth.sensor[k].step);
+  if (outcome) spoil(truth, random, q_e);
   return outcome;
 }
 

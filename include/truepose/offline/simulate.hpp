@@ -9,9 +9,10 @@ namespace truepose {
 /// A run: a straight quintic move, then holding its end.
 struct Run {
   Joint from{}, to{};
-  double duration = 0.2;  ///< of the move, s
-  double hold = 0.2;      ///< afterwards, s
-  int steps = 2;          ///< integration steps in one control period
+  double duration = 0.2;   ///< of the move, s
+  double hold = 0.2;       ///< afterwards, s
+  int steps = 2;           ///< integration steps in one control period
+  std::uint64_t seed = 0;  ///< of the readings' noise
 };
 
 /// One line of the log, at the start of a control period.
@@ -31,12 +32,13 @@ inline Outcome simulate(const Robot& nominal, const Robot& truth, const ControlS
                         const Run& run, const Joint& start, Write&& write) {
   PlantState plant{to_pose<K>(start), {}};
   ControlState state;
+  Random random(run.seed);
   const int periods = static_cast<int>(std::lround((run.duration + run.hold) / settings.period));
   for (int k = 0; k <= periods; ++k) {
     const double time = k * settings.period;
     const Setpoint setpoint = quintic<K>(run.from, run.to, run.duration, time);
     Extended q_e{};
-    Outcome outcome = measure<K>(truth, plant.pose, q_e);
+    Outcome outcome = measure<K>(truth, plant.pose, random, q_e);
     if (outcome) outcome = control<K>(nominal, settings, setpoint, q_e, state);
     if (!outcome) return outcome;
     write(Sample{time, setpoint.x, to_coordinates<K>(plant.pose), q_e, state.error, state.torque});

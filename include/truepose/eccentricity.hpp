@@ -1,0 +1,70 @@
+// What does a rotary encoder read whose disc sits off its shaft's centre?
+#pragma once
+
+#include <array>
+#include <cmath>
+
+/// Keeps a rare branch out of a hot function, even a flattened one.
+#if defined(__GNUC__)
+#define TRUEPOSE_RARE __attribute__((noinline, cold))
+#else
+#define TRUEPOSE_RARE
+#endif
+
+namespace truepose {
+
+/// First and second harmonic of an encoder's error. Its shaft stands at φ = gear · angle and reads
+/// φ + e(φ), e(φ) = c1 cos φ + s1 sin φ + c2 cos 2φ + s2 sin 2φ: an angle reads angle + e(φ)/gear.
+class Eccentricity {
+ public:
+  double gear = 1;  ///< turns of the shaft per turn of what it measures
+
+  /// c1, s1, c2, s2, rad of the shaft.
+  const std::array<double, 4>& amplitude() const { return amplitude_; }
+  void set_amplitude(const double* values) {
+    any_ = false;
+    for (int k = 0; k < 4; ++k) {
+      amplitude_[k] = values[k];
+      any_ = any_ || values[k] != 0;
+    }
+  }
+  /// Whether there is any: noted, for every chain of every inverse model asks.
+  bool any() const { return any_; }
+
+ private:
+  std::array<double, 4> amplitude_{};
+  bool any_ = false;
+};
+
+/// cos φ, sin φ, cos 2φ, sin 2φ: e's derivatives with respect to its amplitudes.
+inline std::array<double, 4> harmonics(const Eccentricity& encoder, double angle) {
+  const double phi = encoder.gear * angle;
+  return {std::cos(phi), std::sin(phi), std::cos(2 * phi), std::sin(2 * phi)};
+}
+
+/// What an angle reads, and the derivative 1 + e'(φ).
+struct Encoded {
+  double value, slope;
+};
+TRUEPOSE_RARE inline Encoded encode(const Eccentricity& encoder, double angle) {
+  const std::array<double, 4> h = harmonics(encoder, angle), &a = encoder.amplitude();
+  return {angle + (a[0] * h[0] + a[1] * h[1] + a[2] * h[2] + a[3] * h[3]) / encoder.gear,
+          1 - a[0] * h[1] + a[1] * h[0] - 2 * (a[2] * h[3] - a[3] * h[2])};
+}
+
+inline constexpr int kDecodeIterations = 12;
+
+/// The angle that reads `value`, by Newton. Where 1 + e' > 0 everywhere, which every encoder that
+/// can be used fulfils, there is one.
+TRUEPOSE_RARE inline double decode(const Eccentricity& encoder, double value) {
+  double angle = value;
+  for (int k = 0; k < kDecodeIterations; ++k) {
+    const Encoded read = encode(encoder, angle);
+    const double step = (value - read.value) / read.slope;
+    angle += step;
+    if (!(std::fabs(step) > 1e-12)) break;  // quadratic: the next one is below rounding
+  }
+  return angle;
+}
+
+}  // namespace truepose

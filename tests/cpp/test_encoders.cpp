@@ -1,0 +1,157 @@
+// What of an encoder may change what a robot does? Nothing; and a stop stops commands alone.
+#include "mechanisms.hpp"
+#include "truepose/control.hpp"
+#include "truepose/fkm.hpp"
+#include "truepose/offline/plant.hpp"
+
+using namespace mechanisms;
+
+namespace {
+
+constexpr std::array<double, 4> kAmplitude{0.03, -0.02, 0.01, 0.015};
+
+/// The robot with every revolute motor's encoder off its centre, in the order of the chains.
+Robot eccentric(Robot robot) {
+  for (int i = 0; i < dof(robot.mobility); ++i) {
+    std::array<double, 4> amplitude = kAmplitude;
+    for (double& value : amplitude) value *= 1 + 0.3 * i;
+    if (robot.chain[i].actuator == Actuator::revolute)
+      robot.chain[i].eccentricity.set_amplitude(amplitude.data());
+  }
+  return robot;
+}
+
+}  // namespace
+
+TEST("decoding undoes encoding, turns included, whatever the gear") {
+  Eccentricity encoder;
+  CHECK(!encoder.any());
+  encoder.set_amplitude(kAmplitude.data());
+  CHECK(encoder.any());
+  for (const double gear : {1.0, 4.0})
+    for (double angle = -20; angle < 20; angle += 0.01) {
+      encoder.gear = gear;
+      CHECK_NEAR(decode(encoder, encode(encoder, angle).value), angle, 1e-14);
+    }
+}
+
+TEST("the largest amplitudes that a file may give are decoded") {
+  Eccentricity encoder;
+  for (int signs = 0; signs < 16; ++signs) {
+    std::array<double, 4> amplitude;
+    for (int k = 0; k < 4; ++k) amplitude[k] = signs >> k & 1 ? 0.1 : -0.1;
+    encoder.set_amplitude(amplitude.data());
+    for (double angle = -4; angle < 4; angle += 0.01)
+      CHECK_NEAR(decode(encoder, encode(encoder, angle).value), angle, 1e-13);
+  }
+}
+
+TEST("eccentric encoders change no motion: the same torques give the same acceleration") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    const Robot wobbly = eccentric(mechanism.robot);
+    check::Random random(61);
+    for (int sample = 0; sample < 100; ++sample) {
+      const Pose pose = to_pose<K>(random_pose(mechanism, random));
+      const Joint rate = random_joint(random, 0.5), torque = random_joint(random, 20);
+      Joint a{}, b{};
+      CHECK(forward_dynamics<K>(mechanism.robot, pose, rate, torque, a));
+      CHECK(forward_dynamics<K>(wobbly, pose, rate, torque, b));
+      for (int i = 0; i < kDof<K>; ++i) CHECK_NEAR(a[i], b[i], 1e-9 * (1 + std::fabs(a[i])));
+      Closure<K> closure;
+      Jacobians<K> jacobians;
+      DynamicModel<K> model;
+      CHECK(ikm<K>(wobbly, pose, closure) && jacobian<K>(closure, jacobians));
+      CHECK(dynamic_model<K>(wobbly, closure, rate, model));
+      const Joint again = inverse_dynamics<K>(model, jacobians.J, b);
+      for (int i = 0; i < kDof<K>; ++i) CHECK_NEAR(again[i], torque[i], 1e-9);
+    }
+  });
+}
+
+TEST("J with eccentric motors is the derivative of their inverse model") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    const Robot robot = eccentric(mechanism.robot);
+    check::Random random(62);
+    for (int sample = 0; sample < 20; ++sample) {
+      const Joint x = random_pose(mechanism, random);
+      Closure<K> closure;
+      Jacobians<K> jacobians;
+      CHECK((ikm<K, false>(robot, to_pose<K>(x), closure)) && jacobian<K>(closure, jacobians));
+      for (int j = 0; j < kDof<K>; ++j) {
+        Joint rate{}, step{};
+        rate[j] = 1;
+        const Joint expected = jacobians.joint_rate(rate);
+        std::array<Joint, 2> q;
+        for (int side = 0; side < 2; ++side) {
+          step[j] = side ? 1e-5 : -1e-5;
+          Closure<K> end;
+          CHECK(ikm<K>(robot, moved<K>(to_pose<K>(x), step), end));
+          q[side] = end.q();
+        }
+        for (int i = 0; i < kDof<K>; ++i)
+          CHECK_NEAR((q[1][i] - q[0][i]) / 2e-5, expected[i], 1e-6 * (1 + std::fabs(expected[i])));
+      }
+    }
+  });
+}
+
+TEST("a motor that would pass its stops is named; what it does beyond them is still told") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    Robot robot = eccentric(mechanism.robot);
+    Joint q{}, x = robot.home;
+    CHECK(ikm(robot, robot.home, q));
+    for (int i = 0; i < kDof<K>; ++i)
+      for (const bool above : {true, false}) {
+        Robot limited = robot;
+        Chain& chain = limited.chain[i];
+        chain.encoder_offset += 0.3;  // stops do not see it
+        const double at = motor_position(robot.chain[i], q[i]);
+        (above ? chain.low : chain.high) = at - (above ? 1e-9 : -1e-9);
+        CHECK(finish(limited));
+        (above ? chain.low : chain.high) = at + (above ? 1e-9 : -1e-9);
+        const Outcome home = finish(limited);
+        CHECK(home.status == Status::joint_limit && home.chain == i);
+        Joint beyond{};
+        CHECK(ikm(limited, robot.home, beyond).status == Status::joint_limit);
+        CHECK_NEAR(beyond[i], q[i] - 0.3, 1e-12);
+        CHECK(fkm(limited, beyond, x));
+        JointMatrix J;
+        CHECK(jacobian(limited, robot.home, J));
+        ControlState state;
+        state.torque.fill(7);
+        Extended q_e{};
+        const Outcome refused = control(limited, {}, {robot.home, {}, {}}, q_e, state);
+        CHECK(refused.status == Status::joint_limit && refused.chain == i);
+        CHECK(state.torque[0] == 7 && !state.started);
+      }
+  });
+}
+
+TEST("noise has its sigma, comes before the counts, and repeats with its seed") {
+  Robot robot = h4().robot;
+  robot.chain[1].encoder_noise = 2e-3;
+  robot.sensor[0].noise = 1e-3;
+  robot.sensor[0].step = 1e-4;
+  const Pose pose = to_pose<Mobility::schoenflies>(robot.home);
+  Extended exact{};
+  CHECK(extended<Mobility::schoenflies>(robot, pose, exact));
+  Random one(5), same(5);
+  double squares[5] = {};
+  constexpr int kCount = 20000;
+  for (int k = 0; k < kCount; ++k) {
+    Extended a{}, b{};
+    CHECK(measure<Mobility::schoenflies>(robot, pose, one, a));
+    CHECK(measure<Mobility::schoenflies>(robot, pose, same, b));
+    for (int c = 0; c < 5; ++c) {
+      CHECK(a[c] == b[c]);
+      squares[c] += (a[c] - exact[c]) * (a[c] - exact[c]) / kCount;
+    }
+    CHECK_NEAR(std::remainder(a[4], 1e-4), 0, 1e-12);
+  }
+  CHECK_NEAR(std::sqrt(squares[1]), 2e-3, 5e-5);
+  CHECK_NEAR(std::sqrt(squares[4]), std::sqrt(1e-6 + 1e-8 / 12), 3e-5);
+  CHECK(squares[0] == 0 && squares[2] == 0 && squares[3] == 0);
+}

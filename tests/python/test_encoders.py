@@ -1,0 +1,154 @@
+"""What makes real encoders differ from ideal ones: eccentricity, noise, counts, stops?"""
+
+import numpy as np
+import pytest
+
+import truepose as tp
+
+C1, S1, C2, S2 = 0.01, -0.02, 0.005, 0.015
+KEY = f"eccentricity = [{C1}, {S1}, {C2}, {S2}]"
+
+
+def error(phi):
+    """Of an encoder off its centre, as defined."""
+    return C1 * np.cos(phi) + S1 * np.sin(phi) + C2 * np.cos(2 * phi) + S2 * np.sin(2 * phi)
+
+
+@pytest.fixture
+def spoil(h4_text, tmp_path):
+    """Return a function that loads an H4 with keys put after other lines of its file."""
+
+    def load(**additions: str) -> tp.Robot:
+        text = h4_text
+        for after, line in additions.items():
+            old = {
+                "chains": "[every_chain]",
+                "theta": "gear = 4.0",
+                "chain1": "anchor = [0.0, 0.06",
+            }
+            head, found, tail = text.partition(old[after])
+            end = tail.index("\n")
+            text = head + found + tail[:end] + "\n" + line + tail[end:]
+        path = tmp_path / "robot.toml"
+        path.write_text(text, encoding="utf-8")
+        return tp.load(path)
+
+    return load
+
+
+def test_a_motors_encoder_off_its_centre_reads_its_angle_and_the_error_there(h4, spoil, table2):
+    angle, robot = h4.ikm(table2), spoil(chains=KEY)
+    assert robot.ikm(table2) == pytest.approx(angle + error(angle), abs=1e-14)
+    offset = robot.replace({"chain2.encoder_offset": 0.3})  # the error is the angle's, not q's
+    assert offset.ikm(table2) == pytest.approx(robot.ikm(table2) - [0, 0.3, 0, 0], abs=1e-14)
+
+
+def test_a_sensors_error_turns_with_its_geared_shaft(spoil, table2):
+    robot = spoil(theta=KEY).replace({"theta.gain": -2.0, "theta.offset": 0.1})
+    theta = table2[:, 3]
+    reading = -2 * (theta + error(4 * theta) / 4) - 0.1
+    assert robot.rkm(table2)[:, 0] == pytest.approx(reading, abs=1e-14)
+    assert robot.rkm(table2, level="full")[:, 0] == pytest.approx(reading, abs=1e-12)
+    assert robot.redundant_fkm(robot.extended(table2)) == pytest.approx(table2, abs=1e-12)
+
+
+def eccentric(robot, rng, size=0.05):
+    names = [name for name in robot.parameters if ".eccentricity." in name]
+    return robot.replace(dict(zip(names, rng.uniform(-size, size, len(names)), strict=True)))
+
+
+def test_fkm_undoes_ikm_with_eccentric_encoders(any_robot, anywhere, rng):
+    robot, x = eccentric(any_robot, rng), anywhere(any_robot, 500, rng)
+    assert np.abs(robot.fkm(robot.ikm(x), guess=x + 1e-3) - x).max() < 1e-12
+    if robot.full:
+        q = robot.ikm(x, level="full")
+        assert np.abs(robot.fkm(q, guess=x + 1e-3, level="full") - x).max() < 1e-11
+
+
+@pytest.mark.parametrize("level", ["ideal", "full"])
+def test_jacobian_is_the_derivative_of_the_motion_with_eccentric_encoders(h4, table2, rng, level):
+    robot, h = eccentric(h4, rng), 1e-5
+    q, J = robot.ikm(table2, level=level), robot.jacobian(table2, level=level)
+    for motor, step in enumerate(h * np.eye(4)):
+        ends = [robot.fkm(q + s, guess=table2, level=level) for s in (step, -step)]
+        assert J[..., motor] == pytest.approx((ends[0] - ends[1]) / (2 * h), abs=1e-7)
+
+
+NOISE = {"chains": "encoder_noise = 3e-4", "theta": "noise = 5e-4"}
+
+
+def test_noise_has_the_files_sigma_and_a_seed(spoil):
+    robot = spoil(**NOISE)
+    x = np.tile(robot.home, (20000, 1))
+    readings = robot.read(x, seed=3)
+    error = readings - robot.extended(x)
+    assert error.std(axis=0) == pytest.approx(robot.reading_sigma, rel=0.03)
+    assert np.abs(error.mean(axis=0)).max() < 2e-5
+    assert np.abs(np.corrcoef(error.T) - np.eye(5)).max() < 0.04
+    assert np.array_equal(readings, robot.read(x, seed=3))
+    assert not np.array_equal(readings, robot.read(x, seed=4))
+    counts = readings / robot.resolution
+    assert counts == pytest.approx(np.round(counts), abs=1e-6)
+
+
+def test_without_noise_a_reading_is_the_nearest_count(h4, table2):
+    for level in ("ideal", "full"):
+        off = np.abs(h4.read(table2, level=level) - h4.extended(table2, level=level))
+        assert (off <= h4.resolution / 2 * (1 + 1e-9)).all()
+    exact = h4.unquantised()
+    assert np.array_equal(exact.read(table2), exact.extended(table2))
+
+
+def test_a_simulations_noise_repeats_with_its_seed(h4, spoil):
+    noisy = spoil(**NOISE)
+    runs = [tp.simulate(h4, noisy, seed=seed, hold=0.0) for seed in (1, 1, 2)]
+    assert np.array_equal(runs[0].q_e, runs[1].q_e)
+    assert not np.array_equal(runs[0].q_e, runs[2].q_e)
+    spread = (runs[0].q_e - noisy.extended(runs[0].x)).std(axis=0)
+    assert spread == pytest.approx(noisy.reading_sigma, rel=0.2)
+
+
+@pytest.mark.parametrize("seed", [-1, 1.5, "a", 2**64])
+def test_a_seed_that_is_none_is_refused(h4, seed):
+    with pytest.raises(tp.InputError, match=r"seed = .*: must be a whole number"):
+        h4.read(h4.home, seed=seed)
+
+
+@pytest.fixture
+def limited(spoil):
+    """Return an H4 whose first motor stops at 0.38 and 0.79 rad."""
+    return spoil(chain1="limits = [0.38, 0.79]").replace({"chain1.encoder_offset": 0.2})
+
+
+def test_a_pose_beyond_a_joint_limit_names_chain_position_and_limits(limited):
+    where = r"chain 1: beyond a joint limit, 0.973521 of \[0.38, 0.79\]$"
+    for level in ("ideal", "full"):
+        with pytest.raises(tp.PoseError, match=where):
+            limited.ikm([-0.1, 0, -0.5, 0], level=level)
+        assert np.isnan(limited.ikm([-0.1, 0, -0.5, 0], level=level, errors="nan")).all()
+    assert limited.ikm([0, 0, -0.5, 0])[0] == pytest.approx(0.6797 - 0.2, abs=1e-4)
+
+
+def test_controllers_refuse_setpoints_beyond_a_joint_limit(limited, h4):
+    beyond = [-0.1, 0, -0.5, 0]
+    for law in tp.simulations.LAWS:
+        with pytest.raises(tp.PoseError, match=r"chain 1: beyond a joint limit, 0.97"):
+            tp.settle(limited, limited, beyond, law)
+    with pytest.raises(
+        tp.PoseError, match=r"stopped after 0\.\d+ s: chain 1: beyond a joint limit"
+    ):
+        tp.simulate(limited, start=[0, 0, -0.5, 0], end=beyond)
+
+
+def test_a_robot_may_be_pushed_beyond_its_limits(limited, h4):
+    """What it does there is told as anywhere else: pose, readings, Jacobian."""
+    beyond = np.array([-0.1, 0, -0.5, 0])
+    q = h4.ikm(beyond) - [0.2, 0, 0, 0]
+    assert limited.fkm(q) == pytest.approx(beyond, abs=1e-12)
+    assert limited.extended(beyond)[:4] == pytest.approx(q, abs=1e-14)
+    assert limited.jacobian(beyond) == pytest.approx(h4.jacobian(beyond))
+
+
+def test_a_home_beyond_a_joint_limit_makes_no_robot(spoil):
+    with pytest.raises(tp.RobotFileError, match=r"home = .*: beyond a joint limit, chain 1"):
+        spoil(chain1="limits = [0.0, 0.1]")
