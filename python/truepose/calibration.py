@@ -167,17 +167,19 @@ def calibrate(
         if name in prior.parameters:
             mean[k] = prior.parameters[name].mean
     root = knowledge.root(robot, names)
-    status, iterations, xi, covariance, x, chi2, redundancy, weights, lines = _core.calibrate(
-        robot._drawn,
-        knowledge.knowledge(robot),
-        mean,
-        rows,
-        outside,
-        outside_sigma,
-        getattr(_core.Loss, loss),
-        tuning,
-        100,
-        robot._is_full(level),
+    status, iterations, xi, covariance, x, chi2, redundancy, weights, lines = (
+        _core.calibrate(
+            robot._drawn,
+            knowledge.knowledge(robot),
+            mean,
+            rows,
+            outside,
+            outside_sigma,
+            getattr(_core.Loss, loss),
+            tuning,
+            100,
+            robot._is_full(level),
+        )
     )
     if status:
         raise PoseError(

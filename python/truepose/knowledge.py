@@ -48,7 +48,7 @@ def root(robot: Robot, names: list[str]) -> Array:
 
 def reading_sigma(robot: Robot) -> Array:
     """σ of every reading's own error, shape (n + r,): its noise and one count, at least FINEST."""
-    return np.maximum(robot.resolution / np.sqrt(12), FINEST)
+    return np.maximum(robot.reading_sigma, FINEST)
 
 
 def knowledge(robot: Robot, posterior: Array | None = None) -> _core.Knowledge:
