@@ -150,7 +150,7 @@ auto run_calibration(const Robot& drawn, const Known& prior, const Row& mean, co
   }
   return nb::make_tuple(static_cast<int>(result.outcome.status), result.iterations, xi.release(),
                         RowMatrix(result.covariance), x.release(), chi2.release(),
-                        redundancy.release(), weight.release(), status.release());
+                        redundancy.release(), weight.release(), status.release(), result.cost);
 }
 
 /// Root of the posterior covariance after visiting poses, (p, p) lower triangular.

@@ -16,6 +16,7 @@ def accuracy(
     calibrated_on: ArrayLike | None = None,
     touch_off: ArrayLike | None = None,
     level: Level = "ideal",
+    model_error: bool = False,
 ) -> Array:
     """Covariance of the best estimate of x that the robot's sensors allow.
 
@@ -34,6 +35,8 @@ def accuracy(
         A known pose, at which the error is taken to zero: what remains is the difference.
     level : {"ideal", "full"}
         One rod per chain, or every rod by itself.
+    model_error : bool
+        Whether to count what the ideal level leaves out of a real robot.
 
     Returns
     -------
@@ -59,12 +62,16 @@ def accuracy(
     names = knowledge.require_uncertain(robot)
     model = robot.expected()
     full = model._is_full(level)
+    guard = model_error and not full
     rows, lead = model._rows(poses, model.n, "poses", "raise")
     root = knowledge.root(robot, names)
     if calibrated_on is not None:
         visited, _ = model._rows(calibrated_on, model.n, "calibrated_on", "raise")
-        prior = knowledge.knowledge(robot)
-        root, status, chain = _core.after_visiting(model._core, prior, visited, full)
+        prior = knowledge.knowledge(robot, guarded=guard, level=level)
+        root, status, chain = _core.after_visiting(
+            model._core, prior.core, visited, full, prior.nuisances > 0
+        )
+        root = root[: prior.parameters, : prior.parameters]
         if status:  # find the pose that it is about
             model.linearise(visited, level=level)
             model._check(
@@ -73,7 +80,9 @@ def accuracy(
     touched = np.zeros((0, model.n))
     if touch_off is not None:
         touched, _ = model._rows(np.atleast_2d(touch_off), model.n, "touch_off", "raise")
-    known = knowledge.knowledge(robot, root)
-    P, status, chain = _core.accuracy(model._core, known, rows, touched, full)
+    known = knowledge.knowledge(
+        robot, root, level=level, error=knowledge.model_error(robot) if guard else None
+    )
+    P, status, chain = _core.accuracy(model._core, known.core, rows, touched, full)
     model._check("pose", rows, lead, status, chain, "raise", "poses")
     return P.reshape(*lead, model.n, model.n)

@@ -15,6 +15,12 @@ from truepose.exceptions import InputError, PoseError, choose
 from truepose.robot import Level, Robot
 from truepose.schema import Calibration
 
+ModelError = Literal["auto", "on", "off"]
+MODEL_ERRORS: tuple[ModelError, ...] = ("auto", "on", "off")
+
+#: By how much χ² must fall when what the ideal level leaves out is allowed for, to be believed. It
+#: falls by 3 ± 2 for a robot whose axes are exact, by tens for one whose axes are 0.1° off.
+BETRAYED = 8.0
 Loss = Literal["squares", "huber", "student"]
 
 #: Default tuning of each loss: Huber's bend and Student's degrees of freedom.
@@ -62,6 +68,8 @@ class Fit:
     weights: Array  #: (N,) 1, or less where a robust loss found an outlier; 0: left out
     status: Array  #: (N,) "ok", or why a line was left out
     iterations: int
+    cost: float  #: squared residuals and departures from the prior, in units of their σ
+    guarded: bool  #: whether what the ideal level leaves out was allowed for
 
     @property
     def parameters(self) -> dict[str, Learnt]:
@@ -106,6 +114,7 @@ def calibrate(
     level: Level = "ideal",
     loss: Loss = "squares",
     tuning: float | None = None,
+    model_error: ModelError = "auto",
 ) -> Fit:
     """Learn a robot's geometry from its own readings: maximum a posteriori, the poses unknown.
 
@@ -128,6 +137,10 @@ def calibrate(
         What gross errors cost: their square, their size, or next to nothing.
     tuning : float, optional
         Huber's bend (1.345 by default) or Student's degrees of freedom (4).
+    model_error : {"auto", "on", "off"}
+        Whether to allow, at the ideal level, for what it leaves out: axis errors that tilt the
+        nacelle and turn its bars, by the file's tolerances. "auto": unless the readings show no
+        sign of it. Where it is allowed for, the calibrated robot's estimates count with it too.
 
     Returns
     -------
@@ -166,21 +179,32 @@ def calibrate(
     for name, k in column.items():
         if name in prior.parameters:
             mean[k] = prior.parameters[name].mean
-    root = knowledge.root(robot, names)
-    status, iterations, xi, covariance, x, chi2, redundancy, weights, lines = (
-        _core.calibrate(
+
+    def search(guarded: bool):
+        known = knowledge.knowledge(robot, guarded=guarded)
+        return _core.calibrate(
             robot._drawn,
-            knowledge.knowledge(robot),
+            known.core,
             mean,
             rows,
             outside,
             outside_sigma,
             getattr(_core.Loss, loss),
             tuning,
-            100,
+            known.nuisances,
             robot._is_full(level),
         )
-    )
+
+    if model_error not in MODEL_ERRORS:
+        raise InputError(choose("model_error", model_error, MODEL_ERRORS))
+    can_guard = level == "ideal" and bool(knowledge.left_out(robot))
+    guarded = can_guard and model_error != "off"
+    found = search(guarded)
+    if guarded and model_error == "auto":
+        plain = search(False)
+        if plain[-1] - found[-1] < BETRAYED:
+            guarded, found = False, plain
+    status, iterations, xi, covariance, x, chi2, redundancy, weights, lines, _ = found
     if status:
         raise PoseError(
             f"{robot.name}: {len(rows)} lines of readings: "
@@ -190,13 +214,16 @@ def calibrate(
                 else f"the search ended after {iterations} steps: {_core.describe(status)}"
             )
         )
+    root = knowledge.root(robot, names)
     best = tuple(float(xi[column[name]]) for name in names)
     lower = _cholesky(covariance)
+    error = knowledge.model_error(robot)
     learnt = Calibration(
         source=f"{int((lines == 0).sum())} poses, {', '.join(robot.sensors) or 'no sensor'}",
         parameters=tuple(names),
         mean=best,
         root=tuple(tuple(map(float, lower[k, : k + 1])) for k in range(len(names))),
+        model_error=dict(zip(robot.readings, error.tolist(), strict=True)) if guarded else {},
     )
     calibrated = robot.with_calibration(learnt)
     expected = calibrated.extended(x, errors="nan", level=level)
@@ -214,6 +241,8 @@ def calibrate(
         weights=weights,
         status=np.array([_core.describe(int(s)) for s in lines]),
         iterations=iterations,
+        cost=found[-1],
+        guarded=guarded,
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from truepose.build import Array, columns
 from truepose.exceptions import InputError
 
 if TYPE_CHECKING:
-    from truepose.robot import Robot
+    from truepose.robot import Level, Robot
 
 #: σ that an unquantised, noiseless reading counts with, rad or m: no sensor is better.
 FINEST = 1e-6
@@ -51,15 +51,86 @@ def reading_sigma(robot: Robot) -> Array:
     return np.maximum(robot.reading_sigma, FINEST)
 
 
-def knowledge(robot: Robot, posterior: Array | None = None) -> _core.Knowledge:
-    """Build the core's struct; `posterior` is a root to take in place of the robot's own."""
+#: Parameters whose errors only the full level follows to the end, by the ends of their names.
+LEFT_OUT = (".yaw", ".tilt", ".rod_difference", ".rod_spacing")
+
+
+def left_out(robot: Robot) -> dict[str, float]:
+    """Return what the ideal level leaves out of this robot: axis errors of its file and their σ.
+
+    Empty where the full level is the ideal one, or does not exist.
+    """
+    kinds = _core.FullKind
+    if robot._core.full.kind != kinds.exists:
+        return {}
+    drawn = robot.with_calibration(None)
+    return {
+        name: drawn.parameters[name].sigma for name in uncertain(drawn) if name.endswith(LEFT_OUT)
+    }
+
+
+def model_error(robot: Robot) -> Array:
+    """σ by which readings differ from the ideal level's, shape (n + r,), root of the mean square.
+
+    Over the workspace, to first order in the axis errors that the file's tolerances allow.
+    """
+    errors = left_out(robot)
+    box = robot.spec.workspace
+    if not errors or box is None:
+        return np.zeros(robot.n + robot.r)
+    poses = np.random.default_rng(0).uniform(box.minimum, box.maximum, (64, robot.n))
+    names = list(robot.parameters)
+    at = [names.index(name) for name in errors]
+    full, ideal = (robot.linearise(poses, "nan", level)[1][..., at] for level in ("full", "ideal"))
+    off = (full - ideal) * np.array(list(errors.values()))
+    return np.sqrt(np.nanmean((off**2).sum(axis=-1), axis=0))
+
+
+def knowledge(
+    robot: Robot,
+    posterior: Array | None = None,
+    *,
+    guarded: bool = False,
+    level: Level = "ideal",
+    error: Array | None = None,
+) -> Known:
+    """Build the core's struct.
+
+    Parameters
+    ----------
+    robot : Robot
+    posterior : ndarray, shape (p, p), optional
+        A root to take in place of the robot's own.
+    guarded : bool
+        Also what the ideal level leaves out, as parameters of their own behind the others.
+    level : {"ideal", "full"}
+        That the readings are understood by.
+    error : ndarray, shape (n + r,), optional
+        σ of what the ideal level leaves out of each reading; by default what a calibration says.
+    """
     names = uncertain(robot)
     column = dict(columns(robot.spec, robot._sensors))
-    return _core.Knowledge(
-        [column[name] for name in names],
-        root(robot, names) if posterior is None else posterior,
-        reading_sigma(robot),
-    )
+    at = [column[name] for name in names]
+    lower = root(robot, names) if posterior is None else posterior
+    errors = left_out(robot) if guarded else {}
+    if errors:
+        at += [robot._core.parameter_count + column[name] for name in errors]
+        whole = np.diag([0.0] * len(names) + list(errors.values()))
+        whole[: len(names), : len(names)] = lower
+        lower = whole
+    learnt = robot.spec.calibration
+    if error is None and learnt is not None and level == "ideal" and not errors:
+        error = np.array([learnt.model_error.get(name, 0.0) for name in robot.readings])
+    sigma = reading_sigma(robot) if error is None else np.hypot(reading_sigma(robot), error)
+    return Known(_core.Knowledge(at, lower, sigma), len(names), len(errors))
+
+
+class Known(NamedTuple):
+    """What is known, as the core takes it."""
+
+    core: _core.Knowledge
+    parameters: int  #: p
+    nuisances: int  #: behind them
 
 
 def require_uncertain(robot: Robot) -> list[str]:

@@ -165,6 +165,11 @@ class Robot:
         return self._spec.sensors
 
     @property
+    def readings(self) -> tuple[str, ...]:
+        """Names of the extended positions q_e: q1 … qn, then the sensors in use."""
+        return (*(f"q{i + 1}" for i in range(self.n)), *self.sensors)
+
+    @property
     def home(self) -> Array:
         """A pose well inside the workspace, shape (n,)."""
         return np.array(self._spec.home)
@@ -578,7 +583,11 @@ class Robot:
         rows, lead = self._rows(q_e, self.n + self.r, "q_e", errors)
         start = self._guesses(guess, lead, errors)
         x, covariance, chi2, status, chain = _core.estimate(
-            self._core, knowledge.knowledge(self), rows, start, self._is_full(level)
+            self._core,
+            knowledge.knowledge(self, level=level).core,
+            rows,
+            start,
+            self._is_full(level),
         )
         self._check("reading", rows, lead, status, chain, errors, name="q_e")
         words = np.array([_core.describe(int(s)) for s in status])

@@ -184,6 +184,10 @@ class Calibration(Section):
     root: tuple[tuple[Number, ...], ...] = Field(
         description="lower triangle, row by row: covariance = root · rootᵀ"
     )
+    model_error: dict[str, NonNegative] = Field(
+        default_factory=dict,
+        description="σ by which each reading departs from the ideal level (q1 … qn, sensors)",
+    )
 
     @model_validator(mode="after")
     def _square(self) -> Calibration:

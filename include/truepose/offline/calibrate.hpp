@@ -206,11 +206,13 @@ class Calibrator {
     Eigen::MatrixXd information;
     Eigen::VectorXd right;
     double damping = 0, current = cost(now);
-    int last = 0;
+    int last = 0, freedoms = 1;
+    for (const Line& line : now.line) freedoms += line.redundancy();
     result.outcome = {Status::unreachable, -1};
     while (result.iterations < settings_.iterations) {
       ++result.iterations;
       accumulate(now, information, right);
+      const double scatter = std::max(1.0, current / freedoms);  // 1 where the model is right
       information.diagonal() *= 1 + damping;
       const Eigen::VectorXd step = information.selfadjointView<Eigen::Lower>().llt().solve(right);
       if (!step.allFinite()) {
@@ -224,15 +226,15 @@ class Calibrator {
       const double gain = step.dot(right);  // predicted fall of the cost, and then some
       const bool valid = evaluate(trial, result.status) < 0;
       const double next = valid ? cost(trial) : INFINITY;
-      // Steps below 1e-4 σ no longer show in the cost, which rounds; each is a thousand times
-      // smaller than the one before, so that two of them end the search.
-      const bool small = damping == 0 && valid && gain < 1e-8 && moved_by < 1e-3;
+      // Steps below 0.01 σ no longer show in the cost, which rounds and whose poses lag by one
+      // step. Each is at most a hundredth of the one before: a few of them end the search.
+      const bool small = valid && damping < 1 && gain < 1e-4 * scatter && moved_by < 0.1 * scatter;
       if (next < current || small) {
         now = std::move(trial);
         current = next;
         damping = damping > 1e-4 ? 0.1 * damping : 0;
         last += small;
-        if (gain < 1e-14 || last == 2) {
+        if (gain < 1e-14 || last == 3) {
           result.outcome = {};
           return;
         }
