@@ -82,9 +82,11 @@ inline Outcome control(const Robot& robot, const ControlSettings& settings,
     next.started = true;
     next.position = measured;
   }
+  double sum = 0;  // of what the state will keep: one NaN in it would fail every later cycle
   const double pole = std::exp(-settings.velocity_bandwidth * settings.period);
   for (int c = 0; c < tracked; ++c) {
     track(settings, pole, measured[c], next.position[c], next.rate[c]);
+    sum += next.position[c];
     double rate = -next.rate[c];
     if (c < n)
       rate += desired[c];
@@ -113,9 +115,10 @@ inline Outcome control(const Robot& robot, const ControlSettings& settings,
     const bool pushes = limit > 0 && std::fabs(wanted) > limit && wanted * step > 0;
     if (!pushes) next.integral[i] += step;  // a saturated motor does not wind up
     torque[i] = wanted + (pushes ? 0 : step);
+    sum += wanted + step;  // before the limit, which would hide an infinite integral
     if (limit > 0) torque[i] = std::clamp(torque[i], -limit, limit);
   }
-  if (!all_finite(torque, n)) return {Status::not_finite, -1};
+  if (!std::isfinite(sum)) return {Status::not_finite, -1};
   next.torque = torque;
   next.error = error;
   state = next;
@@ -151,6 +154,8 @@ inline Outcome place_poles(const Robot& robot, const Joint& x, double frequency,
       settings.kp[m] = inertia * frequency * frequency;
       settings.kd[m] = 2 * damping * inertia * frequency;
     }
+    if (!all_finite(settings.kp, n) || !all_finite(settings.kd, n))
+      outcome = {Status::not_finite, -1};
     return outcome;
   });
 }
