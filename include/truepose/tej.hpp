@@ -56,9 +56,9 @@ inline Outcome tej(const Robot& robot, const Joint& x, ExtendedColumns& M, Exten
     if (outcome) outcome = rkm<K>(robot, closure, values, jr);
     if (!outcome) return outcome;
     tej<K>(robot, jacobians, jr, M, M_plus);
-    double sum = 0;  // of both: a row of M that overflowed counts for nothing in M⁺
-    for (int i = 0; i < kDof<K>; ++i)
-      for (int c = 0; c < kDof<K> + robot.r; ++c) sum += M[c][i] + M_plus[i][c];
+    double sum = 0;  // of each sensor's row and column: a row that overflowed leaves a column of 0
+    for (int c = kDof<K>; c < kDof<K> + robot.r; ++c)
+      for (int i = 0; i < kDof<K>; ++i) sum += M[c][i] + M_plus[i][c];
     if (!std::isfinite(sum)) outcome = {Status::not_finite, -1};
     return outcome;
   });
