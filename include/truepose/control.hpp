@@ -21,6 +21,7 @@ struct ControlSettings {
   FeedForward feed_forward = FeedForward::full;
   double period = 1e-3;              ///< s
   double velocity_bandwidth = 1500;  ///< of the velocity tracking loops, rad/s
+  double damped_below = 0;           ///< conditioning from which on J is damped (0: never)
   Joint kp{};                        ///< N·m/rad (N/m)
   Joint kd{};                        ///< N·m·s/rad
   Joint ki{};                        ///< N·m/(rad·s); 0: no integral action
@@ -49,7 +50,8 @@ inline void track(const ControlSettings& settings, double pole, double reading, 
 ///
 /// @param q_e    readings of motors and sensors, size n + r
 /// @param state  in and out; state.torque is the command
-/// @return anything but ok: the torque of the last good cycle is held, nothing else changes
+/// @return no answer: the torque of the last good cycle is held, nothing else changes;
+/// near_singular: the torque is that of the damped J
 template <Mobility K>
 inline Outcome control(const Robot& robot, const ControlSettings& settings,
                        const Setpoint& setpoint, const Extended& q_e, ControlState& state) {
@@ -58,7 +60,8 @@ inline Outcome control(const Robot& robot, const ControlSettings& settings,
       !all_finite(setpoint.rate, n) || !all_finite(setpoint.acceleration, n))
     return {Status::not_finite, -1};
   Reference<K> reference;
-  Outcome outcome = refer<K>(robot, settings.law, setpoint.x, reference);
+  Outcome outcome = refer<K>(robot, settings.law, setpoint.x, reference, settings.damped_below);
+  const Outcome regular = outcome;
   Joint error{}, error_rate{}, torque{};
   Pose estimate;
   if (outcome) outcome = motor_error<K>(robot, settings.law, reference, q_e, error, estimate);
@@ -122,7 +125,7 @@ inline Outcome control(const Robot& robot, const ControlSettings& settings,
   next.torque = torque;
   next.error = error;
   state = next;
-  return {};
+  return regular;
 }
 
 inline Outcome control(const Robot& robot, const ControlSettings& settings,
