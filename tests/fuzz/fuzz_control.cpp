@@ -13,6 +13,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   ControlSettings settings;
   settings.law = static_cast<Law>(bytes.below(3));
   settings.feed_forward = static_cast<FeedForward>(bytes.below(3));
+  if (bytes.one_in(2)) settings.damped_below = std::fabs(bytes.share());
   if (place_poles(robot, decode_pose(bytes, subject), 150, 1, settings))
     require(all_finite(settings.kp, kMaxDof) && all_finite(settings.kd, kMaxDof),
             "place_poles: ok is finite");

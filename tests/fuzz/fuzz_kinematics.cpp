@@ -35,7 +35,7 @@ void check_forward(const Robot& robot, const Joint& q, const Joint& x) {
 }
 
 template <Mobility K>
-void check_pose(const Robot& robot, const Joint& x) {
+void check_pose(const Robot& robot, const Joint& x, double band) {
   constexpr int n = kDof<K>;
   Joint q{};
   if (ikm(robot, x, q)) require(all_finite(q, n), "ikm: ok is finite");
@@ -43,10 +43,15 @@ void check_pose(const Robot& robot, const Joint& x) {
   if (jacobian(robot, x, J)) require(finite(J, n, n), "jacobian: ok is finite");
   ExtendedColumns M;
   ExtendedRows M_plus;
-  if (tej(robot, x, M, M_plus)) {
+  if (tej(robot, x, M, M_plus, band)) {
     require(finite(M, n + robot.r, n), "tej: M is finite");
     require(finite(M_plus, n, n + robot.r), "tej: M⁺ is finite");
   }
+  double parallel = 0;
+  Joint serial{};
+  if (conditioning(robot, x, parallel, serial))
+    require(parallel >= 0 && parallel < 1 + 1e-9 && all_finite(serial, n),
+            "conditioning: ok is from 0 to 1");
   Closure<K> closure;
   Jacobians<K> jacobians;
   Reading values;
@@ -68,12 +73,13 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const Robot& robot = subject.robot;
   const Joint x = decode_pose(bytes, subject), q = decode_motors(bytes, subject);
   Joint found = decode_pose(bytes, subject);
+  const double band = bytes.one_in(2) ? std::fabs(bytes.share()) : 0;
   Extended q_e{};
   for (int k = 0; k < robot.r; ++k) q_e[dof(robot.mobility) + k] = bytes.number();
   std::copy_n(q.begin(), dof(robot.mobility), q_e.begin());
   with_mobility(robot.mobility, [&](auto mobility) {
     constexpr Mobility K = mobility();
-    check_pose<K>(robot, x);
+    check_pose<K>(robot, x, band);
     const FkmResult result = fkm(robot, q, found);
     require(result.iterations <= kFkmIterations, "fkm: iterations are bounded");
     if (result) {
