@@ -41,8 +41,8 @@ class Controller:
     velocity_bandwidth : float
         Bandwidth of the velocity tracking loops (of the encoders; Cartesian law: of x̂), rad/s.
     damped_below : float
-        Damp the Jacobian where a :meth:`Robot.conditioning` of the setpoint is less, so that torques
-        stay bounded beside a singularity; 0 is never, the paper's laws.
+        Damp the Jacobian where a :meth:`Robot.conditioning` of the setpoint is less, so that
+        torques stay bounded beside a singularity; 0 is never, the paper's laws.
     """
 
     law: Law = "redundant"

@@ -2,7 +2,7 @@
 #include "decode.hpp"
 #include "truepose/control_law.hpp"
 #include "truepose/fkm.hpp"
-#include "truepose/parameters.hpp"
+#include "truepose/linearise.hpp"
 
 namespace {
 
@@ -61,8 +61,12 @@ void check_pose(const Robot& robot, const Joint& x, double band) {
     return;
   require(all_finite(values, robot.r), "rkm: ok is finite");
   require(finite(jr, robot.r, n), "rkm: J_r is finite");
-  std::vector<double> H((n + robot.r) * parameter_count(robot));
-  parameter_jacobian<K>(robot, closure, H.data());
+  std::vector<double> H_xi((n + robot.r) * parameter_count(robot));
+  Extended q_e;
+  Matrix<kMaxReadings, n> H_x;
+  if (!linearise<K>(robot, to_pose<K>(x), q_e, H_x, H_xi.data())) return;
+  require(all_finite(q_e, n + robot.r) && finite(H_x, n + robot.r, n), "linearise: H_x is finite");
+  require(all_finite(H_xi, static_cast<int>(H_xi.size())), "linearise: H_ξ is finite");
 }
 
 }  // namespace
