@@ -238,7 +238,7 @@ inline FullResult ikm_full(const Robot& robot, const Pose& pose, FullClosure<K>&
   closure.q = ideal.q();
   for (int i = 0; i < kDof<K>; ++i) closure.driven[i] = drive(robot.chain[i], closure.q[i]);
   const FullResult result = full_detail::newton<K>(robot, full_detail::Inverse<K>{robot}, closure);
-  closure.pose.theta = full_detail::theta_of(closure.pose.R, pose.theta);
+  closure.pose.theta = theta_of(closure.pose.R, pose.theta);
   return result;
 }
 
