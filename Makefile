@@ -10,14 +10,14 @@ export PATH := $(abspath $(BIN)):$(PATH)
 
 PACKAGE := $(shell find include src python robots -type f -not -name '*.pyc') \
            CMakeLists.txt pyproject.toml README.md
-CPP := $(shell find include src tests/cpp benchmarks -name '*.[hc]pp')
+CPP := $(shell find include src tests/cpp tests/fuzz benchmarks -name '*.[hc]pp')
 
 .DEFAULT_GOAL := help
-.PHONY: help reproduce test test-python test-cpp lint format realtime instructions bench pictures clean
+.PHONY: help reproduce test test-python test-cpp lint format fuzz realtime instructions bench pictures clean
 
 help:
 	@sed -n 's/^# \?//p' Makefile | sed '/^$$/q'
-	@echo "Also: lint format realtime instructions bench pictures clean"
+	@echo "Also: lint format fuzz realtime instructions bench pictures clean"
 
 reproduce: $(VENV)/installed
 	@truepose reproduce $(ARGS)
@@ -40,6 +40,19 @@ format: $(VENV)/developing
 	ruff check --fix .
 	ruff format .
 	clang-format -i $(CPP)
+
+# Each fuzz target under libFuzzer for SECONDS; what it learns stays in build/fuzz/corpus. An input that
+# breaks a promise is left in build/fuzz: hand it to the target again to see it break.
+SECONDS ?= 60
+FUZZ := kinematics full control
+fuzz: $(VENV)/developing
+	@if command -v clang++-22 >/dev/null; then \
+	  cmake --preset fuzz -DPython_EXECUTABLE=$(abspath $(BIN))/python && cmake --build --preset fuzz && \
+	  cd build/fuzz && for target in $(FUZZ); do \
+	    mkdir -p corpus/$$target && tests/fuzz/fuzz_$$target -max_total_time=$(SECONDS) -max_len=2000 \
+	      -timeout=5 -print_final_stats=1 corpus/$$target || exit 1; \
+	  done; \
+	else echo "fuzz: SKIPPED, clang++-22 is not installed (Debian: clang-22 libclang-rt-22-dev)"; fi
 
 # The control path under RealtimeSanitizer and clang's function effects.
 realtime: $(VENV)/developing

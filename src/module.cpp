@@ -157,6 +157,7 @@ void bind_control(nb::module_& m) {
       .def_rw("feed_forward", &ControlSettings::feed_forward)
       .def_rw("period", &ControlSettings::period)
       .def_rw("velocity_bandwidth", &ControlSettings::velocity_bandwidth)
+      .def_rw("damped_below", &ControlSettings::damped_below)
       .def_rw("kp", &ControlSettings::kp)
       .def_rw("kd", &ControlSettings::kd)
       .def_rw("ki", &ControlSettings::ki)

@@ -124,7 +124,7 @@ auto batch_jacobian(const Robot& robot, const Rows& x, bool full) {
   return nb::make_tuple(values.release(), outcomes.status.release(), outcomes.chain.release());
 }
 
-auto batch_tej(const Robot& robot, const Rows& x) {
+auto batch_tej(const Robot& robot, const Rows& x, double band) {
   const std::size_t count = x.shape(0), n = x.shape(1), e = n + robot.r;
   Owned<double> m({count, e, n}), plus({count, n, e});
   Outcomes outcomes(count);
@@ -133,7 +133,7 @@ auto batch_tej(const Robot& robot, const Rows& x) {
     for (std::size_t i = 0; i < count; ++i) {
       ExtendedColumns M;
       ExtendedRows M_plus;
-      const Outcome outcome = tej(robot, row<Joint>(x, i), M, M_plus);
+      const Outcome outcome = tej(robot, row<Joint>(x, i), M, M_plus, band);
       outcomes.set(i, outcome);
       for (std::size_t k = 0; k < e * n; ++k) {
         m[i][k] = outcome ? M[k / n][k % n] : NAN;
@@ -143,6 +143,17 @@ auto batch_tej(const Robot& robot, const Rows& x) {
   }
   return nb::make_tuple(m.release(), plus.release(), outcomes.status.release(),
                         outcomes.chain.release());
+}
+
+/// Type 2 of every pose, then type 1 of each of its chains, (N, 1 + n).
+auto batch_conditioning(const Robot& robot, const Rows& x) {
+  return map_rows<Joint, std::array<double, 1 + kMaxDof>>(
+      x, 1 + x.shape(1), [&](const Joint& at, auto& values, std::size_t) {
+        Joint serial{};
+        const Outcome outcome = conditioning(robot, at, values[0], serial);
+        std::copy(serial.begin(), serial.end(), values.begin() + 1);
+        return outcome;
+      });
 }
 
 /// H_x = [J⁻¹; J_r], (N, n + r, n), and H_ξ in the core's own order, (N, n + r, p).
@@ -247,6 +258,7 @@ auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSetti
   const std::size_t count = log.size();
   Owned<double> time({count}), x_d({count, n}), x({count, n}), q_e({count, e}), error({count, n}),
       torque({count, n});
+  Owned<bool> near_singular({count});
   for (std::size_t i = 0; i < count; ++i) {
     *time[i] = log[i].time;
     std::memcpy(x_d[i], log[i].x_d.data(), n * sizeof(double));
@@ -254,10 +266,11 @@ auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSetti
     std::memcpy(q_e[i], log[i].q_e.data(), e * sizeof(double));
     std::memcpy(error[i], log[i].error.data(), n * sizeof(double));
     std::memcpy(torque[i], log[i].torque.data(), n * sizeof(double));
+    *near_singular[i] = log[i].status == Status::near_singular;
   }
   return nb::make_tuple(static_cast<int>(outcome.status), outcome.chain, time.release(),
                         x_d.release(), x.release(), q_e.release(), error.release(),
-                        torque.release());
+                        torque.release(), near_singular.release());
 }
 
 }  // namespace
@@ -270,6 +283,7 @@ void bind_batch(nb::module_& m) {
   m.def("redundant_fkm", &batch_redundant_fkm);
   m.def("jacobian", &batch_jacobian);
   m.def("tej", &batch_tej);
+  m.def("conditioning", &batch_conditioning);
   m.def("settle", &batch_settle);
   m.def("linearise", &batch_linearise);
   m.def("skeleton", &skeleton);

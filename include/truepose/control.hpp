@@ -21,6 +21,7 @@ struct ControlSettings {
   FeedForward feed_forward = FeedForward::full;
   double period = 1e-3;              ///< s
   double velocity_bandwidth = 1500;  ///< of the velocity tracking loops, rad/s
+  double damped_below = 0;           ///< conditioning from which on J is damped (0: never)
   Joint kp{};                        ///< N·m/rad (N/m)
   Joint kd{};                        ///< N·m·s/rad
   Joint ki{};                        ///< N·m/(rad·s); 0: no integral action
@@ -49,7 +50,8 @@ inline void track(const ControlSettings& settings, double pole, double reading, 
 ///
 /// @param q_e    readings of motors and sensors, size n + r
 /// @param state  in and out; state.torque is the command
-/// @return anything but ok: the torque of the last good cycle is held, nothing else changes
+/// @return no answer: the torque of the last good cycle is held, nothing else changes;
+/// near_singular: the torque is that of the damped J
 template <Mobility K>
 inline Outcome control(const Robot& robot, const ControlSettings& settings,
                        const Setpoint& setpoint, const Extended& q_e, ControlState& state) {
@@ -58,7 +60,8 @@ inline Outcome control(const Robot& robot, const ControlSettings& settings,
       !all_finite(setpoint.rate, n) || !all_finite(setpoint.acceleration, n))
     return {Status::not_finite, -1};
   Reference<K> reference;
-  Outcome outcome = refer<K>(robot, settings.law, setpoint.x, reference);
+  Outcome outcome = refer<K>(robot, settings.law, setpoint.x, reference, settings.damped_below);
+  const Outcome regular = outcome;
   Joint error{}, error_rate{}, torque{};
   Pose estimate;
   if (outcome) outcome = motor_error<K>(robot, settings.law, reference, q_e, error, estimate);
@@ -82,9 +85,11 @@ inline Outcome control(const Robot& robot, const ControlSettings& settings,
     next.started = true;
     next.position = measured;
   }
+  double sum = 0;  // of what the state will keep: one NaN in it would fail every later cycle
   const double pole = std::exp(-settings.velocity_bandwidth * settings.period);
   for (int c = 0; c < tracked; ++c) {
     track(settings, pole, measured[c], next.position[c], next.rate[c]);
+    sum += next.position[c];
     double rate = -next.rate[c];
     if (c < n)
       rate += desired[c];
@@ -113,13 +118,14 @@ inline Outcome control(const Robot& robot, const ControlSettings& settings,
     const bool pushes = limit > 0 && std::fabs(wanted) > limit && wanted * step > 0;
     if (!pushes) next.integral[i] += step;  // a saturated motor does not wind up
     torque[i] = wanted + (pushes ? 0 : step);
+    sum += wanted + step;  // before the limit, which would hide an infinite integral
     if (limit > 0) torque[i] = std::clamp(torque[i], -limit, limit);
   }
-  if (!all_finite(torque, n)) return {Status::not_finite, -1};
+  if (!std::isfinite(sum)) return {Status::not_finite, -1};
   next.torque = torque;
   next.error = error;
   state = next;
-  return {};
+  return regular;
 }
 
 inline Outcome control(const Robot& robot, const ControlSettings& settings,
@@ -151,6 +157,8 @@ inline Outcome place_poles(const Robot& robot, const Joint& x, double frequency,
       settings.kp[m] = inertia * frequency * frequency;
       settings.kd[m] = 2 * damping * inertia * frequency;
     }
+    if (!all_finite(settings.kp, n) || !all_finite(settings.kd, n))
+      outcome = {Status::not_finite, -1};
     return outcome;
   });
 }

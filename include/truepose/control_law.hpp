@@ -23,22 +23,27 @@ struct Reference {
   ExtendedRows tej;
 };
 
-/// @return joint_limit where a motor would have to pass its stops; branch_lost where x_d lies in
-/// another assembly mode than the robot's home
+/// @param band  conditioning below which J and J⁻¹ are damped (0: nowhere, the paper's law)
+/// @return near_singular where they are; joint_limit where a motor would have to pass its stops;
+/// branch_lost where x_d lies in another assembly mode than
+/// the robot's home (in the band, where the modes meet, both are its own)
 template <Mobility K>
-inline Outcome refer(const Robot& robot, Law law, const Joint& x_d, Reference<K>& reference) {
+inline Outcome refer(const Robot& robot, Law law, const Joint& x_d, Reference<K>& reference,
+                     double band = 0) {
   Outcome outcome = ikm<K>(robot, to_pose<K>(x_d), reference.closure);
   if (outcome) outcome = within_limits(robot, reference.closure.q());
-  if (outcome) outcome = jacobian<K>(reference.closure, reference.jacobians);
+  if (outcome) outcome = jacobian<K>(reference.closure, band, reference.jacobians);
+  const Outcome regular = outcome;
   if (outcome) outcome = rkm<K>(robot, reference.closure, reference.r, reference.jr);
   // On the other side of a singularity the motors would have to pass through it to get there.
-  if (outcome && robot.assembly_sign != 0 &&
+  const bool modes_meet = regular.status == Status::near_singular && regular.chain < 0;
+  if (outcome && !modes_meet && robot.assembly_sign != 0 &&
       assembly_sign<K>(reference.jacobians) != robot.assembly_sign)
     outcome = {Status::branch_lost, -1};
   if (!outcome) return outcome;
   if (law == Law::redundant)
     tej<K>(robot, reference.jacobians, reference.jr, reference.M, reference.tej);
-  return outcome;
+  return regular;
 }
 
 /// Redundant FKM: orientation from its sensor (or fixed by the mobility), position from all

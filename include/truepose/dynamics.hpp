@@ -171,7 +171,7 @@ inline double friction(const Chain& chain, double rate) {
 }
 
 /// Acceleration ẍ under motor torques.
-/// @return unreachable, singular, or ok
+/// @return unreachable, singular, not_finite, or ok
 template <Mobility K>
 inline Outcome forward_dynamics(const Robot& robot, const Pose& pose, const Joint& rate,
                                 const Joint& torque, Joint& acceleration) {
@@ -193,6 +193,7 @@ inline Outcome forward_dynamics(const Robot& robot, const Pose& pose, const Join
   if (!factor.regular()) return {Status::singular, -1};
   factor.solve(force);
   for (int j = 0; j < n; ++j) acceleration[j] = force[j];
+  if (!all_finite(acceleration, n)) return {Status::not_finite, -1};
   return outcome;
 }
 

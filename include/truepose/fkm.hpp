@@ -99,6 +99,8 @@ TRUEPOSE_FLATTEN inline FkmResult fkm(const Robot& robot, const Joint& q, Pose& 
   } while (result.iterations < kFkmIterations && damping < 1e12);
 
   pose = current->pose;
+  if constexpr (kTurnsAboutZ<K>)
+    if (std::fabs(pose.theta) > 1000) pose.theta = theta_of(pose.R, pose.theta);
   result.residual = current->residual;
   if (!(current->residual < 1e-12 * scale)) {
     result.status = Status::unreachable;

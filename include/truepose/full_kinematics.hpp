@@ -99,12 +99,6 @@ inline double square_sum(const FullClosure<K>& at, const std::array<Vec3, kRods<
   return sum;
 }
 
-/// The turn θ of R, next to the turn `near`.
-inline double theta_of(const Mat3& R, double near) {
-  const double theta = std::atan2(R(1, 0), R(0, 0));
-  return theta + 2 * M_PI * std::nearbyint((near - theta) / (2 * M_PI));
-}
-
 /// The motors stand still, the nacelle and its bars move: unknowns D, R, ψ.
 template <Mobility K>
 struct Forward {
@@ -223,7 +217,7 @@ inline FullResult fkm_full(const Robot& robot, const Joint& q, FullPose& pose,
   const full_detail::Forward<K> forward{robot};
   FullResult result = full_detail::newton<K>(robot, forward, closure);
   pose = closure.pose;
-  pose.theta = full_detail::theta_of(pose.R, pose.theta);
+  pose.theta = theta_of(pose.R, pose.theta);
   closure.pose.theta = pose.theta;
   if (result) {
     full_detail::Rows<K> A;
@@ -244,7 +238,7 @@ inline FullResult ikm_full(const Robot& robot, const Pose& pose, FullClosure<K>&
   closure.q = ideal.q();
   for (int i = 0; i < kDof<K>; ++i) closure.driven[i] = drive(robot.chain[i], closure.q[i]);
   const FullResult result = full_detail::newton<K>(robot, full_detail::Inverse<K>{robot}, closure);
-  closure.pose.theta = full_detail::theta_of(closure.pose.R, pose.theta);
+  closure.pose.theta = theta_of(closure.pose.R, pose.theta);
   return result;
 }
 

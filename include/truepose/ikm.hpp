@@ -23,12 +23,15 @@ struct Closure {
 template <Mobility K, bool NeedAngle = true>
 inline Outcome ikm(const Robot& robot, const Pose& pose, Closure<K>& closure) {
   closure.pose = pose;
-  for (int i = 0; i < kDof<K>; ++i)
+  double sum = 0;  // a NaN, or a product that overflowed, shows in it
+  for (int i = 0; i < kDof<K>; ++i) {
     if (!close<K, NeedAngle>(robot.chain[i], pose, closure.chain[i])) {
       const bool finite = pose.D.allFinite() && pose.R.allFinite();
       return {finite ? Status::unreachable : Status::not_finite, i};
     }
-  return {};
+    if constexpr (NeedAngle) sum += closure.chain[i].q;
+  }
+  return {std::isfinite(sum) ? Status::ok : Status::not_finite, -1};
 }
 
 /// q = IKM(x) for coordinates x of any mobility.

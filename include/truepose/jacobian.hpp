@@ -84,9 +84,11 @@ inline Outcome jacobian(const Robot& robot, const Joint& x, JointMatrix& J) {
     Outcome outcome = ikm<K, false>(robot, to_pose<K>(x), closure);
     Jacobians<K> jacobians;
     if (outcome) outcome = jacobian<K>(closure, jacobians);
-    if (outcome)
-      for (int i = 0; i < kDof<K>; ++i)
-        for (int j = 0; j < kDof<K>; ++j) J[i][j] = jacobians.J[i][j];
+    if (!outcome) return outcome;
+    double sum = 0;
+    for (int i = 0; i < kDof<K>; ++i)
+      for (int j = 0; j < kDof<K>; ++j) sum += J[i][j] = jacobians.J[i][j];
+    if (!std::isfinite(sum)) outcome = {Status::not_finite, -1};
     return outcome;
   });
 }

@@ -12,7 +12,7 @@ namespace truepose {
 /// @param H_xi  out: along ξ at fixed pose, (n + r) rows of parameter_count(robot), in memory the
 ///              caller owns, directions as free vectors (parameters.hpp); or nullptr
 /// @return unreachable; singular where J has no inverse or an arm is stretched; not_finite where
-/// a sensor has no reading
+/// a sensor has no reading or one of the derivatives is not finite
 template <Mobility K>
 inline Outcome linearise(const Robot& robot, const Pose& pose, Extended& q_e,
                          Matrix<kMaxReadings, kDof<K>>& H_x, double* H_xi) {
@@ -33,7 +33,15 @@ inline Outcome linearise(const Robot& robot, const Pose& pose, Extended& q_e,
     q_e[n + k] = values[k];
     H_x[n + k] = jr[k];
   }
-  if (H_xi) parameter_jacobian<K>(robot, closure, H_xi);
+  double sum = 0;  // a NaN shows in it
+  for (int c = 0; c < n + robot.r; ++c)
+    for (const double entry : H_x[c]) sum += entry;
+  if (H_xi) {
+    parameter_jacobian<K>(robot, closure, H_xi);
+    const double* end = H_xi + (n + robot.r) * parameter_count(robot);
+    for (const double* entry = H_xi; entry != end; ++entry) sum += *entry;
+  }
+  if (!std::isfinite(sum)) outcome = {Status::not_finite, -1};
   return outcome;
 }
 

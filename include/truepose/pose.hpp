@@ -80,6 +80,14 @@ inline Vec3 log_so3(const Mat3& R) {
   return scale * quaternion.vec();
 }
 
+/// θ next to `near`, turns and all, from R. Beyond 1000 rad the turns would cost θ its last digits
+/// (1e-13 rad): they are given up.
+inline double theta_of(const Mat3& R, double near) {
+  const double theta = std::atan2(R(1, 0), R(0, 0));
+  if (!(std::fabs(near) < 1000)) return theta;
+  return theta + 2 * M_PI * std::nearbyint((near - theta) / (2 * M_PI));
+}
+
 template <Mobility K>
 inline Pose to_pose(const Joint& x) {
   Pose pose;

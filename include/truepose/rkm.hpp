@@ -7,13 +7,16 @@ namespace truepose {
 
 /// r = RKM(x) and J_r = ∂r/∂x (r rows of n) at a closed pose.
 /// @return not_finite where a sensor has no reading (a telemeter along its own plane, a rod across
-/// its joint's plane)
+/// its joint's plane), or one without a derivative (a draw-wire of no length)
 template <Mobility K>
 inline Outcome rkm(const Robot& robot, const Closure<K>& closure, Reading& values,
                    Matrix<kMaxSensors, kDof<K>>& jr) {
-  for (int k = 0; k < robot.r; ++k)
-    values[k] = read<K>(robot, robot.sensor[k], closure, jr[k].data());
-  return {all_finite(values, robot.r) ? Status::ok : Status::not_finite, -1};
+  double sum = 0;  // a NaN shows in it
+  for (int k = 0; k < robot.r; ++k) {
+    sum += values[k] = read<K>(robot, robot.sensor[k], closure, jr[k].data());
+    for (const double entry : jr[k]) sum += entry;
+  }
+  return {std::isfinite(sum) ? Status::ok : Status::not_finite, -1};
 }
 
 /// r = RKM(x) for coordinates x of any mobility.

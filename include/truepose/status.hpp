@@ -3,21 +3,24 @@
 
 namespace truepose {
 
-/// Result of every core function. Nothing throws; whoever calls looks at this.
+/// Result of every core function. Nothing throws; whoever calls looks at this. Below 0: an answer
+/// with a warning; above 0: no answer.
 enum class Status : int {
-  ok = 0,             ///< converged / computed; the outputs are finite
-  unreachable = 1,    ///< no position of the mechanism closes the loops
-  singular = 2,       ///< J_x or J_q loses rank: the answer is not determined
-  branch_lost = 3,    ///< closed, but in another working or assembly mode than the robot's
-  not_finite = 4,     ///< an input is NaN or infinite
-  not_measured = 5,   ///< the sensors do not determine what the law needs
-  no_full_level = 6,  ///< the rods are too many, too few or unknown to be solved for one by one
-  joint_limit = 7,    ///< a motor would have to pass one of its stops
+  near_singular = -1,  ///< damped, as asked for: finite and bounded, not the exact law's answer
+  ok = 0,              ///< converged / computed; the outputs are finite
+  unreachable = 1,     ///< no position of the mechanism closes the loops
+  singular = 2,        ///< J_x or J_q loses rank: the answer is not determined
+  branch_lost = 3,     ///< closed, but in another working or assembly mode than the robot's
+  not_finite = 4,      ///< an input is NaN or infinite
+  not_measured = 5,    ///< the sensors do not determine what the law needs
+  no_full_level = 6,   ///< the rods are too many, too few or unknown to be solved for one by one
+  joint_limit = 7,     ///< a motor would have to pass one of its stops
 };
 
 /// What a status says, for people.
 constexpr const char* describe(Status status) {
   switch (status) {
+    case Status::near_singular: return "near singular";
     case Status::ok: return "ok";
     case Status::unreachable: return "unreachable";
     case Status::singular: return "singular";
@@ -30,11 +33,12 @@ constexpr const char* describe(Status status) {
   return "unknown status";
 }
 
-/// Status and the chain that caused it (0-based, -1: none in particular).
+/// Status and the chain that caused it (0-based, -1: none in particular). True where there is an
+/// answer.
 struct Outcome {
   Status status = Status::ok;
   int chain = -1;
-  constexpr explicit operator bool() const { return status == Status::ok; }
+  constexpr explicit operator bool() const { return status <= Status::ok; }
 };
 
 }  // namespace truepose

@@ -1,7 +1,7 @@
 // How do redundant readings correct the motors? The extended-to-joint matrix (TEJ).
 #pragma once
 
-#include "truepose/jacobian.hpp"
+#include "truepose/damping.hpp"
 #include "truepose/rkm.hpp"
 
 namespace truepose {
@@ -43,20 +43,26 @@ inline void tej(const Robot& robot, const Jacobians<K>& jacobians,
   }
 }
 
-/// M and M⁺ at coordinates x.
-inline Outcome tej(const Robot& robot, const Joint& x, ExtendedColumns& M, ExtendedRows& M_plus) {
+/// M and M⁺ at coordinates x. @param band  conditioning below which J is damped (0: the paper's)
+/// @return near_singular where it is damped
+inline Outcome tej(const Robot& robot, const Joint& x, ExtendedColumns& M, ExtendedRows& M_plus,
+                   double band = 0) {
   return with_mobility(robot.mobility, [&](auto mobility) {
     constexpr Mobility K = mobility();
     Closure<K> closure;
     Jacobians<K> jacobians;
     Outcome outcome = ikm<K, false>(robot, to_pose<K>(x), closure);
-    if (outcome) outcome = jacobian<K>(closure, jacobians);
+    if (outcome) outcome = jacobian<K>(closure, band, jacobians);
+    const Outcome regular = outcome;
     Reading values;
     Matrix<kMaxSensors, kDof<K>> jr;
     if (outcome) outcome = rkm<K>(robot, closure, values, jr);
     if (!outcome) return outcome;
     tej<K>(robot, jacobians, jr, M, M_plus);
-    return outcome;
+    double sum = 0;  // of each sensor's row and column: a row that overflowed leaves a column of 0
+    for (int c = kDof<K>; c < kDof<K> + robot.r; ++c)
+      for (int i = 0; i < kDof<K>; ++i) sum += M[c][i] + M_plus[i][c];
+    return std::isfinite(sum) ? regular : Outcome{Status::not_finite, -1};
   });
 }
 

@@ -55,6 +55,13 @@ class Estimate(NamedTuple):
     status: Array  #: (...) "ok", or why not
 
 
+class Conditioning(NamedTuple):
+    """How far from singular a pose is: 0 singular, 1 as good as it gets."""
+
+    parallel: Array  #: (...) inverse condition number of the rods' lines; 0: type 2, J infinite
+    serial: Array  #: (..., n) share of B's motion along the rod; 0: type 1, arm and rod in line
+
+
 @dataclass(frozen=True)
 class FullLevel:
     """Whether a robot's rods can be solved for one by one; true if they can."""
@@ -619,8 +626,35 @@ class Robot:
         self._check("pose", rows, lead, status, chain, errors)
         return J.reshape(*lead, self.n, self.n)
 
-    def tej(self, x: ArrayLike, errors: Errors = "raise") -> tuple[Array, Array]:
+    def conditioning(self, x: ArrayLike, errors: Errors = "raise") -> Conditioning:
+        """How far from singular the robot is at x, free of its size and of its units, 0 to 1.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> parallel, serial = tp.load("h4").conditioning([0.05, 0, -0.4, 0.2])
+        >>> round(float(parallel), 3), serial.round(3).tolist()
+        (0.813, [0.854, 0.914, 0.873, 0.887])
+        """
+        rows, lead = self._rows(x, self.n, "x", errors)
+        values, status, chain = _core.conditioning(self._core, rows)
+        self._check("pose", rows, lead, status, chain, errors)
+        return Conditioning(values[:, 0].reshape(lead), values[:, 1:].reshape(*lead, self.n))
+
+    def tej(
+        self, x: ArrayLike, errors: Errors = "raise", damped_below: float = 0.0
+    ) -> tuple[Array, Array]:
         """Extended-to-joint matrix of the paper, at x.
+
+        Parameters
+        ----------
+        x : array_like, shape (..., n)
+            Poses, m and rad.
+        errors : {"raise", "nan"}
+            What to do with a pose that cannot be reached, or is singular.
+        damped_below : float
+            Damp J where a :meth:`conditioning` is less (0: nowhere, the paper's TEJ): finite and
+            bounded on a singularity too, and the paper's to the last bit elsewhere.
 
         Returns
         -------
@@ -636,8 +670,9 @@ class Robot:
         >>> bool(np.allclose(M_plus @ M, np.eye(4), atol=1e-12))
         True
         """
+        fraction("damped_below", damped_below)
         rows, lead = self._rows(x, self.n, "x", errors)
-        M, M_plus, status, chain = _core.tej(self._core, rows)
+        M, M_plus, status, chain = _core.tej(self._core, rows, damped_below)
         self._check("pose", rows, lead, status, chain, errors)
         size = self.n + self.r
         return M.reshape(*lead, size, self.n), M_plus.reshape(*lead, self.n, size)
@@ -733,9 +768,9 @@ class Robot:
     def _check(
         self, what, rows, lead, status, chain, errors, name="x", level: Level = "ideal"
     ) -> None:
-        if errors == "nan" or not status.any():
+        if errors == "nan" or not (status > 0).any():  # below 0: an answer, with a warning
             return
-        k = int(np.flatnonzero(status)[0])
+        k = int(np.flatnonzero(status > 0)[0])
         index = f" {tuple(int(i) for i in np.unravel_index(k, lead))}" if lead else ""
         guilty = f"chain {chain[k] + 1}: " if chain[k] >= 0 else ""
         beyond = ""
@@ -757,3 +792,9 @@ def check_seed(seed: int) -> int:
 
 def _list(values: Array) -> str:
     return "[" + ", ".join(f"{v:.6g}" for v in values) + "]"
+
+
+def fraction(name: str, value: float) -> None:
+    """Raise InputError unless the value is a number from 0 to 1."""
+    if not (isinstance(value, numbers.Real) and 0 <= value <= 1):
+        raise InputError(f"{name} = {value}: must be a number from 0 to 1")

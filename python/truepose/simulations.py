@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from truepose import _core, paper_data
 from truepose.exceptions import InputError, PoseError, choose
-from truepose.robot import Array, Errors, Robot, check_seed
+from truepose.robot import Array, Errors, Robot, check_seed, fraction
 
 Law = Literal["joint", "redundant", "cartesian"]
 FeedForward = Literal["none", "gravity", "full"]
@@ -40,6 +40,9 @@ class Controller:
         Control period, s.
     velocity_bandwidth : float
         Bandwidth of the velocity tracking loops (of the encoders; Cartesian law: of x̂), rad/s.
+    damped_below : float
+        Damp the Jacobian where a :meth:`Robot.conditioning` of the setpoint is less, so that
+        torques stay bounded beside a singularity; 0 is never, the paper's laws.
     """
 
     law: Law = "redundant"
@@ -49,6 +52,7 @@ class Controller:
     feed_forward: FeedForward = "full"
     period: float = 1e-3
     velocity_bandwidth: float = 1500.0
+    damped_below: float = 0.0
 
     def __post_init__(self):
         if self.law not in LAWS:
@@ -59,6 +63,7 @@ class Controller:
             _positive(name, getattr(self, name))
         if not (math.isfinite(self.integral) and self.integral >= 0):
             raise InputError(f"integral = {self.integral}: must be a finite number of at least 0")
+        fraction("damped_below", self.damped_below)
 
     def settings(self, robot: Robot, x: ArrayLike) -> _core.ControlSettings:
         """Return the core's settings, with the gains placed at the pose x."""
@@ -69,6 +74,7 @@ class Controller:
         settings.feed_forward = getattr(_core.FeedForward, self.feed_forward)
         settings.period = self.period
         settings.velocity_bandwidth = self.velocity_bandwidth
+        settings.damped_below = self.damped_below
         pose = _pose(robot, x, "x")
         status, _ = settings.place_poles(robot._core, pose, self.frequency, self.damping)
         if status:
@@ -90,6 +96,7 @@ class Simulation:
     q_e: Array  #: (T, n + r) as read
     motor_error: Array  #: (T, n) ê_q of the law
     torque: Array  #: (T, n)
+    near_singular: Array  #: (T,) bool: the controller's Jacobian was damped
 
     @property
     def error(self) -> Array:
@@ -231,7 +238,7 @@ def simulate(
         [*at_rest[0], *[0.0] * (6 - robot.n)],
         check_seed(seed),
     )
-    if status:
+    if status > 0:
         guilty = f"chain {chain + 1}: " if chain >= 0 else ""
         raise PoseError(
             f"{robot.name}: simulation stopped after {len(log[0]) * controller.period:.3f} s: "

@@ -32,6 +32,43 @@ def spoiled(text: str, rng: np.random.Generator) -> str:
     return text
 
 
+def torn(text: str, rng: np.random.Generator) -> bytes:
+    """Random bytes, or a robot file with bytes put in, lines lost, moved or doubled, or its end."""
+    data, at = text.encode(), int(rng.integers(len(text)))
+    lines = data.splitlines(keepends=True)
+    noise = rng.bytes(int(rng.integers(40)))
+    some = rng.integers(len(lines), size=len(lines))
+    return [
+        rng.bytes(int(rng.integers(2000))),
+        data[:at] + noise + data[at:],
+        data[:at] + noise + data[at + len(noise) :],
+        data[:at],
+        b"".join(rng.permutation(np.array(lines, dtype=object))),
+        b"".join(lines[k] for k in sorted(some)),
+        b"".join(line for line, k in zip(lines, some, strict=True) if k > 1),
+    ][rng.integers(7)]
+
+
+def test_torn_files_and_random_bytes_are_refused_line_by_line_or_read(rng, tmp_path, count):
+    texts = [path.read_text(encoding="utf-8") for path in robot_file.shipped().values()]
+    path = tmp_path / "torn.toml"
+    refused = 0
+    for _ in range(max(count // 500, 50)):
+        path.write_bytes(torn(texts[rng.integers(len(texts))], rng))
+        try:
+            robot, problems = checking.check(path)
+        except tp.RobotFileError as error:  # not text
+            robot, problems = None, [str(error)]
+        assert (robot is None) == bool(problems)
+        assert all("\n" not in line for line in problems)
+        refused += robot is None
+        if robot is None:
+            with pytest.raises(tp.RobotFileError) as raised:
+                tp.load(path)
+            assert "\n" not in str(raised.value)
+    assert refused > 20
+
+
 @pytest.mark.parametrize("name", tp.robots())
 def test_a_spoiled_file_is_a_robot_or_one_line_a_problem(name, rng, tmp_path, count):
     text = robot_file.shipped()[name].read_text(encoding="utf-8")

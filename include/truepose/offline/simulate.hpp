@@ -22,6 +22,7 @@ struct Sample {
   Extended q_e;  ///< as read
   Joint error;   ///< ê_q
   Joint torque;
+  Status status;  ///< of the controller: ok or near_singular
 };
 
 /// Runs the loop; `write(sample)` is called once per period, end included. The robot starts at
@@ -41,7 +42,8 @@ inline Outcome simulate(const Robot& nominal, const Robot& truth, const ControlS
     Outcome outcome = measure<K>(truth, plant.pose, random, q_e);
     if (outcome) outcome = control<K>(nominal, settings, setpoint, q_e, state);
     if (!outcome) return outcome;
-    write(Sample{time, setpoint.x, to_coordinates<K>(plant.pose), q_e, state.error, state.torque});
+    write(Sample{time, setpoint.x, to_coordinates<K>(plant.pose), q_e, state.error, state.torque,
+                 outcome.status});
     if (k < periods) outcome = advance<K>(truth, state.torque, settings.period, run.steps, plant);
     if (!outcome) return outcome;
   }

@@ -24,8 +24,9 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
   constexpr int n = kDof<K>;
   const Law law = settings.control.law;
   Reference<K> reference;
-  Outcome outcome = refer<K>(nominal, law, x_d, reference);
+  Outcome outcome = refer<K>(nominal, law, x_d, reference, settings.control.damped_below);
   if (!outcome) return outcome;
+  const Outcome regular = outcome;
   const auto hold = [](const Robot& robot, const Closure<K>& closure,
                        const Matrix<kDof<K>, kDof<K>>& J, Joint& torque) {
     DynamicModel<K> model;
@@ -73,7 +74,7 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
     // Linear convergence: stop at rounding, or where steps of that size no longer shrink.
     if (size < 1e-14 || (size < 1e-12 && size >= last)) {
       x = to_coordinates<K>(pose);
-      return {};
+      return regular;
     }
     last = size;
   }

@@ -1,0 +1,324 @@
+// Does a robot stay bounded beside and on its singularities, and the paper's law elsewhere?
+#include <Eigen/Dense>
+
+#include "mechanisms.hpp"
+#include "truepose/control.hpp"
+#include "truepose/offline/statics.hpp"
+
+using namespace mechanisms;
+
+namespace {
+
+using Dense = Eigen::MatrixXd;
+
+constexpr double kBand = 0.05;
+const double kGain = 2 / (std::sqrt(3.0) * kBand);  ///< what no damped gain exceeds
+
+/// A straight path of poses that crosses a singularity of type 2.
+struct Crossing {
+  Mechanism mechanism;
+  Joint from, to;
+};
+
+/// An H4 with its arms at right angles, as one would draw it first; turned far it is singular.
+Mechanism symmetric_h4() {
+  Mechanism mechanism = h4();
+  mechanism.name = "symmetric H4";
+  constexpr double R = 0.14, h = 0.06, d = 0.06, alpha[]{0, 180, 270, 90};
+  const Vec3 inner[]{{h, d, 0}, {-h, d, 0}, {-h, -d, 0}, {h, -d, 0}};
+  for (int i = 0; i < 4; ++i) {
+    Chain& chain = mechanism.robot.chain[i];
+    chain.zero = polar(1, alpha[i]);
+    chain.axis = Vec3::UnitZ().cross(chain.zero);
+    chain.base = inner[i] + R * chain.zero;
+  }
+  if (!finish(mechanism.robot)) std::printf("%s: home is singular\n", mechanism.name);
+  return mechanism;
+}
+
+/// Calls f(crossing, mobility constant) for each.
+template <class F>
+void for_each_crossing(F&& f) {
+  const Crossing all[]{{five_bar(), {0.01, 0.33}, {0.01, 0.05}},
+                       {planar("3-RRR", Actuator::revolute), {0.01, 0.02, 0.1}, {0.01, 0.02, 0.8}},
+                       {symmetric_h4(), {0.03, 0.02, -0.35, -0.3}, {0.03, 0.02, -0.35, -1.2}}};
+  for (const Crossing& crossing : all) {
+    check::state().scene = crossing.mechanism.name;
+    with_mobility(crossing.mechanism.robot.mobility, [&](auto mobility) { f(crossing, mobility); });
+  }
+}
+
+Joint between(const Crossing& crossing, double part) {
+  Joint x{};
+  for (int i = 0; i < kMaxDof; ++i)
+    x[i] = crossing.from[i] + part * (crossing.to[i] - crossing.from[i]);
+  return x;
+}
+
+/// The rods' unit lines in units of their columns, by their definition.
+template <Mobility K>
+struct Lines {
+  Dense A = Dense::Zero(kDof<K>, kDof<K>);
+  Eigen::VectorXd unit = Eigen::VectorXd::Zero(kDof<K>);
+
+  explicit Lines(const Closure<K>& closure) {
+    for (int i = 0; i < kDof<K>; ++i) {
+      const Vec3 along = closure.chain[i].v.normalized(), lever = closure.chain[i].lever;
+      Eigen::Matrix<double, 6, 1> line;
+      line << along, lever.cross(along);
+      for (int j = 0; j < kDof<K>; ++j) {
+        const int column = Freedom<K>::columns[j];
+        A(i, j) = line[column];
+        unit[j] += column < 3 ? 1 : lever.squaredNorm();
+      }
+    }
+    unit = unit.cwiseSqrt();
+    A *= unit.cwiseInverse().asDiagonal();
+  }
+};
+
+template <Mobility K>
+double largest(const Joint& values) {
+  double result = 0;
+  for (int i = 0; i < kDof<K>; ++i) result = std::max(result, std::fabs(values[i]));
+  return result;
+}
+
+}  // namespace
+
+TEST("the conditioning is n / (|A| |A⁻¹|) of the rods' lines, in metres or in millimetres") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    check::Random random(91);
+    for (int k = 0; k < 50; ++k) {
+      Joint x = random_pose(mechanism, random), serial{}, again{};
+      Closure<K> closure;
+      CHECK(ikm<K>(mechanism.robot, to_pose<K>(x), closure));
+      const Dense A = Lines<K>(closure).A;
+      double parallel = 0, scaled = 0;
+      CHECK(conditioning(mechanism.robot, x, parallel, serial));
+      CHECK_NEAR(parallel, kDof<K> / (A.norm() * A.inverse().norm()), 1e-12);
+      CHECK(parallel > 0.4 && parallel <= 1);
+      Robot large = mechanism.robot;
+      for (Chain& chain : large.chain) {
+        for (Vec3* vector : {&chain.base, &chain.pivot, &chain.anchor}) *vector *= 1000;
+        chain.arm *= 1000;
+        chain.rod *= 1000;
+      }
+      for (int j = 0; j < kDof<K>; ++j)
+        if (Freedom<K>::columns[j] < 3) x[j] *= 1000;
+      CHECK(conditioning(large, x, scaled, again));
+      CHECK_NEAR(parallel, scaled, 1e-12);
+      for (int i = 0; i < kDof<K>; ++i) CHECK_NEAR(serial[i], again[i], 1e-10);
+    }
+  });
+}
+
+TEST("two rods at right angles are isotropic, two in one line singular") {
+  Robot robot = five_bar().robot;
+  double parallel = 0;
+  Joint serial{};
+  for (int i = 0; i < 2; ++i) {  // elbows at (∓0.3, 0), reached by arms that hang
+    robot.chain[i].base = Vec3(i == 0 ? -0.3 : 0.3, -0.2, 0);
+    robot.chain[i].arm = 0.2;
+    robot.chain[i].rod = 0.3 * std::sqrt(2.0);
+  }
+  CHECK(conditioning(robot, Joint{0, 0.3}, parallel, serial));
+  CHECK_NEAR(parallel, 1, 1e-12);
+  CHECK_NEAR(serial[0], std::sqrt(0.5), 1e-12);
+  for (int i = 0; i < 2; ++i) robot.chain[i].rod = 0.3;
+  CHECK(conditioning(robot, Joint{0, 0}, parallel, serial));
+  CHECK_NEAR(parallel, 0, 1e-12);
+}
+
+TEST("outside the band TEJ and torque are the paper's, bit for bit") {
+  const auto same = [&](const Robot& robot, auto mobility, const Joint& x) {
+    constexpr Mobility K = mobility();
+    constexpr int n = kDof<K>;
+    ExtendedColumns M, M_damped;
+    ExtendedRows tej_, tej_damped;
+    CHECK(tej(robot, x, M, tej_).status == Status::ok);
+    CHECK(tej(robot, x, M_damped, tej_damped, kBand).status == Status::ok);
+    for (int c = 0; c < n + robot.r; ++c)
+      for (int i = 0; i < n; ++i)
+        CHECK(M[c][i] == M_damped[c][i] && tej_[i][c] == tej_damped[i][c]);
+    ControlSettings settings;
+    settings.law = Law::redundant;
+    CHECK(place_poles(robot, x, 100, 1, settings));
+    Setpoint setpoint{x, {0.1, 0.2}, {1, 2}};
+    Extended q_e{};
+    CHECK(extended<K>(robot, moved<K>(to_pose<K>(x), Joint{1e-3, 2e-3}), q_e));
+    ControlState exact, damped;
+    CHECK(control(robot, settings, setpoint, q_e, exact).status == Status::ok);
+    settings.damped_below = kBand;
+    CHECK(control(robot, settings, setpoint, q_e, damped).status == Status::ok);
+    CHECK(exact.torque == damped.torque);
+  };
+  for_each([&](const Mechanism& mechanism, auto mobility) {
+    check::Random random(92);
+    for (int k = 0; k < 50; ++k) same(mechanism.robot, mobility, random_pose(mechanism, random));
+  });
+  int outside = 0;
+  for_each_crossing([&](const Crossing& crossing, auto mobility) {
+    for (double part = 0; part <= 1; part += 0.01) {
+      double parallel = 0;
+      Joint serial{};
+      const Joint x = between(crossing, part);
+      CHECK(conditioning(crossing.mechanism.robot, x, parallel, serial));
+      ExtendedColumns M;
+      ExtendedRows M_plus;
+      CHECK((tej(crossing.mechanism.robot, x, M, M_plus, kBand).status == Status::ok) ==
+            (parallel >= kBand));
+      Robot any = crossing.mechanism.robot;
+      any.assembly_sign = 0;  // both sides of the singularity
+      if (parallel >= kBand && ++outside) same(any, mobility, x);
+    }
+  });
+  CHECK(outside > 200);
+}
+
+TEST("in the band J is the damped least squares of its definition, and its gain is bounded") {
+  for_each_crossing([](const Crossing& crossing, auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr int n = kDof<K>;
+    int damped = 0;
+    double exact_gain = 0;
+    for (double part = 0; part <= 1; part += 1e-4) {
+      Closure<K> closure;
+      CHECK(ikm<K>(crossing.mechanism.robot, to_pose<K>(between(crossing, part)), closure));
+      const Lines<K> lines(closure);
+      const double c = Conditioning<K>(closure).parallel(), size = lines.A.norm() / n;
+      Jacobians<K> jacobians;
+      const Outcome outcome = jacobian<K>(closure, kBand, jacobians);
+      CHECK(outcome.status == (c < kBand ? Status::near_singular : Status::ok));
+      if (outcome.status == Status::ok) continue;
+      ++damped;
+      const Dense A = lines.A / size;
+      const double lambda2 = 0.25 * (kBand * kBand - c * c);
+      const Dense gain =
+          (A.transpose() * A + lambda2 * Dense::Identity(n, n)).ldlt().solve(A.transpose());
+      CHECK(gain.jacobiSvd().singularValues()[0] <= kGain * (1 + 1e-9));
+      exact_gain = std::max(exact_gain, 1 / A.jacobiSvd().singularValues()[n - 1]);
+      for (int i = 0; i < n; ++i)
+        for (int j = 0; j < n; ++j) {
+          const double expected =
+              gain(i, j) / (size * lines.unit[i]) * closure.chain[j].jq / closure.chain[j].v.norm();
+          CHECK_NEAR(jacobians.J[i][j], expected, 1e-9 * (1 + std::fabs(expected)));
+        }
+    }
+    CHECK(damped > 100);
+    CHECK(exact_gain > 10 * kGain);
+  });
+}
+
+TEST("across a singularity of type 2 the torques stay bounded and steady, and the status warns") {
+  for_each_crossing([](const Crossing& crossing, auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr int n = kDof<K>;
+    const Robot& robot = crossing.mechanism.robot;
+    for (const Law law : {Law::joint, Law::redundant, Law::cartesian}) {
+      if (law == Law::cartesian && K != Mobility::schoenflies) continue;
+      ControlSettings exact;
+      exact.law = law;
+      CHECK(place_poles(robot, crossing.from, 100, 1, exact));
+      ControlSettings damped = exact;
+      damped.damped_below = kBand;
+      double outside = 0, inside = 0, jump = 0, paper = 0;
+      std::vector<Status> seen;
+      ControlState last;
+      for (double part = 0; part <= 1; part += 1e-4) {
+        Setpoint setpoint{between(crossing, part), {0.1, 0.1}, {1, 1}};
+        const Pose pose = moved<K>(to_pose<K>(setpoint.x), Joint{1e-4, 1e-4});
+        Extended q_e{};
+        CHECK(extended<K>(robot, pose, q_e));
+        ControlState state, other;
+        const Status status = control(robot, damped, setpoint, q_e, state).status;
+        if (seen.empty() || seen.back() != status) seen.push_back(status);
+        if (status == Status::branch_lost) continue;
+        double& most = status == Status::ok ? outside : inside;
+        most = std::max(most, largest<K>(state.torque));
+        for (int i = 0; i < n && last.started; ++i)
+          jump = std::max(jump, std::fabs(state.torque[i] - last.torque[i]));
+        last = state;
+        if (status == Status::near_singular && control(robot, exact, setpoint, q_e, other))
+          paper = std::max(paper, largest<K>(other.torque));
+      }
+      // Well before the mode changes, in the band, and past it: held.
+      CHECK((seen == std::vector{Status::ok, Status::near_singular, Status::branch_lost}));
+      CHECK(inside < 2 * outside);
+      CHECK(jump < 0.05 * outside);
+      CHECK(paper > 5 * inside);
+    }
+  });
+}
+
+TEST("where an arm stretches the motor rates stay bounded, and the status names the chain") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr int n = kDof<K>;
+    if (mechanism.robot.chain[0].actuator == Actuator::telescopic) return;
+    Robot robot = mechanism.robot;
+    robot.assembly_sign = 0;
+    double in = 0, out = 3;  // m along y, to the edge of the workspace
+    for (int k = 0; k < 60; ++k) {
+      Joint x = robot.home, q{};
+      const double middle = 0.5 * (in + out);
+      x[1] += middle;
+      (ikm(robot, x, q) ? in : out) = middle;
+    }
+    double paper = 0;
+    for (double inside = 1e-14; inside < 1e-3; inside *= 2) {
+      Joint x = robot.home, rate{};
+      x[1] += in - inside;
+      rate[1] = 1;
+      Closure<K> closure;
+      Jacobians<K> exact, damped;
+      if (!ikm<K>(robot, to_pose<K>(x), closure)) continue;  // by a rounding
+      if (jacobian<K>(closure, exact)) paper = std::max(paper, largest<K>(exact.joint_rate(rate)));
+      const Conditioning<K> conditioning(closure);
+      int stretched = 0;
+      while (stretched < n && conditioning.serial(stretched) >= kBand) ++stretched;
+      const Outcome outcome = jacobian<K>(closure, kBand, damped);
+      const bool dependent = conditioning.parallel() < kBand;
+      CHECK(outcome.status == (stretched < n || dependent ? Status::near_singular : Status::ok));
+      if (!dependent) CHECK(outcome.chain == (stretched < n ? stretched : -1));
+      CHECK(all_finite(damped.joint_rate(rate), n));
+      for (int i = 0; i < n; ++i)
+        CHECK(std::fabs(damped.joint_rate(rate)[i]) * closure.chain[i].dB.norm() <=
+              kGain * (1 + 1e-9));
+      // Readings that see the motor, and all laws, follow the bounded rates.
+      for (int k = 0; k < 2; ++k) {
+        robot.sensor[k].kind = k == 0 ? SensorKind::rod_in_plane : SensorKind::motor_encoder;
+        robot.sensor[k].chain = stretched % n;
+      }
+      ControlSettings settings;
+      settings.law = Law::redundant;
+      settings.damped_below = kBand;
+      settings.kp.fill(10);
+      settings.kd.fill(0.1);
+      Extended q_e{};
+      if (!extended<K>(robot, to_pose<K>(x), q_e)) continue;
+      ControlState state;
+      CHECK(control(robot, settings, {x, {}, {1, 1}}, q_e, state));
+      CHECK(all_finite(state.torque, n) && largest<K>(state.torque) < 1e4);
+    }
+    CHECK(paper > 10 * kGain);
+  });
+}
+
+TEST("a damped setpoint settles, and says that it was damped") {
+  for_each_crossing([](const Crossing& crossing, auto mobility) {
+    constexpr Mobility K = mobility();
+    const Robot& robot = crossing.mechanism.robot;
+    StaticsSettings settings;
+    settings.control.damped_below = kBand;
+    Joint x{};
+    CHECK(settle<K>(robot, robot, settings, crossing.from, x).status == Status::ok);
+    double part = 0, parallel = 1;
+    Joint serial{};
+    for (; parallel >= kBand; part += 1e-3)
+      CHECK(conditioning(robot, between(crossing, part), parallel, serial));
+    CHECK(settle<K>(robot, robot, settings, between(crossing, part - 1e-3), x).status ==
+          Status::near_singular);
+  });
+}

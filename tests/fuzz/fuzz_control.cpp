@@ -1,0 +1,61 @@
+// Does any robot, setpoint or reading make a controller, the dynamics or the statics crash, hang or
+// command a torque that is no number?
+#include "decode.hpp"
+#include "truepose/control.hpp"
+#include "truepose/offline/statics.hpp"
+
+using namespace fuzz;
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  Bytes bytes(data, size);
+  const Subject subject = decode_robot(bytes);
+  const Robot& robot = subject.robot;
+  ControlSettings settings;
+  settings.law = static_cast<Law>(bytes.below(3));
+  settings.feed_forward = static_cast<FeedForward>(bytes.below(3));
+  if (bytes.one_in(2)) settings.damped_below = std::fabs(bytes.share());
+  if (place_poles(robot, decode_pose(bytes, subject), 150, 1, settings))
+    require(all_finite(settings.kp, kMaxDof) && all_finite(settings.kd, kMaxDof),
+            "place_poles: ok is finite");
+  if (bytes.one_in(4)) {
+    settings.period = bytes.number();
+    settings.velocity_bandwidth = bytes.number();
+    for (Joint* gain : {&settings.kp, &settings.kd, &settings.ki})
+      for (double& value : *gain) value = bytes.number();
+  }
+  with_mobility(robot.mobility, [&](auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr int n = kDof<K>;
+    ControlState state;
+    for (int cycle = 0; cycle < 4; ++cycle) {
+      Setpoint setpoint;
+      setpoint.x = decode_pose(bytes, subject);
+      if (bytes.one_in(2))
+        for (int i = 0; i < n; ++i) setpoint.rate[i] = bytes.number();
+      if (bytes.one_in(2))
+        for (int i = 0; i < n; ++i) setpoint.acceleration[i] = bytes.number();
+      Extended q_e{};
+      if (!extended<K>(robot, to_pose<K>(decode_pose(bytes, subject)), q_e) || bytes.one_in(4))
+        for (int c = 0; c < n + robot.r; ++c) q_e[c] = bytes.number();
+      const ControlState before = state;
+      const Outcome outcome = control(robot, settings, setpoint, q_e, state);
+      require(outcome || state.torque == before.torque, "a failed cycle holds the torque");
+      // NaN gains and periods are settings, not readings: their torque is refused as well.
+      require(all_finite(state.torque, n), "control: the torque is finite");
+      require(all_finite(state.error, n), "control: the error is finite");
+      require(all_finite(state.integral, n), "control: the integral is finite");
+      require(all_finite(state.position, n) && all_finite(state.rate, n),
+              "control: the tracking loops are finite");
+      Joint acceleration{};
+      if (forward_dynamics<K>(robot, to_pose<K>(setpoint.x), setpoint.rate, state.torque,
+                              acceleration))
+        require(all_finite(acceleration, n), "dynamics: ok is finite");
+    }
+    Robot truth = robot;
+    for (int i = 0; i < n; ++i) truth.chain[i].rod *= 1 + 0.01 * bytes.share();
+    Joint x{};
+    if (settle<K>(robot, truth, {settings, bytes.one_in(2)}, decode_pose(bytes, subject), x))
+      require(all_finite(x, n), "settle: ok is finite");
+  });
+  return 0;
+}

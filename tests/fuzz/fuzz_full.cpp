@@ -1,0 +1,28 @@
+// Does any robot, pose or reading make the full level crash, hang or call a NaN an answer?
+#include "decode.hpp"
+#include "truepose/full_rkm.hpp"
+
+using namespace fuzz;
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  Bytes bytes(data, size);
+  const Subject subject = decode_robot(bytes);
+  const Robot& robot = subject.robot;
+  const int n = dof(robot.mobility);
+  const Joint x = decode_pose(bytes, subject), q = decode_motors(bytes, subject);
+  Joint motors{}, rest{}, found = decode_pose(bytes, subject);
+  const bool reached = static_cast<bool>(ikm_full(robot, x, motors));
+  if (reached) require(all_finite(motors, n), "full ikm: ok is finite");
+  if (parasitic(robot, x, rest)) require(all_finite(rest, kMaxDof), "parasitic: ok is finite");
+  JointMatrix J;
+  if (jacobian_full(robot, x, J)) require(finite(J, n, n), "full jacobian: ok is finite");
+  Reading values;
+  if (rkm_full(robot, x, values)) require(all_finite(values, robot.r), "full rkm: ok is finite");
+  const FullResult result = fkm_full(robot, q, found);
+  require(result.iterations <= kFkmIterations, "full fkm: iterations are bounded");
+  if (!result) return 0;
+  require(all_finite(found, n), "full fkm: ok is finite");
+  const double longest = 1 + *std::max_element(q.begin(), q.end());  // of a telescopic leg
+  if (subject.buildable) require(result.residual < 1e-11 * longest, "full fkm: ok is closed");
+  return 0;
+}

@@ -1,0 +1,67 @@
+"""Does a robot stay bounded on a singularity when asked to, and is it the paper's elsewhere?"""
+
+import numpy as np
+import pytest
+
+import truepose as tp
+from truepose import robot_file
+
+BAND = 0.05
+WIRE = """
+[[sensor]]
+name = "wire"
+kind = "distance"
+origin = [0.1, 0.6, 0.0]
+"""
+
+
+@pytest.fixture(scope="module")
+def sinking(tmp_path_factory):
+    """Return a five-bar with a draw-wire, and a path of poses that ends with its rods in line."""
+    text = robot_file.shipped()["five-bar"].read_text(encoding="utf-8")
+    path = tmp_path_factory.mktemp("five-bar") / "robot.toml"
+    path.write_text(text + WIRE, encoding="utf-8")
+    robot = tp.load(path).with_sensors("wire")
+    path = robot.home - [0, 1] * np.linspace(0, 0.2, 4001)[:, None]
+    parallel = robot.conditioning(path).parallel
+    last = np.argmin(parallel)
+    assert parallel[last] < 1e-3
+    return robot, path[: last + 1], parallel[: last + 1]
+
+
+def test_outside_the_band_the_tej_is_the_papers_to_the_last_bit(any_robot, anywhere, rng):
+    x = anywhere(any_robot, 200, rng)
+    for exact, damped in zip(any_robot.tej(x), any_robot.tej(x, damped_below=BAND), strict=True):
+        assert (exact == damped).all()
+    assert any_robot.conditioning(x).parallel.min() > BAND
+
+
+def test_in_the_band_the_motors_correction_stays_bounded(sinking):
+    robot, path, parallel = sinking
+    M, _ = robot.tej(path, errors="nan")
+    damped, M_plus = robot.tej(path, damped_below=BAND)
+    inside = parallel < BAND
+    assert inside.sum() > 10
+    assert (damped[~inside] == M[~inside]).all()
+    assert np.isfinite(M_plus).all()
+    outside = np.abs(damped[~inside]).max()
+    assert np.abs(damped[inside]).max() < 1.5 * outside
+    assert np.nanmax(np.abs(M[inside])) > 4 * outside
+
+
+def test_a_simulated_robot_says_where_its_controller_was_damped(sinking):
+    robot, path, parallel = sinking
+    controller = tp.Controller(law="joint", damped_below=0.3)
+    end = path[np.argmax(parallel < 0.25)]
+    run = tp.simulate(robot.unquantised(), controller=controller, start=path[0], end=end)
+    near = robot.conditioning(run.x_d).parallel < 0.3
+    assert (run.near_singular == near).all()
+    assert near.any() and not near.all()
+
+
+@pytest.mark.parametrize("wrong", [-0.1, 1.5, float("nan"), "wide"])
+def test_a_band_is_a_number_from_0_to_1(h4, wrong):
+    with pytest.raises(tp.InputError, match=r"damped_below = .*: must be a number from 0 to 1"):
+        h4.tej(h4.home, damped_below=wrong)
+    with pytest.raises(tp.InputError, match="damped_below"):
+        tp.Controller(damped_below=wrong)
