@@ -61,14 +61,14 @@ TRUEPOSE_FLATTEN inline FkmResult fkm(const Robot& robot, const Joint& q, Pose& 
   evaluate(*current);
   if (!std::isfinite(current->cost)) return {Status::not_finite, -1, 0, 0};
 
-  std::array<Lanes<n>, n> jx;  // its columns
+  std::array<Lanes<n>, n> jx;  // columns of J_x
+  Matrix<n, n> inverse;
   double damping = 0;
   bool regular = true;
   do {
     jx_row<K>(current->v, current->lever, jx);
-    const Inverse<n> inverse(jx, column_sizes<K>(current->v.squared_norm(), current->lever),
-                             damping);
-    regular = inverse.regular();
+    const auto sizes = column_sizes<K>(current->v.squared_norm(), current->lever);
+    regular = invert<n>(jx, sizes, Lanes<n>::Ones(), damping, inverse);
     if (!regular) {
       ++result.iterations;
       damping = std::max(10 * damping, 1e-3);
@@ -78,7 +78,7 @@ TRUEPOSE_FLATTEN inline FkmResult fkm(const Robot& robot, const Joint& q, Pose& 
     // of two small ones, and it costs a third of a new factorisation.
     do {
       ++result.iterations;
-      const Lanes<n> step = inverse.solve(current->f);
+      const Lanes<n> step = times<n>(inverse, current->f);
       Joint motion{};
       for (int j = 0; j < n; ++j) motion[j] = step[j];
       trial->pose = moved<K>(current->pose, motion);

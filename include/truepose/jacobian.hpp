@@ -58,17 +58,17 @@ TRUEPOSE_FLATTEN inline Outcome jacobian(const Closure<K>& closure, Jacobians<K>
   const Points<n> v = points<n>([&](int i) -> const Vec3& { return chain[i].v; });
   const Points<n> lever = points<n>([&](int i) -> const Vec3& { return chain[i].lever; });
   const Lanes<n> jq = lanes<n>([&](int i) { return chain[i].jq; });
-  const Lanes<n> v2 = v.squared_norm(), jq2 = jq * jq;
-  for (int i = 0; i < n; ++i)
-    if (!(jq2[i] > kSingular * v2[i] * chain[i].dB.squaredNorm())) return {Status::singular, i};
+  const Lanes<n> v2 = v.squared_norm();
+  const Lanes<n> dB2 = points<n>([&](int i) -> const Vec3& { return chain[i].dB; }).squared_norm();
+  if (!((jq * jq - kSingular * v2 * dB2).minCoeff() > 0))
+    for (int i = 0; i < n; ++i)
+      if (!(jq[i] * jq[i] > kSingular * v2[i] * dB2[i])) return {Status::singular, i};
   Eigen::Map<Lanes<n>>(jacobians.jq.data()) = jq;
   std::array<Lanes<n>, n> columns;
   jx_row<K>(v, lever, columns);
   jacobians.jx = rows_of<n>(columns);
-  const Inverse<n> inverse(columns, column_sizes<K>(v2, lever));
-  if (!inverse.regular()) return {Status::singular, -1};
-  for (int i = 0; i < n; ++i) Eigen::Map<Lanes<n>>(jacobians.J[i].data()) = inverse.row(i) * jq;
-  return {};
+  const auto sizes = column_sizes<K>(v2, lever);
+  return {invert<n>(columns, sizes, jq, 0, jacobians.J) ? Status::ok : Status::singular, -1};
 }
 
 /// J(x), n×n, ẋ = J q̇; ẋ is a twist (its free columns), base frame.

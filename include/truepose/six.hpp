@@ -15,8 +15,8 @@ inline void multiply(const PairBlock& a, const PairBlock& b, PairBlock& product)
       product[i][j] = a[i][0] * b[0][j] + a[i][1] * b[1][j] + a[i][2] * b[2][j];
 }
 
-/// Below this the determinant of three rods' directions counts as too small to divide by: a block
-/// then loses four digits of sixteen at worst.
+/// Below this the determinant of three rods' directions, in units of their mean square, counts as
+/// too small to divide by: a block then loses four digits of sixteen at worst.
 inline constexpr double kIndependent = 1e-2;
 
 /// Inverse and determinant of a 6×6 matrix whose even rows are [P Q] and whose odd rows are [S T]:
@@ -24,13 +24,16 @@ inline constexpr double kIndependent = 1e-2;
 ///     [P Q; S T] = diag(P, S) [I B₁; I B₂],   B₁ = P⁻¹Q,  B₂ = S⁻¹T,  G = B₂ - B₁
 ///     [P Q; S T]⁻¹ = [-B₂W₁ -B₁W₂; W₁ W₂],    W₁ = -G⁻¹P⁻¹,  W₂ = G⁻¹S⁻¹
 ///
-/// In the first lane are P, Q and -G, in the second S, T and G: every product serves both.
+/// P and S hold the rods' v, whose mean square is `size`. Each column of the inverse is multiplied
+/// by its `scale`. In the first lane are P, Q and -G, in the second S, T and G: every
+/// product serves both.
 struct Triples {
   bool independent = false;  ///< P and S are far from singular; otherwise nothing was computed
   double determinant = 0;
   double difference = 0;  ///< det G: the whole is singular where this vanishes
 };
-inline Triples invert_by_triples(const std::array<Lanes<6>, 6>& columns, Matrix<6, 6>& inverse) {
+inline Triples invert_by_triples(const std::array<Lanes<6>, 6>& columns, double size,
+                                 const Lanes<6>& scale, Matrix<6, 6>& inverse) {
   PairBlock V, M;
   for (int k = 0; k < 3; ++k)
     for (int j = 0; j < 3; ++j) {
@@ -39,10 +42,8 @@ inline Triples invert_by_triples(const std::array<Lanes<6>, 6>& columns, Matrix<
     }
   PairBlock V_adjugate, B, difference, D_adjugate, W, top;
   const Pair det_V = adjugate<3>(V, V_adjugate);
-  Pair sizes2(1, 1);
-  for (int k = 0; k < 3; ++k) sizes2 *= V[k][0] * V[k][0] + V[k][1] * V[k][1] + V[k][2] * V[k][2];
-  const Pair excess = det_V * det_V - kIndependent * kIndependent * sizes2;
-  if (!(excess[0] > 0 && excess[1] > 0)) return {};
+  const double least2 = kIndependent * kIndependent * size * size * size;
+  if (!(det_V[0] * det_V[0] > least2 && det_V[1] * det_V[1] > least2)) return {};
 
   const Pair minus_per_det = -1 / det_V;
   multiply(V_adjugate, M, B);
@@ -55,15 +56,16 @@ inline Triples invert_by_triples(const std::array<Lanes<6>, 6>& columns, Matrix<
   const Pair det_D = adjugate<3>(difference, D_adjugate);
   const Pair per_det = 1 / (det_D * det_V);
   multiply(D_adjugate, V_adjugate, W);
-  for (auto& row : W)
-    for (Pair& entry : row) entry *= per_det;
+  for (int k = 0; k < 3; ++k) {
+    const Pair factor = per_det * scale.segment<2>(2 * k);
+    for (int i = 0; i < 3; ++i) W[i][k] *= factor;
+  }
   multiply(B, W, top);
   for (int i = 0; i < 3; ++i)
-    for (int k = 0; k < 3; ++k)
-      for (int lane = 0; lane < 2; ++lane) {
-        inverse[i][2 * k + lane] = top[i][k][lane];
-        inverse[3 + i][2 * k + lane] = W[i][k][lane];
-      }
+    for (int k = 0; k < 3; ++k) {
+      Eigen::Map<Pair>(inverse[i].data() + 2 * k) = top[i][k];
+      Eigen::Map<Pair>(inverse[3 + i].data() + 2 * k) = W[i][k];
+    }
   return {true, -det_V[0] * det_V[1] * det_D[1], det_D[1]};  // rows 0 2 4 1 3 5: odd
 }
 

@@ -50,7 +50,8 @@ template <int N>
 inline int determinant_sign(const std::array<Lanes<N>, N>& columns) {
   if constexpr (N == 6) {
     Matrix<6, 6> unused;
-    const Triples triples = invert_by_triples(columns, unused);
+    const double size = (columns[0].square() + columns[1].square() + columns[2].square()).mean();
+    const Triples triples = invert_by_triples(columns, size, Lanes<6>::Ones(), unused);
     if (triples.independent) return (triples.determinant > 0) - (triples.determinant < 0);
   }
   return determinant_sign<N>(rows_of<N>(columns));
@@ -101,62 +102,56 @@ class NormalEquations {
   Ldlt<N> factor_;
 };
 
-/// Inverse of a square matrix: up to 4×4 by its adjugate, 6×6 by triples of rows.
 template <int N>
-class Inverse {
- public:
-  using Vector = std::array<double, N>;
-  using Matrix = std::array<Vector, N>;
-  using Columns = std::array<Lanes<N>, N>;
+TRUEPOSE_COLD bool invert_by_normal_equations(const std::array<Lanes<N>, N>& columns,
+                                              const std::array<double, N>& size,
+                                              const Lanes<N>& scale, double damping,
+                                              Matrix<N, N>& rows) {
+  const Matrix<N, N> a = rows_of<N>(columns);
+  const NormalEquations<N> normal(a, size, damping);
+  for (int j = 0; j < N; ++j) {
+    const std::array<double, N> column = normal.column(j, scale[j]);
+    for (int i = 0; i < N; ++i) rows[i][j] = column[i];
+  }
+  return normal.regular();
+}
 
-  /// size[j] is what |column j|² would be if nothing in it cancelled: it gives the unit in which
-  /// singularity is judged, so that neither metres nor radians matter.
-  /// damping > 0: Levenberg's (AᵀA + damping · diag(size))⁻¹Aᵀ in the place of A⁻¹.
-  Inverse(const Columns& a, const Vector& size, double damping = 0) {
-    if (damping > 0) {
-      invert_by_normal_equations(a, size, damping);
-    } else if constexpr (N <= 4) {
-      const double determinant = adjugate<N>(rows_of<N>(a), inverse_);
-      double scale = kSingular;
-      for (int j = 0; j < N; ++j) scale *= size[j];
-      regular_ = determinant * determinant > scale;  // false for a NaN
+/// A⁻¹ diag(scale) of a square matrix given by its columns: up to 4×4 by its adjugate, 6×6 by
+/// triples of rows, or by the normal equations where those are not independent.
+///
+/// size[j] is what |column j|² would be if nothing in it cancelled: it gives the unit in which
+/// singularity is judged, so that neither metres nor radians matter.
+/// damping > 0: Levenberg's (AᵀA + damping · diag(size))⁻¹Aᵀ in the place of A⁻¹.
+/// @return whether A has full rank
+template <int N>
+inline bool invert(const std::array<Lanes<N>, N>& columns, const std::array<double, N>& size,
+                   const Lanes<N>& scale, double damping, Matrix<N, N>& rows) {
+  if constexpr (N <= 4) {
+    if (!(damping > 0)) {
+      Matrix<N, N> b;
+      const double determinant = adjugate<N>(rows_of<N>(columns), b);
       const double per_determinant = 1 / determinant;
       for (int i = 0; i < N; ++i)
-        for (int j = 0; j < N; ++j) inverse_[i][j] *= per_determinant;
-    } else {
-      const Triples triples = invert_by_triples(a, inverse_);
-      const double lever2 = size[3] / size[0];
-      regular_ = triples.difference * triples.difference > kSingular * lever2 * lever2 * lever2;
-      if (!triples.independent) invert_by_normal_equations(a, size, 0);
+        for (int j = 0; j < N; ++j) rows[i][j] = b[i][j] * (per_determinant * scale[j]);
+      double unit = kSingular;
+      for (int j = 0; j < N; ++j) unit *= size[j];
+      return determinant * determinant > unit;  // false for a NaN
     }
+  } else if (!(damping > 0)) {
+    const Triples triples = invert_by_triples(columns, size[0] / N, scale, rows);
+    const double lever2 = size[3] / size[0];
+    if (triples.independent)
+      return triples.difference * triples.difference > kSingular * lever2 * lever2 * lever2;
   }
-  bool regular() const { return regular_; }
+  return invert_by_normal_equations<N>(columns, size, scale, damping, rows);
+}
 
-  Lanes<N> solve(const Lanes<N>& b) const {
-    Lanes<N> x;
-    for (int i = 0; i < N; ++i) x[i] = (row(i) * b).sum();
-    return x;
-  }
-
-  /// Row i of A⁻¹.
-  Eigen::Map<const Lanes<N>> row(int i) const {
-    return Eigen::Map<const Lanes<N>>(inverse_[i].data());
-  }
-
- private:
-  TRUEPOSE_COLD void invert_by_normal_equations(const Columns& columns, const Vector& size,
-                                                double damping) {
-    const Matrix a = rows_of<N>(columns);
-    const NormalEquations<N> normal(a, size, damping);
-    regular_ = normal.regular();
-    for (int j = 0; j < N; ++j) {
-      const Vector column = normal.column(j, 1);
-      for (int i = 0; i < N; ++i) inverse_[i][j] = column[i];
-    }
-  }
-
-  Matrix inverse_;
-  bool regular_;
-};
+/// A x for a matrix given by its rows.
+template <int N>
+inline Lanes<N> times(const Matrix<N, N>& rows, const Lanes<N>& x) {
+  Lanes<N> result;
+  for (int i = 0; i < N; ++i) result[i] = (Eigen::Map<const Lanes<N>>(rows[i].data()) * x).sum();
+  return result;
+}
 
 }  // namespace truepose
