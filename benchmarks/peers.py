@@ -2,10 +2,10 @@
 
     pip install ".[peers]" && python benchmarks/peers.py --core build/dev/benchmarks/benchmark_core
 
-The problem: LinuxCNC's 6-UPS (robots/stewart), random poses within ±80 mm in x and y, ±60 mm in z and
-±15° in each component of the rotation vector. Inverse: leg lengths and J; forward: the pose from
-the lengths, from a seed 1 mm and 1 mrad away in every coordinate and from home, until no loop is
-open by more than 1e-12 m.
+The problem: LinuxCNC's 6-UPS (robots/stewart), random poses within ±80 mm in x and y, ±60 mm in z
+and ±15° in each component of the rotation vector. Inverse: leg lengths and J; forward: the pose
+from the lengths, from a seed 1 mm and 1 mrad away in every coordinate and from home, until no loop
+is open by more than 1e-12 m.
 
 Neither peer has a forward model of a closed loop. Each gets the tree that its manual asks for
 (a free platform, six legs of two hinges and a slide, six points to be joined) and Newton's method
@@ -40,7 +40,8 @@ def rotation(w):
 def quaternion(R):
     """(w, x, y, z) of a rotation by less than 180°."""
     w = 0.5 * np.sqrt(1 + np.trace(R))
-    return np.array([w, R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / [1, *[4 * w] * 3]
+    axis = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    return np.array([w, *axis / (4 * w)])
 
 
 class Legs:
