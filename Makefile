@@ -13,7 +13,7 @@ PACKAGE := $(shell find include src python robots -type f -not -name '*.pyc') \
 CPP := $(shell find include src tests/cpp tests/fuzz benchmarks -name '*.[hc]pp')
 
 .DEFAULT_GOAL := help
-.PHONY: help reproduce test test-python test-cpp lint format fuzz realtime instructions bench pictures clean
+.PHONY: help reproduce test test-python test-cpp lint format fuzz realtime instructions bench bench-peers pictures clean
 
 help:
 	@sed -n 's/^# \?//p' Makefile | sed '/^$$/q'
@@ -70,6 +70,11 @@ instructions: build/dev/build.ninja
 bench: build/dev/build.ninja
 	cmake --build --preset dev
 	build/dev/benchmarks/benchmark_core
+
+# Pinocchio and MuJoCo on the same hexapod; those that are not installed are skipped.
+bench-peers: bench
+	@pip install --quiet --disable-pip-version-check ".[peers]" || echo "bench-peers: without the peers"
+	python benchmarks/peers.py --core build/dev/benchmarks/benchmark_core
 
 pictures: $(VENV)/installed
 	python -c "import truepose as tp; from truepose.drawing import draw; [draw(tp.load(name)).savefig(f'robots/{name}/picture.png', dpi=110) for name in tp.robots()]"

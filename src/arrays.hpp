@@ -6,7 +6,8 @@
 
 #include <cstring>
 #include <initializer_list>
-#include <memory>
+#include <type_traits>
+#include <utility>
 
 #include "truepose/robot.hpp"
 #include "truepose/status.hpp"
@@ -21,33 +22,33 @@ using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cp
 /// (width,), the same.
 using Row = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
-/// A numpy array that owns its memory.
+/// A new numpy array, uninitialised: whoever makes one fills all of it. numpy asks for huge pages,
+/// without which a large result takes longer to reach than to compute.
 template <class T>
 class Owned {
  public:
-  explicit Owned(std::initializer_list<std::size_t> shape) : rank_(shape.size()) {
-    std::size_t size = 1, axis = 0;
+  explicit Owned(std::initializer_list<std::size_t> shape) {
+    nb::list extents;
+    std::size_t size = 1;
     for (const std::size_t extent : shape) {
-      shape_[axis++] = extent;
       size *= extent;
+      extents.append(extent);
     }
-    row_ = shape_[0] > 0 ? size / shape_[0] : 0;
-    data_ = std::make_unique<T[]>(size);
+    row_ = *shape.begin() > 0 ? size / *shape.begin() : 0;
+    array_ = nb::module_::import_("numpy").attr("empty")(
+        nb::tuple(extents), std::is_same_v<T, int> ? "intc" : "double");
+    data_ = nb::cast<nb::ndarray<T, nb::c_contig, nb::device::cpu>>(array_).data();
   }
 
   /// Start of row i, whatever the shape of a row.
-  T* operator[](std::size_t i) { return data_.get() + i * row_; }
+  T* operator[](std::size_t i) { return data_ + i * row_; }
 
-  nb::ndarray<nb::numpy, T> release() {
-    T* data = data_.release();
-    nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<T*>(p); });
-    return nb::ndarray<nb::numpy, T>(data, rank_, shape_.data(), owner);
-  }
+  nb::object release() { return std::move(array_); }
 
  private:
-  std::unique_ptr<T[]> data_;
-  std::array<std::size_t, 3> shape_{};
-  std::size_t rank_, row_ = 0;
+  nb::object array_;
+  T* data_ = nullptr;
+  std::size_t row_ = 0;
 };
 
 /// Status and guilty chain of every row.

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "arrays.hpp"
+#include "for_rows.hpp"
 #include "truepose/full_linearise.hpp"
 #include "truepose/offline/simulate.hpp"
 #include "truepose/offline/statics.hpp"
@@ -13,22 +14,26 @@
 namespace truepose::python {
 namespace {
 
+/// The used part of a matrix of fixed capacity, or NaN where there is none.
+template <class M>
+void write(const M& matrix, std::size_t rows, std::size_t columns, Outcome outcome, double* out) {
+  for (std::size_t i = 0; i < rows; ++i)
+    for (std::size_t j = 0; j < columns; ++j) *out++ = outcome ? matrix[i][j] : NAN;
+}
+
 /// Calls `f(x, out)` for each row of `in` and collects n_out values and the outcome.
 template <class In, class Out, class F>
 auto map_rows(const Rows& in, std::size_t n_out, F&& f) {
   const std::size_t count = in.shape(0);
   Owned<double> values({count, n_out});
   Outcomes outcomes(count);
-  {
-    nb::gil_scoped_release release;
-    for (std::size_t i = 0; i < count; ++i) {
-      Out out{};
-      const Outcome outcome = f(row<In>(in, i), out, i);
-      outcomes.set(i, outcome);
-      if (!outcome) out.fill(NAN);
-      std::memcpy(values[i], out.data(), n_out * sizeof(double));
-    }
-  }
+  for_rows(count, [&](std::size_t i) {
+    Out out{};
+    const Outcome outcome = f(row<In>(in, i), out, i);
+    outcomes.set(i, outcome);
+    if (!outcome) out.fill(NAN);
+    std::copy_n(out.data(), n_out, values[i]);
+  });
   return nb::make_tuple(values.release(), outcomes.status.release(), outcomes.chain.release());
 }
 
@@ -89,20 +94,17 @@ auto batch_fkm(const Robot& robot, const Rows& q, const Rows& guess, bool full, 
   Owned<double> x({count, n}), residual({count});
   Owned<int> iterations({count});
   Outcomes outcomes(count);
-  {
-    nb::gil_scoped_release release;
-    for (std::size_t i = 0; i < count; ++i) {
-      Joint pose = row<Joint>(guess, i);
-      const Joint motors = row<Joint>(q, i);
-      FkmResult result = full ? fkm_full(robot, motors, pose) : fkm(robot, motors, pose);
-      if (any_branch && result.status == Status::branch_lost) result.status = Status::ok;
-      if (!result) pose.fill(NAN);
-      std::memcpy(x[i], pose.data(), n * sizeof(double));
-      outcomes.set(i, {result.status, result.chain});
-      *iterations[i] = result.iterations;
-      *residual[i] = result.residual;
-    }
-  }
+  for_rows(count, [&](std::size_t i) {
+    Joint pose = row<Joint>(guess, i);
+    const Joint motors = row<Joint>(q, i);
+    FkmResult result = full ? fkm_full(robot, motors, pose) : fkm(robot, motors, pose);
+    if (any_branch && result.status == Status::branch_lost) result.status = Status::ok;
+    if (!result) pose.fill(NAN);
+    std::memcpy(x[i], pose.data(), n * sizeof(double));
+    outcomes.set(i, {result.status, result.chain});
+    *iterations[i] = result.iterations;
+    *residual[i] = result.residual;
+  });
   return nb::make_tuple(x.release(), outcomes.status.release(), outcomes.chain.release(),
                         iterations.release(), residual.release());
 }
@@ -111,16 +113,13 @@ auto batch_jacobian(const Robot& robot, const Rows& x, bool full) {
   const std::size_t count = x.shape(0), n = x.shape(1);
   Owned<double> values({count, n, n});
   Outcomes outcomes(count);
-  {
-    nb::gil_scoped_release release;
-    for (std::size_t i = 0; i < count; ++i) {
-      JointMatrix J;
-      const Joint at = row<Joint>(x, i);
-      const Outcome outcome = full ? jacobian_full(robot, at, J) : jacobian(robot, at, J);
-      outcomes.set(i, outcome);
-      for (std::size_t k = 0; k < n * n; ++k) values[i][k] = outcome ? J[k / n][k % n] : NAN;
-    }
-  }
+  for_rows(count, [&](std::size_t i) {
+    JointMatrix J;
+    const Joint at = row<Joint>(x, i);
+    const Outcome outcome = full ? jacobian_full(robot, at, J) : jacobian(robot, at, J);
+    outcomes.set(i, outcome);
+    write(J, n, n, outcome, values[i]);
+  });
   return nb::make_tuple(values.release(), outcomes.status.release(), outcomes.chain.release());
 }
 
@@ -128,19 +127,14 @@ auto batch_tej(const Robot& robot, const Rows& x, double band) {
   const std::size_t count = x.shape(0), n = x.shape(1), e = n + robot.r;
   Owned<double> m({count, e, n}), plus({count, n, e});
   Outcomes outcomes(count);
-  {
-    nb::gil_scoped_release release;
-    for (std::size_t i = 0; i < count; ++i) {
-      ExtendedColumns M;
-      ExtendedRows M_plus;
-      const Outcome outcome = tej(robot, row<Joint>(x, i), M, M_plus, band);
-      outcomes.set(i, outcome);
-      for (std::size_t k = 0; k < e * n; ++k) {
-        m[i][k] = outcome ? M[k / n][k % n] : NAN;
-        plus[i][k] = outcome ? M_plus[k / e][k % e] : NAN;
-      }
-    }
-  }
+  for_rows(count, [&](std::size_t i) {
+    ExtendedColumns M;
+    ExtendedRows M_plus;
+    const Outcome outcome = tej(robot, row<Joint>(x, i), M, M_plus, band);
+    outcomes.set(i, outcome);
+    write(M, e, n, outcome, m[i]);
+    write(M_plus, n, e, outcome, plus[i]);
+  });
   return nb::make_tuple(m.release(), plus.release(), outcomes.status.release(),
                         outcomes.chain.release());
 }
@@ -164,17 +158,16 @@ auto batch_linearise(const Robot& robot, const Rows& x, bool full) {
   Outcomes outcomes(count);
   with_mobility(robot.mobility, [&](auto mobility) {
     constexpr Mobility K = mobility();
-    nb::gil_scoped_release release;
-    Extended q_e;
-    Matrix<kMaxReadings, kDof<K>> H_x;
-    for (std::size_t i = 0; i < count; ++i) {
+    for_rows(count, [&](std::size_t i) {
+      Extended q_e;
+      Matrix<kMaxReadings, kDof<K>> H_x;
       const Pose pose = to_pose<K>(row<Joint>(x, i));
       const Outcome outcome = full ? linearise_full<K>(robot, pose, q_e, H_x, h_xi[i])
                                    : linearise<K>(robot, pose, q_e, H_x, h_xi[i]);
       outcomes.set(i, outcome);
-      for (std::size_t k = 0; k < e * n; ++k) h_x[i][k] = outcome ? H_x[k / n][k % n] : NAN;
+      write(H_x, e, n, outcome, h_x[i]);
       if (!outcome) std::fill_n(h_xi[i], e * p, NAN);
-    }
+    });
   });
   return nb::make_tuple(h_x.release(), h_xi.release(), outcomes.status.release(),
                         outcomes.chain.release());

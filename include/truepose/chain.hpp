@@ -93,21 +93,21 @@ TRUEPOSE_RARE inline double read_off_centre(const Chain& chain, double sine, dou
   return read.value;
 }
 
-/// Closes a chain on A = D + R c + a: the two spheres (or sphere and line) meet in two points,
+/// Closes a chain on A, d = A - P: the two spheres (or sphere and line) meet in two points,
 /// and the working mode says which. J_q's entry comes out as ± the root, without a division;
 /// no quotient by G, M or N appears, and no position of the arm is special.
 /// NeedAngle = false leaves q out, and with it the only trigonometric function.
 /// @return false when the rod cannot reach.
-template <Mobility K, bool NeedAngle = true>
-TRUEPOSE_FLATTEN inline bool close(const Chain& chain, const Pose& pose, ChainState& state) {
-  state.lever = turned<K>(pose.R, chain.pivot);
-  const Vec3 d = pose.D + state.lever + chain.anchor - chain.base;  // P to A
+/// @param d2  |d|²
+template <bool NeedAngle = true>
+TRUEPOSE_FLATTEN inline bool close(const Chain& chain, const Vec3& d, double d2,
+                                   ChainState& state) {
   const double sign = chain.working_mode;
   double position = 0;
   state.rate = 1;
   switch (chain.actuator) {
     case Actuator::telescopic: {
-      position = d.norm();
+      position = std::sqrt(d2);
       state.p = state.dB = Vec3::Zero();
       state.jq = -position;
       if (!(position > 0 && std::isfinite(position))) return false;
@@ -115,7 +115,7 @@ TRUEPOSE_FLATTEN inline bool close(const Chain& chain, const Pose& pose, ChainSt
     }
     case Actuator::prismatic: {
       const double along = chain.axis.dot(d);
-      const double root2 = chain.rod * chain.rod - d.squaredNorm() + along * along;
+      const double root2 = chain.rod * chain.rod - d2 + along * along;
       if (!(root2 >= 0)) return false;
       state.jq = sign * std::sqrt(root2);
       position = along + state.jq;
@@ -126,7 +126,7 @@ TRUEPOSE_FLATTEN inline bool close(const Chain& chain, const Pose& pose, ChainSt
     default: {  // a cos q + b sin q = c, from |p - d|² = L²
       const Vec3 e = chain.arm * chain.zero, w = chain.axis.cross(e);
       const double a = e.dot(d), b = w.dot(d);
-      const double c = 0.5 * (chain.arm * chain.arm + d.squaredNorm() - chain.rod * chain.rod);
+      const double c = 0.5 * (chain.arm * chain.arm + d2 - chain.rod * chain.rod);
       const double r2 = a * a + b * b, root2 = r2 - c * c;
       if (!(root2 >= 0) || !(r2 > 0)) return false;
       state.jq = sign * std::sqrt(root2);

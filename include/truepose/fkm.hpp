@@ -25,33 +25,33 @@ TRUEPOSE_FLATTEN inline FkmResult fkm(const Robot& robot, const Joint& q, Pose& 
   constexpr int n = kDof<K>;
   FkmResult result;
   std::array<Driven, n> driven;
-  std::array<Vec3, n> centre;  // of the sphere on which D + R c lies
-  std::array<double, n> per_rod;
-  double scale = 0;
   for (int i = 0; i < n; ++i) {
     driven[i] = drive(robot.chain[i], q[i]);
-    centre[i] = robot.chain[i].base + driven[i].p - robot.chain[i].anchor;
-    per_rod[i] = 1 / driven[i].rod;
-    scale = std::max(scale, driven[i].rod);
     if (!std::isfinite(q[i])) return {Status::not_finite, i, 0, 0};
     if (!(driven[i].rod > 0)) return {Status::unreachable, i, 0, 0};  // a telescopic leg
   }
+  const auto pivot = points<n>([&](int i) -> const Vec3& { return robot.chain[i].pivot; });
+  const auto centre = points<n>([&](int i) -> Vec3 {  // of the sphere on which D + R c lies
+    return robot.chain[i].base + driven[i].p - robot.chain[i].anchor;
+  });
+  const auto rod = lanes<n>([&](int i) { return driven[i].rod; });
+  const Lanes<n> half_rod2 = 0.5 * rod * rod, per_rod = 1 / rod;
+  const double scale = rod.maxCoeff();
 
   struct Iterate {
     Pose pose;
-    std::array<Vec3, n> lever, v;
-    std::array<double, n> f;
+    Points<n> lever, v;
+    Lanes<n> f;
     double cost, residual;
   };
   const auto evaluate = [&](Iterate& at) {
-    at.cost = at.residual = 0;  // |v| - L = f / L to first order
-    for (int i = 0; i < n; ++i) {
-      at.lever[i] = turned<K>(at.pose.R, robot.chain[i].pivot);
-      at.v[i] = centre[i] - at.pose.D - at.lever[i];
-      at.f[i] = 0.5 * (at.v[i].squaredNorm() - driven[i].rod * driven[i].rod);
-      at.cost += at.f[i] * at.f[i];
-      at.residual = std::max(at.residual, std::fabs(at.f[i]) * per_rod[i]);
-    }
+    at.lever = turned<K>(at.pose.R, pivot);
+    const Vec3& D = at.pose.D;
+    at.v = {centre.px - D.x() - at.lever.px, centre.py - D.y() - at.lever.py,
+            centre.pz - D.z() - at.lever.pz};
+    at.f = 0.5 * at.v.squared_norm() - half_rod2;
+    at.cost = (at.f * at.f).sum();
+    at.residual = (at.f.abs() * per_rod).maxCoeff();  // |v| - L = f / L to first order
   };
 
   const double rounding = 2e-15 * scale;
@@ -61,17 +61,14 @@ TRUEPOSE_FLATTEN inline FkmResult fkm(const Robot& robot, const Joint& q, Pose& 
   evaluate(*current);
   if (!std::isfinite(current->cost)) return {Status::not_finite, -1, 0, 0};
 
-  Matrix<n, n> jx;
+  std::array<Lanes<n>, n> jx;  // columns of J_x
+  Matrix<n, n> inverse;
   double damping = 0;
   bool regular = true;
   do {
-    ColumnSizes<K> sizes;
-    for (int i = 0; i < n; ++i) {
-      jx_row<K>(current->v[i], current->lever[i], jx[i]);
-      sizes.add(current->v[i], current->lever[i]);
-    }
-    const NormalEquations<n> square(jx, sizes.columns(), damping);
-    regular = square.regular();
+    jx_row<K>(current->v, current->lever, jx);
+    const auto sizes = column_sizes<K>(current->v.squared_norm(), current->lever);
+    regular = invert<n>(jx, sizes, Lanes<n>::Ones(), damping, inverse);
     if (!regular) {
       ++result.iterations;
       damping = std::max(10 * damping, 1e-3);
@@ -81,7 +78,7 @@ TRUEPOSE_FLATTEN inline FkmResult fkm(const Robot& robot, const Joint& q, Pose& 
     // of two small ones, and it costs a third of a new factorisation.
     do {
       ++result.iterations;
-      const std::array<double, n> step = square.solve(current->f);
+      const Lanes<n> step = times<n>(inverse, current->f);
       Joint motion{};
       for (int j = 0; j < n; ++j) motion[j] = step[j];
       trial->pose = moved<K>(current->pose, motion);
@@ -108,13 +105,14 @@ TRUEPOSE_FLATTEN inline FkmResult fkm(const Robot& robot, const Joint& q, Pose& 
     result.status = Status::singular;
   } else {
     for (int i = 0; i < n; ++i) {
-      jx_row<K>(current->v[i], current->lever[i], jx[i]);
-      if (jq_entry(robot.chain[i], current->v[i], driven[i]) * robot.chain[i].working_mode < 0 &&
-          robot.chain[i].actuator != Actuator::telescopic) {
+      const Chain& chain = robot.chain[i];
+      if (chain.actuator != Actuator::telescopic &&
+          jq_entry(chain, current->v[i], driven[i]) * chain.working_mode < 0) {
         result.status = Status::branch_lost;
         result.chain = i;
       }
     }
+    jx_row<K>(current->v, current->lever, jx);
     if (robot.assembly_sign != 0 && determinant_sign<n>(jx) != robot.assembly_sign)
       result.status = Status::branch_lost;
   }

@@ -21,11 +21,20 @@ struct Closure {
 /// Closes every chain on the pose, each in its own working mode.
 /// @return unreachable and the first chain that cannot close, or not_finite.
 template <Mobility K, bool NeedAngle = true>
-inline Outcome ikm(const Robot& robot, const Pose& pose, Closure<K>& closure) {
+TRUEPOSE_FLATTEN inline Outcome ikm(const Robot& robot, const Pose& pose, Closure<K>& closure) {
+  constexpr int n = kDof<K>;
+  const auto lever =
+      turned<K>(pose.R, points<n>([&](int i) -> const Vec3& { return robot.chain[i].pivot; }));
+  const auto offset =
+      points<n>([&](int i) -> Vec3 { return robot.chain[i].anchor - robot.chain[i].base; });
+  const Points<n> d{pose.D.x() + lever.px + offset.px, pose.D.y() + lever.py + offset.py,
+                    pose.D.z() + lever.pz + offset.pz};
+  const Lanes<n> d2 = d.squared_norm();
   closure.pose = pose;
   double sum = 0;  // a NaN, or a product that overflowed, shows in it
-  for (int i = 0; i < kDof<K>; ++i) {
-    if (!close<K, NeedAngle>(robot.chain[i], pose, closure.chain[i])) {
+  for (int i = 0; i < n; ++i) {
+    closure.chain[i].lever = lever[i];
+    if (!close<NeedAngle>(robot.chain[i], d[i], d2[i], closure.chain[i])) {
       const bool finite = pose.D.allFinite() && pose.R.allFinite();
       return {finite ? Status::unreachable : Status::not_finite, i};
     }

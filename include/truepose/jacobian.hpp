@@ -6,34 +6,30 @@
 
 namespace truepose {
 
-/// Row i of J_x: [vᵀ, (R c × v)ᵀ] S.
-template <Mobility K>
-inline void jx_row(const Vec3& v, const Vec3& lever, std::array<double, kDof<K>>& row) {
-  if constexpr (kTurnsAboutZ<K>) {  // only the z component of the moment is free
-    free_columns<K>(v, Vec3(0, 0, lever.x() * v.y() - lever.y() * v.x()), row.data());
-  } else {
-    free_columns<K>(v, lever.cross(v), row.data());
-  }
+/// Row i of J_x: [vᵀ, (R c × v)ᵀ] S. Of Points, all rows at once: `row` then has the columns.
+template <Mobility K, class Vector, class Row>
+inline void jx_row(const Vector& v, const Vector& lever, Row& row) {
+  for (int j = 0; j < kDof<K>; ++j) switch (Freedom<K>::columns[j]) {
+      case 0: row[j] = v.x(); break;
+      case 1: row[j] = v.y(); break;
+      case 2: row[j] = v.z(); break;
+      case 3: row[j] = lever.y() * v.z() - lever.z() * v.y(); break;
+      case 4: row[j] = lever.z() * v.x() - lever.x() * v.z(); break;
+      default: row[j] = lever.x() * v.y() - lever.y() * v.x(); break;
+    }
 }
 
 /// |column|² of J_x if nothing cancelled: Σ|v|² for the columns of a velocity,
 /// Σ|R c|²|v|² for those of a turn. Where the rods meet in one point the column of a turn vanishes:
 /// small against this, not against itself.
 template <Mobility K>
-struct ColumnSizes {
-  double velocity = 0, turn = 0;
-
-  void add(const Vec3& v, const Vec3& lever) {
-    const double v2 = v.squaredNorm();
-    velocity += v2;
-    turn += v2 * lever.squaredNorm();
-  }
-  std::array<double, kDof<K>> columns() const {
-    std::array<double, kDof<K>> sizes;
-    for (int j = 0; j < kDof<K>; ++j) sizes[j] = Freedom<K>::columns[j] < 3 ? velocity : turn;
-    return sizes;
-  }
-};
+inline std::array<double, kDof<K>> column_sizes(const Lanes<kDof<K>>& v2,
+                                                const Points<kDof<K>>& lever) {
+  const double velocity = v2.sum(), turn = (v2 * lever.squared_norm()).sum();
+  std::array<double, kDof<K>> sizes;
+  for (int j = 0; j < kDof<K>; ++j) sizes[j] = Freedom<K>::columns[j] < 3 ? velocity : turn;
+  return sizes;
+}
 
 template <Mobility K>
 struct Jacobians {
@@ -58,22 +54,21 @@ struct Jacobians {
 template <Mobility K>
 TRUEPOSE_FLATTEN inline Outcome jacobian(const Closure<K>& closure, Jacobians<K>& jacobians) {
   constexpr int n = kDof<K>;
-  ColumnSizes<K> sizes;
-  for (int i = 0; i < n; ++i) {
-    const ChainState& chain = closure.chain[i];
-    sizes.add(chain.v, chain.lever);
-    jx_row<K>(chain.v, chain.lever, jacobians.jx[i]);
-    jacobians.jq[i] = chain.jq;
-    if (!(chain.jq * chain.jq > kSingular * chain.v.squaredNorm() * chain.dB.squaredNorm()))
-      return {Status::singular, i};
-  }
-  const Square<n> square(jacobians.jx, sizes.columns());
-  if (!square.regular()) return {Status::singular, -1};
-  for (int j = 0; j < n; ++j) {
-    const std::array<double, n> column = square.column(j, jacobians.jq[j]);
-    for (int i = 0; i < n; ++i) jacobians.J[i][j] = column[i];
-  }
-  return {};
+  const auto& chain = closure.chain;
+  const Points<n> v = points<n>([&](int i) -> const Vec3& { return chain[i].v; });
+  const Points<n> lever = points<n>([&](int i) -> const Vec3& { return chain[i].lever; });
+  const Lanes<n> jq = lanes<n>([&](int i) { return chain[i].jq; });
+  const Lanes<n> v2 = v.squared_norm();
+  const Lanes<n> dB2 = points<n>([&](int i) -> const Vec3& { return chain[i].dB; }).squared_norm();
+  if (!((jq * jq - kSingular * v2 * dB2).minCoeff() > 0))
+    for (int i = 0; i < n; ++i)
+      if (!(jq[i] * jq[i] > kSingular * v2[i] * dB2[i])) return {Status::singular, i};
+  Eigen::Map<Lanes<n>>(jacobians.jq.data()) = jq;
+  std::array<Lanes<n>, n> columns;
+  jx_row<K>(v, lever, columns);
+  jacobians.jx = rows_of<n>(columns);
+  const auto sizes = column_sizes<K>(v2, lever);
+  return {invert<n>(columns, sizes, jq, 0, jacobians.J) ? Status::ok : Status::singular, -1};
 }
 
 /// J(x), n×n, ẋ = J q̇; ẋ is a twist (its free columns), base frame.

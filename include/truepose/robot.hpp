@@ -24,6 +24,13 @@
 #define TRUEPOSE_FLATTEN
 #endif
 
+/// Keeps a way that is hardly ever taken out of the hot function around it.
+#if defined(__GNUC__)
+#define TRUEPOSE_COLD __attribute__((noinline, cold))
+#else
+#define TRUEPOSE_COLD
+#endif
+
 namespace truepose {
 
 using Vec3 = Eigen::Vector3d;

@@ -2,51 +2,19 @@
 #pragma once
 
 #include <algorithm>
-#include <type_traits>
 
 #include "truepose/ldlt.hpp"
+#include "truepose/six.hpp"
 
 namespace truepose {
 
-/// Adjugate and determinant of a matrix of at most 4×4, by minors: products and sums only, no
-/// branch and no division, so that it costs a third of a factorisation.
+/// Rows of a matrix given by its columns.
 template <int N>
-inline double adjugate(const std::array<std::array<double, N>, N>& a,
-                       std::array<std::array<double, N>, N>& b) {
-  static_assert(N >= 2 && N <= 4);
-  if constexpr (N == 2) {
-    b = {{{a[1][1], -a[0][1]}, {-a[1][0], a[0][0]}}};
-    return a[0][0] * a[1][1] - a[0][1] * a[1][0];
-  } else if constexpr (N == 3) {
-    for (int i = 0; i < 3; ++i)
-      for (int j = 0; j < 3; ++j) {
-        const auto &u = a[(j + 1) % 3], &v = a[(j + 2) % 3];
-        b[i][j] = u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3];
-      }
-    return a[0][0] * b[0][0] + a[0][1] * b[1][0] + a[0][2] * b[2][0];
-  } else {
-    // 2×2 minors of the upper and of the lower two rows; Laplace's expansion puts them together.
-    const auto minor = [&](int row, int i, int j) {
-      return a[row][i] * a[row + 1][j] - a[row][j] * a[row + 1][i];
-    };
-    const double s01 = minor(0, 0, 1), s02 = minor(0, 0, 2), s03 = minor(0, 0, 3);
-    const double s12 = minor(0, 1, 2), s13 = minor(0, 1, 3), s23 = minor(0, 2, 3);
-    const double c01 = minor(2, 0, 1), c02 = minor(2, 0, 2), c03 = minor(2, 0, 3);
-    const double c12 = minor(2, 1, 2), c13 = minor(2, 1, 3), c23 = minor(2, 2, 3);
-    for (int j = 0; j < 4; ++j) {
-      // Column j: row j^1 of a, the other row of its half, against the minors of the other half.
-      const auto& r = a[j ^ 1];
-      const double sign = j % 2 == 0 ? 1 : -1;
-      const bool upper = j < 2;
-      const double m01 = upper ? c01 : s01, m02 = upper ? c02 : s02, m03 = upper ? c03 : s03;
-      const double m12 = upper ? c12 : s12, m13 = upper ? c13 : s13, m23 = upper ? c23 : s23;
-      b[0][j] = sign * (r[1] * m23 - r[2] * m13 + r[3] * m12);
-      b[1][j] = sign * (r[2] * m03 - r[0] * m23 - r[3] * m02);
-      b[2][j] = sign * (r[0] * m13 - r[1] * m03 + r[3] * m01);
-      b[3][j] = sign * (r[1] * m02 - r[0] * m12 - r[2] * m01);
-    }
-    return s01 * c23 - s02 * c13 + s03 * c12 + s12 * c03 - s13 * c02 + s23 * c01;
-  }
+inline Matrix<N, N> rows_of(const std::array<Lanes<N>, N>& columns) {
+  Matrix<N, N> rows;
+  for (int i = 0; i < N; ++i)
+    for (int j = 0; j < N; ++j) rows[i][j] = columns[j][i];
+  return rows;
 }
 
 /// Sign of the determinant, -1, 0 or 1: up to 4×4 by minors, above by elimination with partial
@@ -77,44 +45,17 @@ inline int determinant_sign(std::array<std::array<double, N>, N> m) {
   return sign;
 }
 
-/// Inverse of a square matrix of at most 4×4, by its adjugate.
+/// The same by columns; 6×6 by triples of rows where they are independent.
 template <int N>
-class Inverse {
- public:
-  using Vector = std::array<double, N>;
-  using Matrix = std::array<Vector, N>;
-
-  /// size[j] is what |column j|² would be if nothing in it cancelled: it gives the unit in which
-  /// singularity is judged, so that neither metres nor radians matter.
-  Inverse(const Matrix& a, const Vector& size) : determinant_(adjugate<N>(a, inverse_)) {
-    double scale = kSingular;
-    for (int j = 0; j < N; ++j) scale *= size[j];
-    regular_ = determinant_ * determinant_ > scale;  // false for a NaN
-    const double per_determinant = 1 / determinant_;
-    for (int i = 0; i < N; ++i)
-      for (int j = 0; j < N; ++j) inverse_[i][j] *= per_determinant;
+inline int determinant_sign(const std::array<Lanes<N>, N>& columns) {
+  if constexpr (N == 6) {
+    Matrix<6, 6> unused;
+    const double size = (columns[0].square() + columns[1].square() + columns[2].square()).mean();
+    const Triples triples = invert_by_triples(columns, size, Lanes<6>::Ones(), unused);
+    if (triples.independent) return (triples.determinant > 0) - (triples.determinant < 0);
   }
-  bool regular() const { return regular_; }
-
-  Vector solve(const Vector& b) const {
-    Vector x{};
-    for (int i = 0; i < N; ++i)
-      for (int j = 0; j < N; ++j) x[i] += inverse_[i][j] * b[j];
-    return x;
-  }
-
-  /// Column j of A⁻¹, times scale.
-  Vector column(int j, double scale) const {
-    Vector x;
-    for (int i = 0; i < N; ++i) x[i] = scale * inverse_[i][j];
-    return x;
-  }
-
- private:
-  Matrix inverse_;
-  double determinant_;
-  bool regular_;
-};
+  return determinant_sign<N>(rows_of<N>(columns));
+}
 
 /// Solves (AᵀA + damping · diag(size)) x = Aᵀ b: any size, and Levenberg's damped steps.
 template <int N>
@@ -161,8 +102,56 @@ class NormalEquations {
   Ldlt<N> factor_;
 };
 
-/// What solves an undamped N×N system at the least cost.
 template <int N>
-using Square = std::conditional_t<(N <= 4), Inverse<N>, NormalEquations<N>>;
+TRUEPOSE_COLD bool invert_by_normal_equations(const std::array<Lanes<N>, N>& columns,
+                                              const std::array<double, N>& size,
+                                              const Lanes<N>& scale, double damping,
+                                              Matrix<N, N>& rows) {
+  const Matrix<N, N> a = rows_of<N>(columns);
+  const NormalEquations<N> normal(a, size, damping);
+  for (int j = 0; j < N; ++j) {
+    const std::array<double, N> column = normal.column(j, scale[j]);
+    for (int i = 0; i < N; ++i) rows[i][j] = column[i];
+  }
+  return normal.regular();
+}
+
+/// A⁻¹ diag(scale) of a square matrix given by its columns: up to 4×4 by its adjugate, 6×6 by
+/// triples of rows, or by the normal equations where those are not independent.
+///
+/// size[j] is what |column j|² would be if nothing in it cancelled: it gives the unit in which
+/// singularity is judged, so that neither metres nor radians matter.
+/// damping > 0: Levenberg's (AᵀA + damping · diag(size))⁻¹Aᵀ in the place of A⁻¹.
+/// @return whether A has full rank
+template <int N>
+inline bool invert(const std::array<Lanes<N>, N>& columns, const std::array<double, N>& size,
+                   const Lanes<N>& scale, double damping, Matrix<N, N>& rows) {
+  if constexpr (N <= 4) {
+    if (!(damping > 0)) {
+      Matrix<N, N> b;
+      const double determinant = adjugate<N>(rows_of<N>(columns), b);
+      const double per_determinant = 1 / determinant;
+      for (int i = 0; i < N; ++i)
+        for (int j = 0; j < N; ++j) rows[i][j] = b[i][j] * (per_determinant * scale[j]);
+      double unit = kSingular;
+      for (int j = 0; j < N; ++j) unit *= size[j];
+      return determinant * determinant > unit;  // false for a NaN
+    }
+  } else if (!(damping > 0)) {
+    const Triples triples = invert_by_triples(columns, size[0] / N, scale, rows);
+    const double lever2 = size[3] / size[0];
+    if (triples.independent)
+      return triples.difference * triples.difference > kSingular * lever2 * lever2 * lever2;
+  }
+  return invert_by_normal_equations<N>(columns, size, scale, damping, rows);
+}
+
+/// A x for a matrix given by its rows.
+template <int N>
+inline Lanes<N> times(const Matrix<N, N>& rows, const Lanes<N>& x) {
+  Lanes<N> result;
+  for (int i = 0; i < N; ++i) result[i] = (Eigen::Map<const Lanes<N>>(rows[i].data()) * x).sum();
+  return result;
+}
 
 }  // namespace truepose

@@ -1,0 +1,292 @@
+"""How fast are the peers on the same problem? Pinocchio and MuJoCo beside truepose, in one run.
+
+    pip install ".[peers]" && python benchmarks/peers.py --core build/dev/benchmarks/benchmark_core
+
+The problem: LinuxCNC's 6-UPS (robots/stewart), random poses within ±80 mm in x and y, ±60 mm in z
+and ±15° in each component of the rotation vector. Inverse: leg lengths and J; forward: the pose
+from the lengths, from a seed 1 mm and 1 mrad away in every coordinate and from home, until no loop
+is open by more than 1e-12 m.
+
+Neither peer has a forward model of a closed loop. Each gets the tree that its manual asks for
+(a free platform, six legs of two hinges and a slide, six points to be joined) and Newton's method
+in numpy on its own residuals and Jacobian: what a user of its Python interface would write. The
+times are therefore those of Python, except truepose's: batched from Python, on every core, and
+from C++ on one (the benchmark's own 6-UPS, ±60 mm and ±0.15 rad).
+"""
+
+import argparse
+import json
+import subprocess
+import time
+
+import numpy as np
+
+import truepose as tp
+
+HALF_WIDTHS = np.array([0.08, 0.08, 0.06, *np.radians([15, 15, 15])])
+RESIDUAL = 1e-12  # m
+COLUMNS = ("IK + J", "FK from 1 mm, 1 mrad", "FK from home")
+
+
+def rotation(w):
+    """exp of a rotation vector (Rodrigues)."""
+    W = np.array([[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]])
+    t2 = w @ w
+    t = np.sqrt(t2)
+    a, b = (1 - t2 / 6, 0.5) if t < 1e-4 else (np.sin(t) / t, (1 - np.cos(t)) / t2)
+    return np.eye(3) + a * W + b * W @ W
+
+
+def quaternion(R):
+    """(w, x, y, z) of a rotation by less than 180°."""
+    w = 0.5 * np.sqrt(1 + np.trace(R))
+    axis = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    return np.array([w, *axis / (4 * w)])
+
+
+class Legs:
+    """Bases, platform points and home of the hexapod; each leg's frame has z along it at home."""
+
+    def __init__(self, robot):
+        self.base = np.array([chain.base for chain in robot.spec.chain])
+        self.pivot = np.array([chain.anchor for chain in robot.spec.chain])
+        self.home = np.asarray(robot.home)
+        at_home = self.home[:3] + self.pivot - self.base
+        self.length = np.linalg.norm(at_home, axis=1)
+        self.frame = []
+        for z in at_home / self.length[:, None]:
+            x = np.cross([0, 1, 0], z)
+            x /= np.linalg.norm(x)
+            self.frame.append(np.column_stack([x, np.cross(z, x), z]))
+
+
+class Peer:
+    """Newton on a peer's own residuals. Velocities: 6 of the platform, then 3 of each leg."""
+
+    slides = 6 + 3 * np.arange(6) + 2
+
+    def newton(self, free):
+        for _ in range(50):
+            error, A = self.closure()
+            if np.abs(error).max() < RESIDUAL:
+                return A
+            step = np.zeros(24)
+            step[free] = np.linalg.solve(A[:, free], -error)
+            self.move(step)
+        raise RuntimeError(f"{self.name}: no solution in 50 steps")
+
+    def inverse(self, pose):
+        """Leg lengths and J of the platform's twist, for a pose."""
+        self.place(pose)
+        A = self.newton(np.arange(6, 24))
+        rates = np.linalg.solve(A[:, 6:], -A[:, :6])
+        return self.lengths(), np.linalg.inv(rates[self.slides - 6])
+
+    def forward(self, lengths, seed=None):
+        """Platform and hinges that hold the lengths, from a seed prepared by seed_at, or home."""
+        self.start(seed, lengths)
+        self.newton(np.setdiff1d(np.arange(24), self.slides))
+        return self.position()
+
+    def seed_at(self, pose):
+        self.inverse(pose)
+        return self.state()
+
+
+class Pinocchio(Peer):
+    name = "Pinocchio, Python"
+
+    def __init__(self, legs):
+        import pinocchio as pin
+
+        self.pin, self.model = pin, pin.Model()
+        model, none = self.model, pin.SE3.Identity()
+        platform = model.addJoint(0, pin.JointModelFreeFlyer(), none, "platform")
+        self.anchors, self.tips = [], []
+        for i in range(6):
+            at = pin.SE3(legs.frame[i], legs.base[i])
+            joint = 0
+            for kind in (pin.JointModelRX(), pin.JointModelRY(), pin.JointModelPZ()):
+                joint = model.addJoint(joint, kind, at, f"leg{i}{kind.shortname()}")
+                at = none
+            for frames, parent, place in (
+                (self.anchors, platform, pin.SE3(np.eye(3), legs.pivot[i])),
+                (self.tips, joint, none),
+            ):
+                name = f"{'anchor' if parent == platform else 'tip'}{i}"
+                frame = pin.Frame(name, parent, 0, place, pin.FrameType.OP_FRAME)
+                frames.append(model.addFrame(frame))
+        self.data = model.createData()
+        self.home = pin.neutral(model)
+        self.home[:3] = legs.home[:3]
+        self.home[9::3] = legs.length
+
+    def closure(self):
+        pin, model, data = self.pin, self.model, self.data
+        pin.computeJointJacobians(model, data, self.q)
+        pin.updateFramePlacements(model, data)
+        error, A = np.empty(18), np.empty((18, 24))
+        world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        for i, (tip, anchor) in enumerate(zip(self.tips, self.anchors, strict=True)):
+            rows = slice(3 * i, 3 * i + 3)
+            error[rows] = data.oMf[tip].translation - data.oMf[anchor].translation
+            of_tip = pin.getFrameJacobian(model, data, tip, world)[:3]
+            A[rows] = of_tip - pin.getFrameJacobian(model, data, anchor, world)[:3]
+        return error, A
+
+    def move(self, step):
+        self.q = self.pin.integrate(self.model, self.q, step)
+
+    def place(self, pose):
+        self.q = self.home.copy()
+        self.q[:3] = pose[:3]
+        self.q[3:7] = np.roll(quaternion(rotation(pose[3:])), -1)
+
+    def start(self, seed, lengths):
+        self.q = (self.home if seed is None else seed).copy()
+        self.q[9::3] = lengths
+
+    def lengths(self):
+        return self.q[9::3].copy()
+
+    def position(self):
+        return self.q[:3].copy()
+
+    def state(self):
+        return self.q.copy()
+
+
+class MuJoCo(Peer):
+    name = "MuJoCo, Python"
+
+    def __init__(self, legs):
+        import mujoco
+
+        def text(values):
+            return " ".join(f"{v:.17g}" for v in values)
+
+        inertia = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+        sites = "".join(f'<site name="a{i}" pos="{text(p)}"/>' for i, p in enumerate(legs.pivot))
+        bodies = f'<body pos="{text(legs.home[:3])}"><freejoint/>{inertia}{sites}</body>'
+        for i in range(6):
+            place = f'pos="{text(legs.base[i])}" quat="{text(quaternion(legs.frame[i]))}"'
+            bodies += (
+                f'<body {place}><joint axis="1 0 0"/><joint axis="0 1 0"/>'
+                f'<joint type="slide" axis="0 0 1"/>{inertia}<site name="t{i}"/></body>'
+            )
+        joined = "".join(f'<connect site1="t{i}" site2="a{i}"/>' for i in range(6))
+        self.mujoco = mujoco
+        self.model = mujoco.MjModel.from_xml_string(
+            f'<mujoco><option jacobian="dense"/><worldbody>{bodies}</worldbody>'
+            f"<equality>{joined}</equality></mujoco>"
+        )
+        self.data = mujoco.MjData(self.model)
+        self.home = self.data.qpos.copy()
+        self.home[9::3] = legs.length
+
+    def closure(self):
+        mujoco, model, data = self.mujoco, self.model, self.data
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_makeConstraint(model, data)
+        return data.efc_pos, data.efc_J.reshape(18, 24)
+
+    def move(self, step):
+        self.mujoco.mj_integratePos(self.model, self.data.qpos, step, 1)
+
+    def place(self, pose):
+        self.data.qpos[:] = self.home
+        self.data.qpos[:3] = pose[:3]
+        self.data.qpos[3:7] = quaternion(rotation(pose[3:]))
+
+    def start(self, seed, lengths):
+        self.data.qpos[:] = self.home if seed is None else seed
+        self.data.qpos[9::3] = lengths
+
+    def lengths(self):
+        return self.data.qpos[9::3].copy()
+
+    def position(self):
+        return self.data.qpos[:3].copy()
+
+    def state(self):
+        return self.data.qpos.copy()
+
+
+def median_time(calls):
+    """Median of the times of single calls, s."""
+    times = []
+    for call in calls:
+        start = time.perf_counter()
+        call()
+        times.append(time.perf_counter() - start)
+    return float(np.median(times))
+
+
+def measure_peer(peer, robot, x, near):
+    q, J = robot.ikm(x), robot.jacobian(x)
+    for k in (0, len(x) // 2):  # the same robot, the same answers
+        lengths, peer_J = peer.inverse(x[k])
+        assert np.abs(lengths - q[k]).max() < 1e-10
+        assert abs(abs(np.linalg.det(peer_J)) / abs(np.linalg.det(J[k])) - 1) < 1e-8
+        assert np.abs(peer.forward(q[k]) - x[k, :3]).max() < 1e-10
+    seeds = [peer.seed_at(pose) for pose in near]
+    return (
+        median_time([lambda k=k: peer.inverse(x[k]) for k in range(len(x))]),
+        median_time([lambda k=k: peer.forward(q[k], seeds[k]) for k in range(len(x))]),
+        median_time([lambda k=k: peer.forward(q[k]) for k in range(len(x))]),
+    )
+
+
+def measure_truepose(robot, x, near, copies=100):
+    x, near = np.tile(x, (copies, 1)), np.tile(near, (copies, 1))
+    q = robot.ikm(x)
+    calls = (
+        lambda: (robot.ikm(x), robot.jacobian(x)),
+        lambda: robot.fkm(q, guess=near),
+        lambda: robot.fkm(q),
+    )
+    return tuple(median_time([call] * 9) / len(x) for call in calls)
+
+
+def measure_core(program):
+    run = subprocess.run([program, "--json"], check=True, capture_output=True, text=True)
+    median = {row["name"]: row["median_s"] for row in json.loads(run.stdout)}
+    names = ("IKM + J", "FKM from 1 mm, 1 mrad", "FKM from home")
+    return tuple(median[f"6-UPS {name}"] for name in names)
+
+
+def main():
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--core", help="path of benchmark_core, for the times in C++")
+    parser.add_argument("--poses", type=int, default=1000)
+    options = parser.parse_args()
+
+    robot = tp.load("stewart")
+    rng = np.random.default_rng(1)
+    x = robot.home + HALF_WIDTHS * rng.uniform(-1, 1, (options.poses, 6))
+    near = x + 1e-3 * rng.choice([-1, 1], size=x.shape)
+
+    rows = {"truepose, Python, batched": measure_truepose(robot, x, near)}
+    if options.core:
+        rows["truepose, C++, one core"] = measure_core(options.core)
+    for peer in (Pinocchio, MuJoCo):
+        try:
+            ready = peer(Legs(robot))
+        except ImportError as error:
+            print(f"{peer.name}: SKIPPED, {error.name} is not installed (pip install '.[peers]')")
+            continue
+        rows[peer.name] = measure_peer(ready, robot, x, near)
+
+    print(f"\nµs per pose (times truepose's from Python), median of {options.poses} poses")
+    print(f"{'':28s}" + "".join(f"{column:>26s}" for column in COLUMNS))
+    ours = rows["truepose, Python, batched"]
+    for name, times in rows.items():
+        cells = (f"{t * 1e6:.3g} ({t / o:.3g}×)" for t, o in zip(times, ours, strict=True))
+        print(f"{name:28s}" + "".join(f"{cell:>26s}" for cell in cells))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,49 @@
+// Who does which row? A batch is cut into equal parts, one for each core that this process may use.
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+#include <algorithm>
+#include <system_error>
+#include <thread>
+#include <vector>
+#if defined(__linux__)
+#include <sched.h>
+#endif
+
+namespace truepose::python {
+
+/// A thread starts in the time of a few hundred rows.
+inline constexpr std::size_t kRowsPerThread = 1000;
+
+/// Cores that this process may use: fewer than the machine has under taskset or in a container.
+inline std::size_t available_cores() {
+#if defined(__linux__)
+  cpu_set_t cores;
+  if (sched_getaffinity(0, sizeof cores, &cores) == 0) return CPU_COUNT(&cores);
+#endif
+  return std::max(1U, std::thread::hardware_concurrency());
+}
+
+/// Calls f(i) for every row i < count, without the interpreter's lock, on all cores if there are
+/// many. f writes to row i alone, so that the results are the same on any number of threads.
+template <class F>
+void for_rows(std::size_t count, F&& f) {
+  const nanobind::gil_scoped_release release;
+  const std::size_t parts =
+      std::max<std::size_t>(1, std::min(available_cores(), count / kRowsPerThread));
+  const auto do_part = [&](std::size_t part) {
+    for (std::size_t i = count * part / parts; i < count * (part + 1) / parts; ++i) f(i);
+  };
+  std::vector<std::thread> others;
+  others.reserve(parts - 1);
+  for (std::size_t part = 1; part < parts; ++part) try {
+      others.emplace_back(do_part, part);
+    } catch (const std::system_error&) {  // no thread to be had: the work is done all the same
+      do_part(part);
+    }
+  do_part(0);
+  for (std::thread& other : others) other.join();
+}
+
+}  // namespace truepose::python
