@@ -20,17 +20,16 @@ class Conditioning {
   static constexpr int n = kDof<K>;
 
   explicit Conditioning(const Closure<K>& closure) {
-    ColumnSizes<K> sizes;
     for (int i = 0; i < n; ++i) {
       const ChainState& chain = closure.chain[i];
       length_[i] = chain.v.norm();
       const Vec3 along = chain.v / length_[i];
-      sizes.add(along, chain.lever);
       jx_row<K>(along, chain.lever, lines_[i]);
       const double dB2 = chain.dB.squaredNorm();
       speed_[i] = dB2 > 0 ? std::sqrt(dB2) : 1;  // a telescopic leg is always driven along itself
     }
-    unit_ = sizes.columns();
+    unit_ = column_sizes<K>(
+        Lanes<n>::Ones(), points<n>([&](int i) -> const Vec3& { return closure.chain[i].lever; }));
     for (double& unit : unit_) unit = std::sqrt(unit);
     for (auto& row : lines_)
       for (int j = 0; j < n; ++j) {
@@ -48,7 +47,7 @@ class Conditioning {
   }
 
   /// Type 2: inverse condition number n / (|A| |A⁻¹|), Frobenius norms, in [0, 1], of the rods'
-  /// unit lines A, their columns in units of ColumnSizes. 1: isotropic. 0: the motors do not hold
+  /// unit lines A, their columns in units of column_sizes. 1: isotropic. 0: the motors do not hold
   /// the nacelle.
   double parallel() const { return parallel_; }
   /// Type 1: how much of the motion of B_i, 0 to 1, goes along rod i. 0: arm and rod in one line.

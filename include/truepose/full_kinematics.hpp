@@ -91,7 +91,7 @@ TRUEPOSE_FLATTEN inline FullResult newton(const Robot& robot, const System& syst
   return result;
 }
 
-/// Σ|v|²|r|² and the like: the diagonal of AᵀA if nothing cancelled, see ColumnSizes.
+/// Σ|v|²|r|² and the like: the diagonal of AᵀA if nothing cancelled, see column_sizes.
 template <Mobility K>
 inline double square_sum(const FullClosure<K>& at, const std::array<Vec3, kRods<K>>& r) {
   double sum = 0;
