@@ -12,6 +12,13 @@
 namespace truepose::python {
 namespace {
 
+/// c1, s1, c2, s2 and the gear of an encoder.
+template <class Part>
+void set_eccentricity(Part& part, const std::array<double, 4>& amplitude, double gear) {
+  part.eccentricity.set_amplitude(amplitude.data());
+  part.eccentricity.gear = gear;
+}
+
 void bind_robot(nb::module_& m) {
   nb::enum_<Mobility>(m, "Mobility")
       .value("planar_translation", Mobility::planar_translation)
@@ -64,6 +71,10 @@ void bind_robot(nb::module_& m) {
       .def_rw("anchor", &Chain::anchor)
       .def_rw("bar", &Chain::bar)
       .def_rw("encoder_step", &Chain::encoder_step)
+      .def_rw("encoder_noise", &Chain::encoder_noise)
+      .def_rw("low", &Chain::low)
+      .def_rw("high", &Chain::high)
+      .def("set_eccentricity", &set_eccentricity<Chain>)
       .def_rw("torque_limit", &Chain::torque_limit)
       .def_rw("drive_inertia", &Chain::drive_inertia)
       .def_rw("arm_mass", &Chain::arm_mass)
@@ -84,6 +95,8 @@ void bind_robot(nb::module_& m) {
       .def_rw("gain", &Sensor::gain)
       .def_rw("offset", &Sensor::offset)
       .def_rw("step", &Sensor::step)
+      .def_rw("noise", &Sensor::noise)
+      .def("set_eccentricity", &set_eccentricity<Sensor>)
       .def_rw("weight", &Sensor::weight)
       .def_rw("origin", &Sensor::origin)
       .def_rw("direction", &Sensor::direction)
@@ -120,7 +133,17 @@ void bind_robot(nb::module_& m) {
              robot.body.at(robot.bodies) = body;
              ++robot.bodies;
            })
+<<<<<<< /tmp/ours.cpp
       .def_prop_ro("parameter_count", [](const Robot& robot) { return parameter_count(robot); })
+=======
+      .def("without_limits",
+           [](Robot robot) {
+             robot.limited = false;
+             return robot;
+           })
+      .def("motor_position",
+           [](const Robot& robot, int i, double q) { return motor_position(robot.chain.at(i), q); })
+>>>>>>> /tmp/their.cpp
       .def("drawn_parameters",
            [](const Robot& drawn) {
              Owned<double> xi({static_cast<std::size_t>(parameter_count(drawn))});
@@ -190,7 +213,11 @@ NB_MODULE(_core, m) {
   m.attr("max_sensors") = kMaxSensors;
   m.attr("max_readings") = kMaxReadings;
   m.attr("max_bars") = kMaxBars;
+  m.attr("sensor_parameters") = kSensorParameters;
   m.def("rotation", [](const Vec3& vector) { return exp_so3(vector); });
+  m.attr("joint_limit") = static_cast<int>(Status::joint_limit);
+  m.attr("singular") = static_cast<int>(Status::singular);
+  m.attr("unreachable") = static_cast<int>(Status::unreachable);
   m.def("describe", [](int status) { return describe(static_cast<Status>(status)); });
   python::bind_robot(m);
   python::bind_control(m);
