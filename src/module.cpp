@@ -133,9 +133,7 @@ void bind_robot(nb::module_& m) {
              robot.body.at(robot.bodies) = body;
              ++robot.bodies;
            })
-<<<<<<< /tmp/ours.cpp
       .def_prop_ro("parameter_count", [](const Robot& robot) { return parameter_count(robot); })
-=======
       .def("without_limits",
            [](Robot robot) {
              robot.limited = false;
@@ -143,7 +141,6 @@ void bind_robot(nb::module_& m) {
            })
       .def("motor_position",
            [](const Robot& robot, int i, double q) { return motor_position(robot.chain.at(i), q); })
->>>>>>> /tmp/their.cpp
       .def("drawn_parameters",
            [](const Robot& drawn) {
              Owned<double> xi({static_cast<std::size_t>(parameter_count(drawn))});
