@@ -35,8 +35,10 @@ class Owned {
       extents.append(extent);
     }
     row_ = *shape.begin() > 0 ? size / *shape.begin() : 0;
-    array_ = nb::module_::import_("numpy").attr("empty")(
-        nb::tuple(extents), std::is_same_v<T, int> ? "intc" : "double");
+    constexpr const char* dtype = std::is_same_v<T, bool>  ? "bool"
+                                  : std::is_same_v<T, int> ? "intc"
+                                                           : "double";
+    array_ = nb::module_::import_("numpy").attr("empty")(nb::tuple(extents), dtype);
     data_ = nb::cast<nb::ndarray<T, nb::c_contig, nb::device::cpu>>(array_).data();
   }
 
