@@ -8,6 +8,7 @@
 #include "truepose/offline/bound.hpp"
 #include "truepose/offline/calibrate.hpp"
 #include "truepose/offline/guarded.hpp"
+#include "truepose/online.hpp"
 
 namespace truepose::python {
 namespace {
@@ -209,6 +210,63 @@ auto batch_accuracy(const Robot& robot, const Known& known, const Rows& x, const
   return nb::make_tuple(covariance.release(), outcomes.status.release(), outcomes.chain.release());
 }
 
+/// Online self-calibration: the filter's state, and one line after another.
+class Online {
+ public:
+  Online(const Robot& drawn, const Known& prior, const Row& mean, std::vector<double> drift,
+         double gate, bool full)
+      : drawn_(drawn),
+        robot_(drawn),
+        known_(prior),
+        xi_(mean.data(), mean.data() + mean.shape(0)),
+        drift_(std::move(drift)),
+        work_(online_work(drawn, static_cast<int>(prior.column.size()))),
+        full_(full) {
+    state_ = {static_cast<int>(known_.column.size()), known_.column.data(), xi_.data(),
+              known_.root.data(), known_.sigma};
+    settings_.drift = drift_.empty() ? nullptr : drift_.data();
+    settings_.gate = gate;
+    pose_ = with_mobility(drawn.mobility,
+                          [&](auto mobility) { return to_pose<mobility()>(drawn.home); });
+  }
+
+  /// @param linearised  ξ to linearise about, or nothing: ξ̂ itself
+  auto observe(const Rows& q_e, const Row& linearised) {
+    const std::size_t count = q_e.shape(0), n = dof(drawn_.mobility);
+    const std::vector<double> about(linearised.data(), linearised.data() + linearised.shape(0));
+    settings_.linearised = about.empty() ? nullptr : about.data();
+    Owned<double> x({count, n});
+    Outcomes outcomes(count);
+    with_level(drawn_, full_, [&](auto mobility, auto model) {
+      constexpr Mobility K = decltype(mobility)::value;
+      nb::gil_scoped_release release;
+      for (std::size_t i = 0; i < count; ++i) {
+        const Outcome outcome = truepose::observe<K, decltype(model)>(
+            drawn_, settings_, row<Extended>(q_e, i), state_, robot_, pose_, work_.data());
+        outcomes.set(i, outcome);
+        Joint at = to_coordinates<K>(pose_);
+        if (!outcome) {
+          at.fill(NAN);
+          pose_ = to_pose<K>(drawn_.home);
+        }
+        std::copy_n(at.begin(), n, x[i]);
+      }
+    });
+    return nb::make_tuple(x.release(), outcomes.status.release(), outcomes.chain.release());
+  }
+  std::vector<double> xi() const { return xi_; }
+  RowMatrix root() const { return known_.root; }
+
+ private:
+  Robot drawn_, robot_;
+  Known known_;
+  std::vector<double> xi_, drift_, work_;
+  OnlineState state_;
+  OnlineSettings settings_;
+  Pose pose_;
+  bool full_;
+};
+
 }  // namespace
 
 void bind_calibration(nb::module_& m) {
@@ -218,6 +276,11 @@ void bind_calibration(nb::module_& m) {
       .value("student", Loss::student);
   nb::class_<Known>(m, "Knowledge")
       .def(nb::init<std::vector<int>, RowMatrix, const std::vector<double>&>());
+  nb::class_<Online>(m, "Online")
+      .def(nb::init<const Robot&, const Known&, const Row&, std::vector<double>, double, bool>())
+      .def("observe", &Online::observe)
+      .def_prop_ro("xi", &Online::xi)
+      .def_prop_ro("root", &Online::root);
   m.def("estimate", &batch_estimate);
   m.def("gain", &batch_gain);
   m.def("calibrate", &run_calibration);

@@ -1,0 +1,149 @@
+// How does a robot learn its geometry while it works? One line of readings a cycle.
+//
+// A square-root filter on ξ. The pose of the moment is unknown and eliminated (eliminate.hpp): r
+// equations about ξ alone remain, and each updates the root S of the covariance, Σ_ξ = S Sᵀ
+// (Carlson's triangular form; Bierman, Factorization Methods for Discrete Sequential Estimation,
+// 1977, chapter V). Bounded work, no allocation, no exception.
+#pragma once
+
+#include "truepose/eliminate.hpp"
+#include "truepose/estimate.hpp"
+#include "truepose/geometry.hpp"
+
+namespace truepose {
+
+/// What the filter knows. The arrays are the caller's; it starts from the prior.
+struct OnlineState {
+  int count = 0;                ///< p, uncertain parameters
+  const int* column = nullptr;  ///< each one's column of H_ξ
+  double* xi = nullptr;         ///< ξ̂, parameter_count values
+  double* root = nullptr;       ///< S, p×p by rows, lower triangular
+  Extended sigma{};             ///< σ of every reading's own error, > 0
+  int due = 0;                  ///< the parameter whose drift is added next
+};
+
+struct OnlineSettings {
+  const double* drift = nullptr;  ///< σ of each parameter's random walk in one cycle, or nullptr
+  const double* linearised = nullptr;  ///< ξ about which to linearise (replay); nullptr: ξ̂ itself
+  double gate = 0;  ///< an equation off by more of its own σ is left out (0: none)
+};
+
+/// doubles of work space that `observe` needs
+inline int online_work(const Robot& robot, int count) {
+  return (dof(robot.mobility) + robot.r) * (parameter_count(robot) + count) + 2 * count;
+}
+
+namespace online_detail {
+
+/// One equation h·δξ = y of unit variance. @param f, b  work, p each; b then is the gain times
+/// alpha
+inline double update_root(int p, double* S, const double* h, double* f, double* b) {
+  for (int j = 0; j < p; ++j) f[j] = b[j] = 0;
+  for (int i = 0; i < p; ++i)
+    for (int j = 0; j <= i; ++j) f[j] += S[i * p + j] * h[i];
+  double alpha = 1;
+  for (int j = p - 1; j >= 0; --j) {
+    const double before = alpha;
+    alpha += f[j] * f[j];
+    const double beta = std::sqrt(before / alpha), lambda = f[j] / before;
+    for (int i = j; i < p; ++i) {
+      const double old = S[i * p + j];
+      S[i * p + j] = beta * (old - lambda * b[i]);
+      b[i] += f[j] * old;
+    }
+  }
+  return alpha;
+}
+
+/// S Sᵀ + q² e_j e_jᵀ, triangular again. @param v  work, p
+inline void add_drift(int p, double* S, int j, double q, double* v) {
+  for (int i = 0; i < p; ++i) v[i] = i == j ? q : 0;
+  for (int k = j; k < p; ++k) {
+    double& pivot = S[k * p + k];
+    const double length = std::hypot(pivot, v[k]), c = length / pivot, s = v[k] / pivot;
+    pivot = length;
+    for (int i = k + 1; i < p; ++i) {
+      S[i * p + k] = (S[i * p + k] + s * v[i]) / c;
+      v[i] = c * v[i] - s * S[i * p + k];
+    }
+  }
+}
+
+}  // namespace online_detail
+
+/// One cycle: ξ̂ and S learn from one line of readings.
+///
+/// @param drawn  as set_parameters takes it
+/// @param robot  in: any copy of it; out: the robot at the ξ of linearisation
+/// @param pose   in: a guess; out: x̂ before ξ̂ moved
+/// @param work   online_work(drawn, count) doubles
+/// @return anything but ok: nothing was learnt, the state is as it was
+template <Mobility K, class Model = IdealModel>
+inline Outcome observe(const Robot& drawn, const OnlineSettings& settings, const Extended& q_e,
+                       OnlineState& state, Robot& robot, Pose& pose, double* work) {
+  constexpr int n = kDof<K>;
+  const int rows = n + drawn.r, p = state.count;
+  if (!all_finite(q_e, rows)) return {Status::not_finite, -1};
+  double *H_xi = work, *B = H_xi + rows * parameter_count(drawn), *f = B + rows * p, *b = f + p;
+  const Knowledge known{p, state.column, state.root, state.sigma};
+  set_parameters(drawn, settings.linearised ? settings.linearised : state.xi, robot);
+  Joint q{};
+  for (int i = 0; i < n; ++i) q[i] = q_e[i];
+  Pose at = pose;
+  if (const Status status = Model::template fkm<K>(robot, q, at); status != Status::ok)
+    return {status, -1};
+
+  RowsOfPose A;
+  std::array<double, kMaxRows> e;
+  for (const bool last : {false, true}) {  // from the motors' pose to that of all readings
+    Extended expected, residual;
+    Matrix<kMaxReadings, n> H_x;
+    const Outcome outcome =
+        Model::template linearise<K>(robot, at, expected, H_x, last ? H_xi : nullptr);
+    if (!outcome) return outcome;
+    innovation(robot, q_e, expected, residual);
+    for (int c = 0; c < rows; ++c) {
+      for (int j = 0; j < n; ++j) A[c][j] = H_x[c][j] / state.sigma[c];
+      e[c] = residual[c] / state.sigma[c];
+    }
+    if (last) gather(robot, known, H_xi, rows, B);
+    if (!eliminate(n, rows, A, B, last ? p : 0, e)) return {Status::singular, -1};
+    Joint step{};
+    for (int i = 0; i < n; ++i) step[i] = e[i];
+    back_substitute(n, A, step);
+    if (!all_finite(step, n)) return {Status::not_finite, -1};
+    at = moved<K>(at, step);
+  }
+  pose = at;
+
+  for (int row = n; row < rows; ++row) {
+    const double* h = B + row * p;
+    double y = e[row];
+    if (settings.linearised)
+      for (int k = 0; k < p; ++k)
+        y -= h[k] * (state.xi[state.column[k]] - settings.linearised[state.column[k]]);
+    if (settings.gate > 0) {
+      double variance = 1;
+      for (int j = 0; j < p; ++j) {
+        double sum = 0;
+        for (int i = j; i < p; ++i) sum += state.root[i * p + j] * h[i];
+        variance += sum * sum;
+      }
+      if (y * y > settings.gate * settings.gate * variance) continue;
+    }
+    const double alpha = online_detail::update_root(p, state.root, h, f, b);
+    for (int k = 0; k < p; ++k) state.xi[state.column[k]] += b[k] / alpha * y;
+    // The rows that follow were linearised before this step.
+    if (!settings.linearised)
+      for (int later = row + 1; later < rows; ++later)
+        for (int k = 0; k < p; ++k) e[later] -= B[later * p + k] * b[k] / alpha * y;
+  }
+  if (settings.drift && p > 0) {  // one parameter a cycle, for all the cycles since its last turn
+    state.due = (state.due + 1) % p;
+    const double q_due = settings.drift[state.due] * std::sqrt(p);
+    if (q_due > 0) online_detail::add_drift(p, state.root, state.due, q_due, f);
+  }
+  return {};
+}
+
+}  // namespace truepose

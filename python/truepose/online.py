@@ -1,0 +1,149 @@
+"""How does a robot learn its geometry while it works? One line of readings after another."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose import _core, knowledge
+from truepose.build import Array, columns
+from truepose.calibration import Learnt, calibration_of, mean_of
+from truepose.exceptions import InputError
+from truepose.robot import Errors, Level, Robot
+
+
+class OnlineCalibration:
+    """A filter on the robot's parameters that every line of its own readings makes wiser.
+
+    It starts from the priors of the robot's file (or its last calibration) and ends near where
+    :func:`truepose.calibrate` ends on the same lines. In the core one line takes bounded time and
+    no memory (``include/truepose/online.hpp``).
+
+    Parameters
+    ----------
+    robot : Robot
+        With the sensors in use that are read.
+    drift : dict, optional
+        Name of a parameter (or pattern, ``"chain*.rod"``): σ of its random walk over one line, m or
+        rad. Without it parameters are constant and the filter ever surer.
+    gate : float
+        Equations off by more than so many of their own σ are left out; 0 keeps all.
+    level : {"ideal", "full"}
+        One rod per chain, or every rod by itself.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose import paper_data
+    >>> robot = tp.load("h4")
+    >>> true = robot.expected().replace({"chain1.rod": 0.486})
+    >>> online = tp.OnlineCalibration(robot)
+    >>> x = online.observe(true.extended(paper_data.table2()))
+    >>> sigma = online.parameters["chain1.rod"].sigma
+    >>> bool(sigma < 0.3 * robot.parameters["chain1.rod"].sigma)
+    True
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        drift: dict[str, float] | None = None,
+        gate: float = 0.0,
+        level: Level = "ideal",
+    ):
+        self._robot = robot
+        self._level = level
+        self._names = knowledge.require_uncertain(robot)
+        if not (np.isfinite(gate) and gate >= 0):
+            raise InputError(f"gate = {gate}: must be a number of σ of at least 0")
+        self._drift = self._rates(drift)
+        self._gate = float(gate)
+        self._start(mean_of(robot))
+
+    def _rates(self, drift: dict[str, float] | None) -> list[float]:
+        import fnmatch
+
+        from truepose.exceptions import choose
+
+        if not drift:
+            return []
+        rates = dict.fromkeys(self._names, 0.0)
+        for pattern, rate in drift.items():
+            hit = fnmatch.filter(self._names, pattern)
+            if not hit:
+                raise InputError("drift: " + choose("parameter", pattern, self._names))
+            if not (np.isfinite(rate) and rate >= 0):
+                raise InputError(f"drift: {pattern} = {rate}: must be at least 0 (m or rad a line)")
+            rates |= dict.fromkeys(hit, float(rate))
+        return list(rates.values())
+
+    def _start(self, xi: Array) -> None:
+        known = knowledge.knowledge(self._robot, level=self._level)
+        self._filter = _core.Online(
+            self._robot._drawn,
+            known.core,
+            xi,
+            self._drift,
+            self._gate,
+            self._robot._is_full(self._level),
+        )
+
+    def observe(self, q_e: ArrayLike, errors: Errors = "raise") -> Array:
+        """Learn from lines of readings, in their order.
+
+        Parameters
+        ----------
+        q_e : array_like, shape (..., n + r)
+            Extended positions: motors, then the sensors in use.
+        errors : {"raise", "nan"}
+            What to do with a line that fits no pose; nothing is learnt from it.
+
+        Returns
+        -------
+        ndarray, shape (..., n)
+            Where the nacelle was, as known at that line.
+        """
+        rows, lead = self._robot._rows(q_e, self._robot.n + self._robot.r, "q_e", errors)
+        x, status, chain = self._filter.observe(rows, np.zeros(0))
+        self._robot._check("reading", rows, lead, status, chain, errors, name="q_e")
+        return x.reshape(*lead, self._robot.n)
+
+    def replay(self, q_e: ArrayLike, times: int = 3) -> None:
+        """Start again from the priors with all lines linearised about what is known by now.
+
+        What early lines said was linearised about a poor guess; after a replay or two the filter
+        stands where :func:`truepose.calibrate` does.
+        """
+        rows, _ = self._robot._rows(q_e, self._robot.n + self._robot.r, "q_e", "raise")
+        for _ in range(times):
+            about = np.array(self._filter.xi)
+            self._start(mean_of(self._robot))
+            self._filter.observe(rows, about)
+
+    @property
+    def covariance(self) -> Array:
+        """Of the uncertain parameters, shape (p, p)."""
+        root = self._filter.root
+        return root @ root.T
+
+    @property
+    def parameters(self) -> dict[str, Learnt]:
+        """Every uncertain parameter, before and now."""
+        before, values = self._robot.parameters, self._values()
+        sigma = np.sqrt(np.diag(self.covariance))
+        return {
+            name: Learnt(before[name].mean, before[name].sigma, values[name], float(s))
+            for name, s in zip(self._names, sigma, strict=True)
+        }
+
+    @property
+    def robot(self) -> Robot:
+        """The robot as it is known now; its estimates count with what is still open."""
+        return self._robot.with_calibration(
+            calibration_of(self._names, self._values(), self._filter.root, "online")
+        )
+
+    def _values(self) -> dict[str, float]:
+        column = dict(columns(self._robot.spec, self._robot._sensors))
+        xi = self._filter.xi
+        return {name: float(xi[column[name]]) for name in self._names}
