@@ -94,9 +94,7 @@ def assess(
     for when, known in (("before", model), ("after", fit.robot)):
         reached = np.isfinite(known.ikm(poses, errors="nan", level=fit.level)).all(axis=1)
         for how, at in (("absolute", None), ("touched off", touch)):
-            predicted[when, how] = accuracy(
-                known, poses[reached], touch_off=at, level=fit.level
-            )
+            predicted[when, how] = accuracy(known, poses[reached], touch_off=at, level=fit.level)
     progress("accuracy")
     outside = () if measured is None else tuple(f"measured_{c}" for c, _ in robot.coordinates)
     review = [finding.text for finding in log_checks.review(fit, log)]
@@ -179,7 +177,8 @@ def residuals(result: Assessment) -> Table:
         fitted = (
             result.fit.residuals[:, n + k]
             if k < result.fit.robot.r
-            else result.log.measured[:, k - result.fit.robot.r] - result.fit.x[:, k - result.fit.robot.r]
+            else result.log.measured[:, k - result.fit.robot.r]
+            - result.fit.x[:, k - result.fit.robot.r]
         )
         values = [
             _rms(result.before.residual[:, k], good),
