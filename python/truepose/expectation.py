@@ -57,11 +57,14 @@ def expect(
     expected = robot.extended(x, errors="nan", level=level)
     residual = _core.innovation(robot._core, readings, np.ascontiguousarray(expected))[:, n:]
     expected = expected[:, n:]
-    H_x, H_xi = robot.linearise(x, errors="nan")
+    H_x, H_xi = robot.linearise(x, errors="nan", level=level)
     names = knowledge.uncertain(robot)
     known = list(robot.parameters)
     by_geometry = H_xi[:, :, [known.index(name) for name in names]] @ knowledge.root(robot, names)
     noise = knowledge.reading_sigma(robot)
+    if level == "ideal" and (learnt := robot.spec.calibration) is not None:
+        left_out = [learnt.model_error.get(name, 0.0) for name in robot.readings]
+        noise = np.hypot(noise, left_out)
     J = np.full((len(x), n, n), np.nan)
     good = np.isfinite(H_x).all(axis=(1, 2))
     J[good] = np.linalg.inv(H_x[good, :n])

@@ -49,7 +49,7 @@ def check(robot: Robot, log: Log) -> tuple[Log, list[Finding]]:
     >>> import numpy as np, truepose as tp
     >>> from truepose import logs, paper_data
     >>> h4 = tp.load("h4")
-    >>> table = dict(zip(logs.column_names(h4), h4.expected().extended(paper_data.table2()).T))
+    >>> table = dict(zip(h4.readings, h4.expected().extended(paper_data.table2()).T))
     >>> table["theta"] = np.degrees(table["theta"])
     >>> for finding in check(h4, logs.of(h4, table))[1]:
     ...     print(finding.text)
@@ -57,14 +57,13 @@ def check(robot: Robot, log: Log) -> tuple[Log, list[Finding]]:
     """
     model = robot.expected()
     findings = [*_cells(robot, log), *_repeats(robot, log)]
-    motors = _motors(model, log)
-    if motors:
-        return log, [*findings, *motors]
-    seen = expect(model, log.readings)
-    log, stuck = _stuck(model, log, seen)
+    log, stuck = _stuck(model, log, expect(model, log.readings))
     findings += stuck
-    if not any(finding.refused for finding in stuck):
-        findings += _sensors(model, log, expect(model, log.readings))
+    if any(finding.refused for finding in findings):
+        return log, findings
+    if motors := _motors(model, log):
+        return log, [*findings, *motors]
+    findings += _sensors(model, log, expect(model, log.readings))
     findings += _equations(robot, log)
     return log, findings
 

@@ -43,18 +43,6 @@ class Log:
         )
 
 
-def column_names(robot: Robot) -> tuple[str, ...]:
-    """Names of the columns of a log of this robot: q1 … qn, then its sensors in use.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> column_names(tp.load("h4"))
-    ('q1', 'q2', 'q3', 'q4', 'theta')
-    """
-    return (*(f"q{i + 1}" for i in range(robot.n)), *robot.sensors)
-
-
 def is_table(value: object) -> bool:
     """Whether this has named columns: a dict, a data frame, a pyarrow table, a structured array."""
     return isinstance(value, Log | Mapping) or _columns_of(value) is not None
@@ -80,7 +68,7 @@ def of(robot: Robot, table, where: str = "readings") -> Log:
     --------
     >>> import truepose as tp
     >>> h4 = tp.load("h4")
-    >>> table = dict(zip(column_names(h4), h4.extended([[0, 0, -0.4, 0]] * 3).T))
+    >>> table = dict(zip(h4.readings, h4.extended([[0, 0, -0.4, 0]] * 3).T))
     >>> of(h4, table).readings.shape
     (3, 5)
     """
@@ -182,7 +170,7 @@ def _csv(path: Path) -> tuple[list[str], list[list[str]], Array]:
 
 def _pick(robot: Robot, columns: list[str], table, lines: Array, word: str, where: str) -> Log:
     columns = [str(name) for name in columns]
-    names = column_names(robot)
+    names = robot.readings
     outside = [f"measured_{name}" for name, _ in robot.coordinates]
     missing = [name for name in names if name not in columns]
     if missing:
