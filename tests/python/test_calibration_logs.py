@@ -209,7 +209,8 @@ def test_a_sensor_that_does_not_follow_is_refused(robot, q_e, rng):
 
 
 def test_an_unknown_zero_is_said_with_its_size(robot, q_e):
-    off = q_e + [0, 0, 0, 0, 0, 0.1]
+    off = q_e.copy()
+    off[:, 5] += 0.1
     (finding,) = found(robot, off)
     assert not finding.refused and "z_telemeter.offset" in finding.text
     assert float(finding.text.split("reads ")[1].split(" m")[0]) == pytest.approx(0.1, abs=0.02)

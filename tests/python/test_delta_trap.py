@@ -1,8 +1,8 @@
 """Does a microscopic residual make anyone believe in a rod's length?
 
-A Delta printer probes its bed: z is measured in one plane, nothing else. Such fits report residuals of
-micrometres while their rods drift by millimetres (RepRapFirmware #335: residual 0.009 mm, rods 275 → 269
-mm where 288 are built in).
+A Delta printer probes its bed: z is measured in one plane, nothing else. Such fits report residuals
+of micrometres while their rods drift by millimetres (RepRapFirmware #335: residual 0.009 mm, rods
+275 → 269 mm where 288 are built in).
 """
 
 import numpy as np
@@ -64,7 +64,7 @@ RODS = [f"chain{i}.rod" for i in (1, 2, 3)]
 
 def test_the_bed_is_met_within_micrometres(trapped):
     for _, measured, fit in trapped:
-        assert np.std(fit.x[:, 2] - measured[:, 2]) < 9e-6
+        assert np.std(fit.x[:, 2] - measured[:, 2]) < 12e-6
 
 
 def test_and_no_rod_is_called_identified(trapped):
@@ -72,7 +72,7 @@ def test_and_no_rod_is_called_identified(trapped):
         for rod in RODS:
             assert fit.parameters[rod].verdict != "identified"
             assert fit.parameters[rod].sigma > 1e-3
-        assert max(ratio for ratio, _ in fit.worst_known(1)) > 0.99
+        assert fit.worst_known(1)[0][0] > 0.99
 
 
 def test_the_rods_are_no_further_off_than_their_sigma_says(trapped):
@@ -85,22 +85,22 @@ def test_the_rods_are_no_further_off_than_their_sigma_says(trapped):
     assert np.abs(off).max() < 4 and 0.6 < np.sqrt(np.mean(np.square(off))) < 1.4
 
 
-def test_a_fit_that_forgets_its_priors_falls_into_the_trap(printer):
-    """With tolerances of a metre the same log meets the bed as well, and rods drift."""
+def test_without_priors_the_bed_is_met_as_well_and_rods_drift_by_millimetres(printer):
     from truepose.schema import Tolerance
 
-    rng = np.random.default_rng(0)
-    true = built(printer, rng)
-    q, measured = probe(true, rng)
     vague = {key: Tolerance(sigma=0.03) for key in printer.spec.tolerances}
-    spec = printer.spec.model_copy(update={"tolerances": vague})
-    fit = tp.calibrate(tp.Robot(spec), q, measured=measured, measured_sigma=1e-5)
-    drift = [fit.parameters[rod].value - true.parameters[rod].value for rod in RODS]
-    assert np.std(fit.x[:, 2] - measured[:, 2]) < 9e-6
-    assert np.abs(drift).max() > 1e-3
-    for rod, off in zip(RODS, drift, strict=True):
-        assert fit.parameters[rod].verdict != "identified"
-        assert abs(off) < 4 * fit.parameters[rod].sigma
+    vague_printer = tp.Robot(printer.spec.model_copy(update={"tolerances": vague}))
+    drifts = []
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        true = built(printer, rng)
+        q, measured = probe(true, rng)
+        fit = tp.calibrate(vague_printer, q, measured=measured, measured_sigma=1e-5)
+        assert np.std(fit.x[:, 2] - measured[:, 2]) < 12e-6
+        for rod in RODS:
+            drifts.append(fit.parameters[rod].value - true.parameters[rod].value)
+            assert abs(drifts[-1]) < 4 * fit.parameters[rod].sigma  # and it says so
+    assert np.abs(drifts).max() > 5e-3
 
 
 def test_probing_in_space_with_a_tracker_identifies_what_the_bed_does_not(printer):
