@@ -25,7 +25,7 @@ BETRAYED = 8.0
 Loss = Literal["squares", "huber", "student"]
 
 #: Default tuning of each loss: Huber's bend and Student's degrees of freedom.
-TUNING: dict[Loss, float] = {"squares": 0.0, "huber": 0.75, "student": 4.0}
+TUNING: dict[Loss, float] = {"squares": 0.0, "huber": 1.0, "student": 4.0}
 
 #: Posterior over prior σ, up to which a parameter counts as identified, and as barely so.
 IDENTIFIED, BARELY = 0.3, 0.9
@@ -141,7 +141,7 @@ def calibrate(
     loss : {"squares", "huber", "student"}
         What gross errors cost: their square, their size, or next to nothing.
     tuning : float, optional
-        Huber's bend (0.75 by default) or Student's degrees of freedom (4).
+        Huber's bend (1 by default) or Student's degrees of freedom (4).
     model_error : {"auto", "on", "off"}
         Whether to allow, at the ideal level, for what it leaves out: axis errors that tilt the
         nacelle and turn its bars, by the file's tolerances. "auto": unless the readings show no

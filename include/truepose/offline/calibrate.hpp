@@ -16,9 +16,13 @@ namespace truepose {
 /// What a disagreement between the readings of one pose costs.
 enum class Loss : int {
   squares = 0,  ///< d²: normal errors
-  huber = 1,    ///< linear beyond `tuning`
+  huber = 1,    ///< linear beyond `tuning`, constant beyond kGross
   student = 2,  ///< (ν + r) log(1 + d²/ν), ν = `tuning`: gross errors count for nothing
 };
+
+/// Residual of a line, in units of its σ, that no noise explains. Huber's force is bounded, not its
+/// lever: a reading so wrong that its pose lies outside the workspace would pull all the same.
+inline constexpr double kGross = 30;
 
 struct CalibrationSettings {
   int nuisances = 0;  ///< how many of the prior's last parameters are GuardedModel's, independent
@@ -205,7 +209,7 @@ class Calibrator {
   double weight(const Line& line) const {
     const double d2 = misfit(line) / (scale_ * scale_), c = settings_.tuning;
     switch (loss_) {
-      case Loss::huber: return d2 > c * c ? c / std::sqrt(d2) : 1;
+      case Loss::huber: return d2 > kGross * kGross ? 0 : d2 > c * c ? c / std::sqrt(d2) : 1;
       case Loss::student: return (c + line.redundancy()) / (c + d2);
       default: return 1;
     }
@@ -213,7 +217,8 @@ class Calibrator {
   double rho(const Line& line) const {
     const double s2 = scale_ * scale_, d2 = misfit(line) / s2, c = settings_.tuning;
     switch (loss_) {
-      case Loss::huber: return s2 * (d2 > c * c ? 2 * c * std::sqrt(d2) - c * c : d2);
+      case Loss::huber:
+        return s2 * (d2 > c * c ? 2 * c * std::min(std::sqrt(d2), kGross) - c * c : d2);
       case Loss::student: return s2 * (c + line.redundancy()) * std::log1p(d2 / c);
       default: return misfit(line);
     }
