@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from truepose import calibration_figures, calibration_report, log_checks, logs, saving
-from truepose.calibration import Loss
+from truepose.calibration import Loss, ModelError
 from truepose.calibration_report import Assessment
 from truepose.exceptions import InputError
 from truepose.robot import Level, Robot, load
@@ -34,6 +34,7 @@ def run(
     level: Level,
     loss: Loss,
     tuning: float | None,
+    model_error: ModelError,
     measured_sigma: float,
     touch_off: str | None,
     progress: Callable[[str], None],
@@ -64,6 +65,7 @@ def run(
         level=level,
         loss=loss,
         tuning=tuning,
+        model_error=model_error,
         measured_sigma=measured_sigma,
     )
     if report is not None:

@@ -126,6 +126,12 @@ class _Loss(StrEnum):
     student = "student"
 
 
+class _ModelError(StrEnum):
+    auto = "auto"
+    on = "on"
+    off = "off"
+
+
 class _Level(StrEnum):
     ideal = "ideal"
     full = "full"
@@ -160,6 +166,9 @@ def calibrate(
             help="Huber's bend or Student's degrees of freedom.", show_default="docs/calibration.md"
         ),
     ] = None,
+    model_error: Annotated[
+        _ModelError, typer.Option(help="Allow for what the ideal level leaves out.")
+    ] = _ModelError.auto,
     measured_sigma: Annotated[
         float, typer.Option(help="σ of the measured_… columns, m and rad.")
     ] = 1e-5,
@@ -197,6 +206,7 @@ def calibrate(
                 level.value,
                 loss.value,
                 tuning,
+                model_error.value,
                 measured_sigma,
                 touch_off,
                 lambda what: bar.update(task, advance=1, description=what),
