@@ -104,6 +104,18 @@ auto batch_gain(const Robot& robot, const Known& known, const Rows& x, bool full
                         outcomes.chain.release());
 }
 
+/// What was read less what was expected, (N, n + r), whole turns of a joint left out.
+auto batch_innovation(const Robot& robot, const Rows& q_e, const Rows& expected) {
+  const std::size_t count = q_e.shape(0), width = q_e.shape(1);
+  Owned<double> residual({count, width});
+  for (std::size_t i = 0; i < count; ++i) {
+    Extended difference{};
+    innovation(robot, row<Extended>(q_e, i), row<Extended>(expected, i), difference);
+    std::copy_n(difference.begin(), width, residual[i]);
+  }
+  return residual.release();
+}
+
 LineModel model_of(const Robot& robot, bool full, bool guarded) {
   if (guarded)
     return with_mobility(robot.mobility, [](auto mobility) {
@@ -283,6 +295,7 @@ void bind_calibration(nb::module_& m) {
       .def_prop_ro("root", &Online::root);
   m.def("estimate", &batch_estimate);
   m.def("gain", &batch_gain);
+  m.def("innovation", &batch_innovation);
   m.def("calibrate", &run_calibration);
   m.def("after_visiting", &run_after_visiting);
   m.def("accuracy", &batch_accuracy);

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose import _core, knowledge
+from truepose import _core, knowledge, log_checks, logs
 from truepose.build import Array, columns
 from truepose.exceptions import InputError, PoseError, choose
 from truepose.robot import Level, Robot
@@ -24,7 +25,7 @@ BETRAYED = 8.0
 Loss = Literal["squares", "huber", "student"]
 
 #: Default tuning of each loss: Huber's bend and Student's degrees of freedom.
-TUNING: dict[Loss, float] = {"squares": 0.0, "huber": 1.345, "student": 4.0}
+TUNING: dict[Loss, float] = {"squares": 0.0, "huber": 1.0, "student": 4.0}
 
 #: Posterior over prior σ, up to which a parameter counts as identified, and as barely so.
 IDENTIFIED, BARELY = 0.3, 0.9
@@ -70,6 +71,7 @@ class Fit:
     iterations: int
     cost: float  #: squared residuals and departures from the prior, in units of their σ
     guarded: bool  #: whether what the ideal level leaves out was allowed for
+    notes: tuple[str, ...] = ()  #: what was noticed in a table of readings, one line each
 
     @property
     def parameters(self) -> dict[str, Learnt]:
@@ -107,7 +109,7 @@ class Fit:
 
 def calibrate(
     robot: Robot,
-    readings: ArrayLike,
+    readings: ArrayLike | Mapping[str, ArrayLike],
     *,
     measured: ArrayLike | None = None,
     measured_sigma: ArrayLike | float = 1e-5,
@@ -125,8 +127,11 @@ def calibrate(
     ----------
     robot : Robot
         With the sensors in use that were read.
-    readings : array_like, shape (N, n + r)
-        Extended positions q_e = [q; r], m or rad; NaN where a sensor was not read.
+    readings : array_like, shape (N, n + r), or a table
+        Extended positions q_e = [q; r], m or rad; NaN where a sensor was not read. Or a dict of
+        arrays, a data frame, a pyarrow table, with columns q1 … qn, each sensor by its name, and
+        measured_x, … where something outside measured a coordinate (docs/calibration.md). A table
+        is looked over first; what was noticed is in ``notes``.
     measured : array_like, shape (N, n), optional
         Coordinates that something outside measured at these poses, NaN where it did not.
     measured_sigma : array_like, shape (n,), or float
@@ -136,7 +141,7 @@ def calibrate(
     loss : {"squares", "huber", "student"}
         What gross errors cost: their square, their size, or next to nothing.
     tuning : float, optional
-        Huber's bend (1.345 by default) or Student's degrees of freedom (4).
+        Huber's bend (1 by default) or Student's degrees of freedom (4).
     model_error : {"auto", "on", "off"}
         Whether to allow, at the ideal level, for what it leaves out: axis errors that tilt the
         nacelle and turn its bars, by the file's tolerances. "auto": unless the readings show no
@@ -149,7 +154,8 @@ def calibrate(
     Raises
     ------
     InputError
-        Wrong shapes, nothing uncertain, or too few readings.
+        Wrong shapes, nothing uncertain, no reading beyond those that the poses take; of a table,
+        missing columns, wrong units or signs, a stuck sensor.
     PoseError
         No line of the readings fits the robot, or the search does not converge.
 
@@ -163,6 +169,20 @@ def calibrate(
     >>> fit.parameters["chain1.rod"].verdict
     'identified'
     """
+    if logs.is_table(readings):
+        log, notes = _looked_over(robot, readings)
+        fit = calibrate(
+            robot,
+            log.readings,
+            measured=log.measured if measured is None else measured,
+            measured_sigma=measured_sigma,
+            level=level,
+            loss=loss,
+            tuning=tuning,
+            model_error=model_error,
+        )
+        notes += [finding.text for finding in log_checks.review(fit, log)]
+        return replace(fit, notes=tuple(notes))
     names = knowledge.require_uncertain(robot)
     if loss not in TUNING:
         raise InputError(choose("loss", loss, TUNING))
@@ -215,6 +235,11 @@ def calibrate(
             )
         )
     root = knowledge.root(robot, names)
+    if not redundancy.any():
+        raise InputError(
+            f"{robot.name}: {len(rows)} lines of readings: nothing to learn from: none has a "
+            "reading beyond those that its pose takes"
+        )
     best = tuple(float(xi[column[name]]) for name in names)
     lower = _cholesky(covariance)
     error = knowledge.model_error(robot)
@@ -235,7 +260,7 @@ def calibrate(
         covariance=covariance,
         prior_covariance=root @ root.T,
         x=x,
-        residuals=rows - expected,
+        residuals=_core.innovation(robot._core, rows, np.ascontiguousarray(expected)),
         chi2=chi2,
         redundancy=redundancy,
         weights=weights,
@@ -244,6 +269,14 @@ def calibrate(
         cost=found[-1],
         guarded=guarded,
     )
+
+
+def _looked_over(robot: Robot, table) -> tuple[logs.Log, list[str]]:
+    """Take the readings out of a table, and what was noticed; InputError where they are wrong."""
+    log, findings = log_checks.check(robot, logs.of(robot, table))
+    if refused := [finding.text for finding in findings if finding.refused]:
+        raise InputError(f"readings: {'; '.join(refused)}")
+    return log, [finding.text for finding in findings]
 
 
 def _measured(robot: Robot, measured, sigma, count: int) -> tuple[Array, list[float]]:

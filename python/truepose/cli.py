@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -119,6 +120,114 @@ def info(
         typer.echo(f"Wrote {plot}")
 
 
+class _Loss(StrEnum):
+    squares = "squares"
+    huber = "huber"
+    student = "student"
+
+
+class _ModelError(StrEnum):
+    auto = "auto"
+    on = "on"
+    off = "off"
+
+
+class _Level(StrEnum):
+    ideal = "ideal"
+    full = "full"
+
+
+@app.command()
+def calibrate(
+    robot: Annotated[str, typer.Argument(help="A shipped robot's name, or a robot file.")],
+    log: Annotated[
+        Path,
+        typer.Argument(
+            help="CSV or Parquet: columns q1 … qn, each sensor by its name, measured_x, …; SI."
+        ),
+    ],
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", help="Calibrated robot file to write.")
+    ] = None,
+    report: Annotated[
+        Path | None,
+        typer.Option(help="Report to write (HTML).", show_default="beside -o, as OUT.html"),
+    ] = None,
+    sensors: Annotated[
+        str | None, typer.Option(help="Sensors that were read: a,b.", show_default="the file's")
+    ] = None,
+    level: Annotated[
+        _Level, typer.Option(help="One rod per chain, or every rod by itself.")
+    ] = _Level.ideal,
+    loss: Annotated[_Loss, typer.Option(help="What gross errors cost.")] = _Loss.student,
+    tuning: Annotated[
+        float | None,
+        typer.Option(
+            help="Huber's bend or Student's degrees of freedom.", show_default="docs/calibration.md"
+        ),
+    ] = None,
+    model_error: Annotated[
+        _ModelError, typer.Option(help="Allow for what the ideal level leaves out.")
+    ] = _ModelError.auto,
+    measured_sigma: Annotated[
+        float, typer.Option(help="σ of the measured_… columns, m and rad.")
+    ] = 1e-5,
+    touch_off: Annotated[
+        str | None,
+        typer.Option(help="Pose x,y,… at which the error is set to zero.", show_default="home"),
+    ] = None,
+) -> None:
+    """Learn a robot's geometry from a log of its own readings.
+
+    Says what is wrong with the log, how well each parameter is known then, and how accurate the
+    robot will be; docs/calibration.md explains it.
+
+    Example: **truepose calibrate h4 log.csv -o calibrated.toml**
+    """
+    from rich.progress import BarColumn, Progress, TextColumn
+
+    from truepose import calibrate_command, calibration_report
+
+    console, errors = Console(), Console(stderr=True)
+    if out is not None and report is None:
+        report = out.with_suffix(".html")
+    columns = (TextColumn("{task.description:20}"), BarColumn())
+    try:
+        with Progress(
+            *columns, console=errors, transient=True, disable=not errors.is_terminal
+        ) as bar:
+            task = bar.add_task("log", total=calibrate_command.STEPS)
+            result = calibrate_command.run(
+                robot,
+                log,
+                out,
+                report,
+                sensors,
+                level.value,
+                loss.value,
+                tuning,
+                model_error.value,
+                measured_sigma,
+                touch_off,
+                lambda what: bar.update(task, advance=1, description=what),
+            )
+    except calibrate_command.RefusedError as refused:
+        for reason in refused.reasons:
+            typer.echo(f"truepose: error: {reason}", err=True)
+        raise typer.Exit(2) from None
+    for note in result.notes:
+        typer.echo(f"{log}: {note}", err=True)
+    residuals, parameters, worst, accuracy = calibration_report.tables_of(result)
+    _print(console, residuals)
+    _print(console, parameters.columns(0, 1, 3, 4, 5, 6))  # the report has the change, too
+    _print(console, worst, left=(1,))
+    _print(console, accuracy)
+    console.print(f"{calibration_report.verdicts(result.fit)}.", soft_wrap=True)
+    for path in (out, report):
+        if path is not None:
+            typer.echo(f"Wrote {path}")
+
+
 @app.command()
 def reproduce(
     robots: Annotated[
@@ -168,7 +277,7 @@ def reproduce(
     console.print(f"Report: {out / report.PAGE}", soft_wrap=True)
 
 
-def _print(console: Console, table) -> None:
+def _print(console: Console, table, left: tuple[int, ...] = ()) -> None:
     from rich import box
     from rich.table import Table
 
@@ -182,6 +291,8 @@ def _print(console: Console, table) -> None:
     for k, name in enumerate(table.header):
         if k == 0:
             view.add_column(name, no_wrap=True)
+        elif k in left:
+            view.add_column(name, justify="left")
         else:
             view.add_column(name.replace(", ", "\n"), justify="right")
     for row in table.rows:

@@ -75,14 +75,8 @@ def write(
     for table in numbers:
         _csv(out / f"{table.name}.csv", table.header, table.rows)
     _raw_numbers(result, out)
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("truepose", "templates"),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    page = environment.get_template("report.html.j2").render(
+    page = render(
+        "report.html.j2",
         images=images,
         tables={table.name: table for table in numbers},
         robot=result.robot,
@@ -93,9 +87,21 @@ def write(
         norm=float(np.median(np.sqrt(result.experiment.ratio("norm_xyz", "sum_sq")))),
         left=experiment.theta_law(result.robot, result.experiment.poses),
         errors=paper_data.simulation_errors(),
-        versions=_versions(),
+        versions=versions(),
     )
     (out / PAGE).write_text(page, encoding="utf-8")
+
+
+def render(template: str, **values) -> str:
+    """Fill one of the package's templates."""
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("truepose", "templates"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template(template).render(**values)
 
 
 def _figures(result: Reproduction) -> Iterator[tuple[str, Figure]]:
@@ -109,11 +115,22 @@ def _figures(result: Reproduction) -> Iterator[tuple[str, Figure]]:
 
 def _save(figure: Figure, path: Path) -> str:
     """Save as SVG and PNG; return the SVG as a data URI."""
-    with mpl.rc_context({"svg.hashsalt": "truepose"}):  # the same figure, the same bytes
-        figure.savefig(path.with_suffix(".svg"), metadata={"Date": None}, dpi=150)
+    path.with_suffix(".svg").write_bytes(svg(figure))
     figure.savefig(path.with_suffix(".png"), dpi=150)
-    data = base64.b64encode(path.with_suffix(".svg").read_bytes()).decode()
-    return f"data:image/svg+xml;base64,{data}"
+    return as_uri(path.with_suffix(".svg").read_bytes())
+
+
+def svg(figure: Figure) -> bytes:
+    """Draw a figure as SVG: the same figure, the same bytes."""
+    drawn = io.BytesIO()
+    with mpl.rc_context({"svg.hashsalt": "truepose"}):
+        figure.savefig(drawn, format="svg", metadata={"Date": None}, dpi=150)
+    return drawn.getvalue()
+
+
+def as_uri(image: bytes) -> str:
+    """Put an SVG into a page as a data URI."""
+    return f"data:image/svg+xml;base64,{base64.b64encode(image).decode()}"
 
 
 def _csv(path: Path, header: list[str], rows) -> None:
@@ -156,7 +173,8 @@ def _raw_numbers(result: Reproduction, out: Path) -> None:
         _csv(out / f"{name}.csv", header, rows)
 
 
-def _versions() -> dict[str, str]:
+def versions() -> dict[str, str]:
+    """What made a page."""
     packages = {name: metadata.version(name) for name in ("numpy", "matplotlib")}
     python = platform.python_version()
     return {"truepose": truepose.__version__, "Python": python, **packages}

@@ -27,7 +27,8 @@ inline Outcome after_visiting(const Robot& robot, const LineModel& model, const 
   // I + N = U Uᵀ with U upper triangular (Cholesky from the last parameter to the first), so that
   // Σ_u = U⁻ᵀ U⁻¹ and S U⁻ᵀ, lower times lower, is the root.
   Eigen::MatrixXd information = Eigen::MatrixXd::Identity(p, p);
-  information.selfadjointView<Eigen::Lower>().rankUpdate(stacked.transpose());
+  if (stacked.rows() > 0)  // Eigen's rankUpdate does not take matrices without rows
+    information.selfadjointView<Eigen::Lower>().rankUpdate(stacked.transpose());
   information = Eigen::MatrixXd(information.selfadjointView<Eigen::Lower>()).reverse().eval();
   const Eigen::MatrixXd L = information.llt().matrixL();
   const Eigen::MatrixXd UT = L.transpose().reverse();

@@ -16,9 +16,13 @@ namespace truepose {
 /// What a disagreement between the readings of one pose costs.
 enum class Loss : int {
   squares = 0,  ///< d²: normal errors
-  huber = 1,    ///< linear beyond `tuning`
+  huber = 1,    ///< linear beyond `tuning`, constant beyond kGross
   student = 2,  ///< (ν + r) log(1 + d²/ν), ν = `tuning`: gross errors count for nothing
 };
+
+/// Residual of a line, in units of its σ, that no noise explains. Huber's force is bounded, not its
+/// lever: a reading so wrong that its pose lies outside the workspace would pull all the same.
+inline constexpr double kGross = 30;
 
 struct CalibrationSettings {
   int nuisances = 0;  ///< how many of the prior's last parameters are GuardedModel's, independent
@@ -49,8 +53,8 @@ struct CalibrationResult {
 };
 
 /// Batch calibration. Levenberg-Marquardt; the same on every run.
-/// A robust loss is reached from the squares: residuals first count in units of their median, so
-/// that the geometry's own error does not look like one big outlier.
+/// Under a robust loss residuals first count in units of their median, so that the geometry's own
+/// error does not look like one big outlier, and the squares never see a gross one.
 class Calibrator {
  public:
   Calibrator(const Robot& drawn, const LineModel& model, const Knowledge& prior,
@@ -78,9 +82,9 @@ class Calibrator {
       result.outcome = {Status::unreachable, -1};
       return result;
     }
-    loss_ = Loss::squares;
-    descend(now, result);
-    if (settings_.loss != Loss::squares && result.outcome) {
+    if (settings_.loss == Loss::squares) {
+      descend(now, result);
+    } else {
       loss_ = settings_.loss;
       scale_ = INFINITY;
       do {  // graduated: from what the median calls normal, down to the stated σ
@@ -127,41 +131,96 @@ class Calibrator {
     return status;
   }
 
-  /// Reads every good line at this geometry and these poses. @return the first that cannot be, or
-  /// -1
-  int evaluate(Iterate& at, const std::vector<Status>& status) {
+  /// Reads every good line at this geometry and these poses.
+  /// @param last  the iterate that this one was reached from, if any
+  /// @return the first line that cannot be read, or -1
+  int evaluate(Iterate& at, const std::vector<Status>& status, const Iterate* last = nullptr) {
     set_parameters(drawn_, xi_of(at.u).data(), robot_);
     at.line.resize(log_.count);
     for (int k = 0; k < log_.count; ++k) {
       at.line[k].rows = 0;
-      if (status[k] != Status::ok) continue;
-      const Outside outside{log_.measured ? log_.measured + k * n_ : nullptr,
-                            log_.measured_sigma.data()};
-      if (!model_.read(robot_, prior_, at.pose[k], log_.q_e + k * readings_, outside, H_xi_.data(),
-                       at.line[k]))
-        return k;
-      const int m = settings_.nuisances;
-      Line& line = at.line[k];
-      for (int i = 0; i < line.rows && m > 0; ++i)
-        line.e[i] -= line.B.row(i).tail(m).dot(at.u.tail(m));
+      if (status[k] == Status::ok && !settle(at, k, last)) return k;
     }
     return -1;
   }
 
+  bool read(Iterate& at, int k) {
+    const Outside outside{log_.measured ? log_.measured + k * n_ : nullptr,
+                          log_.measured_sigma.data()};
+    Line& line = at.line[k];
+    if (!model_.read(robot_, prior_, at.pose[k], log_.q_e + k * readings_, outside, H_xi_.data(),
+                     line))
+      return false;
+    const int m = settings_.nuisances;
+    for (int i = 0; i < line.rows && m > 0; ++i)
+      line.e[i] -= line.B.row(i).tail(m).dot(at.u.tail(m));
+    return true;
+  }
+
+  /// Reads line k. A pose more than σ from its line's best, where readings are grossly wrong and
+  /// one step overshoots, takes steps of its own that never worsen the line: without them no
+  /// damping of ξ would ever lower the cost.
+  bool settle(Iterate& at, int k, const Iterate* last) {
+    bool good = read(at, k);
+    if (good && away(at.line[k]) < 1) return true;
+    if (last) {
+      const Pose pose = at.pose[k];
+      const Line line = at.line[k];
+      at.pose[k] = last->pose[k];
+      if (const bool kept = read(at, k); good && !(kept && misfit(at.line[k]) < misfit(line))) {
+        at.pose[k] = pose;
+        at.line[k] = line;
+      } else {
+        good = kept;
+      }
+    }
+    for (int step = 0; good && step < 5 && away(at.line[k]) > 1; ++step) {
+      const Pose pose = at.pose[k];
+      const Line line = at.line[k];
+      bool lower = false;
+      for (double length = 1; !lower && length > 0.01; length *= 0.25) {
+        Joint change{};
+        for (int i = 0; i < n_; ++i) change[i] = length * line.e[i];
+        back_substitute(n_, line.R, change);
+        at.pose[k] = model_.moved(pose, change);
+        lower = read(at, k) && misfit(at.line[k]) < misfit(line);
+      }
+      if (lower) continue;
+      at.pose[k] = pose;
+      at.line[k] = line;
+      break;
+    }
+    return good;
+  }
+
+  /// How far a line's pose is from its best, in units of its own σ.
+  double away(const Line& line) const {
+    double size = 0;
+    for (int i = 0; i < n_; ++i) size = std::max(size, std::fabs(line.e[i]));
+    return size;
+  }
+  /// Squared residual of a line at its pose; chi2() is what the best pose leaves, to first order.
+  double misfit(const Line& line) const {
+    double sum = 0;
+    for (int i = 0; i < line.rows; ++i) sum += line.e[i] * line.e[i];
+    return sum;
+  }
+
   double weight(const Line& line) const {
-    const double d2 = line.chi2() / (scale_ * scale_), c = settings_.tuning;
+    const double d2 = misfit(line) / (scale_ * scale_), c = settings_.tuning;
     switch (loss_) {
-      case Loss::huber: return d2 > c * c ? c / std::sqrt(d2) : 1;
+      case Loss::huber: return d2 > kGross * kGross ? 0 : d2 > c * c ? c / std::sqrt(d2) : 1;
       case Loss::student: return (c + line.redundancy()) / (c + d2);
       default: return 1;
     }
   }
   double rho(const Line& line) const {
-    const double s2 = scale_ * scale_, d2 = line.chi2() / s2, c = settings_.tuning;
+    const double s2 = scale_ * scale_, d2 = misfit(line) / s2, c = settings_.tuning;
     switch (loss_) {
-      case Loss::huber: return s2 * (d2 > c * c ? 2 * c * std::sqrt(d2) - c * c : d2);
+      case Loss::huber:
+        return s2 * (d2 > c * c ? 2 * c * std::min(std::sqrt(d2), kGross) - c * c : d2);
       case Loss::student: return s2 * (c + line.redundancy()) * std::log1p(d2 / c);
-      default: return line.chi2();
+      default: return misfit(line);
     }
   }
   double cost(const Iterate& at) const {
@@ -175,7 +234,7 @@ class Calibrator {
   double spread(const Iterate& at) const {
     std::vector<double> ratios;
     for (const Line& line : at.line)
-      if (line.redundancy() > 0) ratios.push_back(line.chi2() / line.redundancy());
+      if (line.redundancy() > 0) ratios.push_back(misfit(line) / line.redundancy());
     if (ratios.empty()) return 1;
     const auto middle = ratios.begin() + static_cast<long>(ratios.size() / 2);
     std::nth_element(ratios.begin(), middle, ratios.end());
@@ -198,8 +257,10 @@ class Calibrator {
       }
     }
     information.setIdentity(p_, p_);
+    right = -at.u;
+    if (total == 0) return;  // Eigen's rankUpdate does not take matrices without rows
     information.selfadjointView<Eigen::Lower>().rankUpdate(stacked.transpose());
-    right = stacked.transpose() * y - at.u;
+    right += stacked.transpose() * y;
   }
 
   void descend(Iterate& now, CalibrationResult& result) {
@@ -222,9 +283,9 @@ class Calibrator {
       Iterate trial{now.u + step, now.pose};
       double moved_by = 0;
       for (int k = 0; k < log_.count; ++k)
-        moved_by = std::max(moved_by, follow(now, k, step, trial));
+        moved_by = std::max(moved_by, std::sqrt(weight(now.line[k])) * follow(now, k, step, trial));
       const double gain = step.dot(right);  // predicted fall of the cost, and then some
-      const bool valid = evaluate(trial, result.status) < 0;
+      const bool valid = evaluate(trial, result.status, &now) < 0;
       const double next = valid ? cost(trial) : INFINITY;
       // Steps below 0.01 σ no longer show in the cost, which rounds and whose poses lag by one
       // step. Each is at most a hundredth of the one before: a few of them end the search.

@@ -1,0 +1,88 @@
+"""What does `truepose calibrate` do, step by step?"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from truepose import calibration_figures, calibration_report, log_checks, logs, saving
+from truepose.calibration import Loss, ModelError
+from truepose.calibration_report import Assessment
+from truepose.exceptions import InputError
+from truepose.robot import Level, Robot, load
+
+#: Calls of `progress` that :func:`run` makes.
+STEPS = 3 + calibration_report.STEPS
+
+
+class RefusedError(InputError):
+    """A log that nothing may be fitted to; one line for each reason."""
+
+    def __init__(self, reasons: list[str]):
+        super().__init__("; ".join(reasons))
+        self.reasons = reasons
+
+
+def run(
+    robot_file: str,
+    log_file: Path,
+    out: Path | None,
+    report: Path | None,
+    sensors: str | None,
+    level: Level,
+    loss: Loss,
+    tuning: float | None,
+    model_error: ModelError,
+    measured_sigma: float,
+    touch_off: str | None,
+    progress: Callable[[str], None],
+) -> Assessment:
+    """Read, look over, fit, try, write; nothing is written unless all went well."""
+    for path in (out, report):
+        if path is not None and not path.absolute().parent.is_dir():
+            raise InputError(f"{path}: cannot be written: no such folder")
+    robot = load(robot_file)
+    if sensors is not None:
+        robot = robot.with_sensors(*(name.strip() for name in sensors.split(",") if name.strip()))
+    at = None if touch_off is None else _pose(robot, touch_off)
+    log = logs.read(robot, log_file)
+    progress("log read")
+    log, findings = log_checks.check(robot, log)
+    if refused := [f"{log_file}: {finding.text}" for finding in findings if finding.refused]:
+        raise RefusedError(refused)
+    progress("log looked over")
+    notes = [finding.text for finding in findings]
+    if log.unused:
+        notes.insert(0, f"columns not used: {', '.join(log.unused)}")
+    result = calibration_report.assess(
+        robot,
+        log,
+        notes,
+        touch_off=at,
+        progress=progress,
+        level=level,
+        loss=loss,
+        tuning=tuning,
+        model_error=model_error,
+        measured_sigma=measured_sigma,
+    )
+    if report is not None:
+        saving.replace_file(report, calibration_figures.page(result, log_file.name, loss))
+    if out is not None:
+        result.fit.robot.save(out)
+    progress("written")
+    return result
+
+
+def _pose(robot: Robot, text: str) -> np.ndarray:
+    """Read a pose from "x,y,z,θ", m and rad."""
+    try:
+        values = np.array([float(cell) for cell in text.split(",")])
+    except ValueError:
+        values = np.array([])
+    if len(values) != robot.n or not np.isfinite(values).all():
+        names = ",".join(name for name, _ in robot.coordinates)
+        raise InputError(f"--touch-off {text}: must be {robot.n} numbers {names} (m, rad)")
+    return values

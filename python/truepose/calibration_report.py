@@ -1,0 +1,255 @@
+"""What does a calibration say of its readings, its parameters and the accuracy to come?"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from truepose import log_checks
+from truepose.bound import accuracy
+from truepose.build import Array
+from truepose.calibration import Fit, calibrate
+from truepose.exceptions import PoseError, TrueposeError
+from truepose.expectation import Expectation, expect
+from truepose.logs import Log
+from truepose.robot import Robot
+from truepose.tables import Table, number
+
+#: Every so many lines one is held out.
+FOLD = 5
+#: Calls of `progress` that :func:`assess` makes.
+STEPS = 3
+#: Poses drawn from the workspace for the accuracy to come.
+POSES = 500
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """A calibration, tried. N lines, k = r (+ n where something outside measured) columns."""
+
+    fit: Fit
+    log: Log
+    names: tuple[str, ...]  #: of the k columns
+    before: Expectation  #: of all lines by the motors, at the prior mean
+    after: Expectation  #: by the motors, at the calibrated geometry
+    held_out: Array  #: (N, k) residuals of the held-out lines, fitted without them; else NaN
+    touch_off: Array  #: (n,)
+    where: str  #: which poses the accuracy is for
+    poses: Array  #: (P, n) of the accuracy
+    accuracy: dict[tuple[str, str], Array]  #: (before/after, absolute/touched off) -> (P, n, n)
+    notes: tuple[str, ...]  #: what was noticed in the log, before and after the fit
+
+
+def assess(
+    robot: Robot,
+    log: Log,
+    notes: list[str],
+    touch_off: Array | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+    **settings,
+) -> Assessment:
+    """Calibrate by a log, and again without every fifth line; predict the accuracy.
+
+    Parameters
+    ----------
+    robot : Robot
+        With the sensors in use that were read.
+    log : Log
+        Looked over by :func:`truepose.log_checks.check`, which made the `notes`.
+    touch_off : ndarray, shape (n,), optional
+        Pose at which the error is set to zero; home by default.
+    progress : callable
+        Is told what was done, `STEPS` times.
+    **settings
+        Of :func:`truepose.calibrate`: level, loss, tuning, measured_sigma.
+    """
+
+    def fitted(part: Log) -> Fit:
+        return calibrate(robot, part.readings, measured=part.measured, **settings)
+
+    of_log = {"level": settings.get("level", "ideal")}
+    sigma = settings.get("measured_sigma", 1e-5)
+    fit = fitted(log)
+    progress("fit")
+    measured = log.measured
+    model = fit.prior.expected()
+    before = expect(model, log.readings, measured, sigma, **of_log)
+    after = expect(fit.robot, log.readings, measured, sigma, **of_log)
+    held_out = np.full_like(after.residual, np.nan)
+    lines = np.arange(len(log.lines))
+    out = lines % FOLD == FOLD - 1
+    if out.any():
+        try:
+            part = fitted(log.only(~out)).robot
+            outside = None if measured is None else measured[out]
+            held_out[out] = expect(part, log.readings[out], outside, sigma, **of_log).residual
+        except TrueposeError as error:
+            notes = [*notes, f"held-out lines: {error}"]
+    progress("held-out lines")
+    touch = robot.home if touch_off is None else np.asarray(touch_off, dtype=float)
+    where, poses = _poses(fit)
+    predicted = {}
+    for when, known in (("before", model), ("after", fit.robot)):
+        reached = np.isfinite(known.ikm(poses, errors="nan", level=fit.level)).all(axis=1)
+        for how, at in (("absolute", None), ("touched off", touch)):
+            predicted[when, how] = accuracy(known, poses[reached], touch_off=at, level=fit.level)
+    progress("accuracy")
+    outside = () if measured is None else tuple(f"measured_{c}" for c, _ in robot.coordinates)
+    review = [finding.text for finding in log_checks.review(fit, log)]
+    return Assessment(
+        fit=fit,
+        log=log,
+        names=(*robot.sensors, *outside),
+        before=before,
+        after=after,
+        held_out=held_out,
+        touch_off=touch,
+        where=where,
+        poses=poses,
+        accuracy=predicted,
+        notes=(*notes, *review),
+    )
+
+
+def _poses(fit: Fit) -> tuple[str, Array]:
+    """Poses of the workspace, else those of the log."""
+    box = fit.robot.spec.workspace
+    if box is not None:
+        x = np.random.default_rng(0).uniform(box.minimum, box.maximum, (POSES, fit.robot.n))
+        x = x[np.isfinite(fit.robot.ikm(x, errors="nan", level=fit.level)).all(axis=1)]
+        if len(x):
+            return "over the workspace", x
+    x = fit.x[np.isfinite(fit.x).all(axis=1)]
+    if len(x) == 0:
+        raise PoseError(f"{fit.robot.name}: no line of the log has a pose")
+    return "over the log's poses", x
+
+
+def counted(result: Assessment) -> Array:
+    """Lines that count, (N,): outliers and lines left out are not in any rms."""
+    return (result.fit.status == "ok") & (result.fit.weights >= 0.1)
+
+
+def _rms(values: Array, rows: Array) -> float | None:
+    values = values[rows]
+    values = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(values**2))) if len(values) else None
+
+
+def in_print(robot: Robot, name: str) -> tuple[float, str]:
+    """Factor and unit in which people read a column's or a parameter's value.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> h4 = tp.load("h4")
+    >>> [in_print(h4, name)[1] for name in ("chain1.rod", "chain1.yaw", "theta", "theta.gain")]
+    ['mm', '°', '°', '']
+    """
+    kinds = {"m": (1e3, "mm"), "rad": (180 / np.pi, "°"), "": (1.0, "")}
+    owner, _, key = name.partition(".")
+    coordinates = {f"measured_{c}": unit for c, unit in robot.coordinates}
+    if name in coordinates:
+        return kinds[coordinates[name]]
+    everything = robot.with_sensors()._spec.sensor
+    by_name = {sensor.name: sensor.kind for sensor in everything}
+    if owner in by_name:
+        if key == "gain" or key.split(".")[0] in ("direction", "normal", "axis", "up"):
+            return kinds[""]
+        lengths = log_checks.LENGTHS
+        return kinds["m" if by_name[owner] in lengths or key.count(".") else "rad"]
+    if key in ("yaw", "tilt"):
+        return kinds["rad"]
+    if key == "encoder_offset":
+        actuator = robot.spec.chain[int(owner.removeprefix("chain")) - 1].actuator
+        return kinds["rad" if actuator == "revolute" else "m"]
+    return kinds["m"]
+
+
+def residuals(result: Assessment) -> Table:
+    """RMS of each sensor against what the motors predict; the last column with poses fitted."""
+    rows, good = [], counted(result)
+    n = result.fit.robot.n
+    for k, name in enumerate(result.names):
+        factor, unit = in_print(result.fit.robot, name)
+        fitted = (
+            result.fit.residuals[:, n + k]
+            if k < result.fit.robot.r
+            else result.log.measured[:, k - result.fit.robot.r]
+            - result.fit.x[:, k - result.fit.robot.r]
+        )
+        values = [
+            _rms(result.before.residual[:, k], good),
+            _rms(result.after.residual[:, k], good),
+            _rms(result.held_out[:, k], good),
+            _rms(result.after.sigma[:, k], good),
+            _rms(fitted, good),
+        ]
+        if values[0] is None and values[1] is None:
+            continue
+        cells = [number(None if v is None else factor * v) for v in values]
+        rows.append([f"{name} ({unit})", *cells])
+    header = ["rms residual", "before", "after", "held out", "expected", "pose fitted"]
+    return Table("residuals", "Each reading against its prediction by the motors", header, rows)
+
+
+def parameters(fit: Fit) -> Table:
+    """Every uncertain parameter: prior, posterior, verdict."""
+    rows = []
+    for name, p in fit.parameters.items():
+        factor, unit = in_print(fit.robot, name)
+        values = (p.value, p.prior, p.prior_sigma, p.sigma)
+        cells = [
+            f"{factor * p.value:.4f}",
+            f"{factor * (p.value - p.prior):+.4f}",
+            *(f"{factor * v:.4f}" for v in values[2:]),
+            f"{p.ratio:.2f}",
+        ]
+        rows.append([f"{name} ({unit})" if unit else name, *cells, p.verdict])
+    header = ["parameter", "value", "less prior", "prior σ", "σ", "σ / prior σ", "verdict"]
+    return Table("parameters", "Parameters", header, rows)
+
+
+def verdicts(fit: Fit) -> str:
+    """One line: how many parameters are identified, barely, not."""
+    found = [p.verdict for p in fit.parameters.values()]
+    counts = (f"{found.count(v)} {v}" for v in ("identified", "barely", "not identified"))
+    return f"{len(found)} uncertain parameters: {', '.join(counts)}"
+
+
+def worst(fit: Fit, count: int = 5) -> Table:
+    """Combinations of parameters that the readings say least of."""
+    rows = []
+    for ratio, terms in fit.worst_known(count):
+        text = " ".join(f"{v:+.2f} {name}" for name, v in terms.items())
+        rows.append([f"{ratio:.3f}", text.removeprefix("+")])
+    header = ["σ / prior σ", "combination, each in units of its prior σ"]
+    return Table("worst_known", "Worst-known combinations", header, rows)
+
+
+def predicted(result: Assessment) -> Table:
+    """RMS of the predicted error of x, before and after, absolute and touched off."""
+    robot = result.fit.robot
+    linear = [k for k, (_, unit) in enumerate(robot.coordinates) if unit == "m"]
+    rows = []
+    for how in ("absolute", "touched off"):
+        for when in ("before", "after"):
+            mean = np.diagonal(result.accuracy[when, how], axis1=1, axis2=2).mean(axis=0)
+            cells = [number(1e3 * float(np.sqrt(mean[linear].sum())))]
+            for k, (_, unit) in enumerate(robot.coordinates):
+                factor = 1e3 if unit == "m" else 180 / np.pi
+                cells.append(number(factor * float(np.sqrt(mean[k]))))
+            rows.append([f"{how}, {when}", *cells])
+    names = {"theta": "θ"}
+    header = [f"rms, {result.where}", "position, mm"]
+    header += [
+        f"{names.get(c, c)}, {'mm' if unit == 'm' else '°'}" for c, unit in robot.coordinates
+    ]
+    return Table("accuracy", "Predicted error of the pose from all readings", header, rows)
+
+
+def tables_of(result: Assessment) -> list[Table]:
+    """Every table, in the order in which they are read."""
+    return [residuals(result), parameters(result.fit), worst(result.fit), predicted(result)]

@@ -1,0 +1,425 @@
+"""What is wrong with a log, before and after a geometry is fitted to it?"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from truepose import knowledge
+from truepose.build import Array
+from truepose.expectation import Expectation, expect, poses_of
+from truepose.logs import Log
+from truepose.robot import Robot
+
+if TYPE_CHECKING:
+    from truepose.calibration import Fit
+
+#: A reading this many σ off what motors and tolerances allow, on most lines, is no geometry.
+APART = 5.0
+#: A prediction that varies by this many σ shows what a reading should have followed.
+VARIES = 8.0
+#: Kinds of sensors that read m; the others read rad.
+LENGTHS = ("telemeter", "coordinate", "distance", "rod_length")
+#: Slopes of a column over its prediction that have a name.
+DEGREES, MILLIMETRES = 180 / np.pi, 1000.0
+
+
+class Finding(NamedTuple):
+    """Something found in a log, in one line."""
+
+    text: str
+    refused: bool = False  #: whatever is fitted to this log would be wrong
+
+
+def check(robot: Robot, log: Log) -> tuple[Log, list[Finding]]:
+    """Look over a log before anything is fitted to it.
+
+    Returns
+    -------
+    log : Log
+        Without the readings of a sensor that hung for a while.
+    findings : list of Finding
+        Units, signs, swapped columns and stuck sensors are refused, not mended.
+
+    Examples
+    --------
+    >>> import numpy as np, truepose as tp
+    >>> from truepose import logs, paper_data
+    >>> h4 = tp.load("h4")
+    >>> table = dict(zip(h4.readings, h4.expected().extended(paper_data.table2()).T))
+    >>> table["theta"] = np.degrees(table["theta"])
+    >>> for finding in check(h4, logs.of(h4, table))[1]:
+    ...     print(finding.text)
+    theta: 57.3 times what the motors predict: in degrees, must be rad
+    """
+    model = robot.expected()
+    findings = [*_cells(robot, log), *_repeats(robot, log)]
+    log, stuck = _stuck(model, log, expect(model, log.readings))
+    findings += stuck
+    if any(finding.refused for finding in findings):
+        return log, findings
+    if motors := _motors(model, log):
+        return log, [*findings, *motors]
+    findings += _sensors(model, log, expect(model, log.readings))
+    findings += _equations(robot, log)
+    return log, findings
+
+
+def review(fit: Fit, log: Log) -> list[Finding]:
+    """Look over a log once a geometry was fitted: outliers, lines left out, what was learnt."""
+    findings = []
+    reasons = [str(s) for s in dict.fromkeys(fit.status[fit.status != "ok"])]
+    for reason in reasons:
+        rows = np.flatnonzero((fit.status == reason) & np.isfinite(log.readings).all(axis=1))
+        if len(rows):
+            findings.append(Finding(f"{log.at(rows)}: left out: {reason}"))
+    if len(outliers := fit.outliers):
+        by_size = outliers[np.argsort(-fit.chi2[outliers])]
+        findings.append(
+            Finding(f"{log.at(by_size)}: {_count(len(outliers), 'outlier')}, worst first")
+        )
+    counted = (fit.weights >= 0.1) & (fit.redundancy > 0)
+    if counted.any():
+        apart = np.sqrt(np.median(fit.chi2[counted] / fit.redundancy[counted]) / 0.455)
+        if apart > 2:
+            findings.append(
+                Finding(
+                    f"the readings disagree by {apart:.1f} times their noise (median) whatever the "
+                    "geometry: a level, a tolerance or a sensor's noise is not as the file says"
+                )
+            )
+    far = [
+        f"{name} by {abs(p.value - p.prior) / p.prior_sigma:.1f} σ"
+        for name, p in fit.parameters.items()
+        if abs(p.value - p.prior) > 4 * p.prior_sigma
+    ]
+    if far:
+        findings.append(
+            Finding(f"further from the drawing than tolerances allow: {', '.join(far[:5])}")
+        )
+    if all(p.verdict == "not identified" for p in fit.parameters.values()):
+        findings.append(Finding("no parameter is known noticeably better than before"))
+    return findings
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def _cells(robot: Robot, log: Log) -> Iterator[Finding]:
+    """Empty cells."""
+    empty = ~np.isfinite(log.readings)
+    for k, name in enumerate(log.names):
+        if empty[:, k].all():
+            yield Finding(f"{name}: no reading at all", refused=k < robot.n)
+    if (blind := empty[:, : robot.n].any(axis=1)).any() and not blind.all():
+        yield Finding(f"{log.at(np.flatnonzero(blind))}: left out: a motor was not read")
+    for k, name in list(enumerate(log.names))[robot.n :]:
+        if (rows := np.flatnonzero(empty[:, k] & ~blind)).size and not empty[:, k].all():
+            yield Finding(f"{name}: {_count(len(rows), 'empty cell')}: {log.at(rows, 5)}")
+
+
+def _distinct(robot: Robot, log: Log) -> Array:
+    """Index of the first line at each pose, by the motors' counts."""
+    q = log.readings[:, : robot.n]
+    step = np.maximum(robot.resolution[: robot.n], 1e-6)
+    rows = np.flatnonzero(np.isfinite(q).all(axis=1))
+    _, first = np.unique(np.round(q[rows] / step), axis=0, return_index=True)
+    return rows[first]
+
+
+def _repeats(robot: Robot, log: Log) -> Iterator[Finding]:
+    read = int(np.isfinite(log.readings[:, : robot.n]).all(axis=1).sum())
+    poses = len(_distinct(robot, log))
+    if poses < 0.8 * read:
+        yield Finding(
+            f"{_count(read, log.word)} at only {_count(poses, 'different pose')}: repeats average "
+            "noise at best, and show nothing new of the geometry"
+        )
+
+
+def _equations(robot: Robot, log: Log) -> Iterator[Finding]:
+    """Readings beyond those that a pose takes."""
+    rows = _distinct(robot, log)
+    count = np.isfinite(log.readings[rows]).sum(axis=1) - robot.n
+    if log.measured is not None:
+        count = count + np.isfinite(log.measured[rows]).sum(axis=1)
+    total, unknown = int(count.sum()), len(knowledge.uncertain(robot))
+    if total == 0:
+        yield Finding(
+            f"nothing to learn from: {robot.n} motors take all their readings for the pose; read "
+            "a redundant sensor, or measure a coordinate from outside (measured_x, …)",
+            refused=True,
+        )
+    elif total < unknown:
+        yield Finding(
+            f"too few poses: {_count(total, 'equation')} at {_count(len(rows), 'different pose')} "
+            f"for {unknown} uncertain parameters; tolerances hold the rest"
+        )
+
+
+# --- motors ---------------------------------------------------------------------------------------
+
+
+class _Change(NamedTuple):
+    """A mistake that somebody may have made with the motors' columns, and its undoing."""
+
+    text: str
+    undo: Callable[[Array], Array]
+
+
+def _plausible(robot: Robot, readings: Array) -> float:
+    """Part of the lines at which the motors close the loops near the workspace."""
+    x = poses_of(robot, readings[:, : robot.n])
+    good = np.isfinite(x).all(axis=1)
+    if (box := robot.spec.workspace) is not None:
+        low, high = np.array(box.minimum), np.array(box.maximum)
+        margin = 0.5 * (high - low) + 1e-9
+        good &= (x > low - margin).all(axis=1) & (x < high + margin).all(axis=1)
+    return float(good.mean())
+
+
+def _agrees(robot: Robot, readings: Array) -> bool:
+    """Whether motors and sensors can be readings of this robot, on most lines."""
+    if _plausible(robot, readings) < 0.9:
+        return False
+    if robot.r == 0:
+        return True
+    distance = _apart(expect(robot, readings))
+    return bool((distance[np.isfinite(distance)] < APART).all())
+
+
+def _apart(seen: Expectation) -> Array:
+    """Median over the lines of each sensor's distance from its prediction, in σ."""
+    ratio = np.abs(seen.residual) / seen.sigma
+    some = np.isfinite(ratio).any(axis=0)
+    result = np.full(ratio.shape[1], np.nan)
+    result[some] = np.nanmedian(ratio[:, some], axis=0)
+    return result
+
+
+def _motors(robot: Robot, log: Log) -> list[Finding]:
+    """Whether the motors' columns are what they should be; else which mistake explains them."""
+    readable = np.flatnonzero(np.isfinite(log.readings[:, : robot.n]).all(axis=1))
+    if len(readable) == 0:
+        return [Finding("no line has a reading of every motor", refused=True)]
+    few = log.readings[
+        readable[np.linspace(0, len(readable) - 1, min(len(readable), 60)).astype(int)]
+    ]
+    plausible = _plausible(robot, few)
+    alone = _agrees(robot, few) or (
+        plausible >= 0.9 and any(_named_slopes(robot, few))  # it is a sensor's fault
+    )
+    if alone:
+        return []
+    for group in _mistakes(robot, log, few):
+        found = [change for change in group if _agrees(robot, change.undo(few))]
+        if not found and plausible < 0.9:  # a sensor may be wrong too
+            found = [c for c in group if _plausible(robot, c.undo(few)) >= 0.9]
+        if found:
+            return [Finding(" or ".join(change.text for change in found[:3]), refused=True)]
+    if plausible == 0:
+        return [
+            Finding(
+                "the motors' readings fit this robot on no line: units, signs, offsets and the "
+                "order of the columns?",
+                refused=True,
+            )
+        ]
+    if plausible < 0.5:
+        return [
+            Finding(
+                f"only {100 * plausible:.0f} % of the lines lie near the robot's workspace: units, "
+                "signs, offsets and the order of the motors' columns?",
+                refused=True,
+            )
+        ]
+    return []
+
+
+def _mistakes(robot: Robot, log: Log, few: Array) -> Iterator[list[_Change]]:
+    """What may have happened to the motors' columns: units first, then signs, then their order."""
+    n = robot.n
+    revolute = np.array([chain.actuator == "revolute" for chain in robot.spec.chain])
+    factor = np.where(revolute, DEGREES, MILLIMETRES)
+
+    def scaled(which, by) -> Callable[[Array], Array]:
+        factors = np.ones(n + robot.r)
+        factors[list(which)] = by
+        return lambda rows: rows / factors
+
+    def text(which, what: str) -> str:
+        names = [log.names[k] for k in which]
+        return f"{', '.join(names)}: {what}"
+
+    def unit(k: int) -> str:
+        return "degrees, must be rad" if revolute[k] else "mm, must be m"
+
+    too_large = np.flatnonzero(_too_large(robot, few, factor))
+    for groups in ([too_large], [range(n)], [[k] for k in range(n)]):
+        yield [
+            _Change(text(which, f"in {unit(which[0])}"), scaled(which, factor[list(which)]))
+            for which in groups
+            if len(which)
+        ]
+    yield [_Change(text([k], "its sign is flipped"), scaled([k], -1.0)) for k in range(n)]
+    yield [_Change(text(range(n), "their signs are flipped"), scaled(range(n), -1.0))]
+    yield [
+        _Change(f"{log.names[i]} and {log.names[k]}: swapped", _swapped(i, k))
+        for i, k in itertools.combinations(range(n), 2)
+    ]
+
+
+def _swapped(i: int, k: int) -> Callable[[Array], Array]:
+    def undo(rows: Array) -> Array:
+        order = np.arange(rows.shape[1])
+        order[[i, k]] = order[[k, i]]
+        return rows[:, order]
+
+    return undo
+
+
+def _too_large(robot: Robot, few: Array, factor: Array) -> Array:
+    """Motors that leave the range of the workspace, and would not, divided by a unit."""
+    box = robot.spec.workspace
+    if box is None:
+        return np.zeros(robot.n, dtype=bool)
+    x = np.random.default_rng(0).uniform(box.minimum, box.maximum, (500, robot.n))
+    q = robot.ikm(x, errors="nan")
+    low, high = np.nanmin(q, axis=0), np.nanmax(q, axis=0)
+    margin = 0.25 * (high - low) + 1e-6
+
+    def inside(rows: Array) -> Array:
+        return ((rows > low - margin) & (rows < high + margin)).mean(axis=0)
+
+    q = few[:, : robot.n]
+    return (inside(q) < 0.5) & (inside(q / factor) > 0.9)
+
+
+# --- sensors --------------------------------------------------------------------------------------
+
+
+def _slope(read: Array, expected: Array) -> float:
+    """Median slope over pairs of lines that are far apart (Theil and Sen); NaN where none are."""
+    good = np.isfinite(read) & np.isfinite(expected)
+    read, expected = read[good], expected[good]
+    if len(read) < 4 or np.ptp(expected) == 0:
+        return np.nan
+    order = np.argsort(expected)
+    half = len(order) // 2
+    low, high = order[:half], order[len(order) - half :]
+    gap = expected[high] - expected[low]
+    far = gap > 0.2 * np.ptp(expected)
+    return float(np.median((read[high] - read[low])[far] / gap[far])) if far.any() else np.nan
+
+
+def _named(slope: float, is_angle: bool) -> str | None:
+    """What a slope says, if anything."""
+    names = (
+        {DEGREES: "in degrees, must be rad"}
+        if is_angle
+        else {MILLIMETRES: "in mm, must be m", 100.0: "in cm, must be m"}
+    )
+    for factor, name in names.items():
+        if abs(abs(slope) / factor - 1) < 0.3:
+            return name + (", and its sign is flipped" if slope < 0 else "")
+    return "its sign is flipped" if abs(slope + 1) < 0.3 else None
+
+
+def _named_slopes(robot: Robot, readings: Array) -> list[str | None]:
+    seen = expect(robot, readings)
+    angle = sensor_is_angle(robot)
+    return [
+        _named(_slope(readings[:, robot.n + k], seen.expected[:, k]), angle[k])
+        for k in range(robot.r)
+    ]
+
+
+def sensor_is_angle(robot: Robot) -> list[bool]:
+    """Whether each sensor in use reads rad (else m)."""
+    kinds = {sensor.name: sensor.kind for sensor in robot.spec.sensor}
+    return [kinds[name] not in LENGTHS for name in robot.sensors]
+
+
+def _sensors(robot: Robot, log: Log, seen: Expectation) -> Iterator[Finding]:
+    """Units, signs and order of the sensors' columns, given motors that are right."""
+    n = robot.n
+    distance = _apart(seen)
+    wrong = [k for k in range(robot.r) if distance[k] > APART]
+    names = _named_slopes(robot, log.readings)
+    angle = sensor_is_angle(robot)
+    for i, k in itertools.combinations(range(robot.r), 2):
+        if angle[i] == angle[k] and (i in wrong or k in wrong):
+            undone = expect(robot, _swapped(n + i, n + k)(log.readings))
+            if (_apart(undone)[[i, k]] < APART).all():
+                yield Finding(f"{log.names[n + i]} and {log.names[n + k]}: swapped", refused=True)
+                wrong = [j for j in wrong if j not in (i, k)]
+    for k in wrong:
+        read, name = log.readings[:, n + k], log.names[n + k]
+        slope = _slope(read, seen.expected[:, k])
+        if names[k]:
+            times = f"{slope:.3g} times what the motors predict"
+            mirror = _mirrors(robot, log) if "flipped" in names[k] else []
+            text = " or ".join([f"{name}: {times}: {names[k]}", *mirror])
+            yield Finding(text, refused=True)
+            continue
+        unit = "rad" if angle[k] else "m"
+        off = np.nanmedian(seen.residual[:, k])
+        scatter = np.nanmedian(np.abs(seen.residual[:, k] - off))
+        if abs(off) > 5 * scatter:
+            yield Finding(
+                f"{name}: reads {off:+.4g} {unit} more than motors and tolerances allow: a zero "
+                f"offset? Give {name}.offset its value, or a tolerance"
+            )
+        else:
+            lost = not abs(slope) > 0.3  # a NaN too
+            yield Finding(
+                f"{name}: {distance[k]:.0f} σ (median) off what motors and tolerances allow"
+                + (": does not follow the robot" if lost else ""),
+                refused=lost,
+            )
+
+
+def _mirrors(robot: Robot, log: Log) -> list[str]:
+    """Pairs of motors whose exchange explains all readings: a robot's mirror image."""
+    return [
+        f"{log.names[i]} and {log.names[k]}: swapped"
+        for i, k in itertools.combinations(range(robot.n), 2)
+        if _agrees(robot, _swapped(i, k)(log.readings))
+    ]
+
+
+def _stuck(robot: Robot, log: Log, seen: Expectation) -> tuple[Log, list[Finding]]:
+    """Runs of one and the same reading while its prediction goes on."""
+    findings, readings = [], log.readings.copy()
+    for k in range(robot.r):
+        read = readings[:, robot.n + k]
+        rows = np.flatnonzero(np.isfinite(read) & np.isfinite(seen.expected[:, k]))
+        if len(rows) < 2:
+            continue
+        step = max(robot.resolution[robot.n + k], 1e-9)
+        starts = np.flatnonzero(np.r_[True, np.abs(np.diff(read[rows])) > 0.5 * step])
+        hung = []
+        for run in np.split(rows, starts[1:]):
+            if len(run) >= 5:
+                # What tolerances leave open of the change from line to line is far less than of
+                # the reading itself: a tenth of its σ is generous.
+                moved = np.ptp(seen.expected[run, k])
+                if moved > VARIES * (step + 0.1 * np.median(seen.sigma[run, k])):
+                    hung.append(run)
+        if not hung:
+            continue
+        lost = np.concatenate(hung)
+        name = log.names[robot.n + k]
+        where = f"{log.lines[lost[0]]} to {log.lines[lost[-1]]}"
+        at = f"{name}: stuck at {read[lost[0]]:.6g} on {_count(len(lost), log.word)} ({where})"
+        if len(lost) > 0.5 * len(rows):
+            text = f"{at}; leave it out (--sensors, with_sensors)"
+            findings.append(Finding(text, refused=True))
+        else:
+            readings[lost, robot.n + k] = np.nan
+            findings.append(Finding(f"{at}: these readings are left out"))
+    return Log(log.names, readings, log.measured, log.lines, log.word, log.unused), findings

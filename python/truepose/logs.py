@@ -1,0 +1,231 @@
+"""How does a log become readings? Tables with named columns: CSV, Parquet, dict, data frame."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from truepose.build import Array
+from truepose.exceptions import InputError, choose
+from truepose.robot import Robot
+
+#: What an empty cell may say, in lower case.
+_EMPTY = ("", "nan", "na", "n/a", "null", "none")
+
+
+@dataclass(frozen=True)
+class Log:
+    """Readings of one robot with its sensors in use. N lines; NaN where nothing was read."""
+
+    names: tuple[str, ...]  #: of the n + r columns: q1 … qn, then the sensors
+    readings: Array  #: (N, n + r), m or rad
+    measured: Array | None  #: (N, n) coordinates from outside, or None
+    lines: Array  #: (N,) where each line stands in its file
+    word: str  #: what a line is called: line of a CSV file, else row
+    unused: tuple[str, ...] = ()  #: columns that say nothing of this robot
+
+    def at(self, rows: Iterable[int], most: int = 8) -> str:
+        """Name some lines: "lines 7, 9, 12"."""
+        numbers = [int(self.lines[k]) for k in rows]
+        shown = ", ".join(map(str, numbers[:most]))
+        more = f", … {len(numbers) - most} more" if len(numbers) > most else ""
+        return f"{self.word}{'s' if len(numbers) > 1 else ''} {shown}{more}"
+
+    def only(self, keep: Array) -> Log:
+        """Return the log of some of its lines; `keep` as numpy indexes."""
+        measured = None if self.measured is None else self.measured[keep]
+        return replace(
+            self, readings=self.readings[keep], measured=measured, lines=self.lines[keep]
+        )
+
+
+def is_table(value: object) -> bool:
+    """Whether this has named columns: a dict, a data frame, a pyarrow table, a structured array."""
+    return isinstance(value, Log | Mapping) or _columns_of(value) is not None
+
+
+def of(robot: Robot, table, where: str = "readings") -> Log:
+    """Take the columns of a robot and its sensors in use out of a table.
+
+    Parameters
+    ----------
+    robot : Robot
+        With the sensors in use that were read.
+    table : dict of arrays, pandas or pyarrow table, structured array
+        Columns q1 … qn, each sensor by its name, and measured_x … where something outside
+        measured a coordinate; SI units.
+
+    Raises
+    ------
+    InputError
+        A column is missing, or a cell is not a number; one line says which.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> h4 = tp.load("h4")
+    >>> table = dict(zip(h4.readings, h4.extended([[0, 0, -0.4, 0]] * 3).T))
+    >>> of(h4, table).readings.shape
+    (3, 5)
+    """
+    if isinstance(table, Log):
+        return table
+    columns = list(table) if isinstance(table, Mapping) else list(_columns_of(table))
+    count = len(table[columns[0]]) if columns else 0
+    return _pick(robot, columns, table, np.arange(1, count + 1), "row", where)
+
+
+def read(robot: Robot, path: str | Path) -> Log:
+    """Read a log file: Parquet if it begins as one, else CSV.
+
+    CSV: a line of names, then one line for each pose; comma, semicolon or tab; lines that begin
+    with # are comments.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read; one line names the file, the line, the column and the cell.
+    """
+    path = Path(path)
+    try:
+        with path.open("rb") as file:
+            start = file.read(4)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    if start == b"PAR1":
+        table = _parquet(path)
+        return _pick(
+            robot,
+            list(table),
+            table,
+            np.arange(1, len(next(iter(table.values()))) + 1),
+            "row",
+            str(path),
+        )
+    header, rows, lines = _csv(path)
+    table = {name: [row[k] for row in rows] for k, name in enumerate(header)}
+    return _pick(robot, header, table, lines, "line", str(path))
+
+
+def _columns_of(table) -> Iterable[str] | None:
+    """Names of the columns of a table that is no dict; None where it is no table."""
+    for name in ("column_names", "columns"):  # pyarrow; pandas, polars
+        if (names := getattr(table, name, None)) is not None:
+            return names
+    return getattr(getattr(table, "dtype", None), "names", None)
+
+
+def _parquet(path: Path) -> dict[str, object]:
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ImportError:
+        raise InputError(
+            f"{path}: Parquet needs pyarrow: pip install 'truepose[parquet]'; CSV needs nothing"
+        ) from None
+    try:
+        table = parquet.read_table(path)
+    except (pyarrow.ArrowException, OSError) as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(f"{path}: cannot be read as Parquet: {reason}") from None
+    if not table.column_names:
+        raise InputError(f"{path}: no columns")
+    return {name: table[name] for name in table.column_names}
+
+
+def _csv(path: Path) -> tuple[list[str], list[list[str]], Array]:
+    """Header, cells and line numbers."""
+    header, rows, lines = None, [], []
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            text = file.readlines()
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: neither Parquet nor text (UTF-8)") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    first = next((line for line in text if line.strip() and not line.startswith("#")), "")
+    delimiter = max(",;\t", key=first.count)
+    for number, line in enumerate(text, 1):
+        if not line.strip() or line.startswith("#"):
+            continue
+        row = [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
+        if header is None:
+            header = row
+            continue
+        if len(row) != len(header):
+            raise InputError(f"{path}: line {number}: {len(row)} cells, must be {len(header)}")
+        rows.append(row)
+        lines.append(number)
+    if not rows:
+        raise InputError(f"{path}: no line of readings")
+    twice = sorted({name for name in header if header.count(name) > 1})
+    if twice:
+        raise InputError(f"{path}: column '{twice[0]}' is there twice")
+    return header, rows, np.array(lines)
+
+
+def _pick(robot: Robot, columns: list[str], table, lines: Array, word: str, where: str) -> Log:
+    columns = [str(name) for name in columns]
+    names = robot.readings
+    outside = [f"measured_{name}" for name, _ in robot.coordinates]
+    missing = [name for name in names if name not in columns]
+    if missing:
+        raise InputError(f"{where}: {_missing(robot, missing, columns)}")
+    for name in columns:
+        if name.startswith("measured_") and name not in outside:
+            raise InputError(f"{where}: {choose('column', name, outside)}")
+    if len(lines) == 0:
+        raise InputError(f"{where}: no line of readings")
+    readings = np.column_stack([_numbers(table[n], n, lines, word, where) for n in names])
+    measured = None
+    if any(name in columns for name in outside):
+        nothing = [np.nan] * len(lines)
+        measured = np.column_stack(
+            [
+                _numbers(table[n] if n in columns else nothing, n, lines, word, where)
+                for n in outside
+            ]
+        )
+        measured = measured if np.isfinite(measured).any() else None
+    unused = tuple(name for name in columns if name not in (*names, *outside))
+    return Log(names, readings, measured, lines, word, unused)
+
+
+def _missing(robot: Robot, missing: list[str], columns: list[str]) -> str:
+    sensors = all(name in robot.sensors for name in missing)
+    hint = "; leave a sensor out that was not read (--sensors, with_sensors)" if sensors else ""
+    if len(missing) == 1:
+        return choose("column", missing[0], columns).replace("unknown", "no", 1) + hint
+    return f"no columns {', '.join(missing)} (choices: {', '.join(columns)}){hint}"
+
+
+def _numbers(column, name: str, lines: Array, word: str, where: str) -> Array:
+    """Return a column as floats; NaN where a cell is empty."""
+    try:
+        values = np.asarray(column, dtype=np.float64)
+    except (TypeError, ValueError):
+        values = np.array(
+            [
+                _number(cell, f"{where}: {word} {n}: {name}")
+                for cell, n in zip(column, lines, strict=False)
+            ]
+        )
+    if values.shape != (len(lines),):
+        raise InputError(f"{where}: column {name}: shape {values.shape}, must be ({len(lines)},)")
+    if np.isinf(values).any():
+        at = lines[np.flatnonzero(np.isinf(values))[0]]
+        raise InputError(f"{where}: {word} {at}: {name} = inf: must be a finite number or empty")
+    return values
+
+
+def _number(cell, what: str) -> float:
+    if cell is None or str(cell).strip().lower() in (*_EMPTY, "<na>"):
+        return np.nan
+    try:
+        return float(cell)
+    except (TypeError, ValueError):
+        raise InputError(f"{what} = '{cell}': must be a number or empty") from None

@@ -1,0 +1,171 @@
+"""Does `truepose calibrate` print, write and refuse what it should?"""
+
+import re
+
+import numpy as np
+import pytest
+
+import truepose as tp
+from truepose import calibration_report, cli, log_checks, logs, saving
+
+
+@pytest.fixture
+def run(monkeypatch, capsys, tmp_path):
+    """Return a function that runs `truepose calibrate` in a folder: status, stdout, stderr."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "120")
+
+    def command(*words):
+        monkeypatch.setattr("sys.argv", ["truepose", "calibrate", *map(str, words)])
+        with pytest.raises(SystemExit) as left:
+            cli.main()
+        return (left.value.code or 0, *capsys.readouterr())
+
+    return command
+
+
+@pytest.fixture(scope="module")
+def readings(h4, table2):
+    """Columns of a log of an H4 with the paper's errors, its θ once read wrong."""
+    robot = h4.with_sensors("theta", "z_telemeter")
+    rng = np.random.default_rng(0)
+    poses = rng.permutation(table2)[:120] + rng.uniform(-1e-3, 1e-3, (120, 4))
+    true = tp.with_paper_errors(robot, seed=1)
+    columns = dict(zip(robot.readings, true.extended(poses).T.copy(), strict=True))
+    columns["theta"][40] += 0.05
+    return columns
+
+
+@pytest.fixture
+def log(readings, tmp_path):
+    write(tmp_path / "log.csv", readings)
+    return "log.csv"
+
+
+def write(path, columns):
+    rows = [",".join(map(repr, map(float, row))) for row in zip(*columns.values(), strict=True)]
+    path.write_text("\n".join([",".join(columns), *rows]) + "\n", encoding="utf-8")
+
+
+def test_the_example_of_the_help_runs(run, log, tmp_path):
+    status, out, _ = run("--help")
+    (example,) = re.findall(r"Example: truepose calibrate (.*?\.toml)", re.sub(r"\s+", " ", out))
+    assert status == 0
+    assert run(*example.split())[0] == 0
+    assert tp.load(tmp_path / "calibrated.toml").spec.calibration is not None
+
+
+def test_it_prints_and_writes_what_the_readings_say(run, log, tmp_path, readings):
+    status, out, err = run("h4", log, "-o", "mine.toml", "--sensors", "theta,z_telemeter")
+    assert status == 0
+    assert err == "log.csv: line 42: 1 outlier, worst first\n"
+    for text in (
+        "theta (°)",
+        "z_telemeter (mm)",
+        "held out",
+        "chain1.rod (mm)",
+        "identified",
+        "Worst-known combinations",
+        "absolute, before",
+        "touched off, after",
+        " uncertain parameters: ",
+        "Wrote mine.toml",
+        "Wrote mine.html",
+    ):
+        assert text in out
+    robot = tp.load(tmp_path / "mine.toml")
+    fit = tp.calibrate(tp.load("h4").with_sensors("theta", "z_telemeter"), readings, loss="student")
+    assert robot.parameters == fit.robot.parameters
+    page = (tmp_path / "mine.html").read_text(encoding="utf-8")
+    assert page.count("data:image/svg+xml") == 3 and "not identified" in page
+    assert "http" not in re.sub(r'"data:[^"]*"', "", page)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["log.csv", "mine.html", "mine.toml"]
+
+
+def test_the_figures_are_those_of_the_calibration(h4, readings):
+    robot = h4.with_sensors("theta", "z_telemeter")
+    log, _ = log_checks.check(robot, logs.of(robot, readings))
+    result = calibration_report.assess(robot, log, [], loss="student")
+    good = calibration_report.counted(result)
+    assert good.sum() == 119 and not good[40]
+    expected = robot.expected()
+    q = log.readings[:, :4]
+    by_hand = log.readings[:, 4:] - expected.rkm(expected.fkm(q))
+    np.testing.assert_allclose(result.before.residual, by_hand, atol=1e-12)
+    before, after, held_out = (
+        np.sqrt(np.nanmean(values[good] ** 2, axis=0))
+        for values in (result.before.residual, result.after.residual, result.held_out)
+    )
+    assert np.isfinite(result.held_out[:, 0]).sum() == 24  # every fifth line
+    assert (after < 0.05 * before).all()
+    assert (held_out < 0.1 * before).all() and (held_out > 0.5 * after).all()
+    P = tp.accuracy(result.fit.robot, result.poses, touch_off=h4.home)
+    np.testing.assert_array_equal(result.accuracy["after", "touched off"], P)
+
+
+def test_wrong_logs_are_refused_and_nothing_is_written(run, readings, tmp_path):
+    wrong = readings | {"theta": np.degrees(readings["theta"]), "z_telemeter": np.ones(120)}
+    write(tmp_path / "log.csv", wrong)
+    status, out, err = run("h4", "log.csv", "-o", "c.toml", "--sensors", "theta,z_telemeter")
+    assert (status, out) == (2, "")
+    assert err.startswith(
+        "truepose: error: log.csv: z_telemeter: stuck at 1 on 120 lines (2 to 121)"
+    )
+    status, _, err = run("h4", "log.csv", "-o", "c.toml")
+    assert status == 2 and len(err.splitlines()) == 1
+    assert err.startswith("truepose: error: log.csv: theta: ") and "in degrees, must be rad" in err
+    assert [p.name for p in tmp_path.iterdir()] == ["log.csv"]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["h4", "none.csv"], "none.csv: cannot be read: No such file"),
+        (["h4", "log.csv", "-o", "no/c.toml"], "no/c.toml: cannot be written: no such folder"),
+        (["h4", "log.csv", "--sensors", "tetha"], "unknown sensor 'tetha'; did you mean 'theta'?"),
+        (["h4", "log.csv", "--touch-off", "0,0"], "--touch-off 0,0: must be 4 numbers x,y,z,theta"),
+        (["h4", "log.csv", "--tuning", "-1"], "tuning = -1.0: must be a number greater than 0"),
+        (["h4", "log.csv", "--loss", "cubes"], "Invalid value for '--loss': 'cubes' is not one of"),
+        (["h4", "log.csv", "--measured-sigma", "0"], "measured_sigma = 0.0: must be greater"),
+        (["delta", "log.csv"], "nothing to learn from"),
+    ],
+)
+def test_wrong_words_are_one_line(run, log, words, said):
+    status, out, err = run(*words)
+    assert status == 2 and out == ""
+    assert said in err and len(err.splitlines()) == 1
+
+
+def test_an_interrupted_calibration_leaves_the_old_files(run, log, tmp_path, monkeypatch):
+    (tmp_path / "c.toml").write_text("old", encoding="utf-8")
+
+    def interrupted(path, text):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(saving.os, "replace", interrupted)
+    assert run("h4", log, "-o", "c.toml")[0] == 130
+    assert (tmp_path / "c.toml").read_text(encoding="utf-8") == "old"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["c.toml", "log.csv"]
+
+
+@pytest.mark.parametrize("level", ["ideal", "full"])
+@pytest.mark.parametrize("loss", ["squares", "huber", "student"])
+def test_every_loss_and_level_runs(run, log, loss, level):
+    words = ["h4", log, "--loss", loss, "--level", level, "--touch-off", "0,0,-0.4,0"]
+    status, out, _ = run(*words)
+    assert status == 0 and "uncertain parameters" in out
+
+
+def test_outside_measurements_alone_calibrate_a_robot_without_sensors(run, tmp_path):
+    delta = tp.load("linear-delta")
+    true = delta.replace({"chain1.rod": 0.3455, "chain2.base.x": -0.166})
+    box = delta.spec.workspace
+    x = np.random.default_rng(0).uniform(box.minimum, box.maximum, (40, 3))
+    columns = {f"q{i + 1}": q for i, q in enumerate(true.ikm(x).T)}
+    columns |= {f"measured_{c}": x[:, k] for k, c in enumerate("xyz")}
+    write(tmp_path / "log.csv", columns)
+    status, out, err = run("linear-delta", "log.csv", "-o", "c.toml", "--measured-sigma", "1e-5")
+    assert (status, err) == (0, "")
+    assert "measured_z (mm)" in out
+    calibrated = tp.load(tmp_path / "c.toml")
+    assert np.abs(calibrated.fkm(true.ikm(x)) - x).max() < 2e-5

@@ -1,0 +1,54 @@
+"""How far do 1 % gross errors pull a calibration? Against the same loss on the log without them."""
+
+import numpy as np
+import pytest
+
+import truepose as tp
+
+LARGEST = {"student": 0.1, "huber": 0.3}  #: shift of any parameter, in units of its σ
+
+
+@pytest.fixture(scope="module", params=[0, 2, 6])
+def spoilt(request, h4, table2):
+    """Return robot, readings, the lines that were spoilt: degrees and centimetres off."""
+    rng = np.random.default_rng(request.param)
+    robot = h4.with_sensors("theta", "z_telemeter")
+    true = tp.with_paper_errors(robot, seed=request.param)
+    poses = table2 + rng.uniform(-5e-4, 5e-4, table2.shape)
+    q_e = np.round(true.extended(poses) / true.resolution) * true.resolution
+    lines = rng.choice(len(q_e), len(q_e) // 100, replace=False)
+    for line in lines:
+        column = rng.integers(q_e.shape[1])
+        size = rng.uniform(1, 20) * (0.005 if column == 5 else np.radians(1))
+        q_e[line, column] += rng.choice([-1, 1]) * size
+    return robot, q_e, lines
+
+
+@pytest.mark.parametrize("loss", LARGEST)
+def test_gross_errors_hardly_move_any_parameter(spoilt, loss):
+    robot, q_e, lines = spoilt
+    fit = tp.calibrate(robot, q_e, loss=loss)
+    clean = tp.calibrate(robot, np.delete(q_e, lines, axis=0), loss=loss)
+    shift = [
+        abs(p.value - clean.parameters[name].value) / clean.parameters[name].sigma
+        for name, p in fit.parameters.items()
+    ]
+    assert max(shift) < LARGEST[loss]
+
+
+def test_squares_are_pulled_away_by_the_same_errors(spoilt):
+    robot, q_e, lines = spoilt
+    fit = tp.calibrate(robot, q_e)
+    clean = tp.calibrate(robot, np.delete(q_e, lines, axis=0))
+    shift = [
+        abs(p.value - clean.parameters[name].value) / clean.parameters[name].sigma
+        for name, p in fit.parameters.items()
+    ]
+    assert max(shift) > 5
+
+
+def test_every_gross_error_is_named(spoilt):
+    robot, q_e, lines = spoilt
+    fit = tp.calibrate(robot, q_e, loss="student")
+    named = set(fit.outliers) | set(np.flatnonzero(fit.status != "ok"))
+    assert set(lines) <= named and len(named) < 2 * len(lines)
