@@ -198,7 +198,8 @@ class Calibrator {
       }
     }
     information.setIdentity(p_, p_);
-    information.selfadjointView<Eigen::Lower>().rankUpdate(stacked.transpose());
+    if (total > 0)  // Eigen divides by it
+      information.selfadjointView<Eigen::Lower>().rankUpdate(stacked.transpose());
     right = stacked.transpose() * y - at.u;
   }
 
