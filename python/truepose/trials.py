@@ -1,7 +1,7 @@
 """Do estimates reach their bound? Calibrations of many robots, drawn from their tolerances.
 
-Every robot goes where usual control puts it, is read in counts, and calibrates itself on its own
-readings; what it then believes is compared with the truth, and with :func:`truepose.accuracy`.
+Every robot goes where usual control puts it, is read in counts and noise, and calibrates itself on
+its own readings; what it then believes is compared with the truth, and with the bound.
 """
 
 from __future__ import annotations
@@ -110,13 +110,11 @@ def run(
     found: dict[str, list] = {k: [] for k in ("usual", "error", "held", "touched", "xi", "x")}
     fit = None
     for source in np.random.SeedSequence(seed).spawn(count):
-        draw, scatter = source.spawn(2)
+        draw, scatter, noise = source.spawn(3)
         true = with_tolerance_errors(robot, draw)
         jitter = np.random.default_rng(scatter).uniform(-JITTER, JITTER, desired.shape)
         at = true.fkm(robot.ikm(desired + jitter), guess=desired, level=true_level)
-        q_e = true.extended(at, level=true_level)
-        step = true.resolution
-        q_e = np.where(step > 0, np.round(q_e / np.where(step > 0, step, 1)) * step, q_e)
+        q_e = true.read(at, int(noise.generate_state(1)[0]), level=true_level)
         fit = calibrate(robot, q_e[:first], level=level, loss=loss)
         later = fit.robot.estimate(q_e[first:], guess=desired[first:], level=level)
         apart = difference(robot, later.x, at[first:])

@@ -135,11 +135,13 @@ def test_exact_robots_have_nothing_to_predict():
 # --count=400 for the whole of it.
 
 
+#: Sensors, level of robot and calibration, and how many times less than usual control they err.
+#: At the full level even the bound is no more than 8.6 and 16.6 times less.
 CASES = {
     "theta": (["theta"], "ideal", 9),
     "theta, z": (["theta", "z_telemeter"], "ideal", 25),
     "theta, elbows": (["theta", "elbow1", "elbow2", "elbow3", "elbow4"], "ideal", 25),
-    "full: theta": (["theta"], "full", 9),
+    "full: theta": (["theta"], "full", 8),
     "full: theta, z": (["theta", "z_telemeter"], "full", 15),
 }
 

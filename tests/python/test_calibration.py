@@ -14,12 +14,6 @@ def equipped(robot):
     return robot.with_sensors(*(sensor.name for sensor in robot.spec.sensor))
 
 
-def counted(true, x):
-    """What its encoders and gauges read: whole counts."""
-    q_e, step = true.extended(x), true.resolution
-    return np.where(step > 0, np.round(q_e / np.where(step > 0, step, 1)) * step, q_e)
-
-
 @pytest.fixture(scope="module")
 def small():
     """A Delta with elbow encoders at six poses: a case that a general solver can take."""
@@ -27,7 +21,7 @@ def small():
     rng = np.random.default_rng(3)
     box = robot.spec.workspace
     x = rng.uniform(box.minimum, box.maximum, (6, 3))
-    return robot, counted(with_tolerance_errors(robot, 2), x), x
+    return robot, with_tolerance_errors(robot, 2).read(x), x
 
 
 def test_the_calibration_is_the_maximum_a_posteriori(small):
@@ -75,8 +69,8 @@ def test_passive_joints_teach_every_robot(case, anywhere, rng):
     before, after, nees = [], [], []
     for seed in range(5):
         true = with_tolerance_errors(robot, seed)
-        fit = tp.calibrate(robot, counted(true, x))
-        q_e = counted(true, others)
+        fit = tp.calibrate(robot, true.read(x))
+        q_e = true.read(others)
         learnt, drawn = (r.estimate(q_e, guess=others) for r in (fit.robot, robot.expected()))
         after.append(difference(robot, learnt.x, others))
         before.append(difference(robot, drawn.x, others))
@@ -96,7 +90,7 @@ def test_what_no_reading_can_see_keeps_its_prior(any_robot, anywhere, rng):
     names = [s.name for s in any_robot.spec.sensor if s.kind in inside]
     robot = any_robot.with_sensors(*names)
     x = anywhere(robot, 100, rng)
-    fit = tp.calibrate(robot, counted(with_tolerance_errors(robot, 4), x))
+    fit = tp.calibrate(robot, with_tolerance_errors(robot, 4).read(x))
     for axis in "xyz":
         moved = np.array([float(name.endswith(f".base.{axis}")) for name in fit.names])
         if moved.sum() < robot.n:
@@ -113,7 +107,7 @@ def test_the_delta_printer_trap(rng):
     robot = tp.load("linear-delta").with_sensors("z_telemeter")
     middle = robot.home + rng.uniform(-0.02, 0.02, (200, 3))
     true = robot.expected().replace({f"chain{k}.rod": 0.3457 for k in (1, 2, 3)})
-    fit = tp.calibrate(robot, counted(true, middle))
+    fit = tp.calibrate(robot, true.read(middle))
     assert np.abs(fit.residuals[:, 3]).max() < 30e-6
     for k in (1, 2, 3):
         assert fit.parameters[f"chain{k}.rod"].verdict != "identified"
@@ -124,7 +118,7 @@ def test_the_delta_printer_trap(rng):
 
 def test_motors_alone_teach_nothing_and_say_so(any_robot, anywhere, rng):
     robot, x = any_robot.with_sensors(), anywhere(any_robot, 10, rng)
-    fit = tp.calibrate(robot, counted(with_tolerance_errors(robot, 1), x))
+    fit = tp.calibrate(robot, with_tolerance_errors(robot, 1).read(x))
     assert {p.verdict for p in fit.parameters.values()} == {"not identified"}
     assert [p.value for p in fit.parameters.values()] == pytest.approx(
         [p.prior for p in fit.parameters.values()], abs=1e-15
@@ -135,7 +129,7 @@ def test_motors_alone_teach_nothing_and_say_so(any_robot, anywhere, rng):
 def test_repeated_calibrations_go_on_where_the_last_one_ended(h4, table2):
     """Half the poses and then the other half: as good as all at once, to first order."""
     robot = h4.with_sensors("theta", "z_telemeter")
-    q_e = counted(with_tolerance_errors(robot, 6), table2)
+    q_e = with_tolerance_errors(robot, 6).read(table2)
     once = tp.calibrate(robot, q_e)
     twice = tp.calibrate(tp.calibrate(robot, q_e[::2]).robot, q_e[1::2])
     for name, learnt in once.parameters.items():
@@ -195,6 +189,38 @@ def test_other_sensors_keep_what_was_learnt(fit):
     root = knowledge.root(other, names)
     assert root @ root.T == pytest.approx(fit.covariance[np.ix_(kept, kept)], rel=1e-9, abs=1e-18)
     assert np.array_equal(root, np.tril(root)) and (np.diag(root) > 0).all()
+
+
+def test_check_accepts_a_calibrated_file(fit, run, tmp_path):
+    fit.robot.save(tmp_path / "mine.toml")
+    status, out, err = run("check", "mine.toml")
+    assert (status, err) == (0, "") and out.startswith("mine.toml: ok: delta, n = 3 motors, r = 3")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"chain1.base.x"', '"chain1.bse.x"', "unknown parameter 'chain1.bse.x'; did you mean"),
+        ('parameters = ["chain1.base.x", ', "parameters = [", "'mean' and 'root' must have"),
+        ("mean = [", "mean = [0.5, ", "'mean' and 'root' must have"),
+        ("mean = [", 'mean = ["long", ', "mean"),
+        ("root = [\n    [", "root = [\n    [-", "'root' must have a positive diagonal"),
+        ("root = [\n    [", "rot = [\n    [", "unknown key 'rot'; did you mean 'root'?"),
+    ],
+)
+def test_check_tells_what_is_wrong_with_a_calibration(fit, run, tmp_path, old, new, message):
+    fit.robot.save(tmp_path / "mine.toml")
+    text = (tmp_path / "mine.toml").read_text(encoding="utf-8")
+    before, table = text.split("[calibration]")
+    assert old in table
+    spoiled = f"{before}[calibration]{table.replace(old, new, 1)}"
+    (tmp_path / "mine.toml").write_text(spoiled, encoding="utf-8")
+    status, out, err = run("check", "mine.toml")
+    assert (status, out) == (2, "") and message in err
+    first = before.count("\n") + 1
+    assert all(int(line.split(":")[1]) >= first for line in err.splitlines())
+    with pytest.raises(tp.RobotFileError):
+        tp.load(tmp_path / "mine.toml")
 
 
 @pytest.mark.parametrize(
