@@ -12,7 +12,7 @@ def pytest_addoption(parser):
         "--count",
         type=int,
         help="poses in bulk samples (default 100000; the full check is --count=1000000), and "
-        "robots in trials of calibrations (default 40; at most 400, the full check)",
+        "robots in trials of calibrations (default 30; at most 400, the full check)",
     )
 
 
@@ -24,7 +24,7 @@ def count(request) -> int:
 @pytest.fixture(scope="session")
 def robots_drawn(request) -> int:
     """How many robots a trial of calibrations draws."""
-    return min(request.config.getoption("--count") or 40, 400)
+    return min(request.config.getoption("--count") or 30, 400)
 
 
 @pytest.fixture

@@ -140,7 +140,7 @@ def test_exact_robots_have_nothing_to_predict():
 CASES = {
     "theta": (["theta"], "ideal", 9),
     "theta, z": (["theta", "z_telemeter"], "ideal", 25),
-    "theta, elbows": (["theta", "elbow1", "elbow2", "elbow3", "elbow4"], "ideal", 25),
+    "theta, elbows": (["theta", "elbow1", "elbow2", "elbow3", "elbow4"], "ideal", 20),
     "full: theta": (["theta"], "full", 8),
     "full: theta, z": (["theta", "z_telemeter"], "full", 15),
 }
