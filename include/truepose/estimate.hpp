@@ -45,6 +45,16 @@ struct ReadingCovariance {
   }
 };
 
+/// aᵀb in four sums, which need not wait for each other.
+inline double dot(int size, const double* a, const double* b) {
+  double sum[4] = {};
+  int k = 0;
+  for (; k + 4 <= size; k += 4)
+    for (int j = 0; j < 4; ++j) sum[j] += a[k + j] * b[k + j];
+  for (; k < size; ++k) sum[0] += a[k] * b[k];
+  return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+}
+
 /// C at a pose, from its H_ξ. @param B  work space, (n + r)×count
 /// @return not_finite where C is no covariance: some σ is not a positive number
 inline Outcome reading_covariance(const Robot& robot, const Knowledge& known, const double* H_xi,
@@ -55,7 +65,7 @@ inline Outcome reading_covariance(const Robot& robot, const Knowledge& known, co
   for (int i = 0; i < rows; ++i)
     for (int j = 0; j <= i; ++j) {
       double sum = i == j;
-      for (int k = 0; k < known.count; ++k) sum += B[i * known.count + k] * B[j * known.count + k];
+      sum += dot(known.count, B + i * known.count, B + j * known.count);
       for (int k = 0; k < j; ++k) sum -= C.L[i][k] * C.L[j][k];
       if (i > j) {
         C.L[i][j] = sum / C.L[j][j];

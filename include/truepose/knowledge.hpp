@@ -10,7 +10,7 @@ namespace truepose {
 struct Knowledge {
   int count = 0;                 ///< p, uncertain parameters
   const int* column = nullptr;   ///< each one's column of H_ξ (parameters.hpp)
-  const double* root = nullptr;  ///< S, p×p by rows, lower triangular: Σ_ξ = S Sᵀ
+  const double* root = nullptr;  ///< S, p×p by rows, lower triangular: Σ_ξ = S Sᵀ; nullptr: S = I
   Extended sigma{};              ///< σ of every reading's own error, > 0: Σ_s = diag(σ²)
 };
 
@@ -26,15 +26,21 @@ inline void gather(const Robot& robot, const Knowledge& known, const double* H_x
   }
 }
 
-/// B S in place, row by row.
+/// B S in place: entry j of a row takes from those at and behind it, a few entries at a time.
 inline void times_root(const Knowledge& known, int rows, double* B) {
-  const int p = known.count;
-  for (int i = 0; i < rows; ++i) {
-    double* row = B + i * p;
-    for (int k = 0; k < p; ++k) {  // entries below k have been read: they take what k gives
-      const double value = row[k];
-      for (int j = 0; j < k; ++j) row[j] += value * known.root[k * p + j];
-      row[k] = value * known.root[k * p + k];
+  constexpr int kBlock = 8;
+  const int p = known.root ? known.count : 0;
+  for (int first = 0; first < p; first += kBlock) {
+    const int width = std::min(kBlock, p - first);
+    for (double* row = B; row != B + rows * p; row += p) {
+      double sum[kBlock] = {};
+      const double* S = known.root + first * p + first;
+      for (int k = 0; k < width; ++k, S += p)  // the triangle on the diagonal
+        for (int j = 0; j <= k; ++j) sum[j] += row[first + k] * S[j];
+      if (width == kBlock)
+        for (int k = first + kBlock; k < p; ++k, S += p)
+          for (int j = 0; j < kBlock; ++j) sum[j] += row[k] * S[j];
+      std::copy_n(sum, width, row + first);
     }
   }
 }

@@ -7,7 +7,8 @@ from numpy.typing import ArrayLike
 
 from truepose import _core, knowledge
 from truepose.build import Array
-from truepose.robot import Level, Robot
+from truepose.exceptions import InputError
+from truepose.robot import Errors, Level, Robot
 
 
 def accuracy(
@@ -17,6 +18,7 @@ def accuracy(
     touch_off: ArrayLike | None = None,
     level: Level = "ideal",
     model_error: bool = False,
+    errors: Errors = "raise",
 ) -> Array:
     """Covariance of the best estimate of x that the robot's sensors allow.
 
@@ -37,6 +39,9 @@ def accuracy(
         One rod per chain, or every rod by itself.
     model_error : bool
         Whether to count what the ideal level leaves out of a real robot.
+    errors : {"raise", "nan"}
+        What to do with a pose that cannot be reached, or at which the readings do not determine x;
+        `calibrated_on` and `touch_off` are never such poses.
 
     Returns
     -------
@@ -59,30 +64,36 @@ def accuracy(
     7.46
     0.86
     """
-    names = knowledge.require_uncertain(robot)
+    knowledge.require_uncertain(robot)
     model = robot.expected()
     full = model._is_full(level)
     guard = model_error and not full
-    rows, lead = model._rows(poses, model.n, "poses", "raise")
-    root = knowledge.root(robot, names)
+    rows, lead = model._rows(poses, model.n, "poses", errors)
+    known, nowhere = knowledge.knowledge(robot, level=level), np.zeros((0, model.n))
+
+    def bound(at: Array, touched: Array, lead: tuple[int, ...], errors: Errors, name: str) -> Array:
+        P, status, chain = _core.accuracy(model._core, known.core, at, touched, full)
+        model._check("pose", at, lead, status, chain, errors, name)
+        return P.reshape(*lead, model.n, model.n)
+
+    touched, root = nowhere, None
+    if touch_off is not None:
+        touched, shape = model._rows(touch_off, model.n, "touch_off", "raise")
+        if shape:
+            raise InputError(f"touch_off: shape {np.shape(touch_off)}, must be ({model.n},)")
+        bound(touched, nowhere, (), "raise", "touch_off")
     if calibrated_on is not None:
-        visited, _ = model._rows(calibrated_on, model.n, "calibrated_on", "raise")
-        prior = knowledge.knowledge(robot, guarded=guard, level=level)
-        root, status, chain = _core.after_visiting(
+        visited, shape = model._rows(calibrated_on, model.n, "calibrated_on", "raise")
+        prior = knowledge.knowledge(robot, guarded=True, level=level) if guard else known
+        root, status, _ = _core.after_visiting(
             model._core, prior.core, visited, full, prior.nuisances > 0
         )
-        root = root[: prior.parameters, : prior.parameters]
         if status:  # find the pose that it is about
-            model.linearise(visited, level=level)
-            model._check(
-                "pose", visited, (), np.array([status]), np.array([chain]), "raise", "calibrated_on"
-            )
-    touched = np.zeros((0, model.n))
-    if touch_off is not None:
-        touched, _ = model._rows(np.atleast_2d(touch_off), model.n, "touch_off", "raise")
-    known = knowledge.knowledge(
-        robot, root, level=level, error=knowledge.model_error(robot) if guard else None
-    )
-    P, status, chain = _core.accuracy(model._core, known.core, rows, touched, full)
-    model._check("pose", rows, lead, status, chain, "raise", "poses")
-    return P.reshape(*lead, model.n, model.n)
+            bound(visited, nowhere, shape, "raise", "calibrated_on")
+        root = root[: prior.parameters, : prior.parameters]
+    if guard:
+        error = knowledge.model_error(robot)
+        known = knowledge.knowledge(robot, root, level=level, error=error)
+    elif root is not None:
+        known = knowledge.knowledge(robot, root, level=level)
+    return bound(rows, touched, lead, errors, "poses")

@@ -116,7 +116,71 @@ def info(
         view.add_row(*row)
     Console().print(view)
     if plot is not None:
-        figures.save_map(loaded, plot, length)
+        figures.save(figures.draw_map(loaded, length), plot)
+        typer.echo(f"Wrote {plot}")
+
+
+@app.command()
+def accuracy(
+    robot: Annotated[str, typer.Argument(help="A shipped robot's name, or a robot file.")],
+    sensors: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="A set: names with commas between, none, or all. Give it again for further sets.",
+            show_default="none, those in use, each other one added, all",
+        ),
+    ] = None,
+    poses: Annotated[
+        Path | None,
+        typer.Option(
+            help="CSV file, a column for each coordinate, m and rad.",
+            show_default="a grid over the workspace",
+        ),
+    ] = None,
+    calibrated: Annotated[
+        bool, typer.Option("--calibrated", help="Also after self-calibration over these poses.")
+    ] = False,
+    touch_off: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X,Y,…", help="Also with the error at this pose taken to zero; m and rad."
+        ),
+    ] = None,
+    level: Annotated[
+        str, typer.Option(help="ideal: one rod per chain; full: every rod by itself.")
+    ] = "ideal",
+    plot: Annotated[
+        Path | None,
+        typer.Option(help="Also draw a map of the first set's position σ (PNG, SVG, PDF)."),
+    ] = None,
+) -> None:
+    """Predict how accurately sensors let the pose be known: the Cramér-Rao bound, before building.
+
+    Prints σ of each coordinate, root mean square over the poses, from the tolerances and counts of
+    the robot file.
+
+    Example: **truepose accuracy h4 --sensors theta --sensors theta,z_telemeter --calibrated**
+    """
+    from truepose import info, prediction
+    from truepose.robot import load
+
+    loaded = load(robot)
+    sets = [prediction.parse_set(loaded, text) for text in sensors] if sensors else None
+    touched = prediction.parse_pose(loaded, touch_off, "--touch-off") if touch_off else None
+    given = prediction.read_poses(loaded, poses) if poses else None
+    found = prediction.predict(
+        loaded, sets, given, calibrated=calibrated, touch_off=touched, level=level
+    )
+    console = Console()
+    for table in prediction.tables(found):
+        _print(console, table)
+    left_out = f", {found.left_out} that are unreachable or singular left out"
+    where = f"{len(found.poses)} poses of {poses or 'a grid over the workspace'}"
+    console.print(f"{loaded.name}: {where}{left_out if found.left_out else ''}.", highlight=False)
+    if plot is not None:
+        shown = loaded.with_sensors(*(sets[0] if sets else loaded.sensors))
+        visited = found.poses if calibrated else None
+        info.save(prediction.draw_map(shown, visited, touched, level), plot)
         typer.echo(f"Wrote {plot}")
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from truepose import _core
 from truepose.exceptions import InputError
 from truepose.robot import Array, Robot
+from truepose.schema import Workspace
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -68,7 +69,7 @@ def measure(robot: Robot, samples: int = 100_000, seed: int = 0, length: float =
     >>> figures.reachable, [round(c, 1) for c in figures.condition]
     (1.0, [1.0, 1.3, 1.9])
     """
-    box = _box(robot)
+    box = workspace(robot)
     generator = np.random.default_rng(seed)
     x = generator.uniform(box.minimum, box.maximum, size=(samples, robot.n))
     q, status, chain = _core.ikm(robot._core, x, False)
@@ -160,22 +161,28 @@ def level_difference(robot: Robot, poses: Array, seed: int = 0, count: int = 100
     return np.sqrt(np.nanmean(squares, axis=(0, 1)))
 
 
-def condition_map(
-    robot: Robot, length: float = LENGTH, points: int = 101
-) -> tuple[Array, Array, Array]:
-    """Condition number of J over the first two coordinates of the workspace, through home.
+def workspace_slice(robot: Robot, points: int = 101) -> tuple[Array, Array, Array]:
+    """Poses over the first two coordinates of the workspace, through home.
 
     Returns
     -------
     first, second : ndarray, shape (points,)
         The two coordinates.
-    condition : ndarray, shape (points, points)
-        Rows along `second`; NaN where unreachable or singular.
+    x : ndarray, shape (points, points, n)
+        Rows along `second`.
     """
-    box = _box(robot)
+    box = workspace(robot)
     first, second = (np.linspace(box.minimum[k], box.maximum[k], points) for k in range(2))
     x = np.tile(robot.home, (points, points, 1))
     x[..., 0], x[..., 1] = np.meshgrid(first, second)
+    return first, second, x
+
+
+def condition_map(
+    robot: Robot, length: float = LENGTH, points: int = 101
+) -> tuple[Array, Array, Array]:
+    """Condition number of J over a :func:`workspace_slice`, NaN where unreachable or singular."""
+    first, second, x = workspace_slice(robot, points)
     J = robot.jacobian(x, errors="nan")
     condition = np.full((points, points), np.nan)
     regular = np.isfinite(J).all(axis=(2, 3))
@@ -185,35 +192,41 @@ def condition_map(
 
 def draw_map(robot: Robot, length: float = LENGTH) -> Figure:
     """Draw :func:`condition_map`."""
+    angles = any(unit == "rad" for _, unit in robot.coordinates)
+    note = f"angles times {1e3 * length:g} mm" if angles else ""
+    label = "condition number of J (–)"
+    return draw_slice(robot, *condition_map(robot, length), label, note)
+
+
+def draw_slice(
+    robot: Robot, first: Array, second: Array, values: Array, label: str, note: str = ""
+) -> Figure:
+    """Draw values over a :func:`workspace_slice`; grey where they are NaN."""
     from matplotlib.figure import Figure
 
-    first, second, condition = condition_map(robot, length)
-    if not np.isfinite(condition).any():
+    if not np.isfinite(values).any():
         raise InputError(f"{robot.name}: no pose of the slice is reachable and regular")
     shape = float(np.clip(np.ptp(second) / max(np.ptp(first), 1e-9), 0.3, 1.4))
     figure = Figure(figsize=(6.0, 1.0 + 3.8 * shape), layout="constrained")
     axes = figure.subplots()
     axes.set_facecolor("0.8")  # unreachable or singular
-    levels = np.linspace(np.nanmin(condition), np.nanmax(condition) + 1e-9, 15)
-    filled = axes.contourf(1e3 * first, 1e3 * second, condition, levels, cmap="viridis")
-    figure.colorbar(filled, label="condition number of J (–)", format="%.3g")
+    levels = np.linspace(np.nanmin(values), np.nanmax(values) + 1e-9, 15)
+    filled = axes.contourf(1e3 * first, 1e3 * second, values, levels, cmap="viridis")
+    figure.colorbar(filled, label=label, format="%.3g")
     axes.plot(*(1e3 * robot.home[:2]), "w+", ms=12, mew=2)
     rest = [
         f"{name} = {1e3 * v:g} mm" if unit == "m" else f"{name} = {np.degrees(v):g}°"
         for (name, unit), v in zip(robot.coordinates[2:], robot.home[2:], strict=True)
     ]
     title = f"{robot.name}: slice through home (+)" + (", " if rest else "") + ", ".join(rest)
-    if any(unit == "rad" for _, unit in robot.coordinates):
-        title += f"\nangles times {1e3 * length:g} mm"
     (name_1, _), (name_2, _) = robot.coordinates[:2]
-    axes.set_title(title, fontsize=10)
+    axes.set_title(f"{title}\n{note}".rstrip(), fontsize=10)
     axes.set(xlabel=f"{name_1} (mm)", ylabel=f"{name_2} (mm)", aspect="equal")
     return figure
 
 
-def save_map(robot: Robot, path: Path, length: float = LENGTH) -> None:
-    """Save :func:`draw_map`; the file's ending chooses the format."""
-    figure = draw_map(robot, length)
+def save(figure: Figure, path: Path) -> None:
+    """Save a figure; the file's ending chooses the format."""
     try:
         figure.savefig(path, dpi=150)
     except OSError as error:
@@ -225,7 +238,7 @@ def save_map(robot: Robot, path: Path, length: float = LENGTH) -> None:
 
 def rows(robot: Robot, figures: Figures) -> list[tuple[str, str]]:
     """Name and value of each figure, for people: mm and degrees."""
-    spec, box = robot.spec, _box(robot)
+    spec, box = robot.spec, workspace(robot)
     angles = any(unit == "rad" for _, unit in robot.coordinates)
     scale = f", angles × {1e3 * figures.length:g} mm" if angles else ""
     known = [sensor.name for sensor in spec.sensor]
@@ -266,7 +279,8 @@ def rows(robot: Robot, figures: Figures) -> list[tuple[str, str]]:
     return result
 
 
-def _box(robot: Robot):
+def workspace(robot: Robot) -> Workspace:
+    """Box in which the robot is meant to work; an error where its file has none."""
     if robot.spec.workspace is None:
         raise InputError(f"{robot.name}: workspace: is missing from its file")
     return robot.spec.workspace

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import fnmatch
+import functools
 import math
 import numbers
 from dataclasses import dataclass
@@ -247,6 +247,10 @@ class Robot:
         >>> rod.value, round(rod.mean, 4), round(rod.sigma, 5)
         (0.48, 0.4835, 0.00375)
         """
+        return dict(self._parameters)
+
+    @functools.cached_property
+    def _parameters(self) -> dict[str, Parameter]:
         result = {}
         learnt = self._spec.calibration
         means = dict(zip(learnt.parameters, learnt.mean, strict=True)) if learnt else {}
@@ -255,10 +259,7 @@ class Robot:
             if name in means:
                 result[name] = Parameter(value, means[name], sigmas[name])
                 continue
-            tolerance = next(
-                (t for key, t in self._spec.tolerances.items() if fnmatch.fnmatchcase(name, key)),
-                None,
-            )
+            tolerance = self._spec.tolerance(name)
             mean = self._nominal[name] + (tolerance.mean if tolerance else 0.0)
             result[name] = Parameter(value, mean, tolerance.deviation if tolerance else 0.0)
         return result

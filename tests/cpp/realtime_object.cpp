@@ -1,6 +1,7 @@
 // What does the real-time core ask of the machine? Every entry point in one object, compiled with
 // neither exceptions nor run-time types; check_symbols.cmake reads its undefined symbols.
 #include "truepose/control.hpp"
+#include "truepose/estimate.hpp"
 #include "truepose/full_linearise.hpp"
 
 using namespace truepose;
@@ -29,6 +30,15 @@ Outcome realtime_linearise(const Robot& robot, const Pose& pose, Extended& q_e,
 Outcome realtime_linearise_full(const Robot& robot, const Pose& pose, Extended& q_e,
                                 Matrix<kMaxReadings, 4>& H_x, double* H_xi) {
   return linearise_full<Mobility::schoenflies>(robot, pose, q_e, H_x, H_xi);
+}
+Estimate<Mobility::schoenflies> realtime_estimate(const Robot& robot, const Knowledge& known,
+                                                  const Extended& q_e, Pose& pose, double* work) {
+  return estimate<Mobility::schoenflies>(robot, known, q_e, pose, work);
+}
+Estimate<Mobility::schoenflies> realtime_estimate_full(const Robot& robot, const Knowledge& known,
+                                                       const Extended& q_e, Pose& pose,
+                                                       double* work) {
+  return estimate<Mobility::schoenflies, FullModel>(robot, known, q_e, pose, work);
 }
 Outcome realtime_parasitic(const Robot& robot, const Joint& x, Joint& rest) {
   return parasitic(robot, x, rest);

@@ -6,6 +6,7 @@
 
 #include "mechanisms.hpp"
 #include "truepose/control.hpp"
+#include "truepose/estimate.hpp"
 #include "truepose/full_linearise.hpp"
 
 namespace {
@@ -141,6 +142,40 @@ TEST("the full level allocates nothing, whether it finds an answer or not") {
       if (ok != has_level) ++failures;
       static_cast<void>(fkm_full(robot, random_joint(random, 3), back));  // mostly fails
       static_cast<void>(finish_full(copy));
+    }
+    CHECK(allocations == before);
+    CHECK(failures == 0);
+  });
+}
+
+TEST("the estimate allocates nothing at either level, whether it finds a pose or not") {
+  for_each([&](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    Robot robot = mechanism.robot;
+    robot.r = 2;
+    std::vector<int> column;
+    for (int i = 0; i < dof(robot.mobility); ++i)
+      for (int k = 0; k < 3; ++k) column.push_back(chain_column(i) + k);
+    const int p = static_cast<int>(column.size());
+    std::vector<double> root(p * p), work(estimate_work(robot, p));
+    for (int k = 0; k < p; ++k) root[k * p + k] = 3e-4;
+    Knowledge known{p, column.data(), root.data(), {}};
+    known.sigma.fill(1e-4);
+    check::Random random(73);
+    long failures = 0;
+    const long before = allocations;
+    for (long k = 0; k < 300; ++k) {
+      const Pose at = to_pose<K>(random_pose(mechanism, random));
+      Extended q_e;
+      if (!extended<K>(robot, at, q_e)) ++failures;
+      Pose pose = nearby<K>(at, random, 1e-3);
+      if (!estimate<K>(robot, known, q_e, pose, work.data())) ++failures;
+      if constexpr (kPaired<K>)
+        if (robot.full.kind == FullKind::exists &&
+            !estimate<K, FullModel>(robot, known, q_e, pose, work.data()))
+          ++failures;
+      q_e[0] += 3;  // mostly fails
+      static_cast<void>(estimate<K>(robot, known, q_e, pose, work.data()));
     }
     CHECK(allocations == before);
     CHECK(failures == 0);

@@ -4,21 +4,27 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import paper_data
+from truepose import cli, paper_data
 
 
 def pytest_addoption(parser):
     parser.addoption(
         "--count",
         type=int,
-        default=100_000,
-        help="poses in bulk samples; the full check is --count=1000000",
+        help="poses in bulk samples (default 100000; the full check is --count=1000000), and "
+        "robots in trials of calibrations (default 30; at most 400, the full check)",
     )
 
 
 @pytest.fixture(scope="session")
 def count(request) -> int:
-    return request.config.getoption("--count")
+    return request.config.getoption("--count") or 100_000
+
+
+@pytest.fixture(scope="session")
+def robots_drawn(request) -> int:
+    """How many robots a trial of calibrations draws."""
+    return min(request.config.getoption("--count") or 30, 400)
 
 
 @pytest.fixture
@@ -79,5 +85,20 @@ def anywhere():
     return draw
 
 
+@pytest.fixture
+def run(monkeypatch, capsys, tmp_path):
+    """Return a function that runs `truepose` in an empty folder: status, stdout, stderr."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+
+    def command(*words):
+        monkeypatch.setattr("sys.argv", ["truepose", *map(str, words)])
+        with pytest.raises(SystemExit) as left:
+            cli.main()
+        return (left.value.code or 0, *capsys.readouterr())
+
+    return command
+
+
 def pytest_report_header(config):
-    return f"truepose {tp.__version__}; bulk samples of {config.getoption('--count')} poses"
+    return f"truepose {tp.__version__}; bulk samples: {config.getoption('--count') or 'default'}"

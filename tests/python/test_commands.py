@@ -6,22 +6,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import cli, info
-
-
-@pytest.fixture
-def run(monkeypatch, capsys, tmp_path):
-    """Return a function that runs `truepose` in an empty folder: status, stdout, stderr."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "200")
-
-    def command(*words):
-        monkeypatch.setattr("sys.argv", ["truepose", *map(str, words)])
-        with pytest.raises(SystemExit) as left:
-            cli.main()
-        return (left.value.code or 0, *capsys.readouterr())
-
-    return command
+from truepose import info
 
 
 @pytest.mark.parametrize("name", tp.robots())
@@ -133,7 +118,7 @@ def test_check_of_a_missing_file_is_one_line(run):
     )
 
 
-@pytest.mark.parametrize("command", ["check", "new", "info"])
+@pytest.mark.parametrize("command", ["check", "new", "info", "accuracy"])
 def test_help_has_an_example(run, command):
     status, out, _ = run(command, "--help")
     assert status == 0 and f"Example: truepose {command}" in re.sub(r"\s+", " ", out)

@@ -14,11 +14,15 @@ def test_the_h4_has_the_parameters_its_interface_promises(h4):
     harmonics = [f"eccentricity.{harmonic}" for harmonic in ("c1", "s1", "c2", "s2")]
     promised += harmonics
     names = {f"chain{i}.{name}" for i in range(1, 5) for name in promised}
-    names |= {"bar1.pivot", "bar2.pivot", "theta.offset", "theta.gain"}
-    names |= {f"theta.{harmonic}" for harmonic in harmonics}
-    names |= {"z_telemeter.offset", "z_telemeter.gain"}
-    mounting = ("origin", "direction", "target", "normal")
-    names |= {f"z_telemeter.{vector}.{axis}" for vector in mounting for axis in "xyz"}
+    names |= {"bar1.pivot", "bar2.pivot"}
+    mounted = {"z_telemeter": ("origin", "direction", "target", "normal")}
+    mounted |= {f"wire{i}": ("origin", "target") for i in (1, 2, 3)}
+    for sensor in ("theta", "elbow1", "elbow2", "elbow3", "elbow4", *mounted):
+        names |= {f"{sensor}.offset", f"{sensor}.gain"}
+        if sensor.startswith(("theta", "elbow")):
+            names |= {f"{sensor}.{harmonic}" for harmonic in harmonics}
+        vectors = mounted.get(sensor, ())
+        names |= {f"{sensor}.{vector}.{axis}" for vector in vectors for axis in "xyz"}
     assert set(h4.parameters) == names
 
 
@@ -143,7 +147,7 @@ def test_each_parameter_moves_some_reading_by_its_first_order_effect(h4):
     But for the z telemeter's: moved within its plane, its line tilted, its directions lengthened,
     it reads the same.
     """
-    robot = h4.with_sensors("theta", "z_telemeter")
+    robot = h4.with_sensors(*(sensor.name for sensor in h4.spec.sensor))
     robot = robot.replace({f"chain{i}.rod_difference": 1e-3 for i in range(1, 5)})
     gauges = {f"z_telemeter.{name}" for name in ("direction.x", "direction.y")}
     gauges |= {f"z_telemeter.{name}.z" for name in ("direction", "normal")}

@@ -15,26 +15,33 @@ namespace truepose {
 inline Outcome after_visiting(const Robot& robot, const LineModel& model, const Knowledge& prior,
                               const std::vector<Pose>& poses, RowMatrix& root) {
   const int p = prior.count;
+  Knowledge raw = prior;  // S comes last, once: elimination acts on the rows, S on the columns
+  raw.root = nullptr;
   std::vector<double> H_xi(2 * (model.n + robot.r) * parameter_count(robot));
   RowMatrix stacked(robot.r * static_cast<long>(poses.size()), p);
   Line line;
   long row = 0;
   for (const Pose& pose : poses) {
-    const Outcome outcome = model.read(robot, prior, pose, nullptr, {}, H_xi.data(), line);
+    const Outcome outcome = model.read(robot, raw, pose, nullptr, {}, H_xi.data(), line);
     if (!outcome) return outcome;
     for (int i = model.n; i < line.rows; ++i) stacked.row(row++) = line.B.row(i);
   }
-  // I + N = U Uᵀ with U upper triangular (Cholesky from the last parameter to the first), so that
-  // Σ_u = U⁻ᵀ U⁻¹ and S U⁻ᵀ, lower times lower, is the root.
+  const Eigen::MatrixXd S =
+      Eigen::Map<const RowMatrix>(prior.root, p, p).triangularView<Eigen::Lower>();
+  Eigen::MatrixXd N = Eigen::MatrixXd::Zero(p, p);
+  if (row > 0)  // Eigen divides by it
+    N.selfadjointView<Eigen::Lower>().rankUpdate(stacked.transpose());
+  const Eigen::MatrixXd NS = N.selfadjointView<Eigen::Lower>() * S;
+  // I + SᵀNS = U Uᵀ with U upper triangular (Cholesky from the last parameter to the first), so
+  // that Σ_u = U⁻ᵀ U⁻¹ and S U⁻ᵀ, lower times lower, is the root.
   Eigen::MatrixXd information = Eigen::MatrixXd::Identity(p, p);
-  if (stacked.rows() > 0)  // Eigen's rankUpdate does not take matrices without rows
-    information.selfadjointView<Eigen::Lower>().rankUpdate(stacked.transpose());
-  information = Eigen::MatrixXd(information.selfadjointView<Eigen::Lower>()).reverse().eval();
+  information.noalias() += S.transpose() * NS;
+  information = information.reverse().eval();
   const Eigen::MatrixXd L = information.llt().matrixL();
   const Eigen::MatrixXd UT = L.transpose().reverse();
   const Eigen::MatrixXd inverse =
       UT.triangularView<Eigen::Lower>().solve(Eigen::MatrixXd::Identity(p, p));
-  root = Eigen::Map<const RowMatrix>(prior.root, p, p).triangularView<Eigen::Lower>() * inverse;
+  root = S.triangularView<Eigen::Lower>() * inverse;
   return {};
 }
 

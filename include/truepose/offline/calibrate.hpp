@@ -257,10 +257,9 @@ class Calibrator {
       }
     }
     information.setIdentity(p_, p_);
-    right = -at.u;
-    if (total == 0) return;  // Eigen's rankUpdate does not take matrices without rows
-    information.selfadjointView<Eigen::Lower>().rankUpdate(stacked.transpose());
-    right += stacked.transpose() * y;
+    if (total > 0)  // Eigen divides by it
+      information.selfadjointView<Eigen::Lower>().rankUpdate(stacked.transpose());
+    right = stacked.transpose() * y - at.u;
   }
 
   void descend(Iterate& now, CalibrationResult& result) {

@@ -1,0 +1,247 @@
+"""What accuracy do sensor sets promise over a workspace? The bound of each, side by side."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose import _core, info
+from truepose.bound import accuracy
+from truepose.build import Array
+from truepose.exceptions import InputError
+from truepose.robot import Level, Robot
+from truepose.tables import Table, number
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """σ over P poses: root mean squares, m and rad; one row a sensor set, NaN where a set fails."""
+
+    robot: Robot
+    sets: list[tuple[str, ...]]
+    poses: Array  #: (P, n)
+    left_out: int  #: poses of the workspace's grid that cannot be reached or are singular
+    calibrated: bool
+    sigma: dict[str, Array]  #: what is predicted: (sets, n + 1), coordinates and position norm
+
+
+def workspace_grid(robot: Robot) -> Array:
+    """Poses of a grid over the workspace box, its faces included.
+
+    Five values of each coordinate (the H4's: Table 2 of the paper), three where there are six.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> workspace_grid(tp.load("h4")).shape, workspace_grid(tp.load("hexa")).shape
+    ((625, 4), (729, 6))
+    """
+    box = info.workspace(robot)
+    points = 5 if robot.n < 6 else 3
+    axes = [
+        np.linspace(low, high, points) for low, high in zip(box.minimum, box.maximum, strict=True)
+    ]
+    return np.array(list(itertools.product(*axes)))
+
+
+def sensor_sets(robot: Robot) -> list[tuple[str, ...]]:
+    """Sets worth comparing: none, those in use, each other sensor added to them, all.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> sensor_sets(tp.load("3rrr"))
+    [(), ('theta',)]
+    """
+    names = tuple(sensor.name for sensor in robot.spec.sensor)
+    spare = [name for name in names if name not in robot.sensors]
+    sets = [(), robot.sensors, *((*robot.sensors, name) for name in spare)]
+    most = min(_core.max_sensors, _core.max_readings - robot.n)
+    if len(names) <= most:
+        sets.append(robot.sensors + tuple(spare))
+    return list(dict.fromkeys(sets))
+
+
+def parse_set(robot: Robot, text: str) -> tuple[str, ...]:
+    """Read a set as people write it: names with commas between, "none", or "all"."""
+    names = tuple(sensor.name for sensor in robot.spec.sensor)
+    if text == "all":
+        return names
+    return () if text == "none" else tuple(name.strip() for name in text.split(","))
+
+
+def read_poses(robot: Robot, path: Path) -> Array:
+    """Read poses from a CSV file with a column for each coordinate, m and rad; others are ignored.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, misses a column, or has a value that is no finite number.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            lines = csv.DictReader(file, skipinitialspace=True)
+            rows = [(lines.line_num, row) for row in lines]
+            header = [name.strip() for name in lines.fieldnames or ()]
+            lines.fieldnames = header
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', error)}") from None
+    names = [name for name, _ in robot.coordinates]
+    for name in names:
+        if name not in header:
+            raise InputError(
+                f"{path}: column {name!r} is missing; {robot.name} needs {', '.join(names)}"
+            )
+    if not rows:
+        raise InputError(f"{path}: no poses")
+    return np.array([[_number(path, n, name, row) for name in names] for n, row in rows])
+
+
+def _number(path: Path, line: int, name: str, row: dict) -> float:
+    try:
+        value = float(row[name])
+    except (KeyError, TypeError, ValueError):
+        value = np.nan
+    if not np.isfinite(value):
+        raise InputError(f"{path}:{line}: {name} = {row.get(name)!r}: must be a finite number")
+    return value
+
+
+def predict(
+    robot: Robot,
+    sets: Sequence[Sequence[str]] | None = None,
+    poses: ArrayLike | None = None,
+    *,
+    calibrated: bool = False,
+    touch_off: ArrayLike | None = None,
+    level: Level = "ideal",
+) -> Prediction:
+    """Bound of several sensor sets over the same poses.
+
+    Parameters
+    ----------
+    robot : Robot
+    sets : sequence of names, optional
+        By default :func:`sensor_sets`.
+    poses : array_like, shape (P, n), optional
+        By default those of :func:`workspace_grid` that every set's readings determine.
+    calibrated : bool
+        Also what remains after self-calibration over these poses.
+    touch_off : array_like, shape (n,), optional
+        Also what remains where the error at this pose is taken to zero.
+    level : {"ideal", "full"}
+
+    Raises
+    ------
+    InputError, PoseError
+        An unknown sensor or level; a given pose that cannot be reached.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.prediction import predict
+    >>> found = predict(tp.load("h4"), [["theta"], ["theta", "z_telemeter"]], calibrated=True)
+    >>> for what, sigma in found.sigma.items():
+    ...     print(what, (1e3 * sigma[:, -1]).round(2))  # mm
+    as built [7.46 6.34]
+    self-calibrated [0.86 0.29]
+    """
+    sets = sensor_sets(robot) if sets is None else [tuple(names) for names in sets]
+    candidates = [robot.with_sensors(*names) for names in sets]
+    left_out = 0
+    if poses is None:
+        grid = workspace_grid(robot)
+        found = [accuracy(c, grid, level=level, errors="nan") for c in candidates]
+        good = np.isfinite(found).all(axis=(0, 2, 3))
+        if not good.any():
+            raise InputError(f"{robot.name}: no pose of its workspace is reachable and regular")
+        poses, left_out = grid[good], int((~good).sum())
+    poses = np.atleast_2d(np.asarray(poses, dtype=float))
+    linear = np.array([unit == "m" for _, unit in robot.coordinates])
+    sigma = {}
+    for learnt in (False, True)[: 1 + calibrated]:
+        for touched in (None, touch_off)[: 1 + (touch_off is not None)]:
+            rows = []
+            for candidate in candidates:
+                P = accuracy(candidate, poses, poses if learnt else None, touched, level)
+                variance = np.diagonal(P, axis1=-2, axis2=-1).mean(axis=0)
+                rows.append(np.sqrt([*variance, variance[linear].sum()]))
+            what = "self-calibrated" if learnt else "as built"
+            sigma[what + (", touched off" if touched is not None else "")] = np.array(rows)
+    return Prediction(robot, sets, poses, left_out, calibrated, sigma)
+
+
+def tables(found: Prediction) -> list[Table]:
+    """One table for each thing predicted: rows of sensor sets, σ in mm and degrees."""
+    coordinates = found.robot.coordinates
+    header = [f"{name} ({'mm' if unit == 'm' else '°'})" for name, unit in coordinates]
+    factor = [1e3 if unit == "m" else 180 / np.pi for _, unit in coordinates]
+    result = []
+    for what, sigma in found.sigma.items():
+        rows = []
+        for names, values in zip(found.sets, sigma, strict=True):
+            cells = values * [*factor, 1e3]
+            rows.append([label(found.robot, names), *(number(float(v)) for v in cells)])
+        title = f"σ of the pose, {what}"
+        name = "accuracy_" + what.replace(", ", "_").replace(" ", "_").replace("-", "_")
+        result.append(Table(name, title, ["sensors", *header, "position (mm)"], rows))
+    return result
+
+
+def label(robot: Robot, names: Sequence[str]) -> str:
+    """Name a sensor set for people."""
+    every = [sensor.name for sensor in robot.spec.sensor]
+    if not names:
+        return "motors alone"
+    if len(every) > 2 and sorted(names) == sorted(every):
+        return f"all {len(every)}"
+    return ", ".join(names)
+
+
+def draw_map(
+    robot: Robot,
+    poses: ArrayLike | None = None,
+    touch_off: ArrayLike | None = None,
+    level: Level = "ideal",
+    points: int = 101,
+) -> Figure:
+    """Draw the position's σ over the first two coordinates of the workspace, through home.
+
+    Parameters
+    ----------
+    robot : Robot
+        With the sensors in use.
+    poses : array_like, shape (P, n), optional
+        After self-calibration over these poses.
+    touch_off : array_like, shape (n,), optional
+        Of the error less that at this pose.
+    """
+    first, second, x = info.workspace_slice(robot, points)
+    P = accuracy(robot, x, poses, touch_off, level, errors="nan")
+    linear = [k for k, (_, unit) in enumerate(robot.coordinates) if unit == "m"]
+    sigma = np.sqrt(np.diagonal(P, axis1=-2, axis2=-1)[..., linear].sum(axis=-1))
+    state = "as built" if poses is None else "self-calibrated"
+    note = f"{label(robot, robot.sensors)}; {state}" + (", touched off" * (touch_off is not None))
+    return info.draw_slice(robot, first, second, 1e3 * sigma, "σ of the position (mm)", note)
+
+
+def parse_pose(robot: Robot, text: str, name: str) -> Array:
+    """Read a pose as people write it: coordinates with commas between, m and rad."""
+    try:
+        pose = np.array([float(part) for part in text.split(",")])
+    except ValueError:
+        raise InputError(f"{name} {text}: must be numbers with commas between, m and rad") from None
+    if len(pose) != robot.n or not np.isfinite(pose).all():
+        names = ",".join(c for c, _ in robot.coordinates)
+        raise InputError(f"{name} {text}: must be {robot.n} numbers, {names} (m, rad)")
+    return pose

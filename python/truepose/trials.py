@@ -1,0 +1,178 @@
+"""Do estimates reach their bound? Calibrations of many robots, drawn from their tolerances.
+
+Every robot goes where usual control puts it, is read in counts and noise, and calibrates itself on
+its own readings; what it then believes is compared with the truth, and with the bound.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose.bound import accuracy
+from truepose.build import Array
+from truepose.calibration import Loss, calibrate
+from truepose.errors import with_tolerance_errors
+from truepose.robot import Level, Robot
+
+#: Desired poses are left by up to this, m and rad. Usual control brings the motors to the same
+#: positions whatever robot is true: on an exactly repeated grid every robot would read the same
+#: rounding errors, and symmetric poses too, which no average over robots or poses takes away.
+JITTER = 5e-4
+
+
+@dataclass(frozen=True)
+class Trials:
+    """R robots at P poses of the calibration, H others and the touch-off; n coordinates.
+
+    Errors are along the free twist, m and rad.
+    """
+
+    robot: Robot
+    usual: Array  #: (R, P, n) of usual control: true less desired
+    error: Array  #: (R, P, n) of the calibration's poses: believed less true
+    held_out: Array  #: (R, H, n) of estimates at poses it has not seen
+    touched: Array  #: (R, n) of the estimate at the touch-off pose
+    bound: Array  #: (P, n, n) covariance, predicted
+    bound_touched: Array  #: (P, n, n) of the error less that at the touch-off pose
+    xi_nees: Array  #: (R,) normalised squared error of ξ; its mean is to be `parameters`
+    x_nees: Array  #: (R, H) of the estimates; their mean is to be n
+    parameters: int  #: p
+
+    @property
+    def touched_off(self) -> Array:
+        """Errors of the calibration's poses less that at the touch-off pose, (R, P, n)."""
+        return self.error - self.touched[:, None]
+
+    @property
+    def linear(self) -> Array:
+        """Which coordinates are lengths, (n,)."""
+        return np.array([unit == "m" for _, unit in self.robot.coordinates])
+
+    def squares(self, error: Array) -> Array:
+        """Mean square position error of every robot, m², (R,)."""
+        return (error[..., self.linear] ** 2).sum(axis=-1).mean(axis=-1)
+
+    def position(self, bound: Array) -> float:
+        """Mean square position error that a bound allows, m²."""
+        return float(np.diagonal(bound, axis1=1, axis2=2)[:, self.linear].sum(axis=1).mean())
+
+
+def run(
+    robot: Robot,
+    poses: ArrayLike,
+    touch_off: ArrayLike,
+    held_out: ArrayLike,
+    count: int,
+    seed: int = 0,
+    *,
+    level: Level = "ideal",
+    true_level: Level = "ideal",
+    loss: Loss = "squares",
+    progress: Callable[[], None] = lambda: None,
+) -> Trials:
+    """Calibrate `count` robots, each on its own readings.
+
+    Parameters
+    ----------
+    robot : Robot
+        The nominal robot with the sensors in use; the true ones are drawn from its tolerances.
+    poses, held_out : array_like, shape (P, n) and (H, n)
+        Where the robots calibrate themselves, and where they only estimate.
+    touch_off : array_like, shape (n,)
+        A pose at which the error is known.
+    count, seed : int
+        Robots; the first ones do not depend on `count`.
+    level, true_level : {"ideal", "full"}
+        Of the calibration, and of the robots that are read.
+    loss
+        As of :func:`truepose.calibrate`.
+    progress : callable
+        Called after each robot.
+
+    Examples
+    --------
+    >>> import numpy as np, truepose as tp
+    >>> from truepose import trials
+    >>> robot = tp.load("h4").with_sensors("theta", "z_telemeter")
+    >>> rng, box = np.random.default_rng(0), robot.spec.workspace
+    >>> poses, others = rng.uniform(box.minimum, box.maximum, (2, 200, 4))
+    >>> ran = trials.run(robot, poses, robot.home, others, count=2)
+    >>> bool((ran.squares(ran.error) < ran.squares(ran.usual) / 100).all())
+    True
+    """
+    poses, held_out = np.asarray(poses, dtype=float), np.asarray(held_out, dtype=float)
+    desired = np.vstack([poses, np.atleast_2d(touch_off), held_out])
+    first = len(poses)
+    found: dict[str, list] = {k: [] for k in ("usual", "error", "held", "touched", "xi", "x")}
+    fit = None
+    for source in np.random.SeedSequence(seed).spawn(count):
+        draw, scatter, noise = source.spawn(3)
+        true = with_tolerance_errors(robot, draw)
+        jitter = np.random.default_rng(scatter).uniform(-JITTER, JITTER, desired.shape)
+        at = true.fkm(robot.ikm(desired + jitter), guess=desired, level=true_level)
+        q_e = true.read(at, int(noise.generate_state(1)[0]), level=true_level)
+        fit = calibrate(robot, q_e[:first], level=level, loss=loss)
+        later = fit.robot.estimate(q_e[first:], guess=desired[first:], level=level)
+        apart = difference(robot, later.x, at[first:])
+        found["usual"].append(difference(robot, at, desired + jitter)[:first])
+        found["error"].append(difference(robot, fit.x, at[:first]))
+        found["touched"].append(apart[0])
+        found["held"].append(apart[1:])
+        found["x"].append(_nees(apart[1:], later.covariance[1:]))
+        off = [fit.parameters[name].value - true.parameters[name].value for name in fit.names]
+        found["xi"].append(_nees(np.array(off), fit.covariance))
+        progress()
+    visited = {"calibrated_on": poses, "level": level}
+    return Trials(
+        robot=robot,
+        usual=np.array(found["usual"]),
+        error=np.array(found["error"]),
+        held_out=np.array(found["held"]),
+        touched=np.array(found["touched"]),
+        bound=accuracy(robot, poses, **visited),
+        bound_touched=accuracy(robot, poses, touch_off=touch_off, **visited),
+        xi_nees=np.array(found["xi"]),
+        x_nees=np.array(found["x"]),
+        parameters=len(fit.names),
+    )
+
+
+def difference(robot: Robot, x: Array, reference: Array) -> Array:
+    """X less a reference nearby, along the free twist: a rotation as its small vector in the base.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.trials import difference
+    >>> print(difference(tp.load("h4"), [0.1, 0, -0.4, 0.2], [0, 0, -0.4, 0.1]).round(3))
+    [0.1 0.  0.  0.1]
+    """
+    apart = np.subtract(x, reference)
+    if robot.spec.mobility == "spatial":
+        turn = _rotation(np.asarray(x)[..., 3:]) @ np.swapaxes(
+            _rotation(np.asarray(reference)[..., 3:]), -1, -2
+        )
+        skew = turn - np.swapaxes(turn, -1, -2)
+        apart[..., 3:] = 0.5 * np.stack([skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]], -1)
+    return apart
+
+
+def _rotation(vector: Array) -> Array:
+    """exp([v]×) by Rodrigues' formula."""
+    angle = np.linalg.norm(vector, axis=-1)[..., None, None]
+    x, y, z = np.moveaxis(vector, -1, 0)
+    zero = np.zeros_like(x)
+    K = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], -1).reshape(*x.shape, 3, 3)
+    return np.eye(3) + np.sinc(angle / np.pi) * K + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * K @ K
+
+
+def _nees(error: Array, covariance: Array) -> Array:
+    """Squared error in the metric of its covariance, solved in units of σ."""
+    sigma = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
+    correlation = covariance / (sigma[..., :, None] * sigma[..., None, :])
+    scaled = (error / sigma)[..., None]
+    return (scaled * np.linalg.solve(correlation, scaled)).sum(axis=(-2, -1))

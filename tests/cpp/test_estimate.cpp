@@ -1,0 +1,261 @@
+// Is the estimate the optimum of all readings, and does elimination leave what they say of ξ?
+#include <Eigen/Dense>
+
+#include "mechanisms.hpp"
+#include "truepose/full_linearise.hpp"
+#include "truepose/offline/bound.hpp"
+
+using namespace mechanisms;
+
+namespace {
+
+/// A robot with two sensors, uncertain in every parameter of its chains, correlated as after a
+/// calibration.
+struct Scene {
+  Robot robot;
+  std::vector<int> column;
+  RowMatrix root;
+  Knowledge known;
+  std::vector<double> work;
+
+  Scene(const Mechanism& mechanism, check::Random& random) : robot(mechanism.robot) {
+    robot.r = 2;
+    for (int i = 0; i < dof(robot.mobility); ++i)
+      for (int k = 0; k < 11; ++k) {
+        const bool rigid = robot.chain[i].actuator != Actuator::revolute;
+        if (rigid && k == static_cast<int>(ChainParameter::arm)) continue;
+        column.push_back(chain_column(i) + k);
+      }
+    const int p = static_cast<int>(column.size());
+    root = RowMatrix::Zero(p, p);
+    for (int k = 0; k < p; ++k) {
+      for (int j = 0; j < k; ++j) root(k, j) = 2e-5 * random();
+      root(k, k) = 3e-4 * (1.5 + random());
+    }
+    known = {p, column.data(), root.data(), {}};
+    for (double& sigma : known.sigma) sigma = 1e-4 * (1.5 + random());
+    work.resize(estimate_work(robot, p));
+  }
+};
+
+template <Mobility K>
+struct Dense {
+  Eigen::MatrixXd H, B, C;  ///< H_x; H_ξ S; B Bᵀ + Σ_s
+};
+
+template <Mobility K, class Model>
+Dense<K> dense(const Scene& scene, const Pose& pose) {
+  const int rows = kDof<K> + scene.robot.r, p = scene.known.count;
+  const int width = parameter_count(scene.robot);
+  Extended q_e;
+  Matrix<kMaxReadings, kDof<K>> H_x;
+  RowMatrix H_xi(rows, width);
+  CHECK(Model::template linearise<K>(scene.robot, pose, q_e, H_x, H_xi.data()));
+  Dense<K> result{Eigen::MatrixXd(rows, kDof<K>), Eigen::MatrixXd(rows, p), {}};
+  for (int i = 0; i < rows; ++i) {
+    for (int j = 0; j < kDof<K>; ++j) result.H(i, j) = H_x[i][j];
+    for (int k = 0; k < p; ++k) result.B(i, k) = H_xi(i, scene.column[k]);
+  }
+  result.B *= scene.root;
+  result.C = result.B * result.B.transpose();
+  for (int i = 0; i < rows; ++i) result.C(i, i) += scene.known.sigma[i] * scene.known.sigma[i];
+  return result;
+}
+
+/// Calls f(scene, mobility, model) for every mechanism at its levels.
+template <class F>
+void for_each_model(F&& f) {
+  check::Random random(5);
+  for_each([&](const Mechanism& mechanism, auto mobility) {
+    Scene scene(mechanism, random);
+    f(mechanism, scene, mobility, IdealModel{}, random);
+    if constexpr (kPaired<mobility()>)
+      if (scene.robot.full.kind == FullKind::exists)
+        f(mechanism, scene, mobility, FullModel{}, random);
+  });
+}
+
+}  // namespace
+
+TEST("fuse is generalised least squares: gain and covariance against dense algebra") {
+  for_each_model([](const Mechanism& mechanism, Scene& scene, auto mobility, auto model,
+                    auto& random) {
+    constexpr Mobility K = mobility();
+    using Model = decltype(model);
+    const Robot& robot = scene.robot;
+    const Pose pose = to_pose<K>(random_pose(mechanism, random));
+    const Dense<K> at = dense<K, Model>(scene, pose);
+    const Eigen::MatrixXd weights = at.C.inverse();
+    const Eigen::MatrixXd P = (at.H.transpose() * weights * at.H).inverse();
+    const Eigen::MatrixXd gain = P * at.H.transpose() * weights;
+
+    Extended q_e;
+    Matrix<kMaxReadings, kDof<K>> H_x;
+    ReadingCovariance C;
+    Fusion<K> fusion;
+    const int rows = kDof<K> + robot.r;
+    CHECK(Model::template linearise<K>(robot, pose, q_e, H_x, scene.work.data()));
+    CHECK(reading_covariance(robot, scene.known, scene.work.data(),
+                             scene.work.data() + rows * parameter_count(robot), C));
+    CHECK(fuse<K>(robot, scene.known, C, H_x, fusion));
+    for (int i = 0; i < kDof<K>; ++i) {
+      for (int j = 0; j < kDof<K>; ++j)
+        CHECK_NEAR(fusion.covariance[i][j], P(i, j), 1e-7 * std::sqrt(P(i, i) * P(j, j)));
+      for (int c = 0; c < rows; ++c)
+        CHECK_NEAR(fusion.gain[i][c], gain(i, c), 1e-7 * gain.row(i).cwiseAbs().maxCoeff());
+    }
+    PoseError<K> error;
+    CHECK(bool(pose_error<K, Model>(robot, scene.known, pose, scene.work, error)));
+    const Eigen::MatrixXd sum = error.by_geometry * error.by_geometry.transpose() + error.by_noise;
+    CHECK((sum - P).norm() < 1e-7 * P.norm());
+  });
+}
+
+TEST("the estimate leaves no residual that a step could lower, and knows the pose it came from") {
+  for_each_model(
+      [](const Mechanism& mechanism, Scene& scene, auto mobility, auto model, auto& random) {
+        constexpr Mobility K = mobility();
+        using Model = decltype(model);
+        const Robot& robot = scene.robot;
+        for (int k = 0; k < 20; ++k) {
+          const Pose pose = to_pose<K>(random_pose(mechanism, random, 0.8));
+          Extended q_e, expected;
+          Matrix<kMaxReadings, kDof<K>> H_x;
+          CHECK(Model::template linearise<K>(robot, pose, q_e, H_x, nullptr));
+          Pose found = nearby<K>(pose, random, 1e-3);
+          Estimate<K> exact = estimate<K, Model>(robot, scene.known, q_e, found, scene.work.data());
+          CHECK(exact);
+          CHECK(distance<K>(found, pose) < 1e-9);
+          CHECK(exact.chi2 < 1e-9);
+
+          // Readings that no pose explains: HᵀC⁻¹(q_e - h(x̂)) = 0, C as taken where the motors say.
+          for (int c = 0; c < kDof<K> + robot.r; ++c) q_e[c] += 3e-4 * random();
+          Joint q{};
+          std::copy_n(q_e.begin(), kDof<K>, q.begin());
+          Pose motors = pose;
+          CHECK(Model::template fkm<K>(robot, q, motors) == Status::ok);
+          found = nearby<K>(pose, random, 1e-3);
+          const Estimate<K> best =
+              estimate<K, Model>(robot, scene.known, q_e, found, scene.work.data());
+          CHECK(best);
+          const Eigen::MatrixXd weights = dense<K, Model>(scene, motors).C.inverse();
+          const Eigen::MatrixXd H = dense<K, Model>(scene, found).H;
+          CHECK(Model::template linearise<K>(robot, found, expected, H_x, nullptr));
+          Eigen::VectorXd residual(kDof<K> + robot.r);
+          for (int c = 0; c < residual.size(); ++c) residual[c] = q_e[c] - expected[c];
+          const Eigen::MatrixXd normal = H.transpose() * weights * H;
+          const Eigen::VectorXd step = normal.ldlt().solve(H.transpose() * weights * residual);
+          for (int i = 0; i < kDof<K>; ++i)  // in units of σ
+            CHECK(std::fabs(step[i]) < 1e-7 * std::sqrt(best.covariance[i][i]));
+          CHECK_NEAR(best.chi2, residual.dot(weights * residual), 1e-6 * (1 + best.chi2));
+        }
+      });
+}
+
+TEST("elimination keeps the squares, and leaves rows below that no pose moves") {
+  check::Random random(6);
+  for (int n = 2; n <= 6; ++n)
+    for (int rows = n; rows <= kMaxRows; rows += 3)
+      for (const int width : {1, 15, 16, 53}) {
+        RowsOfPose A{};
+        std::array<double, kMaxRows> e{};
+        RowMatrix B(rows, width);
+        Eigen::MatrixXd H(rows, n);
+        Eigen::VectorXd residual(rows);
+        for (int i = 0; i < rows; ++i) {
+          for (int j = 0; j < n; ++j) H(i, j) = A[i][j] = random();
+          for (int k = 0; k < width; ++k) B(i, k) = random();
+          residual[i] = e[i] = random();
+        }
+        const Eigen::MatrixXd before = B;
+        CHECK(eliminate(n, rows, A, B.data(), width, e));
+        // What a projection on the complement of H's columns leaves.
+        const Eigen::MatrixXd free = Eigen::MatrixXd::Identity(rows, rows) -
+                                     H * (H.transpose() * H).inverse() * H.transpose();
+        const Eigen::MatrixXd rest = B.bottomRows(rows - n);
+        CHECK((rest.transpose() * rest - before.transpose() * free * before).norm() < 1e-9 * width);
+        Eigen::VectorXd tail(rows - n);
+        for (int i = n; i < rows; ++i) tail[i - n] = e[i];
+        CHECK((rest.transpose() * tail - before.transpose() * free * residual).norm() <
+              1e-9 * width);
+        CHECK_NEAR(tail.squaredNorm(), residual.dot(free * residual), 1e-9);
+        Joint x{};  // and the best pose for a given change of ξ: here none
+        std::copy_n(e.begin(), n, x.begin());
+        back_substitute(n, A, x);
+        const Eigen::VectorXd best = H.colPivHouseholderQr().solve(residual);
+        for (int j = 0; j < n; ++j) CHECK_NEAR(x[j], best[j], 1e-9 * (1 + best.norm()));
+      }
+}
+
+TEST("rows that do not determine the pose are no pose") {
+  RowsOfPose A{};
+  std::array<double, kMaxRows> e{};
+  double B[3] = {};
+  for (int i = 0; i < 3; ++i) A[i] = {1.0 + i, 2.0 + 2 * i};
+  CHECK(!eliminate(2, 3, A, B, 1, e));
+  A[1][1] = NAN;
+  CHECK(!eliminate(2, 3, A, B, 1, e));
+}
+
+TEST("times_root is a product with a lower triangle, whatever lies above it") {
+  check::Random random(7);
+  for (const int p : {1, 7, 8, 9, 16, 53}) {
+    RowMatrix root(p, p), B(5, p);
+    for (int i = 0; i < p; ++i)
+      for (int j = 0; j < p; ++j) root(i, j) = j <= i ? random() : NAN;
+    for (int i = 0; i < B.size(); ++i) B.data()[i] = random();
+    const Eigen::MatrixXd product = B * Eigen::MatrixXd(root.triangularView<Eigen::Lower>());
+    times_root(Knowledge{p, nullptr, root.data(), {}}, 5, B.data());
+    CHECK((B - product).norm() < 1e-13 * p);
+    times_root(Knowledge{p, nullptr, nullptr, {}}, 5, B.data());  // no root: unit σ
+    CHECK((B - product).norm() < 1e-13 * p);
+  }
+}
+
+TEST("a visit leaves the posterior of all its rows at once") {
+  for_each_model([](const Mechanism& mechanism, Scene& scene, auto mobility, auto model,
+                    auto& random) {
+    constexpr Mobility K = mobility();
+    using Model = decltype(model);
+    std::vector<Pose> poses(15);
+    for (Pose& pose : poses) pose = to_pose<K>(random_pose(mechanism, random));
+    const int p = scene.known.count;
+    Eigen::MatrixXd information = Eigen::MatrixXd::Identity(p, p);
+    for (const Pose& pose : poses) {
+      Dense<K> at = dense<K, Model>(scene, pose);
+      for (int i = 0; i < at.H.rows(); ++i) {
+        at.H.row(i) /= scene.known.sigma[i];
+        at.B.row(i) /= scene.known.sigma[i];
+      }
+      const Eigen::MatrixXd Q = at.H.householderQr().householderQ();
+      const Eigen::MatrixXd rest = Q.rightCols(at.H.rows() - kDof<K>).transpose() * at.B;
+      information += rest.transpose() * rest;
+    }
+    RowMatrix root;
+    CHECK(bool(after_visiting(scene.robot, line_model<K, Model>(), scene.known, poses, root)));
+    const Eigen::MatrixXd expected = scene.root * information.inverse() * scene.root.transpose();
+    CHECK((root * root.transpose() - expected).norm() < 1e-7 * expected.norm());
+    CHECK(root.triangularView<Eigen::StrictlyUpper>().toDenseMatrix().norm() == 0);
+  });
+}
+
+TEST("an estimate that cannot be leaves the guess, and says why") {
+  check::Random random(8);
+  for_each([&](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    Scene scene(mechanism, random);
+    const Pose guess = to_pose<K>(scene.robot.home);
+    Extended q_e;
+    CHECK(extended<K>(scene.robot, guess, q_e));
+    Pose pose = guess;
+    Extended lost = q_e;
+    lost[1] = NAN;
+    CHECK(estimate<K>(scene.robot, scene.known, lost, pose, scene.work.data()).outcome.status ==
+          Status::not_finite);
+    CHECK(distance<K>(pose, guess) < 1e-15);
+    scene.known.sigma[0] = 0;
+    CHECK(estimate<K>(scene.robot, scene.known, q_e, pose, scene.work.data()).outcome.status ==
+          Status::not_finite);
+    CHECK(distance<K>(pose, guess) < 1e-15);
+  });
+}

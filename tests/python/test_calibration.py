@@ -1,0 +1,240 @@
+"""Does a calibration find what readings say of the geometry, and admit what they do not?"""
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+import truepose as tp
+from truepose import knowledge, saving
+from truepose.errors import with_tolerance_errors
+from truepose.trials import difference
+
+
+def equipped(robot):
+    return robot.with_sensors(*(sensor.name for sensor in robot.spec.sensor))
+
+
+@pytest.fixture(scope="module")
+def small():
+    """A Delta with elbow encoders at six poses: a case that a general solver can take."""
+    robot = tp.load("delta").with_sensors("elbow1", "elbow2", "elbow3")
+    rng = np.random.default_rng(3)
+    box = robot.spec.workspace
+    x = rng.uniform(box.minimum, box.maximum, (6, 3))
+    return robot, with_tolerance_errors(robot, 2).read(x), x
+
+
+def test_the_calibration_is_the_maximum_a_posteriori(small):
+    """Against scipy's least squares over all parameters and all poses at once."""
+    robot, q_e, x = small
+    names, sigma = knowledge.uncertain(robot), knowledge.reading_sigma(robot)
+    prior = robot.parameters
+    p = len(names)
+
+    def residual(unknowns):
+        u, at = unknowns[:p], unknowns[p:].reshape(x.shape)
+        moved = {n: prior[n].mean + prior[n].sigma * v for n, v in zip(names, u, strict=True)}
+        off = (q_e - robot.replace(moved).extended(at)) / sigma
+        return np.concatenate([off.ravel(), u])
+
+    start = np.concatenate([np.zeros(p), robot.expected().fkm(q_e[:, :3]).ravel()])
+    scale = np.concatenate([np.ones(p), np.full(x.size, 1e-4)])
+    found = least_squares(
+        residual, start, jac="3-point", x_scale=scale, xtol=1e-12, ftol=1e-15, gtol=1e-12
+    )
+    fit = tp.calibrate(robot, q_e)
+    u = [(fit.parameters[n].value - prior[n].mean) / prior[n].sigma for n in names]
+    assert u == pytest.approx(found.x[:p], abs=1e-5)
+    assert fit.x == pytest.approx(found.x[p:].reshape(x.shape), abs=1e-9)
+    J = found.jac
+    covariance = np.linalg.inv(J.T @ J)[:p, :p]
+    s = np.array([prior[n].sigma for n in names])
+    assert fit.covariance / np.outer(s, s) == pytest.approx(covariance, abs=1e-5)
+
+
+SETS = {
+    "h4": ("theta", "elbow1", "elbow2", "elbow3", "elbow4"),
+    "delta": ("elbow1", "elbow2", "elbow3"),
+    "hexa": tuple(f"elbow{k}" for k in range(1, 7)),
+    "stewart": ("roll", "pitch"),
+    "stewart, legs": tuple(f"u_joint{k}" for k in range(1, 7)),
+}
+
+
+@pytest.mark.parametrize("case", SETS)
+def test_passive_joints_teach_every_robot(case, anywhere, rng):
+    """Delta, Hexa and hexapod learn from their own readings, and stay within what they promise."""
+    robot = tp.load(case.split(",")[0]).with_sensors(*SETS[case])
+    x, others = anywhere(robot, 120, rng), anywhere(robot, 20, rng)
+    before, after, nees = [], [], []
+    for seed in range(5):
+        true = with_tolerance_errors(robot, seed)
+        fit = tp.calibrate(robot, true.read(x))
+        q_e = true.read(others)
+        learnt, drawn = (r.estimate(q_e, guess=others) for r in (fit.robot, robot.expected()))
+        after.append(difference(robot, learnt.x, others))
+        before.append(difference(robot, drawn.x, others))
+        scaled = np.linalg.solve(learnt.covariance, after[-1][..., None])[..., 0]
+        nees.append((after[-1] * scaled).sum(axis=-1).mean())
+    predicted = tp.accuracy(robot, others, calibrated_on=x)
+    sigma = np.sqrt(np.einsum("kii->ki", predicted).mean(axis=0))
+    rms = np.sqrt(np.mean(np.square(after), axis=(0, 1)))
+    assert np.mean(nees) < 3 * robot.n
+    assert (rms < 2.5 * sigma).all()
+    assert np.mean(np.square(after)[..., :3]) < 0.8 * np.mean(np.square(before)[..., :3])
+
+
+def test_what_no_reading_can_see_keeps_its_prior(any_robot, anywhere, rng):
+    """A shift of the whole base: passive joints and motors never notice. Posterior = prior."""
+    inside = ("rod_in_plane", "inclinometer", "nacelle_angle")
+    names = [s.name for s in any_robot.spec.sensor if s.kind in inside]
+    robot = any_robot.with_sensors(*names)
+    x = anywhere(robot, 100, rng)
+    fit = tp.calibrate(robot, with_tolerance_errors(robot, 4).read(x))
+    for axis in "xyz":
+        moved = np.array([float(name.endswith(f".base.{axis}")) for name in fit.names])
+        if moved.sum() < robot.n:
+            continue
+        combination = np.linalg.solve(fit.prior_covariance, moved)
+        posterior = combination @ fit.covariance @ combination
+        prior = combination @ fit.prior_covariance @ combination
+        assert np.sqrt(posterior / prior) == pytest.approx(1, abs=1e-6)
+    assert fit.worst_known(1)[0][0] == pytest.approx(1, abs=1e-6)
+
+
+def test_the_delta_printer_trap(rng):
+    """A telemeter over the middle of the workspace: residuals vanish, rods are still unknown."""
+    robot = tp.load("linear-delta").with_sensors("z_telemeter")
+    middle = robot.home + rng.uniform(-0.02, 0.02, (200, 3))
+    true = robot.expected().replace({f"chain{k}.rod": 0.3457 for k in (1, 2, 3)})
+    fit = tp.calibrate(robot, true.read(middle))
+    assert np.abs(fit.residuals[:, 3]).max() < 30e-6
+    for k in (1, 2, 3):
+        assert fit.parameters[f"chain{k}.rod"].verdict != "identified"
+    off = [fit.parameters[f"chain{k}.rod"].value - 0.3457 for k in (1, 2, 3)]
+    sigma = [fit.parameters[f"chain{k}.rod"].sigma for k in (1, 2, 3)]
+    assert (np.abs(off) < 3.3 * np.array(sigma)).all()
+
+
+def test_motors_alone_teach_nothing_and_say_so(any_robot, anywhere, rng):
+    robot, x = any_robot.with_sensors(), anywhere(any_robot, 10, rng)
+    fit = tp.calibrate(robot, with_tolerance_errors(robot, 1).read(x))
+    assert {p.verdict for p in fit.parameters.values()} == {"not identified"}
+    assert [p.value for p in fit.parameters.values()] == pytest.approx(
+        [p.prior for p in fit.parameters.values()], abs=1e-15
+    )
+    assert fit.covariance == pytest.approx(fit.prior_covariance, rel=1e-9, abs=1e-18)
+
+
+def test_repeated_calibrations_go_on_where_the_last_one_ended(h4, table2):
+    """Half the poses and then the other half: as good as all at once, to first order."""
+    robot = h4.with_sensors("theta", "z_telemeter")
+    q_e = with_tolerance_errors(robot, 6).read(table2)
+    once = tp.calibrate(robot, q_e)
+    twice = tp.calibrate(tp.calibrate(robot, q_e[::2]).robot, q_e[1::2])
+    for name, learnt in once.parameters.items():
+        again = twice.parameters[name]
+        assert again.sigma == pytest.approx(learnt.sigma, rel=0.05)
+        assert abs(again.value - learnt.value) < 0.3 * learnt.sigma
+
+
+# The robot file's [calibration] table.
+
+
+@pytest.fixture(scope="module")
+def fit(small):
+    return tp.calibrate(*small[:2])
+
+
+def test_a_calibrated_robot_loads_back_bit_for_bit(fit, small, tmp_path):
+    path = tmp_path / "calibrated.toml"
+    fit.robot.save(path)
+    again = tp.load(path)
+    assert again.spec.calibration == fit.robot.spec.calibration
+    assert again.parameters == fit.robot.parameters and again.sensors == fit.robot.sensors
+    q_e = small[1]
+    kept, loaded = fit.robot.estimate(q_e), again.estimate(q_e)
+    assert (kept.x == loaded.x).all() and (kept.covariance == loaded.covariance).all()
+    again.save(tmp_path / "twice.toml")
+    assert (tmp_path / "twice.toml").read_bytes() == path.read_bytes()
+    assert path.read_text(encoding="utf-8").startswith("# Delta: three chains")
+
+
+def test_a_second_calibration_replaces_the_first_in_the_file(fit, small, tmp_path):
+    q_e = small[1]
+    fit.robot.save(tmp_path / "once.toml")
+    twice = tp.calibrate(tp.load(tmp_path / "once.toml"), q_e).robot
+    twice.save(tmp_path / "once.toml")
+    assert tp.load(tmp_path / "once.toml").parameters == twice.parameters
+    assert (tmp_path / "once.toml").read_text(encoding="utf-8").count("[calibration]") == 1
+    twice.with_calibration(None).save(tmp_path / "none.toml")
+    assert tp.load(tmp_path / "none.toml").spec.calibration is None
+
+
+def test_an_interrupted_save_of_a_calibration_leaves_no_half_file(fit, tmp_path, monkeypatch):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(saving.os, "replace", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        fit.robot.save(tmp_path / "calibrated.toml")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_other_sensors_keep_what_was_learnt(fit):
+    """With one elbow less, and one sensor more, the covariance of the rest is the same."""
+    other = fit.robot.with_sensors("elbow1", "z_telemeter")
+    names = knowledge.uncertain(other)
+    kept = [fit.names.index(name) for name in names]
+    root = knowledge.root(other, names)
+    assert root @ root.T == pytest.approx(fit.covariance[np.ix_(kept, kept)], rel=1e-9, abs=1e-18)
+    assert np.array_equal(root, np.tril(root)) and (np.diag(root) > 0).all()
+
+
+def test_check_accepts_a_calibrated_file(fit, run, tmp_path):
+    fit.robot.save(tmp_path / "mine.toml")
+    status, out, err = run("check", "mine.toml")
+    assert (status, err) == (0, "") and out.startswith("mine.toml: ok: delta, n = 3 motors, r = 3")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"chain1.base.x"', '"chain1.bse.x"', "unknown parameter 'chain1.bse.x'; did you mean"),
+        ('parameters = ["chain1.base.x", ', "parameters = [", "'mean' and 'root' must have"),
+        ("mean = [", "mean = [0.5, ", "'mean' and 'root' must have"),
+        ("mean = [", 'mean = ["long", ', "mean"),
+        ("root = [\n    [", "root = [\n    [-", "'root' must have a positive diagonal"),
+        ("root = [\n    [", "rot = [\n    [", "unknown key 'rot'; did you mean 'root'?"),
+    ],
+)
+def test_check_tells_what_is_wrong_with_a_calibration(fit, run, tmp_path, old, new, message):
+    fit.robot.save(tmp_path / "mine.toml")
+    text = (tmp_path / "mine.toml").read_text(encoding="utf-8")
+    before, table = text.split("[calibration]")
+    assert old in table
+    spoiled = f"{before}[calibration]{table.replace(old, new, 1)}"
+    (tmp_path / "mine.toml").write_text(spoiled, encoding="utf-8")
+    status, out, err = run("check", "mine.toml")
+    assert (status, out) == (2, "") and message in err
+    first = before.count("\n") + 1
+    assert all(int(line.split(":")[1]) >= first for line in err.splitlines())
+    with pytest.raises(tp.RobotFileError):
+        tp.load(tmp_path / "mine.toml")
+
+
+@pytest.mark.parametrize(
+    ("readings", "message"),
+    [
+        (np.zeros((2, 3)), r"^readings: shape \(2, 3\), must be \(..., 6\) for delta$"),
+        (np.zeros((0, 6)), r"^readings: shape \(0, 6\), must be \(N, 6\)$"),
+    ],
+)
+def test_readings_of_the_wrong_shape_are_refused(small, readings, message):
+    with pytest.raises(tp.InputError, match=message):
+        tp.calibrate(small[0], readings)
+
+
+def test_readings_that_fit_no_pose_are_refused(small):
+    with pytest.raises(tp.PoseError, match=r"no line closes the robot's loops; units, signs"):
+        tp.calibrate(small[0], np.full((4, 6), 90.0))

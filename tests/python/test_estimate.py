@@ -1,0 +1,103 @@
+"""Is the estimate the best one that all readings allow, and as good as it says?"""
+
+import numpy as np
+import pytest
+
+import truepose as tp
+from truepose import knowledge
+from truepose.errors import with_tolerance_errors
+from truepose.trials import difference
+
+
+def sensor_sets(robot):
+    """None of the file's sensors, and all of them."""
+    names = [sensor.name for sensor in robot.spec.sensor]
+    return [robot.with_sensors(), robot.with_sensors(*names)]
+
+
+def reading_covariance(robot, x):
+    """H_x and C = H_ξ Σ_ξ H_ξᵀ + Σ_s at a pose, from the public Jacobians."""
+    H_x, H_xi = robot.linearise(x)
+    prior = np.diag([p.sigma**2 for p in robot.parameters.values()])
+    return H_x, H_xi @ prior @ H_xi.T + np.diag(knowledge.reading_sigma(robot) ** 2)
+
+
+@pytest.mark.parametrize("level", ["ideal", "full"])
+def test_from_exact_readings_the_estimate_is_the_pose(any_robot, anywhere, rng, level):
+    if level == "full" and not any_robot.full:
+        pytest.skip(any_robot.full.reason)
+    x = anywhere(any_robot, 50, rng)
+    for robot in sensor_sets(any_robot):
+        est = robot.estimate(robot.extended(x, level=level), guess=x, level=level)
+        assert np.abs(est.x - x).max() < 1e-9
+        assert np.abs(est.chi2).max() < 1e-9 and (est.status == "ok").all()
+
+
+def test_the_estimate_is_found_from_home_as_well(any_robot, rng):
+    box = any_robot.spec.singularity_free
+    x = rng.uniform(box.minimum, box.maximum, (50, any_robot.n))
+    for robot in sensor_sets(any_robot):
+        assert robot.estimate(robot.extended(x)).x == pytest.approx(x, abs=1e-9)
+
+
+def test_gain_and_covariance_are_those_of_generalised_least_squares(any_robot, anywhere, rng):
+    """Against (HᵀC⁻¹H)⁻¹HᵀC⁻¹ in numpy, an error of one reading at a time."""
+    x = anywhere(any_robot, 1, rng)[0]
+    for robot in sensor_sets(any_robot):
+        H, C = reading_covariance(robot, x)
+        weights = np.linalg.inv(C)
+        covariance = np.linalg.inv(H.T @ weights @ H)
+        gain = covariance @ H.T @ weights
+        q_e = robot.extended(x)
+        est = robot.estimate(q_e, guess=x)
+        assert est.covariance == pytest.approx(covariance, rel=1e-6, abs=1e-12)
+        step = 1e-6
+        for reading, column in zip(np.eye(len(q_e)), gain.T, strict=True):
+            ends = [robot.estimate(q_e + s * reading, guess=x).x for s in (step, -step)]
+            slope = difference(robot, *ends) / (2 * step)
+            assert slope == pytest.approx(column, rel=1e-4, abs=1e-4 * np.abs(gain).max())
+
+
+def test_without_sensors_the_estimate_is_the_forward_model(any_robot, anywhere, rng):
+    robot = any_robot.with_sensors()
+    q = robot.ikm(anywhere(any_robot, 20, rng)) + 1e-3
+    home = robot.fkm(q, errors="nan")
+    assert np.isfinite(home).all(axis=1).sum() >= 15
+    est = robot.estimate(q, errors="nan")
+    found = np.isfinite(home).all(axis=1)
+    assert est.x[found] == pytest.approx(home[found], abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["h4", "delta", "stewart", "hexa"])
+def test_the_covariance_is_that_of_true_robots(name, anywhere, rng):
+    """Mean NEES of robots drawn from the tolerances, in its 99.9 % band."""
+    robot = tp.load(name)
+    robot = sensor_sets(robot)[1].expected()
+    x, count, step = anywhere(robot, 1, rng)[0], 200, robot.resolution
+    q_e = np.array([with_tolerance_errors(robot, s).extended(x) for s in range(count)])
+    q_e += rng.uniform(-0.5, 0.5, q_e.shape) * step  # z's counts are the same for every robot
+    est = robot.estimate(q_e, guess=x)
+    apart = difference(robot, est.x, np.tile(x, (count, 1)))
+    nees = np.einsum("ki,kij,kj->k", apart, np.linalg.inv(est.covariance), apart)
+    assert nees.mean() == pytest.approx(robot.n, abs=3.29 * np.sqrt(2 * robot.n / count))
+
+
+def test_a_good_reading_outweighs_bad_ones(h4):
+    """A rod 5 mm too long moves the forward model, not what the telemeter sees."""
+    robot = h4.with_sensors("theta", "z_telemeter").expected()
+    true = robot.replace({"chain1.rod": robot.parameters["chain1.rod"].value + 5e-3})
+    x = np.array([0.03, -0.02, -0.42, 0.15])
+    q_e = true.extended(x)
+    off = robot.estimate(q_e).x - x
+    assert np.abs(robot.fkm(q_e[:4]) - x)[2] > 1e-3
+    assert abs(off[2]) < 2e-5 and abs(off[3]) < 1e-3
+
+
+def test_readings_that_fit_no_pose_are_named(h4):
+    q_e = h4.extended([[0, 0, -0.4, 0], [0, 0, -0.4, 0]])
+    q_e[1, :4] = [3.0, 0.0, 3.0, 0.0]
+    with pytest.raises(tp.PoseError, match=r"^h4: reading \(1,\) q_e = \[3, 0, 3, 0, "):
+        h4.estimate(q_e)
+    est = h4.estimate(q_e, errors="nan")
+    assert est.status[0] == "ok" and est.status[1] != "ok"
+    assert np.isnan(est.x[1]).all() and np.isnan(est.covariance[1]).all()

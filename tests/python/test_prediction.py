@@ -1,0 +1,127 @@
+"""Does `truepose accuracy` say what sensors are worth, and what is wrong with a question?"""
+
+import re
+
+import numpy as np
+import pytest
+
+import truepose as tp
+from truepose import info, prediction
+
+
+def test_table_2_is_the_grid_of_the_h4s_workspace(h4, table2):
+    assert prediction.workspace_grid(h4) == pytest.approx(table2)
+
+
+def test_default_sets_are_none_those_in_use_each_further_one_and_all(h4):
+    sets = prediction.sensor_sets(h4)
+    assert sets[:3] == [(), ("theta",), ("theta", "z_telemeter")]
+    assert set(sets[-1]) == {s.name for s in h4.spec.sensor} and len(set(sets)) == len(sets)
+    for robot in map(tp.load, tp.robots()):
+        for names in prediction.sensor_sets(robot):
+            assert robot.with_sensors(*names).r == len(names)
+
+
+def test_every_robot_has_its_prediction(any_robot, anywhere, rng):
+    """More is never worse: a row's σ is at most that of motors alone; learning helps or not."""
+    poses = anywhere(any_robot, 30, rng)
+    found = prediction.predict(any_robot, poses=poses, calibrated=True, touch_off=any_robot.home)
+    assert list(found.sigma) == [
+        "as built",
+        "as built, touched off",
+        "self-calibrated",
+        "self-calibrated, touched off",
+    ]
+    for sigma in found.sigma.values():
+        assert sigma.shape == (len(found.sets), any_robot.n + 1) and (sigma > 0).all()
+    drawn, learnt = found.sigma["as built"], found.sigma["self-calibrated"]
+    assert (drawn <= drawn[0] * (1 + 1e-6)).all() and (learnt <= drawn * (1 + 1e-6)).all()
+
+
+def test_the_rows_are_root_mean_squares_of_the_bound(h4, table2):
+    poses = table2[::50]
+    found = prediction.predict(h4, [["theta"]], poses)
+    variance = np.einsum("kii->ki", tp.accuracy(h4, poses)).mean(axis=0)
+    assert found.sigma["as built"][0, :4] == pytest.approx(np.sqrt(variance))
+    assert found.sigma["as built"][0, 4] == pytest.approx(np.sqrt(variance[:3].sum()))
+    (table,) = prediction.tables(found)
+    assert table.header == ["sensors", "x (mm)", "y (mm)", "z (mm)", "theta (°)", "position (mm)"]
+    assert float(table.rows[0][4]) == pytest.approx(np.degrees(np.sqrt(variance[3])), rel=1e-2)
+
+
+def test_unreachable_corners_of_a_workspace_are_left_out_and_counted(h4):
+    box = h4.spec.workspace.model_copy(update={"minimum": (-1.0, -0.1, -0.45, -0.5)})
+    robot = tp.Robot(h4.spec.model_copy(update={"workspace": box}))
+    found = prediction.predict(robot, [["theta"]])
+    assert found.left_out > 100 and len(found.poses) + found.left_out == 625
+    assert np.isfinite(found.sigma["as built"]).all()
+
+
+def test_the_command_prints_a_table_of_sensor_sets(run):
+    status, out, err = run("accuracy", "delta", "--calibrated", "--touch-off", "0,0,-0.2")
+    assert (status, err) == (0, "")
+    for words in ("as built", "self-calibrated", "self-calibrated, touched off", "motors alone"):
+        assert words in out
+    assert "elbow2" in out and "all 4" in out and "125 poses of a grid over the workspace" in out
+
+
+def test_the_command_takes_sets_poses_and_a_level(run, tmp_path, table2):
+    path = tmp_path / "poses.csv"
+    lines = [",".join(map(str, pose)) for pose in table2[::25]]
+    path.write_text("x, y, z, theta\n" + "\n".join(lines) + "\n", encoding="utf-8")
+    words = ("--sensors", "theta", "--sensors", "theta,z_telemeter", "--sensors", "none")
+    status, out, err = run("accuracy", "h4", *words, "--poses", path, "--level", "full")
+    assert (status, err) == (0, "")
+    rows = [line.split() for line in out.splitlines() if re.search(r"\d\.\d+ +\d", line)]
+    assert [row[0] for row in rows] == ["theta", "theta,", "motors"]
+    P = tp.accuracy(tp.load("h4"), table2[::25], level="full")
+    position = 1e3 * np.sqrt(np.einsum("kii->ki", P)[:, :3].sum(axis=1).mean())
+    assert float(rows[0][-1]) == pytest.approx(position, rel=1e-2)
+    assert "25 poses of" in out
+
+
+def test_the_command_draws_a_map(run, tmp_path):
+    words = ("--sensors", "theta,z_telemeter", "--plot", "map.png", "--calibrated")
+    assert run("accuracy", "h4", *words)[0] == 0
+    assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")
+    status, _, err = run("accuracy", "h4", "--sensors", "theta", "--plot", "no/map.png")
+    assert status == 2 and "--plot no/map.png: cannot be written" in err
+
+
+def test_the_map_shows_the_bound(h4):
+    figure = prediction.draw_map(h4, points=11)
+    title = figure.axes[0].get_title()
+    assert "slice through home" in title and "theta; as built" in title
+    x = info.workspace_slice(h4, 11)[2]
+    P = tp.accuracy(h4, x)
+    sigma = 1e3 * np.sqrt(np.einsum("ijkk->ijk", P)[..., :3].sum(axis=-1))
+    low, high = figure.axes[1].get_ylim()
+    assert (low, high) == pytest.approx((sigma.min(), sigma.max()), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("h4", "--sensors", "tetha"), "unknown sensor 'tetha'; did you mean 'theta'?"),
+        (("h4", "--sensors", "theta,theta"), "a sensor is named twice: theta, theta"),
+        (("h4", "--touch-off", "0,0,-0.4"), "must be 4 numbers, x,y,z,theta (m, rad)"),
+        (("h4", "--touch-off", "0,0,high,0"), "must be numbers with commas between"),
+        (("h4", "--touch-off", "0,0,-4,0"), "touch_off = [0, 0, -4, 0]: chain 1: unreachable"),
+        (("h4", "--level", "real"), "unknown level 'real'"),
+        (("par4", "--level", "full"), "overconstrained by 1"),
+        (("h4", "--poses", "none.csv"), "none.csv: cannot be read: No such file"),
+        (("h4", "--poses", "columns.csv"), "columns.csv: column 'z' is missing; h4 needs x, y, z"),
+        (("h4", "--poses", "words.csv"), "words.csv:3: theta = 'left': must be a finite number"),
+        (("h4", "--poses", "short.csv"), "short.csv:2: theta = None: must be a finite number"),
+        (("h4", "--poses", "empty.csv"), "empty.csv: no poses"),
+    ],
+)
+def test_a_question_that_cannot_be_answered_is_one_line(run, tmp_path, words, message):
+    header = "x,y,z,theta\n"
+    (tmp_path / "columns.csv").write_text("x,y,theta\n0,0,0\n")
+    (tmp_path / "words.csv").write_text(header + "0,0,-0.4,0\n0,0,-0.4,left\n")
+    (tmp_path / "short.csv").write_text(header + "0,0,-0.4\n")
+    (tmp_path / "empty.csv").write_text(header)
+    status, out, err = run("accuracy", *words)
+    assert (status, out) == (2, "")
+    assert message in err and len(err.splitlines()) == 1
