@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fnmatch
 import math
 from typing import Annotated, Literal, get_args
 
@@ -239,3 +240,8 @@ class RobotFile(Section):
     def n(self) -> int:
         """Degrees of freedom."""
         return FREEDOMS[self.mobility]
+
+    def tolerance(self, parameter: str) -> Tolerance | None:
+        """What is not known of a parameter: the first entry of 'tolerances' that fits its name."""
+        fits = (t for name, t in self.tolerances.items() if fnmatch.fnmatchcase(parameter, name))
+        return next(fits, None)
