@@ -268,7 +268,7 @@ TEST("for readings that agree, every law sees the joint error to first order") {
         if (!applies(law, K)) continue;
         Prior prior(robot);
         Reference<K> reference;
-        CHECK(refer<K>(robot, law, x, reference, prior.weighing()));
+        CHECK(refer<K>(robot, law, x, reference, 0, prior.weighing()));
         const auto departure = [&](double size) {
           Joint step{}, joint{}, error{};
           Pose estimate;
@@ -360,7 +360,7 @@ TEST("weights that know nothing of the geometry and trust all readings alike are
     std::vector<double> work(estimate_work(robot, 0));
     Reference<K> paper, weighted;
     CHECK(refer<K>(robot, Law::redundant, x, paper));
-    CHECK(refer<K>(robot, Law::weighted, x, weighted, {&known, work.data()}));
+    CHECK(refer<K>(robot, Law::weighted, x, weighted, 0, {&known, work.data()}));
     for (int i = 0; i < kDof<K>; ++i)
       for (int c = 0; c < kDof<K> + robot.r; ++c)
         CHECK_NEAR(weighted.tej[i][c], paper.tej[i][c], 1e-10);

@@ -96,7 +96,7 @@ inline Outcome leakage(const Robot& robot, Law law, const Joint& x, ExtendedRows
   constexpr double kStep = 1e-6;  // rad or m, of the closed FKM's central difference
   Reference<K> reference;
   const Outcome outcome =
-      refer<K>(robot, law == Law::estimated ? Law::weighted : law, x, reference, weighing);
+      refer<K>(robot, law == Law::estimated ? Law::weighted : law, x, reference, 0, weighing);
   if (!outcome) return outcome;
   leak = {};
   for (int c = 0; c < n + robot.r; ++c) {
