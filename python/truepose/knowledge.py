@@ -135,7 +135,7 @@ class Known(NamedTuple):
 
 def for_law(robot: Robot, law: str) -> _core.Knowledge | None:
     """Return what a law weighs its readings by; None for the laws that do not."""
-    return knowledge(robot) if law in ("weighted", "estimated") else None
+    return knowledge(robot).core if law in ("weighted", "estimated") else None
 
 
 def require_uncertain(robot: Robot) -> list[str]:

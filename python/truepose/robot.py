@@ -699,7 +699,9 @@ class Robot:
         from truepose import knowledge
 
         rows, lead = self._rows(x, self.n, "x", errors)
-        _, M_plus, status, chain = _core.gain(self._core, knowledge.knowledge(self), rows, False)
+        _, M_plus, status, chain = _core.gain(
+            self._core, knowledge.knowledge(self).core, rows, False
+        )
         self._check("pose", rows, lead, status, chain, errors)
         return M_plus.reshape(*lead, self.n, self.n + self.r)
 
