@@ -122,6 +122,18 @@ int main(int argc, char** argv) {
           }));
     }
 
+  mechanisms::Prior prior(h4.robot);
+  for (const Law law : kWeighing) {
+    const ControlSettings settings = settings_for(h4.robot, law, FeedForward::full);
+    ControlState state;
+    rows.push_back(bench::measure(std::string("H4 control cycle, ") +
+                                      kLawNames[static_cast<int>(law)] + ", full feed-forward",
+                                  kPoses, kRepeats, [&](int i) {
+                                    bench::keep(control<K>(h4.robot, settings, h4.setpoint[i],
+                                                           h4.q_e[i], state, prior.weighing()));
+                                  }));
+  }
+
   const Robot truth = built(h4.robot);
   rows.push_back(bench::measure("H4 statics, 625 poses x 3 laws", 1, kRepeats, [&](int) {
     for (const Law law : kLaws) {

@@ -53,6 +53,8 @@ inline ControlSettings settings_for(const Robot& robot, Law law, FeedForward fee
 }
 
 inline constexpr Law kLaws[]{Law::joint, Law::redundant, Law::cartesian};
-inline constexpr const char* kLawNames[]{"joint", "redundant", "cartesian"};
+inline constexpr Law kWeighing[]{Law::weighted, Law::estimated};
+inline constexpr const char* kLawNames[]{"joint", "redundant", "cartesian", "weighted",
+                                         "estimated"};
 
 }  // namespace inputs

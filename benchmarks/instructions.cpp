@@ -43,6 +43,16 @@ COUNTED void f_control_feed_forward(const Robot& robot, const ControlSettings& s
                                     ControlState& state) {
   control<kH4>(robot, settings, setpoint, q_e, state);
 }
+COUNTED void f_control_weighted(const Robot& robot, const ControlSettings& settings,
+                                const Setpoint& setpoint, const Extended& q_e, ControlState& state,
+                                const Weighing& weighing) {
+  control<kH4>(robot, settings, setpoint, q_e, state, weighing);
+}
+COUNTED void f_control_estimated(const Robot& robot, const ControlSettings& settings,
+                                 const Setpoint& setpoint, const Extended& q_e, ControlState& state,
+                                 const Weighing& weighing) {
+  control<kH4>(robot, settings, setpoint, q_e, state, weighing);
+}
 COUNTED void f_forward_dynamics(const Robot& robot, const Pose& pose, const Joint& rate,
                                 Joint& acceleration) {
   forward_dynamics<kH4>(robot, pose, rate, Joint{}, acceleration);
@@ -58,9 +68,11 @@ int main() {
   const Inputs<Mobility::spatial> ups(mechanisms::hexapod("6-UPS", Actuator::telescopic));
   const auto settings = [&](Law law) { return settings_for(h4.robot, law, FeedForward::none); };
   const ControlSettings joint = settings(Law::joint), redundant = settings(Law::redundant),
-                        cartesian = settings(Law::cartesian),
+                        cartesian = settings(Law::cartesian), weighted = settings(Law::weighted),
+                        estimated = settings(Law::estimated),
                         full = settings_for(h4.robot, Law::redundant, FeedForward::full);
-  ControlState states[4];
+  mechanisms::Prior prior(h4.robot);
+  ControlState states[6];
   for (int i = 0; i < kPoses; ++i) {
     Joint out{}, near = h4.near[i], home = h4.robot.home, ups_near = ups.near[i];
     JointMatrix J;
@@ -77,6 +89,9 @@ int main() {
     f_control_redundant(h4.robot, redundant, h4.setpoint[i], h4.q_e[i], states[1]);
     f_control_cartesian(h4.robot, cartesian, h4.setpoint[i], h4.q_e[i], states[2]);
     f_control_feed_forward(h4.robot, full, h4.setpoint[i], h4.q_e[i], states[3]);
+    f_control_weighted(h4.robot, weighted, h4.setpoint[i], h4.q_e[i], states[4], prior.weighing());
+    f_control_estimated(h4.robot, estimated, h4.setpoint[i], h4.q_e[i], states[5],
+                        prior.weighing());
     f_forward_dynamics(h4.robot, to_pose<kH4>(h4.x[i]), h4.setpoint[i].rate, out);
     f_ups_ikm(ups.robot, ups.x[i], out);
     f_ups_jacobian(ups.robot, ups.x[i], J);

@@ -5,6 +5,7 @@
 #include <nanobind/stl/pair.h>
 
 #include "arrays.hpp"
+#include "known.hpp"
 #include "truepose/control.hpp"
 #include "truepose/full.hpp"
 #include "truepose/geometry.hpp"
@@ -166,7 +167,9 @@ void bind_control(nb::module_& m) {
   nb::enum_<Law>(m, "Law")
       .value("joint", Law::joint)
       .value("redundant", Law::redundant)
-      .value("cartesian", Law::cartesian);
+      .value("cartesian", Law::cartesian)
+      .value("weighted", Law::weighted)
+      .value("estimated", Law::estimated);
   nb::enum_<FeedForward>(m, "FeedForward")
       .value("none", FeedForward::none)
       .value("gravity", FeedForward::gravity)
@@ -191,12 +194,18 @@ void bind_control(nb::module_& m) {
       .def_ro("torque", &ControlState::torque)
       .def_ro("error", &ControlState::error)
       .def_ro("rate", &ControlState::rate)
-      .def("step",
-           [](ControlState& state, const Robot& robot, const ControlSettings& settings,
-              const Joint& x, const Joint& rate, const Joint& acceleration, const Extended& q_e) {
-             const Outcome outcome = control(robot, settings, {x, rate, acceleration}, q_e, state);
-             return std::pair(static_cast<int>(outcome.status), outcome.chain);
-           });
+      .def(
+          "step",
+          [](ControlState& state, const Robot& robot, const ControlSettings& settings,
+             const Joint& x, const Joint& rate, const Joint& acceleration, const Extended& q_e,
+             const Known* known) {
+            const Weights weights(robot, known);
+            const Outcome outcome =
+                control(robot, settings, {x, rate, acceleration}, q_e, state, weights.view());
+            return std::pair(static_cast<int>(outcome.status), outcome.chain);
+          },
+          nb::arg("robot"), nb::arg("settings"), nb::arg("x"), nb::arg("rate"),
+          nb::arg("acceleration"), nb::arg("q_e"), nb::arg("known").none() = nb::none());
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 
 #include "arrays.hpp"
 #include "for_rows.hpp"
+#include "known.hpp"
 #include "truepose/full_linearise.hpp"
 #include "truepose/offline/simulate.hpp"
 #include "truepose/offline/statics.hpp"
@@ -66,11 +67,11 @@ auto batch_redundant_fkm(const Robot& robot, const Rows& q_e) {
 }
 
 auto batch_settle(const Robot& nominal, const Robot& truth, const ControlSettings& control,
-                  bool gravity, const Rows& x_d) {
+                  const Known* known, bool gravity, const Rows& x_d) {
   const StaticsSettings settings{control, gravity};
   return with_mobility(nominal.mobility, [&](auto mobility) {
     return map_rows<Joint, Joint>(x_d, x_d.shape(1), [&](const Joint& at, Joint& x, std::size_t) {
-      return settle<mobility()>(nominal, truth, settings, at, x);
+      return settle<mobility()>(nominal, truth, settings, at, x, Weights(nominal, known).view());
     });
   });
 }
@@ -148,6 +149,24 @@ auto batch_conditioning(const Robot& robot, const Rows& x) {
         std::copy(serial.begin(), serial.end(), values.begin() + 1);
         return outcome;
       });
+}
+
+/// ∂x/∂q_e of a robot at rest under a law, (N, n, n + r).
+auto batch_leakage(const Robot& robot, Law law, const Known* known, const Rows& x) {
+  const std::size_t n = x.shape(1), e = n + robot.r;
+  Owned<double> leak({x.shape(0), n, e});
+  Outcomes outcomes(x.shape(0));
+  with_mobility(robot.mobility, [&](auto mobility) {
+    for_rows(x.shape(0), [&](std::size_t i) {
+      const Weights weights(robot, known);
+      ExtendedRows rows{};
+      const Outcome outcome =
+          leakage<mobility()>(robot, law, row<Joint>(x, i), rows, weights.view());
+      outcomes.set(i, outcome);
+      for (std::size_t k = 0; k < n * e; ++k) leak[i][k] = outcome ? rows[k / e][k % e] : NAN;
+    });
+  });
+  return nb::make_tuple(leak.release(), outcomes.status.release(), outcomes.chain.release());
 }
 
 /// H_x = [J⁻¹; J_r], (N, n + r, n), and H_ξ in the core's own order, (N, n + r, p).
@@ -234,8 +253,9 @@ double rod_shortfall(const Robot& robot, const Joint& x, int chain) {
 }
 
 auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
-                    const Joint& from, const Joint& to, double duration, double hold, int steps,
-                    const Joint& start, std::uint64_t seed) {
+                    const Known* known, const Joint& from, const Joint& to, double duration,
+                    double hold, int steps, const Joint& start, std::uint64_t seed) {
+  const Weights weights(nominal, known);
   const std::size_t n = dof(nominal.mobility), e = n + nominal.r;
   std::vector<Sample> log;
   Outcome outcome;
@@ -243,9 +263,9 @@ auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSetti
     nb::gil_scoped_release release;
     log.reserve(static_cast<std::size_t>((duration + hold) / settings.period) + 2);
     outcome = with_mobility(nominal.mobility, [&](auto mobility) {
-      return simulate<mobility()>(nominal, truth, settings,
-                                  Run{from, to, duration, hold, steps, seed}, start,
-                                  [&](const Sample& sample) { log.push_back(sample); });
+      return simulate<mobility()>(
+          nominal, truth, settings, Run{from, to, duration, hold, steps, seed}, start,
+          [&](const Sample& sample) { log.push_back(sample); }, weights.view());
     });
   }
   const std::size_t count = log.size();
@@ -269,6 +289,7 @@ auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSetti
 }  // namespace
 
 void bind_batch(nb::module_& m) {
+  using namespace nb::literals;
   m.def("ikm", &batch_ikm);
   m.def("rkm", &batch_rkm);
   m.def("fkm", &batch_fkm);
@@ -277,10 +298,13 @@ void bind_batch(nb::module_& m) {
   m.def("jacobian", &batch_jacobian);
   m.def("tej", &batch_tej);
   m.def("conditioning", &batch_conditioning);
-  m.def("settle", &batch_settle);
+  m.def("settle", &batch_settle, "nominal"_a, "truth"_a, "settings"_a, "known"_a.none(),
+        "gravity"_a, "x_d"_a);
+  m.def("leakage", &batch_leakage, "robot"_a, "law"_a, "known"_a.none(), "x"_a);
   m.def("linearise", &batch_linearise);
   m.def("skeleton", &skeleton);
-  m.def("simulate", &run_simulation);
+  m.def("simulate", &run_simulation, "nominal"_a, "truth"_a, "settings"_a, "known"_a.none(),
+        "start"_a, "end"_a, "duration"_a, "hold"_a, "steps"_a, "at_rest"_a, "seed"_a);
   m.def("spoil", &batch_spoil);
   m.def("rod_rows", &rod_rows);
   m.def("full_rod_rows", &full_rod_rows);

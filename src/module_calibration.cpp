@@ -5,6 +5,7 @@
 #include <nanobind/stl/vector.h>
 
 #include "arrays.hpp"
+#include "known.hpp"
 #include "truepose/offline/bound.hpp"
 #include "truepose/offline/calibrate.hpp"
 #include "truepose/offline/guarded.hpp"
@@ -12,24 +13,6 @@
 
 namespace truepose::python {
 namespace {
-
-/// Knowledge that owns its arrays.
-struct Known {
-  std::vector<int> column;
-  RowMatrix root;
-  Extended sigma{};
-
-  Known(std::vector<int> columns, RowMatrix lower, const std::vector<double>& sigmas)
-      : column(std::move(columns)), root(std::move(lower)) {
-    if (root.rows() != root.cols() || root.rows() != static_cast<long>(column.size()) ||
-        sigmas.size() > sigma.size())
-      throw nb::value_error("one row and column for each parameter, one sigma for each reading");
-    std::copy(sigmas.begin(), sigmas.end(), sigma.begin());
-  }
-  Knowledge view() const {
-    return {static_cast<int>(column.size()), column.data(), root.data(), sigma};
-  }
-};
 
 /// Calls f(mobility, model) with both as types. Where the levels are one, the ideal model is both.
 template <class F>

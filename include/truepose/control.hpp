@@ -30,7 +30,7 @@ struct ControlSettings {
 /// What a controller remembers from cycle to cycle. Zero it to switch the controller on.
 struct ControlState {
   bool started = false;
-  Extended position{}, rate{};  ///< the tracking loops of the readings (Cartesian law: of x̂)
+  Extended position{}, rate{};  ///< the tracking loops: of the readings, or of x̂
   Joint integral{};             ///< N·m
   Joint torque{};               ///< the last one commanded; held when a cycle fails
   Joint error{};                ///< ê_q of the last good cycle
@@ -48,34 +48,38 @@ inline void track(const ControlSettings& settings, double pole, double reading, 
 
 /// One cycle. Bounded work, no allocation, no exception, no lock.
 ///
-/// @param q_e    readings of motors and sensors, size n + r
-/// @param state  in and out; state.torque is the command
+/// @param q_e       readings of motors and sensors, size n + r
+/// @param state     in and out; state.torque is the command
+/// @param weighing  for the laws `weighted` and `estimated`
 /// @return no answer: the torque of the last good cycle is held, nothing else changes;
 /// near_singular: the torque is that of the damped J
 template <Mobility K>
 inline Outcome control(const Robot& robot, const ControlSettings& settings,
-                       const Setpoint& setpoint, const Extended& q_e, ControlState& state) {
+                       const Setpoint& setpoint, const Extended& q_e, ControlState& state,
+                       const Weighing& weighing = {}) {
   constexpr int n = kDof<K>;
   if (!all_finite(q_e, n + robot.r) || !all_finite(setpoint.x, n) ||
       !all_finite(setpoint.rate, n) || !all_finite(setpoint.acceleration, n))
     return {Status::not_finite, -1};
   Reference<K> reference;
-  Outcome outcome = refer<K>(robot, settings.law, setpoint.x, reference, settings.damped_below);
+  Outcome outcome =
+      refer<K>(robot, settings.law, setpoint.x, reference, settings.damped_below, weighing);
   const Outcome regular = outcome;
   Joint error{}, error_rate{}, torque{};
-  Pose estimate;
-  if (outcome) outcome = motor_error<K>(robot, settings.law, reference, q_e, error, estimate);
+  Pose found;
+  if (outcome)
+    outcome = motor_error<K>(robot, settings.law, reference, q_e, error, found, weighing);
   if (!outcome) return outcome;
 
   // The rate of ê_q is the law's own map of the rates that it is made of: of the motors, of all
-  // readings, or of the estimated pose (so that θ is damped by its own, finer counts). For Figure 2
-  // the TEJ moves with x_d; that term is of second order in the error and is left out.
-  const bool cartesian = settings.law == Law::cartesian;
-  const int tracked = settings.law == Law::redundant ? n + robot.r : n;
+  // readings, or of the estimated pose (so that θ is damped by its own, finer counts). A TEJ moves
+  // with x_d; that term is of second order in the error and is left out.
+  const bool posed = of_pose(settings.law), extended = of_readings(settings.law);
+  const int tracked = extended ? n + robot.r : n;
   Extended measured = q_e;
   Joint desired = setpoint.rate;
-  if (cartesian) {
-    const Joint x = to_coordinates<K>(estimate);
+  if (posed) {
+    const Joint x = to_coordinates<K>(found);
     std::copy_n(x.begin(), n, measured.begin());
   } else {
     desired = reference.jacobians.joint_rate(setpoint.rate);
@@ -86,6 +90,16 @@ inline Outcome control(const Robot& robot, const ControlSettings& settings,
     next.position = measured;
   }
   double sum = 0;  // of what the state will keep: one NaN in it would fail every later cycle
+  Pose from;
+  if constexpr (K == Mobility::spatial)
+    if (posed) {  // rotation vectors do not add: x̂ is tracked in the tangent space at its last pose
+      Joint last{};
+      std::copy_n(next.position.begin(), n, last.begin());
+      from = to_pose<K>(last);
+      const Joint step = difference<K>(found, from);
+      std::copy_n(step.begin(), n, measured.begin());
+      next.position.fill(0);
+    }
   const double pole = std::exp(-settings.velocity_bandwidth * settings.period);
   for (int c = 0; c < tracked; ++c) {
     track(settings, pole, measured[c], next.position[c], next.rate[c]);
@@ -95,12 +109,19 @@ inline Outcome control(const Robot& robot, const ControlSettings& settings,
       rate += desired[c];
     else
       for (int j = 0; j < n; ++j) rate += reference.jr[c - n][j] * setpoint.rate[j];
-    if (settings.law == Law::redundant)
+    if (extended)
       for (int i = 0; i < n; ++i) error_rate[i] += reference.tej[i][c] * rate;
     else
       error_rate[c] = rate;
   }
-  if (cartesian) error_rate = reference.jacobians.joint_rate(error_rate);
+  if (posed) error_rate = reference.jacobians.joint_rate(error_rate);
+  if constexpr (K == Mobility::spatial)
+    if (posed) {
+      Joint step{};
+      std::copy_n(next.position.begin(), n, step.begin());
+      const Joint x = to_coordinates<K>(moved<K>(from, step));
+      std::copy_n(x.begin(), n, next.position.begin());
+    }
 
   if (settings.feed_forward != FeedForward::none) {
     DynamicModel<K> model;
@@ -129,9 +150,10 @@ inline Outcome control(const Robot& robot, const ControlSettings& settings,
 }
 
 inline Outcome control(const Robot& robot, const ControlSettings& settings,
-                       const Setpoint& setpoint, const Extended& q_e, ControlState& state) {
+                       const Setpoint& setpoint, const Extended& q_e, ControlState& state,
+                       const Weighing& weighing = {}) {
   return with_mobility(robot.mobility, [&](auto mobility) {
-    return control<mobility()>(robot, settings, setpoint, q_e, state);
+    return control<mobility()>(robot, settings, setpoint, q_e, state, weighing);
   });
 }
 

@@ -6,6 +6,16 @@
 
 namespace truepose {
 
+/// H_x of a closed pose: J⁻¹ = J_q⁻¹ J_x, and below it J_r.
+template <Mobility K>
+inline void pose_rows(const Robot& robot, const Jacobians<K>& jacobians,
+                      const Matrix<kMaxSensors, kDof<K>>& jr, Matrix<kMaxReadings, kDof<K>>& H_x) {
+  constexpr int n = kDof<K>;
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j) H_x[i][j] = jacobians.jx[i][j] / jacobians.jq[i];
+  for (int k = 0; k < robot.r; ++k) H_x[n + k] = jr[k];
+}
+
 /// q_e, H_x and H_ξ of the ideal level at a pose, the motors holding it.
 /// @param q_e   out: readings of the motors, then of the sensors in use
 /// @param H_x   out: along the free twist, n + r rows; the first n are J⁻¹, the others J_r
@@ -25,14 +35,9 @@ inline Outcome linearise(const Robot& robot, const Pose& pose, Extended& q_e,
   if (outcome) outcome = jacobian<K>(closure, jacobians);
   if (outcome) outcome = rkm<K>(robot, closure, values, jr);
   if (!outcome) return outcome;
-  for (int i = 0; i < n; ++i) {
-    q_e[i] = closure.chain[i].q;
-    for (int j = 0; j < n; ++j) H_x[i][j] = jacobians.jx[i][j] / jacobians.jq[i];
-  }
-  for (int k = 0; k < robot.r; ++k) {
-    q_e[n + k] = values[k];
-    H_x[n + k] = jr[k];
-  }
+  for (int i = 0; i < n; ++i) q_e[i] = closure.chain[i].q;
+  for (int k = 0; k < robot.r; ++k) q_e[n + k] = values[k];
+  pose_rows<K>(robot, jacobians, jr, H_x);
   double sum = 0;  // a NaN shows in it
   for (int c = 0; c < n + robot.r; ++c)
     for (const double entry : H_x[c]) sum += entry;

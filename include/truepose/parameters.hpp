@@ -116,7 +116,8 @@ inline Variation vary(const Chain& chain, const Vec3& p, const Mat3& body,
       change.motor = -eccentric_reading(chain, p, parameter);
       break;
   }
-  if (!change.turn.isZero(0)) change.B = change.turn.cross(p);
+  if (parameter == ChainParameter::yaw || parameter == ChainParameter::tilt)
+    change.B = change.turn.cross(p);
   return change;
 }
 

@@ -17,11 +17,14 @@
 
 /// Inlines all calls inside a hot function. Eigen's small expressions otherwise stay calls, which
 /// costs a tenth of a simulation (benchmarks/README.md). Not under AddressSanitizer, which makes
-/// each inlined copy several times larger.
+/// each inlined copy several times larger. APART keeps what is long and rare out of such a
+/// function.
 #if defined(__GNUC__) && !defined(__SANITIZE_ADDRESS__)
 #define TRUEPOSE_FLATTEN __attribute__((flatten))
+#define TRUEPOSE_APART __attribute__((noinline))
 #else
 #define TRUEPOSE_FLATTEN
+#define TRUEPOSE_APART
 #endif
 
 /// Keeps a way that is hardly ever taken out of the hot function around it.

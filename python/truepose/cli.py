@@ -308,8 +308,8 @@ def reproduce(
     """Run the paper end to end and set its figures and tables beside truepose's own.
 
     The H4 makes the 0.2 s move of Figures 11 to 13 under usual, redundant (TEJ) and Cartesian
-    control, then settles at the 625 poses of Table 2, for many robots drawn from the paper's
-    geometric errors. Prints Table 3 and writes a report.
+    control, and calibrated from its own readings; then settles at the 625 poses of Table 2, for
+    many robots drawn from the paper's geometric errors. Prints Table 3 and writes a report.
 
     Example: **truepose reproduce --robots 100 --seed 0 --out my-report**
     """
@@ -330,8 +330,9 @@ def reproduce(
 
             result = run(robots, seed, progress)
             report.write(result, work, progress)
-    narrow = tables.many_robots(result).columns(0, 1, 2, 3, 4)  # the report has the fifth
-    for table in (tables.moves(result), narrow, tables.gains(result)):
+    wide = tables.many_robots(result)
+    halves = [wide.columns(0, 1, 2, 3, 4), wide.columns(0, 5, 6, 7)]  # 80 columns each
+    for table in (tables.moves(result), *halves, tables.gains(result), tables.sensing(result)):
         _print(console, table)
     elapsed = time.perf_counter() - start
     console.print(

@@ -2,15 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from truepose import paper_data, statistics
+from truepose.calibration import calibrate
 from truepose.errors import with_paper_errors
 from truepose.robot import Array, Robot
 from truepose.simulations import LAWS, Controller, Law, settle, simulate
+
+Control = Literal["joint", "redundant", "weighted", "cartesian", "self-calibrated"]
+
+#: The law of each control. `weighted` believes in the robot as it most likely is, prior means of
+#: its tolerances; `self-calibrated` in what the readings of usual control at the same poses have
+#: taught it; the others in the drawn robot.
+CONTROLS: dict[Control, Law] = {
+    "joint": "joint",
+    "redundant": "redundant",
+    "weighted": "weighted",
+    "cartesian": "cartesian",
+    "self-calibrated": "estimated",
+}
 
 
 @dataclass(frozen=True)
@@ -20,18 +36,73 @@ class Experiment:
     robot: Robot
     truths: list[Robot]
     poses: Array  #: (P, 4), m and rad (nacelle)
-    errors: dict[Law, Array]  #: law: (robots, P, 4)
-    tables: dict[Law, Array]  #: law: (robots, 5, 4), see statistics.table3
+    errors: dict[Control, Array]  #: (robots, P, 4) each
+    tables: dict[Control, Array]  #: (robots, 5, 4) each, see statistics.table3
 
-    def ratio(self, quantity: str, statistic: str, law: Law = "redundant") -> Array:
-        """Statistic under a law over the same under joint control, one value per robot."""
+    def ratio(self, quantity: str, statistic: str, control: Control = "redundant") -> Array:
+        """Statistic under a control over the same under joint control, one value per robot."""
         at = paper_data.QUANTITIES.index(quantity), paper_data.STATISTICS.index(statistic)
-        return self.tables[law][(slice(None), *at)] / self.tables["joint"][(slice(None), *at)]
+        return self.tables[control][(slice(None), *at)] / self.tables["joint"][(slice(None), *at)]
 
 
 def draw_robots(robot: Robot, count: int, seed: int) -> list[Robot]:
     """Draw `count` true robots with the paper's errors; the first ones do not depend on `count`."""
     return [with_paper_errors(robot, s) for s in np.random.SeedSequence(seed).spawn(count)]
+
+
+def self_calibrated(robot: Robot, truth: Robot, visited: Array) -> Robot:
+    """Return the robot as the true one's readings show it, usual control sent to these poses.
+
+    The plant of the statics is the ideal level's own: there is no model error to allow for.
+    """
+    readings = truth.read(settle(robot, truth, visited, "joint"))
+    return calibrate(robot, readings, model_error="off").robot
+
+
+def rest(
+    robot: Robot,
+    truth: Robot,
+    poses: Array,
+    visited: Array | None = None,
+    controls: Iterable[Control] = tuple(CONTROLS),
+) -> dict[Control, Array]:
+    """Where a true robot rests under each control, in the exact statics: (P, n) each.
+
+    Parameters
+    ----------
+    robot, truth : Robot
+        As drawn, and as it is.
+    poses : ndarray, shape (P, n)
+        Desired ones.
+    visited : ndarray, shape (N, n), optional
+        Poses of the self-calibration; the same by default.
+    controls : iterable of str
+        Some of `CONTROLS`.
+    """
+    result: dict[Control, Array] = {}
+    for control in controls:
+        believed = robot
+        if control == "weighted":
+            believed = robot.expected()
+        if control == "self-calibrated":
+            believed = self_calibrated(robot, truth, poses if visited is None else visited)
+        result[control] = settle(believed, truth, poses, CONTROLS[control])
+    return result
+
+
+def each(work: Callable, items: Iterable) -> Iterator:
+    """Results of work(item) in the order of the items, on all cores.
+
+    Threads are enough: the core works without the interpreter's lock.
+    """
+    with ThreadPoolExecutor() as pool:
+        futures = [pool.submit(work, item) for item in items]
+        try:
+            for future in futures:
+                yield future.result()
+        finally:  # an interrupted run does not wait for the rest
+            for future in futures:
+                future.cancel()
 
 
 def run(
@@ -40,12 +111,12 @@ def run(
     poses: Array | None = None,
     progress: Callable[[], None] = lambda: None,
 ) -> Experiment:
-    """Settle every true robot at every pose under each law, in the exact statics.
+    """Settle every true robot at every pose under each control, in the exact statics.
 
     Parameters
     ----------
     robot : Robot
-        The nominal one, of schoenflies mobility with θ measured.
+        The nominal one, of schoenflies mobility with θ measured and tolerances.
     truths : list of Robot
         The true ones.
     poses : ndarray, shape (P, 4), optional
@@ -54,14 +125,13 @@ def run(
         Called after each robot.
     """
     poses = paper_data.table2() if poses is None else np.asarray(poses, dtype=float)
-    errors: dict[Law, list[Array]] = {law: [] for law in LAWS}
-    for truth in truths:
-        for law in LAWS:
-            settled = settle(robot, truth, poses, law)
-            errors[law].append(statistics.in_print_units(settled - poses))
+    errors: dict[Control, list[Array]] = {control: [] for control in CONTROLS}
+    for settled in each(lambda truth: rest(robot, truth, poses), truths):
+        for control, x in settled.items():
+            errors[control].append(statistics.in_print_units(x - poses))
         progress()
-    stacked = {law: np.array(values) for law, values in errors.items()}
-    tables = {law: statistics.table3(values) for law, values in stacked.items()}
+    stacked = {control: np.array(values) for control, values in errors.items()}
+    tables = {control: statistics.table3(values) for control, values in stacked.items()}
     return Experiment(robot, truths, poses, stacked, tables)
 
 

@@ -10,11 +10,13 @@ from truepose.experiment import Experiment
 from truepose.robot import Robot
 from truepose.simulations import Simulation
 
-#: What people read for each law, and its colour.
-LAWS = {
+#: What people read for each control, and its colour.
+CONTROLS = {
     "joint": ("usual", "#b2182b"),
     "redundant": ("redundant", "#2166ac"),
+    "weighted": ("weighted", "#e08214"),
     "cartesian": ("Cartesian", "#1b7837"),
+    "self-calibrated": ("self-calibrated", "#000000"),
 }
 _AXES = {"x": "#2166ac", "y": "#e08214", "z": "#1b7837"}
 
@@ -40,17 +42,17 @@ def move(run: Simulation) -> Figure:
 
 
 def poses(result: Experiment) -> Figure:
-    """Errors of the first robot at all poses, under each law, in the order of Table 2."""
+    """Errors of the first robot at all poses, under each control, in the order of Table 2."""
     figure = Figure(figsize=(8.4, 5.2), layout="constrained")
     top, bottom = figure.subplots(2, 1, sharex=True)
-    for law, (name, colour) in LAWS.items():
-        error = result.errors[law][0]
+    for control, (name, colour) in CONTROLS.items():
+        error = result.errors[control][0]
         top.plot(error[:, 3], ".", ms=2.5, color=colour, label=name, rasterized=True)
         norm = np.linalg.norm(error[:, :3], axis=1)
         bottom.plot(norm, ".", ms=2.5, color=colour, rasterized=True)
     top.set(ylabel="error of θ (°)")
     bottom.set(xlabel="pose (number in Table 2)", ylabel="position error (mm)", ylim=(0, None))
-    figure.legend(loc="outside upper center", ncols=3, fontsize=9, markerscale=4, frameon=False)
+    figure.legend(loc="outside upper center", ncols=5, fontsize=9, markerscale=4, frameon=False)
     return figure
 
 
@@ -58,7 +60,7 @@ def ratios(result: Experiment) -> Figure:
     """How much each robot gains: statistics over those of usual control."""
     figure = Figure(figsize=(8.4, 3.1), layout="constrained")
     left, right = figure.subplots(1, 2)
-    colour = LAWS["redundant"][1]
+    colour = CONTROLS["redundant"][1]
     theta = 100 * result.ratio("theta", "sum_sq")
     norm = np.sqrt(result.ratio("norm_xyz", "sum_sq"))
     for axes, values, label in (
@@ -85,7 +87,7 @@ def rest(robot: Robot, result: Experiment) -> Figure:
         100 * left[clear] / usual[clear],
         ".",
         ms=3,
-        color=LAWS["redundant"][1],
+        color=CONTROLS["redundant"][1],
         rasterized=True,
         label="one robot, poses of Table 2 with |e| > 0.1°",
     )

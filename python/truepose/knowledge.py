@@ -133,6 +133,11 @@ class Known(NamedTuple):
     nuisances: int  #: behind them
 
 
+def for_law(robot: Robot, law: str) -> _core.Knowledge | None:
+    """Return what a law weighs its readings by; None for the laws that do not."""
+    return knowledge(robot).core if law in ("weighted", "estimated") else None
+
+
 def require_uncertain(robot: Robot) -> list[str]:
     """Names as of :func:`uncertain`; an error where there are none."""
     names = uncertain(robot)

@@ -20,13 +20,14 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import truepose
-from truepose import drawing, experiment, figures, paper_data, statistics, tables
+from truepose import drawing, experiment, figures, paper_data, sensing, statistics, tables
 from truepose.exceptions import InputError
+from truepose.experiment import CONTROLS
 from truepose.reproduce import Reproduction
-from truepose.simulations import LAWS
 
-FIGURES = 8  #: drawn for the report
+FIGURES = 9  #: drawn for the report
 PAGE = "report.html"
+LEARNT = "self-calibrated"
 
 
 @contextlib.contextmanager
@@ -71,6 +72,7 @@ def write(
         tables.gains(result),
         tables.moves(result),
         tables.check(result),
+        tables.sensing(result),
     ]
     for table in numbers:
         _csv(out / f"{table.name}.csv", table.header, table.rows)
@@ -87,6 +89,9 @@ def write(
         norm=float(np.median(np.sqrt(result.experiment.ratio("norm_xyz", "sum_sq")))),
         left=experiment.theta_law(result.robot, result.experiment.poses),
         errors=paper_data.simulation_errors(),
+        machined=sensing.MACHINED,
+        judged=len(result.experiment.poses[:: sensing.EVERY]),
+        learnt=float(np.median(np.sqrt(result.experiment.ratio("norm_xyz", "sum_sq", LEARNT)))),
         versions=versions(),
     )
     (out / PAGE).write_text(page, encoding="utf-8")
@@ -145,11 +150,11 @@ def _raw_numbers(result: Reproduction, out: Path) -> None:
     """Every statistic of every robot, every pose of the first robot, every sample of the moves."""
     _csv(
         out / "statistics.csv",
-        ["robot", "law", "quantity", "statistic", "unit", "value"],
+        ["robot", "control", "quantity", "statistic", "unit", "value"],
         (
-            [robot, law, quantity, statistic, tables.unit(quantity, statistic), repr(float(v))]
-            for law in LAWS
-            for robot, table in enumerate(result.experiment.tables[law])
+            [robot, control, quantity, statistic, tables.unit(quantity, statistic), repr(float(v))]
+            for control in CONTROLS
+            for robot, table in enumerate(result.experiment.tables[control])
             for quantity, row in zip(paper_data.QUANTITIES, table, strict=True)
             for statistic, v in zip(paper_data.STATISTICS, row, strict=True)
         ),
@@ -159,9 +164,9 @@ def _raw_numbers(result: Reproduction, out: Path) -> None:
     units = ["mm", "mm", "mm", "deg"]
     header = [f"{n}_{u}" for n, u in zip(names, units, strict=True)]
     columns = [poses]
-    for law in LAWS:
-        header += [f"error_{law}_{n}_{u}" for n, u in zip(names, units, strict=True)]
-        columns.append(result.experiment.errors[law][0])
+    for control in CONTROLS:
+        header += [f"error_{control}_{n}_{u}" for n, u in zip(names, units, strict=True)]
+        columns.append(result.experiment.errors[control][0])
     _csv(out / "poses.csv", header, np.hstack(columns).tolist())
     for name, run in result.moves.items():
         header = ["time_s"]

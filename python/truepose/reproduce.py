@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from truepose import experiment, paper_data
+from truepose import experiment, paper_data, sensing
 from truepose.experiment import Experiment
 from truepose.robot import Array, Robot, load
-from truepose.simulations import Law, Simulation, simulate
+from truepose.simulations import LAWS, Law, Simulation, simulate
 
 CHECKED_POSES = 12  #: of Table 2, run in the dynamics under each law and in each case
 
@@ -24,6 +24,7 @@ class Reproduction:
     moves: dict[str, Simulation]
     experiment: Experiment
     check: dict[str, dict[Law, Array]]
+    sensing: list[sensing.Line]
 
 
 #: The simulated moves: which true robot (errors: the first drawn one) and control, and its law.
@@ -32,18 +33,22 @@ MOVES: dict[str, tuple[str, Law]] = {
     "figure-12": ("errors, usual", "joint"),
     "figure-13": ("errors, redundant", "redundant"),
     "cartesian": ("errors, Cartesian", "cartesian"),
+    "self-calibrated": ("errors, self-calibrated", "estimated"),
 }
 
 
 def total_steps(robots: int) -> int:
     """How often `progress` will be called."""
-    return len(MOVES) + robots + 3 * 3 * CHECKED_POSES
+    checks = 3 * len(LAWS) * CHECKED_POSES
+    return len(MOVES) + robots + checks + sensing.total_steps(robots)
 
 
 def reproduce(
     robots: int, seed: int, progress: Callable[[str], None] = lambda _: None
 ) -> Reproduction:
     """Simulate the move, settle `robots` drawn robots at 625 poses, check some in the dynamics.
+
+    Then compare sets of sensors.
 
     Parameters
     ----------
@@ -58,11 +63,15 @@ def reproduce(
     truths = experiment.draw_robots(robot, robots, seed)
     moves = {}
     for name, (_, law) in MOVES.items():
-        moves[name] = simulate(robot, robot if name == "figure-11" else truths[0], law)
+        believed = robot
+        if name == "self-calibrated":
+            believed = experiment.self_calibrated(robot, truths[0], paper_data.table2())
+        moves[name] = simulate(believed, robot if name == "figure-11" else truths[0], law)
         progress("the 0.2 s move")
     result = experiment.run(robot, truths, progress=lambda: progress("625 poses, exact statics"))
     some = np.random.default_rng(seed).choice(paper_data.table2(), CHECKED_POSES, replace=False)
     check = experiment.dynamics_check(
         robot, truths[0], some, progress=lambda: progress("some poses in the dynamics")
     )
-    return Reproduction(robot, seed, moves, result, check)
+    sets = sensing.compare(robot, robots, seed, lambda: progress("sets of sensors"))
+    return Reproduction(robot, seed, moves, result, check, sets)

@@ -678,6 +678,78 @@ class Robot:
         size = self.n + self.r
         return M.reshape(*lead, size, self.n), M_plus.reshape(*lead, self.n, size)
 
+    def weighted_tej(self, x: ArrayLike, errors: Errors = "raise") -> Array:
+        """Extended-to-joint matrix with the weights that the readings deserve, at x.
+
+        M⁺ = (MᵀC⁻¹M)⁻¹MᵀC⁻¹, C = H_ξ Σ_ξ H_ξᵀ + Σ_s as of :meth:`estimate`: what tolerances (or a
+        calibration) and counts leave to be trusted in each reading.
+
+        Returns
+        -------
+        ndarray, shape (..., n, n + r)
+
+        Examples
+        --------
+        >>> import numpy as np, truepose as tp
+        >>> robot, x = tp.load("h4"), [0.05, 0, -0.4, 0.2]
+        >>> M, M_plus = robot.tej(x)
+        >>> bool(np.allclose(robot.weighted_tej(x) @ M, np.eye(4), atol=1e-9))
+        True
+        """
+        from truepose import knowledge
+
+        rows, lead = self._rows(x, self.n, "x", errors)
+        _, M_plus, status, chain = _core.gain(
+            self._core, knowledge.knowledge(self).core, rows, False
+        )
+        self._check("pose", rows, lead, status, chain, errors)
+        return M_plus.reshape(*lead, self.n, self.n + self.r)
+
+    def leakage(self, x: ArrayLike, law: str, errors: Errors = "raise") -> Array:
+        """How an error of one reading leaks into the pose at which the robot rests.
+
+        Where a law holds this robot at rest, its motor error ê_q vanishes; an error δq_e of the
+        readings then moves the true pose by δx = leakage @ δq_e, to first order: -[J 0] under the
+        joint law, -J M⁺ under a TEJ, -∂x̂/∂q_e under a law of the pose.
+
+        Parameters
+        ----------
+        x : array_like, shape (..., n)
+            Desired poses, m and rad.
+        law : {"joint", "redundant", "cartesian", "weighted", "estimated"}
+            As of :class:`truepose.Controller`.
+        errors : {"raise", "nan"}
+            What to do with a pose that cannot be reached or is singular.
+
+        Returns
+        -------
+        ndarray, shape (..., n, n + r)
+            δx along the free twist (spatial: rotation vector in the base frame).
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> robot, x = tp.load("h4"), [0.05, 0, -0.4, 0.2]
+        >>> for law in ("joint", "redundant", "weighted"):  # of motor 3, and of θ's sensor, into θ
+        ...     print(law, robot.leakage(x, law)[3, [2, 4]].round(3) + 0.0)
+        joint [2.528 0.   ]
+        redundant [ 0.181 -0.928]
+        weighted [ 0. -1.]
+        """
+        from truepose import knowledge
+        from truepose.simulations import LAWS
+
+        if law not in LAWS:
+            raise InputError(choose("law", law, LAWS))
+        if law == "cartesian":
+            self.require_orientation()
+        rows, lead = self._rows(x, self.n, "x", errors)
+        leak, status, chain = _core.leakage(
+            self._core, getattr(_core.Law, law), knowledge.for_law(self, law), rows
+        )
+        self._check("pose", rows, lead, status, chain, errors)
+        return leak.reshape(*lead, self.n, self.n + self.r)
+
     def linearise(
         self, x: ArrayLike, errors: Errors = "raise", level: Level = "ideal"
     ) -> tuple[Array, Array]:

@@ -12,24 +12,28 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose import _core, paper_data
+from truepose import _core, knowledge, paper_data
 from truepose.exceptions import InputError, PoseError, choose
 from truepose.robot import Array, Errors, Robot, check_seed, fraction
 
-Law = Literal["joint", "redundant", "cartesian"]
+Law = Literal["joint", "redundant", "cartesian", "weighted", "estimated"]
 FeedForward = Literal["none", "gravity", "full"]
 _MOST_PERIODS = 1_000_000  # of one simulation: about 0.3 GB of log
-LAWS: tuple[Law, ...] = ("joint", "redundant", "cartesian")
+LAWS: tuple[Law, ...] = ("joint", "redundant", "cartesian", "weighted", "estimated")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Controller:
-    """A joint PD (or PID) on the motor error of one of the paper's laws.
+    """A joint PD (or PID) on the motor error of one of the laws.
 
     Parameters
     ----------
-    law : {"joint", "redundant", "cartesian"}
-        Figure 1 (usual control), Figure 2 (TEJ), or the closing remark (redundant FKM).
+    law : {"joint", "redundant", "cartesian", "weighted", "estimated"}
+        The paper's Figure 1 (usual control), Figure 2 (TEJ), or closing remark (redundant FKM);
+        Figure 2 with the weighted TEJ; or the Cartesian law on :meth:`Robot.estimate`, which every
+        mobility and any sensors allow. The last two weigh the readings by the tolerances (or the
+        calibration) of the robot that the controller believes in, and take its values as they
+        are: pass ``robot.expected()`` for the prior mean, ``fit.robot`` for a calibrated one.
     frequency, damping : float
         PD gains by pole placement on the diagonal of the joint inertia, rad/s and 1.
     integral : float
@@ -39,7 +43,7 @@ class Controller:
     period : float
         Control period, s.
     velocity_bandwidth : float
-        Bandwidth of the velocity tracking loops (of the encoders; Cartesian law: of x̂), rad/s.
+        Bandwidth of the velocity tracking loops (of the readings, or of x̂), rad/s.
     damped_below : float
         Damp the Jacobian where a :meth:`Robot.conditioning` of the setpoint is less, so that
         torques stay bounded beside a singularity; 0 is never, the paper's laws.
@@ -157,7 +161,8 @@ def settle(
     rows, lead = robot._rows(x_d, robot.n, "x_d", errors)
     _same_readings(robot, truth)
     settings = controller.settings(robot, robot.home if start is None else start)
-    x, status, chain = _core.settle(robot._core, truth._core, settings, gravity, rows)
+    known = knowledge.for_law(robot, controller.law)
+    x, status, chain = _core.settle(robot._core, truth._core, settings, known, gravity, rows)
     robot._check("pose", rows, lead, status, chain, errors, name="x_d")
     return x.reshape(*lead, robot.n)
 
@@ -224,12 +229,14 @@ def simulate(
     settings = controller.settings(robot, origin[: robot.n])
     loaded = controller.integral == 0
     rows = np.array(origin)[None, : robot.n]
-    at_rest, status, chain = _core.settle(robot._core, truth._core, settings, loaded, rows)
+    known = knowledge.for_law(robot, controller.law)
+    at_rest, status, chain = _core.settle(robot._core, truth._core, settings, known, loaded, rows)
     robot._check("pose", rows, (), status, chain, "raise", name="start")
     status, chain, *log = _core.simulate(
         robot._core,
         truth._core,
         settings,
+        known,
         origin,
         target,
         duration,

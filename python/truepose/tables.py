@@ -20,6 +20,9 @@ STATISTIC_NAMES = {
 
 UNITS = "error (mm, °)"
 
+#: Controls that the paper did not run, as people read them.
+FURTHER = {"weighted": "weighted", "cartesian": "Cartesian", "self-calibrated": "self-calibrated"}
+
 
 @dataclass(frozen=True)
 class Table:
@@ -75,9 +78,10 @@ def one_robot(result: Reproduction) -> Table:
     for at, key, label in _cells():
         values = [printed["usual"].get(key), tables["joint"][0][at]]
         values += [printed["redundant"].get(key), tables["redundant"][0][at]]
-        rows.append([label, *map(number, [*values, tables["cartesian"][0][at]])])
-    header = [UNITS, "usual, paper", "usual, truepose", "redundant, paper"]
-    header += ["redundant, truepose", "Cartesian, truepose"]
+        values += [tables[control][0][at] for control in FURTHER]
+        rows.append([label, *map(number, values)])
+    header = [UNITS, "usual, paper", "usual, truepose", "redundant, paper", "redundant, truepose"]
+    header += [f"{name}, truepose" for name in FURTHER.values()]
     return Table("table3_one_robot", "Table 3 for one robot", header, rows)
 
 
@@ -87,35 +91,34 @@ def many_robots(result: Reproduction) -> Table:
     rows = []
     for at, key, label in _cells():
         row = [label]
-        for law, paper in (("joint", "usual"), ("redundant", "redundant"), ("cartesian", None)):
-            low, median, high = np.percentile(tables[law][(slice(None), *at)], [5, 50, 95])
+        for control in ("joint", "redundant", *FURTHER):
+            paper = {"joint": "usual", "redundant": "redundant"}.get(control)
+            low, median, high = np.percentile(tables[control][(slice(None), *at)], [5, 50, 95])
             row += [number(printed[paper].get(key))] if paper else []
             row.append(f"{number(median)} [{number(low, 2)}, {number(high, 2)}]")
         rows.append(row)
     count = len(result.experiment.truths)
-    header = [UNITS, "usual, paper", "usual, truepose"]
-    header += ["redundant, paper", "redundant, truepose", "Cartesian, truepose"]
+    header = [UNITS, "usual, paper", "usual, truepose", "redundant, paper", "redundant, truepose"]
+    header += [f"{name}, truepose" for name in FURTHER.values()]
     title = f"Table 3 over {count} robots: median [5 %, 95 %]"
     return Table("table3_robots", title, header, rows)
 
 
 def gains(result: Reproduction) -> Table:
-    """What each law leaves of usual control's errors: ratios over the robots."""
+    """What each control leaves of usual control's errors: ratios over the robots."""
     rows = []
-    for law in ("redundant", "cartesian"):
+    for control in ("redundant", *FURTHER):
         for quantity, statistic, root, label in (
             ("theta", "sum_sq", False, "θ Σ squares"),
             ("norm_xyz", "sum_sq", True, "norm rms"),
         ):
-            ratio = result.experiment.ratio(quantity, statistic, law)
+            ratio = result.experiment.ratio(quantity, statistic, control)
             ratio = np.sqrt(ratio) if root else ratio
             cells = np.percentile(ratio, [0, 5, 50, 95, 100])
-            name = "Cartesian" if law == "cartesian" else law
+            name = FURTHER.get(control, control)
             rows.append([f"{label}, {name}", *map(number, cells)])
     header = ["ratio to usual control", "minimum", "5 %", "median", "95 %", "maximum"]
-    return Table(
-        "gains", "What the laws leave of usual control's errors, over the robots", header, rows
-    )
+    return Table("gains", "What is left of usual control's errors, over the robots", header, rows)
 
 
 def moves(result: Reproduction) -> Table:
@@ -128,6 +131,20 @@ def moves(result: Reproduction) -> Table:
     header = ["robot, control", *(f"max |{c}|" for c in ("x", "y", "z", "θ"))]
     header += [f"final {c}" for c in ("x", "y", "z", "θ")]
     return Table("moves", "Errors of the 0.2 s move (mm, °)", header, rows)
+
+
+def sensing(result: Reproduction) -> Table:
+    """Sets of sensors under each use of their readings, beside the bound."""
+    rows = []
+    for line in result.sensing:
+        values = [*line.rms.values(), line.bound]
+        gain = line.rms["joint"] / line.rms["self-calibrated"]
+        cells = [*(f"{v:.2f}" for v in values), f"{gain:.0f}"]
+        rows.append([f"{line.tolerances}: {line.sensors}", *cells])
+    header = ["position rms (mm)", "usual", "paper's TEJ", "weighted TEJ", "self-calibrated"]
+    header += ["bound", "usual / self-calibrated"]
+    title = f"The same sensor, used fully: {result.sensing[0].robots} robots a line"
+    return Table("sensing", title, header, rows)
 
 
 def check(result: Reproduction) -> Table:

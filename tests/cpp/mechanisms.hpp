@@ -6,6 +6,7 @@
 #pragma once
 
 #include "check.hpp"
+#include "truepose/control_law.hpp"
 #include "truepose/full.hpp"
 
 namespace mechanisms {
@@ -22,6 +23,39 @@ inline double degrees(double angle) { return angle * M_PI / 180; }
 inline Vec3 polar(double radius, double angle, double z = 0) {
   return {radius * std::cos(degrees(angle)), radius * std::sin(degrees(angle)), z};
 }
+
+/// Plausible knowledge of a robot, every σ of its own size: all lengths and angles of the chains
+/// that the ideal level sees, and the sensors' offsets. Owns the memory that it lends.
+class Prior {
+ public:
+  explicit Prior(const Robot& robot) {
+    std::vector<double> sigma;
+    for (int i = 0; i < dof(robot.mobility); ++i)
+      for (int k = 0; k < static_cast<int>(ChainParameter::rod_difference); ++k) {
+        column_.push_back(chain_column(i) + k);
+        sigma.push_back(1e-4 * (1 + (3 * i + k) % 5));
+      }
+    for (int k = 0; k < robot.r; ++k) {
+      column_.push_back(sensor_column(robot, k));
+      sigma.push_back(2e-4);
+    }
+    const int p = static_cast<int>(sigma.size());
+    root_.resize(p * p);
+    for (int k = 0; k < p; ++k) root_[k * p + k] = sigma[k];
+    known_ = {p, column_.data(), root_.data(), {}};
+    known_.sigma.fill(1e-5);
+    work_.resize(estimate_work(robot, p));
+  }
+  Prior(const Prior&) = delete;
+  Prior& operator=(const Prior&) = delete;
+  Knowledge& known() { return known_; }
+  Weighing weighing() { return {&known_, work_.data()}; }
+
+ private:
+  std::vector<int> column_;
+  std::vector<double> root_, work_;
+  Knowledge known_;
+};
 
 /// A telemeter along a line through `origin`, towards a plane of the nacelle.
 inline Sensor telemeter(const Vec3& origin, const Vec3& direction, const Vec3& target,

@@ -56,8 +56,9 @@ Outcome realtime_place_poles(const Robot& robot, const Joint& x, ControlSettings
   return place_poles(robot, x, 150, 1, settings);
 }
 Outcome realtime_control(const Robot& robot, const ControlSettings& settings,
-                         const Setpoint& setpoint, const Extended& q_e, ControlState& state) {
-  return control(robot, settings, setpoint, q_e, state);
+                         const Setpoint& setpoint, const Extended& q_e, ControlState& state,
+                         const Weighing& weighing) {
+  return control(robot, settings, setpoint, q_e, state, weighing);
 }
 double realtime_friction(const Chain& chain, double rate) { return friction(chain, rate); }
 Setpoint realtime_quintic(const Joint& from, const Joint& to, double duration, double time) {

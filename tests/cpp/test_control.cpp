@@ -9,7 +9,7 @@ using namespace mechanisms;
 
 namespace {
 
-constexpr Law kLaws[]{Law::joint, Law::redundant, Law::cartesian};
+constexpr Law kLaws[]{Law::joint, Law::redundant, Law::cartesian, Law::weighted, Law::estimated};
 
 /// Whether the law exists for the mobility: Figure 2's closing remark needs an orientation.
 constexpr bool applies(Law law, Mobility mobility) {
@@ -48,9 +48,13 @@ TEST("an ideal robot at rest stays at rest, under every law") {
       const Run run{robot.home, robot.home, 0.05, 0.05, 2};
       double strayed = 0;
       const Pose home = to_pose<K>(robot.home);
-      CHECK(simulate<K>(robot, robot, settings, run, robot.home, [&](const Sample& sample) {
-        strayed = std::max(strayed, distance<K>(to_pose<K>(sample.x), home));
-      }));
+      Prior prior(robot);
+      CHECK(simulate<K>(
+          robot, robot, settings, run, robot.home,
+          [&](const Sample& sample) {
+            strayed = std::max(strayed, distance<K>(to_pose<K>(sample.x), home));
+          },
+          prior.weighing()));
       CHECK_NEAR(strayed, 0, 1e-12);
     }
   });
@@ -67,11 +71,14 @@ TEST("an ideal robot follows a move with full feed-forward, and ends on the spot
       const Run run{robot.home, to, 0.3, 0.2, 2};
       double strayed = 0;
       Sample last{};
+      Prior prior(robot);
       CHECK(simulate<K>(
-          robot, robot, settings_for(robot, law), run, robot.home, [&](const Sample& sample) {
+          robot, robot, settings_for(robot, law), run, robot.home,
+          [&](const Sample& sample) {
             strayed = std::max(strayed, distance<K>(to_pose<K>(sample.x), to_pose<K>(sample.x_d)));
             last = sample;
-          }));
+          },
+          prior.weighing()));
       CHECK_NEAR(strayed, 0, 2e-3);  // torques are held for 1 ms
       CHECK_NEAR(distance<K>(to_pose<K>(last.x), to_pose<K>(to)), 0, 1e-6);
     }
@@ -87,13 +94,15 @@ TEST("whatever fails, the last torque is held, nothing else changes, and the sta
       if (!applies(law, K)) continue;
       ControlSettings settings = settings_for(robot, law);
       settings.ki.fill(1);
+      Prior prior(robot);
+      const Weighing weighing = prior.weighing();
       Setpoint at_home;
       at_home.x = robot.home;
       Extended q_e{};
       CHECK(extended<K>(robot, to_pose<K>(robot.home), q_e));
       q_e[0] += 1e-3;
       ControlState state;
-      CHECK(control(robot, settings, at_home, q_e, state));
+      CHECK(control(robot, settings, at_home, q_e, state, weighing));
       const ControlState good = state;
       const auto check_held = [&](const Outcome& outcome, Status expected) {
         CHECK(outcome.status == expected);
@@ -105,22 +114,29 @@ TEST("whatever fails, the last torque is held, nothing else changes, and the sta
         for (int c = 0; c < n + robot.r; ++c) {
           Extended broken = q_e;
           broken[c] = bad;
-          check_held(control(robot, settings, at_home, broken, state), Status::not_finite);
+          check_held(control(robot, settings, at_home, broken, state, weighing),
+                     Status::not_finite);
         }
         for (int i = 0; i < n; ++i) {
           Setpoint x = at_home, rate = at_home, acceleration = at_home;
           x.x[i] = rate.rate[i] = acceleration.acceleration[i] = bad;
           for (const Setpoint& broken : {x, rate, acceleration})
-            check_held(control(robot, settings, broken, q_e, state), Status::not_finite);
+            check_held(control(robot, settings, broken, q_e, state, weighing), Status::not_finite);
         }
       }
       Setpoint far = at_home;
       far.x[1] += 5;
       if (robot.chain[0].actuator != Actuator::telescopic)
-        check_held(control(robot, settings, far, q_e, state), Status::unreachable);
+        check_held(control(robot, settings, far, q_e, state, weighing), Status::unreachable);
       ControlSettings broken = settings;
       broken.kp[0] = std::numeric_limits<double>::quiet_NaN();
-      check_held(control(robot, broken, at_home, q_e, state), Status::not_finite);
+      check_held(control(robot, broken, at_home, q_e, state, weighing), Status::not_finite);
+      if (law != Law::weighted && law != Law::estimated) continue;
+      check_held(control(robot, settings, at_home, q_e, state), Status::not_measured);
+      for (const double sigma : {0.0, -1.0, std::numeric_limits<double>::quiet_NaN()}) {
+        prior.known().sigma[0] = sigma;
+        check_held(control(robot, settings, at_home, q_e, state, weighing), Status::not_finite);
+      }
     }
   });
 }
@@ -166,7 +182,9 @@ TEST("a law without its sensor is not measured; joint control needs none") {
     CHECK(extended<K>(robot, to_pose<K>(robot.home), q_e));
     for (const Law law : kLaws) {
       ControlState state;
-      const Outcome outcome = control(robot, settings_for(robot, law), at_home, q_e, state);
+      Prior prior(robot);
+      const Outcome outcome =
+          control(robot, settings_for(robot, law), at_home, q_e, state, prior.weighing());
       const bool measured = law != Law::cartesian || K == Mobility::translation;
       CHECK(outcome.status == (measured ? Status::ok : Status::not_measured));
     }
@@ -246,10 +264,11 @@ TEST("for readings that agree, every law sees the joint error to first order") {
     check::Random random(62);
     for (int k = 0; k < 50; ++k) {
       const Joint x = random_pose(mechanism, random), direction = random_joint(random, 1);
-      for (const Law law : {Law::redundant, Law::cartesian}) {
+      for (const Law law : kLaws) {
         if (!applies(law, K)) continue;
+        Prior prior(robot);
         Reference<K> reference;
-        CHECK(refer<K>(robot, law, x, reference));
+        CHECK(refer<K>(robot, law, x, reference, 0, prior.weighing()));
         const auto departure = [&](double size) {
           Joint step{}, joint{}, error{};
           Pose estimate;
@@ -257,7 +276,7 @@ TEST("for readings that agree, every law sees the joint error to first order") {
           Extended q_e{};
           CHECK(extended<K>(robot, moved<K>(reference.closure.pose, step), q_e));
           CHECK(motor_error<K>(robot, Law::joint, reference, q_e, joint, estimate));
-          CHECK(motor_error<K>(robot, law, reference, q_e, error, estimate));
+          CHECK(motor_error<K>(robot, law, reference, q_e, error, estimate, prior.weighing()));
           double largest = 0;
           for (int i = 0; i < n; ++i) {
             CHECK(std::fabs(joint[i]) < 30 * size);
@@ -285,16 +304,88 @@ TEST("settle() foretells where the simulation comes to rest, with and without gr
         if (!applies(law, K)) continue;
         const StaticsSettings settings{settings_for(nominal, law), gravity};
         Joint start{}, end{};
-        CHECK(settle<K>(nominal, truth, settings, nominal.home, start));
-        CHECK(settle<K>(nominal, truth, settings, to, end));
+        Prior prior(nominal);
+        CHECK(settle<K>(nominal, truth, settings, nominal.home, start, prior.weighing()));
+        CHECK(settle<K>(nominal, truth, settings, to, end, prior.weighing()));
         Sample last{};
-        CHECK(simulate<K>(nominal, truth, settings.control, Run{nominal.home, to, 0.2, 0.6, 2},
-                          start, [&](const Sample& sample) { last = sample; }));
+        CHECK(simulate<K>(
+            nominal, truth, settings.control, Run{nominal.home, to, 0.2, 0.6, 2}, start,
+            [&](const Sample& sample) { last = sample; }, prior.weighing()));
         CHECK_NEAR(distance<K>(to_pose<K>(last.x), to_pose<K>(end)), 0, 1e-9);
         CHECK(distance<K>(to_pose<K>(end), to_pose<K>(to)) > 1e-5);  // the errors do show
       }
     }
   });
+}
+
+TEST("an error of one reading leaks into the pose at rest as leakage() says, under every law") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr int n = kDof<K>;
+    Robot robot = mechanism.robot;
+    robot.r = 2;
+    check::Random random(64);
+    const Joint x = random_pose(mechanism, random);
+    Prior prior(robot);
+    for (const Law law : kLaws) {
+      if (!applies(law, K)) continue;
+      ExtendedRows leak;
+      CHECK(leakage<K>(robot, law, x, leak, prior.weighing()));
+      for (int c = 0; c < n + robot.r; ++c) {
+        Pose rest[2];
+        for (const double side : {-1.0, 1.0}) {
+          Robot read = robot;  // reading = position - offset
+          (c < n ? read.chain[c].encoder_offset : read.sensor[c - n].offset) -= side * 1e-5;
+          Joint end{};
+          CHECK(
+              settle<K>(robot, read, {settings_for(robot, law), false}, x, end, prior.weighing()));
+          rest[side > 0] = to_pose<K>(end);
+        }
+        const Joint change = difference<K>(rest[1], rest[0]);
+        for (int i = 0; i < n; ++i) CHECK_NEAR(leak[i][c], change[i] / 2e-5, 1e-6);
+      }
+    }
+  });
+}
+
+TEST("weights that know nothing of the geometry and trust all readings alike are the paper's") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    Robot robot = mechanism.robot;
+    robot.r = 2;
+    check::Random random(65);
+    const Joint x = random_pose(mechanism, random);
+    Knowledge known;
+    known.sigma.fill(0.3);
+    std::vector<double> work(estimate_work(robot, 0));
+    Reference<K> paper, weighted;
+    CHECK(refer<K>(robot, Law::redundant, x, paper));
+    CHECK(refer<K>(robot, Law::weighted, x, weighted, 0, {&known, work.data()}));
+    for (int i = 0; i < kDof<K>; ++i)
+      for (int c = 0; c < kDof<K> + robot.r; ++c)
+        CHECK_NEAR(weighted.tej[i][c], paper.tej[i][c], 1e-10);
+  });
+}
+
+TEST("on the estimate, a hexapod that turns through a right angle is damped by its true twist") {
+  constexpr Mobility K = Mobility::spatial;
+  const Robot robot = hexapod("6-UPS", Actuator::telescopic).robot;
+  Prior prior(robot);
+  ControlSettings settings = settings_for(robot, Law::estimated);
+  settings.feed_forward = FeedForward::none;
+  const Joint twist{0.02, -0.01, 0.03, 0.3, -0.5, 1.0};
+  ControlState state;
+  Pose pose = moved<K>(to_pose<K>(robot.home), {0, 0, 0, 0.3, 0.2, -0.4});
+  Joint step{};
+  for (int i = 0; i < 6; ++i) step[i] = twist[i] * settings.period;
+  for (int k = 0; k < 600; ++k) {
+    Setpoint setpoint{to_coordinates<K>(pose), twist, {}};
+    Extended q_e{};
+    CHECK(extended<K>(robot, pose, q_e));
+    CHECK(control(robot, settings, setpoint, q_e, state, prior.weighing()));
+    pose = moved<K>(pose, step);
+  }
+  for (int i = 0; i < 6; ++i) CHECK_NEAR(state.rate[i], twist[i], 1e-6);
 }
 
 TEST("settle() never calls a NaN settled") {

@@ -19,12 +19,12 @@ struct Cycle {
 };
 
 long run_control(const Robot& robot, const ControlSettings& settings,
-                 const std::vector<Cycle>& cycles, ControlState& state) noexcept
-    [[clang::nonblocking]] {
+                 const std::vector<Cycle>& cycles, ControlState& state,
+                 const Weighing& weighing) noexcept [[clang::nonblocking]] {
   long failures = 0;
   const Cycle* cycle = cycles.data();
   for (std::size_t k = 0; k < cycles.size(); ++k)
-    if (!control(robot, settings, cycle[k].setpoint, cycle[k].q_e, state)) ++failures;
+    if (!control(robot, settings, cycle[k].setpoint, cycle[k].q_e, state, weighing)) ++failures;
   return failures;
 }
 
@@ -69,6 +69,7 @@ TEST("no law and no model blocks, on any mechanism") {
     constexpr Mobility K = mobility();
     Robot robot = mechanism.robot;
     robot.r = 2;
+    Prior prior(robot);
     check::Random random(81);
     std::vector<Cycle> cycles(2000);
     for (Cycle& cycle : cycles) {
@@ -78,14 +79,15 @@ TEST("no law and no model blocks, on any mechanism") {
       const Pose pose = nearby<K>(to_pose<K>(cycle.setpoint.x), random, 1e-3);
       CHECK(extended<K>(robot, pose, cycle.q_e));
     }
-    for (const Law law : {Law::joint, Law::redundant, Law::cartesian}) {
+    for (const Law law :
+         {Law::joint, Law::redundant, Law::cartesian, Law::weighted, Law::estimated}) {
       if (law == Law::cartesian && K != Mobility::schoenflies && K != Mobility::translation)
         continue;
       ControlSettings settings;
       settings.law = law;
       CHECK(place_poles(robot, robot.home, 100, 1, settings));
       ControlState state;
-      CHECK(run_control(robot, settings, cycles, state) == 0);
+      CHECK(run_control(robot, settings, cycles, state, prior.weighing()) == 0);
     }
     CHECK(run_models(robot, cycles) == 0);
   });

@@ -83,6 +83,8 @@ TEST("no law allocates in a million cycles with full feed-forward, and neither d
     constexpr Mobility K = mobility();
     Robot robot = mechanism.robot;
     robot.r = 2;
+    Prior prior(robot);
+    const Weighing weighing = prior.weighing();
     // All of the cycles for the paper's robot, a tenth for each of the others.
     const long count = robot.mobility == Mobility::schoenflies ? cycles : cycles / 10;
     check::Random random(71);
@@ -94,7 +96,8 @@ TEST("no law allocates in a million cycles with full feed-forward, and neither d
       setpoints[k].acceleration = random_joint(random, 5);
       CHECK(extended<K>(robot, nearby<K>(to_pose<K>(setpoints[k].x), random, 1e-3), readings[k]));
     }
-    for (const Law law : {Law::joint, Law::redundant, Law::cartesian}) {
+    for (const Law law :
+         {Law::joint, Law::redundant, Law::cartesian, Law::weighted, Law::estimated}) {
       if (law == Law::cartesian && K != Mobility::schoenflies && K != Mobility::translation)
         continue;
       ControlSettings settings;
@@ -105,7 +108,7 @@ TEST("no law allocates in a million cycles with full feed-forward, and neither d
       const long before = allocations;
       for (long cycle = 0; cycle < count; ++cycle) {
         const std::size_t k = cycle % setpoints.size();
-        if (!control(robot, settings, setpoints[k], readings[k], state)) ++failures;
+        if (!control(robot, settings, setpoints[k], readings[k], state, weighing)) ++failures;
       }
       CHECK(allocations == before);
       CHECK(failures == 0);

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import _core
+from truepose import _core, knowledge
+from truepose.simulations import LAWS
 
 OK, UNREACHABLE, NOT_FINITE = "ok", "unreachable", "not finite"
 X_D = [0.02, 0.01, -0.42, 0.1]
@@ -22,10 +23,13 @@ class Drive:
         self.robot = robot
         self.settings = tp.Controller(law=law, **settings).settings(robot, robot.home)
         self.state = _core.ControlState()
+        self.known = knowledge.for_law(robot, law)
 
     def step(self, x, q_e, rate=(0, 0, 0, 0), acceleration=(0, 0, 0, 0)) -> str:
         setpoint = [padded(v, 6) for v in (x, rate, acceleration)]
-        status, _ = self.state.step(self.robot._core, self.settings, *setpoint, padded(q_e, 16))
+        status, _ = self.state.step(
+            self.robot._core, self.settings, *setpoint, padded(q_e, 16), self.known
+        )
         return _core.describe(status)
 
     @property
@@ -33,7 +37,7 @@ class Drive:
         return np.array(self.state.torque)[:4]
 
 
-@pytest.fixture(params=["joint", "redundant", "cartesian"])
+@pytest.fixture(params=LAWS)
 def drive(request, h4) -> Drive:
     """Return a controller that has done one good cycle, a little off its setpoint."""
     drive = Drive(h4, request.param, integral=5)
@@ -121,4 +125,20 @@ def test_cartesian_control_pushes_by_j_inverse_of_the_pose_error(h4):
     x = np.array(X_D) + np.array([1e-3, 2e-3, -1e-3, 4e-3])
     drive.step(X_D, h4.extended(x))
     expected = np.linalg.solve(h4.jacobian(X_D), X_D - x)
+    assert np.array(drive.state.error)[:4] == pytest.approx(expected, abs=1e-12)
+
+
+def test_weighted_control_pushes_by_the_weighted_tej_of_the_extended_error(h4):
+    drive = Drive(h4, "weighted", feed_forward="none")
+    e = np.array([1e-3, -2e-3, 0, 3e-3, 5e-3])
+    drive.step(X_D, h4.extended(X_D) - e)
+    expected = h4.weighted_tej(X_D) @ e
+    assert np.array(drive.state.error)[:4] == pytest.approx(expected, abs=1e-12)
+
+
+def test_control_on_the_estimate_pushes_by_j_inverse_of_its_error(h4):
+    drive = Drive(h4, "estimated", feed_forward="none")
+    readings = h4.extended(X_D) - np.array([1e-3, -2e-3, 0, 3e-3, 5e-3])
+    drive.step(X_D, readings)
+    expected = np.linalg.solve(h4.jacobian(X_D), X_D - h4.estimate(readings, guess=X_D).x)
     assert np.array(drive.state.error)[:4] == pytest.approx(expected, abs=1e-12)

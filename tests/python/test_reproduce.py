@@ -49,12 +49,14 @@ def test_the_folder_holds_page_figures_and_numbers_and_nothing_else(made):
         "figure-12",
         "figure-13",
         "cartesian",
+        "self-calibrated",
         "poses",
         "ratios",
         "rest",
     ]
-    numbers = ["table3_one_robot", "table3_robots", "gains", "moves", "dynamics_check"]
+    numbers = ["table3_one_robot", "table3_robots", "gains", "moves", "dynamics_check", "sensing"]
     numbers += ["statistics", "poses", "figure-11", "figure-12", "figure-13", "cartesian"]
+    numbers.append("self-calibrated")
     expected = {"report.html"} | {f"{name}.csv" for name in numbers}
     expected |= {f"{name}.{kind}" for name in pictures for kind in ("svg", "png")}
     assert {file.name for file in out.iterdir()} == expected
@@ -75,14 +77,14 @@ def test_the_page_stands_alone(made):
 def test_the_csv_hold_the_numbers_behind_the_tables(made):
     _, out = made
     statistics = rows(out / "statistics.csv")
-    assert len(statistics) == 8 * 3 * 5 * 4
+    assert len(statistics) == 8 * 5 * 5 * 4
     poses = rows(out / "poses.csv")
     assert len(poses) == 625
     theta = np.array([float(pose["error_redundant_theta_deg"]) for pose in poses])
     kept = next(
         float(row["value"])
         for row in statistics
-        if (row["robot"], row["law"], row["quantity"], row["statistic"])
+        if (row["robot"], row["control"], row["quantity"], row["statistic"])
         == ("0", "redundant", "theta", "sum_sq")
     )
     assert kept == pytest.approx((theta**2).sum(), rel=1e-12)

@@ -7,8 +7,7 @@ import pytest
 
 import truepose as tp
 from truepose import paper_data
-
-LAWS = ("joint", "redundant", "cartesian")
+from truepose.simulations import LAWS
 
 
 def weightless(robot: tp.Robot) -> tp.Robot:

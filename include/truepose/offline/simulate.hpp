@@ -30,7 +30,8 @@ struct Sample {
 /// @return the first failure and what the log holds up to it, or ok
 template <Mobility K, class Write>
 inline Outcome simulate(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
-                        const Run& run, const Joint& start, Write&& write) {
+                        const Run& run, const Joint& start, Write&& write,
+                        const Weighing& weighing = {}) {
   PlantState plant{to_pose<K>(start), {}};
   ControlState state;
   Random random(run.seed);
@@ -40,7 +41,7 @@ inline Outcome simulate(const Robot& nominal, const Robot& truth, const ControlS
     const Setpoint setpoint = quintic<K>(run.from, run.to, run.duration, time);
     Extended q_e{};
     Outcome outcome = measure<K>(truth, plant.pose, random, q_e);
-    if (outcome) outcome = control<K>(nominal, settings, setpoint, q_e, state);
+    if (outcome) outcome = control<K>(nominal, settings, setpoint, q_e, state, weighing);
     if (!outcome) return outcome;
     write(Sample{time, setpoint.x, to_coordinates<K>(plant.pose), q_e, state.error, state.torque,
                  outcome.status});

@@ -17,14 +17,15 @@ inline constexpr int kSettleIterations = 100;
 /// Pose where the true robot settles when the nominal controller is asked for x_d. Quasi-Newton
 /// on the motor error with the nominal J: each step removes all but the few per cent by which the
 /// true robot's J differs. Unquantised readings.
-/// @param x  out
+/// @param x         out
+/// @param weighing  of the nominal robot, for the laws `weighted` and `estimated`
 template <Mobility K>
 inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSettings& settings,
-                      const Joint& x_d, Joint& x) {
+                      const Joint& x_d, Joint& x, const Weighing& weighing = {}) {
   constexpr int n = kDof<K>;
   const Law law = settings.control.law;
   Reference<K> reference;
-  Outcome outcome = refer<K>(nominal, law, x_d, reference, settings.control.damped_below);
+  Outcome outcome = refer<K>(nominal, law, x_d, reference, settings.control.damped_below, weighing);
   if (!outcome) return outcome;
   const Outcome regular = outcome;
   const auto hold = [](const Robot& robot, const Closure<K>& closure,
@@ -52,8 +53,8 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
     for (int i = 0; i < n; ++i) q_e[i] = closure.chain[i].q;
     for (int k = 0; k < truth.r; ++k) q_e[n + k] = r[k];
     Joint error{};
-    Pose estimate;
-    outcome = motor_error<K>(nominal, law, reference, q_e, error, estimate);
+    Pose found;
+    outcome = motor_error<K>(nominal, law, reference, q_e, error, found, weighing);
     if (!outcome) return outcome;
     if (settings.gravity) {
       Jacobians<K> jacobians;
@@ -79,6 +80,47 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
     last = size;
   }
   return {Status::unreachable, -1};
+}
+
+/// How an error of one reading leaks into the pose at which a robot without other errors rests:
+/// δx = leakage δq_e, n×(n + r), to first order; δx along the free twist.
+///
+/// At rest ê_q(x_d, q_e) = 0, and every law sees the joint error in readings that agree,
+/// ∂ê_q/∂q_e H_x = -J⁻¹. With q_e = h(x) + δq_e therefore δx = J ∂ê_q/∂q_e δq_e: -[J 0] under the
+/// joint law, -J M⁺ under a TEJ, -∂x̂/∂q_e under a law of the pose. For `estimated` that is the
+/// gain of the fused readings, J times the weighted TEJ: both laws leak alike.
+template <Mobility K>
+inline Outcome leakage(const Robot& robot, Law law, const Joint& x, ExtendedRows& leak,
+                       const Weighing& weighing = {}) {
+  constexpr int n = kDof<K>;
+  constexpr double kStep = 1e-6;  // rad or m, of the closed FKM's central difference
+  Reference<K> reference;
+  const Outcome outcome =
+      refer<K>(robot, law == Law::estimated ? Law::weighted : law, x, reference, 0, weighing);
+  if (!outcome) return outcome;
+  leak = {};
+  for (int c = 0; c < n + robot.r; ++c) {
+    if (law == Law::cartesian) {
+      Joint change[2];
+      for (const double side : {-1.0, 1.0}) {
+        Extended q_e{};
+        for (int i = 0; i < n; ++i) q_e[i] = reference.closure.chain[i].q;
+        for (int k = 0; k < robot.r; ++k) q_e[n + k] = reference.r[k];
+        q_e[c] += side * kStep;
+        Pose found;
+        const Outcome there = redundant_fkm<K>(robot, q_e, reference.closure.pose.D, found);
+        if (!there) return there;
+        change[side > 0] = difference<K>(found, reference.closure.pose);
+      }
+      for (int i = 0; i < n; ++i) leak[i][c] = (change[0][i] - change[1][i]) / (2 * kStep);
+    } else if (law == Law::joint) {
+      for (int i = 0; i < n && c < n; ++i) leak[i][c] = -reference.jacobians.J[i][c];
+    } else {
+      for (int i = 0; i < n; ++i)
+        for (int j = 0; j < n; ++j) leak[i][c] -= reference.jacobians.J[i][j] * reference.tej[j][c];
+    }
+  }
+  return {};
 }
 
 }  // namespace truepose

@@ -1,0 +1,98 @@
+"""The same sensors, used fully: what do sets of them give, under each use of their readings?"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from truepose import experiment, paper_data
+from truepose.bound import accuracy
+from truepose.errors import with_tolerance_errors
+from truepose.experiment import Control
+from truepose.robot import Array, Robot
+from truepose.schema import Tolerance
+
+#: Sensors of the H4's file that go with its motors.
+SETS: dict[str, tuple[str, ...]] = {
+    "motors + θ": ("theta",),
+    "motors + θ + z telemeter": ("theta", "z_telemeter"),
+    "motors + θ + four elbow angles": ("theta", "elbow1", "elbow2", "elbow3", "elbow4"),
+    "motors + θ + three draw-wires": ("theta", "wire1", "wire2", "wire3"),
+}
+CONTROLS: tuple[Control, ...] = ("joint", "redundant", "weighted", "self-calibrated")
+ROBOTS = 12  #: at most, for each set
+MACHINED = 1e-4  #: m; rods and arms of ordinary machining are within this of the drawing, assumed
+EVERY = 6  #: robots calibrate themselves at all of Table 2's poses and are judged at every so many
+
+
+@dataclass(frozen=True)
+class Line:
+    """Position errors of many robots with one set of sensors: root mean squares, mm."""
+
+    tolerances: str
+    sensors: str
+    robots: int
+    rms: dict[Control, float]
+    bound: float  #: of the self-calibrated control
+
+
+def tolerances(robot: Robot) -> dict[str, Robot]:
+    """Return the robot under the tolerances of its file, and under those of ordinary machining."""
+    within = Tolerance(interval=(-MACHINED, MACHINED))
+    file = robot.spec.tolerances
+    machined = file | {name: within for name in file if name.endswith((".rod", ".arm"))}
+    return {
+        "the paper's": robot,
+        "machining": Robot(robot.spec.model_copy(update={"tolerances": machined})),
+    }
+
+
+def total_steps(robots: int) -> int:
+    """How often `progress` will be called."""
+    return 2 * len(SETS) * min(robots, ROBOTS)
+
+
+def compare(
+    robot: Robot, robots: int, seed: int, progress: Callable[[], None] = lambda: None
+) -> list[Line]:
+    """Settle robots drawn from the tolerances under each control, with each set of sensors.
+
+    Parameters
+    ----------
+    robot : Robot
+        The H4, with the sensors of `SETS` in its file.
+    robots : int
+        True robots to draw for each set, at most `ROBOTS` of them.
+    seed : int
+        Of the draw, the same robots for every set.
+    progress : callable
+        Called after each robot.
+    """
+    visited = paper_data.table2()
+    poses = visited[::EVERY]
+    count = min(robots, ROBOTS)
+    lines = []
+    for name, nominal in tolerances(robot).items():
+        for label, sensors in SETS.items():
+            drawn = nominal.with_sensors(*sensors)
+
+            def errors(source, drawn=drawn) -> dict[Control, Array]:
+                truth = with_tolerance_errors(drawn, source)
+                found = experiment.rest(drawn, truth, poses, visited, CONTROLS)
+                return {control: (x - poses)[:, :3] for control, x in found.items()}
+
+            found = []
+            for result in experiment.each(errors, np.random.SeedSequence(seed).spawn(count)):
+                found.append(result)
+                progress()
+            rms = {c: _rms(np.array([result[c] for result in found])) for c in CONTROLS}
+            P = accuracy(drawn, poses, calibrated_on=visited)
+            bound = float(1e3 * np.sqrt(np.trace(P[:, :3, :3], axis1=1, axis2=2).mean()))
+            lines.append(Line(name, label, count, rms, bound))
+    return lines
+
+
+def _rms(error: Array) -> float:
+    return float(1e3 * np.sqrt((error**2).sum(axis=-1).mean()))

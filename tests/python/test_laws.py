@@ -1,0 +1,137 @@
+"""What do the laws that weigh their readings reach, and how do errors of readings leak through?"""
+
+import numpy as np
+import pytest
+
+import truepose as tp
+from truepose import experiment, sensing
+from truepose.errors import with_tolerance_errors
+from truepose.simulations import LAWS
+
+ROBOTS = 12  # drawn for each figure; their error is nearly one offset each
+
+
+def measured(robot: tp.Robot, law: str) -> bool:
+    """Whether the law can be run: the Cartesian one needs an orientation."""
+    if law != "cartesian":
+        return True
+    try:
+        robot.require_orientation()
+    except tp.InputError:
+        return False
+    return True
+
+
+def read_wrong(robot: tp.Robot, reading: int, error: float) -> tp.Robot:
+    """Return a robot whose reading is too large by `error`: reading = position - offset."""
+    names = [f"chain{i + 1}.encoder_offset" for i in range(robot.n)]
+    names += [f"{sensor}.offset" for sensor in robot.sensors]
+    return robot.replace({names[reading]: robot.parameters[names[reading]].value - error})
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_an_error_of_a_reading_leaks_into_the_pose_as_foretold(any_robot, law):
+    if not measured(any_robot, law):
+        pytest.skip("no orientation measured")
+    robot, size = any_robot, 1e-5
+    leak = robot.leakage(robot.home, law)
+    assert leak.shape == (robot.n, robot.n + robot.r)
+    for reading in range(robot.n + robot.r):
+        ends = [
+            tp.settle(robot, read_wrong(robot, reading, e), robot.home, law) for e in (size, -size)
+        ]
+        assert (ends[0] - ends[1]) / (2 * size) == pytest.approx(leak[:, reading], abs=1e-5)
+
+
+@pytest.mark.parametrize("sensors", [["theta"], ["theta", "z_telemeter"], ["theta", "wire1"]])
+def test_tej_and_estimate_with_the_same_weights_leak_alike(h4, table2, sensors):
+    robot = h4.with_sensors(*sensors)
+    leak = robot.leakage(table2, "weighted")
+    assert np.array_equal(leak, robot.leakage(table2, "estimated"))
+    J = robot.jacobian(table2)
+    assert leak == pytest.approx(-J @ robot.weighted_tej(table2), abs=1e-9)
+    assert robot.leakage(table2, "redundant") == pytest.approx(-J @ robot.tej(table2)[1], abs=1e-9)
+
+
+def test_no_motor_leaks_into_a_theta_that_is_measured_well(h4, table2):
+    """The paper's TEJ lets through 1/(1 + |j|²) of it; known weights do not."""
+    share = np.abs(h4.leakage(table2, "weighted")[:, 3, :4]).max()
+    assert share < 1e-3 * np.abs(h4.leakage(table2, "redundant")[:, 3, :4]).max()
+
+
+def test_at_rest_the_weighted_motor_error_vanishes_and_the_estimate_is_the_setpoint(
+    h4, truth, table2
+):
+    poses = table2[::25]
+    read = truth.extended(tp.settle(h4, truth, poses, "weighted"))
+    error = np.einsum("...ij,...j", h4.weighted_tej(poses), h4.extended(poses) - read)
+    assert np.abs(error).max() < 1e-12
+    read = truth.extended(tp.settle(h4, truth, poses, "estimated"))
+    assert h4.estimate(read, guess=poses).x == pytest.approx(poses, abs=1e-9)
+
+
+@pytest.mark.parametrize("law", ["weighted", "estimated"])
+def test_a_robot_without_tolerances_weighs_by_counts_alone(h4, law):
+    exact = tp.Robot(h4.spec.model_copy(update={"tolerances": {}}))
+    longer = exact.replace({"chain1.rod": 0.4801})
+    x_d = np.array([0.02, 0, -0.4, 0.1])
+    assert abs(tp.settle(exact, longer, x_d, law)[3] - 0.1) < abs(
+        tp.settle(exact, longer, x_d, "joint")[3] - 0.1
+    )
+
+
+@pytest.mark.parametrize("law", ["weighted", "estimated"])
+def test_every_robot_can_be_moved_on_its_weighed_readings(any_robot, law, anywhere, rng):
+    end = anywhere(any_robot, 1, rng)[0]
+    robot = any_robot.unquantised()
+    run = tp.simulate(robot, controller=law, start=robot.home, end=(robot.home + end) / 2)
+    assert np.abs(run.error[-1]).max() < 1e-5
+
+
+def test_a_law_that_nobody_knows_is_named(h4):
+    with pytest.raises(tp.InputError, match=r"^unknown law 'wieghted'; did you mean 'weighted'\?"):
+        h4.leakage(h4.home, "wieghted")
+
+
+def quantised_at_rest(robot: tp.Robot, rng: np.random.Generator) -> tp.Robot:
+    """Return a robot whose readings are each off by up to half a count."""
+    for reading, count in enumerate(robot.resolution):
+        robot = read_wrong(robot, reading, count * rng.uniform(-0.5, 0.5))
+    return robot
+
+
+@pytest.mark.parametrize(("sensors", "gain"), [(["theta"], 9), (["theta", "z_telemeter"], 25)])
+def test_self_calibrated_control_takes_the_true_robot_to_the_bound(h4, table2, sensors, gain):
+    """Its true pose errors are as small as those of the estimates were foretold to be."""
+    robot, poses = h4.with_sensors(*sensors), table2[::6]
+    usual, learnt = [], []
+    for source in np.random.SeedSequence(7).spawn(ROBOTS):
+        draw, counts = source.spawn(2)
+        true = with_tolerance_errors(robot, draw)
+        believed = experiment.self_calibrated(robot, true, table2)
+        real = quantised_at_rest(true, np.random.default_rng(counts))
+        usual.append(tp.settle(robot, real, poses, "joint") - poses)
+        learnt.append(tp.settle(believed, real, poses, "estimated") - poses)
+    square = [(np.array(e)[..., :3] ** 2).sum(axis=-1).mean() for e in (usual, learnt)]
+    bound = np.trace(tp.accuracy(robot, poses, calibrated_on=table2)[:, :3, :3], axis1=1, axis2=2)
+    assert np.sqrt(square[0] / square[1]) > gain * 0.75  # few robots: their rms spreads
+    assert 0.7 < np.sqrt(square[1] / bound.mean()) < 1.3
+
+
+def test_a_simulated_move_ends_where_self_calibrated_statics_say_within_counts(h4, truth, table2):
+    believed = experiment.self_calibrated(h4, truth, table2)
+    run = tp.simulate(believed, truth, "estimated")
+    rest = tp.settle(believed, truth, run.x_d[-1], "estimated")
+    usual = tp.simulate(h4, truth, "joint")
+    assert np.abs(run.x[-100:] - rest)[:, :3].max() < 2e-4
+    assert np.linalg.norm(run.error[-1, :3]) < np.linalg.norm(usual.error[-1, :3]) / 5
+
+
+def test_sets_of_sensors_are_compared_on_the_same_robots(h4):
+    lines = sensing.compare(h4, robots=2, seed=1)
+    assert len(lines) == 2 * len(sensing.SETS)
+    for line in lines:
+        assert line.rms["self-calibrated"] < line.rms["weighted"] < line.rms["joint"]
+    papers = [line for line in lines if line.tolerances == "the paper's"]
+    assert len({line.rms["joint"] for line in papers}) == 1
+    assert papers[0].bound > papers[1].bound
