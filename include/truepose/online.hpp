@@ -89,9 +89,14 @@ inline Outcome observe(const Robot& drawn, const OnlineSettings& settings, const
   set_parameters(drawn, settings.linearised ? settings.linearised : state.xi, robot);
   Joint q{};
   for (int i = 0; i < n; ++i) q[i] = q_e[i];
-  Pose at = pose;
-  if (const Status status = Model::template fkm<K>(robot, q, at); status != Status::ok)
-    return {status, -1};
+  Pose at;
+  Status status = Status::ok;
+  for (const Pose& from : {pose, to_pose<K>(robot.home)}) {
+    at = from;
+    status = Model::template fkm<K>(robot, q, at);
+    if (status == Status::ok) break;
+  }
+  if (status != Status::ok) return {status, -1};
 
   RowsOfPose A;
   std::array<double, kMaxRows> e;

@@ -7,6 +7,7 @@ from truepose.bound import accuracy
 from truepose.calibration import Fit, calibrate
 from truepose.errors import with_paper_errors
 from truepose.exceptions import InputError, PoseError, RobotFileError, TrueposeError
+from truepose.online import OnlineCalibration
 from truepose.robot import Estimate, Parameter, Robot, load, robots
 from truepose.simulations import Controller, Simulation, settle, simulate
 
@@ -16,6 +17,7 @@ __all__ = [
     "Estimate",
     "Fit",
     "InputError",
+    "OnlineCalibration",
     "Parameter",
     "PoseError",
     "Robot",

@@ -195,10 +195,7 @@ def calibrate(
     outside, outside_sigma = _measured(robot, measured, measured_sigma, len(rows))
     prior = robot.with_calibration(robot.spec.calibration)
     column = dict(columns(robot.spec, robot._sensors))
-    mean = robot._drawn.drawn_parameters()
-    for name, k in column.items():
-        if name in prior.parameters:
-            mean[k] = prior.parameters[name].mean
+    mean = mean_of(robot)
 
     def search(guarded: bool):
         known = knowledge.knowledge(robot, guarded=guarded)
@@ -240,15 +237,12 @@ def calibrate(
             f"{robot.name}: {len(rows)} lines of readings: nothing to learn from: none has a "
             "reading beyond those that its pose takes"
         )
-    best = tuple(float(xi[column[name]]) for name in names)
-    lower = _cholesky(covariance)
     error = knowledge.model_error(robot)
-    learnt = Calibration(
-        source=f"{int((lines == 0).sum())} poses, {', '.join(robot.sensors) or 'no sensor'}",
-        parameters=tuple(names),
-        mean=best,
-        root=tuple(tuple(map(float, lower[k, : k + 1])) for k in range(len(names))),
-        model_error=dict(zip(robot.readings, error.tolist(), strict=True)) if guarded else {},
+    learnt = calibration_of(
+        {name: float(xi[column[name]]) for name in names},
+        _cholesky(covariance),
+        f"{int((lines == 0).sum())} poses, {', '.join(robot.sensors) or 'no sensor'}",
+        dict(zip(robot.readings, error.tolist(), strict=True)) if guarded else {},
     )
     calibrated = robot.with_calibration(learnt)
     expected = calibrated.extended(x, errors="nan", level=level)
@@ -268,6 +262,31 @@ def calibrate(
         iterations=iterations,
         cost=found[-1],
         guarded=guarded,
+    )
+
+
+def mean_of(robot: Robot) -> Array:
+    """ξ at the prior means, in the core's order."""
+    mean, known = robot._drawn.drawn_parameters(), robot.parameters
+    for name, column in columns(robot.spec, robot._sensors):
+        if name in known:
+            mean[column] = known[name].mean
+    return mean
+
+
+def calibration_of(
+    values: dict[str, float],
+    root: Array,
+    source: str,
+    model_error: dict[str, float] | None = None,
+) -> Calibration:
+    """Return what a robot file keeps of a calibration: values, and their covariance root·rootᵀ."""
+    return Calibration(
+        source=source,
+        parameters=tuple(values),
+        mean=tuple(values.values()),
+        root=tuple(tuple(map(float, root[k, : k + 1])) for k in range(len(values))),
+        model_error=model_error or {},
     )
 
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import fnmatch
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core, knowledge
 from truepose.build import Array, columns
 from truepose.calibration import Learnt, calibration_of, mean_of
-from truepose.exceptions import InputError
+from truepose.exceptions import InputError, choose
 from truepose.robot import Errors, Level, Robot
 
 
@@ -61,10 +63,6 @@ class OnlineCalibration:
         self._start(mean_of(robot))
 
     def _rates(self, drift: dict[str, float] | None) -> list[float]:
-        import fnmatch
-
-        from truepose.exceptions import choose
-
         if not drift:
             return []
         rates = dict.fromkeys(self._names, 0.0)
@@ -140,7 +138,7 @@ class OnlineCalibration:
     def robot(self) -> Robot:
         """The robot as it is known now; its estimates count with what is still open."""
         return self._robot.with_calibration(
-            calibration_of(self._names, self._values(), self._filter.root, "online")
+            calibration_of(self._values(), self._filter.root, "online")
         )
 
     def _values(self) -> dict[str, float]:
