@@ -7,6 +7,7 @@
 
 #include "arrays.hpp"
 #include "for_rows.hpp"
+#include "instances.hpp"
 #include "known.hpp"
 #include "truepose/full_linearise.hpp"
 #include "truepose/offline/simulate.hpp"
