@@ -71,6 +71,7 @@ inline Vector row(const Rows& rows, std::size_t i) {
   return result;
 }
 
+void bind_control(nb::module_& module);
 void bind_batch(nb::module_& module);
 void bind_calibration(nb::module_& module);
 

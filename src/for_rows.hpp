@@ -1,15 +1,17 @@
-// Who does which row? A batch is cut into equal parts, one for each core that this process may use.
+// Who does which row, and where do its results go? A batch is cut into equal parts, one for each
+// core that this process may use.
 #pragma once
 
-#include <nanobind/nanobind.h>
-
 #include <algorithm>
+#include <cmath>
 #include <system_error>
 #include <thread>
 #include <vector>
 #if defined(__linux__)
 #include <sched.h>
 #endif
+
+#include "arrays.hpp"
 
 namespace truepose::python {
 
@@ -29,7 +31,7 @@ inline std::size_t available_cores() {
 /// many. f writes to row i alone, so that the results are the same on any number of threads.
 template <class F>
 void for_rows(std::size_t count, F&& f) {
-  const nanobind::gil_scoped_release release;
+  const nb::gil_scoped_release release;
   const std::size_t parts =
       std::max<std::size_t>(1, std::min(available_cores(), count / kRowsPerThread));
   const auto do_part = [&](std::size_t part) {
@@ -44,6 +46,29 @@ void for_rows(std::size_t count, F&& f) {
     }
   do_part(0);
   for (std::thread& other : others) other.join();
+}
+
+/// The used part of a matrix of fixed capacity, or NaN where there is none.
+template <class M>
+void write(const M& matrix, std::size_t rows, std::size_t columns, Outcome outcome, double* out) {
+  for (std::size_t i = 0; i < rows; ++i)
+    for (std::size_t j = 0; j < columns; ++j) *out++ = outcome ? matrix[i][j] : NAN;
+}
+
+/// Calls `f(x, out)` for each row of `in` and collects n_out values and the outcome.
+template <class In, class Out, class F>
+auto map_rows(const Rows& in, std::size_t n_out, F&& f) {
+  const std::size_t count = in.shape(0);
+  Owned<double> values({count, n_out});
+  Outcomes outcomes(count);
+  for_rows(count, [&](std::size_t i) {
+    Out out{};
+    const Outcome outcome = f(row<In>(in, i), out, i);
+    outcomes.set(i, outcome);
+    if (!outcome) out.fill(NAN);
+    std::copy_n(out.data(), n_out, values[i]);
+  });
+  return nb::make_tuple(values.release(), outcomes.status.release(), outcomes.chain.release());
 }
 
 }  // namespace truepose::python

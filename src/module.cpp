@@ -5,8 +5,6 @@
 #include <nanobind/stl/pair.h>
 
 #include "arrays.hpp"
-#include "known.hpp"
-#include "truepose/control.hpp"
 #include "truepose/full.hpp"
 #include "truepose/geometry.hpp"
 
@@ -161,51 +159,6 @@ void bind_robot(nb::module_& m) {
         if (outcome) outcome = finish_full(robot);
         return std::pair(static_cast<int>(outcome.status), outcome.chain);
       });
-}
-
-void bind_control(nb::module_& m) {
-  nb::enum_<Law>(m, "Law")
-      .value("joint", Law::joint)
-      .value("redundant", Law::redundant)
-      .value("cartesian", Law::cartesian)
-      .value("weighted", Law::weighted)
-      .value("estimated", Law::estimated);
-  nb::enum_<FeedForward>(m, "FeedForward")
-      .value("none", FeedForward::none)
-      .value("gravity", FeedForward::gravity)
-      .value("full", FeedForward::full);
-  nb::class_<ControlSettings>(m, "ControlSettings")
-      .def(nb::init<>())
-      .def_rw("law", &ControlSettings::law)
-      .def_rw("feed_forward", &ControlSettings::feed_forward)
-      .def_rw("period", &ControlSettings::period)
-      .def_rw("velocity_bandwidth", &ControlSettings::velocity_bandwidth)
-      .def_rw("damped_below", &ControlSettings::damped_below)
-      .def_rw("kp", &ControlSettings::kp)
-      .def_rw("kd", &ControlSettings::kd)
-      .def_rw("ki", &ControlSettings::ki)
-      .def("place_poles", [](ControlSettings& settings, const Robot& robot, const Joint& x,
-                             double frequency, double damping) {
-        const Outcome outcome = place_poles(robot, x, frequency, damping, settings);
-        return std::pair(static_cast<int>(outcome.status), outcome.chain);
-      });
-  nb::class_<ControlState>(m, "ControlState")
-      .def(nb::init<>())
-      .def_ro("torque", &ControlState::torque)
-      .def_ro("error", &ControlState::error)
-      .def_ro("rate", &ControlState::rate)
-      .def(
-          "step",
-          [](ControlState& state, const Robot& robot, const ControlSettings& settings,
-             const Joint& x, const Joint& rate, const Joint& acceleration, const Extended& q_e,
-             const Known* known) {
-            const Weights weights(robot, known);
-            const Outcome outcome =
-                control(robot, settings, {x, rate, acceleration}, q_e, state, weights.view());
-            return std::pair(static_cast<int>(outcome.status), outcome.chain);
-          },
-          nb::arg("robot"), nb::arg("settings"), nb::arg("x"), nb::arg("rate"),
-          nb::arg("acceleration"), nb::arg("q_e"), nb::arg("known").none() = nb::none());
 }
 
 }  // namespace

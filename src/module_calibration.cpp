@@ -5,6 +5,7 @@
 #include <nanobind/stl/vector.h>
 
 #include "arrays.hpp"
+#include "instances.hpp"
 #include "known.hpp"
 #include "truepose/offline/bound.hpp"
 #include "truepose/offline/calibrate.hpp"
@@ -177,7 +178,7 @@ auto batch_accuracy(const Robot& robot, const Known& known, const Rows& x, const
     nb::gil_scoped_release release;
     std::vector<double> work;
     const Knowledge knowledge = known.view();
-    PoseError<K> there, here;
+    PoseError there, here;
     Outcome first;
     const bool touch = touched.shape(0) > 0;
     if (touch)
@@ -188,9 +189,9 @@ auto batch_accuracy(const Robot& robot, const Known& known, const Rows& x, const
       if (outcome)
         outcome = pose_error<K, Level>(robot, knowledge, to_pose<K>(row<Joint>(x, i)), work, here);
       outcomes.set(i, outcome);
-      Eigen::Matrix<double, kDof<K>, kDof<K>, Eigen::RowMajor> P;
+      RowMatrix P;
       if (!outcome) {
-        P.setConstant(NAN);
+        P.setConstant(n, n, NAN);
       } else {
         P = here.by_noise;
         if (touch) {

@@ -106,8 +106,8 @@ struct Fusion {
 /// (HᵀC⁻¹H)⁻¹HᵀC⁻¹ and (HᵀC⁻¹H)⁻¹ by LDLᵀ on the whitened rows.
 /// @return singular where the readings do not determine the pose
 template <Mobility K>
-inline Outcome fuse(const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
-                    const Matrix<kMaxReadings, kDof<K>>& H_x, Fusion<K>& fusion) {
+Outcome fuse(const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
+             const Matrix<kMaxReadings, kDof<K>>& H_x, Fusion<K>& fusion) {
   constexpr int n = kDof<K>;
   const int rows = n + robot.r;
   Matrix<kMaxReadings, n> A = H_x;
@@ -160,8 +160,8 @@ struct Estimate {
 /// @param work   estimate_work(robot, known.count) doubles
 /// @return unreachable or singular where no pose is found; the pose is then the guess
 template <Mobility K, class Level = IdealModel>
-inline Estimate<K> estimate(const Robot& robot, const Knowledge& known, const Extended& q_e,
-                            Pose& pose, double* work) {
+Estimate<K> estimate(const Robot& robot, const Knowledge& known, const Extended& q_e, Pose& pose,
+                     double* work) {
   constexpr int n = kDof<K>;
   const int rows = n + robot.r;
   Estimate<K> result;

@@ -21,7 +21,7 @@ struct FkmResult {
 ///
 /// @param pose  in: the guess; out: the pose (the last iterate if not ok)
 template <Mobility K>
-TRUEPOSE_FLATTEN inline FkmResult fkm(const Robot& robot, const Joint& q, Pose& pose) {
+TRUEPOSE_FLATTEN FkmResult fkm(const Robot& robot, const Joint& q, Pose& pose) {
   constexpr int n = kDof<K>;
   FkmResult result;
   std::array<Driven, n> driven;

@@ -206,8 +206,7 @@ inline auto with_full(const Robot& robot, Own&& own, Same&& same) {
 /// @param pose  in: the guess; out: D, R, ψ (the last iterate if not ok)
 /// The robot's full level must exist, and be its own (robot.full).
 template <Mobility K>
-inline FullResult fkm_full(const Robot& robot, const Joint& q, FullPose& pose,
-                           FullClosure<K>& closure) {
+FullResult fkm_full(const Robot& robot, const Joint& q, FullPose& pose, FullClosure<K>& closure) {
   closure.pose = pose;
   closure.q = q;
   for (int i = 0; i < kDof<K>; ++i) {
@@ -230,7 +229,7 @@ inline FullResult fkm_full(const Robot& robot, const Joint& q, FullPose& pose,
 /// Which motor positions, tilt and bars' turns hold D and θ (of a translation robot: D), all rods
 /// closed. Starts at the ideal inverse model.
 template <Mobility K>
-inline FullResult ikm_full(const Robot& robot, const Pose& pose, FullClosure<K>& closure) {
+FullResult ikm_full(const Robot& robot, const Pose& pose, FullClosure<K>& closure) {
   Closure<K> ideal;
   const Outcome outcome = ikm<K>(robot, pose, ideal);
   if (!outcome) return {outcome.status, outcome.chain, 0, 0};

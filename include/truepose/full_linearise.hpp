@@ -65,8 +65,8 @@ inline void parameter_jacobian(const Robot& robot, const FullClosure<K>& at,
 /// translation robot: D) are held, the nacelle's tilt and its bars' turns follow.
 /// @return also no_full_level (robot.full)
 template <Mobility K>
-inline Outcome linearise_full(const Robot& robot, const Pose& pose, Extended& q_e,
-                              Matrix<kMaxReadings, kDof<K>>& H_x, double* H_xi) {
+Outcome linearise_full(const Robot& robot, const Pose& pose, Extended& q_e,
+                       Matrix<kMaxReadings, kDof<K>>& H_x, double* H_xi) {
   if constexpr (!kPaired<K>) {
     if (robot.full.kind != FullKind::same) return {Status::no_full_level, -1};
     return linearise<K>(robot, pose, q_e, H_x, H_xi);

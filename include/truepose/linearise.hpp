@@ -24,8 +24,8 @@ inline void pose_rows(const Robot& robot, const Jacobians<K>& jacobians,
 /// @return unreachable; singular where J has no inverse or an arm is stretched; not_finite where
 /// a sensor has no reading or one of the derivatives is not finite
 template <Mobility K>
-inline Outcome linearise(const Robot& robot, const Pose& pose, Extended& q_e,
-                         Matrix<kMaxReadings, kDof<K>>& H_x, double* H_xi) {
+Outcome linearise(const Robot& robot, const Pose& pose, Extended& q_e,
+                  Matrix<kMaxReadings, kDof<K>>& H_x, double* H_xi) {
   constexpr int n = kDof<K>;
   Closure<K> closure;
   Jacobians<K> jacobians;

@@ -169,21 +169,15 @@ inline void sensor_columns(const Robot& robot, const std::array<Sensed, kMaxSens
   }
 }
 
-/// H_ξ = ∂[q; r]/∂ξ at a closed pose, (n + r) rows of parameter_count(robot), in memory the caller
-/// owns. Directions and normals count as free vectors: projecting them on unit length is the
-/// caller's, who knows how they were given.
-template <Mobility K>
-inline void parameter_jacobian(const Robot& robot, const Closure<K>& closure, double* H) {
-  constexpr int n = kDof<K>;
-  const int width = parameter_count(robot);
+/// The same of every mobility. @param states  of the n chains
+inline void parameter_jacobian(const Robot& robot, const Pose& pose, const ChainState* states,
+                               const std::array<Sensed, kMaxSensors>& sensed, double* H) {
+  const int n = dof(robot.mobility), width = parameter_count(robot);
   std::fill(H, H + (n + robot.r) * width, 0.0);
-  std::array<Sensed, kMaxSensors> sensed;
-  for (int k = 0; k < robot.r; ++k) sensed[k] = sense<K>(robot, robot.sensor[k], closure);
-
   for (int i = 0; i < n; ++i) {
     const Chain& chain = robot.chain[i];
-    const ChainState& state = closure.chain[i];
-    const Mat3 body = body_of(chain, closure.pose);
+    const ChainState& state = states[i];
+    const Mat3 body = body_of(chain, pose);
     for_each_variation(
         robot, i, state.p, body, state.lever, [&](int column, const Variation& change) {
           const double motor = -closure_change(state.v, state.jq, chain.rod, change) / state.jq;
@@ -200,6 +194,16 @@ inline void parameter_jacobian(const Robot& robot, const Closure<K>& closure, do
         });
   }
   sensor_columns(robot, sensed, H);
+}
+
+/// H_ξ = ∂[q; r]/∂ξ at a closed pose, (n + r) rows of parameter_count(robot), in memory the caller
+/// owns. Directions and normals count as free vectors: projecting them on unit length is the
+/// caller's, who knows how they were given.
+template <Mobility K>
+inline void parameter_jacobian(const Robot& robot, const Closure<K>& closure, double* H) {
+  std::array<Sensed, kMaxSensors> sensed;
+  for (int k = 0; k < robot.r; ++k) sensed[k] = sense<K>(robot, robot.sensor[k], closure);
+  parameter_jacobian(robot, closure.pose, closure.chain.data(), sensed, H);
 }
 
 }  // namespace truepose

@@ -47,15 +47,14 @@ inline Outcome after_visiting(const Robot& robot, const LineModel& model, const 
 
 /// Errors of x̂ at a pose: those that come from ξ, in units of the knowledge's root, and those of
 /// the readings themselves.
-template <Mobility K>
 struct PoseError {
-  Eigen::Matrix<double, kDof<K>, Eigen::Dynamic> by_geometry;  ///< n×p
-  Eigen::Matrix<double, kDof<K>, kDof<K>> by_noise;            ///< covariance
+  RowMatrix by_geometry;  ///< n×p
+  RowMatrix by_noise;     ///< covariance, n×n
 };
 
 template <Mobility K, class Level>
 inline Outcome pose_error(const Robot& robot, const Knowledge& known, const Pose& pose,
-                          std::vector<double>& work, PoseError<K>& error) {
+                          std::vector<double>& work, PoseError& error) {
   constexpr int n = kDof<K>;
   const int rows = n + robot.r, p = known.count;
   work.resize(estimate_work(robot, p));
@@ -68,7 +67,7 @@ inline Outcome pose_error(const Robot& robot, const Knowledge& known, const Pose
   if (outcome) outcome = reading_covariance(robot, known, H_xi, B, C);
   if (outcome) outcome = fuse<K>(robot, known, C, H_x, fusion);
   if (!outcome) return outcome;
-  Eigen::Matrix<double, n, Eigen::Dynamic> gain(n, rows);  // of readings in units of their σ
+  RowMatrix gain(n, rows);  // of readings in units of their σ
   for (int i = 0; i < n; ++i)
     for (int c = 0; c < rows; ++c) gain(i, c) = fusion.gain[i][c] * known.sigma[c];
   error.by_geometry.noalias() = gain * Eigen::Map<const RowMatrix>(B, rows, p);

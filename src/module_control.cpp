@@ -1,0 +1,184 @@
+// Controllers for Python, what they rest on and where they take a robot. No mathematics.
+#include <nanobind/eigen/dense.h>
+#include <nanobind/stl/array.h>
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/tuple.h>
+
+#include <vector>
+
+#include "arrays.hpp"
+#include "for_rows.hpp"
+#include "instances.hpp"
+#include "known.hpp"
+#include "truepose/offline/simulate.hpp"
+#include "truepose/offline/statics.hpp"
+
+namespace truepose::python {
+namespace {
+
+auto batch_redundant_fkm(const Robot& robot, const Rows& q_e) {
+  return map_rows<Extended, Joint>(
+      q_e, dof(robot.mobility),
+      [&](const Extended& at, Joint& x, std::size_t) { return redundant_fkm(robot, at, x); });
+}
+
+auto batch_tej(const Robot& robot, const Rows& x, double band) {
+  const std::size_t count = x.shape(0), n = x.shape(1), e = n + robot.r;
+  Owned<double> m({count, e, n}), plus({count, n, e});
+  Outcomes outcomes(count);
+  for_rows(count, [&](std::size_t i) {
+    ExtendedColumns M;
+    ExtendedRows M_plus;
+    const Outcome outcome = tej(robot, row<Joint>(x, i), M, M_plus, band);
+    outcomes.set(i, outcome);
+    write(M, e, n, outcome, m[i]);
+    write(M_plus, n, e, outcome, plus[i]);
+  });
+  return nb::make_tuple(m.release(), plus.release(), outcomes.status.release(),
+                        outcomes.chain.release());
+}
+
+/// Type 2 of every pose, then type 1 of each of its chains, (N, 1 + n).
+auto batch_conditioning(const Robot& robot, const Rows& x) {
+  return map_rows<Joint, std::array<double, 1 + kMaxDof>>(
+      x, 1 + x.shape(1), [&](const Joint& at, auto& values, std::size_t) {
+        Joint serial{};
+        const Outcome outcome = conditioning(robot, at, values[0], serial);
+        std::copy(serial.begin(), serial.end(), values.begin() + 1);
+        return outcome;
+      });
+}
+
+auto batch_settle(const Robot& nominal, const Robot& truth, const ControlSettings& control,
+                  const Known* known, bool gravity, const Rows& x_d) {
+  const StaticsSettings settings{control, gravity};
+  return with_mobility(nominal.mobility, [&](auto mobility) {
+    return map_rows<Joint, Joint>(x_d, x_d.shape(1), [&](const Joint& at, Joint& x, std::size_t) {
+      return settle<mobility()>(nominal, truth, settings, at, x, Weights(nominal, known).view());
+    });
+  });
+}
+
+/// ∂x/∂q_e of a robot at rest under a law, (N, n, n + r).
+auto batch_leakage(const Robot& robot, Law law, const Known* known, const Rows& x) {
+  const std::size_t n = x.shape(1), e = n + robot.r;
+  Owned<double> leak({x.shape(0), n, e});
+  Outcomes outcomes(x.shape(0));
+  with_mobility(robot.mobility, [&](auto mobility) {
+    for_rows(x.shape(0), [&](std::size_t i) {
+      const Weights weights(robot, known);
+      ExtendedRows rows{};
+      const Outcome outcome =
+          leakage<mobility()>(robot, law, row<Joint>(x, i), rows, weights.view());
+      outcomes.set(i, outcome);
+      for (std::size_t k = 0; k < n * e; ++k) leak[i][k] = outcome ? rows[k / e][k % e] : NAN;
+    });
+  });
+  return nb::make_tuple(leak.release(), outcomes.status.release(), outcomes.chain.release());
+}
+
+/// Exact readings (N, n + r) as real encoders give them: with noise, in counts.
+auto batch_spoil(const Robot& robot, const Rows& exact, std::uint64_t seed) {
+  const std::size_t count = exact.shape(0), width = exact.shape(1);
+  Owned<double> values({count, width});
+  Random random(seed);
+  for (std::size_t i = 0; i < count; ++i) {
+    Extended q_e = row<Extended>(exact, i);
+    spoil(robot, random, q_e);
+    std::memcpy(values[i], q_e.data(), width * sizeof(double));
+  }
+  return values.release();
+}
+
+auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
+                    const Known* known, const Joint& from, const Joint& to, double duration,
+                    double hold, int steps, const Joint& start, std::uint64_t seed) {
+  const Weights weights(nominal, known);
+  const std::size_t n = dof(nominal.mobility), e = n + nominal.r;
+  std::vector<Sample> log;
+  Outcome outcome;
+  {
+    nb::gil_scoped_release release;
+    log.reserve(static_cast<std::size_t>((duration + hold) / settings.period) + 2);
+    outcome = with_mobility(nominal.mobility, [&](auto mobility) {
+      return simulate<mobility()>(
+          nominal, truth, settings, Run{from, to, duration, hold, steps, seed}, start,
+          [&](const Sample& sample) { log.push_back(sample); }, weights.view());
+    });
+  }
+  const std::size_t count = log.size();
+  Owned<double> time({count}), x_d({count, n}), x({count, n}), q_e({count, e}), error({count, n}),
+      torque({count, n});
+  Owned<bool> near_singular({count});
+  for (std::size_t i = 0; i < count; ++i) {
+    *time[i] = log[i].time;
+    std::memcpy(x_d[i], log[i].x_d.data(), n * sizeof(double));
+    std::memcpy(x[i], log[i].x.data(), n * sizeof(double));
+    std::memcpy(q_e[i], log[i].q_e.data(), e * sizeof(double));
+    std::memcpy(error[i], log[i].error.data(), n * sizeof(double));
+    std::memcpy(torque[i], log[i].torque.data(), n * sizeof(double));
+    *near_singular[i] = log[i].status == Status::near_singular;
+  }
+  return nb::make_tuple(static_cast<int>(outcome.status), outcome.chain, time.release(),
+                        x_d.release(), x.release(), q_e.release(), error.release(),
+                        torque.release(), near_singular.release());
+}
+
+}  // namespace
+
+void bind_control(nb::module_& m) {
+  using namespace nb::literals;
+  nb::enum_<Law>(m, "Law")
+      .value("joint", Law::joint)
+      .value("redundant", Law::redundant)
+      .value("cartesian", Law::cartesian)
+      .value("weighted", Law::weighted)
+      .value("estimated", Law::estimated);
+  nb::enum_<FeedForward>(m, "FeedForward")
+      .value("none", FeedForward::none)
+      .value("gravity", FeedForward::gravity)
+      .value("full", FeedForward::full);
+  nb::class_<ControlSettings>(m, "ControlSettings")
+      .def(nb::init<>())
+      .def_rw("law", &ControlSettings::law)
+      .def_rw("feed_forward", &ControlSettings::feed_forward)
+      .def_rw("period", &ControlSettings::period)
+      .def_rw("velocity_bandwidth", &ControlSettings::velocity_bandwidth)
+      .def_rw("damped_below", &ControlSettings::damped_below)
+      .def_rw("kp", &ControlSettings::kp)
+      .def_rw("kd", &ControlSettings::kd)
+      .def_rw("ki", &ControlSettings::ki)
+      .def("place_poles", [](ControlSettings& settings, const Robot& robot, const Joint& x,
+                             double frequency, double damping) {
+        const Outcome outcome = place_poles(robot, x, frequency, damping, settings);
+        return std::pair(static_cast<int>(outcome.status), outcome.chain);
+      });
+  nb::class_<ControlState>(m, "ControlState")
+      .def(nb::init<>())
+      .def_ro("torque", &ControlState::torque)
+      .def_ro("error", &ControlState::error)
+      .def_ro("rate", &ControlState::rate)
+      .def(
+          "step",
+          [](ControlState& state, const Robot& robot, const ControlSettings& settings,
+             const Joint& x, const Joint& rate, const Joint& acceleration, const Extended& q_e,
+             const Known* known) {
+            const Weights weights(robot, known);
+            const Outcome outcome =
+                control(robot, settings, {x, rate, acceleration}, q_e, state, weights.view());
+            return std::pair(static_cast<int>(outcome.status), outcome.chain);
+          },
+          "robot"_a, "settings"_a, "x"_a, "rate"_a, "acceleration"_a, "q_e"_a,
+          "known"_a.none() = nb::none());
+  m.def("redundant_fkm", &batch_redundant_fkm);
+  m.def("tej", &batch_tej);
+  m.def("conditioning", &batch_conditioning);
+  m.def("settle", &batch_settle, "nominal"_a, "truth"_a, "settings"_a, "known"_a.none(),
+        "gravity"_a, "x_d"_a);
+  m.def("leakage", &batch_leakage, "robot"_a, "law"_a, "known"_a.none(), "x"_a);
+  m.def("simulate", &run_simulation, "nominal"_a, "truth"_a, "settings"_a, "known"_a.none(),
+        "start"_a, "end"_a, "duration"_a, "hold"_a, "steps"_a, "at_rest"_a, "seed"_a);
+  m.def("spoil", &batch_spoil);
+}
+
+}  // namespace truepose::python
