@@ -223,12 +223,13 @@ def calibrate(
             guarded, found = False, plain
     status, iterations, xi, covariance, x, chi2, redundancy, weights, lines, _ = found
     if status:
+        hint = "; gross errors? loss='student' bears them" if loss == "squares" else ""
         raise PoseError(
             f"{robot.name}: {len(rows)} lines of readings: "
             + (
                 "no line closes the robot's loops; units, signs and the order of the columns?"
                 if lines.all()
-                else f"the search ended after {iterations} steps: {_core.describe(status)}"
+                else f"the search ended after {iterations} steps: {_core.describe(status)}{hint}"
             )
         )
     root = knowledge.root(robot, names)

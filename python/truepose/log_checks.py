@@ -405,10 +405,10 @@ def _stuck(robot: Robot, log: Log, seen: Expectation) -> tuple[Log, list[Finding
         hung = []
         for run in np.split(rows, starts[1:]):
             if len(run) >= 5:
-                # What tolerances leave open of the change from line to line is far less than of
-                # the reading itself: a tenth of its σ is generous.
+                # A reading may be constant in a plane of the workspace, where an uncalibrated
+                # prediction still varies by what tolerances allow.
                 moved = np.ptp(seen.expected[run, k])
-                if moved > VARIES * (step + 0.1 * np.median(seen.sigma[run, k])):
+                if moved > VARIES * (step + np.median(seen.sigma[run, k])):
                     hung.append(run)
         if not hung:
             continue

@@ -36,9 +36,13 @@ def test_gross_errors_hardly_move_any_parameter(spoilt, loss):
     assert max(shift) < LARGEST[loss]
 
 
-def test_squares_are_pulled_away_by_the_same_errors(spoilt):
+def test_squares_are_pulled_away_by_the_same_errors_or_find_no_end(spoilt):
     robot, q_e, lines = spoilt
-    fit = tp.calibrate(robot, q_e)
+    try:
+        fit = tp.calibrate(robot, q_e)
+    except tp.PoseError as error:
+        assert "loss='student'" in str(error)
+        return
     clean = tp.calibrate(robot, np.delete(q_e, lines, axis=0))
     shift = [
         abs(p.value - clean.parameters[name].value) / clean.parameters[name].sigma
