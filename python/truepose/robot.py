@@ -732,8 +732,8 @@ class Robot:
         >>> robot, x = tp.load("h4"), [0.05, 0, -0.4, 0.2]
         >>> for law in ("joint", "redundant", "weighted"):  # of motor 3, and of θ's sensor, into θ
         ...     print(law, robot.leakage(x, law)[3, [2, 4]].round(3) + 0.0)
-        joint [2.528 0.   ]
-        redundant [ 0.181 -0.928]
+        joint [2.546 0.   ]
+        redundant [ 0.186 -0.927]
         weighted [ 0. -1.]
         """
         from truepose import knowledge

@@ -88,6 +88,8 @@ def test_what_no_reading_can_see_keeps_its_prior(any_robot, anywhere, rng):
     """A shift of the whole base: passive joints and motors never notice. Posterior = prior."""
     inside = ("rod_in_plane", "inclinometer", "nacelle_angle")
     names = [s.name for s in any_robot.spec.sensor if s.kind in inside]
+    if not names:
+        pytest.skip("no sensor of a passive joint")
     robot = any_robot.with_sensors(*names)
     x = anywhere(robot, 100, rng)
     fit = tp.calibrate(robot, with_tolerance_errors(robot, 4).read(x))
@@ -118,12 +120,8 @@ def test_the_delta_printer_trap(rng):
 
 def test_motors_alone_teach_nothing_and_say_so(any_robot, anywhere, rng):
     robot, x = any_robot.with_sensors(), anywhere(any_robot, 10, rng)
-    fit = tp.calibrate(robot, with_tolerance_errors(robot, 1).read(x))
-    assert {p.verdict for p in fit.parameters.values()} == {"not identified"}
-    assert [p.value for p in fit.parameters.values()] == pytest.approx(
-        [p.prior for p in fit.parameters.values()], abs=1e-15
-    )
-    assert fit.covariance == pytest.approx(fit.prior_covariance, rel=1e-9, abs=1e-18)
+    with pytest.raises(tp.InputError, match="nothing to learn from"):
+        tp.calibrate(robot, with_tolerance_errors(robot, 1).read(x))
 
 
 def test_repeated_calibrations_go_on_where_the_last_one_ended(h4, table2):
