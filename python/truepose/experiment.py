@@ -14,6 +14,7 @@ from truepose.calibration import calibrate
 from truepose.errors import with_paper_errors
 from truepose.robot import Array, Robot
 from truepose.simulations import LAWS, Controller, Law, settle, simulate
+from truepose.trials import JITTER
 
 Control = Literal["joint", "redundant", "weighted", "cartesian", "self-calibrated"]
 
@@ -50,12 +51,16 @@ def draw_robots(robot: Robot, count: int, seed: int) -> list[Robot]:
     return [with_paper_errors(robot, s) for s in np.random.SeedSequence(seed).spawn(count)]
 
 
-def self_calibrated(robot: Robot, truth: Robot, visited: Array) -> Robot:
+def self_calibrated(robot: Robot, truth: Robot, visited: Array, seed: int = 0) -> Robot:
     """Return the robot as the true one's readings show it, usual control sent to these poses.
 
+    Sent a little beside them, as of :data:`truepose.trials.JITTER`: usual control brings every
+    motor to its drawn angle, and the fractions of a count that are lost would recur on an exact
+    grid, and in every robot sent to the same poses: one `seed` for each robot.
     The plant of the statics is the ideal level's own: there is no model error to allow for.
     """
-    readings = truth.read(settle(robot, truth, visited, "joint"))
+    beside = np.random.default_rng(seed).uniform(-JITTER, JITTER, visited.shape)
+    readings = truth.read(settle(robot, truth, visited + beside, "joint"))
     return calibrate(robot, readings, model_error="off").robot
 
 
@@ -65,6 +70,7 @@ def rest(
     poses: Array,
     visited: Array | None = None,
     controls: Iterable[Control] = tuple(CONTROLS),
+    seed: int = 0,
 ) -> dict[Control, Array]:
     """Where a true robot rests under each control, in the exact statics: (P, n) each.
 
@@ -78,6 +84,8 @@ def rest(
         Poses of the self-calibration; the same by default.
     controls : iterable of str
         Some of `CONTROLS`.
+    seed : int
+        As of :func:`self_calibrated`.
     """
     result: dict[Control, Array] = {}
     for control in controls:
@@ -85,7 +93,7 @@ def rest(
         if control == "weighted":
             believed = robot.expected()
         if control == "self-calibrated":
-            believed = self_calibrated(robot, truth, poses if visited is None else visited)
+            believed = self_calibrated(robot, truth, poses if visited is None else visited, seed)
         result[control] = settle(believed, truth, poses, CONTROLS[control])
     return result
 
@@ -126,7 +134,7 @@ def run(
     """
     poses = paper_data.table2() if poses is None else np.asarray(poses, dtype=float)
     errors: dict[Control, list[Array]] = {control: [] for control in CONTROLS}
-    for settled in each(lambda truth: rest(robot, truth, poses), truths):
+    for settled in each(lambda pair: rest(robot, pair[1], poses, seed=pair[0]), enumerate(truths)):
         for control, x in settled.items():
             errors[control].append(statistics.in_print_units(x - poses))
         progress()

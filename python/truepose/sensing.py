@@ -16,13 +16,13 @@ from truepose.schema import Tolerance
 
 #: Sensors of the H4's file that go with its motors.
 SETS: dict[str, tuple[str, ...]] = {
-    "motors + θ": ("theta",),
-    "motors + θ + z telemeter": ("theta", "z_telemeter"),
-    "motors + θ + four elbow angles": ("theta", "elbow1", "elbow2", "elbow3", "elbow4"),
-    "motors + θ + three draw-wires": ("theta", "wire1", "wire2", "wire3"),
+    "θ": ("theta",),
+    "θ + z telemeter": ("theta", "z_telemeter"),
+    "θ + four elbow angles": ("theta", "elbow1", "elbow2", "elbow3", "elbow4"),
+    "θ + three draw-wires": ("theta", "wire1", "wire2", "wire3"),
 }
 CONTROLS: tuple[Control, ...] = ("joint", "redundant", "weighted", "self-calibrated")
-ROBOTS = 12  #: at most, for each set
+ROBOTS = 8  #: at most, for each set
 MACHINED = 1e-4  #: m; rods and arms of ordinary machining are within this of the drawing, assumed
 EVERY = 6  #: robots calibrate themselves at all of Table 2's poses and are judged at every so many
 
@@ -44,8 +44,8 @@ def tolerances(robot: Robot) -> dict[str, Robot]:
     file = robot.spec.tolerances
     machined = file | {name: within for name in file if name.endswith((".rod", ".arm"))}
     return {
-        "the paper's": robot,
-        "machining": Robot(robot.spec.model_copy(update={"tolerances": machined})),
+        "paper": robot,
+        "machined": Robot(robot.spec.model_copy(update={"tolerances": machined})),
     }
 
 
@@ -78,13 +78,15 @@ def compare(
         for label, sensors in SETS.items():
             drawn = nominal.with_sensors(*sensors)
 
-            def errors(source, drawn=drawn) -> dict[Control, Array]:
+            def errors(numbered, drawn=drawn) -> dict[Control, Array]:
+                number, source = numbered
                 truth = with_tolerance_errors(drawn, source)
-                found = experiment.rest(drawn, truth, poses, visited, CONTROLS)
+                found = experiment.rest(drawn, truth, poses, visited, CONTROLS, number)
                 return {control: (x - poses)[:, :3] for control, x in found.items()}
 
             found = []
-            for result in experiment.each(errors, np.random.SeedSequence(seed).spawn(count)):
+            sources = np.random.SeedSequence(seed).spawn(count)
+            for result in experiment.each(errors, enumerate(sources)):
                 found.append(result)
                 progress()
             rms = {c: _rms(np.array([result[c] for result in found])) for c in CONTROLS}

@@ -141,8 +141,8 @@ def sensing(result: Reproduction) -> Table:
         gain = line.rms["joint"] / line.rms["self-calibrated"]
         cells = [*(f"{v:.2f}" for v in values), f"{gain:.0f}"]
         rows.append([f"{line.tolerances}: {line.sensors}", *cells])
-    header = ["position rms (mm)", "usual", "paper's TEJ", "weighted TEJ", "self-calibrated"]
-    header += ["bound", "usual / self-calibrated"]
+    header = ["position rms (mm)", "usual", "redundant, TEJ", "weighted, TEJ", "self-calibrated"]
+    header += ["bound", "gain"]
     title = f"The same sensor, used fully: {result.sensing[0].robots} robots a line"
     return Table("sensing", title, header, rows)
 
