@@ -237,14 +237,12 @@ class Online {
       constexpr Mobility K = decltype(mobility)::value;
       nb::gil_scoped_release release;
       for (std::size_t i = 0; i < count; ++i) {
+        pose_ = to_pose<K>(drawn_.home);  // lines of a log need not be neighbours
         const Outcome outcome = truepose::observe<K, decltype(model)>(
             drawn_, settings_, row<Extended>(q_e, i), state_, robot_, pose_, work_.data());
         outcomes.set(i, outcome);
         Joint at = to_coordinates<K>(pose_);
-        if (!outcome) {
-          at.fill(NAN);
-          pose_ = to_pose<K>(drawn_.home);
-        }
+        if (!outcome) at.fill(NAN);
         std::copy_n(at.begin(), n, x[i]);
       }
     });

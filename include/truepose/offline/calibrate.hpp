@@ -121,7 +121,7 @@ class Calibrator {
     for (int k = 0; k < log_.count; ++k) {
       Joint q{};
       std::copy_n(log_.q_e + k * readings_, n_, q.begin());
-      for (const Pose& from : {guess, home}) {
+      for (const Pose& from : {home, guess}) {
         at.pose[k] = from;
         status[k] = model_.fkm(robot_, q, at.pose[k]);
         if (status[k] == Status::ok) break;
