@@ -80,10 +80,13 @@ inline Outcome jacobian(const Robot& robot, const Joint& x, JointMatrix& J) {
     Jacobians<K> jacobians;
     if (outcome) outcome = jacobian<K>(closure, jacobians);
     if (!outcome) return outcome;
-    double sum = 0;
-    for (int i = 0; i < kDof<K>; ++i)
-      for (int j = 0; j < kDof<K>; ++j) sum += J[i][j] = jacobians.J[i][j];
-    if (!std::isfinite(sum)) outcome = {Status::not_finite, -1};
+    Lanes<kDof<K>> sum = Lanes<kDof<K>>::Zero();  // a NaN shows in it
+    for (int i = 0; i < kDof<K>; ++i) {
+      const Eigen::Map<const Lanes<kDof<K>>> row(jacobians.J[i].data());
+      sum += row;
+      Eigen::Map<Lanes<kDof<K>>>(J[i].data()) = row;
+    }
+    if (!std::isfinite(sum.sum())) outcome = {Status::not_finite, -1};
     return outcome;
   });
 }

@@ -214,12 +214,13 @@ constexpr auto with_mobility(Mobility mobility, F&& f) {
   }
 }
 
-/// Whether the first `count` values are numbers.
+/// Whether the first `count` values are numbers. 0 times anything else is NaN, which stays in the
+/// sum: two instructions a value, where asking each takes four and a branch.
 template <class Values>
 inline bool all_finite(const Values& values, int count) {
-  for (int i = 0; i < count; ++i)
-    if (!std::isfinite(values[static_cast<std::size_t>(i)])) return false;
-  return true;
+  double sum = 0;
+  for (int i = 0; i < count; ++i) sum += 0 * values[static_cast<std::size_t>(i)];
+  return sum == 0;
 }
 
 }  // namespace truepose

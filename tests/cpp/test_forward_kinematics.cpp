@@ -89,7 +89,7 @@ TEST("with the orientation known, position follows in closed form, equal to Newt
         if (!ikm<K>(robot, pose, closure)) ++lost;
         Pose newton = nearby<K>(pose, random, 1e-3);
         if (!fkm<K>(robot, closure.q(), newton)) ++lost;
-        Vec3 D;
+        Vec3 D = Vec3::Zero();
         if (!fkm_closed<K>(robot, closure.q(), pose.R, home_side<K>(robot), D)) ++lost;
         worst = std::max({worst, (D - pose.D).norm(), (D - newton.D).norm()});
       }
