@@ -35,6 +35,7 @@ class Trials:
     usual: Array  #: (R, P, n) of usual control: true less desired
     error: Array  #: (R, P, n) of the calibration's poses: believed less true
     held_out: Array  #: (R, H, n) of estimates at poses it has not seen
+    stated: Array  #: (R, H, n) σ that those estimates claim
     touched: Array  #: (R, n) of the estimate at the touch-off pose
     bound: Array  #: (P, n, n) covariance, predicted
     bound_touched: Array  #: (P, n, n) of the error less that at the touch-off pose
@@ -46,6 +47,11 @@ class Trials:
     def touched_off(self) -> Array:
         """Errors of the calibration's poses less that at the touch-off pose, (R, P, n)."""
         return self.error - self.touched[:, None]
+
+    @property
+    def coverage(self) -> Array:
+        """How many of the estimates' 95 % intervals hold the truth, by coordinate, (n,)."""
+        return (np.abs(self.held_out) < 1.96 * self.stated).mean(axis=(0, 1))
 
     @property
     def linear(self) -> Array:
@@ -107,7 +113,9 @@ def run(
     poses, held_out = np.asarray(poses, dtype=float), np.asarray(held_out, dtype=float)
     desired = np.vstack([poses, np.atleast_2d(touch_off), held_out])
     first = len(poses)
-    found: dict[str, list] = {k: [] for k in ("usual", "error", "held", "touched", "xi", "x")}
+    found: dict[str, list] = {
+        k: [] for k in ("usual", "error", "held", "stated", "touched", "xi", "x")
+    }
     fit = None
     for source in np.random.SeedSequence(seed).spawn(count):
         draw, scatter, noise = source.spawn(3)
@@ -122,6 +130,7 @@ def run(
         found["error"].append(difference(robot, fit.x, at[:first]))
         found["touched"].append(apart[0])
         found["held"].append(apart[1:])
+        found["stated"].append(np.sqrt(np.diagonal(later.covariance[1:], axis1=1, axis2=2)))
         found["x"].append(_nees(apart[1:], later.covariance[1:]))
         off = [fit.parameters[name].value - true.parameters[name].value for name in fit.names]
         found["xi"].append(_nees(np.array(off), fit.covariance))
@@ -132,6 +141,7 @@ def run(
         usual=np.array(found["usual"]),
         error=np.array(found["error"]),
         held_out=np.array(found["held"]),
+        stated=np.array(found["stated"]),
         touched=np.array(found["touched"]),
         bound=accuracy(robot, poses, **visited),
         bound_touched=accuracy(robot, poses, touch_off=touch_off, **visited),

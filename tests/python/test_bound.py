@@ -136,11 +136,13 @@ def test_exact_robots_have_nothing_to_predict():
 
 
 #: Sensors, level of robot and calibration, and how many times less than usual control they err.
+ELBOWS = ("elbow1", "elbow2", "elbow3", "elbow4")
+
 #: At the full level even the bound is no more than 8.6 and 16.6 times less.
 CASES = {
     "theta": (["theta"], "ideal", 9),
     "theta, z": (["theta", "z_telemeter"], "ideal", 25),
-    "theta, elbows": (["theta", "elbow1", "elbow2", "elbow3", "elbow4"], "ideal", 20),
+    "theta, elbows": (["theta", *ELBOWS], "ideal", 20),
     "full: theta": (["theta"], "full", 8),
     "full: theta, z": (["theta", "z_telemeter"], "full", 15),
 }
@@ -210,3 +212,20 @@ def test_the_stated_covariances_are_true(many):
     assert abs(ran.xi_nees.mean() - p) < 3.29 * np.sqrt(2 * p / robots)
     of_robot = ran.x_nees.mean(axis=1)
     assert abs(of_robot.mean() - 4) < 3.29 * of_robot.std(ddof=1) / np.sqrt(robots)
+
+
+@pytest.mark.parametrize(
+    "names, limit",
+    [(["theta"], 1.4), (["theta", "z_telemeter"], 1.4), (["theta", *ELBOWS], 3.5)],
+    ids=["theta", "theta, z", "theta, elbows"],
+)
+def test_the_ideal_level_knows_its_limits(h4, table2, robots_drawn, names, limit):
+    """A real robot, understood with one rod per chain: xyz against the full level's bound."""
+    robot = at_bar(h4).with_sensors(*names)
+    box = robot.spec.workspace
+    others = np.random.default_rng(5).uniform(box.minimum, box.maximum, (200, 4))
+    ran = trials.run(robot, table2, TOUCH_OFF, others, robots_drawn // 2, true_level="full")
+    bound = ran.position(tp.accuracy(robot, table2, calibrated_on=table2, level="full"))
+    assert np.sqrt(ran.squares(ran.error).mean() / bound) < limit
+    assert np.sqrt(ran.squares(ran.held_out).mean() / bound) < limit
+    assert 0.90 <= ran.coverage.mean() <= 0.99
