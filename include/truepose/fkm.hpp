@@ -36,7 +36,7 @@ TRUEPOSE_FLATTEN FkmResult fkm(const Robot& robot, const Joint& q, Pose& pose) {
   });
   const auto rod = lanes<n>([&](int i) { return driven[i].rod; });
   const Lanes<n> half_rod2 = 0.5 * rod * rod, per_rod = 1 / rod;
-  const double scale = rod.maxCoeff();
+  const double scale = largest<n>(rod);
 
   struct Iterate {
     Pose pose;
@@ -51,7 +51,7 @@ TRUEPOSE_FLATTEN FkmResult fkm(const Robot& robot, const Joint& q, Pose& pose) {
             centre.pz - D.z() - at.lever.pz};
     at.f = 0.5 * at.v.squared_norm() - half_rod2;
     at.cost = (at.f * at.f).sum();
-    at.residual = (at.f.abs() * per_rod).maxCoeff();  // |v| - L = f / L to first order
+    at.residual = largest<n>(at.f.abs() * per_rod);  // |v| - L = f / L to first order
   };
 
   const double rounding = 2e-15 * scale;

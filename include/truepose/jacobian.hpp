@@ -60,7 +60,7 @@ TRUEPOSE_FLATTEN inline Outcome jacobian(const Closure<K>& closure, Jacobians<K>
   const Lanes<n> jq = lanes<n>([&](int i) { return chain[i].jq; });
   const Lanes<n> v2 = v.squared_norm();
   const Lanes<n> dB2 = points<n>([&](int i) -> const Vec3& { return chain[i].dB; }).squared_norm();
-  if (!((jq * jq - kSingular * v2 * dB2).minCoeff() > 0))
+  if (!all_positive<n>(jq * jq - kSingular * v2 * dB2))
     for (int i = 0; i < n; ++i)
       if (!(jq[i] * jq[i] > kSingular * v2[i] * dB2[i])) return {Status::singular, i};
   Eigen::Map<Lanes<n>>(jacobians.jq.data()) = jq;

@@ -41,4 +41,21 @@ inline Points<N> points(F&& point) {
           lanes<N>([&](int i) { return point(i).z(); })};
 }
 
+/// The largest of all. Eigen's maxCoeff goes through a pointer to a function, which clang cannot
+/// see through when it checks that the control path never blocks.
+template <int N>
+inline double largest(const Lanes<N>& values) {
+  double result = values[0];
+  for (int i = 1; i < N; ++i) result = values[i] > result ? values[i] : result;
+  return result;
+}
+
+/// Whether all are greater than 0; false for a NaN.
+template <int N>
+inline bool all_positive(const Lanes<N>& values) {
+  bool result = true;
+  for (int i = 0; i < N; ++i) result &= values[i] > 0;
+  return result;
+}
+
 }  // namespace truepose
