@@ -104,7 +104,7 @@ TEST("fuse is generalised least squares: gain and covariance against dense algeb
       for (int c = 0; c < rows; ++c)
         CHECK_NEAR(fusion.gain[i][c], gain(i, c), 1e-7 * gain.row(i).cwiseAbs().maxCoeff());
     }
-    PoseError<K> error;
+    PoseError error;
     CHECK(bool(pose_error<K, Model>(robot, scene.known, pose, scene.work, error)));
     const Eigen::MatrixXd sum = error.by_geometry * error.by_geometry.transpose() + error.by_noise;
     CHECK((sum - P).norm() < 1e-7 * P.norm());
