@@ -5,6 +5,7 @@ from importlib.metadata import version
 from truepose.assembly import assembly_modes
 from truepose.bound import accuracy
 from truepose.calibration import Fit, calibrate
+from truepose.effects import Effects
 from truepose.errors import with_paper_errors
 from truepose.exceptions import InputError, PoseError, RobotFileError, TrueposeError
 from truepose.online import OnlineCalibration
@@ -14,6 +15,7 @@ from truepose.simulations import Controller, Simulation, settle, simulate
 __version__ = version("truepose")
 __all__ = [
     "Controller",
+    "Effects",
     "Estimate",
     "Fit",
     "InputError",
