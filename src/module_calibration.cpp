@@ -7,10 +7,10 @@
 #include "arrays.hpp"
 #include "instances.hpp"
 #include "known.hpp"
+#include "online.hpp"
 #include "truepose/offline/bound.hpp"
 #include "truepose/offline/calibrate.hpp"
 #include "truepose/offline/guarded.hpp"
-#include "truepose/online.hpp"
 
 namespace truepose::python {
 namespace {
@@ -111,23 +111,35 @@ LineModel model_of(const Robot& robot, bool full, bool guarded) {
   });
 }
 
-auto run_calibration(const Robot& drawn, const Known& prior, const Row& mean, const Rows& q_e,
+/// @param guarded  the prior with GuardedModel's nuisances behind it, or nothing
+/// @param doubt    by how much χ² must fall for the guarded model to be believed; below 0: always
+auto run_calibration(const Robot& drawn, const Known& prior, const Known* guarded, int nuisances,
+                     double doubt, const std::vector<double>& mean, const Rows& q_e,
                      const Rows& measured, const std::vector<double>& measured_sigma, Loss loss,
-                     double tuning, int nuisances, bool full) {
+                     double tuning, bool full) {
   const std::size_t count = q_e.shape(0), n = dof(drawn.mobility);
   CalibrationResult result;
+  bool believed = false;
   {
     nb::gil_scoped_release release;
-    const Knowledge knowledge = prior.view();
-    const std::vector<double> start(mean.data(), mean.data() + mean.shape(0));
     ReadingLog log{static_cast<int>(count), q_e.data(), nullptr, {}};
     if (measured.shape(0) > 0) {
       log.measured = measured.data();
       std::copy(measured_sigma.begin(), measured_sigma.end(), log.measured_sigma.begin());
     }
-    const CalibrationSettings settings{nuisances, loss, tuning};
-    const LineModel model = model_of(drawn, full, nuisances > 0);
-    result = Calibrator(drawn, model, knowledge, start, log, settings).run();
+    const LineModel model = model_of(drawn, full, false), guard = model_of(drawn, full, true);
+    const Knowledge known = prior.view();
+    const CalibrationSettings settings{0, loss, tuning};
+    result = Calibrator(drawn, model, known, mean, log, settings).run();
+    if (guarded) {
+      const Knowledge all = guarded->view();
+      const CalibrationSettings with_nuisances{nuisances, loss, tuning};
+      Calibrator calibrator(drawn, guard, all, mean, log, with_nuisances);
+      const bool found = bool(result.outcome);
+      // A plain model that finds nothing has no say.
+      believed = doubt < 0 || !found || !(calibrator.promise(result) < doubt);
+      if (believed) result = calibrator.run(found ? &result : nullptr);
+    }
   }
   Owned<double> x({count, n}), chi2({count}), weight({count}), xi({result.xi.size()});
   Owned<int> status({count}), redundancy({count});
@@ -147,7 +159,8 @@ auto run_calibration(const Robot& drawn, const Known& prior, const Row& mean, co
   }
   return nb::make_tuple(static_cast<int>(result.outcome.status), result.iterations, xi.release(),
                         RowMatrix(result.covariance), x.release(), chi2.release(),
-                        redundancy.release(), weight.release(), status.release(), result.cost);
+                        redundancy.release(), weight.release(), status.release(), result.cost,
+                        believed);
 }
 
 /// Root of the posterior covariance after visiting poses, (p, p) lower triangular.
@@ -206,64 +219,39 @@ auto batch_accuracy(const Robot& robot, const Known& known, const Rows& x, const
   return nb::make_tuple(covariance.release(), outcomes.status.release(), outcomes.chain.release());
 }
 
-/// Online self-calibration: the filter's state, and one line after another.
-class Online {
- public:
-  Online(const Robot& drawn, const Known& prior, const Row& mean, std::vector<double> drift,
-         double gate, bool full)
-      : drawn_(drawn),
-        robot_(drawn),
-        known_(prior),
-        xi_(mean.data(), mean.data() + mean.shape(0)),
-        drift_(std::move(drift)),
-        work_(online_work(drawn, static_cast<int>(prior.column.size()))),
-        full_(full) {
-    state_ = {static_cast<int>(known_.column.size()), known_.column.data(), xi_.data(),
-              known_.root.data(), known_.sigma};
-    settings_.drift = drift_.empty() ? nullptr : drift_.data();
-    settings_.gate = gate;
-    pose_ = with_mobility(drawn.mobility,
-                          [&](auto mobility) { return to_pose<mobility()>(drawn.home); });
-  }
-
-  /// @param linearised  ξ to linearise about, or nothing: ξ̂ itself
-  auto observe(const Rows& q_e, const Row& linearised) {
-    const std::size_t count = q_e.shape(0), n = dof(drawn_.mobility);
+/// Lines of a log, one after another, which need not be neighbours.
+/// @param linearised  ξ to linearise about, or nothing: ξ̂ itself
+auto batch_observe(Online& online, const Rows& q_e, const Row& linearised) {
+  const Robot& drawn = online.drawn();
+  const std::size_t count = q_e.shape(0), n = dof(drawn.mobility);
+  Owned<double> x({count, n});
+  Outcomes outcomes(count);
+  with_level(drawn, online.full(), [&](auto mobility, auto model) {
+    constexpr Mobility K = decltype(mobility)::value;
+    nb::gil_scoped_release release;
+    Learner learner = online.learner(drawn);
     const std::vector<double> about(linearised.data(), linearised.data() + linearised.shape(0));
-    settings_.linearised = about.empty() ? nullptr : about.data();
-    Owned<double> x({count, n});
-    Outcomes outcomes(count);
-    with_level(drawn_, full_, [&](auto mobility, auto model) {
-      constexpr Mobility K = decltype(mobility)::value;
-      nb::gil_scoped_release release;
-      for (std::size_t i = 0; i < count; ++i) {
-        pose_ = to_pose<K>(drawn_.home);  // lines of a log need not be neighbours
-        const Outcome outcome = truepose::observe<K, decltype(model)>(
-            drawn_, settings_, row<Extended>(q_e, i), state_, robot_, pose_, work_.data());
-        outcomes.set(i, outcome);
-        Joint at = to_coordinates<K>(pose_);
-        if (!outcome) at.fill(NAN);
-        std::copy_n(at.begin(), n, x[i]);
-      }
-    });
-    return nb::make_tuple(x.release(), outcomes.status.release(), outcomes.chain.release());
-  }
-  std::vector<double> xi() const { return xi_; }
-  RowMatrix root() const { return known_.root; }
-
- private:
-  Robot drawn_, robot_;
-  Known known_;
-  std::vector<double> xi_, drift_, work_;
-  OnlineState state_;
-  OnlineSettings settings_;
-  Pose pose_;
-  bool full_;
-};
+    if (!about.empty()) learner.settings.linearised = about.data();
+    for (std::size_t i = 0; i < count; ++i) {
+      learner.pose = to_pose<K>(drawn.home);
+      const Outcome outcome =
+          observe<K, decltype(model)>(drawn, learner.settings, row<Extended>(q_e, i), learner.state,
+                                      learner.robot, learner.pose, learner.work);
+      learner.lines += bool(outcome);
+      outcomes.set(i, outcome);
+      Joint at = to_coordinates<K>(learner.pose);
+      if (!outcome) at.fill(NAN);
+      std::copy_n(at.begin(), n, x[i]);
+    }
+    online.take(learner);
+  });
+  return nb::make_tuple(x.release(), outcomes.status.release(), outcomes.chain.release());
+}
 
 }  // namespace
 
 void bind_calibration(nb::module_& m) {
+  using namespace nb::literals;
   nb::enum_<Loss>(m, "Loss")
       .value("squares", Loss::squares)
       .value("huber", Loss::huber)
@@ -271,14 +259,17 @@ void bind_calibration(nb::module_& m) {
   nb::class_<Known>(m, "Knowledge")
       .def(nb::init<std::vector<int>, RowMatrix, const std::vector<double>&>());
   nb::class_<Online>(m, "Online")
-      .def(nb::init<const Robot&, const Known&, const Row&, std::vector<double>, double, bool>())
-      .def("observe", &Online::observe)
+      .def(nb::init<const Robot&, const Known&, std::vector<double>, RowMatrix, double, bool>())
+      .def("observe", &batch_observe)
+      .def_prop_ro("lines", &Online::lines)
       .def_prop_ro("xi", &Online::xi)
       .def_prop_ro("root", &Online::root);
   m.def("estimate", &batch_estimate);
   m.def("gain", &batch_gain);
   m.def("innovation", &batch_innovation);
-  m.def("calibrate", &run_calibration);
+  m.def("calibrate", &run_calibration, "drawn"_a, "prior"_a, "guarded"_a.none(), "nuisances"_a,
+        "doubt"_a, "mean"_a, "q_e"_a, "measured"_a, "measured_sigma"_a, "loss"_a, "tuning"_a,
+        "full"_a);
   m.def("after_visiting", &run_after_visiting);
   m.def("accuracy", &batch_accuracy);
 }

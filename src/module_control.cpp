@@ -4,12 +4,14 @@
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/tuple.h>
 
+#include <optional>
 #include <vector>
 
 #include "arrays.hpp"
 #include "for_rows.hpp"
 #include "instances.hpp"
 #include "known.hpp"
+#include "online.hpp"
 #include "truepose/offline/simulate.hpp"
 #include "truepose/offline/statics.hpp"
 
@@ -90,20 +92,51 @@ auto batch_spoil(const Robot& robot, const Rows& exact, std::uint64_t seed) {
   return values.release();
 }
 
+/// What a simulation weighs its readings by: Python's knowledge, or what a learner has learnt.
+class LoopExtras {
+ public:
+  LoopExtras(const Robot& nominal, const Known* known, const Effects& effects, Online* online)
+      : weights_(nominal, known), online_(online) {
+    extras.weighing = weights_.view();
+    extras.effects = effects;
+    if (online == nullptr) return;
+    learner_ = online->learner(nominal);
+    knowledge_ = learner_.knowledge();
+    work_.resize(estimate_work(nominal, knowledge_.count));
+    extras.weighing = {&knowledge_, work_.data()};
+    extras.learner = &learner_;
+  }
+  ~LoopExtras() {
+    if (online_) online_->take(learner_);
+  }
+  LoopExtras(const LoopExtras&) = delete;
+  LoopExtras& operator=(const LoopExtras&) = delete;
+
+  Extras extras;
+
+ private:
+  Weights weights_;
+  Online* online_;
+  Learner learner_;
+  Knowledge knowledge_;
+  std::vector<double> work_;
+};
+
 auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
-                    const Known* known, const Joint& from, const Joint& to, double duration,
-                    double hold, int steps, const Joint& start, std::uint64_t seed) {
-  const Weights weights(nominal, known);
+                    const Known* known, const Effects& effects, Online* online, const Joint& from,
+                    const Joint& to, double duration, double hold, int steps, const Joint& start,
+                    std::uint64_t seed) {
   const std::size_t n = dof(nominal.mobility), e = n + nominal.r;
   std::vector<Sample> log;
   Outcome outcome;
   {
     nb::gil_scoped_release release;
+    const LoopExtras loop(nominal, known, effects, online);
     log.reserve(static_cast<std::size_t>((duration + hold) / settings.period) + 2);
     outcome = with_mobility(nominal.mobility, [&](auto mobility) {
       return simulate<mobility()>(
           nominal, truth, settings, Run{from, to, duration, hold, steps, seed}, start,
-          [&](const Sample& sample) { log.push_back(sample); }, weights.view());
+          [&](const Sample& sample) { log.push_back(sample); }, loop.extras);
     });
   }
   const std::size_t count = log.size();
@@ -122,6 +155,44 @@ auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSetti
   return nb::make_tuple(static_cast<int>(outcome.status), outcome.chain, time.release(),
                         x_d.release(), x.release(), q_e.release(), error.release(),
                         torque.release(), near_singular.release());
+}
+
+/// From pose to pose in their order, the last one's friction and play carried on: true pose, (N,
+/// n), and readings, (N, n + r), at the end of each hold. After a failure the robot is put at the
+/// next.
+auto run_visit(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
+               const Known* known, const Effects& effects, Online* online, const Rows& x_d,
+               double duration, double hold, int steps, const Joint& start, std::uint64_t seed) {
+  const std::size_t count = x_d.shape(0), n = x_d.shape(1), e = n + nominal.r;
+  Owned<double> x({count, n}), q_e({count, e});
+  Outcomes outcomes(count);
+  {
+    nb::gil_scoped_release release;
+    const LoopExtras extras(nominal, known, effects, online);
+    with_mobility(nominal.mobility, [&](auto mobility) {
+      constexpr Mobility K = mobility();
+      Joint from = nominal.home, standing = start;
+      std::optional<Loop<K>> loop;
+      for (std::size_t i = 0; i < count; ++i) {
+        const Joint to = row<Joint>(x_d, i);
+        if (!loop) loop.emplace(nominal, truth, settings, standing, seed + i, extras.extras);
+        Sample last{};
+        const Outcome outcome = loop->move({from, to, duration, hold, steps, 0},
+                                           [&](const Sample& sample) { last = sample; });
+        outcomes.set(i, outcome);
+        if (!outcome) {
+          last.x.fill(NAN);
+          last.q_e.fill(NAN);
+          loop.reset();
+        }
+        from = standing = to;
+        std::memcpy(x[i], last.x.data(), n * sizeof(double));
+        std::memcpy(q_e[i], last.q_e.data(), e * sizeof(double));
+      }
+    });
+  }
+  return nb::make_tuple(x.release(), q_e.release(), outcomes.status.release(),
+                        outcomes.chain.release());
 }
 
 }  // namespace
@@ -176,8 +247,20 @@ void bind_control(nb::module_& m) {
   m.def("settle", &batch_settle, "nominal"_a, "truth"_a, "settings"_a, "known"_a.none(),
         "gravity"_a, "x_d"_a);
   m.def("leakage", &batch_leakage, "robot"_a, "law"_a, "known"_a.none(), "x"_a);
+  nb::class_<Effects>(m, "Effects")
+      .def(nb::init<>())
+      .def_rw("backlash", &Effects::backlash)
+      .def_rw("friction", &Effects::friction)
+      .def_rw("arm_stiffness", &Effects::arm_stiffness)
+      .def_rw("rod_stiffness", &Effects::rod_stiffness)
+      .def_rw("ripple", &Effects::ripple)
+      .def_rw("phase", &Effects::phase)
+      .def_rw("delayed", &Effects::delayed);
   m.def("simulate", &run_simulation, "nominal"_a, "truth"_a, "settings"_a, "known"_a.none(),
-        "start"_a, "end"_a, "duration"_a, "hold"_a, "steps"_a, "at_rest"_a, "seed"_a);
+        "effects"_a, "online"_a.none(), "start"_a, "end"_a, "duration"_a, "hold"_a, "steps"_a,
+        "at_rest"_a, "seed"_a);
+  m.def("visit", &run_visit, "nominal"_a, "truth"_a, "settings"_a, "known"_a.none(), "effects"_a,
+        "online"_a.none(), "x_d"_a, "duration"_a, "hold"_a, "steps"_a, "at_rest"_a, "seed"_a);
   m.def("spoil", &batch_spoil);
 }
 

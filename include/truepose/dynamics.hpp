@@ -170,17 +170,19 @@ inline double friction(const Chain& chain, double rate) {
   return chain.coulomb > 0 ? viscous + chain.coulomb * std::tanh(rate / kStiction) : viscous;
 }
 
-/// Acceleration ẍ under motor torques.
+/// Acceleration ẍ under torques that may depend on how the motors stand and turn.
+/// @param torque_of  torque_of(closure, model) -> Joint; NeedAngle: it asks the closure for q
 /// @return unreachable, singular, not_finite, or ok
-template <Mobility K>
-inline Outcome forward_dynamics(const Robot& robot, const Pose& pose, const Joint& rate,
-                                const Joint& torque, Joint& acceleration) {
+template <Mobility K, bool NeedAngle, class Torque>
+inline Outcome forward_dynamics_under(const Robot& robot, const Pose& pose, const Joint& rate,
+                                      Torque&& torque_of, Joint& acceleration) {
   constexpr int n = kDof<K>;
   Closure<K> closure;
   DynamicModel<K> model;
-  Outcome outcome = ikm<K, false>(robot, pose, closure);
+  Outcome outcome = ikm<K, NeedAngle>(robot, pose, closure);
   if (outcome) outcome = dynamic_model<K>(robot, closure, rate, model);
   if (!outcome) return outcome;
+  const Joint torque = torque_of(closure, model);
   std::array<double, n> force;
   for (int j = 0; j < n; ++j) force[j] = -model.bias[j];
   for (int i = 0; i < n; ++i) {
@@ -195,6 +197,14 @@ inline Outcome forward_dynamics(const Robot& robot, const Pose& pose, const Join
   for (int j = 0; j < n; ++j) acceleration[j] = force[j];
   if (!all_finite(acceleration, n)) return {Status::not_finite, -1};
   return outcome;
+}
+
+/// Acceleration ẍ under motor torques.
+template <Mobility K>
+inline Outcome forward_dynamics(const Robot& robot, const Pose& pose, const Joint& rate,
+                                const Joint& torque, Joint& acceleration) {
+  return forward_dynamics_under<K, false>(
+      robot, pose, rate, [&](const auto&, const auto&) { return torque; }, acceleration);
 }
 
 /// Kinetic and potential energy (J); their sum is kept in free motion without friction.

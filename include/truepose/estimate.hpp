@@ -26,7 +26,7 @@ struct IdealModel {
   }
 };
 
-/// doubles of work space that `weigh` and `estimate` need
+/// doubles of work space that `reading_covariance` (its H_xi and B) and `estimate` need
 inline int estimate_work(const Robot& robot, int count) {
   return (dof(robot.mobility) + robot.r) * (parameter_count(robot) + count);
 }

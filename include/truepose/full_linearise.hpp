@@ -9,6 +9,7 @@
 // parameter moves its own two rods only: two columns of S.
 #pragma once
 
+#include "truepose/fkm.hpp"
 #include "truepose/full_rkm.hpp"
 #include "truepose/linearise.hpp"
 
@@ -136,14 +137,18 @@ struct FullModel {
   }
   template <Mobility K>
   static Status fkm(const Robot& robot, const Joint& q, Pose& pose) {
-    FullPose full = to_full(pose);
-    FullClosure<K> closure;
-    const Status status = fkm_full<K>(robot, q, full, closure).status;
-    if (status == Status::ok) {  // D and θ are the coordinates; tilt and bars follow from them
-      pose = full;
-      pose.R = kTurnsAboutZ<K> ? rotation_z(pose.theta) : Mat3(Mat3::Identity());
+    if constexpr (!kPaired<K>) {  // the levels are one
+      return truepose::fkm<K>(robot, q, pose).status;
+    } else {
+      FullPose full = to_full(pose);
+      FullClosure<K> closure;
+      const Status status = fkm_full<K>(robot, q, full, closure).status;
+      if (status == Status::ok) {  // D and θ are the coordinates; tilt and bars follow from them
+        pose = full;
+        pose.R = kTurnsAboutZ<K> ? rotation_z(pose.theta) : Mat3(Mat3::Identity());
+      }
+      return status;
     }
-    return status;
   }
 };
 

@@ -20,7 +20,7 @@ inline void pose_rows(const Robot& robot, const Jacobians<K>& jacobians,
 /// @param q_e   out: readings of the motors, then of the sensors in use
 /// @param H_x   out: along the free twist, n + r rows; the first n are J⁻¹, the others J_r
 /// @param H_xi  out: along ξ at fixed pose, (n + r) rows of parameter_count(robot), in memory the
-///              caller owns, directions as free vectors (parameters.hpp); or nullptr
+///              caller owns; or nullptr
 /// @return unreachable; singular where J has no inverse or an arm is stretched; not_finite where
 /// a sensor has no reading or one of the derivatives is not finite
 template <Mobility K>

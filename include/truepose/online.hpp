@@ -19,11 +19,12 @@ struct OnlineState {
   double* xi = nullptr;         ///< ξ̂, parameter_count values
   double* root = nullptr;       ///< S, p×p by rows, lower triangular
   Extended sigma{};             ///< σ of every reading's own error, > 0
-  int due = 0;                  ///< the parameter whose drift is added next
+  int due = 0;                  ///< the drift whose turn is next
 };
 
 struct OnlineSettings {
-  const double* drift = nullptr;  ///< σ of each parameter's random walk in one cycle, or nullptr
+  int drifts = 0;  ///< independent random walks, each of one or several parameters together
+  const double* drift = nullptr;  ///< drifts × p: change of every parameter by one σ in one cycle
   const double* linearised = nullptr;  ///< ξ about which to linearise (replay); nullptr: ξ̂ itself
   double gate = 0;  ///< an equation off by more of its own σ is left out (0: none)
 };
@@ -55,16 +56,16 @@ inline double update_root(int p, double* S, const double* h, double* f, double* 
   return alpha;
 }
 
-/// S Sᵀ + q² e_j e_jᵀ, triangular again. @param v  work, p
-inline void add_drift(int p, double* S, int j, double q, double* v) {
-  for (int i = 0; i < p; ++i) v[i] = i == j ? q : 0;
-  for (int k = j; k < p; ++k) {
-    double& pivot = S[k * p + k];
-    const double length = std::hypot(pivot, v[k]), c = length / pivot, s = v[k] / pivot;
-    pivot = length;
-    for (int i = k + 1; i < p; ++i) {
-      S[i * p + k] = (S[i * p + k] + s * v[i]) / c;
-      v[i] = c * v[i] - s * S[i * p + k];
+/// S Sᵀ + v vᵀ, triangular again, by one rotation a column. @param v  p; spoilt
+inline void add_drift(int p, double* S, double* v) {
+  for (int k = 0; k < p; ++k) {
+    const double length = std::hypot(S[k * p + k], v[k]);
+    if (length == 0) continue;
+    const double c = S[k * p + k] / length, s = v[k] / length;
+    for (int i = k; i < p; ++i) {
+      const double old = S[i * p + k];
+      S[i * p + k] = c * old + s * v[i];
+      v[i] = c * v[i] - s * old;
     }
   }
 }
@@ -119,6 +120,10 @@ inline Outcome observe(const Robot& drawn, const OnlineSettings& settings, const
     if (!all_finite(step, n)) return {Status::not_finite, -1};
     at = moved<K>(at, step);
   }
+  double sum = 0;  // of what the state will keep: one NaN in it would spoil every later cycle
+  for (int row = n; row < rows; ++row) sum += e[row];
+  for (const double* h = B + n * p; h != B + rows * p; ++h) sum += *h;
+  if (!std::isfinite(sum)) return {Status::not_finite, -1};
   pose = at;
 
   for (int row = n; row < rows; ++row) {
@@ -143,10 +148,11 @@ inline Outcome observe(const Robot& drawn, const OnlineSettings& settings, const
       for (int later = row + 1; later < rows; ++later)
         for (int k = 0; k < p; ++k) e[later] -= B[later * p + k] * b[k] / alpha * y;
   }
-  if (settings.drift && p > 0) {  // one parameter a cycle, for all the cycles since its last turn
-    state.due = (state.due + 1) % p;
-    const double q_due = settings.drift[state.due] * std::sqrt(p);
-    if (q_due > 0) online_detail::add_drift(p, state.root, state.due, q_due, f);
+  if (settings.drifts > 0) {  // one a cycle, for all the cycles since its last turn
+    state.due = (state.due + 1) % settings.drifts;
+    const double cycles = std::sqrt(settings.drifts);
+    for (int k = 0; k < p; ++k) f[k] = cycles * settings.drift[state.due * p + k];
+    online_detail::add_drift(p, state.root, f);
   }
   return {};
 }

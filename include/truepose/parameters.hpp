@@ -150,6 +150,11 @@ inline double sensor_change(const Sensor& sensor, const Sensed& s, const Chain& 
          by_motor(sensor, s, chain, dB, rate) * change.motor;
 }
 
+/// A derivative by a unit vector, along which only turning it counts.
+inline Vec3 turned_only(const Vec3& slope, const Vec3& unit) {
+  return slope - slope.dot(unit) * unit;
+}
+
 /// The columns of H_ξ that are the sensors' own: offset, gain, mounting.
 inline void sensor_columns(const Robot& robot, const std::array<Sensed, kMaxSensors>& sensed,
                            double* H) {
@@ -160,8 +165,11 @@ inline void sensor_columns(const Robot& robot, const std::array<Sensed, kMaxSens
     row[static_cast<int>(SensorParameter::offset)] = -1;
     row[static_cast<int>(SensorParameter::gain)] = s.value;
     int column = static_cast<int>(SensorParameter::origin_x);
-    for (const Vec3* vector : {&s.origin, &s.direction, &s.target, &s.normal})
-      for (int axis = 0; axis < 3; ++axis) row[column++] = robot.sensor[k].gain * (*vector)[axis];
+    const Sensor& sensor = robot.sensor[k];
+    const Vec3 direction = turned_only(s.direction, sensor.direction);
+    const Vec3 normal = turned_only(s.normal, sensor.normal);
+    for (const Vec3* vector : {&s.origin, &direction, &s.target, &normal})
+      for (int axis = 0; axis < 3; ++axis) row[column++] = sensor.gain * (*vector)[axis];
     if (!rotary(robot.sensor[k])) continue;
     const Eccentricity& encoder = robot.sensor[k].eccentricity;
     for (const double harmonic : harmonics(encoder, s.angle))
@@ -197,8 +205,8 @@ inline void parameter_jacobian(const Robot& robot, const Pose& pose, const Chain
 }
 
 /// H_ξ = ∂[q; r]/∂ξ at a closed pose, (n + r) rows of parameter_count(robot), in memory the caller
-/// owns. Directions and normals count as free vectors: projecting them on unit length is the
-/// caller's, who knows how they were given.
+/// owns. Directions and normals are of unit length: whoever was given one of another length divides
+/// its columns by it.
 template <Mobility K>
 inline void parameter_jacobian(const Robot& robot, const Closure<K>& closure, double* H) {
   std::array<Sensed, kMaxSensors> sensed;

@@ -67,6 +67,12 @@ def drawn(spec: RobotFile) -> dict[str, float]:
         part, key, *component = name.split(".")
         value = getattr(parts[part], key)
         values[name] = value[_COMPONENTS[component[0]]] if component else value
+    for sensor in spec.sensor:
+        for key in (sensor.mounting.get(vector) for vector in DIRECTIONS):
+            if key is not None:  # only turning it means something
+                of = [f"{sensor.name}.{key}.{axis}" for axis in "xyz"]
+                length = math.hypot(*(values[name] for name in of))
+                values |= {name: values[name] / length for name in of}
     return values
 
 
@@ -74,7 +80,7 @@ def _harmonics() -> list[str]:
     return [f"eccentricity.{harmonic}" for harmonic in HARMONICS]
 
 
-#: The core's sensor vectors that are directions, of length 1 whatever their parameters say.
+#: The core's sensor vectors that are directions: parameters of theirs have length 1 as drawn.
 DIRECTIONS = ("direction", "normal")
 
 

@@ -197,31 +197,25 @@ def calibrate(
     column = dict(columns(robot.spec, robot._sensors))
     mean = mean_of(robot)
 
-    def search(guarded: bool):
-        known = knowledge.knowledge(robot, guarded=guarded)
-        return _core.calibrate(
-            robot._drawn,
-            known.core,
-            mean,
-            rows,
-            outside,
-            outside_sigma,
-            getattr(_core.Loss, loss),
-            tuning,
-            known.nuisances,
-            robot._is_full(level),
-        )
-
     if model_error not in MODEL_ERRORS:
         raise InputError(choose("model_error", model_error, MODEL_ERRORS))
-    can_guard = level == "ideal" and bool(knowledge.left_out(robot))
-    guarded = can_guard and model_error != "off"
-    found = search(guarded)
-    if guarded and model_error == "auto":
-        plain = search(False)
-        if plain[-1] - found[-1] < BETRAYED:
-            guarded, found = False, plain
-    status, iterations, xi, covariance, x, chi2, redundancy, weights, lines, _ = found
+    can_guard = level == "ideal" and model_error != "off" and bool(knowledge.left_out(robot))
+    guard = knowledge.knowledge(robot, guarded=True) if can_guard else None
+    found = _core.calibrate(
+        robot._drawn,
+        knowledge.knowledge(robot).core,
+        guard.core if guard else None,
+        guard.nuisances if guard else 0,
+        BETRAYED if model_error == "auto" else -1.0,
+        mean,
+        rows,
+        outside,
+        outside_sigma,
+        getattr(_core.Loss, loss),
+        tuning,
+        robot._is_full(level),
+    )
+    status, iterations, xi, covariance, x, chi2, redundancy, weights, lines, cost, guarded = found
     if status:
         hint = "; gross errors? loss='student' bears them" if loss == "squares" else ""
         raise PoseError(
@@ -261,7 +255,7 @@ def calibrate(
         weights=weights,
         status=np.array([_core.describe(int(s)) for s in lines]),
         iterations=iterations,
-        cost=found[-1],
+        cost=cost,
         guarded=guarded,
     )
 

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
+from truepose import _core
+from truepose.build import PAIRED
 from truepose.exceptions import InputError, choose
 from truepose.robot import Robot, check_seed
 
@@ -145,17 +147,13 @@ class Effects:
         """
         if not (math.isfinite(time) and time >= 0):
             raise InputError(f"time = {time}: must be a finite number of seconds of at least 0")
-        warmer = self.warm_up * min(1.0, time / self.warm_up_time) if self.warm_up else 0.0
+        share = min(1.0, time / self.warm_up_time) if self.warm_up else 0.0
         values = {name: p.value for name, p in truth.parameters.items()}
-        grown = {}
-        for name, value in values.items():
-            part = name.split(".")
-            if not part[0].startswith("chain"):
-                continue
-            rate = {"base": self.base_expansion, "arm": self.arm_expansion}.get(part[1])
-            rate = self.rod_expansion if part[1] == "rod" else rate
-            if rate is not None:
-                grown[name] = value * (1 + rate * warmer)
+        grown = {
+            name: values[name] + share * gain
+            for part in self.growth(truth)
+            for name, gain in part.items()
+        }
         rng = np.random.default_rng(check_seed(seed))
         encoders = [name[: -len(".c1")] for name in values if name.endswith(".eccentricity.c1")]
         for encoder in encoders:
@@ -164,3 +162,44 @@ class Effects:
                 grown[f"{encoder}.{key}"] = values[f"{encoder}.{key}"] + self.eccentricity * share
         robot = truth.replace(grown)
         return robot if self.quantisation else robot.unquantised()
+
+    def growth(self, robot: Robot) -> list[dict[str, float]]:
+        """Return what base, arms and rods each gain in the whole warm-up, m by parameter.
+
+        Three temperatures, each of which moves many parameters together: what
+        :class:`OnlineCalibration` takes as `drift`, once divided by √lines.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> base, arms, rods = tp.Effects().growth(tp.load("h4"))
+        >>> round(arms["chain1.arm"] * 1e6, 1)  # µm
+        119.6
+        """
+        parts = {"base": self.base_expansion, "arm": self.arm_expansion, "rod": self.rod_expansion}
+        return [
+            {
+                name: p.value * rate * self.warm_up
+                for name, p in robot.parameters.items()
+                if name.startswith("chain") and name.split(".")[1] == part
+            }
+            for part, rate in parts.items()
+        ]
+
+    def plant(self, robot: Robot, seed: int = 0) -> _core.Effects:
+        """Return the core's struct: what of it is not geometry, for :func:`truepose.simulate`.
+
+        A chain's passive joints count at its motor: four of them where its rods are a pair, two
+        else, each turning as far as the motor does.
+        """
+        core = _core.Effects()
+        core.backlash = self.tool_backlash
+        joints = 4 if robot.spec.mobility in PAIRED else 2
+        friction = self.motor_friction + joints * self.joint_friction
+        core.friction = [friction] * robot.n + [0.0] * (6 - robot.n)
+        core.arm_stiffness, core.rod_stiffness = self.arm_stiffness, self.rod_stiffness
+        core.ripple = self.torque_ripple
+        phases = np.random.default_rng([check_seed(seed), 1]).uniform(0, 2 * math.pi, 6)
+        core.phase = phases.tolist()
+        core.delayed = bool(self.delay)
+        return core

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fnmatch
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,9 +26,11 @@ class OnlineCalibration:
     ----------
     robot : Robot
         With the sensors in use that are read.
-    drift : dict, optional
+    drift : dict, or sequence of dict, optional
         Name of a parameter (or pattern, ``"chain*.rod"``): σ of its random walk over one line, m or
-        rad. Without it parameters are constant and the filter ever surer.
+        rad, each parameter by itself. Of a sequence, each dict is one random walk of all that it
+        names together, as by :meth:`Effects.growth`. Without it parameters are constant and the
+        filter ever surer.
     gate : float
         Equations off by more than so many of their own σ are left out; 0 keeps all.
     level : {"ideal", "full"}
@@ -49,7 +52,7 @@ class OnlineCalibration:
     def __init__(
         self,
         robot: Robot,
-        drift: dict[str, float] | None = None,
+        drift: Mapping[str, float] | Sequence[Mapping[str, float]] | None = None,
         gate: float = 0.0,
         level: Level = "ideal",
     ):
@@ -58,22 +61,28 @@ class OnlineCalibration:
         self._names = knowledge.require_uncertain(robot)
         if not (np.isfinite(gate) and gate >= 0):
             raise InputError(f"gate = {gate}: must be a number of σ of at least 0")
-        self._drift = self._rates(drift)
+        self._drift = self._walks(drift)
         self._gate = float(gate)
         self._start(mean_of(robot))
 
-    def _rates(self, drift: dict[str, float] | None) -> list[float]:
-        if not drift:
-            return []
-        rates = dict.fromkeys(self._names, 0.0)
-        for pattern, rate in drift.items():
-            hit = fnmatch.filter(self._names, pattern)
-            if not hit:
-                raise InputError("drift: " + choose("parameter", pattern, self._names))
-            if not (np.isfinite(rate) and rate >= 0):
-                raise InputError(f"drift: {pattern} = {rate}: must be at least 0 (m or rad a line)")
-            rates |= dict.fromkeys(hit, float(rate))
-        return list(rates.values())
+    def _walks(self, drift) -> Array:
+        """Return one row for each random walk: change of every parameter by one σ, in one line."""
+        together = not isinstance(drift, Mapping) and drift is not None
+        rows = []
+        for walk in drift if together else [drift or {}]:
+            row = dict.fromkeys(self._names, 0.0)
+            for pattern, rate in walk.items():
+                hit = fnmatch.filter(self._names, pattern)
+                if not hit:
+                    raise InputError("drift: " + choose("parameter", pattern, self._names))
+                if not (np.isfinite(rate) and (rate >= 0 or together)):
+                    raise InputError(
+                        f"drift: {pattern} = {rate}: must be at least 0 (m or rad a line)"
+                    )
+                row |= dict.fromkeys(hit, float(rate))
+            rows.append(list(row.values()))
+        walks = np.array(rows) if together else np.diag(rows[0])
+        return walks[walks.any(axis=1)]
 
     def _start(self, xi: Array) -> None:
         known = knowledge.knowledge(self._robot, level=self._level)
@@ -117,6 +126,21 @@ class OnlineCalibration:
             about = np.array(self._filter.xi)
             self._start(mean_of(self._robot))
             self._filter.observe(rows, about)
+
+    @property
+    def prior(self) -> Robot:
+        """The robot that it started from."""
+        return self._robot
+
+    @property
+    def level(self) -> Level:
+        """Level of the model by which it understands its readings."""
+        return self._level
+
+    @property
+    def lines(self) -> int:
+        """How many lines it has learnt from."""
+        return self._filter.lines
 
     @property
     def covariance(self) -> Array:

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 
 from truepose import _core, mechanism, robot_file
 from truepose.build import (
-    DIRECTIONS,
     Array,
     build,
     columns,
@@ -782,14 +781,6 @@ class Robot:
         for name, column in columns(self._spec, self._sensors):
             if name in self._values:
                 H[..., names.index(name)] = core[..., column]
-        for sensor in self._sensors:  # directions are normalised: only turning them counts
-            for vector in DIRECTIONS:
-                if key := sensor.mounting.get(vector):
-                    at = [names.index(f"{sensor.name}.{key}.{axis}") for axis in "xyz"]
-                    given = np.array([self._values[names[k]] for k in at])
-                    length = np.linalg.norm(given)
-                    d = given / length
-                    H[..., at] = H[..., at] @ (np.eye(3) - np.outer(d, d)) / length
         size = self.n + self.r
         return H_x.reshape(*lead, size, self.n), H.reshape(*lead, size, len(names))
 

@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core, knowledge, paper_data
+from truepose.effects import Effects
 from truepose.exceptions import InputError, PoseError, choose
+from truepose.online import OnlineCalibration
 from truepose.robot import Array, Errors, Robot, check_seed, fraction
 
 Law = Literal["joint", "redundant", "cartesian", "weighted", "estimated"]
@@ -178,6 +180,9 @@ def simulate(
     hold: float = 0.2,
     steps: int = 2,
     seed: int = 0,
+    effects: Effects | None = None,
+    time: float = 0.0,
+    learn: OnlineCalibration | None = None,
 ) -> Simulation:
     """Simulate a straight move with a quintic time law, then holding its end.
 
@@ -198,7 +203,15 @@ def simulate(
     steps : int
         Integration steps in one control period.
     seed : int
-        Of the true robot's readings' noise.
+        Of the true robot's readings' noise, and of the effects' phases.
+    effects : Effects, optional
+        What the model forgets; nothing by default.
+    time : float
+        Since the true robot was switched on, s: how far it has warmed up.
+    learn : OnlineCalibration, optional
+        Online self-calibration of `robot`, switched on in the controller: it learns from every line
+        of readings that is news, and the controller believes in what it has learnt by then. It
+        keeps that for the next run.
 
     Raises
     ------
@@ -211,20 +224,23 @@ def simulate(
     >>> run = tp.simulate(tp.load("h4").unquantised())
     >>> bool(abs(run.error[-1, :3]).max() < 1e-6)
     True
+
+    A robot with the paper's errors that learns on the way:
+
+    >>> h4 = tp.load("h4")
+    >>> true, online = tp.with_paper_errors(h4, seed=1), tp.OnlineCalibration(h4)
+    >>> first, second = (tp.simulate(h4, true, "estimated", learn=online) for _ in range(2))
+    >>> bool(abs(second.error[-1, 3]) < abs(first.error[0, 3]) / 10)
+    True
     """
     if not isinstance(controller, Controller):
         controller = Controller(law=controller)
     truth = robot if truth is None else truth
     _same_readings(robot, truth)
-    _positive("duration", duration)
-    if not (math.isfinite(hold) and hold >= 0):
-        raise InputError(f"hold = {hold}: must be a finite number of seconds of at least 0")
-    if not (isinstance(steps, int) and 1 <= steps <= 1000):
-        raise InputError(f"steps = {steps}: must be a whole number from 1 to 1000")
-    if (duration + hold) / controller.period > _MOST_PERIODS:
-        raise InputError(
-            f"duration + hold = {duration + hold:g} s: at most {_MOST_PERIODS} control periods"
-        )
+    _timing(controller, duration, hold, steps)
+    if learn is not None:
+        _learns(learn, robot)
+    truth, plant = _with_effects(truth, effects, time, seed)
     origin, target = _pose(robot, start, "start"), _pose(robot, end, "end")
     settings = controller.settings(robot, origin[: robot.n])
     loaded = controller.integral == 0
@@ -237,6 +253,8 @@ def simulate(
         truth._core,
         settings,
         known,
+        plant,
+        None if learn is None else learn._filter,
         origin,
         target,
         duration,
@@ -252,6 +270,105 @@ def simulate(
             f"{guilty}{_core.describe(status)}"
         )
     return Simulation(robot, truth, controller, *log)
+
+
+def visit(
+    robot: Robot,
+    truth: Robot,
+    x_d: ArrayLike,
+    controller: Controller | Law = "redundant",
+    *,
+    duration: float = paper_data.MOVE_DURATION,
+    hold: float = 0.2,
+    steps: int = 2,
+    seed: int = 0,
+    effects: Effects | None = None,
+    time: float = 0.0,
+    learn: OnlineCalibration | None = None,
+) -> tuple[Array, Array, Array]:
+    """Drive from pose to pose, in the dynamics, and let each settle.
+
+    Friction and play carry over from one pose to the next. Parameters as of :func:`simulate`.
+
+    Returns
+    -------
+    x : ndarray, shape (N, n)
+        True poses at the end of each hold; NaN where the robot did not get there.
+    q_e : ndarray, shape (N, n + r)
+        Readings there.
+    status : ndarray of str, shape (N,)
+        "ok", or why not.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.simulations import visit
+    >>> h4 = tp.load("h4")
+    >>> poses = [[0, 0, -0.4, 0.1], [0.05, 0, -0.4, 0]]
+    >>> x, q_e, status = visit(h4, h4, poses, effects=tp.Effects())
+    >>> status.tolist(), x.shape, q_e.shape
+    (['ok', 'ok'], (2, 4), (2, 5))
+    """
+    if not isinstance(controller, Controller):
+        controller = Controller(law=controller)
+    rows, lead = robot._rows(x_d, robot.n, "x_d", "raise")
+    if len(lead) != 1:
+        raise InputError(f"x_d: shape {np.shape(x_d)}, must be (N, {robot.n})")
+    _same_readings(robot, truth)
+    _timing(controller, duration, hold, steps)
+    if learn is not None:
+        _learns(learn, robot)
+    truth, plant = _with_effects(truth, effects, time, seed)
+    settings = controller.settings(robot, robot.home)
+    known = knowledge.for_law(robot, controller.law)
+    home = np.array(robot.home)[None]
+    at_rest, status, chain = _core.settle(
+        robot._core, truth._core, settings, known, controller.integral == 0, home
+    )
+    robot._check("pose", home, (), status, chain, "raise", name="home")
+    x, q_e, status, _ = _core.visit(
+        robot._core,
+        truth._core,
+        settings,
+        known,
+        plant,
+        None if learn is None else learn._filter,
+        rows,
+        duration,
+        hold,
+        steps,
+        [*at_rest[0], *[0.0] * (6 - robot.n)],
+        check_seed(seed),
+    )
+    return x, q_e, np.array([_core.describe(int(s)) for s in status])
+
+
+def _timing(controller: Controller, duration: float, hold: float, steps: int) -> None:
+    _positive("duration", duration)
+    if not (math.isfinite(hold) and hold >= 0):
+        raise InputError(f"hold = {hold}: must be a finite number of seconds of at least 0")
+    if not (isinstance(steps, int) and 1 <= steps <= 1000):
+        raise InputError(f"steps = {steps}: must be a whole number from 1 to 1000")
+    if (duration + hold) / controller.period > _MOST_PERIODS:
+        raise InputError(
+            f"duration + hold = {duration + hold:g} s: at most {_MOST_PERIODS} control periods"
+        )
+
+
+def _with_effects(
+    truth: Robot, effects: Effects | None, time: float, seed: int
+) -> tuple[Robot, _core.Effects]:
+    """Return the true robot as it is by then, and what of the effects is not geometry."""
+    if effects is None:
+        return truth, _core.Effects()
+    return effects.geometry(truth, time, seed), effects.plant(truth, seed)
+
+
+def _learns(online: OnlineCalibration, robot: Robot) -> None:
+    if online.prior is not robot:
+        raise InputError("learn: must be an OnlineCalibration of the robot that is controlled")
+    if online.level != "ideal":
+        raise InputError("learn: level = 'full': a controller learns at the ideal level")
 
 
 def _positive(name: str, value: float) -> None:

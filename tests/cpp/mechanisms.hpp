@@ -8,6 +8,7 @@
 #include "check.hpp"
 #include "truepose/control_law.hpp"
 #include "truepose/full.hpp"
+#include "truepose/learning.hpp"
 
 namespace mechanisms {
 
@@ -50,10 +51,26 @@ class Prior {
   Prior& operator=(const Prior&) = delete;
   Knowledge& known() { return known_; }
   Weighing weighing() { return {&known_, work_.data()}; }
+  /// What starts from here and learns; one at a time.
+  Learner learner(const Robot& robot) {
+    xi_.resize(parameter_count(robot));
+    drawn_parameters(robot, xi_.data());
+    filter_.resize(online_work(robot, known_.count));
+    drift_.assign(2 * known_.count, 1e-7);
+    Learner learner;
+    learner.drawn = &robot;
+    learner.settings = {2, drift_.data()};
+    learner.state = {known_.count, column_.data(), xi_.data(), root_.data(), known_.sigma};
+    learner.work = filter_.data();
+    learner.robot = robot;
+    learner.pose = with_mobility(robot.mobility,
+                                 [&](auto mobility) { return to_pose<mobility()>(robot.home); });
+    return learner;
+  }
 
  private:
   std::vector<int> column_;
-  std::vector<double> root_, work_;
+  std::vector<double> root_, work_, xi_, filter_, drift_;
   Knowledge known_;
 };
 

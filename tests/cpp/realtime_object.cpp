@@ -3,6 +3,7 @@
 #include "truepose/control.hpp"
 #include "truepose/estimate.hpp"
 #include "truepose/full_linearise.hpp"
+#include "truepose/learning.hpp"
 
 using namespace truepose;
 
@@ -59,6 +60,12 @@ Outcome realtime_control(const Robot& robot, const ControlSettings& settings,
                          const Setpoint& setpoint, const Extended& q_e, ControlState& state,
                          const Weighing& weighing) {
   return control(robot, settings, setpoint, q_e, state, weighing);
+}
+Outcome realtime_learn(Learner& learner, const Extended& q_e) {
+  return learn<Mobility::schoenflies>(learner, q_e);
+}
+Outcome realtime_learn_full(Learner& learner, const Extended& q_e) {
+  return learn<Mobility::schoenflies, FullModel>(learner, q_e);
 }
 double realtime_friction(const Chain& chain, double rate) { return friction(chain, rate); }
 Setpoint realtime_quintic(const Joint& from, const Joint& to, double duration, double time) {

@@ -54,7 +54,7 @@ TEST("an ideal robot at rest stays at rest, under every law") {
           [&](const Sample& sample) {
             strayed = std::max(strayed, distance<K>(to_pose<K>(sample.x), home));
           },
-          prior.weighing()));
+          Extras{prior.weighing()}));
       CHECK_NEAR(strayed, 0, 1e-12);
     }
   });
@@ -78,7 +78,7 @@ TEST("an ideal robot follows a move with full feed-forward, and ends on the spot
             strayed = std::max(strayed, distance<K>(to_pose<K>(sample.x), to_pose<K>(sample.x_d)));
             last = sample;
           },
-          prior.weighing()));
+          Extras{prior.weighing()}));
       CHECK_NEAR(strayed, 0, 2e-3);  // torques are held for 1 ms
       CHECK_NEAR(distance<K>(to_pose<K>(last.x), to_pose<K>(to)), 0, 1e-6);
     }
@@ -310,7 +310,7 @@ TEST("settle() foretells where the simulation comes to rest, with and without gr
         Sample last{};
         CHECK(simulate<K>(
             nominal, truth, settings.control, Run{nominal.home, to, 0.2, 0.6, 2}, start,
-            [&](const Sample& sample) { last = sample; }, prior.weighing()));
+            [&](const Sample& sample) { last = sample; }, Extras{prior.weighing()}));
         CHECK_NEAR(distance<K>(to_pose<K>(last.x), to_pose<K>(end)), 0, 1e-9);
         CHECK(distance<K>(to_pose<K>(end), to_pose<K>(to)) > 1e-5);  // the errors do show
       }

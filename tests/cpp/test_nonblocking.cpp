@@ -28,6 +28,16 @@ long run_control(const Robot& robot, const ControlSettings& settings,
   return failures;
 }
 
+template <Mobility K>
+long run_learner(Learner& learner, const std::vector<Cycle>& cycles) noexcept
+    [[clang::nonblocking]] {
+  long failures = 0;
+  const Cycle* cycle = cycles.data();
+  for (std::size_t k = 0; k < cycles.size(); ++k)
+    if (!learn<K>(learner, cycle[k].q_e)) ++failures;
+  return failures;
+}
+
 long run_models(const Robot& robot, const std::vector<Cycle>& cycles) noexcept
     [[clang::nonblocking]] {
   long failures = 0;
@@ -90,6 +100,8 @@ TEST("no law and no model blocks, on any mechanism") {
       CHECK(run_control(robot, settings, cycles, state, prior.weighing()) == 0);
     }
     CHECK(run_models(robot, cycles) == 0);
+    Learner learner = prior.learner(robot);
+    CHECK(run_learner<K>(learner, cycles) < 200);  // ξ̂ wanders: these poses belong to no robot
   });
 }
 

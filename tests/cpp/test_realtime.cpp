@@ -184,3 +184,27 @@ TEST("the estimate allocates nothing at either level, whether it finds a pose or
     CHECK(failures == 0);
   });
 }
+
+TEST("learning while it works, a controller allocates nothing, at either level") {
+  for_each([&](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    Robot robot = mechanism.robot;
+    robot.r = 2;
+    Prior prior(robot);
+    Learner learner = prior.learner(robot);
+    check::Random random(74);
+    const long before = allocations;
+    for (long k = 0; k < 300; ++k) {
+      Extended q_e;
+      if (!extended<K>(robot, to_pose<K>(random_pose(mechanism, random)), q_e)) continue;
+      static_cast<void>(learn<K>(learner, q_e));
+      if constexpr (kPaired<K>)
+        if (robot.full.kind == FullKind::exists)
+          static_cast<void>(learn<K, FullModel>(learner, q_e));
+      q_e[0] += 3;  // mostly fails
+      static_cast<void>(learn<K>(learner, q_e));
+    }
+    CHECK(allocations == before);
+    CHECK(learner.lines > 250);
+  });
+}

@@ -123,6 +123,8 @@ void change(Robot& robot, int k, SensorParameter p, double h) {
      : index < 6 ? sensor.direction
      : index < 9 ? sensor.target
                  : sensor.normal)[index % 3] += h;
+  sensor.direction.normalize();
+  sensor.normal.normalize();
 }
 
 /// What a level of the model says at a pose.

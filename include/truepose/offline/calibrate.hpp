@@ -43,6 +43,7 @@ struct CalibrationResult {
   Outcome outcome;
   int iterations = 0;
   std::vector<double> xi;       ///< parameter_count(drawn) values
+  Eigen::VectorXd u;            ///< ξ̂ of the uncertain ones: μ + S u
   Eigen::MatrixXd covariance;   ///< of the uncertain parameters, nuisances left out
   std::vector<Pose> pose;       ///< x̂ of every line of the log
   std::vector<Status> status;   ///< of every line; one that is not ok was left out
@@ -73,10 +74,12 @@ class Calibrator {
         S_(Eigen::Map<const RowMatrix>(prior.root, p_, p_)),
         H_xi_(2 * readings_ * parameter_count(drawn)) {}
 
-  CalibrationResult run() {
+  /// @param from  what a model with fewer parameters at the end found, to start there; or nullptr
+  CalibrationResult run(const CalibrationResult* from = nullptr) {
     CalibrationResult result;
-    Iterate now{Eigen::VectorXd::Zero(p_), std::vector<Pose>(log_.count)};
-    result.status = start(now);
+    Iterate now =
+        from ? beside(*from) : Iterate{Eigen::VectorXd::Zero(p_), std::vector<Pose>(log_.count)};
+    result.status = from ? from->status : start(now);
     for (int bad; (bad = evaluate(now, result.status)) >= 0;) result.status[bad] = Status::singular;
     if (std::count(result.status.begin(), result.status.end(), Status::ok) == 0) {
       result.outcome = {Status::unreachable, -1};
@@ -96,6 +99,19 @@ class Calibrator {
     return result;
   }
 
+  /// By how much this model would lower the cost that another one came to, to first order.
+  double promise(const CalibrationResult& from) {
+    Iterate now = beside(from);
+    std::vector<Status> status = from.status;
+    for (int bad; (bad = evaluate(now, status)) >= 0;) status[bad] = Status::singular;
+    loss_ = settings_.loss;
+    scale_ = 1;
+    Eigen::MatrixXd information;
+    Eigen::VectorXd right;
+    accumulate(now, information, right);
+    return right.dot(information.selfadjointView<Eigen::Lower>().llt().solve(right));
+  }
+
  private:
   /// A geometry and its poses; what the readings say there.
   struct Iterate {
@@ -103,6 +119,12 @@ class Calibrator {
     std::vector<Pose> pose;
     std::vector<Line> line{};
   };
+
+  Iterate beside(const CalibrationResult& from) const {
+    Iterate at{Eigen::VectorXd::Zero(p_), from.pose};
+    at.u.head(from.u.size()) = from.u;
+    return at;
+  }
 
   std::vector<double> xi_of(const Eigen::VectorXd& u) const {
     std::vector<double> xi = mean_;
@@ -332,6 +354,7 @@ class Calibrator {
         root.triangularView<Eigen::Lower>().solve(Eigen::MatrixXd(S_.transpose()));
     const int p = p_ - settings_.nuisances;
     result.covariance = half.leftCols(p).transpose() * half.leftCols(p);
+    result.u = at.u;
     result.xi = xi_of(at.u);
     result.pose = at.pose;
     result.cost = cost(at);

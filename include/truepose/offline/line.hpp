@@ -40,7 +40,7 @@ struct LineModel {
 namespace line_detail {
 
 /// @param q_e   n + r readings, NaN where there is none; nullptr: as expected
-/// @param H_xi  work space, (n + r) × parameter_count
+/// @param H_xi  work space, (n + r) × parameter_count; twice that for GuardedModel
 template <Mobility K, class Model>
 Outcome read(const Robot& robot, const Knowledge& known, const Pose& pose, const double* q_e,
              Outside outside, double* H_xi, Line& line) {

@@ -27,34 +27,53 @@ inline Joint tangent_rate(const Joint& u, const Joint& rate) {
   }
 }
 
-/// Advances the plant by `period` under constant torque, in `steps` steps of Runge-Kutta 4.
+/// Advances the plant, and M values y that turn with its motors, by one step of Runge-Kutta 4.
+/// @param drive  drive(closure, model, y, dy) -> Joint: torques, and the derivative of y
+/// @return unreachable or singular when it leaves its workspace; nothing has then changed
+template <Mobility K, bool NeedAngle, std::size_t M, class Drive>
+inline Outcome step(const Robot& truth, double h, PlantState& state, std::array<double, M>& y,
+                    Drive&& drive) {
+  const auto along = [](const auto& start, double scale, const auto& slope) {
+    auto result = start;
+    for (std::size_t i = 0; i < result.size(); ++i) result[i] += scale * slope[i];
+    return result;
+  };
+  constexpr std::array<double, 4> node{0, 0.5, 0.5, 1}, weight{1. / 6, 1. / 3, 1. / 3, 1. / 6};
+  Joint motion{}, change{}, velocity{}, acceleration{};
+  std::array<double, M> dy{}, whole{};
+  for (int stage = 0; stage < 4; ++stage) {
+    const Joint u = along(Joint{}, h * node[stage], velocity);
+    const Joint rate = along(state.rate, h * node[stage], acceleration);
+    const std::array<double, M> at = along(y, h * node[stage], dy);
+    const Pose pose = stage == 0 ? state.pose : moved<K>(state.pose, u);
+    velocity = tangent_rate<K>(u, rate);
+    const Outcome outcome = forward_dynamics_under<K, NeedAngle>(
+        truth, pose, rate,
+        [&](const auto& closure, const auto& model) { return drive(closure, model, at, dy); },
+        acceleration);
+    if (!outcome) return outcome;
+    motion = along(motion, h * weight[stage], velocity);
+    change = along(change, h * weight[stage], acceleration);
+    whole = along(whole, h * weight[stage], dy);
+  }
+  state.pose = moved<K>(state.pose, motion);
+  state.rate = along(state.rate, 1, change);
+  y = along(y, 1, whole);
+  return {};
+}
+
+/// Advances the plant by `period` under constant torque, in `steps` steps.
 /// @return unreachable or singular when it leaves its workspace; the state is then the last good
 /// one
 template <Mobility K>
 inline Outcome advance(const Robot& truth, const Joint& torque, double period, int steps,
                        PlantState& state) {
-  constexpr int n = kDof<K>;
-  const double h = period / steps;
-  const auto along = [](const Joint& start, double scale, const Joint& slope) {
-    Joint result{};
-    for (int i = 0; i < n; ++i) result[i] = start[i] + scale * slope[i];
-    return result;
-  };
+  std::array<double, 0> nothing;
   for (int s = 0; s < steps; ++s) {
-    constexpr std::array<double, 4> node{0, 0.5, 0.5, 1}, weight{1. / 6, 1. / 3, 1. / 3, 1. / 6};
-    Joint motion{}, change{}, velocity{}, acceleration{};
-    for (int stage = 0; stage < 4; ++stage) {
-      const Joint u = along(Joint{}, h * node[stage], velocity);
-      const Joint rate = along(state.rate, h * node[stage], acceleration);
-      const Pose pose = stage == 0 ? state.pose : moved<K>(state.pose, u);
-      velocity = tangent_rate<K>(u, rate);
-      const Outcome outcome = forward_dynamics<K>(truth, pose, rate, torque, acceleration);
-      if (!outcome) return outcome;
-      motion = along(motion, h * weight[stage], velocity);
-      change = along(change, h * weight[stage], acceleration);
-    }
-    state.pose = moved<K>(state.pose, motion);
-    state.rate = along(state.rate, 1, change);
+    const Outcome outcome =
+        step<K, false>(truth, period / steps, state, nothing,
+                       [&](const auto&, const auto&, const auto&, auto&) { return torque; });
+    if (!outcome) return outcome;
   }
   return {};
 }

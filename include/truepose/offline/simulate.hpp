@@ -2,7 +2,8 @@
 #pragma once
 
 #include "truepose/control.hpp"
-#include "truepose/offline/plant.hpp"
+#include "truepose/learning.hpp"
+#include "truepose/offline/effects.hpp"
 
 namespace truepose {
 
@@ -25,30 +26,68 @@ struct Sample {
   Status status;  ///< of the controller: ok or near_singular
 };
 
-/// Runs the loop; `write(sample)` is called once per period, end included. The robot starts at
-/// rest where `start` says (its true pose).
-/// @return the first failure and what the log holds up to it, or ok
+/// What a loop may have beside a robot and its controller.
+struct Extras {
+  Weighing weighing{};         ///< for the laws `weighted` and `estimated`
+  Effects effects{};           ///< what the model forgets
+  Learner* learner = nullptr;  ///< switches online self-calibration on
+};
+
+/// A robot, its controller, and what both remember from one move to the next.
+template <Mobility K>
+class Loop {
+ public:
+  /// @param start  true pose at which the robot stands
+  Loop(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
+       const Joint& start, std::uint64_t seed, const Extras& extras = {})
+      : nominal_(nominal),
+        settings_(settings),
+        extras_(extras),
+        plant_(truth, extras.effects, to_pose<K>(start), seed),
+        resting_(plant_.rest()) {}
+
+  /// Runs one move; `write(sample)` is called once per period, end included.
+  /// @return the first failure and what the log holds up to it, or ok
+  template <class Write>
+  Outcome move(const Run& run, Write&& write) {
+    if (!resting_) return resting_;
+    const int periods = static_cast<int>(std::lround((run.duration + run.hold) / settings_.period));
+    for (int k = 0; k <= periods; ++k) {
+      const double time = k * settings_.period;
+      const Setpoint setpoint = quintic<K>(run.from, run.to, run.duration, time);
+      Extended q_e{};
+      Outcome outcome = plant_.measure(q_e);
+      if (!outcome) return outcome;
+      const bool late = extras_.effects.delayed && control_.started;
+      const Joint before = control_.torque;
+      if (extras_.learner) learn<K>(*extras_.learner, q_e);  // a line that fits no pose: next time
+      const Robot& believed = extras_.learner ? extras_.learner->robot : nominal_;
+      outcome = control<K>(believed, settings_, setpoint, q_e, control_, extras_.weighing);
+      if (!outcome) return outcome;
+      write(Sample{time, setpoint.x, to_coordinates<K>(plant_.pose()), q_e, control_.error,
+                   control_.torque, outcome.status});
+      if (k == periods) break;
+      outcome = plant_.advance(late ? before : control_.torque, settings_.period, run.steps);
+      if (!outcome) return outcome;
+    }
+    return {};
+  }
+
+ private:
+  const Robot& nominal_;
+  ControlSettings settings_;
+  Extras extras_;
+  Plant<K> plant_;
+  Outcome resting_;
+  ControlState control_;
+};
+
+/// One move of a robot that starts at rest where `start` says (its true pose).
 template <Mobility K, class Write>
 inline Outcome simulate(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
                         const Run& run, const Joint& start, Write&& write,
-                        const Weighing& weighing = {}) {
-  PlantState plant{to_pose<K>(start), {}};
-  ControlState state;
-  Random random(run.seed);
-  const int periods = static_cast<int>(std::lround((run.duration + run.hold) / settings.period));
-  for (int k = 0; k <= periods; ++k) {
-    const double time = k * settings.period;
-    const Setpoint setpoint = quintic<K>(run.from, run.to, run.duration, time);
-    Extended q_e{};
-    Outcome outcome = measure<K>(truth, plant.pose, random, q_e);
-    if (outcome) outcome = control<K>(nominal, settings, setpoint, q_e, state, weighing);
-    if (!outcome) return outcome;
-    write(Sample{time, setpoint.x, to_coordinates<K>(plant.pose), q_e, state.error, state.torque,
-                 outcome.status});
-    if (k < periods) outcome = advance<K>(truth, state.torque, settings.period, run.steps, plant);
-    if (!outcome) return outcome;
-  }
-  return {};
+                        const Extras& extras = {}) {
+  return Loop<K>(nominal, truth, settings, start, run.seed, extras).move(run, write);
 }
 
 }  // namespace truepose

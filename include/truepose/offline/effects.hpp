@@ -1,0 +1,195 @@
+// What does the exact plant do that the model forgets? Friction, compliance, backlash, ripple.
+//
+// Thermal growth, eccentric encoders and counts are geometry: parameters of the true robot.
+#pragma once
+
+#include <algorithm>
+
+#include "truepose/offline/plant.hpp"
+
+namespace truepose {
+
+/// Zero switches an effect off.
+struct Effects {
+  double backlash = 0;        ///< play of a geared nacelle angle's gear, whole width, rad of it
+  Joint friction{};           ///< Coulomb friction at each motor, N·m or N
+  double presliding = 1e-4;   ///< over which friction turns round, rad or m of the motor
+  double arm_stiffness = 0;   ///< of an arm at its root, N·m/rad (0: rigid)
+  double arm_damping = 0.05;  ///< of the rotor against its arm, ratio
+  double rod_stiffness = 0;   ///< of one rod along itself, N/m (0: rigid)
+  double ripple = 0;          ///< of a motor's torque, its amplitude over it
+  Joint phase{};              ///< of the ripple, rad
+  bool delayed = false;       ///< a torque acts one cycle after the readings that asked for it
+
+  bool change_torque() const {
+    return ripple > 0 || arm_stiffness > 0 ||
+           std::any_of(friction.begin(), friction.end(), [](double f) { return f > 0; });
+  }
+  bool give_way() const { return arm_stiffness > 0 || rod_stiffness > 0; }
+};
+
+inline constexpr double kRipples = 6;      ///< periods in one turn of a motor
+inline constexpr int kCompliantSteps = 4;  ///< at least, in one control period: rotors swing
+
+namespace effects_detail {
+
+/// Dahl's friction after a displacement: df/dq = (sgn dq - f)/presliding, exactly. It depends on
+/// the way alone, not on the time it took: a motor at rest stays, one that turns round lags.
+/// (P. R. Dahl, A solid friction model, Aerospace Corporation TOR-0158, 1968.)
+inline double dahl(double slip, double displacement, double presliding) {
+  const double side = displacement > 0 ? 1 : -1;
+  return side + (slip - side) * std::exp(-std::fabs(displacement) / presliding);
+}
+
+}  // namespace effects_detail
+
+/// The true robot and what it remembers: pose, rate, friction, rotors, gears.
+template <Mobility K>
+class Plant {
+ public:
+  static constexpr int n = kDof<K>;
+
+  using Rotors = std::array<double, 2 * n>;  ///< their angles, then the rates of those
+
+  Plant(const Robot& truth, const Effects& effects, const Pose& start, std::uint64_t seed)
+      : truth_(truth), driven_(truth), effects_(effects), state_{start, {}}, random_(seed) {
+    for (int i = 0; i < n; ++i) {  // rotor and arm are one inertia in the file
+      const Chain& chain = truth.chain[i];
+      rotor_[i] = std::max(chain.drive_inertia - chain.arm_mass * chain.arm * chain.arm / 3,
+                           0.1 * chain.drive_inertia);
+      if (springy(i)) driven_.chain[i].drive_inertia -= rotor_[i];
+    }
+  }
+
+  const Pose& pose() const { return state_.pose; }
+
+  /// Before the first period: stands still under its own weight.
+  Outcome rest() {
+    Closure<K> closure;
+    Jacobians<K> jacobians;
+    DynamicModel<K> model;
+    Outcome outcome = ikm<K>(truth_, state_.pose, closure);
+    if (outcome) outcome = jacobian<K>(closure, jacobians);
+    if (outcome) outcome = dynamic_model<K>(truth_, closure, Joint{}, model);
+    if (!outcome) return outcome;
+    transmitted_ = inverse_dynamics<K>(model, jacobians.J, Joint{});
+    const Joint q = closure.q();
+    for (int i = 0; i < n; ++i)
+      rotors_[i] = q[i] + (springy(i) ? transmitted_[i] / effects_.arm_stiffness : 0);
+    Extended q_e{};
+    outcome = extended<K>(truth_, state_.pose, q_e);
+    for (int k = 0; k < truth_.r; ++k) geared_[k] = q_e[n + k];
+    return outcome;
+  }
+
+  /// One period under constant torque commands.
+  /// @return unreachable or singular when it leaves its workspace
+  Outcome advance(const Joint& torque, double period, int steps) {
+    if (!effects_.change_torque()) {
+      transmitted_ = torque;
+      return truepose::advance<K>(truth_, torque, period, steps, state_);
+    }
+    if (effects_.arm_stiffness > 0) steps = std::max(steps, kCompliantSteps);
+    for (int s = 0; s < steps; ++s) {
+      Rotors turned = rotors_;
+      const Outcome outcome = step<K, true>(
+          driven_, period / steps, state_, turned,
+          [&](const Closure<K>& closure, const DynamicModel<K>& model, const Rotors& y,
+              Rotors& dy) { return transmitted(closure.q(), model.rate, torque, y, dy); });
+      if (!outcome) return outcome;
+      for (int i = 0; i < n; ++i) {
+        const double moved_by = turned[i] - rotors_[i];
+        if (moved_by != 0) slip_[i] = effects_detail::dahl(slip_[i], moved_by, effects_.presliding);
+      }
+      rotors_ = turned;
+    }
+    return {};
+  }
+
+  /// What the encoders read: those of the bent robot, a geared nacelle angle from behind its gear.
+  Outcome measure(Extended& q_e) {
+    Outcome outcome;
+    if (effects_.give_way()) {
+      Robot robot = truth_;
+      outcome = bend(robot);
+      if (outcome) outcome = extended<K>(robot, state_.pose, q_e);
+    } else {
+      outcome = extended<K>(truth_, state_.pose, q_e);
+    }
+    if (!outcome) return outcome;
+    for (int k = 0; k < truth_.r; ++k) {  // a gear's far side follows where the play ends
+      const Sensor& sensor = truth_.sensor[k];
+      if (sensor.kind != SensorKind::nacelle_angle || sensor.eccentricity.gear == 1) continue;
+      const double half = std::fabs(sensor.gain) * effects_.backlash / 2, near = q_e[n + k];
+      q_e[n + k] = geared_[k] = std::clamp(geared_[k], near - half, near + half);
+    }
+    spoil(truth_, random_, q_e);
+    return outcome;
+  }
+
+ private:
+  bool springy(int i) const {
+    return effects_.arm_stiffness > 0 && truth_.chain[i].actuator == Actuator::revolute;
+  }
+
+  /// Torque that reaches the arms, and the rates of the rotors' angles and of those.
+  Joint transmitted(const Joint& q, const std::array<double, n>& rate, const Joint& torque,
+                    const Rotors& y, Rotors& dy) {
+    for (int i = 0; i < n; ++i) {
+      const double ripple = effects_.ripple * std::sin(kRipples * q[i] + effects_.phase[i]);
+      const double net = torque[i] * (1 + ripple) - effects_.friction[i] * slip_[i];
+      if (springy(i)) {  // the rotor turns against its arm's root
+        const double k = effects_.arm_stiffness, I = rotor_[i];
+        const double damping = 2 * effects_.arm_damping * std::sqrt(k * I);
+        transmitted_[i] = k * (y[i] - q[i]) + damping * (y[n + i] - rate[i]);
+        dy[i] = y[n + i];
+        dy[n + i] = (net - transmitted_[i]) / I;
+      } else {
+        transmitted_[i] = net;
+        dy[i] = rate[i];
+        dy[n + i] = 0;
+      }
+    }
+    return transmitted_;
+  }
+
+  /// What arms and rods give way, as geometry. The torque that passes an arm's root, less the
+  /// arm's own weight, is the rods' tension T times J_q/L. Rods give way quasi-statically.
+  Outcome bend(Robot& robot) const {
+    Closure<K> closure;
+    const Outcome outcome = ikm<K>(truth_, state_.pose, closure);
+    if (!outcome) return outcome;
+    const Joint q = closure.q();
+    for (int i = 0; i < n; ++i) {
+      const Chain& from = truth_.chain[i];
+      const ChainState& at = closure.chain[i];
+      if (springy(i)) robot.chain[i].encoder_offset -= rotors_[i] - q[i];
+      if (effects_.rod_stiffness <= 0) continue;
+      const double carried = (from.actuator == Actuator::revolute ? 0.5 : 1) * from.arm_mass;
+      const double left = transmitted_[i] + carried * truth_.gravity.dot(at.dB);
+      const double length = at.v.norm();
+      // An arm in line with its rod says nothing of the rod's force.
+      if (!(std::fabs(at.jq) > 1e-3 * length * at.dB.norm())) continue;
+      const int rods = kPaired<K> ? 2 : 1;
+      const double stretched = left * length / at.jq / (rods * effects_.rod_stiffness);
+      if (from.actuator == Actuator::telescopic)
+        robot.chain[i].encoder_offset += stretched;
+      else
+        robot.chain[i].rod += stretched;
+    }
+    return outcome;
+  }
+
+  const Robot& truth_;
+  Robot driven_;  ///< without the rotors that swing by themselves
+  Effects effects_;
+  PlantState state_;
+  Joint rotor_{};  ///< their inertia
+  Rotors rotors_{};
+  Joint slip_{};                              ///< friction over its Coulomb value, -1 to 1
+  Joint transmitted_{};                       ///< torque that reaches the arms
+  std::array<double, kMaxSensors> geared_{};  ///< geared sensors' shafts, as they read
+  Random random_;
+};
+
+}  // namespace truepose
