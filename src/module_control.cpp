@@ -180,12 +180,13 @@ auto run_visit(const Robot& nominal, const Robot& truth, const ControlSettings& 
         const Outcome outcome = loop->move({from, to, duration, hold, steps, 0},
                                            [&](const Sample& sample) { last = sample; });
         outcomes.set(i, outcome);
-        if (!outcome) {
+        if (outcome) {
+          from = standing = to;
+        } else {
           last.x.fill(NAN);
           last.q_e.fill(NAN);
           loop.reset();
         }
-        from = standing = to;
         std::memcpy(x[i], last.x.data(), n * sizeof(double));
         std::memcpy(q_e[i], last.q_e.data(), e * sizeof(double));
       }
@@ -253,6 +254,7 @@ void bind_control(nb::module_& m) {
       .def_rw("friction", &Effects::friction)
       .def_rw("arm_stiffness", &Effects::arm_stiffness)
       .def_rw("rod_stiffness", &Effects::rod_stiffness)
+      .def_ro("arm_damping", &Effects::arm_damping)
       .def_rw("ripple", &Effects::ripple)
       .def_rw("phase", &Effects::phase)
       .def_rw("delayed", &Effects::delayed);

@@ -9,6 +9,7 @@ from truepose import experiment, statistics
 from truepose.experiment import Experiment
 from truepose.robot import Robot
 from truepose.simulations import Simulation
+from truepose.warm_up import NAMES, WarmUp
 
 #: What people read for each control, and its colour.
 CONTROLS = {
@@ -95,4 +96,31 @@ def rest(robot: Robot, result: Experiment) -> Figure:
     axes.plot(ends, ends, color="k", lw=1, label="1 / (1 + |j|²)")
     axes.set(xlabel="1 / (1 + |j|²), first order (%)", ylabel="θ error left by the TEJ (%)")
     axes.legend(fontsize=8, frameon=False)
+    return figure
+
+
+def warm_up(results: list[WarmUp]) -> Figure:
+    """Position error at rest over time, from cold to warm, under each method."""
+    figure = Figure(figsize=(8.4, 3.6), layout="constrained")
+    colours = {
+        "frozen": CONTROLS["joint"][1],
+        "redundant": CONTROLS["redundant"][1],
+        "weighted": CONTROLS["weighted"][1],
+        "online": CONTROLS["self-calibrated"][1],
+    }
+    for axes, result in zip(
+        figure.subplots(1, len(results), sharey=True, squeeze=False)[0], results, strict=True
+    ):
+        for method, values in result.rms.items():
+            rms = np.sqrt((values**2).mean(axis=0))
+            axes.plot(result.hours, rms, color=colours[method], label=NAMES[method])
+        axes.axvline(result.hours[-1] / 1.5, color="0.6", lw=0.8, ls=":")
+        axes.set(
+            xlabel="time since switched on (h)", xlim=(0, result.hours[-1]), title=result.sensors
+        )
+        axes.title.set_size(10)
+    left = figure.axes[0]
+    left.set(ylabel="position rms (mm)", ylim=(0, None))
+    handles = left.get_legend_handles_labels()
+    figure.legend(*handles, loc="outside upper center", ncols=4, fontsize=9, frameon=False)
     return figure

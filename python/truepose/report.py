@@ -21,11 +21,12 @@ from matplotlib.figure import Figure
 
 import truepose
 from truepose import drawing, experiment, figures, paper_data, sensing, statistics, tables
+from truepose.effects import Effects
 from truepose.exceptions import InputError
 from truepose.experiment import CONTROLS
 from truepose.reproduce import Reproduction
 
-FIGURES = 9  #: drawn for the report
+FIGURES = 10  #: drawn for the report
 PAGE = "report.html"
 LEARNT = "self-calibrated"
 
@@ -73,6 +74,7 @@ def write(
         tables.moves(result),
         tables.check(result),
         tables.sensing(result),
+        tables.warm_up(result),
     ]
     for table in numbers:
         _csv(out / f"{table.name}.csv", table.header, table.rows)
@@ -90,6 +92,8 @@ def write(
         left=experiment.theta_law(result.robot, result.experiment.poses),
         errors=paper_data.simulation_errors(),
         machined=sensing.MACHINED,
+        warm=result.warm_up,
+        thermal=Effects(),
         judged=len(result.experiment.poses[:: sensing.EVERY]),
         learnt=float(np.median(np.sqrt(result.experiment.ratio("norm_xyz", "sum_sq", LEARNT)))),
         versions=versions(),
@@ -116,6 +120,7 @@ def _figures(result: Reproduction) -> Iterator[tuple[str, Figure]]:
     yield "poses", figures.poses(result.experiment)
     yield "ratios", figures.ratios(result.experiment)
     yield "rest", figures.rest(result.robot, result.experiment)
+    yield "warm_up", figures.warm_up(result.warm_up)
 
 
 def _save(figure: Figure, path: Path) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from truepose import experiment, paper_data, sensing
+from truepose import experiment, paper_data, sensing, warm_up
 from truepose.experiment import Experiment
 from truepose.robot import Array, Robot, load
 from truepose.simulations import LAWS, Law, Simulation, simulate
@@ -25,6 +25,7 @@ class Reproduction:
     experiment: Experiment
     check: dict[str, dict[Law, Array]]
     sensing: list[sensing.Line]
+    warm_up: list[warm_up.WarmUp]
 
 
 #: The simulated moves: which true robot (errors: the first drawn one) and control, and its law.
@@ -40,7 +41,8 @@ MOVES: dict[str, tuple[str, Law]] = {
 def total_steps(robots: int) -> int:
     """How often `progress` will be called."""
     checks = 3 * len(LAWS) * CHECKED_POSES
-    return len(MOVES) + robots + checks + sensing.total_steps(robots)
+    studies = sensing.total_steps(robots) + warm_up.total_steps(robots)
+    return len(MOVES) + robots + checks + studies
 
 
 def reproduce(
@@ -48,7 +50,7 @@ def reproduce(
 ) -> Reproduction:
     """Simulate the move, settle `robots` drawn robots at 625 poses, check some in the dynamics.
 
-    Then compare sets of sensors.
+    Then compare sets of sensors, and warm calibrated robots up.
 
     Parameters
     ----------
@@ -74,4 +76,5 @@ def reproduce(
         robot, truths[0], some, progress=lambda: progress("some poses in the dynamics")
     )
     sets = sensing.compare(robot, robots, seed, lambda: progress("sets of sensors"))
-    return Reproduction(robot, seed, moves, result, check, sets)
+    warm = warm_up.study(robot, robots, seed, progress=lambda: progress("warming up"))
+    return Reproduction(robot, seed, moves, result, check, sets, warm)

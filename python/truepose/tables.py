@@ -8,6 +8,7 @@ import numpy as np
 
 from truepose import paper_data, statistics
 from truepose.reproduce import MOVES, Reproduction
+from truepose.warm_up import NAMES
 
 QUANTITY_NAMES = {"x": "x", "y": "y", "z": "z", "theta": "θ", "norm_xyz": "norm"}
 STATISTIC_NAMES = {
@@ -145,6 +146,20 @@ def sensing(result: Reproduction) -> Table:
     header += ["bound", "gain"]
     title = f"The same sensor, used fully: {result.sensing[0].robots} robots a line"
     return Table("sensing", title, header, rows)
+
+
+def warm_up(result: Reproduction) -> Table:
+    """What a warm-up leaves of a perfect calibration, under each method."""
+    rows = []
+    for line in result.warm_up:
+        warmest = int(np.argmax(line.hours >= line.hours[-1] / 1.5))  # no warmer from then on
+        for method, values in line.rms.items():
+            rms = np.sqrt((values**2).mean(axis=0))
+            half = rms[warmest // 2]
+            cells = [half, rms[warmest], rms[-1]]
+            rows.append([f"{line.sensors}: {NAMES[method]}", *map(number, cells)])
+    header = ["position rms (mm)", "half warm", "warm", "an hour later"]
+    return Table("warm_up", "Perfectly calibrated when cold", header, rows)
 
 
 def check(result: Reproduction) -> Table:

@@ -154,7 +154,8 @@ class Plant {
   }
 
   /// What arms and rods give way, as geometry. The torque that passes an arm's root, less the
-  /// arm's own weight, is the rods' tension T times J_q/L. Rods give way quasi-statically.
+  /// weight of arm and half its rods, is the rods' tension T times J_q/L. Rods give way
+  /// quasi-statically.
   Outcome bend(Robot& robot) const {
     Closure<K> closure;
     const Outcome outcome = ikm<K>(truth_, state_.pose, closure);
@@ -165,7 +166,8 @@ class Plant {
       const ChainState& at = closure.chain[i];
       if (springy(i)) robot.chain[i].encoder_offset -= rotors_[i] - q[i];
       if (effects_.rod_stiffness <= 0) continue;
-      const double carried = (from.actuator == Actuator::revolute ? 0.5 : 1) * from.arm_mass;
+      const double carried =
+          (from.actuator == Actuator::revolute ? 0.5 : 1) * from.arm_mass + 0.5 * from.rod_mass;
       const double left = transmitted_[i] + carried * truth_.gravity.dot(at.dB);
       const double length = at.v.norm();
       // An arm in line with its rod says nothing of the rod's force.

@@ -1,0 +1,217 @@
+"""Does the exact plant do what a model forgets, each effect as its equation says?"""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import truepose as tp
+from truepose import _core
+from truepose.simulations import Controller, visit
+
+SOFT = Controller(law="joint", frequency=20.0, velocity_bandwidth=300.0)
+
+
+def held(robot, effects, x_d, **options):
+    """True pose and readings where the soft joint law holds x_d, long after the move."""
+    x, q_e, status = visit(robot, robot, [x_d], SOFT, effects=effects, hold=1.5, **options)
+    assert status.tolist() == ["ok"]
+    return x[0], q_e[0]
+
+
+def test_without_effects_the_readings_are_the_models(h4):
+    x, q_e = held(h4.unquantised(), tp.Effects.none(), [0.05, 0.02, -0.42, 0.2])
+    assert q_e == pytest.approx(h4.extended(x), abs=1e-12)
+
+
+def test_a_geared_encoder_hangs_behind_its_play_and_the_side_depends_on_the_way_there(h4):
+    play = tp.Effects().only("backlash")
+    poses = [[0, 0, -0.4, 0.3], [0, 0, -0.4, 0], [0, 0, -0.4, -0.3], [0, 0, -0.4, 0]]
+    x, q_e, _ = visit(h4.unquantised(), h4.unquantised(), poses, SOFT, effects=play, hold=1.5)
+    behind = q_e[:, 4] - x[:, 3]
+    half = play.tool_backlash / 2
+    assert (np.abs(behind) <= half * (1 + 1e-9)).all()
+    assert behind == pytest.approx([-half, half, half, -half], rel=0.15)  # moves overshoot a little
+
+
+def test_an_ungeared_encoder_has_no_play(h4):
+    spec = h4.spec.model_copy(
+        update={
+            "sensor": tuple(
+                s.model_copy(update={"gear": 1.0}) if s.name == "theta" else s
+                for s in h4.spec.sensor
+            )
+        }
+    )
+    robot = tp.Robot(spec).unquantised()
+    x, q_e = held(robot, tp.Effects().only("backlash"), [0, 0, -0.4, 0.3])
+    assert q_e[4] == pytest.approx(x[3], abs=1e-12)
+
+
+def test_friction_holds_a_motor_within_what_the_gains_allow(h4):
+    """At rest kp e = friction at most; on the way back the error changes its sign."""
+    robot, effects = h4.unquantised(), tp.Effects(joint_friction=0).only("friction")
+    kp = np.array(SOFT.settings(robot, robot.home).kp[:4])
+    poses = [[0, 0, -0.42, 0], [0, 0, -0.4, 0], [0, 0, -0.38, 0], [0, 0, -0.4, 0]]
+    x, _, _ = visit(robot, robot, poses, SOFT, effects=effects, hold=1.5)
+    torque = kp * (robot.ikm(poses) - robot.ikm(x))
+    torque -= kp * (robot.ikm(poses) - robot.ikm(visit(robot, robot, poses, SOFT, hold=1.5)[0]))
+    assert np.abs(torque).max() < 1.05 * effects.motor_friction  # the weight differs a little too
+    assert np.abs(torque).max() > 0.3 * effects.motor_friction
+    assert (torque[1] * torque[3] < 0).all()
+
+
+def test_arms_twist_by_the_torque_they_carry_over_their_stiffness(h4):
+    robot = h4.unquantised()
+    stiff = tp.Effects(rod_stiffness=0).only("compliance")
+    run = tp.simulate(robot, robot, SOFT, effects=stiff, hold=2.0)
+    twist = run.q_e[-1, :4] - robot.ikm(run.x[-1])
+    assert twist == pytest.approx(run.torque[-1] / stiff.arm_stiffness, rel=2e-3)
+
+
+def test_rods_stretch_by_the_weight_they_carry(h4):
+    """Weight of nacelle, bars, tool and half the rods, from the rods' directions alone."""
+    robot = h4.unquantised()
+    soft = tp.Effects(arm_stiffness=0, rod_stiffness=5e4).only("compliance")
+    x_d = np.array([0, 0, -0.42, 0])
+    run = tp.simulate(robot, robot, SOFT, start=x_d, end=x_d, effects=soft, hold=1.0)
+    x = run.x[-1]
+    rods = np.array([chain[1] - chain[2] for chain in robot.skeleton(x)])  # A to B
+    lever = np.array([chain[3] for chain in robot.skeleton(x)]) - x[:3]
+    along = rods / np.linalg.norm(rods, axis=1)[:, None]
+    wrench = np.vstack([along.T, np.cross(lever, along)[:, 2]])
+    mass = 0.6 + 2 * 0.2 + 4 * 0.10 / 2
+    tension = np.linalg.solve(wrench, [0, 0, mass * 9.81, 0])
+    stretched = robot.replace(
+        {f"chain{i + 1}.rod": 0.48 + t / (2 * soft.rod_stiffness) for i, t in enumerate(tension)}
+    )
+    assert run.q_e[-1, :4] == pytest.approx(stretched.ikm(x), abs=2e-8)
+    assert np.abs(stretched.ikm(x) - robot.ikm(x)).max() > 1e-5
+
+
+def test_a_warm_robot_is_longer_and_a_cold_one_is_as_it_was(h4):
+    heat = tp.Effects().only("thermal")
+    assert heat.geometry(h4, 0.0).parameters == h4.unquantised().parameters
+    half, warm = (heat.geometry(h4, t).parameters for t in (3600.0, 1e6))
+    for name, rate in (("chain2.arm", 23e-6), ("chain3.rod", 1e-6), ("chain1.base.x", 23e-6)):
+        value = h4.parameters[name].value
+        assert warm[name].value == pytest.approx(value * (1 + 20 * rate), rel=1e-12)
+        assert half[name].value - value == pytest.approx((warm[name].value - value) / 2, rel=1e-6)
+
+
+def test_eccentric_encoders_read_wrong_by_their_amplitude_at_most(h4):
+    robot = tp.Effects().only("eccentricity").geometry(h4, seed=3)
+    poses = np.random.default_rng(0).uniform(
+        [-0.1, -0.1, -0.45, -0.5], [0.1, 0.1, -0.35, 0.5], (500, 4)
+    )
+    off = np.abs(robot.ikm(poses) - h4.ikm(poses)).max(axis=0)
+    amplitude = math.radians(0.02)
+    assert (off <= amplitude * (1 + 1e-9)).all()
+    assert (off > 0.3 * amplitude).all()
+
+
+def test_a_late_torque_costs_the_loop_its_margin(h4):
+    """One cycle at 1 kHz: what is stable at 150 rad/s without it is not with it."""
+    late = tp.Effects().only("delay")
+    at_end = {}
+    for frequency in (80.0, 150.0):
+        controller = Controller(law="joint", frequency=frequency)
+        run = tp.simulate(h4.unquantised(), h4.unquantised(), controller, effects=late, hold=0.5)
+        at_end[frequency] = np.ptp(run.torque[-50:], axis=0).max()
+    assert at_end[80.0] < 1e-6
+    assert at_end[150.0] > 1
+
+
+def test_ripple_moves_no_robot_that_is_held_by_its_gains_further_than_they_allow(h4):
+    robot = h4.unquantised()
+    ripple = tp.Effects().only("ripple")
+    x_d = [0.05, 0.02, -0.42, 0.2]
+    off = robot.ikm(held(robot, ripple, x_d)[0]) - robot.ikm(held(robot, tp.Effects.none(), x_d)[0])
+    kp = np.array(SOFT.settings(robot, robot.home).kp[:4])
+    torque = tp.simulate(robot, robot, SOFT, end=x_d).torque[-1]
+    assert (np.abs(off) < 1.1 * ripple.torque_ripple * np.abs(torque) / kp).all()
+    assert np.abs(off).max() > 0
+
+
+@pytest.mark.parametrize("name", ["h4", "delta", "stewart", "five-bar"])
+def test_every_robot_with_masses_bears_all_effects(name):
+    robot = tp.load(name)
+    law = "joint"
+    x, q_e, status = visit(
+        robot,
+        robot,
+        [robot.home],
+        Controller(law=law, frequency=15.0, velocity_bandwidth=300.0),
+        effects=tp.Effects(),
+        time=7200,
+        seed=1,
+    )
+    assert status.tolist() == ["ok"]
+    assert np.abs(x[0] - robot.home).max() < 2e-2
+    assert np.isfinite(q_e).all()
+
+
+def test_where_the_robot_cannot_go_is_marked_and_the_rest_goes_on(h4):
+    x, q_e, status = visit(h4, h4, [[0, 0, -0.4, 0], [0, 0, -2.0, 0], [0, 0, -0.42, 0]], SOFT)
+    assert status.tolist()[::2] == ["ok", "ok"]
+    assert status[1] != "ok"
+    assert np.isnan(x[1]).all()
+    assert np.isnan(q_e[1]).all()
+    assert np.isfinite(x[2]).all()
+
+
+@pytest.mark.parametrize(
+    "options, words",
+    [
+        ({"motor_friction": -1.0}, "motor_friction"),
+        ({"rod_stiffness": math.nan}, "rod_stiffness"),
+        ({"delay": 2}, "delay"),
+        ({"warm_up_time": 0.0}, "warm_up_time"),
+    ],
+)
+def test_impossible_effects_are_told(options, words):
+    with pytest.raises(tp.InputError, match=words):
+        tp.Effects(**options)
+
+
+def test_unknown_groups_are_told():
+    with pytest.raises(tp.InputError, match="friktion"):
+        tp.Effects().without("friktion")
+
+
+def test_the_table_of_the_documentation_is_the_codes():
+    from dataclasses import fields
+
+    page = (Path(__file__).parents[2] / "docs" / "effects.md").read_text(encoding="utf-8")
+    for f in fields(tp.Effects):
+        assert f"| `{f.name}` | {f.metadata['group']} |" in page, f.name
+    assert _core.Effects().arm_damping == 0.05
+    assert "0.05 of critical" in page
+
+
+# --- online self-calibration in the loop
+
+
+@pytest.mark.parametrize("law", ["joint", "redundant", "weighted", "cartesian", "estimated"])
+def test_a_controller_that_learns_while_it_works_gets_better_under_any_law(h4, table2, law):
+    true = tp.with_paper_errors(h4, seed=1)
+    online = tp.OnlineCalibration(h4)
+    poses = table2[np.random.default_rng(4).permutation(len(table2))[:120]]
+    x, _, status = visit(h4, true, poses, law, learn=online)
+    assert set(status) == {"ok"}
+    assert online.lines > 1000
+    error = np.linalg.norm((x - poses)[:, :3], axis=1)
+    without = np.linalg.norm((visit(h4, true, poses, law)[0] - poses)[:, :3], axis=1)
+    assert np.sqrt(np.mean(error[-40:] ** 2)) < 0.25 * np.sqrt(np.mean(without[-40:] ** 2))
+
+
+def test_a_robot_at_rest_learns_nothing_new(h4):
+    online = tp.OnlineCalibration(h4)
+    tp.simulate(h4, h4, "joint", start=h4.home, end=h4.home, hold=0.3, learn=online)
+    assert online.lines < 30  # what it learns moves it a little
+
+
+def test_learning_belongs_to_the_robot_that_is_controlled(h4):
+    with pytest.raises(tp.InputError, match="learn"):
+        tp.simulate(h4, learn=tp.OnlineCalibration(h4.unquantised()))
