@@ -15,8 +15,8 @@
 
 namespace truepose::python {
 
-/// A thread starts in the time of a few hundred rows.
-inline constexpr std::size_t kRowsPerThread = 1000;
+/// A thread starts in the time of a few hundred rows of kinematics, or of a few with covariances.
+inline constexpr std::size_t kRowsPerThread = 1000, kFewRowsPerThread = 50;
 
 /// Cores that this process may use: fewer than the machine has under taskset or in a container.
 inline std::size_t available_cores() {
@@ -30,10 +30,10 @@ inline std::size_t available_cores() {
 /// Calls f(i) for every row i < count, without the interpreter's lock, on all cores if there are
 /// many. f writes to row i alone, so that the results are the same on any number of threads.
 template <class F>
-void for_rows(std::size_t count, F&& f) {
+void for_rows(std::size_t count, F&& f, std::size_t rows_per_thread = kRowsPerThread) {
   const nb::gil_scoped_release release;
   const std::size_t parts =
-      std::max<std::size_t>(1, std::min(available_cores(), count / kRowsPerThread));
+      std::max<std::size_t>(1, std::min(available_cores(), count / rows_per_thread));
   const auto do_part = [&](std::size_t part) {
     for (std::size_t i = count * part / parts; i < count * (part + 1) / parts; ++i) f(i);
   };
@@ -46,6 +46,13 @@ void for_rows(std::size_t count, F&& f) {
     }
   do_part(0);
   for (std::thread& other : others) other.join();
+}
+
+/// Work space of this thread, kept from row to row.
+inline std::vector<double>& scratch(std::size_t size) {
+  thread_local std::vector<double> work;
+  if (work.size() < size) work.resize(size);
+  return work;
 }
 
 /// The used part of a matrix of fixed capacity, or NaN where there is none.

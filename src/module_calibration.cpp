@@ -5,6 +5,7 @@
 #include <nanobind/stl/vector.h>
 
 #include "arrays.hpp"
+#include "for_rows.hpp"
 #include "instances.hpp"
 #include "known.hpp"
 #include "online.hpp"
@@ -33,21 +34,23 @@ auto batch_estimate(const Robot& robot, const Known& known, const Rows& q_e, con
   with_level(robot, full, [&](auto mobility, auto level) {
     constexpr Mobility K = decltype(mobility)::value;
     using Level = decltype(level);
-    nb::gil_scoped_release release;
     const Knowledge knowledge = known.view();
-    std::vector<double> work(estimate_work(robot, knowledge.count));
-    for (std::size_t i = 0; i < count; ++i) {
-      Pose pose = to_pose<K>(row<Joint>(guess, i));
-      const Estimate<K> result =
-          estimate<K, Level>(robot, knowledge, row<Extended>(q_e, i), pose, work.data());
-      outcomes.set(i, result.outcome);
-      Joint at = to_coordinates<K>(pose);
-      if (!result) at.fill(NAN);
-      std::copy_n(at.begin(), n, x[i]);
-      for (std::size_t k = 0; k < n * n; ++k)
-        covariance[i][k] = result ? result.covariance[k / n][k % n] : NAN;
-      *chi2[i] = result ? result.chi2 : NAN;
-    }
+    for_rows(
+        count,
+        [&](std::size_t i) {
+          std::vector<double>& work = scratch(estimate_work(robot, knowledge.count));
+          Pose pose = to_pose<K>(row<Joint>(guess, i));
+          const Estimate<K> result =
+              estimate<K, Level>(robot, knowledge, row<Extended>(q_e, i), pose, work.data());
+          outcomes.set(i, result.outcome);
+          Joint at = to_coordinates<K>(pose);
+          if (!result) at.fill(NAN);
+          std::copy_n(at.begin(), n, x[i]);
+          for (std::size_t k = 0; k < n * n; ++k)
+            covariance[i][k] = result ? result.covariance[k / n][k % n] : NAN;
+          *chi2[i] = result ? result.chi2 : NAN;
+        },
+        kFewRowsPerThread);
   });
   return nb::make_tuple(x.release(), covariance.release(), chi2.release(),
                         outcomes.status.release(), outcomes.chain.release());
@@ -61,28 +64,30 @@ auto batch_gain(const Robot& robot, const Known& known, const Rows& x, bool full
   with_level(robot, full, [&](auto mobility, auto level) {
     constexpr Mobility K = decltype(mobility)::value;
     using Level = decltype(level);
-    nb::gil_scoped_release release;
     const Knowledge knowledge = known.view();
-    std::vector<double> work(estimate_work(robot, knowledge.count));
-    for (std::size_t i = 0; i < count; ++i) {
-      Extended q_e;
-      Matrix<kMaxReadings, kDof<K>> H_x;
-      ReadingCovariance C;
-      Fusion<K> fusion;
-      Outcome outcome =
-          Level::template linearise<K>(robot, to_pose<K>(row<Joint>(x, i)), q_e, H_x, work.data());
-      if (outcome)
-        outcome = reading_covariance(robot, knowledge, work.data(),
-                                     work.data() + e * parameter_count(robot), C);
-      if (outcome) outcome = fuse<K>(robot, knowledge, C, H_x, fusion);
-      outcomes.set(i, outcome);
-      ExtendedRows M_plus{};
-      if (outcome) weighted_tej<K>(robot, H_x, fusion, M_plus);
-      for (std::size_t k = 0; k < n * e; ++k) {
-        gain[i][k] = outcome ? fusion.gain[k / e][k % e] : NAN;
-        tej[i][k] = outcome ? M_plus[k / e][k % e] : NAN;
-      }
-    }
+    for_rows(
+        count,
+        [&](std::size_t i) {
+          std::vector<double>& work = scratch(estimate_work(robot, knowledge.count));
+          Extended q_e;
+          Matrix<kMaxReadings, kDof<K>> H_x;
+          ReadingCovariance C;
+          Fusion<K> fusion;
+          Outcome outcome = Level::template linearise<K>(robot, to_pose<K>(row<Joint>(x, i)), q_e,
+                                                         H_x, work.data());
+          if (outcome)
+            outcome = reading_covariance(robot, knowledge, work.data(),
+                                         work.data() + e * parameter_count(robot), C);
+          if (outcome) outcome = fuse<K>(robot, knowledge, C, H_x, fusion);
+          outcomes.set(i, outcome);
+          ExtendedRows M_plus{};
+          if (outcome) weighted_tej<K>(robot, H_x, fusion, M_plus);
+          for (std::size_t k = 0; k < n * e; ++k) {
+            gain[i][k] = outcome ? fusion.gain[k / e][k % e] : NAN;
+            tej[i][k] = outcome ? M_plus[k / e][k % e] : NAN;
+          }
+        },
+        kFewRowsPerThread);
   });
   return nb::make_tuple(gain.release(), tej.release(), outcomes.status.release(),
                         outcomes.chain.release());
@@ -188,33 +193,36 @@ auto batch_accuracy(const Robot& robot, const Known& known, const Rows& x, const
   with_level(robot, full, [&](auto mobility, auto level) {
     constexpr Mobility K = decltype(mobility)::value;
     using Level = decltype(level);
-    nb::gil_scoped_release release;
-    std::vector<double> work;
     const Knowledge knowledge = known.view();
-    PoseError there, here;
+    PoseError there;
     Outcome first;
     const bool touch = touched.shape(0) > 0;
     if (touch)
-      first =
-          pose_error<K, Level>(robot, knowledge, to_pose<K>(row<Joint>(touched, 0)), work, there);
-    for (std::size_t i = 0; i < count; ++i) {
-      Outcome outcome = first;
-      if (outcome)
-        outcome = pose_error<K, Level>(robot, knowledge, to_pose<K>(row<Joint>(x, i)), work, here);
-      outcomes.set(i, outcome);
-      RowMatrix P;
-      if (!outcome) {
-        P.setConstant(n, n, NAN);
-      } else {
-        P = here.by_noise;
-        if (touch) {
-          here.by_geometry -= there.by_geometry;
-          P += there.by_noise;
-        }
-        P.noalias() += here.by_geometry * here.by_geometry.transpose();
-      }
-      std::copy_n(P.data(), n * n, covariance[i]);
-    }
+      first = pose_error<K, Level>(robot, knowledge, to_pose<K>(row<Joint>(touched, 0)), scratch(0),
+                                   there);
+    for_rows(
+        count,
+        [&](std::size_t i) {
+          Outcome outcome = first;
+          PoseError here;
+          if (outcome)
+            outcome = pose_error<K, Level>(robot, knowledge, to_pose<K>(row<Joint>(x, i)),
+                                           scratch(0), here);
+          outcomes.set(i, outcome);
+          RowMatrix P;
+          if (!outcome) {
+            P.setConstant(n, n, NAN);
+          } else {
+            P = here.by_noise;
+            if (touch) {
+              here.by_geometry -= there.by_geometry;
+              P += there.by_noise;
+            }
+            P.noalias() += here.by_geometry * here.by_geometry.transpose();
+          }
+          std::copy_n(P.data(), n * n, covariance[i]);
+        },
+        kFewRowsPerThread);
   });
   return nb::make_tuple(covariance.release(), outcomes.status.release(), outcomes.chain.release());
 }
