@@ -9,7 +9,8 @@ from truepose.effects import Effects
 from truepose.errors import with_paper_errors
 from truepose.exceptions import InputError, PoseError, RobotFileError, TrueposeError
 from truepose.online import OnlineCalibration
-from truepose.robot import Estimate, Parameter, Robot, load, robots
+from truepose.redundancy import Estimate
+from truepose.robot import Parameter, Robot, load, robots
 from truepose.simulations import Controller, Simulation, settle, simulate
 
 __version__ = version("truepose")

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
+from truepose.build import Array
 from truepose.exceptions import InputError
-from truepose.robot import Array, Robot
+from truepose.robot import Robot
 
 _SAME = 1e-6  # m and rad: nearer solutions are one
 

@@ -8,7 +8,8 @@ from numpy.typing import ArrayLike
 from truepose import _core, knowledge
 from truepose.build import Array
 from truepose.exceptions import InputError
-from truepose.robot import Errors, Level, Robot
+from truepose.kinematics import Errors, Level
+from truepose.robot import Robot
 
 
 def accuracy(

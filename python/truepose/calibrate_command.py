@@ -11,7 +11,8 @@ from truepose import calibration_figures, calibration_report, log_checks, logs, 
 from truepose.calibration import Loss, ModelError
 from truepose.calibration_report import Assessment
 from truepose.exceptions import InputError
-from truepose.robot import Level, Robot, load
+from truepose.kinematics import Level
+from truepose.robot import Robot, load
 
 #: Calls of `progress` that :func:`run` makes.
 STEPS = 3 + calibration_report.STEPS

@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 from truepose import _core, knowledge, log_checks, logs
 from truepose.build import Array, columns
 from truepose.exceptions import InputError, PoseError, choose
-from truepose.robot import Level, Robot
+from truepose.kinematics import Level
+from truepose.robot import Robot
 from truepose.schema import Calibration
 
 ModelError = Literal["auto", "on", "off"]

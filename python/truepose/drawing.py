@@ -7,7 +7,8 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from numpy.typing import ArrayLike
 
-from truepose.robot import Array, Robot
+from truepose.build import Array
+from truepose.robot import Robot
 
 _COLOURS = {
     "base": "#8a8f98",

@@ -8,9 +8,10 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 
 from truepose import _core
+from truepose.arguments import check_seed
 from truepose.build import PAIRED
 from truepose.exceptions import InputError, choose
-from truepose.robot import Robot, check_seed
+from truepose.robot import Robot
 
 
 def _effect(default: float, group: str, unit: str, what: str, source: str):

@@ -8,7 +8,8 @@ import numpy as np
 
 from truepose import _core, knowledge
 from truepose.build import Array
-from truepose.robot import Level, Robot
+from truepose.kinematics import Level
+from truepose.robot import Robot
 
 
 @dataclass(frozen=True)

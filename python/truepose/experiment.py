@@ -10,9 +10,10 @@ from typing import Literal
 import numpy as np
 
 from truepose import paper_data, statistics
+from truepose.build import Array
 from truepose.calibration import calibrate
 from truepose.errors import with_paper_errors
-from truepose.robot import Array, Robot
+from truepose.robot import Robot
 from truepose.simulations import LAWS, Controller, Law, settle, simulate
 from truepose.trials import JITTER
 

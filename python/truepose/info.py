@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from truepose import _core
+from truepose.build import Array
 from truepose.exceptions import InputError
-from truepose.robot import Array, Robot
+from truepose.robot import Robot
 from truepose.schema import Workspace
 
 if TYPE_CHECKING:

@@ -11,7 +11,8 @@ from truepose.build import Array, columns
 from truepose.exceptions import InputError
 
 if TYPE_CHECKING:
-    from truepose.robot import Level, Robot
+    from truepose.kinematics import Level
+    from truepose.robot import Robot
 
 #: σ that an unquantised, noiseless reading counts with, rad or m: no sensor is better.
 FINEST = 1e-6

@@ -12,7 +12,8 @@ from truepose import _core, knowledge
 from truepose.build import Array, columns
 from truepose.calibration import Learnt, calibration_of, mean_of
 from truepose.exceptions import InputError, choose
-from truepose.robot import Errors, Level, Robot
+from truepose.kinematics import Errors, Level
+from truepose.robot import Robot
 
 
 class OnlineCalibration:

@@ -16,7 +16,8 @@ from truepose import _core, info
 from truepose.bound import accuracy
 from truepose.build import Array
 from truepose.exceptions import InputError
-from truepose.robot import Level, Robot
+from truepose.kinematics import Level
+from truepose.robot import Robot
 from truepose.tables import Table, number
 
 if TYPE_CHECKING:

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from truepose import experiment, paper_data, sensing, warm_up
+from truepose.build import Array
 from truepose.experiment import Experiment
-from truepose.robot import Array, Robot, load
+from truepose.robot import Robot, load
 from truepose.simulations import LAWS, Law, Simulation, simulate
 
 CHECKED_POSES = 12  #: of Table 2, run in the dynamics under each law and in each case

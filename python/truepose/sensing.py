@@ -9,9 +9,10 @@ import numpy as np
 
 from truepose import experiment, paper_data
 from truepose.bound import accuracy
+from truepose.build import Array
 from truepose.errors import with_tolerance_errors
 from truepose.experiment import Control
-from truepose.robot import Array, Robot
+from truepose.robot import Robot
 from truepose.schema import Tolerance
 
 #: Sensors of the H4's file that go with its motors.

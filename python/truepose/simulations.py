@@ -13,10 +13,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core, knowledge, paper_data
+from truepose.arguments import check_seed, fraction
+from truepose.build import Array
 from truepose.effects import Effects
 from truepose.exceptions import InputError, PoseError, choose
+from truepose.kinematics import Errors
 from truepose.online import OnlineCalibration
-from truepose.robot import Array, Errors, Robot, check_seed, fraction
+from truepose.robot import Robot
 
 Law = Literal["joint", "redundant", "cartesian", "weighted", "estimated"]
 FeedForward = Literal["none", "gravity", "full"]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from truepose.build import Array
 from truepose.exceptions import InputError
 from truepose.paper_data import QUANTITIES, STATISTICS
-from truepose.robot import Array
 
 
 def in_print_units(error: ArrayLike) -> Array:

@@ -16,7 +16,8 @@ from truepose.bound import accuracy
 from truepose.build import Array
 from truepose.calibration import Loss, calibrate
 from truepose.errors import with_tolerance_errors
-from truepose.robot import Level, Robot
+from truepose.kinematics import Level
+from truepose.robot import Robot
 
 #: Desired poses are left by up to this, m and rad. Usual control brings the motors to the same
 #: positions whatever robot is true: on an exactly repeated grid every robot would read the same

@@ -10,11 +10,12 @@ import numpy as np
 
 from truepose import experiment, knowledge, paper_data
 from truepose.bound import accuracy
+from truepose.build import Array
 from truepose.calibration import calibration_of
 from truepose.effects import Effects
 from truepose.errors import with_tolerance_errors
 from truepose.online import OnlineCalibration
-from truepose.robot import Array, Robot
+from truepose.robot import Robot
 from truepose.simulations import Law, settle
 from truepose.trials import JITTER
 
