@@ -29,6 +29,10 @@ struct OnlineSettings {
   double gate = 0;  ///< an equation off by more of its own σ is left out (0: none)
 };
 
+/// How much readings curve, per m or rad: a few times one over the lengths of a robot, since its
+/// Jacobians multiply it. Measured: twice or half of it changes little.
+inline constexpr double kCurvature = 12;
+
 /// doubles of work space that `observe` needs
 inline int online_work(const Robot& robot, int count) {
   return (dof(robot.mobility) + robot.r) * (parameter_count(robot) + count) + 2 * count;
@@ -36,13 +40,20 @@ inline int online_work(const Robot& robot, int count) {
 
 namespace online_detail {
 
-/// One equation h·δξ = y of unit variance. @param f, b  work, p each; b then is the gain times
-/// alpha
-inline double update_root(int p, double* S, const double* h, double* f, double* b) {
-  for (int j = 0; j < p; ++j) f[j] = b[j] = 0;
+/// f = Sᵀh. @return h S Sᵀ hᵀ, how far ξ leaves the equation open, in units of its variance
+inline double spread(int p, const double* S, const double* h, double* f) {
+  double sum = 0;
+  for (int j = 0; j < p; ++j) f[j] = 0;
   for (int i = 0; i < p; ++i)
     for (int j = 0; j <= i; ++j) f[j] += S[i * p + j] * h[i];
-  double alpha = 1;
+  for (int j = 0; j < p; ++j) sum += f[j] * f[j];
+  return sum;
+}
+
+/// One equation h·δξ = y. @param alpha  its variance @param f  Sᵀh
+/// @param b  out: the gain times what is returned
+inline double update_root(int p, double* S, const double* f, double alpha, double* b) {
+  for (int j = 0; j < p; ++j) b[j] = 0;
   for (int j = p - 1; j >= 0; --j) {
     const double before = alpha;
     alpha += f[j] * f[j];
@@ -120,6 +131,8 @@ inline Outcome observe(const Robot& drawn, const OnlineSettings& settings, const
     if (!all_finite(step, n)) return {Status::not_finite, -1};
     at = moved<K>(at, step);
   }
+  double coarsest = 0;  // σ
+  for (int c = 0; c < rows; ++c) coarsest = std::max(coarsest, state.sigma[c]);
   double sum = 0;  // of what the state will keep: one NaN in it would spoil every later cycle
   for (int row = n; row < rows; ++row) sum += e[row];
   for (const double* h = B + n * p; h != B + rows * p; ++h) sum += *h;
@@ -132,16 +145,12 @@ inline Outcome observe(const Robot& drawn, const OnlineSettings& settings, const
     if (settings.linearised)
       for (int k = 0; k < p; ++k)
         y -= h[k] * (state.xi[state.column[k]] - settings.linearised[state.column[k]]);
-    if (settings.gate > 0) {
-      double variance = 1;
-      for (int j = 0; j < p; ++j) {
-        double sum = 0;
-        for (int i = j; i < p; ++i) sum += state.root[i * p + j] * h[i];
-        variance += sum * sum;
-      }
-      if (y * y > settings.gate * settings.gate * variance) continue;
-    }
-    const double alpha = online_detail::update_root(p, state.root, h, f, b);
+    const double open = online_detail::spread(p, state.root, h, f);
+    if (settings.gate > 0 && y * y > settings.gate * settings.gate * (1 + open)) continue;
+    // What linearising about a poor ξ̂ leaves out is of second order: the square of what is open.
+    // It counts as noise, lest the first lines claim to know what they do not.
+    const double curved = settings.linearised ? 0 : kCurvature * open * coarsest;
+    const double alpha = online_detail::update_root(p, state.root, f, 1 + curved * curved, b);
     for (int k = 0; k < p; ++k) state.xi[state.column[k]] += b[k] / alpha * y;
     // The rows that follow were linearised before this step.
     if (!settings.linearised)
