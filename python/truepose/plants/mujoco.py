@@ -1,0 +1,434 @@
+"""How does the robot behave on physics that its own equations did not write? A plant in MuJoCo.
+
+The bodies and joints are those of :mod:`truepose.plants.mjcf`; readings come from the core's sensor
+models at the pose that MuJoCo finds, and torques from the core's control cycle.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose import _core, knowledge
+from truepose.effects import Effects
+from truepose.exceptions import InputError, PoseError, TrueposeError
+from truepose.plants import Visit
+from truepose.plants.mjcf import TIMESTEP, Mechanism, Posture
+from truepose.robot import Array, Robot, check_seed
+from truepose.simulations import Controller
+
+_RIPPLES = 6  # periods of the torque ripple in a turn of the motor
+_RANGE = 40  # poses that one thread visits on end: what was where before does not depend on cores
+_WINDOW = 0.05  # s in which a pose at rest moves by less than
+_STILL = 2e-5  # m, and ten times that in rad
+_SWINGS = 1e-3  # m: more than that at the end of the longest wait is no pose
+_OPEN = 1e-4  # m: a loop that far open is not closed
+
+
+class Settled(NamedTuple):
+    """Where the nacelle stands with the motors held."""
+
+    frame: Array  #: (..., 4, 4) of the nacelle in the base frame
+    x: Array  #: (..., n) its coordinates
+    gap: Array  #: (...) by which the worst loop is open, m
+
+
+def require():
+    """Return the module mujoco, or raise TrueposeError with a line that says how to get it."""
+    try:
+        import mujoco
+    except ImportError:
+        raise TrueposeError('MuJoCo is not installed: pip install "truepose[mujoco]"') from None
+    return mujoco
+
+
+class MujocoPlant:
+    """A true robot in MuJoCo, every rod by itself.
+
+    Parameters
+    ----------
+    truth : Robot
+        The true robot, cold.
+    effects : Effects
+        What its model forgets; nothing by default.
+    seed : int
+        Of the phases of eccentricity and ripple, and of the noise of readings.
+    duration, hold : float
+        Of a move from pose to pose, and the least time after it, s.
+    longest : float
+        After which a robot that has not come to rest is measured as it is, s after the move.
+    pose_time : float
+        From one pose to the next by the clock of the warm-up, s: moving, resting, measuring.
+    timestep : float
+        Of MuJoCo, s; a whole number of them makes a control period.
+
+    Raises
+    ------
+    TrueposeError
+        MuJoCo is not installed.
+    """
+
+    def __init__(
+        self,
+        truth: Robot,
+        effects: Effects | None = None,
+        *,
+        seed: int = 0,
+        duration: float = 0.2,
+        hold: float = 0.1,
+        longest: float = 0.5,
+        pose_time: float = 10.0,
+        timestep: float = TIMESTEP,
+    ):
+        require()
+        for name, value in (("duration", duration), ("timestep", timestep), ("longest", longest)):
+            if not (math.isfinite(value) and value > 0):
+                raise InputError(f"{name} = {value}: must be a finite number greater than 0")
+        for name, value in (("hold", hold), ("pose_time", pose_time)):
+            if not (math.isfinite(value) and value >= 0):
+                raise InputError(f"{name} = {value}: must be a finite number of at least 0")
+        self.truth = truth
+        self.effects = Effects.none() if effects is None else effects
+        self.seed = check_seed(seed)
+        self.duration, self.hold, self.longest = duration, hold, max(hold, longest)
+        self.pose_time, self.timestep = pose_time, timestep
+        phases = np.random.default_rng(np.random.SeedSequence(self.seed).spawn(1)[0])
+        self.ripple_phase = phases.uniform(0, 2 * np.pi, truth.n)
+
+    def body(self, time: float = 0.0) -> Body:
+        """Return the robot in MuJoCo as it is some time after a cold start, at home and at rest."""
+        return Body(
+            self.effects.geometry(self.truth, time, self.seed), self.effects, self.timestep
+        )
+
+    def settle_at(self, q: ArrayLike) -> Settled:
+        """Hold the motors at readings q (..., n) and return where the nacelle comes to rest.
+
+        The motors go there from home along a straight line, so that the robot keeps its branch.
+
+        Raises
+        ------
+        PoseError
+            The loops do not close there, or the robot does not come to rest.
+        """
+        rows, lead = self.truth._rows(q, self.truth.n, "q", "raise")
+        found = [self.body().settle_at(row) for row in rows]
+        frame, x, gap = (np.array(values) for values in zip(*found, strict=True))
+        return Settled(frame.reshape(*lead, 4, 4), x.reshape(*lead, -1), gap.reshape(lead))
+
+    def visit(
+        self,
+        robot: Robot,
+        x_d: ArrayLike,
+        controller: Controller,
+        progress: Callable[[], None] = lambda: None,
+    ) -> Visit:
+        """Drive from pose to pose, each from rest to rest, and read what is there.
+
+        Ranges of poses run side by side, each from home; which they are does not depend on the
+        number of cores, nor do the results.
+
+        Parameters
+        ----------
+        robot : Robot
+            What the controller believes.
+        x_d : array_like, shape (N, n)
+            Desired poses, in their order.
+        controller : Controller
+        progress : callable
+            Called after each pose.
+        """
+        x_d = np.asarray(x_d, dtype=float)
+        if (robot.spec.mobility, robot.sensors) != (self.truth.spec.mobility, self.truth.sensors):
+            raise InputError(f"{robot!r} and {self.truth!r} must have the same mobility and sensors")
+        if x_d.ndim != 2 or x_d.shape[1] != robot.n:
+            raise InputError(f"x_d: shape {x_d.shape}, must be (N, {robot.n})")
+        n, e = robot.n, robot.n + robot.r
+        result = Visit(
+            np.full((len(x_d), e), np.nan),
+            np.full((len(x_d), 4, 4), np.nan),
+            np.full((len(x_d), n), np.nan),
+            np.full(len(x_d), "", dtype=object),
+        )
+        starts = range(0, len(x_d), _RANGE)
+
+        def work(start: int) -> None:
+            drive = _Drive(self, robot, controller, self.seed + start, start * self.pose_time)
+            for k in range(start, min(start + _RANGE, len(x_d))):
+                for out, value in zip(result, drive.go(x_d[k], k * self.pose_time), strict=True):
+                    out[k] = value
+                progress()
+
+        with ThreadPoolExecutor(max(1, len(os.sched_getaffinity(0)))) as pool:
+            for _ in pool.map(work, starts):
+                pass
+        return result._replace(status=result.status.astype(str))
+
+
+class Body:
+    """A robot as MuJoCo holds it: model, state, and where in it the robot's joints are.
+
+    Parameters
+    ----------
+    robot : Robot
+        With the geometry that it has now.
+    effects : Effects
+    timestep : float
+    """
+
+    def __init__(self, robot: Robot, effects: Effects, timestep: float = TIMESTEP):
+        mujoco = self.mujoco = require()
+        self.robot, self.mechanism = robot, Mechanism(robot)
+        try:
+            self.model = mujoco.MjModel.from_xml_string(self.mechanism.xml(effects, timestep))
+        except ValueError as error:
+            raise InputError(f"{robot.name}: MuJoCo: {' '.join(str(error).split())}") from None
+        self.data = mujoco.MjData(self.model)
+        joints = [self.model.joint(j).name for j in range(self.model.njnt)]
+        at = dict(zip(joints, self.model.jnt_qposadr, strict=True))
+        self._at = at
+        self.motors = [at[f"motor{i + 1}"] for i in range(robot.n)]
+        self.roots = [at.get(f"root{i + 1}") for i in range(robot.n)]
+        self.bars = [at[f"bar{k + 1}"] for k in range(self.mechanism.bars)]
+        self._holds = [self.model.equality(f"hold{i + 1}").id for i in range(robot.n)]
+
+    def stand(self, posture: Posture) -> None:
+        """Put every body where a posture has it, at rest."""
+        self.mujoco.mj_resetData(self.model, self.data)
+        qpos = self.data.qpos
+        for name, value in posture.joints.items():
+            qpos[self._at[name]] = value
+        for k, at in enumerate(self.bars):
+            qpos[at] = posture.psi[k]
+        if self.mechanism.planar:
+            for k, axis in enumerate("xy"):
+                qpos[self._at[f"nacelle.{axis}"]] = posture.D[k]
+            if "nacelle.theta" in self._at:
+                qpos[self._at["nacelle.theta"]] = np.arctan2(posture.R[1, 0], posture.R[0, 0])
+        else:
+            at = self._at["nacelle"]
+            qpos[at : at + 3] = posture.D
+            self.mujoco.mju_mat2Quat(qpos[at + 3 : at + 7], posture.R.ravel())
+
+    def nacelle(self) -> tuple[Array, Array]:
+        """D and R of the nacelle as it stands."""
+        qpos, D, R = self.data.qpos, self.mechanism.home.D.copy(), np.eye(3)
+        if self.mechanism.planar:
+            D[:2] = [qpos[self._at[f"nacelle.{axis}"]] for axis in "xy"]
+            if "nacelle.theta" in self._at:
+                R = np.asarray(_core.rotation(np.array([0, 0, qpos[self._at["nacelle.theta"]]])))
+            return D, R
+        at, flat = self._at["nacelle"], np.empty(9)
+        self.mujoco.mju_quat2Mat(flat, qpos[at + 3 : at + 7])
+        return qpos[at : at + 3].copy(), flat.reshape(3, 3)
+
+    def frame(self) -> Array:
+        """The nacelle's frame, (4, 4)."""
+        frame = np.eye(4)
+        frame[:3, 3], frame[:3, :3] = self.nacelle()
+        return frame
+
+    def coordinates(self) -> Array:
+        """Coordinates x of the nacelle, (n,)."""
+        return np.array(_core.coordinates(self.robot._core, *self.nacelle()))[: self.robot.n]
+
+    def positions(self) -> tuple[list[float], list[float]]:
+        """Motors' and arms' angles or slides: an arm that yields is not where its motor is."""
+        qpos = self.data.qpos
+        motor = [float(qpos[at]) for at in self.motors]
+        arm = [
+            p if root is None else p + float(qpos[root])
+            for p, root in zip(motor, self.roots, strict=True)
+        ]
+        return motor, arm
+
+    def readings(self, theta: float = 0.0) -> Array:
+        """Exact readings (n + r,): no noise, no counts. `theta` says which turn θ is in."""
+        motor, arm = self.positions()
+        psi = [float(self.data.qpos[at]) for at in self.bars]
+        rest = [0.0] * (6 - self.robot.n)
+        q_e, _ = _core.readings(
+            self.robot._core,
+            *self.nacelle(),
+            [*psi, *[0.0] * (_core.max_bars - len(psi))],
+            theta,
+            [*motor, *rest],
+            [*arm, *rest],
+        )
+        return np.array(q_e)[: self.robot.n + self.robot.r]
+
+    def gap(self) -> float:
+        """By how much the worst loop is open, m."""
+        self.mujoco.mj_kinematics(self.model, self.data)
+        ends = [
+            self.data.site(f"{rod}.{end}").xpos
+            for i in range(self.robot.n)
+            for rod, _ in self.mechanism.rods(i)
+            for end in ("end", "anchor")
+        ]
+        return float(np.linalg.norm(np.array(ends[::2]) - np.array(ends[1::2]), axis=1).max())
+
+    def settle_at(self, q: Array, duration: float = 0.2) -> Settled:
+        """Move the motors from where they are to readings q, hold them, wait for rest."""
+        model, data, step = self.model, self.data, self.mujoco.mj_step
+        start = np.array(self.positions()[0])
+        core = self.robot._core
+        end = np.array([core.motor_position(i, value) for i, value in enumerate(q)])
+        home = self.mechanism.home.position
+        data.eq_active[self._holds] = 1
+        for share in np.linspace(0, 1, max(1, round(duration / model.opt.timestep))):
+            smooth = share**2 * (3 - 2 * share)
+            model.eq_data[self._holds, 0] = start + smooth * (end - start) - home
+            step(model, data)
+        for _ in range(100):
+            step(model, data, 40)
+            if np.abs(data.qvel).max() < 1e-8:
+                break
+        said = ", ".join(f"{value:.6g}" for value in q)
+        gap = self.gap()
+        if not (np.isfinite(gap) and gap < _OPEN):
+            raise PoseError(
+                f"{self.robot.name}: motors at q = [{said}]: a loop stays open by {1e3 * gap:.3g} mm"
+            )
+        if not np.abs(data.qvel).max() < 1e-5:
+            raise PoseError(f"{self.robot.name}: motors at q = [{said}]: does not come to rest")
+        return Settled(self.frame(), self.coordinates(), np.array(gap))
+
+
+class _Drive:
+    """One robot under control, from pose to pose."""
+
+    def __init__(
+        self, plant: MujocoPlant, robot: Robot, controller: Controller, seed: int, time: float
+    ):
+        self.plant, self.robot, self.controller = plant, robot, controller
+        self.n = robot.n
+        self.settings = controller.settings(robot, robot.home)
+        self.known = knowledge.for_law(robot, controller.law)
+        self.steps = max(1, round(controller.period / plant.timestep))
+        if abs(self.steps * plant.timestep / controller.period - 1) > 1e-9:
+            raise InputError(
+                f"timestep = {plant.timestep}: the control period of {controller.period} s must be "
+                "a whole number of them"
+            )
+        self.seed, self.cycles = seed, 0
+        self.kinds = [s.kind == "nacelle_angle" for s in robot._sensors]
+        self.gains = np.array([
+            plant.truth.parameters[f"{s.name}.gain"].value for s in robot._sensors
+        ])
+        self.time = time
+        self.body = plant.body(time)
+        # MuJoCo would write what it warns of into a file; what goes wrong is a pose's status here.
+        self.body.mujoco.set_mju_user_warning(lambda _: None)
+        self.restart()
+
+    def restart(self) -> None:
+        """Stand at home, switched off and on."""
+        self.body.stand(self.body.mechanism.home)
+        self.state = _core.ControlState()
+        self.pending = np.zeros(self.n)
+        self.at = self.robot.home
+        self.theta = self.tool = self._theta()
+
+    def _theta(self) -> float:
+        R = self.body.nacelle()[1]
+        return math.atan2(R[1, 0], R[0, 0])
+
+    def go(self, x_d: Array, time: float):
+        """Move to a pose, wait for rest, read: (q_e, frame, x, status)."""
+        nothing = (np.nan, np.nan, np.nan)
+        rows = np.ascontiguousarray(x_d[None])
+        _, status, chain = _core.ikm(self.robot._core, rows, False)
+        if status[0] > 0:
+            guilty = f"chain {chain[0] + 1}: " if chain[0] >= 0 else ""
+            return (*nothing, f"{guilty}{_core.describe(int(status[0]))}")
+        self._warm(time)
+        period, plant = self.controller.period, self.plant
+        ends, since = plant.duration + plant.longest, plant.duration + plant.hold
+        window = max(1, round(_WINDOW / period))
+        trail: list[Array] = []
+        start, moved = self.at, np.inf
+        for cycle in range(round(ends / period) + 1):
+            now = cycle * period
+            if said := self._cycle(start, x_d, now):
+                self.restart()
+                return (*nothing, said)
+            trail.append(self._trace())
+            if now >= since and cycle % 10 == 0:
+                moved = float(np.ptp(trail[-window:], axis=0).max())
+                if moved < _STILL:
+                    break
+        self.at = x_d
+        if moved > _SWINGS:
+            return (*nothing, f"swings by {1e3 * moved:.3g} mm")
+        return self._read(), self._tool_frame(), self._coordinates(), "ok"
+
+    def _warm(self, time: float) -> None:
+        """Grow with the temperature: the same state in the model of now."""
+        effects = self.plant.effects
+        if not effects.warm_up or min(time, effects.warm_up_time) <= self.time:
+            return
+        old, self.time = self.body.data, time
+        self.body = self.plant.body(time)
+        for name in ("qpos", "qvel", "ctrl", "qacc_warmstart"):
+            getattr(self.body.data, name)[:] = getattr(old, name)
+
+    def _trace(self) -> Array:
+        """D and a tenth of R: what has to stand still."""
+        D, R = self.body.nacelle()
+        return np.concatenate([D, 0.1 * R.ravel()])
+
+    def _cycle(self, start: Array, end: Array, now: float) -> str:
+        """One control period; what went wrong, or nothing."""
+        body, plant, n = self.body, self.plant, self.n
+        pad = [0.0] * (6 - n)
+        core = self.robot._core
+        x, rate, acceleration = _core.setpoint(
+            core, [*start, *pad], [*end, *pad], plant.duration, now
+        )
+        q_e = self._read()
+        status, _ = self.state.step(
+            core,
+            self.settings,
+            x,
+            rate,
+            acceleration,
+            [*q_e, *[0.0] * (_core.max_readings - len(q_e))],
+            self.known,
+        )
+        if status > 0:
+            return _core.describe(status)
+        torque = np.array(self.state.torque)[:n]
+        applied, self.pending = (self.pending, torque) if plant.effects.delay else (torque, torque)
+        if plant.effects.torque_ripple:
+            angle = np.array(body.positions()[0])
+            ripple = np.sin(_RIPPLES * angle + plant.ripple_phase)
+            applied = applied * (1 + plant.effects.torque_ripple * ripple)
+        body.data.ctrl[:] = applied
+        body.mujoco.mj_step(body.model, body.data, self.steps)
+        if not np.isfinite(body.data.qpos).all() or body.data.time < now / 2:
+            return "lost: the motion is no longer finite"
+        return ""
+
+    def _read(self) -> Array:
+        """What the encoders say now."""
+        exact = self.body.readings(self.theta)
+        self.theta += math.remainder(self._theta() - self.theta, 2 * math.pi)
+        half = 0.5 * self.plant.effects.tool_backlash
+        self.tool = min(max(self.tool, self.theta - half), self.theta + half)
+        if half:
+            exact[self.n :] += np.where(self.kinds, self.gains * (self.tool - self.theta), 0)
+        self.cycles += 1
+        return _core.spoil(self.body.robot._core, exact[None], self.seed * 1_000_003 + self.cycles)[0]
+
+    def _tool_frame(self) -> Array:
+        return self.body.frame()
+
+    def _coordinates(self) -> Array:
+        return self.body.coordinates()
