@@ -24,7 +24,7 @@ from truepose.robot import Array, Robot
 TIMESTEP = 2.5e-4
 _MASSLESS = 1e-9  # kg: MuJoCo wants bodies that move to weigh something
 _NEEDLE = 1e-9  # a slender rod's inertia about itself, of that across
-_SPRING_DAMPING = 0.02  # of critical, of a rod's or an arm's own spring
+_SPRING_DAMPING = 0.05  # of critical, of a rotor on its arm's spring, a rod's mass on the rod's
 _HARD = "0.9999 0.9999 0.001"  # solimp: the most impedance MuJoCo allows
 
 
@@ -230,14 +230,14 @@ class Mechanism:
         # The reduced model's one inertia, and a weight in the arm's middle: as a slender arm and a
         # rotor. An arm heavier than its inertia allows keeps its weight by gravcomp.
         lever2 = chain.arm**2 / 3 if revolute else 1.0
-        mass = max(min(chain.arm_mass, chain.drive_inertia / lever2), _MASSLESS)
+        mass = max(min(chain.arm_mass, 0.9 * chain.drive_inertia / lever2), _MASSLESS)
         body.set("gravcomp", _text(1 - chain.arm_mass / mass if chain.arm_mass else 0))
-        motor["armature"] = max(chain.drive_inertia - mass * lever2, 0)
+        rotor = motor["armature"] = max(chain.drive_inertia - mass * lever2, 0)
         if revolute:
             _add(body, "joint", type="hinge", axis=[0, 0, 1], **motor)
             if effects.arm_stiffness:
                 _spring(body, f"root{i + 1}", "hinge", [0, 0, 1], effects.arm_stiffness,
-                        chain.drive_inertia)
+                        rotor)
             _slender(body, mass, chain.arm)
             _capsule(body, "arm", [0, 0, 0], [chain.arm, 0, 0], self.size / 45)
             for end in (-1, 1):
@@ -442,6 +442,9 @@ def _scene(of: Mechanism, root: ET.Element, world: ET.Element) -> None:
          width=64, height=64)
     _add(asset, "texture", name="floor", type="2d", builtin="checker", rgb1=[0.9] * 3,
          rgb2=[0.84] * 3, width=256, height=256)
+    # MuJoCo looks at gravcomp only where some body's is positive; a leg's is negative.
+    _add(_add(world, "body", name="gravcomp", gravcomp=1), "inertial", pos=[0, 0, 0], mass=_MASSLESS,
+         diaginertia=[_MASSLESS] * 3)
     _add(asset, "material", name="floor", texture="floor", texrepeat=[8, 8])
     below = [centre[0], centre[1], low[2] - 0.3 * size]
     _add(world, "geom", name="floor", type="plane", material="floor", pos=below,

@@ -82,7 +82,7 @@ class MujocoPlant:
         seed: int = 0,
         duration: float = 0.2,
         hold: float = 0.1,
-        longest: float = 0.5,
+        longest: float = 0.3,
         pose_time: float = 10.0,
         timestep: float = TIMESTEP,
     ):
@@ -98,8 +98,7 @@ class MujocoPlant:
         self.seed = check_seed(seed)
         self.duration, self.hold, self.longest = duration, hold, max(hold, longest)
         self.pose_time, self.timestep = pose_time, timestep
-        phases = np.random.default_rng(np.random.SeedSequence(self.seed).spawn(1)[0])
-        self.ripple_phase = phases.uniform(0, 2 * np.pi, truth.n)
+        self.ripple_phase = np.array(self.effects.plant(truth, self.seed).phase)[: truth.n]
 
     def body(self, time: float = 0.0) -> Body:
         """Return the robot in MuJoCo as it is some time after a cold start, at home and at rest."""
@@ -185,6 +184,8 @@ class Body:
     def __init__(self, robot: Robot, effects: Effects, timestep: float = TIMESTEP):
         mujoco = self.mujoco = require()
         self.robot, self.mechanism = robot, Mechanism(robot)
+        # MuJoCo would write what it warns of into a file; here it becomes an error or a status.
+        mujoco.set_mju_user_warning(lambda _: None)
         try:
             self.model = mujoco.MjModel.from_xml_string(self.mechanism.xml(effects, timestep))
         except ValueError as error:
@@ -194,7 +195,7 @@ class Body:
         at = dict(zip(joints, self.model.jnt_qposadr, strict=True))
         self._at = at
         self.motors = [at[f"motor{i + 1}"] for i in range(robot.n)]
-        self.roots = [at.get(f"root{i + 1}") for i in range(robot.n)]
+        self.roots = [at[name] for name in at if name.startswith("root")]
         self.bars = [at[f"bar{k + 1}"] for k in range(self.mechanism.bars)]
         self._holds = [self.model.equality(f"hold{i + 1}").id for i in range(robot.n)]
 
@@ -238,28 +239,23 @@ class Body:
         """Coordinates x of the nacelle, (n,)."""
         return np.array(_core.coordinates(self.robot._core, *self.nacelle()))[: self.robot.n]
 
-    def positions(self) -> tuple[list[float], list[float]]:
+    def positions(self) -> tuple[Array, Array]:
         """Motors' and arms' angles or slides: an arm that yields is not where its motor is."""
-        qpos = self.data.qpos
-        motor = [float(qpos[at]) for at in self.motors]
-        arm = [
-            p if root is None else p + float(qpos[root])
-            for p, root in zip(motor, self.roots, strict=True)
-        ]
-        return motor, arm
+        motor = self.data.qpos[self.motors]
+        return motor, motor + self.data.qpos[self.roots] if self.roots else motor
 
     def readings(self, theta: float = 0.0) -> Array:
         """Exact readings (n + r,): no noise, no counts. `theta` says which turn θ is in."""
         motor, arm = self.positions()
-        psi = [float(self.data.qpos[at]) for at in self.bars]
+        psi = self.data.qpos[self.bars].tolist() if self.bars else []
         rest = [0.0] * (6 - self.robot.n)
         q_e, _ = _core.readings(
             self.robot._core,
             *self.nacelle(),
             [*psi, *[0.0] * (_core.max_bars - len(psi))],
             theta,
-            [*motor, *rest],
-            [*arm, *rest],
+            [*motor.tolist(), *rest],
+            [*arm.tolist(), *rest],
         )
         return np.array(q_e)[: self.robot.n + self.robot.r]
 
@@ -277,7 +273,7 @@ class Body:
     def settle_at(self, q: Array, duration: float = 0.2) -> Settled:
         """Move the motors from where they are to readings q, hold them, wait for rest."""
         model, data, step = self.model, self.data, self.mujoco.mj_step
-        start = np.array(self.positions()[0])
+        start = self.positions()[0].copy()
         core = self.robot._core
         end = np.array([core.motor_position(i, value) for i, value in enumerate(q)])
         home = self.mechanism.home.position
@@ -318,14 +314,15 @@ class _Drive:
                 "a whole number of them"
             )
         self.seed, self.cycles = seed, 0
-        self.kinds = [s.kind == "nacelle_angle" for s in robot._sensors]
-        self.gains = np.array([
-            plant.truth.parameters[f"{s.name}.gain"].value for s in robot._sensors
+        # A geared encoder stands on the tool's axis: the gear's play is between it and the nacelle.
+        self.geared = np.array([
+            plant.truth.parameters[f"{s.name}.gain"].value
+            if s.kind == "nacelle_angle" and s.gear != 1
+            else 0.0
+            for s in robot._sensors
         ])
         self.time = time
         self.body = plant.body(time)
-        # MuJoCo would write what it warns of into a file; what goes wrong is a pose's status here.
-        self.body.mujoco.set_mju_user_warning(lambda _: None)
         self.restart()
 
     def restart(self) -> None:
@@ -366,8 +363,8 @@ class _Drive:
                     break
         self.at = x_d
         if moved > _SWINGS:
-            return (*nothing, f"swings by {1e3 * moved:.3g} mm")
-        return self._read(), self._tool_frame(), self._coordinates(), "ok"
+            return (*nothing, f"does not come to rest: swings by more than {1e3 * _SWINGS:g} mm")
+        return self._read(), self.body.frame(), self.body.coordinates(), "ok"
 
     def _warm(self, time: float) -> None:
         """Grow with the temperature: the same state in the model of now."""
@@ -399,7 +396,7 @@ class _Drive:
             x,
             rate,
             acceleration,
-            [*q_e, *[0.0] * (_core.max_readings - len(q_e))],
+            [*q_e.tolist(), *[0.0] * (_core.max_readings - len(q_e))],
             self.known,
         )
         if status > 0:
@@ -407,7 +404,7 @@ class _Drive:
         torque = np.array(self.state.torque)[:n]
         applied, self.pending = (self.pending, torque) if plant.effects.delay else (torque, torque)
         if plant.effects.torque_ripple:
-            angle = np.array(body.positions()[0])
+            angle = body.positions()[0]
             ripple = np.sin(_RIPPLES * angle + plant.ripple_phase)
             applied = applied * (1 + plant.effects.torque_ripple * ripple)
         body.data.ctrl[:] = applied
@@ -422,13 +419,6 @@ class _Drive:
         self.theta += math.remainder(self._theta() - self.theta, 2 * math.pi)
         half = 0.5 * self.plant.effects.tool_backlash
         self.tool = min(max(self.tool, self.theta - half), self.theta + half)
-        if half:
-            exact[self.n :] += np.where(self.kinds, self.gains * (self.tool - self.theta), 0)
+        exact[self.n :] += self.geared * (self.tool - self.theta)
         self.cycles += 1
         return _core.spoil(self.body.robot._core, exact[None], self.seed * 1_000_003 + self.cycles)[0]
-
-    def _tool_frame(self) -> Array:
-        return self.body.frame()
-
-    def _coordinates(self) -> Array:
-        return self.body.coordinates()
