@@ -181,7 +181,7 @@ class Body:
     timestep : float
     """
 
-    def __init__(self, robot: Robot, effects: Effects, timestep: float = TIMESTEP):
+    def __init__(self, robot: Robot, effects: Effects | None = None, timestep: float = TIMESTEP):
         mujoco = self.mujoco = require()
         self.robot, self.mechanism = robot, Mechanism(robot)
         # MuJoCo would write what it warns of into a file; here it becomes an error or a status.
@@ -259,6 +259,12 @@ class Body:
         )
         return np.array(q_e)[: self.robot.n + self.robot.r]
 
+    def hold(self) -> None:
+        """Hold the motors: where they are, or where `settle_at` takes them."""
+        home = self.mechanism.home.position
+        self.model.eq_data[self._holds, 0] = self.data.qpos[self.motors] - home
+        self.data.eq_active[self._holds] = 1
+
     def gap(self) -> float:
         """By how much the worst loop is open, m."""
         self.mujoco.mj_kinematics(self.model, self.data)
@@ -273,11 +279,11 @@ class Body:
     def settle_at(self, q: Array, duration: float = 0.2) -> Settled:
         """Move the motors from where they are to readings q, hold them, wait for rest."""
         model, data, step = self.model, self.data, self.mujoco.mj_step
-        start = self.positions()[0].copy()
+        start = self.positions()[0]
         core = self.robot._core
         end = np.array([core.motor_position(i, value) for i, value in enumerate(q)])
         home = self.mechanism.home.position
-        data.eq_active[self._holds] = 1
+        self.hold()
         for share in np.linspace(0, 1, max(1, round(duration / model.opt.timestep))):
             smooth = share**2 * (3 - 2 * share)
             model.eq_data[self._holds, 0] = start + smooth * (end - start) - home
