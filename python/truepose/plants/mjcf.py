@@ -15,16 +15,25 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.drawing import COLOURS
 from truepose.effects import Effects
-from truepose.exceptions import InputError, PoseError
+from truepose.exceptions import InputError
+from truepose.plants.mjcf_parts import (
+    MASSLESS,
+    add,
+    axes,
+    capsule,
+    point,
+    scene,
+    slender,
+    spring,
+    text,
+    turn,
+    xy,
+)
 from truepose.robot import Array, Robot
 
 #: s; small enough for a 1500 rad/s tracking loop, long enough for hundreds of poses a minute.
 TIMESTEP = 2.5e-4
-_MASSLESS = 1e-9  # kg: MuJoCo wants bodies that move to weigh something
-_NEEDLE = 1e-9  # a slender rod's inertia about itself, of that across
-_SPRING_DAMPING = 0.05  # of critical, of a rotor on its arm's spring, a rod's mass on the rod's
 _HARD = "0.9999 0.9999 0.001"  # solimp: the most impedance MuJoCo allows
 
 
@@ -85,7 +94,7 @@ class Mechanism:
         return Posture(D, R, psi, position, joints)
 
     def _pose(self, x: Array) -> tuple[Array, Array, Array, Array]:
-        """D, R, bars' turns and motors' positions at x, as the file's encoders' stops allow or not."""
+        """D, R, bars' turns and motors' positions at x, beyond the motors' stops too."""
         robot, core, n = self.robot, self.robot._core, self.robot.n
         full = bool(robot.full)
         rows = np.ascontiguousarray(x[None], dtype=float)
@@ -105,7 +114,7 @@ class Mechanism:
     def anchor(self, i: int, side: float, D: Array, R: Array, psi: Array) -> Array:
         """Where a rod ends on the nacelle."""
         chain = self.chains[i]
-        body = R if chain.bar < 0 else R @ _turn(2, psi[chain.bar])
+        body = R if chain.bar < 0 else R @ turn(2, psi[chain.bar])
         return D + R @ chain.pivot + body @ self._on_bar(i, side)
 
     def _on_bar(self, i: int, side: float) -> Array:
@@ -125,13 +134,13 @@ class Mechanism:
     def _mount(self, i: int, position: float) -> Array:
         """Frame of what carries the rods: x along the arm, z the axis of their first hinge."""
         turned = self.chains[i].actuator == _core.Actuator.revolute
-        return self._frames[i] @ _turn(2, position) if turned else self._frames[i]
+        return self._frames[i] @ turn(2, position) if turned else self._frames[i]
 
     def _frame(self, i: int, pose: tuple) -> Array:
         """The mount at position 0; of carriages and legs x is near the rods' direction at home."""
         chain = self.chains[i]
         if chain.actuator == _core.Actuator.revolute:
-            return _axes(chain.zero, chain.axis)
+            return axes(chain.zero, chain.axis)
         D, R, psi, position = pose
         along = self.anchor(i, 0, D, R, psi) - self._elbow(i, 0, position[i])
         if chain.rod_spacing > 0:
@@ -142,7 +151,7 @@ class Mechanism:
             z = np.cross(chain.axis, along)
             if np.linalg.norm(z) < 0.1 * np.linalg.norm(along):
                 z = np.cross(np.eye(3)[np.abs(along).argmin()], along)
-        return _axes(along, z)
+        return axes(along, z)
 
     # The text.
 
@@ -158,8 +167,8 @@ class Mechanism:
         """
         effects = Effects.none() if effects is None else effects
         root = ET.Element("mujoco", model=self.robot.name)
-        _add(root, "compiler", angle="radian", inertiafromgeom="false", autolimits="true")
-        option = _add(
+        add(root, "compiler", angle="radian", inertiafromgeom="false", autolimits="true")
+        option = add(
             root,
             "option",
             timestep=timestep,
@@ -170,26 +179,27 @@ class Mechanism:
             iterations=30,
             jacobian="dense",
         )
-        _add(option, "flag", contact="disable", diagexact="enable")
-        default = _add(root, "default")
-        hard = {"solref": [2 * timestep, 1], "solimp": _HARD}
-        _add(default, "equality", **hard)
-        _add(default, "joint", solreffriction=hard["solref"], solimpfriction=_HARD)
-        _add(default, "geom", contype=0, conaffinity=0, mass=0)
-        _add(default, "site", size=[self.size / 200], group=4)
-        world = _add(root, "worldbody")
+        add(option, "flag", contact="disable", diagexact="enable", autoreset="disable")
+        default = add(root, "default")
+        hard = {"solref": [timestep / 2, 1], "solimp": _HARD}
+        add(default, "equality", **hard)
+        add(default, "joint", solreffriction=hard["solref"], solimpfriction=_HARD)
+        add(default, "geom", contype=0, conaffinity=0, mass=0)
+        add(default, "site", size=self.size / 200, group=4)
+        world = add(root, "worldbody")
         equality, actuator = ET.Element("equality"), ET.Element("actuator")
-        _scene(self, root, world)
+        scene(root, world, self._outline(), self.planar)
+        self._base(world)
         for i in range(self.robot.n):
             self._chain(i, effects, world)
             for rod, _ in self.rods(i):
-                _add(equality, "connect", name=rod, site1=f"{rod}.end", site2=f"{rod}.anchor")
+                add(equality, "connect", name=rod, site1=f"{rod}.end", site2=f"{rod}.anchor")
             name = f"motor{i + 1}"
-            _add(equality, "joint", name=f"hold{i + 1}", joint1=name, active="false")
-            _add(actuator, "motor", name=name, joint=name)
+            add(equality, "joint", name=f"hold{i + 1}", joint1=name, active="false")
+            add(actuator, "motor", name=name, joint=name)
         self._nacelle(effects, world)
         if self.bars > 1 and self.robot.spec.nacelle.bars == "four_bar":
-            _add(equality, "joint", name="four_bar", joint1="bar1", joint2="bar2")
+            add(equality, "joint", name="four_bar", joint1="bar1", joint2="bar2")
         root.append(equality)
         root.append(actuator)
         ET.indent(root)
@@ -206,6 +216,24 @@ class Mechanism:
             points.append(self._elbow(i, 0, self.home.position[i]))
             points.append(self.anchor(i, 0, self.home.D, self.home.R, self.home.psi))
         return np.array(points)
+
+    def _base(self, world: ET.Element) -> None:
+        """What the motors stand on, drawn; and what legs need to weigh what they do."""
+        # MuJoCo looks at gravcomp only where some body's is positive; a leg's is negative.
+        add(
+            add(world, "body", name="gravcomp", gravcomp=1),
+            "inertial",
+            pos=[0, 0, 0],
+            mass=MASSLESS,
+            diaginertia=[MASSLESS] * 3,
+        )
+        bases = np.array([chain.base for chain in self.chains])
+        for i, chain in enumerate(self.chains):
+            if chain.actuator == _core.Actuator.prismatic:
+                reach = self.home.position[i] + 0.5 * self.size * np.array([-1, 1])
+                capsule(world, "rail", *(bases[i] + np.outer(reach, chain.axis)), self.size / 90)
+            else:
+                capsule(world, "base", bases.mean(axis=0), bases[i], self.size / 60)
 
     def _chain(self, i: int, effects: Effects, world: ET.Element) -> None:
         """Arm, carriage or leg of a chain, and its rods."""
@@ -224,60 +252,79 @@ class Mechanism:
         revolute = chain.actuator == _core.Actuator.revolute
         offset = [0.0, 0.0, 0.0] if revolute else p * np.array(chain.axis)
         name = f"{'arm' if revolute else 'carriage'}{i + 1}"
-        body = _add(
-            world, "body", name=name, pos=chain.base + np.array(offset), xyaxes=_xy(mount)
-        )
+        body = add(world, "body", name=name, pos=chain.base + np.array(offset), xyaxes=xy(mount))
         # The reduced model's one inertia, and a weight in the arm's middle: as a slender arm and a
         # rotor. An arm heavier than its inertia allows keeps its weight by gravcomp.
         lever2 = chain.arm**2 / 3 if revolute else 1.0
-        mass = max(min(chain.arm_mass, 0.9 * chain.drive_inertia / lever2), _MASSLESS)
-        body.set("gravcomp", _text(1 - chain.arm_mass / mass if chain.arm_mass else 0))
+        mass = max(min(chain.arm_mass, 0.9 * chain.drive_inertia / lever2), MASSLESS)
+        body.set("gravcomp", text(1 - chain.arm_mass / mass if chain.arm_mass else 0))
         rotor = motor["armature"] = max(chain.drive_inertia - mass * lever2, 0)
         if revolute:
-            _add(body, "joint", type="hinge", axis=[0, 0, 1], **motor)
+            add(body, "joint", type="hinge", axis=[0, 0, 1], **motor)
             if effects.arm_stiffness:
-                _spring(body, f"root{i + 1}", "hinge", [0, 0, 1], effects.arm_stiffness,
-                        rotor)
-            _slender(body, mass, chain.arm)
-            _capsule(body, "arm", [0, 0, 0], [chain.arm, 0, 0], self.size / 45)
+                spring(body, f"root{i + 1}", "hinge", [0, 0, 1], effects.arm_stiffness, rotor)
+            slender(body, mass, chain.arm)
+            capsule(body, "arm", [0, 0, 0], [chain.arm, 0, 0], self.size / 45)
             for end in (-1, 1):
-                _capsule(body, "motor", [0, 0, 0], [0, 0, end * self.size / 25], self.size / 30)
+                capsule(body, "motor", [0, 0, 0], [0, 0, end * self.size / 25], self.size / 30)
         else:
-            _add(body, "joint", type="slide", axis=mount.T @ chain.axis, **motor)
-            _point(body, mass)
+            add(body, "joint", type="slide", axis=mount.T @ chain.axis, **motor)
+            point(body, mass)
             along = self.size / 30 * (mount.T @ chain.axis)
-            _capsule(body, "carriage", -along, along, self.size / 40)
+            capsule(body, "carriage", -along, along, self.size / 40)
         reach = chain.arm if revolute else 0.0
         half = 0.5 * chain.rod_spacing
-        _capsule(body, "arm" if revolute else "carriage", [reach, 0, -half], [reach, 0, half],
-                 self.size / 80)
+        capsule(
+            body,
+            "arm" if revolute else "carriage",
+            [reach, 0, -half],
+            [reach, 0, half],
+            self.size / 80,
+        )
         for rod, side in self.rods(i):
             length = chain.rod + 0.5 * side * chain.rod_difference
             hung = self._hang(body, rod, [reach, 0, side * half], mount, effects)
             if effects.rod_stiffness:
-                _spring(hung, f"{rod}.stretch", "slide", [1, 0, 0], effects.rod_stiffness,
-                        chain.rod_mass / len(self.rods(i)))
-            _slender(hung, max(chain.rod_mass / len(self.rods(i)), _MASSLESS), length)
-            _capsule(hung, "rod", [0, 0, 0], [length, 0, 0], self.size / 100)
-            _add(hung, "site", name=f"{rod}.end", pos=[length, 0, 0])
+                spring(
+                    hung,
+                    f"{rod}.stretch",
+                    "slide",
+                    [1, 0, 0],
+                    effects.rod_stiffness,
+                    chain.rod_mass / len(self.rods(i)),
+                )
+            slender(hung, max(chain.rod_mass / len(self.rods(i)), MASSLESS), length)
+            capsule(hung, "rod", [0, 0, 0], [length, 0, 0], self.size / 100)
+            add(hung, "site", name=f"{rod}.end", pos=[length, 0, 0])
 
-    def _hang(self, body: ET.Element, rod: str, pos: ArrayLike, mount: Array,
-              effects: Effects) -> ET.Element:
+    def _hang(
+        self, body: ET.Element, rod: str, pos: ArrayLike, mount: Array, effects: Effects
+    ) -> ET.Element:
         """Hang a rod on a universal joint: swing about the mount's z, then lean."""
         swing, lean = (self.home.joints[f"{rod}.{joint}"] for joint in ("swing", "lean"))
-        turned = _turn(2, swing) @ _turn(1, lean)
+        turned = turn(2, swing) @ turn(1, lean)
         on_world = body.tag == "worldbody"
-        hung = _add(body, "body", name=rod, pos=pos, xyaxes=_xy(mount @ turned if on_world else turned))
+        hung = add(
+            body, "body", name=rod, pos=pos, xyaxes=xy(mount @ turned if on_world else turned)
+        )
         # Both of a rod's ball joints rub; their friction is in this one.
         rub = 2 * effects.joint_friction
-        axes = {"swing": _turn(1, -lean)[:, 2], "lean": [0, 1, 0]}
+        hinges = {"swing": turn(1, -lean)[:, 2], "lean": [0, 1, 0]}
         for joint, ref in (("swing", swing), ("lean", lean)):
-            _add(hung, "joint", name=f"{rod}.{joint}", type="hinge", axis=axes[joint], ref=ref,
-                 frictionloss=rub)
+            add(
+                hung,
+                "joint",
+                name=f"{rod}.{joint}",
+                type="hinge",
+                axis=hinges[joint],
+                ref=ref,
+                frictionloss=rub,
+            )
         return hung
 
-    def _leg(self, i: int, rod: str, side: float, motor: dict, effects: Effects,
-             world: ET.Element) -> None:
+    def _leg(
+        self, i: int, rod: str, side: float, motor: dict, effects: Effects, world: ET.Element
+    ) -> None:
         """A leg whose length is driven; what it weighs is stretched evenly along it.
 
         As in the reduced model, whose file does not say what is cylinder and what is piston: m/3 at
@@ -285,61 +332,85 @@ class Mechanism:
         """
         chain, length = self.chains[i], self.home.position[i]
         leg = self._hang(world, rod, self._elbow(i, side, length), self._mount(i, length), effects)
-        _point(leg, _MASSLESS)
-        _capsule(leg, "leg", [0, 0, 0], [0.55 * length, 0, 0], self.size / 40)
-        tip = _add(leg, "body", name=f"{rod}.tip", pos=[length, 0, 0], gravcomp=-0.5)
-        _add(tip, "joint", type="slide", axis=[1, 0, 0], armature=chain.drive_inertia, **motor)
+        point(leg, MASSLESS)
+        capsule(leg, "leg", [0, 0, 0], [0.55 * length, 0, 0], self.size / 40)
+        tip = add(leg, "body", name=f"{rod}.tip", pos=[length, 0, 0], gravcomp=-0.5)
+        add(tip, "joint", type="slide", axis=[1, 0, 0], armature=chain.drive_inertia, **motor)
         if effects.rod_stiffness:
-            _spring(tip, f"{rod}.stretch", "slide", [1, 0, 0], effects.rod_stiffness, chain.rod_mass)
-        _point(tip, max(chain.rod_mass / 3, _MASSLESS))
-        _capsule(tip, "rod", [-0.55 * length, 0, 0], [0, 0, 0], self.size / 80)
-        _add(tip, "site", name=f"{rod}.end")
+            spring(tip, f"{rod}.stretch", "slide", [1, 0, 0], effects.rod_stiffness, chain.rod_mass)
+        point(tip, max(chain.rod_mass / 3, MASSLESS))
+        capsule(tip, "rod", [-0.55 * length, 0, 0], [0, 0, 0], self.size / 80)
+        add(tip, "site", name=f"{rod}.end")
 
     def _nacelle(self, effects: Effects, world: ET.Element) -> None:
         """The nacelle, its lateral bars and where the rods end on them."""
         spec, home, core = self.robot.spec, self.home, self.robot._core
-        body = _add(world, "body", name="nacelle", pos=home.D, xyaxes=_xy(home.R))
+        body = add(world, "body", name="nacelle", pos=home.D, xyaxes=xy(home.R))
         if self.planar:
             for k, axis in enumerate("xy"):
-                _add(body, "joint", name=f"nacelle.{axis}", type="slide", axis=np.eye(3)[k],
-                     ref=home.D[k])
+                add(
+                    body,
+                    "joint",
+                    name=f"nacelle.{axis}",
+                    type="slide",
+                    axis=np.eye(3)[k],
+                    ref=home.D[k],
+                )
             if spec.mobility == "planar":
-                _add(body, "joint", name="nacelle.theta", type="hinge", axis=[0, 0, 1],
-                     ref=spec.home[2])
+                add(
+                    body,
+                    "joint",
+                    name="nacelle.theta",
+                    type="hinge",
+                    axis=[0, 0, 1],
+                    ref=spec.home[2],
+                )
         else:
-            _add(body, "freejoint", name="nacelle")
+            add(body, "freejoint", name="nacelle")
         centre = core.body(0)
         # An inertia that the ideal level never asks for: as large as the largest it knows.
         inertia = np.diag(centre.inertia).copy()
         reach = max(float(np.linalg.norm(chain.pivot)) for chain in self.chains)
-        spare = inertia.max() or max(centre.mass, _MASSLESS) * max(reach, 0.1 * self.size) ** 2 / 3
+        spare = inertia.max() or max(centre.mass, MASSLESS) * max(reach, 0.1 * self.size) ** 2 / 3
         inertia[inertia == 0] = spare
-        _add(body, "inertial", pos=centre.pivot, mass=max(centre.mass, _MASSLESS),
-             diaginertia=inertia)
+        add(
+            body,
+            "inertial",
+            pos=centre.pivot,
+            mass=max(centre.mass, MASSLESS),
+            diaginertia=inertia,
+        )
         down = 1.0 if self._outline()[:, 2].max() > home.D[2] + 0.1 * self.size else -1.0
-        _capsule(body, "tool", [0, 0, 0], [0, 0, -0.12 * down * self.size], self.size / 70)
+        capsule(body, "tool", [0, 0, 0], [0, 0, -0.12 * down * self.size], self.size / 70)
         bars = []
         for k in range(self.bars):
             pivot = core.body(1 + k).pivot
-            _capsule(body, "central bar", [0, 0, 0], pivot, self.size / 50)
-            bar = _add(body, "body", name=f"bar{k + 1}", pos=pivot, xyaxes=_xy(_turn(2, home.psi[k])))
-            _add(bar, "joint", name=f"bar{k + 1}", type="hinge", axis=[0, 0, 1], ref=home.psi[k],
-                 frictionloss=effects.joint_friction)
+            capsule(body, "central bar", [0, 0, 0], pivot, self.size / 50)
+            bar = add(body, "body", name=f"bar{k + 1}", pos=pivot, xyaxes=xy(turn(2, home.psi[k])))
+            add(
+                bar,
+                "joint",
+                name=f"bar{k + 1}",
+                type="hinge",
+                axis=[0, 0, 1],
+                ref=home.psi[k],
+                frictionloss=effects.joint_friction,
+            )
             ends = [np.array(c.anchor) for c in self.chains if c.bar == k]
             longest = max(ends, key=np.linalg.norm)
-            mass = max(core.body(1 + k).mass, _MASSLESS)
-            _slender(bar, mass, 2 * float(np.linalg.norm(longest)) or self.size / 10, -0.5, longest)
+            mass = max(core.body(1 + k).mass, MASSLESS)
+            slender(bar, mass, 2 * float(np.linalg.norm(longest)) or self.size / 10, -0.5, longest)
             bars.append(bar)
         for i, chain in enumerate(self.chains):
             on = body if chain.bar < 0 else bars[chain.bar]
             middle = np.zeros(3) if chain.bar >= 0 else np.array(chain.pivot)
             kind = "nacelle" if chain.bar < 0 else "lateral bar"
-            _capsule(on, kind, [0, 0, 0], middle + chain.anchor, self.size / 60)
+            capsule(on, kind, [0, 0, 0], middle + chain.anchor, self.size / 60)
             for rod, side in self.rods(i):
-                _add(on, "site", name=f"{rod}.anchor", pos=middle + self._on_bar(i, side))
+                add(on, "site", name=f"{rod}.anchor", pos=middle + self._on_bar(i, side))
             if chain.rod_spacing > 0:
                 ends = [middle + self._on_bar(i, side) for side in (-1.0, 1.0)]
-                _capsule(on, kind, *ends, self.size / 80)
+                capsule(on, kind, *ends, self.size / 80)
 
 
 def to_mjcf(robot: Robot, effects: Effects | None = None, timestep: float = TIMESTEP) -> str:
@@ -367,106 +438,3 @@ def to_mjcf(robot: Robot, effects: Effects | None = None, timestep: float = TIME
     8
     """
     return Mechanism(robot).xml(effects, timestep)
-
-
-def _text(value) -> str:
-    if isinstance(value, str):
-        return value
-    return " ".join(f"{float(v):.17g}" for v in np.atleast_1d(value))
-
-
-def _add(parent: ET.Element, tag: str, **attributes) -> ET.Element:
-    return ET.SubElement(parent, tag, {key: _text(v) for key, v in attributes.items()})
-
-
-def _turn(axis: int, angle: float) -> Array:
-    return np.asarray(_core.rotation(angle * np.eye(3)[axis]))
-
-
-def _axes(x: ArrayLike, z: ArrayLike) -> Array:
-    """Columns x, y, z: x as near to what is asked for as z allows."""
-    z = np.asarray(z, dtype=float) / np.linalg.norm(z)
-    x = np.asarray(x, dtype=float)
-    x = x - (x @ z) * z
-    x = x / np.linalg.norm(x)
-    return np.column_stack([x, np.cross(z, x), z])
-
-
-def _xy(R: Array) -> Array:
-    return np.concatenate([R[:, 0], R[:, 1]])
-
-
-def _slender(body: ET.Element, mass: float, length: float, start: float = 0.0,
-             along: ArrayLike = (1, 0, 0)) -> None:
-    """Inertia of a slender rod from `start` lengths to `start` + 1 along a direction."""
-    across = max(mass * length**2 / 12, 1e-12)
-    frame = _axes(along, np.cross(along, np.eye(3)[np.abs(along).argmin()]))
-    _add(body, "inertial", pos=(start + 0.5) * length * frame[:, 0], mass=mass,
-         xyaxes=_xy(frame), diaginertia=[_NEEDLE * across, across, across])
-
-
-def _point(body: ET.Element, mass: float) -> None:
-    _add(body, "inertial", pos=[0, 0, 0], mass=mass, diaginertia=[1e-12] * 3)
-
-
-def _spring(body: ET.Element, name: str, kind: str, axis: ArrayLike, stiffness: float,
-            inertia: float) -> None:
-    """A joint that gives: what it carries moves on a spring, little damped."""
-    damping = 2 * _SPRING_DAMPING * np.sqrt(stiffness * max(inertia, _MASSLESS))
-    _add(body, "joint", name=name, type=kind, axis=axis, stiffness=stiffness, damping=damping)
-
-
-def _colour(part: str) -> list[float]:
-    code = COLOURS[part].lstrip("#")
-    return [int(code[k : k + 2], 16) / 255 for k in (0, 2, 4)] + [1.0]
-
-
-def _capsule(body: ET.Element, part: str, start: ArrayLike, end: ArrayLike, radius: float) -> None:
-    start, end = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
-    if np.linalg.norm(end - start) < 1e-6:
-        _add(body, "geom", type="sphere", pos=start, size=radius, rgba=_colour(part))
-    else:
-        _add(body, "geom", type="capsule", fromto=[*start, *end], size=radius, rgba=_colour(part))
-
-
-def _scene(of: Mechanism, root: ET.Element, world: ET.Element) -> None:
-    """Base, floor, light and a camera that sees all of the robot."""
-    size, outline = of.size, of._outline()
-    low, high = outline.min(axis=0), outline.max(axis=0)
-    centre = (low + high) / 2
-    visual = _add(root, "visual")
-    _add(visual, "global", offwidth=1600, offheight=1200)
-    _add(visual, "headlight", ambient=[0.4] * 3, diffuse=[0.5] * 3, specular=[0.1] * 3)
-    asset = _add(root, "asset")
-    _add(asset, "texture", type="skybox", builtin="gradient", rgb1=[1, 1, 1], rgb2=[0.8, 0.85, 0.9],
-         width=64, height=64)
-    _add(asset, "texture", name="floor", type="2d", builtin="checker", rgb1=[0.9] * 3,
-         rgb2=[0.84] * 3, width=256, height=256)
-    # MuJoCo looks at gravcomp only where some body's is positive; a leg's is negative.
-    _add(_add(world, "body", name="gravcomp", gravcomp=1), "inertial", pos=[0, 0, 0], mass=_MASSLESS,
-         diaginertia=[_MASSLESS] * 3)
-    _add(asset, "material", name="floor", texture="floor", texrepeat=[8, 8])
-    below = [centre[0], centre[1], low[2] - 0.3 * size]
-    _add(world, "geom", name="floor", type="plane", material="floor", pos=below,
-         size=[2 * size, 2 * size, 0.1])
-    _add(world, "light", pos=centre + [0, 0, 3 * size], dir=[0, 0, -1], directional="true",
-         diffuse=[0.4] * 3, castshadow="true")
-    azimuth, height = np.radians(35), np.radians(88 if of.planar else 18)
-    away = np.array([np.cos(azimuth), np.sin(azimuth), 0]) * np.cos(height)
-    away[2] = np.sin(height)
-    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0])
-    if of.planar:
-        right = np.array([1.0, 0, 0])
-        away = np.array([0, 0, 1.0])
-    _add(world, "camera", name="view", pos=centre + 2.1 * size * away, fovy=40,
-         xyaxes=np.concatenate([right, np.cross(away, right)]))
-    bases = np.array([chain.base for chain in of.chains])
-    middle = bases.mean(axis=0)
-    for i, chain in enumerate(of.chains):
-        if chain.actuator == _core.Actuator.prismatic:
-            reach = np.array([of.home.position[i] - 0.5 * size, of.home.position[i] + 0.5 * size])
-            _capsule(world, "rail", *(bases[i] + np.outer(reach, chain.axis)), size / 90)
-        elif len(bases) > 2:
-            _capsule(world, "base", middle, bases[i], size / 60)
-        else:
-            _capsule(world, "base", bases[0], bases[1], size / 60)

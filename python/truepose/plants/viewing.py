@@ -14,7 +14,7 @@ from pathlib import Path
 
 from truepose.exceptions import InputError, TrueposeError
 from truepose.plants.mjcf import Mechanism
-from truepose.plants.mujoco import Body, require
+from truepose.plants.mujoco_body import Body, require
 from truepose.robot import Robot
 
 _WIDTH, _HEIGHT = 1600, 1200
