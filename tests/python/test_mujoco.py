@@ -139,11 +139,13 @@ def holding_torque(robot, x):
     return np.linalg.solve(np.transpose(pushed), -weight)
 
 
-def test_every_robot_stands_closed_at_home(any_robot):
-    body = Body(any_robot)
+@pytest.mark.parametrize("name", tp.robots())
+def test_every_robot_stands_closed_at_home(name, rng):
+    truth = imperfect(tp.load(name), rng, turned=bool(tp.load(name).full))
+    body = Body(truth)
     assert body.gap() < 1e-12
-    assert body.coordinates() == pytest.approx(any_robot.home, abs=1e-12)
-    assert body.model.nu == any_robot.n
+    assert body.coordinates() == pytest.approx(truth.home, abs=1e-12)
+    assert body.model.nu == truth.n
 
 
 def test_both_rods_of_a_pair_are_there(h4):

@@ -107,7 +107,13 @@ class Mechanism:
         if full and core.full.kind == _core.FullKind.exists:
             rest = robot.parasitic(x)
             tilts = len(rest) - self.bars
-            R = _core.rotation(np.append(rest[:tilts], np.zeros(3 - tilts))) @ R
+            tilt = np.append(rest[:tilts], np.zeros(3 - tilts))
+            upright, R = R, _core.rotation(tilt) @ R
+            for _ in range(
+                8 * (tilts == 2)
+            ):  # the turn about z that keeps θ: quadratic in the tilt
+                tilt[2] += np.arctan2(upright[1, 0], upright[0, 0]) - np.arctan2(R[1, 0], R[0, 0])
+                R = _core.rotation(tilt) @ upright
             psi = rest[tilts:] - theta
         return np.asarray(D), np.asarray(R), psi, position
 
