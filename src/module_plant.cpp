@@ -1,5 +1,5 @@
-// What another plant needs of the core: its readings, its setpoints, and the motion to compare with.
-// No mathematics.
+// What another plant needs of the core: its readings, its setpoints, and the motion to compare
+// with. No mathematics.
 #include <nanobind/eigen/dense.h>
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/tuple.h>

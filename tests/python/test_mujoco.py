@@ -242,6 +242,14 @@ def test_an_encoder_says_counts(h4, truth, table2):
     assert counts == pytest.approx(np.round(counts), abs=1e-6)
 
 
+def test_eccentric_encoders_read_as_the_robot_says(h4):
+    effects = tp.Effects().only("eccentricity")
+    found = MujocoPlant(h4, effects).visit(h4, [[0.02, 0, -0.4, 0.1]], tp.Controller(law="joint"))
+    eccentric = effects.geometry(h4, 0)
+    assert found.q_e == pytest.approx(eccentric.extended(found.x), abs=1e-7)
+    assert np.abs(found.q_e - h4.extended(found.x)).max() > 1e-5
+
+
 def test_arms_yield_at_their_roots_under_what_they_carry(h4, truth, rng):
     """Arms hang lower than their motors, by the torque over the stiffness."""
     effects = dataclasses.replace(tp.Effects.none(), arm_stiffness=2e4)

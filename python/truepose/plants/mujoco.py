@@ -15,12 +15,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core, knowledge
+from truepose.arguments import check_seed
 from truepose.effects import Effects
 from truepose.exceptions import InputError
 from truepose.plants import Visit
 from truepose.plants.mjcf import TIMESTEP
 from truepose.plants.mujoco_body import Body, Settled, require
-from truepose.robot import Array, Robot, check_seed
+from truepose.robot import Array, Robot
 from truepose.simulations import Controller
 
 _RIPPLES = 6  # periods of the torque ripple in a turn of the motor
@@ -146,7 +147,9 @@ class MujocoPlant:
                     out[k] = value
                 progress()
 
-        with ThreadPoolExecutor(max(1, len(os.sched_getaffinity(0)))) as pool:
+        on_linux = hasattr(os, "sched_getaffinity")
+        cores = len(os.sched_getaffinity(0)) if on_linux else os.cpu_count()
+        with ThreadPoolExecutor(cores or 1) as pool:
             for _ in pool.map(work, starts):
                 pass
         return result._replace(status=result.status.astype(str))
