@@ -74,5 +74,6 @@ inline Vector row(const Rows& rows, std::size_t i) {
 void bind_control(nb::module_& module);
 void bind_batch(nb::module_& module);
 void bind_calibration(nb::module_& module);
+void bind_plant(nb::module_& module);
 
 }  // namespace truepose::python

@@ -121,7 +121,10 @@ void bind_robot(nb::module_& m) {
       .def_ro("assembly_sign", &Robot::assembly_sign)
       .def_rw("bar_joint", &Robot::bar_joint)
       .def_ro("full", &Robot::full)
+      .def("chain", [](const Robot& robot, int i) { return robot.chain.at(i); })
       .def("set_chain", [](Robot& robot, int i, const Chain& chain) { robot.chain.at(i) = chain; })
+      .def_ro("bodies", &Robot::bodies)
+      .def("body", [](const Robot& robot, int i) { return robot.body.at(i); })
       .def("add_sensor",
            [](Robot& robot, const Sensor& sensor) {
              robot.sensor.at(robot.r) = sensor;
@@ -140,6 +143,10 @@ void bind_robot(nb::module_& m) {
            })
       .def("motor_position",
            [](const Robot& robot, int i, double q) { return motor_position(robot.chain.at(i), q); })
+      .def("motor_reading",
+           [](const Robot& robot, int i, double position) {
+             return motor_reading(robot.chain.at(i), position);
+           })
       .def("drawn_parameters",
            [](const Robot& drawn) {
              Owned<double> xi({static_cast<std::size_t>(parameter_count(drawn))});
@@ -182,4 +189,5 @@ NB_MODULE(_core, m) {
   python::bind_control(m);
   python::bind_batch(m);
   python::bind_calibration(m);
+  python::bind_plant(m);
 }

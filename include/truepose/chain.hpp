@@ -26,6 +26,12 @@ inline double motor_position(const Chain& chain, double q) {
   return chain.eccentricity.any() ? decode(chain.eccentricity, value) : value;
 }
 
+/// The inverse: what the encoder of a motor that stands at this angle or slide reads.
+inline double motor_reading(const Chain& chain, double position) {
+  const bool any = chain.eccentricity.any();
+  return (any ? encode(chain.eccentricity, position).value : position) - chain.encoder_offset;
+}
+
 /// Base-side point B relative to P, its derivative, and the rod's length, at motor position q.
 struct Driven {
   Vec3 p, dB;

@@ -62,6 +62,28 @@ inline FullRow sensor_row(const Robot& robot, const Sensor& sensor, const FullCl
   return row;
 }
 
+/// What a mechanism reads that stands anywhere, its loops closed or not: with motors that play or
+/// arms that yield, their encoders see one angle and the rods' joints another.
+/// @param motor, arm  angles or slides before the encoders' offsets
+template <Mobility K>
+inline Outcome read_standing(const Robot& robot, const FullPose& pose, const Joint& motor,
+                             const Joint& arm, Extended& q_e) {
+  FullClosure<K> at;
+  at.pose = pose;
+  at.pose.theta = theta_of(pose.R, pose.theta);
+  for (int i = 0; i < kDof<K>; ++i) {
+    q_e[i] = motor_reading(robot.chain[i], motor[i]);
+    at.q[i] = motor_reading(robot.chain[i], arm[i]);
+    at.driven[i] = drive(robot.chain[i], at.q[i]);
+  }
+  place<K>(robot, at);
+  for (int k = 0; k < robot.r; ++k) {
+    const Sensor& sensor = robot.sensor[k];
+    q_e[kDof<K> + k] = sensor.gain * sense_full<K>(robot, sensor, at).value - sensor.offset;
+  }
+  return {all_finite(q_e, kDof<K> + robot.r) ? Status::ok : Status::not_finite, -1};
+}
+
 /// r = RKM at the full level, and its derivatives.
 /// @return not_measured for an angle at the pivot of a bar that the robot lacks; not_finite where
 /// a sensor has no reading

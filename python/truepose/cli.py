@@ -12,7 +12,7 @@ import typer
 from rich.console import Console
 from typer.exceptions import TyperException
 
-from truepose.exceptions import TrueposeError
+from truepose.exceptions import InputError, TrueposeError
 
 app = typer.Typer(
     add_completion=False,
@@ -290,6 +290,60 @@ def calibrate(
     for path in (out, report):
         if path is not None:
             typer.echo(f"Wrote {path}")
+
+
+export = typer.Typer(no_args_is_help=True, help="Write a robot in another program's format.")
+app.add_typer(export, name="export")
+
+
+@export.command("mjcf")
+def export_mjcf(
+    robot: Annotated[str, typer.Argument(help="A shipped robot's name, or a robot file.")],
+    out: Annotated[
+        Path | None,
+        typer.Option("-o", "--out", help="File to write.", show_default="standard output"),
+    ] = None,
+) -> None:
+    """Write a robot as an MJCF file for MuJoCo: every rod, joints, masses, motors; loops closed.
+
+    Needs no MuJoCo.
+
+    Example: **truepose export mjcf h4 -o h4.xml**
+    """
+    from truepose.plants.mjcf import to_mjcf
+    from truepose.robot import load
+
+    text = to_mjcf(load(robot))
+    if out is None:
+        typer.echo(text, nl=False)
+        return
+    try:
+        out.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{out}: cannot be written: {error.strerror}") from None
+    typer.echo(f"Wrote {out}")
+
+
+@app.command()
+def view(
+    robot: Annotated[str, typer.Argument(help="A shipped robot's name, or a robot file.")],
+    png: Annotated[
+        Path | None, typer.Option(help="Draw a picture instead; needs no screen.")
+    ] = None,
+) -> None:
+    """Show a robot at home in MuJoCo's viewer. Needs MuJoCo: pip install "truepose[mujoco]".
+
+    Example: **truepose view delta --png delta.png**
+    """
+    from truepose.plants import viewing
+    from truepose.robot import load
+
+    loaded = load(robot)
+    if png is None:
+        viewing.show(loaded)
+    else:
+        viewing.picture(loaded, png)
+        typer.echo(f"Wrote {png}")
 
 
 @app.command()

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from truepose.build import Array
 from truepose.robot import Robot
 
-_COLOURS = {
+COLOURS = {
     "base": "#8a8f98",
     "rail": "#8a8f98",
     "motor": "#30343b",
@@ -175,13 +175,13 @@ def _show_plane(axes, parts: list[_Part]) -> None:
         x, y = 1e3 * where[:, 0], 1e3 * where[:, 1]
         joint = "o" if part in ("arm", "rod", "leg") or len(where) == 1 else None
         if part == "nacelle" and len(where) > 3:
-            axes.fill(x, y, color=_COLOURS[part], alpha=0.18, lw=0)
+            axes.fill(x, y, color=COLOURS[part], alpha=0.18, lw=0)
         if part == "motor":
-            axes.plot(x[:1], y[:1], "o", ms=13, color=_COLOURS[part], label=label, zorder=5)
+            axes.plot(x[:1], y[:1], "o", ms=13, color=COLOURS[part], label=label, zorder=5)
             continue
         style = {"ls": "--"} if part == "base" else {"solid_capstyle": "round"}
         marker = "o" if part == "nacelle" and len(where) == 1 else joint
-        axes.plot(x, y, color=_COLOURS[part], lw=width, marker=marker, ms=6, label=label, **style)
+        axes.plot(x, y, color=COLOURS[part], lw=width, marker=marker, ms=6, label=label, **style)
     axes.set_aspect("equal")
     axes.margins(0.12)
     axes.grid(alpha=0.3)
@@ -198,12 +198,12 @@ def _show_space(axes, parts: list[_Part]) -> None:
         xyz = 1e3 * where
         if part == "nacelle" and len(where) > 3:
             axes.add_collection3d(
-                Poly3DCollection([xyz], facecolor=_COLOURS[part], alpha=0.25, edgecolor="none")
+                Poly3DCollection([xyz], facecolor=COLOURS[part], alpha=0.25, edgecolor="none")
             )
         if part == "motor" and np.allclose(where[0], where[-1]):
-            axes.plot(*xyz[:1].T, "o", ms=8, color=_COLOURS[part], label=label)
+            axes.plot(*xyz[:1].T, "o", ms=8, color=COLOURS[part], label=label)
             continue
-        colour = _COLOURS[part]
+        colour = COLOURS[part]
         axes.plot(*xyz.T, color=colour, lw=width, label=label, solid_capstyle="round")
     corners = 1e3 * np.vstack([where for _, where, _ in parts])
     middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
