@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
+from truepose.build import Array
 from truepose.effects import Effects
 from truepose.exceptions import InputError
 from truepose.plants.mjcf_parts import (
@@ -30,7 +31,7 @@ from truepose.plants.mjcf_parts import (
     turn,
     xy,
 )
-from truepose.robot import Array, Robot
+from truepose.robot import Robot
 
 #: s; small enough for a 1500 rad/s tracking loop, long enough for hundreds of poses a minute.
 TIMESTEP = 2.5e-4

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
+from truepose.build import Array
 from truepose.drawing import COLOURS
-from truepose.robot import Array
 
 MASSLESS = 1e-9  # kg: MuJoCo wants bodies that move to weigh something
 _NEEDLE = 1e-9  # a slender rod's inertia about itself, of that across

@@ -16,12 +16,13 @@ from numpy.typing import ArrayLike
 
 from truepose import _core, knowledge
 from truepose.arguments import check_seed
+from truepose.build import Array
 from truepose.effects import Effects
 from truepose.exceptions import InputError
 from truepose.plants import Visit
 from truepose.plants.mjcf import TIMESTEP
 from truepose.plants.mujoco_body import Body, Settled, require
-from truepose.robot import Array, Robot
+from truepose.robot import Robot
 from truepose.simulations import Controller
 
 _RIPPLES = 6  # periods of the torque ripple in a turn of the motor

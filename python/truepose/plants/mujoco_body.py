@@ -7,10 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from truepose import _core
+from truepose.build import Array
 from truepose.effects import Effects
 from truepose.exceptions import InputError, PoseError, TrueposeError
 from truepose.plants.mjcf import TIMESTEP, Mechanism, Posture
-from truepose.robot import Array, Robot
+from truepose.robot import Robot
 
 _OPEN = 1e-4  # m: a loop that far open is not closed
 
