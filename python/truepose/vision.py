@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose.exceptions import InputError
+from truepose.frames import rotation
 from truepose.robot import Array, Robot, check_seed
 
 CAMERAS = 3
@@ -27,22 +28,6 @@ _ITERATIONS = 30
 #: Of a camera: rotation vector, shifts along line and axis (one along the third direction is not
 #: seen), logarithm of the focal length, centre of the line.
 _PARAMETERS = 7
-
-
-def skew(v: Array) -> Array:
-    """[v]×, shape (..., 3, 3)."""
-    x, y, z = np.moveaxis(np.asarray(v, dtype=float), -1, 0)
-    o = np.zeros_like(x)
-    return np.stack([o, -z, y, z, o, -x, -y, x, o], -1).reshape(*x.shape, 3, 3)
-
-
-def turn(v: ArrayLike) -> Array:
-    """Rotation matrix of a rotation vector, shape (..., 3, 3): Rodrigues' formula."""
-    v = np.asarray(v, dtype=float)
-    angle = np.linalg.norm(v, axis=-1)[..., None, None]
-    K = skew(v)
-    half = np.sinc(angle / (2 * np.pi))
-    return np.eye(3) + np.sinc(angle / np.pi) * K + 0.5 * half**2 * K @ K
 
 
 def frame_of(rotation: Array, position: Array) -> Array:
@@ -170,7 +155,7 @@ class Cameras(NamedTuple):
 
     def moved(self, change: Array) -> Cameras:
         """Cameras whose parameters have changed by this much, (K, 7)."""
-        R = turn(change[:, :3])
+        R = rotation(change[:, :3])
         position = self.position + change[:, 3:4] * self.line + change[:, 4:5] * self.axis
         axis = (R @ self.axis[..., None])[..., 0]
         line = (R @ self.line[..., None])[..., 0]
@@ -264,7 +249,7 @@ class Vision:
         if frame.ndim != 3 or frame.shape[1:] != (4, 4):
             raise InputError(f"frame: shape {frame.shape}, must be (N, 4, 4)")
         there = np.isfinite(frame).all(axis=(1, 2))
-        R = turn(setup.registration[:3])
+        R = rotation(setup.registration[:3])
         leds = self.true_leds @ np.swapaxes(frame[:, :3, :3], 1, 2) + frame[:, None, :3, 3]
         leds = leds @ R.T + np.array(setup.registration[3:])
         with np.errstate(invalid="ignore"):
@@ -293,7 +278,10 @@ class Vision:
         frame = np.full((count, 4, 4), np.nan)
         covariance = np.full((count, 6, 6), np.nan)
         status = np.array(
-            [f"{k} of {len(body)} LEDs in view of all cameras, 3 needed" for k in whole.sum(axis=1)],
+            [
+                f"{k} of {len(body)} LEDs in view of all cameras, 3 needed"
+                for k in whole.sum(axis=1)
+            ],
             dtype=object,
         )
         if there is not None:
@@ -311,8 +299,10 @@ class Vision:
             J = np.concatenate([by_point, np.cross(arms[:, :, None], by_point)], axis=-1)
             residual = (u - cameras.project(points)) * weight
             normal = np.einsum("nlk,nlki,nlkj->nij", weight, J, J)
-            step = np.linalg.solve(normal, np.einsum("nlki,nlk->ni", J, residual)[..., None])[..., 0]
-            R, t = turn(step[:, 3:]) @ R, t + step[:, :3]
+            step = np.linalg.solve(normal, np.einsum("nlki,nlk->ni", J, residual)[..., None])[
+                ..., 0
+            ]
+            R, t = rotation(step[:, 3:]) @ R, t + step[:, :3]
             converged = np.abs(step).max(axis=1) < 1e-11
             if converged.all():
                 break
