@@ -207,7 +207,7 @@ def calibrate(
     log: Annotated[
         Path,
         typer.Argument(
-            help="CSV, Parquet or MCAP: columns q1 … qn, each sensor by its name, measured_x, …; SI."
+            help="CSV, Parquet or MCAP: columns q1 … qn, each sensor's name, measured_x, …; SI."
         ),
     ],
     out: Annotated[

@@ -84,8 +84,8 @@ def of(robot: Robot, table, where: str = "readings") -> Log:
 def read(robot: Robot, path: str | Path) -> Log:
     """Read a log file: Parquet or MCAP if it begins as one, else CSV.
 
-    MCAP: all channels of JSON messages; those of one time are one line. CSV: a line of names, then one line for each pose; comma, semicolon or tab; lines that begin
-    with # are comments.
+    MCAP: all channels of JSON messages; those of one time are one line. CSV: a line of names, then
+    one line for each pose; comma, semicolon or tab; lines that begin with # are comments.
 
     Raises
     ------

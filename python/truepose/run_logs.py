@@ -57,7 +57,7 @@ def columns(run: Simulation | Run | Visit, robot: Robot | None = None) -> list[C
         result += _readings(robot, run.q_e)
         result += _pose(robot, "desired", "asked of the controller", run.x_d)
         result += _pose(robot, "true", "of the simulated robot", run.x)
-        angle = sensor_is_angle(robot)
+        angle = _angles(robot)
         for topic, values, what, units in (
             ("motor_error", run.motor_error, "motor error ê_q of the law,", ("m", "rad")),
             ("torque", run.torque, "torque (force) of", ("N", "N·m")),
@@ -117,9 +117,15 @@ def write(run: Simulation | Run | Visit, path: str | Path, robot: Robot | None =
     replace_file(path, data)
 
 
+def _angles(robot: Robot) -> list[bool]:
+    """Whether each reading is in rad (else m)."""
+    motors = [chain.actuator == "revolute" for chain in robot.spec.chain]
+    return motors + sensor_is_angle(robot)
+
+
 def _readings(robot: Robot, q_e: Array) -> list[Column]:
     kinds = {sensor.name: sensor.kind for sensor in robot.spec.sensor}
-    angle = sensor_is_angle(robot)
+    angle = _angles(robot)
     result = []
     for k, name in enumerate(robot.readings):
         what = f"motor {k + 1}'s encoder" if k < robot.n else f"sensor {name} ({kinds[name]})"
@@ -188,7 +194,7 @@ def _mcap(path: Path, listed: list[Column]) -> bytes:
         channel = writer.register_channel(f"/{topic}", "json", number)
         rows = zip(*(c.values.tolist() for c in own), strict=True)
         for at, row in zip(times, rows, strict=True):
-            cells = {c.name: v if v == v else None for c, v in zip(own, row, strict=True)}
+            cells = {c.name: v if np.isfinite(v) else None for c, v in zip(own, row, strict=True)}
             writer.add_message(channel, at, json.dumps(cells).encode(), at)
     writer.finish()
     return buffer.getvalue()
@@ -201,5 +207,5 @@ def _csv(path: Path, listed: list[Column]) -> bytes:
     rows = csv.writer(buffer, lineterminator="\n")
     rows.writerow([c.name for c in listed])
     cells = np.column_stack([c.values for c in listed]).tolist()
-    rows.writerows([["" if v != v else repr(v) for v in row] for row in cells])
+    rows.writerows([[repr(v) if np.isfinite(v) else "" for v in row] for row in cells])
     return buffer.getvalue().encode()

@@ -24,7 +24,6 @@ from truepose.robot import Array, Robot, load
 from truepose.virtual_experiment import Reading, Run
 from truepose.vision import Setup, Vision
 
-_D = 0
 NAME = "h4-lirmm-twin"
 #: The paper's columns and the control of each.
 LAWS: tuple[Control, ...] = ("joint", "redundant")
@@ -201,6 +200,7 @@ def search(
         Called after each step.
     """
     drawn = np.random.default_rng(seed).normal(size=len(unknowns(robot)))
+    drawn[-len(NUISANCES) :] = 0.0
     values, target = printed()
     entry = np.isfinite(values)
     aim = np.where(entry, _AIM * target, np.nan)
@@ -236,8 +236,6 @@ def search(
                 break
             continue
         small = small + 1 if cost - after < 2e-3 * cost else 0
-        if _D:
-            print(round(cost, 1), round(after, 1), round(reach, 3))
         u, runs, errors, cost = u + step, tried, found, after
         reach = min(_LARGEST, 2 * reach)
         if small == 2:
