@@ -56,11 +56,11 @@ class Setup:
     #: Of the line of sight, from the horizontal, upwards, rad. 54.7°: the planes that three cameras
     #: see are then orthogonal.
     elevation: float = math.atan(math.sqrt(2))
-    focal_length: float = 0.085  #: m
+    focal_length: float = 0.06  #: m
     pixel: float = 14e-6  #: m
-    pixels: int = 2048  #: of each line: a view of 19°, 0.5 m wide at the centre
-    across: float = math.radians(20)  #: view of the cylindrical lens across the line, rad
-    noise: float = 0.4  #: σ of u in pixels: nearest pixel (0.29) and electronics; 0.1 mm at an LED
+    pixels: int = 2048  #: of each line: a view of 27°, 0.7 m wide at the centre
+    across: float = math.radians(30)  #: view of the cylindrical lens across the line, rad
+    noise: float = 0.3  #: σ of u in pixels, that of the nearest pixel; 0.1 mm at an LED
     leds: tuple[tuple[float, float, float], ...] = (
         (0.08, 0.0, -0.03),
         (0.0, 0.08, -0.03),
