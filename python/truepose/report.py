@@ -20,7 +20,17 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import truepose
-from truepose import drawing, experiment, figures, paper_data, sensing, statistics, tables
+from truepose import (
+    drawing,
+    experiment,
+    experiment_section,
+    experiment_tables,
+    figures,
+    paper_data,
+    sensing,
+    statistics,
+    tables,
+)
 from truepose.effects import Effects
 from truepose.exceptions import InputError
 from truepose.experiment import CONTROLS
@@ -75,6 +85,7 @@ def write(
         tables.check(result),
         tables.sensing(result),
         tables.warm_up(result),
+        *(experiment_tables.tables(result.section) if result.section else ()),
     ]
     for table in numbers:
         _csv(out / f"{table.name}.csv", table.header, table.rows)
@@ -96,6 +107,8 @@ def write(
         thermal=Effects(),
         judged=len(result.experiment.poses[:: sensing.EVERY]),
         learnt=float(np.median(np.sqrt(result.experiment.ratio("norm_xyz", "sum_sq", LEARNT)))),
+        section=result.section,
+        setup=describe(result.section) if result.section else None,
         versions=versions(),
     )
     (out / PAGE).write_text(page, encoding="utf-8")
@@ -121,6 +134,21 @@ def _figures(result: Reproduction) -> Iterator[tuple[str, Figure]]:
     yield "ratios", figures.ratios(result.experiment)
     yield "rest", figures.rest(result.robot, result.experiment)
     yield "warm_up", figures.warm_up(result.warm_up)
+    for plant, runs in result.section.runs.items() if result.section else ():
+        yield f"experiment-{plant.lower()}", experiment_tables.figure(runs)
+
+
+def describe(section: experiment_section.Section) -> dict[str, float]:
+    """What the twin's vision system and gear are, in millimetres and degrees."""
+    setup = section.twin.setup
+    return {
+        "noise": setup.noise,
+        "at_led": 1e3 * setup.noise * setup.pixel / setup.focal_length * setup.distance,
+        "radius": 1e3 * float(np.hypot(*setup.leds[0][:2])),
+        "backlash": float(np.degrees(section.twin.effects.tool_backlash)),
+        "shift": 1e3 * float(np.linalg.norm(setup.registration[3:])),
+        "turn": float(np.degrees(np.linalg.norm(setup.registration[:3]))),
+    }
 
 
 def _save(figure: Figure, path: Path) -> str:

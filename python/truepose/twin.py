@@ -36,10 +36,13 @@ _AIM = 0.15
 #: Beforehand, of what neither the paper nor the robot's file names; all assumed.
 REGISTRATION_TURN = math.radians(0.2)  #: σ of each component, rad
 REGISTRATION_SHIFT = 3e-3  #: σ of each component, m
-#: σ of the logarithms of the vision's noise, the LEDs' distance from the nacelle's axis and the
-#: gear's backlash, about their defaults: a factor of two.
-SPREAD = math.log(2.0)
-NUISANCES = ("vision.noise", "vision.leds", "tool.backlash")
+#: Logarithms of what else is not geometry, over its default: σ of the vision's noise (a factor of
+#: two) and of the gear's play (1.5); how far the LEDs may be from the nacelle's axis (40 to 80 mm).
+NUISANCES = {
+    "vision.noise": (math.log(2.0), None),
+    "vision.leds": (0.0, (math.log(0.5), 0.0)),
+    "tool.backlash": (math.log(1.5), None),
+}
 #: Steps; of these, at first, some that see little but the averages, whose signs then agree; linear
 #: steps within one; the largest change of an unknown in it.
 _OUTER, _ROUGH, _INNER, _LARGEST = 30, 6, 40, 1.0
@@ -132,7 +135,7 @@ def unknowns(robot: Robot) -> list[Unknown]:
         *found,
         *turns,
         *shifts,
-        *(Unknown(name, {}, SPREAD, None) for name in NUISANCES),
+        *(Unknown(name, {}, *prior) for name, prior in NUISANCES.items()),
     ]
 
 
