@@ -344,34 +344,45 @@ def _drawn(setup: Setup) -> Cameras:
 def _calibrate(
     cameras: Cameras, prior: Array, nominal: Array, u: Array, seen: Array, setup: Setup
 ) -> Calibration:
-    """Bundle adjustment by Gauss-Newton: cameras and the artefact's points, each with its prior."""
+    """Bundle adjustment by Gauss-Newton: cameras and the artefact's points, each with its prior.
+
+    Unknowns in units of their priors' σ, readings in units of the noise. A point meets no other:
+    the points' blocks are eliminated one by one, what is left is the cameras'.
+    """
     change, points, start = np.zeros((CAMERAS, _PARAMETERS)), nominal.copy(), cameras
-    own, count = CAMERAS * _PARAMETERS, len(nominal)
-    total = own + 3 * count
-    p, k = np.nonzero(seen)
-    row = np.arange(len(p))
-    sigma = np.concatenate([np.tile(prior, CAMERAS), np.full(3 * count, setup.artefact_tolerance)])
+    sigma = np.tile(prior, CAMERAS)
     for _ in range(_ITERATIONS):
-        J = np.zeros((len(p), total))
-        J[row[:, None], k[:, None] * _PARAMETERS + np.arange(_PARAMETERS)] = cameras.by_parameter(
-            points
-        )[p, k]
-        J[row[:, None], own + 3 * p[:, None] + np.arange(3)] = cameras.by_point(points)[p, k]
-        residual = (u - cameras.project(points))[p, k]
-        J = J * sigma / setup.noise  # unknowns in units of their own priors
-        departure = np.concatenate([change.ravel(), (points - nominal).ravel()]) / sigma
-        information = J.T @ J + np.eye(total)
-        step = np.linalg.solve(information, J.T @ (residual / setup.noise) - departure) * sigma
-        change = change + step[:own].reshape(CAMERAS, _PARAMETERS)
-        points = points + step[own:].reshape(-1, 3)
+        residual = np.where(seen, u - cameras.project(points), 0.0) / setup.noise
+        own = cameras.by_parameter(points) * (seen[..., None] * prior / setup.noise)
+        by_camera = np.zeros((len(points), CAMERAS, CAMERAS, _PARAMETERS))
+        by_camera[:, range(CAMERAS), range(CAMERAS)] = own
+        by_camera = by_camera.reshape(len(points), CAMERAS, -1)
+        by_point = cameras.by_point(points) * seen[..., None]
+        by_point = by_point * (setup.artefact_tolerance / setup.noise)
+        across = np.swapaxes(by_camera, 1, 2) @ by_point
+        inner = np.linalg.inv(np.swapaxes(by_point, 1, 2) @ by_point + np.eye(3))
+        downhill = np.einsum("pkc,pk->c", by_camera, residual) - change.ravel() / sigma
+        beside = np.einsum("pkx,pk->px", by_point, residual)
+        beside = beside - (points - nominal) / setup.artefact_tolerance
+        information = np.einsum("pkc,pkd->cd", by_camera, by_camera) + np.eye(len(sigma))
+        shared = information - np.einsum("pcx,pxy,pdy->cd", across, inner, across, optimize=True)
+        step = np.linalg.solve(
+            shared, downhill - np.einsum("pcx,pxy,py->c", across, inner, beside, optimize=True)
+        )
+        moved = np.einsum("pxy,py->px", inner, beside - np.einsum("pcx,c->px", across, step))
+        change = change + (step * sigma).reshape(CAMERAS, _PARAMETERS)
+        points = points + moved * setup.artefact_tolerance
         cameras = start.moved(change)
-        if np.abs(step / sigma).max() < 1e-8:
+        if max(np.abs(step).max(), np.abs(moved).max()) < 1e-8:
             break
-    inverse = np.linalg.inv(information)
-    covariance = (inverse * np.outer(sigma, sigma))[:own, :own]
-    residual = (u - cameras.project(points))[p, k]
-    freedoms = len(p) - float(np.trace(inverse @ (J.T @ J)))
-    return Calibration(cameras, covariance, residual, freedoms, points)
+    inverse = np.linalg.inv(shared)
+    # Freedoms: readings less the trace of what each unknown has learnt, 1 - posterior/prior.
+    back = np.einsum("pyx,pcx->pyc", inner, across)
+    left = np.einsum("pxx->", inner) + np.einsum("pyc,cd,pyd->", back, inverse, back, optimize=True)
+    unknown = len(sigma) + 3 * len(points)
+    freedoms = float(seen.sum() - (unknown - np.trace(inverse) - left))
+    residual = (u - cameras.project(points))[seen]
+    return Calibration(cameras, inverse * np.outer(sigma, sigma), residual, freedoms, points)
 
 
 def _triangulated(cameras: Cameras, u: Array) -> Array:
