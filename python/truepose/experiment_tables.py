@@ -6,7 +6,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from truepose import figures, twin
-from truepose.build import Array
 from truepose.experiment import Control
 from truepose.experiment_section import Section
 from truepose.frames import coordinates
@@ -42,23 +41,21 @@ def gains(runs: dict[Control, Run], plant: str) -> Table:
     """What each control makes of the same twin: desired less measured, and less true."""
     rows = []
     for control, ran in runs.items():
-        count, row = int(ran.counted.sum()), [NAMES[control]]
-        for found in (ran.table("desired"), ran.table("estimated")):
-            theta = found[3, 0], np.sqrt(found[3, 2] / count)
-            row += [f"{v:.2f}" for v in (_rms(found, count), *theta)]
-        rows.append([*row, f"{true_rms(ran):.2f}", str(len(ran.status) - count)])
-    kinds = ("desired − measured", "estimated − measured")
-    header = ["control"]
-    for kind in kinds:
-        header += [f"{kind}, position rms (mm)", "θ average (°)", "θ rms (°)"]
-    header += ["desired − true, position rms (mm)", "poses left out"]
-    title = f"The twin under every control, {plant} plant"
+        error, table = ran.errors("desired")[ran.counted], ran.table("desired")
+        about = np.sqrt(error[:, :3].var(axis=0).sum())
+        theta = table[3, 0], np.sqrt(table[3, 2] / len(error))
+        values = (measured_rms(ran), about, *theta, true_rms(ran))
+        left_out = str(len(ran.status) - len(error))
+        rows.append([NAMES[control], *(f"{v:.2f}" for v in values), left_out])
+    header = ["control", "seen rms, (mm)", "about its, mean (mm)", "θ mean, (°)", "θ rms, (°)"]
+    header += ["true rms, (mm)", "left out"]
+    title = f"The twin under every control, {plant} plant: desired less measured, and less true"
     return Table(f"twin_controls_{plant.lower()}", title, header, rows)
 
 
-def _rms(table: Array, counted: int) -> float:
-    """Root mean square position error, from the sum of squares of the norm."""
-    return float(np.sqrt(table[4, 2] / counted))
+def measured_rms(ran: Run) -> float:
+    """Position rms about the desired poses as the vision system sees it, mm."""
+    return float(np.sqrt(ran.table("desired")[4, 2] / ran.counted.sum()))
 
 
 def true_rms(ran: Run) -> float:

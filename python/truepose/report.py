@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import contextlib
 import csv
+import importlib.util
 import io
 import os
 import platform
@@ -27,6 +28,7 @@ from truepose import (
     experiment_tables,
     figures,
     paper_data,
+    run_logs,
     sensing,
     statistics,
     tables,
@@ -90,6 +92,8 @@ def write(
     for table in numbers:
         _csv(out / f"{table.name}.csv", table.header, table.rows)
     _raw_numbers(result, out)
+    if result.section:
+        _logs(result.section, out)
     page = render(
         "report.html.j2",
         images=images,
@@ -177,6 +181,16 @@ def _csv(path: Path, header: list[str], rows) -> None:
     writer.writerow(header)
     writer.writerows(rows)
     path.write_text(buffer.getvalue(), encoding="utf-8")
+
+
+def _logs(section: experiment_section.Section, out: Path) -> None:
+    """Every run as CSV, and as Parquet and MCAP where their packages are installed."""
+    packages = {"csv": "csv", "parquet": "pyarrow", "mcap": "mcap"}
+    endings = [ending for ending, name in packages.items() if importlib.util.find_spec(name)]
+    for plant, runs in section.runs.items():
+        for control, run in runs.items():
+            for ending in endings:
+                run_logs.write(run, out / f"experiment-{plant.lower()}-{control}.{ending}")
 
 
 def _raw_numbers(result: Reproduction, out: Path) -> None:

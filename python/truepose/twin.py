@@ -12,6 +12,7 @@ import math
 import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ import numpy as np
 from truepose import paper_data, robot_file, statistics, virtual_experiment
 from truepose.effects import Effects
 from truepose.errors import paper_directions
+from truepose.exceptions import RobotFileError
 from truepose.experiment import Control
 from truepose.plants.exact import ExactPlant
 from truepose.robot import Array, Robot, load
@@ -339,18 +341,25 @@ def _slopes(
     return result
 
 
-def save(found: Found, folder, robot: Robot) -> None:
-    """Write a twin as a robot file and what goes with it."""
-    raise NotImplementedError
-
-
-def shipped(robot: Robot | None = None) -> Twin:
+def shipped() -> Twin:
     """Load the twin that is shipped: robots/h4-lirmm-twin."""
-    path = robot_file.loadable()[NAME].with_name("setup.toml")
-    held = tomllib.loads(path.read_text(encoding="utf-8"))
+    files = robot_file.loadable()
+    if NAME not in files:
+        raise RobotFileError(f"{NAME}: not among the shipped robots: {', '.join(files)}")
+    return read(files[NAME])
+
+
+def read(path: Path) -> Twin:
+    """Read a twin's robot.toml and the setup.toml beside it."""
+    held = tomllib.loads(path.with_name("setup.toml").read_text(encoding="utf-8"))
+    vision = {key: _tuples(value) for key, value in held["vision"].items()}
     return Twin(
-        load(NAME),
-        replace(Setup.facing(load("h4")), **held["vision"]),
+        load(path),
+        replace(Setup.facing(load("h4")), **vision),
         replace(Effects().only("backlash", "quantisation"), **held["effects"]),
         held["seed"],
     )
+
+
+def _tuples(value):
+    return tuple(_tuples(v) for v in value) if isinstance(value, list) else value

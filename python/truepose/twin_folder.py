@@ -178,7 +178,7 @@ def gains(runs: list[dict[Control, Run]]) -> Table:
     rows = []
     for control in CONTROLS:
         true = [experiment_tables.true_rms(ran[control]) for ran in runs]
-        seen = [_rms(ran[control]) for ran in runs]
+        seen = [experiment_tables.measured_rms(ran[control]) for ran in runs]
         theta = [float(ran[control].table("desired")[3, 2]) for ran in runs]
         cell = [f"{np.median(v):.2f} ({min(v):.2f} to {max(v):.2f})" for v in (true, seen, theta)]
         rows.append([experiment_tables.NAMES[control], *cell])
@@ -186,13 +186,10 @@ def gains(runs: list[dict[Control, Run]]) -> Table:
     return Table("gains", "", header, rows)
 
 
-def _rms(ran: Run) -> float:
-    return float(np.sqrt(ran.table("desired")[4, 2] / ran.counted.sum()))
-
-
 def markdown(table: Table) -> str:
     """Write a table as Markdown."""
-    lines = [table.header, ["---"] + ["---:"] * (len(table.header) - 1), *table.rows]
+    header = [cell.replace(", (", " (").replace("its, mean", "its mean") for cell in table.header]
+    lines = [header, ["---"] + ["---:"] * (len(header) - 1), *table.rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
@@ -202,7 +199,7 @@ _TEXT = """# A twin of LIRMM's H4
 
 A *true* robot, not one to control: an H4 whose experiment gives a Table 3 close to the printed one
 (`tp.load("h4-lirmm-twin")`; `tp.robots()` does not list it). The printed numbers do not determine
-one: this is seed {seed} of {seeds}, all made by `make twin`. Assumed, as all of the H4's dimensions.
+one: this is seed {seed} of {seeds}, all made by `make twin`. Assumed, as all dimensions of the H4.
 [docs/experiment.md](../../docs/experiment.md) explains the experiment, the search and its priors.
 
 `robot.toml` holds the geometry, `setup.toml` what stands beside it. The nuisances that the printed
@@ -213,8 +210,8 @@ numbers ask for: LEDs {radius:.0f} mm from the axis, seen with {noise:.1f} pixel
 ## Printed against twin
 
 Exact statics at the full level, mm and degrees. An entry is reached within 25 % or 0.5 mm / 0.15°,
-whichever is larger; a `!` marks what is not. {missed} What is printed as "error" is taken as
-estimated − measured:
+whichever is larger; a `!` marks what is not. What is printed as "error" is taken as estimated −
+measured. {missed}
 
 {estimated}
 
@@ -241,7 +238,8 @@ How far they are apart, standard deviations over the twins:
 
 ## What the same encoder could have given
 
-This twin:
+This twin, desired less measured and less true. What the vision system sees of a calibrated robot
+holds the registration of its frame, which no encoder can know:
 
 {controls}
 
