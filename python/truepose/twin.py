@@ -18,12 +18,13 @@ from typing import NamedTuple
 import numpy as np
 
 from truepose import paper_data, robot_file, statistics, virtual_experiment
+from truepose.build import Array
 from truepose.effects import Effects
 from truepose.errors import paper_directions
 from truepose.exceptions import RobotFileError
 from truepose.experiment import Control
 from truepose.plants.exact import ExactPlant
-from truepose.robot import Array, Robot, load
+from truepose.robot import Robot, load
 from truepose.virtual_experiment import Reading, Run
 from truepose.vision import Setup, Vision
 

@@ -14,12 +14,13 @@ from typing import Literal, get_args
 import numpy as np
 
 from truepose import paper_data, statistics
+from truepose.build import Array
 from truepose.calibration import calibrate
 from truepose.exceptions import InputError, choose
 from truepose.experiment import CONTROLS, Control
 from truepose.frames import coordinates
 from truepose.plants import Plant, Visit
-from truepose.robot import Array, Robot
+from truepose.robot import Robot
 from truepose.simulations import Controller
 from truepose.trials import JITTER
 from truepose.vision import Seen, Vision

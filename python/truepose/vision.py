@@ -19,9 +19,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from truepose.arguments import check_seed
+from truepose.build import Array
 from truepose.exceptions import InputError
 from truepose.frames import rotation
-from truepose.robot import Array, Robot, check_seed
+from truepose.robot import Robot
 
 CAMERAS = 3
 _ITERATIONS = 30

@@ -12,11 +12,14 @@ from collections.abc import Callable
 import numpy as np
 
 from truepose import _core, knowledge
+from truepose.arguments import check_seed
+from truepose.build import Array
 from truepose.effects import Effects
 from truepose.exceptions import InputError, choose
 from truepose.frames import coordinates, frames, rotation
+from truepose.kinematics import Level
 from truepose.plants import Visit
-from truepose.robot import Array, Level, Robot, check_seed
+from truepose.robot import Robot
 from truepose.simulations import Controller
 
 #: Groups of effects that statics know.
