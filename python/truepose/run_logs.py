@@ -105,8 +105,8 @@ def write(run: Simulation | Run | Visit, path: str | Path, robot: Robot | None =
     >>> h4 = tp.load("h4")
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     run_logs.write(tp.simulate(h4), folder + "/move.csv")
-    ...     logs.read(h4, folder + "/move.csv").readings.shape
-    (400, 5)
+    ...     logs.read(h4, folder + "/move.csv").readings.shape[1]
+    5
     """
     path = Path(path)
     writers = {".parquet": _parquet, ".mcap": _mcap, ".csv": _csv}

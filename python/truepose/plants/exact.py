@@ -51,8 +51,8 @@ class ExactPlant:
     >>> h4 = tp.load("h4")
     >>> plant = ExactPlant(h4.replace({"chain1.rod": 0.483}))
     >>> visit = plant.visit(h4, [[0.05, 0.05, -0.4, 0.2]], tp.Controller(law="redundant"))
-    >>> visit.status[0], bool(abs(visit.x[0, 3] - 0.2) < 0.003)
-    ('ok', True)
+    >>> visit.status.tolist(), bool(abs(visit.x[0, 3] - 0.2) < 0.003)
+    (['ok'], True)
     """
 
     def __init__(
