@@ -266,8 +266,8 @@ void bind_control(nb::module_& m) {
   m.def("conditioning", &batch_conditioning);
   m.def("settle", &batch_settle, "nominal"_a, "truth"_a, "settings"_a, "known"_a.none(),
         "gravity"_a, "x_d"_a);
-  m.def("motor_error", &batch_motor_error, "nominal"_a, "law"_a, "damped_below"_a,
-        "known"_a.none(), "x_d"_a, "q_e"_a);
+  m.def("motor_error", &batch_motor_error, "nominal"_a, "law"_a, "damped_below"_a, "known"_a.none(),
+        "x_d"_a, "q_e"_a);
   m.def("leakage", &batch_leakage, "robot"_a, "law"_a, "known"_a.none(), "x"_a);
   nb::class_<Effects>(m, "Effects")
       .def(nb::init<>())
