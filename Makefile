@@ -13,11 +13,11 @@ PACKAGE := $(shell find include src python robots -type f -not -name '*.pyc') \
 CPP := $(shell find include src tests/cpp tests/fuzz benchmarks -name '*.[hc]pp')
 
 .DEFAULT_GOAL := help
-.PHONY: help reproduce test test-python test-cpp lint format fuzz realtime instructions bench bench-peers pictures clean
+.PHONY: help reproduce test test-python test-cpp lint format fuzz realtime instructions bench bench-peers pictures twin clean
 
 help:
 	@sed -n 's/^# \?//p' Makefile | sed '/^$$/q'
-	@echo "Also: lint format fuzz realtime instructions bench pictures clean"
+	@echo "Also: lint format fuzz realtime instructions bench pictures twin clean"
 
 reproduce: $(VENV)/installed
 	@truepose reproduce $(ARGS)
@@ -78,6 +78,10 @@ bench-peers: bench
 
 pictures: $(VENV)/installed
 	python -c "import truepose as tp; from truepose.drawing import draw; [draw(tp.load(name)).savefig(f'robots/{name}/picture.png', dpi=110) for name in tp.robots()]"
+
+# The H4 whose Table 3 is close to the printed one: ten searches, some minutes.
+twin: $(VENV)/installed
+	python -m truepose.twin_folder robots/h4-lirmm-twin
 
 build/%/build.ninja: CMakeLists.txt CMakePresets.json tests/cpp/CMakeLists.txt benchmarks/CMakeLists.txt | $(VENV)/developing
 	cmake --preset $* -DPython_EXECUTABLE=$(abspath $(BIN))/python

@@ -61,6 +61,25 @@ auto batch_settle(const Robot& nominal, const Robot& truth, const ControlSetting
   });
 }
 
+/// Motor error ê_q of a law asked for x_d while the readings are q_e, (N, n).
+auto batch_motor_error(const Robot& nominal, Law law, double damped_below, const Known* known,
+                       const Rows& x_d, const Rows& q_e) {
+  return with_mobility(nominal.mobility, [&](auto mobility) {
+    return map_rows<Joint, Joint>(
+        x_d, x_d.shape(1), [&](const Joint& at, Joint& error, std::size_t i) {
+          const Weights weights(nominal, known);
+          Reference<mobility()> reference;
+          const Outcome regular =
+              refer<mobility()>(nominal, law, at, reference, damped_below, weights.view());
+          if (!regular) return regular;
+          Pose found;
+          const Outcome outcome = motor_error<mobility()>(
+              nominal, law, reference, row<Extended>(q_e, i), error, found, weights.view());
+          return outcome ? regular : outcome;
+        });
+  });
+}
+
 /// ∂x/∂q_e of a robot at rest under a law, (N, n, n + r).
 auto batch_leakage(const Robot& robot, Law law, const Known* known, const Rows& x) {
   const std::size_t n = x.shape(1), e = n + robot.r;
@@ -247,6 +266,8 @@ void bind_control(nb::module_& m) {
   m.def("conditioning", &batch_conditioning);
   m.def("settle", &batch_settle, "nominal"_a, "truth"_a, "settings"_a, "known"_a.none(),
         "gravity"_a, "x_d"_a);
+  m.def("motor_error", &batch_motor_error, "nominal"_a, "law"_a, "damped_below"_a, "known"_a.none(),
+        "x_d"_a, "q_e"_a);
   m.def("leakage", &batch_leakage, "robot"_a, "law"_a, "known"_a.none(), "x"_a);
   nb::class_<Effects>(m, "Effects")
       .def(nb::init<>())

@@ -207,7 +207,7 @@ def calibrate(
     log: Annotated[
         Path,
         typer.Argument(
-            help="CSV or Parquet: columns q1 … qn, each sensor by its name, measured_x, …; SI."
+            help="CSV, Parquet or MCAP: columns q1 … qn, each sensor's name, measured_x, …; SI."
         ),
     ],
     out: Annotated[
@@ -358,18 +358,25 @@ def reproduce(
     out: Annotated[
         Path, typer.Option(help="Folder for report.html, figures (SVG, PNG) and numbers (CSV).")
     ] = Path("truepose-report"),
+    experiment: Annotated[
+        bool,
+        typer.Option(
+            "--experiment", help="Also the experiment of section 4, measured by a vision system."
+        ),
+    ] = False,
 ) -> None:
     """Run the paper end to end and set its figures and tables beside truepose's own.
 
     The H4 makes the 0.2 s move of Figures 11 to 13 under usual, redundant (TEJ) and Cartesian
     control, and calibrated from its own readings; then settles at the 625 poses of Table 2, for
-    many robots drawn from the paper's geometric errors. Prints Table 3 and writes a report.
+    many robots drawn from the paper's geometric errors. Prints Table 3 and writes a report. With
+    --experiment a twin of the paper's robot is measured as that was, docs/experiment.md.
 
     Example: **truepose reproduce --robots 100 --seed 0 --out my-report**
     """
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
-    from truepose import report, tables
+    from truepose import experiment_tables, report, tables
     from truepose.reproduce import reproduce as run
     from truepose.reproduce import total_steps
 
@@ -377,17 +384,22 @@ def reproduce(
     with report.folder(out) as work:
         columns = (TextColumn("{task.description:26}"), BarColumn(), TaskProgressColumn())
         with Progress(*columns, console=Console(stderr=True)) as bar:
-            task = bar.add_task("robots", total=total_steps(robots) + report.FIGURES)
+            task = bar.add_task("robots", total=total_steps(robots, experiment) + report.FIGURES)
 
             def progress(what: str) -> None:
                 bar.update(task, advance=1, description=what)
 
-            result = run(robots, seed, progress)
+            result = run(robots, seed, progress, virtual=experiment)
             report.write(result, work, progress)
     wide = tables.many_robots(result)
     halves = [wide.columns(0, 1, 2, 3, 4), wide.columns(0, 5, 6, 7)]  # 80 columns each
     for table in (tables.moves(result), *halves, tables.gains(result), tables.sensing(result)):
         _print(console, table)
+    if result.section:
+        for table in experiment_tables.tables(result.section):
+            _print(console, table)
+        for note in result.section.notes:
+            typer.echo(f"truepose: {note}", err=True)
     elapsed = time.perf_counter() - start
     console.print(
         f"{robots} robots, seed {seed}, {elapsed:.1f} s. The H4's dimensions and masses are "

@@ -39,19 +39,25 @@ def with_paper_errors(robot: Robot, seed: int | np.random.SeedSequence) -> Robot
         name: generator.uniform(low, high, robot.n)
         for name, (low, high) in paper_data.simulation_errors().items()
     }
-    values = {name: parameter.value for name, parameter in robot.parameters.items()}
-    changed = {}
-    for i, chain in enumerate(robot.spec.chain):
-        name = f"chain{i + 1}"
-        changed[f"{name}.rod"] = values[f"{name}.rod"] + draw["rod_length"][i]
-        changed[f"{name}.arm"] = values[f"{name}.arm"] + draw["arm_length"][i]
-        anchor = np.array(chain.anchor)
-        outward = anchor / max(float(np.linalg.norm(anchor)), 1e-300)
-        for k, axis in enumerate("xyz"):
-            base, bar = f"{name}.base.{axis}", f"{name}.anchor.{axis}"
-            changed[base] = values[base] + float(draw["base_radius"][i] * chain.zero[k])
-            changed[bar] = values[bar] + float(draw["nacelle_offset"][i] * outward[k])
+    changed = {name: parameter.value for name, parameter in robot.parameters.items()}
+    for i in range(robot.n):
+        for name, moves in paper_directions(robot, i).items():
+            for parameter, share in moves.items():
+                changed[parameter] += float(draw[name][i] * share)
     return robot.replace(changed)
+
+
+def paper_directions(robot: Robot, i: int) -> dict[str, dict[str, float]]:
+    """Which parameters each of the paper's errors of chain i + 1 moves, and by which share."""
+    chain, name = robot.spec.chain[i], f"chain{i + 1}"
+    anchor = np.array(chain.anchor)
+    outward = anchor / max(float(np.linalg.norm(anchor)), 1e-300)
+    return {
+        "rod_length": {f"{name}.rod": 1.0},
+        "arm_length": {f"{name}.arm": 1.0},
+        "base_radius": {f"{name}.base.{c}": float(chain.zero[k]) for k, c in enumerate("xyz")},
+        "nacelle_offset": {f"{name}.anchor.{c}": float(outward[k]) for k, c in enumerate("xyz")},
+    }
 
 
 def with_tolerance_errors(robot: Robot, seed: int | np.random.SeedSequence) -> Robot:

@@ -1,8 +1,10 @@
-"""How does a log become readings? Tables with named columns: CSV, Parquet, dict, data frame."""
+"""How does a log become readings? Tables with named columns: CSV, Parquet, MCAP, data frame."""
 
 from __future__ import annotations
 
 import csv
+import json
+import struct
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -80,10 +82,10 @@ def of(robot: Robot, table, where: str = "readings") -> Log:
 
 
 def read(robot: Robot, path: str | Path) -> Log:
-    """Read a log file: Parquet if it begins as one, else CSV.
+    """Read a log file: Parquet or MCAP if it begins as one, else CSV.
 
-    CSV: a line of names, then one line for each pose; comma, semicolon or tab; lines that begin
-    with # are comments.
+    MCAP: all channels of JSON messages; those of one time are one line. CSV: a line of names, then
+    one line for each pose; comma, semicolon or tab; lines that begin with # are comments.
 
     Raises
     ------
@@ -93,11 +95,11 @@ def read(robot: Robot, path: str | Path) -> Log:
     path = Path(path)
     try:
         with path.open("rb") as file:
-            start = file.read(4)
+            start = file.read(5)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
-    if start == b"PAR1":
-        table = _parquet(path)
+    if start[:4] == b"PAR1" or start == b"\x89MCAP":
+        table = _parquet(path) if start[:4] == b"PAR1" else _mcap(path)
         return _pick(
             robot,
             list(table),
@@ -135,6 +137,40 @@ def _parquet(path: Path) -> dict[str, object]:
     if not table.column_names:
         raise InputError(f"{path}: no columns")
     return {name: table[name] for name in table.column_names}
+
+
+def _mcap(path: Path) -> dict[str, object]:
+    try:
+        from mcap.exceptions import McapError
+        from mcap.reader import make_reader
+    except ImportError:
+        raise InputError(
+            f"{path}: MCAP needs mcap: pip install 'truepose[mcap]'; CSV needs nothing"
+        ) from None
+    rows: dict[int, dict[str, object]] = {}
+    owner: dict[str, str] = {}
+    try:
+        with path.open("rb") as file:
+            for _, channel, message in make_reader(file).iter_messages():
+                if channel.message_encoding != "json":
+                    continue
+                cells = json.loads(message.data)
+                for name in cells if isinstance(cells, dict) else ():
+                    if owner.setdefault(name, channel.topic) != channel.topic:
+                        raise InputError(
+                            f"{path}: column '{name}' is in two channels, {owner[name]} and "
+                            f"{channel.topic}"
+                        )
+                    rows.setdefault(message.log_time, {})[name] = cells[name]
+    except (McapError, ValueError, EOFError, struct.error) as error:
+        if isinstance(error, InputError):
+            raise
+        reason = str(error).splitlines()[0] if str(error) else "it ends too early"
+        raise InputError(f"{path}: cannot be read as MCAP: {reason}") from None
+    if not owner:
+        raise InputError(f"{path}: no channel of JSON messages")
+    ordered = [rows[at] for at in sorted(rows)]
+    return {name: [row.get(name) for row in ordered] for name in owner}
 
 
 def _csv(path: Path) -> tuple[list[str], list[list[str]], Array]:

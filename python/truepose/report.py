@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import contextlib
 import csv
+import importlib.util
 import io
 import os
 import platform
@@ -20,7 +21,18 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import truepose
-from truepose import drawing, experiment, figures, paper_data, sensing, statistics, tables
+from truepose import (
+    drawing,
+    experiment,
+    experiment_section,
+    experiment_tables,
+    figures,
+    paper_data,
+    run_logs,
+    sensing,
+    statistics,
+    tables,
+)
 from truepose.effects import Effects
 from truepose.exceptions import InputError
 from truepose.experiment import CONTROLS
@@ -75,10 +87,13 @@ def write(
         tables.check(result),
         tables.sensing(result),
         tables.warm_up(result),
+        *(experiment_tables.tables(result.section) if result.section else ()),
     ]
     for table in numbers:
         _csv(out / f"{table.name}.csv", table.header, table.rows)
     _raw_numbers(result, out)
+    if result.section:
+        _logs(result.section, out)
     page = render(
         "report.html.j2",
         images=images,
@@ -96,6 +111,8 @@ def write(
         thermal=Effects(),
         judged=len(result.experiment.poses[:: sensing.EVERY]),
         learnt=float(np.median(np.sqrt(result.experiment.ratio("norm_xyz", "sum_sq", LEARNT)))),
+        section=result.section,
+        setup=describe(result.section) if result.section else None,
         versions=versions(),
     )
     (out / PAGE).write_text(page, encoding="utf-8")
@@ -121,6 +138,21 @@ def _figures(result: Reproduction) -> Iterator[tuple[str, Figure]]:
     yield "ratios", figures.ratios(result.experiment)
     yield "rest", figures.rest(result.robot, result.experiment)
     yield "warm_up", figures.warm_up(result.warm_up)
+    for plant, runs in result.section.runs.items() if result.section else ():
+        yield f"experiment-{plant.lower()}", experiment_tables.figure(runs)
+
+
+def describe(section: experiment_section.Section) -> dict[str, float]:
+    """What the twin's vision system and gear are, in millimetres and degrees."""
+    setup = section.twin.setup
+    return {
+        "noise": setup.noise,
+        "at_led": 1e3 * setup.noise * setup.pixel / setup.focal_length * setup.distance,
+        "radius": 1e3 * float(np.hypot(*setup.leds[0][:2])),
+        "backlash": float(np.degrees(section.twin.effects.tool_backlash)),
+        "shift": 1e3 * float(np.linalg.norm(setup.registration[3:])),
+        "turn": float(np.degrees(np.linalg.norm(setup.registration[:3]))),
+    }
 
 
 def _save(figure: Figure, path: Path) -> str:
@@ -149,6 +181,16 @@ def _csv(path: Path, header: list[str], rows) -> None:
     writer.writerow(header)
     writer.writerows(rows)
     path.write_text(buffer.getvalue(), encoding="utf-8")
+
+
+def _logs(section: experiment_section.Section, out: Path) -> None:
+    """Every run as CSV, and as Parquet and MCAP where their packages are installed."""
+    packages = {"csv": "csv", "parquet": "pyarrow", "mcap": "mcap"}
+    endings = [ending for ending, name in packages.items() if importlib.util.find_spec(name)]
+    for plant, runs in section.runs.items():
+        for control, run in runs.items():
+            for ending in endings:
+                run_logs.write(run, out / f"experiment-{plant.lower()}-{control}.{ending}")
 
 
 def _raw_numbers(result: Reproduction, out: Path) -> None:

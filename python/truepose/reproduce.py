@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from truepose import experiment, paper_data, sensing, warm_up
+from truepose import experiment, experiment_section, paper_data, sensing, warm_up
 from truepose.build import Array
 from truepose.experiment import Experiment
 from truepose.robot import Robot, load
@@ -27,6 +27,7 @@ class Reproduction:
     check: dict[str, dict[Law, Array]]
     sensing: list[sensing.Line]
     warm_up: list[warm_up.WarmUp]
+    section: experiment_section.Section | None  #: the virtual experiment, where it was asked for
 
 
 #: The simulated moves: which true robot (errors: the first drawn one) and control, and its law.
@@ -39,15 +40,19 @@ MOVES: dict[str, tuple[str, Law]] = {
 }
 
 
-def total_steps(robots: int) -> int:
-    """How often `progress` will be called."""
+def total_steps(robots: int, virtual: bool = False) -> int:
+    """How often `progress` will be called, at most."""
     checks = 3 * len(LAWS) * CHECKED_POSES
     studies = sensing.total_steps(robots) + warm_up.total_steps(robots)
-    return len(MOVES) + robots + checks + studies
+    more = experiment_section.total_steps() if virtual else 0
+    return len(MOVES) + robots + checks + studies + more
 
 
 def reproduce(
-    robots: int, seed: int, progress: Callable[[str], None] = lambda _: None
+    robots: int,
+    seed: int,
+    progress: Callable[[str], None] = lambda _: None,
+    virtual: bool = False,
 ) -> Reproduction:
     """Simulate the move, settle `robots` drawn robots at 625 poses, check some in the dynamics.
 
@@ -61,6 +66,8 @@ def reproduce(
         The same seed gives the same numbers.
     progress : callable
         Called with what is being done after each step, see :func:`total_steps`.
+    virtual : bool
+        Also carry out the virtual experiment of section 4 on the twin.
     """
     robot = load("h4")
     truths = experiment.draw_robots(robot, robots, seed)
@@ -78,4 +85,5 @@ def reproduce(
     )
     sets = sensing.compare(robot, robots, seed, lambda: progress("sets of sensors"))
     warm = warm_up.study(robot, robots, seed, progress=lambda: progress("warming up"))
-    return Reproduction(robot, seed, moves, result, check, sets, warm)
+    section = experiment_section.run(progress) if virtual else None
+    return Reproduction(robot, seed, moves, result, check, sets, warm, section)

@@ -61,8 +61,17 @@ _MOVES = (
 _MOVES += ("rod_spacing", "rod_difference", "pair_axis", "yaw", "tilt", "encoder_offset")
 
 
+#: A folder whose name ends so holds a robot as it may truly be, not one as it was drawn.
+TWIN = "-twin"
+
+
 def shipped() -> dict[str, Path]:
-    """Names of the shipped robots and their files."""
+    """Names of the shipped robots and their files; without twins."""
+    return {name: path for name, path in loadable().items() if not name.endswith(TWIN)}
+
+
+def loadable() -> dict[str, Path]:
+    """Names of everything that is shipped, twins too, and their files."""
     folder = resources.files("truepose") / "robots"
     return {p.parent.name: p for p in sorted(Path(str(folder)).glob("*/robot.toml"))}
 
@@ -75,7 +84,7 @@ def read(robot: str | Path) -> RobotFile:
     RobotFileError
         One line: file, key, value, what it should be.
     """
-    files = shipped()
+    files = loadable()
     if not isinstance(robot, (str, os.PathLike)) or not str(robot):
         raise RobotFileError(f"robot = {robot!r}: must be a shipped robot's name or a file's path")
     path = files.get(str(robot), Path(robot))

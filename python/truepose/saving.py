@@ -63,8 +63,8 @@ def _written_out(spec: RobotFile) -> tomlkit.TOMLDocument:
     return document
 
 
-def replace_file(path: Path, text: str) -> None:
-    """Write a text file at once: whoever reads it sees the old contents or the new ones.
+def replace_file(path: Path, contents: str | bytes) -> None:
+    """Write a file at once: whoever reads it sees the old contents or the new ones.
 
     Raises
     ------
@@ -74,8 +74,8 @@ def replace_file(path: Path, text: str) -> None:
     path = Path(os.path.realpath(path))
     draft = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
     try:
-        with draft.open("x", encoding="utf-8", newline="\n") as file:
-            file.write(text)
+        with draft.open("xb") as file:
+            file.write(contents.encode() if isinstance(contents, str) else contents)
             file.flush()
             os.fsync(file.fileno())
         if path.exists():

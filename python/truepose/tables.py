@@ -63,7 +63,8 @@ def unit(quantity: str, statistic: str) -> str:
     return name + "²" if statistic == "sum_sq" else name
 
 
-def _cells():
+def cells():
+    """Yield place, key and label of Table 3's entries, in the order of the paper."""
     for q, quantity in enumerate(paper_data.QUANTITIES):
         for s, statistic in enumerate(paper_data.STATISTICS):
             if (quantity, statistic) == ("norm_xyz", "average_abs"):
@@ -76,7 +77,7 @@ def one_robot(result: Reproduction) -> Table:
     """Table 3 for the first drawn robot."""
     tables, printed = result.experiment.tables, paper_data.table3()
     rows = []
-    for at, key, label in _cells():
+    for at, key, label in cells():
         values = [printed["usual"].get(key), tables["joint"][0][at]]
         values += [printed["redundant"].get(key), tables["redundant"][0][at]]
         values += [tables[control][0][at] for control in FURTHER]
@@ -90,7 +91,7 @@ def many_robots(result: Reproduction) -> Table:
     """Table 3 for all drawn robots: median and 5-95 % of each statistic."""
     tables, printed = result.experiment.tables, paper_data.table3()
     rows = []
-    for at, key, label in _cells():
+    for at, key, label in cells():
         row = [label]
         for control in ("joint", "redundant", *FURTHER):
             paper = {"joint": "usual", "redundant": "redundant"}.get(control)

@@ -16,6 +16,7 @@ from truepose.bound import accuracy
 from truepose.build import Array
 from truepose.calibration import Loss, calibrate
 from truepose.errors import with_tolerance_errors
+from truepose.frames import rotation
 from truepose.kinematics import Level
 from truepose.robot import Robot
 
@@ -164,21 +165,12 @@ def difference(robot: Robot, x: Array, reference: Array) -> Array:
     """
     apart = np.subtract(x, reference)
     if robot.spec.mobility == "spatial":
-        turn = _rotation(np.asarray(x)[..., 3:]) @ np.swapaxes(
-            _rotation(np.asarray(reference)[..., 3:]), -1, -2
+        turn = rotation(np.asarray(x)[..., 3:]) @ np.swapaxes(
+            rotation(np.asarray(reference)[..., 3:]), -1, -2
         )
         skew = turn - np.swapaxes(turn, -1, -2)
         apart[..., 3:] = 0.5 * np.stack([skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]], -1)
     return apart
-
-
-def _rotation(vector: Array) -> Array:
-    """exp([v]×) by Rodrigues' formula."""
-    angle = np.linalg.norm(vector, axis=-1)[..., None, None]
-    x, y, z = np.moveaxis(vector, -1, 0)
-    zero = np.zeros_like(x)
-    K = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], -1).reshape(*x.shape, 3, 3)
-    return np.eye(3) + np.sinc(angle / np.pi) * K + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * K @ K
 
 
 def _nees(error: Array, covariance: Array) -> Array:

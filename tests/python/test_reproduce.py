@@ -1,6 +1,7 @@
 """Does `truepose reproduce` give people what it promises, and fail cleanly?"""
 
 import csv
+import importlib.util
 import re
 import subprocess
 import sys
@@ -26,6 +27,33 @@ def run(*arguments):
 def made(tmp_path_factory):
     out = tmp_path_factory.mktemp("reproduce") / "new" / "folder"
     return run("reproduce", "--robots", 8, "--seed", 3, "--out", out), out
+
+
+@pytest.fixture(scope="module")
+def with_experiment(tmp_path_factory):
+    out = tmp_path_factory.mktemp("experiment") / "report"
+    return run("reproduce", "--robots", 1, "--experiment", "--out", out), out
+
+
+def test_the_virtual_experiment_joins_the_report(with_experiment):
+    result, out = with_experiment
+    assert result.returncode == 0, result.stderr
+    assert max(map(len, result.stdout.splitlines())) <= 80
+    for text in ("Table 3 of the twin, exact plant", "desired − measured", "left out"):
+        assert text in result.stdout
+    page = (out / report.PAGE).read_text(encoding="utf-8")
+    assert "Section 4: the experiment, measured from outside" in page
+    assert "truepose reproduce --robots 1 --seed 0 --experiment" in page
+    names = {path.name for path in out.iterdir()}
+    assert {"experiment-exact.png", "twin_controls_exact.csv"} <= names
+    assert {f"experiment-exact-redundant.{e}" for e in ("csv", "parquet", "mcap")} <= names
+
+
+def test_without_mujoco_one_line_says_how_to_get_it(with_experiment):
+    if importlib.util.find_spec("mujoco"):
+        pytest.skip("MuJoCo is installed")
+    lines = [line for line in with_experiment[0].stderr.splitlines() if "MuJoCo" in line]
+    assert len(lines) == 1 and "pip install 'truepose[mujoco]'" in lines[0]
 
 
 def rows(path):

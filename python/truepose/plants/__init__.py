@@ -1,37 +1,47 @@
-"""What can stand in for the real robot? Plants that an experiment drives and measures."""
+"""What does a real robot do when it is sent from pose to pose? Whatever stands for one."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
+from truepose.build import Array
 from truepose.robot import Robot
 from truepose.simulations import Controller
 
 
 class Visit(NamedTuple):
-    """What a plant did at N desired poses; NaN where it did not settle."""
+    """A robot that was sent to N poses, at rest at each; NaN where it could not be."""
 
-    q_e: NDArray[np.float64]  #: (N, n + r) readings at rest
-    frame: NDArray[np.float64]  #: (N, 4, 4) true pose of the nacelle in the base frame
-    x: NDArray[np.float64]  #: (N, n) its coordinates
-    status: NDArray[np.str_]  #: (N,) "ok", or why not
+    q_e: Array  #: (N, n + r) readings at rest
+    frame: Array  #: (N, 4, 4) true pose of the body that carries LEDs and tool, base frame
+    x: Array  #: (N, n) its coordinates
+    status: Array  #: (N,) str: "ok", or why not
 
 
 class Plant(Protocol):
-    """A true robot that a controller can be connected to."""
+    """A robot that is not its model."""
 
-    truth: Robot
+    truth: Robot  #: its true geometry, cold
 
     def visit(
         self,
         robot: Robot,
-        x_d: ArrayLike,
+        x_d: Array,
         controller: Controller,
         progress: Callable[[], None] = lambda: None,
     ) -> Visit:
-        """Drive from pose to pose in the order of x_d (N, n); `robot` is what is believed."""
+        """Drive from pose to pose, let the robot settle at each, and read it.
+
+        Parameters
+        ----------
+        robot : Robot
+            What the controller believes.
+        x_d : ndarray, shape (N, n)
+            Desired poses, in this order.
+        controller : Controller
+            Its law and gains.
+        progress : callable
+            Called after each pose.
+        """
         ...

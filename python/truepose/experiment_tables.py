@@ -1,0 +1,93 @@
+"""Which numbers does the virtual experiment show? Its tables and its figure."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from truepose import figures, twin
+from truepose.experiment import Control
+from truepose.experiment_section import Section
+from truepose.frames import coordinates
+from truepose.statistics import in_print_units
+from truepose.tables import FURTHER, UNITS, Table, cells, number
+from truepose.virtual_experiment import READINGS, Reading, Run
+
+NAMES = {"joint": "usual", "redundant": "redundant", **FURTHER}
+READING_NAMES: dict[Reading, str] = {
+    "estimated": "estimated − measured",
+    "desired": "desired − measured",
+}
+
+
+def table3(runs: dict[Control, Run], plant: str, reading: Reading = "estimated") -> Table:
+    """Table 3 of the paper's two controls beside the printed one; a ! marks what is not reached."""
+    values, target = twin.printed()
+    found = np.stack([runs[law].table(reading) for law in twin.LAWS])
+    rows = []
+    for at, _, label in cells():
+        row = [label]
+        for k in range(len(twin.LAWS)):
+            wanted, given, allowed = values[(k, *at)], found[(k, *at)], target[(k, *at)]
+            mark = "" if abs(given - wanted) <= allowed else " !"
+            row += [number(float(wanted)), number(float(given)) + mark]
+        rows.append(row)
+    header = [UNITS, "usual, paper", "usual, twin", "redundant, paper", "redundant, twin"]
+    title = f"Table 3 of the twin, {plant} plant: {READING_NAMES[reading]}"
+    return Table(f"twin_table3_{plant.lower()}_{reading}", title, header, rows)
+
+
+def gains(runs: dict[Control, Run], plant: str) -> Table:
+    """What each control makes of the same twin: desired less measured, and less true."""
+    rows = []
+    for control, ran in runs.items():
+        error, table = ran.errors("desired")[ran.counted], ran.table("desired")
+        about = np.sqrt(error[:, :3].var(axis=0).sum())
+        theta = table[3, 0], np.sqrt(table[3, 2] / len(error))
+        values = (measured_rms(ran), about, *theta, true_rms(ran))
+        left_out = str(len(ran.status) - len(error))
+        rows.append([NAMES[control], *(f"{v:.2f}" for v in values), left_out])
+    header = ["control", "seen rms, (mm)", "about its, mean (mm)", "θ mean, (°)", "θ rms, (°)"]
+    header += ["true rms, (mm)", "left out"]
+    title = f"The twin under every control, {plant} plant: desired less measured, and less true"
+    return Table(f"twin_controls_{plant.lower()}", title, header, rows)
+
+
+def measured_rms(ran: Run) -> float:
+    """Position rms about the desired poses as the vision system sees it, mm."""
+    return float(np.sqrt(ran.table("desired")[4, 2] / ran.counted.sum()))
+
+
+def true_rms(ran: Run) -> float:
+    """Position rms about the desired poses of where the plant truly stood, mm.
+
+    Only to judge what the vision system sees: the experiment does not use it.
+    """
+    true = coordinates(ran.believed, ran.visit.frame)[ran.counted]
+    off = in_print_units(ran.desired[ran.counted] - true)[:, :3]
+    return float(np.sqrt((off**2).sum(axis=1).mean()))
+
+
+def tables(section: Section) -> list[Table]:
+    """Everything that the section shows, in its order."""
+    return [
+        table
+        for plant, runs in section.runs.items()
+        for table in (*(table3(runs, plant, r) for r in READINGS), gains(runs, plant))
+    ]
+
+
+def figure(runs: dict[Control, Run]) -> Figure:
+    """Errors at all poses as the paper would have measured them: desired less measured."""
+    drawn = Figure(figsize=(8.4, 5.2), layout="constrained")
+    top, bottom = drawn.subplots(2, 1, sharex=True)
+    for control, ran in runs.items():
+        name, colour = figures.CONTROLS[control]
+        error = ran.errors("desired")
+        style = {"ms": 2.5, "color": colour, "rasterized": True}
+        top.plot(error[:, 3], ".", label=name, **style)
+        bottom.plot(np.linalg.norm(error[:, :3], axis=1), ".", **style)
+    top.set(ylabel="θ, desired − measured (°)")
+    bottom.set(xlabel="pose (number in Table 2)", ylabel="position (mm)", ylim=(0, None))
+    drawn.legend(loc="outside upper center", ncols=5, fontsize=9, markerscale=4, frameon=False)
+    return drawn

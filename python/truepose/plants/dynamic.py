@@ -1,0 +1,73 @@
+"""Where does a robot come to rest that has forces and time? The reduced model, simulated.
+
+Friction and play carry over from pose to pose; arms and rods give way; readings are late. The
+loops are those of the ideal level: this nacelle does not tilt.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from truepose.build import Array
+from truepose.effects import Effects
+from truepose.frames import frames
+from truepose.plants import Visit
+from truepose.robot import Robot
+from truepose.simulations import Controller, visit
+
+
+class DynamicPlant:
+    """A true robot whose moves are simulated, with any of the effects.
+
+    Parameters
+    ----------
+    truth : Robot
+        The true geometry, cold.
+    effects : Effects, optional
+        What its model forgets; nothing by default.
+    time : float
+        Since a cold start, s.
+    seed : int
+        Of the effects' phases and the readings' noise.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.plants.dynamic import DynamicPlant
+    >>> h4 = tp.load("h4")
+    >>> plant = DynamicPlant(h4, tp.Effects())
+    >>> plant.visit(h4, [[0.05, 0, -0.4, 0.1]], tp.Controller()).status.tolist()
+    ['ok']
+    """
+
+    def __init__(
+        self, truth: Robot, effects: Effects | None = None, time: float = 0.0, seed: int = 0
+    ):
+        self.truth, self.time, self.seed = truth, time, seed
+        self.effects = Effects.none() if effects is None else effects
+
+    def visit(
+        self,
+        robot: Robot,
+        x_d: Array,
+        controller: Controller,
+        progress: Callable[[], None] = lambda: None,
+    ) -> Visit:
+        """See :class:`truepose.plants.Plant`."""
+        x, q_e, status = visit(
+            robot,
+            self.truth,
+            x_d,
+            controller,
+            seed=self.seed,
+            effects=self.effects,
+            time=self.time,
+        )
+        for _ in x:
+            progress()
+        lost = status != "ok"
+        x[lost] = np.nan
+        q_e[lost] = np.nan
+        return Visit(q_e, frames(self.truth, x), x, status)

@@ -1,0 +1,190 @@
+"""Where does a robot rest whose loops close exactly? Statics of the true geometry.
+
+Nothing loads the motors (or integral action carries the load): the motor error of the law
+vanishes. Of the effects of :class:`truepose.Effects` the geometry takes part, and the play of the
+tool's gear. Friction, compliance, delay and ripple need forces and time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from truepose import _core, knowledge
+from truepose.arguments import check_seed
+from truepose.build import Array
+from truepose.effects import Effects
+from truepose.exceptions import InputError, choose
+from truepose.frames import coordinates, frames, rotation
+from truepose.kinematics import Level
+from truepose.plants import Visit
+from truepose.robot import Robot
+from truepose.simulations import Controller
+
+#: Groups of effects that statics know.
+EFFECTS = ("backlash", "thermal", "eccentricity", "quantisation")
+_ITERATIONS = 100
+_SWEEPS = 300
+
+
+class ExactPlant:
+    """A true robot in exact statics, at either level of the model.
+
+    Parameters
+    ----------
+    truth : Robot
+        The true geometry, cold.
+    effects : Effects
+        Those of `EFFECTS`; any other must be off.
+    level : {"ideal", "full"}
+        One rod per chain, or every rod by itself: the nacelle then tilts.
+    time : float
+        Since a cold start, s.
+    seed : int
+        Of the encoders' eccentricity and the readings' noise.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.plants.exact import ExactPlant
+    >>> h4 = tp.load("h4")
+    >>> plant = ExactPlant(h4.replace({"chain1.rod": 0.483}))
+    >>> visit = plant.visit(h4, [[0.05, 0.05, -0.4, 0.2]], tp.Controller(law="redundant"))
+    >>> visit.status.tolist(), bool(abs(visit.x[0, 3] - 0.2) < 0.003)
+    (['ok'], True)
+    """
+
+    def __init__(
+        self,
+        truth: Robot,
+        effects: Effects | None = None,
+        level: Level = "ideal",
+        time: float = 0.0,
+        seed: int = 0,
+    ):
+        self.truth, self.level, self.seed = truth, level, check_seed(seed)
+        self.effects = effects = Effects.none() if effects is None else effects
+        if effects.only(*EFFECTS) != effects:
+            others = [g for g in effects.groups() if g not in EFFECTS]
+            on = next(g for g in others if effects.without(g) != effects)
+            raise InputError(f"ExactPlant: {choose('effect', on, EFFECTS)}: leave it out (without)")
+        truth._is_full(level)
+        self.robot = effects.geometry(truth, time, seed)  #: as it is at that time
+        self._exact = self.robot.unquantised()
+        #: Which readings the play of the tool's gear enters, and by which gain.
+        self._geared = np.zeros(truth.n + truth.r)
+        for k, name in enumerate(truth.sensors):
+            sensor = next(s for s in truth.spec.sensor if s.name == name)
+            if sensor.kind == "nacelle_angle" and sensor.gear != 1:
+                self._geared[truth.n + k] = truth.parameters[f"{name}.gain"].value
+
+    def visit(
+        self,
+        robot: Robot,
+        x_d: Array,
+        controller: Controller,
+        progress: Callable[[], None] = lambda: None,
+    ) -> Visit:
+        """Rest at each pose, in their order; the tool's gear keeps its play on the way.
+
+        See :class:`truepose.plants.Plant`.
+        """
+        x_d, lead = robot._rows(x_d, robot.n, "x_d", "raise")
+        if len(lead) != 1:
+            raise InputError(f"x_d: shape {(*lead, robot.n)}, must be (N, {robot.n})")
+        play = np.zeros(len(x_d))
+        x, status = self._settle(robot, x_d, controller, play)
+        for _ in range(_SWEEPS if self.effects.tool_backlash and self._geared.any() else 0):
+            found = self._play(x)
+            moved = np.flatnonzero(np.abs(found - play) > 1e-12)
+            if moved.size == 0:
+                break
+            play[moved] = found[moved]
+            x[moved], status[moved] = self._settle(
+                robot, x_d[moved], controller, play[moved], x[moved]
+            )
+        else:
+            if self.effects.tool_backlash and self._geared.any():
+                status[moved] = "the play of the tool's gear does not come to rest"
+        lost = status != "ok"
+        x[lost] = np.nan
+        q_e = np.full((len(x), robot.n + robot.r), np.nan)
+        exact = self._readings(x[~lost], play[~lost])
+        q_e[~lost] = _core.spoil(self.robot._core, np.ascontiguousarray(exact), self.seed)
+        frame = np.full((len(x), 4, 4), np.nan)
+        frame[~lost] = self._frames(x[~lost])
+        for _ in x:
+            progress()
+        return Visit(q_e, frame, x, status.astype(str))
+
+    def _frames(self, x: Array) -> Array:
+        if self.level == "ideal" or self.truth.spec.mobility not in ("schoenflies", "translation"):
+            return frames(self.truth, x)
+        tilts = 2 if self.truth.spec.mobility == "schoenflies" else 3
+        return frames(self.truth, x, self._exact.parasitic(x)[:, :tilts])
+
+    def _readings(self, x: Array, play: Array) -> Array:
+        exact = self._exact.extended(x, errors="nan", level=self.level)
+        return exact + play[:, None] * self._geared
+
+    def _play(self, x: Array) -> Array:
+        """How far the tool is ahead of the nacelle in its gear, after each pose, rad.
+
+        The tool stays where it is until the nacelle has taken up the play. A pose that was not
+        reached leaves it as it is.
+        """
+        half = 0.5 * self.effects.tool_backlash
+        last, ahead = float(self.truth.home[-1]), 0.0
+        result = np.zeros(len(x))
+        for k, theta in enumerate(x[:, -1]):
+            if np.isfinite(theta):
+                ahead = min(half, max(-half, ahead + last - theta))
+                last = theta
+            result[k] = ahead
+        return result
+
+    def _settle(
+        self, robot: Robot, x_d: Array, controller: Controller, play: Array, start=None
+    ) -> tuple[Array, Array]:
+        """Find where the motor error vanishes: x ← x + J ê, J of the robot believed in.
+
+        Linear convergence: each step leaves the few per cent by which the true J differs. Stops
+        at rounding, or where steps of that size no longer shrink, as :func:`truepose.settle` does.
+        """
+        law = getattr(_core.Law, controller.law)
+        known = knowledge.for_law(robot, controller.law)
+        J = robot.jacobian(x_d, errors="nan")
+        x = x_d.copy() if start is None else start.copy()
+        status = np.full(len(x), "the plant does not settle here", dtype=object)
+        last = np.full(len(x), np.inf)
+        active = np.arange(len(x))
+        for _ in range(_ITERATIONS):
+            q_e = self._readings(x[active], play[active])
+            error, code, _ = _core.motor_error(
+                robot._core, law, controller.damped_below, known, x_d[active], q_e
+            )
+            step = np.einsum("nij,nj->ni", J[active], error)
+            size = np.abs(step).max(axis=1)
+            unread, lost = ~np.isfinite(q_e).all(axis=1), ~np.isfinite(size)
+            for k in np.flatnonzero(lost & ~unread):
+                status[active[k]] = f"controller: {_core.describe(int(code[k]))}"
+            for k in np.flatnonzero(unread):
+                status[active[k]] = "beyond the true robot's reach"
+            moved = ~lost
+            x[active[moved]] = self._moved(x[active[moved]], step[moved])
+            done = moved & ((size < 1e-14) | ((size < 1e-12) & (size >= last[active])))
+            status[active[done]] = "ok"
+            last[active] = size
+            active = active[moved & ~done]
+            if active.size == 0:
+                break
+        return x, status
+
+    def _moved(self, x: Array, step: Array) -> Array:
+        if self.truth.spec.mobility != "spatial":
+            return x + step
+        frame = frames(self.truth, x)
+        frame[:, :3, 3] += step[:, :3]
+        frame[:, :3, :3] = rotation(step[:, 3:]) @ frame[:, :3, :3]
+        return coordinates(self.truth, frame)

@@ -1,0 +1,149 @@
+"""Can what was run be written down, and read again as a log to calibrate on?"""
+
+import builtins
+import json
+
+import numpy as np
+import pytest
+
+import truepose as tp
+from truepose import logs, run_logs, virtual_experiment
+from truepose.plants.exact import ExactPlant
+from truepose.vision import Setup, Vision
+
+FORMATS = ["csv", "parquet", "mcap"]
+
+
+@pytest.fixture(scope="module")
+def move(h4):
+    return tp.simulate(h4, duration=0.05, hold=0.02)
+
+
+@pytest.fixture(scope="module")
+def measured(h4, truth, table2):
+    poses = np.vstack([table2[::25], [[-0.3, 0, -0.55, 0.0]]])  # the last one is out of reach
+    return virtual_experiment.run(ExactPlant(truth), h4, Vision(Setup()), poses)["joint"]
+
+
+@pytest.mark.parametrize("ending", FORMATS)
+def test_a_move_comes_back_bit_for_bit(h4, move, tmp_path, ending):
+    path = tmp_path / f"move.{ending}"
+    run_logs.write(move, path)
+    log = logs.read(h4, path)
+    assert (log.readings == move.q_e).all()
+    assert log.measured is None
+    assert {"time", "torque1", "true_x"} <= set(log.unused)
+
+
+@pytest.mark.parametrize("ending", FORMATS)
+def test_an_experiment_comes_back_with_what_vision_measured(h4, measured, tmp_path, ending):
+    path = tmp_path / f"experiment.{ending}"
+    run_logs.write(measured, path)
+    log = logs.read(h4, path)
+    for found, written in ((log.readings, measured.q_e), (log.measured, measured.measured)):
+        assert np.array_equal(found, written, equal_nan=True)
+    assert np.isnan(log.readings[-1]).all()
+
+
+@pytest.mark.parametrize("ending", FORMATS)
+def test_truepose_calibrate_reads_what_was_written(run, h4, truth, table2, tmp_path, ending):
+    path = tmp_path / f"visit.{ending}"
+    beside = np.random.default_rng(0).uniform(-5e-4, 5e-4, table2.shape)
+    visit = ExactPlant(truth, tp.Effects().only("quantisation")).visit(
+        h4, (table2 + beside)[::3], tp.Controller(law="joint")
+    )
+    run_logs.write(visit, path, h4)
+    code, out, err = run("calibrate", "h4", path, "-o", tmp_path / "calibrated.toml")
+    assert code == 0, err
+    assert "Wrote" in out and (tmp_path / "calibrated.toml").exists()
+
+
+def test_every_column_says_its_unit_and_what_it_is(h4, move, measured, truth):
+    visit = ExactPlant(truth).visit(h4, np.array([h4.home]), tp.Controller())
+    for listed in (
+        run_logs.columns(move),
+        run_logs.columns(measured),
+        run_logs.columns(visit, h4),
+    ):
+        names = [column.name for column in listed]
+        assert len(set(names)) == len(names)
+        assert set(h4.readings) <= set(names)
+        assert all(c.what and c.unit in ("s", "m", "rad", "N·m", "1") for c in listed)
+        assert len({len(c.values) for c in listed}) == 1
+
+
+def test_parquet_holds_units_and_descriptions(measured, tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    run_logs.write(measured, tmp_path / "a.parquet")
+    field = parquet.read_schema(tmp_path / "a.parquet").field("measured_x")
+    assert field.metadata[b"unit"] == b"m" and b"vision" in field.metadata[b"description"]
+
+
+def test_mcap_channels_have_json_schemas_with_units(move, tmp_path):
+    reader = pytest.importorskip("mcap.reader")
+    run_logs.write(move, tmp_path / "a.mcap")
+    with (tmp_path / "a.mcap").open("rb") as file:
+        messages = list(reader.make_reader(file).iter_messages(topics=["/torque"]))
+    assert len(messages) == len(move.time)
+    schema, channel, message = messages[3]
+    assert channel.message_encoding == "json" and schema.encoding == "jsonschema"
+    assert json.loads(schema.data)["properties"]["torque2"]["description"].endswith("N·m")
+    assert message.log_time == round(1e9 * move.time[3])
+    assert json.loads(message.data)["torque2"] == move.torque[3, 1]
+
+
+@pytest.mark.parametrize(
+    ("ending", "package", "extra"), [("parquet", "pyarrow", "parquet"), ("mcap", "mcap", "mcap")]
+)
+def test_a_missing_package_is_one_line_that_says_how_to_get_it(
+    move, h4, tmp_path, monkeypatch, ending, package, extra
+):
+    path = tmp_path / f"a.{ending}"
+    run_logs.write(move, path)
+    there = builtins.__import__
+
+    def without(name, *args, **kwargs):
+        if name.split(".")[0] == package:
+            raise ImportError(name)
+        return there(name, *args, **kwargs)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    for work in (lambda: run_logs.write(move, path), lambda: logs.read(h4, path)):
+        with pytest.raises(tp.InputError) as error:
+            work()
+        assert f"pip install 'truepose[{extra}]'" in str(error.value)
+        assert "\n" not in str(error.value)
+
+
+def test_an_unknown_ending_is_said(move, tmp_path):
+    with pytest.raises(tp.InputError, match=r"unknown ending '.mcaq'; did you mean '.mcap'"):
+        run_logs.write(move, tmp_path / "a.mcaq")
+
+
+@pytest.mark.parametrize("cut", [6, 100, 3000])
+def test_a_spoilt_mcap_file_is_said_in_one_line(move, h4, tmp_path, cut):
+    path = tmp_path / "a.mcap"
+    run_logs.write(move, path)
+    path.write_bytes(path.read_bytes()[:cut])
+    with pytest.raises(tp.InputError, match=r"cannot be read as MCAP: ") as error:
+        logs.read(h4, path)
+    assert "\n" not in str(error.value)
+
+
+def test_a_column_in_two_channels_is_refused(h4, tmp_path):
+    writer = pytest.importorskip("mcap.writer")
+    with (tmp_path / "a.mcap").open("wb") as file:
+        out = writer.Writer(file)
+        out.start()
+        for topic in ("/a", "/b"):
+            channel = out.register_channel(topic, "json", 0)
+            out.add_message(channel, 0, b'{"q1": 0.5}', 0)
+        out.finish()
+    with pytest.raises(tp.InputError, match="column 'q1' is in two channels, /a and /b"):
+        logs.read(h4, tmp_path / "a.mcap")
+
+
+def test_a_visit_needs_its_robot(h4, truth):
+    visit = ExactPlant(truth).visit(h4, np.array([h4.home]), tp.Controller())
+    with pytest.raises(tp.InputError, match="needs its robot"):
+        run_logs.columns(visit)

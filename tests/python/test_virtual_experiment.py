@@ -1,0 +1,159 @@
+"""Is the virtual experiment the paper's, and does it read nothing but vision and encoders?"""
+
+import numpy as np
+import pytest
+
+import truepose as tp
+from truepose import experiment, statistics, virtual_experiment
+from truepose.frames import coordinates
+from truepose.plants import Visit
+from truepose.plants.exact import ExactPlant
+from truepose.vision import Setup, Vision
+
+
+@pytest.fixture(scope="module")
+def tilted(truth):
+    """Return a true robot whose motors' axes are askew: its nacelle tilts."""
+    askew = {f"chain{i}.{k}": 2e-3 * (-1) ** i for i in (1, 2, 3, 4) for k in ("yaw", "tilt")}
+    return truth.replace(askew)
+
+
+@pytest.fixture(scope="module")
+def runs(h4, truth):
+    plant = ExactPlant(truth)
+    return virtual_experiment.run(plant, h4, Vision(Setup()), controls=tuple(experiment.CONTROLS))
+
+
+@pytest.mark.parametrize("law", ["joint", "redundant", "weighted", "cartesian", "estimated"])
+def test_the_exact_plant_rests_where_settle_says(h4, truth, table2, law):
+    visit = ExactPlant(truth).visit(h4, table2, tp.Controller(law=law))
+    assert (visit.status == "ok").all()
+    assert np.abs(visit.x - tp.settle(h4, truth, table2, law)).max() < 1e-12
+    assert np.abs(coordinates(h4, visit.frame) - visit.x).max() < 1e-12
+
+
+def test_a_hexapod_rests_where_settle_says(stewart, anywhere, rng):
+    x_d = anywhere(stewart, 20, rng)
+    true = stewart.replace({"chain1.base.x": stewart.parameters["chain1.base.x"].value + 1e-3})
+    visit = ExactPlant(true).visit(stewart, x_d, tp.Controller(law="joint"))
+    assert np.abs(visit.x - tp.settle(stewart, true, x_d, "joint")).max() < 1e-11
+
+
+def test_at_the_full_level_usual_control_brings_the_motors_where_they_belong(h4, tilted, table2):
+    visit = ExactPlant(tilted, level="full").visit(h4, table2, tp.Controller(law="joint"))
+    assert np.abs(visit.q_e[:, :4] - h4.ikm(table2)).max() < 1e-12
+    assert np.abs(visit.x - tilted.fkm(h4.ikm(table2), level="full")).max() < 1e-11
+
+
+def test_the_frame_holds_the_tilt_that_x_leaves_out(h4, tilted, table2):
+    visit = ExactPlant(tilted, level="full").visit(h4, table2, tp.Controller(law="redundant"))
+    upright = np.arccos(np.clip(visit.frame[:, 2, 2], -1, 1))
+    wanted = np.linalg.norm(tilted.parasitic(visit.x)[:, :2], axis=1)
+    assert np.abs(upright - wanted).max() < 1e-6
+    assert upright.max() > 1e-3
+    assert np.abs(coordinates(h4, visit.frame) - visit.x).max() < 1e-12
+
+
+def test_play_of_the_gear_lags_behind_the_nacelle(h4):
+    play = np.radians(0.4)
+    effects = tp.Effects.none().without()
+    effects = tp.Effects(**{**vars(effects), "tool_backlash": play})
+    x_d = np.array([[0, 0, -0.4, t] for t in (0.1, 0.2, 0.3, 0.2, 0.1, 0.1 + play / 4)])
+    visit = ExactPlant(h4, effects).visit(h4, x_d, tp.Controller(law="joint"))
+    ahead = visit.q_e[:, 4] - visit.x[:, 3]
+    wanted = play * np.array([-0.5, -0.5, -0.5, 0.5, 0.5, 0.25])
+    assert ahead == pytest.approx(wanted, abs=1e-12)
+
+
+def test_under_redundant_control_play_turns_the_nacelle_itself(h4, table2):
+    effects = tp.Effects(**{**vars(tp.Effects.none()), "tool_backlash": np.radians(0.4)})
+    visit = ExactPlant(h4, effects).visit(h4, table2, tp.Controller(law="redundant"))
+    off = np.degrees(visit.x[:, 3] - table2[:, 3])
+    assert (visit.status == "ok").all()
+    assert np.abs(off).max() == pytest.approx(0.2, rel=0.05)
+    assert np.abs(off).min() > 0.17
+
+
+def test_effects_that_need_forces_are_refused(truth):
+    with pytest.raises(tp.InputError, match="unknown effect 'friction'"):
+        ExactPlant(truth, tp.Effects())
+
+
+def test_a_pose_that_cannot_be_reached_is_said_and_left_out(h4, truth, table2):
+    poses = np.vstack([table2[:50], [[-0.3, 0, -0.55, 0.0]], [[0.3, 0.0, -0.3, 0.0]]])
+    found = virtual_experiment.run(ExactPlant(truth), h4, Vision(Setup()), poses)["joint"]
+    assert not found.counted[50:].any() and found.counted[:50].all()
+    assert sum(found.excluded.values()) == 2
+    assert all("controller" in reason for reason in found.excluded)
+    alone = virtual_experiment.run(ExactPlant(truth), h4, Vision(Setup()), poses[:50])["joint"]
+    assert np.abs(found.table() - alone.table()).max() < 0.2
+
+
+def test_leds_out_of_view_are_counted_and_left_out(h4, truth, table2):
+    narrow = Setup(pixels=900)
+    found = virtual_experiment.run(ExactPlant(truth), h4, Vision(narrow))["joint"]
+    assert 0 < found.counted.sum() < len(table2)
+    assert all("LEDs in view of all cameras, 3 needed" in reason for reason in found.excluded)
+    assert sum(found.excluded.values()) == (~found.counted).sum()
+    assert np.isfinite(found.table()).all()
+
+
+def test_no_pose_in_view_is_an_error(h4, truth):
+    away = Setup(centre=(5.0, 0.0, -0.4))
+    found = virtual_experiment.run(ExactPlant(truth), h4, Vision(away))["joint"]
+    with pytest.raises(tp.InputError, match="no pose counts: 0 of 4 LEDs"):
+        found.table()
+
+
+def test_the_experiment_never_reads_the_true_pose(h4, truth, table2):
+    """A plant that lies about x gives the same tables: only LEDs and encoders are looked at."""
+
+    class Liar(ExactPlant):
+        def visit(self, *args, **kwargs):
+            return super().visit(*args, **kwargs)._replace(x=np.zeros((len(table2), 4)))
+
+    for control, honest in virtual_experiment.run(ExactPlant(truth), h4, Vision(Setup())).items():
+        lied = virtual_experiment.run(Liar(truth), h4, Vision(Setup()))[control]
+        assert (lied.table() == honest.table()).all()
+
+
+def test_both_readings_of_error(runs, table2):
+    """At rest under usual control the encoders show the desired pose, under the TEJ they do not."""
+    usual, redundant = runs["joint"], runs["redundant"]
+    assert np.abs(usual.errors("estimated") - usual.errors("desired")).max() < 0.01
+    shown = redundant.errors("desired") - redundant.errors("estimated")
+    wanted = statistics.in_print_units(table2 - redundant.estimated)
+    assert np.abs(shown - wanted).max() < 1e-9
+    assert np.abs(shown[:, 3]).max() > 0.1  # what the TEJ leaves of θ
+    with pytest.raises(tp.InputError, match="unknown reading 'error'"):
+        usual.errors("error")
+
+
+def test_vision_agrees_with_the_exact_statics_to_its_own_noise(h4, truth, runs, table2):
+    for control in ("joint", "redundant", "cartesian"):
+        exact = experiment.rest(h4, truth, table2, controls=(control,))[control]
+        apart = runs[control].measured - exact
+        claimed = np.sqrt(np.diagonal(runs[control].covariance, axis1=1, axis2=2))[:, [0, 1, 2, 5]]
+        assert (np.abs(apart) < 6 * claimed).all()
+
+
+def test_the_paper_is_seen_through_vision(runs):
+    """θ's sum of squares falls, the position stays; self-calibration gains on it."""
+    tables = {control: run.table("desired") for control, run in runs.items()}
+    assert tables["redundant"][3, 2] < 0.02 * tables["joint"][3, 2]
+    assert tables["redundant"][4, 2] > 0.3 * tables["joint"][4, 2]
+    assert tables["self-calibrated"][4, 2] < 0.1 * tables["joint"][4, 2]
+
+
+def test_what_is_asked_wrongly_is_said(h4, delta, truth):
+    plant, vision = ExactPlant(truth), Vision(Setup())
+    with pytest.raises(tp.InputError, match="unknown control 'jiont'; did you mean 'joint'"):
+        virtual_experiment.run(plant, h4, vision, controls=["jiont"])
+    with pytest.raises(tp.InputError, match="schoenflies only"):
+        virtual_experiment.run(ExactPlant(delta), delta, vision)
+
+
+def test_a_visit_has_the_shapes_that_every_plant_promises(h4, truth):
+    visit = ExactPlant(truth).visit(h4, np.array([h4.home] * 3), tp.Controller())
+    assert isinstance(visit, Visit)
+    assert [np.shape(v) for v in visit] == [(3, 5), (3, 4, 4), (3, 4), (3,)]
