@@ -176,14 +176,17 @@ auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSetti
                         torque.release(), near_singular.release());
 }
 
+inline constexpr double kWatched = 0.05;  ///< s at the end of a hold, in which a robot should rest
+
 /// From pose to pose in their order, the last one's friction and play carried on: true pose, (N,
-/// n), and readings, (N, n + r), at the end of each hold. After a failure the robot is put at the
+/// n), readings, (N, n + r), at the end of each hold, and the largest peak-to-peak motion of a
+/// coordinate over kWatched before. After a failure the robot is put at the
 /// next.
 auto run_visit(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
                const Known* known, const Effects& effects, Online* online, const Rows& x_d,
                double duration, double hold, int steps, const Joint& start, std::uint64_t seed) {
   const std::size_t count = x_d.shape(0), n = x_d.shape(1), e = n + nominal.r;
-  Owned<double> x({count, n}), q_e({count, e});
+  Owned<double> x({count, n}), q_e({count, e}), swing({count});
   Outcomes outcomes(count);
   {
     nb::gil_scoped_release release;
@@ -196,9 +199,20 @@ auto run_visit(const Robot& nominal, const Robot& truth, const ControlSettings& 
         const Joint to = row<Joint>(x_d, i);
         if (!loop) loop.emplace(nominal, truth, settings, standing, seed + i, extras.extras);
         Sample last{};
-        const Outcome outcome = loop->move({from, to, duration, hold, steps, 0},
-                                           [&](const Sample& sample) { last = sample; });
+        Joint low{}, high{};
+        const double end = duration + hold - std::min(kWatched, hold);
+        const Outcome outcome =
+            loop->move({from, to, duration, hold, steps, 0}, [&](const Sample& sample) {
+              last = sample;
+              const bool first = sample.time <= end;
+              for (std::size_t k = 0; k < n; ++k) {
+                low[k] = first ? sample.x[k] : std::min(low[k], sample.x[k]);
+                high[k] = first ? sample.x[k] : std::max(high[k], sample.x[k]);
+              }
+            });
         outcomes.set(i, outcome);
+        *swing[i] = 0;
+        for (std::size_t k = 0; k < n; ++k) *swing[i] = std::max(*swing[i], high[k] - low[k]);
         if (outcome) {
           from = standing = to;
         } else {
@@ -211,8 +225,7 @@ auto run_visit(const Robot& nominal, const Robot& truth, const ControlSettings& 
       }
     });
   }
-  return nb::make_tuple(x.release(), q_e.release(), outcomes.status.release(),
-                        outcomes.chain.release());
+  return nb::make_tuple(x.release(), q_e.release(), swing.release(), outcomes.status.release());
 }
 
 }  // namespace

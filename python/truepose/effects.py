@@ -12,6 +12,7 @@ from truepose.arguments import check_seed
 from truepose.build import PAIRED
 from truepose.exceptions import InputError, choose
 from truepose.robot import Robot
+from truepose.schema import Tolerance
 
 
 def _effect(default: float, group: str, unit: str, what: str, source: str):
@@ -186,6 +187,36 @@ class Effects:
             }
             for part, rate in parts.items()
         ]
+
+    def allowed_for(self, robot: Robot) -> Robot:
+        """Return the robot as a builder who knows of these effects would write its file.
+
+        What a calibration should not blame on lengths and angles: encoders may be eccentric
+        (tolerances of c1 and s1, a known amplitude at an unknown phase), and an angle read through
+        a gear is off by up to half its play (noise). Warm-up is within the tolerances of most
+        robots; arms and rods give way by less than a count.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> h4 = tp.Effects().allowed_for(tp.load("h4"))
+        >>> round(h4.parameters["chain1.eccentricity.s1"].sigma * 1e6), h4.spec.sensor[0].noise > 0
+        (247, True)
+        """
+        spec = robot.spec
+        names = [name for name in robot.parameters if name.endswith((".c1", ".s1"))]
+        sigma = self.eccentricity / math.sqrt(2)
+        known = {name: Tolerance(sigma=sigma) for name in names} if sigma > 0 else {}
+        half = self.tool_backlash / 2
+        sensors = tuple(
+            sensor.model_copy(update={"noise": math.hypot(sensor.noise, half)})
+            if sensor.kind == "nacelle_angle" and sensor.gear != 1
+            else sensor
+            for sensor in spec.sensor
+        )
+        update = {"tolerances": known | spec.tolerances, "sensor": sensors}
+        values = {name: p.value for name, p in robot.parameters.items()}
+        return Robot(spec.model_copy(update=update), values)
 
     def plant(self, robot: Robot, seed: int = 0) -> _core.Effects:
         """Return the core's struct: what of it is not geometry, for :func:`truepose.simulate`.

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import importlib.util
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from truepose import twin, virtual_experiment
+from truepose import forgotten, twin, virtual_experiment
 from truepose.exceptions import TrueposeError
 from truepose.experiment import CONTROLS, Control
+from truepose.forgotten import Line
 from truepose.plants import Plant
 from truepose.robot import load
 from truepose.twin import Twin
@@ -25,6 +26,7 @@ class Section:
     twin: Twin
     runs: dict[str, dict[Control, Run]]  #: by plant: "exact", "MuJoCo"
     notes: list[str]  #: what is missing, one line each
+    forgotten: list[Line] = field(default_factory=list)  #: what effects take from calibration
 
 
 def plants(of: Twin) -> tuple[dict[str, Plant], list[str]]:
@@ -41,14 +43,26 @@ def plants(of: Twin) -> tuple[dict[str, Plant], list[str]]:
     return found, []
 
 
-def total_steps() -> int:
+def total_steps(robots: int) -> int:
     """How often `progress` will be called."""
     there = 2 if importlib.util.find_spec("mujoco") else 1
-    return there * virtual_experiment.total_steps(CONTROLS)
+    return there * virtual_experiment.total_steps(CONTROLS) + forgotten.total_steps(robots)
 
 
-def run(progress: Callable[[str], None] = lambda _: None) -> Section:
+def run(
+    progress: Callable[[str], None] = lambda _: None, robots: int = 0, seed: int = 0
+) -> Section:
     """Carry out the experiment on the twin that is shipped, under every control.
+
+    Parameters
+    ----------
+    progress : callable
+        Called with what is being done after each step, see :func:`total_steps`.
+    robots : int
+        How many robots show what each effect takes from self-calibration
+        (:func:`truepose.forgotten.study`); 0 leaves that out.
+    seed : int
+        Of those robots.
 
     Examples
     --------
@@ -70,4 +84,7 @@ def run(progress: Callable[[str], None] = lambda _: None) -> Section:
             shipped.seed,
             lambda name=name: progress(f"experiment, {name} plant"),
         )
-    return Section(shipped, runs, notes)
+    lines = []
+    if robots > 0:
+        lines = forgotten.study(robot, robots, seed, lambda: progress("what a model forgets"))
+    return Section(shipped, runs, notes, lines)

@@ -68,13 +68,26 @@ def true_rms(ran: Run) -> float:
     return float(np.sqrt((off**2).sum(axis=1).mean()))
 
 
+def effects(section: Section) -> Table:
+    """What each effect takes from self-calibration with motors and θ."""
+    rows = []
+    for line in section.forgotten:
+        values = (line.usual, line.calibrated, line.gain, line.seen_usual, line.seen)
+        rows.append([line.case, *(f"{v:.2f}" for v in values), str(line.excluded)])
+    header = ["effects", "usual, true", "calibrated, true", "gain", "usual, seen"]
+    header += ["calibrated, seen", "left out"]
+    title = "What a model forgets, and what it takes from self-calibration: position rms (mm)"
+    return Table("forgotten", title, header, rows)
+
+
 def tables(section: Section) -> list[Table]:
     """Everything that the section shows, in its order."""
-    return [
+    of_plants = [
         table
         for plant, runs in section.runs.items()
         for table in (*(table3(runs, plant, r) for r in READINGS), gains(runs, plant))
     ]
+    return [*of_plants, *([effects(section)] if section.forgotten else [])]
 
 
 def figure(runs: dict[Control, Run]) -> Figure:

@@ -44,7 +44,7 @@ def total_steps(robots: int, virtual: bool = False) -> int:
     """How often `progress` will be called, at most."""
     checks = 3 * len(LAWS) * CHECKED_POSES
     studies = sensing.total_steps(robots) + warm_up.total_steps(robots)
-    more = experiment_section.total_steps() if virtual else 0
+    more = experiment_section.total_steps(robots) if virtual else 0
     return len(MOVES) + robots + checks + studies + more
 
 
@@ -85,5 +85,5 @@ def reproduce(
     )
     sets = sensing.compare(robot, robots, seed, lambda: progress("sets of sensors"))
     warm = warm_up.study(robot, robots, seed, progress=lambda: progress("warming up"))
-    section = experiment_section.run(progress) if virtual else None
+    section = experiment_section.run(progress, robots, seed) if virtual else None
     return Reproduction(robot, seed, moves, result, check, sets, warm, section)

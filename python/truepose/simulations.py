@@ -23,6 +23,7 @@ from truepose.robot import Robot
 
 Law = Literal["joint", "redundant", "cartesian", "weighted", "estimated"]
 FeedForward = Literal["none", "gravity", "full"]
+RESTLESS = 1e-3  #: m or rad, peak to peak in the last 50 ms: more is no rest
 _MOST_PERIODS = 1_000_000  # of one simulation: about 0.3 GB of log
 LAWS: tuple[Law, ...] = ("joint", "redundant", "cartesian", "weighted", "estimated")
 
@@ -329,7 +330,7 @@ def visit(
         robot._core, truth._core, settings, known, controller.integral == 0, home
     )
     robot._check("pose", home, (), status, chain, "raise", name="home")
-    x, q_e, status, _ = _core.visit(
+    x, q_e, swing, status = _core.visit(
         robot._core,
         truth._core,
         settings,
@@ -343,7 +344,11 @@ def visit(
         [*at_rest[0], *[0.0] * (6 - robot.n)],
         check_seed(seed),
     )
-    return x, q_e, np.array([_core.describe(int(s)) for s in status])
+    words = np.array([_core.describe(int(s)) for s in status], dtype=object)
+    restless = (words == "ok") & ~(swing <= RESTLESS)
+    words[restless] = f"does not come to rest: swings by more than {1e3 * RESTLESS:g} mm or mrad"
+    x[restless], q_e[restless] = np.nan, np.nan
+    return x, q_e, words.astype(str)
 
 
 def _timing(controller: Controller, duration: float, hold: float, steps: int) -> None:

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numpy as np
-
 from truepose.build import Array
 from truepose.effects import Effects
 from truepose.frames import frames
@@ -31,6 +29,8 @@ class DynamicPlant:
         Since a cold start, s.
     seed : int
         Of the effects' phases and the readings' noise.
+    duration, hold : float
+        Of a move, and after it, s.
 
     Examples
     --------
@@ -38,14 +38,22 @@ class DynamicPlant:
     >>> from truepose.plants.dynamic import DynamicPlant
     >>> h4 = tp.load("h4")
     >>> plant = DynamicPlant(h4, tp.Effects())
-    >>> plant.visit(h4, [[0.05, 0, -0.4, 0.1]], tp.Controller()).status.tolist()
+    >>> soft = tp.Controller(frequency=40, velocity_bandwidth=300)
+    >>> plant.visit(h4, [[0.05, 0, -0.4, 0.1]], soft).status.tolist()
     ['ok']
     """
 
     def __init__(
-        self, truth: Robot, effects: Effects | None = None, time: float = 0.0, seed: int = 0
+        self,
+        truth: Robot,
+        effects: Effects | None = None,
+        time: float = 0.0,
+        seed: int = 0,
+        duration: float = 0.25,
+        hold: float = 0.35,
     ):
         self.truth, self.time, self.seed = truth, time, seed
+        self.duration, self.hold = duration, hold
         self.effects = Effects.none() if effects is None else effects
 
     def visit(
@@ -61,13 +69,12 @@ class DynamicPlant:
             self.truth,
             x_d,
             controller,
+            duration=self.duration,
+            hold=self.hold,
             seed=self.seed,
             effects=self.effects,
             time=self.time,
         )
         for _ in x:
             progress()
-        lost = status != "ok"
-        x[lost] = np.nan
-        q_e[lost] = np.nan
         return Visit(q_e, frames(self.truth, x), x, status)

@@ -1,0 +1,138 @@
+"""What does each effect that a model forgets take from self-calibration?
+
+The H4 with the paper's errors on the dynamic plant, two hours after it was switched on: with none,
+with all, with one alone, with all but one. It calibrates itself with motors and θ under usual
+control, and is judged under the estimated law: against its true poses, and as the vision system
+sees it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from truepose import experiment, paper_data
+from truepose.build import Array
+from truepose.calibration import calibrate
+from truepose.effects import Effects
+from truepose.exceptions import PoseError
+from truepose.frames import coordinates
+from truepose.plants.dynamic import DynamicPlant
+from truepose.robot import Robot
+from truepose.simulations import Controller
+from truepose.trials import JITTER
+from truepose.vision import Setup, Vision
+
+#: A PD whose loop is stable with all effects on: examples/07_stability_margin.py.
+FREQUENCY, BANDWIDTH = 40.0, 300.0
+WARM = 7200.0  #: s
+ROBOTS = 2  #: at most
+LEARN, JUDGE = 3, 7  #: every so many poses of Table 2 teach, and judge
+
+
+@dataclass(frozen=True)
+class Line:
+    """One case: position rms over robots and poses, mm."""
+
+    case: str
+    usual: float  #: desired less true, under the joint law on the drawn robot
+    calibrated: float  #: the same, under the estimated law on the robot that calibrated itself
+    seen_usual: float  #: both as the vision system sees them
+    seen: float
+    excluded: int  #: poses that do not count: no rest, or not seen
+
+    @property
+    def gain(self) -> float:
+        """Usual over calibrated, true poses."""
+        return self.usual / self.calibrated
+
+
+def cases() -> dict[str, Effects]:
+    """Name and effects of every case, in their order."""
+    whole = Effects()
+    result = {"none": Effects.none(), "all": whole}
+    result |= {f"{group} alone": whole.only(group) for group in Effects.groups()}
+    return result | {f"all but {group}": whole.without(group) for group in Effects.groups()}
+
+
+def total_steps(robots: int) -> int:
+    """How often `progress` will be called."""
+    return len(cases()) * min(robots, ROBOTS)
+
+
+def study(
+    robot: Robot, robots: int, seed: int, progress: Callable[[], None] = lambda: None
+) -> list[Line]:
+    """Run every case.
+
+    Parameters
+    ----------
+    robot : Robot
+        The H4 as drawn, with θ measured.
+    robots : int
+        True robots to draw from the paper's errors, at most `ROBOTS`.
+    seed : int
+        The same seed gives the same robots and the same lines.
+    progress : callable
+        Called after each robot of each case.
+
+    Returns
+    -------
+    list of Line
+        "none" and "all" first; then one alone, the one that takes most away first; then all but
+        one, the same.
+    """
+    truths = experiment.draw_robots(robot, min(robots, ROBOTS), seed)
+    vision = Vision(Setup.facing(robot))
+    numbered = list(enumerate(truths))
+    lines = []
+    for case, effects in cases().items():
+        found = []
+        for result in experiment.each(
+            lambda pair, effects=effects: _one(robot, pair[1], effects, vision, pair[0]), numbered
+        ):
+            found.append(result)
+            progress()
+        errors = [np.concatenate([f[k] for f in found]) for k in range(4)]
+        counted = [error[np.isfinite(error).all(axis=1)] for error in errors]
+        excluded = sum(len(e) - len(c) for e, c in zip(errors[2:], counted[2:], strict=True))
+        lines.append(Line(case, *(_rms(error) for error in counted), excluded))
+    first = 2 + len(Effects.groups())
+    alone = sorted(lines[2:first], key=lambda line: -line.calibrated)
+    without = sorted(lines[first:], key=lambda line: line.calibrated)
+    return [*lines[:2], *alone, *without]
+
+
+def _one(
+    robot: Robot, truth: Robot, effects: Effects, vision: Vision, number: int
+) -> tuple[Array, Array, Array, Array]:
+    """Errors of one robot, (P, 3) each, m: true under usual and calibrated control, then seen."""
+    table = paper_data.table2()
+    rng = np.random.default_rng(number)
+    learn = table[::LEARN] + rng.uniform(-JITTER, JITTER, table[::LEARN].shape)
+    judge = table[1::JUDGE]
+    plant = DynamicPlant(truth, effects, WARM, number)
+    joint, estimated = (
+        Controller(law=law, frequency=FREQUENCY, velocity_bandwidth=BANDWIDTH)
+        for law in ("joint", "estimated")
+    )
+    taught = plant.visit(robot, learn, joint)
+    readings = taught.q_e[taught.status == "ok"]
+    usual = plant.visit(robot, judge, joint)
+    try:
+        believed = calibrate(effects.allowed_for(robot), readings).robot
+        calibrated = plant.visit(believed, judge, estimated)
+    except PoseError:  # nothing learnt: every pose is left out and counted
+        nothing = np.full_like(usual.x, np.nan)
+        calibrated = usual._replace(x=nothing, frame=np.full_like(usual.frame, np.nan))
+    errors = [(visit.x - judge)[:, :3] for visit in (usual, calibrated)]
+    for visit in (usual, calibrated):
+        seen = vision.measure(visit.frame, number)
+        errors.append((coordinates(robot, seen.frame) - judge)[:, :3])
+    return tuple(errors)
+
+
+def _rms(error: Array) -> float:
+    return float(1e3 * np.sqrt((error**2).sum(axis=-1).mean())) if len(error) else float("nan")

@@ -1,0 +1,69 @@
+"""Does self-calibration survive what its model forgets?"""
+
+import math
+
+import numpy as np
+import pytest
+
+import truepose as tp
+from truepose import forgotten
+from truepose.simulations import Controller
+
+
+@pytest.fixture(scope="module")
+def lines():
+    """Return the cases that matter most, on one robot."""
+    some = {"none": tp.Effects.none(), "all": tp.Effects()}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(forgotten, "cases", lambda: some)
+        return {line.case: line for line in forgotten.study(tp.load("h4"), 1, seed=0)}
+
+
+def test_with_all_effects_on_it_still_gains_three_times_truly_and_as_seen(lines):
+    line = lines["all"]
+    assert line.gain > 3
+    assert line.seen_usual / line.seen > 3
+    assert line.excluded < 10
+
+
+def test_effects_take_something_away(lines):
+    assert lines["none"].gain > lines["all"].gain
+
+
+def test_the_vision_system_agrees_with_the_plant(lines):
+    for line in lines.values():
+        assert line.seen == pytest.approx(line.calibrated, abs=0.1)
+        assert line.seen_usual == pytest.approx(line.usual, abs=0.1)
+
+
+def test_every_effect_is_tried_alone_and_left_out():
+    names = list(forgotten.cases())
+    for group in tp.Effects.groups():
+        assert f"{group} alone" in names
+        assert f"all but {group}" in names
+
+
+def test_what_a_builder_allows_for_is_what_the_effects_do(h4):
+    allowed = tp.Effects().allowed_for(h4)
+    amplitude = math.radians(0.02)
+    for key in ("c1", "s1"):
+        sigma = allowed.parameters[f"chain2.eccentricity.{key}"].sigma
+        assert sigma == pytest.approx(amplitude / math.sqrt(2))
+    theta = allowed.readings.index("theta")
+    assert allowed.reading_sigma[theta] == pytest.approx(math.radians(0.05), rel=1e-3)
+    assert allowed.reading_sigma[:4] == pytest.approx(h4.reading_sigma[:4])
+    nothing = tp.Effects.none().allowed_for(h4)
+    assert nothing.parameters == h4.parameters
+    assert (nothing.reading_sigma == h4.reading_sigma).all()
+
+
+def test_a_robot_that_swings_is_no_robot_at_rest(h4):
+    """The nominal PD on arms that give way: a limit cycle, said and left out."""
+    from truepose.simulations import visit
+
+    x, q_e, status = visit(h4, h4, [[0.05, 0, -0.4, 0.1]], "joint", effects=tp.Effects())
+    assert "does not come to rest" in status[0]
+    assert np.isnan(x).all()
+    assert np.isnan(q_e).all()
+    soft = Controller(law="joint", frequency=40, velocity_bandwidth=300)
+    assert visit(h4, h4, [[0.05, 0, -0.4, 0.1]], soft, effects=tp.Effects())[2] == "ok"
