@@ -17,7 +17,7 @@ struct Learner {
   double* work = nullptr;  ///< online_work(*drawn, state.count) doubles
   /// A line counts where a reading has moved by so many of its own σ since the last one: in a robot
   /// at rest the same fraction of a count is lost in every cycle, and is no news.
-  double fresh = 10;
+  double fresh = 30;
   Robot robot;
   Pose pose;          ///< x̂ of the last line, from which the next one starts
   Extended last{};    ///< the last line
