@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from truepose import forgotten, twin, virtual_experiment
 from truepose.exceptions import TrueposeError
@@ -12,6 +12,7 @@ from truepose.experiment import CONTROLS, Control
 from truepose.forgotten import Line
 from truepose.plants import Plant
 from truepose.robot import load
+from truepose.simulations import Simulation
 from truepose.twin import Twin
 from truepose.virtual_experiment import Run
 from truepose.vision import Vision
@@ -27,6 +28,7 @@ class Section:
     runs: dict[str, dict[Control, Run]]  #: by plant: "exact", "MuJoCo"
     notes: list[str]  #: what is missing, one line each
     forgotten: list[Line] = field(default_factory=list)  #: what effects take from calibration
+    loops: dict[str, Simulation] = field(default_factory=dict)  #: moves with all effects, by PD
 
 
 #: Which controls the twin stands under, on each plant: a simulated one takes a minute a control.
@@ -102,7 +104,8 @@ def run(
             shipped.seed,
             lambda name=name: progress(f"experiment, {name} plant"),
         )
-    lines = []
-    if robots > 0:
-        lines = forgotten.study(robot, robots, seed, lambda: progress("what a model forgets"))
-    return Section(shipped, runs, notes, lines)
+    section = Section(shipped, runs, notes)
+    if robots == 0:
+        return section
+    lines = forgotten.study(robot, robots, seed, lambda: progress("what a model forgets"))
+    return replace(section, forgotten=lines, loops=forgotten.loops(robot))

@@ -104,3 +104,17 @@ def figure(runs: dict[Control, Run]) -> Figure:
     bottom.set(xlabel="pose (number in Table 2)", ylabel="position (mm)", ylim=(0, None))
     drawn.legend(loc="outside upper center", ncols=5, fontsize=9, markerscale=4, frameon=False)
     return drawn
+
+
+def loops(section: Section) -> Figure:
+    """Position error after the move with all effects on: a limit cycle, and a loop that rests."""
+    drawn = Figure(figsize=(8.4, 2.8), layout="constrained")
+    for axes, (name, ran) in zip(drawn.subplots(1, 2), section.loops.items(), strict=True):
+        for column, axis in enumerate("xyz"):
+            axes.plot(1e3 * ran.time, 1e3 * ran.error[:, column], label=axis, lw=0.8)
+        axes.set(xlabel="time (ms)", ylabel="position error (mm)", xlim=(0, 1e3 * ran.time[-1]))
+        axes.set_title(name, size=9)
+        axes.axvline(200, color="0.6", lw=0.8, ls=":")
+    handles = drawn.axes[0].get_legend_handles_labels()
+    drawn.legend(*handles, loc="outside upper center", ncols=3, fontsize=9, frameon=False)
+    return drawn

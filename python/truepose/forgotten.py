@@ -21,7 +21,7 @@ from truepose.exceptions import PoseError
 from truepose.frames import coordinates
 from truepose.plants.dynamic import DynamicPlant
 from truepose.robot import Robot
-from truepose.simulations import Controller
+from truepose.simulations import Controller, Simulation, simulate
 from truepose.trials import JITTER
 from truepose.vision import Setup, Vision
 
@@ -103,6 +103,17 @@ def study(
     alone = sorted(lines[2:first], key=lambda line: -line.calibrated)
     without = sorted(lines[first:], key=lambda line: line.calibrated)
     return [*lines[:2], *alone, *without]
+
+
+def loops(robot: Robot) -> dict[str, Simulation]:
+    """Return the paper's move with all effects on, under the nominal PD and under the soft one."""
+    nominal = Controller()
+    soft = Controller(frequency=FREQUENCY, velocity_bandwidth=BANDWIDTH)
+    result = {}
+    for c in (nominal, soft):
+        name = f"poles at {c.frequency:.0f} rad/s, velocity filter {c.velocity_bandwidth:.0f} rad/s"
+        result[name] = simulate(robot, controller=c, effects=Effects(), hold=0.5)
+    return result
 
 
 def _one(

@@ -140,6 +140,8 @@ def _figures(result: Reproduction) -> Iterator[tuple[str, Figure]]:
     yield "warm_up", figures.warm_up(result.warm_up)
     for plant, runs in result.section.runs.items() if result.section else ():
         yield f"experiment-{plant.lower()}", experiment_tables.figure(runs)
+    if result.section and result.section.loops:
+        yield "loops", experiment_tables.loops(result.section)
 
 
 def describe(section: experiment_section.Section) -> dict[str, float]:
