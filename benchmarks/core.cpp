@@ -30,6 +30,17 @@ void kinematics(const std::string& name, const Inputs<K>& in, std::vector<bench:
     bench::keep(jacobian<K>(closure, jacobians));
     bench::keep(jacobians);
   });
+  // The calls that Python makes: coordinates in, any mobility, joint limits asked for.
+  add("q = IKM(x)", [&](int i) {
+    Joint q;
+    bench::keep(ikm(in.robot, in.x[i], q));
+    bench::keep(q);
+  });
+  add("J(x)", [&](int i) {
+    JointMatrix J;
+    bench::keep(jacobian(in.robot, in.x[i], J));
+    bench::keep(J);
+  });
   add("FKM from 1 mm, 1 mrad", [&](int i) {
     Joint x = in.near[i];
     bench::keep(fkm(in.robot, in.q[i], x));

@@ -54,7 +54,7 @@ inline Driven drive(const Chain& chain, double q) {
 }
 
 /// The first chain whose motor is beyond one of its stops.
-TRUEPOSE_RARE inline Outcome beyond_limits(const Robot& robot, const Joint& q) {
+TRUEPOSE_APART inline Outcome beyond_limits(const Robot& robot, const Joint& q) {
   for (int i = 0; i < dof(robot.mobility); ++i) {
     const double position = motor_position(robot.chain[i], q[i]);
     if (!(position >= robot.chain[i].low && position <= robot.chain[i].high))

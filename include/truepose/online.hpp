@@ -70,8 +70,8 @@ inline double update_root(int p, double* S, const double* f, double alpha, doubl
 /// S Sᵀ + v vᵀ, triangular again, by one rotation a column. @param v  p; spoilt
 inline void add_drift(int p, double* S, double* v) {
   for (int k = 0; k < p; ++k) {
-    const double length = std::hypot(S[k * p + k], v[k]);
-    if (length == 0) continue;
+    const double length = std::sqrt(S[k * p + k] * S[k * p + k] + v[k] * v[k]);
+    if (!(length > 0)) continue;
     const double c = S[k * p + k] / length, s = v[k] / length;
     for (int i = k; i < p; ++i) {
       const double old = S[i * p + k];
