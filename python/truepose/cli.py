@@ -425,7 +425,8 @@ def _print(console: Console, table, left: tuple[int, ...] = ()) -> None:
         elif k in left:
             view.add_column(name, justify="left")
         else:
-            view.add_column(name.replace(", ", "\n"), justify="right")
+            lines = name.replace(", ", "\n").replace(" (", "\n(")  # 80 columns hold more of them
+            view.add_column(lines, justify="right")
     for row in table.rows:
         view.add_row(*row)
     console.print(view)

@@ -47,8 +47,8 @@ def gains(runs: dict[Control, Run], plant: str) -> Table:
         values = (measured_rms(ran), about, *theta, true_rms(ran))
         left_out = str(len(ran.status) - len(error))
         rows.append([NAMES[control], *(f"{v:.2f}" for v in values), left_out])
-    header = ["control", "seen rms, (mm)", "about its, mean (mm)", "θ mean, (°)", "θ rms, (°)"]
-    header += ["true rms, (mm)", "left out"]
+    header = ["control", "seen rms (mm)", "about its mean (mm)", "θ mean (°)", "θ rms (°)"]
+    header += ["true rms (mm)", "left out"]
     title = f"The twin under every control, {plant} plant: desired less measured, and less true"
     return Table(f"twin_controls_{plant.lower()}", title, header, rows)
 
