@@ -19,6 +19,7 @@ class Online {
         xi_(std::move(mean)),
         drift_(std::move(drift)),
         work_(online_work(drawn, static_cast<int>(prior.column.size()))),
+        kept_(online_kept(static_cast<int>(prior.column.size()))),
         gate_(gate),
         full_(full) {}
 
@@ -34,7 +35,9 @@ class Online {
                      xi_.data(),
                      known_.root.data(),
                      known_.sigma,
-                     due_};
+                     due_,
+                     kept_.data(),
+                     doubt_};
     learner.work = work_.data();
     learner.robot = nominal;
     learner.pose = with_mobility(nominal.mobility,
@@ -44,12 +47,14 @@ class Online {
   /// Remembers what is not in the arrays.
   void take(const Learner& learner) {
     due_ = learner.state.due;
+    doubt_ = learner.state.doubt;
     lines_ += learner.lines;
   }
 
   const Robot& drawn() const { return drawn_; }
   bool full() const { return full_; }
   long lines() const { return lines_; }
+  const Doubt& doubt() const { return doubt_; }
   std::vector<double> xi() const { return xi_; }
   RowMatrix root() const { return known_.root; }
 
@@ -58,9 +63,10 @@ class Online {
   Known known_;
   std::vector<double> xi_;
   RowMatrix drift_;
-  std::vector<double> work_;
+  std::vector<double> work_, kept_;
   double gate_;
   int due_ = 0;
+  Doubt doubt_;
   long lines_ = 0;
   bool full_;
 };

@@ -22,29 +22,27 @@ struct Learner {
   Pose pose;          ///< x̂ of the last line, from which the next one starts
   Extended last{};    ///< the last line
   long lines = 0;     ///< learnt so far
-  long left_out = 0;  ///< that fitted no pose
+  long left_out = 0;  ///< that fitted no pose, or not each other
 
   Knowledge knowledge() const { return {state.count, state.column, state.root, state.sigma}; }
 };
 
 /// One cycle. Bounded work, no allocation, no exception.
-/// @return what the filter made of the readings; ok also where they are no news
+/// @return what the filter made of the readings; ok also where they are no news, `stopped` from the
+/// cycle on in which it gave up: the robot is then the last good one
 template <Mobility K, class Model = IdealModel>
 inline Outcome learn(Learner& learner, const Extended& q_e) {
   const int rows = kDof<K> + learner.drawn->r;
-  bool news = learner.lines == 0;
+  bool news = learner.lines + learner.left_out == 0;
   for (int c = 0; c < rows; ++c)
     news = news || std::fabs(q_e[c] - learner.last[c]) > learner.fresh * learner.state.sigma[c];
+  if (learner.state.doubt.stopped) return {Status::stopped, -1};
   if (!news) return {};
   const Outcome outcome = observe<K, Model>(*learner.drawn, learner.settings, q_e, learner.state,
                                             learner.robot, learner.pose, learner.work);
   set_parameters(*learner.drawn, learner.state.xi, learner.robot);
-  if (outcome) {
-    learner.last = q_e;
-    ++learner.lines;
-  } else {
-    ++learner.left_out;
-  }
+  if (outcome.status != Status::not_finite) learner.last = q_e;  // also a bad line is no news twice
+  ++(outcome.status == Status::ok ? learner.lines : learner.left_out);
   return outcome;
 }
 

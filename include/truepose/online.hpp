@@ -6,7 +6,7 @@
 // 1977, chapter V). Bounded work, no allocation, no exception.
 #pragma once
 
-#include "truepose/eliminate.hpp"
+#include "truepose/disagreement.hpp"
 #include "truepose/estimate.hpp"
 #include "truepose/geometry.hpp"
 
@@ -20,13 +20,17 @@ struct OnlineState {
   double* root = nullptr;       ///< S, p×p by rows, lower triangular
   Extended sigma{};             ///< σ of every reading's own error, > 0
   int due = 0;                  ///< the drift whose turn is next
+  double* kept = nullptr;  ///< online_kept(count) doubles: what to go back to; nullptr: nothing
+  Doubt doubt{};           ///< how far the readings disagree, and whether that has stopped it
 };
 
 struct OnlineSettings {
   int drifts = 0;  ///< independent random walks, each of one or several parameters together
   const double* drift = nullptr;  ///< drifts × p: change of every parameter by one σ in one cycle
   const double* linearised = nullptr;  ///< ξ about which to linearise (replay); nullptr: ξ̂ itself
-  double gate = 0;  ///< an equation off by more of its own σ is left out (0: none)
+  /// σ beyond which a line's equations, together, are no chance: it is left out, or the one reading
+  /// that explains it. Where lines keep disagreeing, learning stops. 0: every line counts.
+  double gate = kGate;
 };
 
 /// How much readings curve, per m or rad: a few times one over the lengths of a robot, since its
@@ -36,24 +40,17 @@ inline constexpr double kCurvature = 12;
 
 /// doubles of work space that `observe` needs
 inline int online_work(const Robot& robot, int count) {
-  return (dof(robot.mobility) + robot.r) * (parameter_count(robot) + count) + 2 * count;
+  return (dof(robot.mobility) + robot.r) * (parameter_count(robot) + count) + count;
 }
+
+/// doubles of memory that OnlineState::kept needs: ξ̂ and S
+inline int online_kept(int count) { return count * (1 + count); }
 
 namespace online_detail {
 
-/// f = Sᵀh. @return h S Sᵀ hᵀ, how far ξ leaves the equation open, in units of its variance
-inline double spread(int p, const double* S, const double* h, double* f) {
-  double sum = 0;
-  for (int j = 0; j < p; ++j) f[j] = 0;
-  for (int i = 0; i < p; ++i)
-    for (int j = 0; j <= i; ++j) f[j] += S[i * p + j] * h[i];
-  for (int j = 0; j < p; ++j) sum += f[j] * f[j];
-  return sum;
-}
-
 /// One equation h·δξ = y. @param alpha  its variance @param f  Sᵀh
-/// @param b  out: the gain times what is returned
-inline double update_root(int p, double* S, const double* f, double alpha, double* b) {
+/// @param b  out: the gain times alpha + fᵀf
+inline void update_root(int p, double* S, const double* f, double alpha, double* b) {
   for (int j = 0; j < p; ++j) b[j] = 0;
   for (int j = p - 1; j >= 0; --j) {
     const double before = alpha;
@@ -65,7 +62,6 @@ inline double update_root(int p, double* S, const double* f, double alpha, doubl
       b[i] += f[j] * old;
     }
   }
-  return alpha;
 }
 
 /// S Sᵀ + v vᵀ, triangular again, by one rotation a column. @param v  p; spoilt
@@ -84,87 +80,189 @@ inline void add_drift(int p, double* S, double* v) {
 
 }  // namespace online_detail
 
+namespace online_detail {
+
+/// What one line of readings says, the pose being unknown.
+struct Line {
+  Pose pose;                  ///< x̂
+  RowsOfPose H_x;             ///< whitened
+  Innovations innovations{};  ///< of the r equations about ξ; their F is in the work space
+};
+
+/// Where `observe` keeps what in its work space.
+struct Work {
+  double *H_xi, *B, *F, *b;
+  Work(const Robot& robot, int count, double* work)
+      : H_xi(work),
+        B(H_xi + (dof(robot.mobility) + robot.r) * parameter_count(robot)),
+        F(B + dof(robot.mobility) * count),
+        b(F + robot.r * count) {}
+};
+
+/// r independent equations about ξ, from linearising about a pose of all readings.
+///
+/// @param robot    at the ξ of linearisation
+/// @param without  a reading that is not believed, or -1
+template <Mobility K, class Model>
+inline Outcome understand(const Robot& robot, const OnlineSettings& settings, const Extended& q_e,
+                          const OnlineState& state, const Pose& guess, int without,
+                          const Work& work, Line& line) {
+  constexpr int n = kDof<K>;
+  const int rows = n + robot.r, p = state.count;
+  const Knowledge known{p, state.column, state.root, state.sigma};
+  Joint q{};
+  for (int i = 0; i < n; ++i) q[i] = q_e[i];
+  Status status = Status::ok;
+  for (const Pose& from : {guess, to_pose<K>(robot.home)}) {
+    line.pose = from;
+    status = Model::template fkm<K>(robot, q, line.pose);
+    if (status == Status::ok) break;
+  }
+  if (status != Status::ok) return {status, -1};
+
+  // From the motors' pose to that of all readings; further where a motor is not believed.
+  std::array<double, kMaxRows> e;
+  for (int steps = without < 0 ? 2 : 5; steps > 0; --steps) {
+    const bool last = steps == 1;
+    Extended expected, residual;
+    Matrix<kMaxReadings, n> H_x;
+    const Outcome outcome =
+        Model::template linearise<K>(robot, line.pose, expected, H_x, last ? work.H_xi : nullptr);
+    if (!outcome) return outcome;
+    innovation(robot, q_e, expected, residual);
+    for (int c = 0; c < rows; ++c) {
+      const double weight = c == without ? 0 : 1 / state.sigma[c];
+      for (int j = 0; j < n; ++j) line.H_x[c][j] = H_x[c][j] * weight;
+      e[c] = residual[c] * weight;
+    }
+    if (last) gather(robot, known, work.H_xi, rows, work.B);
+    if (last && without >= 0) std::fill_n(work.B + without * p, p, 0.0);
+    RowsOfPose A = line.H_x;
+    if (!eliminate(n, rows, A, work.B, last ? p : 0, e)) return {Status::singular, -1};
+    Joint step{};
+    for (int i = 0; i < n; ++i) step[i] = e[i];
+    back_substitute(n, A, step);
+    if (!all_finite(step, n)) return {Status::not_finite, -1};
+    line.pose = moved<K>(line.pose, step);
+  }
+  double sum = 0;  // of what the state will keep: one NaN in it would spoil every later cycle
+  for (int row = n; row < rows; ++row) sum += e[row];
+  for (const double* h = work.F; h != work.F + robot.r * p; ++h) sum += *h;
+  if (!std::isfinite(sum)) return {Status::not_finite, -1};
+
+  line.innovations.r = robot.r;
+  double coarsest = 0;  // σ
+  for (int c = 0; c < rows; ++c) coarsest = std::max(coarsest, state.sigma[c]);
+  for (int i = 0; i < robot.r; ++i) {
+    double& y = line.innovations.y[i] = e[n + i];
+    if (settings.linearised)
+      for (int k = 0; k < p; ++k)
+        y -= work.F[i * p + k] * (state.xi[state.column[k]] - settings.linearised[state.column[k]]);
+  }
+  times_root(known, robot.r, work.F);
+  // What linearising about a poor ξ̂ leaves out is of second order: the square of what is open.
+  // It counts as noise, lest the first lines claim to know what they do not.
+  decorrelate(p, work.F, settings.linearised ? 0 : kCurvature * coarsest, line.innovations);
+  return {};
+}
+
+/// Copies ξ̂ and S to where they are kept, or back.
+inline void copy_state(OnlineState& state, bool back) {
+  const int p = state.count;
+  double *mean = state.kept, *root = mean + p;
+  for (int k = 0; k < p; ++k) {
+    double& value = state.xi[state.column[k]];
+    (back ? value : mean[k]) = back ? mean[k] : value;
+  }
+  std::copy_n(back ? root : state.root, p * p, back ? state.root : root);
+}
+
+/// One more line's say on whether the readings disagree. Where nothing speaks against them, the
+/// state as it was before this line is kept; where too much does, it is gone back to.
+inline void weigh_line(OnlineState& state, int readings, double log_ratio) {
+  Doubt& doubt = state.doubt;
+  if (state.kept && doubt.evidence <= 0 && ++doubt.since >= kEvery) {
+    copy_state(state, false);
+    doubt.since = 0;
+  }
+  ++doubt.lines;
+  doubt.evidence = std::max(0.0, doubt.evidence + std::min(log_ratio, kLineSays));
+  if (doubt.evidence <= 0) doubt.blame = {};
+  if (!(doubt.evidence > kStop)) return;
+  doubt.stopped = true;
+  doubt.suspect = outstanding(readings, doubt.blame, kStop);
+  if (state.kept) copy_state(state, true);
+}
+
+}  // namespace online_detail
+
 /// One cycle: ξ̂ and S learn from one line of readings.
 ///
 /// @param drawn  as set_parameters takes it
 /// @param robot  in: any copy of it; out: the robot at the ξ of linearisation
 /// @param pose   in: a guess; out: x̂ before ξ̂ moved
 /// @param work   online_work(drawn, count) doubles
-/// @return anything but ok: nothing was learnt, the state is as it was
+/// @return `disagree`: nothing was learnt, or not from the reading named; `stopped`: nothing was,
+/// nor will be, and ξ̂ and S are back where they were last good. Both come with a pose. Without an
+/// answer the state is as it was.
 template <Mobility K, class Model = IdealModel>
 inline Outcome observe(const Robot& drawn, const OnlineSettings& settings, const Extended& q_e,
-                       OnlineState& state, Robot& robot, Pose& pose, double* work) {
+                       OnlineState& state, Robot& robot, Pose& pose, double* memory) {
   constexpr int n = kDof<K>;
-  const int rows = n + drawn.r, p = state.count;
+  const int r = drawn.r, rows = n + r, p = state.count;
   if (!all_finite(q_e, rows)) return {Status::not_finite, -1};
-  double *H_xi = work, *B = H_xi + rows * parameter_count(drawn), *f = B + rows * p, *b = f + p;
-  const Knowledge known{p, state.column, state.root, state.sigma};
+  const online_detail::Work work(drawn, p, memory);
+  Doubt& doubt = state.doubt;
+  const bool gated = settings.gate > 0 && !doubt.stopped;
+  if (gated && state.kept && doubt.lines == 0) online_detail::copy_state(state, false);
   set_parameters(drawn, settings.linearised ? settings.linearised : state.xi, robot);
-  Joint q{};
-  for (int i = 0; i < n; ++i) q[i] = q_e[i];
-  Pose at;
-  Status status = Status::ok;
-  for (const Pose& from : {pose, to_pose<K>(robot.home)}) {
-    at = from;
-    status = Model::template fkm<K>(robot, q, at);
-    if (status == Status::ok) break;
+  online_detail::Line line;
+  const auto understand = [&](int without) {
+    return online_detail::understand<K, Model>(robot, settings, q_e, state, pose, without, work,
+                                               line);
+  };
+  Outcome outcome = understand(-1);
+  if (!outcome) {
+    if (gated && outcome.status == Status::unreachable)
+      online_detail::weigh_line(state, rows, kLineSays);
+    return outcome;
   }
-  if (status != Status::ok) return {status, -1};
-
-  RowsOfPose A;
-  std::array<double, kMaxRows> e;
-  for (const bool last : {false, true}) {  // from the motors' pose to that of all readings
-    Extended expected, residual;
-    Matrix<kMaxReadings, n> H_x;
-    const Outcome outcome =
-        Model::template linearise<K>(robot, at, expected, H_x, last ? H_xi : nullptr);
-    if (!outcome) return outcome;
-    innovation(robot, q_e, expected, residual);
-    for (int c = 0; c < rows; ++c) {
-      for (int j = 0; j < n; ++j) A[c][j] = H_x[c][j] / state.sigma[c];
-      e[c] = residual[c] / state.sigma[c];
+  Pose found = line.pose;
+  bool learns = !doubt.stopped;
+  if (gated && r > 0) {
+    const double chi2 = line.innovations.chi2();
+    double log_ratio = 0.5 * ((1 - 1 / kWorse) * chi2 - r * std::log(kWorse));
+    if (!(chi2 <= beyond(settings.gate, r))) {
+      log_ratio = kLineSays;
+      learns = false;
+      Extended by{};
+      if (explained(n, line.H_x, line.innovations, by)) {
+        for (int c = 0; c < rows; ++c) doubt.blame[c] += std::min(by[c], kLineBlames);
+        const int wrong = r > 1 ? outstanding(rows, by, beyond(settings.gate, 1)) : -1;
+        learns = wrong >= 0 && understand(wrong) &&
+                 line.innovations.chi2() <= beyond(settings.gate, r - 1);
+        if (learns) found = line.pose;
+      }
+      outcome.status = Status::disagree;
     }
-    if (last) gather(robot, known, H_xi, rows, B);
-    if (!eliminate(n, rows, A, B, last ? p : 0, e)) return {Status::singular, -1};
-    Joint step{};
-    for (int i = 0; i < n; ++i) step[i] = e[i];
-    back_substitute(n, A, step);
-    if (!all_finite(step, n)) return {Status::not_finite, -1};
-    at = moved<K>(at, step);
+    online_detail::weigh_line(state, rows, log_ratio);
   }
-  double coarsest = 0;  // σ
-  for (int c = 0; c < rows; ++c) coarsest = std::max(coarsest, state.sigma[c]);
-  double sum = 0;  // of what the state will keep: one NaN in it would spoil every later cycle
-  for (int row = n; row < rows; ++row) sum += e[row];
-  for (const double* h = B + n * p; h != B + rows * p; ++h) sum += *h;
-  if (!std::isfinite(sum)) return {Status::not_finite, -1};
-  pose = at;
+  pose = found;
+  if (doubt.stopped) return {Status::stopped, -1};
+  if (!learns) return outcome;
 
-  for (int row = n; row < rows; ++row) {
-    const double* h = B + row * p;
-    double y = e[row];
-    if (settings.linearised)
-      for (int k = 0; k < p; ++k)
-        y -= h[k] * (state.xi[state.column[k]] - settings.linearised[state.column[k]]);
-    const double open = online_detail::spread(p, state.root, h, f);
-    if (settings.gate > 0 && y * y > settings.gate * settings.gate * (1 + open)) continue;
-    // What linearising about a poor ξ̂ leaves out is of second order: the square of what is open.
-    // It counts as noise, lest the first lines claim to know what they do not.
-    const double curved = settings.linearised ? 0 : kCurvature * open * coarsest;
-    const double alpha = online_detail::update_root(p, state.root, f, 1 + curved * curved, b);
-    for (int k = 0; k < p; ++k) state.xi[state.column[k]] += b[k] / alpha * y;
-    // The rows that follow were linearised before this step.
-    if (!settings.linearised)
-      for (int later = row + 1; later < rows; ++later)
-        for (int k = 0; k < p; ++k) e[later] -= B[later * p + k] * b[k] / alpha * y;
+  for (int i = 0; i < r; ++i) {
+    online_detail::update_root(p, state.root, work.F + i * p, line.innovations.noise[i], work.b);
+    const double step = line.innovations.y[i] / line.innovations.total[i];
+    for (int k = 0; k < p; ++k) state.xi[state.column[k]] += work.b[k] * step;
   }
   if (settings.drifts > 0) {  // one a cycle, for all the cycles since its last turn
     state.due = (state.due + 1) % settings.drifts;
     const double cycles = std::sqrt(settings.drifts);
-    for (int k = 0; k < p; ++k) f[k] = cycles * settings.drift[state.due * p + k];
-    online_detail::add_drift(p, state.root, f);
+    for (int k = 0; k < p; ++k) work.b[k] = cycles * settings.drift[state.due * p + k];
+    online_detail::add_drift(p, state.root, work.b);
   }
-  return {};
+  return outcome;
 }
 
 }  // namespace truepose

@@ -6,6 +6,8 @@ namespace truepose {
 /// Result of every core function. Nothing throws; whoever calls looks at this. Below 0: an answer
 /// with a warning; above 0: no answer.
 enum class Status : int {
+  stopped = -3,        ///< readings kept disagreeing: nothing is learnt from them any more
+  disagree = -2,       ///< readings disagree: not all of them, or none, were learnt from
   near_singular = -1,  ///< damped, as asked for: finite and bounded, not the exact law's answer
   ok = 0,              ///< converged / computed; the outputs are finite
   unreachable = 1,     ///< no position of the mechanism closes the loops
@@ -20,6 +22,8 @@ enum class Status : int {
 /// What a status says, for people.
 constexpr const char* describe(Status status) {
   switch (status) {
+    case Status::stopped: return "stopped learning";
+    case Status::disagree: return "readings disagree";
     case Status::near_singular: return "near singular";
     case Status::ok: return "ok";
     case Status::unreachable: return "unreachable";

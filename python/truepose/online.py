@@ -54,7 +54,7 @@ class OnlineCalibration:
         self,
         robot: Robot,
         drift: Mapping[str, float] | Sequence[Mapping[str, float]] | None = None,
-        gate: float = 0.0,
+        gate: float = 4.0,
         level: Level = "ideal",
     ):
         self._robot = robot
@@ -142,6 +142,15 @@ class OnlineCalibration:
     def lines(self) -> int:
         """How many lines it has learnt from."""
         return self._filter.lines
+
+    @property
+    def stopped(self) -> str | None:
+        """Why nothing is learnt any more, or None: readings that kept disagreeing."""
+        if not self._filter.stopped:
+            return None
+        suspect = self._filter.suspect
+        guilty = f": {self._robot.readings[suspect]}" if suspect >= 0 else ""
+        return f"line {self._filter.seen}: readings keep disagreeing{guilty}"
 
     @property
     def covariance(self) -> Array:
