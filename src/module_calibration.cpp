@@ -245,7 +245,7 @@ auto batch_observe(Online& online, const Rows& q_e, const Row& linearised) {
       const Outcome outcome =
           observe<K, decltype(model)>(drawn, learner.settings, row<Extended>(q_e, i), learner.state,
                                       learner.robot, learner.pose, learner.work);
-      learner.lines += outcome.status == Status::ok;
+      ++(outcome.status == Status::ok ? learner.lines : learner.left_out);
       outcomes.set(i, outcome);
       Joint at = to_coordinates<K>(learner.pose);
       if (!outcome) at.fill(NAN);
@@ -270,10 +270,10 @@ void bind_calibration(nb::module_& m) {
       .def(nb::init<const Robot&, const Known&, std::vector<double>, RowMatrix, double, bool>())
       .def("observe", &batch_observe)
       .def_prop_ro("lines", &Online::lines)
-      .def_prop_ro("seen", [](const Online& online) { return online.doubt().lines; })
+      .def_prop_ro("left_out", &Online::left_out)
+      .def_prop_ro("stopped_after", [](const Online& online) { return online.doubt().lines; })
       .def_prop_ro("stopped", [](const Online& online) { return online.doubt().stopped; })
       .def_prop_ro("suspect", [](const Online& online) { return online.doubt().suspect; })
-      .def_prop_ro("evidence", [](const Online& online) { return online.doubt().evidence; })
       .def_prop_ro("xi", &Online::xi)
       .def_prop_ro("root", &Online::root);
   m.def("estimate", &batch_estimate);

@@ -161,7 +161,7 @@ auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSetti
   const std::size_t count = log.size();
   Owned<double> time({count}), x_d({count, n}), x({count, n}), q_e({count, e}), error({count, n}),
       torque({count, n});
-  Owned<bool> near_singular({count});
+  Owned<bool> near_singular({count}), gave_up({count});
   for (std::size_t i = 0; i < count; ++i) {
     *time[i] = log[i].time;
     std::memcpy(x_d[i], log[i].x_d.data(), n * sizeof(double));
@@ -170,10 +170,11 @@ auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSetti
     std::memcpy(error[i], log[i].error.data(), n * sizeof(double));
     std::memcpy(torque[i], log[i].torque.data(), n * sizeof(double));
     *near_singular[i] = log[i].status == Status::near_singular;
+    *gave_up[i] = log[i].gave_up;
   }
   return nb::make_tuple(static_cast<int>(outcome.status), outcome.chain, time.release(),
                         x_d.release(), x.release(), q_e.release(), error.release(),
-                        torque.release(), near_singular.release());
+                        torque.release(), near_singular.release(), gave_up.release());
 }
 
 inline constexpr double kWatched = 0.05;  ///< s at the end of a hold, in which a robot should rest

@@ -49,11 +49,13 @@ class Online {
     due_ = learner.state.due;
     doubt_ = learner.state.doubt;
     lines_ += learner.lines;
+    left_out_ += learner.left_out;
   }
 
   const Robot& drawn() const { return drawn_; }
   bool full() const { return full_; }
   long lines() const { return lines_; }
+  long left_out() const { return left_out_; }
   const Doubt& doubt() const { return doubt_; }
   std::vector<double> xi() const { return xi_; }
   RowMatrix root() const { return known_.root; }
@@ -67,7 +69,7 @@ class Online {
   double gate_;
   int due_ = 0;
   Doubt doubt_;
-  long lines_ = 0;
+  long lines_ = 0, left_out_ = 0;
   bool full_;
 };
 

@@ -15,12 +15,11 @@ namespace truepose {
 
 inline constexpr double kGate = 4;   ///< σ: leaves out 6 of 1e5 clean lines
 inline constexpr double kWorse = 4;  ///< variance of readings that disagree, over the stated one
-inline constexpr double kLineSays =
-    3;  ///< at most: one gross line must not stop it, six in a row must
-inline constexpr double kStop = 16;  ///< one false stop in e¹⁶ lines at most (Lorden's bound)
-inline constexpr double kLineBlames =
-    100;                          ///< χ² beyond which one line says no more of who is to blame
-inline constexpr int kEvery = 4;  ///< lines between states that are kept
+/// At most, whatever it reads: one gross line must not stop the filter, six in a row must.
+inline constexpr double kLineSays = 3;
+inline constexpr double kStop = 16;  ///< one false stop in e¹⁶ clean lines at most (Lorden's bound)
+inline constexpr double kLineBlames = 100;  ///< χ² at most that one line says of who is to blame
+inline constexpr int kEvery = 4;            ///< lines between states that are kept
 
 /// How far the readings of the last lines disagree. Plain data.
 struct Doubt {
@@ -42,9 +41,9 @@ inline double beyond(double gate, int count) {
 /// r equations, one after another made independent of those before.
 struct Innovations {
   int r = 0;
-  Matrix<kMaxSensors, kMaxSensors> L;  ///< what an equation takes from those before
-  std::array<double, kMaxSensors> y, noise,
-      total;  ///< independent; variances: own, with what is open
+  Matrix<kMaxSensors, kMaxSensors> L;            ///< what an equation takes from those before
+  std::array<double, kMaxSensors> y;             ///< independent
+  std::array<double, kMaxSensors> noise, total;  ///< their variances: own; with what is open
 
   double chi2() const {
     double sum = 0;

@@ -38,9 +38,11 @@ inline Outcome learn(Learner& learner, const Extended& q_e) {
     news = news || std::fabs(q_e[c] - learner.last[c]) > learner.fresh * learner.state.sigma[c];
   if (learner.state.doubt.stopped) return {Status::stopped, -1};
   if (!news) return {};
+  const Pose before = learner.pose;
   const Outcome outcome = observe<K, Model>(*learner.drawn, learner.settings, q_e, learner.state,
                                             learner.robot, learner.pose, learner.work);
   set_parameters(*learner.drawn, learner.state.xi, learner.robot);
+  if (outcome.status == Status::disagree && outcome.chain < 0) learner.pose = before;
   if (outcome.status != Status::not_finite) learner.last = q_e;  // also a bad line is no news twice
   ++(outcome.status == Status::ok ? learner.lines : learner.left_out);
   return outcome;

@@ -241,7 +241,10 @@ inline Outcome observe(const Robot& drawn, const OnlineSettings& settings, const
         const int wrong = r > 1 ? outstanding(rows, by, beyond(settings.gate, 1)) : -1;
         learns = wrong >= 0 && understand(wrong) &&
                  line.innovations.chi2() <= beyond(settings.gate, r - 1);
-        if (learns) found = line.pose;
+        if (learns) {
+          found = line.pose;
+          outcome.chain = wrong;
+        }
       }
       outcome.status = Status::disagree;
     }

@@ -37,8 +37,8 @@ constexpr const char* describe(Status status) {
   return "unknown status";
 }
 
-/// Status and the chain that caused it (0-based, -1: none in particular). True where there is an
-/// answer.
+/// Status and the chain that caused it, for `disagree` the reading (0-based, -1: none in
+/// particular). True where there is an answer.
 struct Outcome {
   Status status = Status::ok;
   int chain = -1;

@@ -33,7 +33,9 @@ class OnlineCalibration:
         names together, as by :meth:`Effects.growth`. Without it parameters are constant and the
         filter ever surer.
     gate : float
-        Equations off by more than so many of their own σ are left out; 0 keeps all.
+        Readings that together are off by more than so many σ, what is still open of the geometry
+        included, are left out: one of them, where it alone explains it, or the line. Where lines
+        keep disagreeing, learning stops (:attr:`stopped`). 0 keeps all, whatever they say.
     level : {"ideal", "full"}
         One rod per chain, or every rod by itself.
 
@@ -104,7 +106,8 @@ class OnlineCalibration:
         q_e : array_like, shape (..., n + r)
             Extended positions: motors, then the sensors in use.
         errors : {"raise", "nan"}
-            What to do with a line that fits no pose; nothing is learnt from it.
+            What to do with a line that fits no pose; nothing is learnt from it. A line that the gate
+        leaves out still gives a pose.
 
         Returns
         -------
@@ -140,17 +143,41 @@ class OnlineCalibration:
 
     @property
     def lines(self) -> int:
-        """How many lines it has learnt from."""
+        """How many lines it has learnt from, all their readings."""
         return self._filter.lines
 
     @property
+    def left_out(self) -> int:
+        """How many lines it has not learnt from, or not from all their readings."""
+        return self._filter.left_out
+
+    @property
     def stopped(self) -> str | None:
-        """Why nothing is learnt any more, or None: readings that kept disagreeing."""
+        """Why nothing is learnt any more, in words; None while it learns.
+
+        A sensor that lies, a motor that slipped, or tolerances that the robot does not keep. What
+        it knows is what it knew before. Once that is mended, `OnlineCalibration(online.robot)` goes
+        on from there.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> from truepose import paper_data
+        >>> robot = tp.load("h4").with_sensors("theta", "z_telemeter", "elbow1")
+        >>> readings = robot.expected().extended(paper_data.table2()[:60])
+        >>> readings[50:, 4] += 0.1  # θ's encoder slips
+        >>> online = tp.OnlineCalibration(robot)
+        >>> x = online.observe(readings)
+        >>> online.stopped, online.lines
+        ('after 56 lines: readings keep disagreeing; theta alone would explain it', 50)
+        """
         if not self._filter.stopped:
             return None
         suspect = self._filter.suspect
-        guilty = f": {self._robot.readings[suspect]}" if suspect >= 0 else ""
-        return f"line {self._filter.seen}: readings keep disagreeing{guilty}"
+        guilty = self._robot.readings[suspect] if suspect >= 0 else ""
+        return f"after {self._filter.stopped_after} lines: readings keep disagreeing" + (
+            f"; {guilty} alone would explain it" if guilty else ""
+        )
 
     @property
     def covariance(self) -> Array:

@@ -107,6 +107,7 @@ class Simulation:
     motor_error: Array  #: (T, n) ê_q of the law
     torque: Array  #: (T, n)
     near_singular: Array  #: (T,) bool: the controller's Jacobian was damped
+    gave_up: Array  #: (T,) bool: `learn` has stopped learning (:attr:`OnlineCalibration.stopped`)
 
     @property
     def error(self) -> Array:

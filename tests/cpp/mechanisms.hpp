@@ -60,7 +60,9 @@ class Prior {
     Learner learner;
     learner.drawn = &robot;
     learner.settings = {2, drift_.data()};
-    learner.state = {known_.count, column_.data(), xi_.data(), root_.data(), known_.sigma};
+    kept_.resize(online_kept(known_.count));
+    learner.state = {known_.count, column_.data(), xi_.data(), root_.data(), known_.sigma, 0,
+                     kept_.data()};
     learner.work = filter_.data();
     learner.robot = robot;
     learner.pose = with_mobility(robot.mobility,
@@ -70,7 +72,7 @@ class Prior {
 
  private:
   std::vector<int> column_;
-  std::vector<double> root_, work_, xi_, filter_, drift_;
+  std::vector<double> root_, work_, xi_, filter_, kept_, drift_;
   Knowledge known_;
 };
 

@@ -24,6 +24,7 @@ struct Sample {
   Joint error;   ///< ê_q
   Joint torque;
   Status status;  ///< of the controller: ok or near_singular
+  bool gave_up;   ///< the learner: it has stopped learning, and says so from then on
 };
 
 /// What a loop may have beside a robot and its controller.
@@ -60,12 +61,13 @@ class Loop {
       if (!outcome) return outcome;
       const bool late = extras_.effects.delayed && control_.started;
       const Joint before = control_.torque;
-      if (extras_.learner) learn<K>(*extras_.learner, q_e);  // a line that fits no pose: next time
+      const bool gave_up =  // a line that fits no pose: next time
+          extras_.learner && learn<K>(*extras_.learner, q_e).status == Status::stopped;
       const Robot& believed = extras_.learner ? extras_.learner->robot : nominal_;
       outcome = control<K>(believed, settings_, setpoint, q_e, control_, extras_.weighing);
       if (!outcome) return outcome;
       write(Sample{time, setpoint.x, to_coordinates<K>(plant_.pose()), q_e, control_.error,
-                   control_.torque, outcome.status});
+                   control_.torque, outcome.status, gave_up});
       if (k == periods) break;
       outcome = plant_.advance(late ? before : control_.torque, settings_.period, run.steps);
       if (!outcome) return outcome;

@@ -1,0 +1,256 @@
+// Does one line teach the filter what it holds, and does it refuse what contradicts the rest?
+#include <Eigen/Dense>
+
+#include "mechanisms.hpp"
+#include "truepose/full_linearise.hpp"
+
+using namespace mechanisms;
+
+namespace {
+
+/// A robot that differs from the drawn one within its tolerances, and a filter that does not know.
+/// One sensor more than the mechanisms have in use.
+class Scene {
+ public:
+  Robot robot, truth;
+
+  Scene(const Mechanism& mechanism, unsigned seed, int r = 2, double off = 1.7)
+      : robot(two_sensors(mechanism, r)),
+        truth(robot),
+        prior_(robot),
+        learner_(prior_.learner(robot)),
+        random_(seed) {
+    const Knowledge known = learner_.knowledge();
+    std::vector<double> xi(parameter_count(robot));
+    drawn_parameters(robot, xi.data());
+    for (int k = 0; k < known.count; ++k)
+      xi[known.column[k]] += off * known.root[k * known.count + k] * random_();
+    set_parameters(robot, xi.data(), truth);
+    learner_.settings.drifts = 0;
+    learner_.fresh = 0;
+  }
+  Learner& learner() { return learner_; }
+  OnlineState& state() { return learner_.state; }
+  int count() const { return learner_.state.count; }
+  check::Random& random() { return random_; }
+
+  /// What the true robot reads at a pose, off by at most √3 σ.
+  template <Mobility K, class Model>
+  Extended read(const Joint& x) {
+    Extended q_e{};
+    Matrix<kMaxReadings, kDof<K>> H_x;
+    CHECK(Model::template linearise<K>(truth, to_pose<K>(x), q_e, H_x, nullptr));
+    for (int c = 0; c < kDof<K> + robot.r; ++c)
+      q_e[c] += std::sqrt(3) * learner_.state.sigma[c] * random_();
+    return q_e;
+  }
+  Eigen::VectorXd mean() const {
+    Eigen::VectorXd mean(count());
+    for (int k = 0; k < count(); ++k) mean(k) = learner_.state.xi[learner_.state.column[k]];
+    return mean;
+  }
+  RowMatrix covariance() const {
+    const Eigen::Map<const RowMatrix> S(learner_.state.root, count(), count());
+    return S * S.transpose();
+  }
+
+ private:
+  static Robot two_sensors(const Mechanism& mechanism, int r) {
+    Robot robot = mechanism.robot;
+    robot.r = r;
+    return robot;
+  }
+  Prior prior_;
+  Learner learner_;
+  check::Random random_;
+};
+
+/// Calls f(mechanism, mobility, model) for every mechanism at its levels.
+template <class F>
+void for_each_level(F&& f) {
+  for_each([&](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = decltype(mobility)::value;
+    f(mechanism, mobility, IdealModel{});
+    if constexpr (kPaired<K>)
+      if (mechanism.robot.full.kind == FullKind::exists) f(mechanism, mobility, FullModel{});
+  });
+}
+
+}  // namespace
+
+TEST("the equations of a line, one after another, say what they say together") {
+  check::Random random(3);
+  constexpr int p = 9, r = 4;
+  RowMatrix F(r, p);
+  for (int i = 0; i < r; ++i)
+    for (int j = 0; j < p; ++j) F(i, j) = 3 * random();
+  Innovations line;
+  line.r = r;
+  Eigen::VectorXd y(r);
+  for (int i = 0; i < r; ++i) line.y[i] = y(i) = 10 * random();
+  RowMatrix sequential = F;
+  decorrelate(p, sequential.data(), 0, line);
+  const Eigen::MatrixXd C = F * F.transpose() + Eigen::MatrixXd::Identity(r, r);
+  CHECK_NEAR(line.chi2(), y.dot(C.inverse() * y), 1e-10);
+  double volume = 1;
+  for (int i = 0; i < r; ++i) volume *= line.total[i];
+  CHECK_NEAR(volume, C.determinant(), 1e-9 * volume);
+}
+
+TEST("one line is learnt as Kalman's formula has it, all of its equations together") {
+  for_each_level([](const Mechanism& mechanism, auto mobility, auto model) {
+    constexpr Mobility K = decltype(mobility)::value;
+    using Model = decltype(model);
+    constexpr int n = kDof<K>;
+    Scene scene(mechanism, 11, 2, 0.01);  // so little that nothing is of second order
+    const int rows = n + scene.robot.r, p = scene.count();
+    const Eigen::VectorXd before = scene.mean();
+    const RowMatrix P = scene.covariance();
+    const Extended q_e = scene.read<K, Model>(mechanism.robot.home);
+    // About a ξ of linearisation, so that nothing counts as curvature.
+    std::vector<double> about(parameter_count(scene.robot));
+    drawn_parameters(scene.robot, about.data());
+    scene.learner().settings.linearised = about.data();
+    Learner& learner = scene.learner();
+    CHECK((observe<K, Model>(scene.robot, learner.settings, q_e, scene.state(), learner.robot,
+                             learner.pose, learner.work)));
+
+    // Densely: x unknown with a flat prior. Linearised at x̂ less the last small step.
+    Pose pose = learner.pose;
+    Extended expected, residual;
+    Matrix<kMaxReadings, n> H_x;
+    RowMatrix H_xi(rows, parameter_count(scene.robot));
+    CHECK(Model::template linearise<K>(scene.robot, pose, expected, H_x, H_xi.data()));
+    innovation(scene.robot, q_e, expected, residual);
+    Eigen::MatrixXd A(rows, n), B(rows, p);
+    Eigen::VectorXd e(rows);
+    for (int c = 0; c < rows; ++c) {
+      const double sigma = scene.state().sigma[c];
+      e(c) = residual[c] / sigma;
+      for (int j = 0; j < n; ++j) A(c, j) = H_x[c][j] / sigma;
+      for (int k = 0; k < p; ++k) B(c, k) = H_xi(c, scene.state().column[k]) / sigma;
+    }
+    const Eigen::MatrixXd Q = A.householderQr().householderQ();
+    const Eigen::MatrixXd N = Q.rightCols(rows - n).transpose();
+    const Eigen::MatrixXd h = N * B;
+    const Eigen::MatrixXd C = h * P * h.transpose() + Eigen::MatrixXd::Identity(rows - n, rows - n);
+    const Eigen::MatrixXd gain = P * h.transpose() * C.inverse();
+    const Eigen::VectorXd step = gain * (N * e), learnt = scene.mean() - before;
+    const RowMatrix posterior = P - gain * h * P;
+    const RowMatrix found = scene.covariance();
+    double furthest = 0;
+    for (int k = 0; k < p; ++k)
+      furthest = std::max(furthest, std::fabs(step(k)) / std::sqrt(P(k, k)));
+    for (int k = 0; k < p; ++k) {
+      CHECK_NEAR(learnt(k), step(k), 0.01 * furthest * std::sqrt(P(k, k)));
+      CHECK_NEAR(found(k, k), posterior(k, k), 1e-3 * P(k, k));
+    }
+  });
+}
+
+TEST("a robot that differs within its tolerances passes the gate from its first line on") {
+  for_each_level([](const Mechanism& mechanism, auto mobility, auto model) {
+    constexpr Mobility K = decltype(mobility)::value;
+    Scene scene(mechanism, 12);
+    for (long k = 0; k < check::sample_size(200); ++k)
+      CHECK((learn<K, decltype(model)>(scene.learner(), scene.read<K, decltype(model)>(random_pose(
+                                                            mechanism, scene.random(), 0.5)))
+                 .status == Status::ok));
+  });
+}
+
+TEST("where one reading alone is wrong, the others teach what they teach without it") {
+  for_each_level([](const Mechanism& mechanism, auto mobility, auto model) {
+    constexpr Mobility K = decltype(mobility)::value;
+    using Model = decltype(model);
+    constexpr int n = kDof<K>;
+    const auto taught = [&](bool wrong) {
+      Scene scene(mechanism, 13);
+      for (int k = 0; k < 60; ++k)
+        learn<K, Model>(scene.learner(),
+                        scene.read<K, Model>(random_pose(mechanism, scene.random(), 0.5)));
+      Extended q_e = scene.read<K, Model>(mechanism.robot.home);
+      const std::vector<double> about(scene.state().xi,
+                                      scene.state().xi + parameter_count(scene.robot));
+      scene.learner().settings.linearised = about.data();  // no curvature: it grows with σ
+      if (wrong) q_e[n + 1] += 1e3 * scene.state().sigma[n + 1];
+      if (!wrong) scene.state().sigma[n + 1] *= 1e7;
+      const Outcome outcome = learn<K, Model>(scene.learner(), q_e);
+      CHECK(outcome.status == (wrong ? Status::disagree : Status::ok));
+      if (!wrong) return scene.mean();
+      if (outcome.chain < 0) return Eigen::VectorXd();  // another would explain it as well
+      CHECK(outcome.chain == n + 1);
+      return scene.mean();
+    };
+    const Eigen::VectorXd alone = taught(true), without = taught(false);
+    if (alone.size() > 0) CHECK((alone - without).cwiseAbs().maxCoeff() < 1e-8);
+  });
+}
+
+TEST("a line that nothing explains teaches nothing") {
+  for_each_level([](const Mechanism& mechanism, auto mobility, auto model) {
+    constexpr Mobility K = decltype(mobility)::value;
+    using Model = decltype(model);
+    Scene scene(mechanism, 14, 1);
+    for (int k = 0; k < 60; ++k)
+      learn<K, Model>(scene.learner(),
+                      scene.read<K, Model>(random_pose(mechanism, scene.random(), 0.5)));
+    const Eigen::VectorXd mean = scene.mean();
+    const RowMatrix P = scene.covariance();
+    Extended q_e = scene.read<K, Model>(mechanism.robot.home);
+    q_e[kDof<K>] += 1000 * scene.state().sigma[kDof<K>];
+    const Outcome outcome = learn<K, Model>(scene.learner(), q_e);
+    CHECK(outcome.status == Status::disagree && outcome.chain == -1);
+    CHECK(scene.mean() == mean && scene.covariance() == P);
+    for (int cycle = 0; cycle < 100; ++cycle) learn<K, Model>(scene.learner(), q_e);
+    CHECK(!scene.state().doubt.stopped);  // at rest a bad line is no news
+  });
+}
+
+TEST("readings that keep disagreeing stop it within ten lines, at what was last good") {
+  for_each_level([](const Mechanism& mechanism, auto mobility, auto model) {
+    constexpr Mobility K = decltype(mobility)::value;
+    using Model = decltype(model);
+    Scene scene(mechanism, 15);
+    const auto line = [&] {
+      return scene.read<K, Model>(random_pose(mechanism, scene.random(), 0.5));
+    };
+    std::vector<Eigen::VectorXd> means;
+    for (int k = 0; k < 60; ++k) {
+      learn<K, Model>(scene.learner(), line());
+      means.push_back(scene.mean());
+    }
+    int lines = 0;
+    Status status = Status::ok;
+    for (; lines < 20 && status != Status::stopped; ++lines) {
+      Extended q_e = line();
+      q_e[kDof<K> + 1] += 1000 * scene.state().sigma[kDof<K> + 1];
+      status = learn<K, Model>(scene.learner(), q_e).status;
+    }
+    CHECK(status == Status::stopped && lines <= 10);
+    CHECK(scene.state().doubt.suspect == -1 || scene.state().doubt.suspect == kDof<K> + 1);
+    const Eigen::VectorXd kept = scene.mean();
+    bool earlier = false;
+    for (std::size_t k = means.size() - 10; k < means.size(); ++k) earlier |= means[k] == kept;
+    CHECK(earlier);
+    CHECK((learn<K, Model>(scene.learner(), line()).status == Status::stopped));
+    CHECK(scene.mean() == kept);
+  });
+}
+
+TEST("random walks take their turns, and all that each would have walked meanwhile") {
+  Mechanism mechanism = h4();
+  Scene scene(mechanism, 16, 0);  // no sensor: nothing is learnt, all only drifts
+  const int p = scene.count(), walks = 3, rounds = 20;
+  RowMatrix drift(walks, p);
+  for (int w = 0; w < walks; ++w)
+    for (int k = 0; k < p; ++k) drift(w, k) = 1e-5 * scene.random()();
+  scene.learner().settings.drifts = walks;
+  scene.learner().settings.drift = drift.data();
+  const RowMatrix before = scene.covariance();
+  for (int k = 0; k < walks * rounds; ++k)
+    learn<Mobility::schoenflies>(
+        scene.learner(), scene.read<Mobility::schoenflies, IdealModel>(mechanism.robot.home));
+  const RowMatrix expected = before + walks * rounds * drift.transpose() * drift;
+  CHECK((scene.covariance() - expected).cwiseAbs().maxCoeff() < 1e-12 * expected.maxCoeff());
+}
