@@ -106,8 +106,8 @@ class OnlineCalibration:
         q_e : array_like, shape (..., n + r)
             Extended positions: motors, then the sensors in use.
         errors : {"raise", "nan"}
-            What to do with a line that fits no pose; nothing is learnt from it. A line that the gate
-        leaves out still gives a pose.
+            What to do with a line that fits no pose; nothing is learnt from it. One that the gate
+            leaves out still gives a pose.
 
         Returns
         -------

@@ -100,8 +100,11 @@ TEST("no law and no model blocks, on any mechanism") {
       CHECK(run_control(robot, settings, cycles, state, prior.weighing()) == 0);
     }
     CHECK(run_models(robot, cycles) == 0);
-    Learner learner = prior.learner(robot);
-    CHECK(run_learner<K>(learner, cycles) < 200);  // ξ̂ wanders: these poses belong to no robot
+    for (const double gate : {kGate, 0.0}) {
+      Learner learner = prior.learner(robot);
+      learner.settings.gate = gate;
+      CHECK(run_learner<K>(learner, cycles) < 200);  // ξ̂ wanders: these poses belong to no robot
+    }
   });
 }
 

@@ -120,8 +120,8 @@ TEST("one line is learnt as Kalman's formula has it, all of its equations togeth
     Extended expected, residual;
     Matrix<kMaxReadings, n> H_x;
     RowMatrix H_xi(rows, parameter_count(scene.robot));
-    CHECK(Model::template linearise<K>(scene.robot, pose, expected, H_x, H_xi.data()));
-    innovation(scene.robot, q_e, expected, residual);
+    CHECK(Model::template linearise<K>(learner.robot, pose, expected, H_x, H_xi.data()));
+    innovation(learner.robot, q_e, expected, residual);
     Eigen::MatrixXd A(rows, n), B(rows, p);
     Eigen::VectorXd e(rows);
     for (int c = 0; c < rows; ++c) {

@@ -190,21 +190,24 @@ TEST("learning while it works, a controller allocates nothing, at either level")
     constexpr Mobility K = mobility();
     Robot robot = mechanism.robot;
     robot.r = 2;
-    Prior prior(robot);
-    Learner learner = prior.learner(robot);
-    check::Random random(74);
-    const long before = allocations;
-    for (long k = 0; k < 300; ++k) {
-      Extended q_e;
-      if (!extended<K>(robot, to_pose<K>(random_pose(mechanism, random)), q_e)) continue;
-      static_cast<void>(learn<K>(learner, q_e));
-      if constexpr (kPaired<K>)
-        if (robot.full.kind == FullKind::exists)
-          static_cast<void>(learn<K, FullModel>(learner, q_e));
-      q_e[0] += 3;  // mostly fails
-      static_cast<void>(learn<K>(learner, q_e));
+    for (const double gate : {0.0, kGate}) {
+      Prior prior(robot);
+      Learner learner = prior.learner(robot);
+      learner.settings.gate = gate;
+      check::Random random(74);
+      const long before = allocations;
+      for (long k = 0; k < 300; ++k) {
+        Extended q_e;
+        if (!extended<K>(robot, to_pose<K>(random_pose(mechanism, random)), q_e)) continue;
+        static_cast<void>(learn<K>(learner, q_e));
+        if constexpr (kPaired<K>)
+          if (robot.full.kind == FullKind::exists)
+            static_cast<void>(learn<K, FullModel>(learner, q_e));
+        q_e[0] += 3;  // mostly fails
+        static_cast<void>(learn<K>(learner, q_e));
+      }
+      CHECK(allocations == before);
+      CHECK(gate > 0 ? learner.state.doubt.stopped : learner.lines > 250);
     }
-    CHECK(allocations == before);
-    CHECK(learner.lines > 250);
   });
 }
