@@ -237,7 +237,8 @@ inline Outcome observe(const Robot& drawn, const OnlineSettings& settings, const
       learns = false;
       Extended by{};
       if (explained(n, line.H_x, line.innovations, by)) {
-        for (int c = 0; c < rows; ++c) doubt.blame[c] += std::min(by[c], kLineBlames);
+        for (int c = 0; c < rows; ++c)
+          doubt.blame[c] += std::max(0.0, kLineBlames - (chi2 - by[c]));
         const int wrong = r > 1 ? outstanding(rows, by, beyond(settings.gate, 1)) : -1;
         learns = wrong >= 0 && understand(wrong) &&
                  line.innovations.chi2() <= beyond(settings.gate, r - 1);
