@@ -18,14 +18,14 @@ inline constexpr double kWorse = 4;  ///< variance of readings that disagree, ov
 /// At most, whatever it reads: one gross line must not stop the filter, six in a row must.
 inline constexpr double kLineSays = 3;
 inline constexpr double kStop = 16;  ///< one false stop in e¹⁶ clean lines at most (Lorden's bound)
-/// χ² that a line may keep once the reading to blame is taken to be wrong.
-inline constexpr double kLineBlames = 100;
+inline constexpr double kNamed =
+    2;                            ///< lines: one must be more often guilty than any other by more
 inline constexpr int kEvery = 4;  ///< lines between states that are kept
 
 /// How far the readings of the last lines disagree. Plain data.
 struct Doubt {
   double evidence = 0;   ///< log of the likelihood ratio since it was last even
-  Extended blame{};      ///< how well each reading alone would have explained it, in χ²
+  Extended blame{};      ///< lines since then in which each reading alone was wrong
   bool stopped = false;  ///< nothing is learnt any more
   int suspect = -1;      ///< the reading that explains best why, -1: cannot be told
   long lines = 0;        ///< seen until it stopped

@@ -190,7 +190,7 @@ inline void weigh_line(OnlineState& state, int readings, double log_ratio) {
   if (doubt.evidence <= 0) doubt.blame = {};
   if (!(doubt.evidence > kStop)) return;
   doubt.stopped = true;
-  doubt.suspect = outstanding(readings, doubt.blame, kStop);
+  doubt.suspect = outstanding(readings, doubt.blame, kNamed);
   if (state.kept) copy_state(state, true);
 }
 
@@ -237,14 +237,13 @@ inline Outcome observe(const Robot& drawn, const OnlineSettings& settings, const
       learns = false;
       Extended by{};
       if (explained(n, line.H_x, line.innovations, by)) {
-        for (int c = 0; c < rows; ++c)
-          doubt.blame[c] += std::max(0.0, kLineBlames - (chi2 - by[c]));
         const int wrong = r > 1 ? outstanding(rows, by, beyond(settings.gate, 1)) : -1;
         learns = wrong >= 0 && understand(wrong) &&
                  line.innovations.chi2() <= beyond(settings.gate, r - 1);
         if (learns) {
           found = line.pose;
           outcome.chain = wrong;
+          doubt.blame[wrong] += 1;
         }
       }
       outcome.status = Status::disagree;
