@@ -44,12 +44,14 @@ void bind_robot(nb::module_& m) {
   nb::enum_<BarJoint>(m, "BarJoint")
       .value("pivots", BarJoint::pivots)
       .value("four_bar", BarJoint::four_bar);
+  nb::enum_<Level>(m, "Level").value("ideal", Level::ideal).value("full", Level::full);
   nb::enum_<FullKind>(m, "FullKind")
       .value("undescribed", FullKind::undescribed)
       .value("same", FullKind::same)
       .value("exists", FullKind::exists)
       .value("overconstrained", FullKind::overconstrained)
-      .value("loose", FullKind::loose);
+      .value("loose", FullKind::loose)
+      .value("elastic", FullKind::elastic);
   nb::class_<FullLevel>(m, "FullLevel")
       .def_ro("kind", &FullLevel::kind)
       .def_ro("rods", &FullLevel::rods)
@@ -121,6 +123,7 @@ void bind_robot(nb::module_& m) {
       .def_ro("assembly_sign", &Robot::assembly_sign)
       .def_rw("bar_joint", &Robot::bar_joint)
       .def_ro("full", &Robot::full)
+      .def_rw("level", &Robot::level)
       .def("chain", [](const Robot& robot, int i) { return robot.chain.at(i); })
       .def("set_chain", [](Robot& robot, int i, const Chain& chain) { robot.chain.at(i) = chain; })
       .def_ro("bodies", &Robot::bodies)

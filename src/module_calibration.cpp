@@ -11,7 +11,6 @@
 #include "online.hpp"
 #include "truepose/offline/bound.hpp"
 #include "truepose/offline/calibrate.hpp"
-#include "truepose/offline/guarded.hpp"
 
 namespace truepose::python {
 namespace {
@@ -73,8 +72,9 @@ auto batch_gain(const Robot& robot, const Known& known, const Rows& x, bool full
           Matrix<kMaxReadings, kDof<K>> H_x;
           ReadingCovariance C;
           Fusion<K> fusion;
+          Parasitic rest;
           Outcome outcome = Level::template linearise<K>(robot, to_pose<K>(row<Joint>(x, i)), q_e,
-                                                         H_x, work.data());
+                                                         H_x, work.data(), rest);
           if (outcome)
             outcome = reading_covariance(robot, knowledge, work.data(),
                                          work.data() + e * parameter_count(robot), C);
@@ -105,26 +105,19 @@ auto batch_innovation(const Robot& robot, const Rows& q_e, const Rows& expected)
   return residual.release();
 }
 
-LineModel model_of(const Robot& robot, bool full, bool guarded) {
-  if (guarded)
-    return with_mobility(robot.mobility, [](auto mobility) {
-      if constexpr (kPaired<mobility()>) return line_model<mobility(), GuardedModel>();
-      return line_model<mobility(), IdealModel>();
-    });
+LineModel model_of(const Robot& robot, bool full) {
   return with_level(robot, full, [](auto mobility, auto model) {
     return line_model<mobility(), decltype(model)>();
   });
 }
 
-/// @param guarded  the prior with GuardedModel's nuisances behind it, or nothing
-/// @param doubt    by how much χ² must fall for the guarded model to be believed; below 0: always
-auto run_calibration(const Robot& drawn, const Known& prior, const Known* guarded, int nuisances,
-                     double doubt, const std::vector<double>& mean, const Rows& q_e,
-                     const Rows& measured, const std::vector<double>& measured_sigma, Loss loss,
-                     double tuning, bool full) {
+/// @param nuisances  how many of the prior's last parameters are what the ideal level leaves out
+auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
+                     const std::vector<double>& mean, const Rows& q_e, const Rows& measured,
+                     const std::vector<double>& measured_sigma, Loss loss, double tuning,
+                     bool full) {
   const std::size_t count = q_e.shape(0), n = dof(drawn.mobility);
   CalibrationResult result;
-  bool believed = false;
   {
     nb::gil_scoped_release release;
     ReadingLog log{static_cast<int>(count), q_e.data(), nullptr, {}};
@@ -132,19 +125,10 @@ auto run_calibration(const Robot& drawn, const Known& prior, const Known* guarde
       log.measured = measured.data();
       std::copy(measured_sigma.begin(), measured_sigma.end(), log.measured_sigma.begin());
     }
-    const LineModel model = model_of(drawn, full, false), guard = model_of(drawn, full, true);
+    const LineModel model = model_of(drawn, full);
     const Knowledge known = prior.view();
-    const CalibrationSettings settings{0, loss, tuning};
+    const CalibrationSettings settings{nuisances, loss, tuning};
     result = Calibrator(drawn, model, known, mean, log, settings).run();
-    if (guarded) {
-      const Knowledge all = guarded->view();
-      const CalibrationSettings with_nuisances{nuisances, loss, tuning};
-      Calibrator calibrator(drawn, guard, all, mean, log, with_nuisances);
-      const bool found = bool(result.outcome);
-      // A plain model that finds nothing has no say.
-      believed = doubt < 0 || !found || !(calibrator.promise(result) < doubt);
-      if (believed) result = calibrator.run(found ? &result : nullptr);
-    }
   }
   Owned<double> x({count, n}), chi2({count}), weight({count}), xi({result.xi.size()});
   Owned<int> status({count}), redundancy({count});
@@ -164,13 +148,12 @@ auto run_calibration(const Robot& drawn, const Known& prior, const Known* guarde
   }
   return nb::make_tuple(static_cast<int>(result.outcome.status), result.iterations, xi.release(),
                         RowMatrix(result.covariance), x.release(), chi2.release(),
-                        redundancy.release(), weight.release(), status.release(), result.cost,
-                        believed);
+                        redundancy.release(), weight.release(), status.release(), result.cost);
 }
 
 /// Root of the posterior covariance after visiting poses, (p, p) lower triangular.
 auto run_after_visiting(const Robot& robot, const Known& prior, const Rows& x, bool full,
-                        bool guarded) {
+                        int nuisances) {
   RowMatrix root;
   Outcome outcome;
   {
@@ -179,7 +162,7 @@ auto run_after_visiting(const Robot& robot, const Known& prior, const Rows& x, b
     for (std::size_t i = 0; i < x.shape(0); ++i)
       poses.push_back(with_mobility(
           robot.mobility, [&](auto mobility) { return to_pose<mobility()>(row<Joint>(x, i)); }));
-    outcome = after_visiting(robot, model_of(robot, full, guarded), prior.view(), poses, root);
+    outcome = after_visiting(robot, model_of(robot, full), prior.view(), nuisances, poses, root);
   }
   return nb::make_tuple(root, static_cast<int>(outcome.status), outcome.chain);
 }
@@ -275,9 +258,7 @@ void bind_calibration(nb::module_& m) {
   m.def("estimate", &batch_estimate);
   m.def("gain", &batch_gain);
   m.def("innovation", &batch_innovation);
-  m.def("calibrate", &run_calibration, "drawn"_a, "prior"_a, "guarded"_a.none(), "nuisances"_a,
-        "doubt"_a, "mean"_a, "q_e"_a, "measured"_a, "measured_sigma"_a, "loss"_a, "tuning"_a,
-        "full"_a);
+  m.def("calibrate", &run_calibration);
   m.def("after_visiting", &run_after_visiting);
   m.def("accuracy", &batch_accuracy);
 }

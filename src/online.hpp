@@ -37,6 +37,7 @@ class Online {
                      due_};
     learner.work = work_.data();
     learner.robot = nominal;
+    learner.robot.level = drawn_.level;
     learner.pose = with_mobility(nominal.mobility,
                                  [&](auto mobility) { return to_pose<mobility()>(nominal.home); });
     return learner;

@@ -5,6 +5,7 @@
 #pragma once
 
 #include "truepose/fkm.hpp"
+#include "truepose/full.hpp"
 #include "truepose/knowledge.hpp"
 #include "truepose/linearise.hpp"
 #include "truepose/tej.hpp"
@@ -13,15 +14,16 @@ namespace truepose {
 
 inline constexpr int kEstimateIterations = 20;
 
-/// The model that an estimate rests on: one rod per chain (full_linearise.hpp has the other).
+/// The model that an estimate rests on: one rod per chain (full_linearise.hpp has the other, to
+/// which `rest` is the start of a solution and its end).
 struct IdealModel {
   template <Mobility K>
   static Outcome linearise(const Robot& robot, const Pose& pose, Extended& q_e,
-                           Matrix<kMaxReadings, kDof<K>>& H_x, double* H_xi) {
+                           Matrix<kMaxReadings, kDof<K>>& H_x, double* H_xi, Parasitic&) {
     return truepose::linearise<K>(robot, pose, q_e, H_x, H_xi);
   }
   template <Mobility K>
-  static Status fkm(const Robot& robot, const Joint& q, Pose& pose) {
+  static Status fkm(const Robot& robot, const Joint& q, Pose& pose, Parasitic&) {
     return truepose::fkm<K>(robot, q, pose).status;
   }
 };
@@ -158,10 +160,11 @@ struct Estimate {
 /// @param known  about the robot's own parameter values
 /// @param pose   in: the guess; out: x̂
 /// @param work   estimate_work(robot, known.count) doubles
+/// @param rest   as of ikm_full, for the full level; nullptr: nothing is known beforehand
 /// @return unreachable or singular where no pose is found; the pose is then the guess
 template <Mobility K, class Level = IdealModel>
 Estimate<K> estimate(const Robot& robot, const Knowledge& known, const Extended& q_e, Pose& pose,
-                     double* work) {
+                     double* work, Parasitic* rest = nullptr) {
   constexpr int n = kDof<K>;
   const int rows = n + robot.r;
   Estimate<K> result;
@@ -169,14 +172,16 @@ Estimate<K> estimate(const Robot& robot, const Knowledge& known, const Extended&
   Joint q{};
   for (int i = 0; i < n; ++i) q[i] = q_e[i];
   Pose at = pose;
-  if (Level::template fkm<K>(robot, q, at) != Status::ok) at = pose;
+  Parasitic own;
+  if (!rest) rest = &own;
+  if (Level::template fkm<K>(robot, q, at, *rest) != Status::ok) at = pose;
 
   double *H_xi = work, *B = work + rows * parameter_count(robot);
   Extended expected;
   Matrix<kMaxReadings, n> H_x;
   ReadingCovariance C;
   Fusion<K> fusion;
-  result.outcome = Level::template linearise<K>(robot, at, expected, H_x, H_xi);
+  result.outcome = Level::template linearise<K>(robot, at, expected, H_x, H_xi, *rest);
   if (result.outcome) result.outcome = reading_covariance(robot, known, H_xi, B, C);
   while (result.outcome) {
     result.outcome = fuse<K>(robot, known, C, H_x, fusion);
@@ -202,7 +207,7 @@ Estimate<K> estimate(const Robot& robot, const Knowledge& known, const Extended&
       break;
     }
     at = moved<K>(at, step);
-    result.outcome = Level::template linearise<K>(robot, at, expected, H_x, nullptr);
+    result.outcome = Level::template linearise<K>(robot, at, expected, H_x, nullptr, *rest);
   }
   return result;
 }

@@ -4,6 +4,7 @@
 // one more line about ξ, and the controller believes in the robot at ξ̂ from then on.
 #pragma once
 
+#include "truepose/full_linearise.hpp"
 #include "truepose/online.hpp"
 
 namespace truepose {
@@ -29,7 +30,7 @@ struct Learner {
 
 /// One cycle. Bounded work, no allocation, no exception.
 /// @return what the filter made of the readings; ok also where they are no news
-template <Mobility K, class Model = IdealModel>
+template <Mobility K, class Model>
 inline Outcome learn(Learner& learner, const Extended& q_e) {
   const int rows = kDof<K> + learner.drawn->r;
   bool news = learner.lines == 0;
@@ -46,6 +47,14 @@ inline Outcome learn(Learner& learner, const Extended& q_e) {
     ++learner.left_out;
   }
   return outcome;
+}
+
+/// The same at the level at which the robot is understood.
+template <Mobility K>
+inline Outcome learn(Learner& learner, const Extended& q_e) {
+  if constexpr (kPaired<K>)
+    if (learner.drawn->rod_by_rod()) return learn<K, FullModel>(learner, q_e);
+  return learn<K, IdealModel>(learner, q_e);
 }
 
 }  // namespace truepose

@@ -103,10 +103,11 @@ inline Outcome observe(const Robot& drawn, const OnlineSettings& settings, const
   Joint q{};
   for (int i = 0; i < n; ++i) q[i] = q_e[i];
   Pose at;
+  Parasitic rest;
   Status status = Status::ok;
   for (const Pose& from : {pose, to_pose<K>(robot.home)}) {
     at = from;
-    status = Model::template fkm<K>(robot, q, at);
+    status = Model::template fkm<K>(robot, q, at, rest);
     if (status == Status::ok) break;
   }
   if (status != Status::ok) return {status, -1};
@@ -117,7 +118,7 @@ inline Outcome observe(const Robot& drawn, const OnlineSettings& settings, const
     Extended expected, residual;
     Matrix<kMaxReadings, n> H_x;
     const Outcome outcome =
-        Model::template linearise<K>(robot, at, expected, H_x, last ? H_xi : nullptr);
+        Model::template linearise<K>(robot, at, expected, H_x, last ? H_xi : nullptr, rest);
     if (!outcome) return outcome;
     innovation(robot, q_e, expected, residual);
     for (int c = 0; c < rows; ++c) {

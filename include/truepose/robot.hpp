@@ -163,6 +163,9 @@ enum class BarJoint : int {
   four_bar = 1,  ///< bars and couplers are a planar four-bar: the bars turn together (Par4)
 };
 
+/// At which level of the model a robot is understood: one rod a chain, or every rod by itself.
+enum class Level : int { ideal = 0, full = 1 };
+
 /// Whether every rod can be solved for by itself (full.hpp).
 enum class FullKind : int {
   undescribed = 0,  ///< the robot does not say where its rods are (or finish_full was not called)
@@ -170,6 +173,7 @@ enum class FullKind : int {
   exists = 2,       ///< as many rods as freedoms, independent at home
   overconstrained = 3,  ///< `excess` rods too many: they fit by luck or under stress
   loose = 4,            ///< `excess` freedoms that no rod holds
+  elastic = 5,  ///< one rod too many: all stretch, equally stiff, by as little as closes the loops
 };
 
 struct FullLevel {
@@ -177,7 +181,10 @@ struct FullLevel {
   int rods = 0, bars = 0;
   int unknowns = 0;  ///< freedoms of the nacelle and its bars, the rods taken away
   int excess = 0;
-  int sign = 0;  ///< of the determinant at home: the assembly mode
+  int sign = 0;  ///< of the determinant at home: the assembly mode (0: not asked for)
+
+  /// Whether the rods are solved for by themselves, apart from the ideal level.
+  constexpr bool own() const { return kind == FullKind::exists || kind == FullKind::elastic; }
 };
 
 /// A robot and its sensors. Copyable; constant once built; shared freely between threads.
@@ -194,6 +201,10 @@ struct Robot {
   BarJoint bar_joint = BarJoint::pivots;
   bool limited = false;  ///< whether any motor has stops; filled by finish
   FullLevel full;        ///< filled by finish_full
+  Level level = Level::ideal;  ///< at which laws and learners understand it
+
+  /// Whether they solve for every rod by itself.
+  constexpr bool rod_by_rod() const { return level == Level::full && full.own(); }
 };
 
 constexpr int dof(Mobility mobility) {

@@ -17,8 +17,8 @@ def accuracy(
     poses: ArrayLike,
     calibrated_on: ArrayLike | None = None,
     touch_off: ArrayLike | None = None,
-    level: Level = "ideal",
-    model_error: bool = False,
+    level: Level | None = None,
+    model_error: bool = True,
     errors: Errors = "raise",
 ) -> Array:
     """Covariance of the best estimate of x that the robot's sensors allow.
@@ -36,10 +36,10 @@ def accuracy(
         Poses at which the robot has calibrated itself before, by its own readings alone.
     touch_off : array_like, shape (n,), optional
         A known pose, at which the error is taken to zero: what remains is the difference.
-    level : {"ideal", "full"}
-        One rod per chain, or every rod by itself.
+    level : {"ideal", "full"}, optional
+        One rod per chain, or every rod by itself; by default :attr:`Robot.finest_level`.
     model_error : bool
-        Whether to count what the ideal level leaves out of a real robot.
+        Whether to count, at the ideal level, what it leaves out of a real robot.
     errors : {"raise", "nan"}
         What to do with a pose that cannot be reached, or at which the readings do not determine x;
         `calibrated_on` and `touch_off` are never such poses.
@@ -67,10 +67,11 @@ def accuracy(
     """
     knowledge.require_uncertain(robot)
     model = robot.expected()
+    level = robot.finest_level if level is None else level
     full = model._is_full(level)
-    guard = model_error and not full
     rows, lead = model._rows(poses, model.n, "poses", errors)
-    known, nowhere = knowledge.knowledge(robot, level=level), np.zeros((0, model.n))
+    known = knowledge.knowledge(robot, level=level, error=model_error)
+    nowhere = np.zeros((0, model.n))
 
     def bound(at: Array, touched: Array, lead: tuple[int, ...], errors: Errors, name: str) -> Array:
         P, status, chain = _core.accuracy(model._core, known.core, at, touched, full)
@@ -85,16 +86,13 @@ def accuracy(
         bound(touched, nowhere, (), "raise", "touch_off")
     if calibrated_on is not None:
         visited, shape = model._rows(calibrated_on, model.n, "calibrated_on", "raise")
-        prior = knowledge.knowledge(robot, guarded=True, level=level) if guard else known
+        guarded = model_error and not full
+        prior = knowledge.knowledge(robot, guarded=guarded, level=level, error=False)
         root, status, _ = _core.after_visiting(
-            model._core, prior.core, visited, full, prior.nuisances > 0
+            model._core, prior.core, visited, full, prior.nuisances
         )
         if status:  # find the pose that it is about
             bound(visited, nowhere, shape, "raise", "calibrated_on")
         root = root[: prior.parameters, : prior.parameters]
-    if guard:
-        error = knowledge.model_error(robot)
-        known = knowledge.knowledge(robot, root, level=level, error=error)
-    elif root is not None:
-        known = knowledge.knowledge(robot, root, level=level)
+        known = knowledge.knowledge(robot, root, level=level, error=model_error)
     return bound(rows, touched, lead, errors, "poses")

@@ -17,12 +17,8 @@ from truepose.kinematics import Level
 from truepose.robot import Robot
 from truepose.schema import Calibration
 
-ModelError = Literal["auto", "on", "off"]
-MODEL_ERRORS: tuple[ModelError, ...] = ("auto", "on", "off")
-
-#: By how much χ² must fall when what the ideal level leaves out is allowed for, to be believed. It
-#: falls by 3 ± 2 for a robot whose axes are exact, by tens for one whose axes are 0.1° off.
-BETRAYED = 8.0
+ModelError = Literal["on", "off"]
+MODEL_ERRORS: tuple[ModelError, ...] = ("on", "off")
 Loss = Literal["squares", "huber", "student"]
 
 #: Default tuning of each loss: Huber's bend and Student's degrees of freedom.
@@ -114,10 +110,10 @@ def calibrate(
     *,
     measured: ArrayLike | None = None,
     measured_sigma: ArrayLike | float = 1e-5,
-    level: Level = "ideal",
+    level: Level | None = None,
     loss: Loss = "squares",
     tuning: float | None = None,
-    model_error: ModelError = "auto",
+    model_error: ModelError = "on",
 ) -> Fit:
     """Learn a robot's geometry from its own readings: maximum a posteriori, the poses unknown.
 
@@ -137,16 +133,17 @@ def calibrate(
         Coordinates that something outside measured at these poses, NaN where it did not.
     measured_sigma : array_like, shape (n,), or float
         σ of those, m or rad.
-    level : {"ideal", "full"}
-        One rod per chain, or every rod by itself.
+    level : {"ideal", "full"}, optional
+        One rod per chain, or every rod by itself; by default :attr:`Robot.finest_level`, which is
+        full where the robot has it. The calibrated robot keeps it (:attr:`Robot.level`).
     loss : {"squares", "huber", "student"}
         What gross errors cost: their square, their size, or next to nothing.
     tuning : float, optional
         Huber's bend (1 by default) or Student's degrees of freedom (4).
-    model_error : {"auto", "on", "off"}
+    model_error : {"on", "off"}
         Whether to allow, at the ideal level, for what it leaves out: axis errors that tilt the
-        nacelle and turn its bars, by the file's tolerances. "auto": unless the readings show no
-        sign of it. Where it is allowed for, the calibrated robot's estimates count with it too.
+        nacelle and turn its bars, by the file's tolerances. Where it is allowed for, the calibrated
+        robot's estimates count with it too. "off" is for robots that are ideal, on paper.
 
     Returns
     -------
@@ -200,23 +197,23 @@ def calibrate(
 
     if model_error not in MODEL_ERRORS:
         raise InputError(choose("model_error", model_error, MODEL_ERRORS))
-    can_guard = level == "ideal" and model_error != "off" and bool(knowledge.left_out(robot))
-    guard = knowledge.knowledge(robot, guarded=True) if can_guard else None
+    level = robot.finest_level if level is None else level
+    full = robot._is_full(level)
+    guarded = not full and model_error == "on" and bool(knowledge.left_out(robot))
+    known = knowledge.knowledge(robot, guarded=guarded, level=level, error=False)
     found = _core.calibrate(
         robot._drawn,
-        knowledge.knowledge(robot).core,
-        guard.core if guard else None,
-        guard.nuisances if guard else 0,
-        BETRAYED if model_error == "auto" else -1.0,
+        known.core,
+        known.nuisances,
         mean,
         rows,
         outside,
         outside_sigma,
         getattr(_core.Loss, loss),
         tuning,
-        robot._is_full(level),
+        full,
     )
-    status, iterations, xi, covariance, x, chi2, redundancy, weights, lines, cost, guarded = found
+    status, iterations, xi, covariance, x, chi2, redundancy, weights, lines, cost = found
     if status:
         hint = "; gross errors? loss='student' bears them" if loss == "squares" else ""
         raise PoseError(
@@ -233,14 +230,14 @@ def calibrate(
             f"{robot.name}: {len(rows)} lines of readings: nothing to learn from: none has a "
             "reading beyond those that its pose takes"
         )
-    error = knowledge.model_error(robot)
+    error = knowledge.model_error(robot) if guarded else ()
     learnt = calibration_of(
         {name: float(xi[column[name]]) for name in names},
         _cholesky(covariance),
         f"{int((lines == 0).sum())} poses, {', '.join(robot.sensors) or 'no sensor'}",
-        dict(zip(robot.readings, error.tolist(), strict=True)) if guarded else {},
+        dict(zip(robot.readings, map(float, error), strict=True)) if guarded else {},
     )
-    calibrated = robot.with_calibration(learnt)
+    calibrated = robot.with_calibration(learnt).with_level(level)
     expected = calibrated.extended(x, errors="nan", level=level)
     return Fit(
         robot=calibrated,

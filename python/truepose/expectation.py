@@ -30,7 +30,7 @@ def expect(
     readings: Array,
     measured: Array | None = None,
     measured_sigma: Array | float = 1e-5,
-    level: Level = "ideal",
+    level: Level | None = None,
 ) -> Expectation:
     """Predict every sensor from the motors, at the geometry that this robot has.
 
@@ -54,6 +54,7 @@ def expect(
     True [[0.06]]
     """
     n, r = robot.n, robot.r
+    level = robot.finest_level if level is None else level
     x = poses_of(robot, readings[:, :n], level)
     expected = robot.extended(x, errors="nan", level=level)
     residual = _core.innovation(robot._core, readings, np.ascontiguousarray(expected))[:, n:]
@@ -63,9 +64,8 @@ def expect(
     known = list(robot.parameters)
     by_geometry = H_xi[:, :, [known.index(name) for name in names]] @ knowledge.root(robot, names)
     noise = knowledge.reading_sigma(robot)
-    if level == "ideal" and (learnt := robot.spec.calibration) is not None:
-        left_out = [learnt.model_error.get(name, 0.0) for name in robot.readings]
-        noise = np.hypot(noise, left_out)
+    if level == "ideal":
+        noise = np.hypot(noise, knowledge.stated_error(robot))
     J = np.full((len(x), n, n), np.nan)
     good = np.isfinite(H_x).all(axis=(1, 2))
     J[good] = np.linalg.inv(H_x[good, :n])
@@ -82,7 +82,7 @@ def expect(
     return Expectation(x, expected, residual, np.sqrt(variance))
 
 
-def poses_of(robot: Robot, q: Array, level: Level = "ideal") -> Array:
+def poses_of(robot: Robot, q: Array, level: Level | None = None) -> Array:
     """FKM of a log, (N, n): from home, and where that fails from the last pose found; NaN."""
     x = robot.fkm(q, errors="nan", level=level)
     lost = ~np.isfinite(x).all(axis=1) & np.isfinite(q).all(axis=1)

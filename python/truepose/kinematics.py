@@ -37,8 +37,9 @@ class Kinematics:
     _spec: RobotFile
     _sensors: tuple[Sensor, ...]
     _values: dict[str, float]
+    level: Level
 
-    def ikm(self, x: ArrayLike, errors: Errors = "raise", level: Level = "ideal") -> Array:
+    def ikm(self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None) -> Array:
         """Inverse kinematic model: motor positions q that hold the pose x.
 
         Parameters
@@ -47,8 +48,8 @@ class Kinematics:
             Poses, m and rad.
         errors : {"raise", "nan"}
             What to do with a pose that cannot be reached.
-        level : {"ideal", "full"}
-            One rod per chain, or every rod by itself (see :attr:`full`).
+        level : {"ideal", "full"}, optional
+            One rod per chain, or every rod by itself (see :attr:`full`); by default :attr:`level`.
 
         Returns
         -------
@@ -71,13 +72,15 @@ class Kinematics:
         """
         return self._motors(self._core, x, errors, level)
 
-    def _motors(self, core: _core.Robot, x: ArrayLike, errors: Errors, level: Level) -> Array:
+    def _motors(
+        self, core: _core.Robot, x: ArrayLike, errors: Errors, level: Level | None
+    ) -> Array:
         rows, lead = self._rows(x, self.n, "x", errors)
         q, status, chain = _core.ikm(core, rows, self._is_full(level))
         self._check("pose", rows, lead, status, chain, errors, level=level)
         return q.reshape(*lead, self.n)
 
-    def rkm(self, x: ArrayLike, errors: Errors = "raise", level: Level = "ideal") -> Array:
+    def rkm(self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None) -> Array:
         """Redundant kinematic model: what the sensors in use read at the pose x.
 
         At the full level a sensor at a bar's pivot reads the bar's own turn too, one of a rod its
@@ -92,7 +95,7 @@ class Kinematics:
         self._check("pose", rows, lead, status, chain, errors)
         return r.reshape(*lead, self.r)
 
-    def extended(self, x: ArrayLike, errors: Errors = "raise", level: Level = "ideal") -> Array:
+    def extended(self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None) -> Array:
         """Extended positions q_e = [q; r] at the pose x, shape (..., n + r).
 
         Where the robot stands, be it beyond its joint limits: it may have been pushed there.
@@ -101,7 +104,7 @@ class Kinematics:
         return np.concatenate([q, self.rkm(x, errors, level)], axis=-1)
 
     def read(
-        self, x: ArrayLike, seed: int = 0, errors: Errors = "raise", level: Level = "ideal"
+        self, x: ArrayLike, seed: int = 0, errors: Errors = "raise", level: Level | None = None
     ) -> Array:
         """Readings as this robot's encoders and sensors give them: with noise, in counts.
 
@@ -157,7 +160,7 @@ class Kinematics:
         q: ArrayLike,
         guess: ArrayLike | None = None,
         errors: Errors = "raise",
-        level: Level = "ideal",
+        level: Level | None = None,
     ) -> Array:
         """Forward kinematic model: the pose, from the motor encoders alone.
 
@@ -171,8 +174,8 @@ class Kinematics:
             Where to start; the file's home pose by default.
         errors : {"raise", "nan"}
             What to do where no pose is found.
-        level : {"ideal", "full"}
-            One rod per chain, or every rod by itself (see :attr:`full`).
+        level : {"ideal", "full"}, optional
+            One rod per chain, or every rod by itself (see :attr:`full`); by default :attr:`level`.
 
         Returns
         -------
@@ -199,7 +202,7 @@ class Kinematics:
         self._check("motor position", rows, lead, status, chain, errors, name="q")
         return x.reshape(*lead, self.n)
 
-    def jacobian(self, x: ArrayLike, errors: Errors = "raise", level: Level = "ideal") -> Array:
+    def jacobian(self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None) -> Array:
         """Jacobian J, dx = J dq (spatial: dx a twist in the base frame), shape (..., n, n)."""
         rows, lead = self._rows(x, self.n, "x", errors)
         J, status, chain = _core.jacobian(self._core, rows, self._is_full(level))
@@ -243,8 +246,10 @@ class Kinematics:
             raise InputError(f"guess: wrong shape, must be {shapes}") from None
         return self._rows(start, self.n, "guess", errors)[0]
 
-    def _is_full(self, level: Level) -> bool:
-        """Whether `level` asks for every rod by itself; it must exist."""
+    def _is_full(self, level: Level | None) -> bool:
+        """Whether `level` asks for every rod by itself; it must exist. None: the robot's own."""
+        if level is None:
+            return self.level == "full"
         if level not in ("ideal", "full"):
             raise InputError(choose("level", level, ("ideal", "full")))
         if level == "full" and not self.full:
@@ -267,7 +272,7 @@ class Kinematics:
         return np.ascontiguousarray(array.reshape(-1, width)), array.shape[:-1]
 
     def _check(
-        self, what, rows, lead, status, chain, errors, name="x", level: Level = "ideal"
+        self, what, rows, lead, status, chain, errors, name="x", level: Level | None = None
     ) -> None:
         if errors == "nan" or not (status > 0).any():  # below 0: an answer, with a warning
             return

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from truepose import _core, knowledge
 from truepose.build import Array, columns
-from truepose.calibration import Learnt, calibration_of, mean_of
+from truepose.calibration import MODEL_ERRORS, Learnt, ModelError, calibration_of, mean_of
 from truepose.exceptions import InputError, choose
 from truepose.kinematics import Errors, Level
 from truepose.robot import Robot
@@ -34,8 +34,10 @@ class OnlineCalibration:
         filter ever surer.
     gate : float
         Equations off by more than so many of their own σ are left out; 0 keeps all.
-    level : {"ideal", "full"}
-        One rod per chain, or every rod by itself.
+    level : {"ideal", "full"}, optional
+        One rod per chain, or every rod by itself; by default :attr:`Robot.finest_level`.
+    model_error : {"on", "off"}
+        Whether readings count, at the ideal level, with what it leaves out of a real robot.
 
     Examples
     --------
@@ -55,10 +57,15 @@ class OnlineCalibration:
         robot: Robot,
         drift: Mapping[str, float] | Sequence[Mapping[str, float]] | None = None,
         gate: float = 0.0,
-        level: Level = "ideal",
+        level: Level | None = None,
+        model_error: ModelError = "on",
     ):
-        self._robot = robot
-        self._level = level
+        self._level = robot.finest_level if level is None else level
+        self._robot = robot.with_level(self._level)
+        self._prior = robot
+        if model_error not in MODEL_ERRORS:
+            raise InputError(choose("model_error", model_error, MODEL_ERRORS))
+        self._error = model_error == "on"
         self._names = knowledge.require_uncertain(robot)
         if not (np.isfinite(gate) and gate >= 0):
             raise InputError(f"gate = {gate}: must be a number of σ of at least 0")
@@ -86,7 +93,7 @@ class OnlineCalibration:
         return walks[walks.any(axis=1)]
 
     def _start(self, xi: Array) -> None:
-        known = knowledge.knowledge(self._robot, level=self._level)
+        known = knowledge.knowledge(self._robot, level=self._level, error=self._error)
         self._filter = _core.Online(
             self._robot._drawn,
             known.core,
@@ -131,7 +138,7 @@ class OnlineCalibration:
     @property
     def prior(self) -> Robot:
         """The robot that it started from."""
-        return self._robot
+        return self._prior
 
     @property
     def level(self) -> Level:

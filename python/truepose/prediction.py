@@ -125,7 +125,7 @@ def predict(
     *,
     calibrated: bool = False,
     touch_off: ArrayLike | None = None,
-    level: Level = "ideal",
+    level: Level | None = None,
 ) -> Prediction:
     """Bound of several sensor sets over the same poses.
 
@@ -140,7 +140,8 @@ def predict(
         Also what remains after self-calibration over these poses.
     touch_off : array_like, shape (n,), optional
         Also what remains where the error at this pose is taken to zero.
-    level : {"ideal", "full"}
+    level : {"ideal", "full"}, optional
+        By default :attr:`Robot.finest_level`.
 
     Raises
     ------
@@ -213,7 +214,7 @@ def draw_map(
     robot: Robot,
     poses: ArrayLike | None = None,
     touch_off: ArrayLike | None = None,
-    level: Level = "ideal",
+    level: Level | None = None,
     points: int = 101,
 ) -> Figure:
     """Draw the position's σ over the first two coordinates of the workspace, through home.

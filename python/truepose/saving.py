@@ -27,9 +27,12 @@ def to_toml(spec: RobotFile, values: dict[str, float]) -> str:
     """
     document = tomlkit.parse(spec._text) if spec._text else _written_out(spec)
     before = robot_file.parse(document.as_string(), spec.name)
-    for key in ("sensors", "gravity", "quantised"):
+    for key in ("sensors", "gravity", "level", "quantised"):
         if getattr(spec, key) != getattr(before, key):
             value = getattr(spec, key)
+            if value is None:
+                document.pop(key)
+                continue
             document[key] = list(value) if isinstance(value, tuple) else value
     if spec.calibration != before.calibration:
         document.pop("calibration", None)

@@ -167,8 +167,8 @@ def settle(
     rows, lead = robot._rows(x_d, robot.n, "x_d", errors)
     _same_readings(robot, truth)
     settings = controller.settings(robot, robot.home if start is None else start)
-    known = knowledge.for_law(robot, controller.law)
-    x, status, chain = _core.settle(robot._core, truth._core, settings, known, gravity, rows)
+    believed, known = knowledge.for_law(robot, controller.law)
+    x, status, chain = _core.settle(believed._core, truth._core, settings, known, gravity, rows)
     robot._check("pose", rows, lead, status, chain, errors, name="x_d")
     return x.reshape(*lead, robot.n)
 
@@ -250,11 +250,13 @@ def simulate(
     settings = controller.settings(robot, origin[: robot.n])
     loaded = controller.integral == 0
     rows = np.array(origin)[None, : robot.n]
-    known = knowledge.for_law(robot, controller.law)
-    at_rest, status, chain = _core.settle(robot._core, truth._core, settings, known, loaded, rows)
+    believed, known = knowledge.for_law(robot, controller.law)
+    at_rest, status, chain = _core.settle(
+        believed._core, truth._core, settings, known, loaded, rows
+    )
     robot._check("pose", rows, (), status, chain, "raise", name="start")
     status, chain, *log = _core.simulate(
-        robot._core,
+        believed._core,
         truth._core,
         settings,
         known,
@@ -326,14 +328,14 @@ def visit(
         _learns(learn, robot)
     truth, plant = _with_effects(truth, effects, time, seed)
     settings = controller.settings(robot, robot.home)
-    known = knowledge.for_law(robot, controller.law)
+    believed, known = knowledge.for_law(robot, controller.law)
     home = np.array(robot.home)[None]
     at_rest, status, chain = _core.settle(
-        robot._core, truth._core, settings, known, controller.integral == 0, home
+        believed._core, truth._core, settings, known, controller.integral == 0, home
     )
     robot._check("pose", home, (), status, chain, "raise", name="home")
     x, q_e, swing, status = _core.visit(
-        robot._core,
+        believed._core,
         truth._core,
         settings,
         known,
@@ -377,8 +379,6 @@ def _with_effects(
 def _learns(online: OnlineCalibration, robot: Robot) -> None:
     if online.prior is not robot:
         raise InputError("learn: must be an OnlineCalibration of the robot that is controlled")
-    if online.level != "ideal":
-        raise InputError("learn: level = 'full': a controller learns at the ideal level")
 
 
 def _positive(name: str, value: float) -> None:

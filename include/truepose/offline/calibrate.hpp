@@ -25,7 +25,7 @@ enum class Loss : int {
 inline constexpr double kGross = 30;
 
 struct CalibrationSettings {
-  int nuisances = 0;  ///< how many of the prior's last parameters are GuardedModel's, independent
+  int nuisances = 0;  ///< how many of the prior's last parameters are left_out's, independent
   Loss loss = Loss::squares;
   double tuning = 0;
   int iterations = 100;
@@ -72,14 +72,14 @@ class Calibrator {
         n_(model.n),
         readings_(model.n + drawn.r),
         S_(Eigen::Map<const RowMatrix>(prior.root, p_, p_)),
-        H_xi_(2 * readings_ * parameter_count(drawn)) {}
+        H_xi_(2 * readings_ * parameter_count(drawn)),
+        rest_(log.count) {}
 
-  /// @param from  what a model with fewer parameters at the end found, to start there; or nullptr
-  CalibrationResult run(const CalibrationResult* from = nullptr) {
+  CalibrationResult run() {
     CalibrationResult result;
-    Iterate now =
-        from ? beside(*from) : Iterate{Eigen::VectorXd::Zero(p_), std::vector<Pose>(log_.count)};
-    result.status = from ? from->status : start(now);
+    Iterate now{Eigen::VectorXd::Zero(p_), std::vector<Pose>(log_.count)};
+    result.status = start(now);
+    freeze(now, result.status);
     for (int bad; (bad = evaluate(now, result.status)) >= 0;) result.status[bad] = Status::singular;
     if (std::count(result.status.begin(), result.status.end(), Status::ok) == 0) {
       result.outcome = {Status::unreachable, -1};
@@ -95,21 +95,14 @@ class Calibrator {
         descend(now, result);
       } while (scale_ > 1 && result.outcome);
     }
+    if (settings_.nuisances > 0 && result.outcome) {  // once more with D where the poses now are
+      freeze(now, result.status);
+      for (int bad; (bad = evaluate(now, result.status)) >= 0;)
+        result.status[bad] = Status::singular;
+      descend(now, result);
+    }
     finish(now, result);
     return result;
-  }
-
-  /// By how much this model would lower the cost that another one came to, to first order.
-  double promise(const CalibrationResult& from) {
-    Iterate now = beside(from);
-    std::vector<Status> status = from.status;
-    for (int bad; (bad = evaluate(now, status)) >= 0;) status[bad] = Status::singular;
-    loss_ = settings_.loss;
-    scale_ = 1;
-    Eigen::MatrixXd information;
-    Eigen::VectorXd right;
-    accumulate(now, information, right);
-    return right.dot(information.selfadjointView<Eigen::Lower>().llt().solve(right));
   }
 
  private:
@@ -120,10 +113,19 @@ class Calibrator {
     std::vector<Line> line{};
   };
 
-  Iterate beside(const CalibrationResult& from) const {
-    Iterate at{Eigen::VectorXd::Zero(p_), from.pose};
-    at.u.head(from.u.size()) = from.u;
-    return at;
+  /// D of every line, where its pose is now. It is held while the search goes on: its change with
+  /// pose and ξ, times η, is of the second order of what the ideal level leaves out.
+  void freeze(const Iterate& at, std::vector<Status>& status) {
+    const int m = settings_.nuisances;
+    if (m == 0) return;
+    Knowledge axes = prior_;
+    axes.count = m;
+    axes.column += p_ - m;
+    set_parameters(drawn_, xi_of(at.u).data(), robot_);
+    D_.resize(log_.count);
+    for (int k = 0; k < log_.count; ++k)
+      if (status[k] == Status::ok)
+        status[k] = model_.left_out(robot_, axes, at.pose[k], H_xi_.data(), D_[k]).status;
   }
 
   std::vector<double> xi_of(const Eigen::VectorXd& u) const {
@@ -145,7 +147,8 @@ class Calibrator {
       std::copy_n(log_.q_e + k * readings_, n_, q.begin());
       for (const Pose& from : {home, guess}) {
         at.pose[k] = from;
-        status[k] = model_.fkm(robot_, q, at.pose[k]);
+        rest_[k] = {};
+        status[k] = model_.fkm(robot_, q, at.pose[k], rest_[k]);
         if (status[k] == Status::ok) break;
       }
       guess = status[k] == Status::ok ? at.pose[k] : home;
@@ -170,10 +173,10 @@ class Calibrator {
     const Outside outside{log_.measured ? log_.measured + k * n_ : nullptr,
                           log_.measured_sigma.data()};
     Line& line = at.line[k];
-    if (!model_.read(robot_, prior_, at.pose[k], log_.q_e + k * readings_, outside, H_xi_.data(),
-                     line))
-      return false;
     const int m = settings_.nuisances;
+    if (!model_.read(robot_, prior_, at.pose[k], log_.q_e + k * readings_, outside,
+                     m > 0 ? &D_[k] : nullptr, H_xi_.data(), line, rest_[k]))
+      return false;
     for (int i = 0; i < line.rows && m > 0; ++i)
       line.e[i] -= line.B.row(i).tail(m).dot(at.u.tail(m));
     return true;
@@ -377,6 +380,8 @@ class Calibrator {
   const int p_, n_, readings_;
   const RowMatrix S_;
   std::vector<double> H_xi_;
+  std::vector<Parasitic> rest_;  ///< where each line's solution starts (full level)
+  std::vector<RowMatrix> D_;     ///< of each line's nuisances
   Loss loss_ = Loss::squares;
   double scale_ = 1;
 };

@@ -3,6 +3,7 @@
 
 #include "truepose/eliminate.hpp"
 #include "truepose/estimate.hpp"
+#include "truepose/offline/guarded.hpp"
 
 namespace truepose {
 
@@ -31,24 +32,29 @@ struct Outside {
 /// The robot as a log sees it: the three things in which mobilities and levels differ.
 struct LineModel {
   int n = 0;
-  Status (*fkm)(const Robot&, const Joint& q, Pose&) = nullptr;
+  Status (*fkm)(const Robot&, const Joint& q, Pose&, Parasitic&) = nullptr;
   Outcome (*read)(const Robot&, const Knowledge&, const Pose&, const double* q_e, Outside,
-                  double* H_xi, Line&) = nullptr;
+                  const RowMatrix* D, double* H_xi, Line&, Parasitic&) = nullptr;
+  Outcome (*left_out)(const Robot&, const Knowledge& nuisances, const Pose&, double* H_xi,
+                      RowMatrix& D) = nullptr;  ///< where the full level is another one
   Pose (*moved)(const Pose&, const Joint& step) = nullptr;
 };
 
 namespace line_detail {
 
 /// @param q_e   n + r readings, NaN where there is none; nullptr: as expected
-/// @param H_xi  work space, (n + r) × parameter_count; twice that for GuardedModel
+/// @param known  ξ, and behind it the nuisances η if D is given
+/// @param D     ∂q_e/∂η in units of the readings' σ, as of left_out; nullptr: no nuisances
+/// @param H_xi  work space, 2 (n + r) × parameter_count
+/// @param rest  as of ikm_full
 template <Mobility K, class Model>
 Outcome read(const Robot& robot, const Knowledge& known, const Pose& pose, const double* q_e,
-             Outside outside, double* H_xi, Line& line) {
+             Outside outside, const RowMatrix* D, double* H_xi, Line& line, Parasitic& rest) {
   constexpr int n = kDof<K>;
   const int readings = n + robot.r;
   Extended expected, residual{}, values{};
   Matrix<kMaxReadings, n> H_x;
-  const Outcome outcome = Model::template linearise<K>(robot, pose, expected, H_x, H_xi);
+  const Outcome outcome = Model::template linearise<K>(robot, pose, expected, H_x, H_xi, rest);
   if (!outcome) return outcome;
   if (q_e) {
     std::copy_n(q_e, readings, values.begin());
@@ -57,7 +63,8 @@ Outcome read(const Robot& robot, const Knowledge& known, const Pose& pose, const
   line.n = n;
   line.rows = 0;
   line.B.resize(readings + n, known.count);
-  gather(robot, known, H_xi, readings, line.B.data());
+  gather(robot, known, H_xi, readings, line.B.data(), D ? static_cast<int>(D->cols()) : 0);
+  if (D) line.B.topRightCorner(readings, D->cols()) = *D;
   times_root(known, readings, line.B.data());
   const auto enter = [&](double e, double sigma, auto&& H) {
     for (int j = 0; j < n; ++j) line.R[line.rows][j] = H(j) / sigma;
@@ -88,7 +95,10 @@ Outcome read(const Robot& robot, const Knowledge& known, const Pose& pose, const
 
 template <Mobility K, class Model>
 LineModel line_model() {
-  return {kDof<K>, &Model::template fkm<K>, &line_detail::read<K, Model>, &moved<K>};
+  LineModel model{kDof<K>, &Model::template fkm<K>, &line_detail::read<K, Model>, nullptr,
+                  &moved<K>};
+  if constexpr (kPaired<K>) model.left_out = &left_out<K>;
+  return model;
 }
 
 }  // namespace truepose

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "truepose/control.hpp"
+#include "truepose/offline/plant.hpp"
 
 namespace truepose {
 
@@ -41,20 +42,17 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
   if (!outcome) return outcome;
 
   Pose pose = reference.closure.pose;
+  Nearby nearby;
   double last = INFINITY;
   for (int iteration = 0; iteration < kSettleIterations; ++iteration) {
     Closure<K> closure;
-    outcome = ikm<K>(truth, pose, closure);
     Extended q_e{};
-    Reading r;
-    Matrix<kMaxSensors, kDof<K>> jr;
-    if (outcome) outcome = rkm<K>(truth, closure, r, jr);
+    outcome = exact_readings<K>(truth, pose, q_e, nearby.desired);
+    if (outcome && settings.gravity) outcome = ikm<K>(truth, pose, closure);
     if (!outcome) return outcome;
-    for (int i = 0; i < n; ++i) q_e[i] = closure.chain[i].q;
-    for (int k = 0; k < truth.r; ++k) q_e[n + k] = r[k];
     Joint error{};
     Pose found;
-    outcome = motor_error<K>(nominal, law, reference, q_e, error, found, weighing);
+    outcome = motor_error<K>(nominal, law, reference, q_e, error, found, weighing, &nearby);
     if (!outcome) return outcome;
     if (settings.gravity) {
       Jacobians<K> jacobians;
@@ -104,13 +102,12 @@ inline Outcome leakage(const Robot& robot, Law law, const Joint& x, ExtendedRows
       Joint change[2];
       for (const double side : {-1.0, 1.0}) {
         Extended q_e{};
-        for (int i = 0; i < n; ++i) q_e[i] = reference.closure.chain[i].q;
-        for (int k = 0; k < robot.r; ++k) q_e[n + k] = reference.r[k];
+        q_e = reference.q_e;
         q_e[c] += side * kStep;
         Pose found;
         const Outcome there = redundant_fkm<K>(robot, q_e, reference.closure.pose.D, found);
         if (!there) return there;
-        change[side > 0] = difference<K>(found, reference.closure.pose);
+        change[side > 0] = difference<K>(found, reference.pose);
       }
       for (int i = 0; i < n; ++i) leak[i][c] = (change[0][i] - change[1][i]) / (2 * kStep);
     } else if (law == Law::joint) {

@@ -37,8 +37,9 @@ class ExactPlant:
         The true geometry, cold.
     effects : Effects
         Those of `EFFECTS`; any other must be off.
-    level : {"ideal", "full"}
-        One rod per chain, or every rod by itself: the nacelle then tilts.
+    level : {"ideal", "full"}, optional
+        One rod per chain, or every rod by itself: the nacelle then tilts. By default
+        :attr:`Robot.finest_level`.
     time : float
         Since a cold start, s.
     seed : int
@@ -59,17 +60,18 @@ class ExactPlant:
         self,
         truth: Robot,
         effects: Effects | None = None,
-        level: Level = "ideal",
+        level: Level | None = None,
         time: float = 0.0,
         seed: int = 0,
     ):
-        self.truth, self.level, self.seed = truth, level, check_seed(seed)
+        self.truth, self.seed = truth, check_seed(seed)
+        self.level: Level = truth.finest_level if level is None else level
         self.effects = effects = Effects.none() if effects is None else effects
         if effects.only(*EFFECTS) != effects:
             others = [g for g in effects.groups() if g not in EFFECTS]
             on = next(g for g in others if effects.without(g) != effects)
             raise InputError(f"ExactPlant: {choose('effect', on, EFFECTS)}: leave it out (without)")
-        truth._is_full(level)
+        truth._is_full(self.level)
         self.robot = effects.geometry(truth, time, seed)  #: as it is at that time
         self._exact = self.robot.unquantised()
         #: Which readings the play of the tool's gear enters, and by which gain.
@@ -153,7 +155,7 @@ class ExactPlant:
         at rounding, or where steps of that size no longer shrink, as :func:`truepose.settle` does.
         """
         law = getattr(_core.Law, controller.law)
-        known = knowledge.for_law(robot, controller.law)
+        believed, known = knowledge.for_law(robot, controller.law)
         J = robot.jacobian(x_d, errors="nan")
         x = x_d.copy() if start is None else start.copy()
         status = np.full(len(x), "the plant does not settle here", dtype=object)
@@ -162,7 +164,7 @@ class ExactPlant:
         for _ in range(_ITERATIONS):
             q_e = self._readings(x[active], play[active])
             error, code, _ = _core.motor_error(
-                robot._core, law, controller.damped_below, known, x_d[active], q_e
+                believed._core, law, controller.damped_below, known, x_d[active], q_e
             )
             step = np.einsum("nij,nj->ni", J[active], error)
             size = np.abs(step).max(axis=1)

@@ -165,7 +165,7 @@ class _Drive:
         self.plant, self.robot, self.controller = plant, robot, controller
         self.n = robot.n
         self.settings = controller.settings(robot, robot.home)
-        self.known = knowledge.for_law(robot, controller.law)
+        self.believed, self.known = knowledge.for_law(robot, controller.law)
         self.steps = max(1, round(controller.period / plant.timestep))
         if abs(self.steps * plant.timestep / controller.period - 1) > 1e-9:
             raise InputError(
@@ -202,7 +202,7 @@ class _Drive:
         """Move to a pose, wait for rest, read: (q_e, frame, x, status)."""
         nothing = (np.nan, np.nan, np.nan)
         rows = np.ascontiguousarray(x_d[None])
-        _, status, chain = _core.ikm(self.robot._core, rows, False)
+        _, status, chain = _core.ikm(self.believed._core, rows, False)
         if status[0] > 0:
             guilty = f"chain {chain[0] + 1}: " if chain[0] >= 0 else ""
             return (*nothing, f"{guilty}{_core.describe(int(status[0]))}")
@@ -246,7 +246,7 @@ class _Drive:
         """One control period; what went wrong, or nothing."""
         body, plant, n = self.body, self.plant, self.n
         pad = [0.0] * (6 - n)
-        core = self.robot._core
+        core = self.believed._core
         x, rate, acceleration = _core.setpoint(
             core, [*start, *pad], [*end, *pad], plant.duration, now
         )
