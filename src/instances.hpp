@@ -28,10 +28,10 @@
 #define TRUEPOSE_FULL(PREFIX, K)                                                                  \
   PREFIX template FullResult fkm_full<K>(const Robot&, const Joint&, FullPose&, FullClosure<K>&); \
   PREFIX template FullResult ikm_full<K>(const Robot&, const Pose&, FullClosure<K>&, Parasitic*); \
-  PREFIX template Outcome linearise_full<K>(                                                      \
-      const Robot&, const Pose&, Extended&, Matrix<kMaxReadings, kDof<K>>&, double*, Parasitic*); \
-  PREFIX template Estimate<K> estimate<K, FullModel>(                                             \
-      const Robot&, const Knowledge&, const Extended&, Pose&, double*, Parasitic*);
+  PREFIX template Outcome linearise_full<K>(const Robot&, const Pose&, Extended&,                 \
+                                            Matrix<kMaxReadings, kDof<K>>&, double*, Parasitic*); \
+  PREFIX template Estimate<K> estimate<K, FullModel>(const Robot&, const Knowledge&,              \
+                                                     const Extended&, Pose&, double*, Parasitic*);
 
 namespace truepose {
 TRUEPOSE_INSTANCES(extern)

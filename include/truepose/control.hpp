@@ -64,14 +64,13 @@ inline Outcome control(const Robot& robot, const ControlSettings& settings,
     return {Status::not_finite, -1};
   Reference<K> reference;
   Nearby nearby = state.nearby;
-  Outcome outcome =
-      refer<K>(robot, settings.law, setpoint.x, reference, settings.damped_below, weighing, &nearby);
+  Outcome outcome = refer<K>(robot, settings.law, setpoint.x, reference, settings.damped_below,
+                             weighing, &nearby);
   const Outcome regular = outcome;
   Joint error{}, error_rate{}, torque{};
   Pose found;
   if (outcome)
-    outcome = motor_error<K>(robot, settings.law, reference, q_e, error, found, weighing,
-                             &nearby);
+    outcome = motor_error<K>(robot, settings.law, reference, q_e, error, found, weighing, &nearby);
   if (!outcome) return outcome;
 
   // The rate of ê_q is the law's own map of the rates that it is made of: of the motors, of all

@@ -66,14 +66,14 @@ struct FullClosure {
   FullPose pose;
   Joint q{};
   std::array<Driven, kDof<K>> driven;
-  std::array<Vec3, kRods<K>> v;      ///< A to B
-  std::array<Vec3, kRods<K>> lever;  ///< D to A
-  std::array<Vec3, kRods<K>> arm;    ///< pivot to A: turns with the bar
-  std::array<double, kRods<K>> f;    ///< (|v|² - L²)/2
-  std::array<double, kRods<K>> jq;   ///< ∂f/∂q
+  std::array<Vec3, kRods<K>> v;           ///< A to B
+  std::array<Vec3, kRods<K>> lever;       ///< D to A
+  std::array<Vec3, kRods<K>> arm;         ///< pivot to A: turns with the bar
+  std::array<double, kRods<K>> f;         ///< (|v|² - L²)/2
+  std::array<double, kRods<K>> jq;        ///< ∂f/∂q
   std::array<double, kRods<K>> stress{};  ///< FullKind::elastic: D²s, of which f holds none
-  double cost = 0;                   ///< Σf²
-  double residual = 0;               ///< largest | |v| - L |, m
+  double cost = 0;                        ///< Σf²
+  double residual = 0;                    ///< largest | |v| - L |, m
 };
 
 /// Length of one rod of a pair, side = ±1.

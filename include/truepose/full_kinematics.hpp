@@ -48,32 +48,32 @@ TRUEPOSE_FLATTEN inline FullResult newton(const Robot& robot, const System& syst
   double damping = 0;
   bool regular = true;
   if (!(closed && at.residual <= rounding)) do {
-    Rows<K> A;
-    system.columns(at, A);
-    Column<K> size;
-    for (int j = 0; j < N; ++j) size[j] = system.size(at, j);
-    const NormalEquations<N> square(A, size, damping);
-    regular = square.regular();
-    if (!regular) {
-      ++result.iterations;
-      damping = std::max(10 * damping, 1e-3);
-      continue;
-    }
-    do {
-      ++result.iterations;
-      const Column<K> step = square.solve(at.f);
-      system.move(at, step, trial);
-      open_loops<K>(robot, trial);
-      if (!(trial.cost < at.cost)) {
+      Rows<K> A;
+      system.columns(at, A);
+      Column<K> size;
+      for (int j = 0; j < N; ++j) size[j] = system.size(at, j);
+      const NormalEquations<N> square(A, size, damping);
+      regular = square.regular();
+      if (!regular) {
+        ++result.iterations;
         damping = std::max(10 * damping, 1e-3);
-        break;
+        continue;
       }
-      damping = damping > 1e-3 ? 0.1 * damping : 0;
-      at = trial;
-    } while (damping == 0 && at.residual > rounding && at.residual < 1e-9 * scale &&
-             result.iterations < kFkmIterations);
-    if (at.residual <= rounding || (damping > 0 && at.residual < 1e-13 * scale)) break;
-  } while (result.iterations < kFkmIterations && damping < 1e12);
+      do {
+        ++result.iterations;
+        const Column<K> step = square.solve(at.f);
+        system.move(at, step, trial);
+        open_loops<K>(robot, trial);
+        if (!(trial.cost < at.cost)) {
+          damping = std::max(10 * damping, 1e-3);
+          break;
+        }
+        damping = damping > 1e-3 ? 0.1 * damping : 0;
+        at = trial;
+      } while (damping == 0 && at.residual > rounding && at.residual < 1e-9 * scale &&
+               result.iterations < kFkmIterations);
+      if (at.residual <= rounding || (damping > 0 && at.residual < 1e-13 * scale)) break;
+    } while (result.iterations < kFkmIterations && damping < 1e12);
 
   result.residual = at.residual;
   if (!(at.residual < 1e-12 * scale)) {

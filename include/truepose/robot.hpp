@@ -199,8 +199,8 @@ struct Robot {
   Joint home{};           ///< a pose well inside the workspace; default guess of the FKM
   int assembly_sign = 0;  ///< sign of det J_x at home (0: not asked for)
   BarJoint bar_joint = BarJoint::pivots;
-  bool limited = false;  ///< whether any motor has stops; filled by finish
-  FullLevel full;        ///< filled by finish_full
+  bool limited = false;        ///< whether any motor has stops; filled by finish
+  FullLevel full;              ///< filled by finish_full
   Level level = Level::ideal;  ///< at which laws and learners understand it
 
   /// Whether they solve for every rod by itself.

@@ -58,11 +58,10 @@ def self_calibrated(robot: Robot, truth: Robot, visited: Array, seed: int = 0) -
     Sent a little beside them, as of :data:`truepose.trials.JITTER`: usual control brings every
     motor to its drawn angle, and the fractions of a count that are lost would recur on an exact
     grid, and in every robot sent to the same poses: one `seed` for each robot.
-    The plant of the statics is the ideal level's own: there is no model error to allow for.
     """
     beside = np.random.default_rng(seed).uniform(-JITTER, JITTER, visited.shape)
     readings = truth.read(settle(robot, truth, visited + beside, "joint"))
-    return calibrate(robot, readings, model_error="off").robot
+    return calibrate(robot, readings).robot
 
 
 def rest(

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from truepose.bound import accuracy
 from truepose.build import Array
-from truepose.calibration import Loss, calibrate
+from truepose.calibration import Loss, ModelError, calibrate
 from truepose.errors import with_tolerance_errors
 from truepose.frames import rotation
 from truepose.kinematics import Level
@@ -77,8 +77,9 @@ def run(
     count: int,
     seed: int = 0,
     *,
-    level: Level = "ideal",
-    true_level: Level = "ideal",
+    level: Level | None = None,
+    true_level: Level | None = None,
+    model_error: ModelError = "on",
     loss: Loss = "squares",
     progress: Callable[[], None] = lambda: None,
 ) -> Trials:
@@ -94,9 +95,9 @@ def run(
         A pose at which the error is known.
     count, seed : int
         Robots; the first ones do not depend on `count`.
-    level, true_level : {"ideal", "full"}
-        Of the calibration, and of the robots that are read.
-    loss
+    level, true_level : {"ideal", "full"}, optional
+        Of the calibration, and of the robots that are read; by default :attr:`Robot.finest_level`.
+    model_error, loss
         As of :func:`truepose.calibrate`.
     progress : callable
         Called after each robot.
@@ -119,14 +120,15 @@ def run(
         k: [] for k in ("usual", "error", "held", "stated", "touched", "xi", "x")
     }
     fit = None
+    real = robot.finest_level if true_level is None else true_level
     for source in np.random.SeedSequence(seed).spawn(count):
         draw, scatter, noise = source.spawn(3)
-        true = with_tolerance_errors(robot, draw)
+        true = with_tolerance_errors(robot, draw).with_level(real)
         jitter = np.random.default_rng(scatter).uniform(-JITTER, JITTER, desired.shape)
-        at = true.fkm(robot.ikm(desired + jitter), guess=desired, level=true_level)
-        q_e = true.read(at, int(noise.generate_state(1)[0]), level=true_level)
-        fit = calibrate(robot, q_e[:first], level=level, loss=loss)
-        later = fit.robot.estimate(q_e[first:], guess=desired[first:], level=level)
+        at = true.fkm(robot.ikm(desired + jitter), guess=desired)
+        q_e = true.read(at, int(noise.generate_state(1)[0]))
+        fit = calibrate(robot, q_e[:first], level=level, loss=loss, model_error=model_error)
+        later = fit.robot.estimate(q_e[first:], guess=desired[first:])
         apart = difference(robot, later.x, at[first:])
         found["usual"].append(difference(robot, at, desired + jitter)[:first])
         found["error"].append(difference(robot, fit.x, at[:first]))
@@ -137,7 +139,7 @@ def run(
         off = [fit.parameters[name].value - true.parameters[name].value for name in fit.names]
         found["xi"].append(_nees(np.array(off), fit.covariance))
         progress()
-    visited = {"calibrated_on": poses, "level": level}
+    visited = {"calibrated_on": poses, "level": level, "model_error": model_error == "on"}
     return Trials(
         robot=robot,
         usual=np.array(found["usual"]),

@@ -21,7 +21,7 @@ def small():
     rng = np.random.default_rng(3)
     box = robot.spec.workspace
     x = rng.uniform(box.minimum, box.maximum, (6, 3))
-    return robot, with_tolerance_errors(robot, 2).read(x), x
+    return robot, with_tolerance_errors(robot, 2).with_level("full").read(x), x
 
 
 def test_the_calibration_is_the_maximum_a_posteriori(small):
@@ -34,7 +34,7 @@ def test_the_calibration_is_the_maximum_a_posteriori(small):
     def residual(unknowns):
         u, at = unknowns[:p], unknowns[p:].reshape(x.shape)
         moved = {n: prior[n].mean + prior[n].sigma * v for n, v in zip(names, u, strict=True)}
-        off = (q_e - robot.replace(moved).extended(at)) / sigma
+        off = (q_e - robot.replace(moved).extended(at, level="full")) / sigma
         return np.concatenate([off.ravel(), u])
 
     start = np.concatenate([np.zeros(p), robot.expected().fkm(q_e[:, :3]).ravel()])

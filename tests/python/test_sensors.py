@@ -119,6 +119,9 @@ def test_linearise_is_the_derivative_of_every_reading(equipped, level, anywhere,
     if level == "full" and not equipped.full:
         pytest.skip(equipped.full.reason)
     x, n, h = anywhere(equipped, 1, rng)[0], equipped.n, 1e-5
+    # What stretches is taken as known to first order in the strain, here some 1e-3.
+    stretched = level == "full" and "stretch" in equipped.full.reason
+    near = {"rel": 0.01, "abs": 0.01} if stretched else {"abs": 1e-6}
     H_x, H_xi = equipped.linearise(x, level=level)
     assert H_xi.shape == (n + equipped.r, len(equipped.parameters))
     J = equipped.jacobian(x, level=level)
@@ -129,12 +132,12 @@ def test_linearise_is_the_derivative_of_every_reading(equipped, level, anywhere,
         there = [equipped.fkm(q + s, guess=x, level=level) for s in (step, -step)]
         ends = [equipped.rkm(at, level=level) for at in there]
         slope = (ends[0] - ends[1]) / (2 * h)
-        assert (H_x[n:] @ J)[:, motor] == pytest.approx(slope, abs=1e-6)
+        assert (H_x[n:] @ J)[:, motor] == pytest.approx(slope, **near)
     for column, (name, parameter) in enumerate(equipped.parameters.items()):
         moved = [equipped.replace({name: parameter.value + s}) for s in (h, -h)]
         ends = [robot.extended(x, level=level) for robot in moved]
         slope = (ends[0] - ends[1]) / (2 * h)
-        assert H_xi[:, column] == pytest.approx(slope, abs=1e-6), name
+        assert H_xi[:, column] == pytest.approx(slope, **near), name
 
 
 def test_the_rods_of_a_pair_are_seen_one_by_one(h4):

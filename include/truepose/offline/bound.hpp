@@ -31,8 +31,8 @@ inline Outcome after_visiting(const Robot& robot, const LineModel& model, const 
     Outcome outcome;
     if (nuisances > 0) outcome = model.left_out(robot, axes, pose, H_xi.data(), D);
     if (outcome)
-      outcome = model.read(robot, raw, pose, nullptr, {}, nuisances > 0 ? &D : nullptr,
-                           H_xi.data(), line, rest);
+      outcome = model.read(robot, raw, pose, nullptr, {}, nuisances > 0 ? &D : nullptr, H_xi.data(),
+                           line, rest);
     if (!outcome) return outcome;
     for (int i = model.n; i < line.rows; ++i) stacked.row(row++) = line.B.row(i);
   }

@@ -187,7 +187,7 @@ class Plant {
   Effects effects_;
   PlantState state_;
   Parasitic rest_;  ///< where the rods' next solution starts
-  Joint rotor_{};  ///< their inertia
+  Joint rotor_{};   ///< their inertia
   Rotors rotors_{};
   Joint slip_{};                              ///< friction over its Coulomb value, -1 to 1
   Joint transmitted_{};                       ///< torque that reaches the arms
