@@ -33,12 +33,6 @@ struct Weighing {
   explicit operator bool() const { return known != nullptr && work != nullptr; }
 };
 
-/// What a controller of a robot that is understood rod by rod keeps from cycle to cycle, so that
-/// its solutions start near.
-struct Nearby {
-  Parasitic desired, found;  ///< at x_d and at x̂
-};
-
 /// Everything a law needs that depends on x_d alone: q_de, J, TEJ at x_d, q_d.
 template <Mobility K>
 struct Reference {
@@ -100,15 +94,16 @@ Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Vec3& near_
 
 /// @param band  conditioning below which J and J⁻¹ are damped (0: nowhere, the paper's law)
 /// @param weighing  for the weighted law
-/// @param nearby    what the last cycle found, rod by rod; nullptr: nothing is known
+/// @param nearby    of a robot that is understood rod by rod: what the full level adds at the last
+///                  cycle's x_d, and then at this one's; nullptr: nothing is known beforehand
 /// @return near_singular where they are; joint_limit where a motor would have to pass its stops;
 /// branch_lost where x_d lies in another assembly mode than
 /// the robot's home (in the band, where the modes meet, both are its own)
 template <Mobility K>
 inline Outcome refer(const Robot& robot, Law law, const Joint& x_d, Reference<K>& reference,
-                     double band = 0, const Weighing& weighing = {}, Nearby* nearby = nullptr) {
+                     double band = 0, const Weighing& weighing = {}, Parasitic* nearby = nullptr) {
   Parasitic unknown;
-  Parasitic& rest = nearby ? nearby->desired : unknown;
+  Parasitic& rest = nearby ? *nearby : unknown;
   Outcome outcome = ikm<K>(robot, to_pose<K>(x_d), reference.closure);
   if (outcome) outcome = within_limits(robot, reference.closure.q());
   if (outcome) outcome = jacobian<K>(reference.closure, band, reference.jacobians);
@@ -170,18 +165,29 @@ inline Outcome redundant_fkm(const Robot& robot, const Extended& q_e, Joint& x) 
   });
 }
 
-/// x̂ of all readings, searched for from where it is asked to be.
+/// Steps from x_d after which the search starts again from what the motors say.
+inline constexpr int kNearIterations = 5;
+
+/// x̂ of all readings, searched for from where it is asked to be, with the weights of that pose.
+/// @param rest  what the full level adds there
 template <Mobility K>
 TRUEPOSE_APART inline Outcome find(const Robot& robot, const Weighing& weighing,
                                    const Pose& desired, const Extended& q_e, Pose& found,
-                                   Parasitic* rest) {
+                                   Parasitic rest) {
   if (!weighing) return {Status::not_measured, -1};
-  found = desired;
+  const auto search = [&](auto model) {
+    using Model = decltype(model);
+    const Knowledge& known = *weighing.known;
+    found = desired;
+    Outcome outcome =
+        estimate_from<K, Model>(robot, known, q_e, found, weighing.work, rest, kNearIterations)
+            .outcome;
+    if (!outcome) outcome = estimate<K, Model>(robot, known, q_e, found, weighing.work).outcome;
+    return outcome;
+  };
   if constexpr (kPaired<K>)
-    if (robot.rod_by_rod())
-      return estimate<K, FullModel>(robot, *weighing.known, q_e, found, weighing.work, rest)
-          .outcome;
-  return estimate<K>(robot, *weighing.known, q_e, found, weighing.work).outcome;
+    if (robot.rod_by_rod()) return search(FullModel{});
+  return search(IdealModel{});
 }
 
 /// Motor error under a law.
@@ -190,13 +196,13 @@ TRUEPOSE_APART inline Outcome find(const Robot& robot, const Weighing& weighing,
 template <Mobility K>
 inline Outcome motor_error(const Robot& robot, Law law, const Reference<K>& reference,
                            const Extended& q_e, Joint& error, Pose& found,
-                           const Weighing& weighing = {}, Nearby* nearby = nullptr) {
+                           const Weighing& weighing = {}, const Parasitic& nearby = {}) {
   constexpr int n = kDof<K>;
   if (of_pose(law)) {
-    const Outcome outcome = law == Law::cartesian
-                                ? redundant_fkm<K>(robot, q_e, reference.closure.pose.D, found)
-                                : find<K>(robot, weighing, reference.closure.pose, q_e, found,
-                                          nearby ? &nearby->found : nullptr);
+    const Outcome outcome =
+        law == Law::cartesian
+            ? redundant_fkm<K>(robot, q_e, reference.closure.pose.D, found)
+            : find<K>(robot, weighing, reference.closure.pose, q_e, found, nearby);
     if (outcome) error = reference.jacobians.joint_rate(difference<K>(reference.pose, found));
     return outcome;
   }

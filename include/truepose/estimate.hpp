@@ -14,6 +14,10 @@ namespace truepose {
 
 inline constexpr int kEstimateIterations = 20;
 
+/// (step/σ)² from which on a Gauss-Newton step is the last. Each squares the error that is left, up
+/// to a factor of a few: 1e-5 of a σ leaves less than 1e-8.
+inline constexpr double kLastStep = 1e-10;
+
 /// The model that an estimate rests on: one rod per chain (full_linearise.hpp has the other, to
 /// which `rest` is the start of a solution and its end).
 struct IdealModel {
@@ -155,33 +159,27 @@ struct Estimate {
   explicit operator bool() const { return bool(outcome); }
 };
 
-/// Weighted Gauss-Newton on all readings, its weights taken at the pose that the motors give.
+/// Weighted Gauss-Newton on all readings from a pose, at which the weights are taken.
 ///
 /// @param known  about the robot's own parameter values
-/// @param pose   in: the guess; out: x̂
+/// @param pose   in: the start; out: x̂
 /// @param work   estimate_work(robot, known.count) doubles
-/// @param rest   as of ikm_full, for the full level; nullptr: nothing is known beforehand
-/// @return unreachable or singular where no pose is found; the pose is then the guess
-template <Mobility K, class Level = IdealModel>
-Estimate<K> estimate(const Robot& robot, const Knowledge& known, const Extended& q_e, Pose& pose,
-                     double* work, Parasitic* rest = nullptr) {
+/// @param rest   as of ikm_full, for the full level
+/// @param cap    steps
+/// @return unreachable or singular where no pose is found; the pose is then the start
+template <Mobility K, class Level>
+Estimate<K> estimate_from(const Robot& robot, const Knowledge& known, const Extended& q_e,
+                          Pose& pose, double* work, Parasitic& rest, int cap) {
   constexpr int n = kDof<K>;
   const int rows = n + robot.r;
   Estimate<K> result;
-  if (!all_finite(q_e, rows)) return {{Status::not_finite, -1}};
-  Joint q{};
-  for (int i = 0; i < n; ++i) q[i] = q_e[i];
   Pose at = pose;
-  Parasitic own;
-  if (!rest) rest = &own;
-  if (Level::template fkm<K>(robot, q, at, *rest) != Status::ok) at = pose;
-
   double *H_xi = work, *B = work + rows * parameter_count(robot);
   Extended expected;
   Matrix<kMaxReadings, n> H_x;
   ReadingCovariance C;
   Fusion<K> fusion;
-  result.outcome = Level::template linearise<K>(robot, at, expected, H_x, H_xi, *rest);
+  result.outcome = Level::template linearise<K>(robot, at, expected, H_x, H_xi, rest);
   if (result.outcome) result.outcome = reading_covariance(robot, known, H_xi, B, C);
   while (result.outcome) {
     result.outcome = fuse<K>(robot, known, C, H_x, fusion);
@@ -196,19 +194,40 @@ Estimate<K> estimate(const Robot& robot, const Knowledge& known, const Extended&
       for (int c = 0; c < rows; ++c) step[i] += fusion.gain[i][c] * residual[c];
       size = std::max(size, step[i] * step[i] / fusion.covariance[i][i]);
     }
-    if (size < 1e-16) {
+    if (!std::isfinite(size) || result.iterations == cap) {
+      result.outcome = {Status::unreachable, -1};
+      break;
+    }
+    ++result.iterations;
+    at = moved<K>(at, step);
+    if (size < kLastStep) {
       for (int c = 0; c < rows; ++c) result.chi2 += whitened[c] * whitened[c];
       result.covariance = fusion.covariance;
       pose = at;
       return result;
     }
-    if (++result.iterations > kEstimateIterations || !std::isfinite(size)) {
-      result.outcome = {Status::unreachable, -1};
-      break;
-    }
-    at = moved<K>(at, step);
-    result.outcome = Level::template linearise<K>(robot, at, expected, H_x, nullptr, *rest);
+    result.outcome = Level::template linearise<K>(robot, at, expected, H_x, nullptr, rest);
   }
+  return result;
+}
+
+/// The same from the pose that the motors give.
+/// @param pose   in: a guess of that; out: x̂
+/// @param rest   nullptr: nothing is known beforehand
+template <Mobility K, class Level = IdealModel>
+Estimate<K> estimate(const Robot& robot, const Knowledge& known, const Extended& q_e, Pose& pose,
+                     double* work, Parasitic* rest = nullptr) {
+  constexpr int n = kDof<K>;
+  if (!all_finite(q_e, n + robot.r)) return {{Status::not_finite, -1}};
+  Joint q{};
+  for (int i = 0; i < n; ++i) q[i] = q_e[i];
+  Pose at = pose;
+  Parasitic own;
+  if (!rest) rest = &own;
+  if (Level::template fkm<K>(robot, q, at, *rest) != Status::ok) at = pose;
+  const Estimate<K> result =
+      estimate_from<K, Level>(robot, known, q_e, at, work, *rest, kEstimateIterations);
+  if (result) pose = at;
   return result;
 }
 

@@ -19,9 +19,11 @@ struct Knowledge {
 inline void gather(const Robot& robot, const Knowledge& known, const double* H_xi, int rows,
                    double* B, int last = 0) {
   const int width = parameter_count(robot);
-  for (int k = 0; k < known.count - last; ++k) {
-    const double* H = H_xi + known.column[k];
-    for (int i = 0; i < rows; ++i) B[i * known.count + k] = H[i * width] / known.sigma[i];
+  for (int i = 0; i < rows; ++i) {
+    const double* H = H_xi + i * width;
+    const double per_sigma = 1 / known.sigma[i];
+    for (int k = 0; k < known.count - last; ++k)
+      B[i * known.count + k] = per_sigma * H[known.column[k]];
   }
 }
 

@@ -26,7 +26,9 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
   constexpr int n = kDof<K>;
   const Law law = settings.control.law;
   Reference<K> reference;
-  Outcome outcome = refer<K>(nominal, law, x_d, reference, settings.control.damped_below, weighing);
+  Parasitic nearby, standing;  // what the full level adds at x_d, and where the true robot stands
+  Outcome outcome =
+      refer<K>(nominal, law, x_d, reference, settings.control.damped_below, weighing, &nearby);
   if (!outcome) return outcome;
   const Outcome regular = outcome;
   const auto hold = [](const Robot& robot, const Closure<K>& closure,
@@ -42,17 +44,16 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
   if (!outcome) return outcome;
 
   Pose pose = reference.closure.pose;
-  Nearby nearby;
   double last = INFINITY;
   for (int iteration = 0; iteration < kSettleIterations; ++iteration) {
     Closure<K> closure;
     Extended q_e{};
-    outcome = exact_readings<K>(truth, pose, q_e, nearby.desired);
+    outcome = exact_readings<K>(truth, pose, q_e, standing);
     if (outcome && settings.gravity) outcome = ikm<K>(truth, pose, closure);
     if (!outcome) return outcome;
     Joint error{};
     Pose found;
-    outcome = motor_error<K>(nominal, law, reference, q_e, error, found, weighing, &nearby);
+    outcome = motor_error<K>(nominal, law, reference, q_e, error, found, weighing, nearby);
     if (!outcome) return outcome;
     if (settings.gravity) {
       Jacobians<K> jacobians;
