@@ -8,21 +8,31 @@
 
 namespace truepose {
 
-/// What readings at these poses leave unknown of ξ, poses unknown too: with u the parameters in
-/// units of the prior, Σ_u⁻¹ = I + Σ RᵀR over the rows that elimination leaves.
+/// A pose at which readings are taken, and what else is known of it.
+struct Visit {
+  Pose pose;
+  Outside outside;
+};
+
+/// What readings at these poses leave unknown of ξ, poses unknown too but for what was measured
+/// from outside: with u the parameters in units of the prior, Σ_u⁻¹ = I + Σ BᵀB over the rows that
+/// elimination leaves.
 /// @param root  out: lower triangular, Σ_ξ = root rootᵀ after the visit
 /// @return the first outcome that is not ok; `chain` is then the chain at fault
 inline Outcome after_visiting(const Robot& robot, const LineModel& model, const Knowledge& prior,
-                              const std::vector<Pose>& poses, RowMatrix& root) {
+                              const std::vector<Visit>& visits, RowMatrix& root) {
   const int p = prior.count;
   Knowledge raw = prior;  // S comes last, once: elimination acts on the rows, S on the columns
   raw.root = nullptr;
   std::vector<double> H_xi(2 * (model.n + robot.r) * parameter_count(robot));
-  RowMatrix stacked(robot.r * static_cast<long>(poses.size()), p);
+  long rows = 0;
+  for (const Visit& visit : visits) rows += robot.r + (visit.outside.x ? model.n : 0);
+  RowMatrix stacked(rows, p);
   Line line;
   long row = 0;
-  for (const Pose& pose : poses) {
-    const Outcome outcome = model.read(robot, raw, pose, nullptr, {}, H_xi.data(), line);
+  for (const Visit& visit : visits) {
+    const Outcome outcome =
+        model.read(robot, raw, visit.pose, nullptr, visit.outside, H_xi.data(), line);
     if (!outcome) return outcome;
     for (int i = model.n; i < line.rows; ++i) stacked.row(row++) = line.B.row(i);
   }
