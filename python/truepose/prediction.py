@@ -139,7 +139,7 @@ def predict(
     calibrated : bool
         Also what remains after self-calibration over these poses.
     touch_off : array_like, shape (n,), optional
-        Also what remains where the error at this pose is taken to zero.
+        Also what remains once the robot has been read at this pose, which is known from outside.
     level : {"ideal", "full"}
 
     Raises
@@ -225,7 +225,7 @@ def draw_map(
     poses : array_like, shape (P, n), optional
         After self-calibration over these poses.
     touch_off : array_like, shape (n,), optional
-        Of the error less that at this pose.
+        Once the robot has been read at this pose, which is known from outside.
     """
     first, second, x = info.workspace_slice(robot, points)
     P = accuracy(robot, x, poses, touch_off, level, errors="nan")
