@@ -100,6 +100,26 @@ def test_every_tolerance_acts(any_robot):
             assert np.abs(effect).max() > 1e-9, name
 
 
+def test_no_sensor_is_mounted_exactly(any_robot, anywhere, rng):
+    """Whatever its zero, its place or its direction do to a reading, tolerances allow for.
+
+    Places along a beam are one with its zero: a column of H_ξ that others span needs no tolerance.
+    """
+    robot = any_robot.with_sensors(*[sensor.name for sensor in any_robot.spec.sensor])
+    _, H_xi = robot.expected().linearise(anywhere(any_robot, 50, rng))
+    for row, sensor in enumerate(robot.sensors, start=robot.n):
+        columns = {
+            name: H_xi[:, row, k]
+            for k, name in enumerate(robot.parameters)
+            if name.startswith(f"{sensor}.") and "gain" not in name and "eccentricity" not in name
+        }
+        allowed = np.array([columns[name] for name in columns if robot.parameters[name].sigma]).T
+        assert allowed.size, sensor
+        for name, column in columns.items():
+            left = column - allowed @ np.linalg.lstsq(allowed, column, rcond=None)[0]
+            assert np.abs(left).max() < 1e-6, name
+
+
 def test_the_hexapods_legs_are_as_long_as_linuxcnc_says(stewart):
     legs = stewart.ikm(stewart.home) / 0.0254
     assert legs == pytest.approx([29.7466] * 6, abs=5e-4)
