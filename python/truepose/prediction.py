@@ -155,7 +155,7 @@ def predict(
     >>> for what, sigma in found.sigma.items():
     ...     print(what, (1e3 * sigma[:, -1]).round(2))  # mm
     as built [7.46 5.  ]
-    self-calibrated [0.86 0.28]
+    self-calibrated [0.86 0.33]
     """
     sets = sensor_sets(robot) if sets is None else [tuple(names) for names in sets]
     candidates = [robot.with_sensors(*names) for names in sets]

@@ -180,7 +180,7 @@ def test_an_interrupted_save_of_a_calibration_leaves_no_half_file(fit, tmp_path,
 
 
 def test_other_sensors_keep_what_was_learnt(fit):
-    """With one elbow less the covariance of the rest is the same; one sensor more brings its own."""
+    """With an elbow less the rest's covariance is the same; a sensor more brings its tolerances."""
     other = fit.robot.with_sensors("elbow1", "z_telemeter")
     names = knowledge.uncertain(other)
     expected = np.diag([other.parameters[name].sigma ** 2 for name in names])
