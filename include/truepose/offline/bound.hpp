@@ -40,7 +40,7 @@ inline Outcome after_visiting(const Robot& robot, const LineModel& model, const 
       Eigen::Map<const RowMatrix>(prior.root, p, p).triangularView<Eigen::Lower>();
   Eigen::MatrixXd N = Eigen::MatrixXd::Zero(p, p);
   if (row > 0)  // Eigen divides by it
-    N.selfadjointView<Eigen::Lower>().rankUpdate(stacked.transpose());
+    N.selfadjointView<Eigen::Lower>().rankUpdate(stacked.topRows(row).transpose());
   const Eigen::MatrixXd NS = N.selfadjointView<Eigen::Lower>() * S;
   // I + SᵀNS = U Uᵀ with U upper triangular (Cholesky from the last parameter to the first), so
   // that Σ_u = U⁻ᵀ U⁻¹ and S U⁻ᵀ, lower times lower, is the root.
