@@ -100,6 +100,18 @@ def test_every_tolerance_acts(any_robot):
             assert np.abs(effect).max() > 1e-9, name
 
 
+@pytest.mark.parametrize(("name", "most"), [("h4", 12), ("stewart", 10)])
+def test_as_many_sensors_as_fit_can_be_in_use(name, most):
+    spec = tp.load(name).spec
+    one = spec.sensor[0]
+    many = tuple(one.model_copy(update={"name": f"s{k}"}) for k in range(most + 1))
+    robot = tp.Robot(spec.model_copy(update={"sensor": many, "sensors": (), "tolerances": {}}))
+    names = [sensor.name for sensor in many]
+    assert robot.with_sensors(*names[:-1]).rkm(robot.home).shape == (most,)
+    with pytest.raises(tp.RobotFileError, match=f"^{name}: at most {most} sensors can be in use$"):
+        robot.with_sensors(*names)
+
+
 def test_no_sensor_is_mounted_exactly(any_robot, anywhere, rng):
     """Whatever its zero, its place or its direction do to a reading, tolerances allow for.
 
