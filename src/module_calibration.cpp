@@ -152,23 +152,29 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
 }
 
 /// Root of the posterior covariance after visiting poses, (p, p) lower triangular.
-auto run_after_visiting(const Robot& robot, const Known& prior, const Rows& x, bool full,
-                        int nuisances) {
+/// @param known  further poses, each of them known to `sigma`
+auto run_after_visiting(const Robot& robot, const Known& prior, const Rows& x, const Rows& known,
+                        const std::vector<double>& sigma, bool full, int nuisances) {
   RowMatrix root;
   Outcome outcome;
   {
     nb::gil_scoped_release release;
-    std::vector<Pose> poses;
-    for (std::size_t i = 0; i < x.shape(0); ++i)
-      poses.push_back(with_mobility(
-          robot.mobility, [&](auto mobility) { return to_pose<mobility()>(row<Joint>(x, i)); }));
-    outcome = after_visiting(robot, model_of(robot, full), prior.view(), nuisances, poses, root);
+    std::vector<Visit> visits;
+    const auto visit = [&](const Rows& rows, std::size_t i, Outside outside) {
+      const Pose pose = with_mobility(
+          robot.mobility, [&](auto mobility) { return to_pose<mobility()>(row<Joint>(rows, i)); });
+      visits.push_back({pose, outside});
+    };
+    for (std::size_t i = 0; i < x.shape(0); ++i) visit(x, i, {});
+    for (std::size_t i = 0; i < known.shape(0); ++i)
+      visit(known, i, {known.data() + i * known.shape(1), sigma.data()});
+    outcome = after_visiting(robot, model_of(robot, full), prior.view(), nuisances, visits, root);
   }
   return nb::make_tuple(root, static_cast<int>(outcome.status), outcome.chain);
 }
 
-/// Covariance of x̂ at every pose, (N, n, n); less the error at `touched` if that is one pose.
-auto batch_accuracy(const Robot& robot, const Known& known, const Rows& x, const Rows& touched,
+/// Covariance of x̂ at every pose, (N, n, n); less that at `reference` if that is one pose.
+auto batch_accuracy(const Robot& robot, const Known& known, const Rows& x, const Rows& reference,
                     bool full) {
   const std::size_t count = x.shape(0), n = x.shape(1);
   Owned<double> covariance({count, n, n});
@@ -179,10 +185,10 @@ auto batch_accuracy(const Robot& robot, const Known& known, const Rows& x, const
     const Knowledge knowledge = known.view();
     PoseError there;
     Outcome first;
-    const bool touch = touched.shape(0) > 0;
-    if (touch)
-      first = pose_error<K, Level>(robot, knowledge, to_pose<K>(row<Joint>(touched, 0)), scratch(0),
-                                   there);
+    const bool relative = reference.shape(0) > 0;
+    if (relative)
+      first = pose_error<K, Level>(robot, knowledge, to_pose<K>(row<Joint>(reference, 0)),
+                                   scratch(0), there);
     for_rows(
         count,
         [&](std::size_t i) {
@@ -197,7 +203,7 @@ auto batch_accuracy(const Robot& robot, const Known& known, const Rows& x, const
             P.setConstant(n, n, NAN);
           } else {
             P = here.by_noise;
-            if (touch) {
+            if (relative) {
               here.by_geometry -= there.by_geometry;
               P += there.by_noise;
             }

@@ -40,8 +40,8 @@ using Vec3 = Eigen::Vector3d;
 using Mat3 = Eigen::Matrix3d;
 
 inline constexpr int kMaxDof = 6;        ///< chains = motors = degrees of freedom n
-inline constexpr int kMaxSensors = 10;   ///< redundant readings r
-inline constexpr int kMaxReadings = 16;  ///< extended positions n + r
+inline constexpr int kMaxSensors = 12;   ///< redundant readings r
+inline constexpr int kMaxReadings = 16;  ///< extended positions n + r: of six motors, r <= 10
 inline constexpr int kMaxBodies = 8;     ///< rigid bodies of the nacelle
 inline constexpr int kMaxRods = 12;      ///< full level: two per spatial parallelogram
 inline constexpr int kMaxBars = 2;       ///< full level: lateral bars of the nacelle

@@ -59,7 +59,7 @@ def assess(
     log : Log
         Looked over by :func:`truepose.log_checks.check`, which made the `notes`.
     touch_off : ndarray, shape (n,), optional
-        Pose at which the error is set to zero; home by default.
+        Pose that the accuracy to come takes for known from outside; home by default.
     progress : callable
         Is told what was done, `STEPS` times.
     **settings

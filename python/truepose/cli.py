@@ -143,7 +143,7 @@ def accuracy(
     touch_off: Annotated[
         str | None,
         typer.Option(
-            metavar="X,Y,…", help="Also with the error at this pose taken to zero; m and rad."
+            metavar="X,Y,…", help="Also once read at this pose, known from outside; m and rad."
         ),
     ] = None,
     level: Annotated[
@@ -238,7 +238,7 @@ def calibrate(
     ] = 1e-5,
     touch_off: Annotated[
         str | None,
-        typer.Option(help="Pose x,y,… at which the error is set to zero.", show_default="home"),
+        typer.Option(help="Pose x,y,… that is known from outside.", show_default="home"),
     ] = None,
 ) -> None:
     """Learn a robot's geometry from a log of its own readings.

@@ -139,7 +139,7 @@ def predict(
     calibrated : bool
         Also what remains after self-calibration over these poses.
     touch_off : array_like, shape (n,), optional
-        Also what remains where the error at this pose is taken to zero.
+        Also what remains once the robot has been read at this pose, which is known from outside.
     level : {"ideal", "full"}, optional
         By default :attr:`Robot.finest_level`.
 
@@ -156,7 +156,7 @@ def predict(
     >>> for what, sigma in found.sigma.items():
     ...     print(what, (1e3 * sigma[:, -1]).round(2))  # mm
     as built [7.46 5.  ]
-    self-calibrated [0.86 0.28]
+    self-calibrated [0.86 0.33]
     """
     sets = sensor_sets(robot) if sets is None else [tuple(names) for names in sets]
     candidates = [robot.with_sensors(*names) for names in sets]
@@ -226,7 +226,7 @@ def draw_map(
     poses : array_like, shape (P, n), optional
         After self-calibration over these poses.
     touch_off : array_like, shape (n,), optional
-        Of the error less that at this pose.
+        Once the robot has been read at this pose, which is known from outside.
     """
     first, second, x = info.workspace_slice(robot, points)
     P = accuracy(robot, x, poses, touch_off, level, errors="nan")

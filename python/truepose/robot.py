@@ -111,8 +111,9 @@ class Robot(Redundancy):
         self._nominal = drawn(spec)
         self._values = self._nominal | spec.parameters | (values or {})
         known = {sensor.name: sensor for sensor in spec.sensor}
-        if spec.n + len(spec.sensors) > _core.max_readings or len(spec.sensors) > _core.max_sensors:
-            raise RobotFileError(f"{spec.name}: at most {_core.max_sensors} sensors can be in use")
+        most = min(_core.max_sensors, _core.max_readings - spec.n)
+        if len(spec.sensors) > most:
+            raise RobotFileError(f"{spec.name}: at most {most} sensors can be in use")
         self._sensors = tuple(known[name] for name in spec.sensors)
         self._drawn = build(spec, self._sensors)
         self._drawn.level = getattr(_core.Level, self.level)

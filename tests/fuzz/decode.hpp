@@ -146,7 +146,7 @@ inline Subject decode_robot(Bytes& bytes) {
     if (bytes.one_in(4)) robot.bar_joint = static_cast<BarJoint>(bytes.below(2));
   }
   if (bytes.one_in(2)) {
-    robot.r = bytes.below(kMaxSensors + 1);
+    robot.r = bytes.below(std::min(kMaxSensors, kMaxReadings - n) + 1);
     for (int k = 0; k < robot.r; ++k) decode_sensor(bytes, n, robot.sensor[k]);
   }
   static_cast<void>(finish(robot));

@@ -110,9 +110,8 @@ def test_axis_errors_move_an_h4_from_its_ideal_model_by_the_derived_amounts(h4, 
     assert np.degrees(np.sqrt(turned)) == pytest.approx([0.17, 0.17, 0.135, 0.135], rel=0.1)
 
 
-def test_a_sensor_at_a_pivot_reads_the_bars_turn_too(load, h4_text, rng):
-    text = h4_text.replace('kind = "nacelle_angle"', 'kind = "nacelle_angle"\nbar = 2')
-    robot = built(load(text), rng)
+def test_a_sensor_at_a_pivot_reads_the_bars_turn_too(h4, rng):
+    robot = built(h4.with_sensors("pivot2"), rng)
     assert robot.rkm(X_D) == pytest.approx([X_D[3]], abs=1e-15)
     turn = robot.parasitic(X_D)[3]
     assert abs(turn) > 1e-5
