@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import tomlkit
 
-from truepose import experiment_section, experiment_tables, report, twin
+from truepose import experiment_section, experiment_tables, paper_data, report, twin
 from truepose.experiment import CONTROLS, Control, each
 from truepose.robot import Robot, load
 from truepose.saving import replace_file
@@ -129,14 +129,13 @@ def _unlikely(robot: Robot, chosen: Found) -> str:
 
 def spread(found: list[Found]) -> Table:
     """Each entry over the twins, smallest to largest."""
-    values, _ = twin.printed()
-    rows = []
-    for at, _, label in cells():
+    printed, rows = paper_data.table3_as_printed(), []
+    for at, key, label in cells():
         row = [label]
-        for k in range(len(twin.LAWS)):
+        for k, column in enumerate(twin.COLUMNS):
             each_one = [f.tables[(k, *at)] for f in found]
             ends = f"{number(float(min(each_one)))} to {number(float(max(each_one)))}"
-            row += [number(float(values[(k, *at)])), ends]
+            row += [printed[column][key], ends]
         rows.append(row)
     header = ["mm, °", "usual, paper", "twins", "redundant, paper", "twins"]
     return Table("spread", "", header, rows)
