@@ -48,7 +48,7 @@ def changes(runs: dict[Control, Run], plant: str) -> Table:
             ratios = printed["redundant"][key] / printed["usual"][key], redundant[at] / usual[at]
             rows.append([label, *(f"{100 * (ratio - 1):+.1f}" for ratio in ratios)])
     header = ["redundant less usual (%)", "paper", "twin"]
-    title = f"What the law changed, {plant} plant"
+    title = f"What changed from usual to redundant, {plant} plant"
     return Table(f"twin_changes_{plant.lower()}", title, header, rows)
 
 

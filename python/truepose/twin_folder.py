@@ -91,6 +91,7 @@ def readme(robot: Robot, found: list[Found], chosen: Found, runs: list[dict[Cont
         seed=chosen.twin.seed,
         estimated=markdown(shown[0]),
         desired=markdown(shown[1]),
+        changes=markdown(experiment_tables.changes(own, "exact")),
         missed=_missed(shown[0]),
         reached=", ".join(str(entries - n) for n in reached),
         entries=entries,
@@ -224,6 +225,12 @@ measured. {missed}
 The same run, desired − measured:
 
 {desired}
+
+These are entries. What changed of x, y and z between the columns the twin does not reproduce: the
+law changes them by less than they change from run to run
+([docs/experiment.md](../../docs/experiment.md#from-run-to-run)).
+
+{changes}
 
 ## What it takes
 
