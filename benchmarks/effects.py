@@ -14,18 +14,18 @@ from truepose.twin_folder import markdown
 
 def ranked(lines: list[Line]) -> str:
     """The effects in the order of what they take away, alone and from all of them."""
-    of = {line.case: line for line in lines}
+    by = {line.case: line for line in lines}
     rows = []
     for group in Effects.groups():
-        alone = of[f"{group} alone"], of["none"]
-        among = of["all"], of[f"all but {group}"]
+        alone = by[f"{group} alone"], by["none"]
+        among = by["all"], by[f"all but {group}"]
         rows.append([takes(*pair) for pair in (alone, among)] + [group])
     rows.sort(key=lambda row: -row[0][0])
-    lines = ["| effect | alone adds (mm) | among all adds (mm) |", "|---|---:|---:|"]
-    for alone, among, group in rows:
-        cells = (f"{v:.2f} [{low:.2f}, {high:.2f}]" for v, low, high in (alone, among))
-        lines.append(f"| {group} | " + " | ".join(cells) + " |")
-    return "\n".join(lines)
+    shown = ["| effect | alone adds (mm) | among all adds (mm) |", "|---|---:|---:|"]
+    for *pair, group in rows:
+        cells = ("{:.2f} [{:.2f}, {:.2f}]".format(*(round(v, 2) + 0.0 for v in of)) for of in pair)
+        shown.append(f"| {group} | " + " | ".join(cells) + " |")
+    return "\n".join(shown)
 
 
 def takes(line: Line, less: Line) -> tuple[float, float, float]:
