@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from truepose import paper_data, statistics
 from truepose.build import Array
@@ -141,6 +142,18 @@ def run(
     stacked = {control: np.array(values) for control, values in errors.items()}
     tables = {control: statistics.table3(values) for control, values in stacked.items()}
     return Experiment(robot, truths, poses, stacked, tables)
+
+
+def moved_by_tej(result: Experiment, pose: ArrayLike) -> Array:
+    """How far the TEJ moves each robot's position from usual control's, (robots,), mm.
+
+    In the exact statics, at a pose that both are asked for.
+    """
+    usual, redundant = (
+        np.array([settle(result.robot, truth, pose, law)[:3] for truth in result.truths])
+        for law in ("joint", "redundant")
+    )
+    return 1e3 * np.linalg.norm(redundant - usual, axis=1)
 
 
 def dynamics_check(

@@ -86,7 +86,7 @@ def write(
         tables.moves(result),
         tables.check(result),
         tables.sensing(result),
-        tables.warm_up(result),
+        tables.warm_up(result.warm_up),
         *(experiment_tables.tables(result.section) if result.section else ()),
     ]
     for table in numbers:
@@ -103,6 +103,11 @@ def write(
         seed=result.seed,
         scatter={law: tables.theta_scatter(law) for law in ("usual", "redundant")},
         ratio=float(np.median(result.experiment.ratio("theta", "sum_sq"))),
+        moved=float(np.median(experiment.moved_by_tej(result.experiment, paper_data.MOVE_TO))),
+        squares={
+            "printed": paper_data.table3()["usual"]["theta", "sum_sq"],
+            "drawn": float(np.median(result.experiment.tables["joint"][:, 3, 2])),
+        },
         norm=float(np.median(np.sqrt(result.experiment.ratio("norm_xyz", "sum_sq")))),
         left=experiment.theta_law(result.robot, result.experiment.poses),
         errors=paper_data.simulation_errors(),
@@ -133,7 +138,7 @@ def render(template: str, **values) -> str:
 def _figures(result: Reproduction) -> Iterator[tuple[str, Figure]]:
     yield "robot", drawing.draw(result.robot)
     for name, run in result.moves.items():
-        yield name, figures.move(run)
+        yield name, figures.move(run, result.moves.values())
     yield "poses", figures.poses(result.experiment)
     yield "ratios", figures.ratios(result.experiment)
     yield "rest", figures.rest(result.robot, result.experiment)

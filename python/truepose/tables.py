@@ -8,7 +8,7 @@ import numpy as np
 
 from truepose import paper_data, statistics
 from truepose.reproduce import MOVES, Reproduction
-from truepose.warm_up import NAMES
+from truepose.warm_up import NAMES, WarmUp
 
 QUANTITY_NAMES = {"x": "x", "y": "y", "z": "z", "theta": "θ", "norm_xyz": "norm"}
 STATISTIC_NAMES = {
@@ -75,13 +75,12 @@ def cells():
 
 def one_robot(result: Reproduction) -> Table:
     """Table 3 for the first drawn robot."""
-    tables, printed = result.experiment.tables, paper_data.table3()
+    tables, printed = result.experiment.tables, paper_data.table3_as_printed()
     rows = []
     for at, key, label in cells():
-        values = [printed["usual"].get(key), tables["joint"][0][at]]
-        values += [printed["redundant"].get(key), tables["redundant"][0][at]]
-        values += [tables[control][0][at] for control in FURTHER]
-        rows.append([label, *map(number, values)])
+        row = [label, printed["usual"][key], number(tables["joint"][0][at])]
+        row += [printed["redundant"][key], number(tables["redundant"][0][at])]
+        rows.append(row + [number(tables[control][0][at]) for control in FURTHER])
     header = [UNITS, "usual, paper", "usual, truepose", "redundant, paper", "redundant, truepose"]
     header += [f"{name}, truepose" for name in FURTHER.values()]
     return Table("table3_one_robot", "Table 3 for one robot", header, rows)
@@ -89,14 +88,14 @@ def one_robot(result: Reproduction) -> Table:
 
 def many_robots(result: Reproduction) -> Table:
     """Table 3 for all drawn robots: median and 5-95 % of each statistic."""
-    tables, printed = result.experiment.tables, paper_data.table3()
+    tables, printed = result.experiment.tables, paper_data.table3_as_printed()
     rows = []
     for at, key, label in cells():
         row = [label]
         for control in ("joint", "redundant", *FURTHER):
             paper = {"joint": "usual", "redundant": "redundant"}.get(control)
             low, median, high = np.percentile(tables[control][(slice(None), *at)], [5, 50, 95])
-            row += [number(printed[paper].get(key))] if paper else []
+            row += [printed[paper][key]] if paper else []
             row.append(f"{number(median)} [{number(low, 2)}, {number(high, 2)}]")
         rows.append(row)
     count = len(result.experiment.truths)
@@ -149,18 +148,27 @@ def sensing(result: Reproduction) -> Table:
     return Table("sensing", title, header, rows)
 
 
-def warm_up(result: Reproduction) -> Table:
-    """What a warm-up leaves of a perfect calibration, under each method."""
+def warm_up(lines: list[WarmUp]) -> Table:
+    """What a warm-up leaves of a perfect calibration, under each method.
+
+    Last, for the estimates under `online`: rms over their bound, smallest to largest over time.
+    """
     rows = []
-    for line in result.warm_up:
+    for line in lines:
+        over = line.over_bound()
+        ends = f"{over.min():.2f} to {over.max():.2f}"
         warmest = int(np.argmax(line.hours >= line.hours[-1] / 1.5))  # no warmer from then on
         for method, values in line.rms.items():
             rms = np.sqrt((values**2).mean(axis=0))
             half = rms[warmest // 2]
-            cells = [half, rms[warmest], rms[-1]]
-            rows.append([f"{line.sensors}: {NAMES[method]}", *map(number, cells)])
-    header = ["position rms (mm)", "half warm", "warm", "an hour later"]
-    return Table("warm_up", "Perfectly calibrated when cold", header, rows)
+            cells = [
+                *map(number, (half, rms[warmest], rms[-1])),
+                ends if method == "online" else "",
+            ]
+            rows.append([f"{line.sensors}: {NAMES[method]}", *cells])
+    header = ["position rms (mm)", "half warm", "warm", "an hour later", "estimate over its bound"]
+    title = f"Perfectly calibrated when cold: {len(lines[0].bound)} robots a set"
+    return Table("warm_up", title, header, rows)
 
 
 def check(result: Reproduction) -> Table:
