@@ -176,6 +176,7 @@ Estimate<K> estimate(const Robot& robot, const Knowledge& known, const Extended&
   Matrix<kMaxReadings, n> H_x;
   ReadingCovariance C;
   Fusion<K> fusion;
+  double last = INFINITY;
   result.outcome = Level::template linearise<K>(robot, at, expected, H_x, H_xi);
   if (result.outcome) result.outcome = reading_covariance(robot, known, H_xi, B, C);
   while (result.outcome) {
@@ -191,7 +192,9 @@ Estimate<K> estimate(const Robot& robot, const Knowledge& known, const Extended&
       for (int c = 0; c < rows; ++c) step[i] += fusion.gain[i][c] * residual[c];
       size = std::max(size, step[i] * step[i] / fusion.covariance[i][i]);
     }
-    if (size < 1e-16) {
+    // Where σ is nanometres, rounding alone makes steps above the first limit: a thousandth of σ
+    // that hardly shrinks is as near as one gets.
+    if (size < 1e-16 || (size < 1e-6 && size > 0.25 * last)) {
       for (int c = 0; c < rows; ++c) result.chi2 += whitened[c] * whitened[c];
       result.covariance = fusion.covariance;
       pose = at;
@@ -201,6 +204,7 @@ Estimate<K> estimate(const Robot& robot, const Knowledge& known, const Extended&
       result.outcome = {Status::unreachable, -1};
       break;
     }
+    last = size;
     at = moved<K>(at, step);
     result.outcome = Level::template linearise<K>(robot, at, expected, H_x, nullptr);
   }

@@ -1,8 +1,9 @@
 // Which geometry explains a robot's own readings? The maximum a posteriori estimate of ξ.
 //
-// Minimises |u|² + Σ_k ρ(d_k²) over ξ = μ + S u and every pose x_k, where d_k² is what the readings
-// at pose k still disagree about once the best pose is taken. Poses are eliminated (eliminate.hpp),
-// so that a step solves for ξ alone: (I + Σ w RᵀR) δu = Σ w Rᵀy - u, then each δx_k follows.
+// Minimises |u|² + Σ_k s_k ρ(d_k²) over ξ = μ + S u and every pose x_k, where d_k² is what the
+// readings at pose k still disagree about once the best pose is taken. Poses are eliminated
+// (eliminate.hpp), so that a step solves for ξ alone: (I + Σ w RᵀR) δu = Σ w Rᵀy - u, then each
+// δx_k follows.
 #pragma once
 
 #include <Eigen/Cholesky>
@@ -10,19 +11,9 @@
 
 #include "truepose/geometry.hpp"
 #include "truepose/offline/line.hpp"
+#include "truepose/offline/loss.hpp"
 
 namespace truepose {
-
-/// What a disagreement between the readings of one pose costs.
-enum class Loss : int {
-  squares = 0,  ///< d²: normal errors
-  huber = 1,    ///< linear beyond `tuning`, constant beyond kGross
-  student = 2,  ///< (ν + r) log(1 + d²/ν), ν = `tuning`: gross errors count for nothing
-};
-
-/// Residual of a line, in units of its σ, that no noise explains. Huber's force is bounded, not its
-/// lever: a reading so wrong that its pose lies outside the workspace would pull all the same.
-inline constexpr double kGross = 30;
 
 struct CalibrationSettings {
   int nuisances = 0;  ///< how many of the prior's last parameters are GuardedModel's, independent
@@ -72,7 +63,8 @@ class Calibrator {
         n_(model.n),
         readings_(model.n + drawn.r),
         S_(Eigen::Map<const RowMatrix>(prior.root, p_, p_)),
-        H_xi_(2 * readings_ * parameter_count(drawn)) {}
+        H_xi_(2 * readings_ * parameter_count(drawn)),
+        loss_(settings.loss, settings.tuning) {}
 
   /// @param from  what a model with fewer parameters at the end found, to start there; or nullptr
   CalibrationResult run(const CalibrationResult* from = nullptr) {
@@ -88,7 +80,6 @@ class Calibrator {
     if (settings_.loss == Loss::squares) {
       descend(now, result);
     } else {
-      loss_ = settings_.loss;
       scale_ = INFINITY;
       do {  // graduated: from what the median calls normal, down to the stated σ
         scale_ = std::max(1.0, std::min(0.5 * scale_, spread(now)));
@@ -104,7 +95,6 @@ class Calibrator {
     Iterate now = beside(from);
     std::vector<Status> status = from.status;
     for (int bad; (bad = evaluate(now, status)) >= 0;) status[bad] = Status::singular;
-    loss_ = settings_.loss;
     scale_ = 1;
     Eigen::MatrixXd information;
     Eigen::VectorXd right;
@@ -229,26 +219,16 @@ class Calibrator {
   }
 
   double weight(const Line& line) const {
-    const double d2 = misfit(line) / (scale_ * scale_), c = settings_.tuning;
-    switch (loss_) {
-      case Loss::huber: return d2 > kGross * kGross ? 0 : d2 > c * c ? c / std::sqrt(d2) : 1;
-      case Loss::student: return (c + line.redundancy()) / (c + d2);
-      default: return 1;
-    }
+    return loss_.weight(misfit(line) / (scale_ * scale_), line.redundancy());
   }
   double rho(const Line& line) const {
-    const double s2 = scale_ * scale_, d2 = misfit(line) / s2, c = settings_.tuning;
-    switch (loss_) {
-      case Loss::huber:
-        return s2 * (d2 > c * c ? 2 * c * std::min(std::sqrt(d2), kGross) - c * c : d2);
-      case Loss::student: return s2 * (c + line.redundancy()) * std::log1p(d2 / c);
-      default: return misfit(line);
-    }
+    const double s2 = scale_ * scale_;
+    return s2 * loss_.rho(misfit(line) / s2, line.redundancy());
   }
   double cost(const Iterate& at) const {
     double sum = at.u.squaredNorm();
     for (const Line& line : at.line)
-      if (line.redundancy() > 0) sum += rho(line);
+      if (const int m = line.redundancy()) sum += loss_.scale(m) * rho(line);
     return sum;
   }
 
@@ -263,8 +243,17 @@ class Calibrator {
     return std::sqrt(*middle / 0.455);  // the median of χ² with one degree of freedom
   }
 
-  /// Information on u: I + Σ w RᵀR, and the right side Σ w Rᵀy - u.
+  /// Information on u as the step takes it: I + Σ w RᵀR, and the right side Σ w Rᵀy - u.
   void accumulate(const Iterate& at, Eigen::MatrixXd& information, Eigen::VectorXd& right) const {
+    const auto counts = [&](const Line& line) {
+      return loss_.scale(line.redundancy()) * weight(line);
+    };
+    accumulate(at, counts, information, right);
+  }
+  /// I + Σ c RᵀR and Σ c Rᵀy - u. @param counts  c of a line
+  template <class F>
+  void accumulate(const Iterate& at, F&& counts, Eigen::MatrixXd& information,
+                  Eigen::VectorXd& right) const {
     int total = 0;
     for (const Line& line : at.line) total += line.redundancy();
     RowMatrix stacked(total, p_);
@@ -272,7 +261,7 @@ class Calibrator {
     int row = 0;
     for (const Line& line : at.line) {
       if (line.redundancy() == 0) continue;
-      const double root = std::sqrt(weight(line));
+      const double root = std::sqrt(counts(line));
       for (int i = n_; i < line.rows; ++i, ++row) {
         stacked.row(row) = root * line.B.row(i);
         y[row] = root * line.e[i];
@@ -348,7 +337,10 @@ class Calibrator {
   void finish(const Iterate& at, CalibrationResult& result) {
     Eigen::MatrixXd information;
     Eigen::VectorXd right;
-    accumulate(at, information, right);
+    const auto worth = [&](const Line& line) {
+      return weight(line) < kOutlier ? 0 : loss_.information(line.redundancy());
+    };
+    accumulate(at, worth, information, right);
     const Eigen::MatrixXd root = information.selfadjointView<Eigen::Lower>().llt().matrixL();
     const Eigen::MatrixXd half =
         root.triangularView<Eigen::Lower>().solve(Eigen::MatrixXd(S_.transpose()));
@@ -377,7 +369,7 @@ class Calibrator {
   const int p_, n_, readings_;
   const RowMatrix S_;
   std::vector<double> H_xi_;
-  Loss loss_ = Loss::squares;
+  const LineLoss loss_;
   double scale_ = 1;
 };
 
