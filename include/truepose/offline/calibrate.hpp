@@ -218,12 +218,16 @@ class Calibrator {
     return sum;
   }
 
+  /// d² of a line. Within σ of its best pose what that leaves is exact enough: what the pose itself
+  /// lags behind ξ would hide how much a step has gained, where σ is small and steps are not.
+  double d2(const Line& line) const { return away(line) < 1 ? line.chi2() : misfit(line); }
+
   double weight(const Line& line) const {
-    return loss_.weight(misfit(line) / (scale_ * scale_), line.redundancy());
+    return loss_.weight(d2(line) / (scale_ * scale_), line.redundancy());
   }
   double rho(const Line& line) const {
     const double s2 = scale_ * scale_;
-    return s2 * loss_.rho(misfit(line) / s2, line.redundancy());
+    return s2 * loss_.rho(d2(line) / s2, line.redundancy());
   }
   double cost(const Iterate& at) const {
     double sum = at.u.squaredNorm();
