@@ -11,6 +11,7 @@
 // RᵀR.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 
