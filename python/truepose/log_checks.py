@@ -127,7 +127,8 @@ def _cells(robot: Robot, log: Log) -> Iterator[Finding]:
 def _distinct(robot: Robot, log: Log) -> Array:
     """Index of the first line at each pose, by the motors' counts."""
     q = log.readings[:, : robot.n]
-    step = np.maximum(robot.resolution[: robot.n], 1e-6)
+    count = robot.resolution[: robot.n]
+    step = np.where(count > 0, count, 1e-6)
     rows = np.flatnonzero(np.isfinite(q).all(axis=1))
     _, first = np.unique(np.round(q[rows] / step), axis=0, return_index=True)
     return rows[first]

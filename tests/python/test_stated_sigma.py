@@ -117,6 +117,14 @@ def test_poses_are_estimated_to_nanometres(stewart, anywhere, rng, step):
     assert (nees(error, found.covariance) < 40).all()
 
 
+def test_poses_that_fine_counts_tell_apart_are_different(stewart, rng):
+    """A hexapod that stays within half a micrometre, and sees it."""
+    robot = with_motors(stewart.with_sensors("roll", "pitch"), 1e-8)
+    x = robot.home + rng.uniform(-2.5e-7, 2.5e-7, (60, 6))
+    table = dict(zip(robot.readings, robot.expected().read(x).T, strict=True))
+    assert not [note for note in tp.calibrate(robot, table).notes if "different pose" in note]
+
+
 @pytest.mark.parametrize(
     ("name", "level", "seed"), [("3rrr", "ideal", 1), ("3rrr", "ideal", 4), ("h4", "full", 0)]
 )
