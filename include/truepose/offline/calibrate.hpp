@@ -2,8 +2,8 @@
 //
 // Minimises |u|² + Σ_k s_k ρ(d_k²) over ξ = μ + S u and every pose x_k, where d_k² is what the
 // readings at pose k still disagree about once the best pose is taken. Poses are eliminated
-// (eliminate.hpp), so that a step solves for ξ alone: (I + Σ w RᵀR) δu = Σ w Rᵀy - u, then each
-// δx_k follows.
+// (eliminate.hpp), so that a step solves for ξ alone: (I + Σ c RᵀR) δu = Σ c Rᵀy - u with c = s w,
+// then each δx_k follows.
 #pragma once
 
 #include <Eigen/Cholesky>
@@ -223,16 +223,18 @@ class Calibrator {
   double d2(const Line& line) const { return away(line) < 1 ? line.chi2() : misfit(line); }
 
   double weight(const Line& line) const {
-    return loss_.weight(d2(line) / (scale_ * scale_), line.redundancy());
+    const int m = line.redundancy();
+    return loss_.scale(m) * loss_.weight(d2(line) / (scale_ * scale_), m);
   }
   double rho(const Line& line) const {
     const double s2 = scale_ * scale_;
-    return s2 * loss_.rho(d2(line) / s2, line.redundancy());
+    const int m = line.redundancy();
+    return s2 * loss_.scale(m) * loss_.rho(d2(line) / s2, m);
   }
   double cost(const Iterate& at) const {
     double sum = at.u.squaredNorm();
     for (const Line& line : at.line)
-      if (const int m = line.redundancy()) sum += loss_.scale(m) * rho(line);
+      if (line.redundancy() > 0) sum += rho(line);
     return sum;
   }
 
@@ -247,14 +249,11 @@ class Calibrator {
     return std::sqrt(*middle / 0.455);  // the median of χ² with one degree of freedom
   }
 
-  /// Information on u as the step takes it: I + Σ w RᵀR, and the right side Σ w Rᵀy - u.
+  /// Information on u as the step takes it, and the right side: I + Σ c RᵀR and Σ c Rᵀy - u.
   void accumulate(const Iterate& at, Eigen::MatrixXd& information, Eigen::VectorXd& right) const {
-    const auto counts = [&](const Line& line) {
-      return loss_.scale(line.redundancy()) * weight(line);
-    };
-    accumulate(at, counts, information, right);
+    accumulate(at, [&](const Line& line) { return weight(line); }, information, right);
   }
-  /// I + Σ c RᵀR and Σ c Rᵀy - u. @param counts  c of a line
+  /// @param counts  c of a line
   template <class F>
   void accumulate(const Iterate& at, F&& counts, Eigen::MatrixXd& information,
                   Eigen::VectorXd& right) const {

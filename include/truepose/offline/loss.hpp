@@ -30,8 +30,8 @@ enum class Loss : int {
 /// lever: a reading so wrong that its pose lies outside the workspace would pull all the same.
 inline constexpr double kGross = 30;
 
-/// Weight below which a line is an outlier. Noise brings none there (d is then 7 to 15), so that
-/// such a line is no draw from the model that its expected information assumes: it has none.
+/// s w below which a line is an outlier. Noise brings none there (d is then 7 to 20), so that such
+/// a line is no draw from the model that its expected information assumes: it has none.
 inline constexpr double kOutlier = 0.1;
 
 /// The loss of lines, by the number m of their equations.
