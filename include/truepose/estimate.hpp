@@ -179,6 +179,7 @@ Estimate<K> estimate_from(const Robot& robot, const Knowledge& known, const Exte
   Matrix<kMaxReadings, n> H_x;
   ReadingCovariance C;
   Fusion<K> fusion;
+  double last = INFINITY;
   result.outcome = Level::template linearise<K>(robot, at, expected, H_x, H_xi, rest);
   if (result.outcome) result.outcome = reading_covariance(robot, known, H_xi, B, C);
   while (result.outcome) {
@@ -200,12 +201,15 @@ Estimate<K> estimate_from(const Robot& robot, const Knowledge& known, const Exte
     }
     ++result.iterations;
     at = moved<K>(at, step);
-    if (size < kLastStep) {
+    // Where σ is nanometres, rounding alone makes larger steps: a thousandth of σ that hardly
+    // shrinks is as near as one gets.
+    if (size < kLastStep || (size < 1e-6 && size > 0.25 * last)) {
       for (int c = 0; c < rows; ++c) result.chi2 += whitened[c] * whitened[c];
       result.covariance = fusion.covariance;
       pose = at;
       return result;
     }
+    last = size;
     result.outcome = Level::template linearise<K>(robot, at, expected, H_x, nullptr, rest);
   }
   return result;

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from truepose import _core, knowledge, log_checks, logs
 from truepose.build import Array, columns
+from truepose.departure import Departure, departure
 from truepose.exceptions import InputError, PoseError, choose
 from truepose.kinematics import Level
 from truepose.robot import Robot
@@ -63,12 +64,12 @@ class Fit:
     residuals: Array  #: (N, n + r) read less expected
     chi2: Array  #: (N,) squared residuals of a line in units of σ, its pose fitted
     redundancy: Array  #: (N,) readings of a line beyond those that its pose takes
-    weights: Array  #: (N,) 1, or less where a robust loss found an outlier; 0: left out
+    weights: Array  #: (N,) about 1; below 0.1 where a robust loss found an outlier; 0: left out
     status: Array  #: (N,) "ok", or why a line was left out
     iterations: int
     cost: float  #: squared residuals and departures from the prior, in units of their σ
     guarded: bool  #: whether what the ideal level leaves out was allowed for
-    notes: tuple[str, ...] = ()  #: what was noticed in a table of readings, one line each
+    notes: tuple[str, ...] = ()  #: what was noticed, in a table of readings above all; a line each
 
     @property
     def parameters(self) -> dict[str, Learnt]:
@@ -83,6 +84,12 @@ class Fit:
     def outliers(self) -> Array:
         """Lines that count for less than a tenth."""
         return np.flatnonzero((self.weights < 0.1) & (self.status == "ok"))
+
+    @property
+    def departure(self) -> Departure:
+        """How far what was learnt is from the prior: whether the tolerances are too small."""
+        off = np.array([p.value - p.prior for p in self.parameters.values()])
+        return departure(off, self.covariance, self.prior_covariance)
 
     def worst_known(self, count: int = 5) -> list[tuple[float, dict[str, float]]]:
         """Combinations of parameters that the readings say least of.
@@ -180,7 +187,7 @@ def calibrate(
             model_error=model_error,
         )
         notes += [finding.text for finding in log_checks.review(fit, log)]
-        return replace(fit, notes=tuple(notes))
+        return replace(fit, notes=(*notes, *fit.notes))
     names = knowledge.require_uncertain(robot)
     if loss not in TUNING:
         raise InputError(choose("loss", loss, TUNING))
@@ -239,7 +246,7 @@ def calibrate(
     )
     calibrated = robot.with_calibration(learnt).with_level(level)
     expected = calibrated.extended(x, errors="nan", level=level)
-    return Fit(
+    fit = Fit(
         robot=calibrated,
         prior=prior,
         level=level,
@@ -256,6 +263,8 @@ def calibrate(
         cost=cost,
         guarded=guarded,
     )
+    believed = "the last calibration's σ" if robot.spec.calibration else "the tolerances"
+    return replace(fit, notes=tuple(fit.departure.doubt(believed)))
 
 
 def mean_of(robot: Robot) -> Array:

@@ -109,7 +109,7 @@ def assess(
         where=where,
         poses=poses,
         accuracy=predicted,
-        notes=(*notes, *review),
+        notes=(*notes, *review, *fit.notes),
     )
 
 

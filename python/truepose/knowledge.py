@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from truepose.kinematics import Level
     from truepose.robot import Robot
 
-#: σ that an unquantised, noiseless reading counts with, rad or m: no sensor is better.
-FINEST = 1e-6
+#: σ that an unquantised, noiseless reading counts with, rad or m; others count with their own.
+EXACT = 1e-6
 
 
 def uncertain(robot: Robot) -> list[str]:
@@ -48,8 +48,9 @@ def root(robot: Robot, names: list[str]) -> Array:
 
 
 def reading_sigma(robot: Robot) -> Array:
-    """σ of every reading's own error, shape (n + r,): its noise and one count, at least FINEST."""
-    return np.maximum(robot.reading_sigma, FINEST)
+    """σ of every reading's own error, shape (n + r,): its noise and one count; EXACT for none."""
+    sigma = robot.reading_sigma
+    return np.where(sigma > 0, sigma, EXACT)
 
 
 #: Parameters whose errors only the full level follows to the end, by the ends of their names.

@@ -10,6 +10,7 @@ import numpy as np
 
 from truepose import knowledge
 from truepose.build import Array
+from truepose.departure import chi2_quantile
 from truepose.expectation import Expectation, expect, poses_of
 from truepose.logs import Log
 from truepose.robot import Robot
@@ -83,7 +84,8 @@ def review(fit: Fit, log: Log) -> list[Finding]:
         )
     counted = (fit.weights >= 0.1) & (fit.redundancy > 0)
     if counted.any():
-        apart = np.sqrt(np.median(fit.chi2[counted] / fit.redundancy[counted]) / 0.455)
+        usual = chi2_quantile(0.5, fit.redundancy[counted])
+        apart = np.sqrt(np.median(fit.chi2[counted] / usual))
         if apart > 2:
             findings.append(
                 Finding(
@@ -125,7 +127,8 @@ def _cells(robot: Robot, log: Log) -> Iterator[Finding]:
 def _distinct(robot: Robot, log: Log) -> Array:
     """Index of the first line at each pose, by the motors' counts."""
     q = log.readings[:, : robot.n]
-    step = np.maximum(robot.resolution[: robot.n], 1e-6)
+    count = robot.resolution[: robot.n]
+    step = np.where(count > 0, count, 1e-6)
     rows = np.flatnonzero(np.isfinite(q).all(axis=1))
     _, first = np.unique(np.round(q[rows] / step), axis=0, return_index=True)
     return rows[first]

@@ -1,8 +1,9 @@
 // Which geometry explains a robot's own readings? The maximum a posteriori estimate of ξ.
 //
-// Minimises |u|² + Σ_k ρ(d_k²) over ξ = μ + S u and every pose x_k, where d_k² is what the readings
-// at pose k still disagree about once the best pose is taken. Poses are eliminated (eliminate.hpp),
-// so that a step solves for ξ alone: (I + Σ w RᵀR) δu = Σ w Rᵀy - u, then each δx_k follows.
+// Minimises |u|² + Σ_k s_k ρ(d_k²) over ξ = μ + S u and every pose x_k, where d_k² is what the
+// readings at pose k still disagree about once the best pose is taken. Poses are eliminated
+// (eliminate.hpp), so that a step solves for ξ alone: (I + Σ c RᵀR) δu = Σ c Rᵀy - u with c = s w,
+// then each δx_k follows.
 #pragma once
 
 #include <Eigen/Cholesky>
@@ -10,19 +11,9 @@
 
 #include "truepose/geometry.hpp"
 #include "truepose/offline/line.hpp"
+#include "truepose/offline/loss.hpp"
 
 namespace truepose {
-
-/// What a disagreement between the readings of one pose costs.
-enum class Loss : int {
-  squares = 0,  ///< d²: normal errors
-  huber = 1,    ///< linear beyond `tuning`, constant beyond kGross
-  student = 2,  ///< (ν + r) log(1 + d²/ν), ν = `tuning`: gross errors count for nothing
-};
-
-/// Residual of a line, in units of its σ, that no noise explains. Huber's force is bounded, not its
-/// lever: a reading so wrong that its pose lies outside the workspace would pull all the same.
-inline constexpr double kGross = 30;
 
 struct CalibrationSettings {
   int nuisances = 0;  ///< how many of the prior's last parameters are left_out's, independent
@@ -73,7 +64,8 @@ class Calibrator {
         readings_(model.n + drawn.r),
         S_(Eigen::Map<const RowMatrix>(prior.root, p_, p_)),
         H_xi_(2 * readings_ * parameter_count(drawn)),
-        rest_(log.count) {}
+        rest_(log.count),
+        loss_(settings.loss, settings.tuning) {}
 
   CalibrationResult run() {
     CalibrationResult result;
@@ -88,7 +80,6 @@ class Calibrator {
     if (settings_.loss == Loss::squares) {
       descend(now, result);
     } else {
-      loss_ = settings_.loss;
       scale_ = INFINITY;
       do {  // graduated: from what the median calls normal, down to the stated σ
         scale_ = std::max(1.0, std::min(0.5 * scale_, spread(now)));
@@ -231,22 +222,18 @@ class Calibrator {
     return sum;
   }
 
+  /// d² of a line. Within σ of its best pose what that leaves is exact enough: what the pose itself
+  /// lags behind ξ would hide how much a step has gained, where σ is small and steps are not.
+  double d2(const Line& line) const { return away(line) < 1 ? line.chi2() : misfit(line); }
+
   double weight(const Line& line) const {
-    const double d2 = misfit(line) / (scale_ * scale_), c = settings_.tuning;
-    switch (loss_) {
-      case Loss::huber: return d2 > kGross * kGross ? 0 : d2 > c * c ? c / std::sqrt(d2) : 1;
-      case Loss::student: return (c + line.redundancy()) / (c + d2);
-      default: return 1;
-    }
+    const int m = line.redundancy();
+    return loss_.scale(m) * loss_.weight(d2(line) / (scale_ * scale_), m);
   }
   double rho(const Line& line) const {
-    const double s2 = scale_ * scale_, d2 = misfit(line) / s2, c = settings_.tuning;
-    switch (loss_) {
-      case Loss::huber:
-        return s2 * (d2 > c * c ? 2 * c * std::min(std::sqrt(d2), kGross) - c * c : d2);
-      case Loss::student: return s2 * (c + line.redundancy()) * std::log1p(d2 / c);
-      default: return misfit(line);
-    }
+    const double s2 = scale_ * scale_;
+    const int m = line.redundancy();
+    return s2 * loss_.scale(m) * loss_.rho(d2(line) / s2, m);
   }
   double cost(const Iterate& at) const {
     double sum = at.u.squaredNorm();
@@ -266,8 +253,14 @@ class Calibrator {
     return std::sqrt(*middle / 0.455);  // the median of χ² with one degree of freedom
   }
 
-  /// Information on u: I + Σ w RᵀR, and the right side Σ w Rᵀy - u.
+  /// Information on u as the step takes it, and the right side: I + Σ c RᵀR and Σ c Rᵀy - u.
   void accumulate(const Iterate& at, Eigen::MatrixXd& information, Eigen::VectorXd& right) const {
+    accumulate(at, [&](const Line& line) { return weight(line); }, information, right);
+  }
+  /// @param counts  c of a line
+  template <class F>
+  void accumulate(const Iterate& at, F&& counts, Eigen::MatrixXd& information,
+                  Eigen::VectorXd& right) const {
     int total = 0;
     for (const Line& line : at.line) total += line.redundancy();
     RowMatrix stacked(total, p_);
@@ -275,7 +268,7 @@ class Calibrator {
     int row = 0;
     for (const Line& line : at.line) {
       if (line.redundancy() == 0) continue;
-      const double root = std::sqrt(weight(line));
+      const double root = std::sqrt(counts(line));
       for (int i = n_; i < line.rows; ++i, ++row) {
         stacked.row(row) = root * line.B.row(i);
         y[row] = root * line.e[i];
@@ -351,7 +344,10 @@ class Calibrator {
   void finish(const Iterate& at, CalibrationResult& result) {
     Eigen::MatrixXd information;
     Eigen::VectorXd right;
-    accumulate(at, information, right);
+    const auto worth = [&](const Line& line) {
+      return weight(line) < kOutlier ? 0 : loss_.information(line.redundancy());
+    };
+    accumulate(at, worth, information, right);
     const Eigen::MatrixXd root = information.selfadjointView<Eigen::Lower>().llt().matrixL();
     const Eigen::MatrixXd half =
         root.triangularView<Eigen::Lower>().solve(Eigen::MatrixXd(S_.transpose()));
@@ -382,7 +378,7 @@ class Calibrator {
   std::vector<double> H_xi_;
   std::vector<Parasitic> rest_;  ///< where each line's solution starts (full level)
   std::vector<RowMatrix> D_;     ///< of each line's nuisances
-  Loss loss_ = Loss::squares;
+  const LineLoss loss_;
   double scale_ = 1;
 };
 
