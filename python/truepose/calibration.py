@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core, knowledge, log_checks, logs
+from truepose import registration as registrations
 from truepose.build import Array, columns
 from truepose.exceptions import InputError, PoseError, choose
 from truepose.kinematics import Level
+from truepose.registration import Registered, Registration
 from truepose.robot import Robot
 from truepose.schema import Calibration
 
@@ -72,6 +74,7 @@ class Fit:
     iterations: int
     cost: float  #: squared residuals and departures from the prior, in units of their σ
     guarded: bool  #: whether what the ideal level leaves out was allowed for
+    registration: Registered | None = None  #: of what was measured from outside, if anything was
     notes: tuple[str, ...] = ()  #: what was noticed in a table of readings, one line each
 
     @property
@@ -113,7 +116,9 @@ def calibrate(
     readings: ArrayLike | Mapping[str, ArrayLike],
     *,
     measured: ArrayLike | None = None,
-    measured_sigma: ArrayLike | float = 1e-5,
+    measured_sigma: ArrayLike | float | None = None,
+    measured_angle_sigma: float | None = None,
+    registration: Literal["unknown", "known"] | Registration = "unknown",
     level: Level = "ideal",
     loss: Loss = "squares",
     tuning: float | None = None,
@@ -135,8 +140,15 @@ def calibrate(
         is looked over first; what was noticed is in ``notes``.
     measured : array_like, shape (N, n), optional
         Coordinates that something outside measured at these poses, NaN where it did not.
-    measured_sigma : array_like, shape (n,), or float
-        σ of those, m or rad.
+    measured_sigma : float, or array_like, shape (n,) or (N, n), optional
+        σ of those: of lengths (m), or of every coordinate (m or rad). By default what a table's
+        columns measured_x_sigma, … say, else 0.02 mm.
+    measured_angle_sigma : float, optional
+        σ of measured angles, rad; 0.01° by default.
+    registration : {"unknown", "known"} or Registration
+        Of the frame that `measured` is in, and of the marker that was measured: unknown within wide
+        priors, learnt with the geometry and told in ``registration``; or, known, those of the base
+        and of the nacelle's reference point.
     level : {"ideal", "full"}
         One rod per chain, or every rod by itself.
     loss : {"squares", "huber", "student"}
@@ -176,7 +188,9 @@ def calibrate(
             robot,
             log.readings,
             measured=log.measured if measured is None else measured,
-            measured_sigma=measured_sigma,
+            measured_sigma=log.measured_sigma if measured_sigma is None else measured_sigma,
+            measured_angle_sigma=measured_angle_sigma,
+            registration=registration,
             level=level,
             loss=loss,
             tuning=tuning,
@@ -193,7 +207,13 @@ def calibrate(
     rows, lead = robot._rows(readings, robot.n + robot.r, "readings", "nan")
     if len(lead) != 1 or len(rows) == 0:
         raise InputError(f"readings: shape {np.shape(readings)}, must be (N, {robot.n + robot.r})")
-    outside, outside_sigma = _measured(robot, measured, measured_sigma, len(rows))
+    outside, outside_sigma = _measured(
+        robot, measured, measured_sigma, measured_angle_sigma, len(rows)
+    )
+    begun = registrations.of(registration)
+    base, marker = begun.begin()
+    frames = begun.sigma(robot, outside) if len(outside) else np.zeros(12)
+    unknown = frames if frames.any() else None
     prior = robot.with_calibration(robot.spec.calibration)
     column = dict(columns(robot.spec, robot._sensors))
     mean = mean_of(robot)
@@ -201,10 +221,10 @@ def calibrate(
     if model_error not in MODEL_ERRORS:
         raise InputError(choose("model_error", model_error, MODEL_ERRORS))
     can_guard = level == "ideal" and model_error != "off" and bool(knowledge.left_out(robot))
-    guard = knowledge.knowledge(robot, guarded=True) if can_guard else None
+    guard = knowledge.knowledge(robot, guarded=True, registration=unknown) if can_guard else None
     found = _core.calibrate(
         robot._drawn,
-        knowledge.knowledge(robot).core,
+        knowledge.knowledge(robot, registration=unknown).core,
         guard.core if guard else None,
         guard.nuisances if guard else 0,
         BETRAYED if model_error == "auto" else -1.0,
@@ -212,11 +232,14 @@ def calibrate(
         rows,
         outside,
         outside_sigma,
+        base,
+        marker,
+        -1 if unknown is None else len(names),
         getattr(_core.Loss, loss),
         tuning,
         robot._is_full(level),
     )
-    status, iterations, xi, covariance, x, chi2, redundancy, weights, lines, cost, guarded = found
+    status, iterations, xi, covariance, x, chi2, redundancy, weights, lines, cost, guarded, *placed = found
     if status:
         hint = "; gross errors? loss='student' bears them" if loss == "squares" else ""
         raise PoseError(
@@ -227,6 +250,7 @@ def calibrate(
                 else f"the search ended after {iterations} steps: {_core.describe(status)}{hint}"
             )
         )
+    covariance, registered = _apart(covariance, len(names), frames, placed)
     root = knowledge.root(robot, names)
     if not redundancy.any():
         raise InputError(
@@ -258,7 +282,19 @@ def calibrate(
         iterations=iterations,
         cost=cost,
         guarded=guarded,
+        registration=registered if len(outside) else None,
     )
+
+
+def _apart(
+    joint: Array, count: int, sigma: Array, placed: list[Array]
+) -> tuple[Array, Registered | None]:
+    """Take the joint covariance of parameters and registration apart."""
+    covariance, cross, own = joint[:count, :count], np.zeros((count, 12)), np.zeros((12, 12))
+    if len(joint) > count:
+        cross, own = joint[:count, count:], joint[count:, count:]
+    base0, marker0, base, marker = placed
+    return covariance, Registered(base, marker, sigma, own, cross, (base0, marker0))
 
 
 def mean_of(robot: Robot) -> Array:
@@ -294,20 +330,17 @@ def _looked_over(robot: Robot, table) -> tuple[logs.Log, list[str]]:
     return log, [finding.text for finding in findings]
 
 
-def _measured(robot: Robot, measured, sigma, count: int) -> tuple[Array, list[float]]:
-    """Outside measurements as the core takes them; none: no rows."""
+def _measured(robot: Robot, measured, sigma, angle_sigma, count: int) -> tuple[Array, Array]:
+    """Outside measurements and their σ as the core takes them; none: no rows."""
     if measured is None:
-        return np.zeros((0, robot.n)), []
+        return np.zeros((0, robot.n)), np.zeros((0, robot.n))
     rows, lead = robot._rows(measured, robot.n, "measured", "nan")
     if lead != (count,):
         raise InputError(f"measured: shape {np.shape(measured)}, must be ({count}, {robot.n})")
-    try:
-        sigmas = np.broadcast_to(np.asarray(sigma, dtype=float), (robot.n,))
-    except ValueError:
-        raise InputError(f"measured_sigma: must be a number or {robot.n} of them") from None
-    if not (np.isfinite(sigmas).all() and (sigmas > 0).all()):
-        raise InputError(f"measured_sigma = {sigma}: must be greater than 0 (m or rad)")
-    return rows, sigmas.tolist()
+    angles = [unit == "rad" for _, unit in robot.coordinates]
+    if sum(angles) == 3 and (np.isfinite(rows[:, angles]).sum(axis=1) % 3).any():
+        raise InputError("measured: rx, ry and rz: all three or none at each pose")
+    return rows, registrations.sigmas(robot, sigma, angle_sigma, count)
 
 
 def _cholesky(covariance: Array) -> Array:

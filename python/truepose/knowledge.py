@@ -94,6 +94,7 @@ def knowledge(
     guarded: bool = False,
     level: Level = "ideal",
     error: Array | None = None,
+    registration: Array | None = None,
 ) -> Known:
     """Build the core's struct.
 
@@ -108,15 +109,20 @@ def knowledge(
         That the readings are understood by.
     error : ndarray, shape (n + r,), optional
         σ of what the ideal level leaves out of each reading; by default what a calibration says.
+    registration : ndarray, shape (12,), optional
+        σ of an outside measurement's frames, unknowns of their own behind the parameters.
     """
     names = uncertain(robot)
     column = dict(columns(robot.spec, robot._sensors))
     at = [column[name] for name in names]
     lower = root(robot, names) if posterior is None else posterior
     errors = left_out(robot) if guarded else {}
-    if errors:
-        at += [robot._core.parameter_count + column[name] for name in errors]
-        whole = np.diag([0.0] * len(names) + list(errors.values()))
+    frames = [] if registration is None else registration.tolist()
+    if errors or frames:
+        width = robot._core.parameter_count
+        at += [2 * width + k for k in range(len(frames))]
+        at += [width + column[name] for name in errors]
+        whole = np.diag([0.0] * len(names) + frames + list(errors.values()))
         whole[: len(names), : len(names)] = lower
         lower = whole
     learnt = robot.spec.calibration

@@ -26,6 +26,7 @@ inline constexpr double kGross = 30;
 
 struct CalibrationSettings {
   int nuisances = 0;  ///< how many of the prior's last parameters are GuardedModel's, independent
+  int registration = -1;  ///< first of the prior's kRegistration unknowns of a registration, or -1
   Loss loss = Loss::squares;
   double tuning = 0;
   int iterations = 100;
@@ -34,17 +35,20 @@ struct CalibrationSettings {
 /// Readings at poses nobody knows; where somebody does, what was measured there. NaN: not read.
 struct ReadingLog {
   int count = 0;
-  const double* q_e = nullptr;       ///< count × (n + r)
-  const double* measured = nullptr;  ///< count × n coordinates, or nullptr
-  Joint measured_sigma{};            ///< of those, > 0
+  const double* q_e = nullptr;             ///< count × (n + r)
+  const double* measured = nullptr;        ///< count × n coordinates, or nullptr
+  const double* measured_sigma = nullptr;  ///< of those, > 0
+  Registration registration{};  ///< of those; the marker to begin with where it is unknown
 };
 
 struct CalibrationResult {
   Outcome outcome;
   int iterations = 0;
-  std::vector<double> xi;       ///< parameter_count(drawn) values
-  Eigen::VectorXd u;            ///< ξ̂ of the uncertain ones: μ + S u
-  Eigen::MatrixXd covariance;   ///< of the uncertain parameters, nuisances left out
+  std::vector<double> xi;      ///< parameter_count(drawn) values
+  Eigen::VectorXd u;           ///< ξ̂ of the uncertain ones: μ + S u
+  Eigen::MatrixXd covariance;  ///< of the uncertain parameters, nuisances left out
+  Registration start;          ///< what the registration's unknowns are steps from
+  Registration registration;
   std::vector<Pose> pose;       ///< x̂ of every line of the log
   std::vector<Status> status;   ///< of every line; one that is not ok was left out
   std::vector<double> chi2;     ///< d² of every line
@@ -72,7 +76,7 @@ class Calibrator {
         n_(model.n),
         readings_(model.n + drawn.r),
         S_(Eigen::Map<const RowMatrix>(prior.root, p_, p_)),
-        H_xi_(2 * readings_ * parameter_count(drawn)) {}
+        H_xi_(3 * readings_ * parameter_count(drawn)) {}  // the last: what no reading depends on
 
   /// @param from  what a model with fewer parameters at the end found, to start there; or nullptr
   CalibrationResult run(const CalibrationResult* from = nullptr) {
@@ -80,6 +84,7 @@ class Calibrator {
     Iterate now =
         from ? beside(*from) : Iterate{Eigen::VectorXd::Zero(p_), std::vector<Pose>(log_.count)};
     result.status = from ? from->status : start(now);
+    start_ = from ? from->start : place(now, result.status);
     for (int bad; (bad = evaluate(now, result.status)) >= 0;) result.status[bad] = Status::singular;
     if (std::count(result.status.begin(), result.status.end(), Status::ok) == 0) {
       result.outcome = {Status::unreachable, -1};
@@ -103,6 +108,7 @@ class Calibrator {
   double promise(const CalibrationResult& from) {
     Iterate now = beside(from);
     std::vector<Status> status = from.status;
+    start_ = from.start;
     for (int bad; (bad = evaluate(now, status)) >= 0;) status[bad] = Status::singular;
     loss_ = settings_.loss;
     scale_ = 1;
@@ -129,8 +135,36 @@ class Calibrator {
   std::vector<double> xi_of(const Eigen::VectorXd& u) const {
     std::vector<double> xi = mean_;
     const Eigen::VectorXd change = S_.triangularView<Eigen::Lower>() * u;
-    for (int k = 0; k < p_ - settings_.nuisances; ++k) xi[prior_.column[k]] += change[k];
+    for (int k = 0; k < p_ - settings_.nuisances; ++k)
+      if (!of_registration(k)) xi[prior_.column[k]] += change[k];
     return xi;
+  }
+
+  bool of_registration(int k) const {
+    const int first = settings_.registration;
+    return first >= 0 && k >= first && k < first + kRegistration;
+  }
+
+  Registration registration_of(const Eigen::VectorXd& u) const {
+    const int first = settings_.registration;
+    if (first < 0) return start_;
+    std::array<double, kRegistration> step;
+    for (int k = 0; k < kRegistration; ++k) step[k] = S_(first + k, first + k) * u[first + k];
+    return moved(start_, step.data());
+  }
+
+  void believe(const Eigen::VectorXd& u) {
+    set_parameters(drawn_, xi_of(u).data(), robot_);
+    registration_ = registration_of(u);
+  }
+
+  /// First registration: by the first poses.
+  Registration place(const Iterate& at, const std::vector<Status>& status) const {
+    const int first = settings_.registration;
+    if (first < 0 || !log_.measured) return log_.registration;
+    const int turn = first + kRegistration - 1;  // about the nacelle's z: every unknown turn has it
+    return model_.registered(log_.registration, S_(turn, turn) > 0, log_.count, at.pose.data(),
+                             status.data(), log_.measured);
   }
 
   /// First poses: from the motors, at the prior mean.
@@ -157,7 +191,7 @@ class Calibrator {
   /// @param last  the iterate that this one was reached from, if any
   /// @return the first line that cannot be read, or -1
   int evaluate(Iterate& at, const std::vector<Status>& status, const Iterate* last = nullptr) {
-    set_parameters(drawn_, xi_of(at.u).data(), robot_);
+    believe(at.u);
     at.line.resize(log_.count);
     for (int k = 0; k < log_.count; ++k) {
       at.line[k].rows = 0;
@@ -167,8 +201,10 @@ class Calibrator {
   }
 
   bool read(Iterate& at, int k) {
-    const Outside outside{log_.measured ? log_.measured + k * n_ : nullptr,
-                          log_.measured_sigma.data()};
+    Outside outside;
+    if (log_.measured)
+      outside = {log_.measured + k * n_, log_.measured_sigma + k * n_, &registration_,
+                 settings_.registration};
     Line& line = at.line[k];
     if (!model_.read(robot_, prior_, at.pose[k], log_.q_e + k * readings_, outside, H_xi_.data(),
                      line))
@@ -356,6 +392,8 @@ class Calibrator {
     result.covariance = half.leftCols(p).transpose() * half.leftCols(p);
     result.u = at.u;
     result.xi = xi_of(at.u);
+    result.start = start_;
+    result.registration = registration_of(at.u);
     result.pose = at.pose;
     result.cost = cost(at);
     set_parameters(drawn_, result.xi.data(), robot_);
@@ -377,6 +415,7 @@ class Calibrator {
   const int p_, n_, readings_;
   const RowMatrix S_;
   std::vector<double> H_xi_;
+  Registration start_, registration_;
   Loss loss_ = Loss::squares;
   double scale_ = 1;
 };

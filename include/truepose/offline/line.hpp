@@ -3,6 +3,7 @@
 
 #include "truepose/eliminate.hpp"
 #include "truepose/estimate.hpp"
+#include "truepose/offline/registration.hpp"
 
 namespace truepose {
 
@@ -26,6 +27,8 @@ struct Line {
 struct Outside {
   const double* x = nullptr;      ///< n coordinates; nullptr: nothing was
   const double* sigma = nullptr;  ///< n, > 0
+  const Registration* registration = nullptr;
+  int first = -1;  ///< of the registration among the unknowns, by itself in S; -1: it is known
 };
 
 /// The robot as a log sees it: the three things in which mobilities and levels differ.
@@ -35,6 +38,8 @@ struct LineModel {
   Outcome (*read)(const Robot&, const Knowledge&, const Pose&, const double* q_e, Outside,
                   double* H_xi, Line&) = nullptr;
   Pose (*moved)(const Pose&, const Joint& step) = nullptr;
+  Registration (*registered)(const Registration& known, bool turnable, int count, const Pose*,
+                             const Status*, const double* measured) = nullptr;
 };
 
 namespace line_detail {
@@ -68,15 +73,18 @@ Outcome read(const Robot& robot, const Knowledge& known, const Pose& pose, const
     if (line.rows < c) line.B.row(line.rows) = line.B.row(c);
     enter(residual[c], known.sigma[c], [&](int j) { return H_x[c][j]; });
   }
-  if (outside.x) {  // it sees the pose and nothing else
-    Joint x = to_coordinates<K>(pose);
-    for (int j = 0; j < n; ++j)
-      if (std::isfinite(outside.x[j])) x[j] = outside.x[j];
-    const Joint apart = difference<K>(to_pose<K>(x), pose);
-    for (int j = 0; j < n; ++j) {
-      if (!std::isfinite(outside.x[j])) continue;
-      line.B.row(line.rows).setZero();
-      enter(apart[j], outside.sigma[j], [&](int k) { return k == j ? 1.0 : 0.0; });
+  if (outside.x) {  // it sees the pose and nothing else of the robot
+    const Seen<K> by = seen<K>(*outside.registration, pose);
+    const Joint apart = innovation<K>(by, outside.x);
+    for (int i = 0; i < n; ++i) {
+      if (!std::isfinite(apart[i])) continue;
+      auto row = line.B.row(line.rows);
+      row.setZero();
+      for (int j = 0; j < kRegistration && outside.first >= 0; ++j) {
+        const int at = outside.first + j;
+        row[at] = by.H[i][j] * known.root[at * (known.count + 1)] / outside.sigma[i];
+      }
+      enter(apart[i], outside.sigma[i], [&](int j) { return by.H_x[i][j]; });
     }
   }
   const bool determined =
@@ -88,7 +96,8 @@ Outcome read(const Robot& robot, const Knowledge& known, const Pose& pose, const
 
 template <Mobility K, class Model>
 LineModel line_model() {
-  return {kDof<K>, &Model::template fkm<K>, &line_detail::read<K, Model>, &moved<K>};
+  return {kDof<K>, &Model::template fkm<K>, &line_detail::read<K, Model>, &moved<K>,
+          &registered<K>};
 }
 
 }  // namespace truepose

@@ -1,0 +1,191 @@
+"""In which frame did something outside measure, and where on the nacelle was its marker?"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose import _core, frames
+from truepose.build import Array
+from truepose.exceptions import InputError, choose
+
+if TYPE_CHECKING:
+    from truepose.robot import Robot
+
+#: Unknowns, in the core's order: the base in the tracker's frame, the marker in the nacelle's.
+NAMES = tuple(f"{of}.{c}" for of in ("base", "marker") for c in ("x", "y", "z", "rx", "ry", "rz"))
+#: σ of an angle of which nothing is known, rad: uniform over a whole turn.
+ANY_TURN = math.pi / math.sqrt(3)
+#: Posterior over prior σ above which a marker's coordinate is not seen by itself.
+UNSEEN = 0.5
+#: σ of an outside measurement where nobody says (m, rad): 0.02 mm and 0.01°.
+SIGMA, ANGLE_SIGMA = 2e-5, math.radians(0.01)
+
+
+@dataclass(frozen=True)
+class Registration:
+    """What is known beforehand of a tracker's frame and of its marker; σ = 0: known exactly.
+
+    The tracker is to see position p = t + R_F (D + R c) and orientation R_F R M, where (D, R) is
+    the nacelle's pose, (t, R_F) the base in the tracker's frame, (c, M) the marker's in the
+    nacelle's. The search for the base starts in closed form, from any rotation, where its σ are not
+    zero.
+    """
+
+    base: ArrayLike | None = None  #: (4, 4) the base in the tracker's frame, where it is known
+    base_sigma: tuple[float, float] = (10.0, ANY_TURN)  #: of its position (m), its turn (rad)
+    marker: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: from the nacelle's reference point, m
+    marker_sigma: tuple[float, float] = (0.1, ANY_TURN)  #: of its place (m), its turn (rad)
+
+    def __post_init__(self) -> None:
+        if self.base is not None:
+            base = np.asarray(self.base, dtype=float)
+            good = base.shape == (4, 4) and np.isfinite(base).all()
+            R = base[:3, :3] if good else np.zeros((3, 3))
+            if not (np.allclose(R @ R.T, np.eye(3), atol=1e-9) and np.linalg.det(R) > 0):
+                raise InputError("registration: base: must be a homogeneous matrix, (4, 4)")
+            object.__setattr__(self, "base", base)
+            object.__setattr__(self, "base_sigma", (0.0, 0.0))
+        for name in ("base_sigma", "marker_sigma"):
+            value = np.asarray(getattr(self, name), dtype=float)
+            if value.shape != (2,) or not (np.isfinite(value) & (value >= 0)).all():
+                raise InputError(
+                    f"registration: {name} = {getattr(self, name)}: must be two numbers, m and "
+                    "rad, at least 0"
+                )
+        if np.shape(self.marker) != (3,) or not np.isfinite(self.marker).all():
+            raise InputError(f"registration: marker = {self.marker}: must be three numbers, m")
+
+    def sigma(self, robot: Robot, measured: Array) -> Array:
+        """σ of the unknowns, (12,); 0 where known, or where nothing measured depends on it."""
+        result = np.repeat([*self.base_sigma, *self.marker_sigma], 3).astype(float)
+        names = [name for name, _ in robot.coordinates]
+        if "z" not in names:  # in a plane
+            result[[2, 3, 4, 8]] = 0.0
+        angles = [k for k, (_, unit) in enumerate(robot.coordinates) if unit == "rad"]
+        seen = np.isfinite(measured[:, angles]).any() if angles else False
+        turns = {1: [11], 3: [9, 10, 11]}.get(len(angles), []) if seen else []
+        result[[k for k in (9, 10, 11) if k not in turns]] = 0.0
+        return result
+
+    def begin(self) -> tuple[Array, Array]:
+        """Base and marker to start from, two (4, 4)."""
+        marker = np.eye(4)
+        marker[:3, 3] = self.marker
+        return (np.eye(4) if self.base is None else self.base), marker
+
+
+#: The tracker gives the nacelle's coordinates in the base frame.
+KNOWN = Registration(base=np.eye(4), marker_sigma=(0.0, 0.0))
+
+
+def of(registration: Literal["unknown", "known"] | Registration) -> Registration:
+    """Return what a word says of a registration.
+
+    Examples
+    --------
+    >>> from truepose import registration
+    >>> registration.of("unknown").base_sigma[0], registration.of("known").base_sigma
+    (10.0, (0.0, 0.0))
+    """
+    if isinstance(registration, Registration):
+        return registration
+    words = {"unknown": Registration(), "known": KNOWN}
+    if registration not in words:
+        raise InputError(choose("registration", registration, words))
+    return words[registration]
+
+
+class Known(NamedTuple):
+    """One thing that a calibration found out about a registration (m or rad)."""
+
+    name: str  #: an unknown, or several that only their sum is known of
+    value: float
+    sigma: float
+    prior_sigma: float
+
+
+@dataclass(frozen=True)
+class Registered:
+    """A tracker's frame as a calibration found it."""
+
+    base: Array  #: (4, 4) the base in the tracker's frame
+    marker: Array  #: (4, 4) the marker in the nacelle's frame
+    sigma: Array  #: (12,) before; 0: was known
+    covariance: Array  #: (12, 12) after: of shifts and turns, as `NAMES` has them
+    cross: Array  #: (p, 12) covariance with the robot's parameters
+    start: tuple[Array, Array]  #: base and marker that the search began from
+
+    def see(self, robot: Robot, x: Array, measured: Array | None = None) -> tuple[Array, ...]:
+        """What the tracker is to measure at poses (N, n).
+
+        Returns
+        -------
+        coordinates : ndarray, shape (N, n)
+            θ from -π to π.
+        residual : ndarray, shape (N, n)
+            Measured less these.
+        H_x, H : ndarray, shape (N, n, n) and (N, n, 12)
+            How they change with the pose's twist, and with the registration.
+        """
+        x = np.ascontiguousarray(x)
+        measured = np.full_like(x, np.nan) if measured is None else np.ascontiguousarray(measured)
+        return _core.seen(robot._core, self.base, self.marker, x, measured)
+
+    @property
+    def known(self) -> list[Known]:
+        """What the readings say of the registration.
+
+        The base's place is given along its own axes. A place of the marker that the robot cannot
+        tell from a shift of the base, because its nacelle does not turn that way, is named together
+        with it, base.z + marker.z: only the sum is known.
+        """
+        result = []
+        R = self.base[:3, :3]
+        after = np.sqrt(np.diag(self.covariance))
+        for k, c in enumerate("xyz"):
+            base, marker = np.zeros((2, 12))
+            base[:3], marker[6 + k] = R[:, k], 1.0
+            at, on = float(R[:, k] @ self.base[:3, 3]), float(self.marker[k, 3])
+            rows = [(f"base.{c}", base, at), (f"marker.{c}", marker, on)]
+            if (base * self.sigma).any() and after[6 + k] > UNSEEN * self.sigma[6 + k] > 0:
+                rows = [(f"base.{c} + marker.{c}", base + marker, at + on)]
+            for name, row, value in rows:
+                if prior := float(np.linalg.norm(row * self.sigma)):
+                    sigma = float(np.sqrt(row @ self.covariance @ row))
+                    result.append(Known(name, value, sigma, prior))
+        turns = frames.rotation_vector([R, self.marker[:3, :3]])
+        for k in (3, 4, 5, 9, 10, 11):
+            if self.sigma[k] > 0:
+                value = float(turns[k // 6][k % 3])
+                result.append(Known(NAMES[k], value, float(after[k]), float(self.sigma[k])))
+        return result
+
+
+
+def sigmas(robot: Robot, sigma, angle_sigma: float | None, count: int) -> Array:
+    """σ of each coordinate measured, (count, n), m and rad; see :func:`truepose.calibrate`."""
+    angles = np.array([unit == "rad" for _, unit in robot.coordinates])
+    result = np.where(angles, ANGLE_SIGMA, SIGMA) * np.ones((count, 1))
+    if sigma is not None:
+        given = np.asarray(sigma, dtype=float)
+        which = ~angles if given.ndim == 0 else np.full(robot.n, True)
+        try:
+            result[:, which] = given
+        except ValueError:
+            raise InputError(
+                f"measured_sigma: must be a number, {robot.n} or ({count}, {robot.n}) of them"
+            ) from None
+    if angle_sigma is not None:
+        result[:, angles] = angle_sigma
+    for name, given, which in (
+        ("measured_sigma", sigma, ~angles),
+        ("measured_angle_sigma", angle_sigma, angles),
+    ):
+        if not (np.isfinite(result[:, which]) & (result[:, which] > 0)).all():
+            raise InputError(f"{name} = {given}: must be greater than 0 (m, rad)")
+    return result
