@@ -128,12 +128,13 @@ Registration registration_from(const RowMatrix& base, const RowMatrix& marker) {
 }
 
 /// Coordinates that a tracker is to measure at poses, (N, n); how they change with the pose's twist
-/// and with the registration, (N, n, n) and (N, n, kRegistration); what was measured less these.
+/// and with the registration, (N, n, n) and (N, n, kRegistration); what was measured less these;
+/// by what σ of θ grows, (N,).
 auto batch_seen(const Robot& robot, const RowMatrix& base, const RowMatrix& marker, const Rows& x,
                 const Rows& measured) {
   const std::size_t count = x.shape(0), n = x.shape(1);
   Owned<double> apart({count, n}), H_x({count, n, n}), H({count, n, std::size_t{kRegistration}}),
-      coordinates({count, n});
+      coordinates({count, n}), blunt({count});
   const Registration by = registration_from(base, marker);
   with_mobility(robot.mobility, [&](auto mobility) {
     constexpr Mobility K = mobility();
@@ -141,6 +142,7 @@ auto batch_seen(const Robot& robot, const RowMatrix& base, const RowMatrix& mark
       const Seen<K> at = seen<K>(by, to_pose<K>(row<Joint>(x, i)));
       const Joint residual = innovation<K>(at, row<Joint>(measured, i).data());
       std::copy_n(residual.begin(), n, apart[i]);
+      *blunt[i] = at.blunt;
       const double theta = std::atan2(at.Q(1, 0), at.Q(0, 0));
       const Joint there = to_coordinates<K>({at.p, at.Q, theta});
       std::copy_n(there.begin(), n, coordinates[i]);
@@ -150,7 +152,8 @@ auto batch_seen(const Robot& robot, const RowMatrix& base, const RowMatrix& mark
       }
     }
   });
-  return nb::make_tuple(coordinates.release(), apart.release(), H_x.release(), H.release());
+  return nb::make_tuple(coordinates.release(), apart.release(), H_x.release(), H.release(),
+                        blunt.release());
 }
 
 /// @param guarded  the prior with GuardedModel's nuisances behind it, or nothing

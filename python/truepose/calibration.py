@@ -91,6 +91,40 @@ class Fit:
         """Lines that count for less than a tenth."""
         return np.flatnonzero((self.weights < 0.1) & (self.status == "ok"))
 
+    def accuracy_seen(self, poses: ArrayLike) -> Array:
+        """Covariance of what a tracker is to see of this robot, (P, n, n): in the tracker's frame.
+
+        Of the marker where all readings, the calibrated geometry and the registration say that it
+        is. :func:`truepose.accuracy` of the calibrated robot is about the base's frame, which
+        readings and a tracker in a frame of its own see little of.
+
+        Parameters
+        ----------
+        poses : array_like, shape (P, n)
+            Reachable ones.
+        """
+        if self.registration is None:
+            raise InputError(f"{self.robot.name}: accuracy_seen: nothing was measured from outside")
+        robot, by = self.robot, self.registration
+        x, _ = robot._rows(poses, robot.n, "poses", "raise")
+        known = knowledge.knowledge(robot, level=self.level).core
+        gain, _, status, chain = _core.gain(robot._core, known, x, robot._is_full(self.level))
+        robot._check("pose", x, (len(x),), status, chain, "raise")
+        _, H_xi = robot.linearise(x, level=self.level)
+        every = list(robot.parameters)
+        view = by.see(robot, x)
+        H_mt, G = view.H, view.H_x @ gain
+        E = -G @ H_xi[:, :, [every.index(name) for name in self.names]]
+        shared = E @ by.cross @ H_mt.swapaxes(1, 2)
+        sigma = knowledge.reading_sigma(robot)
+        return (
+            E @ self.covariance @ E.swapaxes(1, 2)
+            + shared
+            + shared.swapaxes(1, 2)
+            + H_mt @ by.covariance @ H_mt.swapaxes(1, 2)
+            + (G * sigma**2) @ G.swapaxes(1, 2)
+        )
+
     def worst_known(self, count: int = 5) -> list[tuple[float, dict[str, float]]]:
         """Combinations of parameters that the readings say least of.
 
@@ -239,7 +273,20 @@ def calibrate(
         tuning,
         robot._is_full(level),
     )
-    status, iterations, xi, covariance, x, chi2, redundancy, weights, lines, cost, guarded, *placed = found
+    (
+        status,
+        iterations,
+        xi,
+        covariance,
+        x,
+        chi2,
+        redundancy,
+        weights,
+        lines,
+        cost,
+        guarded,
+        *placed,
+    ) = found
     if status:
         hint = "; gross errors? loss='student' bears them" if loss == "squares" else ""
         raise PoseError(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -422,4 +423,4 @@ def _stuck(robot: Robot, log: Log, seen: Expectation) -> tuple[Log, list[Finding
         else:
             readings[lost, robot.n + k] = np.nan
             findings.append(Finding(f"{at}: these readings are left out"))
-    return Log(log.names, readings, log.measured, log.lines, log.word, log.unused), findings
+    return replace(log, readings=readings), findings

@@ -29,6 +29,7 @@ class Log:
     lines: Array  #: (N,) where each line stands in its file
     word: str  #: what a line is called: line of a CSV file, else row
     unused: tuple[str, ...] = ()  #: columns that say nothing of this robot
+    measured_sigma: Array | None = None  #: (N, n) of `measured`, NaN where not said; or None
 
     def at(self, rows: Iterable[int], most: int = 8) -> str:
         """Name some lines: "lines 7, 9, 12"."""
@@ -39,10 +40,11 @@ class Log:
 
     def only(self, keep: Array) -> Log:
         """Return the log of some of its lines; `keep` as numpy indexes."""
-        measured = None if self.measured is None else self.measured[keep]
-        return replace(
-            self, readings=self.readings[keep], measured=measured, lines=self.lines[keep]
-        )
+        kept = {
+            name: None if (values := getattr(self, name)) is None else values[keep]
+            for name in ("readings", "measured", "measured_sigma", "lines")
+        }
+        return replace(self, **kept)
 
 
 def is_table(value: object) -> bool:
@@ -59,7 +61,7 @@ def of(robot: Robot, table, where: str = "readings") -> Log:
         With the sensors in use that were read.
     table : dict of arrays, pandas or pyarrow table, structured array
         Columns q1 … qn, each sensor by its name, and measured_x … where something outside
-        measured a coordinate; SI units.
+        measured a coordinate, measured_x_sigma … how well; SI units.
 
     Raises
     ------
@@ -212,23 +214,23 @@ def _pick(robot: Robot, columns: list[str], table, lines: Array, word: str, wher
     if missing:
         raise InputError(f"{where}: {_missing(robot, missing, columns)}")
     for name in columns:
-        if name.startswith("measured_") and name not in outside:
+        if name.startswith("measured_") and name.removesuffix("_sigma") not in outside:
             raise InputError(f"{where}: {choose('column', name, outside)}")
     if len(lines) == 0:
         raise InputError(f"{where}: no line of readings")
     readings = np.column_stack([_numbers(table[n], n, lines, word, where) for n in names])
-    measured = None
-    if any(name in columns for name in outside):
+
+    def block(wanted: list[str]) -> Array | None:
         nothing = [np.nan] * len(lines)
-        measured = np.column_stack(
-            [
-                _numbers(table[n] if n in columns else nothing, n, lines, word, where)
-                for n in outside
-            ]
-        )
-        measured = measured if np.isfinite(measured).any() else None
-    unused = tuple(name for name in columns if name not in (*names, *outside))
-    return Log(names, readings, measured, lines, word, unused)
+        if not any(name in columns for name in wanted):
+            return None
+        cells = [table[n] if n in columns else nothing for n in wanted]
+        numbers = [_numbers(c, n, lines, word, where) for c, n in zip(cells, wanted, strict=True)]
+        return np.column_stack(numbers) if np.isfinite(numbers).any() else None
+
+    sigmas = [f"{name}_sigma" for name in outside]
+    unused = tuple(name for name in columns if name not in (*names, *outside, *sigmas))
+    return Log(names, readings, block(outside), lines, word, unused, block(sigmas))
 
 
 def _missing(robot: Robot, missing: list[str], columns: list[str]) -> str:

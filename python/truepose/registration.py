@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
@@ -16,8 +16,6 @@ from truepose.exceptions import InputError, choose
 if TYPE_CHECKING:
     from truepose.robot import Robot
 
-#: Unknowns, in the core's order: the base in the tracker's frame, the marker in the nacelle's.
-NAMES = tuple(f"{of}.{c}" for of in ("base", "marker") for c in ("x", "y", "z", "rx", "ry", "rz"))
 #: σ of an angle of which nothing is known, rad: uniform over a whole turn.
 ANY_TURN = math.pi / math.sqrt(3)
 #: Posterior over prior σ above which a marker's coordinate is not seen by itself.
@@ -100,10 +98,21 @@ def of(registration: Literal["unknown", "known"] | Registration) -> Registration
     return words[registration]
 
 
-class Known(NamedTuple):
-    """One thing that a calibration found out about a registration (m or rad)."""
+class View(NamedTuple):
+    """What a tracker is to measure at N poses."""
 
-    name: str  #: an unknown, or several that only their sum is known of
+    coordinates: Array  #: (N, n), θ from -π to π
+    residual: Array  #: (N, n) what it measured less these; NaN where it did not
+    H_x: Array  #: (N, n, n) how they change with the pose's twist
+    H: Array  #: (N, n, 12) and with the registration
+    blunt: Array  #: (N,) by what σ of θ grows where the marker's x axis nears the tracker's z
+
+
+class Known(NamedTuple):
+    """One thing that a calibration found out about a registration."""
+
+    name: str  #: an unknown, or two of which only the sum is known
+    unit: str  #: m or rad
     value: float
     sigma: float
     prior_sigma: float
@@ -116,72 +125,82 @@ class Registered:
     base: Array  #: (4, 4) the base in the tracker's frame
     marker: Array  #: (4, 4) the marker in the nacelle's frame
     sigma: Array  #: (12,) before; 0: was known
-    covariance: Array  #: (12, 12) after: of shifts and turns, as `NAMES` has them
+    covariance: (
+        Array  #: (12, 12) after: shift and turn of the base, in the tracker's frame, then of the
+    )
+    #: marker, in the nacelle's
     cross: Array  #: (p, 12) covariance with the robot's parameters
     start: tuple[Array, Array]  #: base and marker that the search began from
 
-    def see(self, robot: Robot, x: Array, measured: Array | None = None) -> tuple[Array, ...]:
-        """What the tracker is to measure at poses (N, n).
-
-        Returns
-        -------
-        coordinates : ndarray, shape (N, n)
-            θ from -π to π.
-        residual : ndarray, shape (N, n)
-            Measured less these.
-        H_x, H : ndarray, shape (N, n, n) and (N, n, 12)
-            How they change with the pose's twist, and with the registration.
-        """
+    def see(self, robot: Robot, x: Array, measured: Array | None = None) -> View:
+        """What the tracker is to measure at poses (N, n)."""
         x = np.ascontiguousarray(x)
         measured = np.full_like(x, np.nan) if measured is None else np.ascontiguousarray(measured)
-        return _core.seen(robot._core, self.base, self.marker, x, measured)
+        return View(*_core.seen(robot._core, self.base, self.marker, x, measured))
+
+    def begun(self) -> Registered:
+        """Return the registration that the search began from, taken as exact."""
+        zero = {"covariance": np.zeros((12, 12)), "cross": np.zeros_like(self.cross)}
+        return replace(self, base=self.start[0], marker=self.start[1], **zero)
 
     @property
     def known(self) -> list[Known]:
         """What the readings say of the registration.
 
-        The base's place is given along its own axes. A place of the marker that the robot cannot
-        tell from a shift of the base, because its nacelle does not turn that way, is named together
-        with it, base.z + marker.z: only the sum is known.
+        Places of the marker that the robot cannot tell from a shift of the base, because its
+        nacelle does not turn that way, are named together with it: of "base + marker.z" x, y and z
+        in the tracker's frame are known, of the two by themselves only what was known before.
         """
         result = []
-        R = self.base[:3, :3]
-        after = np.sqrt(np.diag(self.covariance))
+        R, after = self.base[:3, :3], np.sqrt(np.diag(self.covariance))
+        free = self.sigma[6:9] > 0
+        shared = free & (after[6:9] > UNSEEN * self.sigma[6:9]) & self.sigma[:3].any()
+        name = "base"
+        if shared.any():
+            axes = "".join(np.array(list("xyz"))[shared])
+            name += " + marker" + (f".{axes}" if (free & ~shared).any() else "")
+        on = R @ np.where(shared, self.marker[:3, 3], 0.0)
+        rows = []
         for k, c in enumerate("xyz"):
-            base, marker = np.zeros((2, 12))
-            base[:3], marker[6 + k] = R[:, k], 1.0
-            at, on = float(R[:, k] @ self.base[:3, 3]), float(self.marker[k, 3])
-            rows = [(f"base.{c}", base, at), (f"marker.{c}", marker, on)]
-            if (base * self.sigma).any() and after[6 + k] > UNSEEN * self.sigma[6 + k] > 0:
-                rows = [(f"base.{c} + marker.{c}", base + marker, at + on)]
-            for name, row, value in rows:
-                if prior := float(np.linalg.norm(row * self.sigma)):
-                    sigma = float(np.sqrt(row @ self.covariance @ row))
-                    result.append(Known(name, value, sigma, prior))
+            row, unit = np.zeros(12), np.eye(3)[k]
+            row[:3], row[3:6], row[6:9] = unit, np.cross(on, unit), R[k] * shared
+            rows.append((f"{name}, {c}", row, self.base[k, 3] + on[k]))
+        rows += [
+            (f"marker, {c}", np.eye(12)[6 + k], self.marker[k, 3])
+            for k, c in enumerate("xyz")
+            if not shared[k]
+        ]
+        for name, row, value in rows:
+            if prior := float(np.linalg.norm(row * self.sigma)):
+                sigma = float(np.sqrt(row @ self.covariance @ row))
+                result.append(Known(name, "m", float(value), sigma, prior))
         turns = frames.rotation_vector([R, self.marker[:3, :3]])
         for k in (3, 4, 5, 9, 10, 11):
             if self.sigma[k] > 0:
                 value = float(turns[k // 6][k % 3])
-                result.append(Known(NAMES[k], value, float(after[k]), float(self.sigma[k])))
+                sigma = float(after[k])
+                name = f"{('base', 'marker')[k // 6]}, {('rx', 'ry', 'rz')[k % 3]}"
+                result.append(Known(name, "rad", value, sigma, float(self.sigma[k])))
         return result
-
 
 
 def sigmas(robot: Robot, sigma, angle_sigma: float | None, count: int) -> Array:
     """σ of each coordinate measured, (count, n), m and rad; see :func:`truepose.calibrate`."""
     angles = np.array([unit == "rad" for _, unit in robot.coordinates])
-    result = np.where(angles, ANGLE_SIGMA, SIGMA) * np.ones((count, 1))
+    default = np.where(angles, ANGLE_SIGMA, SIGMA) * np.ones((count, 1))
+    result = default.copy()
     if sigma is not None:
-        given = np.asarray(sigma, dtype=float)
-        which = ~angles if given.ndim == 0 else np.full(robot.n, True)
+        which = ~angles if np.ndim(sigma) == 0 else np.full(robot.n, True)
         try:
-            result[:, which] = given
+            result[:, which] = sigma
         except ValueError:
             raise InputError(
                 f"measured_sigma: must be a number, {robot.n} or ({count}, {robot.n}) of them"
             ) from None
     if angle_sigma is not None:
         result[:, angles] = angle_sigma
+    if np.ndim(sigma) == 2:  # an empty cell of a log
+        result = np.where(np.isnan(result), default, result)
     for name, given, which in (
         ("measured_sigma", sigma, ~angles),
         ("measured_angle_sigma", angle_sigma, angles),

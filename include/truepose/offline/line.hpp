@@ -78,13 +78,14 @@ Outcome read(const Robot& robot, const Knowledge& known, const Pose& pose, const
     const Joint apart = innovation<K>(by, outside.x);
     for (int i = 0; i < n; ++i) {
       if (!std::isfinite(apart[i])) continue;
+      const double sigma = outside.sigma[i] * (kTurnsAboutZ<K> && i == n - 1 ? by.blunt : 1.0);
       auto row = line.B.row(line.rows);
       row.setZero();
       for (int j = 0; j < kRegistration && outside.first >= 0; ++j) {
         const int at = outside.first + j;
-        row[at] = by.H[i][j] * known.root[at * (known.count + 1)] / outside.sigma[i];
+        row[at] = by.H[i][j] * known.root[at * (known.count + 1)] / sigma;
       }
-      enter(apart[i], outside.sigma[i], [&](int j) { return by.H_x[i][j]; });
+      enter(apart[i], sigma, [&](int j) { return by.H_x[i][j]; });
     }
   }
   const bool determined =

@@ -45,16 +45,17 @@ struct Seen {
   Mat3 Q;
   Matrix<kDof<K>, kDof<K>> H_x;                              ///< by the pose's twist
   std::array<std::array<double, kRegistration>, kDof<K>> H;  ///< by the registration
+  double blunt = 1;  ///< error of θ over that of the marker's turn
 };
 
-/// θ is the angle of the marker's x axis about the tracker's z; rotations differ by a rotation
-/// vector in the tracker's frame.
+/// θ is the angle of the marker's x axis about the tracker's z, and the less certain the nearer the
+/// two are; rotations differ by a rotation vector in the tracker's frame.
 template <Mobility K>
 Seen<K> seen(const Registration& by, const Pose& pose) {
   constexpr int positions = K == Mobility::planar || K == Mobility::planar_translation ? 2 : 3;
   const Mat3 turn = by.base.R * pose.R;
   const Vec3 arm = pose.R * by.marker.t, lever = by.base.R * (pose.D + arm);
-  Seen<K> result{by.base.t + lever, turn * by.marker.R, {}, {}};
+  Seen<K> result{by.base.t + lever, turn * by.marker.R, {}, {}, 1};
   const auto enter = [](Vec3 value, std::array<double, kRegistration>& row, int first) {
     std::copy_n(value.data(), 3, row.begin() + first);
   };
@@ -72,6 +73,7 @@ Seen<K> seen(const Registration& by, const Pose& pose) {
         const Vec3 a = result.Q.col(0);
         const double level2 = a.x() * a.x() + a.y() * a.y();
         about = Vec3(-a.x() * a.z() / level2, -a.y() * a.z() / level2, 1);
+        result.blunt = 1 / std::sqrt(level2);
       }
       free_columns<K>(Vec3::Zero(), by.base.R.transpose() * about, result.H_x[i].data());
       enter(about, row, 3);
