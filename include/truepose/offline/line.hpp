@@ -74,18 +74,18 @@ Outcome read(const Robot& robot, const Knowledge& known, const Pose& pose, const
     enter(residual[c], known.sigma[c], [&](int j) { return H_x[c][j]; });
   }
   if (outside.x) {  // it sees the pose and nothing else of the robot
-    const Seen<K> by = seen<K>(*outside.registration, pose);
-    const Joint apart = innovation<K>(by, outside.x);
+    Seen<K> by = seen<K>(*outside.registration, pose);
+    Joint apart = innovation<K>(by, outside.x);
+    in_turns<K>(*outside.registration, pose, by, apart);
     for (int i = 0; i < n; ++i) {
       if (!std::isfinite(apart[i])) continue;
-      const double sigma = outside.sigma[i] * (kTurnsAboutZ<K> && i == n - 1 ? by.blunt : 1.0);
       auto row = line.B.row(line.rows);
       row.setZero();
       for (int j = 0; j < kRegistration && outside.first >= 0; ++j) {
         const int at = outside.first + j;
-        row[at] = by.H[i][j] * known.root[at * (known.count + 1)] / sigma;
+        row[at] = by.H[i][j] * known.root[at * (known.count + 1)] / outside.sigma[i];
       }
-      enter(apart[i], sigma, [&](int j) { return by.H_x[i][j]; });
+      enter(apart[i], outside.sigma[i], [&](int j) { return by.H_x[i][j]; });
     }
   }
   const bool determined =

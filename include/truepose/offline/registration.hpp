@@ -48,6 +48,20 @@ struct Seen {
   double blunt = 1;  ///< error of θ over that of the marker's turn
 };
 
+namespace registration_detail {
+
+/// What a turn of the marker about `about`, in the tracker's frame, takes from pose and frames.
+/// @param turn  nacelle to tracker
+template <Mobility K>
+void enter_turn(const Registration& by, const Mat3& turn, const Vec3& about, int i, Seen<K>& to) {
+  free_columns<K>(Vec3::Zero(), by.base.R.transpose() * about, to.H_x[i].data());
+  std::copy_n(about.data(), 3, to.H[i].begin() + 3);
+  const Vec3 own = turn.transpose() * about;
+  std::copy_n(own.data(), 3, to.H[i].begin() + 9);
+}
+
+}  // namespace registration_detail
+
 /// θ is the angle of the marker's x axis about the tracker's z, and the less certain the nearer the
 /// two are; rotations differ by a rotation vector in the tracker's frame.
 template <Mobility K>
@@ -75,9 +89,7 @@ Seen<K> seen(const Registration& by, const Pose& pose) {
         about = Vec3(-a.x() * a.z() / level2, -a.y() * a.z() / level2, 1);
         result.blunt = 1 / std::sqrt(level2);
       }
-      free_columns<K>(Vec3::Zero(), by.base.R.transpose() * about, result.H_x[i].data());
-      enter(about, row, 3);
-      enter(turn.transpose() * about, row, 9);
+      registration_detail::enter_turn(by, turn, about, i, result);
     }
   }
   return result;
@@ -99,6 +111,22 @@ Joint innovation(const Seen<K>& expected, const double* measured) {
     std::copy_n(turn.data(), 3, apart.begin() + 3);
   }
   return apart;
+}
+
+/// θ's residual and derivatives in turns of the marker: times the sine of the angle between its x
+/// axis and the tracker's z, which changes as well.
+template <Mobility K>
+void in_turns(const Registration& by, const Pose& pose, Seen<K>& expected, Joint& apart) {
+  if constexpr (kTurnsAboutZ<K>) {
+    const int i = kDof<K> - 1;
+    const Vec3 a = expected.Q.col(0);
+    const double sine = std::hypot(a.x(), a.y());
+    const Vec3 of_angle(-a.x() * a.z() / sine, -a.y() * a.z() / sine, sine);
+    const Vec3 of_sine(-a.y() * a.z() / sine, a.x() * a.z() / sine, 0);
+    registration_detail::enter_turn<K>(by, by.base.R * pose.R, of_angle - apart[i] * of_sine, i,
+                                       expected);
+    apart[i] *= sine;
+  }
 }
 
 /// The rotation next to a matrix: R of the largest tr(RᵀA), det R = 1.
