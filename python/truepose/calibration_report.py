@@ -70,10 +70,9 @@ def assess(
         Of :func:`truepose.calibrate`: level, loss, tuning, …; what it takes of a table is the
         log's.
     """
+    given, angle = (settings.pop(f"measured_{of}", None) for of in ("sigma", "angle_sigma"))
     if log.measured is not None:
-        given = settings.pop("measured_sigma", None)
         given = log.measured_sigma if given is None else given
-        angle = settings.pop("measured_angle_sigma", None)
         sigma = registration.sigmas(robot, given, angle, len(log.lines))
         log = replace(log, measured_sigma=sigma)
 
