@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from truepose import log_checks, registration
+from truepose import log_checks, log_faults, registration
 from truepose.bound import accuracy
 from truepose.build import Array
 from truepose.calibration import Fit, calibrate
@@ -175,7 +175,7 @@ def in_print(robot: Robot, name: str) -> tuple[float, str]:
     if owner in by_name:
         if key == "gain" or key.split(".")[0] in ("direction", "normal", "axis", "up"):
             return kinds[""]
-        lengths = log_checks.LENGTHS
+        lengths = log_faults.LENGTHS
         return kinds["m" if by_name[owner] in lengths or key.count(".") else "rad"]
     if key in ("yaw", "tilt"):
         return kinds["rad"]

@@ -2,30 +2,31 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from truepose import knowledge
+from truepose import knowledge, log_faults
 from truepose.build import Array
-from truepose.expectation import Expectation, expect, poses_of
+from truepose.expectation import Expectation, expect
+from truepose.log_faults import (
+    APART,
+    CENTIMETRES,
+    DEGREES,
+    MILLIMETRES,
+    apart,
+    sensor_is_angle,
+)
 from truepose.logs import Log
 from truepose.robot import Robot
 
 if TYPE_CHECKING:
     from truepose.calibration import Fit
 
-#: A reading this many σ off what motors and tolerances allow, on most lines, is no geometry.
-APART = 5.0
 #: A prediction that varies by this many σ shows what a reading should have followed.
 VARIES = 8.0
-#: Kinds of sensors that read m; the others read rad.
-LENGTHS = ("telemeter", "coordinate", "distance", "rod_length")
-#: Slopes of a column over its prediction that have a name.
-DEGREES, MILLIMETRES = 180 / np.pi, 1000.0
 
 
 class Finding(NamedTuple):
@@ -54,7 +55,7 @@ def check(robot: Robot, log: Log) -> tuple[Log, list[Finding]]:
     >>> table["theta"] = np.degrees(table["theta"])
     >>> for finding in check(h4, logs.of(h4, table))[1]:
     ...     print(finding.text)
-    theta: 57.3 times what the motors predict: in degrees, must be rad
+    theta: in degrees, must be rad
     """
     model = robot.expected()
     findings = [*_cells(robot, log), *_repeats(robot, log)]
@@ -165,64 +166,30 @@ def _equations(robot: Robot, log: Log) -> Iterator[Finding]:
 # --- motors ---------------------------------------------------------------------------------------
 
 
-class _Change(NamedTuple):
-    """A mistake that somebody may have made with the motors' columns, and its undoing."""
-
-    text: str
-    undo: Callable[[Array], Array]
-
-
-def _plausible(robot: Robot, readings: Array) -> float:
-    """Part of the lines at which the motors close the loops near the workspace."""
-    x = poses_of(robot, readings[:, : robot.n])
-    good = np.isfinite(x).all(axis=1)
-    if (box := robot.spec.workspace) is not None:
-        low, high = np.array(box.minimum), np.array(box.maximum)
-        margin = 0.5 * (high - low) + 1e-9
-        good &= (x > low - margin).all(axis=1) & (x < high + margin).all(axis=1)
-    return float(good.mean())
-
-
-def _agrees(robot: Robot, readings: Array) -> bool:
-    """Whether motors and sensors can be readings of this robot, on most lines."""
-    if _plausible(robot, readings) < 0.9:
-        return False
-    if robot.r == 0:
-        return True
-    distance = _apart(expect(robot, readings))
-    return bool((distance[np.isfinite(distance)] < APART).all())
-
-
-def _apart(seen: Expectation) -> Array:
-    """Median over the lines of each sensor's distance from its prediction, in σ."""
-    ratio = np.abs(seen.residual) / seen.sigma
-    some = np.isfinite(ratio).any(axis=0)
-    result = np.full(ratio.shape[1], np.nan)
-    result[some] = np.nanmedian(ratio[:, some], axis=0)
-    return result
-
-
 def _motors(robot: Robot, log: Log) -> list[Finding]:
-    """Whether the motors' columns are what they should be; else which mistake explains them."""
-    readable = np.flatnonzero(np.isfinite(log.readings[:, : robot.n]).all(axis=1))
-    if len(readable) == 0:
+    """Whether motors and sensors fit each other; else which mistake explains them."""
+    n = robot.n
+    read = np.isfinite(log.readings[:, :n]).all(axis=1)
+    if not read.any():
         return [Finding("no line has a reading of every motor", refused=True)]
-    few = log.readings[
-        readable[np.linspace(0, len(readable) - 1, min(len(readable), 60)).astype(int)]
-    ]
-    plausible = _plausible(robot, few)
-    alone = _agrees(robot, few) or (
-        plausible >= 0.9 and any(_named_slopes(robot, few))  # it is a sensor's fault
-    )
-    if alone:
+    found = log_faults.named(robot, log)
+    if found is None:
         return []
-    for group in _mistakes(robot, log, few):
-        found = [change for change in group if _agrees(robot, change.undo(few))]
-        if not found and plausible < 0.9:  # a sensor may be wrong too
-            found = [c for c in group if _plausible(robot, c.undo(few)) >= 0.9]
-        if found:
-            return [Finding(" or ".join(change.text for change in found[:3]), refused=True)]
-    if plausible == 0:
+    if found:
+        return [Finding(" or ".join(found), refused=True)]
+    q = log.readings[read, :n]
+    step = np.maximum(robot.resolution[:n], 1e-9)
+    still = np.ptp(q, axis=0) < step
+    if len(q) >= 5 and still.any() and not still.all():
+        return [
+            Finding(
+                f"{log.names[k]}: stuck at {q[0, k]:.6g} on {_count(len(q), log.word)}",
+                refused=True,
+            )
+            for k in np.flatnonzero(still)
+        ]
+    near = log_faults.plausible(robot, log_faults.few(robot, log).readings)
+    if near == 0:
         return [
             Finding(
                 "the motors' readings fit this robot on no line: units, signs, offsets and the "
@@ -230,74 +197,15 @@ def _motors(robot: Robot, log: Log) -> list[Finding]:
                 refused=True,
             )
         ]
-    if plausible < 0.5:
+    if near < 0.5:
         return [
             Finding(
-                f"only {100 * plausible:.0f} % of the lines lie near the robot's workspace: units, "
+                f"only {100 * near:.0f} % of the lines lie near the robot's workspace: units, "
                 "signs, offsets and the order of the motors' columns?",
                 refused=True,
             )
         ]
     return []
-
-
-def _mistakes(robot: Robot, log: Log, few: Array) -> Iterator[list[_Change]]:
-    """What may have happened to the motors' columns: units first, then signs, then their order."""
-    n = robot.n
-    revolute = np.array([chain.actuator == "revolute" for chain in robot.spec.chain])
-    factor = np.where(revolute, DEGREES, MILLIMETRES)
-
-    def scaled(which, by) -> Callable[[Array], Array]:
-        factors = np.ones(n + robot.r)
-        factors[list(which)] = by
-        return lambda rows: rows / factors
-
-    def text(which, what: str) -> str:
-        names = [log.names[k] for k in which]
-        return f"{', '.join(names)}: {what}"
-
-    def unit(k: int) -> str:
-        return "degrees, must be rad" if revolute[k] else "mm, must be m"
-
-    too_large = np.flatnonzero(_too_large(robot, few, factor))
-    for groups in ([too_large], [range(n)], [[k] for k in range(n)]):
-        yield [
-            _Change(text(which, f"in {unit(which[0])}"), scaled(which, factor[list(which)]))
-            for which in groups
-            if len(which)
-        ]
-    yield [_Change(text([k], "its sign is flipped"), scaled([k], -1.0)) for k in range(n)]
-    yield [_Change(text(range(n), "their signs are flipped"), scaled(range(n), -1.0))]
-    yield [
-        _Change(f"{log.names[i]} and {log.names[k]}: swapped", _swapped(i, k))
-        for i, k in itertools.combinations(range(n), 2)
-    ]
-
-
-def _swapped(i: int, k: int) -> Callable[[Array], Array]:
-    def undo(rows: Array) -> Array:
-        order = np.arange(rows.shape[1])
-        order[[i, k]] = order[[k, i]]
-        return rows[:, order]
-
-    return undo
-
-
-def _too_large(robot: Robot, few: Array, factor: Array) -> Array:
-    """Motors that leave the range of the workspace, and would not, divided by a unit."""
-    box = robot.spec.workspace
-    if box is None:
-        return np.zeros(robot.n, dtype=bool)
-    x = np.random.default_rng(0).uniform(box.minimum, box.maximum, (500, robot.n))
-    q = robot.ikm(x, errors="nan")
-    low, high = np.nanmin(q, axis=0), np.nanmax(q, axis=0)
-    margin = 0.25 * (high - low) + 1e-6
-
-    def inside(rows: Array) -> Array:
-        return ((rows > low - margin) & (rows < high + margin)).mean(axis=0)
-
-    q = few[:, : robot.n]
-    return (inside(q) < 0.5) & (inside(q / factor) > 0.9)
 
 
 # --- sensors --------------------------------------------------------------------------------------
@@ -322,7 +230,7 @@ def _named(slope: float, is_angle: bool) -> str | None:
     names = (
         {DEGREES: "in degrees, must be rad"}
         if is_angle
-        else {MILLIMETRES: "in mm, must be m", 100.0: "in cm, must be m"}
+        else {MILLIMETRES: "in mm, must be m", CENTIMETRES: "in cm, must be m"}
     )
     for factor, name in names.items():
         if abs(abs(slope) / factor - 1) < 0.3:
@@ -339,33 +247,19 @@ def _named_slopes(robot: Robot, readings: Array) -> list[str | None]:
     ]
 
 
-def sensor_is_angle(robot: Robot) -> list[bool]:
-    """Whether each sensor in use reads rad (else m)."""
-    kinds = {sensor.name: sensor.kind for sensor in robot.spec.sensor}
-    return [kinds[name] not in LENGTHS for name in robot.sensors]
-
-
 def _sensors(robot: Robot, log: Log, seen: Expectation) -> Iterator[Finding]:
     """Units, signs and order of the sensors' columns, given motors that are right."""
     n = robot.n
-    distance = _apart(seen)
+    distance = apart(seen)
     wrong = [k for k in range(robot.r) if distance[k] > APART]
     names = _named_slopes(robot, log.readings)
     angle = sensor_is_angle(robot)
-    for i, k in itertools.combinations(range(robot.r), 2):
-        if angle[i] == angle[k] and (i in wrong or k in wrong):
-            undone = expect(robot, _swapped(n + i, n + k)(log.readings))
-            if (_apart(undone)[[i, k]] < APART).all():
-                yield Finding(f"{log.names[n + i]} and {log.names[n + k]}: swapped", refused=True)
-                wrong = [j for j in wrong if j not in (i, k)]
     for k in wrong:
         read, name = log.readings[:, n + k], log.names[n + k]
         slope = _slope(read, seen.expected[:, k])
         if names[k]:
             times = f"{slope:.3g} times what the motors predict"
-            mirror = _mirrors(robot, log) if "flipped" in names[k] else []
-            text = " or ".join([f"{name}: {times}: {names[k]}", *mirror])
-            yield Finding(text, refused=True)
+            yield Finding(f"{name}: {times}: {names[k]}", refused=True)
             continue
         unit = "rad" if angle[k] else "m"
         off = np.nanmedian(seen.residual[:, k])
@@ -382,15 +276,6 @@ def _sensors(robot: Robot, log: Log, seen: Expectation) -> Iterator[Finding]:
                 + (": does not follow the robot" if lost else ""),
                 refused=lost,
             )
-
-
-def _mirrors(robot: Robot, log: Log) -> list[str]:
-    """Pairs of motors whose exchange explains all readings: a robot's mirror image."""
-    return [
-        f"{log.names[i]} and {log.names[k]}: swapped"
-        for i, k in itertools.combinations(range(robot.n), 2)
-        if _agrees(robot, _swapped(i, k)(log.readings))
-    ]
 
 
 def _stuck(robot: Robot, log: Log, seen: Expectation) -> tuple[Log, list[Finding]]:
