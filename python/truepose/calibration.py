@@ -75,7 +75,7 @@ class Fit:
     cost: float  #: squared residuals and departures from the prior, in units of their σ
     guarded: bool  #: whether what the ideal level leaves out was allowed for
     registration: Registered | None = None  #: of what was measured from outside, if anything was
-    notes: tuple[str, ...] = ()  #: what was noticed in a table of readings, one line each
+    notes: tuple[str, ...] = ()  #: what was noticed in the readings, one line each
 
     @property
     def parameters(self) -> dict[str, Learnt]:
@@ -244,6 +244,10 @@ def calibrate(
     outside, outside_sigma = _measured(
         robot, measured, measured_sigma, measured_angle_sigma, len(rows)
     )
+    again = logs.repeated(rows, outside if len(outside) else None, robot.n)
+    if again.any():
+        rows = np.where(again[:, None] & (np.arange(rows.shape[1]) >= robot.n), np.nan, rows)
+        outside[again[: len(outside)]] = np.nan
     begun = registrations.of(registration)
     base, marker = begun.begin()
     frames = begun.sigma(robot, outside) if len(outside) else np.zeros(12)
@@ -330,6 +334,9 @@ def calibrate(
         cost=cost,
         guarded=guarded,
         registration=registered if len(outside) else None,
+        notes=(f"{again.sum()} rows as an earlier one, digit for digit: each counts once",)
+        if again.any()
+        else (),
     )
 
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from truepose import knowledge, log_faults
+from truepose import knowledge, log_faults, logs
 from truepose.build import Array
-from truepose.expectation import Expectation, expect
+from truepose.expectation import Expectation, expect, poses_of
 from truepose.log_faults import (
     APART,
     CENTIMETRES,
@@ -42,7 +42,7 @@ def check(robot: Robot, log: Log) -> tuple[Log, list[Finding]]:
     Returns
     -------
     log : Log
-        Without the readings of a sensor that hung for a while.
+        Without the readings of a sensor that hung for a while, and those that are there twice.
     findings : list of Finding
         Units, signs, swapped columns and stuck sensors are refused, not mended.
 
@@ -58,9 +58,14 @@ def check(robot: Robot, log: Log) -> tuple[Log, list[Finding]]:
     theta: in degrees, must be rad
     """
     model = robot.expected()
-    findings = [*_cells(robot, log), *_repeats(robot, log)]
+    findings = [*_cells(robot, log)]
+    log, twice = _once(robot, log)
+    findings += [*twice, *_repeats(robot, log)]
     log, stuck = _stuck(model, log, expect(model, log.readings))
     findings += stuck
+    if any(finding.refused for finding in findings):
+        return log, findings
+    findings += _outside(model, log)
     if any(finding.refused for finding in findings):
         return log, findings
     if motors := _motors(model, log):
@@ -133,7 +138,24 @@ def _distinct(robot: Robot, log: Log) -> Array:
     return rows[first]
 
 
+def _once(robot: Robot, log: Log) -> tuple[Log, list[Finding]]:
+    """Leave nothing but the motors of lines that are there already."""
+    again = logs.repeated(log.readings, log.measured, robot.n)
+    if not again.any():
+        return log, []
+    readings, measured = log.readings.copy(), log.measured
+    readings[again, robot.n :] = np.nan
+    if measured is not None:
+        measured = np.where(again[:, None], np.nan, measured)
+    rows = np.flatnonzero(again)
+    text = f"{log.at(rows, 5)}: as an earlier line, digit for digit: each counts once"
+    return replace(log, readings=readings, measured=measured), [Finding(text)]
+
+
 def _repeats(robot: Robot, log: Log) -> Iterator[Finding]:
+    cells = log.readings if log.measured is None else np.hstack([log.readings, log.measured])
+    more = np.isfinite(cells[:, robot.n :]).any(axis=1)
+    log = log.only(more) if more.any() else log
     read = int(np.isfinite(log.readings[:, : robot.n]).all(axis=1).sum())
     poses = len(_distinct(robot, log))
     if poses < 0.8 * read:
@@ -150,13 +172,22 @@ def _equations(robot: Robot, log: Log) -> Iterator[Finding]:
     if log.measured is not None:
         count = count + np.isfinite(log.measured[rows]).sum(axis=1)
     total, unknown = int(count.sum()), len(knowledge.uncertain(robot))
+    spare = [sensor.name for sensor in robot.spec.sensor if sensor.name in log.unused]
+    use = f"the log has {', '.join(spare)}: say that they were read, --sensors "
+    use += ",".join((*robot.sensors, *spare))
     if total == 0:
         yield Finding(
-            f"nothing to learn from: {robot.n} motors take all their readings for the pose; read "
-            "a redundant sensor, or measure a coordinate from outside (measured_x, …)",
+            f"nothing to learn from: {robot.n} motors take all their readings for the pose; "
+            + (
+                f"{use} (with_sensors)"
+                if spare
+                else "read a redundant sensor, or measure a coordinate from outside (measured_x, …)"
+            ),
             refused=True,
         )
-    elif total < unknown:
+    elif spare:
+        yield Finding(f"{use} (with_sensors) to use them as well")
+    if 0 < total < unknown:
         yield Finding(
             f"too few poses: {_count(total, 'equation')} at {_count(len(rows), 'different pose')} "
             f"for {unknown} uncertain parameters; tolerances hold the rest"
@@ -206,6 +237,30 @@ def _motors(robot: Robot, log: Log) -> list[Finding]:
             )
         ]
     return []
+
+
+def _outside(robot: Robot, log: Log) -> Iterator[Finding]:
+    """Units of what was measured from outside: no frame changes a distance."""
+    if log.measured is None:
+        return
+    few = log_faults.few(robot, log)
+    x = poses_of(robot, few.readings[:, : robot.n])
+    angles = np.array([unit == "rad" for _, unit in robot.coordinates])
+    for which, factor, text in (
+        (~angles, MILLIMETRES, "in mm, must be m"),
+        (angles, DEGREES, "in degrees, must be rad"),
+    ):
+        good = np.isfinite(few.measured[:, which]).all(axis=1) & np.isfinite(x).all(axis=1)
+        if not which.any() or good.sum() < 4:
+            continue
+        measured, expected = (
+            np.median(np.linalg.norm(v - np.median(v, axis=0), axis=1))
+            for v in (few.measured[good][:, which], x[good][:, which])
+        )
+        if expected > 0 and factor / 3 < measured / expected < factor * 3:
+            columns = zip(robot.coordinates, which, strict=True)
+            names = ", ".join(f"measured_{name}" for (name, _), own in columns if own)
+            yield Finding(f"{names}: {text}", refused=True)
 
 
 # --- sensors --------------------------------------------------------------------------------------

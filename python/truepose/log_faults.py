@@ -97,7 +97,8 @@ def named(robot: Robot, log: Log) -> list[str] | None:
     tried = [m for m in mistakes(robot, log) if agree(robot, m.undo(log.readings))]
     if not redundant:  # no fit tells them apart
         return [m.text for m in tried] if len(tried) <= 3 else []
-    tried.sort(key=lambda m: _distance(robot, m.undo(log.readings)))
+    if len(tried) > FITTED:
+        tried.sort(key=lambda m: _distance(robot, log, m.undo(log.readings)))
     costs = [_cost(_fit(robot, log, m.undo(log.readings))) for m in tried[:FITTED]]
     best = min(costs, default=math.inf)
     if best == math.inf or not best < 0.5 * own:
@@ -120,10 +121,16 @@ def agree(robot: Robot, readings: Array) -> bool:
     return bool((distance[np.isfinite(distance)] < APART).all())
 
 
-def _distance(robot: Robot, readings: Array) -> float:
-    """How far the sensors are from what the motors predict; gross errors count little."""
+def _distance(robot: Robot, log: Log, readings: Array) -> float:
+    """How far all is from what the motors predict; gross errors count little."""
+    if robot.r == 0:  # distances are the same in every frame
+        linear = [unit == "m" for _, unit in robot.coordinates]
+        x = poses_of(robot, readings)
+        steps = [np.linalg.norm(np.diff(v[:, linear], axis=0), axis=1) for v in (log.measured, x)]
+        off = np.abs(steps[0] - steps[1])
+        return float(np.median(off[np.isfinite(off)])) if np.isfinite(off).any() else 0.0
     seen = expect(robot, readings)
-    return float(np.nanmean(np.log1p((seen.residual / seen.sigma) ** 2))) if robot.r else 0.0
+    return float(np.nanmean(np.log1p((seen.residual / seen.sigma) ** 2)))
 
 
 def _fit(robot: Robot, log: Log, readings: Array) -> Fit | None:

@@ -228,7 +228,9 @@ def test_empty_cells_and_repeats_are_said(robot, q_e):
     texts = [f.text for f in found(robot, holes)]
     assert texts[0] == "row 4: left out: a motor was not read"
     assert texts[1].startswith("z_telemeter: 65 empty cells: rows 1, 8, 15, 22, 29, … 60 more")
-    assert texts[2].startswith("449 rows at only 150 different poses: repeats")
+    assert texts[2].endswith("as an earlier line, digit for digit: each counts once")
+    shaken = np.vstack([q_e, q_e + np.array([0, 0, 0, 0, 1e-5, 1e-6]), q_e])
+    assert found(robot, shaken)[1].text.startswith("300 rows at only 150 different poses: repeats")
 
 
 def test_too_few_poses_are_said_and_none_that_teach_are_refused(h4, robot, q_e):
