@@ -61,8 +61,10 @@ def check(robot: Robot, log: Log) -> tuple[Log, list[Finding]]:
     findings = [*_cells(robot, log)]
     log, twice = _once(robot, log)
     findings += [*twice, *_repeats(robot, log)]
-    log, stuck = _stuck(model, log, expect(model, log.readings))
-    findings += stuck
+    seen = expect(model, log.readings)
+    log, hung = _hung(model, log, seen)
+    log, stuck = _stuck(model, log, expect(model, log.readings) if hung else seen)
+    findings += [*hung, *stuck]
     if any(finding.refused for finding in findings):
         return log, findings
     findings += _outside(model, log)
@@ -333,6 +335,40 @@ def _sensors(robot: Robot, log: Log, seen: Expectation) -> Iterator[Finding]:
             )
 
 
+def _runs(read: Array, rows: Array, step: float) -> list[Array]:
+    """Five and more of these rows, one after another, with one and the same reading."""
+    starts = np.flatnonzero(np.abs(np.diff(read[rows])) > 0.5 * step) + 1
+    return [run for run in np.split(rows, starts) if len(run) >= 5]
+
+
+def _hung(robot: Robot, log: Log, seen: Expectation) -> tuple[Log, list[Finding]]:
+    """Motors of one and the same reading on lines that no other line's geometry explains."""
+    n, findings, readings = robot.n, [], log.readings.copy()
+    rows = np.flatnonzero(np.isfinite(readings[:, :n]).all(axis=1))
+    odd = (np.abs(seen.residual) > APART * seen.sigma).any(axis=1)
+    odd |= ~np.isfinite(seen.x).all(axis=1)
+    for k in range(n):
+        step = np.maximum(robot.resolution[:n], 1e-9)
+        runs = [
+            run
+            for run in _runs(readings[:, k], rows, step[k])
+            if odd[run].mean() > 0.5 and (np.ptp(readings[run, :n], axis=0) > 100 * step).any()
+        ]
+        lost = np.concatenate([[], *runs]).astype(int)
+        others = np.setdiff1d(rows, lost)
+        if len(lost) and len(others) >= len(lost) and odd[others].mean() < 0.2:
+            findings.append(
+                Finding(
+                    f"{log.names[k]}: stuck at {readings[lost[0], k]:.6g} on "
+                    f"{_count(len(lost), log.word)} ({log.lines[lost[0]]} to "
+                    f"{log.lines[lost[-1]]}): these lines are left out"
+                )
+            )
+            readings[lost, k] = np.nan
+            rows = others
+    return replace(log, readings=readings), findings
+
+
 def _stuck(robot: Robot, log: Log, seen: Expectation) -> tuple[Log, list[Finding]]:
     """Runs of one and the same reading while its prediction goes on."""
     findings, readings = [], log.readings.copy()
@@ -342,15 +378,13 @@ def _stuck(robot: Robot, log: Log, seen: Expectation) -> tuple[Log, list[Finding
         if len(rows) < 2:
             continue
         step = max(robot.resolution[robot.n + k], 1e-9)
-        starts = np.flatnonzero(np.r_[True, np.abs(np.diff(read[rows])) > 0.5 * step])
         hung = []
-        for run in np.split(rows, starts[1:]):
-            if len(run) >= 5:
-                # A reading may be constant in a plane of the workspace, where an uncalibrated
-                # prediction still varies by what tolerances allow.
-                moved = np.ptp(seen.expected[run, k])
-                if moved > VARIES * (step + np.median(seen.sigma[run, k])):
-                    hung.append(run)
+        for run in _runs(read, rows, step):
+            # A reading may be constant in a plane of the workspace, where an uncalibrated
+            # prediction still varies by what tolerances allow.
+            moved = np.ptp(seen.expected[run, k])
+            if moved > VARIES * (step + np.median(seen.sigma[run, k])):
+                hung.append(run)
         if not hung:
             continue
         lost = np.concatenate(hung)

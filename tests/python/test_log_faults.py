@@ -92,6 +92,30 @@ def test_the_mistake_that_was_made_is_named(cases, name, spoil, said):
     assert len(text.split(" or ")) <= 2
 
 
+@pytest.mark.parametrize(("name", "motor"), [("delta", 0), ("h4", 2), ("stewart", 4)])
+def test_lines_on_which_a_motors_encoder_hung_are_left_out(cases, name, motor):
+    robot, q_e = cases[name]
+    hung = q_e.copy()
+    hung[20:40, motor] = hung[20, motor]
+    table = dict(zip(robot.readings, hung.T, strict=True))
+    log, (finding, *_) = log_checks.check(robot, logs.of(robot, table))
+    assert finding.text.startswith(f"q{motor + 1}: stuck at") and not finding.refused
+    assert "20 rows (21 to 40): these lines are left out" in finding.text
+    assert np.isnan(log.readings[20:40, motor]).all()
+    assert np.isfinite(np.delete(log.readings, range(20, 40), axis=0)).all()
+
+
+def test_a_motor_that_stands_still_is_not_stuck(cases):
+    """A grid in joint space: one motor waits while the others go on."""
+    robot, _ = cases["h4"]
+    q = robot.ikm(robot.home) + np.random.default_rng(0).uniform(-0.1, 0.1, (100, 4))
+    q[:, 0] = np.repeat(q[:10, 0], 10)
+    true = with_tolerance_errors(robot, 1)
+    x = true.fkm(q)
+    table = dict(zip(robot.readings, true.read(x).T, strict=True))
+    assert log_checks.check(robot, logs.of(robot, table))[1] == []
+
+
 @pytest.mark.parametrize("name", SENSORS)
 def test_a_good_log_is_left_alone(cases, name):
     robot, q_e = cases[name]
