@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import typer
 
-from truepose import calibration_figures, calibration_report, log_checks, logs, saving
+from truepose import calibration, calibration_figures, calibration_report, log_checks, logs, saving
 from truepose.calibration import Loss, ModelError
 from truepose.calibration_report import Assessment
 from truepose.exceptions import InputError
@@ -56,23 +58,31 @@ def run(
     if refused := [f"{log_file}: {finding.text}" for finding in findings if finding.refused]:
         raise RefusedError(refused)
     progress("log looked over")
+    guarded = level == "ideal" and model_error != "off"
+    needed = calibration.memory(robot, len(log.lines), log.measured is not None, guarded)
+    if needed > calibration.MUCH:  # before, not with the notes that come after
+        typer.echo(
+            f"{log_file}: {calibration.much_memory(robot, len(log.lines), needed)}", err=True
+        )
     notes = [finding.text for finding in findings]
     if log.unused:
         notes.insert(0, f"columns not used: {', '.join(log.unused)}")
-    result = calibration_report.assess(
-        robot,
-        log,
-        notes,
-        touch_off=at,
-        progress=progress,
-        level=level,
-        loss=loss,
-        tuning=tuning,
-        model_error=model_error,
-        measured_sigma=sigma,
-        measured_angle_sigma=angle_sigma,
-        registration=registration,
-    )
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", ".* GB of memory")  # it was said
+        result = calibration_report.assess(
+            robot,
+            log,
+            notes,
+            touch_off=at,
+            progress=progress,
+            level=level,
+            loss=loss,
+            tuning=tuning,
+            model_error=model_error,
+            measured_sigma=sigma,
+            measured_angle_sigma=angle_sigma,
+            registration=registration,
+        )
     if report is not None:
         saving.replace_file(report, calibration_figures.page(result, log_file.name, loss))
     if out is not None:

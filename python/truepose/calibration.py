@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
@@ -29,6 +30,9 @@ Loss = Literal["squares", "huber", "student"]
 
 #: Default tuning of each loss: Huber's bend and Student's degrees of freedom.
 TUNING: dict[Loss, float] = {"squares": 0.0, "huber": 1.0, "student": 4.0}
+
+#: Memory that nobody expects to need, bytes: more is said before it is asked for.
+MUCH = 2e9
 
 #: Posterior over prior σ, up to which a parameter counts as identified, and as barely so.
 IDENTIFIED, BARELY = 0.3, 0.9
@@ -260,6 +264,8 @@ def calibrate(
         raise InputError(choose("model_error", model_error, MODEL_ERRORS))
     can_guard = level == "ideal" and model_error != "off" and bool(knowledge.left_out(robot))
     guard = knowledge.knowledge(robot, guarded=True, registration=unknown) if can_guard else None
+    if (needed := memory(robot, len(rows), len(outside) > 0, can_guard)) > MUCH:
+        warnings.warn(much_memory(robot, len(rows), needed), stacklevel=2)
     found = _core.calibrate(
         robot._drawn,
         knowledge.knowledge(robot, registration=unknown).core,
@@ -349,6 +355,19 @@ def _apart(
         cross, own = joint[:count, count:], joint[count:, count:]
     base0, marker0, base, marker = placed
     return covariance, Registered(base, marker, sigma, own, cross, (base0, marker0))
+
+
+def memory(robot: Robot, lines: int, measured: bool, guarded: bool) -> float:
+    """How many bytes a calibration takes at most, about: two linearisations of every line."""
+    unknowns = len(knowledge.uncertain(robot)) + 12 * measured
+    unknowns += len(knowledge.left_out(robot)) if guarded else 0
+    beyond = robot.r + robot.n * measured
+    return lines * (2 * (8 * (robot.n + beyond) * unknowns + 1400) + 8 * beyond * unknowns)
+
+
+def much_memory(robot: Robot, lines: int, needed: float) -> str:
+    """Say how much memory a calibration will take."""
+    return f"{robot.name}: {lines} lines of readings need about {1e-9 * needed:.1f} GB of memory"
 
 
 def mean_of(robot: Robot) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -11,6 +11,10 @@ from truepose.build import Array
 from truepose.kinematics import Level
 from truepose.registration import Registered
 from truepose.robot import Robot
+
+
+#: Lines that are predicted at a time.
+LINES = 4096
 
 
 @dataclass(frozen=True)
@@ -58,6 +62,17 @@ def expect(
     >>> print(abs(seen.residual).max() < 1e-9, seen.sigma.round(2))
     True [[0.06]]
     """
+    if len(readings) > LINES:  # H_ξ takes kilobytes a line
+        parts = []
+        for start in range(0, len(readings), LINES):
+            part = slice(start, start + LINES)
+            outside = None if measured is None else measured[part]
+            sigma = measured_sigma[part] if np.ndim(measured_sigma) else measured_sigma
+            parts.append(expect(robot, readings[part], outside, sigma, registration, level))
+        names = [field.name for field in fields(Expectation)]
+        return Expectation(
+            *(np.concatenate([getattr(part, name) for part in parts]) for name in names)
+        )
     n, r = robot.n, robot.r
     x = poses_of(robot, readings[:, :n], level)
     expected = robot.extended(x, errors="nan", level=level)

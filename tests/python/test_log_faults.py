@@ -1,10 +1,13 @@
 """Is the mistake that was made with a log's columns the one that is named?"""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import _core, frames, log_checks, log_faults, logs
+from truepose import _core, calibration, expectation, frames, log_checks, log_faults, logs
 from truepose.errors import with_tolerance_errors
 
 SENSORS = {
@@ -266,3 +269,45 @@ def test_messages_of_another_pose_do_not_join(cases, tmp_path):
     write_mcap(tmp_path / "log.mcap", {"/q": (fast, motors), "/s": (fast + 6e-4, sensors)})
     log = logs.read(robot, tmp_path / "log.mcap")
     np.testing.assert_array_equal(log.readings[1:, 4:], q_e[:-1, 4:])
+
+
+# --- size -----------------------------------------------------------------------------------------
+
+MEASURE = """
+import resource, sys
+import numpy as np, truepose as tp
+from truepose import calibration
+robot = tp.load("h4")
+rng = np.random.default_rng(0)
+box = robot.spec.workspace
+q_e = robot.expected().read(rng.uniform(box.minimum, box.maximum, (int(sys.argv[1]), 4)))
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+tp.calibrate(robot, q_e, model_error="off")
+used = 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
+print(used / calibration.memory(robot, len(q_e), False, False))
+"""
+
+
+def test_the_memory_that_a_log_will_take_is_known():
+    """Peak of a process that calibrates on 20 000 lines, over what is said beforehand."""
+    pytest.importorskip("resource")
+    command = [sys.executable, "-c", MEASURE, "20000"]
+    found = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert 0.7 < float(found.stdout) < 1.1
+
+
+def test_much_memory_is_said_before_it_is_taken(cases, monkeypatch):
+    robot, q_e = cases["h4"]
+    said = r"h4: 100 lines of readings need about 0.0 GB of memory"
+    monkeypatch.setattr(calibration, "MUCH", 1e5)
+    with pytest.warns(UserWarning, match=said):
+        tp.calibrate(robot, q_e)
+
+
+def test_a_long_log_is_predicted_part_by_part(cases, monkeypatch):
+    robot, q_e = cases["h4"]
+    whole = expectation.expect(robot, q_e)
+    monkeypatch.setattr(expectation, "LINES", 30)
+    parts = expectation.expect(robot, q_e)
+    for name in ("x", "expected", "residual", "sigma"):
+        np.testing.assert_array_equal(getattr(parts, name), getattr(whole, name))

@@ -61,7 +61,7 @@ Outcome read(const Robot& robot, const Knowledge& known, const Pose& pose, const
   }
   line.n = n;
   line.rows = 0;
-  line.B.resize(readings + n, known.count);
+  line.B.resize(readings + (outside.x ? n : 0), known.count);
   gather(robot, known, H_xi, readings, line.B.data());
   times_root(known, readings, line.B.data());
   const auto enter = [&](double e, double sigma, auto&& H) {
