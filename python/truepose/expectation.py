@@ -12,7 +12,6 @@ from truepose.kinematics import Level
 from truepose.registration import Registered
 from truepose.robot import Robot
 
-
 #: Lines that are predicted at a time.
 LINES = 4096
 

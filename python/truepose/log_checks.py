@@ -337,8 +337,10 @@ def _sensors(robot: Robot, log: Log, seen: Expectation) -> Iterator[Finding]:
 
 def _runs(read: Array, rows: Array, step: float) -> list[Array]:
     """Five and more of these rows, one after another, with one and the same reading."""
-    starts = np.flatnonzero(np.abs(np.diff(read[rows])) > 0.5 * step) + 1
-    return [run for run in np.split(rows, starts) if len(run) >= 5]
+    changes = np.flatnonzero(np.abs(np.diff(read[rows])) > 0.5 * step) + 1
+    starts, ends = np.r_[0, changes], np.r_[changes, len(rows)]
+    long = np.flatnonzero(ends - starts >= 5)
+    return [rows[starts[k] : ends[k]] for k in long]
 
 
 def _hung(robot: Robot, log: Log, seen: Expectation) -> tuple[Log, list[Finding]]:
