@@ -276,12 +276,12 @@ def registration_table(fit: Fit) -> Table | None:
         factor, unit = (1e3, "mm") if known.unit == "m" else (180 / np.pi, "°")
         cells = [f"{factor * v:.4f}" for v in (known.value, known.sigma)]
         rows.append([f"{known.name} ({unit})", *cells])
-    title = (
-        "The base in the tracker's frame (places along the base's axes), the marker on the nacelle"
-    )
-    return Table("registration", title, ["registration", "value", "σ"], rows)
+    title = "Registration: the base in the tracker's frame, the marker on the nacelle"
+    return Table("registration", title, ["found", "value", "σ"], rows)
 
 
 def tables_of(result: Assessment) -> list[Table]:
-    """Every table, in the order in which they are read."""
-    return [residuals(result), parameters(result.fit), worst(result.fit), predicted(result)]
+    """Every table, in the order in which they are read; the registration's only where unknown."""
+    fit = result.fit
+    tables = [residuals(result), parameters(fit), worst(fit), registration_table(fit)]
+    return [table for table in (*tables, predicted(result)) if table is not None]

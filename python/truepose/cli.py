@@ -295,13 +295,10 @@ def calibrate(
         raise typer.Exit(2) from None
     for note in result.notes:
         typer.echo(f"{log}: {note}", err=True)
-    residuals, parameters, worst, accuracy = calibration_report.tables_of(result)
-    _print(console, residuals)
-    _print(console, parameters.columns(0, 1, 3, 4, 5, 6))  # the report has the change, too
-    _print(console, worst, left=(1,))
-    if (registered := calibration_report.registration_table(result.fit)) is not None:
-        _print(console, registered)
-    _print(console, accuracy)
+    for table in calibration_report.tables_of(result):
+        # the report has the parameters' change, too
+        shown = table.columns(0, 1, 3, 4, 5, 6) if table.name == "parameters" else table
+        _print(console, shown, left=(1,) if table.name == "worst_known" else ())
     console.print(f"{calibration_report.verdicts(result.fit)}.", soft_wrap=True)
     for path in (out, report):
         if path is not None:

@@ -170,12 +170,14 @@ def test_outside_measurements_alone_calibrate_a_robot_without_sensors(run, tmp_p
     status, out, err = run(*words, "--registration", "known")
     assert (status, err) == (0, "")
     assert "measured_z (mm)" in out and "tracker" not in out
+    assert "Measured from outside" not in (tmp_path / "c.html").read_text(encoding="utf-8")
     calibrated = tp.load(tmp_path / "c.toml")
     assert np.abs(calibrated.fkm(true.ikm(x)) - x).max() < 2e-5
     status, out, err = run(*words)
     assert (status, err) == (0, "")
     for text in ("base + marker, x (mm)", "base, rz (°)", "in the tracker's frame, after"):
         assert text in out
+    assert "Measured from outside" in (tmp_path / "c.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("sigma", ["1", "20um", "0.02mm,0.01deg", "0.01°, 2e-5", "1e-5m,1mrad"])

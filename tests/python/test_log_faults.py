@@ -288,12 +288,12 @@ print(used / calibration.memory(robot, len(q_e), False, False))
 """
 
 
-def test_the_memory_that_a_log_will_take_is_known():
+def test_no_more_memory_is_taken_than_was_said():
     """Peak of a process that calibrates on 20 000 lines, over what is said beforehand."""
     pytest.importorskip("resource")
     command = [sys.executable, "-c", MEASURE, "20000"]
     found = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert 0.5 < float(found.stdout) < 1.1
+    assert float(found.stdout) < 1.1
 
 
 def test_much_memory_is_said_before_it_is_taken(cases, monkeypatch):
