@@ -162,9 +162,10 @@ class Calibrator {
   Registration place(const Iterate& at, const std::vector<Status>& status) const {
     const int first = settings_.registration;
     if (first < 0 || !log_.measured) return log_.registration;
-    const int turn = first + kRegistration - 1;  // about the nacelle's z: every unknown turn has it
-    return model_.registered(log_.registration, S_(turn, turn) > 0, log_.count, at.pose.data(),
-                             status.data(), log_.measured);
+    // Every unknown place of a marker has an x, every unknown turn one about the nacelle's z.
+    const int place = first + 6, turn = first + kRegistration - 1;
+    return model_.registered(log_.registration, S_(place, place) > 0, S_(turn, turn) > 0,
+                             log_.count, at.pose.data(), status.data(), log_.measured);
   }
 
   /// First poses: from the motors, at the prior mean.

@@ -38,8 +38,8 @@ struct LineModel {
   Outcome (*read)(const Robot&, const Knowledge&, const Pose&, const double* q_e, Outside,
                   double* H_xi, Line&) = nullptr;
   Pose (*moved)(const Pose&, const Joint& step) = nullptr;
-  Registration (*registered)(const Registration& known, bool turnable, int count, const Pose*,
-                             const Status*, const double* measured) = nullptr;
+  Registration (*registered)(const Registration& known, bool movable, bool turning, int count,
+                             const Pose*, const Status*, const double* measured) = nullptr;
 };
 
 namespace line_detail {

@@ -8,6 +8,7 @@
 // rotation that takes one cloud of points best to another, in closed form, from any rotation.
 #pragma once
 
+#include <Eigen/Cholesky>
 #include <Eigen/SVD>
 #include <algorithm>
 #include <vector>
@@ -138,15 +139,17 @@ inline Mat3 nearest_rotation(const Mat3& A) {
 }
 
 /// A registration to start from: poses are known roughly, measurements may be grossly wrong here
-/// and there (each counts by how near it lies, ten times over). Needs all the coordinates of a
+/// and there (each counts by how near it lies). The base given the marker's place and that place
+/// given the base's rotation are linear by turns, over and over. Needs all the coordinates of a
 /// position on lines that span a plane; else tracker and base are taken to be parallel.
-/// @param known     the marker as it is believed to sit
-/// @param turnable  whether the marker's turn is unknown
+/// @param known    the marker as it is believed to sit
+/// @param movable  whether the marker's place is unknown
+/// @param turning  whether its turn is
 /// @param pose      of `count` lines; those without a status ok are left out
 /// @param measured  count × n coordinates, NaN where there is none
 template <Mobility K>
-Registration registered(const Registration& known, bool turnable, int count, const Pose* pose,
-                        const Status* status, const double* measured) {
+Registration registered(const Registration& known, bool movable, bool turning, int count,
+                        const Pose* pose, const Status* status, const double* measured) {
   constexpr int n = kDof<K>;
   constexpr int positions = K == Mobility::planar || K == Mobility::planar_translation ? 2 : 3;
   struct Pair {
@@ -174,16 +177,19 @@ Registration registered(const Registration& known, bool turnable, int count, con
   Registration result = known;
   result.base = {shift, Mat3::Identity()};
   std::vector<double> apart;
-  for (int round = 0; round < 10 && !pairs.empty(); ++round) {
+  for (int round = 0; round < 50 && !pairs.empty(); ++round) {
     double total = 0;
     Vec3 from = Vec3::Zero(), to = Vec3::Zero();
+    Mat3 turn = Mat3::Zero();
     for (const Pair& p : pairs) {
       total += p.weight;
       from += p.weight * p.from;
       to += p.weight * p.to;
+      turn += p.weight * pose[p.line].R;
     }
     from /= total;
     to /= total;
+    turn /= total;
     Mat3 H = Mat3::Zero();
     for (const Pair& p : pairs) H += p.weight * (p.to - to) * (p.from - from).transpose();
     const Vec3 spans = Eigen::JacobiSVD<Mat3>(H).singularValues();
@@ -198,8 +204,22 @@ Registration registered(const Registration& known, bool turnable, int count, con
     std::nth_element(sorted.begin(), middle, sorted.end());
     for (std::size_t k = 0; k < pairs.size(); ++k)
       pairs[k].weight = *middle > 0 ? 1 / (1 + apart[k] / *middle) : 1;
+    if (!movable) continue;
+    // What R_k - mean of R says of c. An arm that hardly turns says nothing: 1e-3 is a turn of 2°.
+    Mat3 N = 1e-3 * total * Mat3::Identity();
+    Vec3 b = Vec3::Zero();
+    for (const Pair& p : pairs) {
+      const Mat3 A = pose[p.line].R - turn;
+      N += p.weight * A.transpose() * A;
+      b += p.weight * A.transpose() * (result.base.R.transpose() * (p.to - to) - (p.from - from));
+    }
+    const Vec3 step = N.ldlt().solve(b);
+    result.marker.t += step;
+    for (Pair& p : pairs) p.from += pose[p.line].R * step;
+    result.base.t -= result.base.R * turn * step;
+    if (round > 10 && step.norm() < 1e-5) break;
   }
-  if (!turnable) return result;
+  if (!turning) return result;
   Mat3 sum = Mat3::Zero();  // of what each line says of M
   for (const Pair& p : pairs) {
     const double* x = measured + p.line * n;
