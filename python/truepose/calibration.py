@@ -245,7 +245,7 @@ def calibrate(
     rows, lead = robot._rows(readings, robot.n + robot.r, "readings", "nan")
     if len(lead) != 1 or len(rows) == 0:
         raise InputError(f"readings: shape {np.shape(readings)}, must be (N, {robot.n + robot.r})")
-    outside, outside_sigma = _measured(
+    outside, outside_sigma = registrations.outside(
         robot, measured, measured_sigma, measured_angle_sigma, len(rows)
     )
     again = logs.repeated(rows, outside if len(outside) else None, robot.n)
@@ -401,19 +401,6 @@ def _looked_over(robot: Robot, table) -> tuple[logs.Log, list[str]]:
     if refused := [finding.text for finding in findings if finding.refused]:
         raise InputError(f"readings: {'; '.join(refused)}")
     return log, [finding.text for finding in findings]
-
-
-def _measured(robot: Robot, measured, sigma, angle_sigma, count: int) -> tuple[Array, Array]:
-    """Outside measurements and their σ as the core takes them; none: no rows."""
-    if measured is None:
-        return np.zeros((0, robot.n)), np.zeros((0, robot.n))
-    rows, lead = robot._rows(measured, robot.n, "measured", "nan")
-    if lead != (count,):
-        raise InputError(f"measured: shape {np.shape(measured)}, must be ({count}, {robot.n})")
-    angles = [unit == "rad" for _, unit in robot.coordinates]
-    if sum(angles) == 3 and (np.isfinite(rows[:, angles]).sum(axis=1) % 3).any():
-        raise InputError("measured: rx, ry and rz: all three or none at each pose")
-    return rows, registrations.sigmas(robot, sigma, angle_sigma, count)
 
 
 def _cholesky(covariance: Array) -> Array:

@@ -184,6 +184,19 @@ class Registered:
         return result
 
 
+def outside(robot: Robot, measured, sigma, angle_sigma, count: int) -> tuple[Array, Array]:
+    """Outside measurements and their σ as the core takes them; none: no rows."""
+    if measured is None:
+        return np.zeros((0, robot.n)), np.zeros((0, robot.n))
+    rows, lead = robot._rows(measured, robot.n, "measured", "nan")
+    if lead != (count,):
+        raise InputError(f"measured: shape {np.shape(measured)}, must be ({count}, {robot.n})")
+    angles = [unit == "rad" for _, unit in robot.coordinates]
+    if sum(angles) == 3 and (np.isfinite(rows[:, angles]).sum(axis=1) % 3).any():
+        raise InputError("measured: rx, ry and rz: all three or none at each pose")
+    return rows.copy(), sigmas(robot, sigma, angle_sigma, count)
+
+
 def sigmas(robot: Robot, sigma, angle_sigma: float | None, count: int) -> Array:
     """σ of each coordinate measured, (count, n), m and rad; see :func:`truepose.calibrate`."""
     angles = np.array([unit == "rad" for _, unit in robot.coordinates])

@@ -204,6 +204,15 @@ def test_the_same_log_twice_counts_once_and_says_so(cases):
     assert note.startswith("rows 101, 102, 103, 104, 105, … 95 more: as an earlier line, digit for")
 
 
+def test_measurements_that_are_there_twice_count_once_and_stay_the_callers(tracked):
+    robot, q, outside = tracked
+    seen = np.column_stack(list(outside.values()))
+    q2, seen2 = np.vstack([q, q]), np.vstack([seen, seen])
+    once, twice = (tp.calibrate(robot, a, measured=b) for a, b in ((q, seen), (q2, seen2)))
+    assert twice.covariance == pytest.approx(once.covariance, rel=1e-6)
+    assert np.isfinite(seen2).all()
+
+
 def test_a_log_with_a_robots_own_sensors_is_told_how_to_use_them(cases):
     robot, q_e = cases["delta"]
     table = dict(zip(robot.readings, q_e.T, strict=True))
