@@ -111,23 +111,66 @@ LineModel model_of(const Robot& robot, bool full) {
   });
 }
 
+RowMatrix homogeneous(const Frame& frame) {
+  RowMatrix T = RowMatrix::Identity(4, 4);
+  T.topLeftCorner(3, 3) = frame.R;
+  T.topRightCorner(3, 1) = frame.t;
+  return T;
+}
+Registration registration_from(const RowMatrix& base, const RowMatrix& marker) {
+  return {{base.topRightCorner(3, 1), base.topLeftCorner(3, 3)},
+          {marker.topRightCorner(3, 1), marker.topLeftCorner(3, 3)}};
+}
+
+/// Coordinates that a tracker is to measure at poses, (N, n); how they change with the pose's twist
+/// and with the registration, (N, n, n) and (N, n, kRegistration); what was measured less these;
+/// by what σ of θ grows, (N,).
+auto batch_seen(const Robot& robot, const RowMatrix& base, const RowMatrix& marker, const Rows& x,
+                const Rows& measured) {
+  const std::size_t count = x.shape(0), n = x.shape(1);
+  Owned<double> apart({count, n}), H_x({count, n, n}), H({count, n, std::size_t{kRegistration}}),
+      coordinates({count, n}), blunt({count});
+  const Registration by = registration_from(base, marker);
+  with_mobility(robot.mobility, [&](auto mobility) {
+    constexpr Mobility K = mobility();
+    for (std::size_t i = 0; i < count; ++i) {
+      const Seen<K> at = seen<K>(by, to_pose<K>(row<Joint>(x, i)));
+      const Joint residual = innovation<K>(at, row<Joint>(measured, i).data());
+      std::copy_n(residual.begin(), n, apart[i]);
+      *blunt[i] = at.blunt;
+      const double theta = std::atan2(at.Q(1, 0), at.Q(0, 0));
+      const Joint there = to_coordinates<K>({at.p, at.Q, theta});
+      std::copy_n(there.begin(), n, coordinates[i]);
+      for (std::size_t k = 0; k < n; ++k) {
+        std::copy_n(at.H_x[k].begin(), n, H_x[i] + k * n);
+        std::copy_n(at.H[k].begin(), kRegistration, H[i] + k * kRegistration);
+      }
+    }
+  });
+  return nb::make_tuple(coordinates.release(), apart.release(), H_x.release(), H.release(),
+                        blunt.release());
+}
+
 /// @param nuisances  how many of the prior's last parameters are what the ideal level leaves out
+/// @param registration  first of its unknowns in the prior, or -1
 auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
                      const std::vector<double>& mean, const Rows& q_e, const Rows& measured,
-                     const std::vector<double>& measured_sigma, Loss loss, double tuning,
+                     const Rows& measured_sigma, const RowMatrix& base, const RowMatrix& marker,
+                     int registration, Loss loss, double tuning,
                      bool full) {
   const std::size_t count = q_e.shape(0), n = dof(drawn.mobility);
   CalibrationResult result;
   {
     nb::gil_scoped_release release;
-    ReadingLog log{static_cast<int>(count), q_e.data(), nullptr, {}};
+    ReadingLog log{static_cast<int>(count), q_e.data(), nullptr, nullptr,
+                   registration_from(base, marker)};
     if (measured.shape(0) > 0) {
       log.measured = measured.data();
-      std::copy(measured_sigma.begin(), measured_sigma.end(), log.measured_sigma.begin());
+      log.measured_sigma = measured_sigma.data();
     }
     const LineModel model = model_of(drawn, full);
     const Knowledge known = prior.view();
-    const CalibrationSettings settings{nuisances, loss, tuning};
+    const CalibrationSettings settings{nuisances, registration, loss, tuning};
     result = Calibrator(drawn, model, known, mean, log, settings).run();
   }
   Owned<double> x({count, n}), chi2({count}), weight({count}), xi({result.xi.size()});
@@ -148,7 +191,10 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
   }
   return nb::make_tuple(static_cast<int>(result.outcome.status), result.iterations, xi.release(),
                         RowMatrix(result.covariance), x.release(), chi2.release(),
-                        redundancy.release(), weight.release(), status.release(), result.cost);
+                        redundancy.release(), weight.release(), status.release(), result.cost,
+                        homogeneous(result.start.base), homogeneous(result.start.marker),
+                        homogeneous(result.registration.base),
+                        homogeneous(result.registration.marker));
 }
 
 /// Root of the posterior covariance after visiting poses, (p, p) lower triangular.
@@ -265,6 +311,7 @@ void bind_calibration(nb::module_& m) {
   m.def("gain", &batch_gain);
   m.def("innovation", &batch_innovation);
   m.def("calibrate", &run_calibration);
+  m.def("seen", &batch_seen);
   m.def("after_visiting", &run_after_visiting);
   m.def("accuracy", &batch_accuracy);
 }

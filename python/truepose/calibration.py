@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
@@ -11,10 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core, knowledge, log_checks, logs
+from truepose import registration as registrations
 from truepose.build import Array, columns
 from truepose.departure import Departure, departure
 from truepose.exceptions import InputError, PoseError, choose
 from truepose.kinematics import Level
+from truepose.registration import Registered, Registration
 from truepose.robot import Robot
 from truepose.schema import Calibration
 
@@ -24,6 +27,9 @@ Loss = Literal["squares", "huber", "student"]
 
 #: Default tuning of each loss: Huber's bend and Student's degrees of freedom.
 TUNING: dict[Loss, float] = {"squares": 0.0, "huber": 1.0, "student": 4.0}
+
+#: Memory that nobody expects to need, bytes: more is said before it is asked for.
+MUCH = 2e9
 
 #: Posterior over prior σ, up to which a parameter counts as identified, and as barely so.
 IDENTIFIED, BARELY = 0.3, 0.9
@@ -69,7 +75,8 @@ class Fit:
     iterations: int
     cost: float  #: squared residuals and departures from the prior, in units of their σ
     guarded: bool  #: whether what the ideal level leaves out was allowed for
-    notes: tuple[str, ...] = ()  #: what was noticed, in a table of readings above all; a line each
+    registration: Registered | None = None  #: of what was measured from outside, if anything was
+    notes: tuple[str, ...] = ()  #: what was noticed in the readings, one line each
 
     @property
     def parameters(self) -> dict[str, Learnt]:
@@ -90,6 +97,40 @@ class Fit:
         """How far what was learnt is from the prior: whether the tolerances are too small."""
         off = np.array([p.value - p.prior for p in self.parameters.values()])
         return departure(off, self.covariance, self.prior_covariance)
+
+    def accuracy_seen(self, poses: ArrayLike) -> Array:
+        """Covariance of what a tracker is to see of this robot, (P, n, n): in the tracker's frame.
+
+        Of the marker where all readings, the calibrated geometry and the registration say that it
+        is. :func:`truepose.accuracy` of the calibrated robot is about the base's frame, which
+        readings and a tracker in a frame of its own see little of.
+
+        Parameters
+        ----------
+        poses : array_like, shape (P, n)
+            Reachable ones.
+        """
+        if self.registration is None:
+            raise InputError(f"{self.robot.name}: accuracy_seen: nothing was measured from outside")
+        robot, by = self.robot, self.registration
+        x, _ = robot._rows(poses, robot.n, "poses", "raise")
+        known = knowledge.knowledge(robot, level=self.level).core
+        gain, _, status, chain = _core.gain(robot._core, known, x, robot._is_full(self.level))
+        robot._check("pose", x, (len(x),), status, chain, "raise")
+        _, H_xi = robot.linearise(x, level=self.level)
+        every = list(robot.parameters)
+        view = by.see(robot, x)
+        H_mt, G = view.H, view.H_x @ gain
+        E = -G @ H_xi[:, :, [every.index(name) for name in self.names]]
+        shared = E @ by.cross @ H_mt.swapaxes(1, 2)
+        sigma = knowledge.reading_sigma(robot)
+        return (
+            E @ self.covariance @ E.swapaxes(1, 2)
+            + shared
+            + shared.swapaxes(1, 2)
+            + H_mt @ by.covariance @ H_mt.swapaxes(1, 2)
+            + (G * sigma**2) @ G.swapaxes(1, 2)
+        )
 
     def worst_known(self, count: int = 5) -> list[tuple[float, dict[str, float]]]:
         """Combinations of parameters that the readings say least of.
@@ -116,7 +157,9 @@ def calibrate(
     readings: ArrayLike | Mapping[str, ArrayLike],
     *,
     measured: ArrayLike | None = None,
-    measured_sigma: ArrayLike | float = 1e-5,
+    measured_sigma: ArrayLike | float | None = None,
+    measured_angle_sigma: float | None = None,
+    registration: Literal["unknown", "known"] | Registration = "unknown",
     level: Level | None = None,
     loss: Loss = "squares",
     tuning: float | None = None,
@@ -138,8 +181,15 @@ def calibrate(
         is looked over first; what was noticed is in ``notes``.
     measured : array_like, shape (N, n), optional
         Coordinates that something outside measured at these poses, NaN where it did not.
-    measured_sigma : array_like, shape (n,), or float
-        σ of those, m or rad.
+    measured_sigma : float, or array_like, shape (n,) or (N, n), optional
+        σ of those: of lengths (m), or of every coordinate (m or rad). By default what a table's
+        columns measured_x_sigma, … say, else 0.02 mm.
+    measured_angle_sigma : float, optional
+        σ of measured angles, rad; 0.01° by default.
+    registration : {"unknown", "known"} or Registration
+        Of the frame that `measured` is in, and of the marker that was measured: unknown within wide
+        priors, learnt with the geometry and told in ``registration``; or, known, those of the base
+        and of the nacelle's reference point.
     level : {"ideal", "full"}, optional
         One rod per chain, or every rod by itself; by default :attr:`Robot.finest_level`, which is
         full where the robot has it. The calibrated robot keeps it (:attr:`Robot.level`).
@@ -180,7 +230,9 @@ def calibrate(
             robot,
             log.readings,
             measured=log.measured if measured is None else measured,
-            measured_sigma=measured_sigma,
+            measured_sigma=log.measured_sigma if measured_sigma is None else measured_sigma,
+            measured_angle_sigma=measured_angle_sigma,
+            registration=registration,
             level=level,
             loss=loss,
             tuning=tuning,
@@ -197,7 +249,17 @@ def calibrate(
     rows, lead = robot._rows(readings, robot.n + robot.r, "readings", "nan")
     if len(lead) != 1 or len(rows) == 0:
         raise InputError(f"readings: shape {np.shape(readings)}, must be (N, {robot.n + robot.r})")
-    outside, outside_sigma = _measured(robot, measured, measured_sigma, len(rows))
+    outside, outside_sigma = registrations.outside(
+        robot, measured, measured_sigma, measured_angle_sigma, len(rows)
+    )
+    again = logs.repeated(rows, outside if len(outside) else None, robot.n)
+    if again.any():
+        rows = np.where(again[:, None] & (np.arange(rows.shape[1]) >= robot.n), np.nan, rows)
+        outside[again[: len(outside)]] = np.nan
+    begun = registrations.of(registration)
+    base, marker = begun.begin()
+    frames = begun.sigma(robot, outside) if len(outside) else np.zeros(12)
+    unknown = frames if frames.any() else None
     prior = robot.with_calibration(robot.spec.calibration)
     column = dict(columns(robot.spec, robot._sensors))
     mean = mean_of(robot)
@@ -207,7 +269,11 @@ def calibrate(
     level = robot.finest_level if level is None else level
     full = robot._is_full(level)
     guarded = not full and model_error == "on" and bool(knowledge.left_out(robot))
-    known = knowledge.knowledge(robot, guarded=guarded, level=level, error=False)
+    known = knowledge.knowledge(
+        robot, guarded=guarded, level=level, error=False, registration=unknown
+    )
+    if (needed := memory(robot, len(rows), len(outside) > 0, guarded)) > MUCH:
+        warnings.warn(much_memory(robot, len(rows), needed), stacklevel=2)
     found = _core.calibrate(
         robot._drawn,
         known.core,
@@ -216,11 +282,14 @@ def calibrate(
         rows,
         outside,
         outside_sigma,
+        base,
+        marker,
+        -1 if unknown is None else len(names),
         getattr(_core.Loss, loss),
         tuning,
         full,
     )
-    status, iterations, xi, covariance, x, chi2, redundancy, weights, lines, cost = found
+    status, iterations, xi, covariance, x, chi2, redundancy, weights, lines, cost, *placed = found
     if status:
         hint = "; gross errors? loss='student' bears them" if loss == "squares" else ""
         raise PoseError(
@@ -231,6 +300,7 @@ def calibrate(
                 else f"the search ended after {iterations} steps: {_core.describe(status)}{hint}"
             )
         )
+    covariance, registered = _apart(covariance, len(names), frames, placed)
     root = knowledge.root(robot, names)
     if not redundancy.any():
         raise InputError(
@@ -262,9 +332,37 @@ def calibrate(
         iterations=iterations,
         cost=cost,
         guarded=guarded,
+        registration=registered if len(outside) else None,
+        notes=(f"{again.sum()} rows as an earlier one, digit for digit: each counts once",)
+        if again.any()
+        else (),
     )
     believed = "the last calibration's σ" if robot.spec.calibration else "the tolerances"
     return replace(fit, notes=tuple(fit.departure.doubt(believed)))
+
+
+def _apart(
+    joint: Array, count: int, sigma: Array, placed: list[Array]
+) -> tuple[Array, Registered | None]:
+    """Take the joint covariance of parameters and registration apart."""
+    covariance, cross, own = joint[:count, :count], np.zeros((count, 12)), np.zeros((12, 12))
+    if len(joint) > count:
+        cross, own = joint[:count, count:], joint[count:, count:]
+    base0, marker0, base, marker = placed
+    return covariance, Registered(base, marker, sigma, own, cross, (base0, marker0))
+
+
+def memory(robot: Robot, lines: int, measured: bool, guarded: bool) -> float:
+    """How many bytes a calibration takes at most, about: two linearisations of every line."""
+    unknowns = len(knowledge.uncertain(robot)) + 12 * measured
+    unknowns += len(knowledge.left_out(robot)) if guarded else 0
+    beyond = robot.r + robot.n * measured
+    return lines * (2 * (8 * (robot.n + beyond) * unknowns + 1400) + 8 * beyond * unknowns)
+
+
+def much_memory(robot: Robot, lines: int, needed: float) -> str:
+    """Say how much memory a calibration will take."""
+    return f"{robot.name}: {lines} lines of readings need about {1e-9 * needed:.1f} GB of memory"
 
 
 def mean_of(robot: Robot) -> Array:
@@ -298,22 +396,6 @@ def _looked_over(robot: Robot, table) -> tuple[logs.Log, list[str]]:
     if refused := [finding.text for finding in findings if finding.refused]:
         raise InputError(f"readings: {'; '.join(refused)}")
     return log, [finding.text for finding in findings]
-
-
-def _measured(robot: Robot, measured, sigma, count: int) -> tuple[Array, list[float]]:
-    """Outside measurements as the core takes them; none: no rows."""
-    if measured is None:
-        return np.zeros((0, robot.n)), []
-    rows, lead = robot._rows(measured, robot.n, "measured", "nan")
-    if lead != (count,):
-        raise InputError(f"measured: shape {np.shape(measured)}, must be ({count}, {robot.n})")
-    try:
-        sigmas = np.broadcast_to(np.asarray(sigma, dtype=float), (robot.n,))
-    except ValueError:
-        raise InputError(f"measured_sigma: must be a number or {robot.n} of them") from None
-    if not (np.isfinite(sigmas).all() and (sigmas > 0).all()):
-        raise InputError(f"measured_sigma = {sigma}: must be greater than 0 (m or rad)")
-    return rows, sigmas.tolist()
 
 
 def _cholesky(covariance: Array) -> Array:

@@ -196,6 +196,11 @@ class _ModelError(StrEnum):
     off = "off"
 
 
+class _Registration(StrEnum):
+    unknown = "unknown"
+    known = "known"
+
+
 class _Level(StrEnum):
     ideal = "ideal"
     full = "full"
@@ -234,8 +239,16 @@ def calibrate(
         _ModelError, typer.Option(help="Allow for what the ideal level leaves out.")
     ] = _ModelError.auto,
     measured_sigma: Annotated[
-        float, typer.Option(help="σ of the measured_… columns, m and rad.")
-    ] = 1e-5,
+        str | None,
+        typer.Option(
+            help="σ of the measured_… columns, lengths and angles: 0.02mm,0.01deg.",
+            show_default="the columns measured_…_sigma, else that",
+        ),
+    ] = None,
+    registration: Annotated[
+        _Registration,
+        typer.Option(help="Whether measured_… are the nacelle's coordinates in the base frame."),
+    ] = _Registration.unknown,
     touch_off: Annotated[
         str | None,
         typer.Option(help="Pose x,y,… that is known from outside.", show_default="home"),
@@ -272,6 +285,7 @@ def calibrate(
                 tuning,
                 model_error.value,
                 measured_sigma,
+                registration.value,
                 touch_off,
                 lambda what: bar.update(task, advance=1, description=what),
             )
@@ -281,11 +295,10 @@ def calibrate(
         raise typer.Exit(2) from None
     for note in result.notes:
         typer.echo(f"{log}: {note}", err=True)
-    residuals, parameters, worst, accuracy = calibration_report.tables_of(result)
-    _print(console, residuals)
-    _print(console, parameters.columns(0, 1, 3, 4, 5, 6))  # the report has the change, too
-    _print(console, worst, left=(1,))
-    _print(console, accuracy)
+    for table in calibration_report.tables_of(result):
+        # the report has the parameters' change, too
+        shown = table.columns(0, 1, 3, 4, 5, 6) if table.name == "parameters" else table
+        _print(console, shown, left=(1,) if table.name == "worst_known" else ())
     console.print(f"{calibration_report.verdicts(result.fit)}.", soft_wrap=True)
     for path in (out, report):
         if path is not None:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from truepose import _core, knowledge
 from truepose.build import Array
 from truepose.kinematics import Level
+from truepose.registration import Registered
 from truepose.robot import Robot
+
+#: Lines that are predicted at a time.
+LINES = 4096
 
 
 @dataclass(frozen=True)
@@ -29,13 +33,15 @@ def expect(
     robot: Robot,
     readings: Array,
     measured: Array | None = None,
-    measured_sigma: Array | float = 1e-5,
+    measured_sigma: Array | float = 0.0,
+    registration: Registered | None = None,
     level: Level | None = None,
 ) -> Expectation:
     """Predict every sensor from the motors, at the geometry that this robot has.
 
     To first order x̂ - x = J (H_ξq δξ + ν_q), J the inverse of H_x's first n rows, so that a sensor
-    is missed by [-J_r J, I] (H_ξ δξ + ν), a coordinate by ν_m - (x̂ - x).
+    is missed by [-J_r J, I] (H_ξ δξ + ν), a coordinate by ν_m - H_mx (x̂ - x) + H_mt δt, t the
+    registration of what measured it.
 
     Parameters
     ----------
@@ -43,7 +49,9 @@ def expect(
         Values and covariance of its parameters are those of the prediction.
     readings : ndarray, shape (N, n + r)
     measured : ndarray, shape (N, n), optional
-    measured_sigma : float or ndarray, shape (n,)
+    measured_sigma : float or ndarray, shape (N, n)
+    registration : Registered, optional
+        Of `measured`, needed with it.
 
     Examples
     --------
@@ -53,6 +61,17 @@ def expect(
     >>> print(abs(seen.residual).max() < 1e-9, seen.sigma.round(2))
     True [[0.06]]
     """
+    if len(readings) > LINES:  # H_ξ takes kilobytes a line
+        parts = []
+        for start in range(0, len(readings), LINES):
+            part = slice(start, start + LINES)
+            outside = None if measured is None else measured[part]
+            sigma = measured_sigma[part] if np.ndim(measured_sigma) else measured_sigma
+            parts.append(expect(robot, readings[part], outside, sigma, registration, level))
+        names = [field.name for field in fields(Expectation)]
+        return Expectation(
+            *(np.concatenate([getattr(part, name) for part in parts]) for name in names)
+        )
     n, r = robot.n, robot.r
     level = robot.finest_level if level is None else level
     x = poses_of(robot, readings[:, :n], level)
@@ -62,7 +81,8 @@ def expect(
     H_x, H_xi = robot.linearise(x, errors="nan", level=level)
     names = knowledge.uncertain(robot)
     known = list(robot.parameters)
-    by_geometry = H_xi[:, :, [known.index(name) for name in names]] @ knowledge.root(robot, names)
+    by_geometry = H_xi[:, :, [known.index(name) for name in names]]
+    S = knowledge.root(robot, names)
     noise = knowledge.reading_sigma(robot)
     if level == "ideal":
         noise = np.hypot(noise, knowledge.stated_error(robot))
@@ -73,12 +93,18 @@ def expect(
     A[:, :, :n] = -H_x[:, n:] @ J
     A[:, :, n:] = np.eye(r)
     if measured is not None:
-        A = np.concatenate([A, np.concatenate([-J, np.zeros((len(x), n, r))], axis=2)], axis=1)
-        expected = np.concatenate([expected, x], axis=1)
-        residual = np.concatenate([residual, measured - x], axis=1)
-    variance = ((A @ by_geometry) ** 2).sum(axis=2) + ((A * noise) ** 2).sum(axis=2)
+        seen, apart, H_mx, H_mt, blunt = registration.see(robot, x, measured)
+        measured_sigma = np.broadcast_to(measured_sigma, apart.shape).copy()
+        if robot.coordinates[-1][0] == "theta":
+            measured_sigma[:, -1] *= blunt
+        B = np.concatenate([-H_mx @ J, np.zeros((len(x), n, r))], axis=2)
+        A = np.concatenate([A, B], axis=1)
+        expected = np.concatenate([expected, seen], axis=1)
+        residual = np.concatenate([residual, apart], axis=1)
+    variance = ((A @ by_geometry @ S) ** 2).sum(axis=2) + ((A * noise) ** 2).sum(axis=2)
     if measured is not None:
-        variance[:, r:] += np.square(np.broadcast_to(measured_sigma, (n,)))
+        shared = B @ by_geometry @ registration.cross * 2 + H_mt @ registration.covariance
+        variance[:, r:] += (shared * H_mt).sum(axis=2) + np.square(measured_sigma)
     return Expectation(x, expected, residual, np.sqrt(variance))
 
 

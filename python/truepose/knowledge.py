@@ -109,6 +109,7 @@ def knowledge(
     guarded: bool = False,
     level: Level | None = None,
     error: bool = True,
+    registration: Array | None = None,
 ) -> Known:
     """Build the core's struct.
 
@@ -124,15 +125,19 @@ def knowledge(
     error : bool
         Whether readings that are understood by the ideal level count with what it leaves out: what
         the robot's calibration says, or what its tolerances allow. Not together with `guarded`.
+    registration : ndarray, shape (12,), optional
+        σ of an outside measurement's frames, unknowns of their own behind the parameters.
     """
     names = uncertain(robot)
     column = dict(columns(robot.spec, robot._sensors))
     at = [column[name] for name in names]
     lower = root(robot, names) if posterior is None else posterior
     errors = left_out(robot) if guarded else {}
-    if errors:
+    frames = [] if registration is None else registration.tolist()
+    if errors or frames:
+        at += [-1] * len(frames)  # no reading depends on them
         at += [column[name] for name in errors]
-        whole = np.diag([0.0] * len(names) + list(errors.values()))
+        whole = np.diag([0.0] * len(names) + frames + list(errors.values()))
         whole[: len(names), : len(names)] = lower
         lower = whole
     sigma = reading_sigma(robot)

@@ -74,6 +74,11 @@ def columns(run: Simulation | Run | Visit, robot: Robot | None = None) -> list[C
         result = _numbered(run.q_e) + _readings(robot, run.q_e)
         result += _pose(robot, "desired", "asked of the controller", run.desired)
         result += _pose(robot, "measured", "by the vision system", run.measured)
+        sigma = np.sqrt(np.diagonal(run.covariance, axis1=1, axis2=2)[:, [0, 1, 2, 5]])
+        result += [
+            Column(c.topic, f"{c.name}_sigma", c.unit, f"σ of {c.what}, as it claims", values)
+            for c, values in zip(result[-robot.n :], sigma.T, strict=True)
+        ]
         result += _pose(robot, "estimated", "from the readings", run.estimated)
         what = "1 where the pose counts"
         return [*result, Column("counted", "counted", "1", what, run.counted.astype(float))]

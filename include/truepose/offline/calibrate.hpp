@@ -17,6 +17,7 @@ namespace truepose {
 
 struct CalibrationSettings {
   int nuisances = 0;  ///< how many of the prior's last parameters are left_out's, independent
+  int registration = -1;  ///< first of the prior's kRegistration unknowns of a registration, or -1
   Loss loss = Loss::squares;
   double tuning = 0;
   int iterations = 100;
@@ -25,17 +26,20 @@ struct CalibrationSettings {
 /// Readings at poses nobody knows; where somebody does, what was measured there. NaN: not read.
 struct ReadingLog {
   int count = 0;
-  const double* q_e = nullptr;       ///< count × (n + r)
-  const double* measured = nullptr;  ///< count × n coordinates, or nullptr
-  Joint measured_sigma{};            ///< of those, > 0
+  const double* q_e = nullptr;             ///< count × (n + r)
+  const double* measured = nullptr;        ///< count × n coordinates, or nullptr
+  const double* measured_sigma = nullptr;  ///< of those, > 0
+  Registration registration{};  ///< of those; the marker to begin with where it is unknown
 };
 
 struct CalibrationResult {
   Outcome outcome;
   int iterations = 0;
-  std::vector<double> xi;       ///< parameter_count(drawn) values
-  Eigen::VectorXd u;            ///< ξ̂ of the uncertain ones: μ + S u
-  Eigen::MatrixXd covariance;   ///< of the uncertain parameters, nuisances left out
+  std::vector<double> xi;      ///< parameter_count(drawn) values
+  Eigen::VectorXd u;           ///< ξ̂ of the uncertain ones: μ + S u
+  Eigen::MatrixXd covariance;  ///< of the uncertain parameters, nuisances left out
+  Registration start;          ///< what the registration's unknowns are steps from
+  Registration registration;
   std::vector<Pose> pose;       ///< x̂ of every line of the log
   std::vector<Status> status;   ///< of every line; one that is not ok was left out
   std::vector<double> chi2;     ///< d² of every line
@@ -71,6 +75,7 @@ class Calibrator {
     CalibrationResult result;
     Iterate now{Eigen::VectorXd::Zero(p_), std::vector<Pose>(log_.count)};
     result.status = start(now);
+    start_ = place(now, result.status);
     freeze(now, result.status);
     for (int bad; (bad = evaluate(now, result.status)) >= 0;) result.status[bad] = Status::singular;
     if (std::count(result.status.begin(), result.status.end(), Status::ok) == 0) {
@@ -122,8 +127,37 @@ class Calibrator {
   std::vector<double> xi_of(const Eigen::VectorXd& u) const {
     std::vector<double> xi = mean_;
     const Eigen::VectorXd change = S_.triangularView<Eigen::Lower>() * u;
-    for (int k = 0; k < p_ - settings_.nuisances; ++k) xi[prior_.column[k]] += change[k];
+    for (int k = 0; k < p_ - settings_.nuisances; ++k)
+      if (!of_registration(k)) xi[prior_.column[k]] += change[k];
     return xi;
+  }
+
+  bool of_registration(int k) const {
+    const int first = settings_.registration;
+    return first >= 0 && k >= first && k < first + kRegistration;
+  }
+
+  Registration registration_of(const Eigen::VectorXd& u) const {
+    const int first = settings_.registration;
+    if (first < 0) return start_;
+    std::array<double, kRegistration> step;
+    for (int k = 0; k < kRegistration; ++k) step[k] = S_(first + k, first + k) * u[first + k];
+    return moved(start_, step.data());
+  }
+
+  void believe(const Eigen::VectorXd& u) {
+    set_parameters(drawn_, xi_of(u).data(), robot_);
+    registration_ = registration_of(u);
+  }
+
+  /// First registration: by the first poses.
+  Registration place(const Iterate& at, const std::vector<Status>& status) const {
+    const int first = settings_.registration;
+    if (first < 0 || !log_.measured) return log_.registration;
+    // Every unknown place of a marker has an x, every unknown turn one about the nacelle's z.
+    const int place = first + 6, turn = first + kRegistration - 1;
+    return model_.registered(log_.registration, S_(place, place) > 0, S_(turn, turn) > 0,
+                             log_.count, at.pose.data(), status.data(), log_.measured);
   }
 
   /// First poses: from the motors, at the prior mean.
@@ -151,7 +185,7 @@ class Calibrator {
   /// @param last  the iterate that this one was reached from, if any
   /// @return the first line that cannot be read, or -1
   int evaluate(Iterate& at, const std::vector<Status>& status, const Iterate* last = nullptr) {
-    set_parameters(drawn_, xi_of(at.u).data(), robot_);
+    believe(at.u);
     at.line.resize(log_.count);
     for (int k = 0; k < log_.count; ++k) {
       at.line[k].rows = 0;
@@ -161,8 +195,10 @@ class Calibrator {
   }
 
   bool read(Iterate& at, int k) {
-    const Outside outside{log_.measured ? log_.measured + k * n_ : nullptr,
-                          log_.measured_sigma.data()};
+    Outside outside;
+    if (log_.measured)
+      outside = {log_.measured + k * n_, log_.measured_sigma + k * n_, &registration_,
+                 settings_.registration};
     Line& line = at.line[k];
     const int m = settings_.nuisances;
     if (!model_.read(robot_, prior_, at.pose[k], log_.q_e + k * readings_, outside,
@@ -355,6 +391,8 @@ class Calibrator {
     result.covariance = half.leftCols(p).transpose() * half.leftCols(p);
     result.u = at.u;
     result.xi = xi_of(at.u);
+    result.start = start_;
+    result.registration = registration_of(at.u);
     result.pose = at.pose;
     result.cost = cost(at);
     set_parameters(drawn_, result.xi.data(), robot_);
@@ -378,6 +416,7 @@ class Calibrator {
   std::vector<double> H_xi_;
   std::vector<Parasitic> rest_;  ///< where each line's solution starts (full level)
   std::vector<RowMatrix> D_;     ///< of each line's nuisances
+  Registration start_, registration_;
   const LineLoss loss_;
   double scale_ = 1;
 };

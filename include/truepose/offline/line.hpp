@@ -4,6 +4,7 @@
 #include "truepose/eliminate.hpp"
 #include "truepose/estimate.hpp"
 #include "truepose/offline/guarded.hpp"
+#include "truepose/offline/registration.hpp"
 
 namespace truepose {
 
@@ -24,9 +25,13 @@ struct Line {
 };
 
 /// What was measured from outside at a line's pose: some coordinates, the others NaN.
+inline const Registration kAligned{};  ///< a tracker that measures the nacelle's own x in the base
+
 struct Outside {
   const double* x = nullptr;      ///< n coordinates; nullptr: nothing was
   const double* sigma = nullptr;  ///< n, > 0
+  const Registration* registration = &kAligned;
+  int first = -1;  ///< of the registration among the unknowns, by itself in S; -1: it is known
 };
 
 /// The robot as a log sees it: the three things in which mobilities and levels differ.
@@ -38,6 +43,8 @@ struct LineModel {
   Outcome (*left_out)(const Robot&, const Knowledge& nuisances, const Pose&, double* H_xi,
                       RowMatrix& D) = nullptr;  ///< where the full level is another one
   Pose (*moved)(const Pose&, const Joint& step) = nullptr;
+  Registration (*registered)(const Registration& known, bool movable, bool turning, int count,
+                             const Pose*, const Status*, const double* measured) = nullptr;
 };
 
 namespace line_detail {
@@ -62,8 +69,12 @@ Outcome read(const Robot& robot, const Knowledge& known, const Pose& pose, const
   }
   line.n = n;
   line.rows = 0;
-  line.B.resize(readings + n, known.count);
-  gather(robot, known, H_xi, readings, line.B.data(), D ? static_cast<int>(D->cols()) : 0);
+  // Behind ξ: a registration, of which these readings say nothing, and nuisances.
+  const int others =
+      (outside.first >= 0 ? kRegistration : 0) + (D ? static_cast<int>(D->cols()) : 0);
+  line.B.resize(readings + (outside.x ? n : 0), known.count);
+  gather(robot, known, H_xi, readings, line.B.data(), others);
+  line.B.topRightCorner(readings, others).setZero();
   if (D) line.B.topRightCorner(readings, D->cols()) = *D;
   times_root(known, readings, line.B.data());
   const auto enter = [&](double e, double sigma, auto&& H) {
@@ -75,15 +86,19 @@ Outcome read(const Robot& robot, const Knowledge& known, const Pose& pose, const
     if (line.rows < c) line.B.row(line.rows) = line.B.row(c);
     enter(residual[c], known.sigma[c], [&](int j) { return H_x[c][j]; });
   }
-  if (outside.x) {  // it sees the pose and nothing else
-    Joint x = to_coordinates<K>(pose);
-    for (int j = 0; j < n; ++j)
-      if (std::isfinite(outside.x[j])) x[j] = outside.x[j];
-    const Joint apart = difference<K>(to_pose<K>(x), pose);
-    for (int j = 0; j < n; ++j) {
-      if (!std::isfinite(outside.x[j])) continue;
-      line.B.row(line.rows).setZero();
-      enter(apart[j], outside.sigma[j], [&](int k) { return k == j ? 1.0 : 0.0; });
+  if (outside.x) {  // it sees the pose and nothing else of the robot
+    Seen<K> by = seen<K>(*outside.registration, pose);
+    Joint apart = innovation<K>(by, outside.x);
+    in_turns<K>(*outside.registration, pose, by, apart);
+    for (int i = 0; i < n; ++i) {
+      if (!std::isfinite(apart[i])) continue;
+      auto row = line.B.row(line.rows);
+      row.setZero();
+      for (int j = 0; j < kRegistration && outside.first >= 0; ++j) {
+        const int at = outside.first + j;
+        row[at] = by.H[i][j] * known.root[at * (known.count + 1)] / outside.sigma[i];
+      }
+      enter(apart[i], outside.sigma[i], [&](int j) { return by.H_x[i][j]; });
     }
   }
   const bool determined =
@@ -96,7 +111,7 @@ Outcome read(const Robot& robot, const Knowledge& known, const Pose& pose, const
 template <Mobility K, class Model>
 LineModel line_model() {
   LineModel model{kDof<K>, &Model::template fkm<K>, &line_detail::read<K, Model>, nullptr,
-                  &moved<K>};
+                  &moved<K>, &registered<K>};
   if constexpr (kPaired<K>) model.left_out = &left_out<K>;
   return model;
 }
