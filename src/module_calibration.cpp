@@ -97,11 +97,11 @@ auto batch_gain(const Robot& robot, const Known& known, const Rows& x, bool full
 auto batch_innovation(const Robot& robot, const Rows& q_e, const Rows& expected) {
   const std::size_t count = q_e.shape(0), width = q_e.shape(1);
   Owned<double> residual({count, width});
-  for (std::size_t i = 0; i < count; ++i) {
+  for_rows(count, [&](std::size_t i) {
     Extended difference{};
     innovation(robot, row<Extended>(q_e, i), row<Extended>(expected, i), difference);
     std::copy_n(difference.begin(), width, residual[i]);
-  }
+  });
   return residual.release();
 }
 
@@ -134,11 +134,15 @@ auto run_calibration(const Robot& drawn, const Known& prior, const Known* guarde
     }
     const LineModel model = model_of(drawn, full, false), guard = model_of(drawn, full, true);
     const Knowledge known = prior.view();
-    const CalibrationSettings settings{0, loss, tuning};
+    Signals signals;
+    CalibrationSettings settings;
+    settings.loss = loss, settings.tuning = tuning;
+    settings.poll = [&] { signals(); };
     result = Calibrator(drawn, model, known, mean, log, settings).run();
     if (guarded) {
       const Knowledge all = guarded->view();
-      const CalibrationSettings with_nuisances{nuisances, loss, tuning};
+      CalibrationSettings with_nuisances = settings;
+      with_nuisances.nuisances = nuisances;
       Calibrator calibrator(drawn, guard, all, mean, log, with_nuisances);
       const bool found = bool(result.outcome);
       // A plain model that finds nothing has no say.
@@ -179,7 +183,9 @@ auto run_after_visiting(const Robot& robot, const Known& prior, const Rows& x, b
     for (std::size_t i = 0; i < x.shape(0); ++i)
       poses.push_back(with_mobility(
           robot.mobility, [&](auto mobility) { return to_pose<mobility()>(row<Joint>(x, i)); }));
-    outcome = after_visiting(robot, model_of(robot, full, guarded), prior.view(), poses, root);
+    Signals signals;
+    outcome = after_visiting(robot, model_of(robot, full, guarded), prior.view(), poses, root,
+                             [&] { signals(); });
   }
   return nb::make_tuple(root, static_cast<int>(outcome.status), outcome.chain);
 }
@@ -236,11 +242,11 @@ auto batch_observe(Online& online, const Rows& q_e, const Row& linearised) {
   Outcomes outcomes(count);
   with_level(drawn, online.full(), [&](auto mobility, auto model) {
     constexpr Mobility K = decltype(mobility)::value;
-    nb::gil_scoped_release release;
-    Learner learner = online.learner(drawn);
+    Lesson lesson(online, drawn);
+    Learner& learner = lesson.learner;
     const std::vector<double> about(linearised.data(), linearised.data() + linearised.shape(0));
     if (!about.empty()) learner.settings.linearised = about.data();
-    for (std::size_t i = 0; i < count; ++i) {
+    for_rows_in_order(count, [&](std::size_t i) {
       learner.pose = to_pose<K>(drawn.home);
       const Outcome outcome =
           observe<K, decltype(model)>(drawn, learner.settings, row<Extended>(q_e, i), learner.state,
@@ -250,8 +256,7 @@ auto batch_observe(Online& online, const Rows& q_e, const Row& linearised) {
       Joint at = to_coordinates<K>(learner.pose);
       if (!outcome) at.fill(NAN);
       std::copy_n(at.begin(), n, x[i]);
-    }
-    online.take(learner);
+    });
   });
   return nb::make_tuple(x.release(), outcomes.status.release(), outcomes.chain.release());
 }
@@ -269,6 +274,8 @@ void bind_calibration(nb::module_& m) {
   nb::class_<Online>(m, "Online")
       .def(nb::init<const Robot&, const Known&, std::vector<double>, RowMatrix, double, bool>())
       .def("observe", &batch_observe)
+      .def("resume", &Online::resume)
+      .def_prop_ro("due", &Online::due)
       .def_prop_ro("lines", &Online::lines)
       .def_prop_ro("xi", &Online::xi)
       .def_prop_ro("root", &Online::root);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Cholesky>
+#include <functional>
 #include <vector>
 
 #include "truepose/offline/line.hpp"
@@ -10,10 +11,12 @@ namespace truepose {
 
 /// What readings at these poses leave unknown of ξ, poses unknown too: with u the parameters in
 /// units of the prior, Σ_u⁻¹ = I + Σ RᵀR over the rows that elimination leaves.
+/// @param poll  called after every pose; may throw to end it all
 /// @param root  out: lower triangular, Σ_ξ = root rootᵀ after the visit
 /// @return the first outcome that is not ok; `chain` is then the chain at fault
-inline Outcome after_visiting(const Robot& robot, const LineModel& model, const Knowledge& prior,
-                              const std::vector<Pose>& poses, RowMatrix& root) {
+inline Outcome after_visiting(
+    const Robot& robot, const LineModel& model, const Knowledge& prior,
+    const std::vector<Pose>& poses, RowMatrix& root, const std::function<void()>& poll = [] {}) {
   const int p = prior.count;
   Knowledge raw = prior;  // S comes last, once: elimination acts on the rows, S on the columns
   raw.root = nullptr;
@@ -25,6 +28,7 @@ inline Outcome after_visiting(const Robot& robot, const LineModel& model, const 
     const Outcome outcome = model.read(robot, raw, pose, nullptr, {}, H_xi.data(), line);
     if (!outcome) return outcome;
     for (int i = model.n; i < line.rows; ++i) stacked.row(row++) = line.B.row(i);
+    poll();
   }
   const Eigen::MatrixXd S =
       Eigen::Map<const RowMatrix>(prior.root, p, p).triangularView<Eigen::Lower>();
