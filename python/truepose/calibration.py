@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core, knowledge, log_checks, logs
+from truepose.arguments import numbers_of
 from truepose.build import Array, columns
 from truepose.exceptions import InputError, PoseError, choose
 from truepose.kinematics import Level
@@ -301,8 +302,9 @@ def _measured(robot: Robot, measured, sigma, count: int) -> tuple[Array, list[fl
     rows, lead = robot._rows(measured, robot.n, "measured", "nan")
     if lead != (count,):
         raise InputError(f"measured: shape {np.shape(measured)}, must be ({count}, {robot.n})")
+    sigma = numbers_of(sigma, "measured_sigma")
     try:
-        sigmas = np.broadcast_to(np.asarray(sigma, dtype=float), (robot.n,))
+        sigmas = np.broadcast_to(sigma, (robot.n,))
     except ValueError:
         raise InputError(f"measured_sigma: must be a number or {robot.n} of them") from None
     if not (np.isfinite(sigmas).all() and (sigmas > 0).all()):

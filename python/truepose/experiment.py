@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from truepose import paper_data, statistics
+from truepose.arguments import numbers_of
 from truepose.build import Array
 from truepose.calibration import calibrate
 from truepose.errors import with_paper_errors
@@ -133,7 +134,7 @@ def run(
     progress : callable
         Called after each robot.
     """
-    poses = paper_data.table2() if poses is None else np.asarray(poses, dtype=float)
+    poses = paper_data.table2() if poses is None else numbers_of(poses, "poses")
     errors: dict[Control, list[Array]] = {control: [] for control in CONTROLS}
     for settled in each(lambda pair: rest(robot, pair[1], poses, seed=pair[0]), enumerate(truths)):
         for control, x in settled.items():

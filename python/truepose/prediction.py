@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core, info
+from truepose.arguments import numbers_of
 from truepose.bound import accuracy
 from truepose.build import Array
 from truepose.exceptions import InputError
@@ -167,7 +168,7 @@ def predict(
         if not good.any():
             raise InputError(f"{robot.name}: no pose of its workspace is reachable and regular")
         poses, left_out = grid[good], int((~good).sum())
-    poses = np.atleast_2d(np.asarray(poses, dtype=float))
+    poses = np.atleast_2d(numbers_of(poses, "poses"))
     linear = np.array([unit == "m" for _, unit in robot.coordinates])
     sigma = {}
     for learnt in (False, True)[: 1 + calibrated]:

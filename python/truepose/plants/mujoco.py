@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core, knowledge
-from truepose.arguments import check_seed
+from truepose.arguments import check_seed, numbers_of
 from truepose.build import Array
 from truepose.effects import Effects
 from truepose.exceptions import InputError
@@ -125,7 +125,7 @@ class MujocoPlant:
         progress : callable
             Called after each pose.
         """
-        x_d = np.asarray(x_d, dtype=float)
+        x_d = numbers_of(x_d, "x_d")
         if (robot.spec.mobility, robot.sensors) != (self.truth.spec.mobility, self.truth.sensors):
             raise InputError(
                 f"{robot!r} and {self.truth!r} must have the same mobility and sensors"
