@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -16,6 +15,7 @@ from truepose.calibration import calibrate
 from truepose.errors import with_paper_errors
 from truepose.robot import Robot
 from truepose.simulations import LAWS, Controller, Law, settle, simulate
+from truepose.threads import each
 from truepose.trials import JITTER
 
 Control = Literal["joint", "redundant", "weighted", "cartesian", "self-calibrated"]
@@ -98,21 +98,6 @@ def rest(
             believed = self_calibrated(robot, truth, poses if visited is None else visited, seed)
         result[control] = settle(believed, truth, poses, CONTROLS[control])
     return result
-
-
-def each(work: Callable, items: Iterable) -> Iterator:
-    """Results of work(item) in the order of the items, on all cores.
-
-    Threads are enough: the core works without the interpreter's lock.
-    """
-    with ThreadPoolExecutor() as pool:
-        futures = [pool.submit(work, item) for item in items]
-        try:
-            for future in futures:
-                yield future.result()
-        finally:  # an interrupted run does not wait for the rest
-            for future in futures:
-                future.cancel()
 
 
 def run(

@@ -9,11 +9,12 @@ import pytest
 
 import truepose as tp
 from truepose.simulations import visit
+from truepose.threads import each
 
 
 @contextmanager
 def stopped_by_the_third_alarm():
-    """Raise KeyboardInterrupt at the third of many alarms: who hears them only at the end hears but one."""
+    """Raise KeyboardInterrupt at the third of many alarms: heard only at the end they are one."""
     heard = 0
 
     def hear(number, frame):
@@ -65,6 +66,23 @@ LONG = {
 def test_a_signal_ends_a_long_computation(name):
     with pytest.raises(KeyboardInterrupt), stopped_by_the_third_alarm():
         LONG[name]()
+
+
+def test_ctrl_c_ends_what_other_threads_compute():
+    """A signal reaches the main thread alone, which waits for them."""
+    ended = []
+
+    def work(item):
+        try:
+            LONG["settle"]()
+        except KeyboardInterrupt:
+            ended.append(item)
+            raise
+
+    with pytest.raises(KeyboardInterrupt), stopped_by_the_third_alarm():
+        list(each(work, range(5)))
+    assert ended == [0]  # on one core, and the others never began
+    assert np.isfinite(H4.ikm(X)).all()  # nothing is left of it
 
 
 def test_a_filter_that_was_stopped_keeps_what_it_learnt():

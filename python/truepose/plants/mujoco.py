@@ -7,9 +7,7 @@ models at the pose that MuJoCo finds, and torques from the core's control cycle.
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,6 +22,7 @@ from truepose.plants.mjcf import TIMESTEP
 from truepose.plants.mujoco_body import Body, Settled, require
 from truepose.robot import Robot
 from truepose.simulations import Controller
+from truepose.threads import each
 
 _RIPPLES = 6  # periods of the torque ripple in a turn of the motor
 _RANGE = 40  # poses that one thread visits on end: what was where before does not depend on cores
@@ -148,11 +147,8 @@ class MujocoPlant:
                     out[k] = value
                 progress()
 
-        on_linux = hasattr(os, "sched_getaffinity")
-        cores = len(os.sched_getaffinity(0)) if on_linux else os.cpu_count()
-        with ThreadPoolExecutor(cores or 1) as pool:
-            for _ in pool.map(work, starts):
-                pass
+        for _ in each(work, starts):
+            pass
         return result._replace(status=result.status.astype(str))
 
 
