@@ -37,10 +37,11 @@ class Prediction:
     sigma: dict[str, Array]  #: what is predicted: (sets, n + 1), coordinates and position norm
 
 
-def workspace_grid(robot: Robot) -> Array:
+def workspace_grid(robot: Robot, points: int | None = None) -> Array:
     """Poses of a grid over the workspace box, its faces included.
 
-    Five values of each coordinate (the H4's: Table 2 of the paper), three where there are six.
+    By default five values of each coordinate (the H4's: Table 2 of the paper), three where there
+    are six.
 
     Examples
     --------
@@ -49,7 +50,7 @@ def workspace_grid(robot: Robot) -> Array:
     ((625, 4), (729, 6))
     """
     box = info.workspace(robot)
-    points = 5 if robot.n < 6 else 3
+    points = points or (5 if robot.n < 6 else 3)
     axes = [
         np.linspace(low, high, points) for low, high in zip(box.minimum, box.maximum, strict=True)
     ]
