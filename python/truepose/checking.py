@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from truepose import _core, info, robot_file, toml_lines
-from truepose.exceptions import RobotFileError
+from truepose.exceptions import RobotFileError, shortened
 from truepose.prediction import workspace_grid
 from truepose.robot import Robot
 from truepose.robot_file import Problem
@@ -47,12 +47,13 @@ def check(path: Path) -> tuple[Robot | None, list[str]]:
         data = robot_file.table_of(text)
     except ValueError as error:
         line = re.search(r"at line (\d+)", str(error))
-        at = int(line[1]) if line else max(len(text.splitlines()), 1)
+        last = max(len(text.splitlines()), 1) if "end of document" in str(error) else 1
+        at = int(line[1]) if line else last
         return None, [f"{path}:{at}: {error}"]
     where = toml_lines.lines(text)
     robot, problems = _examine(data, text, str(path))
-    placed = {(_line(where, data, p.path), p.text): None for p in problems}
-    return robot, [f"{path}:{line}: {what}" for line, what in sorted(placed)]
+    told = [(_line(where, data, p.path), shortened(p.text, robot_file.LINE)) for p in problems]
+    return robot, [f"{path}:{line}: {what}" for line, what in sorted(set(told))]
 
 
 def remarks(robot: Robot) -> list[str]:
@@ -103,9 +104,8 @@ def _reached(robot: Robot) -> tuple[int, dict[str, int], int]:
     lost = info.reasons(np.where(status, status, rank), np.where(status, chain, guilty))
     good = (status == 0) & (rank == 0)
     # Beyond a singularity det J has another sign: no way leads there from home.
-    beyond = good & (
-        np.sign(np.linalg.det(J)) != np.sign(np.linalg.det(robot.jacobian(robot.home)))
-    )
+    beyond = good.copy()
+    beyond[good] = np.linalg.det(J[good]) * np.linalg.det(robot.jacobian(robot.home)) < 0
     if beyond.any():
         lost["beyond a singularity, from home"] = int(beyond.sum())
     return int((good & ~beyond).sum()), lost, len(x)

@@ -9,9 +9,9 @@ _SHOWN = 20  # choices listed before the rest is only counted
 _LONG = 80  # characters of a value that are shown
 
 
-def shortened(text: str) -> str:
+def shortened(text: str, most: int = _LONG) -> str:
     """Return a value's text, or as much of it as a line can bear."""
-    return text if len(text) <= _LONG else text[: _LONG - 1] + "…"
+    return text if len(text) <= most else text[: most - 1] + "…"
 
 
 class TrueposeError(Exception):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import fnmatch
 import itertools
 import os
+import re
 import tomllib
 from collections.abc import Iterator
 from importlib import resources
@@ -64,6 +65,9 @@ _MOVES += ("rod_spacing", "rod_difference", "pair_axis", "yaw", "tilt", "encoder
 #: Of a robot file. A calibration of as many parameters as a robot can have takes 0.7 MB of it.
 MOST_BYTES = 1_000_000
 
+_DEEP = re.compile(r"(?:\.[\w\s\"'-]{1,40}){100}")  # a key of a hundred parts
+
+LINE = 1000  #: characters of a problem that are told
 _TOLD = 100  # problems of one sort, in one file
 
 #: A folder whose name ends so holds a robot as it may truly be, not one as it was drawn.
@@ -126,6 +130,8 @@ def parse(text: str, where: str) -> RobotFile:
 def table_of(text: str) -> dict:
     """Return what a TOML text says; ValueError with one line where it is none."""
     try:
+        if _DEEP.search(text):  # the parser would take minutes
+            raise RecursionError
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ValueError(f"not TOML: {error}") from None
@@ -138,7 +144,7 @@ def validate(data: dict, where: str) -> RobotFile:
     spec, found = examine(data)
     if spec is None:
         more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
-        raise RobotFileError(f"{where}: {found[0].text}{more}")
+        raise RobotFileError(f"{where}: {shortened(found[0].text, LINE)}{more}")
     return spec
 
 
