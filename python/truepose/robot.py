@@ -258,6 +258,8 @@ class Robot(Redundancy):
     def replace(self, values: dict[str, float]) -> Robot:
         """Return a copy with other parameter values.
 
+        Geometry alone: an arm's `drive_inertia` stays as its file says.
+
         Examples
         --------
         >>> import truepose as tp
