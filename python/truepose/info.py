@@ -128,8 +128,8 @@ def level_difference(robot: Robot, poses: Array, seed: int = 0, count: int = 100
     Returns
     -------
     ndarray, shape (n,), or None
-        m and rad; None where the full level is the ideal one, does not exist, or the file gives
-        no tolerance of an axis.
+        m and rad; None where the full level is the ideal one, does not exist, the file gives no
+        tolerance of an axis, or these leave no pose (of lengths in mm, say).
 
     Examples
     --------
@@ -160,6 +160,8 @@ def level_difference(robot: Robot, poses: Array, seed: int = 0, count: int = 100
         )
         q = real.ikm(poses, errors="nan", level="full")
         squares.append((poses - real.fkm(q, guess=poses, errors="nan")) ** 2)
+    if not np.isfinite(squares).any():
+        return None
     return np.sqrt(np.nanmean(squares, axis=(0, 1)))
 
 
