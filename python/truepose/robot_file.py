@@ -107,7 +107,7 @@ def text_of(path: Path, where: str) -> str:
     try:
         with path.open("rb") as file:
             data = file.read(MOST_BYTES + 1)
-        text = data.decode("utf-8")
+        text = data.decode("utf-8") if len(data) <= MOST_BYTES else ""
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not a text file"
         raise RobotFileError(f"{where}: cannot be read: {reason}") from None
