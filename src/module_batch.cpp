@@ -163,6 +163,7 @@ void bind_batch(nb::module_& m) {
   m.def("rod_rows", &rod_rows);
   m.def("full_rod_rows", &full_rod_rows);
   m.def("shortfall", &rod_shortfall);
+  m.def("stop", [](int more) { stopping += more; });
 }
 
 }  // namespace truepose::python

@@ -97,11 +97,11 @@ auto batch_gain(const Robot& robot, const Known& known, const Rows& x, bool full
 auto batch_innovation(const Robot& robot, const Rows& q_e, const Rows& expected) {
   const std::size_t count = q_e.shape(0), width = q_e.shape(1);
   Owned<double> residual({count, width});
-  for (std::size_t i = 0; i < count; ++i) {
+  for_rows(count, [&](std::size_t i) {
     Extended difference{};
     innovation(robot, row<Extended>(q_e, i), row<Extended>(expected, i), difference);
     std::copy_n(difference.begin(), width, residual[i]);
-  }
+  });
   return residual.release();
 }
 
@@ -170,7 +170,9 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
     }
     const LineModel model = model_of(drawn, full);
     const Knowledge known = prior.view();
-    const CalibrationSettings settings{nuisances, registration, loss, tuning};
+    Signals signals;
+    CalibrationSettings settings{nuisances, registration, loss, tuning};
+    settings.poll = [&] { signals(); };
     result = Calibrator(drawn, model, known, mean, log, settings).run();
   }
   Owned<double> x({count, n}), chi2({count}), weight({count}), xi({result.xi.size()});
@@ -214,7 +216,9 @@ auto run_after_visiting(const Robot& robot, const Known& prior, const Rows& x, c
     for (std::size_t i = 0; i < x.shape(0); ++i) visit(x, i, {});
     for (std::size_t i = 0; i < known.shape(0); ++i)
       visit(known, i, {known.data() + i * known.shape(1), sigma.data()});
-    outcome = after_visiting(robot, model_of(robot, full), prior.view(), nuisances, visits, root);
+    Signals signals;
+    outcome = after_visiting(robot, model_of(robot, full), prior.view(), nuisances, visits, root,
+                             [&] { signals(); });
   }
   return nb::make_tuple(root, static_cast<int>(outcome.status), outcome.chain);
 }
@@ -271,11 +275,11 @@ auto batch_observe(Online& online, const Rows& q_e, const Row& linearised) {
   Outcomes outcomes(count);
   with_level(drawn, online.full(), [&](auto mobility, auto model) {
     constexpr Mobility K = decltype(mobility)::value;
-    nb::gil_scoped_release release;
-    Learner learner = online.learner(drawn);
+    Lesson lesson(online, drawn);
+    Learner& learner = lesson.learner;
     const std::vector<double> about(linearised.data(), linearised.data() + linearised.shape(0));
     if (!about.empty()) learner.settings.linearised = about.data();
-    for (std::size_t i = 0; i < count; ++i) {
+    for_rows_in_order(count, [&](std::size_t i) {
       learner.pose = to_pose<K>(drawn.home);
       const Outcome outcome =
           observe<K, decltype(model)>(drawn, learner.settings, row<Extended>(q_e, i), learner.state,
@@ -285,8 +289,7 @@ auto batch_observe(Online& online, const Rows& q_e, const Row& linearised) {
       Joint at = to_coordinates<K>(learner.pose);
       if (!outcome) at.fill(NAN);
       std::copy_n(at.begin(), n, x[i]);
-    }
-    online.take(learner);
+    });
   });
   return nb::make_tuple(x.release(), outcomes.status.release(), outcomes.chain.release());
 }
@@ -304,6 +307,8 @@ void bind_calibration(nb::module_& m) {
   nb::class_<Online>(m, "Online")
       .def(nb::init<const Robot&, const Known&, std::vector<double>, RowMatrix, double, bool>())
       .def("observe", &batch_observe)
+      .def("resume", &Online::resume)
+      .def_prop_ro("due", &Online::due)
       .def_prop_ro("lines", &Online::lines)
       .def_prop_ro("xi", &Online::xi)
       .def_prop_ro("root", &Online::root);

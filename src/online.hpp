@@ -42,6 +42,9 @@ class Online {
                                  [&](auto mobility) { return to_pose<mobility()>(nominal.home); });
     return learner;
   }
+  /// Goes on where another one was left, with its arrays.
+  void resume(int due, long lines) { due_ = due, lines_ = lines; }
+
   /// Remembers what is not in the arrays.
   void take(const Learner& learner) {
     due_ = learner.state.due;
@@ -50,6 +53,7 @@ class Online {
 
   const Robot& drawn() const { return drawn_; }
   bool full() const { return full_; }
+  int due() const { return due_; }
   long lines() const { return lines_; }
   std::vector<double> xi() const { return xi_; }
   RowMatrix root() const { return known_.root; }
@@ -64,6 +68,17 @@ class Online {
   int due_ = 0;
   long lines_ = 0;
   bool full_;
+};
+
+/// A learner at work; what it has learnt is remembered however the work ends.
+struct Lesson {
+  Online& online;
+  Learner learner;
+
+  Lesson(Online& of, const Robot& nominal) : online(of), learner(of.learner(nominal)) {}
+  ~Lesson() { online.take(learner); }
+  Lesson(const Lesson&) = delete;
+  Lesson& operator=(const Lesson&) = delete;
 };
 
 }  // namespace truepose::python

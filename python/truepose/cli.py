@@ -48,13 +48,14 @@ def check(
 ) -> None:
     """Explain everything that is wrong with a robot file, one line each; exit status 2 then.
 
-    A line names the file, the line, the key, its value and the valid choices.
+    A line names the file, the line, the key, its value and the valid choices. Of a file that
+    describes a robot: where its motors stand at home, and what its workspace holds, on a grid.
 
     Example: **truepose check my_robot.toml**
     """
-    from truepose.checking import check as run
+    from truepose import checking
 
-    robot, problems = run(file)
+    robot, problems = checking.check(file)
     for problem in problems:
         typer.echo(problem, err=True)
     if robot is None:
@@ -64,6 +65,8 @@ def check(
         f"{file}: ok: {robot.name}, n = {robot.n} motors, r = {robot.r} sensors in use ({sensors}),"
         f" {len(robot.parameters)} parameters"
     )
+    for remark in checking.remarks(robot):
+        typer.echo(f"{file}: {remark}")
 
 
 @app.command()

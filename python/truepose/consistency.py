@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
-from truepose.schema import FREEDOMS
+from truepose.schema import ANGLES, FREEDOMS, not_degrees
+
+#: Names that logs and parameters take for themselves.
+_TAKEN = re.compile(
+    r"(q|chain|bar|motor_error|torque)\d+|(measured|desired|true|estimated)_.*"
+    r"|time|pose|counted|near_singular"
+)
 
 _Problem = tuple[tuple[str | int, ...], str]  # the key's path, and what is wrong
 
@@ -46,6 +53,9 @@ def problems(data: dict) -> Iterator[_Problem]:
     for number, name in enumerate(names):
         if name in names[:number]:
             yield ("sensor", number, "name"), f"two sensors have the same name: {name}"
+        if _TAKEN.fullmatch(name):
+            text = f"sensor {name}: logs and parameters use this name for something else"
+            yield ("sensor", number, "name"), text
 
 
 def _sizes(data: dict, mobility: str) -> Iterator[_Problem]:
@@ -66,6 +76,13 @@ def _sizes(data: dict, mobility: str) -> Iterator[_Problem]:
             value = value.get(key) if isinstance(value, dict) else None
         if isinstance(value, list) and len(value) != n:
             yield path, f"{'.'.join(path)} needs {n} coordinates, has {len(value)}"
+        elif isinstance(value, list) and mobility in ANGLES:
+            turns = value[-ANGLES[mobility] :]
+            if all(type(turn) in (int, float) for turn in turns):
+                try:
+                    not_degrees(f"{'.'.join(path)}: the nacelle's angle", turns)
+                except ValueError as error:
+                    yield path, str(error)
 
 
 def tables(data: dict, key: str) -> list[dict]:

@@ -6,6 +6,12 @@ import difflib
 from collections.abc import Iterable
 
 _SHOWN = 20  # choices listed before the rest is only counted
+_LONG = 80  # characters of a value that are shown
+
+
+def shortened(text: str, most: int = _LONG) -> str:
+    """Return a value's text, or as much of it as a line can bear."""
+    return text if len(text) <= most else text[: most - 1] + "…"
 
 
 class TrueposeError(Exception):
@@ -26,8 +32,8 @@ class InputError(TrueposeError, ValueError):
 
 def choose(what: str, value: object, choices: Iterable[str]) -> str:
     """One line that says what `value` should have been: the nearest choice, then the choices."""
-    choices = list(choices)
-    near = difflib.get_close_matches(str(value), choices, n=1)
+    choices, value = list(choices), shortened(str(value))
+    near = difflib.get_close_matches(value, choices, n=1)
     hint = f"; did you mean '{near[0]}'?" if near else ""
     more = f", … {len(choices) - _SHOWN} more" if len(choices) > _SHOWN else ""
     return f"unknown {what} '{value}'{hint} (choices: {', '.join(choices[:_SHOWN])}{more})"

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -11,11 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import paper_data, statistics
+from truepose.arguments import numbers_of
 from truepose.build import Array
 from truepose.calibration import calibrate
 from truepose.errors import with_paper_errors
 from truepose.robot import Robot
 from truepose.simulations import LAWS, Controller, Law, settle, simulate
+from truepose.threads import each
 from truepose.trials import JITTER
 
 Control = Literal["joint", "redundant", "weighted", "cartesian", "self-calibrated"]
@@ -99,21 +100,6 @@ def rest(
     return result
 
 
-def each(work: Callable, items: Iterable) -> Iterator:
-    """Results of work(item) in the order of the items, on all cores.
-
-    Threads are enough: the core works without the interpreter's lock.
-    """
-    with ThreadPoolExecutor() as pool:
-        futures = [pool.submit(work, item) for item in items]
-        try:
-            for future in futures:
-                yield future.result()
-        finally:  # an interrupted run does not wait for the rest
-            for future in futures:
-                future.cancel()
-
-
 def run(
     robot: Robot,
     truths: list[Robot],
@@ -133,7 +119,7 @@ def run(
     progress : callable
         Called after each robot.
     """
-    poses = paper_data.table2() if poses is None else np.asarray(poses, dtype=float)
+    poses = paper_data.table2() if poses is None else numbers_of(poses, "poses")
     errors: dict[Control, list[Array]] = {control: [] for control in CONTROLS}
     for settled in each(lambda pair: rest(robot, pair[1], poses, seed=pair[0]), enumerate(truths)):
         for control, x in settled.items():

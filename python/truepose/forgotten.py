@@ -22,6 +22,7 @@ from truepose.frames import coordinates
 from truepose.plants.dynamic import DynamicPlant
 from truepose.robot import Robot
 from truepose.simulations import Controller, Simulation, simulate
+from truepose.threads import each
 from truepose.trials import JITTER
 from truepose.vision import Setup, Vision
 
@@ -112,7 +113,7 @@ def study(
     lines = []
     for case, effects in cases().items():
         found = []
-        for result in experiment.each(
+        for result in each(
             lambda pair, effects=effects: _one(robot, pair[1], effects, vision, pair[0]), numbered
         ):
             found.append(result)

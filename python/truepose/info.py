@@ -77,10 +77,10 @@ def measure(robot: Robot, samples: int = 100_000, seed: int = 0, length: float =
     reached = status == 0
     J, rank, lost = _core.jacobian(robot._core, x, False)
     regular = reached & (rank == 0)
-    refused = _reasons(np.where(reached, rank, status), np.where(reached, lost, chain))
+    refused = reasons(np.where(reached, rank, status), np.where(reached, lost, chain))
     if not regular.any():
         raise InputError(
-            f"{robot.name}: no pose of its workspace is reachable and regular: {_told(refused)}"
+            f"{robot.name}: no pose of its workspace is reachable and regular: {told(refused)}"
         )
     x, J = x[regular], J[regular]
     condition = _condition(robot, J, length)
@@ -102,7 +102,7 @@ def measure(robot: Robot, samples: int = 100_000, seed: int = 0, length: float =
     )
 
 
-def _reasons(status: Array, chain: Array) -> dict[str, int]:
+def reasons(status: Array, chain: Array) -> dict[str, int]:
     """Count poses by what is wrong with them, most frequent first."""
     counts: dict[str, int] = {}
     pairs, numbers = np.unique(np.column_stack([status, chain]), axis=0, return_counts=True)
@@ -114,7 +114,8 @@ def _reasons(status: Array, chain: Array) -> dict[str, int]:
     return counts
 
 
-def _told(refused: dict[str, int]) -> str:
+def told(refused: dict[str, int]) -> str:
+    """Write counts of :func:`reasons` in one line."""
     return ", ".join(f"{reason}: {count}" for reason, count in refused.items())
 
 
@@ -127,8 +128,8 @@ def level_difference(robot: Robot, poses: Array, seed: int = 0, count: int = 100
     Returns
     -------
     ndarray, shape (n,), or None
-        m and rad; None where the full level is the ideal one, does not exist, or the file gives
-        no tolerance of an axis.
+        m and rad; None where the full level is the ideal one, does not exist, the file gives no
+        tolerance of an axis, or these leave no pose (of lengths in mm, say).
 
     Examples
     --------
@@ -159,6 +160,8 @@ def level_difference(robot: Robot, poses: Array, seed: int = 0, count: int = 100
         )
         q = real.ikm(poses, errors="nan", level="full")
         squares.append((poses - real.fkm(q, guess=poses, errors="nan")) ** 2)
+    if not np.isfinite(squares).any():
+        return None
     return np.sqrt(np.nanmean(squares, axis=(0, 1)))
 
 
@@ -260,7 +263,7 @@ def rows(robot: Robot, figures: Figures) -> list[tuple[str, str]]:
         ("reachable and regular", f"{100 * figures.regular:.4g} %"),
     ]
     if figures.refused:
-        result.append(("poses that are not", _told(figures.refused)))
+        result.append(("poses that are not", told(figures.refused)))
     for k, chain in enumerate(spec.chain):
         unit = "rad" if chain.actuator == "revolute" else "m"
         result.append((f"motor {k + 1}", _range(figures.q_min[k], figures.q_max[k], unit)))

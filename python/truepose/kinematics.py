@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core, mechanism
-from truepose.arguments import check_seed
+from truepose.arguments import check_seed, numbers_of
 from truepose.build import Array
 from truepose.exceptions import InputError, PoseError, choose
 
@@ -238,7 +238,7 @@ class Kinematics:
         return points
 
     def _guesses(self, guess: ArrayLike | None, lead: tuple[int, ...], errors: Errors) -> Array:
-        start = self.home if guess is None else guess
+        start = self.home if guess is None else numbers_of(guess, "guess")
         try:
             start = np.broadcast_to(start, (*lead, self.n))
         except ValueError:
@@ -260,10 +260,7 @@ class Kinematics:
         """Check the shape and flatten the leading axes: (N, width) in C order."""
         if errors not in ("raise", "nan"):
             raise InputError(choose("errors", errors, ("raise", "nan")))
-        try:
-            array = np.asarray(values, dtype=np.float64)
-        except (TypeError, ValueError):
-            raise InputError(f"{name}: must be numbers") from None
+        array = numbers_of(values, name)
         if array.ndim == 0 or array.shape[-1] != width:
             raise InputError(f"{name}: shape {array.shape}, must be (..., {width}) for {self.name}")
         if errors == "raise" and not np.isfinite(array).all():

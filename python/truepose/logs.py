@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from truepose.arguments import check_real
 from truepose.build import Array
 from truepose.exceptions import InputError, choose
 from truepose.robot import Robot
@@ -292,6 +293,7 @@ def _missing(robot: Robot, missing: list[str], columns: list[str]) -> str:
 
 def _numbers(column, name: str, lines: Array, word: str, where: str) -> Array:
     """Return a column as floats; NaN where a cell is empty."""
+    check_real(column, f"{where}: column {name}")
     try:
         values = np.asarray(column, dtype=np.float64)
     except (TypeError, ValueError):

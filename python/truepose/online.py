@@ -92,8 +92,8 @@ class OnlineCalibration:
         walks = np.array(rows) if together else np.diag(rows[0])
         return walks[walks.any(axis=1)]
 
-    def _start(self, xi: Array) -> None:
-        known = knowledge.knowledge(self._robot, level=self._level, error=self._error)
+    def _start(self, xi: Array, root: Array | None = None) -> None:
+        known = knowledge.knowledge(self._robot, root, level=self._level, error=self._error)
         self._filter = _core.Online(
             self._robot._drawn,
             known.core,
@@ -102,6 +102,17 @@ class OnlineCalibration:
             self._gate,
             self._robot._is_full(self._level),
         )
+
+    def __getstate__(self) -> dict:
+        core = self._filter
+        learnt = (np.array(core.xi), np.array(core.root), core.due, core.lines)
+        return self.__dict__ | {"_filter": learnt}
+
+    def __setstate__(self, state: dict) -> None:
+        self.__dict__.update(state)
+        xi, root, due, lines = state["_filter"]
+        self._start(xi, root)
+        self._filter.resume(due, lines)
 
     def observe(self, q_e: ArrayLike, errors: Errors = "raise") -> Array:
         """Learn from lines of readings, in their order.

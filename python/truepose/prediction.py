@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core, info
+from truepose.arguments import numbers_of
 from truepose.bound import accuracy
 from truepose.build import Array
 from truepose.exceptions import InputError
@@ -36,10 +37,11 @@ class Prediction:
     sigma: dict[str, Array]  #: what is predicted: (sets, n + 1), coordinates and position norm
 
 
-def workspace_grid(robot: Robot) -> Array:
+def workspace_grid(robot: Robot, points: int | None = None) -> Array:
     """Poses of a grid over the workspace box, its faces included.
 
-    Five values of each coordinate (the H4's: Table 2 of the paper), three where there are six.
+    By default five values of each coordinate (the H4's: Table 2 of the paper), three where there
+    are six.
 
     Examples
     --------
@@ -48,7 +50,7 @@ def workspace_grid(robot: Robot) -> Array:
     ((625, 4), (729, 6))
     """
     box = info.workspace(robot)
-    points = 5 if robot.n < 6 else 3
+    points = points or (5 if robot.n < 6 else 3)
     axes = [
         np.linspace(low, high, points) for low, high in zip(box.minimum, box.maximum, strict=True)
     ]
@@ -168,7 +170,7 @@ def predict(
         if not good.any():
             raise InputError(f"{robot.name}: no pose of its workspace is reachable and regular")
         poses, left_out = grid[good], int((~good).sum())
-    poses = np.atleast_2d(np.asarray(poses, dtype=float))
+    poses = np.atleast_2d(numbers_of(poses, "poses"))
     linear = np.array([unit == "m" for _, unit in robot.coordinates])
     sigma = {}
     for learnt in (False, True)[: 1 + calibrated]:

@@ -131,6 +131,17 @@ class Robot(Redundancy):
         sensors = ", ".join(self._spec.sensors) or "no sensor"
         return f"<truepose.Robot {self.name}: {self._spec.mobility}, n={self.n}, {sensors}>"
 
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Robot):
+            return NotImplemented
+        return self is other or (self._spec, self._values) == (other._spec, other._values)
+
+    def __hash__(self) -> int:
+        return hash((self._spec.name, self._spec.sensors, *self._values.values()))
+
+    def __reduce__(self) -> tuple:
+        return type(self), (self._spec, self._values)  # the core's structs are built anew
+
     @property
     def name(self) -> str:
         """The robot's name."""
@@ -299,6 +310,8 @@ class Robot(Redundancy):
 
     def replace(self, values: dict[str, float]) -> Robot:
         """Return a copy with other parameter values.
+
+        Geometry alone: an arm's `drive_inertia` stays as its file says.
 
         Examples
         --------

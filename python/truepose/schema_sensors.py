@@ -12,12 +12,13 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from truepose.schema_base import (
+    Counts,
     Direction,
     Harmonics,
     Index,
     NonNegative,
     Number,
-    Positive,
+    Resolution,
     Section,
     Vector,
 )
@@ -43,8 +44,8 @@ class _Sensor(Section):
 class Encoder(_Sensor):
     """Of a turning shaft, perhaps through a gear."""
 
-    counts: Positive | None = Field(default=None, description="per turn of the encoder")
-    gear: Positive = Field(
+    counts: Counts | None = Field(default=None, description="per turn of the encoder")
+    gear: Annotated[Number, Field(ge=1e-6, le=1e6)] = Field(
         default=1.0, description="turns of the encoder per turn of what it reads"
     )
     eccentricity: Harmonics = Field(
@@ -60,7 +61,7 @@ class Encoder(_Sensor):
 
 
 class _Gauge(_Sensor):
-    resolution: Positive | None = Field(default=None, description="one count, m or rad")
+    resolution: Resolution | None = Field(default=None, description="one count, m or rad")
 
     @property
     def step(self) -> float:

@@ -9,10 +9,11 @@ import numpy as np
 import tomlkit
 
 from truepose import experiment_section, experiment_tables, paper_data, report, twin
-from truepose.experiment import CONTROLS, Control, each
+from truepose.experiment import CONTROLS, Control
 from truepose.robot import Robot, load
 from truepose.saving import replace_file
 from truepose.tables import Table, cells, number
+from truepose.threads import each
 from truepose.twin import Found, Twin
 from truepose.virtual_experiment import READINGS, Run
 

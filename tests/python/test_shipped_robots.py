@@ -132,6 +132,20 @@ def test_no_sensor_is_mounted_exactly(any_robot, anywhere, rng):
             assert np.abs(left).max() < 1e-6, name
 
 
+def test_the_h4s_articulated_nacelle_has_its_inertia_with_the_bars_that_only_translate(h4):
+    """Assumed: 0.003 kg·m² about z at θ = 0 in all, the bars as masses at their pivots."""
+    bars = sum(bar.mass * bar.pivot**2 for bar in h4.spec.bar)
+    assert h4.spec.nacelle.inertia_z + bars == pytest.approx(0.003, abs=1e-12)
+
+
+def test_no_drive_is_lighter_than_the_arm_or_carriage_that_it_counts(any_robot):
+    for chain in any_robot.spec.chain:
+        if chain.actuator == "prismatic":
+            assert chain.drive_inertia >= chain.arm_mass
+        if chain.actuator == "revolute":
+            assert chain.drive_inertia >= chain.arm_mass * chain.arm**2 / 3
+
+
 def test_the_hexapods_legs_are_as_long_as_linuxcnc_says(stewart):
     legs = stewart.ikm(stewart.home) / 0.0254
     assert legs == pytest.approx([29.7466] * 6, abs=5e-4)

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Cholesky>
+#include <functional>
 #include <vector>
 
 #include "truepose/offline/line.hpp"
@@ -18,10 +19,12 @@ struct Visit {
 /// from outside: with u the parameters in units of the prior, Σ_u⁻¹ = I + Σ BᵀB over the rows that
 /// elimination leaves.
 /// @param prior  of ξ, and behind it of `nuisances`, what the ideal level leaves out (guarded.hpp)
+/// @param poll  called after every pose; may throw to end it all
 /// @param root  out: lower triangular, Σ_ξ = root rootᵀ after the visit
 /// @return the first outcome that is not ok; `chain` is then the chain at fault
-inline Outcome after_visiting(const Robot& robot, const LineModel& model, const Knowledge& prior,
-                              int nuisances, const std::vector<Visit>& visits, RowMatrix& root) {
+inline Outcome after_visiting(
+    const Robot& robot, const LineModel& model, const Knowledge& prior, int nuisances,
+    const std::vector<Visit>& visits, RowMatrix& root, const std::function<void()>& poll = [] {}) {
   const int p = prior.count;
   Knowledge raw = prior;  // S comes last, once: elimination acts on the rows, S on the columns
   raw.root = nullptr;
@@ -44,6 +47,7 @@ inline Outcome after_visiting(const Robot& robot, const LineModel& model, const 
                            nuisances > 0 ? &D : nullptr, H_xi.data(), line, rest);
     if (!outcome) return outcome;
     for (int i = model.n; i < line.rows; ++i) stacked.row(row++) = line.B.row(i);
+    poll();
   }
   const Eigen::MatrixXd S =
       Eigen::Map<const RowMatrix>(prior.root, p, p).triangularView<Eigen::Lower>();

@@ -7,6 +7,7 @@
 #pragma once
 
 #include <Eigen/Cholesky>
+#include <functional>
 #include <vector>
 
 #include "truepose/geometry.hpp"
@@ -21,6 +22,8 @@ struct CalibrationSettings {
   Loss loss = Loss::squares;
   double tuning = 0;
   int iterations = 100;
+  std::function<void()>
+      poll;  ///< called after every line, if there is one; may throw to end it all
 };
 
 /// Readings at poses nobody knows; where somebody does, what was measured there. NaN: not read.
@@ -177,6 +180,7 @@ class Calibrator {
         if (status[k] == Status::ok) break;
       }
       guess = status[k] == Status::ok ? at.pose[k] : home;
+      if (settings_.poll) settings_.poll();
     }
     return status;
   }
@@ -190,6 +194,7 @@ class Calibrator {
     for (int k = 0; k < log_.count; ++k) {
       at.line[k].rows = 0;
       if (status[k] == Status::ok && !settle(at, k, last)) return k;
+      if (settings_.poll) settings_.poll();
     }
     return -1;
   }

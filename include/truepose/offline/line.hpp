@@ -24,9 +24,10 @@ struct Line {
   }
 };
 
-/// What was measured from outside at a line's pose: some coordinates, the others NaN.
-inline const Registration kAligned{};  ///< a tracker that measures the nacelle's own x in the base
+/// Of a tracker that measures the nacelle's own x, in the base frame.
+inline const Registration kAligned{};
 
+/// What was measured from outside at a line's pose: some coordinates, the others NaN.
 struct Outside {
   const double* x = nullptr;      ///< n coordinates; nullptr: nothing was
   const double* sigma = nullptr;  ///< n, > 0

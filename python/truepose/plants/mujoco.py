@@ -7,15 +7,13 @@ models at the pose that MuJoCo finds, and torques from the core's control cycle.
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core, knowledge
-from truepose.arguments import check_seed
+from truepose.arguments import check_seed, numbers_of
 from truepose.build import Array
 from truepose.effects import Effects
 from truepose.exceptions import InputError
@@ -24,6 +22,7 @@ from truepose.plants.mjcf import TIMESTEP
 from truepose.plants.mujoco_body import Body, Settled, require
 from truepose.robot import Robot
 from truepose.simulations import Controller
+from truepose.threads import each
 
 _RIPPLES = 6  # periods of the torque ripple in a turn of the motor
 _RANGE = 40  # poses that one thread visits on end: what was where before does not depend on cores
@@ -125,7 +124,7 @@ class MujocoPlant:
         progress : callable
             Called after each pose.
         """
-        x_d = np.asarray(x_d, dtype=float)
+        x_d = numbers_of(x_d, "x_d")
         if (robot.spec.mobility, robot.sensors) != (self.truth.spec.mobility, self.truth.sensors):
             raise InputError(
                 f"{robot!r} and {self.truth!r} must have the same mobility and sensors"
@@ -148,11 +147,8 @@ class MujocoPlant:
                     out[k] = value
                 progress()
 
-        on_linux = hasattr(os, "sched_getaffinity")
-        cores = len(os.sched_getaffinity(0)) if on_linux else os.cpu_count()
-        with ThreadPoolExecutor(cores or 1) as pool:
-            for _ in pool.map(work, starts):
-                pass
+        for _ in each(work, starts):
+            pass
         return result._replace(status=result.status.astype(str))
 
 
