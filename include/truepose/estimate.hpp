@@ -158,7 +158,7 @@ struct Estimate {
 /// @param known  about the robot's own parameter values
 /// @param pose   in: the guess; out: x̂
 /// @param work   estimate_work(robot, known.count) doubles
-/// @return unreachable or singular where no pose is found; the pose is then the guess
+/// @return not_converged, singular or unreachable where no pose is found; the pose is then the guess
 template <Mobility K, class Level = IdealModel>
 Estimate<K> estimate(const Robot& robot, const Knowledge& known, const Extended& q_e, Pose& pose,
                      double* work) {
@@ -198,7 +198,7 @@ Estimate<K> estimate(const Robot& robot, const Knowledge& known, const Extended&
       return result;
     }
     if (++result.iterations > kEstimateIterations || !std::isfinite(size)) {
-      result.outcome = {Status::unreachable, -1};
+      result.outcome = {Status::not_converged, -1};
       break;
     }
     at = moved<K>(at, step);

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from truepose import _core
 from truepose.schema import FREEDOMS
 
 _Problem = tuple[tuple[str | int, ...], str]  # the key's path, and what is wrong
@@ -21,6 +22,9 @@ def problems(data: dict) -> Iterator[_Problem]:
     if isinstance(mobility, str) and mobility in FREEDOMS:
         yield from _sizes(data, mobility)
     chains, bars = tables(data, "chain"), tables(data, "bar")
+    if len(bars) > _core.max_bars:
+        text = f"{len(bars)} bars: a nacelle has at most {_core.max_bars} here"
+        yield ("bar", _core.max_bars), text
     for number, chain in enumerate(chains, 1):
         bar = chain.get("bar")
         if type(bar) is int and bar > len(bars):
