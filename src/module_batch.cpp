@@ -19,9 +19,8 @@ auto batch_ikm(const Robot& robot, const Rows& x, bool full, bool own_mode) {
   const auto model = own_mode ? (full ? &command_full : &command)
                      : full   ? static_cast<decltype(&command)>(&ikm_full)
                               : static_cast<decltype(&command)>(&ikm);
-  return map_rows<Joint, Joint>(x, x.shape(1), [&](const Joint& at, Joint& q, std::size_t) {
-    return model(robot, at, q);
-  });
+  return map_rows<Joint, Joint>(
+      x, x.shape(1), [&](const Joint& at, Joint& q, std::size_t) { return model(robot, at, q); });
 }
 
 auto batch_rkm(const Robot& robot, const Rows& x, bool full) {
@@ -64,8 +63,7 @@ auto assembly_modes(const Robot& robot, const Joint& q, int starts, std::uint64_
     constexpr Mobility K = mobility();
     std::vector<Pose> pose = random_starts<K>(robot, q, starts, seed);
     std::vector<char> closed(pose.size());
-    for_rows(pose.size(),
-             [&](std::size_t i) { closed[i] = closes(search<K>(robot, q, pose[i])); });
+    for_rows(pose.size(), [&](std::size_t i) { closed[i] = closes(search<K>(robot, q, pose[i])); });
     std::size_t count = 0;
     for (std::size_t i = 0; i < pose.size(); ++i)
       if (closed[i]) pose[count++] = pose[i];
@@ -181,7 +179,8 @@ double rod_shortfall(const Robot& robot, const Joint& x, int chain) {
 }  // namespace
 
 void bind_batch(nb::module_& m) {
-  m.def("ikm", &batch_ikm);
+  m.def("ikm", &batch_ikm, nb::arg("robot"), nb::arg("x"), nb::arg("full"),
+        nb::arg("own_mode") = false);
   m.def("rkm", &batch_rkm);
   m.def("fkm", &batch_fkm);
   m.def("assembly_modes", &assembly_modes);

@@ -158,7 +158,8 @@ struct Estimate {
 /// @param known  about the robot's own parameter values
 /// @param pose   in: the guess; out: x̂
 /// @param work   estimate_work(robot, known.count) doubles
-/// @return not_converged, singular or unreachable where no pose is found; the pose is then the guess
+/// @return not_converged, singular or unreachable where no pose is found; the pose is then the
+/// guess
 template <Mobility K, class Level = IdealModel>
 Estimate<K> estimate(const Robot& robot, const Knowledge& known, const Extended& q_e, Pose& pose,
                      double* work) {

@@ -146,7 +146,8 @@ inline constexpr double kDependent = 1e-4;
 
 /// Whether it is known that no pose closes the loops. Each chain holds D + R c_i on a sphere about
 /// S_i = B_i - a_i. Of the four sides |S_iS_j|, L_i, L_j and |c_i - c_j|, which no turn changes,
-/// none can be longer than the other three together. Where R is known the spheres themselves decide.
+/// none can be longer than the other three together. Where R is known the spheres themselves
+/// decide.
 template <Mobility K>
 inline bool no_pose(const Robot& robot, const Joint& q) {
   constexpr int n = kDof<K>;

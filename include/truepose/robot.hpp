@@ -220,8 +220,8 @@ inline bool parts_exist(const Robot& robot) {
   for (int k = 0; k < robot.bodies; ++k) exist = exist && bar(robot.body[k].bar);
   for (int k = 0; k < robot.r; ++k) {
     const Sensor& sensor = robot.sensor[k];
-    const bool chain = of_chain(sensor.kind) ? below(sensor.chain, dof(robot.mobility))
-                                             : sensor.chain == -1;
+    const bool chain =
+        of_chain(sensor.kind) ? below(sensor.chain, dof(robot.mobility)) : sensor.chain == -1;
     exist = exist && chain && bar(sensor.bar);
   }
   return exist;

@@ -24,8 +24,7 @@ struct AssemblyModes {
 /// on a sphere of radius L_i about B_i - a_i, so that D is at most L_i + |c_i| away from there.
 /// @return home and `count` others; the same seed gives the same ones everywhere
 template <Mobility K>
-std::vector<Pose> random_starts(const Robot& robot, const Joint& q, int count,
-                                std::uint64_t seed) {
+std::vector<Pose> random_starts(const Robot& robot, const Joint& q, int count, std::uint64_t seed) {
   Vec3 low = Vec3::Constant(-INFINITY), high = Vec3::Constant(INFINITY);
   for (int i = 0; i < kDof<K>; ++i) {
     const Chain& chain = robot.chain[i];
@@ -51,9 +50,9 @@ std::vector<Pose> random_starts(const Robot& robot, const Joint& q, int count,
     } else if constexpr (K == Mobility::spatial) {  // uniform on the sphere of quaternions
       const double part = uniform(), a = 2 * M_PI * uniform(), b = 2 * M_PI * uniform();
       const double r = std::sqrt(1 - part), s = std::sqrt(part);
-      start->R = Eigen::Quaterniond(s * std::cos(b), r * std::sin(a), r * std::cos(a),
-                                    s * std::sin(b))
-                     .toRotationMatrix();
+      start->R =
+          Eigen::Quaterniond(s * std::cos(b), r * std::sin(a), r * std::cos(a), s * std::sin(b))
+              .toRotationMatrix();
     }
   }
   return starts;
