@@ -56,8 +56,8 @@ def assembly_modes(
     """Find the poses that close every loop at given motor positions, by Newton from many starts.
 
     The robot's own pose is one of them. The others have another sign of det J_x, or of an entry of
-    J_q, or the same signs: of two modes of different signs of det J_x none is reached from the other
-    without passing a singular pose, but a cuspidal robot goes between modes of one sign without.
+    J_q, or the same signs. Between two modes of different signs of det J_x every way passes a
+    singular pose; between modes of one sign a cuspidal robot goes without.
 
     The search finds what its starts lead to: more starts may find more, never fewer. `seen` tells
     how often each mode was found, `expected` how many modes that leaves to be found.

@@ -71,11 +71,6 @@ SPOILED = [
     ),
     ('"nacelle_angle"', '"angle"', r"sensor.1.kind: unknown kind 'angle' \(choices: nacelle"),
     ("bar = 2", "bar = 3", "chain 2: bar = 3, but the file has 2 bars"),
-    (
-        "[[bar]]",
-        "[[bar]]\ndirection = [0, 1, 0]\npivot = 0.06\n[[bar]]",
-        "3 bars: a nacelle has at",
-    ),
     ("bar = 2", "bar = 0", "chain.2.bar = 0: input should be greater than or equal to 1"),
     ("minimum = [-0.1", "minimum = [0.5", "workspace: 'minimum' must not exceed 'maximum'"),
     ("minimum = [-0.1,", "minimum = [", "workspace: .* must have the same number of coordinates"),
