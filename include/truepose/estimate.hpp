@@ -204,6 +204,8 @@ Estimate<K> estimate(const Robot& robot, const Knowledge& known, const Extended&
     }
     at = moved<K>(at, step);
     result.outcome = Level::template linearise<K>(robot, at, expected, H_x, nullptr);
+    if (result.outcome.status == Status::unreachable)  // of this step's pose, not of the readings'
+      result.outcome = {Status::not_converged, -1};
   }
   return result;
 }
