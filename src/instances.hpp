@@ -18,6 +18,7 @@
 
 #define TRUEPOSE_IDEAL(PREFIX, K)                                                                 \
   PREFIX template FkmResult fkm<K>(const Robot&, const Joint&, Pose&);                            \
+  PREFIX template FkmResult search<K>(const Robot&, const Joint&, Pose&, int);                    \
   PREFIX template Outcome linearise<K>(const Robot&, const Pose&, Extended&,                      \
                                        Matrix<kMaxReadings, kDof<K>>&, double*);                  \
   PREFIX template Estimate<K> estimate<K>(const Robot&, const Knowledge&, const Extended&, Pose&, \

@@ -18,6 +18,12 @@ void set_eccentricity(Part& part, const std::array<double, 4>& amplitude, double
   part.eccentricity.gear = gear;
 }
 
+/// The columns of ξ of a robot whose parts do not exist would lie in another's memory.
+const Robot& sound(const Robot& robot) {
+  if (!parts_exist(robot)) throw nb::value_error(describe(Status::no_such_part));
+  return robot;
+}
+
 void bind_robot(nb::module_& m) {
   nb::enum_<Mobility>(m, "Mobility")
       .value("planar_translation", Mobility::planar_translation)
@@ -152,14 +158,14 @@ void bind_robot(nb::module_& m) {
            })
       .def("drawn_parameters",
            [](const Robot& drawn) {
-             Owned<double> xi({static_cast<std::size_t>(parameter_count(drawn))});
+             Owned<double> xi({static_cast<std::size_t>(parameter_count(sound(drawn)))});
              drawn_parameters(drawn, xi[0]);
              return xi.release();
            })
       .def("with_parameters",
            [](const Robot& drawn, const Row& xi) {
              Robot robot = drawn;
-             if (xi.shape(0) != static_cast<std::size_t>(parameter_count(drawn)))
+             if (xi.shape(0) != static_cast<std::size_t>(parameter_count(sound(drawn))))
                throw nb::value_error("one value for each column");
              set_parameters(drawn, xi.data(), robot);
              return robot;

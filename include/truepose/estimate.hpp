@@ -166,7 +166,8 @@ struct Estimate {
 /// @param work   estimate_work(robot, known.count) doubles
 /// @param rest   as of ikm_full, for the full level
 /// @param cap    steps
-/// @return unreachable or singular where no pose is found; the pose is then the start
+/// @return not_converged, singular or unreachable where no pose is found; the pose is then the
+/// start
 template <Mobility K, class Level>
 Estimate<K> estimate_from(const Robot& robot, const Knowledge& known, const Extended& q_e,
                           Pose& pose, double* work, Parasitic& rest, int cap) {
@@ -196,7 +197,7 @@ Estimate<K> estimate_from(const Robot& robot, const Knowledge& known, const Exte
       size = std::max(size, step[i] * step[i] / fusion.covariance[i][i]);
     }
     if (!std::isfinite(size) || result.iterations == cap) {
-      result.outcome = {Status::unreachable, -1};
+      result.outcome = {Status::not_converged, -1};
       break;
     }
     ++result.iterations;
@@ -211,6 +212,8 @@ Estimate<K> estimate_from(const Robot& robot, const Knowledge& known, const Exte
     }
     last = size;
     result.outcome = Level::template linearise<K>(robot, at, expected, H_x, nullptr, rest);
+    if (result.outcome.status == Status::unreachable)  // of this step's pose, not of the readings'
+      result.outcome = {Status::not_converged, -1};
   }
   return result;
 }

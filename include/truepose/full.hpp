@@ -28,7 +28,11 @@ struct FullPose : Pose {
 };
 
 /// The full pose that the ideal level takes a pose to be.
-inline FullPose to_full(const Pose& pose) { return {pose, {-pose.theta, -pose.theta}}; }
+inline FullPose to_full(const Pose& pose) {
+  FullPose full{pose};
+  full.psi.fill(-pose.theta);
+  return full;
+}
 
 /// What the full level adds to the ideal one at a pose. It changes slowly with the pose: a solution
 /// nearby starts from it.
@@ -280,6 +284,7 @@ inline Outcome full_level(const Robot& robot, FullLevel& level) {
 
 /// Fills robot.full. Call after finish(); costs the ideal level nothing.
 inline Outcome finish_full(Robot& robot) {
+  if (!parts_exist(robot)) return {Status::no_such_part, -1};
   return with_mobility(robot.mobility,
                        [&](auto mobility) { return full_level<mobility()>(robot, robot.full); });
 }

@@ -77,7 +77,9 @@ TRUEPOSE_FLATTEN inline FullResult newton(const Robot& robot, const System& syst
 
   result.residual = at.residual;
   if (!(at.residual < 1e-12 * scale)) {
-    result.status = Status::unreachable;
+    // Close, but crawling: towards a singular pose (fkm.hpp).
+    const bool crawls = at.residual < fkm_detail::kCrawls * scale && damping > 0;
+    result.status = crawls ? Status::singular : Status::not_converged;
   } else if (!regular) {
     result.status = Status::singular;
   } else {

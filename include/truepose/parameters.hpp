@@ -5,6 +5,8 @@
 // fixed pose x, the motors following: ∂q/∂ξ, ∂r/∂ξ.
 #pragma once
 
+#include <cassert>
+
 #include "truepose/rkm.hpp"
 
 namespace truepose {
@@ -61,10 +63,12 @@ inline int parameter_count(const Robot& robot) {
 }
 inline int chain_column(int chain) { return chain * kChainParameters; }
 inline int bar_column(const Robot& robot, int bar) {
+  assert(bar >= 0 && bar < kMaxBars);  // or it would be a sensor's column: see parts_exist
   return dof(robot.mobility) * kChainParameters + bar;
 }
 inline int sensor_column(const Robot& robot, int sensor) {
-  return bar_column(robot, kMaxBars) + sensor * kSensorParameters;
+  assert(sensor >= 0 && sensor < robot.r);
+  return dof(robot.mobility) * kChainParameters + kMaxBars + sensor * kSensorParameters;
 }
 
 /// What a parameter moves, at fixed pose and fixed encoder reading.
@@ -133,7 +137,7 @@ inline void for_each_variation(const Robot& robot, int i, const Vec3& p, const M
   const std::array<double, 4> eccentric = eccentric_reading(chain, p);
   for (int k = 0; k < kChainParameters; ++k)
     enter(chain_column(i) + k, vary(chain, p, body, eccentric, static_cast<ChainParameter>(k)));
-  if (chain.bar >= 0 && chain.bar < kMaxBars) {  // the pivot moves along itself
+  if (chain.bar >= 0) {  // the pivot moves along itself
     Variation change;
     change.A = lever.normalized();
     enter(bar_column(robot, chain.bar), change);

@@ -47,6 +47,9 @@ inline constexpr int kMaxRods = 12;      ///< full level: two per spatial parall
 inline constexpr int kMaxBars = 2;       ///< full level: lateral bars of the nacelle
 inline constexpr int kMaxUnknowns = 8;   ///< full level: pose and one angle per bar
 
+static_assert(kMaxReadings == kMaxDof + kMaxSensors && kMaxRods == 2 * kMaxDof &&
+              kMaxUnknowns == 6 + kMaxBars);
+
 using Joint = std::array<double, kMaxDof>;          ///< anything of size n
 using Reading = std::array<double, kMaxSensors>;    ///< anything of size r
 using Extended = std::array<double, kMaxReadings>;  ///< anything of size n + r
@@ -210,6 +213,29 @@ struct Robot {
 constexpr int dof(Mobility mobility) {
   constexpr std::array<int, 5> sizes{2, 3, 3, 4, 6};
   return sizes[static_cast<std::size_t>(mobility)];
+}
+
+/// Whether a sensor of this kind sees one chain, whose index it must then have.
+constexpr bool of_chain(SensorKind kind) { return kind >= SensorKind::rod_in_plane; }
+
+/// Whether every count is within its capacity and every index names a part that the robot has:
+/// what all other functions take for granted. finish() asks it.
+inline bool parts_exist(const Robot& robot) {
+  const auto below = [](int index, int count) { return index >= 0 && index < count; };
+  const auto bar = [&](int index) { return index == -1 || below(index, kMaxBars); };
+  if (!below(static_cast<int>(robot.mobility), 5) || !below(robot.r, kMaxSensors + 1) ||
+      !below(robot.bodies, kMaxBodies + 1))
+    return false;
+  bool exist = true;
+  for (int i = 0; i < dof(robot.mobility); ++i) exist = exist && bar(robot.chain[i].bar);
+  for (int k = 0; k < robot.bodies; ++k) exist = exist && bar(robot.body[k].bar);
+  for (int k = 0; k < robot.r; ++k) {
+    const Sensor& sensor = robot.sensor[k];
+    const bool chain =
+        of_chain(sensor.kind) ? below(sensor.chain, dof(robot.mobility)) : sensor.chain == -1;
+    exist = exist && chain && bar(sensor.bar);
+  }
+  return exist;
 }
 
 /// Calls f with the mobility as a compile-time constant, so that sizes are known in the loops.

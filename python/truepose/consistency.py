@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
+from truepose import _core
 from truepose.schema import ANGLES, FREEDOMS, not_degrees
 
 #: Names that logs and parameters take for themselves.
@@ -28,6 +29,9 @@ def problems(data: dict) -> Iterator[_Problem]:
     if isinstance(mobility, str) and mobility in FREEDOMS:
         yield from _sizes(data, mobility)
     chains, bars = tables(data, "chain"), tables(data, "bar")
+    if len(bars) > _core.max_bars:
+        text = f"{len(bars)} bars: a nacelle has at most {_core.max_bars} here"
+        yield ("bar", _core.max_bars), text
     for number, chain in enumerate(chains, 1):
         bar = chain.get("bar")
         if type(bar) is int and bar > len(bars):

@@ -39,8 +39,18 @@ class Kinematics:
     _values: dict[str, float]
     level: Level
 
-    def ikm(self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None) -> Array:
+    def ikm(
+        self,
+        x: ArrayLike,
+        errors: Errors = "raise",
+        level: Level | None = None,
+        own_mode: bool = False,
+    ) -> Array:
         """Inverse kinematic model: motor positions q that hold the pose x.
+
+        Each chain closes in its own working mode; the pose may be of any assembly mode, unless
+        `own_mode` asks. Ask before a machine is sent there: from another mode's side the motors do
+        not hold the nacelle on the way. (Controllers always ask.)
 
         Parameters
         ----------
@@ -50,6 +60,8 @@ class Kinematics:
             What to do with a pose that cannot be reached.
         level : {"ideal", "full"}, optional
             One rod per chain, or every rod by itself (see :attr:`full`); by default :attr:`level`.
+        own_mode : bool
+            Refuse a pose where det J_x has another sign than at home: branch lost.
 
         Returns
         -------
@@ -59,7 +71,8 @@ class Kinematics:
         Raises
         ------
         PoseError
-            Names the pose, the chain and the reason: unreachable, or beyond a joint limit.
+            Names the pose, the chain and the reason: unreachable, or beyond a joint limit; with
+            `own_mode` also branch lost, or singular.
         InputError
             Wrong shape, or values that are not finite.
 
@@ -70,13 +83,18 @@ class Kinematics:
         >>> print(np.degrees(q).round(4))
         [38.9429 38.9429 38.9429 38.9429]
         """
-        return self._motors(self._core, x, errors, level)
+        return self._motors(self._core, x, errors, level, own_mode)
 
     def _motors(
-        self, core: _core.Robot, x: ArrayLike, errors: Errors, level: Level | None
+        self,
+        core: _core.Robot,
+        x: ArrayLike,
+        errors: Errors,
+        level: Level | None,
+        own_mode: bool = False,
     ) -> Array:
         rows, lead = self._rows(x, self.n, "x", errors)
-        q, status, chain = _core.ikm(core, rows, self._is_full(level))
+        q, status, chain = _core.ikm(core, rows, self._is_full(level), own_mode)
         self._check("pose", rows, lead, status, chain, errors, level=level)
         return q.reshape(*lead, self.n)
 
@@ -164,7 +182,9 @@ class Kinematics:
     ) -> Array:
         """Forward kinematic model: the pose, from the motor encoders alone.
 
-        Newton's method in the tangent space of the pose, with bounded iterations.
+        Newton's method in the tangent space of the pose, with bounded iterations. Where it finds no
+        pose of the robot's own from the guess, it goes again from home, the motors in four stages
+        (at the ideal level).
 
         Parameters
         ----------
@@ -184,7 +204,9 @@ class Kinematics:
         Raises
         ------
         PoseError
-            unreachable: no pose closes the loops; singular: the motors do not determine it;
+            unreachable: no pose closes the loops, which is known (two rods cannot be joined, the
+            spheres of a translation robot do not meet, a leg has no length); not converged: none
+            was found, and whether there is one is open; singular: the motors do not determine it;
             branch lost: it closes in another working or assembly mode than the robot's.
 
         Examples
@@ -198,7 +220,7 @@ class Kinematics:
         rows, lead = self._rows(q, self.n, "q", errors)
         start = self._guesses(guess, lead, errors)
         full = self._is_full(level)
-        x, status, chain, _, _ = _core.fkm(self._core, rows, start, full, False)
+        x, status, chain, _, _ = _core.fkm(self._core, rows, start, full)
         self._check("motor position", rows, lead, status, chain, errors, name="q")
         return x.reshape(*lead, self.n)
 

@@ -197,7 +197,7 @@ class Robot(Redundancy):
             kinds.overconstrained: f"overconstrained by {full.excess}: {count}",
             kinds.loose: f"loose by {full.excess}: {count}; "
             + (mechanism.not_held(self._core) if self.loose else ""),
-            kinds.undescribed: "more bars than the full level knows",
+            kinds.undescribed: "its rods are not described one by one",
         }
         exists = full.kind in (kinds.same, kinds.exists, kinds.elastic)
         return FullLevel(exists, reasons[full.kind])

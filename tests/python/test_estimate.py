@@ -102,3 +102,9 @@ def test_readings_that_fit_no_pose_are_named(h4):
     est = h4.estimate(q_e, errors="nan")
     assert est.status[0] == "ok" and est.status[1] != "ok"
     assert np.isnan(est.x[1]).all() and np.isnan(est.covariance[1]).all()
+
+
+@pytest.mark.parametrize("off", [[0, 0, 0, 0, 3.0], [-3, 1, -3, 1, 0]])
+def test_an_estimate_whose_search_ends_on_its_way_does_not_claim_that_no_pose_exists(h4, off):
+    est = h4.estimate(h4.extended(h4.home) + off, errors="nan")
+    assert est.status == "not converged"

@@ -124,7 +124,7 @@ def test_a_bad_argument_is_named_in_one_line(h4, call, message):
         ),
         (
             lambda r: r.fkm([r.ikm(POSE), [-2, 2, -2, 2]]),
-            r"^h4: motor position \(1,\) q = \[-2, 2, -2, 2\]: unreachable$",
+            r"^h4: motor position \(1,\) q = \[-2, 2, -2, 2\]: not converged$",
         ),
     ],
 )

@@ -327,7 +327,7 @@ class Calibrator {
     double damping = 0, current = cost(now);
     int last = 0, freedoms = 1;
     for (const Line& line : now.line) freedoms += line.redundancy();
-    result.outcome = {Status::unreachable, -1};
+    result.outcome = {Status::not_converged, -1};
     while (result.iterations < settings_.iterations) {
       ++result.iterations;
       accumulate(now, information, right);

@@ -78,7 +78,7 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
     }
     last = size;
   }
-  return {Status::unreachable, -1};
+  return {Status::not_converged, -1};
 }
 
 /// How an error of one reading leaks into the pose at which a robot without other errors rests:
