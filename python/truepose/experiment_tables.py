@@ -10,7 +10,7 @@ from truepose.experiment import Control
 from truepose.experiment_section import Section
 from truepose.frames import coordinates
 from truepose.statistics import in_print_units
-from truepose.tables import FURTHER, UNITS, Table, cells, number
+from truepose.tables import FURTHER, UNITS, Cell, Table, cells, fixed, number
 from truepose.virtual_experiment import READINGS, Reading, Run
 
 NAMES = {"joint": "usual", "redundant": "redundant", **FURTHER}
@@ -30,7 +30,8 @@ def table3(runs: dict[Control, Run], plant: str, reading: Reading = "estimated")
         for k in range(len(twin.LAWS)):
             wanted, given, allowed = values[(k, *at)], found[(k, *at)], target[(k, *at)]
             mark = "" if abs(given - wanted) <= allowed else " !"
-            row += [number(float(wanted)), number(float(given)) + mark]
+            given = number(float(given))
+            row += [number(float(wanted)), Cell(given + mark, given.data)]
         rows.append(row)
     header = [UNITS, "usual, paper", "usual, twin", "redundant, paper", "redundant, twin"]
     title = f"Table 3 of the twin, {plant} plant: {READING_NAMES[reading]}"
@@ -45,8 +46,8 @@ def gains(runs: dict[Control, Run], plant: str) -> Table:
         about = np.sqrt(error[:, :3].var(axis=0).sum())
         theta = table[3, 0], np.sqrt(table[3, 2] / len(error))
         values = (measured_rms(ran), about, *theta, true_rms(ran))
-        left_out = str(len(ran.status) - len(error))
-        rows.append([NAMES[control], *(f"{v:.2f}" for v in values), left_out])
+        left_out = fixed(len(ran.status) - len(error), 0)
+        rows.append([NAMES[control], *map(fixed, values), left_out])
     header = ["control", "seen rms (mm)", "about its mean (mm)", "θ mean (°)", "θ rms (°)"]
     header += ["true rms (mm)", "left out"]
     title = f"The twin under every control, {plant} plant: desired less measured, and less true"
@@ -73,7 +74,7 @@ def effects(section: Section) -> Table:
     rows = []
     for line in section.forgotten:
         values = (line.usual, line.calibrated, line.gain, line.seen_usual, line.seen)
-        rows.append([line.case, *(f"{v:.2f}" for v in values), str(line.excluded)])
+        rows.append([line.case, *map(fixed, values), fixed(line.excluded, 0)])
     header = ["effects", "usual, true", "calibrated, true", "gain", "usual, seen"]
     header += ["calibrated, seen", "left out"]
     title = "What a model forgets, and what it takes from self-calibration: position rms (mm)"

@@ -76,6 +76,11 @@ def loadable() -> dict[str, Path]:
     return {p.parent.name: p for p in sorted(Path(str(folder)).glob("*/robot.toml"))}
 
 
+def path_of(robot: str) -> Path:
+    """Find the file of a shipped robot's name, or of a path."""
+    return loadable().get(robot, Path(robot))
+
+
 def read(robot: str | Path) -> RobotFile:
     """Read a shipped robot's name or a robot file's path.
 
@@ -87,7 +92,7 @@ def read(robot: str | Path) -> RobotFile:
     files = loadable()
     if not isinstance(robot, (str, os.PathLike)) or not str(robot):
         raise RobotFileError(f"robot = {robot!r}: must be a shipped robot's name or a file's path")
-    path = files.get(str(robot), Path(robot))
+    path = path_of(str(robot))
     if path.suffix != ".toml" and not path.exists():
         raise RobotFileError(choose("robot", robot, files) + ", or the path of a robot file")
     return parse(text_of(path, str(robot)), str(robot))

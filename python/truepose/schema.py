@@ -12,6 +12,7 @@ from truepose.schema_base import (
     Direction,
     Harmonics,
     Index,
+    Name,
     NonNegative,
     Number,
     Positive,
@@ -210,8 +211,8 @@ class Calibration(Section):
 class RobotFile(Section):
     """A robot and its sensors."""
 
-    name: str
-    title: str = ""
+    name: Name
+    title: Name = ""
     source: str = Field(default="", description="where the numbers come from")
     mobility: Literal["planar_translation", "planar", "translation", "schoenflies", "spatial"]
     home: tuple[Number, ...] = Field(description="a pose well inside the workspace")
