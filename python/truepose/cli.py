@@ -489,13 +489,10 @@ def _run() -> tuple[int, str]:
     except Exception as error:
         if os.environ.get("TRUEPOSE_DEBUG"):
             raise
-        reason = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
-        hint = (
-            ""
-            if isinstance(error, OSError)
-            else "; a fault of truepose: TRUEPOSE_DEBUG=1 says where"
-        )
-        return 2, f"error: {reason}{hint}"
+        if isinstance(error, OSError):
+            return 2, f"error: {error.filename or 'standard output'}: {error.strerror or error}"
+        reason = f"{type(error).__name__}: {error}".removesuffix(": ")
+        return 2, f"error: {reason}; a fault of truepose: TRUEPOSE_DEBUG=1 says where"
 
 
 if __name__ == "__main__":

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-import stat
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,6 +13,7 @@ import numpy as np
 
 from truepose.build import Array
 from truepose.exceptions import InputError, choose, controls, one_line
+from truepose.reading import contents
 from truepose.robot import Robot
 
 #: What an empty cell may say, in lower case.
@@ -94,7 +94,10 @@ def read(robot: Robot, path: str | Path) -> Log:
         The file cannot be read; one line names the file, the line, the column and the cell.
     """
     path = Path(path)
-    data = contents(path)
+    try:
+        data = contents(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
     if data.startswith((b"PAR1", b"\x89MCAP")):
         table = (_parquet if data.startswith(b"PAR1") else _mcap)(path, data)
         return _pick(
@@ -108,16 +111,6 @@ def read(robot: Robot, path: str | Path) -> Log:
     header, rows, lines = _csv(path, data)
     table = {name: [row[k] for row in rows] for k, name in enumerate(header)}
     return _pick(robot, header, table, lines, "line", str(path))
-
-
-def contents(path: Path) -> bytes:
-    """Read a file whole: a pipe or a device might never end."""
-    try:
-        if not (path.is_dir() or stat.S_ISREG(path.stat().st_mode)):
-            raise InputError(f"{path}: cannot be read: it is no regular file")
-        return path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
 
 
 def _columns_of(table) -> Iterable[str] | None:

@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose import _core, info, logs
+from truepose import _core, info
 from truepose.bound import accuracy
 from truepose.build import Array
 from truepose.exceptions import InputError, choose, one_line
 from truepose.kinematics import Level
+from truepose.reading import contents
 from truepose.robot import Robot
 from truepose.tables import Cell, Table, number
 
@@ -109,12 +110,12 @@ def read_poses(robot: Robot, path: Path) -> Array:
         The file cannot be read, misses a column, or has a value that is no finite number.
     """
     try:
-        file = io.StringIO(logs.contents(path).decode("utf-8-sig"), newline="")
+        file = io.StringIO(contents(path).decode("utf-8-sig"), newline="")
         lines = csv.DictReader(file, skipinitialspace=True)
         lines.fieldnames = header = [name.strip() for name in lines.fieldnames or ()]
         rows = [(lines.line_num, row) for row in lines]
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: cannot be read: {error}") from None
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', error)}") from None
     names = [name for name, _ in robot.coordinates]
     for name in names:
         if name not in header:

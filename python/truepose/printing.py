@@ -75,7 +75,7 @@ def show(tables: list[Table], how: Format = Format.table) -> None:
 
 def _knows(letters: str) -> bool:
     try:
-        letters.encode(sys.stdout.encoding or "utf-8")
+        letters.encode(_encoding())
     except UnicodeEncodeError:
         return False
     return True
@@ -170,5 +170,8 @@ def _is_words(cell: str) -> bool:
 
 
 def _printable(text: str) -> str:
-    encoding = sys.stdout.encoding or "utf-8"
-    return one_line(text).encode(encoding, "truepose").decode(encoding)
+    return one_line(text).encode(_encoding(), "truepose").decode(_encoding())
+
+
+def _encoding() -> str:
+    return getattr(sys.stdout, "encoding", None) or "utf-8"

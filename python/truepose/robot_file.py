@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fnmatch
+import io
 import os
 from collections.abc import Iterator
 from importlib import resources
@@ -17,6 +18,7 @@ from truepose import consistency
 from truepose.build import parameter_names
 from truepose.exceptions import RobotFileError, choose
 from truepose.pattern import expand, misfits
+from truepose.reading import contents
 from truepose.schema import (
     ACTUATORS,
     FREEDOMS,
@@ -101,7 +103,7 @@ def read(robot: str | Path) -> RobotFile:
 def text_of(path: Path, where: str) -> str:
     """Read a file; `where` names it in the message."""
     try:
-        return path.read_text(encoding="utf-8")
+        return io.StringIO(contents(path).decode("utf-8"), newline=None).read()
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not a text file"
         raise RobotFileError(f"{where}: cannot be read: {reason}") from None

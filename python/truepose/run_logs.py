@@ -51,6 +51,16 @@ def columns(run: Simulation | Run | Visit, robot: Robot | None = None) -> list[C
     >>> [c.name for c in columns(tp.simulate(tp.load("h4")))][:6]
     ['time', 'q1', 'q2', 'q3', 'q4', 'theta']
     """
+    result = _columns(run, robot)
+    names = [column.name for column in result]
+    if twice := next((name for name in names if names.count(name) > 1), None):
+        raise InputError(
+            f"sensor {twice}: a run's log has a column of this name: rename the sensor"
+        )
+    return result
+
+
+def _columns(run: Simulation | Run | Visit, robot: Robot | None) -> list[Column]:
     if isinstance(run, Simulation):
         robot = run.truth
         result = [Column("time", "time", "s", "since the start", run.time)]
