@@ -14,7 +14,7 @@ from typing import Annotated
 import typer
 from typer.exceptions import TyperException
 
-from truepose.exceptions import TrueposeError, one_line
+from truepose.exceptions import TrueposeError
 from truepose.printing import Format, prepare, say, show
 
 app = typer.Typer(
@@ -70,7 +70,7 @@ def check(
 
     robot, problems = run(file)
     for problem in problems:
-        typer.echo(one_line(problem), err=True)
+        say(problem, err=True)
     if robot is None:
         raise typer.Exit(2)
     sensors = ", ".join(robot.sensors) or "none"
@@ -336,7 +336,7 @@ def export_mjcf(
         saving.write({output: text}, read, force)
         _wrote(Format.table, out)
     else:
-        typer.echo(text, nl=False)
+        print(text, end="")
 
 
 @app.command()
@@ -417,8 +417,8 @@ def reproduce(
     for note in result.section.notes if result.section else ():
         say(f"truepose: {note}", err=True)
     elapsed = time.perf_counter() - start
-    assumed = "The H4's dimensions and masses are assumed: the paper prints none."
-    say(f"{robots} robots, seed {seed}, {elapsed:.1f} s. {assumed}", how)
+    say(f"{robots} robots, seed {seed}, {elapsed:.1f} s.", how)
+    say("The H4's dimensions and masses are assumed: the paper prints none.", how)
     say(f"Report: {out / report.PAGE}", how)
 
 

@@ -12,7 +12,6 @@ import sys
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-import typer
 from rich.cells import cell_len
 from rich.console import Console
 from rich.text import Text
@@ -58,19 +57,19 @@ def prepare() -> None:
 
 def say(text: object, how: Format = Format.table, err: bool = False) -> None:
     """Print one line: to standard error where standard output is for data."""
-    typer.echo(one_line(text), err=err or how is not Format.table)
+    print(one_line(text), file=sys.stderr if err or how is not Format.table else sys.stdout)
 
 
 def show(tables: list[Table], how: Format = Format.table) -> None:
     """Print tables."""
     if how is Format.json:
         data = {table.name: [_finite(row) for row in table.records()] for table in tables}
-        typer.echo(json.dumps(data, indent=1, ensure_ascii=not _knows("σθ°")))
+        print(json.dumps(data, indent=1, ensure_ascii=not _knows("σθ°")))
     elif how is Format.csv:
-        typer.echo(_csv(tables), nl=False)
+        print(_csv(tables), end="")
     else:
         width = max(shutil.get_terminal_size().columns, _LEAST)
-        typer.echo("\n\n".join("\n".join(laid_out(table, width)) for table in tables) + "\n")
+        print("\n\n".join("\n".join(laid_out(table, width)) for table in tables) + "\n")
 
 
 def _knows(letters: str) -> bool:
