@@ -14,6 +14,7 @@ from typing import Annotated
 import typer
 from typer.exceptions import TyperException
 
+from truepose import saving
 from truepose.exceptions import TrueposeError
 from truepose.printing import Format, prepare, say, show
 
@@ -323,7 +324,6 @@ def export_mjcf(
 
     Example: **truepose export mjcf h4 -o h4.xml**
     """
-    from truepose import saving
     from truepose.plants.mjcf import to_mjcf
     from truepose.robot import load
     from truepose.robot_file import path_of
@@ -424,7 +424,6 @@ def reproduce(
 
 def _plot_to(path: Path | None, inputs: list[str | Path], force: bool) -> Callable:
     """Look whether --plot may be written; return what draws and saves it, or does nothing."""
-    from truepose import saving
     from truepose.robot_file import path_of
 
     if path is None:
@@ -445,13 +444,12 @@ def _wrote(how: Format, *paths: Path | None) -> None:
             say(f"Wrote {path}", how)
 
 
-class _Stopped(BaseException):
-    """A signal that ends programs, on its way through every `finally`."""
-
-
 def _stop(number: int, _frame: object) -> None:
-    signal.signal(number, signal.SIG_IGN)  # once is enough
-    raise _Stopped(number)
+    """End at once: an exception might be lost on its way, in a callback of the interpreter's."""
+    saving.clear()
+    shown = b"\x1b[?25h" * os.isatty(2)  # a progress bar hides the cursor
+    os.write(2, shown + b"truepose: stopped\n")
+    os._exit(128 + number)
 
 
 def main() -> None:
@@ -481,8 +479,6 @@ def _run() -> tuple[int, str]:
         return 2, f"error: {error.format_message() or 'no command given; try --help'}"
     except KeyboardInterrupt:
         return 130, "interrupted"
-    except _Stopped as stopped:
-        return 128 + stopped.args[0], "stopped"
     except BrokenPipeError:  # nobody reads on, as in `truepose info h4 | head -1`
         sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 – until the end
         return 128 + 13, ""

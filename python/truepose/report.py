@@ -9,8 +9,7 @@ import importlib.util
 import io
 import os
 import platform
-import shutil
-import tempfile
+import uuid
 from collections.abc import Callable, Iterator
 from importlib import metadata
 from pathlib import Path
@@ -63,30 +62,33 @@ def folder(out: Path, force: bool = False) -> Iterator[Path]:
         `out` cannot be written, or may not. Raised on entry, before any work is done, but where a
         file of an earlier report has been changed.
     """
-    existed, work = out.exists(), None
+    there = os.path.lexists(out)
+    base = out if there else next(parent for parent in out.absolute().parents if parent.exists())
     try:
-        try:
-            out.mkdir(parents=True, exist_ok=True)
-            others = [p.name for p in sorted(out.iterdir()) if p.suffix in _KINDS]
-            saving.check([saving.Output(out / PAGE, "report", "--out")], force=force)
-            if others and not (force or PAGE in others):
-                raise InputError(f"--out {out}: has a {others[0]} that is no report's: --force")
-            work = Path(tempfile.mkdtemp(prefix=".truepose-", dir=out))
+        others = [p for p in sorted(out.iterdir()) if p.suffix in _KINDS] if there else []
+        saving.check([saving.Output(out / PAGE, "report", "--out")] if others else [], force=force)
+        if others and not (force or out / PAGE in others):
+            raise InputError(f"--out {out}: has a {others[0].name}, and no report; choose another")
+        with saving.unfinished(base / f".truepose-{uuid.uuid4().hex}") as work:
+            work.mkdir()
             yield work
-            files = {file: out / file.name for file in sorted(work.iterdir())}
-            for file, place in files.items():
-                known = force or (file.suffix == ".csv" and _same_header(file, place))
-                saving.check([saving.Output(place, _KINDS[file.suffix])], force=known)
-            for file, place in files.items():
-                os.replace(file, place)
-        except OSError as error:
-            raise InputError(f"--out {out}: cannot be written: {error.strerror}") from None
-    finally:
-        if work:
-            shutil.rmtree(work, ignore_errors=True)
-        if not existed:
-            with contextlib.suppress(OSError):
-                out.rmdir()  # succeeds only if empty: nothing is left of a failed run
+            if there:
+                _move(work, out, force)
+            else:
+                out.parent.mkdir(parents=True, exist_ok=True)
+                os.replace(work, out)
+    except OSError as error:
+        raise InputError(f"--out {out}: cannot be written: {error.strerror}") from None
+
+
+def _move(work: Path, out: Path, force: bool) -> None:
+    """Move all files of a folder into another one, or none."""
+    files = {file: out / file.name for file in sorted(work.iterdir())}
+    for file, place in files.items():
+        known = force or (file.suffix == ".csv" and _same_header(file, place))
+        saving.check([saving.Output(place, _KINDS[file.suffix])], force=known)
+    for file, place in files.items():
+        os.replace(file, place)
 
 
 def _same_header(file: Path, other: Path) -> bool:

@@ -15,7 +15,7 @@ import shutil
 import stat
 import tomllib
 import uuid
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -227,25 +227,52 @@ def write(
     InputError
         One cannot be written; what was there is untouched.
     """
-    drafts: dict[Path, Path] = {}
+    places = check(contents, inputs, force)
+    drafts = [place.with_name(f".truepose-{uuid.uuid4().hex}") for place in places]
+    with contextlib.ExitStack() as stack:
+        for draft in drafts:
+            stack.enter_context(unfinished(draft))
+        try:
+            for data, place, draft in zip(contents.values(), places, drafts, strict=True):
+                with draft.open("xb") as file:
+                    file.write(data.encode() if isinstance(data, str) else data)
+                    file.flush()
+                    os.fsync(file.fileno())
+                if place.exists():
+                    shutil.copymode(place, draft)
+            for place, draft in zip(places, drafts, strict=True):
+                os.replace(draft, place)
+        except OSError as error:
+            names = ", ".join(map(str, contents))
+            raise InputError(f"{names}: cannot be written: {error.strerror}") from None
+
+
+_UNFINISHED: list[Path] = []
+
+
+@contextlib.contextmanager
+def unfinished(path: Path) -> Iterator[Path]:
+    """Let a file, or a folder and all in it, be there only as long as it is worked on."""
+    _UNFINISHED.append(path)
     try:
-        for output, place in zip(contents, check(contents, inputs, force), strict=True):
-            data = contents[output]
-            drafts[place] = place.with_name(f".truepose-{uuid.uuid4().hex}")
-            with drafts[place].open("xb") as file:
-                file.write(data.encode() if isinstance(data, str) else data)
-                file.flush()
-                os.fsync(file.fileno())
-            if place.exists():
-                shutil.copymode(place, drafts[place])
-        for place, draft in drafts.items():
-            os.replace(draft, place)
-    except OSError as error:
-        raise InputError(f"{output}: cannot be written: {error.strerror}") from None
+        yield path
     finally:
-        for draft in drafts.values():
-            with contextlib.suppress(OSError):
-                draft.unlink()
+        _remove(path)
+        _UNFINISHED.remove(path)
+
+
+def clear() -> None:
+    """Remove everything unfinished: the last deed of a program that is told to end at once."""
+    for path in reversed(_UNFINISHED):
+        _remove(path)
+
+
+def _remove(path: Path) -> None:
+    with contextlib.suppress(OSError):
+        if path.is_dir():
+            shutil.rmtree(path)
+        else:
+            path.unlink()
 
 
 def replace_file(

@@ -16,7 +16,7 @@ from truepose.exceptions import InputError, TrueposeError
 from truepose.plants.mjcf import Mechanism
 from truepose.plants.mujoco_body import Body, require
 from truepose.robot import Robot
-from truepose.saving import Output, check, mark, replace_file
+from truepose.saving import Output, check, mark, replace_file, unfinished
 
 _WIDTH, _HEIGHT = 1600, 1200
 _DRIVERS = ("egl", "osmesa", "glfw")  # the last one needs a screen
@@ -65,8 +65,8 @@ def picture(robot: Robot, path: Path, *, force: bool = False) -> None:
         raise InputError(f"{path}: must end in .png")
     check([Output(path, "picture")], force=force)
     given = os.environ.get("MUJOCO_GL")
-    with tempfile.TemporaryDirectory() as folder:
-        model, png = Path(folder) / "robot.xml", Path(folder) / "robot.png"
+    with unfinished(Path(tempfile.mkdtemp())) as folder:
+        model, png = folder / "robot.xml", folder / "robot.png"
         model.write_text(Mechanism(robot).xml(), encoding="utf-8")
         for driver in (given,) if given else _DRIVERS:
             words = [sys.executable, "-m", "truepose.plants.viewing", str(model), str(png)]
