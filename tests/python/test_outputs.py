@@ -1,6 +1,9 @@
 """Does a command write what it was asked for, beside everything else that is there?"""
 
+import html
+import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -239,6 +242,20 @@ def test_a_pipe_is_not_waited_for(run, folder, what):
         2,
         "truepose: error: pipe: cannot be read: it is no regular file\n",
     )
+
+
+def test_a_page_shows_names_as_they_are(run, folder, h4_text, log):
+    title = "</title><script>[/b]{{ 1 }}"
+    text = re.sub('name = "h4"', f"name = {json.dumps(title)}", h4_text, count=1)
+    (folder / "mine.toml").write_text(text, encoding="utf-8")
+    (folder / "<b>&.csv").write_text(log.replace("\n", ",\n").replace("theta,", "theta,<i>", 1))
+    status, out, err = run("calibrate", "mine.toml", "<b>&.csv", "--report", "page.html")
+    assert status == 0, err
+    page = (folder / "page.html").read_text(encoding="utf-8")
+    assert "<script>" not in page and "<b>" not in page and "<i>" not in page
+    for shown in (title, "<b>&.csv", "<i>"):
+        assert html.escape(shown) in page
+    assert "<i>" in err and "Wrote page.html" in out
 
 
 def test_a_fault_of_truepose_is_one_line_that_says_so(run, monkeypatch):
