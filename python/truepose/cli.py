@@ -111,7 +111,8 @@ def info(
     ] = 100_000,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the draw.")] = 0,
     length: Annotated[
-        float, typer.Option(min=1e-6, help="Length that makes angles comparable to lengths, m.")
+        float,
+        typer.Option(min=1e-6, max=1e3, help="Length that makes angles comparable to lengths, m."),
     ] = 0.1,
     how: _How = Format.table,
     force: _Force = False,
@@ -181,7 +182,9 @@ def accuracy(
     save = _plot_to(plot, [robot, *([poses] if poses else [])], force)
     loaded = load(robot)
     sets = [prediction.parse_set(loaded, text) for text in sensors] if sensors else None
-    touched = prediction.parse_pose(loaded, touch_off, "--touch-off") if touch_off else None
+    touched = None
+    if touch_off is not None:
+        touched = prediction.parse_pose(loaded, touch_off, "--touch-off")
     given = prediction.read_poses(loaded, poses) if poses else None
     found = prediction.predict(
         loaded, sets, given, calibrated=calibrated, touch_off=touched, level=level
@@ -297,10 +300,11 @@ def calibrate(
         raise typer.Exit(2) from None
     for note in result.notes:
         say(f"{log}: {note}", err=True)
-    residuals, parameters, worst, predicted = calibration_report.tables_of(result)
-    if how is Format.table:
-        parameters = parameters.columns(0, 1, 3, 4, 5, 6)  # the report has the change, too
-    show([residuals, parameters, worst, predicted], how)
+    tables = calibration_report.tables_of(result)
+    if how is Format.table:  # the report has the change of each parameter, too
+        few = (0, 1, 3, 4, 5, 6)
+        tables = [t.columns(*few) if t.name == "parameters" else t for t in tables]
+    show(tables, how)
     say(f"{calibration_report.verdicts(result.fit)}.", how)
     _wrote(how, out, report)
 

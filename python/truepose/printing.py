@@ -120,7 +120,7 @@ def laid_out(table: Table, width: int) -> list[str]:
         sizes[0] = min(sizes[0], width // 2)
         room = width - sizes[0] - len(_GAP)
         sizes = [min(s, room) if w else s for s, w in zip(sizes, words, strict=True)]
-    lines = [_printable(table.title)]
+    lines = _wrapped(_printable(table.title), width)
     for block in _blocks(sizes, width):
         lines += ["", *_block(heads, rows, sizes, words, block)]
     return lines

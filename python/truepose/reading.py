@@ -6,8 +6,8 @@ import stat
 from pathlib import Path
 
 
-def contents(path: Path) -> bytes:
-    """Read a file.
+def contents(path: Path, most: int = -1) -> bytes:
+    """Read a file, of a long one `most` bytes.
 
     Raises
     ------
@@ -17,4 +17,5 @@ def contents(path: Path) -> bytes:
     mode = path.stat().st_mode
     if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):  # of a folder the system says so itself
         raise OSError(0, "it is no regular file", str(path))
-    return path.read_bytes()
+    with path.open("rb") as file:
+        return file.read(most)

@@ -15,6 +15,7 @@ import shutil
 import stat
 import tomllib
 import uuid
+import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -290,6 +291,7 @@ def picture(figure: Figure, ending: str, dpi: int = 150) -> bytes:
     metadata = {PICTURES[ending]: mark("picture")}
     metadata |= {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(ending, {})
     drawn = io.BytesIO()
-    with mpl.rc_context({"svg.hashsalt": "truepose"}):
+    with warnings.catch_warnings(), mpl.rc_context({"svg.hashsalt": "truepose"}):
+        warnings.filterwarnings("ignore", "Glyph")  # of a name in letters that no font here has
         figure.savefig(drawn, format=ending[1:], metadata=metadata, dpi=dpi)
     return drawn.getvalue()

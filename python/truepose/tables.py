@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,8 +63,11 @@ class Table:
         records = []
         for row in self.rows:
             record: dict[str, object] = {}
-            for name, cell in zip(self.header, row, strict=True):
-                data = getattr(cell, "data", cell)
+            for k, (name, cell) in enumerate(zip(self.header, row, strict=True)):
+                data = cell.data if isinstance(cell, Cell) else cell
+                if k and type(cell) is str:
+                    with contextlib.suppress(ValueError):
+                        data = float(cell)  # as many digits as were written
                 record |= data if isinstance(data, dict) else {name: data}
             records.append(record)
         return records
