@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import threading
 import time
 from collections.abc import Callable
 from enum import StrEnum
@@ -460,6 +461,8 @@ def main() -> None:
     """Run the command line; what goes wrong becomes one line and exit status 2."""
     prepare()
     signals = [signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
+    if threading.current_thread() is not threading.main_thread():
+        signals = []  # only the main one may ask for them
     before = {number: signal.signal(number, _stop) for number in signals}
     try:
         code, message = _run()

@@ -53,6 +53,7 @@ def plain_page(monkeypatch):
     monkeypatch.setattr(calibration_figures, "page", lambda *_: page)
 
 
+@pytest.mark.usefixtures("plain_page")
 @pytest.mark.parametrize("words", WRITERS.values(), ids=WRITERS)
 def test_a_command_may_be_run_twice_and_replaces_others_files_by_force_only(run, folder, words):
     out = folder / out_of(words)
@@ -256,6 +257,7 @@ def test_a_page_shows_names_as_they_are(run, folder, h4_text, log):
     for shown in (title, "<b>&.csv", "<i>"):
         assert html.escape(shown) in page
     assert "<i>" in err and "Wrote page.html" in out
+    saving.check([saving.Output(folder / "page.html", "report")])  # which it is known to be
 
 
 def test_a_fault_of_truepose_is_one_line_that_says_so(run, monkeypatch):

@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import pickle
 import re
 import sys
 
@@ -11,7 +12,7 @@ import pytest
 
 import truepose as tp
 from truepose import cli, info, prediction, printing
-from truepose.tables import Table, number
+from truepose.tables import Table, fixed, number
 
 
 def a_table(rng, rows=4) -> Table:
@@ -137,3 +138,44 @@ def test_the_usual_table_offers_every_kind_of_sensor_together(any_robot):
 def test_a_group_is_named_as_it_may_be_asked_for(h4):
     for names in prediction.sensor_sets(h4)[1:-1]:
         assert prediction.parse_set(h4, prediction.label(h4, names)) == names
+
+
+def test_a_calibration_gives_programs_si(run, h4, table2, tmp_path):
+    poses = np.random.default_rng(0).permutation(table2)[:80] + 1e-4
+    rows = tp.with_paper_errors(h4, seed=1).extended(poses)
+    readings = dict(zip(h4.readings, rows.T, strict=True))
+    text = "\n".join(",".join(map(repr, row)) for row in rows.tolist())
+    (tmp_path / "log.csv").write_text(f"{','.join(readings)}\n{text}\n", encoding="utf-8")
+    words = ["calibrate", "h4", "log.csv", "--format"]
+    status, data, said = run(*words, "json")
+    tables = json.loads(data)
+    assert status == 0 and " uncertain parameters: " in said
+    fit = tp.calibrate(h4, readings, loss="student")
+    for row in tables["parameters"]:
+        known = fit.parameters[row["parameter"]]
+        assert (row["value"], row["σ"]) == (known.value, known.sigma)
+        assert row["unit"] in ("m", "rad", "")
+    listed = list(csv.DictReader(io.StringIO(run(*words, "csv")[1])))
+    assert [row["table"] for row in listed] == [name for name, rows in tables.items() for _ in rows]
+    values = [float(row["value"]) for row in listed if row["table"] == "parameters"]
+    assert values == [row["value"] for row in tables["parameters"]]
+
+
+def test_a_reproduction_gives_programs_one_number_for_each_name(run):
+    status, data, said = run("reproduce", "--robots", "1", "--format", "json", "--out", "new")
+    tables = json.loads(data)
+    assert status == 0 and "Report: " in said
+    for row in tables["table3_robots"]:
+        assert row["unit"] in ("mm", "mm²", "°", "°²")
+        assert all(type(v) is float for k, v in row.items() if k not in ("error", "unit") and v)
+        assert row["usual, truepose"] == row["usual, truepose 5 %"]  # of a single robot
+    names = {name for table in tables.values() for row in table for name in row}
+    assert {"max |x| (mm)", "final θ (°)", "gain"} <= names
+
+
+def test_words_that_hold_a_number_are_one_for_programs():
+    table = Table("made", "", ["word", "a", "b"], [["1", "2.50", "2.50 [1, 3]"]])
+    assert table.records() == [{"word": "1", "a": 2.5, "b": "2.50 [1, 3]"}]
+    assert json.dumps(table.records()) == '[{"word": "1", "a": 2.5, "b": "2.50 [1, 3]"}]'
+    assert fixed(1 / 3).data == 1 / 3 and fixed(1 / 3) == "0.33"
+    assert pickle.loads(pickle.dumps(fixed(1 / 3))).data == 1 / 3
