@@ -7,14 +7,23 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import typer
 
-from truepose import calibration, calibration_figures, calibration_report, log_checks, logs, saving
+from truepose import (
+    calibration,
+    calibration_figures,
+    calibration_report,
+    log_checks,
+    logs,
+    prediction,
+    saving,
+)
 from truepose.calibration import Loss, ModelError
 from truepose.calibration_report import Assessment
 from truepose.exceptions import InputError
 from truepose.kinematics import Level
-from truepose.robot import Robot, load
+from truepose.robot import load
+from truepose.robot_file import path_of as robot_path
+from truepose.saving import Output
 
 #: Calls of `progress` that :func:`run` makes.
 STEPS = 3 + calibration_report.STEPS
@@ -42,16 +51,18 @@ def run(
     registration: str,
     touch_off: str | None,
     progress: Callable[[str], None],
+    force: bool = False,
 ) -> Assessment:
     """Read, look over, fit, try, write; nothing is written unless all went well."""
-    for path in (out, report):
-        if path is not None and not path.absolute().parent.is_dir():
-            raise InputError(f"{path}: cannot be written: no such folder")
+    inputs = (log_file, robot_path(robot_file))
+    robot_out = Output(out, "calibrated robot", "-o") if out else None
+    page_out = Output(report, "report", "--report") if report else None
+    saving.check(filter(None, (robot_out, page_out)), inputs, force)
     robot = load(robot_file)
     if sensors is not None:
-        robot = robot.with_sensors(*(name.strip() for name in sensors.split(",") if name.strip()))
+        robot = robot.with_sensors(*prediction.parse_set(robot, sensors))
     sigma, angle_sigma = _sigmas(measured_sigma)
-    at = None if touch_off is None else _pose(robot, touch_off)
+    at = None if touch_off is None else prediction.parse_pose(robot, touch_off, "--touch-off")
     log = logs.read(robot, log_file)
     progress("log read")
     log, findings = log_checks.check(robot, log)
@@ -83,24 +94,14 @@ def run(
             measured_angle_sigma=angle_sigma,
             registration=registration,
         )
-    if report is not None:
-        saving.replace_file(report, calibration_figures.page(result, log_file.name, loss))
-    if out is not None:
-        result.fit.robot.save(out)
+    contents = {}
+    if page_out:
+        contents[page_out] = calibration_figures.page(result, log_file.name, loss)
+    if robot_out:
+        contents[robot_out] = saving.text_of(result.fit.robot)
+    saving.write(contents, inputs, force)
     progress("written")
     return result
-
-
-def _pose(robot: Robot, text: str) -> np.ndarray:
-    """Read a pose from "x,y,z,θ", m and rad."""
-    try:
-        values = np.array([float(cell) for cell in text.split(",")])
-    except ValueError:
-        values = np.array([])
-    if len(values) != robot.n or not np.isfinite(values).all():
-        names = ",".join(name for name, _ in robot.coordinates)
-        raise InputError(f"--touch-off {text}: must be {robot.n} numbers {names} (m, rad)")
-    return values
 
 
 #: Units that people write after a σ: m or rad, and how much.

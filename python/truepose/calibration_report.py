@@ -16,7 +16,7 @@ from truepose.expectation import Expectation, expect
 from truepose.logs import Log
 from truepose.registration import Registered
 from truepose.robot import Robot
-from truepose.tables import Table, number
+from truepose.tables import Cell, Table, fixed, number
 
 #: Every so many lines one is held out.
 FOLD = 5
@@ -185,6 +185,12 @@ def in_print(robot: Robot, name: str) -> tuple[float, str]:
     return kinds["m"]
 
 
+def _named(what: str, name: str, unit: str) -> Cell:
+    """Name a row for people in print units; its data are SI."""
+    si = {"mm": "m", "°": "rad"}.get(unit, "")
+    return Cell(f"{name} ({unit})" if unit else name, {what: name, "unit": si})
+
+
 def residuals(result: Assessment) -> Table:
     """RMS of each sensor against what the motors predict; the last column with poses fitted."""
     rows, good = [], counted(result)
@@ -206,8 +212,8 @@ def residuals(result: Assessment) -> Table:
         ]
         if values[0] is None and values[1] is None:
             continue
-        cells = [number(None if v is None else factor * v) for v in values]
-        rows.append([f"{name} ({unit})", *cells])
+        cells = [number(None if v is None else factor * v, data=v) for v in values]
+        rows.append([_named("reading", name, unit), *cells])
     header = ["rms residual", "before", "after", "held out", "expected", "pose fitted"]
     return Table("residuals", "Each reading against its prediction by the motors", header, rows)
 
@@ -217,14 +223,13 @@ def parameters(fit: Fit) -> Table:
     rows = []
     for name, p in fit.parameters.items():
         factor, unit = in_print(fit.robot, name)
-        values = (p.value, p.prior, p.prior_sigma, p.sigma)
         cells = [
-            f"{factor * p.value:.4f}",
-            f"{factor * (p.value - p.prior):+.4f}",
-            *(f"{factor * v:.4f}" for v in values[2:]),
-            f"{p.ratio:.2f}",
+            Cell(f"{factor * p.value:.4f}", p.value),
+            Cell(f"{factor * (p.value - p.prior):+.4f}", p.value - p.prior),
+            *(Cell(f"{factor * v:.4f}", v) for v in (p.prior_sigma, p.sigma)),
+            fixed(p.ratio),
         ]
-        rows.append([f"{name} ({unit})" if unit else name, *cells, p.verdict])
+        rows.append([_named("parameter", name, unit), *cells, p.verdict])
     header = ["parameter", "value", "less prior", "prior σ", "σ", "σ / prior σ", "verdict"]
     return Table("parameters", "Parameters", header, rows)
 
@@ -241,7 +246,8 @@ def worst(fit: Fit, count: int = 5) -> Table:
     rows = []
     for ratio, terms in fit.worst_known(count):
         text = " ".join(f"{v:+.2f} {name}" for name, v in terms.items())
-        rows.append([f"{ratio:.3f}", text.removeprefix("+")])
+        exact = " ".join(f"{float(v)!r} {name}" for name, v in terms.items())
+        rows.append([fixed(ratio, 3), Cell(text.removeprefix("+"), exact)])
     header = ["σ / prior σ", "combination, each in units of its prior σ"]
     return Table("worst_known", "Worst-known combinations", header, rows)
 

@@ -11,7 +11,7 @@ from truepose.experiment_section import Section
 from truepose.forgotten import Line, over_robots
 from truepose.frames import coordinates
 from truepose.statistics import in_print_units
-from truepose.tables import FURTHER, UNITS, Table, cells, number
+from truepose.tables import FURTHER, UNITS, Cell, Table, cells, fixed, number
 from truepose.virtual_experiment import READINGS, Reading, Run
 
 NAMES = {"joint": "usual", "redundant": "redundant", **FURTHER}
@@ -31,7 +31,8 @@ def table3(runs: dict[Control, Run], plant: str, reading: Reading = "estimated")
         for k, column in enumerate(twin.COLUMNS):
             wanted, given, allowed = values[(k, *at)], found[(k, *at)], target[(k, *at)]
             mark = "" if abs(given - wanted) <= allowed else " !"
-            row += [printed[column][key], number(float(given)) + mark]
+            given = number(float(given))
+            row += [printed[column][key], Cell(given + mark, given.data)]
         rows.append(row)
     header = [UNITS, "usual, paper", "usual, twin", "redundant, paper", "redundant, twin"]
     title = f"Table 3 of the twin, {plant} plant: {READING_NAMES[reading]}"
@@ -60,8 +61,8 @@ def gains(runs: dict[Control, Run], plant: str) -> Table:
         about = np.sqrt(error[:, :3].var(axis=0).sum())
         theta = table[3, 0], np.sqrt(table[3, 2] / len(error))
         values = (measured_rms(ran), about, *theta, true_rms(ran))
-        left_out = str(len(ran.status) - len(error))
-        rows.append([NAMES[control], *(f"{v:.2f}" for v in values), left_out])
+        left_out = fixed(len(ran.status) - len(error), 0)
+        rows.append([NAMES[control], *map(fixed, values), left_out])
     header = ["control", "seen rms (mm)", "about its mean (mm)", "θ mean (°)", "θ rms (°)"]
     header += ["true rms (mm)", "left out"]
     title = f"The twin under every control, {plant} plant: desired less measured, and less true"
@@ -86,14 +87,15 @@ def true_rms(ran: Run) -> float:
 def effects(lines: list[Line]) -> Table:
     """What each effect takes from self-calibration with motors and θ."""
     rows = []
-    for line in lines:
         usual, calibrated, seen_usual, seen = (
-            f"{over_robots(each):.2f}"
+            fixed(over_robots(each))
             for each in (line.usual, line.calibrated, line.seen_usual, line.seen)
         )
-        ends = "[{:.2f}, {:.2f}]".format(*line.interval())
-        row = [line.case, usual, f"{calibrated} {ends}", f"{line.gain:.1f}", seen_usual, seen]
-        rows.append([*row, str(line.excluded)])
+        low, high = line.interval()
+        ends = {"calibrated, true": calibrated.data, "calibrated 5 %": low, "calibrated 95 %": high}
+        calibrated = Cell(f"{calibrated} [{low:.2f}, {high:.2f}]", ends)
+        row = [line.case, usual, calibrated, fixed(line.gain, 1), seen_usual, seen]
+        rows.append([*row, fixed(line.excluded, 0)])
     header = ["effects", "usual, true", "calibrated, true", "gain", "usual, seen"]
     header += ["calibrated, seen", "left out"]
     title = (

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
-import struct
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,7 +13,8 @@ import numpy as np
 
 from truepose.arguments import check_real
 from truepose.build import Array
-from truepose.exceptions import InputError, choose
+from truepose.exceptions import InputError, choose, controls, one_line
+from truepose.reading import contents
 from truepose.robot import Robot
 
 #: Messages of two channels this far apart may be of one pose, s.
@@ -115,12 +116,16 @@ def read(robot: Robot, path: str | Path) -> Log:
     """
     path = Path(path)
     try:
-        with path.open("rb") as file:
-            start = file.read(5)
+        data = contents(path)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
-    if start[:4] == b"PAR1" or start == b"\x89MCAP":
-        table = _parquet(path) if start[:4] == b"PAR1" else _mcap(path, robot.readings)
+    if data.startswith(b"PAR1"):
+        table = _parquet(path, data)
+    elif data.startswith(b"\x89MCAP"):
+        table = _mcap(path, data, robot.readings)
+    else:
+        table = None
+    if table is not None:
         return _pick(
             robot,
             list(table),
@@ -129,7 +134,7 @@ def read(robot: Robot, path: str | Path) -> Log:
             "row",
             str(path),
         )
-    header, rows, lines = _csv(path)
+    header, rows, lines = _csv(path, data)
     table = {name: [row[k] for row in rows] for k, name in enumerate(header)}
     return _pick(robot, header, table, lines, "line", str(path))
 
@@ -142,7 +147,7 @@ def _columns_of(table) -> Iterable[str] | None:
     return getattr(getattr(table, "dtype", None), "names", None)
 
 
-def _parquet(path: Path) -> dict[str, object]:
+def _parquet(path: Path, data: bytes) -> dict[str, object]:
     try:
         import pyarrow
         from pyarrow import parquet
@@ -151,18 +156,18 @@ def _parquet(path: Path) -> dict[str, object]:
             f"{path}: Parquet needs pyarrow: pip install 'truepose[parquet]'; CSV needs nothing"
         ) from None
     try:
-        table = parquet.read_table(path)
-    except (pyarrow.ArrowException, OSError) as error:
-        reason = str(error).splitlines()[0]
-        raise InputError(f"{path}: cannot be read as Parquet: {reason}") from None
-    if not table.column_names:
+        table = parquet.read_table(pyarrow.BufferReader(data))
+        names = table.column_names
+    except Exception as error:  # a spoilt file may break its reader anywhere
+        raise _spoilt(path, "Parquet", error) from None
+    if not names:
         raise InputError(f"{path}: no columns")
-    return {name: table[name] for name in table.column_names}
+    _no_twins(path, names)
+    return dict(zip(names, table.columns, strict=True))
 
 
-def _mcap(path: Path, wanted: tuple[str, ...]) -> dict[str, object]:
+def _mcap(path: Path, data: bytes, wanted: tuple[str, ...]) -> dict[str, object]:
     try:
-        from mcap.exceptions import McapError
         from mcap.reader import make_reader
     except ImportError:
         raise InputError(
@@ -171,24 +176,22 @@ def _mcap(path: Path, wanted: tuple[str, ...]) -> dict[str, object]:
     sent: dict[str, list[tuple[int, dict[str, object]]]] = {}
     owner: dict[str, str] = {}
     try:
-        with path.open("rb") as file:
-            for _, channel, message in make_reader(file).iter_messages():
-                if channel.message_encoding != "json":
-                    continue
-                cells = json.loads(message.data)
-                for name in cells if isinstance(cells, dict) else ():
-                    if owner.setdefault(name, channel.topic) != channel.topic:
-                        raise InputError(
-                            f"{path}: column '{name}' is in two channels, {owner[name]} and "
-                            f"{channel.topic}"
-                        )
-                if isinstance(cells, dict):
-                    sent.setdefault(channel.topic, []).append((message.log_time, cells))
-    except (McapError, ValueError, EOFError, struct.error) as error:
-        if isinstance(error, InputError):
-            raise
-        reason = str(error).splitlines()[0] if str(error) else "it ends too early"
-        raise InputError(f"{path}: cannot be read as MCAP: {reason}") from None
+        for _, channel, message in make_reader(io.BytesIO(data)).iter_messages():
+            if channel.message_encoding != "json":
+                continue
+            cells = json.loads(message.data)
+            for name in cells if isinstance(cells, dict) else ():
+                if owner.setdefault(name, channel.topic) != channel.topic:
+                    raise InputError(
+                        f"{path}: column '{name}' is in two channels, {owner[name]} and "
+                        f"{channel.topic}"
+                    )
+            if isinstance(cells, dict):
+                sent.setdefault(channel.topic, []).append((message.log_time, cells))
+    except InputError:
+        raise
+    except Exception as error:  # a spoilt file may break its reader anywhere
+        raise _spoilt(path, "MCAP", error) from None
     if not owner:
         raise InputError(f"{path}: no channel of JSON messages")
     return _joined(path, sent, owner, wanted)
@@ -225,22 +228,33 @@ def _joined(path: Path, sent, owner: dict[str, str], wanted: tuple[str, ...]) ->
     return table
 
 
-def _csv(path: Path) -> tuple[list[str], list[list[str]], Array]:
+def _spoilt(path: Path, kind: str, error: Exception) -> InputError:
+    reason = str(error).splitlines()[0] if str(error).strip() else "it ends too early"
+    return InputError(f"{path}: cannot be read as {kind}: {one_line(reason, 200)}")
+
+
+def _no_twins(path: Path, names: list[str]) -> None:
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise InputError(f"{path}: column '{one_line(twice[0], 60)}' is there twice")
+
+
+def _csv(path: Path, data: bytes) -> tuple[list[str], list[list[str]], Array]:
     """Header, cells and line numbers."""
     header, rows, lines = None, [], []
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            text = file.readlines()
+        text = io.StringIO(data.decode("utf-8-sig"), newline="").readlines()
     except UnicodeDecodeError:
         raise InputError(f"{path}: neither Parquet nor text (UTF-8)") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
     first = next((line for line in text if line.strip() and not line.startswith("#")), "")
     delimiter = max(",;\t", key=first.count)
     for number, line in enumerate(text, 1):
         if not line.strip() or line.startswith("#"):
             continue
-        row = [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
+        try:
+            row = [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
+        except csv.Error as error:
+            raise InputError(f"{path}: line {number}: {error}") from None
         if header is None:
             header = row
             continue
@@ -250,14 +264,14 @@ def _csv(path: Path) -> tuple[list[str], list[list[str]], Array]:
         lines.append(number)
     if not rows:
         raise InputError(f"{path}: no line of readings")
-    twice = sorted({name for name in header if header.count(name) > 1})
-    if twice:
-        raise InputError(f"{path}: column '{twice[0]}' is there twice")
+    _no_twins(path, header)
     return header, rows, np.array(lines)
 
 
 def _pick(robot: Robot, columns: list[str], table, lines: Array, word: str, where: str) -> Log:
     columns = [str(name) for name in columns]
+    if wrong := next((name for name in columns if controls(name)), None):
+        raise InputError(f"{where}: column '{one_line(wrong, 60)}': control characters in its name")
     names = robot.readings
     outside = [f"measured_{name}" for name, _ in robot.coordinates]
     missing = [name for name in names if name not in columns]
@@ -296,7 +310,7 @@ def _numbers(column, name: str, lines: Array, word: str, where: str) -> Array:
     check_real(column, f"{where}: column {name}")
     try:
         values = np.asarray(column, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError, NotImplementedError):
         values = np.array(
             [
                 _number(cell, f"{where}: {word} {n}: {name}")
@@ -316,5 +330,6 @@ def _number(cell, what: str) -> float:
         return np.nan
     try:
         return float(cell)
-    except (TypeError, ValueError):
-        raise InputError(f"{what} = '{cell}': must be a number or empty") from None
+    except (TypeError, ValueError, OverflowError):
+        shown = one_line(cell, 60)
+        raise InputError(f"{what} = '{shown}': must be a number or empty") from None

@@ -380,7 +380,7 @@ class Robot(Redundancy):
         """Return a copy whose encoders and sensors have no counts."""
         return self._with(quantised=False)
 
-    def save(self, path: str | Path) -> None:
+    def save(self, path: str | Path, *, force: bool = False) -> None:
         """Write a robot file that loads back to this robot, bit for bit.
 
         Order and comments of the file it came from are kept. Parameters that differ from the
@@ -390,12 +390,14 @@ class Robot(Redundancy):
         Parameters
         ----------
         path : str or Path
-            Where to write; a file that is there is replaced.
+            Where to write; a robot file that is there is replaced, any other file is not.
+        force : bool
+            Replace any other file, too; never what is read-only, or is no regular file.
 
         Raises
         ------
         InputError
-            The file cannot be written.
+            The file cannot or may not be written.
 
         Examples
         --------
@@ -408,10 +410,4 @@ class Robot(Redundancy):
         """
         from truepose import saving
 
-        inherited = self._spec.parameters
-        values = {
-            name: value
-            for name, value in self._values.items()
-            if value != self._nominal[name] or name in inherited
-        }
-        saving.replace_file(Path(path), saving.to_toml(self._spec, values))
+        saving.replace_file(path, saving.text_of(self), "robot file", force)

@@ -18,6 +18,7 @@ from truepose import consistency
 from truepose.build import parameter_names
 from truepose.exceptions import RobotFileError, choose, shortened
 from truepose.pattern import expand, misfits
+from truepose.reading import contents
 from truepose.schema import (
     ACTUATORS,
     FREEDOMS,
@@ -85,6 +86,11 @@ def loadable() -> dict[str, Path]:
     return {p.parent.name: p for p in sorted(Path(str(folder)).glob("*/robot.toml"))}
 
 
+def path_of(robot: str) -> Path:
+    """Find the file of a shipped robot's name, or of a path."""
+    return loadable().get(robot, Path(robot))
+
+
 def read(robot: str | Path) -> RobotFile:
     """Read a shipped robot's name or a robot file's path.
 
@@ -96,7 +102,7 @@ def read(robot: str | Path) -> RobotFile:
     files = loadable()
     if not isinstance(robot, (str, os.PathLike)) or not str(robot):
         raise RobotFileError(f"robot = {robot!r}: must be a shipped robot's name or a file's path")
-    path = files.get(str(robot), Path(robot))
+    path = path_of(str(robot))
     if path.suffix != ".toml" and not path.exists():
         raise RobotFileError(choose("robot", robot, files) + ", or the path of a robot file")
     return parse(text_of(path, str(robot)), str(robot))
@@ -105,8 +111,7 @@ def read(robot: str | Path) -> RobotFile:
 def text_of(path: Path, where: str) -> str:
     """Read a file; `where` names it in the message."""
     try:
-        with path.open("rb") as file:
-            data = file.read(MOST_BYTES + 1)
+        data = contents(path, MOST_BYTES + 1)
         text = data.decode("utf-8") if len(data) <= MOST_BYTES else ""
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not a text file"

@@ -14,6 +14,7 @@ from truepose.schema_base import (
     Direction,
     Harmonics,
     Index,
+    Name,
     NonNegative,
     Number,
     Positive,
@@ -250,8 +251,8 @@ class Calibration(Section):
 class RobotFile(Section):
     """A robot and its sensors."""
 
-    name: str
-    title: str = ""
+    name: Name
+    title: Name = ""
     source: str = Field(default="", description="where the numbers come from")
     mobility: Literal["planar_translation", "planar", "translation", "schoenflies", "spatial"]
     home: tuple[Number, ...] = Field(description="a pose well inside the workspace")

@@ -7,6 +7,8 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
+from truepose.exceptions import controls
+
 #: A number whose square is one too; strictly, or true would be 1 and "0.26" would be 0.26.
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1e12, le=1e12)]
 Vector = tuple[Number, Number, Number]
@@ -20,6 +22,16 @@ Resolution = Annotated[Number, Field(ge=1e-12, le=1)]
 Amplitude = Annotated[Number, Field(gt=-0.1, lt=0.1)]
 Harmonics = tuple[Amplitude, Amplitude, Amplitude, Amplitude]
 Index = Annotated[int, Field(ge=1, strict=True)]
+
+
+def _printable(text: str) -> str:
+    if controls(text):
+        raise ValueError("must not hold control characters")
+    return text
+
+
+#: A name that may be printed anywhere.
+Name = Annotated[str, AfterValidator(_printable)]
 
 
 def _unit(vector: Vector) -> Vector:

@@ -11,7 +11,7 @@ import tomlkit
 from truepose import experiment_section, experiment_tables, paper_data, report, twin
 from truepose.experiment import CONTROLS, Control
 from truepose.robot import Robot, load
-from truepose.saving import replace_file
+from truepose.saving import picture, replace_file
 from truepose.tables import Table, cells, number
 from truepose.threads import each
 from truepose.twin import Found, Twin
@@ -39,11 +39,12 @@ def write(folder: Path, robot: Robot, found: list[Found]) -> None:
 
     chosen = best(found)
     folder.mkdir(parents=True, exist_ok=True)
-    replace_file(folder / "robot.toml", robot_file(robot, chosen.twin))
-    replace_file(folder / "setup.toml", setup_file(chosen.twin))
-    draw(load(folder / "robot.toml")).savefig(folder / "picture.png", dpi=110)
+    replace_file(folder / "robot.toml", robot_file(robot, chosen.twin), "robot file")
+    replace_file(folder / "setup.toml", setup_file(chosen.twin), "setup", force=True)
+    drawn = picture(draw(load(folder / "robot.toml")), ".png", dpi=110)
+    replace_file(folder / "picture.png", drawn, "picture", force=True)
     runs = [f.twin.run(robot, tuple(CONTROLS)) for f in found]
-    replace_file(folder / "README.md", readme(robot, found, chosen, runs))
+    replace_file(folder / "README.md", readme(robot, found, chosen, runs), "page", force=True)
 
 
 def robot_file(robot: Robot, of: Twin) -> str:

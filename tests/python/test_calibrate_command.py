@@ -121,9 +121,12 @@ def test_wrong_logs_are_refused_and_nothing_is_written(run, readings, tmp_path):
     ("words", "said"),
     [
         (["h4", "none.csv"], "none.csv: cannot be read: No such file"),
-        (["h4", "log.csv", "-o", "no/c.toml"], "no/c.toml: cannot be written: no such folder"),
+        (["h4", "log.csv", "-o", "no/c.toml"], "no/c.toml: cannot be written: No such file"),
         (["h4", "log.csv", "--sensors", "tetha"], "unknown sensor 'tetha'; did you mean 'theta'?"),
-        (["h4", "log.csv", "--touch-off", "0,0"], "--touch-off 0,0: must be 4 numbers x,y,z,theta"),
+        (
+            ["h4", "log.csv", "--touch-off", "0,0"],
+            "--touch-off 0,0: must be 4 numbers, x,y,z,theta",
+        ),
         (["h4", "log.csv", "--tuning", "-1"], "tuning = -1.0: must be a number greater than 0"),
         (
             ["h4", "log.csv", "--loss", "cubes"],
@@ -145,7 +148,7 @@ def test_an_interrupted_calibration_leaves_the_old_files(run, log, tmp_path, mon
         raise KeyboardInterrupt
 
     monkeypatch.setattr(saving.os, "replace", interrupted)
-    assert run("h4", log, "-o", "c.toml")[0] == 130
+    assert run("h4", log, "-o", "c.toml", "--force")[0] == 130
     assert (tmp_path / "c.toml").read_text(encoding="utf-8") == "old"
     assert sorted(p.name for p in tmp_path.iterdir()) == ["c.toml", "log.csv"]
 

@@ -138,7 +138,7 @@ def test_info_draws_the_conditioning_map(run, tmp_path):
     assert run("info", "five-bar", "--samples", "100", "--plot", "map.png")[0] == 0
     assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")
     assert "--plot no/map.png: cannot be written" in run("info", "h4", "--plot", "no/map.png")[2]
-    assert "cannot be written: Format 'xyz'" in run("info", "h4", "--plot", "map.xyz")[2]
+    assert "unknown ending '.xyz' (choices: .png" in run("info", "h4", "--plot", "map.xyz")[2]
 
 
 def test_info_needs_a_workspace(run, tmp_path, h4_text):
