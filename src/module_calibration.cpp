@@ -156,8 +156,7 @@ auto batch_seen(const Robot& robot, const RowMatrix& base, const RowMatrix& mark
 auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
                      const std::vector<double>& mean, const Rows& q_e, const Rows& measured,
                      const Rows& measured_sigma, const RowMatrix& base, const RowMatrix& marker,
-                     int registration, Loss loss, double tuning,
-                     bool full) {
+                     int registration, Loss loss, double tuning, bool full) {
   const std::size_t count = q_e.shape(0), n = dof(drawn.mobility);
   CalibrationResult result;
   {
@@ -171,7 +170,9 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
     const LineModel model = model_of(drawn, full);
     const Knowledge known = prior.view();
     Signals signals;
-    CalibrationSettings settings{nuisances, registration, loss, tuning};
+    CalibrationSettings settings;
+    settings.nuisances = nuisances, settings.registration = registration;
+    settings.loss = loss, settings.tuning = tuning;
     settings.poll = [&] { signals(); };
     result = Calibrator(drawn, model, known, mean, log, settings).run();
   }

@@ -47,7 +47,7 @@ inline constexpr int kMaxRods = 12;      ///< full level: two per spatial parall
 inline constexpr int kMaxBars = 2;       ///< full level: lateral bars of the nacelle
 inline constexpr int kMaxUnknowns = 8;   ///< full level: pose and one angle per bar
 
-static_assert(kMaxReadings == kMaxDof + kMaxSensors && kMaxRods == 2 * kMaxDof &&
+static_assert(kMaxReadings <= kMaxDof + kMaxSensors && kMaxRods == 2 * kMaxDof &&
               kMaxUnknowns == 6 + kMaxBars);
 
 using Joint = std::array<double, kMaxDof>;          ///< anything of size n
@@ -224,7 +224,7 @@ inline bool parts_exist(const Robot& robot) {
   const auto below = [](int index, int count) { return index >= 0 && index < count; };
   const auto bar = [&](int index) { return index == -1 || below(index, kMaxBars); };
   if (!below(static_cast<int>(robot.mobility), 5) || !below(robot.r, kMaxSensors + 1) ||
-      !below(robot.bodies, kMaxBodies + 1))
+      dof(robot.mobility) + robot.r > kMaxReadings || !below(robot.bodies, kMaxBodies + 1))
     return false;
   bool exist = true;
   for (int i = 0; i < dof(robot.mobility); ++i) exist = exist && bar(robot.chain[i].bar);

@@ -15,8 +15,8 @@ enum class Status : int {
   not_measured = 5,    ///< the sensors do not determine what the law needs
   no_full_level = 6,   ///< the rods are too many, too few or unknown to be solved for one by one
   joint_limit = 7,     ///< a motor would have to pass one of its stops
-  not_converged = 8,   ///< the search ended with the loops open; whether any pose closes them is too
-  no_such_part = 9,    ///< a count or an index of the robot's data names a part that it has not
+  not_converged = 8,  ///< the search ended with the loops open; whether any pose closes them is too
+  no_such_part = 9,   ///< a count or an index of the robot's data names a part that it has not
 };
 
 /// What a status says, for people.

@@ -21,6 +21,7 @@ from truepose.calibration import Loss, ModelError
 from truepose.calibration_report import Assessment
 from truepose.exceptions import InputError
 from truepose.kinematics import Level
+from truepose.printing import say
 from truepose.robot import load
 from truepose.robot_file import path_of as robot_path
 from truepose.saving import Output
@@ -43,7 +44,7 @@ def run(
     out: Path | None,
     report: Path | None,
     sensors: str | None,
-    level: Level,
+    level: Level | None,
     loss: Loss,
     tuning: float | None,
     model_error: ModelError,
@@ -69,12 +70,10 @@ def run(
     if refused := [f"{log_file}: {finding.text}" for finding in findings if finding.refused]:
         raise RefusedError(refused)
     progress("log looked over")
-    guarded = level == "ideal" and model_error != "off"
+    guarded = (level or robot.finest_level) == "ideal" and model_error == "on"
     needed = calibration.memory(robot, len(log.lines), log.measured is not None, guarded)
     if needed > calibration.MUCH:  # before, not with the notes that come after
-        typer.echo(
-            f"{log_file}: {calibration.much_memory(robot, len(log.lines), needed)}", err=True
-        )
+        say(f"{log_file}: {calibration.much_memory(robot, len(log.lines), needed)}", err=True)
     notes = [finding.text for finding in findings]
     if log.unused:
         notes.insert(0, f"columns not used: {', '.join(log.unused)}")

@@ -81,7 +81,7 @@ def assess(
         return calibrate(robot, part.readings, **outside, **settings)
 
     def expected(by: Robot, part: Log, of: Registered | None) -> Expectation:
-        level = settings.get("level", "ideal")
+        level = settings.get("level")
         sigma = part.measured_sigma
         return expect(by, part.readings, part.measured, sigma, of, level=level)
 

@@ -164,8 +164,12 @@ def accuracy(
         ),
     ] = None,
     level: Annotated[
-        str, typer.Option(help="ideal: one rod per chain; full: every rod by itself.")
-    ] = "ideal",
+        str | None,
+        typer.Option(
+            help="ideal: one rod per chain; full: every rod by itself.",
+            show_default="full where it exists",
+        ),
+    ] = None,
     plot: Annotated[
         Path | None,
         typer.Option(help="Also draw a map of the first set's position σ (PNG, SVG, PDF)."),
@@ -210,7 +214,6 @@ class _Loss(StrEnum):
 
 
 class _ModelError(StrEnum):
-    auto = "auto"
     on = "on"
     off = "off"
 
@@ -245,8 +248,11 @@ def calibrate(
         str | None, typer.Option(help="Sensors that were read: a,b.", show_default="the file's")
     ] = None,
     level: Annotated[
-        _Level, typer.Option(help="One rod per chain, or every rod by itself.")
-    ] = _Level.ideal,
+        _Level | None,
+        typer.Option(
+            help="One rod per chain, or every rod by itself.", show_default="full where it exists"
+        ),
+    ] = None,
     loss: Annotated[_Loss, typer.Option(help="What gross errors cost.")] = _Loss.student,
     tuning: Annotated[
         float | None,
@@ -256,7 +262,7 @@ def calibrate(
     ] = None,
     model_error: Annotated[
         _ModelError, typer.Option(help="Allow for what the ideal level leaves out.")
-    ] = _ModelError.auto,
+    ] = _ModelError.on,
     measured_sigma: Annotated[
         str | None,
         typer.Option(
@@ -302,7 +308,7 @@ def calibrate(
                 out,
                 report,
                 sensors,
-                level.value,
+                None if level is None else level.value,
                 loss.value,
                 tuning,
                 model_error.value,

@@ -87,6 +87,7 @@ def true_rms(ran: Run) -> float:
 def effects(lines: list[Line]) -> Table:
     """What each effect takes from self-calibration with motors and θ."""
     rows = []
+    for line in lines:
         usual, calibrated, seen_usual, seen = (
             fixed(over_robots(each))
             for each in (line.usual, line.calibrated, line.seen_usual, line.seen)

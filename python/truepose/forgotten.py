@@ -119,8 +119,8 @@ def study(
             found.append(result)
             progress()
         excluded = sum(int((~np.isfinite(e).all(axis=1)).sum()) for one in found for e in one[2:])
-        each = [np.array([_rms(one[k]) for one in found]) for k in range(4)]
-        lines.append(Line(case, *each, excluded))
+        rms = [np.array([_rms(one[k]) for one in found]) for k in range(4)]
+        lines.append(Line(case, *rms, excluded))
     return lines
 
 

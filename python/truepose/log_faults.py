@@ -138,7 +138,7 @@ def _fit(robot: Robot, log: Log, readings: Array) -> Fit | None:
 
     outside = {"measured": log.measured, "measured_sigma": log.measured_sigma}
     try:
-        return calibrate(robot, readings, **outside, loss="student", model_error="on")
+        return calibrate(robot, readings, **outside, loss="student", level="ideal")
     except TrueposeError:
         return None
 

@@ -265,7 +265,7 @@ class RobotFile(Section):
     level: Literal["ideal", "full"] | None = Field(
         default=None,
         description="of the model: one rod per chain, or every rod by itself; without it, the "
-        "paper's kinematics and laws are ideal, and what states an accuracy is full where it can be",
+        "paper's kinematics and laws are ideal, what states an accuracy is full where it can be",
     )
     quantised: bool = Field(default=True, description="false: encoders and sensors have no counts")
     pattern: Pattern | None = None

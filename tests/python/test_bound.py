@@ -285,9 +285,7 @@ def test_the_ideal_level_never_states_too_little(h4, table2, robots_drawn, names
     box = robot.spec.workspace
     others = np.random.default_rng(5).uniform(box.minimum, box.maximum, (200, 4))
     count = robots_drawn // 2
-    ran = trials.run(
-        robot, table2, TOUCH_OFF, others, count, level="ideal", true_level=true_level
-    )
+    ran = trials.run(robot, table2, TOUCH_OFF, others, count, level="ideal", true_level=true_level)
     for error, stated in ((ran.error, ran.position(ran.bound)), (ran.held_out, None)):
         squares = ran.squares(error)
         claimed = (ran.stated[..., :3] ** 2).sum(axis=-1).mean() if stated is None else stated

@@ -145,7 +145,7 @@ def test_linearise_is_the_derivative_of_every_reading(equipped, level, anywhere,
 
 def test_where_nothing_stretches_one_rod_too_many_has_the_same_derivatives():
     robot, h = tp.load("par4"), 1e-6
-    x = robot.home + [0.05, 0.03, 0.02, 0.2]
+    x = robot.home + np.array([0.05, 0.03, 0.02, 0.2])
     _, H_xi = robot.linearise(x, level="full")
     for column, (name, parameter) in enumerate(robot.parameters.items()):
         moved = [robot.replace({name: parameter.value + s}) for s in (h, -h)]

@@ -17,7 +17,7 @@
 namespace truepose {
 
 struct CalibrationSettings {
-  int nuisances = 0;  ///< how many of the prior's last parameters are left_out's, independent
+  int nuisances = 0;      ///< how many of the prior's last parameters are left_out's, independent
   int registration = -1;  ///< first of the prior's kRegistration unknowns of a registration, or -1
   Loss loss = Loss::squares;
   double tuning = 0;

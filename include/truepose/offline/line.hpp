@@ -111,7 +111,7 @@ Outcome read(const Robot& robot, const Knowledge& known, const Pose& pose, const
 
 template <Mobility K, class Model>
 LineModel line_model() {
-  LineModel model{kDof<K>, &Model::template fkm<K>, &line_detail::read<K, Model>, nullptr,
+  LineModel model{kDof<K>,   &Model::template fkm<K>, &line_detail::read<K, Model>, nullptr,
                   &moved<K>, &registered<K>};
   if constexpr (kPaired<K>) model.left_out = &left_out<K>;
   return model;
