@@ -44,7 +44,7 @@ format: $(VENV)/developing
 # Each fuzz target under libFuzzer for SECONDS; what it learns stays in build/fuzz/corpus. An input that
 # breaks a promise is left in build/fuzz: hand it to the target again to see it break.
 SECONDS ?= 60
-FUZZ := kinematics full control
+FUZZ := kinematics full estimate control
 fuzz: $(VENV)/developing
 	@if command -v clang++-22 >/dev/null; then \
 	  cmake --preset fuzz -DPython_EXECUTABLE=$(abspath $(BIN))/python && cmake --build --preset fuzz && \

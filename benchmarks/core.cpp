@@ -145,6 +145,19 @@ int main(int argc, char** argv) {
                                   }));
   }
 
+  Robot rods = turned.robot;
+  rods.level = Level::full;
+  for (const Law law : {Law::joint, Law::weighted, Law::estimated}) {
+    const ControlSettings settings = settings_for(rods, law, FeedForward::full);
+    ControlState state;
+    rows.push_back(bench::measure(std::string("H4 control cycle rod by rod, ") +
+                                      kLawNames[static_cast<int>(law)] + ", full feed-forward",
+                                  kPoses, kRepeats, [&](int i) {
+                                    bench::keep(control<K>(rods, settings, turned.setpoint[i],
+                                                           turned.q_e[i], state, prior.weighing()));
+                                  }));
+  }
+
   const Robot truth = built(h4.robot);
   rows.push_back(bench::measure("H4 statics, 625 poses x 3 laws", 1, kRepeats, [&](int) {
     for (const Law law : kLaws) {

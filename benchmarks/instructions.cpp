@@ -53,6 +53,11 @@ COUNTED void f_control_estimated(const Robot& robot, const ControlSettings& sett
                                  const Weighing& weighing) {
   control<kH4>(robot, settings, setpoint, q_e, state, weighing);
 }
+COUNTED void f_control_estimated_full(const Robot& robot, const ControlSettings& settings,
+                                      const Setpoint& setpoint, const Extended& q_e,
+                                      ControlState& state, const Weighing& weighing) {
+  control<kH4>(robot, settings, setpoint, q_e, state, weighing);
+}
 COUNTED void f_forward_dynamics(const Robot& robot, const Pose& pose, const Joint& rate,
                                 Joint& acceleration) {
   forward_dynamics<kH4>(robot, pose, rate, Joint{}, acceleration);
@@ -72,7 +77,13 @@ int main() {
                         estimated = settings(Law::estimated),
                         full = settings_for(h4.robot, Law::redundant, FeedForward::full);
   mechanisms::Prior prior(h4.robot);
-  ControlState states[6];
+  ControlState states[7];
+  Robot rods = h4.robot;  // understood rod by rod, its axes 0.1° off
+  rods.level = Level::full;
+  for (int i = 0; i < 4; ++i) {
+    Chain& chain = rods.chain[i];
+    chain.axis = exp_so3(mechanisms::degrees(i % 2 == 0 ? 0.1 : -0.1) * chain.zero) * chain.axis;
+  }
   for (int i = 0; i < kPoses; ++i) {
     Joint out{}, near = h4.near[i], home = h4.robot.home, ups_near = ups.near[i];
     JointMatrix J;
@@ -92,6 +103,8 @@ int main() {
     f_control_weighted(h4.robot, weighted, h4.setpoint[i], h4.q_e[i], states[4], prior.weighing());
     f_control_estimated(h4.robot, estimated, h4.setpoint[i], h4.q_e[i], states[5],
                         prior.weighing());
+    f_control_estimated_full(rods, estimated, h4.setpoint[i], h4.q_e[i], states[6],
+                             prior.weighing());
     f_forward_dynamics(h4.robot, to_pose<kH4>(h4.x[i]), h4.setpoint[i].rate, out);
     f_ups_ikm(ups.robot, ups.x[i], out);
     f_ups_jacobian(ups.robot, ups.x[i], J);

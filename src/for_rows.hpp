@@ -1,9 +1,11 @@
-// Who does which row, and where do its results go? A batch is cut into equal parts, one for each
-// core that this process may use.
+// Who does which row, and where do its results go? A batch is shared out among the cores that this
+// process may use; Ctrl-C ends it.
 #pragma once
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
+#include <exception>
 #include <system_error>
 #include <thread>
 #include <vector>
@@ -12,6 +14,7 @@
 #endif
 
 #include "arrays.hpp"
+#include "signals.hpp"
 
 namespace truepose::python {
 
@@ -28,24 +31,48 @@ inline std::size_t available_cores() {
 }
 
 /// Calls f(i) for every row i < count, without the interpreter's lock, on all cores if there are
-/// many. f writes to row i alone, so that the results are the same on any number of threads.
+/// many: each takes the next few rows that nobody has taken. f writes to row i alone, so that the
+/// results are the same on any number of threads.
+/// @throws nb::python_error  a signal's handler raised; rows are then missing
 template <class F>
 void for_rows(std::size_t count, F&& f, std::size_t rows_per_thread = kRowsPerThread) {
   const nb::gil_scoped_release release;
-  const std::size_t parts =
-      std::max<std::size_t>(1, std::min(available_cores(), count / rows_per_thread));
-  const auto do_part = [&](std::size_t part) {
-    for (std::size_t i = count * part / parts; i < count * (part + 1) / parts; ++i) f(i);
+  const std::size_t threads = std::min(available_cores(), count / rows_per_thread);
+  const std::size_t few = std::max<std::size_t>(1, rows_per_thread / 16);
+  std::atomic<std::size_t> next = 0;
+  const auto work = [&](auto&& between) {
+    for (std::size_t start; (start = next.fetch_add(few)) < count;) {
+      for (std::size_t i = start; i < std::min(start + few, count); ++i) f(i);
+      between();
+    }
   };
   std::vector<std::thread> others;
-  others.reserve(parts - 1);
-  for (std::size_t part = 1; part < parts; ++part) try {
-      others.emplace_back(do_part, part);
+  others.reserve(threads);
+  while (others.size() + 1 < threads) try {
+      others.emplace_back(work, [] {});
     } catch (const std::system_error&) {  // no thread to be had: the work is done all the same
-      do_part(part);
+      break;
     }
-  do_part(0);
+  std::exception_ptr stopped;
+  try {
+    work(Signals{});
+  } catch (...) {
+    stopped = std::current_exception();
+    next = count;
+  }
   for (std::thread& other : others) other.join();
+  if (stopped) std::rethrow_exception(stopped);
+}
+
+/// The same one row after another: where a row depends on those before it.
+template <class F>
+void for_rows_in_order(std::size_t count, F&& f) {
+  const nb::gil_scoped_release release;
+  Signals signals;
+  for (std::size_t i = 0; i < count; ++i) {
+    f(i);
+    signals();
+  }
 }
 
 /// Work space of this thread, kept from row to row.

@@ -18,18 +18,21 @@
 
 #define TRUEPOSE_IDEAL(PREFIX, K)                                                                 \
   PREFIX template FkmResult fkm<K>(const Robot&, const Joint&, Pose&);                            \
+  PREFIX template FkmResult search<K>(const Robot&, const Joint&, Pose&, int);                    \
   PREFIX template Outcome linearise<K>(const Robot&, const Pose&, Extended&,                      \
                                        Matrix<kMaxReadings, kDof<K>>&, double*);                  \
   PREFIX template Estimate<K> estimate<K>(const Robot&, const Knowledge&, const Extended&, Pose&, \
-                                          double*);                                               \
+                                          double*, Parasitic*);                                   \
   PREFIX template Outcome fuse<K>(const Robot&, const Knowledge&, const ReadingCovariance&,       \
                                   const Matrix<kMaxReadings, kDof<K>>&, Fusion<K>&);
 
 #define TRUEPOSE_FULL(PREFIX, K)                                                                  \
   PREFIX template FullResult fkm_full<K>(const Robot&, const Joint&, FullPose&, FullClosure<K>&); \
-  PREFIX template FullResult ikm_full<K>(const Robot&, const Pose&, FullClosure<K>&);             \
+  PREFIX template FullResult ikm_full<K>(const Robot&, const Pose&, FullClosure<K>&, Parasitic*); \
   PREFIX template Outcome linearise_full<K>(const Robot&, const Pose&, Extended&,                 \
-                                            Matrix<kMaxReadings, kDof<K>>&, double*);
+                                            Matrix<kMaxReadings, kDof<K>>&, double*, Parasitic*); \
+  PREFIX template Estimate<K> estimate<K, FullModel>(const Robot&, const Knowledge&,              \
+                                                     const Extended&, Pose&, double*, Parasitic*);
 
 namespace truepose {
 TRUEPOSE_INSTANCES(extern)

@@ -18,6 +18,12 @@ void set_eccentricity(Part& part, const std::array<double, 4>& amplitude, double
   part.eccentricity.gear = gear;
 }
 
+/// The columns of ξ of a robot whose parts do not exist would lie in another's memory.
+const Robot& sound(const Robot& robot) {
+  if (!parts_exist(robot)) throw nb::value_error(describe(Status::no_such_part));
+  return robot;
+}
+
 void bind_robot(nb::module_& m) {
   nb::enum_<Mobility>(m, "Mobility")
       .value("planar_translation", Mobility::planar_translation)
@@ -44,12 +50,14 @@ void bind_robot(nb::module_& m) {
   nb::enum_<BarJoint>(m, "BarJoint")
       .value("pivots", BarJoint::pivots)
       .value("four_bar", BarJoint::four_bar);
+  nb::enum_<Level>(m, "Level").value("ideal", Level::ideal).value("full", Level::full);
   nb::enum_<FullKind>(m, "FullKind")
       .value("undescribed", FullKind::undescribed)
       .value("same", FullKind::same)
       .value("exists", FullKind::exists)
       .value("overconstrained", FullKind::overconstrained)
-      .value("loose", FullKind::loose);
+      .value("loose", FullKind::loose)
+      .value("elastic", FullKind::elastic);
   nb::class_<FullLevel>(m, "FullLevel")
       .def_ro("kind", &FullLevel::kind)
       .def_ro("rods", &FullLevel::rods)
@@ -121,6 +129,7 @@ void bind_robot(nb::module_& m) {
       .def_ro("assembly_sign", &Robot::assembly_sign)
       .def_rw("bar_joint", &Robot::bar_joint)
       .def_ro("full", &Robot::full)
+      .def_rw("level", &Robot::level)
       .def("chain", [](const Robot& robot, int i) { return robot.chain.at(i); })
       .def("set_chain", [](Robot& robot, int i, const Chain& chain) { robot.chain.at(i) = chain; })
       .def_ro("bodies", &Robot::bodies)
@@ -149,14 +158,14 @@ void bind_robot(nb::module_& m) {
            })
       .def("drawn_parameters",
            [](const Robot& drawn) {
-             Owned<double> xi({static_cast<std::size_t>(parameter_count(drawn))});
+             Owned<double> xi({static_cast<std::size_t>(parameter_count(sound(drawn)))});
              drawn_parameters(drawn, xi[0]);
              return xi.release();
            })
       .def("with_parameters",
            [](const Robot& drawn, const Row& xi) {
              Robot robot = drawn;
-             if (xi.shape(0) != static_cast<std::size_t>(parameter_count(drawn)))
+             if (xi.shape(0) != static_cast<std::size_t>(parameter_count(sound(drawn))))
                throw nb::value_error("one value for each column");
              set_parameters(drawn, xi.data(), robot);
              return robot;

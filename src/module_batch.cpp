@@ -5,17 +5,22 @@
 #include "arrays.hpp"
 #include "for_rows.hpp"
 #include "instances.hpp"
+#include "truepose/command.hpp"
 #include "truepose/full_linearise.hpp"
+#include "truepose/offline/assembly.hpp"
 
 namespace truepose::python {
 namespace {
 
 // `full` chooses the level of the model: every rod by itself, or the ideal one.
 
-auto batch_ikm(const Robot& robot, const Rows& x, bool full) {
-  return map_rows<Joint, Joint>(x, x.shape(1), [&](const Joint& at, Joint& q, std::size_t) {
-    return full ? ikm_full(robot, at, q) : ikm(robot, at, q);
-  });
+/// `own_mode`: only poses of the robot's own assembly mode, as a machine may be sent to.
+auto batch_ikm(const Robot& robot, const Rows& x, bool full, bool own_mode) {
+  const auto model = own_mode ? (full ? &command_full : &command)
+                     : full   ? static_cast<decltype(&command)>(&ikm_full)
+                              : static_cast<decltype(&command)>(&ikm);
+  return map_rows<Joint, Joint>(
+      x, x.shape(1), [&](const Joint& at, Joint& q, std::size_t) { return model(robot, at, q); });
 }
 
 auto batch_rkm(const Robot& robot, const Rows& x, bool full) {
@@ -25,15 +30,14 @@ auto batch_rkm(const Robot& robot, const Rows& x, bool full) {
 }
 
 auto batch_parasitic(const Robot& robot, const Rows& x) {
-  const std::size_t unknowns = robot.full.kind == FullKind::exists ? robot.full.unknowns : 0;
+  const std::size_t unknowns = robot.full.own() ? robot.full.unknowns : 0;
   const std::size_t n = x.shape(1), rest = unknowns > n ? unknowns - n : 0;
   return map_rows<Joint, Joint>(x, rest, [&](const Joint& at, Joint& turns, std::size_t) {
     return parasitic(robot, at, turns);
   });
 }
 
-/// `any_branch`: poses in another working or assembly mode than the robot's are answers too.
-auto batch_fkm(const Robot& robot, const Rows& q, const Rows& guess, bool full, bool any_branch) {
+auto batch_fkm(const Robot& robot, const Rows& q, const Rows& guess, bool full) {
   const std::size_t count = q.shape(0), n = q.shape(1);
   Owned<double> x({count, n}), residual({count});
   Owned<int> iterations({count});
@@ -41,8 +45,7 @@ auto batch_fkm(const Robot& robot, const Rows& q, const Rows& guess, bool full, 
   for_rows(count, [&](std::size_t i) {
     Joint pose = row<Joint>(guess, i);
     const Joint motors = row<Joint>(q, i);
-    FkmResult result = full ? fkm_full(robot, motors, pose) : fkm(robot, motors, pose);
-    if (any_branch && result.status == Status::branch_lost) result.status = Status::ok;
+    const FkmResult result = full ? fkm_full(robot, motors, pose) : fkm(robot, motors, pose);
     if (!result) pose.fill(NAN);
     std::memcpy(x[i], pose.data(), n * sizeof(double));
     outcomes.set(i, {result.status, result.chain});
@@ -51,6 +54,29 @@ auto batch_fkm(const Robot& robot, const Rows& q, const Rows& guess, bool full, 
   });
   return nb::make_tuple(x.release(), outcomes.status.release(), outcomes.chain.release(),
                         iterations.release(), residual.release());
+}
+
+/// Poses that close the loops at q, (m, n), and how many of the searches came to each, (m,).
+auto assembly_modes(const Robot& robot, const Joint& q, int starts, std::uint64_t seed) {
+  const std::size_t n = dof(robot.mobility);
+  return with_mobility(robot.mobility, [&](auto mobility) {
+    constexpr Mobility K = mobility();
+    std::vector<Pose> pose = random_starts<K>(robot, q, starts, seed);
+    std::vector<char> closed(pose.size());
+    for_rows(pose.size(), [&](std::size_t i) { closed[i] = closes(search<K>(robot, q, pose[i])); });
+    std::size_t count = 0;
+    for (std::size_t i = 0; i < pose.size(); ++i)
+      if (closed[i]) pose[count++] = pose[i];
+    pose.resize(count);
+    const AssemblyModes modes = distinct_modes<K>(robot, std::move(pose));
+    Owned<double> x({modes.pose.size(), n});
+    Owned<int> seen({modes.pose.size()});
+    for (std::size_t k = 0; k < modes.pose.size(); ++k) {
+      std::memcpy(x[k], to_coordinates<K>(modes.pose[k]).data(), n * sizeof(double));
+      *seen[k] = modes.seen[k];
+    }
+    return nb::make_tuple(x.release(), seen.release());
+  });
 }
 
 auto batch_jacobian(const Robot& robot, const Rows& x, bool full) {
@@ -153,9 +179,11 @@ double rod_shortfall(const Robot& robot, const Joint& x, int chain) {
 }  // namespace
 
 void bind_batch(nb::module_& m) {
-  m.def("ikm", &batch_ikm);
+  m.def("ikm", &batch_ikm, nb::arg("robot"), nb::arg("x"), nb::arg("full"),
+        nb::arg("own_mode") = false);
   m.def("rkm", &batch_rkm);
   m.def("fkm", &batch_fkm);
+  m.def("assembly_modes", &assembly_modes);
   m.def("parasitic", &batch_parasitic);
   m.def("jacobian", &batch_jacobian);
   m.def("linearise", &batch_linearise);
@@ -163,6 +191,7 @@ void bind_batch(nb::module_& m) {
   m.def("rod_rows", &rod_rows);
   m.def("full_rod_rows", &full_rod_rows);
   m.def("shortfall", &rod_shortfall);
+  m.def("stop", [](int more) { stopping += more; });
 }
 
 }  // namespace truepose::python

@@ -11,7 +11,6 @@
 #include "online.hpp"
 #include "truepose/offline/bound.hpp"
 #include "truepose/offline/calibrate.hpp"
-#include "truepose/offline/guarded.hpp"
 
 namespace truepose::python {
 namespace {
@@ -73,8 +72,9 @@ auto batch_gain(const Robot& robot, const Known& known, const Rows& x, bool full
           Matrix<kMaxReadings, kDof<K>> H_x;
           ReadingCovariance C;
           Fusion<K> fusion;
+          Parasitic rest;
           Outcome outcome = Level::template linearise<K>(robot, to_pose<K>(row<Joint>(x, i)), q_e,
-                                                         H_x, work.data());
+                                                         H_x, work.data(), rest);
           if (outcome)
             outcome = reading_covariance(robot, knowledge, work.data(),
                                          work.data() + e * parameter_count(robot), C);
@@ -97,54 +97,84 @@ auto batch_gain(const Robot& robot, const Known& known, const Rows& x, bool full
 auto batch_innovation(const Robot& robot, const Rows& q_e, const Rows& expected) {
   const std::size_t count = q_e.shape(0), width = q_e.shape(1);
   Owned<double> residual({count, width});
-  for (std::size_t i = 0; i < count; ++i) {
+  for_rows(count, [&](std::size_t i) {
     Extended difference{};
     innovation(robot, row<Extended>(q_e, i), row<Extended>(expected, i), difference);
     std::copy_n(difference.begin(), width, residual[i]);
-  }
+  });
   return residual.release();
 }
 
-LineModel model_of(const Robot& robot, bool full, bool guarded) {
-  if (guarded)
-    return with_mobility(robot.mobility, [](auto mobility) {
-      if constexpr (kPaired<mobility()>) return line_model<mobility(), GuardedModel>();
-      return line_model<mobility(), IdealModel>();
-    });
+LineModel model_of(const Robot& robot, bool full) {
   return with_level(robot, full, [](auto mobility, auto model) {
     return line_model<mobility(), decltype(model)>();
   });
 }
 
-/// @param guarded  the prior with GuardedModel's nuisances behind it, or nothing
-/// @param doubt    by how much χ² must fall for the guarded model to be believed; below 0: always
-auto run_calibration(const Robot& drawn, const Known& prior, const Known* guarded, int nuisances,
-                     double doubt, const std::vector<double>& mean, const Rows& q_e,
-                     const Rows& measured, const std::vector<double>& measured_sigma, Loss loss,
-                     double tuning, bool full) {
+RowMatrix homogeneous(const Frame& frame) {
+  RowMatrix T = RowMatrix::Identity(4, 4);
+  T.topLeftCorner(3, 3) = frame.R;
+  T.topRightCorner(3, 1) = frame.t;
+  return T;
+}
+Registration registration_from(const RowMatrix& base, const RowMatrix& marker) {
+  return {{base.topRightCorner(3, 1), base.topLeftCorner(3, 3)},
+          {marker.topRightCorner(3, 1), marker.topLeftCorner(3, 3)}};
+}
+
+/// Coordinates that a tracker is to measure at poses, (N, n); how they change with the pose's twist
+/// and with the registration, (N, n, n) and (N, n, kRegistration); what was measured less these;
+/// by what σ of θ grows, (N,).
+auto batch_seen(const Robot& robot, const RowMatrix& base, const RowMatrix& marker, const Rows& x,
+                const Rows& measured) {
+  const std::size_t count = x.shape(0), n = x.shape(1);
+  Owned<double> apart({count, n}), H_x({count, n, n}), H({count, n, std::size_t{kRegistration}}),
+      coordinates({count, n}), blunt({count});
+  const Registration by = registration_from(base, marker);
+  with_mobility(robot.mobility, [&](auto mobility) {
+    constexpr Mobility K = mobility();
+    for (std::size_t i = 0; i < count; ++i) {
+      const Seen<K> at = seen<K>(by, to_pose<K>(row<Joint>(x, i)));
+      const Joint residual = innovation<K>(at, row<Joint>(measured, i).data());
+      std::copy_n(residual.begin(), n, apart[i]);
+      *blunt[i] = at.blunt;
+      const double theta = std::atan2(at.Q(1, 0), at.Q(0, 0));
+      const Joint there = to_coordinates<K>({at.p, at.Q, theta});
+      std::copy_n(there.begin(), n, coordinates[i]);
+      for (std::size_t k = 0; k < n; ++k) {
+        std::copy_n(at.H_x[k].begin(), n, H_x[i] + k * n);
+        std::copy_n(at.H[k].begin(), kRegistration, H[i] + k * kRegistration);
+      }
+    }
+  });
+  return nb::make_tuple(coordinates.release(), apart.release(), H_x.release(), H.release(),
+                        blunt.release());
+}
+
+/// @param nuisances  how many of the prior's last parameters are what the ideal level leaves out
+/// @param registration  first of its unknowns in the prior, or -1
+auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
+                     const std::vector<double>& mean, const Rows& q_e, const Rows& measured,
+                     const Rows& measured_sigma, const RowMatrix& base, const RowMatrix& marker,
+                     int registration, Loss loss, double tuning, bool full) {
   const std::size_t count = q_e.shape(0), n = dof(drawn.mobility);
   CalibrationResult result;
-  bool believed = false;
   {
     nb::gil_scoped_release release;
-    ReadingLog log{static_cast<int>(count), q_e.data(), nullptr, {}};
+    ReadingLog log{static_cast<int>(count), q_e.data(), nullptr, nullptr,
+                   registration_from(base, marker)};
     if (measured.shape(0) > 0) {
       log.measured = measured.data();
-      std::copy(measured_sigma.begin(), measured_sigma.end(), log.measured_sigma.begin());
+      log.measured_sigma = measured_sigma.data();
     }
-    const LineModel model = model_of(drawn, full, false), guard = model_of(drawn, full, true);
+    const LineModel model = model_of(drawn, full);
     const Knowledge known = prior.view();
-    const CalibrationSettings settings{0, loss, tuning};
+    Signals signals;
+    CalibrationSettings settings;
+    settings.nuisances = nuisances, settings.registration = registration;
+    settings.loss = loss, settings.tuning = tuning;
+    settings.poll = [&] { signals(); };
     result = Calibrator(drawn, model, known, mean, log, settings).run();
-    if (guarded) {
-      const Knowledge all = guarded->view();
-      const CalibrationSettings with_nuisances{nuisances, loss, tuning};
-      Calibrator calibrator(drawn, guard, all, mean, log, with_nuisances);
-      const bool found = bool(result.outcome);
-      // A plain model that finds nothing has no say.
-      believed = doubt < 0 || !found || !(calibrator.promise(result) < doubt);
-      if (believed) result = calibrator.run(found ? &result : nullptr);
-    }
   }
   Owned<double> x({count, n}), chi2({count}), weight({count}), xi({result.xi.size()});
   Owned<int> status({count}), redundancy({count});
@@ -165,27 +195,37 @@ auto run_calibration(const Robot& drawn, const Known& prior, const Known* guarde
   return nb::make_tuple(static_cast<int>(result.outcome.status), result.iterations, xi.release(),
                         RowMatrix(result.covariance), x.release(), chi2.release(),
                         redundancy.release(), weight.release(), status.release(), result.cost,
-                        believed);
+                        homogeneous(result.start.base), homogeneous(result.start.marker),
+                        homogeneous(result.registration.base),
+                        homogeneous(result.registration.marker));
 }
 
 /// Root of the posterior covariance after visiting poses, (p, p) lower triangular.
-auto run_after_visiting(const Robot& robot, const Known& prior, const Rows& x, bool full,
-                        bool guarded) {
+/// @param known  further poses, each of them known to `sigma`
+auto run_after_visiting(const Robot& robot, const Known& prior, const Rows& x, const Rows& known,
+                        const std::vector<double>& sigma, bool full, int nuisances) {
   RowMatrix root;
   Outcome outcome;
   {
     nb::gil_scoped_release release;
-    std::vector<Pose> poses;
-    for (std::size_t i = 0; i < x.shape(0); ++i)
-      poses.push_back(with_mobility(
-          robot.mobility, [&](auto mobility) { return to_pose<mobility()>(row<Joint>(x, i)); }));
-    outcome = after_visiting(robot, model_of(robot, full, guarded), prior.view(), poses, root);
+    std::vector<Visit> visits;
+    const auto visit = [&](const Rows& rows, std::size_t i, Outside outside) {
+      const Pose pose = with_mobility(
+          robot.mobility, [&](auto mobility) { return to_pose<mobility()>(row<Joint>(rows, i)); });
+      visits.push_back({pose, outside});
+    };
+    for (std::size_t i = 0; i < x.shape(0); ++i) visit(x, i, {});
+    for (std::size_t i = 0; i < known.shape(0); ++i)
+      visit(known, i, {known.data() + i * known.shape(1), sigma.data()});
+    Signals signals;
+    outcome = after_visiting(robot, model_of(robot, full), prior.view(), nuisances, visits, root,
+                             [&] { signals(); });
   }
   return nb::make_tuple(root, static_cast<int>(outcome.status), outcome.chain);
 }
 
-/// Covariance of x̂ at every pose, (N, n, n); less the error at `touched` if that is one pose.
-auto batch_accuracy(const Robot& robot, const Known& known, const Rows& x, const Rows& touched,
+/// Covariance of x̂ at every pose, (N, n, n); less that at `reference` if that is one pose.
+auto batch_accuracy(const Robot& robot, const Known& known, const Rows& x, const Rows& reference,
                     bool full) {
   const std::size_t count = x.shape(0), n = x.shape(1);
   Owned<double> covariance({count, n, n});
@@ -196,10 +236,10 @@ auto batch_accuracy(const Robot& robot, const Known& known, const Rows& x, const
     const Knowledge knowledge = known.view();
     PoseError there;
     Outcome first;
-    const bool touch = touched.shape(0) > 0;
-    if (touch)
-      first = pose_error<K, Level>(robot, knowledge, to_pose<K>(row<Joint>(touched, 0)), scratch(0),
-                                   there);
+    const bool relative = reference.shape(0) > 0;
+    if (relative)
+      first = pose_error<K, Level>(robot, knowledge, to_pose<K>(row<Joint>(reference, 0)),
+                                   scratch(0), there);
     for_rows(
         count,
         [&](std::size_t i) {
@@ -214,7 +254,7 @@ auto batch_accuracy(const Robot& robot, const Known& known, const Rows& x, const
             P.setConstant(n, n, NAN);
           } else {
             P = here.by_noise;
-            if (touch) {
+            if (relative) {
               here.by_geometry -= there.by_geometry;
               P += there.by_noise;
             }
@@ -236,11 +276,11 @@ auto batch_observe(Online& online, const Rows& q_e, const Row& linearised) {
   Outcomes outcomes(count);
   with_level(drawn, online.full(), [&](auto mobility, auto model) {
     constexpr Mobility K = decltype(mobility)::value;
-    nb::gil_scoped_release release;
-    Learner learner = online.learner(drawn);
+    Lesson lesson(online, drawn);
+    Learner& learner = lesson.learner;
     const std::vector<double> about(linearised.data(), linearised.data() + linearised.shape(0));
     if (!about.empty()) learner.settings.linearised = about.data();
-    for (std::size_t i = 0; i < count; ++i) {
+    for_rows_in_order(count, [&](std::size_t i) {
       learner.pose = to_pose<K>(drawn.home);
       const Outcome outcome =
           observe<K, decltype(model)>(drawn, learner.settings, row<Extended>(q_e, i), learner.state,
@@ -250,8 +290,7 @@ auto batch_observe(Online& online, const Rows& q_e, const Row& linearised) {
       Joint at = to_coordinates<K>(learner.pose);
       if (!outcome) at.fill(NAN);
       std::copy_n(at.begin(), n, x[i]);
-    }
-    online.take(learner);
+    });
   });
   return nb::make_tuple(x.release(), outcomes.status.release(), outcomes.chain.release());
 }
@@ -269,6 +308,8 @@ void bind_calibration(nb::module_& m) {
   nb::class_<Online>(m, "Online")
       .def(nb::init<const Robot&, const Known&, std::vector<double>, RowMatrix, double, bool>())
       .def("observe", &batch_observe)
+      .def("resume", &Online::resume)
+      .def_prop_ro("memory", &Online::memory)
       .def_prop_ro("lines", &Online::lines)
       .def_prop_ro("left_out", &Online::left_out)
       .def_prop_ro("stopped_after", [](const Online& online) { return online.doubt().lines; })
@@ -279,9 +320,8 @@ void bind_calibration(nb::module_& m) {
   m.def("estimate", &batch_estimate);
   m.def("gain", &batch_gain);
   m.def("innovation", &batch_innovation);
-  m.def("calibrate", &run_calibration, "drawn"_a, "prior"_a, "guarded"_a.none(), "nuisances"_a,
-        "doubt"_a, "mean"_a, "q_e"_a, "measured"_a, "measured_sigma"_a, "loss"_a, "tuning"_a,
-        "full"_a);
+  m.def("calibrate", &run_calibration);
+  m.def("seen", &batch_seen);
   m.def("after_visiting", &run_after_visiting);
   m.def("accuracy", &batch_accuracy);
 }

@@ -103,11 +103,11 @@ auto batch_spoil(const Robot& robot, const Rows& exact, std::uint64_t seed) {
   const std::size_t count = exact.shape(0), width = exact.shape(1);
   Owned<double> values({count, width});
   Random random(seed);
-  for (std::size_t i = 0; i < count; ++i) {
+  for_rows_in_order(count, [&](std::size_t i) {
     Extended q_e = row<Extended>(exact, i);
     spoil(robot, random, q_e);
     std::memcpy(values[i], q_e.data(), width * sizeof(double));
-  }
+  });
   return values.release();
 }
 
@@ -150,12 +150,17 @@ auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSetti
   Outcome outcome;
   {
     nb::gil_scoped_release release;
+    Signals signals;
     const LoopExtras loop(nominal, known, effects, online);
     log.reserve(static_cast<std::size_t>((duration + hold) / settings.period) + 2);
     outcome = with_mobility(nominal.mobility, [&](auto mobility) {
       return simulate<mobility()>(
           nominal, truth, settings, Run{from, to, duration, hold, steps, seed}, start,
-          [&](const Sample& sample) { log.push_back(sample); }, loop.extras);
+          [&](const Sample& sample) {
+            log.push_back(sample);
+            signals();
+          },
+          loop.extras);
     });
   }
   const std::size_t count = log.size();
@@ -179,18 +184,24 @@ auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSetti
 
 inline constexpr double kWatched = 0.05;  ///< s at the end of a hold, in which a robot should rest
 
+bool at_limit(const Chain& chain, double torque) {
+  return chain.torque_limit > 0 && std::fabs(torque) >= chain.torque_limit;
+}
+
 /// From pose to pose in their order, the last one's friction and play carried on: true pose, (N,
-/// n), readings, (N, n + r), at the end of each hold, and the largest peak-to-peak motion of a
-/// coordinate over kWatched before. After a failure the robot is put at the
-/// next.
+/// n), readings, (N, n + r), at the end of each hold, the largest peak-to-peak motion of a
+/// coordinate over kWatched before, and the first motor that a torque limit held back, from 0, or
+/// -1. After a failure the robot is put at the next.
 auto run_visit(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
                const Known* known, const Effects& effects, Online* online, const Rows& x_d,
                double duration, double hold, int steps, const Joint& start, std::uint64_t seed) {
   const std::size_t count = x_d.shape(0), n = x_d.shape(1), e = n + nominal.r;
   Owned<double> x({count, n}), q_e({count, e}), swing({count});
+  Owned<int> saturated({count});
   Outcomes outcomes(count);
   {
     nb::gil_scoped_release release;
+    Signals signals;
     const LoopExtras extras(nominal, known, effects, online);
     with_mobility(nominal.mobility, [&](auto mobility) {
       constexpr Mobility K = mobility();
@@ -202,13 +213,17 @@ auto run_visit(const Robot& nominal, const Robot& truth, const ControlSettings& 
         Sample last{};
         Joint low{}, high{};
         const double end = duration + hold - std::min(kWatched, hold);
+        int& held = *saturated[i];
+        held = -1;
         const Outcome outcome =
             loop->move({from, to, duration, hold, steps, 0}, [&](const Sample& sample) {
+              signals();
               last = sample;
               const bool first = sample.time <= end;
               for (std::size_t k = 0; k < n; ++k) {
                 low[k] = first ? sample.x[k] : std::min(low[k], sample.x[k]);
                 high[k] = first ? sample.x[k] : std::max(high[k], sample.x[k]);
+                if (held < 0 && at_limit(nominal.chain[k], sample.torque[k])) held = k;
               }
             });
         outcomes.set(i, outcome);
@@ -226,7 +241,8 @@ auto run_visit(const Robot& nominal, const Robot& truth, const ControlSettings& 
       }
     });
   }
-  return nb::make_tuple(x.release(), q_e.release(), swing.release(), outcomes.status.release());
+  return nb::make_tuple(x.release(), q_e.release(), swing.release(), saturated.release(),
+                        outcomes.status.release());
 }
 
 }  // namespace

@@ -40,10 +40,32 @@ class Online {
                      doubt_};
     learner.work = work_.data();
     learner.robot = nominal;
+    learner.robot.level = drawn_.level;
     learner.pose = with_mobility(nominal.mobility,
                                  [&](auto mobility) { return to_pose<mobility()>(nominal.home); });
     return learner;
   }
+  /// What is neither ξ̂ nor its root: counts, doubts and the state that is kept.
+  std::vector<double> memory() const {
+    std::vector<double> all{double(due_),         double(lines_),         double(left_out_),
+                            doubt_.evidence,      double(doubt_.stopped), double(doubt_.suspect),
+                            double(doubt_.lines), double(doubt_.since)};
+    all.insert(all.end(), doubt_.blame.begin(), doubt_.blame.end());
+    all.insert(all.end(), kept_.begin(), kept_.end());
+    return all;
+  }
+  /// Goes on where another one was left, with its arrays and its memory.
+  void resume(const std::vector<double>& all) {
+    const std::size_t counts = 8, blames = doubt_.blame.size();
+    if (all.size() != counts + blames + kept_.size())
+      throw std::invalid_argument("the memory of another filter");
+    due_ = int(all[0]), lines_ = long(all[1]), left_out_ = long(all[2]);
+    doubt_.evidence = all[3], doubt_.stopped = all[4] != 0, doubt_.suspect = int(all[5]);
+    doubt_.lines = long(all[6]), doubt_.since = int(all[7]);
+    std::copy_n(all.begin() + counts, blames, doubt_.blame.begin());
+    std::copy_n(all.begin() + counts + blames, kept_.size(), kept_.begin());
+  }
+
   /// Remembers what is not in the arrays.
   void take(const Learner& learner) {
     due_ = learner.state.due;
@@ -71,6 +93,17 @@ class Online {
   Doubt doubt_;
   long lines_ = 0, left_out_ = 0;
   bool full_;
+};
+
+/// A learner at work; what it has learnt is remembered however the work ends.
+struct Lesson {
+  Online& online;
+  Learner learner;
+
+  Lesson(Online& of, const Robot& nominal) : online(of), learner(of.learner(nominal)) {}
+  ~Lesson() { online.take(learner); }
+  Lesson(const Lesson&) = delete;
+  Lesson& operator=(const Lesson&) = delete;
 };
 
 }  // namespace truepose::python

@@ -34,6 +34,7 @@ struct ControlState {
   Joint integral{};             ///< N·m
   Joint torque{};               ///< the last one commanded; held when a cycle fails
   Joint error{};                ///< ê_q of the last good cycle
+  Parasitic nearby;             ///< of a robot that is understood rod by rod, at x_d
 };
 
 /// Velocity of a quantised encoder as a drive estimates it: a tracking loop of second order (α-β
@@ -62,13 +63,14 @@ inline Outcome control(const Robot& robot, const ControlSettings& settings,
       !all_finite(setpoint.rate, n) || !all_finite(setpoint.acceleration, n))
     return {Status::not_finite, -1};
   Reference<K> reference;
-  Outcome outcome =
-      refer<K>(robot, settings.law, setpoint.x, reference, settings.damped_below, weighing);
+  Parasitic nearby = state.nearby;
+  Outcome outcome = refer<K>(robot, settings.law, setpoint.x, reference, settings.damped_below,
+                             weighing, &nearby);
   const Outcome regular = outcome;
   Joint error{}, error_rate{}, torque{};
   Pose found;
   if (outcome)
-    outcome = motor_error<K>(robot, settings.law, reference, q_e, error, found, weighing);
+    outcome = motor_error<K>(robot, settings.law, reference, q_e, error, found, weighing, nearby);
   if (!outcome) return outcome;
 
   // The rate of ê_q is the law's own map of the rates that it is made of: of the motors, of all
@@ -85,6 +87,7 @@ inline Outcome control(const Robot& robot, const ControlSettings& settings,
     desired = reference.jacobians.joint_rate(setpoint.rate);
   }
   ControlState next = state;
+  next.nearby = nearby;
   if (!next.started) {
     next.started = true;
     next.position = measured;

@@ -5,6 +5,7 @@
 #pragma once
 
 #include "truepose/fkm.hpp"
+#include "truepose/full.hpp"
 #include "truepose/knowledge.hpp"
 #include "truepose/linearise.hpp"
 #include "truepose/tej.hpp"
@@ -13,15 +14,20 @@ namespace truepose {
 
 inline constexpr int kEstimateIterations = 20;
 
-/// The model that an estimate rests on: one rod per chain (full_linearise.hpp has the other).
+/// (step/σ)² from which on a Gauss-Newton step is the last. Each squares the error that is left, up
+/// to a factor of a few: 1e-5 of a σ leaves less than 1e-8.
+inline constexpr double kLastStep = 1e-10;
+
+/// The model that an estimate rests on: one rod per chain (full_linearise.hpp has the other, to
+/// which `rest` is the start of a solution and its end).
 struct IdealModel {
   template <Mobility K>
   static Outcome linearise(const Robot& robot, const Pose& pose, Extended& q_e,
-                           Matrix<kMaxReadings, kDof<K>>& H_x, double* H_xi) {
+                           Matrix<kMaxReadings, kDof<K>>& H_x, double* H_xi, Parasitic&) {
     return truepose::linearise<K>(robot, pose, q_e, H_x, H_xi);
   }
   template <Mobility K>
-  static Status fkm(const Robot& robot, const Joint& q, Pose& pose) {
+  static Status fkm(const Robot& robot, const Joint& q, Pose& pose, Parasitic&) {
     return truepose::fkm<K>(robot, q, pose).status;
   }
 };
@@ -153,30 +159,29 @@ struct Estimate {
   explicit operator bool() const { return bool(outcome); }
 };
 
-/// Weighted Gauss-Newton on all readings, its weights taken at the pose that the motors give.
+/// Weighted Gauss-Newton on all readings from a pose, at which the weights are taken.
 ///
 /// @param known  about the robot's own parameter values
-/// @param pose   in: the guess; out: x̂
+/// @param pose   in: the start; out: x̂
 /// @param work   estimate_work(robot, known.count) doubles
-/// @return unreachable or singular where no pose is found; the pose is then the guess
-template <Mobility K, class Level = IdealModel>
-Estimate<K> estimate(const Robot& robot, const Knowledge& known, const Extended& q_e, Pose& pose,
-                     double* work) {
+/// @param rest   as of ikm_full, for the full level
+/// @param cap    steps
+/// @return not_converged, singular or unreachable where no pose is found; the pose is then the
+/// start
+template <Mobility K, class Level>
+Estimate<K> estimate_from(const Robot& robot, const Knowledge& known, const Extended& q_e,
+                          Pose& pose, double* work, Parasitic& rest, int cap) {
   constexpr int n = kDof<K>;
   const int rows = n + robot.r;
   Estimate<K> result;
-  if (!all_finite(q_e, rows)) return {{Status::not_finite, -1}};
-  Joint q{};
-  for (int i = 0; i < n; ++i) q[i] = q_e[i];
   Pose at = pose;
-  if (Level::template fkm<K>(robot, q, at) != Status::ok) at = pose;
-
   double *H_xi = work, *B = work + rows * parameter_count(robot);
   Extended expected;
   Matrix<kMaxReadings, n> H_x;
   ReadingCovariance C;
   Fusion<K> fusion;
-  result.outcome = Level::template linearise<K>(robot, at, expected, H_x, H_xi);
+  double last = INFINITY;
+  result.outcome = Level::template linearise<K>(robot, at, expected, H_x, H_xi, rest);
   if (result.outcome) result.outcome = reading_covariance(robot, known, H_xi, B, C);
   while (result.outcome) {
     result.outcome = fuse<K>(robot, known, C, H_x, fusion);
@@ -191,19 +196,45 @@ Estimate<K> estimate(const Robot& robot, const Knowledge& known, const Extended&
       for (int c = 0; c < rows; ++c) step[i] += fusion.gain[i][c] * residual[c];
       size = std::max(size, step[i] * step[i] / fusion.covariance[i][i]);
     }
-    if (size < 1e-16) {
+    if (!std::isfinite(size) || result.iterations == cap) {
+      result.outcome = {Status::not_converged, -1};
+      break;
+    }
+    ++result.iterations;
+    at = moved<K>(at, step);
+    // Where σ is nanometres, rounding alone makes larger steps: a thousandth of σ that hardly
+    // shrinks is as near as one gets.
+    if (size < kLastStep || (size < 1e-6 && size > 0.25 * last)) {
       for (int c = 0; c < rows; ++c) result.chi2 += whitened[c] * whitened[c];
       result.covariance = fusion.covariance;
       pose = at;
       return result;
     }
-    if (++result.iterations > kEstimateIterations || !std::isfinite(size)) {
-      result.outcome = {Status::unreachable, -1};
-      break;
-    }
-    at = moved<K>(at, step);
-    result.outcome = Level::template linearise<K>(robot, at, expected, H_x, nullptr);
+    last = size;
+    result.outcome = Level::template linearise<K>(robot, at, expected, H_x, nullptr, rest);
+    if (result.outcome.status == Status::unreachable)  // of this step's pose, not of the readings'
+      result.outcome = {Status::not_converged, -1};
   }
+  return result;
+}
+
+/// The same from the pose that the motors give.
+/// @param pose   in: a guess of that; out: x̂
+/// @param rest   nullptr: nothing is known beforehand
+template <Mobility K, class Level = IdealModel>
+Estimate<K> estimate(const Robot& robot, const Knowledge& known, const Extended& q_e, Pose& pose,
+                     double* work, Parasitic* rest = nullptr) {
+  constexpr int n = kDof<K>;
+  if (!all_finite(q_e, n + robot.r)) return {{Status::not_finite, -1}};
+  Joint q{};
+  for (int i = 0; i < n; ++i) q[i] = q_e[i];
+  Pose at = pose;
+  Parasitic own;
+  if (!rest) rest = &own;
+  if (Level::template fkm<K>(robot, q, at, *rest) != Status::ok) at = pose;
+  const Estimate<K> result =
+      estimate_from<K, Level>(robot, known, q_e, at, work, *rest, kEstimateIterations);
+  if (result) pose = at;
   return result;
 }
 

@@ -9,6 +9,12 @@
 // with u_i turning with the motor's axis (yaw and tilt; on a carriage the rods' own direction) and
 // u_i⁰ as drawn, fixed in the bar, or in the nacelle where there is no bar (R_bar = R). The ideal
 // level is R = R_z(θ), ψ_k = -θ.
+//
+// Where one rod is too many for the freedoms (8 on the 7 of a Par4's rigid four-bar nacelle), no
+// pose closes all loops but by luck. Then the rods are springs, all as stiff, and the mechanism
+// takes the pose of least energy ½kΣδ² in their stretches δ = f/L. There Σ δ ∂δ/∂z = 0 along every
+// freedom z, so that with D = diag(L) the closures are f = λ D²s, s normal to all columns of ∂f/∂z:
+// as many equations again as unknowns, the stress λ among them.
 #pragma once
 
 #include "truepose/jacobian.hpp"
@@ -22,7 +28,27 @@ struct FullPose : Pose {
 };
 
 /// The full pose that the ideal level takes a pose to be.
-inline FullPose to_full(const Pose& pose) { return {pose, {-pose.theta, -pose.theta}}; }
+inline FullPose to_full(const Pose& pose) {
+  FullPose full{pose};
+  full.psi.fill(-pose.theta);
+  return full;
+}
+
+/// What the full level adds to the ideal one at a pose. It changes slowly with the pose: a solution
+/// nearby starts from it.
+struct Parasitic {
+  bool known = false;
+  Mat3 tilt = Mat3::Identity();         ///< of the nacelle, base frame
+  std::array<double, kMaxBars> turn{};  ///< of every bar, against the base
+  Joint q{};                            ///< of the motors
+
+  FullPose beside(const Pose& pose) const {
+    FullPose full = to_full(pose);
+    full.R = tilt * pose.R;
+    for (int k = 0; k < kMaxBars; ++k) full.psi[k] += turn[k];
+    return full;
+  }
+};
 
 /// Rods of a robot whose every chain is a spatial parallelogram; the sizes of its full level.
 template <Mobility K>
@@ -44,13 +70,14 @@ struct FullClosure {
   FullPose pose;
   Joint q{};
   std::array<Driven, kDof<K>> driven;
-  std::array<Vec3, kRods<K>> v;      ///< A to B
-  std::array<Vec3, kRods<K>> lever;  ///< D to A
-  std::array<Vec3, kRods<K>> arm;    ///< pivot to A: turns with the bar
-  std::array<double, kRods<K>> f;    ///< (|v|² - L²)/2
-  std::array<double, kRods<K>> jq;   ///< ∂f/∂q
-  double cost = 0;                   ///< Σf²
-  double residual = 0;               ///< largest | |v| - L |, m
+  std::array<Vec3, kRods<K>> v;           ///< A to B
+  std::array<Vec3, kRods<K>> lever;       ///< D to A
+  std::array<Vec3, kRods<K>> arm;         ///< pivot to A: turns with the bar
+  std::array<double, kRods<K>> f;         ///< (|v|² - L²)/2
+  std::array<double, kRods<K>> jq;        ///< ∂f/∂q
+  std::array<double, kRods<K>> stress{};  ///< FullKind::elastic: D²s, of which f holds none
+  double cost = 0;                        ///< Σf²
+  double residual = 0;                    ///< largest | |v| - L |, m
 };
 
 /// Length of one rod of a pair, side = ±1.
@@ -156,9 +183,59 @@ inline bool bars_together(const Robot& robot, int bars) {
   return robot.bar_joint == BarJoint::four_bar && bars > 1;
 }
 
+/// Takes out of f the stretches that no freedom of the nacelle relieves, and says which they are.
+/// (AᵀA)⁻¹ of the freedoms' columns A projects on them; what is left of a unit vector is along s.
+template <Mobility K>
+inline void relax(const Robot& robot, FullClosure<K>& at) {
+  constexpr int N = kRods<K>, m = N - 1;
+  std::array<std::array<double, m>, N> A;
+  std::array<std::array<double, m>, m> normal{};
+  std::array<double, m> size;
+  for (int rod = 0; rod < N; ++rod) {
+    std::array<double, kMaxUnknowns> row;
+    full_row<K>(robot, at, rod, row);
+    row[6] += row[7];
+    std::copy_n(row.begin(), m, A[rod].begin());
+    for (int i = 0; i < m; ++i)
+      for (int j = 0; j <= i; ++j) normal[i][j] += A[rod][i] * A[rod][j];
+  }
+  for (int i = 0; i < m; ++i) size[i] = normal[i][i];
+  const Ldlt<m> factor(normal, size);
+  std::array<double, N> s{};
+  for (int k = 0; k < N; ++k) {  // s_k² is at least 1/N for one of them
+    std::array<double, m> x = A[k];
+    factor.solve(x);
+    for (int rod = 0; rod < N; ++rod) {
+      s[rod] = rod == k;
+      for (int j = 0; j < m; ++j) s[rod] -= A[rod][j] * x[j];
+    }
+    if (s[k] > 0.5 / N) break;
+  }
+  double held = 0, unit = 0;  // sᵀf and sᵀD²s
+  for (int rod = 0; rod < N; ++rod) {
+    const double length = at.driven[rod / 2].rod;
+    at.stress[rod] = length * length * s[rod];
+    held += s[rod] * at.f[rod];
+    unit += s[rod] * at.stress[rod];
+  }
+  at.cost = at.residual = 0;
+  for (int rod = 0; rod < N; ++rod) {
+    at.f[rod] -= held / unit * at.stress[rod];
+    at.cost += at.f[rod] * at.f[rod];
+    at.residual = std::max(at.residual, std::fabs(at.f[rod]) / at.driven[rod / 2].rod);
+  }
+}
+
+/// What is left to close: f of all rods, or what relax leaves of it.
+template <Mobility K>
+inline void open_loops(const Robot& robot, FullClosure<K>& at) {
+  place<K>(robot, at);
+  if constexpr (kRods<K> == kMaxUnknowns)
+    if (robot.full.kind == FullKind::elastic) relax<K>(robot, at);
+}
+
 /// Whether a robot has a full level of its own: counts its rods and freedoms, and the rank of the
-/// rods' rows at home. Where rods outnumber freedoms, 8 rods on the 7 freedoms of a Par4's rigid
-/// four-bar nacelle, no pose closes all loops but by luck.
+/// rods' rows at home.
 /// @return the outcome of the inverse model at home
 template <Mobility K>
 inline Outcome full_level(const Robot& robot, FullLevel& level) {
@@ -191,8 +268,9 @@ inline Outcome full_level(const Robot& robot, FullLevel& level) {
       level.kind = FullKind::loose;
       level.excess = level.unknowns - held;
     } else if (level.rods > level.unknowns) {
-      level.kind = FullKind::overconstrained;
       level.excess = level.rods - level.unknowns;
+      const bool relieved = level.excess == 1 && level.rods == kMaxUnknowns;
+      level.kind = relieved ? FullKind::elastic : FullKind::overconstrained;
     } else {
       level.kind = FullKind::exists;
       Matrix<kRods<K>, kRods<K>> square;
@@ -206,6 +284,7 @@ inline Outcome full_level(const Robot& robot, FullLevel& level) {
 
 /// Fills robot.full. Call after finish(); costs the ideal level nothing.
 inline Outcome finish_full(Robot& robot) {
+  if (!parts_exist(robot)) return {Status::no_such_part, -1};
   return with_mobility(robot.mobility,
                        [&](auto mobility) { return full_level<mobility()>(robot, robot.full); });
 }

@@ -27,9 +27,11 @@ inline bool stretched(const FullClosure<K>& at, int rod) {
 /// fkm.hpp: normal equations, a step that does not lower Σf² retried with Levenberg's damping,
 /// chord steps near the solution, at most kFkmIterations.
 /// @param system  columns(at, A): fills A;  move(at, step, trial): the state after the step
+/// @param closed  whether a start that closes the loops to rounding is taken as it is, its rank
+///                not asked for
 template <Mobility K, class System>
 TRUEPOSE_FLATTEN inline FullResult newton(const Robot& robot, const System& system,
-                                          FullClosure<K>& at) {
+                                          FullClosure<K>& at, bool closed = false) {
   constexpr int N = kRods<K>;
   FullResult result;
   double scale = 0;
@@ -38,44 +40,46 @@ TRUEPOSE_FLATTEN inline FullResult newton(const Robot& robot, const System& syst
       return {Status::unreachable, i, 0, 0};  // a rod of no length
     scale = std::max(scale, at.driven[i].rod);
   }
-  place<K>(robot, at);
+  open_loops<K>(robot, at);
   if (!std::isfinite(at.cost)) return {Status::not_finite, -1, 0, 0};
 
   const double rounding = 2e-15 * scale;
   FullClosure<K> trial;
   double damping = 0;
   bool regular = true;
-  do {
-    Rows<K> A;
-    system.columns(at, A);
-    Column<K> size;
-    for (int j = 0; j < N; ++j) size[j] = system.size(at, j);
-    const NormalEquations<N> square(A, size, damping);
-    regular = square.regular();
-    if (!regular) {
-      ++result.iterations;
-      damping = std::max(10 * damping, 1e-3);
-      continue;
-    }
-    do {
-      ++result.iterations;
-      const Column<K> step = square.solve(at.f);
-      system.move(at, step, trial);
-      place<K>(robot, trial);
-      if (!(trial.cost < at.cost)) {
+  if (!(closed && at.residual <= rounding)) do {
+      Rows<K> A;
+      system.columns(at, A);
+      Column<K> size;
+      for (int j = 0; j < N; ++j) size[j] = system.size(at, j);
+      const NormalEquations<N> square(A, size, damping);
+      regular = square.regular();
+      if (!regular) {
+        ++result.iterations;
         damping = std::max(10 * damping, 1e-3);
-        break;
+        continue;
       }
-      damping = damping > 1e-3 ? 0.1 * damping : 0;
-      at = trial;
-    } while (damping == 0 && at.residual > rounding && at.residual < 1e-9 * scale &&
-             result.iterations < kFkmIterations);
-    if (at.residual <= rounding || (damping > 0 && at.residual < 1e-13 * scale)) break;
-  } while (result.iterations < kFkmIterations && damping < 1e12);
+      do {
+        ++result.iterations;
+        const Column<K> step = square.solve(at.f);
+        system.move(at, step, trial);
+        open_loops<K>(robot, trial);
+        if (!(trial.cost < at.cost)) {
+          damping = std::max(10 * damping, 1e-3);
+          break;
+        }
+        damping = damping > 1e-3 ? 0.1 * damping : 0;
+        at = trial;
+      } while (damping == 0 && at.residual > rounding && at.residual < 1e-9 * scale &&
+               result.iterations < kFkmIterations);
+      if (at.residual <= rounding || (damping > 0 && at.residual < 1e-13 * scale)) break;
+    } while (result.iterations < kFkmIterations && damping < 1e12);
 
   result.residual = at.residual;
   if (!(at.residual < 1e-12 * scale)) {
-    result.status = Status::unreachable;
+    // Close, but crawling: towards a singular pose (fkm.hpp).
+    const bool crawls = at.residual < fkm_detail::kCrawls * scale && damping > 0;
+    result.status = crawls ? Status::singular : Status::not_converged;
   } else if (!regular) {
     result.status = Status::singular;
   } else {
@@ -91,11 +95,42 @@ TRUEPOSE_FLATTEN inline FullResult newton(const Robot& robot, const System& syst
   return result;
 }
 
+/// The rods' rows along the motion of full_row, in the columns that are unknown: bars that turn
+/// together are one, and a stress that nothing relieves is the last.
+template <Mobility K>
+inline void free_row(const Robot& robot, const FullClosure<K>& at, int rod,
+                     std::array<double, kMaxUnknowns>& row) {
+  full_row<K>(robot, at, rod, row);
+  if (robot.full.kind != FullKind::elastic) return;
+  row[6] += row[7];
+  row[7] = at.stress[rod];
+}
+
+/// The bars' turns and, in the place of a second, the stress, which is no motion.
+inline void turn_bars(const Robot& robot, const double* step, int count, FullPose& pose) {
+  if (robot.full.kind == FullKind::elastic) {
+    for (double& psi : pose.psi) psi += step[0];
+  } else {
+    for (int k = 0; k < count; ++k) pose.psi[k] += step[k];
+  }
+}
+
 /// Σ|v|²|r|² and the like: the diagonal of AᵀA if nothing cancelled, see column_sizes.
 template <Mobility K>
 inline double square_sum(const FullClosure<K>& at, const std::array<Vec3, kRods<K>>& r) {
   double sum = 0;
   for (int rod = 0; rod < kRods<K>; ++rod) sum += at.v[rod].squaredNorm() * r[rod].squaredNorm();
+  return sum;
+}
+
+/// Size² of the last columns, where nothing cancels.
+template <Mobility K>
+inline double bar_size(const Robot& robot, const FullClosure<K>& at, bool last) {
+  double sum = 0;
+  if (last && robot.full.kind == FullKind::elastic)
+    for (const double stress : at.stress) sum += stress * stress;
+  else
+    sum = square_sum<K>(at, at.arm);
   return sum;
 }
 
@@ -107,7 +142,7 @@ struct Forward {
   void columns(const FullClosure<K>& at, Rows<K>& A) const {
     std::array<double, kMaxUnknowns> row;
     for (int rod = 0; rod < kRods<K>; ++rod) {
-      full_row<K>(robot, at, rod, row);
+      free_row<K>(robot, at, rod, row);
       std::copy_n(row.begin(), kRods<K>, A[rod].begin());
     }
   }
@@ -117,7 +152,7 @@ struct Forward {
       for (const Vec3& v : at.v) sum += v.squaredNorm();
       return sum;
     }
-    return square_sum<K>(at, column < 6 ? at.lever : at.arm);
+    return column < 6 ? square_sum<K>(at, at.lever) : bar_size<K>(robot, at, column == 7);
   }
   void move(const FullClosure<K>& at, const Column<K>& step, FullClosure<K>& trial) const {
     trial.q = at.q;
@@ -126,7 +161,7 @@ struct Forward {
     trial.pose.R = exp_so3(Vec3(step[3], step[4], step[5])) * at.pose.R;
     trial.pose.theta = at.pose.theta;
     trial.pose.psi = at.pose.psi;
-    for (int k = 6; k < kRods<K>; ++k) trial.pose.psi[k - 6] += step[k];
+    turn_bars(robot, step.data() + 6, kRods<K> - 6, trial.pose);
   }
 };
 
@@ -146,7 +181,7 @@ struct Inverse {
   void columns(const FullClosure<K>& at, Rows<K>& A) const {
     std::array<double, kMaxUnknowns> row;
     for (int rod = 0; rod < kRods<K>; ++rod) {
-      full_row<K>(robot, at, rod, row);
+      free_row<K>(robot, at, rod, row);
       A[rod].fill(0);
       A[rod][rod / 2] = -at.jq[rod];
       hidden(at.pose.R, row, A[rod]);
@@ -166,7 +201,8 @@ struct Inverse {
                                               : at.driven[column].dB.squaredNorm());
       return sum;
     }
-    return square_sum<K>(at, column < n + tilts ? at.lever : at.arm);
+    if (column < n + tilts) return square_sum<K>(at, at.lever);
+    return bar_size<K>(robot, at, column == n + tilts + 1);
   }
   void move(const FullClosure<K>& at, const Column<K>& step, FullClosure<K>& trial) const {
     for (int i = 0; i < n; ++i) {
@@ -182,7 +218,7 @@ struct Inverse {
       const double off = at.pose.theta - std::atan2(R(1, 0), R(0, 0));
       trial.pose.R = rotation_z(off) * R;
     }
-    for (int k = n + tilts; k < kRods<K>; ++k) trial.pose.psi[k - n - tilts] += step[k];
+    turn_bars(robot, step.data() + n + tilts, kRods<K> - n - tilts, trial.pose);
   }
 };
 
@@ -193,6 +229,7 @@ inline auto with_full(const Robot& robot, Own&& own, Same&& same) {
   switch (robot.full.kind) {
     case FullKind::same: return same();
     case FullKind::exists:
+    case FullKind::elastic:
       if (robot.mobility == Mobility::translation)
         return own(std::integral_constant<Mobility, Mobility::translation>{});
       return own(std::integral_constant<Mobility, Mobility::schoenflies>{});
@@ -221,23 +258,45 @@ FullResult fkm_full(const Robot& robot, const Joint& q, FullPose& pose, FullClos
   if (result) {
     full_detail::Rows<K> A;
     forward.columns(closure, A);
-    if (determinant_sign<kRods<K>>(A) != robot.full.sign) result.status = Status::branch_lost;
+    if (robot.full.sign != 0 && determinant_sign<kRods<K>>(A) != robot.full.sign)
+      result.status = Status::branch_lost;
   }
   return result;
 }
 
+/// What a closure adds to the ideal level at its D and θ, where the ideal motors stand at q.
+template <Mobility K>
+inline Parasitic beyond_ideal(const FullClosure<K>& closure, const Pose& ideal, const Joint& q) {
+  Parasitic rest;
+  rest.known = true;
+  rest.tilt = closure.pose.R * ideal.R.transpose();
+  for (int k = 0; k < kMaxBars; ++k) rest.turn[k] = closure.pose.psi[k] + ideal.theta;
+  for (int i = 0; i < kDof<K>; ++i) rest.q[i] = closure.q[i] - q[i];
+  return rest;
+}
+
 /// Which motor positions, tilt and bars' turns hold D and θ (of a translation robot: D), all rods
 /// closed. Starts at the ideal inverse model.
+/// @param rest  in: what a pose nearby added to that model; out: what this one does, if ok
 template <Mobility K>
-FullResult ikm_full(const Robot& robot, const Pose& pose, FullClosure<K>& closure) {
+FullResult ikm_full(const Robot& robot, const Pose& pose, FullClosure<K>& closure,
+                    Parasitic* rest = nullptr) {
   Closure<K> ideal;
   const Outcome outcome = ikm<K>(robot, pose, ideal);
   if (!outcome) return {outcome.status, outcome.chain, 0, 0};
-  closure.pose = to_full(pose);
-  closure.q = ideal.q();
-  for (int i = 0; i < kDof<K>; ++i) closure.driven[i] = drive(robot.chain[i], closure.q[i]);
-  const FullResult result = full_detail::newton<K>(robot, full_detail::Inverse<K>{robot}, closure);
+  const Joint q = ideal.q();
+  FullResult result;
+  for (bool near = rest && rest->known;; near = false) {
+    closure.pose = near ? rest->beside(pose) : to_full(pose);
+    for (int i = 0; i < kDof<K>; ++i) {
+      closure.q[i] = near ? q[i] + rest->q[i] : q[i];
+      closure.driven[i] = drive(robot.chain[i], closure.q[i]);
+    }
+    result = full_detail::newton<K>(robot, full_detail::Inverse<K>{robot}, closure, near);
+    if (result || !near) break;
+  }
   closure.pose.theta = theta_of(closure.pose.R, pose.theta);
+  if (result && rest) *rest = beyond_ideal<K>(closure, pose, q);
   return result;
 }
 

@@ -64,19 +64,21 @@ inline void parameter_jacobian(const Robot& robot, const FullClosure<K>& at,
 
 /// q_e, H_x and H_ξ of the full level, as linearise() gives those of the ideal one: D and θ (of a
 /// translation robot: D) are held, the nacelle's tilt and its bars' turns follow.
+/// @param rest  as of ikm_full
 /// @return also no_full_level (robot.full)
 template <Mobility K>
 Outcome linearise_full(const Robot& robot, const Pose& pose, Extended& q_e,
-                       Matrix<kMaxReadings, kDof<K>>& H_x, double* H_xi) {
+                       Matrix<kMaxReadings, kDof<K>>& H_x, double* H_xi,
+                       Parasitic* rest = nullptr) {
   if constexpr (!kPaired<K>) {
     if (robot.full.kind != FullKind::same) return {Status::no_full_level, -1};
     return linearise<K>(robot, pose, q_e, H_x, H_xi);
   } else {
     using Inverse = full_detail::Inverse<K>;
     constexpr int n = kDof<K>, N = kRods<K>;
-    if (robot.full.kind != FullKind::exists) return {Status::no_full_level, -1};
+    if (!robot.full.own()) return {Status::no_full_level, -1};
     FullClosure<K> at;
-    const FullResult result = ikm_full<K>(robot, pose, at);
+    const FullResult result = ikm_full<K>(robot, pose, at, rest);
     if (!result) return {result.status, result.chain};
     Reading values;
     std::array<FullRow, kMaxSensors> rows;
@@ -99,7 +101,12 @@ Outcome linearise_full(const Robot& robot, const Pose& pose, Extended& q_e,
       q_e[n + k] = values[k];
       e_y[k].fill(0);
       if (on_chain(robot.sensor[k])) e_y[k][robot.sensor[k].chain] = rows[k].motor;
-      Inverse::hidden(at.pose.R, rows[k].z, e_y[k]);
+      FullRow& row = rows[k];
+      if (robot.full.kind == FullKind::elastic) {
+        row.z[6] += row.z[7];
+        row.z[7] = 0;  // stress is no motion
+      }
+      Inverse::hidden(at.pose.R, row.z, e_y[k]);
     }
 
     Matrix<kMaxReadings, N> S;
@@ -132,20 +139,22 @@ Outcome linearise_full(const Robot& robot, const Pose& pose, Extended& q_e,
 struct FullModel {
   template <Mobility K>
   static Outcome linearise(const Robot& robot, const Pose& pose, Extended& q_e,
-                           Matrix<kMaxReadings, kDof<K>>& H_x, double* H_xi) {
-    return linearise_full<K>(robot, pose, q_e, H_x, H_xi);
+                           Matrix<kMaxReadings, kDof<K>>& H_x, double* H_xi, Parasitic& rest) {
+    return linearise_full<K>(robot, pose, q_e, H_x, H_xi, &rest);
   }
   template <Mobility K>
-  static Status fkm(const Robot& robot, const Joint& q, Pose& pose) {
+  static Status fkm(const Robot& robot, const Joint& q, Pose& pose, Parasitic& rest) {
     if constexpr (!kPaired<K>) {  // the levels are one
       return truepose::fkm<K>(robot, q, pose).status;
     } else {
-      FullPose full = to_full(pose);
+      FullPose full = rest.beside(pose);
       FullClosure<K> closure;
       const Status status = fkm_full<K>(robot, q, full, closure).status;
       if (status == Status::ok) {  // D and θ are the coordinates; tilt and bars follow from them
         pose = full;
         pose.R = kTurnsAboutZ<K> ? rotation_z(pose.theta) : Mat3(Mat3::Identity());
+        Closure<K> ideal;
+        if (ikm<K>(robot, pose, ideal)) rest = beyond_ideal<K>(closure, pose, ideal.q());
       }
       return status;
     }

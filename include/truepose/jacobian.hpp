@@ -99,8 +99,9 @@ inline int assembly_sign(const Jacobians<K>& jacobians) {
 
 /// Fills what a robot derives from its own data (assembly_sign, limited). Call once after building
 /// it.
-/// @return that of its home: unreachable, singular, joint_limit
+/// @return no_such_part, or that of its home: unreachable, singular, joint_limit
 inline Outcome finish(Robot& robot) {
+  if (!parts_exist(robot)) return {Status::no_such_part, -1};
   return with_mobility(robot.mobility, [&](auto mobility) {
     constexpr Mobility K = mobility();
     Closure<K> closure;

@@ -14,15 +14,16 @@ struct Knowledge {
   Extended sigma{};              ///< σ of every reading's own error, > 0: Σ_s = diag(σ²)
 };
 
-/// The uncertain columns of `rows` rows of H_ξ, each row divided by its reading's σ. A column
-/// beyond parameter_count is one of a second such matrix, behind the first (GuardedModel).
+/// The uncertain columns of `rows` rows of H_ξ, each row divided by its reading's σ.
+/// @param last  how many of the last columns of B belong to no column of H_ξ: left as they are
 inline void gather(const Robot& robot, const Knowledge& known, const double* H_xi, int rows,
-                   double* B) {
+                   double* B, int last = 0) {
   const int width = parameter_count(robot);
-  for (int k = 0; k < known.count; ++k) {
-    const int column = known.column[k];
-    const double* H = H_xi + (column / width) * rows * width + column % width;
-    for (int i = 0; i < rows; ++i) B[i * known.count + k] = H[i * width] / known.sigma[i];
+  for (int i = 0; i < rows; ++i) {
+    const double* H = H_xi + i * width;
+    const double per_sigma = 1 / known.sigma[i];
+    for (int k = 0; k < known.count - last; ++k)
+      B[i * known.count + k] = per_sigma * H[known.column[k]];
   }
 }
 

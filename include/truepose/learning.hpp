@@ -4,6 +4,7 @@
 // one more line about ξ, and the controller believes in the robot at ξ̂ from then on.
 #pragma once
 
+#include "truepose/full_linearise.hpp"
 #include "truepose/online.hpp"
 
 namespace truepose {
@@ -30,7 +31,7 @@ struct Learner {
 /// One cycle. Bounded work, no allocation, no exception.
 /// @return what the filter made of the readings; ok also where they are no news, `stopped` from the
 /// cycle on in which it gave up: the robot is then the last good one
-template <Mobility K, class Model = IdealModel>
+template <Mobility K, class Model>
 inline Outcome learn(Learner& learner, const Extended& q_e) {
   const int rows = kDof<K> + learner.drawn->r;
   bool news = learner.lines + learner.left_out == 0;
@@ -46,6 +47,14 @@ inline Outcome learn(Learner& learner, const Extended& q_e) {
   if (outcome.status != Status::not_finite) learner.last = q_e;  // also a bad line is no news twice
   ++(outcome.status == Status::ok ? learner.lines : learner.left_out);
   return outcome;
+}
+
+/// The same at the level at which the robot is understood.
+template <Mobility K>
+inline Outcome learn(Learner& learner, const Extended& q_e) {
+  if constexpr (kPaired<K>)
+    if (learner.drawn->rod_by_rod()) return learn<K, FullModel>(learner, q_e);
+  return learn<K, IdealModel>(learner, q_e);
 }
 
 }  // namespace truepose

@@ -112,10 +112,11 @@ inline Outcome understand(const Robot& robot, const OnlineSettings& settings, co
   const Knowledge known{p, state.column, state.root, state.sigma};
   Joint q{};
   for (int i = 0; i < n; ++i) q[i] = q_e[i];
+  Parasitic rest;
   Status status = Status::ok;
   for (const Pose& from : {guess, to_pose<K>(robot.home)}) {
     line.pose = from;
-    status = Model::template fkm<K>(robot, q, line.pose);
+    status = Model::template fkm<K>(robot, q, line.pose, rest);
     if (status == Status::ok) break;
   }
   if (status != Status::ok) return {status, -1};
@@ -126,8 +127,8 @@ inline Outcome understand(const Robot& robot, const OnlineSettings& settings, co
     const bool last = steps == 1;
     Extended expected, residual;
     Matrix<kMaxReadings, n> H_x;
-    const Outcome outcome =
-        Model::template linearise<K>(robot, line.pose, expected, H_x, last ? work.H_xi : nullptr);
+    const Outcome outcome = Model::template linearise<K>(robot, line.pose, expected, H_x,
+                                                         last ? work.H_xi : nullptr, rest);
     if (!outcome) return outcome;
     innovation(robot, q_e, expected, residual);
     for (int c = 0; c < rows; ++c) {
@@ -177,6 +178,11 @@ inline void copy_state(OnlineState& state, bool back) {
   std::copy_n(back ? root : state.root, p * p, back ? state.root : root);
 }
 
+/// Whether readings fit no pose that was found.
+constexpr bool no_pose(Status status) {
+  return status == Status::unreachable || status == Status::not_converged;
+}
+
 /// One more line's say on whether the readings disagree. Where nothing speaks against them, the
 /// state as it was before this line is kept; where too much does, it is gone back to.
 inline void weigh_line(OnlineState& state, int readings, double log_ratio) {
@@ -223,7 +229,7 @@ inline Outcome observe(const Robot& drawn, const OnlineSettings& settings, const
   };
   Outcome outcome = understand(-1);
   if (!outcome) {
-    if (gated && outcome.status == Status::unreachable)
+    if (gated && online_detail::no_pose(outcome.status))
       online_detail::weigh_line(state, rows, kLineSays);
     return outcome;
   }

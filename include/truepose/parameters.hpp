@@ -5,6 +5,8 @@
 // fixed pose x, the motors following: ∂q/∂ξ, ∂r/∂ξ.
 #pragma once
 
+#include <cassert>
+
 #include "truepose/rkm.hpp"
 
 namespace truepose {
@@ -61,10 +63,12 @@ inline int parameter_count(const Robot& robot) {
 }
 inline int chain_column(int chain) { return chain * kChainParameters; }
 inline int bar_column(const Robot& robot, int bar) {
+  assert(bar >= 0 && bar < kMaxBars);  // or it would be a sensor's column: see parts_exist
   return dof(robot.mobility) * kChainParameters + bar;
 }
 inline int sensor_column(const Robot& robot, int sensor) {
-  return bar_column(robot, kMaxBars) + sensor * kSensorParameters;
+  assert(sensor >= 0 && sensor < robot.r);
+  return dof(robot.mobility) * kChainParameters + kMaxBars + sensor * kSensorParameters;
 }
 
 /// What a parameter moves, at fixed pose and fixed encoder reading.
@@ -77,18 +81,20 @@ struct Variation {
   double spacing = 0;        ///< of s between them
 };
 
-/// ∂q of a motor that stands still with its arm at p, by one of its encoder's amplitudes.
-inline double eccentric_reading(const Chain& chain, const Vec3& p, ChainParameter parameter) {
-  if (chain.actuator != Actuator::revolute) return 0;
+/// ∂q of a motor that stands still with its arm at p, by each of its encoder's amplitudes.
+inline std::array<double, 4> eccentric_reading(const Chain& chain, const Vec3& p) {
+  if (chain.actuator != Actuator::revolute) return {};
   const double position = std::atan2(chain.axis.cross(chain.zero).dot(p), chain.zero.dot(p));
-  const int which = static_cast<int>(parameter) - static_cast<int>(ChainParameter::eccentricity_c1);
-  return harmonics(chain.eccentricity, position)[which] / chain.eccentricity.gear;
+  std::array<double, 4> change = harmonics(chain.eccentricity, position);
+  for (double& entry : change) entry /= chain.eccentricity.gear;
+  return change;
 }
 
-/// @param p     P to B
-/// @param body  orientation of the body that carries A
+/// @param p         P to B
+/// @param body      orientation of the body that carries A
+/// @param eccentric  as of eccentric_reading
 inline Variation vary(const Chain& chain, const Vec3& p, const Mat3& body,
-                      ChainParameter parameter) {
+                      const std::array<double, 4>& eccentric, ChainParameter parameter) {
   Variation change;
   const auto unit = [&](ChainParameter first) -> Vec3 {
     return Vec3::Unit(static_cast<int>(parameter) - static_cast<int>(first));
@@ -113,7 +119,8 @@ inline Variation vary(const Chain& chain, const Vec3& p, const Mat3& body,
     case ChainParameter::eccentricity_s1:
     case ChainParameter::eccentricity_c2:
     case ChainParameter::eccentricity_s2:
-      change.motor = -eccentric_reading(chain, p, parameter);
+      change.motor = -eccentric[static_cast<std::size_t>(parameter) -
+                                static_cast<std::size_t>(ChainParameter::eccentricity_c1)];
       break;
   }
   if (parameter == ChainParameter::yaw || parameter == ChainParameter::tilt)
@@ -127,9 +134,10 @@ template <class Enter>
 inline void for_each_variation(const Robot& robot, int i, const Vec3& p, const Mat3& body,
                                const Vec3& lever, Enter&& enter) {
   const Chain& chain = robot.chain[i];
+  const std::array<double, 4> eccentric = eccentric_reading(chain, p);
   for (int k = 0; k < kChainParameters; ++k)
-    enter(chain_column(i) + k, vary(chain, p, body, static_cast<ChainParameter>(k)));
-  if (chain.bar >= 0 && chain.bar < kMaxBars) {  // the pivot moves along itself
+    enter(chain_column(i) + k, vary(chain, p, body, eccentric, static_cast<ChainParameter>(k)));
+  if (chain.bar >= 0) {  // the pivot moves along itself
     Variation change;
     change.A = lever.normalized();
     enter(bar_column(robot, chain.bar), change);

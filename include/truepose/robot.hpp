@@ -40,12 +40,15 @@ using Vec3 = Eigen::Vector3d;
 using Mat3 = Eigen::Matrix3d;
 
 inline constexpr int kMaxDof = 6;        ///< chains = motors = degrees of freedom n
-inline constexpr int kMaxSensors = 10;   ///< redundant readings r
-inline constexpr int kMaxReadings = 16;  ///< extended positions n + r
+inline constexpr int kMaxSensors = 12;   ///< redundant readings r
+inline constexpr int kMaxReadings = 16;  ///< extended positions n + r: of six motors, r <= 10
 inline constexpr int kMaxBodies = 8;     ///< rigid bodies of the nacelle
 inline constexpr int kMaxRods = 12;      ///< full level: two per spatial parallelogram
 inline constexpr int kMaxBars = 2;       ///< full level: lateral bars of the nacelle
 inline constexpr int kMaxUnknowns = 8;   ///< full level: pose and one angle per bar
+
+static_assert(kMaxReadings <= kMaxDof + kMaxSensors && kMaxRods == 2 * kMaxDof &&
+              kMaxUnknowns == 6 + kMaxBars);
 
 using Joint = std::array<double, kMaxDof>;          ///< anything of size n
 using Reading = std::array<double, kMaxSensors>;    ///< anything of size r
@@ -163,6 +166,9 @@ enum class BarJoint : int {
   four_bar = 1,  ///< bars and couplers are a planar four-bar: the bars turn together (Par4)
 };
 
+/// At which level of the model a robot is understood: one rod a chain, or every rod by itself.
+enum class Level : int { ideal = 0, full = 1 };
+
 /// Whether every rod can be solved for by itself (full.hpp).
 enum class FullKind : int {
   undescribed = 0,  ///< the robot does not say where its rods are (or finish_full was not called)
@@ -170,6 +176,7 @@ enum class FullKind : int {
   exists = 2,       ///< as many rods as freedoms, independent at home
   overconstrained = 3,  ///< `excess` rods too many: they fit by luck or under stress
   loose = 4,            ///< `excess` freedoms that no rod holds
+  elastic = 5,  ///< one rod too many: all stretch, equally stiff, by as little as closes the loops
 };
 
 struct FullLevel {
@@ -177,7 +184,10 @@ struct FullLevel {
   int rods = 0, bars = 0;
   int unknowns = 0;  ///< freedoms of the nacelle and its bars, the rods taken away
   int excess = 0;
-  int sign = 0;  ///< of the determinant at home: the assembly mode
+  int sign = 0;  ///< of the determinant at home: the assembly mode (0: not asked for)
+
+  /// Whether the rods are solved for by themselves, apart from the ideal level.
+  constexpr bool own() const { return kind == FullKind::exists || kind == FullKind::elastic; }
 };
 
 /// A robot and its sensors. Copyable; constant once built; shared freely between threads.
@@ -192,13 +202,40 @@ struct Robot {
   Joint home{};           ///< a pose well inside the workspace; default guess of the FKM
   int assembly_sign = 0;  ///< sign of det J_x at home (0: not asked for)
   BarJoint bar_joint = BarJoint::pivots;
-  bool limited = false;  ///< whether any motor has stops; filled by finish
-  FullLevel full;        ///< filled by finish_full
+  bool limited = false;        ///< whether any motor has stops; filled by finish
+  FullLevel full;              ///< filled by finish_full
+  Level level = Level::ideal;  ///< at which laws and learners understand it
+
+  /// Whether they solve for every rod by itself.
+  constexpr bool rod_by_rod() const { return level == Level::full && full.own(); }
 };
 
 constexpr int dof(Mobility mobility) {
   constexpr std::array<int, 5> sizes{2, 3, 3, 4, 6};
   return sizes[static_cast<std::size_t>(mobility)];
+}
+
+/// Whether a sensor of this kind sees one chain, whose index it must then have.
+constexpr bool of_chain(SensorKind kind) { return kind >= SensorKind::rod_in_plane; }
+
+/// Whether every count is within its capacity and every index names a part that the robot has:
+/// what all other functions take for granted. finish() asks it.
+inline bool parts_exist(const Robot& robot) {
+  const auto below = [](int index, int count) { return index >= 0 && index < count; };
+  const auto bar = [&](int index) { return index == -1 || below(index, kMaxBars); };
+  if (!below(static_cast<int>(robot.mobility), 5) || !below(robot.r, kMaxSensors + 1) ||
+      dof(robot.mobility) + robot.r > kMaxReadings || !below(robot.bodies, kMaxBodies + 1))
+    return false;
+  bool exist = true;
+  for (int i = 0; i < dof(robot.mobility); ++i) exist = exist && bar(robot.chain[i].bar);
+  for (int k = 0; k < robot.bodies; ++k) exist = exist && bar(robot.body[k].bar);
+  for (int k = 0; k < robot.r; ++k) {
+    const Sensor& sensor = robot.sensor[k];
+    const bool chain =
+        of_chain(sensor.kind) ? below(sensor.chain, dof(robot.mobility)) : sensor.chain == -1;
+    exist = exist && chain && bar(sensor.bar);
+  }
+  return exist;
 }
 
 /// Calls f with the mobility as a compile-time constant, so that sizes are known in the loops.

@@ -10,13 +10,15 @@ enum class Status : int {
   disagree = -2,       ///< readings disagree: not all of them, or none, were learnt from
   near_singular = -1,  ///< damped, as asked for: finite and bounded, not the exact law's answer
   ok = 0,              ///< converged / computed; the outputs are finite
-  unreachable = 1,     ///< no position of the mechanism closes the loops
+  unreachable = 1,     ///< no position of the mechanism closes the loops, and this is known
   singular = 2,        ///< J_x or J_q loses rank: the answer is not determined
   branch_lost = 3,     ///< closed, but in another working or assembly mode than the robot's
   not_finite = 4,      ///< an input is NaN or infinite
   not_measured = 5,    ///< the sensors do not determine what the law needs
   no_full_level = 6,   ///< the rods are too many, too few or unknown to be solved for one by one
   joint_limit = 7,     ///< a motor would have to pass one of its stops
+  not_converged = 8,  ///< the search ended with the loops open; whether any pose closes them is too
+  no_such_part = 9,   ///< a count or an index of the robot's data names a part that it has not
 };
 
 /// What a status says, for people.
@@ -33,6 +35,8 @@ constexpr const char* describe(Status status) {
     case Status::not_measured: return "not measured";
     case Status::no_full_level: return "no full level";
     case Status::joint_limit: return "beyond a joint limit";
+    case Status::not_converged: return "not converged";
+    case Status::no_such_part: return "no such part";
   }
   return "unknown status";
 }

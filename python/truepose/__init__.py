@@ -10,6 +10,7 @@ from truepose.errors import with_paper_errors
 from truepose.exceptions import InputError, PoseError, RobotFileError, TrueposeError
 from truepose.online import OnlineCalibration
 from truepose.redundancy import Estimate
+from truepose.registration import Registration
 from truepose.robot import Parameter, Robot, load, robots
 from truepose.simulations import Controller, Simulation, settle, simulate
 
@@ -23,6 +24,7 @@ __all__ = [
     "OnlineCalibration",
     "Parameter",
     "PoseError",
+    "Registration",
     "Robot",
     "RobotFileError",
     "Simulation",

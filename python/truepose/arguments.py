@@ -5,8 +5,42 @@ from __future__ import annotations
 import numbers
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from truepose.exceptions import InputError
+
+
+def check_real(values: object, name: str) -> None:
+    """Refuse what would lose its mask or its imaginary part on its way into the core.
+
+    Raises
+    ------
+    InputError
+        A masked array, or a list of them; complex numbers.
+    """
+    parts = values if isinstance(values, list | tuple) else (values,)
+    parts = [part for part in parts if isinstance(part, np.ndarray | np.generic)]
+    if any(isinstance(part, np.ma.MaskedArray) for part in parts):
+        raise InputError(f"{name}: a masked array: fill what is masked (NaN), or leave it out")
+    if any(map(np.iscomplexobj, parts)):
+        raise InputError(f"{name}: complex numbers: must be real")
+
+
+def numbers_of(values: ArrayLike, name: str) -> NDArray[np.float64]:
+    """Return real numbers as an array.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> numbers_of(np.ma.masked_invalid([0.1, np.nan]), "x")
+    Traceback (most recent call last):
+    truepose.exceptions.InputError: x: a masked array: fill what is masked (NaN), or leave it out
+    """
+    check_real(values, name)
+    try:
+        return np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: must be numbers") from None
 
 
 def check_seed(seed: int) -> int:

@@ -2,24 +2,65 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
+
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from truepose import _core
+from truepose.arguments import check_seed
 from truepose.build import Array
 from truepose.exceptions import InputError
 from truepose.robot import Robot
 
-_SAME = 1e-6  # m and rad: nearer solutions are one
+
+@dataclass(frozen=True, eq=False)
+class AssemblyModes:
+    """Poses that close every loop at the same motor positions; `len()` of them."""
+
+    x: Array  #: (m, n), nearest to home first; angles within ±π
+    seen: NDArray[np.intc]  #: (m,) how many of the searches came to each
+
+    def __len__(self) -> int:
+        return len(self.x)
+
+    def __iter__(self) -> Iterator[Array]:
+        return iter(self.x)
+
+    @property
+    def unseen(self) -> float:
+        """Probability that one more search that closes the loops comes to a mode not found yet.
+
+        Good and Turing's estimate: the share of the searches whose mode no other came to.
+        """
+        return float((self.seen == 1).sum() / max(self.seen.sum(), 1))
+
+    @property
+    def expected(self) -> float:
+        """How many modes there are, by those seen once and twice (Chao 1984, a lower bound).
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> AssemblyModes(np.zeros((5, 2)), np.array([9, 4, 1, 1, 2])).expected
+        5.5
+        """
+        once, twice = int((self.seen == 1).sum()), int((self.seen == 2).sum())
+        return len(self) + once * (once - 1) / (2 * (twice + 1))
 
 
-def assembly_modes(robot: Robot, q: ArrayLike, starts: int = 2000, seed: int = 0) -> Array:
+def assembly_modes(
+    robot: Robot, q: ArrayLike, starts: int = 50_000, seed: int = 0
+) -> AssemblyModes:
     """Find the poses that close every loop at given motor positions, by Newton from many starts.
 
-    The robot's own branch is one of them. The others have another sign of det J_x, or of an entry
-    of J_q, or lie behind a singularity: a robot that is assembled in one cannot reach another
-    without passing a singular pose. The search finds what its starts lead to: more starts may find
-    more, never fewer.
+    The robot's own pose is one of them. The others have another sign of det J_x, or of an entry of
+    J_q, or the same signs. Between two modes of different signs of det J_x every way passes a
+    singular pose; between modes of one sign a cuspidal robot goes without.
+
+    The search finds what its starts lead to: more starts may find more, never fewer. `seen` tells
+    how often each mode was found, `expected` how many modes that leaves to be found.
 
     Parameters
     ----------
@@ -27,14 +68,14 @@ def assembly_modes(robot: Robot, q: ArrayLike, starts: int = 2000, seed: int = 0
     q : array_like, shape (n,)
         Motor positions, rad or m.
     starts : int
-        Random guesses, drawn from three times the workspace box and from all orientations.
+        Random guesses, of all orientations, and of positions that the rods could reach from where q
+        holds their ends; the workspace box plays no part.
     seed : int
         The same seed gives the same guesses.
 
     Returns
     -------
-    ndarray, shape (m, n)
-        Poses, nearest to home first; angles within ±π.
+    AssemblyModes
 
     Raises
     ------
@@ -46,56 +87,13 @@ def assembly_modes(robot: Robot, q: ArrayLike, starts: int = 2000, seed: int = 0
     >>> import truepose as tp
     >>> robot = tp.load("five-bar")
     >>> modes = tp.assembly_modes(robot, robot.ikm(robot.home))
-    >>> len(modes), bool(abs(modes[0] - robot.home).max() < 1e-9)
-    (2, True)
+    >>> len(modes), bool(abs(modes.x[0] - robot.home).max() < 1e-9), modes.expected
+    (2, True, 2.0)
     """
     rows, lead = robot._rows(q, robot.n, "q", "raise")
     if lead:
         raise InputError(f"q: shape {(*lead, robot.n)}, must be ({robot.n},)")
     if not (isinstance(starts, int) and 1 <= starts <= 1_000_000):
         raise InputError(f"starts = {starts}: must be a whole number from 1 to 1000000")
-    guesses = np.vstack([robot.home, _guesses(robot, starts, np.random.default_rng(seed))])
-    motors = np.broadcast_to(rows, guesses.shape).copy()
-    x, status, _, _, _ = _core.fkm(robot._core, motors, guesses, False, True)
-    found: list[Array] = []
-    for pose in _wrapped(robot, x[status == 0]):
-        if not any(_distance(robot, pose, other) < _SAME for other in found):
-            found.append(pose)
-    found.sort(key=lambda pose: _distance(robot, pose, robot.home))
-    return np.array(found).reshape(-1, robot.n)
-
-
-def _angles(robot: Robot) -> Array:
-    return np.array([unit == "rad" for _, unit in robot.coordinates])
-
-
-def _guesses(robot: Robot, count: int, generator: np.random.Generator) -> Array:
-    if robot.spec.workspace is None:
-        raise InputError(f"{robot.name}: workspace: is missing from its file")
-    low, high = np.array(robot.spec.workspace.minimum), np.array(robot.spec.workspace.maximum)
-    angles = _angles(robot)
-    middle, half = (low + high) / 2, 1.5 * np.ptp([low, high], axis=0)
-    half[~angles] = half[~angles].max()  # a flat box has solutions above and below it too
-    middle[angles], half[angles] = 0.0, np.pi
-    return middle + half * generator.uniform(-1, 1, size=(count, robot.n))
-
-
-def _wrapped(robot: Robot, x: Array) -> Array:
-    """Bring θ to ±π; a rotation vector is there already."""
-    if robot.spec.mobility != "spatial":
-        angles = _angles(robot)
-        x[:, angles] = (x[:, angles] + np.pi) % (2 * np.pi) - np.pi
-    return x
-
-
-def _distance(robot: Robot, a: Array, b: Array) -> float:
-    """Largest difference of positions and, as a rotation, of orientations."""
-    angles = _angles(robot)
-    apart = np.abs(a - b)
-    if not angles.any():
-        return float(apart.max())
-    if robot.spec.mobility == "spatial":
-        turn = float(np.linalg.norm(_core.rotation(a[3:]) - _core.rotation(b[3:])))
-    else:
-        turn = float(np.abs((apart[angles] + np.pi) % (2 * np.pi) - np.pi).max())
-    return max(float(apart[~angles].max()), turn)
+    motors = [*rows[0], *[0.0] * (6 - robot.n)]
+    return AssemblyModes(*_core.assembly_modes(robot._core, motors, starts, check_seed(seed)))

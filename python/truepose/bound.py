@@ -7,9 +7,12 @@ from numpy.typing import ArrayLike
 
 from truepose import _core, knowledge
 from truepose.build import Array
-from truepose.exceptions import InputError
+from truepose.exceptions import InputError, PoseError
 from truepose.kinematics import Errors, Level
 from truepose.robot import Robot
+
+#: A pose known exactly counts with this share of the finest reading's σ: 0 has no inverse.
+EXACT = 1e-6
 
 
 def accuracy(
@@ -17,9 +20,12 @@ def accuracy(
     poses: ArrayLike,
     calibrated_on: ArrayLike | None = None,
     touch_off: ArrayLike | None = None,
-    level: Level = "ideal",
-    model_error: bool = False,
+    level: Level | None = None,
+    model_error: bool = True,
     errors: Errors = "raise",
+    *,
+    touch_sigma: ArrayLike | float = 0.0,
+    relative_to: ArrayLike | None = None,
 ) -> Array:
     """Covariance of the best estimate of x that the robot's sensors allow.
 
@@ -35,14 +41,19 @@ def accuracy(
     calibrated_on : array_like, shape (N, n), optional
         Poses at which the robot has calibrated itself before, by its own readings alone.
     touch_off : array_like, shape (n,), optional
-        A known pose, at which the error is taken to zero: what remains is the difference.
-    level : {"ideal", "full"}
-        One rod per chain, or every rod by itself.
+        A pose at which the robot has stood and been read, and which is known from outside.
+    level : {"ideal", "full"}, optional
+        One rod per chain, or every rod by itself; by default :attr:`Robot.finest_level`.
     model_error : bool
-        Whether to count what the ideal level leaves out of a real robot.
+        Whether to count, at the ideal level, what it leaves out of a real robot.
     errors : {"raise", "nan"}
         What to do with a pose that cannot be reached, or at which the readings do not determine x;
-        `calibrated_on` and `touch_off` are never such poses.
+        `calibrated_on`, `touch_off` and `relative_to` are never such poses.
+    touch_sigma : array_like, shape (n,), or float
+        σ to which `touch_off` is known, m or rad; 0: exactly.
+    relative_to : array_like, shape (n,), optional
+        A pose whose own estimate is taken off every other: what a display shows that is set to
+        zero there. No bound, for the two are estimated apart: a sensor more can make it worse.
 
     Returns
     -------
@@ -64,37 +75,60 @@ def accuracy(
     ...     print((1e3 * np.sqrt(np.trace(P[:, :3, :3], axis1=1, axis2=2).mean())).round(2))  # mm
     7.46
     0.86
+    >>> P = tp.accuracy(h4, poses, calibrated_on=poses, touch_off=h4.home)
+    >>> print((1e3 * np.sqrt(np.trace(P[:, :3, :3], axis1=1, axis2=2).mean())).round(2))
+    0.16
     """
     knowledge.require_uncertain(robot)
     model = robot.expected()
+    level = robot.finest_level if level is None else level
     full = model._is_full(level)
-    guard = model_error and not full
     rows, lead = model._rows(poses, model.n, "poses", errors)
-    known, nowhere = knowledge.knowledge(robot, level=level), np.zeros((0, model.n))
+    known = knowledge.knowledge(robot, level=level, error=model_error)
+    nowhere = np.zeros((0, model.n))
 
-    def bound(at: Array, touched: Array, lead: tuple[int, ...], errors: Errors, name: str) -> Array:
-        P, status, chain = _core.accuracy(model._core, known.core, at, touched, full)
+    def bound(at, lead, errors: Errors, name: str, reference: Array = nowhere) -> Array:
+        P, status, chain = _core.accuracy(model._core, known.core, at, reference, full)
         model._check("pose", at, lead, status, chain, errors, name)
         return P.reshape(*lead, model.n, model.n)
 
-    touched, root = nowhere, None
-    if touch_off is not None:
-        touched, shape = model._rows(touch_off, model.n, "touch_off", "raise")
+    def one(pose: ArrayLike | None, name: str) -> Array:
+        if pose is None:
+            return nowhere
+        at, shape = model._rows(pose, model.n, name, "raise")
         if shape:
-            raise InputError(f"touch_off: shape {np.shape(touch_off)}, must be ({model.n},)")
-        bound(touched, nowhere, (), "raise", "touch_off")
-    if calibrated_on is not None:
-        visited, shape = model._rows(calibrated_on, model.n, "calibrated_on", "raise")
-        prior = knowledge.knowledge(robot, guarded=True, level=level) if guard else known
+            raise InputError(f"{name}: shape {np.shape(pose)}, must be ({model.n},)")
+        bound(at, (), "raise", name)
+        return at
+
+    touched, reference = one(touch_off, "touch_off"), one(relative_to, "relative_to")
+    sigma = _touch_sigma(robot, touch_sigma)
+    if calibrated_on is not None or touch_off is not None:
+        visited, shape = model._rows(
+            nowhere if calibrated_on is None else calibrated_on, model.n, "calibrated_on", "raise"
+        )
+        guarded = model_error and not full
+        prior = knowledge.knowledge(robot, guarded=guarded, level=level, error=False)
         root, status, _ = _core.after_visiting(
-            model._core, prior.core, visited, full, prior.nuisances > 0
+            model._core, prior.core, visited, touched, sigma, full, prior.nuisances
         )
         if status:  # find the pose that it is about
-            bound(visited, nowhere, shape, "raise", "calibrated_on")
+            bound(visited, shape, "raise", "calibrated_on")
+            raise PoseError(
+                f"{robot.name}: model_error: {_core.describe(status)} at the full level"
+            )
         root = root[: prior.parameters, : prior.parameters]
-    if guard:
-        error = knowledge.model_error(robot)
-        known = knowledge.knowledge(robot, root, level=level, error=error)
-    elif root is not None:
-        known = knowledge.knowledge(robot, root, level=level)
-    return bound(rows, touched, lead, errors, "poses")
+        known = knowledge.knowledge(robot, root, level=level, error=model_error)
+    return bound(rows, lead, errors, "poses", reference)
+
+
+def _touch_sigma(robot: Robot, sigma: ArrayLike | float) -> list[float]:
+    """Return σ of a touched pose as the core takes it, each greater than 0."""
+    try:
+        sigmas = np.broadcast_to(np.asarray(sigma, dtype=float), (robot.n,))
+    except (TypeError, ValueError):
+        raise InputError(f"touch_sigma: must be a number or {robot.n} of them") from None
+    if not (np.isfinite(sigmas).all() and (sigmas >= 0).all()):
+        raise InputError(f"touch_sigma = {sigma}: must be 0 or greater (m or rad)")
+    exact = EXACT * knowledge.reading_sigma(robot).min()
+    return np.maximum(sigmas, exact).tolist()

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from truepose import _core
+from truepose.exceptions import RobotFileError
 from truepose.schema import Chain, RobotFile
 from truepose.schema_base import Section
 from truepose.schema_sensors import Encoder, Sensor
@@ -130,7 +131,13 @@ def _pair_drawn(spec: RobotFile, chain: Chain) -> Array:
         bar = spec.bar[chain.bar - 1]
         A += _core.rotation([0.0, 0.0, theta]) @ (bar.pivot * np.array(bar.direction))
     across = np.cross(chain.axis, A - chain.base)
-    return across / max(float(np.linalg.norm(across)), 1e-300)
+    length = float(np.linalg.norm(across))
+    if length < 1e-3 * float(np.linalg.norm(A - chain.base)):
+        raise RobotFileError(
+            f"{spec.name}: chain {spec.chain.index(chain) + 1}: its rail and its rods are parallel "
+            "at home: say which way the two rods lie apart (pair_axis = [x, y, z])"
+        )
+    return across / length
 
 
 def build(spec: RobotFile, sensors: tuple[Sensor, ...]) -> _core.Robot:

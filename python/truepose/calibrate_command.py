@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
-from truepose import calibration_figures, calibration_report, log_checks, logs, saving
+from truepose import (
+    calibration,
+    calibration_figures,
+    calibration_report,
+    log_checks,
+    logs,
+    prediction,
+    saving,
+)
 from truepose.calibration import Loss, ModelError
 from truepose.calibration_report import Assessment
 from truepose.exceptions import InputError
 from truepose.kinematics import Level
-from truepose.robot import Robot, load
+from truepose.printing import say
+from truepose.robot import load
+from truepose.robot_file import path_of as robot_path
+from truepose.saving import Output
 
 #: Calls of `progress` that :func:`run` makes.
 STEPS = 3 + calibration_report.STEPS
@@ -32,58 +44,98 @@ def run(
     out: Path | None,
     report: Path | None,
     sensors: str | None,
-    level: Level,
+    level: Level | None,
     loss: Loss,
     tuning: float | None,
     model_error: ModelError,
-    measured_sigma: float,
+    measured_sigma: str | None,
+    registration: str,
     touch_off: str | None,
     progress: Callable[[str], None],
+    force: bool = False,
 ) -> Assessment:
     """Read, look over, fit, try, write; nothing is written unless all went well."""
-    for path in (out, report):
-        if path is not None and not path.absolute().parent.is_dir():
-            raise InputError(f"{path}: cannot be written: no such folder")
+    inputs = (log_file, robot_path(robot_file))
+    robot_out = Output(out, "calibrated robot", "-o") if out else None
+    page_out = Output(report, "report", "--report") if report else None
+    saving.check(filter(None, (robot_out, page_out)), inputs, force)
     robot = load(robot_file)
     if sensors is not None:
-        robot = robot.with_sensors(*(name.strip() for name in sensors.split(",") if name.strip()))
-    at = None if touch_off is None else _pose(robot, touch_off)
+        robot = robot.with_sensors(*prediction.parse_set(robot, sensors))
+    sigma, angle_sigma = _sigmas(measured_sigma)
+    at = None if touch_off is None else prediction.parse_pose(robot, touch_off, "--touch-off")
     log = logs.read(robot, log_file)
     progress("log read")
     log, findings = log_checks.check(robot, log)
     if refused := [f"{log_file}: {finding.text}" for finding in findings if finding.refused]:
         raise RefusedError(refused)
     progress("log looked over")
+    guarded = (level or robot.finest_level) == "ideal" and model_error == "on"
+    needed = calibration.memory(robot, len(log.lines), log.measured is not None, guarded)
+    if needed > calibration.MUCH:  # before, not with the notes that come after
+        say(f"{log_file}: {calibration.much_memory(robot, len(log.lines), needed)}", err=True)
     notes = [finding.text for finding in findings]
     if log.unused:
         notes.insert(0, f"columns not used: {', '.join(log.unused)}")
-    result = calibration_report.assess(
-        robot,
-        log,
-        notes,
-        touch_off=at,
-        progress=progress,
-        level=level,
-        loss=loss,
-        tuning=tuning,
-        model_error=model_error,
-        measured_sigma=measured_sigma,
-    )
-    if report is not None:
-        saving.replace_file(report, calibration_figures.page(result, log_file.name, loss))
-    if out is not None:
-        result.fit.robot.save(out)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", ".* GB of memory")  # it was said
+        result = calibration_report.assess(
+            robot,
+            log,
+            notes,
+            touch_off=at,
+            progress=progress,
+            level=level,
+            loss=loss,
+            tuning=tuning,
+            model_error=model_error,
+            measured_sigma=sigma,
+            measured_angle_sigma=angle_sigma,
+            registration=registration,
+        )
+    contents = {}
+    if page_out:
+        contents[page_out] = calibration_figures.page(result, log_file.name, loss)
+    if robot_out:
+        contents[robot_out] = saving.text_of(result.fit.robot)
+    saving.write(contents, inputs, force)
     progress("written")
     return result
 
 
-def _pose(robot: Robot, text: str) -> np.ndarray:
-    """Read a pose from "x,y,z,θ", m and rad."""
-    try:
-        values = np.array([float(cell) for cell in text.split(",")])
-    except ValueError:
-        values = np.array([])
-    if len(values) != robot.n or not np.isfinite(values).all():
-        names = ",".join(name for name, _ in robot.coordinates)
-        raise InputError(f"--touch-off {text}: must be {robot.n} numbers {names} (m, rad)")
-    return values
+#: Units that people write after a σ: m or rad, and how much.
+_UNITS = {
+    "um": (0, 1e-6),
+    "µm": (0, 1e-6),
+    "mm": (0, 1e-3),
+    "m": (0, 1.0),
+    "mrad": (1, 1e-3),
+    "rad": (1, 1.0),
+    "deg": (1, np.pi / 180),
+    "°": (1, np.pi / 180),
+}
+
+
+def _sigmas(text: str | None) -> tuple[float | None, float | None]:
+    """Read σ of lengths and of angles, "0.02mm,0.01deg"; without a unit, m.
+
+    Examples
+    --------
+    >>> _sigmas("0.05deg"), _sigmas("2e-5")
+    ((None, 0.0008726646259971648), (2e-05, None))
+    """
+    result: list[float | None] = [None, None]
+    for part in text.split(",") if text is not None else ():
+        number = part.strip().rstrip("".join(_UNITS))
+        kind, factor = _UNITS.get(part.strip()[len(number) :] or "m", (0, np.nan))
+        try:
+            value = factor * float(number)
+        except ValueError:
+            value = np.nan
+        if not (0 < value < np.inf) or result[kind] is not None:
+            raise InputError(
+                f"--measured-sigma {text}: must be a length and an angle greater than 0, as "
+                f"0.02mm,0.01deg (units: {', '.join(_UNITS)})"
+            )
+        result[kind] = value
+    return result[0], result[1]

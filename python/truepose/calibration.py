@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
@@ -11,22 +12,24 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core, knowledge, log_checks, logs
+from truepose import registration as registrations
 from truepose.build import Array, columns
+from truepose.departure import Departure, departure
 from truepose.exceptions import InputError, PoseError, choose
 from truepose.kinematics import Level
+from truepose.registration import Registered, Registration
 from truepose.robot import Robot
 from truepose.schema import Calibration
 
-ModelError = Literal["auto", "on", "off"]
-MODEL_ERRORS: tuple[ModelError, ...] = ("auto", "on", "off")
-
-#: By how much χ² must fall when what the ideal level leaves out is allowed for, to be believed. It
-#: falls by 3 ± 2 for a robot whose axes are exact, by tens for one whose axes are 0.1° off.
-BETRAYED = 8.0
+ModelError = Literal["on", "off"]
+MODEL_ERRORS: tuple[ModelError, ...] = ("on", "off")
 Loss = Literal["squares", "huber", "student"]
 
 #: Default tuning of each loss: Huber's bend and Student's degrees of freedom.
 TUNING: dict[Loss, float] = {"squares": 0.0, "huber": 1.0, "student": 4.0}
+
+#: Memory that nobody expects to need, bytes: more is said before it is asked for.
+MUCH = 2e9
 
 #: Posterior over prior σ, up to which a parameter counts as identified, and as barely so.
 IDENTIFIED, BARELY = 0.3, 0.9
@@ -67,12 +70,13 @@ class Fit:
     residuals: Array  #: (N, n + r) read less expected
     chi2: Array  #: (N,) squared residuals of a line in units of σ, its pose fitted
     redundancy: Array  #: (N,) readings of a line beyond those that its pose takes
-    weights: Array  #: (N,) 1, or less where a robust loss found an outlier; 0: left out
+    weights: Array  #: (N,) about 1; below 0.1 where a robust loss found an outlier; 0: left out
     status: Array  #: (N,) "ok", or why a line was left out
     iterations: int
     cost: float  #: squared residuals and departures from the prior, in units of their σ
     guarded: bool  #: whether what the ideal level leaves out was allowed for
-    notes: tuple[str, ...] = ()  #: what was noticed in a table of readings, one line each
+    registration: Registered | None = None  #: of what was measured from outside, if anything was
+    notes: tuple[str, ...] = ()  #: what was noticed in the readings, one line each
 
     @property
     def parameters(self) -> dict[str, Learnt]:
@@ -87,6 +91,46 @@ class Fit:
     def outliers(self) -> Array:
         """Lines that count for less than a tenth."""
         return np.flatnonzero((self.weights < 0.1) & (self.status == "ok"))
+
+    @property
+    def departure(self) -> Departure:
+        """How far what was learnt is from the prior: whether the tolerances are too small."""
+        off = np.array([p.value - p.prior for p in self.parameters.values()])
+        return departure(off, self.covariance, self.prior_covariance)
+
+    def accuracy_seen(self, poses: ArrayLike) -> Array:
+        """Covariance of what a tracker is to see of this robot, (P, n, n): in the tracker's frame.
+
+        Of the marker where all readings, the calibrated geometry and the registration say that it
+        is. :func:`truepose.accuracy` of the calibrated robot is about the base's frame, which
+        readings and a tracker in a frame of its own see little of.
+
+        Parameters
+        ----------
+        poses : array_like, shape (P, n)
+            Reachable ones.
+        """
+        if self.registration is None:
+            raise InputError(f"{self.robot.name}: accuracy_seen: nothing was measured from outside")
+        robot, by = self.robot, self.registration
+        x, _ = robot._rows(poses, robot.n, "poses", "raise")
+        known = knowledge.knowledge(robot, level=self.level).core
+        gain, _, status, chain = _core.gain(robot._core, known, x, robot._is_full(self.level))
+        robot._check("pose", x, (len(x),), status, chain, "raise")
+        _, H_xi = robot.linearise(x, level=self.level)
+        every = list(robot.parameters)
+        view = by.see(robot, x)
+        H_mt, G = view.H, view.H_x @ gain
+        E = -G @ H_xi[:, :, [every.index(name) for name in self.names]]
+        shared = E @ by.cross @ H_mt.swapaxes(1, 2)
+        sigma = knowledge.reading_sigma(robot)
+        return (
+            E @ self.covariance @ E.swapaxes(1, 2)
+            + shared
+            + shared.swapaxes(1, 2)
+            + H_mt @ by.covariance @ H_mt.swapaxes(1, 2)
+            + (G * sigma**2) @ G.swapaxes(1, 2)
+        )
 
     def worst_known(self, count: int = 5) -> list[tuple[float, dict[str, float]]]:
         """Combinations of parameters that the readings say least of.
@@ -113,11 +157,13 @@ def calibrate(
     readings: ArrayLike | Mapping[str, ArrayLike],
     *,
     measured: ArrayLike | None = None,
-    measured_sigma: ArrayLike | float = 1e-5,
-    level: Level = "ideal",
+    measured_sigma: ArrayLike | float | None = None,
+    measured_angle_sigma: float | None = None,
+    registration: Literal["unknown", "known"] | Registration = "unknown",
+    level: Level | None = None,
     loss: Loss = "squares",
     tuning: float | None = None,
-    model_error: ModelError = "auto",
+    model_error: ModelError = "on",
 ) -> Fit:
     """Learn a robot's geometry from its own readings: maximum a posteriori, the poses unknown.
 
@@ -135,18 +181,26 @@ def calibrate(
         is looked over first; what was noticed is in ``notes``.
     measured : array_like, shape (N, n), optional
         Coordinates that something outside measured at these poses, NaN where it did not.
-    measured_sigma : array_like, shape (n,), or float
-        σ of those, m or rad.
-    level : {"ideal", "full"}
-        One rod per chain, or every rod by itself.
+    measured_sigma : float, or array_like, shape (n,) or (N, n), optional
+        σ of those: of lengths (m), or of every coordinate (m or rad). By default what a table's
+        columns measured_x_sigma, … say, else 0.02 mm.
+    measured_angle_sigma : float, optional
+        σ of measured angles, rad; 0.01° by default.
+    registration : {"unknown", "known"} or Registration
+        Of the frame that `measured` is in, and of the marker that was measured: unknown within wide
+        priors, learnt with the geometry and told in ``registration``; or, known, those of the base
+        and of the nacelle's reference point.
+    level : {"ideal", "full"}, optional
+        One rod per chain, or every rod by itself; by default :attr:`Robot.finest_level`, which is
+        full where the robot has it. The calibrated robot keeps it (:attr:`Robot.level`).
     loss : {"squares", "huber", "student"}
         What gross errors cost: their square, their size, or next to nothing.
     tuning : float, optional
         Huber's bend (1 by default) or Student's degrees of freedom (4).
-    model_error : {"auto", "on", "off"}
+    model_error : {"on", "off"}
         Whether to allow, at the ideal level, for what it leaves out: axis errors that tilt the
-        nacelle and turn its bars, by the file's tolerances. "auto": unless the readings show no
-        sign of it. Where it is allowed for, the calibrated robot's estimates count with it too.
+        nacelle and turn its bars, by the file's tolerances. Where it is allowed for, the calibrated
+        robot's estimates count with it too. "off" is for robots that are ideal, on paper.
 
     Returns
     -------
@@ -176,14 +230,16 @@ def calibrate(
             robot,
             log.readings,
             measured=log.measured if measured is None else measured,
-            measured_sigma=measured_sigma,
+            measured_sigma=log.measured_sigma if measured_sigma is None else measured_sigma,
+            measured_angle_sigma=measured_angle_sigma,
+            registration=registration,
             level=level,
             loss=loss,
             tuning=tuning,
             model_error=model_error,
         )
         notes += [finding.text for finding in log_checks.review(fit, log)]
-        return replace(fit, notes=tuple(notes))
+        return replace(fit, notes=(*notes, *fit.notes))
     names = knowledge.require_uncertain(robot)
     if loss not in TUNING:
         raise InputError(choose("loss", loss, TUNING))
@@ -193,30 +249,47 @@ def calibrate(
     rows, lead = robot._rows(readings, robot.n + robot.r, "readings", "nan")
     if len(lead) != 1 or len(rows) == 0:
         raise InputError(f"readings: shape {np.shape(readings)}, must be (N, {robot.n + robot.r})")
-    outside, outside_sigma = _measured(robot, measured, measured_sigma, len(rows))
+    outside, outside_sigma = registrations.outside(
+        robot, measured, measured_sigma, measured_angle_sigma, len(rows)
+    )
+    again = logs.repeated(rows, outside if len(outside) else None, robot.n)
+    if again.any():
+        rows = np.where(again[:, None] & (np.arange(rows.shape[1]) >= robot.n), np.nan, rows)
+        outside[again[: len(outside)]] = np.nan
+    begun = registrations.of(registration)
+    base, marker = begun.begin()
+    frames = begun.sigma(robot, outside) if len(outside) else np.zeros(12)
+    unknown = frames if frames.any() else None
     prior = robot.with_calibration(robot.spec.calibration)
     column = dict(columns(robot.spec, robot._sensors))
     mean = mean_of(robot)
 
     if model_error not in MODEL_ERRORS:
         raise InputError(choose("model_error", model_error, MODEL_ERRORS))
-    can_guard = level == "ideal" and model_error != "off" and bool(knowledge.left_out(robot))
-    guard = knowledge.knowledge(robot, guarded=True) if can_guard else None
+    level = robot.finest_level if level is None else level
+    full = robot._is_full(level)
+    guarded = not full and model_error == "on" and bool(knowledge.left_out(robot))
+    known = knowledge.knowledge(
+        robot, guarded=guarded, level=level, error=False, registration=unknown
+    )
+    if (needed := memory(robot, len(rows), len(outside) > 0, guarded)) > MUCH:
+        warnings.warn(much_memory(robot, len(rows), needed), stacklevel=2)
     found = _core.calibrate(
         robot._drawn,
-        knowledge.knowledge(robot).core,
-        guard.core if guard else None,
-        guard.nuisances if guard else 0,
-        BETRAYED if model_error == "auto" else -1.0,
+        known.core,
+        known.nuisances,
         mean,
         rows,
         outside,
         outside_sigma,
+        base,
+        marker,
+        -1 if unknown is None else len(names),
         getattr(_core.Loss, loss),
         tuning,
-        robot._is_full(level),
+        full,
     )
-    status, iterations, xi, covariance, x, chi2, redundancy, weights, lines, cost, guarded = found
+    status, iterations, xi, covariance, x, chi2, redundancy, weights, lines, cost, *placed = found
     if status:
         hint = "; gross errors? loss='student' bears them" if loss == "squares" else ""
         raise PoseError(
@@ -227,22 +300,23 @@ def calibrate(
                 else f"the search ended after {iterations} steps: {_core.describe(status)}{hint}"
             )
         )
+    covariance, registered = _apart(covariance, len(names), frames, placed)
     root = knowledge.root(robot, names)
     if not redundancy.any():
         raise InputError(
             f"{robot.name}: {len(rows)} lines of readings: nothing to learn from: none has a "
             "reading beyond those that its pose takes"
         )
-    error = knowledge.model_error(robot)
+    error = knowledge.model_error(robot) if guarded else ()
     learnt = calibration_of(
         {name: float(xi[column[name]]) for name in names},
         _cholesky(covariance),
         f"{int((lines == 0).sum())} poses, {', '.join(robot.sensors) or 'no sensor'}",
-        dict(zip(robot.readings, error.tolist(), strict=True)) if guarded else {},
+        dict(zip(robot.readings, map(float, error), strict=True)) if guarded else {},
     )
-    calibrated = robot.with_calibration(learnt)
+    calibrated = robot.with_calibration(learnt).with_level(level)
     expected = calibrated.extended(x, errors="nan", level=level)
-    return Fit(
+    fit = Fit(
         robot=calibrated,
         prior=prior,
         level=level,
@@ -258,7 +332,37 @@ def calibrate(
         iterations=iterations,
         cost=cost,
         guarded=guarded,
+        registration=registered if len(outside) else None,
+        notes=(f"{again.sum()} rows as an earlier one, digit for digit: each counts once",)
+        if again.any()
+        else (),
     )
+    believed = "the last calibration's σ" if robot.spec.calibration else "the tolerances"
+    return replace(fit, notes=tuple(fit.departure.doubt(believed)))
+
+
+def _apart(
+    joint: Array, count: int, sigma: Array, placed: list[Array]
+) -> tuple[Array, Registered | None]:
+    """Take the joint covariance of parameters and registration apart."""
+    covariance, cross, own = joint[:count, :count], np.zeros((count, 12)), np.zeros((12, 12))
+    if len(joint) > count:
+        cross, own = joint[:count, count:], joint[count:, count:]
+    base0, marker0, base, marker = placed
+    return covariance, Registered(base, marker, sigma, own, cross, (base0, marker0))
+
+
+def memory(robot: Robot, lines: int, measured: bool, guarded: bool) -> float:
+    """How many bytes a calibration takes at most, about: two linearisations of every line."""
+    unknowns = len(knowledge.uncertain(robot)) + 12 * measured
+    unknowns += len(knowledge.left_out(robot)) if guarded else 0
+    beyond = robot.r + robot.n * measured
+    return lines * (2 * (8 * (robot.n + beyond) * unknowns + 1400) + 8 * beyond * unknowns)
+
+
+def much_memory(robot: Robot, lines: int, needed: float) -> str:
+    """Say how much memory a calibration will take."""
+    return f"{robot.name}: {lines} lines of readings need about {1e-9 * needed:.1f} GB of memory"
 
 
 def mean_of(robot: Robot) -> Array:
@@ -292,22 +396,6 @@ def _looked_over(robot: Robot, table) -> tuple[logs.Log, list[str]]:
     if refused := [finding.text for finding in findings if finding.refused]:
         raise InputError(f"readings: {'; '.join(refused)}")
     return log, [finding.text for finding in findings]
-
-
-def _measured(robot: Robot, measured, sigma, count: int) -> tuple[Array, list[float]]:
-    """Outside measurements as the core takes them; none: no rows."""
-    if measured is None:
-        return np.zeros((0, robot.n)), []
-    rows, lead = robot._rows(measured, robot.n, "measured", "nan")
-    if lead != (count,):
-        raise InputError(f"measured: shape {np.shape(measured)}, must be ({count}, {robot.n})")
-    try:
-        sigmas = np.broadcast_to(np.asarray(sigma, dtype=float), (robot.n,))
-    except ValueError:
-        raise InputError(f"measured_sigma: must be a number or {robot.n} of them") from None
-    if not (np.isfinite(sigmas).all() and (sigmas > 0).all()):
-        raise InputError(f"measured_sigma = {sigma}: must be greater than 0 (m or rad)")
-    return rows, sigmas.tolist()
 
 
 def _cholesky(covariance: Array) -> Array:

@@ -8,6 +8,8 @@ from matplotlib.figure import Figure
 from truepose import calibration, calibration_report, report
 from truepose.calibration import Fit
 from truepose.calibration_report import Assessment, in_print
+from truepose.exceptions import one_line
+from truepose.saving import picture
 
 _COLOURS = {"before": "#b2182b", "after": "#2166ac", "held out": "#1b7837"}
 _VERDICTS = {"identified": "#1b7837", "barely": "#e08214", "not identified": "#b2182b"}
@@ -25,7 +27,7 @@ def page(result: Assessment, source: str, loss: str) -> str:
         "calibration.html.j2",
         robot=robot,
         fit=result.fit,
-        source=source,
+        source=one_line(source),
         loss=loss,
         lines=f"{counts} of {len(result.log.lines)} {result.log.word}s count",
         verdicts=calibration_report.verdicts(result.fit),
@@ -36,9 +38,9 @@ def page(result: Assessment, source: str, loss: str) -> str:
         barely=calibration.BARELY,
         tables={table.name: table for table in calibration_report.tables_of(result)},
         images={
-            "residuals": report.as_uri(report.svg(residuals(result))),
-            "accuracy": report.as_uri(report.svg(accuracy(result))),
-            "parameters": report.as_uri(report.svg(parameters(result.fit))),
+            "residuals": report.as_uri(picture(residuals(result), ".svg")),
+            "accuracy": report.as_uri(picture(accuracy(result), ".svg")),
+            "parameters": report.as_uri(picture(parameters(result.fit), ".svg")),
         },
         versions=report.versions(),
     )

@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from truepose import log_checks
+from truepose import log_checks, log_faults, registration
 from truepose.bound import accuracy
 from truepose.build import Array
 from truepose.calibration import Fit, calibrate
 from truepose.exceptions import PoseError, TrueposeError
 from truepose.expectation import Expectation, expect
 from truepose.logs import Log
+from truepose.registration import Registered
 from truepose.robot import Robot
-from truepose.tables import Table, number
+from truepose.tables import Cell, Table, fixed, number
 
 #: Every so many lines one is held out.
 FOLD = 5
 #: Calls of `progress` that :func:`assess` makes.
 STEPS = 3
+#: Errors of the marker as the tracker will see it, not of the pose in the base's frame.
+SEEN = "in the tracker's frame"
+HOW = ("absolute", "touched off", SEEN)
 #: Poses drawn from the workspace for the accuracy to come.
 POSES = 500
 
@@ -59,32 +63,42 @@ def assess(
     log : Log
         Looked over by :func:`truepose.log_checks.check`, which made the `notes`.
     touch_off : ndarray, shape (n,), optional
-        Pose at which the error is set to zero; home by default.
+        Pose that the accuracy to come takes for known from outside; home by default.
     progress : callable
         Is told what was done, `STEPS` times.
     **settings
-        Of :func:`truepose.calibrate`: level, loss, tuning, measured_sigma.
+        Of :func:`truepose.calibrate`: level, loss, tuning, …; what it takes of a table is the
+        log's.
     """
+    given, angle = (settings.pop(f"measured_{of}", None) for of in ("sigma", "angle_sigma"))
+    if log.measured is not None:
+        given = log.measured_sigma if given is None else given
+        sigma = registration.sigmas(robot, given, angle, len(log.lines))
+        log = replace(log, measured_sigma=sigma)
 
     def fitted(part: Log) -> Fit:
-        return calibrate(robot, part.readings, measured=part.measured, **settings)
+        outside = {"measured": part.measured, "measured_sigma": part.measured_sigma}
+        return calibrate(robot, part.readings, **outside, **settings)
 
-    of_log = {"level": settings.get("level", "ideal")}
-    sigma = settings.get("measured_sigma", 1e-5)
+    def expected(by: Robot, part: Log, of: Registered | None) -> Expectation:
+        level = settings.get("level")
+        sigma = part.measured_sigma
+        return expect(by, part.readings, part.measured, sigma, of, level=level)
+
     fit = fitted(log)
     progress("fit")
     measured = log.measured
     model = fit.prior.expected()
-    before = expect(model, log.readings, measured, sigma, **of_log)
-    after = expect(fit.robot, log.readings, measured, sigma, **of_log)
+    seen = fit.registration
+    before = expected(model, log, seen and seen.begun())
+    after = expected(fit.robot, log, seen)
     held_out = np.full_like(after.residual, np.nan)
     lines = np.arange(len(log.lines))
     out = lines % FOLD == FOLD - 1
     if out.any():
         try:
-            part = fitted(log.only(~out)).robot
-            outside = None if measured is None else measured[out]
-            held_out[out] = expect(part, log.readings[out], outside, sigma, **of_log).residual
+            part = fitted(log.only(~out))
+            held_out[out] = expected(part.robot, log.only(out), part.registration).residual
         except TrueposeError as error:
             notes = [*notes, f"held-out lines: {error}"]
     progress("held-out lines")
@@ -95,6 +109,9 @@ def assess(
         reached = np.isfinite(known.ikm(poses, errors="nan", level=fit.level)).all(axis=1)
         for how, at in (("absolute", None), ("touched off", touch)):
             predicted[when, how] = accuracy(known, poses[reached], touch_off=at, level=fit.level)
+    if seen is not None and seen.sigma.any():
+        reached = np.isfinite(fit.robot.ikm(poses, errors="nan", level=fit.level)).all(axis=1)
+        predicted["after", SEEN] = fit.accuracy_seen(poses[reached])
     progress("accuracy")
     outside = () if measured is None else tuple(f"measured_{c}" for c, _ in robot.coordinates)
     review = [finding.text for finding in log_checks.review(fit, log)]
@@ -109,7 +126,7 @@ def assess(
         where=where,
         poses=poses,
         accuracy=predicted,
-        notes=(*notes, *review),
+        notes=(*notes, *review, *fit.notes),
     )
 
 
@@ -158,7 +175,7 @@ def in_print(robot: Robot, name: str) -> tuple[float, str]:
     if owner in by_name:
         if key == "gain" or key.split(".")[0] in ("direction", "normal", "axis", "up"):
             return kinds[""]
-        lengths = log_checks.LENGTHS
+        lengths = log_faults.LENGTHS
         return kinds["m" if by_name[owner] in lengths or key.count(".") else "rad"]
     if key in ("yaw", "tilt"):
         return kinds["rad"]
@@ -168,17 +185,23 @@ def in_print(robot: Robot, name: str) -> tuple[float, str]:
     return kinds["m"]
 
 
+def _named(what: str, name: str, unit: str) -> Cell:
+    """Name a row for people in print units; its data are SI."""
+    si = {"mm": "m", "°": "rad"}.get(unit, "")
+    return Cell(f"{name} ({unit})" if unit else name, {what: name, "unit": si})
+
+
 def residuals(result: Assessment) -> Table:
     """RMS of each sensor against what the motors predict; the last column with poses fitted."""
     rows, good = [], counted(result)
-    n = result.fit.robot.n
+    n, seen = result.fit.robot.n, result.fit.registration
+    outside = seen and seen.see(result.fit.robot, result.fit.x, result.log.measured).residual
     for k, name in enumerate(result.names):
         factor, unit = in_print(result.fit.robot, name)
         fitted = (
             result.fit.residuals[:, n + k]
             if k < result.fit.robot.r
-            else result.log.measured[:, k - result.fit.robot.r]
-            - result.fit.x[:, k - result.fit.robot.r]
+            else outside[:, k - result.fit.robot.r]
         )
         values = [
             _rms(result.before.residual[:, k], good),
@@ -189,8 +212,8 @@ def residuals(result: Assessment) -> Table:
         ]
         if values[0] is None and values[1] is None:
             continue
-        cells = [number(None if v is None else factor * v) for v in values]
-        rows.append([f"{name} ({unit})", *cells])
+        cells = [number(None if v is None else factor * v, data=v) for v in values]
+        rows.append([_named("reading", name, unit), *cells])
     header = ["rms residual", "before", "after", "held out", "expected", "pose fitted"]
     return Table("residuals", "Each reading against its prediction by the motors", header, rows)
 
@@ -200,14 +223,13 @@ def parameters(fit: Fit) -> Table:
     rows = []
     for name, p in fit.parameters.items():
         factor, unit = in_print(fit.robot, name)
-        values = (p.value, p.prior, p.prior_sigma, p.sigma)
         cells = [
-            f"{factor * p.value:.4f}",
-            f"{factor * (p.value - p.prior):+.4f}",
-            *(f"{factor * v:.4f}" for v in values[2:]),
-            f"{p.ratio:.2f}",
+            Cell(f"{factor * p.value:.4f}", p.value),
+            Cell(f"{factor * (p.value - p.prior):+.4f}", p.value - p.prior),
+            *(Cell(f"{factor * v:.4f}", v) for v in (p.prior_sigma, p.sigma)),
+            fixed(p.ratio),
         ]
-        rows.append([f"{name} ({unit})" if unit else name, *cells, p.verdict])
+        rows.append([_named("parameter", name, unit), *cells, p.verdict])
     header = ["parameter", "value", "less prior", "prior σ", "σ", "σ / prior σ", "verdict"]
     return Table("parameters", "Parameters", header, rows)
 
@@ -224,7 +246,8 @@ def worst(fit: Fit, count: int = 5) -> Table:
     rows = []
     for ratio, terms in fit.worst_known(count):
         text = " ".join(f"{v:+.2f} {name}" for name, v in terms.items())
-        rows.append([f"{ratio:.3f}", text.removeprefix("+")])
+        exact = " ".join(f"{float(v)!r} {name}" for name, v in terms.items())
+        rows.append([fixed(ratio, 3), Cell(text.removeprefix("+"), exact)])
     header = ["σ / prior σ", "combination, each in units of its prior σ"]
     return Table("worst_known", "Worst-known combinations", header, rows)
 
@@ -234,14 +257,14 @@ def predicted(result: Assessment) -> Table:
     robot = result.fit.robot
     linear = [k for k, (_, unit) in enumerate(robot.coordinates) if unit == "m"]
     rows = []
-    for how in ("absolute", "touched off"):
-        for when in ("before", "after"):
-            mean = np.diagonal(result.accuracy[when, how], axis1=1, axis2=2).mean(axis=0)
-            cells = [number(1e3 * float(np.sqrt(mean[linear].sum())))]
-            for k, (_, unit) in enumerate(robot.coordinates):
-                factor = 1e3 if unit == "m" else 180 / np.pi
-                cells.append(number(factor * float(np.sqrt(mean[k]))))
-            rows.append([f"{how}, {when}", *cells])
+    order = sorted(result.accuracy, key=lambda row: (HOW.index(row[1]), row[0] == "after"))
+    for when, how in order:
+        mean = np.diagonal(result.accuracy[when, how], axis1=1, axis2=2).mean(axis=0)
+        cells = [number(1e3 * float(np.sqrt(mean[linear].sum())))]
+        for k, (_, unit) in enumerate(robot.coordinates):
+            factor = 1e3 if unit == "m" else 180 / np.pi
+            cells.append(number(factor * float(np.sqrt(mean[k]))))
+        rows.append([f"{how}, {when}", *cells])
     names = {"theta": "θ"}
     header = [f"rms, {result.where}", "position, mm"]
     header += [
@@ -250,6 +273,21 @@ def predicted(result: Assessment) -> Table:
     return Table("accuracy", "Predicted error of the pose from all readings", header, rows)
 
 
+def registration_table(fit: Fit) -> Table | None:
+    """Where the tracker and its marker were found; None where that was known."""
+    if fit.registration is None or not fit.registration.sigma.any():
+        return None
+    rows = []
+    for known in fit.registration.known:
+        factor, unit = (1e3, "mm") if known.unit == "m" else (180 / np.pi, "°")
+        cells = [f"{factor * v:.4f}" for v in (known.value, known.sigma)]
+        rows.append([f"{known.name} ({unit})", *cells])
+    title = "Registration: the base in the tracker's frame, the marker on the nacelle"
+    return Table("registration", title, ["found", "value", "σ"], rows)
+
+
 def tables_of(result: Assessment) -> list[Table]:
-    """Every table, in the order in which they are read."""
-    return [residuals(result), parameters(result.fit), worst(result.fit), predicted(result)]
+    """Every table, in the order in which they are read; the registration's only where unknown."""
+    fit = result.fit
+    tables = [residuals(result), parameters(fit), worst(fit), registration_table(fit)]
+    return [table for table in (*tables, predicted(result)) if table is not None]

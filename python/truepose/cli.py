@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import sys
+import threading
 import time
+from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from typer.exceptions import TyperException
 
-from truepose.exceptions import InputError, TrueposeError
+from truepose import saving
+from truepose.exceptions import TrueposeError
+from truepose.printing import Format, prepare, say, show
 
 app = typer.Typer(
     add_completion=False,
@@ -20,6 +25,17 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Makes parallel robots accurate with redundant sensors.",
 )
+
+
+_Force = Annotated[
+    bool, typer.Option("--force", help="Replace a file that is no earlier result of truepose.")
+]
+_How = Annotated[
+    Format,
+    typer.Option(
+        "--format", help="csv and json hold every digit, units in names, and nothing else."
+    ),
+]
 
 
 def _version(wanted: bool) -> None:
@@ -48,22 +64,25 @@ def check(
 ) -> None:
     """Explain everything that is wrong with a robot file, one line each; exit status 2 then.
 
-    A line names the file, the line, the key, its value and the valid choices.
+    A line names the file, the line, the key, its value and the valid choices. Of a file that
+    describes a robot: where its motors stand at home, and what its workspace holds, on a grid.
 
     Example: **truepose check my_robot.toml**
     """
-    from truepose.checking import check as run
+    from truepose import checking
 
-    robot, problems = run(file)
+    robot, problems = checking.check(file)
     for problem in problems:
-        typer.echo(problem, err=True)
+        say(problem, err=True)
     if robot is None:
         raise typer.Exit(2)
     sensors = ", ".join(robot.sensors) or "none"
-    typer.echo(
+    say(
         f"{file}: ok: {robot.name}, n = {robot.n} motors, r = {robot.r} sensors in use ({sensors}),"
         f" {len(robot.parameters)} parameters"
     )
+    for remark in checking.remarks(robot):
+        typer.echo(f"{file}: {remark}")
 
 
 @app.command()
@@ -82,7 +101,7 @@ def new(
     from truepose.starter import write
 
     out = write(robot, out or Path(f"{robot}.toml"))
-    typer.echo(f"Wrote {out}. Change its numbers, then: truepose check {out}")
+    say(f"Wrote {out}. Change its numbers, then: truepose check {out}")
 
 
 @app.command()
@@ -96,28 +115,25 @@ def info(
     ] = 100_000,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the draw.")] = 0,
     length: Annotated[
-        float, typer.Option(min=1e-6, help="Length that makes angles comparable to lengths, m.")
+        float,
+        typer.Option(min=1e-6, max=1e3, help="Length that makes angles comparable to lengths, m."),
     ] = 0.1,
+    how: _How = Format.table,
+    force: _Force = False,
 ) -> None:
     """Print a robot's figures: freedoms, reach, conditioning, motor speeds.
 
     Example: **truepose info hexa --plot hexa.png**
     """
-    from rich.table import Table
-
     from truepose import info as figures
     from truepose.robot import load
 
+    save = _plot_to(plot, [robot], force)
     loaded = load(robot)
     measured = figures.measure(loaded, samples, seed, length)
-    view = Table(title=loaded.spec.title or loaded.name, box=None, show_header=False)
-    view.title_justify = "left"
-    for row in figures.rows(loaded, measured):
-        view.add_row(*row)
-    Console().print(view)
-    if plot is not None:
-        figures.save(figures.draw_map(loaded, length), plot)
-        typer.echo(f"Wrote {plot}")
+    save(lambda: figures.draw_map(loaded, length))
+    show([figures.table(loaded, measured)], how)
+    _wrote(how, plot)
 
 
 @app.command()
@@ -126,8 +142,9 @@ def accuracy(
     sensors: Annotated[
         list[str] | None,
         typer.Option(
-            help="A set: names with commas between, none, or all. Give it again for further sets.",
-            show_default="none, those in use, each other one added, all",
+            help="A set: names or globs with commas between, none, or all. Give it again for "
+            "further sets.",
+            show_default="none, those in use, with each other one, with each kind, all",
         ),
     ] = None,
     poses: Annotated[
@@ -143,16 +160,22 @@ def accuracy(
     touch_off: Annotated[
         str | None,
         typer.Option(
-            metavar="X,Y,…", help="Also with the error at this pose taken to zero; m and rad."
+            metavar="X,Y,…", help="Also once read at this pose, known from outside; m and rad."
         ),
     ] = None,
     level: Annotated[
-        str, typer.Option(help="ideal: one rod per chain; full: every rod by itself.")
-    ] = "ideal",
+        str | None,
+        typer.Option(
+            help="ideal: one rod per chain; full: every rod by itself.",
+            show_default="full where it exists",
+        ),
+    ] = None,
     plot: Annotated[
         Path | None,
         typer.Option(help="Also draw a map of the first set's position σ (PNG, SVG, PDF)."),
     ] = None,
+    how: _How = Format.table,
+    force: _Force = False,
 ) -> None:
     """Predict how accurately sensors let the pose be known: the Cramér-Rao bound, before building.
 
@@ -161,27 +184,27 @@ def accuracy(
 
     Example: **truepose accuracy h4 --sensors theta --sensors theta,z_telemeter --calibrated**
     """
-    from truepose import info, prediction
+    from truepose import prediction
     from truepose.robot import load
 
+    save = _plot_to(plot, [robot, *([poses] if poses else [])], force)
     loaded = load(robot)
     sets = [prediction.parse_set(loaded, text) for text in sensors] if sensors else None
-    touched = prediction.parse_pose(loaded, touch_off, "--touch-off") if touch_off else None
+    touched = None
+    if touch_off is not None:
+        touched = prediction.parse_pose(loaded, touch_off, "--touch-off")
     given = prediction.read_poses(loaded, poses) if poses else None
     found = prediction.predict(
         loaded, sets, given, calibrated=calibrated, touch_off=touched, level=level
     )
-    console = Console()
-    for table in prediction.tables(found):
-        _print(console, table)
+    shown = loaded.with_sensors(*(sets[0] if sets else loaded.sensors))
+    visited = found.poses if calibrated else None
+    save(lambda: prediction.draw_map(shown, visited, touched, level))
+    show(prediction.tables(found), how)
     left_out = f", {found.left_out} that are unreachable or singular left out"
     where = f"{len(found.poses)} poses of {poses or 'a grid over the workspace'}"
-    console.print(f"{loaded.name}: {where}{left_out if found.left_out else ''}.", highlight=False)
-    if plot is not None:
-        shown = loaded.with_sensors(*(sets[0] if sets else loaded.sensors))
-        visited = found.poses if calibrated else None
-        info.save(prediction.draw_map(shown, visited, touched, level), plot)
-        typer.echo(f"Wrote {plot}")
+    say(f"{loaded.name}: {where}{left_out if found.left_out else ''}.", how)
+    _wrote(how, plot)
 
 
 class _Loss(StrEnum):
@@ -191,9 +214,13 @@ class _Loss(StrEnum):
 
 
 class _ModelError(StrEnum):
-    auto = "auto"
     on = "on"
     off = "off"
+
+
+class _Registration(StrEnum):
+    unknown = "unknown"
+    known = "known"
 
 
 class _Level(StrEnum):
@@ -221,8 +248,11 @@ def calibrate(
         str | None, typer.Option(help="Sensors that were read: a,b.", show_default="the file's")
     ] = None,
     level: Annotated[
-        _Level, typer.Option(help="One rod per chain, or every rod by itself.")
-    ] = _Level.ideal,
+        _Level | None,
+        typer.Option(
+            help="One rod per chain, or every rod by itself.", show_default="full where it exists"
+        ),
+    ] = None,
     loss: Annotated[_Loss, typer.Option(help="What gross errors cost.")] = _Loss.student,
     tuning: Annotated[
         float | None,
@@ -232,14 +262,24 @@ def calibrate(
     ] = None,
     model_error: Annotated[
         _ModelError, typer.Option(help="Allow for what the ideal level leaves out.")
-    ] = _ModelError.auto,
+    ] = _ModelError.on,
     measured_sigma: Annotated[
-        float, typer.Option(help="σ of the measured_… columns, m and rad.")
-    ] = 1e-5,
+        str | None,
+        typer.Option(
+            help="σ of the measured_… columns, lengths and angles: 0.02mm,0.01deg.",
+            show_default="the columns measured_…_sigma, else that",
+        ),
+    ] = None,
+    registration: Annotated[
+        _Registration,
+        typer.Option(help="Whether measured_… are the nacelle's coordinates in the base frame."),
+    ] = _Registration.unknown,
     touch_off: Annotated[
         str | None,
-        typer.Option(help="Pose x,y,… at which the error is set to zero.", show_default="home"),
+        typer.Option(help="Pose x,y,… that is known from outside.", show_default="home"),
     ] = None,
+    how: _How = Format.table,
+    force: _Force = False,
 ) -> None:
     """Learn a robot's geometry from a log of its own readings.
 
@@ -248,12 +288,13 @@ def calibrate(
 
     Example: **truepose calibrate h4 log.csv -o calibrated.toml**
     """
+    from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn
 
     from truepose import calibrate_command, calibration_report
 
-    console, errors = Console(), Console(stderr=True)
-    if out is not None and report is None:
+    errors = Console(stderr=True)
+    if out is not None and out.name and report is None:
         report = out.with_suffix(".html")
     columns = (TextColumn("{task.description:20}"), BarColumn())
     try:
@@ -267,29 +308,29 @@ def calibrate(
                 out,
                 report,
                 sensors,
-                level.value,
+                None if level is None else level.value,
                 loss.value,
                 tuning,
                 model_error.value,
                 measured_sigma,
+                registration.value,
                 touch_off,
                 lambda what: bar.update(task, advance=1, description=what),
+                force,
             )
     except calibrate_command.RefusedError as refused:
         for reason in refused.reasons:
-            typer.echo(f"truepose: error: {reason}", err=True)
+            say(f"truepose: error: {reason}", err=True)
         raise typer.Exit(2) from None
     for note in result.notes:
-        typer.echo(f"{log}: {note}", err=True)
-    residuals, parameters, worst, accuracy = calibration_report.tables_of(result)
-    _print(console, residuals)
-    _print(console, parameters.columns(0, 1, 3, 4, 5, 6))  # the report has the change, too
-    _print(console, worst, left=(1,))
-    _print(console, accuracy)
-    console.print(f"{calibration_report.verdicts(result.fit)}.", soft_wrap=True)
-    for path in (out, report):
-        if path is not None:
-            typer.echo(f"Wrote {path}")
+        say(f"{log}: {note}", err=True)
+    tables = calibration_report.tables_of(result)
+    if how is Format.table:  # the report has the change of each parameter, too
+        few = (0, 1, 3, 4, 5, 6)
+        tables = [t.columns(*few) if t.name == "parameters" else t for t in tables]
+    show(tables, how)
+    say(f"{calibration_report.verdicts(result.fit)}.", how)
+    _wrote(how, out, report)
 
 
 export = typer.Typer(no_args_is_help=True, help="Write a robot in another program's format.")
@@ -303,6 +344,7 @@ def export_mjcf(
         Path | None,
         typer.Option("-o", "--out", help="File to write.", show_default="standard output"),
     ] = None,
+    force: _Force = False,
 ) -> None:
     """Write a robot as an MJCF file for MuJoCo: every rod, joints, masses, motors; loops closed.
 
@@ -312,16 +354,17 @@ def export_mjcf(
     """
     from truepose.plants.mjcf import to_mjcf
     from truepose.robot import load
+    from truepose.robot_file import path_of
 
+    output = out and saving.Output(out, "model", "-o")
+    read = [path_of(robot)]
+    saving.check([output] if output else [], read, force)
     text = to_mjcf(load(robot))
-    if out is None:
-        typer.echo(text, nl=False)
-        return
-    try:
-        out.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{out}: cannot be written: {error.strerror}") from None
-    typer.echo(f"Wrote {out}")
+    if output:
+        saving.write({output: text}, read, force)
+        _wrote(Format.table, out)
+    else:
+        print(text, end="")
 
 
 @app.command()
@@ -330,6 +373,7 @@ def view(
     png: Annotated[
         Path | None, typer.Option(help="Draw a picture instead; needs no screen.")
     ] = None,
+    force: _Force = False,
 ) -> None:
     """Show a robot at home in MuJoCo's viewer. Needs MuJoCo: pip install "truepose[mujoco]".
 
@@ -342,8 +386,8 @@ def view(
     if png is None:
         viewing.show(loaded)
     else:
-        viewing.picture(loaded, png)
-        typer.echo(f"Wrote {png}")
+        viewing.picture(loaded, png, force=force)
+        _wrote(Format.table, png)
 
 
 @app.command()
@@ -364,6 +408,8 @@ def reproduce(
             "--experiment", help="Also the experiment of section 4, measured by a vision system."
         ),
     ] = False,
+    how: _How = Format.table,
+    force: _Force = False,
 ) -> None:
     """Run the paper end to end and set its figures and tables beside truepose's own.
 
@@ -374,14 +420,15 @@ def reproduce(
 
     Example: **truepose reproduce --robots 100 --seed 0 --out my-report**
     """
+    from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
     from truepose import experiment_tables, report, tables
     from truepose.reproduce import reproduce as run
     from truepose.reproduce import total_steps
 
-    console, start = Console(), time.perf_counter()
-    with report.folder(out) as work:
+    start = time.perf_counter()
+    with report.folder(out, force) as work:
         columns = (TextColumn("{task.description:26}"), BarColumn(), TaskProgressColumn())
         with Progress(*columns, console=Console(stderr=True)) as bar:
             task = bar.add_task("robots", total=total_steps(robots, experiment) + report.FIGURES)
@@ -391,63 +438,87 @@ def reproduce(
 
             result = run(robots, seed, progress, virtual=experiment)
             report.write(result, work, progress)
-    wide = tables.many_robots(result)
-    halves = [wide.columns(0, 1, 2, 3, 4), wide.columns(0, 5, 6, 7)]  # 80 columns each
-    for table in (tables.moves(result), *halves, tables.gains(result), tables.sensing(result)):
-        _print(console, table)
-    if result.section:
-        for table in experiment_tables.tables(result.section):
-            _print(console, table)
-        for note in result.section.notes:
-            typer.echo(f"truepose: {note}", err=True)
+    found = [tables.moves(result), tables.many_robots(result), tables.gains(result)]
+    found += [tables.sensing(result)]
+    found += experiment_tables.tables(result.section) if result.section else []
+    show(found, how)
+    for note in result.section.notes if result.section else ():
+        say(f"truepose: {note}", err=True)
     elapsed = time.perf_counter() - start
-    console.print(
-        f"{robots} robots, seed {seed}, {elapsed:.1f} s. The H4's dimensions and masses are "
-        "assumed: the paper prints none."
-    )
-    console.print(f"Report: {out / report.PAGE}", soft_wrap=True)
+    say(f"{robots} robots, seed {seed}, {elapsed:.1f} s.", how)
+    say("The H4's dimensions and masses are assumed: the paper prints none.", how)
+    say(f"Report: {out / report.PAGE}", how)
 
 
-def _print(console: Console, table, left: tuple[int, ...] = ()) -> None:
-    from rich import box
-    from rich.table import Table
+def _plot_to(path: Path | None, inputs: list[str | Path], force: bool) -> Callable:
+    """Look whether --plot may be written; return what draws and saves it, or does nothing."""
+    from truepose.robot_file import path_of
 
-    view = Table(
-        title=table.title,
-        box=box.SIMPLE_HEAD,
-        title_justify="left",
-        pad_edge=False,
-        collapse_padding=True,
-    )
-    for k, name in enumerate(table.header):
-        if k == 0:
-            view.add_column(name, no_wrap=True)
-        elif k in left:
-            view.add_column(name, justify="left")
-        else:
-            lines = name.replace(", ", "\n").replace(" (", "\n(")  # 80 columns hold more of them
-            view.add_column(lines, justify="right")
-    for row in table.rows:
-        view.add_row(*row)
-    console.print(view)
+    if path is None:
+        return lambda draw: None
+    output = saving.Output(path, "picture", "--plot")
+    read = [path_of(str(name)) for name in inputs]
+    saving.check_picture(output, read, force)
+
+    def save(draw: Callable) -> None:
+        saving.write({output: saving.picture(draw(), path.suffix)}, read, force)
+
+    return save
+
+
+def _wrote(how: Format, *paths: Path | None) -> None:
+    for path in paths:
+        if path is not None:
+            say(f"Wrote {path}", how)
+
+
+def _stop(number: int, _frame: object) -> None:
+    """End at once: an exception might be lost on its way, in a callback of the interpreter's."""
+    saving.clear()
+    shown = b"\x1b[?25h" * os.isatty(2)  # a progress bar hides the cursor
+    os.write(2, shown + b"truepose: stopped\n")
+    os._exit(128 + number)
 
 
 def main() -> None:
     """Run the command line; what goes wrong becomes one line and exit status 2."""
+    prepare()
+    signals = [signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
+    if threading.current_thread() is not threading.main_thread():
+        signals = []  # only the main one may ask for them
+    before = {number: signal.signal(number, _stop) for number in signals}
+    try:
+        code, message = _run()
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    if message:
+        say(f"truepose: {message}", err=True)
+    sys.exit(code)
+
+
+def _run() -> tuple[int, str]:
+    """Status and last word of a command."""
     try:
         code = app(standalone_mode=False) or 0
-        if code == 130:  # typer's own answer to Ctrl-C
-            raise KeyboardInterrupt
-        sys.exit(code)
+        sys.stdout.flush()
+        return code, "interrupted" if code == 130 else ""  # typer's own answer to Ctrl-C
     except TrueposeError as error:
-        message = str(error)
+        return 2, f"error: {error}"
     except TyperException as error:
-        message = error.format_message() or "no command given; try --help"
+        return 2, f"error: {error.format_message() or 'no command given; try --help'}"
     except KeyboardInterrupt:
-        typer.echo("truepose: interrupted", err=True)
-        sys.exit(130)
-    typer.echo(f"truepose: error: {message}", err=True)
-    sys.exit(2)
+        return 130, "interrupted"
+    except BrokenPipeError:  # nobody reads on, as in `truepose info h4 | head -1`
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 – until the end
+        return 128 + 13, ""
+    except Exception as error:
+        if os.environ.get("TRUEPOSE_DEBUG"):
+            raise
+        if isinstance(error, OSError):
+            return 2, f"error: {error.filename or 'standard output'}: {error.strerror or error}"
+        reason = f"{type(error).__name__}: {error}".removesuffix(": ")
+        return 2, f"error: {reason}; a fault of truepose: TRUEPOSE_DEBUG=1 says where"
 
 
 if __name__ == "__main__":

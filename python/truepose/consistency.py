@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
-from truepose.schema import FREEDOMS
+from truepose import _core
+from truepose.schema import ANGLES, FREEDOMS, not_degrees
+
+#: Names that logs and parameters take for themselves.
+_TAKEN = re.compile(
+    r"(q|chain|bar|motor_error|torque)\d+|(measured|desired|true|estimated)_.*"
+    r"|time|pose|counted|near_singular"
+)
 
 _Problem = tuple[tuple[str | int, ...], str]  # the key's path, and what is wrong
 
@@ -21,6 +29,9 @@ def problems(data: dict) -> Iterator[_Problem]:
     if isinstance(mobility, str) and mobility in FREEDOMS:
         yield from _sizes(data, mobility)
     chains, bars = tables(data, "chain"), tables(data, "bar")
+    if len(bars) > _core.max_bars:
+        text = f"{len(bars)} bars: a nacelle has at most {_core.max_bars} here"
+        yield ("bar", _core.max_bars), text
     for number, chain in enumerate(chains, 1):
         bar = chain.get("bar")
         if type(bar) is int and bar > len(bars):
@@ -46,6 +57,9 @@ def problems(data: dict) -> Iterator[_Problem]:
     for number, name in enumerate(names):
         if name in names[:number]:
             yield ("sensor", number, "name"), f"two sensors have the same name: {name}"
+        if _TAKEN.fullmatch(name):
+            text = f"sensor {name}: logs and parameters use this name for something else"
+            yield ("sensor", number, "name"), text
 
 
 def _sizes(data: dict, mobility: str) -> Iterator[_Problem]:
@@ -66,6 +80,13 @@ def _sizes(data: dict, mobility: str) -> Iterator[_Problem]:
             value = value.get(key) if isinstance(value, dict) else None
         if isinstance(value, list) and len(value) != n:
             yield path, f"{'.'.join(path)} needs {n} coordinates, has {len(value)}"
+        elif isinstance(value, list) and mobility in ANGLES:
+            turns = value[-ANGLES[mobility] :]
+            if all(type(turn) in (int, float) for turn in turns):
+                try:
+                    not_degrees(f"{'.'.join(path)}: the nacelle's angle", turns)
+                except ValueError as error:
+                    yield path, str(error)
 
 
 def tables(data: dict, key: str) -> list[dict]:

@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from numpy.typing import ArrayLike
 
+from truepose.arguments import numbers_of
 from truepose.build import Array
 from truepose.robot import Robot
 
@@ -37,7 +38,7 @@ def draw(robot: Robot, x: ArrayLike | None = None) -> Figure:
     x : array_like, shape (n,), optional
         Pose; home by default.
     """
-    x = robot.home if x is None else np.asarray(x, dtype=float)
+    x = robot.home if x is None else numbers_of(x, "x")
     points = robot.skeleton(x)
     planar = robot.spec.mobility.startswith("planar")
     parts = [*_driven(robot, points, planar), *_nacelle(robot, points, planar)]

@@ -3,9 +3,16 @@
 from __future__ import annotations
 
 import difflib
+import unicodedata
 from collections.abc import Iterable
 
 _SHOWN = 20  # choices listed before the rest is only counted
+_LONG = 80  # characters of a value that are shown
+
+
+def shortened(text: str, most: int = _LONG) -> str:
+    """Return a value's text, or as much of it as a line can bear."""
+    return text if len(text) <= most else text[: most - 1] + "…"
 
 
 class TrueposeError(Exception):
@@ -24,10 +31,28 @@ class InputError(TrueposeError, ValueError):
     """An argument of the wrong shape, not finite, or not among the choices."""
 
 
+def one_line(text: object, most: int = 2000) -> str:
+    r"""Text as a terminal may be given it: one line, nothing in it that would be obeyed.
+
+    Examples
+    --------
+    >>> print(one_line("a\nb\x1b[31m"))
+    a\nb\x1b[31m
+    """
+    line = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in str(text))
+    return line if len(line) <= most else f"{line[:most]} … {len(line) - most} more"
+
+
+def controls(text: str) -> bool:
+    """Whether a name holds control characters, which no name may: also those of direction."""
+    return any(unicodedata.category(c) in ("Cc", "Cf", "Cs", "Zl", "Zp") for c in text)
+
+
 def choose(what: str, value: object, choices: Iterable[str]) -> str:
     """One line that says what `value` should have been: the nearest choice, then the choices."""
-    choices = list(choices)
-    near = difflib.get_close_matches(str(value), choices, n=1)
+    choices, value = list(choices), shortened(str(value))
+    near = difflib.get_close_matches(value, choices, n=1)
     hint = f"; did you mean '{near[0]}'?" if near else ""
     more = f", … {len(choices) - _SHOWN} more" if len(choices) > _SHOWN else ""
-    return f"unknown {what} '{value}'{hint} (choices: {', '.join(choices[:_SHOWN])}{more})"
+    listed = ", ".join(choices[:_SHOWN])
+    return f"unknown {what} '{one_line(value, 200)}'{hint} (choices: {listed}{more})"

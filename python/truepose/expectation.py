@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from truepose import _core, knowledge
 from truepose.build import Array
 from truepose.kinematics import Level
+from truepose.registration import Registered
 from truepose.robot import Robot
+
+#: Lines that are predicted at a time.
+LINES = 4096
 
 
 @dataclass(frozen=True)
@@ -29,13 +33,15 @@ def expect(
     robot: Robot,
     readings: Array,
     measured: Array | None = None,
-    measured_sigma: Array | float = 1e-5,
-    level: Level = "ideal",
+    measured_sigma: Array | float = 0.0,
+    registration: Registered | None = None,
+    level: Level | None = None,
 ) -> Expectation:
     """Predict every sensor from the motors, at the geometry that this robot has.
 
     To first order x̂ - x = J (H_ξq δξ + ν_q), J the inverse of H_x's first n rows, so that a sensor
-    is missed by [-J_r J, I] (H_ξ δξ + ν), a coordinate by ν_m - (x̂ - x).
+    is missed by [-J_r J, I] (H_ξ δξ + ν), a coordinate by ν_m - H_mx (x̂ - x) + H_mt δt, t the
+    registration of what measured it.
 
     Parameters
     ----------
@@ -43,7 +49,9 @@ def expect(
         Values and covariance of its parameters are those of the prediction.
     readings : ndarray, shape (N, n + r)
     measured : ndarray, shape (N, n), optional
-    measured_sigma : float or ndarray, shape (n,)
+    measured_sigma : float or ndarray, shape (N, n)
+    registration : Registered, optional
+        Of `measured`, needed with it.
 
     Examples
     --------
@@ -53,7 +61,19 @@ def expect(
     >>> print(abs(seen.residual).max() < 1e-9, seen.sigma.round(2))
     True [[0.06]]
     """
+    if len(readings) > LINES:  # H_ξ takes kilobytes a line
+        parts = []
+        for start in range(0, len(readings), LINES):
+            part = slice(start, start + LINES)
+            outside = None if measured is None else measured[part]
+            sigma = measured_sigma[part] if np.ndim(measured_sigma) else measured_sigma
+            parts.append(expect(robot, readings[part], outside, sigma, registration, level))
+        names = [field.name for field in fields(Expectation)]
+        return Expectation(
+            *(np.concatenate([getattr(part, name) for part in parts]) for name in names)
+        )
     n, r = robot.n, robot.r
+    level = robot.finest_level if level is None else level
     x = poses_of(robot, readings[:, :n], level)
     expected = robot.extended(x, errors="nan", level=level)
     residual = _core.innovation(robot._core, readings, np.ascontiguousarray(expected))[:, n:]
@@ -61,11 +81,11 @@ def expect(
     H_x, H_xi = robot.linearise(x, errors="nan", level=level)
     names = knowledge.uncertain(robot)
     known = list(robot.parameters)
-    by_geometry = H_xi[:, :, [known.index(name) for name in names]] @ knowledge.root(robot, names)
+    by_geometry = H_xi[:, :, [known.index(name) for name in names]]
+    S = knowledge.root(robot, names)
     noise = knowledge.reading_sigma(robot)
-    if level == "ideal" and (learnt := robot.spec.calibration) is not None:
-        left_out = [learnt.model_error.get(name, 0.0) for name in robot.readings]
-        noise = np.hypot(noise, left_out)
+    if level == "ideal":
+        noise = np.hypot(noise, knowledge.stated_error(robot))
     J = np.full((len(x), n, n), np.nan)
     good = np.isfinite(H_x).all(axis=(1, 2))
     J[good] = np.linalg.inv(H_x[good, :n])
@@ -73,16 +93,22 @@ def expect(
     A[:, :, :n] = -H_x[:, n:] @ J
     A[:, :, n:] = np.eye(r)
     if measured is not None:
-        A = np.concatenate([A, np.concatenate([-J, np.zeros((len(x), n, r))], axis=2)], axis=1)
-        expected = np.concatenate([expected, x], axis=1)
-        residual = np.concatenate([residual, measured - x], axis=1)
-    variance = ((A @ by_geometry) ** 2).sum(axis=2) + ((A * noise) ** 2).sum(axis=2)
+        seen, apart, H_mx, H_mt, blunt = registration.see(robot, x, measured)
+        measured_sigma = np.broadcast_to(measured_sigma, apart.shape).copy()
+        if robot.coordinates[-1][0] == "theta":
+            measured_sigma[:, -1] *= blunt
+        B = np.concatenate([-H_mx @ J, np.zeros((len(x), n, r))], axis=2)
+        A = np.concatenate([A, B], axis=1)
+        expected = np.concatenate([expected, seen], axis=1)
+        residual = np.concatenate([residual, apart], axis=1)
+    variance = ((A @ by_geometry @ S) ** 2).sum(axis=2) + ((A * noise) ** 2).sum(axis=2)
     if measured is not None:
-        variance[:, r:] += np.square(np.broadcast_to(measured_sigma, (n,)))
+        shared = B @ by_geometry @ registration.cross * 2 + H_mt @ registration.covariance
+        variance[:, r:] += (shared * H_mt).sum(axis=2) + np.square(measured_sigma)
     return Expectation(x, expected, residual, np.sqrt(variance))
 
 
-def poses_of(robot: Robot, q: Array, level: Level = "ideal") -> Array:
+def poses_of(robot: Robot, q: Array, level: Level | None = None) -> Array:
     """FKM of a log, (N, n): from home, and where that fails from the last pose found; NaN."""
     x = robot.fkm(q, errors="nan", level=level)
     lost = ~np.isfinite(x).all(axis=1) & np.isfinite(q).all(axis=1)

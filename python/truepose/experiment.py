@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from truepose import paper_data, statistics
+from truepose.arguments import numbers_of
 from truepose.build import Array
 from truepose.calibration import calibrate
 from truepose.errors import with_paper_errors
 from truepose.robot import Robot
 from truepose.simulations import LAWS, Controller, Law, settle, simulate
+from truepose.threads import each
 from truepose.trials import JITTER
 
 Control = Literal["joint", "redundant", "weighted", "cartesian", "self-calibrated"]
@@ -58,11 +60,10 @@ def self_calibrated(robot: Robot, truth: Robot, visited: Array, seed: int = 0) -
     Sent a little beside them, as of :data:`truepose.trials.JITTER`: usual control brings every
     motor to its drawn angle, and the fractions of a count that are lost would recur on an exact
     grid, and in every robot sent to the same poses: one `seed` for each robot.
-    The plant of the statics is the ideal level's own: there is no model error to allow for.
     """
     beside = np.random.default_rng(seed).uniform(-JITTER, JITTER, visited.shape)
     readings = truth.read(settle(robot, truth, visited + beside, "joint"))
-    return calibrate(robot, readings, model_error="off").robot
+    return calibrate(robot, readings).robot
 
 
 def rest(
@@ -99,21 +100,6 @@ def rest(
     return result
 
 
-def each(work: Callable, items: Iterable) -> Iterator:
-    """Results of work(item) in the order of the items, on all cores.
-
-    Threads are enough: the core works without the interpreter's lock.
-    """
-    with ThreadPoolExecutor() as pool:
-        futures = [pool.submit(work, item) for item in items]
-        try:
-            for future in futures:
-                yield future.result()
-        finally:  # an interrupted run does not wait for the rest
-            for future in futures:
-                future.cancel()
-
-
 def run(
     robot: Robot,
     truths: list[Robot],
@@ -133,7 +119,7 @@ def run(
     progress : callable
         Called after each robot.
     """
-    poses = paper_data.table2() if poses is None else np.asarray(poses, dtype=float)
+    poses = paper_data.table2() if poses is None else numbers_of(poses, "poses")
     errors: dict[Control, list[Array]] = {control: [] for control in CONTROLS}
     for settled in each(lambda pair: rest(robot, pair[1], poses, seed=pair[0]), enumerate(truths)):
         for control, x in settled.items():
@@ -142,6 +128,18 @@ def run(
     stacked = {control: np.array(values) for control, values in errors.items()}
     tables = {control: statistics.table3(values) for control, values in stacked.items()}
     return Experiment(robot, truths, poses, stacked, tables)
+
+
+def moved_by_tej(result: Experiment, pose: ArrayLike) -> Array:
+    """How far the TEJ moves each robot's position from usual control's, (robots,), mm.
+
+    In the exact statics, at a pose that both are asked for.
+    """
+    usual, redundant = (
+        np.array([settle(result.robot, truth, pose, law)[:3] for truth in result.truths])
+        for law in ("joint", "redundant")
+    )
+    return 1e3 * np.linalg.norm(redundant - usual, axis=1)
 
 
 def dynamics_check(

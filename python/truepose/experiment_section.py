@@ -60,7 +60,7 @@ def total_steps(robots: int) -> int:
     """How often `progress` will be called."""
     there = [name for name in PLANTS if name == "exact" or importlib.util.find_spec("mujoco")]
     steps = sum(virtual_experiment.total_steps(PLANTS[name]) for name in there)
-    return steps + forgotten.total_steps(robots)
+    return steps + forgotten.total_steps(min(robots, forgotten.ROBOTS))
 
 
 def run(
@@ -77,7 +77,7 @@ def run(
         Called with what is being done after each step, see :func:`total_steps`.
     robots : int
         How many robots show what each effect takes from self-calibration
-        (:func:`truepose.forgotten.study`); 0 leaves that out.
+        (:func:`truepose.forgotten.study`), `forgotten.ROBOTS` at most; 0 leaves that out.
     seed : int
         Of those robots.
     on : iterable of str, optional
@@ -107,5 +107,6 @@ def run(
     section = Section(shipped, runs, notes)
     if robots == 0:
         return section
-    lines = forgotten.study(robot, robots, seed, lambda: progress("what a model forgets"))
+    few = min(robots, forgotten.ROBOTS)
+    lines = forgotten.study(robot, few, seed, lambda: progress("what a model forgets"))
     return replace(section, forgotten=lines, loops=forgotten.loops(robot))

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from truepose import figures, twin
+from truepose import figures, paper_data, twin
 from truepose.experiment import Control
 from truepose.experiment_section import Section
+from truepose.forgotten import Line, over_robots
 from truepose.frames import coordinates
 from truepose.statistics import in_print_units
-from truepose.tables import FURTHER, UNITS, Table, cells, number
+from truepose.tables import FURTHER, UNITS, Cell, Table, cells, fixed, number
 from truepose.virtual_experiment import READINGS, Reading, Run
 
 NAMES = {"joint": "usual", "redundant": "redundant", **FURTHER}
@@ -22,19 +23,34 @@ READING_NAMES: dict[Reading, str] = {
 
 def table3(runs: dict[Control, Run], plant: str, reading: Reading = "estimated") -> Table:
     """Table 3 of the paper's two controls beside the printed one; a ! marks what is not reached."""
-    values, target = twin.printed()
+    (values, target), printed = twin.printed(), paper_data.table3_as_printed()
     found = np.stack([runs[law].table(reading) for law in twin.LAWS])
     rows = []
-    for at, _, label in cells():
+    for at, key, label in cells():
         row = [label]
-        for k in range(len(twin.LAWS)):
+        for k, column in enumerate(twin.COLUMNS):
             wanted, given, allowed = values[(k, *at)], found[(k, *at)], target[(k, *at)]
             mark = "" if abs(given - wanted) <= allowed else " !"
-            row += [number(float(wanted)), number(float(given)) + mark]
+            given = number(float(given))
+            row += [printed[column][key], Cell(given + mark, given.data)]
         rows.append(row)
     header = [UNITS, "usual, paper", "usual, twin", "redundant, paper", "redundant, twin"]
     title = f"Table 3 of the twin, {plant} plant: {READING_NAMES[reading]}"
     return Table(f"twin_table3_{plant.lower()}_{reading}", title, header, rows)
+
+
+def changes(runs: dict[Control, Run], plant: str) -> Table:
+    """What Table 3's sums of squares change by between its columns, printed and of the twin."""
+    printed = paper_data.table3()
+    usual, redundant = (runs[law].table() for law in twin.LAWS)
+    rows = []
+    for at, key, label in cells():
+        if key[1] == "sum_sq":
+            ratios = printed["redundant"][key] / printed["usual"][key], redundant[at] / usual[at]
+            rows.append([label, *(f"{100 * (ratio - 1):+.1f}" for ratio in ratios)])
+    header = ["redundant less usual (%)", "paper", "twin"]
+    title = f"What changed from usual to redundant, {plant} plant"
+    return Table(f"twin_changes_{plant.lower()}", title, header, rows)
 
 
 def gains(runs: dict[Control, Run], plant: str) -> Table:
@@ -45,8 +61,8 @@ def gains(runs: dict[Control, Run], plant: str) -> Table:
         about = np.sqrt(error[:, :3].var(axis=0).sum())
         theta = table[3, 0], np.sqrt(table[3, 2] / len(error))
         values = (measured_rms(ran), about, *theta, true_rms(ran))
-        left_out = str(len(ran.status) - len(error))
-        rows.append([NAMES[control], *(f"{v:.2f}" for v in values), left_out])
+        left_out = fixed(len(ran.status) - len(error), 0)
+        rows.append([NAMES[control], *map(fixed, values), left_out])
     header = ["control", "seen rms (mm)", "about its mean (mm)", "θ mean (°)", "θ rms (°)"]
     header += ["true rms (mm)", "left out"]
     title = f"The twin under every control, {plant} plant: desired less measured, and less true"
@@ -68,15 +84,25 @@ def true_rms(ran: Run) -> float:
     return float(np.sqrt((off**2).sum(axis=1).mean()))
 
 
-def effects(section: Section) -> Table:
+def effects(lines: list[Line]) -> Table:
     """What each effect takes from self-calibration with motors and θ."""
     rows = []
-    for line in section.forgotten:
-        values = (line.usual, line.calibrated, line.gain, line.seen_usual, line.seen)
-        rows.append([line.case, *(f"{v:.2f}" for v in values), str(line.excluded)])
+    for line in lines:
+        usual, calibrated, seen_usual, seen = (
+            fixed(over_robots(each))
+            for each in (line.usual, line.calibrated, line.seen_usual, line.seen)
+        )
+        low, high = line.interval()
+        ends = {"calibrated, true": calibrated.data, "calibrated 5 %": low, "calibrated 95 %": high}
+        calibrated = Cell(f"{calibrated} [{low:.2f}, {high:.2f}]", ends)
+        row = [line.case, usual, calibrated, fixed(line.gain, 1), seen_usual, seen]
+        rows.append([*row, fixed(line.excluded, 0)])
     header = ["effects", "usual, true", "calibrated, true", "gain", "usual, seen"]
     header += ["calibrated, seen", "left out"]
-    title = "What a model forgets, and what it takes from self-calibration: position rms (mm)"
+    title = (
+        "What a model forgets, and what it takes from self-calibration: position rms (mm)"
+        f" of {len(lines[0].usual)} robots [5, 95 % by which were drawn]"
+    )
     return Table("forgotten", title, header, rows)
 
 
@@ -85,9 +111,13 @@ def tables(section: Section) -> list[Table]:
     of_plants = [
         table
         for plant, runs in section.runs.items()
-        for table in (*(table3(runs, plant, r) for r in READINGS), gains(runs, plant))
+        for table in (
+            *(table3(runs, plant, r) for r in READINGS),
+            changes(runs, plant),
+            gains(runs, plant),
+        )
     ]
-    return [*of_plants, *([effects(section)] if section.forgotten else [])]
+    return [*of_plants, *([effects(section.forgotten)] if section.forgotten else [])]
 
 
 def figure(runs: dict[Control, Run]) -> Figure:

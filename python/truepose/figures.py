@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -22,8 +24,11 @@ CONTROLS = {
 _AXES = {"x": "#2166ac", "y": "#e08214", "z": "#1b7837"}
 
 
-def move(run: Simulation) -> Figure:
-    """Errors of x, y, z (mm) and θ (degrees) during a move, as in Figures 11 to 13."""
+def move(run: Simulation, beside: Iterable[Simulation] = ()) -> Figure:
+    """Errors of x, y, z (mm) and θ (degrees) during a move, as in Figures 11 to 13.
+
+    On scales that hold the moves `beside` it as well: theirs are then the same.
+    """
     figure = Figure(figsize=(8.4, 3.1), layout="constrained")
     left, right = figure.subplots(1, 2)
     error = statistics.in_print_units(run.error)
@@ -31,7 +36,11 @@ def move(run: Simulation) -> Figure:
     for column, (name, colour) in enumerate(_AXES.items()):
         left.plot(time, error[:, column], color=colour, label=name)
     right.plot(time, error[:, 3], color="#7b3294", label="θ")
-    for axes, unit in ((left, "mm"), (right, "°")):
+    for axes, unit, columns in ((left, "mm", slice(3)), (right, "°", slice(3, 4))):
+        for other in beside:
+            held = statistics.in_print_units(other.error)[:, columns]
+            axes.update_datalim([(0, held.min()), (0, held.max())])
+        axes.autoscale_view(scalex=False)
         axes.axvline(200, color="0.6", lw=0.8, ls=":")
         axes.axhline(0, color="0.6", lw=0.8)
         axes.set(xlabel="time (ms)", ylabel=f"error ({unit})", xlim=(0, time[-1]))

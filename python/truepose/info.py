@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +12,7 @@ from truepose.build import Array
 from truepose.exceptions import InputError
 from truepose.robot import Robot
 from truepose.schema import Workspace
+from truepose.tables import Cell, Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -77,10 +77,10 @@ def measure(robot: Robot, samples: int = 100_000, seed: int = 0, length: float =
     reached = status == 0
     J, rank, lost = _core.jacobian(robot._core, x, False)
     regular = reached & (rank == 0)
-    refused = _reasons(np.where(reached, rank, status), np.where(reached, lost, chain))
+    refused = reasons(np.where(reached, rank, status), np.where(reached, lost, chain))
     if not regular.any():
         raise InputError(
-            f"{robot.name}: no pose of its workspace is reachable and regular: {_told(refused)}"
+            f"{robot.name}: no pose of its workspace is reachable and regular: {told(refused)}"
         )
     x, J = x[regular], J[regular]
     condition = _condition(robot, J, length)
@@ -102,7 +102,7 @@ def measure(robot: Robot, samples: int = 100_000, seed: int = 0, length: float =
     )
 
 
-def _reasons(status: Array, chain: Array) -> dict[str, int]:
+def reasons(status: Array, chain: Array) -> dict[str, int]:
     """Count poses by what is wrong with them, most frequent first."""
     counts: dict[str, int] = {}
     pairs, numbers = np.unique(np.column_stack([status, chain]), axis=0, return_counts=True)
@@ -114,7 +114,8 @@ def _reasons(status: Array, chain: Array) -> dict[str, int]:
     return counts
 
 
-def _told(refused: dict[str, int]) -> str:
+def told(refused: dict[str, int]) -> str:
+    """Write counts of :func:`reasons` in one line."""
     return ", ".join(f"{reason}: {count}" for reason, count in refused.items())
 
 
@@ -127,8 +128,8 @@ def level_difference(robot: Robot, poses: Array, seed: int = 0, count: int = 100
     Returns
     -------
     ndarray, shape (n,), or None
-        m and rad; None where the full level is the ideal one, does not exist, or the file gives
-        no tolerance of an axis.
+        m and rad; None where the full level is the ideal one, does not exist, the file gives no
+        tolerance of an axis, or these leave no pose (of lengths in mm, say).
 
     Examples
     --------
@@ -159,6 +160,8 @@ def level_difference(robot: Robot, poses: Array, seed: int = 0, count: int = 100
         )
         q = real.ikm(poses, errors="nan", level="full")
         squares.append((poses - real.fkm(q, guess=poses, errors="nan")) ** 2)
+    if not np.isfinite(squares).any():
+        return None
     return np.sqrt(np.nanmean(squares, axis=(0, 1)))
 
 
@@ -221,24 +224,19 @@ def draw_slice(
     ]
     title = f"{robot.name}: slice through home (+)" + (", " if rest else "") + ", ".join(rest)
     (name_1, _), (name_2, _) = robot.coordinates[:2]
-    axes.set_title(f"{title}\n{note}".rstrip(), fontsize=10)
+    axes.set_title(f"{title}\n{note}".rstrip(), fontsize=10, parse_math=False)
     axes.set(xlabel=f"{name_1} (mm)", ylabel=f"{name_2} (mm)", aspect="equal")
     return figure
 
 
-def save(figure: Figure, path: Path) -> None:
-    """Save a figure; the file's ending chooses the format."""
-    try:
-        figure.savefig(path, dpi=150)
-    except OSError as error:
-        raise InputError(f"--plot {path}: cannot be written: {error.strerror}") from None
-    except ValueError as error:
-        reason = str(error).replace("\n", " ")
-        raise InputError(f"--plot {path}: cannot be written: {reason}") from None
+def table(robot: Robot, figures: Figures) -> Table:
+    """What `truepose info` prints."""
+    title = robot.spec.title or robot.name
+    return Table("info", title, ["figure", "value"], [list(row) for row in rows(robot, figures)])
 
 
 def rows(robot: Robot, figures: Figures) -> list[tuple[str, str]]:
-    """Name and value of each figure, for people: mm and degrees."""
+    """Name and value of each figure: mm and degrees for people, SI for programs."""
     spec, box = robot.spec, workspace(robot)
     angles = any(unit == "rad" for _, unit in robot.coordinates)
     scale = f", angles × {1e3 * figures.length:g} mm" if angles else ""
@@ -246,37 +244,45 @@ def rows(robot: Robot, figures: Figures) -> list[tuple[str, str]]:
     spare = [name for name in known if name not in robot.sensors]
     result = [
         ("mobility", spec.mobility),
-        ("degrees of freedom n", str(robot.n)),
+        ("degrees of freedom n", _number(robot.n)),
         ("actuators", _count([chain.actuator for chain in spec.chain])),
         ("redundant sensors r", f"{robot.r}: {', '.join(robot.sensors) or 'none'}"),
         ("further sensors in the file", ", ".join(spare) or "none"),
-        ("geometric parameters", str(len(robot.parameters))),
+        ("geometric parameters", _number(len(robot.parameters))),
     ]
     for (name, unit), low, high in zip(robot.coordinates, box.minimum, box.maximum, strict=True):
         result.append((f"workspace {name}", _range(low, high, unit)))
     poses = f"{figures.samples} poses, seed {figures.seed}"
+    share = {"value": 100 * figures.reachable, "unit": "%", "poses": figures.samples}
+    text = f"{100 * figures.reachable:.4g} % of {poses}"
     result += [
-        ("reachable within the joint limits", f"{100 * figures.reachable:.4g} % of {poses}"),
-        ("reachable and regular", f"{100 * figures.regular:.4g} %"),
+        ("reachable within the joint limits", Cell(text, share | {"seed": figures.seed})),
+        (
+            "reachable and regular",
+            Cell(f"{100 * figures.regular:.4g} %", {"value": 100 * figures.regular, "unit": "%"}),
+        ),
     ]
     if figures.refused:
-        result.append(("poses that are not", _told(figures.refused)))
+        result.append(("poses that are not", told(figures.refused)))
     for k, chain in enumerate(spec.chain):
         unit = "rad" if chain.actuator == "revolute" else "m"
         result.append((f"motor {k + 1}", _range(figures.q_min[k], figures.q_max[k], unit)))
     low, middle, high = figures.condition
     numbers = f"{low:.2f} least, {middle:.2f} median, {high:.2f} greatest"
-    result.append((f"condition number of J{scale}", numbers))
+    data = {"value": middle, "minimum": low, "maximum": high}
+    result.append((f"condition number of J{scale}", Cell(numbers, data)))
     result.append(("fastest motor at 1 m/s", _speed(robot, figures.moving)))
     if figures.turning is not None:
         result.append(("fastest motor at 1 rad/s", _speed(robot, figures.turning)))
     result.append(("full level", robot.full.reason))
     if figures.full_less_ideal is not None:
-        parts = [
-            f"{name} {1e3 * v:.2f} mm" if unit == "m" else f"{name} {np.degrees(v):.2f}°"
-            for (name, unit), v in zip(robot.coordinates, figures.full_less_ideal, strict=True)
-        ]
-        result.append(("full − ideal, rms under the axes' tolerances", ", ".join(parts)))
+        parts = zip(robot.coordinates, figures.full_less_ideal, strict=True)
+        for (name, unit), v in parts:
+            text = f"{1e3 * v:.2f} mm" if unit == "m" else f"{np.degrees(v):.2f}°"
+            data = {"value": float(v), "unit": unit}
+            result.append(
+                (f"full − ideal of {name}, rms under the axes' tolerances", Cell(text, data))
+            )
     return result
 
 
@@ -303,17 +309,25 @@ def _count(names: list[str]) -> str:
     return ", ".join(f"{names.count(name)} {name}" for name in dict.fromkeys(names))
 
 
-def _range(low: float, high: float, unit: str) -> str:
+def _number(count: int) -> Cell:
+    return Cell(str(count), count)
+
+
+def _range(low: float, high: float, unit: str) -> Cell:
+    data = {"minimum": float(low), "maximum": float(high), "unit": unit}
     if unit == "m":
-        return f"{1e3 * low:.1f} to {1e3 * high:.1f} mm"
-    return f"{np.degrees(low):.2f} to {np.degrees(high):.2f}°"
+        return Cell(f"{1e3 * low:.1f} to {1e3 * high:.1f} mm", data)
+    return Cell(f"{np.degrees(low):.2f} to {np.degrees(high):.2f}°", data)
 
 
-def _speed(robot: Robot, speed: Speed) -> str:
+def _speed(robot: Robot, speed: Speed) -> Cell:
     chain = robot.spec.chain[speed.motor - 1]
     unit = "rad/s" if chain.actuator == "revolute" else "m/s"
     where = ", ".join(
         f"{name} = {1e3 * v:.0f} mm" if u == "m" else f"{name} = {np.degrees(v):.0f}°"
         for (name, u), v in zip(robot.coordinates, speed.pose, strict=True)
     )
-    return f"{speed.value:.3g} {unit}, motor {speed.motor}, at {where}"
+    text = f"{speed.value:.3g} {unit}, motor {speed.motor}, at {where}"
+    pose = zip(robot.coordinates, speed.pose, strict=True)
+    data = {"value": speed.value, "unit": unit, "motor": speed.motor}
+    return Cell(text, data | {f"{name} ({u})": float(v) for (name, u), v in pose})

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core, mechanism
-from truepose.arguments import check_seed
+from truepose.arguments import check_seed, numbers_of
 from truepose.build import Array
 from truepose.exceptions import InputError, PoseError, choose
 
@@ -37,9 +37,20 @@ class Kinematics:
     _spec: RobotFile
     _sensors: tuple[Sensor, ...]
     _values: dict[str, float]
+    level: Level
 
-    def ikm(self, x: ArrayLike, errors: Errors = "raise", level: Level = "ideal") -> Array:
+    def ikm(
+        self,
+        x: ArrayLike,
+        errors: Errors = "raise",
+        level: Level | None = None,
+        own_mode: bool = False,
+    ) -> Array:
         """Inverse kinematic model: motor positions q that hold the pose x.
+
+        Each chain closes in its own working mode; the pose may be of any assembly mode, unless
+        `own_mode` asks. Ask before a machine is sent there: from another mode's side the motors do
+        not hold the nacelle on the way. (Controllers always ask.)
 
         Parameters
         ----------
@@ -47,8 +58,10 @@ class Kinematics:
             Poses, m and rad.
         errors : {"raise", "nan"}
             What to do with a pose that cannot be reached.
-        level : {"ideal", "full"}
-            One rod per chain, or every rod by itself (see :attr:`full`).
+        level : {"ideal", "full"}, optional
+            One rod per chain, or every rod by itself (see :attr:`full`); by default :attr:`level`.
+        own_mode : bool
+            Refuse a pose where det J_x has another sign than at home: branch lost.
 
         Returns
         -------
@@ -58,7 +71,8 @@ class Kinematics:
         Raises
         ------
         PoseError
-            Names the pose, the chain and the reason: unreachable, or beyond a joint limit.
+            Names the pose, the chain and the reason: unreachable, or beyond a joint limit; with
+            `own_mode` also branch lost, or singular.
         InputError
             Wrong shape, or values that are not finite.
 
@@ -69,15 +83,22 @@ class Kinematics:
         >>> print(np.degrees(q).round(4))
         [38.9429 38.9429 38.9429 38.9429]
         """
-        return self._motors(self._core, x, errors, level)
+        return self._motors(self._core, x, errors, level, own_mode)
 
-    def _motors(self, core: _core.Robot, x: ArrayLike, errors: Errors, level: Level) -> Array:
+    def _motors(
+        self,
+        core: _core.Robot,
+        x: ArrayLike,
+        errors: Errors,
+        level: Level | None,
+        own_mode: bool = False,
+    ) -> Array:
         rows, lead = self._rows(x, self.n, "x", errors)
-        q, status, chain = _core.ikm(core, rows, self._is_full(level))
+        q, status, chain = _core.ikm(core, rows, self._is_full(level), own_mode)
         self._check("pose", rows, lead, status, chain, errors, level=level)
         return q.reshape(*lead, self.n)
 
-    def rkm(self, x: ArrayLike, errors: Errors = "raise", level: Level = "ideal") -> Array:
+    def rkm(self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None) -> Array:
         """Redundant kinematic model: what the sensors in use read at the pose x.
 
         At the full level a sensor at a bar's pivot reads the bar's own turn too, one of a rod its
@@ -92,7 +113,7 @@ class Kinematics:
         self._check("pose", rows, lead, status, chain, errors)
         return r.reshape(*lead, self.r)
 
-    def extended(self, x: ArrayLike, errors: Errors = "raise", level: Level = "ideal") -> Array:
+    def extended(self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None) -> Array:
         """Extended positions q_e = [q; r] at the pose x, shape (..., n + r).
 
         Where the robot stands, be it beyond its joint limits: it may have been pushed there.
@@ -101,7 +122,7 @@ class Kinematics:
         return np.concatenate([q, self.rkm(x, errors, level)], axis=-1)
 
     def read(
-        self, x: ArrayLike, seed: int = 0, errors: Errors = "raise", level: Level = "ideal"
+        self, x: ArrayLike, seed: int = 0, errors: Errors = "raise", level: Level | None = None
     ) -> Array:
         """Readings as this robot's encoders and sensors give them: with noise, in counts.
 
@@ -157,11 +178,13 @@ class Kinematics:
         q: ArrayLike,
         guess: ArrayLike | None = None,
         errors: Errors = "raise",
-        level: Level = "ideal",
+        level: Level | None = None,
     ) -> Array:
         """Forward kinematic model: the pose, from the motor encoders alone.
 
-        Newton's method in the tangent space of the pose, with bounded iterations.
+        Newton's method in the tangent space of the pose, with bounded iterations. Where it finds no
+        pose of the robot's own from the guess, it goes again from home, the motors in four stages
+        (at the ideal level).
 
         Parameters
         ----------
@@ -171,8 +194,8 @@ class Kinematics:
             Where to start; the file's home pose by default.
         errors : {"raise", "nan"}
             What to do where no pose is found.
-        level : {"ideal", "full"}
-            One rod per chain, or every rod by itself (see :attr:`full`).
+        level : {"ideal", "full"}, optional
+            One rod per chain, or every rod by itself (see :attr:`full`); by default :attr:`level`.
 
         Returns
         -------
@@ -181,7 +204,9 @@ class Kinematics:
         Raises
         ------
         PoseError
-            unreachable: no pose closes the loops; singular: the motors do not determine it;
+            unreachable: no pose closes the loops, which is known (two rods cannot be joined, the
+            spheres of a translation robot do not meet, a leg has no length); not converged: none
+            was found, and whether there is one is open; singular: the motors do not determine it;
             branch lost: it closes in another working or assembly mode than the robot's.
 
         Examples
@@ -195,11 +220,11 @@ class Kinematics:
         rows, lead = self._rows(q, self.n, "q", errors)
         start = self._guesses(guess, lead, errors)
         full = self._is_full(level)
-        x, status, chain, _, _ = _core.fkm(self._core, rows, start, full, False)
+        x, status, chain, _, _ = _core.fkm(self._core, rows, start, full)
         self._check("motor position", rows, lead, status, chain, errors, name="q")
         return x.reshape(*lead, self.n)
 
-    def jacobian(self, x: ArrayLike, errors: Errors = "raise", level: Level = "ideal") -> Array:
+    def jacobian(self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None) -> Array:
         """Jacobian J, dx = J dq (spatial: dx a twist in the base frame), shape (..., n, n)."""
         rows, lead = self._rows(x, self.n, "x", errors)
         J, status, chain = _core.jacobian(self._core, rows, self._is_full(level))
@@ -235,7 +260,7 @@ class Kinematics:
         return points
 
     def _guesses(self, guess: ArrayLike | None, lead: tuple[int, ...], errors: Errors) -> Array:
-        start = self.home if guess is None else guess
+        start = self.home if guess is None else numbers_of(guess, "guess")
         try:
             start = np.broadcast_to(start, (*lead, self.n))
         except ValueError:
@@ -243,8 +268,10 @@ class Kinematics:
             raise InputError(f"guess: wrong shape, must be {shapes}") from None
         return self._rows(start, self.n, "guess", errors)[0]
 
-    def _is_full(self, level: Level) -> bool:
-        """Whether `level` asks for every rod by itself; it must exist."""
+    def _is_full(self, level: Level | None) -> bool:
+        """Whether `level` asks for every rod by itself; it must exist. None: the robot's own."""
+        if level is None:
+            return self.level == "full"
         if level not in ("ideal", "full"):
             raise InputError(choose("level", level, ("ideal", "full")))
         if level == "full" and not self.full:
@@ -255,10 +282,7 @@ class Kinematics:
         """Check the shape and flatten the leading axes: (N, width) in C order."""
         if errors not in ("raise", "nan"):
             raise InputError(choose("errors", errors, ("raise", "nan")))
-        try:
-            array = np.asarray(values, dtype=np.float64)
-        except (TypeError, ValueError):
-            raise InputError(f"{name}: must be numbers") from None
+        array = numbers_of(values, name)
         if array.ndim == 0 or array.shape[-1] != width:
             raise InputError(f"{name}: shape {array.shape}, must be (..., {width}) for {self.name}")
         if errors == "raise" and not np.isfinite(array).all():
@@ -267,7 +291,7 @@ class Kinematics:
         return np.ascontiguousarray(array.reshape(-1, width)), array.shape[:-1]
 
     def _check(
-        self, what, rows, lead, status, chain, errors, name="x", level: Level = "ideal"
+        self, what, rows, lead, status, chain, errors, name="x", level: Level | None = None
     ) -> None:
         if errors == "nan" or not (status > 0).any():  # below 0: an answer, with a warning
             return

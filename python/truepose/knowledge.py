@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from truepose.kinematics import Level
     from truepose.robot import Robot
 
-#: σ that an unquantised, noiseless reading counts with, rad or m: no sensor is better.
-FINEST = 1e-6
+#: σ that an unquantised, noiseless reading counts with, rad or m; others count with their own.
+EXACT = 1e-6
 
 
 def uncertain(robot: Robot) -> list[str]:
@@ -48,8 +48,9 @@ def root(robot: Robot, names: list[str]) -> Array:
 
 
 def reading_sigma(robot: Robot) -> Array:
-    """σ of every reading's own error, shape (n + r,): its noise and one count, at least FINEST."""
-    return np.maximum(robot.reading_sigma, FINEST)
+    """σ of every reading's own error, shape (n + r,): its noise and one count; EXACT for none."""
+    sigma = robot.reading_sigma
+    return np.where(sigma > 0, sigma, EXACT)
 
 
 #: Parameters whose errors only the full level follows to the end, by the ends of their names.
@@ -62,12 +63,26 @@ def left_out(robot: Robot) -> dict[str, float]:
     Empty where the full level is the ideal one, or does not exist.
     """
     kinds = _core.FullKind
-    if robot._core.full.kind != kinds.exists:
+    if robot._core.full.kind not in (kinds.exists, kinds.elastic):
         return {}
     drawn = robot.with_calibration(None)
     return {
         name: drawn.parameters[name].sigma for name in uncertain(drawn) if name.endswith(LEFT_OUT)
     }
+
+
+def stated_error(robot: Robot) -> Array:
+    """σ of what the ideal level leaves out of each reading, shape (n + r,): learnt, or allowed for.
+
+    A calibration that found the ideal level to be enough, by request, has none.
+    """
+    learnt = robot.spec.calibration
+    if learnt is None:
+        return model_error(robot)
+    if not learnt.model_error:
+        return np.zeros(robot.n + robot.r)
+    allowed = dict(zip(robot.readings, model_error(robot), strict=True))
+    return np.array([learnt.model_error.get(name, allowed[name]) for name in robot.readings])
 
 
 def model_error(robot: Robot) -> Array:
@@ -92,8 +107,9 @@ def knowledge(
     posterior: Array | None = None,
     *,
     guarded: bool = False,
-    level: Level = "ideal",
-    error: Array | None = None,
+    level: Level | None = None,
+    error: bool = True,
+    registration: Array | None = None,
 ) -> Known:
     """Build the core's struct.
 
@@ -104,25 +120,29 @@ def knowledge(
         A root to take in place of the robot's own.
     guarded : bool
         Also what the ideal level leaves out, as parameters of their own behind the others.
-    level : {"ideal", "full"}
-        That the readings are understood by.
-    error : ndarray, shape (n + r,), optional
-        σ of what the ideal level leaves out of each reading; by default what a calibration says.
+    level : {"ideal", "full"}, optional
+        That the readings are understood by; by default the robot's finest.
+    error : bool
+        Whether readings that are understood by the ideal level count with what it leaves out: what
+        the robot's calibration says, or what its tolerances allow. Not together with `guarded`.
+    registration : ndarray, shape (12,), optional
+        σ of an outside measurement's frames, unknowns of their own behind the parameters.
     """
     names = uncertain(robot)
     column = dict(columns(robot.spec, robot._sensors))
     at = [column[name] for name in names]
     lower = root(robot, names) if posterior is None else posterior
     errors = left_out(robot) if guarded else {}
-    if errors:
-        at += [robot._core.parameter_count + column[name] for name in errors]
-        whole = np.diag([0.0] * len(names) + list(errors.values()))
+    frames = [] if registration is None else registration.tolist()
+    if errors or frames:
+        at += [-1] * len(frames)  # no reading depends on them
+        at += [column[name] for name in errors]
+        whole = np.diag([0.0] * len(names) + frames + list(errors.values()))
         whole[: len(names), : len(names)] = lower
         lower = whole
-    learnt = robot.spec.calibration
-    if error is None and learnt is not None and level == "ideal" and not errors:
-        error = np.array([learnt.model_error.get(name, 0.0) for name in robot.readings])
-    sigma = reading_sigma(robot) if error is None else np.hypot(reading_sigma(robot), error)
+    sigma = reading_sigma(robot)
+    if error and not guarded and (level or robot.finest_level) == "ideal":
+        sigma = np.hypot(sigma, stated_error(robot))
     return Known(_core.Knowledge(at, lower, sigma), len(names), len(errors))
 
 
@@ -134,9 +154,14 @@ class Known(NamedTuple):
     nuisances: int  #: behind them
 
 
-def for_law(robot: Robot, law: str) -> _core.Knowledge | None:
-    """Return what a law weighs its readings by; None for the laws that do not."""
-    return knowledge(robot).core if law in ("weighted", "estimated") else None
+def for_law(robot: Robot, law: str) -> tuple[Robot, _core.Knowledge | None]:
+    """Return the robot at the level at which a law understands it, and what it weighs by.
+
+    The paper's laws keep the robot's level and weigh nothing.
+    """
+    if law not in ("weighted", "estimated"):
+        return robot, None
+    return robot._finest, knowledge(robot).core
 
 
 def require_uncertain(robot: Robot) -> list[str]:

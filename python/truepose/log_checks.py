@@ -2,29 +2,32 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from truepose import knowledge
+from truepose import knowledge, log_faults, logs
 from truepose.build import Array
+from truepose.departure import chi2_quantile
 from truepose.expectation import Expectation, expect, poses_of
+from truepose.log_faults import (
+    APART,
+    CENTIMETRES,
+    DEGREES,
+    MILLIMETRES,
+    apart,
+    sensor_is_angle,
+)
 from truepose.logs import Log
 from truepose.robot import Robot
 
 if TYPE_CHECKING:
     from truepose.calibration import Fit
 
-#: A reading this many σ off what motors and tolerances allow, on most lines, is no geometry.
-APART = 5.0
 #: A prediction that varies by this many σ shows what a reading should have followed.
 VARIES = 8.0
-#: Kinds of sensors that read m; the others read rad.
-LENGTHS = ("telemeter", "coordinate", "distance", "rod_length")
-#: Slopes of a column over its prediction that have a name.
-DEGREES, MILLIMETRES = 180 / np.pi, 1000.0
 
 
 class Finding(NamedTuple):
@@ -40,7 +43,7 @@ def check(robot: Robot, log: Log) -> tuple[Log, list[Finding]]:
     Returns
     -------
     log : Log
-        Without the readings of a sensor that hung for a while.
+        Without the readings of a sensor that hung for a while, and those that are there twice.
     findings : list of Finding
         Units, signs, swapped columns and stuck sensors are refused, not mended.
 
@@ -53,12 +56,19 @@ def check(robot: Robot, log: Log) -> tuple[Log, list[Finding]]:
     >>> table["theta"] = np.degrees(table["theta"])
     >>> for finding in check(h4, logs.of(h4, table))[1]:
     ...     print(finding.text)
-    theta: 57.3 times what the motors predict: in degrees, must be rad
+    theta: in degrees, must be rad
     """
     model = robot.expected()
-    findings = [*_cells(robot, log), *_repeats(robot, log)]
-    log, stuck = _stuck(model, log, expect(model, log.readings))
-    findings += stuck
+    findings = [*_cells(robot, log)]
+    log, twice = _once(robot, log)
+    findings += [*twice, *_repeats(robot, log)]
+    seen = expect(model, log.readings)
+    log, hung = _hung(model, log, seen)
+    log, stuck = _stuck(model, log, expect(model, log.readings) if hung else seen)
+    findings += [*hung, *stuck]
+    if any(finding.refused for finding in findings):
+        return log, findings
+    findings += _outside(model, log)
     if any(finding.refused for finding in findings):
         return log, findings
     if motors := _motors(model, log):
@@ -83,7 +93,8 @@ def review(fit: Fit, log: Log) -> list[Finding]:
         )
     counted = (fit.weights >= 0.1) & (fit.redundancy > 0)
     if counted.any():
-        apart = np.sqrt(np.median(fit.chi2[counted] / fit.redundancy[counted]) / 0.455)
+        usual = chi2_quantile(0.5, fit.redundancy[counted])
+        apart = np.sqrt(np.median(fit.chi2[counted] / usual))
         if apart > 2:
             findings.append(
                 Finding(
@@ -125,13 +136,31 @@ def _cells(robot: Robot, log: Log) -> Iterator[Finding]:
 def _distinct(robot: Robot, log: Log) -> Array:
     """Index of the first line at each pose, by the motors' counts."""
     q = log.readings[:, : robot.n]
-    step = np.maximum(robot.resolution[: robot.n], 1e-6)
+    count = robot.resolution[: robot.n]
+    step = np.where(count > 0, count, 1e-6)
     rows = np.flatnonzero(np.isfinite(q).all(axis=1))
     _, first = np.unique(np.round(q[rows] / step), axis=0, return_index=True)
     return rows[first]
 
 
+def _once(robot: Robot, log: Log) -> tuple[Log, list[Finding]]:
+    """Leave nothing but the motors of lines that are there already."""
+    again = logs.repeated(log.readings, log.measured, robot.n)
+    if not again.any():
+        return log, []
+    readings, measured = log.readings.copy(), log.measured
+    readings[again, robot.n :] = np.nan
+    if measured is not None:
+        measured = np.where(again[:, None], np.nan, measured)
+    rows = np.flatnonzero(again)
+    text = f"{log.at(rows, 5)}: as an earlier line, digit for digit: each counts once"
+    return replace(log, readings=readings, measured=measured), [Finding(text)]
+
+
 def _repeats(robot: Robot, log: Log) -> Iterator[Finding]:
+    cells = log.readings if log.measured is None else np.hstack([log.readings, log.measured])
+    more = np.isfinite(cells[:, robot.n :]).any(axis=1)
+    log = log.only(more) if more.any() else log
     read = int(np.isfinite(log.readings[:, : robot.n]).all(axis=1).sum())
     poses = len(_distinct(robot, log))
     if poses < 0.8 * read:
@@ -148,13 +177,22 @@ def _equations(robot: Robot, log: Log) -> Iterator[Finding]:
     if log.measured is not None:
         count = count + np.isfinite(log.measured[rows]).sum(axis=1)
     total, unknown = int(count.sum()), len(knowledge.uncertain(robot))
+    spare = [sensor.name for sensor in robot.spec.sensor if sensor.name in log.unused]
+    use = f"the log has {', '.join(spare)}: say that they were read, --sensors "
+    use += ",".join((*robot.sensors, *spare))
     if total == 0:
         yield Finding(
-            f"nothing to learn from: {robot.n} motors take all their readings for the pose; read "
-            "a redundant sensor, or measure a coordinate from outside (measured_x, …)",
+            f"nothing to learn from: {robot.n} motors take all their readings for the pose; "
+            + (
+                f"{use} (with_sensors)"
+                if spare
+                else "read a redundant sensor, or measure a coordinate from outside (measured_x, …)"
+            ),
             refused=True,
         )
-    elif total < unknown:
+    elif spare:
+        yield Finding(f"{use} (with_sensors) to use them as well")
+    if 0 < total < unknown:
         yield Finding(
             f"too few poses: {_count(total, 'equation')} at {_count(len(rows), 'different pose')} "
             f"for {unknown} uncertain parameters; tolerances hold the rest"
@@ -164,64 +202,30 @@ def _equations(robot: Robot, log: Log) -> Iterator[Finding]:
 # --- motors ---------------------------------------------------------------------------------------
 
 
-class _Change(NamedTuple):
-    """A mistake that somebody may have made with the motors' columns, and its undoing."""
-
-    text: str
-    undo: Callable[[Array], Array]
-
-
-def _plausible(robot: Robot, readings: Array) -> float:
-    """Part of the lines at which the motors close the loops near the workspace."""
-    x = poses_of(robot, readings[:, : robot.n])
-    good = np.isfinite(x).all(axis=1)
-    if (box := robot.spec.workspace) is not None:
-        low, high = np.array(box.minimum), np.array(box.maximum)
-        margin = 0.5 * (high - low) + 1e-9
-        good &= (x > low - margin).all(axis=1) & (x < high + margin).all(axis=1)
-    return float(good.mean())
-
-
-def _agrees(robot: Robot, readings: Array) -> bool:
-    """Whether motors and sensors can be readings of this robot, on most lines."""
-    if _plausible(robot, readings) < 0.9:
-        return False
-    if robot.r == 0:
-        return True
-    distance = _apart(expect(robot, readings))
-    return bool((distance[np.isfinite(distance)] < APART).all())
-
-
-def _apart(seen: Expectation) -> Array:
-    """Median over the lines of each sensor's distance from its prediction, in σ."""
-    ratio = np.abs(seen.residual) / seen.sigma
-    some = np.isfinite(ratio).any(axis=0)
-    result = np.full(ratio.shape[1], np.nan)
-    result[some] = np.nanmedian(ratio[:, some], axis=0)
-    return result
-
-
 def _motors(robot: Robot, log: Log) -> list[Finding]:
-    """Whether the motors' columns are what they should be; else which mistake explains them."""
-    readable = np.flatnonzero(np.isfinite(log.readings[:, : robot.n]).all(axis=1))
-    if len(readable) == 0:
+    """Whether motors and sensors fit each other; else which mistake explains them."""
+    n = robot.n
+    read = np.isfinite(log.readings[:, :n]).all(axis=1)
+    if not read.any():
         return [Finding("no line has a reading of every motor", refused=True)]
-    few = log.readings[
-        readable[np.linspace(0, len(readable) - 1, min(len(readable), 60)).astype(int)]
-    ]
-    plausible = _plausible(robot, few)
-    alone = _agrees(robot, few) or (
-        plausible >= 0.9 and any(_named_slopes(robot, few))  # it is a sensor's fault
-    )
-    if alone:
+    found = log_faults.named(robot, log)
+    if found is None:
         return []
-    for group in _mistakes(robot, log, few):
-        found = [change for change in group if _agrees(robot, change.undo(few))]
-        if not found and plausible < 0.9:  # a sensor may be wrong too
-            found = [c for c in group if _plausible(robot, c.undo(few)) >= 0.9]
-        if found:
-            return [Finding(" or ".join(change.text for change in found[:3]), refused=True)]
-    if plausible == 0:
+    if found:
+        return [Finding(" or ".join(found), refused=True)]
+    q = log.readings[read, :n]
+    step = np.maximum(robot.resolution[:n], 1e-9)
+    still = np.ptp(q, axis=0) < step
+    if len(q) >= 5 and still.any() and not still.all():
+        return [
+            Finding(
+                f"{log.names[k]}: stuck at {q[0, k]:.6g} on {_count(len(q), log.word)}",
+                refused=True,
+            )
+            for k in np.flatnonzero(still)
+        ]
+    near = log_faults.plausible(robot, log_faults.few(robot, log).readings)
+    if near == 0:
         return [
             Finding(
                 "the motors' readings fit this robot on no line: units, signs, offsets and the "
@@ -229,10 +233,10 @@ def _motors(robot: Robot, log: Log) -> list[Finding]:
                 refused=True,
             )
         ]
-    if plausible < 0.5:
+    if near < 0.5:
         return [
             Finding(
-                f"only {100 * plausible:.0f} % of the lines lie near the robot's workspace: units, "
+                f"only {100 * near:.0f} % of the lines lie near the robot's workspace: units, "
                 "signs, offsets and the order of the motors' columns?",
                 refused=True,
             )
@@ -240,63 +244,28 @@ def _motors(robot: Robot, log: Log) -> list[Finding]:
     return []
 
 
-def _mistakes(robot: Robot, log: Log, few: Array) -> Iterator[list[_Change]]:
-    """What may have happened to the motors' columns: units first, then signs, then their order."""
-    n = robot.n
-    revolute = np.array([chain.actuator == "revolute" for chain in robot.spec.chain])
-    factor = np.where(revolute, DEGREES, MILLIMETRES)
-
-    def scaled(which, by) -> Callable[[Array], Array]:
-        factors = np.ones(n + robot.r)
-        factors[list(which)] = by
-        return lambda rows: rows / factors
-
-    def text(which, what: str) -> str:
-        names = [log.names[k] for k in which]
-        return f"{', '.join(names)}: {what}"
-
-    def unit(k: int) -> str:
-        return "degrees, must be rad" if revolute[k] else "mm, must be m"
-
-    too_large = np.flatnonzero(_too_large(robot, few, factor))
-    for groups in ([too_large], [range(n)], [[k] for k in range(n)]):
-        yield [
-            _Change(text(which, f"in {unit(which[0])}"), scaled(which, factor[list(which)]))
-            for which in groups
-            if len(which)
-        ]
-    yield [_Change(text([k], "its sign is flipped"), scaled([k], -1.0)) for k in range(n)]
-    yield [_Change(text(range(n), "their signs are flipped"), scaled(range(n), -1.0))]
-    yield [
-        _Change(f"{log.names[i]} and {log.names[k]}: swapped", _swapped(i, k))
-        for i, k in itertools.combinations(range(n), 2)
-    ]
-
-
-def _swapped(i: int, k: int) -> Callable[[Array], Array]:
-    def undo(rows: Array) -> Array:
-        order = np.arange(rows.shape[1])
-        order[[i, k]] = order[[k, i]]
-        return rows[:, order]
-
-    return undo
-
-
-def _too_large(robot: Robot, few: Array, factor: Array) -> Array:
-    """Motors that leave the range of the workspace, and would not, divided by a unit."""
-    box = robot.spec.workspace
-    if box is None:
-        return np.zeros(robot.n, dtype=bool)
-    x = np.random.default_rng(0).uniform(box.minimum, box.maximum, (500, robot.n))
-    q = robot.ikm(x, errors="nan")
-    low, high = np.nanmin(q, axis=0), np.nanmax(q, axis=0)
-    margin = 0.25 * (high - low) + 1e-6
-
-    def inside(rows: Array) -> Array:
-        return ((rows > low - margin) & (rows < high + margin)).mean(axis=0)
-
-    q = few[:, : robot.n]
-    return (inside(q) < 0.5) & (inside(q / factor) > 0.9)
+def _outside(robot: Robot, log: Log) -> Iterator[Finding]:
+    """Units of what was measured from outside: no frame changes a distance."""
+    if log.measured is None:
+        return
+    few = log_faults.few(robot, log)
+    x = poses_of(robot, few.readings[:, : robot.n])
+    angles = np.array([unit == "rad" for _, unit in robot.coordinates])
+    for which, factor, text in (
+        (~angles, MILLIMETRES, "in mm, must be m"),
+        (angles, DEGREES, "in degrees, must be rad"),
+    ):
+        good = np.isfinite(few.measured[:, which]).all(axis=1) & np.isfinite(x).all(axis=1)
+        if not which.any() or good.sum() < 4:
+            continue
+        measured, expected = (
+            np.median(np.linalg.norm(v - np.median(v, axis=0), axis=1))
+            for v in (few.measured[good][:, which], x[good][:, which])
+        )
+        if expected > 0 and factor / 3 < measured / expected < factor * 3:
+            columns = zip(robot.coordinates, which, strict=True)
+            names = ", ".join(f"measured_{name}" for (name, _), own in columns if own)
+            yield Finding(f"{names}: {text}", refused=True)
 
 
 # --- sensors --------------------------------------------------------------------------------------
@@ -321,7 +290,7 @@ def _named(slope: float, is_angle: bool) -> str | None:
     names = (
         {DEGREES: "in degrees, must be rad"}
         if is_angle
-        else {MILLIMETRES: "in mm, must be m", 100.0: "in cm, must be m"}
+        else {MILLIMETRES: "in mm, must be m", CENTIMETRES: "in cm, must be m"}
     )
     for factor, name in names.items():
         if abs(abs(slope) / factor - 1) < 0.3:
@@ -338,33 +307,19 @@ def _named_slopes(robot: Robot, readings: Array) -> list[str | None]:
     ]
 
 
-def sensor_is_angle(robot: Robot) -> list[bool]:
-    """Whether each sensor in use reads rad (else m)."""
-    kinds = {sensor.name: sensor.kind for sensor in robot.spec.sensor}
-    return [kinds[name] not in LENGTHS for name in robot.sensors]
-
-
 def _sensors(robot: Robot, log: Log, seen: Expectation) -> Iterator[Finding]:
     """Units, signs and order of the sensors' columns, given motors that are right."""
     n = robot.n
-    distance = _apart(seen)
+    distance = apart(seen)
     wrong = [k for k in range(robot.r) if distance[k] > APART]
     names = _named_slopes(robot, log.readings)
     angle = sensor_is_angle(robot)
-    for i, k in itertools.combinations(range(robot.r), 2):
-        if angle[i] == angle[k] and (i in wrong or k in wrong):
-            undone = expect(robot, _swapped(n + i, n + k)(log.readings))
-            if (_apart(undone)[[i, k]] < APART).all():
-                yield Finding(f"{log.names[n + i]} and {log.names[n + k]}: swapped", refused=True)
-                wrong = [j for j in wrong if j not in (i, k)]
     for k in wrong:
         read, name = log.readings[:, n + k], log.names[n + k]
         slope = _slope(read, seen.expected[:, k])
         if names[k]:
             times = f"{slope:.3g} times what the motors predict"
-            mirror = _mirrors(robot, log) if "flipped" in names[k] else []
-            text = " or ".join([f"{name}: {times}: {names[k]}", *mirror])
-            yield Finding(text, refused=True)
+            yield Finding(f"{name}: {times}: {names[k]}", refused=True)
             continue
         unit = "rad" if angle[k] else "m"
         off = np.nanmedian(seen.residual[:, k])
@@ -383,13 +338,40 @@ def _sensors(robot: Robot, log: Log, seen: Expectation) -> Iterator[Finding]:
             )
 
 
-def _mirrors(robot: Robot, log: Log) -> list[str]:
-    """Pairs of motors whose exchange explains all readings: a robot's mirror image."""
-    return [
-        f"{log.names[i]} and {log.names[k]}: swapped"
-        for i, k in itertools.combinations(range(robot.n), 2)
-        if _agrees(robot, _swapped(i, k)(log.readings))
-    ]
+def _runs(read: Array, rows: Array, step: float) -> list[Array]:
+    """Five and more of these rows, one after another, with one and the same reading."""
+    changes = np.flatnonzero(np.abs(np.diff(read[rows])) > 0.5 * step) + 1
+    starts, ends = np.r_[0, changes], np.r_[changes, len(rows)]
+    long = np.flatnonzero(ends - starts >= 5)
+    return [rows[starts[k] : ends[k]] for k in long]
+
+
+def _hung(robot: Robot, log: Log, seen: Expectation) -> tuple[Log, list[Finding]]:
+    """Motors of one and the same reading on lines that no other line's geometry explains."""
+    n, findings, readings = robot.n, [], log.readings.copy()
+    rows = np.flatnonzero(np.isfinite(readings[:, :n]).all(axis=1))
+    odd = (np.abs(seen.residual) > APART * seen.sigma).any(axis=1)
+    odd |= ~np.isfinite(seen.x).all(axis=1)
+    for k in range(n):
+        step = np.maximum(robot.resolution[:n], 1e-9)
+        runs = [
+            run
+            for run in _runs(readings[:, k], rows, step[k])
+            if odd[run].mean() > 0.5 and (np.ptp(readings[run, :n], axis=0) > 100 * step).any()
+        ]
+        lost = np.concatenate([[], *runs]).astype(int)
+        others = np.setdiff1d(rows, lost)
+        if len(lost) and len(others) >= len(lost) and odd[others].mean() < 0.2:
+            findings.append(
+                Finding(
+                    f"{log.names[k]}: stuck at {readings[lost[0], k]:.6g} on "
+                    f"{_count(len(lost), log.word)} ({log.lines[lost[0]]} to "
+                    f"{log.lines[lost[-1]]}): these lines are left out"
+                )
+            )
+            readings[lost, k] = np.nan
+            rows = others
+    return replace(log, readings=readings), findings
 
 
 def _stuck(robot: Robot, log: Log, seen: Expectation) -> tuple[Log, list[Finding]]:
@@ -401,15 +383,13 @@ def _stuck(robot: Robot, log: Log, seen: Expectation) -> tuple[Log, list[Finding
         if len(rows) < 2:
             continue
         step = max(robot.resolution[robot.n + k], 1e-9)
-        starts = np.flatnonzero(np.r_[True, np.abs(np.diff(read[rows])) > 0.5 * step])
         hung = []
-        for run in np.split(rows, starts[1:]):
-            if len(run) >= 5:
-                # A reading may be constant in a plane of the workspace, where an uncalibrated
-                # prediction still varies by what tolerances allow.
-                moved = np.ptp(seen.expected[run, k])
-                if moved > VARIES * (step + np.median(seen.sigma[run, k])):
-                    hung.append(run)
+        for run in _runs(read, rows, step):
+            # A reading may be constant in a plane of the workspace, where an uncalibrated
+            # prediction still varies by what tolerances allow.
+            moved = np.ptp(seen.expected[run, k])
+            if moved > VARIES * (step + np.median(seen.sigma[run, k])):
+                hung.append(run)
         if not hung:
             continue
         lost = np.concatenate(hung)
@@ -422,4 +402,4 @@ def _stuck(robot: Robot, log: Log, seen: Expectation) -> tuple[Log, list[Finding
         else:
             readings[lost, robot.n + k] = np.nan
             findings.append(Finding(f"{at}: these readings are left out"))
-    return Log(log.names, readings, log.measured, log.lines, log.word, log.unused), findings
+    return replace(log, readings=readings), findings

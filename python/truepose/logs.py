@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
-import struct
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from truepose.arguments import check_real
 from truepose.build import Array
-from truepose.exceptions import InputError, choose
+from truepose.exceptions import InputError, choose, controls, one_line
+from truepose.reading import contents
 from truepose.robot import Robot
 
+#: Messages of two channels this far apart may be of one pose, s.
+TOLERANCE = 0.01
 #: What an empty cell may say, in lower case.
 _EMPTY = ("", "nan", "na", "n/a", "null", "none")
 
@@ -29,6 +33,7 @@ class Log:
     lines: Array  #: (N,) where each line stands in its file
     word: str  #: what a line is called: line of a CSV file, else row
     unused: tuple[str, ...] = ()  #: columns that say nothing of this robot
+    measured_sigma: Array | None = None  #: (N, n) of `measured`, NaN where not said; or None
 
     def at(self, rows: Iterable[int], most: int = 8) -> str:
         """Name some lines: "lines 7, 9, 12"."""
@@ -39,10 +44,25 @@ class Log:
 
     def only(self, keep: Array) -> Log:
         """Return the log of some of its lines; `keep` as numpy indexes."""
-        measured = None if self.measured is None else self.measured[keep]
-        return replace(
-            self, readings=self.readings[keep], measured=measured, lines=self.lines[keep]
-        )
+        kept = {
+            name: None if (values := getattr(self, name)) is None else values[keep]
+            for name in ("readings", "measured", "measured_sigma", "lines")
+        }
+        return replace(self, **kept)
+
+
+def repeated(readings: Array, measured: Array | None, n: int) -> Array:
+    """Lines that say, digit for digit, what an earlier one says beyond its n motors, (N,) bool.
+
+    A reading that was written twice is one reading; one that was taken twice, in the same counts,
+    errs by the same fraction of a count.
+    """
+    cells = readings if measured is None else np.hstack([readings, measured])
+    result = np.zeros(len(cells), dtype=bool)
+    rows = np.flatnonzero(np.isfinite(cells[:, n:]).any(axis=1))
+    _, first = np.unique(np.nan_to_num(cells[rows], nan=np.inf), axis=0, return_index=True)
+    result[np.delete(rows, first)] = True
+    return result
 
 
 def is_table(value: object) -> bool:
@@ -59,7 +79,7 @@ def of(robot: Robot, table, where: str = "readings") -> Log:
         With the sensors in use that were read.
     table : dict of arrays, pandas or pyarrow table, structured array
         Columns q1 … qn, each sensor by its name, and measured_x … where something outside
-        measured a coordinate; SI units.
+        measured a coordinate, measured_x_sigma … how well; SI units.
 
     Raises
     ------
@@ -84,7 +104,9 @@ def of(robot: Robot, table, where: str = "readings") -> Log:
 def read(robot: Robot, path: str | Path) -> Log:
     """Read a log file: Parquet or MCAP if it begins as one, else CSV.
 
-    MCAP: all channels of JSON messages; those of one time are one line. CSV: a line of names, then
+    MCAP: all channels of JSON messages; a line for each message with the motors' readings, and of
+    every other channel the message nearest in time, up to `TOLERANCE` and half the motors' usual
+    interval away. CSV: a line of names, then
     one line for each pose; comma, semicolon or tab; lines that begin with # are comments.
 
     Raises
@@ -94,12 +116,16 @@ def read(robot: Robot, path: str | Path) -> Log:
     """
     path = Path(path)
     try:
-        with path.open("rb") as file:
-            start = file.read(5)
+        data = contents(path)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
-    if start[:4] == b"PAR1" or start == b"\x89MCAP":
-        table = _parquet(path) if start[:4] == b"PAR1" else _mcap(path)
+    if data.startswith(b"PAR1"):
+        table = _parquet(path, data)
+    elif data.startswith(b"\x89MCAP"):
+        table = _mcap(path, data, robot.readings)
+    else:
+        table = None
+    if table is not None:
         return _pick(
             robot,
             list(table),
@@ -108,7 +134,7 @@ def read(robot: Robot, path: str | Path) -> Log:
             "row",
             str(path),
         )
-    header, rows, lines = _csv(path)
+    header, rows, lines = _csv(path, data)
     table = {name: [row[k] for row in rows] for k, name in enumerate(header)}
     return _pick(robot, header, table, lines, "line", str(path))
 
@@ -121,7 +147,7 @@ def _columns_of(table) -> Iterable[str] | None:
     return getattr(getattr(table, "dtype", None), "names", None)
 
 
-def _parquet(path: Path) -> dict[str, object]:
+def _parquet(path: Path, data: bytes) -> dict[str, object]:
     try:
         import pyarrow
         from pyarrow import parquet
@@ -130,65 +156,105 @@ def _parquet(path: Path) -> dict[str, object]:
             f"{path}: Parquet needs pyarrow: pip install 'truepose[parquet]'; CSV needs nothing"
         ) from None
     try:
-        table = parquet.read_table(path)
-    except (pyarrow.ArrowException, OSError) as error:
-        reason = str(error).splitlines()[0]
-        raise InputError(f"{path}: cannot be read as Parquet: {reason}") from None
-    if not table.column_names:
+        table = parquet.read_table(pyarrow.BufferReader(data))
+        names = table.column_names
+    except Exception as error:  # a spoilt file may break its reader anywhere
+        raise _spoilt(path, "Parquet", error) from None
+    if not names:
         raise InputError(f"{path}: no columns")
-    return {name: table[name] for name in table.column_names}
+    _no_twins(path, names)
+    return dict(zip(names, table.columns, strict=True))
 
 
-def _mcap(path: Path) -> dict[str, object]:
+def _mcap(path: Path, data: bytes, wanted: tuple[str, ...]) -> dict[str, object]:
     try:
-        from mcap.exceptions import McapError
         from mcap.reader import make_reader
     except ImportError:
         raise InputError(
             f"{path}: MCAP needs mcap: pip install 'truepose[mcap]'; CSV needs nothing"
         ) from None
-    rows: dict[int, dict[str, object]] = {}
+    sent: dict[str, list[tuple[int, dict[str, object]]]] = {}
     owner: dict[str, str] = {}
     try:
-        with path.open("rb") as file:
-            for _, channel, message in make_reader(file).iter_messages():
-                if channel.message_encoding != "json":
-                    continue
-                cells = json.loads(message.data)
-                for name in cells if isinstance(cells, dict) else ():
-                    if owner.setdefault(name, channel.topic) != channel.topic:
-                        raise InputError(
-                            f"{path}: column '{name}' is in two channels, {owner[name]} and "
-                            f"{channel.topic}"
-                        )
-                    rows.setdefault(message.log_time, {})[name] = cells[name]
-    except (McapError, ValueError, EOFError, struct.error) as error:
-        if isinstance(error, InputError):
-            raise
-        reason = str(error).splitlines()[0] if str(error) else "it ends too early"
-        raise InputError(f"{path}: cannot be read as MCAP: {reason}") from None
+        for _, channel, message in make_reader(io.BytesIO(data)).iter_messages():
+            if channel.message_encoding != "json":
+                continue
+            cells = json.loads(message.data)
+            for name in cells if isinstance(cells, dict) else ():
+                if owner.setdefault(name, channel.topic) != channel.topic:
+                    raise InputError(
+                        f"{path}: column '{name}' is in two channels, {owner[name]} and "
+                        f"{channel.topic}"
+                    )
+            if isinstance(cells, dict):
+                sent.setdefault(channel.topic, []).append((message.log_time, cells))
+    except InputError:
+        raise
+    except Exception as error:  # a spoilt file may break its reader anywhere
+        raise _spoilt(path, "MCAP", error) from None
     if not owner:
         raise InputError(f"{path}: no channel of JSON messages")
-    ordered = [rows[at] for at in sorted(rows)]
-    return {name: [row.get(name) for row in ordered] for name in owner}
+    return _joined(path, sent, owner, wanted)
 
 
-def _csv(path: Path) -> tuple[list[str], list[list[str]], Array]:
+def _joined(path: Path, sent, owner: dict[str, str], wanted: tuple[str, ...]) -> dict[str, object]:
+    """Columns of channels whose messages do not come at the same times."""
+    leading = next((owner[name] for name in wanted if name in owner), next(iter(sent)))
+    at = {}
+    for topic, messages in sent.items():
+        messages.sort(key=lambda message: message[0])
+        at[topic] = np.array([time for time, _ in messages])
+    times = at[leading]
+    half = np.median(np.diff(times)) / 2 if len(times) > 1 else np.inf
+    tolerance = min(1e9 * TOLERANCE, half) if half > 0 else 0
+    table: dict[str, object] = {}
+    for topic, messages in sent.items():
+        later = np.clip(np.searchsorted(at[topic], times), 1, max(len(messages) - 1, 1))
+        earlier = later - 1
+        later = np.minimum(later, len(messages) - 1)
+        nearer = np.abs(at[topic][later] - times) < np.abs(times - at[topic][earlier])
+        nearest = np.where(nearer, later, earlier)
+        if topic == leading:
+            nearest = np.arange(len(times))
+        near = np.abs(at[topic][nearest] - times) <= tolerance
+        names = [name for name, own in owner.items() if own == topic]
+        if not near.any() and any(name in wanted for name in names):
+            raise InputError(
+                f"{path}: {topic}: no message within {1e-6 * tolerance:.3g} ms of one of {leading}"
+            )
+        for name in names:
+            column = [messages[k][1].get(name) for k in nearest]
+            table[name] = [cell if by else None for cell, by in zip(column, near, strict=True)]
+    return table
+
+
+def _spoilt(path: Path, kind: str, error: Exception) -> InputError:
+    reason = str(error).splitlines()[0] if str(error).strip() else "it ends too early"
+    return InputError(f"{path}: cannot be read as {kind}: {one_line(reason, 200)}")
+
+
+def _no_twins(path: Path, names: list[str]) -> None:
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise InputError(f"{path}: column '{one_line(twice[0], 60)}' is there twice")
+
+
+def _csv(path: Path, data: bytes) -> tuple[list[str], list[list[str]], Array]:
     """Header, cells and line numbers."""
     header, rows, lines = None, [], []
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            text = file.readlines()
+        text = io.StringIO(data.decode("utf-8-sig"), newline="").readlines()
     except UnicodeDecodeError:
         raise InputError(f"{path}: neither Parquet nor text (UTF-8)") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
     first = next((line for line in text if line.strip() and not line.startswith("#")), "")
     delimiter = max(",;\t", key=first.count)
     for number, line in enumerate(text, 1):
         if not line.strip() or line.startswith("#"):
             continue
-        row = [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
+        try:
+            row = [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
+        except csv.Error as error:
+            raise InputError(f"{path}: line {number}: {error}") from None
         if header is None:
             header = row
             continue
@@ -198,37 +264,37 @@ def _csv(path: Path) -> tuple[list[str], list[list[str]], Array]:
         lines.append(number)
     if not rows:
         raise InputError(f"{path}: no line of readings")
-    twice = sorted({name for name in header if header.count(name) > 1})
-    if twice:
-        raise InputError(f"{path}: column '{twice[0]}' is there twice")
+    _no_twins(path, header)
     return header, rows, np.array(lines)
 
 
 def _pick(robot: Robot, columns: list[str], table, lines: Array, word: str, where: str) -> Log:
     columns = [str(name) for name in columns]
+    if wrong := next((name for name in columns if controls(name)), None):
+        raise InputError(f"{where}: column '{one_line(wrong, 60)}': control characters in its name")
     names = robot.readings
     outside = [f"measured_{name}" for name, _ in robot.coordinates]
     missing = [name for name in names if name not in columns]
     if missing:
         raise InputError(f"{where}: {_missing(robot, missing, columns)}")
     for name in columns:
-        if name.startswith("measured_") and name not in outside:
+        if name.startswith("measured_") and name.removesuffix("_sigma") not in outside:
             raise InputError(f"{where}: {choose('column', name, outside)}")
     if len(lines) == 0:
         raise InputError(f"{where}: no line of readings")
     readings = np.column_stack([_numbers(table[n], n, lines, word, where) for n in names])
-    measured = None
-    if any(name in columns for name in outside):
+
+    def block(wanted: list[str]) -> Array | None:
         nothing = [np.nan] * len(lines)
-        measured = np.column_stack(
-            [
-                _numbers(table[n] if n in columns else nothing, n, lines, word, where)
-                for n in outside
-            ]
-        )
-        measured = measured if np.isfinite(measured).any() else None
-    unused = tuple(name for name in columns if name not in (*names, *outside))
-    return Log(names, readings, measured, lines, word, unused)
+        if not any(name in columns for name in wanted):
+            return None
+        cells = [table[n] if n in columns else nothing for n in wanted]
+        numbers = [_numbers(c, n, lines, word, where) for c, n in zip(cells, wanted, strict=True)]
+        return np.column_stack(numbers) if np.isfinite(numbers).any() else None
+
+    sigmas = [f"{name}_sigma" for name in outside]
+    unused = tuple(name for name in columns if name not in (*names, *outside, *sigmas))
+    return Log(names, readings, block(outside), lines, word, unused, block(sigmas))
 
 
 def _missing(robot: Robot, missing: list[str], columns: list[str]) -> str:
@@ -241,9 +307,10 @@ def _missing(robot: Robot, missing: list[str], columns: list[str]) -> str:
 
 def _numbers(column, name: str, lines: Array, word: str, where: str) -> Array:
     """Return a column as floats; NaN where a cell is empty."""
+    check_real(column, f"{where}: column {name}")
     try:
         values = np.asarray(column, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError, NotImplementedError):
         values = np.array(
             [
                 _number(cell, f"{where}: {word} {n}: {name}")
@@ -263,5 +330,6 @@ def _number(cell, what: str) -> float:
         return np.nan
     try:
         return float(cell)
-    except (TypeError, ValueError):
-        raise InputError(f"{what} = '{cell}': must be a number or empty") from None
+    except (TypeError, ValueError, OverflowError):
+        shown = one_line(cell, 60)
+        raise InputError(f"{what} = '{shown}': must be a number or empty") from None

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from truepose import _core, knowledge
 from truepose.build import Array, columns
-from truepose.calibration import Learnt, calibration_of, mean_of
+from truepose.calibration import MODEL_ERRORS, Learnt, ModelError, calibration_of, mean_of
 from truepose.exceptions import InputError, choose
 from truepose.kinematics import Errors, Level
 from truepose.robot import Robot
@@ -36,8 +36,10 @@ class OnlineCalibration:
         Readings that together are off by more than so many σ, what is still open of the geometry
         included, are left out: one of them, where it alone explains it, or the line. Where lines
         keep disagreeing, learning stops (:attr:`stopped`). 0 keeps all, whatever they say.
-    level : {"ideal", "full"}
-        One rod per chain, or every rod by itself.
+    level : {"ideal", "full"}, optional
+        One rod per chain, or every rod by itself; by default :attr:`Robot.finest_level`.
+    model_error : {"on", "off"}
+        Whether readings count, at the ideal level, with what it leaves out of a real robot.
 
     Examples
     --------
@@ -57,10 +59,15 @@ class OnlineCalibration:
         robot: Robot,
         drift: Mapping[str, float] | Sequence[Mapping[str, float]] | None = None,
         gate: float = 4.0,
-        level: Level = "ideal",
+        level: Level | None = None,
+        model_error: ModelError = "on",
     ):
-        self._robot = robot
-        self._level = level
+        self._level = robot.finest_level if level is None else level
+        self._robot = robot.with_level(self._level)
+        self._prior = robot
+        if model_error not in MODEL_ERRORS:
+            raise InputError(choose("model_error", model_error, MODEL_ERRORS))
+        self._error = model_error == "on"
         self._names = knowledge.require_uncertain(robot)
         if not (np.isfinite(gate) and gate >= 0):
             raise InputError(f"gate = {gate}: must be a number of σ of at least 0")
@@ -87,8 +94,8 @@ class OnlineCalibration:
         walks = np.array(rows) if together else np.diag(rows[0])
         return walks[walks.any(axis=1)]
 
-    def _start(self, xi: Array) -> None:
-        known = knowledge.knowledge(self._robot, level=self._level)
+    def _start(self, xi: Array, root: Array | None = None) -> None:
+        known = knowledge.knowledge(self._robot, root, level=self._level, error=self._error)
         self._filter = _core.Online(
             self._robot._drawn,
             known.core,
@@ -97,6 +104,17 @@ class OnlineCalibration:
             self._gate,
             self._robot._is_full(self._level),
         )
+
+    def __getstate__(self) -> dict:
+        core = self._filter
+        learnt = (np.array(core.xi), np.array(core.root), core.memory)
+        return self.__dict__ | {"_filter": learnt}
+
+    def __setstate__(self, state: dict) -> None:
+        self.__dict__.update(state)
+        xi, root, memory = state["_filter"]
+        self._start(xi, root)
+        self._filter.resume(memory)
 
     def observe(self, q_e: ArrayLike, errors: Errors = "raise") -> Array:
         """Learn from lines of readings, in their order.
@@ -134,7 +152,7 @@ class OnlineCalibration:
     @property
     def prior(self) -> Robot:
         """The robot that it started from."""
-        return self._robot
+        return self._prior
 
     @property
     def level(self) -> Level:

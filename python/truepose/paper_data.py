@@ -47,12 +47,27 @@ def table2() -> Array:
 
 def table3() -> dict[str, dict[tuple[str, str], float]]:
     """Table 3: {law: {(quantity, statistic): value}}, laws "usual" and "redundant"; mm, deg."""
-    result: dict[str, dict[tuple[str, str], float]] = {"usual": {}, "redundant": {}}
+    return {
+        law: {key: float(text) for key, text in entries.items()}
+        for law, entries in table3_as_printed().items()
+    }
+
+
+def table3_as_printed() -> dict[str, dict[tuple[str, str], str]]:
+    """Table 3 with the digits that the paper prints: 0.5 and 13.0, neither 0.500 nor 13.
+
+    Examples
+    --------
+    >>> from truepose import paper_data
+    >>> paper_data.table3_as_printed()["usual"]["theta", "average_abs"]
+    '0.5'
+    """
+    result: dict[str, dict[tuple[str, str], str]] = {"usual": {}, "redundant": {}}
     for row in _rows("table3_experiment"):
-        for law, values in result.items():
+        for law, entries in result.items():
             for statistic in STATISTICS:
                 if text := row[f"{statistic}_{law}"]:
-                    values[row["quantity"], statistic] = float(text)
+                    entries[row["quantity"], statistic] = text
     return result
 
 

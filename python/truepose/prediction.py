@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import fnmatch
+import io
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,12 +15,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core, info
+from truepose.arguments import numbers_of
 from truepose.bound import accuracy
 from truepose.build import Array
-from truepose.exceptions import InputError
+from truepose.exceptions import InputError, choose, one_line
 from truepose.kinematics import Level
+from truepose.reading import contents
 from truepose.robot import Robot
-from truepose.tables import Table, number
+from truepose.tables import Cell, Table, number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -36,10 +40,11 @@ class Prediction:
     sigma: dict[str, Array]  #: what is predicted: (sets, n + 1), coordinates and position norm
 
 
-def workspace_grid(robot: Robot) -> Array:
+def workspace_grid(robot: Robot, points: int | None = None) -> Array:
     """Poses of a grid over the workspace box, its faces included.
 
-    Five values of each coordinate (the H4's: Table 2 of the paper), three where there are six.
+    By default five values of each coordinate (the H4's: Table 2 of the paper), three where there
+    are six.
 
     Examples
     --------
@@ -48,7 +53,7 @@ def workspace_grid(robot: Robot) -> Array:
     ((625, 4), (729, 6))
     """
     box = info.workspace(robot)
-    points = 5 if robot.n < 6 else 3
+    points = points or (5 if robot.n < 6 else 3)
     axes = [
         np.linspace(low, high, points) for low, high in zip(box.minimum, box.maximum, strict=True)
     ]
@@ -56,29 +61,46 @@ def workspace_grid(robot: Robot) -> Array:
 
 
 def sensor_sets(robot: Robot) -> list[tuple[str, ...]]:
-    """Sets worth comparing: none, those in use, each other sensor added to them, all.
+    """Sets worth comparing: none, those in use, these with each other one, with each group, all.
+
+    A group is all other sensors of one kind: an elbow is seldom bought alone.
 
     Examples
     --------
     >>> import truepose as tp
     >>> sensor_sets(tp.load("3rrr"))
     [(), ('theta',)]
+    >>> sensor_sets(tp.load("delta"))[-2:]
+    [('elbow1', 'elbow2', 'elbow3'), ('z_telemeter', 'elbow1', 'elbow2', 'elbow3')]
     """
-    names = tuple(sensor.name for sensor in robot.spec.sensor)
-    spare = [name for name in names if name not in robot.sensors]
-    sets = [(), robot.sensors, *((*robot.sensors, name) for name in spare)]
+    spare = {s.name: s.kind for s in robot.spec.sensor if s.name not in robot.sensors}
+    kinds = dict.fromkeys(spare.values())
+    groups = [tuple(name for name in spare if spare[name] == kind) for kind in kinds]
+    added = [(), *((name,) for name in spare), *groups, tuple(spare)]
     most = min(_core.max_sensors, _core.max_readings - robot.n)
-    if len(names) <= most:
-        sets.append(robot.sensors + tuple(spare))
-    return list(dict.fromkeys(sets))
+    sets = [(), *(robot.sensors + names for names in added)]
+    return list(dict.fromkeys(names for names in sets if len(names) <= most))
 
 
 def parse_set(robot: Robot, text: str) -> tuple[str, ...]:
-    """Read a set as people write it: names with commas between, "none", or "all"."""
+    """Read a set as people write it: names or globs with commas between, "none", or "all".
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> parse_set(tp.load("h4"), "theta,wire*")
+    ('theta', 'wire1', 'wire2', 'wire3')
+    """
     names = tuple(sensor.name for sensor in robot.spec.sensor)
-    if text == "all":
-        return names
-    return () if text == "none" else tuple(name.strip() for name in text.split(","))
+    if text in ("all", "none"):
+        return names if text == "all" else ()
+    chosen: list[str] = []
+    for pattern in (part.strip() for part in text.split(",")):
+        fits = fnmatch.filter(names, pattern)
+        if not fits:
+            raise InputError(choose("sensor", pattern, names) + ", or a glob of them, none, all")
+        chosen += fits if pattern in names else [name for name in fits if name not in chosen]
+    return tuple(chosen)
 
 
 def read_poses(robot: Robot, path: Path) -> Array:
@@ -90,11 +112,10 @@ def read_poses(robot: Robot, path: Path) -> Array:
         The file cannot be read, misses a column, or has a value that is no finite number.
     """
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            lines = csv.DictReader(file, skipinitialspace=True)
-            rows = [(lines.line_num, row) for row in lines]
-            header = [name.strip() for name in lines.fieldnames or ()]
-            lines.fieldnames = header
+        file = io.StringIO(contents(path).decode("utf-8-sig"), newline="")
+        lines = csv.DictReader(file, skipinitialspace=True)
+        lines.fieldnames = header = [name.strip() for name in lines.fieldnames or ()]
+        rows = [(lines.line_num, row) for row in lines]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', error)}") from None
     names = [name for name, _ in robot.coordinates]
@@ -114,7 +135,8 @@ def _number(path: Path, line: int, name: str, row: dict) -> float:
     except (KeyError, TypeError, ValueError):
         value = np.nan
     if not np.isfinite(value):
-        raise InputError(f"{path}:{line}: {name} = {row.get(name)!r}: must be a finite number")
+        shown = one_line(repr(row.get(name)), 60)
+        raise InputError(f"{path}:{line}: {name} = {shown}: must be a finite number")
     return value
 
 
@@ -125,7 +147,7 @@ def predict(
     *,
     calibrated: bool = False,
     touch_off: ArrayLike | None = None,
-    level: Level = "ideal",
+    level: Level | None = None,
 ) -> Prediction:
     """Bound of several sensor sets over the same poses.
 
@@ -139,8 +161,9 @@ def predict(
     calibrated : bool
         Also what remains after self-calibration over these poses.
     touch_off : array_like, shape (n,), optional
-        Also what remains where the error at this pose is taken to zero.
-    level : {"ideal", "full"}
+        Also what remains once the robot has been read at this pose, which is known from outside.
+    level : {"ideal", "full"}, optional
+        By default :attr:`Robot.finest_level`.
 
     Raises
     ------
@@ -155,7 +178,7 @@ def predict(
     >>> for what, sigma in found.sigma.items():
     ...     print(what, (1e3 * sigma[:, -1]).round(2))  # mm
     as built [7.46 5.  ]
-    self-calibrated [0.86 0.28]
+    self-calibrated [0.86 0.33]
     """
     sets = sensor_sets(robot) if sets is None else [tuple(names) for names in sets]
     candidates = [robot.with_sensors(*names) for names in sets]
@@ -167,7 +190,7 @@ def predict(
         if not good.any():
             raise InputError(f"{robot.name}: no pose of its workspace is reachable and regular")
         poses, left_out = grid[good], int((~good).sum())
-    poses = np.atleast_2d(np.asarray(poses, dtype=float))
+    poses = np.atleast_2d(numbers_of(poses, "poses"))
     linear = np.array([unit == "m" for _, unit in robot.coordinates])
     sigma = {}
     for learnt in (False, True)[: 1 + calibrated]:
@@ -192,7 +215,8 @@ def tables(found: Prediction) -> list[Table]:
         rows = []
         for names, values in zip(found.sets, sigma, strict=True):
             cells = values * [*factor, 1e3]
-            rows.append([label(found.robot, names), *(number(float(v)) for v in cells)])
+            named = Cell(label(found.robot, names), ",".join(names) or "none")
+            rows.append([named, *(number(float(v)) for v in cells)])
         title = f"σ of the pose, {what}"
         name = "accuracy_" + what.replace(", ", "_").replace(" ", "_").replace("-", "_")
         result.append(Table(name, title, ["sensors", *header, "position (mm)"], rows))
@@ -200,20 +224,27 @@ def tables(found: Prediction) -> list[Table]:
 
 
 def label(robot: Robot, names: Sequence[str]) -> str:
-    """Name a sensor set for people."""
+    """Name a sensor set for people: all of one kind as a glob, where that says which."""
     every = [sensor.name for sensor in robot.spec.sensor]
     if not names:
         return "motors alone"
     if len(every) > 2 and sorted(names) == sorted(every):
         return f"all {len(every)}"
-    return ", ".join(names)
+    short = list(names)
+    for kind in {sensor.kind: None for sensor in robot.spec.sensor}:
+        group = [sensor.name for sensor in robot.spec.sensor if sensor.kind == kind]
+        glob = group[0].rstrip("0123456789") + "*"
+        if len(group) > 1 and fnmatch.filter(every, glob) == group and set(group) <= set(names):
+            short = [glob if name == group[0] else name for name in short]
+            short = [name for name in short if name not in group]
+    return ", ".join(short)
 
 
 def draw_map(
     robot: Robot,
     poses: ArrayLike | None = None,
     touch_off: ArrayLike | None = None,
-    level: Level = "ideal",
+    level: Level | None = None,
     points: int = 101,
 ) -> Figure:
     """Draw the position's σ over the first two coordinates of the workspace, through home.
@@ -225,7 +256,7 @@ def draw_map(
     poses : array_like, shape (P, n), optional
         After self-calibration over these poses.
     touch_off : array_like, shape (n,), optional
-        Of the error less that at this pose.
+        Once the robot has been read at this pose, which is known from outside.
     """
     first, second, x = info.workspace_slice(robot, points)
     P = accuracy(robot, x, poses, touch_off, level, errors="nan")

@@ -49,7 +49,7 @@ class Redundancy(Kinematics):
         q_e: ArrayLike,
         guess: ArrayLike | None = None,
         errors: Errors = "raise",
-        level: Level = "ideal",
+        level: Level | None = None,
     ) -> Estimate:
         """Best pose from all readings, weighted by what is known of each, and its covariance.
 
@@ -65,8 +65,9 @@ class Redundancy(Kinematics):
             Where to start; the file's home pose by default.
         errors : {"raise", "nan"}
             What to do where no pose is found.
-        level : {"ideal", "full"}
-            One rod per chain, or every rod by itself (see :attr:`full`).
+        level : {"ideal", "full"}, optional
+            One rod per chain, or every rod by itself; by default :attr:`Robot.finest_level`. At
+            the ideal level the readings count with what it leaves out of a real robot.
 
         Returns
         -------
@@ -79,12 +80,13 @@ class Redundancy(Kinematics):
         >>> robot = tp.load("h4").with_sensors("theta", "z_telemeter").expected()
         >>> est = robot.estimate(robot.extended([0.05, 0.01, -0.4, 0.2]))
         >>> print(est.x.round(6), np.sqrt(np.diag(est.covariance))[2].round(6), est.status)
-        [ 0.05  0.01 -0.4   0.2 ] 6e-06 ok
+        [ 0.05  0.01 -0.4   0.2 ] 0.000134 ok
         """
         from truepose import knowledge
 
         rows, lead = self._rows(q_e, self.n + self.r, "q_e", errors)
         start = self._guesses(guess, lead, errors)
+        level = self.finest_level if level is None else level
         x, covariance, chi2, status, chain = _core.estimate(
             self._core,
             knowledge.knowledge(self, level=level).core,
@@ -155,7 +157,7 @@ class Redundancy(Kinematics):
         """Extended-to-joint matrix with the weights that the readings deserve, at x.
 
         M⁺ = (MᵀC⁻¹M)⁻¹MᵀC⁻¹, C = H_ξ Σ_ξ H_ξᵀ + Σ_s as of :meth:`estimate`: what tolerances (or a
-        calibration) and counts leave to be trusted in each reading.
+        calibration) and counts leave to be trusted in each reading. At :attr:`Robot.finest_level`.
 
         Returns
         -------
@@ -172,9 +174,9 @@ class Redundancy(Kinematics):
         from truepose import knowledge
 
         rows, lead = self._rows(x, self.n, "x", errors)
-        _, M_plus, status, chain = _core.gain(
-            self._core, knowledge.knowledge(self).core, rows, False
-        )
+        believed, known = knowledge.for_law(self, "weighted")
+        full = believed.level == "full"
+        _, M_plus, status, chain = _core.gain(believed._core, known, rows, full)
         self._check("pose", rows, lead, status, chain, errors)
         return M_plus.reshape(*lead, self.n, self.n + self.r)
 
@@ -217,14 +219,13 @@ class Redundancy(Kinematics):
         if law == "cartesian":
             self.require_orientation()
         rows, lead = self._rows(x, self.n, "x", errors)
-        leak, status, chain = _core.leakage(
-            self._core, getattr(_core.Law, law), knowledge.for_law(self, law), rows
-        )
+        believed, known = knowledge.for_law(self, law)
+        leak, status, chain = _core.leakage(believed._core, getattr(_core.Law, law), known, rows)
         self._check("pose", rows, lead, status, chain, errors)
         return leak.reshape(*lead, self.n, self.n + self.r)
 
     def linearise(
-        self, x: ArrayLike, errors: Errors = "raise", level: Level = "ideal"
+        self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None
     ) -> tuple[Array, Array]:
         """Jacobians of all readings q_e = [q; r] at the pose x, the motors holding it.
 

@@ -9,14 +9,12 @@ import importlib.util
 import io
 import os
 import platform
-import shutil
-import tempfile
+import uuid
 from collections.abc import Callable, Iterator
 from importlib import metadata
 from pathlib import Path
 
 import jinja2
-import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -29,6 +27,7 @@ from truepose import (
     figures,
     paper_data,
     run_logs,
+    saving,
     sensing,
     statistics,
     tables,
@@ -41,34 +40,63 @@ from truepose.reproduce import Reproduction
 FIGURES = 10  #: drawn for the report
 PAGE = "report.html"
 LEARNT = "self-calibrated"
+#: Kinds of what the folder holds, by their endings.
+_KINDS = {".html": "report", ".svg": "picture", ".png": "picture", ".csv": "table"}
+_KINDS |= {".parquet": "log", ".mcap": "log"}
 
 
 @contextlib.contextmanager
-def folder(out: Path) -> Iterator[Path]:
+def folder(out: Path, force: bool = False) -> Iterator[Path]:
     """Give a folder to write into whose files reach `out` only when all went well.
+
+    Parameters
+    ----------
+    out : Path
+        A folder that is not there, has no such files, or holds an earlier report.
+    force : bool
+        Replace files in it that are no earlier report's.
 
     Raises
     ------
     InputError
-        `out` cannot be written. Raised on entry, before any work is done.
+        `out` cannot be written, or may not. Raised on entry, before any work is done, but where a
+        file of an earlier report has been changed.
     """
-    existed = out.exists()
+    there = os.path.lexists(out)
+    base = out if there else next(parent for parent in out.absolute().parents if parent.exists())
     try:
-        out.mkdir(parents=True, exist_ok=True)
-        work = Path(tempfile.mkdtemp(prefix=".truepose-", dir=out))
+        others = [p for p in sorted(out.iterdir()) if p.suffix in _KINDS] if there else []
+        saving.check([saving.Output(out / PAGE, "report", "--out")] if others else [], force=force)
+        if others and not (force or out / PAGE in others):
+            raise InputError(f"--out {out}: has a {others[0].name}, and no report; choose another")
+        with saving.unfinished(base / f".truepose-{uuid.uuid4().hex}") as work:
+            work.mkdir()
+            yield work
+            if there:
+                _move(work, out, force)
+            else:
+                out.parent.mkdir(parents=True, exist_ok=True)
+                os.replace(work, out)
     except OSError as error:
         raise InputError(f"--out {out}: cannot be written: {error.strerror}") from None
-    try:
-        yield work
-        for file in sorted(work.iterdir()):
-            os.replace(file, out / file.name)
-    except OSError as error:
-        raise InputError(f"--out {out}: cannot be written: {error.strerror}") from None
-    finally:
-        shutil.rmtree(work, ignore_errors=True)
-        if not existed:
-            with contextlib.suppress(OSError):
-                out.rmdir()  # succeeds only if empty: nothing is left of a failed run
+
+
+def _move(work: Path, out: Path, force: bool) -> None:
+    """Move all files of a folder into another one, or none."""
+    files = {file: out / file.name for file in sorted(work.iterdir())}
+    for file, place in files.items():
+        known = force or (file.suffix == ".csv" and _same_header(file, place))
+        saving.check([saving.Output(place, _KINDS[file.suffix])], force=known)
+    for file, place in files.items():
+        os.replace(file, place)
+
+
+def _same_header(file: Path, other: Path) -> bool:
+    """Whether two tables have the same first line: they have no room for a mark."""
+    if not other.is_file():
+        return True
+    with file.open("rb") as a, other.open("rb") as b:
+        return a.readline() == b.readline()
 
 
 def write(
@@ -86,7 +114,7 @@ def write(
         tables.moves(result),
         tables.check(result),
         tables.sensing(result),
-        tables.warm_up(result),
+        tables.warm_up(result.warm_up),
         *(experiment_tables.tables(result.section) if result.section else ()),
     ]
     for table in numbers:
@@ -103,6 +131,11 @@ def write(
         seed=result.seed,
         scatter={law: tables.theta_scatter(law) for law in ("usual", "redundant")},
         ratio=float(np.median(result.experiment.ratio("theta", "sum_sq"))),
+        moved=float(np.median(experiment.moved_by_tej(result.experiment, paper_data.MOVE_TO))),
+        squares={
+            "printed": paper_data.table3()["usual"]["theta", "sum_sq"],
+            "drawn": float(np.median(result.experiment.tables["joint"][:, 3, 2])),
+        },
         norm=float(np.median(np.sqrt(result.experiment.ratio("norm_xyz", "sum_sq")))),
         left=experiment.theta_law(result.robot, result.experiment.poses),
         errors=paper_data.simulation_errors(),
@@ -133,7 +166,7 @@ def render(template: str, **values) -> str:
 def _figures(result: Reproduction) -> Iterator[tuple[str, Figure]]:
     yield "robot", drawing.draw(result.robot)
     for name, run in result.moves.items():
-        yield name, figures.move(run)
+        yield name, figures.move(run, result.moves.values())
     yield "poses", figures.poses(result.experiment)
     yield "ratios", figures.ratios(result.experiment)
     yield "rest", figures.rest(result.robot, result.experiment)
@@ -159,17 +192,10 @@ def describe(section: experiment_section.Section) -> dict[str, float]:
 
 def _save(figure: Figure, path: Path) -> str:
     """Save as SVG and PNG; return the SVG as a data URI."""
-    path.with_suffix(".svg").write_bytes(svg(figure))
-    figure.savefig(path.with_suffix(".png"), dpi=150)
-    return as_uri(path.with_suffix(".svg").read_bytes())
-
-
-def svg(figure: Figure) -> bytes:
-    """Draw a figure as SVG: the same figure, the same bytes."""
-    drawn = io.BytesIO()
-    with mpl.rc_context({"svg.hashsalt": "truepose"}):
-        figure.savefig(drawn, format="svg", metadata={"Date": None}, dpi=150)
-    return drawn.getvalue()
+    drawn = saving.picture(figure, ".svg")
+    path.with_suffix(".svg").write_bytes(drawn)
+    path.with_suffix(".png").write_bytes(saving.picture(figure, ".png"))
+    return as_uri(drawn)
 
 
 def as_uri(image: bytes) -> str:

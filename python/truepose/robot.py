@@ -21,6 +21,7 @@ from truepose.build import (
     parameterised,
 )
 from truepose.exceptions import InputError, RobotFileError, choose
+from truepose.kinematics import Level
 from truepose.redundancy import Redundancy
 from truepose.schema import Calibration, RobotFile
 
@@ -110,10 +111,12 @@ class Robot(Redundancy):
         self._nominal = drawn(spec)
         self._values = self._nominal | spec.parameters | (values or {})
         known = {sensor.name: sensor for sensor in spec.sensor}
-        if spec.n + len(spec.sensors) > _core.max_readings or len(spec.sensors) > _core.max_sensors:
-            raise RobotFileError(f"{spec.name}: at most {_core.max_sensors} sensors can be in use")
+        most = min(_core.max_sensors, _core.max_readings - spec.n)
+        if len(spec.sensors) > most:
+            raise RobotFileError(f"{spec.name}: at most {most} sensors can be in use")
         self._sensors = tuple(known[name] for name in spec.sensors)
         self._drawn = build(spec, self._sensors)
+        self._drawn.level = getattr(_core.Level, self.level)
         self._drawn.finish()
         self._core = parameterised(self._drawn, columns(spec, self._sensors), self._values)
         failure = self._core.finish()
@@ -121,10 +124,23 @@ class Robot(Redundancy):
             names = [name for name, _ in self.coordinates]
             why = mechanism.at_home(self._core, spec, names, failure)
             raise RobotFileError(f"{spec.name}: {why}")
+        if self.level == "full" and not self.full:
+            raise RobotFileError(f"{spec.name}: level = 'full': {self.full.reason}")
 
     def __repr__(self) -> str:
         sensors = ", ".join(self._spec.sensors) or "no sensor"
         return f"<truepose.Robot {self.name}: {self._spec.mobility}, n={self.n}, {sensors}>"
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Robot):
+            return NotImplemented
+        return self is other or (self._spec, self._values) == (other._spec, other._values)
+
+    def __hash__(self) -> int:
+        return hash((self._spec.name, self._spec.sensors, *self._values.values()))
+
+    def __reduce__(self) -> tuple:
+        return type(self), (self._spec, self._values)  # the core's structs are built anew
 
     @property
     def name(self) -> str:
@@ -177,12 +193,60 @@ class Robot(Redundancy):
         reasons = {
             kinds.same: f"{count}: the ideal level itself",
             kinds.exists: count,
+            kinds.elastic: f"{count}: overconstrained by 1, closed by what the rods stretch",
             kinds.overconstrained: f"overconstrained by {full.excess}: {count}",
             kinds.loose: f"loose by {full.excess}: {count}; "
             + (mechanism.not_held(self._core) if self.loose else ""),
-            kinds.undescribed: "more bars than the full level knows",
+            kinds.undescribed: "its rods are not described one by one",
         }
-        return FullLevel(full.kind in (kinds.same, kinds.exists), reasons[full.kind])
+        exists = full.kind in (kinds.same, kinds.exists, kinds.elastic)
+        return FullLevel(exists, reasons[full.kind])
+
+    @property
+    def level(self) -> Level:
+        """Level of the model that its kinematics default to: ideal unless it says otherwise.
+
+        A robot's file says so, :meth:`with_level`, or the calibration that it comes from.
+        """
+        return self._spec.level or "ideal"
+
+    @property
+    def finest_level(self) -> Level:
+        """Level that estimates, calibrations, predictions and the laws that weigh default to.
+
+        That of the robot where it has one of its own; else full where its rods can be solved for
+        one by one, since a real robot has them one by one.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> h4 = tp.load("h4")
+        >>> h4.level, h4.finest_level, h4.with_level("ideal").finest_level
+        ('ideal', 'full', 'ideal')
+        """
+        return self._spec.level or ("full" if self.full else "ideal")
+
+    def with_level(self, level: Level | None) -> Robot:
+        """Return a copy whose methods and laws default to this level; None: as a file without it.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> real = tp.load("h4").with_level("full").replace({"chain1.tilt": 0.002})
+        >>> x = real.home
+        >>> bool(abs(real.fkm(real.ikm(x)) - x).max() < 1e-12)
+        True
+        """
+        if level is not None:
+            self._is_full(level)
+        return self if level == self._spec.level else self._with(level=level)
+
+    @functools.cached_property
+    def _finest(self) -> Robot:
+        return self.with_level(self.finest_level)
+
+    def _with(self, **changes) -> Robot:
+        return Robot(self._spec.model_copy(update=changes), self._values)
 
     @property
     def loose(self) -> bool:
@@ -247,6 +311,8 @@ class Robot(Redundancy):
     def replace(self, values: dict[str, float]) -> Robot:
         """Return a copy with other parameter values.
 
+        Geometry alone: an arm's `drive_inertia` stays as its file says.
+
         Examples
         --------
         >>> import truepose as tp
@@ -302,19 +368,19 @@ class Robot(Redundancy):
                 raise InputError(choose("sensor", name, known))
         if len(set(names)) < len(names):
             raise InputError(f"a sensor is named twice: {', '.join(names)}")
-        return Robot(self._spec.model_copy(update={"sensors": names}), self._values)
+        return self._with(sensors=names)
 
     def with_gravity(self, gravity: tuple[float, float, float]) -> Robot:
         """Return a copy under another gravity, m/s², base frame; (0, 0, 0) switches it off."""
         if len(gravity) != 3 or not all(map(math.isfinite, gravity)):
             raise InputError(f"gravity = {gravity}: must be three finite numbers, m/s²")
-        return Robot(self._spec.model_copy(update={"gravity": tuple(gravity)}), self._values)
+        return self._with(gravity=tuple(gravity))
 
     def unquantised(self) -> Robot:
         """Return a copy whose encoders and sensors have no counts."""
-        return Robot(self._spec.model_copy(update={"quantised": False}), self._values)
+        return self._with(quantised=False)
 
-    def save(self, path: str | Path) -> None:
+    def save(self, path: str | Path, *, force: bool = False) -> None:
         """Write a robot file that loads back to this robot, bit for bit.
 
         Order and comments of the file it came from are kept. Parameters that differ from the
@@ -324,12 +390,14 @@ class Robot(Redundancy):
         Parameters
         ----------
         path : str or Path
-            Where to write; a file that is there is replaced.
+            Where to write; a robot file that is there is replaced, any other file is not.
+        force : bool
+            Replace any other file, too; never what is read-only, or is no regular file.
 
         Raises
         ------
         InputError
-            The file cannot be written.
+            The file cannot or may not be written.
 
         Examples
         --------
@@ -342,10 +410,4 @@ class Robot(Redundancy):
         """
         from truepose import saving
 
-        inherited = self._spec.parameters
-        values = {
-            name: value
-            for name, value in self._values.items()
-            if value != self._nominal[name] or name in inherited
-        }
-        saving.replace_file(Path(path), saving.to_toml(self._spec, values))
+        saving.replace_file(path, saving.text_of(self), "robot file", force)

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import fnmatch
+import itertools
 import os
+import re
+import tomllib
 from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
 from typing import NamedTuple
 
-import tomlkit
 from pydantic import ValidationError
-from tomlkit.exceptions import TOMLKitError
 
 from truepose import consistency
 from truepose.build import parameter_names
-from truepose.exceptions import RobotFileError, choose
+from truepose.exceptions import RobotFileError, choose, shortened
 from truepose.pattern import expand, misfits
+from truepose.reading import contents
 from truepose.schema import (
     ACTUATORS,
     FREEDOMS,
@@ -61,6 +63,14 @@ _MOVES = (
 _MOVES += ("rod_spacing", "rod_difference", "pair_axis", "yaw", "tilt", "encoder_offset")
 
 
+#: Of a robot file. A calibration of as many parameters as a robot can have takes 0.7 MB of it.
+MOST_BYTES = 1_000_000
+
+_DEEP = re.compile(r"(?:\.[\w\s\"'-]{1,40}){100}")  # a key of a hundred parts
+
+LINE = 1000  #: characters of a problem that are told
+_TOLD = 100  # problems of one sort, in one file
+
 #: A folder whose name ends so holds a robot as it may truly be, not one as it was drawn.
 TWIN = "-twin"
 
@@ -76,6 +86,11 @@ def loadable() -> dict[str, Path]:
     return {p.parent.name: p for p in sorted(Path(str(folder)).glob("*/robot.toml"))}
 
 
+def path_of(robot: str) -> Path:
+    """Find the file of a shipped robot's name, or of a path."""
+    return loadable().get(robot, Path(robot))
+
+
 def read(robot: str | Path) -> RobotFile:
     """Read a shipped robot's name or a robot file's path.
 
@@ -87,7 +102,7 @@ def read(robot: str | Path) -> RobotFile:
     files = loadable()
     if not isinstance(robot, (str, os.PathLike)) or not str(robot):
         raise RobotFileError(f"robot = {robot!r}: must be a shipped robot's name or a file's path")
-    path = files.get(str(robot), Path(robot))
+    path = path_of(str(robot))
     if path.suffix != ".toml" and not path.exists():
         raise RobotFileError(choose("robot", robot, files) + ", or the path of a robot file")
     return parse(text_of(path, str(robot)), str(robot))
@@ -96,21 +111,37 @@ def read(robot: str | Path) -> RobotFile:
 def text_of(path: Path, where: str) -> str:
     """Read a file; `where` names it in the message."""
     try:
-        return path.read_text(encoding="utf-8")
+        data = contents(path, MOST_BYTES + 1)
+        text = data.decode("utf-8") if len(data) <= MOST_BYTES else ""
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not a text file"
         raise RobotFileError(f"{where}: cannot be read: {reason}") from None
+    if len(data) > MOST_BYTES:
+        raise RobotFileError(f"{where}: cannot be read: more than {MOST_BYTES} bytes")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def parse(text: str, where: str) -> RobotFile:
     """Read a robot file's text; `where` names it in the message."""
     try:
-        data = tomlkit.parse(text).unwrap()
-    except TOMLKitError as error:
-        raise RobotFileError(f"{where}: not TOML: {error}") from None
+        data = table_of(text)
+    except ValueError as error:
+        raise RobotFileError(f"{where}: {error}") from None
     spec = validate(data, where)
     spec._text = text
     return spec
+
+
+def table_of(text: str) -> dict:
+    """Return what a TOML text says; ValueError with one line where it is none."""
+    try:
+        if _DEEP.search(text):  # the parser would take minutes
+            raise RecursionError
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f"not TOML: {error}") from None
+    except RecursionError:
+        raise ValueError("not TOML that can be read: nested too deeply") from None
 
 
 def validate(data: dict, where: str) -> RobotFile:
@@ -118,7 +149,7 @@ def validate(data: dict, where: str) -> RobotFile:
     spec, found = examine(data)
     if spec is None:
         more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
-        raise RobotFileError(f"{where}: {found[0].text}{more}")
+        raise RobotFileError(f"{where}: {shortened(found[0].text, LINE)}{more}")
     return spec
 
 
@@ -135,13 +166,13 @@ def examine(data: dict) -> tuple[RobotFile | None, list[Problem]]:
         whole, motif, problems = _resolved(data)
     except _ShorthandError as error:
         return None, [error.problem]
-    problems += [Problem(*problem) for problem in consistency.problems(whole)]
-    problems += _unknown_names(whole)
+    problems += itertools.islice(itertools.starmap(Problem, consistency.problems(whole)), _TOLD)
+    problems += itertools.islice(_unknown_names(whole), _TOLD)
     try:
         spec = RobotFile.model_validate(whole)
         return (None, problems) if problems else (spec, [])
     except ValidationError as error:
-        found = error.errors(include_url=False)
+        found = error.errors(include_url=False)[:_TOLD]
     found.sort(key=lambda problem: problem["type"] != "extra_forbidden")  # misspelt, not missing
     described = {}  # copies of a chain have the same problem: told once
     for problem in found:
@@ -169,7 +200,7 @@ def _unknown_names(whole: dict) -> Iterator[Problem]:
 
     Looked at even where other keys are wrong: what they leave open may be anything.
     """
-    tables = {key: consistency.tables(whole, key) for key in ("chain", "bar", "sensor")}
+    tables = {key: consistency.tables(whole, key)[:_TOLD] for key in ("chain", "bar", "sensor")}
     known = [str(sensor.get("name")) for sensor in tables["sensor"]]
     kinds = [sensor.get("kind") for sensor in tables["sensor"]]
     listed = isinstance(whole.get("chain"), list) and all(str(kind) in SENSORS for kind in kinds)
@@ -189,12 +220,7 @@ def _unknown_names(whole: dict) -> Iterator[Problem]:
                 yield Problem((table, name), text)
             elif exact and type(value) in (int, float) and (wrong := wrong_value(name, value)):
                 yield Problem((table, name), f"{table}.{name} = {value}: {wrong}")
-    learnt = whole.get("calibration")
-    learnt = learnt.get("parameters") if isinstance(learnt, dict) and listed else None
-    for number, name in enumerate(learnt if isinstance(learnt, list) else ()):
-        if name not in parameters:
-            text = "calibration.parameters: " + choose("parameter", name, parameters)
-            yield Problem(("calibration", "parameters", number), text)
+    yield from _wrongly_learnt(whole.get("calibration"), parameters) if listed else ()
     used = whole.get("sensors")
     used = [s for s in used if isinstance(s, str)] if isinstance(used, list) else []
     for number, name in enumerate(used):
@@ -202,6 +228,24 @@ def _unknown_names(whole: dict) -> Iterator[Problem]:
             yield Problem(("sensors", number), choose("sensor", name, known))
     if len(set(used)) < len(used):
         yield Problem(("sensors",), f"a sensor is used twice: {', '.join(used)}")
+
+
+def _wrongly_learnt(calibration: object, parameters: list[str]) -> Iterator[Problem]:
+    """Find parameters of a calibration that do not exist, come twice, or cannot have their mean."""
+    table = calibration if isinstance(calibration, dict) else {}
+    names, means = table.get("parameters"), table.get("mean")
+    names, means = (v if isinstance(v, list) else [] for v in (names, means))
+    for number, name in enumerate(names):
+        path = ("calibration", "parameters", number)
+        if name not in parameters:
+            text = "calibration.parameters: " + choose("parameter", name, parameters)
+            yield Problem(path, text)
+        elif name in names[:number]:
+            yield Problem(path, f"calibration.parameters: {name}: a parameter is listed twice")
+    for number, (name, mean) in enumerate(zip(names, means, strict=False)):
+        if type(mean) in (int, float) and (wrong := wrong_value(str(name), mean)):
+            text = f"calibration.mean of {name} = {mean}: {wrong}"
+            yield Problem(("calibration", "mean", number), text)
 
 
 def wrong_value(name: str, value: float) -> str | None:
@@ -223,7 +267,8 @@ def mechanism_of(data: dict) -> RobotFile | None:
         return None
     if any(problem[0][0] in _MECHANISM for problem in consistency.problems(whole)):
         return None
-    values, wrong = whole.get("parameters"), {p.path for p in _unknown_names(whole)}
+    told = itertools.islice(_unknown_names(whole | {"tolerances": {}}), _TOLD)
+    values, wrong = whole.get("parameters"), {problem.path for problem in told}
     moving = {key: whole[key] for key in _MECHANISM if key in whole}
     moving["chain"] = [
         {key: chain[key] for key in chain if key in _MOVES}
@@ -277,7 +322,7 @@ def _based_on(data: dict) -> dict:
     name = data.pop("based_on")
     if not isinstance(name, str) or name not in files:
         raise _ShorthandError(("based_on",), "based_on: " + choose("robot", name, files))
-    result = tomlkit.parse(files[name].read_text(encoding="utf-8")).unwrap()
+    result = tomllib.loads(files[name].read_text(encoding="utf-8"))
     for key, value in data.items():
         known = result.get(key)
         both = isinstance(known, dict) and isinstance(value, dict)
@@ -303,9 +348,11 @@ def _describe(problem: dict) -> str:
     if kind in ("model_type", "dict_type", "model_attributes_type"):
         return f"{key}: must be a table"
     if kind == "tuple_type":
-        return f"{key} = {value!r}: must be a list"
+        return f"{key} = {shortened(repr(value))}: must be a list"
     message = problem["msg"].removeprefix("Value error, ")
     message = message[0].lower() + message[1:]
+    if problem["loc"] == ("mobility",):
+        message += "; docs/what-it-cannot.md says what no file can express"
     if isinstance(value, dict):
         return f"{key}: {message}" if key else message
-    return f"{key} = {value!r}: {message}"
+    return f"{key} = {shortened(repr(value))}: {message}"

@@ -19,7 +19,7 @@ from truepose.exceptions import InputError, choose
 from truepose.log_checks import sensor_is_angle
 from truepose.plants import Visit
 from truepose.robot import Robot
-from truepose.saving import replace_file
+from truepose.saving import mark, replace_file
 from truepose.simulations import Simulation
 from truepose.virtual_experiment import Run
 
@@ -51,6 +51,16 @@ def columns(run: Simulation | Run | Visit, robot: Robot | None = None) -> list[C
     >>> [c.name for c in columns(tp.simulate(tp.load("h4")))][:6]
     ['time', 'q1', 'q2', 'q3', 'q4', 'theta']
     """
+    result = _columns(run, robot)
+    names = [column.name for column in result]
+    if twice := next((name for name in names if names.count(name) > 1), None):
+        raise InputError(
+            f"sensor {twice}: a run's log has a column of this name: rename the sensor"
+        )
+    return result
+
+
+def _columns(run: Simulation | Run | Visit, robot: Robot | None) -> list[Column]:
     if isinstance(run, Simulation):
         robot = run.truth
         result = [Column("time", "time", "s", "since the start", run.time)]
@@ -74,6 +84,11 @@ def columns(run: Simulation | Run | Visit, robot: Robot | None = None) -> list[C
         result = _numbered(run.q_e) + _readings(robot, run.q_e)
         result += _pose(robot, "desired", "asked of the controller", run.desired)
         result += _pose(robot, "measured", "by the vision system", run.measured)
+        sigma = np.sqrt(np.diagonal(run.covariance, axis1=1, axis2=2)[:, [0, 1, 2, 5]])
+        result += [
+            Column(c.topic, f"{c.name}_sigma", c.unit, f"σ of {c.what}, as it claims", values)
+            for c, values in zip(result[-robot.n :], sigma.T, strict=True)
+        ]
         result += _pose(robot, "estimated", "from the readings", run.estimated)
         what = "1 where the pose counts"
         return [*result, Column("counted", "counted", "1", what, run.counted.astype(float))]
@@ -83,7 +98,13 @@ def columns(run: Simulation | Run | Visit, robot: Robot | None = None) -> list[C
     return result + _pose(robot, "true", "of the plant", run.x)
 
 
-def write(run: Simulation | Run | Visit, path: str | Path, robot: Robot | None = None) -> None:
+def write(
+    run: Simulation | Run | Visit,
+    path: str | Path,
+    robot: Robot | None = None,
+    *,
+    force: bool = False,
+) -> None:
     """Write a run as its file's name ends: .parquet, .mcap or .csv.
 
     Parameters
@@ -91,12 +112,14 @@ def write(run: Simulation | Run | Visit, path: str | Path, robot: Robot | None =
     run, robot
         As of :func:`columns`.
     path : str or Path
-        An interrupted write leaves a file that was there as it was.
+        A log that truepose wrote before is replaced; an interrupted write leaves it as it was.
+    force : bool
+        Replace any other file, too; never what is read-only, or is no regular file.
 
     Raises
     ------
     InputError
-        An unknown ending, a package that is missing, a file that cannot be written.
+        An unknown ending, a package that is missing, a file that cannot or may not be written.
 
     Examples
     --------
@@ -114,7 +137,7 @@ def write(run: Simulation | Run | Visit, path: str | Path, robot: Robot | None =
         raise InputError(f"{path}: " + choose("ending", path.suffix, writers))
     listed = columns(run, robot)
     data = writers[path.suffix](path, listed)
-    replace_file(path, data)
+    replace_file(path, data, "log", force)
 
 
 def _angles(robot: Robot) -> list[bool]:
@@ -158,7 +181,9 @@ def _parquet(path: Path, listed: list[Column]) -> bytes:
         pyarrow.field(c.name, pyarrow.float64(), metadata={"unit": c.unit, "description": c.what})
         for c in listed
     ]
-    table = pyarrow.table([c.values for c in listed], schema=pyarrow.schema(fields))
+    table = pyarrow.table(
+        [c.values for c in listed], schema=pyarrow.schema(fields, {"truepose": mark("log")})
+    )
     buffer = io.BytesIO()
     parquet.write_table(table, buffer)
     return buffer.getvalue()
@@ -177,7 +202,7 @@ def _mcap(path: Path, listed: list[Column]) -> bytes:
         ) from None
     buffer = io.BytesIO()
     writer = Writer(buffer)
-    writer.start(profile="", library="truepose")
+    writer.start(profile="", library=mark("log"))
     times = np.round(1e9 * listed[0].values).astype(np.int64).tolist()
     for topic in dict.fromkeys(c.topic for c in listed):
         own = [c for c in listed if c.topic == topic]
@@ -202,6 +227,7 @@ def _mcap(path: Path, listed: list[Column]) -> bytes:
 
 def _csv(path: Path, listed: list[Column]) -> bytes:
     buffer = io.StringIO()
+    buffer.write(f"# {mark('log')}\n")
     for c in listed:
         buffer.write(f"# {c.name}: {c.what}, {c.unit}\n")
     rows = csv.writer(buffer, lineterminator="\n")

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import fnmatch
 import math
+from collections.abc import Sequence
 from typing import Annotated, Literal, get_args
 
 from pydantic import Field, PrivateAttr, model_validator
 
 from truepose.schema_base import (
+    Counts,
     Direction,
     Harmonics,
     Index,
+    Name,
     NonNegative,
     Number,
     Positive,
@@ -19,6 +22,9 @@ from truepose.schema_base import (
     Vector,
 )
 from truepose.schema_sensors import Sensor
+
+#: How many of a mobility's coordinates, the last ones, are angles.
+ANGLES = {"planar": 1, "schoenflies": 1, "spatial": 3}
 
 #: Degrees of freedom (= chains = motors) of each mobility.
 FREEDOMS = {
@@ -28,6 +34,17 @@ FREEDOMS = {
     "schoenflies": 4,
     "spatial": 6,
 }
+
+
+def not_degrees(what: str, angles: float | Sequence[float]) -> None:
+    """Raise ValueError for an angle of more than a turn, which is one in degrees."""
+    listed = [angles] if isinstance(angles, float) else list(angles)
+    if max(map(abs, listed)) > 2 * math.pi:
+        turned = ", ".join(f"{math.radians(angle):.4g}" for angle in listed)
+        given = ", ".join(f"{angle:g}" for angle in listed)
+        raise ValueError(
+            f"{what} = {given} rad: more than a turn; did you mean degrees? {turned} rad"
+        )
 
 
 Actuator = Literal["revolute", "prismatic", "telescopic"]
@@ -58,12 +75,13 @@ class Chain(Section):
     pair_axis: Direction | None = Field(
         default=None,
         description="from one rod of a carriage to the other (prismatic); by default across its "
-        "rail and its rods at home. Rods at the end of an arm lie along u",
+        "rail and its rods at home, if these are not parallel. Rods at the end of an arm lie along "
+        "u",
     )
     yaw: Number = Field(default=0.0, description="turns e and u about z, rad")
     tilt: Number = Field(default=0.0, description="turns u about e, rad")
     encoder_offset: Number = Field(default=0.0, description="reading = q - offset, rad or m")
-    encoder_counts: Positive | None = Field(default=None, description="per turn, or per m")
+    encoder_counts: Counts | None = Field(default=None, description="per turn, or per m")
     encoder_noise: NonNegative = Field(default=0.0, description="σ of a reading, rad or m")
     eccentricity: Harmonics = Field(
         default=(0, 0, 0, 0),
@@ -75,7 +93,11 @@ class Chain(Section):
         description="stops of the motor, rad or m: its position before the encoder's offset",
     )
     torque_limit: Positive | None = Field(default=None, description="N·m or N")
-    drive_inertia: NonNegative = Field(default=0.0, description="rotor and arm, kg·m² or kg")
+    drive_inertia: NonNegative = Field(
+        default=0.0,
+        description="rotor and arm about the motor's axis, kg·m²; motor and carriage, kg. As it is "
+        "with the drawn arm: another value of the parameter 'arm' does not change it",
+    )
     arm_mass: NonNegative = Field(default=0.0, description="arm, or carriage, kg")
     rod_mass: NonNegative = Field(default=0.0, description="all rods of the chain, kg")
     viscous: NonNegative = Field(default=0.0, description="friction, N·m·s/rad or N·s/m")
@@ -93,11 +115,30 @@ class Chain(Section):
             raise ValueError(f"'eccentricity' is for revolute chains, not {self.actuator}")
         if self.limits is not None and self.limits[0] >= self.limits[1]:
             raise ValueError("'limits' must be [lower, upper]")
+        if self.actuator == "revolute" and self.limits is not None:
+            not_degrees("limits", self.limits)
+        not_degrees("yaw", self.yaw)
+        not_degrees("tilt", self.tilt)
+        self._heavy_enough()
         if self.actuator != "prismatic" and self.pair_axis is not None:
             raise ValueError("'pair_axis' is for prismatic chains; here the rods lie along 'axis'")
         if self.actuator != "telescopic" and self.rod is None:
             raise ValueError(f"a {self.actuator} chain needs 'rod' (m)")
         return self
+
+    def _heavy_enough(self) -> None:
+        """Refuse a drive that is lighter than the arm (slender) or the carriage that it counts."""
+        part, least, unit = "", 0.0, ""
+        if self.actuator == "revolute":
+            part, unit = "arm_mass · arm²/3 of a slender arm", "kg·m²"
+            least = self.arm_mass * (self.arm or 0.0) ** 2 / 3
+        elif self.actuator == "prismatic":
+            part, unit, least = "arm_mass of the carriage", "kg", self.arm_mass
+        if self.drive_inertia < least * (1 - 1e-9):
+            raise ValueError(
+                f"drive_inertia = {self.drive_inertia:g} {unit}: must be at least {least:.3g} "
+                f"{unit}, the {part}, which is part of it"
+            )
 
 
 class Bar(Section):
@@ -210,8 +251,8 @@ class Calibration(Section):
 class RobotFile(Section):
     """A robot and its sensors."""
 
-    name: str
-    title: str = ""
+    name: Name
+    title: Name = ""
     source: str = Field(default="", description="where the numbers come from")
     mobility: Literal["planar_translation", "planar", "translation", "schoenflies", "spatial"]
     home: tuple[Number, ...] = Field(description="a pose well inside the workspace")
@@ -220,6 +261,11 @@ class RobotFile(Section):
     workspace: Workspace | None = None
     singularity_free: Workspace | None = Field(
         default=None, description="box in which the FKM from home finds every pose"
+    )
+    level: Literal["ideal", "full"] | None = Field(
+        default=None,
+        description="of the model: one rod per chain, or every rod by itself; without it, the "
+        "paper's kinematics and laws are ideal, what states an accuracy is full where it can be",
     )
     quantised: bool = Field(default=True, description="false: encoders and sensors have no counts")
     pattern: Pattern | None = None

@@ -7,15 +7,31 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-#: A finite number; strictly, or true would be 1 and "0.26" would be 0.26.
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+from truepose.exceptions import controls
+
+#: A number whose square is one too; strictly, or true would be 1 and "0.26" would be 0.26.
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1e12, le=1e12)]
 Vector = tuple[Number, Number, Number]
 Positive = Annotated[Number, Field(gt=0)]
 NonNegative = Annotated[Number, Field(ge=0)]
+#: Of an encoder, per turn or per m. Fewer, and one count is all it can say.
+Counts = Annotated[Number, Field(ge=1)]
+#: One count, m or rad.
+Resolution = Annotated[Number, Field(ge=1e-12, le=1)]
 #: Of an encoder's error; small enough that its reading still rises with its angle.
 Amplitude = Annotated[Number, Field(gt=-0.1, lt=0.1)]
 Harmonics = tuple[Amplitude, Amplitude, Amplitude, Amplitude]
 Index = Annotated[int, Field(ge=1, strict=True)]
+
+
+def _printable(text: str) -> str:
+    if controls(text):
+        raise ValueError("must not hold control characters")
+    return text
+
+
+#: A name that may be printed anywhere.
+Name = Annotated[str, AfterValidator(_printable)]
 
 
 def _unit(vector: Vector) -> Vector:

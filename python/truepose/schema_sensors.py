@@ -7,27 +7,36 @@ A tracker that gives a position is three `coordinate` sensors, one that gives a 
 from __future__ import annotations
 
 import math
+import re
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from truepose.schema_base import (
+    Counts,
     Direction,
     Harmonics,
     Index,
     NonNegative,
     Number,
-    Positive,
+    Resolution,
     Section,
     Vector,
 )
+
+
+def _own_name(name: str) -> str:
+    """Refuse a sensor whose parameters would be called as a chain's or a bar's are."""
+    if re.fullmatch(r"(chain|bar)\d+", name):
+        raise ValueError("is what a chain or a bar is called: choose another name")
+    return name
 
 
 class _Sensor(Section):
     #: Vectors of the mounting: the core's name and the file's key.
     mounting: ClassVar[dict[str, str]] = {}
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
+    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$"), AfterValidator(_own_name)]
     offset: Number = Field(default=0.0, description="reading = gain * value - offset")
     gain: Number = Field(default=1.0, description="reading = gain * value - offset")
     noise: NonNegative = Field(default=0.0, description="σ of a reading, before it is counted")
@@ -43,8 +52,8 @@ class _Sensor(Section):
 class Encoder(_Sensor):
     """Of a turning shaft, perhaps through a gear."""
 
-    counts: Positive | None = Field(default=None, description="per turn of the encoder")
-    gear: Positive = Field(
+    counts: Counts | None = Field(default=None, description="per turn of the encoder")
+    gear: Annotated[Number, Field(ge=1e-6, le=1e6)] = Field(
         default=1.0, description="turns of the encoder per turn of what it reads"
     )
     eccentricity: Harmonics = Field(
@@ -60,7 +69,7 @@ class Encoder(_Sensor):
 
 
 class _Gauge(_Sensor):
-    resolution: Positive | None = Field(default=None, description="one count, m or rad")
+    resolution: Resolution | None = Field(default=None, description="one count, m or rad")
 
     @property
     def step(self) -> float:

@@ -14,6 +14,7 @@ from truepose.errors import with_tolerance_errors
 from truepose.experiment import Control
 from truepose.robot import Robot
 from truepose.schema import Tolerance
+from truepose.threads import each
 
 #: Sensors of the H4's file that go with its motors.
 SETS: dict[str, tuple[str, ...]] = {
@@ -87,7 +88,7 @@ def compare(
 
             found = []
             sources = np.random.SeedSequence(seed).spawn(count)
-            for result in experiment.each(errors, enumerate(sources)):
+            for result in each(errors, enumerate(sources)):
                 found.append(result)
                 progress()
             rms = {c: _rms(np.array([result[c] for result in found])) for c in CONTROLS}

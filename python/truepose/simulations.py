@@ -24,6 +24,7 @@ from truepose.robot import Robot
 Law = Literal["joint", "redundant", "cartesian", "weighted", "estimated"]
 FeedForward = Literal["none", "gravity", "full"]
 RESTLESS = 1e-3  #: m or rad, peak to peak in the last 50 ms: more is no rest
+_WATCHED = 0.05  # s, those; the core's own bound in `visit`
 _MOST_PERIODS = 1_000_000  # of one simulation: about 0.3 GB of log
 LAWS: tuple[Law, ...] = ("joint", "redundant", "cartesian", "weighted", "estimated")
 
@@ -108,11 +109,47 @@ class Simulation:
     torque: Array  #: (T, n)
     near_singular: Array  #: (T,) bool: the controller's Jacobian was damped
     gave_up: Array  #: (T,) bool: `learn` has stopped learning (:attr:`OnlineCalibration.stopped`)
+    hold: float = 0.2  #: s after the move
 
     @property
     def error(self) -> Array:
         """True minus desired coordinates, (T, n)."""
         return self.x - self.x_d
+
+    @property
+    def saturated(self) -> Array:
+        """Whether a motor was at its torque limit, (T, n) bool."""
+        limits = [chain.torque_limit or np.inf for chain in self.robot.spec.chain]
+        return np.abs(self.torque) >= limits
+
+    @property
+    def status(self) -> str:
+        """Say how the move ended: "ok", "does not come to rest: …" or "saturated: …".
+
+        Not at rest: a coordinate swings by more than `RESTLESS` in the last 50 ms of the hold (in
+        all of a shorter one). Saturated: it rests, but on the way a motor was at its torque limit.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> tp.simulate(tp.load("delta")).status
+        'ok'
+        >>> stiff = tp.Controller(frequency=2000)  # for an α-β filter of 1500 rad/s
+        >>> tp.simulate(tp.load("delta"), controller=stiff).status
+        'does not come to rest: swings by more than 1 mm or mrad'
+        """
+        watched = self.time >= self.time[-1] - min(_WATCHED, self.hold)
+        if not np.ptp(self.x[watched], axis=0).max() <= RESTLESS:
+            return _RESTLESS
+        held = self.saturated.any(axis=0)
+        return _saturated(int(held.argmax())) if held.any() else "ok"
+
+
+_RESTLESS = f"does not come to rest: swings by more than {1e3 * RESTLESS:g} mm or mrad"
+
+
+def _saturated(motor: int) -> str:
+    return f"saturated: motor {motor + 1} was at its torque limit"
 
 
 def settle(
@@ -168,8 +205,8 @@ def settle(
     rows, lead = robot._rows(x_d, robot.n, "x_d", errors)
     _same_readings(robot, truth)
     settings = controller.settings(robot, robot.home if start is None else start)
-    known = knowledge.for_law(robot, controller.law)
-    x, status, chain = _core.settle(robot._core, truth._core, settings, known, gravity, rows)
+    believed, known = knowledge.for_law(robot, controller.law)
+    x, status, chain = _core.settle(believed._core, truth._core, settings, known, gravity, rows)
     robot._check("pose", rows, lead, status, chain, errors, name="x_d")
     return x.reshape(*lead, robot.n)
 
@@ -179,8 +216,8 @@ def simulate(
     truth: Robot | None = None,
     controller: Controller | Law = "redundant",
     *,
-    start: ArrayLike = paper_data.MOVE_FROM,
-    end: ArrayLike = paper_data.MOVE_TO,
+    start: ArrayLike | None = None,
+    end: ArrayLike | None = None,
     duration: float = paper_data.MOVE_DURATION,
     hold: float = 0.2,
     steps: int = 2,
@@ -202,7 +239,7 @@ def simulate(
     controller : Controller or law
         The law alone takes the other settings' defaults.
     start, end : array_like, shape (n,)
-        Desired poses; by default the move of the paper's Figures 11 to 13.
+        Desired poses; by default those of :func:`default_move`.
     duration, hold : float
         Of the move, and after it, s.
     steps : int
@@ -247,15 +284,20 @@ def simulate(
     if learn is not None:
         _learns(learn, robot)
     truth, plant = _with_effects(truth, effects, time, seed)
+    if start is None or end is None:
+        move = default_move(robot)
+        start, end = move[0] if start is None else start, move[1] if end is None else end
     origin, target = _pose(robot, start, "start"), _pose(robot, end, "end")
     settings = controller.settings(robot, origin[: robot.n])
     loaded = controller.integral == 0
     rows = np.array(origin)[None, : robot.n]
-    known = knowledge.for_law(robot, controller.law)
-    at_rest, status, chain = _core.settle(robot._core, truth._core, settings, known, loaded, rows)
+    believed, known = knowledge.for_law(robot, controller.law)
+    at_rest, status, chain = _core.settle(
+        believed._core, truth._core, settings, known, loaded, rows
+    )
     robot._check("pose", rows, (), status, chain, "raise", name="start")
     status, chain, *log = _core.simulate(
-        robot._core,
+        believed._core,
         truth._core,
         settings,
         known,
@@ -275,7 +317,36 @@ def simulate(
             f"{robot.name}: simulation stopped after {len(log[0]) * controller.period:.3f} s: "
             f"{guilty}{_core.describe(status)}"
         )
-    return Simulation(robot, truth, controller, *log)
+    return Simulation(robot, truth, controller, *log, hold)
+
+
+def default_move(robot: Robot) -> tuple[Array, Array]:
+    """Start and end of a move that a robot of this kind can make.
+
+    The one of the paper's Figures 11 to 13 where the robot reaches its start and has its end in the
+    workspace, as the H4 does; else from home half the way to the workspace's upper corner.
+
+    Raises
+    ------
+    InputError
+        The file has no workspace.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.simulations import default_move
+    >>> [pose.round(9).tolist() for pose in default_move(tp.load("five-bar"))]
+    [[0.0, 0.3], [0.04, 0.325]]
+    """
+    box = robot.spec.workspace
+    if robot.n == len(paper_data.MOVE_TO):
+        start, end = np.array([paper_data.MOVE_FROM, paper_data.MOVE_TO])
+        inside = box is None or ((box.minimum <= end) & (end <= box.maximum)).all()
+        if inside and np.isfinite(robot.ikm([start, end], errors="nan")).all():
+            return start, end
+    if box is None:
+        raise InputError(f"{robot.name}: no [workspace] in its file: name start and end")
+    return robot.home, (robot.home + box.maximum) / 2
 
 
 def visit(
@@ -303,7 +374,8 @@ def visit(
     q_e : ndarray, shape (N, n + r)
         Readings there.
     status : ndarray of str, shape (N,)
-        "ok", or why not.
+        "ok"; "saturated: …", where the robot rests but a motor was at its torque limit on the way;
+        or why not.
 
     Examples
     --------
@@ -327,14 +399,14 @@ def visit(
         _learns(learn, robot)
     truth, plant = _with_effects(truth, effects, time, seed)
     settings = controller.settings(robot, robot.home)
-    known = knowledge.for_law(robot, controller.law)
+    believed, known = knowledge.for_law(robot, controller.law)
     home = np.array(robot.home)[None]
     at_rest, status, chain = _core.settle(
-        robot._core, truth._core, settings, known, controller.integral == 0, home
+        believed._core, truth._core, settings, known, controller.integral == 0, home
     )
     robot._check("pose", home, (), status, chain, "raise", name="home")
-    x, q_e, swing, status = _core.visit(
-        robot._core,
+    x, q_e, swing, saturated, status = _core.visit(
+        believed._core,
         truth._core,
         settings,
         known,
@@ -349,8 +421,10 @@ def visit(
     )
     words = np.array([_core.describe(int(s)) for s in status], dtype=object)
     restless = (words == "ok") & ~(swing <= RESTLESS)
-    words[restless] = f"does not come to rest: swings by more than {1e3 * RESTLESS:g} mm or mrad"
+    words[restless] = _RESTLESS
     x[restless], q_e[restless] = np.nan, np.nan
+    for k in np.flatnonzero((words == "ok") & (saturated >= 0)):
+        words[k] = _saturated(saturated[k])
     return x, q_e, words.astype(str)
 
 
@@ -376,10 +450,8 @@ def _with_effects(
 
 
 def _learns(online: OnlineCalibration, robot: Robot) -> None:
-    if online.prior is not robot:
+    if online.prior != robot:
         raise InputError("learn: must be an OnlineCalibration of the robot that is controlled")
-    if online.level != "ideal":
-        raise InputError("learn: level = 'full': a controller learns at the ideal level")
 
 
 def _positive(name: str, value: float) -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import tomlkit
 
 from truepose import robot_file
-from truepose.exceptions import InputError, choose
+from truepose.exceptions import InputError, choose, one_line
+from truepose.saving import replace_file
 
 
 def write(robot: str, out: Path) -> Path:
@@ -25,17 +27,15 @@ def write(robot: str, out: Path) -> Path:
     document["name"] = out.stem
     text = (
         f"# A {robot} to start from: change its numbers to those of your drawings.\n"
-        f"# `truepose check {out}` explains what is wrong with them,\n"
-        f"# `truepose info {out}` shows what the robot can do.\n"
+        f"# `truepose check {one_line(out)}` explains what is wrong with them,\n"
+        f"# `truepose info {one_line(out)}` shows what the robot can do.\n"
         "# Short form, for a few values that differ from the shipped robot's:\n"
         f'#     based_on = "{robot}"\n'
         '#     parameters = { "chain1.base.x" = 0.2 }\n#\n'
     )
-    try:
-        with out.open("x", encoding="utf-8", newline="\n") as file:
-            file.write(text + document.as_string())
-    except FileExistsError:
-        raise InputError(f"{out}: is there already and is not overwritten; choose -o") from None
-    except OSError as error:
-        raise InputError(f"{out}: cannot be written: {error.strerror}") from None
+    text += document.as_string()
+    robot_file.parse(text, str(out))  # its name is the file's, and may be none for a robot
+    if os.path.lexists(out) and not out.is_dir():
+        raise InputError(f"{out}: is there already and is not overwritten; choose -o")
+    replace_file(out, text, "robot file")
     return out

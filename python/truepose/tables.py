@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass
 
 import numpy as np
 
 from truepose import paper_data, statistics
 from truepose.reproduce import MOVES, Reproduction
-from truepose.warm_up import NAMES
+from truepose.warm_up import NAMES, WarmUp
 
 QUANTITY_NAMES = {"x": "x", "y": "y", "z": "z", "theta": "θ", "norm_xyz": "norm"}
 STATISTIC_NAMES = {
@@ -25,6 +26,24 @@ UNITS = "error (mm, °)"
 FURTHER = {"weighted": "weighted", "cartesian": "Cartesian", "self-calibrated": "self-calibrated"}
 
 
+class Cell(str):
+    """A text that people read, and what it says: a number with all its digits.
+
+    Parameters
+    ----------
+    text : str
+    data : object
+        A number or a word; or several by name, each then a column of its own.
+    """
+
+    __slots__ = ("data",)
+
+    def __new__(cls, text: str, data: object = None) -> Cell:  # noqa: D102 – the class says it
+        cell = super().__new__(cls, text)
+        cell.data = data
+        return cell
+
+
 @dataclass(frozen=True)
 class Table:
     """Text cells under a header; `name` is also the CSV's file name."""
@@ -39,9 +58,30 @@ class Table:
         rows = [[row[k] for k in which] for row in self.rows]
         return Table(self.name, self.title, [self.header[k] for k in which], rows)
 
+    def records(self) -> list[dict[str, object]]:
+        """Return what the rows say, for programs."""
+        records = []
+        for row in self.rows:
+            record: dict[str, object] = {}
+            for k, (name, cell) in enumerate(zip(self.header, row, strict=True)):
+                data = cell.data if isinstance(cell, Cell) else cell
+                if k and type(cell) is str:
+                    with contextlib.suppress(ValueError):
+                        data = float(cell)  # as many digits as were written
+                record |= data if isinstance(data, dict) else {name: data}
+            records.append(record)
+        return records
 
-def number(value: float | None, significant: int = 3) -> str:
+
+def fixed(value: float, decimals: int = 2) -> Cell:
+    """Write a number with so many decimals."""
+    return Cell(f"{value:.{decimals}f}", float(value))
+
+
+def number(value: float | None, significant: int = 3, data: object = None) -> Cell:
     """Write a number with so many significant digits and no exponent; 0 below 0.00005.
+
+    `data` is what a program is told; by default the value.
 
     Examples
     --------
@@ -50,11 +90,12 @@ def number(value: float | None, significant: int = 3) -> str:
     ['52400', '8.81', '0.0123', '0', '-0.0321', '0', '']
     """
     if value is None:
-        return ""
-    if abs(value) < 5e-5:
-        return "0"
+        return Cell("", None)
+    data = float(value) if data is None else data
+    if not np.isfinite(value) or abs(value) < 5e-5:
+        return Cell("0" if np.isfinite(value) else str(value), data)
     digits = significant - 1 - int(np.floor(np.log10(abs(value))))
-    return f"{round(value, digits):.{max(digits, 0)}f}"
+    return Cell(f"{round(value, digits):.{max(digits, 0)}f}", data)
 
 
 def unit(quantity: str, statistic: str) -> str:
@@ -70,18 +111,18 @@ def cells():
             if (quantity, statistic) == ("norm_xyz", "average_abs"):
                 continue  # a norm is its own absolute value; the paper leaves it blank
             label = f"{QUANTITY_NAMES[quantity]} {STATISTIC_NAMES[statistic]}"
-            yield (q, s), (quantity, statistic), label
+            data = {"error": label, "unit": unit(quantity, statistic)}
+            yield (q, s), (quantity, statistic), Cell(label, data)
 
 
 def one_robot(result: Reproduction) -> Table:
     """Table 3 for the first drawn robot."""
-    tables, printed = result.experiment.tables, paper_data.table3()
+    tables, printed = result.experiment.tables, paper_data.table3_as_printed()
     rows = []
     for at, key, label in cells():
-        values = [printed["usual"].get(key), tables["joint"][0][at]]
-        values += [printed["redundant"].get(key), tables["redundant"][0][at]]
-        values += [tables[control][0][at] for control in FURTHER]
-        rows.append([label, *map(number, values)])
+        row = [label, printed["usual"][key], number(tables["joint"][0][at])]
+        row += [printed["redundant"][key], number(tables["redundant"][0][at])]
+        rows.append(row + [number(tables[control][0][at]) for control in FURTHER])
     header = [UNITS, "usual, paper", "usual, truepose", "redundant, paper", "redundant, truepose"]
     header += [f"{name}, truepose" for name in FURTHER.values()]
     return Table("table3_one_robot", "Table 3 for one robot", header, rows)
@@ -89,15 +130,18 @@ def one_robot(result: Reproduction) -> Table:
 
 def many_robots(result: Reproduction) -> Table:
     """Table 3 for all drawn robots: median and 5-95 % of each statistic."""
-    tables, printed = result.experiment.tables, paper_data.table3()
+    tables, printed = result.experiment.tables, paper_data.table3_as_printed()
     rows = []
     for at, key, label in cells():
         row = [label]
         for control in ("joint", "redundant", *FURTHER):
             paper = {"joint": "usual", "redundant": "redundant"}.get(control)
             low, median, high = np.percentile(tables[control][(slice(None), *at)], [5, 50, 95])
-            row += [number(printed[paper].get(key))] if paper else []
-            row.append(f"{number(median)} [{number(low, 2)}, {number(high, 2)}]")
+            row += [printed[paper][key]] if paper else []
+            name = f"{FURTHER.get(control, paper)}, truepose"
+            data = {name: median, f"{name} 5 %": low, f"{name} 95 %": high}
+            text = f"{number(median)} [{number(low, 2)}, {number(high, 2)}]"
+            row.append(Cell(text, {k: float(v) for k, v in data.items()}))
         rows.append(row)
     count = len(result.experiment.truths)
     header = [UNITS, "usual, paper", "usual, truepose", "redundant, paper", "redundant, truepose"]
@@ -129,10 +173,11 @@ def moves(result: Reproduction) -> Table:
     for name, run in result.moves.items():
         error = statistics.in_print_units(run.error)
         cells = [*np.abs(error).max(axis=0), *error[-1]]
-        rows.append([MOVES[name][0], *(f"{v:.2f}" for v in cells)])
-    header = ["robot, control", *(f"max |{c}|" for c in ("x", "y", "z", "θ"))]
-    header += [f"final {c}" for c in ("x", "y", "z", "θ")]
-    return Table("moves", "Errors of the 0.2 s move (mm, °)", header, rows)
+        rows.append([MOVES[name][0], *map(fixed, cells)])
+    units = {"x": "mm", "y": "mm", "z": "mm", "θ": "°"}
+    header = ["robot, control", *(f"max |{c}| ({u})" for c, u in units.items())]
+    header += [f"final {c} ({u})" for c, u in units.items()]
+    return Table("moves", "Errors of the 0.2 s move", header, rows)
 
 
 def sensing(result: Reproduction) -> Table:
@@ -141,26 +186,35 @@ def sensing(result: Reproduction) -> Table:
     for line in result.sensing:
         values = [*line.rms.values(), line.bound]
         gain = line.rms["joint"] / line.rms["self-calibrated"]
-        cells = [*(f"{v:.2f}" for v in values), f"{gain:.0f}"]
-        rows.append([f"{line.tolerances}: {line.sensors}", *cells])
+        data = {"tolerances": line.tolerances, "sensors": line.sensors, "unit": "mm"}
+        named = Cell(f"{line.tolerances}: {line.sensors}", data)
+        rows.append([named, *map(fixed, values), fixed(gain, 0)])
     header = ["position rms (mm)", "usual", "redundant, TEJ", "weighted, TEJ", "self-calibrated"]
     header += ["bound", "gain"]
     title = f"The same sensor, used fully: {result.sensing[0].robots} robots a line"
     return Table("sensing", title, header, rows)
 
 
-def warm_up(result: Reproduction) -> Table:
-    """What a warm-up leaves of a perfect calibration, under each method."""
+def warm_up(lines: list[WarmUp]) -> Table:
+    """What a warm-up leaves of a perfect calibration, under each method.
+
+    Last, for the estimates under `online`: rms over their bound, smallest to largest over time.
+    """
     rows = []
-    for line in result.warm_up:
+    for line in lines:
+        over = line.over_bound()
+        ends = f"{over.min():.2f} to {over.max():.2f}"
         warmest = int(np.argmax(line.hours >= line.hours[-1] / 1.5))  # no warmer from then on
         for method, values in line.rms.items():
             rms = np.sqrt((values**2).mean(axis=0))
             half = rms[warmest // 2]
-            cells = [half, rms[warmest], rms[-1]]
-            rows.append([f"{line.sensors}: {NAMES[method]}", *map(number, cells)])
-    header = ["position rms (mm)", "half warm", "warm", "an hour later"]
-    return Table("warm_up", "Perfectly calibrated when cold", header, rows)
+            data = {"sensors": line.sensors, "method": NAMES[method], "unit": "mm"}
+            named = Cell(f"{line.sensors}: {NAMES[method]}", data)
+            cells = [*map(number, (half, rms[warmest], rms[-1]))]
+            rows.append([named, *cells, ends if method == "online" else ""])
+    header = ["position rms (mm)", "half warm", "warm", "an hour later", "estimate over its bound"]
+    title = f"Perfectly calibrated when cold: {len(lines[0].bound)} robots a set"
+    return Table("warm_up", title, header, rows)
 
 
 def check(result: Reproduction) -> Table:
@@ -174,7 +228,7 @@ def check(result: Reproduction) -> Table:
     for case, laws in result.check.items():
         for law, difference in laws.items():
             worst = np.abs(difference).max(axis=0)
-            rows.append([names[case], law, *(f"{v:.2g}" for v in worst)])
+            rows.append([names[case], law, *(Cell(f"{v:.2g}", float(v)) for v in worst)])
     header = ["dynamics less statics", "law", "x (mm)", "y (mm)", "z (mm)", "θ (°)"]
     return Table("dynamics_check", "Statics checked in the dynamics", header, rows)
 

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from truepose.bound import accuracy
 from truepose.build import Array
-from truepose.calibration import Loss, calibrate
+from truepose.calibration import Loss, ModelError, calibrate
 from truepose.errors import with_tolerance_errors
 from truepose.frames import rotation
 from truepose.kinematics import Level
@@ -24,6 +24,8 @@ from truepose.robot import Robot
 #: positions whatever robot is true: on an exactly repeated grid every robot would read the same
 #: rounding errors, and symmetric poses too, which no average over robots or poses takes away.
 JITTER = 5e-4
+#: σ to which a touched pose is told, m and rad: next to the readings' own, exactly.
+TOLD = 1e-9
 
 
 @dataclass(frozen=True)
@@ -38,17 +40,12 @@ class Trials:
     error: Array  #: (R, P, n) of the calibration's poses: believed less true
     held_out: Array  #: (R, H, n) of estimates at poses it has not seen
     stated: Array  #: (R, H, n) σ that those estimates claim
-    touched: Array  #: (R, n) of the estimate at the touch-off pose
+    touched_off: Array  #: (R, H, n) of those estimates, once one pose more was known from outside
     bound: Array  #: (P, n, n) covariance, predicted
-    bound_touched: Array  #: (P, n, n) of the error less that at the touch-off pose
+    bound_touched: Array  #: (H, n, n) covariance, predicted, the touch-off pose known
     xi_nees: Array  #: (R,) normalised squared error of ξ; its mean is to be `parameters`
     x_nees: Array  #: (R, H) of the estimates; their mean is to be n
     parameters: int  #: p
-
-    @property
-    def touched_off(self) -> Array:
-        """Errors of the calibration's poses less that at the touch-off pose, (R, P, n)."""
-        return self.error - self.touched[:, None]
 
     @property
     def coverage(self) -> Array:
@@ -77,8 +74,9 @@ def run(
     count: int,
     seed: int = 0,
     *,
-    level: Level = "ideal",
-    true_level: Level = "ideal",
+    level: Level | None = None,
+    true_level: Level | None = None,
+    model_error: ModelError = "on",
     loss: Loss = "squares",
     progress: Callable[[], None] = lambda: None,
 ) -> Trials:
@@ -91,12 +89,12 @@ def run(
     poses, held_out : array_like, shape (P, n) and (H, n)
         Where the robots calibrate themselves, and where they only estimate.
     touch_off : array_like, shape (n,)
-        A pose at which the error is known.
+        A pose at which something outside tells the robot where it stands.
     count, seed : int
         Robots; the first ones do not depend on `count`.
-    level, true_level : {"ideal", "full"}
-        Of the calibration, and of the robots that are read.
-    loss
+    level, true_level : {"ideal", "full"}, optional
+        Of the calibration, and of the robots that are read; by default :attr:`Robot.finest_level`.
+    model_error, loss
         As of :func:`truepose.calibrate`.
     progress : callable
         Called after each robot.
@@ -109,44 +107,53 @@ def run(
     >>> rng, box = np.random.default_rng(0), robot.spec.workspace
     >>> poses, others = rng.uniform(box.minimum, box.maximum, (2, 200, 4))
     >>> ran = trials.run(robot, poses, robot.home, others, count=2)
-    >>> bool((ran.squares(ran.error) < ran.squares(ran.usual) / 100).all())
+    >>> bool((ran.squares(ran.error) < ran.squares(ran.usual) / 50).all())
     True
     """
     poses, held_out = np.asarray(poses, dtype=float), np.asarray(held_out, dtype=float)
     desired = np.vstack([poses, np.atleast_2d(touch_off), held_out])
     first = len(poses)
     found: dict[str, list] = {
-        k: [] for k in ("usual", "error", "held", "stated", "touched", "xi", "x")
+        k: [] for k in ("usual", "error", "held", "stated", "touched_off", "xi", "x")
     }
     fit = None
+    real = robot.finest_level if true_level is None else true_level
     for source in np.random.SeedSequence(seed).spawn(count):
         draw, scatter, noise = source.spawn(3)
-        true = with_tolerance_errors(robot, draw)
+        true = with_tolerance_errors(robot, draw).with_level(real)
         jitter = np.random.default_rng(scatter).uniform(-JITTER, JITTER, desired.shape)
-        at = true.fkm(robot.ikm(desired + jitter), guess=desired, level=true_level)
-        q_e = true.read(at, int(noise.generate_state(1)[0]), level=true_level)
-        fit = calibrate(robot, q_e[:first], level=level, loss=loss)
-        later = fit.robot.estimate(q_e[first:], guess=desired[first:], level=level)
-        apart = difference(robot, later.x, at[first:])
+        at = true.fkm(robot.ikm(desired + jitter), guess=desired)
+        q_e = true.read(at, int(noise.generate_state(1)[0]))
+        options = {"level": level, "model_error": model_error}
+        fit = calibrate(robot, q_e[:first], loss=loss, **options)
+        one = slice(first, first + 1)
+        told = calibrate(
+            fit.robot, q_e[one], measured=at[one], measured_sigma=TOLD, **options
+        ).robot
+        rest = slice(first + 1, None)
+        later, touched = (
+            known.estimate(q_e[rest], guess=desired[rest]) for known in (fit.robot, told)
+        )
+        apart = difference(robot, later.x, at[rest])
         found["usual"].append(difference(robot, at, desired + jitter)[:first])
         found["error"].append(difference(robot, fit.x, at[:first]))
-        found["touched"].append(apart[0])
-        found["held"].append(apart[1:])
-        found["stated"].append(np.sqrt(np.diagonal(later.covariance[1:], axis1=1, axis2=2)))
-        found["x"].append(_nees(apart[1:], later.covariance[1:]))
+        found["touched_off"].append(difference(robot, touched.x, at[rest]))
+        found["held"].append(apart)
+        found["stated"].append(np.sqrt(np.diagonal(later.covariance, axis1=1, axis2=2)))
+        found["x"].append(_nees(apart, later.covariance))
         off = [fit.parameters[name].value - true.parameters[name].value for name in fit.names]
         found["xi"].append(_nees(np.array(off), fit.covariance))
         progress()
-    visited = {"calibrated_on": poses, "level": level}
+    visited = {"calibrated_on": poses, "level": level, "model_error": model_error == "on"}
     return Trials(
         robot=robot,
         usual=np.array(found["usual"]),
         error=np.array(found["error"]),
         held_out=np.array(found["held"]),
         stated=np.array(found["stated"]),
-        touched=np.array(found["touched"]),
+        touched_off=np.array(found["touched_off"]),
         bound=accuracy(robot, poses, **visited),
-        bound_touched=accuracy(robot, poses, touch_off=touch_off, **visited),
+        bound_touched=accuracy(robot, held_out, touch_off=touch_off, **visited),
         xi_nees=np.array(found["xi"]),
         x_nees=np.array(found["x"]),
         parameters=len(fit.names),

@@ -10,7 +10,7 @@ from __future__ import annotations
 import functools
 import math
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -99,6 +99,15 @@ class Twin:
         return virtual_experiment.run(
             self.plant(), robot, vision, None, controls, self.seed, progress
         )
+
+
+def set_up_again(robot: Robot, of: Twin, seeds: Iterable[int]) -> Array:
+    """Tables of one twin whose experiment is done again and again, (runs, 2, 5, 4).
+
+    The robot stays; the vision system is built, calibrated and read anew for each seed.
+    """
+    again = [replace(of, seed=seed).run(robot) for seed in seeds]
+    return np.array([[runs[law].table() for law in LAWS] for runs in again])
 
 
 class Found(NamedTuple):

@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import tomlkit
 
-from truepose import experiment_section, experiment_tables, report, twin
-from truepose.experiment import CONTROLS, Control, each
+from truepose import experiment_section, experiment_tables, paper_data, report, twin
+from truepose.experiment import CONTROLS, Control
 from truepose.robot import Robot, load
-from truepose.saving import replace_file
+from truepose.saving import picture, replace_file
 from truepose.tables import Table, cells, number
+from truepose.threads import each
 from truepose.twin import Found, Twin
 from truepose.virtual_experiment import READINGS, Run
 
@@ -38,11 +39,12 @@ def write(folder: Path, robot: Robot, found: list[Found]) -> None:
 
     chosen = best(found)
     folder.mkdir(parents=True, exist_ok=True)
-    replace_file(folder / "robot.toml", robot_file(robot, chosen.twin))
-    replace_file(folder / "setup.toml", setup_file(chosen.twin))
-    draw(load(folder / "robot.toml")).savefig(folder / "picture.png", dpi=110)
+    replace_file(folder / "robot.toml", robot_file(robot, chosen.twin), "robot file")
+    replace_file(folder / "setup.toml", setup_file(chosen.twin), "setup", force=True)
+    drawn = picture(draw(load(folder / "robot.toml")), ".png", dpi=110)
+    replace_file(folder / "picture.png", drawn, "picture", force=True)
     runs = [f.twin.run(robot, tuple(CONTROLS)) for f in found]
-    replace_file(folder / "README.md", readme(robot, found, chosen, runs))
+    replace_file(folder / "README.md", readme(robot, found, chosen, runs), "page", force=True)
 
 
 def robot_file(robot: Robot, of: Twin) -> str:
@@ -91,6 +93,7 @@ def readme(robot: Robot, found: list[Found], chosen: Found, runs: list[dict[Cont
         seed=chosen.twin.seed,
         estimated=markdown(shown[0]),
         desired=markdown(shown[1]),
+        changes=markdown(experiment_tables.changes(own, "exact")),
         missed=_missed(shown[0]),
         reached=", ".join(str(entries - n) for n in reached),
         entries=entries,
@@ -129,14 +132,13 @@ def _unlikely(robot: Robot, chosen: Found) -> str:
 
 def spread(found: list[Found]) -> Table:
     """Each entry over the twins, smallest to largest."""
-    values, _ = twin.printed()
-    rows = []
-    for at, _, label in cells():
+    printed, rows = paper_data.table3_as_printed(), []
+    for at, key, label in cells():
         row = [label]
-        for k in range(len(twin.LAWS)):
+        for k, column in enumerate(twin.COLUMNS):
             each_one = [f.tables[(k, *at)] for f in found]
             ends = f"{number(float(min(each_one)))} to {number(float(max(each_one)))}"
-            row += [number(float(values[(k, *at)])), ends]
+            row += [printed[column][key], ends]
         rows.append(row)
     header = ["mm, °", "usual, paper", "twins", "redundant, paper", "twins"]
     return Table("spread", "", header, rows)
@@ -225,6 +227,12 @@ measured. {missed}
 The same run, desired − measured:
 
 {desired}
+
+These are entries. What changed of x, y and z between the columns the twin does not reproduce: the
+law changes them by less than they change from run to run
+([docs/experiment.md](../../docs/experiment.md#from-run-to-run)).
+
+{changes}
 
 ## What it takes
 

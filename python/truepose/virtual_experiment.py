@@ -14,6 +14,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from truepose import paper_data, statistics
+from truepose.arguments import numbers_of
 from truepose.build import Array
 from truepose.calibration import calibrate
 from truepose.exceptions import InputError, choose
@@ -118,7 +119,7 @@ def run(
     if robot.spec.mobility != "schoenflies":
         raise InputError(f"{robot.name}: the experiment is one of x, y, z and θ: schoenflies only")
     robot.require_orientation()
-    poses = paper_data.table2() if poses is None else np.asarray(poses, dtype=float)
+    poses = paper_data.table2() if poses is None else numbers_of(poses, "poses")
     result: dict[Control, Run] = {}
     for control in controls:
         if control not in CONTROLS:

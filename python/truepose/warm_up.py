@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from truepose import experiment, knowledge, paper_data
+from truepose import knowledge, paper_data
 from truepose.bound import accuracy
 from truepose.build import Array
 from truepose.calibration import calibration_of
@@ -17,6 +17,7 @@ from truepose.errors import with_tolerance_errors
 from truepose.online import OnlineCalibration
 from truepose.robot import Robot
 from truepose.simulations import Law, settle
+from truepose.threads import each
 from truepose.trials import JITTER
 
 Method = Literal["frozen", "redundant", "weighted", "online"]
@@ -95,7 +96,7 @@ def study(
         sources = np.random.SeedSequence(seed).spawn(min(robots, ROBOTS))
         rms: dict[Method, list[Array]] = {method: [] for method in METHODS}
         estimates, bounds = [], []
-        for errors, estimated, bound in experiment.each(
+        for errors, estimated, bound in each(
             lambda source, drawn=drawn: _one(drawn, source, effects, times), sources
         ):
             for method in METHODS:

@@ -152,7 +152,7 @@ inline Mechanism h4() {
     set_pair(chain, i == 0 || i == 3 ? 0 : 1);
     set_masses(chain, 0.017, 0.30, 0.10);
   }
-  add_body(robot, 0.60, Vec3::Zero(), Vec3::Zero(), {0, 0, 0.003});
+  add_body(robot, 0.60, Vec3::Zero(), Vec3::Zero(), {0, 0, 0.00156});
   add_body(robot, 0.20, Vec3(h, 0, 0), Vec3::Zero(), Vec3::Zero());
   add_body(robot, 0.20, Vec3(-h, 0, 0), Vec3::Zero(), Vec3::Zero());
   robot.home = {0, 0, -0.4, 0};

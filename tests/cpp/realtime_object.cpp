@@ -1,5 +1,6 @@
 // What does the real-time core ask of the machine? Every entry point in one object, compiled with
 // neither exceptions nor run-time types; check_symbols.cmake reads its undefined symbols.
+#include "truepose/command.hpp"
 #include "truepose/control.hpp"
 #include "truepose/estimate.hpp"
 #include "truepose/full_linearise.hpp"
@@ -9,6 +10,12 @@ using namespace truepose;
 
 Outcome realtime_finish(Robot& robot) { return finish(robot); }
 Outcome realtime_ikm(const Robot& robot, const Joint& x, Joint& q) { return ikm(robot, x, q); }
+Outcome realtime_command(const Robot& robot, const Joint& x, Joint& q) {
+  return command(robot, x, q);
+}
+Outcome realtime_command_full(const Robot& robot, const Joint& x, Joint& q) {
+  return command_full(robot, x, q);
+}
 Outcome realtime_rkm(const Robot& robot, const Joint& x, Reading& r) { return rkm(robot, x, r); }
 FkmResult realtime_fkm(const Robot& robot, const Joint& q, Joint& x) { return fkm(robot, q, x); }
 Outcome realtime_finish_full(Robot& robot) { return finish_full(robot); }

@@ -212,27 +212,38 @@ TEST("times_root is a product with a lower triangle, whatever lies above it") {
   }
 }
 
-TEST("a visit leaves the posterior of all its rows at once") {
+TEST("a visit leaves the posterior of all its rows at once, those of known poses among them") {
   for_each_model([](const Mechanism& mechanism, Scene& scene, auto mobility, auto model,
                     auto& random) {
     constexpr Mobility K = mobility();
     using Model = decltype(model);
-    std::vector<Pose> poses(15);
-    for (Pose& pose : poses) pose = to_pose<K>(random_pose(mechanism, random));
+    std::vector<Visit> visits(15);
+    for (Visit& visit : visits) visit.pose = to_pose<K>(random_pose(mechanism, random));
+    Joint at_last = to_coordinates<K>(visits.back().pose), sigma;
+    sigma.fill(1e-4);
+    at_last[0] = NAN;  // all coordinates but one
+    visits.back().outside = {at_last.data(), sigma.data()};
     const int p = scene.known.count;
     Eigen::MatrixXd information = Eigen::MatrixXd::Identity(p, p);
-    for (const Pose& pose : poses) {
-      Dense<K> at = dense<K, Model>(scene, pose);
+    for (const Visit& visit : visits) {
+      Dense<K> at = dense<K, Model>(scene, visit.pose);
       for (int i = 0; i < at.H.rows(); ++i) {
         at.H.row(i) /= scene.known.sigma[i];
         at.B.row(i) /= scene.known.sigma[i];
+      }
+      if (visit.outside.x) {
+        const long rows = at.H.rows(), n = kDof<K>;
+        at.H.conservativeResize(rows + n - 1, n);
+        at.B.conservativeResize(rows + n - 1, p);
+        at.H.bottomRows(n - 1) = Eigen::MatrixXd::Identity(n, n).bottomRows(n - 1) / sigma[0];
+        at.B.bottomRows(n - 1).setZero();
       }
       const Eigen::MatrixXd Q = at.H.householderQr().householderQ();
       const Eigen::MatrixXd rest = Q.rightCols(at.H.rows() - kDof<K>).transpose() * at.B;
       information += rest.transpose() * rest;
     }
     RowMatrix root;
-    CHECK(bool(after_visiting(scene.robot, line_model<K, Model>(), scene.known, poses, root)));
+    CHECK(bool(after_visiting(scene.robot, line_model<K, Model>(), scene.known, visits, root)));
     const Eigen::MatrixXd expected = scene.root * information.inverse() * scene.root.transpose();
     CHECK((root * root.transpose() - expected).norm() < 1e-7 * expected.norm());
     CHECK(root.triangularView<Eigen::StrictlyUpper>().toDenseMatrix().norm() == 0);

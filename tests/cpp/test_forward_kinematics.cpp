@@ -52,6 +52,41 @@ TEST("FKM(IKM(x)) = x from 1 mm and 1 mrad away, and from home") {
   });
 }
 
+TEST("from home the FKM finds the pose of the robot's own mode, however far it has turned") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    if constexpr (K == Mobility::spatial) {
+      const Robot& robot = mechanism.robot;
+      check::Random random(16);
+      long reached = 0, again = 0, lost = 0;
+      for (long k = 0; k < check::sample_size(4000); ++k) {
+        Pose pose = to_pose<K>(random_pose(mechanism, random));
+        const Vec3 axis = Vec3(random(), random(), random()).normalized();
+        pose.R = exp_so3(degrees(60) * axis) * to_pose<K>(robot.home).R;
+        Closure<K> closure;
+        Jacobians<K> jacobians;
+        if (!ikm<K>(robot, pose, closure) || !jacobian<K>(closure, jacobians) ||
+            assembly_sign<K>(jacobians) != robot.assembly_sign)
+          continue;
+        ++reached;
+        Pose alone = to_pose<K>(robot.home), found = alone;
+        again += !search<K>(robot, closure.q(), alone);
+        if (!fkm<K>(robot, closure.q(), found)) {
+          ++lost;
+          continue;
+        }
+        Closure<K> closed;  // on the same motors
+        CHECK(ikm<K>(robot, found, closed));
+        for (int i = 0; i < 6; ++i)
+          CHECK_NEAR(std::remainder(closed.chain[i].q - closure.chain[i].q, 2 * M_PI), 0, 1e-9);
+      }
+      CHECK(reached > 400);
+      // Some lie behind a singular pose: of the same sign, yet another mode.
+      CHECK(lost <= reached / 25 && (again == 0 || 2 * lost < again));
+    }
+  });
+}
+
 TEST("the residual the FKM reports is the largest gap that is left in a loop") {
   for_each([](const Mechanism& mechanism, auto mobility) {
     constexpr Mobility K = mobility();

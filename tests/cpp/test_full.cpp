@@ -339,8 +339,8 @@ TEST("whether the full level exists follows from rods, freedoms and rank") {
   }
   Robot robot = par4().robot;  // bars joined by a rigid four-bar: 6 and 1 freedoms
   FullLevel full = level(robot);
-  CHECK(full.kind == FullKind::overconstrained && full.rods == 8 && full.unknowns == 7);
-  CHECK(full.excess == 1);
+  CHECK(full.kind == FullKind::elastic && full.rods == 8 && full.unknowns == 7);
+  CHECK(full.excess == 1 && full.sign == 0);
   for (Chain& chain : robot.chain) chain.bar = -1;  // a rigid nacelle
   full = level(robot);
   CHECK(full.kind == FullKind::overconstrained && full.excess == 2);
@@ -367,8 +367,91 @@ TEST("whether the full level exists follows from rods, freedoms and rank") {
   CHECK(level(robot).kind == FullKind::undescribed);
 }
 
+/// Energy of the rods' stretches f/L, for stiffness 1.
+template <Mobility K>
+double energy(const Robot& robot, const FullPose& pose, const Joint& q) {
+  FullClosure<K> at;
+  at.pose = pose;
+  for (int i = 0; i < kDof<K>; ++i) at.driven[i] = drive(robot.chain[i], q[i]);
+  place<K>(robot, at);
+  double sum = 0;
+  for (int rod = 0; rod < kRods<K>; ++rod)
+    sum += 0.5 * std::pow(at.f[rod] / at.driven[rod / 2].rod, 2);
+  return sum;
+}
+
+TEST(
+    "one rod too many: the mechanism takes the pose of least energy, and IKM and FKM agree on it") {
+  constexpr Mobility K = Mobility::schoenflies;
+  const Mechanism mechanism = par4();
+  check::Random random(99);
+  double slope = 0, apart = 0, held = 1;
+  const long robots = check::sample_size(500);
+  for (long k = 0; k < robots; ++k) {
+    Robot robot = with_axis_errors(mechanism.robot, random);
+    for (int i = 0; i < kDof<K>; ++i) robot.chain[i].rod_difference = 2e-5 * gaussian(random);
+    CHECK(finish_full(robot) && robot.full.kind == FullKind::elastic);
+    const Pose pose = to_pose<K>(random_pose(mechanism, random));
+    FullClosure<K> there, back;
+    CHECK(ikm_full<K>(robot, pose, there));
+    FullPose found = to_full(nearby<K>(pose, random, 1e-3));
+    CHECK(fkm_full<K>(robot, there.q, found, back));
+    apart = std::max(apart, distance<K>(found, pose));
+    CHECK_NEAR(found.psi[0], found.psi[1], 0);
+    const double rest = energy<K>(robot, found, there.q), h = 1e-5;
+    held = std::min(held, rest);
+    for (int freedom = 0; freedom < 7; ++freedom) {
+      double side[2];
+      for (const int s : {0, 1}) {
+        FullPose moved = found;
+        const double step = (2 * s - 1) * h;
+        if (freedom < 3) moved.D[freedom] += step;
+        if (freedom >= 3 && freedom < 6)
+          moved.R = exp_so3(step * Vec3(Vec3::Unit(freedom - 3))) * moved.R;
+        if (freedom == 6) moved.psi[0] += step, moved.psi[1] += step;
+        side[s] = energy<K>(robot, moved, there.q);
+      }
+      slope = std::max(slope, std::fabs(side[1] - side[0]) / (2 * h));
+    }
+  }
+  CHECK_NEAR(slope, 0, 1e-9);  // the difference is good to h²
+  CHECK_NEAR(apart, 0, 1e-11);
+  CHECK(held > 0);
+}
+
+TEST("a solution that starts at its neighbour's is the same, in fewer steps") {
+  for_each_full([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    check::Random random(101);
+    long cold = 0, warm = 0;
+    double apart = 0;
+    for (int k = 0; k < 200; ++k) {
+      Robot robot = with_axis_errors(mechanism.robot, random);
+      CHECK(finish_full(robot));
+      const Pose pose = to_pose<K>(random_pose(mechanism, random));
+      const Pose next = nearby<K>(pose, random, 1e-3);
+      FullClosure<K> first, from_ideal, from_near;
+      Parasitic rest;
+      CHECK(ikm_full<K>(robot, pose, first, &rest) && rest.known);
+      const FullResult one = ikm_full<K>(robot, next, from_ideal);
+      const FullResult other = ikm_full<K>(robot, next, from_near, &rest);
+      CHECK(one && other);
+      cold += one.iterations;
+      warm += other.iterations;
+      for (int i = 0; i < kDof<K>; ++i)
+        apart = std::max(apart, std::fabs(from_ideal.q[i] - from_near.q[i]));
+      apart = std::max(apart, (from_ideal.pose.R - from_near.pose.R).norm());
+    }
+    CHECK_NEAR(apart, 0, 1e-13);
+    CHECK(warm < 0.75 * cold);
+    std::printf("     %s: %ld steps, %ld from a neighbour\n", mechanism.name, cold, warm);
+  });
+}
+
 TEST("a robot without a full level says so, whatever it is asked") {
-  const Robot robot = par4().robot;
+  Robot robot = par4().robot;
+  for (Chain& chain : robot.chain) chain.bar = -1;  // two rods too many
+  CHECK(finish_full(robot));
   Joint x = robot.home, q{};
   Reading r{};
   JointMatrix J{};
@@ -406,7 +489,7 @@ TEST("the full level is as honest as the ideal one about what it cannot answer")
     apart.chain[1].base.x() = -3;
     CHECK(ikm(robot, robot.home, q));
     x = robot.home;
-    CHECK(fkm_full(apart, q, x).status == Status::unreachable);
+    CHECK(fkm_full(apart, q, x).status == Status::not_converged);
     // From the other side of the motors Newton finds the mirrored pose: another mode.
     Robot mirrored = robot;
     mirrored.full.sign = -robot.full.sign;

@@ -1,5 +1,6 @@
 // Does the inverse kinematic model close the loops? And are poses and rotations sound below it?
 #include "mechanisms.hpp"
+#include "truepose/command.hpp"
 #include "truepose/rkm.hpp"
 #include "truepose/trajectory.hpp"
 
@@ -167,5 +168,25 @@ TEST("the quintic starts and ends at rest, and its rate and acceleration are its
         CHECK_NEAR((after.rate[i] - before.rate[i]) / (2 * h), at.acceleration[i], 1e-5);
       }
     }
+  });
+}
+
+TEST("what a machine is sent to lies in its own assembly mode") {
+  for_each([](const Mechanism& mechanism, auto) {
+    Robot robot = mechanism.robot;
+    Joint q{}, same{};
+    CHECK(ikm(robot, robot.home, q) && command(robot, robot.home, same) && same == q);
+    robot.assembly_sign *= -1;  // as if home were in the other
+    CHECK(ikm(robot, robot.home, q));
+    CHECK(command(robot, robot.home, same).status == Status::branch_lost);
+    const bool full = robot.full.kind == FullKind::exists || robot.full.kind == FullKind::same;
+    robot.full.sign *= -1;
+    if (full) CHECK(command_full(robot, robot.home, same).status == Status::branch_lost);
+    robot = mechanism.robot;
+    if (full) CHECK(command_full(robot, robot.home, same));
+    robot.chain[0].low = 99;
+    robot.chain[0].high = 100;
+    static_cast<void>(finish(robot));
+    CHECK(command(robot, robot.home, same).status == Status::joint_limit);
   });
 }

@@ -6,6 +6,7 @@
 #include <cstdlib>
 
 #include "mechanisms.hpp"
+#include "truepose/command.hpp"
 #include "truepose/control.hpp"
 #include "truepose/full_linearise.hpp"
 
@@ -48,6 +49,7 @@ long run_models(const Robot& robot, const std::vector<Cycle>& cycles) noexcept
     ExtendedColumns M;
     ExtendedRows M_plus;
     if (!ikm(robot, x, q) || !rkm(robot, x, r) || !tej(robot, x, M, M_plus)) ++failures;
+    if (!command(robot, x, q)) ++failures;
     x = robot.home;
     if (!fkm(robot, q, x)) ++failures;
     q[0] += 1;  // mostly out of reach: the failing ways count as well

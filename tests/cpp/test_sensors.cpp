@@ -143,8 +143,8 @@ Readings<K> read_at(bool full, const Robot& robot, const Pose& pose) {
   return at;
 }
 
-/// Calls f at both levels, with each mechanism's axes turned and its pairs unequal, and up to ten
-/// of its sensors.
+/// Calls f at both levels, with each mechanism's axes turned and its pairs unequal, and as many
+/// of its sensors as fit.
 template <class F>
 void for_each_with_sensors(F&& f) {
   for_each([&](const Mechanism& mechanism, auto mobility) {
@@ -162,9 +162,10 @@ void for_each_with_sensors(F&& f) {
     std::vector<Sensor> all = sensors_of(robot, mobility());
     for (std::size_t k = 0; k < all.size(); ++k)
       if (rotary(all[k])) spin(all[k].eccentricity, 0.02, k % 2 ? 4 : 1);
-    for (std::size_t first = 0; first < all.size(); first += kMaxSensors) {
+    const int most = std::min(kMaxSensors, kMaxReadings - dof(mobility()));
+    for (std::size_t first = 0; first < all.size(); first += most) {
       robot.r = 0;
-      for (std::size_t k = first; k < all.size() && robot.r < kMaxSensors; ++k)
+      for (std::size_t k = first; k < all.size() && robot.r < most; ++k)
         robot.sensor[robot.r++] = all[k];
       f(false, mechanism, robot, mobility);
       if (full) f(true, mechanism, robot, mobility);

@@ -146,8 +146,13 @@ inline Subject decode_robot(Bytes& bytes) {
     if (bytes.one_in(4)) robot.bar_joint = static_cast<BarJoint>(bytes.below(2));
   }
   if (bytes.one_in(2)) {
-    robot.r = bytes.below(kMaxSensors + 1);
+    robot.r = bytes.below(std::min(kMaxSensors, kMaxReadings - n) + 1);
     for (int k = 0; k < robot.r; ++k) decode_sensor(bytes, n, robot.sensor[k]);
+  }
+  if (bytes.one_in(16)) {  // parts that do not exist: refused, and then used by nobody
+    Robot broken = robot;
+    broken.chain[bytes.below(n)].bar = kMaxBars + bytes.byte();
+    require(finish(broken).status == Status::no_such_part, "finish: an index is looked at");
   }
   static_cast<void>(finish(robot));
   static_cast<void>(finish_full(robot));

@@ -1,5 +1,5 @@
-// Does any robot, setpoint or reading make a controller, the dynamics or the statics crash, hang or
-// command a torque that is no number?
+// Does any robot, setpoint, reading or change of law make a controller, the dynamics or the statics
+// crash, hang or command a torque that is no number?
 #include "decode.hpp"
 #include "truepose/control.hpp"
 #include "truepose/offline/statics.hpp"
@@ -11,7 +11,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const Subject subject = decode_robot(bytes);
   const Robot& robot = subject.robot;
   ControlSettings settings;
-  settings.law = static_cast<Law>(bytes.below(3));
+  settings.law = static_cast<Law>(bytes.below(5));
   settings.feed_forward = static_cast<FeedForward>(bytes.below(3));
   if (bytes.one_in(2)) settings.damped_below = std::fabs(bytes.share());
   if (place_poles(robot, decode_pose(bytes, subject), 150, 1, settings))
@@ -26,6 +26,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   with_mobility(robot.mobility, [&](auto mobility) {
     constexpr Mobility K = mobility();
     constexpr int n = kDof<K>;
+    mechanisms::Prior prior(robot);
+    const Weighing weighing = bytes.one_in(8) ? Weighing{} : prior.weighing();
     ControlState state;
     for (int cycle = 0; cycle < 4; ++cycle) {
       Setpoint setpoint;
@@ -37,8 +39,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       Extended q_e{};
       if (!extended<K>(robot, to_pose<K>(decode_pose(bytes, subject)), q_e) || bytes.one_in(4))
         for (int c = 0; c < n + robot.r; ++c) q_e[c] = bytes.number();
+      if (bytes.one_in(3)) settings.law = static_cast<Law>(bytes.below(5));
       const ControlState before = state;
-      const Outcome outcome = control(robot, settings, setpoint, q_e, state);
+      const Outcome outcome = control(robot, settings, setpoint, q_e, state, weighing);
       require(outcome || state.torque == before.torque, "a failed cycle holds the torque");
       // NaN gains and periods are settings, not readings: their torque is refused as well.
       require(all_finite(state.torque, n), "control: the torque is finite");
@@ -54,7 +57,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     Robot truth = robot;
     for (int i = 0; i < n; ++i) truth.chain[i].rod *= 1 + 0.01 * bytes.share();
     Joint x{};
-    if (settle<K>(robot, truth, {settings, bytes.one_in(2)}, decode_pose(bytes, subject), x))
+    if (settle<K>(robot, truth, {settings, bytes.one_in(2)}, decode_pose(bytes, subject), x,
+                  weighing))
       require(all_finite(x, n), "settle: ok is finite");
   });
   return 0;

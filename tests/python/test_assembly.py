@@ -19,7 +19,7 @@ def test_every_mode_closes_on_the_same_motors_and_the_robots_own_is_among_them(a
     q = any_robot.ikm(x)
     modes = tp.assembly_modes(any_robot, q, starts=500)
     assert len(modes) >= 2
-    assert np.abs(modes - x).max(axis=1).min() < 1e-9
+    assert np.abs(modes.x - x).max(axis=1).min() < 1e-9
     points = [any_robot.skeleton(x)[:, 1]]  # B follows from q alone: every A at rod's length of it
     for mode in modes:
         try:
@@ -34,7 +34,7 @@ def test_every_mode_closes_on_the_same_motors_and_the_robots_own_is_among_them(a
 def test_a_five_bars_two_modes_are_the_meets_of_two_circles():
     robot = tp.load("five-bar")
     x = pose_of(robot)
-    modes = tp.assembly_modes(robot, robot.ikm(x))
+    modes = tp.assembly_modes(robot, robot.ikm(x)).x
     (_, B1, A1, _), (_, B2, A2, _) = robot.skeleton(x)
     middle, across = (B1 + B2) / 2, (B2 - B1) / np.linalg.norm(B2 - B1)
     assert np.allclose(A1, A2)  # one tool point
@@ -47,7 +47,7 @@ def test_a_five_bars_two_modes_are_the_meets_of_two_circles():
 
 def test_a_hexapods_modes_come_in_mirror_images():
     robot = tp.load("stewart")
-    modes = tp.assembly_modes(robot, robot.ikm(pose_of(robot)))
+    modes = tp.assembly_modes(robot, robot.ikm(pose_of(robot))).x
     mirror = modes * [1, 1, -1, -1, -1, 1]
     assert len(modes) % 2 == 0
     assert np.abs(modes[:, None] - mirror).max(axis=2).min(axis=1).max() < 1e-6
@@ -56,10 +56,113 @@ def test_a_hexapods_modes_come_in_mirror_images():
 def test_the_search_repeats_itself_and_refuses_what_it_cannot_search():
     robot = tp.load("3rpr")
     q = robot.ikm(robot.home)
-    assert np.array_equal(tp.assembly_modes(robot, q), tp.assembly_modes(robot, q))
-    assert tp.assembly_modes(robot, q + 100).shape == (0, 3)
+    one, two = tp.assembly_modes(robot, q), tp.assembly_modes(robot, q)
+    assert np.array_equal(one.x, two.x) and np.array_equal(one.seen, two.seen)
+    none = tp.assembly_modes(robot, q + 100)
+    assert none.x.shape == (0, 3) and (len(none), none.unseen, none.expected) == (0, 0, 0)
     for bad, word in ((q[:2], "shape"), (q * np.nan, "finite"), ([q, q], "shape")):
         with pytest.raises(tp.InputError, match=word):
             tp.assembly_modes(robot, bad)
-    with pytest.raises(tp.InputError, match="starts"):
-        tp.assembly_modes(robot, q, starts=0)
+    for bad in ({"starts": 0}, {"starts": 2_000_000}, {"seed": -1}):
+        with pytest.raises(tp.InputError, match=next(iter(bad))):
+            tp.assembly_modes(robot, q, **bad)
+
+
+def robot_of(tmp_path, mobility, home, base, nacelle, more=""):
+    """Return a robot of telescopic legs, all joints given; without a workspace."""
+    legs = [
+        f'[[chain]]\nactuator = "telescopic"\nbase = {b}\nanchor = {a}\n'
+        for b, a in zip(base, nacelle, strict=True)
+    ]
+    path = tmp_path / "robot.toml"
+    head = f'name = "legs"\nmobility = "{mobility}"\nhome = {[float(c) for c in home]}\n'
+    path.write_text(head + more + "".join(legs), encoding="utf-8")
+    return tp.load(path)
+
+
+# P. Dietmaier, The Stewart-Gough platform of general geometry can have 40 real postures, Advances
+# in Robot Kinematics: Analysis and Control, 1998: joints on base and platform, lengths of the legs.
+DIETMAIER = {
+    "base": [
+        [0.0, 0.0, 0.0],
+        [1.107915, 0.0, 0.0],
+        [0.549094, 0.756063, 0.0],
+        [0.735077, -0.223935, 0.525991],
+        [0.514188, -0.526063, -0.368418],
+        [0.590473, 0.094733, -0.205018],
+    ],
+    "nacelle": [
+        [0.0, 0.0, 0.0],
+        [0.542805, 0.0, 0.0],
+        [0.956919, -0.528915, 0.0],
+        [0.665885, -0.353482, 1.402538],
+        [0.478359, 1.158742, 0.107672],
+        [-0.137087, -0.235121, 0.353913],
+    ],
+}
+LEGS = [1.0, 0.645275, 1.086284, 1.503439, 1.281933, 0.771071]
+
+
+@pytest.fixture
+def dietmaier(tmp_path):
+    return robot_of(tmp_path, "spatial", [0.5, 0, 0.5, 0.1, 0.2, 0.3], **DIETMAIER)
+
+
+def turned(w, c):
+    """Turn c by the rotation vector w (Rodrigues)."""
+    angle = np.linalg.norm(w)
+    u = w / angle
+    return c * np.cos(angle) + np.cross(u, c) * np.sin(angle) + u * (u @ c) * (1 - np.cos(angle))
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_all_40_of_dietmaiers_postures_are_found_at_the_default(dietmaier, seed):
+    modes = tp.assembly_modes(dietmaier, LEGS, seed=seed)
+    assert len(modes) == 40 == modes.expected and modes.unseen == 0
+    for x in modes:
+        for b, c, length in zip(*map(np.array, (*DIETMAIER.values(), LEGS)), strict=True):
+            assert np.linalg.norm(x[:3] + turned(x[3:], c) - b) == pytest.approx(length, abs=1e-12)
+    apart = np.abs(modes.x[:, None] - modes.x).max(axis=2) + np.eye(40)
+    assert apart.min() > 1e-4
+
+
+def test_a_search_that_is_too_short_says_that_modes_are_missing(dietmaier):
+    short = [tp.assembly_modes(dietmaier, LEGS, starts=100, seed=seed) for seed in range(30)]
+    found = np.array([len(modes) for modes in short])
+    told = np.array([modes.expected for modes in short])
+    assert (found < 40).all()
+    assert (told >= found).all() and (told > found).mean() > 0.8
+    assert abs(np.mean(told) - 40) < 0.7 * (40 - np.mean(found))
+    for modes in short:
+        assert 0 < modes.unseen < 1
+
+
+def test_the_workspace_box_plays_no_part(tmp_path, dietmaier):
+    boxes = "[workspace]\nminimum = [5, 5, 5, 0, 0, 0]\nmaximum = [6, 6, 6, 1, 1, 1]\n"
+    elsewhere = robot_of(tmp_path, "spatial", dietmaier.home, **DIETMAIER, more=boxes)
+    modes = [tp.assembly_modes(robot, LEGS, starts=500) for robot in (dietmaier, elsewhere)]
+    assert np.array_equal(modes[0].x, modes[1].x)
+
+
+def test_a_cuspidal_robot_goes_from_mode_to_mode_without_a_singular_pose(tmp_path):
+    """C. Innocenti and V. Parenti-Castelli's 3-RPR (1992; here in tens of their unit).
+
+    Two modes of the same legs, and on the straight line between them det J_x keeps its sign: what
+    moves along it is never held by fewer than three legs.
+    """
+    x2, y2 = 0.38036, 1.60967  # the third joint: 1.654 and 2.084 from the others
+    base = [[0.0, 0.0, 0.0], [1.591, 0.0, 0.0], [0.0, 1.0, 0.0]]
+    nacelle = [[0.0, 0.0, 0.0], [1.704, 0.0, 0.0], [x2, y2, 0.0]]
+    start = np.array([-0.201, 1.372, -1.213])
+    robot = robot_of(tmp_path, "planar", start, base, nacelle)
+    modes = tp.assembly_modes(robot, robot.ikm(start))
+    assert len(modes) >= 4 and np.abs(modes.x[0] - start).max() < 1e-9
+    end = modes.x[np.argmin(np.abs(modes.x[:, :2] - [-1.139, -0.790]).sum(axis=1))]
+    assert robot.ikm(end) == pytest.approx(robot.ikm(start), abs=1e-9)
+    assert np.abs(end - start).max() > 1
+    way = start + np.linspace(0, 1, 2000)[:, None] * (end - start)
+    determinants = np.linalg.det(robot.jacobian(way))  # of J_x⁻¹ J_q, and det J_q keeps its sign
+    assert (np.sign(determinants) == np.sign(determinants[0])).all()
+    assert robot.conditioning(way).parallel.min() > 0.1
+    assert robot.ikm(way).min() > 0.3
+    assert np.isfinite(robot.ikm(way, own_mode=True)).all()  # one sign: no mode is lost

@@ -16,6 +16,8 @@ def complaint(path) -> str:
     return message.replace(str(path), "FILE")
 
 
+NO_SUCH_PART = 9
+
 SPOILED = [
     # what to change, into what, what the line says after the file's name
     ("arm = 0.26 ", "#", r"chain.1: a revolute chain needs 'arm' \(m\)"),
@@ -92,6 +94,27 @@ def test_a_spoiled_robot_file_is_told_what_is_wrong(h4_text, tmp_path, old, new,
     path.write_text(h4_text.replace(old, new, 1), encoding="utf-8")
     message = complaint(path)
     assert re.match(f"FILE: {line}", message), message
+
+
+@pytest.mark.parametrize("count", [3, 4, 20])
+@pytest.mark.parametrize("sensors", ['["theta"]', "[]"])
+def test_a_nacelle_has_no_more_bars_than_fit(h4_text, tmp_path, count, sensors):
+    path = tmp_path / "robot.toml"
+    bars = "\n[[bar]]\ndirection = [1.0, 0.0, 0.0]\npivot = 0.06\n" * (count - 2)
+    text = h4_text.replace('sensors = ["theta"]', f"sensors = {sensors}") + bars
+    path.write_text(text.replace("bar = 2", f"bar = {count}", 1), encoding="utf-8")
+    assert complaint(path) == f"FILE: {count} bars: a nacelle has at most 2 here"
+
+
+def test_the_core_refuses_a_bar_that_is_not_there(h4):
+    core = h4._core.without_limits()  # a copy
+    chain = core.chain(1)
+    for bar in (2, -2, 1000):
+        chain.bar = bar
+        core.set_chain(1, chain)
+        assert core.finish()[0] == NO_SUCH_PART
+        with pytest.raises(ValueError, match="no such part"):
+            core.drawn_parameters()
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import calibration_report, cli, log_checks, logs, saving
+from truepose import calibrate_command, calibration_report, cli, log_checks, logs, saving
 
 
 @pytest.fixture
@@ -121,9 +121,12 @@ def test_wrong_logs_are_refused_and_nothing_is_written(run, readings, tmp_path):
     ("words", "said"),
     [
         (["h4", "none.csv"], "none.csv: cannot be read: No such file"),
-        (["h4", "log.csv", "-o", "no/c.toml"], "no/c.toml: cannot be written: no such folder"),
+        (["h4", "log.csv", "-o", "no/c.toml"], "no/c.toml: cannot be written: No such file"),
         (["h4", "log.csv", "--sensors", "tetha"], "unknown sensor 'tetha'; did you mean 'theta'?"),
-        (["h4", "log.csv", "--touch-off", "0,0"], "--touch-off 0,0: must be 4 numbers x,y,z,theta"),
+        (
+            ["h4", "log.csv", "--touch-off", "0,0"],
+            "--touch-off 0,0: must be 4 numbers, x,y,z,theta",
+        ),
         (["h4", "log.csv", "--tuning", "-1"], "tuning = -1.0: must be a number greater than 0"),
         (
             ["h4", "log.csv", "--loss", "cubes"],
@@ -145,7 +148,7 @@ def test_an_interrupted_calibration_leaves_the_old_files(run, log, tmp_path, mon
         raise KeyboardInterrupt
 
     monkeypatch.setattr(saving.os, "replace", interrupted)
-    assert run("h4", log, "-o", "c.toml")[0] == 130
+    assert run("h4", log, "-o", "c.toml", "--force")[0] == 130
     assert (tmp_path / "c.toml").read_text(encoding="utf-8") == "old"
     assert sorted(p.name for p in tmp_path.iterdir()) == ["c.toml", "log.csv"]
 
@@ -166,8 +169,35 @@ def test_outside_measurements_alone_calibrate_a_robot_without_sensors(run, tmp_p
     columns = {f"q{i + 1}": q for i, q in enumerate(true.ikm(x).T)}
     columns |= {f"measured_{c}": x[:, k] for k, c in enumerate("xyz")}
     write(tmp_path / "log.csv", columns)
-    status, out, err = run("linear-delta", "log.csv", "-o", "c.toml", "--measured-sigma", "1e-5")
+    words = ("linear-delta", "log.csv", "-o", "c.toml", "--measured-sigma", "0.01mm")
+    status, out, err = run(*words, "--registration", "known")
     assert (status, err) == (0, "")
-    assert "measured_z (mm)" in out
+    assert "measured_z (mm)" in out and "tracker" not in out
+    assert "Measured from outside" not in (tmp_path / "c.html").read_text(encoding="utf-8")
     calibrated = tp.load(tmp_path / "c.toml")
     assert np.abs(calibrated.fkm(true.ikm(x)) - x).max() < 2e-5
+    status, out, err = run(*words)
+    assert (status, err) == (0, "")
+    for text in ("base + marker, x (mm)", "base, rz (°)", "in the tracker's frame, after"):
+        assert text in out
+    assert "Measured from outside" in (tmp_path / "c.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("sigma", ["1", "20um", "0.02mm,0.01deg", "0.01°, 2e-5", "1e-5m,1mrad"])
+def test_sigma_of_lengths_and_of_angles_are_two(sigma):
+    lengths, angles = calibrate_command._sigmas(sigma)
+    expected = {
+        "1": (1.0, None),
+        "20um": (2e-5, None),
+        "0.02mm,0.01deg": (2e-5, np.radians(0.01)),
+        "0.01°, 2e-5": (2e-5, np.radians(0.01)),
+        "1e-5m,1mrad": (1e-5, 1e-3),
+    }
+    assert (lengths, angles) == pytest.approx(expected[sigma])
+
+
+@pytest.mark.parametrize("sigma", ["0", "-1mm", "1ft", "mm", "1mm,2mm", "nan", "1mm,1deg,1m", ""])
+def test_a_sigma_that_is_none_is_refused_in_one_line(run, log, sigma):
+    status, out, err = run("h4", log, "--measured-sigma", sigma)
+    assert (status, out) == (2, "") and len(err.splitlines()) == 1
+    assert f"--measured-sigma {sigma}: must be a length and an angle" in err

@@ -150,12 +150,12 @@ DEGREES = 180 / np.pi
         ([2], DEGREES, "q3: in degrees, must be rad"),
         ([0, 1], DEGREES, "q1, q2: in degrees, must be rad"),
         ([0, 1, 2, 3], DEGREES, "q1, q2, q3, q4: in degrees, must be rad"),
-        ([0, 1, 2, 3, 4], DEGREES, "q1, q2, q3, q4: in degrees, must be rad"),
-        ([4], DEGREES, "times what the motors predict: in degrees, must be rad"),
-        ([5], 1000, "times what the motors predict: in mm, must be m"),
-        ([5], 100, "times what the motors predict: in cm, must be m"),
-        ([5], -1, "times what the motors predict: its sign is flipped"),
-        ([4], -1, "its sign is flipped or q3 and q4: swapped"),  # mirror images
+        ([0, 1, 2, 3, 4], DEGREES, "q1, q2, q3, q4, theta: in degrees, must be rad"),
+        ([4], DEGREES, "theta: in degrees, must be rad"),
+        ([5], 1000, "z_telemeter: in mm, must be m"),
+        ([5], 100, "z_telemeter: in cm, must be m"),
+        ([5], -1, "z_telemeter: its sign is flipped"),
+        ([4], -1, "theta: its sign is flipped or q1, q2, q3, q4: in another order, they hold q2"),
         ([0], -1, "q1: its sign is flipped"),
         ([0, 1, 2, 3], -1, "q1, q2, q3, q4: their signs are flipped"),
     ],
@@ -228,7 +228,9 @@ def test_empty_cells_and_repeats_are_said(robot, q_e):
     texts = [f.text for f in found(robot, holes)]
     assert texts[0] == "row 4: left out: a motor was not read"
     assert texts[1].startswith("z_telemeter: 65 empty cells: rows 1, 8, 15, 22, 29, … 60 more")
-    assert texts[2].startswith("449 rows at only 150 different poses: repeats")
+    assert texts[2].endswith("as an earlier line, digit for digit: each counts once")
+    shaken = np.vstack([q_e, q_e + np.array([0, 0, 0, 0, 1e-5, 1e-6]), q_e])
+    assert found(robot, shaken)[1].text.startswith("300 rows at only 150 different poses: repeats")
 
 
 def test_too_few_poses_are_said_and_none_that_teach_are_refused(h4, robot, q_e):
@@ -262,7 +264,7 @@ def test_measured_columns_are_measurements(h4, table2):
     x = rng.permutation(table2)[:100]
     columns = table(blind, true.extended(x))
     columns |= {f"measured_{c}": x[:, k] for k, (c, _) in enumerate(h4.coordinates)}
-    fit = tp.calibrate(blind, columns)
+    fit = tp.calibrate(blind, columns, registration="known")
     assert np.abs(fit.robot.fkm(true.ikm(x)) - x).max() < 5e-5
 
 

@@ -46,6 +46,10 @@ def probe(true, rng, count=16, z=0.0, noise=1e-5):
     return np.round(q / true.resolution) * true.resolution, measured
 
 
+#: The bed is the base's plane z = 0.
+PROBE = {"measured_sigma": 1e-5, "registration": "known"}
+
+
 @pytest.fixture(scope="module")
 def trapped(printer):
     """Return six true printers, and what the bed alone says of each."""
@@ -54,7 +58,7 @@ def trapped(printer):
         rng = np.random.default_rng(seed)
         true = built(printer, rng)
         q, measured = probe(true, rng)
-        fit = tp.calibrate(printer, q, measured=measured, measured_sigma=1e-5)
+        fit = tp.calibrate(printer, q, measured=measured, **PROBE)
         found.append((true, measured, fit))
     return found
 
@@ -95,7 +99,7 @@ def test_without_priors_the_bed_is_met_as_well_and_rods_drift_by_millimetres(pri
         rng = np.random.default_rng(seed)
         true = built(printer, rng)
         q, measured = probe(true, rng)
-        fit = tp.calibrate(vague_printer, q, measured=measured, measured_sigma=1e-5)
+        fit = tp.calibrate(vague_printer, q, measured=measured, **PROBE)
         assert np.std(fit.x[:, 2] - measured[:, 2]) < 12e-6
         for rod in RODS:
             drifts.append(fit.parameters[rod].value - true.parameters[rod].value)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import paper_data, statistics
+from truepose import experiment, paper_data, statistics
 
 ALPHA = np.array([0, np.pi, 3 * np.pi / 2, 3 * np.pi / 2])
 X, Y, Z = np.eye(3)
@@ -207,3 +207,33 @@ def test_erratum_7_thetas_quadratic_error_is_in_square_degrees(rng):
     radians = statistics.table3(np.radians(errors))
     assert degrees[3, 2] == metres[3, 2]  # no millimetre in it
     assert radians[3, 2] == pytest.approx(degrees[3, 2] * (np.pi / 180) ** 2)
+
+
+def test_erratum_8_table_3_changes_x_y_z_by_more_than_the_law_can(h4, table2):
+    """Section 4 finds no change. Robots shrunk to the printed bias of θ show what the law does."""
+    printed = paper_data.table3()
+    usual, redundant = (
+        np.array([printed[law][c, "sum_sq"] for c in "xyz"]) for law in ("usual", "redundant")
+    )
+    change = redundant / usual - 1
+    assert 100 * change == pytest.approx([14, -20, -17], abs=0.5)
+    bias = np.radians(printed["usual"]["theta", "average"])
+    moved = []
+    for truth in experiment.draw_robots(h4, 40, seed=0):
+        theta = (tp.settle(h4, truth, table2, "joint") - table2)[:, 3].mean()
+        if abs(theta) < abs(bias):
+            continue  # would have to be blown up
+        share = bias / theta
+        shrunk = h4.replace(
+            {
+                name: p.value + share * (truth.parameters[name].value - p.value)
+                for name, p in h4.parameters.items()
+            }
+        )
+        ends = [tp.settle(h4, shrunk, table2, law) for law in ("joint", "redundant")]
+        assert (ends[0] - table2)[:, 3].mean() == pytest.approx(bias, rel=0.1)
+        moved.append(1e3 * (ends[1] - ends[0])[:, :3])
+    squares = (np.array(moved) ** 2).sum(axis=1).max(axis=0)
+    most = (2 * np.sqrt(usual * squares) + squares) / usual  # Cauchy and Schwarz
+    assert len(moved) > 20
+    assert (most < 0.7 * np.abs(change)).all()

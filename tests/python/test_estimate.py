@@ -17,7 +17,7 @@ def sensor_sets(robot):
 
 def reading_covariance(robot, x):
     """H_x and C = H_ξ Σ_ξ H_ξᵀ + Σ_s at a pose, from the public Jacobians."""
-    H_x, H_xi = robot.linearise(x)
+    H_x, H_xi = robot.linearise(x, level=robot.finest_level)
     prior = np.diag([p.sigma**2 for p in robot.parameters.values()])
     return H_x, H_xi @ prior @ H_xi.T + np.diag(knowledge.reading_sigma(robot) ** 2)
 
@@ -48,7 +48,7 @@ def test_gain_and_covariance_are_those_of_generalised_least_squares(any_robot, a
         weights = np.linalg.inv(C)
         covariance = np.linalg.inv(H.T @ weights @ H)
         gain = covariance @ H.T @ weights
-        q_e = robot.extended(x)
+        q_e = robot.extended(x, level=robot.finest_level)
         est = robot.estimate(q_e, guess=x)
         assert est.covariance == pytest.approx(covariance, rel=1e-6, abs=1e-12)
         step = 1e-6
@@ -74,7 +74,8 @@ def test_the_covariance_is_that_of_true_robots(name, anywhere, rng):
     robot = tp.load(name)
     robot = sensor_sets(robot)[1].expected()
     x, count, step = anywhere(robot, 1, rng)[0], 200, robot.resolution
-    q_e = np.array([with_tolerance_errors(robot, s).extended(x) for s in range(count)])
+    real = robot.with_level(robot.finest_level)
+    q_e = np.array([with_tolerance_errors(real, s).extended(x) for s in range(count)])
     q_e += rng.uniform(-0.5, 0.5, q_e.shape) * step  # z's counts are the same for every robot
     est = robot.estimate(q_e, guess=x)
     apart = difference(robot, est.x, np.tile(x, (count, 1)))
@@ -101,3 +102,9 @@ def test_readings_that_fit_no_pose_are_named(h4):
     est = h4.estimate(q_e, errors="nan")
     assert est.status[0] == "ok" and est.status[1] != "ok"
     assert np.isnan(est.x[1]).all() and np.isnan(est.covariance[1]).all()
+
+
+@pytest.mark.parametrize("off", [[0, 0, 0, 0, 3.0], [-3, 1, -3, 1, 0]])
+def test_an_estimate_whose_search_ends_on_its_way_does_not_claim_that_no_pose_exists(h4, off):
+    est = h4.estimate(h4.extended(h4.home) + off, errors="nan")
+    assert est.status == "not converged"

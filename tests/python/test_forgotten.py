@@ -22,7 +22,7 @@ def lines():
 def test_with_all_effects_on_it_still_gains_three_times_truly_and_as_seen(lines):
     line = lines["all"]
     assert line.gain > 3
-    assert line.seen_usual / line.seen > 3
+    assert (line.seen_usual / line.seen > 3).all()
     assert line.excluded < 10
 
 
@@ -34,6 +34,22 @@ def test_the_vision_system_agrees_with_the_plant(lines):
     for line in lines.values():
         assert line.seen == pytest.approx(line.calibrated, abs=0.1)
         assert line.seen_usual == pytest.approx(line.usual, abs=0.1)
+
+
+def test_an_effect_that_takes_nothing_has_an_interval_that_holds_zero(rng):
+    """Robots differ, and each by as much in both cases: only differences tell them apart."""
+    robot = rng.uniform(0.3, 2.0, 12)  # mm
+    none, some, much = (
+        forgotten.Line("", robot, robot + more, robot, robot, 0)
+        for more in (np.zeros(12), 0.05 * rng.normal(size=12), 0.2)
+    )
+    low, high = none.interval()
+    assert low < forgotten.over_robots(robot) < high
+    low, high = some.interval(none)
+    assert low < 0 < high
+    low, high = much.interval(none)
+    assert 0.1 < low < high < 0.3
+    assert none.interval()[1] > much.interval()[0]  # the intervals themselves overlap
 
 
 def test_every_effect_is_tried_alone_and_left_out():

@@ -100,14 +100,14 @@ def quantised_at_rest(robot: tp.Robot, rng: np.random.Generator) -> tp.Robot:
     return robot
 
 
-@pytest.mark.parametrize(("sensors", "gain"), [(["theta"], 9), (["theta", "z_telemeter"], 25)])
+@pytest.mark.parametrize(("sensors", "gain"), [(["theta"], 7), (["theta", "z_telemeter"], 12)])
 def test_self_calibrated_control_takes_the_true_robot_to_the_bound(h4, table2, sensors, gain):
-    """Its true pose errors are as small as those of the estimates were foretold to be."""
+    """Every rod by itself: its true errors are as small as its estimates' were foretold to be."""
     robot, poses = h4.with_sensors(*sensors), table2[::6]
     usual, learnt = [], []
     for number, source in enumerate(np.random.SeedSequence(7).spawn(ROBOTS)):
         draw, counts = source.spawn(2)
-        true = with_tolerance_errors(robot, draw)
+        true = with_tolerance_errors(robot, draw).with_level("full")
         believed = experiment.self_calibrated(robot, true, table2, number)
         real = quantised_at_rest(true, np.random.default_rng(counts))
         usual.append(tp.settle(robot, real, poses, "joint") - poses)
@@ -124,7 +124,7 @@ def test_a_simulated_move_ends_where_self_calibrated_statics_say_within_counts(h
     rest = tp.settle(believed, truth, run.x_d[-1], "estimated")
     usual = tp.simulate(h4, truth, "joint")
     assert np.abs(run.x[-100:] - rest)[:, :3].max() < 2e-4
-    assert np.linalg.norm(run.error[-1, :3]) < np.linalg.norm(usual.error[-1, :3]) / 5
+    assert np.linalg.norm(run.error[-1, :3]) < np.linalg.norm(usual.error[-1, :3]) / 4
 
 
 def test_sets_of_sensors_are_compared_on_the_same_robots(h4):

@@ -17,9 +17,9 @@ def test_the_h4_has_the_parameters_its_interface_promises(h4):
     names |= {"bar1.pivot", "bar2.pivot"}
     mounted = {"z_telemeter": ("origin", "direction", "target", "normal")}
     mounted |= {f"wire{i}": ("origin", "target") for i in (1, 2, 3)}
-    for sensor in ("theta", "elbow1", "elbow2", "elbow3", "elbow4", *mounted):
+    for sensor in ("theta", "elbow1", "elbow2", "elbow3", "elbow4", "pivot1", "pivot2", *mounted):
         names |= {f"{sensor}.offset", f"{sensor}.gain"}
-        if sensor.startswith(("theta", "elbow")):
+        if sensor.startswith(("theta", "elbow", "pivot")):
             names |= {f"{sensor}.{harmonic}" for harmonic in harmonics}
         vectors = mounted.get(sensor, ())
         names |= {f"{sensor}.{vector}.{axis}" for vector in vectors for axis in "xyz"}

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import cli, forgotten, report
+from truepose import cli, figures, forgotten, paper_data, report, saving, statistics, tables
 
 
 def run(*arguments):
@@ -123,6 +123,38 @@ def test_the_page_stands_alone(made):
     assert "nan" not in re.sub(r"data:image[^\"]*", "", page).lower().split()
 
 
+@pytest.mark.parametrize("name", ["table3_one_robot", "table3_robots"])
+def test_what_the_paper_prints_keeps_the_papers_digits(made, name):
+    """0.5 of it is 0.5, not 0.500, which would claim a precision that nobody printed."""
+    printed = paper_data.table3_as_printed()
+    table = rows(made[1] / f"{name}.csv")
+    for row, (_, key, label) in zip(table, tables.cells(), strict=True):
+        assert row[tables.UNITS] == label
+        for law, entries in printed.items():
+            assert row[f"{law}, paper"] == entries[key]
+
+
+def test_the_page_says_what_a_reader_would_stumble_over(made):
+    """Static errors that change, a θ far from the paper's, zeros that are none by chance."""
+    page = " ".join((made[1] / "report.html").read_text(encoding="utf-8").split())
+    assert re.search(
+        r"static errors remain the same\. Robot by robot .* \d\.\d\d mm \(median\)", page
+    )
+    assert re.search(r"θ's are not even that: .* 231 deg² in print and \d+ deg² \(median\)", page)
+    assert "0 [0, 0] is less than 0.00005" in page
+    assert "+14, −20 and −17 %" in page
+
+
+def test_figures_11_to_13_have_one_scale(h4, truth):
+    runs = [tp.simulate(h4, h4, "joint"), tp.simulate(h4, truth, "joint")]
+    runs.append(tp.simulate(h4, truth, "redundant"))
+    drawn = [figures.move(run, runs) for run in runs]
+    for k, columns in ((0, slice(3)), (1, slice(3, 4))):
+        (limits,) = {figure.axes[k].get_ylim() for figure in drawn}
+        errors = [statistics.in_print_units(run.error)[:, columns] for run in runs]
+        assert limits[0] < np.min(errors) and np.max(errors) < limits[1]
+
+
 def test_the_csv_hold_the_numbers_behind_the_tables(made):
     _, out = made
     statistics = rows(out / "statistics.csv")
@@ -178,7 +210,7 @@ def test_a_wrong_call_gets_one_line_and_status_2(arguments, words):
 def test_a_run_that_fails_leaves_nothing_half_written(tmp_path, monkeypatch, capsys, failure):
     before = tmp_path / "kept"
     before.mkdir()
-    (before / "report.html").write_text("an earlier report")
+    (before / "report.html").write_text(saving.mark("report"))
 
     def fail(_, path):
         path.with_suffix(".svg").write_text("half a picture")
@@ -196,7 +228,7 @@ def test_a_run_that_fails_leaves_nothing_half_written(tmp_path, monkeypatch, cap
         assert "interrupted" in message or "No space left" in message
     assert not (tmp_path / "new").exists()
     assert [file.name for file in before.iterdir()] == ["report.html"]
-    assert (before / "report.html").read_text() == "an earlier report"
+    assert (before / "report.html").read_text() == saving.mark("report")
 
 
 def test_help_explains_itself_with_an_example():

@@ -51,16 +51,71 @@ def test_the_motors_of_the_h4_stand_as_its_derivation_says(h4):
 def test_another_branch_is_not_taken_for_the_robots_own(h4):
     """A nacelle above the motors, or turned past the singularity, may close the same rods."""
     q = h4.ikm([0, 0, -0.4, 0])
-    with pytest.raises(tp.PoseError, match="branch lost"):
-        h4.fkm(q, guess=[0, 0, 0.6, 0])
+    assert h4.fkm(q, guess=[0, 0, 0.6, 0]) == pytest.approx([0, 0, -0.4, 0], abs=1e-12)
     turned = [0, 0, -0.4, 3.0]
     with pytest.raises(tp.PoseError, match="branch lost"):
         h4.fkm(h4.ikm(turned), guess=turned)
 
 
-def test_arms_that_no_rod_can_join_are_unreachable(h4):
-    with pytest.raises(tp.PoseError, match=r"q = \[-2, 2, -2, 2\]: .*unreachable"):
+def test_motors_for_which_no_pose_is_found_are_not_called_unreachable_without_proof(h4, stewart):
+    with pytest.raises(tp.PoseError, match=r"q = \[-2, 2, -2, 2\]: not converged"):
         h4.fkm([-2, 2, -2, 2])
+    legs = stewart.ikm(stewart.home)
+    with pytest.raises(tp.PoseError, match="unreachable"):  # one leg longer than all around it
+        stewart.fkm([5.0, *legs[1:]])
+
+
+@pytest.mark.parametrize("name", ["stewart", "hexa", "hexaglide"])
+def test_a_hexapod_turned_by_60_degrees_is_found_from_home(name, count, rng):
+    """Newton alone loses some of them, of which it said that no pose closes the loops."""
+    robot = tp.load(name)
+    box = robot.spec.workspace
+    x = rng.uniform(box.minimum, box.maximum, size=(min(count, 20_000), 6))
+    axes = rng.normal(size=(len(x), 3))
+    x[:, 3:] = np.radians(60) * axes / np.linalg.norm(axes, axis=1)[:, None]
+    q = robot.ikm(x, errors="nan", own_mode=True)
+    mine = np.isfinite(q).all(axis=1)
+    mine[mine] = robot.conditioning(x[mine]).parallel > 1e-3  # not singular
+    assert mine.mean() > 0.5
+    found = robot.fkm(q[mine])
+    assert np.abs(robot.ikm(found, own_mode=True) - q[mine]).max() < 1e-9
+    assert (np.abs(found - x[mine]).max(axis=1) < 1e-5).mean() > 0.999
+
+
+@pytest.mark.parametrize("yaw", [90, -90])
+def test_legs_of_a_singular_pose_are_singular_not_unreachable(stewart, yaw, rng):
+    x = stewart.home + np.array([0, 0, 0, 0, 0, np.radians(yaw)])
+    for offset in rng.uniform(-0.03, 0.03, size=(10, 3)):
+        q = stewart.ikm(x + np.array([*offset, 0, 0, 0]))
+        with pytest.raises(tp.PoseError, match=r": singular$"):
+            stewart.fkm(q)
+
+
+def test_the_inverse_model_refuses_another_assembly_mode_where_asked(any_robot):
+    """What is sent to a machine must not lie behind a singular pose."""
+    modes = tp.assembly_modes(any_robot, any_robot.ikm(any_robot.home), starts=2000)
+    assert np.allclose(any_robot.ikm(any_robot.home, own_mode=True), any_robot.ikm(any_robot.home))
+    own = np.sign(np.linalg.det(any_robot.jacobian(any_robot.home)))
+    told = 0
+    for x in modes:
+        q = any_robot.ikm(x, errors="nan")  # in the robot's own working modes
+        if not np.isfinite(q).all():
+            continue
+        other = np.sign(np.linalg.det(any_robot.jacobian(x))) != own
+        checked = np.isfinite(any_robot.ikm(x, errors="nan", own_mode=True)).all()
+        assert checked != other
+        told += other
+        if other:
+            with pytest.raises(tp.PoseError, match=f"^{any_robot.name}: pose x = .*: branch lost$"):
+                any_robot.ikm(x, own_mode=True)
+    assert told > 0 or any_robot.name == "linear-delta"  # whose other mode has other working modes
+
+
+def test_at_the_full_level_too_another_mode_is_refused(truth):
+    turned = [0, 0, -0.4, 3.0]
+    assert np.isfinite(truth.ikm(turned, level="full")).all()
+    with pytest.raises(tp.PoseError, match="branch lost"):
+        truth.ikm(turned, level="full", own_mode=True)
 
 
 def test_readings_of_a_longer_rod_give_the_nominal_robot_another_pose(h4):

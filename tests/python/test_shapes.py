@@ -6,6 +6,7 @@ import pytest
 import truepose as tp
 
 POSE = [0.02, -0.03, -0.42, 0.1]
+MASKED = np.ma.masked_less(POSE, -1)
 
 
 @pytest.mark.parametrize("lead", [(), (1,), (5,), (0,), (2, 3), (2, 0, 3), (1, 2, 2, 2)])
@@ -79,6 +80,19 @@ def test_errors_nan_marks_the_bad_rows_and_only_them(h4):
         (lambda r: r.jacobian([[0, 0], [0]]), "^x: must be numbers$"),
         (lambda r: r.tej(["a", "b", "c", "d"]), "^x: must be numbers$"),
         (lambda r: r.ikm([0, 0, 1j, 0]), "^x: must be numbers$"),
+        (lambda r: r.ikm(np.array(POSE) + 0j), "^x: complex numbers: must be real$"),
+        (lambda r: r.ikm([*POSE[:3], np.complex64(0.2)]), "^x: complex numbers: must be real$"),
+        (lambda r: r.ikm([np.array(POSE) + 1j]), "^x: complex numbers: must be real$"),
+        (lambda r: r.ikm(MASKED), "^x: a masked array: fill what is masked"),
+        (lambda r: r.ikm([MASKED, MASKED]), "^x: a masked array: fill what is masked"),
+        (lambda r: r.fkm(np.zeros(4), guess=MASKED), "^guess: a masked array: fill"),
+        (lambda r: r.estimate(np.ma.zeros(5)), "^q_e: a masked array: fill"),
+        (lambda r: tp.settle(r, r, MASKED), "^x_d: a masked array: fill"),
+        (lambda r: tp.calibrate(r, np.zeros((3, 5), complex)), "^readings: complex numbers"),
+        (
+            lambda r: tp.calibrate(r, dict.fromkeys(r.readings, np.ma.zeros(3))),
+            "^readings: column q1: a masked array: fill",
+        ),
         (lambda r: r.ikm([0, 0, np.nan, 0]), r"^x = \[0, 0, nan, 0\]: must be finite numbers$"),
         (lambda r: r.fkm([0, 0, np.inf, 0]), r"^q = \[0, 0, inf, 0\]: must be finite numbers$"),
         (lambda r: r.fkm(np.zeros(4), guess=[0, 0]), r"^guess: wrong shape, must be \(4,\) or"),
@@ -110,7 +124,7 @@ def test_a_bad_argument_is_named_in_one_line(h4, call, message):
         ),
         (
             lambda r: r.fkm([r.ikm(POSE), [-2, 2, -2, 2]]),
-            r"^h4: motor position \(1,\) q = \[-2, 2, -2, 2\]: unreachable$",
+            r"^h4: motor position \(1,\) q = \[-2, 2, -2, 2\]: not converged$",
         ),
     ],
 )

@@ -100,6 +100,52 @@ def test_every_tolerance_acts(any_robot):
             assert np.abs(effect).max() > 1e-9, name
 
 
+@pytest.mark.parametrize(("name", "most"), [("h4", 12), ("stewart", 10)])
+def test_as_many_sensors_as_fit_can_be_in_use(name, most):
+    spec = tp.load(name).spec
+    one = spec.sensor[0]
+    many = tuple(one.model_copy(update={"name": f"s{k}"}) for k in range(most + 1))
+    robot = tp.Robot(spec.model_copy(update={"sensor": many, "sensors": (), "tolerances": {}}))
+    names = [sensor.name for sensor in many]
+    assert robot.with_sensors(*names[:-1]).rkm(robot.home).shape == (most,)
+    with pytest.raises(tp.RobotFileError, match=f"^{name}: at most {most} sensors can be in use$"):
+        robot.with_sensors(*names)
+
+
+def test_no_sensor_is_mounted_exactly(any_robot, anywhere, rng):
+    """Whatever its zero, its place or its direction do to a reading, tolerances allow for.
+
+    Places along a beam are one with its zero: a column of H_ξ that others span needs no tolerance.
+    """
+    robot = any_robot.with_sensors(*[sensor.name for sensor in any_robot.spec.sensor])
+    _, H_xi = robot.expected().linearise(anywhere(any_robot, 50, rng))
+    for row, sensor in enumerate(robot.sensors, start=robot.n):
+        columns = {
+            name: H_xi[:, row, k]
+            for k, name in enumerate(robot.parameters)
+            if name.startswith(f"{sensor}.") and "gain" not in name and "eccentricity" not in name
+        }
+        allowed = np.array([columns[name] for name in columns if robot.parameters[name].sigma]).T
+        assert allowed.size, sensor
+        for name, column in columns.items():
+            left = column - allowed @ np.linalg.lstsq(allowed, column, rcond=None)[0]
+            assert np.abs(left).max() < 1e-6, name
+
+
+def test_the_h4s_articulated_nacelle_has_its_inertia_with_the_bars_that_only_translate(h4):
+    """Assumed: 0.003 kg·m² about z at θ = 0 in all, the bars as masses at their pivots."""
+    bars = sum(bar.mass * bar.pivot**2 for bar in h4.spec.bar)
+    assert h4.spec.nacelle.inertia_z + bars == pytest.approx(0.003, abs=1e-12)
+
+
+def test_no_drive_is_lighter_than_the_arm_or_carriage_that_it_counts(any_robot):
+    for chain in any_robot.spec.chain:
+        if chain.actuator == "prismatic":
+            assert chain.drive_inertia >= chain.arm_mass
+        if chain.actuator == "revolute":
+            assert chain.drive_inertia >= chain.arm_mass * chain.arm**2 / 3
+
+
 def test_the_hexapods_legs_are_as_long_as_linuxcnc_says(stewart):
     legs = stewart.ikm(stewart.home) / 0.0254
     assert legs == pytest.approx([29.7466] * 6, abs=5e-4)

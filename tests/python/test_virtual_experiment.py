@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import experiment, statistics, virtual_experiment
+from truepose import experiment, statistics, twin, virtual_experiment
 from truepose.frames import coordinates
-from truepose.plants import Visit
+from truepose.plants import Visit, play
 from truepose.plants.exact import ExactPlant
 from truepose.vision import Setup, Vision
 
@@ -157,3 +157,46 @@ def test_a_visit_has_the_shapes_that_every_plant_promises(h4, truth):
     visit = ExactPlant(truth).visit(h4, np.array([h4.home] * 3), tp.Controller())
     assert isinstance(visit, Visit)
     assert [np.shape(v) for v in visit] == [(3, 5), (3, 4, 4), (3, 4), (3,)]
+
+
+WAYS = {
+    "at one angle": lambda table: table[::5],
+    "at another": lambda table: table[2::5],
+    "back and forth": lambda table: np.vstack([table[::50], table[::-50]]),
+    "all angles": lambda table: table[:125],
+}
+
+
+@pytest.mark.parametrize("law", ["joint", "redundant", "weighted", "cartesian", "estimated"])
+@pytest.mark.parametrize("way", WAYS)
+def test_every_pose_settles_behind_the_play_and_where_its_equations_say(h4, table2, law, way):
+    """At rest the motor error vanishes; the tool follows the nacelle where its play ends."""
+    there = twin.shipped()
+    plant = ExactPlant(there.truth.unquantised(), there.effects.only("backlash"), level="full")
+    x_d = WAYS[way](table2)
+    visit = plant.visit(h4, x_d, tp.Controller(law=law))
+    assert (visit.status == "ok").all()
+    half, ahead, theta = 0.5 * there.effects.tool_backlash, 0.0, float(h4.home[-1])
+    shown = visit.q_e[:, 4] - plant.truth.extended(visit.x, level="full")[:, 4]
+    gain = plant.truth.parameters["theta.gain"].value
+    for now, found in zip(visit.x[:, -1], shown / gain, strict=True):
+        ahead = min(half, max(-half, ahead + theta - now))
+        assert found == pytest.approx(ahead, abs=2e-12)
+        ahead, theta = found, now
+    if law == "redundant":
+        error = h4.extended(x_d) - visit.q_e
+        assert np.abs(np.einsum("nij,nj->ni", h4.tej(x_d)[1], error)).max() < 1e-11
+
+
+def test_a_tool_starts_in_the_middle_of_its_play(h4):
+    effects = tp.Effects().only("backlash")
+    visit = ExactPlant(h4.unquantised(), effects).visit(h4, [h4.home], tp.Controller(law="joint"))
+    assert visit.q_e[0, 4] == pytest.approx(h4.home[-1], abs=1e-12)
+
+
+def test_a_law_that_answers_too_much_rests_at_the_end_to_which_it_drives():
+    """With t(-half) > t(half) a tool may stand at either; from the middle it is driven to one."""
+    tool, end = play.follow([0.2, 0.2, np.nan, 0.2], [-0.1, -0.1, np.nan, np.nan], 0.1)
+    assert end.tolist()[:2] == [1, -1]
+    assert tool.tolist() == [-0.1, 0.2, 0.2, 0.2]
+    assert np.isnan(end[2])

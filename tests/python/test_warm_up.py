@@ -1,15 +1,29 @@
 """Does a robot that learns while it works stay accurate as it warms up?"""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import warm_up
+from truepose import tables, twin_folder, warm_up
 
 
 @pytest.fixture(scope="module")
-def studied():
-    return {line.sensors: line for line in warm_up.study(tp.load("h4"), 3, seed=2)}
+def lines():
+    """Return what `truepose reproduce` shows."""
+    return warm_up.study(tp.load("h4"), warm_up.ROBOTS, seed=0)
+
+
+@pytest.fixture(scope="module")
+def studied(lines):
+    return {line.sensors: line for line in lines}
+
+
+def test_the_table_of_the_documentation_is_what_the_run_prints(lines):
+    page = (Path(__file__).parents[2] / "docs" / "accuracy.md").read_text(encoding="utf-8")
+    for row in twin_folder.markdown(tables.warm_up(lines)).splitlines()[2:]:
+        assert row in page
 
 
 @pytest.mark.parametrize("sensors", warm_up.SETS)

@@ -2,35 +2,58 @@
 #pragma once
 
 #include <Eigen/Cholesky>
+#include <functional>
 #include <vector>
 
 #include "truepose/offline/line.hpp"
 
 namespace truepose {
 
-/// What readings at these poses leave unknown of ξ, poses unknown too: with u the parameters in
-/// units of the prior, Σ_u⁻¹ = I + Σ RᵀR over the rows that elimination leaves.
+/// A pose at which readings are taken, and what else is known of it.
+struct Visit {
+  Pose pose;
+  Outside outside;
+};
+
+/// What readings at these poses leave unknown of ξ, poses unknown too but for what was measured
+/// from outside: with u the parameters in units of the prior, Σ_u⁻¹ = I + Σ BᵀB over the rows that
+/// elimination leaves.
+/// @param prior  of ξ, and behind it of `nuisances`, what the ideal level leaves out (guarded.hpp)
+/// @param poll  called after every pose; may throw to end it all
 /// @param root  out: lower triangular, Σ_ξ = root rootᵀ after the visit
 /// @return the first outcome that is not ok; `chain` is then the chain at fault
-inline Outcome after_visiting(const Robot& robot, const LineModel& model, const Knowledge& prior,
-                              const std::vector<Pose>& poses, RowMatrix& root) {
+inline Outcome after_visiting(
+    const Robot& robot, const LineModel& model, const Knowledge& prior, int nuisances,
+    const std::vector<Visit>& visits, RowMatrix& root, const std::function<void()>& poll = [] {}) {
   const int p = prior.count;
   Knowledge raw = prior;  // S comes last, once: elimination acts on the rows, S on the columns
   raw.root = nullptr;
+  Knowledge axes = raw;
+  axes.count = nuisances;
+  axes.column += p - nuisances;
+  RowMatrix D;
   std::vector<double> H_xi(2 * (model.n + robot.r) * parameter_count(robot));
-  RowMatrix stacked(robot.r * static_cast<long>(poses.size()), p);
+  long rows = 0;
+  for (const Visit& visit : visits) rows += robot.r + (visit.outside.x ? model.n : 0);
+  RowMatrix stacked(rows, p);
   Line line;
+  Parasitic rest;
   long row = 0;
-  for (const Pose& pose : poses) {
-    const Outcome outcome = model.read(robot, raw, pose, nullptr, {}, H_xi.data(), line);
+  for (const Visit& visit : visits) {
+    Outcome outcome;
+    if (nuisances > 0) outcome = model.left_out(robot, axes, visit.pose, H_xi.data(), D);
+    if (outcome)
+      outcome = model.read(robot, raw, visit.pose, nullptr, visit.outside,
+                           nuisances > 0 ? &D : nullptr, H_xi.data(), line, rest);
     if (!outcome) return outcome;
     for (int i = model.n; i < line.rows; ++i) stacked.row(row++) = line.B.row(i);
+    poll();
   }
   const Eigen::MatrixXd S =
       Eigen::Map<const RowMatrix>(prior.root, p, p).triangularView<Eigen::Lower>();
   Eigen::MatrixXd N = Eigen::MatrixXd::Zero(p, p);
   if (row > 0)  // Eigen divides by it
-    N.selfadjointView<Eigen::Lower>().rankUpdate(stacked.transpose());
+    N.selfadjointView<Eigen::Lower>().rankUpdate(stacked.topRows(row).transpose());
   const Eigen::MatrixXd NS = N.selfadjointView<Eigen::Lower>() * S;
   // I + SᵀNS = U Uᵀ with U upper triangular (Cholesky from the last parameter to the first), so
   // that Σ_u = U⁻ᵀ U⁻¹ and S U⁻ᵀ, lower times lower, is the root.
@@ -63,7 +86,8 @@ inline Outcome pose_error(const Robot& robot, const Knowledge& known, const Pose
   Matrix<kMaxReadings, n> H_x;
   ReadingCovariance C;
   Fusion<K> fusion;
-  Outcome outcome = Level::template linearise<K>(robot, pose, q_e, H_x, H_xi);
+  Parasitic rest;
+  Outcome outcome = Level::template linearise<K>(robot, pose, q_e, H_x, H_xi, rest);
   if (outcome) outcome = reading_covariance(robot, known, H_xi, B, C);
   if (outcome) outcome = fuse<K>(robot, known, C, H_x, fusion);
   if (!outcome) return outcome;

@@ -1,50 +1,48 @@
 // Which geometry explains a robot's own readings? The maximum a posteriori estimate of ξ.
 //
-// Minimises |u|² + Σ_k ρ(d_k²) over ξ = μ + S u and every pose x_k, where d_k² is what the readings
-// at pose k still disagree about once the best pose is taken. Poses are eliminated (eliminate.hpp),
-// so that a step solves for ξ alone: (I + Σ w RᵀR) δu = Σ w Rᵀy - u, then each δx_k follows.
+// Minimises |u|² + Σ_k s_k ρ(d_k²) over ξ = μ + S u and every pose x_k, where d_k² is what the
+// readings at pose k still disagree about once the best pose is taken. Poses are eliminated
+// (eliminate.hpp), so that a step solves for ξ alone: (I + Σ c RᵀR) δu = Σ c Rᵀy - u with c = s w,
+// then each δx_k follows.
 #pragma once
 
 #include <Eigen/Cholesky>
+#include <functional>
 #include <vector>
 
 #include "truepose/geometry.hpp"
 #include "truepose/offline/line.hpp"
+#include "truepose/offline/loss.hpp"
 
 namespace truepose {
 
-/// What a disagreement between the readings of one pose costs.
-enum class Loss : int {
-  squares = 0,  ///< d²: normal errors
-  huber = 1,    ///< linear beyond `tuning`, constant beyond kGross
-  student = 2,  ///< (ν + r) log(1 + d²/ν), ν = `tuning`: gross errors count for nothing
-};
-
-/// Residual of a line, in units of its σ, that no noise explains. Huber's force is bounded, not its
-/// lever: a reading so wrong that its pose lies outside the workspace would pull all the same.
-inline constexpr double kGross = 30;
-
 struct CalibrationSettings {
-  int nuisances = 0;  ///< how many of the prior's last parameters are GuardedModel's, independent
+  int nuisances = 0;      ///< how many of the prior's last parameters are left_out's, independent
+  int registration = -1;  ///< first of the prior's kRegistration unknowns of a registration, or -1
   Loss loss = Loss::squares;
   double tuning = 0;
   int iterations = 100;
+  std::function<void()>
+      poll;  ///< called after every line, if there is one; may throw to end it all
 };
 
 /// Readings at poses nobody knows; where somebody does, what was measured there. NaN: not read.
 struct ReadingLog {
   int count = 0;
-  const double* q_e = nullptr;       ///< count × (n + r)
-  const double* measured = nullptr;  ///< count × n coordinates, or nullptr
-  Joint measured_sigma{};            ///< of those, > 0
+  const double* q_e = nullptr;             ///< count × (n + r)
+  const double* measured = nullptr;        ///< count × n coordinates, or nullptr
+  const double* measured_sigma = nullptr;  ///< of those, > 0
+  Registration registration{};  ///< of those; the marker to begin with where it is unknown
 };
 
 struct CalibrationResult {
   Outcome outcome;
   int iterations = 0;
-  std::vector<double> xi;       ///< parameter_count(drawn) values
-  Eigen::VectorXd u;            ///< ξ̂ of the uncertain ones: μ + S u
-  Eigen::MatrixXd covariance;   ///< of the uncertain parameters, nuisances left out
+  std::vector<double> xi;      ///< parameter_count(drawn) values
+  Eigen::VectorXd u;           ///< ξ̂ of the uncertain ones: μ + S u
+  Eigen::MatrixXd covariance;  ///< of the uncertain parameters, nuisances left out
+  Registration start;          ///< what the registration's unknowns are steps from
+  Registration registration;
   std::vector<Pose> pose;       ///< x̂ of every line of the log
   std::vector<Status> status;   ///< of every line; one that is not ok was left out
   std::vector<double> chi2;     ///< d² of every line
@@ -72,14 +70,16 @@ class Calibrator {
         n_(model.n),
         readings_(model.n + drawn.r),
         S_(Eigen::Map<const RowMatrix>(prior.root, p_, p_)),
-        H_xi_(2 * readings_ * parameter_count(drawn)) {}
+        H_xi_(2 * readings_ * parameter_count(drawn)),
+        rest_(log.count),
+        loss_(settings.loss, settings.tuning) {}
 
-  /// @param from  what a model with fewer parameters at the end found, to start there; or nullptr
-  CalibrationResult run(const CalibrationResult* from = nullptr) {
+  CalibrationResult run() {
     CalibrationResult result;
-    Iterate now =
-        from ? beside(*from) : Iterate{Eigen::VectorXd::Zero(p_), std::vector<Pose>(log_.count)};
-    result.status = from ? from->status : start(now);
+    Iterate now{Eigen::VectorXd::Zero(p_), std::vector<Pose>(log_.count)};
+    result.status = start(now);
+    start_ = place(now, result.status);
+    freeze(now, result.status);
     for (int bad; (bad = evaluate(now, result.status)) >= 0;) result.status[bad] = Status::singular;
     if (std::count(result.status.begin(), result.status.end(), Status::ok) == 0) {
       result.outcome = {Status::unreachable, -1};
@@ -88,28 +88,20 @@ class Calibrator {
     if (settings_.loss == Loss::squares) {
       descend(now, result);
     } else {
-      loss_ = settings_.loss;
       scale_ = INFINITY;
       do {  // graduated: from what the median calls normal, down to the stated σ
         scale_ = std::max(1.0, std::min(0.5 * scale_, spread(now)));
         descend(now, result);
       } while (scale_ > 1 && result.outcome);
     }
+    if (settings_.nuisances > 0 && result.outcome) {  // once more with D where the poses now are
+      freeze(now, result.status);
+      for (int bad; (bad = evaluate(now, result.status)) >= 0;)
+        result.status[bad] = Status::singular;
+      descend(now, result);
+    }
     finish(now, result);
     return result;
-  }
-
-  /// By how much this model would lower the cost that another one came to, to first order.
-  double promise(const CalibrationResult& from) {
-    Iterate now = beside(from);
-    std::vector<Status> status = from.status;
-    for (int bad; (bad = evaluate(now, status)) >= 0;) status[bad] = Status::singular;
-    loss_ = settings_.loss;
-    scale_ = 1;
-    Eigen::MatrixXd information;
-    Eigen::VectorXd right;
-    accumulate(now, information, right);
-    return right.dot(information.selfadjointView<Eigen::Lower>().llt().solve(right));
   }
 
  private:
@@ -120,17 +112,55 @@ class Calibrator {
     std::vector<Line> line{};
   };
 
-  Iterate beside(const CalibrationResult& from) const {
-    Iterate at{Eigen::VectorXd::Zero(p_), from.pose};
-    at.u.head(from.u.size()) = from.u;
-    return at;
+  /// D of every line, where its pose is now. It is held while the search goes on: its change with
+  /// pose and ξ, times η, is of the second order of what the ideal level leaves out.
+  void freeze(const Iterate& at, std::vector<Status>& status) {
+    const int m = settings_.nuisances;
+    if (m == 0) return;
+    Knowledge axes = prior_;
+    axes.count = m;
+    axes.column += p_ - m;
+    set_parameters(drawn_, xi_of(at.u).data(), robot_);
+    D_.resize(log_.count);
+    for (int k = 0; k < log_.count; ++k)
+      if (status[k] == Status::ok)
+        status[k] = model_.left_out(robot_, axes, at.pose[k], H_xi_.data(), D_[k]).status;
   }
 
   std::vector<double> xi_of(const Eigen::VectorXd& u) const {
     std::vector<double> xi = mean_;
     const Eigen::VectorXd change = S_.triangularView<Eigen::Lower>() * u;
-    for (int k = 0; k < p_ - settings_.nuisances; ++k) xi[prior_.column[k]] += change[k];
+    for (int k = 0; k < p_ - settings_.nuisances; ++k)
+      if (!of_registration(k)) xi[prior_.column[k]] += change[k];
     return xi;
+  }
+
+  bool of_registration(int k) const {
+    const int first = settings_.registration;
+    return first >= 0 && k >= first && k < first + kRegistration;
+  }
+
+  Registration registration_of(const Eigen::VectorXd& u) const {
+    const int first = settings_.registration;
+    if (first < 0) return start_;
+    std::array<double, kRegistration> step;
+    for (int k = 0; k < kRegistration; ++k) step[k] = S_(first + k, first + k) * u[first + k];
+    return moved(start_, step.data());
+  }
+
+  void believe(const Eigen::VectorXd& u) {
+    set_parameters(drawn_, xi_of(u).data(), robot_);
+    registration_ = registration_of(u);
+  }
+
+  /// First registration: by the first poses.
+  Registration place(const Iterate& at, const std::vector<Status>& status) const {
+    const int first = settings_.registration;
+    if (first < 0 || !log_.measured) return log_.registration;
+    // Every unknown place of a marker has an x, every unknown turn one about the nacelle's z.
+    const int place = first + 6, turn = first + kRegistration - 1;
+    return model_.registered(log_.registration, S_(place, place) > 0, S_(turn, turn) > 0,
+                             log_.count, at.pose.data(), status.data(), log_.measured);
   }
 
   /// First poses: from the motors, at the prior mean.
@@ -145,10 +175,12 @@ class Calibrator {
       std::copy_n(log_.q_e + k * readings_, n_, q.begin());
       for (const Pose& from : {home, guess}) {
         at.pose[k] = from;
-        status[k] = model_.fkm(robot_, q, at.pose[k]);
+        rest_[k] = {};
+        status[k] = model_.fkm(robot_, q, at.pose[k], rest_[k]);
         if (status[k] == Status::ok) break;
       }
       guess = status[k] == Status::ok ? at.pose[k] : home;
+      if (settings_.poll) settings_.poll();
     }
     return status;
   }
@@ -157,23 +189,26 @@ class Calibrator {
   /// @param last  the iterate that this one was reached from, if any
   /// @return the first line that cannot be read, or -1
   int evaluate(Iterate& at, const std::vector<Status>& status, const Iterate* last = nullptr) {
-    set_parameters(drawn_, xi_of(at.u).data(), robot_);
+    believe(at.u);
     at.line.resize(log_.count);
     for (int k = 0; k < log_.count; ++k) {
       at.line[k].rows = 0;
       if (status[k] == Status::ok && !settle(at, k, last)) return k;
+      if (settings_.poll) settings_.poll();
     }
     return -1;
   }
 
   bool read(Iterate& at, int k) {
-    const Outside outside{log_.measured ? log_.measured + k * n_ : nullptr,
-                          log_.measured_sigma.data()};
+    Outside outside;
+    if (log_.measured)
+      outside = {log_.measured + k * n_, log_.measured_sigma + k * n_, &registration_,
+                 settings_.registration};
     Line& line = at.line[k];
-    if (!model_.read(robot_, prior_, at.pose[k], log_.q_e + k * readings_, outside, H_xi_.data(),
-                     line))
-      return false;
     const int m = settings_.nuisances;
+    if (!model_.read(robot_, prior_, at.pose[k], log_.q_e + k * readings_, outside,
+                     m > 0 ? &D_[k] : nullptr, H_xi_.data(), line, rest_[k]))
+      return false;
     for (int i = 0; i < line.rows && m > 0; ++i)
       line.e[i] -= line.B.row(i).tail(m).dot(at.u.tail(m));
     return true;
@@ -228,22 +263,18 @@ class Calibrator {
     return sum;
   }
 
+  /// d² of a line. Within σ of its best pose what that leaves is exact enough: what the pose itself
+  /// lags behind ξ would hide how much a step has gained, where σ is small and steps are not.
+  double d2(const Line& line) const { return away(line) < 1 ? line.chi2() : misfit(line); }
+
   double weight(const Line& line) const {
-    const double d2 = misfit(line) / (scale_ * scale_), c = settings_.tuning;
-    switch (loss_) {
-      case Loss::huber: return d2 > kGross * kGross ? 0 : d2 > c * c ? c / std::sqrt(d2) : 1;
-      case Loss::student: return (c + line.redundancy()) / (c + d2);
-      default: return 1;
-    }
+    const int m = line.redundancy();
+    return loss_.scale(m) * loss_.weight(d2(line) / (scale_ * scale_), m);
   }
   double rho(const Line& line) const {
-    const double s2 = scale_ * scale_, d2 = misfit(line) / s2, c = settings_.tuning;
-    switch (loss_) {
-      case Loss::huber:
-        return s2 * (d2 > c * c ? 2 * c * std::min(std::sqrt(d2), kGross) - c * c : d2);
-      case Loss::student: return s2 * (c + line.redundancy()) * std::log1p(d2 / c);
-      default: return misfit(line);
-    }
+    const double s2 = scale_ * scale_;
+    const int m = line.redundancy();
+    return s2 * loss_.scale(m) * loss_.rho(d2(line) / s2, m);
   }
   double cost(const Iterate& at) const {
     double sum = at.u.squaredNorm();
@@ -263,8 +294,14 @@ class Calibrator {
     return std::sqrt(*middle / 0.455);  // the median of χ² with one degree of freedom
   }
 
-  /// Information on u: I + Σ w RᵀR, and the right side Σ w Rᵀy - u.
+  /// Information on u as the step takes it, and the right side: I + Σ c RᵀR and Σ c Rᵀy - u.
   void accumulate(const Iterate& at, Eigen::MatrixXd& information, Eigen::VectorXd& right) const {
+    accumulate(at, [&](const Line& line) { return weight(line); }, information, right);
+  }
+  /// @param counts  c of a line
+  template <class F>
+  void accumulate(const Iterate& at, F&& counts, Eigen::MatrixXd& information,
+                  Eigen::VectorXd& right) const {
     int total = 0;
     for (const Line& line : at.line) total += line.redundancy();
     RowMatrix stacked(total, p_);
@@ -272,7 +309,7 @@ class Calibrator {
     int row = 0;
     for (const Line& line : at.line) {
       if (line.redundancy() == 0) continue;
-      const double root = std::sqrt(weight(line));
+      const double root = std::sqrt(counts(line));
       for (int i = n_; i < line.rows; ++i, ++row) {
         stacked.row(row) = root * line.B.row(i);
         y[row] = root * line.e[i];
@@ -290,7 +327,7 @@ class Calibrator {
     double damping = 0, current = cost(now);
     int last = 0, freedoms = 1;
     for (const Line& line : now.line) freedoms += line.redundancy();
-    result.outcome = {Status::unreachable, -1};
+    result.outcome = {Status::not_converged, -1};
     while (result.iterations < settings_.iterations) {
       ++result.iterations;
       accumulate(now, information, right);
@@ -348,7 +385,10 @@ class Calibrator {
   void finish(const Iterate& at, CalibrationResult& result) {
     Eigen::MatrixXd information;
     Eigen::VectorXd right;
-    accumulate(at, information, right);
+    const auto worth = [&](const Line& line) {
+      return weight(line) < kOutlier ? 0 : loss_.information(line.redundancy());
+    };
+    accumulate(at, worth, information, right);
     const Eigen::MatrixXd root = information.selfadjointView<Eigen::Lower>().llt().matrixL();
     const Eigen::MatrixXd half =
         root.triangularView<Eigen::Lower>().solve(Eigen::MatrixXd(S_.transpose()));
@@ -356,6 +396,8 @@ class Calibrator {
     result.covariance = half.leftCols(p).transpose() * half.leftCols(p);
     result.u = at.u;
     result.xi = xi_of(at.u);
+    result.start = start_;
+    result.registration = registration_of(at.u);
     result.pose = at.pose;
     result.cost = cost(at);
     set_parameters(drawn_, result.xi.data(), robot_);
@@ -377,7 +419,10 @@ class Calibrator {
   const int p_, n_, readings_;
   const RowMatrix S_;
   std::vector<double> H_xi_;
-  Loss loss_ = Loss::squares;
+  std::vector<Parasitic> rest_;  ///< where each line's solution starts (full level)
+  std::vector<RowMatrix> D_;     ///< of each line's nuisances
+  Registration start_, registration_;
+  const LineLoss loss_;
   double scale_ = 1;
 };
 

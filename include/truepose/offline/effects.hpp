@@ -77,7 +77,7 @@ class Plant {
     for (int i = 0; i < n; ++i)
       rotors_[i] = q[i] + (springy(i) ? transmitted_[i] / effects_.arm_stiffness : 0);
     Extended q_e{};
-    outcome = extended<K>(truth_, state_.pose, q_e);
+    outcome = exact_readings<K>(truth_, state_.pose, q_e, rest_);
     for (int k = 0; k < truth_.r; ++k) geared_[k] = q_e[n + k];
     return outcome;
   }
@@ -112,9 +112,9 @@ class Plant {
     if (effects_.give_way()) {
       Robot robot = truth_;
       outcome = bend(robot);
-      if (outcome) outcome = extended<K>(robot, state_.pose, q_e);
+      if (outcome) outcome = exact_readings<K>(robot, state_.pose, q_e, rest_);
     } else {
-      outcome = extended<K>(truth_, state_.pose, q_e);
+      outcome = exact_readings<K>(truth_, state_.pose, q_e, rest_);
     }
     if (!outcome) return outcome;
     for (int k = 0; k < truth_.r; ++k) {  // a gear's far side follows where the play ends
@@ -186,7 +186,8 @@ class Plant {
   Robot driven_;  ///< without the rotors that swing by themselves
   Effects effects_;
   PlantState state_;
-  Joint rotor_{};  ///< their inertia
+  Parasitic rest_;  ///< where the rods' next solution starts
+  Joint rotor_{};   ///< their inertia
   Rotors rotors_{};
   Joint slip_{};                              ///< friction over its Coulomb value, -1 to 1
   Joint transmitted_{};                       ///< torque that reaches the arms

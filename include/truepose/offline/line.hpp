@@ -3,6 +3,8 @@
 
 #include "truepose/eliminate.hpp"
 #include "truepose/estimate.hpp"
+#include "truepose/offline/guarded.hpp"
+#include "truepose/offline/registration.hpp"
 
 namespace truepose {
 
@@ -22,33 +24,45 @@ struct Line {
   }
 };
 
+/// Of a tracker that measures the nacelle's own x, in the base frame.
+inline const Registration kAligned{};
+
 /// What was measured from outside at a line's pose: some coordinates, the others NaN.
 struct Outside {
   const double* x = nullptr;      ///< n coordinates; nullptr: nothing was
   const double* sigma = nullptr;  ///< n, > 0
+  const Registration* registration = &kAligned;
+  int first = -1;  ///< of the registration among the unknowns, by itself in S; -1: it is known
 };
 
 /// The robot as a log sees it: the three things in which mobilities and levels differ.
 struct LineModel {
   int n = 0;
-  Status (*fkm)(const Robot&, const Joint& q, Pose&) = nullptr;
+  Status (*fkm)(const Robot&, const Joint& q, Pose&, Parasitic&) = nullptr;
   Outcome (*read)(const Robot&, const Knowledge&, const Pose&, const double* q_e, Outside,
-                  double* H_xi, Line&) = nullptr;
+                  const RowMatrix* D, double* H_xi, Line&, Parasitic&) = nullptr;
+  Outcome (*left_out)(const Robot&, const Knowledge& nuisances, const Pose&, double* H_xi,
+                      RowMatrix& D) = nullptr;  ///< where the full level is another one
   Pose (*moved)(const Pose&, const Joint& step) = nullptr;
+  Registration (*registered)(const Registration& known, bool movable, bool turning, int count,
+                             const Pose*, const Status*, const double* measured) = nullptr;
 };
 
 namespace line_detail {
 
 /// @param q_e   n + r readings, NaN where there is none; nullptr: as expected
-/// @param H_xi  work space, (n + r) × parameter_count; twice that for GuardedModel
+/// @param known  ξ, and behind it the nuisances η if D is given
+/// @param D     ∂q_e/∂η in units of the readings' σ, as of left_out; nullptr: no nuisances
+/// @param H_xi  work space, 2 (n + r) × parameter_count
+/// @param rest  as of ikm_full
 template <Mobility K, class Model>
 Outcome read(const Robot& robot, const Knowledge& known, const Pose& pose, const double* q_e,
-             Outside outside, double* H_xi, Line& line) {
+             Outside outside, const RowMatrix* D, double* H_xi, Line& line, Parasitic& rest) {
   constexpr int n = kDof<K>;
   const int readings = n + robot.r;
   Extended expected, residual{}, values{};
   Matrix<kMaxReadings, n> H_x;
-  const Outcome outcome = Model::template linearise<K>(robot, pose, expected, H_x, H_xi);
+  const Outcome outcome = Model::template linearise<K>(robot, pose, expected, H_x, H_xi, rest);
   if (!outcome) return outcome;
   if (q_e) {
     std::copy_n(q_e, readings, values.begin());
@@ -56,8 +70,13 @@ Outcome read(const Robot& robot, const Knowledge& known, const Pose& pose, const
   }
   line.n = n;
   line.rows = 0;
-  line.B.resize(readings + n, known.count);
-  gather(robot, known, H_xi, readings, line.B.data());
+  // Behind ξ: a registration, of which these readings say nothing, and nuisances.
+  const int others =
+      (outside.first >= 0 ? kRegistration : 0) + (D ? static_cast<int>(D->cols()) : 0);
+  line.B.resize(readings + (outside.x ? n : 0), known.count);
+  gather(robot, known, H_xi, readings, line.B.data(), others);
+  line.B.topRightCorner(readings, others).setZero();
+  if (D) line.B.topRightCorner(readings, D->cols()) = *D;
   times_root(known, readings, line.B.data());
   const auto enter = [&](double e, double sigma, auto&& H) {
     for (int j = 0; j < n; ++j) line.R[line.rows][j] = H(j) / sigma;
@@ -68,15 +87,19 @@ Outcome read(const Robot& robot, const Knowledge& known, const Pose& pose, const
     if (line.rows < c) line.B.row(line.rows) = line.B.row(c);
     enter(residual[c], known.sigma[c], [&](int j) { return H_x[c][j]; });
   }
-  if (outside.x) {  // it sees the pose and nothing else
-    Joint x = to_coordinates<K>(pose);
-    for (int j = 0; j < n; ++j)
-      if (std::isfinite(outside.x[j])) x[j] = outside.x[j];
-    const Joint apart = difference<K>(to_pose<K>(x), pose);
-    for (int j = 0; j < n; ++j) {
-      if (!std::isfinite(outside.x[j])) continue;
-      line.B.row(line.rows).setZero();
-      enter(apart[j], outside.sigma[j], [&](int k) { return k == j ? 1.0 : 0.0; });
+  if (outside.x) {  // it sees the pose and nothing else of the robot
+    Seen<K> by = seen<K>(*outside.registration, pose);
+    Joint apart = innovation<K>(by, outside.x);
+    in_turns<K>(*outside.registration, pose, by, apart);
+    for (int i = 0; i < n; ++i) {
+      if (!std::isfinite(apart[i])) continue;
+      auto row = line.B.row(line.rows);
+      row.setZero();
+      for (int j = 0; j < kRegistration && outside.first >= 0; ++j) {
+        const int at = outside.first + j;
+        row[at] = by.H[i][j] * known.root[at * (known.count + 1)] / outside.sigma[i];
+      }
+      enter(apart[i], outside.sigma[i], [&](int j) { return by.H_x[i][j]; });
     }
   }
   const bool determined =
@@ -88,7 +111,10 @@ Outcome read(const Robot& robot, const Knowledge& known, const Pose& pose, const
 
 template <Mobility K, class Model>
 LineModel line_model() {
-  return {kDof<K>, &Model::template fkm<K>, &line_detail::read<K, Model>, &moved<K>};
+  LineModel model{kDof<K>,   &Model::template fkm<K>, &line_detail::read<K, Model>, nullptr,
+                  &moved<K>, &registered<K>};
+  if constexpr (kPaired<K>) model.left_out = &left_out<K>;
+  return model;
 }
 
 }  // namespace truepose

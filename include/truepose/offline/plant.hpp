@@ -4,7 +4,7 @@
 #include <random>
 
 #include "truepose/dynamics.hpp"
-#include "truepose/rkm.hpp"
+#include "truepose/full_rkm.hpp"
 
 namespace truepose {
 
@@ -94,10 +94,31 @@ inline void spoil(const Robot& truth, Random& random, Extended& q_e) {
     q_e[n + k] = spoilt(q_e[n + k], truth.sensor[k].noise, truth.sensor[k].step);
 }
 
+/// Readings without noise and counts, at the level at which the robot is understood.
+/// @param rest  as of ikm_full
+template <Mobility K>
+inline Outcome exact_readings(const Robot& robot, const Pose& pose, Extended& q_e,
+                              Parasitic& rest) {
+  if constexpr (kPaired<K>)
+    if (robot.rod_by_rod()) {
+      FullClosure<K> closure;
+      Reading r;
+      std::array<FullRow, kMaxSensors> rows;
+      const FullResult result = ikm_full<K>(robot, pose, closure, &rest);
+      if (!result) return {result.status, result.chain};
+      const Outcome outcome = rkm_full<K>(robot, closure, r, rows);
+      std::copy_n(closure.q.begin(), kDof<K>, q_e.begin());
+      std::copy_n(r.begin(), robot.r, q_e.begin() + kDof<K>);
+      return outcome;
+    }
+  return extended<K>(robot, pose, q_e);
+}
+
 /// What the encoders of the real robot read: its own geometry, offsets, gains, noise and counts.
 template <Mobility K>
 inline Outcome measure(const Robot& truth, const Pose& pose, Random& random, Extended& q_e) {
-  const Outcome outcome = extended<K>(truth, pose, q_e);
+  Parasitic rest;
+  const Outcome outcome = exact_readings<K>(truth, pose, q_e, rest);
   if (outcome) spoil(truth, random, q_e);
   return outcome;
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "truepose/control.hpp"
+#include "truepose/offline/plant.hpp"
 
 namespace truepose {
 
@@ -25,7 +26,9 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
   constexpr int n = kDof<K>;
   const Law law = settings.control.law;
   Reference<K> reference;
-  Outcome outcome = refer<K>(nominal, law, x_d, reference, settings.control.damped_below, weighing);
+  Parasitic nearby, standing;  // what the full level adds at x_d, and where the true robot stands
+  Outcome outcome =
+      refer<K>(nominal, law, x_d, reference, settings.control.damped_below, weighing, &nearby);
   if (!outcome) return outcome;
   const Outcome regular = outcome;
   const auto hold = [](const Robot& robot, const Closure<K>& closure,
@@ -44,17 +47,13 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
   double last = INFINITY;
   for (int iteration = 0; iteration < kSettleIterations; ++iteration) {
     Closure<K> closure;
-    outcome = ikm<K>(truth, pose, closure);
     Extended q_e{};
-    Reading r;
-    Matrix<kMaxSensors, kDof<K>> jr;
-    if (outcome) outcome = rkm<K>(truth, closure, r, jr);
+    outcome = exact_readings<K>(truth, pose, q_e, standing);
+    if (outcome && settings.gravity) outcome = ikm<K>(truth, pose, closure);
     if (!outcome) return outcome;
-    for (int i = 0; i < n; ++i) q_e[i] = closure.chain[i].q;
-    for (int k = 0; k < truth.r; ++k) q_e[n + k] = r[k];
     Joint error{};
     Pose found;
-    outcome = motor_error<K>(nominal, law, reference, q_e, error, found, weighing);
+    outcome = motor_error<K>(nominal, law, reference, q_e, error, found, weighing, nearby);
     if (!outcome) return outcome;
     if (settings.gravity) {
       Jacobians<K> jacobians;
@@ -79,7 +78,7 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
     }
     last = size;
   }
-  return {Status::unreachable, -1};
+  return {Status::not_converged, -1};
 }
 
 /// How an error of one reading leaks into the pose at which a robot without other errors rests:
@@ -104,13 +103,12 @@ inline Outcome leakage(const Robot& robot, Law law, const Joint& x, ExtendedRows
       Joint change[2];
       for (const double side : {-1.0, 1.0}) {
         Extended q_e{};
-        for (int i = 0; i < n; ++i) q_e[i] = reference.closure.chain[i].q;
-        for (int k = 0; k < robot.r; ++k) q_e[n + k] = reference.r[k];
+        q_e = reference.q_e;
         q_e[c] += side * kStep;
         Pose found;
         const Outcome there = redundant_fkm<K>(robot, q_e, reference.closure.pose.D, found);
         if (!there) return there;
-        change[side > 0] = difference<K>(found, reference.closure.pose);
+        change[side > 0] = difference<K>(found, reference.pose);
       }
       for (int i = 0; i < n; ++i) leak[i][c] = (change[0][i] - change[1][i]) / (2 * kStep);
     } else if (law == Law::joint) {

@@ -18,14 +18,13 @@ from truepose.effects import Effects
 from truepose.exceptions import InputError, choose
 from truepose.frames import coordinates, frames, rotation
 from truepose.kinematics import Level
-from truepose.plants import Visit
+from truepose.plants import Visit, play
 from truepose.robot import Robot
 from truepose.simulations import Controller
 
 #: Groups of effects that statics know.
 EFFECTS = ("backlash", "thermal", "eccentricity", "quantisation")
 _ITERATIONS = 100
-_SWEEPS = 300
 
 
 class ExactPlant:
@@ -37,8 +36,9 @@ class ExactPlant:
         The true geometry, cold.
     effects : Effects
         Those of `EFFECTS`; any other must be off.
-    level : {"ideal", "full"}
-        One rod per chain, or every rod by itself: the nacelle then tilts.
+    level : {"ideal", "full"}, optional
+        One rod per chain, or every rod by itself: the nacelle then tilts. By default
+        :attr:`Robot.finest_level`.
     time : float
         Since a cold start, s.
     seed : int
@@ -59,17 +59,18 @@ class ExactPlant:
         self,
         truth: Robot,
         effects: Effects | None = None,
-        level: Level = "ideal",
+        level: Level | None = None,
         time: float = 0.0,
         seed: int = 0,
     ):
-        self.truth, self.level, self.seed = truth, level, check_seed(seed)
+        self.truth, self.seed = truth, check_seed(seed)
+        self.level: Level = truth.finest_level if level is None else level
         self.effects = effects = Effects.none() if effects is None else effects
         if effects.only(*EFFECTS) != effects:
             others = [g for g in effects.groups() if g not in EFFECTS]
             on = next(g for g in others if effects.without(g) != effects)
             raise InputError(f"ExactPlant: {choose('effect', on, EFFECTS)}: leave it out (without)")
-        truth._is_full(level)
+        truth._is_full(self.level)
         self.robot = effects.geometry(truth, time, seed)  #: as it is at that time
         self._exact = self.robot.unquantised()
         #: Which readings the play of the tool's gear enters, and by which gain.
@@ -93,24 +94,19 @@ class ExactPlant:
         x_d, lead = robot._rows(x_d, robot.n, "x_d", "raise")
         if len(lead) != 1:
             raise InputError(f"x_d: shape {(*lead, robot.n)}, must be (N, {robot.n})")
-        play = np.zeros(len(x_d))
-        x, status = self._settle(robot, x_d, controller, play)
-        for _ in range(_SWEEPS if self.effects.tool_backlash and self._geared.any() else 0):
-            found = self._play(x)
-            moved = np.flatnonzero(np.abs(found - play) > 1e-12)
-            if moved.size == 0:
-                break
-            play[moved] = found[moved]
-            x[moved], status[moved] = self._settle(
-                robot, x_d[moved], controller, play[moved], x[moved]
-            )
+
+        def rest(poses, ahead: Array) -> tuple[Array, Array]:
+            return self._settle(robot, x_d[poses], controller, ahead)
+
+        if self.effects.tool_backlash and self._geared.any():
+            x, ahead, status = self._with_play(rest, len(x_d))
         else:
-            if self.effects.tool_backlash and self._geared.any():
-                status[moved] = "the play of the tool's gear does not come to rest"
+            ahead = np.zeros(len(x_d))
+            x, status = rest(slice(None), ahead)
         lost = status != "ok"
         x[lost] = np.nan
         q_e = np.full((len(x), robot.n + robot.r), np.nan)
-        exact = self._readings(x[~lost], play[~lost])
+        exact = self._readings(x[~lost], ahead[~lost])
         q_e[~lost] = _core.spoil(self.robot._core, np.ascontiguousarray(exact), self.seed)
         frame = np.full((len(x), 4, 4), np.nan)
         frame[~lost] = self._frames(x[~lost])
@@ -124,28 +120,34 @@ class ExactPlant:
         tilts = 2 if self.truth.spec.mobility == "schoenflies" else 3
         return frames(self.truth, x, self._exact.parasitic(x)[:, :tilts])
 
-    def _readings(self, x: Array, play: Array) -> Array:
+    def _readings(self, x: Array, ahead: Array) -> Array:
         exact = self._exact.extended(x, errors="nan", level=self.level)
-        return exact + play[:, None] * self._geared
+        return exact + ahead[:, None] * self._geared
 
-    def _play(self, x: Array) -> Array:
-        """How far the tool is ahead of the nacelle in its gear, after each pose, rad.
-
-        The tool stays where it is until the nacelle has taken up the play. A pose that was not
-        reached leaves it as it is.
-        """
+    def _with_play(self, rest: Callable, count: int) -> tuple[Array, Array, Array]:
+        """Poses, how far the tool is ahead of the nacelle there (rad), statuses: see `play`."""
         half = 0.5 * self.effects.tool_backlash
-        last, ahead = float(self.truth.home[-1]), 0.0
-        result = np.zeros(len(x))
-        for k, theta in enumerate(x[:, -1]):
-            if np.isfinite(theta):
-                ahead = min(half, max(-half, ahead + last - theta))
-                last = theta
-            result[k] = ahead
-        return result
+        sides = np.array([-half, half])
+        (low, status), (high, other) = (rest(slice(None), np.full(count, a)) for a in sides)
+        lowest = np.where(status == "ok", low[:, -1] - half, np.nan)
+        highest = np.where(other == "ok", high[:, -1] + half, np.nan)
+        tool, end = play.follow(lowest, highest, float(self.truth.home[-1]))
+        at_high, ahead = end == 1, half * end
+        status = np.where(at_high | (status == "ok") & np.isnan(end), other, status)
+        x = np.where(at_high[:, None], high, low)
+        stays = np.flatnonzero(end == 0)
+        if stays.size:
+            ahead[stays] = play.crossing(
+                lambda which, a: rest(stays[which], a)[0][:, -1] + a - tool[stays[which]],
+                *np.repeat(sides[:, None], stays.size, axis=1),
+                lowest[stays] - tool[stays],
+                highest[stays] - tool[stays],
+            )
+            x[stays], status[stays] = rest(stays, ahead[stays])
+        return x, ahead, status
 
     def _settle(
-        self, robot: Robot, x_d: Array, controller: Controller, play: Array, start=None
+        self, robot: Robot, x_d: Array, controller: Controller, ahead: Array
     ) -> tuple[Array, Array]:
         """Find where the motor error vanishes: x ← x + J ê, J of the robot believed in.
 
@@ -153,16 +155,16 @@ class ExactPlant:
         at rounding, or where steps of that size no longer shrink, as :func:`truepose.settle` does.
         """
         law = getattr(_core.Law, controller.law)
-        known = knowledge.for_law(robot, controller.law)
+        believed, known = knowledge.for_law(robot, controller.law)
         J = robot.jacobian(x_d, errors="nan")
-        x = x_d.copy() if start is None else start.copy()
+        x = x_d.copy()
         status = np.full(len(x), "the plant does not settle here", dtype=object)
         last = np.full(len(x), np.inf)
         active = np.arange(len(x))
         for _ in range(_ITERATIONS):
-            q_e = self._readings(x[active], play[active])
+            q_e = self._readings(x[active], ahead[active])
             error, code, _ = _core.motor_error(
-                robot._core, law, controller.damped_below, known, x_d[active], q_e
+                believed._core, law, controller.damped_below, known, x_d[active], q_e
             )
             step = np.einsum("nij,nj->ni", J[active], error)
             size = np.abs(step).max(axis=1)

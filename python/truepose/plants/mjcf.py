@@ -32,6 +32,7 @@ from truepose.plants.mjcf_parts import (
     xy,
 )
 from truepose.robot import Robot
+from truepose.saving import mark
 
 #: s; small enough for a 1500 rad/s tracking loop, long enough for hundreds of poses a minute.
 TIMESTEP = 2.5e-4
@@ -174,6 +175,7 @@ class Mechanism:
         """
         effects = Effects.none() if effects is None else effects
         root = ET.Element("mujoco", model=self.robot.name)
+        root.append(ET.Comment(mark("model")))
         add(root, "compiler", angle="radian", inertiafromgeom="false", autolimits="true")
         option = add(
             root,

@@ -7,15 +7,13 @@ models at the pose that MuJoCo finds, and torques from the core's control cycle.
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core, knowledge
-from truepose.arguments import check_seed
+from truepose.arguments import check_seed, numbers_of
 from truepose.build import Array
 from truepose.effects import Effects
 from truepose.exceptions import InputError
@@ -24,6 +22,7 @@ from truepose.plants.mjcf import TIMESTEP
 from truepose.plants.mujoco_body import Body, Settled, require
 from truepose.robot import Robot
 from truepose.simulations import Controller
+from truepose.threads import each
 
 _RIPPLES = 6  # periods of the torque ripple in a turn of the motor
 _RANGE = 40  # poses that one thread visits on end: what was where before does not depend on cores
@@ -125,7 +124,7 @@ class MujocoPlant:
         progress : callable
             Called after each pose.
         """
-        x_d = np.asarray(x_d, dtype=float)
+        x_d = numbers_of(x_d, "x_d")
         if (robot.spec.mobility, robot.sensors) != (self.truth.spec.mobility, self.truth.sensors):
             raise InputError(
                 f"{robot!r} and {self.truth!r} must have the same mobility and sensors"
@@ -148,11 +147,8 @@ class MujocoPlant:
                     out[k] = value
                 progress()
 
-        on_linux = hasattr(os, "sched_getaffinity")
-        cores = len(os.sched_getaffinity(0)) if on_linux else os.cpu_count()
-        with ThreadPoolExecutor(cores or 1) as pool:
-            for _ in pool.map(work, starts):
-                pass
+        for _ in each(work, starts):
+            pass
         return result._replace(status=result.status.astype(str))
 
 
@@ -165,7 +161,7 @@ class _Drive:
         self.plant, self.robot, self.controller = plant, robot, controller
         self.n = robot.n
         self.settings = controller.settings(robot, robot.home)
-        self.known = knowledge.for_law(robot, controller.law)
+        self.believed, self.known = knowledge.for_law(robot, controller.law)
         self.steps = max(1, round(controller.period / plant.timestep))
         if abs(self.steps * plant.timestep / controller.period - 1) > 1e-9:
             raise InputError(
@@ -202,7 +198,7 @@ class _Drive:
         """Move to a pose, wait for rest, read: (q_e, frame, x, status)."""
         nothing = (np.nan, np.nan, np.nan)
         rows = np.ascontiguousarray(x_d[None])
-        _, status, chain = _core.ikm(self.robot._core, rows, False)
+        _, status, chain = _core.ikm(self.believed._core, rows, False)
         if status[0] > 0:
             guilty = f"chain {chain[0] + 1}: " if chain[0] >= 0 else ""
             return (*nothing, f"{guilty}{_core.describe(int(status[0]))}")
@@ -246,7 +242,7 @@ class _Drive:
         """One control period; what went wrong, or nothing."""
         body, plant, n = self.body, self.plant, self.n
         pad = [0.0] * (6 - n)
-        core = self.robot._core
+        core = self.believed._core
         x, rate, acceleration = _core.setpoint(
             core, [*start, *pad], [*end, *pad], plant.duration, now
         )

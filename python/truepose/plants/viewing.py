@@ -16,6 +16,7 @@ from truepose.exceptions import InputError, TrueposeError
 from truepose.plants.mjcf import Mechanism
 from truepose.plants.mujoco_body import Body, require
 from truepose.robot import Robot
+from truepose.saving import Output, check, mark, replace_file, unfinished
 
 _WIDTH, _HEIGHT = 1600, 1200
 _DRIVERS = ("egl", "osmesa", "glfw")  # the last one needs a screen
@@ -41,22 +42,31 @@ def show(robot: Robot) -> None:
     viewer.launch(body.model, body.data)
 
 
-def picture(robot: Robot, path: Path) -> None:
+def picture(robot: Robot, path: Path, *, force: bool = False) -> None:
     """Draw the robot at home into a PNG file. Needs no screen.
+
+    Parameters
+    ----------
+    robot : Robot
+    path : Path
+        A picture that truepose drew before is replaced.
+    force : bool
+        Replace any other file, too.
 
     Raises
     ------
     InputError
-        The file cannot be written.
+        The file cannot or may not be written.
     TrueposeError
         MuJoCo is not installed, or no OpenGL driver works.
     """
     require()
     if path.suffix.lower() != ".png":
         raise InputError(f"{path}: must end in .png")
+    check([Output(path, "picture")], force=force)
     given = os.environ.get("MUJOCO_GL")
-    with tempfile.TemporaryDirectory() as folder:
-        model, png = Path(folder) / "robot.xml", Path(folder) / "robot.png"
+    with unfinished(Path(tempfile.mkdtemp())) as folder:
+        model, png = folder / "robot.xml", folder / "robot.png"
         model.write_text(Mechanism(robot).xml(), encoding="utf-8")
         for driver in (given,) if given else _DRIVERS:
             words = [sys.executable, "-m", "truepose.plants.viewing", str(model), str(png)]
@@ -71,10 +81,7 @@ def picture(robot: Robot, path: Path) -> None:
                 )
             except (subprocess.SubprocessError, OSError):
                 continue
-            try:
-                path.write_bytes(png.read_bytes())
-            except OSError as error:
-                raise InputError(f"{path}: cannot be written: {error.strerror}") from None
+            replace_file(path, png.read_bytes(), "picture", force)
             return
     tried = given or ", ".join(_DRIVERS)
     raise TrueposeError(
@@ -92,7 +99,7 @@ def _draw(model_file: str, png: str) -> None:
     mujoco.mj_forward(model, data)
     with mujoco.Renderer(model, _HEIGHT, _WIDTH) as renderer:
         renderer.update_scene(data, camera="view")
-        imsave(png, renderer.render())
+        imsave(png, renderer.render(), metadata={"Software": mark("picture")})
 
 
 if __name__ == "__main__":

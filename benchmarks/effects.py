@@ -1,0 +1,47 @@
+"""Prints the tables of docs/effects.md: what does each effect take from self-calibration?
+
+effects.py [--robots 16] [--seed 0]      # a minute a robot on one core
+"""
+
+import argparse
+
+import truepose as tp
+from truepose import experiment_tables, forgotten
+from truepose.effects import Effects
+from truepose.forgotten import Line, over_robots
+from truepose.twin_folder import markdown
+
+
+def ranked(lines: list[Line]) -> str:
+    """The effects in the order of what they take away, alone and from all of them."""
+    by = {line.case: line for line in lines}
+    rows = []
+    for group in Effects.groups():
+        alone = by[f"{group} alone"], by["none"]
+        among = by["all"], by[f"all but {group}"]
+        rows.append([takes(*pair) for pair in (alone, among)] + [group])
+    rows.sort(key=lambda row: -row[0][0])
+    shown = ["| effect | alone adds (mm) | among all adds (mm) |", "|---|---:|---:|"]
+    for *pair, group in rows:
+        cells = ("{:.2f} [{:.2f}, {:.2f}]".format(*(round(v, 2) + 0.0 for v in of)) for of in pair)
+        shown.append(f"| {group} | " + " | ".join(cells) + " |")
+    return "\n".join(shown)
+
+
+def takes(line: Line, less: Line) -> tuple[float, float, float]:
+    """How far one line's rms is above another's, mm, and its 90 % interval."""
+    more = over_robots(line.calibrated) - over_robots(less.calibrated)
+    return float(more), *line.interval(less)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--robots", type=int, default=16)
+    parser.add_argument("--seed", type=int, default=0)
+    chosen = parser.parse_args()
+    lines = forgotten.study(tp.load("h4"), chosen.robots, chosen.seed)
+    print(markdown(experiment_tables.effects(lines)), ranked(lines), sep="\n\n")
+
+
+if __name__ == "__main__":
+    main()

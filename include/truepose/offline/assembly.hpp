@@ -1,0 +1,110 @@
+// Where else could the nacelle be? All poses that the same motor positions allow, by searches from
+// many random poses.
+#pragma once
+
+#include <algorithm>
+#include <random>
+#include <vector>
+
+#include "truepose/fkm.hpp"
+
+namespace truepose {
+
+/// Modes nearer than this in position and orientation are one, m and rad.
+inline constexpr double kSameMode = 1e-6;
+
+/// The poses found, and how many of the searches came to each.
+struct AssemblyModes {
+  std::vector<Pose> pose;
+  std::vector<int> seen;
+};
+
+/// Random poses from which every pose that closes the loops can be near: orientations uniform over
+/// all there are, positions uniform over a box that follows from q alone. Chain i holds D + R c_i
+/// on a sphere of radius L_i about B_i - a_i, so that D is at most L_i + |c_i| away from there.
+/// @return home and `count` others; the same seed gives the same ones everywhere
+template <Mobility K>
+std::vector<Pose> random_starts(const Robot& robot, const Joint& q, int count, std::uint64_t seed) {
+  Vec3 low = Vec3::Constant(-INFINITY), high = Vec3::Constant(INFINITY);
+  for (int i = 0; i < kDof<K>; ++i) {
+    const Chain& chain = robot.chain[i];
+    const Driven driven = drive(chain, q[i]);
+    const Vec3 centre = chain.base + driven.p - chain.anchor;
+    const Vec3 reach = Vec3::Constant(driven.rod + chain.pivot.norm());
+    low = low.cwiseMax(centre - reach);
+    high = high.cwiseMin(centre + reach);
+  }
+  std::mt19937_64 generator(seed);
+  const auto uniform = [&] { return static_cast<double>(generator() >> 11) * 0x1p-53; };
+  const Pose home = to_pose<K>(robot.home);
+  std::vector<Pose> starts(static_cast<std::size_t>(count) + 1, home);
+  for (auto start = starts.begin() + 1; start != starts.end(); ++start) {
+    for (int axis = 0; axis < 3; ++axis)
+      start->D[axis] = low[axis] + uniform() * (high[axis] - low[axis]);
+    if constexpr (K != Mobility::spatial && K != Mobility::translation &&
+                  K != Mobility::schoenflies)
+      start->D.z() = home.D.z();
+    if constexpr (kTurnsAboutZ<K>) {
+      start->theta = M_PI * (2 * uniform() - 1);
+      start->R = rotation_z(start->theta);
+    } else if constexpr (K == Mobility::spatial) {  // uniform on the sphere of quaternions
+      const double part = uniform(), a = 2 * M_PI * uniform(), b = 2 * M_PI * uniform();
+      const double r = std::sqrt(1 - part), s = std::sqrt(part);
+      start->R =
+          Eigen::Quaterniond(s * std::cos(b), r * std::sin(a), r * std::cos(a), s * std::sin(b))
+              .toRotationMatrix();
+    }
+  }
+  return starts;
+}
+
+/// Whether a search's end closes the loops, in whatever working or assembly mode.
+inline bool closes(const FkmResult& result) {
+  return result || result.status == Status::branch_lost;
+}
+
+/// The modes among the poses that searches came to, nearest to home first. By a sorted projection:
+/// as quick where few poses come again as where all do.
+template <Mobility K>
+AssemblyModes distinct_modes(const Robot& robot, std::vector<Pose> found) {
+  const auto apart = [](const Pose& a, const Pose& b) {
+    return std::max((a.D - b.D).cwiseAbs().maxCoeff(), (a.R - b.R).norm());
+  };
+  // Along a direction in which no two modes are likely to be alike: ever one unit apart at most.
+  const auto along = [](const Pose& at) {
+    return at.D.dot(Vec3(0.36, 0.48, 0.8)) + at.R.col(0).dot(Vec3(0.48, -0.6, 0.64)) +
+           at.R.col(1).dot(Vec3(-0.64, 0.48, 0.6));
+  };
+  constexpr double kWindow = 5 * kSameMode;  // |Δ along| ≤ √3 |ΔD|∞ + √2 |ΔR|
+  std::sort(found.begin(), found.end(),
+            [&](const Pose& a, const Pose& b) { return along(a) < along(b); });
+  AssemblyModes modes;
+  for (const Pose& pose : found) {
+    std::size_t k = modes.pose.size();
+    bool known = false;
+    while (!known && k > 0 && along(pose) - along(modes.pose[k - 1]) < kWindow)
+      known = apart(pose, modes.pose[--k]) < kSameMode;
+    if (known) {
+      ++modes.seen[k];
+    } else {
+      modes.pose.push_back(pose);
+      modes.seen.push_back(1);
+    }
+  }
+  const Pose home = to_pose<K>(robot.home);
+  std::vector<std::size_t> order(modes.pose.size());
+  for (std::size_t k = 0; k < order.size(); ++k) order[k] = k;
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    return apart(modes.pose[a], home) < apart(modes.pose[b], home);
+  });
+  AssemblyModes sorted;
+  for (const std::size_t k : order) {
+    sorted.pose.push_back(modes.pose[k]);
+    sorted.seen.push_back(modes.seen[k]);
+    Pose& pose = sorted.pose.back();
+    if constexpr (kTurnsAboutZ<K>) pose.theta = theta_of(pose.R, 0);
+  }
+  return sorted;
+}
+
+}  // namespace truepose

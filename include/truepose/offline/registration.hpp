@@ -1,0 +1,239 @@
+// In which frame did something outside measure, and where on the nacelle was its marker?
+//
+// A tracker sees the marker's frame in its own: T ∘ (D, R) ∘ (c, M), that is
+//
+//   p = t + R_F (D + R c),  Q = R_F R M.
+//
+// T = (t, R_F) and (c, M) are unknowns of a calibration. Their start is Horn's and Kabsch's: the
+// rotation that takes one cloud of points best to another, in closed form, from any rotation.
+#pragma once
+
+#include <Eigen/Cholesky>
+#include <Eigen/SVD>
+#include <algorithm>
+#include <vector>
+
+#include "truepose/eliminate.hpp"
+
+namespace truepose {
+
+/// Position and orientation of one frame in another.
+struct Frame {
+  Vec3 t = Vec3::Zero();
+  Mat3 R = Mat3::Identity();
+};
+
+/// The base in the tracker's frame, the marker in the nacelle's. Both the identity: the tracker
+/// gives the nacelle's coordinates in the base frame.
+struct Registration {
+  Frame base, marker;
+};
+
+/// Unknowns of a registration: shift (m) and turn (rad) of the base, in the tracker's frame, then
+/// of the marker, in the nacelle's.
+inline constexpr int kRegistration = 12;
+
+inline Registration moved(const Registration& from, const double* step) {
+  const auto at = [&](int first) { return Vec3(step[first], step[first + 1], step[first + 2]); };
+  return {{from.base.t + at(0), exp_so3(at(3)) * from.base.R},
+          {from.marker.t + at(6), exp_so3(at(9)) * from.marker.R}};
+}
+
+/// The measured coordinates that a pose leads one to expect, and how they change.
+template <Mobility K>
+struct Seen {
+  Vec3 p;
+  Mat3 Q;
+  Matrix<kDof<K>, kDof<K>> H_x;                              ///< by the pose's twist
+  std::array<std::array<double, kRegistration>, kDof<K>> H;  ///< by the registration
+  double blunt = 1;  ///< error of θ over that of the marker's turn
+};
+
+namespace registration_detail {
+
+/// What a turn of the marker about `about`, in the tracker's frame, takes from pose and frames.
+/// @param turn  nacelle to tracker
+template <Mobility K>
+void enter_turn(const Registration& by, const Mat3& turn, const Vec3& about, int i, Seen<K>& to) {
+  free_columns<K>(Vec3::Zero(), by.base.R.transpose() * about, to.H_x[i].data());
+  std::copy_n(about.data(), 3, to.H[i].begin() + 3);
+  const Vec3 own = turn.transpose() * about;
+  std::copy_n(own.data(), 3, to.H[i].begin() + 9);
+}
+
+}  // namespace registration_detail
+
+/// θ is the angle of the marker's x axis about the tracker's z, and the less certain the nearer the
+/// two are; rotations differ by a rotation vector in the tracker's frame.
+template <Mobility K>
+Seen<K> seen(const Registration& by, const Pose& pose) {
+  constexpr int positions = K == Mobility::planar || K == Mobility::planar_translation ? 2 : 3;
+  const Mat3 turn = by.base.R * pose.R;
+  const Vec3 arm = pose.R * by.marker.t, lever = by.base.R * (pose.D + arm);
+  Seen<K> result{by.base.t + lever, turn * by.marker.R, {}, {}, 1};
+  const auto enter = [](Vec3 value, std::array<double, kRegistration>& row, int first) {
+    std::copy_n(value.data(), 3, row.begin() + first);
+  };
+  for (int i = 0; i < kDof<K>; ++i) {
+    auto& row = result.H[i];
+    if (i < positions) {
+      const Vec3 along = by.base.R.row(i);
+      free_columns<K>(along, arm.cross(along), result.H_x[i].data());
+      row[i] = 1;
+      enter(lever.cross(Vec3::Unit(i)), row, 3);
+      enter(turn.row(i), row, 6);
+    } else {
+      Vec3 about = Vec3::Unit(i - positions);  // of the turn that this coordinate sees
+      if constexpr (kTurnsAboutZ<K>) {
+        const Vec3 a = result.Q.col(0);
+        const double level2 = a.x() * a.x() + a.y() * a.y();
+        about = Vec3(-a.x() * a.z() / level2, -a.y() * a.z() / level2, 1);
+        result.blunt = 1 / std::sqrt(level2);
+      }
+      registration_detail::enter_turn(by, turn, about, i, result);
+    }
+  }
+  return result;
+}
+
+/// What was measured less what was expected; where nothing was measured, a NaN.
+template <Mobility K>
+Joint innovation(const Seen<K>& expected, const double* measured) {
+  Joint apart;
+  apart.fill(NAN);
+  constexpr int n = kDof<K>;
+  for (int i = 0; i < n && i < 3; ++i) apart[i] = measured[i] - expected.p[i];
+  if constexpr (kTurnsAboutZ<K>)
+    apart[n - 1] =
+        std::remainder(measured[n - 1] - std::atan2(expected.Q(1, 0), expected.Q(0, 0)), 2 * M_PI);
+  if constexpr (K == Mobility::spatial) {
+    const Vec3 turn =
+        log_so3(exp_so3(Vec3(measured[3], measured[4], measured[5])) * expected.Q.transpose());
+    std::copy_n(turn.data(), 3, apart.begin() + 3);
+  }
+  return apart;
+}
+
+/// θ's residual and derivatives in turns of the marker: times the sine of the angle between its x
+/// axis and the tracker's z, which changes as well.
+template <Mobility K>
+void in_turns(const Registration& by, const Pose& pose, Seen<K>& expected, Joint& apart) {
+  if constexpr (kTurnsAboutZ<K>) {
+    const int i = kDof<K> - 1;
+    const Vec3 a = expected.Q.col(0);
+    const double sine = std::hypot(a.x(), a.y());
+    const Vec3 of_angle(-a.x() * a.z() / sine, -a.y() * a.z() / sine, sine);
+    const Vec3 of_sine(-a.y() * a.z() / sine, a.x() * a.z() / sine, 0);
+    registration_detail::enter_turn<K>(by, by.base.R * pose.R, of_angle - apart[i] * of_sine, i,
+                                       expected);
+    apart[i] *= sine;
+  }
+}
+
+/// The rotation next to a matrix: R of the largest tr(RᵀA), det R = 1.
+inline Mat3 nearest_rotation(const Mat3& A) {
+  const Eigen::JacobiSVD<Mat3> svd(A, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  const Mat3 U = svd.matrixU(), V = svd.matrixV();
+  return U * Vec3(1, 1, (U * V.transpose()).determinant() < 0 ? -1 : 1).asDiagonal() *
+         V.transpose();
+}
+
+/// A registration to start from: poses are known roughly, measurements may be grossly wrong here
+/// and there (each counts by how near it lies). The base given the marker's place and that place
+/// given the base's rotation are linear by turns, over and over. Needs all the coordinates of a
+/// position on lines that span a plane; else tracker and base are taken to be parallel.
+/// @param known    the marker as it is believed to sit
+/// @param movable  whether the marker's place is unknown
+/// @param turning  whether its turn is
+/// @param pose      of `count` lines; those without a status ok are left out
+/// @param measured  count × n coordinates, NaN where there is none
+template <Mobility K>
+Registration registered(const Registration& known, bool movable, bool turning, int count,
+                        const Pose* pose, const Status* status, const double* measured) {
+  constexpr int n = kDof<K>;
+  constexpr int positions = K == Mobility::planar || K == Mobility::planar_translation ? 2 : 3;
+  struct Pair {
+    Vec3 from, to;
+    int line;
+    double weight = 1;
+  };
+  std::vector<Pair> pairs;
+  Vec3 shift = Vec3::Zero();
+  std::array<int, 3> counted{};
+  for (int k = 0; k < count; ++k) {
+    if (status[k] != Status::ok) continue;
+    Pair pair{pose[k].D + pose[k].R * known.marker.t, Vec3::Zero(), k};
+    bool whole = true;
+    for (int i = 0; i < positions; ++i) {
+      pair.to[i] = measured[k * n + i];
+      const bool there = std::isfinite(pair.to[i]);
+      whole = whole && there;
+      if (!there) continue;
+      ++counted[i];
+      shift[i] += (pair.to[i] - pair.from[i] - shift[i]) / counted[i];  // running mean
+    }
+    if (whole) pairs.push_back(pair);
+  }
+  Registration result = known;
+  result.base = {shift, Mat3::Identity()};
+  std::vector<double> apart;
+  for (int round = 0; round < 50 && !pairs.empty(); ++round) {
+    double total = 0;
+    Vec3 from = Vec3::Zero(), to = Vec3::Zero();
+    Mat3 turn = Mat3::Zero();
+    for (const Pair& p : pairs) {
+      total += p.weight;
+      from += p.weight * p.from;
+      to += p.weight * p.to;
+      turn += p.weight * pose[p.line].R;
+    }
+    from /= total;
+    to /= total;
+    turn /= total;
+    Mat3 H = Mat3::Zero();
+    for (const Pair& p : pairs) H += p.weight * (p.to - to) * (p.from - from).transpose();
+    const Vec3 spans = Eigen::JacobiSVD<Mat3>(H).singularValues();
+    if (!(spans[1] > 1e-6 * spans[0])) return result;  // on a line, or at one point
+    result.base.R = nearest_rotation(H);
+    result.base.t = to - result.base.R * from;
+    apart.clear();
+    for (const Pair& p : pairs)
+      apart.push_back((p.to - result.base.t - result.base.R * p.from).squaredNorm());
+    std::vector<double> sorted = apart;
+    const auto middle = sorted.begin() + static_cast<long>(sorted.size() / 2);
+    std::nth_element(sorted.begin(), middle, sorted.end());
+    for (std::size_t k = 0; k < pairs.size(); ++k)
+      pairs[k].weight = *middle > 0 ? 1 / (1 + apart[k] / *middle) : 1;
+    if (!movable) continue;
+    // What R_k - mean of R says of c. An arm that hardly turns says nothing: 1e-3 is a turn of 2°.
+    Mat3 N = 1e-3 * total * Mat3::Identity();
+    Vec3 b = Vec3::Zero();
+    for (const Pair& p : pairs) {
+      const Mat3 A = pose[p.line].R - turn;
+      N += p.weight * A.transpose() * A;
+      b += p.weight * A.transpose() * (result.base.R.transpose() * (p.to - to) - (p.from - from));
+    }
+    const Vec3 step = N.ldlt().solve(b);
+    result.marker.t += step;
+    for (Pair& p : pairs) p.from += pose[p.line].R * step;
+    result.base.t -= result.base.R * turn * step;
+    if (round > 10 && step.norm() < 1e-5) break;
+  }
+  if (!turning) return result;
+  Mat3 sum = Mat3::Zero();  // of what each line says of M
+  for (const Pair& p : pairs) {
+    const double* x = measured + p.line * n;
+    const Mat3 back = (result.base.R * pose[p.line].R).transpose();
+    if constexpr (K == Mobility::spatial) {
+      if (std::isfinite(x[3] + x[4] + x[5]))
+        sum += p.weight * back * exp_so3(Vec3(x[3], x[4], x[5]));
+    } else if constexpr (kTurnsAboutZ<K>) {
+      const Vec3 axis = back * Vec3(std::cos(x[n - 1]), std::sin(x[n - 1]), 0);
+      if (axis.allFinite()) sum += p.weight * rotation_z(std::atan2(axis.y(), axis.x()));
+    }
+  }
+  if (sum.norm() > 0) result.marker.R = nearest_rotation(sum);
+  return result;
+}
+
+}  // namespace truepose

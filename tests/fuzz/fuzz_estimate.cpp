@@ -1,0 +1,81 @@
+// Does any robot, knowledge or reading make an estimate or the learner crash, hang, call a NaN an
+// answer, or spoil what it had learnt?
+#include "decode.hpp"
+#include "truepose/full_linearise.hpp"
+#include "truepose/learning.hpp"
+
+namespace {
+
+using namespace fuzz;
+
+/// Readings of a pose, perhaps with one spoilt, or any numbers.
+template <Mobility K>
+Extended decode_readings(Bytes& bytes, const Subject& subject) {
+  const int rows = kDof<K> + subject.robot.r;
+  Extended q_e{};
+  if (!extended<K>(subject.robot, to_pose<K>(decode_pose(bytes, subject)), q_e) || bytes.one_in(6))
+    for (int c = 0; c < rows; ++c) q_e[c] = bytes.number();
+  if (bytes.one_in(4)) q_e[bytes.below(rows)] = bytes.number();
+  return q_e;
+}
+
+template <Mobility K, class Level>
+void check_estimate(Bytes& bytes, const Subject& subject, mechanisms::Prior& prior) {
+  const Extended q_e = decode_readings<K>(bytes, subject);
+  Pose pose = to_pose<K>(decode_pose(bytes, subject));
+  const Estimate<K> result =
+      estimate<K, Level>(subject.robot, prior.known(), q_e, pose, prior.weighing().work);
+  require(result.iterations <= kEstimateIterations + 1, "estimate: iterations are bounded");
+  if (!result) return;
+  require(pose.D.allFinite() && pose.R.allFinite(), "estimate: ok is finite");
+  require(finite(result.covariance, kDof<K>, kDof<K>), "estimate: the covariance is finite");
+  for (int i = 0; i < kDof<K>; ++i)
+    require(result.covariance[i][i] >= 0, "estimate: no variance is negative");
+  require(result.chi2 >= 0 && std::isfinite(result.chi2), "estimate: χ² is a number from 0 up");
+}
+
+template <Mobility K, class Level>
+void check_learner(Bytes& bytes, const Subject& subject, mechanisms::Prior& prior) {
+  Learner learner = prior.learner(subject.robot);
+  if (bytes.one_in(2)) learner.settings.gate = std::fabs(bytes.number());
+  if (bytes.one_in(4)) learner.fresh = bytes.number();
+  const int p = learner.state.count, width = parameter_count(subject.robot);
+  const auto all = [](const double* values, int count) {
+    return std::vector<double>(values, values + count);
+  };
+  if (!all_finite(all(learner.state.xi, width), width)) return;  // drawn so
+  for (int cycle = 0; cycle < 6; ++cycle) {
+    const std::vector<double> xi = all(learner.state.xi, width),
+                              root = all(learner.state.root, p * p);
+    const long lines = learner.lines;
+    const Outcome outcome = learn<K, Level>(learner, decode_readings<K>(bytes, subject));
+    if (!outcome || learner.lines == lines)
+      require(xi == all(learner.state.xi, width) && root == all(learner.state.root, p * p),
+              "learner: a line that is left out changes nothing");
+    require(all_finite(all(learner.state.xi, width), width), "learner: ξ is finite");
+    require(all_finite(all(learner.state.root, p * p), p * p), "learner: its covariance is finite");
+  }
+}
+
+template <Mobility K, class Level>
+void check_level(Bytes& bytes, const Subject& subject) {
+  mechanisms::Prior prior(subject.robot);
+  if (bytes.one_in(4)) prior.known().sigma[bytes.below(kMaxReadings)] = bytes.number();
+  check_estimate<K, Level>(bytes, subject, prior);
+  check_learner<K, Level>(bytes, subject, prior);
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  Bytes bytes(data, size);
+  const bool full = bytes.one_in(2);
+  const Subject subject = decode_robot(bytes);
+  with_mobility(subject.robot.mobility, [&](auto mobility) {
+    constexpr Mobility K = mobility();
+    if constexpr (kPaired<K>)
+      if (full) return check_level<K, FullModel>(bytes, subject);
+    check_level<K, IdealModel>(bytes, subject);
+  });
+  return 0;
+}

@@ -1,0 +1,262 @@
+"""Does `truepose check` see what a robot file says by mistake, though every key is right?"""
+
+import re
+import tomllib
+
+import numpy as np
+import pytest
+import tomlkit
+
+import truepose as tp
+from truepose import checking, robot_file
+
+_LENGTHS = ("base", "anchor", "arm", "rod", "pivot", "rod_spacing", "home", "minimum", "maximum")
+
+
+@pytest.fixture
+def checked(tmp_path):
+    """Return a function that writes a robot file and checks it: robot, problems in one string."""
+
+    def check(text: str):
+        path = tmp_path / "robot.toml"
+        path.write_text(text, encoding="utf-8")
+        robot, problems = checking.check(path)
+        assert (robot is None) == bool(problems)
+        return robot, "\n".join(problems).replace(str(path), "FILE")
+
+    return check
+
+
+def text_of(name: str) -> str:
+    return robot_file.shipped()[name].read_text(encoding="utf-8")
+
+
+def changed(text: str, old: str, new: str) -> str:
+    assert old in text
+    return text.replace(old, new, 1)
+
+
+def in_millimetres(data, angles: int):
+    """Multiply every length; of poses all but the last coordinates, which are angles."""
+    if not isinstance(data, dict):
+        return [in_millimetres(part, angles) for part in data] if data else data
+    result = {key: value for key, value in data.items() if key not in _LENGTHS}
+    for key, value in data.items():
+        if isinstance(value, dict) or (value and isinstance(value, list) and key == "chain"):
+            result[key] = in_millimetres(value, angles)
+        elif key in _LENGTHS:
+            free = angles if key in ("home", "minimum", "maximum") else 0
+            size = 1000 * np.array(value, dtype=float)
+            if free:
+                size[-free:] /= 1000
+            result[key] = size.tolist()
+    if "bar" in data and isinstance(data["bar"], list) and isinstance(data["bar"][0], dict):
+        result["bar"] = [bar | {"pivot": 1000 * bar["pivot"]} for bar in data["bar"]]
+    return result
+
+
+@pytest.mark.parametrize("name", tp.robots())
+def test_a_robot_in_millimetres_is_asked_for(checked, name):
+    data = tomllib.loads(text_of(name))
+    angles = {"planar": 1, "schoenflies": 1, "spatial": 3}.get(data["mobility"], 0)
+    robot, told = checked(tomlkit.dumps(in_millimetres(data, angles)))
+    assert robot is None and re.search(r"FILE:\d+: .*\d m: did you mean mm\? -?\d+", told), told
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "told"),
+    [
+        ("h4", "limits = [-0.5236, 1.5708]", "limits = [-30, 90]", "degrees? -0.5236, 1.571 rad"),
+        ("h4", "arm = 0.26 ", "yaw = 10.0\narm = 0.26 ", "degrees? 0.1745 rad"),
+        ("h4", "-0.4, 0.0]", "-0.4, 20.0]", "home: the nacelle's angle = 20 rad: more than a turn"),
+        ("h4", "-0.45, -0.5235987755982988]", "-0.45, -30]", "workspace.minimum: the nacelle's"),
+        ("hexa", "-0.45, 0.4, 0.4, 0.4]", "-0.45, 20, 20, 20]", "degrees? 0.3491, 0.3491, 0.3491"),
+    ],
+)
+def test_angles_in_degrees_are_asked_for(checked, name, old, new, told):
+    robot, lines = checked(changed(text_of(name), old, new))
+    assert robot is None and told in lines, lines
+
+
+@pytest.mark.parametrize("name", ["q1", "q12", "measured_x", "chain1", "bar2", "time", "torque3"])
+def test_a_sensor_cannot_have_a_name_that_logs_and_parameters_take(checked, h4_text, name):
+    text = changed(h4_text, '"z_telemeter"', f'"{name}"')
+    robot, told = checked(text)
+    assert robot is None and f"sensor {name}: logs and parameters use this name" in told
+
+
+@pytest.mark.parametrize(
+    ("parameters", "mean", "told"),
+    [
+        ('["chain1.rod"]', "[-1.0]", "calibration.mean of chain1.rod = -1.0: must be greater"),
+        ('["theta.gain"]', "[0.0]", "calibration.mean of theta.gain = 0.0: a sensor that reads"),
+        ('["chain1.rod", "chain1.rod"]', "[0.48, 0.48]", "chain1.rod: a parameter is listed twice"),
+    ],
+)
+def test_a_calibration_that_no_robot_can_have_is_refused(checked, h4_text, parameters, mean, told):
+    rows = [[0.0] * k + [1e-4] for k in range(mean.count("."))]
+    learnt = f"[calibration]\nparameters = {parameters}\nmean = {mean}\nroot = {rows}\n"
+    robot, lines = checked(h4_text + learnt)
+    assert robot is None and told in lines, lines
+    assert re.match(r"FILE:1[45]\d: ", lines)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("encoder_counts = 14400", "encoder_counts = 1e-310"),
+        ("encoder_counts = 14400", "encoder_counts = 1e300"),
+        ("counts = 14400 # per turn of the tool", "counts = 1e-310 #"),
+        ("gear = 4.0", "gear = 1e-310"),
+        ("resolution = 20e-6", "resolution = 1e-310"),
+        ("resolution = 20e-6", "resolution = 1e10"),
+        ("arm = 0.26", "arm = 1e300"),
+    ],
+)
+def test_numbers_of_which_nothing_can_be_computed_are_refused(checked, h4_text, old, new):
+    robot, told = checked(changed(h4_text, old, new))
+    assert robot is None and "input should be" in told
+
+
+def test_a_workspace_of_which_nothing_is_reached_is_refused(checked, h4_text):
+    far = h4_text.replace("[-0.1, -0.1, -0.45,", "[2.1, 2.1, -0.45,")
+    far = far.replace("[0.1, 0.1, -0.35,", "[2.2, 2.2, -0.35,")
+    robot, told = checked(far)
+    assert robot is None
+    assert re.match(
+        r"FILE:11: workspace: none of 14641 poses, .*: unreachable \(chain 1\): 1", told
+    )
+
+
+def test_what_a_workspace_holds_is_counted_on_the_whole_box(checked, h4_text):
+    """Stops that cut off the fewest poses there are: corners, which random poses hardly find."""
+    robot = tp.load("h4")
+    box = robot.spec.workspace
+    axes = np.linspace(box.minimum, box.maximum, 11).T
+    q = robot.ikm(np.stack(np.meshgrid(*axes), -1).reshape(-1, 4)).max(axis=1)
+    stops = float(q.max()) - 1e-6
+    robot, _ = checked(
+        h4_text.replace("limits = [-0.5236, 1.5708]", f"limits = [-0.5236, {stops}]")
+    )
+    (line,) = [line for line in checking.remarks(robot) if "workspace" in line]
+    beyond = [int(number) for number in re.findall(r"joint limit \(chain \d\): (\d+)", line)]
+    assert sum(beyond) == (q > stops).sum() < 10
+    assert f"{100 * (1 - sum(beyond) / 11**4):.3g} % of 11^4 = 14641 poses" in line
+
+
+def test_poses_beyond_a_singularity_are_no_part_of_a_workspace(checked, h4_text):
+    """At θ = 1.8 rad nothing holds the H4's nacelle; beyond, it is in another assembly mode."""
+    wide = h4_text.replace("-0.35, 0.5235987755982988]", "-0.35, 2.6]")
+    robot, told = checked(wide)
+    assert not told
+    assert any("beyond a singularity, from home: " in line for line in checking.remarks(robot))
+
+
+def test_motors_at_home_are_told(any_robot):
+    first = checking.remarks(any_robot)[0]
+    q = [float(v) for v in re.findall(r"= (-?[\d.]+)(?:°| mm)", first)]
+    turns = np.array([chain.actuator == "revolute" for chain in any_robot.spec.chain])
+    expected = any_robot.ikm(any_robot.home) * np.where(turns, 180 / np.pi, 1e3)
+    assert q == pytest.approx(expected, abs=5.1e-3)
+
+
+UPU = """
+name = "3-upu"
+mobility = "translation"
+home = [0.0, 0.0, 0.5]
+every_chain = { actuator = "telescopic" }
+pattern = { repeat = 3 }
+workspace = { minimum = [-0.1, -0.1, 0.4], maximum = [0.1, 0.1, 0.6] }
+[[chain]]
+base = [0.3, 0, 0]
+anchor = [0.1, 0, 0]
+"""
+
+
+def test_single_legs_whose_orientation_something_else_holds_pass_with_a_remark(checked, rng):
+    robot, told = checked(UPU)
+    assert not told and "taken for granted" in "\n".join(checking.remarks(robot))
+    x = rng.uniform(robot.spec.workspace.minimum, robot.spec.workspace.maximum, (50, 3))
+    assert np.abs(robot.fkm(robot.ikm(x)) - x).max() < 1e-12
+
+
+def test_a_file_is_read_up_to_a_stated_size(tmp_path, h4_text):
+    path = tmp_path / "robot.toml"
+    for size, read in ((robot_file.MOST_BYTES, True), (robot_file.MOST_BYTES + 1, False)):
+        path.write_text(h4_text + "#" * (size - len(h4_text.encode())), encoding="utf-8")
+        if read:
+            assert checking.check(path)[0] is not None
+            continue
+        for reader in (checking.check, tp.load):
+            with pytest.raises(tp.RobotFileError, match="cannot be read: more than 1000000 bytes"):
+                reader(path)
+
+
+@pytest.mark.parametrize("deep", ["home = " + "[" * 5000, "a." * 5000 + "b = 1", "x = {y" * 5000])
+def test_a_file_nested_too_deeply_gets_one_line(checked, deep):
+    robot, told = checked(deep)
+    assert robot is None and re.fullmatch(r"FILE:1: not TOML.*", told)
+
+
+def test_a_problem_that_comes_a_thousand_times_is_told_a_hundred_times(checked, h4_text):
+    robot, told = checked(h4_text + "\n".join(f"k{i} = 1" for i in range(1000)))
+    assert robot is None and 100 <= len(told.splitlines()) <= 300
+
+
+def test_a_long_value_does_not_make_a_long_line(checked, h4_text):
+    robot, told = checked(changed(h4_text, '"schoenflies"', f'"{"s" * 10_000}"'))
+    assert robot is None and max(map(len, told.splitlines())) < robot_file.LINE + 20
+
+
+def test_an_unknown_mobility_points_to_what_no_file_can_say(checked, h4_text):
+    robot, told = checked(changed(h4_text, '"schoenflies"', '"spherical"'))
+    assert robot is None and "docs/what-it-cannot.md" in told
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "told"),
+    [
+        ("hexaglide", "drive_inertia = 5.0", "drive_inertia = 2.0", "must be at least 3 kg, the"),
+        ("linear-delta", "drive_inertia = 0.15", "", "must be at least 0.1 kg, the arm_mass of"),
+        ("h4", "drive_inertia = 0.017", "drive_inertia = 0.0067", "must be at least 0.00676 kg·m²"),
+    ],
+)
+def test_a_drive_lighter_than_what_it_counts_is_refused(checked, name, old, new, told):
+    text = text_of(name)
+    robot, lines = checked(changed(text, old, new))
+    assert robot is None and told in lines, lines
+    lighter = re.sub(r"arm_mass = [\d.]+", "", changed(text, old, new))
+    assert checked(lighter)[0] is not None
+
+
+ORTHOGLIDE = """
+name = "orthoglide"
+mobility = "translation"
+home = [0, 0, 0]
+every_chain = { actuator = "prismatic", rod = 0.3, working_mode = -1, anchor = [0, 0, 0] }
+chain = [
+  { base = [-0.5, 0, 0], axis = [1, 0, 0] PAIR1 },
+  { base = [0, -0.5, 0], axis = [0, 1, 0] PAIR2 },
+  { base = [0, 0, -0.5], axis = [0, 0, 1] PAIR3 },
+]
+[[sensor]]
+name = "lean"
+kind = "rod_lateral"
+chain = 1
+"""
+
+
+def test_rods_along_their_rail_are_asked_which_way_they_lie_apart(checked):
+    robot, told = checked(re.sub(r" PAIR\d", "", ORTHOGLIDE))
+    assert robot is None
+    assert (
+        "chain 1: its rail and its rods are parallel at home: say" in told and "pair_axis" in told
+    )
+    pairs = {"1": "0, 1, 0", "2": "0, 0, 1", "3": "1, 0, 0"}
+    text = re.sub(r" PAIR(\d)", lambda m: f", pair_axis = [{pairs[m[1]]}]", ORTHOGLIDE)
+    robot, told = checked(text)
+    assert not told and robot.full
+    robot = robot.with_sensors("lean")
+    x = np.array([0.02, -0.03, 0.01])
+    assert np.isfinite(robot.rkm(x, level="full")).all()
+    assert robot.fkm(robot.ikm(x, level="full"), level="full") == pytest.approx(x, abs=1e-12)

@@ -1,0 +1,267 @@
+"""Does a command write what it was asked for, beside everything else that is there?"""
+
+import html
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+import truepose as tp
+from truepose import calibration_figures, cli, report, run_logs, saving
+from truepose.plants import viewing
+
+#: Words of a command that writes one file, and the file's name.
+WRITERS = {
+    "robot": ("calibrate", "h4", "log.csv", "-o", "out.toml", "--report", "page.html"),
+    "page": ("calibrate", "h4", "log.csv", "--report", "out.html"),
+    "svg": ("info", "h4", "--samples", "20", "--plot", "out.svg"),
+    "png": ("accuracy", "h4", "--sensors", "none", "--plot", "out.png"),
+    "pdf": ("info", "h4", "--samples", "20", "--plot", "out.pdf"),
+    "model": ("export", "mjcf", "h4", "-o", "out.xml"),
+}
+
+
+def out_of(words) -> str:
+    return next(word for word in words if word.startswith("out."))
+
+
+@pytest.fixture(scope="module")
+def log(h4, table2):
+    """Return a good log as text."""
+    poses = np.random.default_rng(1).permutation(table2)[:80] + 1e-4
+    rows = tp.with_paper_errors(h4, seed=2).extended(poses)
+    lines = [",".join(map(repr, row)) for row in rows.tolist()]
+    return "\n".join([",".join(h4.readings), *lines]) + "\n"
+
+
+@pytest.fixture
+def folder(tmp_path, log):
+    (tmp_path / "log.csv").write_text(log, encoding="utf-8")
+    return tmp_path
+
+
+@pytest.fixture
+def plain_page(monkeypatch):
+    """Write reports without their figures: most of the time of a calibration."""
+    page = f"<!-- {saving.mark('report')} -->"
+    monkeypatch.setattr(calibration_figures, "page", lambda *_: page)
+
+
+@pytest.mark.usefixtures("plain_page")
+@pytest.mark.parametrize("words", WRITERS.values(), ids=WRITERS)
+def test_a_command_may_be_run_twice_and_replaces_others_files_by_force_only(run, folder, words):
+    out = folder / out_of(words)
+    assert run(*words)[0] == 0
+    first = out.read_bytes()
+    assert run(*words)[0] == 0
+    assert out.read_bytes() == first
+    out.write_bytes(b"somebody's own")
+    status, said, err = run(*words)
+    assert (status, said) == (2, "") and len(err.splitlines()) == 1
+    assert f"{out.name}: is there already and is no " in err and "--force" in err
+    assert out.read_bytes() == b"somebody's own"
+    assert run(*words, "--force")[0] == 0
+    assert out.read_bytes() == first
+    assert not [name for name in os.listdir(folder) if name.startswith(".")]
+
+
+@pytest.mark.usefixtures("plain_page")
+@pytest.mark.parametrize(
+    ("name", "number"),
+    [
+        *((name, signal.SIGTERM) for name in WRITERS),
+        ("robot", signal.SIGINT),
+        ("svg", signal.SIGHUP),
+    ],
+)
+def test_a_signal_while_writing_leaves_what_was_there(run, folder, monkeypatch, name, number):
+    words = WRITERS[name]
+    (folder / out_of(words)).write_bytes(b"old")
+    before = {p.name: p.read_bytes() for p in folder.iterdir()}
+
+    def leave(code):
+        assert {p.name: p.read_bytes() for p in folder.iterdir()} == before
+        sys.exit(code)
+
+    monkeypatch.setattr(cli.os, "_exit", leave)
+    monkeypatch.setattr(saving.os, "fsync", lambda _: signal.raise_signal(number))
+    status, out, _ = run(*words, "--force")
+    assert (status, out) == (128 + number, "")
+    assert {p.name: p.read_bytes() for p in folder.iterdir()} == before
+
+
+def test_a_stopped_reproduction_leaves_no_folder(tmp_path):
+    words = [sys.executable, "-m", "truepose.cli", "reproduce", "--robots", "500", "--out", "new"]
+    with subprocess.Popen(words, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as running:
+        while not list(tmp_path.glob(".truepose-*")):
+            assert running.poll() is None
+            time.sleep(0.05)
+        running.terminate()
+        assert running.stderr.read().splitlines()[-1] == "truepose: stopped"
+    assert running.returncode == 128 + signal.SIGTERM
+    assert os.listdir(tmp_path) == []
+
+
+INPUTS = {
+    "itself": lambda path, own: own,
+    "relative": lambda path, own: f"sub/../{own}",
+    "absolute": lambda path, own: path / own,
+    "symbolic link": lambda path, own: (path / "link.x").symlink_to(own) or "link.x",
+    "hard link": lambda path, own: os.link(path / own, path / "link.x") or "link.x",
+}
+
+
+@pytest.mark.parametrize("force", [[], ["--force"]])
+@pytest.mark.parametrize("alias", INPUTS.values(), ids=INPUTS)
+@pytest.mark.parametrize(
+    ("words", "own"),
+    [
+        (("calibrate", "h4", "log.csv", "-o"), "log.csv"),
+        (("calibrate", "h4", "log.csv", "--report"), "log.csv"),
+        (("calibrate", "mine.toml", "log.csv", "-o"), "mine.toml"),
+        (("calibrate", "mine.toml", "log.csv", "-o", "a.toml", "--report"), "mine.toml"),
+        (("export", "mjcf", "mine.toml", "-o"), "mine.toml"),
+    ],
+)
+def test_an_input_is_never_replaced(run, folder, h4, words, own, alias, force):
+    (folder / "sub").mkdir()
+    h4.save(folder / "mine.toml")
+    name = alias(folder, own)
+    before = sorted(os.listdir(folder)), (folder / own).read_bytes()
+    status, out, err = run(*words, name, *force)
+    assert (status, out) == (2, "") and len(err.splitlines()) == 1
+    assert "cannot be written: it is read by the same command" in err
+    assert (sorted(os.listdir(folder)), (folder / own).read_bytes()) == before
+
+
+def test_a_map_is_not_drawn_into_the_poses_that_it_is_for(run, folder):
+    (folder / "poses.svg").write_text("x,y,z,theta\n0,0,-0.4,0\n", encoding="utf-8")
+    words = ["accuracy", "h4", "--poses", "poses.svg", "--plot", "poses.svg", "--force"]
+    assert "it is read by the same command" in run(*words)[2]
+
+
+@pytest.mark.parametrize(
+    "words", [("-o", "cal.html"), ("-o", "a.toml", "--report", "./a.toml"), ("-o", "")]
+)
+def test_a_calibration_and_its_report_are_two_files(run, folder, words):
+    status, out, err = run("calibrate", "h4", "log.csv", *words)
+    assert (status, out) == (2, "") and len(err.splitlines()) == 1
+    assert "are the same file" in err or "it is a folder" in err
+    assert os.listdir(folder) == ["log.csv"]
+
+
+def test_a_drawn_robot_is_no_earlier_calibration(run, folder, h4):
+    h4.save(folder / "mine.toml")
+    err = run("calibrate", "h4", "log.csv", "-o", "mine.toml")[2]
+    assert "-o mine.toml: is there already and is no calibrated robot that truepose wrote" in err
+
+
+@pytest.mark.parametrize("kind", ["fifo", "read-only", "text", "folder"])
+def test_a_robot_is_saved_in_the_place_of_robots_only(h4, tmp_path, kind):
+    path = tmp_path / "mine.toml"
+    if kind == "fifo":
+        os.mkfifo(path)
+    elif kind == "folder":
+        path.mkdir()
+    else:
+        path.write_text("a = 1\n", encoding="utf-8")
+        path.chmod(0o444 if kind == "read-only" else 0o644)
+    with pytest.raises(tp.InputError, match=r"mine.toml: (cannot be written: it is|is there al)"):
+        h4.save(path, force=kind != "text")
+    if kind == "text":
+        h4.save(path, force=True)
+        h4.replace({"chain1.rod": 0.483}).save(path)
+        assert tp.load(path).parameters["chain1.rod"].value == 0.483
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet", "mcap"])
+def test_a_log_replaces_logs_only(h4, tmp_path, ending):
+    run, path = tp.simulate(h4, duration=0.01, hold=0.0), tmp_path / f"log.{ending}"
+    run_logs.write(run, path)
+    run_logs.write(run, path)
+    path.write_bytes(b"q1,q2\n0,0\n")
+    with pytest.raises(tp.InputError, match="is there already and is no log that truepose wrote"):
+        run_logs.write(run, path)
+    run_logs.write(run, path, force=True)
+
+
+def test_a_picture_from_mujoco_is_a_file_like_others(h4, tmp_path, monkeypatch):
+    monkeypatch.setattr(viewing, "require", lambda: None)
+    (tmp_path / "out.png").write_bytes(b"mine")
+    with pytest.raises(tp.InputError, match="is there already and is no picture"):
+        viewing.picture(h4, tmp_path / "out.png")
+
+
+def _in_folder(out, name="poses.csv", text="a,b\n1,2\n", force=False):
+    with report.folder(out, force) as work:
+        page = f"<!doctype html><!-- {saving.mark('report')} -->"
+        (work / report.PAGE).write_text(page, encoding="utf-8")
+        (work / name).write_text(text, encoding="utf-8")
+
+
+def test_a_report_replaces_a_report(tmp_path):
+    _in_folder(tmp_path / "out")
+    _in_folder(tmp_path / "out", text="a,b\n3,4\n")
+    assert (tmp_path / "out" / "poses.csv").read_text(encoding="utf-8") == "a,b\n3,4\n"
+    assert sorted(os.listdir(tmp_path / "out")) == ["poses.csv", "report.html"]
+
+
+@pytest.mark.parametrize("own", ["poses.csv", "report.html", "robot.png", "run.mcap"])
+def test_a_report_does_not_go_among_others_files(tmp_path, own):
+    (tmp_path / own).write_bytes(b"mine")
+    with pytest.raises(tp.InputError, match="--out"), report.folder(tmp_path):
+        pytest.fail("began to work")
+    assert os.listdir(tmp_path) == [own] and (tmp_path / own).read_bytes() == b"mine"
+    _in_folder(tmp_path, force=True)
+
+
+def test_somebodys_table_in_an_earlier_report_stays(tmp_path):
+    _in_folder(tmp_path)
+    (tmp_path / "poses.csv").write_bytes(b"mine\n")
+    with pytest.raises(tp.InputError, match=r"poses.csv: is there already"):
+        _in_folder(tmp_path)
+    assert (tmp_path / "poses.csv").read_bytes() == b"mine\n"
+    assert sorted(os.listdir(tmp_path)) == ["poses.csv", "report.html"]
+
+
+@pytest.mark.parametrize("what", ["log", "poses", "robot"])
+def test_a_pipe_is_not_waited_for(run, folder, what):
+    os.mkfifo(folder / "pipe")
+    words = {
+        "log": ("calibrate", "h4", "pipe"),
+        "poses": ("accuracy", "h4", "--poses", "pipe"),
+        "robot": ("check", "pipe"),
+    }[what]
+    status, _, err = run(*words)
+    assert (status, err) == (
+        2,
+        "truepose: error: pipe: cannot be read: it is no regular file\n",
+    )
+
+
+def test_a_page_shows_names_as_they_are(run, folder, h4_text, log):
+    title = "</title><script>[/b]{{ 1 }}"
+    text = re.sub('name = "h4"', f"name = {json.dumps(title)}", h4_text, count=1)
+    (folder / "mine.toml").write_text(text, encoding="utf-8")
+    (folder / "<b>&.csv").write_text(log.replace("\n", ",\n").replace("theta,", "theta,<i>", 1))
+    status, out, err = run("calibrate", "mine.toml", "<b>&.csv", "--report", "page.html")
+    assert status == 0, err
+    page = (folder / "page.html").read_text(encoding="utf-8")
+    assert "<script>" not in page and "<b>" not in page and "<i>" not in page
+    for shown in (title, "<b>&.csv", "<i>"):
+        assert html.escape(shown) in page
+    assert "<i>" in err and "Wrote page.html" in out
+    saving.check([saving.Output(folder / "page.html", "report")])  # which it is known to be
+
+
+def test_a_fault_of_truepose_is_one_line_that_says_so(run, monkeypatch):
+    monkeypatch.setattr(cli, "app", lambda **_: {}["no such key"])
+    status, out, err = run("info", "h4")
+    assert (status, out) == (2, "") and len(err.splitlines()) == 1
+    assert "KeyError" in err and "a fault of truepose" in err

@@ -1,0 +1,181 @@
+"""Does every table reach people whole, and programs with every digit?"""
+
+import csv
+import io
+import json
+import pickle
+import re
+import sys
+
+import numpy as np
+import pytest
+
+import truepose as tp
+from truepose import cli, info, prediction, printing
+from truepose.tables import Table, fixed, number
+
+
+def a_table(rng, rows=4) -> Table:
+    """Make a table of figures and words of any width."""
+    count = int(rng.integers(1, 12))
+    words = ["rms", "θ", "joint", "self-calibrated,", "x" * 50, "σ", "[/b]"]
+    header = [f"{k} {' '.join(rng.choice(words, 2))} (mm)" for k in range(count + 1)]
+    body = [
+        [
+            " ".join(rng.choice(words, rng.integers(1, 9))),
+            *(number(float(v)) for v in rng.normal(0, 10.0 ** rng.integers(-3, 6), count)),
+        ]
+        for _ in range(rows)
+    ]
+    return Table("made", "A title", header, body)
+
+
+@pytest.mark.parametrize("seed", range(50))
+def test_every_figure_of_a_table_is_printed_whole(seed):
+    rng = np.random.default_rng(seed)
+    table, width = a_table(rng), int(rng.integers(40, 160))
+    text = printing.laid_out(table, width)
+    words = "\n".join(text).split()
+    for row in table.rows:
+        for figure in row[1:]:
+            assert str(figure) in words
+    letters = "".join("\n".join(text).split())
+    assert "…" not in letters
+    widest = max(len(part) for head in table.header[1:] for part in head.split(" ("))
+    assert max(map(len, text)) <= max(width, width // 2 + 2 + widest)
+
+
+@pytest.mark.parametrize("columns", [40, 80, 200])
+@pytest.mark.parametrize("robot", ["stewart", "h4"])
+def test_accuracy_shows_the_figures_that_it_gives_programs(run, monkeypatch, robot, columns):
+    words = ["accuracy", robot, "--sensors", "all", "--sensors", "none", "--calibrated"]
+    monkeypatch.setenv("COLUMNS", str(columns))
+    status, shown, _ = run(*words)
+    assert status == 0 and "…" not in shown
+    assert max(map(len, shown.splitlines()[:-1])) <= columns
+    status, data, said = run(*words, "--format", "json")
+    tables = json.loads(data)
+    assert status == 0 and list(tables) == ["accuracy_as_built", "accuracy_self_calibrated"]
+    assert said.startswith(f"{robot}: ")
+    for row in (row for table in tables.values() for row in table):
+        for name, value in list(row.items())[1:]:
+            assert name.endswith((" (mm)", " (°)")) and str(number(value)) in shown.split()
+    rows = list(csv.DictReader(io.StringIO(run(*words, "--format", "csv")[1])))
+    found = prediction.predict(tp.load(robot), [row["sensors"].split(",") for row in rows[:1]])
+    assert float(rows[0]["x (mm)"]) == 1e3 * found.sigma["as built"][0, 0]
+    assert {row["table"] for row in rows} == set(tables)
+    for row in rows:
+        (same,) = (r for r in tables[row["table"]] if r["sensors"] == row["sensors"])
+        assert all(float(row[name]) == same[name] for name in list(same)[1:])
+
+
+def test_info_gives_programs_si(run, h4):
+    shown = run("info", "h4", "--samples", "50")[1]
+    rows = json.loads(run("info", "h4", "--samples", "50", "--format", "json")[1])["info"]
+    named = {row["figure"]: row for row in rows}
+    assert set(named) <= set(re.sub(r" {2,}.*", "", shown).splitlines()) or len(named) > 10
+    assert named["workspace x"]["minimum"] == h4.spec.workspace.minimum[0]
+    assert named["motor 1"]["maximum"] == info.measure(h4, 50).q_max[0]
+    assert named["motor 1"]["unit"] == "rad" and named["degrees of freedom n"]["value"] == 4
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "latin-1", "cp1252", "utf-8"])
+@pytest.mark.parametrize(
+    ("words", "spelt"),
+    [
+        (["info", "h4", "--samples", "20"], "full - ideal of x"),
+        (["accuracy", "h4", "--sensors", "theta"], "sigma of the pose"),
+        (["accuracy", "h4", "--sensors", "theta", "--format", "json"], '"x (mm)"'),
+        (["accuracy", "--help"], "sigma of each coordinate"),
+        (["accuracy", "σ.toml"], "sigma.toml: cannot be read"),
+    ],
+)
+def test_what_an_output_cannot_hold_is_spelt(monkeypatch, tmp_path, encoding, words, spelt):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["truepose", *words])
+    streams = {name: io.TextIOWrapper(io.BytesIO(), encoding) for name in ("stdout", "stderr")}
+    for name, stream in streams.items():
+        monkeypatch.setattr(sys, name, stream)
+    with pytest.raises(SystemExit) as left:
+        cli.main()
+    for stream in streams.values():
+        stream.flush()
+    said = "".join(stream.buffer.getvalue().decode(encoding) for stream in streams.values())
+    assert left.value.code == (2 if "σ.toml" in words else 0)
+    if encoding == "ascii":
+        assert spelt in re.sub(r"\s+", " ", said)
+
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        ("elbow*,theta", ["elbow1", "elbow2", "elbow3", "elbow4", "theta"]),
+        ("theta, wire[13]", ["theta", "wire1", "wire3"]),
+        ("theta,*", ["theta", "z_telemeter", *(f"elbow{k}" for k in (1, 2, 3, 4))]),
+        ("none", []),
+    ],
+)
+def test_sensors_are_named_by_globs(h4, text, names):
+    assert list(prediction.parse_set(h4, text))[:6] == names
+    assert h4.with_sensors(*prediction.parse_set(h4, text)).r >= len(names)
+
+
+@pytest.mark.parametrize("text", ["ebow*", "elbow*,x", "", ",", "theta,"])
+def test_a_glob_of_no_sensor_is_said_with_what_there_is(h4, text):
+    with pytest.raises(tp.InputError, match=r"unknown sensor '.*choices: theta, z_telemeter"):
+        prediction.parse_set(h4, text)
+
+
+def test_the_usual_table_offers_every_kind_of_sensor_together(any_robot):
+    sets = prediction.sensor_sets(any_robot)
+    kinds = {s.name: s.kind for s in any_robot.spec.sensor if s.name not in any_robot.sensors}
+    for kind in kinds.values():
+        group = [name for name in kinds if kinds[name] == kind]
+        assert (*any_robot.sensors, *group) in sets
+    assert len(set(sets)) == len(sets)
+
+
+def test_a_group_is_named_as_it_may_be_asked_for(h4):
+    for names in prediction.sensor_sets(h4)[1:-1]:
+        assert prediction.parse_set(h4, prediction.label(h4, names)) == names
+
+
+def test_a_calibration_gives_programs_si(run, h4, table2, tmp_path):
+    poses = np.random.default_rng(0).permutation(table2)[:80] + 1e-4
+    rows = tp.with_paper_errors(h4, seed=1).extended(poses)
+    readings = dict(zip(h4.readings, rows.T, strict=True))
+    text = "\n".join(",".join(map(repr, row)) for row in rows.tolist())
+    (tmp_path / "log.csv").write_text(f"{','.join(readings)}\n{text}\n", encoding="utf-8")
+    words = ["calibrate", "h4", "log.csv", "--format"]
+    status, data, said = run(*words, "json")
+    tables = json.loads(data)
+    assert status == 0 and " uncertain parameters: " in said
+    fit = tp.calibrate(h4, readings, loss="student")
+    for row in tables["parameters"]:
+        known = fit.parameters[row["parameter"]]
+        assert (row["value"], row["σ"]) == (known.value, known.sigma)
+        assert row["unit"] in ("m", "rad", "")
+    listed = list(csv.DictReader(io.StringIO(run(*words, "csv")[1])))
+    assert [row["table"] for row in listed] == [name for name, rows in tables.items() for _ in rows]
+    values = [float(row["value"]) for row in listed if row["table"] == "parameters"]
+    assert values == [row["value"] for row in tables["parameters"]]
+
+
+def test_a_reproduction_gives_programs_one_number_for_each_name(run):
+    status, data, said = run("reproduce", "--robots", "1", "--format", "json", "--out", "new")
+    tables = json.loads(data)
+    assert status == 0 and "Report: " in said
+    for row in tables["table3_robots"]:
+        assert row["unit"] in ("mm", "mm²", "°", "°²")
+        assert all(type(v) is float for k, v in row.items() if k not in ("error", "unit") and v)
+        assert row["usual, truepose"] == row["usual, truepose 5 %"]  # of a single robot
+    names = {name for table in tables.values() for row in table for name in row}
+    assert {"max |x| (mm)", "final θ (°)", "gain"} <= names
+
+
+def test_words_that_hold_a_number_are_one_for_programs():
+    table = Table("made", "", ["word", "a", "b"], [["1", "2.50", "2.50 [1, 3]"]])
+    assert table.records() == [{"word": "1", "a": 2.5, "b": "2.50 [1, 3]"}]
+    assert json.dumps(table.records()) == '[{"word": "1", "a": 2.5, "b": "2.50 [1, 3]"}]'
+    assert fixed(1 / 3).data == 1 / 3 and fixed(1 / 3) == "0.33"
+    assert pickle.loads(pickle.dumps(fixed(1 / 3))).data == 1 / 3

@@ -1,0 +1,314 @@
+"""Is an outside measurement understood in a frame of its own, whichever that is?"""
+
+import numpy as np
+import pytest
+
+import truepose as tp
+from truepose import _core, frames
+from truepose.errors import with_tolerance_errors
+from truepose.registration import Registered
+
+#: σ of a measured coordinate: m, rad.
+SIGMA = {"m": 2e-5, "rad": 1e-4}
+
+
+def placed(shift, turn):
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = frames.rotation(turn), shift
+    return T
+
+
+def anyhow(robot, rng, marker=0.05):
+    """A tracker's frame and a marker: any rotation, metres away; in the plane of a planar robot."""
+    turn = rng.normal(size=3)
+    turn *= rng.uniform(0, np.pi) / np.linalg.norm(turn)
+    shift, on = rng.uniform(-3, 3, 3), marker * rng.normal(size=3)
+    if "z" not in dict(robot.coordinates):
+        turn[:2] = shift[2] = on[2] = 0
+    return placed(shift, turn), placed(on, np.zeros(3))
+
+
+def sigma_of(robot):
+    return np.array([SIGMA[unit] for _, unit in robot.coordinates])
+
+
+def see(robot, base, marker, x):
+    return _core.seen(robot._core, base, marker, x, np.zeros_like(x))
+
+
+def measured(robot, base, marker, x, rng):
+    found, noise = see(robot, base, marker, x), sigma_of(robot) * rng.normal(size=x.shape)
+    if "theta" in dict(robot.coordinates):
+        noise[:, -1] *= found[4]
+    return found[0] + noise
+
+
+def error(found: Registered, base, marker):
+    """What was found less what is, (12,), as the covariance has it."""
+    parts = []
+    for one, other in ((found.base, base), (found.marker, marker)):
+        turn = one[:3, :3] @ other[:3, :3].T
+        parts += [one[:3, 3] - other[:3, 3], frames.rotation_vector(turn)]
+    return np.concatenate(parts)
+
+
+def nees(off, covariance):
+    sigma = np.sqrt(np.diag(covariance))
+    return off / sigma @ np.linalg.solve(covariance / np.outer(sigma, sigma), off / sigma)
+
+
+def reachable(robot, anywhere, count, rng):
+    x = anywhere(robot, count, rng)
+    return x[np.isfinite(robot.ikm(x, errors="nan")).all(axis=1)]
+
+
+def test_what_is_seen_changes_as_its_derivatives_say(any_robot, anywhere, rng):
+    """Central differences of the pose, of base and of marker, for every mobility."""
+    n, step = any_robot.n, 1e-6
+    x = anywhere(any_robot, 20, rng)
+    base, marker = anyhow(any_robot, rng)
+    seen, _, H_x, H, _ = see(any_robot, base, marker, x)
+
+    def apart(base, marker, x):  # of the first coordinates, along the tangent
+        return -_core.seen(any_robot._core, base, marker, np.ascontiguousarray(x), seen)[1]
+
+    def moved(T, k, h, left):
+        d = np.zeros(6)
+        d[k] = h
+        turned = frames.rotation(d[3:]) @ T[:3, :3] if left else T[:3, :3]
+        result = T.copy()
+        result[:3, :3], result[:3, 3] = turned, T[:3, 3] + d[:3]
+        return result
+
+    for k in range(6):
+        for first, change in (
+            (0, lambda h, k=k: apart(moved(base, k, h, True), marker, x)),
+            (6, lambda h, k=k: apart(base, moved(marker, k, h, True), x)),
+        ):
+            slope = (change(step) - change(-step)) / (2 * step)
+            assert slope == pytest.approx(H[:, :, first + k], abs=2e-8)
+    pose = frames.frames(any_robot, x)
+    for j in range(n):
+        name = any_robot.coordinates[j][0]
+        k = ["x", "y", "z", "rx", "ry", "rz"].index({"theta": "rz"}.get(name, name))
+        values = []
+        for h in (step, -step):
+            there = np.array([moved(T, k, h, True) for T in pose])
+            values.append(apart(base, marker, frames.coordinates(any_robot, there)))
+        assert (values[0] - values[1]) / (2 * step) == pytest.approx(H_x[:, :, j], abs=2e-8)
+
+
+ROBOTS = ("h4", "delta", "stewart", "five-bar", "3rrr")
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_any_frame_is_found_within_its_stated_sigma(name, anywhere):
+    """Random frames, markers and robots: NEES of the registration, and of what is seen by it."""
+    robot = tp.load(name).with_sensors()
+    by_registration, by_pose, unknowns = [], [], 0
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        x = reachable(robot, anywhere, 70, rng)
+        true = with_tolerance_errors(robot, seed)
+        base, marker = anyhow(robot, rng, 0.1)
+        fit = tp.calibrate(
+            robot,
+            true.read(x[10:], seed=seed),
+            measured=measured(robot, base, marker, x[10:], rng),
+            measured_sigma=sigma_of(robot),
+        )
+        found = fit.registration
+        free = found.sigma > 0
+        off, unknowns = error(found, base, marker)[free], int(free.sum())
+        by_registration.append(nees(off, found.covariance[np.ix_(free, free)]))
+        at = fit.robot.estimate(true.read(x[:10], seed=99)).x
+        truly = see(robot, base, marker, x[:10])[0]
+        off = found.see(robot, at, truly).residual
+        P = fit.accuracy_seen(x[:10])
+        by_pose.append(np.mean([nees(d, C) for d, C in zip(off, P, strict=True)]))
+    # χ² of 8 robots' unknowns; poses of one robot share their errors, hence the wider band.
+    assert np.mean(by_registration) < unknowns + 3.3 * np.sqrt(2 * unknowns / 8)
+    assert np.mean(by_registration) > unknowns - 3.3 * np.sqrt(2 * unknowns / 8)
+    assert 0.3 * robot.n < np.mean(by_pose) < 2.2 * robot.n
+
+
+@pytest.mark.parametrize("turn", [[0, 0, 0], [np.pi, 0, 0], [0, 3.1, 0], [2, -2, 1]])
+def test_any_rotation_is_a_good_start(h4, anywhere, rng, turn):
+    """An H4 with the paper's errors, 10 mm off its drawing; one measurement grossly wrong."""
+    robot, base = h4.with_sensors(), placed([4, -1, 2], turn)
+    marker = placed([0.02, -0.03, 0.05], [0, 0, 1.0])
+    x = anywhere(robot, 80, rng)
+    true = tp.with_paper_errors(robot, seed=1)
+    seen = measured(robot, base, marker, x, rng)
+    seen[7] += 0.5
+    fit = tp.calibrate(
+        robot, true.read(x), measured=seen, measured_sigma=sigma_of(robot), loss="student"
+    )
+    off = error(fit.registration, base, marker)
+    assert np.abs(off[3:6]).max() < 0.01  # the base's own place is known to tolerances
+    assert np.abs(off[[6, 7]]).max() < 1e-3
+    residual = fit.registration.see(robot, fit.x, seen).residual
+    assert np.abs(np.delete(residual, 7, axis=0)).max() < 5e-4
+    assert fit.outliers.tolist() == [7]
+
+
+@pytest.mark.parametrize("name", ["h4", "stewart", "3rrr"])
+def test_a_marker_far_out_is_found(name, anywhere):
+    """Half a metre from the nacelle, turned somehow: its arm outweighs what the nacelle moves."""
+    robot = tp.load(name).with_sensors()
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        x = reachable(robot, anywhere, 60, rng)
+        base, on = anyhow(robot, rng, 0.4)
+        turn = rng.normal(size=3) if robot.n == 6 else [0, 0, rng.uniform(-3, 3)]
+        marker = placed(on[:3, 3], turn)
+        seen = measured(robot, base, marker, x, rng)
+        q = with_tolerance_errors(robot, seed).read(x, seed=seed)
+        fit = tp.calibrate(robot, q, measured=seen, measured_sigma=sigma_of(robot))
+        assert np.median(fit.chi2 / fit.redundancy) < 2
+
+
+@pytest.mark.parametrize(
+    ("name", "combination", "alone"),
+    [
+        ("delta", "base + marker", ""),
+        ("h4", "base + marker.z", "xy"),
+        ("stewart", "base", "xyz"),
+        ("five-bar", "base + marker", ""),
+    ],
+)
+def test_what_marker_and_base_share_is_one_named_combination(
+    name, combination, alone, anywhere, rng
+):
+    """A nacelle that does not turn cannot tell where on it the marker sits."""
+    robot = tp.load(name).with_sensors()
+    x = reachable(robot, anywhere, 60, rng)
+    base, marker = anyhow(robot, rng)
+    true = with_tolerance_errors(robot, 1)
+    seen = measured(robot, base, marker, x, rng)
+    fit = tp.calibrate(robot, true.read(x), measured=seen, measured_sigma=sigma_of(robot))
+    known = {k.name: k for k in fit.registration.known if k.unit == "m"}
+    positions = [c for c, unit in robot.coordinates if unit == "m"]
+    expected = [f"{combination}, {c}" for c in positions] + [f"marker, {c}" for c in alone]
+    assert list(known) == expected
+    shared = np.array([c in positions and c not in alone for c in "xyz"])
+    there = base[:3, 3] + base[:3, :3] @ (shared * marker[:3, 3])
+    for k, c in enumerate("xyz"):
+        if (found := known.get(f"{combination}, {c}")) is not None:
+            assert abs(found.value - there[k]) < 4 * found.sigma and found.sigma < 1e-3
+        if (found := known.get(f"marker, {c}")) is not None:
+            assert abs(found.value - marker[k, 3]) < 4 * found.sigma and found.sigma < 1e-3
+        if shared[k]:
+            assert fit.registration.covariance[6 + k, 6 + k] > 0.09**2
+
+
+def test_the_bases_frame_is_told_apart_from_the_trackers(h4, anywhere, rng):
+    """A tracker in a frame of its own says little of where the base is, much of its own frame."""
+    robot = h4.with_sensors()
+    x = anywhere(robot, 100, rng)
+    true = with_tolerance_errors(robot, 3)
+    base, marker = anyhow(robot, rng)
+    q, sigma = true.read(x), sigma_of(robot)
+    unknown = tp.calibrate(
+        robot, q, measured=measured(robot, base, marker, x, rng), measured_sigma=sigma
+    )
+    known = tp.calibrate(
+        robot,
+        q,
+        measured=measured(robot, np.eye(4), np.eye(4), x, rng),
+        measured_sigma=sigma,
+        registration="known",
+    )
+
+    def position(P):
+        return np.sqrt(np.trace(P[:, :3, :3], axis1=1, axis2=2).mean())
+
+    absolute = position(tp.accuracy(unknown.robot, x))
+    assert position(unknown.accuracy_seen(x)) < 0.4 * absolute
+    assert position(tp.accuracy(known.robot, x)) < 0.4 * absolute
+    assert not known.registration.sigma.any()
+    np.testing.assert_array_equal(known.registration.base, np.eye(4))
+
+
+def test_a_known_marker_and_a_given_base_are_kept(h4, anywhere, rng):
+    robot = h4.with_sensors()
+    x = anywhere(robot, 60, rng)
+    base, marker = placed([1, 2, 3], [0.5, -2, 1]), placed([0.01, 0.02, -0.05], [0, 0, 0])
+    true = with_tolerance_errors(robot, 3)
+    given = tp.Registration(base=base, marker=(0.01, 0.02, -0.05), marker_sigma=(0, 0))
+    fit = tp.calibrate(
+        robot,
+        true.read(x),
+        measured=measured(robot, base, marker, x, rng),
+        measured_sigma=sigma_of(robot),
+        registration=given,
+    )
+    assert np.abs(fit.registration.base - base).max() < 1e-12
+    assert np.sqrt(np.median(fit.chi2 / fit.redundancy)) < 1.5
+    off = fit.robot.estimate(true.extended(x), guess=x).x - x
+    sigma = np.sqrt(np.einsum("kii->ki", tp.accuracy(fit.robot, x)))
+    assert np.abs(off / sigma).max() < 4
+
+
+def test_partly_measured_poses_count_as_far_as_they_go(h4, anywhere, rng):
+    """Empty cells; a line of which only z or θ was seen."""
+    robot = h4.with_sensors()
+    x = anywhere(robot, 120, rng)
+    base, marker = anyhow(robot, rng)
+    seen = measured(robot, base, marker, x, rng)
+    seen[::3, :2] = np.nan
+    seen[1::3, 3] = np.nan
+    true = with_tolerance_errors(robot, 2)
+    fit = tp.calibrate(robot, true.read(x), measured=seen, measured_sigma=sigma_of(robot))
+    free = fit.registration.sigma > 0
+    off = error(fit.registration, base, marker)[free]
+    assert nees(off, fit.registration.covariance[np.ix_(free, free)]) < 31  # χ²₁₀: 0.1 %
+    assert fit.redundancy[:3].tolist() == [2, 3, 4]
+
+
+@pytest.mark.parametrize("level", ["ideal", "full"])
+def test_the_experiments_own_log_calibrates_at_the_defaults(h4, tmp_path, level):
+    """docs/experiment.md's twin, whose vision frame is 1.9° and 20 mm off the base."""
+    from truepose import logs, run_logs, twin
+
+    there = twin.shipped()
+    run = there.run(h4, ("joint",))["joint"]
+    run_logs.write(run, tmp_path / "experiment.csv")
+    log = logs.read(h4, tmp_path / "experiment.csv")
+    assert np.isfinite(log.measured_sigma).all()
+    fit = tp.calibrate(h4, log, loss="student", level=level, model_error="on")
+    off = fit.registration.see(h4, fit.x, log.measured).residual / log.measured_sigma
+    assert np.sqrt(np.mean(off**2)) < 1.3
+    built = there.setup.registration
+    assert np.abs(fit.registration.base[:2, 3] - built[3:5]).max() < 2e-3
+    turn = frames.rotation_vector(fit.registration.base[:3, :3])
+    assert np.abs(turn - built[:3]).max() < np.radians(0.3)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ({"registration": "lost"}, "unknown registration 'lost'"),
+        ({"measured_sigma": -1.0}, "measured_sigma = -1.0: must be greater than 0"),
+        ({"measured_angle_sigma": 0.0}, "measured_angle_sigma = 0.0: must be greater than 0"),
+        ({"measured_sigma": [1e-5] * 3}, "measured_sigma: must be a number, 4 or"),
+    ],
+)
+def test_wrong_words_are_refused(h4, table2, words, said):
+    x = table2[:20]
+    with pytest.raises(tp.InputError, match=said):
+        tp.calibrate(h4, h4.extended(x), measured=x, **words)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        {"base": np.diag([1, 1, 2, 1])},
+        {"base": np.diag([1, 1, -1, 1])},
+        {"marker": (1, 2)},
+        {"marker_sigma": (-1, 0)},
+    ],
+)
+def test_what_is_no_frame_is_refused(words):
+    with pytest.raises(tp.InputError, match=r"^registration: "):
+        tp.Registration(**words)
