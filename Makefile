@@ -13,14 +13,18 @@ PACKAGE := $(shell find include src python robots -type f -not -name '*.pyc') \
 CPP := $(shell find include src tests/cpp tests/fuzz benchmarks -name '*.[hc]pp')
 
 .DEFAULT_GOAL := help
-.PHONY: help reproduce test test-python test-cpp lint format fuzz realtime instructions bench bench-peers pictures twin clean
+.PHONY: help reproduce report test test-python test-cpp lint format fuzz realtime instructions bench bench-peers pictures twin clean
 
 help:
 	@sed -n 's/^# \?//p' Makefile | sed '/^$$/q'
-	@echo "Also: lint format fuzz realtime instructions bench pictures twin clean"
+	@echo "Also: report lint format fuzz realtime instructions bench pictures twin clean"
 
 reproduce: $(VENV)/installed
 	@truepose reproduce $(ARGS)
+
+# The same, and what takes statistics over 100 robots: sets of sensors. Some minutes more.
+report: $(VENV)/installed
+	@truepose reproduce --full $(ARGS)
 
 test: test-python test-cpp
 

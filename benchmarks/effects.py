@@ -8,7 +8,8 @@ import argparse
 import truepose as tp
 from truepose import experiment_tables, forgotten
 from truepose.effects import Effects
-from truepose.forgotten import Line, over_robots
+from truepose.forgotten import Line
+from truepose.statistics import over_robots
 from truepose.twin_folder import markdown
 
 

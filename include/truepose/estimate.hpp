@@ -12,7 +12,7 @@
 
 namespace truepose {
 
-inline constexpr int kEstimateIterations = 20;
+inline constexpr int kEstimateIterations = 30;
 
 /// (step/σ)² from which on a Gauss-Newton step is the last. Each squares the error that is left, up
 /// to a factor of a few: 1e-5 of a σ leaves less than 1e-8.
@@ -183,34 +183,63 @@ Estimate<K> estimate_from(const Robot& robot, const Knowledge& known, const Exte
   double last = INFINITY;
   result.outcome = Level::template linearise<K>(robot, at, expected, H_x, H_xi, rest);
   if (result.outcome) result.outcome = reading_covariance(robot, known, H_xi, B, C);
+  Pose base;     // the last one that lowered the cost,
+  Joint step{};  // the step from there
+  double cost = INFINITY, promised = 0, length = 1;
   while (result.outcome) {
-    result.outcome = fuse<K>(robot, known, C, H_x, fusion);
-    if (!result.outcome) break;
     Extended residual{}, whitened{};
     innovation(robot, q_e, expected, residual);
     for (int c = 0; c < rows; ++c) whitened[c] = residual[c] / known.sigma[c];
     C.whiten(rows, whitened.data(), 1);
-    Joint step{};
-    double size = 0;  // of the step, each coordinate against its own σ
-    for (int i = 0; i < n; ++i) {
-      for (int c = 0; c < rows; ++c) step[i] += fusion.gain[i][c] * residual[c];
-      size = std::max(size, step[i] * step[i] / fusion.covariance[i][i]);
+    double next = 0;
+    for (int c = 0; c < rows; ++c) next += whitened[c] * whitened[c];
+    // Where readings disagree by many σ, their curvature times that overshoots: a step that lowers
+    // the cost by less than a quarter of what it promised is halved.
+    const bool shorter = next > cost - 0.25 * length * promised + 1e-12 * cost + 1e-9 &&
+                         std::isfinite(cost) && length > 1e-3;
+    if (shorter) {
+      length *= 0.5;
+    } else {
+      result.outcome = fuse<K>(robot, known, C, H_x, fusion);
+      if (!result.outcome) break;
+      base = at;
+      cost = next;
+      length = 1;
+      double size = 0;  // of the step, each coordinate against its own σ
+      for (int i = 0; i < n; ++i) {
+        step[i] = 0;
+        for (int c = 0; c < rows; ++c) step[i] += fusion.gain[i][c] * residual[c];
+        size = std::max(size, step[i] * step[i] / fusion.covariance[i][i]);
+      }
+      // Where σ is nanometres, rounding alone makes larger steps: a thousandth of σ that hardly
+      // shrinks is as near as one gets.
+      const double enough = kLastStep * std::max(1.0, cost / rows);  // of what disagrees anyway
+      if (size < enough || (size < 1e-6 && size > 0.25 * last)) {
+        ++result.iterations;
+        result.chi2 = cost;
+        result.covariance = fusion.covariance;
+        pose = moved<K>(at, step);
+        return result;
+      }
+      last = size;
+      Extended left{};
+      for (int c = 0; c < rows; ++c) {
+        left[c] = residual[c];
+        for (int i = 0; i < n; ++i) left[c] -= H_x[c][i] * step[i];
+        left[c] /= known.sigma[c];
+      }
+      C.whiten(rows, left.data(), 1);
+      promised = cost;
+      for (int c = 0; c < rows; ++c) promised -= left[c] * left[c];
     }
-    if (!std::isfinite(size) || result.iterations == cap) {
+    Joint whole = step;
+    for (double& entry : whole) entry *= length;
+    at = moved<K>(base, whole);
+    if (!all_finite(whole, n) || result.iterations == cap) {
       result.outcome = {Status::not_converged, -1};
       break;
     }
     ++result.iterations;
-    at = moved<K>(at, step);
-    // Where σ is nanometres, rounding alone makes larger steps: a thousandth of σ that hardly
-    // shrinks is as near as one gets.
-    if (size < kLastStep || (size < 1e-6 && size > 0.25 * last)) {
-      for (int c = 0; c < rows; ++c) result.chi2 += whitened[c] * whitened[c];
-      result.covariance = fusion.covariance;
-      pose = at;
-      return result;
-    }
-    last = size;
     result.outcome = Level::template linearise<K>(robot, at, expected, H_x, nullptr, rest);
     if (result.outcome.status == Status::unreachable)  // of this step's pose, not of the readings'
       result.outcome = {Status::not_converged, -1};

@@ -338,7 +338,7 @@ def calibrate(
         else (),
     )
     believed = "the last calibration's σ" if robot.spec.calibration else "the tolerances"
-    return replace(fit, notes=tuple(fit.departure.doubt(believed)))
+    return replace(fit, notes=(*fit.notes, *fit.departure.doubt(believed)))
 
 
 def _apart(

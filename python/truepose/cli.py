@@ -408,6 +408,10 @@ def reproduce(
             "--experiment", help="Also the experiment of section 4, measured by a vision system."
         ),
     ] = False,
+    full: Annotated[
+        bool,
+        typer.Option("--full", help="Also what sets of sensors give, over 100 robots and more."),
+    ] = False,
     how: _How = Format.table,
     force: _Force = False,
 ) -> None:
@@ -416,7 +420,8 @@ def reproduce(
     The H4 makes the 0.2 s move of Figures 11 to 13 under usual, redundant (TEJ) and Cartesian
     control, and calibrated from its own readings; then settles at the 625 poses of Table 2, for
     many robots drawn from the paper's geometric errors. Prints Table 3 and writes a report. With
-    --experiment a twin of the paper's robot is measured as that was, docs/experiment.md.
+    --experiment a twin of the paper's robot is measured as that was, docs/experiment.md. With
+    --full at least 100 real robots calibrate themselves with each of some sets of sensors (minutes).
 
     Example: **truepose reproduce --robots 100 --seed 0 --out my-report**
     """
@@ -431,15 +436,17 @@ def reproduce(
     with report.folder(out, force) as work:
         columns = (TextColumn("{task.description:26}"), BarColumn(), TaskProgressColumn())
         with Progress(*columns, console=Console(stderr=True)) as bar:
-            task = bar.add_task("robots", total=total_steps(robots, experiment) + report.FIGURES)
+            task = bar.add_task(
+                "robots", total=total_steps(robots, experiment, full) + report.FIGURES
+            )
 
             def progress(what: str) -> None:
                 bar.update(task, advance=1, description=what)
 
-            result = run(robots, seed, progress, virtual=experiment)
+            result = run(robots, seed, progress, virtual=experiment, full=full)
             report.write(result, work, progress)
     found = [tables.moves(result), tables.many_robots(result), tables.gains(result)]
-    found += [tables.sensing(result)]
+    found += [tables.sensing(result.sensing)] if result.sensing else []
     found += experiment_tables.tables(result.section) if result.section else []
     show(found, how)
     for note in result.section.notes if result.section else ():

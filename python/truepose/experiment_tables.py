@@ -8,9 +8,9 @@ from matplotlib.figure import Figure
 from truepose import figures, paper_data, twin
 from truepose.experiment import Control
 from truepose.experiment_section import Section
-from truepose.forgotten import Line, over_robots
+from truepose.forgotten import Line
 from truepose.frames import coordinates
-from truepose.statistics import in_print_units
+from truepose.statistics import in_print_units, over_robots
 from truepose.tables import FURTHER, UNITS, Cell, Table, cells, fixed, number
 from truepose.virtual_experiment import READINGS, Reading, Run
 

@@ -22,6 +22,7 @@ from truepose.frames import coordinates
 from truepose.plants.dynamic import DynamicPlant
 from truepose.robot import Robot
 from truepose.simulations import Controller, Simulation, simulate
+from truepose.statistics import interval, over_robots
 from truepose.threads import each
 from truepose.trials import JITTER
 from truepose.vision import Setup, Vision
@@ -31,7 +32,6 @@ FREQUENCY, BANDWIDTH = 40.0, 300.0
 WARM = 7200.0  #: s
 ROBOTS = 2  #: of a report, at most; an order of the effects takes more (benchmarks/effects.py)
 LEARN, JUDGE = 3, 7  #: every so many poses of Table 2 teach, and judge
-_DRAWS = 2000
 
 
 @dataclass(frozen=True)
@@ -59,18 +59,13 @@ class Line:
             Instead of how far it is above that line's, on the same robots: an effect whose
             interval holds zero takes nothing that these robots show.
         """
-        count = len(self.calibrated)
-        drawn = np.random.default_rng(0).integers(count, size=(_DRAWS, count))  # a bootstrap
-        value = over_robots(self.calibrated[drawn])
-        if less is not None:
-            value = value - over_robots(less.calibrated[drawn])
-        low, high = np.nanpercentile(value, [5, 95])
-        return float(low), float(high)
-
-
-def over_robots(each: Array) -> Array:
-    """Root mean square over the last axis; robots that learnt nothing do not count."""
-    return np.sqrt(np.nanmean(each**2, axis=-1))
+        if less is None:
+            return interval(over_robots, self.calibrated)
+        return interval(
+            lambda own, other: over_robots(own) - over_robots(other),
+            self.calibrated,
+            less.calibrated,
+        )
 
 
 def cases() -> dict[str, Effects]:

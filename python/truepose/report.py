@@ -113,7 +113,7 @@ def write(
         tables.gains(result),
         tables.moves(result),
         tables.check(result),
-        tables.sensing(result),
+        *([tables.sensing(result.sensing)] if result.sensing else []),
         tables.warm_up(result.warm_up),
         *(experiment_tables.tables(result.section) if result.section else ()),
     ]

@@ -25,7 +25,7 @@ class Reproduction:
     moves: dict[str, Simulation]
     experiment: Experiment
     check: dict[str, dict[Law, Array]]
-    sensing: list[sensing.Line]
+    sensing: list[sensing.Line]  #: empty unless it was asked for
     warm_up: list[warm_up.WarmUp]
     section: experiment_section.Section | None  #: the virtual experiment, where it was asked for
 
@@ -40,10 +40,10 @@ MOVES: dict[str, tuple[str, Law]] = {
 }
 
 
-def total_steps(robots: int, virtual: bool = False) -> int:
+def total_steps(robots: int, virtual: bool = False, full: bool = False) -> int:
     """How often `progress` will be called, at most."""
     checks = 3 * len(LAWS) * CHECKED_POSES
-    studies = sensing.total_steps(robots) + warm_up.total_steps(robots)
+    studies = warm_up.total_steps(robots) + (sensing.total_steps(robots) if full else 0)
     more = experiment_section.total_steps(robots) if virtual else 0
     return len(MOVES) + robots + checks + studies + more
 
@@ -53,10 +53,11 @@ def reproduce(
     seed: int,
     progress: Callable[[str], None] = lambda _: None,
     virtual: bool = False,
+    full: bool = False,
 ) -> Reproduction:
     """Simulate the move, settle `robots` drawn robots at 625 poses, check some in the dynamics.
 
-    Then compare sets of sensors, and warm calibrated robots up.
+    Then warm calibrated robots up.
 
     Parameters
     ----------
@@ -68,6 +69,8 @@ def reproduce(
         Called with what is being done after each step, see :func:`total_steps`.
     virtual : bool
         Also carry out the virtual experiment of section 4 on the twin.
+    full : bool
+        Also compare sets of sensors, over at least :data:`truepose.sensing.ROBOTS` robots.
     """
     robot = load("h4")
     truths = experiment.draw_robots(robot, robots, seed)
@@ -83,7 +86,10 @@ def reproduce(
     check = experiment.dynamics_check(
         robot, truths[0], some, progress=lambda: progress("some poses in the dynamics")
     )
-    sets = sensing.compare(robot, robots, seed, lambda: progress("sets of sensors"))
+    sets = []
+    if full:
+        many = max(robots, sensing.ROBOTS)
+        sets = sensing.compare(robot, many, seed, lambda: progress("sets of sensors"))
     warm = warm_up.study(robot, robots, seed, progress=lambda: progress("warming up"))
     section = experiment_section.run(progress, robots, seed) if virtual else None
     return Reproduction(robot, seed, moves, result, check, sets, warm, section)

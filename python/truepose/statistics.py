@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose.build import Array
 from truepose.exceptions import InputError
 from truepose.paper_data import QUANTITIES, STATISTICS
+
+_DRAWS = 2000  # of a bootstrap
 
 
 def in_print_units(error: ArrayLike) -> Array:
@@ -51,3 +55,32 @@ def table3(error: ArrayLike) -> Array:
     ]
     assert len(columns) == len(STATISTICS) and values.shape[-1] == len(QUANTITIES)
     return np.stack(columns, axis=-1)
+
+
+def over_robots(each: Array) -> Array:
+    """Root mean square over the last axis; robots that are NaN do not count."""
+    return np.sqrt(np.nanmean(np.square(each), axis=-1))
+
+
+def interval(statistic: Callable[..., Array], *each: Array) -> tuple[float, float]:
+    """90 % interval of a statistic of robots, as which of them were drawn leaves it: a bootstrap.
+
+    Parameters
+    ----------
+    statistic : callable
+        Of arrays whose last axis is robots.
+    each : ndarray, shape (robots,)
+        Values of the same robots.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> errors = np.random.default_rng(0).normal(size=400)
+    >>> low, high = interval(over_robots, errors)
+    >>> bool(low < over_robots(errors) < high), round(high - low, 1)
+    (True, 0.1)
+    """
+    count = len(each[0])
+    drawn = np.random.default_rng(0).integers(count, size=(_DRAWS, count))
+    low, high = np.nanpercentile(statistic(*(values[drawn] for values in each)), [5, 95])
+    return float(low), float(high)

@@ -9,6 +9,7 @@ import numpy as np
 
 from truepose import paper_data, statistics
 from truepose.reproduce import MOVES, Reproduction
+from truepose.sensing import Line
 from truepose.warm_up import NAMES, WarmUp
 
 QUANTITY_NAMES = {"x": "x", "y": "y", "z": "z", "theta": "θ", "norm_xyz": "norm"}
@@ -180,18 +181,29 @@ def moves(result: Reproduction) -> Table:
     return Table("moves", "Errors of the 0.2 s move", header, rows)
 
 
-def sensing(result: Reproduction) -> Table:
+def sensing(lines: list[Line]) -> Table:
     """Sets of sensors under each use of their readings, beside the bound."""
     rows = []
-    for line in result.sensing:
-        values = [*line.rms.values(), line.bound]
-        gain = line.rms["joint"] / line.rms["self-calibrated"]
+    for line in lines:
+        *others, own = line.rms.values()
+        (low, high), (least, most) = line.interval, line.gain_interval
         data = {"tolerances": line.tolerances, "sensors": line.sensors, "unit": "mm"}
         named = Cell(f"{line.tolerances}: {line.sensors}", data)
-        rows.append([named, *map(fixed, values), fixed(gain, 0)])
+        ends = {"self-calibrated": own, "self-calibrated 5 %": low, "self-calibrated 95 %": high}
+        gains = {"gain": line.gain, "gain 5 %": least, "gain 95 %": most}
+        rows.append(
+            [
+                named,
+                *map(fixed, others),
+                Cell(f"{own:.2f} [{low:.2f}, {high:.2f}]", ends),
+                fixed(line.bound),
+                Cell(f"{line.gain:.1f} [{least:.1f}, {most:.1f}]", gains),
+            ]
+        )
     header = ["position rms (mm)", "usual", "redundant, TEJ", "weighted, TEJ", "self-calibrated"]
     header += ["bound", "gain"]
-    title = f"The same sensor, used fully: {result.sensing[0].robots} robots a line"
+    count = len(lines[0].each["joint"])
+    title = f"The same sensor, used fully: {count} robots a line, every rod by itself [5, 95 %]"
     return Table("sensing", title, header, rows)
 
 

@@ -128,7 +128,12 @@ def run(
         fit = calibrate(robot, q_e[:first], loss=loss, **options)
         one = slice(first, first + 1)
         told = calibrate(
-            fit.robot, q_e[one], measured=at[one], measured_sigma=TOLD, **options
+            fit.robot,
+            q_e[one],
+            measured=at[one],
+            measured_sigma=np.full(robot.n, TOLD),
+            registration="known",
+            **options,
         ).robot
         rest = slice(first + 1, None)
         later, touched = (

@@ -113,7 +113,7 @@ def _one(
     drawn: Robot, source: np.random.SeedSequence, effects: Effects, times: Array
 ) -> tuple[dict[Method, Array], Array, Array]:
     """RMS errors of one robot under each method; those of `online`'s estimates, and their bound."""
-    cold = with_tolerance_errors(drawn, source)
+    cold = with_tolerance_errors(drawn.with_level(drawn.finest_level), source)
     known = _calibrated(drawn, cold, np.zeros((0, 0)))
     growth = effects.growth(cold)
     names = knowledge.uncertain(drawn)
@@ -159,7 +159,8 @@ def _calibrated(drawn: Robot, cold: Robot, modes: Array) -> Robot:
         lower = np.linalg.qr(half, mode="r").T
         root = lower * np.sign(np.diag(lower))
     values = {name: cold.parameters[name].value for name in names}
-    return drawn.with_calibration(calibration_of(values, root, "perfect, cold"))
+    learnt = drawn.with_calibration(calibration_of(values, root, "perfect, cold"))
+    return learnt.with_level(drawn.finest_level)
 
 
 def _rms(squares: Array) -> float:

@@ -98,7 +98,8 @@ def test_a_calibration_that_no_robot_can_have_is_refused(checked, h4_text, param
     learnt = f"[calibration]\nparameters = {parameters}\nmean = {mean}\nroot = {rows}\n"
     robot, lines = checked(h4_text + learnt)
     assert robot is None and told in lines, lines
-    assert re.match(r"FILE:1[45]\d: ", lines)
+    first = h4_text.count("\n") + 1
+    assert int(re.match(r"FILE:(\d+): ", lines)[1]) >= first
 
 
 @pytest.mark.parametrize(

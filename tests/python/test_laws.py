@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import experiment, sensing
+from truepose import experiment, sensing, tables
 from truepose.errors import with_tolerance_errors
 from truepose.simulations import LAWS
 
@@ -62,12 +62,15 @@ def test_no_motor_leaks_into_a_theta_that_is_measured_well(h4, table2):
 def test_at_rest_the_weighted_motor_error_vanishes_and_the_estimate_is_the_setpoint(
     h4, truth, table2
 ):
-    poses = table2[::25]
-    read = truth.extended(tp.settle(h4, truth, poses, "weighted"))
-    error = np.einsum("...ij,...j", h4.weighted_tej(poses), h4.extended(poses) - read)
+    poses, real = table2[::25], truth.with_level("full")
+    read = real.extended(tp.settle(h4, real, poses, "weighted"))
+    desired = h4.extended(poses, level="full")
+    error = np.einsum("...ij,...j", h4.weighted_tej(poses), desired - read)
     assert np.abs(error).max() < 1e-12
-    read = truth.extended(tp.settle(h4, truth, poses, "estimated"))
-    assert h4.estimate(read, guess=poses).x == pytest.approx(poses, abs=1e-9)
+    read = real.extended(tp.settle(h4, real, poses, "estimated"))
+    # The law takes its weights at x_d, the estimate where the motors are, mm away.
+    sigma = np.sqrt(np.diagonal(h4.estimate(read, guess=poses).covariance, axis1=1, axis2=2))
+    assert (np.abs(h4.estimate(read, guess=poses).x - poses) < 0.03 * sigma).all()
 
 
 @pytest.mark.parametrize("law", ["weighted", "estimated"])
@@ -128,10 +131,14 @@ def test_a_simulated_move_ends_where_self_calibrated_statics_say_within_counts(h
 
 
 def test_sets_of_sensors_are_compared_on_the_same_robots(h4):
-    lines = sensing.compare(h4, robots=2, seed=1)
+    lines = sensing.compare(h4, robots=3, seed=1)
     assert len(lines) == 2 * len(sensing.SETS)
     for line in lines:
-        assert line.rms["self-calibrated"] < line.rms["weighted"] < line.rms["joint"]
+        rms = line.rms
+        assert rms["self-calibrated"] < rms["weighted"] * (1.05 if "draw" in line.sensors else 1)
+        assert rms["weighted"] < rms["joint"]
+        assert line.interval[0] <= rms["self-calibrated"] <= line.interval[1]
     papers = [line for line in lines if line.tolerances == "paper"]
     assert len({line.rms["joint"] for line in papers}) == 1
     assert papers[0].bound > papers[1].bound
+    assert tables.sensing(lines).rows[0][0] == "paper: θ"

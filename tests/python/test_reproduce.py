@@ -103,7 +103,7 @@ def test_the_folder_holds_page_figures_and_numbers_and_nothing_else(made):
         "rest",
         "warm_up",
     ]
-    numbers = ["table3_one_robot", "table3_robots", "gains", "moves", "dynamics_check", "sensing"]
+    numbers = ["table3_one_robot", "table3_robots", "gains", "moves", "dynamics_check"]
     numbers += ["statistics", "poses", "figure-11", "figure-12", "figure-13", "cartesian"]
     numbers += ["self-calibrated", "warm_up"]
     expected = {"report.html"} | {f"{name}.csv" for name in numbers}

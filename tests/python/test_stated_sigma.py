@@ -63,7 +63,8 @@ def test_hexapods_measured_from_outside_know_how_well_they_are_known(
         measured = tracked(x, rng, OUTSIDE)
         for line in np.flatnonzero(rng.random(poses) < gross):
             q_e[line, rng.integers(6)] += rng.choice([-1, 1]) * rng.uniform(3, 300) * OUTSIDE
-        fit = tp.calibrate(stewart, q_e, measured=measured, measured_sigma=OUTSIDE, loss=loss)
+        seen = {"measured": measured, "measured_sigma": np.full(6, OUTSIDE)}
+        fit = tp.calibrate(stewart, q_e, **seen, registration="known", loss=loss)
         found.append(xi_nees(fit, true))
     p = len(fit.names)
     assert p == 42
@@ -97,7 +98,7 @@ def test_counts_of_nanometres_are_believed_and_known(stewart, anywhere, robots):
         off = [learner.robot.parameters[n].value - true.parameters[n].value for n in fit.names]
         online.append(nees(np.array(off), root @ root.T))
     p = len(fit.names)
-    assert p == 44
+    assert p == 48
     for of_robots in (of_xi, online):
         assert abs(np.mean(of_robots) - p) < 3.29 * np.sqrt(2 * p / robots)
     assert abs(np.mean(of_x) - 6) < 3.29 * np.std(of_x, ddof=1) / np.sqrt(robots)
@@ -110,7 +111,8 @@ def test_poses_are_estimated_to_nanometres(stewart, anywhere, rng, step):
     true = with_tolerance_errors(robot, 1)
     x, others = anywhere(robot, 100, rng), anywhere(robot, 500, rng)
     measured = tracked(x, rng, 1e-7)
-    fit = tp.calibrate(robot, true.read(x, seed=1), measured=measured, measured_sigma=1e-7)
+    seen = {"measured": measured, "measured_sigma": np.full(robot.n, 1e-7)}
+    fit = tp.calibrate(robot, true.read(x, seed=1), **seen, registration="known")
     found = fit.robot.estimate(true.read(others, seed=2), guess=others)
     error = difference(robot, found.x, others)
     assert np.abs(error).max() < 2e-6

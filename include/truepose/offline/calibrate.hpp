@@ -325,6 +325,7 @@ class Calibrator {
     Eigen::MatrixXd information;
     Eigen::VectorXd right;
     double damping = 0, current = cost(now);
+    double promised = INFINITY;  // by the last step without damping
     int last = 0, freedoms = 1;
     for (const Line& line : now.line) freedoms += line.redundancy();
     result.outcome = {Status::not_converged, -1};
@@ -343,6 +344,7 @@ class Calibrator {
       for (int k = 0; k < log_.count; ++k)
         moved_by = std::max(moved_by, std::sqrt(weight(now.line[k])) * follow(now, k, step, trial));
       const double gain = step.dot(right);  // predicted fall of the cost, and then some
+      if (damping == 0) promised = gain;
       const bool valid = evaluate(trial, result.status, &now) < 0;
       const double next = valid ? cost(trial) : INFINITY;
       // Steps below 0.01 σ no longer show in the cost, which rounds and whose poses lag by one
@@ -358,8 +360,9 @@ class Calibrator {
           return;
         }
       } else {
-        if (damping > 1e10) {
-          result.outcome = {Status::singular, -1};
+        if (damping > 1e10) {  // no step lowers the cost: at rounding, or nowhere
+          const bool there = promised < 1e-2 * scatter;
+          result.outcome = {there ? Status::ok : Status::singular, -1};
           return;
         }
         damping = std::max(10 * damping, 1e-4);
