@@ -177,8 +177,8 @@ def predict(
     >>> found = predict(tp.load("h4"), [["theta"], ["theta", "z_telemeter"]], calibrated=True)
     >>> for what, sigma in found.sigma.items():
     ...     print(what, (1e3 * sigma[:, -1]).round(2))  # mm
-    as built [7.46 5.  ]
-    self-calibrated [0.86 0.33]
+    as built [7.47 5.02]
+    self-calibrated [1.06 0.58]
     """
     sets = sensor_sets(robot) if sets is None else [tuple(names) for names in sets]
     candidates = [robot.with_sensors(*names) for names in sets]

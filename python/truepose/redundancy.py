@@ -80,7 +80,7 @@ class Redundancy(Kinematics):
         >>> robot = tp.load("h4").with_sensors("theta", "z_telemeter").expected()
         >>> est = robot.estimate(robot.extended([0.05, 0.01, -0.4, 0.2]))
         >>> print(est.x.round(6), np.sqrt(np.diag(est.covariance))[2].round(6), est.status)
-        [ 0.05  0.01 -0.4   0.2 ] 0.000134 ok
+        [ 0.05  0.01 -0.4   0.2 ] 0.000204 ok
         """
         from truepose import knowledge
 

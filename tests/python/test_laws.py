@@ -135,8 +135,9 @@ def test_sets_of_sensors_are_compared_on_the_same_robots(h4):
     assert len(lines) == 2 * len(sensing.SETS)
     for line in lines:
         rms = line.rms
-        assert rms["self-calibrated"] < rms["weighted"] * (1.05 if "draw" in line.sensors else 1)
         assert rms["weighted"] < rms["joint"]
+        if "wires" not in line.sensors:  # which say so much that few robots show no difference
+            assert rms["self-calibrated"] < rms["weighted"]
         assert line.interval[0] <= rms["self-calibrated"] <= line.interval[1]
     papers = [line for line in lines if line.tolerances == "paper"]
     assert len({line.rms["joint"] for line in papers}) == 1

@@ -170,7 +170,7 @@ def test_a_reproduction_gives_programs_one_number_for_each_name(run):
         assert all(type(v) is float for k, v in row.items() if k not in ("error", "unit") and v)
         assert row["usual, truepose"] == row["usual, truepose 5 %"]  # of a single robot
     names = {name for table in tables.values() for row in table for name in row}
-    assert {"max |x| (mm)", "final θ (°)", "gain"} <= names
+    assert {"max |x| (mm)", "final θ (°)"} <= names
 
 
 def test_words_that_hold_a_number_are_one_for_programs():
