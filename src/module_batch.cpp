@@ -30,8 +30,7 @@ auto batch_rkm(const Robot& robot, const Rows& x, bool full) {
 }
 
 auto batch_parasitic(const Robot& robot, const Rows& x) {
-  const std::size_t unknowns = robot.full.own() ? robot.full.unknowns : 0;
-  const std::size_t n = x.shape(1), rest = unknowns > n ? unknowns - n : 0;
+  const std::size_t n = x.shape(1), rest = robot.full.own() ? 6 - n + robot.full.bars : 0;
   return map_rows<Joint, Joint>(x, rest, [&](const Joint& at, Joint& turns, std::size_t) {
     return parasitic(robot, at, turns);
   });

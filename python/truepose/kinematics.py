@@ -156,7 +156,7 @@ class Kinematics:
 
         Returns
         -------
-        ndarray, shape (..., freedoms of the full level - n)
+        ndarray, shape (..., 6 - n + bars)
             The nacelle's tilt about x and y (of a translation robot, its turn about x, y, z), then
             each bar's turn about its pivot, against the base.
 

@@ -48,6 +48,11 @@ def imperfect(robot, rng, turned):
     return robot.replace(turns)
 
 
+def stretched(robot):
+    """Whether its rods are one too many, and stretch: MuJoCo's soft loops share it their own way."""
+    return "stretch" in robot.full.reason
+
+
 def somewhere(robot, rng):
     box = robot.spec.singularity_free
     return rng.uniform(box.minimum, box.maximum)
@@ -143,7 +148,7 @@ def holding_torque(robot, x):
 def test_every_robot_stands_closed_at_home(name, rng):
     truth = imperfect(tp.load(name), rng, turned=bool(tp.load(name).full))
     body = Body(truth)
-    assert body.gap() < 1e-12
+    assert body.gap() < (1e-3 if stretched(truth) else 1e-12)
     assert body.coordinates() == pytest.approx(truth.home, abs=1e-12)
     assert body.model.nu == truth.n
 
@@ -156,7 +161,10 @@ def test_both_rods_of_a_pair_are_there(h4):
 
 @pytest.mark.parametrize("name", tp.robots())
 def test_statics_agree_with_every_rod_by_itself(name, rng, settings):
-    """Motors held anywhere: 1 µm and 1e-5 rad, with errors of geometry, axes and rods."""
+    """Motors held anywhere: 1 µm and 1e-5 rad, with errors of geometry, axes and rods.
+
+    Where the rods are one too many, 10 µm and 1e-4 rad, of some 0.3 mm that they stretch.
+    """
     robot = tp.load(name)
     truth = imperfect(robot, rng, turned=bool(robot.full))
     level = "full" if truth.full else "ideal"
@@ -165,8 +173,9 @@ def test_statics_agree_with_every_rod_by_itself(name, rng, settings):
         q = robot.ikm(somewhere(robot, rng))
         settled = plant.settle_at(q)
         expected = mechanism.posture(truth.fkm(q, guess=settled.x, level=level))
-        assert np.abs(settled.frame[:3, 3] - expected.D).max() < 1e-6
-        assert np.abs(settled.frame[:3, :3] - expected.R).max() < 1e-5
+        off = 10 if stretched(truth) else 1
+        assert np.abs(settled.frame[:3, 3] - expected.D).max() < off * 1e-6
+        assert np.abs(settled.frame[:3, :3] - expected.R).max() < off * 1e-5
 
 
 def test_motors_where_no_pose_closes_the_loops():

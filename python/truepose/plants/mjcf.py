@@ -106,7 +106,7 @@ class Mechanism:
         D, R = _core.frame(core, [*x, *[0.0] * (6 - n)])
         theta = x[3] if robot.spec.mobility == "schoenflies" else 0.0
         psi = np.full(self.bars, -theta)
-        if full and core.full.kind == _core.FullKind.exists:
+        if full and core.full.kind != _core.FullKind.same:
             rest = robot.parasitic(x)
             tilts = len(rest) - self.bars
             tilt = np.append(rest[:tilts], np.zeros(3 - tilts))
