@@ -39,7 +39,8 @@ class Scene {
   Extended read(const Joint& x) {
     Extended q_e{};
     Matrix<kMaxReadings, kDof<K>> H_x;
-    CHECK(Model::template linearise<K>(truth, to_pose<K>(x), q_e, H_x, nullptr));
+    Parasitic rest;
+    CHECK(Model::template linearise<K>(truth, to_pose<K>(x), q_e, H_x, nullptr, rest));
     for (int c = 0; c < kDof<K> + robot.r; ++c)
       q_e[c] += std::sqrt(3) * learner_.state.sigma[c] * random_();
     return q_e;
@@ -120,7 +121,8 @@ TEST("one line is learnt as Kalman's formula has it, all of its equations togeth
     Extended expected, residual;
     Matrix<kMaxReadings, n> H_x;
     RowMatrix H_xi(rows, parameter_count(scene.robot));
-    CHECK(Model::template linearise<K>(learner.robot, pose, expected, H_x, H_xi.data()));
+    Parasitic rest;
+    CHECK(Model::template linearise<K>(learner.robot, pose, expected, H_x, H_xi.data(), rest));
     innovation(learner.robot, q_e, expected, residual);
     Eigen::MatrixXd A(rows, n), B(rows, p);
     Eigen::VectorXd e(rows);

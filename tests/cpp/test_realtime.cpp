@@ -8,6 +8,7 @@
 #include "truepose/control.hpp"
 #include "truepose/estimate.hpp"
 #include "truepose/full_linearise.hpp"
+#include "truepose/offline/plant.hpp"
 
 namespace {
 volatile long allocations = 0;  // volatile: the compiler takes it that malloc changes no variable
@@ -183,6 +184,44 @@ TEST("the estimate allocates nothing at either level, whether it finds a pose or
     CHECK(allocations == before);
     CHECK(failures == 0);
   });
+}
+
+TEST("control allocates nothing where the robot is understood rod by rod, under every law") {
+  for (const Mechanism& mechanism : {h4(), par4(), delta()})
+    with_mobility(mechanism.robot.mobility, [&](auto mobility) {
+      constexpr Mobility K = mobility();
+      if constexpr (kPaired<K>) {
+        Robot robot = mechanism.robot;
+        robot.r = std::max(robot.r, 1);
+        robot.level = Level::full;
+        CHECK(robot.rod_by_rod());
+        Prior prior(robot);
+        check::Random random(75);
+        long failures = 0;
+        for (const Law law :
+             {Law::joint, Law::redundant, Law::cartesian, Law::weighted, Law::estimated}) {
+          ControlSettings settings;
+          settings.law = law;
+          CHECK(place_poles(robot, robot.home, 150, 1, settings));
+          ControlState state;
+          const long before = allocations;
+          for (long k = 0; k < 200; ++k) {
+            Setpoint setpoint;
+            setpoint.x = random_pose(mechanism, random);
+            Extended q_e;
+            Parasitic rest;
+            if (!exact_readings<K>(robot, nearby<K>(to_pose<K>(setpoint.x), random, 1e-4), q_e,
+                                   rest) ||
+                !control<K>(robot, settings, setpoint, q_e, state, prior.weighing()))
+              ++failures;
+            q_e[0] += 3;  // mostly fails
+            static_cast<void>(control<K>(robot, settings, setpoint, q_e, state, prior.weighing()));
+          }
+          CHECK(allocations == before);
+        }
+        CHECK(failures == 0);
+      }
+    });
 }
 
 TEST("learning while it works, a controller allocates nothing, at either level") {
