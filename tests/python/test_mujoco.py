@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import _core
+from truepose import _core, experiment
+from truepose.errors import with_tolerance_errors
 from truepose.plants.mjcf import Mechanism, to_mjcf
 
 mujoco = pytest.importorskip("mujoco")
@@ -49,7 +50,7 @@ def imperfect(robot, rng, turned):
 
 
 def stretched(robot):
-    """Whether its rods are one too many, and stretch: MuJoCo's soft loops share it their own way."""
+    """Whether its rods are one too many: MuJoCo's soft loops share the stretch their own way."""
     return "stretch" in robot.full.reason
 
 
@@ -407,3 +408,18 @@ def test_a_driver_that_is_not_there_is_one_line(run, monkeypatch):
     monkeypatch.setenv("MUJOCO_GL", "nonsense")
     status, _, err = run("view", "delta", "--png", "delta.png")
     assert (status, err.count("\n")) == (2, 1) and "MUJOCO_GL: nonsense" in err
+
+
+def test_a_real_robot_on_its_own_calibration_rests_where_the_exact_statics_say(h4, table2):
+    """Under the law of the estimate, every rod by itself in robot, calibration and controller."""
+    robot, poses = h4.with_sensors("theta", "z_telemeter"), table2[::200]
+    true = with_tolerance_errors(robot, 11).with_level("full")
+    believed = experiment.self_calibrated(robot, true, table2)
+    expected = tp.settle(believed, true, poses, "estimated")
+    controller = tp.Controller(law="estimated", integral=20.0)
+    visit = MujocoPlant(true).visit(believed, poses, controller)
+    assert (visit.status == "ok").all()
+    assert np.abs(visit.x - expected).max() < 2e-5  # counts
+    usual = tp.settle(robot, true, poses, "joint")
+    off = [np.linalg.norm((x - poses)[:, :3], axis=1) for x in (visit.x, usual)]
+    assert off[0].max() < 0.2 * off[1].max()

@@ -82,9 +82,7 @@ def test_what_drifts_is_followed_by_a_filter_that_knows_of_drift(h4, table2, rng
     before = start.read(poses, seed=9)
     error = {}
     for drift in (None, {"chain*.rod": 1e-4}):
-        online = tp.OnlineCalibration(
-            robot, drift=drift, gate=0, level="ideal", model_error="off"
-        )
+        online = tp.OnlineCalibration(robot, drift=drift, gate=0, level="ideal", model_error="off")
         online.observe(before)
         online.observe(np.array(warming))
         last = start.replace({name: drawn[name] + 1e-3 for name in names})
