@@ -108,7 +108,7 @@ inline void free_row(const Robot& robot, const FullClosure<K>& at, int rod,
 
 /// The bars' turns and, in the place of a second, the stress, which is no motion.
 inline void turn_bars(const Robot& robot, const double* step, int count, FullPose& pose) {
-  if (robot.full.kind == FullKind::elastic) {
+  if (count == kMaxBars && robot.full.kind == FullKind::elastic) {
     for (double& psi : pose.psi) psi += step[0];
   } else {
     for (int k = 0; k < count; ++k) pose.psi[k] += step[k];
