@@ -103,8 +103,11 @@ int main() {
     f_control_weighted(h4.robot, weighted, h4.setpoint[i], h4.q_e[i], states[4], prior.weighing());
     f_control_estimated(h4.robot, estimated, h4.setpoint[i], h4.q_e[i], states[5],
                         prior.weighing());
-    f_control_estimated_full(rods, estimated, h4.setpoint[i], h4.q_e[i], states[6],
-                             prior.weighing());
+    Extended q_e;  // a cycle after one nearby: what every cycle is but the first
+    Parasitic rest;
+    exact_readings<kH4>(rods, to_pose<kH4>(h4.near[i]), q_e, rest);
+    control<kH4>(rods, estimated, {h4.near[i]}, q_e, states[6], prior.weighing());
+    f_control_estimated_full(rods, estimated, h4.setpoint[i], q_e, states[6], prior.weighing());
     f_forward_dynamics(h4.robot, to_pose<kH4>(h4.x[i]), h4.setpoint[i].rate, out);
     f_ups_ikm(ups.robot, ups.x[i], out);
     f_ups_jacobian(ups.robot, ups.x[i], J);

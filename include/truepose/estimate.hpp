@@ -193,6 +193,10 @@ Estimate<K> estimate_from(const Robot& robot, const Knowledge& known, const Exte
     C.whiten(rows, whitened.data(), 1);
     double next = 0;
     for (int c = 0; c < rows; ++c) next += whitened[c] * whitened[c];
+    if (!std::isfinite(next)) {
+      result.outcome = {Status::not_converged, -1};
+      break;
+    }
     // Where readings disagree by many σ, their curvature times that overshoots: a step that lowers
     // the cost by less than a quarter of what it promised is halved.
     const bool shorter = next > cost - 0.25 * length * promised + 1e-12 * cost + 1e-9 &&

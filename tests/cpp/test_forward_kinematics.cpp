@@ -82,7 +82,7 @@ TEST("from home the FKM finds the pose of the robot's own mode, however far it h
       }
       CHECK(reached > 400);
       // Some lie behind a singular pose: of the same sign, yet another mode.
-      CHECK(lost <= reached / 25 && (again == 0 || 2 * lost < again));
+      CHECK(lost <= reached / 25 && lost <= again / 2 + 2);  // a few, whose sign rounding decides
     }
   });
 }
