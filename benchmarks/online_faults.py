@@ -84,14 +84,14 @@ def study(name: str, sensors: list[str], level: str, robots: int) -> dict[str, l
             off = (online.robot.estimate(readings, level=level).x - test)[:, :width]
             return np.sqrt((off**2).sum(axis=1).mean())
 
-        online = tp.OnlineCalibration(robot, level=level)
+        online = tp.OnlineCalibration(robot, level=level, model_error="off")
         online.observe(q_e[:START])
-        P = tp.accuracy(online.robot, test, level=level)[:, :width, :width]
+        P = tp.accuracy(online.robot, test, level=level, model_error=False)[:, :width, :width]
         bound = np.sqrt(np.trace(P, axis1=1, axis2=2).mean())
         runs["(after 50 lines)"].append((error(online) / bound, None, 0))
         everything = [("(no fault)", 0, q_e), *faults(q_e, robot.n, sigma, rng)]
         for kind, c, lines in everything:
-            online = tp.OnlineCalibration(robot, level=level)
+            online = tp.OnlineCalibration(robot, level=level, model_error="off")
             online.observe(lines, errors="nan")
             stopped = online.stopped and int(online.stopped.split()[1]) - START
             runs[kind].append((error(online) / bound, stopped, c))
@@ -117,7 +117,7 @@ def clean(name: str, sensors: list[str], level: str, lines: int) -> str:
     q_e = true.read(poses(robot, lines, rng), seed=1, level=level)
     volume = []
     for gate in (4.0, 0.0):
-        online = tp.OnlineCalibration(robot, level=level, gate=gate)
+        online = tp.OnlineCalibration(robot, level=level, gate=gate, model_error="off")
         online.observe(q_e)
         volume.append(np.linalg.slogdet(online.covariance)[1] / len(online.parameters))
         if gate:

@@ -216,8 +216,12 @@ class OnlineCalibration:
     @property
     def robot(self) -> Robot:
         """The robot as it is known now; its estimates count with what is still open."""
+        left_out = {}
+        if self._error and self._level == "ideal":
+            error = knowledge.stated_error(self._robot).tolist()
+            left_out = dict(zip(self._robot.readings, error, strict=True))
         return self._robot.with_calibration(
-            calibration_of(self._values(), self._filter.root, "online")
+            calibration_of(self._values(), self._filter.root, "online", left_out)
         )
 
     def _values(self) -> dict[str, float]:
