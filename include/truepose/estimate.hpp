@@ -14,8 +14,8 @@ namespace truepose {
 
 inline constexpr int kEstimateIterations = 30;
 
-/// (step/σ)² from which on a Gauss-Newton step is the last: 1e-5 of a σ. What it leaves is a few per
-/// cent of it, where readings disagree by several σ, else its square.
+/// (step/σ)² from which on a Gauss-Newton step is the last: 1e-5 of a σ. What it leaves is a few
+/// per cent of it, where readings disagree by several σ, else its square.
 inline constexpr double kLastStep = 1e-10;
 
 /// The model that an estimate rests on: one rod per chain (full_linearise.hpp has the other, to
