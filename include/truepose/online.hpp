@@ -164,7 +164,13 @@ inline Outcome understand(const Robot& robot, const OnlineSettings& settings, co
   // What linearising about a poor ξ̂ leaves out is of second order: the square of what is open.
   // It counts as noise, lest the first lines claim to know what they do not.
   decorrelate(p, work.F, settings.linearised ? 0 : kCurvature * coarsest, line.innovations);
-  return {};
+  // Nor may what it would learn from overflow, or be as good as certain.
+  for (int i = 0; i < robot.r; ++i) {
+    const Innovations& made = line.innovations;
+    sum += 0 * made.y[i] + 0 * made.total[i] + 0 / made.noise[i];
+    for (int k = 0; k < p; ++k) sum += 0 * (work.F[i * p + k] / made.noise[i]);
+  }
+  return {std::isfinite(sum) ? Status::ok : Status::not_finite, -1};
 }
 
 /// Copies ξ̂ and S to where they are kept, or back.
