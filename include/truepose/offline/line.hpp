@@ -35,7 +35,7 @@ struct Outside {
   int first = -1;  ///< of the registration among the unknowns, by itself in S; -1: it is known
 };
 
-/// The robot as a log sees it: the three things in which mobilities and levels differ.
+/// The robot as a log sees it: what mobilities and levels do differently.
 struct LineModel {
   int n = 0;
   Status (*fkm)(const Robot&, const Joint& q, Pose&, Parasitic&) = nullptr;
