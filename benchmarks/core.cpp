@@ -3,7 +3,7 @@
 
 #include "bench.hpp"
 #include "inputs.hpp"
-#include "truepose/full_linearise.hpp"
+#include "truepose/full/linearise.hpp"
 #include "truepose/offline/simulate.hpp"
 #include "truepose/offline/statics.hpp"
 

@@ -3,8 +3,8 @@
 #pragma once
 
 #include "../tests/cpp/mechanisms.hpp"
-#include "truepose/control.hpp"
-#include "truepose/fkm.hpp"
+#include "truepose/control/control.hpp"
+#include "truepose/kinematics/fkm.hpp"
 
 namespace inputs {
 

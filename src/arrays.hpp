@@ -9,8 +9,8 @@
 #include <type_traits>
 #include <utility>
 
-#include "truepose/robot.hpp"
-#include "truepose/status.hpp"
+#include "truepose/model/robot.hpp"
+#include "truepose/model/status.hpp"
 
 namespace truepose::python {
 

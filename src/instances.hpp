@@ -2,8 +2,8 @@
 // instances.cpp has them, the others only declare them.
 #pragma once
 
-#include "truepose/estimate.hpp"
-#include "truepose/full_linearise.hpp"
+#include "truepose/estimation/estimate.hpp"
+#include "truepose/full/linearise.hpp"
 
 /// Those of every mobility, then those of the full level where the rods come in pairs: the full
 /// level of the others is their ideal one.

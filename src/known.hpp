@@ -4,7 +4,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "truepose/control_law.hpp"
+#include "truepose/control/law.hpp"
 
 namespace truepose::python {
 

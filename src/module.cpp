@@ -5,8 +5,8 @@
 #include <nanobind/stl/pair.h>
 
 #include "arrays.hpp"
-#include "truepose/full.hpp"
-#include "truepose/geometry.hpp"
+#include "truepose/full/full.hpp"
+#include "truepose/model/geometry.hpp"
 
 namespace truepose::python {
 namespace {

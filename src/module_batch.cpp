@@ -5,8 +5,8 @@
 #include "arrays.hpp"
 #include "for_rows.hpp"
 #include "instances.hpp"
-#include "truepose/command.hpp"
-#include "truepose/full_linearise.hpp"
+#include "truepose/control/command.hpp"
+#include "truepose/full/linearise.hpp"
 #include "truepose/offline/assembly.hpp"
 
 namespace truepose::python {

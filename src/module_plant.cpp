@@ -5,9 +5,9 @@
 #include <nanobind/stl/tuple.h>
 
 #include "arrays.hpp"
-#include "truepose/full_rkm.hpp"
+#include "truepose/control/trajectory.hpp"
+#include "truepose/full/rkm.hpp"
 #include "truepose/offline/plant.hpp"
-#include "truepose/trajectory.hpp"
 
 namespace truepose::python {
 namespace {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "known.hpp"
-#include "truepose/learning.hpp"
+#include "truepose/estimation/learning.hpp"
 
 namespace truepose::python {
 

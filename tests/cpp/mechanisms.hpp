@@ -6,9 +6,9 @@
 #pragma once
 
 #include "check.hpp"
-#include "truepose/control_law.hpp"
-#include "truepose/full.hpp"
-#include "truepose/learning.hpp"
+#include "truepose/control/law.hpp"
+#include "truepose/estimation/learning.hpp"
+#include "truepose/full/full.hpp"
 
 namespace mechanisms {
 

@@ -1,10 +1,10 @@
 // What does the real-time core ask of the machine? Every entry point in one object, compiled with
 // neither exceptions nor run-time types; check_symbols.cmake reads its undefined symbols.
-#include "truepose/command.hpp"
-#include "truepose/control.hpp"
-#include "truepose/estimate.hpp"
-#include "truepose/full_linearise.hpp"
-#include "truepose/learning.hpp"
+#include "truepose/control/command.hpp"
+#include "truepose/control/control.hpp"
+#include "truepose/estimation/estimate.hpp"
+#include "truepose/estimation/learning.hpp"
+#include "truepose/full/linearise.hpp"
 
 using namespace truepose;
 

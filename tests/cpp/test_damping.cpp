@@ -2,7 +2,7 @@
 #include <Eigen/Dense>
 
 #include "mechanisms.hpp"
-#include "truepose/control.hpp"
+#include "truepose/control/control.hpp"
 #include "truepose/offline/statics.hpp"
 
 using namespace mechanisms;

@@ -1,7 +1,7 @@
 // What of an encoder may change what a robot does? Nothing; and a stop stops commands alone.
 #include "mechanisms.hpp"
-#include "truepose/control.hpp"
-#include "truepose/fkm.hpp"
+#include "truepose/control/control.hpp"
+#include "truepose/kinematics/fkm.hpp"
 #include "truepose/offline/plant.hpp"
 
 using namespace mechanisms;

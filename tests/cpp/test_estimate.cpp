@@ -2,7 +2,7 @@
 #include <Eigen/Dense>
 
 #include "mechanisms.hpp"
-#include "truepose/full_linearise.hpp"
+#include "truepose/full/linearise.hpp"
 #include "truepose/offline/bound.hpp"
 
 using namespace mechanisms;

@@ -1,7 +1,7 @@
 // Does the forward kinematic model find the pose again? From the motors, from motors and angle.
 #include "mechanisms.hpp"
-#include "truepose/fkm.hpp"
-#include "truepose/fkm_closed.hpp"
+#include "truepose/kinematics/fkm.hpp"
+#include "truepose/kinematics/fkm_closed.hpp"
 
 using namespace mechanisms;
 

@@ -1,7 +1,7 @@
 // Does every rod fit, when the axes are not exact? The full level against the ideal one, against
 // its own closures and derivatives, and against figures computed outside this project.
 #include "mechanisms.hpp"
-#include "truepose/full_rkm.hpp"
+#include "truepose/full/rkm.hpp"
 
 using namespace mechanisms;
 

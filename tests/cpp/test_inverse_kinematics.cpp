@@ -1,8 +1,8 @@
 // Does the inverse kinematic model close the loops? And are poses and rotations sound below it?
 #include "mechanisms.hpp"
-#include "truepose/command.hpp"
-#include "truepose/rkm.hpp"
-#include "truepose/trajectory.hpp"
+#include "truepose/control/command.hpp"
+#include "truepose/control/trajectory.hpp"
+#include "truepose/sensors/rkm.hpp"
 
 using namespace mechanisms;
 

@@ -1,7 +1,7 @@
 // Do the Jacobians say how the robot moves? Each against finite differences, in the tangent space.
 #include "mechanisms.hpp"
-#include "truepose/fkm.hpp"
-#include "truepose/rkm.hpp"
+#include "truepose/kinematics/fkm.hpp"
+#include "truepose/sensors/rkm.hpp"
 
 using namespace mechanisms;
 

@@ -6,9 +6,9 @@
 #include <cstdlib>
 
 #include "mechanisms.hpp"
-#include "truepose/command.hpp"
-#include "truepose/control.hpp"
-#include "truepose/full_linearise.hpp"
+#include "truepose/control/command.hpp"
+#include "truepose/control/control.hpp"
+#include "truepose/full/linearise.hpp"
 
 using namespace mechanisms;
 

@@ -2,7 +2,7 @@
 #include <Eigen/Dense>
 
 #include "mechanisms.hpp"
-#include "truepose/full_linearise.hpp"
+#include "truepose/full/linearise.hpp"
 
 using namespace mechanisms;
 

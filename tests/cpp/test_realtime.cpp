@@ -5,9 +5,9 @@
 #include <cstdlib>
 
 #include "mechanisms.hpp"
-#include "truepose/control.hpp"
-#include "truepose/estimate.hpp"
-#include "truepose/full_linearise.hpp"
+#include "truepose/control/control.hpp"
+#include "truepose/estimation/estimate.hpp"
+#include "truepose/full/linearise.hpp"
 #include "truepose/offline/plant.hpp"
 
 namespace {

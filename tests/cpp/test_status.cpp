@@ -2,8 +2,8 @@
 #include <limits>
 
 #include "mechanisms.hpp"
-#include "truepose/control_law.hpp"
-#include "truepose/fkm.hpp"
+#include "truepose/control/law.hpp"
+#include "truepose/kinematics/fkm.hpp"
 
 using namespace mechanisms;
 

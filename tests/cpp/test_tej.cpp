@@ -2,7 +2,7 @@
 #include <Eigen/Dense>
 
 #include "mechanisms.hpp"
-#include "truepose/tej.hpp"
+#include "truepose/control/tej.hpp"
 
 using namespace mechanisms;
 

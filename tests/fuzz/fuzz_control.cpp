@@ -1,7 +1,7 @@
 // Does any robot, setpoint, reading or change of law make a controller, the dynamics or the statics
 // crash, hang or command a torque that is no number?
 #include "decode.hpp"
-#include "truepose/control.hpp"
+#include "truepose/control/control.hpp"
 #include "truepose/offline/statics.hpp"
 
 using namespace fuzz;

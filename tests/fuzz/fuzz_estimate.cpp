@@ -1,8 +1,8 @@
 // Does any robot, knowledge or reading make an estimate or the learner crash, hang, call a NaN an
 // answer, or spoil what it had learnt?
 #include "decode.hpp"
-#include "truepose/full_linearise.hpp"
-#include "truepose/learning.hpp"
+#include "truepose/estimation/learning.hpp"
+#include "truepose/full/linearise.hpp"
 
 namespace {
 

@@ -1,6 +1,6 @@
 // Does any robot, pose or reading make the full level crash, hang or call a NaN an answer?
 #include "decode.hpp"
-#include "truepose/full_rkm.hpp"
+#include "truepose/full/rkm.hpp"
 
 using namespace fuzz;
 

@@ -1,9 +1,9 @@
 // Does any robot, pose or reading make the ideal level crash, hang or call a NaN an answer?
 #include "decode.hpp"
-#include "truepose/command.hpp"
-#include "truepose/control_law.hpp"
-#include "truepose/fkm.hpp"
-#include "truepose/linearise.hpp"
+#include "truepose/control/command.hpp"
+#include "truepose/control/law.hpp"
+#include "truepose/estimation/linearise.hpp"
+#include "truepose/kinematics/fkm.hpp"
 
 namespace {
 

@@ -6,7 +6,7 @@
 #include <random>
 #include <vector>
 
-#include "truepose/fkm.hpp"
+#include "truepose/kinematics/fkm.hpp"
 
 namespace truepose {
 

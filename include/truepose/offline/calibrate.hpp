@@ -10,7 +10,7 @@
 #include <functional>
 #include <vector>
 
-#include "truepose/geometry.hpp"
+#include "truepose/model/geometry.hpp"
 #include "truepose/offline/line.hpp"
 #include "truepose/offline/loss.hpp"
 

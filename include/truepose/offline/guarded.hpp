@@ -1,7 +1,7 @@
 // What does the ideal level leave out, and how large may it be?
 #pragma once
 
-#include "truepose/full_linearise.hpp"
+#include "truepose/full/linearise.hpp"
 
 namespace truepose {
 

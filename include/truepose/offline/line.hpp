@@ -1,8 +1,8 @@
 // What does one line of readings say of ξ, linearised, its pose eliminated?
 #pragma once
 
-#include "truepose/eliminate.hpp"
-#include "truepose/estimate.hpp"
+#include "truepose/estimation/estimate.hpp"
+#include "truepose/math/eliminate.hpp"
 #include "truepose/offline/guarded.hpp"
 #include "truepose/offline/registration.hpp"
 

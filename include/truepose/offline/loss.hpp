@@ -15,7 +15,7 @@
 #include <array>
 #include <cmath>
 
-#include "truepose/eliminate.hpp"
+#include "truepose/math/eliminate.hpp"
 
 namespace truepose {
 

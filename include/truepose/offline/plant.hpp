@@ -3,8 +3,8 @@
 
 #include <random>
 
-#include "truepose/dynamics.hpp"
-#include "truepose/full_rkm.hpp"
+#include "truepose/control/dynamics.hpp"
+#include "truepose/full/rkm.hpp"
 
 namespace truepose {
 

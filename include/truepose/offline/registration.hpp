@@ -13,7 +13,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "truepose/eliminate.hpp"
+#include "truepose/math/eliminate.hpp"
 
 namespace truepose {
 

@@ -1,8 +1,8 @@
 // What happens when a controller drives a robot? The closed loop: nominal controller, true plant.
 #pragma once
 
-#include "truepose/control.hpp"
-#include "truepose/learning.hpp"
+#include "truepose/control/control.hpp"
+#include "truepose/estimation/learning.hpp"
 #include "truepose/offline/effects.hpp"
 
 namespace truepose {

@@ -1,7 +1,7 @@
 // Where does a robot come to rest under a controller? Exactly, without simulating the motion.
 #pragma once
 
-#include "truepose/control.hpp"
+#include "truepose/control/control.hpp"
 #include "truepose/offline/plant.hpp"
 
 namespace truepose {

@@ -1,0 +1,191 @@
+// Which torque now? One control cycle: readings and setpoint in, motor torques out.
+#pragma once
+
+#include <algorithm>
+
+#include "truepose/control/dynamics.hpp"
+#include "truepose/control/law.hpp"
+#include "truepose/control/trajectory.hpp"
+
+namespace truepose {
+
+enum class FeedForward : int {
+  none = 0,
+  gravity = 1,  ///< holds the nominal robot at x_d
+  full = 2,     ///< gravity, inertia and Coriolis of the nominal robot along the trajectory
+};
+
+/// Constant during a run.
+struct ControlSettings {
+  Law law = Law::joint;
+  FeedForward feed_forward = FeedForward::full;
+  double period = 1e-3;              ///< s
+  double velocity_bandwidth = 1500;  ///< of the velocity tracking loops, rad/s
+  double damped_below = 0;           ///< conditioning from which on J is damped (0: never)
+  Joint kp{};                        ///< N·m/rad (N/m)
+  Joint kd{};                        ///< N·m·s/rad
+  Joint ki{};                        ///< N·m/(rad·s); 0: no integral action
+};
+
+/// What a controller remembers from cycle to cycle. Zero it to switch the controller on.
+struct ControlState {
+  bool started = false;
+  Extended position{}, rate{};  ///< the tracking loops: of the readings, or of x̂
+  Joint integral{};             ///< N·m
+  Joint torque{};               ///< the last one commanded; held when a cycle fails
+  Joint error{};                ///< ê_q of the last good cycle
+  Parasitic nearby;             ///< of a robot that is understood rod by rod, at x_d
+};
+
+/// Velocity of a quantised encoder as a drive estimates it: a tracking loop of second order (α-β
+/// filter) with both poles at exp(-bandwidth · period), hence stable for any bandwidth.
+inline void track(const ControlSettings& settings, double pole, double reading, double& position,
+                  double& rate) {
+  const double predicted = position + settings.period * rate;
+  const double innovation = reading - predicted;
+  position = predicted + (1 - pole * pole) * innovation;
+  rate += (1 - pole) * (1 - pole) / settings.period * innovation;
+}
+
+/// One cycle. Bounded work, no allocation, no exception, no lock.
+///
+/// @param q_e       readings of motors and sensors, size n + r
+/// @param state     in and out; state.torque is the command
+/// @param weighing  for the laws `weighted` and `estimated`
+/// @return no answer: the torque of the last good cycle is held, nothing else changes;
+/// near_singular: the torque is that of the damped J
+template <Mobility K>
+inline Outcome control(const Robot& robot, const ControlSettings& settings,
+                       const Setpoint& setpoint, const Extended& q_e, ControlState& state,
+                       const Weighing& weighing = {}) {
+  constexpr int n = kDof<K>;
+  if (!all_finite(q_e, n + robot.r) || !all_finite(setpoint.x, n) ||
+      !all_finite(setpoint.rate, n) || !all_finite(setpoint.acceleration, n))
+    return {Status::not_finite, -1};
+  Reference<K> reference;
+  Parasitic nearby = state.nearby;
+  Outcome outcome = refer<K>(robot, settings.law, setpoint.x, reference, settings.damped_below,
+                             weighing, &nearby);
+  const Outcome regular = outcome;
+  Joint error{}, error_rate{}, torque{};
+  Pose found;
+  if (outcome)
+    outcome = motor_error<K>(robot, settings.law, reference, q_e, error, found, weighing, nearby);
+  if (!outcome) return outcome;
+
+  // The rate of ê_q is the law's own map of the rates that it is made of: of the motors, of all
+  // readings, or of the estimated pose (so that θ is damped by its own, finer counts). A TEJ moves
+  // with x_d; that term is of second order in the error and is left out.
+  const bool posed = of_pose(settings.law), extended = of_readings(settings.law);
+  const int tracked = extended ? n + robot.r : n;
+  Extended measured = q_e;
+  Joint desired = setpoint.rate;
+  if (posed) {
+    const Joint x = to_coordinates<K>(found);
+    std::copy_n(x.begin(), n, measured.begin());
+  } else {
+    desired = reference.jacobians.joint_rate(setpoint.rate);
+  }
+  ControlState next = state;
+  next.nearby = nearby;
+  if (!next.started) {
+    next.started = true;
+    next.position = measured;
+  }
+  double sum = 0;  // of what the state will keep: one NaN in it would fail every later cycle
+  Pose from;
+  if constexpr (K == Mobility::spatial)
+    if (posed) {  // rotation vectors do not add: x̂ is tracked in the tangent space at its last pose
+      Joint last{};
+      std::copy_n(next.position.begin(), n, last.begin());
+      from = to_pose<K>(last);
+      const Joint step = difference<K>(found, from);
+      std::copy_n(step.begin(), n, measured.begin());
+      next.position.fill(0);
+    }
+  const double pole = std::exp(-settings.velocity_bandwidth * settings.period);
+  for (int c = 0; c < tracked; ++c) {
+    track(settings, pole, measured[c], next.position[c], next.rate[c]);
+    sum += next.position[c];
+    double rate = -next.rate[c];
+    if (c < n)
+      rate += desired[c];
+    else
+      for (int j = 0; j < n; ++j) rate += reference.jr[c - n][j] * setpoint.rate[j];
+    if (extended)
+      for (int i = 0; i < n; ++i) error_rate[i] += reference.tej[i][c] * rate;
+    else
+      error_rate[c] = rate;
+  }
+  if (posed) error_rate = reference.jacobians.joint_rate(error_rate);
+  if constexpr (K == Mobility::spatial)
+    if (posed) {
+      Joint step{};
+      std::copy_n(next.position.begin(), n, step.begin());
+      const Joint x = to_coordinates<K>(moved<K>(from, step));
+      std::copy_n(x.begin(), n, next.position.begin());
+    }
+
+  if (settings.feed_forward != FeedForward::none) {
+    DynamicModel<K> model;
+    const bool full = settings.feed_forward == FeedForward::full;
+    outcome = dynamic_model<K>(robot, reference.closure, full ? setpoint.rate : Joint{}, model);
+    if (!outcome) return outcome;
+    torque =
+        inverse_dynamics<K>(model, reference.jacobians.J, full ? setpoint.acceleration : Joint{});
+  }
+  for (int i = 0; i < n; ++i) {
+    const double limit = robot.chain[i].torque_limit;
+    const double step = settings.ki[i] * settings.period * error[i];
+    const double wanted =
+        torque[i] + settings.kp[i] * error[i] + settings.kd[i] * error_rate[i] + next.integral[i];
+    const bool pushes = limit > 0 && std::fabs(wanted) > limit && wanted * step > 0;
+    if (!pushes) next.integral[i] += step;  // a saturated motor does not wind up
+    torque[i] = wanted + (pushes ? 0 : step);
+    sum += wanted + step;  // before the limit, which would hide an infinite integral
+    if (limit > 0) torque[i] = std::clamp(torque[i], -limit, limit);
+  }
+  if (!std::isfinite(sum)) return {Status::not_finite, -1};
+  next.torque = torque;
+  next.error = error;
+  state = next;
+  return regular;
+}
+
+inline Outcome control(const Robot& robot, const ControlSettings& settings,
+                       const Setpoint& setpoint, const Extended& q_e, ControlState& state,
+                       const Weighing& weighing = {}) {
+  return with_mobility(robot.mobility, [&](auto mobility) {
+    return control<mobility()>(robot, settings, setpoint, q_e, state, weighing);
+  });
+}
+
+/// PD gains by pole placement on the diagonal of the joint inertia JᵀMJ at a pose: motor i alone
+/// answers as a second order of that natural frequency (rad/s) and damping ratio.
+inline Outcome place_poles(const Robot& robot, const Joint& x, double frequency, double damping,
+                           ControlSettings& settings) {
+  return with_mobility(robot.mobility, [&](auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr int n = kDof<K>;
+    Closure<K> closure;
+    Jacobians<K> jacobians;
+    DynamicModel<K> model;
+    Outcome outcome = ikm<K>(robot, to_pose<K>(x), closure);
+    if (outcome) outcome = jacobian<K>(closure, jacobians);
+    if (outcome) outcome = dynamic_model<K>(robot, closure, Joint{}, model);
+    if (!outcome) return outcome;
+    for (int m = 0; m < n; ++m) {
+      double inertia = 0;
+      for (int i = 0; i < n; ++i)
+        for (int j = 0; j < n; ++j)
+          inertia += jacobians.J[i][m] * model.mass[i][j] * jacobians.J[j][m];
+      settings.kp[m] = inertia * frequency * frequency;
+      settings.kd[m] = 2 * damping * inertia * frequency;
+    }
+    if (!all_finite(settings.kp, n) || !all_finite(settings.kd, n))
+      outcome = {Status::not_finite, -1};
+    return outcome;
+  });
+}
+
+}  // namespace truepose

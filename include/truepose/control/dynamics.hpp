@@ -1,0 +1,236 @@
+// Which torques move the nacelle? The reduced dynamic model, in the nacelle's coordinates.
+//
+// Driven by the pose, every loop closes exactly: q, q̇, q̈ follow from x, ẋ, ẍ through the closure
+// and its two derivatives. Rotors and arms turn about the motors' axes, rods are slender (their
+// velocity is linear between B and A, which is exact), nacelle bodies are rigid. D'Alembert:
+//
+//     M(x) ẍ + c(x, ẋ) = Kᵀ (τ - friction(q̇)),     q̇ = K ẋ,  K = J⁻¹ = J_q⁻¹ J_x
+#pragma once
+
+#include "truepose/kinematics/jacobian.hpp"
+
+namespace truepose {
+
+template <Mobility K>
+struct DynamicModel {
+  static constexpr int n = kDof<K>;
+  Matrix<kDof<K>, kDof<K>> mass;  ///< M, full symmetric
+  std::array<double, n> bias;     ///< c: Coriolis, centrifugal and gravity forces
+  Matrix<kDof<K>, kDof<K>> k;     ///< K, rows k_i
+  std::array<double, n> rate;     ///< q̇
+  std::array<double, n> slope;    ///< ∂(q as read)/∂(q as the motor turns)
+};
+
+/// ω × l for the angular velocities that the mobility allows.
+template <Mobility K>
+inline Vec3 turning(const Vec3& omega, const Vec3& l) {
+  if constexpr (K == Mobility::spatial)
+    return omega.cross(l);
+  else if constexpr (kTurnsAboutZ<K>)
+    return Vec3(-omega.z() * l.y(), omega.z() * l.x(), 0);
+  else
+    return Vec3::Zero();
+}
+
+/// M, c and K at a closed pose moving with the free twist `rate`.
+/// @return singular (and the chain) where an entry of J_q vanishes
+template <Mobility K>
+TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<K>& closure,
+                                              const Joint& rate, DynamicModel<K>& model) {
+  constexpr int n = kDof<K>;
+  const Twist twist = to_twist<K>(rate);
+  const Vec3 g = robot.gravity;
+  for (int i = 0; i < n; ++i) {
+    model.mass[i].fill(0);
+    model.bias[i] = 0;
+  }
+
+  // What hangs on the nacelle adds up to one spatial inertia about D and one wrench.
+  double mass = 0;
+  Vec3 first = Vec3::Zero();   // Σ m l
+  Mat3 second = Mat3::Zero();  // Σ m (|l|² - l lᵀ), and the bodies' own inertia
+  Vec3 force = Vec3::Zero(), moment = Vec3::Zero();
+  const auto hang = [&](double m, const Vec3& l, const Vec3& f) {
+    mass += m;
+    first += m * l;
+    if constexpr (K == Mobility::spatial) {
+      second += m * (l.squaredNorm() * Mat3::Identity() - l * l.transpose());
+    } else if constexpr (kTurnsAboutZ<K>) {
+      second(2, 2) += m * (l.x() * l.x() + l.y() * l.y());
+    }
+    force += f;
+    moment += l.cross(f);
+  };
+
+  for (int i = 0; i < n; ++i) {
+    const Chain& chain = robot.chain[i];
+    const ChainState& at = closure.chain[i];
+    auto& k = model.k[i];
+    jx_row<K>(at.v, at.lever, k);
+    if (!(at.jq * at.jq > kSingular * at.v.squaredNorm() * at.dB.squaredNorm()))
+      return {Status::singular, i};
+    // The motor's true angle counts here, not what an eccentric encoder makes of it.
+    const double per_jq = at.rate / at.jq, slope = 1 / at.rate;
+    const Vec3 dB = slope * at.dB;
+    model.slope[i] = slope;
+    double qd = 0;
+    for (int j = 0; j < n; ++j) {
+      k[j] *= per_jq;
+      qd += k[j] * rate[j];
+    }
+    model.rate[i] = qd;
+
+    // Second derivative of the closure: q̈ = k ẍ + h. aA, aB: accelerations of A and B at ẍ = 0.
+    const Vec3 swing = turning<K>(twist.omega, at.lever);
+    const Vec3 centripetal = turning<K>(twist.omega, swing);
+    const Vec3 stretch = dB * qd - twist.velocity - swing;  // v̇
+    Vec3 aB = Vec3::Zero();
+    double right = at.v.dot(centripetal) - stretch.squaredNorm();
+    if (chain.actuator == Actuator::revolute) {
+      aB = -qd * qd * at.p;
+      right -= at.v.dot(aB);
+    } else if (chain.actuator == Actuator::telescopic) {
+      right += qd * qd;
+    }
+    const double h = right * per_jq;
+    aB += dB * h;
+
+    // Slender rod: virtual work of (m/6) [δB·(2B̈ + Ä) + δA·(B̈ + 2Ä)] - (m/2) (δB + δA)·g.
+    const double m2 = chain.rod_mass * 0.5, m3 = chain.rod_mass * (1.0 / 3), m6 = 0.5 * m3;
+    const Vec3 fB = m3 * aB + m6 * centripetal - m2 * g;
+    const Vec3 fA = m3 * centripetal + m6 * aB - m2 * g;
+    hang(m3, at.lever, fA);
+    const double carried =
+        chain.actuator == Actuator::revolute ? 0.5 : 1;  // arm's centre / carriage
+    const double own = chain.drive_inertia * h + dB.dot(fB - chain.arm_mass * carried * g);
+    std::array<double, n> b;  // J_Aᵀ ∂B/∂q
+    free_columns<K>(dB, at.lever.cross(dB), b.data());
+    const double kk = chain.drive_inertia + m3 * dB.squaredNorm();
+    for (int row = 0; row < n; ++row) {
+      model.bias[row] += k[row] * own;
+      const double kr = kk * k[row] + m6 * b[row], br = m6 * k[row];
+      for (int column = 0; column <= row; ++column)
+        model.mass[row][column] += kr * k[column] + br * b[column];
+    }
+  }
+
+  for (int i = 0; i < robot.bodies; ++i) {
+    const Body& body = robot.body[i];
+    const Vec3 l = turned<K>(closure.pose.R, body.pivot);
+    hang(body.mass, l, body.mass * (turning<K>(twist.omega, turning<K>(twist.omega, l)) - g));
+    if constexpr (K == Mobility::spatial) {
+      const Mat3 inertia = closure.pose.R * body.inertia * closure.pose.R.transpose();
+      second += inertia;
+      moment += twist.omega.cross(inertia * twist.omega);
+    } else if constexpr (kTurnsAboutZ<K>) {
+      second(2, 2) += body.inertia(2, 2);
+    }
+  }
+
+  // [m, -[Σml]×; [Σml]×, second], its free rows and columns.
+  std::array<double, n> wrench;
+  free_columns<K>(force, moment, wrench.data());
+  Mat3 cross;
+  cross << 0, -first.z(), first.y(), first.z(), 0, -first.x(), -first.y(), first.x(), 0;
+  for (int row = 0; row < n; ++row) {
+    model.bias[row] += wrench[row];
+    const int i = Freedom<K>::columns[row];
+    for (int column = 0; column <= row; ++column) {
+      const int j = Freedom<K>::columns[column];
+      if (i < 3)
+        model.mass[row][column] += i == j ? mass : 0;
+      else
+        model.mass[row][column] += j < 3 ? cross(i - 3, j) : second(i - 3, j - 3);
+      model.mass[column][row] = model.mass[row][column];
+    }
+  }
+  return {};
+}
+
+/// Motor torques that give the acceleration: τ = Jᵀ (M ẍ + c), friction not counted.
+template <Mobility K>
+inline Joint inverse_dynamics(const DynamicModel<K>& model, const Matrix<kDof<K>, kDof<K>>& J,
+                              const Joint& acceleration) {
+  constexpr int n = kDof<K>;
+  Joint torque{};
+  for (int i = 0; i < n; ++i) {
+    double force = model.bias[i];
+    for (int j = 0; j < n; ++j) force += model.mass[i][j] * acceleration[j];
+    for (int j = 0; j < n; ++j) torque[j] += J[i][j] * force;
+  }
+  for (int j = 0; j < n; ++j) torque[j] *= model.slope[j];
+  return torque;
+}
+
+/// Friction of a motor, N·m or N: viscous, and Coulomb smoothed over ±kStiction rad/s (or m/s) so
+/// that the integration stays regular; a robot at rest creeps within that speed.
+inline constexpr double kStiction = 1e-3;
+inline double friction(const Chain& chain, double rate) {
+  const double viscous = chain.viscous * rate;
+  return chain.coulomb > 0 ? viscous + chain.coulomb * std::tanh(rate / kStiction) : viscous;
+}
+
+/// Acceleration ẍ under torques that may depend on how the motors stand and turn.
+/// @param torque_of  torque_of(closure, model) -> Joint; NeedAngle: it asks the closure for q
+/// @return unreachable, singular, not_finite, or ok
+template <Mobility K, bool NeedAngle, class Torque>
+inline Outcome forward_dynamics_under(const Robot& robot, const Pose& pose, const Joint& rate,
+                                      Torque&& torque_of, Joint& acceleration) {
+  constexpr int n = kDof<K>;
+  Closure<K> closure;
+  DynamicModel<K> model;
+  Outcome outcome = ikm<K, NeedAngle>(robot, pose, closure);
+  if (outcome) outcome = dynamic_model<K>(robot, closure, rate, model);
+  if (!outcome) return outcome;
+  const Joint torque = torque_of(closure, model);
+  std::array<double, n> force;
+  for (int j = 0; j < n; ++j) force[j] = -model.bias[j];
+  for (int i = 0; i < n; ++i) {
+    const double net = torque[i] - friction(robot.chain[i], model.rate[i]);
+    for (int j = 0; j < n; ++j) force[j] += model.k[i][j] * net;
+  }
+  std::array<double, n> size;
+  for (int j = 0; j < n; ++j) size[j] = model.mass[j][j];
+  const Ldlt<n> factor(model.mass, size);
+  if (!factor.regular()) return {Status::singular, -1};
+  factor.solve(force);
+  for (int j = 0; j < n; ++j) acceleration[j] = force[j];
+  if (!all_finite(acceleration, n)) return {Status::not_finite, -1};
+  return outcome;
+}
+
+/// Acceleration ẍ under motor torques.
+template <Mobility K>
+inline Outcome forward_dynamics(const Robot& robot, const Pose& pose, const Joint& rate,
+                                const Joint& torque, Joint& acceleration) {
+  return forward_dynamics_under<K, false>(
+      robot, pose, rate, [&](const auto&, const auto&) { return torque; }, acceleration);
+}
+
+/// Kinetic and potential energy (J); their sum is kept in free motion without friction.
+struct Energy {
+  double kinetic = 0, potential = 0;
+};
+template <Mobility K>
+inline Outcome energy(const Robot& robot, const Pose& pose, const Joint& rate, Energy& result) {
+  Closure<K> closure;
+  DynamicModel<K> model;
+  Outcome outcome = ikm<K, false>(robot, pose, closure);
+  if (outcome) outcome = dynamic_model<K>(robot, closure, rate, model);
+  if (!outcome) return outcome;
+  result = {};
+  for (int i = 0; i < kDof<K>; ++i) {
+    for (int j = 0; j < kDof<K>; ++j) result.kinetic += 0.5 * rate[i] * model.mass[i][j] * rate[j];
+    const Chain& chain = robot.chain[i];
+    const Vec3 B = chain.base + closure.chain[i].p, A = B - closure.chain[i].v;
+    const Vec3 arm = chain.actuator == Actuator::revolute ? Vec3(0.5 * (chain.base + B)) : B;
+    result.potential -= robot.gravity.dot(chain.rod_mass / 2 * (A + B) + chain.arm_mass * arm);
+  }
+  for (int i = 0; i < robot.bodies; ++i)
+    result.potential -=
+        robot.body[i].mass *
+        robot.gravity.dot(pose.D + pose.R * robot.body[i].pivot + robot.body[i].anchor);
+  return outcome;
+}
+
+}  // namespace truepose

@@ -1,0 +1,223 @@
+// What motor error do the readings mean? The paper's three answers and two that weigh the readings
+// by what is known of them, from one reference.
+//
+// A robot that is understood rod by rod (Robot::level) gets its desired readings, its weights and
+// its estimate from the full level; J and the paper's TEJ, which only turn errors into errors, and
+// the dynamics stay ideal.
+#pragma once
+
+#include "truepose/control/tej.hpp"
+#include "truepose/estimation/estimate.hpp"
+#include "truepose/full/linearise.hpp"
+#include "truepose/kinematics/fkm_closed.hpp"
+
+namespace truepose {
+
+enum class Law : int {
+  joint = 0,      ///< Figure 1: e_q = q_d - q
+  redundant = 1,  ///< Figure 2: ê_q = TEJ (q_de - q_e)
+  cartesian = 2,  ///< closing remark: ê_q = J⁻¹ (x_d - x̂), x̂ from the redundant FKM
+  weighted = 3,   ///< as redundant, with the weighted TEJ (estimate.hpp)
+  estimated = 4,  ///< as cartesian, x̂ from `estimate`: any mobility, any sensors
+};
+
+/// Whether the law corrects a pose x̂, and whether it maps all readings by a TEJ.
+constexpr bool of_pose(Law law) { return law == Law::cartesian || law == Law::estimated; }
+constexpr bool of_readings(Law law) { return law == Law::redundant || law == Law::weighted; }
+
+/// What the last two laws need besides the robot. One for each controller that runs at a time: the
+/// work space is written to.
+struct Weighing {
+  const Knowledge* known = nullptr;  ///< about the robot's own parameter values
+  double* work = nullptr;            ///< estimate_work(robot, known->count) doubles
+  explicit operator bool() const { return known != nullptr && work != nullptr; }
+};
+
+/// Everything a law needs that depends on x_d alone: q_de, J, TEJ at x_d, q_d.
+template <Mobility K>
+struct Reference {
+  Closure<K> closure;
+  Jacobians<K> jacobians;
+  Extended q_e;  ///< q_de
+  Matrix<kMaxSensors, kDof<K>> jr;
+  ExtendedColumns M;
+  ExtendedRows tej;
+  Pose pose;  ///< laws of the pose: x̂ where the readings are q_de
+};
+
+/// Weighted TEJ at the reference's pose: M⁺ = (MᵀC⁻¹M)⁻¹MᵀC⁻¹, C of the robot's own geometry there.
+template <Mobility K>
+TRUEPOSE_APART inline Outcome weigh(const Robot& robot, const Weighing& weighing, Parasitic& rest,
+                                    Reference<K>& reference) {
+  if (!weighing) return {Status::not_measured, -1};
+  constexpr int n = kDof<K>;
+  Matrix<kMaxReadings, n> H_x;
+  ReadingCovariance C;
+  Fusion<K> fusion;
+  double *H_xi = weighing.work, *B = H_xi + (n + robot.r) * parameter_count(robot);
+  Outcome outcome;
+  if (robot.rod_by_rod()) {
+    outcome = linearise_full<K>(robot, reference.closure.pose, reference.q_e, H_x, H_xi, &rest);
+  } else {
+    pose_rows<K>(robot, reference.jacobians, reference.jr, H_x);
+    parameter_jacobian<K>(robot, reference.closure, H_xi);
+  }
+  if (outcome) outcome = reading_covariance(robot, *weighing.known, H_xi, B, C);
+  if (outcome) outcome = fuse<K>(robot, *weighing.known, C, H_x, fusion);
+  if (outcome) weighted_tej<K>(robot, H_x, fusion, reference.tej);
+  return outcome;
+}
+
+/// q_de where every rod closes its own loop.
+template <Mobility K>
+TRUEPOSE_APART inline Outcome refer_full(const Robot& robot, Parasitic& rest,
+                                         Reference<K>& reference) {
+  if constexpr (!kPaired<K>) {
+    return {Status::no_full_level, -1};
+  } else {
+    FullClosure<K> closure;
+    Reading r;
+    std::array<FullRow, kMaxSensors> rows;
+    const FullResult result = ikm_full<K>(robot, reference.closure.pose, closure, &rest);
+    Outcome outcome{result.status, result.chain};
+    if (outcome) outcome = within_limits(robot, closure.q);
+    if (outcome) outcome = rkm_full<K>(robot, closure, r, rows);
+    if (!outcome) return outcome;
+    std::copy_n(closure.q.begin(), kDof<K>, reference.q_e.begin());
+    std::copy_n(r.begin(), robot.r, reference.q_e.begin() + kDof<K>);
+    return outcome;
+  }
+}
+
+template <Mobility K>
+Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Vec3& near_side, Pose& pose);
+
+/// @param band  conditioning below which J and J⁻¹ are damped (0: nowhere, the paper's law)
+/// @param weighing  for the weighted law
+/// @param nearby    of a robot that is understood rod by rod: what the full level adds at the last
+///                  cycle's x_d, and then at this one's; nullptr: nothing is known beforehand
+/// @return near_singular where they are; joint_limit where a motor would have to pass its stops;
+/// branch_lost where x_d lies in another assembly mode than
+/// the robot's home (in the band, where the modes meet, both are its own)
+template <Mobility K>
+inline Outcome refer(const Robot& robot, Law law, const Joint& x_d, Reference<K>& reference,
+                     double band = 0, const Weighing& weighing = {}, Parasitic* nearby = nullptr) {
+  Parasitic unknown;
+  Parasitic& rest = nearby ? *nearby : unknown;
+  Outcome outcome = ikm<K>(robot, to_pose<K>(x_d), reference.closure);
+  if (outcome) outcome = within_limits(robot, reference.closure.q());
+  if (outcome) outcome = jacobian<K>(reference.closure, band, reference.jacobians);
+  const Outcome regular = outcome;
+  Reading r;
+  if (outcome) outcome = rkm<K>(robot, reference.closure, r, reference.jr);
+  // On the other side of a singularity the motors would have to pass through it to get there.
+  const bool modes_meet = regular.status == Status::near_singular && regular.chain < 0;
+  if (outcome && !modes_meet && robot.assembly_sign != 0 &&
+      assembly_sign<K>(reference.jacobians) != robot.assembly_sign)
+    outcome = {Status::branch_lost, -1};
+  if (!outcome) return outcome;
+  for (int i = 0; i < kDof<K>; ++i) reference.q_e[i] = reference.closure.chain[i].q;
+  std::copy_n(r.begin(), robot.r, reference.q_e.begin() + kDof<K>);
+  reference.pose = reference.closure.pose;
+  if (robot.rod_by_rod()) {
+    outcome = refer_full<K>(robot, rest, reference);
+    // What the ideal model makes of q_de is compared with what it makes of q_e: at x_d both agree.
+    if (outcome && law == Law::cartesian)
+      outcome = redundant_fkm<K>(robot, reference.q_e, reference.closure.pose.D, reference.pose);
+    if (!outcome) return outcome;
+  }
+  if (law == Law::redundant)
+    tej<K>(robot, reference.jacobians, reference.jr, reference.M, reference.tej);
+  else if (law == Law::weighted)
+    outcome = weigh<K>(robot, weighing, rest, reference);
+  return outcome ? regular : outcome;
+}
+
+/// Redundant FKM: orientation from its sensor (or fixed by the mobility), position from all
+/// spheres. @return not_measured where no sensor gives the orientation
+template <Mobility K>
+Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Vec3& near_side, Pose& pose) {
+  if constexpr (K == Mobility::schoenflies || K == Mobility::translation) {
+    pose = Pose{};
+    if constexpr (K == Mobility::schoenflies) {
+      int k = 0;
+      while (k < robot.r && robot.sensor[k].kind != SensorKind::nacelle_angle) ++k;
+      if (k == robot.r) return {Status::not_measured, -1};
+      pose.theta = measured(robot.sensor[k], q_e[kDof<K> + k]);
+      pose.R = rotation_z(pose.theta);
+    }
+    Joint q{};
+    for (int i = 0; i < kDof<K>; ++i) q[i] = q_e[i];
+    return fkm_closed<K>(robot, q, pose.R, near_side, pose.D);
+  } else {
+    return {Status::not_measured, -1};
+  }
+}
+
+/// The same for coordinates x of any mobility; the robot's home says on which side the nacelle is.
+inline Outcome redundant_fkm(const Robot& robot, const Extended& q_e, Joint& x) {
+  return with_mobility(robot.mobility, [&](auto mobility) {
+    constexpr Mobility K = mobility();
+    Pose pose;
+    const Outcome outcome = redundant_fkm<K>(robot, q_e, to_pose<K>(robot.home).D, pose);
+    if (outcome) x = to_coordinates<K>(pose);
+    return outcome;
+  });
+}
+
+/// Steps from x_d after which the search starts again from what the motors say.
+inline constexpr int kNearIterations = 5;
+
+/// x̂ of all readings, searched for from where it is asked to be, with the weights of that pose.
+/// @param rest  what the full level adds there
+template <Mobility K>
+TRUEPOSE_APART inline Outcome find(const Robot& robot, const Weighing& weighing,
+                                   const Pose& desired, const Extended& q_e, Pose& found,
+                                   Parasitic rest) {
+  if (!weighing) return {Status::not_measured, -1};
+  const auto search = [&](auto model) {
+    using Model = decltype(model);
+    const Knowledge& known = *weighing.known;
+    found = desired;
+    Outcome outcome =
+        estimate_from<K, Model>(robot, known, q_e, found, weighing.work, rest, kNearIterations)
+            .outcome;
+    if (!outcome) outcome = estimate<K, Model>(robot, known, q_e, found, weighing.work).outcome;
+    return outcome;
+  };
+  if constexpr (kPaired<K>)
+    if (robot.rod_by_rod()) return search(FullModel{});
+  return search(IdealModel{});
+}
+
+/// Motor error under a law.
+/// @param found     out, laws of the pose only: x̂
+/// @param weighing  for the law of the estimate
+template <Mobility K>
+inline Outcome motor_error(const Robot& robot, Law law, const Reference<K>& reference,
+                           const Extended& q_e, Joint& error, Pose& found,
+                           const Weighing& weighing = {}, const Parasitic& nearby = {}) {
+  constexpr int n = kDof<K>;
+  if (of_pose(law)) {
+    const Outcome outcome =
+        law == Law::cartesian
+            ? redundant_fkm<K>(robot, q_e, reference.closure.pose.D, found)
+            : find<K>(robot, weighing, reference.closure.pose, q_e, found, nearby);
+    if (outcome) error = reference.jacobians.joint_rate(difference<K>(reference.pose, found));
+    return outcome;
+  }
+  std::array<double, kMaxReadings> e_qe;
+  for (int i = 0; i < n; ++i) e_qe[i] = reference.q_e[i] - q_e[i];
+  if (law == Law::joint) {
+    for (int i = 0; i < n; ++i) error[i] = e_qe[i];
+  } else {
+    for (int k = n; k < n + robot.r; ++k) e_qe[k] = reference.q_e[k] - q_e[k];
+    for (int i = 0; i < n; ++i) {
+      error[i] = 0;
+      for (int c = 0; c < n + robot.r; ++c) error[i] += reference.tej[i][c] * e_qe[c];
+    }
+  }
+  return {};
+}
+
+}  // namespace truepose

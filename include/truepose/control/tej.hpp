@@ -1,0 +1,69 @@
+// How do redundant readings correct the motors? The extended-to-joint matrix (TEJ).
+#pragma once
+
+#include "truepose/kinematics/damping.hpp"
+#include "truepose/sensors/rkm.hpp"
+
+namespace truepose {
+
+using ExtendedColumns = Matrix<kMaxReadings, kMaxDof>;  ///< M
+using ExtendedRows = Matrix<kMaxDof, kMaxReadings>;     ///< M⁺
+
+/// M = [I; J_r J], Δq_e = M Δq, and its weighted pseudo-inverse TEJ = M⁺ = (MᵀWM)⁻¹MᵀW.
+/// W is 1 for motors and the sensor's weight (1 in the paper) for redundant rows.
+/// Built by recursive least squares, which keeps M⁺M = I to rounding for any weight: M⁺ starts
+/// as [I], whose motor columns are C = (MᵀWM)⁻¹, and each sensor, g its row of J_r J, adds
+///
+///     k = C gᵀ w / (1 + w g C gᵀ),     M⁺ ← [M⁺ - k (g M⁺), k]
+template <Mobility K>
+inline void tej(const Robot& robot, const Jacobians<K>& jacobians,
+                const Matrix<kMaxSensors, kDof<K>>& jr, ExtendedColumns& M, ExtendedRows& M_plus) {
+  constexpr int n = kDof<K>;
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j) M[i][j] = M_plus[i][j] = i == j;
+  for (int s = 0; s < robot.r; ++s) {
+    const double weight = robot.sensor[s].weight;
+    std::array<double, n> g{}, gain{};
+    for (int i = 0; i < n; ++i)
+      for (int j = 0; j < n; ++j) g[j] += jr[s][i] * jacobians.J[i][j];
+    double gCg = 0;
+    for (int i = 0; i < n; ++i) {
+      for (int j = 0; j < n; ++j) gain[i] += M_plus[i][j] * g[j];
+      gCg += g[i] * gain[i];
+      M[n + s][i] = g[i];
+    }
+    const double scale = weight / (1 + weight * gCg);
+    for (double& entry : gain) entry *= scale;
+    for (int c = 0; c < n + s; ++c) {
+      double seen = 0;  // g M⁺: what of reading c the sensor sees again
+      for (int i = 0; i < n; ++i) seen += g[i] * M_plus[i][c];
+      for (int i = 0; i < n; ++i) M_plus[i][c] -= gain[i] * seen;
+    }
+    for (int i = 0; i < n; ++i) M_plus[i][n + s] = gain[i];
+  }
+}
+
+/// M and M⁺ at coordinates x. @param band  conditioning below which J is damped (0: the paper's)
+/// @return near_singular where it is damped
+inline Outcome tej(const Robot& robot, const Joint& x, ExtendedColumns& M, ExtendedRows& M_plus,
+                   double band = 0) {
+  return with_mobility(robot.mobility, [&](auto mobility) {
+    constexpr Mobility K = mobility();
+    Closure<K> closure;
+    Jacobians<K> jacobians;
+    Outcome outcome = ikm<K, false>(robot, to_pose<K>(x), closure);
+    if (outcome) outcome = jacobian<K>(closure, band, jacobians);
+    const Outcome regular = outcome;
+    Reading values;
+    Matrix<kMaxSensors, kDof<K>> jr;
+    if (outcome) outcome = rkm<K>(robot, closure, values, jr);
+    if (!outcome) return outcome;
+    tej<K>(robot, jacobians, jr, M, M_plus);
+    double sum = 0;  // of each sensor's row and column: a row that overflowed leaves a column of 0
+    for (int c = kDof<K>; c < kDof<K> + robot.r; ++c)
+      for (int i = 0; i < kDof<K>; ++i) sum += M[c][i] + M_plus[i][c];
+    return std::isfinite(sum) ? regular : Outcome{Status::not_finite, -1};
+  });
+}
+
+}  // namespace truepose

@@ -1,0 +1,285 @@
+// Where is the nacelle, from all readings together, and how well is that known?
+//
+// x̂ = argmin |q_e - h(x)|² in the metric C⁻¹, C = H_ξ Σ_ξ H_ξᵀ + Σ_s: what the readings cannot be
+// trusted for, geometry and counts alike. The same weights make the weighted TEJ.
+#pragma once
+
+#include "truepose/control/tej.hpp"
+#include "truepose/estimation/knowledge.hpp"
+#include "truepose/estimation/linearise.hpp"
+#include "truepose/full/full.hpp"
+#include "truepose/kinematics/fkm.hpp"
+
+namespace truepose {
+
+inline constexpr int kEstimateIterations = 30;
+
+/// (step/σ)² from which on a Gauss-Newton step is the last: 1e-5 of a σ. What it leaves is a few
+/// per cent of it, where readings disagree by several σ, else its square.
+inline constexpr double kLastStep = 1e-10;
+
+/// The model that an estimate rests on: one rod per chain (full_linearise.hpp has the other, to
+/// which `rest` is the start of a solution and its end).
+struct IdealModel {
+  template <Mobility K>
+  static Outcome linearise(const Robot& robot, const Pose& pose, Extended& q_e,
+                           Matrix<kMaxReadings, kDof<K>>& H_x, double* H_xi, Parasitic&) {
+    return truepose::linearise<K>(robot, pose, q_e, H_x, H_xi);
+  }
+  template <Mobility K>
+  static Status fkm(const Robot& robot, const Joint& q, Pose& pose, Parasitic&) {
+    return truepose::fkm<K>(robot, q, pose).status;
+  }
+};
+
+/// doubles of work space that `reading_covariance` (its H_xi and B) and `estimate` need
+inline int estimate_work(const Robot& robot, int count) {
+  return (dof(robot.mobility) + robot.r) * (parameter_count(robot) + count);
+}
+
+/// Lower triangular L with C = L Lᵀ, in units of the readings' σ.
+struct ReadingCovariance {
+  Matrix<kMaxReadings, kMaxReadings> L;
+
+  /// L⁻¹ b in place, b of `rows` entries `stride` apart.
+  void whiten(int rows, double* b, int stride) const {
+    for (int i = 0; i < rows; ++i) {
+      double sum = b[i * stride];
+      for (int k = 0; k < i; ++k) sum -= L[i][k] * b[k * stride];
+      b[i * stride] = sum / L[i][i];
+    }
+  }
+};
+
+/// aᵀb in four sums, which need not wait for each other.
+inline double dot(int size, const double* a, const double* b) {
+  double sum[4] = {};
+  int k = 0;
+  for (; k + 4 <= size; k += 4)
+    for (int j = 0; j < 4; ++j) sum[j] += a[k + j] * b[k + j];
+  for (; k < size; ++k) sum[0] += a[k] * b[k];
+  return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+}
+
+/// C at a pose, from its H_ξ. @param B  work space, (n + r)×count
+/// @return not_finite where C is no covariance: some σ is not a positive number
+inline Outcome reading_covariance(const Robot& robot, const Knowledge& known, const double* H_xi,
+                                  double* B, ReadingCovariance& C) {
+  const int rows = dof(robot.mobility) + robot.r;
+  gather(robot, known, H_xi, rows, B);
+  times_root(known, rows, B);
+  for (int i = 0; i < rows; ++i)
+    for (int j = 0; j <= i; ++j) {
+      double sum = i == j;
+      sum += dot(known.count, B + i * known.count, B + j * known.count);
+      for (int k = 0; k < j; ++k) sum -= C.L[i][k] * C.L[j][k];
+      if (i > j) {
+        C.L[i][j] = sum / C.L[j][j];
+      } else {
+        if (!(sum > 0 && std::isfinite(sum) && known.sigma[i] > 0)) return {Status::not_finite, -1};
+        C.L[i][i] = std::sqrt(sum);
+      }
+    }
+  return {};
+}
+
+/// What was read less what was expected, whole turns of a joint left out: which of them an encoder
+/// counts from is nobody's geometry.
+inline void innovation(const Robot& robot, const Extended& q_e, const Extended& expected,
+                       Extended& residual) {
+  const int n = dof(robot.mobility);
+  for (int i = 0; i < n + robot.r; ++i) {
+    residual[i] = q_e[i] - expected[i];
+    if (i < n) {
+      if (robot.chain[i].actuator == Actuator::revolute)
+        residual[i] = std::remainder(residual[i], 2 * M_PI);
+    } else if (const Sensor& sensor = robot.sensor[i - n];
+               sensor.kind == SensorKind::rod_in_plane ||
+               sensor.kind == SensorKind::motor_encoder ||
+               sensor.kind == SensorKind::inclinometer) {
+      residual[i] = std::remainder(residual[i], 2 * M_PI * sensor.gain);
+    }
+  }
+}
+
+/// Generalised least squares at a pose: δx = gain (q_e - h(x)), and δx's covariance.
+template <Mobility K>
+struct Fusion {
+  std::array<std::array<double, kMaxReadings>, kDof<K>> gain;
+  Matrix<kDof<K>, kDof<K>> covariance;
+};
+
+/// (HᵀC⁻¹H)⁻¹HᵀC⁻¹ and (HᵀC⁻¹H)⁻¹ by LDLᵀ on the whitened rows.
+/// @return singular where the readings do not determine the pose
+template <Mobility K>
+Outcome fuse(const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
+             const Matrix<kMaxReadings, kDof<K>>& H_x, Fusion<K>& fusion) {
+  constexpr int n = kDof<K>;
+  const int rows = n + robot.r;
+  Matrix<kMaxReadings, n> A = H_x;
+  for (int i = 0; i < rows; ++i)
+    for (double& entry : A[i]) entry /= known.sigma[i];
+  for (int j = 0; j < n; ++j) C.whiten(rows, &A[0][j], n);
+  Matrix<n, n> normal{};
+  std::array<double, n> size;
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; j <= i; ++j)
+      for (int k = 0; k < rows; ++k) normal[i][j] += A[k][i] * A[k][j];
+    size[i] = normal[i][i];
+  }
+  const Ldlt<n> factor(normal, size);
+  if (!factor.regular()) return {Status::singular, -1};
+  for (int j = 0; j < n; ++j) {
+    std::array<double, n> unit{};
+    unit[j] = 1;
+    factor.solve(unit);
+    for (int i = 0; i < n; ++i) fusion.covariance[i][j] = unit[i];
+  }
+  for (int c = 0; c < rows; ++c) {
+    std::array<double, n> column = A[c];
+    factor.solve(column);
+    for (int i = 0; i < n; ++i) fusion.gain[i][c] = column[i];
+  }
+  for (auto& row : fusion.gain)  // times L⁻¹, from the right
+    for (int c = rows - 1; c >= 0; --c) {
+      for (int k = c + 1; k < rows; ++k) row[c] -= row[k] * C.L[k][c];
+      row[c] /= C.L[c][c];
+    }
+  for (auto& row : fusion.gain)
+    for (int c = 0; c < rows; ++c) row[c] /= known.sigma[c];
+  return {};
+}
+
+template <Mobility K>
+struct Estimate {
+  Outcome outcome;
+  int iterations = 0;
+  Matrix<kDof<K>, kDof<K>> covariance{};  ///< of the free twist at the pose
+  double chi2 = 0;  ///< of the readings' residuals; r on average where the knowledge is right
+  explicit operator bool() const { return bool(outcome); }
+};
+
+/// Weighted Gauss-Newton on all readings from a pose, at which the weights are taken.
+///
+/// @param known  about the robot's own parameter values
+/// @param pose   in: the start; out: x̂
+/// @param work   estimate_work(robot, known.count) doubles
+/// @param rest   as of ikm_full, for the full level
+/// @param cap    steps
+/// @return not_converged, singular or unreachable where no pose is found; the pose is then the
+/// start
+template <Mobility K, class Level>
+Estimate<K> estimate_from(const Robot& robot, const Knowledge& known, const Extended& q_e,
+                          Pose& pose, double* work, Parasitic& rest, int cap) {
+  constexpr int n = kDof<K>;
+  const int rows = n + robot.r;
+  Estimate<K> result;
+  Pose at = pose;
+  double *H_xi = work, *B = work + rows * parameter_count(robot);
+  Extended expected;
+  Matrix<kMaxReadings, n> H_x;
+  ReadingCovariance C;
+  Fusion<K> fusion;
+  double last = INFINITY;
+  result.outcome = Level::template linearise<K>(robot, at, expected, H_x, H_xi, rest);
+  if (result.outcome) result.outcome = reading_covariance(robot, known, H_xi, B, C);
+  Pose base;     // the last one that lowered the cost,
+  Joint step{};  // the step from there
+  double cost = INFINITY, promised = 0, length = 1;
+  while (result.outcome) {
+    Extended residual{}, whitened{};
+    innovation(robot, q_e, expected, residual);
+    for (int c = 0; c < rows; ++c) whitened[c] = residual[c] / known.sigma[c];
+    C.whiten(rows, whitened.data(), 1);
+    double next = 0;
+    for (int c = 0; c < rows; ++c) next += whitened[c] * whitened[c];
+    if (!std::isfinite(next)) {
+      result.outcome = {Status::not_converged, -1};
+      break;
+    }
+    // Where readings disagree by many σ, their curvature times that overshoots: a step that lowers
+    // the cost by less than a quarter of what it promised is halved.
+    const bool shorter = next > cost - 0.25 * length * promised + 1e-12 * cost + 1e-9 &&
+                         std::isfinite(cost) && length > 1e-3;
+    if (shorter) {
+      length *= 0.5;
+    } else {
+      result.outcome = fuse<K>(robot, known, C, H_x, fusion);
+      if (!result.outcome) break;
+      base = at;
+      cost = next;
+      length = 1;
+      double size = 0;  // of the step, each coordinate against its own σ
+      for (int i = 0; i < n; ++i) {
+        step[i] = 0;
+        for (int c = 0; c < rows; ++c) step[i] += fusion.gain[i][c] * residual[c];
+        size = std::max(size, step[i] * step[i] / fusion.covariance[i][i]);
+      }
+      // Where σ is nanometres, rounding alone makes larger steps: a thousandth of σ that hardly
+      // shrinks is as near as one gets.
+      const double enough = kLastStep * std::max(1.0, cost / rows);  // of what disagrees anyway
+      if (size < enough || (size < 1e-6 && size > 0.25 * last)) {
+        ++result.iterations;
+        result.chi2 = cost;
+        result.covariance = fusion.covariance;
+        pose = moved<K>(at, step);
+        return result;
+      }
+      last = size;
+      Extended left{};
+      for (int c = 0; c < rows; ++c) {
+        left[c] = residual[c];
+        for (int i = 0; i < n; ++i) left[c] -= H_x[c][i] * step[i];
+        left[c] /= known.sigma[c];
+      }
+      C.whiten(rows, left.data(), 1);
+      promised = cost;
+      for (int c = 0; c < rows; ++c) promised -= left[c] * left[c];
+    }
+    Joint whole = step;
+    for (double& entry : whole) entry *= length;
+    at = moved<K>(base, whole);
+    if (!all_finite(whole, n) || result.iterations == cap) {
+      result.outcome = {Status::not_converged, -1};
+      break;
+    }
+    ++result.iterations;
+    result.outcome = Level::template linearise<K>(robot, at, expected, H_x, nullptr, rest);
+    if (result.outcome.status == Status::unreachable)  // of this step's pose, not of the readings'
+      result.outcome = {Status::not_converged, -1};
+  }
+  return result;
+}
+
+/// The same from the pose that the motors give.
+/// @param pose   in: a guess of that; out: x̂
+/// @param rest   nullptr: nothing is known beforehand
+template <Mobility K, class Level = IdealModel>
+Estimate<K> estimate(const Robot& robot, const Knowledge& known, const Extended& q_e, Pose& pose,
+                     double* work, Parasitic* rest = nullptr) {
+  constexpr int n = kDof<K>;
+  if (!all_finite(q_e, n + robot.r)) return {{Status::not_finite, -1}};
+  Joint q{};
+  for (int i = 0; i < n; ++i) q[i] = q_e[i];
+  Pose at = pose;
+  Parasitic own;
+  if (!rest) rest = &own;
+  if (Level::template fkm<K>(robot, q, at, *rest) != Status::ok) at = pose;
+  const Estimate<K> result =
+      estimate_from<K, Level>(robot, known, q_e, at, work, *rest, kEstimateIterations);
+  if (result) pose = at;
+  return result;
+}
+
+/// Weighted TEJ at a pose: M⁺ = (MᵀC⁻¹M)⁻¹MᵀC⁻¹ of M = H_x J, and so J⁻¹ times the gain.
+template <Mobility K>
+inline void weighted_tej(const Robot& robot, const Matrix<kMaxReadings, kDof<K>>& H_x,
+                         const Fusion<K>& fusion, ExtendedRows& M_plus) {
+  for (int i = 0; i < kDof<K>; ++i)
+    for (int c = 0; c < kDof<K> + robot.r; ++c) {
+      M_plus[i][c] = 0;
+      for (int j = 0; j < kDof<K>; ++j) M_plus[i][c] += H_x[i][j] * fusion.gain[j][c];
+    }
+}
+
+}  // namespace truepose

@@ -1,0 +1,49 @@
+// What is known of the geometry, and of the readings' own errors? Σ_ξ and Σ_s.
+#pragma once
+
+#include "truepose/model/parameters.hpp"
+
+namespace truepose {
+
+/// Normal distributions of the uncertain parameters and of the readings. The arrays are the
+/// caller's: a prior of 50 parameters is as good here as the posterior of a calibration.
+struct Knowledge {
+  int count = 0;                 ///< p, uncertain parameters
+  const int* column = nullptr;   ///< each one's column of H_ξ (parameters.hpp)
+  const double* root = nullptr;  ///< S, p×p by rows, lower triangular: Σ_ξ = S Sᵀ; nullptr: S = I
+  Extended sigma{};              ///< σ of every reading's own error, > 0: Σ_s = diag(σ²)
+};
+
+/// The uncertain columns of `rows` rows of H_ξ, each row divided by its reading's σ.
+/// @param last  how many of the last columns of B belong to no column of H_ξ: left as they are
+inline void gather(const Robot& robot, const Knowledge& known, const double* H_xi, int rows,
+                   double* B, int last = 0) {
+  const int width = parameter_count(robot);
+  for (int i = 0; i < rows; ++i) {
+    const double* H = H_xi + i * width;
+    const double per_sigma = 1 / known.sigma[i];
+    for (int k = 0; k < known.count - last; ++k)
+      B[i * known.count + k] = per_sigma * H[known.column[k]];
+  }
+}
+
+/// B S in place: entry j of a row takes from those at and behind it, a few entries at a time.
+inline void times_root(const Knowledge& known, int rows, double* B) {
+  constexpr int kBlock = 8;
+  const int p = known.root ? known.count : 0;
+  for (int first = 0; first < p; first += kBlock) {
+    const int width = std::min(kBlock, p - first);
+    for (double* row = B; row != B + rows * p; row += p) {
+      double sum[kBlock] = {};
+      const double* S = known.root + first * p + first;
+      for (int k = 0; k < width; ++k, S += p)  // the triangle on the diagonal
+        for (int j = 0; j <= k; ++j) sum[j] += row[first + k] * S[j];
+      if (width == kBlock)
+        for (int k = first + kBlock; k < p; ++k, S += p)
+          for (int j = 0; j < kBlock; ++j) sum[j] += row[k] * S[j];
+      std::copy_n(sum, width, row + first);
+    }
+  }
+}
+
+}  // namespace truepose

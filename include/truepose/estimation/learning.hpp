@@ -1,0 +1,60 @@
+// How does a controller learn the robot's geometry while it controls it?
+//
+// Between a cycle's readings and its torque, the online filter (online.hpp) takes the readings as
+// one more line about ξ, and the controller believes in the robot at ξ̂ from then on.
+#pragma once
+
+#include "truepose/estimation/online.hpp"
+#include "truepose/full/linearise.hpp"
+
+namespace truepose {
+
+/// Online self-calibration switched on. The arrays that it points to are the caller's; `robot` is
+/// what the controller believes.
+struct Learner {
+  const Robot* drawn = nullptr;  ///< as set_parameters takes it
+  OnlineSettings settings;
+  OnlineState state;
+  double* work = nullptr;  ///< online_work(*drawn, state.count) doubles
+  /// A line counts where a reading has moved by so many of its own σ since the last one: in a robot
+  /// at rest the same fraction of a count is lost in every cycle, and is no news.
+  double fresh = 30;
+  Robot robot;
+  Pose pose;          ///< x̂ of the last line, from which the next one starts
+  Extended last{};    ///< the last line
+  long lines = 0;     ///< learnt so far
+  long left_out = 0;  ///< that fitted no pose, or not each other
+
+  Knowledge knowledge() const { return {state.count, state.column, state.root, state.sigma}; }
+};
+
+/// One cycle. Bounded work, no allocation, no exception.
+/// @return what the filter made of the readings; ok also where they are no news, `stopped` from the
+/// cycle on in which it gave up: the robot is then the last good one
+template <Mobility K, class Model>
+inline Outcome learn(Learner& learner, const Extended& q_e) {
+  const int rows = kDof<K> + learner.drawn->r;
+  bool news = learner.lines + learner.left_out == 0;
+  for (int c = 0; c < rows; ++c)
+    news = news || std::fabs(q_e[c] - learner.last[c]) > learner.fresh * learner.state.sigma[c];
+  if (learner.state.doubt.stopped) return {Status::stopped, -1};
+  if (!news) return {};
+  const Pose before = learner.pose;
+  const Outcome outcome = observe<K, Model>(*learner.drawn, learner.settings, q_e, learner.state,
+                                            learner.robot, learner.pose, learner.work);
+  set_parameters(*learner.drawn, learner.state.xi, learner.robot);
+  if (outcome.status == Status::disagree && outcome.chain < 0) learner.pose = before;
+  if (outcome.status != Status::not_finite) learner.last = q_e;  // also a bad line is no news twice
+  ++(outcome.status == Status::ok ? learner.lines : learner.left_out);
+  return outcome;
+}
+
+/// The same at the level at which the robot is understood.
+template <Mobility K>
+inline Outcome learn(Learner& learner, const Extended& q_e) {
+  if constexpr (kPaired<K>)
+    if (learner.drawn->rod_by_rod()) return learn<K, FullModel>(learner, q_e);
+  return learn<K, IdealModel>(learner, q_e);
+}
+
+}  // namespace truepose

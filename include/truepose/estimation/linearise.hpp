@@ -1,0 +1,53 @@
+// What do all readings say at a pose, and how do they change with it and with every parameter?
+// q_e = [q; r], H_x = ∂q_e/∂x and H_ξ = ∂q_e/∂ξ: all that estimation and calibration need.
+#pragma once
+
+#include "truepose/model/parameters.hpp"
+
+namespace truepose {
+
+/// H_x of a closed pose: J⁻¹ = J_q⁻¹ J_x, and below it J_r.
+template <Mobility K>
+inline void pose_rows(const Robot& robot, const Jacobians<K>& jacobians,
+                      const Matrix<kMaxSensors, kDof<K>>& jr, Matrix<kMaxReadings, kDof<K>>& H_x) {
+  constexpr int n = kDof<K>;
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j) H_x[i][j] = jacobians.jx[i][j] / jacobians.jq[i];
+  for (int k = 0; k < robot.r; ++k) H_x[n + k] = jr[k];
+}
+
+/// q_e, H_x and H_ξ of the ideal level at a pose, the motors holding it.
+/// @param q_e   out: readings of the motors, then of the sensors in use
+/// @param H_x   out: along the free twist, n + r rows; the first n are J⁻¹, the others J_r
+/// @param H_xi  out: along ξ at fixed pose, (n + r) rows of parameter_count(robot), in memory the
+///              caller owns; or nullptr
+/// @return unreachable; singular where J has no inverse or an arm is stretched; not_finite where
+/// a sensor has no reading or one of the derivatives is not finite
+template <Mobility K>
+Outcome linearise(const Robot& robot, const Pose& pose, Extended& q_e,
+                  Matrix<kMaxReadings, kDof<K>>& H_x, double* H_xi) {
+  constexpr int n = kDof<K>;
+  Closure<K> closure;
+  Jacobians<K> jacobians;
+  Reading values;
+  Matrix<kMaxSensors, n> jr;
+  Outcome outcome = ikm<K>(robot, pose, closure);
+  if (outcome) outcome = jacobian<K>(closure, jacobians);
+  if (outcome) outcome = rkm<K>(robot, closure, values, jr);
+  if (!outcome) return outcome;
+  for (int i = 0; i < n; ++i) q_e[i] = closure.chain[i].q;
+  for (int k = 0; k < robot.r; ++k) q_e[n + k] = values[k];
+  pose_rows<K>(robot, jacobians, jr, H_x);
+  double sum = 0;  // a NaN shows in it
+  for (int c = 0; c < n + robot.r; ++c)
+    for (const double entry : H_x[c]) sum += entry;
+  if (H_xi) {
+    parameter_jacobian<K>(robot, closure, H_xi);
+    const double* end = H_xi + (n + robot.r) * parameter_count(robot);
+    for (const double* entry = H_xi; entry != end; ++entry) sum += *entry;
+  }
+  if (!std::isfinite(sum)) outcome = {Status::not_finite, -1};
+  return outcome;
+}
+
+}  // namespace truepose

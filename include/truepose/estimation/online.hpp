@@ -1,0 +1,283 @@
+// How does a robot learn its geometry while it works? One line of readings a cycle.
+//
+// A square-root filter on ξ. The pose of the moment is unknown and eliminated (eliminate.hpp): r
+// equations about ξ alone remain, and each updates the root S of the covariance, Σ_ξ = S Sᵀ
+// (Carlson's triangular form; Bierman, Factorization Methods for Discrete Sequential Estimation,
+// 1977, chapter V). Bounded work, no allocation, no exception.
+#pragma once
+
+#include "truepose/estimation/disagreement.hpp"
+#include "truepose/estimation/estimate.hpp"
+#include "truepose/model/geometry.hpp"
+
+namespace truepose {
+
+/// What the filter knows. The arrays are the caller's; it starts from the prior.
+struct OnlineState {
+  int count = 0;                ///< p, uncertain parameters
+  const int* column = nullptr;  ///< each one's column of H_ξ
+  double* xi = nullptr;         ///< ξ̂, parameter_count values
+  double* root = nullptr;       ///< S, p×p by rows, lower triangular
+  Extended sigma{};             ///< σ of every reading's own error, > 0
+  int due = 0;                  ///< the drift whose turn is next
+  double* kept = nullptr;  ///< online_kept(count) doubles: what to go back to; nullptr: nothing
+  Doubt doubt{};           ///< how far the readings disagree, and whether that has stopped it
+};
+
+struct OnlineSettings {
+  int drifts = 0;  ///< independent random walks, each of one or several parameters together
+  const double* drift = nullptr;  ///< drifts × p: change of every parameter by one σ in one cycle
+  const double* linearised = nullptr;  ///< ξ about which to linearise (replay); nullptr: ξ̂ itself
+  /// σ beyond which a line's equations, together, are no chance: it is left out, or the one reading
+  /// that explains it. Where lines keep disagreeing, learning stops. 0: every line counts.
+  double gate = kGate;
+};
+
+/// How much readings curve, per m or rad: a few times one over the lengths of a robot, since its
+/// Jacobians multiply it. Chosen by trial on H4s: with 1 and with 8 one pass ends further from the
+/// batch than with 12.
+inline constexpr double kCurvature = 12;
+
+/// doubles of work space that `observe` needs
+inline int online_work(const Robot& robot, int count) {
+  return (dof(robot.mobility) + robot.r) * (parameter_count(robot) + count) + count;
+}
+
+/// doubles of memory that OnlineState::kept needs: ξ̂ and S
+inline int online_kept(int count) { return count * (1 + count); }
+
+namespace online_detail {
+
+/// One equation h·δξ = y. @param alpha  its variance @param f  Sᵀh
+/// @param b  out: the gain times alpha + fᵀf
+inline void update_root(int p, double* S, const double* f, double alpha, double* b) {
+  for (int j = 0; j < p; ++j) b[j] = 0;
+  for (int j = p - 1; j >= 0; --j) {
+    const double before = alpha;
+    alpha += f[j] * f[j];
+    const double beta = std::sqrt(before / alpha), lambda = f[j] / before;
+    for (int i = j; i < p; ++i) {
+      const double old = S[i * p + j];
+      S[i * p + j] = beta * (old - lambda * b[i]);
+      b[i] += f[j] * old;
+    }
+  }
+}
+
+/// S Sᵀ + v vᵀ, triangular again, by one rotation a column. @param v  p; spoilt
+inline void add_drift(int p, double* S, double* v) {
+  for (int k = 0; k < p; ++k) {
+    const double length = std::sqrt(S[k * p + k] * S[k * p + k] + v[k] * v[k]);
+    if (!(length > 0)) continue;
+    const double c = S[k * p + k] / length, s = v[k] / length;
+    for (int i = k; i < p; ++i) {
+      const double old = S[i * p + k];
+      S[i * p + k] = c * old + s * v[i];
+      v[i] = c * v[i] - s * old;
+    }
+  }
+}
+
+}  // namespace online_detail
+
+namespace online_detail {
+
+/// What one line of readings says, the pose being unknown.
+struct Line {
+  Pose pose;                  ///< x̂
+  RowsOfPose H_x;             ///< whitened
+  Innovations innovations{};  ///< of the r equations about ξ; their F is in the work space
+};
+
+/// Where `observe` keeps what in its work space.
+struct Work {
+  double *H_xi, *B, *F, *b;
+  Work(const Robot& robot, int count, double* work)
+      : H_xi(work),
+        B(H_xi + (dof(robot.mobility) + robot.r) * parameter_count(robot)),
+        F(B + dof(robot.mobility) * count),
+        b(F + robot.r * count) {}
+};
+
+/// r independent equations about ξ, from linearising about a pose of all readings.
+///
+/// @param robot    at the ξ of linearisation
+/// @param without  a reading that is not believed, or -1
+template <Mobility K, class Model>
+inline Outcome understand(const Robot& robot, const OnlineSettings& settings, const Extended& q_e,
+                          const OnlineState& state, const Pose& guess, int without,
+                          const Work& work, Line& line) {
+  constexpr int n = kDof<K>;
+  const int rows = n + robot.r, p = state.count;
+  const Knowledge known{p, state.column, state.root, state.sigma};
+  Joint q{};
+  for (int i = 0; i < n; ++i) q[i] = q_e[i];
+  Parasitic rest;
+  Status status = Status::ok;
+  for (const Pose& from : {guess, to_pose<K>(robot.home)}) {
+    line.pose = from;
+    status = Model::template fkm<K>(robot, q, line.pose, rest);
+    if (status == Status::ok) break;
+  }
+  if (status != Status::ok) return {status, -1};
+
+  // From the motors' pose to that of all readings; further where a motor is not believed.
+  std::array<double, kMaxRows> e;
+  for (int steps = without < 0 ? 2 : 5; steps > 0; --steps) {
+    const bool last = steps == 1;
+    Extended expected, residual;
+    Matrix<kMaxReadings, n> H_x;
+    const Outcome outcome = Model::template linearise<K>(robot, line.pose, expected, H_x,
+                                                         last ? work.H_xi : nullptr, rest);
+    if (!outcome) return outcome;
+    innovation(robot, q_e, expected, residual);
+    for (int c = 0; c < rows; ++c) {
+      const double weight = c == without ? 0 : 1 / state.sigma[c];
+      for (int j = 0; j < n; ++j) line.H_x[c][j] = H_x[c][j] * weight;
+      e[c] = residual[c] * weight;
+    }
+    if (last) gather(robot, known, work.H_xi, rows, work.B);
+    if (last && without >= 0) std::fill_n(work.B + without * p, p, 0.0);
+    RowsOfPose A = line.H_x;
+    if (!eliminate(n, rows, A, work.B, last ? p : 0, e)) return {Status::singular, -1};
+    Joint step{};
+    for (int i = 0; i < n; ++i) step[i] = e[i];
+    back_substitute(n, A, step);
+    if (!all_finite(step, n)) return {Status::not_finite, -1};
+    line.pose = moved<K>(line.pose, step);
+  }
+  double sum = 0;  // of what the state will keep: one NaN in it would spoil every later cycle
+  for (int row = n; row < rows; ++row) sum += e[row];
+  for (const double* h = work.F; h != work.F + robot.r * p; ++h) sum += *h;
+  if (!std::isfinite(sum)) return {Status::not_finite, -1};
+
+  line.innovations.r = robot.r;
+  double coarsest = 0;  // σ
+  for (int c = 0; c < rows; ++c) coarsest = std::max(coarsest, state.sigma[c]);
+  for (int i = 0; i < robot.r; ++i) {
+    double& y = line.innovations.y[i] = e[n + i];
+    if (settings.linearised)
+      for (int k = 0; k < p; ++k)
+        y -= work.F[i * p + k] * (state.xi[state.column[k]] - settings.linearised[state.column[k]]);
+  }
+  times_root(known, robot.r, work.F);
+  // What linearising about a poor ξ̂ leaves out is of second order: the square of what is open.
+  // It counts as noise, lest the first lines claim to know what they do not.
+  decorrelate(p, work.F, settings.linearised ? 0 : kCurvature * coarsest, line.innovations);
+  // Nor may what it would learn from overflow, or be as good as certain.
+  for (int i = 0; i < robot.r; ++i) {
+    const Innovations& made = line.innovations;
+    sum += 0 * made.y[i] + 0 * made.total[i] + 0 / made.noise[i];
+    for (int k = 0; k < p; ++k) sum += 0 * (work.F[i * p + k] / made.noise[i]);
+  }
+  return {std::isfinite(sum) ? Status::ok : Status::not_finite, -1};
+}
+
+/// Copies ξ̂ and S to where they are kept, or back.
+inline void copy_state(OnlineState& state, bool back) {
+  const int p = state.count;
+  double *mean = state.kept, *root = mean + p;
+  for (int k = 0; k < p; ++k) {
+    double& value = state.xi[state.column[k]];
+    (back ? value : mean[k]) = back ? mean[k] : value;
+  }
+  std::copy_n(back ? root : state.root, p * p, back ? state.root : root);
+}
+
+/// Whether readings fit no pose that was found.
+constexpr bool no_pose(Status status) {
+  return status == Status::unreachable || status == Status::not_converged;
+}
+
+/// One more line's say on whether the readings disagree. Where nothing speaks against them, the
+/// state as it was before this line is kept; where too much does, it is gone back to.
+inline void weigh_line(OnlineState& state, int readings, double log_ratio) {
+  Doubt& doubt = state.doubt;
+  if (state.kept && doubt.evidence <= 0 && ++doubt.since >= kEvery) {
+    copy_state(state, false);
+    doubt.since = 0;
+  }
+  ++doubt.lines;
+  doubt.evidence = std::max(0.0, doubt.evidence + std::min(log_ratio, kLineSays));
+  if (doubt.evidence <= 0) doubt.blame = {};
+  if (!(doubt.evidence > kStop)) return;
+  doubt.stopped = true;
+  doubt.suspect = outstanding(readings, doubt.blame, kNamed);
+  if (state.kept) copy_state(state, true);
+}
+
+}  // namespace online_detail
+
+/// One cycle: ξ̂ and S learn from one line of readings.
+///
+/// @param drawn  as set_parameters takes it
+/// @param robot  in: any copy of it; out: the robot at the ξ of linearisation
+/// @param pose   in: a guess; out: x̂ before ξ̂ moved
+/// @param work   online_work(drawn, count) doubles
+/// @return `disagree`: nothing was learnt, or not from the reading named; `stopped`: nothing was,
+/// nor will be, and ξ̂ and S are back where they were last good. Both come with a pose. Without an
+/// answer the state is as it was.
+template <Mobility K, class Model = IdealModel>
+inline Outcome observe(const Robot& drawn, const OnlineSettings& settings, const Extended& q_e,
+                       OnlineState& state, Robot& robot, Pose& pose, double* memory) {
+  constexpr int n = kDof<K>;
+  const int r = drawn.r, rows = n + r, p = state.count;
+  if (!all_finite(q_e, rows)) return {Status::not_finite, -1};
+  const online_detail::Work work(drawn, p, memory);
+  Doubt& doubt = state.doubt;
+  const bool gated = settings.gate > 0 && !doubt.stopped;
+  if (gated && state.kept && doubt.lines == 0) online_detail::copy_state(state, false);
+  set_parameters(drawn, settings.linearised ? settings.linearised : state.xi, robot);
+  online_detail::Line line;
+  const auto understand = [&](int without) {
+    return online_detail::understand<K, Model>(robot, settings, q_e, state, pose, without, work,
+                                               line);
+  };
+  Outcome outcome = understand(-1);
+  if (!outcome) {
+    if (gated && online_detail::no_pose(outcome.status))
+      online_detail::weigh_line(state, rows, kLineSays);
+    return outcome;
+  }
+  Pose found = line.pose;
+  bool learns = !doubt.stopped;
+  if (gated && r > 0) {
+    const double chi2 = line.innovations.chi2();
+    double log_ratio = 0.5 * ((1 - 1 / kWorse) * chi2 - r * std::log(kWorse));
+    if (!(chi2 <= beyond(settings.gate, r))) {
+      log_ratio = kLineSays;
+      learns = false;
+      Extended by{};
+      if (explained(n, line.H_x, line.innovations, by)) {
+        const int wrong = r > 1 ? outstanding(rows, by, beyond(settings.gate, 1)) : -1;
+        learns = wrong >= 0 && understand(wrong) &&
+                 line.innovations.chi2() <= beyond(settings.gate, r - 1);
+        if (learns) {
+          found = line.pose;
+          outcome.chain = wrong;
+          doubt.blame[wrong] += 1;
+        }
+      }
+      outcome.status = Status::disagree;
+    }
+    online_detail::weigh_line(state, rows, log_ratio);
+  }
+  pose = found;
+  if (doubt.stopped) return {Status::stopped, -1};
+  if (!learns) return outcome;
+
+  for (int i = 0; i < r; ++i) {
+    online_detail::update_root(p, state.root, work.F + i * p, line.innovations.noise[i], work.b);
+    const double step = line.innovations.y[i] / line.innovations.total[i];
+    for (int k = 0; k < p; ++k) state.xi[state.column[k]] += work.b[k] * step;
+  }
+  if (settings.drifts > 0) {  // one a cycle, for all the cycles since its last turn
+    state.due = (state.due + 1) % settings.drifts;
+    const double cycles = std::sqrt(settings.drifts);
+    for (int k = 0; k < p; ++k) work.b[k] = cycles * settings.drift[state.due * p + k];
+    online_detail::add_drift(p, state.root, work.b);
+  }
+  return outcome;
+}
+
+}  // namespace truepose

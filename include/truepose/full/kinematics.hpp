@@ -1,0 +1,407 @@
+// Where does the real mechanism stand? IKM, FKM and Jacobian of the full level, where every rod
+// closes its own loop (full.hpp). As many rods as unknowns, so each is a square system.
+#pragma once
+
+#include "truepose/full/full.hpp"
+#include "truepose/kinematics/fkm.hpp"
+
+namespace truepose {
+
+using FullResult = FkmResult;  ///< status, chain, iterations, residual: the largest gap of any rod
+
+namespace full_detail {
+
+template <Mobility K>
+using Rows = Matrix<kRods<K>, kRods<K>>;
+template <Mobility K>
+using Column = std::array<double, kRods<K>>;
+
+/// Whether an arm and its rod stand in one line: the entry of J_q vanishes, and has no sign.
+template <Mobility K>
+inline bool stretched(const FullClosure<K>& at, int rod) {
+  const double size2 = at.v[rod].squaredNorm() * at.driven[rod / 2].dB.squaredNorm();
+  return !(at.jq[rod] * at.jq[rod] > kSingular * size2);
+}
+
+/// Newton on f, the closures of all rods, for a square system with A = -∂f/∂unknowns. As in
+/// fkm.hpp: normal equations, a step that does not lower Σf² retried with Levenberg's damping,
+/// chord steps near the solution, at most kFkmIterations.
+/// @param system  columns(at, A): fills A;  move(at, step, trial): the state after the step
+/// @param closed  whether a start that closes the loops to rounding is taken as it is, its rank
+///                not asked for
+template <Mobility K, class System>
+TRUEPOSE_FLATTEN inline FullResult newton(const Robot& robot, const System& system,
+                                          FullClosure<K>& at, bool closed = false) {
+  constexpr int N = kRods<K>;
+  FullResult result;
+  double scale = 0;
+  for (int i = 0; i < kDof<K>; ++i) {
+    if (!(at.driven[i].rod > 0.5 * std::fabs(robot.chain[i].rod_difference)))
+      return {Status::unreachable, i, 0, 0};  // a rod of no length
+    scale = std::max(scale, at.driven[i].rod);
+  }
+  open_loops<K>(robot, at);
+  if (!std::isfinite(at.cost)) return {Status::not_finite, -1, 0, 0};
+
+  const double rounding = 2e-15 * scale;
+  FullClosure<K> trial;
+  double damping = 0;
+  bool regular = true;
+  if (!(closed && at.residual <= rounding)) do {
+      Rows<K> A;
+      system.columns(at, A);
+      Column<K> size;
+      for (int j = 0; j < N; ++j) size[j] = system.size(at, j);
+      const NormalEquations<N> square(A, size, damping);
+      regular = square.regular();
+      if (!regular) {
+        ++result.iterations;
+        damping = std::max(10 * damping, 1e-3);
+        continue;
+      }
+      do {
+        ++result.iterations;
+        const Column<K> step = square.solve(at.f);
+        system.move(at, step, trial);
+        open_loops<K>(robot, trial);
+        if (!(trial.cost < at.cost)) {
+          damping = std::max(10 * damping, 1e-3);
+          break;
+        }
+        damping = damping > 1e-3 ? 0.1 * damping : 0;
+        at = trial;
+      } while (damping == 0 && at.residual > rounding && at.residual < 1e-9 * scale &&
+               result.iterations < kFkmIterations);
+      if (at.residual <= rounding || (damping > 0 && at.residual < 1e-13 * scale)) break;
+    } while (result.iterations < kFkmIterations && damping < 1e12);
+
+  result.residual = at.residual;
+  if (!(at.residual < 1e-12 * scale)) {
+    // Close, but crawling: towards a singular pose (fkm.hpp).
+    const bool crawls = at.residual < fkm_detail::kCrawls * scale && damping > 0;
+    result.status = crawls ? Status::singular : Status::not_converged;
+  } else if (!regular) {
+    result.status = Status::singular;
+  } else {
+    for (int rod = 0; rod < N; ++rod) {
+      const Chain& chain = robot.chain[rod / 2];
+      if (chain.actuator != Actuator::telescopic && at.jq[rod] * chain.working_mode < 0 &&
+          !stretched<K>(at, rod)) {
+        result.status = Status::branch_lost;
+        result.chain = rod / 2;
+      }
+    }
+  }
+  return result;
+}
+
+/// The rods' rows along the motion of full_row, in the columns that are unknown: bars that turn
+/// together are one, and a stress that nothing relieves is the last.
+template <Mobility K>
+inline void free_row(const Robot& robot, const FullClosure<K>& at, int rod,
+                     std::array<double, kMaxUnknowns>& row) {
+  full_row<K>(robot, at, rod, row);
+  if (robot.full.kind != FullKind::elastic) return;
+  row[6] += row[7];
+  row[7] = at.stress[rod];
+}
+
+/// The bars' turns and, in the place of a second, the stress, which is no motion.
+inline void turn_bars(const Robot& robot, const double* step, int count, FullPose& pose) {
+  if (count == kMaxBars && robot.full.kind == FullKind::elastic) {
+    for (double& psi : pose.psi) psi += step[0];
+  } else {
+    for (int k = 0; k < count; ++k) pose.psi[k] += step[k];
+  }
+}
+
+/// Σ|v|²|r|² and the like: the diagonal of AᵀA if nothing cancelled, see column_sizes.
+template <Mobility K>
+inline double square_sum(const FullClosure<K>& at, const std::array<Vec3, kRods<K>>& r) {
+  double sum = 0;
+  for (int rod = 0; rod < kRods<K>; ++rod) sum += at.v[rod].squaredNorm() * r[rod].squaredNorm();
+  return sum;
+}
+
+/// Size² of the last columns, where nothing cancels.
+template <Mobility K>
+inline double bar_size(const Robot& robot, const FullClosure<K>& at, bool last) {
+  double sum = 0;
+  if (last && robot.full.kind == FullKind::elastic)
+    for (const double stress : at.stress) sum += stress * stress;
+  else
+    sum = square_sum<K>(at, at.arm);
+  return sum;
+}
+
+/// The motors stand still, the nacelle and its bars move: unknowns D, R, ψ.
+template <Mobility K>
+struct Forward {
+  const Robot& robot;
+
+  void columns(const FullClosure<K>& at, Rows<K>& A) const {
+    std::array<double, kMaxUnknowns> row;
+    for (int rod = 0; rod < kRods<K>; ++rod) {
+      free_row<K>(robot, at, rod, row);
+      std::copy_n(row.begin(), kRods<K>, A[rod].begin());
+    }
+  }
+  double size(const FullClosure<K>& at, int column) const {
+    if (column < 3) {
+      double sum = 0;
+      for (const Vec3& v : at.v) sum += v.squaredNorm();
+      return sum;
+    }
+    return column < 6 ? square_sum<K>(at, at.lever) : bar_size<K>(robot, at, column == 7);
+  }
+  void move(const FullClosure<K>& at, const Column<K>& step, FullClosure<K>& trial) const {
+    trial.q = at.q;
+    trial.driven = at.driven;
+    trial.pose.D = at.pose.D + Vec3(step[0], step[1], step[2]);
+    trial.pose.R = exp_so3(Vec3(step[3], step[4], step[5])) * at.pose.R;
+    trial.pose.theta = at.pose.theta;
+    trial.pose.psi = at.pose.psi;
+    turn_bars(robot, step.data() + 6, kRods<K> - 6, trial.pose);
+  }
+};
+
+/// D and θ (of a translation robot: D) stand still; the motors, the nacelle's tilt and its bars
+/// move: unknowns q, the turns that leave θ as it is, ψ.
+template <Mobility K>
+struct Inverse {
+  const Robot& robot;
+  static constexpr int n = kDof<K>, tilts = kTurnsAboutZ<K> ? 2 : 3;
+
+  /// Turn number j that leaves θ alone: along e_x, e_y (and e_z where θ is no coordinate).
+  static Vec3 turn(const Mat3& R, int j) {
+    Vec3 omega = Vec3::Unit(j);
+    if constexpr (kTurnsAboutZ<K>) omega.z() = -theta_row(R)[j];
+    return omega;
+  }
+  void columns(const FullClosure<K>& at, Rows<K>& A) const {
+    std::array<double, kMaxUnknowns> row;
+    for (int rod = 0; rod < kRods<K>; ++rod) {
+      free_row<K>(robot, at, rod, row);
+      A[rod].fill(0);
+      A[rod][rod / 2] = -at.jq[rod];
+      hidden(at.pose.R, row, A[rod]);
+    }
+  }
+  /// The entries from n on, of what changes as `row` along the motion of full_row.
+  static void hidden(const Mat3& R, const std::array<double, kMaxUnknowns>& row, Column<K>& entry) {
+    for (int j = 0; j < tilts; ++j) entry[n + j] = Vec3(row[3], row[4], row[5]).dot(turn(R, j));
+    for (int k = n + tilts; k < kRods<K>; ++k) entry[k] = row[6 + k - n - tilts];
+  }
+  double size(const FullClosure<K>& at, int column) const {
+    if (column < n) {
+      double sum = 0;
+      for (int rod = 2 * column; rod < 2 * column + 2; ++rod)
+        sum += at.v[rod].squaredNorm() * (robot.chain[column].actuator == Actuator::telescopic
+                                              ? 1
+                                              : at.driven[column].dB.squaredNorm());
+      return sum;
+    }
+    if (column < n + tilts) return square_sum<K>(at, at.lever);
+    return bar_size<K>(robot, at, column == n + tilts + 1);
+  }
+  void move(const FullClosure<K>& at, const Column<K>& step, FullClosure<K>& trial) const {
+    for (int i = 0; i < n; ++i) {
+      trial.q[i] = at.q[i] + step[i];
+      trial.driven[i] = drive(robot.chain[i], trial.q[i]);
+    }
+    Vec3 omega = Vec3::Zero();
+    for (int j = 0; j < tilts; ++j) omega += step[n + j] * turn(at.pose.R, j);
+    trial.pose = at.pose;
+    trial.pose.R = exp_so3(omega) * at.pose.R;
+    if constexpr (kTurnsAboutZ<K>) {  // what the finite turn did to θ, to second order, is undone
+      const Mat3& R = trial.pose.R;
+      const double off = at.pose.theta - std::atan2(R(1, 0), R(0, 0));
+      trial.pose.R = rotation_z(off) * R;
+    }
+    turn_bars(robot, step.data() + n + tilts, kRods<K> - n - tilts, trial.pose);
+  }
+};
+
+/// Calls own(mobility) where the full level is its own, same() where it is the ideal one.
+template <class Own, class Same>
+inline auto with_full(const Robot& robot, Own&& own, Same&& same) {
+  using Result = decltype(same());
+  switch (robot.full.kind) {
+    case FullKind::same: return same();
+    case FullKind::exists:
+    case FullKind::elastic:
+      if (robot.mobility == Mobility::translation)
+        return own(std::integral_constant<Mobility, Mobility::translation>{});
+      return own(std::integral_constant<Mobility, Mobility::schoenflies>{});
+    default: return Result{Status::no_full_level, -1};
+  }
+}
+
+}  // namespace full_detail
+
+/// Where the mechanism goes with the motors at q, all rods closed.
+/// @param pose  in: the guess; out: D, R, ψ (the last iterate if not ok)
+/// The robot's full level must exist, and be its own (robot.full).
+template <Mobility K>
+FullResult fkm_full(const Robot& robot, const Joint& q, FullPose& pose, FullClosure<K>& closure) {
+  closure.pose = pose;
+  closure.q = q;
+  for (int i = 0; i < kDof<K>; ++i) {
+    if (!std::isfinite(q[i])) return {Status::not_finite, i, 0, 0};
+    closure.driven[i] = drive(robot.chain[i], q[i]);
+  }
+  const full_detail::Forward<K> forward{robot};
+  FullResult result = full_detail::newton<K>(robot, forward, closure);
+  pose = closure.pose;
+  pose.theta = theta_of(pose.R, pose.theta);
+  closure.pose.theta = pose.theta;
+  if (result) {
+    full_detail::Rows<K> A;
+    forward.columns(closure, A);
+    if (robot.full.sign != 0 && determinant_sign<kRods<K>>(A) != robot.full.sign)
+      result.status = Status::branch_lost;
+  }
+  return result;
+}
+
+/// What a closure adds to the ideal level at its D and θ, where the ideal motors stand at q.
+template <Mobility K>
+inline Parasitic beyond_ideal(const FullClosure<K>& closure, const Pose& ideal, const Joint& q) {
+  Parasitic rest;
+  rest.known = true;
+  rest.tilt = closure.pose.R * ideal.R.transpose();
+  for (int k = 0; k < kMaxBars; ++k) rest.turn[k] = closure.pose.psi[k] + ideal.theta;
+  for (int i = 0; i < kDof<K>; ++i) rest.q[i] = closure.q[i] - q[i];
+  return rest;
+}
+
+/// Which motor positions, tilt and bars' turns hold D and θ (of a translation robot: D), all rods
+/// closed. Starts at the ideal inverse model.
+/// @param rest  in: what a pose nearby added to that model; out: what this one does, if ok
+template <Mobility K>
+FullResult ikm_full(const Robot& robot, const Pose& pose, FullClosure<K>& closure,
+                    Parasitic* rest = nullptr) {
+  Closure<K> ideal;
+  const Outcome outcome = ikm<K>(robot, pose, ideal);
+  if (!outcome) return {outcome.status, outcome.chain, 0, 0};
+  const Joint q = ideal.q();
+  FullResult result;
+  for (bool near = rest && rest->known;; near = false) {
+    closure.pose = near ? rest->beside(pose) : to_full(pose);
+    for (int i = 0; i < kDof<K>; ++i) {
+      closure.q[i] = near ? q[i] + rest->q[i] : q[i];
+      closure.driven[i] = drive(robot.chain[i], closure.q[i]);
+    }
+    result = full_detail::newton<K>(robot, full_detail::Inverse<K>{robot}, closure, near);
+    if (result || !near) break;
+  }
+  closure.pose.theta = theta_of(closure.pose.R, pose.theta);
+  if (result && rest) *rest = beyond_ideal<K>(closure, pose, q);
+  return result;
+}
+
+/// Derivatives at the full level by the implicit function theorem: A ż = Q q̇ with z = (D, R, ψ).
+template <Mobility K>
+struct FullJacobians {
+  Matrix<kRods<K>, kDof<K>> Z;  ///< ∂z/∂q, z as the motion of full_row
+  Matrix<kDof<K>, kDof<K>> J;   ///< ∂x/∂q, its rows of D and θ
+};
+
+/// @return singular when the rods' rows lose rank, or (with the chain) an arm is stretched
+template <Mobility K>
+TRUEPOSE_FLATTEN inline Outcome jacobian_full(const Robot& robot, const FullClosure<K>& closure,
+                                              FullJacobians<K>& jacobians) {
+  constexpr int n = kDof<K>, N = kRods<K>;
+  const full_detail::Forward<K> forward{robot};
+  full_detail::Rows<K> A;
+  forward.columns(closure, A);
+  full_detail::Column<K> size;
+  for (int j = 0; j < N; ++j) size[j] = forward.size(closure, j);
+  for (int rod = 0; rod < N; ++rod)
+    if (full_detail::stretched<K>(closure, rod)) return {Status::singular, rod / 2};
+  const NormalEquations<N> square(A, size);
+  if (!square.regular()) return {Status::singular, -1};
+  const Vec3 theta = theta_row(closure.pose.R);
+  for (int j = 0; j < n; ++j) {  // column j: (AᵀA)⁻¹ Aᵀ Q e_j
+    full_detail::Column<K> of_motor{};
+    for (const int rod : {2 * j, 2 * j + 1}) of_motor[rod] = closure.jq[rod];
+    const full_detail::Column<K> column = square.solve(of_motor);
+    for (int i = 0; i < N; ++i) jacobians.Z[i][j] = column[i];
+    for (int i = 0; i < 3; ++i) jacobians.J[i][j] = column[i];
+    if constexpr (kTurnsAboutZ<K>)
+      jacobians.J[3][j] = theta.dot(Vec3(column[3], column[4], column[5]));
+  }
+  return {};
+}
+
+/// x = FKM(q) at the full level. @param x in: the guess; out: the pose.
+inline FullResult fkm_full(const Robot& robot, const Joint& q, Joint& x) {
+  return full_detail::with_full(
+      robot,
+      [&](auto mobility) {
+        constexpr Mobility K = mobility();
+        FullPose pose = to_full(to_pose<K>(x));
+        FullClosure<K> closure;
+        const FullResult result = fkm_full<K>(robot, q, pose, closure);
+        x = to_coordinates<K>(pose);
+        return result;
+      },
+      [&] { return fkm(robot, q, x); });
+}
+
+/// q = IKM(x) at the full level.
+/// @return joint_limit where a motor would have to pass its stops (`q` then says how far)
+inline Outcome ikm_full(const Robot& robot, const Joint& x, Joint& q) {
+  return full_detail::with_full(
+      robot,
+      [&](auto mobility) -> Outcome {
+        constexpr Mobility K = mobility();
+        FullClosure<K> closure;
+        const FullResult result = ikm_full<K>(robot, to_pose<K>(x), closure);
+        if (!result) return {result.status, result.chain};
+        q = closure.q;
+        return within_limits(robot, q);
+      },
+      [&] { return ikm(robot, x, q); });
+}
+
+/// What x leaves out at the full level: the nacelle's turns against the ideal R (about x and y, of
+/// a translation robot about z as well) and each bar's turn against the base, θ + ψ_k.
+inline Outcome parasitic(const Robot& robot, const Joint& x, Joint& rest) {
+  rest.fill(0);
+  return full_detail::with_full(
+      robot,
+      [&](auto mobility) -> Outcome {
+        constexpr Mobility K = mobility();
+        const Pose pose = to_pose<K>(x);
+        FullClosure<K> closure;
+        const FullResult result = ikm_full<K>(robot, pose, closure);
+        const Vec3 tilt = log_so3(closure.pose.R * pose.R.transpose());
+        constexpr int tilts = full_detail::Inverse<K>::tilts;
+        for (int k = 0; k < tilts; ++k) rest[k] = tilt[k];
+        for (int k = tilts; k < kDof<K>; ++k) rest[k] = pose.theta + closure.pose.psi[k - tilts];
+        return {result.status, result.chain};
+      },
+      [] { return Outcome{}; });
+}
+
+/// J(x) at the full level, ẋ = J q̇.
+inline Outcome jacobian_full(const Robot& robot, const Joint& x, JointMatrix& J) {
+  return full_detail::with_full(
+      robot,
+      [&](auto mobility) -> Outcome {
+        constexpr Mobility K = mobility();
+        FullClosure<K> closure;
+        const FullResult result = ikm_full<K>(robot, to_pose<K>(x), closure);
+        if (!result) return {result.status, result.chain};
+        FullJacobians<K> jacobians;
+        const Outcome outcome = jacobian_full<K>(robot, closure, jacobians);
+        if (outcome)
+          for (int i = 0; i < kDof<K>; ++i)
+            for (int j = 0; j < kDof<K>; ++j) J[i][j] = jacobians.J[i][j];
+        return outcome;
+      },
+      [&] { return jacobian(robot, x, J); });
+}
+
+}  // namespace truepose

@@ -1,0 +1,120 @@
+// What should the redundant sensors read where every rod closes its own loop? RKM, full level.
+#pragma once
+
+#include "truepose/full/kinematics.hpp"
+#include "truepose/sensors/rkm.hpp"
+
+namespace truepose {
+
+/// Derivative of a reading at the full level.
+struct FullRow {
+  std::array<double, kMaxUnknowns> z{};  ///< along the motion of full_row
+  double motor = 0;                      ///< along the motor of its chain, z held
+};
+
+/// Orientation of the body that carries a chain's A: R, or R R_z(ψ) of its bar.
+inline Mat3 body_of(const Chain& chain, const FullPose& pose) {
+  return chain.bar < 0 ? pose.R : Mat3(pose.R * rotation_z(pose.psi[chain.bar]));
+}
+
+/// Which rod a sensor sees (FullClosure).
+inline int rod_of(const Sensor& sensor) { return 2 * sensor.chain + (sensor.rod < 0); }
+
+/// Value and gradients of any sensor at a full pose. An angle sensor at the pivot of bar k reads
+/// -ψ_k: the bar's own turn is part of it.
+template <Mobility K>
+inline Sensed sense_full(const Robot& robot, const Sensor& sensor, const FullClosure<K>& at) {
+  if (on_chain(sensor)) {
+    const Chain& chain = robot.chain[sensor.chain];
+    return sense_chain(sensor, chain, motor_position(chain, at.q[sensor.chain]),
+                       at.driven[sensor.chain].p, at.v[rod_of(sensor)], body_of(chain, at.pose));
+  }
+  if (sensor.kind != SensorKind::nacelle_angle) return sense_pose(sensor, at.pose);
+  Sensed s;
+  if (sensor.bar >= 0) {
+    s.value = -at.pose.psi[sensor.bar];
+  } else {
+    s.value = at.pose.theta;
+    s.angular = theta_row(at.pose.R);
+  }
+  read_off_centre(sensor, s);
+  return s;
+}
+
+/// Derivative of s, without the gain.
+template <Mobility K>
+inline FullRow sensor_row(const Robot& robot, const Sensor& sensor, const FullClosure<K>& at,
+                          const Sensed& s) {
+  FullRow row;
+  if (!on_chain(sensor)) {
+    free_columns<Mobility::spatial>(s.linear, s.angular, row.z.data());
+    if (sensor.kind == SensorKind::nacelle_angle && sensor.bar >= 0)
+      row.z[6 + sensor.bar] = -s.slope;
+    return row;
+  }
+  const Chain& chain = robot.chain[sensor.chain];
+  const int rod = rod_of(sensor);
+  // A moves with the nacelle and its bar; so does the frame of a joint that they carry.
+  const Vec3 turn = sensor.at_nacelle ? s.frame : Vec3(Vec3::Zero());
+  free_columns<Mobility::spatial>(s.rod, at.lever[rod].cross(s.rod) + turn, row.z.data());
+  if (chain.bar >= 0) row.z[6 + chain.bar] = at.pose.R.col(2).dot(at.arm[rod].cross(s.rod) + turn);
+  row.motor = by_motor(sensor, s, chain, at.driven[sensor.chain].dB, at.driven[sensor.chain].rate);
+  return row;
+}
+
+/// What a mechanism reads that stands anywhere, its loops closed or not: with motors that play or
+/// arms that yield, their encoders see one angle and the rods' joints another.
+/// @param motor, arm  angles or slides before the encoders' offsets
+template <Mobility K>
+inline Outcome read_standing(const Robot& robot, const FullPose& pose, const Joint& motor,
+                             const Joint& arm, Extended& q_e) {
+  FullClosure<K> at;
+  at.pose = pose;
+  at.pose.theta = theta_of(pose.R, pose.theta);
+  for (int i = 0; i < kDof<K>; ++i) {
+    q_e[i] = motor_reading(robot.chain[i], motor[i]);
+    at.q[i] = motor_reading(robot.chain[i], arm[i]);
+    at.driven[i] = drive(robot.chain[i], at.q[i]);
+  }
+  place<K>(robot, at);
+  for (int k = 0; k < robot.r; ++k) {
+    const Sensor& sensor = robot.sensor[k];
+    q_e[kDof<K> + k] = sensor.gain * sense_full<K>(robot, sensor, at).value - sensor.offset;
+  }
+  return {all_finite(q_e, kDof<K> + robot.r) ? Status::ok : Status::not_finite, -1};
+}
+
+/// r = RKM at the full level, and its derivatives.
+/// @return not_measured for an angle at the pivot of a bar that the robot lacks; not_finite where
+/// a sensor has no reading
+template <Mobility K>
+inline Outcome rkm_full(const Robot& robot, const FullClosure<K>& at, Reading& values,
+                        std::array<FullRow, kMaxSensors>& rows) {
+  for (int k = 0; k < robot.r; ++k) {
+    const Sensor& sensor = robot.sensor[k];
+    if (sensor.bar >= robot.full.bars) return {Status::not_measured, -1};
+    const Sensed s = sense_full<K>(robot, sensor, at);
+    values[k] = sensor.gain * s.value - sensor.offset;
+    rows[k] = sensor_row<K>(robot, sensor, at, s);
+    for (double& entry : rows[k].z) entry *= sensor.gain;
+    rows[k].motor *= sensor.gain;
+  }
+  return {all_finite(values, robot.r) ? Status::ok : Status::not_finite, -1};
+}
+
+/// r = RKM(x) at the full level, the tilt and the bars' turns included.
+inline Outcome rkm_full(const Robot& robot, const Joint& x, Reading& values) {
+  return full_detail::with_full(
+      robot,
+      [&](auto mobility) -> Outcome {
+        constexpr Mobility K = mobility();
+        FullClosure<K> closure;
+        const FullResult result = ikm_full<K>(robot, to_pose<K>(x), closure);
+        if (!result) return {result.status, result.chain};
+        std::array<FullRow, kMaxSensors> rows;
+        return rkm_full<K>(robot, closure, values, rows);
+      },
+      [&] { return rkm(robot, x, values); });
+}
+
+}  // namespace truepose

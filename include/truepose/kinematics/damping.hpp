@@ -1,0 +1,122 @@
+// What can a robot still be asked beside a singularity? Its conditioning, and a damped Jacobian.
+//
+// J = J_x⁻¹ J_q grows without bound where the rods' lines become dependent (type 2), J⁻¹ where an
+// arm stretches (type 1). Levenberg's damping, in a band only (Nakamura and Hanafusa 1986), bounds
+// both (docs/model.md, Beside a singularity).
+#pragma once
+
+#include "truepose/kinematics/jacobian.hpp"
+
+namespace truepose {
+
+/// λ² at the conditioning c: 0 from `band` on, band²/4 at c = 0. A gain 1/σ, σ ≥ c, becomes
+/// σ/(σ² + λ²): continuous, and nowhere above 2/(√3 band).
+inline double damping(double c, double band) { return c < band ? 0.25 * (band * band - c * c) : 0; }
+
+/// How far from singular a closed mechanism is, free of its size and of its units.
+template <Mobility K>
+class Conditioning {
+ public:
+  static constexpr int n = kDof<K>;
+
+  explicit Conditioning(const Closure<K>& closure) {
+    for (int i = 0; i < n; ++i) {
+      const ChainState& chain = closure.chain[i];
+      length_[i] = chain.v.norm();
+      const Vec3 along = chain.v / length_[i];
+      jx_row<K>(along, chain.lever, lines_[i]);
+      const double dB2 = chain.dB.squaredNorm();
+      speed_[i] = dB2 > 0 ? std::sqrt(dB2) : 1;  // a telescopic leg is always driven along itself
+    }
+    unit_ = column_sizes<K>(
+        Lanes<n>::Ones(), points<n>([&](int i) -> const Vec3& { return closure.chain[i].lever; }));
+    for (double& unit : unit_) unit = std::sqrt(unit);
+    for (auto& row : lines_)
+      for (int j = 0; j < n; ++j) {
+        row[j] /= unit_[j];
+        square_ += row[j] * row[j];
+      }
+    ones_.fill(1);
+    const NormalEquations<n> equations(lines_, ones_);
+    double inverse2 = 0;  // |lines⁻¹|²
+    for (int j = 0; j < n; ++j)
+      for (const double entry : equations.column(j, 1)) inverse2 += entry * entry;
+    parallel_ = equations.regular() ? n / std::sqrt(square_ * inverse2) : 0;
+    for (int i = 0; i < n; ++i)
+      serial_[i] = std::fabs(closure.chain[i].jq) / (length_[i] * speed_[i]);
+  }
+
+  /// Type 2: inverse condition number n / (|A| |A⁻¹|), Frobenius norms, in [0, 1], of the rods'
+  /// unit lines A, their columns in units of column_sizes. 1: isotropic. 0: the motors do not hold
+  /// the nacelle.
+  double parallel() const { return parallel_; }
+  /// Type 1: how much of the motion of B_i, 0 to 1, goes along rod i. 0: arm and rod in one line.
+  double serial(int i) const { return serial_[i]; }
+
+  /// J = A⁺ J_q with A⁺ = (AᵀA + λ² |A|²/n²)⁻¹ Aᵀ, units put back.
+  bool damped(const Closure<K>& closure, double band, Matrix<kDof<K>, kDof<K>>& J) const {
+    const double part = damping(parallel_, band) * square_ / (n * n);
+    const NormalEquations<n> equations(lines_, ones_, part);
+    for (int j = 0; j < n; ++j) {
+      const std::array<double, n> column = equations.column(j, closure.chain[j].jq / length_[j]);
+      for (int i = 0; i < n; ++i) J[i][j] = column[i] / unit_[i];
+    }
+    return equations.regular();
+  }
+
+  /// What J⁻¹ divides by in place of the entry of J_q: s + λ²/s for its part s, so that
+  /// 1/s becomes s/(s² + λ²).
+  double divisor(int i, double jq, double band) const {
+    const double scale = length_[i] * speed_[i];
+    return jq + damping(serial_[i], band) * scale * scale / jq;
+  }
+
+ private:
+  Matrix<kDof<K>, kDof<K>> lines_;
+  std::array<double, kDof<K>> unit_, ones_, length_, speed_, serial_;
+  double square_ = 0, parallel_;  // |A|²
+};
+
+/// J_x, J_q and J, damped where a conditioning lies below `band` (0: nowhere, as the paper has it).
+/// In the band the entries of J_q, the closure's too, become what J⁻¹ divides by: rates, J_r and
+/// the dynamics all follow.
+/// @return near_singular in the band: an answer, finite and bounded. The chain whose arm is
+/// stretched, or -1 where the rods' lines are nearly dependent.
+template <Mobility K>
+inline Outcome jacobian(Closure<K>& closure, double band, Jacobians<K>& jacobians) {
+  const Outcome exact = jacobian<K>(closure, jacobians);
+  if (!(band > 0)) return exact;
+  const Conditioning<K> conditioning(closure);
+  const bool dependent = conditioning.parallel() < band;
+  Outcome outcome{Status::ok, -1};
+  if (dependent || !exact) {
+    for (int i = 0; i < kDof<K>; ++i) {
+      jx_row<K>(closure.chain[i].v, closure.chain[i].lever, jacobians.jx[i]);
+      jacobians.jq[i] = closure.chain[i].jq;
+    }
+    if (!conditioning.damped(closure, band, jacobians.J)) return {Status::singular, -1};
+    outcome.status = Status::near_singular;
+  }
+  for (int i = 0; i < kDof<K>; ++i) {
+    if (!(conditioning.serial(i) < band)) continue;
+    closure.chain[i].jq = jacobians.jq[i] = conditioning.divisor(i, jacobians.jq[i], band);
+    if (outcome.chain < 0 && !dependent) outcome = {Status::near_singular, i};
+  }
+  return outcome;
+}
+
+/// Conditioning at coordinates x. @param serial  out, size n
+inline Outcome conditioning(const Robot& robot, const Joint& x, double& parallel, Joint& serial) {
+  return with_mobility(robot.mobility, [&](auto mobility) {
+    constexpr Mobility K = mobility();
+    Closure<K> closure;
+    const Outcome outcome = ikm<K, false>(robot, to_pose<K>(x), closure);
+    if (!outcome) return outcome;
+    const Conditioning<K> at(closure);
+    parallel = at.parallel();
+    for (int i = 0; i < kDof<K>; ++i) serial[i] = at.serial(i);
+    return Outcome{all_finite(serial, kDof<K>) ? Status::ok : Status::not_finite, -1};
+  });
+}
+
+}  // namespace truepose

@@ -1,0 +1,271 @@
+// Where is the nacelle, from the motors alone? The forward kinematic model (FKM), by Newton.
+#pragma once
+
+#include "truepose/kinematics/damping.hpp"
+#include "truepose/kinematics/fkm_closed.hpp"
+
+namespace truepose {
+
+inline constexpr int kFkmIterations = 60;  ///< of one search; fkm makes at most two
+inline constexpr int kFkmStages = 4;       ///< of the second one, from home
+
+struct FkmResult {
+  Status status = Status::ok;
+  int chain = -1;       ///< the chain at fault, if one is
+  int iterations = 0;   ///< steps tried, at most 2 kFkmIterations
+  double residual = 0;  ///< largest closure error | |v_i| - L_i |, m
+  explicit operator bool() const { return status == Status::ok; }
+};
+
+/// One search: Newton on f_i = (|v_i|² - L_i²)/2, whose derivative with respect to the pose is
+/// -J_x, in the tangent space of the pose (no Euler angles). A step that does not lower Σf² is
+/// retried with Levenberg's damping. Convergence is judged by the residual, to rounding.
+///
+/// @param pose    in: the guess; out: the pose, if there is one
+/// @param most    iterations
+/// @param failed  (result, last iterate) if there is none; its result is the result
+template <Mobility K, class Failed>
+TRUEPOSE_FLATTEN inline FkmResult search(const Robot& robot, const Joint& q, Pose& pose, int most,
+                                         Failed&& failed) {
+  constexpr int n = kDof<K>;
+  FkmResult result;
+  std::array<Driven, n> driven;
+  for (int i = 0; i < n; ++i) {
+    driven[i] = drive(robot.chain[i], q[i]);
+    if (!std::isfinite(q[i])) return {Status::not_finite, i, 0, 0};
+    if (!(driven[i].rod > 0)) return {Status::unreachable, i, 0, 0};  // a telescopic leg
+  }
+  const auto pivot = points<n>([&](int i) -> const Vec3& { return robot.chain[i].pivot; });
+  const auto centre = points<n>([&](int i) -> Vec3 {  // of the sphere on which D + R c lies
+    return robot.chain[i].base + driven[i].p - robot.chain[i].anchor;
+  });
+  const auto rod = lanes<n>([&](int i) { return driven[i].rod; });
+  const Lanes<n> half_rod2 = 0.5 * rod * rod, per_rod = 1 / rod;
+  const double scale = largest<n>(rod);
+
+  struct Iterate {
+    Pose pose;
+    Points<n> lever, v;
+    Lanes<n> f;
+    double cost, residual;
+  };
+  const auto evaluate = [&](Iterate& at) {
+    at.lever = turned<K>(at.pose.R, pivot);
+    const Vec3& D = at.pose.D;
+    at.v = {centre.px - D.x() - at.lever.px, centre.py - D.y() - at.lever.py,
+            centre.pz - D.z() - at.lever.pz};
+    at.f = 0.5 * at.v.squared_norm() - half_rod2;
+    at.cost = (at.f * at.f).sum();
+    at.residual = largest<n>(at.f.abs() * per_rod);  // |v| - L = f / L to first order
+  };
+
+  const double rounding = 2e-15 * scale;
+  std::array<Iterate, 2> iterates;
+  Iterate *current = &iterates[0], *trial = &iterates[1];
+  current->pose = pose;
+  evaluate(*current);
+  if (!std::isfinite(current->cost)) return {Status::not_finite, -1, 0, 0};
+
+  std::array<Lanes<n>, n> jx;  // columns of J_x
+  Matrix<n, n> inverse;
+  double damping = 0;
+  bool regular = true;
+  do {
+    jx_row<K>(current->v, current->lever, jx);
+    const auto sizes = column_sizes<K>(current->v.squared_norm(), current->lever);
+    regular = invert<n>(jx, sizes, Lanes<n>::Ones(), damping, inverse);
+    if (!regular) {
+      ++result.iterations;
+      damping = std::max(10 * damping, 1e-3);
+      continue;
+    }
+    // Near the solution the same factors serve a second, chord step: its error is the product
+    // of two small ones, and it costs a third of a new factorisation.
+    do {
+      ++result.iterations;
+      const Lanes<n> step = times<n>(inverse, current->f);
+      Joint motion{};
+      for (int j = 0; j < n; ++j) motion[j] = step[j];
+      trial->pose = moved<K>(current->pose, motion);
+      evaluate(*trial);
+      if (!(trial->cost < current->cost)) {
+        damping = std::max(10 * damping, 1e-3);
+        break;
+      }
+      damping = damping > 1e-3 ? 0.1 * damping : 0;
+      std::swap(current, trial);
+    } while (damping == 0 && current->residual > rounding && current->residual < 1e-9 * scale &&
+             result.iterations < most);
+    // A step refused at the level of rounding is not a failure: nothing is left to gain.
+    if (current->residual <= rounding || (damping > 0 && current->residual < 1e-13 * scale)) break;
+  } while (result.iterations < most && damping < 1e12);
+
+  if constexpr (kTurnsAboutZ<K>) {
+    double& theta = current->pose.theta;
+    if (std::fabs(theta) > 1000) theta = theta_of(current->pose.R, theta);
+  }
+  result.residual = current->residual;
+  if (!(current->residual < 1e-12 * scale)) {
+    result.status = Status::not_converged;
+  } else if (!regular) {
+    result.status = Status::singular;
+  } else {
+    for (int i = 0; i < n; ++i) {
+      const Chain& chain = robot.chain[i];
+      if (chain.actuator != Actuator::telescopic &&
+          jq_entry(chain, current->v[i], driven[i]) * chain.working_mode < 0) {
+        result.status = Status::branch_lost;
+        result.chain = i;
+      }
+    }
+    jx_row<K>(current->v, current->lever, jx);
+    if (robot.assembly_sign != 0 && determinant_sign<n>(jx) != robot.assembly_sign)
+      result.status = Status::branch_lost;
+  }
+  if (!result) return failed(result, current->pose);
+  pose = current->pose;
+  return result;
+}
+
+/// One search. @param pose  in: the guess; out: the pose (the last iterate if not ok)
+template <Mobility K>
+FkmResult search(const Robot& robot, const Joint& q, Pose& pose, int most = kFkmIterations) {
+  return search<K>(robot, q, pose, most, [&](const FkmResult& result, const Pose& last) {
+    pose = last;
+    return result;
+  });
+}
+
+namespace fkm_detail {
+
+/// A search that crawls has come so close, in units of the longest rod: its steps halve the way to
+/// a double root, and the residual goes with their square.
+inline constexpr double kCrawls = 1e-9;
+/// Conditioning there, of the order of the square root of that.
+inline constexpr double kDependent = 1e-4;
+
+/// Whether it is known that no pose closes the loops. Each chain holds D + R c_i on a sphere about
+/// S_i = B_i - a_i. Of the four sides |S_iS_j|, L_i, L_j and |c_i - c_j|, which no turn changes,
+/// none can be longer than the other three together. Where R is known the spheres themselves
+/// decide.
+template <Mobility K>
+inline bool no_pose(const Robot& robot, const Joint& q) {
+  constexpr int n = kDof<K>;
+  constexpr bool turns = kTurnsAboutZ<K> || K == Mobility::spatial;
+  if constexpr (K == Mobility::translation) {
+    Vec3 D;
+    const Vec3 side = to_pose<K>(robot.home).D;
+    return fkm_closed<K>(robot, q, Mat3::Identity(), side, D).status == Status::unreachable;
+  }
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < i; ++j) {
+      const Chain &one = robot.chain[i], &other = robot.chain[j];
+      const Driven from = drive(one, q[i]), to = drive(other, q[j]);
+      const Vec3 pivots = one.pivot - other.pivot;
+      Vec3 centres = one.base + from.p - one.anchor - other.base - to.p + other.anchor;
+      if (!turns) centres -= pivots;
+      const std::array<double, 4> side{centres.norm(), from.rod, to.rod, turns ? pivots.norm() : 0};
+      const double whole = side[0] + side[1] + side[2] + side[3];
+      for (const double one_side : side)
+        if (2 * one_side > whole * (1 + 1e-12)) return true;
+    }
+  return false;
+}
+
+/// Whether a search crawled towards a singular pose: the loops are closed but for what its small
+/// steps leave, and the rods' lines are dependent. (Wherever it comes to rest with a gap J_x is
+/// singular too, J_xᵀf = 0: that says nothing of other poses.)
+template <Mobility K>
+inline bool crawled(const Robot& robot, const Joint& q, const Pose& pose, double residual) {
+  Closure<K> closure;
+  closure.pose = pose;
+  double scale = 0;
+  for (int i = 0; i < kDof<K>; ++i) {
+    const Chain& chain = robot.chain[i];
+    const Driven driven = drive(chain, q[i]);
+    ChainState& state = closure.chain[i];
+    state.lever = turned<K>(pose.R, chain.pivot);
+    state.v = chain.base + driven.p - pose.D - state.lever - chain.anchor;
+    state.dB = driven.dB;
+    scale = std::max(scale, driven.rod);
+  }
+  return residual < kCrawls * scale && Conditioning<K>(closure).parallel() < kDependent;
+}
+
+/// Whether a pose lies in the robot's own assembly mode.
+template <Mobility K>
+inline bool own_mode(const Robot& robot, const Pose& pose) {
+  Closure<K> closure;
+  Jacobians<K> jacobians;
+  return ikm<K, false>(robot, pose, closure) && jacobian<K>(closure, jacobians) &&
+         assembly_sign<K>(jacobians) == robot.assembly_sign;
+}
+
+/// The second search, where the first one found no pose, or jumped from the robot's own mode into
+/// another: from home, whose pose is known, the motors going to q in a few stages.
+/// @param first  what the first one came to
+/// @param last   where
+/// @param pose   in: its guess; out: the pose, or where the first one ended
+template <Mobility K>
+TRUEPOSE_COLD FkmResult search_from_home(const Robot& robot, const Joint& q, FkmResult first,
+                                         const Pose& last, Pose& pose) {
+  const Pose guess = pose;
+  pose = last;
+  if (first.status == Status::branch_lost && !own_mode<K>(robot, guess)) return first;
+  if (first.status == Status::not_converged && no_pose<K>(robot, q)) {
+    first.status = Status::unreachable;
+    return first;
+  }
+  Closure<K> home;
+  FkmResult second{ikm<K>(robot, to_pose<K>(robot.home), home).status};
+  Pose at = home.pose;
+  int stage = 0, left = kFkmIterations;
+  while (second && stage < kFkmStages && left > 0) {
+    ++stage;
+    Joint motors{};
+    for (int i = 0; i < kDof<K>; ++i) {
+      double way = q[i] - home.chain[i].q;
+      if (robot.chain[i].actuator == Actuator::revolute) way = std::remainder(way, 2 * M_PI);
+      motors[i] = q[i] - way * (kFkmStages - stage) / kFkmStages;
+    }
+    second = search<K>(robot, motors, at, left);
+    left -= second.iterations;
+  }
+  first.iterations += kFkmIterations - left;
+  if (second && stage == kFkmStages) {
+    pose = at;
+    if constexpr (kTurnsAboutZ<K>) pose.theta = theta_of(pose.R, guess.theta);
+    second.iterations = first.iterations;
+    return second;
+  }
+  if (first.status == Status::not_converged && crawled<K>(robot, q, pose, first.residual))
+    first.status = Status::singular;
+  return first;
+}
+
+}  // namespace fkm_detail
+
+/// Where the nacelle is with the motors at q. A search from the guess; if that finds no pose of the
+/// robot's own, one from home.
+/// @param pose  in: the guess; out: the pose (the last iterate of the first search if not ok)
+/// @return unreachable: it is known that no pose closes the loops. not_converged: none was found.
+/// singular: closed where the motors do not determine it. branch_lost: closed in another mode.
+template <Mobility K>
+TRUEPOSE_FLATTEN FkmResult fkm(const Robot& robot, const Joint& q, Pose& pose) {
+  return search<K>(robot, q, pose, kFkmIterations, [&](const FkmResult& first, const Pose& last) {
+    return fkm_detail::search_from_home<K>(robot, q, first, last, pose);
+  });
+}
+
+/// x = FKM(q). @param x in: the guess; out: the pose.
+inline FkmResult fkm(const Robot& robot, const Joint& q, Joint& x) {
+  return with_mobility(robot.mobility, [&](auto mobility) {
+    constexpr Mobility K = mobility();
+    Pose pose = to_pose<K>(x);
+    const FkmResult result = fkm<K>(robot, q, pose);
+    x = to_coordinates<K>(pose);
+    return result;
+  });
+}
+
+}  // namespace truepose

@@ -1,0 +1,81 @@
+// Where is the nacelle, when its orientation is known? In closed form: D lies on n spheres.
+#pragma once
+
+#include "truepose/model/chain.hpp"
+
+namespace truepose {
+
+/// Position of the nacelle from the motors and its measured (or, for a translation robot, fixed)
+/// orientation, from all n ≥ 3 spheres |D - s_i| = L_i, s_i = B_i - R c_i - a_i.
+///
+/// With y = D - s̄, t_i = s_i - s̄, the mean sphere is |y|² = mean(L² - |t|²) and each sphere less
+/// the mean is linear: t_i·y = g_i. In least squares T y = Σ t_i g_i, T = Σ t_i t_iᵀ. Whenever
+/// the centres are coplanar (three chains always; an H4 at θ = 0, where two of its four centres
+/// coincide) T has rank 2: the coordinate along its weakest direction m is therefore always
+/// taken from the mean sphere, and only the two others from the linear equations. The result is
+/// exact for readings that agree with each other, for every θ.
+///
+/// @param R          orientation, nacelle to base
+/// @param near_side  a point on the side of the centres' plane where the nacelle is (its home)
+/// @param D          out
+/// @return singular: the centres lie on one line; unreachable: the spheres do not meet
+template <Mobility K>
+TRUEPOSE_FLATTEN inline Outcome fkm_closed(const Robot& robot, const Joint& q, const Mat3& R,
+                                           const Vec3& near_side, Vec3& D) {
+  constexpr int n = kDof<K>;
+  static_assert(n >= 3);
+  std::array<Vec3, n> t;
+  std::array<double, n> g;
+  Vec3 mean = Vec3::Zero();
+  for (int i = 0; i < n; ++i) {
+    const Driven driven = drive(robot.chain[i], q[i]);
+    t[i] =
+        robot.chain[i].base + driven.p - turned<K>(R, robot.chain[i].pivot) - robot.chain[i].anchor;
+    g[i] = driven.rod * driven.rod;
+    mean += t[i];
+  }
+  mean *= 1.0 / n;
+  double square = 0;  // |y|²
+  for (int i = 0; i < n; ++i) {
+    t[i] -= mean;
+    g[i] = t[i].squaredNorm() - g[i];
+    square -= g[i];
+  }
+  square *= 1.0 / n;
+  Mat3 T = Mat3::Zero();
+  Vec3 h = Vec3::Zero();
+  for (int i = 0; i < n; ++i) {
+    for (int column = 0; column < 3; ++column) T.col(column) += t[i][column] * t[i];
+    h += (0.5 * (g[i] + square)) * t[i];
+  }
+
+  // The columns of T's adjugate are the cross products of T's columns; for rank 2 each is a
+  // multiple of m, so the longest gives m. For rank 3 it lies near m, which is all that is needed.
+  const Vec3 a = T.col(1).cross(T.col(2)), b = T.col(2).cross(T.col(0)),
+             c = T.col(0).cross(T.col(1));
+  const double aa = a.squaredNorm(), bb = b.squaredNorm(), cc = c.squaredNorm();
+  const Vec3 longest = aa >= bb ? (aa >= cc ? a : c) : (bb >= cc ? b : c);
+  const double length = longest.norm(), size = T.trace();
+  if (!std::isfinite(length)) return {Status::not_finite, -1};
+  if (!(length > 1e-10 * size * size)) return {Status::singular, -1};
+  const Vec3 m = longest / length;
+
+  // y = particular + λ direction: the 2×2 equations across m, solved for any component λ along it.
+  const Vec3 e1 = m.unitOrthogonal(), e2 = m.cross(e1);
+  const Vec3 T1 = T * e1, T2 = T * e2;
+  const double t11 = e1.dot(T1), t12 = e1.dot(T2), t22 = e2.dot(T2),
+               per_det = 1 / (t11 * t22 - t12 * t12);
+  const auto across = [&](double r1, double r2) -> Vec3 {
+    return (per_det * (t22 * r1 - t12 * r2)) * e1 + (per_det * (t11 * r2 - t12 * r1)) * e2;
+  };
+  const Vec3 particular = across(e1.dot(h), e2.dot(h));
+  const Vec3 direction = m - across(m.dot(T1), m.dot(T2));
+  const double A = direction.squaredNorm(), B = particular.dot(direction);
+  const double root2 = B * B - A * (particular.squaredNorm() - square);
+  if (!(root2 >= 0)) return {Status::unreachable, -1};
+  const double side = m.dot(near_side - mean) < 0 ? -1 : 1;
+  D = mean + particular + direction * ((side * std::sqrt(root2) - B) / A);
+  return {};
+}
+
+}  // namespace truepose

@@ -1,0 +1,59 @@
+// Which motor positions hold this pose? The inverse kinematic model (IKM).
+#pragma once
+
+#include "truepose/model/chain.hpp"
+
+namespace truepose {
+
+/// A mechanism with all its loops closed: what every Jacobian is read off.
+template <Mobility K>
+struct Closure {
+  Pose pose;
+  std::array<ChainState, kDof<K>> chain;
+
+  Joint q() const {
+    Joint values{};
+    for (int i = 0; i < kDof<K>; ++i) values[i] = chain[i].q;
+    return values;
+  }
+};
+
+/// Closes every chain on the pose, each in its own working mode.
+/// @return unreachable and the first chain that cannot close, or not_finite.
+template <Mobility K, bool NeedAngle = true>
+TRUEPOSE_FLATTEN inline Outcome ikm(const Robot& robot, const Pose& pose, Closure<K>& closure) {
+  constexpr int n = kDof<K>;
+  const auto lever =
+      turned<K>(pose.R, points<n>([&](int i) -> const Vec3& { return robot.chain[i].pivot; }));
+  const auto offset =
+      points<n>([&](int i) -> Vec3 { return robot.chain[i].anchor - robot.chain[i].base; });
+  const Points<n> d{pose.D.x() + lever.px + offset.px, pose.D.y() + lever.py + offset.py,
+                    pose.D.z() + lever.pz + offset.pz};
+  const Lanes<n> d2 = d.squared_norm();
+  closure.pose = pose;
+  double sum = 0;  // a NaN, or a product that overflowed, shows in it
+  for (int i = 0; i < n; ++i) {
+    closure.chain[i].lever = lever[i];
+    if (!close<NeedAngle>(robot.chain[i], d[i], d2[i], closure.chain[i])) {
+      const bool finite = pose.D.allFinite() && pose.R.allFinite();
+      return {finite ? Status::unreachable : Status::not_finite, i};
+    }
+    if constexpr (NeedAngle) sum += closure.chain[i].q;
+  }
+  return {std::isfinite(sum) ? Status::ok : Status::not_finite, -1};
+}
+
+/// q = IKM(x) for coordinates x of any mobility.
+/// @return joint_limit where a motor would have to pass its stops (`q` then says how far)
+inline Outcome ikm(const Robot& robot, const Joint& x, Joint& q) {
+  return with_mobility(robot.mobility, [&](auto mobility) {
+    constexpr Mobility K = mobility();
+    Closure<K> closure;
+    const Outcome outcome = ikm<K>(robot, to_pose<K>(x), closure);
+    if (!outcome) return outcome;
+    q = closure.q();
+    return within_limits(robot, q);
+  });
+}
+
+}  // namespace truepose

@@ -1,0 +1,120 @@
+// How do small motions of the nacelle and of the motors correspond? J_x ẋ = J_q q̇, ẋ = J q̇.
+#pragma once
+
+#include "truepose/kinematics/ikm.hpp"
+#include "truepose/math/square.hpp"
+
+namespace truepose {
+
+/// Row i of J_x: [vᵀ, (R c × v)ᵀ] S. Of Points, all rows at once: `row` then has the columns.
+template <Mobility K, class Vector, class Row>
+inline void jx_row(const Vector& v, const Vector& lever, Row& row) {
+  for (int j = 0; j < kDof<K>; ++j) switch (Freedom<K>::columns[j]) {
+      case 0: row[j] = v.x(); break;
+      case 1: row[j] = v.y(); break;
+      case 2: row[j] = v.z(); break;
+      case 3: row[j] = lever.y() * v.z() - lever.z() * v.y(); break;
+      case 4: row[j] = lever.z() * v.x() - lever.x() * v.z(); break;
+      default: row[j] = lever.x() * v.y() - lever.y() * v.x(); break;
+    }
+}
+
+/// |column|² of J_x if nothing cancelled: Σ|v|² for the columns of a velocity,
+/// Σ|R c|²|v|² for those of a turn. Where the rods meet in one point the column of a turn vanishes:
+/// small against this, not against itself.
+template <Mobility K>
+inline std::array<double, kDof<K>> column_sizes(const Lanes<kDof<K>>& v2,
+                                                const Points<kDof<K>>& lever) {
+  const double velocity = v2.sum(), turn = (v2 * lever.squared_norm()).sum();
+  std::array<double, kDof<K>> sizes;
+  for (int j = 0; j < kDof<K>; ++j) sizes[j] = Freedom<K>::columns[j] < 3 ? velocity : turn;
+  return sizes;
+}
+
+template <Mobility K>
+struct Jacobians {
+  Matrix<kDof<K>, kDof<K>> jx, J;
+  std::array<double, kDof<K>> jq;
+
+  /// q̇ = J⁻¹ ẋ = J_q⁻¹ J_x ẋ, without inverting J.
+  Joint joint_rate(const Joint& rate) const {
+    Joint result{};
+    for (int i = 0; i < kDof<K>; ++i) {
+      double sum = 0;
+      for (int j = 0; j < kDof<K>; ++j) sum += jx[i][j] * rate[j];
+      result[i] = sum / jq[i];
+    }
+    return result;
+  }
+};
+
+/// J_x, J_q and J = J_x⁻¹ J_q at a closed pose.
+/// @return singular when J_x loses rank (type 2: the motors no longer hold the nacelle) or an
+/// entry of J_q vanishes (type 1: an arm stretched or folded; `chain` says which).
+template <Mobility K>
+TRUEPOSE_FLATTEN inline Outcome jacobian(const Closure<K>& closure, Jacobians<K>& jacobians) {
+  constexpr int n = kDof<K>;
+  const auto& chain = closure.chain;
+  const Points<n> v = points<n>([&](int i) -> const Vec3& { return chain[i].v; });
+  const Points<n> lever = points<n>([&](int i) -> const Vec3& { return chain[i].lever; });
+  const Lanes<n> jq = lanes<n>([&](int i) { return chain[i].jq; });
+  const Lanes<n> v2 = v.squared_norm();
+  const Lanes<n> dB2 = points<n>([&](int i) -> const Vec3& { return chain[i].dB; }).squared_norm();
+  if (!all_positive<n>(jq * jq - kSingular * v2 * dB2))
+    for (int i = 0; i < n; ++i)
+      if (!(jq[i] * jq[i] > kSingular * v2[i] * dB2[i])) return {Status::singular, i};
+  Eigen::Map<Lanes<n>>(jacobians.jq.data()) = jq;
+  std::array<Lanes<n>, n> columns;
+  jx_row<K>(v, lever, columns);
+  jacobians.jx = rows_of<n>(columns);
+  const auto sizes = column_sizes<K>(v2, lever);
+  return {invert<n>(columns, sizes, jq, 0, jacobians.J) ? Status::ok : Status::singular, -1};
+}
+
+/// J(x), n×n, ẋ = J q̇; ẋ is a twist (its free columns), base frame.
+inline Outcome jacobian(const Robot& robot, const Joint& x, JointMatrix& J) {
+  return with_mobility(robot.mobility, [&](auto mobility) {
+    constexpr Mobility K = mobility();
+    Closure<K> closure;
+    Outcome outcome = ikm<K, false>(robot, to_pose<K>(x), closure);
+    Jacobians<K> jacobians;
+    if (outcome) outcome = jacobian<K>(closure, jacobians);
+    if (!outcome) return outcome;
+    Lanes<kDof<K>> sum = Lanes<kDof<K>>::Zero();  // a NaN shows in it
+    for (int i = 0; i < kDof<K>; ++i) {
+      const Eigen::Map<const Lanes<kDof<K>>> row(jacobians.J[i].data());
+      sum += row;
+      Eigen::Map<Lanes<kDof<K>>>(J[i].data()) = row;
+    }
+    if (!std::isfinite(sum.sum())) outcome = {Status::not_finite, -1};
+    return outcome;
+  });
+}
+
+/// Sign of det J_x: two poses with the same motors and another sign are other assembly modes.
+template <Mobility K>
+inline int assembly_sign(const Jacobians<K>& jacobians) {
+  return determinant_sign<kDof<K>>(jacobians.jx);
+}
+
+/// Fills what a robot derives from its own data (assembly_sign, limited). Call once after building
+/// it.
+/// @return no_such_part, or that of its home: unreachable, singular, joint_limit
+inline Outcome finish(Robot& robot) {
+  if (!parts_exist(robot)) return {Status::no_such_part, -1};
+  return with_mobility(robot.mobility, [&](auto mobility) {
+    constexpr Mobility K = mobility();
+    Closure<K> closure;
+    Outcome outcome = ikm<K>(robot, to_pose<K>(robot.home), closure);
+    Jacobians<K> jacobians;
+    if (outcome) outcome = jacobian<K>(closure, jacobians);
+    robot.assembly_sign = outcome ? assembly_sign<K>(jacobians) : 0;
+    robot.limited = false;
+    for (int i = 0; i < kDof<K>; ++i)
+      robot.limited =
+          robot.limited || std::isfinite(robot.chain[i].low) || std::isfinite(robot.chain[i].high);
+    return outcome ? within_limits(robot, closure.q()) : outcome;
+  });
+}
+
+}  // namespace truepose

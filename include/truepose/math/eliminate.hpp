@@ -1,0 +1,65 @@
+// What do the readings at one pose say of ξ, when nobody knows the pose?
+//
+// To first order e = H_x δx + H_ξ δξ + noise. In units of the readings' σ, Householder's
+// reflections turn H_x into [R; 0]: the n upper rows give δx once δξ is known, the others hold no
+// δx and are all that the readings say of ξ. A pose so costs nothing but its own n rows (Schur's
+// complement).
+#pragma once
+
+#include "truepose/math/ldlt.hpp"
+#include "truepose/model/pose.hpp"
+
+namespace truepose {
+
+inline constexpr int kMaxRows = kMaxReadings + kMaxDof;  ///< readings, and an outside measurement
+using RowsOfPose = Matrix<kMaxRows, kMaxDof>;            ///< H_x, its first n columns
+
+/// @param n       degrees of freedom
+/// @param rows    of A, B and e; at least n
+/// @param A       in: H_x, whitened; out: R in its upper triangle
+/// @param B       in: H_ξ, whitened, rows of `width`; out: n rows beside R, the rest free of δx
+/// @param e       in: what was read less what was expected, whitened; out: beside B
+/// @return false where the rows do not determine the pose
+inline bool eliminate(int n, int rows, RowsOfPose& A, double* B, int width,
+                      std::array<double, kMaxRows>& e) {
+  constexpr int kBlock = 16;
+  for (int j = 0; j < n; ++j) {
+    double norm2 = 0, whole2 = 0;
+    for (int i = 0; i < rows; ++i) (i < j ? whole2 : norm2) += A[i][j] * A[i][j];
+    whole2 += norm2;
+    if (!(norm2 > kSingular * whole2)) return false;  // also for a NaN
+    // v = a + sign(a_j) |a| e_j, H = I - 2 v vᵀ / vᵀv
+    const double norm = std::copysign(std::sqrt(norm2), A[j][j]);
+    std::array<double, kMaxRows> v;
+    for (int i = j; i < rows; ++i) v[i] = A[i][j];
+    v[j] += norm;
+    const double scale = 1 / (norm * v[j]);  // 2 / vᵀv
+    const auto reflect = [&](double* column, int stride) {
+      double dot = 0;
+      for (int i = j; i < rows; ++i) dot += v[i] * column[i * stride];
+      dot *= scale;
+      for (int i = j; i < rows; ++i) column[i * stride] -= dot * v[i];
+    };
+    for (int k = j; k < n; ++k) reflect(&A[0][k], kMaxDof);
+    reflect(e.data(), 1);
+    for (int first = 0; first < width; first += kBlock) {  // along the rows of B, a few at a time
+      const int count = std::min(kBlock, width - first);
+      double dot[kBlock] = {};
+      for (int i = j; i < rows; ++i)
+        for (int k = 0; k < count; ++k) dot[k] += v[i] * B[i * width + first + k];
+      for (int i = j; i < rows; ++i)
+        for (int k = 0; k < count; ++k) B[i * width + first + k] -= scale * dot[k] * v[i];
+    }
+  }
+  return true;
+}
+
+/// R x = b in place, R as `eliminate` leaves it.
+inline void back_substitute(int n, const RowsOfPose& R, Joint& b) {
+  for (int i = n - 1; i >= 0; --i) {
+    for (int k = i + 1; k < n; ++k) b[i] -= R[i][k] * b[k];
+    b[i] /= R[i][i];
+  }
+}
+
+}  // namespace truepose

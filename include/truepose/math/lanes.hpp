@@ -1,0 +1,61 @@
+// How are all chains treated at once? Component by component, so that one instruction serves two.
+#pragma once
+
+#include "truepose/model/robot.hpp"
+
+namespace truepose {
+
+/// Two numbers that take the same way: one register of SSE2 or NEON.
+using Pair = Eigen::Array2d;
+inline Pair swapped(const Pair& pair) { return pair.reverse(); }
+
+/// One number for each of N chains. Even N fill whole registers.
+template <int N>
+using Lanes = Eigen::Array<double, N, 1>;
+
+/// One vector for each of N chains; named like a Vec3, so that a formula can serve both.
+template <int N>
+struct Points {
+  Lanes<N> px, py, pz;
+
+  const Lanes<N>& x() const { return px; }
+  const Lanes<N>& y() const { return py; }
+  const Lanes<N>& z() const { return pz; }
+  Vec3 operator[](int i) const { return {px[i], py[i], pz[i]}; }
+  Lanes<N> squared_norm() const { return px * px + py * py + pz * pz; }
+};
+
+/// value(i) for each of N chains. By pairs: a register loaded from two stores of half its width
+/// would wait for both.
+template <int N, class F>
+inline Lanes<N> lanes(F&& value) {
+  Lanes<N> result;
+  for (int i = 0; i + 1 < N; i += 2) result.template segment<2>(i) = Pair(value(i), value(i + 1));
+  if constexpr (N % 2 == 1) result[N - 1] = value(N - 1);
+  return result;
+}
+template <int N, class F>
+inline Points<N> points(F&& point) {
+  return {lanes<N>([&](int i) { return point(i).x(); }),
+          lanes<N>([&](int i) { return point(i).y(); }),
+          lanes<N>([&](int i) { return point(i).z(); })};
+}
+
+/// The largest of all. Eigen's maxCoeff goes through a pointer to a function, which clang cannot
+/// see through when it checks that the control path never blocks.
+template <int N>
+inline double largest(const Lanes<N>& values) {
+  double result = values[0];
+  for (int i = 1; i < N; ++i) result = values[i] > result ? values[i] : result;
+  return result;
+}
+
+/// Whether all are greater than 0; false for a NaN.
+template <int N>
+inline bool all_positive(const Lanes<N>& values) {
+  bool result = true;
+  for (int i = 0; i < N; ++i) result &= values[i] > 0;
+  return result;
+}
+
+}  // namespace truepose

@@ -1,0 +1,153 @@
+// How does one chain close? Both ways: from the motor to B, and from the nacelle to the motor.
+#pragma once
+
+#include <algorithm>
+
+#include "truepose/model/pose.hpp"
+#include "truepose/model/status.hpp"
+
+namespace truepose {
+
+/// A chain whose loop is closed.
+struct ChainState {
+  double q = 0;   ///< motor position as the encoder reads it
+  double rate;    ///< ∂position/∂q: not 1 where the encoder is eccentric
+  Vec3 p;         ///< P to B (telescopic: zero)
+  Vec3 v;         ///< A to B, the rod
+  Vec3 lever;     ///< R c, from D to the pivot
+  Vec3 dB;        ///< ∂B/∂q
+  double jq = 0;  ///< the chain's entry of J_q: v·∂B/∂q (telescopic: -L)
+};
+
+/// Where a motor stands as its stops see it, from its reading: angle or slide, no error of the
+/// encoder.
+inline double motor_position(const Chain& chain, double q) {
+  const double value = q + chain.encoder_offset;
+  return chain.eccentricity.any() ? decode(chain.eccentricity, value) : value;
+}
+
+/// The inverse: what the encoder of a motor that stands at this angle or slide reads.
+inline double motor_reading(const Chain& chain, double position) {
+  const bool any = chain.eccentricity.any();
+  return (any ? encode(chain.eccentricity, position).value : position) - chain.encoder_offset;
+}
+
+/// Base-side point B relative to P, its derivative, and the rod's length, at motor position q.
+struct Driven {
+  Vec3 p, dB;
+  double rod;
+  double rate = 1;  ///< ∂position/∂q
+};
+inline Driven drive(const Chain& chain, double q) {
+  const double position = motor_position(chain, q);
+  switch (chain.actuator) {
+    case Actuator::prismatic: return {chain.axis * position, chain.axis, chain.rod};
+    case Actuator::telescopic: return {Vec3::Zero(), Vec3::Zero(), position};
+    default: break;
+  }
+  const Vec3 e = chain.arm * chain.zero, w = chain.axis.cross(e);
+  const double c = std::cos(position), s = std::sin(position);
+  const Vec3 p = c * e + s * w, dB = c * w - s * e;
+  if (!chain.eccentricity.any()) return {p, dB, chain.rod};
+  const double rate = 1 / encode(chain.eccentricity, position).slope;
+  return {p, rate * dB, chain.rod, rate};
+}
+
+/// The first chain whose motor is beyond one of its stops.
+TRUEPOSE_APART inline Outcome beyond_limits(const Robot& robot, const Joint& q) {
+  for (int i = 0; i < dof(robot.mobility); ++i) {
+    const double position = motor_position(robot.chain[i], q[i]);
+    if (!(position >= robot.chain[i].low && position <= robot.chain[i].high))
+      return {Status::joint_limit, i};
+  }
+  return {};
+}
+
+/// Whether every motor stands between its stops. Models of what the robot does never ask, for it
+/// may be pushed there; answers to what it should do (IKM, controllers) do.
+/// @return joint_limit and the first chain beyond
+inline Outcome within_limits(const Robot& robot, const Joint& q) {
+  return robot.limited ? beyond_limits(robot, q) : Outcome{};
+}
+
+/// The entry of J_q for a rod v: the paper's (p×v)·u, for any actuator.
+inline double jq_entry(const Chain& chain, const Vec3& v, const Driven& driven) {
+  return chain.actuator == Actuator::telescopic ? -driven.rod : v.dot(driven.dB);
+}
+
+/// By how much a rod is too short (positive) or too long (negative) to join its motor's reach to
+/// A = P + d; 0 where it closes. B moves on a circle, on a line, or (telescopic) not at all.
+inline double shortfall(const Chain& chain, const Vec3& d) {
+  if (chain.actuator == Actuator::telescopic) return 0;
+  const double along = chain.axis.dot(d);
+  const double across = std::sqrt(std::max(d.squaredNorm() - along * along, 0.0));
+  if (chain.actuator == Actuator::prismatic) return std::max(across - chain.rod, 0.0);
+  const double nearest = std::hypot(across - chain.arm, along);
+  const double farthest = std::hypot(across + chain.arm, along);
+  return chain.rod < nearest ? nearest - chain.rod : std::min(farthest - chain.rod, 0.0);
+}
+
+/// Turns what close() found of a revolute motor into what its eccentric encoder reads, everything
+/// per that q. Kept out of close(), whose usual path then costs nothing for it.
+/// @return position, as read
+TRUEPOSE_RARE inline double read_off_centre(const Chain& chain, double sine, double cosine,
+                                            ChainState& state) {
+  const Encoded read = encode(chain.eccentricity, std::atan2(sine, cosine));
+  state.rate = 1 / read.slope;
+  state.jq *= state.rate;
+  state.dB *= state.rate;
+  return read.value;
+}
+
+/// Closes a chain on A, d = A - P: the two spheres (or sphere and line) meet in two points,
+/// and the working mode says which. J_q's entry comes out as ± the root, without a division;
+/// no quotient by G, M or N appears, and no position of the arm is special.
+/// NeedAngle = false leaves q out, and with it the only trigonometric function.
+/// @return false when the rod cannot reach.
+/// @param d2  |d|²
+template <bool NeedAngle = true>
+TRUEPOSE_FLATTEN inline bool close(const Chain& chain, const Vec3& d, double d2,
+                                   ChainState& state) {
+  const double sign = chain.working_mode;
+  double position = 0;
+  state.rate = 1;
+  switch (chain.actuator) {
+    case Actuator::telescopic: {
+      position = std::sqrt(d2);
+      state.p = state.dB = Vec3::Zero();
+      state.jq = -position;
+      if (!(position > 0 && std::isfinite(position))) return false;
+      break;
+    }
+    case Actuator::prismatic: {
+      const double along = chain.axis.dot(d);
+      const double root2 = chain.rod * chain.rod - d2 + along * along;
+      if (!(root2 >= 0)) return false;
+      state.jq = sign * std::sqrt(root2);
+      position = along + state.jq;
+      state.p = position * chain.axis;
+      state.dB = chain.axis;
+      break;
+    }
+    default: {  // a cos q + b sin q = c, from |p - d|² = L²
+      const Vec3 e = chain.arm * chain.zero, w = chain.axis.cross(e);
+      const double a = e.dot(d), b = w.dot(d);
+      const double c = 0.5 * (chain.arm * chain.arm + d2 - chain.rod * chain.rod);
+      const double r2 = a * a + b * b, root2 = r2 - c * c;
+      if (!(root2 >= 0) || !(r2 > 0)) return false;
+      state.jq = sign * std::sqrt(root2);
+      const double cosine = (a * c - b * state.jq) / r2, sine = (b * c + a * state.jq) / r2;
+      if constexpr (NeedAngle)  // tan(q/2) = sin/(1 + cos): half the cost, where regular
+        position = cosine > -0.5 ? 2 * std::atan(sine / (1 + cosine)) : std::atan2(sine, cosine);
+      state.p = cosine * e + sine * w;
+      state.dB = cosine * w - sine * e;
+      if (chain.eccentricity.any()) position = read_off_centre(chain, sine, cosine, state);
+      break;
+    }
+  }
+  state.q = position - chain.encoder_offset;
+  state.v = state.p - d;
+  return true;
+}
+
+}  // namespace truepose

@@ -1,0 +1,225 @@
+// How does every reading change with every geometric parameter ξ? The order of ξ, and H_ξ.
+//
+// Two layers: a parameter varies points, directions and lengths of a chain (Variation), once; the
+// readings know their derivatives with respect to those (Sensed, the closure). Everything is at
+// fixed pose x, the motors following: ∂q/∂ξ, ∂r/∂ξ.
+#pragma once
+
+#include <cassert>
+
+#include "truepose/sensors/rkm.hpp"
+
+namespace truepose {
+
+/// Parameters of a chain, in this order. A telescopic chain has no arm and no rod; the last two
+/// move readings only at the full level.
+enum class ChainParameter : int {
+  base_x,
+  base_y,
+  base_z,
+  arm,
+  rod,
+  encoder_offset,
+  yaw,
+  tilt,
+  anchor_x,
+  anchor_y,
+  anchor_z,
+  rod_difference,
+  rod_spacing,
+  eccentricity_c1,
+  eccentricity_s1,
+  eccentricity_c2,
+  eccentricity_s2
+};
+inline constexpr int kChainParameters = 17;
+
+/// Parameters of a sensor, in this order; those that its kind does not have have zero columns.
+enum class SensorParameter : int {
+  offset,
+  gain,
+  origin_x,
+  origin_y,
+  origin_z,
+  direction_x,
+  direction_y,
+  direction_z,
+  target_x,
+  target_y,
+  target_z,
+  normal_x,
+  normal_y,
+  normal_z,
+  eccentricity_c1,
+  eccentricity_s1,
+  eccentricity_c2,
+  eccentricity_s2
+};
+inline constexpr int kSensorParameters = 18;
+
+/// ξ: chains, then the pivots of the bars, then the sensors in use.
+inline int parameter_count(const Robot& robot) {
+  return dof(robot.mobility) * kChainParameters + kMaxBars + robot.r * kSensorParameters;
+}
+inline int chain_column(int chain) { return chain * kChainParameters; }
+inline int bar_column(const Robot& robot, int bar) {
+  assert(bar >= 0 && bar < kMaxBars);  // or it would be a sensor's column: see parts_exist
+  return dof(robot.mobility) * kChainParameters + bar;
+}
+inline int sensor_column(const Robot& robot, int sensor) {
+  assert(sensor >= 0 && sensor < robot.r);
+  return dof(robot.mobility) * kChainParameters + kMaxBars + sensor * kSensorParameters;
+}
+
+/// What a parameter moves, at fixed pose and fixed encoder reading.
+struct Variation {
+  Vec3 B = Vec3::Zero(), A = Vec3::Zero();
+  Vec3 turn = Vec3::Zero();  ///< of the frame e, u×e, u at the motor
+  double rod = 0;            ///< of L
+  double motor = 0;          ///< of the motor's angle or position, as its encoder reads it
+  double difference = 0;     ///< of δ between the rods of a pair (full level)
+  double spacing = 0;        ///< of s between them
+};
+
+/// ∂q of a motor that stands still with its arm at p, by each of its encoder's amplitudes.
+inline std::array<double, 4> eccentric_reading(const Chain& chain, const Vec3& p) {
+  if (chain.actuator != Actuator::revolute) return {};
+  const double position = std::atan2(chain.axis.cross(chain.zero).dot(p), chain.zero.dot(p));
+  std::array<double, 4> change = harmonics(chain.eccentricity, position);
+  for (double& entry : change) entry /= chain.eccentricity.gear;
+  return change;
+}
+
+/// @param p         P to B
+/// @param body      orientation of the body that carries A
+/// @param eccentric  as of eccentric_reading
+inline Variation vary(const Chain& chain, const Vec3& p, const Mat3& body,
+                      const std::array<double, 4>& eccentric, ChainParameter parameter) {
+  Variation change;
+  const auto unit = [&](ChainParameter first) -> Vec3 {
+    return Vec3::Unit(static_cast<int>(parameter) - static_cast<int>(first));
+  };
+  switch (parameter) {
+    case ChainParameter::base_x:
+    case ChainParameter::base_y:
+    case ChainParameter::base_z: change.B = unit(ChainParameter::base_x); break;
+    case ChainParameter::arm:
+      if (chain.actuator == Actuator::revolute) change.B = p / chain.arm;
+      break;
+    case ChainParameter::rod: change.rod = chain.actuator == Actuator::telescopic ? 0 : 1; break;
+    case ChainParameter::encoder_offset: change.motor = 1; break;
+    case ChainParameter::yaw: change.turn = Vec3::UnitZ(); break;  // adds to α
+    case ChainParameter::tilt: change.turn = chain.zero; break;    // turns u about e
+    case ChainParameter::anchor_x:
+    case ChainParameter::anchor_y:
+    case ChainParameter::anchor_z: change.A = body * unit(ChainParameter::anchor_x); break;
+    case ChainParameter::rod_difference: change.difference = 1; break;
+    case ChainParameter::rod_spacing: change.spacing = 1; break;
+    case ChainParameter::eccentricity_c1:
+    case ChainParameter::eccentricity_s1:
+    case ChainParameter::eccentricity_c2:
+    case ChainParameter::eccentricity_s2:
+      change.motor = -eccentric[static_cast<std::size_t>(parameter) -
+                                static_cast<std::size_t>(ChainParameter::eccentricity_c1)];
+      break;
+  }
+  if (parameter == ChainParameter::yaw || parameter == ChainParameter::tilt)
+    change.B = change.turn.cross(p);
+  return change;
+}
+
+/// Calls enter(column of H_ξ, variation) for each parameter that moves chain i.
+/// @param lever  from D to the pivot
+template <class Enter>
+inline void for_each_variation(const Robot& robot, int i, const Vec3& p, const Mat3& body,
+                               const Vec3& lever, Enter&& enter) {
+  const Chain& chain = robot.chain[i];
+  const std::array<double, 4> eccentric = eccentric_reading(chain, p);
+  for (int k = 0; k < kChainParameters; ++k)
+    enter(chain_column(i) + k, vary(chain, p, body, eccentric, static_cast<ChainParameter>(k)));
+  if (chain.bar >= 0) {  // the pivot moves along itself
+    Variation change;
+    change.A = lever.normalized();
+    enter(bar_column(robot, chain.bar), change);
+  }
+}
+
+/// ∂f of a rod, f = (|v|² - L²)/2, its motor's reading held.
+/// @param jq  ∂f/∂q
+inline double closure_change(const Vec3& v, double jq, double length, const Variation& change) {
+  return v.dot(change.B - change.A) + jq * change.motor - length * change.rod;
+}
+
+/// ∂s of a sensor on the chain, its motor's reading held.
+inline double sensor_change(const Sensor& sensor, const Sensed& s, const Chain& chain,
+                            const Vec3& dB, double rate, const Variation& change) {
+  const double turned = sensor.at_nacelle ? 0 : s.frame.dot(change.turn);
+  return s.rod.dot(change.A - change.B) + turned +
+         by_motor(sensor, s, chain, dB, rate) * change.motor;
+}
+
+/// A derivative by a unit vector, along which only turning it counts.
+inline Vec3 turned_only(const Vec3& slope, const Vec3& unit) {
+  return slope - slope.dot(unit) * unit;
+}
+
+/// The columns of H_ξ that are the sensors' own: offset, gain, mounting.
+inline void sensor_columns(const Robot& robot, const std::array<Sensed, kMaxSensors>& sensed,
+                           double* H) {
+  const int n = dof(robot.mobility), width = parameter_count(robot);
+  for (int k = 0; k < robot.r; ++k) {
+    double* row = H + (n + k) * width + sensor_column(robot, k);
+    const Sensed& s = sensed[k];
+    row[static_cast<int>(SensorParameter::offset)] = -1;
+    row[static_cast<int>(SensorParameter::gain)] = s.value;
+    int column = static_cast<int>(SensorParameter::origin_x);
+    const Sensor& sensor = robot.sensor[k];
+    const Vec3 direction = turned_only(s.direction, sensor.direction);
+    const Vec3 normal = turned_only(s.normal, sensor.normal);
+    for (const Vec3* vector : {&s.origin, &direction, &s.target, &normal})
+      for (int axis = 0; axis < 3; ++axis) row[column++] = sensor.gain * (*vector)[axis];
+    if (!rotary(robot.sensor[k])) continue;
+    const Eccentricity& encoder = robot.sensor[k].eccentricity;
+    for (const double harmonic : harmonics(encoder, s.angle))
+      row[column++] = robot.sensor[k].gain * harmonic / encoder.gear;
+  }
+}
+
+/// The same of every mobility. @param states  of the n chains
+inline void parameter_jacobian(const Robot& robot, const Pose& pose, const ChainState* states,
+                               const std::array<Sensed, kMaxSensors>& sensed, double* H) {
+  const int n = dof(robot.mobility), width = parameter_count(robot);
+  std::fill(H, H + (n + robot.r) * width, 0.0);
+  for (int i = 0; i < n; ++i) {
+    const Chain& chain = robot.chain[i];
+    const ChainState& state = states[i];
+    const Mat3 body = body_of(chain, pose);
+    for_each_variation(
+        robot, i, state.p, body, state.lever, [&](int column, const Variation& change) {
+          const double motor = -closure_change(state.v, state.jq, chain.rod, change) / state.jq;
+          H[i * width + column] += motor;
+          for (int k = 0; k < robot.r; ++k) {
+            const Sensor& sensor = robot.sensor[k];
+            if (sensor.chain != i) continue;
+            const double by_q = by_motor(sensor, sensed[k], chain, state.dB, state.rate);
+            H[(n + k) * width + column] +=
+                sensor.gain *
+                (sensor_change(sensor, sensed[k], chain, state.dB, state.rate, change) +
+                 by_q * motor);
+          }
+        });
+  }
+  sensor_columns(robot, sensed, H);
+}
+
+/// H_ξ = ∂[q; r]/∂ξ at a closed pose, (n + r) rows of parameter_count(robot), in memory the caller
+/// owns. Directions and normals are of unit length: whoever was given one of another length divides
+/// its columns by it.
+template <Mobility K>
+inline void parameter_jacobian(const Robot& robot, const Closure<K>& closure, double* H) {
+  std::array<Sensed, kMaxSensors> sensed;
+  for (int k = 0; k < robot.r; ++k) sensed[k] = sense<K>(robot, robot.sensor[k], closure);
+  parameter_jacobian(robot, closure.pose, closure.chain.data(), sensed, H);
+}
+
+}  // namespace truepose

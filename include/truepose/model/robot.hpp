@@ -1,0 +1,263 @@
+// What is a robot? Plain data: chains, sensors, bodies. One struct serves every mechanism.
+//
+// One closure equation covers the field's rod-type robots (docs/model.md):
+//
+//     | B_i(q_i) - A_i(x) | = L_i,      A_i(x) = D + R(x) c_i + a_i
+//
+// Units are SI (m, rad, kg, N), frames are the base frame unless said otherwise.
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "truepose/model/encoder.hpp"
+
+/// Inlines all calls inside a hot function. Eigen's small expressions otherwise stay calls, which
+/// costs a tenth of a simulation (benchmarks/README.md). Not under AddressSanitizer, which makes
+/// each inlined copy several times larger. APART keeps what is long and rare out of such a
+/// function.
+#if defined(__GNUC__) && !defined(__SANITIZE_ADDRESS__)
+#define TRUEPOSE_FLATTEN __attribute__((flatten))
+#define TRUEPOSE_APART __attribute__((noinline))
+#else
+#define TRUEPOSE_FLATTEN
+#define TRUEPOSE_APART
+#endif
+
+/// Keeps a way that is hardly ever taken out of the hot function around it.
+#if defined(__GNUC__)
+#define TRUEPOSE_COLD __attribute__((noinline, cold))
+#else
+#define TRUEPOSE_COLD
+#endif
+
+namespace truepose {
+
+using Vec3 = Eigen::Vector3d;
+using Mat3 = Eigen::Matrix3d;
+
+inline constexpr int kMaxDof = 6;        ///< chains = motors = degrees of freedom n
+inline constexpr int kMaxSensors = 12;   ///< redundant readings r
+inline constexpr int kMaxReadings = 16;  ///< extended positions n + r: of six motors, r <= 10
+inline constexpr int kMaxBodies = 8;     ///< rigid bodies of the nacelle
+inline constexpr int kMaxRods = 12;      ///< full level: two per spatial parallelogram
+inline constexpr int kMaxBars = 2;       ///< full level: lateral bars of the nacelle
+inline constexpr int kMaxUnknowns = 8;   ///< full level: pose and one angle per bar
+
+static_assert(kMaxReadings <= kMaxDof + kMaxSensors && kMaxRods == 2 * kMaxDof &&
+              kMaxUnknowns == 6 + kMaxBars);
+
+using Joint = std::array<double, kMaxDof>;          ///< anything of size n
+using Reading = std::array<double, kMaxSensors>;    ///< anything of size r
+using Extended = std::array<double, kMaxReadings>;  ///< anything of size n + r
+template <int Rows, int Columns>
+using Matrix = std::array<std::array<double, Columns>, Rows>;
+using JointMatrix = Matrix<kMaxDof, kMaxDof>;
+using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+/// Which freedoms the mechanism leaves to the nacelle.
+enum class Mobility : int {
+  planar_translation = 0,  ///< x, y
+  planar = 1,              ///< x, y, θ
+  translation = 2,         ///< x, y, z
+  schoenflies = 3,         ///< x, y, z, θ about z
+  spatial = 4,             ///< x, y, z, rotation vector
+};
+
+/// How motor position q moves the base-side point B of a chain.
+enum class Actuator : int {
+  revolute = 0,    ///< B = P + l (e cos q + (u×e) sin q)
+  prismatic = 1,   ///< B = P + u q
+  telescopic = 2,  ///< B = P, L = q
+};
+
+/// What a redundant sensor measures. One sensor is one number; a tracker is several of them.
+enum class SensorKind : int {
+  nacelle_angle = 0,  ///< θ of the nacelle about z, gear undone
+  telemeter = 1,      ///< distance along a fixed line to a plane of the nacelle
+  coordinate = 2,     ///< a point of the nacelle along a fixed direction (tracker, telemeter)
+  distance = 3,       ///< from a point of the base to a point of the nacelle (draw-wire, ball bar)
+  inclinometer = 4,   ///< turn of the nacelle about one of its axes, against gravity
+  rotation = 5,       ///< a component of the nacelle's rotation vector (tracker)
+  rod_in_plane = 6,   ///< rod's direction in its joint's plane (elbow, first U-joint angle)
+  rod_lateral = 7,    ///< rod's direction out of that plane
+  rod_length = 8,     ///< distance of the rod's ends
+  motor_encoder = 9,  ///< a second encoder on a motor's load side
+};
+
+/// One chain: motor, arm, rod (a spatial parallelogram counts as one rod).
+struct Chain {
+  Actuator actuator = Actuator::revolute;
+  int working_mode = -1;       ///< sign of the chain's entry of J_q: which root of the IKM
+  Vec3 base = Vec3::Zero();    ///< P, on the motor's axis
+  Vec3 axis = Vec3::UnitY();   ///< u, unit
+  Vec3 zero = Vec3::UnitX();   ///< e, direction of the arm at q = 0, unit, normal to u
+  double arm = 0;              ///< l = |PB|
+  double rod = 0;              ///< L = |AB|
+  double encoder_offset = 0;   ///< reading = angle - offset, eccentricity apart
+  Vec3 pivot = Vec3::Zero();   ///< c, turns with the nacelle
+  Vec3 anchor = Vec3::Zero();  ///< a, keeps its orientation
+  double encoder_step = 0;     ///< one count, rad or m (0: unquantised)
+  double encoder_noise = 0;    ///< σ of the reading, rad or m
+  double low = -std::numeric_limits<double>::infinity();  ///< the motor's stops, rad or m,
+  double high = std::numeric_limits<double>::infinity();  ///< before the encoder's offset
+  double torque_limit = 0;                                ///< N·m or N (0: none)
+  double drive_inertia = 0;  ///< rotor and arm about the axis (kg·m²), or carriage (kg)
+  double arm_mass = 0;       ///< weighs at the middle of the arm, or on the carriage (kg)
+  double rod_mass = 0;       ///< all rods of the chain, slender (kg)
+  double viscous = 0;        ///< N·m·s/rad or N·s/m at the motor
+  double coulomb = 0;        ///< N·m or N at the motor
+
+  Eccentricity eccentricity;  ///< of a revolute motor's encoder
+
+  int bar = -1;  ///< bar that carries A (0-based; -1: the nacelle itself)
+
+  // What only the full level sees (full.hpp): the two rods of a spatial parallelogram, + and -.
+  double rod_spacing = 0;           ///< s, between the two rods (0: there is one rod)
+  double rod_difference = 0;        ///< δ: the rod on the side of +u has L + δ/2, the other L - δ/2
+  Vec3 pair_axis = Vec3::UnitY();   ///< prismatic: from rod - to rod + on the carriage (else: u)
+  Vec3 pair_drawn = Vec3::UnitY();  ///< from rod - to rod + on the bar: without yaw and tilt
+};
+
+/// A redundant sensor: reading = gain s(x, q) - offset. What its vectors mean:
+///
+/// - telemeter: line through origin along direction (base); plane through target with normal
+///   (nacelle)
+/// - coordinate: point target (nacelle) along direction, 0 at origin (base)
+/// - distance: from origin (base) to target (nacelle)
+/// - inclinometer: about direction, which way is up at 0: normal (nacelle)
+/// - rotation: component along direction (base)
+/// - rod_* at the nacelle's side: u is direction, e is normal (in the body that carries A)
+struct Sensor {
+  SensorKind kind = SensorKind::nacelle_angle;
+  int chain = -1;           ///< whose rod or motor (0-based)
+  bool at_nacelle = false;  ///< rod_*: at the joint on the nacelle's side
+  int rod = 1;              ///< rod_* at the full level: which of the pair, +1 or -1
+  double gain = 1;
+  double offset = 0;
+  double step = 0;            ///< one count of the reading (0: unquantised)
+  double noise = 0;           ///< σ of the reading
+  Eccentricity eccentricity;  ///< of an encoder: nacelle_angle, rod_in_plane, rod_lateral, motor
+  double weight = 1;          ///< of its row in the TEJ; the paper's is 1
+  Vec3 origin = Vec3::Zero();
+  Vec3 direction = Vec3::UnitZ();  ///< unit
+  Vec3 target = Vec3::Zero();
+  Vec3 normal = Vec3::UnitZ();  ///< unit
+  int bar =
+      -1;  ///< nacelle_angle at the full level: this bar's pivot (0-based; -1: the absolute θ)
+};
+
+/// A rigid body of the nacelle, its centre of mass at D + R pivot + anchor.
+struct Body {
+  double mass = 0;
+  int bar = -1;  ///< the bar that it is (0-based; -1: the nacelle itself)
+  Vec3 pivot = Vec3::Zero();
+  Vec3 anchor = Vec3::Zero();
+  Mat3 inertia =
+      Mat3::Zero();  ///< about the centre of mass, nacelle frame; 0 if it keeps its orientation
+};
+
+/// How a nacelle carries its lateral bars: what decides the freedoms of the full level.
+enum class BarJoint : int {
+  pivots = 0,    ///< each bar turns on a pivot of its own (H4)
+  four_bar = 1,  ///< bars and couplers are a planar four-bar: the bars turn together (Par4)
+};
+
+/// At which level of the model a robot is understood: one rod a chain, or every rod by itself.
+enum class Level : int { ideal = 0, full = 1 };
+
+/// Whether every rod can be solved for by itself (full.hpp).
+enum class FullKind : int {
+  undescribed = 0,  ///< the robot does not say where its rods are (or finish_full was not called)
+  same = 1,         ///< the ideal level already has every rod by itself
+  exists = 2,       ///< as many rods as freedoms, independent at home
+  overconstrained = 3,  ///< `excess` rods too many: they fit by luck or under stress
+  loose = 4,            ///< `excess` freedoms that no rod holds
+  elastic = 5,  ///< one rod too many: all stretch, equally stiff, by as little as closes the loops
+};
+
+struct FullLevel {
+  FullKind kind = FullKind::undescribed;
+  int rods = 0, bars = 0;
+  int unknowns = 0;  ///< freedoms of the nacelle and its bars, the rods taken away
+  int excess = 0;
+  int sign = 0;  ///< of the determinant at home: the assembly mode (0: not asked for)
+
+  /// Whether the rods are solved for by themselves, apart from the ideal level.
+  constexpr bool own() const { return kind == FullKind::exists || kind == FullKind::elastic; }
+};
+
+/// A robot and its sensors. Copyable; constant once built; shared freely between threads.
+struct Robot {
+  Mobility mobility = Mobility::schoenflies;
+  int r = 0;  ///< redundant sensors in use
+  int bodies = 0;
+  std::array<Chain, kMaxDof> chain;  ///< as many as the mobility has freedoms
+  std::array<Sensor, kMaxSensors> sensor;
+  std::array<Body, kMaxBodies> body;
+  Vec3 gravity = Vec3(0, 0, -9.81);
+  Joint home{};           ///< a pose well inside the workspace; default guess of the FKM
+  int assembly_sign = 0;  ///< sign of det J_x at home (0: not asked for)
+  BarJoint bar_joint = BarJoint::pivots;
+  bool limited = false;        ///< whether any motor has stops; filled by finish
+  FullLevel full;              ///< filled by finish_full
+  Level level = Level::ideal;  ///< at which laws and learners understand it
+
+  /// Whether they solve for every rod by itself.
+  constexpr bool rod_by_rod() const { return level == Level::full && full.own(); }
+};
+
+constexpr int dof(Mobility mobility) {
+  constexpr std::array<int, 5> sizes{2, 3, 3, 4, 6};
+  return sizes[static_cast<std::size_t>(mobility)];
+}
+
+/// Whether a sensor of this kind sees one chain, whose index it must then have.
+constexpr bool of_chain(SensorKind kind) { return kind >= SensorKind::rod_in_plane; }
+
+/// Whether every count is within its capacity and every index names a part that the robot has:
+/// what all other functions take for granted. finish() asks it.
+inline bool parts_exist(const Robot& robot) {
+  const auto below = [](int index, int count) { return index >= 0 && index < count; };
+  const auto bar = [&](int index) { return index == -1 || below(index, kMaxBars); };
+  if (!below(static_cast<int>(robot.mobility), 5) || !below(robot.r, kMaxSensors + 1) ||
+      dof(robot.mobility) + robot.r > kMaxReadings || !below(robot.bodies, kMaxBodies + 1))
+    return false;
+  bool exist = true;
+  for (int i = 0; i < dof(robot.mobility); ++i) exist = exist && bar(robot.chain[i].bar);
+  for (int k = 0; k < robot.bodies; ++k) exist = exist && bar(robot.body[k].bar);
+  for (int k = 0; k < robot.r; ++k) {
+    const Sensor& sensor = robot.sensor[k];
+    const bool chain =
+        of_chain(sensor.kind) ? below(sensor.chain, dof(robot.mobility)) : sensor.chain == -1;
+    exist = exist && chain && bar(sensor.bar);
+  }
+  return exist;
+}
+
+/// Calls f with the mobility as a compile-time constant, so that sizes are known in the loops.
+template <class F>
+constexpr auto with_mobility(Mobility mobility, F&& f) {
+  switch (mobility) {
+    case Mobility::planar_translation:
+      return f(std::integral_constant<Mobility, Mobility::planar_translation>{});
+    case Mobility::planar: return f(std::integral_constant<Mobility, Mobility::planar>{});
+    case Mobility::translation: return f(std::integral_constant<Mobility, Mobility::translation>{});
+    case Mobility::spatial: return f(std::integral_constant<Mobility, Mobility::spatial>{});
+    default: return f(std::integral_constant<Mobility, Mobility::schoenflies>{});
+  }
+}
+
+/// Whether the first `count` values are numbers. 0 times anything else is NaN, which stays in the
+/// sum: two instructions a value, where asking each takes four and a branch.
+template <class Values>
+inline bool all_finite(const Values& values, int count) {
+  double sum = 0;
+  for (int i = 0; i < count; ++i) sum += 0 * values[static_cast<std::size_t>(i)];
+  return sum == 0;
+}
+
+}  // namespace truepose

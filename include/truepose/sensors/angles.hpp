@@ -1,0 +1,75 @@
+// What do encoders on a chain's joints read? Elbow, nacelle-side joint, U-joint, motor's load side.
+#pragma once
+
+#include "truepose/sensors/sensed.hpp"
+
+namespace truepose {
+
+/// Frame (forward, side, axis) in which a joint sees its rod ρ, base frame. On the base's side of
+/// a revolute chain the arm, u × arm and u; of any other chain e, u × e and u, fixed in the base.
+/// On the nacelle's side the sensor's own (normal, direction × normal, direction), carried by the
+/// nacelle or by its bar.
+/// @param p     P to B
+/// @param body  orientation of the body that carries A
+struct RodFrame {
+  Vec3 forward, side, axis;
+};
+inline RodFrame rod_frame(const Sensor& sensor, const Chain& chain, const Vec3& p,
+                          const Mat3& body) {
+  Vec3 forward = chain.zero, axis = chain.axis;
+  if (sensor.at_nacelle) {
+    forward = body * sensor.normal;
+    axis = body * sensor.direction;
+  } else if (chain.actuator == Actuator::revolute) {
+    forward = p / chain.arm;
+  }
+  return {forward, axis.cross(forward), axis};
+}
+
+/// Direction of the rod ρ = A - B in the frame's plane, from `forward`, positive about `axis`
+/// (as q): atan2(side·ρ, forward·ρ); or out of it, positive along `axis`:
+/// atan2(axis·ρ, √((forward·ρ)² + (side·ρ)²)).
+///
+/// Turning rod and frame together changes nothing, so ∂s/∂frame = ∂s/∂ρ × ρ.
+/// @param v  A to B
+inline Sensed sense_rod_angle(const Sensor& sensor, const Chain& chain, const Vec3& p,
+                              const Vec3& v, const Mat3& body) {
+  Sensed s;
+  const RodFrame frame = rod_frame(sensor, chain, p, body);
+  const Vec3 rod = -v;
+  const double f = frame.forward.dot(rod), w = frame.side.dot(rod), a = frame.axis.dot(rod);
+  const double plane2 = f * f + w * w;
+  if (sensor.kind == SensorKind::rod_in_plane) {
+    s.value = std::atan2(w, f);
+    s.rod = (f * frame.side - w * frame.forward) / plane2;
+  } else {
+    const double plane = std::sqrt(plane2);
+    s.value = std::atan2(a, plane);
+    s.rod =
+        (plane * frame.axis - a / plane * (f * frame.forward + w * frame.side)) / (plane2 + a * a);
+  }
+  s.frame = s.rod.cross(rod);
+  if (sensor.at_nacelle) {  // its mounting: f, w and a differentiated in the body's own axes
+    const Vec3 r = body.transpose() * rod;
+    const Vec3 by_axis = sensor.normal.cross(r), by_forward = r.cross(sensor.direction);  // of w
+    if (sensor.kind == SensorKind::rod_in_plane) {
+      s.direction = f / plane2 * by_axis;
+      s.normal = (f * by_forward - w * r) / plane2;
+    } else {
+      const double plane = std::sqrt(plane2), total = plane2 + a * a;
+      s.direction = (plane * r - a * w / plane * by_axis) / total;
+      s.normal = -a / (plane * total) * (f * r + w * by_forward);
+    }
+  }
+  return s;
+}
+
+/// The motor's own position, on the load's side: the arm's angle, not the motor encoder's reading.
+inline Sensed sense_motor(double position) {
+  Sensed s;
+  s.value = position;
+  s.motor = 1;
+  return s;
+}
+
+}  // namespace truepose

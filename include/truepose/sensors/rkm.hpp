@@ -1,0 +1,47 @@
+// What should the redundant sensors read at this pose? The redundant kinematic model (RKM).
+#pragma once
+
+#include "truepose/sensors/sensor.hpp"
+
+namespace truepose {
+
+/// r = RKM(x) and J_r = ∂r/∂x (r rows of n) at a closed pose.
+/// @return not_finite where a sensor has no reading (a telemeter along its own plane, a rod across
+/// its joint's plane), or one without a derivative (a draw-wire of no length)
+template <Mobility K>
+inline Outcome rkm(const Robot& robot, const Closure<K>& closure, Reading& values,
+                   Matrix<kMaxSensors, kDof<K>>& jr) {
+  double sum = 0;  // a NaN shows in it
+  for (int k = 0; k < robot.r; ++k) {
+    sum += values[k] = read<K>(robot, robot.sensor[k], closure, jr[k].data());
+    for (const double entry : jr[k]) sum += entry;
+  }
+  return {std::isfinite(sum) ? Status::ok : Status::not_finite, -1};
+}
+
+/// r = RKM(x) for coordinates x of any mobility.
+inline Outcome rkm(const Robot& robot, const Joint& x, Reading& values) {
+  return with_mobility(robot.mobility, [&](auto mobility) -> Outcome {
+    constexpr Mobility K = mobility();
+    Closure<K> closure;
+    Matrix<kMaxSensors, kDof<K>> jr;
+    const Outcome outcome = ikm<K>(robot, to_pose<K>(x), closure);
+    return outcome ? rkm<K>(robot, closure, values, jr) : outcome;
+  });
+}
+
+/// Extended positions q_e = [q; r] at a pose, as the robot's own encoders read them.
+template <Mobility K>
+inline Outcome extended(const Robot& robot, const Pose& pose, Extended& q_e) {
+  Closure<K> closure;
+  Outcome outcome = ikm<K>(robot, pose, closure);
+  Reading values;
+  Matrix<kMaxSensors, kDof<K>> jr;
+  if (outcome) outcome = rkm<K>(robot, closure, values, jr);
+  if (!outcome) return outcome;
+  for (int i = 0; i < kDof<K>; ++i) q_e[i] = closure.chain[i].q;
+  for (int k = 0; k < robot.r; ++k) q_e[kDof<K> + k] = values[k];
+  return outcome;
+}
+
+}  // namespace truepose

@@ -1,0 +1,22 @@
+// What moves a reading? Value and gradients of one sensor, whatever its kind.
+#pragma once
+
+#include "truepose/kinematics/ikm.hpp"
+
+namespace truepose {
+
+/// s and its derivatives, gain and offset not yet applied. What a kind does not depend on is zero.
+struct Sensed {
+  double value = 0;
+  double angle = 0;             ///< of an encoder: what it measures, `value` being what it reads
+  double slope = 1;             ///< ∂value/∂angle
+  Vec3 linear = Vec3::Zero();   ///< ∂s/∂D, all else of the nacelle moving with it
+  Vec3 angular = Vec3::Zero();  ///< ∂s/∂(small rotation of the nacelle), base frame
+  Vec3 rod = Vec3::Zero();      ///< ∂s/∂(A - B) of its chain
+  Vec3 frame = Vec3::Zero();    ///< ∂s/∂(small rotation of the frame that sees the rod), base frame
+  double motor = 0;             ///< ∂s/∂position of its chain, rod and frame held
+  Vec3 origin = Vec3::Zero(), direction = Vec3::Zero();  ///< ∂s/∂ of the mounting
+  Vec3 target = Vec3::Zero(), normal = Vec3::Zero();
+};
+
+}  // namespace truepose

@@ -1,0 +1,139 @@
+// What does a redundant sensor read, and how does that change with the pose? s(x), J_r.
+#pragma once
+
+#include "truepose/kinematics/jacobian.hpp"
+#include "truepose/sensors/angles.hpp"
+#include "truepose/sensors/lengths.hpp"
+#include "truepose/sensors/pose.hpp"
+
+namespace truepose {
+
+/// Whether a sensor is an encoder on a turning shaft.
+inline bool rotary(const Sensor& sensor) {
+  switch (sensor.kind) {
+    case SensorKind::nacelle_angle:
+    case SensorKind::rod_in_plane:
+    case SensorKind::rod_lateral:
+    case SensorKind::motor_encoder: return true;
+    default: return false;
+  }
+}
+
+/// Whether it errs with its own turns.
+inline bool eccentric(const Sensor& sensor) { return sensor.eccentricity.any(); }
+
+/// An encoder's value and gradients as its eccentricity has it.
+inline void read_off_centre(const Sensor& sensor, Sensed& s) {
+  s.angle = s.value;
+  if (!eccentric(sensor)) return;
+  const Encoded read = encode(sensor.eccentricity, s.angle);
+  s.value = read.value;
+  s.slope = read.slope;
+  for (Vec3* gradient : {&s.linear, &s.angular, &s.rod, &s.frame, &s.direction, &s.normal})
+    *gradient *= read.slope;
+  s.motor *= read.slope;
+}
+
+/// What a sensor measured, from its reading.
+inline double measured(const Sensor& sensor, double reading) {
+  const double value = (reading + sensor.offset) / sensor.gain;
+  return eccentric(sensor) ? decode(sensor.eccentricity, value) : value;
+}
+
+/// Value and gradients of a sensor of the nacelle's pose alone.
+inline Sensed sense_pose(const Sensor& sensor, const Pose& pose) {
+  switch (sensor.kind) {
+    case SensorKind::telemeter: return sense_telemeter(sensor, pose);
+    case SensorKind::coordinate: return sense_coordinate(sensor, pose);
+    case SensorKind::distance: return sense_distance(sensor, pose);
+    case SensorKind::inclinometer: return sense_inclinometer(sensor, pose);
+    case SensorKind::rotation: return sense_rotation(sensor, pose);
+    default: break;
+  }
+  Sensed s = sense_nacelle_angle(pose);
+  read_off_centre(sensor, s);
+  return s;
+}
+
+/// Whether a sensor reads a chain's motor or rod, not the nacelle alone.
+inline bool on_chain(const Sensor& sensor) { return sensor.chain >= 0; }
+
+/// Value and gradients of a sensor on a chain, whatever the level of the model.
+/// @param position  of the motor
+/// @param p         P to B
+/// @param v         A to B, the rod that it sees
+/// @param body      orientation of the body that carries A
+inline Sensed sense_chain(const Sensor& sensor, const Chain& chain, double position, const Vec3& p,
+                          const Vec3& v, const Mat3& body) {
+  if (sensor.kind == SensorKind::rod_length) return sense_rod_length(v);
+  Sensed s = sensor.kind == SensorKind::motor_encoder ? sense_motor(position)
+                                                      : sense_rod_angle(sensor, chain, p, v, body);
+  read_off_centre(sensor, s);
+  return s;
+}
+
+/// Orientation of the body that carries a chain's A: bars keep theirs.
+inline Mat3 body_of(const Chain& chain, const Pose& pose) {
+  return chain.bar < 0 ? pose.R : Mat3(Mat3::Identity());
+}
+
+/// Value and gradients of any sensor at a closed pose.
+template <Mobility K>
+inline Sensed sense(const Robot& robot, const Sensor& sensor, const Closure<K>& closure) {
+  if (!on_chain(sensor)) return sense_pose(sensor, closure.pose);
+  const Chain& chain = robot.chain[sensor.chain];
+  const ChainState& state = closure.chain[sensor.chain];
+  return sense_chain(sensor, chain, motor_position(chain, state.q), state.p, state.v,
+                     body_of(chain, closure.pose));
+}
+
+/// ∂s/∂q of the sensor's chain with the nacelle held: the motor moves B, and turns the arm in
+/// which a joint on the base's side sees the rod.
+/// @param dB    ∂B/∂q
+/// @param rate  ∂position/∂q
+inline double by_motor(const Sensor& sensor, const Sensed& s, const Chain& chain, const Vec3& dB,
+                       double rate) {
+  const bool on_arm = !sensor.at_nacelle && chain.actuator == Actuator::revolute;
+  return (s.motor + (on_arm ? s.frame.dot(chain.axis) : 0.0)) * rate - s.rod.dot(dB);
+}
+
+/// Row of J_r without the gain: ds along the free motions of the nacelle, the motors following.
+template <Mobility K>
+inline void sensor_row(const Robot& robot, const Sensor& sensor, const Closure<K>& closure,
+                       const Sensed& s, double* row) {
+  if (!on_chain(sensor)) {
+    free_columns<K>(s.linear, s.angular, row);
+    return;
+  }
+  const Chain& chain = robot.chain[sensor.chain];
+  const ChainState& state = closure.chain[sensor.chain];
+  // A moves with the nacelle; so does the frame of a joint that the nacelle itself carries.
+  const Vec3 turn = sensor.at_nacelle && chain.bar < 0 ? s.frame : Vec3(Vec3::Zero());
+  free_columns<K>(s.rod, state.lever.cross(s.rod) + turn, row);
+  std::array<double, kDof<K>> jx;
+  jx_row<K>(state.v, state.lever, jx);
+  const double scale = by_motor(sensor, s, chain, state.dB, state.rate) / state.jq;
+  for (int j = 0; j < kDof<K>; ++j) row[j] += scale * jx[j];
+}
+
+/// Reading of one sensor at a closed pose, gain s - offset, and its row of J_r (size n).
+template <Mobility K>
+inline double read(const Robot& robot, const Sensor& sensor, const Closure<K>& closure,
+                   double* row) {
+  // The paper's, without gradients it has not.
+  if (sensor.kind == SensorKind::nacelle_angle && !eccentric(sensor)) {
+    free_columns<K>(Vec3::Zero(), Vec3(0, 0, sensor.gain), row);
+    return sensor.gain * closure.pose.theta - sensor.offset;
+  }
+  const Sensed s = sense<K>(robot, sensor, closure);
+  sensor_row<K>(robot, sensor, closure, s, row);
+  for (int j = 0; j < kDof<K>; ++j) row[j] *= sensor.gain;
+  return sensor.gain * s.value - sensor.offset;
+}
+
+/// The nearest count of an encoder or telemeter (step 0: unquantised).
+inline double quantised(double value, double step) {
+  return step > 0 ? step * std::nearbyint(value / step) : value;
+}
+
+}  // namespace truepose
