@@ -81,11 +81,11 @@ bench-peers: bench
 	python benchmarks/peers.py --core build/dev/benchmarks/benchmark_core
 
 pictures: $(VENV)/installed
-	python -c "import truepose as tp; from truepose.drawing import draw; [draw(tp.load(name)).savefig(f'robots/{name}/picture.png', dpi=110) for name in tp.robots()]"
+	python -c "import truepose as tp; from truepose.show.drawing import draw; [draw(tp.load(name)).savefig(f'robots/{name}/picture.png', dpi=110) for name in tp.robots()]"
 
 # The H4 whose Table 3 is close to the printed one: ten searches, some minutes.
 twin: $(VENV)/installed
-	python -m truepose.twin_folder robots/h4-lirmm-twin
+	python -m truepose.paper.twin_folder robots/h4-lirmm-twin
 
 build/%/build.ninja: CMakeLists.txt CMakePresets.json tests/cpp/CMakeLists.txt benchmarks/CMakeLists.txt | $(VENV)/developing
 	cmake --preset $* -DPython_EXECUTABLE=$(abspath $(BIN))/python

@@ -6,11 +6,11 @@ effects.py [--robots 16] [--seed 0]      # a minute a robot on one core
 import argparse
 
 import truepose as tp
-from truepose import experiment_tables, forgotten
-from truepose.effects import Effects
-from truepose.forgotten import Line
-from truepose.statistics import over_robots
-from truepose.twin_folder import markdown
+from truepose.paper import experiment_tables, forgotten
+from truepose.paper.forgotten import Line
+from truepose.paper.table3 import over_robots
+from truepose.paper.twin_folder import markdown
+from truepose.simulation.effects import Effects
 
 
 def ranked(lines: list[Line]) -> str:

@@ -14,8 +14,9 @@ from collections.abc import Iterator
 import numpy as np
 
 import truepose as tp
-from truepose import knowledge, paper_data
-from truepose.errors import with_tolerance_errors
+from truepose.paper import data as paper_data
+from truepose.robot import knowledge
+from truepose.simulation.true_robots import with_tolerance_errors
 
 START, LINES = 50, 200
 POSITIONS = {"h4": 3, "delta": 3, "stewart": 3, "3rrr": 2}

@@ -12,7 +12,8 @@ from concurrent.futures import ProcessPoolExecutor
 import numpy as np
 
 import truepose as tp
-from truepose import paper_data, trials
+from truepose.paper import data as paper_data
+from truepose.paper import trials
 
 SETS = {
     "θ": ["theta"],

@@ -1,7 +1,8 @@
 """Table 3 for one robot: 625 poses, settled under joint and under redundant control."""
 
 import truepose as tp
-from truepose import experiment, paper_data
+from truepose.paper import data as paper_data
+from truepose.paper import experiment
 
 nominal = tp.load("h4")
 robots = experiment.draw_robots(nominal, 1, seed=0)  # one robot with the paper's errors

@@ -2,17 +2,17 @@
 
 from importlib.metadata import version
 
-from truepose.assembly import assembly_modes
-from truepose.bound import accuracy
-from truepose.calibration import Fit, calibrate
-from truepose.effects import Effects
-from truepose.errors import with_paper_errors
+from truepose.calibration.bound import accuracy
+from truepose.calibration.fit import Fit, calibrate
+from truepose.calibration.online import OnlineCalibration
+from truepose.calibration.registration import Registration
 from truepose.exceptions import InputError, PoseError, RobotFileError, TrueposeError
-from truepose.online import OnlineCalibration
-from truepose.redundancy import Estimate
-from truepose.registration import Registration
-from truepose.robot import Parameter, Robot, load, robots
-from truepose.simulations import Controller, Simulation, settle, simulate
+from truepose.robot.assembly import assembly_modes
+from truepose.robot.redundancy import Estimate
+from truepose.robot.robot import Parameter, Robot, load, robots
+from truepose.simulation.effects import Effects
+from truepose.simulation.simulate import Controller, Simulation, settle, simulate
+from truepose.simulation.true_robots import with_paper_errors
 
 __version__ = version("truepose")
 __all__ = [

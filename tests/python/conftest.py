@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import cli, paper_data
+from truepose.commands import cli
+from truepose.paper import data as paper_data
 
 
 def pytest_addoption(parser):
@@ -51,7 +52,7 @@ def table2() -> np.ndarray:
 @pytest.fixture(scope="session")
 def h4_text() -> str:
     """Return the H4's robot file, to spoil."""
-    from truepose import robot_file
+    from truepose.robotfile import read as robot_file
 
     return robot_file.shipped()["h4"].read_text(encoding="utf-8")
 

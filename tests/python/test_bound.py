@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import knowledge, prediction, trials
+from truepose.commands import accuracy as prediction
+from truepose.paper import trials
+from truepose.robot import knowledge
 
 TOUCH_OFF = np.array([0.0, 0.0, -0.4, 0.0])
 

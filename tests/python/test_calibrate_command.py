@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import calibrate_command, calibration_report, cli, log_checks, logs, saving
+from truepose.calibration import log_checks
+from truepose.calibration import review as calibration_report
+from truepose.commands import calibrate as calibrate_command
+from truepose.commands import cli
+from truepose.files import write as saving
+from truepose.logs import read as logs
 
 
 @pytest.fixture

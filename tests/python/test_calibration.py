@@ -5,9 +5,10 @@ import pytest
 from scipy.optimize import least_squares
 
 import truepose as tp
-from truepose import knowledge, saving
-from truepose.errors import with_tolerance_errors
-from truepose.trials import difference
+from truepose.files import write as saving
+from truepose.paper.trials import difference
+from truepose.robot import knowledge
+from truepose.simulation.true_robots import with_tolerance_errors
 
 
 def equipped(robot):

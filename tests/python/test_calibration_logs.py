@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import log_checks, logs
+from truepose.calibration import log_checks
+from truepose.logs import read as logs
 
 
 @pytest.fixture(scope="module")
@@ -175,7 +176,7 @@ def test_a_telescopic_leg_in_millimetres_is_named(stewart, anywhere, rng):
 
 
 def test_exchanged_sensors_of_one_kind_are_named():
-    from truepose import robot_file
+    from truepose.robotfile import read as robot_file
 
     text = robot_file.shipped()["h4"].read_text(encoding="utf-8")
     extra = '[[sensor]]\nname = "wire"\nkind = "distance"\norigin = [0.4, 0.1, -0.2]\n'

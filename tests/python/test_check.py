@@ -8,7 +8,8 @@ import pytest
 import tomlkit
 
 import truepose as tp
-from truepose import checking, robot_file
+from truepose.commands import check as checking
+from truepose.robotfile import read as robot_file
 
 _LENGTHS = ("base", "anchor", "arm", "rod", "pivot", "rod_spacing", "home", "minimum", "maximum")
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import info
+from truepose.commands import info
 
 
 @pytest.mark.parametrize("name", tp.robots())

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import _core, knowledge
-from truepose.simulations import LAWS
+from truepose import _core
+from truepose.robot import knowledge
+from truepose.simulation.simulate import LAWS
 
 OK, UNREACHABLE, NOT_FINITE = "ok", "unreachable", "not finite"
 X_D = [0.02, 0.01, -0.42, 0.1]

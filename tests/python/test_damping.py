@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import robot_file
+from truepose.robotfile import read as robot_file
 
 BAND = 0.05
 WIRE = """

@@ -14,7 +14,7 @@ import truepose as tp
 @pytest.fixture(scope="module")
 def printer():
     """Return a linear Delta whose rods, radius and offsets are known to millimetres only."""
-    from truepose import robot_file
+    from truepose.robotfile import read as robot_file
 
     text = robot_file.shipped()["linear-delta"].read_text(encoding="utf-8")
     head, _ = text.split("[tolerances]")
@@ -90,7 +90,7 @@ def test_the_rods_are_no_further_off_than_their_sigma_says(trapped):
 
 
 def test_without_priors_the_bed_is_met_as_well_and_rods_drift_by_millimetres(printer):
-    from truepose.schema import Tolerance
+    from truepose.robotfile.schema import Tolerance
 
     vague = {key: Tolerance(sigma=0.03) for key in printer.spec.tolerances}
     vague_printer = tp.Robot(printer.spec.model_copy(update={"tolerances": vague}))

@@ -8,7 +8,7 @@ import pytest
 
 import truepose as tp
 from truepose import _core
-from truepose.simulations import Controller, visit
+from truepose.simulation.simulate import Controller, visit
 
 SOFT = Controller(law="joint", frequency=20.0, velocity_bandwidth=300.0)
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
+from truepose.simulation.simulate import LAWS
 
 C1, S1, C2, S2 = 0.01, -0.02, 0.005, 0.015
 KEY = f"eccentricity = [{C1}, {S1}, {C2}, {S2}]"
@@ -131,7 +132,7 @@ def test_a_pose_beyond_a_joint_limit_names_chain_position_and_limits(limited):
 
 def test_controllers_refuse_setpoints_beyond_a_joint_limit(limited, h4):
     beyond = [-0.1, 0, -0.5, 0]
-    for law in tp.simulations.LAWS:
+    for law in LAWS:
         with pytest.raises(tp.PoseError, match=r"chain 1: beyond a joint limit, 0.97"):
             tp.settle(limited, limited, beyond, law)
     with pytest.raises(

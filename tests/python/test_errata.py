@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import experiment, paper_data, statistics
+from truepose.paper import data as paper_data
+from truepose.paper import experiment
+from truepose.paper import table3 as statistics
 
 ALPHA = np.array([0, np.pi, 3 * np.pi / 2, 3 * np.pi / 2])
 X, Y, Z = np.eye(3)

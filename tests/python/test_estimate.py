@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import knowledge
-from truepose.errors import with_tolerance_errors
-from truepose.trials import difference
+from truepose.paper.trials import difference
+from truepose.robot import knowledge
+from truepose.simulation.true_robots import with_tolerance_errors
 
 
 def sensor_sets(robot):

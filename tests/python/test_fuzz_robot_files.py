@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import checking, robot_file
+from truepose.commands import check as checking
+from truepose.robotfile import read as robot_file
 
 _WORD = re.compile(r'"[^"\n]*"|[\w.+-]+|[\[\]{}=,]')
 _INSTEAD = ["", "nan", "-inf", "1e308", "-1", "0", "true", '""', '"x"', "[]", "{}", "[[1]]"]

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import robot_file, run_logs
+from truepose.logs import write as run_logs
+from truepose.robotfile import read as robot_file
 
 #: Cases of each kind; together 300.
 LOGS, ROBOTS, OUTPUTS = range(120), range(120), range(60)

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import experiment, sensing, tables
-from truepose.errors import with_tolerance_errors
-from truepose.simulations import LAWS
+from truepose.paper import experiment, tables
+from truepose.paper import sensor_sets as sensing
+from truepose.simulation.simulate import LAWS
+from truepose.simulation.true_robots import with_tolerance_errors
 
 ROBOTS = 12  # drawn for each figure; their error is nearly one offset each
 

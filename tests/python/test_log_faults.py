@@ -7,8 +7,12 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import _core, calibration, expectation, frames, log_checks, log_faults, logs
-from truepose.errors import with_tolerance_errors
+from truepose import _core
+from truepose.calibration import expectation, log_checks, log_faults
+from truepose.calibration import fit as calibration
+from truepose.logs import read as logs
+from truepose.robot import frames
+from truepose.simulation.true_robots import with_tolerance_errors
 
 SENSORS = {
     "delta": ("elbow1", "elbow2", "elbow3"),
@@ -285,7 +289,7 @@ def test_messages_of_another_pose_do_not_join(cases, tmp_path):
 MEASURE = """
 import resource, sys
 import numpy as np, truepose as tp
-from truepose import calibration
+from truepose.calibration import fit as calibration
 robot = tp.load("h4")
 rng = np.random.default_rng(0)
 box = robot.spec.workspace

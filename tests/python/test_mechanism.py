@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import checking, info
+from truepose.commands import check as checking
+from truepose.commands import info
 
 PLANAR = """
 name = "crossed"

@@ -7,14 +7,15 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import _core, experiment
-from truepose.errors import with_tolerance_errors
-from truepose.plants.mjcf import Mechanism, to_mjcf
+from truepose import _core
+from truepose.paper import experiment
+from truepose.simulation.plants.mjcf import Mechanism, to_mjcf
+from truepose.simulation.true_robots import with_tolerance_errors
 
 mujoco = pytest.importorskip("mujoco")
 
-from truepose.plants.mujoco import MujocoPlant  # noqa: E402
-from truepose.plants.mujoco_body import Body  # noqa: E402
+from truepose.simulation.plants.mujoco import MujocoPlant  # noqa: E402
+from truepose.simulation.plants.mujoco_body import Body  # noqa: E402
 
 FREE = {
     "planar_translation": [0, 1],

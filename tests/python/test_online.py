@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import knowledge
-from truepose.errors import with_tolerance_errors
+from truepose.robot import knowledge
+from truepose.simulation.true_robots import with_tolerance_errors
 
 
 @pytest.fixture

@@ -13,8 +13,11 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import calibration_figures, cli, report, run_logs, saving
-from truepose.plants import viewing
+from truepose.commands import calibration_figures, cli
+from truepose.files import write as saving
+from truepose.logs import write as run_logs
+from truepose.paper import report
+from truepose.simulation.plants import viewing
 
 #: Words of a command that writes one file, and the file's name.
 WRITERS = {
@@ -97,7 +100,16 @@ def test_a_signal_while_writing_leaves_what_was_there(run, folder, monkeypatch, 
 
 
 def test_a_stopped_reproduction_leaves_no_folder(tmp_path):
-    words = [sys.executable, "-m", "truepose.cli", "reproduce", "--robots", "500", "--out", "new"]
+    words = [
+        sys.executable,
+        "-m",
+        "truepose.commands.cli",
+        "reproduce",
+        "--robots",
+        "500",
+        "--out",
+        "new",
+    ]
     with subprocess.Popen(words, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as running:
         while not list(tmp_path.glob(".truepose-*")):
             assert running.poll() is None

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import robot_file
-from truepose.pattern import expand, turned
+from truepose.robotfile import read as robot_file
+from truepose.robotfile.pattern import expand, turned
 
 
 @pytest.mark.parametrize("about", ["x", "y", "z"])

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import info, prediction
+from truepose.commands import accuracy as prediction
+from truepose.commands import info
 
 
 def test_table_2_is_the_grid_of_the_h4s_workspace(h4, table2):

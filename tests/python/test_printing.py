@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import cli, info, prediction, printing
-from truepose.tables import Table, fixed, number
+from truepose.commands import accuracy as prediction
+from truepose.commands import cli, info
+from truepose.paper.tables import Table, fixed, number
+from truepose.show import terminal as printing
 
 
 def a_table(rng, rows=4) -> Table:

@@ -7,7 +7,11 @@ import sys
 import pytest
 
 import truepose as tp
-from truepose import errors, experiment, paper_data, robot_file, statistics
+from truepose.paper import data as paper_data
+from truepose.paper import experiment
+from truepose.paper import table3 as statistics
+from truepose.robotfile import read as robot_file
+from truepose.simulation import true_robots as errors
 
 
 @pytest.mark.parametrize("name", tp.__all__)
@@ -25,7 +29,8 @@ def test_every_public_member_says_what_it_is(owner):
         for name, member in vars(owner).items()
         if not name.startswith("_")
         and (callable(member) or isinstance(member, property))
-        and getattr(member, "__module__", owner.__name__) in (owner.__name__, "truepose.robot")
+        and getattr(member, "__module__", owner.__name__)
+        in (owner.__name__, "truepose.robot.robot")
     ]
     assert all(inspect.getdoc(member) for member in members)
 

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import _core, frames
-from truepose.errors import with_tolerance_errors
-from truepose.registration import Registered
+from truepose import _core
+from truepose.calibration.registration import Registered
+from truepose.robot import frames
+from truepose.simulation.true_robots import with_tolerance_errors
 
 #: σ of a measured coordinate: m, rad.
 SIGMA = {"m": 2e-5, "rad": 1e-4}
@@ -269,7 +270,9 @@ def test_partly_measured_poses_count_as_far_as_they_go(h4, anywhere, rng):
 @pytest.mark.parametrize("level", ["ideal", "full"])
 def test_the_experiments_own_log_calibrates_at_the_defaults(h4, tmp_path, level):
     """docs/experiment.md's twin, whose vision frame is 1.9° and 20 mm off the base."""
-    from truepose import logs, run_logs, twin
+    from truepose.logs import read as logs
+    from truepose.logs import write as run_logs
+    from truepose.paper import twin
 
     there = twin.shipped()
     run = there.run(h4, ("joint",))["joint"]

@@ -11,13 +11,17 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import cli, figures, forgotten, paper_data, report, saving, statistics, tables
+from truepose.commands import cli
+from truepose.files import write as saving
+from truepose.paper import data as paper_data
+from truepose.paper import figures, forgotten, report, tables
+from truepose.paper import table3 as statistics
 
 
 def run(*arguments):
     """Run the command line as a user does."""
     return subprocess.run(
-        [sys.executable, "-m", "truepose.cli", *map(str, arguments)],
+        [sys.executable, "-m", "truepose.commands.cli", *map(str, arguments)],
         capture_output=True,
         text=True,
         check=False,
@@ -47,8 +51,8 @@ def with_experiment(tmp_path_factory):
         patch.setattr(sys, "argv", words)
         patch.setenv("COLUMNS", "80")
         patch.setitem(sys.modules, "mujoco", None)  # importing it fails
-        patch.delitem(sys.modules, "truepose.plants.mujoco", raising=False)
-        patch.delitem(sys.modules, "truepose.plants.mujoco_body", raising=False)
+        patch.delitem(sys.modules, "truepose.simulation.plants.mujoco", raising=False)
+        patch.delitem(sys.modules, "truepose.simulation.plants.mujoco_body", raising=False)
         patch.setattr(forgotten, "cases", lambda: cases)
         cli.main()
     result = subprocess.CompletedProcess(words, left.value.code or 0)

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import logs, run_logs, virtual_experiment
-from truepose.plants.exact import ExactPlant
-from truepose.vision import Setup, Vision
+from truepose.logs import read as logs
+from truepose.logs import write as run_logs
+from truepose.paper import virtual_experiment
+from truepose.simulation.plants.exact import ExactPlant
+from truepose.simulation.vision import Setup, Vision
 
 FORMATS = ["csv", "parquet", "mcap"]
 

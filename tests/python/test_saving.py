@@ -5,7 +5,8 @@ import os
 import pytest
 
 import truepose as tp
-from truepose import robot_file, saving
+from truepose.files import write as saving
+from truepose.robotfile import read as robot_file
 
 
 def saved(robot, path) -> tp.Robot:

@@ -6,7 +6,7 @@ import tomlkit
 from pydantic import TypeAdapter
 
 import truepose as tp
-from truepose.schema_sensors import Sensor
+from truepose.robotfile.sensors import Sensor
 
 KINDS = """
 [[sensor]]

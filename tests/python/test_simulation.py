@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import paper_data
-from truepose.simulations import LAWS, visit
+from truepose.paper import data as paper_data
+from truepose.simulation.simulate import LAWS, visit
 
 
 def weightless(robot: tp.Robot) -> tp.Robot:

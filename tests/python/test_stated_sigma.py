@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import knowledge
-from truepose.errors import with_tolerance_errors
-from truepose.frames import rotation, rotation_vector
-from truepose.trials import difference
+from truepose.paper.trials import difference
+from truepose.robot import knowledge
+from truepose.robot.frames import rotation, rotation_vector
+from truepose.simulation.true_robots import with_tolerance_errors
 
 OUTSIDE = 1e-5  #: σ of an outside measurement, m and rad
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import experiment, paper_data
+from truepose.paper import data as paper_data
+from truepose.paper import experiment
 
 LAWS = ("joint", "redundant", "cartesian")
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import paper_data, statistics
+from truepose.paper import data as paper_data
+from truepose.paper import table3 as statistics
 
 
 def test_table_3_by_hand():

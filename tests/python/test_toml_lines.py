@@ -4,7 +4,8 @@ import tomllib
 
 import pytest
 
-from truepose import robot_file, toml_lines
+from truepose.robotfile import lines as toml_lines
+from truepose.robotfile import read as robot_file
 
 HARD = """
 a = 1 # [not] a = table

@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import experiment_tables, paper_data, robot_file, statistics, twin, twin_folder
+from truepose.paper import data as paper_data
+from truepose.paper import experiment_tables, twin, twin_folder
+from truepose.paper import table3 as statistics
+from truepose.robotfile import read as robot_file
 
 
 @pytest.fixture(scope="module")

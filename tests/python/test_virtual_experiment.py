@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import experiment, statistics, twin, virtual_experiment
-from truepose.frames import coordinates
-from truepose.plants import Visit, play
-from truepose.plants.exact import ExactPlant
-from truepose.vision import Setup, Vision
+from truepose.paper import experiment, twin, virtual_experiment
+from truepose.paper import table3 as statistics
+from truepose.robot.frames import coordinates
+from truepose.simulation.plants import Visit, play
+from truepose.simulation.plants.exact import ExactPlant
+from truepose.simulation.vision import Setup, Vision
 
 
 @pytest.fixture(scope="module")

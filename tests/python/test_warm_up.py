@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import tables, twin_folder, warm_up
+from truepose.paper import tables, twin_folder, warm_up
 
 
 @pytest.fixture(scope="module")

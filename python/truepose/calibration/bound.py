@@ -1,0 +1,135 @@
+"""How accurate can the pose be known, before anything is built? The Cramér-Rao bound."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose import _core
+from truepose.exceptions import InputError, PoseError
+from truepose.robot import knowledge
+from truepose.robot.kinematics import Errors, Level
+from truepose.robot.robot import Robot
+from truepose.robot.to_core import Array
+
+#: A pose known exactly counts with this share of the finest reading's σ: 0 has no inverse.
+EXACT = 1e-6
+
+
+def accuracy(
+    robot: Robot,
+    poses: ArrayLike,
+    calibrated_on: ArrayLike | None = None,
+    touch_off: ArrayLike | None = None,
+    level: Level | None = None,
+    model_error: bool = True,
+    errors: Errors = "raise",
+    *,
+    touch_sigma: ArrayLike | float = 0.0,
+    relative_to: ArrayLike | None = None,
+) -> Array:
+    """Covariance of the best estimate of x that the robot's sensors allow.
+
+    Linear-Gaussian and Bayesian: tolerances (or a calibration's covariance) and the readings' own
+    errors, linearised at the expected geometry. No unbiased estimate has a smaller mean covariance.
+
+    Parameters
+    ----------
+    robot : Robot
+        With the sensors in use.
+    poses : array_like, shape (..., n)
+        Where the accuracy is asked for.
+    calibrated_on : array_like, shape (N, n), optional
+        Poses at which the robot has calibrated itself before, by its own readings alone.
+    touch_off : array_like, shape (n,), optional
+        A pose at which the robot has stood and been read, and which is known from outside.
+    level : {"ideal", "full"}, optional
+        One rod per chain, or every rod by itself; by default :attr:`Robot.finest_level`.
+    model_error : bool
+        Whether to count, at the ideal level, what it leaves out of a real robot.
+    errors : {"raise", "nan"}
+        What to do with a pose that cannot be reached, or at which the readings do not determine x;
+        `calibrated_on`, `touch_off` and `relative_to` are never such poses.
+    touch_sigma : array_like, shape (n,), or float
+        σ to which `touch_off` is known, m or rad; 0: exactly.
+    relative_to : array_like, shape (n,), optional
+        A pose whose own estimate is taken off every other: what a display shows that is set to
+        zero there. No bound, for the two are estimated apart: a sensor more can make it worse.
+
+    Returns
+    -------
+    ndarray, shape (..., n, n)
+        m², m·rad, rad²; of the free twist (spatial: rotation vector in the base frame).
+
+    Raises
+    ------
+    PoseError
+        A pose that cannot be reached, or at which the readings do not determine x.
+
+    Examples
+    --------
+    >>> import numpy as np, truepose as tp
+    >>> from truepose.paper import data as paper_data
+    >>> h4, poses = tp.load("h4"), paper_data.table2()
+    >>> for visited in (None, poses):
+    ...     P = tp.accuracy(h4, poses, calibrated_on=visited)
+    ...     print((1e3 * np.sqrt(np.trace(P[:, :3, :3], axis1=1, axis2=2).mean())).round(2))  # mm
+    7.47
+    1.06
+    >>> P = tp.accuracy(h4, poses, calibrated_on=poses, touch_off=h4.home)
+    >>> print((1e3 * np.sqrt(np.trace(P[:, :3, :3], axis1=1, axis2=2).mean())).round(2))
+    0.17
+    """
+    knowledge.require_uncertain(robot)
+    model = robot.expected()
+    level = robot.finest_level if level is None else level
+    full = model._is_full(level)
+    rows, lead = model._rows(poses, model.n, "poses", errors)
+    known = knowledge.knowledge(robot, level=level, error=model_error)
+    nowhere = np.zeros((0, model.n))
+
+    def bound(at, lead, errors: Errors, name: str, reference: Array = nowhere) -> Array:
+        P, status, chain = _core.accuracy(model._core, known.core, at, reference, full)
+        model._check("pose", at, lead, status, chain, errors, name)
+        return P.reshape(*lead, model.n, model.n)
+
+    def one(pose: ArrayLike | None, name: str) -> Array:
+        if pose is None:
+            return nowhere
+        at, shape = model._rows(pose, model.n, name, "raise")
+        if shape:
+            raise InputError(f"{name}: shape {np.shape(pose)}, must be ({model.n},)")
+        bound(at, (), "raise", name)
+        return at
+
+    touched, reference = one(touch_off, "touch_off"), one(relative_to, "relative_to")
+    sigma = _touch_sigma(robot, touch_sigma)
+    if calibrated_on is not None or touch_off is not None:
+        visited, shape = model._rows(
+            nowhere if calibrated_on is None else calibrated_on, model.n, "calibrated_on", "raise"
+        )
+        guarded = model_error and not full
+        prior = knowledge.knowledge(robot, guarded=guarded, level=level, error=False)
+        root, status, _ = _core.after_visiting(
+            model._core, prior.core, visited, touched, sigma, full, prior.nuisances
+        )
+        if status:  # find the pose that it is about
+            bound(visited, shape, "raise", "calibrated_on")
+            raise PoseError(
+                f"{robot.name}: model_error: {_core.describe(status)} at the full level"
+            )
+        root = root[: prior.parameters, : prior.parameters]
+        known = knowledge.knowledge(robot, root, level=level, error=model_error)
+    return bound(rows, lead, errors, "poses", reference)
+
+
+def _touch_sigma(robot: Robot, sigma: ArrayLike | float) -> list[float]:
+    """Return σ of a touched pose as the core takes it, each greater than 0."""
+    try:
+        sigmas = np.broadcast_to(np.asarray(sigma, dtype=float), (robot.n,))
+    except (TypeError, ValueError):
+        raise InputError(f"touch_sigma: must be a number or {robot.n} of them") from None
+    if not (np.isfinite(sigmas).all() and (sigmas >= 0).all()):
+        raise InputError(f"touch_sigma = {sigma}: must be 0 or greater (m or rad)")
+    exact = EXACT * knowledge.reading_sigma(robot).min()
+    return np.maximum(sigmas, exact).tolist()

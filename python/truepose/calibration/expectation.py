@@ -1,0 +1,123 @@
+"""What do the motors alone let one expect of every other reading, and how surely?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from truepose import _core
+from truepose.calibration.registration import Registered
+from truepose.robot import knowledge
+from truepose.robot.kinematics import Level
+from truepose.robot.robot import Robot
+from truepose.robot.to_core import Array
+
+#: Lines that are predicted at a time.
+LINES = 4096
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """Sensors, then coordinates measured from outside, as the motors predict them.
+
+    N lines, k = r (+ n where something outside was measured) columns; NaN where nothing was read.
+    """
+
+    x: Array  #: (N, n) poses that the motors give; NaN where they give none
+    expected: Array  #: (N, k)
+    residual: Array  #: (N, k) read less expected
+    sigma: Array  #: (N, k) of the residual, by what is known of the geometry and the readings
+
+
+def expect(
+    robot: Robot,
+    readings: Array,
+    measured: Array | None = None,
+    measured_sigma: Array | float = 0.0,
+    registration: Registered | None = None,
+    level: Level | None = None,
+) -> Expectation:
+    """Predict every sensor from the motors, at the geometry that this robot has.
+
+    To first order x̂ - x = J (H_ξq δξ + ν_q), J the inverse of H_x's first n rows, so that a sensor
+    is missed by [-J_r J, I] (H_ξ δξ + ν), a coordinate by ν_m - H_mx (x̂ - x) + H_mt δt, t the
+    registration of what measured it.
+
+    Parameters
+    ----------
+    robot : Robot
+        Values and covariance of its parameters are those of the prediction.
+    readings : ndarray, shape (N, n + r)
+    measured : ndarray, shape (N, n), optional
+    measured_sigma : float or ndarray, shape (N, n)
+    registration : Registered, optional
+        Of `measured`, needed with it.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> h4 = tp.load("h4").expected()
+    >>> seen = expect(h4, h4.extended([[0.05, 0, -0.4, 0.2]]))
+    >>> print(abs(seen.residual).max() < 1e-9, seen.sigma.round(2))
+    True [[0.06]]
+    """
+    if len(readings) > LINES:  # H_ξ takes kilobytes a line
+        parts = []
+        for start in range(0, len(readings), LINES):
+            part = slice(start, start + LINES)
+            outside = None if measured is None else measured[part]
+            sigma = measured_sigma[part] if np.ndim(measured_sigma) else measured_sigma
+            parts.append(expect(robot, readings[part], outside, sigma, registration, level))
+        names = [field.name for field in fields(Expectation)]
+        return Expectation(
+            *(np.concatenate([getattr(part, name) for part in parts]) for name in names)
+        )
+    n, r = robot.n, robot.r
+    level = robot.finest_level if level is None else level
+    x = poses_of(robot, readings[:, :n], level)
+    expected = robot.extended(x, errors="nan", level=level)
+    residual = _core.innovation(robot._core, readings, np.ascontiguousarray(expected))[:, n:]
+    expected = expected[:, n:]
+    H_x, H_xi = robot.linearise(x, errors="nan", level=level)
+    names = knowledge.uncertain(robot)
+    known = list(robot.parameters)
+    by_geometry = H_xi[:, :, [known.index(name) for name in names]]
+    S = knowledge.root(robot, names)
+    noise = knowledge.reading_sigma(robot)
+    if level == "ideal":
+        noise = np.hypot(noise, knowledge.stated_error(robot))
+    J = np.full((len(x), n, n), np.nan)
+    good = np.isfinite(H_x).all(axis=(1, 2))
+    J[good] = np.linalg.inv(H_x[good, :n])
+    A = np.zeros((len(x), r, n + r))
+    A[:, :, :n] = -H_x[:, n:] @ J
+    A[:, :, n:] = np.eye(r)
+    if measured is not None:
+        seen, apart, H_mx, H_mt, blunt = registration.see(robot, x, measured)
+        measured_sigma = np.broadcast_to(measured_sigma, apart.shape).copy()
+        if robot.coordinates[-1][0] == "theta":
+            measured_sigma[:, -1] *= blunt
+        B = np.concatenate([-H_mx @ J, np.zeros((len(x), n, r))], axis=2)
+        A = np.concatenate([A, B], axis=1)
+        expected = np.concatenate([expected, seen], axis=1)
+        residual = np.concatenate([residual, apart], axis=1)
+    variance = ((A @ by_geometry @ S) ** 2).sum(axis=2) + ((A * noise) ** 2).sum(axis=2)
+    if measured is not None:
+        shared = B @ by_geometry @ registration.cross * 2 + H_mt @ registration.covariance
+        variance[:, r:] += (shared * H_mt).sum(axis=2) + np.square(measured_sigma)
+    return Expectation(x, expected, residual, np.sqrt(variance))
+
+
+def poses_of(robot: Robot, q: Array, level: Level | None = None) -> Array:
+    """FKM of a log, (N, n): from home, and where that fails from the last pose found; NaN."""
+    x = robot.fkm(q, errors="nan", level=level)
+    lost = ~np.isfinite(x).all(axis=1) & np.isfinite(q).all(axis=1)
+    if lost.any() and not lost.all():
+        found = np.maximum.accumulate(np.where(lost, -1, np.arange(len(x))))
+        first = int(np.flatnonzero(~lost)[0])
+        near = x[np.maximum(found, first)[lost]]
+        usable = np.isfinite(near).all(axis=1)
+        again = np.flatnonzero(lost)[usable]
+        x[again] = robot.fkm(q[again], near[usable], errors="nan", level=level)
+    return x

@@ -1,0 +1,408 @@
+"""What is wrong with a log, before and after a geometry is fitted to it?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from truepose.calibration import log_faults
+from truepose.calibration.departure import chi2_quantile
+from truepose.calibration.expectation import Expectation, expect, poses_of
+from truepose.calibration.log_faults import (
+    APART,
+    CENTIMETRES,
+    DEGREES,
+    MILLIMETRES,
+    apart,
+    sensor_is_angle,
+)
+from truepose.logs import read as logs
+from truepose.logs.read import Log
+from truepose.robot import knowledge
+from truepose.robot.robot import Robot
+from truepose.robot.to_core import Array
+
+if TYPE_CHECKING:
+    from truepose.calibration.fit import Fit
+
+#: A prediction that varies by this many σ shows what a reading should have followed.
+VARIES = 8.0
+
+
+class Finding(NamedTuple):
+    """Something found in a log, in one line."""
+
+    text: str
+    refused: bool = False  #: whatever is fitted to this log would be wrong
+
+
+def check(robot: Robot, log: Log) -> tuple[Log, list[Finding]]:
+    """Look over a log before anything is fitted to it.
+
+    Returns
+    -------
+    log : Log
+        Without the readings of a sensor that hung for a while, and those that are there twice.
+    findings : list of Finding
+        Units, signs, swapped columns and stuck sensors are refused, not mended.
+
+    Examples
+    --------
+    >>> import numpy as np, truepose as tp
+    >>> from truepose.logs import read as logs
+    >>> from truepose.paper import data as paper_data
+    >>> h4 = tp.load("h4")
+    >>> table = dict(zip(h4.readings, h4.expected().extended(paper_data.table2()).T))
+    >>> table["theta"] = np.degrees(table["theta"])
+    >>> for finding in check(h4, logs.of(h4, table))[1]:
+    ...     print(finding.text)
+    theta: in degrees, must be rad
+    """
+    model = robot.expected()
+    findings = [*_cells(robot, log)]
+    log, twice = _once(robot, log)
+    findings += [*twice, *_repeats(robot, log)]
+    seen = expect(model, log.readings)
+    log, hung = _hung(model, log, seen)
+    log, stuck = _stuck(model, log, expect(model, log.readings) if hung else seen)
+    findings += [*hung, *stuck]
+    if any(finding.refused for finding in findings):
+        return log, findings
+    findings += _outside(model, log)
+    if any(finding.refused for finding in findings):
+        return log, findings
+    if motors := _motors(model, log):
+        return log, [*findings, *motors]
+    findings += _sensors(model, log, expect(model, log.readings))
+    findings += _equations(robot, log)
+    return log, findings
+
+
+def review(fit: Fit, log: Log) -> list[Finding]:
+    """Look over a log once a geometry was fitted: outliers, lines left out, what was learnt."""
+    findings = []
+    reasons = [str(s) for s in dict.fromkeys(fit.status[fit.status != "ok"])]
+    for reason in reasons:
+        rows = np.flatnonzero((fit.status == reason) & np.isfinite(log.readings).all(axis=1))
+        if len(rows):
+            findings.append(Finding(f"{log.at(rows)}: left out: {reason}"))
+    if len(outliers := fit.outliers):
+        by_size = outliers[np.argsort(-fit.chi2[outliers])]
+        findings.append(
+            Finding(f"{log.at(by_size)}: {_count(len(outliers), 'outlier')}, worst first")
+        )
+    counted = (fit.weights >= 0.1) & (fit.redundancy > 0)
+    if counted.any():
+        usual = chi2_quantile(0.5, fit.redundancy[counted])
+        apart = np.sqrt(np.median(fit.chi2[counted] / usual))
+        if apart > 2:
+            findings.append(
+                Finding(
+                    f"the readings disagree by {apart:.1f} times their noise (median) whatever the "
+                    "geometry: a level, a tolerance or a sensor's noise is not as the file says"
+                )
+            )
+    far = [
+        f"{name} by {abs(p.value - p.prior) / p.prior_sigma:.1f} σ"
+        for name, p in fit.parameters.items()
+        if abs(p.value - p.prior) > 4 * p.prior_sigma
+    ]
+    if far:
+        findings.append(
+            Finding(f"further from the drawing than tolerances allow: {', '.join(far[:5])}")
+        )
+    if all(p.verdict == "not identified" for p in fit.parameters.values()):
+        findings.append(Finding("no parameter is known noticeably better than before"))
+    return findings
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def _cells(robot: Robot, log: Log) -> Iterator[Finding]:
+    """Empty cells."""
+    empty = ~np.isfinite(log.readings)
+    for k, name in enumerate(log.names):
+        if empty[:, k].all():
+            yield Finding(f"{name}: no reading at all", refused=k < robot.n)
+    if (blind := empty[:, : robot.n].any(axis=1)).any() and not blind.all():
+        yield Finding(f"{log.at(np.flatnonzero(blind))}: left out: a motor was not read")
+    for k, name in list(enumerate(log.names))[robot.n :]:
+        if (rows := np.flatnonzero(empty[:, k] & ~blind)).size and not empty[:, k].all():
+            yield Finding(f"{name}: {_count(len(rows), 'empty cell')}: {log.at(rows, 5)}")
+
+
+def _distinct(robot: Robot, log: Log) -> Array:
+    """Index of the first line at each pose, by the motors' counts."""
+    q = log.readings[:, : robot.n]
+    count = robot.resolution[: robot.n]
+    step = np.where(count > 0, count, 1e-6)
+    rows = np.flatnonzero(np.isfinite(q).all(axis=1))
+    _, first = np.unique(np.round(q[rows] / step), axis=0, return_index=True)
+    return rows[first]
+
+
+def _once(robot: Robot, log: Log) -> tuple[Log, list[Finding]]:
+    """Leave nothing but the motors of lines that are there already."""
+    again = logs.repeated(log.readings, log.measured, robot.n)
+    if not again.any():
+        return log, []
+    readings, measured = log.readings.copy(), log.measured
+    readings[again, robot.n :] = np.nan
+    if measured is not None:
+        measured = np.where(again[:, None], np.nan, measured)
+    rows = np.flatnonzero(again)
+    text = f"{log.at(rows, 5)}: as an earlier line, digit for digit: each counts once"
+    return replace(log, readings=readings, measured=measured), [Finding(text)]
+
+
+def _repeats(robot: Robot, log: Log) -> Iterator[Finding]:
+    cells = log.readings if log.measured is None else np.hstack([log.readings, log.measured])
+    more = np.isfinite(cells[:, robot.n :]).any(axis=1)
+    log = log.only(more) if more.any() else log
+    read = int(np.isfinite(log.readings[:, : robot.n]).all(axis=1).sum())
+    poses = len(_distinct(robot, log))
+    if poses < 0.8 * read:
+        yield Finding(
+            f"{_count(read, log.word)} at only {_count(poses, 'different pose')}: repeats average "
+            "noise at best, and show nothing new of the geometry"
+        )
+
+
+def _equations(robot: Robot, log: Log) -> Iterator[Finding]:
+    """Readings beyond those that a pose takes."""
+    rows = _distinct(robot, log)
+    count = np.isfinite(log.readings[rows]).sum(axis=1) - robot.n
+    if log.measured is not None:
+        count = count + np.isfinite(log.measured[rows]).sum(axis=1)
+    total, unknown = int(count.sum()), len(knowledge.uncertain(robot))
+    spare = [sensor.name for sensor in robot.spec.sensor if sensor.name in log.unused]
+    use = f"the log has {', '.join(spare)}: say that they were read, --sensors "
+    use += ",".join((*robot.sensors, *spare))
+    if total == 0:
+        yield Finding(
+            f"nothing to learn from: {robot.n} motors take all their readings for the pose; "
+            + (
+                f"{use} (with_sensors)"
+                if spare
+                else "read a redundant sensor, or measure a coordinate from outside (measured_x, …)"
+            ),
+            refused=True,
+        )
+    elif spare:
+        yield Finding(f"{use} (with_sensors) to use them as well")
+    if 0 < total < unknown:
+        yield Finding(
+            f"too few poses: {_count(total, 'equation')} at {_count(len(rows), 'different pose')} "
+            f"for {unknown} uncertain parameters; tolerances hold the rest"
+        )
+
+
+# --- motors ---------------------------------------------------------------------------------------
+
+
+def _motors(robot: Robot, log: Log) -> list[Finding]:
+    """Whether motors and sensors fit each other; else which mistake explains them."""
+    n = robot.n
+    read = np.isfinite(log.readings[:, :n]).all(axis=1)
+    if not read.any():
+        return [Finding("no line has a reading of every motor", refused=True)]
+    found = log_faults.named(robot, log)
+    if found is None:
+        return []
+    if found:
+        return [Finding(" or ".join(found), refused=True)]
+    q = log.readings[read, :n]
+    step = np.maximum(robot.resolution[:n], 1e-9)
+    still = np.ptp(q, axis=0) < step
+    if len(q) >= 5 and still.any() and not still.all():
+        return [
+            Finding(
+                f"{log.names[k]}: stuck at {q[0, k]:.6g} on {_count(len(q), log.word)}",
+                refused=True,
+            )
+            for k in np.flatnonzero(still)
+        ]
+    near = log_faults.plausible(robot, log_faults.few(robot, log).readings)
+    if near == 0:
+        return [
+            Finding(
+                "the motors' readings fit this robot on no line: units, signs, offsets and the "
+                "order of the columns?",
+                refused=True,
+            )
+        ]
+    if near < 0.5:
+        return [
+            Finding(
+                f"only {100 * near:.0f} % of the lines lie near the robot's workspace: units, "
+                "signs, offsets and the order of the motors' columns?",
+                refused=True,
+            )
+        ]
+    return []
+
+
+def _outside(robot: Robot, log: Log) -> Iterator[Finding]:
+    """Units of what was measured from outside: no frame changes a distance."""
+    if log.measured is None:
+        return
+    few = log_faults.few(robot, log)
+    x = poses_of(robot, few.readings[:, : robot.n])
+    angles = np.array([unit == "rad" for _, unit in robot.coordinates])
+    for which, factor, text in (
+        (~angles, MILLIMETRES, "in mm, must be m"),
+        (angles, DEGREES, "in degrees, must be rad"),
+    ):
+        good = np.isfinite(few.measured[:, which]).all(axis=1) & np.isfinite(x).all(axis=1)
+        if not which.any() or good.sum() < 4:
+            continue
+        measured, expected = (
+            np.median(np.linalg.norm(v - np.median(v, axis=0), axis=1))
+            for v in (few.measured[good][:, which], x[good][:, which])
+        )
+        if expected > 0 and factor / 3 < measured / expected < factor * 3:
+            columns = zip(robot.coordinates, which, strict=True)
+            names = ", ".join(f"measured_{name}" for (name, _), own in columns if own)
+            yield Finding(f"{names}: {text}", refused=True)
+
+
+# --- sensors --------------------------------------------------------------------------------------
+
+
+def _slope(read: Array, expected: Array) -> float:
+    """Median slope over pairs of lines that are far apart (Theil and Sen); NaN where none are."""
+    good = np.isfinite(read) & np.isfinite(expected)
+    read, expected = read[good], expected[good]
+    if len(read) < 4 or np.ptp(expected) == 0:
+        return np.nan
+    order = np.argsort(expected)
+    half = len(order) // 2
+    low, high = order[:half], order[len(order) - half :]
+    gap = expected[high] - expected[low]
+    far = gap > 0.2 * np.ptp(expected)
+    return float(np.median((read[high] - read[low])[far] / gap[far])) if far.any() else np.nan
+
+
+def _named(slope: float, is_angle: bool) -> str | None:
+    """What a slope says, if anything."""
+    names = (
+        {DEGREES: "in degrees, must be rad"}
+        if is_angle
+        else {MILLIMETRES: "in mm, must be m", CENTIMETRES: "in cm, must be m"}
+    )
+    for factor, name in names.items():
+        if abs(abs(slope) / factor - 1) < 0.3:
+            return name + (", and its sign is flipped" if slope < 0 else "")
+    return "its sign is flipped" if abs(slope + 1) < 0.3 else None
+
+
+def _named_slopes(robot: Robot, readings: Array) -> list[str | None]:
+    seen = expect(robot, readings)
+    angle = sensor_is_angle(robot)
+    return [
+        _named(_slope(readings[:, robot.n + k], seen.expected[:, k]), angle[k])
+        for k in range(robot.r)
+    ]
+
+
+def _sensors(robot: Robot, log: Log, seen: Expectation) -> Iterator[Finding]:
+    """Units, signs and order of the sensors' columns, given motors that are right."""
+    n = robot.n
+    distance = apart(seen)
+    wrong = [k for k in range(robot.r) if distance[k] > APART]
+    names = _named_slopes(robot, log.readings)
+    angle = sensor_is_angle(robot)
+    for k in wrong:
+        read, name = log.readings[:, n + k], log.names[n + k]
+        slope = _slope(read, seen.expected[:, k])
+        if names[k]:
+            times = f"{slope:.3g} times what the motors predict"
+            yield Finding(f"{name}: {times}: {names[k]}", refused=True)
+            continue
+        unit = "rad" if angle[k] else "m"
+        off = np.nanmedian(seen.residual[:, k])
+        scatter = np.nanmedian(np.abs(seen.residual[:, k] - off))
+        if abs(off) > 5 * scatter:
+            yield Finding(
+                f"{name}: reads {off:+.4g} {unit} more than motors and tolerances allow: a zero "
+                f"offset? Give {name}.offset its value, or a tolerance"
+            )
+        else:
+            lost = not abs(slope) > 0.3  # a NaN too
+            yield Finding(
+                f"{name}: {distance[k]:.0f} σ (median) off what motors and tolerances allow"
+                + (": does not follow the robot" if lost else ""),
+                refused=lost,
+            )
+
+
+def _runs(read: Array, rows: Array, step: float) -> list[Array]:
+    """Five and more of these rows, one after another, with one and the same reading."""
+    changes = np.flatnonzero(np.abs(np.diff(read[rows])) > 0.5 * step) + 1
+    starts, ends = np.r_[0, changes], np.r_[changes, len(rows)]
+    long = np.flatnonzero(ends - starts >= 5)
+    return [rows[starts[k] : ends[k]] for k in long]
+
+
+def _hung(robot: Robot, log: Log, seen: Expectation) -> tuple[Log, list[Finding]]:
+    """Motors of one and the same reading on lines that no other line's geometry explains."""
+    n, findings, readings = robot.n, [], log.readings.copy()
+    rows = np.flatnonzero(np.isfinite(readings[:, :n]).all(axis=1))
+    odd = (np.abs(seen.residual) > APART * seen.sigma).any(axis=1)
+    odd |= ~np.isfinite(seen.x).all(axis=1)
+    for k in range(n):
+        step = np.maximum(robot.resolution[:n], 1e-9)
+        runs = [
+            run
+            for run in _runs(readings[:, k], rows, step[k])
+            if odd[run].mean() > 0.5 and (np.ptp(readings[run, :n], axis=0) > 100 * step).any()
+        ]
+        lost = np.concatenate([[], *runs]).astype(int)
+        others = np.setdiff1d(rows, lost)
+        if len(lost) and len(others) >= len(lost) and odd[others].mean() < 0.2:
+            findings.append(
+                Finding(
+                    f"{log.names[k]}: stuck at {readings[lost[0], k]:.6g} on "
+                    f"{_count(len(lost), log.word)} ({log.lines[lost[0]]} to "
+                    f"{log.lines[lost[-1]]}): these lines are left out"
+                )
+            )
+            readings[lost, k] = np.nan
+            rows = others
+    return replace(log, readings=readings), findings
+
+
+def _stuck(robot: Robot, log: Log, seen: Expectation) -> tuple[Log, list[Finding]]:
+    """Runs of one and the same reading while its prediction goes on."""
+    findings, readings = [], log.readings.copy()
+    for k in range(robot.r):
+        read = readings[:, robot.n + k]
+        rows = np.flatnonzero(np.isfinite(read) & np.isfinite(seen.expected[:, k]))
+        if len(rows) < 2:
+            continue
+        step = max(robot.resolution[robot.n + k], 1e-9)
+        hung = []
+        for run in _runs(read, rows, step):
+            # A reading may be constant in a plane of the workspace, where an uncalibrated
+            # prediction still varies by what tolerances allow.
+            moved = np.ptp(seen.expected[run, k])
+            if moved > VARIES * (step + np.median(seen.sigma[run, k])):
+                hung.append(run)
+        if not hung:
+            continue
+        lost = np.concatenate(hung)
+        name = log.names[robot.n + k]
+        where = f"{log.lines[lost[0]]} to {log.lines[lost[-1]]}"
+        at = f"{name}: stuck at {read[lost[0]]:.6g} on {_count(len(lost), log.word)} ({where})"
+        if len(lost) > 0.5 * len(rows):
+            text = f"{at}; leave it out (--sensors, with_sensors)"
+            findings.append(Finding(text, refused=True))
+        else:
+            readings[lost, robot.n + k] = np.nan
+            findings.append(Finding(f"{at}: these readings are left out"))
+    return replace(log, readings=readings), findings

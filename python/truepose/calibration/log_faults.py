@@ -1,0 +1,250 @@
+"""Which mistake with its columns explains a log best? Units, signs, order, tried one by one.
+
+Each mistake is undone, and a geometry fitted to what then stands there: of those after which motors
+and sensors can be readings of this robot, the one that is left with the smallest residuals is
+named, and with it whatever is as good (a robot's mirror images).
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from truepose.calibration.expectation import Expectation, expect, poses_of
+from truepose.exceptions import TrueposeError
+from truepose.logs.read import Log
+from truepose.robot.robot import Robot
+from truepose.robot.to_core import Array
+
+if TYPE_CHECKING:
+    from truepose.calibration.fit import Fit
+
+#: A reading this many σ off what motors and tolerances allow, on most lines, is no geometry.
+APART = 5.0
+#: Nor are readings that disagree by this many times their noise once a geometry is fitted.
+MISFIT = 20.0
+#: Lines that a mistake is looked for on, and mistakes that a geometry is fitted to, at most.
+LINES, FITTED = 80, 12
+#: Costs that are no further apart say nothing: this much, and this part of the smaller one.
+ALIKE, OF_COST = 20.0, 0.25
+#: Kinds of sensors that read m; the others read rad.
+LENGTHS = ("telemeter", "coordinate", "distance", "rod_length")
+#: Slopes of a column over its prediction that have a name.
+DEGREES, MILLIMETRES, CENTIMETRES = 180 / np.pi, 1000.0, 100.0
+
+
+class Mistake(NamedTuple):
+    """What somebody may have done to a log's columns, and its undoing."""
+
+    text: str
+    columns: int  #: that it is about
+    undo: Callable[[Array], Array]
+
+
+def sensor_is_angle(robot: Robot) -> list[bool]:
+    """Whether each sensor in use reads rad (else m)."""
+    kinds = {sensor.name: sensor.kind for sensor in robot.spec.sensor}
+    return [kinds[name] not in LENGTHS for name in robot.sensors]
+
+
+def few(robot: Robot, log: Log) -> Log:
+    """Some lines with a reading of every motor, spread over the log."""
+    rows = np.flatnonzero(np.isfinite(log.readings[:, : robot.n]).all(axis=1))
+    return log.only(rows[np.linspace(0, len(rows) - 1, min(len(rows), LINES)).astype(int)])
+
+
+def plausible(robot: Robot, readings: Array) -> float:
+    """Part of the lines at which the motors close the loops near the workspace."""
+    x = poses_of(robot, readings[:, : robot.n])
+    good = np.isfinite(x).all(axis=1)
+    if (box := robot.spec.workspace) is not None:
+        low, high = np.array(box.minimum), np.array(box.maximum)
+        margin = 0.5 * (high - low) + 1e-9
+        good &= (x > low - margin).all(axis=1) & (x < high + margin).all(axis=1)
+    return float(good.mean())
+
+
+def apart(seen: Expectation) -> Array:
+    """Median over the lines of each sensor's distance from its prediction, in σ."""
+    ratio = np.abs(seen.residual) / seen.sigma
+    some = np.isfinite(ratio).any(axis=0)
+    result = np.full(ratio.shape[1], np.nan)
+    result[some] = np.nanmedian(ratio[:, some], axis=0)
+    return result
+
+
+def named(robot: Robot, log: Log) -> list[str] | None:
+    """Which mistakes with the columns explain a log of a robot with its expected geometry.
+
+    Returns
+    -------
+    list of str, or None
+        None: nothing is wrong. Empty: none of those that have a name. Several: as good as each
+        other, those of the fewest columns first.
+    """
+    log = few(robot, log)
+    redundant = bool(np.isfinite(log.readings[:, robot.n :]).any() or log.measured is not None)
+    own = math.inf
+    if agree(robot, log.readings):
+        fit = _fit(robot, log, log.readings) if redundant else None
+        if not redundant or (fit is not None and not _misfit(fit) > MISFIT):
+            return None
+        own = _cost(fit)
+    tried = [m for m in mistakes(robot, log) if agree(robot, m.undo(log.readings))]
+    if not redundant:  # no fit tells them apart
+        return [m.text for m in tried] if len(tried) <= 3 else []
+    if len(tried) > FITTED:
+        tried.sort(key=lambda m: _distance(robot, log, m.undo(log.readings)))
+    costs = [_cost(_fit(robot, log, m.undo(log.readings))) for m in tried[:FITTED]]
+    best = min(costs, default=math.inf)
+    if best == math.inf or not best < 0.5 * own:
+        return []
+    alike = [
+        (mistake.columns, cost, mistake.text)
+        for mistake, cost in zip(tried, costs, strict=False)
+        if cost <= best + ALIKE + OF_COST * best
+    ]
+    return [text for _, _, text in sorted(alike)[:3]]
+
+
+def agree(robot: Robot, readings: Array) -> bool:
+    """Whether motors and sensors can be readings of this robot, on most lines."""
+    if plausible(robot, readings) < 0.9:
+        return False
+    if robot.r == 0:
+        return True
+    distance = apart(expect(robot, readings))
+    return bool((distance[np.isfinite(distance)] < APART).all())
+
+
+def _distance(robot: Robot, log: Log, readings: Array) -> float:
+    """How far all is from what the motors predict; gross errors count little."""
+    if robot.r == 0:  # distances are the same in every frame
+        linear = [unit == "m" for _, unit in robot.coordinates]
+        x = poses_of(robot, readings)
+        steps = [np.linalg.norm(np.diff(v[:, linear], axis=0), axis=1) for v in (log.measured, x)]
+        off = np.abs(steps[0] - steps[1])
+        return float(np.median(off[np.isfinite(off)])) if np.isfinite(off).any() else 0.0
+    seen = expect(robot, readings)
+    return float(np.nanmean(np.log1p((seen.residual / seen.sigma) ** 2)))
+
+
+def _fit(robot: Robot, log: Log, readings: Array) -> Fit | None:
+    from truepose.calibration.fit import calibrate
+
+    outside = {"measured": log.measured, "measured_sigma": log.measured_sigma}
+    try:
+        return calibrate(robot, readings, **outside, loss="student", level="ideal")
+    except TrueposeError:
+        return None
+
+
+def _cost(fit: Fit | None) -> float:
+    """What a fitted geometry is left with, lines left out taken for average ones."""
+    good = 0 if fit is None else int((fit.status == "ok").sum())
+    return fit.cost * len(fit.status) / good if good else math.inf
+
+
+def _misfit(fit: Fit) -> float:
+    """How many times their noise the readings disagree (median)."""
+    counted = fit.redundancy > 0
+    return float(np.sqrt(np.median(fit.chi2[counted] / fit.redundancy[counted]) / 0.455))
+
+
+# --- mistakes -------------------------------------------------------------------------------------
+
+
+def mistakes(robot: Robot, log: Log) -> Iterator[Mistake]:
+    """What may have happened to the columns: units, signs, order."""
+    n, names = robot.n, log.names
+    motors = [chain.actuator == "revolute" for chain in robot.spec.chain]
+    angle = np.array(motors + sensor_is_angle(robot))
+    every = range(n + robot.r)
+
+    def scaled(which, factor, what: str) -> Mistake:
+        factors = np.ones(len(names))
+        factors[list(which)] = factor
+        text = f"{_listed(names, which)}: {what}"
+        return Mistake(text, len(which), lambda rows: rows / factors)
+
+    units = {
+        True: ((DEGREES, "in degrees, must be rad"),),
+        False: ((MILLIMETRES, "in mm, must be m"), (CENTIMETRES, "in cm, must be m")),
+    }
+    alone = [(k,) for k in every]
+    groups = [tuple(range(n)), _too_large(robot, log.readings)]
+    groups += [tuple(np.flatnonzero(angle == kind)) for kind in (True, False)]
+    for which in dict.fromkeys([*groups, *alone]):
+        if len(which) and len(set(angle[list(which)])) == 1:
+            for factor, what in units[bool(angle[which[0]])]:
+                yield scaled(which, factor, what)
+                if len(which) == 1:
+                    yield scaled(which, -factor, f"{what}, and its sign is flipped")
+    for which in alone:
+        yield scaled(which, -1.0, "its sign is flipped")
+    yield scaled(range(n), -1.0, "their signs are flipped")
+    sensors = [n + np.flatnonzero(angle[n:] == kind) for kind in (True, False)]
+    for columns in (np.arange(n), *sensors):
+        for order in _orders(len(columns)):
+            whole = np.arange(len(names))
+            whole[columns[list(order)]] = columns
+            moved = sum(k != held for k, held in enumerate(order))
+            text = _reordered([names[k] for k in columns], order)
+            yield Mistake(text, moved, lambda rows, whole=whole: rows[:, whole])
+
+
+def _listed(names, which) -> str:
+    return ", ".join(names[k] for k in which)
+
+
+def _orders(count: int) -> Iterator[tuple[int, ...]]:
+    """Orders of columns that are not their own: all of up to four, else those that people make."""
+    own = tuple(range(count))
+    if count <= 4:
+        yield from itertools.islice(itertools.permutations(own), 1, None)
+        return
+    found = {own[k:] + own[:k] for k in range(1, count)} | {own[::-1]}
+    for size in (2, 3):
+        for some in itertools.permutations(own, size):
+            order = list(own)
+            for at, held in zip(some, some[1:] + some[:1], strict=True):
+                order[at] = held
+            found.add(tuple(order))
+    yield from sorted(found)
+
+
+def _reordered(names: list[str], order: tuple[int, ...]) -> str:
+    """Say which column holds which.
+
+    Examples
+    --------
+    >>> _reordered(["q1", "q2", "q3"], (1, 0, 2)), _reordered(["q1", "q2", "q3"], (1, 2, 0))
+    ('q1 and q2: swapped', 'q1, q2, q3: in another order, they hold q2, q3, q1')
+    """
+    moved = [k for k, held in enumerate(order) if k != held]
+    if len(moved) == 2:
+        return f"{names[moved[0]]} and {names[moved[1]]}: swapped"
+    held = [order[k] for k in moved]
+    return f"{_listed(names, moved)}: in another order, they hold {_listed(names, held)}"
+
+
+def _too_large(robot: Robot, readings: Array) -> tuple[int, ...]:
+    """Motors that leave the range of the workspace, and would not, divided by a unit."""
+    if (box := robot.spec.workspace) is None:
+        return ()
+    revolute = [chain.actuator == "revolute" for chain in robot.spec.chain]
+    x = np.random.default_rng(0).uniform(box.minimum, box.maximum, (500, robot.n))
+    q = robot.ikm(x, errors="nan")
+    low, high = np.nanmin(q, axis=0), np.nanmax(q, axis=0)
+    margin = 0.25 * (high - low) + 1e-6
+
+    def inside(rows: Array) -> Array:
+        return ((rows > low - margin) & (rows < high + margin)).mean(axis=0)
+
+    q = readings[:, : robot.n]
+    divided = q / np.where(revolute, DEGREES, MILLIMETRES)
+    return tuple(np.flatnonzero((inside(q) < 0.5) & (inside(divided) > 0.9)))

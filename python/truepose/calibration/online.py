@@ -1,0 +1,231 @@
+"""How does a robot learn its geometry while it works? One line of readings after another."""
+
+from __future__ import annotations
+
+import fnmatch
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose import _core
+from truepose.calibration.fit import MODEL_ERRORS, Learnt, ModelError, calibration_of, mean_of
+from truepose.exceptions import InputError, choose
+from truepose.robot import knowledge
+from truepose.robot.kinematics import Errors, Level
+from truepose.robot.robot import Robot
+from truepose.robot.to_core import Array, columns
+
+
+class OnlineCalibration:
+    """A filter on the robot's parameters that every line of its own readings makes wiser.
+
+    It starts from the priors of the robot's file (or its last calibration) and ends near where
+    :func:`truepose.calibrate` ends on the same lines. In the core one line takes bounded time and
+    no memory (``include/truepose/estimation/online.hpp``).
+
+    Parameters
+    ----------
+    robot : Robot
+        With the sensors in use that are read.
+    drift : dict, or sequence of dict, optional
+        Name of a parameter (or pattern, ``"chain*.rod"``): σ of its random walk over one line, m or
+        rad, each parameter by itself. Of a sequence, each dict is one random walk of all that it
+        names together, as by :meth:`Effects.growth`. Without it parameters are constant and the
+        filter ever surer.
+    gate : float
+        Readings that together are off by more than so many σ, what is still open of the geometry
+        included, are left out: one of them, where it alone explains it, or the line. Where lines
+        keep disagreeing, learning stops (:attr:`stopped`). 0 keeps all, whatever they say.
+    level : {"ideal", "full"}, optional
+        One rod per chain, or every rod by itself; by default :attr:`Robot.finest_level`.
+    model_error : {"on", "off"}
+        Whether readings count, at the ideal level, with what it leaves out of a real robot.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.paper import data as paper_data
+    >>> robot = tp.load("h4")
+    >>> true = robot.expected().replace({"chain1.rod": 0.486})
+    >>> online = tp.OnlineCalibration(robot)
+    >>> x = online.observe(true.extended(paper_data.table2()))
+    >>> sigma = online.parameters["chain1.rod"].sigma
+    >>> bool(sigma < 0.3 * robot.parameters["chain1.rod"].sigma)
+    True
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        drift: Mapping[str, float] | Sequence[Mapping[str, float]] | None = None,
+        gate: float = 4.0,
+        level: Level | None = None,
+        model_error: ModelError = "on",
+    ):
+        self._level = robot.finest_level if level is None else level
+        self._robot = robot.with_level(self._level)
+        self._prior = robot
+        if model_error not in MODEL_ERRORS:
+            raise InputError(choose("model_error", model_error, MODEL_ERRORS))
+        self._error = model_error == "on"
+        self._names = knowledge.require_uncertain(robot)
+        if not (np.isfinite(gate) and gate >= 0):
+            raise InputError(f"gate = {gate}: must be a number of σ of at least 0")
+        self._drift = self._walks(drift)
+        self._gate = float(gate)
+        self._start(mean_of(robot))
+
+    def _walks(self, drift) -> Array:
+        """Return one row for each random walk: change of every parameter by one σ, in one line."""
+        together = not isinstance(drift, Mapping) and drift is not None
+        rows = []
+        for walk in drift if together else [drift or {}]:
+            row = dict.fromkeys(self._names, 0.0)
+            for pattern, rate in walk.items():
+                hit = fnmatch.filter(self._names, pattern)
+                if not hit:
+                    raise InputError("drift: " + choose("parameter", pattern, self._names))
+                if not (np.isfinite(rate) and (rate >= 0 or together)):
+                    raise InputError(
+                        f"drift: {pattern} = {rate}: must be at least 0 (m or rad a line)"
+                    )
+                row |= dict.fromkeys(hit, float(rate))
+            rows.append(list(row.values()))
+        walks = np.array(rows) if together else np.diag(rows[0])
+        return walks[walks.any(axis=1)]
+
+    def _start(self, xi: Array, root: Array | None = None) -> None:
+        known = knowledge.knowledge(self._robot, root, level=self._level, error=self._error)
+        self._filter = _core.Online(
+            self._robot._drawn,
+            known.core,
+            xi,
+            self._drift,
+            self._gate,
+            self._robot._is_full(self._level),
+        )
+
+    def __getstate__(self) -> dict:
+        core = self._filter
+        learnt = (np.array(core.xi), np.array(core.root), core.memory)
+        return self.__dict__ | {"_filter": learnt}
+
+    def __setstate__(self, state: dict) -> None:
+        self.__dict__.update(state)
+        xi, root, memory = state["_filter"]
+        self._start(xi, root)
+        self._filter.resume(memory)
+
+    def observe(self, q_e: ArrayLike, errors: Errors = "raise") -> Array:
+        """Learn from lines of readings, in their order.
+
+        Parameters
+        ----------
+        q_e : array_like, shape (..., n + r)
+            Extended positions: motors, then the sensors in use.
+        errors : {"raise", "nan"}
+            What to do with a line that fits no pose; nothing is learnt from it. One that the gate
+            leaves out still gives a pose.
+
+        Returns
+        -------
+        ndarray, shape (..., n)
+            Where the nacelle was, as known at that line.
+        """
+        rows, lead = self._robot._rows(q_e, self._robot.n + self._robot.r, "q_e", errors)
+        x, status, chain = self._filter.observe(rows, np.zeros(0))
+        self._robot._check("reading", rows, lead, status, chain, errors, name="q_e")
+        return x.reshape(*lead, self._robot.n)
+
+    def replay(self, q_e: ArrayLike, times: int = 3) -> None:
+        """Start again from the priors with all lines linearised about what is known by now.
+
+        What early lines said was linearised about a poor guess; after a replay or two the filter
+        stands where :func:`truepose.calibrate` does.
+        """
+        rows, _ = self._robot._rows(q_e, self._robot.n + self._robot.r, "q_e", "raise")
+        for _ in range(times):
+            about = np.array(self._filter.xi)
+            self._start(mean_of(self._robot))
+            self._filter.observe(rows, about)
+
+    @property
+    def prior(self) -> Robot:
+        """The robot that it started from."""
+        return self._prior
+
+    @property
+    def level(self) -> Level:
+        """Level of the model by which it understands its readings."""
+        return self._level
+
+    @property
+    def lines(self) -> int:
+        """How many lines it has learnt from, all their readings."""
+        return self._filter.lines
+
+    @property
+    def left_out(self) -> int:
+        """How many lines it has not learnt from, or not from all their readings."""
+        return self._filter.left_out
+
+    @property
+    def stopped(self) -> str | None:
+        """Why nothing is learnt any more, in words; None while it learns.
+
+        A sensor that lies, a motor that slipped, or tolerances that the robot does not keep. What
+        it knows is what it knew before. Once that is mended, `OnlineCalibration(online.robot)` goes
+        on from there.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> from truepose.paper import data as paper_data
+        >>> robot = tp.load("h4").with_sensors("theta", "z_telemeter", "elbow1")
+        >>> readings = robot.expected().extended(paper_data.table2()[:60])
+        >>> readings[50:, 4] += 0.1  # θ's encoder slips
+        >>> online = tp.OnlineCalibration(robot)
+        >>> x = online.observe(readings)
+        >>> online.stopped, online.lines
+        ('after 56 lines: readings keep disagreeing; theta alone would explain it', 50)
+        """
+        if not self._filter.stopped:
+            return None
+        suspect = self._filter.suspect
+        guilty = self._robot.readings[suspect] if suspect >= 0 else ""
+        return f"after {self._filter.stopped_after} lines: readings keep disagreeing" + (
+            f"; {guilty} alone would explain it" if guilty else ""
+        )
+
+    @property
+    def covariance(self) -> Array:
+        """Of the uncertain parameters, shape (p, p)."""
+        root = self._filter.root
+        return root @ root.T
+
+    @property
+    def parameters(self) -> dict[str, Learnt]:
+        """Every uncertain parameter, before and now."""
+        before, values = self._robot.parameters, self._values()
+        sigma = np.sqrt(np.diag(self.covariance))
+        return {
+            name: Learnt(before[name].mean, before[name].sigma, values[name], float(s))
+            for name, s in zip(self._names, sigma, strict=True)
+        }
+
+    @property
+    def robot(self) -> Robot:
+        """The robot as it is known now; its estimates count with what is still open."""
+        left_out = {}
+        if self._error and self._level == "ideal":
+            error = knowledge.stated_error(self._robot).tolist()
+            left_out = dict(zip(self._robot.readings, error, strict=True))
+        return self._robot.with_calibration(
+            calibration_of(self._values(), self._filter.root, "online", left_out)
+        )
+
+    def _values(self) -> dict[str, float]:
+        column = dict(columns(self._robot.spec, self._robot._sensors))
+        xi = self._filter.xi
+        return {name: float(xi[column[name]]) for name in self._names}

@@ -1,0 +1,224 @@
+"""In which frame did something outside measure, and where on the nacelle was its marker?"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose import _core
+from truepose.exceptions import InputError, choose
+from truepose.robot import frames
+from truepose.robot.to_core import Array
+
+if TYPE_CHECKING:
+    from truepose.robot.robot import Robot
+
+#: σ of an angle of which nothing is known, rad: uniform over a whole turn.
+ANY_TURN = math.pi / math.sqrt(3)
+#: Posterior over prior σ above which a marker's coordinate is not seen by itself.
+UNSEEN = 0.5
+#: σ of an outside measurement where nobody says (m, rad): 0.02 mm and 0.01°.
+SIGMA, ANGLE_SIGMA = 2e-5, math.radians(0.01)
+
+
+@dataclass(frozen=True)
+class Registration:
+    """What is known beforehand of a tracker's frame and of its marker; σ = 0: known exactly.
+
+    The tracker is to see position p = t + R_F (D + R c) and orientation R_F R M, where (D, R) is
+    the nacelle's pose, (t, R_F) the base in the tracker's frame, (c, M) the marker's in the
+    nacelle's. The search for the base starts in closed form, from any rotation, where its σ are not
+    zero.
+    """
+
+    base: ArrayLike | None = None  #: (4, 4) the base in the tracker's frame, where it is known
+    base_sigma: tuple[float, float] = (10.0, ANY_TURN)  #: of its position (m), its turn (rad)
+    marker: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: from the nacelle's reference point, m
+    marker_sigma: tuple[float, float] = (0.1, ANY_TURN)  #: of its place (m), its turn (rad)
+
+    def __post_init__(self) -> None:
+        if self.base is not None:
+            base = np.asarray(self.base, dtype=float)
+            good = base.shape == (4, 4) and np.isfinite(base).all()
+            R = base[:3, :3] if good else np.zeros((3, 3))
+            if not (np.allclose(R @ R.T, np.eye(3), atol=1e-9) and np.linalg.det(R) > 0):
+                raise InputError("registration: base: must be a homogeneous matrix, (4, 4)")
+            object.__setattr__(self, "base", base)
+            object.__setattr__(self, "base_sigma", (0.0, 0.0))
+        for name in ("base_sigma", "marker_sigma"):
+            value = np.asarray(getattr(self, name), dtype=float)
+            if value.shape != (2,) or not (np.isfinite(value) & (value >= 0)).all():
+                raise InputError(
+                    f"registration: {name} = {getattr(self, name)}: must be two numbers, m and "
+                    "rad, at least 0"
+                )
+        if np.shape(self.marker) != (3,) or not np.isfinite(self.marker).all():
+            raise InputError(f"registration: marker = {self.marker}: must be three numbers, m")
+
+    def sigma(self, robot: Robot, measured: Array) -> Array:
+        """σ of the unknowns, (12,); 0 where known, or where nothing measured depends on it."""
+        result = np.repeat([*self.base_sigma, *self.marker_sigma], 3).astype(float)
+        names = [name for name, _ in robot.coordinates]
+        if "z" not in names:  # in a plane
+            result[[2, 3, 4, 8]] = 0.0
+        angles = [k for k, (_, unit) in enumerate(robot.coordinates) if unit == "rad"]
+        seen = np.isfinite(measured[:, angles]).any() if angles else False
+        turns = {1: [11], 3: [9, 10, 11]}.get(len(angles), []) if seen else []
+        result[[k for k in (9, 10, 11) if k not in turns]] = 0.0
+        return result
+
+    def begin(self) -> tuple[Array, Array]:
+        """Base and marker to start from, two (4, 4)."""
+        marker = np.eye(4)
+        marker[:3, 3] = self.marker
+        return (np.eye(4) if self.base is None else self.base), marker
+
+
+#: The tracker gives the nacelle's coordinates in the base frame.
+KNOWN = Registration(base=np.eye(4), marker_sigma=(0.0, 0.0))
+
+
+def of(registration: Literal["unknown", "known"] | Registration) -> Registration:
+    """Return what a word says of a registration.
+
+    Examples
+    --------
+    >>> from truepose.calibration import registration
+    >>> registration.of("unknown").base_sigma[0], registration.of("known").base_sigma
+    (10.0, (0.0, 0.0))
+    """
+    if isinstance(registration, Registration):
+        return registration
+    words = {"unknown": Registration(), "known": KNOWN}
+    if registration not in words:
+        raise InputError(choose("registration", registration, words))
+    return words[registration]
+
+
+class View(NamedTuple):
+    """What a tracker is to measure at N poses."""
+
+    coordinates: Array  #: (N, n), θ from -π to π
+    residual: Array  #: (N, n) what it measured less these; NaN where it did not
+    H_x: Array  #: (N, n, n) how they change with the pose's twist
+    H: Array  #: (N, n, 12) and with the registration
+    blunt: Array  #: (N,) by what σ of θ grows where the marker's x axis nears the tracker's z
+
+
+class Known(NamedTuple):
+    """One thing that a calibration found out about a registration."""
+
+    name: str  #: an unknown, or two of which only the sum is known
+    unit: str  #: m or rad
+    value: float
+    sigma: float
+    prior_sigma: float
+
+
+@dataclass(frozen=True)
+class Registered:
+    """A tracker's frame as a calibration found it."""
+
+    base: Array  #: (4, 4) the base in the tracker's frame
+    marker: Array  #: (4, 4) the marker in the nacelle's frame
+    sigma: Array  #: (12,) before; 0: was known
+    covariance: (
+        Array  #: (12, 12) after: shift and turn of the base, in the tracker's frame, then of the
+    )
+    #: marker, in the nacelle's
+    cross: Array  #: (p, 12) covariance with the robot's parameters
+    start: tuple[Array, Array]  #: base and marker that the search began from
+
+    def see(self, robot: Robot, x: Array, measured: Array | None = None) -> View:
+        """What the tracker is to measure at poses (N, n)."""
+        x = np.ascontiguousarray(x)
+        measured = np.full_like(x, np.nan) if measured is None else np.ascontiguousarray(measured)
+        return View(*_core.seen(robot._core, self.base, self.marker, x, measured))
+
+    def begun(self) -> Registered:
+        """Return the registration that the search began from, taken as exact."""
+        zero = {"covariance": np.zeros((12, 12)), "cross": np.zeros_like(self.cross)}
+        return replace(self, base=self.start[0], marker=self.start[1], **zero)
+
+    @property
+    def known(self) -> list[Known]:
+        """What the readings say of the registration.
+
+        Places of the marker that the robot cannot tell from a shift of the base, because its
+        nacelle does not turn that way, are named together with it: of "base + marker.z" x, y and z
+        in the tracker's frame are known, of the two by themselves only what was known before.
+        """
+        result = []
+        R, after = self.base[:3, :3], np.sqrt(np.diag(self.covariance))
+        free = self.sigma[6:9] > 0
+        shared = free & (after[6:9] > UNSEEN * self.sigma[6:9]) & self.sigma[:3].any()
+        name = "base"
+        if shared.any():
+            axes = "".join(np.array(list("xyz"))[shared])
+            name += " + marker" + (f".{axes}" if (free & ~shared).any() else "")
+        on = R @ np.where(shared, self.marker[:3, 3], 0.0)
+        rows = []
+        for k, c in enumerate("xyz"):
+            row, unit = np.zeros(12), np.eye(3)[k]
+            row[:3], row[3:6], row[6:9] = unit, np.cross(on, unit), R[k] * shared
+            rows.append((f"{name}, {c}", row, self.base[k, 3] + on[k]))
+        rows += [
+            (f"marker, {c}", np.eye(12)[6 + k], self.marker[k, 3])
+            for k, c in enumerate("xyz")
+            if not shared[k]
+        ]
+        for name, row, value in rows:
+            if prior := float(np.linalg.norm(row * self.sigma)):
+                sigma = float(np.sqrt(row @ self.covariance @ row))
+                result.append(Known(name, "m", float(value), sigma, prior))
+        turns = frames.rotation_vector([R, self.marker[:3, :3]])
+        for k in (3, 4, 5, 9, 10, 11):
+            if self.sigma[k] > 0:
+                value = float(turns[k // 6][k % 3])
+                sigma = float(after[k])
+                name = f"{('base', 'marker')[k // 6]}, {('rx', 'ry', 'rz')[k % 3]}"
+                result.append(Known(name, "rad", value, sigma, float(self.sigma[k])))
+        return result
+
+
+def outside(robot: Robot, measured, sigma, angle_sigma, count: int) -> tuple[Array, Array]:
+    """Outside measurements and their σ as the core takes them; none: no rows."""
+    if measured is None:
+        return np.zeros((0, robot.n)), np.zeros((0, robot.n))
+    rows, lead = robot._rows(measured, robot.n, "measured", "nan")
+    if lead != (count,):
+        raise InputError(f"measured: shape {np.shape(measured)}, must be ({count}, {robot.n})")
+    angles = [unit == "rad" for _, unit in robot.coordinates]
+    if sum(angles) == 3 and (np.isfinite(rows[:, angles]).sum(axis=1) % 3).any():
+        raise InputError("measured: rx, ry and rz: all three or none at each pose")
+    return rows.copy(), sigmas(robot, sigma, angle_sigma, count)
+
+
+def sigmas(robot: Robot, sigma, angle_sigma: float | None, count: int) -> Array:
+    """σ of each coordinate measured, (count, n), m and rad; see :func:`truepose.calibrate`."""
+    angles = np.array([unit == "rad" for _, unit in robot.coordinates])
+    default = np.where(angles, ANGLE_SIGMA, SIGMA) * np.ones((count, 1))
+    result = default.copy()
+    if sigma is not None:
+        which = ~angles if np.ndim(sigma) == 0 else np.full(robot.n, True)
+        try:
+            result[:, which] = sigma
+        except ValueError:
+            raise InputError(
+                f"measured_sigma: must be a number, {robot.n} or ({count}, {robot.n}) of them"
+            ) from None
+    if angle_sigma is not None:
+        result[:, angles] = angle_sigma
+    if np.ndim(sigma) == 2:  # an empty cell of a log
+        result = np.where(np.isnan(result), default, result)
+    for name, given, which in (
+        ("measured_sigma", sigma, ~angles),
+        ("measured_angle_sigma", angle_sigma, angles),
+    ):
+        if not (np.isfinite(result[:, which]) & (result[:, which] > 0)).all():
+            raise InputError(f"{name} = {given}: must be greater than 0 (m, rad)")
+    return result

@@ -1,0 +1,293 @@
+"""What does a calibration say of its readings, its parameters and the accuracy to come?"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from truepose.calibration import log_checks, log_faults, registration
+from truepose.calibration.bound import accuracy
+from truepose.calibration.expectation import Expectation, expect
+from truepose.calibration.fit import Fit, calibrate
+from truepose.calibration.registration import Registered
+from truepose.exceptions import PoseError, TrueposeError
+from truepose.logs.read import Log
+from truepose.paper.tables import Cell, Table, fixed, number
+from truepose.robot.robot import Robot
+from truepose.robot.to_core import Array
+
+#: Every so many lines one is held out.
+FOLD = 5
+#: Calls of `progress` that :func:`assess` makes.
+STEPS = 3
+#: Errors of the marker as the tracker will see it, not of the pose in the base's frame.
+SEEN = "in the tracker's frame"
+HOW = ("absolute", "touched off", SEEN)
+#: Poses drawn from the workspace for the accuracy to come.
+POSES = 500
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """A calibration, tried. N lines, k = r (+ n where something outside measured) columns."""
+
+    fit: Fit
+    log: Log
+    names: tuple[str, ...]  #: of the k columns
+    before: Expectation  #: of all lines by the motors, at the prior mean
+    after: Expectation  #: by the motors, at the calibrated geometry
+    held_out: Array  #: (N, k) residuals of the held-out lines, fitted without them; else NaN
+    touch_off: Array  #: (n,)
+    where: str  #: which poses the accuracy is for
+    poses: Array  #: (P, n) of the accuracy
+    accuracy: dict[tuple[str, str], Array]  #: (before/after, absolute/touched off) -> (P, n, n)
+    notes: tuple[str, ...]  #: what was noticed in the log, before and after the fit
+
+
+def assess(
+    robot: Robot,
+    log: Log,
+    notes: list[str],
+    touch_off: Array | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+    **settings,
+) -> Assessment:
+    """Calibrate by a log, and again without every fifth line; predict the accuracy.
+
+    Parameters
+    ----------
+    robot : Robot
+        With the sensors in use that were read.
+    log : Log
+        Looked over by :func:`truepose.calibration.log_checks.check`, which made the `notes`.
+    touch_off : ndarray, shape (n,), optional
+        Pose that the accuracy to come takes for known from outside; home by default.
+    progress : callable
+        Is told what was done, `STEPS` times.
+    **settings
+        Of :func:`truepose.calibrate`: level, loss, tuning, …; what it takes of a table is the
+        log's.
+    """
+    given, angle = (settings.pop(f"measured_{of}", None) for of in ("sigma", "angle_sigma"))
+    if log.measured is not None:
+        given = log.measured_sigma if given is None else given
+        sigma = registration.sigmas(robot, given, angle, len(log.lines))
+        log = replace(log, measured_sigma=sigma)
+
+    def fitted(part: Log) -> Fit:
+        outside = {"measured": part.measured, "measured_sigma": part.measured_sigma}
+        return calibrate(robot, part.readings, **outside, **settings)
+
+    def expected(by: Robot, part: Log, of: Registered | None) -> Expectation:
+        level = settings.get("level")
+        sigma = part.measured_sigma
+        return expect(by, part.readings, part.measured, sigma, of, level=level)
+
+    fit = fitted(log)
+    progress("fit")
+    measured = log.measured
+    model = fit.prior.expected()
+    seen = fit.registration
+    before = expected(model, log, seen and seen.begun())
+    after = expected(fit.robot, log, seen)
+    held_out = np.full_like(after.residual, np.nan)
+    lines = np.arange(len(log.lines))
+    out = lines % FOLD == FOLD - 1
+    if out.any():
+        try:
+            part = fitted(log.only(~out))
+            held_out[out] = expected(part.robot, log.only(out), part.registration).residual
+        except TrueposeError as error:
+            notes = [*notes, f"held-out lines: {error}"]
+    progress("held-out lines")
+    touch = robot.home if touch_off is None else np.asarray(touch_off, dtype=float)
+    where, poses = _poses(fit)
+    predicted = {}
+    for when, known in (("before", model), ("after", fit.robot)):
+        reached = np.isfinite(known.ikm(poses, errors="nan", level=fit.level)).all(axis=1)
+        for how, at in (("absolute", None), ("touched off", touch)):
+            predicted[when, how] = accuracy(known, poses[reached], touch_off=at, level=fit.level)
+    if seen is not None and seen.sigma.any():
+        reached = np.isfinite(fit.robot.ikm(poses, errors="nan", level=fit.level)).all(axis=1)
+        predicted["after", SEEN] = fit.accuracy_seen(poses[reached])
+    progress("accuracy")
+    outside = () if measured is None else tuple(f"measured_{c}" for c, _ in robot.coordinates)
+    review = [finding.text for finding in log_checks.review(fit, log)]
+    return Assessment(
+        fit=fit,
+        log=log,
+        names=(*robot.sensors, *outside),
+        before=before,
+        after=after,
+        held_out=held_out,
+        touch_off=touch,
+        where=where,
+        poses=poses,
+        accuracy=predicted,
+        notes=(*notes, *review, *fit.notes),
+    )
+
+
+def _poses(fit: Fit) -> tuple[str, Array]:
+    """Poses of the workspace, else those of the log."""
+    box = fit.robot.spec.workspace
+    if box is not None:
+        x = np.random.default_rng(0).uniform(box.minimum, box.maximum, (POSES, fit.robot.n))
+        x = x[np.isfinite(fit.robot.ikm(x, errors="nan", level=fit.level)).all(axis=1)]
+        if len(x):
+            return "over the workspace", x
+    x = fit.x[np.isfinite(fit.x).all(axis=1)]
+    if len(x) == 0:
+        raise PoseError(f"{fit.robot.name}: no line of the log has a pose")
+    return "over the log's poses", x
+
+
+def counted(result: Assessment) -> Array:
+    """Lines that count, (N,): outliers and lines left out are not in any rms."""
+    return (result.fit.status == "ok") & (result.fit.weights >= 0.1)
+
+
+def _rms(values: Array, rows: Array) -> float | None:
+    values = values[rows]
+    values = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(values**2))) if len(values) else None
+
+
+def in_print(robot: Robot, name: str) -> tuple[float, str]:
+    """Factor and unit in which people read a column's or a parameter's value.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> h4 = tp.load("h4")
+    >>> [in_print(h4, name)[1] for name in ("chain1.rod", "chain1.yaw", "theta", "theta.gain")]
+    ['mm', '°', '°', '']
+    """
+    kinds = {"m": (1e3, "mm"), "rad": (180 / np.pi, "°"), "": (1.0, "")}
+    owner, _, key = name.partition(".")
+    coordinates = {f"measured_{c}": unit for c, unit in robot.coordinates}
+    if name in coordinates:
+        return kinds[coordinates[name]]
+    everything = robot.with_sensors()._spec.sensor
+    by_name = {sensor.name: sensor.kind for sensor in everything}
+    if owner in by_name:
+        if key == "gain" or key.split(".")[0] in ("direction", "normal", "axis", "up"):
+            return kinds[""]
+        lengths = log_faults.LENGTHS
+        return kinds["m" if by_name[owner] in lengths or key.count(".") else "rad"]
+    if key in ("yaw", "tilt"):
+        return kinds["rad"]
+    if key == "encoder_offset":
+        actuator = robot.spec.chain[int(owner.removeprefix("chain")) - 1].actuator
+        return kinds["rad" if actuator == "revolute" else "m"]
+    return kinds["m"]
+
+
+def _named(what: str, name: str, unit: str) -> Cell:
+    """Name a row for people in print units; its data are SI."""
+    si = {"mm": "m", "°": "rad"}.get(unit, "")
+    return Cell(f"{name} ({unit})" if unit else name, {what: name, "unit": si})
+
+
+def residuals(result: Assessment) -> Table:
+    """RMS of each sensor against what the motors predict; the last column with poses fitted."""
+    rows, good = [], counted(result)
+    n, seen = result.fit.robot.n, result.fit.registration
+    outside = seen and seen.see(result.fit.robot, result.fit.x, result.log.measured).residual
+    for k, name in enumerate(result.names):
+        factor, unit = in_print(result.fit.robot, name)
+        fitted = (
+            result.fit.residuals[:, n + k]
+            if k < result.fit.robot.r
+            else outside[:, k - result.fit.robot.r]
+        )
+        values = [
+            _rms(result.before.residual[:, k], good),
+            _rms(result.after.residual[:, k], good),
+            _rms(result.held_out[:, k], good),
+            _rms(result.after.sigma[:, k], good),
+            _rms(fitted, good),
+        ]
+        if values[0] is None and values[1] is None:
+            continue
+        cells = [number(None if v is None else factor * v, data=v) for v in values]
+        rows.append([_named("reading", name, unit), *cells])
+    header = ["rms residual", "before", "after", "held out", "expected", "pose fitted"]
+    return Table("residuals", "Each reading against its prediction by the motors", header, rows)
+
+
+def parameters(fit: Fit) -> Table:
+    """Every uncertain parameter: prior, posterior, verdict."""
+    rows = []
+    for name, p in fit.parameters.items():
+        factor, unit = in_print(fit.robot, name)
+        cells = [
+            Cell(f"{factor * p.value:.4f}", p.value),
+            Cell(f"{factor * (p.value - p.prior):+.4f}", p.value - p.prior),
+            *(Cell(f"{factor * v:.4f}", v) for v in (p.prior_sigma, p.sigma)),
+            fixed(p.ratio),
+        ]
+        rows.append([_named("parameter", name, unit), *cells, p.verdict])
+    header = ["parameter", "value", "less prior", "prior σ", "σ", "σ / prior σ", "verdict"]
+    return Table("parameters", "Parameters", header, rows)
+
+
+def verdicts(fit: Fit) -> str:
+    """One line: how many parameters are identified, barely, not."""
+    found = [p.verdict for p in fit.parameters.values()]
+    counts = (f"{found.count(v)} {v}" for v in ("identified", "barely", "not identified"))
+    return f"{len(found)} uncertain parameters: {', '.join(counts)}"
+
+
+def worst(fit: Fit, count: int = 5) -> Table:
+    """Combinations of parameters that the readings say least of."""
+    rows = []
+    for ratio, terms in fit.worst_known(count):
+        text = " ".join(f"{v:+.2f} {name}" for name, v in terms.items())
+        exact = " ".join(f"{float(v)!r} {name}" for name, v in terms.items())
+        rows.append([fixed(ratio, 3), Cell(text.removeprefix("+"), exact)])
+    header = ["σ / prior σ", "combination, each in units of its prior σ"]
+    return Table("worst_known", "Worst-known combinations", header, rows)
+
+
+def predicted(result: Assessment) -> Table:
+    """RMS of the predicted error of x, before and after, absolute and touched off."""
+    robot = result.fit.robot
+    linear = [k for k, (_, unit) in enumerate(robot.coordinates) if unit == "m"]
+    rows = []
+    order = sorted(result.accuracy, key=lambda row: (HOW.index(row[1]), row[0] == "after"))
+    for when, how in order:
+        mean = np.diagonal(result.accuracy[when, how], axis1=1, axis2=2).mean(axis=0)
+        cells = [number(1e3 * float(np.sqrt(mean[linear].sum())))]
+        for k, (_, unit) in enumerate(robot.coordinates):
+            factor = 1e3 if unit == "m" else 180 / np.pi
+            cells.append(number(factor * float(np.sqrt(mean[k]))))
+        rows.append([f"{how}, {when}", *cells])
+    names = {"theta": "θ"}
+    header = [f"rms, {result.where}", "position, mm"]
+    header += [
+        f"{names.get(c, c)}, {'mm' if unit == 'm' else '°'}" for c, unit in robot.coordinates
+    ]
+    return Table("accuracy", "Predicted error of the pose from all readings", header, rows)
+
+
+def registration_table(fit: Fit) -> Table | None:
+    """Where the tracker and its marker were found; None where that was known."""
+    if fit.registration is None or not fit.registration.sigma.any():
+        return None
+    rows = []
+    for known in fit.registration.known:
+        factor, unit = (1e3, "mm") if known.unit == "m" else (180 / np.pi, "°")
+        cells = [f"{factor * v:.4f}" for v in (known.value, known.sigma)]
+        rows.append([f"{known.name} ({unit})", *cells])
+    title = "Registration: the base in the tracker's frame, the marker on the nacelle"
+    return Table("registration", title, ["found", "value", "σ"], rows)
+
+
+def tables_of(result: Assessment) -> list[Table]:
+    """Every table, in the order in which they are read; the registration's only where unknown."""
+    fit = result.fit
+    tables = [residuals(result), parameters(fit), worst(fit), registration_table(fit)]
+    return [table for table in (*tables, predicted(result)) if table is not None]

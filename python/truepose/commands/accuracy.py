@@ -1,0 +1,280 @@
+"""What accuracy do sensor sets promise over a workspace? The bound of each, side by side."""
+
+from __future__ import annotations
+
+import csv
+import fnmatch
+import io
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose import _core
+from truepose.arguments import numbers_of
+from truepose.calibration.bound import accuracy
+from truepose.commands import info
+from truepose.exceptions import InputError, choose, one_line
+from truepose.files.read import contents
+from truepose.paper.tables import Cell, Table, number
+from truepose.robot.kinematics import Level
+from truepose.robot.robot import Robot
+from truepose.robot.to_core import Array
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """σ over P poses: root mean squares, m and rad; one row a sensor set, NaN where a set fails."""
+
+    robot: Robot
+    sets: list[tuple[str, ...]]
+    poses: Array  #: (P, n)
+    left_out: int  #: poses of the workspace's grid that cannot be reached or are singular
+    calibrated: bool
+    sigma: dict[str, Array]  #: what is predicted: (sets, n + 1), coordinates and position norm
+
+
+def workspace_grid(robot: Robot, points: int | None = None) -> Array:
+    """Poses of a grid over the workspace box, its faces included.
+
+    By default five values of each coordinate (the H4's: Table 2 of the paper), three where there
+    are six.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> workspace_grid(tp.load("h4")).shape, workspace_grid(tp.load("hexa")).shape
+    ((625, 4), (729, 6))
+    """
+    box = info.workspace(robot)
+    points = points or (5 if robot.n < 6 else 3)
+    axes = [
+        np.linspace(low, high, points) for low, high in zip(box.minimum, box.maximum, strict=True)
+    ]
+    return np.array(list(itertools.product(*axes)))
+
+
+def sensor_sets(robot: Robot) -> list[tuple[str, ...]]:
+    """Sets worth comparing: none, those in use, these with each other one, with each group, all.
+
+    A group is all other sensors of one kind: an elbow is seldom bought alone.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> sensor_sets(tp.load("3rrr"))
+    [(), ('theta',)]
+    >>> sensor_sets(tp.load("delta"))[-2:]
+    [('elbow1', 'elbow2', 'elbow3'), ('z_telemeter', 'elbow1', 'elbow2', 'elbow3')]
+    """
+    spare = {s.name: s.kind for s in robot.spec.sensor if s.name not in robot.sensors}
+    kinds = dict.fromkeys(spare.values())
+    groups = [tuple(name for name in spare if spare[name] == kind) for kind in kinds]
+    added = [(), *((name,) for name in spare), *groups, tuple(spare)]
+    most = min(_core.max_sensors, _core.max_readings - robot.n)
+    sets = [(), *(robot.sensors + names for names in added)]
+    return list(dict.fromkeys(names for names in sets if len(names) <= most))
+
+
+def parse_set(robot: Robot, text: str) -> tuple[str, ...]:
+    """Read a set as people write it: names or globs with commas between, "none", or "all".
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> parse_set(tp.load("h4"), "theta,wire*")
+    ('theta', 'wire1', 'wire2', 'wire3')
+    """
+    names = tuple(sensor.name for sensor in robot.spec.sensor)
+    if text in ("all", "none"):
+        return names if text == "all" else ()
+    chosen: list[str] = []
+    for pattern in (part.strip() for part in text.split(",")):
+        fits = fnmatch.filter(names, pattern)
+        if not fits:
+            raise InputError(choose("sensor", pattern, names) + ", or a glob of them, none, all")
+        chosen += fits if pattern in names else [name for name in fits if name not in chosen]
+    return tuple(chosen)
+
+
+def read_poses(robot: Robot, path: Path) -> Array:
+    """Read poses from a CSV file with a column for each coordinate, m and rad; others are ignored.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, misses a column, or has a value that is no finite number.
+    """
+    try:
+        file = io.StringIO(contents(path).decode("utf-8-sig"), newline="")
+        lines = csv.DictReader(file, skipinitialspace=True)
+        lines.fieldnames = header = [name.strip() for name in lines.fieldnames or ()]
+        rows = [(lines.line_num, row) for row in lines]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', error)}") from None
+    names = [name for name, _ in robot.coordinates]
+    for name in names:
+        if name not in header:
+            raise InputError(
+                f"{path}: column {name!r} is missing; {robot.name} needs {', '.join(names)}"
+            )
+    if not rows:
+        raise InputError(f"{path}: no poses")
+    return np.array([[_number(path, n, name, row) for name in names] for n, row in rows])
+
+
+def _number(path: Path, line: int, name: str, row: dict) -> float:
+    try:
+        value = float(row[name])
+    except (KeyError, TypeError, ValueError):
+        value = np.nan
+    if not np.isfinite(value):
+        shown = one_line(repr(row.get(name)), 60)
+        raise InputError(f"{path}:{line}: {name} = {shown}: must be a finite number")
+    return value
+
+
+def predict(
+    robot: Robot,
+    sets: Sequence[Sequence[str]] | None = None,
+    poses: ArrayLike | None = None,
+    *,
+    calibrated: bool = False,
+    touch_off: ArrayLike | None = None,
+    level: Level | None = None,
+) -> Prediction:
+    """Bound of several sensor sets over the same poses.
+
+    Parameters
+    ----------
+    robot : Robot
+    sets : sequence of names, optional
+        By default :func:`sensor_sets`.
+    poses : array_like, shape (P, n), optional
+        By default those of :func:`workspace_grid` that every set's readings determine.
+    calibrated : bool
+        Also what remains after self-calibration over these poses.
+    touch_off : array_like, shape (n,), optional
+        Also what remains once the robot has been read at this pose, which is known from outside.
+    level : {"ideal", "full"}, optional
+        By default :attr:`Robot.finest_level`.
+
+    Raises
+    ------
+    InputError, PoseError
+        An unknown sensor or level; a given pose that cannot be reached.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.commands.accuracy import predict
+    >>> found = predict(tp.load("h4"), [["theta"], ["theta", "z_telemeter"]], calibrated=True)
+    >>> for what, sigma in found.sigma.items():
+    ...     print(what, (1e3 * sigma[:, -1]).round(2))  # mm
+    as built [7.47 5.02]
+    self-calibrated [1.06 0.58]
+    """
+    sets = sensor_sets(robot) if sets is None else [tuple(names) for names in sets]
+    candidates = [robot.with_sensors(*names) for names in sets]
+    left_out = 0
+    if poses is None:
+        grid = workspace_grid(robot)
+        found = [accuracy(c, grid, level=level, errors="nan") for c in candidates]
+        good = np.isfinite(found).all(axis=(0, 2, 3))
+        if not good.any():
+            raise InputError(f"{robot.name}: no pose of its workspace is reachable and regular")
+        poses, left_out = grid[good], int((~good).sum())
+    poses = np.atleast_2d(numbers_of(poses, "poses"))
+    linear = np.array([unit == "m" for _, unit in robot.coordinates])
+    sigma = {}
+    for learnt in (False, True)[: 1 + calibrated]:
+        for touched in (None, touch_off)[: 1 + (touch_off is not None)]:
+            rows = []
+            for candidate in candidates:
+                P = accuracy(candidate, poses, poses if learnt else None, touched, level)
+                variance = np.diagonal(P, axis1=-2, axis2=-1).mean(axis=0)
+                rows.append(np.sqrt([*variance, variance[linear].sum()]))
+            what = "self-calibrated" if learnt else "as built"
+            sigma[what + (", touched off" if touched is not None else "")] = np.array(rows)
+    return Prediction(robot, sets, poses, left_out, calibrated, sigma)
+
+
+def tables(found: Prediction) -> list[Table]:
+    """One table for each thing predicted: rows of sensor sets, σ in mm and degrees."""
+    coordinates = found.robot.coordinates
+    header = [f"{name} ({'mm' if unit == 'm' else '°'})" for name, unit in coordinates]
+    factor = [1e3 if unit == "m" else 180 / np.pi for _, unit in coordinates]
+    result = []
+    for what, sigma in found.sigma.items():
+        rows = []
+        for names, values in zip(found.sets, sigma, strict=True):
+            cells = values * [*factor, 1e3]
+            named = Cell(label(found.robot, names), ",".join(names) or "none")
+            rows.append([named, *(number(float(v)) for v in cells)])
+        title = f"σ of the pose, {what}"
+        name = "accuracy_" + what.replace(", ", "_").replace(" ", "_").replace("-", "_")
+        result.append(Table(name, title, ["sensors", *header, "position (mm)"], rows))
+    return result
+
+
+def label(robot: Robot, names: Sequence[str]) -> str:
+    """Name a sensor set for people: all of one kind as a glob, where that says which."""
+    every = [sensor.name for sensor in robot.spec.sensor]
+    if not names:
+        return "motors alone"
+    if len(every) > 2 and sorted(names) == sorted(every):
+        return f"all {len(every)}"
+    short = list(names)
+    for kind in {sensor.kind: None for sensor in robot.spec.sensor}:
+        group = [sensor.name for sensor in robot.spec.sensor if sensor.kind == kind]
+        glob = group[0].rstrip("0123456789") + "*"
+        if len(group) > 1 and fnmatch.filter(every, glob) == group and set(group) <= set(names):
+            short = [glob if name == group[0] else name for name in short]
+            short = [name for name in short if name not in group]
+    return ", ".join(short)
+
+
+def draw_map(
+    robot: Robot,
+    poses: ArrayLike | None = None,
+    touch_off: ArrayLike | None = None,
+    level: Level | None = None,
+    points: int = 101,
+) -> Figure:
+    """Draw the position's σ over the first two coordinates of the workspace, through home.
+
+    Parameters
+    ----------
+    robot : Robot
+        With the sensors in use.
+    poses : array_like, shape (P, n), optional
+        After self-calibration over these poses.
+    touch_off : array_like, shape (n,), optional
+        Once the robot has been read at this pose, which is known from outside.
+    """
+    first, second, x = info.workspace_slice(robot, points)
+    P = accuracy(robot, x, poses, touch_off, level, errors="nan")
+    linear = [k for k, (_, unit) in enumerate(robot.coordinates) if unit == "m"]
+    sigma = np.sqrt(np.diagonal(P, axis1=-2, axis2=-1)[..., linear].sum(axis=-1))
+    state = "as built" if poses is None else "self-calibrated"
+    note = f"{label(robot, robot.sensors)}; {state}" + (", touched off" * (touch_off is not None))
+    return info.draw_slice(robot, first, second, 1e3 * sigma, "σ of the position (mm)", note)
+
+
+def parse_pose(robot: Robot, text: str, name: str) -> Array:
+    """Read a pose as people write it: coordinates with commas between, m and rad."""
+    try:
+        pose = np.array([float(part) for part in text.split(",")])
+    except ValueError:
+        raise InputError(f"{name} {text}: must be numbers with commas between, m and rad") from None
+    if len(pose) != robot.n or not np.isfinite(pose).all():
+        names = ",".join(c for c, _ in robot.coordinates)
+        raise InputError(f"{name} {text}: must be {robot.n} numbers, {names} (m, rad)")
+    return pose

@@ -1,0 +1,124 @@
+"""What does a calibration look like? One function a figure, and the page that holds them."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from truepose.calibration import fit as calibration
+from truepose.calibration import review as calibration_report
+from truepose.calibration.fit import Fit
+from truepose.calibration.review import Assessment, in_print
+from truepose.exceptions import one_line
+from truepose.files.write import picture
+from truepose.paper import report
+
+_COLOURS = {"before": "#b2182b", "after": "#2166ac", "held out": "#1b7837"}
+_VERDICTS = {"identified": "#1b7837", "barely": "#e08214", "not identified": "#b2182b"}
+
+
+def page(result: Assessment, source: str, loss: str) -> str:
+    """Write a calibration as one self-contained HTML page."""
+    robot = result.fit.robot
+    counts = int(calibration_report.counted(result).sum())
+    touch = ", ".join(
+        f"{name} = {1e3 * v:.4g} mm" if unit == "m" else f"{name} = {np.degrees(v):.4g}°"
+        for v, (name, unit) in zip(result.touch_off, robot.coordinates, strict=True)
+    )
+    return report.render(
+        "calibration.html.j2",
+        robot=robot,
+        fit=result.fit,
+        source=one_line(source),
+        loss=loss,
+        lines=f"{counts} of {len(result.log.lines)} {result.log.word}s count",
+        verdicts=calibration_report.verdicts(result.fit),
+        notes=result.notes,
+        where=result.where,
+        touch_off=touch,
+        identified=calibration.IDENTIFIED,
+        barely=calibration.BARELY,
+        tables={table.name: table for table in calibration_report.tables_of(result)},
+        images={
+            "residuals": report.as_uri(picture(residuals(result), ".svg")),
+            "accuracy": report.as_uri(picture(accuracy(result), ".svg")),
+            "parameters": report.as_uri(picture(parameters(result.fit), ".svg")),
+        },
+        versions=report.versions(),
+    )
+
+
+def residuals(result: Assessment) -> Figure:
+    """Residuals of every line, a pair of axes for each sensor: before, after and held out."""
+    shown = [k for k in range(len(result.names)) if np.isfinite(result.after.residual[:, k]).any()]
+    figure = Figure(figsize=(8.4, 0.5 + 2.1 * len(shown)), layout="constrained")
+    grid = figure.subplots(len(shown), 2, sharex=True, squeeze=False)
+    counts = calibration_report.counted(result)
+    for (left, right), k in zip(grid, shown, strict=True):
+        factor, unit = in_print(result.fit.robot, result.names[k])
+        series = {
+            "before": (left, result.before.residual[:, k]),
+            "after": (right, result.after.residual[:, k]),
+            "held out": (right, result.held_out[:, k]),
+        }
+        for name, (axes, values) in series.items():
+            style = {"color": _COLOURS[name], "rasterized": True}
+            label = name if k == shown[0] else None
+            limit = factor * np.nanmax(np.abs(values[counts]), initial=1e-12)
+            axes.plot(
+                result.log.lines[counts], factor * values[counts], ".", ms=3, label=label, **style
+            )
+            out = ~counts & np.isfinite(values)
+            edge = np.clip(factor * values[out], -1.3 * limit, 1.3 * limit)
+            axes.plot(result.log.lines[out], edge, "x", ms=5, **style)
+        left.set(ylabel=f"{result.names[k]} ({unit})")
+        for axes in (left, right):
+            axes.axhline(0, color="0.6", lw=0.8)
+    for axes in grid[-1]:
+        axes.set(xlabel=f"{result.log.word} of the log")
+    figure.legend(loc="outside upper center", ncols=3, fontsize=9, markerscale=2, frameon=False)
+    return figure
+
+
+def accuracy(result: Assessment) -> Figure:
+    """Predicted σ of the position at every pose, sorted: before and after, both ways."""
+    figure = Figure(figsize=(8.4, 3.1), layout="constrained")
+    pair = figure.subplots(1, 2, sharey=True)
+    linear = [k for k, (_, unit) in enumerate(result.fit.robot.coordinates) if unit == "m"]
+    for axes, how in zip(pair, ("absolute", "touched off"), strict=True):
+        for when in ("before", "after"):
+            P = np.diagonal(result.accuracy[when, how], axis1=1, axis2=2)
+            error = 1e3 * np.sort(np.sqrt(P[:, linear].sum(axis=1)))
+            share = 100 * (np.arange(len(error)) + 0.5) / len(error)
+            axes.plot(share, error, color=_COLOURS[when], label=when)
+        axes.set(title=how, xlabel=f"poses {result.where} (%)", yscale="log")
+        axes.title.set_size(10)
+    pair[0].set(ylabel="position error, σ (mm)")
+    pair[0].legend(fontsize=9, frameon=False)
+    return figure
+
+
+def parameters(fit: Fit) -> Figure:
+    """Every parameter's change and posterior σ, in units of its prior σ."""
+    found = fit.parameters
+    figure = Figure(figsize=(8.4, 1.0 + 0.17 * len(found)), layout="constrained")
+    axes = figure.subplots()
+    axes.axvspan(-1, 1, color="0.92", zorder=0)
+    axes.axvline(0, color="0.6", lw=0.8)
+    for verdict, colour in _VERDICTS.items():
+        rows = [k for k, p in enumerate(found.values()) if p.verdict == verdict]
+        some = [list(found.values())[k] for k in rows]
+        axes.errorbar(
+            [(p.value - p.prior) / p.prior_sigma for p in some],
+            rows,
+            xerr=[p.ratio for p in some],
+            fmt="o",
+            ms=3,
+            lw=1,
+            color=colour,
+            label=verdict,
+        )
+    axes.set_yticks(range(len(found)), list(found), fontsize=7)
+    axes.set(ylim=(len(found) - 0.3, -0.7), xlabel="change and σ, in units of the prior σ")
+    figure.legend(loc="outside upper center", ncols=3, fontsize=9, frameon=False)
+    return figure

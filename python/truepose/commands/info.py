@@ -1,0 +1,333 @@
+"""What can a robot do? Reach, conditioning and motor speeds over its workspace."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from truepose import _core
+from truepose.exceptions import InputError
+from truepose.paper.tables import Cell, Table
+from truepose.robot.robot import Robot
+from truepose.robot.to_core import Array
+from truepose.robotfile.schema import Workspace
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+LENGTH = 0.1  #: m; turns a nacelle's angle into a length that a condition number can compare
+
+
+@dataclass(frozen=True)
+class Speed:
+    """The largest speed of any motor while the nacelle moves at 1 m/s or turns at 1 rad/s."""
+
+    value: float  #: rad/s or m/s
+    motor: int  #: from 1
+    pose: Array
+
+
+@dataclass(frozen=True)
+class Figures:
+    """What :func:`measure` finds over a workspace box."""
+
+    samples: int
+    seed: int
+    length: float  #: m, see `LENGTH`
+    reachable: float  #: fraction of the poses, within the joint limits
+    regular: float  #: fraction of the poses that are reachable and not singular
+    refused: dict[str, int]  #: of the other poses, how many for which reason and chain
+    q_min: Array
+    q_max: Array
+    condition: tuple[float, float, float]  #: least, median, greatest condition number of J
+    moving: Speed  #: at 1 m/s, in the worst direction
+    turning: Speed | None  #: at 1 rad/s, about the worst axis; None if the nacelle cannot turn
+    full_less_ideal: Array | None  #: (n,), see :func:`level_difference`
+
+
+def measure(robot: Robot, samples: int = 100_000, seed: int = 0, length: float = LENGTH) -> Figures:
+    """Measure a robot at poses drawn from its workspace box.
+
+    Parameters
+    ----------
+    robot : Robot
+    samples, seed : int
+        How many poses; the same seed draws the same ones.
+    length : float
+        m; angles of the nacelle are multiplied by it in condition numbers.
+
+    Raises
+    ------
+    InputError
+        The file has no workspace, or no pose of it is regular.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> figures = measure(tp.load("delta"), samples=1000)
+    >>> figures.reachable, [round(c, 1) for c in figures.condition]
+    (1.0, [1.0, 1.3, 1.9])
+    """
+    box = workspace(robot)
+    generator = np.random.default_rng(seed)
+    x = generator.uniform(box.minimum, box.maximum, size=(samples, robot.n))
+    q, status, chain = _core.ikm(robot._core, x, False)
+    reached = status == 0
+    J, rank, lost = _core.jacobian(robot._core, x, False)
+    regular = reached & (rank == 0)
+    refused = reasons(np.where(reached, rank, status), np.where(reached, lost, chain))
+    if not regular.any():
+        raise InputError(
+            f"{robot.name}: no pose of its workspace is reachable and regular: {told(refused)}"
+        )
+    x, J = x[regular], J[regular]
+    condition = _condition(robot, J, length)
+    K = np.linalg.inv(J)  # q̇ = K ẋ
+    linear = np.array([unit == "m" for _, unit in robot.coordinates])
+    return Figures(
+        samples=samples,
+        seed=seed,
+        length=length,
+        reachable=float(reached.mean()),
+        regular=float(regular.mean()),
+        refused=refused,
+        q_min=q[reached].min(axis=0),
+        q_max=q[reached].max(axis=0),
+        condition=(float(condition.min()), float(np.median(condition)), float(condition.max())),
+        moving=_fastest(K[:, :, linear], x),
+        turning=None if linear.all() else _fastest(K[:, :, ~linear], x),
+        full_less_ideal=level_difference(robot, x[:100], seed),
+    )
+
+
+def reasons(status: Array, chain: Array) -> dict[str, int]:
+    """Count poses by what is wrong with them, most frequent first."""
+    counts: dict[str, int] = {}
+    pairs, numbers = np.unique(np.column_stack([status, chain]), axis=0, return_counts=True)
+    for k in np.argsort(-numbers):
+        what, who = (int(v) for v in pairs[k])
+        if what:
+            guilty = f" (chain {who + 1})" if who >= 0 else ""
+            counts[_core.describe(what) + guilty] = int(numbers[k])
+    return counts
+
+
+def told(refused: dict[str, int]) -> str:
+    """Write counts of :func:`reasons` in one line."""
+    return ", ".join(f"{reason}: {count}" for reason, count in refused.items())
+
+
+def level_difference(robot: Robot, poses: Array, seed: int = 0, count: int = 100) -> Array | None:
+    """Root mean square of full − ideal under the file's axis tolerances.
+
+    `count` robots get yaw and tilt on every motor's axis, normal with the file's σ; at each pose
+    both levels are asked where the same motors put the nacelle.
+
+    Returns
+    -------
+    ndarray, shape (n,), or None
+        m and rad; None where the full level is the ideal one, does not exist, the file gives no
+        tolerance of an axis, or these leave no pose (of lengths in mm, say).
+
+    Examples
+    --------
+    >>> import numpy as np, truepose as tp
+    >>> from truepose.paper import data as paper_data
+    >>> robot = tp.load("h4")
+    >>> rms = level_difference(robot, paper_data.table2()[::25])
+    >>> bool((abs(rms[:3] * 1e3 - [0.11, 0.20, 0.14]) < 0.03).all())
+    True
+    """
+    sigma = {
+        name: parameter.sigma
+        for name, parameter in robot.parameters.items()
+        if name.endswith((".yaw", ".tilt")) and parameter.sigma > 0
+    }
+    paired = any(name.endswith(".rod_difference") for name in robot.parameters)
+    if not (robot.full and paired and sigma):
+        return None
+    generator = np.random.default_rng(seed)
+    squares = []
+    for _ in range(count):
+        draw = generator.normal(size=len(sigma))
+        real = robot.replace(
+            {
+                name: robot.parameters[name].value + s * d
+                for (name, s), d in zip(sigma.items(), draw, strict=True)
+            }
+        )
+        q = real.ikm(poses, errors="nan", level="full")
+        squares.append((poses - real.fkm(q, guess=poses, errors="nan")) ** 2)
+    if not np.isfinite(squares).any():
+        return None
+    return np.sqrt(np.nanmean(squares, axis=(0, 1)))
+
+
+def workspace_slice(robot: Robot, points: int = 101) -> tuple[Array, Array, Array]:
+    """Poses over the first two coordinates of the workspace, through home.
+
+    Returns
+    -------
+    first, second : ndarray, shape (points,)
+        The two coordinates.
+    x : ndarray, shape (points, points, n)
+        Rows along `second`.
+    """
+    box = workspace(robot)
+    first, second = (np.linspace(box.minimum[k], box.maximum[k], points) for k in range(2))
+    x = np.tile(robot.home, (points, points, 1))
+    x[..., 0], x[..., 1] = np.meshgrid(first, second)
+    return first, second, x
+
+
+def condition_map(
+    robot: Robot, length: float = LENGTH, points: int = 101
+) -> tuple[Array, Array, Array]:
+    """Condition number of J over a :func:`workspace_slice`, NaN where unreachable or singular."""
+    first, second, x = workspace_slice(robot, points)
+    J = robot.jacobian(x, errors="nan")
+    condition = np.full((points, points), np.nan)
+    regular = np.isfinite(J).all(axis=(2, 3))
+    condition[regular] = _condition(robot, J[regular], length)
+    return first, second, condition
+
+
+def draw_map(robot: Robot, length: float = LENGTH) -> Figure:
+    """Draw :func:`condition_map`."""
+    angles = any(unit == "rad" for _, unit in robot.coordinates)
+    note = f"angles times {1e3 * length:g} mm" if angles else ""
+    label = "condition number of J (–)"
+    return draw_slice(robot, *condition_map(robot, length), label, note)
+
+
+def draw_slice(
+    robot: Robot, first: Array, second: Array, values: Array, label: str, note: str = ""
+) -> Figure:
+    """Draw values over a :func:`workspace_slice`; grey where they are NaN."""
+    from matplotlib.figure import Figure
+
+    if not np.isfinite(values).any():
+        raise InputError(f"{robot.name}: no pose of the slice is reachable and regular")
+    shape = float(np.clip(np.ptp(second) / max(np.ptp(first), 1e-9), 0.3, 1.4))
+    figure = Figure(figsize=(6.0, 1.0 + 3.8 * shape), layout="constrained")
+    axes = figure.subplots()
+    axes.set_facecolor("0.8")  # unreachable or singular
+    levels = np.linspace(np.nanmin(values), np.nanmax(values) + 1e-9, 15)
+    filled = axes.contourf(1e3 * first, 1e3 * second, values, levels, cmap="viridis")
+    figure.colorbar(filled, label=label, format="%.3g")
+    axes.plot(*(1e3 * robot.home[:2]), "w+", ms=12, mew=2)
+    rest = [
+        f"{name} = {1e3 * v:g} mm" if unit == "m" else f"{name} = {np.degrees(v):g}°"
+        for (name, unit), v in zip(robot.coordinates[2:], robot.home[2:], strict=True)
+    ]
+    title = f"{robot.name}: slice through home (+)" + (", " if rest else "") + ", ".join(rest)
+    (name_1, _), (name_2, _) = robot.coordinates[:2]
+    axes.set_title(f"{title}\n{note}".rstrip(), fontsize=10, parse_math=False)
+    axes.set(xlabel=f"{name_1} (mm)", ylabel=f"{name_2} (mm)", aspect="equal")
+    return figure
+
+
+def table(robot: Robot, figures: Figures) -> Table:
+    """What `truepose info` prints."""
+    title = robot.spec.title or robot.name
+    return Table("info", title, ["figure", "value"], [list(row) for row in rows(robot, figures)])
+
+
+def rows(robot: Robot, figures: Figures) -> list[tuple[str, str]]:
+    """Name and value of each figure: mm and degrees for people, SI for programs."""
+    spec, box = robot.spec, workspace(robot)
+    angles = any(unit == "rad" for _, unit in robot.coordinates)
+    scale = f", angles × {1e3 * figures.length:g} mm" if angles else ""
+    known = [sensor.name for sensor in spec.sensor]
+    spare = [name for name in known if name not in robot.sensors]
+    result = [
+        ("mobility", spec.mobility),
+        ("degrees of freedom n", _number(robot.n)),
+        ("actuators", _count([chain.actuator for chain in spec.chain])),
+        ("redundant sensors r", f"{robot.r}: {', '.join(robot.sensors) or 'none'}"),
+        ("further sensors in the file", ", ".join(spare) or "none"),
+        ("geometric parameters", _number(len(robot.parameters))),
+    ]
+    for (name, unit), low, high in zip(robot.coordinates, box.minimum, box.maximum, strict=True):
+        result.append((f"workspace {name}", _range(low, high, unit)))
+    poses = f"{figures.samples} poses, seed {figures.seed}"
+    share = {"value": 100 * figures.reachable, "unit": "%", "poses": figures.samples}
+    text = f"{100 * figures.reachable:.4g} % of {poses}"
+    result += [
+        ("reachable within the joint limits", Cell(text, share | {"seed": figures.seed})),
+        (
+            "reachable and regular",
+            Cell(f"{100 * figures.regular:.4g} %", {"value": 100 * figures.regular, "unit": "%"}),
+        ),
+    ]
+    if figures.refused:
+        result.append(("poses that are not", told(figures.refused)))
+    for k, chain in enumerate(spec.chain):
+        unit = "rad" if chain.actuator == "revolute" else "m"
+        result.append((f"motor {k + 1}", _range(figures.q_min[k], figures.q_max[k], unit)))
+    low, middle, high = figures.condition
+    numbers = f"{low:.2f} least, {middle:.2f} median, {high:.2f} greatest"
+    data = {"value": middle, "minimum": low, "maximum": high}
+    result.append((f"condition number of J{scale}", Cell(numbers, data)))
+    result.append(("fastest motor at 1 m/s", _speed(robot, figures.moving)))
+    if figures.turning is not None:
+        result.append(("fastest motor at 1 rad/s", _speed(robot, figures.turning)))
+    result.append(("full level", robot.full.reason))
+    if figures.full_less_ideal is not None:
+        parts = zip(robot.coordinates, figures.full_less_ideal, strict=True)
+        for (name, unit), v in parts:
+            text = f"{1e3 * v:.2f} mm" if unit == "m" else f"{np.degrees(v):.2f}°"
+            data = {"value": float(v), "unit": unit}
+            result.append(
+                (f"full − ideal of {name}, rms under the axes' tolerances", Cell(text, data))
+            )
+    return result
+
+
+def workspace(robot: Robot) -> Workspace:
+    """Box in which the robot is meant to work; an error where its file has none."""
+    if robot.spec.workspace is None:
+        raise InputError(f"{robot.name}: workspace: is missing from its file")
+    return robot.spec.workspace
+
+
+def _condition(robot: Robot, J: Array, length: float) -> Array:
+    scale = np.array([1.0 if unit == "m" else length for _, unit in robot.coordinates])
+    return np.linalg.cond(J * scale[:, None])
+
+
+def _fastest(K: Array, x: Array) -> Speed:
+    """Rows of K: a motor is fastest when the nacelle moves along its row."""
+    speeds = np.linalg.norm(K, axis=2)
+    pose, motor = np.unravel_index(int(speeds.argmax()), speeds.shape)
+    return Speed(float(speeds[pose, motor]), int(motor) + 1, x[pose])
+
+
+def _count(names: list[str]) -> str:
+    return ", ".join(f"{names.count(name)} {name}" for name in dict.fromkeys(names))
+
+
+def _number(count: int) -> Cell:
+    return Cell(str(count), count)
+
+
+def _range(low: float, high: float, unit: str) -> Cell:
+    data = {"minimum": float(low), "maximum": float(high), "unit": unit}
+    if unit == "m":
+        return Cell(f"{1e3 * low:.1f} to {1e3 * high:.1f} mm", data)
+    return Cell(f"{np.degrees(low):.2f} to {np.degrees(high):.2f}°", data)
+
+
+def _speed(robot: Robot, speed: Speed) -> Cell:
+    chain = robot.spec.chain[speed.motor - 1]
+    unit = "rad/s" if chain.actuator == "revolute" else "m/s"
+    where = ", ".join(
+        f"{name} = {1e3 * v:.0f} mm" if u == "m" else f"{name} = {np.degrees(v):.0f}°"
+        for (name, u), v in zip(robot.coordinates, speed.pose, strict=True)
+    )
+    text = f"{speed.value:.3g} {unit}, motor {speed.motor}, at {where}"
+    pose = zip(robot.coordinates, speed.pose, strict=True)
+    data = {"value": speed.value, "unit": unit, "motor": speed.motor}
+    return Cell(text, data | {f"{name} ({u})": float(v) for (name, u), v in pose})

@@ -1,0 +1,41 @@
+"""How does a robot file of one's own begin? As a shipped one, under another name."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import tomlkit
+
+from truepose.exceptions import InputError, choose, one_line
+from truepose.files.write import replace_file
+from truepose.robotfile import read as robot_file
+
+
+def write(robot: str, out: Path) -> Path:
+    """Write a commented starter file for a shipped kind of robot.
+
+    Raises
+    ------
+    InputError
+        No such robot; or `out` is there already, or cannot be written.
+    """
+    files = robot_file.shipped()
+    if robot not in files:
+        raise InputError(choose("robot", robot, files))
+    document = tomlkit.parse(files[robot].read_text(encoding="utf-8"))
+    document["name"] = out.stem
+    text = (
+        f"# A {robot} to start from: change its numbers to those of your drawings.\n"
+        f"# `truepose check {one_line(out)}` explains what is wrong with them,\n"
+        f"# `truepose info {one_line(out)}` shows what the robot can do.\n"
+        "# Short form, for a few values that differ from the shipped robot's:\n"
+        f'#     based_on = "{robot}"\n'
+        '#     parameters = { "chain1.base.x" = 0.2 }\n#\n'
+    )
+    text += document.as_string()
+    robot_file.parse(text, str(out))  # its name is the file's, and may be none for a robot
+    if os.path.lexists(out) and not out.is_dir():
+        raise InputError(f"{out}: is there already and is not overwritten; choose -o")
+    replace_file(out, text, "robot file")
+    return out

@@ -1,0 +1,300 @@
+"""How does a result become a file? Never half written, never in the place of somebody's own.
+
+Every file that truepose writes goes through :func:`write`: beside its place first, then renamed.
+What stands there already is replaced if it is an earlier result of the same kind, or by force; what
+is read by the same command, or is no regular file, never.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import itertools
+import os
+import shutil
+import stat
+import tomllib
+import uuid
+import warnings
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import tomlkit
+
+from truepose.exceptions import InputError, choose
+from truepose.robotfile import read as robot_file
+from truepose.robotfile.schema import Calibration, RobotFile
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from truepose.robot.robot import Robot
+
+#: Formats of pictures, by the file's ending, and the key of their metadata that holds the mark.
+PICTURES = {".png": "Software", ".svg": "Creator", ".pdf": "Creator"}
+#: Where a file says what it is: at its beginning; PDF and Parquet at their end.
+_BEGINNING, _END = 1 << 12, 1 << 16
+_LARGEST = 1 << 24  # bytes of a robot file
+
+
+def text_of(robot: Robot) -> str:
+    """Write a robot as a robot file's text."""
+    inherited = robot._spec.parameters
+    values = {
+        name: value
+        for name, value in robot._values.items()
+        if value != robot._nominal[name] or name in inherited
+    }
+    return to_toml(robot._spec, values)
+
+
+def to_toml(spec: RobotFile, values: dict[str, float]) -> str:
+    """Write a description as a robot file's text.
+
+    Parameters
+    ----------
+    spec : RobotFile
+        The robot. If it was read from a file, that file's order and comments are kept.
+    values : dict
+        Parameters that the file's drawn values do not tell.
+    """
+    document = tomlkit.parse(spec._text) if spec._text else _written_out(spec)
+    before = robot_file.parse(document.as_string(), spec.name)
+    for key in ("sensors", "gravity", "level", "quantised"):
+        if getattr(spec, key) != getattr(before, key):
+            value = getattr(spec, key)
+            if value is None:
+                document.pop(key)
+                continue
+            document[key] = list(value) if isinstance(value, tuple) else value
+    if spec.calibration != before.calibration:
+        document.pop("calibration", None)
+        if spec.calibration:
+            document["calibration"] = _calibration(spec.calibration)
+    if values:
+        table = document.setdefault("parameters", tomlkit.table())
+        for name, value in values.items():
+            table[name] = value
+    return document.as_string()
+
+
+def _calibration(calibration: Calibration) -> tomlkit.items.Table:
+    table = tomlkit.table()
+    table.update(calibration.model_dump(exclude={"root"}, exclude_defaults=True, mode="json"))
+    rows = tomlkit.array()
+    for row in calibration.root:
+        rows.add_line(list(row))
+    rows.add_line()
+    table["root"] = rows
+    return table
+
+
+def _written_out(spec: RobotFile) -> tomlkit.TOMLDocument:
+    """Write every key that differs from its default, the pattern's chains one by one."""
+    data = spec.model_dump(
+        exclude_defaults=True, exclude={"pattern", "parameters", "calibration"}, mode="json"
+    )
+    document = tomlkit.document()
+    document.update(data)
+    return document
+
+
+def mark(kind: str) -> str:
+    """Words by which a file says that truepose wrote it, and what: "report", "picture", "log"."""
+    return f"written by truepose: {kind}"
+
+
+def _earlier(path: Path, kind: str) -> bool:
+    """Whether a file is an earlier result. A robot file needs no mark: its keys tell it."""
+    with path.open("rb") as file:
+        if kind in ("robot file", "calibrated robot"):
+            with contextlib.suppress(ValueError, RecursionError):
+                keys = tomllib.loads(file.read(_LARGEST).decode()).keys()
+                a_robot = bool({"mobility", "based_on"} & keys)
+                return a_robot and (kind == "robot file" or "calibration" in keys)
+            return False
+        start = file.read(_BEGINNING)
+        if start.startswith((b"%PDF", b"PAR1")):
+            file.seek(max(path.stat().st_size - _END, 0))
+            start = file.read()
+    return mark(kind).encode() in start
+
+
+@dataclass(frozen=True)
+class Output:
+    """A file to be written."""
+
+    path: Path
+    kind: str  #: of result; only the same kind counts as an earlier one
+    option: str = ""  #: by which it was asked for, for messages
+
+    def __str__(self) -> str:
+        return f"{self.option} {self.path}".lstrip()
+
+
+def check(
+    outputs: Iterable[Output], inputs: Iterable[str | Path] = (), force: bool = False
+) -> list[Path]:
+    """Look whether files may be written, best before any work is done for them.
+
+    Parameters
+    ----------
+    outputs : iterable of Output
+    inputs : iterable of path
+        Files that are read for the outputs' sake: never replaced.
+    force : bool
+        Replace also what is no earlier result.
+
+    Returns
+    -------
+    list of Path
+        Where each will stand: symbolic links are followed.
+
+    Raises
+    ------
+    InputError
+        An output may not be written, or two are the same file.
+    """
+    outputs, read = list(outputs), [_stat(Path(path)) for path in inputs]
+    places = [_place(output, [s for s in read if s], force) for output in outputs]
+    for (a, at), (b, other) in itertools.combinations(zip(outputs, places, strict=True), 2):
+        if at == other or (at.exists() and other.exists() and at.samefile(other)):
+            raise InputError(f"{a} and {b}: are the same file")
+    return places
+
+
+def check_picture(output: Output, inputs: Iterable[str | Path] = (), force: bool = False) -> None:
+    """Look whether a picture may be written, and in this format."""
+    if output.path.suffix.lower() not in PICTURES:
+        raise InputError(f"{output}: " + choose("ending", output.path.suffix, PICTURES))
+    check([output], inputs, force)
+
+
+def _stat(path: Path) -> os.stat_result | None:
+    with contextlib.suppress(OSError, ValueError):
+        return path.stat()
+    return None
+
+
+def _place(output: Output, read: list[os.stat_result], force: bool) -> Path:
+    try:
+        place = Path(os.path.realpath(output.path))
+        try:
+            there = os.stat(output.path)
+        except FileNotFoundError:
+            there = None
+            os.stat(place.parent)  # says itself that there is no such folder
+        why = _why_not(place, there, read)
+        earlier = not there or why or force or _earlier(place, output.kind)
+    except OSError as error:
+        why = error.strerror
+    except ValueError as error:  # a NUL in its name
+        why = str(error)
+    if why:
+        raise InputError(f"{output}: cannot be written: {why}")
+    if not earlier:
+        raise InputError(
+            f"{output}: is there already and is no {output.kind} that truepose wrote; "
+            "--force (force=True) replaces it"
+        )
+    return place
+
+
+def _why_not(place: Path, there: os.stat_result | None, read: list[os.stat_result]) -> str:
+    if there is None:
+        return "" if os.access(place.parent, os.W_OK | os.X_OK) else "its folder is read-only"
+    if stat.S_ISDIR(there.st_mode):
+        return "it is a folder"
+    if not stat.S_ISREG(there.st_mode):
+        return "it is no regular file"
+    if any(os.path.samestat(there, one) for one in read):
+        return "it is read by the same command"
+    if not (there.st_mode & 0o222 and os.access(place, os.W_OK)):
+        return "it is read-only"
+    return ""
+
+
+def write(
+    contents: Mapping[Output, str | bytes], inputs: Iterable[str | Path] = (), force: bool = False
+) -> None:
+    """Write files at once: whoever reads one sees the old contents or the new ones.
+
+    Parameters
+    ----------
+    contents, inputs, force
+        Of :func:`check`, which is made once more.
+
+    Raises
+    ------
+    InputError
+        One cannot be written; what was there is untouched.
+    """
+    places = check(contents, inputs, force)
+    drafts = [place.with_name(f".truepose-{uuid.uuid4().hex}") for place in places]
+    with contextlib.ExitStack() as stack:
+        for draft in drafts:
+            stack.enter_context(unfinished(draft))
+        try:
+            for data, place, draft in zip(contents.values(), places, drafts, strict=True):
+                with draft.open("xb") as file:
+                    file.write(data.encode() if isinstance(data, str) else data)
+                    file.flush()
+                    os.fsync(file.fileno())
+                if place.exists():
+                    shutil.copymode(place, draft)
+            for place, draft in zip(places, drafts, strict=True):
+                os.replace(draft, place)
+        except OSError as error:
+            names = ", ".join(map(str, contents))
+            raise InputError(f"{names}: cannot be written: {error.strerror}") from None
+
+
+_UNFINISHED: list[Path] = []
+
+
+@contextlib.contextmanager
+def unfinished(path: Path) -> Iterator[Path]:
+    """Let a file, or a folder and all in it, be there only as long as it is worked on."""
+    _UNFINISHED.append(path)
+    try:
+        yield path
+    finally:
+        _remove(path)
+        _UNFINISHED.remove(path)
+
+
+def clear() -> None:
+    """Remove everything unfinished: the last deed of a program that is told to end at once."""
+    for path in reversed(_UNFINISHED):
+        _remove(path)
+
+
+def _remove(path: Path) -> None:
+    with contextlib.suppress(OSError):
+        if path.is_dir():
+            shutil.rmtree(path)
+        else:
+            path.unlink()
+
+
+def replace_file(
+    path: str | Path, contents: str | bytes, kind: str, force: bool = False, option: str = ""
+) -> None:
+    """Write one file, see :func:`write`."""
+    write({Output(Path(path), kind, option): contents}, force=force)
+
+
+def picture(figure: Figure, ending: str, dpi: int = 150) -> bytes:
+    """Draw a figure as PNG, SVG or PDF: the same figure, the same bytes."""
+    import matplotlib as mpl
+
+    ending = ending.lower()
+    metadata = {PICTURES[ending]: mark("picture")}
+    metadata |= {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(ending, {})
+    drawn = io.BytesIO()
+    with warnings.catch_warnings(), mpl.rc_context({"svg.hashsalt": "truepose"}):
+        warnings.filterwarnings("ignore", "Glyph")  # of a name in letters that no font here has
+        figure.savefig(drawn, format=ending[1:], metadata=metadata, dpi=dpi)
+    return drawn.getvalue()

@@ -1,0 +1,1 @@
+"""How do readings come from a file, and go to one?"""

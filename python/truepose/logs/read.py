@@ -1,0 +1,335 @@
+"""How does a log become readings? Tables with named columns: CSV, Parquet, MCAP, data frame."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from truepose.arguments import check_real
+from truepose.exceptions import InputError, choose, controls, one_line
+from truepose.files.read import contents
+from truepose.robot.robot import Robot
+from truepose.robot.to_core import Array
+
+#: Messages of two channels this far apart may be of one pose, s.
+TOLERANCE = 0.01
+#: What an empty cell may say, in lower case.
+_EMPTY = ("", "nan", "na", "n/a", "null", "none")
+
+
+@dataclass(frozen=True)
+class Log:
+    """Readings of one robot with its sensors in use. N lines; NaN where nothing was read."""
+
+    names: tuple[str, ...]  #: of the n + r columns: q1 … qn, then the sensors
+    readings: Array  #: (N, n + r), m or rad
+    measured: Array | None  #: (N, n) coordinates from outside, or None
+    lines: Array  #: (N,) where each line stands in its file
+    word: str  #: what a line is called: line of a CSV file, else row
+    unused: tuple[str, ...] = ()  #: columns that say nothing of this robot
+    measured_sigma: Array | None = None  #: (N, n) of `measured`, NaN where not said; or None
+
+    def at(self, rows: Iterable[int], most: int = 8) -> str:
+        """Name some lines: "lines 7, 9, 12"."""
+        numbers = [int(self.lines[k]) for k in rows]
+        shown = ", ".join(map(str, numbers[:most]))
+        more = f", … {len(numbers) - most} more" if len(numbers) > most else ""
+        return f"{self.word}{'s' if len(numbers) > 1 else ''} {shown}{more}"
+
+    def only(self, keep: Array) -> Log:
+        """Return the log of some of its lines; `keep` as numpy indexes."""
+        kept = {
+            name: None if (values := getattr(self, name)) is None else values[keep]
+            for name in ("readings", "measured", "measured_sigma", "lines")
+        }
+        return replace(self, **kept)
+
+
+def repeated(readings: Array, measured: Array | None, n: int) -> Array:
+    """Lines that say, digit for digit, what an earlier one says beyond its n motors, (N,) bool.
+
+    A reading that was written twice is one reading; one that was taken twice, in the same counts,
+    errs by the same fraction of a count.
+    """
+    cells = readings if measured is None else np.hstack([readings, measured])
+    result = np.zeros(len(cells), dtype=bool)
+    rows = np.flatnonzero(np.isfinite(cells[:, n:]).any(axis=1))
+    _, first = np.unique(np.nan_to_num(cells[rows], nan=np.inf), axis=0, return_index=True)
+    result[np.delete(rows, first)] = True
+    return result
+
+
+def is_table(value: object) -> bool:
+    """Whether this has named columns: a dict, a data frame, a pyarrow table, a structured array."""
+    return isinstance(value, Log | Mapping) or _columns_of(value) is not None
+
+
+def of(robot: Robot, table, where: str = "readings") -> Log:
+    """Take the columns of a robot and its sensors in use out of a table.
+
+    Parameters
+    ----------
+    robot : Robot
+        With the sensors in use that were read.
+    table : dict of arrays, pandas or pyarrow table, structured array
+        Columns q1 … qn, each sensor by its name, and measured_x … where something outside
+        measured a coordinate, measured_x_sigma … how well; SI units.
+
+    Raises
+    ------
+    InputError
+        A column is missing, or a cell is not a number; one line says which.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> h4 = tp.load("h4")
+    >>> table = dict(zip(h4.readings, h4.extended([[0, 0, -0.4, 0]] * 3).T))
+    >>> of(h4, table).readings.shape
+    (3, 5)
+    """
+    if isinstance(table, Log):
+        return table
+    columns = list(table) if isinstance(table, Mapping) else list(_columns_of(table))
+    count = len(table[columns[0]]) if columns else 0
+    return _pick(robot, columns, table, np.arange(1, count + 1), "row", where)
+
+
+def read(robot: Robot, path: str | Path) -> Log:
+    """Read a log file: Parquet or MCAP if it begins as one, else CSV.
+
+    MCAP: all channels of JSON messages; a line for each message with the motors' readings, and of
+    every other channel the message nearest in time, up to `TOLERANCE` and half the motors' usual
+    interval away. CSV: a line of names, then
+    one line for each pose; comma, semicolon or tab; lines that begin with # are comments.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read; one line names the file, the line, the column and the cell.
+    """
+    path = Path(path)
+    try:
+        data = contents(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    if data.startswith(b"PAR1"):
+        table = _parquet(path, data)
+    elif data.startswith(b"\x89MCAP"):
+        table = _mcap(path, data, robot.readings)
+    else:
+        table = None
+    if table is not None:
+        return _pick(
+            robot,
+            list(table),
+            table,
+            np.arange(1, len(next(iter(table.values()))) + 1),
+            "row",
+            str(path),
+        )
+    header, rows, lines = _csv(path, data)
+    table = {name: [row[k] for row in rows] for k, name in enumerate(header)}
+    return _pick(robot, header, table, lines, "line", str(path))
+
+
+def _columns_of(table) -> Iterable[str] | None:
+    """Names of the columns of a table that is no dict; None where it is no table."""
+    for name in ("column_names", "columns"):  # pyarrow; pandas, polars
+        if (names := getattr(table, name, None)) is not None:
+            return names
+    return getattr(getattr(table, "dtype", None), "names", None)
+
+
+def _parquet(path: Path, data: bytes) -> dict[str, object]:
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ImportError:
+        raise InputError(
+            f"{path}: Parquet needs pyarrow: pip install 'truepose[parquet]'; CSV needs nothing"
+        ) from None
+    try:
+        table = parquet.read_table(pyarrow.BufferReader(data))
+        names = table.column_names
+    except Exception as error:  # a spoilt file may break its reader anywhere
+        raise _spoilt(path, "Parquet", error) from None
+    if not names:
+        raise InputError(f"{path}: no columns")
+    _no_twins(path, names)
+    return dict(zip(names, table.columns, strict=True))
+
+
+def _mcap(path: Path, data: bytes, wanted: tuple[str, ...]) -> dict[str, object]:
+    try:
+        from mcap.reader import make_reader
+    except ImportError:
+        raise InputError(
+            f"{path}: MCAP needs mcap: pip install 'truepose[mcap]'; CSV needs nothing"
+        ) from None
+    sent: dict[str, list[tuple[int, dict[str, object]]]] = {}
+    owner: dict[str, str] = {}
+    try:
+        for _, channel, message in make_reader(io.BytesIO(data)).iter_messages():
+            if channel.message_encoding != "json":
+                continue
+            cells = json.loads(message.data)
+            for name in cells if isinstance(cells, dict) else ():
+                if owner.setdefault(name, channel.topic) != channel.topic:
+                    raise InputError(
+                        f"{path}: column '{name}' is in two channels, {owner[name]} and "
+                        f"{channel.topic}"
+                    )
+            if isinstance(cells, dict):
+                sent.setdefault(channel.topic, []).append((message.log_time, cells))
+    except InputError:
+        raise
+    except Exception as error:  # a spoilt file may break its reader anywhere
+        raise _spoilt(path, "MCAP", error) from None
+    if not owner:
+        raise InputError(f"{path}: no channel of JSON messages")
+    return _joined(path, sent, owner, wanted)
+
+
+def _joined(path: Path, sent, owner: dict[str, str], wanted: tuple[str, ...]) -> dict[str, object]:
+    """Columns of channels whose messages do not come at the same times."""
+    leading = next((owner[name] for name in wanted if name in owner), next(iter(sent)))
+    at = {}
+    for topic, messages in sent.items():
+        messages.sort(key=lambda message: message[0])
+        at[topic] = np.array([time for time, _ in messages])
+    times = at[leading]
+    half = np.median(np.diff(times)) / 2 if len(times) > 1 else np.inf
+    tolerance = min(1e9 * TOLERANCE, half) if half > 0 else 0
+    table: dict[str, object] = {}
+    for topic, messages in sent.items():
+        later = np.clip(np.searchsorted(at[topic], times), 1, max(len(messages) - 1, 1))
+        earlier = later - 1
+        later = np.minimum(later, len(messages) - 1)
+        nearer = np.abs(at[topic][later] - times) < np.abs(times - at[topic][earlier])
+        nearest = np.where(nearer, later, earlier)
+        if topic == leading:
+            nearest = np.arange(len(times))
+        near = np.abs(at[topic][nearest] - times) <= tolerance
+        names = [name for name, own in owner.items() if own == topic]
+        if not near.any() and any(name in wanted for name in names):
+            raise InputError(
+                f"{path}: {topic}: no message within {1e-6 * tolerance:.3g} ms of one of {leading}"
+            )
+        for name in names:
+            column = [messages[k][1].get(name) for k in nearest]
+            table[name] = [cell if by else None for cell, by in zip(column, near, strict=True)]
+    return table
+
+
+def _spoilt(path: Path, kind: str, error: Exception) -> InputError:
+    reason = str(error).splitlines()[0] if str(error).strip() else "it ends too early"
+    return InputError(f"{path}: cannot be read as {kind}: {one_line(reason, 200)}")
+
+
+def _no_twins(path: Path, names: list[str]) -> None:
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise InputError(f"{path}: column '{one_line(twice[0], 60)}' is there twice")
+
+
+def _csv(path: Path, data: bytes) -> tuple[list[str], list[list[str]], Array]:
+    """Header, cells and line numbers."""
+    header, rows, lines = None, [], []
+    try:
+        text = io.StringIO(data.decode("utf-8-sig"), newline="").readlines()
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: neither Parquet nor text (UTF-8)") from None
+    first = next((line for line in text if line.strip() and not line.startswith("#")), "")
+    delimiter = max(",;\t", key=first.count)
+    for number, line in enumerate(text, 1):
+        if not line.strip() or line.startswith("#"):
+            continue
+        try:
+            row = [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
+        except csv.Error as error:
+            raise InputError(f"{path}: line {number}: {error}") from None
+        if header is None:
+            header = row
+            continue
+        if len(row) != len(header):
+            raise InputError(f"{path}: line {number}: {len(row)} cells, must be {len(header)}")
+        rows.append(row)
+        lines.append(number)
+    if not rows:
+        raise InputError(f"{path}: no line of readings")
+    _no_twins(path, header)
+    return header, rows, np.array(lines)
+
+
+def _pick(robot: Robot, columns: list[str], table, lines: Array, word: str, where: str) -> Log:
+    columns = [str(name) for name in columns]
+    if wrong := next((name for name in columns if controls(name)), None):
+        raise InputError(f"{where}: column '{one_line(wrong, 60)}': control characters in its name")
+    names = robot.readings
+    outside = [f"measured_{name}" for name, _ in robot.coordinates]
+    missing = [name for name in names if name not in columns]
+    if missing:
+        raise InputError(f"{where}: {_missing(robot, missing, columns)}")
+    for name in columns:
+        if name.startswith("measured_") and name.removesuffix("_sigma") not in outside:
+            raise InputError(f"{where}: {choose('column', name, outside)}")
+    if len(lines) == 0:
+        raise InputError(f"{where}: no line of readings")
+    readings = np.column_stack([_numbers(table[n], n, lines, word, where) for n in names])
+
+    def block(wanted: list[str]) -> Array | None:
+        nothing = [np.nan] * len(lines)
+        if not any(name in columns for name in wanted):
+            return None
+        cells = [table[n] if n in columns else nothing for n in wanted]
+        numbers = [_numbers(c, n, lines, word, where) for c, n in zip(cells, wanted, strict=True)]
+        return np.column_stack(numbers) if np.isfinite(numbers).any() else None
+
+    sigmas = [f"{name}_sigma" for name in outside]
+    unused = tuple(name for name in columns if name not in (*names, *outside, *sigmas))
+    return Log(names, readings, block(outside), lines, word, unused, block(sigmas))
+
+
+def _missing(robot: Robot, missing: list[str], columns: list[str]) -> str:
+    sensors = all(name in robot.sensors for name in missing)
+    hint = "; leave a sensor out that was not read (--sensors, with_sensors)" if sensors else ""
+    if len(missing) == 1:
+        return choose("column", missing[0], columns).replace("unknown", "no", 1) + hint
+    return f"no columns {', '.join(missing)} (choices: {', '.join(columns)}){hint}"
+
+
+def _numbers(column, name: str, lines: Array, word: str, where: str) -> Array:
+    """Return a column as floats; NaN where a cell is empty."""
+    check_real(column, f"{where}: column {name}")
+    try:
+        values = np.asarray(column, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError, NotImplementedError):
+        values = np.array(
+            [
+                _number(cell, f"{where}: {word} {n}: {name}")
+                for cell, n in zip(column, lines, strict=False)
+            ]
+        )
+    if values.shape != (len(lines),):
+        raise InputError(f"{where}: column {name}: shape {values.shape}, must be ({len(lines)},)")
+    if np.isinf(values).any():
+        at = lines[np.flatnonzero(np.isinf(values))[0]]
+        raise InputError(f"{where}: {word} {at}: {name} = inf: must be a finite number or empty")
+    return values
+
+
+def _number(cell, what: str) -> float:
+    if cell is None or str(cell).strip().lower() in (*_EMPTY, "<na>"):
+        return np.nan
+    try:
+        return float(cell)
+    except (TypeError, ValueError, OverflowError):
+        shown = one_line(cell, 60)
+        raise InputError(f"{what} = '{shown}': must be a number or empty") from None

@@ -1,0 +1,1 @@
+"""What did the paper do, and what comes out of it here?"""

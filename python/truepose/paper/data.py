@@ -1,0 +1,79 @@
+"""What does the paper print? Its tables, as data.
+
+Source: F. Marquet, O. Company, S. Krut, F. Pierrot, *Enhancing Parallel Robots Accuracy with
+Redundant Sensors*.
+"""
+
+from __future__ import annotations
+
+import csv
+import itertools
+from importlib import resources
+
+import numpy as np
+
+from truepose.robot.to_core import Array
+
+GEAR = 4  #: The tool turns four times as far as the nacelle.
+QUANTITIES = ("x", "y", "z", "theta", "norm_xyz")
+STATISTICS = ("average", "peak_to_peak", "sum_sq", "average_abs")
+#: The move of Figures 11 to 13: start and end (m, rad; θ taken as the nacelle's), duration (s).
+MOVE_FROM = (0.0, 0.0, -0.5, 0.0)
+MOVE_TO = (0.1, -0.1, -0.4, 0.2)
+MOVE_DURATION = 0.2
+
+
+def _rows(name: str) -> list[dict[str, str]]:
+    text = (resources.files("truepose") / "paper" / f"{name}.csv").read_text(encoding="utf-8")
+    return list(csv.DictReader(text.splitlines()))
+
+
+def table2() -> Array:
+    """Return the 625 poses of Table 2, shape (625, 4): m and the *nacelle's* θ in rad.
+
+    Examples
+    --------
+    >>> from truepose.paper import data as paper_data
+    >>> paper_data.table2().shape
+    (625, 4)
+    """
+    axes = []
+    for row in _rows("table2_locations"):
+        low, high, step = (float(row[key]) for key in ("minimum", "maximum", "step"))
+        values = np.linspace(low, high, round((high - low) / step) + 1)
+        axes.append(values / 1000 if row["unit"] == "mm" else values / GEAR)
+    return np.array(list(itertools.product(*axes)))
+
+
+def table3() -> dict[str, dict[tuple[str, str], float]]:
+    """Table 3: {law: {(quantity, statistic): value}}, laws "usual" and "redundant"; mm, deg."""
+    return {
+        law: {key: float(text) for key, text in entries.items()}
+        for law, entries in table3_as_printed().items()
+    }
+
+
+def table3_as_printed() -> dict[str, dict[tuple[str, str], str]]:
+    """Table 3 with the digits that the paper prints: 0.5 and 13.0, neither 0.500 nor 13.
+
+    Examples
+    --------
+    >>> from truepose.paper import data as paper_data
+    >>> paper_data.table3_as_printed()["usual"]["theta", "average_abs"]
+    '0.5'
+    """
+    result: dict[str, dict[tuple[str, str], str]] = {"usual": {}, "redundant": {}}
+    for row in _rows("table3_experiment"):
+        for law, entries in result.items():
+            for statistic in STATISTICS:
+                if text := row[f"{statistic}_{law}"]:
+                    entries[row["quantity"], statistic] = text
+    return result
+
+
+def simulation_errors() -> dict[str, tuple[float, float]]:
+    """Ranges of the geometric errors of the paper's simulations, m."""
+    return {
+        row["parameter"]: (float(row["minimum"]) / 1000, float(row["maximum"]) / 1000)
+        for row in _rows("simulation_errors")
+    }

@@ -1,0 +1,136 @@
+"""What do the simulations and the experiment look like? One function a figure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from truepose.paper import experiment
+from truepose.paper import table3 as statistics
+from truepose.paper.experiment import Experiment
+from truepose.paper.warm_up import NAMES, WarmUp
+from truepose.robot.robot import Robot
+from truepose.simulation.simulate import Simulation
+
+#: What people read for each control, and its colour.
+CONTROLS = {
+    "joint": ("usual", "#b2182b"),
+    "redundant": ("redundant", "#2166ac"),
+    "weighted": ("weighted", "#e08214"),
+    "cartesian": ("Cartesian", "#1b7837"),
+    "self-calibrated": ("self-calibrated", "#000000"),
+}
+_AXES = {"x": "#2166ac", "y": "#e08214", "z": "#1b7837"}
+
+
+def move(run: Simulation, beside: Iterable[Simulation] = ()) -> Figure:
+    """Errors of x, y, z (mm) and θ (degrees) during a move, as in Figures 11 to 13.
+
+    On scales that hold the moves `beside` it as well: theirs are then the same.
+    """
+    figure = Figure(figsize=(8.4, 3.1), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    error = statistics.in_print_units(run.error)
+    time = 1e3 * run.time
+    for column, (name, colour) in enumerate(_AXES.items()):
+        left.plot(time, error[:, column], color=colour, label=name)
+    right.plot(time, error[:, 3], color="#7b3294", label="θ")
+    for axes, unit, columns in ((left, "mm", slice(3)), (right, "°", slice(3, 4))):
+        for other in beside:
+            held = statistics.in_print_units(other.error)[:, columns]
+            axes.update_datalim([(0, held.min()), (0, held.max())])
+        axes.autoscale_view(scalex=False)
+        axes.axvline(200, color="0.6", lw=0.8, ls=":")
+        axes.axhline(0, color="0.6", lw=0.8)
+        axes.set(xlabel="time (ms)", ylabel=f"error ({unit})", xlim=(0, time[-1]))
+    figure.legend(loc="outside upper center", ncols=4, fontsize=9, frameon=False)
+    low, high = right.get_ylim()
+    if high - low < 0.1:  # do not let encoder counts look like errors
+        right.set_ylim(min(low, -0.05), max(high, 0.05))
+    return figure
+
+
+def poses(result: Experiment) -> Figure:
+    """Errors of the first robot at all poses, under each control, in the order of Table 2."""
+    figure = Figure(figsize=(8.4, 5.2), layout="constrained")
+    top, bottom = figure.subplots(2, 1, sharex=True)
+    for control, (name, colour) in CONTROLS.items():
+        error = result.errors[control][0]
+        top.plot(error[:, 3], ".", ms=2.5, color=colour, label=name, rasterized=True)
+        norm = np.linalg.norm(error[:, :3], axis=1)
+        bottom.plot(norm, ".", ms=2.5, color=colour, rasterized=True)
+    top.set(ylabel="error of θ (°)")
+    bottom.set(xlabel="pose (number in Table 2)", ylabel="position error (mm)", ylim=(0, None))
+    figure.legend(loc="outside upper center", ncols=5, fontsize=9, markerscale=4, frameon=False)
+    return figure
+
+
+def ratios(result: Experiment) -> Figure:
+    """How much each robot gains: statistics over those of usual control."""
+    figure = Figure(figsize=(8.4, 3.1), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    colour = CONTROLS["redundant"][1]
+    theta = 100 * result.ratio("theta", "sum_sq")
+    norm = np.sqrt(result.ratio("norm_xyz", "sum_sq"))
+    for axes, values, label in (
+        (left, theta, "θ: sum of squares, redundant / usual (%)"),
+        (right, norm, "position: rms of the norm, redundant / usual"),
+    ):
+        axes.hist(values, bins=min(30, max(5, len(values) // 4)), color=colour, alpha=0.75)
+        median = np.median(values)
+        axes.axvline(median, color="k", lw=1)
+        axes.set(xlabel=label, ylabel="robots", title=f"median {median:.3g}")
+        axes.title.set_size(10)
+    return figure
+
+
+def rest(robot: Robot, result: Experiment) -> Figure:
+    """What M⁺ does at rest: θ error left by the TEJ, measured against 1/(1+|j|²)."""
+    figure = Figure(figsize=(5.4, 3.6), layout="constrained")
+    axes = figure.subplots()
+    law = experiment.theta_law(robot, result.poses)
+    usual, left = result.errors["joint"][0][:, 3], result.errors["redundant"][0][:, 3]
+    clear = np.abs(usual) > 0.1  # degrees; elsewhere the quotient says nothing
+    axes.plot(
+        100 * law[clear],
+        100 * left[clear] / usual[clear],
+        ".",
+        ms=3,
+        color=CONTROLS["redundant"][1],
+        rasterized=True,
+        label="one robot, poses of Table 2 with |e| > 0.1°",
+    )
+    ends = 100 * np.array([law.min(), law.max()])
+    axes.plot(ends, ends, color="k", lw=1, label="1 / (1 + |j|²)")
+    axes.set(xlabel="1 / (1 + |j|²), first order (%)", ylabel="θ error left by the TEJ (%)")
+    axes.legend(fontsize=8, frameon=False)
+    return figure
+
+
+def warm_up(results: list[WarmUp]) -> Figure:
+    """Position error at rest over time, from cold to warm, under each method."""
+    figure = Figure(figsize=(8.4, 3.6), layout="constrained")
+    colours = {
+        "frozen": CONTROLS["joint"][1],
+        "redundant": CONTROLS["redundant"][1],
+        "weighted": CONTROLS["weighted"][1],
+        "online": CONTROLS["self-calibrated"][1],
+    }
+    for axes, result in zip(
+        figure.subplots(1, len(results), sharey=True, squeeze=False)[0], results, strict=True
+    ):
+        for method, values in result.rms.items():
+            rms = np.sqrt((values**2).mean(axis=0))
+            axes.plot(result.hours, rms, color=colours[method], label=NAMES[method])
+        axes.axvline(result.hours[-1] / 1.5, color="0.6", lw=0.8, ls=":")
+        axes.set(
+            xlabel="time since switched on (h)", xlim=(0, result.hours[-1]), title=result.sensors
+        )
+        axes.title.set_size(10)
+    left = figure.axes[0]
+    left.set(ylabel="position rms (mm)", ylim=(0, None))
+    handles = left.get_legend_handles_labels()
+    figure.legend(*handles, loc="outside upper center", ncols=4, fontsize=9, frameon=False)
+    return figure

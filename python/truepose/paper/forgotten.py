@@ -1,0 +1,166 @@
+"""What does each effect that a model forgets take from self-calibration?
+
+The H4 with the paper's errors on the dynamic plant, two hours after it was switched on: with none,
+with all, with one alone, with all but one. It calibrates itself with motors and θ under usual
+control, and is judged under the estimated law: against its true poses, and as the vision system
+sees it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from truepose.calibration.fit import calibrate
+from truepose.exceptions import PoseError
+from truepose.paper import data as paper_data
+from truepose.paper import experiment
+from truepose.paper.table3 import interval, over_robots
+from truepose.paper.trials import JITTER
+from truepose.robot.frames import coordinates
+from truepose.robot.robot import Robot
+from truepose.robot.to_core import Array
+from truepose.simulation.effects import Effects
+from truepose.simulation.plants.dynamic import DynamicPlant
+from truepose.simulation.simulate import Controller, Simulation, simulate
+from truepose.simulation.vision import Setup, Vision
+from truepose.threads import each
+
+#: A PD whose loop is stable with all effects on: examples/07_stability_margin.py.
+FREQUENCY, BANDWIDTH = 40.0, 300.0
+WARM = 7200.0  #: s
+ROBOTS = 2  #: of a report, at most; an order of the effects takes more (benchmarks/effects.py)
+LEARN, JUDGE = 3, 7  #: every so many poses of Table 2 teach, and judge
+
+
+@dataclass(frozen=True)
+class Line:
+    """One case: position rms of each robot over the poses, (robots,), mm; NaN: learnt nothing."""
+
+    case: str
+    usual: Array  #: desired less true, under the joint law on the drawn robot
+    calibrated: Array  #: the same, under the estimated law on the robot that calibrated itself
+    seen_usual: Array  #: both as the vision system sees them
+    seen: Array
+    excluded: int  #: poses that do not count: no rest, or not seen
+
+    @property
+    def gain(self) -> float:
+        """Usual over calibrated, true poses."""
+        return over_robots(self.usual) / over_robots(self.calibrated)
+
+    def interval(self, less: Line | None = None) -> tuple[float, float]:
+        """90 % interval of the calibrated rms, as which robots were drawn leaves it.
+
+        Parameters
+        ----------
+        less : Line, optional
+            Instead of how far it is above that line's, on the same robots: an effect whose
+            interval holds zero takes nothing that these robots show.
+        """
+        if less is None:
+            return interval(over_robots, self.calibrated)
+        return interval(
+            lambda own, other: over_robots(own) - over_robots(other),
+            self.calibrated,
+            less.calibrated,
+        )
+
+
+def cases() -> dict[str, Effects]:
+    """Name and effects of every case, in their order."""
+    whole = Effects()
+    result = {"none": Effects.none(), "all": whole}
+    result |= {f"{group} alone": whole.only(group) for group in Effects.groups()}
+    return result | {f"all but {group}": whole.without(group) for group in Effects.groups()}
+
+
+def total_steps(robots: int) -> int:
+    """How often `progress` will be called."""
+    return len(cases()) * robots
+
+
+def study(
+    robot: Robot, robots: int, seed: int, progress: Callable[[], None] = lambda: None
+) -> list[Line]:
+    """Run every case.
+
+    Parameters
+    ----------
+    robot : Robot
+        The H4 as drawn, with θ measured.
+    robots : int
+        True robots to draw from the paper's errors.
+    seed : int
+        The same seed gives the same robots and the same lines.
+    progress : callable
+        Called after each robot of each case.
+
+    Returns
+    -------
+    list of Line
+        In the order of :func:`cases`.
+    """
+    truths = experiment.draw_robots(robot, robots, seed)
+    vision = Vision(Setup.facing(robot))
+    numbered = list(enumerate(truths))
+    lines = []
+    for case, effects in cases().items():
+        found = []
+        for result in each(
+            lambda pair, effects=effects: _one(robot, pair[1], effects, vision, pair[0]), numbered
+        ):
+            found.append(result)
+            progress()
+        excluded = sum(int((~np.isfinite(e).all(axis=1)).sum()) for one in found for e in one[2:])
+        rms = [np.array([_rms(one[k]) for one in found]) for k in range(4)]
+        lines.append(Line(case, *rms, excluded))
+    return lines
+
+
+def loops(robot: Robot) -> dict[str, Simulation]:
+    """Return the paper's move with all effects on, under the nominal PD and under the soft one."""
+    nominal = Controller()
+    soft = Controller(frequency=FREQUENCY, velocity_bandwidth=BANDWIDTH)
+    result = {}
+    for c in (nominal, soft):
+        name = f"poles at {c.frequency:.0f} rad/s, velocity filter {c.velocity_bandwidth:.0f} rad/s"
+        result[name] = simulate(robot, controller=c, effects=Effects(), hold=0.5)
+    return result
+
+
+def _one(
+    robot: Robot, truth: Robot, effects: Effects, vision: Vision, number: int
+) -> tuple[Array, Array, Array, Array]:
+    """Errors of one robot, (P, 3) each, m: true under usual and calibrated control, then seen."""
+    table = paper_data.table2()
+    rng = np.random.default_rng(number)
+    learn = table[::LEARN] + rng.uniform(-JITTER, JITTER, table[::LEARN].shape)
+    judge = table[1::JUDGE]
+    plant = DynamicPlant(truth, effects, WARM, number)
+    joint, estimated = (
+        Controller(law=law, frequency=FREQUENCY, velocity_bandwidth=BANDWIDTH)
+        for law in ("joint", "estimated")
+    )
+    taught = plant.visit(robot, learn, joint)
+    readings = taught.q_e[taught.status == "ok"]
+    usual = plant.visit(robot, judge, joint)
+    try:
+        believed = calibrate(effects.allowed_for(robot), readings).robot
+        calibrated = plant.visit(believed, judge, estimated)
+    except PoseError:  # nothing learnt: every pose is left out and counted
+        nothing = np.full_like(usual.x, np.nan)
+        calibrated = usual._replace(x=nothing, frame=np.full_like(usual.frame, np.nan))
+    errors = [(visit.x - judge)[:, :3] for visit in (usual, calibrated)]
+    for visit in (usual, calibrated):
+        seen = vision.measure(visit.frame, number)
+        errors.append((coordinates(robot, seen.frame) - judge)[:, :3])
+    return tuple(errors)
+
+
+def _rms(error: Array) -> float:
+    """Of the poses that count, mm."""
+    counted = error[np.isfinite(error).all(axis=1)]
+    return float(1e3 * np.sqrt((counted**2).sum(axis=-1).mean())) if len(counted) else float("nan")

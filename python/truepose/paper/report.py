@@ -1,0 +1,254 @@
+"""How is a result shown? A folder with one self-contained page, its figures and its numbers."""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import csv
+import importlib.util
+import io
+import os
+import platform
+import uuid
+from collections.abc import Callable, Iterator
+from importlib import metadata
+from pathlib import Path
+
+import jinja2
+import numpy as np
+from matplotlib.figure import Figure
+
+import truepose
+from truepose.exceptions import InputError
+from truepose.files import write as saving
+from truepose.logs import write as run_logs
+from truepose.paper import data as paper_data
+from truepose.paper import experiment, experiment_section, experiment_tables, figures, tables
+from truepose.paper import sensor_sets as sensing
+from truepose.paper import table3 as statistics
+from truepose.paper.experiment import CONTROLS
+from truepose.paper.reproduce import Reproduction
+from truepose.show import drawing
+from truepose.simulation.effects import Effects
+
+FIGURES = 10  #: drawn for the report
+PAGE = "report.html"
+LEARNT = "self-calibrated"
+#: Kinds of what the folder holds, by their endings.
+_KINDS = {".html": "report", ".svg": "picture", ".png": "picture", ".csv": "table"}
+_KINDS |= {".parquet": "log", ".mcap": "log"}
+
+
+@contextlib.contextmanager
+def folder(out: Path, force: bool = False) -> Iterator[Path]:
+    """Give a folder to write into whose files reach `out` only when all went well.
+
+    Parameters
+    ----------
+    out : Path
+        A folder that is not there, has no such files, or holds an earlier report.
+    force : bool
+        Replace files in it that are no earlier report's.
+
+    Raises
+    ------
+    InputError
+        `out` cannot be written, or may not. Raised on entry, before any work is done, but where a
+        file of an earlier report has been changed.
+    """
+    there = os.path.lexists(out)
+    base = out if there else next(parent for parent in out.absolute().parents if parent.exists())
+    try:
+        others = [p for p in sorted(out.iterdir()) if p.suffix in _KINDS] if there else []
+        saving.check([saving.Output(out / PAGE, "report", "--out")] if others else [], force=force)
+        if others and not (force or out / PAGE in others):
+            raise InputError(f"--out {out}: has a {others[0].name}, and no report; choose another")
+        with saving.unfinished(base / f".truepose-{uuid.uuid4().hex}") as work:
+            work.mkdir()
+            yield work
+            if there:
+                _move(work, out, force)
+            else:
+                out.parent.mkdir(parents=True, exist_ok=True)
+                os.replace(work, out)
+    except OSError as error:
+        raise InputError(f"--out {out}: cannot be written: {error.strerror}") from None
+
+
+def _move(work: Path, out: Path, force: bool) -> None:
+    """Move all files of a folder into another one, or none."""
+    files = {file: out / file.name for file in sorted(work.iterdir())}
+    for file, place in files.items():
+        known = force or (file.suffix == ".csv" and _same_header(file, place))
+        saving.check([saving.Output(place, _KINDS[file.suffix])], force=known)
+    for file, place in files.items():
+        os.replace(file, place)
+
+
+def _same_header(file: Path, other: Path) -> bool:
+    """Whether two tables have the same first line: they have no room for a mark."""
+    if not other.is_file():
+        return True
+    with file.open("rb") as a, other.open("rb") as b:
+        return a.readline() == b.readline()
+
+
+def write(
+    result: Reproduction, out: Path, progress: Callable[[str], None] = lambda _: None
+) -> None:
+    """Write report.html, the figures (SVG, PNG) and the numbers (CSV) into the folder `out`."""
+    images = {}
+    for name, figure in _figures(result):
+        images[name] = _save(figure, out / name)
+        progress("figures")
+    numbers = [
+        tables.one_robot(result),
+        tables.many_robots(result),
+        tables.gains(result),
+        tables.moves(result),
+        tables.check(result),
+        *([tables.sensing(result.sensing)] if result.sensing else []),
+        tables.warm_up(result.warm_up),
+        *(experiment_tables.tables(result.section) if result.section else ()),
+    ]
+    for table in numbers:
+        _csv(out / f"{table.name}.csv", table.header, table.rows)
+    _raw_numbers(result, out)
+    if result.section:
+        _logs(result.section, out)
+    page = render(
+        "report.html.j2",
+        images=images,
+        tables={table.name: table for table in numbers},
+        robot=result.robot,
+        robots=len(result.experiment.truths),
+        seed=result.seed,
+        scatter={law: tables.theta_scatter(law) for law in ("usual", "redundant")},
+        ratio=float(np.median(result.experiment.ratio("theta", "sum_sq"))),
+        moved=float(np.median(experiment.moved_by_tej(result.experiment, paper_data.MOVE_TO))),
+        squares={
+            "printed": paper_data.table3()["usual"]["theta", "sum_sq"],
+            "drawn": float(np.median(result.experiment.tables["joint"][:, 3, 2])),
+        },
+        norm=float(np.median(np.sqrt(result.experiment.ratio("norm_xyz", "sum_sq")))),
+        left=experiment.theta_law(result.robot, result.experiment.poses),
+        errors=paper_data.simulation_errors(),
+        machined=sensing.MACHINED,
+        warm=result.warm_up,
+        thermal=Effects(),
+        judged=len(result.experiment.poses[:: sensing.EVERY]),
+        learnt=float(np.median(np.sqrt(result.experiment.ratio("norm_xyz", "sum_sq", LEARNT)))),
+        section=result.section,
+        setup=describe(result.section) if result.section else None,
+        versions=versions(),
+    )
+    (out / PAGE).write_text(page, encoding="utf-8")
+
+
+def render(template: str, **values) -> str:
+    """Fill one of the package's templates."""
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("truepose", "_data/templates"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template(template).render(**values)
+
+
+def _figures(result: Reproduction) -> Iterator[tuple[str, Figure]]:
+    yield "robot", drawing.draw(result.robot)
+    for name, run in result.moves.items():
+        yield name, figures.move(run, result.moves.values())
+    yield "poses", figures.poses(result.experiment)
+    yield "ratios", figures.ratios(result.experiment)
+    yield "rest", figures.rest(result.robot, result.experiment)
+    yield "warm_up", figures.warm_up(result.warm_up)
+    for plant, runs in result.section.runs.items() if result.section else ():
+        yield f"experiment-{plant.lower()}", experiment_tables.figure(runs)
+    if result.section and result.section.loops:
+        yield "loops", experiment_tables.loops(result.section)
+
+
+def describe(section: experiment_section.Section) -> dict[str, float]:
+    """What the twin's vision system and gear are, in millimetres and degrees."""
+    setup = section.twin.setup
+    return {
+        "noise": setup.noise,
+        "at_led": 1e3 * setup.noise * setup.pixel / setup.focal_length * setup.distance,
+        "radius": 1e3 * float(np.hypot(*setup.leds[0][:2])),
+        "backlash": float(np.degrees(section.twin.effects.tool_backlash)),
+        "shift": 1e3 * float(np.linalg.norm(setup.registration[3:])),
+        "turn": float(np.degrees(np.linalg.norm(setup.registration[:3]))),
+    }
+
+
+def _save(figure: Figure, path: Path) -> str:
+    """Save as SVG and PNG; return the SVG as a data URI."""
+    drawn = saving.picture(figure, ".svg")
+    path.with_suffix(".svg").write_bytes(drawn)
+    path.with_suffix(".png").write_bytes(saving.picture(figure, ".png"))
+    return as_uri(drawn)
+
+
+def as_uri(image: bytes) -> str:
+    """Put an SVG into a page as a data URI."""
+    return f"data:image/svg+xml;base64,{base64.b64encode(image).decode()}"
+
+
+def _csv(path: Path, header: list[str], rows) -> None:
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(rows)
+    path.write_text(buffer.getvalue(), encoding="utf-8")
+
+
+def _logs(section: experiment_section.Section, out: Path) -> None:
+    """Every run as CSV, and as Parquet and MCAP where their packages are installed."""
+    packages = {"csv": "csv", "parquet": "pyarrow", "mcap": "mcap"}
+    endings = [ending for ending, name in packages.items() if importlib.util.find_spec(name)]
+    for plant, runs in section.runs.items():
+        for control, run in runs.items():
+            for ending in endings:
+                run_logs.write(run, out / f"experiment-{plant.lower()}-{control}.{ending}")
+
+
+def _raw_numbers(result: Reproduction, out: Path) -> None:
+    """Every statistic of every robot, every pose of the first robot, every sample of the moves."""
+    _csv(
+        out / "statistics.csv",
+        ["robot", "control", "quantity", "statistic", "unit", "value"],
+        (
+            [robot, control, quantity, statistic, tables.unit(quantity, statistic), repr(float(v))]
+            for control in CONTROLS
+            for robot, table in enumerate(result.experiment.tables[control])
+            for quantity, row in zip(paper_data.QUANTITIES, table, strict=True)
+            for statistic, v in zip(paper_data.STATISTICS, row, strict=True)
+        ),
+    )
+    poses = statistics.in_print_units(result.experiment.poses)
+    names = ["x", "y", "z", "theta"]
+    units = ["mm", "mm", "mm", "deg"]
+    header = [f"{n}_{u}" for n, u in zip(names, units, strict=True)]
+    columns = [poses]
+    for control in CONTROLS:
+        header += [f"error_{control}_{n}_{u}" for n, u in zip(names, units, strict=True)]
+        columns.append(result.experiment.errors[control][0])
+    _csv(out / "poses.csv", header, np.hstack(columns).tolist())
+    for name, run in result.moves.items():
+        header = ["time_s"]
+        header += [f"{n}_desired_{u}" for n, u in zip(names, units, strict=True)]
+        header += [f"{n}_{u}" for n, u in zip(names, units, strict=True)]
+        header += [f"torque{i + 1}_Nm" for i in range(run.robot.n)]
+        x_d, x = statistics.in_print_units(run.x_d), statistics.in_print_units(run.x)
+        rows = np.column_stack([run.time, x_d, x, run.torque]).tolist()
+        _csv(out / f"{name}.csv", header, rows)
+
+
+def versions() -> dict[str, str]:
+    """What made a page."""
+    packages = {name: metadata.version(name) for name in ("numpy", "matplotlib")}
+    python = platform.python_version()
+    return {"truepose": truepose.__version__, "Python": python, **packages}

@@ -1,0 +1,97 @@
+"""The paper, run end to end: Figures 11 to 13, Tables 2 and 3, as one result."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from truepose.paper import data as paper_data
+from truepose.paper import experiment, experiment_section, warm_up
+from truepose.paper import sensor_sets as sensing
+from truepose.paper.experiment import Experiment
+from truepose.robot.robot import Robot, load
+from truepose.robot.to_core import Array
+from truepose.simulation.simulate import LAWS, Law, Simulation, simulate
+
+CHECKED_POSES = 12  #: of Table 2, run in the dynamics under each law and in each case
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """Everything that the report shows."""
+
+    robot: Robot
+    seed: int
+    moves: dict[str, Simulation]
+    experiment: Experiment
+    check: dict[str, dict[Law, Array]]
+    sensing: list[sensing.Line]  #: empty unless it was asked for
+    warm_up: list[warm_up.WarmUp]
+    section: experiment_section.Section | None  #: the virtual experiment, where it was asked for
+
+
+#: The simulated moves: which true robot (errors: the first drawn one) and control, and its law.
+MOVES: dict[str, tuple[str, Law]] = {
+    "figure-11": ("ideal, usual", "joint"),
+    "figure-12": ("errors, usual", "joint"),
+    "figure-13": ("errors, redundant", "redundant"),
+    "cartesian": ("errors, Cartesian", "cartesian"),
+    "self-calibrated": ("errors, self-calibrated", "estimated"),
+}
+
+
+def total_steps(robots: int, virtual: bool = False, full: bool = False) -> int:
+    """How often `progress` will be called, at most."""
+    checks = 3 * len(LAWS) * CHECKED_POSES
+    studies = warm_up.total_steps(robots) + (sensing.total_steps(robots) if full else 0)
+    more = experiment_section.total_steps(robots) if virtual else 0
+    return len(MOVES) + robots + checks + studies + more
+
+
+def reproduce(
+    robots: int,
+    seed: int,
+    progress: Callable[[str], None] = lambda _: None,
+    virtual: bool = False,
+    full: bool = False,
+) -> Reproduction:
+    """Simulate the move, settle `robots` drawn robots at 625 poses, check some in the dynamics.
+
+    Then warm calibrated robots up.
+
+    Parameters
+    ----------
+    robots : int
+        How many true robots to draw from the paper's errors.
+    seed : int
+        The same seed gives the same numbers.
+    progress : callable
+        Called with what is being done after each step, see :func:`total_steps`.
+    virtual : bool
+        Also carry out the virtual experiment of section 4 on the twin.
+    full : bool
+        Also compare sets of sensors, over at least `paper.sensor_sets.ROBOTS` robots.
+    """
+    robot = load("h4")
+    truths = experiment.draw_robots(robot, robots, seed)
+    moves = {}
+    for name, (_, law) in MOVES.items():
+        believed = robot
+        if name == "self-calibrated":
+            believed = experiment.self_calibrated(robot, truths[0], paper_data.table2())
+        moves[name] = simulate(believed, robot if name == "figure-11" else truths[0], law)
+        progress("the 0.2 s move")
+    result = experiment.run(robot, truths, progress=lambda: progress("625 poses, exact statics"))
+    some = np.random.default_rng(seed).choice(paper_data.table2(), CHECKED_POSES, replace=False)
+    check = experiment.dynamics_check(
+        robot, truths[0], some, progress=lambda: progress("some poses in the dynamics")
+    )
+    sets = []
+    if full:
+        many = max(robots, sensing.ROBOTS)
+        sets = sensing.compare(robot, many, seed, lambda: progress("sets of sensors"))
+    warm = warm_up.study(robot, robots, seed, progress=lambda: progress("warming up"))
+    section = experiment_section.run(progress, robots, seed) if virtual else None
+    return Reproduction(robot, seed, moves, result, check, sets, warm, section)

@@ -1,0 +1,127 @@
+"""The same sensors, used fully: what do sets of them give, under each use of their readings?"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from truepose.calibration.bound import accuracy
+from truepose.paper import data as paper_data
+from truepose.paper import experiment
+from truepose.paper.experiment import Control
+from truepose.paper.table3 import interval, over_robots
+from truepose.robot.robot import Robot
+from truepose.robot.to_core import Array
+from truepose.robotfile.schema import Tolerance
+from truepose.simulation.true_robots import with_tolerance_errors
+from truepose.threads import each
+
+#: Sensors of the H4's file that go with its motors.
+SETS: dict[str, tuple[str, ...]] = {
+    "θ": ("theta",),
+    "θ + z telemeter": ("theta", "z_telemeter"),
+    "θ + four elbow angles": ("theta", "elbow1", "elbow2", "elbow3", "elbow4"),
+    "θ + three draw-wires": ("theta", "wire1", "wire2", "wire3"),
+}
+CONTROLS: tuple[Control, ...] = ("joint", "redundant", "weighted", "self-calibrated")
+ROBOTS = 100  #: at least, for each set
+MACHINED = 1e-4  #: m; rods and arms of ordinary machining are within this of the drawing, assumed
+EVERY = 6  #: robots calibrate themselves at all of Table 2's poses and are judged at every so many
+
+
+@dataclass(frozen=True)
+class Line:
+    """Position errors of many robots with one set of sensors, mm."""
+
+    tolerances: str
+    sensors: str
+    each: dict[Control, Array]  #: rms over the poses of every robot, (robots,)
+    bound: float  #: of the self-calibrated control
+
+    @property
+    def rms(self) -> dict[Control, float]:
+        """Root mean square over all robots."""
+        return {control: float(over_robots(rms)) for control, rms in self.each.items()}
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """90 % interval of the self-calibrated rms, as which robots were drawn leaves it."""
+        return interval(over_robots, self.each["self-calibrated"])
+
+    @property
+    def gain(self) -> float:
+        """Usual over self-calibrated."""
+        return self.rms["joint"] / self.rms["self-calibrated"]
+
+    @property
+    def gain_interval(self) -> tuple[float, float]:
+        """Its 90 % interval."""
+        return interval(
+            lambda usual, own: over_robots(usual) / over_robots(own),
+            self.each["joint"],
+            self.each["self-calibrated"],
+        )
+
+
+def tolerances(robot: Robot) -> dict[str, Robot]:
+    """Return the robot under the tolerances of its file, and under those of ordinary machining."""
+    within = Tolerance(interval=(-MACHINED, MACHINED))
+    file = robot.spec.tolerances
+    machined = file | {name: within for name in file if name.endswith((".rod", ".arm"))}
+    return {
+        "paper": robot,
+        "machined": Robot(robot.spec.model_copy(update={"tolerances": machined})),
+    }
+
+
+def total_steps(robots: int) -> int:
+    """How often `progress` will be called."""
+    return 2 * len(SETS) * max(robots, ROBOTS)
+
+
+def compare(
+    robot: Robot, robots: int, seed: int, progress: Callable[[], None] = lambda: None
+) -> list[Line]:
+    """Settle robots drawn from the tolerances under each control, with each set of sensors.
+
+    Parameters
+    ----------
+    robot : Robot
+        The H4, with the sensors of `SETS` in its file.
+    robots : int
+        True robots to draw for each set, every rod of theirs by itself; `reproduce` takes at least
+        `ROBOTS`.
+    seed : int
+        Of the draw, the same robots for every set.
+    progress : callable
+        Called after each robot.
+    """
+    visited = paper_data.table2()
+    poses = visited[::EVERY]
+    lines = []
+    for name, nominal in tolerances(robot).items():
+        for label, sensors in SETS.items():
+            drawn = nominal.with_sensors(*sensors)
+
+            def errors(numbered, drawn=drawn) -> dict[Control, Array]:
+                number, source = numbered
+                truth = with_tolerance_errors(drawn, source).with_level(drawn.finest_level)
+                found = experiment.rest(drawn, truth, poses, visited, CONTROLS, number)
+                return {control: (x - poses)[:, :3] for control, x in found.items()}
+
+            found = []
+            sources = np.random.SeedSequence(seed).spawn(robots)
+            for result in each(errors, enumerate(sources)):
+                found.append(result)
+                progress()
+            of_robots = {c: np.array([_rms(result[c]) for result in found]) for c in CONTROLS}
+            P = accuracy(drawn, poses, calibrated_on=visited)
+            bound = float(1e3 * np.sqrt(np.trace(P[:, :3, :3], axis1=1, axis2=2).mean()))
+            lines.append(Line(name, label, of_robots, bound))
+    return lines
+
+
+def _rms(error: Array) -> float:
+    return float(1e3 * np.sqrt((error**2).sum(axis=-1).mean()))

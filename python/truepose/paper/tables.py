@@ -1,0 +1,253 @@
+"""Which numbers do people compare? The result's tables, once for terminal, report and CSV."""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import dataclass
+
+import numpy as np
+
+from truepose.paper import data as paper_data
+from truepose.paper import table3 as statistics
+from truepose.paper.reproduce import MOVES, Reproduction
+from truepose.paper.sensor_sets import Line
+from truepose.paper.warm_up import NAMES, WarmUp
+
+QUANTITY_NAMES = {"x": "x", "y": "y", "z": "z", "theta": "θ", "norm_xyz": "norm"}
+STATISTIC_NAMES = {
+    "average": "average",
+    "peak_to_peak": "peak-peak",
+    "sum_sq": "Σ squares",
+    "average_abs": "average abs",
+}
+
+
+UNITS = "error (mm, °)"
+
+#: Controls that the paper did not run, as people read them.
+FURTHER = {"weighted": "weighted", "cartesian": "Cartesian", "self-calibrated": "self-calibrated"}
+
+
+class Cell(str):
+    """A text that people read, and what it says: a number with all its digits.
+
+    Parameters
+    ----------
+    text : str
+    data : object
+        A number or a word; or several by name, each then a column of its own.
+    """
+
+    __slots__ = ("data",)
+
+    def __new__(cls, text: str, data: object = None) -> Cell:  # noqa: D102 – the class says it
+        cell = super().__new__(cls, text)
+        cell.data = data
+        return cell
+
+
+@dataclass(frozen=True)
+class Table:
+    """Text cells under a header; `name` is also the CSV's file name."""
+
+    name: str
+    title: str
+    header: list[str]
+    rows: list[list[str]]
+
+    def columns(self, *which: int) -> Table:
+        """Return a narrower table."""
+        rows = [[row[k] for k in which] for row in self.rows]
+        return Table(self.name, self.title, [self.header[k] for k in which], rows)
+
+    def records(self) -> list[dict[str, object]]:
+        """Return what the rows say, for programs."""
+        records = []
+        for row in self.rows:
+            record: dict[str, object] = {}
+            for k, (name, cell) in enumerate(zip(self.header, row, strict=True)):
+                data = cell.data if isinstance(cell, Cell) else cell
+                if k and type(cell) is str:
+                    with contextlib.suppress(ValueError):
+                        data = float(cell)  # as many digits as were written
+                record |= data if isinstance(data, dict) else {name: data}
+            records.append(record)
+        return records
+
+
+def fixed(value: float, decimals: int = 2) -> Cell:
+    """Write a number with so many decimals."""
+    return Cell(f"{value:.{decimals}f}", float(value))
+
+
+def number(value: float | None, significant: int = 3, data: object = None) -> Cell:
+    """Write a number with so many significant digits and no exponent; 0 below 0.00005.
+
+    `data` is what a program is told; by default the value.
+
+    Examples
+    --------
+    >>> from truepose.paper.tables import number
+    >>> [number(v) for v in (52400, 8.8123, 0.0123, 0.0, -0.0321, 2e-9, None)]
+    ['52400', '8.81', '0.0123', '0', '-0.0321', '0', '']
+    """
+    if value is None:
+        return Cell("", None)
+    data = float(value) if data is None else data
+    if not np.isfinite(value) or abs(value) < 5e-5:
+        return Cell("0" if np.isfinite(value) else str(value), data)
+    digits = significant - 1 - int(np.floor(np.log10(abs(value))))
+    return Cell(f"{round(value, digits):.{max(digits, 0)}f}", data)
+
+
+def unit(quantity: str, statistic: str) -> str:
+    """Millimetres and degrees; the sum of squares of θ is deg² (erratum 7)."""
+    name = "°" if quantity == "theta" else "mm"
+    return name + "²" if statistic == "sum_sq" else name
+
+
+def cells():
+    """Yield place, key and label of Table 3's entries, in the order of the paper."""
+    for q, quantity in enumerate(paper_data.QUANTITIES):
+        for s, statistic in enumerate(paper_data.STATISTICS):
+            if (quantity, statistic) == ("norm_xyz", "average_abs"):
+                continue  # a norm is its own absolute value; the paper leaves it blank
+            label = f"{QUANTITY_NAMES[quantity]} {STATISTIC_NAMES[statistic]}"
+            data = {"error": label, "unit": unit(quantity, statistic)}
+            yield (q, s), (quantity, statistic), Cell(label, data)
+
+
+def one_robot(result: Reproduction) -> Table:
+    """Table 3 for the first drawn robot."""
+    tables, printed = result.experiment.tables, paper_data.table3_as_printed()
+    rows = []
+    for at, key, label in cells():
+        row = [label, printed["usual"][key], number(tables["joint"][0][at])]
+        row += [printed["redundant"][key], number(tables["redundant"][0][at])]
+        rows.append(row + [number(tables[control][0][at]) for control in FURTHER])
+    header = [UNITS, "usual, paper", "usual, truepose", "redundant, paper", "redundant, truepose"]
+    header += [f"{name}, truepose" for name in FURTHER.values()]
+    return Table("table3_one_robot", "Table 3 for one robot", header, rows)
+
+
+def many_robots(result: Reproduction) -> Table:
+    """Table 3 for all drawn robots: median and 5-95 % of each statistic."""
+    tables, printed = result.experiment.tables, paper_data.table3_as_printed()
+    rows = []
+    for at, key, label in cells():
+        row = [label]
+        for control in ("joint", "redundant", *FURTHER):
+            paper = {"joint": "usual", "redundant": "redundant"}.get(control)
+            low, median, high = np.percentile(tables[control][(slice(None), *at)], [5, 50, 95])
+            row += [printed[paper][key]] if paper else []
+            name = f"{FURTHER.get(control, paper)}, truepose"
+            data = {name: median, f"{name} 5 %": low, f"{name} 95 %": high}
+            text = f"{number(median)} [{number(low, 2)}, {number(high, 2)}]"
+            row.append(Cell(text, {k: float(v) for k, v in data.items()}))
+        rows.append(row)
+    count = len(result.experiment.truths)
+    header = [UNITS, "usual, paper", "usual, truepose", "redundant, paper", "redundant, truepose"]
+    header += [f"{name}, truepose" for name in FURTHER.values()]
+    title = f"Table 3 over {count} robots: median [5 %, 95 %]"
+    return Table("table3_robots", title, header, rows)
+
+
+def gains(result: Reproduction) -> Table:
+    """What each control leaves of usual control's errors: ratios over the robots."""
+    rows = []
+    for control in ("redundant", *FURTHER):
+        for quantity, statistic, root, label in (
+            ("theta", "sum_sq", False, "θ Σ squares"),
+            ("norm_xyz", "sum_sq", True, "norm rms"),
+        ):
+            ratio = result.experiment.ratio(quantity, statistic, control)
+            ratio = np.sqrt(ratio) if root else ratio
+            cells = np.percentile(ratio, [0, 5, 50, 95, 100])
+            name = FURTHER.get(control, control)
+            rows.append([f"{label}, {name}", *map(number, cells)])
+    header = ["ratio to usual control", "minimum", "5 %", "median", "95 %", "maximum"]
+    return Table("gains", "What is left of usual control's errors, over the robots", header, rows)
+
+
+def moves(result: Reproduction) -> Table:
+    """Largest and final errors of the simulated moves."""
+    rows = []
+    for name, run in result.moves.items():
+        error = statistics.in_print_units(run.error)
+        cells = [*np.abs(error).max(axis=0), *error[-1]]
+        rows.append([MOVES[name][0], *map(fixed, cells)])
+    units = {"x": "mm", "y": "mm", "z": "mm", "θ": "°"}
+    header = ["robot, control", *(f"max |{c}| ({u})" for c, u in units.items())]
+    header += [f"final {c} ({u})" for c, u in units.items()]
+    return Table("moves", "Errors of the 0.2 s move", header, rows)
+
+
+def sensing(lines: list[Line]) -> Table:
+    """Sets of sensors under each use of their readings, beside the bound."""
+    rows = []
+    for line in lines:
+        *others, own = line.rms.values()
+        (low, high), (least, most) = line.interval, line.gain_interval
+        data = {"tolerances": line.tolerances, "sensors": line.sensors, "unit": "mm"}
+        named = Cell(f"{line.tolerances}: {line.sensors}", data)
+        ends = {"self-calibrated": own, "self-calibrated 5 %": low, "self-calibrated 95 %": high}
+        gains = {"gain": line.gain, "gain 5 %": least, "gain 95 %": most}
+        rows.append(
+            [
+                named,
+                *map(fixed, others),
+                Cell(f"{own:.2f} [{low:.2f}, {high:.2f}]", ends),
+                fixed(line.bound),
+                Cell(f"{line.gain:.1f} [{least:.1f}, {most:.1f}]", gains),
+            ]
+        )
+    header = ["position rms (mm)", "usual", "redundant, TEJ", "weighted, TEJ", "self-calibrated"]
+    header += ["bound", "gain"]
+    count = len(lines[0].each["joint"])
+    title = f"The same sensor, used fully: {count} robots a line, every rod by itself [5, 95 %]"
+    return Table("sensing", title, header, rows)
+
+
+def warm_up(lines: list[WarmUp]) -> Table:
+    """What a warm-up leaves of a perfect calibration, under each method.
+
+    Last, for the estimates under `online`: rms over their bound, smallest to largest over time.
+    """
+    rows = []
+    for line in lines:
+        over = line.over_bound()
+        ends = f"{over.min():.2f} to {over.max():.2f}"
+        warmest = int(np.argmax(line.hours >= line.hours[-1] / 1.5))  # no warmer from then on
+        for method, values in line.rms.items():
+            rms = np.sqrt((values**2).mean(axis=0))
+            half = rms[warmest // 2]
+            data = {"sensors": line.sensors, "method": NAMES[method], "unit": "mm"}
+            named = Cell(f"{line.sensors}: {NAMES[method]}", data)
+            cells = [*map(number, (half, rms[warmest], rms[-1]))]
+            rows.append([named, *cells, ends if method == "online" else ""])
+    header = ["position rms (mm)", "half warm", "warm", "an hour later", "estimate over its bound"]
+    title = f"Perfectly calibrated when cold: {len(lines[0].bound)} robots a set"
+    return Table("warm_up", title, header, rows)
+
+
+def check(result: Reproduction) -> Table:
+    """Largest difference between the end of a simulated move and the exact statics."""
+    names = {
+        "ideal": "unquantised, gravity off",
+        "loaded": "unquantised, gravity on",
+        "as built": "quantised encoders, gravity on",
+    }
+    rows = []
+    for case, laws in result.check.items():
+        for law, difference in laws.items():
+            worst = np.abs(difference).max(axis=0)
+            rows.append([names[case], law, *(Cell(f"{v:.2g}", float(v)) for v in worst)])
+    header = ["dynamics less statics", "law", "x (mm)", "y (mm)", "z (mm)", "θ (°)"]
+    return Table("dynamics_check", "Statics checked in the dynamics", header, rows)
+
+
+def theta_scatter(law: str) -> tuple[float, float]:
+    """Mean and standard deviation of the printed θ errors, from Table 3, degrees."""
+    printed = paper_data.table3()[law]
+    mean = printed["theta", "average"]
+    return mean, float(np.sqrt(printed["theta", "sum_sq"] / len(paper_data.table2()) - mean**2))

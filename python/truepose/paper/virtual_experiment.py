@@ -1,0 +1,188 @@
+"""What would the paper's section 4 have measured? A robot, a controller and a vision system.
+
+Drive to each pose of Table 2, let the robot settle, compare the pose estimated from its encoders
+with the measured one, and sum up as Table 3 does. The plant's true pose is never read: the vision
+system looks at it, everything else comes from what the vision system and the encoders say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from truepose.arguments import numbers_of
+from truepose.calibration.fit import calibrate
+from truepose.exceptions import InputError, choose
+from truepose.paper import data as paper_data
+from truepose.paper import table3 as statistics
+from truepose.paper.experiment import CONTROLS, Control
+from truepose.paper.trials import JITTER
+from truepose.robot.frames import coordinates
+from truepose.robot.robot import Robot
+from truepose.robot.to_core import Array
+from truepose.simulation.plants import Plant, Visit
+from truepose.simulation.simulate import Controller
+from truepose.simulation.vision import Seen, Vision
+
+#: What "error" means. The paper compares the pose estimated from the encoders with the measured
+#: one, "estimated"; how far the robot is from where it was sent is "desired".
+Reading = Literal["estimated", "desired"]
+READINGS: tuple[Reading, ...] = get_args(Reading)
+
+
+@dataclass(frozen=True)
+class Run:
+    """One control at all poses. Coordinates in m and rad."""
+
+    control: Control
+    believed: Robot  #: what the controller believes
+    desired: Array  #: (P, 4)
+    q_e: Array  #: (P, 4 + r) readings at rest
+    estimated: Array  #: (P, 4) from the readings: FKM, redundant FKM or estimate
+    measured: Array  #: (P, 4) by the vision system
+    covariance: Array  #: (P, 6, 6) that it claims, see :class:`truepose.simulation.vision.Seen`
+    status: Array  #: (P,) str: "ok", or why the pose does not count
+    visit: Visit  #: what the plant did; nothing here looks at its true pose
+
+    @property
+    def counted(self) -> Array:
+        """Which poses count, (P,) bool."""
+        return self.status == "ok"
+
+    @property
+    def excluded(self) -> dict[str, int]:
+        """How many poses do not count, by reason."""
+        reasons, counts = np.unique(self.status[~self.counted], return_counts=True)
+        return {str(reason): int(count) for reason, count in zip(reasons, counts, strict=True)}
+
+    def errors(self, reading: Reading = "estimated") -> Array:
+        """Estimated (or desired) less measured, mm and degrees, (P, 4); NaN where not counted."""
+        if reading not in READINGS:
+            raise InputError(choose("reading", reading, READINGS))
+        error = (self.estimated if reading == "estimated" else self.desired) - self.measured
+        error[:, 3] = np.arctan2(np.sin(error[:, 3]), np.cos(error[:, 3]))
+        error[~self.counted] = np.nan
+        return statistics.in_print_units(error)
+
+    def table(self, reading: Reading = "estimated") -> Array:
+        """Table 3 over the poses that count, (5, 4); see :func:`truepose.paper.table3.table3`."""
+        if not self.counted.any():
+            reason = next(iter(self.excluded))
+            raise InputError(f"{self.control}: no pose counts: {reason}")
+        return statistics.table3(self.errors(reading)[self.counted])
+
+
+def run(
+    plant: Plant,
+    robot: Robot,
+    vision: Vision,
+    poses: Array | None = None,
+    controls: Iterable[Control] = ("joint", "redundant"),
+    seed: int = 0,
+    progress: Callable[[], None] = lambda: None,
+) -> dict[Control, Run]:
+    """Carry out the experiment under some controls.
+
+    Parameters
+    ----------
+    plant : Plant
+        The robot that is there.
+    robot : Robot
+        The nominal one, of schoenflies mobility with θ measured.
+    vision : Vision
+        How poses are measured.
+    poses : ndarray, shape (P, 4), optional
+        Table 2's 625 poses by default.
+    controls : iterable of str
+        Some of :data:`truepose.paper.experiment.CONTROLS`. "self-calibrated" first visits the poses
+        under usual control and learns from these readings.
+    seed : int
+        Of the vision system's noise, and of how far the calibration's poses lie beside Table 2's.
+    progress : callable
+        Called after each pose that was visited, see :func:`total_steps`.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.paper import virtual_experiment
+    >>> from truepose.simulation.plants.exact import ExactPlant
+    >>> from truepose.simulation.vision import Setup, Vision
+    >>> h4 = tp.load("h4")
+    >>> plant = ExactPlant(tp.with_paper_errors(h4, seed=1))
+    >>> runs = virtual_experiment.run(plant, h4, Vision(Setup.facing(h4)))
+    >>> usual, redundant = (runs[control].table() for control in ("joint", "redundant"))
+    >>> bool(redundant[3, 2] < usual[3, 2] / 20)  # θ's sum of squares
+    True
+    """
+    if robot.spec.mobility != "schoenflies":
+        raise InputError(f"{robot.name}: the experiment is one of x, y, z and θ: schoenflies only")
+    robot.require_orientation()
+    poses = paper_data.table2() if poses is None else numbers_of(poses, "poses")
+    result: dict[Control, Run] = {}
+    for control in controls:
+        if control not in CONTROLS:
+            raise InputError(choose("control", control, CONTROLS))
+        believed = robot
+        if control == "weighted":
+            believed = robot.expected()
+        if control == "self-calibrated":
+            believed = learnt(plant, robot, poses, seed, progress)
+        visit = plant.visit(believed, poses, Controller(law=CONTROLS[control]), progress)
+        result[control] = observe(control, believed, poses, visit, vision, seed)
+    return result
+
+
+def learnt(
+    plant: Plant,
+    robot: Robot,
+    poses: Array,
+    seed: int = 0,
+    progress: Callable[[], None] = lambda: None,
+) -> Robot:
+    """Return the robot as its own readings show it, usual control sent to these poses.
+
+    A little beside them, as in :func:`truepose.paper.experiment.self_calibrated`.
+    """
+    beside = np.random.default_rng(seed).uniform(-JITTER, JITTER, poses.shape)
+    visit = plant.visit(robot, poses + beside, Controller(law="joint"), progress)
+    return calibrate(robot, visit.q_e[visit.status == "ok"]).robot
+
+
+def observe(
+    control: Control, believed: Robot, poses: Array, visit: Visit, vision: Vision, seed: int
+) -> Run:
+    """Measure where the plant stands, and estimate it from its readings."""
+    seen: Seen = vision.measure(visit.frame, seed)
+    measured = coordinates(believed, seen.frame)
+    estimated = estimate(control, believed, poses, visit.q_e)
+    status = np.where(visit.status == "ok", seen.status, visit.status).astype(object)
+    lost = (status == "ok") & ~np.isfinite(estimated).all(axis=1)
+    status[lost] = "no pose fits the readings"
+    return Run(
+        control,
+        believed,
+        poses,
+        visit.q_e,
+        estimated,
+        measured,
+        seen.covariance,
+        status.astype(str),
+        visit,
+    )
+
+
+def estimate(control: Control, believed: Robot, poses: Array, q_e: Array) -> Array:
+    """Pose that the encoders show, as each control's own model has it; NaN where none fits."""
+    if control == "joint":
+        return believed.fkm(q_e[:, : believed.n], guess=poses, errors="nan")
+    if control in ("redundant", "cartesian"):
+        return believed.redundant_fkm(q_e, errors="nan")
+    return believed.estimate(q_e, guess=poses, errors="nan").x
+
+
+def total_steps(controls: Iterable[Control], poses: int = 625) -> int:
+    """How often `progress` will be called."""
+    return sum(poses * (2 if control == "self-calibrated" else 1) for control in controls)

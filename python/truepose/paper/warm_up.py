@@ -1,0 +1,168 @@
+"""A calibration goes stale; do real-time sensors? A perfectly calibrated robot warms up."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from truepose.calibration.bound import accuracy
+from truepose.calibration.fit import calibration_of
+from truepose.calibration.online import OnlineCalibration
+from truepose.paper import data as paper_data
+from truepose.paper.trials import JITTER
+from truepose.robot import knowledge
+from truepose.robot.robot import Robot
+from truepose.robot.to_core import Array
+from truepose.simulation.effects import Effects
+from truepose.simulation.simulate import Law, settle
+from truepose.simulation.true_robots import with_tolerance_errors
+from truepose.threads import each
+
+Method = Literal["frozen", "redundant", "weighted", "online"]
+
+#: Law of each method. All know the robot as it was cold. `weighted` also knows how far it may grow;
+#: `online` learns from every pose at which it rests, knowing how fast it may grow.
+METHODS: dict[Method, Law] = {
+    "frozen": "joint",
+    "redundant": "redundant",
+    "weighted": "weighted",
+    "online": "estimated",
+}
+#: As people read them.
+NAMES: dict[Method, str] = {
+    "frozen": "frozen calibration",
+    "redundant": "and the paper's TEJ",
+    "weighted": "and the weighted TEJ",
+    "online": "online self-calibration",
+}
+SETS = {"θ": ("theta",), "θ + z telemeter": ("theta", "z_telemeter")}
+ROBOTS = 6  #: at most, for each set of sensors
+STEPS, POSES = 36, 50  #: over one and a half warm-ups; poses of Table 2 visited in each step
+PERFECT = 1e-3  #: of its tolerance: σ of every parameter after the cold calibration
+
+
+@dataclass(frozen=True)
+class WarmUp:
+    """Position errors at rest over time, with one set of sensors."""
+
+    sensors: str
+    hours: Array  #: (T,)
+    rms: dict[Method, Array]  #: (robots, T) over the poses visited in each step, mm
+    estimated: Array  #: (robots, T) of x̂ less x, from counted readings, as `online` knows by then
+    bound: Array  #: (robots, T) of that, by the covariance of what `online` knows
+
+    def over_bound(self) -> Array:
+        """RMS of all robots' estimates under `online` over the bound's, at each time, (T,)."""
+        return np.sqrt((self.estimated**2).mean(axis=0) / (self.bound**2).mean(axis=0))
+
+
+def total_steps(robots: int) -> int:
+    """How often `progress` will be called."""
+    return len(SETS) * min(robots, ROBOTS)
+
+
+def study(
+    robot: Robot,
+    robots: int,
+    seed: int,
+    effects: Effects | None = None,
+    progress: Callable[[], None] = lambda: None,
+) -> list[WarmUp]:
+    """Warm robots up that were perfectly calibrated when cold, and see where each method rests.
+
+    Exact statics; only the thermal effect, its three temperatures rising together and linearly,
+    then standing still for half as long.
+
+    Parameters
+    ----------
+    robot : Robot
+        The H4, with the sensors of `SETS` in its file.
+    robots : int
+        True robots to draw from the tolerances for each set, at most `ROBOTS` of them.
+    seed : int
+        The same seed gives the same robots and poses.
+    effects : Effects, optional
+        How far and how fast; the defaults' 20 K in 2 h.
+    progress : callable
+        Called after each robot.
+    """
+    effects = (Effects() if effects is None else effects).only("thermal", "quantisation")
+    times = np.linspace(0, 1.5 * effects.warm_up_time, STEPS + 1)
+    results = []
+    for label, sensors in SETS.items():
+        drawn = robot.with_sensors(*sensors)
+        sources = np.random.SeedSequence(seed).spawn(min(robots, ROBOTS))
+        rms: dict[Method, list[Array]] = {method: [] for method in METHODS}
+        estimates, bounds = [], []
+        for errors, estimated, bound in each(
+            lambda source, drawn=drawn: _one(drawn, source, effects, times), sources
+        ):
+            for method in METHODS:
+                rms[method].append(errors[method])
+            estimates.append(estimated)
+            bounds.append(bound)
+            progress()
+        found = {method: np.array(values) for method, values in rms.items()}
+        results.append(WarmUp(label, times / 3600, found, *map(np.array, (estimates, bounds))))
+    return results
+
+
+def _one(
+    drawn: Robot, source: np.random.SeedSequence, effects: Effects, times: Array
+) -> tuple[dict[Method, Array], Array, Array]:
+    """RMS errors of one robot under each method; those of `online`'s estimates, and their bound."""
+    cold = with_tolerance_errors(drawn.with_level(drawn.finest_level), source)
+    known = _calibrated(drawn, cold, np.zeros((0, 0)))
+    growth = effects.growth(cold)
+    names = knowledge.uncertain(drawn)
+    modes = np.array([[gain.get(name, 0.0) for name in names] for gain in growth])
+    lines = POSES * effects.warm_up_time / (times[1] - times[0])
+    online = OnlineCalibration(
+        known, [{name: g / np.sqrt(lines) for name, g in gain.items()} for gain in growth]
+    )
+    believed = {
+        "frozen": known,
+        "redundant": known,
+        "weighted": _calibrated(drawn, cold, modes),
+    }
+    rng = np.random.default_rng(source.spawn(1)[0])
+    table = paper_data.table2()
+    rms: dict[Method, list[float]] = {method: [] for method in METHODS}
+    estimated, bound = [], []
+    for time in times:
+        true = effects.geometry(cold, time)
+        poses = table[rng.choice(len(table), POSES, replace=False)]
+        poses = poses + rng.uniform(-JITTER, JITTER, poses.shape)
+        believed["online"] = online.robot
+        for method, law in METHODS.items():
+            x = settle(believed[method], true, poses, law)
+            rms[method].append(_rms(((x - poses)[:, :3] ** 2).sum(axis=1)))
+        readings = true.read(x, seed=int(rng.integers(2**32)))
+        off = believed["online"].estimate(readings).x - x
+        estimated.append(_rms((off[:, :3] ** 2).sum(axis=1)))
+        P = accuracy(online.robot, poses)
+        bound.append(_rms(np.trace(P[:, :3, :3], axis1=1, axis2=2)))
+        online.observe(readings)
+    errors = {method: np.array(values) for method, values in rms.items()}
+    return errors, np.array(estimated), np.array(bound)
+
+
+def _calibrated(drawn: Robot, cold: Robot, modes: Array) -> Robot:
+    """Return the robot as a perfect calibration knows it cold, and as it may have grown since."""
+    names = knowledge.uncertain(drawn)
+    sigma = np.array([drawn.parameters[name].sigma for name in names])
+    root = PERFECT * np.diag(sigma)
+    if modes.size:
+        half = np.vstack([root, modes])
+        lower = np.linalg.qr(half, mode="r").T
+        root = lower * np.sign(np.diag(lower))
+    values = {name: cold.parameters[name].value for name in names}
+    learnt = drawn.with_calibration(calibration_of(values, root, "perfect, cold"))
+    return learnt.with_level(drawn.finest_level)
+
+
+def _rms(squares: Array) -> float:
+    return float(1e3 * np.sqrt(squares.mean()))

@@ -1,0 +1,117 @@
+"""Why do these chains make no robot? What they cannot reach at home, or do not hold, in words."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from truepose import _core
+from truepose.robotfile.schema import RobotFile
+
+Array = NDArray[np.float64]
+
+#: Place of each coordinate in a twist [velocity; angular velocity].
+_TWIST = {"x": 0, "y": 1, "z": 2, "rx": 3, "ry": 4, "rz": 5, "theta": 5}
+_HELD = 1e-6  # of the largest singular value; the core's own bound for a rank
+
+
+def at_home(robot: _core.Robot, spec: RobotFile, coordinates: list[str], failure: tuple) -> str:
+    """Say why the inverse model or the Jacobian at home fails, in one line.
+
+    Parameters
+    ----------
+    failure : (int, int)
+        Status and chain, as the core's `finish` returns them.
+    """
+    status, chain = failure
+    home = [*spec.home, *[0.0] * (6 - spec.n)]
+    words = f"home = {list(spec.home)}: {_core.describe(status)}"
+    words += f", chain {chain + 1}" if chain >= 0 else ""
+    if status == _core.unreachable:
+        gap = _core.shortfall(robot, home, chain)
+        words += f": its rod is {1e3 * abs(gap):.3g} mm too {'short' if gap > 0 else 'long'}"
+    elif status == _core.joint_limit:
+        words += f": {beyond(robot, spec, np.array(spec.home), chain)}"
+    elif status == _core.singular and chain >= 0:
+        revolute = spec.chain[chain].actuator == "revolute"
+        how = "arm and rod stand in one line" if revolute else "rod stands square to its rail"
+        words += f": its {how}"
+    elif status == _core.singular:
+        rows, _ = _core.rod_rows(robot, home)
+        twists = np.zeros((spec.n, 6))
+        twists[:, [_TWIST[name] for name in coordinates]] = _not_held(rows, coordinates)
+        words += f": the chains do not hold the nacelle against {_motions(twists)}"
+    return words
+
+
+def beyond(robot: _core.Robot, spec: RobotFile, x: Array, chain: int, full: bool = False) -> str:
+    """Say where the chain's motor would stand at x, and between which stops it may."""
+    q, _, _ = _core.ikm(robot.without_limits(), np.ascontiguousarray(x[None]), full)
+    position = robot.motor_position(chain, q[0, chain])
+    low, high = spec.chain[chain].limits or (-np.inf, np.inf)
+    return f"{position:.6g} of [{low:.6g}, {high:.6g}]"
+
+
+def not_held(robot: _core.Robot) -> str:
+    """Say what every rod by itself leaves free at home, where the full level is loose."""
+    rows = _core.full_rod_rows(robot)
+    names = ["x", "y", "z", "rx", "ry", "rz"] + ["bar"] * (rows.shape[1] - 6)
+    return f"the rods do not hold the nacelle against {_motions(_not_held(rows, names))}"
+
+
+def _not_held(rows: Array, names: list[str]) -> Array:
+    """Motions that leave all rods their lengths, one a row, as few coordinates in each as can be.
+
+    Padded with zero rows to as many as there are coordinates.
+    """
+    turns = np.array([name not in ("x", "y", "z") for name in names])
+    sizes = np.linalg.norm(rows, axis=0)
+    length = np.median(sizes[turns]) / np.median(sizes[~turns]) if turns.any() else 1.0
+    scale = np.where(turns, length or 1.0, 1.0)
+    _, values, motions = np.linalg.svd(rows / scale)
+    values = np.append(values, np.zeros(len(names) - len(values)))
+    free = motions[values <= max(_HELD * values[0], values[-1])]
+    for k in range(len(free)):  # reduced echelon form
+        column = int(np.abs(free[k:]).max(axis=0).argmax())
+        row = k + int(np.abs(free[k:, column]).argmax())
+        free[[k, row]] = free[[row, k]]
+        free[k] /= free[k, column]
+        for other in range(len(free)):
+            if other != k:
+                free[other] -= free[other, column] * free[k]
+    free = np.where(np.abs(free) < _HELD, 0.0, free) / scale
+    return np.vstack([free, np.zeros((len(names) - len(free), len(names)))])
+
+
+def _motions(twists: Array) -> str:
+    return ", nor against ".join(_motion(twist) for twist in twists if twist.any())
+
+
+def _motion(twist: Array) -> str:
+    """Write a motion [velocity; angular velocity; bars' turns] of the nacelle in words."""
+    v, omega, bars = twist[:3], twist[3:6], twist[6:]
+    parts = []
+    if (turn := float(np.linalg.norm(omega))) > 0:
+        parts = [f"turning about {_direction(omega / turn)}"]
+        through = np.cross(omega, v) / turn**2
+        if np.abs(through).max() > 1e-6:
+            parts[0] += (
+                " through ("
+                + ", ".join(
+                    f"{1e3 * c:.3g}" for c in np.where(np.abs(through) > 1e-6, through, 0.0)
+                )
+                + ") mm"
+            )
+        if abs(pitch := float(v @ omega) / turn**2) > 1e-6:
+            parts[0] += f", advancing {1e3 * pitch:.3g} mm/rad"
+    elif v.any():
+        parts = [f"moving along {_direction(v / np.linalg.norm(v))}"]
+    parts += [f"bar {k + 1} turning on its pivot" for k in np.flatnonzero(bars)]
+    return " with ".join(parts)
+
+
+def _direction(d: Array) -> str:
+    axis = int(np.abs(d).argmax())
+    if abs(d[axis]) > 1 - 1e-6:
+        return "xyz"[axis]
+    return "(" + ", ".join(f"{c:.3g}" for c in d * np.sign(d[axis])) + ")"

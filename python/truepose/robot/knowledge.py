@@ -1,0 +1,174 @@
+"""What is known of a robot's parameters, and of its readings? Σ_ξ and Σ_s."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from truepose import _core
+from truepose.exceptions import InputError
+from truepose.robot.to_core import Array, columns
+
+if TYPE_CHECKING:
+    from truepose.robot.kinematics import Level
+    from truepose.robot.robot import Robot
+
+#: σ that an unquantised, noiseless reading counts with, rad or m; others count with their own.
+EXACT = 1e-6
+
+
+def uncertain(robot: Robot) -> list[str]:
+    """Names of the parameters that readings depend on and that are not known exactly (σ > 0)."""
+    known = {name for name, _ in columns(robot.spec, robot._sensors)}
+    return [name for name, p in robot.parameters.items() if p.sigma > 0 and name in known]
+
+
+def root(robot: Robot, names: list[str]) -> Array:
+    """Lower triangular S of these parameters' covariance S Sᵀ, shape (p, p)."""
+    sigma = np.array([robot.parameters[name].sigma for name in names])
+    learnt = robot.spec.calibration
+    if learnt is None:
+        return np.diag(sigma)
+    full = np.zeros((len(learnt.root), len(learnt.root)))
+    for k, row in enumerate(learnt.root):
+        full[k, : k + 1] = row
+    if list(learnt.parameters) == names:
+        return full
+    # Other sensors are in use than in the calibration: rows of S Sᵀ and of the tolerances.
+    at = {name: k for k, name in enumerate(learnt.parameters)}
+    half = np.zeros((len(names), len(full) + len(names)))
+    for k, name in enumerate(names):
+        if name in at:
+            half[k, : len(full)] = full[at[name]]
+        else:
+            half[k, len(full) + k] = sigma[k]
+    lower = np.linalg.qr(half.T, mode="r").T
+    return lower * np.sign(np.diag(lower))
+
+
+def reading_sigma(robot: Robot) -> Array:
+    """σ of every reading's own error, shape (n + r,): its noise and one count; EXACT for none."""
+    sigma = robot.reading_sigma
+    return np.where(sigma > 0, sigma, EXACT)
+
+
+#: Parameters whose errors only the full level follows to the end, by the ends of their names.
+LEFT_OUT = (".yaw", ".tilt", ".rod_difference", ".rod_spacing")
+
+
+def left_out(robot: Robot) -> dict[str, float]:
+    """Return what the ideal level leaves out of this robot: axis errors of its file and their σ.
+
+    Empty where the full level is the ideal one, or does not exist.
+    """
+    kinds = _core.FullKind
+    if robot._core.full.kind not in (kinds.exists, kinds.elastic):
+        return {}
+    drawn = robot.with_calibration(None)
+    return {
+        name: drawn.parameters[name].sigma for name in uncertain(drawn) if name.endswith(LEFT_OUT)
+    }
+
+
+def stated_error(robot: Robot) -> Array:
+    """σ of what the ideal level leaves out of each reading, shape (n + r,): learnt, or allowed for.
+
+    A calibration that found the ideal level to be enough, by request, has none.
+    """
+    learnt = robot.spec.calibration
+    if learnt is None:
+        return model_error(robot)
+    if not learnt.model_error:
+        return np.zeros(robot.n + robot.r)
+    allowed = dict(zip(robot.readings, model_error(robot), strict=True))
+    return np.array([learnt.model_error.get(name, allowed[name]) for name in robot.readings])
+
+
+def model_error(robot: Robot) -> Array:
+    """σ by which readings differ from the ideal level's, shape (n + r,), root of the mean square.
+
+    Over the workspace, to first order in the axis errors that the file's tolerances allow.
+    """
+    errors = left_out(robot)
+    box = robot.spec.workspace
+    if not errors or box is None:
+        return np.zeros(robot.n + robot.r)
+    poses = np.random.default_rng(0).uniform(box.minimum, box.maximum, (64, robot.n))
+    names = list(robot.parameters)
+    at = [names.index(name) for name in errors]
+    full, ideal = (robot.linearise(poses, "nan", level)[1][..., at] for level in ("full", "ideal"))
+    off = (full - ideal) * np.array(list(errors.values()))
+    return np.sqrt(np.nanmean((off**2).sum(axis=-1), axis=0))
+
+
+def knowledge(
+    robot: Robot,
+    posterior: Array | None = None,
+    *,
+    guarded: bool = False,
+    level: Level | None = None,
+    error: bool = True,
+    registration: Array | None = None,
+) -> Known:
+    """Build the core's struct.
+
+    Parameters
+    ----------
+    robot : Robot
+    posterior : ndarray, shape (p, p), optional
+        A root to take in place of the robot's own.
+    guarded : bool
+        Also what the ideal level leaves out, as parameters of their own behind the others.
+    level : {"ideal", "full"}, optional
+        That the readings are understood by; by default the robot's finest.
+    error : bool
+        Whether readings that are understood by the ideal level count with what it leaves out: what
+        the robot's calibration says, or what its tolerances allow. Not together with `guarded`.
+    registration : ndarray, shape (12,), optional
+        σ of an outside measurement's frames, unknowns of their own behind the parameters.
+    """
+    names = uncertain(robot)
+    column = dict(columns(robot.spec, robot._sensors))
+    at = [column[name] for name in names]
+    lower = root(robot, names) if posterior is None else posterior
+    errors = left_out(robot) if guarded else {}
+    frames = [] if registration is None else registration.tolist()
+    if errors or frames:
+        at += [-1] * len(frames)  # no reading depends on them
+        at += [column[name] for name in errors]
+        whole = np.diag([0.0] * len(names) + frames + list(errors.values()))
+        whole[: len(names), : len(names)] = lower
+        lower = whole
+    sigma = reading_sigma(robot)
+    if error and not guarded and (level or robot.finest_level) == "ideal":
+        sigma = np.hypot(sigma, stated_error(robot))
+    return Known(_core.Knowledge(at, lower, sigma), len(names), len(errors))
+
+
+class Known(NamedTuple):
+    """What is known, as the core takes it."""
+
+    core: _core.Knowledge
+    parameters: int  #: p
+    nuisances: int  #: behind them
+
+
+def for_law(robot: Robot, law: str) -> tuple[Robot, _core.Knowledge | None]:
+    """Return the robot at the level at which a law understands it, and what it weighs by.
+
+    The paper's laws keep the robot's level and weigh nothing.
+    """
+    if law not in ("weighted", "estimated"):
+        return robot, None
+    return robot._finest, knowledge(robot).core
+
+
+def require_uncertain(robot: Robot) -> list[str]:
+    """Names as of :func:`uncertain`; an error where there are none."""
+    names = uncertain(robot)
+    if not names:
+        raise InputError(
+            f"{robot.name}: [tolerances]: no parameter has a sigma or an interval: nothing to learn"
+        )
+    return names

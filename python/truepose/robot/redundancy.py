@@ -1,0 +1,260 @@
+"""What do redundant readings say? The facade's TEJs, estimates and derivatives."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose import _core
+from truepose.arguments import fraction
+from truepose.exceptions import InputError, choose
+from truepose.robot.kinematics import Errors, Kinematics, Level
+from truepose.robot.to_core import Array, columns
+
+
+class Estimate(NamedTuple):
+    """The best pose that all readings allow, and how well it is known."""
+
+    x: Array  #: (..., n)
+    covariance: Array  #: (..., n, n) of the free twist (spatial: rotation vector in the base frame)
+    chi2: Array  #: (...) of the residuals; about r where the tolerances are right
+    status: Array  #: (...) "ok", or why not
+
+
+class Redundancy(Kinematics):
+    """What a :class:`truepose.Robot` makes of all its readings together."""
+
+    def redundant_fkm(self, q_e: ArrayLike, errors: Errors = "raise") -> Array:
+        """Redundant FKM in closed form: θ from its sensor, the position from all n spheres.
+
+        Parameters
+        ----------
+        q_e : array_like, shape (..., n + r)
+            Extended positions: motors, then the sensors in use.
+
+        Returns
+        -------
+        ndarray, shape (..., n)
+        """
+        rows, lead = self._rows(q_e, self.n + self.r, "q_e", errors)
+        self.require_orientation()
+        x, status, chain = _core.redundant_fkm(self._core, rows)
+        self._check("reading", rows, lead, status, chain, errors, name="q_e")
+        return x.reshape(*lead, self.n)
+
+    def estimate(
+        self,
+        q_e: ArrayLike,
+        guess: ArrayLike | None = None,
+        errors: Errors = "raise",
+        level: Level | None = None,
+    ) -> Estimate:
+        """Best pose from all readings, weighted by what is known of each, and its covariance.
+
+        x̂ minimises the readings' residuals in the metric C⁻¹, C = H_ξ Σ_ξ H_ξᵀ + Σ_s: tolerances
+        (or a calibration's covariance) and the readings' own errors. The geometry is this robot's;
+        the covariance holds for true ones spread about it, see :meth:`expected`.
+
+        Parameters
+        ----------
+        q_e : array_like, shape (..., n + r)
+            Extended positions: motors, then the sensors in use.
+        guess : array_like, shape (n,) or (..., n), optional
+            Where to start; the file's home pose by default.
+        errors : {"raise", "nan"}
+            What to do where no pose is found.
+        level : {"ideal", "full"}, optional
+            One rod per chain, or every rod by itself; by default :attr:`Robot.finest_level`. At
+            the ideal level the readings count with what it leaves out of a real robot.
+
+        Returns
+        -------
+        Estimate
+            x (..., n), covariance (..., n, n), chi2 (...) and status (...).
+
+        Examples
+        --------
+        >>> import numpy as np, truepose as tp
+        >>> robot = tp.load("h4").with_sensors("theta", "z_telemeter").expected()
+        >>> est = robot.estimate(robot.extended([0.05, 0.01, -0.4, 0.2]))
+        >>> print(est.x.round(6), np.sqrt(np.diag(est.covariance))[2].round(6), est.status)
+        [ 0.05  0.01 -0.4   0.2 ] 0.000204 ok
+        """
+        from truepose.robot import knowledge
+
+        rows, lead = self._rows(q_e, self.n + self.r, "q_e", errors)
+        start = self._guesses(guess, lead, errors)
+        level = self.finest_level if level is None else level
+        x, covariance, chi2, status, chain = _core.estimate(
+            self._core,
+            knowledge.knowledge(self, level=level).core,
+            rows,
+            start,
+            self._is_full(level),
+        )
+        self._check("reading", rows, lead, status, chain, errors, name="q_e")
+        words = np.array([_core.describe(int(s)) for s in status])
+        return Estimate(
+            x.reshape(*lead, self.n),
+            covariance.reshape(*lead, self.n, self.n),
+            chi2.reshape(lead)[()],
+            words.reshape(lead)[()],
+        )
+
+    def require_orientation(self) -> None:
+        """Raise InputError unless the readings determine the nacelle's orientation."""
+        kinds = [sensor.kind for sensor in self._sensors]
+        mobility = self._spec.mobility
+        if mobility == "translation" or (mobility == "schoenflies" and "nacelle_angle" in kinds):
+            return
+        has = [s.name for s in self._spec.sensor if s.kind == "nacelle_angle"]
+        hint = (
+            f"use with_sensors('{has[0]}')"
+            if has and mobility == "schoenflies"
+            else ("it exists for translation robots and for schoenflies robots with θ measured")
+        )
+        raise InputError(f"{self.name}: the redundant FKM needs the nacelle's orientation; {hint}")
+
+    def tej(
+        self, x: ArrayLike, errors: Errors = "raise", damped_below: float = 0.0
+    ) -> tuple[Array, Array]:
+        """Extended-to-joint matrix of the paper, at x.
+
+        Parameters
+        ----------
+        x : array_like, shape (..., n)
+            Poses, m and rad.
+        errors : {"raise", "nan"}
+            What to do with a pose that cannot be reached, or is singular.
+        damped_below : float
+            Damp J where a :meth:`conditioning` is less (0: nowhere, the paper's TEJ): finite and
+            bounded on a singularity too, and the paper's to the last bit elsewhere.
+
+        Returns
+        -------
+        M : ndarray, shape (..., n + r, n)
+            dq_e = M dq, M = [I; J_r J].
+        M_plus : ndarray, shape (..., n, n + r)
+            TEJ: the pseudo-inverse of M under the sensors' weights (1 in the paper).
+
+        Examples
+        --------
+        >>> import numpy as np, truepose as tp
+        >>> M, M_plus = tp.load("h4").tej([0.05, 0, -0.4, 0.2])
+        >>> bool(np.allclose(M_plus @ M, np.eye(4), atol=1e-12))
+        True
+        """
+        fraction("damped_below", damped_below)
+        rows, lead = self._rows(x, self.n, "x", errors)
+        M, M_plus, status, chain = _core.tej(self._core, rows, damped_below)
+        self._check("pose", rows, lead, status, chain, errors)
+        size = self.n + self.r
+        return M.reshape(*lead, size, self.n), M_plus.reshape(*lead, self.n, size)
+
+    def weighted_tej(self, x: ArrayLike, errors: Errors = "raise") -> Array:
+        """Extended-to-joint matrix with the weights that the readings deserve, at x.
+
+        M⁺ = (MᵀC⁻¹M)⁻¹MᵀC⁻¹, C = H_ξ Σ_ξ H_ξᵀ + Σ_s as of :meth:`estimate`: what tolerances (or a
+        calibration) and counts leave to be trusted in each reading. At :attr:`Robot.finest_level`.
+
+        Returns
+        -------
+        ndarray, shape (..., n, n + r)
+
+        Examples
+        --------
+        >>> import numpy as np, truepose as tp
+        >>> robot, x = tp.load("h4"), [0.05, 0, -0.4, 0.2]
+        >>> M, M_plus = robot.tej(x)
+        >>> bool(np.allclose(robot.weighted_tej(x) @ M, np.eye(4), atol=1e-9))
+        True
+        """
+        from truepose.robot import knowledge
+
+        rows, lead = self._rows(x, self.n, "x", errors)
+        believed, known = knowledge.for_law(self, "weighted")
+        full = believed.level == "full"
+        _, M_plus, status, chain = _core.gain(believed._core, known, rows, full)
+        self._check("pose", rows, lead, status, chain, errors)
+        return M_plus.reshape(*lead, self.n, self.n + self.r)
+
+    def leakage(self, x: ArrayLike, law: str, errors: Errors = "raise") -> Array:
+        """How an error of one reading leaks into the pose at which the robot rests.
+
+        Where a law holds this robot at rest, its motor error ê_q vanishes; an error δq_e of the
+        readings then moves the true pose by δx = leakage @ δq_e, to first order: -[J 0] under the
+        joint law, -J M⁺ under a TEJ, -∂x̂/∂q_e under a law of the pose.
+
+        Parameters
+        ----------
+        x : array_like, shape (..., n)
+            Desired poses, m and rad.
+        law : {"joint", "redundant", "cartesian", "weighted", "estimated"}
+            As of :class:`truepose.Controller`.
+        errors : {"raise", "nan"}
+            What to do with a pose that cannot be reached or is singular.
+
+        Returns
+        -------
+        ndarray, shape (..., n, n + r)
+            δx along the free twist (spatial: rotation vector in the base frame).
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> robot, x = tp.load("h4"), [0.05, 0, -0.4, 0.2]
+        >>> for law in ("joint", "redundant", "weighted"):  # of motor 3, and of θ's sensor, into θ
+        ...     print(law, robot.leakage(x, law)[3, [2, 4]].round(3) + 0.0)
+        joint [2.546 0.   ]
+        redundant [ 0.186 -0.927]
+        weighted [ 0. -1.]
+        """
+        from truepose.robot import knowledge
+        from truepose.simulation.simulate import LAWS
+
+        if law not in LAWS:
+            raise InputError(choose("law", law, LAWS))
+        if law == "cartesian":
+            self.require_orientation()
+        rows, lead = self._rows(x, self.n, "x", errors)
+        believed, known = knowledge.for_law(self, law)
+        leak, status, chain = _core.leakage(believed._core, getattr(_core.Law, law), known, rows)
+        self._check("pose", rows, lead, status, chain, errors)
+        return leak.reshape(*lead, self.n, self.n + self.r)
+
+    def linearise(
+        self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None
+    ) -> tuple[Array, Array]:
+        """Jacobians of all readings q_e = [q; r] at the pose x, the motors holding it.
+
+        At the full level what x leaves out follows too: the nacelle's tilt, its bars' turns.
+
+        Returns
+        -------
+        H_x : ndarray, shape (..., n + r, n)
+            ∂q_e/∂x along the free twist; its first n rows are J⁻¹, the others J_r.
+        H_xi : ndarray, shape (..., n + r, p)
+            ∂q_e/∂ξ at fixed x, one column for each of the p names of :attr:`parameters`, in
+            their order; columns of sensors not in use are zero.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> robot = tp.load("h4")
+        >>> H_x, H_xi = robot.linearise([0.05, 0, -0.4, 0.2])
+        >>> names = list(robot.parameters)
+        >>> bool((H_xi[:4, names.index("chain2.encoder_offset")] == [0, -1, 0, 0]).all())
+        True
+        """
+        rows, lead = self._rows(x, self.n, "x", errors)
+        H_x, core, status, chain = _core.linearise(self._core, rows, self._is_full(level))
+        self._check("pose", rows, lead, status, chain, errors)
+        names = list(self._values)
+        H = np.zeros((*core.shape[:2], len(names)))
+        for name, column in columns(self._spec, self._sensors):
+            if name in self._values:
+                H[..., names.index(name)] = core[..., column]
+        size = self.n + self.r
+        return H_x.reshape(*lead, size, self.n), H.reshape(*lead, size, len(names))

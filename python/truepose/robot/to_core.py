@@ -1,0 +1,228 @@
+"""How does a robot file become the core's structs? Parameter names, values, chains, sensors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from truepose import _core
+from truepose.exceptions import RobotFileError
+from truepose.robotfile.base import Section
+from truepose.robotfile.schema import Chain, RobotFile
+from truepose.robotfile.sensors import Encoder, Sensor
+
+Array = NDArray[np.float64]
+
+#: Mobilities whose chains are spatial parallelograms, two rods each.
+PAIRED = ("translation", "schoenflies")
+
+#: Amplitudes of an encoder's eccentricity: cosine and sine of one turn, of two.
+HARMONICS = ("c1", "s1", "c2", "s2")
+
+_COMPONENTS = {name: k for names in ("xyz", HARMONICS) for k, name in enumerate(names)}
+
+
+def parameter_names(
+    mobility: str | None,
+    actuators: Sequence[str | None],
+    bars: int,
+    sensors: Sequence[tuple[str, type[Section]]],
+) -> list[str]:
+    """Names of all geometric parameters, those of what is None (not known) included.
+
+    Parameters
+    ----------
+    sensors : sequence of (name, class)
+        The class as of :data:`~truepose.robotfile.sensors.SENSORS`.
+    """
+    names = []
+    for number, actuator in enumerate(actuators, 1):
+        keys = [f"{vector}.{axis}" for vector in ("base", "anchor") for axis in "xyz"]
+        keys += ["encoder_offset", "yaw", "tilt"]
+        keys += ["rod_difference", "rod_spacing"] * (mobility in (*PAIRED, None))
+        keys += ["arm"] * (actuator in ("revolute", None))
+        keys += ["rod"] * (actuator != "telescopic")
+        keys += _harmonics() * (actuator in ("revolute", None))
+        names += [f"chain{number}.{key}" for key in keys]
+    names += [f"bar{number}.pivot" for number in range(1, bars + 1)]
+    for name, kind in sensors:
+        keys = ["offset", "gain"]
+        keys += [f"{vector}.{axis}" for vector in kind.mounting.values() for axis in "xyz"]
+        keys += _harmonics() * issubclass(kind, Encoder)
+        names += [f"{name}.{key}" for key in keys]
+    return names
+
+
+def drawn(spec: RobotFile) -> dict[str, float]:
+    """Name and value of every geometric parameter, as the file's keys draw them."""
+    sensors = [(sensor.name, type(sensor)) for sensor in spec.sensor]
+    names = parameter_names(spec.mobility, [c.actuator for c in spec.chain], len(spec.bar), sensors)
+    parts = {f"chain{number}": chain for number, chain in enumerate(spec.chain, 1)}
+    parts |= {f"bar{number}": bar for number, bar in enumerate(spec.bar, 1)}
+    parts |= {sensor.name: sensor for sensor in spec.sensor}
+    values = {}
+    for name in names:
+        part, key, *component = name.split(".")
+        value = getattr(parts[part], key)
+        values[name] = value[_COMPONENTS[component[0]]] if component else value
+    for sensor in spec.sensor:
+        for key in (sensor.mounting.get(vector) for vector in DIRECTIONS):
+            if key is not None:  # only turning it means something
+                of = [f"{sensor.name}.{key}.{axis}" for axis in "xyz"]
+                length = math.hypot(*(values[name] for name in of))
+                values |= {name: values[name] / length for name in of}
+    return values
+
+
+def _harmonics() -> list[str]:
+    return [f"eccentricity.{harmonic}" for harmonic in HARMONICS]
+
+
+#: The core's sensor vectors that are directions: parameters of theirs have length 1 as drawn.
+DIRECTIONS = ("direction", "normal")
+
+
+def columns(spec: RobotFile, sensors: tuple[Sensor, ...]) -> list[tuple[str, int]]:
+    """Name of every parameter that the core knows in this robot, and its column of H_ξ."""
+    chain = [f"base.{axis}" for axis in "xyz"] + ["arm", "rod", "encoder_offset", "yaw", "tilt"]
+    chain += [f"anchor.{axis}" for axis in "xyz"] + ["rod_difference", "rod_spacing"]
+    chain += _harmonics()
+    width = len(chain)
+    columns = [
+        (f"chain{i + 1}.{key}", i * width + k) for i in range(spec.n) for k, key in enumerate(chain)
+    ]
+    columns += [(f"bar{k + 1}.pivot", spec.n * width + k) for k in range(len(spec.bar))]
+    start = spec.n * width + _core.max_bars
+    for number, sensor in enumerate(sensors):
+        own = start + _core.sensor_parameters * number
+        columns += [(f"{sensor.name}.offset", own), (f"{sensor.name}.gain", own + 1)]
+        for k, vector in enumerate(("origin", "direction", "target", "normal")):
+            if key := sensor.mounting.get(vector):
+                names = [f"{sensor.name}.{key}.{axis}" for axis in "xyz"]
+                columns += [(name, own + 2 + 3 * k + a) for a, name in enumerate(names)]
+        last = own + _core.sensor_parameters - len(HARMONICS)
+        columns += [(f"{sensor.name}.eccentricity.{h}", last + k) for k, h in enumerate(HARMONICS)]
+    return columns
+
+
+def encoder_step(chain: Chain) -> float:
+    """One count of a motor encoder, rad or m; 0 if unquantised."""
+    if not chain.encoder_counts:
+        return 0.0
+    return (2 * math.pi if chain.actuator == "revolute" else 1.0) / chain.encoder_counts
+
+
+def _pair_drawn(spec: RobotFile, chain: Chain) -> Array:
+    """From one rod of a chain to the other, as drawn.
+
+    Along an arm's axis. On a carriage, unless the file says, across the rail and the rods at home:
+    there the pair holds the nacelle best.
+    """
+    if chain.actuator != "prismatic":
+        return np.array(chain.axis)
+    if chain.pair_axis is not None:
+        return np.array(chain.pair_axis)
+    theta = spec.home[3] if spec.mobility == "schoenflies" else 0.0
+    A = np.array(spec.home[:3]) + chain.anchor
+    if chain.bar is not None:
+        bar = spec.bar[chain.bar - 1]
+        A += _core.rotation([0.0, 0.0, theta]) @ (bar.pivot * np.array(bar.direction))
+    across = np.cross(chain.axis, A - chain.base)
+    length = float(np.linalg.norm(across))
+    if length < 1e-3 * float(np.linalg.norm(A - chain.base)):
+        raise RobotFileError(
+            f"{spec.name}: chain {spec.chain.index(chain) + 1}: its rail and its rods are parallel "
+            "at home: say which way the two rods lie apart (pair_axis = [x, y, z])"
+        )
+    return across / length
+
+
+def build(spec: RobotFile, sensors: tuple[Sensor, ...]) -> _core.Robot:
+    """Fill the core's structs from the file, as drawn: axes at zero yaw and tilt."""
+    robot = _core.Robot()
+    robot.mobility = getattr(_core.Mobility, spec.mobility)
+    robot.gravity = np.array(spec.gravity)
+    robot.home = [*spec.home, *[0.0] * (6 - spec.n)]
+    robot.bar_joint = getattr(_core.BarJoint, spec.nacelle.bars)
+    for i, chain in enumerate(spec.chain):
+        robot.set_chain(i, _build_chain(spec, chain))
+    for sensor in sensors:
+        robot.add_sensor(_build_sensor(spec, sensor))
+    body = _core.Body()
+    body.mass = spec.nacelle.mass
+    body.pivot = np.array(spec.nacelle.centre)
+    body.inertia = np.diag(
+        [spec.nacelle.inertia_x, spec.nacelle.inertia_y, spec.nacelle.inertia_z]
+    ).astype(float)
+    robot.add_body(body)
+    for k, bar in enumerate(spec.bar):
+        body = _core.Body()
+        body.mass, body.bar = bar.mass, k
+        body.pivot = bar.pivot * np.array(bar.direction)
+        robot.add_body(body)
+    return robot
+
+
+def _build_chain(spec: RobotFile, chain: Chain) -> _core.Chain:
+    """Fill the core's struct of a chain."""
+    built = _core.Chain()
+    built.actuator = getattr(_core.Actuator, chain.actuator)
+    for key in ("base", "axis", "zero"):
+        setattr(built, key, np.array(getattr(chain, key)))
+    built.arm, built.rod = chain.arm or 0.0, chain.rod or 0.0
+    if chain.bar is None:
+        built.pivot = np.array(chain.anchor)
+    else:
+        bar = spec.bar[chain.bar - 1]
+        built.pivot = bar.pivot * np.array(bar.direction)
+        built.anchor = np.array(chain.anchor)
+        built.bar = chain.bar - 1
+    built.encoder_step = encoder_step(chain) * spec.quantised
+    built.encoder_noise = chain.encoder_noise
+    built.set_eccentricity(chain.eccentricity, 1.0)
+    if chain.limits is not None:
+        built.low, built.high = chain.limits
+    built.torque_limit = chain.torque_limit or 0.0
+    if spec.mobility in PAIRED:  # two rods
+        built.rod_spacing = chain.rod_spacing
+        built.pair_axis = built.pair_drawn = _pair_drawn(spec, chain)
+    for key in ("working_mode", "drive_inertia", "arm_mass", "rod_mass", "viscous", "coulomb"):
+        setattr(built, key, getattr(chain, key))
+    return built
+
+
+def _build_sensor(spec: RobotFile, sensor: Sensor) -> _core.Sensor:
+    """Fill the core's struct of a sensor."""
+    built = _core.Sensor()
+    built.kind = getattr(_core.SensorKind, sensor.kind)
+    built.offset, built.gain = sensor.offset, sensor.gain
+    built.step = sensor.step * spec.quantised
+    built.noise = sensor.noise
+    if isinstance(sensor, Encoder):
+        built.set_eccentricity(sensor.eccentricity, sensor.gear)
+    built.weight = sensor.weight
+    built.bar = (getattr(sensor, "bar", None) or 0) - 1
+    for core, key in sensor.mounting.items():
+        setattr(built, core, np.array(getattr(sensor, key)))
+    if (number := getattr(sensor, "chain", None)) is not None:
+        built.chain = number - 1
+        built.at_nacelle = getattr(sensor, "side", "base") == "nacelle"
+        built.rod = -1 if getattr(sensor, "rod", "+") == "-" else 1
+        # A joint on the nacelle's side is built along the drawn axes of its chain.
+        built.direction = np.array(spec.chain[number - 1].axis)
+        built.normal = np.array(spec.chain[number - 1].zero)
+    return built
+
+
+def parameterised(
+    drawn: _core.Robot, known: list[tuple[str, int]], values: dict[str, float]
+) -> _core.Robot:
+    """Return the drawn robot with these parameters' values; `known` as from :func:`columns`."""
+    xi = drawn.drawn_parameters()
+    for name, column in known:
+        if name in values:
+            xi[column] = values[name]
+    return drawn.with_parameters(xi)

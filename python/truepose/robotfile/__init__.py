@@ -1,0 +1,1 @@
+"""What does a robot file say? Read, checked, filled in."""

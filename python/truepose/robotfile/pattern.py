@@ -1,0 +1,89 @@
+"""Which chains does a repeated motif stand for? Copies turned about an axis, exactly."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from fractions import Fraction
+
+from truepose.robotfile.schema import Chain
+
+#: Keys of a chain that turn with its copy.
+_TURNED = ("base", "axis", "zero", "anchor", "pair_axis")
+#: Keys whose one value is a list itself.
+_LISTS = ("limits", "eccentricity")
+
+
+def turned(vector: list[float], turns: Fraction, about: str) -> list[float]:
+    """Turn a vector about an axis of the base frame by a fraction of a full turn.
+
+    Examples
+    --------
+    >>> turned([1.0, 0.0, 2.0], Fraction(1, 4), "z")
+    [0.0, 1.0, 2.0]
+    """
+    c, s = _cosine(turns), _cosine(turns - Fraction(1, 4))
+    k = "xyz".index(about)
+    i, j = (k + 1) % 3, (k + 2) % 3
+    result = list(vector)
+    result[i] = c * vector[i] - s * vector[j] + 0.0  # + 0.0: no negative zeros
+    result[j] = s * vector[i] + c * vector[j] + 0.0
+    return result
+
+
+def _cosine(turns: Fraction) -> float:
+    """Cos of a fraction of a turn, exact where it is 0, ±1/2 or ±1."""
+    turns = turns % 1
+    turns = min(turns, 1 - turns)
+    if turns > Fraction(1, 4):
+        return -_cosine(Fraction(1, 2) - turns)
+    exact = {Fraction(1, 4): 0.0, Fraction(1, 6): 0.5}
+    return exact.get(turns, math.cos(2 * math.pi * turns))
+
+
+def expand(motif: list, repeat: int, about: str) -> list:
+    """Repeat the chains of a motif: first all of them, then all of them turned, and so on.
+
+    Vectors turn. Any other key may be a list with one value for each copy, see :func:`misfits`.
+
+    Examples
+    --------
+    >>> motif = [{"base": [2, 0, 0], "anchor": [1, 0, 0], "bar": [1, 2]}]
+    >>> [(c["base"], c["bar"]) for c in expand(motif, 2, "z")]
+    [([2.0, 0.0, 0], 1), ([-2.0, 0.0, 0], 2)]
+    """
+    return [_copy(chain, k, repeat, about) for k in range(repeat) for chain in motif]
+
+
+def misfits(motif: list, repeat: int) -> Iterator[tuple[tuple[str | int, ...], str]]:
+    """Find lists that do not have one value for each copy: the key's path, and what is wrong."""
+    for number, chain in enumerate(motif):
+        for key, values in _lists(chain):
+            if len(values) != repeat:
+                text = (
+                    f"chain.{number + 1}.{key} = {values}: give one value, or {repeat}, one a copy"
+                )
+                yield ("chain", number, key), text
+
+
+def _lists(chain: object) -> Iterator[tuple[str, list]]:
+    for key, value in chain.items() if isinstance(chain, dict) else ():
+        if key in _TURNED or not isinstance(value, list):
+            continue
+        if key not in _LISTS or all(isinstance(v, list) for v in value):
+            yield key, value
+
+
+def _copy(chain: object, k: int, repeat: int, about: str) -> object:
+    if not isinstance(chain, dict):  # the schema's to describe
+        return chain
+    result = dict(chain)
+    for key in _TURNED:
+        vector = chain.get(key, Chain.model_fields[key].default)
+        numbers = isinstance(vector, (list, tuple)) and len(vector) == 3
+        if numbers and all(type(v) in (int, float) for v in vector):
+            result[key] = turned(list(vector), Fraction(k, repeat), about)
+    for key, values in _lists(chain):
+        if values:
+            result[key] = values[min(k, len(values) - 1)]
+    return result

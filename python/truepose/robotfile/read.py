@@ -1,0 +1,358 @@
+"""How does a robot file become a robot's data, and what is wrong with it if it does not?"""
+
+from __future__ import annotations
+
+import fnmatch
+import itertools
+import os
+import re
+import tomllib
+from collections.abc import Iterator
+from importlib import resources
+from pathlib import Path
+from typing import NamedTuple
+
+from pydantic import ValidationError
+
+from truepose.exceptions import RobotFileError, choose, shortened
+from truepose.files.read import contents
+from truepose.robot.to_core import parameter_names
+from truepose.robotfile import consistency
+from truepose.robotfile.pattern import expand, misfits
+from truepose.robotfile.schema import (
+    ACTUATORS,
+    FREEDOMS,
+    Bar,
+    Calibration,
+    Chain,
+    Nacelle,
+    Pattern,
+    RobotFile,
+    Tolerance,
+    Workspace,
+)
+from truepose.robotfile.sensors import SENSORS
+
+_SECTIONS = {
+    "every_chain": Chain,
+    "chain": Chain,
+    "bar": Bar,
+    "nacelle": Nacelle,
+    "workspace": Workspace,
+    "singularity_free": Workspace,
+    "pattern": Pattern,
+    "tolerances": Tolerance,
+    "calibration": Calibration,
+    **SENSORS,
+}
+_SHORTHAND = ("every_chain", "based_on")
+#: What decides how a robot moves, and of a chain.
+_MECHANISM = ("mobility", "home", "chain", "bar", "nacelle")
+_MOVES = (
+    "actuator",
+    "base",
+    "axis",
+    "zero",
+    "arm",
+    "rod",
+    "working_mode",
+    "anchor",
+    "bar",
+    "limits",
+)
+_MOVES += ("rod_spacing", "rod_difference", "pair_axis", "yaw", "tilt", "encoder_offset")
+
+
+#: Of a robot file. A calibration of as many parameters as a robot can have takes 0.7 MB of it.
+MOST_BYTES = 1_000_000
+
+_DEEP = re.compile(r"(?:\.[\w\s\"'-]{1,40}){100}")  # a key of a hundred parts
+
+LINE = 1000  #: characters of a problem that are told
+_TOLD = 100  # problems of one sort, in one file
+
+#: A folder whose name ends so holds a robot as it may truly be, not one as it was drawn.
+TWIN = "-twin"
+
+
+def shipped() -> dict[str, Path]:
+    """Names of the shipped robots and their files; without twins."""
+    return {name: path for name, path in loadable().items() if not name.endswith(TWIN)}
+
+
+def loadable() -> dict[str, Path]:
+    """Names of everything that is shipped, twins too, and their files."""
+    folder = resources.files("truepose") / "_data/robots"
+    return {p.parent.name: p for p in sorted(Path(str(folder)).glob("*/robot.toml"))}
+
+
+def path_of(robot: str) -> Path:
+    """Find the file of a shipped robot's name, or of a path."""
+    return loadable().get(robot, Path(robot))
+
+
+def read(robot: str | Path) -> RobotFile:
+    """Read a shipped robot's name or a robot file's path.
+
+    Raises
+    ------
+    RobotFileError
+        One line: file, key, value, what it should be.
+    """
+    files = loadable()
+    if not isinstance(robot, (str, os.PathLike)) or not str(robot):
+        raise RobotFileError(f"robot = {robot!r}: must be a shipped robot's name or a file's path")
+    path = path_of(str(robot))
+    if path.suffix != ".toml" and not path.exists():
+        raise RobotFileError(choose("robot", robot, files) + ", or the path of a robot file")
+    return parse(text_of(path, str(robot)), str(robot))
+
+
+def text_of(path: Path, where: str) -> str:
+    """Read a file; `where` names it in the message."""
+    try:
+        data = contents(path, MOST_BYTES + 1)
+        text = data.decode("utf-8") if len(data) <= MOST_BYTES else ""
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "not a text file"
+        raise RobotFileError(f"{where}: cannot be read: {reason}") from None
+    if len(data) > MOST_BYTES:
+        raise RobotFileError(f"{where}: cannot be read: more than {MOST_BYTES} bytes")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def parse(text: str, where: str) -> RobotFile:
+    """Read a robot file's text; `where` names it in the message."""
+    try:
+        data = table_of(text)
+    except ValueError as error:
+        raise RobotFileError(f"{where}: {error}") from None
+    spec = validate(data, where)
+    spec._text = text
+    return spec
+
+
+def table_of(text: str) -> dict:
+    """Return what a TOML text says; ValueError with one line where it is none."""
+    try:
+        if _DEEP.search(text):  # the parser would take minutes
+            raise RecursionError
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f"not TOML: {error}") from None
+    except RecursionError:
+        raise ValueError("not TOML that can be read: nested too deeply") from None
+
+
+def validate(data: dict, where: str) -> RobotFile:
+    """Check the contents of a robot file; `where` names it in the message."""
+    spec, found = examine(data)
+    if spec is None:
+        more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
+        raise RobotFileError(f"{where}: {shortened(found[0].text, LINE)}{more}")
+    return spec
+
+
+class Problem(NamedTuple):
+    """What is wrong with a robot file: the key's path in the file, and a line that says it."""
+
+    path: tuple[str | int, ...]
+    text: str
+
+
+def examine(data: dict) -> tuple[RobotFile | None, list[Problem]]:
+    """Find everything the schema has against the contents of a robot file; none: it is one."""
+    try:
+        whole, motif, problems = _resolved(data)
+    except _ShorthandError as error:
+        return None, [error.problem]
+    problems += itertools.islice(itertools.starmap(Problem, consistency.problems(whole)), _TOLD)
+    problems += itertools.islice(_unknown_names(whole), _TOLD)
+    try:
+        spec = RobotFile.model_validate(whole)
+        return (None, problems) if problems else (spec, [])
+    except ValidationError as error:
+        found = error.errors(include_url=False)[:_TOLD]
+    found.sort(key=lambda problem: problem["type"] != "extra_forbidden")  # misspelt, not missing
+    described = {}  # copies of a chain have the same problem: told once
+    for problem in found:
+        location = _where_written(problem["loc"], data, motif)
+        text = _describe(problem | {"loc": location})
+        described[text] = Problem(tuple(p for p in location if p not in SENSORS), text)
+    return None, [*described.values(), *problems]
+
+
+def _where_written(location: tuple, data: dict, motif: int) -> tuple:
+    """Find the place in the file of a key of a chain: in the motif, or shared by all chains."""
+    if len(location) < 2 or location[0] != "chain" or not motif:
+        return location
+    number = location[1] % motif
+    chains = data.get("chain")
+    own = chains[number] if isinstance(chains, list) and isinstance(chains[number], dict) else {}
+    shared = data.get("every_chain", {})
+    if location[2:] and location[2] not in own and location[2] in shared:
+        return ("every_chain", *location[2:])
+    return ("chain", number, *location[2:])
+
+
+def _unknown_names(whole: dict) -> Iterator[Problem]:
+    """Find tolerances and values of parameters, and sensors in use, that do not exist.
+
+    Looked at even where other keys are wrong: what they leave open may be anything.
+    """
+    tables = {key: consistency.tables(whole, key)[:_TOLD] for key in ("chain", "bar", "sensor")}
+    known = [str(sensor.get("name")) for sensor in tables["sensor"]]
+    kinds = [sensor.get("kind") for sensor in tables["sensor"]]
+    listed = isinstance(whole.get("chain"), list) and all(str(kind) in SENSORS for kind in kinds)
+    actuators = [chain.get("actuator") for chain in tables["chain"]]
+    parameters = parameter_names(
+        whole.get("mobility") if whole.get("mobility") in FREEDOMS else None,
+        [actuator if actuator in ACTUATORS else None for actuator in actuators],
+        len(tables["bar"]),
+        [(name, SENSORS[str(k)]) for name, k in zip(known, kinds, strict=True)] if listed else [],
+    )
+    for table in ("tolerances", "parameters") if listed else ():
+        entries = whole.get(table)
+        for name, value in entries.items() if isinstance(entries, dict) else ():
+            exact = table == "parameters"
+            if not (name in parameters if exact else fnmatch.filter(parameters, name)):
+                text = f"{table}: " + choose("parameter", name, parameters)
+                yield Problem((table, name), text)
+            elif exact and type(value) in (int, float) and (wrong := wrong_value(name, value)):
+                yield Problem((table, name), f"{table}.{name} = {value}: {wrong}")
+    yield from _wrongly_learnt(whole.get("calibration"), parameters) if listed else ()
+    used = whole.get("sensors")
+    used = [s for s in used if isinstance(s, str)] if isinstance(used, list) else []
+    for number, name in enumerate(used):
+        if name not in known:
+            yield Problem(("sensors", number), choose("sensor", name, known))
+    if len(set(used)) < len(used):
+        yield Problem(("sensors",), f"a sensor is used twice: {', '.join(used)}")
+
+
+def _wrongly_learnt(calibration: object, parameters: list[str]) -> Iterator[Problem]:
+    """Find parameters of a calibration that do not exist, come twice, or cannot have their mean."""
+    table = calibration if isinstance(calibration, dict) else {}
+    names, means = table.get("parameters"), table.get("mean")
+    names, means = (v if isinstance(v, list) else [] for v in (names, means))
+    for number, name in enumerate(names):
+        path = ("calibration", "parameters", number)
+        if name not in parameters:
+            text = "calibration.parameters: " + choose("parameter", name, parameters)
+            yield Problem(path, text)
+        elif name in names[:number]:
+            yield Problem(path, f"calibration.parameters: {name}: a parameter is listed twice")
+    for number, (name, mean) in enumerate(zip(names, means, strict=False)):
+        if type(mean) in (int, float) and (wrong := wrong_value(str(name), mean)):
+            text = f"calibration.mean of {name} = {mean}: {wrong}"
+            yield Problem(("calibration", "mean", number), text)
+
+
+def wrong_value(name: str, value: float) -> str | None:
+    """Say what is wrong with a parameter's value, if anything."""
+    if name.endswith((".arm", ".rod", ".pivot", ".rod_spacing")) and value <= 0:
+        return "must be greater than 0 (m)"
+    if name.endswith(".gain") and value == 0:
+        return "a sensor that reads nothing"
+    if ".eccentricity." in name and abs(value) >= 0.1:
+        return "must be between -0.1 and 0.1 (rad)"
+    return None
+
+
+def mechanism_of(data: dict) -> RobotFile | None:
+    """Return what moves of a robot file, where that much is right whatever else is wrong."""
+    try:
+        whole, _, _ = _resolved(data)
+    except _ShorthandError:
+        return None
+    if any(problem[0][0] in _MECHANISM for problem in consistency.problems(whole)):
+        return None
+    told = itertools.islice(_unknown_names(whole | {"tolerances": {}}), _TOLD)
+    values, wrong = whole.get("parameters"), {problem.path for problem in told}
+    moving = {key: whole[key] for key in _MECHANISM if key in whole}
+    moving["chain"] = [
+        {key: chain[key] for key in chain if key in _MOVES}
+        for chain in consistency.tables(whole, "chain")
+    ]
+    moving["parameters"] = {
+        name: value
+        for name, value in (values if isinstance(values, dict) else {}).items()
+        if name.startswith(("chain", "bar")) and ("parameters", name) not in wrong
+    }
+    try:
+        return RobotFile.model_validate({"name": str(whole.get("name"))} | moving)
+    except ValidationError:
+        return None
+
+
+class _ShorthandError(Exception):
+    """The file's shorthand cannot be written out."""
+
+    def __init__(self, path: tuple[str | int, ...], text: str):
+        self.problem = Problem(path, text)
+
+
+def _resolved(data: dict) -> tuple[dict, int, list[Problem]]:
+    """Write out what is shorthand: based_on, every_chain, pattern.
+
+    Also the motif's length, and what is wrong with the shorthand.
+    """
+    data = dict(data)
+    if "based_on" in data:
+        data = _based_on(data)
+    shared = data.pop("every_chain", {})
+    if not isinstance(shared, dict):
+        raise _ShorthandError(("every_chain",), "every_chain: must be a table")
+    chains, pattern = data.get("chain"), data.get("pattern")
+    if not isinstance(chains, list):
+        return data, 0, []
+    chains = [shared | c if isinstance(c, dict) else c for c in chains]
+    motif = len(chains)
+    try:  # an unusable pattern is the schema's to describe
+        pattern = Pattern.model_validate(pattern)
+    except ValidationError:
+        return data | {"chain": chains}, motif, []
+    problems = [Problem(*problem) for problem in misfits(chains, pattern.repeat)]
+    return data | {"chain": expand(chains, pattern.repeat, pattern.about)}, motif, problems
+
+
+def _based_on(data: dict) -> dict:
+    """Lay a file over the shipped robot it is based on: tables key by key, the rest whole."""
+    files = shipped()
+    name = data.pop("based_on")
+    if not isinstance(name, str) or name not in files:
+        raise _ShorthandError(("based_on",), "based_on: " + choose("robot", name, files))
+    result = tomllib.loads(files[name].read_text(encoding="utf-8"))
+    for key, value in data.items():
+        known = result.get(key)
+        both = isinstance(known, dict) and isinstance(value, dict)
+        result[key] = known | value if both else value
+    return result
+
+
+def _describe(problem: dict) -> str:
+    """One line for one of pydantic's problems."""
+    location = [part for part in problem["loc"] if part not in SENSORS]
+    key = ".".join(str(part + 1) if isinstance(part, int) else str(part) for part in location)
+    kind, value = problem["type"], problem["input"]
+    if kind == "extra_forbidden":
+        section = next((s for s in map(str, reversed(problem["loc"][:-1])) if s in _SECTIONS), None)
+        known = list((_SECTIONS[section] if section else RobotFile).model_fields)
+        return f"{key}: " + choose("key", location[-1], known if section else [*known, *_SHORTHAND])
+    if kind == "missing":
+        return f"{key}: is missing"
+    if kind == "union_tag_not_found":
+        return f"{key}.kind: is missing (choices: {', '.join(SENSORS)})"
+    if kind == "union_tag_invalid":
+        return f"{key}.kind: " + choose("kind", value.get("kind"), SENSORS)
+    if kind in ("model_type", "dict_type", "model_attributes_type"):
+        return f"{key}: must be a table"
+    if kind == "tuple_type":
+        return f"{key} = {shortened(repr(value))}: must be a list"
+    message = problem["msg"].removeprefix("Value error, ")
+    message = message[0].lower() + message[1:]
+    if problem["loc"] == ("mobility",):
+        message += "; docs/what-it-cannot.md says what no file can express"
+    if isinstance(value, dict):
+        return f"{key}: {message}" if key else message
+    return f"{key} = {shortened(repr(value))}: {message}"

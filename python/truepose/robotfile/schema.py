@@ -1,0 +1,293 @@
+"""What may a robot file say? Every key once: type, unit, default, bounds, meaning."""
+
+from __future__ import annotations
+
+import fnmatch
+import math
+from collections.abc import Sequence
+from typing import Annotated, Literal, get_args
+
+from pydantic import Field, PrivateAttr, model_validator
+
+from truepose.robotfile.base import (
+    Counts,
+    Direction,
+    Harmonics,
+    Index,
+    Name,
+    NonNegative,
+    Number,
+    Positive,
+    Section,
+    Vector,
+)
+from truepose.robotfile.sensors import Sensor
+
+#: How many of a mobility's coordinates, the last ones, are angles.
+ANGLES = {"planar": 1, "schoenflies": 1, "spatial": 3}
+
+#: Degrees of freedom (= chains = motors) of each mobility.
+FREEDOMS = {
+    "planar_translation": 2,
+    "planar": 3,
+    "translation": 3,
+    "schoenflies": 4,
+    "spatial": 6,
+}
+
+
+def not_degrees(what: str, angles: float | Sequence[float]) -> None:
+    """Raise ValueError for an angle of more than a turn, which is one in degrees."""
+    listed = [angles] if isinstance(angles, float) else list(angles)
+    if max(map(abs, listed)) > 2 * math.pi:
+        turned = ", ".join(f"{math.radians(angle):.4g}" for angle in listed)
+        given = ", ".join(f"{angle:g}" for angle in listed)
+        raise ValueError(
+            f"{what} = {given} rad: more than a turn; did you mean degrees? {turned} rad"
+        )
+
+
+Actuator = Literal["revolute", "prismatic", "telescopic"]
+ACTUATORS: tuple[str, ...] = get_args(Actuator)
+
+
+class Chain(Section):
+    """One motor, its arm and its rod (a spatial parallelogram counts as one rod)."""
+
+    actuator: Actuator
+    base: Vector = Field(description="P, a point of the motor's axis, m")
+    axis: Direction = Field(default=(0, 0, 1), description="u, motor axis or slide direction")
+    zero: Direction = Field(default=(1, 0, 0), description="e, arm's direction at q = 0")
+    arm: Positive | None = Field(default=None, description="l = |PB|, m (revolute)")
+    rod: Positive | None = Field(default=None, description="L = |AB|, m (not telescopic)")
+    working_mode: Literal[-1, 1] = Field(default=-1, description="sign of the entry of J_q")
+    anchor: Vector = Field(description="A in the body that carries it, m")
+    bar: Index | None = Field(
+        default=None, description="bar that carries A; without it, the nacelle itself"
+    )
+    rod_spacing: Positive = Field(
+        default=0.08, description="between the two rods of a spatial parallelogram, m; full level"
+    )
+    rod_difference: Number = Field(
+        default=0.0,
+        description="length of the rod on the side of +u less that of the other, m; full level",
+    )
+    pair_axis: Direction | None = Field(
+        default=None,
+        description="from one rod of a carriage to the other (prismatic); by default across its "
+        "rail and its rods at home, if these are not parallel. Rods at the end of an arm lie along "
+        "u",
+    )
+    yaw: Number = Field(default=0.0, description="turns e and u about z, rad")
+    tilt: Number = Field(default=0.0, description="turns u about e, rad")
+    encoder_offset: Number = Field(default=0.0, description="reading = q - offset, rad or m")
+    encoder_counts: Counts | None = Field(default=None, description="per turn, or per m")
+    encoder_noise: NonNegative = Field(default=0.0, description="σ of a reading, rad or m")
+    eccentricity: Harmonics = Field(
+        default=(0, 0, 0, 0),
+        description="c1, s1, c2, s2: an angle φ reads φ + c1 cos φ + s1 sin φ + c2 cos 2φ + "
+        "s2 sin 2φ, rad (revolute)",
+    )
+    limits: tuple[Number, Number] | None = Field(
+        default=None,
+        description="stops of the motor, rad or m: its position before the encoder's offset",
+    )
+    torque_limit: Positive | None = Field(default=None, description="N·m or N")
+    drive_inertia: NonNegative = Field(
+        default=0.0,
+        description="rotor and arm about the motor's axis, kg·m²; motor and carriage, kg. As it is "
+        "with the drawn arm: another value of the parameter 'arm' does not change it",
+    )
+    arm_mass: NonNegative = Field(default=0.0, description="arm, or carriage, kg")
+    rod_mass: NonNegative = Field(default=0.0, description="all rods of the chain, kg")
+    viscous: NonNegative = Field(default=0.0, description="friction, N·m·s/rad or N·s/m")
+    coulomb: NonNegative = Field(default=0.0, description="friction, N·m or N")
+
+    @model_validator(mode="after")
+    def _complete(self) -> Chain:
+        if self.actuator == "revolute":
+            if self.arm is None:
+                raise ValueError("a revolute chain needs 'arm' (m)")
+            lean = sum(a * b for a, b in zip(self.axis, self.zero, strict=True))
+            if abs(lean) > 1e-6:
+                raise ValueError(f"'zero' must be normal to 'axis'; their product is {lean:.3g}")
+        if self.actuator != "revolute" and any(self.eccentricity):
+            raise ValueError(f"'eccentricity' is for revolute chains, not {self.actuator}")
+        if self.limits is not None and self.limits[0] >= self.limits[1]:
+            raise ValueError("'limits' must be [lower, upper]")
+        if self.actuator == "revolute" and self.limits is not None:
+            not_degrees("limits", self.limits)
+        not_degrees("yaw", self.yaw)
+        not_degrees("tilt", self.tilt)
+        self._heavy_enough()
+        if self.actuator != "prismatic" and self.pair_axis is not None:
+            raise ValueError("'pair_axis' is for prismatic chains; here the rods lie along 'axis'")
+        if self.actuator != "telescopic" and self.rod is None:
+            raise ValueError(f"a {self.actuator} chain needs 'rod' (m)")
+        return self
+
+    def _heavy_enough(self) -> None:
+        """Refuse a drive that is lighter than the arm (slender) or the carriage that it counts."""
+        part, least, unit = "", 0.0, ""
+        if self.actuator == "revolute":
+            part, unit = "arm_mass · arm²/3 of a slender arm", "kg·m²"
+            least = self.arm_mass * (self.arm or 0.0) ** 2 / 3
+        elif self.actuator == "prismatic":
+            part, unit, least = "arm_mass of the carriage", "kg", self.arm_mass
+        if self.drive_inertia < least * (1 - 1e-9):
+            raise ValueError(
+                f"drive_inertia = {self.drive_inertia:g} {unit}: must be at least {least:.3g} "
+                f"{unit}, the {part}, which is part of it"
+            )
+
+
+class Bar(Section):
+    """A lateral bar of an articulated nacelle: pivots on the nacelle, keeps its orientation."""
+
+    direction: Direction = Field(
+        description="from the nacelle's centre to the pivot, nacelle frame"
+    )
+    pivot: Positive = Field(description="distance of the pivot from the nacelle's centre, m")
+    mass: NonNegative = Field(default=0.0, description="centred on the pivot, kg")
+
+
+class Nacelle(Section):
+    """The body whose pose is x."""
+
+    bars: Literal["pivots", "four_bar"] = Field(
+        default="pivots",
+        description="each bar turns on its own pivot, or all with the couplers of a four-bar",
+    )
+
+    mass: NonNegative = Field(default=0.0, description="kg")
+    centre: Vector = Field(default=(0, 0, 0), description="centre of mass, nacelle frame, m")
+    inertia_x: NonNegative = Field(default=0.0, description="kg·m²")
+    inertia_y: NonNegative = Field(default=0.0, description="kg·m²")
+    inertia_z: NonNegative = Field(default=0.0, description="kg·m²")
+
+
+class Workspace(Section):
+    """Box of coordinates in which the robot is meant to work."""
+
+    minimum: tuple[Number, ...]
+    maximum: tuple[Number, ...]
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Workspace:
+        if len(self.minimum) != len(self.maximum):
+            raise ValueError("'minimum' and 'maximum' must have the same number of coordinates")
+        if any(low > high for low, high in zip(self.minimum, self.maximum, strict=True)):
+            raise ValueError("'minimum' must not exceed 'maximum' in any coordinate")
+        return self
+
+
+class Pattern(Section):
+    """The file's chains are one motif, repeated about an axis of the base frame."""
+
+    repeat: Annotated[int, Field(strict=True, ge=2, le=6)] = Field(
+        description="copies of the motif, a full turn together"
+    )
+    about: Literal["x", "y", "z"] = "z"
+
+
+class Tolerance(Section):
+    """What is not known of a parameter: a σ, or a uniform interval about its value."""
+
+    sigma: NonNegative | None = None
+    interval: tuple[Number, Number] | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> Tolerance:
+        if (self.sigma is None) == (self.interval is None):
+            raise ValueError("give either 'sigma' or 'interval'")
+        if self.interval is not None and self.interval[0] > self.interval[1]:
+            raise ValueError("interval must be [lower, upper]")
+        return self
+
+    @property
+    def mean(self) -> float:
+        """Mean departure from the file's value."""
+        return 0.0 if self.interval is None else (self.interval[0] + self.interval[1]) / 2
+
+    @property
+    def deviation(self) -> float:
+        """Standard deviation; a uniform interval of width w has w/√12."""
+        if self.interval is None:
+            return self.sigma or 0.0
+        return (self.interval[1] - self.interval[0]) / math.sqrt(12)
+
+
+class Calibration(Section):
+    """What a calibration has learnt; it takes the place of these parameters' tolerances."""
+
+    source: str = Field(default="", description="readings that it rests on")
+    parameters: tuple[str, ...] = Field(description="names, in the order of 'mean' and 'root'")
+    mean: tuple[Number, ...] = Field(description="best values, m or rad")
+    root: tuple[tuple[Number, ...], ...] = Field(
+        description="lower triangle, row by row: covariance = root · rootᵀ"
+    )
+    model_error: dict[str, NonNegative] = Field(
+        default_factory=dict,
+        description="σ by which each reading departs from the ideal level (q1 … qn, sensors)",
+    )
+
+    @model_validator(mode="after")
+    def _square(self) -> Calibration:
+        size = len(self.parameters)
+        if len(self.mean) != size or [len(row) for row in self.root] != list(range(1, size + 1)):
+            raise ValueError(f"'mean' and 'root' must have {size} rows, row i of 'root' i numbers")
+        if any(row[-1] <= 0 for row in self.root):
+            raise ValueError("'root' must have a positive diagonal")
+        return self
+
+    @property
+    def sigma(self) -> dict[str, float]:
+        """Standard deviation of every parameter."""
+        return {
+            name: math.hypot(*row) for name, row in zip(self.parameters, self.root, strict=True)
+        }
+
+
+class RobotFile(Section):
+    """A robot and its sensors."""
+
+    name: Name
+    title: Name = ""
+    source: str = Field(default="", description="where the numbers come from")
+    mobility: Literal["planar_translation", "planar", "translation", "schoenflies", "spatial"]
+    home: tuple[Number, ...] = Field(description="a pose well inside the workspace")
+    gravity: Vector = (0.0, 0.0, -9.81)
+    sensors: tuple[str, ...] = Field(default=(), description="names of the sensors in use")
+    workspace: Workspace | None = None
+    singularity_free: Workspace | None = Field(
+        default=None, description="box in which the FKM from home finds every pose"
+    )
+    level: Literal["ideal", "full"] | None = Field(
+        default=None,
+        description="of the model: one rod per chain, or every rod by itself; without it, the "
+        "paper's kinematics and laws are ideal, what states an accuracy is full where it can be",
+    )
+    quantised: bool = Field(default=True, description="false: encoders and sensors have no counts")
+    pattern: Pattern | None = None
+    chain: tuple[Chain, ...]
+    bar: tuple[Bar, ...] = ()
+    nacelle: Nacelle = Nacelle()
+    sensor: tuple[Sensor, ...] = ()
+    tolerances: dict[str, Tolerance] = Field(default_factory=dict)
+    parameters: dict[str, Number] = Field(
+        default_factory=dict,
+        description="values that are not the drawn ones; tolerances stay about the drawn ones",
+    )
+    calibration: Calibration | None = None
+    #: The file this was read from, kept so that saving keeps its order and comments.
+    _text: str = PrivateAttr(default="")
+
+    @property
+    def n(self) -> int:
+        """Degrees of freedom."""
+        return FREEDOMS[self.mobility]
+
+    def tolerance(self, parameter: str) -> Tolerance | None:
+        """What is not known of a parameter: the first entry of 'tolerances' that fits its name."""
+        fits = (t for name, t in self.tolerances.items() if fnmatch.fnmatchcase(parameter, name))
+        return next(fits, None)

@@ -1,0 +1,178 @@
+"""How does a table reach a terminal, a file, another program? No figure is ever cut."""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import io
+import json
+import math
+import shutil
+import sys
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+from rich.cells import cell_len
+from rich.console import Console
+from rich.text import Text
+
+from truepose.exceptions import one_line
+
+if TYPE_CHECKING:
+    from truepose.paper.tables import Table
+
+#: What a terminal that does not know a letter is given for it.
+_PLAIN = {
+    **{"σ": "sigma", "θ": "theta", "ξ": "xi", "Σ": "sum", "√": "sqrt", "‖": "||", "é": "e"},
+    **{"−": "-", "–": "-", "─": "-", "°": "deg", "²": "^2", "·": "*", "×": "x", "⁺": "+"},
+    **dict.fromkeys("╭╮╰╯", "+"),
+    **{"│": "|", "━": "-"},
+    **{"…": "...", "’": "'", "≤": "<=", "≥": ">=", "µ": "u"},
+}
+_GAP = "  "
+_LEAST = 40  # columns; in a narrower window lines are longer than it is wide
+
+
+class Format(StrEnum):
+    """What is printed: for people, or one value for each name."""
+
+    table = "table"
+    csv = "csv"
+    json = "json"
+
+
+def plain(error: UnicodeError) -> tuple[str, int]:
+    """Spell letters that an output cannot hold: an error handler of :mod:`codecs`."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    unknown = error.object[error.start : error.end]
+    return "".join(_PLAIN.get(c, "?") for c in unknown), error.end
+
+
+def prepare() -> None:
+    """Let both standard outputs spell what they cannot hold."""
+    codecs.register_error("truepose", plain)
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="truepose")
+
+
+def say(text: object, how: Format = Format.table, err: bool = False) -> None:
+    """Print one line: to standard error where standard output is for data."""
+    print(one_line(text), file=sys.stderr if err or how is not Format.table else sys.stdout)
+
+
+def show(tables: list[Table], how: Format = Format.table) -> None:
+    """Print tables."""
+    if how is Format.json:
+        data = {table.name: [_finite(row) for row in table.records()] for table in tables}
+        print(json.dumps(data, indent=1, ensure_ascii=not _knows("σθ°")))
+    elif how is Format.csv:
+        print(_csv(tables), end="")
+    else:
+        width = max(shutil.get_terminal_size().columns, _LEAST)
+        print("\n\n".join("\n".join(laid_out(table, width)) for table in tables) + "\n")
+
+
+def _knows(letters: str) -> bool:
+    try:
+        letters.encode(_encoding())
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def _finite(record: dict[str, object]) -> dict[str, object]:
+    return {
+        name: None if isinstance(value, float) and not math.isfinite(value) else value
+        for name, value in record.items()
+    }
+
+
+def _csv(tables: list[Table]) -> str:
+    """One table: all columns of all tables, and which table each row is of."""
+    rows = [{"table": t.name} | _finite(record) for t in tables for record in t.records()]
+    text = io.StringIO()
+    writer = csv.DictWriter(
+        text, dict.fromkeys(k for row in rows for k in row), lineterminator="\n"
+    )
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def laid_out(table: Table, width: int) -> list[str]:
+    """Lines of a table of at most `width` columns where words allow it.
+
+    What does not fit beside stands below, each time with the first column. Words wrap; figures
+    never do.
+    """
+    heads = [_printable(name) for name in table.header]
+    rows = [[_printable(cell) for cell in row] for row in table.rows]
+    words = [k == 0 or any(_is_words(row[k]) for row in table.rows) for k in range(len(heads))]
+    heads = [
+        head if w else head.replace(", ", "\n").replace(" (", "\n(")
+        for head, w in zip(heads, words, strict=True)
+    ]
+    sizes = [
+        max(cell_len(part) for text in column for part in text.split("\n"))
+        for column in zip(heads, *rows, strict=True)
+    ]
+    if sum(sizes) + len(_GAP) * (len(sizes) - 1) > width:
+        sizes[0] = min(sizes[0], width // 2)
+        room = width - sizes[0] - len(_GAP)
+        sizes = [min(s, room) if w else s for s, w in zip(sizes, words, strict=True)]
+    lines = _wrapped(_printable(table.title), width)
+    for block in _blocks(sizes, width):
+        lines += ["", *_block(heads, rows, sizes, words, block)]
+    return lines
+
+
+def _blocks(sizes: list[int], width: int) -> list[list[int]]:
+    """Columns that stand side by side, the first one in each."""
+    blocks, used = [[0]], sizes[0]
+    for k, size in enumerate(sizes[1:], 1):
+        if used + len(_GAP) + size > width and len(blocks[-1]) > 1:
+            blocks.append([0])
+            used = sizes[0]
+        blocks[-1].append(k)
+        used += len(_GAP) + size
+    return blocks
+
+
+def _block(heads, rows, sizes, words, columns) -> list[str]:
+    def line(texts: list[str], below: bool) -> list[str]:
+        cells = [
+            _wrapped(texts[k], sizes[k]) if words[k] else texts[k].split("\n") for k in columns
+        ]
+        tall = max(map(len, cells))
+        empty = [[""] * (tall - len(cell)) for cell in cells]
+        cells = [e + c if below else c + e for c, e in zip(cells, empty, strict=True)]
+        return [
+            _GAP.join(
+                part + pad if words[k] else pad + part
+                for k, part in zip(columns, parts, strict=True)
+                for pad in [" " * (sizes[k] - cell_len(part))]
+            ).rstrip()
+            for parts in zip(*cells, strict=True)
+        ]
+
+    rule = _printable("─") * (sum(sizes[k] for k in columns) + len(_GAP) * (len(columns) - 1))
+    return [*line(heads, True), rule, *(text for row in rows for text in line(row, False))]
+
+
+def _wrapped(text: str, width: int) -> list[str]:
+    console = Console(width=max(width, 1), color_system=None)
+    return [part.plain.rstrip() for part in Text(text).wrap(console, max(width, 1))] or [""]
+
+
+def _is_words(cell: str) -> bool:
+    return type(cell) is str and any(c.isalpha() for c in cell)
+
+
+def _printable(text: str) -> str:
+    return one_line(text).encode(_encoding(), "truepose").decode(_encoding())
+
+
+def _encoding() -> str:
+    return getattr(sys.stdout, "encoding", None) or "utf-8"

@@ -1,0 +1,1 @@
+"""What would a real robot do? Its readings, its moves, its errors."""

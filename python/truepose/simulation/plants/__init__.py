@@ -1,0 +1,47 @@
+"""What does a real robot do when it is sent from pose to pose? Whatever stands for one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+from truepose.robot.robot import Robot
+from truepose.robot.to_core import Array
+from truepose.simulation.simulate import Controller
+
+
+class Visit(NamedTuple):
+    """A robot that was sent to N poses, at rest at each; NaN where it could not be."""
+
+    q_e: Array  #: (N, n + r) readings at rest
+    frame: Array  #: (N, 4, 4) true pose of the body that carries LEDs and tool, base frame
+    x: Array  #: (N, n) its coordinates
+    status: Array  #: (N,) str: "ok", or why not
+
+
+class Plant(Protocol):
+    """A robot that is not its model."""
+
+    truth: Robot  #: its true geometry, cold
+
+    def visit(
+        self,
+        robot: Robot,
+        x_d: Array,
+        controller: Controller,
+        progress: Callable[[], None] = lambda: None,
+    ) -> Visit:
+        """Drive from pose to pose, let the robot settle at each, and read it.
+
+        Parameters
+        ----------
+        robot : Robot
+            What the controller believes.
+        x_d : ndarray, shape (N, n)
+            Desired poses, in this order.
+        controller : Controller
+            Its law and gains.
+        progress : callable
+            Called after each pose.
+        """
+        ...

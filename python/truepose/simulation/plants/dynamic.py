@@ -1,0 +1,83 @@
+"""Where does a robot come to rest that has forces and time? The reduced model, simulated.
+
+Friction and play carry over from pose to pose; arms and rods give way; readings are late. The
+loops are those of the ideal level: this nacelle does not tilt.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from truepose.robot.frames import frames
+from truepose.robot.robot import Robot
+from truepose.robot.to_core import Array
+from truepose.simulation.effects import Effects
+from truepose.simulation.plants import Visit
+from truepose.simulation.simulate import Controller, visit
+
+
+class DynamicPlant:
+    """A true robot whose moves are simulated, with any of the effects.
+
+    Parameters
+    ----------
+    truth : Robot
+        The true geometry, cold.
+    effects : Effects, optional
+        What its model forgets; nothing by default.
+    time : float
+        Since a cold start, s.
+    seed : int
+        Of the effects' phases and the readings' noise.
+    duration, hold : float
+        Of a move, and after it, s.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.simulation.plants.dynamic import DynamicPlant
+    >>> h4 = tp.load("h4")
+    >>> plant = DynamicPlant(h4, tp.Effects())
+    >>> soft = tp.Controller(frequency=40, velocity_bandwidth=300)
+    >>> plant.visit(h4, [[0.05, 0, -0.4, 0.1]], soft).status.tolist()
+    ['ok']
+    """
+
+    def __init__(
+        self,
+        truth: Robot,
+        effects: Effects | None = None,
+        time: float = 0.0,
+        seed: int = 0,
+        duration: float = 0.25,
+        hold: float = 0.35,
+    ):
+        self.truth, self.time, self.seed = truth, time, seed
+        self.duration, self.hold = duration, hold
+        self.effects = Effects.none() if effects is None else effects
+
+    def visit(
+        self,
+        robot: Robot,
+        x_d: Array,
+        controller: Controller,
+        progress: Callable[[], None] = lambda: None,
+    ) -> Visit:
+        """See :class:`truepose.simulation.plants.Plant`."""
+        x, q_e, status = visit(
+            robot,
+            self.truth,
+            x_d,
+            controller,
+            duration=self.duration,
+            hold=self.hold,
+            seed=self.seed,
+            effects=self.effects,
+            time=self.time,
+        )
+        for _ in x:
+            progress()
+        arrived = np.isfinite(x).all(axis=1)  # be it that a motor saturated on the way
+        return Visit(q_e, frames(self.truth, x), x, np.where(arrived, "ok", status))

@@ -1,0 +1,193 @@
+"""Where does a robot rest whose loops close exactly? Statics of the true geometry.
+
+Nothing loads the motors (or integral action carries the load): the motor error of the law
+vanishes. Of the effects of :class:`truepose.Effects` the geometry takes part, and the play of the
+tool's gear. Friction, compliance, delay and ripple need forces and time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from truepose import _core
+from truepose.arguments import check_seed
+from truepose.exceptions import InputError, choose
+from truepose.robot import knowledge
+from truepose.robot.frames import coordinates, frames, rotation
+from truepose.robot.kinematics import Level
+from truepose.robot.robot import Robot
+from truepose.robot.to_core import Array
+from truepose.simulation.effects import Effects
+from truepose.simulation.plants import Visit, play
+from truepose.simulation.simulate import Controller
+
+#: Groups of effects that statics know.
+EFFECTS = ("backlash", "thermal", "eccentricity", "quantisation")
+_ITERATIONS = 100
+
+
+class ExactPlant:
+    """A true robot in exact statics, at either level of the model.
+
+    Parameters
+    ----------
+    truth : Robot
+        The true geometry, cold.
+    effects : Effects
+        Those of `EFFECTS`; any other must be off.
+    level : {"ideal", "full"}, optional
+        One rod per chain, or every rod by itself: the nacelle then tilts. By default
+        :attr:`Robot.finest_level`.
+    time : float
+        Since a cold start, s.
+    seed : int
+        Of the encoders' eccentricity and the readings' noise.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.simulation.plants.exact import ExactPlant
+    >>> h4 = tp.load("h4")
+    >>> plant = ExactPlant(h4.replace({"chain1.rod": 0.483}))
+    >>> visit = plant.visit(h4, [[0.05, 0.05, -0.4, 0.2]], tp.Controller(law="redundant"))
+    >>> visit.status.tolist(), bool(abs(visit.x[0, 3] - 0.2) < 0.003)
+    (['ok'], True)
+    """
+
+    def __init__(
+        self,
+        truth: Robot,
+        effects: Effects | None = None,
+        level: Level | None = None,
+        time: float = 0.0,
+        seed: int = 0,
+    ):
+        self.truth, self.seed = truth, check_seed(seed)
+        self.level: Level = truth.finest_level if level is None else level
+        self.effects = effects = Effects.none() if effects is None else effects
+        if effects.only(*EFFECTS) != effects:
+            others = [g for g in effects.groups() if g not in EFFECTS]
+            on = next(g for g in others if effects.without(g) != effects)
+            raise InputError(f"ExactPlant: {choose('effect', on, EFFECTS)}: leave it out (without)")
+        truth._is_full(self.level)
+        self.robot = effects.geometry(truth, time, seed)  #: as it is at that time
+        self._exact = self.robot.unquantised()
+        #: Which readings the play of the tool's gear enters, and by which gain.
+        self._geared = np.zeros(truth.n + truth.r)
+        for k, name in enumerate(truth.sensors):
+            sensor = next(s for s in truth.spec.sensor if s.name == name)
+            if sensor.kind == "nacelle_angle" and sensor.gear != 1:
+                self._geared[truth.n + k] = truth.parameters[f"{name}.gain"].value
+
+    def visit(
+        self,
+        robot: Robot,
+        x_d: Array,
+        controller: Controller,
+        progress: Callable[[], None] = lambda: None,
+    ) -> Visit:
+        """Rest at each pose, in their order; the tool's gear keeps its play on the way.
+
+        See :class:`truepose.simulation.plants.Plant`.
+        """
+        x_d, lead = robot._rows(x_d, robot.n, "x_d", "raise")
+        if len(lead) != 1:
+            raise InputError(f"x_d: shape {(*lead, robot.n)}, must be (N, {robot.n})")
+
+        def rest(poses, ahead: Array) -> tuple[Array, Array]:
+            return self._settle(robot, x_d[poses], controller, ahead)
+
+        if self.effects.tool_backlash and self._geared.any():
+            x, ahead, status = self._with_play(rest, len(x_d))
+        else:
+            ahead = np.zeros(len(x_d))
+            x, status = rest(slice(None), ahead)
+        lost = status != "ok"
+        x[lost] = np.nan
+        q_e = np.full((len(x), robot.n + robot.r), np.nan)
+        exact = self._readings(x[~lost], ahead[~lost])
+        q_e[~lost] = _core.spoil(self.robot._core, np.ascontiguousarray(exact), self.seed)
+        frame = np.full((len(x), 4, 4), np.nan)
+        frame[~lost] = self._frames(x[~lost])
+        for _ in x:
+            progress()
+        return Visit(q_e, frame, x, status.astype(str))
+
+    def _frames(self, x: Array) -> Array:
+        if self.level == "ideal" or self.truth.spec.mobility not in ("schoenflies", "translation"):
+            return frames(self.truth, x)
+        tilts = 2 if self.truth.spec.mobility == "schoenflies" else 3
+        return frames(self.truth, x, self._exact.parasitic(x)[:, :tilts])
+
+    def _readings(self, x: Array, ahead: Array) -> Array:
+        exact = self._exact.extended(x, errors="nan", level=self.level)
+        return exact + ahead[:, None] * self._geared
+
+    def _with_play(self, rest: Callable, count: int) -> tuple[Array, Array, Array]:
+        """Poses, how far the tool is ahead of the nacelle there (rad), statuses: see `play`."""
+        half = 0.5 * self.effects.tool_backlash
+        sides = np.array([-half, half])
+        (low, status), (high, other) = (rest(slice(None), np.full(count, a)) for a in sides)
+        lowest = np.where(status == "ok", low[:, -1] - half, np.nan)
+        highest = np.where(other == "ok", high[:, -1] + half, np.nan)
+        tool, end = play.follow(lowest, highest, float(self.truth.home[-1]))
+        at_high, ahead = end == 1, half * end
+        status = np.where(at_high | (status == "ok") & np.isnan(end), other, status)
+        x = np.where(at_high[:, None], high, low)
+        stays = np.flatnonzero(end == 0)
+        if stays.size:
+            ahead[stays] = play.crossing(
+                lambda which, a: rest(stays[which], a)[0][:, -1] + a - tool[stays[which]],
+                *np.repeat(sides[:, None], stays.size, axis=1),
+                lowest[stays] - tool[stays],
+                highest[stays] - tool[stays],
+            )
+            x[stays], status[stays] = rest(stays, ahead[stays])
+        return x, ahead, status
+
+    def _settle(
+        self, robot: Robot, x_d: Array, controller: Controller, ahead: Array
+    ) -> tuple[Array, Array]:
+        """Find where the motor error vanishes: x ← x + J ê, J of the robot believed in.
+
+        Linear convergence: each step leaves the few per cent by which the true J differs. Stops
+        at rounding, or where steps of that size no longer shrink, as :func:`truepose.settle` does.
+        """
+        law = getattr(_core.Law, controller.law)
+        believed, known = knowledge.for_law(robot, controller.law)
+        J = robot.jacobian(x_d, errors="nan")
+        x = x_d.copy()
+        status = np.full(len(x), "the plant does not settle here", dtype=object)
+        last = np.full(len(x), np.inf)
+        active = np.arange(len(x))
+        for _ in range(_ITERATIONS):
+            q_e = self._readings(x[active], ahead[active])
+            error, code, _ = _core.motor_error(
+                believed._core, law, controller.damped_below, known, x_d[active], q_e
+            )
+            step = np.einsum("nij,nj->ni", J[active], error)
+            size = np.abs(step).max(axis=1)
+            unread, lost = ~np.isfinite(q_e).all(axis=1), ~np.isfinite(size)
+            for k in np.flatnonzero(lost & ~unread):
+                status[active[k]] = f"controller: {_core.describe(int(code[k]))}"
+            for k in np.flatnonzero(unread):
+                status[active[k]] = "beyond the true robot's reach"
+            moved = ~lost
+            x[active[moved]] = self._moved(x[active[moved]], step[moved])
+            done = moved & ((size < 1e-14) | ((size < 1e-12) & (size >= last[active])))
+            status[active[done]] = "ok"
+            last[active] = size
+            active = active[moved & ~done]
+            if active.size == 0:
+                break
+        return x, status
+
+    def _moved(self, x: Array, step: Array) -> Array:
+        if self.truth.spec.mobility != "spatial":
+            return x + step
+        frame = frames(self.truth, x)
+        frame[:, :3, 3] += step[:, :3]
+        frame[:, :3, :3] = rotation(step[:, 3:]) @ frame[:, :3, :3]
+        return coordinates(self.truth, frame)
