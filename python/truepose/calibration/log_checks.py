@@ -17,13 +17,13 @@ from truepose.calibration.log_faults import (
     DEGREES,
     MILLIMETRES,
     apart,
-    sensor_is_angle,
 )
 from truepose.logs import read as logs
 from truepose.logs.read import Log
 from truepose.robot import knowledge
 from truepose.robot.robot import Robot
 from truepose.robot.to_core import Array
+from truepose.robot.units import reading_units
 
 if TYPE_CHECKING:
     from truepose.calibration.fit import Fit
@@ -303,10 +303,9 @@ def _named(slope: float, is_angle: bool) -> str | None:
 
 def _named_slopes(robot: Robot, readings: Array) -> list[str | None]:
     seen = expect(robot, readings)
-    angle = sensor_is_angle(robot)
     return [
-        _named(_slope(readings[:, robot.n + k], seen.expected[:, k]), angle[k])
-        for k in range(robot.r)
+        _named(_slope(readings[:, robot.n + k], seen.expected[:, k]), unit == "rad")
+        for k, unit in enumerate(reading_units(robot)[robot.n :])
     ]
 
 
@@ -316,7 +315,7 @@ def _sensors(robot: Robot, log: Log, seen: Expectation) -> Iterator[Finding]:
     distance = apart(seen)
     wrong = [k for k in range(robot.r) if distance[k] > APART]
     names = _named_slopes(robot, log.readings)
-    angle = sensor_is_angle(robot)
+    units = reading_units(robot)
     for k in wrong:
         read, name = log.readings[:, n + k], log.names[n + k]
         slope = _slope(read, seen.expected[:, k])
@@ -324,12 +323,11 @@ def _sensors(robot: Robot, log: Log, seen: Expectation) -> Iterator[Finding]:
             times = f"{slope:.3g} times what the motors predict"
             yield Finding(f"{name}: {times}: {names[k]}", refused=True)
             continue
-        unit = "rad" if angle[k] else "m"
         off = np.nanmedian(seen.residual[:, k])
         scatter = np.nanmedian(np.abs(seen.residual[:, k] - off))
         if abs(off) > 5 * scatter:
             yield Finding(
-                f"{name}: reads {off:+.4g} {unit} more than motors and tolerances allow: a zero "
+                f"{name}: reads {off:+.4g} {units[n + k]} more than motors and tolerances allow: a zero "
                 f"offset? Give {name}.offset its value, or a tolerance"
             )
         else:

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from truepose.calibration import log_checks, log_faults, registration
+from truepose import _core
+from truepose.calibration import log_checks, registration
 from truepose.calibration.bound import accuracy
 from truepose.calibration.expectation import Expectation, expect
 from truepose.calibration.fit import Fit, calibrate
@@ -17,6 +18,7 @@ from truepose.logs.read import Log
 from truepose.paper.tables import Cell, Table, fixed, number
 from truepose.robot.robot import Robot
 from truepose.robot.to_core import Array
+from truepose.robot.units import parameter_unit
 
 #: Every so many lines one is held out.
 FOLD = 5
@@ -164,25 +166,13 @@ def in_print(robot: Robot, name: str) -> tuple[float, str]:
     >>> h4 = tp.load("h4")
     >>> [in_print(h4, name)[1] for name in ("chain1.rod", "chain1.yaw", "theta", "theta.gain")]
     ['mm', '°', '°', '']
+    >>> in_print(h4, "theta.eccentricity.c1")[1]
+    '°'
     """
     kinds = {"m": (1e3, "mm"), "rad": (180 / np.pi, "°"), "": (1.0, "")}
-    owner, _, key = name.partition(".")
-    coordinates = {f"measured_{c}": unit for c, unit in robot.coordinates}
-    if name in coordinates:
-        return kinds[coordinates[name]]
-    everything = robot.with_sensors()._spec.sensor
-    by_name = {sensor.name: sensor.kind for sensor in everything}
-    if owner in by_name:
-        if key == "gain" or key.split(".")[0] in ("direction", "normal", "axis", "up"):
-            return kinds[""]
-        lengths = log_faults.LENGTHS
-        return kinds["m" if by_name[owner] in lengths or key.count(".") else "rad"]
-    if key in ("yaw", "tilt"):
-        return kinds["rad"]
-    if key == "encoder_offset":
-        actuator = robot.spec.chain[int(owner.removeprefix("chain")) - 1].actuator
-        return kinds["rad" if actuator == "revolute" else "m"]
-    return kinds["m"]
+    columns = {f"measured_{c}": unit for c, unit in robot.coordinates}
+    columns |= {s.name: _core.sensor_kinds[s.kind].unit for s in robot.spec.sensor}
+    return kinds[columns[name] if name in columns else parameter_unit(robot, name)]
 
 
 def _named(what: str, name: str, unit: str) -> Cell:

@@ -14,12 +14,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from truepose.calibration.log_checks import sensor_is_angle
 from truepose.exceptions import InputError, choose
 from truepose.files.write import mark, replace_file
 from truepose.paper.virtual_experiment import Run
 from truepose.robot.robot import Robot
 from truepose.robot.to_core import Array
+from truepose.robot.units import reading_units
 from truepose.simulation.plants import Visit
 from truepose.simulation.simulate import Simulation
 
@@ -67,14 +67,15 @@ def _columns(run: Simulation | Run | Visit, robot: Robot | None) -> list[Column]
         result += _readings(robot, run.q_e)
         result += _pose(robot, "desired", "asked of the controller", run.x_d)
         result += _pose(robot, "true", "of the simulated robot", run.x)
-        angle = _angles(robot)
+        own_units = reading_units(robot)[: robot.n]
         for topic, values, what, units in (
             ("motor_error", run.motor_error, "motor error ê_q of the law,", ("m", "rad")),
             ("torque", run.torque, "torque (force) of", ("N", "N·m")),
         ):
             for i in range(robot.n):
                 described = f"{what} motor {i + 1}"
-                own = Column(topic, f"{topic}{i + 1}", units[angle[i]], described, values[:, i])
+                unit = units[own_units[i] == "rad"]
+                own = Column(topic, f"{topic}{i + 1}", unit, described, values[:, i])
                 result.append(own)
         damped = run.near_singular.astype(float)
         what = "1 where the controller's Jacobian was damped"
@@ -141,19 +142,11 @@ def write(
     replace_file(path, data, "log", force)
 
 
-def _angles(robot: Robot) -> list[bool]:
-    """Whether each reading is in rad (else m)."""
-    motors = [chain.actuator == "revolute" for chain in robot.spec.chain]
-    return motors + sensor_is_angle(robot)
-
-
 def _readings(robot: Robot, q_e: Array) -> list[Column]:
     kinds = {sensor.name: sensor.kind for sensor in robot.spec.sensor}
-    angle = _angles(robot)
     result = []
-    for k, name in enumerate(robot.readings):
+    for k, (name, unit) in enumerate(zip(robot.readings, reading_units(robot), strict=True)):
         what = f"motor {k + 1}'s encoder" if k < robot.n else f"sensor {name} ({kinds[name]})"
-        unit = "rad" if angle[k] else "m"
         result.append(Column("readings", name, unit, f"reading of {what}", q_e[:, k]))
     return result
 

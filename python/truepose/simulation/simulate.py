@@ -28,7 +28,7 @@ FeedForward = Literal["none", "gravity", "full"]
 RESTLESS = 1e-3  #: m or rad, peak to peak in the last 50 ms: more is no rest
 _WATCHED = 0.05  # s, those; the core's own bound in `visit`
 _MOST_PERIODS = 1_000_000  # of one simulation: about 0.3 GB of log
-LAWS: tuple[Law, ...] = ("joint", "redundant", "cartesian", "weighted", "estimated")
+LAWS: tuple[Law, ...] = tuple(_core.laws)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,10 +80,10 @@ class Controller:
 
     def settings(self, robot: Robot, x: ArrayLike) -> _core.ControlSettings:
         """Return the core's settings, with the gains placed at the pose x."""
-        if self.law == "cartesian":
+        if _core.laws[self.law].orientation:
             robot.require_orientation()
         settings = _core.ControlSettings()
-        settings.law = getattr(_core.Law, self.law)
+        settings.law = _core.laws[self.law].law
         settings.feed_forward = getattr(_core.FeedForward, self.feed_forward)
         settings.period = self.period
         settings.velocity_bandwidth = self.velocity_bandwidth

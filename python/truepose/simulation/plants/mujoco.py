@@ -174,7 +174,7 @@ class _Drive:
         self.geared = np.array(
             [
                 plant.truth.parameters[f"{s.name}.gain"].value
-                if s.kind == "nacelle_angle" and s.gear != 1
+                if s.geared
                 else 0.0
                 for s in robot._sensors
             ]
