@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from truepose.arguments import Array
 from truepose.calibration import log_faults
 from truepose.calibration.departure import chi2_quantile
 from truepose.calibration.expectation import Expectation, expect, poses_of
@@ -22,7 +23,6 @@ from truepose.logs import read as logs
 from truepose.logs.read import Log
 from truepose.robot import knowledge
 from truepose.robot.robot import Robot
-from truepose.robot.to_core import Array
 from truepose.robot.units import reading_units
 
 if TYPE_CHECKING:
@@ -327,8 +327,8 @@ def _sensors(robot: Robot, log: Log, seen: Expectation) -> Iterator[Finding]:
         scatter = np.nanmedian(np.abs(seen.residual[:, k] - off))
         if abs(off) > 5 * scatter:
             yield Finding(
-                f"{name}: reads {off:+.4g} {units[n + k]} more than motors and tolerances allow: a zero "
-                f"offset? Give {name}.offset its value, or a tolerance"
+                f"{name}: reads {off:+.4g} {units[n + k]} more than motors and tolerances allow: a "
+                f"zero offset? Give {name}.offset its value, or a tolerance"
             )
         else:
             lost = not abs(slope) > 0.3  # a NaN too

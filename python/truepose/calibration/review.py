@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from truepose import _core
+from truepose.arguments import Array
 from truepose.calibration import log_checks, registration
 from truepose.calibration.bound import accuracy
 from truepose.calibration.expectation import Expectation, expect
@@ -17,7 +18,6 @@ from truepose.exceptions import PoseError, TrueposeError
 from truepose.logs.read import Log
 from truepose.paper.tables import Cell, Table, fixed, number
 from truepose.robot.robot import Robot
-from truepose.robot.to_core import Array
 from truepose.robot.units import parameter_unit
 
 #: Every so many lines one is held out.
