@@ -207,7 +207,7 @@ def settle(
     _same_readings(robot, truth)
     settings = controller.settings(robot, robot.home if start is None else start)
     believed, known = knowledge.for_law(robot, controller.law)
-    x, status, chain = _core.settle(believed._core, truth._core, settings, known, gravity, rows)
+    x, status, chain, _ = _core.settle(believed._core, truth._core, settings, known, gravity, rows)
     robot._check("pose", rows, lead, status, chain, errors, name="x_d")
     return x.reshape(*lead, robot.n)
 
@@ -293,7 +293,7 @@ def simulate(
     loaded = controller.integral == 0
     rows = np.array(origin)[None, : robot.n]
     believed, known = knowledge.for_law(robot, controller.law)
-    at_rest, status, chain = _core.settle(
+    at_rest, status, chain, _ = _core.settle(
         believed._core, truth._core, settings, known, loaded, rows
     )
     robot._check("pose", rows, (), status, chain, "raise", name="start")
@@ -402,7 +402,7 @@ def visit(
     settings = controller.settings(robot, robot.home)
     believed, known = knowledge.for_law(robot, controller.law)
     home = np.array(robot.home)[None]
-    at_rest, status, chain = _core.settle(
+    at_rest, status, chain, _ = _core.settle(
         believed._core, truth._core, settings, known, controller.integral == 0, home
     )
     robot._check("pose", home, (), status, chain, "raise", name="home")

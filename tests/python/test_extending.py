@@ -1,0 +1,118 @@
+"""Does docs/extending.md work as it stands? Each of its steps, on a copy of the sources."""
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+import truepose
+from truepose.commands.cli import app
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs/extending.md").read_text(encoding="utf-8")
+
+#: **`file`**, after `a line that holds this`: and the block to put there.
+STEP = re.compile(
+    r"^\*\*`(?P<file>[^`]+)`\*\*, (?P<where>after|before|instead of|at the end)"
+    r"(?: `(?P<line>[^`]+)`)?:\n\n```\w+\n(?P<block>.*?)^```$",
+    re.MULTILINE | re.DOTALL,
+)
+
+
+def section(title: str) -> str:
+    """Text of one section of the page."""
+    return re.search(rf"^## {title}\n(.*?)(?=^## |\Z)", PAGE, re.MULTILINE | re.DOTALL)[1]
+
+
+def follow(title: str, root: Path) -> set[str]:
+    """Do what a section says to the sources at `root`; the files that it touched."""
+    files = set()
+    for step in STEP.finditer(section(title)):
+        path, block = root / step["file"], step["block"].splitlines()
+        lines = path.read_text(encoding="utf-8").splitlines()
+        files.add(step["file"])
+        if step["where"] == "at the end":
+            at = len(lines)
+        else:
+            places = [k for k, line in enumerate(lines) if step["line"] in line]
+            assert len(places) == 1, f"{step['file']}: {step['line']}: on {len(places)} lines"
+            at = places[0] + (step["where"] == "after")
+        lines[at : at + (step["where"] == "instead of")] = block
+        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return files
+
+
+@pytest.fixture(scope="module")
+def sources(tmp_path_factory):
+    """Return a copy of the sources with a new sensor and a new law, and what each touched."""
+    root = tmp_path_factory.mktemp("extended")
+    shutil.copytree(ROOT / "include", root / "include")
+    shutil.copytree(ROOT / "tests/cpp", root / "tests/cpp")
+    shutil.copytree(Path(truepose.__file__).parent, root / "python/truepose")
+    return root, follow("A sensor", root), follow("A law", root)
+
+
+def test_a_sensor_touches_three_files_and_its_test_a_law_two(sources):
+    _, *touched = sources
+    for files, most in zip(touched, (3, 2), strict=True):
+        assert len([file for file in files if not file.startswith("tests/")]) == most
+        assert len([file for file in files if file.startswith("tests/")]) == 1
+
+
+def test_the_core_takes_a_new_sensor_and_a_new_law(sources, tmp_path):
+    """One compilation: the derivatives of every kind in the table, and the page's own checks."""
+    root, *_ = sources
+    compiler = os.environ.get("CXX") or next(filter(shutil.which, ("clang++", "g++", "c++")), "")
+    if not compiler:
+        pytest.skip("no C++ compiler")
+    whole = tmp_path / "extended.cpp"
+    own = section("A sensor"), section("A law")
+    tests = [step["block"] for text in own for step in STEP.finditer(text) if "TEST(" in step[0]]
+    headers = ["mechanisms.hpp", "truepose/control/law.hpp", "check_main.cpp"]
+    start = "".join(f'#include "{header}"\n' for header in headers)
+    whole.write_text(start + "using namespace mechanisms;\n" + "\n".join(tests), encoding="utf-8")
+    eigen = Path(find_spec("cmeel").origin).parents[1] / "cmeel.prefix/include/eigen3"
+    include = [f"-I{root}/include", f"-I{root}/tests/cpp", f"-I{eigen}"]
+    out = str(tmp_path / "extended")
+    build = [*shlex.split(compiler), "-std=c++20", "-O0", *include, str(whole), "-o", out]
+    subprocess.run(build, check=True, text=True)
+    said = subprocess.run([out], capture_output=True, text=True, check=False)
+    assert said.returncode == 0, said.stdout
+    assert said.stdout.count("ok ") == len(tests) == 2
+
+
+def test_a_robot_file_takes_the_new_sensor_and_a_controller_the_new_law(sources):
+    root, *_ = sources
+    table = re.search(r"```toml\n\[\[sensor\]\]\n(.*?)```", section("A sensor"), re.DOTALL)[1]
+    program = f"""
+import tomllib
+from typing import get_args
+from truepose.robot.laws import Law
+from truepose.robotfile.sensors import SENSORS
+sensor = SENSORS["azimuth"](**tomllib.loads({table!r}))
+assert (sensor.axis, sensor.step) == ((0, 0, 1), 1e-6)
+assert "forward" in get_args(Law)
+"""
+    environment = os.environ | {"PYTHONPATH": str(root / "python")}
+    subprocess.run([sys.executable, "-c", program], check=True, env=environment)
+
+
+def test_a_plant_is_any_object_that_can_be_visited():
+    code = re.search(r"```python\n(.*?)```", section("A plant"), re.DOTALL)[1]
+    exec(compile(code, "docs/extending.md", "exec"), {})
+
+
+def test_a_robot_begins_as_a_shipped_one(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    commands = re.findall(r"^    truepose (.*)$", section("A robot"), re.MULTILINE)
+    assert [command.split()[0] for command in commands] == ["new", "check", "info"]
+    for command in commands:
+        result = CliRunner().invoke(app, shlex.split(command))
+        assert result.exit_code == 0, result.output
