@@ -11,14 +11,13 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose import _core
+from truepose import _core, logs
 from truepose.arguments import Array
 from truepose.calibration import log_checks
 from truepose.calibration import registration as registrations
 from truepose.calibration.departure import Departure, departure
 from truepose.calibration.registration import Registered, Registration
 from truepose.exceptions import InputError, PoseError, choose
-from truepose.logs import read as logs
 from truepose.robot import knowledge
 from truepose.robot.kinematics import Level
 from truepose.robot.robot import Robot

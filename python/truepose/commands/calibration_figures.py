@@ -8,10 +8,11 @@ from matplotlib.figure import Figure
 from truepose.calibration import fit as calibration
 from truepose.calibration import review as calibration_report
 from truepose.calibration.fit import Fit
-from truepose.calibration.review import Assessment, in_print
+from truepose.calibration.review import Assessment
 from truepose.exceptions import one_line
-from truepose.files.write import picture
-from truepose.paper import report
+from truepose.files import picture
+from truepose.show.page import as_uri, render, versions
+from truepose.show.units import in_print
 
 _COLOURS = {"before": "#b2182b", "after": "#2166ac", "held out": "#1b7837"}
 _VERDICTS = {"identified": "#1b7837", "barely": "#e08214", "not identified": "#b2182b"}
@@ -25,7 +26,7 @@ def page(result: Assessment, source: str, loss: str) -> str:
         f"{name} = {1e3 * v:.4g} mm" if unit == "m" else f"{name} = {np.degrees(v):.4g}°"
         for v, (name, unit) in zip(result.touch_off, robot.coordinates, strict=True)
     )
-    return report.render(
+    return render(
         "calibration.html.j2",
         robot=robot,
         fit=result.fit,
@@ -40,11 +41,11 @@ def page(result: Assessment, source: str, loss: str) -> str:
         barely=calibration.BARELY,
         tables={table.name: table for table in calibration_report.tables_of(result)},
         images={
-            "residuals": report.as_uri(picture(residuals(result), ".svg")),
-            "accuracy": report.as_uri(picture(accuracy(result), ".svg")),
-            "parameters": report.as_uri(picture(parameters(result.fit), ".svg")),
+            "residuals": as_uri(picture(residuals(result), ".svg")),
+            "accuracy": as_uri(picture(accuracy(result), ".svg")),
+            "parameters": as_uri(picture(parameters(result.fit), ".svg")),
         },
-        versions=report.versions(),
+        versions=versions(),
     )
 
 

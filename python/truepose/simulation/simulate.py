@@ -16,10 +16,12 @@ from truepose import _core
 from truepose.arguments import Array, check_seed, fraction
 from truepose.calibration.online import OnlineCalibration
 from truepose.exceptions import InputError, PoseError, choose
+from truepose.logs.columns import Column, pose, readings
 from truepose.paper import data as paper_data
 from truepose.robot import knowledge
 from truepose.robot.kinematics import Errors
 from truepose.robot.robot import Robot
+from truepose.robot.units import reading_units
 from truepose.simulation.effects import Effects
 
 Law = Literal["joint", "redundant", "cartesian", "weighted", "estimated"]
@@ -144,6 +146,25 @@ class Simulation:
             return _RESTLESS
         held = self.saturated.any(axis=0)
         return _saturated(int(held.argmax())) if held.any() else "ok"
+
+    def columns(self, robot: Robot | None = None) -> list[Column]:
+        """Describe what a log of the run holds, see :func:`truepose.logs.columns`."""
+        robot = self.truth
+        result = [Column("time", "time", "s", "since the start", self.time)]
+        result += readings(robot, self.q_e)
+        result += pose(robot, "desired", "asked of the controller", self.x_d)
+        result += pose(robot, "true", "of the simulated robot", self.x)
+        for topic, values, what, units in (
+            ("motor_error", self.motor_error, "motor error ê_q of the law,", {}),
+            ("torque", self.torque, "torque (force) of", {"rad": "N·m", "m": "N"}),
+        ):
+            for i, unit in enumerate(reading_units(robot)[: robot.n]):
+                described = f"{what} motor {i + 1}"
+                own = units.get(unit, unit)
+                result.append(Column(topic, f"{topic}{i + 1}", own, described, values[:, i]))
+        damped = self.near_singular.astype(float)
+        what = "1 where the controller's Jacobian was damped"
+        return [*result, Column("near_singular", "near_singular", "1", what, damped)]
 
 
 _RESTLESS = f"does not come to rest: swings by more than {1e3 * RESTLESS:g} mm or mrad"
