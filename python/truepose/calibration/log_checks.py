@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from truepose.arguments import Array
 from truepose.calibration import log_faults
 from truepose.calibration.departure import chi2_quantile
 from truepose.calibration.expectation import Expectation, expect, poses_of
+from truepose.calibration.fit import Fit
 from truepose.calibration.log_faults import (
     APART,
     CENTIMETRES,
@@ -24,9 +25,6 @@ from truepose.logs import Log
 from truepose.robot import knowledge
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
-
-if TYPE_CHECKING:
-    from truepose.calibration.fit import Fit
 
 #: A prediction that varies by this many σ shows what a reading should have followed.
 VARIES = 8.0

@@ -11,7 +11,7 @@ from truepose.arguments import Array
 from truepose.calibration import log_checks, registration
 from truepose.calibration.bound import accuracy
 from truepose.calibration.expectation import Expectation, expect
-from truepose.calibration.fit import Fit, calibrate
+from truepose.calibration.fit import Fit, fit_to
 from truepose.calibration.registration import Registered
 from truepose.exceptions import PoseError, TrueposeError
 from truepose.logs import Log
@@ -79,7 +79,7 @@ def assess(
 
     def fitted(part: Log) -> Fit:
         outside = {"measured": part.measured, "measured_sigma": part.measured_sigma}
-        return calibrate(robot, part.readings, **outside, **settings)
+        return fit_to(robot, part.readings, **outside, **settings)
 
     def expected(by: Robot, part: Log, of: Registered | None) -> Expectation:
         level = settings.get("level")

@@ -11,12 +11,10 @@ import numpy as np
 import typer
 
 from truepose import files, logs, robotfile
-from truepose.calibration import fit as calibration
-from truepose.calibration import log_checks
-from truepose.calibration import review as calibration_report
-from truepose.calibration.fit import Loss, ModelError
+from truepose.calibration import log_checks, review
+from truepose.calibration.fit import MUCH, Loss, ModelError, memory, much_memory
 from truepose.calibration.review import Assessment
-from truepose.commands import accuracy as prediction
+from truepose.commands import accuracy
 from truepose.commands.options import Force, How, RobotName, wrote
 from truepose.exceptions import InputError
 from truepose.robot.kinematics import Level
@@ -25,7 +23,7 @@ from truepose.show.terminal import Format, say, show
 from truepose.show.units import WRITTEN
 
 #: Calls of `progress` that :func:`run` makes.
-STEPS = 3 + calibration_report.STEPS
+STEPS = 3 + review.STEPS
 
 Registration = Literal["unknown", "known"]
 
@@ -123,12 +121,12 @@ def command(
         raise typer.Exit(2) from None
     for note in result.notes:
         say(f"{log}: {note}", err=True)
-    tables = calibration_report.tables_of(result)
+    tables = review.tables_of(result)
     if how is Format.table:  # the report has the change of each parameter, too
         few = (0, 1, 3, 4, 5, 6)
         tables = [t.columns(*few) if t.name == "parameters" else t for t in tables]
     show(tables, how)
-    say(f"{calibration_report.verdicts(result.fit)}.", how)
+    say(f"{review.verdicts(result.fit)}.", how)
     wrote(how, out, report)
 
 
@@ -163,9 +161,9 @@ def run(
     files.check(filter(None, (robot_out, page_out)), inputs, force)
     robot = load(robot_file)
     if sensors is not None:
-        robot = robot.with_sensors(*prediction.parse_set(robot, sensors))
+        robot = robot.with_sensors(*accuracy.parse_set(robot, sensors))
     sigma, angle_sigma = _sigmas(measured_sigma)
-    at = None if touch_off is None else prediction.parse_pose(robot, touch_off, "--touch-off")
+    at = None if touch_off is None else accuracy.parse_pose(robot, touch_off, "--touch-off")
     log = logs.read(robot, log_file)
     progress("log read")
     log, findings = log_checks.check(robot, log)
@@ -173,15 +171,15 @@ def run(
         raise RefusedError(refused)
     progress("log looked over")
     guarded = (level or robot.finest_level) == "ideal" and model_error == "on"
-    needed = calibration.memory(robot, len(log.lines), log.measured is not None, guarded)
-    if needed > calibration.MUCH:  # before, not with the notes that come after
-        say(f"{log_file}: {calibration.much_memory(robot, len(log.lines), needed)}", err=True)
+    needed = memory(robot, len(log.lines), log.measured is not None, guarded)
+    if needed > MUCH:  # before, not with the notes that come after
+        say(f"{log_file}: {much_memory(robot, len(log.lines), needed)}", err=True)
     notes = [finding.text for finding in findings]
     if log.unused:
         notes.insert(0, f"columns not used: {', '.join(log.unused)}")
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", ".* GB of memory")  # it was said
-        result = calibration_report.assess(
+        result = review.assess(
             robot,
             log,
             notes,

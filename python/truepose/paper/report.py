@@ -24,6 +24,7 @@ from truepose.paper.experiment import CONTROLS
 from truepose.paper.reproduce import Reproduction
 from truepose.show import drawing, page
 from truepose.simulation.effects import Effects
+from truepose.simulation.moves import MOVE_TO
 
 FIGURES = 10  #: drawn for the report
 PAGE = "report.html"
@@ -119,7 +120,7 @@ def write(
         seed=result.seed,
         scatter={law: tables.theta_scatter(law) for law in ("usual", "redundant")},
         ratio=float(np.median(result.experiment.ratio("theta", "sum_sq"))),
-        moved=float(np.median(experiment.moved_by_tej(result.experiment, paper_data.MOVE_TO))),
+        moved=float(np.median(experiment.moved_by_tej(result.experiment, MOVE_TO))),
         squares={
             "printed": paper_data.table3()["usual"]["theta", "sum_sq"],
             "drawn": float(np.median(result.experiment.tables["joint"][:, 3, 2])),

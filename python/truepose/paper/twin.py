@@ -23,12 +23,12 @@ from truepose.exceptions import RobotFileError
 from truepose.paper import data as paper_data
 from truepose.paper import table3 as statistics
 from truepose.paper import virtual_experiment
+from truepose.paper.errors import paper_directions
 from truepose.paper.experiment import Control
 from truepose.paper.virtual_experiment import Reading, Run
 from truepose.robot.robot import Robot, load
 from truepose.simulation.effects import Effects
 from truepose.simulation.plants.exact import ExactPlant
-from truepose.simulation.true_robots import paper_directions
 from truepose.simulation.vision import Setup, Vision
 
 NAME = "h4-lirmm-twin"

@@ -14,7 +14,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from truepose.arguments import Array, numbers_of
-from truepose.calibration.fit import calibrate
+from truepose.calibration.calibrate import calibrate
 from truepose.exceptions import InputError, choose
 from truepose.logs.columns import Column, numbered, pose, readings
 from truepose.paper import data as paper_data
@@ -23,8 +23,8 @@ from truepose.paper.experiment import CONTROLS, Control
 from truepose.paper.trials import JITTER
 from truepose.robot.frames import coordinates
 from truepose.robot.robot import Robot
+from truepose.simulation.controller import Controller
 from truepose.simulation.plants import Plant, Visit
-from truepose.simulation.simulate import Controller
 from truepose.simulation.vision import Seen, Vision
 
 #: What "error" means. The paper compares the pose estimated from the encoders with the measured

@@ -9,7 +9,7 @@ from truepose.arguments import Array
 from truepose.exceptions import InputError
 from truepose.logs.columns import Column, numbered, pose, readings
 from truepose.robot.robot import Robot
-from truepose.simulation.simulate import Controller
+from truepose.simulation.controller import Controller
 
 
 class Visit(NamedTuple):
