@@ -16,7 +16,6 @@ extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc", "breathe", "equat
 exclude_patterns = ["generated"]  # these are included
 highlight_language = "none"  # a block without a language is an equation, or for a shell
 toc_object_entries = False
-suppress_warnings = ["toc.empty_glob"]
 
 myst_enable_extensions = ["attrs_block", "dollarmath"]
 myst_heading_anchors = 4
