@@ -26,6 +26,47 @@ STEP = re.compile(
 )
 
 
+#: What the page promises of every row of the table, here of those that see the nacelle alone.
+DERIVATIVES = """
+TEST("what a kind's `sense` says of its derivatives is what its finite differences say") {
+  constexpr double h = 1e-6;
+  Sensor sensor;
+  sensor.origin = Vec3(-0.9, 0.2, 0.1);
+  sensor.target = Vec3(0.04, -0.03, 0.02);
+  sensor.direction = Vec3(0.9, 0.3, -0.2).normalized();
+  sensor.normal = Vec3(0.2, 0.4, 0.8).normalized();
+  const Pose pose = to_pose<Mobility::spatial>({0.1, 0.2, -0.4, 0.1, 0.2, 0.3});
+  for (const SensorProperties& row : kSensorTable) {
+    if (row.of_chain || row.is_theta) continue;
+    check::state().scene = row.name;
+    sensor.kind = row.kind;
+    const Sensed s = sense_pose(sensor, pose);
+    for (int axis = 0; axis < 3; ++axis) {
+      const auto slope = [&](auto&& change) {
+        const auto at = [&](double step) {
+          Sensor other = sensor;
+          Pose there = pose;
+          change(other, there, step * Vec3::Unit(axis));
+          return sense_pose(other, there).value;
+        };
+        return (at(h) - at(-h)) / (2 * h);
+      };
+      const auto vector = [&](Vec3 Sensor::* of) {
+        return slope([&](Sensor& o, Pose&, const Vec3& d) { o.*of += d; });
+      };
+      const auto turned = [](Sensor&, Pose& p, const Vec3& d) { p.R = exp_so3(d) * p.R; };
+      CHECK_NEAR(s.linear[axis], slope([](Sensor&, Pose& p, const Vec3& d) { p.D += d; }), 1e-8);
+      CHECK_NEAR(s.angular[axis], slope(turned), 1e-8);
+      CHECK_NEAR(s.origin[axis], vector(&Sensor::origin), 1e-8);
+      CHECK_NEAR(s.target[axis], vector(&Sensor::target), 1e-8);
+      CHECK_NEAR(s.direction[axis], vector(&Sensor::direction), 1e-8);
+      CHECK_NEAR(s.normal[axis], vector(&Sensor::normal), 1e-8);
+    }
+  }
+}
+"""
+
+
 def section(title: str) -> str:
     """Text of one section of the page."""
     return re.search(rf"^## {title}\n(.*?)(?=^## |\Z)", PAGE, re.MULTILINE | re.DOTALL)[1]
@@ -67,14 +108,15 @@ def test_a_sensor_touches_three_files_and_its_test_a_law_two(sources):
 
 
 def test_the_core_takes_a_new_sensor_and_a_new_law(sources, tmp_path):
-    """One compilation: the derivatives of every kind in the table, and the page's own checks."""
+    """One compilation: the derivatives in the table's rows, and the page's own statements."""
     root, *_ = sources
     compiler = os.environ.get("CXX") or next(filter(shutil.which, ("clang++", "g++", "c++")), "")
     if not compiler:
         pytest.skip("no C++ compiler")
     whole = tmp_path / "extended.cpp"
     own = section("A sensor"), section("A law")
-    tests = [step["block"] for text in own for step in STEP.finditer(text) if "TEST(" in step[0]]
+    tests = [DERIVATIVES]
+    tests += [step["block"] for text in own for step in STEP.finditer(text) if "TEST(" in step[0]]
     headers = ["mechanisms.hpp", "truepose/control/law.hpp", "check_main.cpp"]
     start = "".join(f'#include "{header}"\n' for header in headers)
     whole.write_text(start + "using namespace mechanisms;\n" + "\n".join(tests), encoding="utf-8")
@@ -85,7 +127,7 @@ def test_the_core_takes_a_new_sensor_and_a_new_law(sources, tmp_path):
     subprocess.run(build, check=True, text=True)
     said = subprocess.run([out], capture_output=True, text=True, check=False)
     assert said.returncode == 0, said.stdout
-    assert said.stdout.count("ok ") == len(tests) == 2
+    assert said.stdout.count("ok ") == len(tests) == 3
 
 
 def test_a_robot_file_takes_the_new_sensor_and_a_controller_the_new_law(sources):

@@ -10,19 +10,17 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from truepose.arguments import Array
 from truepose.calibration.expectation import Expectation, expect, poses_of
+from truepose.calibration.fit import Fit, fit_to
 from truepose.exceptions import TrueposeError
-from truepose.logs.read import Log
+from truepose.logs import Log
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
-
-if TYPE_CHECKING:
-    from truepose.calibration.fit import Fit
 
 #: A reading this many σ off what motors and tolerances allow, on most lines, is no geometry.
 APART = 5.0
@@ -127,11 +125,9 @@ def _distance(robot: Robot, log: Log, readings: Array) -> float:
 
 
 def _fit(robot: Robot, log: Log, readings: Array) -> Fit | None:
-    from truepose.calibration.fit import calibrate
-
     outside = {"measured": log.measured, "measured_sigma": log.measured_sigma}
     try:
-        return calibrate(robot, readings, **outside, loss="student", level="ideal")
+        return fit_to(robot, readings, **outside, loss="student", level="ideal")
     except TrueposeError:
         return None
 
@@ -154,7 +150,7 @@ def _misfit(fit: Fit) -> float:
 def mistakes(robot: Robot, log: Log) -> Iterator[Mistake]:
     """What may have happened to the columns: units, signs, order."""
     n, names = robot.n, log.names
-    angle = np.array(reading_units(robot)) == "rad"
+    angle = np.array([unit == "rad" for unit in reading_units(robot)])
     every = range(n + robot.r)
 
     def scaled(which, factor, what: str) -> Mistake:

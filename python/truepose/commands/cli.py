@@ -11,9 +11,9 @@ from typing import Annotated
 import typer
 from typer.exceptions import TyperException
 
+from truepose import files
 from truepose.commands import accuracy, calibrate, check, export, info, new, reproduce, view
 from truepose.exceptions import TrueposeError
-from truepose.files import write as saving
 from truepose.show.terminal import prepare, say
 
 app = typer.Typer(
@@ -55,7 +55,7 @@ def _options(
 
 def _stop(number: int, _frame: object) -> None:
     """End at once: an exception might be lost on its way, in a callback of the interpreter's."""
-    saving.clear()
+    files.clear()
     shown = b"\x1b[?25h" * os.isatty(2)  # a progress bar hides the cursor
     os.write(2, shown + b"truepose: stopped\n")
     os._exit(128 + number)

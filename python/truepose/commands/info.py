@@ -13,9 +13,9 @@ from truepose import _core
 from truepose.arguments import Array
 from truepose.commands.options import Force, How, RobotName, plot_to, wrote
 from truepose.exceptions import InputError
-from truepose.paper.tables import Cell, Table
 from truepose.robot.robot import Robot, load
 from truepose.robotfile.schema import Workspace
+from truepose.show.table import Cell, Table
 from truepose.show.terminal import Format, show
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from truepose.files import write as saving
-from truepose.robotfile.read import path_of
+from truepose import files
+from truepose.robotfile import path_of
 from truepose.show.terminal import Format, say
 
 if TYPE_CHECKING:
@@ -35,12 +35,12 @@ def plot_to(
     """Look whether --plot may be written; return what draws and saves it, or does nothing."""
     if path is None:
         return lambda draw: None
-    output = saving.Output(path, "picture", "--plot")
+    output = files.Output(path, "picture", "--plot")
     read = [path_of(str(name)) for name in inputs]
-    saving.check_picture(output, read, force)
+    files.check_picture(output, read, force)
 
     def save(draw: Callable[[], Figure]) -> None:
-        saving.write({output: saving.picture(draw(), path.suffix)}, read, force)
+        files.write({output: files.picture(draw(), path.suffix)}, read, force)
 
     return save
 

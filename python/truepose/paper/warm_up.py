@@ -15,9 +15,10 @@ from truepose.calibration.online import OnlineCalibration
 from truepose.paper import data as paper_data
 from truepose.paper.trials import JITTER
 from truepose.robot import knowledge
+from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
 from truepose.simulation.effects import Effects
-from truepose.simulation.simulate import Law, settle
+from truepose.simulation.settle import settle
 from truepose.simulation.true_robots import with_tolerance_errors
 from truepose.threads import each
 

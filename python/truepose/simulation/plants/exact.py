@@ -18,9 +18,9 @@ from truepose.robot import knowledge
 from truepose.robot.frames import frames
 from truepose.robot.kinematics import Level
 from truepose.robot.robot import Robot
+from truepose.simulation.controller import Controller
 from truepose.simulation.effects import Effects
 from truepose.simulation.plants import Visit, play
-from truepose.simulation.simulate import Controller
 
 #: Groups of effects that statics know.
 EFFECTS = ("backlash", "thermal", "eccentricity", "quantisation")

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from truepose import _core
 from truepose.arguments import Array
 from truepose.exceptions import InputError
-from truepose.files.write import mark
+from truepose.files import mark
 from truepose.robot.frames import frames
 from truepose.robot.robot import Robot
 from truepose.simulation.effects import Effects

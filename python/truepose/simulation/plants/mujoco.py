@@ -17,11 +17,11 @@ from truepose.arguments import Array, check_seed, numbers_of
 from truepose.exceptions import InputError
 from truepose.robot import knowledge
 from truepose.robot.robot import Robot
+from truepose.simulation.controller import Controller
 from truepose.simulation.effects import Effects
 from truepose.simulation.plants import Visit
 from truepose.simulation.plants.mjcf import TIMESTEP
 from truepose.simulation.plants.mujoco_body import Body, Settled, require
-from truepose.simulation.simulate import Controller
 from truepose.threads import each
 
 _RIPPLES = 6  # periods of the torque ripple in a turn of the motor
