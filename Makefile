@@ -38,6 +38,7 @@ test-cpp: build/asan/build.ninja
 lint: $(VENV)/developing
 	ruff check .
 	ruff format --check .
+	PYTHONPATH=python lint-imports --no-cache
 	clang-format --dry-run --Werror $(CPP)
 
 format: $(VENV)/developing

@@ -151,7 +151,7 @@ def tracked(anywhere):
     x = anywhere(robot, 100, rng)
     base = np.eye(4)
     base[:3, :3], base[:3, 3] = frames.rotation([2, -1, 1]), [1, 2, 3]
-    seen = _core.seen(robot._core, base, np.eye(4), x, x)[0] + 1e-5 * rng.normal(size=x.shape)
+    seen = _core.seen(robot.core, base, np.eye(4), x, x)[0] + 1e-5 * rng.normal(size=x.shape)
     outside = {f"measured_{c}": seen[:, k] for k, (c, _) in enumerate(robot.coordinates)}
     return robot, with_tolerance_errors(robot, 2).read(x), outside
 

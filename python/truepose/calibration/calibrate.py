@@ -9,11 +9,11 @@ from typing import Literal
 from numpy.typing import ArrayLike
 
 from truepose import logs
+from truepose.arguments import Level
 from truepose.calibration import log_checks
 from truepose.calibration.fit import Fit, Loss, ModelError, fit_to
 from truepose.calibration.registration import Registration
 from truepose.exceptions import InputError
-from truepose.robot.kinematics import Level
 from truepose.robot.robot import Robot
 
 

@@ -13,6 +13,7 @@ from truepose import _core
 from truepose.arguments import Array
 from truepose.exceptions import InputError, choose
 from truepose.robot import frames
+from truepose.robot.batches import flattened
 
 if TYPE_CHECKING:
     from truepose.robot.robot import Robot
@@ -137,7 +138,7 @@ class Registered:
         """What the tracker is to measure at poses (N, n)."""
         x = np.ascontiguousarray(x)
         measured = np.full_like(x, np.nan) if measured is None else np.ascontiguousarray(measured)
-        return View(*_core.seen(robot._core, self.base, self.marker, x, measured))
+        return View(*_core.seen(robot.core, self.base, self.marker, x, measured))
 
     def begun(self) -> Registered:
         """Return the registration that the search began from, taken as exact."""
@@ -189,7 +190,7 @@ def outside(robot: Robot, measured, sigma, angle_sigma, count: int) -> tuple[Arr
     """Outside measurements and their σ as the core takes them; none: no rows."""
     if measured is None:
         return np.zeros((0, robot.n)), np.zeros((0, robot.n))
-    rows, lead = robot._rows(measured, robot.n, "measured", "nan")
+    rows, lead = flattened(robot, measured, robot.n, "measured", "nan")
     if lead != (count,):
         raise InputError(f"measured: shape {np.shape(measured)}, must be ({count}, {robot.n})")
     angles = [unit == "rad" for _, unit in robot.coordinates]

@@ -128,8 +128,8 @@ def remarks(robot: Robot) -> list[str]:
 def _reached(robot: Robot) -> tuple[int, dict[str, int], int]:
     """Count the grid's poses that are reached and regular, the others by reason, and all."""
     x = workspace_grid(robot, GRID[robot.n])
-    _, status, chain = _core.ikm(robot._core, x, False)
-    J, rank, guilty = _core.jacobian(robot._core, x, False)
+    _, status, chain = _core.ikm(robot.core, x, False)
+    J, rank, guilty = _core.jacobian(robot.core, x, False)
     lost = info.reasons(np.where(status, status, rank), np.where(status, chain, guilty))
     good = (status == 0) & (rank == 0)
     # Beyond a singularity det J has another sign: no way leads there from home.

@@ -105,9 +105,9 @@ def measure(robot: Robot, samples: int = 100_000, seed: int = 0, length: float =
     box = workspace(robot)
     generator = np.random.default_rng(seed)
     x = generator.uniform(box.minimum, box.maximum, size=(samples, robot.n))
-    q, status, chain = _core.ikm(robot._core, x, False)
+    q, status, chain = _core.ikm(robot.core, x, False)
     reached = status == 0
-    J, rank, lost = _core.jacobian(robot._core, x, False)
+    J, rank, lost = _core.jacobian(robot.core, x, False)
     regular = reached & (rank == 0)
     refused = reasons(np.where(reached, rank, status), np.where(reached, lost, chain))
     if not regular.any():
