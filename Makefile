@@ -86,7 +86,7 @@ pictures: $(VENV)/installed
 
 # The H4 whose Table 3 is close to the printed one: ten searches, some minutes.
 twin: $(VENV)/installed
-	python -m truepose.paper.twin_folder robots/h4-lirmm-twin
+	python tools/twin_folder.py robots/h4-lirmm-twin
 
 build/%/build.ninja: CMakeLists.txt CMakePresets.json tests/cpp/CMakeLists.txt benchmarks/CMakeLists.txt | $(VENV)/developing
 	cmake --preset $* -DPython_EXECUTABLE=$(abspath $(BIN))/python

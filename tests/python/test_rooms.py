@@ -78,7 +78,7 @@ def of_the_paper(modules: set[str]) -> list[str]:
 def test_the_package_loads_without_the_paper():
     assert of_the_paper(loaded("import truepose")) == []
     found = of_the_paper(loaded("import truepose", "truepose.with_paper_errors"))
-    assert found == ["truepose.paper", "truepose.paper.data", "truepose.paper.errors"]
+    assert found == ["truepose.paper", "truepose.paper.article", "truepose.paper.errors"]
 
 
 @pytest.mark.parametrize("name", ["", "info", "accuracy", "calibrate", "view", "reproduce"])

@@ -69,8 +69,8 @@ def accuracy(
     Examples
     --------
     >>> import numpy as np, truepose as tp
-    >>> from truepose.paper import data as paper_data
-    >>> h4, poses = tp.load("h4"), paper_data.table2()
+    >>> from truepose.paper import article
+    >>> h4, poses = tp.load("h4"), article.table2()
     >>> for visited in (None, poses):
     ...     P = tp.accuracy(h4, poses, calibrated_on=visited)
     ...     print((1e3 * np.sqrt(np.trace(P[:, :3, :3], axis1=1, axis2=2).mean())).round(2))  # mm

@@ -82,10 +82,10 @@ def calibrate(
     Examples
     --------
     >>> import truepose as tp
-    >>> from truepose.paper import data as paper_data
+    >>> from truepose.paper import article
     >>> robot = tp.load("h4")
     >>> true = robot.expected().replace({"chain1.rod": 0.489})
-    >>> fit = tp.calibrate(robot, true.extended(paper_data.table2()))
+    >>> fit = tp.calibrate(robot, true.extended(article.table2()))
     >>> fit.parameters["chain1.rod"].verdict
     'identified'
     """

@@ -12,9 +12,13 @@ from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import Array, Level
-from truepose.calibration import registration as registrations
 from truepose.calibration.departure import Departure, departure
-from truepose.calibration.registration import Registered, Registration
+from truepose.calibration.registration import (
+    Registered,
+    Registration,
+    measured_outside,
+    registration_of,
+)
 from truepose.exceptions import InputError, PoseError, choose
 from truepose.logs import repeated
 from truepose.robot import knowledge
@@ -180,14 +184,14 @@ def fit_to(
     rows, lead = flattened(robot, readings, robot.n + robot.r, "readings", "nan")
     if len(lead) != 1 or len(rows) == 0:
         raise InputError(f"readings: shape {np.shape(readings)}, must be (N, {robot.n + robot.r})")
-    outside, outside_sigma = registrations.outside(
+    outside, outside_sigma = measured_outside(
         robot, measured, measured_sigma, measured_angle_sigma, len(rows)
     )
     again = repeated(rows, outside if len(outside) else None, robot.n)
     if again.any():
         rows = np.where(again[:, None] & (np.arange(rows.shape[1]) >= robot.n), np.nan, rows)
         outside[again[: len(outside)]] = np.nan
-    begun = registrations.of(registration)
+    begun = registration_of(registration)
     base, marker = begun.begin()
     frames = begun.sigma(robot, outside) if len(outside) else np.zeros(12)
     unknown = frames if frames.any() else None

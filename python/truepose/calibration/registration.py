@@ -83,13 +83,13 @@ class Registration:
 KNOWN = Registration(base=np.eye(4), marker_sigma=(0.0, 0.0))
 
 
-def of(registration: Literal["unknown", "known"] | Registration) -> Registration:
+def registration_of(registration: Literal["unknown", "known"] | Registration) -> Registration:
     """Return what a word says of a registration.
 
     Examples
     --------
     >>> from truepose.calibration import registration
-    >>> registration.of("unknown").base_sigma[0], registration.of("known").base_sigma
+    >>> registration_of("unknown").base_sigma[0], registration_of("known").base_sigma
     (10.0, (0.0, 0.0))
     """
     if isinstance(registration, Registration):
@@ -186,7 +186,7 @@ class Registered:
         return result
 
 
-def outside(robot: Robot, measured, sigma, angle_sigma, count: int) -> tuple[Array, Array]:
+def measured_outside(robot: Robot, measured, sigma, angle_sigma, count: int) -> tuple[Array, Array]:
     """Outside measurements and their σ as the core takes them; none: no rows."""
     if measured is None:
         return np.zeros((0, robot.n)), np.zeros((0, robot.n))

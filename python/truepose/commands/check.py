@@ -17,8 +17,7 @@ from truepose.commands import info
 from truepose.commands.accuracy import workspace_grid
 from truepose.exceptions import RobotFileError, shortened
 from truepose.robot.robot import Robot
-from truepose.robotfile import Problem
-from truepose.robotfile import lines as toml_lines
+from truepose.robotfile import Problem, toml_lines
 from truepose.robotfile.schema import RobotFile
 from truepose.show.terminal import say
 

@@ -166,9 +166,9 @@ def level_difference(robot: Robot, poses: Array, seed: int = 0, count: int = 100
     Examples
     --------
     >>> import numpy as np, truepose as tp
-    >>> from truepose.paper import data as paper_data
+    >>> from truepose.paper import article
     >>> robot = tp.load("h4")
-    >>> rms = level_difference(robot, paper_data.table2()[::25])
+    >>> rms = level_difference(robot, article.table2()[::25])
     >>> bool((abs(rms[:3] * 1e3 - [0.11, 0.20, 0.14]) < 0.03).all())
     True
     """
