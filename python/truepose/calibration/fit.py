@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
+from truepose.arguments import Array
 from truepose.calibration import log_checks
 from truepose.calibration import registration as registrations
 from truepose.calibration.departure import Departure, departure
@@ -21,7 +22,7 @@ from truepose.logs import read as logs
 from truepose.robot import knowledge
 from truepose.robot.kinematics import Level
 from truepose.robot.robot import Robot
-from truepose.robot.to_core import Array, columns
+from truepose.robot.to_core import columns
 from truepose.robotfile.schema import Calibration
 
 ModelError = Literal["on", "off"]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from truepose.arguments import Array
 from truepose.calibration import log_faults
 from truepose.calibration.departure import chi2_quantile
 from truepose.calibration.expectation import Expectation, expect, poses_of
@@ -23,7 +24,6 @@ from truepose.logs import read as logs
 from truepose.logs.read import Log
 from truepose.robot import knowledge
 from truepose.robot.robot import Robot
-from truepose.robot.to_core import Array
 
 if TYPE_CHECKING:
     from truepose.calibration.fit import Fit

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from truepose.arguments import Array
 from truepose.calibration.expectation import Expectation, expect, poses_of
 from truepose.exceptions import TrueposeError
 from truepose.logs.read import Log
 from truepose.robot.robot import Robot
-from truepose.robot.to_core import Array
 
 if TYPE_CHECKING:
     from truepose.calibration.fit import Fit

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from truepose.arguments import Array
 from truepose.calibration import log_checks, log_faults, registration
 from truepose.calibration.bound import accuracy
 from truepose.calibration.expectation import Expectation, expect
@@ -16,7 +17,6 @@ from truepose.exceptions import PoseError, TrueposeError
 from truepose.logs.read import Log
 from truepose.paper.tables import Cell, Table, fixed, number
 from truepose.robot.robot import Robot
-from truepose.robot.to_core import Array
 
 #: Every so many lines one is held out.
 FOLD = 5

@@ -5,8 +5,10 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from pathlib import Path
+from typing import Annotated, Literal
 
 import numpy as np
+import typer
 
 from truepose.calibration import fit as calibration
 from truepose.calibration import log_checks
@@ -14,7 +16,7 @@ from truepose.calibration import review as calibration_report
 from truepose.calibration.fit import Loss, ModelError
 from truepose.calibration.review import Assessment
 from truepose.commands import accuracy as prediction
-from truepose.commands import calibration_figures
+from truepose.commands.options import Force, How, RobotName, wrote
 from truepose.exceptions import InputError
 from truepose.files import write as saving
 from truepose.files.write import Output
@@ -22,10 +24,114 @@ from truepose.logs import read as logs
 from truepose.robot.kinematics import Level
 from truepose.robot.robot import load
 from truepose.robotfile.read import path_of as robot_path
-from truepose.show.terminal import say
+from truepose.show.terminal import Format, say, show
 
 #: Calls of `progress` that :func:`run` makes.
 STEPS = 3 + calibration_report.STEPS
+
+Registration = Literal["unknown", "known"]
+
+
+def command(
+    robot: RobotName,
+    log: Annotated[
+        Path,
+        typer.Argument(
+            help="CSV, Parquet or MCAP: columns q1 … qn, each sensor's name, measured_x, …; SI."
+        ),
+    ],
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", help="Calibrated robot file to write.")
+    ] = None,
+    report: Annotated[
+        Path | None,
+        typer.Option(help="Report to write (HTML).", show_default="beside -o, as OUT.html"),
+    ] = None,
+    sensors: Annotated[
+        str | None, typer.Option(help="Sensors that were read: a,b.", show_default="the file's")
+    ] = None,
+    level: Annotated[
+        Level | None,
+        typer.Option(
+            help="One rod per chain, or every rod by itself.", show_default="full where it exists"
+        ),
+    ] = None,
+    loss: Annotated[Loss, typer.Option(help="What gross errors cost.")] = "student",
+    tuning: Annotated[
+        float | None,
+        typer.Option(
+            help="Huber's bend or Student's degrees of freedom.", show_default="docs/calibration.md"
+        ),
+    ] = None,
+    model_error: Annotated[
+        ModelError, typer.Option(help="Allow for what the ideal level leaves out.")
+    ] = "on",
+    measured_sigma: Annotated[
+        str | None,
+        typer.Option(
+            help="σ of the measured_… columns, lengths and angles: 0.02mm,0.01deg.",
+            show_default="the columns measured_…_sigma, else that",
+        ),
+    ] = None,
+    registration: Annotated[
+        Registration,
+        typer.Option(help="Whether measured_… are the nacelle's coordinates in the base frame."),
+    ] = "unknown",
+    touch_off: Annotated[
+        str | None,
+        typer.Option(help="Pose x,y,… that is known from outside.", show_default="home"),
+    ] = None,
+    how: How = Format.table,
+    force: Force = False,
+) -> None:
+    """Learn a robot's geometry from a log of its own readings.
+
+    Says what is wrong with the log, how well each parameter is known then, and how accurate the
+    robot will be; docs/calibration.md explains it.
+
+    Example: **truepose calibrate h4 log.csv -o calibrated.toml**
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn
+
+    errors = Console(stderr=True)
+    if out is not None and out.name and report is None:
+        report = out.with_suffix(".html")
+    columns = (TextColumn("{task.description:20}"), BarColumn())
+    try:
+        with Progress(
+            *columns, console=errors, transient=True, disable=not errors.is_terminal
+        ) as bar:
+            task = bar.add_task("log", total=STEPS)
+            result = run(
+                robot,
+                log,
+                out,
+                report,
+                sensors,
+                level,
+                loss,
+                tuning,
+                model_error,
+                measured_sigma,
+                registration,
+                touch_off,
+                lambda what: bar.update(task, advance=1, description=what),
+                force,
+            )
+    except RefusedError as refused:
+        for reason in refused.reasons:
+            say(f"truepose: error: {reason}", err=True)
+        raise typer.Exit(2) from None
+    for note in result.notes:
+        say(f"{log}: {note}", err=True)
+    tables = calibration_report.tables_of(result)
+    if how is Format.table:  # the report has the change of each parameter, too
+        few = (0, 1, 3, 4, 5, 6)
+        tables = [t.columns(*few) if t.name == "parameters" else t for t in tables]
+    show(tables, how)
+    say(f"{calibration_report.verdicts(result.fit)}.", how)
+    wrote(how, out, report)
 
 
 class RefusedError(InputError):
@@ -93,6 +199,8 @@ def run(
         )
     contents = {}
     if page_out:
+        from truepose.commands import calibration_figures
+
         contents[page_out] = calibration_figures.page(result, log_file.name, loss)
     if robot_out:
         contents[robot_out] = saving.text_of(result.fit.robot)

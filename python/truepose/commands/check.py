@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import typer
 
 from truepose import _core
 from truepose.commands import info
@@ -19,11 +21,36 @@ from truepose.robotfile import lines as toml_lines
 from truepose.robotfile import read as robot_file
 from truepose.robotfile.read import Problem
 from truepose.robotfile.schema import RobotFile
+from truepose.show.terminal import say
 
 #: Values of each coordinate on the grid at which a workspace is looked at, for n of them.
 GRID = {2: 101, 3: 21, 4: 11, 6: 5}
 
 _LARGEST = 20.0  # m; no robot of rods has such a part, and few in mm have none
+
+
+def command(
+    file: Annotated[Path, typer.Argument(help="A robot file (TOML).")],
+) -> None:
+    """Explain everything that is wrong with a robot file, one line each; exit status 2 then.
+
+    A line names the file, the line, the key, its value and the valid choices. Of a file that
+    describes a robot: where its motors stand at home, and what its workspace holds, on a grid.
+
+    Example: **truepose check my_robot.toml**
+    """
+    robot, problems = check(file)
+    for problem in problems:
+        say(problem, err=True)
+    if robot is None:
+        raise typer.Exit(2)
+    sensors = ", ".join(robot.sensors) or "none"
+    say(
+        f"{file}: ok: {robot.name}, n = {robot.n} motors, r = {robot.r} sensors in use ({sensors}),"
+        f" {len(robot.parameters)} parameters"
+    )
+    for remark in remarks(robot):
+        typer.echo(f"{file}: {remark}")
 
 
 def check(path: Path) -> tuple[Robot | None, list[str]]:

@@ -4,12 +4,31 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Annotated
 
 import tomlkit
+import typer
 
 from truepose.exceptions import InputError, choose, one_line
 from truepose.files.write import replace_file
 from truepose.robotfile import read as robot_file
+from truepose.show.terminal import say
+
+
+def command(
+    robot: Annotated[str, typer.Argument(help="A shipped robot: the kind to start from.")],
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", help="File to write.", show_default="ROBOT.toml")
+    ] = None,
+) -> None:
+    """Write a commented starter file for a robot of a shipped kind.
+
+    A file that is there is never overwritten.
+
+    Example: **truepose new delta -o my_delta.toml**
+    """
+    out = write(robot, out or Path(f"{robot}.toml"))
+    say(f"Wrote {out}. Change its numbers, then: truepose check {out}")
 
 
 def write(robot: str, out: Path) -> Path:

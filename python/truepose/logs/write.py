@@ -14,12 +14,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from truepose.arguments import Array
 from truepose.calibration.log_checks import sensor_is_angle
 from truepose.exceptions import InputError, choose
 from truepose.files.write import mark, replace_file
 from truepose.paper.virtual_experiment import Run
 from truepose.robot.robot import Robot
-from truepose.robot.to_core import Array
 from truepose.simulation.plants import Visit
 from truepose.simulation.simulate import Simulation
 

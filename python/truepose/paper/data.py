@@ -12,7 +12,7 @@ from importlib import resources
 
 import numpy as np
 
-from truepose.robot.to_core import Array
+from truepose.arguments import Array
 
 GEAR = 4  #: The tool turns four times as far as the nacelle.
 QUANTITIES = ("x", "y", "z", "theta", "norm_xyz")

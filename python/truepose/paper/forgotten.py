@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from truepose.arguments import Array
 from truepose.calibration.fit import calibrate
 from truepose.exceptions import PoseError
 from truepose.paper import data as paper_data
@@ -21,7 +22,6 @@ from truepose.paper.table3 import interval, over_robots
 from truepose.paper.trials import JITTER
 from truepose.robot.frames import coordinates
 from truepose.robot.robot import Robot
-from truepose.robot.to_core import Array
 from truepose.simulation.effects import Effects
 from truepose.simulation.plants.dynamic import DynamicPlant
 from truepose.simulation.simulate import Controller, Simulation, simulate

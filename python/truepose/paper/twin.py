@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from truepose.arguments import Array
 from truepose.exceptions import RobotFileError
 from truepose.paper import data as paper_data
 from truepose.paper import table3 as statistics
@@ -24,7 +25,6 @@ from truepose.paper import virtual_experiment
 from truepose.paper.experiment import Control
 from truepose.paper.virtual_experiment import Reading, Run
 from truepose.robot.robot import Robot, load
-from truepose.robot.to_core import Array
 from truepose.robotfile import read as robot_file
 from truepose.simulation.effects import Effects
 from truepose.simulation.plants.exact import ExactPlant

@@ -13,7 +13,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from truepose.arguments import numbers_of
+from truepose.arguments import Array, numbers_of
 from truepose.calibration.fit import calibrate
 from truepose.exceptions import InputError, choose
 from truepose.paper import data as paper_data
@@ -22,7 +22,6 @@ from truepose.paper.experiment import CONTROLS, Control
 from truepose.paper.trials import JITTER
 from truepose.robot.frames import coordinates
 from truepose.robot.robot import Robot
-from truepose.robot.to_core import Array
 from truepose.simulation.plants import Plant, Visit
 from truepose.simulation.simulate import Controller
 from truepose.simulation.vision import Seen, Vision

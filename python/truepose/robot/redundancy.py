@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import fraction
+from truepose.arguments import Array, fraction
 from truepose.exceptions import InputError, choose
 from truepose.robot.kinematics import Errors, Kinematics, Level
-from truepose.robot.to_core import Array, columns
+from truepose.robot.to_core import columns
 
 
 class Estimate(NamedTuple):

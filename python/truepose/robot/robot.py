@@ -12,19 +12,14 @@ from typing import NamedTuple
 import numpy as np
 
 from truepose import _core
+from truepose.arguments import Array
 from truepose.exceptions import InputError, RobotFileError, choose
 from truepose.robot import explain as mechanism
 from truepose.robot.kinematics import Level
 from truepose.robot.redundancy import Redundancy
-from truepose.robot.to_core import (
-    Array,
-    build,
-    columns,
-    drawn,
-    encoder_step,
-    parameterised,
-)
+from truepose.robot.to_core import build, columns, encoder_step, parameterised
 from truepose.robotfile import read as robot_file
+from truepose.robotfile.parameters import drawn
 from truepose.robotfile.schema import Calibration, RobotFile
 
 #: Names and units of the coordinates of each mobility.

@@ -13,14 +13,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import check_seed, fraction
+from truepose.arguments import Array, check_seed, fraction
 from truepose.calibration.online import OnlineCalibration
 from truepose.exceptions import InputError, PoseError, choose
 from truepose.paper import data as paper_data
 from truepose.robot import knowledge
 from truepose.robot.kinematics import Errors
 from truepose.robot.robot import Robot
-from truepose.robot.to_core import Array
 from truepose.simulation.effects import Effects
 
 Law = Literal["joint", "redundant", "cartesian", "weighted", "estimated"]

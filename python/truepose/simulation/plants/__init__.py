@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
+from truepose.arguments import Array
 from truepose.robot.robot import Robot
-from truepose.robot.to_core import Array
 from truepose.simulation.simulate import Controller
 
 
