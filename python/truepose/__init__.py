@@ -7,6 +7,7 @@ from truepose.calibration.fit import Fit, calibrate
 from truepose.calibration.online import OnlineCalibration
 from truepose.calibration.registration import Registration
 from truepose.exceptions import InputError, PoseError, RobotFileError, TrueposeError
+from truepose.headers import get_cmake_dir, get_include
 from truepose.robot.assembly import assembly_modes
 from truepose.robot.redundancy import Estimate
 from truepose.robot.robot import Parameter, Robot, load, robots
@@ -32,6 +33,8 @@ __all__ = [
     "accuracy",
     "assembly_modes",
     "calibrate",
+    "get_cmake_dir",
+    "get_include",
     "load",
     "robots",
     "settle",
