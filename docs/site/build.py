@@ -84,7 +84,8 @@ def stage(doxygen: bool) -> Path:
             text = source.read_text(encoding="utf-8")
             write(target, relinked(text, source, target, copy).encode())
     for name, text in generate.parts(doxygen).items():
-        write(f"generated/{name}", relinked(text, DOCS / name, name, copy).encode())
+        target = name.removeprefix("generated/")  # links of an included part are its page's
+        write(name, relinked(text, DOCS / target, target, copy).encode())
     for old in set(out.rglob("*")) - written:
         if old.is_file():
             old.unlink()

@@ -15,7 +15,7 @@ version = release = version_of("truepose")
 extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc", "breathe", "equations"]
 exclude_patterns = ["generated"]  # these are included
 highlight_language = "none"  # a block without a language is an equation, or for a shell
-toc_object_entries = False
+toc_object_entries = False  # breathe adds them all the same: see setup
 
 myst_enable_extensions = ["attrs_block", "dollarmath"]
 myst_heading_anchors = 4
@@ -35,3 +35,15 @@ html_css_files = ["site.css"]
 html_show_sphinx = False
 html_copy_source = False
 html_show_sourcelink = False
+
+
+def setup(app) -> None:
+    """Keep every member of every C++ struct out of every page's table of contents."""
+    app.connect("doctree-read", _without_members, priority=400)  # the collector of titles: 500
+
+
+def _without_members(_app, doctree) -> None:
+    from sphinx.addnodes import desc_signature
+
+    for signature in doctree.findall(desc_signature):
+        signature["_toc_name"] = ""
