@@ -15,9 +15,9 @@ from typing import NamedTuple
 from pydantic import ValidationError
 
 from truepose.exceptions import RobotFileError, choose, shortened
-from truepose.files.read import contents
-from truepose.robot.to_core import parameter_names
+from truepose.files import contents
 from truepose.robotfile import consistency
+from truepose.robotfile.parameters import parameter_names
 from truepose.robotfile.pattern import expand, misfits
 from truepose.robotfile.schema import (
     ACTUATORS,
