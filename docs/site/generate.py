@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import truepose
-from truepose.robotfile import read, sensors
+from truepose.robotfile import reading, sensors
 from truepose.robotfile.schema import RobotFile
 
 INCLUDE = Path(__file__).parents[2] / "include" / "truepose"
@@ -30,7 +30,7 @@ def robot_file() -> str:
     schema = RobotFile.model_json_schema()
     tables = schema["$defs"]
     top = schema | {"properties": dict(schema["properties"])}
-    for key, what in read.SHORTHAND.items():
+    for key, what in reading.SHORTHAND.items():
         top["properties"][key] = {"description": what, "default": None, "type": "string"}
     top["properties"]["every_chain"]["type"] = "object"
     kinds = {model.__name__: tables[model.__name__] for model in sensors.SENSORS.values()}
@@ -157,7 +157,7 @@ def robots() -> str:
     """A picture and a line for every shipped robot."""
     text = "| | | |\n|---|---|---|\n"
     for name in truepose.robots():
-        robot = read.read(name)
+        robot = reading.read(name)
         folder = f"../robots/{name}"
         text += f"| [![{name}]({folder}/picture.png)]({folder}/README.md) "
         text += f"| [`{name}`]({folder}/README.md) "
