@@ -1,4 +1,4 @@
-"""What does Sphinx need to know? `build.py` stages the pages and calls it."""
+"""What does Sphinx need to know? `make.py` stages the pages and calls it."""
 
 import sys
 from importlib.metadata import version as version_of
@@ -24,7 +24,7 @@ autodoc_typehints = "none"  # numpydoc's sections name the types
 autodoc_member_order = "groupwise"
 numpydoc_show_class_members = False
 
-breathe_projects = {"truepose": str(SITE.parents[1] / "build" / "site" / "doxygen" / "xml")}
+breathe_projects = {"truepose": ""}  # make.py says where
 breathe_default_project = "truepose"
 
 html_theme = "furo"

@@ -1,6 +1,6 @@
 """What of the documentation follows from the code? Keys, commands, names: always today's.
 
-Each function gives a page's text in Markdown; `build.py` puts it where the page includes it.
+Each function gives a page's text in Markdown; `make.py` puts it where the page includes it.
 """
 
 from __future__ import annotations
