@@ -1,5 +1,6 @@
 """Do check, new and info say what a user needs, in the right place, with the right status?"""
 
+import json
 import re
 
 import numpy as np
@@ -119,10 +120,36 @@ def test_check_of_a_missing_file_is_one_line(run):
     )
 
 
-@pytest.mark.parametrize("command", ["check", "new", "info", "accuracy"])
+@pytest.mark.parametrize("command", ["check", "new", "info", "accuracy", "calibrate"])
 def test_help_has_an_example(run, command):
     status, out, _ = run(command, "--help")
     assert status == 0 and f"Example: truepose {command}" in re.sub(r"\s+", " ", out)
+
+
+@pytest.mark.parametrize("command", ["robots", "simulate", "rehearse"])
+def test_the_examples_of_the_help_run(run, command):
+    _, out, _ = run(command, "--help")
+    example = re.sub(r"\s+", " ", out).partition("Example: ")[2]
+    words = example.partition(" ╭")[0].split(", then ")
+    assert words[0].startswith(f"truepose {command}")
+    for line in words:
+        assert run(*line.split()[1:])[0] == 0
+
+
+def test_the_shipped_robots_are_listed_for_people_and_for_programs(run):
+    _, said, _ = run("robots")
+    row = next(line for line in said.splitlines() if line.startswith("delta "))
+    assert row.split("  ")[0] == "delta" and "3 revolute" in row and "z_telemeter, elbow*" in row
+    listed = {
+        row["robot"]: row for row in json.loads(run("robots", "--format", "json")[1])["robots"]
+    }
+    assert list(listed) == tp.robots()
+    for name, row in listed.items():
+        robot = tp.load(name)
+        assert (row["n"], row["mobility"]) == (robot.n, robot.spec.mobility)
+        used, spare = row["sensors in use"].split(), row["further sensors"].split()
+        assert sorted(used + spare) == sorted(sensor.name for sensor in robot.spec.sensor)
+        assert "assumed" in row["numbers from"] and row["full level"] == robot.full.reason
 
 
 @pytest.mark.parametrize("name", tp.robots())

@@ -11,7 +11,19 @@ from typing import Annotated
 import typer
 from typer.exceptions import TyperException
 
-from truepose.commands import accuracy, calibrate, check, export, info, new, reproduce, view
+from truepose.commands import (
+    accuracy,
+    calibrate,
+    check,
+    export,
+    info,
+    new,
+    rehearse,
+    reproduce,
+    robots,
+    simulate,
+    view,
+)
 from truepose.exceptions import TrueposeError
 from truepose.files import write as saving
 from truepose.show.terminal import prepare, say
@@ -29,6 +41,9 @@ app.command("info")(info.command)
 app.command("accuracy")(accuracy.command)
 app.command("calibrate")(calibrate.command)
 app.add_typer(export.app, name="export")
+app.command("robots")(robots.command)
+app.command("rehearse")(rehearse.command)
+app.command("simulate")(simulate.command)
 app.command("view")(view.command)
 app.command("reproduce")(reproduce.command)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,7 +17,8 @@ import numpy as np
 
 from truepose.calibration.log_checks import sensor_is_angle
 from truepose.exceptions import InputError, choose
-from truepose.files.write import mark, replace_file
+from truepose.files.write import Output, mark, replace_file
+from truepose.files.write import check as checked
 from truepose.paper.virtual_experiment import Run
 from truepose.robot.robot import Robot
 from truepose.robot.to_core import Array
@@ -64,7 +66,7 @@ def _columns(run: Simulation | Run | Visit, robot: Robot | None) -> list[Column]
     if isinstance(run, Simulation):
         robot = run.truth
         result = [Column("time", "time", "s", "since the start", run.time)]
-        result += _readings(robot, run.q_e)
+        result += readings(robot, run.q_e)
         result += _pose(robot, "desired", "asked of the controller", run.x_d)
         result += _pose(robot, "true", "of the simulated robot", run.x)
         angle = _angles(robot)
@@ -81,7 +83,7 @@ def _columns(run: Simulation | Run | Visit, robot: Robot | None) -> list[Column]
         return [*result, Column("near_singular", "near_singular", "1", what, damped)]
     if isinstance(run, Run):
         robot = run.believed
-        result = _numbered(run.q_e) + _readings(robot, run.q_e)
+        result = _numbered(run.q_e) + readings(robot, run.q_e)
         result += _pose(robot, "desired", "asked of the controller", run.desired)
         result += _pose(robot, "measured", "by the vision system", run.measured)
         sigma = np.sqrt(np.diagonal(run.covariance, axis1=1, axis2=2)[:, [0, 1, 2, 5]])
@@ -94,7 +96,7 @@ def _columns(run: Simulation | Run | Visit, robot: Robot | None) -> list[Column]
         return [*result, Column("counted", "counted", "1", what, run.counted.astype(float))]
     if robot is None:
         raise InputError("a Visit's log needs its robot: columns(visit, robot)")
-    result = _numbered(run.q_e) + _readings(robot, run.q_e)
+    result = _numbered(run.q_e) + readings(robot, run.q_e)
     return result + _pose(robot, "true", "of the plant", run.x)
 
 
@@ -133,12 +135,33 @@ def write(
     5
     """
     path = Path(path)
-    writers = {".parquet": _parquet, ".mcap": _mcap, ".csv": _csv}
-    if path.suffix not in writers:
-        raise InputError(f"{path}: " + choose("ending", path.suffix, writers))
-    listed = columns(run, robot)
-    data = writers[path.suffix](path, listed)
-    replace_file(path, data, "log", force)
+    check(path, force=force)
+    replace_file(path, encoded(path, columns(run, robot)), "log", force)
+
+
+def check(path: str | Path, inputs: Iterable[str | Path] = (), force: bool = False) -> Output:
+    """Look whether a log may be written, best before any work is done for it.
+
+    Parameters
+    ----------
+    path, inputs, force
+        As of :func:`truepose.files.write.check`.
+
+    Raises
+    ------
+    InputError
+        An unknown ending, or a file that may not be written.
+    """
+    output = Output(Path(path), "log")
+    checked([output], inputs, force)
+    if output.path.suffix not in _WRITERS:
+        raise InputError(f"{path}: " + choose("ending", output.path.suffix, _WRITERS))
+    return output
+
+
+def encoded(path: Path, listed: list[Column]) -> bytes:
+    """Return the contents of a log file, as its name ends; the first column is time or number."""
+    return _WRITERS[path.suffix](path, listed)
 
 
 def _angles(robot: Robot) -> list[bool]:
@@ -147,7 +170,8 @@ def _angles(robot: Robot) -> list[bool]:
     return motors + sensor_is_angle(robot)
 
 
-def _readings(robot: Robot, q_e: Array) -> list[Column]:
+def readings(robot: Robot, q_e: Array) -> list[Column]:
+    """Columns of readings (N, n + r) by the names that a calibration looks for."""
     kinds = {sensor.name: sensor.kind for sensor in robot.spec.sensor}
     angle = _angles(robot)
     result = []
@@ -236,3 +260,6 @@ def _csv(path: Path, listed: list[Column]) -> bytes:
     cells = np.column_stack([c.values for c in listed]).tolist()
     rows.writerows([[repr(v) if np.isfinite(v) else "" for v in row] for row in cells])
     return buffer.getvalue().encode()
+
+
+_WRITERS = {".parquet": _parquet, ".mcap": _mcap, ".csv": _csv}
