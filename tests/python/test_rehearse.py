@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.calibration.fit import calibrate
+from truepose import files, logs
+from truepose.calibration.calibrate import calibrate
 from truepose.commands import calibration_figures
-from truepose.files import write as saving
-from truepose.logs import read as logs
 from truepose.simulation.rehearsal import missed, rehearse
 from truepose.simulation.true_robots import with_tolerance_errors
 
@@ -28,7 +27,7 @@ def words_after(said: str, when: str) -> list[str]:
 @pytest.mark.parametrize("name", ["h4", "delta", "five-bar"])
 def test_the_printed_commands_calibrate_the_log_and_judge_it(run, name, tmp_path, monkeypatch):
     """With a sensor of its own, a tracker in space, and one in a plane."""
-    page = f"<!-- {saving.mark('report')} -->"  # figures would take most of the time
+    page = f"<!-- {files.mark('report')} -->"  # figures would take most of the time
     monkeypatch.setattr(calibration_figures, "page", lambda *_: page)
     status, said, err = run("rehearse", name, "--poses", "60", "--seed", "3")
     assert (status, err) == (0, "")

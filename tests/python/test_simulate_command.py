@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.logs import read as logs
+from truepose import logs
 from truepose.simulation.true_robots import with_tolerance_errors
 
 

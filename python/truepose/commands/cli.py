@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 from typer.exceptions import TyperException
 
+from truepose import files
 from truepose.commands import (
     accuracy,
     calibrate,
@@ -25,11 +26,9 @@ from truepose.commands import (
     view,
 )
 from truepose.exceptions import TrueposeError
-from truepose.files import write as saving
 from truepose.show.terminal import prepare, say
 
 app = typer.Typer(
-    add_completion=False,
     rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
     help="Makes parallel robots accurate with redundant sensors.",
@@ -70,7 +69,7 @@ def _options(
 
 def _stop(number: int, _frame: object) -> None:
     """End at once: an exception might be lost on its way, in a callback of the interpreter's."""
-    saving.clear()
+    files.clear()
     shown = b"\x1b[?25h" * os.isatty(2)  # a progress bar hides the cursor
     os.write(2, shown + b"truepose: stopped\n")
     os._exit(128 + number)
@@ -96,7 +95,7 @@ def main() -> None:
 def _run() -> tuple[int, str]:
     """Status and last word of a command."""
     try:
-        code = app(standalone_mode=False) or 0
+        code = app(prog_name="truepose", standalone_mode=False) or 0
         sys.stdout.flush()
         return code, "interrupted" if code == 130 else ""  # typer's own answer to Ctrl-C
     except TrueposeError as error:

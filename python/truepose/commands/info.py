@@ -10,12 +10,12 @@ import numpy as np
 import typer
 
 from truepose import _core
+from truepose.arguments import Array
 from truepose.commands.options import Force, How, RobotName, plot_to, wrote
 from truepose.exceptions import InputError
-from truepose.paper.tables import Cell, Table
 from truepose.robot.robot import Robot, load
-from truepose.robot.to_core import Array
 from truepose.robotfile.schema import Workspace
+from truepose.show.table import Cell, Table
 from truepose.show.terminal import Format, show
 
 if TYPE_CHECKING:

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from truepose import files
 from truepose.exceptions import InputError, choose
-from truepose.files import write as saving
 from truepose.robot.robot import Robot, load, robots
-from truepose.robotfile.read import path_of
+from truepose.robotfile import path_of
 from truepose.show.terminal import Format, say
 from truepose.simulation.effects import Effects
 from truepose.simulation.true_robots import with_tolerance_errors
@@ -20,9 +20,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def shipped(incomplete: str) -> list[str]:
-    """Names of shipped robots that a shell may complete a word to; of none, files are offered."""
-    return [name for name in robots() if name.startswith(incomplete)]
+def completing(choices: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
+    """What a shell may complete a word to; where that is nothing, it offers files by itself."""
+
+    def fitting(incomplete: str) -> list[str]:
+        return [choice for choice in choices() if choice.startswith(incomplete)]
+
+    return fitting
 
 
 RobotName = Annotated[
@@ -30,7 +34,7 @@ RobotName = Annotated[
     typer.Argument(
         metavar="ROBOT",
         help="A shipped robot's name, or a robot file.",
-        autocompletion=shipped,
+        autocompletion=completing(robots),
     ),
 ]
 Seed = Annotated[
@@ -59,12 +63,12 @@ def plot_to(
     """Look whether --plot may be written; return what draws and saves it, or does nothing."""
     if path is None:
         return lambda draw: None
-    output = saving.Output(path, "picture", "--plot")
+    output = files.Output(path, "picture", "--plot")
     read = [path_of(str(name)) for name in inputs]
-    saving.check_picture(output, read, force)
+    files.check_picture(output, read, force)
 
     def save(draw: Callable[[], Figure]) -> None:
-        saving.write({output: saving.picture(draw(), path.suffix)}, read, force)
+        files.write({output: files.picture(draw(), path.suffix)}, read, force)
 
     return save
 

@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from truepose.calibration.review import in_print
+from truepose import files, logs
 from truepose.commands.accuracy import parse_set
 from truepose.commands.options import (
     Force,
@@ -17,17 +17,17 @@ from truepose.commands.options import (
     RobotName,
     Seed,
     SensorSet,
+    completing,
     effects_of,
     true_robot,
     wrote,
 )
-from truepose.files import write as saving
-from truepose.files.write import Output, mark
-from truepose.logs import write as run_logs
-from truepose.paper.tables import Cell, Table, fixed, number
+from truepose.files import Output, mark
 from truepose.robot.robot import Robot, load
-from truepose.robotfile.read import path_of
+from truepose.robotfile import path_of, to_toml
+from truepose.show.table import Cell, Table, fixed, number
 from truepose.show.terminal import Format, say, show
+from truepose.show.units import in_print
 from truepose.simulation.rehearsal import Missed, Rehearsal, missed, rehearse
 
 #: Effects that a robot's readings at rest show, cold.
@@ -66,7 +66,10 @@ def command(
     ] = None,
     effects: Annotated[
         str,
-        typer.Option(help=f"What acts on a robot at rest: {', '.join(AT_REST)}, all or none."),
+        typer.Option(
+            help=f"What acts on a robot at rest: {', '.join(AT_REST)}, all or none.",
+            autocompletion=completing(lambda: ("all", "none", *AT_REST)),
+        ),
     ] = "quantisation",
     how: How = Format.table,
     force: Force = False,
@@ -96,8 +99,8 @@ def command(
     names = parse_set(drawn, sensors) if sensors is not None else drawn.sensors
     drawn = drawn.with_sensors(*names)
     read = [path_of(robot)]
-    outputs = [run_logs.check(out, read, force), Output(kept, "true robot", "--truth")]
-    saving.check(outputs, read, force)
+    outputs = [logs.check(out, read, force), Output(kept, "true robot", "--truth")]
+    files.check(outputs, read, force)
     ran = rehearse(
         drawn,
         true_robot(drawn, "drawn", seed),
@@ -106,9 +109,10 @@ def command(
         effects_of(effects, AT_REST),
         tracker=not names if tracker is None else tracker,
     )
-    text = f"# {mark('true robot')}, drawn with seed {seed}\n{saving.text_of(ran.truth)}"
-    log = run_logs.encoded(out, _columns(ran))
-    saving.write(dict(zip(outputs, (log, text), strict=True)), read, force)
+    values = {name: parameter.value for name, parameter in ran.truth.parameters.items()}
+    text = f"# {mark('true robot')}, drawn with seed {seed}\n{to_toml(ran.truth.spec, values)}"
+    log = logs.encoded(out, _columns(ran))
+    files.write(dict(zip(outputs, (log, text), strict=True)), read, force)
     wrote(how, out, kept)
     calibrated = out.with_suffix(".calibrated.toml")
     chosen = ["--sensors", ",".join(names) or "none"] if names != load(robot).sensors else []
@@ -121,12 +125,12 @@ def _next(when: str, *words: object) -> None:
     say(f"{when}: {shlex.join(['truepose', *map(str, words)])}")
 
 
-def _columns(ran: Rehearsal) -> list[run_logs.Column]:
-    result = run_logs.readings(ran.truth, ran.q_e)
+def _columns(ran: Rehearsal) -> list[logs.Column]:
+    result = logs.readings(ran.truth, ran.q_e)
     if ran.measured is not None:
         for name, values in zip("xyz", ran.measured.T, strict=False):
             what = f"{name} of a marker on the nacelle, in the tracker's frame"
-            result.append(run_logs.Column("measured", f"measured_{name}", "m", what, values))
+            result.append(logs.Column("measured", f"measured_{name}", "m", what, values))
     return result
 
 

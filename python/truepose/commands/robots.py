@@ -6,8 +6,8 @@ from collections import Counter
 from collections.abc import Sequence
 
 from truepose.commands.options import How
-from truepose.paper.tables import Cell, Table
 from truepose.robot.robot import Robot, load, robots
+from truepose.show.table import Cell, Table
 from truepose.show.terminal import Format, show
 
 

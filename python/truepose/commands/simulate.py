@@ -11,6 +11,8 @@ import numpy as np
 import typer
 from rich.console import Console
 
+from truepose import files, logs
+from truepose.arguments import Array
 from truepose.commands.accuracy import parse_pose, parse_set, read_poses
 from truepose.commands.options import (
     Force,
@@ -18,29 +20,26 @@ from truepose.commands.options import (
     RobotName,
     Seed,
     SensorSet,
+    completing,
     effects_of,
     plot_to,
     true_robot,
     wrote,
 )
 from truepose.exceptions import InputError, PoseError
-from truepose.files import write as saving
-from truepose.logs import write as run_logs
-from truepose.paper.tables import Cell, Table, number
 from truepose.robot.frames import frames
-from truepose.robot.robot import Robot, load
-from truepose.robot.to_core import Array
-from truepose.robotfile.read import path_of
+from truepose.robot.laws import Law
+from truepose.robot.robot import Robot, load, robots
+from truepose.robotfile import path_of
+from truepose.show.table import Cell, Table, number
 from truepose.show.terminal import Format, say, show
+from truepose.show.units import PRINT
+from truepose.simulation.controller import Controller
+from truepose.simulation.effects import Effects
+from truepose.simulation.moves import MOVE_DURATION, default_move
 from truepose.simulation.plants import Visit
-from truepose.simulation.simulate import (
-    Controller,
-    Law,
-    Simulation,
-    default_move,
-    simulate,
-    visit,
-)
+from truepose.simulation.simulate import Simulation, simulate
+from truepose.simulation.visit import visit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -49,7 +48,7 @@ if TYPE_CHECKING:
 #: velocity loops' bandwidth in units of them. A path is to rest at every pose: with the later.
 PROMPT, LATE = (150.0, 10.0), (40.0, 7.5)
 #: Duration and hold of a move, and of a path's way from pose to pose, s.
-MOVE, VISIT = (0.2, 0.2), (0.5, 0.4)
+MOVE, VISIT = (MOVE_DURATION, 0.2), (0.5, 0.4)
 
 
 def command(
@@ -78,12 +77,16 @@ def command(
         str,
         typer.Option(
             help="The robot that is there: drawn from the file's tolerances, nominal, or a "
-            "robot's name or file."
+            "robot's name or file.",
+            autocompletion=completing(lambda: ("drawn", "nominal", *robots())),
         ),
     ] = "drawn",
     effects: Annotated[
         str,
-        typer.Option(help="What models forget: all, none, or some of them: friction,delay,…"),
+        typer.Option(
+            help="What models forget: all, none, or some of them: friction,delay,…",
+            autocompletion=completing(lambda: ("all", "none", *Effects.groups())),
+        ),
     ] = "none",
     seed: Seed = 0,
     sensors: SensorSet = None,
@@ -123,7 +126,7 @@ def command(
     inputs += [] if true in ("drawn", "nominal") else [true]
     save = plot_to(plot, inputs, force)
     read = [path_of(str(name)) for name in inputs]
-    log = None if out is None else run_logs.check(out, read, force)
+    log = None if out is None else logs.check(out, read, force)
     believed = load(robot)
     if sensors is not None:
         believed = believed.with_sensors(*parse_set(believed, sensors))
@@ -150,8 +153,8 @@ def command(
             raise InputError("--path: names all poses itself: leave out --from and --to")
     save(lambda: draw(run))
     if log is not None:
-        columns = run_logs.columns(run.log, truth)
-        saving.write({log: run_logs.encoded(log.path, columns)}, read, force)
+        columns = logs.columns(run.log, truth)
+        files.write({log: logs.encoded(log.path, columns)}, read, force)
     show(run.tables, how)
     who = f"true robot {f'drawn with seed {seed}' if true == 'drawn' else true}"
     say(f"{believed.name}, law {law}, poles {poles:g} rad/s, {who}: {run.status}", how)
@@ -228,7 +231,7 @@ def _errors(
     values = [np.append(pose, np.nan) for pose in ends.values()] + values
     rows = []
     for k, (name, unit) in enumerate([*robot.coordinates, ("position", "m")]):
-        factor, shown = (1e3, "mm") if unit == "m" else (180 / np.pi, "°")
+        factor, shown = PRINT[unit]
         label = Cell(f"{name} ({shown})", {"error": name, "unit": shown})
         cells = [float(factor * column[k]) for column in values]
         rows.append([label, *(number(v if np.isfinite(v) else None) for v in cells)])
@@ -239,14 +242,13 @@ def draw(run: Run) -> Figure:
     """Draw the errors over time or poses: lengths above, angles below; then the torques."""
     from matplotlib.figure import Figure
 
-    groups = {"mm": (1e3, "m"), "°": (180 / np.pi, "rad")}
     shown = {
-        f"error ({label})": {
-            name: factor * run.error[:, k]
+        f"error ({PRINT[of][1]})": {
+            name: PRINT[of][0] * run.error[:, k]
             for k, (name, unit) in enumerate(run.robot.coordinates)
             if unit == of
         }
-        for label, (factor, of) in groups.items()
+        for of in ("m", "rad")
     }
     move = isinstance(run.log, Simulation)
     if move:

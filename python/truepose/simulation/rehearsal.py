@@ -11,14 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from truepose.arguments import Array
 from truepose.exceptions import InputError
 from truepose.robot import knowledge
 from truepose.robot.frames import frames, rotation, rotation_vector
+from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
-from truepose.robot.to_core import Array
+from truepose.simulation.controller import Controller
 from truepose.simulation.effects import Effects
 from truepose.simulation.plants.exact import ExactPlant
-from truepose.simulation.simulate import Controller, Law
 
 #: σ of what a tracker says of each coordinate, m: what a calibration takes unless it is told.
 TRACKER = 20e-6
