@@ -1,4 +1,4 @@
-"""Is an argument what a function takes?"""
+"""What may an argument be: arrays, seeds, fractions?"""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from truepose.exceptions import InputError
+
+Array = NDArray[np.float64]
 
 
 def check_real(values: object, name: str) -> None:
@@ -26,7 +28,7 @@ def check_real(values: object, name: str) -> None:
         raise InputError(f"{name}: complex numbers: must be real")
 
 
-def numbers_of(values: ArrayLike, name: str) -> NDArray[np.float64]:
+def numbers_of(values: ArrayLike, name: str) -> Array:
     """Return real numbers as an array.
 
     Examples

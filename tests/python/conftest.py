@@ -52,9 +52,9 @@ def table2() -> np.ndarray:
 @pytest.fixture(scope="session")
 def h4_text() -> str:
     """Return the H4's robot file, to spoil."""
-    from truepose.robotfile import read as robot_file
+    from truepose import robotfile
 
-    return robot_file.shipped()["h4"].read_text(encoding="utf-8")
+    return robotfile.shipped()["h4"].read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="session", params=tp.robots())

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 import truepose as tp
+from truepose import files, logs
 from truepose.calibration import log_checks
 from truepose.calibration import review as calibration_report
 from truepose.commands import calibrate as calibrate_command
 from truepose.commands import cli
-from truepose.files import write as saving
-from truepose.logs import read as logs
 
 
 @pytest.fixture
@@ -152,7 +151,7 @@ def test_an_interrupted_calibration_leaves_the_old_files(run, log, tmp_path, mon
     def interrupted(path, text):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(saving.os, "replace", interrupted)
+    monkeypatch.setattr(files.writing.os, "replace", interrupted)
     assert run("h4", log, "-o", "c.toml", "--force")[0] == 130
     assert (tmp_path / "c.toml").read_text(encoding="utf-8") == "old"
     assert sorted(p.name for p in tmp_path.iterdir()) == ["c.toml", "log.csv"]

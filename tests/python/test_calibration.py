@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import least_squares
 
 import truepose as tp
-from truepose.files import write as saving
+from truepose import files
 from truepose.paper.trials import difference
 from truepose.robot import knowledge
 from truepose.simulation.true_robots import with_tolerance_errors
@@ -174,7 +174,7 @@ def test_an_interrupted_save_of_a_calibration_leaves_no_half_file(fit, tmp_path,
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(saving.os, "replace", interrupt)
+    monkeypatch.setattr(files.writing.os, "replace", interrupt)
     with pytest.raises(KeyboardInterrupt):
         fit.robot.save(tmp_path / "calibrated.toml")
     assert list(tmp_path.iterdir()) == []

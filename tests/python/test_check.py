@@ -8,8 +8,8 @@ import pytest
 import tomlkit
 
 import truepose as tp
+from truepose import robotfile
 from truepose.commands import check as checking
-from truepose.robotfile import read as robot_file
 
 _LENGTHS = ("base", "anchor", "arm", "rod", "pivot", "rod_spacing", "home", "minimum", "maximum")
 
@@ -29,7 +29,7 @@ def checked(tmp_path):
 
 
 def text_of(name: str) -> str:
-    return robot_file.shipped()[name].read_text(encoding="utf-8")
+    return robotfile.shipped()[name].read_text(encoding="utf-8")
 
 
 def changed(text: str, old: str, new: str) -> str:
@@ -184,7 +184,7 @@ def test_single_legs_whose_orientation_something_else_holds_pass_with_a_remark(c
 
 def test_a_file_is_read_up_to_a_stated_size(tmp_path, h4_text):
     path = tmp_path / "robot.toml"
-    for size, read in ((robot_file.MOST_BYTES, True), (robot_file.MOST_BYTES + 1, False)):
+    for size, read in ((robotfile.MOST_BYTES, True), (robotfile.MOST_BYTES + 1, False)):
         path.write_text(h4_text + "#" * (size - len(h4_text.encode())), encoding="utf-8")
         if read:
             assert checking.check(path)[0] is not None
@@ -207,7 +207,7 @@ def test_a_problem_that_comes_a_thousand_times_is_told_a_hundred_times(checked, 
 
 def test_a_long_value_does_not_make_a_long_line(checked, h4_text):
     robot, told = checked(changed(h4_text, '"schoenflies"', f'"{"s" * 10_000}"'))
-    assert robot is None and max(map(len, told.splitlines())) < robot_file.LINE + 20
+    assert robot is None and max(map(len, told.splitlines())) < robotfile.LINE + 20
 
 
 def test_an_unknown_mobility_points_to_what_no_file_can_say(checked, h4_text):

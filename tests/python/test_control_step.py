@@ -6,7 +6,7 @@ import pytest
 import truepose as tp
 from truepose import _core
 from truepose.robot import knowledge
-from truepose.simulation.simulate import LAWS
+from truepose.robot.laws import LAWS
 
 OK, UNREACHABLE, NOT_FINITE = "ok", "unreachable", "not finite"
 X_D = [0.02, 0.01, -0.42, 0.1]

@@ -8,7 +8,8 @@ import pytest
 
 import truepose as tp
 from truepose import _core
-from truepose.simulation.simulate import Controller, visit
+from truepose.simulation.controller import Controller
+from truepose.simulation.visit import visit
 
 SOFT = Controller(law="joint", frequency=20.0, velocity_bandwidth=300.0)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.simulation.simulate import LAWS
+from truepose.robot.laws import LAWS
 
 C1, S1, C2, S2 = 0.01, -0.02, 0.005, 0.015
 KEY = f"eccentricity = [{C1}, {S1}, {C2}, {S2}]"

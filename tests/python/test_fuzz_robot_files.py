@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import truepose as tp
+from truepose import robotfile
 from truepose.commands import check as checking
-from truepose.robotfile import read as robot_file
 
 _WORD = re.compile(r'"[^"\n]*"|[\w.+-]+|[\[\]{}=,]')
 _INSTEAD = ["", "nan", "-inf", "1e308", "-1", "0", "true", '""', '"x"', "[]", "{}", "[[1]]"]
@@ -51,7 +51,7 @@ def torn(text: str, rng: np.random.Generator) -> bytes:
 
 
 def test_torn_files_and_random_bytes_are_refused_line_by_line_or_read(rng, tmp_path, count):
-    texts = [path.read_text(encoding="utf-8") for path in robot_file.shipped().values()]
+    texts = [path.read_text(encoding="utf-8") for path in robotfile.shipped().values()]
     path = tmp_path / "torn.toml"
     refused = 0
     for _ in range(max(count // 500, 50)):
@@ -72,7 +72,7 @@ def test_torn_files_and_random_bytes_are_refused_line_by_line_or_read(rng, tmp_p
 
 @pytest.mark.parametrize("name", tp.robots())
 def test_a_spoiled_file_is_a_robot_or_one_line_a_problem(name, rng, tmp_path, count):
-    text = robot_file.shipped()[name].read_text(encoding="utf-8")
+    text = robotfile.shipped()[name].read_text(encoding="utf-8")
     path = tmp_path / "fuzz.toml"
     refused = 0
     for _ in range(max(count // 5000, 10)):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.simulation.simulate import visit
+from truepose.simulation.visit import visit
 from truepose.threads import each
 
 

@@ -6,7 +6,7 @@ import pytest
 import truepose as tp
 from truepose.paper import experiment, tables
 from truepose.paper import sensor_sets as sensing
-from truepose.simulation.simulate import LAWS
+from truepose.robot.laws import LAWS
 from truepose.simulation.true_robots import with_tolerance_errors
 
 ROBOTS = 12  # drawn for each figure; their error is nearly one offset each

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import _core
+from truepose import _core, logs
 from truepose.calibration import expectation, log_checks, log_faults
 from truepose.calibration import fit as calibration
-from truepose.logs import read as logs
 from truepose.robot import frames
 from truepose.simulation.true_robots import with_tolerance_errors
 

@@ -13,8 +13,8 @@ import pytest
 import truepose as tp
 from truepose.commands import accuracy as prediction
 from truepose.commands import cli, info
-from truepose.paper.tables import Table, fixed, number
 from truepose.show import terminal as printing
+from truepose.show.table import Table, fixed, number
 
 
 def a_table(rng, rows=4) -> Table:

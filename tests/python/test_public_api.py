@@ -7,11 +7,11 @@ import sys
 import pytest
 
 import truepose as tp
+from truepose import robotfile
 from truepose.paper import data as paper_data
-from truepose.paper import experiment
+from truepose.paper import errors, experiment
 from truepose.paper import table3 as statistics
-from truepose.robotfile import read as robot_file
-from truepose.simulation import true_robots as errors
+from truepose.simulation import true_robots
 
 
 @pytest.mark.parametrize("name", tp.__all__)
@@ -19,7 +19,7 @@ def test_every_public_name_exists_and_says_what_it_is(name):
     assert inspect.getdoc(getattr(tp, name))
 
 
-MODULES = [errors, experiment, paper_data, robot_file, statistics]
+MODULES = [errors, true_robots, experiment, paper_data, robotfile.reading, statistics]
 
 
 @pytest.mark.parametrize("owner", [tp.Robot, tp.Simulation, tp.Controller, *MODULES])

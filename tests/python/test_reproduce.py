@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import truepose as tp
+from truepose import files
 from truepose.commands import cli
-from truepose.files import write as saving
 from truepose.paper import data as paper_data
 from truepose.paper import figures, forgotten, report, tables
 from truepose.paper import table3 as statistics
@@ -216,7 +216,7 @@ def test_a_wrong_call_gets_one_line_and_status_2(arguments, words):
 def test_a_run_that_fails_leaves_nothing_half_written(tmp_path, monkeypatch, capsys, failure):
     before = tmp_path / "kept"
     before.mkdir()
-    (before / "report.html").write_text(saving.mark("report"))
+    (before / "report.html").write_text(files.mark("report"))
 
     def fail(_, path):
         path.with_suffix(".svg").write_text("half a picture")
@@ -234,7 +234,7 @@ def test_a_run_that_fails_leaves_nothing_half_written(tmp_path, monkeypatch, cap
         assert "interrupted" in message or "No space left" in message
     assert not (tmp_path / "new").exists()
     assert [file.name for file in before.iterdir()] == ["report.html"]
-    assert (before / "report.html").read_text() == saving.mark("report")
+    assert (before / "report.html").read_text() == files.mark("report")
 
 
 def test_help_explains_itself_with_an_example():

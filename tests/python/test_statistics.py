@@ -6,6 +6,7 @@ import pytest
 import truepose as tp
 from truepose.paper import data as paper_data
 from truepose.paper import table3 as statistics
+from truepose.simulation.moves import MOVE_DURATION, MOVE_FROM, MOVE_TO
 
 
 def test_table_3_by_hand():
@@ -83,6 +84,6 @@ def test_the_published_scatter_of_theta_is_what_the_derivation_says():
 
 
 def test_the_move_is_that_of_figures_11_to_13():
-    assert paper_data.MOVE_FROM == (0, 0, -0.5, 0)
-    assert paper_data.MOVE_TO == (0.1, -0.1, -0.4, 0.2)
-    assert paper_data.MOVE_DURATION == 0.2
+    assert MOVE_FROM == (0, 0, -0.5, 0)
+    assert MOVE_TO == (0.1, -0.1, -0.4, 0.2)
+    assert MOVE_DURATION == 0.2

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import truepose as tp
+from truepose import robotfile
 from truepose.paper import data as paper_data
 from truepose.paper import experiment_tables, twin, twin_folder
 from truepose.paper import table3 as statistics
-from truepose.robotfile import read as robot_file
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,7 @@ def test_a_twin_loads_by_name_and_is_no_robot_to_choose(h4):
 
 
 def test_the_twin_gives_the_tables_of_its_readme(runs):
-    readme = robot_file.loadable()[twin.NAME].with_name("README.md").read_text(encoding="utf-8")
+    readme = robotfile.loadable()[twin.NAME].with_name("README.md").read_text(encoding="utf-8")
     for reading in ("estimated", "desired"):
         table = experiment_tables.table3(runs, "exact", reading)
         assert twin_folder.markdown(table) in readme

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
+from truepose.arguments import Array
 from truepose.exceptions import InputError, PoseError
 from truepose.robot import knowledge
 from truepose.robot.kinematics import Errors, Level
 from truepose.robot.robot import Robot
-from truepose.robot.to_core import Array
 
 #: A pose known exactly counts with this share of the finest reading's σ: 0 has no inverse.
 EXACT = 1e-6

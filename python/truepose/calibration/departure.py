@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from truepose.robot.to_core import Array
+from truepose.arguments import Array
 
 #: Posterior over prior σ, up to which a log sees a combination of parameters well enough to judge
 #: the prior by it.

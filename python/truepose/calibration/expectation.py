@@ -7,11 +7,11 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from truepose import _core
+from truepose.arguments import Array
 from truepose.calibration.registration import Registered
 from truepose.robot import knowledge
 from truepose.robot.kinematics import Level
 from truepose.robot.robot import Robot
-from truepose.robot.to_core import Array
 
 #: Lines that are predicted at a time.
 LINES = 4096

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
+from truepose.arguments import Array
 from truepose.calibration.fit import MODEL_ERRORS, Learnt, ModelError, calibration_of, mean_of
 from truepose.exceptions import InputError, choose
 from truepose.robot import knowledge
 from truepose.robot.kinematics import Errors, Level
 from truepose.robot.robot import Robot
-from truepose.robot.to_core import Array, columns
+from truepose.robot.to_core import columns
 
 
 class OnlineCalibration:

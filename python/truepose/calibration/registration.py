@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
+from truepose.arguments import Array
 from truepose.exceptions import InputError, choose
 from truepose.robot import frames
-from truepose.robot.to_core import Array
 
 if TYPE_CHECKING:
     from truepose.robot.robot import Robot

@@ -9,24 +9,91 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
+import typer
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import numbers_of
+from truepose.arguments import Array, numbers_of
 from truepose.calibration.bound import accuracy
 from truepose.commands import info
+from truepose.commands.options import Force, How, RobotName, plot_to, wrote
 from truepose.exceptions import InputError, choose, one_line
-from truepose.files.read import contents
-from truepose.paper.tables import Cell, Table, number
+from truepose.files import contents
 from truepose.robot.kinematics import Level
-from truepose.robot.robot import Robot
-from truepose.robot.to_core import Array
+from truepose.robot.robot import Robot, load
+from truepose.show.table import Cell, Table, number
+from truepose.show.terminal import Format, say, show
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+def command(
+    robot: RobotName,
+    sensors: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="A set: names or globs with commas between, none, or all. Give it again for "
+            "further sets.",
+            show_default="none, those in use, with each other one, with each kind, all",
+        ),
+    ] = None,
+    poses: Annotated[
+        Path | None,
+        typer.Option(
+            help="CSV file, a column for each coordinate, m and rad.",
+            show_default="a grid over the workspace",
+        ),
+    ] = None,
+    calibrated: Annotated[
+        bool, typer.Option("--calibrated", help="Also after self-calibration over these poses.")
+    ] = False,
+    touch_off: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X,Y,…", help="Also once read at this pose, known from outside; m and rad."
+        ),
+    ] = None,
+    level: Annotated[
+        str | None,
+        typer.Option(
+            help="ideal: one rod per chain; full: every rod by itself.",
+            show_default="full where it exists",
+        ),
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(help="Also draw a map of the first set's position σ (PNG, SVG, PDF)."),
+    ] = None,
+    how: How = Format.table,
+    force: Force = False,
+) -> None:
+    """Predict how accurately sensors let the pose be known: the Cramér-Rao bound, before building.
+
+    Prints σ of each coordinate, root mean square over the poses, from the tolerances and counts of
+    the robot file.
+
+    Example: **truepose accuracy h4 --sensors theta --sensors theta,z_telemeter --calibrated**
+    """
+    save = plot_to(plot, [robot, *([poses] if poses else [])], force)
+    loaded = load(robot)
+    sets = [parse_set(loaded, text) for text in sensors] if sensors else None
+    touched = None
+    if touch_off is not None:
+        touched = parse_pose(loaded, touch_off, "--touch-off")
+    given = read_poses(loaded, poses) if poses else None
+    found = predict(loaded, sets, given, calibrated=calibrated, touch_off=touched, level=level)
+    shown = loaded.with_sensors(*(sets[0] if sets else loaded.sensors))
+    visited = found.poses if calibrated else None
+    save(lambda: draw_map(shown, visited, touched, level))
+    show(tables(found), how)
+    left_out = f", {found.left_out} that are unreachable or singular left out"
+    where = f"{len(found.poses)} poses of {poses or 'a grid over the workspace'}"
+    say(f"{loaded.name}: {where}{left_out if found.left_out else ''}.", how)
+    wrote(how, plot)
 
 
 @dataclass(frozen=True)

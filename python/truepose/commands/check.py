@@ -7,23 +7,49 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import typer
 
-from truepose import _core
+from truepose import _core, robotfile
 from truepose.commands import info
 from truepose.commands.accuracy import workspace_grid
 from truepose.exceptions import RobotFileError, shortened
 from truepose.robot.robot import Robot
+from truepose.robotfile import Problem
 from truepose.robotfile import lines as toml_lines
-from truepose.robotfile import read as robot_file
-from truepose.robotfile.read import Problem
 from truepose.robotfile.schema import RobotFile
+from truepose.show.terminal import say
 
 #: Values of each coordinate on the grid at which a workspace is looked at, for n of them.
 GRID = {2: 101, 3: 21, 4: 11, 6: 5}
 
 _LARGEST = 20.0  # m; no robot of rods has such a part, and few in mm have none
+
+
+def command(
+    file: Annotated[Path, typer.Argument(help="A robot file (TOML).")],
+) -> None:
+    """Explain everything that is wrong with a robot file, one line each; exit status 2 then.
+
+    A line names the file, the line, the key, its value and the valid choices. Of a file that
+    describes a robot: where its motors stand at home, and what its workspace holds, on a grid.
+
+    Example: **truepose check my_robot.toml**
+    """
+    robot, problems = check(file)
+    for problem in problems:
+        say(problem, err=True)
+    if robot is None:
+        raise typer.Exit(2)
+    sensors = ", ".join(robot.sensors) or "none"
+    say(
+        f"{file}: ok: {robot.name}, n = {robot.n} motors, r = {robot.r} sensors in use ({sensors}),"
+        f" {len(robot.parameters)} parameters"
+    )
+    for remark in remarks(robot):
+        typer.echo(f"{file}: {remark}")
 
 
 def check(path: Path) -> tuple[Robot | None, list[str]]:
@@ -45,9 +71,9 @@ def check(path: Path) -> tuple[Robot | None, list[str]]:
     RobotFileError
         The file cannot be read.
     """
-    text = robot_file.text_of(path, str(path))
+    text = robotfile.text_of(path, str(path))
     try:
-        data = robot_file.table_of(text)
+        data = robotfile.table_of(text)
     except ValueError as error:
         line = re.search(r"at line (\d+)", str(error))
         last = max(len(text.splitlines()), 1) if "end of document" in str(error) else 1
@@ -55,7 +81,7 @@ def check(path: Path) -> tuple[Robot | None, list[str]]:
         return None, [f"{path}:{at}: {error}"]
     where = toml_lines.lines(text)
     robot, problems = _examine(data, text, str(path))
-    told = [(_line(where, data, p.path), shortened(p.text, robot_file.LINE)) for p in problems]
+    told = [(_line(where, data, p.path), shortened(p.text, robotfile.LINE)) for p in problems]
     return robot, [f"{path}:{line}: {what}" for line, what in sorted(set(told))]
 
 
@@ -115,8 +141,8 @@ def _reached(robot: Robot) -> tuple[int, dict[str, int], int]:
 
 
 def _examine(data: dict, text: str, where: str) -> tuple[Robot | None, list[Problem]]:
-    spec, problems = robot_file.examine(data)
-    moving = spec or robot_file.mechanism_of(data)
+    spec, problems = robotfile.examine(data)
+    moving = spec or robotfile.mechanism_of(data)
     if moving:
         problems += _in_millimetres(moving)
     try:
@@ -127,7 +153,7 @@ def _examine(data: dict, text: str, where: str) -> tuple[Robot | None, list[Prob
         problems.append(Problem(("chain",), f"{robot.name}: {robot.full.reason}"))
     if problems:
         return None, problems
-    robot = Robot(robot_file.parse(text, where))
+    robot = Robot(robotfile.parse(text, where))
     if robot.spec.workspace is not None:
         reached, lost, count = _reached(robot)
         if not reached:

@@ -3,21 +3,53 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
+import typer
 
 from truepose import _core
+from truepose.arguments import Array
+from truepose.commands.options import Force, How, RobotName, plot_to, wrote
 from truepose.exceptions import InputError
-from truepose.paper.tables import Cell, Table
-from truepose.robot.robot import Robot
-from truepose.robot.to_core import Array
+from truepose.robot.robot import Robot, load
 from truepose.robotfile.schema import Workspace
+from truepose.show.table import Cell, Table
+from truepose.show.terminal import Format, show
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LENGTH = 0.1  #: m; turns a nacelle's angle into a length that a condition number can compare
+
+
+def command(
+    robot: RobotName,
+    plot: Annotated[
+        Path | None, typer.Option(help="Also draw the conditioning map (PNG, SVG, PDF).")
+    ] = None,
+    samples: Annotated[
+        int, typer.Option(min=1, max=10_000_000, help="Poses drawn from the workspace.")
+    ] = 100_000,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the draw.")] = 0,
+    length: Annotated[
+        float,
+        typer.Option(min=1e-6, max=1e3, help="Length that makes angles comparable to lengths, m."),
+    ] = 0.1,
+    how: How = Format.table,
+    force: Force = False,
+) -> None:
+    """Print a robot's figures: freedoms, reach, conditioning, motor speeds.
+
+    Example: **truepose info hexa --plot hexa.png**
+    """
+    save = plot_to(plot, [robot], force)
+    loaded = load(robot)
+    measured = measure(loaded, samples, seed, length)
+    save(lambda: draw_map(loaded, length))
+    show([table(loaded, measured)], how)
+    wrote(how, plot)
 
 
 @dataclass(frozen=True)

@@ -12,15 +12,11 @@ from importlib import resources
 
 import numpy as np
 
-from truepose.robot.to_core import Array
+from truepose.arguments import Array
 
 GEAR = 4  #: The tool turns four times as far as the nacelle.
 QUANTITIES = ("x", "y", "z", "theta", "norm_xyz")
 STATISTICS = ("average", "peak_to_peak", "sum_sq", "average_abs")
-#: The move of Figures 11 to 13: start and end (m, rad; θ taken as the nacelle's), duration (s).
-MOVE_FROM = (0.0, 0.0, -0.5, 0.0)
-MOVE_TO = (0.1, -0.1, -0.4, 0.2)
-MOVE_DURATION = 0.2
 
 
 def _rows(name: str) -> list[dict[str, str]]:

@@ -9,15 +9,17 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose.arguments import numbers_of
-from truepose.calibration.fit import calibrate
+from truepose.arguments import Array, numbers_of
+from truepose.calibration.calibrate import calibrate
 from truepose.paper import data as paper_data
 from truepose.paper import table3 as statistics
+from truepose.paper.errors import with_paper_errors
 from truepose.paper.trials import JITTER
+from truepose.robot.laws import LAWS, Law
 from truepose.robot.robot import Robot
-from truepose.robot.to_core import Array
-from truepose.simulation.simulate import LAWS, Controller, Law, settle, simulate
-from truepose.simulation.true_robots import with_paper_errors
+from truepose.simulation.controller import Controller
+from truepose.simulation.settle import settle
+from truepose.simulation.simulate import simulate
 from truepose.threads import each
 
 Control = Literal["joint", "redundant", "weighted", "cartesian", "self-calibrated"]

@@ -11,9 +11,10 @@ from truepose.paper.experiment import Control
 from truepose.paper.experiment_section import Section
 from truepose.paper.forgotten import Line
 from truepose.paper.table3 import in_print_units, over_robots
-from truepose.paper.tables import FURTHER, UNITS, Cell, Table, cells, fixed, number
+from truepose.paper.tables import FURTHER, UNITS, cells
 from truepose.paper.virtual_experiment import READINGS, Reading, Run
 from truepose.robot.frames import coordinates
+from truepose.show.table import Cell, Table, fixed, number
 
 NAMES = {"joint": "usual", "redundant": "redundant", **FURTHER}
 READING_NAMES: dict[Reading, str] = {

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from truepose.calibration.fit import calibrate
+from truepose.arguments import Array
+from truepose.calibration.calibrate import calibrate
 from truepose.exceptions import PoseError
 from truepose.paper import data as paper_data
 from truepose.paper import experiment
@@ -21,10 +22,10 @@ from truepose.paper.table3 import interval, over_robots
 from truepose.paper.trials import JITTER
 from truepose.robot.frames import coordinates
 from truepose.robot.robot import Robot
-from truepose.robot.to_core import Array
+from truepose.simulation.controller import Controller
 from truepose.simulation.effects import Effects
 from truepose.simulation.plants.dynamic import DynamicPlant
-from truepose.simulation.simulate import Controller, Simulation, simulate
+from truepose.simulation.simulate import Simulation, simulate
 from truepose.simulation.vision import Setup, Vision
 from truepose.threads import each
 

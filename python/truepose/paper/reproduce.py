@@ -7,13 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from truepose.arguments import Array
 from truepose.paper import data as paper_data
 from truepose.paper import experiment, experiment_section, warm_up
 from truepose.paper import sensor_sets as sensing
 from truepose.paper.experiment import Experiment
+from truepose.robot.laws import LAWS, Law
 from truepose.robot.robot import Robot, load
-from truepose.robot.to_core import Array
-from truepose.simulation.simulate import LAWS, Law, Simulation, simulate
+from truepose.simulation.simulate import Simulation, simulate
 
 CHECKED_POSES = 12  #: of Table 2, run in the dynamics under each law and in each case
 

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from truepose.arguments import Array
 from truepose.calibration.bound import accuracy
 from truepose.paper import data as paper_data
 from truepose.paper import experiment
 from truepose.paper.experiment import Control
 from truepose.paper.table3 import interval, over_robots
 from truepose.robot.robot import Robot
-from truepose.robot.to_core import Array
 from truepose.robotfile.schema import Tolerance
 from truepose.simulation.true_robots import with_tolerance_errors
 from truepose.threads import each

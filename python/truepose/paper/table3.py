@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from truepose.arguments import Array
 from truepose.exceptions import InputError
 from truepose.paper.data import QUANTITIES, STATISTICS
-from truepose.robot.to_core import Array
 
 _DRAWS = 2000  # of a bootstrap
 

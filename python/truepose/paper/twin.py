@@ -17,18 +17,18 @@ from typing import NamedTuple
 
 import numpy as np
 
+from truepose import robotfile
+from truepose.arguments import Array
 from truepose.exceptions import RobotFileError
 from truepose.paper import data as paper_data
 from truepose.paper import table3 as statistics
 from truepose.paper import virtual_experiment
+from truepose.paper.errors import paper_directions
 from truepose.paper.experiment import Control
 from truepose.paper.virtual_experiment import Reading, Run
 from truepose.robot.robot import Robot, load
-from truepose.robot.to_core import Array
-from truepose.robotfile import read as robot_file
 from truepose.simulation.effects import Effects
 from truepose.simulation.plants.exact import ExactPlant
-from truepose.simulation.true_robots import paper_directions
 from truepose.simulation.vision import Setup, Vision
 
 NAME = "h4-lirmm-twin"
@@ -356,10 +356,10 @@ def _slopes(
 
 def shipped() -> Twin:
     """Load the twin that is shipped: robots/h4-lirmm-twin."""
-    files = robot_file.loadable()
-    if NAME not in files:
-        raise RobotFileError(f"{NAME}: not among the shipped robots: {', '.join(files)}")
-    return read(files[NAME])
+    known = robotfile.loadable()
+    if NAME not in known:
+        raise RobotFileError(f"{NAME}: not among the shipped robots: {', '.join(known)}")
+    return read(known[NAME])
 
 
 def read(path: Path) -> Twin:

@@ -11,14 +11,15 @@ from pathlib import Path
 import numpy as np
 import tomlkit
 
-from truepose.files.write import picture, replace_file
+from truepose import files, robotfile
 from truepose.paper import data as paper_data
 from truepose.paper import experiment_section, experiment_tables, report, twin
 from truepose.paper.experiment import CONTROLS, Control
-from truepose.paper.tables import Table, cells, number
+from truepose.paper.tables import cells
 from truepose.paper.twin import Found, Twin
 from truepose.paper.virtual_experiment import READINGS, Run
 from truepose.robot.robot import Robot, load
+from truepose.show.table import Table, number
 from truepose.threads import each
 
 SEEDS = 10
@@ -43,12 +44,12 @@ def write(folder: Path, robot: Robot, found: list[Found]) -> None:
 
     chosen = best(found)
     folder.mkdir(parents=True, exist_ok=True)
-    replace_file(folder / "robot.toml", robot_file(robot, chosen.twin), "robot file")
-    replace_file(folder / "setup.toml", setup_file(chosen.twin), "setup", force=True)
-    drawn = picture(draw(load(folder / "robot.toml")), ".png", dpi=110)
-    replace_file(folder / "picture.png", drawn, "picture", force=True)
+    files.write({robotfile.output(folder / "robot.toml"): robot_file(robot, chosen.twin)})
+    files.replace_file(folder / "setup.toml", setup_file(chosen.twin), "setup", force=True)
+    drawn = files.picture(draw(load(folder / "robot.toml")), ".png", dpi=110)
+    files.replace_file(folder / "picture.png", drawn, "picture", force=True)
     runs = [f.twin.run(robot, tuple(CONTROLS)) for f in found]
-    replace_file(folder / "README.md", readme(robot, found, chosen, runs), "page", force=True)
+    files.replace_file(folder / "README.md", readme(robot, found, chosen, runs), "page", force=True)
 
 
 def robot_file(robot: Robot, of: Twin) -> str:

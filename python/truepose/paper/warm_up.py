@@ -8,16 +8,17 @@ from typing import Literal
 
 import numpy as np
 
+from truepose.arguments import Array
 from truepose.calibration.bound import accuracy
 from truepose.calibration.fit import calibration_of
 from truepose.calibration.online import OnlineCalibration
 from truepose.paper import data as paper_data
 from truepose.paper.trials import JITTER
 from truepose.robot import knowledge
+from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
-from truepose.robot.to_core import Array
 from truepose.simulation.effects import Effects
-from truepose.simulation.simulate import Law, settle
+from truepose.simulation.settle import settle
 from truepose.simulation.true_robots import with_tolerance_errors
 from truepose.threads import each
 

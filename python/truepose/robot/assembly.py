@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from truepose import _core
-from truepose.arguments import check_seed
+from truepose.arguments import Array, check_seed
 from truepose.exceptions import InputError
 from truepose.robot.robot import Robot
-from truepose.robot.to_core import Array
 
 
 @dataclass(frozen=True, eq=False)

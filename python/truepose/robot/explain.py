@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from truepose import _core
+from truepose.arguments import Array
 from truepose.robotfile.schema import RobotFile
-
-Array = NDArray[np.float64]
 
 #: Place of each coordinate in a twist [velocity; angular velocity].
 _TWIST = {"x": 0, "y": 1, "z": 2, "rx": 3, "ry": 4, "rz": 5, "theta": 5}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose.robot.to_core import Array
+from truepose.arguments import Array
 
 
 def skew(v: ArrayLike) -> Array:

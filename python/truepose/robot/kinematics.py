@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import check_seed, numbers_of
+from truepose.arguments import Array, check_seed, numbers_of
 from truepose.exceptions import InputError, PoseError, choose
 from truepose.robot import explain as mechanism
-from truepose.robot.to_core import Array
 
 if TYPE_CHECKING:
     from truepose.robotfile.schema import RobotFile

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from truepose import _core
+from truepose.arguments import Array
 from truepose.exceptions import InputError
-from truepose.robot.to_core import Array, columns
+from truepose.robot.to_core import columns
 
 if TYPE_CHECKING:
     from truepose.robot.kinematics import Level

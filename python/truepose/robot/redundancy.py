@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import fraction
+from truepose.arguments import Array, fraction
 from truepose.exceptions import InputError, choose
 from truepose.robot.kinematics import Errors, Kinematics, Level
-from truepose.robot.to_core import Array, columns
+from truepose.robot.laws import LAWS
+from truepose.robot.to_core import columns
 
 
 class Estimate(NamedTuple):
@@ -212,7 +213,6 @@ class Redundancy(Kinematics):
         weighted [ 0. -1.]
         """
         from truepose.robot import knowledge
-        from truepose.simulation.simulate import LAWS
 
         if law not in LAWS:
             raise InputError(choose("law", law, LAWS))

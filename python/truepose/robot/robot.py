@@ -11,20 +11,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from truepose import _core
+from truepose import _core, files, robotfile
+from truepose.arguments import Array
 from truepose.exceptions import InputError, RobotFileError, choose
 from truepose.robot import explain as mechanism
 from truepose.robot.kinematics import Level
 from truepose.robot.redundancy import Redundancy
-from truepose.robot.to_core import (
-    Array,
-    build,
-    columns,
-    drawn,
-    encoder_step,
-    parameterised,
-)
-from truepose.robotfile import read as robot_file
+from truepose.robot.to_core import build, columns, encoder_step, parameterised
+from truepose.robotfile.parameters import drawn
 from truepose.robotfile.schema import Calibration, RobotFile
 
 #: Names and units of the coordinates of each mobility.
@@ -65,7 +59,7 @@ def robots() -> list[str]:
     >>> "h4" in tp.robots()
     True
     """
-    return list(robot_file.shipped())
+    return list(robotfile.shipped())
 
 
 def load(robot: str | Path) -> Robot:
@@ -88,7 +82,7 @@ def load(robot: str | Path) -> Robot:
     >>> robot.n, robot.r
     (4, 1)
     """
-    spec = robot_file.read(robot)
+    spec = robotfile.read(robot)
     try:
         return Robot(spec)
     except RobotFileError as error:
@@ -327,7 +321,7 @@ class Robot(Redundancy):
                 raise InputError(choose("parameter", name, self._values))
             if not (isinstance(value, numbers.Real) and math.isfinite(value)):
                 raise InputError(f"{name} = {value!r}: must be a finite number")
-            if wrong := robot_file.wrong_value(name, value):
+            if wrong := robotfile.wrong_value(name, value):
                 raise InputError(f"{name} = {value}: {wrong}")
         return Robot(self._spec, self._values | {k: float(v) for k, v in values.items()})
 
@@ -410,6 +404,5 @@ class Robot(Redundancy):
         ...     tp.load(folder + "/mine.toml").parameters == longer.parameters
         True
         """
-        from truepose.files import write as saving
-
-        saving.replace_file(path, saving.text_of(self), "robot file", force)
+        text = robotfile.to_toml(self._spec, self._values)
+        files.write({robotfile.output(path): text}, force=force)

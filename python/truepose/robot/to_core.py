@@ -1,95 +1,24 @@
-"""How does a robot file become the core's structs? Parameter names, values, chains, sensors."""
+"""How does a robot file become the core's structs? Chains, sensors, columns of H_ξ."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from truepose import _core
+from truepose.arguments import Array
 from truepose.exceptions import RobotFileError
-from truepose.robotfile.base import Section
+from truepose.robotfile.parameters import HARMONICS, PAIRED, harmonics
 from truepose.robotfile.schema import Chain, RobotFile
 from truepose.robotfile.sensors import Encoder, Sensor
-
-Array = NDArray[np.float64]
-
-#: Mobilities whose chains are spatial parallelograms, two rods each.
-PAIRED = ("translation", "schoenflies")
-
-#: Amplitudes of an encoder's eccentricity: cosine and sine of one turn, of two.
-HARMONICS = ("c1", "s1", "c2", "s2")
-
-_COMPONENTS = {name: k for names in ("xyz", HARMONICS) for k, name in enumerate(names)}
-
-
-def parameter_names(
-    mobility: str | None,
-    actuators: Sequence[str | None],
-    bars: int,
-    sensors: Sequence[tuple[str, type[Section]]],
-) -> list[str]:
-    """Names of all geometric parameters, those of what is None (not known) included.
-
-    Parameters
-    ----------
-    sensors : sequence of (name, class)
-        The class as of :data:`~truepose.robotfile.sensors.SENSORS`.
-    """
-    names = []
-    for number, actuator in enumerate(actuators, 1):
-        keys = [f"{vector}.{axis}" for vector in ("base", "anchor") for axis in "xyz"]
-        keys += ["encoder_offset", "yaw", "tilt"]
-        keys += ["rod_difference", "rod_spacing"] * (mobility in (*PAIRED, None))
-        keys += ["arm"] * (actuator in ("revolute", None))
-        keys += ["rod"] * (actuator != "telescopic")
-        keys += _harmonics() * (actuator in ("revolute", None))
-        names += [f"chain{number}.{key}" for key in keys]
-    names += [f"bar{number}.pivot" for number in range(1, bars + 1)]
-    for name, kind in sensors:
-        keys = ["offset", "gain"]
-        keys += [f"{vector}.{axis}" for vector in kind.mounting.values() for axis in "xyz"]
-        keys += _harmonics() * issubclass(kind, Encoder)
-        names += [f"{name}.{key}" for key in keys]
-    return names
-
-
-def drawn(spec: RobotFile) -> dict[str, float]:
-    """Name and value of every geometric parameter, as the file's keys draw them."""
-    sensors = [(sensor.name, type(sensor)) for sensor in spec.sensor]
-    names = parameter_names(spec.mobility, [c.actuator for c in spec.chain], len(spec.bar), sensors)
-    parts = {f"chain{number}": chain for number, chain in enumerate(spec.chain, 1)}
-    parts |= {f"bar{number}": bar for number, bar in enumerate(spec.bar, 1)}
-    parts |= {sensor.name: sensor for sensor in spec.sensor}
-    values = {}
-    for name in names:
-        part, key, *component = name.split(".")
-        value = getattr(parts[part], key)
-        values[name] = value[_COMPONENTS[component[0]]] if component else value
-    for sensor in spec.sensor:
-        for key in (sensor.mounting.get(vector) for vector in DIRECTIONS):
-            if key is not None:  # only turning it means something
-                of = [f"{sensor.name}.{key}.{axis}" for axis in "xyz"]
-                length = math.hypot(*(values[name] for name in of))
-                values |= {name: values[name] / length for name in of}
-    return values
-
-
-def _harmonics() -> list[str]:
-    return [f"eccentricity.{harmonic}" for harmonic in HARMONICS]
-
-
-#: The core's sensor vectors that are directions: parameters of theirs have length 1 as drawn.
-DIRECTIONS = ("direction", "normal")
 
 
 def columns(spec: RobotFile, sensors: tuple[Sensor, ...]) -> list[tuple[str, int]]:
     """Name of every parameter that the core knows in this robot, and its column of H_ξ."""
     chain = [f"base.{axis}" for axis in "xyz"] + ["arm", "rod", "encoder_offset", "yaw", "tilt"]
     chain += [f"anchor.{axis}" for axis in "xyz"] + ["rod_difference", "rod_spacing"]
-    chain += _harmonics()
+    chain += harmonics()
     width = len(chain)
     columns = [
         (f"chain{i + 1}.{key}", i * width + k) for i in range(spec.n) for k, key in enumerate(chain)

@@ -1,4 +1,4 @@
-"""Of what are a robot file's values made? Numbers, vectors, directions, sections."""
+"""Of what are a robot file's values made? Numbers with units, vectors, directions, sections."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic.fields import FieldInfo
 
 from truepose.exceptions import controls
 
@@ -14,13 +15,27 @@ Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1e12, le=1
 Vector = tuple[Number, Number, Number]
 Positive = Annotated[Number, Field(gt=0)]
 NonNegative = Annotated[Number, Field(ge=0)]
+
+
+def unit(name: str) -> FieldInfo:
+    """Say a value's unit in the schema: the documentation's reference prints it."""
+    return Field(json_schema_extra={"unit": name})
+
+
+Point = Annotated[Vector, unit("m")]
+Length = Annotated[Positive, unit("m")]
+Angle = Annotated[Number, unit("rad")]
+Mass = Annotated[NonNegative, unit("kg")]
+Inertia = Annotated[NonNegative, unit("kg·m²")]
+#: σ of a reading.
+Sigma = Annotated[NonNegative, unit("m or rad")]
 #: Of an encoder, per turn or per m. Fewer, and one count is all it can say.
 Counts = Annotated[Number, Field(ge=1)]
-#: One count, m or rad.
-Resolution = Annotated[Number, Field(ge=1e-12, le=1)]
+#: One count.
+Resolution = Annotated[Number, Field(ge=1e-12, le=1), unit("m or rad")]
 #: Of an encoder's error; small enough that its reading still rises with its angle.
 Amplitude = Annotated[Number, Field(gt=-0.1, lt=0.1)]
-Harmonics = tuple[Amplitude, Amplitude, Amplitude, Amplitude]
+Harmonics = Annotated[tuple[Amplitude, Amplitude, Amplitude, Amplitude], unit("rad")]
 Index = Annotated[int, Field(ge=1, strict=True)]
 
 
@@ -41,7 +56,7 @@ def _unit(vector: Vector) -> Vector:
     return (vector[0] / length, vector[1] / length, vector[2] / length)
 
 
-Direction = Annotated[Vector, AfterValidator(_unit)]
+Direction = Annotated[Vector, AfterValidator(_unit), unit("length 1")]
 
 
 class Section(BaseModel):

@@ -10,16 +10,23 @@ from typing import Annotated, Literal, get_args
 from pydantic import Field, PrivateAttr, model_validator
 
 from truepose.robotfile.base import (
+    Angle,
     Counts,
     Direction,
     Harmonics,
     Index,
+    Inertia,
+    Length,
+    Mass,
     Name,
     NonNegative,
     Number,
+    Point,
     Positive,
     Section,
+    Sigma,
     Vector,
+    unit,
 )
 from truepose.robotfile.sensors import Sensor
 
@@ -54,21 +61,21 @@ ACTUATORS: tuple[str, ...] = get_args(Actuator)
 class Chain(Section):
     """One motor, its arm and its rod (a spatial parallelogram counts as one rod)."""
 
-    actuator: Actuator
-    base: Vector = Field(description="P, a point of the motor's axis, m")
+    actuator: Actuator = Field(description="how the motor moves B, the rod's end on its side")
+    base: Point = Field(description="P, a point of the motor's axis")
     axis: Direction = Field(default=(0, 0, 1), description="u, motor axis or slide direction")
     zero: Direction = Field(default=(1, 0, 0), description="e, arm's direction at q = 0")
-    arm: Positive | None = Field(default=None, description="l = |PB|, m (revolute)")
-    rod: Positive | None = Field(default=None, description="L = |AB|, m (not telescopic)")
+    arm: Length | None = Field(default=None, description="l = |PB| (revolute: needed)")
+    rod: Length | None = Field(default=None, description="L = |AB| (not telescopic: needed)")
     working_mode: Literal[-1, 1] = Field(default=-1, description="sign of the entry of J_q")
-    anchor: Vector = Field(description="A in the body that carries it, m")
+    anchor: Point = Field(description="A in the body that carries it")
     bar: Index | None = Field(
         default=None, description="bar that carries A; without it, the nacelle itself"
     )
-    rod_spacing: Positive = Field(
-        default=0.08, description="between the two rods of a spatial parallelogram, m; full level"
+    rod_spacing: Length = Field(
+        default=0.08, description="between the two rods of a spatial parallelogram; full level"
     )
-    rod_difference: Number = Field(
+    rod_difference: Annotated[Number, unit("m")] = Field(
         default=0.0,
         description="length of the rod on the side of +u less that of the other, m; full level",
     )
@@ -78,30 +85,40 @@ class Chain(Section):
         "rail and its rods at home, if these are not parallel. Rods at the end of an arm lie along "
         "u",
     )
-    yaw: Number = Field(default=0.0, description="turns e and u about z, rad")
-    tilt: Number = Field(default=0.0, description="turns u about e, rad")
-    encoder_offset: Number = Field(default=0.0, description="reading = q - offset, rad or m")
-    encoder_counts: Counts | None = Field(default=None, description="per turn, or per m")
-    encoder_noise: NonNegative = Field(default=0.0, description="σ of a reading, rad or m")
+    yaw: Angle = Field(default=0.0, description="turns e and u about z")
+    tilt: Angle = Field(default=0.0, description="turns u about e")
+    encoder_offset: Annotated[Number, unit("rad or m")] = Field(
+        default=0.0, description="reading = q - offset"
+    )
+    encoder_counts: Counts | None = Field(
+        default=None, description="per turn, or per m; without it the encoder has no counts"
+    )
+    encoder_noise: Sigma = Field(default=0.0, description="σ of a reading")
     eccentricity: Harmonics = Field(
         default=(0, 0, 0, 0),
         description="c1, s1, c2, s2: an angle φ reads φ + c1 cos φ + s1 sin φ + c2 cos 2φ + "
-        "s2 sin 2φ, rad (revolute)",
+        "s2 sin 2φ (revolute)",
     )
-    limits: tuple[Number, Number] | None = Field(
+    limits: Annotated[tuple[Number, Number], unit("rad or m")] | None = Field(
         default=None,
-        description="stops of the motor, rad or m: its position before the encoder's offset",
+        description="stops of the motor, lower and upper: its position before the encoder's offset",
     )
-    torque_limit: Positive | None = Field(default=None, description="N·m or N")
-    drive_inertia: NonNegative = Field(
+    torque_limit: Annotated[Positive, unit("N·m or N")] | None = Field(
+        default=None, description="of the motor, either way; without it there is none"
+    )
+    drive_inertia: Annotated[NonNegative, unit("kg·m² or kg")] = Field(
         default=0.0,
-        description="rotor and arm about the motor's axis, kg·m²; motor and carriage, kg. As it is "
+        description="rotor and arm about the motor's axis; of a slide motor and carriage. As it is "
         "with the drawn arm: another value of the parameter 'arm' does not change it",
     )
-    arm_mass: NonNegative = Field(default=0.0, description="arm, or carriage, kg")
-    rod_mass: NonNegative = Field(default=0.0, description="all rods of the chain, kg")
-    viscous: NonNegative = Field(default=0.0, description="friction, N·m·s/rad or N·s/m")
-    coulomb: NonNegative = Field(default=0.0, description="friction, N·m or N")
+    arm_mass: Mass = Field(default=0.0, description="arm, or carriage")
+    rod_mass: Mass = Field(default=0.0, description="all rods of the chain together")
+    viscous: Annotated[NonNegative, unit("N·m·s/rad or N·s/m")] = Field(
+        default=0.0, description="friction of the motor, by its speed"
+    )
+    coulomb: Annotated[NonNegative, unit("N·m or N")] = Field(
+        default=0.0, description="friction of the motor, whatever its speed"
+    )
 
     @model_validator(mode="after")
     def _complete(self) -> Chain:
@@ -147,8 +164,8 @@ class Bar(Section):
     direction: Direction = Field(
         description="from the nacelle's centre to the pivot, nacelle frame"
     )
-    pivot: Positive = Field(description="distance of the pivot from the nacelle's centre, m")
-    mass: NonNegative = Field(default=0.0, description="centred on the pivot, kg")
+    pivot: Length = Field(description="distance of the pivot from the nacelle's centre")
+    mass: Mass = Field(default=0.0, description="of the bar, centred on its pivot")
 
 
 class Nacelle(Section):
@@ -158,19 +175,22 @@ class Nacelle(Section):
         default="pivots",
         description="each bar turns on its own pivot, or all with the couplers of a four-bar",
     )
-
-    mass: NonNegative = Field(default=0.0, description="kg")
-    centre: Vector = Field(default=(0, 0, 0), description="centre of mass, nacelle frame, m")
-    inertia_x: NonNegative = Field(default=0.0, description="kg·m²")
-    inertia_y: NonNegative = Field(default=0.0, description="kg·m²")
-    inertia_z: NonNegative = Field(default=0.0, description="kg·m²")
+    mass: Mass = Field(default=0.0, description="without bars and rods")
+    centre: Point = Field(default=(0, 0, 0), description="of mass, nacelle frame")
+    inertia_x: Inertia = Field(default=0.0, description="about the centre of mass, along x")
+    inertia_y: Inertia = Field(default=0.0, description="about the centre of mass, along y")
+    inertia_z: Inertia = Field(default=0.0, description="about the centre of mass, along z")
 
 
 class Workspace(Section):
     """Box of coordinates in which the robot is meant to work."""
 
-    minimum: tuple[Number, ...]
-    maximum: tuple[Number, ...]
+    minimum: Annotated[tuple[Number, ...], unit("m, rad")] = Field(
+        description="smallest value of each coordinate"
+    )
+    maximum: Annotated[tuple[Number, ...], unit("m, rad")] = Field(
+        description="largest value of each coordinate"
+    )
 
     @model_validator(mode="after")
     def _ordered(self) -> Workspace:
@@ -187,14 +207,20 @@ class Pattern(Section):
     repeat: Annotated[int, Field(strict=True, ge=2, le=6)] = Field(
         description="copies of the motif, a full turn together"
     )
-    about: Literal["x", "y", "z"] = "z"
+    about: Literal["x", "y", "z"] = Field(default="z", description="axis of the base frame")
 
 
 class Tolerance(Section):
     """What is not known of a parameter: a σ, or a uniform interval about its value."""
 
-    sigma: NonNegative | None = None
-    interval: tuple[Number, Number] | None = None
+    sigma: Annotated[NonNegative, unit("the parameter's")] | None = Field(
+        default=None, description="standard deviation about the drawn value"
+    )
+    interval: Annotated[tuple[Number, Number], unit("the parameter's")] | None = Field(
+        default=None,
+        description="lowest and highest departure from the drawn value, all between as likely; "
+        "this or 'sigma'",
+    )
 
     @model_validator(mode="after")
     def _one(self) -> Tolerance:
@@ -222,11 +248,11 @@ class Calibration(Section):
 
     source: str = Field(default="", description="readings that it rests on")
     parameters: tuple[str, ...] = Field(description="names, in the order of 'mean' and 'root'")
-    mean: tuple[Number, ...] = Field(description="best values, m or rad")
+    mean: Annotated[tuple[Number, ...], unit("m or rad")] = Field(description="best values")
     root: tuple[tuple[Number, ...], ...] = Field(
         description="lower triangle, row by row: covariance = root · rootᵀ"
     )
-    model_error: dict[str, NonNegative] = Field(
+    model_error: dict[str, Sigma] = Field(
         default_factory=dict,
         description="σ by which each reading departs from the ideal level (q1 … qn, sensors)",
     )
@@ -251,14 +277,22 @@ class Calibration(Section):
 class RobotFile(Section):
     """A robot and its sensors."""
 
-    name: Name
-    title: Name = ""
+    name: Name = Field(description="what messages, figures and results call it")
+    title: Name = Field(default="", description="one line about it")
     source: str = Field(default="", description="where the numbers come from")
-    mobility: Literal["planar_translation", "planar", "translation", "schoenflies", "spatial"]
-    home: tuple[Number, ...] = Field(description="a pose well inside the workspace")
-    gravity: Vector = (0.0, 0.0, -9.81)
+    mobility: Literal["planar_translation", "planar", "translation", "schoenflies", "spatial"] = (
+        Field(description="which freedoms the nacelle has; as many chains")
+    )
+    home: Annotated[tuple[Number, ...], unit("m, rad")] = Field(
+        description="a pose well inside the workspace, one value a freedom"
+    )
+    gravity: Annotated[Vector, unit("m/s²")] = Field(
+        default=(0.0, 0.0, -9.81), description="in the base frame"
+    )
     sensors: tuple[str, ...] = Field(default=(), description="names of the sensors in use")
-    workspace: Workspace | None = None
+    workspace: Workspace | None = Field(
+        default=None, description="box in which the robot is meant to work"
+    )
     singularity_free: Workspace | None = Field(
         default=None, description="box in which the FKM from home finds every pose"
     )
@@ -268,17 +302,27 @@ class RobotFile(Section):
         "paper's kinematics and laws are ideal, what states an accuracy is full where it can be",
     )
     quantised: bool = Field(default=True, description="false: encoders and sensors have no counts")
-    pattern: Pattern | None = None
-    chain: tuple[Chain, ...]
-    bar: tuple[Bar, ...] = ()
-    nacelle: Nacelle = Nacelle()
-    sensor: tuple[Sensor, ...] = ()
-    tolerances: dict[str, Tolerance] = Field(default_factory=dict)
-    parameters: dict[str, Number] = Field(
+    pattern: Pattern | None = Field(
+        default=None, description="the file's chains are a motif, repeated about an axis"
+    )
+    chain: tuple[Chain, ...] = Field(description="one for each freedom, with its motor and rod")
+    bar: tuple[Bar, ...] = Field(
+        default=(), description="lateral bars of an articulated nacelle, two at most"
+    )
+    nacelle: Nacelle = Field(default=Nacelle(), description="its bars' joints, masses, inertia")
+    sensor: tuple[Sensor, ...] = Field(default=(), description="each sensor, in use or not")
+    tolerances: dict[str, Tolerance] = Field(
+        default_factory=dict,
+        description="by parameter, globs allowed, of which the first that fits counts: what is "
+        "not known of it",
+    )
+    parameters: Annotated[dict[str, Number], unit("m or rad")] = Field(
         default_factory=dict,
         description="values that are not the drawn ones; tolerances stay about the drawn ones",
     )
-    calibration: Calibration | None = None
+    calibration: Calibration | None = Field(
+        default=None, description="what a calibration has learnt; written by it"
+    )
     #: The file this was read from, kept so that saving keeps its order and comments.
     _text: str = PrivateAttr(default="")
 

@@ -19,9 +19,11 @@ from truepose.robotfile.base import (
     Index,
     NonNegative,
     Number,
+    Point,
     Resolution,
     Section,
-    Vector,
+    Sigma,
+    unit,
 )
 
 
@@ -36,10 +38,14 @@ class _Sensor(Section):
     #: Vectors of the mounting: the core's name and the file's key.
     mounting: ClassVar[dict[str, str]] = {}
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$"), AfterValidator(_own_name)]
-    offset: Number = Field(default=0.0, description="reading = gain * value - offset")
+    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$"), AfterValidator(_own_name)] = (
+        Field(description="what logs, parameters and 'sensors' call it: letters, digits and _")
+    )
+    offset: Annotated[Number, unit("m or rad")] = Field(
+        default=0.0, description="reading = gain * value - offset"
+    )
     gain: Number = Field(default=1.0, description="reading = gain * value - offset")
-    noise: NonNegative = Field(default=0.0, description="σ of a reading, before it is counted")
+    noise: Sigma = Field(default=0.0, description="σ of a reading, before it is counted")
     weight: NonNegative = Field(default=1.0, description="of its row in the TEJ (paper: 1)")
 
     @model_validator(mode="after")
@@ -52,14 +58,16 @@ class _Sensor(Section):
 class Encoder(_Sensor):
     """Of a turning shaft, perhaps through a gear."""
 
-    counts: Counts | None = Field(default=None, description="per turn of the encoder")
+    counts: Counts | None = Field(
+        default=None, description="per turn of the encoder; without it there are none"
+    )
     gear: Annotated[Number, Field(ge=1e-6, le=1e6)] = Field(
         default=1.0, description="turns of the encoder per turn of what it reads"
     )
     eccentricity: Harmonics = Field(
         default=(0, 0, 0, 0),
         description="c1, s1, c2, s2: the encoder at φ (the gear counted) reads φ + c1 cos φ + "
-        "s1 sin φ + c2 cos 2φ + s2 sin 2φ, rad",
+        "s1 sin φ + c2 cos 2φ + s2 sin 2φ",
     )
 
     @property
@@ -69,7 +77,9 @@ class Encoder(_Sensor):
 
 
 class _Gauge(_Sensor):
-    resolution: Resolution | None = Field(default=None, description="one count, m or rad")
+    resolution: Resolution | None = Field(
+        default=None, description="one count; without it there are none"
+    )
 
     @property
     def step(self) -> float:
@@ -80,7 +90,7 @@ class _Gauge(_Sensor):
 class NacelleAngle(Encoder):
     """θ of the nacelle about z, the gear undone."""
 
-    kind: Literal["nacelle_angle"]
+    kind: Literal["nacelle_angle"] = Field(description="says which sensor this is")
     bar: Index | None = Field(
         default=None, description="read at this bar's pivot, against the bar; without it, absolute"
     )
@@ -91,10 +101,10 @@ class Telemeter(_Gauge):
 
     mounting: ClassVar[dict[str, str]] = {n: n for n in ("origin", "direction", "target", "normal")}
 
-    kind: Literal["telemeter"]
-    origin: Vector = Field(description="a point of the line, base frame, m")
+    kind: Literal["telemeter"] = Field(description="says which sensor this is")
+    origin: Point = Field(description="a point of the line, base frame")
     direction: Direction = Field(description="of the line, base frame")
-    target: Vector = Field(default=(0, 0, 0), description="a point of the plane, nacelle frame, m")
+    target: Point = Field(default=(0, 0, 0), description="a point of the plane, nacelle frame")
     normal: Direction = Field(description="of the plane, nacelle frame")
 
 
@@ -103,10 +113,10 @@ class Coordinate(_Gauge):
 
     mounting: ClassVar[dict[str, str]] = {n: n for n in ("origin", "direction", "target")}
 
-    kind: Literal["coordinate"]
-    origin: Vector = Field(default=(0, 0, 0), description="where it reads 0, base frame, m")
+    kind: Literal["coordinate"] = Field(description="says which sensor this is")
+    origin: Point = Field(default=(0, 0, 0), description="where it reads 0, base frame")
     direction: Direction = Field(description="measured direction, base frame")
-    target: Vector = Field(default=(0, 0, 0), description="the point, nacelle frame, m")
+    target: Point = Field(default=(0, 0, 0), description="the point, nacelle frame")
 
 
 class Distance(_Gauge):
@@ -114,9 +124,9 @@ class Distance(_Gauge):
 
     mounting: ClassVar[dict[str, str]] = {n: n for n in ("origin", "target")}
 
-    kind: Literal["distance"]
-    origin: Vector = Field(description="its point on the base, base frame, m")
-    target: Vector = Field(default=(0, 0, 0), description="its point, nacelle frame, m")
+    kind: Literal["distance"] = Field(description="says which sensor this is")
+    origin: Point = Field(description="its point on the base, base frame")
+    target: Point = Field(default=(0, 0, 0), description="its point, nacelle frame")
 
 
 class Inclinometer(_Gauge):
@@ -124,7 +134,7 @@ class Inclinometer(_Gauge):
 
     mounting: ClassVar[dict[str, str]] = {"direction": "axis", "normal": "up"}
 
-    kind: Literal["inclinometer"]
+    kind: Literal["inclinometer"] = Field(description="says which sensor this is")
     axis: Direction = Field(description="about which it measures, nacelle frame")
     up: Direction = Field(default=(0, 0, 1), description="vertical at reading 0, nacelle frame")
 
@@ -134,7 +144,7 @@ class Rotation(_Gauge):
 
     mounting: ClassVar[dict[str, str]] = {"direction": "direction"}
 
-    kind: Literal["rotation"]
+    kind: Literal["rotation"] = Field(description="says which sensor this is")
     direction: Direction = Field(description="of the component, base frame")
 
 
@@ -151,7 +161,7 @@ class RodAngle(Encoder):
     Lateral: out of that plane, positive along u.
     """
 
-    kind: Literal["rod_in_plane", "rod_lateral"]
+    kind: Literal["rod_in_plane", "rod_lateral"] = Field(description="says which sensor this is")
     chain: Index = Field(description="whose rod, from 1")
     side: Literal["base", "nacelle"] = Field(default="base", description="which of its joints")
     rod: Side = "+"
@@ -160,7 +170,7 @@ class RodAngle(Encoder):
 class RodLength(_Gauge):
     """Distance of a rod's ends."""
 
-    kind: Literal["rod_length"]
+    kind: Literal["rod_length"] = Field(description="says which sensor this is")
     chain: Index = Field(description="whose rod, from 1")
     rod: Side = "+"
 
@@ -168,7 +178,7 @@ class RodLength(_Gauge):
 class MotorEncoder(Encoder):
     """A second encoder on a revolute motor's load side."""
 
-    kind: Literal["motor_encoder"]
+    kind: Literal["motor_encoder"] = Field(description="says which sensor this is")
     chain: Index = Field(description="whose motor, from 1")
 
 

@@ -7,9 +7,8 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from numpy.typing import ArrayLike
 
-from truepose.arguments import numbers_of
+from truepose.arguments import Array, numbers_of
 from truepose.robot.robot import Robot
-from truepose.robot.to_core import Array
 
 COLOURS = {
     "base": "#8a8f98",

@@ -11,7 +11,7 @@ from truepose import _core
 from truepose.arguments import check_seed
 from truepose.exceptions import InputError, choose
 from truepose.robot.robot import Robot
-from truepose.robot.to_core import PAIRED
+from truepose.robotfile.parameters import PAIRED
 from truepose.robotfile.schema import Tolerance
 
 

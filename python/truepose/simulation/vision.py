@@ -19,11 +19,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose.arguments import check_seed
+from truepose.arguments import Array, check_seed
 from truepose.exceptions import InputError
 from truepose.robot.frames import rotation
 from truepose.robot.robot import Robot
-from truepose.robot.to_core import Array
 
 CAMERAS = 3
 _ITERATIONS = 30

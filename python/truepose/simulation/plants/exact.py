@@ -12,16 +12,15 @@ from collections.abc import Callable
 import numpy as np
 
 from truepose import _core
-from truepose.arguments import check_seed
+from truepose.arguments import Array, check_seed
 from truepose.exceptions import InputError, choose
 from truepose.robot import knowledge
 from truepose.robot.frames import coordinates, frames, rotation
 from truepose.robot.kinematics import Level
 from truepose.robot.robot import Robot
-from truepose.robot.to_core import Array
+from truepose.simulation.controller import Controller
 from truepose.simulation.effects import Effects
 from truepose.simulation.plants import Visit, play
-from truepose.simulation.simulate import Controller
 
 #: Groups of effects that statics know.
 EFFECTS = ("backlash", "thermal", "eccentricity", "quantisation")

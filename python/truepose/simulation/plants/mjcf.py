@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
+from truepose.arguments import Array
 from truepose.exceptions import InputError
-from truepose.files.write import mark
+from truepose.files import mark
 from truepose.robot.robot import Robot
-from truepose.robot.to_core import Array
 from truepose.simulation.effects import Effects
 from truepose.simulation.plants.mjcf_parts import (
     MASSLESS,

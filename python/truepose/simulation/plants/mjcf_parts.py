@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.robot.to_core import Array
+from truepose.arguments import Array
 from truepose.show.drawing import COLOURS
 
 MASSLESS = 1e-9  # kg: MuJoCo wants bodies that move to weigh something

@@ -13,16 +13,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import check_seed, numbers_of
+from truepose.arguments import Array, check_seed, numbers_of
 from truepose.exceptions import InputError
 from truepose.robot import knowledge
 from truepose.robot.robot import Robot
-from truepose.robot.to_core import Array
+from truepose.simulation.controller import Controller
 from truepose.simulation.effects import Effects
 from truepose.simulation.plants import Visit
 from truepose.simulation.plants.mjcf import TIMESTEP
 from truepose.simulation.plants.mujoco_body import Body, Settled, require
-from truepose.simulation.simulate import Controller
 from truepose.threads import each
 
 _RIPPLES = 6  # periods of the torque ripple in a turn of the motor

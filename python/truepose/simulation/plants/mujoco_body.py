@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from truepose import _core
+from truepose.arguments import Array
 from truepose.exceptions import InputError, PoseError, TrueposeError
 from truepose.robot.robot import Robot
-from truepose.robot.to_core import Array
 from truepose.simulation.effects import Effects
 from truepose.simulation.plants.mjcf import TIMESTEP, Mechanism, Posture
 

@@ -14,7 +14,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from truepose.robot.to_core import Array
+from truepose.arguments import Array
 
 TOLERANCE = 1e-12  #: of the tool's angle, rad
 _ITERATIONS = 100

@@ -10,48 +10,34 @@ import csv
 import io
 import json
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
-from truepose.calibration.log_checks import sensor_is_angle
 from truepose.exceptions import InputError, choose
-from truepose.files.write import mark, replace_file
-from truepose.paper.virtual_experiment import Run
+from truepose.files import mark, replace_file
+from truepose.logs.columns import Column, Recorded
 from truepose.robot.robot import Robot
-from truepose.robot.to_core import Array
-from truepose.simulation.plants import Visit
-from truepose.simulation.simulate import Simulation
 
 
-class Column(NamedTuple):
-    """One quantity of a run, in SI units."""
-
-    topic: str  #: what it belongs to: a channel of an MCAP file
-    name: str
-    unit: str
-    what: str
-    values: Array  #: (N,)
-
-
-def columns(run: Simulation | Run | Visit, robot: Robot | None = None) -> list[Column]:
+def columns(run: Recorded, robot: Robot | None = None) -> list[Column]:
     """Name, unit, description and values of everything in a run.
 
     Parameters
     ----------
-    run : Simulation, Run or Visit
-        A simulated move; the poses of an experiment, as measured; or as the plant stood there.
+    run : Recorded
+        A :class:`truepose.Simulation`; the poses of an experiment, as measured; or as the plant
+        stood there (a Visit).
     robot : Robot, optional
         Of a Visit, which does not hold it.
 
     Examples
     --------
     >>> import truepose as tp
-    >>> from truepose.logs.write import columns
-    >>> [c.name for c in columns(tp.simulate(tp.load("h4")))][:6]
+    >>> from truepose import logs
+    >>> [c.name for c in logs.columns(tp.simulate(tp.load("h4")))][:6]
     ['time', 'q1', 'q2', 'q3', 'q4', 'theta']
     """
-    result = _columns(run, robot)
+    result = run.columns(robot)
     names = [column.name for column in result]
     if twice := next((name for name in names if names.count(name) > 1), None):
         raise InputError(
@@ -60,46 +46,8 @@ def columns(run: Simulation | Run | Visit, robot: Robot | None = None) -> list[C
     return result
 
 
-def _columns(run: Simulation | Run | Visit, robot: Robot | None) -> list[Column]:
-    if isinstance(run, Simulation):
-        robot = run.truth
-        result = [Column("time", "time", "s", "since the start", run.time)]
-        result += _readings(robot, run.q_e)
-        result += _pose(robot, "desired", "asked of the controller", run.x_d)
-        result += _pose(robot, "true", "of the simulated robot", run.x)
-        angle = _angles(robot)
-        for topic, values, what, units in (
-            ("motor_error", run.motor_error, "motor error ê_q of the law,", ("m", "rad")),
-            ("torque", run.torque, "torque (force) of", ("N", "N·m")),
-        ):
-            for i in range(robot.n):
-                described = f"{what} motor {i + 1}"
-                own = Column(topic, f"{topic}{i + 1}", units[angle[i]], described, values[:, i])
-                result.append(own)
-        damped = run.near_singular.astype(float)
-        what = "1 where the controller's Jacobian was damped"
-        return [*result, Column("near_singular", "near_singular", "1", what, damped)]
-    if isinstance(run, Run):
-        robot = run.believed
-        result = _numbered(run.q_e) + _readings(robot, run.q_e)
-        result += _pose(robot, "desired", "asked of the controller", run.desired)
-        result += _pose(robot, "measured", "by the vision system", run.measured)
-        sigma = np.sqrt(np.diagonal(run.covariance, axis1=1, axis2=2)[:, [0, 1, 2, 5]])
-        result += [
-            Column(c.topic, f"{c.name}_sigma", c.unit, f"σ of {c.what}, as it claims", values)
-            for c, values in zip(result[-robot.n :], sigma.T, strict=True)
-        ]
-        result += _pose(robot, "estimated", "from the readings", run.estimated)
-        what = "1 where the pose counts"
-        return [*result, Column("counted", "counted", "1", what, run.counted.astype(float))]
-    if robot is None:
-        raise InputError("a Visit's log needs its robot: columns(visit, robot)")
-    result = _numbered(run.q_e) + _readings(robot, run.q_e)
-    return result + _pose(robot, "true", "of the plant", run.x)
-
-
 def write(
-    run: Simulation | Run | Visit,
+    run: Recorded,
     path: str | Path,
     robot: Robot | None = None,
     *,
@@ -124,11 +72,10 @@ def write(
     Examples
     --------
     >>> import tempfile, truepose as tp
-    >>> from truepose.logs import read as logs
-    >>> from truepose.logs import write as run_logs
+    >>> from truepose import logs
     >>> h4 = tp.load("h4")
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     run_logs.write(tp.simulate(h4), folder + "/move.csv")
+    ...     logs.write(tp.simulate(h4), folder + "/move.csv")
     ...     logs.read(h4, folder + "/move.csv").readings.shape[1]
     5
     """
@@ -139,35 +86,6 @@ def write(
     listed = columns(run, robot)
     data = writers[path.suffix](path, listed)
     replace_file(path, data, "log", force)
-
-
-def _angles(robot: Robot) -> list[bool]:
-    """Whether each reading is in rad (else m)."""
-    motors = [chain.actuator == "revolute" for chain in robot.spec.chain]
-    return motors + sensor_is_angle(robot)
-
-
-def _readings(robot: Robot, q_e: Array) -> list[Column]:
-    kinds = {sensor.name: sensor.kind for sensor in robot.spec.sensor}
-    angle = _angles(robot)
-    result = []
-    for k, name in enumerate(robot.readings):
-        what = f"motor {k + 1}'s encoder" if k < robot.n else f"sensor {name} ({kinds[name]})"
-        unit = "rad" if angle[k] else "m"
-        result.append(Column("readings", name, unit, f"reading of {what}", q_e[:, k]))
-    return result
-
-
-def _pose(robot: Robot, kind: str, what: str, x: Array) -> list[Column]:
-    return [
-        Column(kind, f"{kind}_{name}", unit, f"{kind} {name} of the nacelle, {what}", x[:, k])
-        for k, (name, unit) in enumerate(robot.coordinates)
-    ]
-
-
-def _numbered(rows: Array) -> list[Column]:
-    number = np.arange(len(rows), dtype=float)
-    return [Column("pose", "pose", "1", "number of the pose, from 0", number)]
 
 
 def _parquet(path: Path, listed: list[Column]) -> bytes:

@@ -11,11 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from truepose.arguments import check_real
+from truepose.arguments import Array, check_real
 from truepose.exceptions import InputError, choose, controls, one_line
-from truepose.files.read import contents
+from truepose.files import contents
 from truepose.robot.robot import Robot
-from truepose.robot.to_core import Array
 
 #: Messages of two channels this far apart may be of one pose, s.
 TOLERANCE = 0.01

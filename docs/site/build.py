@@ -1,0 +1,126 @@
+"""How does docs/ become the site? `python docs/site/build.py [FOLDER]`; `make docs` calls it.
+
+The pages are staged in build/site: those of docs/, those that live beside what they describe
+(benchmarks, examples, robots, changes), and what `generate.py` finds in the code; links between
+files become links between pages. Then Sphinx, whose warnings are errors.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from os.path import relpath
+from pathlib import Path
+from xml.etree import ElementTree
+
+import generate
+
+ROOT = Path(__file__).parents[2]
+DOCS, SITE, STAGE = ROOT / "docs", ROOT / "docs" / "site", ROOT / "build" / "site"
+
+#: A Markdown link or image to a file: text, path, anchor.
+LINK = re.compile(r"(!?\[(?:[^\[\]]|\[[^\[\]]*\])*\])\(([^()\s#:]+)(#[^()\s]*)?\)")
+
+
+def pages() -> dict[Path, str]:
+    """Every page's source, and where in the site it stands."""
+    beside = {
+        "README.md": "index.md",
+        "CHANGELOG.md": "changelog.md",
+        "CONTRIBUTING.md": "contributing.md",
+        "benchmarks/README.md": "benchmarks.md",
+        "examples/README.md": "examples.md",
+    }
+    found = {ROOT / source: target for source, target in beside.items()}
+    found |= {
+        robot: f"robots/{robot.parent.name}.md"
+        for robot in sorted((ROOT / "robots").glob("*/README.md"))
+    }
+    return found | {page: page.name for page in sorted(DOCS.glob("*.md"))}
+
+
+def relinked(text: str, source: Path, target: str, copy: Callable[[Path], str]) -> str:
+    """Make links between files links between pages.
+
+    `copy` says where a file that is no page stands in the site. A link that leads nowhere stays
+    as it is, for Sphinx to name.
+    """
+    known = pages()
+
+    def moved(link: re.Match) -> str:
+        to = (source.parent / link[2]).resolve()
+        to = to / "README.md" if to.is_dir() else to
+        text = link[1][0] + LINK.sub(moved, link[1][1:])  # an image may be the text of a link
+        if not to.is_file() or not to.is_relative_to(ROOT):
+            return text + link[0][len(link[1]) :]
+        there = known.get(to) or copy(to)
+        return f"{text}({relpath(there, Path(target).parent)}{link[3] or ''})"
+
+    return LINK.sub(moved, text)
+
+
+def stage(doxygen: bool) -> Path:
+    """Write the pages as Sphinx reads them; what has not changed stays as it is."""
+    out = STAGE / "source"
+    written = set()
+
+    def write(name: str, data: bytes) -> None:
+        path = out / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if not path.is_file() or path.read_bytes() != data:
+            path.write_bytes(data)
+        written.add(path)
+
+    def copy(file: Path) -> str:
+        name = f"files/{file.relative_to(ROOT).as_posix()}"
+        write(name, file.read_bytes())
+        return name
+
+    for source, target in pages().items():
+        if source != ROOT / "README.md":  # docs/index.md takes its place
+            text = source.read_text(encoding="utf-8")
+            write(target, relinked(text, source, target, copy).encode())
+    for name, text in generate.parts(doxygen).items():
+        write(f"generated/{name}", relinked(text, DOCS / name, name, copy).encode())
+    for old in set(out.rglob("*")) - written:
+        if old.is_file():
+            old.unlink()
+    return out
+
+
+def doxygen() -> bool:
+    """Have Doxygen write its XML of the headers, if there is a doxygen."""
+    if not shutil.which("doxygen"):
+        print("docs: without the C++ reference, doxygen is not installed (Debian: doxygen)")
+        return False
+    folder = STAGE / "doxygen"
+    folder.mkdir(parents=True, exist_ok=True)
+    settings = (DOCS / "Doxyfile").read_text(encoding="utf-8")
+    settings += f"\nOUTPUT_DIRECTORY={folder}\nGENERATE_XML=YES\nGENERATE_HTML=NO\n"
+    subprocess.run(["doxygen", "-"], input=settings, text=True, cwd=ROOT, check=True)
+    # Files of one name in several rooms: breathe tells them apart by their paths alone.
+    index = ElementTree.parse(folder / "xml" / "index.xml")
+    for file in index.findall("compound[@kind='file']"):
+        about = ElementTree.parse(folder / "xml" / f"{file.get('refid')}.xml")
+        file.find("name").text = about.find("compounddef/location").get("file")
+    index.write(folder / "xml" / "index.xml", encoding="utf-8", xml_declaration=True)
+    return True
+
+
+def main(folder: str = "build/docs") -> int:
+    """Build the site."""
+    source = stage(doxygen())
+    # -j: not auto, breathe reads one after another
+    sphinx = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html"]
+    cache = STAGE / "doctrees"
+    done = subprocess.run([*sphinx, "-c", SITE, "-d", cache, source, folder], check=False)
+    if done.returncode == 0:
+        print(f"docs: {folder}/index.html")
+    return done.returncode
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))
