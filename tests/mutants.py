@@ -203,7 +203,9 @@ def main() -> None:
                     bad.append(f"{said}: {mutant.test}")
             for mutant, (said, seconds) in zip(mutants, found, strict=True):
                 wrong = " ".join(mutant.wrong.split()) or "(left out)"
-                print(f"{said:8} {seconds:4.0f} s  {mutant.place:26} {wrong[:56]:56}  {mutant.test}")
+                print(
+                    f"{said:8} {seconds:4.0f} s  {mutant.place:26} {wrong[:56]:56}  {mutant.test}"
+                )
                 if said != "caught":
                     bad.append(f"{said}: {mutant.place}: {wrong}")
     print(f"{len(mutants)} mutants, {len(bad)} problems, {time.monotonic() - begun:.0f} s")

@@ -213,5 +213,5 @@ def test_lines_held_out_teach_the_geometry_that_they_try_nothing(h4, readings):
         columns = {name: values[:40].copy() for name, values in readings.items()}
         columns["theta"][4::5] += wrong
         log, _ = log_checks.check(robot, logs.of(robot, columns))
-        off[wrong] = calibration_report.assess(robot, log, []).held_out[4::5, 0]
+        off[wrong] = review.assess(robot, log, []).held_out[4::5, 0]
     np.testing.assert_allclose(off[1e-3] - off[0.0], 1e-3, rtol=1e-9)
