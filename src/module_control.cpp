@@ -52,8 +52,8 @@ auto batch_conditioning(const Robot& robot, const Rows& x) {
       });
 }
 
-/// Poses at rest, (N, n), the readings off by `off`, (N, n + r), if by anything; where there is none, whether it
-/// was the true robot that could not stand there.
+/// Poses at rest, (N, n), the readings off by `off`, (N, n + r), if by anything; where there is
+/// none, whether it was the true robot that could not stand there.
 auto batch_settle(const Robot& nominal, const Robot& truth, const ControlSettings& control,
                   const Known* known, bool gravity, const Rows& x_d,
                   const std::optional<Rows>& off) {
@@ -69,8 +69,7 @@ auto batch_settle(const Robot& nominal, const Robot& truth, const ControlSetting
       *by_truth[i] = false;
       outcomes.set(i, settle<mobility()>(nominal, truth, settings, row<Joint>(x_d, i), x,
                                          Weights(nominal, known).view(),
-                                         off ? row<Extended>(*off, i) : Extended{},
-                                         by_truth[i]));
+                                         off ? row<Extended>(*off, i) : Extended{}, by_truth[i]));
       std::copy_n(x.begin(), n, rest[i]);
     });
   });

@@ -51,8 +51,8 @@ TEST("what a kind's `sense` says of its derivatives is what its finite differenc
         };
         return (at(h) - at(-h)) / (2 * h);
       };
-      const auto vector = [&](Vec3 Sensor::* of) {
-        return slope([&](Sensor& o, Pose&, const Vec3& d) { o.*of += d; });
+      const auto vector = [&](auto of) {
+        return slope([&](Sensor& o, Pose&, const Vec3& d) { (o.*of)() += d; });
       };
       const auto turned = [](Sensor&, Pose& p, const Vec3& d) { p.R = exp_so3(d) * p.R; };
       CHECK_NEAR(s.linear[axis], slope([](Sensor&, Pose& p, const Vec3& d) { p.D += d; }), 1e-8);

@@ -33,8 +33,8 @@ inline Outcome rkm(const Robot& robot, const Joint& x, Reading& values) {
 /// Extended positions q_e = [q; r].
 template <Mobility K>
 inline void extend(const Robot& robot, const Joint& q, const Reading& r, Extended& q_e) {
-  std::copy_n(q.begin(), kDof<K>, q_e.begin());
-  std::copy_n(r.begin(), robot.r, q_e.begin() + kDof<K>);
+  for (int i = 0; i < kDof<K>; ++i) q_e[i] = q[i];
+  for (int k = 0; k < robot.r; ++k) q_e[kDof<K> + k] = r[k];
 }
 
 /// Motor positions q of q_e = [q; r].

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import Array
+from truepose.robot.description import Description
 
 
 def rotation(vector: ArrayLike) -> Array:
@@ -28,7 +29,7 @@ def rotation_vector(R: ArrayLike) -> Array:
     return _core.rotation_vectors(_rows(R, 9)).reshape(R.shape[:-1])
 
 
-def frames(robot, x: ArrayLike, tilt: ArrayLike | None = None) -> Array:
+def frames(robot: Description, x: ArrayLike, tilt: ArrayLike | None = None) -> Array:
     """Homogeneous matrices (..., 4, 4) of the nacelle at poses x, base frame.
 
     Parameters
@@ -52,11 +53,11 @@ def frames(robot, x: ArrayLike, tilt: ArrayLike | None = None) -> Array:
     turn = np.zeros((*x.shape[:-1], 3))
     if tilt is not None:
         turn[..., : np.shape(tilt)[-1]] = tilt
-    frame = _core.frames(robot._core, _rows(x, robot.n), _rows(turn, 3))
+    frame = _core.frames(robot.core, _rows(x, robot.n), _rows(turn, 3))
     return frame.reshape(*x.shape[:-1], 4, 4)
 
 
-def coordinates(robot, frame: ArrayLike) -> Array:
+def coordinates(robot: Description, frame: ArrayLike) -> Array:
     """Coordinates (..., n) of nacelle frames (..., 4, 4); what x leaves out is dropped.
 
     θ is atan2(R_10, R_00), from -π to π. NaN stays NaN.
@@ -71,7 +72,7 @@ def coordinates(robot, frame: ArrayLike) -> Array:
     """
     frame = np.asarray(frame, dtype=float)
     D, R = _rows(frame[..., :3, 3], 3), _rows(frame[..., :3, :3], 9)
-    return _core.coordinates(robot._core, D, R).reshape(*frame.shape[:-2], robot.n)
+    return _core.coordinates(robot.core, D, R).reshape(*frame.shape[:-2], robot.n)
 
 
 def _rows(array: Array, width: int) -> Array:

@@ -16,7 +16,7 @@ from truepose.robotfile.schema import Chain, RobotFile
 from truepose.robotfile.sensors import Encoder, Sensor
 
 
-def columns(spec: RobotFile, sensors: tuple[Sensor, ...]) -> list[tuple[str, int]]:
+def columns(spec: RobotFile) -> list[tuple[str, int]]:
     """Name of every parameter that the core knows in this robot, and its column of H_ξ.
 
     The core says in which order they stand; a sensor's file may call a vector otherwise than it.
@@ -28,7 +28,7 @@ def columns(spec: RobotFile, sensors: tuple[Sensor, ...]) -> list[tuple[str, int
     ]
     columns += [(f"bar{k + 1}.pivot", spec.n * width + k) for k in range(len(spec.bar))]
     start = spec.n * width + _core.max_bars
-    for sensor in sensors:
+    for sensor in spec.used:
         for k, (core, _) in enumerate(_core.sensor_parameters):
             if key := file_key(type(sensor), core):
                 columns.append((f"{sensor.name}.{key}", start + k))
@@ -87,7 +87,7 @@ def _pair_drawn(spec: RobotFile, chain: Chain) -> Array:
     return across / length
 
 
-def build(spec: RobotFile, sensors: tuple[Sensor, ...]) -> _core.Robot:
+def build(spec: RobotFile) -> _core.Robot:
     """Fill the core's structs from the file, as drawn: axes at zero yaw and tilt."""
     robot = _core.Robot()
     robot.mobility = getattr(_core.Mobility, spec.mobility)
@@ -96,7 +96,7 @@ def build(spec: RobotFile, sensors: tuple[Sensor, ...]) -> _core.Robot:
     robot.bar_joint = getattr(_core.BarJoint, spec.nacelle.bars)
     for i, chain in enumerate(spec.chain):
         robot.set_chain(i, _build_chain(spec, chain))
-    for sensor in sensors:
+    for sensor in spec.used:
         robot.add_sensor(_build_sensor(spec, sensor))
     body = _core.Body()
     body.mass = spec.nacelle.mass

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from truepose import _core
-from truepose.robot.robot import Robot
+from truepose.robot.description import Description
 from truepose.robot.to_core import file_key
 
 
-def reading_units(robot: Robot) -> list[str]:
+def reading_units(robot: Description) -> list[str]:
     """Unit of each extended position q_e, motors and the sensors in use: m or rad.
 
     Examples
@@ -17,10 +17,10 @@ def reading_units(robot: Robot) -> list[str]:
     ['rad', 'rad', 'rad', 'rad', 'rad', 'm']
     """
     motors = [_motor(chain.actuator) for chain in robot.spec.chain]
-    return motors + [_core.sensor_kinds[sensor.kind].unit for sensor in robot._sensors]
+    return motors + [_core.sensor_kinds[sensor.kind].unit for sensor in robot.spec.used]
 
 
-def unit_of(robot: Robot, name: str) -> str:
+def unit_of(robot: Description, name: str) -> str:
     """Unit of a sensor, a coordinate that something outside measured, or a parameter.
 
     Examples

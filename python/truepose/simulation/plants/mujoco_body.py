@@ -115,7 +115,7 @@ class Body:
         psi = self.data.qpos[self.bars].tolist() if self.bars else []
         rest = [0.0] * (6 - self.robot.n)
         q_e, _ = _core.readings(
-            self.robot._core,
+            self.robot.core,
             *self.nacelle(),
             [*psi, *[0.0] * (_core.max_bars - len(psi))],
             theta,
@@ -145,7 +145,7 @@ class Body:
         """Move the motors from where they are to readings q, hold them, wait for rest."""
         model, data, step = self.model, self.data, self.mujoco.mj_step
         start = self.positions()[0]
-        core = self.robot._core
+        core = self.robot.core
         end = np.array([core.motor_position(i, value) for i, value in enumerate(q)])
         home = self.mechanism.home.position
         self.hold()
