@@ -1,6 +1,6 @@
 """What of the documentation follows from the code? Keys, commands, names: always today's.
 
-Each function gives a page's text in Markdown; `build.py` puts it where the page includes it.
+Each function gives a page's text in Markdown; `make.py` puts it where the page includes it.
 """
 
 from __future__ import annotations
@@ -206,19 +206,23 @@ def _directive(name: str) -> str:
     return f".. currentmodule:: truepose\n\n.. auto{kind}:: {name}{members}"
 
 
-def cpp(doxygen: bool) -> str:
-    """Every header, by room: its question, and what Doxygen knows of it."""
-    if not doxygen:
-        return "*This site was built without doxygen: the reference is left out.*\n"
-    text = ""
+def cpp(doxygen: bool) -> tuple[str, dict[str, str]]:
+    """Every header and the question that it answers; and, by room, what Doxygen knows of them."""
+    text, pages = "", {}
     headers = sorted(INCLUDE.rglob("*.hpp"))
     for room, files in itertools.groupby(headers, key=lambda header: header.parent.name):
-        text += f"\n## {room}\n"
+        name = f"[`{room}/`](cpp/{room}.md)" if doxygen else f"`{room}/`"
+        text += f"\n{name}\n\n"
+        page = f"# {room}\n"
         for header in files:
-            path = header.relative_to(INCLUDE.parent).as_posix()
-            text += f"\n### {header.name}\n\n`{path}`: {_question(header)}\n\n"
-            text += f"```{{eval-rst}}\n.. doxygenfile:: {path}\n```\n"
-    return text
+            path, question = header.relative_to(INCLUDE.parent).as_posix(), _question(header)
+            text += f"- `{header.name}`: {question}\n"
+            page += f"\n## {header.name}\n\n`{path}`: {question}\n\n"
+            page += f"```{{eval-rst}}\n.. doxygenfile:: {path}\n```\n"
+        pages[f"cpp/{room}.md"] = page
+    if not doxygen:
+        return f"*Built without doxygen: the reference itself is left out.*\n{text}", {}
+    return f"{text}\n```{{toctree}}\n:hidden:\n:glob:\n\ncpp/*\n```\n", pages
 
 
 def _question(header: Path) -> str:
@@ -230,11 +234,12 @@ def _question(header: Path) -> str:
 
 
 def parts(doxygen: bool) -> dict[str, str]:
-    """Every generated part, by the name under which its page includes it."""
-    return {
-        "robot-file.md": robot_file(),
-        "robots.md": robots(),
-        "commands.md": commands(),
-        "python.md": python(),
-        "cpp.md": cpp(doxygen),
+    """Every generated part, by the name under which a page includes it; and pages."""
+    headers, pages = cpp(doxygen)
+    return pages | {
+        "generated/robot-file.md": robot_file(),
+        "generated/robots.md": robots(),
+        "generated/commands.md": commands(),
+        "generated/python.md": python(),
+        "generated/cpp.md": headers,
     }
