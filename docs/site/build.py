@@ -97,7 +97,8 @@ def doxygen() -> bool:
         print("docs: without the C++ reference, doxygen is not installed (Debian: doxygen)")
         return False
     folder = STAGE / "doxygen"
-    folder.mkdir(parents=True, exist_ok=True)
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
     settings = (DOCS / "Doxyfile").read_text(encoding="utf-8")
     settings += f"\nOUTPUT_DIRECTORY={folder}\nGENERATE_XML=YES\nGENERATE_HTML=NO\n"
     subprocess.run(["doxygen", "-"], input=settings, text=True, cwd=ROOT, check=True)
@@ -113,8 +114,8 @@ def doxygen() -> bool:
 def main(folder: str = "build/docs") -> int:
     """Build the site."""
     source = stage(doxygen())
-    # -j: not auto, breathe reads one after another
-    sphinx = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html"]
+    # -E: a page that has not changed is read again, or its warnings would be told once only
+    sphinx = [sys.executable, "-m", "sphinx", "-E", "-W", "--keep-going", "-q", "-b", "html"]
     cache = STAGE / "doctrees"
     done = subprocess.run([*sphinx, "-c", SITE, "-d", cache, source, folder], check=False)
     if done.returncode == 0:

@@ -98,7 +98,7 @@ TEST("the model's motor rates and accelerations are derivatives of the inverse m
     // With a unit of inertia on each motor and nothing else, torque is the motor's acceleration.
     Robot robot = mechanism.robot;
     robot.bodies = 0;
-    robot.gravity.setZero();
+    robot.gravity().setZero();
     for (int i = 0; i < kDof<K>; ++i) set_masses(robot.chain[i], 1, 0, 0);
     check::Random random(53);
     for (int k = 0; k < 100; ++k) {

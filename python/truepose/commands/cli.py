@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 import threading
+from importlib import metadata
 from typing import Annotated
 
 import typer
@@ -49,9 +50,7 @@ app.command("reproduce")(reproduce.command)
 
 def _version(wanted: bool) -> None:
     if wanted:
-        import truepose
-
-        typer.echo(f"truepose {truepose.__version__}")
+        typer.echo(f"truepose {metadata.version('truepose')}")
         raise typer.Exit
 
 
