@@ -8,7 +8,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 export PATH := $(abspath $(BIN)):$(PATH)
 
-PACKAGE := $(shell find include src python robots -type f -not -name '*.pyc') \
+PACKAGE := $(shell find include src cmake python robots -type f -not -name '*.pyc') \
            CMakeLists.txt pyproject.toml README.md
 CPP := $(shell find include src tests/cpp tests/fuzz benchmarks -name '*.[hc]pp')
 
@@ -38,6 +38,7 @@ test-cpp: build/asan/build.ninja
 lint: $(VENV)/developing
 	ruff check .
 	ruff format --check .
+	PYTHONPATH=python lint-imports --no-cache
 	clang-format --dry-run --Werror $(CPP)
 
 format: $(VENV)/developing
@@ -90,7 +91,7 @@ docs: $(VENV)/documenting
 
 # The H4 whose Table 3 is close to the printed one: ten searches, some minutes.
 twin: $(VENV)/installed
-	python -m truepose.paper.twin_folder robots/h4-lirmm-twin
+	python tools/twin_folder.py robots/h4-lirmm-twin
 
 build/%/build.ninja: CMakeLists.txt CMakePresets.json tests/cpp/CMakeLists.txt benchmarks/CMakeLists.txt | $(VENV)/developing
 	cmake --preset $* -DPython_EXECUTABLE=$(abspath $(BIN))/python
