@@ -159,9 +159,9 @@ def robots() -> str:
     for name in truepose.robots():
         robot = reading.read(name)
         folder = f"../robots/{name}"
-        text += f"| [![{name}]({folder}/picture.png)]({folder}/README.md) | [{name}]({folder}/README.md): "
-        text += f"{robot.title or name}. `{robot.mobility}`, {robot.n} motors, sensors in use: "
-        text += f"{', '.join(robot.sensors) or 'none'}. |\n"
+        text += f"| [![{name}]({folder}/picture.png)]({folder}/README.md) "
+        text += f"| [{name}]({folder}/README.md): {robot.title or name}. `{robot.mobility}`, "
+        text += f"{robot.n} motors, sensors in use: {', '.join(robot.sensors) or 'none'}. |\n"
     return text
 
 

@@ -56,7 +56,8 @@ def command(
     tuning: Annotated[
         float | None,
         typer.Option(
-            help="Huber's bend or Student's degrees of freedom.", show_default="docs/calibration.md"
+            help="Huber's bend or Student's degrees of freedom.",
+            show_default="4 for student, 1 for huber",
         ),
     ] = None,
     model_error: Annotated[
@@ -83,7 +84,7 @@ def command(
     """Learn a robot's geometry from a log of its own readings.
 
     Says what is wrong with the log, how well each parameter is known then, and how accurate the
-    robot will be; docs/calibration.md explains it.
+    robot will be; the report explains each figure.
 
     Example: **truepose calibrate h4 log.csv -o calibrated.toml**
     """

@@ -357,7 +357,7 @@ def _describe(problem: dict) -> str:
     message = problem["msg"].removeprefix("Value error, ")
     message = message[0].lower() + message[1:]
     if problem["loc"] == ("mobility",):
-        message += "; docs/what-it-cannot.md says what no file can express"
+        message += "; tilters (2R1T), spherical robots and serial wrists are none of these"
     if isinstance(value, dict):
         return f"{key}: {message}" if key else message
     return f"{key} = {shortened(repr(value))}: {message}"
