@@ -8,17 +8,17 @@ VENV := .venv
 BIN := $(VENV)/bin
 export PATH := $(abspath $(BIN)):$(PATH)
 
-PACKAGE := $(shell find include src python robots -type f -not -name '*.pyc') \
+PACKAGE := $(shell find include src cmake python robots -type f -not -name '*.pyc') \
            CMakeLists.txt pyproject.toml README.md
 CPP := $(shell find include src tests/cpp tests/fuzz benchmarks -name '*.[hc]pp')
 
 .DEFAULT_GOAL := help
 .PHONY: help reproduce report test test-python test-cpp lint format fuzz realtime instructions bench bench-peers mutants coverage \
-        coverage-python coverage-cpp pictures twin clean
+        coverage-python coverage-cpp pictures docs twin clean
 
 help:
 	@sed -n 's/^# \?//p' Makefile | sed '/^$$/q'
-	@echo "Also: report lint format fuzz realtime instructions bench mutants coverage pictures twin clean"
+	@echo "Also: report lint format fuzz realtime instructions bench mutants coverage pictures docs twin clean"
 
 reproduce: $(VENV)/installed
 	@truepose reproduce $(ARGS)
@@ -39,6 +39,7 @@ test-cpp: build/asan/build.ninja
 lint: $(VENV)/developing
 	ruff check .
 	ruff format --check .
+	PYTHONPATH=python lint-imports --no-cache
 	clang-format --dry-run --Werror $(CPP)
 
 format: $(VENV)/developing
@@ -103,10 +104,15 @@ bench-peers: bench
 
 pictures: $(VENV)/installed
 	python -c "import truepose as tp; from truepose.show.drawing import draw; [draw(tp.load(name)).savefig(f'robots/{name}/picture.png', dpi=110) for name in tp.robots()]"
+	python docs/site/figures.py
+
+# The documentation as a site, in build/docs; the C++ reference where doxygen is installed.
+docs: $(VENV)/documenting
+	python docs/site/make.py
 
 # The H4 whose Table 3 is close to the printed one: ten searches, some minutes.
 twin: $(VENV)/installed
-	python -m truepose.paper.twin_folder robots/h4-lirmm-twin
+	python tools/twin_folder.py robots/h4-lirmm-twin
 
 build/%/build.ninja: CMakeLists.txt CMakePresets.json tests/cpp/CMakeLists.txt benchmarks/CMakeLists.txt | $(VENV)/developing
 	cmake --preset $* -DPython_EXECUTABLE=$(abspath $(BIN))/python
@@ -126,6 +132,12 @@ $(VENV)/installed: $(PACKAGE) | $(VENV)/created
 $(VENV)/developing: $(VENV)/installed
 	@pip install --quiet --disable-pip-version-check ".[dev]"
 	@touch $@ && touch -r $@ $(VENV)/installed
+
+$(VENV)/documenting: pyproject.toml | $(VENV)/installed
+	@python -c "import tomllib; \
+	  extras = tomllib.load(open('pyproject.toml', 'rb'))['project']['optional-dependencies']; \
+	  print(*extras['docs'], sep='\n')" | pip install --quiet --disable-pip-version-check -r /dev/stdin
+	@touch $@
 
 clean:
 	rm -rf build dist $(VENV) truepose-report

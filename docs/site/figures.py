@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import truepose as tp
-from truepose.paper import data
+from truepose.paper import article
 
 PICTURES = Path(__file__).parents[1] / "pictures"
 DRAWN, REAL, TEJ, OTHER = "#5b6770", "#b3261e", "#1455a4", "#2a7f3b"
@@ -79,7 +79,7 @@ def rest() -> Figure:
 
 def over_table_2() -> Figure:
     """One robot with the paper's errors at the 625 poses: θ and position under three laws."""
-    h4, poses = tp.load("h4"), data.table2()
+    h4, poses = tp.load("h4"), article.table2()
     true = tp.with_paper_errors(h4, seed=1)
     usual, tej = (tp.settle(h4, true, poses, law) for law in ("joint", "redundant"))
     learnt = tp.calibrate(h4, true.extended(usual)).robot

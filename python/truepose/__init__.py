@@ -9,9 +9,11 @@ from truepose.calibration.fit import Fit
 from truepose.calibration.online import OnlineCalibration
 from truepose.calibration.registration import Registration
 from truepose.exceptions import InputError, PoseError, RobotFileError, TrueposeError
+from truepose.headers import get_cmake_dir, get_include
 from truepose.robot.assembly import assembly_modes
+from truepose.robot.description import Parameter
 from truepose.robot.redundancy import Estimate
-from truepose.robot.robot import Parameter, Robot, load, robots
+from truepose.robot.robot import Robot, load, robots
 from truepose.simulation.controller import Controller
 from truepose.simulation.effects import Effects
 from truepose.simulation.settle import settle
@@ -38,6 +40,8 @@ __all__ = [
     "accuracy",
     "assembly_modes",
     "calibrate",
+    "get_cmake_dir",
+    "get_include",
     "load",
     "robots",
     "settle",

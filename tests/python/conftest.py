@@ -5,7 +5,7 @@ import pytest
 
 import truepose as tp
 from truepose.commands import cli
-from truepose.paper import data as paper_data
+from truepose.paper import article
 
 
 def pytest_addoption(parser):
@@ -46,7 +46,7 @@ def truth(h4) -> tp.Robot:
 
 @pytest.fixture(scope="session")
 def table2() -> np.ndarray:
-    return paper_data.table2()
+    return article.table2()
 
 
 @pytest.fixture(scope="session")

@@ -7,10 +7,8 @@ import pytest
 
 import truepose as tp
 from truepose import files, logs
-from truepose.calibration import log_checks
-from truepose.calibration import review as calibration_report
-from truepose.commands import calibrate as calibrate_command
-from truepose.commands import cli
+from truepose.calibration import log_checks, review
+from truepose.commands import calibrate, cli
 
 
 @pytest.fixture
@@ -89,8 +87,8 @@ def test_it_prints_and_writes_what_the_readings_say(run, log, tmp_path, readings
 def test_the_figures_are_those_of_the_calibration(h4, readings):
     robot = h4.with_sensors("theta", "z_telemeter")
     log, _ = log_checks.check(robot, logs.of(robot, readings))
-    result = calibration_report.assess(robot, log, [], loss="student")
-    good = calibration_report.counted(result)
+    result = review.assess(robot, log, [], loss="student")
+    good = review.counted(result)
     assert good.sum() == 119 and not good[40]
     expected = robot.expected()
     q = log.readings[:, :4]
@@ -189,7 +187,7 @@ def test_outside_measurements_alone_calibrate_a_robot_without_sensors(run, tmp_p
 
 @pytest.mark.parametrize("sigma", ["1", "20um", "0.02mm,0.01deg", "0.01°, 2e-5", "1e-5m,1mrad"])
 def test_sigma_of_lengths_and_of_angles_are_two(sigma):
-    lengths, angles = calibrate_command._sigmas(sigma)
+    lengths, angles = calibrate._sigmas(sigma)
     expected = {
         "1": (1.0, None),
         "20um": (2e-5, None),
@@ -215,5 +213,5 @@ def test_lines_held_out_teach_the_geometry_that_they_try_nothing(h4, readings):
         columns = {name: values[:40].copy() for name, values in readings.items()}
         columns["theta"][4::5] += wrong
         log, _ = log_checks.check(robot, logs.of(robot, columns))
-        off[wrong] = calibration_report.assess(robot, log, []).held_out[4::5, 0]
+        off[wrong] = review.assess(robot, log, []).held_out[4::5, 0]
     np.testing.assert_allclose(off[1e-3] - off[0.0], 1e-3, rtol=1e-9)

@@ -28,7 +28,7 @@ class Drive:
     def step(self, x, q_e, rate=(0, 0, 0, 0), acceleration=(0, 0, 0, 0)) -> str:
         setpoint = [padded(v, 6) for v in (x, rate, acceleration)]
         status, _ = self.state.step(
-            self.robot._core, self.settings, *setpoint, padded(q_e, 16), self.known
+            self.robot.core, self.settings, *setpoint, padded(q_e, 16), self.known
         )
         return _core.describe(status)
 

@@ -7,7 +7,7 @@ import pytest
 
 import truepose as tp
 from truepose import robotfile
-from truepose.commands import check as checking
+from truepose.commands.check import check
 
 _WORD = re.compile(r'"[^"\n]*"|[\w.+-]+|[\[\]{}=,]')
 _INSTEAD = ["", "nan", "-inf", "1e308", "-1", "0", "true", '""', '"x"', "[]", "{}", "[[1]]"]
@@ -57,7 +57,7 @@ def test_torn_files_and_random_bytes_are_refused_line_by_line_or_read(rng, tmp_p
     for _ in range(max(count // 500, 50)):
         path.write_bytes(torn(texts[rng.integers(len(texts))], rng))
         try:
-            robot, problems = checking.check(path)
+            robot, problems = check(path)
         except tp.RobotFileError as error:  # not text
             robot, problems = None, [str(error)]
         assert (robot is None) == bool(problems)
@@ -77,7 +77,7 @@ def test_a_spoiled_file_is_a_robot_or_one_line_a_problem(name, rng, tmp_path, co
     refused = 0
     for _ in range(max(count // 5000, 10)):
         path.write_text(spoiled(text, rng), encoding="utf-8")
-        robot, problems = checking.check(path)
+        robot, problems = check(path)
         assert (robot is None) == bool(problems)
         refused += robot is None
         for line in problems:

@@ -8,9 +8,7 @@ import pytest
 
 import truepose as tp
 from truepose import robotfile
-from truepose.paper import data as paper_data
-from truepose.paper import errors, experiment
-from truepose.paper import table3 as statistics
+from truepose.paper import article, errors, experiment, statistics
 from truepose.simulation import true_robots
 
 
@@ -19,7 +17,7 @@ def test_every_public_name_exists_and_says_what_it_is(name):
     assert inspect.getdoc(getattr(tp, name))
 
 
-MODULES = [errors, true_robots, experiment, paper_data, robotfile.reading, statistics]
+MODULES = [errors, true_robots, experiment, article, robotfile.reading, statistics]
 
 
 @pytest.mark.parametrize("owner", [tp.Robot, tp.Simulation, tp.Controller, *MODULES])

@@ -34,7 +34,7 @@ def sigma_of(robot):
 
 
 def see(robot, base, marker, x):
-    return _core.seen(robot._core, base, marker, x, np.zeros_like(x))
+    return _core.seen(robot.core, base, marker, x, np.zeros_like(x))
 
 
 def measured(robot, base, marker, x, rng):
@@ -71,7 +71,7 @@ def test_what_is_seen_changes_as_its_derivatives_say(any_robot, anywhere, rng):
     seen, _, H_x, H, _ = see(any_robot, base, marker, x)
 
     def apart(base, marker, x):  # of the first coordinates, along the tangent
-        return -_core.seen(any_robot._core, base, marker, np.ascontiguousarray(x), seen)[1]
+        return -_core.seen(any_robot.core, base, marker, np.ascontiguousarray(x), seen)[1]
 
     def moved(T, k, h, left):
         d = np.zeros(6)

@@ -13,9 +13,7 @@ import pytest
 import truepose as tp
 from truepose import files
 from truepose.commands import cli
-from truepose.paper import data as paper_data
-from truepose.paper import figures, forgotten, report, tables
-from truepose.paper import table3 as statistics
+from truepose.paper import article, figures, forgotten, report, statistics, tables
 
 
 def run(*arguments):
@@ -132,7 +130,7 @@ def test_the_page_stands_alone(made):
 @pytest.mark.parametrize("name", ["table3_one_robot", "table3_robots"])
 def test_what_the_paper_prints_keeps_the_papers_digits(made, name):
     """0.5 of it is 0.5, not 0.500, which would claim a precision that nobody printed."""
-    printed = paper_data.table3_as_printed()
+    printed = article.table3_as_printed()
     table = rows(made[1] / f"{name}.csv")
     for row, (_, key, label) in zip(table, tables.cells(), strict=True):
         assert row[tables.UNITS] == label

@@ -5,7 +5,7 @@ import tomllib
 import pytest
 
 from truepose import robotfile
-from truepose.robotfile import lines as toml_lines
+from truepose.robotfile import toml_lines
 
 HARD = """
 a = 1 # [not] a = table

@@ -9,11 +9,11 @@ from typing import Literal
 from numpy.typing import ArrayLike
 
 from truepose import logs
+from truepose.arguments import Level
 from truepose.calibration import log_checks
 from truepose.calibration.fit import Fit, Loss, ModelError, fit_to
 from truepose.calibration.registration import Registration
 from truepose.exceptions import InputError
-from truepose.robot.kinematics import Level
 from truepose.robot.robot import Robot
 
 
@@ -82,10 +82,10 @@ def calibrate(
     Examples
     --------
     >>> import truepose as tp
-    >>> from truepose.paper import data as paper_data
+    >>> from truepose.paper import article
     >>> robot = tp.load("h4")
     >>> true = robot.expected().replace({"chain1.rod": 0.489})
-    >>> fit = tp.calibrate(robot, true.extended(paper_data.table2()))
+    >>> fit = tp.calibrate(robot, true.extended(article.table2()))
     >>> fit.parameters["chain1.rod"].verdict
     'identified'
     """

@@ -11,14 +11,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array
-from truepose.calibration import registration as registrations
+from truepose.arguments import Array, Level
 from truepose.calibration.departure import Departure, departure
-from truepose.calibration.registration import Registered, Registration
+from truepose.calibration.registration import (
+    Registered,
+    Registration,
+    measured_outside,
+    registration_of,
+)
 from truepose.exceptions import InputError, PoseError, choose
 from truepose.logs import repeated
 from truepose.robot import knowledge
-from truepose.robot.kinematics import Level
+from truepose.robot.batches import flattened, require_answers
 from truepose.robot.robot import Robot
 from truepose.robot.to_core import columns
 from truepose.robotfile.schema import Calibration
@@ -115,10 +119,10 @@ class Fit:
         if self.registration is None:
             raise InputError(f"{self.robot.name}: accuracy_seen: nothing was measured from outside")
         robot, by = self.robot, self.registration
-        x, _ = robot._rows(poses, robot.n, "poses", "raise")
+        x, _ = flattened(robot, poses, robot.n, "poses", "raise")
         known = knowledge.knowledge(robot, level=self.level).core
-        gain, _, status, chain = _core.gain(robot._core, known, x, robot._is_full(self.level))
-        robot._check("pose", x, (len(x),), status, chain, "raise")
+        gain, _, status, chain = _core.gain(robot.core, known, x, robot.is_full(self.level))
+        require_answers(robot, "pose", x, (len(x),), status, chain, "raise")
         _, H_xi = robot.linearise(x, level=self.level)
         every = list(robot.parameters)
         view = by.see(robot, x)
@@ -177,28 +181,28 @@ def fit_to(
     tuning = TUNING[loss] if tuning is None else tuning
     if not (math.isfinite(tuning) and (tuning > 0 or loss == "squares")):
         raise InputError(f"tuning = {tuning}: must be a number greater than 0")
-    rows, lead = robot._rows(readings, robot.n + robot.r, "readings", "nan")
+    rows, lead = flattened(robot, readings, robot.n + robot.r, "readings", "nan")
     if len(lead) != 1 or len(rows) == 0:
         raise InputError(f"readings: shape {np.shape(readings)}, must be (N, {robot.n + robot.r})")
-    outside, outside_sigma = registrations.outside(
+    outside, outside_sigma = measured_outside(
         robot, measured, measured_sigma, measured_angle_sigma, len(rows)
     )
     again = repeated(rows, outside if len(outside) else None, robot.n)
     if again.any():
         rows = np.where(again[:, None] & (np.arange(rows.shape[1]) >= robot.n), np.nan, rows)
         outside[again[: len(outside)]] = np.nan
-    begun = registrations.of(registration)
+    begun = registration_of(registration)
     base, marker = begun.begin()
     frames = begun.sigma(robot, outside) if len(outside) else np.zeros(12)
     unknown = frames if frames.any() else None
     prior = robot.with_calibration(robot.spec.calibration)
-    column = dict(columns(robot.spec, robot._sensors))
+    column = dict(columns(robot.spec))
     mean = mean_of(robot)
 
     if model_error not in MODEL_ERRORS:
         raise InputError(choose("model_error", model_error, MODEL_ERRORS))
     level = robot.finest_level if level is None else level
-    full = robot._is_full(level)
+    full = robot.is_full(level)
     guarded = not full and model_error == "on" and bool(knowledge.left_out(robot))
     known = knowledge.knowledge(
         robot, guarded=guarded, level=level, error=False, registration=unknown
@@ -206,7 +210,7 @@ def fit_to(
     if (needed := memory(robot, len(rows), len(outside) > 0, guarded)) > MUCH:
         warnings.warn(much_memory(robot, len(rows), needed), stacklevel=3)
     found = _core.calibrate(
-        robot._drawn,
+        robot.core_drawn,
         known.core,
         known.nuisances,
         mean,
@@ -255,7 +259,7 @@ def fit_to(
         covariance=covariance,
         prior_covariance=root @ root.T,
         x=x,
-        residuals=_core.innovation(robot._core, rows, np.ascontiguousarray(expected)),
+        residuals=_core.innovation(robot.core, rows, np.ascontiguousarray(expected)),
         chi2=chi2,
         redundancy=redundancy,
         weights=weights,
@@ -298,8 +302,8 @@ def much_memory(robot: Robot, lines: int, needed: float) -> str:
 
 def mean_of(robot: Robot) -> Array:
     """ξ at the prior means, in the core's order."""
-    mean, known = robot._drawn.drawn_parameters(), robot.parameters
-    for name, column in columns(robot.spec, robot._sensors):
+    mean, known = robot.core_drawn.drawn_parameters(), robot.parameters
+    for name, column in columns(robot.spec):
         if name in known:
             mean[column] = known[name].mean
     return mean

@@ -51,9 +51,9 @@ def check(robot: Robot, log: Log) -> tuple[Log, list[Finding]]:
     --------
     >>> import numpy as np, truepose as tp
     >>> from truepose import logs
-    >>> from truepose.paper import data as paper_data
+    >>> from truepose.paper import article
     >>> h4 = tp.load("h4")
-    >>> table = dict(zip(h4.readings, h4.expected().extended(paper_data.table2()).T))
+    >>> table = dict(zip(h4.readings, h4.expected().extended(article.table2()).T))
     >>> table["theta"] = np.degrees(table["theta"])
     >>> for finding in check(h4, logs.of(h4, table))[1]:
     ...     print(finding.text)

@@ -11,13 +11,13 @@ import numpy as np
 import typer
 
 from truepose import files, logs, robotfile
+from truepose.arguments import Level
 from truepose.calibration import log_checks, review
 from truepose.calibration.fit import MUCH, Loss, ModelError, memory, much_memory
 from truepose.calibration.review import Assessment
 from truepose.commands import accuracy
 from truepose.commands.options import Force, How, RobotName, wrote
 from truepose.exceptions import InputError
-from truepose.robot.kinematics import Level
 from truepose.robot.robot import load
 from truepose.show.terminal import Format, say, show
 from truepose.show.units import WRITTEN

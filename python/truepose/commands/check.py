@@ -17,8 +17,7 @@ from truepose.commands import info
 from truepose.commands.accuracy import workspace_grid
 from truepose.exceptions import RobotFileError, shortened
 from truepose.robot.robot import Robot
-from truepose.robotfile import Problem
-from truepose.robotfile import lines as toml_lines
+from truepose.robotfile import Problem, toml_lines
 from truepose.robotfile.schema import RobotFile
 from truepose.show.terminal import say
 
@@ -128,8 +127,8 @@ def remarks(robot: Robot) -> list[str]:
 def _reached(robot: Robot) -> tuple[int, dict[str, int], int]:
     """Count the grid's poses that are reached and regular, the others by reason, and all."""
     x = workspace_grid(robot, GRID[robot.n])
-    _, status, chain = _core.ikm(robot._core, x, False)
-    J, rank, guilty = _core.jacobian(robot._core, x, False)
+    _, status, chain = _core.ikm(robot.core, x, False)
+    J, rank, guilty = _core.jacobian(robot.core, x, False)
     lost = info.reasons(np.where(status, status, rank), np.where(status, chain, guilty))
     good = (status == 0) & (rank == 0)
     # Beyond a singularity det J has another sign: no way leads there from home.

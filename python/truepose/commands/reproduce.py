@@ -50,8 +50,7 @@ def command(
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
     from truepose.paper import experiment_tables, report, tables
-    from truepose.paper.reproduce import reproduce as run
-    from truepose.paper.reproduce import total_steps
+    from truepose.paper.reproduce import reproduce, total_steps
 
     start = time.perf_counter()
     with report.folder(out, force) as work:
@@ -64,7 +63,7 @@ def command(
             def progress(what: str) -> None:
                 bar.update(task, advance=1, description=what)
 
-            result = run(robots, seed, progress, virtual=experiment, full=full)
+            result = reproduce(robots, seed, progress, virtual=experiment, full=full)
             report.write(result, work, progress)
     found = [tables.moves(result), tables.many_robots(result), tables.gains(result)]
     found += [tables.sensing(result.sensing)] if result.sensing else []

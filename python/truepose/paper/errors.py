@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from truepose.exceptions import InputError
-from truepose.paper import data as paper_data
+from truepose.paper import article
 from truepose.robot.robot import Robot
 
 
@@ -37,7 +37,7 @@ def with_paper_errors(robot: Robot, seed: int | np.random.SeedSequence) -> Robot
     generator = np.random.default_rng(seed)
     draw = {
         name: generator.uniform(low, high, robot.n)
-        for name, (low, high) in paper_data.simulation_errors().items()
+        for name, (low, high) in article.simulation_errors().items()
     }
     changed = {name: parameter.value for name, parameter in robot.parameters.items()}
     for i in range(robot.n):

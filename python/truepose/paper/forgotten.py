@@ -16,9 +16,8 @@ import numpy as np
 from truepose.arguments import Array
 from truepose.calibration.calibrate import calibrate
 from truepose.exceptions import PoseError
-from truepose.paper import data as paper_data
-from truepose.paper import experiment
-from truepose.paper.table3 import interval, over_robots
+from truepose.paper import article, experiment
+from truepose.paper.statistics import interval, over_robots
 from truepose.paper.trials import JITTER
 from truepose.robot.frames import coordinates
 from truepose.robot.robot import Robot
@@ -136,7 +135,7 @@ def _one(
     robot: Robot, truth: Robot, effects: Effects, vision: Vision, number: int
 ) -> tuple[Array, Array, Array, Array]:
     """Errors of one robot, (P, 3) each, m: true under usual and calibrated control, then seen."""
-    table = paper_data.table2()
+    table = article.table2()
     rng = np.random.default_rng(number)
     learn = table[::LEARN] + rng.uniform(-JITTER, JITTER, table[::LEARN].shape)
     judge = table[1::JUDGE]

@@ -16,10 +16,16 @@ from matplotlib.figure import Figure
 
 from truepose import files, logs
 from truepose.exceptions import InputError
-from truepose.paper import data as paper_data
-from truepose.paper import experiment, experiment_section, experiment_tables, figures, tables
-from truepose.paper import sensor_sets as sensing
-from truepose.paper import table3 as statistics
+from truepose.paper import (
+    article,
+    experiment,
+    experiment_section,
+    experiment_tables,
+    figures,
+    sensor_sets,
+    statistics,
+    tables,
+)
 from truepose.paper.experiment import CONTROLS
 from truepose.paper.reproduce import Reproduction
 from truepose.show import drawing, page
@@ -122,16 +128,16 @@ def write(
         ratio=float(np.median(result.experiment.ratio("theta", "sum_sq"))),
         moved=float(np.median(experiment.moved_by_tej(result.experiment, MOVE_TO))),
         squares={
-            "printed": paper_data.table3()["usual"]["theta", "sum_sq"],
+            "printed": article.table3()["usual"]["theta", "sum_sq"],
             "drawn": float(np.median(result.experiment.tables["joint"][:, 3, 2])),
         },
         norm=float(np.median(np.sqrt(result.experiment.ratio("norm_xyz", "sum_sq")))),
         left=experiment.theta_law(result.robot, result.experiment.poses),
-        errors=paper_data.simulation_errors(),
-        machined=sensing.MACHINED,
+        errors=article.simulation_errors(),
+        machined=sensor_sets.MACHINED,
         warm=result.warm_up,
         thermal=Effects(),
-        judged=len(result.experiment.poses[:: sensing.EVERY]),
+        judged=len(result.experiment.poses[:: sensor_sets.EVERY]),
         learnt=float(np.median(np.sqrt(result.experiment.ratio("norm_xyz", "sum_sq", LEARNT)))),
         section=result.section,
         setup=describe(result.section) if result.section else None,
@@ -202,8 +208,8 @@ def _raw_numbers(result: Reproduction, out: Path) -> None:
             [robot, control, quantity, statistic, tables.unit(quantity, statistic), repr(float(v))]
             for control in CONTROLS
             for robot, table in enumerate(result.experiment.tables[control])
-            for quantity, row in zip(paper_data.QUANTITIES, table, strict=True)
-            for statistic, v in zip(paper_data.STATISTICS, row, strict=True)
+            for quantity, row in zip(article.QUANTITIES, table, strict=True)
+            for statistic, v in zip(article.STATISTICS, row, strict=True)
         ),
     )
     poses = statistics.in_print_units(result.experiment.poses)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from truepose.paper import data as paper_data
-from truepose.paper import table3 as statistics
+from truepose.paper import article, statistics
 from truepose.paper.reproduce import MOVES, Reproduction
 from truepose.paper.sensor_sets import Line
 from truepose.paper.warm_up import NAMES, WarmUp
@@ -34,8 +33,8 @@ def unit(quantity: str, statistic: str) -> str:
 
 def cells():
     """Yield place, key and label of Table 3's entries, in the order of the paper."""
-    for q, quantity in enumerate(paper_data.QUANTITIES):
-        for s, statistic in enumerate(paper_data.STATISTICS):
+    for q, quantity in enumerate(article.QUANTITIES):
+        for s, statistic in enumerate(article.STATISTICS):
             if (quantity, statistic) == ("norm_xyz", "average_abs"):
                 continue  # a norm is its own absolute value; the paper leaves it blank
             label = f"{QUANTITY_NAMES[quantity]} {STATISTIC_NAMES[statistic]}"
@@ -45,7 +44,7 @@ def cells():
 
 def one_robot(result: Reproduction) -> Table:
     """Table 3 for the first drawn robot."""
-    tables, printed = result.experiment.tables, paper_data.table3_as_printed()
+    tables, printed = result.experiment.tables, article.table3_as_printed()
     rows = []
     for at, key, label in cells():
         row = [label, printed["usual"][key], number(tables["joint"][0][at])]
@@ -58,7 +57,7 @@ def one_robot(result: Reproduction) -> Table:
 
 def many_robots(result: Reproduction) -> Table:
     """Table 3 for all drawn robots: median and 5-95 % of each statistic."""
-    tables, printed = result.experiment.tables, paper_data.table3_as_printed()
+    tables, printed = result.experiment.tables, article.table3_as_printed()
     rows = []
     for at, key, label in cells():
         row = [label]
@@ -174,6 +173,6 @@ def check(result: Reproduction) -> Table:
 
 def theta_scatter(law: str) -> tuple[float, float]:
     """Mean and standard deviation of the printed θ errors, from Table 3, degrees."""
-    printed = paper_data.table3()[law]
+    printed = article.table3()[law]
     mean = printed["theta", "average"]
-    return mean, float(np.sqrt(printed["theta", "sum_sq"] / len(paper_data.table2()) - mean**2))
+    return mean, float(np.sqrt(printed["theta", "sum_sq"] / len(article.table2()) - mean**2))

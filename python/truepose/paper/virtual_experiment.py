@@ -17,8 +17,7 @@ from truepose.arguments import Array, numbers_of
 from truepose.calibration.calibrate import calibrate
 from truepose.exceptions import InputError, choose
 from truepose.logs.columns import Column, numbered, pose, readings
-from truepose.paper import data as paper_data
-from truepose.paper import table3 as statistics
+from truepose.paper import article, statistics
 from truepose.paper.experiment import CONTROLS, Control
 from truepose.paper.trials import JITTER
 from truepose.robot.frames import coordinates
@@ -83,7 +82,7 @@ class Run:
         return statistics.in_print_units(error)
 
     def table(self, reading: Reading = "estimated") -> Array:
-        """Table 3 over the poses that count, (5, 4); see :func:`truepose.paper.table3.table3`."""
+        """Table 3 over the poses that count, (5, 4)."""
         if not self.counted.any():
             reason = next(iter(self.excluded))
             raise InputError(f"{self.control}: no pose counts: {reason}")
@@ -135,7 +134,7 @@ def run(
     if robot.spec.mobility != "schoenflies":
         raise InputError(f"{robot.name}: the experiment is one of x, y, z and θ: schoenflies only")
     robot.require_orientation()
-    poses = paper_data.table2() if poses is None else numbers_of(poses, "poses")
+    poses = article.table2() if poses is None else numbers_of(poses, "poses")
     result: dict[Control, Run] = {}
     for control in controls:
         if control not in CONTROLS:

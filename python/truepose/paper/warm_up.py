@@ -12,7 +12,7 @@ from truepose.arguments import Array
 from truepose.calibration.bound import accuracy
 from truepose.calibration.fit import calibration_of
 from truepose.calibration.online import OnlineCalibration
-from truepose.paper import data as paper_data
+from truepose.paper import article
 from truepose.paper.trials import JITTER
 from truepose.robot import knowledge
 from truepose.robot.laws import Law
@@ -130,7 +130,7 @@ def _one(
         "weighted": _calibrated(drawn, cold, modes),
     }
     rng = np.random.default_rng(source.spawn(1)[0])
-    table = paper_data.table2()
+    table = article.table2()
     rms: dict[Method, list[float]] = {method: [] for method in METHODS}
     estimated, bound = [], []
     for time in times:

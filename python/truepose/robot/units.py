@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from truepose.robot.robot import Robot
+from truepose.robot.description import Description
 
 #: Kinds of sensors that read m; the others read rad.
 LENGTHS = ("telemeter", "coordinate", "distance", "rod_length")
 
 
-def reading_units(robot: Robot) -> list[str]:
+def reading_units(robot: Description) -> list[str]:
     """Unit of each extended position q_e, motors and the sensors in use: m or rad.
 
     Examples
@@ -22,7 +22,7 @@ def reading_units(robot: Robot) -> list[str]:
     return motors + ["m" if kinds[name] in LENGTHS else "rad" for name in robot.sensors]
 
 
-def unit_of(robot: Robot, name: str) -> str:
+def unit_of(robot: Description, name: str) -> str:
     """Unit of a sensor, a coordinate that something outside measured, or a parameter.
 
     Examples

@@ -78,3 +78,10 @@ def number(value: float | None, significant: int = 3, data: object = None) -> Ce
         return Cell("0" if np.isfinite(value) else str(value), data)
     digits = significant - 1 - int(np.floor(np.log10(abs(value))))
     return Cell(f"{round(value, digits):.{max(digits, 0)}f}", data)
+
+
+def markdown(table: Table) -> str:
+    """Write a table as Markdown."""
+    header = [cell.replace(", (", " (").replace("its, mean", "its mean") for cell in table.header]
+    lines = [header, ["---"] + ["---:"] * (len(header) - 1), *table.rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)

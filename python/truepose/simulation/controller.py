@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from truepose import _core
 from truepose.arguments import fraction
 from truepose.exceptions import InputError, PoseError, choose
+from truepose.robot.batches import flattened
 from truepose.robot.laws import LAWS, Law
 from truepose.robot.robot import Robot
 
@@ -75,7 +76,7 @@ class Controller:
         settings.velocity_bandwidth = self.velocity_bandwidth
         settings.damped_below = self.damped_below
         place = pose_of(robot, x, "x")
-        status, _ = settings.place_poles(robot._core, place, self.frequency, self.damping)
+        status, _ = settings.place_poles(robot.core, place, self.frequency, self.damping)
         if status:
             raise PoseError(f"{robot.name}: gains at x = {list(x)}: {_core.describe(status)}")
         settings.ki = [self.integral * kp for kp in settings.kp]
@@ -90,7 +91,7 @@ def positive(name: str, value: float) -> None:
 
 def pose_of(robot: Robot, x: ArrayLike, name: str) -> list[float]:
     """Return x as the core's fixed-size vector."""
-    rows, lead = robot._rows(x, robot.n, name, "raise")
+    rows, lead = flattened(robot, x, robot.n, name, "raise")
     if lead:
         raise InputError(f"{name}: shape {(*lead, robot.n)}, must be ({robot.n},)")
     return [*rows[0].tolist(), *[0.0] * (6 - robot.n)]

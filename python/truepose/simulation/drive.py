@@ -13,6 +13,7 @@ from truepose.arguments import check_seed
 from truepose.calibration.online import OnlineCalibration
 from truepose.exceptions import InputError
 from truepose.robot import knowledge
+from truepose.robot.batches import require_answers
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
 from truepose.simulation.controller import Controller, pose_of, positive, require_same_readings
@@ -69,12 +70,10 @@ def begin(
     settings = controller.settings(robot, origin[: robot.n])
     believed, known = knowledge.for_law(robot, controller.law)
     rows, loaded = np.array(origin)[None, : robot.n], controller.integral == 0
-    at_rest, status, chain = _core.settle(
-        believed._core, truth._core, settings, known, loaded, rows
-    )
-    robot._check("pose", rows, (), status, chain, "raise", name=name)
+    at_rest, status, chain = _core.settle(believed.core, truth.core, settings, known, loaded, rows)
+    require_answers(robot, "pose", rows, (), status, chain, "raise", name=name)
     filtered = None if learn is None else learn._filter
-    core = (believed._core, truth._core, settings, known, plant, filtered)
+    core = (believed.core, truth.core, settings, known, plant, filtered)
     held = [*at_rest[0], *[0.0] * (6 - robot.n)]
     return Drive(truth, controller, core, check_seed(seed), origin, held)
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array
+from truepose.arguments import Array, Errors
 from truepose.robot import knowledge
-from truepose.robot.kinematics import Errors
+from truepose.robot.batches import flattened, require_answers
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
 from truepose.simulation.controller import Controller, require_same_readings
@@ -63,10 +63,10 @@ def settle(
     """
     if not isinstance(controller, Controller):
         controller = Controller(law=controller)
-    rows, lead = robot._rows(x_d, robot.n, "x_d", errors)
+    rows, lead = flattened(robot, x_d, robot.n, "x_d", errors)
     require_same_readings(robot, truth)
     settings = controller.settings(robot, robot.home if start is None else start)
     believed, known = knowledge.for_law(robot, controller.law)
-    x, status, chain = _core.settle(believed._core, truth._core, settings, known, gravity, rows)
-    robot._check("pose", rows, lead, status, chain, errors, name="x_d")
+    x, status, chain = _core.settle(believed.core, truth.core, settings, known, gravity, rows)
+    require_answers(robot, "pose", rows, lead, status, chain, errors, name="x_d")
     return x.reshape(*lead, robot.n)

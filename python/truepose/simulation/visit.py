@@ -9,6 +9,7 @@ from truepose import _core
 from truepose.arguments import Array
 from truepose.calibration.online import OnlineCalibration
 from truepose.exceptions import InputError
+from truepose.robot.batches import flattened
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
 from truepose.simulation.controller import Controller
@@ -56,7 +57,7 @@ def visit(
     >>> status.tolist(), x.shape, q_e.shape
     (['ok', 'ok'], (2, 4), (2, 5))
     """
-    rows, lead = robot._rows(x_d, robot.n, "x_d", "raise")
+    rows, lead = flattened(robot, x_d, robot.n, "x_d", "raise")
     if len(lead) != 1:
         raise InputError(f"x_d: shape {np.shape(x_d)}, must be (N, {robot.n})")
     drive = begin(

@@ -29,8 +29,8 @@ def table2() -> Array:
 
     Examples
     --------
-    >>> from truepose.paper import data as paper_data
-    >>> paper_data.table2().shape
+    >>> from truepose.paper import article
+    >>> article.table2().shape
     (625, 4)
     """
     axes = []
@@ -54,8 +54,8 @@ def table3_as_printed() -> dict[str, dict[tuple[str, str], str]]:
 
     Examples
     --------
-    >>> from truepose.paper import data as paper_data
-    >>> paper_data.table3_as_printed()["usual"]["theta", "average_abs"]
+    >>> from truepose.paper import article
+    >>> article.table3_as_printed()["usual"]["theta", "average_abs"]
     '0.5'
     """
     result: dict[str, dict[tuple[str, str], str]] = {"usual": {}, "redundant": {}}
