@@ -33,7 +33,8 @@ int main() {
   truepose::JointMatrix J;  // dx = J dq
   if (const auto outcome = jacobian(robot, x, J); !outcome) return failed("J", outcome);
   truepose::Joint back = robot.home;  // in: a guess; out: the pose
-  if (const auto found = fkm(robot, q, back); !found) return failed("FKM", {found.status, found.chain});
+  if (const auto found = fkm(robot, q, back); !found)
+    return failed("FKM", {found.status, found.chain});
 
   print("q", q, 4);
   print("r", r, robot.r);
