@@ -158,7 +158,7 @@ def _calibrated(drawn: Robot, cold: Robot, modes: Array) -> Robot:
     root = PERFECT * np.diag(sigma)
     if modes.size:
         half = np.vstack([root, modes])
-        lower = np.linalg.qr(half, mode="r").T
+        lower = np.asarray(np.linalg.qr(half, mode="r")).T
         root = lower * np.sign(np.diag(lower))
     values = {name: cold.parameters[name].value for name in names}
     learnt = drawn.with_calibration(calibration_of(values, root, "perfect, cold"))

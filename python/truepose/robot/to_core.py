@@ -58,7 +58,7 @@ def _pair_drawn(spec: RobotFile, chain: Chain) -> Array:
     A = np.array(spec.home[:3]) + chain.anchor
     if chain.bar is not None:
         bar = spec.bar[chain.bar - 1]
-        A += _core.rotation([0.0, 0.0, theta]) @ (bar.pivot * np.array(bar.direction))
+        A += _core.rotation(np.array([0.0, 0.0, theta])) @ (bar.pivot * np.array(bar.direction))
     across = np.cross(chain.axis, A - chain.base)
     length = float(np.linalg.norm(across))
     if length < 1e-3 * float(np.linalg.norm(A - chain.base)):
@@ -150,7 +150,7 @@ def parameterised(
     drawn: _core.Robot, known: list[tuple[str, int]], values: dict[str, float]
 ) -> _core.Robot:
     """Return the drawn robot with these parameters' values; `known` as from :func:`columns`."""
-    xi = drawn.drawn_parameters()
+    xi = np.asarray(drawn.drawn_parameters())
     for name, column in known:
         if name in values:
             xi[column] = values[name]

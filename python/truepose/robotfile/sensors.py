@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, get_args
 
 from pydantic import AfterValidator, Field, model_validator
 
@@ -182,12 +182,12 @@ class MotorEncoder(Encoder):
     chain: Index = Field(description="whose motor, from 1")
 
 
-_KINDS = (NacelleAngle, Telemeter, Coordinate, Distance, Inclinometer, Rotation, RodAngle)
-_KINDS += (RodLength, MotorEncoder)
+_KINDS: list[type[_Sensor]] = [NacelleAngle, Telemeter, Coordinate, Distance, Inclinometer]
+_KINDS += [Rotation, RodAngle, RodLength, MotorEncoder]
 
 #: Class of every kind.
 SENSORS: dict[str, type[_Sensor]] = {
-    kind: model for model in _KINDS for kind in model.model_fields["kind"].annotation.__args__
+    kind: model for model in _KINDS for kind in get_args(model.model_fields["kind"].annotation)
 }
 
 Sensor = Annotated[
