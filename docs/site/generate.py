@@ -1,6 +1,6 @@
 """What of the documentation follows from the code? Keys, commands, names: always today's.
 
-Each function gives a page's text in Markdown; `build.py` puts it where the page includes it.
+Each function gives a page's text in Markdown; `make.py` puts it where the page includes it.
 """
 
 from __future__ import annotations
@@ -155,13 +155,13 @@ def _cell(text: str) -> str:
 
 def robots() -> str:
     """A picture and a line for every shipped robot."""
-    text = "| | | |\n|---|---|---|\n"
+    text = "{.robots}\n| | |\n|---|---|\n"
     for name in truepose.robots():
         robot = reading.read(name)
         folder = f"../robots/{name}"
         text += f"| [![{name}]({folder}/picture.png)]({folder}/README.md) "
-        text += f"| [`{name}`]({folder}/README.md) "
-        text += f"| {robot.title or name} ({robot.mobility}, {robot.n} motors) |\n"
+        text += f"| [{name}]({folder}/README.md): {robot.title or name}. `{robot.mobility}`, "
+        text += f"{robot.n} motors, sensors in use: {', '.join(robot.sensors) or 'none'}. |\n"
     return text
 
 
@@ -173,9 +173,17 @@ def commands() -> str:
     from truepose.commands.cli import app
 
     command = typer.main.get_command(app)
+    _in_full(command)
     text = get_docs_for_click(obj=command, ctx=typer.Context(command), name="truepose")
     text = text.split("\n", 1)[1]  # the page has a title of its own
     return re.sub(r"^\$ ", "", text, flags=re.MULTILINE).replace("```console", "```text")
+
+
+def _in_full(group) -> None:
+    """Let lists of commands have their first sentences whole."""
+    for command in getattr(group, "commands", {}).values():
+        command.short_help = command.get_short_help_str(limit=1000)
+        _in_full(command)
 
 
 #: Of the Python reference, those that come first.
@@ -206,19 +214,23 @@ def _directive(name: str) -> str:
     return f".. currentmodule:: truepose\n\n.. auto{kind}:: {name}{members}"
 
 
-def cpp(doxygen: bool) -> str:
-    """Every header, by room: its question, and what Doxygen knows of it."""
-    if not doxygen:
-        return "*This site was built without doxygen: the reference is left out.*\n"
-    text = ""
+def cpp(doxygen: bool) -> tuple[str, dict[str, str]]:
+    """Every header and the question that it answers; and, by room, what Doxygen knows of them."""
+    text, pages = "", {}
     headers = sorted(INCLUDE.rglob("*.hpp"))
     for room, files in itertools.groupby(headers, key=lambda header: header.parent.name):
-        text += f"\n## {room}\n"
+        name = f"[`{room}/`](cpp/{room}.md)" if doxygen else f"`{room}/`"
+        text += f"\n{name}\n\n"
+        page = f"# {room}\n"
         for header in files:
-            path = header.relative_to(INCLUDE.parent).as_posix()
-            text += f"\n### {header.name}\n\n`{path}`: {_question(header)}\n\n"
-            text += f"```{{eval-rst}}\n.. doxygenfile:: {path}\n```\n"
-    return text
+            path, question = header.relative_to(INCLUDE.parent).as_posix(), _question(header)
+            text += f"- `{header.name}`: {question}\n"
+            page += f"\n## {header.name}\n\n`{path}`: {question}\n\n"
+            page += f"```{{eval-rst}}\n.. doxygenfile:: {path}\n```\n"
+        pages[f"cpp/{room}.md"] = page
+    if not doxygen:
+        return f"*Built without doxygen: the reference itself is left out.*\n{text}", {}
+    return f"{text}\n```{{toctree}}\n:hidden:\n:glob:\n\ncpp/*\n```\n", pages
 
 
 def _question(header: Path) -> str:
@@ -230,11 +242,12 @@ def _question(header: Path) -> str:
 
 
 def parts(doxygen: bool) -> dict[str, str]:
-    """Every generated part, by the name under which its page includes it."""
-    return {
-        "robot-file.md": robot_file(),
-        "robots.md": robots(),
-        "commands.md": commands(),
-        "python.md": python(),
-        "cpp.md": cpp(doxygen),
+    """Every generated part, by the name under which a page includes it; and pages."""
+    headers, pages = cpp(doxygen)
+    return pages | {
+        "generated/robot-file.md": robot_file(),
+        "generated/robots.md": robots(),
+        "generated/commands.md": commands(),
+        "generated/python.md": python(),
+        "generated/cpp.md": headers,
     }
