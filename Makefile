@@ -40,6 +40,8 @@ lint: $(VENV)/developing
 	ruff check .
 	ruff format --check .
 	PYTHONPATH=python lint-imports --no-cache
+	@cp -p $(VENV)/lib/python3*/site-packages/truepose/_core.pyi python/truepose # built with the module
+	mypy
 	clang-format --dry-run --Werror $(CPP)
 
 format: $(VENV)/developing

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import numbers
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from truepose.exceptions import InputError
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]  #: of numbers, mostly; of flags or words where it is said
 Errors = Literal["raise", "nan"]
 Level = Literal["ideal", "full"]
 

@@ -88,7 +88,9 @@ def accuracy(
     known = knowledge.knowledge(robot, level=level, error=model_error)
     nowhere = np.zeros((0, model.n))
 
-    def bound(at, lead, errors: Errors, name: str, reference: Array = nowhere) -> Array:
+    def bound(
+        at: Array, lead: tuple[int, ...], errors: Errors, name: str, reference: Array = nowhere
+    ) -> Array:
         P, status, chain = _core.accuracy(model.core, known.core, at, reference, full)
         require_answers(model, "pose", at, lead, status, chain, errors, name)
         return P.reshape(*lead, model.n, model.n)
@@ -134,6 +136,6 @@ def _touch_sigma(robot: Robot, sigma: ArrayLike | float) -> list[float]:
     except (TypeError, ValueError):
         raise InputError(f"touch_sigma: must be a number or {robot.n} of them") from None
     if not (np.isfinite(sigmas).all() and (sigmas >= 0).all()):
-        raise InputError(f"touch_sigma = {sigma}: must be 0 or greater (m or rad)")
+        raise InputError(f"touch_sigma = {sigma!r}: must be 0 or greater (m or rad)")
     exact = EXACT * knowledge.reading_sigma(robot).min()
     return np.maximum(sigmas, exact).tolist()

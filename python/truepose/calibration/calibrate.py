@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal, cast
 
 from numpy.typing import ArrayLike
 
@@ -89,7 +89,7 @@ def calibrate(
     >>> fit.parameters["chain1.rod"].verdict
     'identified'
     """
-    settings = {
+    settings: dict[str, Any] = {
         "measured_angle_sigma": measured_angle_sigma,
         "registration": registration,
         "level": level,
@@ -98,7 +98,8 @@ def calibrate(
         "model_error": model_error,
     }
     if not logs.is_table(readings):
-        return fit_to(robot, readings, measured=measured, measured_sigma=measured_sigma, **settings)
+        rows = cast(ArrayLike, readings)
+        return fit_to(robot, rows, measured=measured, measured_sigma=measured_sigma, **settings)
     log, notes = _looked_over(robot, readings)
     fit = fit_to(
         robot,
@@ -111,7 +112,7 @@ def calibrate(
     return replace(fit, notes=(*notes, *fit.notes))
 
 
-def _looked_over(robot: Robot, table) -> tuple[logs.Log, list[str]]:
+def _looked_over(robot: Robot, table: Any) -> tuple[logs.Log, list[str]]:
     """Take the readings out of a table, and what was noticed; InputError where they are wrong."""
     log, findings = log_checks.check(robot, logs.of(robot, table))
     if refused := [finding.text for finding in findings if finding.refused]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from statistics import NormalDist
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -77,7 +77,7 @@ def departure(off: Array, covariance: Array, prior_covariance: Array) -> Departu
     return Departure(float((u**2 / (1 - sigma2[seen])).sum()), int(seen.sum()))
 
 
-def chi2_quantile(probability: float, freedoms: Array | int):
+def chi2_quantile(probability: float, freedoms: Array | int) -> Any:
     """Quantile of χ² by Wilson and Hilferty's cube: within 0.1 of the true one from 0.5 upwards.
 
     Examples

@@ -66,7 +66,7 @@ def expect(
         for start in range(0, len(readings), LINES):
             part = slice(start, start + LINES)
             outside = None if measured is None else measured[part]
-            sigma = measured_sigma[part] if np.ndim(measured_sigma) else measured_sigma
+            sigma = np.asarray(measured_sigma)[part] if np.ndim(measured_sigma) else measured_sigma
             parts.append(expect(robot, readings[part], outside, sigma, registration, level))
         names = [field.name for field in fields(Expectation)]
         return Expectation(
@@ -76,7 +76,8 @@ def expect(
     level = robot.finest_level if level is None else level
     x = poses_of(robot, readings[:, :n], level)
     expected = robot.extended(x, errors="nan", level=level)
-    residual = _core.innovation(robot.core, readings, np.ascontiguousarray(expected))[:, n:]
+    apart = _core.innovation(robot.core, readings, np.ascontiguousarray(expected))
+    residual = np.asarray(apart)[:, n:]
     expected = expected[:, n:]
     H_x, H_xi = robot.linearise(x, errors="nan", level=level)
     names = knowledge.uncertain(robot)
@@ -92,7 +93,7 @@ def expect(
     A = np.zeros((len(x), r, n + r))
     A[:, :, :n] = -H_x[:, n:] @ J
     A[:, :, n:] = np.eye(r)
-    if measured is not None:
+    if measured is not None and registration is not None:
         seen, apart, H_mx, H_mt, blunt = registration.see(robot, x, measured)
         measured_sigma = np.broadcast_to(measured_sigma, apart.shape).copy()
         if robot.coordinates[-1][0] == "theta":
@@ -102,7 +103,7 @@ def expect(
         expected = np.concatenate([expected, seen], axis=1)
         residual = np.concatenate([residual, apart], axis=1)
     variance = ((A @ by_geometry @ S) ** 2).sum(axis=2) + ((A * noise) ** 2).sum(axis=2)
-    if measured is not None:
+    if measured is not None and registration is not None:
         shared = B @ by_geometry @ registration.cross * 2 + H_mt @ registration.covariance
         variance[:, r:] += (shared * H_mt).sum(axis=2) + np.square(measured_sigma)
     return Expectation(x, expected, residual, np.sqrt(variance))

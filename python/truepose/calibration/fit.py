@@ -213,7 +213,7 @@ def fit_to(
         robot.core_drawn,
         known.core,
         known.nuisances,
-        mean,
+        mean.tolist(),
         rows,
         outside,
         outside_sigma,
@@ -259,7 +259,7 @@ def fit_to(
         covariance=covariance,
         prior_covariance=root @ root.T,
         x=x,
-        residuals=_core.innovation(robot.core, rows, np.ascontiguousarray(expected)),
+        residuals=np.asarray(_core.innovation(robot.core, rows, np.ascontiguousarray(expected))),
         chi2=chi2,
         redundancy=redundancy,
         weights=weights,
@@ -302,7 +302,7 @@ def much_memory(robot: Robot, lines: int, needed: float) -> str:
 
 def mean_of(robot: Robot) -> Array:
     """ξ at the prior means, in the core's order."""
-    mean, known = robot.core_drawn.drawn_parameters(), robot.parameters
+    mean, known = np.asarray(robot.core_drawn.drawn_parameters()), robot.parameters
     for name, column in columns(robot.spec):
         if name in known:
             mean[column] = known[name].mean

@@ -160,7 +160,7 @@ def _once(robot: Robot, log: Log) -> tuple[Log, list[Finding]]:
 
 def _repeats(robot: Robot, log: Log) -> Iterator[Finding]:
     cells = log.readings if log.measured is None else np.hstack([log.readings, log.measured])
-    more = np.isfinite(cells[:, robot.n :]).any(axis=1)
+    more = np.asarray(np.isfinite(cells[:, robot.n :]).any(axis=1))
     log = log.only(more) if more.any() else log
     read = int(np.isfinite(log.readings[:, : robot.n]).all(axis=1).sum())
     poses = len(_distinct(robot, log))
@@ -250,18 +250,19 @@ def _outside(robot: Robot, log: Log) -> Iterator[Finding]:
     if log.measured is None:
         return
     few = log_faults.few(robot, log)
+    outside = np.asarray(few.measured)
     x = poses_of(robot, few.readings[:, : robot.n])
     angles = np.array([unit == "rad" for _, unit in robot.coordinates])
     for which, factor, text in (
         (~angles, MILLIMETRES, "in mm, must be m"),
         (angles, DEGREES, "in degrees, must be rad"),
     ):
-        good = np.isfinite(few.measured[:, which]).all(axis=1) & np.isfinite(x).all(axis=1)
+        good = np.isfinite(outside[:, which]).all(axis=1) & np.isfinite(x).all(axis=1)
         if not which.any() or good.sum() < 4:
             continue
         measured, expected = (
             np.median(np.linalg.norm(v - np.median(v, axis=0), axis=1))
-            for v in (few.measured[good][:, which], x[good][:, which])
+            for v in (outside[good][:, which], x[good][:, which])
         )
         if expected > 0 and factor / 3 < measured / expected < factor * 3:
             columns = zip(robot.coordinates, which, strict=True)
@@ -351,7 +352,7 @@ def _hung(robot: Robot, log: Log, seen: Expectation) -> tuple[Log, list[Finding]
     """Motors of one and the same reading on lines that no other line's geometry explains."""
     n, findings, readings = robot.n, [], log.readings.copy()
     rows = np.flatnonzero(np.isfinite(readings[:, :n]).all(axis=1))
-    odd = (np.abs(seen.residual) > APART * seen.sigma).any(axis=1)
+    odd = np.asarray((np.abs(seen.residual) > APART * seen.sigma).any(axis=1))
     odd |= ~np.isfinite(seen.x).all(axis=1)
     for k in range(n):
         step = np.maximum(robot.resolution[:n], 1e-9)

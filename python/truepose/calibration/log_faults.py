@@ -7,10 +7,11 @@ named, and with it whatever is as good (a robot's mirror images).
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
-from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -114,7 +115,7 @@ def agree(robot: Robot, readings: Array) -> bool:
 
 def _distance(robot: Robot, log: Log, readings: Array) -> float:
     """How far all is from what the motors predict; gross errors count little."""
-    if robot.r == 0:  # distances are the same in every frame
+    if robot.r == 0 and log.measured is not None:  # distances are the same in every frame
         linear = [unit == "m" for _, unit in robot.coordinates]
         x = poses_of(robot, readings)
         steps = [np.linalg.norm(np.diff(v[:, linear], axis=0), axis=1) for v in (log.measured, x)]
@@ -125,7 +126,7 @@ def _distance(robot: Robot, log: Log, readings: Array) -> float:
 
 
 def _fit(robot: Robot, log: Log, readings: Array) -> Fit | None:
-    outside = {"measured": log.measured, "measured_sigma": log.measured_sigma}
+    outside: dict[str, Any] = {"measured": log.measured, "measured_sigma": log.measured_sigma}
     try:
         return fit_to(robot, readings, **outside, loss="student", level="ideal")
     except TrueposeError:
@@ -135,7 +136,7 @@ def _fit(robot: Robot, log: Log, readings: Array) -> Fit | None:
 def _cost(fit: Fit | None) -> float:
     """What a fitted geometry is left with, lines left out taken for average ones."""
     good = 0 if fit is None else int((fit.status == "ok").sum())
-    return fit.cost * len(fit.status) / good if good else math.inf
+    return fit.cost * len(fit.status) / good if fit and good else math.inf
 
 
 def _misfit(fit: Fit) -> float:
@@ -153,7 +154,7 @@ def mistakes(robot: Robot, log: Log) -> Iterator[Mistake]:
     angle = np.array([unit == "rad" for unit in reading_units(robot)])
     every = range(n + robot.r)
 
-    def scaled(which, factor, what: str) -> Mistake:
+    def scaled(which: Collection[int], factor: float, what: str) -> Mistake:
         factors = np.ones(len(names))
         factors[list(which)] = factor
         text = f"{_listed(names, which)}: {what}"
@@ -182,10 +183,14 @@ def mistakes(robot: Robot, log: Log) -> Iterator[Mistake]:
             whole[columns[list(order)]] = columns
             moved = sum(k != held for k, held in enumerate(order))
             text = _reordered([names[k] for k in columns], order)
-            yield Mistake(text, moved, lambda rows, whole=whole: rows[:, whole])
+            yield Mistake(text, moved, functools.partial(_taken, whole=whole))
 
 
-def _listed(names, which) -> str:
+def _taken(rows: Array, whole: Array) -> Array:
+    return rows[:, whole]
+
+
+def _listed(names: Sequence[str], which: Iterable[int]) -> str:
     return ", ".join(names[k] for k in which)
 
 

@@ -77,11 +77,12 @@ class OnlineCalibration:
         self._gate = float(gate)
         self._start(mean_of(robot))
 
-    def _walks(self, drift) -> Array:
+    def _walks(self, drift: Mapping[str, float] | Sequence[Mapping[str, float]] | None) -> Array:
         """Return one row for each random walk: change of every parameter by one σ, in one line."""
-        together = not isinstance(drift, Mapping) and drift is not None
+        walks = [drift or {}] if drift is None or isinstance(drift, Mapping) else drift
+        together = walks is drift
         rows = []
-        for walk in drift if together else [drift or {}]:
+        for walk in walks:
             row = dict.fromkeys(self._names, 0.0)
             for pattern, rate in walk.items():
                 hit = fnmatch.filter(self._names, pattern)
@@ -93,15 +94,15 @@ class OnlineCalibration:
                     )
                 row |= dict.fromkeys(hit, float(rate))
             rows.append(list(row.values()))
-        walks = np.array(rows) if together else np.diag(rows[0])
-        return walks[walks.any(axis=1)]
+        result = np.array(rows) if together else np.diag(rows[0])
+        return result[result.any(axis=1)]
 
     def _start(self, xi: Array, root: Array | None = None) -> None:
         known = knowledge.knowledge(self._robot, root, level=self._level, error=self._error)
         self._filter = _core.Online(
             self._robot.core_drawn,
             known.core,
-            xi,
+            xi.tolist(),
             self._drift,
             self._gate,
             self._robot.is_full(self._level),

@@ -76,7 +76,7 @@ class Registration:
         """Base and marker to start from, two (4, 4)."""
         marker = np.eye(4)
         marker[:3, 3] = self.marker
-        return (np.eye(4) if self.base is None else self.base), marker
+        return (np.eye(4) if self.base is None else np.asarray(self.base)), marker
 
 
 #: The tracker gives the nacelle's coordinates in the base frame.
@@ -142,8 +142,9 @@ class Registered:
 
     def begun(self) -> Registered:
         """Return the registration that the search began from, taken as exact."""
-        zero = {"covariance": np.zeros((12, 12)), "cross": np.zeros_like(self.cross)}
-        return replace(self, base=self.start[0], marker=self.start[1], **zero)
+        base, marker = self.start
+        known, cross = np.zeros((12, 12)), np.zeros_like(self.cross)
+        return replace(self, base=base, marker=marker, covariance=known, cross=cross)
 
     @property
     def known(self) -> list[Known]:
@@ -186,7 +187,13 @@ class Registered:
         return result
 
 
-def measured_outside(robot: Robot, measured, sigma, angle_sigma, count: int) -> tuple[Array, Array]:
+def measured_outside(
+    robot: Robot,
+    measured: ArrayLike | None,
+    sigma: ArrayLike | None,
+    angle_sigma: float | None,
+    count: int,
+) -> tuple[Array, Array]:
     """Outside measurements and their σ as the core takes them; none: no rows."""
     if measured is None:
         return np.zeros((0, robot.n)), np.zeros((0, robot.n))
@@ -199,7 +206,7 @@ def measured_outside(robot: Robot, measured, sigma, angle_sigma, count: int) -> 
     return rows.copy(), sigmas(robot, sigma, angle_sigma, count)
 
 
-def sigmas(robot: Robot, sigma, angle_sigma: float | None, count: int) -> Array:
+def sigmas(robot: Robot, sigma: ArrayLike | None, angle_sigma: float | None, count: int) -> Array:
     """σ of each coordinate measured, (count, n), m and rad; see :func:`truepose.calibrate`."""
     angles = np.array([unit == "rad" for _, unit in robot.coordinates])
     default = np.where(angles, ANGLE_SIGMA, SIGMA) * np.ones((count, 1))
@@ -214,7 +221,7 @@ def sigmas(robot: Robot, sigma, angle_sigma: float | None, count: int) -> Array:
             ) from None
     if angle_sigma is not None:
         result[:, angles] = angle_sigma
-    if np.ndim(sigma) == 2:  # an empty cell of a log
+    if sigma is not None and np.ndim(sigma) == 2:  # an empty cell of a log
         result = np.where(np.isnan(result), default, result)
     for name, given, which in (
         ("measured_sigma", sigma, ~angles),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -53,7 +54,7 @@ def assess(
     notes: list[str],
     touch_off: Array | None = None,
     progress: Callable[[str], None] = lambda _: None,
-    **settings,
+    **settings: Any,
 ) -> Assessment:
     """Calibrate by a log, and again without every fifth line; predict the accuracy.
 
@@ -78,12 +79,12 @@ def assess(
         log = replace(log, measured_sigma=sigma)
 
     def fitted(part: Log) -> Fit:
-        outside = {"measured": part.measured, "measured_sigma": part.measured_sigma}
+        outside: dict[str, Any] = {"measured": part.measured, "measured_sigma": part.measured_sigma}
         return fit_to(robot, part.readings, **outside, **settings)
 
     def expected(by: Robot, part: Log, of: Registered | None) -> Expectation:
         level = settings.get("level")
-        sigma = part.measured_sigma
+        sigma = 0.0 if part.measured_sigma is None else part.measured_sigma
         return expect(by, part.readings, part.measured, sigma, of, level=level)
 
     fit = fitted(log)
@@ -165,7 +166,9 @@ def residuals(result: Assessment) -> Table:
     """RMS of each sensor against what the motors predict; the last column with poses fitted."""
     rows, good = [], counted(result)
     n, seen = result.fit.robot.n, result.fit.registration
-    outside = seen and seen.see(result.fit.robot, result.fit.x, result.log.measured).residual
+    outside = np.zeros((len(result.fit.x), 0))
+    if seen is not None:
+        outside = seen.see(result.fit.robot, result.fit.x, result.log.measured).residual
     for k, name in enumerate(result.names):
         factor, unit = in_print(result.fit.robot, name)
         fitted = (

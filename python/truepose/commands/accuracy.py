@@ -57,7 +57,7 @@ def command(
         ),
     ] = None,
     level: Annotated[
-        str | None,
+        Level | None,
         typer.Option(
             help="ideal: one rod per chain; full: every rod by itself.",
             show_default="full where it exists",

@@ -301,8 +301,8 @@ def rows(robot: Robot, figures: Figures) -> list[tuple[str, str]]:
         result.append((f"motor {k + 1}", _range(figures.q_min[k], figures.q_max[k], unit)))
     low, middle, high = figures.condition
     numbers = f"{low:.2f} least, {middle:.2f} median, {high:.2f} greatest"
-    data = {"value": middle, "minimum": low, "maximum": high}
-    result.append((f"condition number of J{scale}", Cell(numbers, data)))
+    spread = {"value": middle, "minimum": low, "maximum": high}
+    result.append((f"condition number of J{scale}", Cell(numbers, spread)))
     result.append(("fastest motor at 1 m/s", _speed(robot, figures.moving)))
     if figures.turning is not None:
         result.append(("fastest motor at 1 rad/s", _speed(robot, figures.turning)))

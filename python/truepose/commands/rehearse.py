@@ -140,8 +140,8 @@ def _compared(robot: Robot, result: Missed) -> list[Table]:
     for who, apart in result.pose.items():
         shown = apart[np.isfinite(apart).all(axis=1)] * [1e3, 1e3, 180 / np.pi]
         position, zeroed, turn = np.sqrt((shown**2).mean(axis=0))
-        cells = (position, shown[:, 0].max(), zeroed, turn)
-        rows.append([who, *(number(float(value)) for value in cells)])
+        told = (position, shown[:, 0].max(), zeroed, turn)
+        rows.append([who, *(number(float(value)) for value in told)])
     header = [
         "robot",
         "position rms (mm)",

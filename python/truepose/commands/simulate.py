@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
 import typer
@@ -137,7 +137,7 @@ def command(
     controller = Controller(law=law, frequency=poles, velocity_bandwidth=ratio * poles)
     usual = MOVE if path is None else VISIT
     duration, hold = (u if g is None else g for u, g in zip(usual, (duration, hold), strict=True))
-    settings = {"duration": duration, "hold": hold, "seed": seed, "time": since}
+    settings: dict[str, Any] = {"duration": duration, "hold": hold, "seed": seed, "time": since}
     errors = Console(stderr=True)
     with errors.status("simulating") if errors.is_terminal else nullcontext():
         if path is None:
@@ -178,7 +178,7 @@ def _move(
     controller: Controller,
     start: Array | None,
     end: Array | None,
-    **settings,
+    **settings: Any,
 ) -> Run:
     if start is None or end is None:
         usual = default_move(robot)
@@ -197,7 +197,7 @@ def _move(
     return Run(run, run.time, run.error, robot, [errors, motors], run.status)
 
 
-def _path(robot: Robot, truth: Robot, controller: Controller, x_d: Array, **settings) -> Run:
+def _path(robot: Robot, truth: Robot, controller: Controller, x_d: Array, **settings: Any) -> Run:
     x, q_e, status = visit(robot, truth, x_d, controller, **settings)
     reached = np.isfinite(x).all(axis=1)
     words = f"{reached.sum()} of {len(x)} poses reached"
@@ -251,7 +251,7 @@ def draw(run: Run) -> Figure:
         for of in ("m", "rad")
     }
     move = isinstance(run.log, Simulation)
-    if move:
+    if isinstance(run.log, Simulation):
         torques = enumerate(run.log.torque.T, 1)
         shown["torque (N·m) or force (N)"] = {f"motor {k}": torque for k, torque in torques}
     shown = {label: lines for label, lines in shown.items() if lines}

@@ -116,7 +116,7 @@ def _place(output: Output, read: list[os.stat_result], force: bool) -> Path:
         why = _why_not(place, there, read)
         earlier = not there or why or force or output.earlier(place)
     except OSError as error:
-        why = error.strerror
+        why = error.strerror or str(error)
     except ValueError as error:  # a NUL in its name
         why = str(error)
     if why:
@@ -218,7 +218,7 @@ def picture(figure: Figure, ending: str, dpi: int = 150) -> bytes:
     import matplotlib as mpl
 
     ending = ending.lower()
-    metadata = {PICTURES[ending]: mark("picture")}
+    metadata: dict[str, str | None] = {PICTURES[ending]: mark("picture")}
     metadata |= {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(ending, {})
     drawn = io.BytesIO()
     with warnings.catch_warnings(), mpl.rc_context({"svg.hashsalt": "truepose"}):

@@ -8,6 +8,7 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -43,7 +44,7 @@ class Log:
 
     def only(self, keep: Array) -> Log:
         """Return the log of some of its lines; `keep` as numpy indexes."""
-        kept = {
+        kept: dict[str, Any] = {
             name: None if (values := getattr(self, name)) is None else values[keep]
             for name in ("readings", "measured", "measured_sigma", "lines")
         }
@@ -69,7 +70,7 @@ def is_table(value: object) -> bool:
     return isinstance(value, Log | Mapping) or _columns_of(value) is not None
 
 
-def of(robot: Robot, table, where: str = "readings") -> Log:
+def of(robot: Robot, table: Any, where: str = "readings") -> Log:
     """Take the columns of a robot and its sensors in use out of a table.
 
     Parameters
@@ -95,7 +96,7 @@ def of(robot: Robot, table, where: str = "readings") -> Log:
     """
     if isinstance(table, Log):
         return table
-    columns = list(table) if isinstance(table, Mapping) else list(_columns_of(table))
+    columns = list(table) if isinstance(table, Mapping) else list(_columns_of(table) or ())
     count = len(table[columns[0]]) if columns else 0
     return _pick(robot, columns, table, np.arange(1, count + 1), "row", where)
 
@@ -138,7 +139,7 @@ def read(robot: Robot, path: str | Path) -> Log:
     return _pick(robot, header, table, lines, "line", str(path))
 
 
-def _columns_of(table) -> Iterable[str] | None:
+def _columns_of(table: Any) -> Iterable[str] | None:
     """Names of the columns of a table that is no dict; None where it is no table."""
     for name in ("column_names", "columns"):  # pyarrow; pandas, polars
         if (names := getattr(table, name, None)) is not None:
@@ -146,7 +147,7 @@ def _columns_of(table) -> Iterable[str] | None:
     return getattr(getattr(table, "dtype", None), "names", None)
 
 
-def _parquet(path: Path, data: bytes) -> dict[str, object]:
+def _parquet(path: Path, data: bytes) -> dict[str, Any]:
     try:
         import pyarrow
         from pyarrow import parquet
@@ -165,14 +166,14 @@ def _parquet(path: Path, data: bytes) -> dict[str, object]:
     return dict(zip(names, table.columns, strict=True))
 
 
-def _mcap(path: Path, data: bytes, wanted: tuple[str, ...]) -> dict[str, object]:
+def _mcap(path: Path, data: bytes, wanted: tuple[str, ...]) -> dict[str, Any]:
     try:
         from mcap.reader import make_reader
     except ImportError:
         raise InputError(
             f"{path}: MCAP needs mcap: pip install 'truepose[mcap]'; CSV needs nothing"
         ) from None
-    sent: dict[str, list[tuple[int, dict[str, object]]]] = {}
+    sent: dict[str, list[tuple[int, dict[str, Any]]]] = {}
     owner: dict[str, str] = {}
     try:
         for _, channel, message in make_reader(io.BytesIO(data)).iter_messages():
@@ -196,7 +197,9 @@ def _mcap(path: Path, data: bytes, wanted: tuple[str, ...]) -> dict[str, object]
     return _joined(path, sent, owner, wanted)
 
 
-def _joined(path: Path, sent, owner: dict[str, str], wanted: tuple[str, ...]) -> dict[str, object]:
+def _joined(
+    path: Path, sent: dict[str, list], owner: dict[str, str], wanted: tuple[str, ...]
+) -> dict[str, Any]:
     """Columns of channels whose messages do not come at the same times."""
     leading = next((owner[name] for name in wanted if name in owner), next(iter(sent)))
     at = {}
@@ -206,7 +209,7 @@ def _joined(path: Path, sent, owner: dict[str, str], wanted: tuple[str, ...]) ->
     times = at[leading]
     half = np.median(np.diff(times)) / 2 if len(times) > 1 else np.inf
     tolerance = min(1e9 * TOLERANCE, half) if half > 0 else 0
-    table: dict[str, object] = {}
+    table: dict[str, Any] = {}
     for topic, messages in sent.items():
         later = np.clip(np.searchsorted(at[topic], times), 1, max(len(messages) - 1, 1))
         earlier = later - 1
@@ -240,7 +243,8 @@ def _no_twins(path: Path, names: list[str]) -> None:
 
 def _csv(path: Path, data: bytes) -> tuple[list[str], list[list[str]], Array]:
     """Header, cells and line numbers."""
-    header, rows, lines = None, [], []
+    header: list[str] = []
+    rows, lines = [], []
     try:
         text = io.StringIO(data.decode("utf-8-sig"), newline="").readlines()
     except UnicodeDecodeError:
@@ -254,7 +258,7 @@ def _csv(path: Path, data: bytes) -> tuple[list[str], list[list[str]], Array]:
             row = [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
         except csv.Error as error:
             raise InputError(f"{path}: line {number}: {error}") from None
-        if header is None:
+        if not header:
             header = row
             continue
         if len(row) != len(header):
@@ -267,7 +271,7 @@ def _csv(path: Path, data: bytes) -> tuple[list[str], list[list[str]], Array]:
     return header, rows, np.array(lines)
 
 
-def _pick(robot: Robot, columns: list[str], table, lines: Array, word: str, where: str) -> Log:
+def _pick(robot: Robot, columns: list[str], table: Any, lines: Array, word: str, where: str) -> Log:
     columns = [str(name) for name in columns]
     if wrong := next((name for name in columns if controls(name)), None):
         raise InputError(f"{where}: column '{one_line(wrong, 60)}': control characters in its name")
@@ -304,7 +308,7 @@ def _missing(robot: Robot, missing: list[str], columns: list[str]) -> str:
     return f"no columns {', '.join(missing)} (choices: {', '.join(columns)}){hint}"
 
 
-def _numbers(column, name: str, lines: Array, word: str, where: str) -> Array:
+def _numbers(column: Any, name: str, lines: Array, word: str, where: str) -> Array:
     """Return a column as floats; NaN where a cell is empty."""
     check_real(column, f"{where}: column {name}")
     try:
@@ -324,7 +328,7 @@ def _numbers(column, name: str, lines: Array, word: str, where: str) -> Array:
     return values
 
 
-def _number(cell, what: str) -> float:
+def _number(cell: Any, what: str) -> float:
     if cell is None or str(cell).strip().lower() in (*_EMPTY, "<na>"):
         return np.nan
     try:

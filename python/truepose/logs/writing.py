@@ -163,7 +163,7 @@ def _mcap(path: Path, listed: list[Column]) -> bytes:
         for at, row in zip(times, rows, strict=True):
             cells = {c.name: v if np.isfinite(v) else None for c, v in zip(own, row, strict=True)}
             writer.add_message(channel, at, json.dumps(cells).encode(), at)
-    writer.finish()
+    writer.finish()  # type: ignore[no-untyped-call]
     return buffer.getvalue()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import importlib.util
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
@@ -102,7 +103,7 @@ def run(
             None,
             PLANTS[name],
             shipped.seed,
-            lambda name=name: progress(f"experiment, {name} plant"),
+            functools.partial(progress, f"experiment, {name} plant"),
         )
     section = Section(shipped, runs, notes)
     if robots == 0:

@@ -28,7 +28,7 @@ def table3(runs: dict[Control, Run], plant: str, reading: Reading = "estimated")
     found = np.stack([runs[law].table(reading) for law in twin.LAWS])
     rows = []
     for at, key, label in cells():
-        row = [label]
+        row: list[str] = [label]
         for k, column in enumerate(twin.COLUMNS):
             wanted, given, allowed = values[(k, *at)], found[(k, *at)], target[(k, *at)]
             mark = "" if abs(given - wanted) <= allowed else " !"
@@ -90,7 +90,7 @@ def effects(lines: list[Line]) -> Table:
     rows = []
     for line in lines:
         usual, calibrated, seen_usual, seen = (
-            fixed(over_robots(each))
+            fixed(float(over_robots(each)))
             for each in (line.usual, line.calibrated, line.seen_usual, line.seen)
         )
         low, high = line.interval()

@@ -8,13 +8,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from truepose.paper import experiment, statistics
-from truepose.paper.experiment import Experiment
+from truepose.paper.experiment import Control, Experiment
 from truepose.paper.warm_up import NAMES, WarmUp
 from truepose.robot.robot import Robot
 from truepose.simulation.simulate import Simulation
 
 #: What people read for each control, and its colour.
-CONTROLS = {
+CONTROLS: dict[Control, tuple[str, str]] = {
     "joint": ("usual", "#b2182b"),
     "redundant": ("redundant", "#2166ac"),
     "weighted": ("weighted", "#e08214"),

@@ -49,7 +49,7 @@ class Line:
     @property
     def gain(self) -> float:
         """Usual over calibrated, true poses."""
-        return over_robots(self.usual) / over_robots(self.calibrated)
+        return float(over_robots(self.usual) / over_robots(self.calibrated))
 
     def interval(self, less: Line | None = None) -> tuple[float, float]:
         """90 % interval of the calibrated rms, as which robots were drawn leaves it.
@@ -116,7 +116,7 @@ def study(
             progress()
         excluded = sum(int((~np.isfinite(e).all(axis=1)).sum()) for one in found for e in one[2:])
         rms = [np.array([_rms(one[k]) for one in found]) for k in range(4)]
-        lines.append(Line(case, *rms, excluded))
+        lines.append(Line(case, rms[0], rms[1], rms[2], rms[3], excluded))
     return lines
 
 
@@ -153,11 +153,11 @@ def _one(
     except PoseError:  # nothing learnt: every pose is left out and counted
         nothing = np.full_like(usual.x, np.nan)
         calibrated = usual._replace(x=nothing, frame=np.full_like(usual.frame, np.nan))
-    errors = [(visit.x - judge)[:, :3] for visit in (usual, calibrated)]
-    for visit in (usual, calibrated):
-        seen = vision.measure(visit.frame, number)
-        errors.append((coordinates(robot, seen.frame) - judge)[:, :3])
-    return tuple(errors)
+    seen = [coordinates(robot, vision.measure(v.frame, number).frame) for v in (usual, calibrated)]
+    first, second, third, fourth = (
+        (x - judge)[:, :3] for x in (usual.x, calibrated.x, seen[0], seen[1])
+    )
+    return first, second, third, fourth
 
 
 def _rms(error: Array) -> float:

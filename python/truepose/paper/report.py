@@ -8,7 +8,7 @@ import importlib.util
 import io
 import os
 import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +26,7 @@ from truepose.paper import (
     statistics,
     tables,
 )
-from truepose.paper.experiment import CONTROLS
+from truepose.paper.experiment import CONTROLS, Control
 from truepose.paper.reproduce import Reproduction
 from truepose.show import drawing, page
 from truepose.simulation.effects import Effects
@@ -34,7 +34,7 @@ from truepose.simulation.moves import MOVE_TO
 
 FIGURES = 10  #: drawn for the report
 PAGE = "report.html"
-LEARNT = "self-calibrated"
+LEARNT: Control = "self-calibrated"
 #: Kinds of what the folder holds, by their endings.
 _KINDS = {".html": "report", ".svg": "picture", ".png": "picture", ".csv": "table"}
 _KINDS |= {".parquet": "log", ".mcap": "log"}
@@ -181,7 +181,7 @@ def _save(figure: Figure, path: Path) -> str:
     return page.as_uri(drawn)
 
 
-def _csv(path: Path, header: list[str], rows) -> None:
+def _csv(path: Path, header: list[str], rows: Iterable[Iterable]) -> None:
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow(header)

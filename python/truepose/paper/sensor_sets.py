@@ -104,7 +104,9 @@ def compare(
         for label, sensors in SETS.items():
             drawn = nominal.with_sensors(*sensors)
 
-            def errors(numbered, drawn=drawn) -> dict[Control, Array]:
+            def errors(
+                numbered: tuple[int, np.random.SeedSequence], drawn: Robot = drawn
+            ) -> dict[Control, Array]:
                 number, source = numbered
                 truth = with_tolerance_errors(drawn, source).with_level(drawn.finest_level)
                 found = experiment.rest(drawn, truth, poses, visited, CONTROLS, number)

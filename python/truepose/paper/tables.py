@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from truepose.paper import article, statistics
+from truepose.paper.experiment import Control
 from truepose.paper.reproduce import MOVES, Reproduction
 from truepose.paper.sensor_sets import Line
 from truepose.paper.warm_up import NAMES, WarmUp
@@ -22,7 +25,11 @@ STATISTIC_NAMES = {
 UNITS = "error (mm, °)"
 
 #: Controls that the paper did not run, as people read them.
-FURTHER = {"weighted": "weighted", "cartesian": "Cartesian", "self-calibrated": "self-calibrated"}
+FURTHER: dict[Control, str] = {
+    "weighted": "weighted",
+    "cartesian": "Cartesian",
+    "self-calibrated": "self-calibrated",
+}
 
 
 def unit(quantity: str, statistic: str) -> str:
@@ -31,7 +38,7 @@ def unit(quantity: str, statistic: str) -> str:
     return name + "²" if statistic == "sum_sq" else name
 
 
-def cells():
+def cells() -> Iterator[tuple[tuple[int, int], tuple[str, str], Cell]]:
     """Yield place, key and label of Table 3's entries, in the order of the paper."""
     for q, quantity in enumerate(article.QUANTITIES):
         for s, statistic in enumerate(article.STATISTICS):
@@ -60,9 +67,10 @@ def many_robots(result: Reproduction) -> Table:
     tables, printed = result.experiment.tables, article.table3_as_printed()
     rows = []
     for at, key, label in cells():
-        row = [label]
-        for control in ("joint", "redundant", *FURTHER):
-            paper = {"joint": "usual", "redundant": "redundant"}.get(control)
+        row: list[str] = [label]
+        controls: list[Control] = ["joint", "redundant", *FURTHER]
+        for control in controls:
+            paper = {"joint": "usual", "redundant": "redundant"}.get(control, "")
             low, median, high = np.percentile(tables[control][(slice(None), *at)], [5, 50, 95])
             row += [printed[paper][key]] if paper else []
             name = f"{FURTHER.get(control, paper)}, truepose"
@@ -80,7 +88,8 @@ def many_robots(result: Reproduction) -> Table:
 def gains(result: Reproduction) -> Table:
     """What each control leaves of usual control's errors: ratios over the robots."""
     rows = []
-    for control in ("redundant", *FURTHER):
+    controls: list[Control] = ["redundant", *FURTHER]
+    for control in controls:
         for quantity, statistic, root, label in (
             ("theta", "sum_sq", False, "θ Σ squares"),
             ("norm_xyz", "sum_sq", True, "norm rms"),

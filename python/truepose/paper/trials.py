@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -116,7 +117,7 @@ def run(
     found: dict[str, list] = {
         k: [] for k in ("usual", "error", "held", "stated", "touched_off", "xi", "x")
     }
-    fit = None
+    names: list[str] = []
     real = robot.finest_level if true_level is None else true_level
     for source in np.random.SeedSequence(seed).spawn(count):
         draw, scatter, noise = source.spawn(3)
@@ -124,7 +125,7 @@ def run(
         jitter = np.random.default_rng(scatter).uniform(-JITTER, JITTER, desired.shape)
         at = true.fkm(robot.ikm(desired + jitter), guess=desired)
         q_e = true.read(at, int(noise.generate_state(1)[0]))
-        options = {"level": level, "model_error": model_error}
+        options: dict[str, Any] = {"level": level, "model_error": model_error}
         fit = calibrate(robot, q_e[:first], loss=loss, **options)
         one = slice(first, first + 1)
         told = calibrate(
@@ -147,9 +148,14 @@ def run(
         found["stated"].append(np.sqrt(np.diagonal(later.covariance, axis1=1, axis2=2)))
         found["x"].append(_nees(apart, later.covariance))
         off = [fit.parameters[name].value - true.parameters[name].value for name in fit.names]
+        names = list(fit.names)
         found["xi"].append(_nees(np.array(off), fit.covariance))
         progress()
-    visited = {"calibrated_on": poses, "level": level, "model_error": model_error == "on"}
+    visited: dict[str, Any] = {
+        "calibrated_on": poses,
+        "level": level,
+        "model_error": model_error == "on",
+    }
     return Trials(
         robot=robot,
         usual=np.array(found["usual"]),
@@ -161,7 +167,7 @@ def run(
         bound_touched=accuracy(robot, held_out, touch_off=touch_off, **visited),
         xi_nees=np.array(found["xi"]),
         x_nees=np.array(found["x"]),
-        parameters=len(fit.names),
+        parameters=len(names),
     )
 
 

@@ -7,7 +7,7 @@ import math
 import numbers
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -208,7 +208,7 @@ class Description:
             raise InputError(f"{self.name}: level='full': {self.full.reason}")
         return level == "full"
 
-    def _with(self, **changes) -> Self:
+    def _with(self, **changes: Any) -> Self:
         return type(self)(self._spec.model_copy(update=changes), self._values)
 
     @property

@@ -52,7 +52,7 @@ def beyond(robot: _core.Robot, spec: RobotFile, x: Array, chain: int, full: bool
 
 def not_held(robot: _core.Robot) -> str:
     """Say what every rod by itself leaves free at home, where the full level is loose."""
-    rows = _core.full_rod_rows(robot)
+    rows = np.asarray(_core.full_rod_rows(robot))
     names = ["x", "y", "z", "rx", "ry", "rz"] + ["bar"] * (rows.shape[1] - 6)
     return f"the rods do not hold the nacelle against {_motions(_not_held(rows, names))}"
 

@@ -138,7 +138,8 @@ class Kinematics(Description):
         """
         exact = self.extended(x, errors, level)
         rows = np.ascontiguousarray(exact.reshape(-1, self.n + self.r))
-        return _core.spoil(self.core, rows, check_seed(seed)).reshape(exact.shape)
+        spoilt = np.asarray(_core.spoil(self.core, rows, check_seed(seed)))
+        return spoilt.reshape(exact.shape)
 
     def parasitic(self, x: ArrayLike, errors: Errors = "raise") -> Array:
         """What x leaves out: turns of the nacelle and its bars that the ideal level forbids, rad.

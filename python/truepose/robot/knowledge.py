@@ -49,7 +49,7 @@ def root(robot: Kinematics, names: list[str]) -> Array:
 
 def triangular(half: Array) -> Array:
     """Lower triangular S with S Sᵀ = H Hᵀ and no negative diagonal, of any H with p rows."""
-    lower = np.linalg.qr(half.T, mode="r").T
+    lower = np.asarray(np.linalg.qr(half.T, mode="r")).T
     return lower * np.sign(np.diag(lower))
 
 
@@ -149,7 +149,7 @@ def knowledge(
     sigma = reading_sigma(robot)
     if error and not guarded and (level or robot.finest_level) == "ideal":
         sigma = np.hypot(sigma, stated_error(robot))
-    return Known(_core.Knowledge(at, lower, sigma), len(names), len(errors))
+    return Known(_core.Knowledge(at, lower, sigma.tolist()), len(names), len(errors))
 
 
 class Known(NamedTuple):

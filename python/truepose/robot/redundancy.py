@@ -173,7 +173,7 @@ class Redundancy(Kinematics):
         rows, lead = flattened(self, x, self.n, "x", errors)
         believed, known = knowledge.for_law(self, "weighted")
         full = believed.level == "full"
-        _, M_plus, status, chain = _core.gain(believed.core, known, rows, full)
+        _, M_plus, status, chain = _core.gain(believed.core, known, rows, full)  # type: ignore[arg-type]
         require_answers(self, "pose", rows, lead, status, chain, errors)
         return M_plus.reshape(*lead, self.n, self.n + self.r)
 

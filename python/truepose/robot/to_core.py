@@ -168,7 +168,7 @@ def parameterised(
     drawn: _core.Robot, known: list[tuple[str, int]], values: dict[str, float]
 ) -> _core.Robot:
     """Return the drawn robot with these parameters' values; `known` as from :func:`columns`."""
-    xi = drawn.drawn_parameters()
+    xi = np.asarray(drawn.drawn_parameters())
     for name, column in known:
         if name in values:
             xi[column] = values[name]

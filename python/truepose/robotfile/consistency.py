@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from typing import Any
 
 from truepose import _core
 from truepose.robotfile.schema import ANGLES, FREEDOMS, not_degrees
@@ -38,11 +39,11 @@ def problems(data: dict) -> Iterator[_Problem]:
             text = f"chain {number}: bar = {bar}, but the file has {len(bars)} bars"
             yield ("chain", number - 1, "bar"), text
     for number, sensor in enumerate(tables(data, "sensor")):
-        chain, name = sensor.get("chain"), sensor.get("name")
-        if type(chain) is int and chain > len(chains):
+        whose, name = sensor.get("chain"), sensor.get("name")
+        if type(whose) is int and whose > len(chains):
             yield (
                 ("sensor", number, "chain"),
-                f"sensor {name}: chain = {chain}, of {len(chains)} chains",
+                f"sensor {name}: chain = {whose}, of {len(chains)} chains",
             )
         bar = sensor.get("bar")
         if type(bar) is int and bar > len(bars):
@@ -72,10 +73,10 @@ def _sizes(data: dict, mobility: str) -> Iterator[_Problem]:
             else f"{len(chains) - n} of them would work against the others"
         )
         yield ("mobility",), text
-    boxes = [("home",)]
+    boxes: list[tuple[str, ...]] = [("home",)]
     boxes += [(b, e) for b in ("workspace", "singularity_free") for e in ("minimum", "maximum")]
     for path in boxes:
-        value = data
+        value: Any = data
         for key in path:
             value = value.get(key) if isinstance(value, dict) else None
         if isinstance(value, list) and len(value) != n:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
-from truepose.robotfile.base import Section
 from truepose.robotfile.schema import RobotFile
 from truepose.robotfile.sensors import Encoder
 
@@ -25,7 +25,7 @@ def parameter_names(
     mobility: str | None,
     actuators: Sequence[str | None],
     bars: int,
-    sensors: Sequence[tuple[str, type[Section]]],
+    sensors: Sequence[tuple[str, type[Any]]],
 ) -> list[str]:
     """Names of all geometric parameters, those of what is None (not known) included.
 
@@ -56,7 +56,9 @@ def drawn(spec: RobotFile) -> dict[str, float]:
     """Name and value of every geometric parameter, as the file's keys draw them."""
     sensors = [(sensor.name, type(sensor)) for sensor in spec.sensor]
     names = parameter_names(spec.mobility, [c.actuator for c in spec.chain], len(spec.bar), sensors)
-    parts = {f"chain{number}": chain for number, chain in enumerate(spec.chain, 1)}
+    parts: dict[str, object] = {
+        f"chain{number}": chain for number, chain in enumerate(spec.chain, 1)
+    }
     parts |= {f"bar{number}": bar for number, bar in enumerate(spec.bar, 1)}
     parts |= {sensor.name: sensor for sensor in spec.sensor}
     values = {}
@@ -65,9 +67,9 @@ def drawn(spec: RobotFile) -> dict[str, float]:
         value = getattr(parts[part], key)
         values[name] = value[_COMPONENTS[component[0]]] if component else value
     for sensor in spec.sensor:
-        for key in (sensor.mounting.get(vector) for vector in DIRECTIONS):
-            if key is not None:  # only turning it means something
-                of = [f"{sensor.name}.{key}.{axis}" for axis in "xyz"]
+        for vector in DIRECTIONS:
+            if turned := sensor.mounting.get(vector):  # only turning it means something
+                of = [f"{sensor.name}.{turned}.{axis}" for axis in "xyz"]
                 length = math.hypot(*(values[name] for name in of))
                 values |= {name: values[name] / length for name in of}
     return values

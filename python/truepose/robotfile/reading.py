@@ -12,7 +12,7 @@ from importlib import resources
 from pathlib import Path
 from typing import NamedTuple
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from truepose.exceptions import RobotFileError, choose, shortened
 from truepose.files import contents
@@ -33,7 +33,7 @@ from truepose.robotfile.schema import (
 )
 from truepose.robotfile.sensors import SENSORS
 
-_SECTIONS = {
+_SECTIONS: dict[str, type[BaseModel]] = {
     "every_chain": Chain,
     "chain": Chain,
     "bar": Bar,
@@ -53,7 +53,7 @@ SHORTHAND = {
 }
 #: What decides how a robot moves, and of a chain.
 _MECHANISM = ("mobility", "home", "chain", "bar", "nacelle")
-_MOVES = (
+_MOVES: tuple[str, ...] = (
     "actuator",
     "base",
     "axis",

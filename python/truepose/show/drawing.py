@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
@@ -10,6 +12,9 @@ from numpy.typing import ArrayLike
 from truepose.arguments import Array, numbers_of
 from truepose.robot.robot import Robot
 from truepose.show.colours import COLOURS
+
+if TYPE_CHECKING:
+    from matplotlib.ticker import MaxNLocator
 
 _Part = tuple[str, Array, float]  # name, points (k, 3) in metres, line width
 
@@ -47,7 +52,7 @@ def draw(robot: Robot, x: ArrayLike | None = None) -> Figure:
             stagger = 0.04 + 0.06 * (number % 2)
             place = end + beyond * stagger * size * np.array(chain.axis)
         axes.text(
-            *(1e3 * place[: 2 if planar else 3]),
+            *(1e3 * place[: 2 if planar else 3]),  # type: ignore[call-arg]
             str(number),
             fontsize=11,
             ha="center",
@@ -111,11 +116,11 @@ def _driven(robot: Robot, points: Array, planar: bool) -> list[_Part]:
         for half in (-spacing / 2, spacing / 2) if paired else (0.0,):
             parts.append(("rod", np.array([B + half * side, A + half * side]), 2.0))
         if paired:
-            half = spacing / 2 * side
+            apart = spacing / 2 * side
             on_arm = "arm" if chain.actuator == "revolute" else "carriage"
-            parts.append((on_arm, np.array([B - half, B + half]), 3.0))
+            parts.append((on_arm, np.array([B - apart, B + apart]), 3.0))
             on_nacelle = "lateral bar" if chain.bar else "nacelle"
-            parts.append((on_nacelle, np.array([A - half, A + half]), 3.0))
+            parts.append((on_nacelle, np.array([A - apart, A + apart]), 3.0))
     if all(chain.actuator != "prismatic" for chain in spec.chain):
         parts.insert(0, ("base", _ring(points[:, 0]), 1.5))
     return parts
@@ -155,7 +160,7 @@ def _ring(corners: Array) -> Array:
     return corners[[*order, order[0]]]
 
 
-def _show_plane(axes, parts: list[_Part]) -> None:
+def _show_plane(axes: Any, parts: list[_Part]) -> None:
     seen: set[str] = set()
     for part, where, width in parts:
         label = None if part in seen else part
@@ -176,7 +181,7 @@ def _show_plane(axes, parts: list[_Part]) -> None:
     axes.set(xlabel="x (mm)", ylabel="y (mm)")
 
 
-def _show_space(axes, parts: list[_Part]) -> None:
+def _show_space(axes: Any, parts: list[_Part]) -> None:
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     seen: set[str] = set()
@@ -207,7 +212,7 @@ def _show_space(axes, parts: list[_Part]) -> None:
     axes.view_init(elev=28, azim=35)
 
 
-def _few_ticks():
+def _few_ticks() -> MaxNLocator:
     from matplotlib.ticker import MaxNLocator
 
     return MaxNLocator(4, steps=[1, 2, 5, 10])

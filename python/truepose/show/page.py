@@ -9,7 +9,7 @@ from importlib import metadata
 import jinja2
 
 
-def render(template: str, **values) -> str:
+def render(template: str, **values: object) -> str:
     """Fill one of the package's templates."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("truepose", "_data/templates"),

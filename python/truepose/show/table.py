@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +21,7 @@ class Cell(str):
     """
 
     __slots__ = ("data",)
+    data: Any
 
     def __new__(cls, text: str, data: object = None) -> Cell:  # noqa: D102 – the class says it
         cell = super().__new__(cls, text)
@@ -33,7 +36,7 @@ class Table:
     name: str
     title: str
     header: list[str]
-    rows: list[list[str]]
+    rows: Sequence[Sequence[str]]
 
     def columns(self, *which: int) -> Table:
         """Return a narrower table."""

@@ -9,6 +9,7 @@ import json
 import math
 import shutil
 import sys
+from collections.abc import Sequence
 from enum import StrEnum
 
 from rich.cells import cell_len
@@ -137,7 +138,13 @@ def _blocks(sizes: list[int], width: int) -> list[list[int]]:
     return blocks
 
 
-def _block(heads, rows, sizes, words, columns) -> list[str]:
+def _block(
+    heads: list[str],
+    rows: list[list[str]],
+    sizes: list[int],
+    words: list[bool],
+    columns: Sequence[int],
+) -> list[str]:
     def line(texts: list[str], below: bool) -> list[str]:
         cells = [
             _wrapped(texts[k], sizes[k]) if words[k] else texts[k].split("\n") for k in columns

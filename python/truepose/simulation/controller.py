@@ -54,7 +54,7 @@ class Controller:
     velocity_bandwidth: float = 1500.0
     damped_below: float = 0.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.law not in LAWS:
             raise InputError(choose("law", self.law, LAWS))
         if self.feed_forward not in ("none", "gravity", "full"):
@@ -78,7 +78,9 @@ class Controller:
         place = pose_of(robot, x, "x")
         status, _ = settings.place_poles(robot.core, place, self.frequency, self.damping)
         if status:
-            raise PoseError(f"{robot.name}: gains at x = {list(x)}: {_core.describe(status)}")
+            raise PoseError(
+                f"{robot.name}: gains at x = {place[: robot.n]}: {_core.describe(status)}"
+            )
         settings.ki = [self.integral * kp for kp in settings.kp]
         return settings
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from truepose.robotfile.parameters import PAIRED
 from truepose.robotfile.schema import Tolerance
 
 
-def _effect(default: float, group: str, unit: str, what: str, source: str):
+def _effect(default: float, group: str, unit: str, what: str, source: str) -> Any:
     return field(
         default=default,
         metadata={"group": group, "unit": unit, "what": what, "source": source},
@@ -89,7 +90,7 @@ class Effects:
         "assumed",
     )
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for f in fields(self):
             value = getattr(self, f.name)
             if not (isinstance(value, (int, float)) and math.isfinite(value) and value >= 0):

@@ -74,21 +74,25 @@ def rehearse(
     >>> rehearse(h4, tp.with_paper_errors(h4, seed=1), poses=20).q_e.shape
     (20, 5)
     """
-    box = robot.spec.workspace
-    if box is None:
-        raise InputError(f"{robot.name}: workspace: is missing from its file")
     where, seen = (np.random.default_rng([seed, k]) for k in (1, 2))
-    x_d = where.uniform(box.minimum, box.maximum, (_DRAWN * poses, robot.n))
+    x_d = _drawn(robot, _DRAWN * poses, where)
     x_d = x_d[np.isfinite(robot.ikm(x_d, errors="nan", own_mode=True)).all(axis=1)]
     effects = Effects().only("quantisation") if effects is None else effects
     plant = ExactPlant(truth, effects, level=truth.level, seed=seed)
     visit = plant.visit(robot, x_d, Controller(law="joint"))
-    there = np.isfinite(visit.q_e).all(axis=1).nonzero()[0][:poses]
+    there = np.flatnonzero(np.isfinite(visit.q_e).all(axis=1))[:poses]
     if len(there) < poses:
         drawn = _DRAWN * poses
         raise InputError(f"{robot.name}: of {drawn} poses of its workspace it reached {len(there)}")
     measured = _tracked(robot, visit.frame[there], seen) if tracker else None
     return Rehearsal(truth, visit.x[there], visit.q_e[there], measured)
+
+
+def _drawn(robot: Robot, poses: int, rng: np.random.Generator) -> Array:
+    box = robot.spec.workspace
+    if box is None:
+        raise InputError(f"{robot.name}: workspace: is missing from its file")
+    return rng.uniform(box.minimum, box.maximum, (poses, robot.n))
 
 
 def _tracked(robot: Robot, frame: Array, rng: np.random.Generator) -> Array:
@@ -147,9 +151,7 @@ def missed(robot: Robot, truth: Robot, found: Robot, seed: int = 0, poses: int =
     )
     root = knowledge.root(found, names)
     nees = float(np.sum(np.linalg.solve(root, after - true) ** 2))
-    box = robot.spec.workspace
-    x_d = np.random.default_rng([seed, 3]).uniform(box.minimum, box.maximum, (poses, robot.n))
-    x_d = np.vstack([robot.home, x_d])
+    x_d = np.vstack([robot.home, _drawn(robot, poses, np.random.default_rng([seed, 3]))])
     pose = {
         "drawn, by the motors": _led(robot, truth, x_d, "joint"),
         "calibrated, by the motors": _led(found, truth, x_d, "joint"),

@@ -179,7 +179,7 @@ def simulate(
         time=time,
         learn=learn,
     )
-    status, chain, *log = _core.simulate(
+    status, chain, *log = _core.simulate(  # type: ignore[call-arg]
         *drive.core, drive.origin, target, duration, hold, steps, drive.at_rest, drive.seed
     )
     if status > 0:
@@ -188,4 +188,4 @@ def simulate(
             f"{robot.name}: simulation stopped after "
             f"{len(log[0]) * drive.controller.period:.3f} s: {guilty}{_core.describe(status)}"
         )
-    return Simulation(robot, drive.truth, drive.controller, *log, hold)
+    return Simulation(robot, drive.truth, drive.controller, *log, hold)  # type: ignore[call-arg]

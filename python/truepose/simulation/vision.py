@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, fields
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -80,7 +80,7 @@ class Setup:
     #: shift (m), of a point of the base as the vision system sees it. Nothing here corrects it.
     registration: tuple[float, ...] = field(default=(0.0,) * 6)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for f in fields(self):
             values = np.asarray(getattr(self, f.name), dtype=float)
             if not np.isfinite(values).all():
@@ -103,7 +103,7 @@ class Setup:
             raise InputError(f"artefact_points = {self.artefact_points}: must be at least 2")
 
     @classmethod
-    def facing(cls, robot: Robot, **changes) -> Setup:
+    def facing(cls, robot: Robot, **changes: Any) -> Setup:
         """Cameras that look at a robot's home."""
         home = np.zeros(3)
         for k, (name, _) in enumerate(robot.coordinates):
@@ -274,7 +274,7 @@ class Vision:
             False where there was nothing to see.
         """
         setup, cameras = self.setup, self.calibration.cameras
-        body, whole = np.array(setup.leds), visible.all(axis=2)
+        body, whole = np.array(setup.leds), np.asarray(visible.all(axis=2))
         count = len(u)
         frame = np.full((count, 4, 4), np.nan)
         covariance = np.full((count, 6, 6), np.nan)
@@ -355,7 +355,7 @@ def _calibrate(
     for _ in range(_ITERATIONS):
         residual = np.where(seen, u - cameras.project(points), 0.0) / setup.noise
         own = cameras.by_parameter(points) * (seen[..., None] * prior / setup.noise)
-        by_camera = np.zeros((len(points), CAMERAS, CAMERAS, _PARAMETERS))
+        by_camera: Array = np.zeros((len(points), CAMERAS, CAMERAS, _PARAMETERS))
         by_camera[:, range(CAMERAS), range(CAMERAS)] = own
         by_camera = by_camera.reshape(len(points), CAMERAS, -1)
         by_point = cameras.by_point(points) * seen[..., None]

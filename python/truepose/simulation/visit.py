@@ -73,7 +73,7 @@ def visit(
         time=time,
         learn=learn,
     )
-    x, q_e, swing, held, status = _core.visit(
+    x, q_e, swing, held, status = _core.visit(  # type: ignore[call-arg]
         *drive.core, rows, duration, hold, steps, drive.at_rest, drive.seed
     )
     words = np.array([_core.describe(int(s)) for s in status], dtype=object)

@@ -94,7 +94,7 @@ class ExactPlant:
         if len(lead) != 1:
             raise InputError(f"x_d: shape {(*lead, robot.n)}, must be (N, {robot.n})")
 
-        def rest(poses, ahead: Array) -> tuple[Array, Array]:
+        def rest(poses: Array | slice, ahead: Array) -> tuple[Array, Array]:
             return self._settle(robot, x_d[poses], controller, ahead)
 
         if self.effects.tool_backlash and self._geared.any():
@@ -136,7 +136,7 @@ class ExactPlant:
         x = np.where(at_high[:, None], high, low)
         stays = np.flatnonzero(end == 0)
         if stays.size:
-            ahead[stays] = play.crossing(
+            ahead[stays] = play.crossing(  # type: ignore[call-arg]
                 lambda which, a: rest(stays[which], a)[0][:, -1] + a - tool[stays[which]],
                 *np.repeat(sides[:, None], stays.size, axis=1),
                 lowest[stays] - tool[stays],

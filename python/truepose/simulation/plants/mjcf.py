@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -185,7 +186,7 @@ class Mechanism:
         )
         add(option, "flag", contact="disable", diagexact="enable", autoreset="disable")
         default = add(root, "default")
-        hard = {"solref": [timestep / 2, 1], "solimp": _HARD}
+        hard: dict[str, Any] = {"solref": [timestep / 2, 1], "solimp": _HARD}
         add(default, "equality", **hard)
         add(default, "joint", solreffriction=hard["solref"], solimpfriction=_HARD)
         add(default, "geom", contype=0, conaffinity=0, mass=0)
@@ -235,7 +236,8 @@ class Mechanism:
         for i, chain in enumerate(self.chains):
             if chain.actuator == _core.Actuator.prismatic:
                 reach = self.home.position[i] + 0.5 * self.size * np.array([-1, 1])
-                capsule(world, "rail", *(bases[i] + np.outer(reach, chain.axis)), self.size / 90)
+                low, high = bases[i] + np.outer(reach, chain.axis)
+                capsule(world, "rail", low, high, self.size / 90)
             else:
                 capsule(world, "base", bases.mean(axis=0), bases[i], self.size / 60)
 
@@ -313,7 +315,7 @@ class Mechanism:
         )
         # Both of a rod's ball joints rub; their friction is in this one.
         rub = 2 * effects.joint_friction
-        hinges = {"swing": turn(1, -lean)[:, 2], "lean": [0, 1, 0]}
+        hinges: dict[str, Any] = {"swing": turn(1, -lean)[:, 2], "lean": [0, 1, 0]}
         for joint, ref in (("swing", swing), ("lean", lean)):
             add(
                 hung,
@@ -414,7 +416,7 @@ class Mechanism:
                 add(on, "site", name=f"{rod}.anchor", pos=middle + self._on_bar(i, side))
             if chain.rod_spacing > 0:
                 ends = [middle + self._on_bar(i, side) for side in (-1.0, 1.0)]
-                capsule(on, kind, *ends, self.size / 80)
+                capsule(on, kind, ends[0], ends[1], self.size / 80)
 
 
 def to_mjcf(robot: Robot, effects: Effects | None = None, timestep: float = TIMESTEP) -> str:

@@ -16,14 +16,14 @@ _NEEDLE = 1e-9  # a slender rod's inertia about itself, of that across
 _SPRING_DAMPING = 0.05  # of critical, of a rotor on its arm's spring, a rod's mass on the rod's
 
 
-def text(value) -> str:
+def text(value: ArrayLike | str) -> str:
     """Numbers as MJCF reads them back bit for bit; text as it is."""
     if isinstance(value, str):
         return value
     return " ".join(f"{float(v):.17g}" for v in np.atleast_1d(value))
 
 
-def add(parent: ET.Element, tag: str, **attributes) -> ET.Element:
+def add(parent: ET.Element, tag: str, **attributes: ArrayLike | str) -> ET.Element:
     """Append an element with these attributes."""
     return ET.SubElement(parent, tag, {key: text(v) for key, v in attributes.items()})
 
@@ -35,11 +35,11 @@ def turn(axis: int, angle: float) -> Array:
 
 def axes(x: ArrayLike, z: ArrayLike) -> Array:
     """Columns x, y, z: x as near to what is asked for as z allows."""
-    z = np.asarray(z, dtype=float) / np.linalg.norm(z)
-    x = np.asarray(x, dtype=float)
-    x = x - (x @ z) * z
-    x = x / np.linalg.norm(x)
-    return np.column_stack([x, np.cross(z, x), z])
+    up, near = np.asarray(z, dtype=float), np.asarray(x, dtype=float)
+    up = up / np.linalg.norm(up)
+    near = near - (near @ up) * up
+    near = near / np.linalg.norm(near)
+    return np.column_stack([near, np.cross(up, near), up])
 
 
 def xy(R: Array) -> Array:
@@ -52,7 +52,7 @@ def slender(
 ) -> None:
     """Inertia of a slender rod from `start` lengths to `start` + 1 along a direction."""
     across = max(mass * length**2 / 12, 1e-12)
-    frame = axes(along, np.cross(along, np.eye(3)[np.abs(along).argmin()]))
+    frame = axes(along, np.cross(np.asarray(along), np.eye(3)[np.abs(along).argmin()]))
     add(
         body,
         "inertial",

@@ -193,7 +193,7 @@ class _Drive:
         R = self.body.nacelle()[1]
         return math.atan2(R[1, 0], R[0, 0])
 
-    def go(self, x_d: Array, time: float):
+    def go(self, x_d: Array, time: float) -> tuple:
         """Move to a pose, wait for rest, read: (q_e, frame, x, status)."""
         nothing = (np.nan, np.nan, np.nan)
         rows = np.ascontiguousarray(x_d[None])
@@ -277,6 +277,6 @@ class _Drive:
         self.tool = min(max(self.tool, self.theta - half), self.theta + half)
         exact[self.n :] += self.geared * (self.tool - self.theta)
         self.cycles += 1
-        return _core.spoil(self.body.robot.core, exact[None], self.seed * 1_000_003 + self.cycles)[
-            0
-        ]
+        return np.asarray(
+            _core.spoil(self.body.robot.core, exact[None], self.seed * 1_000_003 + self.cycles)
+        )[0]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,7 +26,7 @@ class Settled(NamedTuple):
     gap: Array  #: (...) by which the worst loop is open, m
 
 
-def require():
+def require() -> Any:
     """Return the module mujoco, or raise TrueposeError with a line that says how to get it."""
     try:
         import mujoco
