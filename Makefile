@@ -96,9 +96,9 @@ coverage-cpp: $(VENV)/developing
 	@if command -v clang++-22 llvm-cov-22 >/dev/null; then \
 	  cmake --preset coverage -DPython_EXECUTABLE=$(abspath $(BIN))/python && \
 	  cmake --build --preset coverage && ctest --preset coverage && \
-	  llvm-profdata-22 merge -sparse -o build/coverage/all.profdata build/coverage/*.profraw && \
-	  llvm-cov-22 report $$(printf -- '-object %s ' build/coverage/tests/cpp/test_*[a-z]) \
-	    -instr-profile build/coverage/all.profdata --show-branch-summary include/truepose; \
+	  cd build/coverage && llvm-profdata-22 merge -sparse -o all.profdata *.profraw && \
+	  set -- tests/cpp/test_*[a-z] && llvm-cov-22 report "$$1" $$(printf -- ' -object %s' "$$@") \
+	    -instr-profile all.profdata --show-branch-summary $(CURDIR)/include/truepose; \
 	else echo "coverage-cpp: SKIPPED, clang is not installed (Debian: clang-22 llvm-22)"; fi
 
 bench: build/dev/build.ninja

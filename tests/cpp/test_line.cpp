@@ -40,6 +40,8 @@ void check_same(const Says& a, const Says& b) {
 /// every reading has a σ of its own. Behind the parameters: unknowns of a registration, if asked.
 template <Mobility K>
 class Scene {
+  check::Random random{61};  // first: what follows draws from it
+
  public:
   static constexpr int n = kDof<K>;
   Robot robot;
@@ -92,7 +94,6 @@ class Scene {
     robot.r = 2;
     return robot;
   }
-  check::Random random{61};
   mutable Prior prior_;
   std::vector<int> column;
   RowMatrix root;
