@@ -1,7 +1,10 @@
 # make reproduce   the paper, run end to end; report in truepose-report/
 # make test        pytest, the C++ tests under ASan and UBSan, the examples
 #
-# Both set up what they need in .venv, from Python's registry, without root.
+# make dev T=fkm   the C++ tests that ask about fkm.hpp (or T=control, …), quickly; P=tests/python/test_….py:
+#                  that file of pytest, with a module that is built quickly
+#
+# They set up what they need in .venv, from Python's registry, without root.
 
 PYTHON ?= python3
 VENV := .venv
@@ -13,7 +16,8 @@ PACKAGE := $(shell find include src python robots -type f -not -name '*.pyc') \
 CPP := $(shell find include src tests/cpp tests/fuzz benchmarks -name '*.[hc]pp')
 
 .DEFAULT_GOAL := help
-.PHONY: help reproduce report test test-python test-cpp lint format fuzz realtime instructions bench bench-peers pictures twin clean
+.PHONY: help reproduce report test test-python test-cpp lint format fuzz realtime instructions \
+        bench bench-peers pictures twin dev clean
 
 help:
 	@sed -n 's/^# \?//p' Makefile | sed '/^$$/q'
@@ -28,8 +32,8 @@ report: $(VENV)/installed
 
 test: test-python test-cpp
 
-test-python: $(VENV)/developing
-	python -m pytest -q --pyargs truepose tests/python docs README.md
+test-python: $(VENV)/installed $(VENV)/developing
+	OPENBLAS_NUM_THREADS=1 python -m pytest -q -n auto --dist loadfile --pyargs truepose tests/python docs README.md
 
 test-cpp: build/asan/build.ninja
 	cmake --build --preset asan
@@ -76,9 +80,24 @@ bench: build/dev/build.ninja
 	build/dev/benchmarks/benchmark_core
 
 # Pinocchio and MuJoCo on the same hexapod; those that are not installed are skipped.
-bench-peers: bench
-	@pip install --quiet --disable-pip-version-check ".[peers]" || echo "bench-peers: without the peers"
+bench-peers: bench $(VENV)/installed
+	$(call require,peers) || echo "bench-peers: without the peers"
 	python benchmarks/peers.py --core build/dev/benchmarks/benchmark_core
+
+# One question while one works: unoptimised, header-only C++ tests, or the module and one file of pytest.
+dev: build/quick/build.ninja
+ifdef T
+	@tests=$$(ctest --preset quick -N -L '^$(T)$$' | sed -n 's/.*: \(test_[a-z_]*\)$$/\1/p'); \
+	  test -n "$$tests" || { echo "dev: no test asks about $(T); there are:"; ctest --preset quick --print-labels | sed -n 's/^  //p' | xargs; exit 2; }; \
+	  cmake --build --preset quick --target $$tests && ctest --preset quick -L '^$(T)$$'
+endif
+ifdef P
+	cmake --build --preset quick --target _core
+	@mkdir -p build/quick/package/truepose/_data && \
+	  ln -sfn $(abspath python/truepose)/* build/quick/_core*.so build/quick/package/truepose/ && \
+	  ln -sfn $(abspath robots) build/quick/package/truepose/_data/
+	PYTHONPATH=$(abspath build/quick/package) python -m pytest -q $(P)
+endif
 
 pictures: $(VENV)/installed
 	python -c "import truepose as tp; from truepose.show.drawing import draw; [draw(tp.load(name)).savefig(f'robots/{name}/picture.png', dpi=110) for name in tp.robots()]"
@@ -90,21 +109,36 @@ twin: $(VENV)/installed
 build/%/build.ninja: CMakeLists.txt CMakePresets.json tests/cpp/CMakeLists.txt benchmarks/CMakeLists.txt | $(VENV)/developing
 	cmake --preset $* -DPython_EXECUTABLE=$(abspath $(BIN))/python
 
-# pip writes to stamps' neighbours, not to the stamps: touch says when they are true.
+# What pyproject.toml asks for is installed once, so that the module is compiled once, against it, and
+# then only what has changed. pip writes to stamps' neighbours, not to the stamps: touch says when they
+# are true.
+define require
+	@python -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb')); \
+	  extras = p['project']['optional-dependencies']; \
+	  print(*p['build-system']['requires'], *p['project']['dependencies'], \
+	        *(r for name in '$(1)'.split() for r in extras[name]), sep='\n')" | \
+	  pip install --quiet --disable-pip-version-check --no-compile -r /dev/stdin
+endef
+
 $(VENV)/created:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	  { echo "truepose needs Python 3.11 or later; $(PYTHON) is older (set PYTHON=...)"; exit 2; }
 	$(PYTHON) -m venv $(VENV)
 	@touch $@
 
-$(VENV)/installed: $(PACKAGE) | $(VENV)/created
-	@echo "building truepose into $(VENV) ..."
-	@pip install --quiet --disable-pip-version-check .
+$(VENV)/required: pyproject.toml | $(VENV)/created
+	@echo "fetching what truepose needs into $(VENV) ..."
+	$(call require,build)
 	@touch $@
 
-$(VENV)/developing: $(VENV)/installed
-	@pip install --quiet --disable-pip-version-check ".[dev]"
-	@touch $@ && touch -r $@ $(VENV)/installed
+$(VENV)/installed: $(PACKAGE) | $(VENV)/required
+	@echo "building truepose into $(VENV) ..."
+	@pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps .
+	@touch $@
+
+$(VENV)/developing: pyproject.toml | $(VENV)/required
+	$(call require,build dev)
+	@touch $@
 
 clean:
 	rm -rf build dist $(VENV) truepose-report
