@@ -11,17 +11,17 @@ VENV := .venv
 BIN := $(VENV)/bin
 export PATH := $(abspath $(BIN)):$(PATH)
 
-PACKAGE := $(shell find include src python robots -type f -not -name '*.pyc') \
+PACKAGE := $(shell find include src cmake python robots -type f -not -name '*.pyc') \
            CMakeLists.txt pyproject.toml README.md
-CPP := $(shell find include src tests/cpp tests/fuzz benchmarks -name '*.[hc]pp')
+CPP := $(shell find include src tests/cpp tests/fuzz benchmarks examples/cpp -name '*.[hc]pp')
 
 .DEFAULT_GOAL := help
-.PHONY: help reproduce report test test-python test-cpp lint format fuzz realtime instructions \
-        bench bench-peers pictures twin dev clean
+.PHONY: help reproduce report test test-python test-cpp lint format fuzz realtime consumer instructions bench bench-peers mutants \
+        coverage coverage-python coverage-cpp pictures docs twin dev clean
 
 help:
 	@sed -n 's/^# \?//p' Makefile | sed '/^$$/q'
-	@echo "Also: report lint format fuzz realtime instructions bench pictures twin clean"
+	@echo "Also: report lint format fuzz realtime consumer instructions bench mutants coverage pictures docs twin clean"
 
 reproduce: $(VENV)/installed
 	@truepose reproduce $(ARGS)
@@ -32,19 +32,20 @@ report: $(VENV)/installed
 
 test: test-python test-cpp
 
-test-python: $(VENV)/installed $(VENV)/developing
+test-python: $(VENV)/developing
 	OPENBLAS_NUM_THREADS=1 python -m pytest -q -n auto --dist loadfile --pyargs truepose tests/python docs README.md
 
 test-cpp: build/asan/build.ninja
 	cmake --build --preset asan
 	ctest --preset asan
 
-lint: $(VENV)/developing
+lint: $(VENV)/tools
 	ruff check .
 	ruff format --check .
+	PYTHONPATH=python lint-imports --no-cache
 	clang-format --dry-run --Werror $(CPP)
 
-format: $(VENV)/developing
+format: $(VENV)/tools
 	ruff check --fix .
 	ruff format .
 	clang-format -i $(CPP)
@@ -53,7 +54,7 @@ format: $(VENV)/developing
 # breaks a promise is left in build/fuzz: hand it to the target again to see it break.
 SECONDS ?= 60
 FUZZ := kinematics full estimate control
-fuzz: $(VENV)/developing
+fuzz: $(VENV)/tools
 	@if command -v clang++-22 >/dev/null; then \
 	  cmake --preset fuzz -DPython_EXECUTABLE=$(abspath $(BIN))/python && cmake --build --preset fuzz && \
 	  cd build/fuzz && for target in $(FUZZ); do \
@@ -63,17 +64,43 @@ fuzz: $(VENV)/developing
 	else echo "fuzz: SKIPPED, clang++-22 is not installed (Debian: clang-22 libclang-rt-22-dev)"; fi
 
 # The control path under RealtimeSanitizer and clang's function effects.
-realtime: $(VENV)/developing
+realtime: $(VENV)/tools
 	@if command -v clang++-22 >/dev/null; then \
 	  cmake --preset realtime -DPython_EXECUTABLE=$(abspath $(BIN))/python && \
 	  cmake --build --preset realtime && ctest --preset realtime; \
 	else echo "realtime: SKIPPED, clang++-22 is not installed (Debian: clang-22 libclang-rt-22-dev)"; fi
+
+# A C++ project that uses the installed package, by clang++-22; `make test` has it by the system's c++.
+consumer: $(VENV)/developing
+	@if command -v clang++-22 >/dev/null; then \
+	  CXX=clang++-22 python -m pytest -q tests/python/test_package.py; \
+	else echo "consumer: SKIPPED, clang++-22 is not installed (Debian: clang-22)"; fi
 
 # Instruction counts against benchmarks/instructions.json; all C++ tests, optimised.
 instructions: build/dev/build.ninja
 	@if command -v valgrind >/dev/null; then \
 	  cmake --build --preset dev && ctest --preset dev; \
 	else echo "instructions: SKIPPED, valgrind is not installed (Debian: valgrind)"; fi
+
+# Wrong changes of one line, each against the one test that must notice it (tests/mutants.toml).
+mutants: $(VENV)/developing
+	@python tests/mutants.py $(ARGS)
+
+# Which branches no test takes: of the package by coverage.py, of the core by clang. Some minutes.
+coverage: coverage-python coverage-cpp
+
+coverage-python: $(VENV)/developing
+	coverage run -m pytest -q tests/python
+	coverage report --skip-covered --show-missing
+
+coverage-cpp: $(VENV)/developing
+	@if command -v clang++-22 llvm-cov-22 >/dev/null; then \
+	  cmake --preset coverage -DPython_EXECUTABLE=$(abspath $(BIN))/python && \
+	  cmake --build --preset coverage && ctest --preset coverage && \
+	  llvm-profdata-22 merge -sparse -o build/coverage/all.profdata build/coverage/*.profraw && \
+	  llvm-cov-22 report $$(printf -- '-object %s ' build/coverage/tests/cpp/test_*[a-z]) \
+	    -instr-profile build/coverage/all.profdata --show-branch-summary include/truepose; \
+	else echo "coverage-cpp: SKIPPED, clang is not installed (Debian: clang-22 llvm-22)"; fi
 
 bench: build/dev/build.ninja
 	cmake --build --preset dev
@@ -84,7 +111,7 @@ bench-peers: bench $(VENV)/installed
 	$(call require,peers) || echo "bench-peers: without the peers"
 	python benchmarks/peers.py --core build/dev/benchmarks/benchmark_core
 
-# One question while one works: unoptimised, header-only C++ tests, or the module and one file of pytest.
+# One question while one works: its C++ test, header-only at -O1, or the module so and one file of pytest.
 dev: build/quick/build.ninja
 ifdef T
 	@tests=$$(ctest --preset quick -N -L '^$(T)$$' | sed -n 's/.*: \(test_[a-z_]*\)$$/\1/p'); \
@@ -93,20 +120,25 @@ ifdef T
 endif
 ifdef P
 	cmake --build --preset quick --target _core
-	@mkdir -p build/quick/package/truepose/_data && \
-	  ln -sfn $(abspath python/truepose)/* build/quick/_core*.so build/quick/package/truepose/ && \
-	  ln -sfn $(abspath robots) build/quick/package/truepose/_data/
+	@mkdir -p build/quick/package/truepose/_data && cd build/quick/package/truepose && \
+	  ln -sfn $(filter-out %/_data,$(wildcard $(CURDIR)/python/truepose/*)) ../../_core*.so . && \
+	  ln -sfn $(CURDIR)/python/truepose/_data/* $(CURDIR)/robots _data/
 	PYTHONPATH=$(abspath build/quick/package) python -m pytest -q $(P)
 endif
 
 pictures: $(VENV)/installed
 	python -c "import truepose as tp; from truepose.show.drawing import draw; [draw(tp.load(name)).savefig(f'robots/{name}/picture.png', dpi=110) for name in tp.robots()]"
+	python docs/site/figures.py
+
+# The documentation as a site, in build/docs; the C++ reference where doxygen is installed.
+docs: $(VENV)/documenting
+	python docs/site/make.py
 
 # The H4 whose Table 3 is close to the printed one: ten searches, some minutes.
 twin: $(VENV)/installed
-	python -m truepose.paper.twin_folder robots/h4-lirmm-twin
+	python tools/twin_folder.py robots/h4-lirmm-twin
 
-build/%/build.ninja: CMakeLists.txt CMakePresets.json tests/cpp/CMakeLists.txt benchmarks/CMakeLists.txt | $(VENV)/developing
+build/%/build.ninja: CMakeLists.txt CMakePresets.json tests/cpp/CMakeLists.txt benchmarks/CMakeLists.txt | $(VENV)/tools
 	cmake --preset $* -DPython_EXECUTABLE=$(abspath $(BIN))/python
 
 # What pyproject.toml asks for is installed once, so that the module is compiled once, against it, and
@@ -136,8 +168,16 @@ $(VENV)/installed: $(PACKAGE) | $(VENV)/required
 	@pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps .
 	@touch $@
 
-$(VENV)/developing: pyproject.toml | $(VENV)/required
+# What works on the sources, and compiles C++; with the package as well, what tests need.
+$(VENV)/tools: pyproject.toml | $(VENV)/required
 	$(call require,build dev)
+	@touch $@
+
+$(VENV)/developing: $(VENV)/tools $(VENV)/installed
+	@touch $@
+
+$(VENV)/documenting: pyproject.toml | $(VENV)/installed
+	$(call require,docs)
 	@touch $@
 
 clean:

@@ -123,7 +123,7 @@ inline void in_turns(Mobility mobility, const Registration& by, const Pose& pose
   if (turns_about_z(mobility)) {
     const int i = dof(mobility) - 1;
     const Vec3 a = expected.Q.col(0);
-    const double sine = std::hypot(a.x(), a.y());
+    const double sine = a.head<2>().norm();
     const Vec3 of_angle(-a.x() * a.z() / sine, -a.y() * a.z() / sine, sine);
     const Vec3 of_sine(-a.y() * a.z() / sine, a.x() * a.z() / sine, 0);
     registration_detail::enter_turn(mobility, by, by.base.R * pose.R, of_angle - apart[i] * of_sine,
