@@ -1,7 +1,10 @@
 # make reproduce   the paper, run end to end; report in truepose-report/
 # make test        pytest, the C++ tests under ASan and UBSan, the examples
 #
-# Both set up what they need in .venv, from Python's registry, without root.
+# make dev T=fkm   the C++ tests that ask about fkm.hpp (or T=control, …), quickly; P=tests/python/test_….py:
+#                  that file of pytest, with a module that is built quickly
+#
+# They set up what they need in .venv, from Python's registry, without root.
 
 PYTHON ?= python3
 VENV := .venv
@@ -14,7 +17,7 @@ CPP := $(shell find include src tests/cpp tests/fuzz benchmarks examples/cpp -na
 
 .DEFAULT_GOAL := help
 .PHONY: help reproduce report test test-python test-cpp lint format fuzz realtime consumer instructions bench bench-peers mutants \
-        coverage coverage-python coverage-cpp pictures docs twin clean
+        coverage coverage-python coverage-cpp pictures docs twin dev clean
 
 help:
 	@sed -n 's/^# \?//p' Makefile | sed '/^$$/q'
@@ -30,13 +33,13 @@ report: $(VENV)/installed
 test: test-python test-cpp
 
 test-python: $(VENV)/developing
-	python -m pytest -q --pyargs truepose tests/python docs README.md
+	OPENBLAS_NUM_THREADS=1 python -m pytest -q -n auto --dist loadfile --pyargs truepose tests/python docs README.md
 
 test-cpp: build/asan/build.ninja
 	cmake --build --preset asan
 	ctest --preset asan
 
-lint: $(VENV)/developing
+lint: $(VENV)/tools
 	ruff check .
 	ruff format --check .
 	PYTHONPATH=python lint-imports --no-cache
@@ -44,7 +47,7 @@ lint: $(VENV)/developing
 	mypy
 	clang-format --dry-run --Werror $(CPP)
 
-format: $(VENV)/developing
+format: $(VENV)/tools
 	ruff check --fix .
 	ruff format .
 	clang-format -i $(CPP)
@@ -53,7 +56,7 @@ format: $(VENV)/developing
 # breaks a promise is left in build/fuzz: hand it to the target again to see it break.
 SECONDS ?= 60
 FUZZ := kinematics full estimate control
-fuzz: $(VENV)/developing
+fuzz: $(VENV)/tools
 	@if command -v clang++-22 >/dev/null; then \
 	  cmake --preset fuzz -DPython_EXECUTABLE=$(abspath $(BIN))/python && cmake --build --preset fuzz && \
 	  cd build/fuzz && for target in $(FUZZ); do \
@@ -63,7 +66,7 @@ fuzz: $(VENV)/developing
 	else echo "fuzz: SKIPPED, clang++-22 is not installed (Debian: clang-22 libclang-rt-22-dev)"; fi
 
 # The control path under RealtimeSanitizer and clang's function effects.
-realtime: $(VENV)/developing
+realtime: $(VENV)/tools
 	@if command -v clang++-22 >/dev/null; then \
 	  cmake --preset realtime -DPython_EXECUTABLE=$(abspath $(BIN))/python && \
 	  cmake --build --preset realtime && ctest --preset realtime; \
@@ -106,9 +109,24 @@ bench: build/dev/build.ninja
 	build/dev/benchmarks/benchmark_core
 
 # Pinocchio and MuJoCo on the same hexapod; those that are not installed are skipped.
-bench-peers: bench
-	@pip install --quiet --disable-pip-version-check ".[peers]" || echo "bench-peers: without the peers"
+bench-peers: bench $(VENV)/installed
+	$(call require,peers) || echo "bench-peers: without the peers"
 	python benchmarks/peers.py --core build/dev/benchmarks/benchmark_core
+
+# One question while one works: its C++ test, header-only at -O1, or the module so and one file of pytest.
+dev: build/quick/build.ninja
+ifdef T
+	@tests=$$(ctest --preset quick -N -L '^$(T)$$' | sed -n 's/.*: \(test_[a-z_]*\)$$/\1/p'); \
+	  test -n "$$tests" || { echo "dev: no test asks about $(T); there are:"; ctest --preset quick --print-labels | sed -n 's/^  //p' | xargs; exit 2; }; \
+	  cmake --build --preset quick --target $$tests && ctest --preset quick -L '^$(T)$$'
+endif
+ifdef P
+	cmake --build --preset quick --target _core
+	@mkdir -p build/quick/package/truepose/_data && cd build/quick/package/truepose && \
+	  ln -sfn $(filter-out %/_data,$(wildcard $(CURDIR)/python/truepose/*)) ../../_core*.so . && \
+	  ln -sfn $(CURDIR)/python/truepose/_data/* $(CURDIR)/robots _data/
+	PYTHONPATH=$(abspath build/quick/package) python -m pytest -q $(P)
+endif
 
 pictures: $(VENV)/installed
 	python -c "import truepose as tp; from truepose.show.drawing import draw; [draw(tp.load(name)).savefig(f'robots/{name}/picture.png', dpi=110) for name in tp.robots()]"
@@ -122,29 +140,46 @@ docs: $(VENV)/documenting
 twin: $(VENV)/installed
 	python tools/twin_folder.py robots/h4-lirmm-twin
 
-build/%/build.ninja: CMakeLists.txt CMakePresets.json tests/cpp/CMakeLists.txt benchmarks/CMakeLists.txt | $(VENV)/developing
+build/%/build.ninja: CMakeLists.txt CMakePresets.json tests/cpp/CMakeLists.txt benchmarks/CMakeLists.txt | $(VENV)/tools
 	cmake --preset $* -DPython_EXECUTABLE=$(abspath $(BIN))/python
 
-# pip writes to stamps' neighbours, not to the stamps: touch says when they are true.
+# What pyproject.toml asks for is installed once, so that the module is compiled once, against it, and
+# then only what has changed. pip writes to stamps' neighbours, not to the stamps: touch says when they
+# are true.
+define require
+	@python -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb')); \
+	  extras = p['project']['optional-dependencies']; \
+	  print(*p['build-system']['requires'], *p['project']['dependencies'], \
+	        *(r for name in '$(1)'.split() for r in extras[name]), sep='\n')" | \
+	  pip install --quiet --disable-pip-version-check --no-compile -r /dev/stdin
+endef
+
 $(VENV)/created:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	  { echo "truepose needs Python 3.11 or later; $(PYTHON) is older (set PYTHON=...)"; exit 2; }
 	$(PYTHON) -m venv $(VENV)
 	@touch $@
 
-$(VENV)/installed: $(PACKAGE) | $(VENV)/created
-	@echo "building truepose into $(VENV) ..."
-	@pip install --quiet --disable-pip-version-check .
+$(VENV)/required: pyproject.toml | $(VENV)/created
+	@echo "fetching what truepose needs into $(VENV) ..."
+	$(call require,build)
 	@touch $@
 
-$(VENV)/developing: $(VENV)/installed
-	@pip install --quiet --disable-pip-version-check ".[dev]"
-	@touch $@ && touch -r $@ $(VENV)/installed
+$(VENV)/installed: $(PACKAGE) | $(VENV)/required
+	@echo "building truepose into $(VENV) ..."
+	@pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps .
+	@touch $@
+
+# What works on the sources, and compiles C++; with the package as well, what tests need.
+$(VENV)/tools: pyproject.toml | $(VENV)/required
+	$(call require,build dev)
+	@touch $@
+
+$(VENV)/developing: $(VENV)/tools $(VENV)/installed
+	@touch $@
 
 $(VENV)/documenting: pyproject.toml | $(VENV)/installed
-	@python -c "import tomllib; \
-	  extras = tomllib.load(open('pyproject.toml', 'rb'))['project']['optional-dependencies']; \
-	  print(*extras['docs'], sep='\n')" | pip install --quiet --disable-pip-version-check -r /dev/stdin
+	$(call require,docs)
 	@touch $@
 
 clean:

@@ -4,10 +4,9 @@
 
 #include "arrays.hpp"
 #include "for_rows.hpp"
-#include "instances.hpp"
-#include "truepose/control/command.hpp"
-#include "truepose/full/linearise.hpp"
+#include "truepose/kernels.hpp"
 #include "truepose/offline/assembly.hpp"
+#include "truepose/offline/kernel_table.hpp"
 
 namespace truepose::python {
 namespace {
@@ -58,24 +57,24 @@ auto batch_fkm(const Robot& robot, const Rows& q, const Rows& guess, bool full) 
 /// Poses that close the loops at q, (m, n), and how many of the searches came to each, (m,).
 auto assembly_modes(const Robot& robot, const Joint& q, int starts, std::uint64_t seed) {
   const std::size_t n = dof(robot.mobility);
-  return with_mobility(robot.mobility, [&](auto mobility) {
-    constexpr Mobility K = mobility();
-    std::vector<Pose> pose = random_starts<K>(robot, q, starts, seed);
-    std::vector<char> closed(pose.size());
-    for_rows(pose.size(), [&](std::size_t i) { closed[i] = closes(search<K>(robot, q, pose[i])); });
-    std::size_t count = 0;
-    for (std::size_t i = 0; i < pose.size(); ++i)
-      if (closed[i]) pose[count++] = pose[i];
-    pose.resize(count);
-    const AssemblyModes modes = distinct_modes<K>(robot, std::move(pose));
-    Owned<double> x({modes.pose.size(), n});
-    Owned<int> seen({modes.pose.size()});
-    for (std::size_t k = 0; k < modes.pose.size(); ++k) {
-      std::memcpy(x[k], to_coordinates<K>(modes.pose[k]).data(), n * sizeof(double));
-      *seen[k] = modes.seen[k];
-    }
-    return nb::make_tuple(x.release(), seen.release());
+  std::vector<Pose> pose = random_starts(robot, q, starts, seed);
+  std::vector<char> closed(pose.size());
+  for_rows(pose.size(), [&](std::size_t i) {
+    closed[i] = with_mobility(robot.mobility,
+                              [&](auto K) { return closes(search<K()>(robot, q, pose[i])); });
   });
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < pose.size(); ++i)
+    if (closed[i]) pose[count++] = pose[i];
+  pose.resize(count);
+  const AssemblyModes modes = distinct_modes(robot, std::move(pose));
+  Owned<double> x({modes.pose.size(), n});
+  Owned<int> seen({modes.pose.size()});
+  for (std::size_t k = 0; k < modes.pose.size(); ++k) {
+    std::memcpy(x[k], to_coordinates(robot.mobility, modes.pose[k]).data(), n * sizeof(double));
+    *seen[k] = modes.seen[k];
+  }
+  return nb::make_tuple(x.release(), seen.release());
 }
 
 auto batch_jacobian(const Robot& robot, const Rows& x, bool full) {
@@ -98,18 +97,18 @@ auto batch_linearise(const Robot& robot, const Rows& x, bool full) {
   const std::size_t p = parameter_count(robot);
   Owned<double> h_x({count, e, n}), h_xi({count, e, p});
   Outcomes outcomes(count);
-  with_mobility(robot.mobility, [&](auto mobility) {
-    constexpr Mobility K = mobility();
-    for_rows(count, [&](std::size_t i) {
-      Extended q_e;
-      Matrix<kMaxReadings, kDof<K>> H_x;
-      const Pose pose = to_pose<K>(row<Joint>(x, i));
-      const Outcome outcome = full ? linearise_full<K>(robot, pose, q_e, H_x, h_xi[i])
-                                   : linearise<K>(robot, pose, q_e, H_x, h_xi[i]);
-      outcomes.set(i, outcome);
-      write(H_x, e, n, outcome, h_x[i]);
-      if (!outcome) std::fill_n(h_xi[i], e * p, NAN);
-    });
+  const Kernels model = kernels(robot.mobility, full);
+  const bool exists = !full || robot.full.own() || robot.full.kind == FullKind::same;
+  for_rows(count, [&](std::size_t i) {
+    Extended q_e;
+    ExtendedColumns H_x;
+    Parasitic rest;
+    const Pose pose = to_pose(robot.mobility, row<Joint>(x, i));
+    const Outcome outcome = exists ? model.linearise(robot, pose, q_e, H_x, h_xi[i], rest)
+                                   : Outcome{Status::no_full_level, -1};
+    outcomes.set(i, outcome);
+    write(H_x, e, n, outcome, h_x[i]);
+    if (!outcome) std::fill_n(h_xi[i], e * p, NAN);
   });
   return nb::make_tuple(h_x.release(), h_xi.release(), outcomes.status.release(),
                         outcomes.chain.release());

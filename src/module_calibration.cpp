@@ -6,51 +6,37 @@
 
 #include "arrays.hpp"
 #include "for_rows.hpp"
-#include "instances.hpp"
 #include "known.hpp"
 #include "online.hpp"
+#include "truepose/kernels.hpp"
 #include "truepose/offline/bound.hpp"
 #include "truepose/offline/calibrate.hpp"
 
 namespace truepose::python {
 namespace {
 
-/// Calls f(mobility, model) with both as types. Where the levels are one, the ideal model is both.
-template <class F>
-auto with_level(const Robot& robot, bool full, F&& f) {
-  return with_mobility(robot.mobility, [&](auto mobility) {
-    if constexpr (kPaired<mobility()>)
-      if (full) return f(mobility, FullModel{});
-    return f(mobility, IdealModel{});
-  });
-}
-
 auto batch_estimate(const Robot& robot, const Known& known, const Rows& q_e, const Rows& guess,
                     bool full) {
   const std::size_t count = q_e.shape(0), n = dof(robot.mobility);
   Owned<double> x({count, n}), covariance({count, n, n}), chi2({count});
   Outcomes outcomes(count);
-  with_level(robot, full, [&](auto mobility, auto level) {
-    constexpr Mobility K = decltype(mobility)::value;
-    using Level = decltype(level);
-    const Knowledge knowledge = known.view();
-    for_rows(
-        count,
-        [&](std::size_t i) {
-          std::vector<double>& work = scratch(estimate_work(robot, knowledge.count));
-          Pose pose = to_pose<K>(row<Joint>(guess, i));
-          const Estimate<K> result =
-              estimate<K, Level>(robot, knowledge, row<Extended>(q_e, i), pose, work.data());
-          outcomes.set(i, result.outcome);
-          Joint at = to_coordinates<K>(pose);
-          if (!result) at.fill(NAN);
-          std::copy_n(at.begin(), n, x[i]);
-          for (std::size_t k = 0; k < n * n; ++k)
-            covariance[i][k] = result ? result.covariance[k / n][k % n] : NAN;
-          *chi2[i] = result ? result.chi2 : NAN;
-        },
-        kFewRowsPerThread);
-  });
+  const Kernels model = kernels(robot.mobility, full);
+  const Knowledge knowledge = known.view();
+  for_rows(
+      count,
+      [&](std::size_t i) {
+        std::vector<double>& work = scratch(estimate_work(robot, knowledge.count));
+        Pose pose = to_pose(robot.mobility, row<Joint>(guess, i));
+        const Found found =
+            model.estimate(robot, knowledge, row<Extended>(q_e, i), pose, work.data());
+        outcomes.set(i, found.outcome);
+        Joint at = to_coordinates(robot.mobility, pose);
+        if (!found.outcome) at.fill(NAN);
+        std::copy_n(at.begin(), n, x[i]);
+        write(found.covariance, n, n, found.outcome, covariance[i]);
+        *chi2[i] = found.outcome ? found.chi2 : NAN;
+      },
+      kFewRowsPerThread);
   return nb::make_tuple(x.release(), covariance.release(), chi2.release(),
                         outcomes.status.release(), outcomes.chain.release());
 }
@@ -60,35 +46,21 @@ auto batch_gain(const Robot& robot, const Known& known, const Rows& x, bool full
   const std::size_t count = x.shape(0), n = x.shape(1), e = n + robot.r;
   Owned<double> gain({count, n, e}), tej({count, n, e});
   Outcomes outcomes(count);
-  with_level(robot, full, [&](auto mobility, auto level) {
-    constexpr Mobility K = decltype(mobility)::value;
-    using Level = decltype(level);
-    const Knowledge knowledge = known.view();
-    for_rows(
-        count,
-        [&](std::size_t i) {
-          std::vector<double>& work = scratch(estimate_work(robot, knowledge.count));
-          Extended q_e;
-          Matrix<kMaxReadings, kDof<K>> H_x;
-          ReadingCovariance C;
-          Fusion<K> fusion;
-          Parasitic rest;
-          Outcome outcome = Level::template linearise<K>(robot, to_pose<K>(row<Joint>(x, i)), q_e,
-                                                         H_x, work.data(), rest);
-          if (outcome)
-            outcome = reading_covariance(robot, knowledge, work.data(),
-                                         work.data() + e * parameter_count(robot), C);
-          if (outcome) outcome = fuse<K>(robot, knowledge, C, H_x, fusion);
-          outcomes.set(i, outcome);
-          ExtendedRows M_plus{};
-          if (outcome) weighted_tej<K>(robot, H_x, fusion, M_plus);
-          for (std::size_t k = 0; k < n * e; ++k) {
-            gain[i][k] = outcome ? fusion.gain[k / e][k % e] : NAN;
-            tej[i][k] = outcome ? M_plus[k / e][k % e] : NAN;
-          }
-        },
-        kFewRowsPerThread);
-  });
+  const Kernels model = kernels(robot.mobility, full);
+  const Knowledge knowledge = known.view();
+  for_rows(
+      count,
+      [&](std::size_t i) {
+        std::vector<double>& work = scratch(estimate_work(robot, knowledge.count));
+        Fused fusion;
+        const Outcome outcome =
+            fused(robot, model, knowledge, to_pose(robot.mobility, row<Joint>(x, i)), work.data(),
+                  work.data() + e * parameter_count(robot), fusion);
+        outcomes.set(i, outcome);
+        write(fusion.gain, n, e, outcome, gain[i]);
+        write(fusion.tej, n, e, outcome, tej[i]);
+      },
+      kFewRowsPerThread);
   return nb::make_tuple(gain.release(), tej.release(), outcomes.status.release(),
                         outcomes.chain.release());
 }
@@ -103,12 +75,6 @@ auto batch_innovation(const Robot& robot, const Rows& q_e, const Rows& expected)
     std::copy_n(difference.begin(), width, residual[i]);
   });
   return residual.release();
-}
-
-LineModel model_of(const Robot& robot, bool full) {
-  return with_level(robot, full, [](auto mobility, auto model) {
-    return line_model<mobility(), decltype(model)>();
-  });
 }
 
 RowMatrix homogeneous(const Frame& frame) {
@@ -131,22 +97,17 @@ auto batch_seen(const Robot& robot, const RowMatrix& base, const RowMatrix& mark
   Owned<double> apart({count, n}), H_x({count, n, n}), H({count, n, std::size_t{kRegistration}}),
       coordinates({count, n}), blunt({count});
   const Registration by = registration_from(base, marker);
-  with_mobility(robot.mobility, [&](auto mobility) {
-    constexpr Mobility K = mobility();
-    for (std::size_t i = 0; i < count; ++i) {
-      const Seen<K> at = seen<K>(by, to_pose<K>(row<Joint>(x, i)));
-      const Joint residual = innovation<K>(at, row<Joint>(measured, i).data());
-      std::copy_n(residual.begin(), n, apart[i]);
-      *blunt[i] = at.blunt;
-      const double theta = std::atan2(at.Q(1, 0), at.Q(0, 0));
-      const Joint there = to_coordinates<K>({at.p, at.Q, theta});
-      std::copy_n(there.begin(), n, coordinates[i]);
-      for (std::size_t k = 0; k < n; ++k) {
-        std::copy_n(at.H_x[k].begin(), n, H_x[i] + k * n);
-        std::copy_n(at.H[k].begin(), kRegistration, H[i] + k * kRegistration);
-      }
-    }
-  });
+  for (std::size_t i = 0; i < count; ++i) {
+    const Seen at = seen(robot.mobility, by, to_pose(robot.mobility, row<Joint>(x, i)));
+    const Joint residual = innovation(robot.mobility, at, row<Joint>(measured, i).data());
+    std::copy_n(residual.begin(), n, apart[i]);
+    *blunt[i] = at.blunt;
+    const double theta = std::atan2(at.Q(1, 0), at.Q(0, 0));
+    const Joint there = to_coordinates(robot.mobility, {at.p, at.Q, theta});
+    std::copy_n(there.begin(), n, coordinates[i]);
+    write(at.H_x, n, n, {}, H_x[i]);
+    write(at.H, n, kRegistration, {}, H[i]);
+  }
   return nb::make_tuple(coordinates.release(), apart.release(), H_x.release(), H.release(),
                         blunt.release());
 }
@@ -167,7 +128,7 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
       log.measured = measured.data();
       log.measured_sigma = measured_sigma.data();
     }
-    const LineModel model = model_of(drawn, full);
+    const Kernels model = kernels(drawn.mobility, full);
     const Knowledge known = prior.view();
     Signals signals;
     CalibrationSettings settings;
@@ -184,9 +145,7 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
     const bool good = !result.xi.empty() && result.status[i] == Status::ok;
     Joint at;
     at.fill(NAN);
-    if (good)
-      at = with_mobility(drawn.mobility,
-                         [&](auto mobility) { return to_coordinates<mobility()>(result.pose[i]); });
+    if (good) at = to_coordinates(drawn.mobility, result.pose[i]);
     std::copy_n(at.begin(), n, x[i]);
     *chi2[i] = good ? result.chi2[i] : NAN;
     *weight[i] = good ? result.weight[i] : 0;
@@ -210,16 +169,14 @@ auto run_after_visiting(const Robot& robot, const Known& prior, const Rows& x, c
     nb::gil_scoped_release release;
     std::vector<Visit> visits;
     const auto visit = [&](const Rows& rows, std::size_t i, Outside outside) {
-      const Pose pose = with_mobility(
-          robot.mobility, [&](auto mobility) { return to_pose<mobility()>(row<Joint>(rows, i)); });
-      visits.push_back({pose, outside});
+      visits.push_back({to_pose(robot.mobility, row<Joint>(rows, i)), outside});
     };
     for (std::size_t i = 0; i < x.shape(0); ++i) visit(x, i, {});
     for (std::size_t i = 0; i < known.shape(0); ++i)
       visit(known, i, {known.data() + i * known.shape(1), sigma.data()});
     Signals signals;
-    outcome = after_visiting(robot, model_of(robot, full), prior.view(), nuisances, visits, root,
-                             [&] { signals(); });
+    outcome = after_visiting(robot, kernels(robot.mobility, full), prior.view(), nuisances, visits,
+                             root, [&] { signals(); });
   }
   return nb::make_tuple(root, static_cast<int>(outcome.status), outcome.chain);
 }
@@ -230,40 +187,37 @@ auto batch_accuracy(const Robot& robot, const Known& known, const Rows& x, const
   const std::size_t count = x.shape(0), n = x.shape(1);
   Owned<double> covariance({count, n, n});
   Outcomes outcomes(count);
-  with_level(robot, full, [&](auto mobility, auto level) {
-    constexpr Mobility K = decltype(mobility)::value;
-    using Level = decltype(level);
-    const Knowledge knowledge = known.view();
-    PoseError there;
-    Outcome first;
-    const bool relative = reference.shape(0) > 0;
-    if (relative)
-      first = pose_error<K, Level>(robot, knowledge, to_pose<K>(row<Joint>(reference, 0)),
-                                   scratch(0), there);
-    for_rows(
-        count,
-        [&](std::size_t i) {
-          Outcome outcome = first;
-          PoseError here;
-          if (outcome)
-            outcome = pose_error<K, Level>(robot, knowledge, to_pose<K>(row<Joint>(x, i)),
-                                           scratch(0), here);
-          outcomes.set(i, outcome);
-          RowMatrix P;
-          if (!outcome) {
-            P.setConstant(n, n, NAN);
-          } else {
-            P = here.by_noise;
-            if (relative) {
-              here.by_geometry -= there.by_geometry;
-              P += there.by_noise;
-            }
-            P.noalias() += here.by_geometry * here.by_geometry.transpose();
+  const Kernels model = kernels(robot.mobility, full);
+  const Knowledge knowledge = known.view();
+  const auto error_at = [&](const Rows& poses, std::size_t i, PoseError& error) {
+    return pose_error(robot, model, knowledge, to_pose(robot.mobility, row<Joint>(poses, i)),
+                      scratch(0), error);
+  };
+  PoseError there;
+  Outcome first;
+  const bool relative = reference.shape(0) > 0;
+  if (relative) first = error_at(reference, 0, there);
+  for_rows(
+      count,
+      [&](std::size_t i) {
+        Outcome outcome = first;
+        PoseError here;
+        if (outcome) outcome = error_at(x, i, here);
+        outcomes.set(i, outcome);
+        RowMatrix P;
+        if (!outcome) {
+          P.setConstant(n, n, NAN);
+        } else {
+          P = here.by_noise;
+          if (relative) {
+            here.by_geometry -= there.by_geometry;
+            P += there.by_noise;
           }
-          std::copy_n(P.data(), n * n, covariance[i]);
-        },
-        kFewRowsPerThread);
-  });
+          P.noalias() += here.by_geometry * here.by_geometry.transpose();
+        }
+        std::copy_n(P.data(), n * n, covariance[i]);
+      },
+      kFewRowsPerThread);
   return nb::make_tuple(covariance.release(), outcomes.status.release(), outcomes.chain.release());
 }
 
@@ -274,23 +228,20 @@ auto batch_observe(Online& online, const Rows& q_e, const Row& linearised) {
   const std::size_t count = q_e.shape(0), n = dof(drawn.mobility);
   Owned<double> x({count, n});
   Outcomes outcomes(count);
-  with_level(drawn, online.full(), [&](auto mobility, auto model) {
-    constexpr Mobility K = decltype(mobility)::value;
-    Lesson lesson(online, drawn);
-    Learner& learner = lesson.learner;
-    const std::vector<double> about(linearised.data(), linearised.data() + linearised.shape(0));
-    if (!about.empty()) learner.settings.linearised = about.data();
-    for_rows_in_order(count, [&](std::size_t i) {
-      learner.pose = to_pose<K>(drawn.home);
-      const Outcome outcome =
-          observe<K, decltype(model)>(drawn, learner.settings, row<Extended>(q_e, i), learner.state,
-                                      learner.robot, learner.pose, learner.work);
-      ++(outcome.status == Status::ok ? learner.lines : learner.left_out);
-      outcomes.set(i, outcome);
-      Joint at = to_coordinates<K>(learner.pose);
-      if (!outcome) at.fill(NAN);
-      std::copy_n(at.begin(), n, x[i]);
-    });
+  const Kernels model = kernels(drawn.mobility, online.full());
+  Lesson lesson(online, drawn);
+  Learner& learner = lesson.learner;
+  const std::vector<double> about(linearised.data(), linearised.data() + linearised.shape(0));
+  if (!about.empty()) learner.settings.linearised = about.data();
+  for_rows_in_order(count, [&](std::size_t i) {
+    learner.pose = to_pose(drawn.mobility, drawn.home);
+    const Outcome outcome = model.observe(drawn, learner.settings, row<Extended>(q_e, i),
+                                          learner.state, learner.robot, learner.pose, learner.work);
+    ++(outcome.status == Status::ok ? learner.lines : learner.left_out);
+    outcomes.set(i, outcome);
+    Joint at = to_coordinates(drawn.mobility, learner.pose);
+    if (!outcome) at.fill(NAN);
+    std::copy_n(at.begin(), n, x[i]);
   });
   return nb::make_tuple(x.release(), outcomes.status.release(), outcomes.chain.release());
 }

@@ -10,9 +10,9 @@
 
 #include "arrays.hpp"
 #include "for_rows.hpp"
-#include "instances.hpp"
 #include "known.hpp"
 #include "online.hpp"
+#include "truepose/kernels.hpp"
 #include "truepose/offline/simulate.hpp"
 #include "truepose/offline/statics.hpp"
 

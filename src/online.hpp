@@ -41,8 +41,7 @@ class Online {
     learner.work = work_.data();
     learner.robot = nominal;
     learner.robot.level = drawn_.level;
-    learner.pose = with_mobility(nominal.mobility,
-                                 [&](auto mobility) { return to_pose<mobility()>(nominal.home); });
+    learner.pose = to_pose(nominal.mobility, nominal.home);
     return learner;
   }
   /// What is neither ξ̂ nor its root: counts, doubts and the state that is kept.

@@ -16,7 +16,7 @@ TEST("poses a tenth of a millimetre or a hundredth of a degree apart are modes o
       step[j] = 1e-4 + 1e-9;  // another search's end there
       found.push_back(moved<K>(home, step));
     }
-    const AssemblyModes modes = distinct_modes<K>(mechanism.robot, found);
+    const AssemblyModes modes = distinct_modes(mechanism.robot, found);
     CHECK(modes.pose.size() == kDof<K> + 1);
     CHECK(modes.seen.front() == 1);
     for (std::size_t k = 1; k < modes.seen.size(); ++k) CHECK(modes.seen[k] == 2);
@@ -30,7 +30,7 @@ TEST("the mode nearest to home is told first") {
     check::Random random(81);
     std::vector<Pose> found;
     for (int k = 0; k < 20; ++k) found.push_back(to_pose<K>(random_pose(mechanism, random)));
-    const AssemblyModes modes = distinct_modes<K>(mechanism.robot, found);
+    const AssemblyModes modes = distinct_modes(mechanism.robot, found);
     CHECK(modes.pose.size() == 20);
     const auto from_home = [&](const Pose& at) {
       return std::max((at.D - home.D).cwiseAbs().maxCoeff(), (at.R - home.R).norm());
@@ -47,8 +47,7 @@ TEST("every start is one from which the rods can reach") {
     Closure<K> closure;
     CHECK(ikm<K>(robot, to_pose<K>(robot.home), closure));
     const Joint q = closure.q();
-    const auto starts = random_starts<K>(robot, q, 200, 3),
-               again = random_starts<K>(robot, q, 200, 3);
+    const auto starts = random_starts(robot, q, 200, 3), again = random_starts(robot, q, 200, 3);
     CHECK(starts.size() == 201);
     Vec3 low = Vec3::Constant(INFINITY), high = -low;
     for (std::size_t k = 1; k < starts.size(); ++k) {

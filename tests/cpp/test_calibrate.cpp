@@ -63,7 +63,7 @@ class Scene {
   /// What a tracker measures that sees the base so.
   void measure(const Registration& by) {
     for (const Joint& at : x) {
-      const Seen<K> seen_there = seen<K>(by, to_pose<K>(at));
+      const Seen seen_there = seen(K, by, to_pose<K>(at));
       for (int i = 0; i < n; ++i) {
         measured_sigma.push_back(2e-5 * (1 + i));
         measured.push_back(seen_there.p[i] + measured_sigma.back() * random_());
@@ -75,7 +75,7 @@ class Scene {
     log.count = lines(), log.q_e = q_e.data(), log.registration = registration;
     if (!measured.empty())
       log.measured = measured.data(), log.measured_sigma = measured_sigma.data();
-    const LineModel model = line_model<K, IdealModel>();
+    const Kernels model = kernels<K, IdealModel>();
     return Calibrator(robot, model, known, mean, log, settings).run();
   }
   void leave_out(int k) {

@@ -107,7 +107,7 @@ TEST("fuse is generalised least squares: gain and covariance against dense algeb
         CHECK_NEAR(fusion.gain[i][c], gain(i, c), 1e-7 * gain.row(i).cwiseAbs().maxCoeff());
     }
     PoseError error;
-    CHECK(bool(pose_error<K, Model>(robot, scene.known, pose, scene.work, error)));
+    CHECK(bool(pose_error(robot, kernels<K, Model>(), scene.known, pose, scene.work, error)));
     const Eigen::MatrixXd sum = error.by_geometry * error.by_geometry.transpose() + error.by_noise;
     CHECK((sum - P).norm() < 1e-7 * P.norm());
   });
@@ -246,7 +246,7 @@ TEST("a visit leaves the posterior of all its rows at once, those of known poses
       information += rest.transpose() * rest;
     }
     RowMatrix root;
-    CHECK(bool(after_visiting(scene.robot, line_model<K, Model>(), scene.known, 0, visits, root)));
+    CHECK(bool(after_visiting(scene.robot, kernels<K, Model>(), scene.known, 0, visits, root)));
     const Eigen::MatrixXd expected = scene.root * information.inverse() * scene.root.transpose();
     CHECK((root * root.transpose() - expected).norm() < 1e-7 * expected.norm());
     CHECK(root.triangularView<Eigen::StrictlyUpper>().toDenseMatrix().norm() == 0);

@@ -75,8 +75,8 @@ class Scene {
   Line read(const Outside& outside = {}) {
     Line line;
     RowMatrix work(2 * readings(), parameter_count(robot));
-    CHECK((line_model<K, IdealModel>().read(robot, known, pose, q_e.data(), outside, nullptr,
-                                            work.data(), line, rest)));
+    CHECK(truepose::read(kernels<K, IdealModel>(), robot, known, pose, q_e.data(), outside, nullptr,
+                         work.data(), line, rest));
     return line;
   }
   /// Reading c, whitened, as row `at` of A δx + B δu = e.
@@ -126,9 +126,9 @@ TEST("a line with fewer readings than freedoms determines no pose") {
   for (int c = 0; c < 3; ++c) scene.q_e[c] = NAN;
   Line line;
   RowMatrix work(2 * scene.readings(), parameter_count(scene.robot));
-  const Outcome outcome = line_model<Mobility::planar_translation, IdealModel>().read(
-      scene.robot, scene.known, scene.pose, scene.q_e.data(), {}, nullptr, work.data(), line,
-      scene.rest);
+  const Outcome outcome =
+      read(kernels<Mobility::planar_translation, IdealModel>(), scene.robot, scene.known,
+           scene.pose, scene.q_e.data(), {}, nullptr, work.data(), line, scene.rest);
   CHECK(outcome.status == Status::singular);
 }
 
@@ -178,8 +178,8 @@ TEST("an unknown registration is seen by what was measured, and by nothing else"
     const Joint nothing{};
     // What the tracker reads at a step of the pose and of the registration, against 0.
     const auto seen_at = [&](const Joint& step, const std::array<double, kRegistration>& frames) {
-      return innovation<K>(seen<K>(moved(by, frames.data()), moved<K>(scene.pose, step)),
-                           nothing.data());
+      return innovation(K, seen(K, moved(by, frames.data()), moved<K>(scene.pose, step)),
+                        nothing.data());
     };
     const Joint there = seen_at({}, {});
     Joint measured{};

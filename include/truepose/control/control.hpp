@@ -55,9 +55,8 @@ inline void track(const ControlSettings& settings, double pole, double reading, 
 /// @return no answer: the torque of the last good cycle is held, nothing else changes;
 /// near_singular: the torque is that of the damped J
 template <Mobility K>
-inline Outcome control(const Robot& robot, const ControlSettings& settings,
-                       const Setpoint& setpoint, const Extended& q_e, ControlState& state,
-                       const Weighing& weighing = {}) {
+Outcome control(const Robot& robot, const ControlSettings& settings, const Setpoint& setpoint,
+                const Extended& q_e, ControlState& state, const Weighing& weighing = {}) {
   constexpr int n = kDof<K>;
   if (!all_finite(q_e, n + robot.r) || !all_finite(setpoint.x, n) ||
       !all_finite(setpoint.rate, n) || !all_finite(setpoint.acceleration, n))

@@ -218,8 +218,8 @@ inline void weigh_line(OnlineState& state, int readings, double log_ratio) {
 /// nor will be, and ξ̂ and S are back where they were last good. Both come with a pose. Without an
 /// answer the state is as it was.
 template <Mobility K, class Model = IdealModel>
-inline Outcome observe(const Robot& drawn, const OnlineSettings& settings, const Extended& q_e,
-                       OnlineState& state, Robot& robot, Pose& pose, double* memory) {
+Outcome observe(const Robot& drawn, const OnlineSettings& settings, const Extended& q_e,
+                OnlineState& state, Robot& robot, Pose& pose, double* memory) {
   constexpr int n = kDof<K>;
   const int r = drawn.r, rows = n + r, p = state.count;
   if (!all_finite(q_e, rows)) return {Status::not_finite, -1};

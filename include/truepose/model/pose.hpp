@@ -162,4 +162,22 @@ inline void free_columns(const Vec3& linear, const Vec3& angular, double* row) {
   }
 }
 
+// The same of a mobility that is a number: offline work, written once, calls these.
+
+constexpr bool turns_about_z(Mobility mobility) {
+  return mobility == Mobility::planar || mobility == Mobility::schoenflies;
+}
+inline Pose to_pose(Mobility mobility, const Joint& x) {
+  return with_mobility(mobility, [&](auto K) { return to_pose<K()>(x); });
+}
+inline Joint to_coordinates(Mobility mobility, const Pose& pose) {
+  return with_mobility(mobility, [&](auto K) { return to_coordinates<K()>(pose); });
+}
+inline Pose moved(Mobility mobility, const Pose& pose, const Joint& step) {
+  return with_mobility(mobility, [&](auto K) { return moved<K()>(pose, step); });
+}
+inline void free_columns(Mobility mobility, const Vec3& linear, const Vec3& angular, double* row) {
+  with_mobility(mobility, [&](auto K) { free_columns<K()>(linear, angular, row); });
+}
+
 }  // namespace truepose

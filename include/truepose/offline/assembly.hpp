@@ -23,10 +23,11 @@ struct AssemblyModes {
 /// all there are, positions uniform over a box that follows from q alone. Chain i holds D + R c_i
 /// on a sphere of radius L_i about B_i - a_i, so that D is at most L_i + |c_i| away from there.
 /// @return home and `count` others; the same seed gives the same ones everywhere
-template <Mobility K>
-std::vector<Pose> random_starts(const Robot& robot, const Joint& q, int count, std::uint64_t seed) {
+inline std::vector<Pose> random_starts(const Robot& robot, const Joint& q, int count,
+                                       std::uint64_t seed) {
+  const Mobility mobility = robot.mobility;
   Vec3 low = Vec3::Constant(-INFINITY), high = Vec3::Constant(INFINITY);
-  for (int i = 0; i < kDof<K>; ++i) {
+  for (int i = 0; i < dof(mobility); ++i) {
     const Chain& chain = robot.chain[i];
     const Driven driven = drive(chain, q[i]);
     const Vec3 centre = chain.base() + driven.p - chain.anchor();
@@ -36,18 +37,17 @@ std::vector<Pose> random_starts(const Robot& robot, const Joint& q, int count, s
   }
   std::mt19937_64 generator(seed);
   const auto uniform = [&] { return static_cast<double>(generator() >> 11) * 0x1p-53; };
-  const Pose home = to_pose<K>(robot.home);
+  const Pose home = to_pose(robot.mobility, robot.home);
   std::vector<Pose> starts(static_cast<std::size_t>(count) + 1, home);
   for (auto start = starts.begin() + 1; start != starts.end(); ++start) {
     for (int axis = 0; axis < 3; ++axis)
       start->D[axis] = low[axis] + uniform() * (high[axis] - low[axis]);
-    if constexpr (K != Mobility::spatial && K != Mobility::translation &&
-                  K != Mobility::schoenflies)
+    if (mobility == Mobility::planar || mobility == Mobility::planar_translation)
       start->D.z() = home.D.z();
-    if constexpr (kTurnsAboutZ<K>) {
+    if (turns_about_z(mobility)) {
       start->theta = M_PI * (2 * uniform() - 1);
       start->R = rotation_z(start->theta);
-    } else if constexpr (K == Mobility::spatial) {  // uniform on the sphere of quaternions
+    } else if (mobility == Mobility::spatial) {  // uniform on the sphere of quaternions
       const double part = uniform(), a = 2 * M_PI * uniform(), b = 2 * M_PI * uniform();
       const double r = std::sqrt(1 - part), s = std::sqrt(part);
       start->R =
@@ -65,8 +65,7 @@ inline bool closes(const FkmResult& result) {
 
 /// The modes among the poses that searches came to, nearest to home first. By a sorted projection:
 /// as quick where few poses come again as where all do.
-template <Mobility K>
-AssemblyModes distinct_modes(const Robot& robot, std::vector<Pose> found) {
+inline AssemblyModes distinct_modes(const Robot& robot, std::vector<Pose> found) {
   const auto apart = [](const Pose& a, const Pose& b) {
     return std::max((a.D - b.D).cwiseAbs().maxCoeff(), (a.R - b.R).norm());
   };
@@ -91,7 +90,7 @@ AssemblyModes distinct_modes(const Robot& robot, std::vector<Pose> found) {
       modes.seen.push_back(1);
     }
   }
-  const Pose home = to_pose<K>(robot.home);
+  const Pose home = to_pose(robot.mobility, robot.home);
   std::vector<std::size_t> order(modes.pose.size());
   for (std::size_t k = 0; k < order.size(); ++k) order[k] = k;
   std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
@@ -102,7 +101,7 @@ AssemblyModes distinct_modes(const Robot& robot, std::vector<Pose> found) {
     sorted.pose.push_back(modes.pose[k]);
     sorted.seen.push_back(modes.seen[k]);
     Pose& pose = sorted.pose.back();
-    if constexpr (kTurnsAboutZ<K>) pose.theta = theta_of(pose.R, 0);
+    if (turns_about_z(robot.mobility)) pose.theta = theta_of(pose.R, 0);
   }
   return sorted;
 }

@@ -23,7 +23,7 @@ struct Visit {
 /// @param root  out: lower triangular, Σ_ξ = root rootᵀ after the visit
 /// @return the first outcome that is not ok; `chain` is then the chain at fault
 inline Outcome after_visiting(
-    const Robot& robot, const LineModel& model, const Knowledge& prior, int nuisances,
+    const Robot& robot, const Kernels& model, const Knowledge& prior, int nuisances,
     const std::vector<Visit>& visits, RowMatrix& root, const std::function<void()>& poll = [] {}) {
   const int p = prior.count;
   Knowledge raw = prior;  // S comes last, once: elimination acts on the rows, S on the columns
@@ -43,8 +43,8 @@ inline Outcome after_visiting(
     Outcome outcome;
     if (nuisances > 0) outcome = model.left_out(robot, axes, visit.pose, H_xi.data(), D);
     if (outcome)
-      outcome = model.read(robot, raw, visit.pose, nullptr, visit.outside,
-                           nuisances > 0 ? &D : nullptr, H_xi.data(), line, rest);
+      outcome = read(model, robot, raw, visit.pose, nullptr, visit.outside,
+                     nuisances > 0 ? &D : nullptr, H_xi.data(), line, rest);
     if (!outcome) return outcome;
     for (int i = model.n; i < line.rows; ++i) stacked.row(row++) = line.B.row(i);
     poll();
@@ -68,6 +68,20 @@ inline Outcome after_visiting(
   return {};
 }
 
+/// What all readings at a pose make of it, with the weights of that pose.
+/// @param H_xi, B  work space, as of reading_covariance
+inline Outcome fused(const Robot& robot, const Kernels& model, const Knowledge& known,
+                     const Pose& pose, double* H_xi, double* B, Fused& fusion) {
+  Extended q_e;
+  ExtendedColumns H_x;
+  ReadingCovariance C;
+  Parasitic rest;
+  Outcome outcome = model.linearise(robot, pose, q_e, H_x, H_xi, rest);
+  if (outcome) outcome = reading_covariance(robot, known, H_xi, B, C);
+  if (outcome) outcome = model.fuse(robot, known, C, H_x, fusion);
+  return outcome;
+}
+
 /// Errors of x̂ at a pose: those that come from ξ, in units of the knowledge's root, and those of
 /// the readings themselves.
 struct PoseError {
@@ -75,21 +89,13 @@ struct PoseError {
   RowMatrix by_noise;     ///< covariance, n×n
 };
 
-template <Mobility K, class Level>
-inline Outcome pose_error(const Robot& robot, const Knowledge& known, const Pose& pose,
-                          std::vector<double>& work, PoseError& error) {
-  constexpr int n = kDof<K>;
-  const int rows = n + robot.r, p = known.count;
+inline Outcome pose_error(const Robot& robot, const Kernels& model, const Knowledge& known,
+                          const Pose& pose, std::vector<double>& work, PoseError& error) {
+  const int n = model.n, rows = n + robot.r, p = known.count;
   work.resize(estimate_work(robot, p));
   double *H_xi = work.data(), *B = H_xi + rows * parameter_count(robot);
-  Extended q_e;
-  Matrix<kMaxReadings, n> H_x;
-  ReadingCovariance C;
-  Fusion<K> fusion;
-  Parasitic rest;
-  Outcome outcome = Level::template linearise<K>(robot, pose, q_e, H_x, H_xi, rest);
-  if (outcome) outcome = reading_covariance(robot, known, H_xi, B, C);
-  if (outcome) outcome = fuse<K>(robot, known, C, H_x, fusion);
+  Fused fusion;
+  const Outcome outcome = fused(robot, model, known, pose, H_xi, B, fusion);
   if (!outcome) return outcome;
   RowMatrix gain(n, rows);  // of readings in units of their σ
   for (int i = 0; i < n; ++i)

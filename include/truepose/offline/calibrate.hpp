@@ -58,7 +58,7 @@ struct CalibrationResult {
 /// error does not look like one big outlier, and the squares never see a gross one.
 class Calibrator {
  public:
-  Calibrator(const Robot& drawn, const LineModel& model, const Knowledge& prior,
+  Calibrator(const Robot& drawn, const Kernels& model, const Knowledge& prior,
              const std::vector<double>& mean, const ReadingLog& log,
              const CalibrationSettings& settings)
       : drawn_(drawn),
@@ -161,16 +161,15 @@ class Calibrator {
     if (first < 0 || !log_.measured) return log_.registration;
     // Every unknown place of a marker has an x, every unknown turn one about the nacelle's z.
     const int place = first + 6, turn = first + kRegistration - 1;
-    return model_.registered(log_.registration, S_(place, place) > 0, S_(turn, turn) > 0,
-                             log_.count, at.pose.data(), status.data(), log_.measured);
+    return registered(model_.mobility, log_.registration, S_(place, place) > 0, S_(turn, turn) > 0,
+                      log_.count, at.pose.data(), status.data(), log_.measured);
   }
 
   /// First poses: from the motors, at the prior mean.
   std::vector<Status> start(Iterate& at) {
     set_parameters(drawn_, mean_.data(), robot_);
     std::vector<Status> status(log_.count, Status::ok);
-    const Pose home = with_mobility(
-        robot_.mobility, [&](auto mobility) { return to_pose<mobility()>(robot_.home); });
+    const Pose home = to_pose(robot_.mobility, robot_.home);
     Pose guess = home;
     for (int k = 0; k < log_.count; ++k) {
       Joint q{};
@@ -208,8 +207,8 @@ class Calibrator {
                  settings_.registration};
     Line& line = at.line[k];
     const int m = settings_.nuisances;
-    if (!model_.read(robot_, prior_, at.pose[k], log_.q_e + k * readings_, outside,
-                     m > 0 ? &D_[k] : nullptr, H_xi_.data(), line, rest_[k]))
+    if (!truepose::read(model_, robot_, prior_, at.pose[k], log_.q_e + k * readings_, outside,
+                        m > 0 ? &D_[k] : nullptr, H_xi_.data(), line, rest_[k]))
       return false;
     for (int i = 0; i < line.rows && m > 0; ++i)
       line.e[i] -= line.B.row(i).tail(m).dot(at.u.tail(m));
@@ -241,7 +240,7 @@ class Calibrator {
         Joint change{};
         for (int i = 0; i < n_; ++i) change[i] = length * line.e[i];
         back_substitute(n_, line.R, change);
-        at.pose[k] = model_.moved(pose, change);
+        at.pose[k] = moved(model_.mobility, pose, change);
         lower = read(at, k) && misfit(at.line[k]) < misfit(line);
       }
       if (lower) continue;
@@ -383,7 +382,7 @@ class Calibrator {
       size = std::max(size, std::fabs(change[i]));
     }
     back_substitute(n_, line.R, change);
-    trial.pose[k] = model_.moved(now.pose[k], change);
+    trial.pose[k] = moved(model_.mobility, now.pose[k], change);
     return size;
   }
 
@@ -415,7 +414,7 @@ class Calibrator {
   }
 
   const Robot& drawn_;
-  const LineModel& model_;
+  const Kernels& model_;
   const Knowledge& prior_;
   const std::vector<double>& mean_;
   const ReadingLog& log_;

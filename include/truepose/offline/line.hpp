@@ -1,9 +1,8 @@
 // What does one line of readings say of ξ, linearised, its pose eliminated?
 #pragma once
 
-#include "truepose/estimation/estimate.hpp"
 #include "truepose/math/eliminate.hpp"
-#include "truepose/offline/guarded.hpp"
+#include "truepose/offline/kernel_table.hpp"
 #include "truepose/offline/registration.hpp"
 
 namespace truepose {
@@ -35,34 +34,18 @@ struct Outside {
   int first = -1;  ///< of the registration among the unknowns, by itself in S; -1: it is known
 };
 
-/// The robot as a log sees it: what mobilities and levels do differently.
-struct LineModel {
-  int n = 0;
-  Status (*fkm)(const Robot&, const Joint& q, Pose&, Parasitic&) = nullptr;
-  Outcome (*read)(const Robot&, const Knowledge&, const Pose&, const double* q_e, Outside,
-                  const RowMatrix* D, double* H_xi, Line&, Parasitic&) = nullptr;
-  Outcome (*left_out)(const Robot&, const Knowledge& nuisances, const Pose&, double* H_xi,
-                      RowMatrix& D) = nullptr;  ///< where the full level is another one
-  Pose (*moved)(const Pose&, const Joint& step) = nullptr;
-  Registration (*registered)(const Registration& known, bool movable, bool turning, int count,
-                             const Pose*, const Status*, const double* measured) = nullptr;
-};
-
-namespace line_detail {
-
 /// @param q_e   n + r readings, NaN where there is none; nullptr: as expected
 /// @param known  ξ, and behind it the nuisances η if D is given
 /// @param D     ∂q_e/∂η in units of the readings' σ, as of left_out; nullptr: no nuisances
 /// @param H_xi  work space, 2 (n + r) × parameter_count
 /// @param rest  as of ikm_full
-template <Mobility K, class Model>
-Outcome read(const Robot& robot, const Knowledge& known, const Pose& pose, const double* q_e,
-             Outside outside, const RowMatrix* D, double* H_xi, Line& line, Parasitic& rest) {
-  constexpr int n = kDof<K>;
-  const int readings = n + robot.r;
+inline Outcome read(const Kernels& kernels, const Robot& robot, const Knowledge& known,
+                    const Pose& pose, const double* q_e, Outside outside, const RowMatrix* D,
+                    double* H_xi, Line& line, Parasitic& rest) {
+  const int n = kernels.n, readings = n + robot.r;
   Extended expected, residual{}, values{};
-  Matrix<kMaxReadings, n> H_x;
-  const Outcome outcome = Model::template linearise<K>(robot, pose, expected, H_x, H_xi, rest);
+  ExtendedColumns H_x;
+  const Outcome outcome = kernels.linearise(robot, pose, expected, H_x, H_xi, rest);
   if (!outcome) return outcome;
   if (q_e) {
     std::copy_n(q_e, readings, values.begin());
@@ -88,9 +71,9 @@ Outcome read(const Robot& robot, const Knowledge& known, const Pose& pose, const
     enter(residual[c], known.sigma[c], [&](int j) { return H_x[c][j]; });
   }
   if (outside.x) {  // it sees the pose and nothing else of the robot
-    Seen<K> by = seen<K>(*outside.registration, pose);
-    Joint apart = innovation<K>(by, outside.x);
-    in_turns<K>(*outside.registration, pose, by, apart);
+    Seen by = seen(kernels.mobility, *outside.registration, pose);
+    Joint apart = innovation(kernels.mobility, by, outside.x);
+    in_turns(kernels.mobility, *outside.registration, pose, by, apart);
     for (int i = 0; i < n; ++i) {
       if (!std::isfinite(apart[i])) continue;
       auto row = line.B.row(line.rows);
@@ -105,16 +88,6 @@ Outcome read(const Robot& robot, const Knowledge& known, const Pose& pose, const
   const bool determined =
       line.rows >= n && eliminate(n, line.rows, line.R, line.B.data(), known.count, line.e);
   return {determined ? Status::ok : Status::singular, -1};
-}
-
-}  // namespace line_detail
-
-template <Mobility K, class Model>
-LineModel line_model() {
-  LineModel model{kDof<K>,   &Model::template fkm<K>, &line_detail::read<K, Model>, nullptr,
-                  &moved<K>, &registered<K>};
-  if constexpr (kPaired<K>) model.left_out = &left_out<K>;
-  return model;
 }
 
 }  // namespace truepose

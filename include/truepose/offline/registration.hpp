@@ -39,23 +39,27 @@ inline Registration moved(const Registration& from, const double* step) {
           {from.marker.t + at(6), exp_so3(at(9)) * from.marker.R}};
 }
 
+/// How many of the first coordinates are a position.
+constexpr int positions_of(Mobility mobility) {
+  return mobility == Mobility::planar || mobility == Mobility::planar_translation ? 2 : 3;
+}
+
 /// The measured coordinates that a pose leads one to expect, and how they change.
-template <Mobility K>
 struct Seen {
   Vec3 p;
   Mat3 Q;
-  Matrix<kDof<K>, kDof<K>> H_x;                              ///< by the pose's twist
-  std::array<std::array<double, kRegistration>, kDof<K>> H;  ///< by the registration
-  double blunt = 1;  ///< error of θ over that of the marker's turn
+  JointMatrix H_x;                   ///< by the pose's twist
+  Matrix<kMaxDof, kRegistration> H;  ///< by the registration
+  double blunt = 1;                  ///< error of θ over that of the marker's turn
 };
 
 namespace registration_detail {
 
 /// What a turn of the marker about `about`, in the tracker's frame, takes from pose and frames.
 /// @param turn  nacelle to tracker
-template <Mobility K>
-void enter_turn(const Registration& by, const Mat3& turn, const Vec3& about, int i, Seen<K>& to) {
-  free_columns<K>(Vec3::Zero(), by.base.R.transpose() * about, to.H_x[i].data());
+inline void enter_turn(Mobility mobility, const Registration& by, const Mat3& turn,
+                       const Vec3& about, int i, Seen& to) {
+  free_columns(mobility, Vec3::Zero(), by.base.R.transpose() * about, to.H_x[i].data());
   std::copy_n(about.data(), 3, to.H[i].begin() + 3);
   const Vec3 own = turn.transpose() * about;
   std::copy_n(own.data(), 3, to.H[i].begin() + 9);
@@ -65,48 +69,46 @@ void enter_turn(const Registration& by, const Mat3& turn, const Vec3& about, int
 
 /// θ is the angle of the marker's x axis about the tracker's z, and the less certain the nearer the
 /// two are; rotations differ by a rotation vector in the tracker's frame.
-template <Mobility K>
-Seen<K> seen(const Registration& by, const Pose& pose) {
-  constexpr int positions = K == Mobility::planar || K == Mobility::planar_translation ? 2 : 3;
+inline Seen seen(Mobility mobility, const Registration& by, const Pose& pose) {
+  const int positions = positions_of(mobility);
   const Mat3 turn = by.base.R * pose.R;
   const Vec3 arm = pose.R * by.marker.t, lever = by.base.R * (pose.D + arm);
-  Seen<K> result{by.base.t + lever, turn * by.marker.R, {}, {}, 1};
+  Seen result{by.base.t + lever, turn * by.marker.R, {}, {}, 1};
   const auto enter = [](Vec3 value, std::array<double, kRegistration>& row, int first) {
     std::copy_n(value.data(), 3, row.begin() + first);
   };
-  for (int i = 0; i < kDof<K>; ++i) {
+  for (int i = 0; i < dof(mobility); ++i) {
     auto& row = result.H[i];
     if (i < positions) {
       const Vec3 along = by.base.R.row(i);
-      free_columns<K>(along, arm.cross(along), result.H_x[i].data());
+      free_columns(mobility, along, arm.cross(along), result.H_x[i].data());
       row[i] = 1;
       enter(lever.cross(Vec3::Unit(i)), row, 3);
       enter(turn.row(i), row, 6);
     } else {
       Vec3 about = Vec3::Unit(i - positions);  // of the turn that this coordinate sees
-      if constexpr (kTurnsAboutZ<K>) {
+      if (turns_about_z(mobility)) {
         const Vec3 a = result.Q.col(0);
         const double level2 = a.x() * a.x() + a.y() * a.y();
         about = Vec3(-a.x() * a.z() / level2, -a.y() * a.z() / level2, 1);
         result.blunt = 1 / std::sqrt(level2);
       }
-      registration_detail::enter_turn(by, turn, about, i, result);
+      registration_detail::enter_turn(mobility, by, turn, about, i, result);
     }
   }
   return result;
 }
 
 /// What was measured less what was expected; where nothing was measured, a NaN.
-template <Mobility K>
-Joint innovation(const Seen<K>& expected, const double* measured) {
+inline Joint innovation(Mobility mobility, const Seen& expected, const double* measured) {
   Joint apart;
   apart.fill(NAN);
-  constexpr int n = kDof<K>;
+  const int n = dof(mobility);
   for (int i = 0; i < n && i < 3; ++i) apart[i] = measured[i] - expected.p[i];
-  if constexpr (kTurnsAboutZ<K>)
+  if (turns_about_z(mobility))
     apart[n - 1] =
         std::remainder(measured[n - 1] - std::atan2(expected.Q(1, 0), expected.Q(0, 0)), 2 * M_PI);
-  if constexpr (K == Mobility::spatial) {
+  if (mobility == Mobility::spatial) {
     const Vec3 turn =
         log_so3(exp_so3(Vec3(measured[3], measured[4], measured[5])) * expected.Q.transpose());
     std::copy_n(turn.data(), 3, apart.begin() + 3);
@@ -116,16 +118,16 @@ Joint innovation(const Seen<K>& expected, const double* measured) {
 
 /// θ's residual and derivatives in turns of the marker: times the sine of the angle between its x
 /// axis and the tracker's z, which changes as well.
-template <Mobility K>
-void in_turns(const Registration& by, const Pose& pose, Seen<K>& expected, Joint& apart) {
-  if constexpr (kTurnsAboutZ<K>) {
-    const int i = kDof<K> - 1;
+inline void in_turns(Mobility mobility, const Registration& by, const Pose& pose, Seen& expected,
+                     Joint& apart) {
+  if (turns_about_z(mobility)) {
+    const int i = dof(mobility) - 1;
     const Vec3 a = expected.Q.col(0);
     const double sine = a.head<2>().norm();
     const Vec3 of_angle(-a.x() * a.z() / sine, -a.y() * a.z() / sine, sine);
     const Vec3 of_sine(-a.y() * a.z() / sine, a.x() * a.z() / sine, 0);
-    registration_detail::enter_turn<K>(by, by.base.R * pose.R, of_angle - apart[i] * of_sine, i,
-                                       expected);
+    registration_detail::enter_turn(mobility, by, by.base.R * pose.R, of_angle - apart[i] * of_sine,
+                                    i, expected);
     apart[i] *= sine;
   }
 }
@@ -147,11 +149,10 @@ inline Mat3 nearest_rotation(const Mat3& A) {
 /// @param turning  whether its turn is
 /// @param pose      of `count` lines; those without a status ok are left out
 /// @param measured  count × n coordinates, NaN where there is none
-template <Mobility K>
-Registration registered(const Registration& known, bool movable, bool turning, int count,
-                        const Pose* pose, const Status* status, const double* measured) {
-  constexpr int n = kDof<K>;
-  constexpr int positions = K == Mobility::planar || K == Mobility::planar_translation ? 2 : 3;
+inline Registration registered(Mobility mobility, const Registration& known, bool movable,
+                               bool turning, int count, const Pose* pose, const Status* status,
+                               const double* measured) {
+  const int n = dof(mobility), positions = positions_of(mobility);
   struct Pair {
     Vec3 from, to;
     int line;
@@ -224,10 +225,10 @@ Registration registered(const Registration& known, bool movable, bool turning, i
   for (const Pair& p : pairs) {
     const double* x = measured + p.line * n;
     const Mat3 back = (result.base.R * pose[p.line].R).transpose();
-    if constexpr (K == Mobility::spatial) {
+    if (mobility == Mobility::spatial) {
       if (std::isfinite(x[3] + x[4] + x[5]))
         sum += p.weight * back * exp_so3(Vec3(x[3], x[4], x[5]));
-    } else if constexpr (kTurnsAboutZ<K>) {
+    } else if (turns_about_z(mobility)) {
       const Vec3 axis = back * Vec3(std::cos(x[n - 1]), std::sin(x[n - 1]), 0);
       if (axis.allFinite()) sum += p.weight * rotation_z(std::atan2(axis.y(), axis.x()));
     }

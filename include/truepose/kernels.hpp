@@ -1,0 +1,81 @@
+// What is compiled once? The hot functions of every mobility, at full optimisation, in the library
+// `truepose_kernels`: whoever includes this header only calls them, and must link it. The core
+// needs neither: without them its templates are compiled where they are used.
+#pragma once
+
+#include "truepose/control/command.hpp"
+#include "truepose/control/control.hpp"
+#include "truepose/estimation/estimate.hpp"
+#include "truepose/estimation/learning.hpp"
+#include "truepose/full/linearise.hpp"
+
+/// Of one mobility. @param PREFIX  extern, or nothing where they are to be compiled
+#define TRUEPOSE_KERNELS(PREFIX, K)                                                               \
+  PREFIX template Outcome ikm<K, true>(const Robot&, const Pose&, Closure<K>&);                   \
+  PREFIX template Outcome ikm<K, false>(const Robot&, const Pose&, Closure<K>&);                  \
+  PREFIX template Outcome jacobian<K>(const Closure<K>&, Jacobians<K>&);                          \
+  PREFIX template Outcome jacobian<K>(Closure<K>&, double, Jacobians<K>&);                        \
+  PREFIX template FkmResult fkm<K>(const Robot&, const Joint&, Pose&);                            \
+  PREFIX template FkmResult search<K>(const Robot&, const Joint&, Pose&, int);                    \
+  PREFIX template Outcome rkm<K>(const Robot&, const Closure<K>&, Reading&,                       \
+                                 Matrix<kMaxSensors, kDof<K>>&);                                  \
+  PREFIX template Outcome extended<K>(const Robot&, const Pose&, Extended&);                      \
+  PREFIX template Outcome command_detail::same_mode<K>(const Robot&, const Joint&);               \
+  PREFIX template Outcome linearise<K>(const Robot&, const Pose&, Extended&,                      \
+                                       Matrix<kMaxReadings, kDof<K>>&, double*);                  \
+  PREFIX template Outcome fuse<K>(const Robot&, const Knowledge&, const ReadingCovariance&,       \
+                                  const Matrix<kMaxReadings, kDof<K>>&, Fusion<K>&);              \
+  PREFIX template void weighted_tej<K>(const Robot&, const Matrix<kMaxReadings, kDof<K>>&,        \
+                                       const Fusion<K>&, ExtendedRows&);                          \
+  PREFIX template void tej<K>(const Robot&, const Jacobians<K>&,                                  \
+                              const Matrix<kMaxSensors, kDof<K>>&, ExtendedColumns&,              \
+                              ExtendedRows&);                                                     \
+  PREFIX template Outcome redundant_fkm<K>(const Robot&, const Extended&, const Vec3&, Pose&);    \
+  PREFIX template Outcome refer<K>(const Robot&, Law, const Joint&, Reference<K>&, double,        \
+                                   const Weighing&, Parasitic*);                                  \
+  PREFIX template Outcome motor_error<K>(const Robot&, Law, const Reference<K>&, const Extended&, \
+                                         Joint&, Pose&, const Weighing&, const Parasitic&);       \
+  PREFIX template Outcome dynamic_model<K>(const Robot&, const Closure<K>&, const Joint&,         \
+                                           DynamicModel<K>&);                                     \
+  PREFIX template Joint inverse_dynamics<K>(const DynamicModel<K>&,                               \
+                                            const Matrix<kDof<K>, kDof<K>>&, const Joint&);       \
+  PREFIX template Outcome forward_dynamics<K>(const Robot&, const Pose&, const Joint&,            \
+                                              const Joint&, Joint&);                              \
+  PREFIX template Outcome control<K>(const Robot&, const ControlSettings&, const Setpoint&,       \
+                                     const Extended&, ControlState&, const Weighing&);            \
+  PREFIX template Outcome learn<K>(Learner&, const Extended&);                                    \
+  TRUEPOSE_KERNELS_OF_LEVEL(PREFIX, K, IdealModel)
+
+#define TRUEPOSE_KERNELS_OF_LEVEL(PREFIX, K, MODEL)                                               \
+  PREFIX template Estimate<K> estimate<K, MODEL>(const Robot&, const Knowledge&, const Extended&, \
+                                                 Pose&, double*, Parasitic*);                     \
+  PREFIX template Outcome observe<K, MODEL>(const Robot&, const OnlineSettings&, const Extended&, \
+                                            OnlineState&, Robot&, Pose&, double*);
+
+/// Of a mobility whose rods come in pairs: the full level of the others is their ideal one.
+#define TRUEPOSE_FULL_KERNELS(PREFIX, K)                                                          \
+  PREFIX template FullResult fkm_full<K>(const Robot&, const Joint&, FullPose&, FullClosure<K>&); \
+  PREFIX template FullResult ikm_full<K>(const Robot&, const Pose&, FullClosure<K>&, Parasitic*); \
+  PREFIX template Outcome jacobian_full<K>(const Robot&, const FullClosure<K>&,                   \
+                                           FullJacobians<K>&);                                    \
+  PREFIX template Outcome rkm_full<K>(const Robot&, const FullClosure<K>&, Reading&,              \
+                                      std::array<FullRow, kMaxSensors>&);                         \
+  PREFIX template Outcome command_detail::same_full_mode<K>(const Robot&, const Joint&);          \
+  PREFIX template Outcome linearise_full<K>(const Robot&, const Pose&, Extended&,                 \
+                                            Matrix<kMaxReadings, kDof<K>>&, double*, Parasitic*); \
+  TRUEPOSE_KERNELS_OF_LEVEL(PREFIX, K, FullModel)
+
+#define TRUEPOSE_PLANE_AND_SPACE_KERNELS(PREFIX)         \
+  TRUEPOSE_KERNELS(PREFIX, Mobility::planar_translation) \
+  TRUEPOSE_KERNELS(PREFIX, Mobility::planar)             \
+  TRUEPOSE_KERNELS(PREFIX, Mobility::spatial)
+#define TRUEPOSE_PAIRED_KERNELS(PREFIX)                \
+  TRUEPOSE_KERNELS(PREFIX, Mobility::translation)      \
+  TRUEPOSE_KERNELS(PREFIX, Mobility::schoenflies)      \
+  TRUEPOSE_FULL_KERNELS(PREFIX, Mobility::translation) \
+  TRUEPOSE_FULL_KERNELS(PREFIX, Mobility::schoenflies)
+
+namespace truepose {
+TRUEPOSE_PLANE_AND_SPACE_KERNELS(extern)
+TRUEPOSE_PAIRED_KERNELS(extern)
+}  // namespace truepose
