@@ -13,7 +13,7 @@ from truepose.robot.description import Description
 def rotation(vector: ArrayLike) -> Array:
     """exp([v]×), shape (..., 3, 3), of rotation vectors v, shape (..., 3)."""
     vector = np.asarray(vector, dtype=float)
-    return _core.rotations(_rows(vector, 3)).reshape(*vector.shape, 3)
+    return np.asarray(_core.rotations(_rows(vector, 3))).reshape(*vector.shape, 3)
 
 
 def rotation_vector(R: ArrayLike) -> Array:
@@ -26,7 +26,7 @@ def rotation_vector(R: ArrayLike) -> Array:
     [ 0.1  2.  -1. ]
     """
     R = np.asarray(R, dtype=float)
-    return _core.rotation_vectors(_rows(R, 9)).reshape(R.shape[:-1])
+    return np.asarray(_core.rotation_vectors(_rows(R, 9))).reshape(R.shape[:-1])
 
 
 def frames(robot: Description, x: ArrayLike, tilt: ArrayLike | None = None) -> Array:
@@ -53,7 +53,7 @@ def frames(robot: Description, x: ArrayLike, tilt: ArrayLike | None = None) -> A
     turn = np.zeros((*x.shape[:-1], 3))
     if tilt is not None:
         turn[..., : np.shape(tilt)[-1]] = tilt
-    frame = _core.frames(robot.core, _rows(x, robot.n), _rows(turn, 3))
+    frame = np.asarray(_core.frames(robot.core, _rows(x, robot.n), _rows(turn, 3)))
     return frame.reshape(*x.shape[:-1], 4, 4)
 
 
@@ -72,7 +72,8 @@ def coordinates(robot: Description, frame: ArrayLike) -> Array:
     """
     frame = np.asarray(frame, dtype=float)
     D, R = _rows(frame[..., :3, 3], 3), _rows(frame[..., :3, :3], 9)
-    return _core.coordinates(robot.core, D, R).reshape(*frame.shape[:-2], robot.n)
+    x = np.asarray(_core.coordinates(robot.core, D, R))
+    return x.reshape(*frame.shape[:-2], robot.n)
 
 
 def _rows(array: Array, width: int) -> Array:

@@ -9,11 +9,9 @@ import numpy as np
 from truepose import _core
 from truepose.arguments import Array
 from truepose.exceptions import RobotFileError
-from truepose.robot.frames import rotation
-from truepose.robotfile.base import Section
 from truepose.robotfile.parameters import PAIRED
 from truepose.robotfile.schema import Chain, RobotFile
-from truepose.robotfile.sensors import Encoder, Sensor
+from truepose.robotfile.sensors import Encoder, Sensor, SensorSection
 
 
 def columns(spec: RobotFile) -> list[tuple[str, int]]:
@@ -36,7 +34,7 @@ def columns(spec: RobotFile) -> list[tuple[str, int]]:
     return columns
 
 
-def file_key(kind: type[Section], core: str) -> str:
+def file_key(kind: type[SensorSection], core: str) -> str:
     """What a robot file calls one of the core's parameters of a sensor; empty: it has it not.
 
     Examples
@@ -76,7 +74,8 @@ def _pair_drawn(spec: RobotFile, chain: Chain) -> Array:
     A = np.array(spec.home[:3]) + chain.anchor
     if chain.bar is not None:
         bar = spec.bar[chain.bar - 1]
-        A += rotation([0.0, 0.0, theta]) @ (bar.pivot * np.array(bar.direction))
+        turned = np.asarray(_core.rotations(np.array([[0.0, 0.0, theta]]))).reshape(3, 3)
+        A += turned @ (bar.pivot * np.array(bar.direction))
     across = np.cross(chain.axis, A - chain.base)
     length = float(np.linalg.norm(across))
     if length < 1e-3 * float(np.linalg.norm(A - chain.base)):

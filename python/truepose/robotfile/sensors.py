@@ -34,7 +34,9 @@ def _own_name(name: str) -> str:
     return name
 
 
-class _Sensor(Section):
+class SensorSection(Section):
+    """What every kind of sensor has."""
+
     #: Vectors of the mounting: the core's name and the file's key.
     mounting: ClassVar[dict[str, str]] = {}
 
@@ -54,13 +56,13 @@ class _Sensor(Section):
         return False
 
     @model_validator(mode="after")
-    def _usable(self) -> _Sensor:
+    def _usable(self) -> SensorSection:
         if self.gain == 0:
             raise ValueError("gain = 0: a sensor that reads nothing")
         return self
 
 
-class Encoder(_Sensor):
+class Encoder(SensorSection):
     """Of a turning shaft, perhaps through a gear."""
 
     counts: Counts | None = Field(
@@ -81,7 +83,7 @@ class Encoder(_Sensor):
         return 2 * math.pi / self.counts / self.gear if self.counts else 0.0
 
 
-class _Gauge(_Sensor):
+class _Gauge(SensorSection):
     resolution: Resolution | None = Field(
         default=None, description="one count; without it there are none"
     )
@@ -206,7 +208,7 @@ Sensor = Annotated[
 ]
 
 #: Class of every kind.
-SENSORS: dict[str, type[_Sensor]] = {
+SENSORS: dict[str, type[SensorSection]] = {
     kind: model
     for model in get_args(get_args(Sensor)[0])
     for kind in get_args(model.model_fields["kind"].annotation)
