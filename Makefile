@@ -81,7 +81,8 @@ bench-peers: bench
 	@pip install --quiet --disable-pip-version-check ".[peers]" || echo "bench-peers: without the peers"
 	python benchmarks/peers.py --core build/dev/benchmarks/benchmark_core
 
-pictures: $(VENV)/installed
+pictures: $(VENV)/developing
+	python tools/rooms.py
 	python -c "import truepose as tp; from truepose.show.drawing import draw; [draw(tp.load(name)).savefig(f'robots/{name}/picture.png', dpi=110) for name in tp.robots()]"
 
 # The H4 whose Table 3 is close to the printed one: ten searches, some minutes.

@@ -5,7 +5,7 @@
 #include <nanobind/stl/pair.h>
 
 #include "arrays.hpp"
-#include "truepose/full/full.hpp"
+#include "truepose/control/law.hpp"
 #include "truepose/model/geometry.hpp"
 
 namespace truepose::python {
@@ -24,6 +24,54 @@ const Robot& sound(const Robot& robot) {
   return robot;
 }
 
+const char* text(Unit unit) {
+  switch (unit) {
+    case Unit::metre: return "m";
+    case Unit::radian: return "rad";
+    case Unit::reading: return "reading";
+    default: return "";
+  }
+}
+
+/// Names of a part's parameters, in ξ's order, each with its unit.
+template <class Table>
+nb::tuple named(const Table& table) {
+  nb::list rows;
+  for (const auto& row : table) rows.append(nb::make_tuple(row.name, text(row.unit)));
+  return nb::tuple(rows);
+}
+
+/// What the core says of sensor kinds, laws and ξ: Python asks here.
+void bind_tables(nb::module_& m) {
+  nb::class_<SensorProperties>(m, "SensorProperties")
+      .def_ro("name", &SensorProperties::name)
+      .def_prop_ro("unit", [](const SensorProperties& row) { return text(row.unit); })
+      .def_ro("of_chain", &SensorProperties::of_chain)
+      .def_ro("shaft", &SensorProperties::shaft)
+      .def_ro("wraps", &SensorProperties::wraps)
+      .def_ro("is_theta", &SensorProperties::is_theta)
+      .def_prop_ro("mounting", [](const SensorProperties& row) {
+        nb::list vectors;
+        for (unsigned k = 0; k < kMountingVectors.size(); ++k)
+          if (row.mounting & (1u << k)) vectors.append(kMountingVectors[k]);
+        return nb::tuple(vectors);
+      });
+  nb::dict kinds, laws;
+  for (const SensorProperties& row : kSensorTable) kinds[row.name] = nb::cast(row);
+  m.attr("sensor_kinds") = kinds;
+  nb::enum_<Law> law(m, "Law");
+  for (const LawProperties& row : kLawTable) law.value(row.name, row.law);
+  nb::class_<LawProperties>(m, "LawProperties")
+      .def_ro("name", &LawProperties::name)
+      .def_ro("law", &LawProperties::law)
+      .def_ro("weighs", &LawProperties::weighs)
+      .def_ro("orientation", &LawProperties::orientation);
+  for (const LawProperties& row : kLawTable) laws[row.name] = nb::cast(row);
+  m.attr("laws") = laws;
+  m.attr("chain_parameters") = named(kChainTable);
+  m.attr("sensor_parameters") = named(kSensorParameterTable);
+}
+
 void bind_robot(nb::module_& m) {
   nb::enum_<Mobility>(m, "Mobility")
       .value("planar_translation", Mobility::planar_translation)
@@ -35,18 +83,8 @@ void bind_robot(nb::module_& m) {
       .value("revolute", Actuator::revolute)
       .value("prismatic", Actuator::prismatic)
       .value("telescopic", Actuator::telescopic);
-  nb::enum_<SensorKind>(m, "SensorKind")
-      .value("nacelle_angle", SensorKind::nacelle_angle)
-      .value("telemeter", SensorKind::telemeter)
-      .value("coordinate", SensorKind::coordinate)
-      .value("distance", SensorKind::distance)
-      .value("inclinometer", SensorKind::inclinometer)
-      .value("rotation", SensorKind::rotation)
-      .value("rod_in_plane", SensorKind::rod_in_plane)
-      .value("rod_lateral", SensorKind::rod_lateral)
-      .value("rod_length", SensorKind::rod_length)
-      .value("motor_encoder", SensorKind::motor_encoder);
-
+  nb::enum_<SensorKind> kinds(m, "SensorKind");
+  for (const SensorProperties& row : kSensorTable) kinds.value(row.name, row.kind);
   nb::enum_<BarJoint>(m, "BarJoint")
       .value("pivots", BarJoint::pivots)
       .value("four_bar", BarJoint::four_bar);
@@ -188,12 +226,12 @@ NB_MODULE(_core, m) {
   m.attr("max_sensors") = kMaxSensors;
   m.attr("max_readings") = kMaxReadings;
   m.attr("max_bars") = kMaxBars;
-  m.attr("sensor_parameters") = kSensorParameters;
   m.def("rotation", [](const Vec3& vector) { return exp_so3(vector); });
   m.attr("joint_limit") = static_cast<int>(Status::joint_limit);
   m.attr("singular") = static_cast<int>(Status::singular);
   m.attr("unreachable") = static_cast<int>(Status::unreachable);
   m.def("describe", [](int status) { return describe(static_cast<Status>(status)); });
+  python::bind_tables(m);
   python::bind_robot(m);
   python::bind_control(m);
   python::bind_batch(m);

@@ -249,12 +249,6 @@ auto run_visit(const Robot& nominal, const Robot& truth, const ControlSettings& 
 
 void bind_control(nb::module_& m) {
   using namespace nb::literals;
-  nb::enum_<Law>(m, "Law")
-      .value("joint", Law::joint)
-      .value("redundant", Law::redundant)
-      .value("cartesian", Law::cartesian)
-      .value("weighted", Law::weighted)
-      .value("estimated", Law::estimated);
   nb::enum_<FeedForward>(m, "FeedForward")
       .value("none", FeedForward::none)
       .value("gravity", FeedForward::gravity)

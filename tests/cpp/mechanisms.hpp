@@ -14,6 +14,19 @@ namespace mechanisms {
 
 using namespace truepose;
 
+/// Every law that the table has.
+inline constexpr auto kLaws = [] {
+  std::array<Law, kLawTable.size()> laws{};
+  for (std::size_t k = 0; k < laws.size(); ++k) laws[k] = kLawTable[k].law;
+  return laws;
+}();
+
+/// Whether the law exists for the mobility, as far as the mechanisms' first sensor goes.
+constexpr bool applies(Law law, Mobility mobility) {
+  return !properties(law).orientation || mobility == Mobility::schoenflies ||
+         mobility == Mobility::translation;
+}
+
 struct Mechanism {
   const char* name;
   Robot robot;

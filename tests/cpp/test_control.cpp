@@ -9,14 +9,6 @@ using namespace mechanisms;
 
 namespace {
 
-constexpr Law kLaws[]{Law::joint, Law::redundant, Law::cartesian, Law::weighted, Law::estimated};
-
-/// Whether the law exists for the mobility: Figure 2's closing remark needs an orientation.
-constexpr bool applies(Law law, Mobility mobility) {
-  return law != Law::cartesian || mobility == Mobility::schoenflies ||
-         mobility == Mobility::translation;
-}
-
 ControlSettings settings_for(const Robot& robot, Law law) {
   ControlSettings settings;
   settings.law = law;
@@ -131,7 +123,7 @@ TEST("whatever fails, the last torque is held, nothing else changes, and the sta
       ControlSettings broken = settings;
       broken.kp[0] = std::numeric_limits<double>::quiet_NaN();
       check_held(control(robot, broken, at_home, q_e, state, weighing), Status::not_finite);
-      if (law != Law::weighted && law != Law::estimated) continue;
+      if (!properties(law).weighs) continue;
       check_held(control(robot, settings, at_home, q_e, state), Status::not_measured);
       for (const double sigma : {0.0, -1.0, std::numeric_limits<double>::quiet_NaN()}) {
         prior.known().sigma[0] = sigma;
@@ -185,7 +177,7 @@ TEST("a law without its sensor is not measured; joint control needs none") {
       Prior prior(robot);
       const Outcome outcome =
           control(robot, settings_for(robot, law), at_home, q_e, state, prior.weighing());
-      const bool measured = law != Law::cartesian || K == Mobility::translation;
+      const bool measured = !properties(law).orientation || K == Mobility::translation;
       CHECK(outcome.status == (measured ? Status::ok : Status::not_measured));
     }
   });

@@ -91,10 +91,8 @@ TEST("no law and no model blocks, on any mechanism") {
       const Pose pose = nearby<K>(to_pose<K>(cycle.setpoint.x), random, 1e-3);
       CHECK(extended<K>(robot, pose, cycle.q_e));
     }
-    for (const Law law :
-         {Law::joint, Law::redundant, Law::cartesian, Law::weighted, Law::estimated}) {
-      if (law == Law::cartesian && K != Mobility::schoenflies && K != Mobility::translation)
-        continue;
+    for (const Law law : kLaws) {
+      if (!applies(law, K)) continue;
       ControlSettings settings;
       settings.law = law;
       CHECK(place_poles(robot, robot.home, 100, 1, settings));

@@ -97,10 +97,8 @@ TEST("no law allocates in a million cycles with full feed-forward, and neither d
       setpoints[k].acceleration = random_joint(random, 5);
       CHECK(extended<K>(robot, nearby<K>(to_pose<K>(setpoints[k].x), random, 1e-3), readings[k]));
     }
-    for (const Law law :
-         {Law::joint, Law::redundant, Law::cartesian, Law::weighted, Law::estimated}) {
-      if (law == Law::cartesian && K != Mobility::schoenflies && K != Mobility::translation)
-        continue;
+    for (const Law law : kLaws) {
+      if (!applies(law, K)) continue;
       ControlSettings settings;
       settings.law = law;
       CHECK(place_poles(robot, robot.home, 100, 1, settings));
@@ -198,8 +196,7 @@ TEST("control allocates nothing where the robot is understood rod by rod, under 
         Prior prior(robot);
         check::Random random(75);
         long failures = 0;
-        for (const Law law :
-             {Law::joint, Law::redundant, Law::cartesian, Law::weighted, Law::estimated}) {
+        for (const Law law : kLaws) {
           ControlSettings settings;
           settings.law = law;
           CHECK(place_poles(robot, robot.home, 150, 1, settings));

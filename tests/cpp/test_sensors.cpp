@@ -10,7 +10,26 @@ namespace {
 
 constexpr double kStep = 1e-4;  // of fourth-order differences
 
-/// Every sensor that a mechanism can carry, one of each kind and side, none along an axis.
+/// Whether a kind's reading is there, and moves, on robots of this mobility.
+bool fits(SensorKind kind, Mobility mobility) {
+  switch (kind) {
+    case SensorKind::nacelle_angle:
+      return mobility == Mobility::planar || mobility == Mobility::schoenflies;
+    case SensorKind::inclinometer:
+    case SensorKind::rotation: return mobility == Mobility::spatial;
+    case SensorKind::rod_lateral:
+      return mobility != Mobility::planar && mobility != Mobility::planar_translation;
+    default: return true;
+  }
+}
+
+/// Whether a joint on the nacelle's side reads a kind, too.
+bool seen_from_the_nacelle(SensorKind kind) {
+  return kind == SensorKind::rod_in_plane || kind == SensorKind::rod_lateral;
+}
+
+/// Every sensor that a mechanism can carry, one of each kind and side, none along an axis: a kind
+/// that is new in the table, too.
 std::vector<Sensor> sensors_of(const Robot& robot, Mobility mobility) {
   std::vector<Sensor> sensors;
   const auto add = [&](SensorKind kind, int chain = -1, bool at_nacelle = false) -> Sensor& {
@@ -28,31 +47,25 @@ std::vector<Sensor> sensors_of(const Robot& robot, Mobility mobility) {
     sensors.push_back(sensor);
     return sensors.back();
   };
-  if (mobility == Mobility::planar || mobility == Mobility::schoenflies)
-    add(SensorKind::nacelle_angle);
-  if (robot.full.bars > 0) add(SensorKind::nacelle_angle).bar = robot.full.bars - 1;
-  add(SensorKind::telemeter);
-  add(SensorKind::coordinate);
-  add(SensorKind::distance);
-  if (mobility == Mobility::spatial) {
-    Sensor& level = add(SensorKind::inclinometer);
-    level.direction = Vec3(0.8, 0.6, 0);
-    level.normal = Vec3(0, 0, 1);
-    add(SensorKind::rotation);
-  }
-  for (const int chain : {0, dof(mobility) - 1}) {
-    add(SensorKind::rod_in_plane, chain);
-    add(SensorKind::rod_length, chain);
-    add(SensorKind::motor_encoder, chain);
-    const bool flat = mobility == Mobility::planar || mobility == Mobility::planar_translation;
-    if (!flat) add(SensorKind::rod_lateral, chain);
-    for (const SensorKind kind : {SensorKind::rod_in_plane, SensorKind::rod_lateral}) {
-      if (flat && kind == SensorKind::rod_lateral) continue;
-      Sensor& joint = add(kind, chain, true);
+  const bool flat = mobility == Mobility::planar || mobility == Mobility::planar_translation;
+  for (const SensorProperties& row : kSensorTable) {
+    if (!fits(row.kind, mobility)) continue;
+    if (!row.of_chain) {
+      Sensor& sensor = add(row.kind);
+      if (row.kind != SensorKind::inclinometer) continue;
+      sensor.direction = Vec3(0.8, 0.6, 0);
+      sensor.normal = Vec3(0, 0, 1);
+      continue;
+    }
+    for (const int chain : {0, dof(mobility) - 1}) {
+      add(row.kind, chain);
+      if (!seen_from_the_nacelle(row.kind)) continue;
+      Sensor& joint = add(row.kind, chain, true);
       joint.direction = robot.chain[chain].axis;
       joint.normal = flat ? Vec3(Vec3::UnitX()) : robot.chain[chain].axis.unitOrthogonal();
     }
   }
+  if (robot.full.bars > 0) add(SensorKind::nacelle_angle).bar = robot.full.bars - 1;
   return sensors;
 }
 
@@ -241,6 +254,27 @@ TEST("every reading's derivative along every parameter is that of its finite dif
               compare(sensor_column(robot, k) + p, varied(k, static_cast<SensorParameter>(p)));
         }
       });
+}
+
+TEST("a kind's reading depends on the vectors of its mounting, on each of them, and on no other") {
+  for (const SensorProperties& row : kSensorTable) {
+    check::state().scene = row.name;
+    std::array<bool, 4> moves{};
+    for_each_with_sensors([&](bool, const Mechanism& mechanism, const Robot& robot, auto mobility) {
+      constexpr Mobility K = mobility();
+      const auto at = read_at<K>(false, robot, to_pose<K>(mechanism.robot.home));
+      for (int k = 0; k < robot.r; ++k) {
+        if (robot.sensor[k].kind != row.kind || robot.sensor[k].at_nacelle) continue;
+        const double* own =
+            at.H_xi.data() + (kDof<K> + k) * parameter_count(robot) + sensor_column(robot, k);
+        const int first = static_cast<int>(SensorParameter::origin_x);
+        for (int entry = 0; entry < 12; ++entry)
+          if (own[first + entry] != 0) moves[entry / 3] = true;
+      }
+    });
+    for (unsigned vector = 0; vector < 4; ++vector)
+      CHECK(moves[vector] == ((row.mounting & 1u << vector) != 0));
+  }
 }
 
 TEST("an elbow's in-plane angle counts from the arm, positive as the motor's") {

@@ -283,20 +283,22 @@ TEST("two rods that cannot meet are unreachable, whichever side of the four is t
 
 TEST("a robot whose counts or indices name no part of it is refused") {
   using Spoil = void (*)(Robot&);
-  const Spoil spoils[]{[](Robot& robot) { robot.r = kMaxSensors + 1; },
-                       [](Robot& robot) { robot.r = -1; },
-                       [](Robot& robot) { robot.bodies = kMaxBodies + 1; },
-                       [](Robot& robot) { robot.mobility = static_cast<Mobility>(5); },
-                       [](Robot& robot) { robot.chain[1].bar = kMaxBars; },
-                       [](Robot& robot) { robot.chain[1].bar = -2; },
-                       [](Robot& robot) { robot.body[0].bar = kMaxBars; },
-                       [](Robot& robot) { robot.sensor[0].bar = kMaxBars; },
-                       [](Robot& robot) { robot.sensor[0].chain = 0; },  // not of a chain
-                       [](Robot& robot) { robot.sensor[0].kind = SensorKind::rod_length; },
-                       [](Robot& robot) {
-                         robot.sensor[0].kind = SensorKind::motor_encoder;
-                         robot.sensor[0].chain = dof(robot.mobility);
-                       }};
+  const Spoil spoils[]{
+      [](Robot& robot) { robot.r = kMaxSensors + 1; },
+      [](Robot& robot) { robot.r = -1; },
+      [](Robot& robot) { robot.bodies = kMaxBodies + 1; },
+      [](Robot& robot) { robot.mobility = static_cast<Mobility>(5); },
+      [](Robot& robot) { robot.chain[1].bar = kMaxBars; },
+      [](Robot& robot) { robot.chain[1].bar = -2; },
+      [](Robot& robot) { robot.body[0].bar = kMaxBars; },
+      [](Robot& robot) { robot.sensor[0].bar = kMaxBars; },
+      [](Robot& robot) { robot.sensor[0].chain = 0; },  // not of a chain
+      [](Robot& robot) { robot.sensor[0].kind = SensorKind::rod_length; },
+      [](Robot& robot) { robot.sensor[0].kind = static_cast<SensorKind>(kSensorKinds); },
+      [](Robot& robot) {
+        robot.sensor[0].kind = SensorKind::motor_encoder;
+        robot.sensor[0].chain = dof(robot.mobility);
+      }};
   for_each([&](const Mechanism& mechanism, auto) {
     for (const Spoil& spoil : spoils) {
       Robot robot = mechanism.robot;

@@ -70,11 +70,10 @@ class Bytes {
 };
 
 inline void decode_sensor(Bytes& bytes, int n, Sensor& sensor) {
-  sensor.kind = static_cast<SensorKind>(bytes.below(10));
-  const bool of_chain = sensor.kind >= SensorKind::rod_in_plane;
-  sensor.chain = of_chain ? bytes.below(n) : -1;
+  sensor.kind = static_cast<SensorKind>(bytes.below(kSensorKinds));
+  sensor.chain = properties(sensor.kind).of_chain ? bytes.below(n) : -1;
   sensor.at_nacelle = bytes.one_in(2);
-  sensor.bar = sensor.kind == SensorKind::nacelle_angle ? bytes.below(kMaxBars + 1) - 1 : -1;
+  sensor.bar = properties(sensor.kind).is_theta ? bytes.below(kMaxBars + 1) - 1 : -1;
   sensor.origin = bytes.vector();
   sensor.direction = bytes.unit();
   sensor.target = bytes.vector();

@@ -51,7 +51,7 @@ inline void track(const ControlSettings& settings, double pole, double reading, 
 ///
 /// @param q_e       readings of motors and sensors, size n + r
 /// @param state     in and out; state.torque is the command
-/// @param weighing  for the laws `weighted` and `estimated`
+/// @param weighing  for laws that weigh
 /// @return no answer: the torque of the last good cycle is held, nothing else changes;
 /// near_singular: the torque is that of the damped J
 template <Mobility K>
@@ -76,7 +76,8 @@ inline Outcome control(const Robot& robot, const ControlSettings& settings,
   // The rate of ê_q is the law's own map of the rates that it is made of: of the motors, of all
   // readings, or of the estimated pose (so that θ is damped by its own, finer counts). A TEJ moves
   // with x_d; that term is of second order in the error and is left out.
-  const bool posed = of_pose(settings.law), extended = of_readings(settings.law);
+  const Corrects corrects = properties(settings.law).corrects;
+  const bool posed = corrects == Corrects::pose, extended = corrects == Corrects::readings;
   const int tracked = extended ? n + robot.r : n;
   Extended measured = q_e;
   Joint desired = setpoint.rate;

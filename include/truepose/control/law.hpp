@@ -21,11 +21,41 @@ enum class Law : int {
   estimated = 4,  ///< as cartesian, x̂ from `estimate`: any mobility, any sensors
 };
 
-/// Whether the law corrects a pose x̂, and whether it maps all readings by a TEJ.
-constexpr bool of_pose(Law law) { return law == Law::cartesian || law == Law::estimated; }
-constexpr bool of_readings(Law law) { return law == Law::redundant || law == Law::weighted; }
+/// In which terms a law corrects the robot.
+enum class Corrects : int {
+  motors = 0,    ///< e_q of the motors' own readings
+  readings = 1,  ///< all readings, mapped by a TEJ (see `map_of`)
+  pose = 2,      ///< x_d - x̂ (see `found_pose`), mapped by J⁻¹
+};
 
-/// What the last two laws need besides the robot. One for each controller that runs at a time: the
+struct LawProperties {
+  Law law;
+  const char* name;
+  Corrects corrects;
+  bool weighs = false;       ///< by what is known of the robot: needs Weighing, its finest level
+  bool orientation = false;  ///< needs the nacelle's orientation to be measured, or fixed
+};
+
+/// In the order of Law. Whoever must know something of a law asks here, Python included.
+inline constexpr std::array kLawTable{
+    LawProperties{Law::joint, "joint", Corrects::motors},
+    LawProperties{Law::redundant, "redundant", Corrects::readings},
+    LawProperties{.law = Law::cartesian,
+                  .name = "cartesian",
+                  .corrects = Corrects::pose,
+                  .orientation = true},
+    LawProperties{
+        .law = Law::weighted, .name = "weighted", .corrects = Corrects::readings, .weighs = true},
+    LawProperties{
+        .law = Law::estimated, .name = "estimated", .corrects = Corrects::pose, .weighs = true},
+};
+static_assert(in_order(kLawTable, &LawProperties::law));
+
+constexpr const LawProperties& properties(Law law) {
+  return kLawTable[static_cast<std::size_t>(law)];
+}
+
+/// What laws that weigh need besides the robot. One for each controller that runs at a time: the
 /// work space is written to.
 struct Weighing {
   const Knowledge* known = nullptr;  ///< about the robot's own parameter values
@@ -89,8 +119,18 @@ TRUEPOSE_APART inline Outcome refer_full(const Robot& robot, Parasitic& rest,
   }
 }
 
+/// TEJ of a law of all readings.
 template <Mobility K>
-Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Vec3& near_side, Pose& pose);
+inline Outcome map_of(const Robot& robot, Law law, const Weighing& weighing, Parasitic& rest,
+                      Reference<K>& reference) {
+  if (law == Law::weighted) return weigh<K>(robot, weighing, rest, reference);
+  tej<K>(robot, reference.jacobians, reference.jr, reference.M, reference.tej);
+  return {};
+}
+
+template <Mobility K>
+Outcome found_pose(const Robot& robot, Law law, const Pose& desired, const Extended& q_e,
+                   Pose& found, const Weighing& weighing = {}, const Parasitic& nearby = {});
 
 /// @param band  conditioning below which J and J⁻¹ are damped (0: nowhere, the paper's law)
 /// @param weighing  for the weighted law
@@ -122,14 +162,12 @@ inline Outcome refer(const Robot& robot, Law law, const Joint& x_d, Reference<K>
   if (robot.rod_by_rod()) {
     outcome = refer_full<K>(robot, rest, reference);
     // What the ideal model makes of q_de is compared with what it makes of q_e: at x_d both agree.
-    if (outcome && law == Law::cartesian)
-      outcome = redundant_fkm<K>(robot, reference.q_e, reference.closure.pose.D, reference.pose);
+    if (outcome && properties(law).corrects == Corrects::pose && !properties(law).weighs)
+      outcome = found_pose<K>(robot, law, reference.closure.pose, reference.q_e, reference.pose);
     if (!outcome) return outcome;
   }
-  if (law == Law::redundant)
-    tej<K>(robot, reference.jacobians, reference.jr, reference.M, reference.tej);
-  else if (law == Law::weighted)
-    outcome = weigh<K>(robot, weighing, rest, reference);
+  if (properties(law).corrects == Corrects::readings)
+    outcome = map_of<K>(robot, law, weighing, rest, reference);
   return outcome ? regular : outcome;
 }
 
@@ -141,7 +179,7 @@ Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Vec3& near_
     pose = Pose{};
     if constexpr (K == Mobility::schoenflies) {
       int k = 0;
-      while (k < robot.r && robot.sensor[k].kind != SensorKind::nacelle_angle) ++k;
+      while (k < robot.r && !properties(robot.sensor[k].kind).is_theta) ++k;
       if (k == robot.r) return {Status::not_measured, -1};
       pose.theta = measured(robot.sensor[k], q_e[kDof<K> + k]);
       pose.R = rotation_z(pose.theta);
@@ -190,6 +228,15 @@ TRUEPOSE_APART inline Outcome find(const Robot& robot, const Weighing& weighing,
   return search(IdealModel{});
 }
 
+/// x̂ of a law of the pose, near where it is asked to be.
+/// @param nearby  what the full level adds there
+template <Mobility K>
+inline Outcome found_pose(const Robot& robot, Law law, const Pose& desired, const Extended& q_e,
+                          Pose& found, const Weighing& weighing, const Parasitic& nearby) {
+  if (law == Law::cartesian) return redundant_fkm<K>(robot, q_e, desired.D, found);
+  return find<K>(robot, weighing, desired, q_e, found, nearby);
+}
+
 /// Motor error under a law.
 /// @param found     out, laws of the pose only: x̂
 /// @param weighing  for the law of the estimate
@@ -198,17 +245,16 @@ inline Outcome motor_error(const Robot& robot, Law law, const Reference<K>& refe
                            const Extended& q_e, Joint& error, Pose& found,
                            const Weighing& weighing = {}, const Parasitic& nearby = {}) {
   constexpr int n = kDof<K>;
-  if (of_pose(law)) {
+  const Corrects corrects = properties(law).corrects;
+  if (corrects == Corrects::pose) {
     const Outcome outcome =
-        law == Law::cartesian
-            ? redundant_fkm<K>(robot, q_e, reference.closure.pose.D, found)
-            : find<K>(robot, weighing, reference.closure.pose, q_e, found, nearby);
+        found_pose<K>(robot, law, reference.closure.pose, q_e, found, weighing, nearby);
     if (outcome) error = reference.jacobians.joint_rate(difference<K>(reference.pose, found));
     return outcome;
   }
   std::array<double, kMaxReadings> e_qe;
   for (int i = 0; i < n; ++i) e_qe[i] = reference.q_e[i] - q_e[i];
-  if (law == Law::joint) {
+  if (corrects == Corrects::motors) {
     for (int i = 0; i < n; ++i) error[i] = e_qe[i];
   } else {
     for (int k = n; k < n + robot.r; ++k) e_qe[k] = reference.q_e[k] - q_e[k];

@@ -93,10 +93,7 @@ inline void innovation(const Robot& robot, const Extended& q_e, const Extended& 
     if (i < n) {
       if (robot.chain[i].actuator == Actuator::revolute)
         residual[i] = std::remainder(residual[i], 2 * M_PI);
-    } else if (const Sensor& sensor = robot.sensor[i - n];
-               sensor.kind == SensorKind::rod_in_plane ||
-               sensor.kind == SensorKind::motor_encoder ||
-               sensor.kind == SensorKind::inclinometer) {
+    } else if (const Sensor& sensor = robot.sensor[i - n]; properties(sensor.kind).wraps) {
       residual[i] = std::remainder(residual[i], 2 * M_PI * sensor.gain);
     }
   }

@@ -26,10 +26,11 @@ template <Mobility K>
 inline Sensed sense_full(const Robot& robot, const Sensor& sensor, const FullClosure<K>& at) {
   if (on_chain(sensor)) {
     const Chain& chain = robot.chain[sensor.chain];
-    return sense_chain(sensor, chain, motor_position(chain, at.q[sensor.chain]),
-                       at.driven[sensor.chain].p, at.v[rod_of(sensor)], body_of(chain, at.pose));
+    return sense_chain(sensor,
+                       {chain, motor_position(chain, at.q[sensor.chain]), at.driven[sensor.chain].p,
+                        at.v[rod_of(sensor)], body_of(chain, at.pose)});
   }
-  if (sensor.kind != SensorKind::nacelle_angle) return sense_pose(sensor, at.pose);
+  if (!properties(sensor.kind).is_theta) return sense_pose(sensor, at.pose);
   Sensed s;
   if (sensor.bar >= 0) {
     s.value = -at.pose.psi[sensor.bar];
@@ -48,8 +49,7 @@ inline FullRow sensor_row(const Robot& robot, const Sensor& sensor, const FullCl
   FullRow row;
   if (!on_chain(sensor)) {
     free_columns<Mobility::spatial>(s.linear, s.angular, row.z.data());
-    if (sensor.kind == SensorKind::nacelle_angle && sensor.bar >= 0)
-      row.z[6 + sensor.bar] = -s.slope;
+    if (properties(sensor.kind).is_theta && sensor.bar >= 0) row.z[6 + sensor.bar] = -s.slope;
     return row;
   }
   const Chain& chain = robot.chain[sensor.chain];

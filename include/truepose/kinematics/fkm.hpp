@@ -207,7 +207,7 @@ inline bool own_mode(const Robot& robot, const Pose& pose) {
 /// @param last   where
 /// @param pose   in: its guess; out: the pose, or where the first one ended
 template <Mobility K>
-TRUEPOSE_COLD FkmResult search_from_home(const Robot& robot, const Joint& q, FkmResult first,
+TRUEPOSE_RARE FkmResult search_from_home(const Robot& robot, const Joint& q, FkmResult first,
                                          const Pose& last, Pose& pose) {
   const Pose guess = pose;
   pose = last;

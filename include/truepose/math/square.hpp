@@ -103,7 +103,7 @@ class NormalEquations {
 };
 
 template <int N>
-TRUEPOSE_COLD bool invert_by_normal_equations(const std::array<Lanes<N>, N>& columns,
+TRUEPOSE_RARE bool invert_by_normal_equations(const std::array<Lanes<N>, N>& columns,
                                               const std::array<double, N>& size,
                                               const Lanes<N>& scale, double damping,
                                               Matrix<N, N>& rows) {

@@ -4,12 +4,7 @@
 #include <array>
 #include <cmath>
 
-/// Keeps a rare branch out of a hot function, even a flattened one.
-#if defined(__GNUC__)
-#define TRUEPOSE_RARE __attribute__((noinline, cold))
-#else
-#define TRUEPOSE_RARE
-#endif
+#include "truepose/model/attributes.hpp"
 
 namespace truepose {
 

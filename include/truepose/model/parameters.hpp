@@ -1,4 +1,5 @@
-// How does every reading change with every geometric parameter ξ? The order of ξ, and H_ξ.
+// How does every reading change with every geometric parameter ξ? The order and the names of ξ,
+// and H_ξ.
 //
 // Two layers: a parameter varies points, directions and lengths of a chain (Variation), once; the
 // readings know their derivatives with respect to those (Sensed, the closure). Everything is at
@@ -32,7 +33,37 @@ enum class ChainParameter : int {
   eccentricity_c2,
   eccentricity_s2
 };
-inline constexpr int kChainParameters = 17;
+
+/// A parameter's name within its part, and its unit.
+template <class Parameter>
+struct ParameterProperties {
+  Parameter parameter;
+  const char* name;
+  Unit unit;
+};
+using InChain = ParameterProperties<ChainParameter>;
+
+inline constexpr std::array kChainTable{
+    InChain{ChainParameter::base_x, "base.x", Unit::metre},
+    InChain{ChainParameter::base_y, "base.y", Unit::metre},
+    InChain{ChainParameter::base_z, "base.z", Unit::metre},
+    InChain{ChainParameter::arm, "arm", Unit::metre},
+    InChain{ChainParameter::rod, "rod", Unit::metre},
+    InChain{ChainParameter::encoder_offset, "encoder_offset", Unit::reading},
+    InChain{ChainParameter::yaw, "yaw", Unit::radian},
+    InChain{ChainParameter::tilt, "tilt", Unit::radian},
+    InChain{ChainParameter::anchor_x, "anchor.x", Unit::metre},
+    InChain{ChainParameter::anchor_y, "anchor.y", Unit::metre},
+    InChain{ChainParameter::anchor_z, "anchor.z", Unit::metre},
+    InChain{ChainParameter::rod_difference, "rod_difference", Unit::metre},
+    InChain{ChainParameter::rod_spacing, "rod_spacing", Unit::metre},
+    InChain{ChainParameter::eccentricity_c1, "eccentricity.c1", Unit::radian},
+    InChain{ChainParameter::eccentricity_s1, "eccentricity.s1", Unit::radian},
+    InChain{ChainParameter::eccentricity_c2, "eccentricity.c2", Unit::radian},
+    InChain{ChainParameter::eccentricity_s2, "eccentricity.s2", Unit::radian},
+};
+static_assert(in_order(kChainTable, &InChain::parameter));
+inline constexpr int kChainParameters = static_cast<int>(kChainTable.size());
 
 /// Parameters of a sensor, in this order; those that its kind does not have have zero columns.
 enum class SensorParameter : int {
@@ -55,7 +86,30 @@ enum class SensorParameter : int {
   eccentricity_c2,
   eccentricity_s2
 };
-inline constexpr int kSensorParameters = 18;
+using InSensor = ParameterProperties<SensorParameter>;
+
+inline constexpr std::array kSensorParameterTable{
+    InSensor{SensorParameter::offset, "offset", Unit::reading},
+    InSensor{SensorParameter::gain, "gain", Unit::one},
+    InSensor{SensorParameter::origin_x, "origin.x", Unit::metre},
+    InSensor{SensorParameter::origin_y, "origin.y", Unit::metre},
+    InSensor{SensorParameter::origin_z, "origin.z", Unit::metre},
+    InSensor{SensorParameter::direction_x, "direction.x", Unit::one},
+    InSensor{SensorParameter::direction_y, "direction.y", Unit::one},
+    InSensor{SensorParameter::direction_z, "direction.z", Unit::one},
+    InSensor{SensorParameter::target_x, "target.x", Unit::metre},
+    InSensor{SensorParameter::target_y, "target.y", Unit::metre},
+    InSensor{SensorParameter::target_z, "target.z", Unit::metre},
+    InSensor{SensorParameter::normal_x, "normal.x", Unit::one},
+    InSensor{SensorParameter::normal_y, "normal.y", Unit::one},
+    InSensor{SensorParameter::normal_z, "normal.z", Unit::one},
+    InSensor{SensorParameter::eccentricity_c1, "eccentricity.c1", Unit::radian},
+    InSensor{SensorParameter::eccentricity_s1, "eccentricity.s1", Unit::radian},
+    InSensor{SensorParameter::eccentricity_c2, "eccentricity.c2", Unit::radian},
+    InSensor{SensorParameter::eccentricity_s2, "eccentricity.s2", Unit::radian},
+};
+static_assert(in_order(kSensorParameterTable, &InSensor::parameter));
+inline constexpr int kSensorParameters = static_cast<int>(kSensorParameterTable.size());
 
 /// ξ: chains, then the pivots of the bars, then the sensors in use.
 inline int parameter_count(const Robot& robot) {

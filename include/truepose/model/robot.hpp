@@ -14,25 +14,7 @@
 #include <limits>
 
 #include "truepose/model/encoder.hpp"
-
-/// Inlines all calls inside a hot function. Eigen's small expressions otherwise stay calls, which
-/// costs a tenth of a simulation (benchmarks/README.md). Not under AddressSanitizer, which makes
-/// each inlined copy several times larger. APART keeps what is long and rare out of such a
-/// function.
-#if defined(__GNUC__) && !defined(__SANITIZE_ADDRESS__)
-#define TRUEPOSE_FLATTEN __attribute__((flatten))
-#define TRUEPOSE_APART __attribute__((noinline))
-#else
-#define TRUEPOSE_FLATTEN
-#define TRUEPOSE_APART
-#endif
-
-/// Keeps a way that is hardly ever taken out of the hot function around it.
-#if defined(__GNUC__)
-#define TRUEPOSE_COLD __attribute__((noinline, cold))
-#else
-#define TRUEPOSE_COLD
-#endif
+#include "truepose/model/sensor_kinds.hpp"
 
 namespace truepose {
 
@@ -72,20 +54,6 @@ enum class Actuator : int {
   revolute = 0,    ///< B = P + l (e cos q + (u×e) sin q)
   prismatic = 1,   ///< B = P + u q
   telescopic = 2,  ///< B = P, L = q
-};
-
-/// What a redundant sensor measures. One sensor is one number; a tracker is several of them.
-enum class SensorKind : int {
-  nacelle_angle = 0,  ///< θ of the nacelle about z, gear undone
-  telemeter = 1,      ///< distance along a fixed line to a plane of the nacelle
-  coordinate = 2,     ///< a point of the nacelle along a fixed direction (tracker, telemeter)
-  distance = 3,       ///< from a point of the base to a point of the nacelle (draw-wire, ball bar)
-  inclinometer = 4,   ///< turn of the nacelle about one of its axes, against gravity
-  rotation = 5,       ///< a component of the nacelle's rotation vector (tracker)
-  rod_in_plane = 6,   ///< rod's direction in its joint's plane (elbow, first U-joint angle)
-  rod_lateral = 7,    ///< rod's direction out of that plane
-  rod_length = 8,     ///< distance of the rod's ends
-  motor_encoder = 9,  ///< a second encoder on a motor's load side
 };
 
 /// One chain: motor, arm, rod (a spatial parallelogram counts as one rod).
@@ -215,9 +183,6 @@ constexpr int dof(Mobility mobility) {
   return sizes[static_cast<std::size_t>(mobility)];
 }
 
-/// Whether a sensor of this kind sees one chain, whose index it must then have.
-constexpr bool of_chain(SensorKind kind) { return kind >= SensorKind::rod_in_plane; }
-
 /// Whether every count is within its capacity and every index names a part that the robot has:
 /// what all other functions take for granted. finish() asks it.
 inline bool parts_exist(const Robot& robot) {
@@ -231,8 +196,9 @@ inline bool parts_exist(const Robot& robot) {
   for (int k = 0; k < robot.bodies; ++k) exist = exist && bar(robot.body[k].bar);
   for (int k = 0; k < robot.r; ++k) {
     const Sensor& sensor = robot.sensor[k];
-    const bool chain =
-        of_chain(sensor.kind) ? below(sensor.chain, dof(robot.mobility)) : sensor.chain == -1;
+    if (!below(static_cast<int>(sensor.kind), kSensorKinds)) return false;
+    const bool chain = properties(sensor.kind).of_chain ? below(sensor.chain, dof(robot.mobility))
+                                                        : sensor.chain == -1;
     exist = exist && chain && bar(sensor.bar);
   }
   return exist;

@@ -119,7 +119,7 @@ class Plant {
     if (!outcome) return outcome;
     for (int k = 0; k < truth_.r; ++k) {  // a gear's far side follows where the play ends
       const Sensor& sensor = truth_.sensor[k];
-      if (sensor.kind != SensorKind::nacelle_angle || sensor.eccentricity.gear == 1) continue;
+      if (!properties(sensor.kind).is_theta || sensor.eccentricity.gear == 1) continue;
       const double half = std::fabs(sensor.gain) * effects_.backlash / 2, near = q_e[n + k];
       q_e[n + k] = geared_[k] = std::clamp(geared_[k], near - half, near + half);
     }

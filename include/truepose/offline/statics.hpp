@@ -19,7 +19,7 @@ inline constexpr int kSettleIterations = 100;
 /// on the motor error with the nominal J: each step removes all but the few per cent by which the
 /// true robot's J differs. Unquantised readings.
 /// @param x         out
-/// @param weighing  of the nominal robot, for the laws `weighted` and `estimated`
+/// @param weighing  of the nominal robot, for laws that weigh
 template <Mobility K>
 inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSettings& settings,
                       const Joint& x_d, Joint& x, const Weighing& weighing = {}) {
@@ -98,20 +98,22 @@ inline Outcome leakage(const Robot& robot, Law law, const Joint& x, ExtendedRows
       refer<K>(robot, law == Law::estimated ? Law::weighted : law, x, reference, 0, weighing);
   if (!outcome) return outcome;
   leak = {};
+  const bool of_pose = properties(law).corrects == Corrects::pose && law != Law::estimated;
   for (int c = 0; c < n + robot.r; ++c) {
-    if (law == Law::cartesian) {
+    if (of_pose) {
       Joint change[2];
       for (const double side : {-1.0, 1.0}) {
         Extended q_e{};
         q_e = reference.q_e;
         q_e[c] += side * kStep;
         Pose found;
-        const Outcome there = redundant_fkm<K>(robot, q_e, reference.closure.pose.D, found);
+        const Outcome there =
+            found_pose<K>(robot, law, reference.closure.pose, q_e, found, weighing);
         if (!there) return there;
         change[side > 0] = difference<K>(found, reference.pose);
       }
       for (int i = 0; i < n; ++i) leak[i][c] = (change[0][i] - change[1][i]) / (2 * kStep);
-    } else if (law == Law::joint) {
+    } else if (properties(law).corrects == Corrects::motors) {
       for (int i = 0; i < n && c < n; ++i) leak[i][c] = -reference.jacobians.J[i][c];
     } else {
       for (int i = 0; i < n; ++i)

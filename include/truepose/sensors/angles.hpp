@@ -64,10 +64,17 @@ inline Sensed sense_rod_angle(const Sensor& sensor, const Chain& chain, const Ve
   return s;
 }
 
+inline Sensed sense(Is<SensorKind::rod_in_plane>, const Sensor& sensor, const SeenChain& seen) {
+  return sense_rod_angle(sensor, seen.chain, seen.p, seen.v, seen.body);
+}
+inline Sensed sense(Is<SensorKind::rod_lateral>, const Sensor& sensor, const SeenChain& seen) {
+  return sense_rod_angle(sensor, seen.chain, seen.p, seen.v, seen.body);
+}
+
 /// The motor's own position, on the load's side: the arm's angle, not the motor encoder's reading.
-inline Sensed sense_motor(double position) {
+inline Sensed sense(Is<SensorKind::motor_encoder>, const Sensor&, const SeenChain& seen) {
   Sensed s;
-  s.value = position;
+  s.value = seen.position;
   s.motor = 1;
   return s;
 }

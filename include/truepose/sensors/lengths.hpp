@@ -7,7 +7,7 @@ namespace truepose {
 
 /// Along the fixed line o + s w to the plane of the nacelle through D + R t with normal R m:
 /// (R m)·(D + R t - o - s w) = 0.
-inline Sensed sense_telemeter(const Sensor& sensor, const Pose& pose) {
+inline Sensed sense(Is<SensorKind::telemeter>, const Sensor& sensor, const Pose& pose) {
   Sensed s;
   const Vec3 normal = pose.R * sensor.normal, arm = pose.R * sensor.target;
   const double slope = normal.dot(sensor.direction);
@@ -24,7 +24,7 @@ inline Sensed sense_telemeter(const Sensor& sensor, const Pose& pose) {
 }
 
 /// Draw-wire or ball bar from a point of the base to one of the nacelle: |D + R t - o|.
-inline Sensed sense_distance(const Sensor& sensor, const Pose& pose) {
+inline Sensed sense(Is<SensorKind::distance>, const Sensor& sensor, const Pose& pose) {
   Sensed s;
   const Vec3 arm = pose.R * sensor.target, from = pose.D + arm - sensor.origin;
   s.value = from.norm();
@@ -37,10 +37,10 @@ inline Sensed sense_distance(const Sensor& sensor, const Pose& pose) {
 }
 
 /// |A - B|: for a rod of fixed length a constant of the pose, that still says the length.
-inline Sensed sense_rod_length(const Vec3& v) {
+inline Sensed sense(Is<SensorKind::rod_length>, const Sensor&, const SeenChain& seen) {
   Sensed s;
-  s.value = v.norm();
-  s.rod = -v / s.value;
+  s.value = seen.v.norm();
+  s.rod = -seen.v / s.value;
   return s;
 }
 

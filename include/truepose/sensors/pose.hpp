@@ -5,7 +5,7 @@
 
 namespace truepose {
 
-inline Sensed sense_nacelle_angle(const Pose& pose) {
+inline Sensed sense(Is<SensorKind::nacelle_angle>, const Sensor&, const Pose& pose) {
   Sensed s;
   s.value = pose.theta;
   s.angular.z() = 1;
@@ -13,7 +13,7 @@ inline Sensed sense_nacelle_angle(const Pose& pose) {
 }
 
 /// A point of the nacelle along a fixed direction w: w·(D + R t - o).
-inline Sensed sense_coordinate(const Sensor& sensor, const Pose& pose) {
+inline Sensed sense(Is<SensorKind::coordinate>, const Sensor& sensor, const Pose& pose) {
   Sensed s;
   const Vec3 arm = pose.R * sensor.target, w = sensor.direction;
   s.value = w.dot(pose.D + arm - sensor.origin);
@@ -27,7 +27,7 @@ inline Sensed sense_coordinate(const Sensor& sensor, const Pose& pose) {
 
 /// Turn of the nacelle about its own axis a, against gravity: the angle from its direction b
 /// ("up" at zero) to the vertical as the nacelle sees it, g' = Rᵀ z: atan2((b×a)·g', b·g').
-inline Sensed sense_inclinometer(const Sensor& sensor, const Pose& pose) {
+inline Sensed sense(Is<SensorKind::inclinometer>, const Sensor& sensor, const Pose& pose) {
   Sensed s;
   const Vec3 up = pose.R.transpose() * Vec3::UnitZ();
   const Vec3 a = sensor.direction, b = sensor.normal, side = b.cross(a);
@@ -43,7 +43,7 @@ inline Sensed sense_inclinometer(const Sensor& sensor, const Pose& pose) {
 
 /// Component a·w of the nacelle's rotation vector w = log R. With R ← exp(ω) R,
 /// dw = ω - (w × ω)/2 + k w × (w × ω), k = (1 - (φ/2) cot(φ/2))/φ².
-inline Sensed sense_rotation(const Sensor& sensor, const Pose& pose) {
+inline Sensed sense(Is<SensorKind::rotation>, const Sensor& sensor, const Pose& pose) {
   Sensed s;
   const Vec3 w = log_so3(pose.R), a = sensor.direction;
   const double angle2 = w.squaredNorm(), half = 0.5 * std::sqrt(angle2);

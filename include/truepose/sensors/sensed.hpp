@@ -19,4 +19,13 @@ struct Sensed {
   Vec3 target = Vec3::Zero(), normal = Vec3::Zero();
 };
 
+/// What a sensor on a chain sees of it.
+struct SeenChain {
+  const Chain& chain;
+  double position;  ///< of the motor
+  const Vec3& p;    ///< P to B
+  const Vec3& v;    ///< A to B, the rod that it sees
+  Mat3 body;        ///< orientation of the body that carries A
+};
+
 }  // namespace truepose

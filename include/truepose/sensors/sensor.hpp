@@ -9,15 +9,7 @@
 namespace truepose {
 
 /// Whether a sensor is an encoder on a turning shaft.
-inline bool rotary(const Sensor& sensor) {
-  switch (sensor.kind) {
-    case SensorKind::nacelle_angle:
-    case SensorKind::rod_in_plane:
-    case SensorKind::rod_lateral:
-    case SensorKind::motor_encoder: return true;
-    default: return false;
-  }
-}
+inline bool rotary(const Sensor& sensor) { return properties(sensor.kind).shaft; }
 
 /// Whether it errs with its own turns.
 inline bool eccentric(const Sensor& sensor) { return sensor.eccentricity.any(); }
@@ -40,36 +32,34 @@ inline double measured(const Sensor& sensor, double reading) {
   return eccentric(sensor) ? decode(sensor.eccentricity, value) : value;
 }
 
+/// The `sense` of a sensor's kind, among the kinds that see a chain or among the others, its
+/// encoder's eccentricity applied: a chain of comparisons, which a compiler makes a jump of.
+/// @param seen  what `sense` takes after the sensor
+template <bool of_chain, int k = 0, class... Seen>
+inline Sensed sense_any(const Sensor& sensor, const Seen&... seen) {
+  if constexpr (k == kSensorKinds) {
+    return {};  // no such kind
+  } else if constexpr (kSensorTable[k].of_chain != of_chain) {
+    return sense_any<of_chain, k + 1>(sensor, seen...);
+  } else {
+    if (sensor.kind != kSensorTable[k].kind) return sense_any<of_chain, k + 1>(sensor, seen...);
+    Sensed s = sense(Is<kSensorTable[k].kind>{}, sensor, seen...);
+    if constexpr (kSensorTable[k].shaft) read_off_centre(sensor, s);
+    return s;
+  }
+}
+
 /// Value and gradients of a sensor of the nacelle's pose alone.
 inline Sensed sense_pose(const Sensor& sensor, const Pose& pose) {
-  switch (sensor.kind) {
-    case SensorKind::telemeter: return sense_telemeter(sensor, pose);
-    case SensorKind::coordinate: return sense_coordinate(sensor, pose);
-    case SensorKind::distance: return sense_distance(sensor, pose);
-    case SensorKind::inclinometer: return sense_inclinometer(sensor, pose);
-    case SensorKind::rotation: return sense_rotation(sensor, pose);
-    default: break;
-  }
-  Sensed s = sense_nacelle_angle(pose);
-  read_off_centre(sensor, s);
-  return s;
+  return sense_any<false>(sensor, pose);
 }
 
 /// Whether a sensor reads a chain's motor or rod, not the nacelle alone.
 inline bool on_chain(const Sensor& sensor) { return sensor.chain >= 0; }
 
 /// Value and gradients of a sensor on a chain, whatever the level of the model.
-/// @param position  of the motor
-/// @param p         P to B
-/// @param v         A to B, the rod that it sees
-/// @param body      orientation of the body that carries A
-inline Sensed sense_chain(const Sensor& sensor, const Chain& chain, double position, const Vec3& p,
-                          const Vec3& v, const Mat3& body) {
-  if (sensor.kind == SensorKind::rod_length) return sense_rod_length(v);
-  Sensed s = sensor.kind == SensorKind::motor_encoder ? sense_motor(position)
-                                                      : sense_rod_angle(sensor, chain, p, v, body);
-  read_off_centre(sensor, s);
-  return s;
+inline Sensed sense_chain(const Sensor& sensor, const SeenChain& seen) {
+  return sense_any<true>(sensor, seen);
 }
 
 /// Orientation of the body that carries a chain's A: bars keep theirs.
@@ -83,8 +73,8 @@ inline Sensed sense(const Robot& robot, const Sensor& sensor, const Closure<K>& 
   if (!on_chain(sensor)) return sense_pose(sensor, closure.pose);
   const Chain& chain = robot.chain[sensor.chain];
   const ChainState& state = closure.chain[sensor.chain];
-  return sense_chain(sensor, chain, motor_position(chain, state.q), state.p, state.v,
-                     body_of(chain, closure.pose));
+  return sense_chain(sensor, {chain, motor_position(chain, state.q), state.p, state.v,
+                              body_of(chain, closure.pose)});
 }
 
 /// ∂s/∂q of the sensor's chain with the nacelle held: the motor moves B, and turns the arm in

@@ -158,9 +158,9 @@ class Known(NamedTuple):
 def for_law(robot: AnyRobot, law: str) -> tuple[AnyRobot, _core.Knowledge | None]:
     """Return the robot at the level at which a law understands it, and what it weighs by.
 
-    The paper's laws keep the robot's level and weigh nothing.
+    Laws that weigh nothing, the paper's, keep the robot's level.
     """
-    if law not in ("weighted", "estimated"):
+    if not _core.laws[law].weighs:
         return robot, None
     return robot.finest, knowledge(robot).core
 

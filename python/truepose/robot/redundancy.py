@@ -105,11 +105,11 @@ class Redundancy(Kinematics):
 
     def require_orientation(self) -> None:
         """Raise InputError unless the readings determine the nacelle's orientation."""
-        kinds = [sensor.kind for sensor in self._spec.used]
         mobility = self._spec.mobility
-        if mobility == "translation" or (mobility == "schoenflies" and "nacelle_angle" in kinds):
+        has = [s.name for s in self._spec.sensor if _core.sensor_kinds[s.kind].is_theta]
+        measured = any(name in self.sensors for name in has)
+        if mobility == "translation" or (mobility == "schoenflies" and measured):
             return
-        has = [s.name for s in self._spec.sensor if s.kind == "nacelle_angle"]
         hint = (
             f"use with_sensors('{has[0]}')"
             if has and mobility == "schoenflies"
@@ -211,10 +211,10 @@ class Redundancy(Kinematics):
         """
         if law not in LAWS:
             raise InputError(choose("law", law, LAWS))
-        if law == "cartesian":
+        if _core.laws[law].orientation:
             self.require_orientation()
         rows, lead = flattened(self, x, self.n, "x", errors)
         believed, known = knowledge.for_law(self, law)
-        leak, status, chain = _core.leakage(believed.core, getattr(_core.Law, law), known, rows)
+        leak, status, chain = _core.leakage(believed.core, _core.laws[law].law, known, rows)
         require_answers(self, "pose", rows, lead, status, chain, errors)
         return leak.reshape(*lead, self.n, self.n + self.r)

@@ -9,32 +9,49 @@ import numpy as np
 from truepose import _core
 from truepose.arguments import Array
 from truepose.exceptions import RobotFileError
-from truepose.robotfile.parameters import HARMONICS, PAIRED, harmonics
+from truepose.robotfile.base import Section
+from truepose.robotfile.parameters import PAIRED
 from truepose.robotfile.schema import Chain, RobotFile
 from truepose.robotfile.sensors import Encoder, Sensor
 
 
 def columns(spec: RobotFile) -> list[tuple[str, int]]:
-    """Name of every parameter that the core knows in this robot, and its column of H_ξ."""
-    chain = [f"base.{axis}" for axis in "xyz"] + ["arm", "rod", "encoder_offset", "yaw", "tilt"]
-    chain += [f"anchor.{axis}" for axis in "xyz"] + ["rod_difference", "rod_spacing"]
-    chain += harmonics()
+    """Name of every parameter that the core knows in this robot, and its column of H_ξ.
+
+    The core says in which order they stand; a sensor's file may call a vector otherwise than it.
+    """
+    chain = [key for key, _ in _core.chain_parameters]
     width = len(chain)
     columns = [
         (f"chain{i + 1}.{key}", i * width + k) for i in range(spec.n) for k, key in enumerate(chain)
     ]
     columns += [(f"bar{k + 1}.pivot", spec.n * width + k) for k in range(len(spec.bar))]
     start = spec.n * width + _core.max_bars
-    for number, sensor in enumerate(spec.used):
-        own = start + _core.sensor_parameters * number
-        columns += [(f"{sensor.name}.offset", own), (f"{sensor.name}.gain", own + 1)]
-        for k, vector in enumerate(("origin", "direction", "target", "normal")):
-            if key := sensor.mounting.get(vector):
-                names = [f"{sensor.name}.{key}.{axis}" for axis in "xyz"]
-                columns += [(name, own + 2 + 3 * k + a) for a, name in enumerate(names)]
-        last = own + _core.sensor_parameters - len(HARMONICS)
-        columns += [(f"{sensor.name}.eccentricity.{h}", last + k) for k, h in enumerate(HARMONICS)]
+    for sensor in spec.used:
+        for k, (core, _) in enumerate(_core.sensor_parameters):
+            if key := file_key(type(sensor), core):
+                columns.append((f"{sensor.name}.{key}", start + k))
+        start += len(_core.sensor_parameters)
     return columns
+
+
+def file_key(kind: type[Section], core: str) -> str:
+    """What a robot file calls one of the core's parameters of a sensor; empty: it has it not.
+
+    Examples
+    --------
+    >>> from truepose.robot.to_core import file_key
+    >>> from truepose.robotfile.sensors import SENSORS
+    >>> [file_key(SENSORS["inclinometer"], core) for core in ("gain", "normal.x", "target.x")]
+    ['gain', 'up.x', '']
+    """
+    vector, dot, component = core.partition(".")
+    if vector == "eccentricity":
+        return core if issubclass(kind, Encoder) else ""
+    if not dot:
+        return core
+    key = kind.mounting.get(vector)
+    return f"{key}.{component}" if key else ""
 
 
 def encoder_step(chain: Chain) -> float:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, get_args
 
 from pydantic import AfterValidator, Field, model_validator
 
@@ -47,6 +47,11 @@ class _Sensor(Section):
     gain: Number = Field(default=1.0, description="reading = gain * value - offset")
     noise: Sigma = Field(default=0.0, description="σ of a reading, before it is counted")
     weight: NonNegative = Field(default=1.0, description="of its row in the TEJ (paper: 1)")
+
+    @property
+    def geared(self) -> bool:
+        """Whether a gear, and its play, stands between the nacelle and the encoder of its θ."""
+        return False
 
     @model_validator(mode="after")
     def _usable(self) -> _Sensor:
@@ -94,6 +99,11 @@ class NacelleAngle(Encoder):
     bar: Index | None = Field(
         default=None, description="read at this bar's pivot, against the bar; without it, absolute"
     )
+
+    @property
+    def geared(self) -> bool:
+        """Whether a gear, and its play, stands between the nacelle and the encoder of its θ."""
+        return self.gear != 1
 
 
 class Telemeter(_Gauge):
@@ -182,14 +192,6 @@ class MotorEncoder(Encoder):
     chain: Index = Field(description="whose motor, from 1")
 
 
-_KINDS = (NacelleAngle, Telemeter, Coordinate, Distance, Inclinometer, Rotation, RodAngle)
-_KINDS += (RodLength, MotorEncoder)
-
-#: Class of every kind.
-SENSORS: dict[str, type[_Sensor]] = {
-    kind: model for model in _KINDS for kind in model.model_fields["kind"].annotation.__args__
-}
-
 Sensor = Annotated[
     NacelleAngle
     | Telemeter
@@ -202,3 +204,10 @@ Sensor = Annotated[
     | MotorEncoder,
     Field(discriminator="kind"),
 ]
+
+#: Class of every kind.
+SENSORS: dict[str, type[_Sensor]] = {
+    kind: model
+    for model in get_args(get_args(Sensor)[0])
+    for kind in get_args(model.model_fields["kind"].annotation)
+}

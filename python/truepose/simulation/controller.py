@@ -67,10 +67,10 @@ class Controller:
 
     def settings(self, robot: Robot, x: ArrayLike) -> _core.ControlSettings:
         """Return the core's settings, with the gains placed at the pose x."""
-        if self.law == "cartesian":
+        if _core.laws[self.law].orientation:
             robot.require_orientation()
         settings = _core.ControlSettings()
-        settings.law = getattr(_core.Law, self.law)
+        settings.law = _core.laws[self.law].law
         settings.feed_forward = getattr(_core.FeedForward, self.feed_forward)
         settings.period = self.period
         settings.velocity_bandwidth = self.velocity_bandwidth

@@ -210,7 +210,7 @@ class Effects:
         half = self.tool_backlash / 2
         sensors = tuple(
             sensor.model_copy(update={"noise": math.hypot(sensor.noise, half)})
-            if sensor.kind == "nacelle_angle" and sensor.gear != 1
+            if sensor.geared
             else sensor
             for sensor in spec.sensor
         )

@@ -77,7 +77,7 @@ class ExactPlant:
         self._geared = np.zeros(truth.n + truth.r)
         for k, name in enumerate(truth.sensors):
             sensor = next(s for s in truth.spec.sensor if s.name == name)
-            if sensor.kind == "nacelle_angle" and sensor.gear != 1:
+            if sensor.geared:
                 self._geared[truth.n + k] = truth.parameters[f"{name}.gain"].value
 
     def visit(

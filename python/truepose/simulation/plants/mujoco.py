@@ -173,9 +173,7 @@ class _Drive:
         # A geared encoder stands on the tool's axis: the gear's play is between it and the nacelle.
         self.geared = np.array(
             [
-                plant.truth.parameters[f"{s.name}.gain"].value
-                if s.kind == "nacelle_angle" and s.gear != 1
-                else 0.0
+                plant.truth.parameters[f"{s.name}.gain"].value if s.geared else 0.0
                 for s in robot.spec.used
             ]
         )
