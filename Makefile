@@ -8,16 +8,16 @@ VENV := .venv
 BIN := $(VENV)/bin
 export PATH := $(abspath $(BIN)):$(PATH)
 
-PACKAGE := $(shell find include src python robots -type f -not -name '*.pyc') \
+PACKAGE := $(shell find include src cmake python robots -type f -not -name '*.pyc') \
            CMakeLists.txt pyproject.toml README.md
 CPP := $(shell find include src tests/cpp tests/fuzz benchmarks -name '*.[hc]pp')
 
 .DEFAULT_GOAL := help
-.PHONY: help reproduce report test test-python test-cpp lint format fuzz realtime instructions bench bench-peers pictures twin clean
+.PHONY: help reproduce report test test-python test-cpp lint format fuzz realtime instructions bench bench-peers pictures docs twin clean
 
 help:
 	@sed -n 's/^# \?//p' Makefile | sed '/^$$/q'
-	@echo "Also: report lint format fuzz realtime instructions bench pictures twin clean"
+	@echo "Also: report lint format fuzz realtime instructions bench pictures docs twin clean"
 
 reproduce: $(VENV)/installed
 	@truepose reproduce $(ARGS)
@@ -84,6 +84,11 @@ bench-peers: bench
 pictures: $(VENV)/developing
 	python tools/rooms.py
 	python -c "import truepose as tp; from truepose.show.drawing import draw; [draw(tp.load(name)).savefig(f'robots/{name}/picture.png', dpi=110) for name in tp.robots()]"
+	python docs/site/figures.py
+
+# The documentation as a site, in build/docs; the C++ reference where doxygen is installed.
+docs: $(VENV)/documenting
+	python docs/site/make.py
 
 # The H4 whose Table 3 is close to the printed one: ten searches, some minutes.
 twin: $(VENV)/installed
@@ -107,6 +112,12 @@ $(VENV)/installed: $(PACKAGE) | $(VENV)/created
 $(VENV)/developing: $(VENV)/installed
 	@pip install --quiet --disable-pip-version-check ".[dev]"
 	@touch $@ && touch -r $@ $(VENV)/installed
+
+$(VENV)/documenting: pyproject.toml | $(VENV)/installed
+	@python -c "import tomllib; \
+	  extras = tomllib.load(open('pyproject.toml', 'rb'))['project']['optional-dependencies']; \
+	  print(*extras['docs'], sep='\n')" | pip install --quiet --disable-pip-version-check -r /dev/stdin
+	@touch $@
 
 clean:
 	rm -rf build dist $(VENV) truepose-report

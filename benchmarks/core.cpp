@@ -107,7 +107,7 @@ int main(int argc, char** argv) {
   for (int i = 0; i < 4; ++i) {
     Chain& chain = turned.robot.chain[i];
     const double angle = mechanisms::degrees(i % 2 == 0 ? 0.1 : -0.1);
-    chain.axis = exp_so3(angle * chain.zero) * chain.axis;
+    chain.axis = exp_so3(angle * chain.zero()) * chain.axis();
   }
   full_level<K>("H4", turned, rows);
   rows.push_back(bench::measure("H4 FKM, closed, θ known", kPoses, kRepeats, [&](int i) {

@@ -82,7 +82,8 @@ int main() {
   rods.level = Level::full;
   for (int i = 0; i < 4; ++i) {
     Chain& chain = rods.chain[i];
-    chain.axis = exp_so3(mechanisms::degrees(i % 2 == 0 ? 0.1 : -0.1) * chain.zero) * chain.axis;
+    chain.axis =
+        exp_so3(mechanisms::degrees(i % 2 == 0 ? 0.1 : -0.1) * chain.zero()) * chain.axis();
   }
   for (int i = 0; i < kPoses; ++i) {
     Joint out{}, near = h4.near[i], home = h4.robot.home, ups_near = ups.near[i];

@@ -8,6 +8,23 @@
 #include "truepose/control/law.hpp"
 #include "truepose/model/geometry.hpp"
 
+/// A robot's vectors are numpy arrays, copied.
+template <class Numbers>
+struct nanobind::detail::type_caster<truepose::Plain<Numbers>> {
+  using Caster = make_caster<Numbers>;
+  NB_TYPE_CASTER(truepose::Plain<Numbers>, Caster::Name)
+
+  bool from_python(handle from, std::uint8_t flags, cleanup_list* cleanup) noexcept {
+    Caster caster;
+    if (!caster.from_python(from, flags, cleanup)) return false;
+    value = caster.operator cast_t<Numbers&>();
+    return true;
+  }
+  static handle from_cpp(const Numbers& numbers, rv_policy, cleanup_list* cleanup) noexcept {
+    return Caster::from_cpp(numbers, rv_policy::copy, cleanup);
+  }
+};
+
 namespace truepose::python {
 namespace {
 
@@ -15,7 +32,7 @@ namespace {
 template <class Part>
 void set_eccentricity(Part& part, const std::array<double, 4>& amplitude, double gear) {
   part.eccentricity.set_amplitude(amplitude.data());
-  part.eccentricity.gear = gear;
+  part.eccentricity.set_gear(gear);
 }
 
 /// The columns of ξ of a robot whose parts do not exist would lie in another's memory.

@@ -123,7 +123,7 @@ auto skeleton(const Robot& robot, const Joint& x) {
     Closure<mobility()> closure;
     const Outcome result = ikm<mobility()>(robot, to_pose<mobility()>(x), closure);
     for (std::size_t i = 0; i < n && result; ++i) {
-      const Vec3 P = robot.chain[i].base, B = P + closure.chain[i].p, A = B - closure.chain[i].v;
+      const Vec3 P = robot.chain[i].base(), B = P + closure.chain[i].p, A = B - closure.chain[i].v;
       const Vec3 C = closure.pose.D + closure.chain[i].lever;
       int k = 0;
       for (const Vec3& point : {P, B, A, C})
@@ -171,7 +171,7 @@ double rod_shortfall(const Robot& robot, const Joint& x, int chain) {
   return with_mobility(robot.mobility, [&](auto mobility) {
     const Pose pose = to_pose<mobility()>(x);
     const Chain& of = robot.chain.at(chain);
-    return shortfall(of, pose.D + pose.R * of.pivot + of.anchor - of.base);
+    return shortfall(of, pose.D + pose.R * of.pivot() + of.anchor() - of.base());
   });
 }
 

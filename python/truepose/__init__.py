@@ -9,6 +9,7 @@ from truepose.calibration.fit import Fit
 from truepose.calibration.online import OnlineCalibration
 from truepose.calibration.registration import Registration
 from truepose.exceptions import InputError, PoseError, RobotFileError, TrueposeError
+from truepose.headers import get_cmake_dir, get_include
 from truepose.robot.assembly import assembly_modes
 from truepose.robot.description import Parameter
 from truepose.robot.redundancy import Estimate
@@ -39,6 +40,8 @@ __all__ = [
     "accuracy",
     "assembly_modes",
     "calibrate",
+    "get_cmake_dir",
+    "get_include",
     "load",
     "robots",
     "settle",

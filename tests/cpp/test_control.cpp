@@ -289,7 +289,7 @@ TEST("settle() foretells where the simulation comes to rest, with and without gr
     check::Random random(63);
     for (const bool gravity : {false, true}) {
       Robot nominal = mechanism.robot;
-      if (!gravity) nominal.gravity.setZero();
+      if (!gravity) nominal.gravity = Vec3::Zero();
       const Robot truth = built<K>(nominal, random);
       const Joint to = random_pose(mechanism, random, 0.5);
       for (const Law law : kLaws) {

@@ -29,8 +29,8 @@ Mechanism symmetric_h4() {
   for (int i = 0; i < 4; ++i) {
     Chain& chain = mechanism.robot.chain[i];
     chain.zero = polar(1, alpha[i]);
-    chain.axis = Vec3::UnitZ().cross(chain.zero);
-    chain.base = inner[i] + R * chain.zero;
+    chain.axis = Vec3::UnitZ().cross(chain.zero());
+    chain.base = inner[i] + R * chain.zero();
   }
   if (!finish(mechanism.robot)) std::printf("%s: home is singular\n", mechanism.name);
   return mechanism;
@@ -101,7 +101,7 @@ TEST("the conditioning is n / (|A| |A⁻¹|) of the rods' lines, in metres or in
       CHECK(parallel > 0.4 && parallel <= 1);
       Robot large = mechanism.robot;
       for (Chain& chain : large.chain) {
-        for (Vec3* vector : {&chain.base, &chain.pivot, &chain.anchor}) *vector *= 1000;
+        for (Plain<Vec3>* vector : {&chain.base, &chain.pivot, &chain.anchor}) (*vector)() *= 1000;
         chain.arm *= 1000;
         chain.rod *= 1000;
       }

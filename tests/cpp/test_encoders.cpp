@@ -30,7 +30,7 @@ TEST("decoding undoes encoding, turns included, whatever the gear") {
   CHECK(encoder.any());
   for (const double gear : {1.0, 4.0})
     for (double angle = -20; angle < 20; angle += 0.01) {
-      encoder.gear = gear;
+      encoder.set_gear(gear);
       CHECK_NEAR(decode(encoder, encode(encoder, angle).value), angle, 1e-14);
     }
 }

@@ -100,8 +100,8 @@ TEST("the residual the FKM reports is the largest gap that is left in a loop") {
       double gap = 0;
       for (int i = 0; i < kDof<K>; ++i) {
         const Driven driven = drive(robot.chain[i], closure.chain[i].q);
-        const Vec3 A = pose.D + pose.R * robot.chain[i].pivot + robot.chain[i].anchor;
-        gap = std::max(gap, std::fabs((robot.chain[i].base + driven.p - A).norm() - driven.rod));
+        const Vec3 A = pose.D + pose.R * robot.chain[i].pivot() + robot.chain[i].anchor();
+        gap = std::max(gap, std::fabs((robot.chain[i].base() + driven.p - A).norm() - driven.rod));
       }
       CHECK_NEAR(gap, result.residual, 1e-15);
       CHECK_NEAR(gap, 0, 3e-15);
@@ -162,11 +162,11 @@ TEST("centres of the spheres in one plane, and almost in one, are no special cas
   Robot robot = flat.robot;
   for (int i = 0; i < 4; ++i) {
     robot.chain[i].zero = polar(1, 45 + 90 * i);
-    robot.chain[i].axis = Vec3::UnitZ().cross(robot.chain[i].zero);
-    robot.chain[i].base = 0.275 * robot.chain[i].zero;
+    robot.chain[i].axis = Vec3::UnitZ().cross(robot.chain[i].zero());
+    robot.chain[i].base = 0.275 * robot.chain[i].zero();
     robot.chain[i].arm = 0.375;
     robot.chain[i].rod = 0.8;
-    robot.chain[i].pivot.z() = 0;
+    robot.chain[i].pivot().z() = 0;
   }
   for (const double tilt : {0.0, 1e-15, 1e-12, 1e-9, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3})
     for (int k = 0; k < 50; ++k)

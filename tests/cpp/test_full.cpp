@@ -32,10 +32,10 @@ double gaussian(check::Random& random) {
 /// Yaw turns e and u about z; tilt then turns u about e. The bars stay as drawn.
 void turn_axis(Chain& chain, double yaw, double tilt) {
   const Mat3 about_z = rotation_z(yaw);
-  chain.zero = about_z * chain.zero;
-  const Mat3 turn = exp_so3(tilt * chain.zero) * about_z;
-  chain.axis = turn * chain.axis;
-  chain.pair_axis = turn * chain.pair_axis;
+  chain.zero = about_z * chain.zero();
+  const Mat3 turn = exp_so3(tilt * chain.zero()) * about_z;
+  chain.axis = turn * chain.axis();
+  chain.pair_axis = turn * chain.pair_axis();
 }
 
 /// The robot as built: 0.1° (1σ) of yaw and tilt on every arm's axis.
@@ -68,8 +68,9 @@ double largest_gap(const Robot& robot, const FullPose& pose, const Joint& q) {
     const Mat3 R = chain.bar < 0 ? pose.R : Mat3(pose.R * rotation_z(pose.psi[chain.bar]));
     for (const double side : {1.0, -1.0}) {
       const double half = 0.5 * side * chain.rod_spacing;
-      const Vec3 B = chain.base + drive(chain, q[i]).p + half * pair_direction(chain);
-      const Vec3 A = pose.D + pose.R * chain.pivot + R * (chain.anchor + half * chain.pair_drawn);
+      const Vec3 B = chain.base() + drive(chain, q[i]).p + half * pair_direction(chain);
+      const Vec3 A =
+          pose.D + pose.R * chain.pivot() + R * (chain.anchor() + half * chain.pair_drawn());
       const double length = chain.rod + 0.5 * side * chain.rod_difference;
       gap = std::max(gap, std::fabs((B - A).norm() - length));
     }
@@ -306,7 +307,7 @@ TEST("a pair's longer rod lowers its side of the nacelle, by δ over the rods' s
       Mat3 across;
       for (int i = 0; i < 3; ++i) {
         const Vec3 v = 0.5 * (closure.v[2 * i] + closure.v[2 * i + 1]);
-        across.row(i) = robot.chain[i].axis.cross(v.normalized());
+        across.row(i) = robot.chain[i].axis().cross(v.normalized());
       }
       Vec3 turn = Vec3::Zero();  // by Cramer: ω of the one equation that is not zero
       const Vec3 other = across.row((guilty + 1) % 3).cross(across.row((guilty + 2) % 3));
@@ -324,7 +325,7 @@ TEST("a pair's longer rod lowers its side of the nacelle, by δ over the rods' s
     const Vec3 v = closure.v[2 * i] + closure.v[2 * i + 1];
     const Vec3 turn = log_so3(closure.pose.R * rotation_z(closure.pose.psi[robot.chain[i].bar]));
     const double expected = i == 0 ? -2e-5 / 0.08 : 0;
-    CHECK_NEAR(turn.dot(robot.chain[i].axis.cross(v.normalized())), expected, 1e-6);
+    CHECK_NEAR(turn.dot(robot.chain[i].axis().cross(v.normalized())), expected, 1e-6);
   }
 }
 
@@ -486,7 +487,7 @@ TEST("the full level is as honest as the ideal one about what it cannot answer")
     const Outcome none = ikm_full(short_rod, x, q);
     CHECK(none.status == Status::unreachable && none.chain == 1);
     Robot apart = robot;
-    apart.chain[1].base.x() = -3;
+    apart.chain[1].base().x() = -3;
     CHECK(ikm(robot, robot.home, q));
     x = robot.home;
     CHECK(fkm_full(apart, q, x).status == Status::not_converged);

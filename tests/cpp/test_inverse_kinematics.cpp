@@ -18,13 +18,13 @@ TEST("every loop closes to rounding") {
         const Chain& chain = mechanism.robot.chain[i];
         // From the encoder's reading alone, by the formulas of docs/model.md.
         const double position = closure.chain[i].q + chain.encoder_offset;
-        const Vec3 A = pose.D + pose.R * chain.pivot + chain.anchor;
-        Vec3 B = chain.base;
+        const Vec3 A = pose.D + pose.R * chain.pivot() + chain.anchor();
+        Vec3 B = chain.base();
         double rod = chain.rod;
         if (chain.actuator == Actuator::revolute)
-          B += chain.arm * Eigen::AngleAxisd(position, chain.axis)._transformVector(chain.zero);
+          B += chain.arm * Eigen::AngleAxisd(position, chain.axis())._transformVector(chain.zero());
         else if (chain.actuator == Actuator::prismatic)
-          B += position * chain.axis;
+          B += position * chain.axis();
         else
           rod = position;
         CHECK_NEAR((B - A).norm(), rod, 3e-15);
@@ -92,9 +92,9 @@ TEST("a telemeter's point lies on its line and on the nacelle's plane") {
           CHECK_NEAR(q_e[kDof<K> + s], pose.theta, 0);
           continue;
         }
-        const Vec3 point = sensor.origin + q_e[kDof<K> + s] * sensor.direction;
+        const Vec3 point = sensor.origin() + q_e[kDof<K> + s] * sensor.direction();
         const Vec3 in_nacelle = pose.R.transpose() * (point - pose.D);
-        CHECK_NEAR(sensor.normal.dot(in_nacelle - sensor.target), 0, 2e-15);
+        CHECK_NEAR(sensor.normal().dot(in_nacelle - sensor.target()), 0, 2e-15);
       }
     }
   });

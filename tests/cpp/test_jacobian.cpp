@@ -63,7 +63,7 @@ TEST("the rows of J_x and the entries of J_q are derivatives of the closure (|v|
         const Chain& chain = mechanism.robot.chain[i];
         const auto closed = [&](const Pose& at, double q) {
           const Driven driven = drive(chain, q);
-          const Vec3 v = chain.base + driven.p - at.D - at.R * chain.pivot - chain.anchor;
+          const Vec3 v = chain.base() + driven.p - at.D - at.R * chain.pivot() - chain.anchor();
           return 0.5 * (v.squaredNorm() - driven.rod * driven.rod);
         };
         const double q = closure.chain[i].q;

@@ -61,8 +61,8 @@ std::vector<Sensor> sensors_of(const Robot& robot, Mobility mobility) {
       add(row.kind, chain);
       if (!seen_from_the_nacelle(row.kind)) continue;
       Sensor& joint = add(row.kind, chain, true);
-      joint.direction = robot.chain[chain].axis;
-      joint.normal = flat ? Vec3(Vec3::UnitX()) : robot.chain[chain].axis.unitOrthogonal();
+      joint.direction = robot.chain[chain].axis();
+      joint.normal = flat ? Vec3(Vec3::UnitX()) : robot.chain[chain].axis().unitOrthogonal();
     }
   }
   if (robot.full.bars > 0) add(SensorKind::nacelle_angle).bar = robot.full.bars - 1;
@@ -73,7 +73,7 @@ std::vector<Sensor> sensors_of(const Robot& robot, Mobility mobility) {
 void spin(Eccentricity& encoder, double size, double gear) {
   const std::array<double, 4> amplitude{size, -0.6 * size, 0.3 * size, 0.5 * size};
   encoder.set_amplitude(amplitude.data());
-  encoder.gear = gear;
+  encoder.set_gear(gear);
 }
 
 /// Adds h to amplitude k.
@@ -98,24 +98,24 @@ void change(Robot& robot, int i, ChainParameter p, double h) {
     case ChainParameter::encoder_offset: chain.encoder_offset += h; break;
     case ChainParameter::yaw: {
       const Mat3 turn = rotation_z(h);
-      chain.zero = turn * chain.zero;
-      chain.axis = turn * chain.axis;
-      chain.pair_axis = turn * chain.pair_axis;
+      chain.zero = turn * chain.zero();
+      chain.axis = turn * chain.axis();
+      chain.pair_axis = turn * chain.pair_axis();
       break;
     }
     case ChainParameter::tilt: {
-      const Mat3 turn = exp_so3(h * chain.zero);
-      chain.axis = turn * chain.axis;
-      chain.pair_axis = turn * chain.pair_axis;
+      const Mat3 turn = exp_so3(h * chain.zero());
+      chain.axis = turn * chain.axis();
+      chain.pair_axis = turn * chain.pair_axis();
       break;
     }
     case ChainParameter::rod_difference: chain.rod_difference += h; break;
     case ChainParameter::rod_spacing: chain.rod_spacing += h; break;
     default:
       if (p <= ChainParameter::base_z)
-        chain.base[index] += h;
+        chain.base()[index] += h;
       else
-        (chain.bar < 0 ? chain.pivot : chain.anchor)[index - 8] += h;
+        (chain.bar < 0 ? chain.pivot() : chain.anchor())[index - 8] += h;
   }
 }
 
@@ -132,12 +132,12 @@ void change(Robot& robot, int k, SensorParameter p, double h) {
   else if (p == SensorParameter::gain)
     sensor.gain += h;
   else
-    (index < 3   ? sensor.origin
-     : index < 6 ? sensor.direction
-     : index < 9 ? sensor.target
-                 : sensor.normal)[index % 3] += h;
-  sensor.direction.normalize();
-  sensor.normal.normalize();
+    (index < 3   ? sensor.origin()
+     : index < 6 ? sensor.direction()
+     : index < 9 ? sensor.target()
+                 : sensor.normal())[index % 3] += h;
+  sensor.direction().normalize();
+  sensor.normal().normalize();
 }
 
 /// What a level of the model says at a pose.
@@ -246,7 +246,7 @@ TEST("every reading's derivative along every parameter is that of its finite dif
                       Robot other = robot;
                       for (int i = 0; i < n; ++i)
                         if (robot.chain[i].bar == bar)
-                          other.chain[i].pivot += h * robot.chain[i].pivot.normalized();
+                          other.chain[i].pivot() += h * robot.chain[i].pivot().normalized();
                       return read_at<K>(full, other, pose).q_e;
                     }));
           for (int k = 0; k < robot.r; ++k)
@@ -290,11 +290,11 @@ TEST("an elbow's in-plane angle counts from the arm, positive as the motor's") {
     const double angle = sense<K>(mechanism.robot, elbow, closure).value;
     // Turning the arm about u by that angle lays it along the rod's projection on its plane.
     const ChainState& state = closure.chain[0];
-    const Vec3 rod = -state.v, flat = rod - rod.dot(chain.axis) * chain.axis;
-    const Vec3 turned = exp_so3(angle * chain.axis) * (state.p / chain.arm);
+    const Vec3 rod = -state.v, flat = rod - rod.dot(chain.axis()) * chain.axis();
+    const Vec3 turned = exp_so3(angle * chain.axis()) * (state.p / chain.arm);
     CHECK_NEAR((turned - flat.normalized()).norm(), 0, 1e-12);
     elbow.kind = SensorKind::rod_lateral;
     CHECK_NEAR(std::sin(sense<K>(mechanism.robot, elbow, closure).value),
-               rod.dot(chain.axis) / rod.norm(), 1e-12);
+               rod.dot(chain.axis()) / rod.norm(), 1e-12);
   });
 }

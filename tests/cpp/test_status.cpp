@@ -39,7 +39,7 @@ TEST("a pose out of reach is unreachable, and the chain is named") {
 
 TEST("motor positions that no pose holds are unreachable, by Newton and in closed form") {
   Robot robot = h4().robot;
-  robot.chain[1].base.x() = -3;
+  robot.chain[1].base().x() = -3;
   Joint q{0.5, 0.5, 0.5, 0.5}, x = robot.home;
   CHECK(fkm(robot, q, x).status == Status::unreachable);
   Vec3 D;
@@ -69,8 +69,8 @@ TEST("a stretched arm is singular of the first type, and the chain is named") {
   // At q_1 = 0 the arm points outwards; the rod in its continuation stretches chain 0.
   Robot robot = h4().robot;
   const Pose pose = to_pose<Mobility::schoenflies>(robot.home);
-  const Vec3 A = pose.D + robot.chain[0].pivot + robot.chain[0].anchor;
-  const double reach = (A - robot.chain[0].base).norm();
+  const Vec3 A = pose.D + robot.chain[0].pivot() + robot.chain[0].anchor();
+  const double reach = (A - robot.chain[0].base()).norm();
   robot.chain[0].rod = reach - robot.chain[0].arm;
   JointMatrix J{};
   Outcome outcome = jacobian(robot, robot.home, J);

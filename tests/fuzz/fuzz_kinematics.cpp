@@ -18,10 +18,10 @@ void check_forward(const Robot& robot, const Joint& q, const Joint& x) {
   for (int i = 0; i < kDof<K>; ++i) {
     const Chain& chain = robot.chain[i];
     const Driven driven = drive(chain, q[i]);
-    const Vec3 lever = turned<K>(pose.R, chain.pivot);
-    const Vec3 v = chain.base + driven.p - pose.D - lever - chain.anchor;
-    const double size = chain.base.norm() + driven.p.norm() + pose.D.norm() + lever.norm() +
-                        chain.anchor.norm() + driven.rod;
+    const Vec3 lever = turned<K>(pose.R, chain.pivot());
+    const Vec3 v = chain.base() + driven.p - pose.D - lever - chain.anchor();
+    const double size = chain.base().norm() + driven.p.norm() + pose.D.norm() + lever.norm() +
+                        chain.anchor().norm() + driven.rod;
     require(std::fabs(v.norm() - driven.rod) < 1e-11 * size, "a pose that fkm found is closed");
     if (!outcome) continue;
     // B, not q, whose turns are free. Where an arm is stretched it is a root of the closure error.

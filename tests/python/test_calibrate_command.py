@@ -203,3 +203,15 @@ def test_a_sigma_that_is_none_is_refused_in_one_line(run, log, sigma):
     status, out, err = run("h4", log, "--measured-sigma", sigma)
     assert (status, out) == (2, "") and len(err.splitlines()) == 1
     assert f"--measured-sigma {sigma}: must be a length and an angle" in err
+
+
+def test_lines_held_out_teach_the_geometry_that_they_try_nothing(h4, readings):
+    """What is wrong with them alone is found in them whole: no fit has given way to it."""
+    robot = h4.with_sensors("theta", "z_telemeter")
+    off = {}
+    for wrong in (0.0, 1e-3):
+        columns = {name: values[:40].copy() for name, values in readings.items()}
+        columns["theta"][4::5] += wrong
+        log, _ = log_checks.check(robot, logs.of(robot, columns))
+        off[wrong] = review.assess(robot, log, []).held_out[4::5, 0]
+    np.testing.assert_allclose(off[1e-3] - off[0.0], 1e-3, rtol=1e-9)

@@ -25,6 +25,8 @@ WRITERS = {
     "svg": ("info", "h4", "--samples", "20", "--plot", "out.svg"),
     "png": ("accuracy", "h4", "--sensors", "none", "--plot", "out.png"),
     "pdf": ("info", "h4", "--samples", "20", "--plot", "out.pdf"),
+    "log": ("simulate", "h4", "-o", "out.csv"),
+    "truth": ("rehearse", "h4", "-o", "new.csv", "--truth", "out.toml", "--poses", "20"),
     "model": ("export", "mjcf", "h4", "-o", "out.xml"),
 }
 
@@ -138,6 +140,8 @@ INPUTS = {
         (("calibrate", "mine.toml", "log.csv", "-o"), "mine.toml"),
         (("calibrate", "mine.toml", "log.csv", "-o", "a.toml", "--report"), "mine.toml"),
         (("export", "mjcf", "mine.toml", "-o"), "mine.toml"),
+        (("simulate", "h4", "--true", "mine.toml", "--plot", "a.png", "-o"), "mine.toml"),
+        (("rehearse", "mine.toml", "--truth"), "mine.toml"),
     ],
 )
 def test_an_input_is_never_replaced(run, folder, h4, words, own, alias, force):

@@ -235,3 +235,12 @@ def test_a_move_through_a_singularity_is_refused(h4, law):
 def test_a_simulation_longer_than_memory_is_refused(h4):
     with pytest.raises(tp.InputError, match="at most 1000000 control periods"):
         tp.simulate(h4, duration=1e9)
+
+
+def test_under_integral_action_it_starts_where_nothing_is_left_to_integrate(h4, truth):
+    controller = tp.Controller(integral=20.0)
+    run = tp.simulate(h4.unquantised(), truth.unquantised(), controller, duration=0.01, hold=0)
+    assert run.x[0] == pytest.approx(tp.settle(h4, truth, MOVE_FROM), abs=1e-12)
+    assert run.x[0] != pytest.approx(
+        tp.settle(h4, truth, MOVE_FROM, gravity=True, start=MOVE_FROM), abs=1e-7
+    )

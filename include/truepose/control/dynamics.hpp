@@ -39,7 +39,7 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<
                                               const Joint& rate, DynamicModel<K>& model) {
   constexpr int n = kDof<K>;
   const Twist twist = to_twist<K>(rate);
-  const Vec3 g = robot.gravity;
+  const Vec3 g = robot.gravity();
   for (int i = 0; i < n; ++i) {
     model.mass[i].fill(0);
     model.bias[i] = 0;
@@ -116,14 +116,14 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<
 
   for (int i = 0; i < robot.bodies; ++i) {
     const Body& body = robot.body[i];
-    const Vec3 l = turned<K>(closure.pose.R, body.pivot);
+    const Vec3 l = turned<K>(closure.pose.R, body.pivot());
     hang(body.mass, l, body.mass * (turning<K>(twist.omega, turning<K>(twist.omega, l)) - g));
     if constexpr (K == Mobility::spatial) {
-      const Mat3 inertia = closure.pose.R * body.inertia * closure.pose.R.transpose();
+      const Mat3 inertia = closure.pose.R * body.inertia() * closure.pose.R.transpose();
       second += inertia;
       moment += twist.omega.cross(inertia * twist.omega);
     } else if constexpr (kTurnsAboutZ<K>) {
-      second(2, 2) += body.inertia(2, 2);
+      second(2, 2) += body.inertia()(2, 2);
     }
   }
 
@@ -222,14 +222,14 @@ inline Outcome energy(const Robot& robot, const Pose& pose, const Joint& rate, E
   for (int i = 0; i < kDof<K>; ++i) {
     for (int j = 0; j < kDof<K>; ++j) result.kinetic += 0.5 * rate[i] * model.mass[i][j] * rate[j];
     const Chain& chain = robot.chain[i];
-    const Vec3 B = chain.base + closure.chain[i].p, A = B - closure.chain[i].v;
-    const Vec3 arm = chain.actuator == Actuator::revolute ? Vec3(0.5 * (chain.base + B)) : B;
-    result.potential -= robot.gravity.dot(chain.rod_mass / 2 * (A + B) + chain.arm_mass * arm);
+    const Vec3 B = chain.base() + closure.chain[i].p, A = B - closure.chain[i].v;
+    const Vec3 arm = chain.actuator == Actuator::revolute ? Vec3(0.5 * (chain.base() + B)) : B;
+    result.potential -= robot.gravity().dot(chain.rod_mass / 2 * (A + B) + chain.arm_mass * arm);
   }
   for (int i = 0; i < robot.bodies; ++i)
     result.potential -=
         robot.body[i].mass *
-        robot.gravity.dot(pose.D + pose.R * robot.body[i].pivot + robot.body[i].anchor);
+        robot.gravity().dot(pose.D + pose.R * robot.body[i].pivot() + robot.body[i].anchor());
   return outcome;
 }
 

@@ -60,8 +60,8 @@ inline constexpr bool kPaired = K == Mobility::translation || K == Mobility::sch
 
 /// From rod - to rod + at the base-side joint, unit: along a motor's axis, across a carriage's rail
 /// (rods one above the other on upright rails would leave the nacelle free to turn about z).
-inline const Vec3& pair_direction(const Chain& chain) {
-  return chain.actuator == Actuator::prismatic ? chain.pair_axis : chain.axis;
+inline Vec3 pair_direction(const Chain& chain) {
+  return chain.actuator == Actuator::prismatic ? chain.pair_axis() : chain.axis();
 }
 
 /// All rods at one full pose, closed or not. Rod 2i is chain i's +, rod 2i + 1 its -.
@@ -95,10 +95,10 @@ TRUEPOSE_FLATTEN inline void place(const Robot& robot, FullClosure<K>& at) {
     const Chain& chain = robot.chain[i];
     const Driven& driven = at.driven[i];
     const Mat3& R = chain.bar < 0 ? at.pose.R : bar[chain.bar];
-    const Vec3 pivot = at.pose.R * chain.pivot, arm = R * chain.anchor;
-    const Vec3 half_A = R * (0.5 * chain.rod_spacing * chain.pair_drawn);
+    const Vec3 pivot = at.pose.R * chain.pivot(), arm = R * chain.anchor();
+    const Vec3 half_A = R * (0.5 * chain.rod_spacing * chain.pair_drawn());
     const Vec3 half_B = 0.5 * chain.rod_spacing * pair_direction(chain);
-    const Vec3 middle = chain.base + driven.p - at.pose.D - pivot - arm;
+    const Vec3 middle = chain.base() + driven.p - at.pose.D - pivot - arm;
     for (int rod = 2 * i; rod < 2 * i + 2; ++rod) {
       const double side = rod == 2 * i ? 1 : -1;
       const double length = rod_length(chain, driven, side);

@@ -19,9 +19,9 @@ namespace full_detail {
 
 /// The variation as one rod of a pair has it: its ends stand ±s/2 off the pair's middle.
 inline Variation of_rod(Variation change, const Chain& chain, const Mat3& body, double side) {
-  const Vec3& u = pair_direction(chain);
+  const Vec3 u = pair_direction(chain);
   change.B += 0.5 * side * (chain.rod_spacing * change.turn.cross(u) + change.spacing * u);
-  change.A += 0.5 * side * change.spacing * (body * chain.pair_drawn);
+  change.A += 0.5 * side * change.spacing * (body * chain.pair_drawn());
   change.rod += 0.5 * side * change.difference;
   return change;
 }
@@ -55,7 +55,7 @@ inline void parameter_jacobian(const Robot& robot, const FullClosure<K>& at,
         }
       }
     };
-    for_each_variation(robot, i, driven.p, body, at.pose.R * chain.pivot, enter);
+    for_each_variation(robot, i, driven.p, body, at.pose.R * chain.pivot(), enter);
   }
   sensor_columns(robot, sensed, H);
 }

@@ -35,9 +35,9 @@ TRUEPOSE_FLATTEN inline FkmResult search(const Robot& robot, const Joint& q, Pos
     if (!std::isfinite(q[i])) return {Status::not_finite, i, 0, 0};
     if (!(driven[i].rod > 0)) return {Status::unreachable, i, 0, 0};  // a telescopic leg
   }
-  const auto pivot = points<n>([&](int i) -> const Vec3& { return robot.chain[i].pivot; });
+  const auto pivot = points<n>([&](int i) -> Vec3 { return robot.chain[i].pivot(); });
   const auto centre = points<n>([&](int i) -> Vec3 {  // of the sphere on which D + R c lies
-    return robot.chain[i].base + driven[i].p - robot.chain[i].anchor;
+    return robot.chain[i].base() + driven[i].p - robot.chain[i].anchor();
   });
   const auto rod = lanes<n>([&](int i) { return driven[i].rod; });
   const Lanes<n> half_rod2 = 0.5 * rod * rod, per_rod = 1 / rod;
@@ -161,8 +161,8 @@ inline bool no_pose(const Robot& robot, const Joint& q) {
     for (int j = 0; j < i; ++j) {
       const Chain &one = robot.chain[i], &other = robot.chain[j];
       const Driven from = drive(one, q[i]), to = drive(other, q[j]);
-      const Vec3 pivots = one.pivot - other.pivot;
-      Vec3 centres = one.base + from.p - one.anchor - other.base - to.p + other.anchor;
+      const Vec3 pivots = one.pivot() - other.pivot();
+      Vec3 centres = one.base() + from.p - one.anchor() - other.base() - to.p + other.anchor();
       if (!turns) centres -= pivots;
       const std::array<double, 4> side{centres.norm(), from.rod, to.rod, turns ? pivots.norm() : 0};
       const double whole = side[0] + side[1] + side[2] + side[3];
@@ -184,8 +184,8 @@ inline bool crawled(const Robot& robot, const Joint& q, const Pose& pose, double
     const Chain& chain = robot.chain[i];
     const Driven driven = drive(chain, q[i]);
     ChainState& state = closure.chain[i];
-    state.lever = turned<K>(pose.R, chain.pivot);
-    state.v = chain.base + driven.p - pose.D - state.lever - chain.anchor;
+    state.lever = turned<K>(pose.R, chain.pivot());
+    state.v = chain.base() + driven.p - pose.D - state.lever - chain.anchor();
     state.dB = driven.dB;
     scale = std::max(scale, driven.rod);
   }

@@ -24,9 +24,9 @@ template <Mobility K, bool NeedAngle = true>
 TRUEPOSE_FLATTEN inline Outcome ikm(const Robot& robot, const Pose& pose, Closure<K>& closure) {
   constexpr int n = kDof<K>;
   const auto lever =
-      turned<K>(pose.R, points<n>([&](int i) -> const Vec3& { return robot.chain[i].pivot; }));
+      turned<K>(pose.R, points<n>([&](int i) -> Vec3 { return robot.chain[i].pivot(); }));
   const auto offset =
-      points<n>([&](int i) -> Vec3 { return robot.chain[i].anchor - robot.chain[i].base; });
+      points<n>([&](int i) -> Vec3 { return robot.chain[i].anchor() - robot.chain[i].base(); });
   const Points<n> d{pose.D.x() + lever.px + offset.px, pose.D.y() + lever.py + offset.py,
                     pose.D.z() + lever.pz + offset.pz};
   const Lanes<n> d2 = d.squared_norm();

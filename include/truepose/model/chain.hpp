@@ -41,11 +41,11 @@ struct Driven {
 inline Driven drive(const Chain& chain, double q) {
   const double position = motor_position(chain, q);
   switch (chain.actuator) {
-    case Actuator::prismatic: return {chain.axis * position, chain.axis, chain.rod};
+    case Actuator::prismatic: return {chain.axis() * position, chain.axis(), chain.rod};
     case Actuator::telescopic: return {Vec3::Zero(), Vec3::Zero(), position};
     default: break;
   }
-  const Vec3 e = chain.arm * chain.zero, w = chain.axis.cross(e);
+  const Vec3 e = chain.arm * chain.zero(), w = chain.axis().cross(e);
   const double c = std::cos(position), s = std::sin(position);
   const Vec3 p = c * e + s * w, dB = c * w - s * e;
   if (!chain.eccentricity.any()) return {p, dB, chain.rod};
@@ -79,11 +79,11 @@ inline double jq_entry(const Chain& chain, const Vec3& v, const Driven& driven) 
 /// A = P + d; 0 where it closes. B moves on a circle, on a line, or (telescopic) not at all.
 inline double shortfall(const Chain& chain, const Vec3& d) {
   if (chain.actuator == Actuator::telescopic) return 0;
-  const double along = chain.axis.dot(d);
+  const double along = chain.axis().dot(d);
   const double across = std::sqrt(std::max(d.squaredNorm() - along * along, 0.0));
   if (chain.actuator == Actuator::prismatic) return std::max(across - chain.rod, 0.0);
-  const double nearest = std::hypot(across - chain.arm, along);
-  const double farthest = std::hypot(across + chain.arm, along);
+  const double nearest = Eigen::Vector2d(across - chain.arm, along).norm();
+  const double farthest = Eigen::Vector2d(across + chain.arm, along).norm();
   return chain.rod < nearest ? nearest - chain.rod : std::min(farthest - chain.rod, 0.0);
 }
 
@@ -120,17 +120,17 @@ TRUEPOSE_FLATTEN inline bool close(const Chain& chain, const Vec3& d, double d2,
       break;
     }
     case Actuator::prismatic: {
-      const double along = chain.axis.dot(d);
+      const double along = chain.axis().dot(d);
       const double root2 = chain.rod * chain.rod - d2 + along * along;
       if (!(root2 >= 0)) return false;
       state.jq = sign * std::sqrt(root2);
       position = along + state.jq;
-      state.p = position * chain.axis;
-      state.dB = chain.axis;
+      state.p = position * chain.axis();
+      state.dB = chain.axis();
       break;
     }
     default: {  // a cos q + b sin q = c, from |p - d|² = L²
-      const Vec3 e = chain.arm * chain.zero, w = chain.axis.cross(e);
+      const Vec3 e = chain.arm * chain.zero(), w = chain.axis().cross(e);
       const double a = e.dot(d), b = w.dot(d);
       const double c = 0.5 * (chain.arm * chain.arm + d2 - chain.rod * chain.rod);
       const double r2 = a * a + b * b, root2 = r2 - c * c;

@@ -12,8 +12,9 @@ namespace truepose {
 /// φ + e(φ), e(φ) = c1 cos φ + s1 sin φ + c2 cos 2φ + s2 sin 2φ: an angle reads angle + e(φ)/gear.
 class Eccentricity {
  public:
-  double gear = 1;  ///< turns of the shaft per turn of what it measures
-
+  /// Turns of the shaft per turn of what it measures.
+  double gear() const { return gear_; }
+  void set_gear(double gear) { gear_ = gear; }
   /// c1, s1, c2, s2, rad of the shaft.
   const std::array<double, 4>& amplitude() const { return amplitude_; }
   void set_amplitude(const double* values) {
@@ -27,13 +28,14 @@ class Eccentricity {
   bool any() const { return any_; }
 
  private:
+  double gear_ = 1;
   std::array<double, 4> amplitude_{};
   bool any_ = false;
 };
 
 /// cos φ, sin φ, cos 2φ, sin 2φ: e's derivatives with respect to its amplitudes.
 inline std::array<double, 4> harmonics(const Eccentricity& encoder, double angle) {
-  const double phi = encoder.gear * angle;
+  const double phi = encoder.gear() * angle;
   return {std::cos(phi), std::sin(phi), std::cos(2 * phi), std::sin(2 * phi)};
 }
 
@@ -43,7 +45,7 @@ struct Encoded {
 };
 TRUEPOSE_RARE inline Encoded encode(const Eccentricity& encoder, double angle) {
   const std::array<double, 4> h = harmonics(encoder, angle), &a = encoder.amplitude();
-  return {angle + (a[0] * h[0] + a[1] * h[1] + a[2] * h[2] + a[3] * h[3]) / encoder.gear,
+  return {angle + (a[0] * h[0] + a[1] * h[1] + a[2] * h[2] + a[3] * h[3]) / encoder.gear(),
           1 - a[0] * h[1] + a[1] * h[0] - 2 * (a[2] * h[3] - a[3] * h[2])};
 }
 

@@ -138,9 +138,9 @@ struct Variation {
 /// ∂q of a motor that stands still with its arm at p, by each of its encoder's amplitudes.
 inline std::array<double, 4> eccentric_reading(const Chain& chain, const Vec3& p) {
   if (chain.actuator != Actuator::revolute) return {};
-  const double position = std::atan2(chain.axis.cross(chain.zero).dot(p), chain.zero.dot(p));
+  const double position = std::atan2(chain.axis().cross(chain.zero()).dot(p), chain.zero().dot(p));
   std::array<double, 4> change = harmonics(chain.eccentricity, position);
-  for (double& entry : change) entry /= chain.eccentricity.gear;
+  for (double& entry : change) entry /= chain.eccentricity.gear();
   return change;
 }
 
@@ -163,7 +163,7 @@ inline Variation vary(const Chain& chain, const Vec3& p, const Mat3& body,
     case ChainParameter::rod: change.rod = chain.actuator == Actuator::telescopic ? 0 : 1; break;
     case ChainParameter::encoder_offset: change.motor = 1; break;
     case ChainParameter::yaw: change.turn = Vec3::UnitZ(); break;  // adds to α
-    case ChainParameter::tilt: change.turn = chain.zero; break;    // turns u about e
+    case ChainParameter::tilt: change.turn = chain.zero(); break;  // turns u about e
     case ChainParameter::anchor_x:
     case ChainParameter::anchor_y:
     case ChainParameter::anchor_z: change.A = body * unit(ChainParameter::anchor_x); break;
@@ -228,14 +228,14 @@ inline void sensor_columns(const Robot& robot, const std::array<Sensed, kMaxSens
     row[static_cast<int>(SensorParameter::gain)] = s.value;
     int column = static_cast<int>(SensorParameter::origin_x);
     const Sensor& sensor = robot.sensor[k];
-    const Vec3 direction = turned_only(s.direction, sensor.direction);
-    const Vec3 normal = turned_only(s.normal, sensor.normal);
+    const Vec3 direction = turned_only(s.direction, sensor.direction());
+    const Vec3 normal = turned_only(s.normal, sensor.normal());
     for (const Vec3* vector : {&s.origin, &direction, &s.target, &normal})
       for (int axis = 0; axis < 3; ++axis) row[column++] = sensor.gain * (*vector)[axis];
     if (!rotary(robot.sensor[k])) continue;
     const Eccentricity& encoder = robot.sensor[k].eccentricity;
     for (const double harmonic : harmonics(encoder, s.angle))
-      row[column++] = robot.sensor[k].gain * harmonic / encoder.gear;
+      row[column++] = robot.sensor[k].gain * harmonic / encoder.gear();
   }
 }
 

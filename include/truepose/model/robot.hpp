@@ -7,19 +7,16 @@
 // Units are SI (m, rad, kg, N), frames are the base frame unless said otherwise.
 #pragma once
 
-#include <Eigen/Core>
 #include <Eigen/Geometry>
-#include <array>
 #include <cmath>
 #include <limits>
+#include <type_traits>
 
 #include "truepose/model/encoder.hpp"
+#include "truepose/model/plain.hpp"
 #include "truepose/model/sensor_kinds.hpp"
 
 namespace truepose {
-
-using Vec3 = Eigen::Vector3d;
-using Mat3 = Eigen::Matrix3d;
 
 inline constexpr int kMaxDof = 6;        ///< chains = motors = degrees of freedom n
 inline constexpr int kMaxSensors = 12;   ///< redundant readings r
@@ -59,17 +56,17 @@ enum class Actuator : int {
 /// One chain: motor, arm, rod (a spatial parallelogram counts as one rod).
 struct Chain {
   Actuator actuator = Actuator::revolute;
-  int working_mode = -1;       ///< sign of the chain's entry of J_q: which root of the IKM
-  Vec3 base = Vec3::Zero();    ///< P, on the motor's axis
-  Vec3 axis = Vec3::UnitY();   ///< u, unit
-  Vec3 zero = Vec3::UnitX();   ///< e, direction of the arm at q = 0, unit, normal to u
-  double arm = 0;              ///< l = |PB|
-  double rod = 0;              ///< L = |AB|
-  double encoder_offset = 0;   ///< reading = angle - offset, eccentricity apart
-  Vec3 pivot = Vec3::Zero();   ///< c, turns with the nacelle
-  Vec3 anchor = Vec3::Zero();  ///< a, keeps its orientation
-  double encoder_step = 0;     ///< one count, rad or m (0: unquantised)
-  double encoder_noise = 0;    ///< σ of the reading, rad or m
+  int working_mode = -1;              ///< sign of the chain's entry of J_q: which root of the IKM
+  Plain<Vec3> base = Vec3::Zero();    ///< P, on the motor's axis
+  Plain<Vec3> axis = Vec3::UnitY();   ///< u, unit
+  Plain<Vec3> zero = Vec3::UnitX();   ///< e, direction of the arm at q = 0, unit, normal to u
+  double arm = 0;                     ///< l = |PB|
+  double rod = 0;                     ///< L = |AB|
+  double encoder_offset = 0;          ///< reading = angle - offset, eccentricity apart
+  Plain<Vec3> pivot = Vec3::Zero();   ///< c, turns with the nacelle
+  Plain<Vec3> anchor = Vec3::Zero();  ///< a, keeps its orientation
+  double encoder_step = 0;            ///< one count, rad or m (0: unquantised)
+  double encoder_noise = 0;           ///< σ of the reading, rad or m
   double low = -std::numeric_limits<double>::infinity();  ///< the motor's stops, rad or m,
   double high = std::numeric_limits<double>::infinity();  ///< before the encoder's offset
   double torque_limit = 0;                                ///< N·m or N (0: none)
@@ -84,10 +81,11 @@ struct Chain {
   int bar = -1;  ///< bar that carries A (0-based; -1: the nacelle itself)
 
   // What only the full level sees (full.hpp): the two rods of a spatial parallelogram, + and -.
-  double rod_spacing = 0;           ///< s, between the two rods (0: there is one rod)
-  double rod_difference = 0;        ///< δ: the rod on the side of +u has L + δ/2, the other L - δ/2
-  Vec3 pair_axis = Vec3::UnitY();   ///< prismatic: from rod - to rod + on the carriage (else: u)
-  Vec3 pair_drawn = Vec3::UnitY();  ///< from rod - to rod + on the bar: without yaw and tilt
+  double rod_spacing = 0;     ///< s, between the two rods (0: there is one rod)
+  double rod_difference = 0;  ///< δ: the rod on the side of +u has L + δ/2, the other L - δ/2
+  Plain<Vec3> pair_axis =
+      Vec3::UnitY();  ///< prismatic: from rod - to rod + on the carriage (else: u)
+  Plain<Vec3> pair_drawn = Vec3::UnitY();  ///< from rod - to rod + on the bar: without yaw and tilt
 };
 
 /// A redundant sensor: reading = gain s(x, q) - offset. What its vectors mean:
@@ -110,10 +108,10 @@ struct Sensor {
   double noise = 0;           ///< σ of the reading
   Eccentricity eccentricity;  ///< of an encoder: nacelle_angle, rod_in_plane, rod_lateral, motor
   double weight = 1;          ///< of its row in the TEJ; the paper's is 1
-  Vec3 origin = Vec3::Zero();
-  Vec3 direction = Vec3::UnitZ();  ///< unit
-  Vec3 target = Vec3::Zero();
-  Vec3 normal = Vec3::UnitZ();  ///< unit
+  Plain<Vec3> origin = Vec3::Zero();
+  Plain<Vec3> direction = Vec3::UnitZ();  ///< unit
+  Plain<Vec3> target = Vec3::Zero();
+  Plain<Vec3> normal = Vec3::UnitZ();  ///< unit
   int bar =
       -1;  ///< nacelle_angle at the full level: this bar's pivot (0-based; -1: the absolute θ)
 };
@@ -122,9 +120,9 @@ struct Sensor {
 struct Body {
   double mass = 0;
   int bar = -1;  ///< the bar that it is (0-based; -1: the nacelle itself)
-  Vec3 pivot = Vec3::Zero();
-  Vec3 anchor = Vec3::Zero();
-  Mat3 inertia =
+  Plain<Vec3> pivot = Vec3::Zero();
+  Plain<Vec3> anchor = Vec3::Zero();
+  Plain<Mat3> inertia =
       Mat3::Zero();  ///< about the centre of mass, nacelle frame; 0 if it keeps its orientation
 };
 
@@ -166,7 +164,7 @@ struct Robot {
   std::array<Chain, kMaxDof> chain;  ///< as many as the mobility has freedoms
   std::array<Sensor, kMaxSensors> sensor;
   std::array<Body, kMaxBodies> body;
-  Vec3 gravity = Vec3(0, 0, -9.81);
+  Plain<Vec3> gravity = Vec3(0, 0, -9.81);
   Joint home{};           ///< a pose well inside the workspace; default guess of the FKM
   int assembly_sign = 0;  ///< sign of det J_x at home (0: not asked for)
   BarJoint bar_joint = BarJoint::pivots;
@@ -177,6 +175,9 @@ struct Robot {
   /// Whether they solve for every rod by itself.
   constexpr bool rod_by_rod() const { return level == Level::full && full.own(); }
 };
+
+// Copied byte by byte, laid out as C has it.
+static_assert(std::is_trivially_copyable_v<Robot> && std::is_standard_layout_v<Robot>);
 
 constexpr int dof(Mobility mobility) {
   constexpr std::array<int, 5> sizes{2, 3, 3, 4, 6};

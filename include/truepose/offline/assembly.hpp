@@ -29,8 +29,8 @@ std::vector<Pose> random_starts(const Robot& robot, const Joint& q, int count, s
   for (int i = 0; i < kDof<K>; ++i) {
     const Chain& chain = robot.chain[i];
     const Driven driven = drive(chain, q[i]);
-    const Vec3 centre = chain.base + driven.p - chain.anchor;
-    const Vec3 reach = Vec3::Constant(driven.rod + chain.pivot.norm());
+    const Vec3 centre = chain.base() + driven.p - chain.anchor();
+    const Vec3 reach = Vec3::Constant(driven.rod + chain.pivot().norm());
     low = low.cwiseMax(centre - reach);
     high = high.cwiseMin(centre + reach);
   }

@@ -119,7 +119,7 @@ class Plant {
     if (!outcome) return outcome;
     for (int k = 0; k < truth_.r; ++k) {  // a gear's far side follows where the play ends
       const Sensor& sensor = truth_.sensor[k];
-      if (!properties(sensor.kind).is_theta || sensor.eccentricity.gear == 1) continue;
+      if (!properties(sensor.kind).is_theta || sensor.eccentricity.gear() == 1) continue;
       const double half = std::fabs(sensor.gain) * effects_.backlash / 2, near = q_e[n + k];
       q_e[n + k] = geared_[k] = std::clamp(geared_[k], near - half, near + half);
     }
@@ -168,7 +168,7 @@ class Plant {
       if (effects_.rod_stiffness <= 0) continue;
       const double carried =
           (from.actuator == Actuator::revolute ? 0.5 : 1) * from.arm_mass + 0.5 * from.rod_mass;
-      const double left = transmitted_[i] + carried * truth_.gravity.dot(at.dB);
+      const double left = transmitted_[i] + carried * truth_.gravity().dot(at.dB);
       const double length = at.v.norm();
       // An arm in line with its rod says nothing of the rod's force.
       if (!(std::fabs(at.jq) > 1e-3 * length * at.dB.norm())) continue;

@@ -16,10 +16,10 @@ struct RodFrame {
 };
 inline RodFrame rod_frame(const Sensor& sensor, const Chain& chain, const Vec3& p,
                           const Mat3& body) {
-  Vec3 forward = chain.zero, axis = chain.axis;
+  Vec3 forward = chain.zero(), axis = chain.axis();
   if (sensor.at_nacelle) {
-    forward = body * sensor.normal;
-    axis = body * sensor.direction;
+    forward = body * sensor.normal();
+    axis = body * sensor.direction();
   } else if (chain.actuator == Actuator::revolute) {
     forward = p / chain.arm;
   }
@@ -51,7 +51,8 @@ inline Sensed sense_rod_angle(const Sensor& sensor, const Chain& chain, const Ve
   s.frame = s.rod.cross(rod);
   if (sensor.at_nacelle) {  // its mounting: f, w and a differentiated in the body's own axes
     const Vec3 r = body.transpose() * rod;
-    const Vec3 by_axis = sensor.normal.cross(r), by_forward = r.cross(sensor.direction);  // of w
+    const Vec3 by_axis = sensor.normal().cross(r),
+               by_forward = r.cross(sensor.direction());  // of w
     if (sensor.kind == SensorKind::rod_in_plane) {
       s.direction = f / plane2 * by_axis;
       s.normal = (f * by_forward - w * r) / plane2;

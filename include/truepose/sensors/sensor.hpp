@@ -84,7 +84,7 @@ inline Sensed sense(const Robot& robot, const Sensor& sensor, const Closure<K>& 
 inline double by_motor(const Sensor& sensor, const Sensed& s, const Chain& chain, const Vec3& dB,
                        double rate) {
   const bool on_arm = !sensor.at_nacelle && chain.actuator == Actuator::revolute;
-  return (s.motor + (on_arm ? s.frame.dot(chain.axis) : 0.0)) * rate - s.rod.dot(dB);
+  return (s.motor + (on_arm ? s.frame.dot(chain.axis()) : 0.0)) * rate - s.rod.dot(dB);
 }
 
 /// Row of J_r without the gain: ds along the free motions of the nacelle, the motors following.

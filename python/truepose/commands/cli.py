@@ -13,12 +13,23 @@ import typer
 from typer.exceptions import TyperException
 
 from truepose import files
-from truepose.commands import accuracy, calibrate, check, export, info, new, reproduce, view
+from truepose.commands import (
+    accuracy,
+    calibrate,
+    check,
+    export,
+    info,
+    new,
+    rehearse,
+    reproduce,
+    robots,
+    simulate,
+    view,
+)
 from truepose.exceptions import TrueposeError
 from truepose.show.terminal import prepare, say
 
 app = typer.Typer(
-    add_completion=False,
     rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
     help="Makes parallel robots accurate with redundant sensors.",
@@ -30,6 +41,9 @@ app.command("info")(info.command)
 app.command("accuracy")(accuracy.command)
 app.command("calibrate")(calibrate.command)
 app.add_typer(export.app, name="export")
+app.command("robots")(robots.command)
+app.command("rehearse")(rehearse.command)
+app.command("simulate")(simulate.command)
 app.command("view")(view.command)
 app.command("reproduce")(reproduce.command)
 
@@ -80,7 +94,7 @@ def main() -> None:
 def _run() -> tuple[int, str]:
     """Status and last word of a command."""
     try:
-        code = app(standalone_mode=False) or 0
+        code = app(prog_name="truepose", standalone_mode=False) or 0
         sys.stdout.flush()
         return code, "interrupted" if code == 130 else ""  # typer's own answer to Ctrl-C
     except TrueposeError as error:

@@ -10,12 +10,19 @@ import tomlkit
 import typer
 
 from truepose import files, robotfile
+from truepose.commands.options import completing
 from truepose.exceptions import InputError, choose, one_line
 from truepose.show.terminal import say
 
 
 def command(
-    robot: Annotated[str, typer.Argument(help="A shipped robot: the kind to start from.")],
+    robot: Annotated[
+        str,
+        typer.Argument(
+            help="A shipped robot: the kind to start from.",
+            autocompletion=completing(robotfile.shipped),
+        ),
+    ],
     out: Annotated[
         Path | None, typer.Option("-o", "--out", help="File to write.", show_default="ROBOT.toml")
     ] = None,

@@ -9,12 +9,14 @@ from __future__ import annotations
 import csv
 import io
 import json
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 
 from truepose.exceptions import InputError, choose
-from truepose.files import mark, replace_file
+from truepose.files import Output, mark, replace_file
+from truepose.files import check as checked
 from truepose.logs.columns import Column, Recorded
 from truepose.robot.robot import Robot
 
@@ -80,12 +82,33 @@ def write(
     5
     """
     path = Path(path)
-    writers = {".parquet": _parquet, ".mcap": _mcap, ".csv": _csv}
-    if path.suffix not in writers:
-        raise InputError(f"{path}: " + choose("ending", path.suffix, writers))
-    listed = columns(run, robot)
-    data = writers[path.suffix](path, listed)
-    replace_file(path, data, "log", force)
+    check(path, force=force)
+    replace_file(path, encoded(path, columns(run, robot)), "log", force)
+
+
+def check(path: str | Path, inputs: Iterable[str | Path] = (), force: bool = False) -> Output:
+    """Look whether a log may be written, best before any work is done for it.
+
+    Parameters
+    ----------
+    path, inputs, force
+        As of :func:`truepose.files.check`.
+
+    Raises
+    ------
+    InputError
+        An unknown ending, or a file that may not be written.
+    """
+    output = Output(Path(path), "log")
+    checked([output], inputs, force)
+    if output.path.suffix not in _WRITERS:
+        raise InputError(f"{path}: " + choose("ending", output.path.suffix, _WRITERS))
+    return output
+
+
+def encoded(path: Path, listed: list[Column]) -> bytes:
+    """Return the contents of a log file, as its name ends; the first column is time or number."""
+    return _WRITERS[path.suffix](path, listed)
 
 
 def _parquet(path: Path, listed: list[Column]) -> bytes:
@@ -154,3 +177,6 @@ def _csv(path: Path, listed: list[Column]) -> bytes:
     cells = np.column_stack([c.values for c in listed]).tolist()
     rows.writerows([[repr(v) if np.isfinite(v) else "" for v in row] for row in cells])
     return buffer.getvalue().encode()
+
+
+_WRITERS = {".parquet": _parquet, ".mcap": _mcap, ".csv": _csv}

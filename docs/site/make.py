@@ -1,8 +1,9 @@
-"""How does docs/ become the site? `python docs/site/build.py [FOLDER]`; `make docs` calls it.
+"""How does docs/ become the site? `python docs/site/make.py [FOLDER]`; `make docs` calls it.
 
 The pages are staged in build/site: those of docs/, those that live beside what they describe
 (benchmarks, examples, robots, changes), and what `generate.py` finds in the code; links between
-files become links between pages. Then Sphinx, whose warnings are errors.
+files become links between pages. Then Sphinx, whose warnings are errors, and a look at what the
+pages load: nothing may come from the network.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from html.parser import HTMLParser
 from os.path import relpath
 from pathlib import Path
 from xml.etree import ElementTree
@@ -19,7 +21,7 @@ from xml.etree import ElementTree
 import generate
 
 ROOT = Path(__file__).parents[2]
-DOCS, SITE, STAGE = ROOT / "docs", ROOT / "docs" / "site", ROOT / "build" / "site"
+DOCS, SITE = ROOT / "docs", ROOT / "docs" / "site"
 
 #: A Markdown link or image to a file: text, path, anchor.
 LINK = re.compile(r"(!?\[(?:[^\[\]]|\[[^\[\]]*\])*\])\(([^()\s#:]+)(#[^()\s]*)?\)")
@@ -62,9 +64,8 @@ def relinked(text: str, source: Path, target: str, copy: Callable[[Path], str]) 
     return LINK.sub(moved, text)
 
 
-def stage(doxygen: bool) -> Path:
+def stage(out: Path, doxygen: bool) -> None:
     """Write the pages as Sphinx reads them; what has not changed stays as it is."""
-    out = STAGE / "source"
     written = set()
 
     def write(name: str, data: bytes) -> None:
@@ -84,20 +85,20 @@ def stage(doxygen: bool) -> Path:
             text = source.read_text(encoding="utf-8")
             write(target, relinked(text, source, target, copy).encode())
     for name, text in generate.parts(doxygen).items():
-        write(f"generated/{name}", relinked(text, DOCS / name, name, copy).encode())
+        target = name.removeprefix("generated/")  # links of an included part are its page's
+        write(name, relinked(text, DOCS / target, target, copy).encode())
     for old in set(out.rglob("*")) - written:
         if old.is_file():
             old.unlink()
-    return out
 
 
-def doxygen() -> bool:
+def doxygen(folder: Path) -> bool:
     """Have Doxygen write its XML of the headers, if there is a doxygen."""
     if not shutil.which("doxygen"):
         print("docs: without the C++ reference, doxygen is not installed (Debian: doxygen)")
         return False
-    folder = STAGE / "doxygen"
-    folder.mkdir(parents=True, exist_ok=True)
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
     settings = (DOCS / "Doxyfile").read_text(encoding="utf-8")
     settings += f"\nOUTPUT_DIRECTORY={folder}\nGENERATE_XML=YES\nGENERATE_HTML=NO\n"
     subprocess.run(["doxygen", "-"], input=settings, text=True, cwd=ROOT, check=True)
@@ -110,16 +111,51 @@ def doxygen() -> bool:
     return True
 
 
-def main(folder: str = "build/docs") -> int:
-    """Build the site."""
-    source = stage(doxygen())
-    # -j: not auto, breathe reads one after another
-    sphinx = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html"]
-    cache = STAGE / "doctrees"
-    done = subprocess.run([*sphinx, "-c", SITE, "-d", cache, source, folder], check=False)
-    if done.returncode == 0:
+class _Loads(HTMLParser):
+    """Collects the addresses that a browser loads of itself."""
+
+    def __init__(self):
+        super().__init__()
+        self.found: list[str] = []
+
+    def handle_starttag(self, tag, attrs):
+        given = dict(attrs)
+        if tag == "link" and not {"stylesheet", "icon", "preload"} & set(given["rel"].split()):
+            return  # says where a page is
+        for name in ("src", "srcset", "poster", "data", "href"):
+            if name in given and not (name == "href" and tag not in ("link", "use", "image")):
+                self.found += [part.split()[0] for part in given[name].split(",") if part.strip()]
+
+
+def from_network(site: Path) -> list[str]:
+    """Pages and styles that load something from elsewhere: `file: address`."""
+    wrong = []
+    for file in sorted([*site.rglob("*.html"), *site.rglob("*.css")]):
+        text = file.read_text(encoding="utf-8")
+        loads = _Loads()
+        if file.suffix == ".html":
+            loads.feed(text)
+        found = loads.found + re.findall(r"""(?:url\(|@import)\s*["']?([^"')]+)""", text)
+        remote = [at for at in found if re.match(r"(?i)\s*(https?:)?//", at)]
+        wrong += [f"{file.relative_to(site)}: {at}" for at in remote]
+    return wrong
+
+
+def main(folder: str = "build/docs", staged: str = "build/site", cpp: bool = True) -> int:
+    """Build the site; 0 if there is nothing to complain of."""
+    source, work = Path(staged, "source"), Path(staged).resolve()
+    stage(source, cpp and doxygen(work / "doxygen"))
+    # -E: a page that has not changed is read again, or its warnings would be told once only
+    command = [sys.executable, "-m", "sphinx", "-E", "-W", "--keep-going", "-q", "-b", "html"]
+    command += ["-c", SITE, "-d", work / "doctrees", source, folder]
+    command += ["-D", f"breathe_projects.truepose={work / 'doxygen' / 'xml'}"]
+    status = subprocess.run(command, check=False).returncode
+    for wrong in from_network(Path(folder)):
+        print(f"docs: {wrong}: is not loaded from the site itself")
+        status = 1
+    if status == 0:
         print(f"docs: {folder}/index.html")
-    return done.returncode
+    return status
 
 
 if __name__ == "__main__":
