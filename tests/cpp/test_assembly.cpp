@@ -56,10 +56,10 @@ TEST("every start is one from which the rods can reach") {
       low = low.cwiseMin(starts[k].D), high = high.cwiseMax(starts[k].D);
       for (int i = 0; i < kDof<K>; ++i) {
         const Driven at = drive(robot.chain[i], q[i]);
-        const Vec3 apart = starts[k].D - (robot.chain[i].base + at.p - robot.chain[i].anchor);
+        const Vec3 apart = starts[k].D - (robot.chain[i].base() + at.p - robot.chain[i].anchor());
         const int axes = dof(robot.mobility) == 2 || robot.mobility == Mobility::planar ? 2 : 3;
         CHECK(apart.head(axes).cwiseAbs().maxCoeff() <=
-              at.rod + robot.chain[i].pivot.norm() + 1e-12);
+              at.rod + robot.chain[i].pivot().norm() + 1e-12);
       }
     }
     const Vec3 home = to_pose<K>(robot.home).D;  // which has starts on all its sides

@@ -254,9 +254,9 @@ TEST("a bar's mass follows its pivot, which is a parameter") {
   }
   Robot robot = drawn;
   set_parameters(drawn, xi.data(), robot);
-  CHECK(robot.body[0].pivot == drawn.body[0].pivot);
-  CHECK_NEAR((robot.body[1].pivot - robot.chain[0].pivot).norm(), 0, 1e-15);
-  CHECK_NEAR((robot.body[2].pivot - robot.chain[1].pivot).norm(), 0, 1e-15);
+  CHECK(robot.body[0].pivot() == drawn.body[0].pivot());
+  CHECK_NEAR((robot.body[1].pivot() - robot.chain[0].pivot()).norm(), 0, 1e-15);
+  CHECK_NEAR((robot.body[2].pivot() - robot.chain[1].pivot()).norm(), 0, 1e-15);
   Robot light = robot;  // the same chains, the bars where they were drawn
   for (int bar = 0; bar < 2; ++bar) light.body[bar + 1] = drawn.body[bar + 1];
   const PlantState at_home{to_pose<K>(drawn.home), {}};
