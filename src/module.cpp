@@ -243,9 +243,9 @@ NB_MODULE(_core, m) {
   m.attr("max_sensors") = kMaxSensors;
   m.attr("max_readings") = kMaxReadings;
   m.attr("max_bars") = kMaxBars;
-  m.def("rotation", [](const Vec3& vector) { return exp_so3(vector); });
   m.attr("joint_limit") = static_cast<int>(Status::joint_limit);
   m.attr("singular") = static_cast<int>(Status::singular);
+  m.attr("not_converged") = static_cast<int>(Status::not_converged);
   m.attr("unreachable") = static_cast<int>(Status::unreachable);
   m.def("describe", [](int status) { return describe(static_cast<Status>(status)); });
   python::bind_tables(m);

@@ -1,6 +1,7 @@
 // Controllers for Python, what they rest on and where they take a robot. No mathematics.
 #include <nanobind/eigen/dense.h>
 #include <nanobind/stl/array.h>
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/tuple.h>
 
@@ -51,33 +52,29 @@ auto batch_conditioning(const Robot& robot, const Rows& x) {
       });
 }
 
+/// Poses at rest, (N, n), the readings off by `off`, (N, n + r), if by anything; where there is
+/// none, whether it was the true robot that could not stand there.
 auto batch_settle(const Robot& nominal, const Robot& truth, const ControlSettings& control,
-                  const Known* known, bool gravity, const Rows& x_d) {
+                  const Known* known, bool gravity, const Rows& x_d,
+                  const std::optional<Rows>& off) {
   const StaticsSettings settings{control, gravity};
-  return with_mobility(nominal.mobility, [&](auto mobility) {
-    return map_rows<Joint, Joint>(x_d, x_d.shape(1), [&](const Joint& at, Joint& x, std::size_t) {
-      return settle<mobility()>(nominal, truth, settings, at, x, Weights(nominal, known).view());
+  const std::size_t count = x_d.shape(0), n = x_d.shape(1);
+  Owned<double> rest({count, n});
+  Owned<bool> by_truth({count});
+  Outcomes outcomes(count);
+  with_mobility(nominal.mobility, [&](auto mobility) {
+    for_rows(count, [&](std::size_t i) {
+      Joint x;
+      x.fill(NAN);
+      *by_truth[i] = false;
+      outcomes.set(i, settle<mobility()>(nominal, truth, settings, row<Joint>(x_d, i), x,
+                                         Weights(nominal, known).view(),
+                                         off ? row<Extended>(*off, i) : Extended{}, by_truth[i]));
+      std::copy_n(x.begin(), n, rest[i]);
     });
   });
-}
-
-/// Motor error ê_q of a law asked for x_d while the readings are q_e, (N, n).
-auto batch_motor_error(const Robot& nominal, Law law, double damped_below, const Known* known,
-                       const Rows& x_d, const Rows& q_e) {
-  return with_mobility(nominal.mobility, [&](auto mobility) {
-    return map_rows<Joint, Joint>(
-        x_d, x_d.shape(1), [&](const Joint& at, Joint& error, std::size_t i) {
-          const Weights weights(nominal, known);
-          Reference<mobility()> reference;
-          const Outcome regular =
-              refer<mobility()>(nominal, law, at, reference, damped_below, weights.view());
-          if (!regular) return regular;
-          Pose found;
-          const Outcome outcome = motor_error<mobility()>(
-              nominal, law, reference, row<Extended>(q_e, i), error, found, weights.view());
-          return outcome ? regular : outcome;
-        });
-  });
+  return nb::make_tuple(rest.release(), outcomes.status.release(), outcomes.chain.release(),
+                        by_truth.release());
 }
 
 /// ∂x/∂q_e of a robot at rest under a law, (N, n, n + r).
@@ -289,9 +286,7 @@ void bind_control(nb::module_& m) {
   m.def("tej", &batch_tej);
   m.def("conditioning", &batch_conditioning);
   m.def("settle", &batch_settle, "nominal"_a, "truth"_a, "settings"_a, "known"_a.none(),
-        "gravity"_a, "x_d"_a);
-  m.def("motor_error", &batch_motor_error, "nominal"_a, "law"_a, "damped_below"_a, "known"_a.none(),
-        "x_d"_a, "q_e"_a);
+        "gravity"_a, "x_d"_a, "off"_a.none() = nb::none());
   m.def("leakage", &batch_leakage, "robot"_a, "law"_a, "known"_a.none(), "x"_a);
   nb::class_<Effects>(m, "Effects")
       .def(nb::init<>())

@@ -5,6 +5,7 @@
 #include <nanobind/stl/tuple.h>
 
 #include "arrays.hpp"
+#include "for_rows.hpp"
 #include "truepose/control/trajectory.hpp"
 #include "truepose/full/rkm.hpp"
 #include "truepose/offline/plant.hpp"
@@ -25,19 +26,61 @@ auto readings(const Robot& robot, const Vec3& D, const Mat3& R,
   return nb::make_tuple(q_e, static_cast<int>(outcome.status));
 }
 
-/// Coordinates of the nacelle's frame, and back.
-auto coordinates(const Robot& robot, const Vec3& D, const Mat3& R) {
-  return with_mobility(robot.mobility, [&](auto mobility) {
-    Pose pose;
-    pose.D = D, pose.R = R, pose.theta = theta_of(R, 0);
-    return to_coordinates<mobility()>(pose);
+using Rows33 = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>;
+
+/// R, (N, 3, 3), of rotation vectors, (N, 3).
+auto rotations(const Rows& vectors) {
+  Owned<double> R({vectors.shape(0), 3, 3});
+  for_rows(vectors.shape(0), [&](std::size_t i) {
+    const Mat3 columns = exp_so3(Vec3(vectors.data() + 3 * i)).transpose();
+    std::copy_n(columns.data(), 9, R[i]);
   });
+  return R.release();
 }
-auto frame(const Robot& robot, const Joint& x) {
-  return with_mobility(robot.mobility, [&](auto mobility) {
-    const Pose pose = to_pose<mobility()>(x);
-    return nb::make_tuple(pose.D, pose.R);
+
+/// The inverse, (N, 3) of rows of nine entries.
+auto rotation_vectors(const Rows& R) {
+  Owned<double> vectors({R.shape(0), 3});
+  for_rows(R.shape(0), [&](std::size_t i) {
+    const Vec3 vector = log_so3(Rows33(R.data() + 9 * i));
+    std::copy_n(vector.data(), 3, vectors[i]);
   });
+  return vectors.release();
+}
+
+/// Frames of the nacelle, (N, 4, 4). @param tilt  what x leaves out of the turn, (N, 3): of a robot
+/// that has a θ about x and y alone
+auto frames(const Robot& robot, const Rows& x, const Rows& tilt) {
+  using Frame = Eigen::Matrix<double, 4, 4, Eigen::RowMajor>;
+  Owned<double> all({x.shape(0), 4, 4});
+  with_mobility(robot.mobility, [&](auto mobility) {
+    constexpr Mobility K = mobility();
+    for_rows(x.shape(0), [&](std::size_t i) {
+      const Pose pose = to_pose<K>(row<Joint>(x, i));
+      Vec3 turn(tilt.data() + 3 * i);
+      if constexpr (kTurnsAboutZ<K>) turn = tilt_keeping(pose.theta, turn.x(), turn.y());
+      Eigen::Map<Frame> frame(all[i]);
+      frame.setIdentity();
+      frame.topLeftCorner<3, 3>() = exp_so3(turn) * pose.R;
+      frame.topRightCorner<3, 1>() = pose.D;
+    });
+  });
+  return all.release();
+}
+
+/// Coordinates, (N, n), of positions, (N, 3), and orientations, (N, 9).
+auto coordinates(const Robot& robot, const Rows& D, const Rows& R) {
+  const std::size_t n = dof(robot.mobility);
+  Owned<double> x({D.shape(0), n});
+  with_mobility(robot.mobility, [&](auto mobility) {
+    for_rows(D.shape(0), [&](std::size_t i) {
+      Pose pose;
+      pose.D = Vec3(D.data() + 3 * i), pose.R = Rows33(R.data() + 9 * i);
+      pose.theta = theta_of(pose.R, 0);
+      std::copy_n(to_coordinates<mobility()>(pose).begin(), n, x[i]);
+    });
+  });
+  return x.release();
 }
 
 /// Setpoint at a time of a straight move, quintic.
@@ -76,8 +119,10 @@ auto advance_free(const Robot& robot, const Joint& x, const Joint& rate, const J
 
 void bind_plant(nb::module_& m) {
   m.def("readings", &readings);
+  m.def("rotations", &rotations);
+  m.def("rotation_vectors", &rotation_vectors);
+  m.def("frames", &frames);
   m.def("coordinates", &coordinates);
-  m.def("frame", &frame);
   m.def("setpoint", &setpoint);
   m.def("acceleration", &acceleration);
   m.def("advance", &advance_free);

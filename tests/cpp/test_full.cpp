@@ -213,6 +213,18 @@ TEST("0.1° of yaw and tilt on an H4's axes moves full from ideal by 0.11, 0.20,
               rest[2]() / degrees(1), rest[3]() / degrees(1));
 }
 
+TEST("a tilt that keeps θ has the two turns asked for, and leaves θ where it was") {
+  check::Random random(35);
+  for (int sample = 0; sample < 1000; ++sample) {
+    const double theta = 3 * random(), x = 0.3 * random(), y = 0.3 * random();
+    const Vec3 turn = tilt_keeping(theta, x, y);
+    const Mat3 R = exp_so3(turn) * rotation_z(theta);
+    CHECK(turn.x() == x && turn.y() == y && std::fabs(turn.z()) < 0.1);
+    CHECK_NEAR(theta_of(R, theta), theta, 1e-15);
+    CHECK_NEAR(theta_of(with_theta(exp_so3(Vec3(x, y, 0)) * R, theta), theta), theta, 1e-15);
+  }
+}
+
 TEST("J at the full level is the derivative of its forward model, readings follow the motors") {
   for_each_full([](const Mechanism& mechanism, auto mobility) {
     constexpr Mobility K = mobility();

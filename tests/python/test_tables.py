@@ -8,7 +8,7 @@ import truepose as tp
 from truepose import _core
 from truepose.robot.laws import LAWS, Law
 from truepose.robot.to_core import columns
-from truepose.robot.units import parameter_unit
+from truepose.robot.units import unit_of
 from truepose.robotfile.parameters import drawn
 from truepose.robotfile.sensors import SENSORS, Encoder
 
@@ -63,4 +63,4 @@ def test_a_parameter_stands_in_the_column_of_its_name(name):
     ],
 )
 def test_a_parameter_has_a_unit(h4, name, unit):
-    assert parameter_unit(h4, name) == unit
+    assert unit_of(h4, name) == unit

@@ -8,15 +8,14 @@ namespace truepose {
 
 namespace command_detail {
 
-/// Whether det J_x has the sign it has at home.
+/// branch_lost where det J_x has not the sign that it has at home.
 template <Mobility K>
 inline Outcome same_mode(const Robot& robot, const Joint& x) {
   Closure<K> closure;
   Jacobians<K> jacobians;
   Outcome outcome = ikm<K, false>(robot, to_pose<K>(x), closure);
   if (outcome) outcome = jacobian<K>(closure, jacobians);
-  if (outcome && robot.assembly_sign != 0 && assembly_sign<K>(jacobians) != robot.assembly_sign)
-    outcome = {Status::branch_lost, -1};
+  if (outcome && other_mode<K>(robot, jacobians)) outcome = {Status::branch_lost, -1};
   return outcome;
 }
 
@@ -31,7 +30,8 @@ inline Outcome same_full_mode(const Robot& robot, const Joint& x) {
   if (!outcome) return outcome;
   full_detail::Rows<K> A;
   full_detail::Forward<K>{robot}.columns(closure, A);
-  if (determinant_sign<kRods<K>>(A) != robot.full.sign) return {Status::branch_lost, -1};
+  if (other_mode(robot.full.sign, [&] { return determinant_sign<kRods<K>>(A); }))
+    return {Status::branch_lost, -1};
   return outcome;
 }
 
@@ -39,10 +39,7 @@ inline Outcome same_full_mode(const Robot& robot, const Joint& x) {
 
 /// q = IKM(x) for motors that will go there. The chains alone close on poses of any assembly mode,
 /// also on those that the robot could only reach through a singular pose, where its motors no
-/// longer hold it: they are refused.
-///
-/// Another sign of det J_x than at home is another mode, for certain. The same sign does not show
-/// that the way there is free: a robot may have two regions of one sign.
+/// longer hold it: they are refused (other_mode).
 ///
 /// @return branch_lost: in another assembly mode; singular: between two; joint_limit and
 /// unreachable as of ikm

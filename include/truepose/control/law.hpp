@@ -48,7 +48,7 @@ inline constexpr std::array kLawTable{
         .law = Law::weighted, .name = "weighted", .corrects = Corrects::readings, .weighs = true},
     LawProperties{
         .law = Law::estimated, .name = "estimated", .corrects = Corrects::pose, .weighs = true},
-};
+};  // the last row
 static_assert(in_order(kLawTable, &LawProperties::law));
 
 constexpr const LawProperties& properties(Law law) {
@@ -106,16 +106,10 @@ TRUEPOSE_APART inline Outcome refer_full(const Robot& robot, Parasitic& rest,
     return {Status::no_full_level, -1};
   } else {
     FullClosure<K> closure;
-    Reading r;
     std::array<FullRow, kMaxSensors> rows;
-    const FullResult result = ikm_full<K>(robot, reference.closure.pose, closure, &rest);
-    Outcome outcome{result.status, result.chain};
-    if (outcome) outcome = within_limits(robot, closure.q);
-    if (outcome) outcome = rkm_full<K>(robot, closure, r, rows);
-    if (!outcome) return outcome;
-    std::copy_n(closure.q.begin(), kDof<K>, reference.q_e.begin());
-    std::copy_n(r.begin(), robot.r, reference.q_e.begin() + kDof<K>);
-    return outcome;
+    const Outcome outcome =
+        extended_full<K>(robot, reference.closure.pose, reference.q_e, closure, rows, &rest);
+    return outcome ? within_limits(robot, closure.q) : outcome;
   }
 }
 
@@ -152,12 +146,10 @@ inline Outcome refer(const Robot& robot, Law law, const Joint& x_d, Reference<K>
   if (outcome) outcome = rkm<K>(robot, reference.closure, r, reference.jr);
   // On the other side of a singularity the motors would have to pass through it to get there.
   const bool modes_meet = regular.status == Status::near_singular && regular.chain < 0;
-  if (outcome && !modes_meet && robot.assembly_sign != 0 &&
-      assembly_sign<K>(reference.jacobians) != robot.assembly_sign)
+  if (outcome && !modes_meet && other_mode<K>(robot, reference.jacobians))
     outcome = {Status::branch_lost, -1};
   if (!outcome) return outcome;
-  for (int i = 0; i < kDof<K>; ++i) reference.q_e[i] = reference.closure.chain[i].q;
-  std::copy_n(r.begin(), robot.r, reference.q_e.begin() + kDof<K>);
+  extend<K>(robot, reference.closure.q(), r, reference.q_e);
   reference.pose = reference.closure.pose;
   if (robot.rod_by_rod()) {
     outcome = refer_full<K>(robot, rest, reference);
@@ -184,9 +176,7 @@ Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Vec3& near_
       pose.theta = measured(robot.sensor[k], q_e[kDof<K> + k]);
       pose.R = rotation_z(pose.theta);
     }
-    Joint q{};
-    for (int i = 0; i < kDof<K>; ++i) q[i] = q_e[i];
-    return fkm_closed<K>(robot, q, pose.R, near_side, pose.D);
+    return fkm_closed<K>(robot, motors_of<K>(q_e), pose.R, near_side, pose.D);
   } else {
     return {Status::not_measured, -1};
   }

@@ -257,12 +257,10 @@ Estimate<K> estimate(const Robot& robot, const Knowledge& known, const Extended&
                      double* work, Parasitic* rest = nullptr) {
   constexpr int n = kDof<K>;
   if (!all_finite(q_e, n + robot.r)) return {{Status::not_finite, -1}};
-  Joint q{};
-  for (int i = 0; i < n; ++i) q[i] = q_e[i];
   Pose at = pose;
   Parasitic own;
   if (!rest) rest = &own;
-  if (Level::template fkm<K>(robot, q, at, *rest) != Status::ok) at = pose;
+  if (Level::template fkm<K>(robot, motors_of<K>(q_e), at, *rest) != Status::ok) at = pose;
   const Estimate<K> result =
       estimate_from<K, Level>(robot, known, q_e, at, work, *rest, kEstimateIterations);
   if (result) pose = at;

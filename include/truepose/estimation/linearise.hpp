@@ -35,8 +35,7 @@ Outcome linearise(const Robot& robot, const Pose& pose, Extended& q_e,
   if (outcome) outcome = jacobian<K>(closure, jacobians);
   if (outcome) outcome = rkm<K>(robot, closure, values, jr);
   if (!outcome) return outcome;
-  for (int i = 0; i < n; ++i) q_e[i] = closure.chain[i].q;
-  for (int k = 0; k < robot.r; ++k) q_e[n + k] = values[k];
+  extend<K>(robot, closure.q(), values, q_e);
   pose_rows<K>(robot, jacobians, jr, H_x);
   double sum = 0;  // a NaN shows in it
   for (int c = 0; c < n + robot.r; ++c)

@@ -111,8 +111,7 @@ inline Outcome understand(const Robot& robot, const OnlineSettings& settings, co
   constexpr int n = kDof<K>;
   const int rows = n + robot.r, p = state.count;
   const Knowledge known{p, state.column, state.root, state.sigma};
-  Joint q{};
-  for (int i = 0; i < n; ++i) q[i] = q_e[i];
+  const Joint q = motors_of<K>(q_e);
   Parasitic rest;
   Status status = Status::ok;
   for (const Pose& from : {guess, to_pose<K>(robot.home)}) {

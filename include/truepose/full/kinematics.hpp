@@ -23,9 +23,36 @@ inline bool stretched(const FullClosure<K>& at, int rod) {
   return !(at.jq[rod] * at.jq[rod] > kSingular * size2);
 }
 
-/// Newton on f, the closures of all rods, for a square system with A = -∂f/∂unknowns. As in
-/// fkm.hpp: normal equations, a step that does not lower Σf² retried with Levenberg's damping,
-/// chord steps near the solution, at most kFkmIterations.
+/// What solves for a step: the normal equations of A = -∂f/∂unknowns.
+template <Mobility K>
+struct Factors {
+  Rows<K> A;
+  Column<K> size;
+  NormalEquations<kRods<K>> square;
+
+  template <class System>
+  Factors(const System& system, const FullClosure<K>& at, double damping)
+      : A(columns(system, at)), size(sizes(system, at)), square(A, size, damping) {}
+  Factors(const Factors&) = delete;  // `square` refers to A
+  Factors& operator=(const Factors&) = delete;
+  bool regular() const { return square.regular(); }
+
+ private:
+  template <class System>
+  static Rows<K> columns(const System& system, const FullClosure<K>& at) {
+    Rows<K> A;
+    system.columns(at, A);
+    return A;
+  }
+  template <class System>
+  static Column<K> sizes(const System& system, const FullClosure<K>& at) {
+    Column<K> size;
+    for (int j = 0; j < kRods<K>; ++j) size[j] = system.size(at, j);
+    return size;
+  }
+};
+
+/// Newton on f, the closures of all rods, for a square system with A = -∂f/∂unknowns.
 /// @param system  columns(at, A): fills A;  move(at, step, trial): the state after the step
 /// @param closed  whether a start that closes the loops to rounding is taken as it is, its rank
 ///                not asked for
@@ -43,44 +70,29 @@ TRUEPOSE_FLATTEN inline FullResult newton(const Robot& robot, const System& syst
   open_loops<K>(robot, at);
   if (!std::isfinite(at.cost)) return {Status::not_finite, -1, 0, 0};
 
-  const double rounding = 2e-15 * scale;
-  FullClosure<K> trial;
-  double damping = 0;
-  bool regular = true;
-  if (!(closed && at.residual <= rounding)) do {
-      Rows<K> A;
-      system.columns(at, A);
-      Column<K> size;
-      for (int j = 0; j < N; ++j) size[j] = system.size(at, j);
-      const NormalEquations<N> square(A, size, damping);
-      regular = square.regular();
-      if (!regular) {
-        ++result.iterations;
-        damping = std::max(10 * damping, 1e-3);
-        continue;
-      }
-      do {
-        ++result.iterations;
-        const Column<K> step = square.solve(at.f);
-        system.move(at, step, trial);
-        open_loops<K>(robot, trial);
-        if (!(trial.cost < at.cost)) {
-          damping = std::max(10 * damping, 1e-3);
-          break;
-        }
-        damping = damping > 1e-3 ? 0.1 * damping : 0;
-        at = trial;
-      } while (damping == 0 && at.residual > rounding && at.residual < 1e-9 * scale &&
-               result.iterations < kFkmIterations);
-      if (at.residual <= rounding || (damping > 0 && at.residual < 1e-13 * scale)) break;
-    } while (result.iterations < kFkmIterations && damping < 1e12);
+  NewtonEnd end;
+  if (!(closed && at.residual <= kRounding * scale)) {
+    FullClosure<K> other;
+    FullClosure<K>*current = &at, *trial = &other;
+    end = damped_newton(
+        current, trial, scale, kFkmIterations,
+        [&](const FullClosure<K>& from, double damping) {
+          return Factors<K>(system, from, damping);
+        },
+        [&](const FullClosure<K>& from, const Factors<K>& factors, FullClosure<K>& after) {
+          system.move(from, factors.square.solve(from.f), after);
+          open_loops<K>(robot, after);
+        });
+    if (current != &at) at = *current;
+  }
+  result.iterations = end.iterations;
 
   result.residual = at.residual;
   if (!(at.residual < 1e-12 * scale)) {
     // Close, but crawling: towards a singular pose (fkm.hpp).
-    const bool crawls = at.residual < fkm_detail::kCrawls * scale && damping > 0;
+    const bool crawls = at.residual < fkm_detail::kCrawls * scale && end.damping > 0;
     result.status = crawls ? Status::singular : Status::not_converged;
-  } else if (!regular) {
+  } else if (!end.regular) {
     result.status = Status::singular;
   } else {
     for (int rod = 0; rod < N; ++rod) {
@@ -213,11 +225,7 @@ struct Inverse {
     for (int j = 0; j < tilts; ++j) omega += step[n + j] * turn(at.pose.R, j);
     trial.pose = at.pose;
     trial.pose.R = exp_so3(omega) * at.pose.R;
-    if constexpr (kTurnsAboutZ<K>) {  // what the finite turn did to θ, to second order, is undone
-      const Mat3& R = trial.pose.R;
-      const double off = at.pose.theta - std::atan2(R(1, 0), R(0, 0));
-      trial.pose.R = rotation_z(off) * R;
-    }
+    if constexpr (kTurnsAboutZ<K>) trial.pose.R = with_theta(trial.pose.R, at.pose.theta);
     turn_bars(robot, step.data() + n + tilts, kRods<K> - n - tilts, trial.pose);
   }
 };
@@ -258,7 +266,7 @@ FullResult fkm_full(const Robot& robot, const Joint& q, FullPose& pose, FullClos
   if (result) {
     full_detail::Rows<K> A;
     forward.columns(closure, A);
-    if (robot.full.sign != 0 && determinant_sign<kRods<K>>(A) != robot.full.sign)
+    if (other_mode(robot.full.sign, [&] { return determinant_sign<kRods<K>>(A); }))
       result.status = Status::branch_lost;
   }
   return result;
@@ -312,20 +320,15 @@ template <Mobility K>
 TRUEPOSE_FLATTEN inline Outcome jacobian_full(const Robot& robot, const FullClosure<K>& closure,
                                               FullJacobians<K>& jacobians) {
   constexpr int n = kDof<K>, N = kRods<K>;
-  const full_detail::Forward<K> forward{robot};
-  full_detail::Rows<K> A;
-  forward.columns(closure, A);
-  full_detail::Column<K> size;
-  for (int j = 0; j < N; ++j) size[j] = forward.size(closure, j);
   for (int rod = 0; rod < N; ++rod)
     if (full_detail::stretched<K>(closure, rod)) return {Status::singular, rod / 2};
-  const NormalEquations<N> square(A, size);
-  if (!square.regular()) return {Status::singular, -1};
+  const full_detail::Factors<K> factors(full_detail::Forward<K>{robot}, closure, 0);
+  if (!factors.regular()) return {Status::singular, -1};
   const Vec3 theta = theta_row(closure.pose.R);
   for (int j = 0; j < n; ++j) {  // column j: (AᵀA)⁻¹ Aᵀ Q e_j
     full_detail::Column<K> of_motor{};
     for (const int rod : {2 * j, 2 * j + 1}) of_motor[rod] = closure.jq[rod];
-    const full_detail::Column<K> column = square.solve(of_motor);
+    const full_detail::Column<K> column = factors.square.solve(of_motor);
     for (int i = 0; i < N; ++i) jacobians.Z[i][j] = column[i];
     for (int i = 0; i < 3; ++i) jacobians.J[i][j] = column[i];
     if constexpr (kTurnsAboutZ<K>)

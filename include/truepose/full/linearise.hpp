@@ -78,27 +78,17 @@ Outcome linearise_full(const Robot& robot, const Pose& pose, Extended& q_e,
     constexpr int n = kDof<K>, N = kRods<K>;
     if (!robot.full.own()) return {Status::no_full_level, -1};
     FullClosure<K> at;
-    const FullResult result = ikm_full<K>(robot, pose, at, rest);
-    if (!result) return {result.status, result.chain};
-    Reading values;
     std::array<FullRow, kMaxSensors> rows;
-    const Outcome outcome = rkm_full<K>(robot, at, values, rows);
+    const Outcome outcome = extended_full<K>(robot, pose, q_e, at, rows, rest);
     if (!outcome) return outcome;
 
-    const Inverse inverse{robot};
-    full_detail::Rows<K> A;
-    inverse.columns(at, A);
-    full_detail::Column<K> size;
-    for (int j = 0; j < N; ++j) size[j] = inverse.size(at, j);
     for (int rod = 0; rod < N; ++rod)
       if (full_detail::stretched<K>(at, rod)) return {Status::singular, rod / 2};
-    const NormalEquations<N> square(A, size);
-    if (!square.regular()) return {Status::singular, -1};
+    const full_detail::Factors<K> factors(Inverse{robot}, at, 0);
+    if (!factors.regular()) return {Status::singular, -1};
 
-    for (int i = 0; i < n; ++i) q_e[i] = at.q[i];
     Matrix<kMaxSensors, N> e_y;
     for (int k = 0; k < robot.r; ++k) {
-      q_e[n + k] = values[k];
       e_y[k].fill(0);
       if (on_chain(robot.sensor[k])) e_y[k][robot.sensor[k].chain] = rows[k].motor;
       FullRow& row = rows[k];
@@ -111,7 +101,7 @@ Outcome linearise_full(const Robot& robot, const Pose& pose, Extended& q_e,
 
     Matrix<kMaxReadings, N> S;
     for (int rod = 0; rod < N; ++rod) {
-      const full_detail::Column<K> y = square.column(rod, 1);
+      const full_detail::Column<K> y = factors.square.column(rod, 1);
       for (int i = 0; i < n; ++i) S[i][rod] = y[i];
       for (int k = 0; k < robot.r; ++k) {
         double sum = 0;

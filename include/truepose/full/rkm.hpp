@@ -102,6 +102,21 @@ inline Outcome rkm_full(const Robot& robot, const FullClosure<K>& at, Reading& v
   return {all_finite(values, robot.r) ? Status::ok : Status::not_finite, -1};
 }
 
+/// q_e at a pose, all rods closed, and what else its derivatives are made of.
+/// @param rows  of the sensors
+/// @param rest  as of ikm_full
+template <Mobility K>
+inline Outcome extended_full(const Robot& robot, const Pose& pose, Extended& q_e,
+                             FullClosure<K>& closure, std::array<FullRow, kMaxSensors>& rows,
+                             Parasitic* rest) {
+  const FullResult result = ikm_full<K>(robot, pose, closure, rest);
+  if (!result) return {result.status, result.chain};
+  Reading values;
+  const Outcome outcome = rkm_full<K>(robot, closure, values, rows);
+  if (outcome) extend<K>(robot, closure.q, values, q_e);
+  return outcome;
+}
+
 /// r = RKM(x) at the full level, the tilt and the bars' turns included.
 inline Outcome rkm_full(const Robot& robot, const Joint& x, Reading& values) {
   return full_detail::with_full(

@@ -3,6 +3,7 @@
 
 #include "truepose/kinematics/damping.hpp"
 #include "truepose/kinematics/fkm_closed.hpp"
+#include "truepose/math/newton.hpp"
 
 namespace truepose {
 
@@ -19,8 +20,7 @@ struct FkmResult {
 };
 
 /// One search: Newton on f_i = (|v_i|² - L_i²)/2, whose derivative with respect to the pose is
-/// -J_x, in the tangent space of the pose (no Euler angles). A step that does not lower Σf² is
-/// retried with Levenberg's damping. Convergence is judged by the residual, to rounding.
+/// -J_x, in the tangent space of the pose (no Euler angles).
 ///
 /// @param pose    in: the guess; out: the pose, if there is one
 /// @param most    iterations
@@ -60,46 +60,35 @@ TRUEPOSE_FLATTEN inline FkmResult search(const Robot& robot, const Joint& q, Pos
     at.residual = largest<n>(at.f.abs() * per_rod);  // |v| - L = f / L to first order
   };
 
-  const double rounding = 2e-15 * scale;
   std::array<Iterate, 2> iterates;
   Iterate *current = &iterates[0], *trial = &iterates[1];
   current->pose = pose;
   evaluate(*current);
   if (!std::isfinite(current->cost)) return {Status::not_finite, -1, 0, 0};
 
+  struct Inverse {
+    Matrix<n, n> rows;
+    bool full_rank;
+    bool regular() const { return full_rank; }
+  };
   std::array<Lanes<n>, n> jx;  // columns of J_x
-  Matrix<n, n> inverse;
-  double damping = 0;
-  bool regular = true;
-  do {
-    jx_row<K>(current->v, current->lever, jx);
-    const auto sizes = column_sizes<K>(current->v.squared_norm(), current->lever);
-    regular = invert<n>(jx, sizes, Lanes<n>::Ones(), damping, inverse);
-    if (!regular) {
-      ++result.iterations;
-      damping = std::max(10 * damping, 1e-3);
-      continue;
-    }
-    // Near the solution the same factors serve a second, chord step: its error is the product
-    // of two small ones, and it costs a third of a new factorisation.
-    do {
-      ++result.iterations;
-      const Lanes<n> step = times<n>(inverse, current->f);
-      Joint motion{};
-      for (int j = 0; j < n; ++j) motion[j] = step[j];
-      trial->pose = moved<K>(current->pose, motion);
-      evaluate(*trial);
-      if (!(trial->cost < current->cost)) {
-        damping = std::max(10 * damping, 1e-3);
-        break;
-      }
-      damping = damping > 1e-3 ? 0.1 * damping : 0;
-      std::swap(current, trial);
-    } while (damping == 0 && current->residual > rounding && current->residual < 1e-9 * scale &&
-             result.iterations < most);
-    // A step refused at the level of rounding is not a failure: nothing is left to gain.
-    if (current->residual <= rounding || (damping > 0 && current->residual < 1e-13 * scale)) break;
-  } while (result.iterations < most && damping < 1e12);
+  const NewtonEnd end = damped_newton(
+      current, trial, scale, most,
+      [&](const Iterate& at, double damping) {
+        Inverse inverse;
+        jx_row<K>(at.v, at.lever, jx);
+        const auto sizes = column_sizes<K>(at.v.squared_norm(), at.lever);
+        inverse.full_rank = invert<n>(jx, sizes, Lanes<n>::Ones(), damping, inverse.rows);
+        return inverse;
+      },
+      [&](const Iterate& at, const Inverse& inverse, Iterate& after) {
+        const Lanes<n> step = times<n>(inverse.rows, at.f);
+        Joint motion{};
+        for (int j = 0; j < n; ++j) motion[j] = step[j];
+        after.pose = moved<K>(at.pose, motion);
+        evaluate(after);
+      });
+  result.iterations = end.iterations;
 
   if constexpr (kTurnsAboutZ<K>) {
     double& theta = current->pose.theta;
@@ -108,7 +97,7 @@ TRUEPOSE_FLATTEN inline FkmResult search(const Robot& robot, const Joint& q, Pos
   result.residual = current->residual;
   if (!(current->residual < 1e-12 * scale)) {
     result.status = Status::not_converged;
-  } else if (!regular) {
+  } else if (!end.regular) {
     result.status = Status::singular;
   } else {
     for (int i = 0; i < n; ++i) {
@@ -120,7 +109,7 @@ TRUEPOSE_FLATTEN inline FkmResult search(const Robot& robot, const Joint& q, Pos
       }
     }
     jx_row<K>(current->v, current->lever, jx);
-    if (robot.assembly_sign != 0 && determinant_sign<n>(jx) != robot.assembly_sign)
+    if (other_mode(robot.assembly_sign, [&] { return determinant_sign<n>(jx); }))
       result.status = Status::branch_lost;
   }
   if (!result) return failed(result, current->pose);
@@ -199,7 +188,7 @@ inline bool own_mode(const Robot& robot, const Pose& pose) {
   Closure<K> closure;
   Jacobians<K> jacobians;
   return ikm<K, false>(robot, pose, closure) && jacobian<K>(closure, jacobians) &&
-         assembly_sign<K>(jacobians) == robot.assembly_sign;
+         !other_mode<K>(robot, jacobians);
 }
 
 /// The second search, where the first one found no pose, or jumped from the robot's own mode into

@@ -98,6 +98,20 @@ inline int assembly_sign(const Jacobians<K>& jacobians) {
   return determinant_sign<kDof<K>>(jacobians.jx);
 }
 
+/// Whether a determinant has another sign than at home, hence belongs to another assembly mode, for
+/// certain. The same sign does not show that the way there is free: a robot may have two regions of
+/// one sign.
+/// @param home  sign there; 0: not asked for
+/// @param sign  sign(): of the determinant, -1, 0 (between two modes) or 1
+template <class Sign>
+inline bool other_mode(int home, Sign&& sign) {
+  return home != 0 && sign() != home;
+}
+template <Mobility K>
+inline bool other_mode(const Robot& robot, const Jacobians<K>& jacobians) {
+  return other_mode(robot.assembly_sign, [&] { return assembly_sign<K>(jacobians); });
+}
+
 /// Fills what a robot derives from its own data (assembly_sign, limited). Call once after building
 /// it.
 /// @return no_such_part, or that of its home: unreachable, singular, joint_limit

@@ -97,7 +97,7 @@ inline constexpr std::array kSensorTable{
                      .of_chain = true,
                      .shaft = true,
                      .wraps = true},
-};
+};  // the last row
 inline constexpr int kSensorKinds = static_cast<int>(kSensorTable.size());
 
 /// What holds for a kind that exists (parts_exist asks whether it does).

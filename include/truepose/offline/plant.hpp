@@ -102,14 +102,8 @@ inline Outcome exact_readings(const Robot& robot, const Pose& pose, Extended& q_
   if constexpr (kPaired<K>)
     if (robot.rod_by_rod()) {
       FullClosure<K> closure;
-      Reading r;
       std::array<FullRow, kMaxSensors> rows;
-      const FullResult result = ikm_full<K>(robot, pose, closure, &rest);
-      if (!result) return {result.status, result.chain};
-      const Outcome outcome = rkm_full<K>(robot, closure, r, rows);
-      std::copy_n(closure.q.begin(), kDof<K>, q_e.begin());
-      std::copy_n(r.begin(), robot.r, q_e.begin() + kDof<K>);
-      return outcome;
+      return extended_full<K>(robot, pose, q_e, closure, rows, &rest);
     }
   return extended<K>(robot, pose, q_e);
 }

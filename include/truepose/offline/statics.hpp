@@ -20,9 +20,12 @@ inline constexpr int kSettleIterations = 100;
 /// true robot's J differs. Unquantised readings.
 /// @param x         out
 /// @param weighing  of the nominal robot, for laws that weigh
+/// @param off       by which readings are off, as by the play of a gear
+/// @param by_truth  out: whether it was the true robot, not the law, that had no answer
 template <Mobility K>
 inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSettings& settings,
-                      const Joint& x_d, Joint& x, const Weighing& weighing = {}) {
+                      const Joint& x_d, Joint& x, const Weighing& weighing = {},
+                      const Extended& off = {}, bool* by_truth = nullptr) {
   constexpr int n = kDof<K>;
   const Law law = settings.control.law;
   Reference<K> reference;
@@ -50,7 +53,9 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
     Extended q_e{};
     outcome = exact_readings<K>(truth, pose, q_e, standing);
     if (outcome && settings.gravity) outcome = ikm<K>(truth, pose, closure);
+    if (by_truth) *by_truth = !outcome;
     if (!outcome) return outcome;
+    for (int c = 0; c < n + truth.r; ++c) q_e[c] += off[c];
     Joint error{};
     Pose found;
     outcome = motor_error<K>(nominal, law, reference, q_e, error, found, weighing, nearby);

@@ -30,7 +30,22 @@ inline Outcome rkm(const Robot& robot, const Joint& x, Reading& values) {
   });
 }
 
-/// Extended positions q_e = [q; r] at a pose, as the robot's own encoders read them.
+/// Extended positions q_e = [q; r].
+template <Mobility K>
+inline void extend(const Robot& robot, const Joint& q, const Reading& r, Extended& q_e) {
+  for (int i = 0; i < kDof<K>; ++i) q_e[i] = q[i];
+  for (int k = 0; k < robot.r; ++k) q_e[kDof<K> + k] = r[k];
+}
+
+/// Motor positions q of q_e = [q; r].
+template <Mobility K>
+inline Joint motors_of(const Extended& q_e) {
+  Joint q{};
+  std::copy_n(q_e.begin(), kDof<K>, q.begin());
+  return q;
+}
+
+/// q_e at a pose, as the robot's own encoders read them.
 template <Mobility K>
 inline Outcome extended(const Robot& robot, const Pose& pose, Extended& q_e) {
   Closure<K> closure;
@@ -38,9 +53,7 @@ inline Outcome extended(const Robot& robot, const Pose& pose, Extended& q_e) {
   Reading values;
   Matrix<kMaxSensors, kDof<K>> jr;
   if (outcome) outcome = rkm<K>(robot, closure, values, jr);
-  if (!outcome) return outcome;
-  for (int i = 0; i < kDof<K>; ++i) q_e[i] = closure.chain[i].q;
-  for (int k = 0; k < robot.r; ++k) q_e[kDof<K> + k] = values[k];
+  if (outcome) extend<K>(robot, closure.q(), values, q_e);
   return outcome;
 }
 

@@ -106,19 +106,25 @@ inline void sensor_row(const Robot& robot, const Sensor& sensor, const Closure<K
   for (int j = 0; j < kDof<K>; ++j) row[j] += scale * jx[j];
 }
 
-/// Reading of one sensor at a closed pose, gain s - offset, and its row of J_r (size n).
+/// Reading of one sensor at a closed pose, gain s - offset, and its row of J_r (size n), whatever
+/// its kind.
 template <Mobility K>
-inline double read(const Robot& robot, const Sensor& sensor, const Closure<K>& closure,
-                   double* row) {
-  // The paper's, without gradients it has not.
-  if (sensor.kind == SensorKind::nacelle_angle && !eccentric(sensor)) {
-    free_columns<K>(Vec3::Zero(), Vec3(0, 0, sensor.gain), row);
-    return sensor.gain * closure.pose.theta - sensor.offset;
-  }
+TRUEPOSE_APART inline double read_any(const Robot& robot, const Sensor& sensor,
+                                      const Closure<K>& closure, double* row) {
   const Sensed s = sense<K>(robot, sensor, closure);
   sensor_row<K>(robot, sensor, closure, s, row);
   for (int j = 0; j < kDof<K>; ++j) row[j] *= sensor.gain;
   return sensor.gain * s.value - sensor.offset;
+}
+
+/// The same; the paper's θ without gradients it has not.
+template <Mobility K>
+inline double read(const Robot& robot, const Sensor& sensor, const Closure<K>& closure,
+                   double* row) {
+  if (sensor.kind != SensorKind::nacelle_angle || eccentric(sensor))
+    return read_any<K>(robot, sensor, closure, row);
+  free_columns<K>(Vec3::Zero(), Vec3(0, 0, sensor.gain), row);
+  return sensor.gain * closure.pose.theta - sensor.offset;
 }
 
 /// The nearest count of an encoder or telemeter (step 0: unquantised).

@@ -301,9 +301,10 @@ def _named(slope: float, is_angle: bool) -> str | None:
 
 def _named_slopes(robot: Robot, readings: Array) -> list[str | None]:
     seen = expect(robot, readings)
+    angle = [unit == "rad" for unit in reading_units(robot)[robot.n :]]
     return [
-        _named(_slope(readings[:, robot.n + k], seen.expected[:, k]), unit == "rad")
-        for k, unit in enumerate(reading_units(robot)[robot.n :])
+        _named(_slope(readings[:, robot.n + k], seen.expected[:, k]), angle[k])
+        for k in range(robot.r)
     ]
 
 
@@ -313,7 +314,7 @@ def _sensors(robot: Robot, log: Log, seen: Expectation) -> Iterator[Finding]:
     distance = apart(seen)
     wrong = [k for k in range(robot.r) if distance[k] > APART]
     names = _named_slopes(robot, log.readings)
-    units = reading_units(robot)
+    angle = [unit == "rad" for unit in reading_units(robot)[robot.n :]]
     for k in wrong:
         read, name = log.readings[:, n + k], log.names[n + k]
         slope = _slope(read, seen.expected[:, k])
@@ -321,12 +322,13 @@ def _sensors(robot: Robot, log: Log, seen: Expectation) -> Iterator[Finding]:
             times = f"{slope:.3g} times what the motors predict"
             yield Finding(f"{name}: {times}: {names[k]}", refused=True)
             continue
+        unit = "rad" if angle[k] else "m"
         off = np.nanmedian(seen.residual[:, k])
         scatter = np.nanmedian(np.abs(seen.residual[:, k] - off))
         if abs(off) > 5 * scatter:
             yield Finding(
-                f"{name}: reads {off:+.4g} {units[n + k]} more than motors and tolerances allow: a "
-                f"zero offset? Give {name}.offset its value, or a tolerance"
+                f"{name}: reads {off:+.4g} {unit} more than motors and tolerances allow: a zero "
+                f"offset? Give {name}.offset its value, or a tolerance"
             )
         else:
             lost = not abs(slope) > 0.3  # a NaN too

@@ -150,7 +150,7 @@ def _misfit(fit: Fit) -> float:
 def mistakes(robot: Robot, log: Log) -> Iterator[Mistake]:
     """What may have happened to the columns: units, signs, order."""
     n, names = robot.n, log.names
-    angle = np.array(reading_units(robot)) == "rad"
+    angle = np.array([unit == "rad" for unit in reading_units(robot)])
     every = range(n + robot.r)
 
     def scaled(which, factor, what: str) -> Mistake:

@@ -157,9 +157,7 @@ def _calibrated(drawn: Robot, cold: Robot, modes: Array) -> Robot:
     sigma = np.array([drawn.parameters[name].sigma for name in names])
     root = PERFECT * np.diag(sigma)
     if modes.size:
-        half = np.vstack([root, modes])
-        lower = np.linalg.qr(half, mode="r").T
-        root = lower * np.sign(np.diag(lower))
+        root = knowledge.triangular(np.hstack([root, modes.T]))
     values = {name: cold.parameters[name].value for name in names}
     learnt = drawn.with_calibration(calibration_of(values, root, "perfect, cold"))
     return learnt.with_level(drawn.finest_level)

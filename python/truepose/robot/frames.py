@@ -5,28 +5,19 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from truepose import _core
 from truepose.arguments import Array
 from truepose.robot.description import Description
 
 
-def skew(v: ArrayLike) -> Array:
-    """[v]×, shape (..., 3, 3)."""
-    x, y, z = np.moveaxis(np.asarray(v, dtype=float), -1, 0)
-    o = np.zeros_like(x)
-    return np.stack([o, -z, y, z, o, -x, -y, x, o], -1).reshape(*x.shape, 3, 3)
-
-
 def rotation(vector: ArrayLike) -> Array:
-    """exp([v]×) by Rodrigues' formula, shape (..., 3, 3)."""
+    """exp([v]×), shape (..., 3, 3), of rotation vectors v, shape (..., 3)."""
     vector = np.asarray(vector, dtype=float)
-    angle = np.linalg.norm(vector, axis=-1)[..., None, None]
-    K = skew(vector)
-    half = np.sinc(angle / (2 * np.pi))
-    return np.eye(3) + np.sinc(angle / np.pi) * K + 0.5 * half**2 * K @ K
+    return _core.rotations(_rows(vector, 3)).reshape(*vector.shape, 3)
 
 
 def rotation_vector(R: ArrayLike) -> Array:
-    """Inverse of :func:`rotation`, for turns of less than π: shape (..., 3).
+    """Inverse of :func:`rotation`, the turn at most π: shape (..., 3).
 
     Examples
     --------
@@ -35,11 +26,7 @@ def rotation_vector(R: ArrayLike) -> Array:
     [ 0.1  2.  -1. ]
     """
     R = np.asarray(R, dtype=float)
-    apart = R - np.swapaxes(R, -1, -2)
-    sine = 0.5 * np.stack([apart[..., 2, 1], apart[..., 0, 2], apart[..., 1, 0]], -1)
-    cosine = 0.5 * (np.trace(R, axis1=-2, axis2=-1) - 1)
-    angle = np.arctan2(np.linalg.norm(sine, axis=-1), cosine)
-    return sine / np.sinc(angle / np.pi)[..., None]
+    return _core.rotation_vectors(_rows(R, 9)).reshape(R.shape[:-1])
 
 
 def frames(robot: Description, x: ArrayLike, tilt: ArrayLike | None = None) -> Array:
@@ -63,29 +50,11 @@ def frames(robot: Description, x: ArrayLike, tilt: ArrayLike | None = None) -> A
     [ 0.1  0.  -0.2]
     """
     x = np.asarray(x, dtype=float)
-    names = [name for name, _ in robot.coordinates]
-    result = np.zeros((*x.shape[:-1], 4, 4))
-    result[..., 3, 3] = 1
-    vector = np.zeros((*x.shape[:-1], 3))
-    for k, name in enumerate(names):
-        if name in ("x", "y", "z"):
-            result[..., "xyz".index(name), 3] = x[..., k]
-        else:
-            vector[..., 2 if name == "theta" else ("rx", "ry", "rz").index(name)] = x[..., k]
-    R = rotation(vector)
+    turn = np.zeros((*x.shape[:-1], 3))
     if tilt is not None:
-        turn = np.zeros_like(vector)
         turn[..., : np.shape(tilt)[-1]] = tilt
-        if "theta" not in names:
-            R = rotation(turn) @ R
-        else:  # its component about z is what keeps θ, of second order in the tilt
-            upright = R
-            for _ in range(4):
-                R = rotation(turn) @ upright
-                apart = np.arctan2(R[..., 1, 0], R[..., 0, 0]) - vector[..., 2]
-                turn[..., 2] -= np.arctan2(np.sin(apart), np.cos(apart))
-    result[..., :3, :3] = R
-    return result
+    frame = _core.frames(robot.core, _rows(x, robot.n), _rows(turn, 3))
+    return frame.reshape(*x.shape[:-1], 4, 4)
 
 
 def coordinates(robot: Description, frame: ArrayLike) -> Array:
@@ -102,11 +71,9 @@ def coordinates(robot: Description, frame: ArrayLike) -> Array:
     [ 0.1  0.  -0.4  0.2]
     """
     frame = np.asarray(frame, dtype=float)
-    R, position = frame[..., :3, :3], frame[..., :3, 3]
-    columns = {name: position[..., k] for k, name in enumerate("xyz")}
-    columns["theta"] = np.arctan2(R[..., 1, 0], R[..., 0, 0])
-    if any(name == "rx" for name, _ in robot.coordinates):
-        columns |= dict(
-            zip(("rx", "ry", "rz"), np.moveaxis(rotation_vector(R), -1, 0), strict=True)
-        )
-    return np.stack([columns[name] for name, _ in robot.coordinates], axis=-1)
+    D, R = _rows(frame[..., :3, 3], 3), _rows(frame[..., :3, :3], 9)
+    return _core.coordinates(robot.core, D, R).reshape(*frame.shape[:-2], robot.n)
+
+
+def _rows(array: Array, width: int) -> Array:
+    return np.ascontiguousarray(array).reshape(-1, width)

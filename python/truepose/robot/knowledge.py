@@ -44,6 +44,11 @@ def root(robot: Kinematics, names: list[str]) -> Array:
             half[k, : len(full)] = full[at[name]]
         else:
             half[k, len(full) + k] = sigma[k]
+    return triangular(half)
+
+
+def triangular(half: Array) -> Array:
+    """Lower triangular S with S Sᵀ = H Hᵀ and no negative diagonal, of any H with p rows."""
     lower = np.linalg.qr(half.T, mode="r").T
     return lower * np.sign(np.diag(lower))
 

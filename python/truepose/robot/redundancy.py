@@ -13,7 +13,6 @@ from truepose.exceptions import InputError, choose
 from truepose.robot import knowledge
 from truepose.robot.batches import flattened, require_answers
 from truepose.robot.kinematics import Kinematics
-from truepose.robot.laws import LAWS
 
 
 class Estimate(NamedTuple):
@@ -209,8 +208,8 @@ class Redundancy(Kinematics):
         redundant [ 0.186 -0.927]
         weighted [ 0. -1.]
         """
-        if law not in LAWS:
-            raise InputError(choose("law", law, LAWS))
+        if law not in _core.laws:
+            raise InputError(choose("law", law, _core.laws))
         if _core.laws[law].orientation:
             self.require_orientation()
         rows, lead = flattened(self, x, self.n, "x", errors)

@@ -75,7 +75,8 @@ def _pair_drawn(spec: RobotFile, chain: Chain) -> Array:
     A = np.array(spec.home[:3]) + chain.anchor
     if chain.bar is not None:
         bar = spec.bar[chain.bar - 1]
-        A += _core.rotation([0.0, 0.0, theta]) @ (bar.pivot * np.array(bar.direction))
+        R = _core.rotations(np.array([[0.0, 0.0, theta]]))[0]
+        A += R @ (bar.pivot * np.array(bar.direction))
     across = np.cross(chain.axis, A - chain.base)
     length = float(np.linalg.norm(across))
     if length < 1e-3 * float(np.linalg.norm(A - chain.base)):

@@ -1,4 +1,4 @@
-"""In which unit is a reading, or the value of a parameter? SI, as the core's tables say."""
+"""In which unit is a reading, a parameter? m, rad, or none, as the core's tables say."""
 
 from __future__ import annotations
 
@@ -8,41 +8,42 @@ from truepose.robot.to_core import file_key
 
 
 def reading_units(robot: Description) -> list[str]:
-    """Unit of every reading, those of the motors first: "m" or "rad".
+    """Unit of each extended position q_e, motors and the sensors in use: m or rad.
 
     Examples
     --------
     >>> import truepose as tp
-    >>> reading_units(tp.load("h4").with_sensors("theta", "wire1"))
+    >>> reading_units(tp.load("h4").with_sensors("theta", "z_telemeter"))
     ['rad', 'rad', 'rad', 'rad', 'rad', 'm']
     """
     motors = [_motor(chain.actuator) for chain in robot.spec.chain]
     return motors + [_core.sensor_kinds[sensor.kind].unit for sensor in robot.spec.used]
 
 
-def parameter_unit(robot: Description, name: str) -> str:
-    """Unit of a parameter of the robot's file, its spare sensors' included; empty for none.
+def unit_of(robot: Description, name: str) -> str:
+    """Unit of a sensor, a coordinate that something outside measured, or a parameter.
 
     Examples
     --------
     >>> import truepose as tp
     >>> h4 = tp.load("h4")
-    >>> [parameter_unit(h4, name) for name in ("chain1.rod", "bar1.pivot", "theta.offset")]
-    ['m', 'm', 'rad']
-    >>> [parameter_unit(h4, name) for name in ("chain1.eccentricity.c1", "theta.gain")]
-    ['rad', '']
+    >>> [unit_of(h4, name) for name in ("chain1.rod", "chain1.yaw", "theta", "theta.gain")]
+    ['m', 'rad', 'rad', '']
     """
     part, _, key = name.partition(".")
-    sensor = next((s for s in robot.spec.sensor if s.name == part), None)
-    if sensor is not None:
-        units = {file_key(type(sensor), core): unit for core, unit in _core.sensor_parameters}
-        own = _core.sensor_kinds[sensor.kind].unit
-    elif part.startswith("bar"):
+    coordinates = {f"measured_{c}": unit for c, unit in robot.coordinates}
+    if name in coordinates:
+        return coordinates[name]
+    if part.startswith("bar") and part.removeprefix("bar").isdigit():
         return "m"
-    else:
+    sensor = next((s for s in robot.spec.sensor if s.name == part), None)
+    if sensor is None:
         units = dict(_core.chain_parameters)
         own = _motor(robot.spec.chain[int(part.removeprefix("chain")) - 1].actuator)
-    return own if units[key] == "reading" else units[key]
+    else:
+        units = {file_key(type(sensor), core): unit for core, unit in _core.sensor_parameters}
+        own = _core.sensor_kinds[sensor.kind].unit
+    return own if units.get(key, "reading") == "reading" else units[key]
 
 
 def _motor(actuator: str) -> str:

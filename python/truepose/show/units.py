@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 
-from truepose import _core
 from truepose.robot.robot import Robot
-from truepose.robot.units import parameter_unit
+from truepose.robot.units import unit_of
 
 #: Factor and name of the unit that people read, by that of the package.
 PRINT = {"m": (1e3, "mm"), "rad": (180 / math.pi, "°"), "": (1.0, "")}
@@ -34,9 +33,5 @@ def in_print(robot: Robot, name: str) -> tuple[float, str]:
     >>> h4 = tp.load("h4")
     >>> [in_print(h4, name)[1] for name in ("chain1.rod", "chain1.yaw", "theta", "theta.gain")]
     ['mm', '°', '°', '']
-    >>> in_print(h4, "theta.eccentricity.c1")[1]
-    '°'
     """
-    columns = {f"measured_{c}": unit for c, unit in robot.coordinates}
-    columns |= {s.name: _core.sensor_kinds[s.kind].unit for s in robot.spec.sensor}
-    return PRINT[columns[name] if name in columns else parameter_unit(robot, name)]
+    return PRINT[unit_of(robot, name)]

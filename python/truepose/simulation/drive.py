@@ -70,7 +70,9 @@ def begin(
     settings = controller.settings(robot, origin[: robot.n])
     believed, known = knowledge.for_law(robot, controller.law)
     rows, loaded = np.array(origin)[None, : robot.n], controller.integral == 0
-    at_rest, status, chain = _core.settle(believed.core, truth.core, settings, known, loaded, rows)
+    at_rest, status, chain, _ = _core.settle(
+        believed.core, truth.core, settings, known, loaded, rows
+    )
     require_answers(robot, "pose", rows, (), status, chain, "raise", name=name)
     filtered = None if learn is None else learn._filter
     core = (believed.core, truth.core, settings, known, plant, filtered)

@@ -67,6 +67,6 @@ def settle(
     require_same_readings(robot, truth)
     settings = controller.settings(robot, robot.home if start is None else start)
     believed, known = knowledge.for_law(robot, controller.law)
-    x, status, chain = _core.settle(believed.core, truth.core, settings, known, gravity, rows)
+    x, status, chain, _ = _core.settle(believed.core, truth.core, settings, known, gravity, rows)
     require_answers(robot, "pose", rows, lead, status, chain, errors, name="x_d")
     return x.reshape(*lead, robot.n)

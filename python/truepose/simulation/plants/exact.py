@@ -16,7 +16,7 @@ from truepose.arguments import Array, Level, check_seed
 from truepose.exceptions import InputError, choose
 from truepose.robot import knowledge
 from truepose.robot.batches import flattened
-from truepose.robot.frames import coordinates, frames, rotation
+from truepose.robot.frames import frames
 from truepose.robot.robot import Robot
 from truepose.simulation.controller import Controller
 from truepose.simulation.effects import Effects
@@ -24,7 +24,6 @@ from truepose.simulation.plants import Visit, play
 
 #: Groups of effects that statics know.
 EFFECTS = ("backlash", "thermal", "eccentricity", "quantisation")
-_ITERATIONS = 100
 
 
 class ExactPlant:
@@ -72,7 +71,7 @@ class ExactPlant:
             raise InputError(f"ExactPlant: {choose('effect', on, EFFECTS)}: leave it out (without)")
         truth.is_full(self.level)
         self.robot = effects.geometry(truth, time, seed)  #: as it is at that time
-        self._exact = self.robot.unquantised()
+        self._exact = self.robot.with_level(self.level).unquantised()
         #: Which readings the play of the tool's gear enters, and by which gain.
         self._geared = np.zeros(truth.n + truth.r)
         for k, name in enumerate(truth.sensors):
@@ -149,44 +148,24 @@ class ExactPlant:
     def _settle(
         self, robot: Robot, x_d: Array, controller: Controller, ahead: Array
     ) -> tuple[Array, Array]:
-        """Find where the motor error vanishes: x ← x + J ê, J of the robot believed in.
-
-        Linear convergence: each step leaves the few per cent by which the true J differs. Stops
-        at rounding, or where steps of that size no longer shrink, as :func:`truepose.settle` does.
-        """
-        law = getattr(_core.Law, controller.law)
+        """Find where the motor error vanishes while the tool stands ahead of the nacelle."""
+        settings = controller.settings(robot, robot.home)
         believed, known = knowledge.for_law(robot, controller.law)
-        J = robot.jacobian(x_d, errors="nan")
-        x = x_d.copy()
-        status = np.full(len(x), "the plant does not settle here", dtype=object)
-        last = np.full(len(x), np.inf)
-        active = np.arange(len(x))
-        for _ in range(_ITERATIONS):
-            q_e = self._readings(x[active], ahead[active])
-            error, code, _ = _core.motor_error(
-                believed.core, law, controller.damped_below, known, x_d[active], q_e
-            )
-            step = np.einsum("nij,nj->ni", J[active], error)
-            size = np.abs(step).max(axis=1)
-            unread, lost = ~np.isfinite(q_e).all(axis=1), ~np.isfinite(size)
-            for k in np.flatnonzero(lost & ~unread):
-                status[active[k]] = f"controller: {_core.describe(int(code[k]))}"
-            for k in np.flatnonzero(unread):
-                status[active[k]] = "beyond the true robot's reach"
-            moved = ~lost
-            x[active[moved]] = self._moved(x[active[moved]], step[moved])
-            done = moved & ((size < 1e-14) | ((size < 1e-12) & (size >= last[active])))
-            status[active[done]] = "ok"
-            last[active] = size
-            active = active[moved & ~done]
-            if active.size == 0:
-                break
-        return x, status
-
-    def _moved(self, x: Array, step: Array) -> Array:
-        if self.truth.spec.mobility != "spatial":
-            return x + step
-        frame = frames(self.truth, x)
-        frame[:, :3, 3] += step[:, :3]
-        frame[:, :3, :3] = rotation(step[:, 3:]) @ frame[:, :3, :3]
-        return coordinates(self.truth, frame)
+        off = ahead[:, None] * self._geared
+        x, status, _, by_truth = _core.settle(
+            believed.core,
+            self._exact.core,
+            settings,
+            known,
+            False,
+            np.ascontiguousarray(x_d),
+            off,
+        )
+        said = np.full(len(x), "ok", dtype=object)
+        for k in np.flatnonzero(status > 0):
+            said[k] = f"controller: {_core.describe(int(status[k]))}"
+            if by_truth[k]:
+                said[k] = "beyond the true robot's reach"
+            elif status[k] == _core.not_converged:
+                said[k] = "the plant does not settle here"
+        return x, said

@@ -11,6 +11,7 @@ from truepose import _core
 from truepose.arguments import Array
 from truepose.exceptions import InputError
 from truepose.robot.batches import require_answers
+from truepose.robot.frames import frames
 from truepose.robot.robot import Robot
 from truepose.simulation.plants.mjcf_parts import axes, turn
 
@@ -77,21 +78,14 @@ class Mechanism:
         q, status, chain = _core.ikm(core.without_limits(), rows, full)
         require_answers(robot, "pose", rows, (), status, chain, "raise")
         position = np.array([core.motor_position(i, q[0, i]) for i in range(n)])
-        D, R = _core.frame(core, [*x, *[0.0] * (6 - n)])
         theta = x[3] if robot.spec.mobility == "schoenflies" else 0.0
-        psi = np.full(self.bars, -theta)
+        psi, tilt = np.full(self.bars, -theta), np.zeros(2)
         if full and core.full.kind != _core.FullKind.same:
             rest = robot.parasitic(x)
-            tilts = len(rest) - self.bars
-            tilt = np.append(rest[:tilts], np.zeros(3 - tilts))
-            upright, R = R, _core.rotation(tilt) @ R
-            for _ in range(
-                8 * (tilts == 2)
-            ):  # the turn about z that keeps θ: quadratic in the tilt
-                tilt[2] += np.arctan2(upright[1, 0], upright[0, 0]) - np.arctan2(R[1, 0], R[0, 0])
-                R = _core.rotation(tilt) @ upright
-            psi = rest[tilts:] - theta
-        return np.asarray(D), np.asarray(R), psi, position
+            tilt, turns = np.split(rest, [len(rest) - self.bars])
+            psi = turns - theta
+        frame = frames(robot, x, tilt)
+        return frame[:3, 3], frame[:3, :3], psi, position
 
     def anchor(self, i: int, side: float, D: Array, R: Array, psi: Array) -> Array:
         """Where a rod ends on the nacelle."""

@@ -7,8 +7,8 @@ import xml.etree.ElementTree as ET
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose import _core
 from truepose.arguments import Array
+from truepose.robot.frames import rotation
 from truepose.show.colours import COLOURS
 
 MASSLESS = 1e-9  # kg: MuJoCo wants bodies that move to weigh something
@@ -30,7 +30,7 @@ def add(parent: ET.Element, tag: str, **attributes) -> ET.Element:
 
 def turn(axis: int, angle: float) -> Array:
     """Rotation about the x, y or z axis (0, 1, 2)."""
-    return np.asarray(_core.rotation(angle * np.eye(3)[axis]))
+    return rotation(angle * np.eye(3)[axis])
 
 
 def axes(x: ArrayLike, z: ArrayLike) -> Array:

@@ -9,10 +9,12 @@ import numpy as np
 from truepose import _core
 from truepose.arguments import Array
 from truepose.exceptions import InputError, PoseError, TrueposeError
+from truepose.robot.frames import coordinates
 from truepose.robot.robot import Robot
 from truepose.simulation.effects import Effects
 from truepose.simulation.plants.mechanism import Posture
 from truepose.simulation.plants.mjcf import TIMESTEP, Model
+from truepose.simulation.plants.mjcf_parts import turn
 
 _OPEN = 1e-4  # m: a loop that far open is not closed
 
@@ -87,7 +89,7 @@ class Body:
         if self.mechanism.planar:
             D[:2] = [qpos[self._at[f"nacelle.{axis}"]] for axis in "xy"]
             if "nacelle.theta" in self._at:
-                R = np.asarray(_core.rotation(np.array([0, 0, qpos[self._at["nacelle.theta"]]])))
+                R = turn(2, qpos[self._at["nacelle.theta"]])
             return D, R
         at, flat = self._at["nacelle"], np.empty(9)
         self.mujoco.mju_quat2Mat(flat, qpos[at + 3 : at + 7])
@@ -101,7 +103,7 @@ class Body:
 
     def coordinates(self) -> Array:
         """Coordinates x of the nacelle, (n,)."""
-        return np.array(_core.coordinates(self.robot.core, *self.nacelle()))[: self.robot.n]
+        return coordinates(self.robot, self.frame())
 
     def positions(self) -> tuple[Array, Array]:
         """Motors' and arms' angles or slides: an arm that yields is not where its motor is."""

@@ -1,0 +1,61 @@
+// How does a search step towards closed loops? Newton, damped where a step fails.
+#pragma once
+
+#include <algorithm>
+#include <utility>
+
+namespace truepose {
+
+/// Residual, in lengths, below which rounding decides.
+inline constexpr double kRounding = 2e-15;
+
+struct NewtonEnd {
+  int iterations = 0;   ///< steps tried
+  bool regular = true;  ///< whether the last factors had full rank
+  double damping = 0;   ///< of the last step; 0: Newton's own
+};
+
+/// Newton on f = 0. A step that does not lower Σf² is retried with Levenberg's damping. Convergence
+/// is judged by the residual, to rounding.
+///
+/// A State has a `cost`, Σf², and a `residual`, in the unit of `scale`.
+/// @param current  in: the start; out: the last state that lowered the cost
+/// @param trial    another one, to work in
+/// @param scale    the largest length that f compares
+/// @param most     iterations
+/// @param factor   factor(state, damping): what solves for a step there, with regular()
+/// @param step     step(state, factors, after): fills the state after the step
+template <class State, class Factor, class Step>
+inline NewtonEnd damped_newton(State*& current, State*& trial, double scale, int most,
+                               Factor&& factor, Step&& step) {
+  const double rounding = kRounding * scale;
+  NewtonEnd end;
+  do {
+    const auto factors = factor(*current, end.damping);
+    end.regular = factors.regular();
+    if (!end.regular) {
+      ++end.iterations;
+      end.damping = std::max(10 * end.damping, 1e-3);
+      continue;
+    }
+    // Near the solution the same factors serve a second, chord step: its error is the product
+    // of two small ones, and it costs a third of a new factorisation.
+    do {
+      ++end.iterations;
+      step(*current, factors, *trial);
+      if (!(trial->cost < current->cost)) {
+        end.damping = std::max(10 * end.damping, 1e-3);
+        break;
+      }
+      end.damping = end.damping > 1e-3 ? 0.1 * end.damping : 0;
+      std::swap(current, trial);
+    } while (end.damping == 0 && current->residual > rounding && current->residual < 1e-9 * scale &&
+             end.iterations < most);
+    // A step refused at the level of rounding is not a failure: nothing is left to gain.
+    if (current->residual <= rounding || (end.damping > 0 && current->residual < 1e-13 * scale))
+      break;
+  } while (end.iterations < most && end.damping < 1e12);
+  return end;
+}
+
+}  // namespace truepose
