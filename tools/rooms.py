@@ -26,7 +26,7 @@ def floors() -> list[list[str]]:
     """Rooms of each floor, the top one first, as the contract has them."""
     contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     layers = contracts["tool"]["importlinter"]["contracts"][0]["layers"]
-    return [[room.strip() for room in layer.split("|")] for layer in layers if layer[0] != "("]
+    return [[room.strip(" ()") for room in layer.split("|")] for layer in layers]
 
 
 def imports() -> tuple[Counter[str], Counter[tuple[str, str]]]:
