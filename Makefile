@@ -128,7 +128,8 @@ ifdef P
 	PYTHONPATH=$(abspath build/quick/package) python -m pytest -q $(P)
 endif
 
-pictures: $(VENV)/installed
+pictures: $(VENV)/tools
+	python tools/rooms.py
 	python -c "import truepose as tp; from truepose.show.drawing import draw; [draw(tp.load(name)).savefig(f'robots/{name}/picture.png', dpi=110) for name in tp.robots()]"
 	python docs/site/figures.py
 

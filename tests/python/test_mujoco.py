@@ -9,7 +9,8 @@ import pytest
 import truepose as tp
 from truepose import _core
 from truepose.paper import experiment
-from truepose.simulation.plants.mjcf import Mechanism, to_mjcf
+from truepose.simulation.plants.mechanism import Mechanism
+from truepose.simulation.plants.mjcf import to_mjcf
 from truepose.simulation.true_robots import with_tolerance_errors
 
 mujoco = pytest.importorskip("mujoco")

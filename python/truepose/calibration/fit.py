@@ -176,115 +176,168 @@ def fit_to(
     Parameters, result and errors are those of :func:`truepose.calibrate`.
     """
     names = knowledge.require_uncertain(robot)
-    if loss not in TUNING:
-        raise InputError(choose("loss", loss, TUNING))
-    tuning = TUNING[loss] if tuning is None else tuning
-    if not (math.isfinite(tuning) and (tuning > 0 or loss == "squares")):
-        raise InputError(f"tuning = {tuning}: must be a number greater than 0")
-    rows, lead = flattened(robot, readings, robot.n + robot.r, "readings", "nan")
-    if len(lead) != 1 or len(rows) == 0:
-        raise InputError(f"readings: shape {np.shape(readings)}, must be (N, {robot.n + robot.r})")
-    outside, outside_sigma = measured_outside(
-        robot, measured, measured_sigma, measured_angle_sigma, len(rows)
-    )
-    again = repeated(rows, outside if len(outside) else None, robot.n)
-    if again.any():
-        rows = np.where(again[:, None] & (np.arange(rows.shape[1]) >= robot.n), np.nan, rows)
-        outside[again[: len(outside)]] = np.nan
-    begun = registration_of(registration)
-    base, marker = begun.begin()
-    frames = begun.sigma(robot, outside) if len(outside) else np.zeros(12)
-    unknown = frames if frames.any() else None
-    prior = robot.with_calibration(robot.spec.calibration)
-    column = dict(columns(robot.spec))
-    mean = mean_of(robot)
-
+    tuning = _tuned(loss, tuning)
     if model_error not in MODEL_ERRORS:
         raise InputError(choose("model_error", model_error, MODEL_ERRORS))
+    lines = _lines(robot, readings, measured, measured_sigma, measured_angle_sigma)
+    begun = registration_of(registration)
+    frames = begun.sigma(robot, lines.outside) if len(lines.outside) else np.zeros(12)
+    unknown = frames if frames.any() else None
     level = robot.finest_level if level is None else level
     full = robot.is_full(level)
     guarded = not full and model_error == "on" and bool(knowledge.left_out(robot))
     known = knowledge.knowledge(
         robot, guarded=guarded, level=level, error=False, registration=unknown
     )
-    if (needed := memory(robot, len(rows), len(outside) > 0, guarded)) > MUCH:
-        warnings.warn(much_memory(robot, len(rows), needed), stacklevel=3)
-    found = _core.calibrate(
-        robot.core_drawn,
-        known.core,
-        known.nuisances,
-        mean.tolist(),
-        rows,
-        outside,
-        outside_sigma,
-        base,
-        marker,
-        -1 if unknown is None else len(names),
-        getattr(_core.Loss, loss),
-        tuning,
-        full,
-    )
-    status, iterations, xi, covariance, x, chi2, redundancy, weights, lines, cost, *placed = found
-    if status:
-        hint = "; gross errors? loss='student' bears them" if loss == "squares" else ""
-        raise PoseError(
-            f"{robot.name}: {len(rows)} lines of readings: "
-            + (
-                "no line closes the robot's loops; units, signs and the order of the columns?"
-                if lines.all()
-                else f"the search ended after {iterations} steps: {_core.describe(status)}{hint}"
-            )
+    needed = memory(robot, len(lines.rows), len(lines.outside) > 0, guarded)
+    if needed > MUCH:
+        warnings.warn(much_memory(robot, len(lines.rows), needed), stacklevel=3)
+    answer = _Answer(
+        *_core.calibrate(
+            robot.core_drawn,
+            known.core,
+            known.nuisances,
+            mean_of(robot).tolist(),
+            lines.rows,
+            lines.outside,
+            lines.outside_sigma,
+            *begun.begin(),
+            -1 if unknown is None else len(names),
+            getattr(_core.Loss, loss),
+            tuning,
+            full,
         )
-    covariance, registered = _apart(covariance, len(names), frames, placed)
+    )
+    _require_found(robot, answer, loss)
+    covariance, registered = _apart(answer, len(names), frames)
+    calibrated = _calibrated(robot, names, answer, covariance, level, guarded)
+    expected = calibrated.extended(answer.x, errors="nan", level=level)
     root = knowledge.root(robot, names)
-    if not redundancy.any():
-        raise InputError(
-            f"{robot.name}: {len(rows)} lines of readings: nothing to learn from: none has a "
-            "reading beyond those that its pose takes"
-        )
-    error = knowledge.model_error(robot) if guarded else ()
-    learnt = calibration_of(
-        {name: float(xi[column[name]]) for name in names},
-        _cholesky(covariance),
-        f"{int((lines == 0).sum())} poses, {', '.join(robot.sensors) or 'no sensor'}",
-        dict(zip(robot.readings, map(float, error), strict=True)) if guarded else {},
-    )
-    calibrated = robot.with_calibration(learnt).with_level(level)
-    expected = calibrated.extended(x, errors="nan", level=level)
-    result = Fit(
+    fit = Fit(
         robot=calibrated,
-        prior=prior,
+        prior=robot.with_calibration(robot.spec.calibration),
         level=level,
         names=tuple(names),
         covariance=covariance,
         prior_covariance=root @ root.T,
-        x=x,
-        residuals=np.asarray(_core.innovation(robot.core, rows, np.ascontiguousarray(expected))),
-        chi2=chi2,
-        redundancy=redundancy,
-        weights=weights,
-        status=np.array([_core.describe(int(s)) for s in lines]),
-        iterations=iterations,
-        cost=cost,
+        x=answer.x,
+        residuals=np.asarray(
+            _core.innovation(robot.core, lines.rows, np.ascontiguousarray(expected))
+        ),
+        chi2=answer.chi2,
+        redundancy=answer.redundancy,
+        weights=answer.weights,
+        status=np.array([_core.describe(int(s)) for s in answer.lines]),
+        iterations=answer.iterations,
+        cost=answer.cost,
         guarded=guarded,
-        registration=registered if len(outside) else None,
-        notes=(f"{again.sum()} rows as an earlier one, digit for digit: each counts once",)
-        if again.any()
-        else (),
+        registration=registered if len(lines.outside) else None,
+        notes=lines.notes,
     )
     believed = "the last calibration's σ" if robot.spec.calibration else "the tolerances"
-    return replace(result, notes=(*result.notes, *result.departure.doubt(believed)))
+    return replace(fit, notes=(*fit.notes, *fit.departure.doubt(believed)))
 
 
-def _apart(
-    joint: Array, count: int, sigma: Array, placed: list[Array]
-) -> tuple[Array, Registered | None]:
+class _Answer(NamedTuple):
+    """What the core's `calibrate` returns."""
+
+    status: int
+    iterations: int
+    xi: Array
+    covariance: Array  #: of parameters, then of the registration
+    x: Array
+    chi2: Array
+    redundancy: Array
+    weights: Array
+    lines: Array  #: (N,) status
+    cost: float
+    base_begun: Array
+    marker_begun: Array
+    base: Array
+    marker: Array
+
+
+class _Lines(NamedTuple):
+    """Readings and outside measurements as the core takes them, each once."""
+
+    rows: Array  #: (N, n + r)
+    outside: Array  #: (N, n), or no row
+    outside_sigma: Array
+    notes: tuple[str, ...]
+
+
+def _tuned(loss: Loss, tuning: float | None) -> float:
+    if loss not in TUNING:
+        raise InputError(choose("loss", loss, TUNING))
+    tuning = TUNING[loss] if tuning is None else tuning
+    if not (math.isfinite(tuning) and (tuning > 0 or loss == "squares")):
+        raise InputError(f"tuning = {tuning}: must be a number greater than 0")
+    return tuning
+
+
+def _lines(
+    robot: Robot,
+    readings: ArrayLike,
+    measured: ArrayLike | None,
+    measured_sigma: ArrayLike | float | None,
+    measured_angle_sigma: float | None,
+) -> _Lines:
+    """Check the shapes; leave nothing but the motors of rows that are there already."""
+    rows, lead = flattened(robot, readings, robot.n + robot.r, "readings", "nan")
+    if len(lead) != 1 or len(rows) == 0:
+        raise InputError(f"readings: shape {np.shape(readings)}, must be (N, {robot.n + robot.r})")
+    outside, sigma = measured_outside(
+        robot, measured, measured_sigma, measured_angle_sigma, len(rows)
+    )
+    again = repeated(rows, outside if len(outside) else None, robot.n)
+    if not again.any():
+        return _Lines(rows, outside, sigma, ())
+    rows = np.where(again[:, None] & (np.arange(rows.shape[1]) >= robot.n), np.nan, rows)
+    outside[again[: len(outside)]] = np.nan
+    note = f"{again.sum()} rows as an earlier one, digit for digit: each counts once"
+    return _Lines(rows, outside, sigma, (note,))
+
+
+def _require_found(robot: Robot, answer: _Answer, loss: Loss) -> None:
+    """Raise the error that says why there is no fit, if there is none."""
+    what = f"{robot.name}: {len(answer.lines)} lines of readings: "
+    if answer.status and answer.lines.all():
+        raise PoseError(
+            what + "no line closes the robot's loops; units, signs and the order of the columns?"
+        )
+    if answer.status:
+        hint = "; gross errors? loss='student' bears them" if loss == "squares" else ""
+        why = _core.describe(answer.status)
+        raise PoseError(f"{what}the search ended after {answer.iterations} steps: {why}{hint}")
+    if not answer.redundancy.any():
+        raise InputError(
+            what + "nothing to learn from: none has a reading beyond those that its pose takes"
+        )
+
+
+def _calibrated(
+    robot: Robot, names: list[str], answer: _Answer, covariance: Array, level: Level, guarded: bool
+) -> Robot:
+    """Return the robot as it was found, at the level that its readings were understood by."""
+    column = dict(columns(robot.spec))
+    error = knowledge.model_error(robot) if guarded else ()
+    learnt = calibration_of(
+        {name: float(answer.xi[column[name]]) for name in names},
+        _cholesky(covariance),
+        f"{int((answer.lines == 0).sum())} poses, {', '.join(robot.sensors) or 'no sensor'}",
+        dict(zip(robot.readings, map(float, error), strict=True)) if guarded else {},
+    )
+    return robot.with_calibration(learnt).with_level(level)
+
+
+def _apart(answer: _Answer, count: int, sigma: Array) -> tuple[Array, Registered]:
     """Take the joint covariance of parameters and registration apart."""
-    covariance, cross, own = joint[:count, :count], np.zeros((count, 12)), np.zeros((12, 12))
+    joint, cross, own = answer.covariance, np.zeros((count, 12)), np.zeros((12, 12))
     if len(joint) > count:
         cross, own = joint[:count, count:], joint[count:, count:]
-    base0, marker0, base, marker = placed
-    return covariance, Registered(base, marker, sigma, own, cross, (base0, marker0))
+    begun = (answer.base_begun, answer.marker_begun)
+    registered = Registered(answer.base, answer.marker, sigma, own, cross, begun)
+    return joint[:count, :count], registered
 
 
 def memory(robot: Robot, lines: int, measured: bool, guarded: bool) -> float:

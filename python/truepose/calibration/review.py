@@ -106,14 +106,7 @@ def assess(
     progress("held-out lines")
     touch = robot.home if touch_off is None else np.asarray(touch_off, dtype=float)
     where, poses = _poses(fit)
-    predicted = {}
-    for when, known in (("before", model), ("after", fit.robot)):
-        reached = np.isfinite(known.ikm(poses, errors="nan", level=fit.level)).all(axis=1)
-        for how, at in (("absolute", None), ("touched off", touch)):
-            predicted[when, how] = accuracy(known, poses[reached], touch_off=at, level=fit.level)
-    if seen is not None and seen.sigma.any():
-        reached = np.isfinite(fit.robot.ikm(poses, errors="nan", level=fit.level)).all(axis=1)
-        predicted["after", SEEN] = fit.accuracy_seen(poses[reached])
+    ahead = _ahead(fit, model, poses, touch)
     progress("accuracy")
     outside = () if measured is None else tuple(f"measured_{c}" for c, _ in robot.coordinates)
     review = [finding.text for finding in log_checks.review(fit, log)]
@@ -127,9 +120,25 @@ def assess(
         touch_off=touch,
         where=where,
         poses=poses,
-        accuracy=predicted,
+        accuracy=ahead,
         notes=(*notes, *review, *fit.notes),
     )
+
+
+def _ahead(fit: Fit, model: Robot, poses: Array, touch: Array) -> dict[tuple[str, str], Array]:
+    """Accuracy to come at the poses that can be reached, before and after."""
+    result = {}
+    for when, known in (("before", model), ("after", fit.robot)):
+        reached = _reached(fit, known, poses)
+        for how, at in (("absolute", None), ("touched off", touch)):
+            result[when, how] = accuracy(known, reached, touch_off=at, level=fit.level)
+    if fit.registration is not None and fit.registration.sigma.any():
+        result["after", SEEN] = fit.accuracy_seen(_reached(fit, fit.robot, poses))
+    return result
+
+
+def _reached(fit: Fit, robot: Robot, x: Array) -> Array:
+    return x[np.isfinite(robot.ikm(x, errors="nan", level=fit.level)).all(axis=1)]
 
 
 def _poses(fit: Fit) -> tuple[str, Array]:
@@ -137,7 +146,7 @@ def _poses(fit: Fit) -> tuple[str, Array]:
     box = fit.robot.spec.workspace
     if box is not None:
         x = np.random.default_rng(0).uniform(box.minimum, box.maximum, (POSES, fit.robot.n))
-        x = x[np.isfinite(fit.robot.ikm(x, errors="nan", level=fit.level)).all(axis=1)]
+        x = _reached(fit, fit.robot, x)
         if len(x):
             return "over the workspace", x
     x = fit.x[np.isfinite(fit.x).all(axis=1)]

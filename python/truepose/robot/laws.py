@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Literal, get_args
+from typing import Literal
+
+from truepose import _core
 
 Law = Literal["joint", "redundant", "cartesian", "weighted", "estimated"]
-LAWS: tuple[Law, ...] = get_args(Law)
+LAWS: tuple[Law, ...] = tuple(_core.laws)

@@ -9,7 +9,6 @@ number is in the text: the file needs nothing of truepose.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,16 +16,13 @@ from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import Array
-from truepose.exceptions import InputError
 from truepose.files import mark
-from truepose.robot.batches import require_answers
-from truepose.robot.frames import frames
 from truepose.robot.robot import Robot
 from truepose.simulation.effects import Effects
+from truepose.simulation.plants.mechanism import Mechanism
 from truepose.simulation.plants.mjcf_parts import (
     MASSLESS,
     add,
-    axes,
     capsule,
     point,
     scene,
@@ -42,122 +38,8 @@ TIMESTEP = 2.5e-4
 _HARD = "0.9999 0.9999 0.001"  # solimp: the most impedance MuJoCo allows
 
 
-@dataclass(frozen=True)
-class Posture:
-    """Where every body stands when all loops are closed. SI, base frame."""
-
-    D: Array  #: (3,)
-    R: Array  #: (3, 3)
-    psi: Array  #: (bars,) turn of each lateral bar in the nacelle
-    position: Array  #: (n,) of the motors, before their encoders' offsets
-    joints: dict[str, float]  #: of arms and rods in MuJoCo, by the names of their joints
-
-
-class Mechanism:
-    """A robot as bodies and joints.
-
-    Parameters
-    ----------
-    robot : Robot
-        With the parameter values that the bodies shall have.
-    """
-
-    def __init__(self, robot: Robot):
-        if robot.loose:
-            raise InputError(f"{robot.name}: {robot.full.reason}")
-        self.robot = robot
-        self.planar = robot.spec.mobility.startswith("planar")
-        self.chains = [robot.core.chain(i) for i in range(robot.n)]
-        self.bars = 1 + max(chain.bar for chain in self.chains)
-        self._frames = [np.eye(3)] * robot.n
-        pose = self._pose(robot.home)
-        self._frames = [self._frame(i, pose) for i in range(robot.n)]
-        self.home = self.posture(robot.home)
-
-    # Kinematics: where things stand, from the core's answers.
-
-    def rods(self, i: int) -> list[tuple[str, float]]:
-        """Name and side (+1, -1, or 0 of a single rod) of the rods of a chain."""
-        if self.chains[i].rod_spacing > 0:
-            return [(f"rod{i + 1}+", 1.0), (f"rod{i + 1}-", -1.0)]
-        return [(f"rod{i + 1}", 0.0)]
-
-    def posture(self, x: ArrayLike) -> Posture:
-        """All bodies at a pose whose loops are closed: at the full level where it exists."""
-        D, R, psi, position = self._pose(np.asarray(x, dtype=float))
-        joints = {}
-        for i, chain in enumerate(self.chains):
-            if chain.actuator != _core.Actuator.telescopic:
-                joints[f"motor{i + 1}"] = position[i]
-            for rod, side in self.rods(i):
-                along = self.anchor(i, side, D, R, psi) - self._elbow(i, side, position[i])
-                a, b, c = self._mount(i, position[i]).T @ (along / np.linalg.norm(along))
-                joints[f"{rod}.swing"] = float(np.arctan2(b, a))
-                joints[f"{rod}.lean"] = -float(np.arcsin(np.clip(c, -1, 1)))
-            if chain.actuator == _core.Actuator.telescopic:
-                joints[f"motor{i + 1}"] = position[i]
-        return Posture(D, R, psi, position, joints)
-
-    def _pose(self, x: Array) -> tuple[Array, Array, Array, Array]:
-        """D, R, bars' turns and motors' positions at x, beyond the motors' stops too."""
-        robot, core, n = self.robot, self.robot.core, self.robot.n
-        full = bool(robot.full)
-        rows = np.ascontiguousarray(x[None], dtype=float)
-        q, status, chain = _core.ikm(core.without_limits(), rows, full)
-        require_answers(robot, "pose", rows, (), status, chain, "raise")
-        position = np.array([core.motor_position(i, q[0, i]) for i in range(n)])
-        theta = x[3] if robot.spec.mobility == "schoenflies" else 0.0
-        psi, tilt = np.full(self.bars, -theta), np.zeros(2)
-        if full and core.full.kind != _core.FullKind.same:
-            rest = robot.parasitic(x)
-            tilt, turns = np.split(rest, [len(rest) - self.bars])
-            psi = turns - theta
-        frame = frames(robot, x, tilt)
-        return frame[:3, 3], frame[:3, :3], psi, position
-
-    def anchor(self, i: int, side: float, D: Array, R: Array, psi: Array) -> Array:
-        """Where a rod ends on the nacelle."""
-        chain = self.chains[i]
-        body = R if chain.bar < 0 else R @ turn(2, psi[chain.bar])
-        return D + R @ chain.pivot + body @ self._on_bar(i, side)
-
-    def _on_bar(self, i: int, side: float) -> Array:
-        chain = self.chains[i]
-        return chain.anchor + 0.5 * side * chain.rod_spacing * chain.pair_drawn
-
-    def _elbow(self, i: int, side: float, position: float) -> Array:
-        """Where a rod begins."""
-        chain, mount = self.chains[i], self._mount(i, position)
-        B = np.array(chain.base)
-        if chain.actuator == _core.Actuator.revolute:
-            B = B + chain.arm * mount[:, 0]
-        if chain.actuator == _core.Actuator.prismatic:
-            B = B + position * np.array(chain.axis)
-        return B + 0.5 * side * chain.rod_spacing * mount[:, 2]
-
-    def _mount(self, i: int, position: float) -> Array:
-        """Frame of what carries the rods: x along the arm, z the axis of their first hinge."""
-        turned = self.chains[i].actuator == _core.Actuator.revolute
-        return self._frames[i] @ turn(2, position) if turned else self._frames[i]
-
-    def _frame(self, i: int, pose: tuple) -> Array:
-        """The mount at position 0; of carriages and legs x is near the rods' direction at home."""
-        chain = self.chains[i]
-        if chain.actuator == _core.Actuator.revolute:
-            return axes(chain.zero, chain.axis)
-        D, R, psi, position = pose
-        along = self.anchor(i, 0, D, R, psi) - self._elbow(i, 0, position[i])
-        if chain.rod_spacing > 0:
-            z = np.array(chain.pair_axis)
-        elif self.planar:
-            z = np.array([0.0, 0.0, 1.0])
-        else:
-            z = np.cross(chain.axis, along)
-            if np.linalg.norm(z) < 0.1 * np.linalg.norm(along):
-                z = np.cross(np.eye(3)[np.abs(along).argmin()], along)
-        return axes(along, z)
-
-    # The text.
+class Model(Mechanism):
+    """A mechanism that writes itself as MJCF."""
 
     def xml(self, effects: Effects | None = None, timestep: float = TIMESTEP) -> str:
         """Return the MJCF file.
@@ -193,7 +75,7 @@ class Mechanism:
         add(default, "site", size=self.size / 200, group=4)
         world = add(root, "worldbody")
         equality, actuator = ET.Element("equality"), ET.Element("actuator")
-        scene(root, world, self._outline(), self.planar)
+        scene(root, world, self.outline(), self.planar)
         self._base(world)
         for i in range(self.robot.n):
             self._chain(i, effects, world)
@@ -209,18 +91,6 @@ class Mechanism:
         root.append(actuator)
         ET.indent(root)
         return ET.tostring(root, encoding="unicode") + "\n"
-
-    @property
-    def size(self) -> float:
-        """Of the robot at home, m: what drawn thicknesses go by."""
-        return float(np.ptp(self._outline(), axis=0).max())
-
-    def _outline(self) -> Array:
-        points = [np.array(chain.base) for chain in self.chains] + [self.home.D]
-        for i in range(self.robot.n):
-            points.append(self._elbow(i, 0, self.home.position[i]))
-            points.append(self.anchor(i, 0, self.home.D, self.home.R, self.home.psi))
-        return np.array(points)
 
     def _base(self, world: ET.Element) -> None:
         """What the motors stand on, drawn; and what legs need to weigh what they do."""
@@ -244,7 +114,7 @@ class Mechanism:
     def _chain(self, i: int, effects: Effects, world: ET.Element) -> None:
         """Arm, carriage or leg of a chain, and its rods."""
         chain, p = self.chains[i], self.home.position[i]
-        mount = self._mount(i, p)
+        mount = self.mount(i, p)
         motor = {
             "name": f"motor{i + 1}",
             "ref": p,
@@ -337,7 +207,7 @@ class Mechanism:
         the end moves as the whole does, and gravcomp makes it weigh m/2 there.
         """
         chain, length = self.chains[i], self.home.position[i]
-        leg = self._hang(world, rod, self._elbow(i, side, length), self._mount(i, length), effects)
+        leg = self._hang(world, rod, self.elbow(i, side, length), self.mount(i, length), effects)
         point(leg, MASSLESS)
         capsule(leg, "leg", [0, 0, 0], [0.55 * length, 0, 0], self.size / 40)
         tip = add(leg, "body", name=f"{rod}.tip", pos=[length, 0, 0], gravcomp=-0.5)
@@ -350,8 +220,39 @@ class Mechanism:
 
     def _nacelle(self, effects: Effects, world: ET.Element) -> None:
         """The nacelle, its lateral bars and where the rods end on them."""
-        spec, home, core = self.robot.spec, self.home, self.robot.core
+        home, core = self.home, self.robot.core
         body = add(world, "body", name="nacelle", pos=home.D, xyaxes=xy(home.R))
+        self._freedom(body)
+        centre = core.body(0)
+        # An inertia that the ideal level never asks for: as large as the largest it knows.
+        inertia = np.diag(centre.inertia).copy()
+        reach = max(float(np.linalg.norm(chain.pivot)) for chain in self.chains)
+        spare = inertia.max() or max(centre.mass, MASSLESS) * max(reach, 0.1 * self.size) ** 2 / 3
+        inertia[inertia == 0] = spare
+        add(
+            body,
+            "inertial",
+            pos=centre.pivot,
+            mass=max(centre.mass, MASSLESS),
+            diaginertia=inertia,
+        )
+        down = 1.0 if self.outline()[:, 2].max() > home.D[2] + 0.1 * self.size else -1.0
+        capsule(body, "tool", [0, 0, 0], [0, 0, -0.12 * down * self.size], self.size / 70)
+        bars = [self._bar(k, effects, body) for k in range(self.bars)]
+        for i, chain in enumerate(self.chains):
+            on = body if chain.bar < 0 else bars[chain.bar]
+            middle = np.zeros(3) if chain.bar >= 0 else np.array(chain.pivot)
+            kind = "nacelle" if chain.bar < 0 else "lateral bar"
+            capsule(on, kind, [0, 0, 0], middle + chain.anchor, self.size / 60)
+            for rod, side in self.rods(i):
+                add(on, "site", name=f"{rod}.anchor", pos=middle + self.on_bar(i, side))
+            if chain.rod_spacing > 0:
+                ends = [middle + self.on_bar(i, side) for side in (-1.0, 1.0)]
+                capsule(on, kind, ends[0], ends[1], self.size / 80)
+
+    def _freedom(self, body: ET.Element) -> None:
+        """How the nacelle may move before rods hold it: in the plane, or anywhere."""
+        spec, home = self.robot.spec, self.home
         if self.planar:
             for k, axis in enumerate("xy"):
                 add(
@@ -373,50 +274,27 @@ class Mechanism:
                 )
         else:
             add(body, "freejoint", name="nacelle")
-        centre = core.body(0)
-        # An inertia that the ideal level never asks for: as large as the largest it knows.
-        inertia = np.diag(centre.inertia).copy()
-        reach = max(float(np.linalg.norm(chain.pivot)) for chain in self.chains)
-        spare = inertia.max() or max(centre.mass, MASSLESS) * max(reach, 0.1 * self.size) ** 2 / 3
-        inertia[inertia == 0] = spare
+
+    def _bar(self, k: int, effects: Effects, body: ET.Element) -> ET.Element:
+        """A lateral bar on its pivot."""
+        home, core = self.home, self.robot.core
+        pivot = core.body(1 + k).pivot
+        capsule(body, "central bar", [0, 0, 0], pivot, self.size / 50)
+        bar = add(body, "body", name=f"bar{k + 1}", pos=pivot, xyaxes=xy(turn(2, home.psi[k])))
         add(
-            body,
-            "inertial",
-            pos=centre.pivot,
-            mass=max(centre.mass, MASSLESS),
-            diaginertia=inertia,
+            bar,
+            "joint",
+            name=f"bar{k + 1}",
+            type="hinge",
+            axis=[0, 0, 1],
+            ref=home.psi[k],
+            frictionloss=effects.joint_friction,
         )
-        down = 1.0 if self._outline()[:, 2].max() > home.D[2] + 0.1 * self.size else -1.0
-        capsule(body, "tool", [0, 0, 0], [0, 0, -0.12 * down * self.size], self.size / 70)
-        bars = []
-        for k in range(self.bars):
-            pivot = core.body(1 + k).pivot
-            capsule(body, "central bar", [0, 0, 0], pivot, self.size / 50)
-            bar = add(body, "body", name=f"bar{k + 1}", pos=pivot, xyaxes=xy(turn(2, home.psi[k])))
-            add(
-                bar,
-                "joint",
-                name=f"bar{k + 1}",
-                type="hinge",
-                axis=[0, 0, 1],
-                ref=home.psi[k],
-                frictionloss=effects.joint_friction,
-            )
-            ends = [np.array(c.anchor) for c in self.chains if c.bar == k]
-            longest = max(ends, key=np.linalg.norm)
-            mass = max(core.body(1 + k).mass, MASSLESS)
-            slender(bar, mass, 2 * float(np.linalg.norm(longest)) or self.size / 10, -0.5, longest)
-            bars.append(bar)
-        for i, chain in enumerate(self.chains):
-            on = body if chain.bar < 0 else bars[chain.bar]
-            middle = np.zeros(3) if chain.bar >= 0 else np.array(chain.pivot)
-            kind = "nacelle" if chain.bar < 0 else "lateral bar"
-            capsule(on, kind, [0, 0, 0], middle + chain.anchor, self.size / 60)
-            for rod, side in self.rods(i):
-                add(on, "site", name=f"{rod}.anchor", pos=middle + self._on_bar(i, side))
-            if chain.rod_spacing > 0:
-                ends = [middle + self._on_bar(i, side) for side in (-1.0, 1.0)]
-                capsule(on, kind, ends[0], ends[1], self.size / 80)
+        ends = [np.array(c.anchor) for c in self.chains if c.bar == k]
+        longest = max(ends, key=np.linalg.norm)
+        mass = max(core.body(1 + k).mass, MASSLESS)
+        slender(bar, mass, 2 * float(np.linalg.norm(longest)) or self.size / 10, -0.5, longest)
+        return bar
 
 
 def to_mjcf(robot: Robot, effects: Effects | None = None, timestep: float = TIMESTEP) -> str:
@@ -443,4 +321,4 @@ def to_mjcf(robot: Robot, effects: Effects | None = None, timestep: float = TIME
     >>> to_mjcf(tp.load("h4")).count("<connect")
     8
     """
-    return Mechanism(robot).xml(effects, timestep)
+    return Model(robot).xml(effects, timestep)

@@ -12,7 +12,8 @@ from truepose.exceptions import InputError, PoseError, TrueposeError
 from truepose.robot.frames import coordinates
 from truepose.robot.robot import Robot
 from truepose.simulation.effects import Effects
-from truepose.simulation.plants.mjcf import TIMESTEP, Mechanism, Posture
+from truepose.simulation.plants.mechanism import Posture
+from truepose.simulation.plants.mjcf import TIMESTEP, Model
 from truepose.simulation.plants.mjcf_parts import turn
 
 _OPEN = 1e-4  # m: a loop that far open is not closed
@@ -48,7 +49,7 @@ class Body:
 
     def __init__(self, robot: Robot, effects: Effects | None = None, timestep: float = TIMESTEP):
         mujoco = self.mujoco = require()
-        self.robot, self.mechanism = robot, Mechanism(robot)
+        self.robot, self.mechanism = robot, Model(robot)
         # MuJoCo would write what it warns of into a file; here it becomes an error or a status.
         mujoco.set_mju_user_warning(lambda _: None)
         try:

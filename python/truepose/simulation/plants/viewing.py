@@ -16,7 +16,7 @@ from pathlib import Path
 from truepose.exceptions import InputError, TrueposeError
 from truepose.files import Output, check, mark, replace_file, unfinished
 from truepose.robot.robot import Robot
-from truepose.simulation.plants.mjcf import Mechanism
+from truepose.simulation.plants.mjcf import Model
 from truepose.simulation.plants.mujoco_body import Body, require
 
 _WIDTH, _HEIGHT = 1600, 1200
@@ -68,7 +68,7 @@ def picture(robot: Robot, path: Path, *, force: bool = False) -> None:
     given = os.environ.get("MUJOCO_GL")
     with unfinished(Path(tempfile.mkdtemp())) as folder:
         model, png = folder / "robot.xml", folder / "robot.png"
-        model.write_text(Mechanism(robot).xml(), encoding="utf-8")
+        model.write_text(Model(robot).xml(), encoding="utf-8")
         for driver in (given,) if given else _DRIVERS:
             words = [
                 sys.executable,
