@@ -10,7 +10,7 @@ namespace command_detail {
 
 /// Whether det J_x has the sign it has at home.
 template <Mobility K>
-Outcome same_mode(const Robot& robot, const Joint& x) {
+inline Outcome same_mode(const Robot& robot, const Joint& x) {
   Closure<K> closure;
   Jacobians<K> jacobians;
   Outcome outcome = ikm<K, false>(robot, to_pose<K>(x), closure);
@@ -22,7 +22,7 @@ Outcome same_mode(const Robot& robot, const Joint& x) {
 
 /// The same of the rows of every rod by itself.
 template <Mobility K>
-Outcome same_full_mode(const Robot& robot, const Joint& x) {
+inline Outcome same_full_mode(const Robot& robot, const Joint& x) {
   FullClosure<K> closure;
   const FullResult result = ikm_full<K>(robot, to_pose<K>(x), closure);
   FullJacobians<K> jacobians;

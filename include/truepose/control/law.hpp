@@ -100,8 +100,8 @@ Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Vec3& near_
 /// branch_lost where x_d lies in another assembly mode than
 /// the robot's home (in the band, where the modes meet, both are its own)
 template <Mobility K>
-Outcome refer(const Robot& robot, Law law, const Joint& x_d, Reference<K>& reference,
-              double band = 0, const Weighing& weighing = {}, Parasitic* nearby = nullptr) {
+inline Outcome refer(const Robot& robot, Law law, const Joint& x_d, Reference<K>& reference,
+                     double band = 0, const Weighing& weighing = {}, Parasitic* nearby = nullptr) {
   Parasitic unknown;
   Parasitic& rest = nearby ? *nearby : unknown;
   Outcome outcome = ikm<K>(robot, to_pose<K>(x_d), reference.closure);
@@ -194,9 +194,9 @@ TRUEPOSE_APART inline Outcome find(const Robot& robot, const Weighing& weighing,
 /// @param found     out, laws of the pose only: x̂
 /// @param weighing  for the law of the estimate
 template <Mobility K>
-Outcome motor_error(const Robot& robot, Law law, const Reference<K>& reference, const Extended& q_e,
-                    Joint& error, Pose& found, const Weighing& weighing = {},
-                    const Parasitic& nearby = {}) {
+inline Outcome motor_error(const Robot& robot, Law law, const Reference<K>& reference,
+                           const Extended& q_e, Joint& error, Pose& found,
+                           const Weighing& weighing = {}, const Parasitic& nearby = {}) {
   constexpr int n = kDof<K>;
   if (of_pose(law)) {
     const Outcome outcome =

@@ -309,8 +309,8 @@ struct FullJacobians {
 
 /// @return singular when the rods' rows lose rank, or (with the chain) an arm is stretched
 template <Mobility K>
-TRUEPOSE_FLATTEN Outcome jacobian_full(const Robot& robot, const FullClosure<K>& closure,
-                                       FullJacobians<K>& jacobians) {
+TRUEPOSE_FLATTEN inline Outcome jacobian_full(const Robot& robot, const FullClosure<K>& closure,
+                                              FullJacobians<K>& jacobians) {
   constexpr int n = kDof<K>, N = kRods<K>;
   const full_detail::Forward<K> forward{robot};
   full_detail::Rows<K> A;
