@@ -116,7 +116,7 @@ bench-peers: bench $(VENV)/installed
 # One question while one works: its C++ test, header-only at -O1, or the module so and one file of pytest.
 dev: build/quick/build.ninja
 ifdef T
-	@tests=$$(ctest --preset quick -N -L '^$(T)$$' | sed -n 's/.*: \(test_[a-z_]*\)$$/\1/p'); \
+	@tests=$$(ctest --preset quick -N -L '^$(T)$$' 2>/dev/null | sed -n 's/.*: \(test_[a-z_]*\)$$/\1/p'); \
 	  test -n "$$tests" || { echo "dev: no test asks about $(T); there are:"; ctest --preset quick --print-labels | sed -n 's/^  //p' | xargs; exit 2; }; \
 	  cmake --build --preset quick --target $$tests && ctest --preset quick -L '^$(T)$$'
 endif

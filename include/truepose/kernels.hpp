@@ -9,38 +9,22 @@
 #include "truepose/estimation/learning.hpp"
 #include "truepose/full/linearise.hpp"
 
-/// Of one mobility. @param PREFIX  extern, or nothing where they are to be compiled
+/// Of one mobility. Inverse model, Jacobian, TEJ and dynamics are not among them: they are short,
+/// and a tenth faster where they are inlined. @param PREFIX  extern, or nothing where they are to
+/// be compiled
 #define TRUEPOSE_KERNELS(PREFIX, K)                                                               \
-  PREFIX template Outcome ikm<K, true>(const Robot&, const Pose&, Closure<K>&);                   \
-  PREFIX template Outcome ikm<K, false>(const Robot&, const Pose&, Closure<K>&);                  \
-  PREFIX template Outcome jacobian<K>(const Closure<K>&, Jacobians<K>&);                          \
-  PREFIX template Outcome jacobian<K>(Closure<K>&, double, Jacobians<K>&);                        \
   PREFIX template FkmResult fkm<K>(const Robot&, const Joint&, Pose&);                            \
   PREFIX template FkmResult search<K>(const Robot&, const Joint&, Pose&, int);                    \
-  PREFIX template Outcome rkm<K>(const Robot&, const Closure<K>&, Reading&,                       \
-                                 Matrix<kMaxSensors, kDof<K>>&);                                  \
-  PREFIX template Outcome extended<K>(const Robot&, const Pose&, Extended&);                      \
   PREFIX template Outcome command_detail::same_mode<K>(const Robot&, const Joint&);               \
   PREFIX template Outcome linearise<K>(const Robot&, const Pose&, Extended&,                      \
                                        Matrix<kMaxReadings, kDof<K>>&, double*);                  \
   PREFIX template Outcome fuse<K>(const Robot&, const Knowledge&, const ReadingCovariance&,       \
                                   const Matrix<kMaxReadings, kDof<K>>&, Fusion<K>&);              \
-  PREFIX template void weighted_tej<K>(const Robot&, const Matrix<kMaxReadings, kDof<K>>&,        \
-                                       const Fusion<K>&, ExtendedRows&);                          \
-  PREFIX template void tej<K>(const Robot&, const Jacobians<K>&,                                  \
-                              const Matrix<kMaxSensors, kDof<K>>&, ExtendedColumns&,              \
-                              ExtendedRows&);                                                     \
   PREFIX template Outcome redundant_fkm<K>(const Robot&, const Extended&, const Vec3&, Pose&);    \
   PREFIX template Outcome refer<K>(const Robot&, Law, const Joint&, Reference<K>&, double,        \
                                    const Weighing&, Parasitic*);                                  \
   PREFIX template Outcome motor_error<K>(const Robot&, Law, const Reference<K>&, const Extended&, \
                                          Joint&, Pose&, const Weighing&, const Parasitic&);       \
-  PREFIX template Outcome dynamic_model<K>(const Robot&, const Closure<K>&, const Joint&,         \
-                                           DynamicModel<K>&);                                     \
-  PREFIX template Joint inverse_dynamics<K>(const DynamicModel<K>&,                               \
-                                            const Matrix<kDof<K>, kDof<K>>&, const Joint&);       \
-  PREFIX template Outcome forward_dynamics<K>(const Robot&, const Pose&, const Joint&,            \
-                                              const Joint&, Joint&);                              \
   PREFIX template Outcome control<K>(const Robot&, const ControlSettings&, const Setpoint&,       \
                                      const Extended&, ControlState&, const Weighing&);            \
   PREFIX template Outcome learn<K>(Learner&, const Extended&);                                    \

@@ -10,7 +10,7 @@ namespace command_detail {
 
 /// branch_lost where det J_x has not the sign that it has at home.
 template <Mobility K>
-Outcome same_mode(const Robot& robot, const Joint& x) {
+inline Outcome same_mode(const Robot& robot, const Joint& x) {
   Closure<K> closure;
   Jacobians<K> jacobians;
   Outcome outcome = ikm<K, false>(robot, to_pose<K>(x), closure);
@@ -21,7 +21,7 @@ Outcome same_mode(const Robot& robot, const Joint& x) {
 
 /// The same of the rows of every rod by itself.
 template <Mobility K>
-Outcome same_full_mode(const Robot& robot, const Joint& x) {
+inline Outcome same_full_mode(const Robot& robot, const Joint& x) {
   FullClosure<K> closure;
   const FullResult result = ikm_full<K>(robot, to_pose<K>(x), closure);
   FullJacobians<K> jacobians;

@@ -36,8 +36,8 @@ inline Vec3 turning(const Vec3& omega, const Vec3& l) {
 /// M, c and K at a closed pose moving with the free twist `rate`.
 /// @return singular (and the chain) where an entry of J_q vanishes
 template <Mobility K>
-TRUEPOSE_FLATTEN Outcome dynamic_model(const Robot& robot, const Closure<K>& closure,
-                                       const Joint& rate, DynamicModel<K>& model) {
+TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<K>& closure,
+                                              const Joint& rate, DynamicModel<K>& model) {
   constexpr int n = kDof<K>;
   const Twist twist = to_twist<K>(rate);
   const Vec3 g = robot.gravity();
@@ -150,8 +150,8 @@ TRUEPOSE_FLATTEN Outcome dynamic_model(const Robot& robot, const Closure<K>& clo
 
 /// Motor torques that give the acceleration: τ = Jᵀ (M ẍ + c), friction not counted.
 template <Mobility K>
-Joint inverse_dynamics(const DynamicModel<K>& model, const Matrix<kDof<K>, kDof<K>>& J,
-                       const Joint& acceleration) {
+inline Joint inverse_dynamics(const DynamicModel<K>& model, const Matrix<kDof<K>, kDof<K>>& J,
+                              const Joint& acceleration) {
   constexpr int n = kDof<K>;
   Joint torque{};
   for (int i = 0; i < n; ++i) {
@@ -202,8 +202,8 @@ inline Outcome forward_dynamics_under(const Robot& robot, const Pose& pose, cons
 
 /// Acceleration ẍ under motor torques.
 template <Mobility K>
-Outcome forward_dynamics(const Robot& robot, const Pose& pose, const Joint& rate,
-                         const Joint& torque, Joint& acceleration) {
+inline Outcome forward_dynamics(const Robot& robot, const Pose& pose, const Joint& rate,
+                                const Joint& torque, Joint& acceleration) {
   return forward_dynamics_under<K, false>(
       robot, pose, rate, [&](const auto&, const auto&) { return torque; }, acceleration);
 }

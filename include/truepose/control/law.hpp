@@ -134,8 +134,8 @@ Outcome found_pose(const Robot& robot, Law law, const Pose& desired, const Exten
 /// branch_lost where x_d lies in another assembly mode than
 /// the robot's home (in the band, where the modes meet, both are its own)
 template <Mobility K>
-Outcome refer(const Robot& robot, Law law, const Joint& x_d, Reference<K>& reference,
-              double band = 0, const Weighing& weighing = {}, Parasitic* nearby = nullptr) {
+inline Outcome refer(const Robot& robot, Law law, const Joint& x_d, Reference<K>& reference,
+                     double band = 0, const Weighing& weighing = {}, Parasitic* nearby = nullptr) {
   Parasitic unknown;
   Parasitic& rest = nearby ? *nearby : unknown;
   Outcome outcome = ikm<K>(robot, to_pose<K>(x_d), reference.closure);
@@ -231,9 +231,9 @@ inline Outcome found_pose(const Robot& robot, Law law, const Pose& desired, cons
 /// @param found     out, laws of the pose only: x̂
 /// @param weighing  for the law of the estimate
 template <Mobility K>
-Outcome motor_error(const Robot& robot, Law law, const Reference<K>& reference, const Extended& q_e,
-                    Joint& error, Pose& found, const Weighing& weighing = {},
-                    const Parasitic& nearby = {}) {
+inline Outcome motor_error(const Robot& robot, Law law, const Reference<K>& reference,
+                           const Extended& q_e, Joint& error, Pose& found,
+                           const Weighing& weighing = {}, const Parasitic& nearby = {}) {
   constexpr int n = kDof<K>;
   const Corrects corrects = properties(law).corrects;
   if (corrects == Corrects::pose) {

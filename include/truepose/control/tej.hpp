@@ -16,8 +16,8 @@ using ExtendedRows = Matrix<kMaxDof, kMaxReadings>;     ///< M⁺
 ///
 ///     k = C gᵀ w / (1 + w g C gᵀ),     M⁺ ← [M⁺ - k (g M⁺), k]
 template <Mobility K>
-void tej(const Robot& robot, const Jacobians<K>& jacobians, const Matrix<kMaxSensors, kDof<K>>& jr,
-         ExtendedColumns& M, ExtendedRows& M_plus) {
+inline void tej(const Robot& robot, const Jacobians<K>& jacobians,
+                const Matrix<kMaxSensors, kDof<K>>& jr, ExtendedColumns& M, ExtendedRows& M_plus) {
   constexpr int n = kDof<K>;
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < n; ++j) M[i][j] = M_plus[i][j] = i == j;

@@ -269,8 +269,8 @@ Estimate<K> estimate(const Robot& robot, const Knowledge& known, const Extended&
 
 /// Weighted TEJ at a pose: M⁺ = (MᵀC⁻¹M)⁻¹MᵀC⁻¹ of M = H_x J, and so J⁻¹ times the gain.
 template <Mobility K>
-void weighted_tej(const Robot& robot, const Matrix<kMaxReadings, kDof<K>>& H_x,
-                  const Fusion<K>& fusion, ExtendedRows& M_plus) {
+inline void weighted_tej(const Robot& robot, const Matrix<kMaxReadings, kDof<K>>& H_x,
+                         const Fusion<K>& fusion, ExtendedRows& M_plus) {
   for (int i = 0; i < kDof<K>; ++i)
     for (int c = 0; c < kDof<K> + robot.r; ++c) {
       M_plus[i][c] = 0;

@@ -317,8 +317,8 @@ struct FullJacobians {
 
 /// @return singular when the rods' rows lose rank, or (with the chain) an arm is stretched
 template <Mobility K>
-TRUEPOSE_FLATTEN Outcome jacobian_full(const Robot& robot, const FullClosure<K>& closure,
-                                       FullJacobians<K>& jacobians) {
+TRUEPOSE_FLATTEN inline Outcome jacobian_full(const Robot& robot, const FullClosure<K>& closure,
+                                              FullJacobians<K>& jacobians) {
   constexpr int n = kDof<K>, N = kRods<K>;
   for (int rod = 0; rod < N; ++rod)
     if (full_detail::stretched<K>(closure, rod)) return {Status::singular, rod / 2};

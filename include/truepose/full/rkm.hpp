@@ -66,8 +66,8 @@ inline FullRow sensor_row(const Robot& robot, const Sensor& sensor, const FullCl
 /// arms that yield, their encoders see one angle and the rods' joints another.
 /// @param motor, arm  angles or slides before the encoders' offsets
 template <Mobility K>
-Outcome read_standing(const Robot& robot, const FullPose& pose, const Joint& motor,
-                      const Joint& arm, Extended& q_e) {
+inline Outcome read_standing(const Robot& robot, const FullPose& pose, const Joint& motor,
+                             const Joint& arm, Extended& q_e) {
   FullClosure<K> at;
   at.pose = pose;
   at.pose.theta = theta_of(pose.R, pose.theta);
@@ -88,8 +88,8 @@ Outcome read_standing(const Robot& robot, const FullPose& pose, const Joint& mot
 /// @return not_measured for an angle at the pivot of a bar that the robot lacks; not_finite where
 /// a sensor has no reading
 template <Mobility K>
-Outcome rkm_full(const Robot& robot, const FullClosure<K>& at, Reading& values,
-                 std::array<FullRow, kMaxSensors>& rows) {
+inline Outcome rkm_full(const Robot& robot, const FullClosure<K>& at, Reading& values,
+                        std::array<FullRow, kMaxSensors>& rows) {
   for (int k = 0; k < robot.r; ++k) {
     const Sensor& sensor = robot.sensor[k];
     if (sensor.bar >= robot.full.bars) return {Status::not_measured, -1};

@@ -83,7 +83,7 @@ class Conditioning {
 /// @return near_singular in the band: an answer, finite and bounded. The chain whose arm is
 /// stretched, or -1 where the rods' lines are nearly dependent.
 template <Mobility K>
-Outcome jacobian(Closure<K>& closure, double band, Jacobians<K>& jacobians) {
+inline Outcome jacobian(Closure<K>& closure, double band, Jacobians<K>& jacobians) {
   const Outcome exact = jacobian<K>(closure, jacobians);
   if (!(band > 0)) return exact;
   const Conditioning<K> conditioning(closure);

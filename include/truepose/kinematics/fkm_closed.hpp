@@ -20,8 +20,8 @@ namespace truepose {
 /// @param D          out
 /// @return singular: the centres lie on one line; unreachable: the spheres do not meet
 template <Mobility K>
-TRUEPOSE_FLATTEN Outcome fkm_closed(const Robot& robot, const Joint& q, const Mat3& R,
-                                    const Vec3& near_side, Vec3& D) {
+TRUEPOSE_FLATTEN inline Outcome fkm_closed(const Robot& robot, const Joint& q, const Mat3& R,
+                                           const Vec3& near_side, Vec3& D) {
   constexpr int n = kDof<K>;
   static_assert(n >= 3);
   std::array<Vec3, n> t;

@@ -21,7 +21,7 @@ struct Closure {
 /// Closes every chain on the pose, each in its own working mode.
 /// @return unreachable and the first chain that cannot close, or not_finite.
 template <Mobility K, bool NeedAngle = true>
-TRUEPOSE_FLATTEN Outcome ikm(const Robot& robot, const Pose& pose, Closure<K>& closure) {
+TRUEPOSE_FLATTEN inline Outcome ikm(const Robot& robot, const Pose& pose, Closure<K>& closure) {
   constexpr int n = kDof<K>;
   const auto lever =
       turned<K>(pose.R, points<n>([&](int i) -> Vec3 { return robot.chain[i].pivot(); }));

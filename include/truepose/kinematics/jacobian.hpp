@@ -53,7 +53,7 @@ struct Jacobians {
 /// @return singular when J_x loses rank (type 2: the motors no longer hold the nacelle) or an
 /// entry of J_q vanishes (type 1: an arm stretched or folded; `chain` says which).
 template <Mobility K>
-TRUEPOSE_FLATTEN Outcome jacobian(const Closure<K>& closure, Jacobians<K>& jacobians) {
+TRUEPOSE_FLATTEN inline Outcome jacobian(const Closure<K>& closure, Jacobians<K>& jacobians) {
   constexpr int n = kDof<K>;
   const auto& chain = closure.chain;
   const Points<n> v = points<n>([&](int i) -> const Vec3& { return chain[i].v; });

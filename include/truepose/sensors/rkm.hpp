@@ -9,8 +9,8 @@ namespace truepose {
 /// @return not_finite where a sensor has no reading (a telemeter along its own plane, a rod across
 /// its joint's plane), or one without a derivative (a draw-wire of no length)
 template <Mobility K>
-Outcome rkm(const Robot& robot, const Closure<K>& closure, Reading& values,
-            Matrix<kMaxSensors, kDof<K>>& jr) {
+inline Outcome rkm(const Robot& robot, const Closure<K>& closure, Reading& values,
+                   Matrix<kMaxSensors, kDof<K>>& jr) {
   double sum = 0;  // a NaN shows in it
   for (int k = 0; k < robot.r; ++k) {
     sum += values[k] = read<K>(robot, robot.sensor[k], closure, jr[k].data());
@@ -47,7 +47,7 @@ inline Joint motors_of(const Extended& q_e) {
 
 /// q_e at a pose, as the robot's own encoders read them.
 template <Mobility K>
-Outcome extended(const Robot& robot, const Pose& pose, Extended& q_e) {
+inline Outcome extended(const Robot& robot, const Pose& pose, Extended& q_e) {
   Closure<K> closure;
   Outcome outcome = ikm<K>(robot, pose, closure);
   Reading values;
