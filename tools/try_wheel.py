@@ -1,0 +1,73 @@
+"""Does a wheel work on every Python found here, away from the source tree?
+
+    python tools/try_wheel.py dist/truepose-*.whl
+
+Looks for the versions that the wheel is for, on the path and among pyenv's. Each gets the wheel in
+an environment of its own and a copy of some of the tests; a version that is not found is named.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+VERSIONS = [f"3.{minor}" for minor in range(11, 16)]
+TESTS = ["test_public_api.py", "test_shapes.py", "test_jacobians.py", "test_sensors.py"]
+SOURCE = Path(__file__).parents[1]
+
+
+def find(version: str) -> str | None:
+    """Return an interpreter of this version that runs."""
+    pyenv = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")) / "versions"
+    candidates = [shutil.which(f"python{version}"), sys.executable]
+    candidates += sorted(map(str, pyenv.glob(f"{version}.*/bin/python3")), reverse=True)
+    ask = "import sys, venv; print('%d.%d' % sys.version_info[:2])"
+    for python in filter(None, candidates):
+        ran = subprocess.run([python, "-c", ask], capture_output=True, text=True, check=False)
+        if ran.stdout.strip() == version:
+            return python
+    return None
+
+
+def works(python: str, wheel: Path) -> bool:
+    """Install the wheel into an environment of its own and run the tests there."""
+    with tempfile.TemporaryDirectory(prefix="truepose-wheel-") as name:
+        folder = Path(name)
+        subprocess.run([python, "-m", "venv", folder / "venv"], check=True)
+        scripts = folder / "venv" / ("Scripts" if os.name == "nt" else "bin")
+        pip = [scripts / "python", "-m", "pip", "install", "-q", "--disable-pip-version-check"]
+        subprocess.run([*pip, wheel, "pytest"], check=True)
+        tests = folder / "tests" / "python"
+        tests.mkdir(parents=True)
+        for test in ["conftest.py", *TESTS]:
+            shutil.copy(SOURCE / "tests" / "python" / test, tests)
+        commands = [
+            [scripts / "truepose", "info", "h4"],
+            [scripts / "python", "-m", "pytest", "-q", "--import-mode=importlib", tests],
+        ]
+        return all(
+            subprocess.run(words, cwd=folder, check=False).returncode == 0 for words in commands
+        )
+
+
+def main() -> int:
+    """Try the wheel that is named, and say on which versions it was."""
+    wheel = Path(sys.argv[1]).resolve()
+    said = {}
+    for version in VERSIONS:
+        python = find(version)
+        print(f"== Python {version}: {python or 'not found'}", flush=True)
+        said[version] = "not found, not run" if python is None else works(python, wheel)
+    print(f"\n{wheel.name}")
+    for version, result in said.items():
+        print(f"  Python {version}: {({True: 'works', False: 'FAILED'}).get(result, result)}")
+    tried = [result for result in said.values() if isinstance(result, bool)]
+    return 0 if tried and all(tried) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
