@@ -10,15 +10,15 @@ export PATH := $(abspath $(BIN)):$(PATH)
 
 PACKAGE := $(shell find include src cmake python robots -type f -not -name '*.pyc') \
            CMakeLists.txt pyproject.toml README.md
-CPP := $(shell find include src tests/cpp tests/fuzz benchmarks -name '*.[hc]pp')
+CPP := $(shell find include src tests/cpp tests/fuzz benchmarks examples/cpp -name '*.[hc]pp')
 
 .DEFAULT_GOAL := help
-.PHONY: help reproduce report test test-python test-cpp lint format fuzz realtime instructions bench bench-peers mutants coverage \
-        coverage-python coverage-cpp pictures docs twin clean
+.PHONY: help reproduce report test test-python test-cpp lint format fuzz realtime consumer instructions bench bench-peers mutants \
+        coverage coverage-python coverage-cpp pictures docs twin clean
 
 help:
 	@sed -n 's/^# \?//p' Makefile | sed '/^$$/q'
-	@echo "Also: report lint format fuzz realtime instructions bench mutants coverage pictures docs twin clean"
+	@echo "Also: report lint format fuzz realtime consumer instructions bench mutants coverage pictures docs twin clean"
 
 reproduce: $(VENV)/installed
 	@truepose reproduce $(ARGS)
@@ -66,6 +66,12 @@ realtime: $(VENV)/developing
 	  cmake --preset realtime -DPython_EXECUTABLE=$(abspath $(BIN))/python && \
 	  cmake --build --preset realtime && ctest --preset realtime; \
 	else echo "realtime: SKIPPED, clang++-22 is not installed (Debian: clang-22 libclang-rt-22-dev)"; fi
+
+# A C++ project that uses the installed package, by clang++-22; `make test` has it by the system's c++.
+consumer: $(VENV)/developing
+	@if command -v clang++-22 >/dev/null; then \
+	  CXX=clang++-22 python -m pytest -q tests/python/test_package.py; \
+	else echo "consumer: SKIPPED, clang++-22 is not installed (Debian: clang-22)"; fi
 
 # Instruction counts against benchmarks/instructions.json; all C++ tests, optimised.
 instructions: build/dev/build.ninja

@@ -48,13 +48,13 @@ def rest() -> Figure:
     j = h4.jacobian(x_d)[3]
     slope = np.linalg.norm(j)
     laws = {
-        "joint": ("usual control:\nmotors right", "black", (9, -2)),
+        "joint": ("usual control:\nmotors right", "black", (-86, 4)),
         "redundant": ("TEJ: nearest to 0", TEJ, (-108, 6)),
         "cartesian": ("Cartesian: θ right", OTHER, (-108, -14)),
     }
     figure = Figure(figsize=(4.6, 4.2), layout="constrained")
     axes = figure.subplots()
-    along = np.linspace(-0.8, 0.7, 2)
+    along = np.linspace(-0.8, 0.62, 2)
     for law, (name, colour, place) in laws.items():
         x = tp.settle(h4, real, x_d, law)
         e_q, e_theta = np.degrees((h4.ikm(x_d) - real.ikm(x)) @ j) / slope, np.degrees(x_d - x)[3]

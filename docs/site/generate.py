@@ -155,13 +155,13 @@ def _cell(text: str) -> str:
 
 def robots() -> str:
     """A picture and a line for every shipped robot."""
-    text = "| | | |\n|---|---|---|\n"
+    text = "{.robots}\n| | |\n|---|---|\n"
     for name in truepose.robots():
         robot = reading.read(name)
         folder = f"../robots/{name}"
         text += f"| [![{name}]({folder}/picture.png)]({folder}/README.md) "
-        text += f"| [`{name}`]({folder}/README.md) "
-        text += f"| {robot.title or name} ({robot.mobility}, {robot.n} motors) |\n"
+        text += f"| [{name}]({folder}/README.md): {robot.title or name}. `{robot.mobility}`, "
+        text += f"{robot.n} motors, sensors in use: {', '.join(robot.sensors) or 'none'}. |\n"
     return text
 
 
@@ -173,9 +173,17 @@ def commands() -> str:
     from truepose.commands.cli import app
 
     command = typer.main.get_command(app)
+    _in_full(command)
     text = get_docs_for_click(obj=command, ctx=typer.Context(command), name="truepose")
     text = text.split("\n", 1)[1]  # the page has a title of its own
     return re.sub(r"^\$ ", "", text, flags=re.MULTILINE).replace("```console", "```text")
+
+
+def _in_full(group) -> None:
+    """Let lists of commands have their first sentences whole."""
+    for command in getattr(group, "commands", {}).values():
+        command.short_help = command.get_short_help_str(limit=1000)
+        _in_full(command)
 
 
 #: Of the Python reference, those that come first.

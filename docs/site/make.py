@@ -27,6 +27,10 @@ DOCS, SITE = ROOT / "docs", ROOT / "docs" / "site"
 LINK = re.compile(r"(!?\[(?:[^\[\]]|\[[^\[\]]*\])*\])\(([^()\s#:]+)(#[^()\s]*)?\)")
 
 
+#: A doctest that ends with an empty line, as doctest wants it and a page does not.
+ENDED = re.compile(r"(^( *)```python\n(?:(?!```).)*?)\n+\2```$", re.DOTALL | re.MULTILINE)
+
+
 def pages() -> dict[Path, str]:
     """Every page's source, and where in the site it stands."""
     beside = {
@@ -82,7 +86,7 @@ def stage(out: Path, doxygen: bool) -> None:
 
     for source, target in pages().items():
         if source != ROOT / "README.md":  # docs/index.md takes its place
-            text = source.read_text(encoding="utf-8")
+            text = ENDED.sub(r"\1\n\2```", source.read_text(encoding="utf-8"))
             write(target, relinked(text, source, target, copy).encode())
     for name, text in generate.parts(doxygen).items():
         target = name.removeprefix("generated/")  # links of an included part are its page's

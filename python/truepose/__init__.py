@@ -57,3 +57,8 @@ def __getattr__(name: str) -> Any:
 
         return with_paper_errors
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """Show what is offered, without the rooms and what was imported on the way."""
+    return sorted([*__all__, "__version__"])

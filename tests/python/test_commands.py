@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -263,3 +264,12 @@ def test_python_m_truepose_is_the_command_line():
     words = [sys.executable, "-m", "truepose", "robots", "--help"]
     shown = subprocess.run(words, capture_output=True, text=True, check=True).stdout
     assert "Usage: truepose robots" in shown
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/get-started.md", "docs/calibration.md"])
+def test_a_page_shows_commands_that_there_are(run, page):
+    text = (Path(__file__).parents[2] / page).read_text(encoding="utf-8")
+    shown = set(re.findall(r"^    (?:\.venv/bin/)?truepose ([a-z]+)", text, re.M))
+    assert shown
+    for command in shown:
+        assert run(command, "--help")[0] == 0

@@ -1,8 +1,10 @@
 """Is what the package offers there, described, and light to import?"""
 
 import inspect
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -55,3 +57,31 @@ def test_errors_can_be_caught_together_and_apart(h4):
     assert issubclass(tp.InputError, ValueError)
     with pytest.raises(tp.TrueposeError):
         h4.ikm([0, 0, -2, 0])
+
+
+def test_dir_shows_the_api_alone():
+    assert set(dir(tp)) == {*tp.__all__, "__version__"}
+
+
+def test_what_is_installed_points_to_nothing_that_is_not():
+    """A wheel has no docs, examples, benchmarks or tests of the sources."""
+    folder = Path(tp.__file__).parent
+    sources = [*folder.rglob("*.py"), *folder.rglob("*.j2")]
+    elsewhere = re.compile(r"\b(docs|examples|benchmarks|tests)/\w")
+    writers = {"twin_folder.py"}  # of a page that stands in the sources
+    found = [
+        f"{path.relative_to(folder)}: {line}"
+        for path in sources
+        if path.name not in writers
+        for line in path.read_text(encoding="utf-8").splitlines()
+        if elsewhere.search(line)
+    ]
+    assert found == []
+
+
+def test_types_are_told():
+    """Of the package by its sources, of the core by the stub that is built with it."""
+    folder = Path(tp.__file__).parent
+    assert (folder / "py.typed").is_file()
+    if not (folder.parents[1] / "pyproject.toml").is_file():  # installed, not the sources
+        assert "class Robot:" in (folder / "_core.pyi").read_text(encoding="utf-8")

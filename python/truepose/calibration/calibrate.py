@@ -42,7 +42,7 @@ def calibrate(
     readings : array_like, shape (N, n + r), or a table
         Extended positions q_e = [q; r], m or rad; NaN where a sensor was not read. Or a dict of
         arrays, a data frame, a pyarrow table, with columns q1 … qn, each sensor by its name, and
-        measured_x, … where something outside measured a coordinate (docs/calibration.md). A table
+        measured_x, … where something outside measured a coordinate. A table
         is looked over first; what was noticed is in ``notes``.
     measured : array_like, shape (N, n), optional
         Coordinates that something outside measured at these poses, NaN where it did not.

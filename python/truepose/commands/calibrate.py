@@ -55,9 +55,7 @@ def command(
     loss: Annotated[Loss, typer.Option(help="What gross errors cost.")] = "student",
     tuning: Annotated[
         float | None,
-        typer.Option(
-            help="Huber's bend or Student's degrees of freedom.", show_default="docs/calibration.md"
-        ),
+        typer.Option(help="Huber's bend or Student's degrees of freedom.", show_default="1; 4"),
     ] = None,
     model_error: Annotated[
         ModelError, typer.Option(help="Allow for what the ideal level leaves out.")
@@ -83,7 +81,7 @@ def command(
     """Learn a robot's geometry from a log of its own readings.
 
     Says what is wrong with the log, how well each parameter is known then, and how accurate the
-    robot will be; docs/calibration.md explains it.
+    robot will be; the report says how to read that.
 
     Example: **truepose calibrate h4 log.csv -o calibrated.toml**
     """

@@ -41,7 +41,7 @@ def command(
     The H4 makes the 0.2 s move of Figures 11 to 13 under usual, redundant (TEJ) and Cartesian
     control, and calibrated from its own readings; then settles at the 625 poses of Table 2, for
     many robots drawn from the paper's geometric errors. Prints Table 3 and writes a report. With
-    --experiment a twin of the paper's robot is measured as that was, docs/experiment.md. With
+    --experiment a twin of the paper's robot is measured as that was. With
     --full at least 100 real robots calibrate themselves with each set of sensors (minutes).
 
     Example: **truepose reproduce --robots 100 --seed 0 --out my-report**

@@ -182,7 +182,7 @@ def dynamics_check(
 
 
 def theta_law(robot: Robot, poses: Array) -> Array:
-    """1/(1 + w |j|²) at each pose: what the TEJ leaves of a small static θ error (docs/paper.md).
+    """1/(1 + w |j|²) at each pose: what the TEJ leaves of a small static θ error.
 
     j is the θ row of J and w the weight of θ's row in the TEJ.
     """

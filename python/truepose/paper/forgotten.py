@@ -28,10 +28,10 @@ from truepose.simulation.simulate import Simulation, simulate
 from truepose.simulation.vision import Setup, Vision
 from truepose.threads import each
 
-#: A PD whose loop is stable with all effects on: examples/07_stability_margin.py.
+#: A PD whose loop is stable with all effects on.
 FREQUENCY, BANDWIDTH = 40.0, 300.0
 WARM = 7200.0  #: s
-ROBOTS = 2  #: of a report, at most; an order of the effects takes more (benchmarks/effects.py)
+ROBOTS = 2  #: of a report, at most; an order of the effects takes more
 LEARN, JUDGE = 3, 7  #: every so many poses of Table 2 teach, and judge
 
 

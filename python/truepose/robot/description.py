@@ -32,9 +32,9 @@ COORDINATES = {
 class Parameter(NamedTuple):
     """A geometric parameter ξ: its value in this robot, and what is known of it beforehand."""
 
-    value: float
-    mean: float
-    sigma: float
+    value: float  #: in this robot, m or rad
+    mean: float  #: expected beforehand
+    sigma: float  #: standard deviation beforehand
 
 
 @dataclass(frozen=True)

@@ -357,7 +357,10 @@ def _describe(problem: dict) -> str:
     message = problem["msg"].removeprefix("Value error, ")
     message = message[0].lower() + message[1:]
     if problem["loc"] == ("mobility",):
-        message += "; docs/what-it-cannot.md says what no file can express"
+        message += (
+            "; no file can express a spherical robot, a tilter with parasitic motion (3-PRS), a "
+            "serial wrist, or more motors than freedoms"
+        )
     if isinstance(value, dict):
         return f"{key}: {message}" if key else message
     return f"{key} = {shortened(repr(value))}: {message}"

@@ -3,7 +3,7 @@
 The tree: arms (or carriages, or legs) on the base with their rods hanging on them, and the nacelle
 by itself with its lateral bars on pivots. `equality/connect` joins each rod's end to the nacelle.
 A rod hangs on a universal joint, which lets it point anywhere but not spin about itself. Every
-number is in the text: the file needs nothing of truepose. docs/mujoco.md explains the choices.
+number is in the text: the file needs nothing of truepose.
 """
 
 from __future__ import annotations
