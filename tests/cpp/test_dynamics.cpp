@@ -265,3 +265,32 @@ TEST("a bar's mass follows its pivot, which is a parameter") {
                  model_at<K>(light, at_home, jacobians).mass[3][3],
              more, 1e-15);
 }
+
+TEST("a rod moves as its points do, between B and A") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    Robot robot = mechanism.robot;  // of nothing but rods
+    robot.bodies = 0;
+    for (int i = 0; i < kDof<K>; ++i) set_masses(robot.chain[i], 0, 0, 0.1 * (i + 1));
+    check::Random random(58);
+    for (int sample = 0; sample < 20; ++sample) {
+      const PlantState state = random_state<K>(mechanism, random);
+      constexpr double h = 1e-5;
+      Closure<K> before, after;
+      CHECK(ikm<K>(robot, along<K>(state, {}, -h).pose, before));
+      CHECK(ikm<K>(robot, along<K>(state, {}, h).pose, after));
+      double kinetic = 0;  // by Simpson's rule, exact for squares
+      for (int i = 0; i < kDof<K>; ++i)
+        for (const double s : {0.0, 0.5, 1.0}) {
+          const auto point = [&](const Closure<K>& at) -> Vec3 {
+            return at.chain[i].p - s * at.chain[i].v;
+          };
+          const Vec3 velocity = (point(after) - point(before)) / (2 * h);
+          kinetic += robot.chain[i].rod_mass / 2 * (s == 0.5 ? 4 : 1) / 6 * velocity.squaredNorm();
+        }
+      Energy result;
+      CHECK(energy<K>(robot, state.pose, state.rate, result));
+      CHECK_NEAR(result.kinetic, kinetic, 1e-6 * kinetic);
+    }
+  });
+}
