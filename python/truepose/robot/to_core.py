@@ -18,7 +18,7 @@ def columns(spec: RobotFile, sensors: tuple[Sensor, ...]) -> list[tuple[str, int
     """Name of every parameter that the core knows in this robot, and its column of H_ξ."""
     chain = [f"base.{axis}" for axis in "xyz"] + ["arm", "rod", "encoder_offset", "yaw", "tilt"]
     chain += [f"anchor.{axis}" for axis in "xyz"] + ["rod_difference", "rod_spacing"]
-    chain += harmonics()
+    chain += [*harmonics(), "gain"]
     width = len(chain)
     columns = [
         (f"chain{i + 1}.{key}", i * width + k) for i in range(spec.n) for k, key in enumerate(chain)
@@ -73,6 +73,7 @@ def build(spec: RobotFile, sensors: tuple[Sensor, ...]) -> _core.Robot:
     """Fill the core's structs from the file, as drawn: axes at zero yaw and tilt."""
     robot = _core.Robot()
     robot.mobility = getattr(_core.Mobility, spec.mobility)
+    robot.chains = robot.motors = spec.n
     robot.gravity = np.array(spec.gravity)
     robot.home = [*spec.home, *[0.0] * (6 - spec.n)]
     robot.bar_joint = getattr(_core.BarJoint, spec.nacelle.bars)
@@ -109,6 +110,7 @@ def _build_chain(spec: RobotFile, chain: Chain) -> _core.Chain:
         built.pivot = bar.pivot * np.array(bar.direction)
         built.anchor = np.array(chain.anchor)
         built.bar = chain.bar - 1
+    built.encoder_gain = chain.gain
     built.encoder_step = encoder_step(chain) * spec.quantised
     built.encoder_noise = chain.encoder_noise
     built.set_eccentricity(chain.eccentricity, 1.0)
