@@ -8,16 +8,17 @@ VENV := .venv
 BIN := $(VENV)/bin
 export PATH := $(abspath $(BIN)):$(PATH)
 
-PACKAGE := $(shell find include src python robots -type f -not -name '*.pyc') \
+PACKAGE := $(shell find include src cmake python robots -type f -not -name '*.pyc') \
            CMakeLists.txt pyproject.toml README.md
-CPP := $(shell find include src tests/cpp tests/fuzz benchmarks -name '*.[hc]pp')
+CPP := $(shell find include src tests/cpp tests/fuzz benchmarks examples/cpp -name '*.[hc]pp')
 
 .DEFAULT_GOAL := help
-.PHONY: help reproduce report test test-python test-cpp lint format fuzz realtime instructions bench bench-peers pictures twin clean
+.PHONY: help reproduce report test test-python test-cpp lint format fuzz realtime consumer instructions bench bench-peers mutants \
+        coverage coverage-python coverage-cpp pictures docs twin clean
 
 help:
 	@sed -n 's/^# \?//p' Makefile | sed '/^$$/q'
-	@echo "Also: report lint format fuzz realtime instructions bench pictures twin clean"
+	@echo "Also: report lint format fuzz realtime consumer instructions bench mutants coverage pictures docs twin clean"
 
 reproduce: $(VENV)/installed
 	@truepose reproduce $(ARGS)
@@ -38,6 +39,7 @@ test-cpp: build/asan/build.ninja
 lint: $(VENV)/developing
 	ruff check .
 	ruff format --check .
+	PYTHONPATH=python lint-imports --no-cache
 	clang-format --dry-run --Werror $(CPP)
 
 format: $(VENV)/developing
@@ -65,11 +67,37 @@ realtime: $(VENV)/developing
 	  cmake --build --preset realtime && ctest --preset realtime; \
 	else echo "realtime: SKIPPED, clang++-22 is not installed (Debian: clang-22 libclang-rt-22-dev)"; fi
 
+# A C++ project that uses the installed package, by clang++-22; `make test` has it by the system's c++.
+consumer: $(VENV)/developing
+	@if command -v clang++-22 >/dev/null; then \
+	  CXX=clang++-22 python -m pytest -q tests/python/test_package.py; \
+	else echo "consumer: SKIPPED, clang++-22 is not installed (Debian: clang-22)"; fi
+
 # Instruction counts against benchmarks/instructions.json; all C++ tests, optimised.
 instructions: build/dev/build.ninja
 	@if command -v valgrind >/dev/null; then \
 	  cmake --build --preset dev && ctest --preset dev; \
 	else echo "instructions: SKIPPED, valgrind is not installed (Debian: valgrind)"; fi
+
+# Wrong changes of one line, each against the one test that must notice it (tests/mutants.toml).
+mutants: $(VENV)/developing
+	@python tests/mutants.py $(ARGS)
+
+# Which branches no test takes: of the package by coverage.py, of the core by clang. Some minutes.
+coverage: coverage-python coverage-cpp
+
+coverage-python: $(VENV)/developing
+	coverage run -m pytest -q tests/python
+	coverage report --skip-covered --show-missing
+
+coverage-cpp: $(VENV)/developing
+	@if command -v clang++-22 llvm-cov-22 >/dev/null; then \
+	  cmake --preset coverage -DPython_EXECUTABLE=$(abspath $(BIN))/python && \
+	  cmake --build --preset coverage && ctest --preset coverage && \
+	  llvm-profdata-22 merge -sparse -o build/coverage/all.profdata build/coverage/*.profraw && \
+	  llvm-cov-22 report $$(printf -- '-object %s ' build/coverage/tests/cpp/test_*[a-z]) \
+	    -instr-profile build/coverage/all.profdata --show-branch-summary include/truepose; \
+	else echo "coverage-cpp: SKIPPED, clang is not installed (Debian: clang-22 llvm-22)"; fi
 
 bench: build/dev/build.ninja
 	cmake --build --preset dev
@@ -82,10 +110,15 @@ bench-peers: bench
 
 pictures: $(VENV)/installed
 	python -c "import truepose as tp; from truepose.show.drawing import draw; [draw(tp.load(name)).savefig(f'robots/{name}/picture.png', dpi=110) for name in tp.robots()]"
+	python docs/site/figures.py
+
+# The documentation as a site, in build/docs; the C++ reference where doxygen is installed.
+docs: $(VENV)/documenting
+	python docs/site/make.py
 
 # The H4 whose Table 3 is close to the printed one: ten searches, some minutes.
 twin: $(VENV)/installed
-	python -m truepose.paper.twin_folder robots/h4-lirmm-twin
+	python tools/twin_folder.py robots/h4-lirmm-twin
 
 build/%/build.ninja: CMakeLists.txt CMakePresets.json tests/cpp/CMakeLists.txt benchmarks/CMakeLists.txt | $(VENV)/developing
 	cmake --preset $* -DPython_EXECUTABLE=$(abspath $(BIN))/python
@@ -105,6 +138,12 @@ $(VENV)/installed: $(PACKAGE) | $(VENV)/created
 $(VENV)/developing: $(VENV)/installed
 	@pip install --quiet --disable-pip-version-check ".[dev]"
 	@touch $@ && touch -r $@ $(VENV)/installed
+
+$(VENV)/documenting: pyproject.toml | $(VENV)/installed
+	@python -c "import tomllib; \
+	  extras = tomllib.load(open('pyproject.toml', 'rb'))['project']['optional-dependencies']; \
+	  print(*extras['docs'], sep='\n')" | pip install --quiet --disable-pip-version-check -r /dev/stdin
+	@touch $@
 
 clean:
 	rm -rf build dist $(VENV) truepose-report

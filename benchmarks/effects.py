@@ -8,8 +8,8 @@ import argparse
 import truepose as tp
 from truepose.paper import experiment_tables, forgotten
 from truepose.paper.forgotten import Line
-from truepose.paper.table3 import over_robots
-from truepose.paper.twin_folder import markdown
+from truepose.paper.statistics import over_robots
+from truepose.show.table import markdown
 from truepose.simulation.effects import Effects
 
 

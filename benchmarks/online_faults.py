@@ -14,7 +14,7 @@ from collections.abc import Iterator
 import numpy as np
 
 import truepose as tp
-from truepose.paper import data as paper_data
+from truepose.paper import article
 from truepose.robot import knowledge
 from truepose.simulation.true_robots import with_tolerance_errors
 
@@ -34,7 +34,7 @@ CASES = {
 def poses(robot: tp.Robot, count: int, rng: np.random.Generator) -> np.ndarray:
     """Table 2's for the H4, off by up to 5 mm and 5 mrad; the middle of other workspaces."""
     if robot.name == "h4":
-        table = paper_data.table2()
+        table = article.table2()
         return table[rng.choice(len(table), count)] + rng.uniform(-5e-3, 5e-3, (count, 4))
     box = robot.spec.workspace
     low, high = np.array(box.minimum), np.array(box.maximum)

@@ -12,8 +12,7 @@ from concurrent.futures import ProcessPoolExecutor
 import numpy as np
 
 import truepose as tp
-from truepose.paper import data as paper_data
-from truepose.paper import trials
+from truepose.paper import article, trials
 
 SETS = {
     "θ": ["theta"],
@@ -78,7 +77,7 @@ COVERED = tuple(f"{poses} poses: x, y, z, θ" for poses in POSES)
 def one(task: tuple[str, str, int, int]) -> trials.Trials:
     """Run the trials of one kind of robot with one set of sensors."""
     kind, sensors, poses, robots = task
-    h4, table, rng = at_bar(tp.load("h4")), paper_data.table2(), np.random.default_rng(5)
+    h4, table, rng = at_bar(tp.load("h4")), article.table2(), np.random.default_rng(5)
     box = h4.spec.workspace
     others = rng.uniform(box.minimum, box.maximum, (200, 4))
     visited = table if poses == len(table) else table[rng.permutation(len(table))[:poses]]

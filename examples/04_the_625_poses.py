@@ -1,17 +1,16 @@
 """Table 3 for one robot: 625 poses, settled under joint and under redundant control."""
 
 import truepose as tp
-from truepose.paper import data as paper_data
-from truepose.paper import experiment
+from truepose.paper import article, experiment
 
 nominal = tp.load("h4")
 robots = experiment.draw_robots(nominal, 1, seed=0)  # one robot with the paper's errors
 result = experiment.run(nominal, robots)
-printed = paper_data.table3()
+printed = article.table3()
 
 print(f"{len(result.poses)} poses; mm and degrees, squares of them; (the paper's robot)")
-for row, quantity in enumerate(paper_data.QUANTITIES):
-    for column, statistic in enumerate(paper_data.STATISTICS):
+for row, quantity in enumerate(article.QUANTITIES):
+    for column, statistic in enumerate(article.STATISTICS):
         line = f"{quantity:9} {statistic:13}"
         for law, paper in (("joint", "usual"), ("redundant", "redundant")):
             value = result.tables[law][0, row, column]

@@ -1,18 +1,26 @@
 """truepose makes parallel robots accurate with redundant sensors."""
 
 from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
 
 from truepose.calibration.bound import accuracy
-from truepose.calibration.fit import Fit, calibrate
+from truepose.calibration.calibrate import calibrate
+from truepose.calibration.fit import Fit
 from truepose.calibration.online import OnlineCalibration
 from truepose.calibration.registration import Registration
 from truepose.exceptions import InputError, PoseError, RobotFileError, TrueposeError
+from truepose.headers import get_cmake_dir, get_include
 from truepose.robot.assembly import assembly_modes
+from truepose.robot.description import Parameter
 from truepose.robot.redundancy import Estimate
-from truepose.robot.robot import Parameter, Robot, load, robots
+from truepose.robot.robot import Robot, load, robots
+from truepose.simulation.controller import Controller
 from truepose.simulation.effects import Effects
-from truepose.simulation.simulate import Controller, Simulation, settle, simulate
-from truepose.simulation.true_robots import with_paper_errors
+from truepose.simulation.settle import settle
+from truepose.simulation.simulate import Simulation, simulate
+
+if TYPE_CHECKING:
+    from truepose.paper.errors import with_paper_errors
 
 __version__ = version("truepose")
 __all__ = [
@@ -32,9 +40,25 @@ __all__ = [
     "accuracy",
     "assembly_modes",
     "calibrate",
+    "get_cmake_dir",
+    "get_include",
     "load",
     "robots",
     "settle",
     "simulate",
     "with_paper_errors",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Load of the paper only what is asked for: robots are controlled without it."""
+    if name == "with_paper_errors":
+        from truepose.paper.errors import with_paper_errors
+
+        return with_paper_errors
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """Show what is offered, without the rooms and what was imported on the way."""
+    return sorted([*__all__, "__version__"])

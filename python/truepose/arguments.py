@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numbers
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,6 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from truepose.exceptions import InputError
 
 Array = NDArray[np.float64]
+Errors = Literal["raise", "nan"]
+Level = Literal["ideal", "full"]
 
 
 def check_real(values: object, name: str) -> None:

@@ -1,5 +1,6 @@
 // Do the equations of motion keep what physics keeps? Power, energy, symmetry, order of accuracy.
 #include "mechanisms.hpp"
+#include "truepose/model/geometry.hpp"
 #include "truepose/offline/plant.hpp"
 
 using namespace mechanisms;
@@ -235,4 +236,32 @@ TEST("friction opposes motion: viscous in proportion, Coulomb's at its full size
   CHECK_NEAR(friction(chain, 2), 1.3, 1e-15);
   CHECK_NEAR(friction(chain, -2), -1.3, 1e-15);
   CHECK_NEAR(friction(chain, 0), 0, 0);
+}
+
+TEST("a bar's mass follows its pivot, which is a parameter") {
+  constexpr Mobility K = Mobility::schoenflies;
+  Robot drawn = h4().robot;
+  drawn.body[1].bar = 0;
+  drawn.body[2].bar = 1;
+  std::vector<double> xi(parameter_count(drawn));
+  CHECK(drawn_parameters(drawn, xi.data()));
+  const double moved_by[2] = {0.01, -0.004};
+  double more = 0;  // of the inertia about z
+  for (int bar = 0; bar < 2; ++bar) {
+    double& pivot = xi[bar_column(drawn, bar)];
+    more += drawn.body[bar + 1].mass * (std::pow(pivot + moved_by[bar], 2) - pivot * pivot);
+    pivot += moved_by[bar];
+  }
+  Robot robot = drawn;
+  CHECK(set_parameters(drawn, xi.data(), robot));
+  CHECK(robot.body[0].pivot() == drawn.body[0].pivot());
+  CHECK_NEAR((robot.body[1].pivot() - robot.chain[0].pivot()).norm(), 0, 1e-15);
+  CHECK_NEAR((robot.body[2].pivot() - robot.chain[1].pivot()).norm(), 0, 1e-15);
+  Robot light = robot;  // the same chains, the bars where they were drawn
+  for (int bar = 0; bar < 2; ++bar) light.body[bar + 1] = drawn.body[bar + 1];
+  const PlantState at_home{to_pose<K>(drawn.home), {}};
+  Jacobians<K> jacobians;
+  CHECK_NEAR(model_at<K>(robot, at_home, jacobians).mass[3][3] -
+                 model_at<K>(light, at_home, jacobians).mass[3][3],
+             more, 1e-15);
 }

@@ -273,3 +273,29 @@ TEST("an estimate that cannot be leaves the guess, and says why") {
     CHECK(distance<K>(pose, guess) < 1e-15);
   });
 }
+
+TEST("whole turns of a joint are nobody's geometry, those of the nacelle and lengths are") {
+  Robot robot = h4().robot;
+  Extended expected{}, q_e{}, residual;
+  for (int k = 0; k <= static_cast<int>(SensorKind::motor_encoder); ++k) {
+    Sensor& sensor = robot.sensor[0];
+    sensor.kind = static_cast<SensorKind>(k);
+    sensor.gain = 4;
+    const bool turns = sensor.kind == SensorKind::rod_in_plane ||
+                       sensor.kind == SensorKind::motor_encoder ||
+                       sensor.kind == SensorKind::inclinometer;
+    for (const double turn : {-2.0, -0.3, 0.0, 0.4, 1.0}) {  // of the shaft: × gain as it reads
+      q_e[4] = 0.7 + 2 * M_PI * sensor.gain * turn;
+      expected[4] = 0.7;
+      innovation(robot, q_e, expected, residual);
+      const double left = turns ? turn - std::nearbyint(turn) : turn;
+      CHECK_NEAR(residual[4], 2 * M_PI * sensor.gain * left, 1e-12);
+    }
+  }
+  for (const bool revolute : {true, false}) {
+    robot.chain[2].actuator = revolute ? Actuator::revolute : Actuator::prismatic;
+    q_e[2] = 2 * M_PI + 0.1;
+    innovation(robot, q_e, expected, residual);
+    CHECK_NEAR(residual[2], revolute ? 0.1 : 2 * M_PI + 0.1, 1e-12);
+  }
+}

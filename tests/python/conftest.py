@@ -5,7 +5,7 @@ import pytest
 
 import truepose as tp
 from truepose.commands import cli
-from truepose.paper import data as paper_data
+from truepose.paper import article
 
 
 def pytest_addoption(parser):
@@ -46,15 +46,15 @@ def truth(h4) -> tp.Robot:
 
 @pytest.fixture(scope="session")
 def table2() -> np.ndarray:
-    return paper_data.table2()
+    return article.table2()
 
 
 @pytest.fixture(scope="session")
 def h4_text() -> str:
     """Return the H4's robot file, to spoil."""
-    from truepose.robotfile import read as robot_file
+    from truepose import robotfile
 
-    return robot_file.shipped()["h4"].read_text(encoding="utf-8")
+    return robotfile.shipped()["h4"].read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="session", params=tp.robots())

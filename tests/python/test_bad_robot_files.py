@@ -107,7 +107,7 @@ def test_a_nacelle_has_no_more_bars_than_fit(h4_text, tmp_path, count, sensors):
 
 
 def test_the_core_refuses_a_bar_that_is_not_there(h4):
-    core = h4._core.without_limits()  # a copy
+    core = h4.core.without_limits()  # a copy
     chain = core.chain(1)
     for bar in (2, -2, 1000):
         chain.bar = bar

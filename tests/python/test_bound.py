@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.commands import accuracy as prediction
+from truepose.commands import accuracy
 from truepose.paper import trials
 from truepose.robot import knowledge
 
@@ -100,7 +100,7 @@ def test_whatever_is_learnt_never_harms(any_robot, anywhere, rng, of_level):
         for pose in (None, known)
     ]
     sets = {frozenset(names[:count]) for count in range(len(names))}
-    sets |= set(map(frozenset, prediction.sensor_sets(any_robot)))
+    sets |= set(map(frozenset, accuracy.sensor_sets(any_robot)))
     bounds = {}
     for sensors in sets:
         robot = any_robot.with_sensors(*sorted(sensors))

@@ -6,12 +6,9 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.calibration import log_checks
-from truepose.calibration import review as calibration_report
-from truepose.commands import calibrate as calibrate_command
-from truepose.commands import cli
-from truepose.files import write as saving
-from truepose.logs import read as logs
+from truepose import files, logs
+from truepose.calibration import log_checks, review
+from truepose.commands import calibrate, cli
 
 
 @pytest.fixture
@@ -90,8 +87,8 @@ def test_it_prints_and_writes_what_the_readings_say(run, log, tmp_path, readings
 def test_the_figures_are_those_of_the_calibration(h4, readings):
     robot = h4.with_sensors("theta", "z_telemeter")
     log, _ = log_checks.check(robot, logs.of(robot, readings))
-    result = calibration_report.assess(robot, log, [], loss="student")
-    good = calibration_report.counted(result)
+    result = review.assess(robot, log, [], loss="student")
+    good = review.counted(result)
     assert good.sum() == 119 and not good[40]
     expected = robot.expected()
     q = log.readings[:, :4]
@@ -152,7 +149,7 @@ def test_an_interrupted_calibration_leaves_the_old_files(run, log, tmp_path, mon
     def interrupted(path, text):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(saving.os, "replace", interrupted)
+    monkeypatch.setattr(files.writing.os, "replace", interrupted)
     assert run("h4", log, "-o", "c.toml", "--force")[0] == 130
     assert (tmp_path / "c.toml").read_text(encoding="utf-8") == "old"
     assert sorted(p.name for p in tmp_path.iterdir()) == ["c.toml", "log.csv"]
@@ -190,7 +187,7 @@ def test_outside_measurements_alone_calibrate_a_robot_without_sensors(run, tmp_p
 
 @pytest.mark.parametrize("sigma", ["1", "20um", "0.02mm,0.01deg", "0.01°, 2e-5", "1e-5m,1mrad"])
 def test_sigma_of_lengths_and_of_angles_are_two(sigma):
-    lengths, angles = calibrate_command._sigmas(sigma)
+    lengths, angles = calibrate._sigmas(sigma)
     expected = {
         "1": (1.0, None),
         "20um": (2e-5, None),
@@ -206,3 +203,15 @@ def test_a_sigma_that_is_none_is_refused_in_one_line(run, log, sigma):
     status, out, err = run("h4", log, "--measured-sigma", sigma)
     assert (status, out) == (2, "") and len(err.splitlines()) == 1
     assert f"--measured-sigma {sigma}: must be a length and an angle" in err
+
+
+def test_lines_held_out_teach_the_geometry_that_they_try_nothing(h4, readings):
+    """What is wrong with them alone is found in them whole: no fit has given way to it."""
+    robot = h4.with_sensors("theta", "z_telemeter")
+    off = {}
+    for wrong in (0.0, 1e-3):
+        columns = {name: values[:40].copy() for name, values in readings.items()}
+        columns["theta"][4::5] += wrong
+        log, _ = log_checks.check(robot, logs.of(robot, columns))
+        off[wrong] = review.assess(robot, log, []).held_out[4::5, 0]
+    np.testing.assert_allclose(off[1e-3] - off[0.0], 1e-3, rtol=1e-9)

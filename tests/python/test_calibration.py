@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 from scipy.optimize import least_squares
 
 import truepose as tp
-from truepose.files import write as saving
+from truepose import files
 from truepose.paper.trials import difference
 from truepose.robot import knowledge
 from truepose.simulation.true_robots import with_tolerance_errors
@@ -174,7 +175,7 @@ def test_an_interrupted_save_of_a_calibration_leaves_no_half_file(fit, tmp_path,
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(saving.os, "replace", interrupt)
+    monkeypatch.setattr(files.writing.os, "replace", interrupt)
     with pytest.raises(KeyboardInterrupt):
         fit.robot.save(tmp_path / "calibrated.toml")
     assert list(tmp_path.iterdir()) == []
@@ -241,3 +242,12 @@ def test_readings_of_the_wrong_shape_are_refused(small, readings, message):
 def test_readings_that_fit_no_pose_are_refused(small):
     with pytest.raises(tp.PoseError, match=r"no line closes the robot's loops; units, signs"):
         tp.calibrate(small[0], np.full((4, 6), 90.0))
+
+
+def test_the_worst_known_combinations_are_those_of_the_prior_that_was(fit, small):
+    """Also where the prior's σ are not independent: after another calibration."""
+    again = tp.calibrate(fit.robot, small[1][:4])
+    assert np.count_nonzero(again.prior_covariance) > 2 * len(again.names)
+    ratios = [ratio for ratio, _ in again.worst_known(len(again.names))]
+    expected = eigh(again.covariance, again.prior_covariance, eigvals_only=True)
+    assert np.square(ratios) == pytest.approx(expected[::-1], rel=1e-6)

@@ -1,6 +1,11 @@
 """Do check, new and info say what a user needs, in the right place, with the right status?"""
 
+import json
+import os
 import re
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -119,10 +124,36 @@ def test_check_of_a_missing_file_is_one_line(run):
     )
 
 
-@pytest.mark.parametrize("command", ["check", "new", "info", "accuracy"])
+@pytest.mark.parametrize("command", ["check", "new", "info", "accuracy", "calibrate"])
 def test_help_has_an_example(run, command):
     status, out, _ = run(command, "--help")
     assert status == 0 and f"Example: truepose {command}" in re.sub(r"\s+", " ", out)
+
+
+@pytest.mark.parametrize("command", ["robots", "simulate", "rehearse"])
+def test_the_examples_of_the_help_run(run, command):
+    _, out, _ = run(command, "--help")
+    example = re.sub(r"\s+", " ", out).partition("Example: ")[2]
+    words = example.partition(" ╭")[0].split(", then ")
+    assert words[0].startswith(f"truepose {command}")
+    for line in words:
+        assert run(*line.split()[1:])[0] == 0
+
+
+def test_the_shipped_robots_are_listed_for_people_and_for_programs(run):
+    _, said, _ = run("robots")
+    row = next(line for line in said.splitlines() if line.startswith("delta "))
+    assert row.split("  ")[0] == "delta" and "3 revolute" in row and "z_telemeter, elbow*" in row
+    listed = {
+        row["robot"]: row for row in json.loads(run("robots", "--format", "json")[1])["robots"]
+    }
+    assert list(listed) == tp.robots()
+    for name, row in listed.items():
+        robot = tp.load(name)
+        assert (row["n"], row["mobility"]) == (robot.n, robot.spec.mobility)
+        used, spare = row["sensors in use"].split(), row["further sensors"].split()
+        assert sorted(used + spare) == sorted(sensor.name for sensor in robot.spec.sensor)
+        assert "assumed" in row["numbers from"] and row["full level"] == robot.full.reason
 
 
 @pytest.mark.parametrize("name", tp.robots())
@@ -185,3 +216,60 @@ def test_what_is_out_of_reach_lowers_the_fraction_and_greys_the_map(h4):
     first, second, condition = info.condition_map(robot, points=21)
     assert first[0] == -1 and second[-1] == 0.1
     assert np.isnan(condition[:, 0]).all() and np.isfinite(condition[:, -1]).all()
+
+
+def offered(shell: str, line: str) -> list[str]:
+    """Words that the installed completion gives a shell for what was typed so far."""
+    words = line.split(" ")
+    asked = {
+        "_TRUEPOSE_COMPLETE": f"complete_{shell}",
+        "COMP_WORDS": line,
+        "COMP_CWORD": str(len(words) - 1),
+        "_TYPER_COMPLETE_ARGS": line,
+    }
+    command = [sys.executable, "-m", "truepose"]
+    return subprocess.run(
+        command, env=os.environ | asked, capture_output=True, text=True, check=False
+    ).stdout.split()
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("truepose si", ["simulate"]),
+        ("truepose info hexa", ["hexa", "hexaglide"]),
+        ("truepose calibrate ste", ["stewart"]),
+        ("truepose new lin", ["linear-delta"]),
+        ("truepose simulate h4 --true no", ["nominal"]),
+        ("truepose rehearse h4 --effects ecc", ["eccentricity"]),
+        ("truepose simulate h4 --law car", ["cartesian"]),
+        ("truepose info my_ro", []),  # the shell then offers files
+    ],
+)
+def test_a_shell_completes_commands_robots_and_choices(line, words):
+    assert offered("bash", line) == words
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_the_completion_of_each_shell_can_be_shown(shell):
+    asked = {"_TRUEPOSE_COMPLETE": f"source_{shell}"}
+    command = [sys.executable, "-m", "truepose"]
+    shown = subprocess.run(
+        command, env=os.environ | asked, capture_output=True, text=True, check=True
+    )
+    assert f"_TRUEPOSE_COMPLETE=complete_{shell}" in shown.stdout
+
+
+def test_python_m_truepose_is_the_command_line():
+    words = [sys.executable, "-m", "truepose", "robots", "--help"]
+    shown = subprocess.run(words, capture_output=True, text=True, check=True).stdout
+    assert "Usage: truepose robots" in shown
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/get-started.md", "docs/calibration.md"])
+def test_a_page_shows_commands_that_there_are(run, page):
+    text = (Path(__file__).parents[2] / page).read_text(encoding="utf-8")
+    shown = set(re.findall(r"^    (?:\.venv/bin/)?truepose ([a-z]+)", text, re.M))
+    assert shown
+    for command in shown:
+        assert run(command, "--help")[0] == 0

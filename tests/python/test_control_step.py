@@ -6,7 +6,7 @@ import pytest
 import truepose as tp
 from truepose import _core
 from truepose.robot import knowledge
-from truepose.simulation.simulate import LAWS
+from truepose.robot.laws import LAWS
 
 OK, UNREACHABLE, NOT_FINITE = "ok", "unreachable", "not finite"
 X_D = [0.02, 0.01, -0.42, 0.1]
@@ -28,7 +28,7 @@ class Drive:
     def step(self, x, q_e, rate=(0, 0, 0, 0), acceleration=(0, 0, 0, 0)) -> str:
         setpoint = [padded(v, 6) for v in (x, rate, acceleration)]
         status, _ = self.state.step(
-            self.robot._core, self.settings, *setpoint, padded(q_e, 16), self.known
+            self.robot.core, self.settings, *setpoint, padded(q_e, 16), self.known
         )
         return _core.describe(status)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.robotfile import read as robot_file
+from truepose import robotfile
 
 BAND = 0.05
 WIRE = """
@@ -18,7 +18,7 @@ origin = [0.1, 0.6, 0.0]
 @pytest.fixture(scope="module")
 def sinking(tmp_path_factory):
     """Return a five-bar with a draw-wire, and a path of poses that ends with its rods in line."""
-    text = robot_file.shipped()["five-bar"].read_text(encoding="utf-8")
+    text = robotfile.shipped()["five-bar"].read_text(encoding="utf-8")
     path = tmp_path_factory.mktemp("five-bar") / "robot.toml"
     path.write_text(text + WIRE, encoding="utf-8")
     robot = tp.load(path).with_sensors("wire")

@@ -14,16 +14,16 @@ import truepose as tp
 @pytest.fixture(scope="module")
 def printer():
     """Return a linear Delta whose rods, radius and offsets are known to millimetres only."""
-    from truepose.robotfile import read as robot_file
+    from truepose import robotfile
 
-    text = robot_file.shipped()["linear-delta"].read_text(encoding="utf-8")
+    text = robotfile.shipped()["linear-delta"].read_text(encoding="utf-8")
     head, _ = text.split("[tolerances]")
     loose = """[tolerances]
 "chain*.rod" = { sigma = 0.003 }
 "chain*.base.[xy]" = { sigma = 0.003 }
 "chain*.encoder_offset" = { sigma = 0.003 }
 """
-    return tp.Robot(robot_file.parse(head + loose, "printer"))
+    return tp.Robot(robotfile.parse(head + loose, "printer"))
 
 
 def built(printer, rng):

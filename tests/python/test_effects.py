@@ -8,7 +8,8 @@ import pytest
 
 import truepose as tp
 from truepose import _core
-from truepose.simulation.simulate import Controller, visit
+from truepose.simulation.controller import Controller
+from truepose.simulation.visit import visit
 
 SOFT = Controller(law="joint", frequency=20.0, velocity_bandwidth=300.0)
 
@@ -215,3 +216,11 @@ def test_a_robot_at_rest_learns_nothing_new(h4):
 def test_learning_belongs_to_the_robot_that_is_controlled(h4):
     with pytest.raises(tp.InputError, match="learn"):
         tp.simulate(h4, learn=tp.OnlineCalibration(h4.unquantised()))
+
+
+@pytest.mark.parametrize(("name", "joints"), [("h4", 4), ("delta", 4), ("hexa", 2), ("3rrr", 2)])
+def test_a_chain_with_two_rods_has_twice_the_passive_joints(name, joints):
+    robot = tp.load(name)
+    plant = tp.Effects(motor_friction=0.1, joint_friction=0.01).plant(robot)
+    assert plant.friction[: robot.n] == pytest.approx([0.1 + joints * 0.01] * robot.n)
+    assert plant.friction[robot.n :] == [0.0] * (6 - robot.n)

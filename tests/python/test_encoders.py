@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.simulation.simulate import LAWS
+from truepose.robot.laws import LAWS
 
 C1, S1, C2, S2 = 0.01, -0.02, 0.005, 0.015
 KEY = f"eccentricity = [{C1}, {S1}, {C2}, {S2}]"
@@ -153,3 +153,11 @@ def test_a_robot_may_be_pushed_beyond_its_limits(limited, h4):
 def test_a_home_beyond_a_joint_limit_makes_no_robot(spoil):
     with pytest.raises(tp.RobotFileError, match=r"home = .*: beyond a joint limit, chain 1"):
         spoil(chain1="limits = [0.0, 0.1]")
+
+
+@pytest.mark.parametrize("name", ["h4", "linear-delta", "hexaglide", "stewart"])
+def test_a_shaft_counts_per_turn_and_a_slide_per_metre(name):
+    robot = tp.load(name)
+    for chain, step in zip(robot.spec.chain, robot.resolution, strict=False):
+        whole = 2 * np.pi if chain.actuator == "revolute" else 1.0
+        assert step == pytest.approx(whole / chain.encoder_counts, rel=1e-15)

@@ -10,9 +10,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.paper import data as paper_data
-from truepose.paper import experiment
-from truepose.paper import table3 as statistics
+from truepose.paper import article, experiment, statistics
 
 ALPHA = np.array([0, np.pi, 3 * np.pi / 2, 3 * np.pi / 2])
 X, Y, Z = np.eye(3)
@@ -199,7 +197,7 @@ def test_erratum_5_the_last_row_of_m_is_for_theta_and_for_4_theta_its_weight_wou
 def test_erratum_7_thetas_quadratic_error_is_in_square_degrees(rng):
     """Table 3 prints mm² for every row. θ's only agrees with its other columns as deg²."""
     for law in ("usual", "redundant"):
-        theta = {s: paper_data.table3()[law]["theta", s] for s in paper_data.STATISTICS}
+        theta = {s: article.table3()[law]["theta", s] for s in article.STATISTICS}
         # The mean square lies between the squares of the mean and of the peak: same unit, squared.
         mean_square = theta["sum_sq"] / 625
         assert theta["average"] ** 2 < mean_square < theta["peak_to_peak"] ** 2
@@ -213,7 +211,7 @@ def test_erratum_7_thetas_quadratic_error_is_in_square_degrees(rng):
 
 def test_erratum_8_table_3_changes_x_y_z_by_more_than_the_law_can(h4, table2):
     """Section 4 finds no change. Robots shrunk to the printed bias of θ show what the law does."""
-    printed = paper_data.table3()
+    printed = article.table3()
     usual, redundant = (
         np.array([printed[law][c, "sum_sq"] for c in "xyz"]) for law in ("usual", "redundant")
     )

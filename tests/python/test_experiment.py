@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.paper import data as paper_data
-from truepose.paper import experiment
+from truepose.paper import article, experiment
 
 
 @pytest.fixture(scope="module")
@@ -28,8 +27,8 @@ def test_a_robot_with_the_papers_errors_is_as_wrong_as_the_papers_was(hundred_ro
     """The paper's one robot lies among those drawn from its errors, for all but θ's noise."""
     drawn = hundred_robots.tables["joint"]
     for quantity in ("x", "y", "z", "norm_xyz"):
-        printed = paper_data.table3()["usual"][quantity, "sum_sq"]
-        values = drawn[:, paper_data.QUANTITIES.index(quantity), 2]
+        printed = article.table3()["usual"][quantity, "sum_sq"]
+        values = drawn[:, article.QUANTITIES.index(quantity), 2]
         assert values.min() < printed < values.max()
 
 
@@ -51,7 +50,7 @@ def test_drawing_more_robots_does_not_change_the_first_ones(h4):
 
 
 def test_errors_are_drawn_from_the_papers_ranges_and_nothing_else_changes(h4):
-    ranges = paper_data.simulation_errors()
+    ranges = article.simulation_errors()
     nominal = h4.parameters
     drawn = [robot.parameters for robot in experiment.draw_robots(h4, 300, seed=1)]
     moved = {

@@ -7,7 +7,7 @@ import pytest
 
 import truepose as tp
 from truepose.paper import forgotten
-from truepose.simulation.simulate import Controller
+from truepose.simulation.controller import Controller
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +75,7 @@ def test_what_a_builder_allows_for_is_what_the_effects_do(h4):
 
 def test_a_robot_that_swings_is_no_robot_at_rest(h4):
     """The nominal PD on arms that give way: a limit cycle, said and left out."""
-    from truepose.simulation.simulate import visit
+    from truepose.simulation.visit import visit
 
     x, q_e, status = visit(h4, h4, [[0.05, 0, -0.4, 0.1]], "joint", effects=tp.Effects())
     assert "does not come to rest" in status[0]

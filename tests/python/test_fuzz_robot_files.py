@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.commands import check as checking
-from truepose.robotfile import read as robot_file
+from truepose import robotfile
+from truepose.commands.check import check
 
 _WORD = re.compile(r'"[^"\n]*"|[\w.+-]+|[\[\]{}=,]')
 _INSTEAD = ["", "nan", "-inf", "1e308", "-1", "0", "true", '""', '"x"', "[]", "{}", "[[1]]"]
@@ -51,13 +51,13 @@ def torn(text: str, rng: np.random.Generator) -> bytes:
 
 
 def test_torn_files_and_random_bytes_are_refused_line_by_line_or_read(rng, tmp_path, count):
-    texts = [path.read_text(encoding="utf-8") for path in robot_file.shipped().values()]
+    texts = [path.read_text(encoding="utf-8") for path in robotfile.shipped().values()]
     path = tmp_path / "torn.toml"
     refused = 0
     for _ in range(max(count // 500, 50)):
         path.write_bytes(torn(texts[rng.integers(len(texts))], rng))
         try:
-            robot, problems = checking.check(path)
+            robot, problems = check(path)
         except tp.RobotFileError as error:  # not text
             robot, problems = None, [str(error)]
         assert (robot is None) == bool(problems)
@@ -72,12 +72,12 @@ def test_torn_files_and_random_bytes_are_refused_line_by_line_or_read(rng, tmp_p
 
 @pytest.mark.parametrize("name", tp.robots())
 def test_a_spoiled_file_is_a_robot_or_one_line_a_problem(name, rng, tmp_path, count):
-    text = robot_file.shipped()[name].read_text(encoding="utf-8")
+    text = robotfile.shipped()[name].read_text(encoding="utf-8")
     path = tmp_path / "fuzz.toml"
     refused = 0
     for _ in range(max(count // 5000, 10)):
         path.write_text(spoiled(text, rng), encoding="utf-8")
-        robot, problems = checking.check(path)
+        robot, problems = check(path)
         assert (robot is None) == bool(problems)
         refused += robot is None
         for line in problems:

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.logs import write as run_logs
-from truepose.robotfile import read as robot_file
+from truepose import logs, robotfile
 
 #: Cases of each kind; together 300.
 LOGS, ROBOTS, OUTPUTS = range(120), range(120), range(60)
@@ -23,7 +22,7 @@ def good(h4, tmp_path_factory):
     folder = tmp_path_factory.mktemp("good")
     run = tp.simulate(h4, duration=0.02, hold=0.0)
     for ending in ("csv", "parquet", "mcap"):
-        run_logs.write(run, folder / f"log.{ending}")
+        logs.write(run, folder / f"log.{ending}")
     return {p.suffix[1:]: p.read_bytes() for p in folder.iterdir()}
 
 
@@ -163,8 +162,8 @@ def test_a_hostile_log_is_refused_in_one_line(run, good, tmp_path, seed):
 @pytest.mark.parametrize("seed", ROBOTS)
 def test_a_hostile_robot_file_is_refused_or_works(run, tmp_path, seed):
     rng = np.random.default_rng(1000 + seed)
-    names = sorted(robot_file.shipped())
-    text = robot_file.shipped()[names[rng.integers(len(names))]].read_text(encoding="utf-8")
+    names = sorted(robotfile.shipped())
+    text = robotfile.shipped()[names[rng.integers(len(names))]].read_text(encoding="utf-8")
     spoilt = hostile_robot(text, rng)
     path = tmp_path / "robot.toml"
     path.write_text(spoilt, encoding="utf-8")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.simulation.simulate import visit
+from truepose.simulation.visit import visit
 from truepose.threads import each
 
 
@@ -51,7 +51,7 @@ LONG = {
     "ikm": lambda: H4.ikm(MANY),
     "fkm at the full level": lambda: H4.fkm(MANY_Q_E[:, :4], level="full"),
     "jacobian": lambda: H4.jacobian(MANY),
-    "read": lambda: tp._core.spoil(H4._core, np.tile(MANY_Q_E, (3, 1)), 0),
+    "read": lambda: tp._core.spoil(H4.core, np.tile(MANY_Q_E, (3, 1)), 0),
     "estimate": lambda: H4.estimate(MANY_Q_E[:40_000]),
     "settle": lambda: tp.settle(H4, TRUE, MANY),
     "simulate": lambda: tp.simulate(H4, TRUE, hold=100.0),

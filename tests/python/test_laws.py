@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.paper import experiment, tables
-from truepose.paper import sensor_sets as sensing
-from truepose.simulation.simulate import LAWS
+from truepose.paper import experiment, sensor_sets, tables
+from truepose.robot.laws import LAWS
 from truepose.simulation.true_robots import with_tolerance_errors
 
 ROBOTS = 12  # drawn for each figure; their error is nearly one offset each
@@ -132,8 +131,8 @@ def test_a_simulated_move_ends_where_self_calibrated_statics_say_within_counts(h
 
 
 def test_sets_of_sensors_are_compared_on_the_same_robots(h4):
-    lines = sensing.compare(h4, robots=3, seed=1)
-    assert len(lines) == 2 * len(sensing.SETS)
+    lines = sensor_sets.compare(h4, robots=3, seed=1)
+    assert len(lines) == 2 * len(sensor_sets.SETS)
     for line in lines:
         rms = line.rms
         assert rms["weighted"] < rms["joint"]

@@ -7,10 +7,8 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose import _core
+from truepose import _core, logs
 from truepose.calibration import expectation, log_checks, log_faults
-from truepose.calibration import fit as calibration
-from truepose.logs import read as logs
 from truepose.robot import frames
 from truepose.simulation.true_robots import with_tolerance_errors
 
@@ -152,7 +150,7 @@ def tracked(anywhere):
     x = anywhere(robot, 100, rng)
     base = np.eye(4)
     base[:3, :3], base[:3, 3] = frames.rotation([2, -1, 1]), [1, 2, 3]
-    seen = _core.seen(robot._core, base, np.eye(4), x, x)[0] + 1e-5 * rng.normal(size=x.shape)
+    seen = _core.seen(robot.core, base, np.eye(4), x, x)[0] + 1e-5 * rng.normal(size=x.shape)
     outside = {f"measured_{c}": seen[:, k] for k, (c, _) in enumerate(robot.coordinates)}
     return robot, with_tolerance_errors(robot, 2).read(x), outside
 
@@ -289,7 +287,7 @@ def test_messages_of_another_pose_do_not_join(cases, tmp_path):
 MEASURE = """
 import resource, sys
 import numpy as np, truepose as tp
-from truepose.calibration import fit as calibration
+from truepose.calibration.fit import memory
 robot = tp.load("h4")
 rng = np.random.default_rng(0)
 box = robot.spec.workspace
@@ -297,7 +295,7 @@ q_e = robot.expected().read(rng.uniform(box.minimum, box.maximum, (int(sys.argv[
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 tp.calibrate(robot, q_e, model_error="off")
 used = 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
-print(used / calibration.memory(robot, len(q_e), False, False))
+print(used / memory(robot, len(q_e), False, False))
 """
 
 
@@ -312,7 +310,7 @@ def test_no_more_memory_is_taken_than_was_said():
 def test_much_memory_is_said_before_it_is_taken(cases, monkeypatch):
     robot, q_e = cases["h4"]
     said = r"h4: 100 lines of readings need about 0.0 GB of memory"
-    monkeypatch.setattr(calibration, "MUCH", 1e5)
+    monkeypatch.setattr("truepose.calibration.fit.MUCH", 1e5)
     with pytest.warns(UserWarning, match=said):
         tp.calibrate(robot, q_e)
 

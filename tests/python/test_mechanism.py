@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.commands import check as checking
 from truepose.commands import info
+from truepose.commands.check import check
 
 PLANAR = """
 name = "crossed"
@@ -117,7 +117,7 @@ def test_too_few_and_too_many_chains(write, h4_text):
 
 def test_a_freedom_that_only_the_single_rods_show_is_told_by_check(write):
     path = write(UPRIGHT)
-    robot, problems = checking.check(path)
+    robot, problems = check(path)
     told = r"loose by 1: 6 rods, 6 freedoms; the rods do not hold the nacelle against turning about"
     assert robot is None and len(problems) == 1
     assert re.match(rf"{path}:\d+: upright: {told} z", problems[0])
@@ -133,7 +133,7 @@ def test_check_tells_names_and_mechanism_though_keys_are_wrong(write, h4_text):
         "sigma = 0.0003 → sgma = 0.0003",
         "torque_limit = 30.0 → torque_limit = -30.0",
     )
-    _, problems = checking.check(write(text))
+    _, problems = check(write(text))
     told = "\n".join(problems)
     for what in (
         "home = .*: unreachable, chain 1: its rod is .* mm too short",

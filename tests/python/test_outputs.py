@@ -13,9 +13,8 @@ import numpy as np
 import pytest
 
 import truepose as tp
+from truepose import files, logs
 from truepose.commands import calibration_figures, cli
-from truepose.files import write as saving
-from truepose.logs import write as run_logs
 from truepose.paper import report
 from truepose.simulation.plants import viewing
 
@@ -26,6 +25,8 @@ WRITERS = {
     "svg": ("info", "h4", "--samples", "20", "--plot", "out.svg"),
     "png": ("accuracy", "h4", "--sensors", "none", "--plot", "out.png"),
     "pdf": ("info", "h4", "--samples", "20", "--plot", "out.pdf"),
+    "log": ("simulate", "h4", "-o", "out.csv"),
+    "truth": ("rehearse", "h4", "-o", "new.csv", "--truth", "out.toml", "--poses", "20"),
     "model": ("export", "mjcf", "h4", "-o", "out.xml"),
 }
 
@@ -52,7 +53,7 @@ def folder(tmp_path, log):
 @pytest.fixture
 def plain_page(monkeypatch):
     """Write reports without their figures: most of the time of a calibration."""
-    page = f"<!-- {saving.mark('report')} -->"
+    page = f"<!-- {files.mark('report')} -->"
     monkeypatch.setattr(calibration_figures, "page", lambda *_: page)
 
 
@@ -93,7 +94,7 @@ def test_a_signal_while_writing_leaves_what_was_there(run, folder, monkeypatch, 
         sys.exit(code)
 
     monkeypatch.setattr(cli.os, "_exit", leave)
-    monkeypatch.setattr(saving.os, "fsync", lambda _: signal.raise_signal(number))
+    monkeypatch.setattr(files.writing.os, "fsync", lambda _: signal.raise_signal(number))
     status, out, _ = run(*words, "--force")
     assert (status, out) == (128 + number, "")
     assert {p.name: p.read_bytes() for p in folder.iterdir()} == before
@@ -139,6 +140,8 @@ INPUTS = {
         (("calibrate", "mine.toml", "log.csv", "-o"), "mine.toml"),
         (("calibrate", "mine.toml", "log.csv", "-o", "a.toml", "--report"), "mine.toml"),
         (("export", "mjcf", "mine.toml", "-o"), "mine.toml"),
+        (("simulate", "h4", "--true", "mine.toml", "--plot", "a.png", "-o"), "mine.toml"),
+        (("rehearse", "mine.toml", "--truth"), "mine.toml"),
     ],
 )
 def test_an_input_is_never_replaced(run, folder, h4, words, own, alias, force):
@@ -195,12 +198,12 @@ def test_a_robot_is_saved_in_the_place_of_robots_only(h4, tmp_path, kind):
 @pytest.mark.parametrize("ending", ["csv", "parquet", "mcap"])
 def test_a_log_replaces_logs_only(h4, tmp_path, ending):
     run, path = tp.simulate(h4, duration=0.01, hold=0.0), tmp_path / f"log.{ending}"
-    run_logs.write(run, path)
-    run_logs.write(run, path)
+    logs.write(run, path)
+    logs.write(run, path)
     path.write_bytes(b"q1,q2\n0,0\n")
     with pytest.raises(tp.InputError, match="is there already and is no log that truepose wrote"):
-        run_logs.write(run, path)
-    run_logs.write(run, path, force=True)
+        logs.write(run, path)
+    logs.write(run, path, force=True)
 
 
 def test_a_picture_from_mujoco_is_a_file_like_others(h4, tmp_path, monkeypatch):
@@ -212,7 +215,7 @@ def test_a_picture_from_mujoco_is_a_file_like_others(h4, tmp_path, monkeypatch):
 
 def _in_folder(out, name="poses.csv", text="a,b\n1,2\n", force=False):
     with report.folder(out, force) as work:
-        page = f"<!doctype html><!-- {saving.mark('report')} -->"
+        page = f"<!doctype html><!-- {files.mark('report')} -->"
         (work / report.PAGE).write_text(page, encoding="utf-8")
         (work / name).write_text(text, encoding="utf-8")
 
@@ -269,7 +272,7 @@ def test_a_page_shows_names_as_they_are(run, folder, h4_text, log):
     for shown in (title, "<b>&.csv", "<i>"):
         assert html.escape(shown) in page
     assert "<i>" in err and "Wrote page.html" in out
-    saving.check([saving.Output(folder / "page.html", "report")])  # which it is known to be
+    files.check([files.Output(folder / "page.html", "report")])  # which it is known to be
 
 
 def test_a_fault_of_truepose_is_one_line_that_says_so(run, monkeypatch):

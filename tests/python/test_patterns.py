@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.robotfile import read as robot_file
+from truepose import robotfile
 from truepose.robotfile.pattern import expand, turned
 
 
@@ -42,7 +42,7 @@ def test_the_pattern_is_the_robot_written_out(name):
     short = tp.load(name)
     data = short.spec.model_dump(mode="json", exclude_none=True)
     del data["pattern"]
-    long = tp.Robot(robot_file.validate(data, "long"))
+    long = tp.Robot(robotfile.validate(data, "long"))
     assert long.parameters == short.parameters
     x = short.home + 0.01
     assert (long.ikm(x) == short.ikm(x)).all()
@@ -73,7 +73,7 @@ def test_a_robot_of_three_equal_parts_moves_alike_when_all_is_turned(name):
     ],
 )
 def test_a_spoiled_pattern_is_told_what_is_wrong(old, new, line):
-    text = robot_file.shipped()["delta"].read_text(encoding="utf-8")
+    text = robotfile.shipped()["delta"].read_text(encoding="utf-8")
     with pytest.raises(tp.RobotFileError) as raised:
-        robot_file.parse(text.replace(old, new, 1), "FILE")
+        robotfile.parse(text.replace(old, new, 1), "FILE")
     assert str(raised.value).startswith(f"FILE: {line}"), raised.value

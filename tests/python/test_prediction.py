@@ -6,27 +6,26 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.commands import accuracy as prediction
-from truepose.commands import info
+from truepose.commands import accuracy, info
 
 
 def test_table_2_is_the_grid_of_the_h4s_workspace(h4, table2):
-    assert prediction.workspace_grid(h4) == pytest.approx(table2)
+    assert accuracy.workspace_grid(h4) == pytest.approx(table2)
 
 
 def test_default_sets_are_none_those_in_use_each_further_one_and_all(h4):
-    sets = prediction.sensor_sets(h4)
+    sets = accuracy.sensor_sets(h4)
     assert sets[:3] == [(), ("theta",), ("theta", "z_telemeter")]
     assert set(sets[-1]) == {s.name for s in h4.spec.sensor} and len(set(sets)) == len(sets)
     for robot in map(tp.load, tp.robots()):
-        for names in prediction.sensor_sets(robot):
+        for names in accuracy.sensor_sets(robot):
             assert robot.with_sensors(*names).r == len(names)
 
 
 def test_every_robot_has_its_prediction(any_robot, anywhere, rng):
     """More is never worse: a row's σ is at most that of motors alone; learning helps or not."""
     poses = anywhere(any_robot, 30, rng)
-    found = prediction.predict(any_robot, poses=poses, calibrated=True, touch_off=any_robot.home)
+    found = accuracy.predict(any_robot, poses=poses, calibrated=True, touch_off=any_robot.home)
     assert list(found.sigma) == [
         "as built",
         "as built, touched off",
@@ -41,11 +40,11 @@ def test_every_robot_has_its_prediction(any_robot, anywhere, rng):
 
 def test_the_rows_are_root_mean_squares_of_the_bound(h4, table2):
     poses = table2[::50]
-    found = prediction.predict(h4, [["theta"]], poses)
+    found = accuracy.predict(h4, [["theta"]], poses)
     variance = np.einsum("kii->ki", tp.accuracy(h4, poses)).mean(axis=0)
     assert found.sigma["as built"][0, :4] == pytest.approx(np.sqrt(variance))
     assert found.sigma["as built"][0, 4] == pytest.approx(np.sqrt(variance[:3].sum()))
-    (table,) = prediction.tables(found)
+    (table,) = accuracy.tables(found)
     assert table.header == ["sensors", "x (mm)", "y (mm)", "z (mm)", "theta (°)", "position (mm)"]
     assert float(table.rows[0][4]) == pytest.approx(np.degrees(np.sqrt(variance[3])), rel=1e-2)
 
@@ -53,7 +52,7 @@ def test_the_rows_are_root_mean_squares_of_the_bound(h4, table2):
 def test_unreachable_corners_of_a_workspace_are_left_out_and_counted(h4):
     box = h4.spec.workspace.model_copy(update={"minimum": (-1.0, -0.1, -0.45, -0.5)})
     robot = tp.Robot(h4.spec.model_copy(update={"workspace": box}))
-    found = prediction.predict(robot, [["theta"]])
+    found = accuracy.predict(robot, [["theta"]])
     assert found.left_out > 100 and len(found.poses) + found.left_out == 625
     assert np.isfinite(found.sigma["as built"]).all()
 
@@ -90,7 +89,7 @@ def test_the_command_draws_a_map(run, tmp_path):
 
 
 def test_the_map_shows_the_bound(h4):
-    figure = prediction.draw_map(h4, points=11)
+    figure = accuracy.draw_map(h4, points=11)
     title = figure.axes[0].get_title()
     assert "slice through home" in title and "theta; as built" in title
     x = info.workspace_slice(h4, 11)[2]

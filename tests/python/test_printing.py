@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.commands import accuracy as prediction
-from truepose.commands import cli, info
-from truepose.paper.tables import Table, fixed, number
-from truepose.show import terminal as printing
+from truepose.commands import accuracy, cli, info
+from truepose.show.table import Table, fixed, number
+from truepose.show.terminal import laid_out
 
 
 def a_table(rng, rows=4) -> Table:
@@ -36,7 +35,7 @@ def a_table(rng, rows=4) -> Table:
 def test_every_figure_of_a_table_is_printed_whole(seed):
     rng = np.random.default_rng(seed)
     table, width = a_table(rng), int(rng.integers(40, 160))
-    text = printing.laid_out(table, width)
+    text = laid_out(table, width)
     words = "\n".join(text).split()
     for row in table.rows:
         for figure in row[1:]:
@@ -63,7 +62,7 @@ def test_accuracy_shows_the_figures_that_it_gives_programs(run, monkeypatch, rob
         for name, value in list(row.items())[1:]:
             assert name.endswith((" (mm)", " (°)")) and str(number(value)) in shown.split()
     rows = list(csv.DictReader(io.StringIO(run(*words, "--format", "csv")[1])))
-    found = prediction.predict(tp.load(robot), [row["sensors"].split(",") for row in rows[:1]])
+    found = accuracy.predict(tp.load(robot), [row["sensors"].split(",") for row in rows[:1]])
     assert float(rows[0]["x (mm)"]) == 1e3 * found.sigma["as built"][0, 0]
     assert {row["table"] for row in rows} == set(tables)
     for row in rows:
@@ -118,18 +117,18 @@ def test_what_an_output_cannot_hold_is_spelt(monkeypatch, tmp_path, encoding, wo
     ],
 )
 def test_sensors_are_named_by_globs(h4, text, names):
-    assert list(prediction.parse_set(h4, text))[:6] == names
-    assert h4.with_sensors(*prediction.parse_set(h4, text)).r >= len(names)
+    assert list(accuracy.parse_set(h4, text))[:6] == names
+    assert h4.with_sensors(*accuracy.parse_set(h4, text)).r >= len(names)
 
 
 @pytest.mark.parametrize("text", ["ebow*", "elbow*,x", "", ",", "theta,"])
 def test_a_glob_of_no_sensor_is_said_with_what_there_is(h4, text):
     with pytest.raises(tp.InputError, match=r"unknown sensor '.*choices: theta, z_telemeter"):
-        prediction.parse_set(h4, text)
+        accuracy.parse_set(h4, text)
 
 
 def test_the_usual_table_offers_every_kind_of_sensor_together(any_robot):
-    sets = prediction.sensor_sets(any_robot)
+    sets = accuracy.sensor_sets(any_robot)
     kinds = {s.name: s.kind for s in any_robot.spec.sensor if s.name not in any_robot.sensors}
     for kind in kinds.values():
         group = [name for name in kinds if kinds[name] == kind]
@@ -138,8 +137,8 @@ def test_the_usual_table_offers_every_kind_of_sensor_together(any_robot):
 
 
 def test_a_group_is_named_as_it_may_be_asked_for(h4):
-    for names in prediction.sensor_sets(h4)[1:-1]:
-        assert prediction.parse_set(h4, prediction.label(h4, names)) == names
+    for names in accuracy.sensor_sets(h4)[1:-1]:
+        assert accuracy.parse_set(h4, accuracy.label(h4, names)) == names
 
 
 def test_a_calibration_gives_programs_si(run, h4, table2, tmp_path):

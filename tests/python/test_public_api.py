@@ -1,17 +1,17 @@
 """Is what the package offers there, described, and light to import?"""
 
 import inspect
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 import truepose as tp
-from truepose.paper import data as paper_data
-from truepose.paper import experiment
-from truepose.paper import table3 as statistics
-from truepose.robotfile import read as robot_file
-from truepose.simulation import true_robots as errors
+from truepose import robotfile
+from truepose.paper import article, errors, experiment, statistics
+from truepose.simulation import true_robots
 
 
 @pytest.mark.parametrize("name", tp.__all__)
@@ -19,7 +19,7 @@ def test_every_public_name_exists_and_says_what_it_is(name):
     assert inspect.getdoc(getattr(tp, name))
 
 
-MODULES = [errors, experiment, paper_data, robot_file, statistics]
+MODULES = [errors, true_robots, experiment, article, robotfile.reading, statistics]
 
 
 @pytest.mark.parametrize("owner", [tp.Robot, tp.Simulation, tp.Controller, *MODULES])
@@ -57,3 +57,31 @@ def test_errors_can_be_caught_together_and_apart(h4):
     assert issubclass(tp.InputError, ValueError)
     with pytest.raises(tp.TrueposeError):
         h4.ikm([0, 0, -2, 0])
+
+
+def test_dir_shows_the_api_alone():
+    assert set(dir(tp)) == {*tp.__all__, "__version__"}
+
+
+def test_what_is_installed_points_to_nothing_that_is_not():
+    """A wheel has no docs, examples, benchmarks or tests of the sources."""
+    folder = Path(tp.__file__).parent
+    sources = [*folder.rglob("*.py"), *folder.rglob("*.j2")]
+    elsewhere = re.compile(r"\b(docs|examples|benchmarks|tests)/\w")
+    writers = {"twin_folder.py"}  # of a page that stands in the sources
+    found = [
+        f"{path.relative_to(folder)}: {line}"
+        for path in sources
+        if path.name not in writers
+        for line in path.read_text(encoding="utf-8").splitlines()
+        if elsewhere.search(line)
+    ]
+    assert found == []
+
+
+def test_types_are_told():
+    """Of the package by its sources, of the core by the stub that is built with it."""
+    folder = Path(tp.__file__).parent
+    assert (folder / "py.typed").is_file()
+    if not (folder.parents[1] / "pyproject.toml").is_file():  # installed, not the sources
+        assert "class Robot:" in (folder / "_core.pyi").read_text(encoding="utf-8")

@@ -34,7 +34,7 @@ def sigma_of(robot):
 
 
 def see(robot, base, marker, x):
-    return _core.seen(robot._core, base, marker, x, np.zeros_like(x))
+    return _core.seen(robot.core, base, marker, x, np.zeros_like(x))
 
 
 def measured(robot, base, marker, x, rng):
@@ -71,7 +71,7 @@ def test_what_is_seen_changes_as_its_derivatives_say(any_robot, anywhere, rng):
     seen, _, H_x, H, _ = see(any_robot, base, marker, x)
 
     def apart(base, marker, x):  # of the first coordinates, along the tangent
-        return -_core.seen(any_robot._core, base, marker, np.ascontiguousarray(x), seen)[1]
+        return -_core.seen(any_robot.core, base, marker, np.ascontiguousarray(x), seen)[1]
 
     def moved(T, k, h, left):
         d = np.zeros(6)
@@ -270,13 +270,12 @@ def test_partly_measured_poses_count_as_far_as_they_go(h4, anywhere, rng):
 @pytest.mark.parametrize("level", ["ideal", "full"])
 def test_the_experiments_own_log_calibrates_at_the_defaults(h4, tmp_path, level):
     """docs/experiment.md's twin, whose vision frame is 1.9° and 20 mm off the base."""
-    from truepose.logs import read as logs
-    from truepose.logs import write as run_logs
+    from truepose import logs
     from truepose.paper import twin
 
     there = twin.shipped()
     run = there.run(h4, ("joint",))["joint"]
-    run_logs.write(run, tmp_path / "experiment.csv")
+    logs.write(run, tmp_path / "experiment.csv")
     log = logs.read(h4, tmp_path / "experiment.csv")
     assert np.isfinite(log.measured_sigma).all()
     fit = tp.calibrate(h4, log, loss="student", level=level, model_error="on")

@@ -11,11 +11,9 @@ import numpy as np
 import pytest
 
 import truepose as tp
+from truepose import files
 from truepose.commands import cli
-from truepose.files import write as saving
-from truepose.paper import data as paper_data
-from truepose.paper import figures, forgotten, report, tables
-from truepose.paper import table3 as statistics
+from truepose.paper import article, figures, forgotten, report, statistics, tables
 
 
 def run(*arguments):
@@ -132,7 +130,7 @@ def test_the_page_stands_alone(made):
 @pytest.mark.parametrize("name", ["table3_one_robot", "table3_robots"])
 def test_what_the_paper_prints_keeps_the_papers_digits(made, name):
     """0.5 of it is 0.5, not 0.500, which would claim a precision that nobody printed."""
-    printed = paper_data.table3_as_printed()
+    printed = article.table3_as_printed()
     table = rows(made[1] / f"{name}.csv")
     for row, (_, key, label) in zip(table, tables.cells(), strict=True):
         assert row[tables.UNITS] == label
@@ -216,7 +214,7 @@ def test_a_wrong_call_gets_one_line_and_status_2(arguments, words):
 def test_a_run_that_fails_leaves_nothing_half_written(tmp_path, monkeypatch, capsys, failure):
     before = tmp_path / "kept"
     before.mkdir()
-    (before / "report.html").write_text(saving.mark("report"))
+    (before / "report.html").write_text(files.mark("report"))
 
     def fail(_, path):
         path.with_suffix(".svg").write_text("half a picture")
@@ -234,7 +232,7 @@ def test_a_run_that_fails_leaves_nothing_half_written(tmp_path, monkeypatch, cap
         assert "interrupted" in message or "No space left" in message
     assert not (tmp_path / "new").exists()
     assert [file.name for file in before.iterdir()] == ["report.html"]
-    assert (before / "report.html").read_text() == saving.mark("report")
+    assert (before / "report.html").read_text() == files.mark("report")
 
 
 def test_help_explains_itself_with_an_example():

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.logs import read as logs
-from truepose.logs import write as run_logs
+from truepose import logs
 from truepose.paper import virtual_experiment
 from truepose.simulation.plants.exact import ExactPlant
 from truepose.simulation.vision import Setup, Vision
@@ -30,7 +29,7 @@ def measured(h4, truth, table2):
 @pytest.mark.parametrize("ending", FORMATS)
 def test_a_move_comes_back_bit_for_bit(h4, move, tmp_path, ending):
     path = tmp_path / f"move.{ending}"
-    run_logs.write(move, path)
+    logs.write(move, path)
     log = logs.read(h4, path)
     assert (log.readings == move.q_e).all()
     assert log.measured is None
@@ -40,7 +39,7 @@ def test_a_move_comes_back_bit_for_bit(h4, move, tmp_path, ending):
 @pytest.mark.parametrize("ending", FORMATS)
 def test_an_experiment_comes_back_with_what_vision_measured(h4, measured, tmp_path, ending):
     path = tmp_path / f"experiment.{ending}"
-    run_logs.write(measured, path)
+    logs.write(measured, path)
     log = logs.read(h4, path)
     for found, written in ((log.readings, measured.q_e), (log.measured, measured.measured)):
         assert np.array_equal(found, written, equal_nan=True)
@@ -54,7 +53,7 @@ def test_truepose_calibrate_reads_what_was_written(run, h4, truth, table2, tmp_p
     visit = ExactPlant(truth, tp.Effects().only("quantisation")).visit(
         h4, (table2 + beside)[::3], tp.Controller(law="joint")
     )
-    run_logs.write(visit, path, h4)
+    logs.write(visit, path, h4)
     code, out, err = run("calibrate", "h4", path, "-o", tmp_path / "calibrated.toml")
     assert code == 0, err
     assert "Wrote" in out and (tmp_path / "calibrated.toml").exists()
@@ -63,9 +62,9 @@ def test_truepose_calibrate_reads_what_was_written(run, h4, truth, table2, tmp_p
 def test_every_column_says_its_unit_and_what_it_is(h4, move, measured, truth):
     visit = ExactPlant(truth).visit(h4, np.array([h4.home]), tp.Controller())
     for listed in (
-        run_logs.columns(move),
-        run_logs.columns(measured),
-        run_logs.columns(visit, h4),
+        logs.columns(move),
+        logs.columns(measured),
+        logs.columns(visit, h4),
     ):
         names = [column.name for column in listed]
         assert len(set(names)) == len(names)
@@ -76,14 +75,14 @@ def test_every_column_says_its_unit_and_what_it_is(h4, move, measured, truth):
 
 def test_parquet_holds_units_and_descriptions(measured, tmp_path):
     parquet = pytest.importorskip("pyarrow.parquet")
-    run_logs.write(measured, tmp_path / "a.parquet")
+    logs.write(measured, tmp_path / "a.parquet")
     field = parquet.read_schema(tmp_path / "a.parquet").field("measured_x")
     assert field.metadata[b"unit"] == b"m" and b"vision" in field.metadata[b"description"]
 
 
 def test_mcap_channels_have_json_schemas_with_units(move, tmp_path):
     reader = pytest.importorskip("mcap.reader")
-    run_logs.write(move, tmp_path / "a.mcap")
+    logs.write(move, tmp_path / "a.mcap")
     with (tmp_path / "a.mcap").open("rb") as file:
         messages = list(reader.make_reader(file).iter_messages(topics=["/torque"]))
     assert len(messages) == len(move.time)
@@ -101,7 +100,7 @@ def test_a_missing_package_is_one_line_that_says_how_to_get_it(
     move, h4, tmp_path, monkeypatch, ending, package, extra
 ):
     path = tmp_path / f"a.{ending}"
-    run_logs.write(move, path)
+    logs.write(move, path)
     there = builtins.__import__
 
     def without(name, *args, **kwargs):
@@ -110,7 +109,7 @@ def test_a_missing_package_is_one_line_that_says_how_to_get_it(
         return there(name, *args, **kwargs)
 
     monkeypatch.setattr(builtins, "__import__", without)
-    for work in (lambda: run_logs.write(move, path), lambda: logs.read(h4, path)):
+    for work in (lambda: logs.write(move, path), lambda: logs.read(h4, path)):
         with pytest.raises(tp.InputError) as error:
             work()
         assert f"pip install 'truepose[{extra}]'" in str(error.value)
@@ -119,13 +118,13 @@ def test_a_missing_package_is_one_line_that_says_how_to_get_it(
 
 def test_an_unknown_ending_is_said(move, tmp_path):
     with pytest.raises(tp.InputError, match=r"unknown ending '.mcaq'; did you mean '.mcap'"):
-        run_logs.write(move, tmp_path / "a.mcaq")
+        logs.write(move, tmp_path / "a.mcaq")
 
 
 @pytest.mark.parametrize("cut", [6, 100, 3000])
 def test_a_spoilt_mcap_file_is_said_in_one_line(move, h4, tmp_path, cut):
     path = tmp_path / "a.mcap"
-    run_logs.write(move, path)
+    logs.write(move, path)
     path.write_bytes(path.read_bytes()[:cut])
     with pytest.raises(tp.InputError, match=r"cannot be read as MCAP: ") as error:
         logs.read(h4, path)
@@ -148,4 +147,4 @@ def test_a_column_in_two_channels_is_refused(h4, tmp_path):
 def test_a_visit_needs_its_robot(h4, truth):
     visit = ExactPlant(truth).visit(h4, np.array([h4.home]), tp.Controller())
     with pytest.raises(tp.InputError, match="needs its robot"):
-        run_logs.columns(visit)
+        logs.columns(visit)

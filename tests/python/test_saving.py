@@ -5,8 +5,7 @@ import os
 import pytest
 
 import truepose as tp
-from truepose.files import write as saving
-from truepose.robotfile import read as robot_file
+from truepose import files, robotfile
 
 
 def saved(robot, path) -> tp.Robot:
@@ -36,7 +35,7 @@ def test_a_robot_with_every_parameter_changed_loads_back_bit_for_bit(any_robot, 
 
 def test_an_unchanged_robot_saves_the_file_it_came_from(any_robot, tmp_path):
     any_robot.save(tmp_path / "mine.toml")
-    source = robot_file.shipped()[any_robot.name].read_text(encoding="utf-8")
+    source = robotfile.shipped()[any_robot.name].read_text(encoding="utf-8")
     assert (tmp_path / "mine.toml").read_text(encoding="utf-8") == source
 
 
@@ -105,7 +104,7 @@ def test_an_interrupted_save_leaves_the_old_file(h4, h4_text, tmp_path, monkeypa
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(saving.os, fails, interrupt)
+    monkeypatch.setattr(files.writing.os, fails, interrupt)
     with pytest.raises(KeyboardInterrupt):
         h4.replace({"chain1.rod": 0.5}).save(path)
     assert path.read_text(encoding="utf-8") == h4_text

@@ -153,3 +153,11 @@ def test_a_nacelle_that_the_motors_do_not_hold_is_singular(h4):
         low, high = (middle, high) if np.linalg.det(J) < 0 else (low, middle)
     with pytest.raises(tp.PoseError, match=r"x = \[0, 0, -0.4, 1.8\d*\]: singular$"):
         h4.jacobian([0, 0, -0.4, middle])
+
+
+def test_the_first_of_several_bad_rows_is_named(h4):
+    poses = [POSE, [9, 0, 0, 0], [0, 8, 0, 0]]
+    with pytest.raises(tp.PoseError, match=r"pose \(1,\) x = \[9, 0, 0, 0\]"):
+        h4.ikm(poses)
+    with pytest.raises(tp.InputError, match=r"x = \[nan, 1, 0, 0\]: must be finite"):
+        h4.ikm([POSE, [np.nan, 1, 0, 0], [np.nan, 2, 0, 0]])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.robotfile import read as robot_file
+from truepose import robotfile
 
 
 def length_scaled(robot, J):
@@ -26,13 +26,13 @@ def test_ten_robots_are_shipped():
 
 
 def test_a_shipped_robot_loads_by_name_and_by_path(any_robot):
-    path = robot_file.shipped()[any_robot.name]
+    path = robotfile.shipped()[any_robot.name]
     assert tp.load(path).parameters == any_robot.parameters
     assert path.parent.name == any_robot.name
 
 
 def test_a_shipped_robot_has_its_derivation_picture_and_sources(any_robot):
-    folder = robot_file.shipped()[any_robot.name].parent
+    folder = robotfile.shipped()[any_robot.name].parent
     readme = (folder / "README.md").read_text(encoding="utf-8")
     assert "](picture.png)" in readme and "ssumed" in readme
     assert (folder / "picture.png").read_bytes().startswith(b"\x89PNG")

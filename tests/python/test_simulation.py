@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.paper import data as paper_data
-from truepose.simulation.simulate import LAWS, visit
+from truepose.robot.laws import LAWS
+from truepose.simulation.moves import MOVE_FROM, MOVE_TO
+from truepose.simulation.visit import visit
 
 
 def weightless(robot: tp.Robot) -> tp.Robot:
@@ -24,7 +25,7 @@ def test_an_ideal_robot_ends_the_move_where_it_was_told(h4, law):
 @pytest.mark.parametrize("law", LAWS)
 def test_without_gravity_a_robot_with_errors_ends_where_the_statics_say(h4, truth, law):
     run = tp.simulate(weightless(h4), weightless(truth), law)
-    predicted = tp.settle(h4, truth, paper_data.MOVE_TO, law)
+    predicted = tp.settle(h4, truth, MOVE_TO, law)
     assert np.abs(run.x[-1] - predicted).max() < 1e-6
     assert np.abs(run.error[-1]).max() > 1e-3
 
@@ -32,7 +33,7 @@ def test_without_gravity_a_robot_with_errors_ends_where_the_statics_say(h4, trut
 @pytest.mark.parametrize("law", LAWS)
 def test_under_gravity_it_ends_where_the_statics_with_the_wrong_feed_forward_say(h4, truth, law):
     run = tp.simulate(h4.unquantised(), truth.unquantised(), law)
-    where = {"x_d": paper_data.MOVE_TO, "controller": law, "start": paper_data.MOVE_FROM}
+    where = {"x_d": MOVE_TO, "controller": law, "start": MOVE_FROM}
     loaded = tp.settle(h4, truth, gravity=True, **where)
     assert np.abs(run.x[-1] - loaded).max() < 1e-6
     assert np.abs(run.x[-1] - tp.settle(h4, truth, **where)).max() > 5e-6  # gravity does matter
@@ -42,7 +43,7 @@ def test_under_gravity_it_ends_where_the_statics_with_the_wrong_feed_forward_say
 def test_integral_action_removes_what_gravity_leaves(h4, truth, law):
     controller = tp.Controller(law=law, integral=20)
     run = tp.simulate(h4.unquantised(), truth.unquantised(), controller, hold=1.0)
-    assert np.abs(run.x[-1] - tp.settle(h4, truth, paper_data.MOVE_TO, law)).max() < 1e-6
+    assert np.abs(run.x[-1] - tp.settle(h4, truth, MOVE_TO, law)).max() < 1e-6
 
 
 def test_the_cartesian_law_ends_within_one_count_of_theta_without_gravity(h4, truth):
@@ -75,7 +76,7 @@ def test_under_redundant_control_theta_moves_as_told_and_under_joint_control_it_
 def test_it_starts_at_rest_where_its_controller_holds_it(h4, truth):
     run = tp.simulate(h4.unquantised(), truth.unquantised(), "redundant", duration=0.2, hold=0)
     assert np.abs(run.x[1] - run.x[0]).max() < 1e-9
-    start = tp.settle(h4, truth, paper_data.MOVE_FROM, gravity=True, start=paper_data.MOVE_FROM)
+    start = tp.settle(h4, truth, MOVE_FROM, gravity=True, start=MOVE_FROM)
     assert run.x[0] == pytest.approx(start, abs=1e-12)
 
 
@@ -85,8 +86,8 @@ def test_the_log_has_one_row_per_period_ends_included(h4):
     shapes = {name: getattr(run, name).shape for name in ("x_d", "x", "error", "torque")}
     assert set(shapes.values()) == {(151, 4)} and run.q_e.shape == (151, 5)
     assert run.motor_error.shape == (151, 4)
-    assert run.x_d[0].tolist() == list(paper_data.MOVE_FROM)
-    assert run.x_d[100:] == pytest.approx(np.tile(paper_data.MOVE_TO, (51, 1)))
+    assert run.x_d[0].tolist() == list(MOVE_FROM)
+    assert run.x_d[100:] == pytest.approx(np.tile(MOVE_TO, (51, 1)))
 
 
 def test_readings_are_whole_counts_of_the_true_robots_encoders(h4, truth):
@@ -138,8 +139,8 @@ def test_every_robot_makes_its_default_move_and_comes_to_rest(any_robot):
 
 def test_the_h4s_default_move_is_the_papers(h4):
     run = tp.simulate(h4, duration=0.01, hold=0)
-    assert tuple(run.x_d[0]) == paper_data.MOVE_FROM
-    assert run.x_d[-1] == pytest.approx(paper_data.MOVE_TO, abs=1e-12)
+    assert tuple(run.x_d[0]) == MOVE_FROM
+    assert run.x_d[-1] == pytest.approx(MOVE_TO, abs=1e-12)
 
 
 def test_a_robot_without_workspace_asks_for_start_and_end(delta):
@@ -153,7 +154,7 @@ def test_a_move_says_which_motor_was_at_its_limit(h4, weak):
     run = tp.simulate(weak, hold=0.5)
     first = int(np.flatnonzero((np.abs(run.torque) == 9).any(axis=0))[0])
     assert run.status == f"saturated: motor {first + 1} was at its torque limit"
-    poses = [paper_data.MOVE_FROM, paper_data.MOVE_TO, h4.home]
+    poses = [MOVE_FROM, MOVE_TO, h4.home]
     x, q_e, status = visit(weak, weak, poses, hold=0.5)
     assert "saturated: motor " in status[1]
     assert np.isfinite(x).all() and np.isfinite(q_e).all()  # it got there all the same
@@ -234,3 +235,12 @@ def test_a_move_through_a_singularity_is_refused(h4, law):
 def test_a_simulation_longer_than_memory_is_refused(h4):
     with pytest.raises(tp.InputError, match="at most 1000000 control periods"):
         tp.simulate(h4, duration=1e9)
+
+
+def test_under_integral_action_it_starts_where_nothing_is_left_to_integrate(h4, truth):
+    controller = tp.Controller(integral=20.0)
+    run = tp.simulate(h4.unquantised(), truth.unquantised(), controller, duration=0.01, hold=0)
+    assert run.x[0] == pytest.approx(tp.settle(h4, truth, MOVE_FROM), abs=1e-12)
+    assert run.x[0] != pytest.approx(
+        tp.settle(h4, truth, MOVE_FROM, gravity=True, start=MOVE_FROM), abs=1e-7
+    )

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.paper import data as paper_data
 from truepose.paper import experiment
+from truepose.simulation.moves import MOVE_TO
 
 LAWS = ("joint", "redundant", "cartesian")
 
@@ -132,7 +132,7 @@ def test_a_robot_that_cannot_get_there_is_named_not_settled(h4, truth):
 
 
 def test_settle_keeps_the_shape_of_its_poses(h4, truth):
-    x_d = np.broadcast_to(paper_data.MOVE_TO, (2, 3, 4))
+    x_d = np.broadcast_to(MOVE_TO, (2, 3, 4))
     assert tp.settle(h4, truth, x_d).shape == (2, 3, 4)
     assert tp.settle(h4, truth, x_d[0, 0]).shape == (4,)
     assert tp.settle(h4, truth, np.zeros((0, 4))).shape == (0, 4)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.paper import data as paper_data
-from truepose.paper import table3 as statistics
+from truepose.paper import article, statistics
+from truepose.simulation.moves import MOVE_DURATION, MOVE_FROM, MOVE_TO
 
 
 def test_table_3_by_hand():
@@ -68,13 +68,13 @@ def test_the_robot_files_workspace_is_table_2(h4, table2):
     ],
 )
 def test_table_3_is_as_printed(law, quantity, statistic, printed):
-    assert paper_data.table3()[law][quantity, statistic] == printed
+    assert article.table3()[law][quantity, statistic] == printed
 
 
 def test_the_published_scatter_of_theta_is_what_the_derivation_says():
     """The bias falls 16-fold, the scatter only from 0.517° to 0.452°: noise the encoder misses."""
     scatter, bias = {}, {}
-    for law, table in paper_data.table3().items():
+    for law, table in article.table3().items():
         bias[law] = table["theta", "average"]
         scatter[law] = np.sqrt(table["theta", "sum_sq"] / 625 - bias[law] ** 2)
     assert scatter["usual"] == pytest.approx(0.517, abs=1e-3)
@@ -83,6 +83,6 @@ def test_the_published_scatter_of_theta_is_what_the_derivation_says():
 
 
 def test_the_move_is_that_of_figures_11_to_13():
-    assert paper_data.MOVE_FROM == (0, 0, -0.5, 0)
-    assert paper_data.MOVE_TO == (0.1, -0.1, -0.4, 0.2)
-    assert paper_data.MOVE_DURATION == 0.2
+    assert MOVE_FROM == (0, 0, -0.5, 0)
+    assert MOVE_TO == (0.1, -0.1, -0.4, 0.2)
+    assert MOVE_DURATION == 0.2

@@ -4,8 +4,8 @@ import tomllib
 
 import pytest
 
-from truepose.robotfile import lines as toml_lines
-from truepose.robotfile import read as robot_file
+from truepose import robotfile
+from truepose.robotfile import toml_lines
 
 HARD = """
 a = 1 # [not] a = table
@@ -41,7 +41,7 @@ def leaves(value, path=()):
             yield from leaves(inner, (*path, key))
 
 
-@pytest.mark.parametrize("text", [HARD, *(p.read_text() for p in robot_file.shipped().values())])
+@pytest.mark.parametrize("text", [HARD, *(p.read_text() for p in robotfile.shipped().values())])
 def test_every_key_that_the_parser_finds_has_a_line_and_no_other(text):
     assert set(toml_lines.lines(text)) == set(leaves(tomllib.loads(text)))
 

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.paper import data as paper_data
-from truepose.paper import experiment_tables, twin, twin_folder
-from truepose.paper import table3 as statistics
-from truepose.robotfile import read as robot_file
+import twin_folder
+import twin_search
+from truepose import robotfile
+from truepose.paper import article, experiment_tables, statistics, twin
+from truepose.show.table import markdown
 
 
 @pytest.fixture(scope="module")
@@ -32,11 +33,11 @@ def test_a_twin_loads_by_name_and_is_no_robot_to_choose(h4):
 
 
 def test_the_twin_gives_the_tables_of_its_readme(runs):
-    readme = robot_file.loadable()[twin.NAME].with_name("README.md").read_text(encoding="utf-8")
+    readme = robotfile.loadable()[twin.NAME].with_name("README.md").read_text(encoding="utf-8")
     for reading in ("estimated", "desired"):
         table = experiment_tables.table3(runs, "exact", reading)
-        assert twin_folder.markdown(table) in readme
-    assert twin_folder.markdown(experiment_tables.changes(runs, "exact")) in readme
+        assert markdown(table) in readme
+    assert markdown(experiment_tables.changes(runs, "exact")) in readme
 
 
 def test_the_twin_is_close_to_the_printed_table(tables):
@@ -51,7 +52,7 @@ def test_the_twin_is_close_to_the_printed_table(tables):
 
 
 def test_the_twin_gains_on_theta_what_the_paper_gained(tables):
-    usual, redundant = tables[:, paper_data.QUANTITIES.index("theta")]
+    usual, redundant = tables[:, article.QUANTITIES.index("theta")]
     assert 0.35 < 1 - redundant[2] / usual[2] < 0.55
     assert abs(usual[0]) > 0.2 and abs(redundant[0]) < 0.05
     assert np.sqrt(tables[1, 4, 2] / tables[0, 4, 2]) == pytest.approx(1, abs=0.05)
@@ -59,7 +60,7 @@ def test_the_twin_gains_on_theta_what_the_paper_gained(tables):
 
 def test_motors_alone_do_not_give_the_printed_sum_of_squares(runs):
     """128 deg² under the TEJ is no error of the motors' FKM: that one stays as wrong as it was."""
-    theta = paper_data.QUANTITIES.index("theta")
+    theta = article.QUANTITIES.index("theta")
     usual, redundant = (
         statistics.table3(
             statistics.in_print_units(
@@ -81,7 +82,7 @@ def test_what_the_law_changes_of_x_y_z_is_less_than_what_changes_from_run_to_run
 
 
 def test_the_twin_lies_in_the_papers_ranges(h4, shipped):
-    ranges = paper_data.simulation_errors()
+    ranges = article.simulation_errors()
     for i in range(1, 5):
         for name, error in (("rod", "rod_length"), ("arm", "arm_length")):
             whole = f"chain{i}.{name}"
@@ -90,7 +91,7 @@ def test_the_twin_lies_in_the_papers_ranges(h4, shipped):
 
 
 def test_every_unknown_moves_what_it_says(h4):
-    found = twin.unknowns(h4)
+    found = twin_search.unknowns(h4)
     assert len({unknown.name for unknown in found}) == len(found)
     for unknown in found:
         for u in (-2.0, 0.0, 1.5):
@@ -101,15 +102,15 @@ def test_every_unknown_moves_what_it_says(h4):
 @pytest.mark.parametrize("reading", ["desired", "estimated"])
 def test_slopes_of_the_errors_are_their_differences(h4, rng, reading):
     """At the full level, vision and all; what is estimated from counts holds only on average."""
-    u = 0.3 * rng.normal(size=len(twin.unknowns(h4)))
-    names = [unknown.name for unknown in twin.unknowns(h4)]
+    u = 0.3 * rng.normal(size=len(twin_search.unknowns(h4)))
+    names = [unknown.name for unknown in twin_search.unknowns(h4)]
 
     def exact(at):
-        runs = twin.twin_of(h4, at, 4).run(h4)
+        runs = twin_search.twin_of(h4, at, 4).run(h4)
         return runs, np.stack([runs[law].errors(reading) for law in twin.LAWS])
 
     runs, errors = exact(u)
-    slopes = twin._slopes(h4, u, runs, errors, exact, reading)
+    slopes = twin_search._slopes(h4, u, runs, errors, exact, reading)
     for name in ("chain2.rod_length", "chain3.yaw", "registration.ry"):
         step = np.zeros_like(u)
         step[names.index(name)] = 0.05
@@ -125,14 +126,14 @@ def test_slopes_of_the_errors_are_their_differences(h4, rng, reading):
 def test_smoothed_extremes_lie_above_the_true_ones_and_meet_them(rng):
     error = rng.normal(size=(625, 4))
     exact = statistics.table3(error)[:, 1]
-    wide, narrow = (twin._smooth(error, np.full(5, width)) for width in (0.1, 1e-4))
+    wide, narrow = (twin_search._smooth(error, np.full(5, width)) for width in (0.1, 1e-4))
     assert (wide >= exact).all()
     assert narrow == pytest.approx(exact, abs=1e-3)
 
 
 def test_a_twin_written_is_the_twin_read(h4, tmp_path):
-    u = np.linspace(-1, 1, len(twin.unknowns(h4)))
-    made = twin.twin_of(h4, u, 3)
+    u = np.linspace(-1, 1, len(twin_search.unknowns(h4)))
+    made = twin_search.twin_of(h4, u, 3)
     path = tmp_path / "robot.toml"
     path.write_text(twin_folder.robot_file(h4, made), encoding="utf-8")
     assert tp.load(path).parameters == made.truth.parameters

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.paper import experiment, twin, virtual_experiment
-from truepose.paper import table3 as statistics
+from truepose.paper import experiment, statistics, twin, virtual_experiment
 from truepose.robot.frames import coordinates
 from truepose.simulation.plants import Visit, play
 from truepose.simulation.plants.exact import ExactPlant

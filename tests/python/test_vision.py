@@ -178,3 +178,11 @@ def test_rotation_vectors_come_back(size, rng):
 def test_frames_and_coordinates_are_inverse(any_robot, anywhere, rng):
     x = anywhere(any_robot, 100, rng)
     assert np.abs(coordinates(any_robot, frames(any_robot, x)) - x).max() < 1e-12
+
+
+def test_where_only_the_leds_are_off_the_nacelle_is_seen_as_far_off_as_their_mean(h4):
+    """Four LEDs, seen alike in all directions: each knows its part of the position."""
+    setup = Setup(noise=1e-4, artefact_tolerance=1e-9, led_tolerance=1e-4)
+    seen = Vision(setup).measure(frames(h4, [[0, 0, -0.37, 0.3]]))
+    sigma = np.sqrt(np.diagonal(seen.covariance[0]))[:3]
+    assert sigma == pytest.approx(np.full(3, 1e-4 / 2), rel=0.2)

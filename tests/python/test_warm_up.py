@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.paper import tables, twin_folder, warm_up
+from truepose.paper import tables, warm_up
+from truepose.show.table import markdown
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +23,7 @@ def studied(lines):
 
 def test_the_table_of_the_documentation_is_what_the_run_prints(lines):
     page = (Path(__file__).parents[2] / "docs" / "accuracy.md").read_text(encoding="utf-8")
-    for row in twin_folder.markdown(tables.warm_up(lines)).splitlines()[2:]:
+    for row in markdown(tables.warm_up(lines)).splitlines()[2:]:
         assert row in page
 
 

@@ -11,6 +11,7 @@
 
 namespace truepose {
 
+/// The reduced dynamics at one pose and velocity.
 template <Mobility K>
 struct DynamicModel {
   static constexpr int n = kDof<K>;

@@ -149,6 +149,7 @@ Outcome fuse(const Robot& robot, const Knowledge& known, const ReadingCovariance
   return {};
 }
 
+/// How an estimate of the pose ended, and how well the pose is known.
 template <Mobility K>
 struct Estimate {
   Outcome outcome;

@@ -24,6 +24,7 @@ struct OnlineState {
   Doubt doubt{};           ///< how far the readings disagree, and whether that has stopped it
 };
 
+/// How the filter learns. Constant during a run.
 struct OnlineSettings {
   int drifts = 0;  ///< independent random walks, each of one or several parameters together
   const double* drift = nullptr;  ///< drifts × p: change of every parameter by one σ in one cycle
@@ -213,7 +214,7 @@ inline void weigh_line(OnlineState& state, int readings, double log_ratio) {
 /// @param drawn  as set_parameters takes it
 /// @param robot  in: any copy of it; out: the robot at the ξ of linearisation
 /// @param pose   in: a guess; out: x̂ before ξ̂ moved
-/// @param work   online_work(drawn, count) doubles
+/// @param memory  online_work(drawn, count) doubles
 /// @return `disagree`: nothing was learnt, or not from the reading named; `stopped`: nothing was,
 /// nor will be, and ξ̂ and S are back where they were last good. Both come with a pose. Without an
 /// answer the state is as it was.

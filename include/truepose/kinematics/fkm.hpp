@@ -9,6 +9,7 @@ namespace truepose {
 inline constexpr int kFkmIterations = 60;  ///< of one search; fkm makes at most two
 inline constexpr int kFkmStages = 4;       ///< of the second one, from home
 
+/// How a search for the pose ended.
 struct [[nodiscard]] FkmResult {
   Status status = Status::ok;
   int chain = -1;       ///< the chain at fault, if one is

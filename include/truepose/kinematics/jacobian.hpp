@@ -31,6 +31,7 @@ inline std::array<double, kDof<K>> column_sizes(const Lanes<kDof<K>>& v2,
   return sizes;
 }
 
+/// J_x, the diagonal of J_q, and J = J_x⁻¹ J_q at a closed pose.
 template <Mobility K>
 struct Jacobians {
   Matrix<kDof<K>, kDof<K>> jx, J;

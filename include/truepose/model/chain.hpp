@@ -99,8 +99,8 @@ inline double shortfall(const Chain& chain, const Vec3& d) {
   const double along = chain.axis().dot(d);
   const double across = std::sqrt(std::max(d.squaredNorm() - along * along, 0.0));
   if (chain.actuator == Actuator::prismatic) return std::max(across - chain.rod, 0.0);
-  const double nearest = std::hypot(across - chain.arm, along);
-  const double farthest = std::hypot(across + chain.arm, along);
+  const double nearest = Eigen::Vector2d(across - chain.arm, along).norm();
+  const double farthest = Eigen::Vector2d(across + chain.arm, along).norm();
   return chain.rod < nearest ? nearest - chain.rod : std::min(farthest - chain.rod, 0.0);
 }
 

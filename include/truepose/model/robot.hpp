@@ -183,6 +183,7 @@ enum class FullKind : int {
   elastic = 5,  ///< one rod too many: all stretch, equally stiff, by as little as closes the loops
 };
 
+/// What finish_full finds out about the rods of a robot, one by one.
 struct FullLevel {
   FullKind kind = FullKind::undescribed;
   int rods = 0, bars = 0;

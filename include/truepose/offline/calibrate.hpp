@@ -16,6 +16,7 @@
 
 namespace truepose {
 
+/// How a batch calibration is done.
 struct CalibrationSettings {
   int nuisances = 0;      ///< how many of the prior's last parameters are left_out's, independent
   int registration = -1;  ///< first of the prior's kRegistration unknowns of a registration, or -1
@@ -35,6 +36,7 @@ struct ReadingLog {
   Registration registration{};  ///< of those; the marker to begin with where it is unknown
 };
 
+/// What a batch calibration found, line by line of the log and in all.
 struct CalibrationResult {
   Outcome outcome;
   int iterations = 0;

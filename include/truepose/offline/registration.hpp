@@ -121,7 +121,7 @@ void in_turns(const Registration& by, const Pose& pose, Seen<K>& expected, Joint
   if constexpr (kTurnsAboutZ<K>) {
     const int i = kDof<K> - 1;
     const Vec3 a = expected.Q.col(0);
-    const double sine = std::hypot(a.x(), a.y());
+    const double sine = a.head<2>().norm();
     const Vec3 of_angle(-a.x() * a.z() / sine, -a.y() * a.z() / sine, sine);
     const Vec3 of_sine(-a.y() * a.z() / sine, a.x() * a.z() / sine, 0);
     registration_detail::enter_turn<K>(by, by.base.R * pose.R, of_angle - apart[i] * of_sine, i,

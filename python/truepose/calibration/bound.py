@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array
+from truepose.arguments import Array, Errors, Level
 from truepose.exceptions import InputError, PoseError
 from truepose.robot import knowledge
-from truepose.robot.kinematics import Errors, Level
+from truepose.robot.batches import flattened, require_answers
 from truepose.robot.robot import Robot
 
 #: A pose known exactly counts with this share of the finest reading's σ: 0 has no inverse.
@@ -69,8 +69,8 @@ def accuracy(
     Examples
     --------
     >>> import numpy as np, truepose as tp
-    >>> from truepose.paper import data as paper_data
-    >>> h4, poses = tp.load("h4"), paper_data.table2()
+    >>> from truepose.paper import article
+    >>> h4, poses = tp.load("h4"), article.table2()
     >>> for visited in (None, poses):
     ...     P = tp.accuracy(h4, poses, calibrated_on=visited)
     ...     print((1e3 * np.sqrt(np.trace(P[:, :3, :3], axis1=1, axis2=2).mean())).round(2))  # mm
@@ -83,20 +83,20 @@ def accuracy(
     knowledge.require_uncertain(robot)
     model = robot.expected()
     level = robot.finest_level if level is None else level
-    full = model._is_full(level)
-    rows, lead = model._rows(poses, model.n, "poses", errors)
+    full = model.is_full(level)
+    rows, lead = flattened(model, poses, model.n, "poses", errors)
     known = knowledge.knowledge(robot, level=level, error=model_error)
     nowhere = np.zeros((0, model.n))
 
     def bound(at, lead, errors: Errors, name: str, reference: Array = nowhere) -> Array:
-        P, status, chain = _core.accuracy(model._core, known.core, at, reference, full)
-        model._check("pose", at, lead, status, chain, errors, name)
+        P, status, chain = _core.accuracy(model.core, known.core, at, reference, full)
+        require_answers(model, "pose", at, lead, status, chain, errors, name)
         return P.reshape(*lead, model.n, model.n)
 
     def one(pose: ArrayLike | None, name: str) -> Array:
         if pose is None:
             return nowhere
-        at, shape = model._rows(pose, model.n, name, "raise")
+        at, shape = flattened(model, pose, model.n, name, "raise")
         if shape:
             raise InputError(f"{name}: shape {np.shape(pose)}, must be ({model.n},)")
         bound(at, (), "raise", name)
@@ -105,13 +105,17 @@ def accuracy(
     touched, reference = one(touch_off, "touch_off"), one(relative_to, "relative_to")
     sigma = _touch_sigma(robot, touch_sigma)
     if calibrated_on is not None or touch_off is not None:
-        visited, shape = model._rows(
-            nowhere if calibrated_on is None else calibrated_on, model.n, "calibrated_on", "raise"
+        visited, shape = flattened(
+            model,
+            nowhere if calibrated_on is None else calibrated_on,
+            model.n,
+            "calibrated_on",
+            "raise",
         )
         guarded = model_error and not full
         prior = knowledge.knowledge(robot, guarded=guarded, level=level, error=False)
         root, status, _ = _core.after_visiting(
-            model._core, prior.core, visited, touched, sigma, full, prior.nuisances
+            model.core, prior.core, visited, touched, sigma, full, prior.nuisances
         )
         if status:  # find the pose that it is about
             bound(visited, shape, "raise", "calibrated_on")

@@ -7,10 +7,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from truepose import _core
-from truepose.arguments import Array
+from truepose.arguments import Array, Level
 from truepose.calibration.registration import Registered
 from truepose.robot import knowledge
-from truepose.robot.kinematics import Level
 from truepose.robot.robot import Robot
 
 #: Lines that are predicted at a time.
@@ -77,7 +76,7 @@ def expect(
     level = robot.finest_level if level is None else level
     x = poses_of(robot, readings[:, :n], level)
     expected = robot.extended(x, errors="nan", level=level)
-    residual = _core.innovation(robot._core, readings, np.ascontiguousarray(expected))[:, n:]
+    residual = _core.innovation(robot.core, readings, np.ascontiguousarray(expected))[:, n:]
     expected = expected[:, n:]
     H_x, H_xi = robot.linearise(x, errors="nan", level=level)
     names = knowledge.uncertain(robot)

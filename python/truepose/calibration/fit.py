@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
@@ -12,15 +11,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array
-from truepose.calibration import log_checks
-from truepose.calibration import registration as registrations
+from truepose.arguments import Array, Level
 from truepose.calibration.departure import Departure, departure
-from truepose.calibration.registration import Registered, Registration
+from truepose.calibration.registration import (
+    Registered,
+    Registration,
+    measured_outside,
+    registration_of,
+)
 from truepose.exceptions import InputError, PoseError, choose
-from truepose.logs import read as logs
+from truepose.logs import repeated
 from truepose.robot import knowledge
-from truepose.robot.kinematics import Level
+from truepose.robot.batches import flattened, require_answers
 from truepose.robot.robot import Robot
 from truepose.robot.to_core import columns
 from truepose.robotfile.schema import Calibration
@@ -117,10 +119,10 @@ class Fit:
         if self.registration is None:
             raise InputError(f"{self.robot.name}: accuracy_seen: nothing was measured from outside")
         robot, by = self.robot, self.registration
-        x, _ = robot._rows(poses, robot.n, "poses", "raise")
+        x, _ = flattened(robot, poses, robot.n, "poses", "raise")
         known = knowledge.knowledge(robot, level=self.level).core
-        gain, _, status, chain = _core.gain(robot._core, known, x, robot._is_full(self.level))
-        robot._check("pose", x, (len(x),), status, chain, "raise")
+        gain, _, status, chain = _core.gain(robot.core, known, x, robot.is_full(self.level))
+        require_answers(robot, "pose", x, (len(x),), status, chain, "raise")
         _, H_xi = robot.linearise(x, level=self.level)
         every = list(robot.parameters)
         view = by.see(robot, x)
@@ -156,9 +158,9 @@ class Fit:
         return result
 
 
-def calibrate(
+def fit_to(
     robot: Robot,
-    readings: ArrayLike | Mapping[str, ArrayLike],
+    readings: ArrayLike,
     *,
     measured: ArrayLike | None = None,
     measured_sigma: ArrayLike | float | None = None,
@@ -169,117 +171,46 @@ def calibrate(
     tuning: float | None = None,
     model_error: ModelError = "on",
 ) -> Fit:
-    """Learn a robot's geometry from its own readings: maximum a posteriori, the poses unknown.
+    """Learn a robot's geometry from an array of its readings, looked over or not.
 
-    Prior means and σ are the tolerances of the robot's file (or its last calibration). They also
-    hold the gauges: what no reading can see keeps its prior, and says so.
-
-    Parameters
-    ----------
-    robot : Robot
-        With the sensors in use that were read.
-    readings : array_like, shape (N, n + r), or a table
-        Extended positions q_e = [q; r], m or rad; NaN where a sensor was not read. Or a dict of
-        arrays, a data frame, a pyarrow table, with columns q1 … qn, each sensor by its name, and
-        measured_x, … where something outside measured a coordinate (docs/calibration.md). A table
-        is looked over first; what was noticed is in ``notes``.
-    measured : array_like, shape (N, n), optional
-        Coordinates that something outside measured at these poses, NaN where it did not.
-    measured_sigma : float, or array_like, shape (n,) or (N, n), optional
-        σ of those: of lengths (m), or of every coordinate (m or rad). By default what a table's
-        columns measured_x_sigma, … say, else 0.02 mm.
-    measured_angle_sigma : float, optional
-        σ of measured angles, rad; 0.01° by default.
-    registration : {"unknown", "known"} or Registration
-        Of the frame that `measured` is in, and of the marker that was measured: unknown within wide
-        priors, learnt with the geometry and told in ``registration``; or, known, those of the base
-        and of the nacelle's reference point.
-    level : {"ideal", "full"}, optional
-        One rod per chain, or every rod by itself; by default :attr:`Robot.finest_level`, which is
-        full where the robot has it. The calibrated robot keeps it (:attr:`Robot.level`).
-    loss : {"squares", "huber", "student"}
-        What gross errors cost: their square, their size, or next to nothing.
-    tuning : float, optional
-        Huber's bend (1 by default) or Student's degrees of freedom (4).
-    model_error : {"on", "off"}
-        Whether to allow, at the ideal level, for what it leaves out: axis errors that tilt the
-        nacelle and turn its bars, by the file's tolerances. Where it is allowed for, the calibrated
-        robot's estimates count with it too. "off" is for robots that are ideal, on paper.
-
-    Returns
-    -------
-    Fit
-
-    Raises
-    ------
-    InputError
-        Wrong shapes, nothing uncertain, no reading beyond those that the poses take; of a table,
-        missing columns, wrong units or signs, a stuck sensor.
-    PoseError
-        No line of the readings fits the robot, or the search does not converge.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> from truepose.paper import data as paper_data
-    >>> robot = tp.load("h4")
-    >>> true = robot.expected().replace({"chain1.rod": 0.489})
-    >>> fit = tp.calibrate(robot, true.extended(paper_data.table2()))
-    >>> fit.parameters["chain1.rod"].verdict
-    'identified'
+    Parameters, result and errors are those of :func:`truepose.calibrate`.
     """
-    if logs.is_table(readings):
-        log, notes = _looked_over(robot, readings)
-        fit = calibrate(
-            robot,
-            log.readings,
-            measured=log.measured if measured is None else measured,
-            measured_sigma=log.measured_sigma if measured_sigma is None else measured_sigma,
-            measured_angle_sigma=measured_angle_sigma,
-            registration=registration,
-            level=level,
-            loss=loss,
-            tuning=tuning,
-            model_error=model_error,
-        )
-        notes += [finding.text for finding in log_checks.review(fit, log)]
-        return replace(fit, notes=(*notes, *fit.notes))
     names = knowledge.require_uncertain(robot)
     if loss not in TUNING:
         raise InputError(choose("loss", loss, TUNING))
     tuning = TUNING[loss] if tuning is None else tuning
     if not (math.isfinite(tuning) and (tuning > 0 or loss == "squares")):
         raise InputError(f"tuning = {tuning}: must be a number greater than 0")
-    rows, lead = robot._rows(readings, robot.n + robot.r, "readings", "nan")
+    rows, lead = flattened(robot, readings, robot.n + robot.r, "readings", "nan")
     if len(lead) != 1 or len(rows) == 0:
         raise InputError(f"readings: shape {np.shape(readings)}, must be (N, {robot.n + robot.r})")
-    outside, outside_sigma = registrations.outside(
+    outside, outside_sigma = measured_outside(
         robot, measured, measured_sigma, measured_angle_sigma, len(rows)
     )
-    again = logs.repeated(rows, outside if len(outside) else None, robot.n)
+    again = repeated(rows, outside if len(outside) else None, robot.n)
     if again.any():
         rows = np.where(again[:, None] & (np.arange(rows.shape[1]) >= robot.n), np.nan, rows)
         outside[again[: len(outside)]] = np.nan
-    begun = registrations.of(registration)
+    begun = registration_of(registration)
     base, marker = begun.begin()
     frames = begun.sigma(robot, outside) if len(outside) else np.zeros(12)
     unknown = frames if frames.any() else None
     prior = robot.with_calibration(robot.spec.calibration)
-    column = dict(columns(robot.spec, robot._sensors))
+    column = dict(columns(robot.spec))
     mean = mean_of(robot)
 
     if model_error not in MODEL_ERRORS:
         raise InputError(choose("model_error", model_error, MODEL_ERRORS))
     level = robot.finest_level if level is None else level
-    full = robot._is_full(level)
+    full = robot.is_full(level)
     guarded = not full and model_error == "on" and bool(knowledge.left_out(robot))
     known = knowledge.knowledge(
         robot, guarded=guarded, level=level, error=False, registration=unknown
     )
     if (needed := memory(robot, len(rows), len(outside) > 0, guarded)) > MUCH:
-        warnings.warn(much_memory(robot, len(rows), needed), stacklevel=2)
+        warnings.warn(much_memory(robot, len(rows), needed), stacklevel=3)
     found = _core.calibrate(
-        robot._drawn,
+        robot.core_drawn,
         known.core,
         known.nuisances,
         mean,
@@ -320,7 +251,7 @@ def calibrate(
     )
     calibrated = robot.with_calibration(learnt).with_level(level)
     expected = calibrated.extended(x, errors="nan", level=level)
-    fit = Fit(
+    result = Fit(
         robot=calibrated,
         prior=prior,
         level=level,
@@ -328,7 +259,7 @@ def calibrate(
         covariance=covariance,
         prior_covariance=root @ root.T,
         x=x,
-        residuals=_core.innovation(robot._core, rows, np.ascontiguousarray(expected)),
+        residuals=_core.innovation(robot.core, rows, np.ascontiguousarray(expected)),
         chi2=chi2,
         redundancy=redundancy,
         weights=weights,
@@ -342,7 +273,7 @@ def calibrate(
         else (),
     )
     believed = "the last calibration's σ" if robot.spec.calibration else "the tolerances"
-    return replace(fit, notes=(*fit.notes, *fit.departure.doubt(believed)))
+    return replace(result, notes=(*result.notes, *result.departure.doubt(believed)))
 
 
 def _apart(
@@ -371,8 +302,8 @@ def much_memory(robot: Robot, lines: int, needed: float) -> str:
 
 def mean_of(robot: Robot) -> Array:
     """ξ at the prior means, in the core's order."""
-    mean, known = robot._drawn.drawn_parameters(), robot.parameters
-    for name, column in columns(robot.spec, robot._sensors):
+    mean, known = robot.core_drawn.drawn_parameters(), robot.parameters
+    for name, column in columns(robot.spec):
         if name in known:
             mean[column] = known[name].mean
     return mean
@@ -392,14 +323,6 @@ def calibration_of(
         root=tuple(tuple(map(float, root[k, : k + 1])) for k in range(len(values))),
         model_error=model_error or {},
     )
-
-
-def _looked_over(robot: Robot, table) -> tuple[logs.Log, list[str]]:
-    """Take the readings out of a table, and what was noticed; InputError where they are wrong."""
-    log, findings = log_checks.check(robot, logs.of(robot, table))
-    if refused := [finding.text for finding in findings if finding.refused]:
-        raise InputError(f"readings: {'; '.join(refused)}")
-    return log, [finding.text for finding in findings]
 
 
 def _cholesky(covariance: Array) -> Array:

@@ -4,29 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from truepose import logs
 from truepose.arguments import Array
 from truepose.calibration import log_faults
 from truepose.calibration.departure import chi2_quantile
 from truepose.calibration.expectation import Expectation, expect, poses_of
+from truepose.calibration.fit import Fit
 from truepose.calibration.log_faults import (
     APART,
     CENTIMETRES,
     DEGREES,
     MILLIMETRES,
     apart,
-    sensor_is_angle,
 )
-from truepose.logs import read as logs
-from truepose.logs.read import Log
+from truepose.logs import Log
 from truepose.robot import knowledge
 from truepose.robot.robot import Robot
-
-if TYPE_CHECKING:
-    from truepose.calibration.fit import Fit
+from truepose.robot.units import reading_units
 
 #: A prediction that varies by this many σ shows what a reading should have followed.
 VARIES = 8.0
@@ -52,10 +50,10 @@ def check(robot: Robot, log: Log) -> tuple[Log, list[Finding]]:
     Examples
     --------
     >>> import numpy as np, truepose as tp
-    >>> from truepose.logs import read as logs
-    >>> from truepose.paper import data as paper_data
+    >>> from truepose import logs
+    >>> from truepose.paper import article
     >>> h4 = tp.load("h4")
-    >>> table = dict(zip(h4.readings, h4.expected().extended(paper_data.table2()).T))
+    >>> table = dict(zip(h4.readings, h4.expected().extended(article.table2()).T))
     >>> table["theta"] = np.degrees(table["theta"])
     >>> for finding in check(h4, logs.of(h4, table))[1]:
     ...     print(finding.text)
@@ -303,7 +301,7 @@ def _named(slope: float, is_angle: bool) -> str | None:
 
 def _named_slopes(robot: Robot, readings: Array) -> list[str | None]:
     seen = expect(robot, readings)
-    angle = sensor_is_angle(robot)
+    angle = [unit == "rad" for unit in reading_units(robot)[robot.n :]]
     return [
         _named(_slope(readings[:, robot.n + k], seen.expected[:, k]), angle[k])
         for k in range(robot.r)
@@ -316,7 +314,7 @@ def _sensors(robot: Robot, log: Log, seen: Expectation) -> Iterator[Finding]:
     distance = apart(seen)
     wrong = [k for k in range(robot.r) if distance[k] > APART]
     names = _named_slopes(robot, log.readings)
-    angle = sensor_is_angle(robot)
+    angle = [unit == "rad" for unit in reading_units(robot)[robot.n :]]
     for k in wrong:
         read, name = log.readings[:, n + k], log.names[n + k]
         slope = _slope(read, seen.expected[:, k])

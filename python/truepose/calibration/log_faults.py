@@ -10,18 +10,17 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from truepose.arguments import Array
 from truepose.calibration.expectation import Expectation, expect, poses_of
+from truepose.calibration.fit import Fit, fit_to
 from truepose.exceptions import TrueposeError
-from truepose.logs.read import Log
+from truepose.logs import Log
 from truepose.robot.robot import Robot
-
-if TYPE_CHECKING:
-    from truepose.calibration.fit import Fit
+from truepose.robot.units import reading_units
 
 #: A reading this many σ off what motors and tolerances allow, on most lines, is no geometry.
 APART = 5.0
@@ -31,8 +30,6 @@ MISFIT = 20.0
 LINES, FITTED = 80, 12
 #: Costs that are no further apart say nothing: this much, and this part of the smaller one.
 ALIKE, OF_COST = 20.0, 0.25
-#: Kinds of sensors that read m; the others read rad.
-LENGTHS = ("telemeter", "coordinate", "distance", "rod_length")
 #: Slopes of a column over its prediction that have a name.
 DEGREES, MILLIMETRES, CENTIMETRES = 180 / np.pi, 1000.0, 100.0
 
@@ -43,12 +40,6 @@ class Mistake(NamedTuple):
     text: str
     columns: int  #: that it is about
     undo: Callable[[Array], Array]
-
-
-def sensor_is_angle(robot: Robot) -> list[bool]:
-    """Whether each sensor in use reads rad (else m)."""
-    kinds = {sensor.name: sensor.kind for sensor in robot.spec.sensor}
-    return [kinds[name] not in LENGTHS for name in robot.sensors]
 
 
 def few(robot: Robot, log: Log) -> Log:
@@ -134,11 +125,9 @@ def _distance(robot: Robot, log: Log, readings: Array) -> float:
 
 
 def _fit(robot: Robot, log: Log, readings: Array) -> Fit | None:
-    from truepose.calibration.fit import calibrate
-
     outside = {"measured": log.measured, "measured_sigma": log.measured_sigma}
     try:
-        return calibrate(robot, readings, **outside, loss="student", level="ideal")
+        return fit_to(robot, readings, **outside, loss="student", level="ideal")
     except TrueposeError:
         return None
 
@@ -161,8 +150,7 @@ def _misfit(fit: Fit) -> float:
 def mistakes(robot: Robot, log: Log) -> Iterator[Mistake]:
     """What may have happened to the columns: units, signs, order."""
     n, names = robot.n, log.names
-    motors = [chain.actuator == "revolute" for chain in robot.spec.chain]
-    angle = np.array(motors + sensor_is_angle(robot))
+    angle = np.array([unit == "rad" for unit in reading_units(robot)])
     every = range(n + robot.r)
 
     def scaled(which, factor, what: str) -> Mistake:

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array
+from truepose.arguments import Array, Errors, Level
 from truepose.calibration.fit import MODEL_ERRORS, Learnt, ModelError, calibration_of, mean_of
 from truepose.exceptions import InputError, choose
 from truepose.robot import knowledge
-from truepose.robot.kinematics import Errors, Level
+from truepose.robot.batches import flattened, require_answers
 from truepose.robot.robot import Robot
 from truepose.robot.to_core import columns
 
@@ -46,11 +46,11 @@ class OnlineCalibration:
     Examples
     --------
     >>> import truepose as tp
-    >>> from truepose.paper import data as paper_data
+    >>> from truepose.paper import article
     >>> robot = tp.load("h4")
     >>> true = robot.expected().replace({"chain1.rod": 0.486})
     >>> online = tp.OnlineCalibration(robot)
-    >>> x = online.observe(true.extended(paper_data.table2()))
+    >>> x = online.observe(true.extended(article.table2()))
     >>> sigma = online.parameters["chain1.rod"].sigma
     >>> bool(sigma < 0.3 * robot.parameters["chain1.rod"].sigma)
     True
@@ -99,12 +99,12 @@ class OnlineCalibration:
     def _start(self, xi: Array, root: Array | None = None) -> None:
         known = knowledge.knowledge(self._robot, root, level=self._level, error=self._error)
         self._filter = _core.Online(
-            self._robot._drawn,
+            self._robot.core_drawn,
             known.core,
             xi,
             self._drift,
             self._gate,
-            self._robot._is_full(self._level),
+            self._robot.is_full(self._level),
         )
 
     def __getstate__(self) -> dict:
@@ -134,9 +134,9 @@ class OnlineCalibration:
         ndarray, shape (..., n)
             Where the nacelle was, as known at that line.
         """
-        rows, lead = self._robot._rows(q_e, self._robot.n + self._robot.r, "q_e", errors)
+        rows, lead = flattened(self._robot, q_e, self._robot.n + self._robot.r, "q_e", errors)
         x, status, chain = self._filter.observe(rows, np.zeros(0))
-        self._robot._check("reading", rows, lead, status, chain, errors, name="q_e")
+        require_answers(self._robot, "reading", rows, lead, status, chain, errors, name="q_e")
         return x.reshape(*lead, self._robot.n)
 
     def replay(self, q_e: ArrayLike, times: int = 3) -> None:
@@ -145,7 +145,7 @@ class OnlineCalibration:
         What early lines said was linearised about a poor guess; after a replay or two the filter
         stands where :func:`truepose.calibrate` does.
         """
-        rows, _ = self._robot._rows(q_e, self._robot.n + self._robot.r, "q_e", "raise")
+        rows, _ = flattened(self._robot, q_e, self._robot.n + self._robot.r, "q_e", "raise")
         for _ in range(times):
             about = np.array(self._filter.xi)
             self._start(mean_of(self._robot))
@@ -182,9 +182,9 @@ class OnlineCalibration:
         Examples
         --------
         >>> import truepose as tp
-        >>> from truepose.paper import data as paper_data
+        >>> from truepose.paper import article
         >>> robot = tp.load("h4").with_sensors("theta", "z_telemeter", "elbow1")
-        >>> readings = robot.expected().extended(paper_data.table2()[:60])
+        >>> readings = robot.expected().extended(article.table2()[:60])
         >>> readings[50:, 4] += 0.1  # θ's encoder slips
         >>> online = tp.OnlineCalibration(robot)
         >>> x = online.observe(readings)
@@ -227,6 +227,6 @@ class OnlineCalibration:
         )
 
     def _values(self) -> dict[str, float]:
-        column = dict(columns(self._robot.spec, self._robot._sensors))
+        column = dict(columns(self._robot.spec))
         xi = self._filter.xi
         return {name: float(xi[column[name]]) for name in self._names}

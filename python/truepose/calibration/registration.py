@@ -13,6 +13,7 @@ from truepose import _core
 from truepose.arguments import Array
 from truepose.exceptions import InputError, choose
 from truepose.robot import frames
+from truepose.robot.batches import flattened
 
 if TYPE_CHECKING:
     from truepose.robot.robot import Robot
@@ -82,13 +83,13 @@ class Registration:
 KNOWN = Registration(base=np.eye(4), marker_sigma=(0.0, 0.0))
 
 
-def of(registration: Literal["unknown", "known"] | Registration) -> Registration:
+def registration_of(registration: Literal["unknown", "known"] | Registration) -> Registration:
     """Return what a word says of a registration.
 
     Examples
     --------
     >>> from truepose.calibration import registration
-    >>> registration.of("unknown").base_sigma[0], registration.of("known").base_sigma
+    >>> registration_of("unknown").base_sigma[0], registration_of("known").base_sigma
     (10.0, (0.0, 0.0))
     """
     if isinstance(registration, Registration):
@@ -137,7 +138,7 @@ class Registered:
         """What the tracker is to measure at poses (N, n)."""
         x = np.ascontiguousarray(x)
         measured = np.full_like(x, np.nan) if measured is None else np.ascontiguousarray(measured)
-        return View(*_core.seen(robot._core, self.base, self.marker, x, measured))
+        return View(*_core.seen(robot.core, self.base, self.marker, x, measured))
 
     def begun(self) -> Registered:
         """Return the registration that the search began from, taken as exact."""
@@ -185,11 +186,11 @@ class Registered:
         return result
 
 
-def outside(robot: Robot, measured, sigma, angle_sigma, count: int) -> tuple[Array, Array]:
+def measured_outside(robot: Robot, measured, sigma, angle_sigma, count: int) -> tuple[Array, Array]:
     """Outside measurements and their σ as the core takes them; none: no rows."""
     if measured is None:
         return np.zeros((0, robot.n)), np.zeros((0, robot.n))
-    rows, lead = robot._rows(measured, robot.n, "measured", "nan")
+    rows, lead = flattened(robot, measured, robot.n, "measured", "nan")
     if lead != (count,):
         raise InputError(f"measured: shape {np.shape(measured)}, must be ({count}, {robot.n})")
     angles = [unit == "rad" for _, unit in robot.coordinates]

@@ -8,15 +8,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.calibration import log_checks, log_faults, registration
+from truepose.calibration import log_checks, registration
 from truepose.calibration.bound import accuracy
 from truepose.calibration.expectation import Expectation, expect
-from truepose.calibration.fit import Fit, calibrate
+from truepose.calibration.fit import Fit, fit_to
 from truepose.calibration.registration import Registered
 from truepose.exceptions import PoseError, TrueposeError
-from truepose.logs.read import Log
-from truepose.paper.tables import Cell, Table, fixed, number
+from truepose.logs import Log
 from truepose.robot.robot import Robot
+from truepose.show.table import Cell, Table, fixed, number
+from truepose.show.units import PRINT, SI, in_print
 
 #: Every so many lines one is held out.
 FOLD = 5
@@ -78,7 +79,7 @@ def assess(
 
     def fitted(part: Log) -> Fit:
         outside = {"measured": part.measured, "measured_sigma": part.measured_sigma}
-        return calibrate(robot, part.readings, **outside, **settings)
+        return fit_to(robot, part.readings, **outside, **settings)
 
     def expected(by: Robot, part: Log, of: Registered | None) -> Expectation:
         level = settings.get("level")
@@ -155,40 +156,9 @@ def _rms(values: Array, rows: Array) -> float | None:
     return float(np.sqrt(np.mean(values**2))) if len(values) else None
 
 
-def in_print(robot: Robot, name: str) -> tuple[float, str]:
-    """Factor and unit in which people read a column's or a parameter's value.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> h4 = tp.load("h4")
-    >>> [in_print(h4, name)[1] for name in ("chain1.rod", "chain1.yaw", "theta", "theta.gain")]
-    ['mm', '°', '°', '']
-    """
-    kinds = {"m": (1e3, "mm"), "rad": (180 / np.pi, "°"), "": (1.0, "")}
-    owner, _, key = name.partition(".")
-    coordinates = {f"measured_{c}": unit for c, unit in robot.coordinates}
-    if name in coordinates:
-        return kinds[coordinates[name]]
-    everything = robot.with_sensors()._spec.sensor
-    by_name = {sensor.name: sensor.kind for sensor in everything}
-    if owner in by_name:
-        if key == "gain" or key.split(".")[0] in ("direction", "normal", "axis", "up"):
-            return kinds[""]
-        lengths = log_faults.LENGTHS
-        return kinds["m" if by_name[owner] in lengths or key.count(".") else "rad"]
-    if key in ("yaw", "tilt"):
-        return kinds["rad"]
-    if key == "encoder_offset":
-        actuator = robot.spec.chain[int(owner.removeprefix("chain")) - 1].actuator
-        return kinds["rad" if actuator == "revolute" else "m"]
-    return kinds["m"]
-
-
 def _named(what: str, name: str, unit: str) -> Cell:
     """Name a row for people in print units; its data are SI."""
-    si = {"mm": "m", "°": "rad"}.get(unit, "")
-    return Cell(f"{name} ({unit})" if unit else name, {what: name, "unit": si})
+    return Cell(f"{name} ({unit})" if unit else name, {what: name, "unit": SI[unit]})
 
 
 def residuals(result: Assessment) -> Table:
@@ -262,14 +232,11 @@ def predicted(result: Assessment) -> Table:
         mean = np.diagonal(result.accuracy[when, how], axis1=1, axis2=2).mean(axis=0)
         cells = [number(1e3 * float(np.sqrt(mean[linear].sum())))]
         for k, (_, unit) in enumerate(robot.coordinates):
-            factor = 1e3 if unit == "m" else 180 / np.pi
-            cells.append(number(factor * float(np.sqrt(mean[k]))))
+            cells.append(number(PRINT[unit][0] * float(np.sqrt(mean[k]))))
         rows.append([f"{how}, {when}", *cells])
     names = {"theta": "θ"}
     header = [f"rms, {result.where}", "position, mm"]
-    header += [
-        f"{names.get(c, c)}, {'mm' if unit == 'm' else '°'}" for c, unit in robot.coordinates
-    ]
+    header += [f"{names.get(c, c)}, {PRINT[unit][1]}" for c, unit in robot.coordinates]
     return Table("accuracy", "Predicted error of the pose from all readings", header, rows)
 
 
@@ -279,7 +246,7 @@ def registration_table(fit: Fit) -> Table | None:
         return None
     rows = []
     for known in fit.registration.known:
-        factor, unit = (1e3, "mm") if known.unit == "m" else (180 / np.pi, "°")
+        factor, unit = PRINT[known.unit]
         cells = [f"{factor * v:.4f}" for v in (known.value, known.sigma)]
         rows.append([f"{known.name} ({unit})", *cells])
     title = "Registration: the base in the tracker's frame, the marker on the nacelle"

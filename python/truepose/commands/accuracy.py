@@ -16,15 +16,14 @@ import typer
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, numbers_of
+from truepose.arguments import Array, Level, numbers_of
 from truepose.calibration.bound import accuracy
 from truepose.commands import info
 from truepose.commands.options import Force, How, RobotName, plot_to, wrote
 from truepose.exceptions import InputError, choose, one_line
-from truepose.files.read import contents
-from truepose.paper.tables import Cell, Table, number
-from truepose.robot.kinematics import Level
+from truepose.files import contents
 from truepose.robot.robot import Robot, load
+from truepose.show.table import Cell, Table, number
 from truepose.show.terminal import Format, say, show
 
 if TYPE_CHECKING:

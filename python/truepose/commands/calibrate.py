@@ -10,24 +10,20 @@ from typing import Annotated, Literal
 import numpy as np
 import typer
 
-from truepose.calibration import fit as calibration
-from truepose.calibration import log_checks
-from truepose.calibration import review as calibration_report
-from truepose.calibration.fit import Loss, ModelError
+from truepose import files, logs, robotfile
+from truepose.arguments import Level
+from truepose.calibration import log_checks, review
+from truepose.calibration.fit import MUCH, Loss, ModelError, memory, much_memory
 from truepose.calibration.review import Assessment
-from truepose.commands import accuracy as prediction
+from truepose.commands import accuracy
 from truepose.commands.options import Force, How, RobotName, wrote
 from truepose.exceptions import InputError
-from truepose.files import write as saving
-from truepose.files.write import Output
-from truepose.logs import read as logs
-from truepose.robot.kinematics import Level
 from truepose.robot.robot import load
-from truepose.robotfile.read import path_of as robot_path
 from truepose.show.terminal import Format, say, show
+from truepose.show.units import WRITTEN
 
 #: Calls of `progress` that :func:`run` makes.
-STEPS = 3 + calibration_report.STEPS
+STEPS = 3 + review.STEPS
 
 Registration = Literal["unknown", "known"]
 
@@ -59,9 +55,7 @@ def command(
     loss: Annotated[Loss, typer.Option(help="What gross errors cost.")] = "student",
     tuning: Annotated[
         float | None,
-        typer.Option(
-            help="Huber's bend or Student's degrees of freedom.", show_default="docs/calibration.md"
-        ),
+        typer.Option(help="Huber's bend or Student's degrees of freedom.", show_default="1; 4"),
     ] = None,
     model_error: Annotated[
         ModelError, typer.Option(help="Allow for what the ideal level leaves out.")
@@ -87,7 +81,7 @@ def command(
     """Learn a robot's geometry from a log of its own readings.
 
     Says what is wrong with the log, how well each parameter is known then, and how accurate the
-    robot will be; docs/calibration.md explains it.
+    robot will be; the report says how to read that.
 
     Example: **truepose calibrate h4 log.csv -o calibrated.toml**
     """
@@ -125,12 +119,12 @@ def command(
         raise typer.Exit(2) from None
     for note in result.notes:
         say(f"{log}: {note}", err=True)
-    tables = calibration_report.tables_of(result)
+    tables = review.tables_of(result)
     if how is Format.table:  # the report has the change of each parameter, too
         few = (0, 1, 3, 4, 5, 6)
         tables = [t.columns(*few) if t.name == "parameters" else t for t in tables]
     show(tables, how)
-    say(f"{calibration_report.verdicts(result.fit)}.", how)
+    say(f"{review.verdicts(result.fit)}.", how)
     wrote(how, out, report)
 
 
@@ -159,15 +153,15 @@ def run(
     force: bool = False,
 ) -> Assessment:
     """Read, look over, fit, try, write; nothing is written unless all went well."""
-    inputs = (log_file, robot_path(robot_file))
-    robot_out = Output(out, "calibrated robot", "-o") if out else None
-    page_out = Output(report, "report", "--report") if report else None
-    saving.check(filter(None, (robot_out, page_out)), inputs, force)
+    inputs = (log_file, robotfile.path_of(robot_file))
+    robot_out = robotfile.output(out, "-o", calibrated=True) if out else None
+    page_out = files.Output(report, "report", "--report") if report else None
+    files.check(filter(None, (robot_out, page_out)), inputs, force)
     robot = load(robot_file)
     if sensors is not None:
-        robot = robot.with_sensors(*prediction.parse_set(robot, sensors))
+        robot = robot.with_sensors(*accuracy.parse_set(robot, sensors))
     sigma, angle_sigma = _sigmas(measured_sigma)
-    at = None if touch_off is None else prediction.parse_pose(robot, touch_off, "--touch-off")
+    at = None if touch_off is None else accuracy.parse_pose(robot, touch_off, "--touch-off")
     log = logs.read(robot, log_file)
     progress("log read")
     log, findings = log_checks.check(robot, log)
@@ -175,15 +169,15 @@ def run(
         raise RefusedError(refused)
     progress("log looked over")
     guarded = (level or robot.finest_level) == "ideal" and model_error == "on"
-    needed = calibration.memory(robot, len(log.lines), log.measured is not None, guarded)
-    if needed > calibration.MUCH:  # before, not with the notes that come after
-        say(f"{log_file}: {calibration.much_memory(robot, len(log.lines), needed)}", err=True)
+    needed = memory(robot, len(log.lines), log.measured is not None, guarded)
+    if needed > MUCH:  # before, not with the notes that come after
+        say(f"{log_file}: {much_memory(robot, len(log.lines), needed)}", err=True)
     notes = [finding.text for finding in findings]
     if log.unused:
         notes.insert(0, f"columns not used: {', '.join(log.unused)}")
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", ".* GB of memory")  # it was said
-        result = calibration_report.assess(
+        result = review.assess(
             robot,
             log,
             notes,
@@ -203,23 +197,12 @@ def run(
 
         contents[page_out] = calibration_figures.page(result, log_file.name, loss)
     if robot_out:
-        contents[robot_out] = saving.text_of(result.fit.robot)
-    saving.write(contents, inputs, force)
+        fitted = result.fit.robot
+        values = {name: p.value for name, p in fitted.parameters.items()}
+        contents[robot_out] = robotfile.to_toml(fitted.spec, values)
+    files.write(contents, inputs, force)
     progress("written")
     return result
-
-
-#: Units that people write after a σ: m or rad, and how much.
-_UNITS = {
-    "um": (0, 1e-6),
-    "µm": (0, 1e-6),
-    "mm": (0, 1e-3),
-    "m": (0, 1.0),
-    "mrad": (1, 1e-3),
-    "rad": (1, 1.0),
-    "deg": (1, np.pi / 180),
-    "°": (1, np.pi / 180),
-}
 
 
 def _sigmas(text: str | None) -> tuple[float | None, float | None]:
@@ -230,18 +213,18 @@ def _sigmas(text: str | None) -> tuple[float | None, float | None]:
     >>> _sigmas("0.05deg"), _sigmas("2e-5")
     ((None, 0.0008726646259971648), (2e-05, None))
     """
-    result: list[float | None] = [None, None]
+    result: dict[str, float] = {}
     for part in text.split(",") if text is not None else ():
-        number = part.strip().rstrip("".join(_UNITS))
-        kind, factor = _UNITS.get(part.strip()[len(number) :] or "m", (0, np.nan))
+        number = part.strip().rstrip("".join(WRITTEN))
+        unit, factor = WRITTEN.get(part.strip()[len(number) :] or "m", ("m", np.nan))
         try:
             value = factor * float(number)
         except ValueError:
             value = np.nan
-        if not (0 < value < np.inf) or result[kind] is not None:
+        if not (0 < value < np.inf) or unit in result:
             raise InputError(
                 f"--measured-sigma {text}: must be a length and an angle greater than 0, as "
-                f"0.02mm,0.01deg (units: {', '.join(_UNITS)})"
+                f"0.02mm,0.01deg (units: {', '.join(WRITTEN)})"
             )
-        result[kind] = value
-    return result[0], result[1]
+        result[unit] = value
+    return result.get("m"), result.get("rad")

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from truepose.calibration import fit as calibration
-from truepose.calibration import review as calibration_report
-from truepose.calibration.fit import Fit
-from truepose.calibration.review import Assessment, in_print
+from truepose.calibration import review
+from truepose.calibration.fit import BARELY, IDENTIFIED, Fit
+from truepose.calibration.review import Assessment
 from truepose.exceptions import one_line
-from truepose.files.write import picture
-from truepose.paper import report
+from truepose.files import picture
+from truepose.show.page import as_uri, render, versions
+from truepose.show.units import in_print
 
 _COLOURS = {"before": "#b2182b", "after": "#2166ac", "held out": "#1b7837"}
 _VERDICTS = {"identified": "#1b7837", "barely": "#e08214", "not identified": "#b2182b"}
@@ -20,31 +20,31 @@ _VERDICTS = {"identified": "#1b7837", "barely": "#e08214", "not identified": "#b
 def page(result: Assessment, source: str, loss: str) -> str:
     """Write a calibration as one self-contained HTML page."""
     robot = result.fit.robot
-    counts = int(calibration_report.counted(result).sum())
+    counts = int(review.counted(result).sum())
     touch = ", ".join(
         f"{name} = {1e3 * v:.4g} mm" if unit == "m" else f"{name} = {np.degrees(v):.4g}°"
         for v, (name, unit) in zip(result.touch_off, robot.coordinates, strict=True)
     )
-    return report.render(
+    return render(
         "calibration.html.j2",
         robot=robot,
         fit=result.fit,
         source=one_line(source),
         loss=loss,
         lines=f"{counts} of {len(result.log.lines)} {result.log.word}s count",
-        verdicts=calibration_report.verdicts(result.fit),
+        verdicts=review.verdicts(result.fit),
         notes=result.notes,
         where=result.where,
         touch_off=touch,
-        identified=calibration.IDENTIFIED,
-        barely=calibration.BARELY,
-        tables={table.name: table for table in calibration_report.tables_of(result)},
+        identified=IDENTIFIED,
+        barely=BARELY,
+        tables={table.name: table for table in review.tables_of(result)},
         images={
-            "residuals": report.as_uri(picture(residuals(result), ".svg")),
-            "accuracy": report.as_uri(picture(accuracy(result), ".svg")),
-            "parameters": report.as_uri(picture(parameters(result.fit), ".svg")),
+            "residuals": as_uri(picture(residuals(result), ".svg")),
+            "accuracy": as_uri(picture(accuracy(result), ".svg")),
+            "parameters": as_uri(picture(parameters(result.fit), ".svg")),
         },
-        versions=report.versions(),
+        versions=versions(),
     )
 
 
@@ -53,7 +53,7 @@ def residuals(result: Assessment) -> Figure:
     shown = [k for k in range(len(result.names)) if np.isfinite(result.after.residual[:, k]).any()]
     figure = Figure(figsize=(8.4, 0.5 + 2.1 * len(shown)), layout="constrained")
     grid = figure.subplots(len(shown), 2, sharex=True, squeeze=False)
-    counts = calibration_report.counted(result)
+    counts = review.counted(result)
     for (left, right), k in zip(grid, shown, strict=True):
         factor, unit = in_print(result.fit.robot, result.names[k])
         series = {

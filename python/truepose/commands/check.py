@@ -12,14 +12,12 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from truepose import _core
+from truepose import _core, robotfile
 from truepose.commands import info
 from truepose.commands.accuracy import workspace_grid
 from truepose.exceptions import RobotFileError, shortened
 from truepose.robot.robot import Robot
-from truepose.robotfile import lines as toml_lines
-from truepose.robotfile import read as robot_file
-from truepose.robotfile.read import Problem
+from truepose.robotfile import Problem, toml_lines
 from truepose.robotfile.schema import RobotFile
 from truepose.show.terminal import say
 
@@ -72,9 +70,9 @@ def check(path: Path) -> tuple[Robot | None, list[str]]:
     RobotFileError
         The file cannot be read.
     """
-    text = robot_file.text_of(path, str(path))
+    text = robotfile.text_of(path, str(path))
     try:
-        data = robot_file.table_of(text)
+        data = robotfile.table_of(text)
     except ValueError as error:
         line = re.search(r"at line (\d+)", str(error))
         last = max(len(text.splitlines()), 1) if "end of document" in str(error) else 1
@@ -82,7 +80,7 @@ def check(path: Path) -> tuple[Robot | None, list[str]]:
         return None, [f"{path}:{at}: {error}"]
     where = toml_lines.lines(text)
     robot, problems = _examine(data, text, str(path))
-    told = [(_line(where, data, p.path), shortened(p.text, robot_file.LINE)) for p in problems]
+    told = [(_line(where, data, p.path), shortened(p.text, robotfile.LINE)) for p in problems]
     return robot, [f"{path}:{line}: {what}" for line, what in sorted(set(told))]
 
 
@@ -129,8 +127,8 @@ def remarks(robot: Robot) -> list[str]:
 def _reached(robot: Robot) -> tuple[int, dict[str, int], int]:
     """Count the grid's poses that are reached and regular, the others by reason, and all."""
     x = workspace_grid(robot, GRID[robot.n])
-    _, status, chain = _core.ikm(robot._core, x, False)
-    J, rank, guilty = _core.jacobian(robot._core, x, False)
+    _, status, chain = _core.ikm(robot.core, x, False)
+    J, rank, guilty = _core.jacobian(robot.core, x, False)
     lost = info.reasons(np.where(status, status, rank), np.where(status, chain, guilty))
     good = (status == 0) & (rank == 0)
     # Beyond a singularity det J has another sign: no way leads there from home.
@@ -142,8 +140,8 @@ def _reached(robot: Robot) -> tuple[int, dict[str, int], int]:
 
 
 def _examine(data: dict, text: str, where: str) -> tuple[Robot | None, list[Problem]]:
-    spec, problems = robot_file.examine(data)
-    moving = spec or robot_file.mechanism_of(data)
+    spec, problems = robotfile.examine(data)
+    moving = spec or robotfile.mechanism_of(data)
     if moving:
         problems += _in_millimetres(moving)
     try:
@@ -154,7 +152,7 @@ def _examine(data: dict, text: str, where: str) -> tuple[Robot | None, list[Prob
         problems.append(Problem(("chain",), f"{robot.name}: {robot.full.reason}"))
     if problems:
         return None, problems
-    robot = Robot(robot_file.parse(text, where))
+    robot = Robot(robotfile.parse(text, where))
     if robot.spec.workspace is not None:
         reached, lost, count = _reached(robot)
         if not reached:

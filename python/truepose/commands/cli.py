@@ -6,18 +6,30 @@ import os
 import signal
 import sys
 import threading
+from importlib import metadata
 from typing import Annotated
 
 import typer
 from typer.exceptions import TyperException
 
-from truepose.commands import accuracy, calibrate, check, export, info, new, reproduce, view
+from truepose import files
+from truepose.commands import (
+    accuracy,
+    calibrate,
+    check,
+    export,
+    info,
+    new,
+    rehearse,
+    reproduce,
+    robots,
+    simulate,
+    view,
+)
 from truepose.exceptions import TrueposeError
-from truepose.files import write as saving
 from truepose.show.terminal import prepare, say
 
 app = typer.Typer(
-    add_completion=False,
     rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
     help="Makes parallel robots accurate with redundant sensors.",
@@ -29,15 +41,16 @@ app.command("info")(info.command)
 app.command("accuracy")(accuracy.command)
 app.command("calibrate")(calibrate.command)
 app.add_typer(export.app, name="export")
+app.command("robots")(robots.command)
+app.command("rehearse")(rehearse.command)
+app.command("simulate")(simulate.command)
 app.command("view")(view.command)
 app.command("reproduce")(reproduce.command)
 
 
 def _version(wanted: bool) -> None:
     if wanted:
-        import truepose
-
-        typer.echo(f"truepose {truepose.__version__}")
+        typer.echo(f"truepose {metadata.version('truepose')}")
         raise typer.Exit
 
 
@@ -55,7 +68,7 @@ def _options(
 
 def _stop(number: int, _frame: object) -> None:
     """End at once: an exception might be lost on its way, in a callback of the interpreter's."""
-    saving.clear()
+    files.clear()
     shown = b"\x1b[?25h" * os.isatty(2)  # a progress bar hides the cursor
     os.write(2, shown + b"truepose: stopped\n")
     os._exit(128 + number)
@@ -81,7 +94,7 @@ def main() -> None:
 def _run() -> tuple[int, str]:
     """Status and last word of a command."""
     try:
-        code = app(standalone_mode=False) or 0
+        code = app(prog_name="truepose", standalone_mode=False) or 0
         sys.stdout.flush()
         return code, "interrupted" if code == 130 else ""  # typer's own answer to Ctrl-C
     except TrueposeError as error:

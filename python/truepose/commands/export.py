@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
+from truepose import files
 from truepose.commands.options import Force, RobotName, wrote
-from truepose.files import write as saving
 from truepose.robot.robot import load
-from truepose.robotfile.read import path_of
+from truepose.robotfile import path_of
 from truepose.show.terminal import Format
 from truepose.simulation.plants.mjcf import to_mjcf
 
@@ -32,12 +32,12 @@ def mjcf(
 
     Example: **truepose export mjcf h4 -o h4.xml**
     """
-    output = out and saving.Output(out, "model", "-o")
+    output = out and files.Output(out, "model", "-o")
     read = [path_of(robot)]
-    saving.check([output] if output else [], read, force)
+    files.check([output] if output else [], read, force)
     text = to_mjcf(load(robot))
     if output:
-        saving.write({output: text}, read, force)
+        files.write({output: text}, read, force)
         wrote(Format.table, out)
     else:
         print(text, end="")

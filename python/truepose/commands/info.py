@@ -13,9 +13,9 @@ from truepose import _core
 from truepose.arguments import Array
 from truepose.commands.options import Force, How, RobotName, plot_to, wrote
 from truepose.exceptions import InputError
-from truepose.paper.tables import Cell, Table
 from truepose.robot.robot import Robot, load
 from truepose.robotfile.schema import Workspace
+from truepose.show.table import Cell, Table
 from truepose.show.terminal import Format, show
 
 if TYPE_CHECKING:
@@ -105,9 +105,9 @@ def measure(robot: Robot, samples: int = 100_000, seed: int = 0, length: float =
     box = workspace(robot)
     generator = np.random.default_rng(seed)
     x = generator.uniform(box.minimum, box.maximum, size=(samples, robot.n))
-    q, status, chain = _core.ikm(robot._core, x, False)
+    q, status, chain = _core.ikm(robot.core, x, False)
     reached = status == 0
-    J, rank, lost = _core.jacobian(robot._core, x, False)
+    J, rank, lost = _core.jacobian(robot.core, x, False)
     regular = reached & (rank == 0)
     refused = reasons(np.where(reached, rank, status), np.where(reached, lost, chain))
     if not regular.any():
@@ -166,9 +166,9 @@ def level_difference(robot: Robot, poses: Array, seed: int = 0, count: int = 100
     Examples
     --------
     >>> import numpy as np, truepose as tp
-    >>> from truepose.paper import data as paper_data
+    >>> from truepose.paper import article
     >>> robot = tp.load("h4")
-    >>> rms = level_difference(robot, paper_data.table2()[::25])
+    >>> rms = level_difference(robot, article.table2()[::25])
     >>> bool((abs(rms[:3] * 1e3 - [0.11, 0.20, 0.14]) < 0.03).all())
     True
     """

@@ -9,14 +9,20 @@ from typing import Annotated
 import tomlkit
 import typer
 
+from truepose import files, robotfile
+from truepose.commands.options import completing
 from truepose.exceptions import InputError, choose, one_line
-from truepose.files.write import replace_file
-from truepose.robotfile import read as robot_file
 from truepose.show.terminal import say
 
 
 def command(
-    robot: Annotated[str, typer.Argument(help="A shipped robot: the kind to start from.")],
+    robot: Annotated[
+        str,
+        typer.Argument(
+            help="A shipped robot: the kind to start from.",
+            autocompletion=completing(robotfile.shipped),
+        ),
+    ],
     out: Annotated[
         Path | None, typer.Option("-o", "--out", help="File to write.", show_default="ROBOT.toml")
     ] = None,
@@ -39,10 +45,10 @@ def write(robot: str, out: Path) -> Path:
     InputError
         No such robot; or `out` is there already, or cannot be written.
     """
-    files = robot_file.shipped()
-    if robot not in files:
-        raise InputError(choose("robot", robot, files))
-    document = tomlkit.parse(files[robot].read_text(encoding="utf-8"))
+    known = robotfile.shipped()
+    if robot not in known:
+        raise InputError(choose("robot", robot, known))
+    document = tomlkit.parse(known[robot].read_text(encoding="utf-8"))
     document["name"] = out.stem
     text = (
         f"# A {robot} to start from: change its numbers to those of your drawings.\n"
@@ -53,8 +59,8 @@ def write(robot: str, out: Path) -> Path:
         '#     parameters = { "chain1.base.x" = 0.2 }\n#\n'
     )
     text += document.as_string()
-    robot_file.parse(text, str(out))  # its name is the file's, and may be none for a robot
+    robotfile.parse(text, str(out))  # its name is the file's, and may be none for a robot
     if os.path.lexists(out) and not out.is_dir():
         raise InputError(f"{out}: is there already and is not overwritten; choose -o")
-    replace_file(out, text, "robot file")
+    files.write({robotfile.output(out): text})
     return out

@@ -2,21 +2,49 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from truepose.files import write as saving
-from truepose.robotfile.read import path_of
+from truepose import files
+from truepose.exceptions import InputError, choose
+from truepose.robot.robot import Robot, load, robots
+from truepose.robotfile import path_of
 from truepose.show.terminal import Format, say
+from truepose.simulation.effects import Effects
+from truepose.simulation.true_robots import with_tolerance_errors
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+
+def completing(choices: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
+    """What a shell may complete a word to; where that is nothing, it offers files by itself."""
+
+    def fitting(incomplete: str) -> list[str]:
+        return [choice for choice in choices() if choice.startswith(incomplete)]
+
+    return fitting
+
+
 RobotName = Annotated[
-    str, typer.Argument(metavar="ROBOT", help="A shipped robot's name, or a robot file.")
+    str,
+    typer.Argument(
+        metavar="ROBOT",
+        help="A shipped robot's name, or a robot file.",
+        autocompletion=completing(robots),
+    ),
+]
+Seed = Annotated[
+    int, typer.Option(min=0, help="Of all that is drawn; the same seed, the same numbers.")
+]
+SensorSet = Annotated[
+    str | None,
+    typer.Option(
+        metavar="A,B*", help="Sensors that are read: names or globs.", show_default="the file's"
+    ),
 ]
 Force = Annotated[
     bool, typer.Option("--force", help="Replace a file that is no earlier result of truepose.")
@@ -35,12 +63,12 @@ def plot_to(
     """Look whether --plot may be written; return what draws and saves it, or does nothing."""
     if path is None:
         return lambda draw: None
-    output = saving.Output(path, "picture", "--plot")
+    output = files.Output(path, "picture", "--plot")
     read = [path_of(str(name)) for name in inputs]
-    saving.check_picture(output, read, force)
+    files.check_picture(output, read, force)
 
     def save(draw: Callable[[], Figure]) -> None:
-        saving.write({output: saving.picture(draw(), path.suffix)}, read, force)
+        files.write({output: files.picture(draw(), path.suffix)}, read, force)
 
     return save
 
@@ -50,3 +78,26 @@ def wrote(how: Format, *paths: Path | None) -> None:
     for path in paths:
         if path is not None:
             say(f"Wrote {path}", how)
+
+
+def effects_of(text: str, known: Sequence[str] = Effects.groups()) -> Effects:
+    """Read effects as people write them: all, none, or names with commas between."""
+    if text in ("all", "none"):
+        return Effects().only(*(known if text == "all" else ()))
+    names = [name.strip() for name in text.split(",")]
+    for name in names:
+        if name not in known:
+            raise InputError(f"--effects: {choose('effect', name, ['all', 'none', *known])}")
+    return Effects().only(*names)
+
+
+def true_robot(robot: Robot, text: str, seed: int) -> Robot:
+    """Find the robot that is there: drawn from its tolerances, nominal, or a robot file's."""
+    if text == "nominal":
+        return robot
+    if text != "drawn":
+        return load(text).with_sensors(*robot.sensors)
+    if not any(parameter.sigma for parameter in robot.parameters.values()):
+        say(f"{robot.name}: no tolerances in its file: the true robot is the nominal one", err=True)
+    true = with_tolerance_errors(robot, seed)
+    return true.with_level(true.finest_level)

@@ -41,7 +41,7 @@ def command(
     The H4 makes the 0.2 s move of Figures 11 to 13 under usual, redundant (TEJ) and Cartesian
     control, and calibrated from its own readings; then settles at the 625 poses of Table 2, for
     many robots drawn from the paper's geometric errors. Prints Table 3 and writes a report. With
-    --experiment a twin of the paper's robot is measured as that was, docs/experiment.md. With
+    --experiment a twin of the paper's robot is measured as that was. With
     --full at least 100 real robots calibrate themselves with each set of sensors (minutes).
 
     Example: **truepose reproduce --robots 100 --seed 0 --out my-report**
@@ -50,8 +50,7 @@ def command(
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
     from truepose.paper import experiment_tables, report, tables
-    from truepose.paper.reproduce import reproduce as run
-    from truepose.paper.reproduce import total_steps
+    from truepose.paper.reproduce import reproduce, total_steps
 
     start = time.perf_counter()
     with report.folder(out, force) as work:
@@ -64,7 +63,7 @@ def command(
             def progress(what: str) -> None:
                 bar.update(task, advance=1, description=what)
 
-            result = run(robots, seed, progress, virtual=experiment, full=full)
+            result = reproduce(robots, seed, progress, virtual=experiment, full=full)
             report.write(result, work, progress)
     found = [tables.moves(result), tables.many_robots(result), tables.gains(result)]
     found += [tables.sensing(result.sensing)] if result.sensing else []

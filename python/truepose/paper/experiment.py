@@ -10,13 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose.arguments import Array, numbers_of
-from truepose.calibration.fit import calibrate
-from truepose.paper import data as paper_data
-from truepose.paper import table3 as statistics
+from truepose.calibration.calibrate import calibrate
+from truepose.paper import article, statistics
+from truepose.paper.errors import with_paper_errors
 from truepose.paper.trials import JITTER
+from truepose.robot.laws import LAWS, Law
 from truepose.robot.robot import Robot
-from truepose.simulation.simulate import LAWS, Controller, Law, settle, simulate
-from truepose.simulation.true_robots import with_paper_errors
+from truepose.simulation.controller import Controller
+from truepose.simulation.settle import settle
+from truepose.simulation.simulate import simulate
 from truepose.threads import each
 
 Control = Literal["joint", "redundant", "weighted", "cartesian", "self-calibrated"]
@@ -45,7 +47,7 @@ class Experiment:
 
     def ratio(self, quantity: str, statistic: str, control: Control = "redundant") -> Array:
         """Statistic under a control over the same under joint control, one value per robot."""
-        at = paper_data.QUANTITIES.index(quantity), paper_data.STATISTICS.index(statistic)
+        at = article.QUANTITIES.index(quantity), article.STATISTICS.index(statistic)
         return self.tables[control][(slice(None), *at)] / self.tables["joint"][(slice(None), *at)]
 
 
@@ -119,7 +121,7 @@ def run(
     progress : callable
         Called after each robot.
     """
-    poses = paper_data.table2() if poses is None else numbers_of(poses, "poses")
+    poses = article.table2() if poses is None else numbers_of(poses, "poses")
     errors: dict[Control, list[Array]] = {control: [] for control in CONTROLS}
     for settled in each(lambda pair: rest(robot, pair[1], poses, seed=pair[0]), enumerate(truths)):
         for control, x in settled.items():
@@ -180,7 +182,7 @@ def dynamics_check(
 
 
 def theta_law(robot: Robot, poses: Array) -> Array:
-    """1/(1 + w |j|²) at each pose: what the TEJ leaves of a small static θ error (docs/paper.md).
+    """1/(1 + w |j|²) at each pose: what the TEJ leaves of a small static θ error.
 
     j is the θ row of J and w the weight of θ's row in the TEJ.
     """

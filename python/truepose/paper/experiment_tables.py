@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from truepose.paper import data as paper_data
-from truepose.paper import figures, twin
+from truepose.paper import article, figures, twin
 from truepose.paper.experiment import Control
 from truepose.paper.experiment_section import Section
 from truepose.paper.forgotten import Line
-from truepose.paper.table3 import in_print_units, over_robots
-from truepose.paper.tables import FURTHER, UNITS, Cell, Table, cells, fixed, number
+from truepose.paper.statistics import in_print_units, over_robots
+from truepose.paper.tables import FURTHER, UNITS, cells
 from truepose.paper.virtual_experiment import READINGS, Reading, Run
 from truepose.robot.frames import coordinates
+from truepose.show.table import Cell, Table, fixed, number
 
 NAMES = {"joint": "usual", "redundant": "redundant", **FURTHER}
 READING_NAMES: dict[Reading, str] = {
@@ -24,7 +24,7 @@ READING_NAMES: dict[Reading, str] = {
 
 def table3(runs: dict[Control, Run], plant: str, reading: Reading = "estimated") -> Table:
     """Table 3 of the paper's two controls beside the printed one; a ! marks what is not reached."""
-    (values, target), printed = twin.printed(), paper_data.table3_as_printed()
+    (values, target), printed = twin.printed(), article.table3_as_printed()
     found = np.stack([runs[law].table(reading) for law in twin.LAWS])
     rows = []
     for at, key, label in cells():
@@ -42,7 +42,7 @@ def table3(runs: dict[Control, Run], plant: str, reading: Reading = "estimated")
 
 def changes(runs: dict[Control, Run], plant: str) -> Table:
     """What Table 3's sums of squares change by between its columns, printed and of the twin."""
-    printed = paper_data.table3()
+    printed = article.table3()
     usual, redundant = (runs[law].table() for law in twin.LAWS)
     rows = []
     for at, key, label in cells():

@@ -7,8 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 from matplotlib.figure import Figure
 
-from truepose.paper import experiment
-from truepose.paper import table3 as statistics
+from truepose.paper import experiment, statistics
 from truepose.paper.experiment import Experiment
 from truepose.paper.warm_up import NAMES, WarmUp
 from truepose.robot.robot import Robot

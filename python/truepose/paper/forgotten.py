@@ -14,24 +14,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.calibration.fit import calibrate
+from truepose.calibration.calibrate import calibrate
 from truepose.exceptions import PoseError
-from truepose.paper import data as paper_data
-from truepose.paper import experiment
-from truepose.paper.table3 import interval, over_robots
+from truepose.paper import article, experiment
+from truepose.paper.statistics import interval, over_robots
 from truepose.paper.trials import JITTER
 from truepose.robot.frames import coordinates
 from truepose.robot.robot import Robot
+from truepose.simulation.controller import Controller
 from truepose.simulation.effects import Effects
 from truepose.simulation.plants.dynamic import DynamicPlant
-from truepose.simulation.simulate import Controller, Simulation, simulate
+from truepose.simulation.simulate import Simulation, simulate
 from truepose.simulation.vision import Setup, Vision
 from truepose.threads import each
 
-#: A PD whose loop is stable with all effects on: examples/07_stability_margin.py.
+#: A PD whose loop is stable with all effects on.
 FREQUENCY, BANDWIDTH = 40.0, 300.0
 WARM = 7200.0  #: s
-ROBOTS = 2  #: of a report, at most; an order of the effects takes more (benchmarks/effects.py)
+ROBOTS = 2  #: of a report, at most; an order of the effects takes more
 LEARN, JUDGE = 3, 7  #: every so many poses of Table 2 teach, and judge
 
 
@@ -135,7 +135,7 @@ def _one(
     robot: Robot, truth: Robot, effects: Effects, vision: Vision, number: int
 ) -> tuple[Array, Array, Array, Array]:
     """Errors of one robot, (P, 3) each, m: true under usual and calibrated control, then seen."""
-    table = paper_data.table2()
+    table = article.table2()
     rng = np.random.default_rng(number)
     learn = table[::LEARN] + rng.uniform(-JITTER, JITTER, table[::LEARN].shape)
     judge = table[1::JUDGE]

@@ -2,34 +2,35 @@
 
 from __future__ import annotations
 
-import base64
 import contextlib
 import csv
 import importlib.util
 import io
 import os
-import platform
 import uuid
 from collections.abc import Callable, Iterator
-from importlib import metadata
 from pathlib import Path
 
-import jinja2
 import numpy as np
 from matplotlib.figure import Figure
 
-import truepose
+from truepose import files, logs
 from truepose.exceptions import InputError
-from truepose.files import write as saving
-from truepose.logs import write as run_logs
-from truepose.paper import data as paper_data
-from truepose.paper import experiment, experiment_section, experiment_tables, figures, tables
-from truepose.paper import sensor_sets as sensing
-from truepose.paper import table3 as statistics
+from truepose.paper import (
+    article,
+    experiment,
+    experiment_section,
+    experiment_tables,
+    figures,
+    sensor_sets,
+    statistics,
+    tables,
+)
 from truepose.paper.experiment import CONTROLS
 from truepose.paper.reproduce import Reproduction
-from truepose.show import drawing
+from truepose.show import drawing, page
 from truepose.simulation.effects import Effects
+from truepose.simulation.moves import MOVE_TO
 
 FIGURES = 10  #: drawn for the report
 PAGE = "report.html"
@@ -60,10 +61,10 @@ def folder(out: Path, force: bool = False) -> Iterator[Path]:
     base = out if there else next(parent for parent in out.absolute().parents if parent.exists())
     try:
         others = [p for p in sorted(out.iterdir()) if p.suffix in _KINDS] if there else []
-        saving.check([saving.Output(out / PAGE, "report", "--out")] if others else [], force=force)
+        files.check([files.Output(out / PAGE, "report", "--out")] if others else [], force=force)
         if others and not (force or out / PAGE in others):
             raise InputError(f"--out {out}: has a {others[0].name}, and no report; choose another")
-        with saving.unfinished(base / f".truepose-{uuid.uuid4().hex}") as work:
+        with files.unfinished(base / f".truepose-{uuid.uuid4().hex}") as work:
             work.mkdir()
             yield work
             if there:
@@ -77,11 +78,11 @@ def folder(out: Path, force: bool = False) -> Iterator[Path]:
 
 def _move(work: Path, out: Path, force: bool) -> None:
     """Move all files of a folder into another one, or none."""
-    files = {file: out / file.name for file in sorted(work.iterdir())}
-    for file, place in files.items():
+    places = {file: out / file.name for file in sorted(work.iterdir())}
+    for file, place in places.items():
         known = force or (file.suffix == ".csv" and _same_header(file, place))
-        saving.check([saving.Output(place, _KINDS[file.suffix])], force=known)
-    for file, place in files.items():
+        files.check([files.Output(place, _KINDS[file.suffix])], force=known)
+    for file, place in places.items():
         os.replace(file, place)
 
 
@@ -116,7 +117,7 @@ def write(
     _raw_numbers(result, out)
     if result.section:
         _logs(result.section, out)
-    page = render(
+    text = page.render(
         "report.html.j2",
         images=images,
         tables={table.name: table for table in numbers},
@@ -125,36 +126,24 @@ def write(
         seed=result.seed,
         scatter={law: tables.theta_scatter(law) for law in ("usual", "redundant")},
         ratio=float(np.median(result.experiment.ratio("theta", "sum_sq"))),
-        moved=float(np.median(experiment.moved_by_tej(result.experiment, paper_data.MOVE_TO))),
+        moved=float(np.median(experiment.moved_by_tej(result.experiment, MOVE_TO))),
         squares={
-            "printed": paper_data.table3()["usual"]["theta", "sum_sq"],
+            "printed": article.table3()["usual"]["theta", "sum_sq"],
             "drawn": float(np.median(result.experiment.tables["joint"][:, 3, 2])),
         },
         norm=float(np.median(np.sqrt(result.experiment.ratio("norm_xyz", "sum_sq")))),
         left=experiment.theta_law(result.robot, result.experiment.poses),
-        errors=paper_data.simulation_errors(),
-        machined=sensing.MACHINED,
+        errors=article.simulation_errors(),
+        machined=sensor_sets.MACHINED,
         warm=result.warm_up,
         thermal=Effects(),
-        judged=len(result.experiment.poses[:: sensing.EVERY]),
+        judged=len(result.experiment.poses[:: sensor_sets.EVERY]),
         learnt=float(np.median(np.sqrt(result.experiment.ratio("norm_xyz", "sum_sq", LEARNT)))),
         section=result.section,
         setup=describe(result.section) if result.section else None,
-        versions=versions(),
+        versions=page.versions(),
     )
-    (out / PAGE).write_text(page, encoding="utf-8")
-
-
-def render(template: str, **values) -> str:
-    """Fill one of the package's templates."""
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("truepose", "_data/templates"),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template(template).render(**values)
+    (out / PAGE).write_text(text, encoding="utf-8")
 
 
 def _figures(result: Reproduction) -> Iterator[tuple[str, Figure]]:
@@ -186,15 +175,10 @@ def describe(section: experiment_section.Section) -> dict[str, float]:
 
 def _save(figure: Figure, path: Path) -> str:
     """Save as SVG and PNG; return the SVG as a data URI."""
-    drawn = saving.picture(figure, ".svg")
+    drawn = files.picture(figure, ".svg")
     path.with_suffix(".svg").write_bytes(drawn)
-    path.with_suffix(".png").write_bytes(saving.picture(figure, ".png"))
-    return as_uri(drawn)
-
-
-def as_uri(image: bytes) -> str:
-    """Put an SVG into a page as a data URI."""
-    return f"data:image/svg+xml;base64,{base64.b64encode(image).decode()}"
+    path.with_suffix(".png").write_bytes(files.picture(figure, ".png"))
+    return page.as_uri(drawn)
 
 
 def _csv(path: Path, header: list[str], rows) -> None:
@@ -212,7 +196,7 @@ def _logs(section: experiment_section.Section, out: Path) -> None:
     for plant, runs in section.runs.items():
         for control, run in runs.items():
             for ending in endings:
-                run_logs.write(run, out / f"experiment-{plant.lower()}-{control}.{ending}")
+                logs.write(run, out / f"experiment-{plant.lower()}-{control}.{ending}")
 
 
 def _raw_numbers(result: Reproduction, out: Path) -> None:
@@ -224,8 +208,8 @@ def _raw_numbers(result: Reproduction, out: Path) -> None:
             [robot, control, quantity, statistic, tables.unit(quantity, statistic), repr(float(v))]
             for control in CONTROLS
             for robot, table in enumerate(result.experiment.tables[control])
-            for quantity, row in zip(paper_data.QUANTITIES, table, strict=True)
-            for statistic, v in zip(paper_data.STATISTICS, row, strict=True)
+            for quantity, row in zip(article.QUANTITIES, table, strict=True)
+            for statistic, v in zip(article.STATISTICS, row, strict=True)
         ),
     )
     poses = statistics.in_print_units(result.experiment.poses)
@@ -245,10 +229,3 @@ def _raw_numbers(result: Reproduction, out: Path) -> None:
         x_d, x = statistics.in_print_units(run.x_d), statistics.in_print_units(run.x)
         rows = np.column_stack([run.time, x_d, x, run.torque]).tolist()
         _csv(out / f"{name}.csv", header, rows)
-
-
-def versions() -> dict[str, str]:
-    """What made a page."""
-    packages = {name: metadata.version(name) for name in ("numpy", "matplotlib")}
-    python = platform.python_version()
-    return {"truepose": truepose.__version__, "Python": python, **packages}

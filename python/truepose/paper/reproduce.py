@@ -8,12 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.paper import data as paper_data
-from truepose.paper import experiment, experiment_section, warm_up
-from truepose.paper import sensor_sets as sensing
+from truepose.paper import article, experiment, experiment_section, sensor_sets, warm_up
 from truepose.paper.experiment import Experiment
+from truepose.robot.laws import LAWS, Law
 from truepose.robot.robot import Robot, load
-from truepose.simulation.simulate import LAWS, Law, Simulation, simulate
+from truepose.simulation.simulate import Simulation, simulate
 
 CHECKED_POSES = 12  #: of Table 2, run in the dynamics under each law and in each case
 
@@ -27,7 +26,7 @@ class Reproduction:
     moves: dict[str, Simulation]
     experiment: Experiment
     check: dict[str, dict[Law, Array]]
-    sensing: list[sensing.Line]  #: empty unless it was asked for
+    sensing: list[sensor_sets.Line]  #: empty unless it was asked for
     warm_up: list[warm_up.WarmUp]
     section: experiment_section.Section | None  #: the virtual experiment, where it was asked for
 
@@ -45,7 +44,7 @@ MOVES: dict[str, tuple[str, Law]] = {
 def total_steps(robots: int, virtual: bool = False, full: bool = False) -> int:
     """How often `progress` will be called, at most."""
     checks = 3 * len(LAWS) * CHECKED_POSES
-    studies = warm_up.total_steps(robots) + (sensing.total_steps(robots) if full else 0)
+    studies = warm_up.total_steps(robots) + (sensor_sets.total_steps(robots) if full else 0)
     more = experiment_section.total_steps(robots) if virtual else 0
     return len(MOVES) + robots + checks + studies + more
 
@@ -80,18 +79,18 @@ def reproduce(
     for name, (_, law) in MOVES.items():
         believed = robot
         if name == "self-calibrated":
-            believed = experiment.self_calibrated(robot, truths[0], paper_data.table2())
+            believed = experiment.self_calibrated(robot, truths[0], article.table2())
         moves[name] = simulate(believed, robot if name == "figure-11" else truths[0], law)
         progress("the 0.2 s move")
     result = experiment.run(robot, truths, progress=lambda: progress("625 poses, exact statics"))
-    some = np.random.default_rng(seed).choice(paper_data.table2(), CHECKED_POSES, replace=False)
+    some = np.random.default_rng(seed).choice(article.table2(), CHECKED_POSES, replace=False)
     check = experiment.dynamics_check(
         robot, truths[0], some, progress=lambda: progress("some poses in the dynamics")
     )
     sets = []
     if full:
-        many = max(robots, sensing.ROBOTS)
-        sets = sensing.compare(robot, many, seed, lambda: progress("sets of sensors"))
+        many = max(robots, sensor_sets.ROBOTS)
+        sets = sensor_sets.compare(robot, many, seed, lambda: progress("sets of sensors"))
     warm = warm_up.study(robot, robots, seed, progress=lambda: progress("warming up"))
     section = experiment_section.run(progress, robots, seed) if virtual else None
     return Reproduction(robot, seed, moves, result, check, sets, warm, section)

@@ -9,10 +9,9 @@ import numpy as np
 
 from truepose.arguments import Array
 from truepose.calibration.bound import accuracy
-from truepose.paper import data as paper_data
-from truepose.paper import experiment
+from truepose.paper import article, experiment
 from truepose.paper.experiment import Control
-from truepose.paper.table3 import interval, over_robots
+from truepose.paper.statistics import interval, over_robots
 from truepose.robot.robot import Robot
 from truepose.robotfile.schema import Tolerance
 from truepose.simulation.true_robots import with_tolerance_errors
@@ -98,7 +97,7 @@ def compare(
     progress : callable
         Called after each robot.
     """
-    visited = paper_data.table2()
+    visited = article.table2()
     poses = visited[::EVERY]
     lines = []
     for name, nominal in tolerances(robot).items():

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
-from dataclasses import dataclass
-
 import numpy as np
 
-from truepose.paper import data as paper_data
-from truepose.paper import table3 as statistics
+from truepose.paper import article, statistics
 from truepose.paper.reproduce import MOVES, Reproduction
 from truepose.paper.sensor_sets import Line
 from truepose.paper.warm_up import NAMES, WarmUp
+from truepose.show.table import Cell, Table, fixed, number
 
 QUANTITY_NAMES = {"x": "x", "y": "y", "z": "z", "theta": "θ", "norm_xyz": "norm"}
 STATISTIC_NAMES = {
@@ -28,78 +25,6 @@ UNITS = "error (mm, °)"
 FURTHER = {"weighted": "weighted", "cartesian": "Cartesian", "self-calibrated": "self-calibrated"}
 
 
-class Cell(str):
-    """A text that people read, and what it says: a number with all its digits.
-
-    Parameters
-    ----------
-    text : str
-    data : object
-        A number or a word; or several by name, each then a column of its own.
-    """
-
-    __slots__ = ("data",)
-
-    def __new__(cls, text: str, data: object = None) -> Cell:  # noqa: D102 – the class says it
-        cell = super().__new__(cls, text)
-        cell.data = data
-        return cell
-
-
-@dataclass(frozen=True)
-class Table:
-    """Text cells under a header; `name` is also the CSV's file name."""
-
-    name: str
-    title: str
-    header: list[str]
-    rows: list[list[str]]
-
-    def columns(self, *which: int) -> Table:
-        """Return a narrower table."""
-        rows = [[row[k] for k in which] for row in self.rows]
-        return Table(self.name, self.title, [self.header[k] for k in which], rows)
-
-    def records(self) -> list[dict[str, object]]:
-        """Return what the rows say, for programs."""
-        records = []
-        for row in self.rows:
-            record: dict[str, object] = {}
-            for k, (name, cell) in enumerate(zip(self.header, row, strict=True)):
-                data = cell.data if isinstance(cell, Cell) else cell
-                if k and type(cell) is str:
-                    with contextlib.suppress(ValueError):
-                        data = float(cell)  # as many digits as were written
-                record |= data if isinstance(data, dict) else {name: data}
-            records.append(record)
-        return records
-
-
-def fixed(value: float, decimals: int = 2) -> Cell:
-    """Write a number with so many decimals."""
-    return Cell(f"{value:.{decimals}f}", float(value))
-
-
-def number(value: float | None, significant: int = 3, data: object = None) -> Cell:
-    """Write a number with so many significant digits and no exponent; 0 below 0.00005.
-
-    `data` is what a program is told; by default the value.
-
-    Examples
-    --------
-    >>> from truepose.paper.tables import number
-    >>> [number(v) for v in (52400, 8.8123, 0.0123, 0.0, -0.0321, 2e-9, None)]
-    ['52400', '8.81', '0.0123', '0', '-0.0321', '0', '']
-    """
-    if value is None:
-        return Cell("", None)
-    data = float(value) if data is None else data
-    if not np.isfinite(value) or abs(value) < 5e-5:
-        return Cell("0" if np.isfinite(value) else str(value), data)
-    digits = significant - 1 - int(np.floor(np.log10(abs(value))))
-    return Cell(f"{round(value, digits):.{max(digits, 0)}f}", data)
-
-
 def unit(quantity: str, statistic: str) -> str:
     """Millimetres and degrees; the sum of squares of θ is deg² (erratum 7)."""
     name = "°" if quantity == "theta" else "mm"
@@ -108,8 +33,8 @@ def unit(quantity: str, statistic: str) -> str:
 
 def cells():
     """Yield place, key and label of Table 3's entries, in the order of the paper."""
-    for q, quantity in enumerate(paper_data.QUANTITIES):
-        for s, statistic in enumerate(paper_data.STATISTICS):
+    for q, quantity in enumerate(article.QUANTITIES):
+        for s, statistic in enumerate(article.STATISTICS):
             if (quantity, statistic) == ("norm_xyz", "average_abs"):
                 continue  # a norm is its own absolute value; the paper leaves it blank
             label = f"{QUANTITY_NAMES[quantity]} {STATISTIC_NAMES[statistic]}"
@@ -119,7 +44,7 @@ def cells():
 
 def one_robot(result: Reproduction) -> Table:
     """Table 3 for the first drawn robot."""
-    tables, printed = result.experiment.tables, paper_data.table3_as_printed()
+    tables, printed = result.experiment.tables, article.table3_as_printed()
     rows = []
     for at, key, label in cells():
         row = [label, printed["usual"][key], number(tables["joint"][0][at])]
@@ -132,7 +57,7 @@ def one_robot(result: Reproduction) -> Table:
 
 def many_robots(result: Reproduction) -> Table:
     """Table 3 for all drawn robots: median and 5-95 % of each statistic."""
-    tables, printed = result.experiment.tables, paper_data.table3_as_printed()
+    tables, printed = result.experiment.tables, article.table3_as_printed()
     rows = []
     for at, key, label in cells():
         row = [label]
@@ -248,6 +173,6 @@ def check(result: Reproduction) -> Table:
 
 def theta_scatter(law: str) -> tuple[float, float]:
     """Mean and standard deviation of the printed θ errors, from Table 3, degrees."""
-    printed = paper_data.table3()[law]
+    printed = article.table3()[law]
     mean = printed["theta", "average"]
-    return mean, float(np.sqrt(printed["theta", "sum_sq"] / len(paper_data.table2()) - mean**2))
+    return mean, float(np.sqrt(printed["theta", "sum_sq"] / len(article.table2()) - mean**2))

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose.arguments import Array
+from truepose.arguments import Array, Level
 from truepose.calibration.bound import accuracy
-from truepose.calibration.fit import Loss, ModelError, calibrate
+from truepose.calibration.calibrate import calibrate
+from truepose.calibration.fit import Loss, ModelError
 from truepose.robot.frames import rotation
-from truepose.robot.kinematics import Level
 from truepose.robot.robot import Robot
 from truepose.simulation.true_robots import with_tolerance_errors
 

@@ -14,16 +14,16 @@ from typing import Literal, get_args
 import numpy as np
 
 from truepose.arguments import Array, numbers_of
-from truepose.calibration.fit import calibrate
+from truepose.calibration.calibrate import calibrate
 from truepose.exceptions import InputError, choose
-from truepose.paper import data as paper_data
-from truepose.paper import table3 as statistics
+from truepose.logs.columns import Column, numbered, pose, readings
+from truepose.paper import article, statistics
 from truepose.paper.experiment import CONTROLS, Control
 from truepose.paper.trials import JITTER
 from truepose.robot.frames import coordinates
 from truepose.robot.robot import Robot
+from truepose.simulation.controller import Controller
 from truepose.simulation.plants import Plant, Visit
-from truepose.simulation.simulate import Controller
 from truepose.simulation.vision import Seen, Vision
 
 #: What "error" means. The paper compares the pose estimated from the encoders with the measured
@@ -57,6 +57,21 @@ class Run:
         reasons, counts = np.unique(self.status[~self.counted], return_counts=True)
         return {str(reason): int(count) for reason, count in zip(reasons, counts, strict=True)}
 
+    def columns(self, robot: Robot | None = None) -> list[Column]:
+        """Describe what a log of the run holds, see :func:`truepose.logs.columns`."""
+        robot = self.believed
+        result = numbered(self.q_e) + readings(robot, self.q_e)
+        result += pose(robot, "desired", "asked of the controller", self.desired)
+        result += pose(robot, "measured", "by the vision system", self.measured)
+        sigma = np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2)[:, [0, 1, 2, 5]])
+        result += [
+            Column(c.topic, f"{c.name}_sigma", c.unit, f"σ of {c.what}, as it claims", values)
+            for c, values in zip(result[-robot.n :], sigma.T, strict=True)
+        ]
+        result += pose(robot, "estimated", "from the readings", self.estimated)
+        what = "1 where the pose counts"
+        return [*result, Column("counted", "counted", "1", what, self.counted.astype(float))]
+
     def errors(self, reading: Reading = "estimated") -> Array:
         """Estimated (or desired) less measured, mm and degrees, (P, 4); NaN where not counted."""
         if reading not in READINGS:
@@ -67,7 +82,7 @@ class Run:
         return statistics.in_print_units(error)
 
     def table(self, reading: Reading = "estimated") -> Array:
-        """Table 3 over the poses that count, (5, 4); see :func:`truepose.paper.table3.table3`."""
+        """Table 3 over the poses that count, (5, 4)."""
         if not self.counted.any():
             reason = next(iter(self.excluded))
             raise InputError(f"{self.control}: no pose counts: {reason}")
@@ -119,7 +134,7 @@ def run(
     if robot.spec.mobility != "schoenflies":
         raise InputError(f"{robot.name}: the experiment is one of x, y, z and θ: schoenflies only")
     robot.require_orientation()
-    poses = paper_data.table2() if poses is None else numbers_of(poses, "poses")
+    poses = article.table2() if poses is None else numbers_of(poses, "poses")
     result: dict[Control, Run] = {}
     for control in controls:
         if control not in CONTROLS:

@@ -12,12 +12,13 @@ from truepose.arguments import Array
 from truepose.calibration.bound import accuracy
 from truepose.calibration.fit import calibration_of
 from truepose.calibration.online import OnlineCalibration
-from truepose.paper import data as paper_data
+from truepose.paper import article
 from truepose.paper.trials import JITTER
 from truepose.robot import knowledge
+from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
 from truepose.simulation.effects import Effects
-from truepose.simulation.simulate import Law, settle
+from truepose.simulation.settle import settle
 from truepose.simulation.true_robots import with_tolerance_errors
 from truepose.threads import each
 
@@ -129,7 +130,7 @@ def _one(
         "weighted": _calibrated(drawn, cold, modes),
     }
     rng = np.random.default_rng(source.spawn(1)[0])
-    table = paper_data.table2()
+    table = article.table2()
     rms: dict[Method, list[float]] = {method: [] for method in METHODS}
     estimated, bound = [], []
     for time in times:

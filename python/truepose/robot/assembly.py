@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from truepose import _core
 from truepose.arguments import Array, check_seed
 from truepose.exceptions import InputError
+from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
 
 
@@ -89,10 +90,10 @@ def assembly_modes(
     >>> len(modes), bool(abs(modes.x[0] - robot.home).max() < 1e-9), modes.expected
     (2, True, 2.0)
     """
-    rows, lead = robot._rows(q, robot.n, "q", "raise")
+    rows, lead = flattened(robot, q, robot.n, "q", "raise")
     if lead:
         raise InputError(f"q: shape {(*lead, robot.n)}, must be ({robot.n},)")
     if not (isinstance(starts, int) and 1 <= starts <= 1_000_000):
         raise InputError(f"starts = {starts}: must be a whole number from 1 to 1000000")
     motors = [*rows[0], *[0.0] * (6 - robot.n)]
-    return AssemblyModes(*_core.assembly_modes(robot._core, motors, starts, check_seed(seed)))
+    return AssemblyModes(*_core.assembly_modes(robot.core, motors, starts, check_seed(seed)))

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose.arguments import Array
+from truepose.robot.description import Description
 
 
 def skew(v: ArrayLike) -> Array:
@@ -41,7 +42,7 @@ def rotation_vector(R: ArrayLike) -> Array:
     return sine / np.sinc(angle / np.pi)[..., None]
 
 
-def frames(robot, x: ArrayLike, tilt: ArrayLike | None = None) -> Array:
+def frames(robot: Description, x: ArrayLike, tilt: ArrayLike | None = None) -> Array:
     """Homogeneous matrices (..., 4, 4) of the nacelle at poses x, base frame.
 
     Parameters
@@ -87,7 +88,7 @@ def frames(robot, x: ArrayLike, tilt: ArrayLike | None = None) -> Array:
     return result
 
 
-def coordinates(robot, frame: ArrayLike) -> Array:
+def coordinates(robot: Description, frame: ArrayLike) -> Array:
     """Coordinates (..., n) of nacelle frames (..., 4, 4); what x leaves out is dropped.
 
     θ is atan2(R_10, R_00), from -π to π. NaN stays NaN.

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, check_seed, numbers_of
-from truepose.exceptions import InputError, PoseError, choose
-from truepose.robot import explain as mechanism
-
-if TYPE_CHECKING:
-    from truepose.robotfile.schema import RobotFile
-    from truepose.robotfile.sensors import Sensor
-
-Errors = Literal["raise", "nan"]
-Level = Literal["ideal", "full"]
+from truepose.arguments import Array, Errors, Level, check_seed, numbers_of
+from truepose.exceptions import InputError
+from truepose.robot.batches import flattened, require_answers
+from truepose.robot.description import Description
+from truepose.robot.to_core import columns
 
 
 class Conditioning(NamedTuple):
@@ -27,17 +22,11 @@ class Conditioning(NamedTuple):
     serial: Array  #: (..., n) share of B's motion along the rod; 0: type 1, arm and rod in line
 
 
-class Kinematics:
-    """The kinematic models of a :class:`truepose.Robot`, which holds what they need.
+class Kinematics(Description):
+    """The kinematic models of a :class:`truepose.Robot`.
 
     All methods take any leading shape and run in C++.
     """
-
-    _core: _core.Robot
-    _spec: RobotFile
-    _sensors: tuple[Sensor, ...]
-    _values: dict[str, float]
-    level: Level
 
     def ikm(
         self,
@@ -83,7 +72,7 @@ class Kinematics:
         >>> print(np.degrees(q).round(4))
         [38.9429 38.9429 38.9429 38.9429]
         """
-        return self._motors(self._core, x, errors, level, own_mode)
+        return self._motors(self.core, x, errors, level, own_mode)
 
     def _motors(
         self,
@@ -93,9 +82,9 @@ class Kinematics:
         level: Level | None,
         own_mode: bool = False,
     ) -> Array:
-        rows, lead = self._rows(x, self.n, "x", errors)
-        q, status, chain = _core.ikm(core, rows, self._is_full(level), own_mode)
-        self._check("pose", rows, lead, status, chain, errors, level=level)
+        rows, lead = flattened(self, x, self.n, "x", errors)
+        q, status, chain = _core.ikm(core, rows, self.is_full(level), own_mode)
+        require_answers(self, "pose", rows, lead, status, chain, errors, level=level)
         return q.reshape(*lead, self.n)
 
     def rkm(self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None) -> Array:
@@ -108,9 +97,9 @@ class Kinematics:
         -------
         ndarray, shape (..., r)
         """
-        rows, lead = self._rows(x, self.n, "x", errors)
-        r, status, chain = _core.rkm(self._core, rows, self._is_full(level))
-        self._check("pose", rows, lead, status, chain, errors)
+        rows, lead = flattened(self, x, self.n, "x", errors)
+        r, status, chain = _core.rkm(self.core, rows, self.is_full(level))
+        require_answers(self, "pose", rows, lead, status, chain, errors)
         return r.reshape(*lead, self.r)
 
     def extended(self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None) -> Array:
@@ -118,7 +107,7 @@ class Kinematics:
 
         Where the robot stands, be it beyond its joint limits: it may have been pushed there.
         """
-        q = self._motors(self._core.without_limits(), x, errors, level)
+        q = self._motors(self.core.without_limits(), x, errors, level)
         return np.concatenate([q, self.rkm(x, errors, level)], axis=-1)
 
     def read(
@@ -149,7 +138,7 @@ class Kinematics:
         """
         exact = self.extended(x, errors, level)
         rows = np.ascontiguousarray(exact.reshape(-1, self.n + self.r))
-        return _core.spoil(self._core, rows, check_seed(seed)).reshape(exact.shape)
+        return _core.spoil(self.core, rows, check_seed(seed)).reshape(exact.shape)
 
     def parasitic(self, x: ArrayLike, errors: Errors = "raise") -> Array:
         """What x leaves out: turns of the nacelle and its bars that the ideal level forbids, rad.
@@ -167,10 +156,10 @@ class Kinematics:
         >>> print(np.degrees(h4.parasitic(h4.home)).round(2))
         [ 0.06  0.06 -0.04 -0.04]
         """
-        self._is_full("full")
-        rows, lead = self._rows(x, self.n, "x", errors)
-        rest, status, chain = _core.parasitic(self._core, rows)
-        self._check("pose", rows, lead, status, chain, errors)
+        self.is_full("full")
+        rows, lead = flattened(self, x, self.n, "x", errors)
+        rest, status, chain = _core.parasitic(self.core, rows)
+        require_answers(self, "pose", rows, lead, status, chain, errors)
         return rest.reshape(*lead, rest.shape[-1])
 
     def fkm(
@@ -217,18 +206,18 @@ class Kinematics:
         >>> print(x.round(9))
         [ 0.05 -0.02 -0.42  0.3 ]
         """
-        rows, lead = self._rows(q, self.n, "q", errors)
+        rows, lead = flattened(self, q, self.n, "q", errors)
         start = self._guesses(guess, lead, errors)
-        full = self._is_full(level)
-        x, status, chain, _, _ = _core.fkm(self._core, rows, start, full)
-        self._check("motor position", rows, lead, status, chain, errors, name="q")
+        full = self.is_full(level)
+        x, status, chain, _, _ = _core.fkm(self.core, rows, start, full)
+        require_answers(self, "motor position", rows, lead, status, chain, errors, name="q")
         return x.reshape(*lead, self.n)
 
     def jacobian(self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None) -> Array:
         """Jacobian J, dx = J dq (spatial: dx a twist in the base frame), shape (..., n, n)."""
-        rows, lead = self._rows(x, self.n, "x", errors)
-        J, status, chain = _core.jacobian(self._core, rows, self._is_full(level))
-        self._check("pose", rows, lead, status, chain, errors)
+        rows, lead = flattened(self, x, self.n, "x", errors)
+        J, status, chain = _core.jacobian(self.core, rows, self.is_full(level))
+        require_answers(self, "pose", rows, lead, status, chain, errors)
         return J.reshape(*lead, self.n, self.n)
 
     def conditioning(self, x: ArrayLike, errors: Errors = "raise") -> Conditioning:
@@ -241,9 +230,9 @@ class Kinematics:
         >>> round(float(parallel), 3), serial.round(3).tolist()
         (0.813, [0.854, 0.914, 0.873, 0.887])
         """
-        rows, lead = self._rows(x, self.n, "x", errors)
-        values, status, chain = _core.conditioning(self._core, rows)
-        self._check("pose", rows, lead, status, chain, errors)
+        rows, lead = flattened(self, x, self.n, "x", errors)
+        values, status, chain = _core.conditioning(self.core, rows)
+        require_answers(self, "pose", rows, lead, status, chain, errors)
         return Conditioning(values[:, 0].reshape(lead), values[:, 1:].reshape(*lead, self.n))
 
     def skeleton(self, x: ArrayLike) -> Array:
@@ -252,11 +241,11 @@ class Kinematics:
         P on the motor's axis, B at the arm's end, A at the rod's other end, C the pivot on the
         nacelle that carries A (A itself where there is no bar).
         """
-        rows, lead = self._rows(x, self.n, "x", "raise")
+        rows, lead = flattened(self, x, self.n, "x", "raise")
         if lead:
             raise InputError(f"x: shape {(*lead, self.n)}, must be ({self.n},)")
-        points, status, chain = _core.skeleton(self._core, [*rows[0], *[0.0] * (6 - self.n)])
-        self._check("pose", rows, (), np.array([status]), np.array([chain]), "raise")
+        points, status, chain = _core.skeleton(self.core, [*rows[0], *[0.0] * (6 - self.n)])
+        require_answers(self, "pose", rows, (), np.array([status]), np.array([chain]), "raise")
         return points
 
     def _guesses(self, guess: ArrayLike | None, lead: tuple[int, ...], errors: Errors) -> Array:
@@ -266,47 +255,39 @@ class Kinematics:
         except ValueError:
             shapes = f"({self.n},) or {(*lead, self.n)}, one for each reading"
             raise InputError(f"guess: wrong shape, must be {shapes}") from None
-        return self._rows(start, self.n, "guess", errors)[0]
+        return flattened(self, start, self.n, "guess", errors)[0]
 
-    def _is_full(self, level: Level | None) -> bool:
-        """Whether `level` asks for every rod by itself; it must exist. None: the robot's own."""
-        if level is None:
-            return self.level == "full"
-        if level not in ("ideal", "full"):
-            raise InputError(choose("level", level, ("ideal", "full")))
-        if level == "full" and not self.full:
-            raise InputError(f"{self.name}: level='full': {self.full.reason}")
-        return level == "full"
+    def linearise(
+        self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None
+    ) -> tuple[Array, Array]:
+        """Jacobians of all readings q_e = [q; r] at the pose x, the motors holding it.
 
-    def _rows(self, values: ArrayLike, width: int, name: str, errors: Errors):
-        """Check the shape and flatten the leading axes: (N, width) in C order."""
-        if errors not in ("raise", "nan"):
-            raise InputError(choose("errors", errors, ("raise", "nan")))
-        array = numbers_of(values, name)
-        if array.ndim == 0 or array.shape[-1] != width:
-            raise InputError(f"{name}: shape {array.shape}, must be (..., {width}) for {self.name}")
-        if errors == "raise" and not np.isfinite(array).all():
-            bad = array.reshape(-1, width)[~np.isfinite(array.reshape(-1, width)).all(axis=-1)][0]
-            raise InputError(f"{name} = {_list(bad)}: must be finite numbers")
-        return np.ascontiguousarray(array.reshape(-1, width)), array.shape[:-1]
+        At the full level what x leaves out follows too: the nacelle's tilt, its bars' turns.
 
-    def _check(
-        self, what, rows, lead, status, chain, errors, name="x", level: Level | None = None
-    ) -> None:
-        if errors == "nan" or not (status > 0).any():  # below 0: an answer, with a warning
-            return
-        k = int(np.flatnonzero(status > 0)[0])
-        index = f" {tuple(int(i) for i in np.unravel_index(k, lead))}" if lead else ""
-        guilty = f"chain {chain[k] + 1}: " if chain[k] >= 0 else ""
-        beyond = ""
-        if status[k] == _core.joint_limit:
-            full = self._is_full(level)
-            beyond = ", " + mechanism.beyond(self._core, self._spec, rows[k], int(chain[k]), full)
-        raise PoseError(
-            f"{self.name}: {what}{index} {name} = {_list(rows[k])}: "
-            f"{guilty}{_core.describe(int(status[k]))}{beyond}"
-        )
+        Returns
+        -------
+        H_x : ndarray, shape (..., n + r, n)
+            ∂q_e/∂x along the free twist; its first n rows are J⁻¹, the others J_r.
+        H_xi : ndarray, shape (..., n + r, p)
+            ∂q_e/∂ξ at fixed x, one column for each of the p names of :attr:`parameters`, in
+            their order; columns of sensors not in use are zero.
 
-
-def _list(values: Array) -> str:
-    return "[" + ", ".join(f"{v:.6g}" for v in values) + "]"
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> robot = tp.load("h4")
+        >>> H_x, H_xi = robot.linearise([0.05, 0, -0.4, 0.2])
+        >>> names = list(robot.parameters)
+        >>> bool((H_xi[:4, names.index("chain2.encoder_offset")] == [0, -1, 0, 0]).all())
+        True
+        """
+        rows, lead = flattened(self, x, self.n, "x", errors)
+        H_x, core, status, chain = _core.linearise(self.core, rows, self.is_full(level))
+        require_answers(self, "pose", rows, lead, status, chain, errors)
+        names = list(self._values)
+        H = np.zeros((*core.shape[:2], len(names)))
+        for name, column in columns(self._spec):
+            if name in self._values:
+                H[..., names.index(name)] = core[..., column]
+        size = self.n + self.r
+        return H_x.reshape(*lead, size, self.n), H.reshape(*lead, size, len(names))

@@ -2,30 +2,30 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from truepose import _core
-from truepose.arguments import Array
+from truepose.arguments import Array, Level
 from truepose.exceptions import InputError
+from truepose.robot.kinematics import Kinematics
 from truepose.robot.to_core import columns
 
-if TYPE_CHECKING:
-    from truepose.robot.kinematics import Level
-    from truepose.robot.robot import Robot
+AnyRobot = TypeVar("AnyRobot", bound=Kinematics)
+
 
 #: σ that an unquantised, noiseless reading counts with, rad or m; others count with their own.
 EXACT = 1e-6
 
 
-def uncertain(robot: Robot) -> list[str]:
+def uncertain(robot: Kinematics) -> list[str]:
     """Names of the parameters that readings depend on and that are not known exactly (σ > 0)."""
-    known = {name for name, _ in columns(robot.spec, robot._sensors)}
+    known = {name for name, _ in columns(robot.spec)}
     return [name for name, p in robot.parameters.items() if p.sigma > 0 and name in known]
 
 
-def root(robot: Robot, names: list[str]) -> Array:
+def root(robot: Kinematics, names: list[str]) -> Array:
     """Lower triangular S of these parameters' covariance S Sᵀ, shape (p, p)."""
     sigma = np.array([robot.parameters[name].sigma for name in names])
     learnt = robot.spec.calibration
@@ -48,7 +48,7 @@ def root(robot: Robot, names: list[str]) -> Array:
     return lower * np.sign(np.diag(lower))
 
 
-def reading_sigma(robot: Robot) -> Array:
+def reading_sigma(robot: Kinematics) -> Array:
     """σ of every reading's own error, shape (n + r,): its noise and one count; EXACT for none."""
     sigma = robot.reading_sigma
     return np.where(sigma > 0, sigma, EXACT)
@@ -58,13 +58,13 @@ def reading_sigma(robot: Robot) -> Array:
 LEFT_OUT = (".yaw", ".tilt", ".rod_difference", ".rod_spacing")
 
 
-def left_out(robot: Robot) -> dict[str, float]:
+def left_out(robot: Kinematics) -> dict[str, float]:
     """Return what the ideal level leaves out of this robot: axis errors of its file and their σ.
 
     Empty where the full level is the ideal one, or does not exist.
     """
     kinds = _core.FullKind
-    if robot._core.full.kind not in (kinds.exists, kinds.elastic):
+    if robot.core.full.kind not in (kinds.exists, kinds.elastic):
         return {}
     drawn = robot.with_calibration(None)
     return {
@@ -72,7 +72,7 @@ def left_out(robot: Robot) -> dict[str, float]:
     }
 
 
-def stated_error(robot: Robot) -> Array:
+def stated_error(robot: Kinematics) -> Array:
     """σ of what the ideal level leaves out of each reading, shape (n + r,): learnt, or allowed for.
 
     A calibration that found the ideal level to be enough, by request, has none.
@@ -86,7 +86,7 @@ def stated_error(robot: Robot) -> Array:
     return np.array([learnt.model_error.get(name, allowed[name]) for name in robot.readings])
 
 
-def model_error(robot: Robot) -> Array:
+def model_error(robot: Kinematics) -> Array:
     """σ by which readings differ from the ideal level's, shape (n + r,), root of the mean square.
 
     Over the workspace, to first order in the axis errors that the file's tolerances allow.
@@ -104,7 +104,7 @@ def model_error(robot: Robot) -> Array:
 
 
 def knowledge(
-    robot: Robot,
+    robot: Kinematics,
     posterior: Array | None = None,
     *,
     guarded: bool = False,
@@ -130,7 +130,7 @@ def knowledge(
         σ of an outside measurement's frames, unknowns of their own behind the parameters.
     """
     names = uncertain(robot)
-    column = dict(columns(robot.spec, robot._sensors))
+    column = dict(columns(robot.spec))
     at = [column[name] for name in names]
     lower = root(robot, names) if posterior is None else posterior
     errors = left_out(robot) if guarded else {}
@@ -155,17 +155,17 @@ class Known(NamedTuple):
     nuisances: int  #: behind them
 
 
-def for_law(robot: Robot, law: str) -> tuple[Robot, _core.Knowledge | None]:
+def for_law(robot: AnyRobot, law: str) -> tuple[AnyRobot, _core.Knowledge | None]:
     """Return the robot at the level at which a law understands it, and what it weighs by.
 
     The paper's laws keep the robot's level and weigh nothing.
     """
     if law not in ("weighted", "estimated"):
         return robot, None
-    return robot._finest, knowledge(robot).core
+    return robot.finest, knowledge(robot).core
 
 
-def require_uncertain(robot: Robot) -> list[str]:
+def require_uncertain(robot: Kinematics) -> list[str]:
     """Names as of :func:`uncertain`; an error where there are none."""
     names = uncertain(robot)
     if not names:

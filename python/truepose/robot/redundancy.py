@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, fraction
+from truepose.arguments import Array, Errors, Level, fraction
 from truepose.exceptions import InputError, choose
-from truepose.robot.kinematics import Errors, Kinematics, Level
-from truepose.robot.to_core import columns
+from truepose.robot import knowledge
+from truepose.robot.batches import flattened, require_answers
+from truepose.robot.kinematics import Kinematics
+from truepose.robot.laws import LAWS
 
 
 class Estimate(NamedTuple):
@@ -38,10 +40,10 @@ class Redundancy(Kinematics):
         -------
         ndarray, shape (..., n)
         """
-        rows, lead = self._rows(q_e, self.n + self.r, "q_e", errors)
+        rows, lead = flattened(self, q_e, self.n + self.r, "q_e", errors)
         self.require_orientation()
-        x, status, chain = _core.redundant_fkm(self._core, rows)
-        self._check("reading", rows, lead, status, chain, errors, name="q_e")
+        x, status, chain = _core.redundant_fkm(self.core, rows)
+        require_answers(self, "reading", rows, lead, status, chain, errors, name="q_e")
         return x.reshape(*lead, self.n)
 
     def estimate(
@@ -82,19 +84,17 @@ class Redundancy(Kinematics):
         >>> print(est.x.round(6), np.sqrt(np.diag(est.covariance))[2].round(6), est.status)
         [ 0.05  0.01 -0.4   0.2 ] 0.000204 ok
         """
-        from truepose.robot import knowledge
-
-        rows, lead = self._rows(q_e, self.n + self.r, "q_e", errors)
+        rows, lead = flattened(self, q_e, self.n + self.r, "q_e", errors)
         start = self._guesses(guess, lead, errors)
         level = self.finest_level if level is None else level
         x, covariance, chi2, status, chain = _core.estimate(
-            self._core,
+            self.core,
             knowledge.knowledge(self, level=level).core,
             rows,
             start,
-            self._is_full(level),
+            self.is_full(level),
         )
-        self._check("reading", rows, lead, status, chain, errors, name="q_e")
+        require_answers(self, "reading", rows, lead, status, chain, errors, name="q_e")
         words = np.array([_core.describe(int(s)) for s in status])
         return Estimate(
             x.reshape(*lead, self.n),
@@ -105,7 +105,7 @@ class Redundancy(Kinematics):
 
     def require_orientation(self) -> None:
         """Raise InputError unless the readings determine the nacelle's orientation."""
-        kinds = [sensor.kind for sensor in self._sensors]
+        kinds = [sensor.kind for sensor in self._spec.used]
         mobility = self._spec.mobility
         if mobility == "translation" or (mobility == "schoenflies" and "nacelle_angle" in kinds):
             return
@@ -147,9 +147,9 @@ class Redundancy(Kinematics):
         True
         """
         fraction("damped_below", damped_below)
-        rows, lead = self._rows(x, self.n, "x", errors)
-        M, M_plus, status, chain = _core.tej(self._core, rows, damped_below)
-        self._check("pose", rows, lead, status, chain, errors)
+        rows, lead = flattened(self, x, self.n, "x", errors)
+        M, M_plus, status, chain = _core.tej(self.core, rows, damped_below)
+        require_answers(self, "pose", rows, lead, status, chain, errors)
         size = self.n + self.r
         return M.reshape(*lead, size, self.n), M_plus.reshape(*lead, self.n, size)
 
@@ -171,13 +171,11 @@ class Redundancy(Kinematics):
         >>> bool(np.allclose(robot.weighted_tej(x) @ M, np.eye(4), atol=1e-9))
         True
         """
-        from truepose.robot import knowledge
-
-        rows, lead = self._rows(x, self.n, "x", errors)
+        rows, lead = flattened(self, x, self.n, "x", errors)
         believed, known = knowledge.for_law(self, "weighted")
         full = believed.level == "full"
-        _, M_plus, status, chain = _core.gain(believed._core, known, rows, full)
-        self._check("pose", rows, lead, status, chain, errors)
+        _, M_plus, status, chain = _core.gain(believed.core, known, rows, full)
+        require_answers(self, "pose", rows, lead, status, chain, errors)
         return M_plus.reshape(*lead, self.n, self.n + self.r)
 
     def leakage(self, x: ArrayLike, law: str, errors: Errors = "raise") -> Array:
@@ -211,50 +209,12 @@ class Redundancy(Kinematics):
         redundant [ 0.186 -0.927]
         weighted [ 0. -1.]
         """
-        from truepose.robot import knowledge
-        from truepose.simulation.simulate import LAWS
-
         if law not in LAWS:
             raise InputError(choose("law", law, LAWS))
         if law == "cartesian":
             self.require_orientation()
-        rows, lead = self._rows(x, self.n, "x", errors)
+        rows, lead = flattened(self, x, self.n, "x", errors)
         believed, known = knowledge.for_law(self, law)
-        leak, status, chain = _core.leakage(believed._core, getattr(_core.Law, law), known, rows)
-        self._check("pose", rows, lead, status, chain, errors)
+        leak, status, chain = _core.leakage(believed.core, getattr(_core.Law, law), known, rows)
+        require_answers(self, "pose", rows, lead, status, chain, errors)
         return leak.reshape(*lead, self.n, self.n + self.r)
-
-    def linearise(
-        self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None
-    ) -> tuple[Array, Array]:
-        """Jacobians of all readings q_e = [q; r] at the pose x, the motors holding it.
-
-        At the full level what x leaves out follows too: the nacelle's tilt, its bars' turns.
-
-        Returns
-        -------
-        H_x : ndarray, shape (..., n + r, n)
-            ∂q_e/∂x along the free twist; its first n rows are J⁻¹, the others J_r.
-        H_xi : ndarray, shape (..., n + r, p)
-            ∂q_e/∂ξ at fixed x, one column for each of the p names of :attr:`parameters`, in
-            their order; columns of sensors not in use are zero.
-
-        Examples
-        --------
-        >>> import truepose as tp
-        >>> robot = tp.load("h4")
-        >>> H_x, H_xi = robot.linearise([0.05, 0, -0.4, 0.2])
-        >>> names = list(robot.parameters)
-        >>> bool((H_xi[:4, names.index("chain2.encoder_offset")] == [0, -1, 0, 0]).all())
-        True
-        """
-        rows, lead = self._rows(x, self.n, "x", errors)
-        H_x, core, status, chain = _core.linearise(self._core, rows, self._is_full(level))
-        self._check("pose", rows, lead, status, chain, errors)
-        names = list(self._values)
-        H = np.zeros((*core.shape[:2], len(names)))
-        for name, column in columns(self._spec, self._sensors):
-            if name in self._values:
-                H[..., names.index(name)] = core[..., column]
-        size = self.n + self.r
-        return H_x.reshape(*lead, size, self.n), H.reshape(*lead, size, len(names))

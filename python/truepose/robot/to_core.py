@@ -14,7 +14,7 @@ from truepose.robotfile.schema import Chain, RobotFile
 from truepose.robotfile.sensors import Encoder, Sensor
 
 
-def columns(spec: RobotFile, sensors: tuple[Sensor, ...]) -> list[tuple[str, int]]:
+def columns(spec: RobotFile) -> list[tuple[str, int]]:
     """Name of every parameter that the core knows in this robot, and its column of H_ξ."""
     chain = [f"base.{axis}" for axis in "xyz"] + ["arm", "rod", "encoder_offset", "yaw", "tilt"]
     chain += [f"anchor.{axis}" for axis in "xyz"] + ["rod_difference", "rod_spacing"]
@@ -25,7 +25,7 @@ def columns(spec: RobotFile, sensors: tuple[Sensor, ...]) -> list[tuple[str, int
     ]
     columns += [(f"bar{k + 1}.pivot", spec.n * width + k) for k in range(len(spec.bar))]
     start = spec.n * width + _core.max_bars
-    for number, sensor in enumerate(sensors):
+    for number, sensor in enumerate(spec.used):
         own = start + _core.sensor_parameters * number
         columns += [(f"{sensor.name}.offset", own), (f"{sensor.name}.gain", own + 1)]
         for k, vector in enumerate(("origin", "direction", "target", "normal")):
@@ -69,7 +69,7 @@ def _pair_drawn(spec: RobotFile, chain: Chain) -> Array:
     return across / length
 
 
-def build(spec: RobotFile, sensors: tuple[Sensor, ...]) -> _core.Robot:
+def build(spec: RobotFile) -> _core.Robot:
     """Fill the core's structs from the file, as drawn: axes at zero yaw and tilt."""
     robot = _core.Robot()
     robot.mobility = getattr(_core.Mobility, spec.mobility)
@@ -79,7 +79,7 @@ def build(spec: RobotFile, sensors: tuple[Sensor, ...]) -> _core.Robot:
     robot.bar_joint = getattr(_core.BarJoint, spec.nacelle.bars)
     for i, chain in enumerate(spec.chain):
         robot.set_chain(i, _build_chain(spec, chain))
-    for sensor in sensors:
+    for sensor in spec.used:
         robot.add_sensor(_build_sensor(spec, sensor))
     body = _core.Body()
     body.mass = spec.nacelle.mass

@@ -1,1 +1,40 @@
-"""What does a robot file say? Read, checked, filled in."""
+"""What does a robot file say? Read, checked, filled in, written."""
+
+from truepose.robotfile.reading import (
+    LINE,
+    MOST_BYTES,
+    Problem,
+    examine,
+    loadable,
+    mechanism_of,
+    parse,
+    path_of,
+    read,
+    shipped,
+    table_of,
+    text_of,
+    validate,
+    wrong_value,
+)
+from truepose.robotfile.schema import RobotFile
+from truepose.robotfile.writing import output, to_toml
+
+__all__ = [
+    "LINE",
+    "MOST_BYTES",
+    "Problem",
+    "RobotFile",
+    "examine",
+    "loadable",
+    "mechanism_of",
+    "output",
+    "parse",
+    "path_of",
+    "read",
+    "shipped",
+    "table_of",
+    "text_of",
+    "to_toml",
+    "validate",
+    "wrong_value",
+]

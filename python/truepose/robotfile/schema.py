@@ -338,6 +338,12 @@ class RobotFile(Section):
         """Degrees of freedom."""
         return FREEDOMS[self.mobility]
 
+    @property
+    def used(self) -> tuple[Sensor, ...]:
+        """Sensors in use, in the order of r."""
+        known = {sensor.name: sensor for sensor in self.sensor}
+        return tuple(known[name] for name in self.sensors)
+
     def tolerance(self, parameter: str) -> Tolerance | None:
         """What is not known of a parameter: the first entry of 'tolerances' that fits its name."""
         fits = (t for name, t in self.tolerances.items() if fnmatch.fnmatchcase(parameter, name))

@@ -9,20 +9,8 @@ from numpy.typing import ArrayLike
 
 from truepose.arguments import Array, numbers_of
 from truepose.robot.robot import Robot
+from truepose.show.colours import COLOURS
 
-COLOURS = {
-    "base": "#8a8f98",
-    "rail": "#8a8f98",
-    "motor": "#30343b",
-    "carriage": "#30343b",
-    "arm": "#1f5fa8",
-    "leg": "#1f5fa8",
-    "rod": "#6aa84f",
-    "lateral bar": "#e08214",
-    "central bar": "#b2182b",
-    "nacelle": "#b2182b",
-    "tool": "#7b3294",
-}
 _Part = tuple[str, Array, float]  # name, points (k, 3) in metres, line width
 
 

@@ -10,16 +10,13 @@ import math
 import shutil
 import sys
 from enum import StrEnum
-from typing import TYPE_CHECKING
 
 from rich.cells import cell_len
 from rich.console import Console
 from rich.text import Text
 
 from truepose.exceptions import one_line
-
-if TYPE_CHECKING:
-    from truepose.paper.tables import Table
+from truepose.show.table import Table
 
 #: What a terminal that does not know a letter is given for it.
 _PLAIN = {

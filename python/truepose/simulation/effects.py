@@ -26,10 +26,10 @@ def _effect(default: float, group: str, unit: str, what: str, source: str):
 class Effects:
     """How strong each effect is; 0 switches it off.
 
-    The defaults are assumed, orders of magnitude of a machine of the H4's size; docs/effects.md
-    has them as a table. Groups, the names that :meth:`only` and :meth:`without` take:
-    "backlash", "friction", "compliance", "thermal", "eccentricity", "quantisation", "delay",
-    "ripple".
+    The defaults are assumed, orders of magnitude of a machine of the H4's size;
+    ``dataclasses.fields`` has each one's unit, meaning and source. Groups, the names that
+    :meth:`only` and :meth:`without` take: "backlash", "friction", "compliance", "thermal",
+    "eccentricity", "quantisation", "delay", "ripple".
 
     Examples
     --------

@@ -6,8 +6,10 @@ from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 from truepose.arguments import Array
+from truepose.exceptions import InputError
+from truepose.logs.columns import Column, numbered, pose, readings
 from truepose.robot.robot import Robot
-from truepose.simulation.simulate import Controller
+from truepose.simulation.controller import Controller
 
 
 class Visit(NamedTuple):
@@ -17,6 +19,13 @@ class Visit(NamedTuple):
     frame: Array  #: (N, 4, 4) true pose of the body that carries LEDs and tool, base frame
     x: Array  #: (N, n) its coordinates
     status: Array  #: (N,) str: "ok", or why not
+
+    def columns(self, robot: Robot | None = None) -> list[Column]:
+        """Describe what a log of the visit holds, see :func:`truepose.logs.columns`."""
+        if robot is None:
+            raise InputError("a Visit's log needs its robot: columns(visit, robot)")
+        result = numbered(self.q_e) + readings(robot, self.q_e)
+        return result + pose(robot, "true", "of the plant", self.x)
 
 
 class Plant(Protocol):

@@ -13,9 +13,10 @@ import numpy as np
 from truepose.arguments import Array
 from truepose.robot.frames import frames
 from truepose.robot.robot import Robot
+from truepose.simulation.controller import Controller
 from truepose.simulation.effects import Effects
 from truepose.simulation.plants import Visit
-from truepose.simulation.simulate import Controller, visit
+from truepose.simulation.visit import visit
 
 
 class DynamicPlant:

@@ -12,15 +12,15 @@ from collections.abc import Callable
 import numpy as np
 
 from truepose import _core
-from truepose.arguments import Array, check_seed
+from truepose.arguments import Array, Level, check_seed
 from truepose.exceptions import InputError, choose
 from truepose.robot import knowledge
+from truepose.robot.batches import flattened
 from truepose.robot.frames import coordinates, frames, rotation
-from truepose.robot.kinematics import Level
 from truepose.robot.robot import Robot
+from truepose.simulation.controller import Controller
 from truepose.simulation.effects import Effects
 from truepose.simulation.plants import Visit, play
-from truepose.simulation.simulate import Controller
 
 #: Groups of effects that statics know.
 EFFECTS = ("backlash", "thermal", "eccentricity", "quantisation")
@@ -70,7 +70,7 @@ class ExactPlant:
             others = [g for g in effects.groups() if g not in EFFECTS]
             on = next(g for g in others if effects.without(g) != effects)
             raise InputError(f"ExactPlant: {choose('effect', on, EFFECTS)}: leave it out (without)")
-        truth._is_full(self.level)
+        truth.is_full(self.level)
         self.robot = effects.geometry(truth, time, seed)  #: as it is at that time
         self._exact = self.robot.unquantised()
         #: Which readings the play of the tool's gear enters, and by which gain.
@@ -91,7 +91,7 @@ class ExactPlant:
 
         See :class:`truepose.simulation.plants.Plant`.
         """
-        x_d, lead = robot._rows(x_d, robot.n, "x_d", "raise")
+        x_d, lead = flattened(robot, x_d, robot.n, "x_d", "raise")
         if len(lead) != 1:
             raise InputError(f"x_d: shape {(*lead, robot.n)}, must be (N, {robot.n})")
 
@@ -107,7 +107,7 @@ class ExactPlant:
         x[lost] = np.nan
         q_e = np.full((len(x), robot.n + robot.r), np.nan)
         exact = self._readings(x[~lost], ahead[~lost])
-        q_e[~lost] = _core.spoil(self.robot._core, np.ascontiguousarray(exact), self.seed)
+        q_e[~lost] = _core.spoil(self.robot.core, np.ascontiguousarray(exact), self.seed)
         frame = np.full((len(x), 4, 4), np.nan)
         frame[~lost] = self._frames(x[~lost])
         for _ in x:
@@ -164,7 +164,7 @@ class ExactPlant:
         for _ in range(_ITERATIONS):
             q_e = self._readings(x[active], ahead[active])
             error, code, _ = _core.motor_error(
-                believed._core, law, controller.damped_below, known, x_d[active], q_e
+                believed.core, law, controller.damped_below, known, x_d[active], q_e
             )
             step = np.einsum("nij,nj->ni", J[active], error)
             size = np.abs(step).max(axis=1)

@@ -3,7 +3,7 @@
 The tree: arms (or carriages, or legs) on the base with their rods hanging on them, and the nacelle
 by itself with its lateral bars on pivots. `equality/connect` joins each rod's end to the nacelle.
 A rod hangs on a universal joint, which lets it point anywhere but not spin about itself. Every
-number is in the text: the file needs nothing of truepose. docs/mujoco.md explains the choices.
+number is in the text: the file needs nothing of truepose.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike
 from truepose import _core
 from truepose.arguments import Array
 from truepose.exceptions import InputError
-from truepose.files.write import mark
+from truepose.files import mark
+from truepose.robot.batches import require_answers
 from truepose.robot.robot import Robot
 from truepose.simulation.effects import Effects
 from truepose.simulation.plants.mjcf_parts import (
@@ -64,7 +65,7 @@ class Mechanism:
             raise InputError(f"{robot.name}: {robot.full.reason}")
         self.robot = robot
         self.planar = robot.spec.mobility.startswith("planar")
-        self.chains = [robot._core.chain(i) for i in range(robot.n)]
+        self.chains = [robot.core.chain(i) for i in range(robot.n)]
         self.bars = 1 + max(chain.bar for chain in self.chains)
         self._frames = [np.eye(3)] * robot.n
         pose = self._pose(robot.home)
@@ -97,11 +98,11 @@ class Mechanism:
 
     def _pose(self, x: Array) -> tuple[Array, Array, Array, Array]:
         """D, R, bars' turns and motors' positions at x, beyond the motors' stops too."""
-        robot, core, n = self.robot, self.robot._core, self.robot.n
+        robot, core, n = self.robot, self.robot.core, self.robot.n
         full = bool(robot.full)
         rows = np.ascontiguousarray(x[None], dtype=float)
         q, status, chain = _core.ikm(core.without_limits(), rows, full)
-        robot._check("pose", rows, (), status, chain, "raise")
+        require_answers(robot, "pose", rows, (), status, chain, "raise")
         position = np.array([core.motor_position(i, q[0, i]) for i in range(n)])
         D, R = _core.frame(core, [*x, *[0.0] * (6 - n)])
         theta = x[3] if robot.spec.mobility == "schoenflies" else 0.0
@@ -353,7 +354,7 @@ class Mechanism:
 
     def _nacelle(self, effects: Effects, world: ET.Element) -> None:
         """The nacelle, its lateral bars and where the rods end on them."""
-        spec, home, core = self.robot.spec, self.home, self.robot._core
+        spec, home, core = self.robot.spec, self.home, self.robot.core
         body = add(world, "body", name="nacelle", pos=home.D, xyaxes=xy(home.R))
         if self.planar:
             for k, axis in enumerate("xy"):

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import Array
-from truepose.show.drawing import COLOURS
+from truepose.show.colours import COLOURS
 
 MASSLESS = 1e-9  # kg: MuJoCo wants bodies that move to weigh something
 _NEEDLE = 1e-9  # a slender rod's inertia about itself, of that across

@@ -16,12 +16,13 @@ from truepose import _core
 from truepose.arguments import Array, check_seed, numbers_of
 from truepose.exceptions import InputError
 from truepose.robot import knowledge
+from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
+from truepose.simulation.controller import Controller
 from truepose.simulation.effects import Effects
 from truepose.simulation.plants import Visit
 from truepose.simulation.plants.mjcf import TIMESTEP
 from truepose.simulation.plants.mujoco_body import Body, Settled, require
-from truepose.simulation.simulate import Controller
 from truepose.threads import each
 
 _RIPPLES = 6  # periods of the torque ripple in a turn of the motor
@@ -97,7 +98,7 @@ class MujocoPlant:
         PoseError
             The loops do not close there, or the robot does not come to rest.
         """
-        rows, lead = self.truth._rows(q, self.truth.n, "q", "raise")
+        rows, lead = flattened(self.truth, q, self.truth.n, "q", "raise")
         found = [self.body().settle_at(row) for row in rows]
         frame, x, gap = (np.array(values) for values in zip(*found, strict=True))
         return Settled(frame.reshape(*lead, 4, 4), x.reshape(*lead, -1), gap.reshape(lead))
@@ -175,7 +176,7 @@ class _Drive:
                 plant.truth.parameters[f"{s.name}.gain"].value
                 if s.kind == "nacelle_angle" and s.gear != 1
                 else 0.0
-                for s in robot._sensors
+                for s in robot.spec.used
             ]
         )
         self.time = time
@@ -198,7 +199,7 @@ class _Drive:
         """Move to a pose, wait for rest, read: (q_e, frame, x, status)."""
         nothing = (np.nan, np.nan, np.nan)
         rows = np.ascontiguousarray(x_d[None])
-        _, status, chain = _core.ikm(self.believed._core, rows, False)
+        _, status, chain = _core.ikm(self.believed.core, rows, False)
         if status[0] > 0:
             guilty = f"chain {chain[0] + 1}: " if chain[0] >= 0 else ""
             return (*nothing, f"{guilty}{_core.describe(int(status[0]))}")
@@ -242,7 +243,7 @@ class _Drive:
         """One control period; what went wrong, or nothing."""
         body, plant, n = self.body, self.plant, self.n
         pad = [0.0] * (6 - n)
-        core = self.believed._core
+        core = self.believed.core
         x, rate, acceleration = _core.setpoint(
             core, [*start, *pad], [*end, *pad], plant.duration, now
         )
@@ -278,6 +279,6 @@ class _Drive:
         self.tool = min(max(self.tool, self.theta - half), self.theta + half)
         exact[self.n :] += self.geared * (self.tool - self.theta)
         self.cycles += 1
-        return _core.spoil(self.body.robot._core, exact[None], self.seed * 1_000_003 + self.cycles)[
+        return _core.spoil(self.body.robot.core, exact[None], self.seed * 1_000_003 + self.cycles)[
             0
         ]

@@ -100,7 +100,7 @@ class Body:
 
     def coordinates(self) -> Array:
         """Coordinates x of the nacelle, (n,)."""
-        return np.array(_core.coordinates(self.robot._core, *self.nacelle()))[: self.robot.n]
+        return np.array(_core.coordinates(self.robot.core, *self.nacelle()))[: self.robot.n]
 
     def positions(self) -> tuple[Array, Array]:
         """Motors' and arms' angles or slides: an arm that yields is not where its motor is."""
@@ -113,7 +113,7 @@ class Body:
         psi = self.data.qpos[self.bars].tolist() if self.bars else []
         rest = [0.0] * (6 - self.robot.n)
         q_e, _ = _core.readings(
-            self.robot._core,
+            self.robot.core,
             *self.nacelle(),
             [*psi, *[0.0] * (_core.max_bars - len(psi))],
             theta,
@@ -143,7 +143,7 @@ class Body:
         """Move the motors from where they are to readings q, hold them, wait for rest."""
         model, data, step = self.model, self.data, self.mujoco.mj_step
         start = self.positions()[0]
-        core = self.robot._core
+        core = self.robot.core
         end = np.array([core.motor_position(i, value) for i, value in enumerate(q)])
         home = self.mechanism.home.position
         self.hold()

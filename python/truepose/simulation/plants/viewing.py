@@ -14,7 +14,7 @@ import tempfile
 from pathlib import Path
 
 from truepose.exceptions import InputError, TrueposeError
-from truepose.files.write import Output, check, mark, replace_file, unfinished
+from truepose.files import Output, check, mark, replace_file, unfinished
 from truepose.robot.robot import Robot
 from truepose.simulation.plants.mjcf import Mechanism
 from truepose.simulation.plants.mujoco_body import Body, require

@@ -17,10 +17,6 @@ from truepose.arguments import Array
 GEAR = 4  #: The tool turns four times as far as the nacelle.
 QUANTITIES = ("x", "y", "z", "theta", "norm_xyz")
 STATISTICS = ("average", "peak_to_peak", "sum_sq", "average_abs")
-#: The move of Figures 11 to 13: start and end (m, rad; θ taken as the nacelle's), duration (s).
-MOVE_FROM = (0.0, 0.0, -0.5, 0.0)
-MOVE_TO = (0.1, -0.1, -0.4, 0.2)
-MOVE_DURATION = 0.2
 
 
 def _rows(name: str) -> list[dict[str, str]]:
@@ -33,8 +29,8 @@ def table2() -> Array:
 
     Examples
     --------
-    >>> from truepose.paper import data as paper_data
-    >>> paper_data.table2().shape
+    >>> from truepose.paper import article
+    >>> article.table2().shape
     (625, 4)
     """
     axes = []
@@ -58,8 +54,8 @@ def table3_as_printed() -> dict[str, dict[tuple[str, str], str]]:
 
     Examples
     --------
-    >>> from truepose.paper import data as paper_data
-    >>> paper_data.table3_as_printed()["usual"]["theta", "average_abs"]
+    >>> from truepose.paper import article
+    >>> article.table3_as_printed()["usual"]["theta", "average_abs"]
     '0.5'
     """
     result: dict[str, dict[tuple[str, str], str]] = {"usual": {}, "redundant": {}}

@@ -13,113 +13,27 @@ import itertools
 import os
 import shutil
 import stat
-import tomllib
 import uuid
 import warnings
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-import tomlkit
+from typing import TYPE_CHECKING, BinaryIO
 
 from truepose.exceptions import InputError, choose
-from truepose.robotfile import read as robot_file
-from truepose.robotfile.schema import Calibration, RobotFile
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from truepose.robot.robot import Robot
 
 #: Formats of pictures, by the file's ending, and the key of their metadata that holds the mark.
 PICTURES = {".png": "Software", ".svg": "Creator", ".pdf": "Creator"}
 #: Where a file says what it is: at its beginning; PDF and Parquet at their end.
 _BEGINNING, _END = 1 << 12, 1 << 16
-_LARGEST = 1 << 24  # bytes of a robot file
-
-
-def text_of(robot: Robot) -> str:
-    """Write a robot as a robot file's text."""
-    inherited = robot._spec.parameters
-    values = {
-        name: value
-        for name, value in robot._values.items()
-        if value != robot._nominal[name] or name in inherited
-    }
-    return to_toml(robot._spec, values)
-
-
-def to_toml(spec: RobotFile, values: dict[str, float]) -> str:
-    """Write a description as a robot file's text.
-
-    Parameters
-    ----------
-    spec : RobotFile
-        The robot. If it was read from a file, that file's order and comments are kept.
-    values : dict
-        Parameters that the file's drawn values do not tell.
-    """
-    document = tomlkit.parse(spec._text) if spec._text else _written_out(spec)
-    before = robot_file.parse(document.as_string(), spec.name)
-    for key in ("sensors", "gravity", "level", "quantised"):
-        if getattr(spec, key) != getattr(before, key):
-            value = getattr(spec, key)
-            if value is None:
-                document.pop(key)
-                continue
-            document[key] = list(value) if isinstance(value, tuple) else value
-    if spec.calibration != before.calibration:
-        document.pop("calibration", None)
-        if spec.calibration:
-            document["calibration"] = _calibration(spec.calibration)
-    if values:
-        table = document.setdefault("parameters", tomlkit.table())
-        for name, value in values.items():
-            table[name] = value
-    return document.as_string()
-
-
-def _calibration(calibration: Calibration) -> tomlkit.items.Table:
-    table = tomlkit.table()
-    table.update(calibration.model_dump(exclude={"root"}, exclude_defaults=True, mode="json"))
-    rows = tomlkit.array()
-    for row in calibration.root:
-        rows.add_line(list(row))
-    rows.add_line()
-    table["root"] = rows
-    return table
-
-
-def _written_out(spec: RobotFile) -> tomlkit.TOMLDocument:
-    """Write every key that differs from its default, the pattern's chains one by one."""
-    data = spec.model_dump(
-        exclude_defaults=True, exclude={"pattern", "parameters", "calibration"}, mode="json"
-    )
-    document = tomlkit.document()
-    document.update(data)
-    return document
 
 
 def mark(kind: str) -> str:
     """Words by which a file says that truepose wrote it, and what: "report", "picture", "log"."""
     return f"written by truepose: {kind}"
-
-
-def _earlier(path: Path, kind: str) -> bool:
-    """Whether a file is an earlier result. A robot file needs no mark: its keys tell it."""
-    with path.open("rb") as file:
-        if kind in ("robot file", "calibrated robot"):
-            with contextlib.suppress(ValueError, RecursionError):
-                keys = tomllib.loads(file.read(_LARGEST).decode()).keys()
-                a_robot = bool({"mobility", "based_on"} & keys)
-                return a_robot and (kind == "robot file" or "calibration" in keys)
-            return False
-        start = file.read(_BEGINNING)
-        if start.startswith((b"%PDF", b"PAR1")):
-            file.seek(max(path.stat().st_size - _END, 0))
-            start = file.read()
-    return mark(kind).encode() in start
 
 
 @dataclass(frozen=True)
@@ -129,9 +43,22 @@ class Output:
     path: Path
     kind: str  #: of result; only the same kind counts as an earlier one
     option: str = ""  #: by which it was asked for, for messages
+    #: Says whether an open file is an earlier result of a kind that bears no mark.
+    recognise: Callable[[BinaryIO], bool] | None = None
 
     def __str__(self) -> str:
         return f"{self.option} {self.path}".lstrip()
+
+    def earlier(self, path: Path) -> bool:
+        """Whether a file is an earlier result of this kind."""
+        with path.open("rb") as file:
+            if self.recognise:
+                return self.recognise(file)
+            start = file.read(_BEGINNING)
+            if start.startswith((b"%PDF", b"PAR1")):
+                file.seek(max(path.stat().st_size - _END, 0))
+                start = file.read()
+        return mark(self.kind).encode() in start
 
 
 def check(
@@ -187,7 +114,7 @@ def _place(output: Output, read: list[os.stat_result], force: bool) -> Path:
             there = None
             os.stat(place.parent)  # says itself that there is no such folder
         why = _why_not(place, there, read)
-        earlier = not there or why or force or _earlier(place, output.kind)
+        earlier = not there or why or force or output.earlier(place)
     except OSError as error:
         why = error.strerror
     except ValueError as error:  # a NUL in its name

@@ -1,6 +1,6 @@
 """What is shipped of the twins? All of it, made from nothing.
 
-Run as ``python -m truepose.paper.twin_folder FOLDER``.
+Run as ``python tools/twin_folder.py FOLDER``.
 """
 
 from __future__ import annotations
@@ -11,15 +11,17 @@ from pathlib import Path
 import numpy as np
 import tomlkit
 
-from truepose.files.write import picture, replace_file
-from truepose.paper import data as paper_data
-from truepose.paper import experiment_section, experiment_tables, report, twin
+from truepose import files, robotfile
+from truepose.paper import article, experiment_section, experiment_tables, report, twin
 from truepose.paper.experiment import CONTROLS, Control
-from truepose.paper.tables import Table, cells, number
-from truepose.paper.twin import Found, Twin
+from truepose.paper.tables import cells
+from truepose.paper.twin import Twin
 from truepose.paper.virtual_experiment import READINGS, Run
 from truepose.robot.robot import Robot, load
+from truepose.show.drawing import draw
+from truepose.show.table import Table, markdown, number
 from truepose.threads import each
+from twin_search import Found, search, unknowns
 
 SEEDS = 10
 FAR = 4  #: a standard normal number that nobody expects
@@ -28,7 +30,7 @@ FAR = 4  #: a standard normal number that nobody expects
 def main(folder: Path, seeds: int = SEEDS) -> None:
     """Search the twins, write the best one and what can be said of all of them."""
     robot = load("h4")
-    found = list(each(lambda seed: twin.search(robot, seed), range(seeds)))
+    found = list(each(lambda seed: search(robot, seed), range(seeds)))
     write(folder, robot, found)
 
 
@@ -39,16 +41,14 @@ def best(found: list[Found]) -> Found:
 
 def write(folder: Path, robot: Robot, found: list[Found]) -> None:
     """Write robot.toml, setup.toml, README.md and picture.png into the folder."""
-    from truepose.show.drawing import draw
-
     chosen = best(found)
     folder.mkdir(parents=True, exist_ok=True)
-    replace_file(folder / "robot.toml", robot_file(robot, chosen.twin), "robot file")
-    replace_file(folder / "setup.toml", setup_file(chosen.twin), "setup", force=True)
-    drawn = picture(draw(load(folder / "robot.toml")), ".png", dpi=110)
-    replace_file(folder / "picture.png", drawn, "picture", force=True)
+    files.write({robotfile.output(folder / "robot.toml"): robot_file(robot, chosen.twin)})
+    files.replace_file(folder / "setup.toml", setup_file(chosen.twin), "setup", force=True)
+    drawn = files.picture(draw(load(folder / "robot.toml")), ".png", dpi=110)
+    files.replace_file(folder / "picture.png", drawn, "picture", force=True)
     runs = [f.twin.run(robot, tuple(CONTROLS)) for f in found]
-    replace_file(folder / "README.md", readme(robot, found, chosen, runs), "page", force=True)
+    files.replace_file(folder / "README.md", readme(robot, found, chosen, runs), "page", force=True)
 
 
 def robot_file(robot: Robot, of: Twin) -> str:
@@ -58,7 +58,7 @@ def robot_file(robot: Robot, of: Twin) -> str:
     document.add(tomlkit.comment("A true robot, not one to control: see README.md."))
     document["name"] = twin.NAME
     document["title"] = "H4 whose Table 3 is close to the one that the paper prints"
-    document["source"] = "found by python -m truepose.paper.twin_folder; all numbers assumed"
+    document["source"] = "found by make twin; all numbers assumed"
     document["based_on"] = "h4"
     table = tomlkit.table()
     for name, parameter in of.truth.parameters.items():
@@ -123,7 +123,7 @@ def _missed(table: Table) -> str:
 
 def _unlikely(robot: Robot, chosen: Found) -> str:
     order = np.argsort(-np.abs(chosen.u))
-    names = [unknown.name for unknown in twin.unknowns(robot)]
+    names = [unknown.name for unknown in unknowns(robot)]
     listed = [f"`{names[k]}` {chosen.u[k]:+.1f}" for k in order if abs(chosen.u[k]) > 2]
     text = ", ".join(listed) + "."
     if np.abs(chosen.u).max() > FAR:
@@ -136,7 +136,7 @@ def _unlikely(robot: Robot, chosen: Found) -> str:
 
 def spread(found: list[Found]) -> Table:
     """Each entry over the twins, smallest to largest."""
-    printed, rows = paper_data.table3_as_printed(), []
+    printed, rows = article.table3_as_printed(), []
     for at, key, label in cells():
         row = [label]
         for k, column in enumerate(twin.COLUMNS):
@@ -197,13 +197,6 @@ def gains(runs: list[dict[Control, Run]]) -> Table:
         rows.append([experiment_tables.NAMES[control], *cell])
     header = ["control", "desired − true (mm)", "desired − measured (mm)", "θ Σ squares (°²)"]
     return Table("gains", "", header, rows)
-
-
-def markdown(table: Table) -> str:
-    """Write a table as Markdown."""
-    header = [cell.replace(", (", " (").replace("its, mean", "its mean") for cell in table.header]
-    lines = [header, ["---"] + ["---:"] * (len(header) - 1), *table.rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
 _TEXT = """# A twin of LIRMM's H4

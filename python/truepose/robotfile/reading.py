@@ -15,7 +15,7 @@ from typing import NamedTuple
 from pydantic import ValidationError
 
 from truepose.exceptions import RobotFileError, choose, shortened
-from truepose.files.read import contents
+from truepose.files import contents
 from truepose.robotfile import consistency
 from truepose.robotfile.parameters import parameter_names
 from truepose.robotfile.pattern import expand, misfits
@@ -45,7 +45,12 @@ _SECTIONS = {
     "calibration": Calibration,
     **SENSORS,
 }
-_SHORTHAND = ("every_chain", "based_on")
+#: Keys that are written out before the schema is asked, and what they stand for.
+SHORTHAND = {
+    "based_on": "the shipped robot that this file changes: its tables are laid over that robot's, "
+    "its lists replace that robot's",
+    "every_chain": "keys of 'chain' that all chains share; a chain's own key wins",
+}
 #: What decides how a robot moves, and of a chain.
 _MECHANISM = ("mobility", "home", "chain", "bar", "nacelle")
 _MOVES = (
@@ -339,7 +344,7 @@ def _describe(problem: dict) -> str:
     if kind == "extra_forbidden":
         section = next((s for s in map(str, reversed(problem["loc"][:-1])) if s in _SECTIONS), None)
         known = list((_SECTIONS[section] if section else RobotFile).model_fields)
-        return f"{key}: " + choose("key", location[-1], known if section else [*known, *_SHORTHAND])
+        return f"{key}: " + choose("key", location[-1], known if section else [*known, *SHORTHAND])
     if kind == "missing":
         return f"{key}: is missing"
     if kind == "union_tag_not_found":
@@ -353,7 +358,10 @@ def _describe(problem: dict) -> str:
     message = problem["msg"].removeprefix("Value error, ")
     message = message[0].lower() + message[1:]
     if problem["loc"] == ("mobility",):
-        message += "; docs/what-it-cannot.md says what no file can express"
+        message += (
+            "; no file can express a spherical robot, a tilter with parasitic motion (3-PRS), a "
+            "serial wrist, or more motors than freedoms"
+        )
     if isinstance(value, dict):
         return f"{key}: {message}" if key else message
     return f"{key} = {shortened(repr(value))}: {message}"

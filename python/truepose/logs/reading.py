@@ -13,7 +13,7 @@ import numpy as np
 
 from truepose.arguments import Array, check_real
 from truepose.exceptions import InputError, choose, controls, one_line
-from truepose.files.read import contents
+from truepose.files import contents
 from truepose.robot.robot import Robot
 
 #: Messages of two channels this far apart may be of one pose, s.

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from truepose.arguments import Array
 from truepose.exceptions import InputError
-from truepose.paper.data import QUANTITIES, STATISTICS
+from truepose.paper.article import QUANTITIES, STATISTICS
 
 _DRAWS = 2000  # of a bootstrap
 
@@ -35,7 +35,7 @@ def table3(error: ArrayLike) -> Array:
 
     Examples
     --------
-    >>> from truepose.paper.table3 import table3
+    >>> from truepose.paper.statistics import table3
     >>> print(table3([[3, 0, 0, 1], [0, -4, 0, -1]])[[0, 1, 3, 4]])
     [[ 1.5  3.   9.   1.5]
      [-2.   4.  16.   2. ]

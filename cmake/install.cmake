@@ -1,0 +1,29 @@
+# What does a C++ project find after `cmake --install`, or in the wheel? The headers, what
+# find_package(truepose) reads, and truepose.pc. All of it under share: headers serve every
+# architecture.
+include(CMakePackageConfigHelpers)
+include(GNUInstallDirs)
+
+if(SKBUILD)  # the wheel keeps all that is not Python in one folder; pyproject.toml: cmake.prefix
+  set(CMAKE_INSTALL_INCLUDEDIR truepose/_data/include)
+  set(CMAKE_INSTALL_DATADIR truepose/_data/share)
+endif()
+set(config ${CMAKE_INSTALL_DATADIR}/cmake/truepose)
+set(pkgconfig ${CMAKE_INSTALL_DATADIR}/pkgconfig)
+
+set_target_properties(truepose_core PROPERTIES EXPORT_NAME core)
+install(TARGETS truepose_core EXPORT truepose INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
+install(DIRECTORY include/truepose DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}
+  FILES_MATCHING PATTERN *.hpp)
+install(EXPORT truepose NAMESPACE truepose:: FILE trueposeTargets.cmake DESTINATION ${config})
+
+configure_package_config_file(cmake/trueposeConfig.cmake.in trueposeConfig.cmake
+  INSTALL_DESTINATION ${config} NO_SET_AND_CHECK_MACRO)
+write_basic_package_version_file(trueposeConfigVersion.cmake COMPATIBILITY SameMinorVersion
+  ARCH_INDEPENDENT)
+install(FILES ${CMAKE_CURRENT_BINARY_DIR}/trueposeConfig.cmake
+              ${CMAKE_CURRENT_BINARY_DIR}/trueposeConfigVersion.cmake DESTINATION ${config})
+
+file(RELATIVE_PATH headers /${pkgconfig} /${CMAKE_INSTALL_INCLUDEDIR})
+configure_file(cmake/truepose.pc.in truepose.pc @ONLY)
+install(FILES ${CMAKE_CURRENT_BINARY_DIR}/truepose.pc DESTINATION ${pkgconfig})

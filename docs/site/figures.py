@@ -1,0 +1,116 @@
+"""Which pictures does "The TEJ in ten minutes" show? `make docs-pictures` draws them anew."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+
+import truepose as tp
+from truepose.paper import article
+
+PICTURES = Path(__file__).parents[1] / "pictures"
+DRAWN, REAL, TEJ, OTHER = "#5b6770", "#b3261e", "#1455a4", "#2a7f3b"
+
+
+def five_bar() -> Figure:
+    """Two motors read right, and the tool is elsewhere: one rod 30 mm too long, to be seen."""
+    drawn = tp.load("five-bar")
+    real = drawn.replace({"chain1.rod": drawn.parameters["chain1.rod"].value + 0.03})
+    q = drawn.ikm(drawn.home)
+    figure = Figure(figsize=(4.6, 3.6), layout="constrained")
+    axes = figure.subplots()
+    for robot, colour, style in ((drawn, DRAWN, "--"), (real, REAL, "-")):
+        tool = robot.fkm(q)
+        for k, chain in enumerate(robot.spec.chain):
+            base = np.array(chain.base[:2])
+            elbow = base + chain.arm * np.array([np.cos(q[k]), np.sin(q[k])])
+            axes.plot(*np.transpose([base, elbow, tool]), style, color=colour, lw=2)
+            axes.plot(*elbow, "o", color=colour, ms=4)
+            axes.plot(*base, "s", color="black", ms=9)
+        axes.plot(*tool, "o", color=colour, ms=8)
+    axes.text(-0.005, 0.245, "where the model\nhas the tool", color=DRAWN, ha="center", va="top")
+    axes.text(0.045, 0.325, "where it is", color=REAL)
+    axes.text(-0.135, 0.265, "rod 1,\ntoo long", color=REAL, ha="right")
+    axes.text(0, 0, "motors", ha="center", va="center")
+    axes.set_aspect("equal")
+    axes.set_axis_off()
+    axes.margins(0.08)
+    return figure
+
+
+def rest() -> Figure:
+    """Where three laws come to rest: motors' error along j, and θ's."""
+    h4, x_d = tp.load("h4"), np.array([0.05, 0.05, -0.40, 0.20])
+    real = h4.replace({"chain3.rod": 0.483})
+    j = h4.jacobian(x_d)[3]
+    slope = np.linalg.norm(j)
+    laws = {
+        "joint": ("usual control:\nmotors right", "black", (-86, 4)),
+        "redundant": ("TEJ: nearest to 0", TEJ, (-108, 6)),
+        "cartesian": ("Cartesian: θ right", OTHER, (-108, -14)),
+    }
+    figure = Figure(figsize=(4.6, 4.2), layout="constrained")
+    axes = figure.subplots()
+    along = np.linspace(-0.8, 0.62, 2)
+    for law, (name, colour, place) in laws.items():
+        x = tp.settle(h4, real, x_d, law)
+        e_q, e_theta = np.degrees((h4.ikm(x_d) - real.ikm(x)) @ j) / slope, np.degrees(x_d - x)[3]
+        if law == "joint":
+            axes.plot(along, slope * along, color=DRAWN, ls="--", lw=1.5)
+            axes.plot(along, e_theta + slope * along, color=REAL, lw=1.5)
+        if law == "redundant":
+            axes.plot([0, e_q], [0, e_theta], color=TEJ, lw=1.5)
+        axes.plot(e_q, e_theta, "o", color=colour, ms=8, zorder=3)
+        axes.annotate(name, (e_q, e_theta), place, textcoords="offset points", color=colour)
+    axes.text(0.38, 1.0, "what the\nmodel allows", color=DRAWN)
+    axes.text(-0.36, 1.1, "what the\nreal robot does", color=REAL, ha="right")
+    axes.axhline(0, color="black", lw=0.6)
+    axes.axvline(0, color="black", lw=0.6)
+    axes.set_aspect("equal")
+    axes.set_xlim(-1.7, 1.3)
+    axes.set_ylim(-0.6, 2.2)
+    axes.set_xlabel("motors' error along j (degrees)")
+    axes.set_ylabel("θ's error (degrees)")
+    return figure
+
+
+def over_table_2() -> Figure:
+    """One robot with the paper's errors at the 625 poses: θ and position under three laws."""
+    h4, poses = tp.load("h4"), article.table2()
+    true = tp.with_paper_errors(h4, seed=1)
+    usual, tej = (tp.settle(h4, true, poses, law) for law in ("joint", "redundant"))
+    learnt = tp.calibrate(h4, true.extended(usual)).robot
+    found = tp.settle(learnt, true, poses, "cartesian")
+    figure = Figure(figsize=(6.4, 2.9), layout="constrained")
+    left, right = figure.subplots(1, 2, sharey=True)
+    share = 100 * np.arange(1, len(poses) + 1) / len(poses)
+    runs = (("usual", usual, "black"), ("TEJ", tej, TEJ), ("self-calibrated", found, OTHER))
+    for name, x, colour in runs:
+        error = np.abs(x - poses)
+        position = 1e3 * np.linalg.norm(error[:, :3], axis=1)
+        left.semilogx(np.sort(np.degrees(error[:, 3])), share, color=colour, label=name)
+        right.semilogx(np.sort(position), share, color=colour)
+    left.set_xlabel("error of θ (degrees)")
+    right.set_xlabel("error of the position (mm)")
+    left.set_ylabel("poses with less (%)")
+    figure.legend(
+        *left.get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False
+    )
+    return figure
+
+
+def main() -> None:
+    """Draw them all; the same file each time."""
+    mpl.rcParams["svg.hashsalt"] = "truepose"
+    PICTURES.mkdir(exist_ok=True)
+    for draw in (five_bar, rest, over_table_2):
+        file = PICTURES / f"{draw.__name__.replace('_', '-')}.svg"
+        draw().savefig(file, metadata={"Date": None})
+        print(file.relative_to(Path.cwd()) if file.is_relative_to(Path.cwd()) else file)
+
+
+if __name__ == "__main__":
+    main()

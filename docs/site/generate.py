@@ -1,0 +1,253 @@
+"""What of the documentation follows from the code? Keys, commands, names: always today's.
+
+Each function gives a page's text in Markdown; `make.py` puts it where the page includes it.
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import itertools
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import truepose
+from truepose.robotfile import reading, sensors
+from truepose.robotfile.schema import RobotFile
+
+INCLUDE = Path(__file__).parents[2] / "include" / "truepose"
+
+#: Words for the types of a JSON schema.
+WORDS = {"number": "number", "integer": "whole number", "string": "text", "boolean": "true, false"}
+COUNTS = {2: "two", 3: "three", 4: "four", 6: "six"}
+#: A number whose square is one too: the schema's own bound, which says nothing of a robot.
+HUGE = 1e12
+
+
+def robot_file() -> str:
+    """Every key of every table of a robot file, from its schema."""
+    schema = RobotFile.model_json_schema()
+    tables = schema["$defs"]
+    top = schema | {"properties": dict(schema["properties"])}
+    for key, what in reading.SHORTHAND.items():
+        top["properties"][key] = {"description": what, "default": None, "type": "string"}
+    top["properties"]["every_chain"]["type"] = "object"
+    kinds = {model.__name__: tables[model.__name__] for model in sensors.SENSORS.values()}
+    text = "\n".join(_table("Top level", "top-level", top, tables))
+    for name, table in tables.items():
+        if name not in kinds:
+            text += "\n".join(_table(*_titles(name), table, tables))
+    return text + _sensors(kinds, tables)
+
+
+def _sensors(kinds: dict[str, dict], tables: dict) -> str:
+    """The keys that all sensors share, then each kind's own."""
+    first, *others = (kind["properties"] for kind in kinds.values())
+    shared = [key for key in first if all(other.get(key) == first[key] for other in others)]
+    every = next(iter(kinds.values())) | {
+        "description": "A sensor is one number, gain * value - offset. `kind` says which keys it "
+        "has beside these.",
+        "properties": {key: first[key] for key in shared},
+    }
+    text = "\n".join(_table("`[[sensor]]`", "sensor", every, tables))
+    for name in sorted(kinds, key=list(tables).index):
+        kind = kinds[name]["properties"]["kind"]
+        title = ", ".join(f"`{value}`" for value in kind.get("enum") or [kind["const"]])
+        own = {key: field for key, field in kinds[name]["properties"].items() if key not in shared}
+        own = {"kind": own.pop("kind")} | own
+        table = kinds[name] | {"properties": own}
+        text += "\n".join(_table(title, name.lower(), table, tables, "###"))
+    return text
+
+
+def _titles(name: str) -> tuple[str, str]:
+    """Heading and anchor of a table, by where the file has it."""
+    places = {
+        "Chain": "`[[chain]]`, `[every_chain]`",
+        "Bar": "`[[bar]]`",
+        "Workspace": "`[workspace]`, `[singularity_free]`",
+        "Tolerance": "`[tolerances]`: of each parameter",
+    }
+    return places.get(name, f"`[{name.lower()}]`"), name.lower()
+
+
+def _table(
+    title: str, anchor: str, table: dict, tables: dict, heading: str = "##"
+) -> Iterator[str]:
+    yield f"\n(key-{anchor})=\n{heading} {title}\n"
+    yield " ".join(inspect.cleandoc(table.get("description", "")).split()) + "\n"
+    yield "{.keys}\n| key | value | default | meaning |\n|---|---|---|---|"
+    for key, field in table["properties"].items():
+        needed = key in table.get("required", ())
+        default = "**needed**" if needed else _default(field, tables)
+        yield f"| `{key}` | {_value(field, tables)} | {default} | {_cell(field['description'])} |"
+    yield ""
+
+
+def _value(field: dict, tables: dict) -> str:
+    """Type, unit and bounds of a key, in words."""
+    words, unit, bounds = _kind(field, tables)
+    return _cell("; ".join(filter(None, [f"{words}, {unit}" if unit else words, bounds])))
+
+
+def _kind(field: dict, tables: dict) -> tuple[str, str, str]:
+    """Words, unit and bounds of a schema."""
+    arms = [arm for arm in field.get("anyOf", ()) if arm.get("type") != "null"]
+    if arms:
+        return _kind(arms[0] | {k: v for k, v in field.items() if k == "unit"}, tables)
+    unit, bounds = field.get("unit", ""), _bounds(field)
+    if "$ref" in field:
+        name = field["$ref"].split("/")[-1]
+        return f"[table](#key-{name.lower()})", "", ""
+    if "enum" in field or "const" in field:
+        values = field.get("enum") or [field["const"]]
+        marks = [f"`{value}`" if field["type"] == "integer" else f'`"{value}"`' for value in values]
+        return ", ".join(marks), unit, ""
+    if field["type"] == "array":
+        if "discriminator" in field.get("items", {}):
+            return "[tables](#key-sensor)", "", ""
+        items = field.get("prefixItems") or [field["items"]]
+        words, of_item, bounds = _kind(items[0], tables)
+        many = COUNTS[len(items)] if "prefixItems" in field else "list of"
+        plural = words if words.startswith("list") or words == "text" else _plural(words)
+        return f"{many} {plural}", unit or of_item, f"each {bounds}" if bounds else ""
+    if field["type"] == "object":
+        inner = field.get("additionalProperties")
+        if not inner:
+            return "[table](#key-chain)", "", ""
+        words, of_item, bounds = _kind(inner, tables)
+        return f"by name: {words}", unit or of_item, bounds
+    return WORDS[field["type"]], unit, bounds
+
+
+def _plural(words: str) -> str:
+    """Of `number`, or of a link to a table."""
+    return words.replace("table]", "tables]") if "table]" in words else f"{words}s"
+
+
+def _bounds(field: dict) -> str:
+    signs = {
+        "minimum": "≥",
+        "exclusiveMinimum": ">",
+        "maximum": "≤",
+        "exclusiveMaximum": "<",
+    }
+    given = ((sign, field[key]) for key, sign in signs.items() if key in field)
+    return " and ".join(f"{sign} {value:g}" for sign, value in given if abs(value) < HUGE)
+
+
+def _default(field: dict, tables: dict) -> str:
+    value = field.get("default")
+    if value in (None, "", [], {}) or isinstance(value, dict):
+        return "–"
+    if isinstance(value, list) and all(isinstance(v, float | int) for v in value):
+        return "`[" + ", ".join(f"{v:g}" for v in value) + "]`"
+    if isinstance(value, bool | str):
+        return f"`{str(value).lower()}`" if isinstance(value, bool) else f'`"{value}"`'
+    return f"`{value:g}`"
+
+
+def _cell(text: str) -> str:
+    """Text in a Markdown table: a bar would end the cell."""
+    return text.replace("|", "\\|")
+
+
+def robots() -> str:
+    """A picture and a line for every shipped robot."""
+    text = "{.robots}\n| | |\n|---|---|\n"
+    for name in truepose.robots():
+        robot = reading.read(name)
+        folder = f"../robots/{name}"
+        text += f"| [![{name}]({folder}/picture.png)]({folder}/README.md) "
+        text += f"| [{name}]({folder}/README.md): {robot.title or name}. `{robot.mobility}`, "
+        text += f"{robot.n} motors, sensors in use: {', '.join(robot.sensors) or 'none'}. |\n"
+    return text
+
+
+def commands() -> str:
+    """Every command's help and options, from the command line's own description."""
+    import typer
+    from typer.cli import get_docs_for_click
+
+    from truepose.commands.cli import app
+
+    command = typer.main.get_command(app)
+    _in_full(command)
+    text = get_docs_for_click(obj=command, ctx=typer.Context(command), name="truepose")
+    text = text.split("\n", 1)[1]  # the page has a title of its own
+    return re.sub(r"^\$ ", "", text, flags=re.MULTILINE).replace("```console", "```text")
+
+
+def _in_full(group) -> None:
+    """Let lists of commands have their first sentences whole."""
+    for command in getattr(group, "commands", {}).values():
+        command.short_help = command.get_short_help_str(limit=1000)
+        _in_full(command)
+
+
+#: Of the Python reference, those that come first.
+ROOMS = ("robot", "simulation", "calibration")
+
+
+def python() -> str:
+    """Every public name, by the room where it lives."""
+    names: dict[str, list[str]] = {}
+    for name in truepose.__all__:
+        room = getattr(truepose, name).__module__.split(".")[1]
+        names.setdefault(room, []).append(name)
+    text = ""
+    for room in sorted(names, key=lambda room: (*ROOMS, room).index(room)):
+        what = inspect.getdoc(importlib.import_module(f"truepose.{room}")) or room
+        text += f"\n## {what.splitlines()[0].rstrip('.')}\n"
+        for name in names[room]:
+            text += f"\n### `{name}`\n\n```{{eval-rst}}\n{_directive(name)}\n```\n"
+    return text
+
+
+def _directive(name: str) -> str:
+    thing = getattr(truepose, name)
+    kind = "function"
+    if isinstance(thing, type):
+        kind = "exception" if issubclass(thing, Exception) else "class"
+    members = "\n   :members:\n   :inherited-members: Exception, tuple" if kind == "class" else ""
+    return f".. currentmodule:: truepose\n\n.. auto{kind}:: {name}{members}"
+
+
+def cpp(doxygen: bool) -> tuple[str, dict[str, str]]:
+    """Every header and the question that it answers; and, by room, what Doxygen knows of them."""
+    text, pages = "", {}
+    headers = sorted(INCLUDE.rglob("*.hpp"))
+    for room, files in itertools.groupby(headers, key=lambda header: header.parent.name):
+        name = f"[`{room}/`](cpp/{room}.md)" if doxygen else f"`{room}/`"
+        text += f"\n{name}\n\n"
+        page = f"# {room}\n"
+        for header in files:
+            path, question = header.relative_to(INCLUDE.parent).as_posix(), _question(header)
+            text += f"- `{header.name}`: {question}\n"
+            page += f"\n## {header.name}\n\n`{path}`: {question}\n\n"
+            page += f"```{{eval-rst}}\n.. doxygenfile:: {path}\n```\n"
+        pages[f"cpp/{room}.md"] = page
+    if not doxygen:
+        return f"*Built without doxygen: the reference itself is left out.*\n{text}", {}
+    return f"{text}\n```{{toctree}}\n:hidden:\n:glob:\n\ncpp/*\n```\n", pages
+
+
+def _question(header: Path) -> str:
+    """The paragraph that a header begins with: the question that it answers."""
+    comment = itertools.takewhile(
+        lambda line: line.startswith("// "), header.read_text(encoding="utf-8").splitlines()
+    )
+    return " ".join(line.removeprefix("// ") for line in comment)
+
+
+def parts(doxygen: bool) -> dict[str, str]:
+    """Every generated part, by the name under which a page includes it; and pages."""
+    headers, pages = cpp(doxygen)
+    return pages | {
+        "generated/robot-file.md": robot_file(),
+        "generated/robots.md": robots(),
+        "generated/commands.md": commands(),
+        "generated/python.md": python(),
+        "generated/cpp.md": headers,
+    }

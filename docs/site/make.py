@@ -1,0 +1,166 @@
+"""How does docs/ become the site? `python docs/site/make.py [FOLDER]`; `make docs` calls it.
+
+The pages are staged in build/site: those of docs/, those that live beside what they describe
+(benchmarks, examples, robots, changes), and what `generate.py` finds in the code; links between
+files become links between pages. Then Sphinx, whose warnings are errors, and a look at what the
+pages load: nothing may come from the network.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from html.parser import HTMLParser
+from os.path import relpath
+from pathlib import Path
+from xml.etree import ElementTree
+
+import generate
+
+ROOT = Path(__file__).parents[2]
+DOCS, SITE = ROOT / "docs", ROOT / "docs" / "site"
+
+#: A Markdown link or image to a file: text, path, anchor.
+LINK = re.compile(r"(!?\[(?:[^\[\]]|\[[^\[\]]*\])*\])\(([^()\s#:]+)(#[^()\s]*)?\)")
+
+
+#: A doctest that ends with an empty line, as doctest wants it and a page does not.
+ENDED = re.compile(r"(^( *)```python\n(?:(?!```).)*?)\n+\2```$", re.DOTALL | re.MULTILINE)
+
+
+def pages() -> dict[Path, str]:
+    """Every page's source, and where in the site it stands."""
+    beside = {
+        "README.md": "index.md",
+        "CHANGELOG.md": "changelog.md",
+        "CONTRIBUTING.md": "contributing.md",
+        "benchmarks/README.md": "benchmarks.md",
+        "examples/README.md": "examples.md",
+    }
+    found = {ROOT / source: target for source, target in beside.items()}
+    found |= {
+        robot: f"robots/{robot.parent.name}.md"
+        for robot in sorted((ROOT / "robots").glob("*/README.md"))
+    }
+    return found | {page: page.name for page in sorted(DOCS.glob("*.md"))}
+
+
+def relinked(text: str, source: Path, target: str, copy: Callable[[Path], str]) -> str:
+    """Make links between files links between pages.
+
+    `copy` says where a file that is no page stands in the site. A link that leads nowhere stays
+    as it is, for Sphinx to name.
+    """
+    known = pages()
+
+    def moved(link: re.Match) -> str:
+        to = (source.parent / link[2]).resolve()
+        to = to / "README.md" if to.is_dir() else to
+        text = link[1][0] + LINK.sub(moved, link[1][1:])  # an image may be the text of a link
+        if not to.is_file() or not to.is_relative_to(ROOT):
+            return text + link[0][len(link[1]) :]
+        there = known.get(to) or copy(to)
+        return f"{text}({relpath(there, Path(target).parent)}{link[3] or ''})"
+
+    return LINK.sub(moved, text)
+
+
+def stage(out: Path, doxygen: bool) -> None:
+    """Write the pages as Sphinx reads them; what has not changed stays as it is."""
+    written = set()
+
+    def write(name: str, data: bytes) -> None:
+        path = out / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if not path.is_file() or path.read_bytes() != data:
+            path.write_bytes(data)
+        written.add(path)
+
+    def copy(file: Path) -> str:
+        name = f"files/{file.relative_to(ROOT).as_posix()}"
+        write(name, file.read_bytes())
+        return name
+
+    for source, target in pages().items():
+        if source != ROOT / "README.md":  # docs/index.md takes its place
+            text = ENDED.sub(r"\1\n\2```", source.read_text(encoding="utf-8"))
+            write(target, relinked(text, source, target, copy).encode())
+    for name, text in generate.parts(doxygen).items():
+        target = name.removeprefix("generated/")  # links of an included part are its page's
+        write(name, relinked(text, DOCS / target, target, copy).encode())
+    for old in set(out.rglob("*")) - written:
+        if old.is_file():
+            old.unlink()
+
+
+def doxygen(folder: Path) -> bool:
+    """Have Doxygen write its XML of the headers, if there is a doxygen."""
+    if not shutil.which("doxygen"):
+        print("docs: without the C++ reference, doxygen is not installed (Debian: doxygen)")
+        return False
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    settings = (DOCS / "Doxyfile").read_text(encoding="utf-8")
+    settings += f"\nOUTPUT_DIRECTORY={folder}\nGENERATE_XML=YES\nGENERATE_HTML=NO\n"
+    subprocess.run(["doxygen", "-"], input=settings, text=True, cwd=ROOT, check=True)
+    # Files of one name in several rooms: breathe tells them apart by their paths alone.
+    index = ElementTree.parse(folder / "xml" / "index.xml")
+    for file in index.findall("compound[@kind='file']"):
+        about = ElementTree.parse(folder / "xml" / f"{file.get('refid')}.xml")
+        file.find("name").text = about.find("compounddef/location").get("file")
+    index.write(folder / "xml" / "index.xml", encoding="utf-8", xml_declaration=True)
+    return True
+
+
+class _Loads(HTMLParser):
+    """Collects the addresses that a browser loads of itself."""
+
+    def __init__(self):
+        super().__init__()
+        self.found: list[str] = []
+
+    def handle_starttag(self, tag, attrs):
+        given = dict(attrs)
+        if tag == "link" and not {"stylesheet", "icon", "preload"} & set(given["rel"].split()):
+            return  # says where a page is
+        for name in ("src", "srcset", "poster", "data", "href"):
+            if name in given and not (name == "href" and tag not in ("link", "use", "image")):
+                self.found += [part.split()[0] for part in given[name].split(",") if part.strip()]
+
+
+def from_network(site: Path) -> list[str]:
+    """Pages and styles that load something from elsewhere: `file: address`."""
+    wrong = []
+    for file in sorted([*site.rglob("*.html"), *site.rglob("*.css")]):
+        text = file.read_text(encoding="utf-8")
+        loads = _Loads()
+        if file.suffix == ".html":
+            loads.feed(text)
+        found = loads.found + re.findall(r"""(?:url\(|@import)\s*["']?([^"')]+)""", text)
+        remote = [at for at in found if re.match(r"(?i)\s*(https?:)?//", at)]
+        wrong += [f"{file.relative_to(site)}: {at}" for at in remote]
+    return wrong
+
+
+def main(folder: str = "build/docs", staged: str = "build/site", cpp: bool = True) -> int:
+    """Build the site; 0 if there is nothing to complain of."""
+    source, work = Path(staged, "source"), Path(staged).resolve()
+    stage(source, cpp and doxygen(work / "doxygen"))
+    # -E: a page that has not changed is read again, or its warnings would be told once only
+    command = [sys.executable, "-m", "sphinx", "-E", "-W", "--keep-going", "-q", "-b", "html"]
+    command += ["-c", SITE, "-d", work / "doctrees", source, folder]
+    command += ["-D", f"breathe_projects.truepose={work / 'doxygen' / 'xml'}"]
+    status = subprocess.run(command, check=False).returncode
+    for wrong in from_network(Path(folder)):
+        print(f"docs: {wrong}: is not loaded from the site itself")
+        status = 1
+    if status == 0:
+        print(f"docs: {folder}/index.html")
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))

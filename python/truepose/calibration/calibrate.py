@@ -1,0 +1,119 @@
+"""What do a robot's own readings say of its geometry? A table is looked over, then fitted to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Literal
+
+from numpy.typing import ArrayLike
+
+from truepose import logs
+from truepose.arguments import Level
+from truepose.calibration import log_checks
+from truepose.calibration.fit import Fit, Loss, ModelError, fit_to
+from truepose.calibration.registration import Registration
+from truepose.exceptions import InputError
+from truepose.robot.robot import Robot
+
+
+def calibrate(
+    robot: Robot,
+    readings: ArrayLike | Mapping[str, ArrayLike],
+    *,
+    measured: ArrayLike | None = None,
+    measured_sigma: ArrayLike | float | None = None,
+    measured_angle_sigma: float | None = None,
+    registration: Literal["unknown", "known"] | Registration = "unknown",
+    level: Level | None = None,
+    loss: Loss = "squares",
+    tuning: float | None = None,
+    model_error: ModelError = "on",
+) -> Fit:
+    """Learn a robot's geometry from its own readings: maximum a posteriori, the poses unknown.
+
+    Prior means and σ are the tolerances of the robot's file (or its last calibration). They also
+    hold the gauges: what no reading can see keeps its prior, and says so.
+
+    Parameters
+    ----------
+    robot : Robot
+        With the sensors in use that were read.
+    readings : array_like, shape (N, n + r), or a table
+        Extended positions q_e = [q; r], m or rad; NaN where a sensor was not read. Or a dict of
+        arrays, a data frame, a pyarrow table, with columns q1 … qn, each sensor by its name, and
+        measured_x, … where something outside measured a coordinate. A table
+        is looked over first; what was noticed is in ``notes``.
+    measured : array_like, shape (N, n), optional
+        Coordinates that something outside measured at these poses, NaN where it did not.
+    measured_sigma : float, or array_like, shape (n,) or (N, n), optional
+        σ of those: of lengths (m), or of every coordinate (m or rad). By default what a table's
+        columns measured_x_sigma, … say, else 0.02 mm.
+    measured_angle_sigma : float, optional
+        σ of measured angles, rad; 0.01° by default.
+    registration : {"unknown", "known"} or Registration
+        Of the frame that `measured` is in, and of the marker that was measured: unknown within wide
+        priors, learnt with the geometry and told in ``registration``; or, known, those of the base
+        and of the nacelle's reference point.
+    level : {"ideal", "full"}, optional
+        One rod per chain, or every rod by itself; by default :attr:`Robot.finest_level`, which is
+        full where the robot has it. The calibrated robot keeps it (:attr:`Robot.level`).
+    loss : {"squares", "huber", "student"}
+        What gross errors cost: their square, their size, or next to nothing.
+    tuning : float, optional
+        Huber's bend (1 by default) or Student's degrees of freedom (4).
+    model_error : {"on", "off"}
+        Whether to allow, at the ideal level, for what it leaves out: axis errors that tilt the
+        nacelle and turn its bars, by the file's tolerances. Where it is allowed for, the calibrated
+        robot's estimates count with it too. "off" is for robots that are ideal, on paper.
+
+    Returns
+    -------
+    Fit
+
+    Raises
+    ------
+    InputError
+        Wrong shapes, nothing uncertain, no reading beyond those that the poses take; of a table,
+        missing columns, wrong units or signs, a stuck sensor.
+    PoseError
+        No line of the readings fits the robot, or the search does not converge.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.paper import article
+    >>> robot = tp.load("h4")
+    >>> true = robot.expected().replace({"chain1.rod": 0.489})
+    >>> fit = tp.calibrate(robot, true.extended(article.table2()))
+    >>> fit.parameters["chain1.rod"].verdict
+    'identified'
+    """
+    settings = {
+        "measured_angle_sigma": measured_angle_sigma,
+        "registration": registration,
+        "level": level,
+        "loss": loss,
+        "tuning": tuning,
+        "model_error": model_error,
+    }
+    if not logs.is_table(readings):
+        return fit_to(robot, readings, measured=measured, measured_sigma=measured_sigma, **settings)
+    log, notes = _looked_over(robot, readings)
+    fit = fit_to(
+        robot,
+        log.readings,
+        measured=log.measured if measured is None else measured,
+        measured_sigma=log.measured_sigma if measured_sigma is None else measured_sigma,
+        **settings,
+    )
+    notes += [finding.text for finding in log_checks.review(fit, log)]
+    return replace(fit, notes=(*notes, *fit.notes))
+
+
+def _looked_over(robot: Robot, table) -> tuple[logs.Log, list[str]]:
+    """Take the readings out of a table, and what was noticed; InputError where they are wrong."""
+    log, findings = log_checks.check(robot, logs.of(robot, table))
+    if refused := [finding.text for finding in findings if finding.refused]:
+        raise InputError(f"readings: {'; '.join(refused)}")
+    return log, [finding.text for finding in findings]

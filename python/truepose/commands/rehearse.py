@@ -1,0 +1,161 @@
+"""What will a calibration be worth, before there is a machine to try it on?"""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from truepose import files, logs
+from truepose.commands.accuracy import parse_set
+from truepose.commands.options import (
+    Force,
+    How,
+    RobotName,
+    Seed,
+    SensorSet,
+    completing,
+    effects_of,
+    true_robot,
+    wrote,
+)
+from truepose.files import Output, mark
+from truepose.robot.robot import Robot, load
+from truepose.robotfile import path_of, to_toml
+from truepose.show.table import Cell, Table, fixed, number
+from truepose.show.terminal import Format, say, show
+from truepose.show.units import in_print
+from truepose.simulation.rehearsal import Missed, Rehearsal, missed, rehearse
+
+#: Effects that a robot's readings at rest show, cold.
+AT_REST = ("backlash", "eccentricity", "quantisation")
+
+
+def command(
+    robot: RobotName,
+    out: Annotated[
+        Path, typer.Option("-o", "--out", help="Log to write: .csv, .parquet or .mcap.")
+    ] = Path("rehearsal.csv"),
+    truth: Annotated[
+        Path | None,
+        typer.Option(
+            help="Where the true robot is kept.", show_default="beside the log, as OUT.truth.toml"
+        ),
+    ] = None,
+    found: Annotated[
+        Path | None,
+        typer.Option(
+            help="A calibrated robot file: say how far it is from the kept truth; write nothing."
+        ),
+    ] = None,
+    poses: Annotated[
+        int, typer.Option(min=1, max=100_000, help="Lines of the log, drawn from the workspace.")
+    ] = 100,
+    seed: Seed = 0,
+    sensors: SensorSet = None,
+    tracker: Annotated[
+        bool | None,
+        typer.Option(
+            "--tracker/--no-tracker",
+            help="Whether something outside measures, in a frame of its own.",
+            show_default="where no sensor is in use",
+        ),
+    ] = None,
+    effects: Annotated[
+        str,
+        typer.Option(
+            help=f"What acts on a robot at rest: {', '.join(AT_REST)}, all or none.",
+            autocompletion=completing(lambda: ("all", "none", *AT_REST)),
+        ),
+    ] = "quantisation",
+    how: How = Format.table,
+    force: Force = False,
+) -> None:
+    """Write a plausible log of a robot that is not there yet, to try a calibration on.
+
+    A true robot is drawn from the tolerances of the file, every rod by itself, sent about its
+    workspace by its motors, and read at rest. It is kept beside the log; with **--found** the
+    command says how far a calibrated file is from it.
+
+    Example: **truepose rehearse h4 -o log.csv**, then **truepose calibrate h4 log.csv -o
+    calibrated.toml**, then **truepose rehearse h4 -o log.csv --found calibrated.toml**
+    """
+    kept = truth or out.with_suffix(".truth.toml")
+    drawn = load(robot)
+    if found is not None:
+        result = missed(drawn, load(kept), load(found), seed)
+        show(_compared(drawn, result), how)
+        p = len(result.names)
+        low, high = (p * (1 - 2 / (9 * p) + z * (2 / (9 * p)) ** 0.5) ** 3 for z in (-1.96, 1.96))
+        say(
+            f"Squared error of all {p} in the stated covariance: {result.nees:.1f}; where it is "
+            f"right, {low:.0f} to {high:.0f} of 95 in 100 calibrations.",
+            how,
+        )
+        return
+    names = parse_set(drawn, sensors) if sensors is not None else drawn.sensors
+    drawn = drawn.with_sensors(*names)
+    read = [path_of(robot)]
+    outputs = [logs.check(out, read, force), Output(kept, "true robot", "--truth")]
+    files.check(outputs, read, force)
+    ran = rehearse(
+        drawn,
+        true_robot(drawn, "drawn", seed),
+        poses,
+        seed,
+        effects_of(effects, AT_REST),
+        tracker=not names if tracker is None else tracker,
+    )
+    values = {name: parameter.value for name, parameter in ran.truth.parameters.items()}
+    text = f"# {mark('true robot')}, drawn with seed {seed}\n{to_toml(ran.truth.spec, values)}"
+    log = logs.encoded(out, _columns(ran))
+    files.write(dict(zip(outputs, (log, text), strict=True)), read, force)
+    wrote(how, out, kept)
+    calibrated = out.with_suffix(".calibrated.toml")
+    chosen = ["--sensors", ",".join(names) or "none"] if names != load(robot).sensors else []
+    where = ["--truth", kept] if truth else ["-o", out] if out.name != "rehearsal.csv" else []
+    _next("Next", "calibrate", robot, out, *chosen, "-o", calibrated)
+    _next("Then", "rehearse", robot, *where, "--found", calibrated)
+
+
+def _next(when: str, *words: object) -> None:
+    say(f"{when}: {shlex.join(['truepose', *map(str, words)])}")
+
+
+def _columns(ran: Rehearsal) -> list[logs.Column]:
+    result = logs.readings(ran.truth, ran.q_e)
+    if ran.measured is not None:
+        for name, values in zip("xyz", ran.measured.T, strict=False):
+            what = f"{name} of a marker on the nacelle, in the tracker's frame"
+            result.append(logs.Column("measured", f"measured_{name}", "m", what, values))
+    return result
+
+
+def _compared(robot: Robot, result: Missed) -> list[Table]:
+    """Where it leads the robot, and each parameter."""
+    rows = []
+    for who, apart in result.pose.items():
+        shown = apart[np.isfinite(apart).all(axis=1)] * [1e3, 1e3, 180 / np.pi]
+        position, zeroed, turn = np.sqrt((shown**2).mean(axis=0))
+        cells = (position, shown[:, 0].max(), zeroed, turn)
+        rows.append([who, *(number(float(value)) for value in cells)])
+    header = [
+        "robot",
+        "position rms (mm)",
+        "largest (mm)",
+        "less that at home (mm)",
+        "turn rms (°)",
+    ]
+    pose = Table("pose", "Where the true robot stands, less where it was sent", header, rows)
+    rows = []
+    errors = zip(result.names, result.before, result.after, result.sigma, strict=True)
+    for name, *values in errors:
+        factor, unit = in_print(robot, name)
+        label = Cell(f"{name} ({unit})".removesuffix(" ()"), {"parameter": name})
+        cells = [Cell(f"{factor * v:.4f}", float(v)) for v in values]
+        rows.append([label, *cells, fixed(values[1] / values[2])])
+    header = ["parameter", "drawn", "found", "σ", "found / σ"]
+    return [pose, Table("parameters", "Parameters, less the true ones", header, rows)]

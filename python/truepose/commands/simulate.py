@@ -1,0 +1,269 @@
+"""How does a robot that is not its model move under a law? In a move, or along a path."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NamedTuple
+
+import numpy as np
+import typer
+from rich.console import Console
+
+from truepose import files, logs
+from truepose.arguments import Array
+from truepose.commands.accuracy import parse_pose, parse_set, read_poses
+from truepose.commands.options import (
+    Force,
+    How,
+    RobotName,
+    Seed,
+    SensorSet,
+    completing,
+    effects_of,
+    plot_to,
+    true_robot,
+    wrote,
+)
+from truepose.exceptions import InputError, PoseError
+from truepose.robot.frames import frames
+from truepose.robot.laws import Law
+from truepose.robot.robot import Robot, load, robots
+from truepose.robotfile import path_of
+from truepose.show.table import Cell, Table, number
+from truepose.show.terminal import Format, say, show
+from truepose.show.units import PRINT
+from truepose.simulation.controller import Controller
+from truepose.simulation.effects import Effects
+from truepose.simulation.moves import MOVE_DURATION, default_move
+from truepose.simulation.plants import Visit
+from truepose.simulation.simulate import Simulation, simulate
+from truepose.simulation.visit import visit
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Poles that a prompt controller bears, and one whose torques come a cycle late, rad/s; and the
+#: velocity loops' bandwidth in units of them. A path is to rest at every pose: with the later.
+PROMPT, LATE = (150.0, 10.0), (40.0, 7.5)
+#: Duration and hold of a move, and of a path's way from pose to pose, s.
+MOVE, VISIT = (MOVE_DURATION, 0.2), (0.5, 0.4)
+
+
+def command(
+    robot: RobotName,
+    start: Annotated[
+        str | None,
+        typer.Option("--from", metavar="X,Y,…", help="Pose of the start, m and rad."),
+    ] = None,
+    end: Annotated[
+        str | None,
+        typer.Option(
+            "--to", metavar="X,Y,…", help="Pose of the end.", show_default="inside the workspace"
+        ),
+    ] = None,
+    path: Annotated[
+        Path | None,
+        typer.Option(
+            help="Instead: CSV file of poses to visit one after another, a column for each "
+            "coordinate, m and rad; only what is read at rest is kept."
+        ),
+    ] = None,
+    law: Annotated[
+        Law, typer.Option(help="joint is usual control, redundant the paper's TEJ.")
+    ] = "redundant",
+    true: Annotated[
+        str,
+        typer.Option(
+            help="The robot that is there: drawn from the file's tolerances, nominal, or a "
+            "robot's name or file.",
+            autocompletion=completing(lambda: ("drawn", "nominal", *robots())),
+        ),
+    ] = "drawn",
+    effects: Annotated[
+        str,
+        typer.Option(
+            help="What models forget: all, none, or some of them: friction,delay,…",
+            autocompletion=completing(lambda: ("all", "none", *Effects.groups())),
+        ),
+    ] = "none",
+    seed: Seed = 0,
+    sensors: SensorSet = None,
+    duration: Annotated[
+        float | None,
+        typer.Option(help="Of a move, s.", show_default="0.2; along a path 0.5 each"),
+    ] = None,
+    hold: Annotated[
+        float | None, typer.Option(help="After it, s.", show_default="0.2; along a path 0.4 each")
+    ] = None,
+    frequency: Annotated[
+        float | None,
+        typer.Option(
+            help="Of the PD's poles, rad/s.", show_default="150; 40 with a delay or along a path"
+        ),
+    ] = None,
+    since: Annotated[
+        float, typer.Option(help="Seconds since it was switched on cold: how far it has warmed up.")
+    ] = 0.0,
+    out: Annotated[
+        Path | None,
+        typer.Option("-o", "--out", help="Log to write: .csv, .parquet or .mcap."),
+    ] = None,
+    plot: Annotated[Path | None, typer.Option(help="Also draw the errors (PNG, SVG, PDF).")] = None,
+    how: How = Format.table,
+    force: Force = False,
+) -> None:
+    """Simulate a robot with a controller that believes in the nominal one; print its errors.
+
+    The robot that is there is drawn from the tolerances of the file, every rod by itself; its
+    encoders count. Without **--to** it makes a move that it can. The log's readings have the names
+    that **truepose calibrate** looks for.
+
+    Example: **truepose simulate h4 --law estimated --effects friction,compliance -o move.csv**
+    """
+    inputs: list[str | Path] = [robot, *([path] if path else [])]
+    inputs += [] if true in ("drawn", "nominal") else [true]
+    save = plot_to(plot, inputs, force)
+    read = [path_of(str(name)) for name in inputs]
+    log = None if out is None else logs.check(out, read, force)
+    believed = load(robot)
+    if sensors is not None:
+        believed = believed.with_sensors(*parse_set(believed, sensors))
+    truth = true_robot(believed, true, seed)
+    forgotten = None if effects == "none" else effects_of(effects)
+    poles, ratio = LATE if path or (forgotten and forgotten.delay) else PROMPT
+    poles = poles if frequency is None else frequency
+    controller = Controller(law=law, frequency=poles, velocity_bandwidth=ratio * poles)
+    usual = MOVE if path is None else VISIT
+    duration, hold = (u if g is None else g for u, g in zip(usual, (duration, hold), strict=True))
+    settings = {"duration": duration, "hold": hold, "seed": seed, "time": since}
+    errors = Console(stderr=True)
+    with errors.status("simulating") if errors.is_terminal else nullcontext():
+        if path is None:
+            ends = [
+                None if text is None else parse_pose(believed, text, option)
+                for option, text in (("--from", start), ("--to", end))
+            ]
+            run = _move(believed, truth, controller, *ends, effects=forgotten, **settings)
+        elif start is None and end is None:
+            x_d = read_poses(believed, path)
+            run = _path(believed, truth, controller, x_d, effects=forgotten, **settings)
+        else:
+            raise InputError("--path: names all poses itself: leave out --from and --to")
+    save(lambda: draw(run))
+    if log is not None:
+        columns = logs.columns(run.log, truth)
+        files.write({log: logs.encoded(log.path, columns)}, read, force)
+    show(run.tables, how)
+    who = f"true robot {f'drawn with seed {seed}' if true == 'drawn' else true}"
+    say(f"{believed.name}, law {law}, poles {poles:g} rad/s, {who}: {run.status}", how)
+    wrote(how, out, plot)
+
+
+class Run(NamedTuple):
+    """What was simulated: a move's N cycles, or a path's N poses."""
+
+    log: Simulation | Visit
+    over: Array  #: (N,) s, or number of the pose
+    error: Array  #: (N, n) true less desired; NaN where a pose was not reached
+    robot: Robot
+    tables: list[Table]
+    status: str
+
+
+def _move(
+    robot: Robot,
+    truth: Robot,
+    controller: Controller,
+    start: Array | None,
+    end: Array | None,
+    **settings,
+) -> Run:
+    if start is None or end is None:
+        usual = default_move(robot)
+        start, end = usual[0] if start is None else start, usual[1] if end is None else end
+    run = simulate(robot, truth, controller, start=start, end=end, **settings)
+    columns = {"largest": _largest, "at the end": lambda error: error[-1]}
+    errors = _errors(robot, run.error, columns, {"from": start, "to": end})
+    rows = []
+    for k, chain in enumerate(robot.spec.chain):
+        turns, most = chain.actuator == "revolute", float(np.abs(run.torque[:, k]).max())
+        unit = "N·m" if turns else "N"
+        rows.append([Cell(f"{k + 1} ({unit})", {"motor": k + 1, "unit": unit}), number(most)])
+        rows[-1].append(number(chain.torque_limit or np.inf))
+    title = "Torques and forces of the motors"
+    motors = Table("motors", title, ["motor", "largest", "limit"], rows)
+    return Run(run, run.time, run.error, robot, [errors, motors], run.status)
+
+
+def _path(robot: Robot, truth: Robot, controller: Controller, x_d: Array, **settings) -> Run:
+    x, q_e, status = visit(robot, truth, x_d, controller, **settings)
+    reached = np.isfinite(x).all(axis=1)
+    words = f"{reached.sum()} of {len(x)} poses reached"
+    for reason in dict.fromkeys(status[status != "ok"].tolist()):
+        poses = np.flatnonzero(status == reason)
+        words += f"; pose {poses[0]}" + f" and {len(poses) - 1} more" * (len(poses) > 1)
+        words += f": {reason}"
+    if not reached.any():
+        raise PoseError(f"{robot.name}: {words}")
+    rms = {"rms": lambda error: np.sqrt((error**2).mean(axis=0)), "largest": _largest}
+    columns = {"mean": lambda error: error.mean(axis=0), **rms}
+    errors = _errors(robot, (x - x_d)[reached], columns, {})
+    log = Visit(q_e, frames(truth, x), x, status)
+    return Run(log, np.arange(len(x)), x - x_d, robot, [errors], words)
+
+
+def _largest(error: Array) -> Array:
+    return np.abs(error).max(axis=0)
+
+
+def _errors(
+    robot: Robot,
+    error: Array,
+    columns: dict[str, Callable[[Array], Array]],
+    ends: dict[str, Array],
+) -> Table:
+    """One row a coordinate, mm and degrees; last the position."""
+    linear = [unit == "m" for _, unit in robot.coordinates]
+    position = np.linalg.norm(error[:, linear], axis=1)
+    values = [of(np.column_stack([error, position])) for of in columns.values()]
+    values = [np.append(pose, np.nan) for pose in ends.values()] + values
+    rows = []
+    for k, (name, unit) in enumerate([*robot.coordinates, ("position", "m")]):
+        factor, shown = PRINT[unit]
+        label = Cell(f"{name} ({shown})", {"error": name, "unit": shown})
+        cells = [float(factor * column[k]) for column in values]
+        rows.append([label, *(number(v if np.isfinite(v) else None) for v in cells)])
+    return Table("errors", "True less desired", ["error", *ends, *columns], rows)
+
+
+def draw(run: Run) -> Figure:
+    """Draw the errors over time or poses: lengths above, angles below; then the torques."""
+    from matplotlib.figure import Figure
+
+    shown = {
+        f"error ({PRINT[of][1]})": {
+            name: PRINT[of][0] * run.error[:, k]
+            for k, (name, unit) in enumerate(run.robot.coordinates)
+            if unit == of
+        }
+        for of in ("m", "rad")
+    }
+    move = isinstance(run.log, Simulation)
+    if move:
+        torques = enumerate(run.log.torque.T, 1)
+        shown["torque (N·m) or force (N)"] = {f"motor {k}": torque for k, torque in torques}
+    shown = {label: lines for label, lines in shown.items() if lines}
+    figure = Figure(figsize=(7.0, 0.6 + 2.1 * len(shown)), layout="constrained")
+    for axes, (label, lines) in zip(
+        figure.subplots(len(shown), sharex=True, squeeze=False)[:, 0], shown.items(), strict=True
+    ):
+        for name, values in lines.items():
+            axes.plot(run.over, values, "-" if move else ".", label=name, lw=1.2)
+        axes.axhline(0, color="0.6", lw=0.8)
+        axes.set_ylabel(label)
+        axes.legend(loc="upper left", bbox_to_anchor=(1, 1), fontsize=8, frameon=False)
+    axes.set_xlabel("time (s)" if move else "pose")
+    figure.suptitle(f"{run.robot.name}: true less desired", fontsize=10, parse_math=False)
+    return figure

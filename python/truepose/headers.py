@@ -1,0 +1,38 @@
+"""Where does a C++ build find the headers that this package carries?"""
+
+from pathlib import Path
+
+from truepose.exceptions import TrueposeError
+
+_DATA = Path(__file__).parent / "_data"
+
+
+def get_include() -> str:
+    """Return the folder for a compiler's include path: ``#include "truepose/truepose.hpp"``.
+
+    Raises
+    ------
+    TrueposeError
+        Where the package runs from its source tree: the headers are laid beside it on installation.
+    """
+    return _installed(_DATA / "include")
+
+
+def get_cmake_dir() -> str:
+    """Return the folder of trueposeConfig.cmake, for ``cmake -Dtruepose_DIR=...``.
+
+    A build by scikit-build-core that requires truepose finds it without.
+
+    Raises
+    ------
+    TrueposeError
+        As of :func:`get_include`.
+    """
+    return _installed(_DATA / "share" / "cmake" / "truepose")
+
+
+def _installed(folder: Path) -> str:
+    """Return the folder's path, which is there once the package is installed."""
+    if not folder.is_dir():
+        raise TrueposeError(f"no C++ headers in {folder}: install truepose (pip install .)")
+    return str(folder)

@@ -1,0 +1,58 @@
+"""How do many poses go into the core, and what is said of those that it cannot answer?"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose import _core
+from truepose.arguments import Array, Errors, Level, numbers_of
+from truepose.exceptions import InputError, PoseError, choose
+from truepose.robot import explain
+from truepose.robot.description import Description
+
+
+def flattened(
+    robot: Description, values: ArrayLike, width: int, name: str, errors: Errors
+) -> tuple[Array, tuple[int, ...]]:
+    """Check the shape and flatten the leading axes: (N, width) in C order."""
+    if errors not in ("raise", "nan"):
+        raise InputError(choose("errors", errors, ("raise", "nan")))
+    array = numbers_of(values, name)
+    if array.ndim == 0 or array.shape[-1] != width:
+        raise InputError(f"{name}: shape {array.shape}, must be (..., {width}) for {robot.name}")
+    if errors == "raise" and not np.isfinite(array).all():
+        bad = array.reshape(-1, width)[~np.isfinite(array.reshape(-1, width)).all(axis=-1)][0]
+        raise InputError(f"{name} = {_list(bad)}: must be finite numbers")
+    return np.ascontiguousarray(array.reshape(-1, width)), array.shape[:-1]
+
+
+def require_answers(
+    robot: Description,
+    what: str,
+    rows: Array,
+    lead: tuple[int, ...],
+    status: Array,
+    chain: Array,
+    errors: Errors,
+    name: str = "x",
+    level: Level | None = None,
+) -> None:
+    """Raise PoseError for the first row that has no answer, unless NaN was asked for."""
+    if errors == "nan" or not (status > 0).any():  # below 0: an answer, with a warning
+        return
+    k = int(np.flatnonzero(status > 0)[0])
+    index = f" {tuple(int(i) for i in np.unravel_index(k, lead))}" if lead else ""
+    guilty = f"chain {chain[k] + 1}: " if chain[k] >= 0 else ""
+    beyond = ""
+    if status[k] == _core.joint_limit:
+        full = robot.is_full(level)
+        beyond = ", " + explain.beyond(robot.core, robot.spec, rows[k], int(chain[k]), full)
+    raise PoseError(
+        f"{robot.name}: {what}{index} {name} = {_list(rows[k])}: "
+        f"{guilty}{_core.describe(int(status[k]))}{beyond}"
+    )
+
+
+def _list(values: Array) -> str:
+    return "[" + ", ".join(f"{v:.6g}" for v in values) + "]"

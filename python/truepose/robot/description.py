@@ -1,0 +1,375 @@
+"""What is a robot? Its file, the values of its parameters, and what follows without a pose."""
+
+from __future__ import annotations
+
+import functools
+import math
+import numbers
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from truepose import _core, files, robotfile
+from truepose.arguments import Array, Level
+from truepose.exceptions import InputError, RobotFileError, choose
+from truepose.robot import explain
+from truepose.robot.to_core import build, columns, encoder_step, parameterised
+from truepose.robotfile.parameters import drawn
+from truepose.robotfile.schema import Calibration, RobotFile
+
+#: Names and units of the coordinates of each mobility.
+COORDINATES = {
+    "planar_translation": (("x", "m"), ("y", "m")),
+    "planar": (("x", "m"), ("y", "m"), ("theta", "rad")),
+    "translation": (("x", "m"), ("y", "m"), ("z", "m")),
+    "schoenflies": (("x", "m"), ("y", "m"), ("z", "m"), ("theta", "rad")),
+    "spatial": tuple((c, "m") for c in "xyz") + tuple((c, "rad") for c in ("rx", "ry", "rz")),
+}
+
+
+class Parameter(NamedTuple):
+    """A geometric parameter ξ: its value in this robot, and what is known of it beforehand."""
+
+    value: float  #: in this robot, m or rad
+    mean: float  #: expected beforehand
+    sigma: float  #: standard deviation beforehand
+
+
+@dataclass(frozen=True)
+class FullLevel:
+    """Whether a robot's rods can be solved for one by one; true if they can."""
+
+    exists: bool
+    reason: str  #: rods and freedoms, or what is wrong with them
+
+    def __bool__(self) -> bool:
+        return self.exists
+
+
+class Description:
+    """A robot and its sensors, as data. Immutable; the base of :class:`truepose.Robot`.
+
+    Attributes
+    ----------
+    core, core_drawn : _core.Robot
+        What the C++ core knows of it, with its parameters and as drawn: for this package's modules.
+    """
+
+    core: _core.Robot
+    core_drawn: _core.Robot
+
+    def __init__(self, spec: RobotFile, values: dict[str, float] | None = None):
+        self._spec = spec
+        self._nominal = drawn(spec)
+        self._values = self._nominal | spec.parameters | (values or {})
+        most = min(_core.max_sensors, _core.max_readings - spec.n)
+        if len(spec.sensors) > most:
+            raise RobotFileError(f"{spec.name}: at most {most} sensors can be in use")
+        self.core_drawn = build(spec)
+        self.core_drawn.level = getattr(_core.Level, self.level)
+        self.core_drawn.finish()
+        self.core = parameterised(self.core_drawn, columns(spec), self._values)
+        failure = self.core.finish()
+        if failure[0]:
+            names = [name for name, _ in self.coordinates]
+            why = explain.at_home(self.core, spec, names, failure)
+            raise RobotFileError(f"{spec.name}: {why}")
+        if self.level == "full" and not self.full:
+            raise RobotFileError(f"{spec.name}: level = 'full': {self.full.reason}")
+
+    def __repr__(self) -> str:
+        sensors = ", ".join(self._spec.sensors) or "no sensor"
+        return f"<truepose.Robot {self.name}: {self._spec.mobility}, n={self.n}, {sensors}>"
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Description):
+            return NotImplemented
+        return self is other or (self._spec, self._values) == (other._spec, other._values)
+
+    def __hash__(self) -> int:
+        return hash((self._spec.name, self._spec.sensors, *self._values.values()))
+
+    def __reduce__(self) -> tuple:
+        return type(self), (self._spec, self._values)  # the core's structs are built anew
+
+    @property
+    def name(self) -> str:
+        """The robot's name."""
+        return self._spec.name
+
+    @property
+    def spec(self) -> RobotFile:
+        """The robot file this robot was made from."""
+        return self._spec
+
+    @property
+    def n(self) -> int:
+        """Motors, chains, degrees of freedom."""
+        return self._spec.n
+
+    @property
+    def r(self) -> int:
+        """Redundant sensors in use."""
+        return len(self.sensors)
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Names of the sensors in use, in the order of r."""
+        return self._spec.sensors
+
+    @property
+    def readings(self) -> tuple[str, ...]:
+        """Names of the extended positions q_e: q1 … qn, then the sensors in use."""
+        return (*(f"q{i + 1}" for i in range(self.n)), *self.sensors)
+
+    @property
+    def home(self) -> Array:
+        """A pose well inside the workspace, shape (n,)."""
+        return np.array(self._spec.home)
+
+    @property
+    def full(self) -> FullLevel:
+        """Whether ``level="full"`` exists, every rod by itself, and why not.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> full = tp.load("h4").full
+        >>> bool(full), full.reason
+        (True, '8 rods, 8 freedoms')
+        """
+        full, kinds = self.core.full, _core.FullKind
+        count = f"{full.rods} rods, {full.unknowns} freedoms"
+        reasons = {
+            kinds.same: f"{count}: the ideal level itself",
+            kinds.exists: count,
+            kinds.elastic: f"{count}: overconstrained by 1, closed by what the rods stretch",
+            kinds.overconstrained: f"overconstrained by {full.excess}: {count}",
+            kinds.loose: f"loose by {full.excess}: {count}; "
+            + (explain.not_held(self.core) if self.loose else ""),
+            kinds.undescribed: "its rods are not described one by one",
+        }
+        exists = full.kind in (kinds.same, kinds.exists, kinds.elastic)
+        return FullLevel(exists, reasons[full.kind])
+
+    @property
+    def level(self) -> Level:
+        """Level of the model that its kinematics default to: ideal unless it says otherwise.
+
+        A robot's file says so, :meth:`with_level`, or the calibration that it comes from.
+        """
+        return self._spec.level or "ideal"
+
+    @property
+    def finest_level(self) -> Level:
+        """Level that estimates, calibrations, predictions and the laws that weigh default to.
+
+        That of the robot where it has one of its own; else full where its rods can be solved for
+        one by one, since a real robot has them one by one.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> h4 = tp.load("h4")
+        >>> h4.level, h4.finest_level, h4.with_level("ideal").finest_level
+        ('ideal', 'full', 'ideal')
+        """
+        return self._spec.level or ("full" if self.full else "ideal")
+
+    def with_level(self, level: Level | None) -> Self:
+        """Return a copy whose methods and laws default to this level; None: as a file without it.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> real = tp.load("h4").with_level("full").replace({"chain1.tilt": 0.002})
+        >>> x = real.home
+        >>> bool(abs(real.fkm(real.ikm(x)) - x).max() < 1e-12)
+        True
+        """
+        if level is not None:
+            self.is_full(level)
+        return self if level == self._spec.level else self._with(level=level)
+
+    @functools.cached_property
+    def finest(self) -> Self:
+        """The robot at its :attr:`finest_level`."""
+        return self.with_level(self.finest_level)
+
+    def is_full(self, level: Level | None) -> bool:
+        """Whether a level, None: the robot's own, is the full one; which must exist then."""
+        if level is None:
+            return self.level == "full"
+        if level not in ("ideal", "full"):
+            raise InputError(choose("level", level, ("ideal", "full")))
+        if level == "full" and not self.full:
+            raise InputError(f"{self.name}: level='full': {self.full.reason}")
+        return level == "full"
+
+    def _with(self, **changes) -> Self:
+        return type(self)(self._spec.model_copy(update=changes), self._values)
+
+    @property
+    def loose(self) -> bool:
+        """Whether the rods by themselves leave a body of the nacelle free; `full` says which."""
+        return self.core.full.kind == _core.FullKind.loose
+
+    @property
+    def coordinates(self) -> tuple[tuple[str, str], ...]:
+        """Name and unit of each coordinate of x."""
+        return COORDINATES[self._spec.mobility]
+
+    @property
+    def resolution(self) -> Array:
+        """One count of every reading, shape (n + r,); 0 where unquantised."""
+        steps = [encoder_step(chain) for chain in self._spec.chain]
+        steps += [sensor.step for sensor in self._spec.used]
+        return np.array(steps) * self._spec.quantised
+
+    @property
+    def reading_sigma(self) -> Array:
+        """σ of every reading, shape (n + r,): its noise, and its count as a uniform error.
+
+        Examples
+        --------
+        >>> import numpy as np, truepose as tp
+        >>> h4 = tp.load("h4")
+        >>> bool(np.allclose(h4.reading_sigma, h4.resolution / np.sqrt(12)))
+        True
+        """
+        noise = [chain.encoder_noise for chain in self._spec.chain]
+        noise += [sensor.noise for sensor in self._spec.used]
+        return np.sqrt(np.square(noise) + self.resolution**2 / 12)
+
+    @property
+    def parameters(self) -> dict[str, Parameter]:
+        """Every geometric parameter ξ: value, prior mean, σ (m, rad).
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> rod = tp.load("h4").parameters["chain1.rod"]
+        >>> rod.value, round(rod.mean, 4), round(rod.sigma, 5)
+        (0.48, 0.4835, 0.00375)
+        """
+        return dict(self._parameters)
+
+    @functools.cached_property
+    def _parameters(self) -> dict[str, Parameter]:
+        result = {}
+        learnt = self._spec.calibration
+        means = dict(zip(learnt.parameters, learnt.mean, strict=True)) if learnt else {}
+        sigmas = learnt.sigma if learnt else {}
+        for name, value in self._values.items():
+            if name in means:
+                result[name] = Parameter(value, means[name], sigmas[name])
+                continue
+            tolerance = self._spec.tolerance(name)
+            mean = self._nominal[name] + (tolerance.mean if tolerance else 0.0)
+            result[name] = Parameter(value, mean, tolerance.deviation if tolerance else 0.0)
+        return result
+
+    def replace(self, values: dict[str, float]) -> Self:
+        """Return a copy with other parameter values.
+
+        Geometry alone: an arm's `drive_inertia` stays as its file says.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> longer = tp.load("h4").replace({"chain1.rod": 0.483})
+        >>> longer.parameters["chain1.rod"].value
+        0.483
+        """
+        for name, value in values.items():
+            if name not in self._values:
+                raise InputError(choose("parameter", name, self._values))
+            if not (isinstance(value, numbers.Real) and math.isfinite(value)):
+                raise InputError(f"{name} = {value!r}: must be a finite number")
+            if wrong := robotfile.wrong_value(name, value):
+                raise InputError(f"{name} = {value}: {wrong}")
+        return type(self)(self._spec, self._values | {k: float(v) for k, v in values.items()})
+
+    def expected(self) -> Self:
+        """Return the robot as it most likely is: every parameter at its prior mean.
+
+        A drawn robot whose tolerances are not centred is not that robot: the H4's rods are to be
+        3.5 mm longer than drawn, on average. A calibrated robot already is.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> round(tp.load("h4").expected().parameters["chain1.rod"].value, 4)
+        0.4835
+        """
+        return self.replace({name: p.mean for name, p in self.parameters.items()})
+
+    def with_calibration(self, calibration: Calibration | None) -> Self:
+        """Return a copy that knows its parameters as a calibration found them, or not (None)."""
+        values = (
+            {}
+            if calibration is None
+            else dict(zip(calibration.parameters, calibration.mean, strict=True))
+        )
+        spec = self._spec.model_copy(update={"calibration": calibration})
+        return type(self)(spec, self._values | values)
+
+    def with_sensors(self, *names: str) -> Self:
+        """Return a copy that uses these sensors of its file, in this order.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> tp.load("h4").with_sensors("theta", "z_telemeter").r
+        2
+        """
+        known = [sensor.name for sensor in self._spec.sensor]
+        for name in names:
+            if name not in known:
+                raise InputError(choose("sensor", name, known))
+        if len(set(names)) < len(names):
+            raise InputError(f"a sensor is named twice: {', '.join(names)}")
+        return self._with(sensors=names)
+
+    def with_gravity(self, gravity: tuple[float, float, float]) -> Self:
+        """Return a copy under another gravity, m/s², base frame; (0, 0, 0) switches it off."""
+        if len(gravity) != 3 or not all(map(math.isfinite, gravity)):
+            raise InputError(f"gravity = {gravity}: must be three finite numbers, m/s²")
+        return self._with(gravity=tuple(gravity))
+
+    def unquantised(self) -> Self:
+        """Return a copy whose encoders and sensors have no counts."""
+        return self._with(quantised=False)
+
+    def save(self, path: str | Path, *, force: bool = False) -> None:
+        """Write a robot file that loads back to this robot, bit for bit.
+
+        Order and comments of the file it came from are kept. Parameters that differ from the
+        drawn ones go into the table [parameters]: tolerances stay about the drawn values.
+        An interrupted save leaves the old file as it was.
+
+        Parameters
+        ----------
+        path : str or Path
+            Where to write; a robot file that is there is replaced, any other file is not.
+        force : bool
+            Replace any other file, too; never what is read-only, or is no regular file.
+
+        Raises
+        ------
+        InputError
+            The file cannot or may not be written.
+
+        Examples
+        --------
+        >>> import tempfile, truepose as tp
+        >>> longer = tp.load("h4").replace({"chain1.rod": 0.483})
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     longer.save(folder + "/mine.toml")
+        ...     tp.load(folder + "/mine.toml").parameters == longer.parameters
+        True
+        """
+        text = robotfile.to_toml(self._spec, self._values)
+        files.write({robotfile.output(path): text}, force=force)

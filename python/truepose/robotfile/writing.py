@@ -1,0 +1,91 @@
+"""How does a robot become a file? Its source's order and comments kept, what differs told."""
+
+from __future__ import annotations
+
+import contextlib
+import tomllib
+from pathlib import Path
+from typing import BinaryIO
+
+import tomlkit
+
+from truepose.files import Output
+from truepose.robotfile.parameters import drawn
+from truepose.robotfile.reading import parse
+from truepose.robotfile.schema import Calibration, RobotFile
+
+_LARGEST = 1 << 24  # bytes of a file that is looked at
+
+
+def output(path: str | Path, option: str = "", *, calibrated: bool = False) -> Output:
+    """Return a robot file to be written; its keys tell an earlier one, no mark.
+
+    Parameters
+    ----------
+    path : str or Path
+    option : str
+        By which it was asked for.
+    calibrated : bool
+        Whether it replaces calibrated robots alone.
+    """
+    kind, key = ("calibrated robot", "calibration") if calibrated else ("robot file", "mobility")
+    return Output(Path(path), kind, option, lambda file: key in _keys(file))
+
+
+def _keys(file: BinaryIO) -> set[str]:
+    """Keys of a robot file, which has a mobility or another robot's; of any other file none."""
+    with contextlib.suppress(ValueError, RecursionError):
+        keys = set(tomllib.loads(file.read(_LARGEST).decode()))
+        return keys | {"mobility"} if {"mobility", "based_on"} & keys else set()
+    return set()
+
+
+def to_toml(spec: RobotFile, values: dict[str, float]) -> str:
+    """Write a robot as a robot file's text.
+
+    Parameters
+    ----------
+    spec : RobotFile
+        The robot. If it was read from a file, that file's order and comments are kept.
+    values : dict
+        Value of every parameter. Those that are not as drawn go into the table [parameters].
+    """
+    nominal = drawn(spec)
+    document = tomlkit.parse(spec._text) if spec._text else _written_out(spec)
+    before = parse(document.as_string(), spec.name)
+    for key in ("sensors", "gravity", "level", "quantised"):
+        if getattr(spec, key) != getattr(before, key):
+            value = getattr(spec, key)
+            if value is None:
+                document.pop(key)
+                continue
+            document[key] = list(value) if isinstance(value, tuple) else value
+    if spec.calibration != before.calibration:
+        document.pop("calibration", None)
+        if spec.calibration:
+            document["calibration"] = _calibration(spec.calibration)
+    told = {n: v for n, v in values.items() if v != nominal[n] or n in spec.parameters}
+    if told:
+        document.setdefault("parameters", tomlkit.table()).update(told)
+    return document.as_string()
+
+
+def _calibration(calibration: Calibration) -> tomlkit.items.Table:
+    table = tomlkit.table()
+    table.update(calibration.model_dump(exclude={"root"}, exclude_defaults=True, mode="json"))
+    rows = tomlkit.array()
+    for row in calibration.root:
+        rows.add_line(list(row))
+    rows.add_line()
+    table["root"] = rows
+    return table
+
+
+def _written_out(spec: RobotFile) -> tomlkit.TOMLDocument:
+    """Write every key that differs from its default, the pattern's chains one by one."""
+    data = spec.model_dump(
+        exclude_defaults=True, exclude={"pattern", "parameters", "calibration"}, mode="json"
+    )
+    document = tomlkit.document()
+    document.update(data)
+    return document

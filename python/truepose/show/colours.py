@@ -1,0 +1,15 @@
+"""Which colour has each part of a robot, in every picture and model?"""
+
+COLOURS = {
+    "base": "#8a8f98",
+    "rail": "#8a8f98",
+    "motor": "#30343b",
+    "carriage": "#30343b",
+    "arm": "#1f5fa8",
+    "leg": "#1f5fa8",
+    "rod": "#6aa84f",
+    "lateral bar": "#e08214",
+    "central bar": "#b2182b",
+    "nacelle": "#b2182b",
+    "tool": "#7b3294",
+}

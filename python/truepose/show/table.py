@@ -1,0 +1,87 @@
+"""What is a table? Cells that people read, and that hold every digit for programs."""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import dataclass
+
+import numpy as np
+
+
+class Cell(str):
+    """A text that people read, and what it says: a number with all its digits.
+
+    Parameters
+    ----------
+    text : str
+    data : object
+        A number or a word; or several by name, each then a column of its own.
+    """
+
+    __slots__ = ("data",)
+
+    def __new__(cls, text: str, data: object = None) -> Cell:  # noqa: D102 – the class says it
+        cell = super().__new__(cls, text)
+        cell.data = data
+        return cell
+
+
+@dataclass(frozen=True)
+class Table:
+    """Text cells under a header; `name` is also the CSV's file name."""
+
+    name: str
+    title: str
+    header: list[str]
+    rows: list[list[str]]
+
+    def columns(self, *which: int) -> Table:
+        """Return a narrower table."""
+        rows = [[row[k] for k in which] for row in self.rows]
+        return Table(self.name, self.title, [self.header[k] for k in which], rows)
+
+    def records(self) -> list[dict[str, object]]:
+        """Return what the rows say, for programs."""
+        records = []
+        for row in self.rows:
+            record: dict[str, object] = {}
+            for k, (name, cell) in enumerate(zip(self.header, row, strict=True)):
+                data = cell.data if isinstance(cell, Cell) else cell
+                if k and type(cell) is str:
+                    with contextlib.suppress(ValueError):
+                        data = float(cell)  # as many digits as were written
+                record |= data if isinstance(data, dict) else {name: data}
+            records.append(record)
+        return records
+
+
+def fixed(value: float, decimals: int = 2) -> Cell:
+    """Write a number with so many decimals."""
+    return Cell(f"{value:.{decimals}f}", float(value))
+
+
+def number(value: float | None, significant: int = 3, data: object = None) -> Cell:
+    """Write a number with so many significant digits and no exponent; 0 below 0.00005.
+
+    `data` is what a program is told; by default the value.
+
+    Examples
+    --------
+    >>> from truepose.show.table import number
+    >>> [number(v) for v in (52400, 8.8123, 0.0123, 0.0, -0.0321, 2e-9, None)]
+    ['52400', '8.81', '0.0123', '0', '-0.0321', '0', '']
+    """
+    if value is None:
+        return Cell("", None)
+    data = float(value) if data is None else data
+    if not np.isfinite(value) or abs(value) < 5e-5:
+        return Cell("0" if np.isfinite(value) else str(value), data)
+    digits = significant - 1 - int(np.floor(np.log10(abs(value))))
+    return Cell(f"{round(value, digits):.{max(digits, 0)}f}", data)
+
+
+def markdown(table: Table) -> str:
+    """Write a table as Markdown."""
+    header = [cell.replace(", (", " (").replace("its, mean", "its mean") for cell in table.header]
+    lines = [header, ["---"] + ["---:"] * (len(header) - 1), *table.rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)

@@ -1,0 +1,95 @@
+"""What does every simulated drive begin with? A robot at rest under its controller."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose import _core
+from truepose.arguments import check_seed
+from truepose.calibration.online import OnlineCalibration
+from truepose.exceptions import InputError
+from truepose.robot import knowledge
+from truepose.robot.batches import require_answers
+from truepose.robot.laws import Law
+from truepose.robot.robot import Robot
+from truepose.simulation.controller import Controller, pose_of, positive, require_same_readings
+from truepose.simulation.effects import Effects
+
+RESTLESS = 1e-3  #: m or rad, peak to peak in the last 50 ms: more is no rest
+NO_REST = f"does not come to rest: swings by more than {1e3 * RESTLESS:g} mm or mrad"
+_MOST_PERIODS = 1_000_000  # of one simulation: about 0.3 GB of log
+
+
+class Drive(NamedTuple):
+    """A robot about to be driven."""
+
+    truth: Robot  #: as it is by then
+    controller: Controller
+    core: tuple  #: what the core's functions take first
+    seed: int
+    origin: list[float]  #: desired pose at the start
+    at_rest: list[float]  #: where the controller holds the true robot at the start
+
+
+def begin(
+    robot: Robot,
+    truth: Robot,
+    controller: Controller | Law,
+    start: tuple[str, ArrayLike],
+    *,
+    duration: float,
+    hold: float,
+    steps: int,
+    seed: int,
+    effects: Effects | None,
+    time: float,
+    learn: OnlineCalibration | None,
+) -> Drive:
+    """Check what :func:`truepose.simulate` takes, and let the true robot rest at the start.
+
+    Parameters
+    ----------
+    start : (str, array_like)
+        What the pose is called in messages, and the pose.
+    """
+    if not isinstance(controller, Controller):
+        controller = Controller(law=controller)
+    require_same_readings(robot, truth)
+    _timing(controller, duration, hold, steps)
+    if learn is not None and learn.prior != robot:
+        raise InputError("learn: must be an OnlineCalibration of the robot that is controlled")
+    plant = _core.Effects()
+    if effects is not None:
+        truth, plant = effects.geometry(truth, time, seed), effects.plant(truth, seed)
+    name, x = start
+    origin = pose_of(robot, x, name)
+    settings = controller.settings(robot, origin[: robot.n])
+    believed, known = knowledge.for_law(robot, controller.law)
+    rows, loaded = np.array(origin)[None, : robot.n], controller.integral == 0
+    at_rest, status, chain = _core.settle(believed.core, truth.core, settings, known, loaded, rows)
+    require_answers(robot, "pose", rows, (), status, chain, "raise", name=name)
+    filtered = None if learn is None else learn._filter
+    core = (believed.core, truth.core, settings, known, plant, filtered)
+    held = [*at_rest[0], *[0.0] * (6 - robot.n)]
+    return Drive(truth, controller, core, check_seed(seed), origin, held)
+
+
+def saturated(motor: int) -> str:
+    """Say that a motor was at its torque limit."""
+    return f"saturated: motor {motor + 1} was at its torque limit"
+
+
+def _timing(controller: Controller, duration: float, hold: float, steps: int) -> None:
+    positive("duration", duration)
+    if not (math.isfinite(hold) and hold >= 0):
+        raise InputError(f"hold = {hold}: must be a finite number of seconds of at least 0")
+    if not (isinstance(steps, int) and 1 <= steps <= 1000):
+        raise InputError(f"steps = {steps}: must be a whole number from 1 to 1000")
+    if (duration + hold) / controller.period > _MOST_PERIODS:
+        raise InputError(
+            f"duration + hold = {duration + hold:g} s: at most {_MOST_PERIODS} control periods"
+        )

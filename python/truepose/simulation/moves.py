@@ -1,0 +1,44 @@
+"""Which move does a robot make where nobody says? The paper's, or one of its own workspace."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from truepose.arguments import Array
+from truepose.exceptions import InputError
+from truepose.robot.robot import Robot
+
+#: The move of the paper's Figures 11 to 13: start and end (m, rad; θ taken as the nacelle's),
+#: duration (s).
+MOVE_FROM = (0.0, 0.0, -0.5, 0.0)
+MOVE_TO = (0.1, -0.1, -0.4, 0.2)
+MOVE_DURATION = 0.2
+
+
+def default_move(robot: Robot) -> tuple[Array, Array]:
+    """Start and end of a move that a robot of this kind can make.
+
+    The one of the paper's Figures 11 to 13 where the robot reaches its start and has its end in the
+    workspace, as the H4 does; else from home half the way to the workspace's upper corner.
+
+    Raises
+    ------
+    InputError
+        The file has no workspace.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.simulation.moves import default_move
+    >>> [pose.round(9).tolist() for pose in default_move(tp.load("five-bar"))]
+    [[0.0, 0.3], [0.04, 0.325]]
+    """
+    box = robot.spec.workspace
+    if robot.n == len(MOVE_TO):
+        start, end = np.array([MOVE_FROM, MOVE_TO])
+        inside = box is None or ((box.minimum <= end) & (end <= box.maximum)).all()
+        if inside and np.isfinite(robot.ikm([start, end], errors="nan")).all():
+            return start, end
+    if box is None:
+        raise InputError(f"{robot.name}: no [workspace] in its file: name start and end")
+    return robot.home, (robot.home + box.maximum) / 2

@@ -1,0 +1,85 @@
+"""Where does a robot stand that is driven from pose to pose, in the dynamics?"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose import _core
+from truepose.arguments import Array
+from truepose.calibration.online import OnlineCalibration
+from truepose.exceptions import InputError
+from truepose.robot.batches import flattened
+from truepose.robot.laws import Law
+from truepose.robot.robot import Robot
+from truepose.simulation.controller import Controller
+from truepose.simulation.drive import NO_REST, RESTLESS, begin, saturated
+from truepose.simulation.effects import Effects
+from truepose.simulation.moves import MOVE_DURATION
+
+
+def visit(
+    robot: Robot,
+    truth: Robot,
+    x_d: ArrayLike,
+    controller: Controller | Law = "redundant",
+    *,
+    duration: float = MOVE_DURATION,
+    hold: float = 0.2,
+    steps: int = 2,
+    seed: int = 0,
+    effects: Effects | None = None,
+    time: float = 0.0,
+    learn: OnlineCalibration | None = None,
+) -> tuple[Array, Array, Array]:
+    """Drive from pose to pose, in the dynamics, and let each settle.
+
+    Friction and play carry over from one pose to the next. Parameters as of :func:`simulate`.
+
+    Returns
+    -------
+    x : ndarray, shape (N, n)
+        True poses at the end of each hold; NaN where the robot did not get there.
+    q_e : ndarray, shape (N, n + r)
+        Readings there.
+    status : ndarray of str, shape (N,)
+        "ok"; "saturated: …", where the robot rests but a motor was at its torque limit on the way;
+        or why not.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.simulation.visit import visit
+    >>> h4 = tp.load("h4")
+    >>> poses = [[0, 0, -0.4, 0.1], [0.05, 0, -0.4, 0]]
+    >>> soft = tp.Controller(frequency=40, velocity_bandwidth=300)
+    >>> x, q_e, status = visit(h4, h4, poses, soft, effects=tp.Effects())
+    >>> status.tolist(), x.shape, q_e.shape
+    (['ok', 'ok'], (2, 4), (2, 5))
+    """
+    rows, lead = flattened(robot, x_d, robot.n, "x_d", "raise")
+    if len(lead) != 1:
+        raise InputError(f"x_d: shape {np.shape(x_d)}, must be (N, {robot.n})")
+    drive = begin(
+        robot,
+        truth,
+        controller,
+        ("home", robot.home),
+        duration=duration,
+        hold=hold,
+        steps=steps,
+        seed=seed,
+        effects=effects,
+        time=time,
+        learn=learn,
+    )
+    x, q_e, swing, held, status = _core.visit(
+        *drive.core, rows, duration, hold, steps, drive.at_rest, drive.seed
+    )
+    words = np.array([_core.describe(int(s)) for s in status], dtype=object)
+    restless = (words == "ok") & ~(swing <= RESTLESS)
+    words[restless] = NO_REST
+    x[restless], q_e[restless] = np.nan, np.nan
+    for k in np.flatnonzero((words == "ok") & (held >= 0)):
+        words[k] = saturated(held[k])
+    return x, q_e, words.astype(str)

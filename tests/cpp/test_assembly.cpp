@@ -1,0 +1,69 @@
+// Which of the poses that searches came to are one mode, and in which order are they told?
+#include "mechanisms.hpp"
+#include "truepose/offline/assembly.hpp"
+
+using namespace mechanisms;
+
+TEST("poses a tenth of a millimetre or a hundredth of a degree apart are modes of their own") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    const Pose home = to_pose<K>(mechanism.robot.home);
+    std::vector<Pose> found{home};
+    for (int j = 0; j < kDof<K>; ++j) {
+      Joint step{};
+      step[j] = 1e-4;
+      found.push_back(moved<K>(home, step));
+      step[j] = 1e-4 + 1e-9;  // another search's end there
+      found.push_back(moved<K>(home, step));
+    }
+    const AssemblyModes modes = distinct_modes<K>(mechanism.robot, found);
+    CHECK(modes.pose.size() == kDof<K> + 1);
+    CHECK(modes.seen.front() == 1);
+    for (std::size_t k = 1; k < modes.seen.size(); ++k) CHECK(modes.seen[k] == 2);
+  });
+}
+
+TEST("the mode nearest to home is told first") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    const Pose home = to_pose<K>(mechanism.robot.home);
+    check::Random random(81);
+    std::vector<Pose> found;
+    for (int k = 0; k < 20; ++k) found.push_back(to_pose<K>(random_pose(mechanism, random)));
+    const AssemblyModes modes = distinct_modes<K>(mechanism.robot, found);
+    CHECK(modes.pose.size() == 20);
+    const auto from_home = [&](const Pose& at) {
+      return std::max((at.D - home.D).cwiseAbs().maxCoeff(), (at.R - home.R).norm());
+    };
+    for (std::size_t k = 1; k < modes.pose.size(); ++k)
+      CHECK(from_home(modes.pose[k - 1]) <= from_home(modes.pose[k]));
+  });
+}
+
+TEST("every start is one from which the rods can reach") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    const Robot& robot = mechanism.robot;
+    Closure<K> closure;
+    CHECK(ikm<K>(robot, to_pose<K>(robot.home), closure));
+    const Joint q = closure.q();
+    const auto starts = random_starts<K>(robot, q, 200, 3),
+               again = random_starts<K>(robot, q, 200, 3);
+    CHECK(starts.size() == 201);
+    Vec3 low = Vec3::Constant(INFINITY), high = -low;
+    for (std::size_t k = 1; k < starts.size(); ++k) {
+      CHECK(starts[k].D == again[k].D && starts[k].R == again[k].R);
+      low = low.cwiseMin(starts[k].D), high = high.cwiseMax(starts[k].D);
+      for (int i = 0; i < kDof<K>; ++i) {
+        const Driven at = drive(robot.chain[i], q[i]);
+        const Vec3 apart = starts[k].D - (robot.chain[i].base() + at.p - robot.chain[i].anchor());
+        const int axes = dof(robot.mobility) == 2 || robot.mobility == Mobility::planar ? 2 : 3;
+        CHECK(apart.head(axes).cwiseAbs().maxCoeff() <=
+              at.rod + robot.chain[i].pivot().norm() + 1e-12);
+      }
+    }
+    const Vec3 home = to_pose<K>(robot.home).D;  // which has starts on all its sides
+    CHECK((low.head<2>().array() < home.head<2>().array()).all());
+    CHECK((high.head<2>().array() > home.head<2>().array()).all());
+  });
+}

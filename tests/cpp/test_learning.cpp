@@ -1,0 +1,127 @@
+// When does a controller take a line of readings for news, and what does it believe afterwards?
+#include "mechanisms.hpp"
+
+using namespace mechanisms;
+
+namespace {
+
+/// A robot that is not as drawn, and a controller that learns it.
+template <Mobility K>
+class Scene {
+ public:
+  static constexpr int n = kDof<K>;
+  explicit Scene(const Mechanism& mechanism)
+      : truth(mechanism.robot), prior_(mechanism.robot), learner(prior_.learner(mechanism.robot)) {
+    for (int i = 0; i < n; ++i) truth.chain[i].rod += 1e-4 * (i - 1);
+    learner.settings.drifts = 0;
+  }
+  /// The true robot's readings at a pose; the first motor's `more` further.
+  Extended read(const Joint& x, double more = 0) const {
+    Extended q_e{};
+    CHECK(extended<K>(truth, to_pose<K>(x), q_e));
+    q_e[0] += more;
+    return q_e;
+  }
+  Outcome learn(const Extended& q_e) { return truepose::learn<K>(learner, q_e); }
+  /// What readings of the last line have moved by so many σ, and so are news or not.
+  double sigma() const { return learner.state.sigma[0]; }
+
+  Robot truth;
+
+ private:
+  Prior prior_;
+
+ public:
+  Learner learner;
+};
+
+}  // namespace
+
+TEST("a line counts where a reading has moved since the last one that counted") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    Scene<mobility()> scene(mechanism);
+    const Extended first = scene.read(mechanism.robot.home);
+    CHECK(scene.learn(first));
+    for (int cycle = 0; cycle < 5; ++cycle) CHECK(scene.learn(first));
+    CHECK(scene.learner.lines == 1);  // at rest nothing is news
+    const double fresh = scene.learner.fresh * scene.sigma();
+    CHECK(scene.learn(scene.read(mechanism.robot.home, 0.9 * fresh)));
+    CHECK(scene.learner.lines == 1);
+    CHECK(scene.learn(scene.read(mechanism.robot.home, 1.1 * fresh)));
+    CHECK(scene.learner.lines == 2);
+    // Slow motion adds up: against the line that counted, not against the last cycle's.
+    for (int cycle = 1; cycle <= 20; ++cycle)
+      CHECK(scene.learn(scene.read(mechanism.robot.home, (1.1 + 0.2 * cycle) * fresh)));
+    CHECK(scene.learner.lines == 2 + 3);
+  });
+}
+
+TEST("what is learnt is what the controller believes in the same cycle") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    Scene<mobility()> scene(mechanism);
+    check::Random random(71);
+    for (int k = 0; k < 30; ++k) {
+      CHECK(scene.learn(scene.read(random_pose(mechanism, random, 0.5))));
+      std::vector<double> believed(parameter_count(mechanism.robot));
+      CHECK(drawn_parameters(scene.learner.robot, believed.data()));
+      const OnlineState& state = scene.learner.state;
+      bool same = true;
+      for (int i = 0; i < scene.n; ++i) {
+        const int rod = chain_column(i) + static_cast<int>(ChainParameter::rod);
+        same = same && believed[rod] == state.xi[rod];
+      }
+      CHECK(same);
+    }
+    CHECK(scene.learner.lines == 30);
+  });
+}
+
+TEST("a line that fits no pose is left out, once, and the last pose is kept to start from") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    Scene<mobility()> scene(mechanism);
+    CHECK(scene.learn(scene.read(mechanism.robot.home)));
+    const Pose before = scene.learner.pose;
+    Extended far = scene.read(mechanism.robot.home);
+    far[scene.n] += 1e6 * scene.learner.state.sigma[scene.n];  // one sensor: nothing explains it
+    const Outcome outcome = scene.learn(far);
+    CHECK(outcome.status == Status::disagree && outcome.chain < 0);
+    CHECK(scene.learner.left_out == 1 && scene.learner.lines == 1);
+    CHECK(scene.learner.pose.D == before.D && scene.learner.pose.R == before.R);
+    CHECK(scene.learn(far));  // the same again is no news, bad as it is
+    CHECK(scene.learner.left_out == 1);
+  });
+}
+
+TEST("readings that are no numbers neither teach nor count as the last line") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    Scene<mobility()> scene(mechanism);
+    const Extended first = scene.read(mechanism.robot.home);
+    CHECK(scene.learn(first));
+    Extended none = first;
+    none[0] = INFINITY;
+    CHECK(scene.learn(none).status == Status::not_finite);
+    CHECK(scene.learner.last == first);
+    CHECK(scene.learn(first) && scene.learner.lines == 1);
+  });
+}
+
+TEST("a robot understood rod by rod is learnt rod by rod") {
+  Mechanism mechanism = h4();
+  mechanism.robot.level = Level::full;
+  mechanism.robot.r = 2;
+  CHECK(mechanism.robot.rod_by_rod());
+  Scene<Mobility::schoenflies> scene(mechanism);
+  scene.truth.chain[1].rod_difference = 1e-3;  // which the ideal level does not see
+  Extended q_e{};
+  Matrix<kMaxReadings, 4> H_x;
+  const Pose pose = to_pose<Mobility::schoenflies>(mechanism.robot.home);
+  CHECK(linearise_full<Mobility::schoenflies>(scene.truth, pose, q_e, H_x, nullptr));
+  Scene<Mobility::schoenflies> ideal(mechanism);
+  const Outcome full = scene.learn(q_e),
+                other = learn<Mobility::schoenflies, IdealModel>(ideal.learner, q_e);
+  CHECK(full && other);
+  CHECK(scene.learner.robot.chain[1].rod != ideal.learner.robot.chain[1].rod);
+  Scene<Mobility::schoenflies> again(mechanism);
+  CHECK((learn<Mobility::schoenflies, FullModel>(again.learner, q_e)));
+  CHECK(scene.learner.robot.chain[1].rod == again.learner.robot.chain[1].rod);
+}

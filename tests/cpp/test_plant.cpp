@@ -1,0 +1,68 @@
+// Does the exact plant forget nothing, and where does what it remembers begin?
+#include "mechanisms.hpp"
+#include "truepose/offline/effects.hpp"
+
+using namespace mechanisms;
+
+namespace {
+
+constexpr Mobility K = Mobility::schoenflies;
+
+/// An H4 whose θ is read behind a gear.
+Mechanism geared() {
+  Mechanism mechanism = h4();
+  mechanism.robot.sensor[0].eccentricity.gear = 4;
+  return mechanism;
+}
+
+}  // namespace
+
+TEST("before it has moved, a gear stands in the middle of its play") {
+  const Mechanism mechanism = geared();
+  Effects effects;
+  effects.backlash = 0.01;
+  const Pose home = to_pose<K>(mechanism.robot.home);
+  Plant<K> plant(mechanism.robot, effects, home, 0);
+  CHECK(plant.rest());
+  Extended exact{}, read{};
+  CHECK(extended<K>(mechanism.robot, home, exact));
+  CHECK(plant.measure(read));
+  for (int c = 0; c < 5; ++c) CHECK_NEAR(read[c], exact[c], 1e-12);
+}
+
+TEST("a gear follows half its play behind, on either side, and a direct encoder at once") {
+  for (const double gear : {4.0, 1.0}) {
+    Mechanism mechanism = geared();
+    mechanism.robot.sensor[0].eccentricity.gear = gear;
+    mechanism.robot.gravity = Vec3::Zero();
+    Effects effects;
+    effects.backlash = 0.01;
+    Plant<K> plant(mechanism.robot, effects, to_pose<K>(mechanism.robot.home), 0);
+    CHECK(plant.rest());
+    Extended read{};
+    CHECK(plant.measure(read));
+    // Turned one way, then back: motors 1, 2 against 3, 4 turn this nacelle.
+    double most = 0, least = 0;
+    for (const double side : {1.0, -1.0, -1.0, -1.0}) {
+      for (int k = 0; k < 40; ++k) {
+        CHECK(plant.advance({side, -side, side, -side}, 1e-3, 2));
+        CHECK(plant.measure(read));
+        const double behind = read[4] - plant.pose().theta;
+        most = std::max(most, behind), least = std::min(least, behind);
+      }
+    }
+    const double half = gear == 1 ? 0 : effects.backlash / 2;
+    CHECK_NEAR(most, half, 1e-12);
+    CHECK_NEAR(least, -half, 1e-12);
+  }
+}
+
+TEST("Dahl's friction forgets its start over some lengths of presliding and remembers at rest") {
+  using effects_detail::dahl;
+  CHECK_NEAR(dahl(0.3, 0, 1e-4), 0.3, 1e-15);
+  CHECK_NEAR(dahl(-1, 1e-2, 1e-4), 1, 1e-12);
+  CHECK_NEAR(dahl(1, -1e-2, 1e-4), -1, 1e-12);
+  // Two steps one way are one: it depends on the way alone.
+  CHECK_NEAR(dahl(dahl(-0.5, 3e-5, 1e-4), 4e-5, 1e-4), dahl(-0.5, 7e-5, 1e-4), 1e-15);
+  CHECK_NEAR(dahl(0, 1e-4, 1e-4), 1 - std::exp(-1), 1e-15);
+}

@@ -1,0 +1,124 @@
+"""Is a rehearsed log what a real robot would write, and is what it taught judged rightly?"""
+
+import json
+import shlex
+
+import numpy as np
+import pytest
+
+import truepose as tp
+from truepose import files, logs
+from truepose.calibration.calibrate import calibrate
+from truepose.commands import calibration_figures
+from truepose.simulation.rehearsal import missed, rehearse
+from truepose.simulation.true_robots import with_tolerance_errors
+
+
+def drawn(robot: tp.Robot, seed: int) -> tp.Robot:
+    true = with_tolerance_errors(robot, seed)
+    return true.with_level(true.finest_level)
+
+
+def words_after(said: str, when: str) -> list[str]:
+    line = next(line for line in said.splitlines() if line.startswith(f"{when}: truepose "))
+    return shlex.split(line.removeprefix(f"{when}: truepose "))
+
+
+@pytest.mark.parametrize("name", ["h4", "delta", "five-bar"])
+def test_the_printed_commands_calibrate_the_log_and_judge_it(run, name, tmp_path, monkeypatch):
+    """With a sensor of its own, a tracker in space, and one in a plane."""
+    page = f"<!-- {files.mark('report')} -->"  # figures would take most of the time
+    monkeypatch.setattr(calibration_figures, "page", lambda *_: page)
+    status, said, err = run("rehearse", name, "--poses", "60", "--seed", "3")
+    assert (status, err) == (0, "")
+    assert run(*words_after(said, "Next"))[0] == 0
+    status, said, err = run(*words_after(said, "Then"), "--format", "json")
+    assert status == 0
+    poses = {row["robot"]: row["less that at home (mm)"] for row in json.loads(said)["pose"]}
+    assert poses["calibrated, by the motors"] < 0.5 * poses["drawn, by the motors"]
+    assert "Squared error of all" in err
+    found = tp.load(tmp_path / "rehearsal.calibrated.toml")
+    assert len(json.loads(said)["parameters"]) == len(found.spec.calibration.parameters)
+
+
+def test_the_kept_truth_is_the_robot_that_wrote_the_log(run, tmp_path):
+    run(
+        "rehearse", "delta", "--sensors", "z_telemeter,elbow*", "-o", "log.csv", "--effects", "none"
+    )
+    truth = tp.load(tmp_path / "log.truth.toml")
+    log = logs.read(truth, tmp_path / "log.csv")
+    assert (truth.sensors, truth.level) == (("z_telemeter", "elbow1", "elbow2", "elbow3"), "full")
+    x = truth.fkm(log.readings[:, :3])
+    np.testing.assert_allclose(truth.extended(x), log.readings, atol=1e-9)
+    assert truth.parameters["chain1.rod"].value != tp.load("delta").parameters["chain1.rod"].value
+
+
+def test_what_it_misses_is_what_its_covariance_says():
+    """Over robots the squared errors are χ² of as many freedoms as there are parameters."""
+    h4 = tp.load("h4")
+    nees, count = [], 0
+    for seed in range(12):
+        truth = drawn(h4, seed)
+        fit = calibrate(h4, rehearse(h4, truth, 50, seed).q_e)
+        result = missed(h4, truth, fit.robot, poses=20)
+        nees.append(result.nees)
+        count = len(result.names)
+    assert np.mean(nees) == pytest.approx(count, abs=3.29 * np.sqrt(2 * count / len(nees)))
+
+
+def test_the_true_robot_has_missed_nothing_and_the_drawn_one_all(h4):
+    truth = drawn(h4, 1)
+    known = calibrate(h4, rehearse(h4, truth, 50).q_e).robot
+    names = known.spec.calibration.parameters
+    perfect = known.replace({name: truth.parameters[name].value for name in names})
+    result = missed(h4, truth, perfect, poses=50)
+    assert result.nees == 0 and not result.after.any()
+    apart = result.pose["calibrated, by the motors"]
+    assert np.nanmax(apart[:, 0]) < 1e-9
+    x_d = np.random.default_rng([0, 3]).uniform(
+        h4.spec.workspace.minimum, h4.spec.workspace.maximum, (50, 4)
+    )
+    usual = truth.fkm(h4.ikm(x_d), guess=x_d) - x_d
+    expected = np.linalg.norm(usual[:, :3], axis=1)
+    off = result.pose["drawn, by the motors"]
+    np.testing.assert_allclose(off[:, 0], expected, atol=1e-9)
+    at_home = (truth.fkm(h4.ikm(h4.home)) - h4.home)[:3]
+    zeroed = np.linalg.norm(usual[:, :3] - at_home, axis=1)
+    np.testing.assert_allclose(off[:, 1], zeroed, atol=1e-9)
+
+
+def test_a_tracker_sees_one_marker_from_one_place():
+    """Distances between poses are the nacelle's own, whatever frame they are seen in."""
+    delta = tp.load("delta")
+    ran = rehearse(delta, delta, 30, seed=2, tracker=True)
+    apart = [np.linalg.norm(x[1:] - x[0], axis=1) for x in (ran.x, ran.measured)]
+    np.testing.assert_allclose(*apart, atol=6 * 2e-5)
+    assert np.linalg.norm(ran.measured.mean(axis=0) - ran.x.mean(axis=0)) > 0.1
+    assert rehearse(delta, delta, 30, seed=2).measured is None
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("h4", "-o", "log.txt"), "log.txt: unknown ending '.txt' (choices: .parquet, .mcap, .csv"),
+        (("h4", "--effects", "delay"), "--effects: unknown effect 'delay' (choices: all, none, ba"),
+        (("h4", "--sensors", "thta"), "unknown sensor 'thta'; did you mean 'theta'?"),
+        (("h4", "--truth", "rehearsal.csv"), "are the same file"),
+        (("h4", "--found", "none.toml"), "rehearsal.truth.toml: cannot be read"),
+        (("h4", "--found", "h4", "--truth", "par4"), "par4: is another robot than h4"),
+        (("h4", "--found", "h4", "--truth", "h4"), "h4: is not calibrated"),
+    ],
+)
+def test_what_cannot_be_rehearsed_is_one_line_and_no_file(run, words, said, tmp_path):
+    status, out, err = run("rehearse", *words)
+    assert (status, out) == (2, "") and len(err.splitlines()) == 1
+    assert said in err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_robot_file_of_ones_own_is_not_replaced_by_a_truth(run, tmp_path):
+    run("new", "h4", "-o", "rehearsal.truth.toml")
+    before = (tmp_path / "rehearsal.truth.toml").read_bytes()
+    status, _, err = run("rehearse", "h4")
+    assert status == 2 and "is there already and is no true robot that truepose wrote" in err
+    assert [p.read_bytes() for p in tmp_path.iterdir()] == [before]

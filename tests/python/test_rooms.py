@@ -1,0 +1,101 @@
+"""Are the rooms of the package what pyproject.toml's import contract takes them for?"""
+
+import ast
+import importlib
+import pkgutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import truepose as tp
+
+ROOT = Path(tp.__file__).parent
+SOURCES = sorted(ROOT.rglob("*.py"))
+ROOMS = {module.name for module in pkgutil.iter_modules(tp.__path__)}
+
+#: Needs what is not installed everywhere.
+OPTIONAL = ("mujoco",)
+
+
+def test_no_room_hides_a_public_function():
+    names = {path.stem for path in ROOT.iterdir() if not path.name.startswith("_")}
+    assert names.isdisjoint(tp.__all__)
+
+
+def test_the_api_works_once_every_module_is_imported():
+    for module in pkgutil.walk_packages(tp.__path__, "truepose."):
+        try:
+            importlib.import_module(module.name)
+        except ImportError as error:
+            if error.name not in OPTIONAL:
+                raise
+    assert "h4" in tp.robots()
+    robot = tp.load("h4")
+    truth = tp.with_paper_errors(robot, seed=1)
+    run = tp.simulate(robot, truth, tp.Controller(law="redundant"), effects=tp.Effects.none())
+    assert run.status == "ok"
+    poses = [robot.home, tp.settle(robot, truth, robot.home)]
+    assert tp.accuracy(robot, poses).shape == (2, 4, 4)
+    assert tp.calibrate(robot, truth.extended([run.x[0], run.x[-1]])).robot.n == 4
+    assert len(tp.assembly_modes(robot, robot.ikm(robot.home), starts=50)) >= 1
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_only_rooms_and_the_compiled_module_come_from_the_root(path):
+    """The contract leaves out imports of the root, as which the linter takes those of `_core`."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            assert all(name.name != "truepose" for name in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module == "truepose":
+            assert {name.name for name in node.names} <= ROOMS
+
+
+def loaded(*words: str, keep: tuple[str, ...] = ("truepose",)) -> set[str]:
+    """Modules that a program has loaded in the end, those that begin so."""
+    program = "import sys\n" + "\n".join(words) + "\nprint(*sys.modules, sep='\\n')"
+    out = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    ).stdout
+    return {line for line in out.split() if line.startswith(keep)}
+
+
+def command(*words: str) -> str:
+    """Lines that run a command."""
+    return (
+        f"sys.argv = {['truepose', *words]!r}\n"
+        "from truepose.commands.cli import app\n"
+        "app(standalone_mode=False)"
+    )
+
+
+def of_the_paper(modules: set[str]) -> list[str]:
+    return sorted(name for name in modules if name.startswith("truepose.paper"))
+
+
+def test_the_package_loads_without_the_paper():
+    assert of_the_paper(loaded("import truepose")) == []
+    found = of_the_paper(loaded("import truepose", "truepose.with_paper_errors"))
+    assert found == ["truepose.paper", "truepose.paper.article", "truepose.paper.errors"]
+
+
+@pytest.mark.parametrize("name", ["", "info", "accuracy", "calibrate", "view", "reproduce"])
+def test_help_loads_nothing_of_the_paper_and_no_plots(name):
+    modules = loaded(command(*filter(None, (name, "--help"))), keep=("truepose", "matplotlib"))
+    assert of_the_paper(modules) == []
+    assert "matplotlib" not in modules
+
+
+def test_a_calibration_loads_nothing_of_the_paper(tmp_path, h4, rng):
+    box = h4.spec.workspace
+    poses = rng.uniform(box.minimum, box.maximum, (40, h4.n))
+    table = h4.expected().read(poses)
+    lines = [",".join(h4.readings), *(",".join(map(repr, row)) for row in table.tolist())]
+    (tmp_path / "log.csv").write_text("\n".join(lines))
+    out = tmp_path / "calibrated.toml"
+    modules = loaded(command("calibrate", "h4", str(tmp_path / "log.csv"), "-o", str(out)))
+    assert out.exists()
+    assert "truepose.commands.calibration_figures" in modules
+    assert of_the_paper(modules) == []

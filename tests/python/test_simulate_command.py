@@ -1,0 +1,95 @@
+"""Does `truepose simulate` do what `tp.simulate` does, on every robot, and write it down?"""
+
+import json
+
+import numpy as np
+import pytest
+
+import truepose as tp
+from truepose import logs
+from truepose.simulation.true_robots import with_tolerance_errors
+
+
+def rows(said: str, name: str = "errors") -> dict[str, dict]:
+    return {str(row.get("error", row.get("motor"))): row for row in json.loads(said)[name]}
+
+
+@pytest.mark.parametrize("effects", ["none", "all"])
+@pytest.mark.parametrize("name", tp.robots())
+def test_every_robot_makes_a_move_at_the_defaults_and_rests(run, name, effects):
+    status, said, err = run("simulate", name, "--effects", effects, "--format", "json")
+    assert status == 0 and err.endswith("true robot drawn with seed 0: ok\n")
+    errors = rows(said)
+    coordinates = [coordinate for coordinate, _ in tp.load(name).coordinates]
+    assert list(errors) == [*coordinates, "position"]
+    assert 0 < errors["position"]["at the end"] <= errors["position"]["largest"] < 30
+
+
+def test_it_prints_and_writes_what_the_library_simulates(run, tmp_path):
+    h4 = tp.load("h4")
+    words = ("--to", "0.05,0,-0.4,0.1", "--law", "estimated", "--seed", "4")
+    status, said, _ = run("simulate", "h4", *words, "-o", "move.csv", "--format", "json")
+    assert status == 0
+    truth = with_tolerance_errors(h4, 4).with_level("full")
+    alone = tp.simulate(
+        h4, truth, "estimated", start=[0, 0, -0.5, 0], end=[0.05, 0, -0.4, 0.1], seed=4
+    )
+    assert rows(said)["x"]["at the end"] == 1e3 * alone.error[-1, 0]
+    assert rows(said)["theta"]["largest"] == np.degrees(np.abs(alone.error[:, 3]).max())
+    assert rows(said, "motors")["2"]["largest"] == np.abs(alone.torque[:, 1]).max()
+    log = logs.read(h4, tmp_path / "move.csv")
+    np.testing.assert_array_equal(log.readings, alone.q_e)
+
+
+def test_a_nominal_robot_has_no_errors_but_its_counts(run):
+    errors = rows(run("simulate", "h4", "--true", "nominal", "--format", "json")[1])
+    assert errors["position"]["at the end"] < 0.2
+    errors = rows(run("simulate", "h4", "--true", "h4-lirmm-twin", "--format", "json")[1])
+    assert errors["position"]["at the end"] > 2
+
+
+def test_a_path_is_visited_and_its_log_can_be_calibrated_on(run, tmp_path):
+    rng = np.random.default_rng(0)
+    box = tp.load("h4").spec.workspace
+    poses = rng.uniform(box.minimum, box.maximum, (40, 4))
+    lines = [",".join(map(repr, pose)) for pose in poses.tolist()]
+    (tmp_path / "path.csv").write_text("\n".join(["x,y,z,theta", *lines]), encoding="utf-8")
+    words = ("--path", "path.csv", "-o", "log.csv", "--plot", "path.png")
+    status, said, err = run("simulate", "h4", "--law", "joint", *words, "--format", "json")
+    assert (status, err.splitlines()[0][-22:]) == (0, "40 of 40 poses reached")
+    assert (tmp_path / "path.png").read_bytes().startswith(b"\x89PNG")
+    fit = tp.calibrate(tp.load("h4"), logs.read(tp.load("h4"), tmp_path / "log.csv").readings)
+    assert fit.parameters["chain1.rod"].sigma < 0.5 * tp.load("h4").parameters["chain1.rod"].sigma
+    errors = rows(said)
+    assert errors["x"]["rms"] >= abs(errors["x"]["mean"])
+    assert "log.csv" in err
+
+
+def test_poses_out_of_reach_are_told_and_left_empty(run, tmp_path):
+    (tmp_path / "path.csv").write_text("x,y,z\n0,0,-0.2\n0,0,-3\n", encoding="utf-8")
+    status, said, _ = run("simulate", "delta", "--path", "path.csv", "-o", "log.csv")
+    assert status == 0 and "1 of 2 poses reached; pose 1: " in said
+    assert (tmp_path / "log.csv").read_text(encoding="utf-8").splitlines()[-1].startswith("1.0,,")
+    (tmp_path / "path.csv").write_text("x,y,z\n0,0,-3\n", encoding="utf-8")
+    status, _, err = run("simulate", "delta", "--path", "path.csv")
+    assert status == 2 and "delta: 0 of 1 poses reached; pose 0: " in err
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--law", "tej"), "--law"),
+        (("--effects", "gravity"), "--effects: unknown effect 'gravity' (choices: all, none, "),
+        (("--to", "1,2"), "--to 1,2: must be 4 numbers, x,y,z,theta (m, rad)"),
+        (("--to", "0,0,-3,0"), "simulation stopped after "),
+        (("--path", "p.csv", "--to", "0,0,-0.4,0"), "--path: names all poses itself"),
+        (("--duration", "0"), "duration = 0.0: must be"),
+        (("-o", "log.xyz"), "log.xyz: unknown ending '.xyz'"),
+        (("--true", "h5"), "unknown robot 'h5'"),
+        (("--true", "delta"), "unknown sensor 'theta'"),
+    ],
+)
+def test_what_cannot_be_simulated_is_one_line(run, words, said):
+    status, out, err = run("simulate", "h4", *words)
+    assert (status, out) == (2, "") and len(err.splitlines()) == 1
+    assert said in err
