@@ -10,7 +10,7 @@ namespace truepose {
 
 /// A chain whose loop is closed.
 struct ChainState {
-  double q = 0;  ///< motor position as the encoder reads it
+  double q = 0;   ///< motor position as the encoder reads it
   double rate;    ///< ∂position/∂q: 1 but for a gain or an eccentricity of the encoder
   Vec3 p;         ///< P to B (telescopic: zero)
   Vec3 v;         ///< A to B, the rod
