@@ -31,13 +31,17 @@ namespace {
 /// c1, s1, c2, s2 and the gear of an encoder.
 template <class Part>
 void set_eccentricity(Part& part, const std::array<double, 4>& amplitude, double gear) {
-  part.eccentricity.set_amplitude(amplitude.data());
-  part.eccentricity.set_gear(gear);
+  part.eccentricity.amplitude = amplitude;
+  part.eccentricity.gear = gear;
 }
 
+/// @throws nb::value_error  what the core could not do
+void asked(Outcome outcome) {
+  if (!outcome) throw nb::value_error(describe(outcome.status));
+}
 /// The columns of ξ of a robot whose parts do not exist would lie in another's memory.
 const Robot& sound(const Robot& robot) {
-  if (!parts_exist(robot)) throw nb::value_error(describe(Status::no_such_part));
+  if (!robot.finished) throw nb::value_error(describe(Status::unfinished));
   return robot;
 }
 
@@ -129,6 +133,7 @@ void bind_robot(nb::module_& m) {
       .def_rw("arm", &Chain::arm)
       .def_rw("rod", &Chain::rod)
       .def_rw("encoder_offset", &Chain::encoder_offset)
+      .def_rw("encoder_gain", &Chain::encoder_gain)
       .def_rw("pivot", &Chain::pivot)
       .def_rw("anchor", &Chain::anchor)
       .def_rw("bar", &Chain::bar)
@@ -180,24 +185,32 @@ void bind_robot(nb::module_& m) {
       .def_rw("gravity", &Robot::gravity)
       .def_rw("home", &Robot::home)
       .def_prop_ro("n", [](const Robot& robot) { return dof(robot.mobility); })
+      .def_rw("chains", &Robot::chains)
+      .def_rw("motors", &Robot::motors)
       .def_ro("r", &Robot::r)
       .def_ro("assembly_sign", &Robot::assembly_sign)
       .def_rw("bar_joint", &Robot::bar_joint)
       .def_ro("full", &Robot::full)
       .def_rw("level", &Robot::level)
       .def("chain", [](const Robot& robot, int i) { return robot.chain.at(i); })
-      .def("set_chain", [](Robot& robot, int i, const Chain& chain) { robot.chain.at(i) = chain; })
+      .def("set_chain",
+           [](Robot& robot, int i, const Chain& chain) {
+             robot.chain.at(i) = chain;
+             robot.finished = false;
+           })
       .def_ro("bodies", &Robot::bodies)
       .def("body", [](const Robot& robot, int i) { return robot.body.at(i); })
       .def("add_sensor",
            [](Robot& robot, const Sensor& sensor) {
              robot.sensor.at(robot.r) = sensor;
              ++robot.r;
+             robot.finished = false;
            })
       .def("add_body",
            [](Robot& robot, const Body& body) {
              robot.body.at(robot.bodies) = body;
              ++robot.bodies;
+             robot.finished = false;
            })
       .def_prop_ro("parameter_count", [](const Robot& robot) { return parameter_count(robot); })
       .def("without_limits",
@@ -214,7 +227,7 @@ void bind_robot(nb::module_& m) {
       .def("drawn_parameters",
            [](const Robot& drawn) {
              Owned<double> xi({static_cast<std::size_t>(parameter_count(sound(drawn)))});
-             drawn_parameters(drawn, xi[0]);
+             asked(drawn_parameters(drawn, xi[0]));
              return xi.release();
            })
       .def("with_parameters",
@@ -222,7 +235,7 @@ void bind_robot(nb::module_& m) {
              Robot robot = drawn;
              if (xi.shape(0) != static_cast<std::size_t>(parameter_count(sound(drawn))))
                throw nb::value_error("one value for each column");
-             set_parameters(drawn, xi.data(), robot);
+             asked(set_parameters(drawn, xi.data(), robot));
              return robot;
            })
       .def("finish", [](Robot& robot) {

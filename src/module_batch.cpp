@@ -157,10 +157,12 @@ auto full_rod_rows(const Robot& robot) {
   Owned<double> result({rods, unknowns});
   Matrix<kMaxRods, kMaxUnknowns> rows{};
   const bool together = bars_together(robot, robot.full.bars);
+  Outcome outcome;
   if (robot.mobility == Mobility::translation)
-    full_rows<Mobility::translation>(robot, together, rows);
+    outcome = full_rows<Mobility::translation>(robot, together, rows);
   if (robot.mobility == Mobility::schoenflies)
-    full_rows<Mobility::schoenflies>(robot, together, rows);
+    outcome = full_rows<Mobility::schoenflies>(robot, together, rows);
+  if (!outcome) throw nb::value_error(describe(outcome.status));
   for (std::size_t rod = 0; rod < rods; ++rod)
     std::memcpy(result[rod], rows[rod].data(), unknowns * sizeof(double));
   return result.release();

@@ -3,7 +3,6 @@
 #include <vector>
 
 #include "h4.hpp"
-#include "truepose/estimation/learning.hpp"
 #include "truepose/offline/plant.hpp"  // stands for the machine
 
 using namespace truepose;
@@ -26,7 +25,7 @@ struct Memory {
       uncertain(sensor_column(drawn, k), SensorParameter::offset, 3e-4);
     const int p = static_cast<int>(column.size());
     xi.resize(parameter_count(drawn));
-    drawn_parameters(drawn, xi.data());
+    started = drawn_parameters(drawn, xi.data());
     root.resize(p * p);
     for (int k = 0; k < p; ++k) root[k * p + k] = sigmas[k];
     kept.resize(online_kept(p));
@@ -45,6 +44,7 @@ struct Memory {
   std::vector<int> column;
   std::vector<double> sigmas, xi, root, kept, work;
   Learner learner;
+  Outcome started;  ///< refused where the robot is not finished
 };
 
 /// How far from where it is sent the machine comes to rest, mm.
@@ -73,6 +73,7 @@ int main() {
   if (!finish(drawn) || !finish(machine)) return 1;
 
   Memory memory(drawn);
+  if (!memory.started) return 1;
   Learner& learner = memory.learner;
   const Joint target{0.08, -0.06, -0.38, 0.3};
   std::printf("drawn:   %.3f mm from the target\n", apart(drawn, machine, target));

@@ -4,7 +4,6 @@
 #include <thread>
 
 #include "h4.hpp"
-#include "truepose/control/control.hpp"
 #include "truepose/offline/plant.hpp"  // stands for the machine
 
 using namespace truepose;

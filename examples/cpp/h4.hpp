@@ -3,7 +3,7 @@
 
 #include <numbers>
 
-#include "truepose/full/full.hpp"
+#include "truepose/truepose.hpp"
 
 /// Known to the compiler, so that it builds for four chains alone.
 inline constexpr truepose::Mobility kH4 = truepose::Mobility::schoenflies;  // x, y, z, θ
@@ -19,6 +19,7 @@ inline truepose::Outcome make_h4(truepose::Robot& robot) {
 
   robot = {};
   robot.mobility = kH4;
+  robot.chains = robot.motors = 4;
   robot.home = {0, 0, -0.4, 0};
   for (int i = 0; i < 4; ++i) {
     Chain& chain = robot.chain[i];
@@ -52,7 +53,7 @@ inline truepose::Outcome make_h4(truepose::Robot& robot) {
   robot.r = 1;  // θ, on the tool axis, which turns four times as far as the nacelle
   robot.sensor[0].kind = SensorKind::nacelle_angle;
   robot.sensor[0].step = count / 4;
-  robot.sensor[0].eccentricity.set_gear(4);
+  robot.sensor[0].eccentricity.gear = 4;
 
   const Outcome outcome = finish(robot);
   return outcome ? finish_full(robot) : outcome;

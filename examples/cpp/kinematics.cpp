@@ -2,8 +2,6 @@
 #include <cstdio>
 
 #include "h4.hpp"
-#include "truepose/kinematics/fkm.hpp"
-#include "truepose/sensors/rkm.hpp"
 
 namespace {
 

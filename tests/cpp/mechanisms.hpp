@@ -67,7 +67,7 @@ class Prior {
   /// What starts from here and learns; one at a time.
   Learner learner(const Robot& robot) {
     xi_.resize(parameter_count(robot));
-    drawn_parameters(robot, xi_.data());
+    if (!drawn_parameters(robot, xi_.data())) std::printf("a robot that is not finished learns\n");
     filter_.resize(online_work(robot, known_.count));
     drift_.assign(2 * known_.count, 1e-7);
     Learner learner;
@@ -103,6 +103,7 @@ inline Sensor telemeter(const Vec3& origin, const Vec3& direction, const Vec3& t
 
 inline void complete(Mechanism& mechanism) {
   Robot& robot = mechanism.robot;
+  robot.chains = robot.motors = dof(robot.mobility);
   robot.r = 1;
   if (robot.mobility == Mobility::planar_translation || robot.mobility == Mobility::planar) {
     robot.gravity = Vec3(0, -9.81, 0);  // standing upright, so that weight matters

@@ -42,11 +42,11 @@ class Scene {
     for (double& sigma : known.sigma) sigma = 1e-5 * (2 + random_());
 
     mean.resize(parameter_count(robot));
-    drawn_parameters(robot, mean.data());
+    CHECK(drawn_parameters(robot, mean.data()));
     std::vector<double> true_xi = mean;
     for (int k = 0; k < of_robot.count; ++k) true_xi[column_[k]] += 1.5 * root(k, k) * random_();
     truth = robot;
-    set_parameters(robot, true_xi.data(), truth);
+    CHECK(set_parameters(robot, true_xi.data(), truth));
     const Mechanism mechanism = five_bar();
     for (int k = 0; k < lines; ++k) {
       x.push_back(random_pose(mechanism, random_));
@@ -108,7 +108,7 @@ TEST("a calibration ends where the cost is level in every parameter and every po
   CHECK(result.outcome);
   const int rows = scene.readings(), p = scene.known.count;
   Robot fitted = scene.robot;
-  set_parameters(scene.robot, result.xi.data(), fitted);
+  CHECK(set_parameters(scene.robot, result.xi.data(), fitted));
   Eigen::MatrixXd information = Eigen::MatrixXd::Identity(p, p);
   Eigen::VectorXd pull = -result.u, size = Eigen::VectorXd::Ones(p);
   double cost = result.u.squaredNorm();
@@ -189,7 +189,7 @@ TEST("a tracker in a frame of its own is registered while the geometry is learnt
   // The robot's own frame is part of its geometry: the base is known as well as the motors' places.
   CHECK((result.registration.base.t - by.base.t).norm() < 5e-3);
   Robot fitted = scene.robot;
-  set_parameters(scene.robot, result.xi.data(), fitted);
+  CHECK(set_parameters(scene.robot, result.xi.data(), fitted));
   for (int k = 0; k < scene.lines(); ++k) {
     CHECK(result.redundancy[k] == n);
     CHECK(result.chi2[k] < 30);

@@ -244,7 +244,7 @@ TEST("a bar's mass follows its pivot, which is a parameter") {
   drawn.body[1].bar = 0;
   drawn.body[2].bar = 1;
   std::vector<double> xi(parameter_count(drawn));
-  drawn_parameters(drawn, xi.data());
+  CHECK(drawn_parameters(drawn, xi.data()));
   const double moved_by[2] = {0.01, -0.004};
   double more = 0;  // of the inertia about z
   for (int bar = 0; bar < 2; ++bar) {
@@ -253,7 +253,7 @@ TEST("a bar's mass follows its pivot, which is a parameter") {
     pivot += moved_by[bar];
   }
   Robot robot = drawn;
-  set_parameters(drawn, xi.data(), robot);
+  CHECK(set_parameters(drawn, xi.data(), robot));
   CHECK(robot.body[0].pivot() == drawn.body[0].pivot());
   CHECK_NEAR((robot.body[1].pivot() - robot.chain[0].pivot()).norm(), 0, 1e-15);
   CHECK_NEAR((robot.body[2].pivot() - robot.chain[1].pivot()).norm(), 0, 1e-15);

@@ -10,14 +10,17 @@ namespace {
 
 constexpr std::array<double, 4> kAmplitude{0.03, -0.02, 0.01, 0.015};
 
-/// The robot with every revolute motor's encoder off its centre, in the order of the chains.
+/// The robot with every revolute motor's encoder off its centre, in the order of the chains, and
+/// with a gain of every motor but the first; one counts backwards.
 Robot eccentric(Robot robot) {
   for (int i = 0; i < dof(robot.mobility); ++i) {
     std::array<double, 4> amplitude = kAmplitude;
     for (double& value : amplitude) value *= 1 + 0.3 * i;
     if (robot.chain[i].actuator == Actuator::revolute)
-      robot.chain[i].eccentricity.set_amplitude(amplitude.data());
+      robot.chain[i].eccentricity.amplitude = amplitude;
+    robot.chain[i].encoder_gain = i == 1 ? -1.3 : 1 + 0.2 * i;
   }
+  CHECK(finish(robot));
   return robot;
 }
 
@@ -26,11 +29,11 @@ Robot eccentric(Robot robot) {
 TEST("decoding undoes encoding, turns included, whatever the gear") {
   Eccentricity encoder;
   CHECK(!encoder.any());
-  encoder.set_amplitude(kAmplitude.data());
+  encoder.amplitude = kAmplitude;
   CHECK(encoder.any());
   for (const double gear : {1.0, 4.0})
     for (double angle = -20; angle < 20; angle += 0.01) {
-      encoder.set_gear(gear);
+      encoder.gear = gear;
       CHECK_NEAR(decode(encoder, encode(encoder, angle).value), angle, 1e-14);
     }
 }
@@ -40,13 +43,15 @@ TEST("the largest amplitudes that a file may give are decoded") {
   for (int signs = 0; signs < 16; ++signs) {
     std::array<double, 4> amplitude;
     for (int k = 0; k < 4; ++k) amplitude[k] = signs >> k & 1 ? 0.1 : -0.1;
-    encoder.set_amplitude(amplitude.data());
+    encoder.amplitude = amplitude;
     for (double angle = -4; angle < 4; angle += 0.01)
       CHECK_NEAR(decode(encoder, encode(encoder, angle).value), angle, 1e-13);
   }
 }
 
-TEST("eccentric encoders change no motion: the same torques give the same acceleration") {
+TEST(
+    "eccentricity and gain of encoders change no motion: the same torques give the same "
+    "acceleration") {
   for_each([](const Mechanism& mechanism, auto mobility) {
     constexpr Mobility K = mobility();
     const Robot wobbly = eccentric(mechanism.robot);
@@ -65,6 +70,62 @@ TEST("eccentric encoders change no motion: the same torques give the same accele
       CHECK(dynamic_model<K>(wobbly, closure, rate, model));
       const Joint again = inverse_dynamics<K>(model, jacobians.J, b);
       for (int i = 0; i < kDof<K>; ++i) CHECK_NEAR(again[i], torque[i], 1e-9);
+    }
+  });
+}
+
+TEST("a motor reads its gain times its encoder's angle, less its offset, and is decoded again") {
+  Chain chain;
+  chain.encoder_gain = -1.02;
+  chain.encoder_offset = 0.1;
+  for (const bool off_centre : {false, true}) {
+    Robot robot = h4().robot;
+    if (off_centre) chain.eccentricity.amplitude = kAmplitude;
+    robot.chain[2] = chain;
+    note_encoders(robot);
+    const double angle = encode(chain.eccentricity, 0.7).value;
+    CHECK_NEAR(motor_reading(robot.chain[2], 0.7), -1.02 * angle - 0.1, 1e-15);
+    CHECK_NEAR(motor_position(robot.chain[2], -1.02 * angle - 0.1), 0.7, 1e-14);
+  }
+}
+
+TEST("the forward model finds the pose whatever the encoders' gains, from home and back to q") {
+  for_each([](const Mechanism& mechanism, auto) {
+    const Robot robot = eccentric(mechanism.robot);
+    check::Random random(64);
+    for (int sample = 0; sample < 50; ++sample) {
+      const Joint desired = random_pose(mechanism, random);
+      Joint q{}, back{}, x = robot.home;
+      CHECK(ikm(robot, desired, q));
+      CHECK(fkm(robot, q, x));
+      CHECK(ikm(robot, x, back));
+      for (int i = 0; i < dof(robot.mobility); ++i) CHECK_NEAR(back[i], q[i], 1e-11);
+      if (robot.full.kind != FullKind::exists && robot.full.kind != FullKind::elastic) continue;
+      x = robot.home;
+      CHECK(ikm_full(robot, desired, q) && fkm_full(robot, q, x));
+      for (int i = 0; i < dof(robot.mobility); ++i) CHECK_NEAR(x[i], desired[i], 1e-10);
+    }
+  });
+}
+
+TEST("conditioning and pole placement do not depend on how an encoder counts") {
+  for_each([](const Mechanism& mechanism, auto) {
+    const Robot robot = eccentric(mechanism.robot);
+    double plain = 0, scaled = 0;
+    Joint serial{}, again{};
+    CHECK(conditioning(mechanism.robot, robot.home, plain, serial));
+    CHECK(conditioning(robot, robot.home, scaled, again));
+    CHECK_NEAR(plain, scaled, 1e-12);
+    ControlSettings one, other;
+    CHECK(place_poles(mechanism.robot, robot.home, 100, 1, one));
+    CHECK(place_poles(robot, robot.home, 100, 1, other));
+    Joint q{};
+    CHECK(ikm(robot, robot.home, q));
+    for (int i = 0; i < dof(robot.mobility); ++i) {
+      CHECK_NEAR(serial[i], again[i], 1e-12);
+      // The same torque for the same error of the motor: kp per reading, slope readings per angle.
+      const double slope = drive(robot.chain[i], q[i]).rate;
+      CHECK_NEAR(other.kp[i] / slope, one.kp[i], 1e-9 * one.kp[i]);
     }
   });
 }

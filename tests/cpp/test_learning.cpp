@@ -63,7 +63,7 @@ TEST("what is learnt is what the controller believes in the same cycle") {
     for (int k = 0; k < 30; ++k) {
       CHECK(scene.learn(scene.read(random_pose(mechanism, random, 0.5))));
       std::vector<double> believed(parameter_count(mechanism.robot));
-      drawn_parameters(scene.learner.robot, believed.data());
+      CHECK(drawn_parameters(scene.learner.robot, believed.data()));
       const OnlineState& state = scene.learner.state;
       bool same = true;
       for (int i = 0; i < scene.n; ++i) {

@@ -22,10 +22,10 @@ class Scene {
         random_(seed) {
     const Knowledge known = learner_.knowledge();
     std::vector<double> xi(parameter_count(robot));
-    drawn_parameters(robot, xi.data());
+    CHECK(drawn_parameters(robot, xi.data()));
     for (int k = 0; k < known.count; ++k)
       xi[known.column[k]] += off * known.root[k * known.count + k] * random_();
-    set_parameters(robot, xi.data(), truth);
+    CHECK(set_parameters(robot, xi.data(), truth));
     learner_.settings.drifts = 0;
     learner_.fresh = 0;
   }
@@ -110,7 +110,7 @@ TEST("one line is learnt as Kalman's formula has it, all of its equations togeth
     const Extended q_e = scene.read<K, Model>(mechanism.robot.home);
     // About a ξ of linearisation, so that nothing counts as curvature.
     std::vector<double> about(parameter_count(scene.robot));
-    drawn_parameters(scene.robot, about.data());
+    CHECK(drawn_parameters(scene.robot, about.data()));
     scene.learner().settings.linearised = about.data();
     Learner& learner = scene.learner();
     CHECK((observe<K, Model>(scene.robot, learner.settings, q_e, scene.state(), learner.robot,
@@ -169,8 +169,8 @@ TEST("where one reading alone is wrong, the others teach what they teach without
     const auto taught = [&](bool wrong) {
       Scene scene(mechanism, 13);
       for (int k = 0; k < 60; ++k)
-        learn<K, Model>(scene.learner(),
-                        scene.read<K, Model>(random_pose(mechanism, scene.random(), 0.5)));
+        CHECK((learn<K, Model>(scene.learner(),
+                               scene.read<K, Model>(random_pose(mechanism, scene.random(), 0.5)))));
       Extended q_e = scene.read<K, Model>(mechanism.robot.home);
       const std::vector<double> about(scene.state().xi,
                                       scene.state().xi + parameter_count(scene.robot));
@@ -193,8 +193,8 @@ TEST("a line that nothing explains teaches nothing") {
     using Model = decltype(model);
     Scene scene(mechanism, 14, 1);
     for (int k = 0; k < 60; ++k)
-      learn<K, Model>(scene.learner(),
-                      scene.read<K, Model>(random_pose(mechanism, scene.random(), 0.5)));
+      CHECK((learn<K, Model>(scene.learner(),
+                             scene.read<K, Model>(random_pose(mechanism, scene.random(), 0.5)))));
     const Eigen::VectorXd mean = scene.mean();
     const RowMatrix P = scene.covariance();
     Extended q_e = scene.read<K, Model>(mechanism.robot.home);
@@ -202,7 +202,7 @@ TEST("a line that nothing explains teaches nothing") {
     const Outcome outcome = learn<K, Model>(scene.learner(), q_e);
     CHECK(outcome.status == Status::disagree && outcome.chain == -1);
     CHECK(scene.mean() == mean && scene.covariance() == P);
-    for (int cycle = 0; cycle < 100; ++cycle) learn<K, Model>(scene.learner(), q_e);
+    for (int cycle = 0; cycle < 100; ++cycle) CHECK((learn<K, Model>(scene.learner(), q_e)));
     CHECK(!scene.state().doubt.stopped);  // at rest a bad line is no news
   });
 }
@@ -217,7 +217,7 @@ TEST("readings that keep disagreeing stop it within ten lines, at what was last 
     };
     std::vector<Eigen::VectorXd> means;
     for (int k = 0; k < 60; ++k) {
-      learn<K, Model>(scene.learner(), line());
+      CHECK((learn<K, Model>(scene.learner(), line())));
       means.push_back(scene.mean());
     }
     int lines = 0;
@@ -249,8 +249,8 @@ TEST("random walks take their turns, and all that each would have walked meanwhi
   scene.learner().settings.drift = drift.data();
   const RowMatrix before = scene.covariance();
   for (int k = 0; k < walks * rounds; ++k)
-    learn<Mobility::schoenflies>(
-        scene.learner(), scene.read<Mobility::schoenflies, IdealModel>(mechanism.robot.home));
+    CHECK((learn<Mobility::schoenflies>(
+        scene.learner(), scene.read<Mobility::schoenflies, IdealModel>(mechanism.robot.home))));
   const RowMatrix expected = before + walks * rounds * drift.transpose() * drift;
   CHECK((scene.covariance() - expected).cwiseAbs().maxCoeff() < 1e-12 * expected.maxCoeff());
 }

@@ -11,7 +11,7 @@ constexpr Mobility K = Mobility::schoenflies;
 /// An H4 whose θ is read behind a gear.
 Mechanism geared() {
   Mechanism mechanism = h4();
-  mechanism.robot.sensor[0].eccentricity.set_gear(4);
+  mechanism.robot.sensor[0].eccentricity.gear = 4;
   return mechanism;
 }
 
@@ -33,7 +33,7 @@ TEST("before it has moved, a gear stands in the middle of its play") {
 TEST("a gear follows half its play behind, on either side, and a direct encoder at once") {
   for (const double gear : {4.0, 1.0}) {
     Mechanism mechanism = geared();
-    mechanism.robot.sensor[0].eccentricity.set_gear(gear);
+    mechanism.robot.sensor[0].eccentricity.gear = gear;
     mechanism.robot.gravity = Vec3::Zero();
     Effects effects;
     effects.backlash = 0.01;

@@ -71,31 +71,28 @@ std::vector<Sensor> sensors_of(const Robot& robot, Mobility mobility) {
 
 /// An encoder off its centre, by both harmonics.
 void spin(Eccentricity& encoder, double size, double gear) {
-  const std::array<double, 4> amplitude{size, -0.6 * size, 0.3 * size, 0.5 * size};
-  encoder.set_amplitude(amplitude.data());
-  encoder.set_gear(gear);
-}
-
-/// Adds h to amplitude k.
-void spin_more(Eccentricity& encoder, int k, double h) {
-  std::array<double, 4> amplitude = encoder.amplitude();
-  amplitude[k] += h;
-  encoder.set_amplitude(amplitude.data());
+  encoder.amplitude = {size, -0.6 * size, 0.3 * size, 0.5 * size};
+  encoder.gear = gear;
 }
 
 /// Adds h to parameter p of chain i, as a builder would: yaw about z, then tilt about e.
 void change(Robot& robot, int i, ChainParameter p, double h) {
   Chain& chain = robot.chain[i];
   const int index = static_cast<int>(p);
-  if (p >= ChainParameter::eccentricity_c1) {
+  if (p >= ChainParameter::eccentricity_c1 && p <= ChainParameter::eccentricity_s2) {
     const int k = index - static_cast<int>(ChainParameter::eccentricity_c1);
-    if (chain.actuator == Actuator::revolute) spin_more(chain.eccentricity, k, h);
+    if (chain.actuator == Actuator::revolute) chain.eccentricity.amplitude[k] += h;
+    note_encoders(robot);
     return;
   }
   switch (p) {
     case ChainParameter::arm: chain.arm += h; break;
     case ChainParameter::rod: chain.rod += h; break;
     case ChainParameter::encoder_offset: chain.encoder_offset += h; break;
+    case ChainParameter::encoder_gain:
+      chain.encoder_gain += h;
+      note_encoders(robot);
+      break;
     case ChainParameter::yaw: {
       const Mat3 turn = rotation_z(h);
       chain.zero = turn * chain.zero();
@@ -124,7 +121,8 @@ void change(Robot& robot, int k, SensorParameter p, double h) {
   const int index = static_cast<int>(p) - 2;
   if (p >= SensorParameter::eccentricity_c1) {
     const int which = static_cast<int>(p) - static_cast<int>(SensorParameter::eccentricity_c1);
-    if (rotary(sensor)) spin_more(sensor.eccentricity, which, h);
+    if (rotary(sensor)) sensor.eccentricity.amplitude[which] += h;
+    note_encoders(robot);
     return;
   }
   if (p == SensorParameter::offset)
@@ -156,8 +154,8 @@ Readings<K> read_at(bool full, const Robot& robot, const Pose& pose) {
   return at;
 }
 
-/// Calls f at both levels, with each mechanism's axes turned and its pairs unequal, and as many
-/// of its sensors as fit.
+/// Calls f at both levels, with each mechanism's axes turned, its pairs unequal, its motors' gains
+/// and eccentricities their own (chain 0 has neither), and as many of its sensors as fit.
 template <class F>
 void for_each_with_sensors(F&& f) {
   for_each([&](const Mechanism& mechanism, auto mobility) {
@@ -165,8 +163,9 @@ void for_each_with_sensors(F&& f) {
     const bool full = robot.full.kind == FullKind::exists || robot.full.kind == FullKind::same;
     for (int i = 0; i < dof(mobility()); ++i) {
       robot.chain[i].encoder_offset = 0.01 * (i + 1);
+      robot.chain[i].encoder_gain = i == 2 ? -0.8 : 1 + 0.1 * i;  // one counts backwards
       if (robot.chain[i].actuator == Actuator::revolute)
-        spin(robot.chain[i].eccentricity, 0.01 * i, 1);  // chain 0's is perfect
+        spin(robot.chain[i].eccentricity, 0.01 * i, 1);
       if (robot.full.kind != FullKind::exists) continue;
       change(robot, i, ChainParameter::yaw, 0.003 * (i - 1));
       change(robot, i, ChainParameter::tilt, 0.002 * (2 - i));
@@ -180,6 +179,7 @@ void for_each_with_sensors(F&& f) {
       robot.r = 0;
       for (std::size_t k = first; k < all.size() && robot.r < most; ++k)
         robot.sensor[robot.r++] = all[k];
+      CHECK(finish(robot));
       f(false, mechanism, robot, mobility);
       if (full) f(true, mechanism, robot, mobility);
     }

@@ -87,7 +87,7 @@ inline void decode_sensor(Bytes& bytes, int n, Sensor& sensor) {
 
 /// Another value for one field of a chain.
 inline void spoil(Bytes& bytes, Chain& chain) {
-  switch (bytes.below(16)) {
+  switch (bytes.below(17)) {
     case 0: chain.base = bytes.vector(); break;
     case 1: chain.axis = bytes.unit(); break;
     case 2: chain.zero = bytes.unit(); break;
@@ -103,6 +103,7 @@ inline void spoil(Bytes& bytes, Chain& chain) {
     case 12: chain.working_mode *= -1; break;
     case 13: chain.actuator = static_cast<Actuator>(bytes.below(3)); break;
     case 14: chain.torque_limit = bytes.number(); break;
+    case 15: chain.encoder_gain = bytes.number(); break;
     default:
       chain.drive_inertia = bytes.number();
       chain.arm_mass = bytes.number();
@@ -150,8 +151,18 @@ inline Subject decode_robot(Bytes& bytes) {
   }
   if (bytes.one_in(16)) {  // parts that do not exist: refused, and then used by nobody
     Robot broken = robot;
-    broken.chain[bytes.below(n)].bar = kMaxBars + bytes.byte();
-    require(finish(broken).status == Status::no_such_part, "finish: an index is looked at");
+    const int wrong = kMaxReadings + 1 + bytes.byte() * 0x7fffff;  // beyond every capacity and enum
+    switch (bytes.below(6)) {
+      case 0: broken.chain[bytes.below(n)].bar = wrong; break;
+      case 1: broken.chains = wrong; break;
+      case 2: broken.r = wrong; break;
+      case 3: broken.mobility = static_cast<Mobility>(-wrong); break;
+      case 4: broken.chain[bytes.below(n)].actuator = static_cast<Actuator>(wrong); break;
+      default: broken.motors = -wrong; break;
+    }
+    require(finish(broken).status == Status::no_such_part, "finish: a count or index is looked at");
+    Joint q{};
+    require(ikm(broken, robot.home, q).status == Status::unfinished, "what was refused answers");
   }
   static_cast<void>(finish(robot));
   static_cast<void>(finish_full(robot));

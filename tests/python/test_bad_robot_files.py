@@ -113,7 +113,7 @@ def test_the_core_refuses_a_bar_that_is_not_there(h4):
         chain.bar = bar
         core.set_chain(1, chain)
         assert core.finish()[0] == NO_SUCH_PART
-        with pytest.raises(ValueError, match="no such part"):
+        with pytest.raises(ValueError, match="not finished"):
             core.drawn_parameters()
 
 

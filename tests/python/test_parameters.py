@@ -10,7 +10,7 @@ X_D = np.array([0.03, -0.02, -0.42, 0.15])
 
 def test_the_h4_has_the_parameters_its_interface_promises(h4):
     promised = ["base.x", "base.y", "base.z", "arm", "rod", "encoder_offset", "yaw", "tilt"]
-    promised += ["anchor.x", "anchor.y", "anchor.z", "rod_difference", "rod_spacing"]
+    promised += ["anchor.x", "anchor.y", "anchor.z", "rod_difference", "rod_spacing", "gain"]
     harmonics = [f"eccentricity.{harmonic}" for harmonic in ("c1", "s1", "c2", "s2")]
     promised += harmonics
     names = {f"chain{i}.{name}" for i in range(1, 5) for name in promised}

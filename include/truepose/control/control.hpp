@@ -58,6 +58,7 @@ template <Mobility K>
 Outcome control(const Robot& robot, const ControlSettings& settings, const Setpoint& setpoint,
                 const Extended& q_e, ControlState& state, const Weighing& weighing = {}) {
   constexpr int n = kDof<K>;
+  if (!robot.finished) return {Status::unfinished, -1};
   if (!all_finite(q_e, n + robot.r) || !all_finite(setpoint.x, n) ||
       !all_finite(setpoint.rate, n) || !all_finite(setpoint.acceleration, n))
     return {Status::not_finite, -1};
@@ -179,6 +180,8 @@ inline Outcome place_poles(const Robot& robot, const Joint& x, double frequency,
       for (int i = 0; i < n; ++i)
         for (int j = 0; j < n; ++j)
           inertia += jacobians.J[i][m] * model.mass[i][j] * jacobians.J[j][m];
+      // The error is one of readings, the torque the motor's own.
+      inertia *= model.slope[m];
       settings.kp[m] = inertia * frequency * frequency;
       settings.kd[m] = 2 * damping * inertia * frequency;
     }

@@ -167,6 +167,8 @@ inline Outcome refer(const Robot& robot, Law law, const Joint& x_d, Reference<K>
 /// spheres. @return not_measured where no sensor gives the orientation
 template <Mobility K>
 Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Vec3& near_side, Pose& pose) {
+  if (!robot.finished) return {Status::unfinished, -1};
+
   if constexpr (K == Mobility::schoenflies || K == Mobility::translation) {
     pose = Pose{};
     if constexpr (K == Mobility::schoenflies) {

@@ -91,8 +91,7 @@ inline void innovation(const Robot& robot, const Extended& q_e, const Extended& 
   for (int i = 0; i < n + robot.r; ++i) {
     residual[i] = q_e[i] - expected[i];
     if (i < n) {
-      if (robot.chain[i].actuator == Actuator::revolute)
-        residual[i] = std::remainder(residual[i], 2 * M_PI);
+      residual[i] = within_turn(robot.chain[i], residual[i]);
     } else if (const Sensor& sensor = robot.sensor[i - n]; properties(sensor.kind).wraps) {
       residual[i] = std::remainder(residual[i], 2 * M_PI * sensor.gain);
     }
@@ -256,6 +255,7 @@ template <Mobility K, class Level = IdealModel>
 Estimate<K> estimate(const Robot& robot, const Knowledge& known, const Extended& q_e, Pose& pose,
                      double* work, Parasitic* rest = nullptr) {
   constexpr int n = kDof<K>;
+  if (!robot.finished) return {{Status::unfinished, -1}};
   if (!all_finite(q_e, n + robot.r)) return {{Status::not_finite, -1}};
   Pose at = pose;
   Parasitic own;

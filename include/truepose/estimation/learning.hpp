@@ -33,6 +33,7 @@ struct Learner {
 /// cycle on in which it gave up: the robot is then the last good one
 template <Mobility K, class Model>
 inline Outcome learn(Learner& learner, const Extended& q_e) {
+  if (!learner.drawn->finished) return {Status::unfinished, -1};
   const int rows = kDof<K> + learner.drawn->r;
   bool news = learner.lines + learner.left_out == 0;
   for (int c = 0; c < rows; ++c)
@@ -42,7 +43,8 @@ inline Outcome learn(Learner& learner, const Extended& q_e) {
   const Pose before = learner.pose;
   const Outcome outcome = observe<K, Model>(*learner.drawn, learner.settings, q_e, learner.state,
                                             learner.robot, learner.pose, learner.work);
-  set_parameters(*learner.drawn, learner.state.xi, learner.robot);
+  const Outcome believed = set_parameters(*learner.drawn, learner.state.xi, learner.robot);
+  if (!believed) return believed;
   if (outcome.status == Status::disagree && outcome.chain < 0) learner.pose = before;
   if (outcome.status != Status::not_finite) learner.last = q_e;  // also a bad line is no news twice
   ++(outcome.status == Status::ok ? learner.lines : learner.left_out);

@@ -221,19 +221,22 @@ template <Mobility K, class Model = IdealModel>
 Outcome observe(const Robot& drawn, const OnlineSettings& settings, const Extended& q_e,
                 OnlineState& state, Robot& robot, Pose& pose, double* memory) {
   constexpr int n = kDof<K>;
+  if (!drawn.finished) return {Status::unfinished, -1};
   const int r = drawn.r, rows = n + r, p = state.count;
   if (!all_finite(q_e, rows)) return {Status::not_finite, -1};
   const online_detail::Work work(drawn, p, memory);
   Doubt& doubt = state.doubt;
   const bool gated = settings.gate > 0 && !doubt.stopped;
   if (gated && state.kept && doubt.lines == 0) online_detail::copy_state(state, false);
-  set_parameters(drawn, settings.linearised ? settings.linearised : state.xi, robot);
+  const double* xi = settings.linearised ? settings.linearised : state.xi;
+  Outcome outcome = set_parameters(drawn, xi, robot);
+  if (!outcome) return outcome;
   online_detail::Line line;
   const auto understand = [&](int without) {
     return online_detail::understand<K, Model>(robot, settings, q_e, state, pose, without, work,
                                                line);
   };
-  Outcome outcome = understand(-1);
+  outcome = understand(-1);
   if (!outcome) {
     if (gated && online_detail::no_pose(outcome.status))
       online_detail::weigh_line(state, rows, kLineSays);

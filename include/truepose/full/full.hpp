@@ -107,7 +107,8 @@ TRUEPOSE_FLATTEN inline void place(const Robot& robot, FullClosure<K>& at) {
       at.v[rod] = middle + side * (half_B - half_A);
       at.f[rod] = 0.5 * (at.v[rod].squaredNorm() - length * length);
       // u is the axis about which B turns (or keeps its direction): ∂B/∂q is the chain's.
-      at.jq[rod] = chain.actuator == Actuator::telescopic ? -length : at.v[rod].dot(driven.dB);
+      at.jq[rod] =
+          chain.actuator == Actuator::telescopic ? -length * driven.rate : at.v[rod].dot(driven.dB);
       at.cost += at.f[rod] * at.f[rod];
       at.residual = std::max(at.residual, std::fabs(at.f[rod]) / length);
     }
@@ -284,7 +285,7 @@ inline Outcome full_level(const Robot& robot, FullLevel& level) {
 
 /// Fills robot.full. Call after finish(); costs the ideal level nothing.
 inline Outcome finish_full(Robot& robot) {
-  if (!parts_exist(robot)) return {Status::no_such_part, -1};
+  if (!robot.finished) return {Status::unfinished, -1};
   return with_mobility(robot.mobility,
                        [&](auto mobility) { return full_level<mobility()>(robot, robot.full); });
 }

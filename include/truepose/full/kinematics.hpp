@@ -97,7 +97,8 @@ TRUEPOSE_FLATTEN inline FullResult newton(const Robot& robot, const System& syst
   } else {
     for (int rod = 0; rod < N; ++rod) {
       const Chain& chain = robot.chain[rod / 2];
-      if (chain.actuator != Actuator::telescopic && at.jq[rod] * chain.working_mode < 0 &&
+      const double by_position = at.jq[rod] * at.driven[rod / 2].rate;  // its sign
+      if (chain.actuator != Actuator::telescopic && by_position * chain.working_mode < 0 &&
           !stretched<K>(at, rod)) {
         result.status = Status::branch_lost;
         result.chain = rod / 2;
@@ -209,7 +210,7 @@ struct Inverse {
       double sum = 0;
       for (int rod = 2 * column; rod < 2 * column + 2; ++rod)
         sum += at.v[rod].squaredNorm() * (robot.chain[column].actuator == Actuator::telescopic
-                                              ? 1
+                                              ? at.driven[column].rate * at.driven[column].rate
                                               : at.driven[column].dB.squaredNorm());
       return sum;
     }
@@ -234,6 +235,7 @@ struct Inverse {
 template <class Own, class Same>
 inline auto with_full(const Robot& robot, Own&& own, Same&& same) {
   using Result = decltype(same());
+  if (!robot.finished) return Result{Status::unfinished, -1};
   switch (robot.full.kind) {
     case FullKind::same: return same();
     case FullKind::exists:
@@ -252,6 +254,8 @@ inline auto with_full(const Robot& robot, Own&& own, Same&& same) {
 /// The robot's full level must exist, and be its own (robot.full).
 template <Mobility K>
 FullResult fkm_full(const Robot& robot, const Joint& q, FullPose& pose, FullClosure<K>& closure) {
+  if (!robot.finished) return {Status::unfinished, -1};
+
   closure.pose = pose;
   closure.q = q;
   for (int i = 0; i < kDof<K>; ++i) {

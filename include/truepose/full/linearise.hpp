@@ -55,7 +55,7 @@ inline void parameter_jacobian(const Robot& robot, const FullClosure<K>& at,
         }
       }
     };
-    for_each_variation(robot, i, driven.p, body, at.pose.R * chain.pivot(), enter);
+    for_each_variation(robot, i, at.q[i], driven.p, body, at.pose.R * chain.pivot(), enter);
   }
   sensor_columns(robot, sensed, H);
 }
@@ -70,6 +70,8 @@ template <Mobility K>
 Outcome linearise_full(const Robot& robot, const Pose& pose, Extended& q_e,
                        Matrix<kMaxReadings, kDof<K>>& H_x, double* H_xi,
                        Parasitic* rest = nullptr) {
+  if (!robot.finished) return {Status::unfinished, -1};
+
   if constexpr (!kPaired<K>) {
     if (robot.full.kind != FullKind::same) return {Status::no_full_level, -1};
     return linearise<K>(robot, pose, q_e, H_x, H_xi);

@@ -68,6 +68,8 @@ inline FullRow sensor_row(const Robot& robot, const Sensor& sensor, const FullCl
 template <Mobility K>
 inline Outcome read_standing(const Robot& robot, const FullPose& pose, const Joint& motor,
                              const Joint& arm, Extended& q_e) {
+  if (!robot.finished) return {Status::unfinished, -1};
+
   FullClosure<K> at;
   at.pose = pose;
   at.pose.theta = theta_of(pose.R, pose.theta);

@@ -26,7 +26,8 @@ class Conditioning {
       const Vec3 along = chain.v / length_[i];
       jx_row<K>(along, chain.lever, lines_[i]);
       const double dB2 = chain.dB.squaredNorm();
-      speed_[i] = dB2 > 0 ? std::sqrt(dB2) : 1;  // a telescopic leg is always driven along itself
+      // A telescopic leg is always driven along itself.
+      speed_[i] = dB2 > 0 ? std::sqrt(dB2) : std::fabs(chain.rate);
     }
     unit_ = column_sizes<K>(
         Lanes<n>::Ones(), points<n>([&](int i) -> const Vec3& { return closure.chain[i].lever; }));

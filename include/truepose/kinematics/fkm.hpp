@@ -11,7 +11,7 @@ inline constexpr int kFkmIterations = 60;  ///< of one search; fkm makes at most
 inline constexpr int kFkmStages = 4;       ///< of the second one, from home
 
 /// How a search for the pose ended.
-struct FkmResult {
+struct [[nodiscard]] FkmResult {
   Status status = Status::ok;
   int chain = -1;       ///< the chain at fault, if one is
   int iterations = 0;   ///< steps tried, at most 2 kFkmIterations
@@ -28,6 +28,8 @@ struct FkmResult {
 template <Mobility K, class Failed>
 TRUEPOSE_FLATTEN inline FkmResult search(const Robot& robot, const Joint& q, Pose& pose, int most,
                                          Failed&& failed) {
+  if (!robot.finished) return {Status::unfinished, -1};
+
   constexpr int n = kDof<K>;
   FkmResult result;
   std::array<Driven, n> driven;
@@ -103,7 +105,7 @@ TRUEPOSE_FLATTEN inline FkmResult search(const Robot& robot, const Joint& q, Pos
     for (int i = 0; i < n; ++i) {
       const Chain& chain = robot.chain[i];
       if (chain.actuator != Actuator::telescopic &&
-          jq_entry(chain, current->v[i], driven[i]) * chain.working_mode < 0) {
+          jq_entry(chain, current->v[i], driven[i]) * driven[i].rate * chain.working_mode < 0) {
         result.status = Status::branch_lost;
         result.chain = i;
       }
@@ -177,6 +179,7 @@ inline bool crawled(const Robot& robot, const Joint& q, const Pose& pose, double
     state.lever = turned<K>(pose.R, chain.pivot());
     state.v = chain.base() + driven.p - pose.D - state.lever - chain.anchor();
     state.dB = driven.dB;
+    state.rate = driven.rate;
     scale = std::max(scale, driven.rod);
   }
   return residual < kCrawls * scale && Conditioning<K>(closure).parallel() < kDependent;
@@ -214,8 +217,7 @@ TRUEPOSE_RARE FkmResult search_from_home(const Robot& robot, const Joint& q, Fkm
     ++stage;
     Joint motors{};
     for (int i = 0; i < kDof<K>; ++i) {
-      double way = q[i] - home.chain[i].q;
-      if (robot.chain[i].actuator == Actuator::revolute) way = std::remainder(way, 2 * M_PI);
+      const double way = within_turn(robot.chain[i], q[i] - home.chain[i].q);
       motors[i] = q[i] - way * (kFkmStages - stage) / kFkmStages;
     }
     second = search<K>(robot, motors, at, left);

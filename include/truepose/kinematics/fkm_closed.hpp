@@ -22,6 +22,8 @@ namespace truepose {
 template <Mobility K>
 TRUEPOSE_FLATTEN inline Outcome fkm_closed(const Robot& robot, const Joint& q, const Mat3& R,
                                            const Vec3& near_side, Vec3& D) {
+  if (!robot.finished) return {Status::unfinished, -1};
+
   constexpr int n = kDof<K>;
   static_assert(n >= 3);
   std::array<Vec3, n> t;

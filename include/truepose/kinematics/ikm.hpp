@@ -22,6 +22,8 @@ struct Closure {
 /// @return unreachable and the first chain that cannot close, or not_finite.
 template <Mobility K, bool NeedAngle = true>
 TRUEPOSE_FLATTEN inline Outcome ikm(const Robot& robot, const Pose& pose, Closure<K>& closure) {
+  if (!robot.finished) return {Status::unfinished, -1};
+
   constexpr int n = kDof<K>;
   const auto lever =
       turned<K>(pose.R, points<n>([&](int i) -> Vec3 { return robot.chain[i].pivot(); }));

@@ -112,11 +112,25 @@ inline bool other_mode(const Robot& robot, const Jacobians<K>& jacobians) {
   return other_mode(robot.assembly_sign, [&] { return assembly_sign<K>(jacobians); });
 }
 
-/// Fills what a robot derives from its own data (assembly_sign, limited). Call once after building
-/// it.
-/// @return no_such_part, or that of its home: unreachable, singular, joint_limit
+/// Checks a robot's counts, indices and enums, and fills what it derives from its own data
+/// (assembly_sign, limited, encoders that err). Call after building and after every change.
+///
+/// A robot that passes the check is finished, also one whose home has no regular pose: its inverse
+/// model still answers, its assembly mode is then not asked for.
+///
+/// @return no_such_part, not_square: refused, and still unfinished; or that of its home:
+/// unreachable, singular, joint_limit
 inline Outcome finish(Robot& robot) {
+  robot.finished = false;
   if (!parts_exist(robot)) return {Status::no_such_part, -1};
+  const int n = dof(robot.mobility);
+  if (robot.chains != n || robot.motors != n) return {Status::not_square, -1};
+  robot.finished = true;
+  note_encoders(robot);
+  robot.limited = false;
+  for (int i = 0; i < robot.motors; ++i)
+    robot.limited =
+        robot.limited || std::isfinite(robot.chain[i].low) || std::isfinite(robot.chain[i].high);
   return with_mobility(robot.mobility, [&](auto mobility) {
     constexpr Mobility K = mobility();
     Closure<K> closure;
@@ -124,10 +138,6 @@ inline Outcome finish(Robot& robot) {
     Jacobians<K> jacobians;
     if (outcome) outcome = jacobian<K>(closure, jacobians);
     robot.assembly_sign = outcome ? assembly_sign<K>(jacobians) : 0;
-    robot.limited = false;
-    for (int i = 0; i < kDof<K>; ++i)
-      robot.limited =
-          robot.limited || std::isfinite(robot.chain[i].low) || std::isfinite(robot.chain[i].high);
     return outcome ? within_limits(robot, closure.q()) : outcome;
   });
 }

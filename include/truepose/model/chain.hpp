@@ -11,7 +11,7 @@ namespace truepose {
 /// A chain whose loop is closed.
 struct ChainState {
   double q = 0;   ///< motor position as the encoder reads it
-  double rate;    ///< ∂position/∂q: not 1 where the encoder is eccentric
+  double rate;    ///< ∂position/∂q: 1 but for a gain or an eccentricity of the encoder
   Vec3 p;         ///< P to B (telescopic: zero)
   Vec3 v;         ///< A to B, the rod
   Vec3 lever;     ///< R c, from D to the pivot
@@ -19,19 +19,36 @@ struct ChainState {
   double jq = 0;  ///< the chain's entry of J_q: v·∂B/∂q (telescopic: -L)
 };
 
+/// What the encoder of a motor that stands at this angle or slide makes of it, its offset apart,
+/// and the derivative: gain (φ + e(φ)).
+TRUEPOSE_RARE inline Encoded encode(const Chain& chain, double position) {
+  const Encoded read = encode(chain.eccentricity, position);
+  return {chain.encoder_gain * read.value, chain.encoder_gain * read.slope};
+}
+/// The inverse.
+TRUEPOSE_RARE inline double decode(const Chain& chain, double value) {
+  return decode(chain.eccentricity, value / chain.encoder_gain);
+}
+
 /// Where a motor stands as its stops see it, from its reading: angle or slide, no error of the
 /// encoder.
 inline double motor_position(const Chain& chain, double q) {
   const double value = q + chain.encoder_offset;
-  return chain.eccentricity.any() ? decode(chain.eccentricity, value) : value;
+  return chain.encoder_errs ? decode(chain, value) : value;
 }
 
 /// The inverse: what the encoder of a motor that stands at this angle or slide reads.
 inline double motor_reading(const Chain& chain, double position) {
-  const bool any = chain.eccentricity.any();
-  return (any ? encode(chain.eccentricity, position).value : position) - chain.encoder_offset;
+  return (chain.encoder_errs ? encode(chain, position).value : position) - chain.encoder_offset;
 }
 
+/// What is left of a difference of a motor's readings when whole turns of a joint are taken out:
+/// which of them an encoder counts from is nobody's geometry.
+inline double within_turn(const Chain& chain, double difference) {
+  return chain.actuator == Actuator::revolute
+             ? std::remainder(difference, 2 * M_PI * chain.encoder_gain)
+             : difference;
+}
 /// Base-side point B relative to P, its derivative, and the rod's length, at motor position q.
 struct Driven {
   Vec3 p, dB;
@@ -40,22 +57,22 @@ struct Driven {
 };
 inline Driven drive(const Chain& chain, double q) {
   const double position = motor_position(chain, q);
+  const double rate = chain.encoder_errs ? 1 / encode(chain, position).slope : 1;
   switch (chain.actuator) {
-    case Actuator::prismatic: return {chain.axis() * position, chain.axis(), chain.rod};
-    case Actuator::telescopic: return {Vec3::Zero(), Vec3::Zero(), position};
+    case Actuator::prismatic:
+      return {chain.axis() * position, chain.axis() * rate, chain.rod, rate};
+    case Actuator::telescopic: return {Vec3::Zero(), Vec3::Zero(), position, rate};
     default: break;
   }
   const Vec3 e = chain.arm * chain.zero(), w = chain.axis().cross(e);
   const double c = std::cos(position), s = std::sin(position);
-  const Vec3 p = c * e + s * w, dB = c * w - s * e;
-  if (!chain.eccentricity.any()) return {p, dB, chain.rod};
-  const double rate = 1 / encode(chain.eccentricity, position).slope;
-  return {p, rate * dB, chain.rod, rate};
+  return {c * e + s * w, rate * (c * w - s * e), chain.rod, rate};
 }
 
 /// The first chain whose motor is beyond one of its stops.
 TRUEPOSE_APART inline Outcome beyond_limits(const Robot& robot, const Joint& q) {
-  for (int i = 0; i < dof(robot.mobility); ++i) {
+  if (!robot.finished) return {Status::unfinished, -1};
+  for (int i = 0; i < robot.motors; ++i) {
     const double position = motor_position(robot.chain[i], q[i]);
     if (!(position >= robot.chain[i].low && position <= robot.chain[i].high))
       return {Status::joint_limit, i};
@@ -72,7 +89,7 @@ inline Outcome within_limits(const Robot& robot, const Joint& q) {
 
 /// The entry of J_q for a rod v: the paper's (p×v)·u, for any actuator.
 inline double jq_entry(const Chain& chain, const Vec3& v, const Driven& driven) {
-  return chain.actuator == Actuator::telescopic ? -driven.rod : v.dot(driven.dB);
+  return chain.actuator == Actuator::telescopic ? -driven.rod * driven.rate : v.dot(driven.dB);
 }
 
 /// By how much a rod is too short (positive) or too long (negative) to join its motor's reach to
@@ -87,12 +104,12 @@ inline double shortfall(const Chain& chain, const Vec3& d) {
   return chain.rod < nearest ? nearest - chain.rod : std::min(farthest - chain.rod, 0.0);
 }
 
-/// Turns what close() found of a revolute motor into what its eccentric encoder reads, everything
-/// per that q. Kept out of close(), whose usual path then costs nothing for it.
-/// @return position, as read
-TRUEPOSE_RARE inline double read_off_centre(const Chain& chain, double sine, double cosine,
-                                            ChainState& state) {
-  const Encoded read = encode(chain.eccentricity, std::atan2(sine, cosine));
+/// Turns what close() found of a motor into what an encoder with a gain or an eccentricity reads,
+/// everything per that q. Kept out of close(), whose usual path then costs nothing for it.
+/// @return as read, the offset apart
+TRUEPOSE_RARE inline double read_with_errors(const Chain& chain, double position,
+                                             ChainState& state) {
+  const Encoded read = encode(chain, position);
   state.rate = 1 / read.slope;
   state.jq *= state.rate;
   state.dB *= state.rate;
@@ -117,6 +134,7 @@ TRUEPOSE_FLATTEN inline bool close(const Chain& chain, const Vec3& d, double d2,
       state.p = state.dB = Vec3::Zero();
       state.jq = -position;
       if (!(position > 0 && std::isfinite(position))) return false;
+      if (chain.encoder_errs) position = read_with_errors(chain, position, state);
       break;
     }
     case Actuator::prismatic: {
@@ -127,6 +145,7 @@ TRUEPOSE_FLATTEN inline bool close(const Chain& chain, const Vec3& d, double d2,
       position = along + state.jq;
       state.p = position * chain.axis();
       state.dB = chain.axis();
+      if (chain.encoder_errs) position = read_with_errors(chain, position, state);
       break;
     }
     default: {  // a cos q + b sin q = c, from |p - d|² = L²
@@ -141,7 +160,7 @@ TRUEPOSE_FLATTEN inline bool close(const Chain& chain, const Vec3& d, double d2,
         position = cosine > -0.5 ? 2 * std::atan(sine / (1 + cosine)) : std::atan2(sine, cosine);
       state.p = cosine * e + sine * w;
       state.dB = cosine * w - sine * e;
-      if (chain.eccentricity.any()) position = read_off_centre(chain, sine, cosine, state);
+      if (chain.encoder_errs) position = read_with_errors(chain, std::atan2(sine, cosine), state);
       break;
     }
   }

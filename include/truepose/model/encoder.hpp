@@ -10,32 +10,18 @@ namespace truepose {
 
 /// First and second harmonic of an encoder's error. Its shaft stands at φ = gear · angle and reads
 /// φ + e(φ), e(φ) = c1 cos φ + s1 sin φ + c2 cos 2φ + s2 sin 2φ: an angle reads angle + e(φ)/gear.
-class Eccentricity {
- public:
-  /// Turns of the shaft per turn of what it measures.
-  double gear() const { return gear_; }
-  void set_gear(double gear) { gear_ = gear; }
-  /// c1, s1, c2, s2, rad of the shaft.
-  const std::array<double, 4>& amplitude() const { return amplitude_; }
-  void set_amplitude(const double* values) {
-    any_ = false;
-    for (int k = 0; k < 4; ++k) {
-      amplitude_[k] = values[k];
-      any_ = any_ || values[k] != 0;
-    }
-  }
-  /// Whether there is any: noted, for every chain of every inverse model asks.
-  bool any() const { return any_; }
+struct Eccentricity {
+  double gear = 1;                    ///< turns of the shaft per turn of what it measures
+  std::array<double, 4> amplitude{};  ///< c1, s1, c2, s2, rad of the shaft
 
- private:
-  double gear_ = 1;
-  std::array<double, 4> amplitude_{};
-  bool any_ = false;
+  bool any() const {
+    return amplitude[0] != 0 || amplitude[1] != 0 || amplitude[2] != 0 || amplitude[3] != 0;
+  }
 };
 
 /// cos φ, sin φ, cos 2φ, sin 2φ: e's derivatives with respect to its amplitudes.
 inline std::array<double, 4> harmonics(const Eccentricity& encoder, double angle) {
-  const double phi = encoder.gear() * angle;
+  const double phi = encoder.gear * angle;
   return {std::cos(phi), std::sin(phi), std::cos(2 * phi), std::sin(2 * phi)};
 }
 
@@ -44,8 +30,8 @@ struct Encoded {
   double value, slope;
 };
 TRUEPOSE_RARE inline Encoded encode(const Eccentricity& encoder, double angle) {
-  const std::array<double, 4> h = harmonics(encoder, angle), &a = encoder.amplitude();
-  return {angle + (a[0] * h[0] + a[1] * h[1] + a[2] * h[2] + a[3] * h[3]) / encoder.gear(),
+  const std::array<double, 4> h = harmonics(encoder, angle), &a = encoder.amplitude;
+  return {angle + (a[0] * h[0] + a[1] * h[1] + a[2] * h[2] + a[3] * h[3]) / encoder.gear,
           1 - a[0] * h[1] + a[1] * h[0] - 2 * (a[2] * h[3] - a[3] * h[2])};
 }
 

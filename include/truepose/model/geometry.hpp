@@ -7,10 +7,11 @@ namespace truepose {
 
 /// ξ of the robot as drawn: what set_parameters turns into that robot again.
 /// @param xi  out, parameter_count(drawn) values
-inline void drawn_parameters(const Robot& drawn, double* xi) {
+inline Outcome drawn_parameters(const Robot& drawn, double* xi) {
+  if (!drawn.finished) return {Status::unfinished, -1};
   std::fill_n(xi, parameter_count(drawn), 0.0);
   const auto enter = [](double* at, const Vec3& vector) { std::copy_n(vector.data(), 3, at); };
-  for (int i = 0; i < dof(drawn.mobility); ++i) {
+  for (int i = 0; i < drawn.chains; ++i) {
     const Chain& chain = drawn.chain[i];
     double* of = xi + chain_column(i);
     const auto at = [&](ChainParameter p) { return of + static_cast<int>(p); };
@@ -18,10 +19,11 @@ inline void drawn_parameters(const Robot& drawn, double* xi) {
     *at(ChainParameter::arm) = chain.arm;
     *at(ChainParameter::rod) = chain.rod;
     *at(ChainParameter::encoder_offset) = chain.encoder_offset;
+    *at(ChainParameter::encoder_gain) = chain.encoder_gain;
     enter(at(ChainParameter::anchor_x), chain.bar < 0 ? chain.pivot() : chain.anchor());
     *at(ChainParameter::rod_difference) = chain.rod_difference;
     *at(ChainParameter::rod_spacing) = chain.rod_spacing;
-    std::copy_n(chain.eccentricity.amplitude().data(), 4, at(ChainParameter::eccentricity_c1));
+    std::copy_n(chain.eccentricity.amplitude.data(), 4, at(ChainParameter::eccentricity_c1));
     if (chain.bar >= 0) xi[bar_column(drawn, chain.bar)] = chain.pivot().norm();
   }
   for (int k = 0; k < drawn.r; ++k) {
@@ -34,8 +36,9 @@ inline void drawn_parameters(const Robot& drawn, double* xi) {
     enter(at(SensorParameter::direction_x), sensor.direction());
     enter(at(SensorParameter::target_x), sensor.target());
     enter(at(SensorParameter::normal_x), sensor.normal());
-    std::copy_n(sensor.eccentricity.amplitude().data(), 4, at(SensorParameter::eccentricity_c1));
+    std::copy_n(sensor.eccentricity.amplitude.data(), 4, at(SensorParameter::eccentricity_c1));
   }
+  return {};
 }
 
 /// Overwrites in `robot` everything that ξ determines.
@@ -44,9 +47,10 @@ inline void drawn_parameters(const Robot& drawn, double* xi) {
 /// @param xi     parameter_count(drawn) values, in the order of parameters.hpp; directions and
 ///               normals of any length
 /// @param robot  in: a copy of `drawn`, perhaps with other values; out: with these
-inline void set_parameters(const Robot& drawn, const double* xi, Robot& robot) {
+inline Outcome set_parameters(const Robot& drawn, const double* xi, Robot& robot) {
+  if (!drawn.finished || !robot.finished) return {Status::unfinished, -1};
   const auto vector = [](const double* at) { return Vec3(at[0], at[1], at[2]); };
-  for (int i = 0; i < dof(drawn.mobility); ++i) {
+  for (int i = 0; i < drawn.chains; ++i) {
     const Chain& from = drawn.chain[i];
     Chain& chain = robot.chain[i];
     const double* of = xi + chain_column(i);
@@ -55,6 +59,7 @@ inline void set_parameters(const Robot& drawn, const double* xi, Robot& robot) {
     chain.arm = *at(ChainParameter::arm);
     chain.rod = *at(ChainParameter::rod);
     chain.encoder_offset = *at(ChainParameter::encoder_offset);
+    chain.encoder_gain = *at(ChainParameter::encoder_gain);
     // Yaw adds to α: it turns e and u about z. Tilt then turns u about e.
     const Mat3 yaw = rotation_z(*at(ChainParameter::yaw));
     chain.zero = yaw * from.zero();
@@ -63,7 +68,7 @@ inline void set_parameters(const Robot& drawn, const double* xi, Robot& robot) {
     chain.pair_axis = turn * from.pair_drawn();
     chain.rod_difference = *at(ChainParameter::rod_difference);
     chain.rod_spacing = *at(ChainParameter::rod_spacing);
-    chain.eccentricity.set_amplitude(at(ChainParameter::eccentricity_c1));
+    std::copy_n(at(ChainParameter::eccentricity_c1), 4, chain.eccentricity.amplitude.begin());
     const Vec3 anchor = vector(at(ChainParameter::anchor_x));
     if (chain.bar < 0) {
       chain.pivot = anchor;
@@ -85,8 +90,10 @@ inline void set_parameters(const Robot& drawn, const double* xi, Robot& robot) {
     sensor.target = vector(at(SensorParameter::target_x));
     sensor.direction = vector(at(SensorParameter::direction_x)).normalized();
     sensor.normal = vector(at(SensorParameter::normal_x)).normalized();
-    sensor.eccentricity.set_amplitude(at(SensorParameter::eccentricity_c1));
+    std::copy_n(at(SensorParameter::eccentricity_c1), 4, sensor.eccentricity.amplitude.begin());
   }
+  note_encoders(robot);
+  return {};
 }
 
 }  // namespace truepose

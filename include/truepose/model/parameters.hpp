@@ -31,7 +31,8 @@ enum class ChainParameter : int {
   eccentricity_c1,
   eccentricity_s1,
   eccentricity_c2,
-  eccentricity_s2
+  eccentricity_s2,
+  encoder_gain
 };
 
 /// A parameter's name within its part, and its unit.
@@ -61,6 +62,7 @@ inline constexpr std::array kChainTable{
     InChain{ChainParameter::eccentricity_s1, "eccentricity.s1", Unit::radian},
     InChain{ChainParameter::eccentricity_c2, "eccentricity.c2", Unit::radian},
     InChain{ChainParameter::eccentricity_s2, "eccentricity.s2", Unit::radian},
+    InChain{ChainParameter::encoder_gain, "gain", Unit::one},
 };
 static_assert(in_order(kChainTable, &InChain::parameter));
 inline constexpr int kChainParameters = static_cast<int>(kChainTable.size());
@@ -113,16 +115,16 @@ inline constexpr int kSensorParameters = static_cast<int>(kSensorParameterTable.
 
 /// ξ: chains, then the pivots of the bars, then the sensors in use.
 inline int parameter_count(const Robot& robot) {
-  return dof(robot.mobility) * kChainParameters + kMaxBars + robot.r * kSensorParameters;
+  return robot.chains * kChainParameters + kMaxBars + robot.r * kSensorParameters;
 }
 inline int chain_column(int chain) { return chain * kChainParameters; }
 inline int bar_column(const Robot& robot, int bar) {
   assert(bar >= 0 && bar < kMaxBars);  // or it would be a sensor's column: see parts_exist
-  return dof(robot.mobility) * kChainParameters + bar;
+  return robot.chains * kChainParameters + bar;
 }
 inline int sensor_column(const Robot& robot, int sensor) {
   assert(sensor >= 0 && sensor < robot.r);
-  return dof(robot.mobility) * kChainParameters + kMaxBars + sensor * kSensorParameters;
+  return robot.chains * kChainParameters + kMaxBars + sensor * kSensorParameters;
 }
 
 /// What a parameter moves, at fixed pose and fixed encoder reading.
@@ -135,20 +137,22 @@ struct Variation {
   double spacing = 0;        ///< of s between them
 };
 
-/// ∂q of a motor that stands still with its arm at p, by each of its encoder's amplitudes.
-inline std::array<double, 4> eccentric_reading(const Chain& chain, const Vec3& p) {
-  if (chain.actuator != Actuator::revolute) return {};
+/// ∂q of a motor that stands still with its arm at p, by each of its encoder's amplitudes and by
+/// its gain, which scales from 0: with whole turns left out of q as the models leave them out.
+inline std::array<double, 5> encoder_reading(const Chain& chain, double q, const Vec3& p) {
+  std::array<double, 5> change{0, 0, 0, 0, (q + chain.encoder_offset) / chain.encoder_gain};
+  if (chain.actuator != Actuator::revolute) return change;
   const double position = std::atan2(chain.axis().cross(chain.zero()).dot(p), chain.zero().dot(p));
-  std::array<double, 4> change = harmonics(chain.eccentricity, position);
-  for (double& entry : change) entry /= chain.eccentricity.gear();
+  const std::array<double, 4> harmonic = harmonics(chain.eccentricity, position);
+  for (int k = 0; k < 4; ++k)
+    change[k] = chain.encoder_gain * harmonic[k] / chain.eccentricity.gear;
   return change;
 }
-
 /// @param p         P to B
 /// @param body      orientation of the body that carries A
-/// @param eccentric  as of eccentric_reading
+/// @param encoder   as of encoder_reading
 inline Variation vary(const Chain& chain, const Vec3& p, const Mat3& body,
-                      const std::array<double, 4>& eccentric, ChainParameter parameter) {
+                      const std::array<double, 5>& encoder, ChainParameter parameter) {
   Variation change;
   const auto unit = [&](ChainParameter first) -> Vec3 {
     return Vec3::Unit(static_cast<int>(parameter) - static_cast<int>(first));
@@ -173,8 +177,9 @@ inline Variation vary(const Chain& chain, const Vec3& p, const Mat3& body,
     case ChainParameter::eccentricity_s1:
     case ChainParameter::eccentricity_c2:
     case ChainParameter::eccentricity_s2:
-      change.motor = -eccentric[static_cast<std::size_t>(parameter) -
-                                static_cast<std::size_t>(ChainParameter::eccentricity_c1)];
+    case ChainParameter::encoder_gain:
+      change.motor = -encoder[static_cast<std::size_t>(parameter) -
+                              static_cast<std::size_t>(ChainParameter::eccentricity_c1)];
       break;
   }
   if (parameter == ChainParameter::yaw || parameter == ChainParameter::tilt)
@@ -183,14 +188,15 @@ inline Variation vary(const Chain& chain, const Vec3& p, const Mat3& body,
 }
 
 /// Calls enter(column of H_ξ, variation) for each parameter that moves chain i.
+/// @param q      of its motor
 /// @param lever  from D to the pivot
 template <class Enter>
-inline void for_each_variation(const Robot& robot, int i, const Vec3& p, const Mat3& body,
+inline void for_each_variation(const Robot& robot, int i, double q, const Vec3& p, const Mat3& body,
                                const Vec3& lever, Enter&& enter) {
   const Chain& chain = robot.chain[i];
-  const std::array<double, 4> eccentric = eccentric_reading(chain, p);
+  const std::array<double, 5> encoder = encoder_reading(chain, q, p);
   for (int k = 0; k < kChainParameters; ++k)
-    enter(chain_column(i) + k, vary(chain, p, body, eccentric, static_cast<ChainParameter>(k)));
+    enter(chain_column(i) + k, vary(chain, p, body, encoder, static_cast<ChainParameter>(k)));
   if (chain.bar >= 0) {  // the pivot moves along itself
     Variation change;
     change.A = lever.normalized();
@@ -235,7 +241,7 @@ inline void sensor_columns(const Robot& robot, const std::array<Sensed, kMaxSens
     if (!rotary(robot.sensor[k])) continue;
     const Eccentricity& encoder = robot.sensor[k].eccentricity;
     for (const double harmonic : harmonics(encoder, s.angle))
-      row[column++] = robot.sensor[k].gain * harmonic / encoder.gear();
+      row[column++] = robot.sensor[k].gain * harmonic / encoder.gear;
   }
 }
 
@@ -249,7 +255,7 @@ inline void parameter_jacobian(const Robot& robot, const Pose& pose, const Chain
     const ChainState& state = states[i];
     const Mat3 body = body_of(chain, pose);
     for_each_variation(
-        robot, i, state.p, body, state.lever, [&](int column, const Variation& change) {
+        robot, i, state.q, state.p, body, state.lever, [&](int column, const Variation& change) {
           const double motor = -closure_change(state.v, state.jq, chain.rod, change) / state.jq;
           H[i * width + column] += motor;
           for (int k = 0; k < robot.r; ++k) {

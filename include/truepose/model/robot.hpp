@@ -18,18 +18,21 @@
 
 namespace truepose {
 
-inline constexpr int kMaxDof = 6;        ///< chains = motors = degrees of freedom n
+inline constexpr int kMaxDof = 6;        ///< degrees of freedom n
+inline constexpr int kMaxChains = 6;     ///< driven or not
+inline constexpr int kMaxMotors = 6;     ///< of the first chains
 inline constexpr int kMaxSensors = 12;   ///< redundant readings r
-inline constexpr int kMaxReadings = 16;  ///< extended positions n + r: of six motors, r <= 10
+inline constexpr int kMaxReadings = 16;  ///< extended positions, motors and r: of six, r <= 10
 inline constexpr int kMaxBodies = 8;     ///< rigid bodies of the nacelle
 inline constexpr int kMaxRods = 12;      ///< full level: two per spatial parallelogram
 inline constexpr int kMaxBars = 2;       ///< full level: lateral bars of the nacelle
 inline constexpr int kMaxUnknowns = 8;   ///< full level: pose and one angle per bar
 
-static_assert(kMaxReadings <= kMaxDof + kMaxSensors && kMaxRods == 2 * kMaxDof &&
+static_assert(kMaxReadings <= kMaxMotors + kMaxSensors && kMaxRods == 2 * kMaxChains &&
               kMaxUnknowns == 6 + kMaxBars);
 
-using Joint = std::array<double, kMaxDof>;          ///< anything of size n
+using Coordinates = std::array<double, kMaxDof>;    ///< of the nacelle: x, a twist, a small motion
+using Joint = std::array<double, kMaxMotors>;       ///< of the motors: q, torques
 using Reading = std::array<double, kMaxSensors>;    ///< anything of size r
 using Extended = std::array<double, kMaxReadings>;  ///< anything of size n + r
 template <int Rows, int Columns>
@@ -62,7 +65,9 @@ struct Chain {
   Plain<Vec3> zero = Vec3::UnitX();   ///< e, direction of the arm at q = 0, unit, normal to u
   double arm = 0;                     ///< l = |PB|
   double rod = 0;                     ///< L = |AB|
-  double encoder_offset = 0;          ///< reading = angle - offset, eccentricity apart
+  double encoder_offset = 0;          ///< reading = gain q - offset, q the angle or slide as the
+  double encoder_gain = 1;            ///< encoder's disc or scale has it: eccentricity, pitch
+  bool encoder_errs = false;          ///< gain or eccentricity; noted by finish, set_parameters
   Plain<Vec3> pivot = Vec3::Zero();   ///< c, turns with the nacelle
   Plain<Vec3> anchor = Vec3::Zero();  ///< a, keeps its orientation
   double encoder_step = 0;            ///< one count, rad or m (0: unquantised)
@@ -107,6 +112,7 @@ struct Sensor {
   double step = 0;            ///< one count of the reading (0: unquantised)
   double noise = 0;           ///< σ of the reading
   Eccentricity eccentricity;  ///< of an encoder: nacelle_angle, rod_in_plane, rod_lateral, motor
+  bool encoder_errs = false;  ///< eccentricity; noted by finish, set_parameters
   double weight = 1;          ///< of its row in the TEJ; the paper's is 1
   Plain<Vec3> origin = Vec3::Zero();
   Plain<Vec3> direction = Vec3::UnitZ();  ///< unit
@@ -157,19 +163,24 @@ struct FullLevel {
   constexpr bool own() const { return kind == FullKind::exists || kind == FullKind::elastic; }
 };
 
-/// A robot and its sensors. Copyable; constant once built; shared freely between threads.
+/// A robot and its sensors. Plain data; constant once finished; shared freely between threads.
+/// Fill it, then call finish (jacobian.hpp), again after every change of it: until then everything
+/// that is asked of it answers `unfinished`. Only set_parameters may change a finished one.
 struct Robot {
   Mobility mobility = Mobility::schoenflies;
-  int r = 0;  ///< redundant sensors in use
+  int chains = 0;  ///< today as many as the mobility has freedoms
+  int motors = 0;  ///< they drive the first chains; today all
+  int r = 0;       ///< redundant sensors in use
   int bodies = 0;
-  std::array<Chain, kMaxDof> chain;  ///< as many as the mobility has freedoms
+  std::array<Chain, kMaxChains> chain;
   std::array<Sensor, kMaxSensors> sensor;
   std::array<Body, kMaxBodies> body;
   Plain<Vec3> gravity = Vec3(0, 0, -9.81);
-  Joint home{};           ///< a pose well inside the workspace; default guess of the FKM
+  Coordinates home{};     ///< a pose well inside the workspace; default guess of the FKM
   int assembly_sign = 0;  ///< sign of det J_x at home (0: not asked for)
   BarJoint bar_joint = BarJoint::pivots;
-  bool limited = false;        ///< whether any motor has stops; filled by finish
+  bool finished = false;       ///< whether every count, index and enum was found sound, by finish
+  bool limited = true;         ///< whether any motor has stops; filled by finish
   FullLevel full;              ///< filled by finish_full
   Level level = Level::ideal;  ///< at which laws and learners understand it
 
@@ -185,28 +196,47 @@ constexpr int dof(Mobility mobility) {
   return sizes[static_cast<std::size_t>(mobility)];
 }
 
-/// Whether every count is within its capacity and every index names a part that the robot has:
-/// what all other functions take for granted. finish() asks it.
+/// Whether every count is within its capacity, every enum one of its values, and every index names
+/// a part that the robot has: what all other functions take for granted. finish() asks it.
 inline bool parts_exist(const Robot& robot) {
-  const auto below = [](int index, int count) { return index >= 0 && index < count; };
+  const auto below = [](auto index, int count) {
+    return static_cast<int>(index) >= 0 && static_cast<int>(index) < count;
+  };
   const auto bar = [&](int index) { return index == -1 || below(index, kMaxBars); };
-  if (!below(static_cast<int>(robot.mobility), 5) || !below(robot.r, kMaxSensors + 1) ||
-      dof(robot.mobility) + robot.r > kMaxReadings || !below(robot.bodies, kMaxBodies + 1))
+  const auto sign = [](int value) { return value == 1 || value == -1; };
+  if (!below(robot.mobility, 5) || !below(robot.chains, kMaxChains + 1) ||
+      !below(robot.motors, robot.chains + 1) || !below(robot.r, kMaxSensors + 1) ||
+      robot.motors + robot.r > kMaxReadings || !below(robot.bodies, kMaxBodies + 1) ||
+      !below(robot.bar_joint, 2) || !below(robot.level, 2))
     return false;
   bool exist = true;
-  for (int i = 0; i < dof(robot.mobility); ++i) exist = exist && bar(robot.chain[i].bar);
+  for (int i = 0; i < robot.chains; ++i) {
+    const Chain& chain = robot.chain[i];
+    exist = exist && below(chain.actuator, 3) && sign(chain.working_mode) && bar(chain.bar);
+  }
   for (int k = 0; k < robot.bodies; ++k) exist = exist && bar(robot.body[k].bar);
   for (int k = 0; k < robot.r; ++k) {
     const Sensor& sensor = robot.sensor[k];
-    if (!below(static_cast<int>(sensor.kind), kSensorKinds)) return false;
-    const bool chain = properties(sensor.kind).of_chain ? below(sensor.chain, dof(robot.mobility))
-                                                        : sensor.chain == -1;
-    exist = exist && chain && bar(sensor.bar);
+    if (!below(sensor.kind, kSensorKinds)) return false;
+    const bool chain =
+        properties(sensor.kind).of_chain ? below(sensor.chain, robot.chains) : sensor.chain == -1;
+    exist = exist && chain && sign(sensor.rod) && bar(sensor.bar);
   }
   return exist;
 }
 
-/// Calls f with the mobility as a compile-time constant, so that sizes are known in the loops.
+/// Notes which encoders need more than an offset to be read: every chain of every inverse model
+/// asks.
+inline void note_encoders(Robot& robot) {
+  for (int i = 0; i < robot.chains; ++i)
+    robot.chain[i].encoder_errs =
+        robot.chain[i].encoder_gain != 1 || robot.chain[i].eccentricity.any();
+  for (int k = 0; k < robot.r; ++k)
+    robot.sensor[k].encoder_errs = robot.sensor[k].eccentricity.any();
+}
+
+/// Calls f with the mobility as a compile-time constant, so that sizes are known in the loops. (One
+/// that does not exist, of a robot that is not finished, counts as any: whatever f asks refuses.)
 template <class F>
 constexpr auto with_mobility(Mobility mobility, F&& f) {
   switch (mobility) {

@@ -5,7 +5,7 @@ namespace truepose {
 
 /// Result of every core function. Nothing throws; whoever calls looks at this. Below 0: an answer
 /// with a warning; above 0: no answer.
-enum class Status : int {
+enum class [[nodiscard]] Status : int {
   stopped = -3,        ///< readings kept disagreeing: nothing is learnt from them any more
   disagree = -2,       ///< readings disagree: not all of them, or none, were learnt from
   near_singular = -1,  ///< damped, as asked for: finite and bounded, not the exact law's answer
@@ -18,7 +18,9 @@ enum class Status : int {
   no_full_level = 6,   ///< the rods are too many, too few or unknown to be solved for one by one
   joint_limit = 7,     ///< a motor would have to pass one of its stops
   not_converged = 8,  ///< the search ended with the loops open; whether any pose closes them is too
-  no_such_part = 9,   ///< a count or an index of the robot's data names a part that it has not
+  no_such_part = 9,   ///< a count, an index or an enum of the robot's data names what is not there
+  not_square = 10,    ///< more or fewer chains or motors than freedoms: not solved for
+  unfinished = 11,    ///< the robot has not passed finish() (jacobian.hpp)
 };
 
 /// What a status says, for people.
@@ -37,13 +39,15 @@ constexpr const char* describe(Status status) {
     case Status::joint_limit: return "beyond a joint limit";
     case Status::not_converged: return "not converged";
     case Status::no_such_part: return "no such part";
+    case Status::not_square: return "not as many chains and motors as freedoms";
+    case Status::unfinished: return "not finished";
   }
   return "unknown status";
 }
 
 /// Status and the chain that caused it, for `disagree` the reading (0-based, -1: none in
 /// particular). True where there is an answer.
-struct Outcome {
+struct [[nodiscard]] Outcome {
   Status status = Status::ok;
   int chain = -1;
   constexpr explicit operator bool() const { return status <= Status::ok; }

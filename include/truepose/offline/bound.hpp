@@ -25,6 +25,7 @@ struct Visit {
 inline Outcome after_visiting(
     const Robot& robot, const Kernels& model, const Knowledge& prior, int nuisances,
     const std::vector<Visit>& visits, RowMatrix& root, const std::function<void()>& poll = [] {}) {
+  if (!robot.finished) return {Status::unfinished, -1};
   const int p = prior.count;
   Knowledge raw = prior;  // S comes last, once: elimination acts on the rows, S on the columns
   raw.root = nullptr;

@@ -72,12 +72,16 @@ class Calibrator {
         n_(model.n),
         readings_(model.n + drawn.r),
         S_(Eigen::Map<const RowMatrix>(prior.root, p_, p_)),
-        H_xi_(2 * readings_ * parameter_count(drawn)),
+        H_xi_(drawn.finished ? 2 * readings_ * parameter_count(drawn) : 0),
         rest_(log.count),
         loss_(settings.loss, settings.tuning) {}
 
   CalibrationResult run() {
     CalibrationResult result;
+    if (!drawn_.finished) {
+      result.outcome = {Status::unfinished, -1};
+      return result;
+    }
     Iterate now{Eigen::VectorXd::Zero(p_), std::vector<Pose>(log_.count)};
     result.status = start(now);
     start_ = place(now, result.status);
@@ -122,7 +126,7 @@ class Calibrator {
     Knowledge axes = prior_;
     axes.count = m;
     axes.column += p_ - m;
-    set_parameters(drawn_, xi_of(at.u).data(), robot_);
+    believe_in(xi_of(at.u));
     D_.resize(log_.count);
     for (int k = 0; k < log_.count; ++k)
       if (status[k] == Status::ok)
@@ -135,6 +139,10 @@ class Calibrator {
     for (int k = 0; k < p_ - settings_.nuisances; ++k)
       if (!of_registration(k)) xi[prior_.column[k]] += change[k];
     return xi;
+  }
+
+  void believe_in(const std::vector<double>& xi) {
+    static_cast<void>(set_parameters(drawn_, xi.data(), robot_));  // finished: run() has asked
   }
 
   bool of_registration(int k) const {
@@ -151,7 +159,7 @@ class Calibrator {
   }
 
   void believe(const Eigen::VectorXd& u) {
-    set_parameters(drawn_, xi_of(u).data(), robot_);
+    believe_in(xi_of(u));
     registration_ = registration_of(u);
   }
 
@@ -167,7 +175,7 @@ class Calibrator {
 
   /// First poses: from the motors, at the prior mean.
   std::vector<Status> start(Iterate& at) {
-    set_parameters(drawn_, mean_.data(), robot_);
+    believe_in(mean_);
     std::vector<Status> status(log_.count, Status::ok);
     const Pose home = to_pose(robot_.mobility, robot_.home);
     Pose guess = home;
@@ -404,7 +412,7 @@ class Calibrator {
     result.registration = registration_of(at.u);
     result.pose = at.pose;
     result.cost = cost(at);
-    set_parameters(drawn_, result.xi.data(), robot_);
+    believe_in(result.xi);
     for (const Line& line : at.line) {
       const bool good = line.rows >= n_;
       result.redundancy.push_back(line.redundancy());

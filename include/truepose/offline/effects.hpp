@@ -75,7 +75,7 @@ class Plant {
     transmitted_ = inverse_dynamics<K>(model, jacobians.J, Joint{});
     const Joint q = closure.q();
     for (int i = 0; i < n; ++i)
-      rotors_[i] = q[i] + (springy(i) ? transmitted_[i] / effects_.arm_stiffness : 0);
+      rotors_[i] = shaft(i, q[i]) + (springy(i) ? transmitted_[i] / effects_.arm_stiffness : 0);
     Extended q_e{};
     outcome = exact_readings<K>(truth_, state_.pose, q_e, rest_);
     for (int k = 0; k < truth_.r; ++k) geared_[k] = q_e[n + k];
@@ -119,7 +119,7 @@ class Plant {
     if (!outcome) return outcome;
     for (int k = 0; k < truth_.r; ++k) {  // a gear's far side follows where the play ends
       const Sensor& sensor = truth_.sensor[k];
-      if (!properties(sensor.kind).is_theta || sensor.eccentricity.gear() == 1) continue;
+      if (!properties(sensor.kind).is_theta || sensor.eccentricity.gear == 1) continue;
       const double half = std::fabs(sensor.gain) * effects_.backlash / 2, near = q_e[n + k];
       q_e[n + k] = geared_[k] = std::clamp(geared_[k], near - half, near + half);
     }
@@ -132,16 +132,20 @@ class Plant {
     return effects_.arm_stiffness > 0 && truth_.chain[i].actuator == Actuator::revolute;
   }
 
+  /// How far a motor has turned, its encoder's offset and eccentricity left as they are.
+  double shaft(int i, double q) const { return q / truth_.chain[i].encoder_gain; }
+
   /// Torque that reaches the arms, and the rates of the rotors' angles and of those.
   Joint transmitted(const Joint& q, const std::array<double, n>& rate, const Joint& torque,
                     const Rotors& y, Rotors& dy) {
     for (int i = 0; i < n; ++i) {
-      const double ripple = effects_.ripple * std::sin(kRipples * q[i] + effects_.phase[i]);
+      const double arm = shaft(i, q[i]);
+      const double ripple = effects_.ripple * std::sin(kRipples * arm + effects_.phase[i]);
       const double net = torque[i] * (1 + ripple) - effects_.friction[i] * slip_[i];
       if (springy(i)) {  // the rotor turns against its arm's root
         const double k = effects_.arm_stiffness, I = rotor_[i];
         const double damping = 2 * effects_.arm_damping * std::sqrt(k * I);
-        transmitted_[i] = k * (y[i] - q[i]) + damping * (y[n + i] - rate[i]);
+        transmitted_[i] = k * (y[i] - arm) + damping * (y[n + i] - rate[i]);
         dy[i] = y[n + i];
         dy[n + i] = (net - transmitted_[i]) / I;
       } else {
@@ -164,18 +168,19 @@ class Plant {
     for (int i = 0; i < n; ++i) {
       const Chain& from = truth_.chain[i];
       const ChainState& at = closure.chain[i];
-      if (springy(i)) robot.chain[i].encoder_offset -= rotors_[i] - q[i];
+      const double gain = from.encoder_gain;
+      if (springy(i)) robot.chain[i].encoder_offset -= gain * (rotors_[i] - shaft(i, q[i]));
       if (effects_.rod_stiffness <= 0) continue;
       const double carried =
           (from.actuator == Actuator::revolute ? 0.5 : 1) * from.arm_mass + 0.5 * from.rod_mass;
-      const double left = transmitted_[i] + carried * truth_.gravity().dot(at.dB);
+      const double left = transmitted_[i] + carried * truth_.gravity().dot(at.dB) / at.rate;
       const double length = at.v.norm();
       // An arm in line with its rod says nothing of the rod's force.
       if (!(std::fabs(at.jq) > 1e-3 * length * at.dB.norm())) continue;
       const int rods = kPaired<K> ? 2 : 1;
-      const double stretched = left * length / at.jq / (rods * effects_.rod_stiffness);
+      const double stretched = left * length * at.rate / at.jq / (rods * effects_.rod_stiffness);
       if (from.actuator == Actuator::telescopic)
-        robot.chain[i].encoder_offset += stretched;
+        robot.chain[i].encoder_offset += gain * stretched;
       else
         robot.chain[i].rod += stretched;
     }

@@ -12,7 +12,7 @@ namespace truepose {
 inline bool rotary(const Sensor& sensor) { return properties(sensor.kind).shaft; }
 
 /// Whether it errs with its own turns.
-inline bool eccentric(const Sensor& sensor) { return sensor.eccentricity.any(); }
+inline bool eccentric(const Sensor& sensor) { return sensor.encoder_errs; }
 
 /// An encoder's value and gradients as its eccentricity has it.
 inline void read_off_centre(const Sensor& sensor, Sensed& s) {

@@ -90,6 +90,7 @@ def build(spec: RobotFile) -> _core.Robot:
     """Fill the core's structs from the file, as drawn: axes at zero yaw and tilt."""
     robot = _core.Robot()
     robot.mobility = getattr(_core.Mobility, spec.mobility)
+    robot.chains = robot.motors = spec.n
     robot.gravity = np.array(spec.gravity)
     robot.home = [*spec.home, *[0.0] * (6 - spec.n)]
     robot.bar_joint = getattr(_core.BarJoint, spec.nacelle.bars)
@@ -126,6 +127,7 @@ def _build_chain(spec: RobotFile, chain: Chain) -> _core.Chain:
         built.pivot = bar.pivot * np.array(bar.direction)
         built.anchor = np.array(chain.anchor)
         built.bar = chain.bar - 1
+    built.encoder_gain = chain.gain
     built.encoder_step = encoder_step(chain) * spec.quantised
     built.encoder_noise = chain.encoder_noise
     built.set_eccentricity(chain.eccentricity, 1.0)

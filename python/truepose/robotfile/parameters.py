@@ -42,6 +42,7 @@ def parameter_names(
         keys += ["arm"] * (actuator in ("revolute", None))
         keys += ["rod"] * (actuator != "telescopic")
         keys += harmonics() * (actuator in ("revolute", None))
+        keys += ["gain"]
         names += [f"chain{number}.{key}" for key in keys]
     names += [f"bar{number}.pivot" for number in range(1, bars + 1)]
     for name, kind in sensors:

@@ -65,7 +65,7 @@ _MOVES: tuple[str, ...] = (
     "bar",
     "limits",
 )
-_MOVES += ("rod_spacing", "rod_difference", "pair_axis", "yaw", "tilt", "encoder_offset")
+_MOVES += ("rod_spacing", "rod_difference", "pair_axis", "yaw", "tilt", "encoder_offset", "gain")
 
 
 #: Of a robot file. A calibration of as many parameters as a robot can have takes 0.7 MB of it.
@@ -258,7 +258,8 @@ def wrong_value(name: str, value: float) -> str | None:
     if name.endswith((".arm", ".rod", ".pivot", ".rod_spacing")) and value <= 0:
         return "must be greater than 0 (m)"
     if name.endswith(".gain") and value == 0:
-        return "a sensor that reads nothing"
+        part = "motor whose encoder" if name.startswith("chain") else "sensor that"
+        return f"a {part} reads nothing"
     if ".eccentricity." in name and abs(value) >= 0.1:
         return "must be between -0.1 and 0.1 (rad)"
     return None

@@ -88,7 +88,12 @@ class Chain(Section):
     yaw: Angle = Field(default=0.0, description="turns e and u about z")
     tilt: Angle = Field(default=0.0, description="turns u about e")
     encoder_offset: Annotated[Number, unit("rad or m")] = Field(
-        default=0.0, description="reading = q - offset"
+        default=0.0, description="reading = gain * q - offset"
+    )
+    gain: Number = Field(
+        default=1.0,
+        description="of the motor's reading: its encoder's scale, its screw's or belt's pitch over "
+        "the drawn one, or -1 for a reading that counts backwards",
     )
     encoder_counts: Counts | None = Field(
         default=None, description="per turn, or per m; without it the encoder has no counts"
@@ -128,6 +133,8 @@ class Chain(Section):
             lean = sum(a * b for a, b in zip(self.axis, self.zero, strict=True))
             if abs(lean) > 1e-6:
                 raise ValueError(f"'zero' must be normal to 'axis'; their product is {lean:.3g}")
+        if self.gain == 0:
+            raise ValueError("gain = 0: a motor whose encoder reads nothing")
         if self.actuator != "revolute" and any(self.eccentricity):
             raise ValueError(f"'eccentricity' is for revolute chains, not {self.actuator}")
         if self.limits is not None and self.limits[0] >= self.limits[1]:

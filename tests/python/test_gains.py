@@ -1,0 +1,129 @@
+"""Does a motor whose encoder or screw has another scale change what is read, and only that?"""
+
+import numpy as np
+import pytest
+
+import truepose as tp
+from truepose.simulation.true_robots import with_tolerance_errors
+
+#: The second one counts backwards.
+GAINS = (1.002, -0.7, 1.3, 1.0, 0.9, 1.1)
+
+
+def scaled(robot):
+    return robot.replace({f"chain{i + 1}.gain": GAINS[i] for i in range(robot.n)})
+
+
+@pytest.fixture(params=["h4", "linear-delta", "stewart", "five-bar"])
+def robot(request):
+    return tp.load(request.param).unquantised()
+
+
+def test_a_reading_is_gain_times_the_motors_position_less_its_offset(robot, anywhere, rng):
+    robot = robot.replace({"chain2.encoder_offset": 0.01})
+    x, gains = anywhere(robot, 20, rng), np.array(GAINS[: robot.n])
+    offset = np.array([0, 0.01] + [0] * (robot.n - 2))
+    q = robot.ikm(x)
+    read = scaled(robot).ikm(x)
+    assert read == pytest.approx(gains * (q + offset) - offset, abs=1e-14)
+    assert scaled(robot).fkm(read, guess=x) == pytest.approx(x, abs=1e-11)
+    assert scaled(robot).jacobian(x) * gains == pytest.approx(robot.jacobian(x), abs=1e-10)
+    sensors = len(robot.readings) - robot.n
+    if sensors:
+        assert scaled(robot).rkm(x) == pytest.approx(robot.rkm(x), abs=1e-13)
+
+
+def test_stops_stand_where_the_motor_is_not_where_it_reads(h4, anywhere, rng):
+    h4 = h4.replace({"chain1.encoder_offset": 0.2})
+    with pytest.raises(tp.PoseError, match=r"chain 1: beyond a joint limit, 1\.81806 of"):
+        scaled(h4).ikm([-0.3, 0, -0.55, 0])
+    x = anywhere(h4, 200, rng)
+    near = scaled(h4).replace({"chain1.gain": 3.0})  # its readings pass the stops' numbers
+    assert np.max(near.ikm(x)[:, 0]) > h4.spec.chain[0].limits[1]
+
+
+@pytest.mark.parametrize("law", ["joint", "redundant", "cartesian"])
+def test_a_machine_moves_alike_however_its_encoders_count(h4, law):
+    """Weight and friction pass through the gains as torques of the motor, not of its reading.
+
+    The redundant law's unit weights are of readings: there only alike scales leave it alone.
+    """
+    truth = with_tolerance_errors(h4, 1)
+    mine = (-1.0,) * 4 if law == "redundant" else GAINS
+
+    def counting(robot):
+        values = {f"chain{i + 1}.gain": mine[i] for i in range(4)}
+        for i in range(4):  # an offset is one of the reading
+            name = f"chain{i + 1}.encoder_offset"
+            values[name] = mine[i] * robot.parameters[name].value
+        return robot.unquantised().replace(values)
+
+    pairs = [(h4.unquantised(), truth.unquantised()), (counting(h4), counting(truth))]
+    plain, other = (tp.simulate(*pair, law, duration=0.1, hold=0.05) for pair in pairs)
+    assert other.x == pytest.approx(plain.x, abs=1e-9)
+    rest = [tp.settle(*pair, h4.spec.home, law, gravity=True) for pair in pairs]
+    assert rest[1] == pytest.approx(rest[0], abs=1e-10)
+
+
+def test_what_springs_and_plays_does_so_in_the_motors_own_turns(h4):
+    """Compliance bends what is read by the rotor's turn, gain and all; a gain changes no motion."""
+    values = {"chain1.gain": 1.3, "chain3.gain": -0.8}
+    effects = tp.Effects().only("compliance", "ripple", "friction")
+    runs = [
+        tp.simulate(a, a, "joint", duration=0.1, hold=0.0, effects=effects)
+        for a in (h4.unquantised(), h4.unquantised().replace(values))
+    ]
+    assert runs[1].x == pytest.approx(runs[0].x, abs=1e-8)
+
+
+@pytest.fixture
+def loosely(tmp_path):
+    """A shipped robot of whose motors' gains nobody is sure, with all its sensors."""
+
+    def load(name):
+        file = tmp_path / f"{name}.toml"
+        file.write_text(
+            f'based_on = "{name}"\nname = "{name} with screws of its own"\n'
+            '[tolerances]\n"chain*.gain" = { sigma = 1e-3 }\n'
+        )
+        robot = tp.load(file)
+        return robot.with_sensors(*(sensor.name for sensor in robot.spec.sensor))
+
+    return load
+
+
+@pytest.mark.parametrize("name, known", [("h4", 2.5e-4), ("linear-delta", 3e-5)])
+def test_a_calibration_finds_a_gain(loosely, name, known, anywhere, rng):
+    """One part in a thousand, among all else that is not known: within 3.5 of the σ it states."""
+    robot = loosely(name)
+    x = anywhere(robot, 80, rng)
+    true = with_tolerance_errors(robot, 4).replace({"chain2.gain": 1.001})
+    fit = tp.calibrate(robot, true.read(x))
+    for chain in range(1, robot.n + 1):
+        gain = fit.parameters[f"chain{chain}.gain"]
+        assert gain.sigma < known
+        assert abs(gain.value - true.parameters[f"chain{chain}.gain"].value) < 3.5 * gain.sigma
+    # What is promised beforehand counts the gains in.
+    sure = tp.accuracy(tp.load(name).with_sensors(*robot.spec.sensors), x[:5])
+    assert np.all(np.linalg.eigvalsh(tp.accuracy(robot, x[:5]) - sure) > -1e-15)
+    assert np.trace(tp.accuracy(robot, x[:5])[0]) > np.trace(sure[0])
+
+
+def test_gains_are_learnt_online(loosely, anywhere, rng):
+    robot = loosely("linear-delta")
+    true = robot.expected().replace({"chain2.gain": 1.001})
+    learner = tp.OnlineCalibration(robot)
+    for line in true.read(anywhere(robot, 150, rng)):
+        learner.observe(line)
+    gain = learner.parameters["chain2.gain"]
+    assert abs(gain.value - 1.001) < 4 * gain.sigma < 5e-4
+
+
+def test_a_file_that_says_nothing_of_gains_knows_them(h4):
+    gain = h4.parameters["chain1.gain"]
+    assert (gain.value, gain.mean, gain.sigma) == (1, 1, 0)
+
+
+def test_a_motor_that_reads_nothing_is_refused(h4, tmp_path):
+    with pytest.raises(tp.InputError, match=r"^chain3.gain = 0: a motor whose encoder reads noth"):
+        h4.replace({"chain3.gain": 0})
