@@ -39,7 +39,7 @@ test-cpp: build/asan/build.ninja
 	cmake --build --preset asan
 	ctest --preset asan
 
-lint: $(VENV)/tools
+lint: $(VENV)/developing
 	ruff check .
 	ruff format --check .
 	PYTHONPATH=python lint-imports --no-cache
