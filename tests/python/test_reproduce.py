@@ -105,11 +105,10 @@ def test_the_folder_holds_page_figures_and_numbers_and_nothing_else(made):
         "poses",
         "ratios",
         "rest",
-        "warm_up",
     ]
     numbers = ["table3_one_robot", "table3_robots", "gains", "moves", "dynamics_check"]
     numbers += ["statistics", "poses", "figure-11", "figure-12", "figure-13", "cartesian"]
-    numbers += ["self-calibrated", "warm_up"]
+    numbers += ["self-calibrated", "sensing"]
     expected = {"report.html"} | {f"{name}.csv" for name in numbers}
     expected |= {f"{name}.{kind}" for name in pictures for kind in ("svg", "png")}
     assert {file.name for file in out.iterdir()} == expected

@@ -31,7 +31,10 @@ def command(
     ] = False,
     full: Annotated[
         bool,
-        typer.Option("--full", help="Also what sets of sensors give, over 100 robots and more."),
+        typer.Option(
+            "--full",
+            help="Also statistics: sets of sensors over 100 real robots and more, a warm-up.",
+        ),
     ] = False,
     how: How = Format.table,
     force: Force = False,
@@ -41,8 +44,9 @@ def command(
     The H4 makes the 0.2 s move of Figures 11 to 13 under usual, redundant (TEJ) and Cartesian
     control, and calibrated from its own readings; then settles at the 625 poses of Table 2, for
     many robots drawn from the paper's geometric errors. Prints Table 3 and writes a report. With
-    --experiment a twin of the paper's robot is measured as that was. With
-    --full at least 100 real robots calibrate themselves with each set of sensors (minutes).
+    --experiment a twin of the paper's robot is measured as that was. One real robot, every rod by
+    itself, calibrates itself with each set of sensors; with --full at least 100, and calibrated
+    robots warm up (minutes).
 
     Example: **truepose reproduce --robots 100 --seed 0 --out my-report**
     """
@@ -57,7 +61,8 @@ def command(
         columns = (TextColumn("{task.description:26}"), BarColumn(), TaskProgressColumn())
         with Progress(*columns, console=Console(stderr=True)) as bar:
             task = bar.add_task(
-                "robots", total=total_steps(robots, experiment, full) + report.FIGURES
+                "robots",
+                total=total_steps(robots, experiment, full) + report.FIGURES + full,
             )
 
             def progress(what: str) -> None:
@@ -66,7 +71,7 @@ def command(
             result = reproduce(robots, seed, progress, virtual=experiment, full=full)
             report.write(result, work, progress)
     found = [tables.moves(result), tables.many_robots(result), tables.gains(result)]
-    found += [tables.sensing(result.sensing)] if result.sensing else []
+    found.append(tables.sensing(result.sensing))
     found += experiment_tables.tables(result.section) if result.section else []
     show(found, how)
     for note in result.section.notes if result.section else ():

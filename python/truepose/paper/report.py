@@ -32,7 +32,7 @@ from truepose.show import drawing, page
 from truepose.simulation.effects import Effects
 from truepose.simulation.moves import MOVE_TO
 
-FIGURES = 10  #: drawn for the report
+FIGURES = 9  #: drawn for every report; one more with the warm-up
 PAGE = "report.html"
 LEARNT: Control = "self-calibrated"
 #: Kinds of what the folder holds, by their endings.
@@ -108,8 +108,8 @@ def write(
         tables.gains(result),
         tables.moves(result),
         tables.check(result),
-        *([tables.sensing(result.sensing)] if result.sensing else []),
-        tables.warm_up(result.warm_up),
+        tables.sensing(result.sensing),
+        *([tables.warm_up(result.warm_up)] if result.warm_up else []),
         *(experiment_tables.tables(result.section) if result.section else ()),
     ]
     for table in numbers:
@@ -135,6 +135,8 @@ def write(
         left=experiment.theta_law(result.robot, result.experiment.poses),
         errors=article.simulation_errors(),
         machined=sensor_sets.MACHINED,
+        real=len(result.sensing[0].each["joint"]),
+        most=sensor_sets.ROBOTS,
         warm=result.warm_up,
         thermal=Effects(),
         judged=len(result.experiment.poses[:: sensor_sets.EVERY]),
@@ -153,7 +155,8 @@ def _figures(result: Reproduction) -> Iterator[tuple[str, Figure]]:
     yield "poses", figures.poses(result.experiment)
     yield "ratios", figures.ratios(result.experiment)
     yield "rest", figures.rest(result.robot, result.experiment)
-    yield "warm_up", figures.warm_up(result.warm_up)
+    if result.warm_up:
+        yield "warm_up", figures.warm_up(result.warm_up)
     for plant, runs in result.section.runs.items() if result.section else ():
         yield f"experiment-{plant.lower()}", experiment_tables.figure(runs)
     if result.section and result.section.loops:

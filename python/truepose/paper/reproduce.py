@@ -26,8 +26,8 @@ class Reproduction:
     moves: dict[str, Simulation]
     experiment: Experiment
     check: dict[str, dict[Law, Array]]
-    sensing: list[sensor_sets.Line]  #: empty unless it was asked for
-    warm_up: list[warm_up.WarmUp]
+    sensing: list[sensor_sets.Line]  #: of one real robot, of many where statistics were asked for
+    warm_up: list[warm_up.WarmUp]  #: empty unless statistics were asked for
     section: experiment_section.Section | None  #: the virtual experiment, where it was asked for
 
 
@@ -44,7 +44,8 @@ MOVES: dict[str, tuple[str, Law]] = {
 def total_steps(robots: int, virtual: bool = False, full: bool = False) -> int:
     """How often `progress` will be called, at most."""
     checks = 3 * len(LAWS) * CHECKED_POSES
-    studies = warm_up.total_steps(robots) + (sensor_sets.total_steps(robots) if full else 0)
+    studies = sensor_sets.total_steps(_real(robots, full))
+    studies += warm_up.total_steps(robots) if full else 0
     more = experiment_section.total_steps(robots) if virtual else 0
     return len(MOVES) + robots + checks + studies + more
 
@@ -58,7 +59,7 @@ def reproduce(
 ) -> Reproduction:
     """Simulate the move, settle `robots` drawn robots at 625 poses, check some in the dynamics.
 
-    Then warm calibrated robots up.
+    Then let a real robot calibrate itself with sets of sensors.
 
     Parameters
     ----------
@@ -71,7 +72,8 @@ def reproduce(
     virtual : bool
         Also carry out the virtual experiment of section 4 on the twin.
     full : bool
-        Also compare sets of sensors, over at least `paper.sensor_sets.ROBOTS` robots.
+        Also what takes statistics: sets of sensors over at least `paper.sensor_sets.ROBOTS` real
+        robots, and calibrated robots that warm up.
     """
     robot = load("h4")
     truths = experiment.draw_robots(robot, robots, seed)
@@ -87,10 +89,15 @@ def reproduce(
     check = experiment.dynamics_check(
         robot, truths[0], some, progress=lambda: progress("some poses in the dynamics")
     )
-    sets = []
+    real = _real(robots, full)
+    sets = sensor_sets.compare(robot, real, seed, lambda: progress("sets of sensors"))
+    warm = []
     if full:
-        many = max(robots, sensor_sets.ROBOTS)
-        sets = sensor_sets.compare(robot, many, seed, lambda: progress("sets of sensors"))
-    warm = warm_up.study(robot, robots, seed, progress=lambda: progress("warming up"))
+        warm = warm_up.study(robot, robots, seed, progress=lambda: progress("warming up"))
     section = experiment_section.run(progress, robots, seed) if virtual else None
     return Reproduction(robot, seed, moves, result, check, sets, warm, section)
+
+
+def _real(robots: int, full: bool) -> int:
+    """How many real robots try each set of sensors."""
+    return max(robots, sensor_sets.ROBOTS) if full else 1

@@ -25,7 +25,7 @@ SETS: dict[str, tuple[str, ...]] = {
     "θ + three draw-wires": ("theta", "wire1", "wire2", "wire3"),
 }
 CONTROLS: tuple[Control, ...] = ("joint", "redundant", "weighted", "self-calibrated")
-ROBOTS = 100  #: at least, for each set
+ROBOTS = 100  #: at least, for each set, where statistics are asked for
 MACHINED = 1e-4  #: m; rods and arms of ordinary machining are within this of the drawing, assumed
 EVERY = 6  #: robots calibrate themselves at all of Table 2's poses and are judged at every so many
 
@@ -77,7 +77,7 @@ def tolerances(robot: Robot) -> dict[str, Robot]:
 
 def total_steps(robots: int) -> int:
     """How often `progress` will be called."""
-    return 2 * len(SETS) * max(robots, ROBOTS)
+    return 2 * len(SETS) * robots
 
 
 def compare(
@@ -90,8 +90,7 @@ def compare(
     robot : Robot
         The H4, with the sensors of `SETS` in its file.
     robots : int
-        True robots to draw for each set, every rod of theirs by itself; `reproduce` takes at least
-        `ROBOTS`.
+        True robots to draw for each set, every rod of theirs by itself.
     seed : int
         Of the draw, the same robots for every set.
     progress : callable

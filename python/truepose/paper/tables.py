@@ -121,24 +121,24 @@ def sensing(lines: list[Line]) -> Table:
     rows = []
     for line in lines:
         *others, own = line.rms.values()
-        (low, high), (least, most) = line.interval, line.gain_interval
+        gain = line.gain
+        self_calibrated, gained = fixed(own), Cell(f"{gain:.1f}", gain)
+        if len(line.each["joint"]) > 1:  # which robots were drawn matters
+            (low, high), (least, most) = line.interval, line.gain_interval
+            ends = {"self-calibrated": own, "self-calibrated 5 %": low}
+            ends["self-calibrated 95 %"] = high
+            self_calibrated = Cell(f"{own:.2f} [{low:.2f}, {high:.2f}]", ends)
+            ends = {"gain": gain, "gain 5 %": least, "gain 95 %": most}
+            gained = Cell(f"{gain:.1f} [{least:.1f}, {most:.1f}]", ends)
         data = {"tolerances": line.tolerances, "sensors": line.sensors, "unit": "mm"}
         named = Cell(f"{line.tolerances}: {line.sensors}", data)
-        ends = {"self-calibrated": own, "self-calibrated 5 %": low, "self-calibrated 95 %": high}
-        gains = {"gain": line.gain, "gain 5 %": least, "gain 95 %": most}
-        rows.append(
-            [
-                named,
-                *map(fixed, others),
-                Cell(f"{own:.2f} [{low:.2f}, {high:.2f}]", ends),
-                fixed(line.bound),
-                Cell(f"{line.gain:.1f} [{least:.1f}, {most:.1f}]", gains),
-            ]
-        )
+        rows.append([named, *map(fixed, others), self_calibrated, fixed(line.bound), gained])
     header = ["position rms (mm)", "usual", "redundant, TEJ", "weighted, TEJ", "self-calibrated"]
     header += ["bound", "gain"]
     count = len(lines[0].each["joint"])
-    title = f"The same sensor, used fully: {count} robots a line, every rod by itself [5, 95 %]"
+    title = "A real robot, every rod by itself, which uses its sensors fully"
+    if count > 1:
+        title = f"The same sensor, used fully: {count} robots a line, every rod by itself [5, 95 %]"
     return Table("sensing", title, header, rows)
 
 
