@@ -28,6 +28,7 @@ enum class Corrects : int {
   pose = 2,      ///< x_d - x̂ (see `found_pose`), mapped by J⁻¹
 };
 
+/// What a law asks for, and what it corrects.
 struct LawProperties {
   Law law;
   const char* name;

@@ -9,6 +9,7 @@ namespace truepose {
 /// Residual, in lengths, below which rounding decides.
 inline constexpr double kRounding = 2e-15;
 
+/// How a search by Newton's method ended.
 struct NewtonEnd {
   int iterations = 0;   ///< steps tried
   bool regular = true;  ///< whether the last factors had full rank

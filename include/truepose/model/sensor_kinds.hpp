@@ -37,6 +37,7 @@ enum Mounting : unsigned { kOrigin = 1, kDirection = 2, kTarget = 4, kNormal = 8
 inline constexpr std::array<const char*, 4> kMountingVectors{"origin", "direction", "target",
                                                              "normal"};
 
+/// What all sensors of a kind have in common.
 struct SensorProperties {
   SensorKind kind;
   const char* name;        ///< in robot files

@@ -100,7 +100,8 @@ def _run() -> tuple[int, str]:
     except TrueposeError as error:
         return 2, f"error: {error}"
     except TyperException as error:
-        return 2, f"error: {error.format_message() or 'no command given; try --help'}"
+        said = error.format_message().replace("Value error, ", "")  # pydantic's own words
+        return 2, f"error: {said or 'no command given; try --help'}"
     except KeyboardInterrupt:
         return 130, "interrupted"
     except BrokenPipeError:  # nobody reads on, as in `truepose info h4 | head -1`

@@ -43,7 +43,7 @@ def unit_of(robot: Description, name: str) -> str:
     else:
         units = {file_key(type(sensor), core): unit for core, unit in _core.sensor_parameters}
         own = _core.sensor_kinds[sensor.kind].unit
-    return own if units.get(key, "reading") == "reading" else units[key]
+    return own if not key or units.get(key, "reading") == "reading" else units[key]
 
 
 def _motor(actuator: str) -> str:
