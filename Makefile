@@ -69,7 +69,8 @@ fuzz: $(VENV)/tools
 realtime: $(VENV)/tools
 	@if command -v clang++-22 >/dev/null; then \
 	  cmake --preset realtime -DPython_EXECUTABLE=$(abspath $(BIN))/python && \
-	  cmake --build --preset realtime && ctest --preset realtime; \
+	  cmake --build --preset realtime --target test_nonblocking test_realtime && \
+	  ctest --preset realtime -R 'nonblocking|realtime'; \
 	else echo "realtime: SKIPPED, clang++-22 is not installed (Debian: clang-22 libclang-rt-22-dev)"; fi
 
 # A C++ project that uses the installed package, by clang++-22; `make test` has it by the system's c++.
@@ -86,10 +87,11 @@ wheel: $(VENV)/created
 	auditwheel repair --wheel-dir dist build/wheel/truepose-*.whl
 	python tools/try_wheel.py dist/truepose-*.whl
 
-# Instruction counts against benchmarks/instructions.json; all C++ tests, optimised.
+# Instruction counts against benchmarks/instructions.json; the control path's symbols, optimised.
 instructions: build/dev/build.ninja
 	@if command -v valgrind >/dev/null; then \
-	  cmake --build --preset dev && ctest --preset dev; \
+	  cmake --build --preset dev --target benchmark_instructions test_realtime && \
+	  ctest --preset dev -R 'instructions|realtime'; \
 	else echo "instructions: SKIPPED, valgrind is not installed (Debian: valgrind)"; fi
 
 # Wrong changes of one line, each against the one test that must notice it (tests/mutants.toml).
@@ -113,7 +115,7 @@ coverage-cpp: $(VENV)/developing
 	else echo "coverage-cpp: SKIPPED, clang is not installed (Debian: clang-22 llvm-22)"; fi
 
 bench: build/dev/build.ninja
-	cmake --build --preset dev
+	cmake --build --preset dev --target benchmark_core
 	build/dev/benchmarks/benchmark_core
 
 # Pinocchio and MuJoCo on the same hexapod; those that are not installed are skipped.
