@@ -26,7 +26,7 @@ help:
 reproduce: $(VENV)/installed
 	@truepose reproduce $(ARGS)
 
-# The same, and what takes statistics over 100 robots: sets of sensors. Some minutes more.
+# The same, and what takes statistics: sets of sensors over 100 real robots, a warm-up. Some minutes more.
 report: $(VENV)/installed
 	@truepose reproduce --full $(ARGS)
 
