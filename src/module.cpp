@@ -267,4 +267,5 @@ NB_MODULE(_core, m) {
   python::bind_batch(m);
   python::bind_calibration(m);
   python::bind_plant(m);
+  python::bind_watch(m);
 }

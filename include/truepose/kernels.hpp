@@ -5,6 +5,7 @@
 
 #include "truepose/control/command.hpp"
 #include "truepose/control/control.hpp"
+#include "truepose/control/watch.hpp"
 #include "truepose/estimation/estimate.hpp"
 #include "truepose/estimation/learning.hpp"
 #include "truepose/full/linearise.hpp"
@@ -28,6 +29,8 @@
   PREFIX template Outcome control<K>(const Robot&, const ControlSettings&, const Setpoint&,       \
                                      const Extended&, ControlState&, const Weighing&);            \
   PREFIX template Outcome learn<K>(Learner&, const Extended&);                                    \
+  PREFIX template Outcome watch<K>(const Robot&, const WatchSettings&, const Weighing&,           \
+                                   const Joint&, const Extended&, Watch&, Extended&);             \
   TRUEPOSE_KERNELS_OF_LEVEL(PREFIX, K, IdealModel)
 
 #define TRUEPOSE_KERNELS_OF_LEVEL(PREFIX, K, MODEL)                                               \

@@ -34,6 +34,13 @@ struct ControlState {
   Joint integral{};             ///< N·m
   Joint torque{};               ///< the last one commanded; held when a cycle fails
   Joint error{};                ///< ê_q of the last good cycle
+  Joint error_rate{};           ///< its rate, as found
+  Joint desired{};              ///< q_d
+  Joint load{};                 ///< N·m, what of the torque answers no error
+  Law law = Law::joint;         ///< whose terms `position` and `rate` are in
+  bool switched = false;        ///< set it where readings are replaced by others: no step follows
+  Joint held{};                 ///< of the error before the last switch, more than after it,
+  double leaving = 0;           ///< led out in so many seconds more
   Parasitic nearby;             ///< of a robot that is understood rod by rod, at x_d
 };
 
