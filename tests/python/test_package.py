@@ -25,6 +25,7 @@ SHOWN = {
     "control_loop": r"at x - x_d: .* mm, .* rad\nlongest control cycle: [\d.]+ us of 1000",
     "calibrate": r"drawn: +1\.849 mm .*\nlearnt: +0\.0\d\d mm, .*\nchain 3's rod: 483\.0",
 }
+COMPILER = os.environ.get("CXX", "c++")
 NO_PYTHON = "-DCMAKE_DISABLE_FIND_PACKAGE_Python=ON"
 
 
@@ -87,8 +88,7 @@ def by_pkg_config(prefix, tmp_path_factory):
     one += "".join(f'  if (name == "{name}") return {name}();\n' for name in SHOWN)
     one += "  return 2;\n}\n"
     (folder / "one.cpp").write_text(one, encoding="utf-8")
-    compiler = os.environ.get("CXX", "c++")
-    told(compiler, "-std=c++23", *flags, folder / "one.cpp", "-o", folder / "one")
+    told(COMPILER, "-std=c++23", *flags, folder / "one.cpp", "-o", folder / "one")
     return lambda name: told(folder / "one", name)
 
 
@@ -159,6 +159,35 @@ def test_a_project_that_includes_it_gets_the_library_alone(way, tmp_path):
     told("cmake", "-S", tmp_path, "-B", tmp_path / "build", NO_PYTHON, found)
     told("cmake", "--install", tmp_path / "build", "--prefix", tmp_path / "installed")
     assert not list(tmp_path.glob("installed/**/truepose*"))
+
+
+ROOM_FOR_MORE_MOTORS = """
+#include "truepose/kernels.hpp"
+#include "truepose/offline/simulate.hpp"
+#include "truepose/offline/statics.hpp"
+namespace truepose {
+TRUEPOSE_FULL_KERNELS(, Mobility::schoenflies)
+template Outcome settle<Mobility::spatial>(const Robot&, const Robot&, const StaticsSettings&,
+                                           const Coordinates&, Coordinates&, const Weighing&,
+                                           const Extended&, bool*);
+template Outcome leakage<Mobility::spatial>(const Robot&, Law, const Coordinates&, PoseColumns&,
+                                            const Weighing&);
+template class Loop<Mobility::spatial>;
+}  // namespace truepose
+"""
+
+
+def test_motors_and_freedoms_are_counted_apart_in_the_types(tmp_path):
+    shutil.copytree(SOURCE / "include", tmp_path / "include")
+    robot = tmp_path / "include" / "truepose" / "model" / "robot.hpp"
+    text = robot.read_text(encoding="utf-8")
+    assert "kMaxMotors = 6;" in text and "kMaxDof = 6;" in text
+    # With room for another number of motors, their q is no x: what mixes the two does not compile.
+    robot.write_text(text.replace("kMaxMotors = 6;", "kMaxMotors = 8;"), encoding="utf-8")
+    (tmp_path / "all.cpp").write_text(ROOM_FOR_MORE_MOTORS, encoding="utf-8")
+    eigen = ("-isystem", wheels_eigen() / "include" / "eigen3")
+    where = ("-I", tmp_path / "include", *eigen)
+    told(COMPILER, "-std=c++20", "-fsyntax-only", *where, tmp_path / "all.cpp")
 
 
 def test_before_1_another_minor_version_is_another_package(prefix, tmp_path):
