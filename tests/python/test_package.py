@@ -26,6 +26,7 @@ SHOWN = {
     "calibrate": r"drawn: +1\.849 mm .*\nlearnt: +0\.0\d\d mm, .*\nchain 3's rod: 483\.0",
 }
 COMPILER = os.environ.get("CXX", "c++")
+DECLARES = "truepose/kernels.hpp"  #: what the library truepose::kernels has compiled
 NO_PYTHON = "-DCMAKE_DISABLE_FIND_PACKAGE_Python=ON"
 
 
@@ -127,8 +128,8 @@ cmake_minimum_required(VERSION 3.25)
 project(consumer LANGUAGES CXX)
 enable_testing()
 {include}
-if(NOT TARGET truepose::core)
-  message(FATAL_ERROR "no truepose::core")
+if(NOT TARGET truepose::core OR NOT TARGET truepose::kernels)
+  message(FATAL_ERROR "no truepose::core or no truepose::kernels")
 endif()
 get_property(targets DIRECTORY "{source}" PROPERTY BUILDSYSTEM_TARGETS)
 foreach(target ${{targets}})
@@ -162,17 +163,14 @@ def test_a_project_that_includes_it_gets_the_library_alone(way, tmp_path):
 
 
 ROOM_FOR_MORE_MOTORS = """
-#include "truepose/kernels.hpp"
 #include "truepose/offline/simulate.hpp"
 #include "truepose/offline/statics.hpp"
 namespace truepose {
-TRUEPOSE_FULL_KERNELS(, Mobility::schoenflies)
-template Outcome settle<Mobility::spatial>(const Robot&, const Robot&, const StaticsSettings&,
-                                           const Coordinates&, Coordinates&, const Weighing&,
-                                           const Extended&, bool*);
+template class Loop<Mobility::schoenflies>;
+template Outcome control<Mobility::spatial>(const Robot&, const ControlSettings&, const Setpoint&,
+                                            const Extended&, ControlState&, const Weighing&);
 template Outcome leakage<Mobility::spatial>(const Robot&, Law, const Coordinates&, PoseColumns&,
                                             const Weighing&);
-template class Loop<Mobility::spatial>;
 }  // namespace truepose
 """
 
@@ -207,15 +205,27 @@ endforeach()
     ]  # fmt: skip
 
 
+def headers_in(folder: Path) -> set[str]:
+    """Return what can be included from a folder."""
+    return {path.relative_to(folder).as_posix() for path in folder.glob("**/*.hpp")}
+
+
+def test_every_installed_header_is_enough(prefix):
+    """What only declares the functions of a library is installed with that library, or not."""
+    include = prefix / "include"
+    there = headers_in(include)
+    assert there == headers_in(SOURCE / "include") - {DECLARES}
+    text = "".join((include / header).read_text(encoding="utf-8") for header in there)
+    assert set(re.findall(r'#include "(.+)"', text)) <= there
+    assert not re.search(r"\bextern\b", text)
+
+
 def test_the_wheel_carries_the_cpp_package():
     try:
         include, cmake = Path(tp.get_include()), Path(tp.get_cmake_dir())
     except tp.TrueposeError as from_source_tree:
         pytest.skip(str(from_source_tree))
-    carried = {path.relative_to(include) for path in include.glob("**/*.hpp")}
-    assert carried == {
-        path.relative_to(SOURCE / "include") for path in SOURCE.glob("include/**/*.hpp")
-    }
+    assert headers_in(include) == headers_in(SOURCE / "include") - {DECLARES}
     assert (cmake / "trueposeConfig.cmake").is_file()
     (entry,) = entry_points(group="cmake.prefix", name="truepose")  # what scikit-build-core asks
     assert any(cmake.is_relative_to(folder) for folder in entry.load().__path__)
