@@ -20,9 +20,9 @@ namespace truepose::python {
 namespace {
 
 auto batch_redundant_fkm(const Robot& robot, const Rows& q_e) {
-  return map_rows<Extended, Joint>(
+  return map_rows<Extended, Coordinates>(
       q_e, dof(robot.mobility),
-      [&](const Extended& at, Joint& x, std::size_t) { return redundant_fkm(robot, at, x); });
+      [&](const Extended& at, Coordinates& x, std::size_t) { return redundant_fkm(robot, at, x); });
 }
 
 auto batch_tej(const Robot& robot, const Rows& x, double band) {
@@ -32,7 +32,7 @@ auto batch_tej(const Robot& robot, const Rows& x, double band) {
   for_rows(count, [&](std::size_t i) {
     ExtendedColumns M;
     ExtendedRows M_plus;
-    const Outcome outcome = tej(robot, row<Joint>(x, i), M, M_plus, band);
+    const Outcome outcome = tej(robot, row<Coordinates>(x, i), M, M_plus, band);
     outcomes.set(i, outcome);
     write(M, e, n, outcome, m[i]);
     write(M_plus, n, e, outcome, plus[i]);
@@ -43,8 +43,8 @@ auto batch_tej(const Robot& robot, const Rows& x, double band) {
 
 /// Type 2 of every pose, then type 1 of each of its chains, (N, 1 + n).
 auto batch_conditioning(const Robot& robot, const Rows& x) {
-  return map_rows<Joint, std::array<double, 1 + kMaxDof>>(
-      x, 1 + x.shape(1), [&](const Joint& at, auto& values, std::size_t) {
+  return map_rows<Coordinates, std::array<double, 1 + kMaxDof>>(
+      x, 1 + x.shape(1), [&](const Coordinates& at, auto& values, std::size_t) {
         Joint serial{};
         const Outcome outcome = conditioning(robot, at, values[0], serial);
         std::copy(serial.begin(), serial.end(), values.begin() + 1);
@@ -64,10 +64,10 @@ auto batch_settle(const Robot& nominal, const Robot& truth, const ControlSetting
   Outcomes outcomes(count);
   with_mobility(nominal.mobility, [&](auto mobility) {
     for_rows(count, [&](std::size_t i) {
-      Joint x;
+      Coordinates x;
       x.fill(NAN);
       *by_truth[i] = false;
-      outcomes.set(i, settle<mobility()>(nominal, truth, settings, row<Joint>(x_d, i), x,
+      outcomes.set(i, settle<mobility()>(nominal, truth, settings, row<Coordinates>(x_d, i), x,
                                          Weights(nominal, known).view(),
                                          off ? row<Extended>(*off, i) : Extended{}, by_truth[i]));
       std::copy_n(x.begin(), n, rest[i]);
@@ -85,9 +85,9 @@ auto batch_leakage(const Robot& robot, Law law, const Known* known, const Rows& 
   with_mobility(robot.mobility, [&](auto mobility) {
     for_rows(x.shape(0), [&](std::size_t i) {
       const Weights weights(robot, known);
-      ExtendedRows rows{};
+      PoseColumns rows{};
       const Outcome outcome =
-          leakage<mobility()>(robot, law, row<Joint>(x, i), rows, weights.view());
+          leakage<mobility()>(robot, law, row<Coordinates>(x, i), rows, weights.view());
       outcomes.set(i, outcome);
       for (std::size_t k = 0; k < n * e; ++k) leak[i][k] = outcome ? rows[k / e][k % e] : NAN;
     });
@@ -139,9 +139,9 @@ class LoopExtras {
 };
 
 auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
-                    const Known* known, const Effects& effects, Online* online, const Joint& from,
-                    const Joint& to, double duration, double hold, int steps, const Joint& start,
-                    std::uint64_t seed) {
+                    const Known* known, const Effects& effects, Online* online,
+                    const Coordinates& from, const Coordinates& to, double duration, double hold,
+                    int steps, const Coordinates& start, std::uint64_t seed) {
   const std::size_t n = dof(nominal.mobility), e = n + nominal.r;
   std::vector<Sample> log;
   Outcome outcome;
@@ -191,7 +191,8 @@ bool at_limit(const Chain& chain, double torque) {
 /// -1. After a failure the robot is put at the next.
 auto run_visit(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
                const Known* known, const Effects& effects, Online* online, const Rows& x_d,
-               double duration, double hold, int steps, const Joint& start, std::uint64_t seed) {
+               double duration, double hold, int steps, const Coordinates& start,
+               std::uint64_t seed) {
   const std::size_t count = x_d.shape(0), n = x_d.shape(1), e = n + nominal.r;
   Owned<double> x({count, n}), q_e({count, e}), swing({count});
   Owned<int> saturated({count});
@@ -202,13 +203,13 @@ auto run_visit(const Robot& nominal, const Robot& truth, const ControlSettings& 
     const LoopExtras extras(nominal, known, effects, online);
     with_mobility(nominal.mobility, [&](auto mobility) {
       constexpr Mobility K = mobility();
-      Joint from = nominal.home, standing = start;
+      Coordinates from = nominal.home, standing = start;
       std::optional<Loop<K>> loop;
       for (std::size_t i = 0; i < count; ++i) {
-        const Joint to = row<Joint>(x_d, i);
+        const Coordinates to = row<Coordinates>(x_d, i);
         if (!loop) loop.emplace(nominal, truth, settings, standing, seed + i, extras.extras);
         Sample last{};
-        Joint low{}, high{};
+        Coordinates low{}, high{};
         const double end = duration + hold - std::min(kWatched, hold);
         int& held = *saturated[i];
         held = -1;
@@ -260,7 +261,7 @@ void bind_control(nb::module_& m) {
       .def_rw("kp", &ControlSettings::kp)
       .def_rw("kd", &ControlSettings::kd)
       .def_rw("ki", &ControlSettings::ki)
-      .def("place_poles", [](ControlSettings& settings, const Robot& robot, const Joint& x,
+      .def("place_poles", [](ControlSettings& settings, const Robot& robot, const Coordinates& x,
                              double frequency, double damping) {
         const Outcome outcome = place_poles(robot, x, frequency, damping, settings);
         return std::pair(static_cast<int>(outcome.status), outcome.chain);
@@ -273,8 +274,8 @@ void bind_control(nb::module_& m) {
       .def(
           "step",
           [](ControlState& state, const Robot& robot, const ControlSettings& settings,
-             const Joint& x, const Joint& rate, const Joint& acceleration, const Extended& q_e,
-             const Known* known) {
+             const Coordinates& x, const Coordinates& rate, const Coordinates& acceleration,
+             const Extended& q_e, const Known* known) {
             const Weights weights(robot, known);
             const Outcome outcome =
                 control(robot, settings, {x, rate, acceleration}, q_e, state, weights.view());

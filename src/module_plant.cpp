@@ -56,7 +56,7 @@ auto frames(const Robot& robot, const Rows& x, const Rows& tilt) {
   with_mobility(robot.mobility, [&](auto mobility) {
     constexpr Mobility K = mobility();
     for_rows(x.shape(0), [&](std::size_t i) {
-      const Pose pose = to_pose<K>(row<Joint>(x, i));
+      const Pose pose = to_pose<K>(row<Coordinates>(x, i));
       Vec3 turn(tilt.data() + 3 * i);
       if constexpr (kTurnsAboutZ<K>) turn = tilt_keeping(pose.theta, turn.x(), turn.y());
       Eigen::Map<Frame> frame(all[i]);
@@ -84,7 +84,7 @@ auto coordinates(const Robot& robot, const Rows& D, const Rows& R) {
 }
 
 /// Setpoint at a time of a straight move, quintic.
-auto setpoint(const Robot& robot, const Joint& from, const Joint& to, double duration,
+auto setpoint(const Robot& robot, const Coordinates& from, const Coordinates& to, double duration,
               double time) {
   return with_mobility(robot.mobility, [&](auto mobility) {
     const Setpoint at = quintic<mobility()>(from, to, duration, time);
@@ -93,8 +93,9 @@ auto setpoint(const Robot& robot, const Joint& from, const Joint& to, double dur
 }
 
 /// The reduced model's acceleration (a twist's) under motor torques.
-auto acceleration(const Robot& robot, const Joint& x, const Joint& rate, const Joint& torque) {
-  Joint result{};
+auto acceleration(const Robot& robot, const Coordinates& x, const Coordinates& rate,
+                  const Joint& torque) {
+  Coordinates result{};
   const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {
     return forward_dynamics<mobility()>(robot, to_pose<mobility()>(x), rate, torque, result);
   });
@@ -102,9 +103,9 @@ auto acceleration(const Robot& robot, const Joint& x, const Joint& rate, const J
 }
 
 /// Where the reduced model is after a time under constant torques, and its free twist.
-auto advance_free(const Robot& robot, const Joint& x, const Joint& rate, const Joint& torque,
-                  double duration, int steps) {
-  Joint end{}, end_rate{};
+auto advance_free(const Robot& robot, const Coordinates& x, const Coordinates& rate,
+                  const Joint& torque, double duration, int steps) {
+  Coordinates end{}, end_rate{};
   const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {
     PlantState state{to_pose<mobility()>(x), rate};
     const Outcome result = advance<mobility()>(robot, torque, duration, steps, state);

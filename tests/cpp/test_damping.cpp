@@ -278,6 +278,7 @@ TEST("where an arm stretches the motor rates stay bounded, and the status names 
       const Conditioning<K> conditioning(closure);
       int stretched = 0;
       while (stretched < n && conditioning.serial(stretched) >= kBand) ++stretched;
+      const Closure<K> as_is = closure;
       const Outcome outcome = jacobian<K>(closure, kBand, damped);
       const bool dependent = conditioning.parallel() < kBand;
       CHECK(outcome.status == (stretched < n || dependent ? Status::near_singular : Status::ok));
@@ -286,6 +287,12 @@ TEST("where an arm stretches the motor rates stay bounded, and the status names 
       for (int i = 0; i < n; ++i)
         CHECK(std::fabs(damped.joint_rate(rate)[i]) * closure.chain[i].dB.norm() <=
               kGain * (1 + 1e-9));
+      for (int i = 0; i < n; ++i) {  // 1/s of its part s along the rod becomes s/(s² + λ²)
+        const double size = as_is.chain[i].v.norm() * as_is.chain[i].dB.norm();
+        const double s = as_is.chain[i].jq / size;
+        const double lambda2 = s * s < kBand * kBand ? 0.25 * (kBand * kBand - s * s) : 0;
+        CHECK_NEAR(damped.jq[i] / size * s, s * s + lambda2, 1e-12);
+      }
       // Readings that see the motor, and all laws, follow the bounded rates.
       for (int k = 0; k < 2; ++k) {
         robot.sensor[k].kind = k == 0 ? SensorKind::rod_in_plane : SensorKind::motor_encoder;

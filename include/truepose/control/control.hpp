@@ -87,12 +87,14 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
   const bool posed = corrects == Corrects::pose, extended = corrects == Corrects::readings;
   const int tracked = extended ? n + robot.r : n;
   Extended measured = q_e;
-  Joint desired = setpoint.rate;
+  std::array<double, n> desired;  // rates
   if (posed) {
-    const Joint x = to_coordinates<K>(found);
+    const Coordinates x = to_coordinates<K>(found);
     std::copy_n(x.begin(), n, measured.begin());
+    std::copy_n(setpoint.rate.begin(), n, desired.begin());
   } else {
-    desired = reference.jacobians.joint_rate(setpoint.rate);
+    const Joint rate = reference.jacobians.joint_rate(setpoint.rate);
+    std::copy_n(rate.begin(), n, desired.begin());
   }
   ControlState next = state;
   next.nearby = nearby;
@@ -100,14 +102,15 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
     next.started = true;
     next.position = measured;
   }
+  Coordinates twist{};  // of x_d against x̂
   double sum = 0;  // of what the state will keep: one NaN in it would fail every later cycle
   Pose from;
   if constexpr (K == Mobility::spatial)
     if (posed) {  // rotation vectors do not add: x̂ is tracked in the tangent space at its last pose
-      Joint last{};
+      Coordinates last{};
       std::copy_n(next.position.begin(), n, last.begin());
       from = to_pose<K>(last);
-      const Joint step = difference<K>(found, from);
+      const Coordinates step = difference<K>(found, from);
       std::copy_n(step.begin(), n, measured.begin());
       next.position.fill(0);
     }
@@ -122,25 +125,28 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
       for (int j = 0; j < n; ++j) rate += reference.jr[c - n][j] * setpoint.rate[j];
     if (extended)
       for (int i = 0; i < n; ++i) error_rate[i] += reference.tej[i][c] * rate;
+    else if (posed)
+      twist[c] = rate;
     else
       error_rate[c] = rate;
   }
-  if (posed) error_rate = reference.jacobians.joint_rate(error_rate);
+  if (posed) error_rate = reference.jacobians.joint_rate(twist);
   if constexpr (K == Mobility::spatial)
     if (posed) {
-      Joint step{};
+      Coordinates step{};
       std::copy_n(next.position.begin(), n, step.begin());
-      const Joint x = to_coordinates<K>(moved<K>(from, step));
+      const Coordinates x = to_coordinates<K>(moved<K>(from, step));
       std::copy_n(x.begin(), n, next.position.begin());
     }
 
   if (settings.feed_forward != FeedForward::none) {
     DynamicModel<K> model;
     const bool full = settings.feed_forward == FeedForward::full;
-    outcome = dynamic_model<K>(robot, reference.closure, full ? setpoint.rate : Joint{}, model);
+    outcome =
+        dynamic_model<K>(robot, reference.closure, full ? setpoint.rate : Coordinates{}, model);
     if (!outcome) return outcome;
-    torque =
-        inverse_dynamics<K>(model, reference.jacobians.J, full ? setpoint.acceleration : Joint{});
+    torque = inverse_dynamics<K>(model, reference.jacobians.J,
+                                 full ? setpoint.acceleration : Coordinates{});
   }
   for (int i = 0; i < n; ++i) {
     const double limit = robot.chain[i].torque_limit;
@@ -170,8 +176,8 @@ inline Outcome control(const Robot& robot, const ControlSettings& settings,
 
 /// PD gains by pole placement on the diagonal of the joint inertia JᵀMJ at a pose: motor i alone
 /// answers as a second order of that natural frequency (rad/s) and damping ratio.
-inline Outcome place_poles(const Robot& robot, const Joint& x, double frequency, double damping,
-                           ControlSettings& settings) {
+inline Outcome place_poles(const Robot& robot, const Coordinates& x, double frequency,
+                           double damping, ControlSettings& settings) {
   return with_mobility(robot.mobility, [&](auto mobility) {
     constexpr Mobility K = mobility();
     constexpr int n = kDof<K>;
@@ -180,7 +186,7 @@ inline Outcome place_poles(const Robot& robot, const Joint& x, double frequency,
     DynamicModel<K> model;
     Outcome outcome = ikm<K>(robot, to_pose<K>(x), closure);
     if (outcome) outcome = jacobian<K>(closure, jacobians);
-    if (outcome) outcome = dynamic_model<K>(robot, closure, Joint{}, model);
+    if (outcome) outcome = dynamic_model<K>(robot, closure, Coordinates{}, model);
     if (!outcome) return outcome;
     for (int m = 0; m < n; ++m) {
       double inertia = 0;

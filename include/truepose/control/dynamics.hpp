@@ -37,7 +37,7 @@ inline Vec3 turning(const Vec3& omega, const Vec3& l) {
 /// @return singular (and the chain) where an entry of J_q vanishes
 template <Mobility K>
 TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<K>& closure,
-                                              const Joint& rate, DynamicModel<K>& model) {
+                                              const Coordinates& rate, DynamicModel<K>& model) {
   constexpr int n = kDof<K>;
   const Twist twist = to_twist<K>(rate);
   const Vec3 g = robot.gravity();
@@ -151,7 +151,7 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<
 /// Motor torques that give the acceleration: τ = Jᵀ (M ẍ + c), friction not counted.
 template <Mobility K>
 inline Joint inverse_dynamics(const DynamicModel<K>& model, const Matrix<kDof<K>, kDof<K>>& J,
-                              const Joint& acceleration) {
+                              const Coordinates& acceleration) {
   constexpr int n = kDof<K>;
   Joint torque{};
   for (int i = 0; i < n; ++i) {
@@ -175,8 +175,8 @@ inline double friction(const Chain& chain, double rate) {
 /// @param torque_of  torque_of(closure, model) -> Joint; NeedAngle: it asks the closure for q
 /// @return unreachable, singular, not_finite, or ok
 template <Mobility K, bool NeedAngle, class Torque>
-inline Outcome forward_dynamics_under(const Robot& robot, const Pose& pose, const Joint& rate,
-                                      Torque&& torque_of, Joint& acceleration) {
+inline Outcome forward_dynamics_under(const Robot& robot, const Pose& pose, const Coordinates& rate,
+                                      Torque&& torque_of, Coordinates& acceleration) {
   constexpr int n = kDof<K>;
   Closure<K> closure;
   DynamicModel<K> model;
@@ -202,8 +202,8 @@ inline Outcome forward_dynamics_under(const Robot& robot, const Pose& pose, cons
 
 /// Acceleration ẍ under motor torques.
 template <Mobility K>
-inline Outcome forward_dynamics(const Robot& robot, const Pose& pose, const Joint& rate,
-                                const Joint& torque, Joint& acceleration) {
+inline Outcome forward_dynamics(const Robot& robot, const Pose& pose, const Coordinates& rate,
+                                const Joint& torque, Coordinates& acceleration) {
   return forward_dynamics_under<K, false>(
       robot, pose, rate, [&](const auto&, const auto&) { return torque; }, acceleration);
 }
@@ -213,7 +213,8 @@ struct Energy {
   double kinetic = 0, potential = 0;
 };
 template <Mobility K>
-inline Outcome energy(const Robot& robot, const Pose& pose, const Joint& rate, Energy& result) {
+inline Outcome energy(const Robot& robot, const Pose& pose, const Coordinates& rate,
+                      Energy& result) {
   Closure<K> closure;
   DynamicModel<K> model;
   Outcome outcome = ikm<K, false>(robot, pose, closure);

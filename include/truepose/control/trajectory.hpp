@@ -9,22 +9,23 @@ namespace truepose {
 
 /// Desired pose, free twist and its derivative.
 struct Setpoint {
-  Joint x{}, rate{}, acceleration{};
+  Coordinates x{}, rate{}, acceleration{};
 };
 
 /// From `from` to `to` in `duration` seconds, at rest at both ends; before and after it stays.
 /// s = 10u³ - 15u⁴ + 6u⁵: velocity and acceleration vanish at the ends. Rotations turn about one
 /// fixed axis, so the twist is s' times a constant, exactly.
 template <Mobility K>
-inline Setpoint quintic(const Joint& from, const Joint& to, double duration, double time) {
+inline Setpoint quintic(const Coordinates& from, const Coordinates& to, double duration,
+                        double time) {
   const double u = std::clamp(time / duration, 0.0, 1.0);
   const double s = u * u * u * (10 + u * (6 * u - 15));
   const double s1 = 30 * u * u * (1 + u * (u - 2)) / duration;
   const double s2 = 60 * u * (1 + u * (2 * u - 3)) / (duration * duration);
   const Pose start = to_pose<K>(from);
-  const Joint whole = difference<K>(to_pose<K>(to), start);
+  const Coordinates whole = difference<K>(to_pose<K>(to), start);
   Setpoint setpoint;
-  Joint part{};
+  Coordinates part{};
   for (int i = 0; i < kDof<K>; ++i) {
     part[i] = s * whole[i];
     setpoint.rate[i] = s1 * whole[i];

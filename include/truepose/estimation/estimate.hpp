@@ -192,8 +192,8 @@ Estimate<K> estimate_from(const Robot& robot, const Knowledge& known, const Exte
   double last = INFINITY;
   result.outcome = Level::template linearise<K>(robot, at, expected, H_x, H_xi, rest);
   if (result.outcome) result.outcome = reading_covariance(robot, known, H_xi, B, C);
-  Pose base;     // the last one that lowered the cost,
-  Joint step{};  // the step from there
+  Pose base;           // the last one that lowered the cost,
+  Coordinates step{};  // the step from there
   double cost = INFINITY, promised = 0, length = 1;
   while (result.outcome) {
     Extended residual{}, whitened{};
@@ -245,7 +245,7 @@ Estimate<K> estimate_from(const Robot& robot, const Knowledge& known, const Exte
       promised = cost;
       for (int c = 0; c < rows; ++c) promised -= left[c] * left[c];
     }
-    Joint whole = step;
+    Coordinates whole = step;
     for (double& entry : whole) entry *= length;
     at = moved<K>(base, whole);
     if (!all_finite(whole, n) || result.iterations == cap) {

@@ -245,7 +245,7 @@ class Calibrator {
       const Line line = at.line[k];
       bool lower = false;
       for (double length = 1; !lower && length > 0.01; length *= 0.25) {
-        Joint change{};
+        Coordinates change{};
         for (int i = 0; i < n_; ++i) change[i] = length * line.e[i];
         back_substitute(n_, line.R, change);
         at.pose[k] = moved(model_.mobility, pose, change);
@@ -383,7 +383,7 @@ class Calibrator {
   double follow(const Iterate& now, int k, const Eigen::VectorXd& step, Iterate& trial) const {
     const Line& line = now.line[k];
     if (line.rows < n_) return 0;
-    Joint change{};
+    Coordinates change{};
     double size = 0;
     for (int i = 0; i < n_; ++i) {
       change[i] = line.e[i] - line.B.row(i).dot(step);

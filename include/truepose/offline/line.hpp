@@ -44,7 +44,7 @@ inline Outcome read(const Kernels& kernels, const Robot& robot, const Knowledge&
                     double* H_xi, Line& line, Parasitic& rest) {
   const int n = kernels.n, readings = n + robot.r;
   Extended expected, residual{}, values{};
-  ExtendedColumns H_x;
+  PoseRows H_x;
   const Outcome outcome = kernels.linearise(robot, pose, expected, H_x, H_xi, rest);
   if (!outcome) return outcome;
   if (q_e) {
@@ -72,7 +72,7 @@ inline Outcome read(const Kernels& kernels, const Robot& robot, const Knowledge&
   }
   if (outside.x) {  // it sees the pose and nothing else of the robot
     Seen by = seen(kernels.mobility, *outside.registration, pose);
-    Joint apart = innovation(kernels.mobility, by, outside.x);
+    Coordinates apart = innovation(kernels.mobility, by, outside.x);
     in_turns(kernels.mobility, *outside.registration, pose, by, apart);
     for (int i = 0; i < n; ++i) {
       if (!std::isfinite(apart[i])) continue;

@@ -9,7 +9,7 @@ namespace truepose {
 
 /// A run: a straight quintic move, then holding its end.
 struct Run {
-  Joint from{}, to{};
+  Coordinates from{}, to{};
   double duration = 0.2;   ///< of the move, s
   double hold = 0.2;       ///< afterwards, s
   int steps = 2;           ///< integration steps in one control period
@@ -19,9 +19,9 @@ struct Run {
 /// One line of the log, at the start of a control period.
 struct Sample {
   double time;
-  Joint x_d, x;  ///< desired; true
-  Extended q_e;  ///< as read
-  Joint error;   ///< ê_q
+  Coordinates x_d, x;  ///< desired; true
+  Extended q_e;        ///< as read
+  Joint error;         ///< ê_q
   Joint torque;
   Status status;  ///< of the controller: ok or near_singular
   bool gave_up;   ///< the learner: it has stopped learning, and says so from then on
@@ -40,7 +40,7 @@ class Loop {
  public:
   /// @param start  true pose at which the robot stands
   Loop(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
-       const Joint& start, std::uint64_t seed, const Extras& extras = {})
+       const Coordinates& start, std::uint64_t seed, const Extras& extras = {})
       : nominal_(nominal),
         settings_(settings),
         extras_(extras),
@@ -87,7 +87,7 @@ class Loop {
 /// One move of a robot that starts at rest where `start` says (its true pose).
 template <Mobility K, class Write>
 inline Outcome simulate(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
-                        const Run& run, const Joint& start, Write&& write,
+                        const Run& run, const Coordinates& start, Write&& write,
                         const Extras& extras = {}) {
   return Loop<K>(nominal, truth, settings, start, run.seed, extras).move(run, write);
 }

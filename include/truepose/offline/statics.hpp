@@ -24,7 +24,7 @@ inline constexpr int kSettleIterations = 100;
 /// @param by_truth  out: whether it was the true robot, not the law, that had no answer
 template <Mobility K>
 inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSettings& settings,
-                      const Joint& x_d, Joint& x, const Weighing& weighing = {},
+                      const Coordinates& x_d, Coordinates& x, const Weighing& weighing = {},
                       const Extended& off = {}, bool* by_truth = nullptr) {
   constexpr int n = kDof<K>;
   const Law law = settings.control.law;
@@ -37,8 +37,8 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
   const auto hold = [](const Robot& robot, const Closure<K>& closure,
                        const Matrix<kDof<K>, kDof<K>>& J, Joint& torque) {
     DynamicModel<K> model;
-    const Outcome result = dynamic_model<K>(robot, closure, Joint{}, model);
-    if (result) torque = inverse_dynamics<K>(model, J, Joint{});
+    const Outcome result = dynamic_model<K>(robot, closure, Coordinates{}, model);
+    if (result) torque = inverse_dynamics<K>(model, J, Coordinates{});
     return result;
   };
   Joint feed{};
@@ -68,7 +68,7 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
       if (!outcome) return outcome;
       for (int i = 0; i < n; ++i) error[i] += (feed[i] - load[i]) / settings.control.kp[i];
     }
-    Joint step{};
+    Coordinates step{};
     double size = 0;
     for (int i = 0; i < n; ++i) {
       for (int j = 0; j < n; ++j) step[i] += reference.jacobians.J[i][j] * error[j];
@@ -94,7 +94,7 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
 /// joint law, -J M⁺ under a TEJ, -∂x̂/∂q_e under a law of the pose. For `estimated` that is the
 /// gain of the fused readings, J times the weighted TEJ: both laws leak alike.
 template <Mobility K>
-inline Outcome leakage(const Robot& robot, Law law, const Joint& x, ExtendedRows& leak,
+inline Outcome leakage(const Robot& robot, Law law, const Coordinates& x, PoseColumns& leak,
                        const Weighing& weighing = {}) {
   constexpr int n = kDof<K>;
   constexpr double kStep = 1e-6;  // rad or m, of the closed FKM's central difference
@@ -106,7 +106,7 @@ inline Outcome leakage(const Robot& robot, Law law, const Joint& x, ExtendedRows
   const bool of_pose = properties(law).corrects == Corrects::pose && law != Law::estimated;
   for (int c = 0; c < n + robot.r; ++c) {
     if (of_pose) {
-      Joint change[2];
+      Coordinates change[2];
       for (const double side : {-1.0, 1.0}) {
         Extended q_e{};
         q_e = reference.q_e;
