@@ -30,21 +30,38 @@ struct ControlSettings {
 /// What a controller remembers from cycle to cycle. Zero it to switch the controller on.
 struct ControlState {
   bool started = false;
-  Extended position{}, rate{};  ///< the tracking loops: of the readings, or of x̂
-  Joint integral{};             ///< N·m
-  Joint torque{};               ///< the last one commanded; held when a cycle fails
-  Joint error{};                ///< ê_q of the last good cycle
-  Parasitic nearby;             ///< of a robot that is understood rod by rod, at x_d
+  Extended position{};  ///< the tracking loops: of the readings, or of x̂
+  Extended rate{};      ///< theirs: of the desired less that, rates of the error
+  Extended desired{};   ///< rate of the desired at the last cycle
+  Joint integral{};     ///< N·m
+  Joint torque{};       ///< the last one commanded; held when a cycle fails
+  Joint error{};        ///< ê_q of the last good cycle
+  Parasitic nearby;     ///< of a robot that is understood rod by rod, at x_d
 };
 
-/// Velocity of a quantised encoder as a drive estimates it: a tracking loop of second order (α-β
-/// filter) with both poles at exp(-bandwidth · period), hence stable for any bandwidth.
-inline void track(const ControlSettings& settings, double pole, double reading, double& position,
-                  double& rate) {
-  const double predicted = position + settings.period * rate;
+/// Rate of an error whose reading is quantised, as a drive estimates it: a tracking loop of second
+/// order (α-β filter) with both poles at p = exp(-bandwidth · period), hence stable for any.
+///
+/// A loop on the reading y alone finds ẏ with a lag of about 2/bandwidth, F(s) = 1 / (1 + s/b)²;
+/// ẏ_d - Fẏ then demands (1 - F) ẏ_d of a robot that follows exactly, and the PD buys that with a
+/// tracking error of (kd/kp) (1 - F) ẏ_d. Here ẏ_d passes the same filter, F (ẏ_d - ẏ): the loop
+/// predicts y by what is desired, less the rate ė that it has found,
+///
+///     ŷ(k) = ŷ(k-1) + T ((ẏ_d(k-1) + ẏ_d(k)) / 2 - ė(k-1)),
+///
+/// and what the reading does otherwise is news of ė alone. The trapezoid is right to T³. That y_d
+/// enters by its rate only is meant: a setpoint that jumps moves no reading, and kicks nothing.
+///
+/// @param reading   y
+/// @param expected  mean rate of y_d in the period that has passed
+/// @param position  in and out: ŷ
+/// @param rate      in and out: ė
+inline void track(const ControlSettings& settings, double pole, double reading, double expected,
+                  double& position, double& rate) {
+  const double predicted = position + settings.period * (expected - rate);
   const double innovation = reading - predicted;
   position = predicted + (1 - pole * pole) * innovation;
-  rate += (1 - pole) * (1 - pole) / settings.period * innovation;
+  rate -= (1 - pole) * (1 - pole) / settings.period * innovation;
 }
 
 /// One cycle. Bounded work, no allocation, no exception, no lock.
@@ -73,9 +90,9 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
     outcome = motor_error<K>(robot, settings.law, reference, q_e, error, found, weighing, nearby);
   if (!outcome) return outcome;
 
-  // The rate of ê_q is the law's own map of the rates that it is made of: of the motors, of all
-  // readings, or of the estimated pose (so that θ is damped by its own, finer counts). A TEJ moves
-  // with x_d; that term is of second order in the error and is left out.
+  // The rate of ê_q is the law's own map of the rates of the errors that it is made of: of the
+  // motors, of all readings, or of the estimated pose (so that θ is damped by its own, finer
+  // counts). A TEJ moves with x_d; that term is of second order in the error and is left out.
   const Corrects corrects = properties(settings.law).corrects;
   const bool posed = corrects == Corrects::pose, extended = corrects == Corrects::readings;
   const int tracked = extended ? n + robot.r : n;
@@ -105,18 +122,22 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
       next.position.fill(0);
     }
   const double pole = std::exp(-settings.velocity_bandwidth * settings.period);
+  // Switched on, a robot counts as following until its readings say otherwise.
+  const double half = state.started ? 0.5 : 0;
   for (int c = 0; c < tracked; ++c) {
-    track(settings, pole, measured[c], next.position[c], next.rate[c]);
-    sum += next.position[c];
-    double rate = -next.rate[c];
+    double rate = 0;
     if (c < n)
-      rate += desired[c];
+      rate = desired[c];
     else
       for (int j = 0; j < n; ++j) rate += reference.jr[c - n][j] * setpoint.rate[j];
+    track(settings, pole, measured[c], half * (next.desired[c] + rate), next.position[c],
+          next.rate[c]);
+    next.desired[c] = rate;
+    sum += next.position[c];
     if (extended)
-      for (int i = 0; i < n; ++i) error_rate[i] += reference.tej[i][c] * rate;
+      for (int i = 0; i < n; ++i) error_rate[i] += reference.tej[i][c] * next.rate[c];
     else
-      error_rate[c] = rate;
+      error_rate[c] = next.rate[c];
   }
   if (posed) error_rate = reference.jacobians.joint_rate(error_rate);
   if constexpr (K == Mobility::spatial)
