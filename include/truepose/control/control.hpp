@@ -22,6 +22,7 @@ struct ControlSettings {
   double period = 1e-3;              ///< s
   double velocity_bandwidth = 1500;  ///< of the velocity tracking loops, rad/s
   double damped_below = 0;           ///< conditioning from which on J is damped (0: never)
+  double lead_out = 0.2;             ///< s over which a switch of law or readings takes effect
   Joint kp{};                        ///< N·m/rad (N/m)
   Joint kd{};                        ///< N·m·s/rad
   Joint ki{};                        ///< N·m/(rad·s); 0: no integral action
@@ -30,31 +31,74 @@ struct ControlSettings {
 /// What a controller remembers from cycle to cycle. Zero it to switch the controller on.
 struct ControlState {
   bool started = false;
-  Extended position{}, rate{};  ///< the tracking loops: of the readings, or of x̂
-  Joint integral{};             ///< N·m
-  Joint torque{};               ///< the last one commanded; held when a cycle fails
-  Joint error{};                ///< ê_q of the last good cycle
-  Joint error_rate{};           ///< its rate, as found
-  Joint desired{};              ///< q_d
-  Joint load{};                 ///< N·m, what of the torque answers no error
-  Law law = Law::joint;         ///< whose terms `position` and `rate` are in
-  bool switched = false;        ///< set it where readings are replaced by others: no step follows
-  Joint held{};                 ///< of the error before the last switch, more than after it,
-  double leaving = 0;           ///< led out in so many seconds more
-  Parasitic nearby;             ///< of a robot that is understood rod by rod, at x_d
+  Extended position{};   ///< the tracking loops: of the readings, or of x̂
+  Extended rate{};       ///< theirs: of the desired less that, rates of the error
+  Extended desired{};    ///< rate of the desired at the last cycle
+  Joint integral{};      ///< N·m
+  Joint torque{};        ///< the last one commanded; held when a cycle fails
+  Joint error{};         ///< ê_q of the last good cycle
+  Joint error_rate{};    ///< its rate, as found
+  Joint q_d{};           ///< desired readings of the motors
+  Joint load{};          ///< N·m, what of the torque answers no error
+  Parasitic nearby;      ///< of a robot that is understood rod by rod, at x_d
+  Law law = Law::joint;  ///< whose terms `position` and `rate` are in
+  bool switched = false; ///< set where readings are replaced by others: no step follows
+  Joint held{};          ///< by how much ê_q was larger before the last switch than after it,
+  double leaving = 0;    ///< led out in so many seconds more
 };
 
-/// Velocity of a quantised encoder as a drive estimates it: a tracking loop of second order (α-β
-/// filter) with both poles at exp(-bandwidth · period), hence stable for any bandwidth.
-inline void track(const ControlSettings& settings, double pole, double reading, double& position,
-                  double& rate) {
-  const double predicted = position + settings.period * rate;
+/// Rate of an error whose reading is quantised, as a drive estimates it: a tracking loop of second
+/// order (α-β filter) with both poles at p = exp(-bandwidth · period), hence stable for any.
+///
+/// A loop on the reading y alone finds ẏ with a lag of about 2/bandwidth, F(s) = 1 / (1 + s/b)²;
+/// ẏ_d - Fẏ then demands (1 - F) ẏ_d of a robot that follows exactly, and the PD buys that with a
+/// tracking error of (kd/kp) (1 - F) ẏ_d. Here ẏ_d passes the same filter, F (ẏ_d - ẏ): the loop
+/// predicts y by what is desired, less the rate ė that it has found,
+///
+///     ŷ(k) = ŷ(k-1) + T ((ẏ_d(k-1) + ẏ_d(k)) / 2 - ė(k-1)),
+///
+/// and what the reading does otherwise is news of ė alone. The trapezoid is right to T³. That y_d
+/// enters by its rate only is meant: a setpoint that jumps moves no reading, and kicks nothing.
+///
+/// @param reading   y
+/// @param expected  mean rate of y_d in the period that has passed
+/// @param position  in and out: ŷ
+/// @param rate      in and out: ė
+inline void track(const ControlSettings& settings, double pole, double reading, double expected,
+                  double& position, double& rate) {
+  const double predicted = position + settings.period * (expected - rate);
   const double innovation = reading - predicted;
   position = predicted + (1 - pole * pole) * innovation;
-  rate += (1 - pole) * (1 - pole) / settings.period * innovation;
+  rate -= (1 - pole) * (1 - pole) / settings.period * innovation;
 }
 
-/// One cycle. Bounded work, no allocation, no exception, no lock.
+/// A motor error's rate as rates of the errors that a law is made of.
+template <Mobility K>
+inline Extended in_terms_of(Corrects corrects, const Joint& rate, const Reference<K>& reference,
+                            int r) {
+  constexpr int n = kDof<K>;
+  Extended result{};
+  Coordinates twist{};
+  for (int i = 0; i < n; ++i) {
+    result[i] = rate[i];
+    for (int j = 0; j < n; ++j) twist[i] += reference.jacobians.J[i][j] * rate[j];
+  }
+  if (corrects == Corrects::pose) std::copy_n(twist.begin(), n, result.begin());
+  if (corrects == Corrects::readings)
+    for (int k = 0; k < r; ++k)
+      for (int i = 0; i < n; ++i) result[n + k] += reference.jr[k][i] * twist[i];
+  return result;
+}
+
+/// Share of what was held at a switch that is left, from 1 to 0 without a corner.
+inline double led_out(double leaving, double whole) {
+  const double u = whole > 0 ? leaving / whole : 0;
+  return u * u * (3 - 2 * u);
+}
+
+/// One cycle. Bounded work, no allocation, no exception, no lock. Where the law has changed since
+/// the last one, or the readings were replaced, the error keeps its value and its rate: the
+/// difference is led out.
 ///
 /// @param q_e       readings of motors and sensors, size n + r
 /// @param state     in and out; state.torque is the command
@@ -80,9 +124,9 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
     outcome = motor_error<K>(robot, settings.law, reference, q_e, error, found, weighing, nearby);
   if (!outcome) return outcome;
 
-  // The rate of ê_q is the law's own map of the rates that it is made of: of the motors, of all
-  // readings, or of the estimated pose (so that θ is damped by its own, finer counts). A TEJ moves
-  // with x_d; that term is of second order in the error and is left out.
+  // The rate of ê_q is the law's own map of the rates of the errors that it is made of: of the
+  // motors, of all readings, or of the estimated pose (so that θ is damped by its own, finer
+  // counts). A TEJ moves with x_d; that term is of second order in the error and is left out.
   const Corrects corrects = properties(settings.law).corrects;
   const bool posed = corrects == Corrects::pose, extended = corrects == Corrects::readings;
   const int tracked = extended ? n + robot.r : n;
@@ -98,10 +142,19 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
   }
   ControlState next = state;
   next.nearby = nearby;
-  if (!next.started) {
-    next.started = true;
-    next.position = measured;
+  const bool switches = state.started && (state.switched || state.law != settings.law);
+  if (!state.started || switches) next.position = measured;
+  if (switches) {
+    next.rate = in_terms_of<K>(corrects, state.error_rate, reference, robot.r);
+    for (int i = 0; i < n; ++i) next.held[i] = state.error[i] - error[i];
+    next.leaving = settings.lead_out;
   }
+  next.started = true;
+  next.switched = false;
+  next.law = settings.law;
+  const double share = led_out(next.leaving, settings.lead_out);
+  next.leaving = std::max(0.0, next.leaving - settings.period);
+  for (int i = 0; i < n; ++i) error[i] += share * next.held[i];
   Coordinates twist{};  // of x_d against x̂
   double sum = 0;  // of what the state will keep: one NaN in it would fail every later cycle
   Pose from;
@@ -115,20 +168,25 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
       next.position.fill(0);
     }
   const double pole = std::exp(-settings.velocity_bandwidth * settings.period);
+  // Switched on, a robot counts as following until its readings say otherwise.
+  const double half = state.started ? 0.5 : 0;
   for (int c = 0; c < tracked; ++c) {
-    track(settings, pole, measured[c], next.position[c], next.rate[c]);
-    sum += next.position[c];
-    double rate = -next.rate[c];
+    double rate = 0;
     if (c < n)
-      rate += desired[c];
+      rate = desired[c];
     else
       for (int j = 0; j < n; ++j) rate += reference.jr[c - n][j] * setpoint.rate[j];
+    const double expected = half * ((switches ? rate : next.desired[c]) + rate);
+    if (switches) next.position[c] = measured[c] - settings.period * (expected - next.rate[c]);
+    track(settings, pole, measured[c], expected, next.position[c], next.rate[c]);
+    next.desired[c] = rate;
+    sum += next.position[c];
     if (extended)
-      for (int i = 0; i < n; ++i) error_rate[i] += reference.tej[i][c] * rate;
+      for (int i = 0; i < n; ++i) error_rate[i] += reference.tej[i][c] * next.rate[c];
     else if (posed)
-      twist[c] = rate;
+      twist[c] = next.rate[c];
     else
-      error_rate[c] = rate;
+      error_rate[c] = next.rate[c];
   }
   if (posed) error_rate = reference.jacobians.joint_rate(twist);
   if constexpr (K == Mobility::spatial)
@@ -151,8 +209,9 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
   for (int i = 0; i < n; ++i) {
     const double limit = robot.chain[i].torque_limit;
     const double step = settings.ki[i] * settings.period * error[i];
+    next.load[i] = torque[i] + next.integral[i];
     const double wanted =
-        torque[i] + settings.kp[i] * error[i] + settings.kd[i] * error_rate[i] + next.integral[i];
+        next.load[i] + settings.kp[i] * error[i] + settings.kd[i] * error_rate[i];
     const bool pushes = limit > 0 && std::fabs(wanted) > limit && wanted * step > 0;
     if (!pushes) next.integral[i] += step;  // a saturated motor does not wind up
     torque[i] = wanted + (pushes ? 0 : step);
@@ -162,6 +221,8 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
   if (!std::isfinite(sum)) return {Status::not_finite, -1};
   next.torque = torque;
   next.error = error;
+  next.error_rate = error_rate;
+  next.q_d = motors_of<K>(reference.q_e);
   state = next;
   return regular;
 }

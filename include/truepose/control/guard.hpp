@@ -76,7 +76,7 @@ Outcome guarded(const Robot& robot, const ControlSettings& settings, const Guard
   Extended believed = q_e;
   const Outcome watched =
       watch<K>(guarding.finest ? *guarding.finest : robot, guarding.watch, weighing,
-               state.started ? state.desired : motors_of<K>(q_e), q_e, guard.watch, believed);
+               state.started ? state.q_d : motors_of<K>(q_e), q_e, guard.watch, believed);
   Outcome outcome = watched;
   if (watched) {
     ControlSettings now = settings;

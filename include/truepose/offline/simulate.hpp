@@ -51,11 +51,21 @@ class Loop {
   /// @return the first failure and what the log holds up to it, or ok
   template <class Write>
   Outcome move(const Run& run, Write&& write) {
-    if (!resting_) return resting_;
     const int periods = static_cast<int>(std::lround((run.duration + run.hold) / settings_.period));
+    return follow(
+        periods, run.steps,
+        [&](int k) { return quintic<K>(run.from, run.to, run.duration, k * settings_.period); },
+        write);
+  }
+
+  /// The same along any path.
+  /// @param path  path(k) -> Setpoint, at the start of period k
+  template <class Path, class Write>
+  Outcome follow(int periods, int steps, Path&& path, Write&& write) {
+    if (!resting_) return resting_;
     for (int k = 0; k <= periods; ++k) {
       const double time = k * settings_.period;
-      const Setpoint setpoint = quintic<K>(run.from, run.to, run.duration, time);
+      const Setpoint setpoint = path(k);
       Extended q_e{};
       Outcome outcome = plant_.measure(q_e);
       if (!outcome) return outcome;
@@ -69,7 +79,7 @@ class Loop {
       write(Sample{time, setpoint.x, to_coordinates<K>(plant_.pose()), q_e, control_.error,
                    control_.torque, outcome.status, gave_up});
       if (k == periods) break;
-      outcome = plant_.advance(late ? before : control_.torque, settings_.period, run.steps);
+      outcome = plant_.advance(late ? before : control_.torque, settings_.period, steps);
       if (!outcome) return outcome;
     }
     return {};
