@@ -1,13 +1,11 @@
 """Does a faulty reading read what its kind says, on every plant, and does the machine go on?"""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 import truepose as tp
 from truepose import _core, logs
-from truepose.commands.options import faults_of, fitting_faults
+from truepose.commands.options import faults_of
 from truepose.robot import knowledge
 from truepose.simulation.faults import FAULT_KINDS
 from truepose.simulation.plants.dynamic import DynamicPlant
@@ -193,10 +191,7 @@ def test_an_encoder_that_counts_several_times_halves_or_doubles_the_way(exact, g
     wanted[:, 0] /= gain
     plant = ExactPlant(exact, level="ideal", faults=[tp.Fault("q1", "gain", size=gain)])
     found = plant.visit(exact, MOVE, tp.Controller(law="joint"))
-    if np.isfinite(there := exact.fkm(wanted, errors="nan")).all():
-        assert found.x == pytest.approx(there, abs=1e-9)
-    else:
-        assert found.status[0] != "ok"
+    assert found.x == pytest.approx(exact.fkm(wanted), abs=1e-9)
 
 
 def test_along_a_path_the_faults_clock_runs_on(h4):
@@ -342,11 +337,3 @@ def test_the_command_says_what_is_wrong_with_a_fault(run, word, said):
     status, out, err = run("simulate", "h4", "--fault", word)
     assert (status, out) == (2, "") and len(err.splitlines()) == 1
     assert said in err
-
-
-def test_a_shell_is_offered_kinds_and_readings():
-    asked = SimpleNamespace(params={"robot": "h4"})
-    assert fitting_faults(asked, "theta:s") == [f"theta:{k}" for k in FAULT_KINDS if k[0] == "s"]
-    assert fitting_faults(asked, "th") == ["theta:"]
-    assert fitting_faults(asked, "stu") == ["stuck"]  # where a shell takes what is behind a colon
-    assert fitting_faults(SimpleNamespace(params={}), "dro") == ["dropout"]

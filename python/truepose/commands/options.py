@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from truepose import _core, files
-from truepose.exceptions import InputError, TrueposeError, choose
+from truepose.exceptions import InputError, choose
 from truepose.robot.robot import Robot, load, robots
 from truepose.robotfile import path_of
 from truepose.show.terminal import Format, say
@@ -59,17 +59,10 @@ How = Annotated[
 ]
 
 
-def fitting_faults(context: typer.Context, incomplete: str) -> list[str]:
-    """What a shell may complete READING:KIND to; some take a colon for the end of a word."""
+def _fitting_kinds(incomplete: str) -> list[str]:
+    """What zsh and fish may complete READING:KIND to; bash takes the colon for a word's end."""
     reading, colon, kind = incomplete.rpartition(":")
-    kinds = [known for known in FAULT_KINDS if known.startswith(kind)]
-    if colon:
-        return [f"{reading}:{known}" for known in kinds]
-    try:
-        readings = load(context.params["robot"]).readings
-    except (KeyError, TypeError, TrueposeError):
-        readings = ()
-    return [f"{name}:" for name in readings if name.startswith(incomplete)] + kinds
+    return [f"{reading}:{known}" for known in FAULT_KINDS if colon and known.startswith(kind)]
 
 
 Faults = Annotated[
@@ -80,7 +73,7 @@ Faults = Annotated[
         help="A reading that lies from a time on, s, as theta:stuck@0.1. Kinds with a size: bias, "
         "jump, spike (rad or m), drift (rad/s or m/s), gain (a factor), delay (s), swap (the other "
         "reading); without: stuck, dropout, sign. Repeatable; single faults are what counts.",
-        autocompletion=fitting_faults,
+        autocompletion=_fitting_kinds,
     ),
 ]
 
