@@ -254,6 +254,22 @@ def test_in_mujoco_a_robot_without_an_answer_goes_on(h4):
     assert found.x == pytest.approx(usual.x, abs=1e-4)
 
 
+def test_in_mujoco_what_is_stuck_stays_so_from_pose_to_pose(h4, monkeypatch):
+    """Without faults ranges of poses have a robot each, which begins at home: here one a pose."""
+    pytest.importorskip("mujoco")
+    from truepose.simulation.plants import mujoco
+
+    monkeypatch.setattr(mujoco, "_RANGE", 1)
+    stuck = tp.Fault("theta", "stuck", at=10.0)  # before the second pose
+    plant = mujoco.MujocoPlant(h4, faults=[stuck])
+    poses = np.repeat(MOVE, 3, axis=0) * [[1, 1, 1, 1], [1, 1, 1, -1], [1, 1, 1, 0]]
+    found = plant.visit(h4, poses, tp.Controller(law="joint"))
+    assert found.status.tolist() == ["ok"] * 3
+    assert found.x[:, 3] == pytest.approx(poses[:, 3], abs=1e-4)
+    assert found.q_e[:, 4] == pytest.approx(MOVE[0, 3], abs=1e-4)
+    assert found.q_e[1, 4] == found.q_e[2, 4]
+
+
 BAD = [
     (("theta", "stuk"), "unknown kind of fault 'stuk'; did you mean 'stuck'?"),
     (("theta", "bias"), "theta: bias: size = None: must be a finite number, rad or m"),
