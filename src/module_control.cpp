@@ -4,6 +4,7 @@
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
 
 #include <optional>
 #include <vector>
@@ -52,11 +53,11 @@ auto batch_conditioning(const Robot& robot, const Rows& x) {
       });
 }
 
-/// Poses at rest, (N, n), the readings off by `off`, (N, n + r), if by anything; where there is
-/// none, whether it was the true robot that could not stand there.
+/// Poses at rest, (N, n), the readings off by `off`, (N, n + r), if by anything, and faulty; where
+/// there is none, whether it was the true robot that could not stand there.
 auto batch_settle(const Robot& nominal, const Robot& truth, const ControlSettings& control,
-                  const Known* known, bool gravity, const Rows& x_d,
-                  const std::optional<Rows>& off) {
+                  const Known* known, bool gravity, const Rows& x_d, const std::optional<Rows>& off,
+                  const std::vector<Fault>& faults) {
   const StaticsSettings settings{control, gravity};
   const std::size_t count = x_d.shape(0), n = x_d.shape(1);
   Owned<double> rest({count, n});
@@ -67,9 +68,11 @@ auto batch_settle(const Robot& nominal, const Robot& truth, const ControlSetting
       Coordinates x;
       x.fill(NAN);
       *by_truth[i] = false;
+      FaultyReadings lying(faults, control.period);
       outcomes.set(i, settle<mobility()>(nominal, truth, settings, row<Coordinates>(x_d, i), x,
                                          Weights(nominal, known).view(),
-                                         off ? row<Extended>(*off, i) : Extended{}, by_truth[i]));
+                                         off ? row<Extended>(*off, i) : Extended{}, by_truth[i],
+                                         faults.empty() ? nullptr : &lying));
       std::copy_n(x.begin(), n, rest[i]);
     });
   });
@@ -108,13 +111,16 @@ auto batch_spoil(const Robot& robot, const Rows& exact, std::uint64_t seed) {
   return values.release();
 }
 
-/// What a simulation weighs its readings by: Python's knowledge, or what a learner has learnt.
+/// What a simulation weighs its readings by, Python's knowledge or what a learner has learnt, and
+/// which of them lie.
 class LoopExtras {
  public:
-  LoopExtras(const Robot& nominal, const Known* known, const Effects& effects, Online* online)
-      : weights_(nominal, known), online_(online) {
+  LoopExtras(const Robot& nominal, const Known* known, const Effects& effects, Online* online,
+             const std::vector<Fault>& faults, double period)
+      : weights_(nominal, known), online_(online), lying_(faults, period) {
     extras.weighing = weights_.view();
     extras.effects = effects;
+    if (!faults.empty()) extras.faults = &lying_;
     if (online == nullptr) return;
     learner_ = online->learner(nominal);
     knowledge_ = learner_.knowledge();
@@ -133,6 +139,7 @@ class LoopExtras {
  private:
   Weights weights_;
   Online* online_;
+  FaultyReadings lying_;
   Learner learner_;
   Knowledge knowledge_;
   std::vector<double> work_;
@@ -140,15 +147,16 @@ class LoopExtras {
 
 auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
                     const Known* known, const Effects& effects, Online* online,
-                    const Coordinates& from, const Coordinates& to, double duration, double hold,
-                    int steps, const Coordinates& start, std::uint64_t seed) {
+                    const std::vector<Fault>& faults, const Coordinates& from, const Coordinates& to,
+                    double duration, double hold, int steps, const Coordinates& start,
+                    std::uint64_t seed) {
   const std::size_t n = dof(nominal.mobility), e = n + nominal.r;
   std::vector<Sample> log;
   Outcome outcome;
   {
     nb::gil_scoped_release release;
     Signals signals;
-    const LoopExtras loop(nominal, known, effects, online);
+    const LoopExtras loop(nominal, known, effects, online, faults, settings.period);
     log.reserve(static_cast<std::size_t>((duration + hold) / settings.period) + 2);
     outcome = with_mobility(nominal.mobility, [&](auto mobility) {
       return simulate<mobility()>(
@@ -163,7 +171,8 @@ auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSetti
   const std::size_t count = log.size();
   Owned<double> time({count}), x_d({count, n}), x({count, n}), q_e({count, e}), error({count, n}),
       torque({count, n});
-  Owned<bool> near_singular({count}), gave_up({count});
+  Owned<int> status({count});
+  Owned<bool> gave_up({count});
   for (std::size_t i = 0; i < count; ++i) {
     *time[i] = log[i].time;
     std::memcpy(x_d[i], log[i].x_d.data(), n * sizeof(double));
@@ -171,12 +180,12 @@ auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSetti
     std::memcpy(q_e[i], log[i].q_e.data(), e * sizeof(double));
     std::memcpy(error[i], log[i].error.data(), n * sizeof(double));
     std::memcpy(torque[i], log[i].torque.data(), n * sizeof(double));
-    *near_singular[i] = log[i].status == Status::near_singular;
+    *status[i] = static_cast<int>(log[i].status);
     *gave_up[i] = log[i].gave_up;
   }
   return nb::make_tuple(static_cast<int>(outcome.status), outcome.chain, time.release(),
                         x_d.release(), x.release(), q_e.release(), error.release(),
-                        torque.release(), near_singular.release(), gave_up.release());
+                        torque.release(), status.release(), gave_up.release());
 }
 
 inline constexpr double kWatched = 0.05;  ///< s at the end of a hold, in which a robot should rest
@@ -187,36 +196,42 @@ bool at_limit(const Chain& chain, double torque) {
 
 /// From pose to pose in their order, the last one's friction and play carried on: true pose, (N,
 /// n), readings, (N, n + r), at the end of each hold, the largest peak-to-peak motion of a
-/// coordinate over kWatched before, and the first motor that a torque limit held back, from 0, or
-/// -1. After a failure the robot is put at the next.
+/// coordinate over kWatched before, the first motor that a torque limit held back, from 0, or -1;
+/// status, and the cycles in which the controller had no answer, with the first reason. After a
+/// failure the robot is put at the next.
 auto run_visit(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
-               const Known* known, const Effects& effects, Online* online, const Rows& x_d,
-               double duration, double hold, int steps, const Coordinates& start,
-               std::uint64_t seed) {
+               const Known* known, const Effects& effects, Online* online,
+               const std::vector<Fault>& faults, const Rows& x_d, double duration, double hold,
+               int steps, const Coordinates& start, std::uint64_t seed) {
   const std::size_t count = x_d.shape(0), n = x_d.shape(1), e = n + nominal.r;
   Owned<double> x({count, n}), q_e({count, e}), swing({count});
-  Owned<int> saturated({count});
+  Owned<int> saturated({count}), unanswered({count}), reason({count});
   Outcomes outcomes(count);
   {
     nb::gil_scoped_release release;
     Signals signals;
-    const LoopExtras extras(nominal, known, effects, online);
+    LoopExtras loop_extras(nominal, known, effects, online, faults, settings.period);
+    Extras& extras = loop_extras.extras;
     with_mobility(nominal.mobility, [&](auto mobility) {
       constexpr Mobility K = mobility();
       Coordinates from = nominal.home, standing = start;
       std::optional<Loop<K>> loop;
       for (std::size_t i = 0; i < count; ++i) {
         const Coordinates to = row<Coordinates>(x_d, i);
-        if (!loop) loop.emplace(nominal, truth, settings, standing, seed + i, extras.extras);
+        extras.began = i * settings.period * std::lround((duration + hold) / settings.period);
+        if (!loop) loop.emplace(nominal, truth, settings, standing, seed + i, extras);
         Sample last{};
         Coordinates low{}, high{};
         const double end = duration + hold - std::min(kWatched, hold);
         int& held = *saturated[i];
         held = -1;
+        *unanswered[i] = *reason[i] = 0;
         const Outcome outcome =
             loop->move({from, to, duration, hold, steps, 0}, [&](const Sample& sample) {
               signals();
               last = sample;
+              if (sample.status > Status::ok && (*unanswered[i])++ == 0)
+                *reason[i] = static_cast<int>(sample.status);
               const bool first = sample.time <= end;
               for (std::size_t k = 0; k < n; ++k) {
                 low[k] = first ? sample.x[k] : std::min(low[k], sample.x[k]);
@@ -240,7 +255,47 @@ auto run_visit(const Robot& nominal, const Robot& truth, const ControlSettings& 
     });
   }
   return nb::make_tuple(x.release(), q_e.release(), swing.release(), saturated.release(),
-                        outcomes.status.release());
+                        outcomes.status.release(), unanswered.release(), reason.release());
+}
+
+/// What is read of healthy readings, (N, n + r), one after another at these times.
+auto faulty(FaultyReadings& faults, const std::vector<double>& time, const Rows& healthy) {
+  const std::size_t count = std::min(time.size(), healthy.shape(0)), width = healthy.shape(1);
+  Owned<double> read({count, width});
+  for (std::size_t i = 0; i < count; ++i) {
+    Extended q_e = row<Extended>(healthy, i);
+    faults.read(time[i], q_e);
+    std::copy_n(q_e.begin(), width, read[i]);
+  }
+  return read.release();
+}
+
+void bind_faults(nb::module_& m) {
+  nb::enum_<FaultKind> kind(m, "FaultKind");
+  nb::class_<FaultProperties>(m, "FaultProperties")
+      .def_ro("kind", &FaultProperties::kind)
+      .def_ro("size", &FaultProperties::size)
+      .def_ro("lasts", &FaultProperties::lasts)
+      .def_ro("at_rest", &FaultProperties::at_rest)
+      .def_ro("pair", &FaultProperties::pair);
+  nb::dict kinds;
+  for (const FaultProperties& row : kFaultTable) {
+    kind.value(row.name, row.kind);
+    kinds[row.name] = nb::cast(row);
+  }
+  m.attr("fault_kinds") = kinds;
+  m.attr("most_late") = kMostLate;
+  nb::class_<Fault>(m, "Fault")
+      .def(nb::init<>())
+      .def_rw("kind", &Fault::kind)
+      .def_rw("reading", &Fault::reading)
+      .def_rw("other", &Fault::other)
+      .def_rw("size", &Fault::size)
+      .def_rw("begin", &Fault::begin)
+      .def_rw("end", &Fault::end);
+  nb::class_<FaultyReadings>(m, "FaultyReadings")
+      .def(nb::init<const std::vector<Fault>&, double>())
+      .def("read", &faulty);
 }
 
 }  // namespace
@@ -283,11 +338,12 @@ void bind_control(nb::module_& m) {
           },
           "robot"_a, "settings"_a, "x"_a, "rate"_a, "acceleration"_a, "q_e"_a,
           "known"_a.none() = nb::none());
+  bind_faults(m);
   m.def("redundant_fkm", &batch_redundant_fkm);
   m.def("tej", &batch_tej);
   m.def("conditioning", &batch_conditioning);
   m.def("settle", &batch_settle, "nominal"_a, "truth"_a, "settings"_a, "known"_a.none(),
-        "gravity"_a, "x_d"_a, "off"_a.none() = nb::none());
+        "gravity"_a, "x_d"_a, "off"_a.none() = nb::none(), "faults"_a = std::vector<Fault>{});
   m.def("leakage", &batch_leakage, "robot"_a, "law"_a, "known"_a.none(), "x"_a);
   nb::class_<Effects>(m, "Effects")
       .def(nb::init<>())
@@ -300,10 +356,11 @@ void bind_control(nb::module_& m) {
       .def_rw("phase", &Effects::phase)
       .def_rw("delayed", &Effects::delayed);
   m.def("simulate", &run_simulation, "nominal"_a, "truth"_a, "settings"_a, "known"_a.none(),
-        "effects"_a, "online"_a.none(), "start"_a, "end"_a, "duration"_a, "hold"_a, "steps"_a,
-        "at_rest"_a, "seed"_a);
+        "effects"_a, "online"_a.none(), "faults"_a, "start"_a, "end"_a, "duration"_a, "hold"_a,
+        "steps"_a, "at_rest"_a, "seed"_a);
   m.def("visit", &run_visit, "nominal"_a, "truth"_a, "settings"_a, "known"_a.none(), "effects"_a,
-        "online"_a.none(), "x_d"_a, "duration"_a, "hold"_a, "steps"_a, "at_rest"_a, "seed"_a);
+        "online"_a.none(), "faults"_a, "x_d"_a, "duration"_a, "hold"_a, "steps"_a, "at_rest"_a,
+        "seed"_a);
   m.def("spoil", &batch_spoil);
 }
 

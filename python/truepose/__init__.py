@@ -16,6 +16,7 @@ from truepose.robot.redundancy import Estimate
 from truepose.robot.robot import Robot, load, robots
 from truepose.simulation.controller import Controller
 from truepose.simulation.effects import Effects
+from truepose.simulation.faults import Fault
 from truepose.simulation.settle import settle
 from truepose.simulation.simulate import Simulation, simulate
 
@@ -27,6 +28,7 @@ __all__ = [
     "Controller",
     "Effects",
     "Estimate",
+    "Fault",
     "Fit",
     "InputError",
     "OnlineCalibration",

@@ -31,20 +31,20 @@ struct ControlSettings {
 /// What a controller remembers from cycle to cycle. Zero it to switch the controller on.
 struct ControlState {
   bool started = false;
-  Extended position{};   ///< the tracking loops: of the readings, or of x̂
-  Extended rate{};       ///< theirs: of the desired less that, rates of the error
-  Extended desired{};    ///< rate of the desired at the last cycle
-  Joint integral{};      ///< N·m
-  Joint torque{};        ///< the last one commanded; held when a cycle fails
-  Joint error{};         ///< ê_q of the last good cycle
-  Joint error_rate{};    ///< its rate, as found
-  Joint q_d{};           ///< desired readings of the motors
-  Joint load{};          ///< N·m, what of the torque answers no error
-  Parasitic nearby;      ///< of a robot that is understood rod by rod, at x_d
-  Law law = Law::joint;  ///< whose terms `position` and `rate` are in
-  bool switched = false; ///< set where readings are replaced by others: no step follows
-  Joint held{};          ///< by how much ê_q was larger before the last switch than after it,
-  double leaving = 0;    ///< led out in so many seconds more
+  Extended position{};    ///< the tracking loops: of the readings, or of x̂
+  Extended rate{};        ///< theirs: of the desired less that, rates of the error
+  Extended desired{};     ///< rate of the desired at the last cycle
+  Joint integral{};       ///< N·m
+  Joint torque{};         ///< the last one commanded; held when a cycle fails
+  Joint error{};          ///< ê_q of the last good cycle
+  Joint error_rate{};     ///< its rate, as found
+  Joint q_d{};            ///< desired readings of the motors
+  Joint load{};           ///< N·m, what of the torque answers no error
+  Parasitic nearby;       ///< of a robot that is understood rod by rod, at x_d
+  Law law = Law::joint;   ///< whose terms `position` and `rate` are in
+  bool switched = false;  ///< set where readings are replaced by others: no step follows
+  Joint held{};           ///< by how much ê_q was larger before the last switch than after it,
+  double leaving = 0;     ///< led out in so many seconds more
 };
 
 /// Rate of an error whose reading is quantised, as a drive estimates it: a tracking loop of second
@@ -156,7 +156,7 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
   next.leaving = std::max(0.0, next.leaving - settings.period);
   for (int i = 0; i < n; ++i) error[i] += share * next.held[i];
   Coordinates twist{};  // of x_d against x̂
-  double sum = 0;  // of what the state will keep: one NaN in it would fail every later cycle
+  double sum = 0;       // of what the state will keep: one NaN in it would fail every later cycle
   Pose from;
   if constexpr (K == Mobility::spatial)
     if (posed) {  // rotation vectors do not add: x̂ is tracked in the tangent space at its last pose
@@ -210,8 +210,7 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
     const double limit = robot.chain[i].torque_limit;
     const double step = settings.ki[i] * settings.period * error[i];
     next.load[i] = torque[i] + next.integral[i];
-    const double wanted =
-        next.load[i] + settings.kp[i] * error[i] + settings.kd[i] * error_rate[i];
+    const double wanted = next.load[i] + settings.kp[i] * error[i] + settings.kd[i] * error_rate[i];
     const bool pushes = limit > 0 && std::fabs(wanted) > limit && wanted * step > 0;
     if (!pushes) next.integral[i] += step;  // a saturated motor does not wind up
     torque[i] = wanted + (pushes ? 0 : step);

@@ -4,6 +4,7 @@
 #include "truepose/control/control.hpp"
 #include "truepose/estimation/learning.hpp"
 #include "truepose/offline/effects.hpp"
+#include "truepose/offline/faults.hpp"
 
 namespace truepose {
 
@@ -23,15 +24,17 @@ struct Sample {
   Extended q_e;        ///< as read
   Joint error;         ///< ê_q
   Joint torque;
-  Status status;  ///< of the controller: ok or near_singular
+  Status status;  ///< of the controller; where there is no answer, the torque held is the last one
   bool gave_up;   ///< the learner: it has stopped learning, and says so from then on
 };
 
 /// What a loop may have beside a robot and its controller.
 struct Extras {
-  Weighing weighing{};         ///< for the laws `weighted` and `estimated`
-  Effects effects{};           ///< what the model forgets
-  Learner* learner = nullptr;  ///< switches online self-calibration on
+  Weighing weighing{};               ///< for the laws `weighted` and `estimated`
+  Effects effects{};                 ///< what the model forgets
+  Learner* learner = nullptr;        ///< switches online self-calibration on
+  FaultyReadings* faults = nullptr;  ///< as a machine does, the loop then goes on without an answer
+  double began = 0;                  ///< when the loop is made, by the faults' clock, s
 };
 
 /// A robot, its controller, and what both remember from one move to the next.
@@ -48,7 +51,7 @@ class Loop {
         resting_(plant_.rest()) {}
 
   /// Runs one move; `write(sample)` is called once per period, end included.
-  /// @return the first failure and what the log holds up to it, or ok
+  /// @return ok, or the failure that ended it: the plant's, or, without faults, the controller's
   template <class Write>
   Outcome move(const Run& run, Write&& write) {
     const int periods = static_cast<int>(std::lround((run.duration + run.hold) / settings_.period));
@@ -69,19 +72,21 @@ class Loop {
       Extended q_e{};
       Outcome outcome = plant_.measure(q_e);
       if (!outcome) return outcome;
+      if (extras_.faults) extras_.faults->read(extras_.began + time, q_e);
       const bool late = extras_.effects.delayed && control_.started;
       const Joint before = control_.torque;
       const bool gave_up =  // a line that fits no pose: next time
           extras_.learner && learn<K>(*extras_.learner, q_e).status == Status::stopped;
       const Robot& believed = extras_.learner ? extras_.learner->robot : nominal_;
       outcome = control<K>(believed, settings_, setpoint, q_e, control_, extras_.weighing);
-      if (!outcome) return outcome;
+      if (!outcome && !extras_.faults) return outcome;
       write(Sample{time, setpoint.x, to_coordinates<K>(plant_.pose()), q_e, control_.error,
                    control_.torque, outcome.status, gave_up});
       if (k == periods) break;
       outcome = plant_.advance(late ? before : control_.torque, settings_.period, steps);
       if (!outcome) return outcome;
     }
+    extras_.began += periods * settings_.period;
     return {};
   }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "truepose/control/control.hpp"
+#include "truepose/offline/faults.hpp"
 #include "truepose/offline/plant.hpp"
 
 namespace truepose {
@@ -14,6 +15,7 @@ struct StaticsSettings {
 };
 
 inline constexpr int kSettleIterations = 100;
+inline constexpr double kMostAmplified = 100;  ///< by faulty readings, of what still settles
 
 /// Pose where the true robot settles when the nominal controller is asked for x_d. Quasi-Newton
 /// on the motor error with the nominal J: each step removes all but the few per cent by which the
@@ -21,11 +23,13 @@ inline constexpr int kSettleIterations = 100;
 /// @param x         out
 /// @param weighing  of the nominal robot, for laws that weigh
 /// @param off       by which readings are off, as by the play of a gear
+/// @param faults    of readings that lie; not_converged where the robot would run away
 /// @param by_truth  out: whether it was the true robot, not the law, that had no answer
 template <Mobility K>
 inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSettings& settings,
                       const Coordinates& x_d, Coordinates& x, const Weighing& weighing = {},
-                      const Extended& off = {}, bool* by_truth = nullptr) {
+                      const Extended& off = {}, bool* by_truth = nullptr,
+                      FaultyReadings* faults = nullptr) {
   constexpr int n = kDof<K>;
   const Law law = settings.control.law;
   Reference<K> reference;
@@ -48,7 +52,11 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
 
   Pose pose = reference.closure.pose;
   double last = INFINITY;
-  for (int iteration = 0; iteration < kSettleIterations; ++iteration) {
+  // The steps are the robot's own way to its rest, and end where it does: a fault that turns the
+  // loop's feedback round has no rest. One that overstates the motion must not overshoot.
+  const double most = faults ? std::min(faults->amplification(), kMostAmplified) : 1;
+  const int iterations = static_cast<int>(most * kSettleIterations);
+  for (int iteration = 0; iteration < iterations; ++iteration) {
     Closure<K> closure;
     Extended q_e{};
     outcome = exact_readings<K>(truth, pose, q_e, standing);
@@ -56,6 +64,7 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
     if (by_truth) *by_truth = !outcome;
     if (!outcome) return outcome;
     for (int c = 0; c < n + truth.r; ++c) q_e[c] += off[c];
+    if (faults) faults->read(0, q_e);
     Joint error{};
     Pose found;
     outcome = motor_error<K>(nominal, law, reference, q_e, error, found, weighing, nearby);
@@ -71,7 +80,7 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
     Coordinates step{};
     double size = 0;
     for (int i = 0; i < n; ++i) {
-      for (int j = 0; j < n; ++j) step[i] += reference.jacobians.J[i][j] * error[j];
+      for (int j = 0; j < n; ++j) step[i] += reference.jacobians.J[i][j] * error[j] / most;
       size = std::max(size, std::fabs(step[i]));
     }
     if (!all_finite(step, n)) return {Status::not_finite, -1};

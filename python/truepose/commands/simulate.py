@@ -15,6 +15,7 @@ from truepose import files, logs
 from truepose.arguments import Array
 from truepose.commands.accuracy import parse_pose, parse_set, read_poses
 from truepose.commands.options import (
+    Faults,
     Force,
     How,
     RobotName,
@@ -22,6 +23,7 @@ from truepose.commands.options import (
     SensorSet,
     completing,
     effects_of,
+    faults_of,
     plot_to,
     true_robot,
     wrote,
@@ -88,6 +90,7 @@ def command(
             autocompletion=completing(lambda: ("all", "none", *Effects.groups())),
         ),
     ] = "none",
+    fault: Faults = None,
     seed: Seed = 0,
     sensors: SensorSet = None,
     duration: Annotated[
@@ -138,6 +141,7 @@ def command(
     usual = MOVE if path is None else VISIT
     duration, hold = (u if g is None else g for u, g in zip(usual, (duration, hold), strict=True))
     settings: dict[str, Any] = {"duration": duration, "hold": hold, "seed": seed, "time": since}
+    settings["faults"] = faults = faults_of(fault)
     errors = Console(stderr=True)
     with errors.status("simulating") if errors.is_terminal else nullcontext():
         if path is None:
@@ -157,6 +161,8 @@ def command(
         files.write({log: logs.encoded(log.path, columns)}, read, force)
     show(run.tables, how)
     who = f"true robot {f'drawn with seed {seed}' if true == 'drawn' else true}"
+    if faults:
+        who += f", faults {', '.join(map(str, faults))}"
     say(f"{believed.name}, law {law}, poles {poles:g} rad/s, {who}: {run.status}", how)
     wrote(how, out, plot)
 
