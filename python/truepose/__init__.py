@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import calibrate
+from truepose.calibration.fault_limits import FaultLimits, fault_limits
 from truepose.calibration.fit import Fit
 from truepose.calibration.online import OnlineCalibration
 from truepose.calibration.registration import Registration
@@ -27,6 +28,7 @@ __all__ = [
     "Controller",
     "Effects",
     "Estimate",
+    "FaultLimits",
     "Fit",
     "InputError",
     "OnlineCalibration",
@@ -40,6 +42,7 @@ __all__ = [
     "accuracy",
     "assembly_modes",
     "calibrate",
+    "fault_limits",
     "get_cmake_dir",
     "get_include",
     "load",
