@@ -68,7 +68,7 @@ class FaultLimits:
     @cached_property
     def alike_at_rest(self) -> tuple[tuple[str, ...], ...]:
         """Groups of readings whose faults no test tells apart at any one pose."""
-        return self._groups(self.parity.signature)
+        return self._groups(math.prod(self.detected.shape[:-1]))
 
     @cached_property
     def alike(self) -> tuple[tuple[str, ...], ...]:
@@ -76,15 +76,14 @@ class FaultLimits:
 
         Their signatures are parallel: one is the other times a number that no pose changes.
         """
-        return self._groups(self.parity.signature.reshape(1, -1, len(self.robot.readings)))
+        return self._groups(1)
 
     @cached_property
     def unseen(self) -> tuple[str, ...]:
         """Readings whose faults no test sees, at no pose."""
-        G = self.parity.signature.reshape(-1, len(self.robot.readings))
-        return tuple(
-            name for name, column in zip(self.robot.readings, G.T, strict=True) if not column.any()
-        )
+        some = self.parity.signature.any(axis=tuple(range(self.parity.signature.ndim - 1)))
+        seen = zip(self.robot.readings, np.atleast_1d(some), strict=True)
+        return tuple(name for name, one in seen if not one)
 
     def pose_error(self, law: Law) -> Array:
         """How far the nacelle is off at rest by a fault just below `detected`.
@@ -101,10 +100,11 @@ class FaultLimits:
         worst = self.leakage[law].reshape(-1, len(self.robot.readings), 2).max(axis=0)
         return _harm(worst, self.moving_detected)
 
-    def _groups(self, signature: Array) -> tuple[tuple[str, ...], ...]:
-        """Readings whose columns are parallel in every batch in which both are seen."""
-        G = signature.reshape(-1, *signature.shape[-2:])
-        blind = ~G.any(axis=1)
+    def _groups(self, batches: int) -> tuple[tuple[str, ...], ...]:
+        """Readings whose columns are parallel in every batch of poses in which both are seen."""
+        rows = math.prod(self.parity.signature.shape[:-1]) // batches
+        G = self.parity.signature.reshape(batches, rows, len(self.robot.readings))
+        blind = np.asarray(~G.any(axis=1))
         rest = unexplained(G.swapaxes(-1, -2) @ G)
         alike = ((rest == 0) | blind[:, :, None] | blind[:, None, :]).all(axis=0)
         names = self.robot.readings

@@ -191,9 +191,7 @@ def limits(found: FaultLimits, state: str) -> Table:
             found.moving_isolated[c],
         ]
         cells = [_limit(factor * float(value)) for value in values]
-        rivals = closest[closest[:, c] >= 0, c]
-        rival = found.robot.readings[np.bincount(rivals).argmax()] if len(rivals) else ""
-        rows.append([named, *cells[:3], rival, *cells[3:]])
+        rows.append([named, *cells[:3], _rival(found, name, closest[:, c]), *cells[3:]])
     over = f"over {found.moving} poses: "
     header = ["reading", "detected", "at the worst pose", "isolated", "confused with", "jump"]
     header += [over + "detected", over + "isolated"]
@@ -304,6 +302,15 @@ def _readings(robot: Robot) -> list[tuple[str, tuple[float, str]]]:
     """Name of every reading, factor and unit in which people read it."""
     units = [PRINT[unit] for unit in reading_units(robot)]
     return list(zip(robot.readings, units, strict=True))
+
+
+def _rival(found: FaultLimits, name: str, closest: Array) -> str:
+    """Name what a reading's fault is confused with: always, or at most of the poses."""
+    group = next((group for group in found.alike_at_rest if name in group), ())
+    if group:
+        return "all others" if len(group) == len(found.robot.readings) else " ".join(group)
+    rivals = closest[closest >= 0]
+    return found.robot.readings[np.bincount(rivals).argmax()] if len(rivals) else ""
 
 
 def _limit(value: float) -> Cell:

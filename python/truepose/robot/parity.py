@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -37,8 +38,8 @@ class Parity(NamedTuple):
 
         Gᵀ(I + B Bᵀ)⁻¹G of the poses' rows one below the other: u is common to them.
         """
-        B = self.geometry.reshape(-1, self.geometry.shape[-1])
-        G = self.signature.reshape(-1, self.signature.shape[-1])
+        rows = math.prod(self.signature.shape[:-1])
+        B, G = (part.reshape(rows, part.shape[-1]) for part in (self.geometry, self.signature))
         whole = np.vstack([G, np.zeros((B.shape[1], G.shape[1]))])
         Q = np.linalg.qr(np.vstack([B, np.eye(B.shape[1])]))[0]  # no square of what cancels
         rest = whole - Q @ (Q.T @ whole)
