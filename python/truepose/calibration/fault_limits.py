@@ -31,7 +31,7 @@ def false_alarm_rate(hours: float = HOURS, period: float = PERIOD) -> float:
     Examples
     --------
     >>> false_alarm_rate()
-    2.777777777777778e-10
+    2.7777777777777777e-10
     """
     return period / (3600 * hours)
 
