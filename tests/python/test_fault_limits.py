@@ -108,6 +108,16 @@ def test_the_smallest_fault_is_found_nine_times_in_ten(h4, sensors, level):
         assert share >= 0.85 and (share <= 0.95 or found.isolated[c] == found.detected[c])
 
 
+def test_counts_alone_raise_fewer_alarms_than_stated(h4, table2, rng):
+    """A sum of a few uniform errors has no tail; a calibrated robot's parities are little else."""
+    found = tp.fault_limits(h4, table2[::9], table2)
+    counts = rng.uniform(-0.5, 0.5, (2000, 5)) * h4.resolution
+    y = np.einsum("prm,km->pkr", found.parity.at_rest(), counts)
+    assert (y**2).mean() == pytest.approx(1, abs=0.1)
+    assert (y**2 > gate(0.1, 1)).mean() > 0.01 > (y**2 > gate(0.01, 1)).mean()
+    assert not (y**2 > gate(1e-4, 1)).any()
+
+
 def test_a_fault_that_stays_is_found_over_poses_by_its_own_hypothesis(h4, anywhere, rng):
     """y ~ N(B u + b g, I), the same u at all poses; against the dense covariance of all rows."""
     known = parity(h4.expected(), anywhere(h4, 30, rng))
@@ -283,6 +293,20 @@ def test_the_command_says_what_the_function_says(run, h4, table2):
     assert len(beside) == 6
     own = beside["self-calibrated, ideal level"]
     assert own["theta detected (°)"] == pytest.approx(np.degrees(detected[4]))
+
+
+def test_the_boxes_cut_every_coordinate_into_parts(run, h4, table2):
+    words = ("--calibrated", "--boxes", "5", "--format", "json")
+    status, out, _ = run("faults", "h4", *words)
+    rows = json.loads(out)["faults_by_box"]
+    assert status == 0 and len(rows) == 20 and all(row["poses"] == 125 for row in rows)
+    straight = rows[-3]
+    assert (straight["box"], straight["unit"]) == ("theta", "°")
+    assert (straight["from"], straight["to"]) == pytest.approx((-6, 6))
+    assert straight["q1 detected (°)"] is None  # θ does not depend on it there
+    some = tp.fault_limits(h4, table2[table2[:, 3] == 0], table2)
+    stated = straight["q3 detected (°)"]
+    assert stated == pytest.approx(np.degrees(np.median(some.detected[:, 2])))
 
 
 @pytest.mark.parametrize("name", ["delta", "3rrr", "hexa"])

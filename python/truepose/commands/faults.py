@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -77,6 +78,12 @@ def command(
             show_default=f"one in {HOURS:g} hours at 1 kHz",
         ),
     ] = None,
+    boxes: Annotated[
+        int,
+        typer.Option(
+            min=1, max=20, help="Also the limits in so many equal parts of each coordinate's range."
+        ),
+    ] = 1,
     plot: Annotated[
         Path | None, typer.Option(help="Also draw the limits of each reading (PNG, SVG, PDF).")
     ] = None,
@@ -108,7 +115,8 @@ def command(
         return
     save(lambda: draw(found, state))
     others = list(_beside(loaded, subject, at, visited, found, effects))
-    show([limits(found, state), *harm(found), beside(others)], how)
+    parts = [by_box(found, at, boxes)] if boxes > 1 else []
+    show([limits(found, state), *parts, *harm(found), beside(others)], how)
     where = f"{len(at)} poses of {poses or 'a grid over the workspace'}"
     gone = f", {left_out} that are unreachable or singular left out" if left_out else ""
     say(f"{loaded.name}, {label(loaded, loaded.sensors)}: {where}{gone}; {state}.", how)
@@ -228,17 +236,46 @@ def beside(others: list[tuple[str, FaultLimits]]) -> Table:
     """One row an assumption, medians over the poses: detected, and isolated."""
     rows = []
     for name, found in others:
-        row = [name]
-        for c, (reading, (factor, unit)) in enumerate(_readings(found.robot)):
-            every = (found.detected, found.isolated)
-            pair = [factor * float(np.median(v.reshape(-1, v.shape[-1])[:, c])) for v in every]
-            names = [f"{reading} {what} ({unit})" for what in ("detected", "isolated")]
-            text = " / ".join(map(_limit, pair))
-            row.append(Cell(text, dict(zip(names, pair, strict=True))))
-        rows.append(row)
-    header = [f"{name} ({unit})" for name, (_, unit) in _readings(others[0][1].robot)]
+        rows.append([name, *_pairs(found, np.s_[:])])
     title = "Detected / isolated, medians, under other assumptions"
-    return Table("faults_beside", title, ["assumption", *header], rows)
+    return Table("faults_beside", title, ["assumption", *_header(others[0][1].robot)], rows)
+
+
+def by_box(found: FaultLimits, poses: Array, parts: int) -> Table:
+    """One row a part of a coordinate's range, medians over its poses: detected, and isolated."""
+    rows = []
+    for k, (name, unit) in enumerate(found.robot.coordinates):
+        factor, printed = PRINT[unit]
+        edges = np.linspace(poses[:, k].min(), poses[:, k].max(), parts + 1)
+        part = np.clip(np.searchsorted(edges, poses[:, k], side="right") - 1, 0, parts - 1)
+        for i, (low, high) in enumerate(itertools.pairwise((factor * edges).tolist())):
+            inside = np.flatnonzero(part == i)
+            if not len(inside):
+                continue
+            ends = {"from": low, "to": high, "poses": len(inside)}
+            named = f"{name} {low:.4g} to {high:.4g} {printed}".replace(" °", "°")
+            rows.append([Cell(named, {"box": name, "unit": printed} | ends)])
+            rows[-1] += _pairs(found, inside)
+    title = "Detected / isolated, medians over the poses of each box"
+    return Table("faults_by_box", title, ["box", *_header(found.robot)], rows)
+
+
+def _header(robot: Robot) -> list[str]:
+    return [f"{name} ({unit})" for name, (_, unit) in _readings(robot)]
+
+
+def _pairs(found: FaultLimits, inside: Array | slice) -> list[Cell]:
+    """Medians over some poses of what is detected, and isolated, of each reading."""
+    cells = []
+    for c, (reading, (factor, unit)) in enumerate(_readings(found.robot)):
+        every = [
+            values.reshape(-1, values.shape[-1]) for values in (found.detected, found.isolated)
+        ]
+        pair = [factor * float(np.median(values[inside, c])) for values in every]
+        names = [f"{reading} {what} ({unit})" for what in ("detected", "isolated")]
+        text = " / ".join(map(_limit, pair))
+        cells.append(Cell(text, dict(zip(names, pair, strict=True))))
+    return cells
 
 
 def notes(found: FaultLimits) -> Iterator[str]:
