@@ -147,9 +147,9 @@ class LoopExtras {
 
 auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
                     const Known* known, const Effects& effects, Online* online,
-                    const std::vector<Fault>& faults, const Coordinates& from, const Coordinates& to,
-                    double duration, double hold, int steps, const Coordinates& start,
-                    std::uint64_t seed) {
+                    const std::vector<Fault>& faults, const Coordinates& from,
+                    const Coordinates& to, double duration, double hold, int steps,
+                    const Coordinates& start, std::uint64_t seed) {
   const std::size_t n = dof(nominal.mobility), e = n + nominal.r;
   std::vector<Sample> log;
   Outcome outcome;

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import calibrate
+from truepose.calibration.fault_limits import FaultLimits, fault_limits
 from truepose.calibration.fit import Fit
 from truepose.calibration.online import OnlineCalibration
 from truepose.calibration.registration import Registration
@@ -29,6 +30,7 @@ __all__ = [
     "Effects",
     "Estimate",
     "Fault",
+    "FaultLimits",
     "Fit",
     "InputError",
     "OnlineCalibration",
@@ -42,6 +44,7 @@ __all__ = [
     "accuracy",
     "assembly_modes",
     "calibrate",
+    "fault_limits",
     "get_cmake_dir",
     "get_include",
     "load",
