@@ -11,6 +11,7 @@
 
 #include "arrays.hpp"
 #include "for_rows.hpp"
+#include "guarding.hpp"
 #include "known.hpp"
 #include "online.hpp"
 #include "truepose/kernels.hpp"
@@ -116,17 +117,27 @@ auto batch_spoil(const Robot& robot, const Rows& exact, std::uint64_t seed) {
 class LoopExtras {
  public:
   LoopExtras(const Robot& nominal, const Known* known, const Effects& effects, Online* online,
-             const std::vector<Fault>& faults, double period)
-      : weights_(nominal, known), online_(online), lying_(faults, period) {
+             const std::vector<Fault>& faults, const Guarding* guarding, double period)
+      : weights_(nominal, known),
+        online_(online),
+        lying_(faults, period),
+        watching_(guarding ? guarding->robot : nominal, guarding ? &guarding->known : nullptr) {
     extras.weighing = weights_.view();
     extras.effects = effects;
     if (!faults.empty()) extras.faults = &lying_;
+    extras.watching = watching_.view();
+    if (guarding) {
+      guarding_ = guarding->settings;
+      guarding_.finest = &guarding->robot;
+      extras.guarding = &guarding_;
+    }
     if (online == nullptr) return;
     learner_ = online->learner(nominal);
     knowledge_ = learner_.knowledge();
     work_.resize(estimate_work(nominal, knowledge_.count));
-    extras.weighing = {&knowledge_, work_.data()};
+    extras.weighing = extras.watching = {&knowledge_, work_.data()};
     extras.learner = &learner_;
+    guarding_.finest = &learner_.robot;
   }
   ~LoopExtras() {
     if (online_) online_->take(learner_);
@@ -140,6 +151,8 @@ class LoopExtras {
   Weights weights_;
   Online* online_;
   FaultyReadings lying_;
+  Weights watching_;
+  GuardSettings guarding_;
   Learner learner_;
   Knowledge knowledge_;
   std::vector<double> work_;
@@ -147,16 +160,16 @@ class LoopExtras {
 
 auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
                     const Known* known, const Effects& effects, Online* online,
-                    const std::vector<Fault>& faults, const Coordinates& from,
-                    const Coordinates& to, double duration, double hold, int steps,
-                    const Coordinates& start, std::uint64_t seed) {
+                    const std::vector<Fault>& faults, const Guarding* guarding,
+                    const Coordinates& from, const Coordinates& to, double duration, double hold,
+                    int steps, const Coordinates& start, std::uint64_t seed) {
   const std::size_t n = dof(nominal.mobility), e = n + nominal.r;
   std::vector<Sample> log;
   Outcome outcome;
   {
     nb::gil_scoped_release release;
     Signals signals;
-    const LoopExtras loop(nominal, known, effects, online, faults, settings.period);
+    const LoopExtras loop(nominal, known, effects, online, faults, guarding, settings.period);
     log.reserve(static_cast<std::size_t>((duration + hold) / settings.period) + 2);
     outcome = with_mobility(nominal.mobility, [&](auto mobility) {
       return simulate<mobility()>(
@@ -171,8 +184,8 @@ auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSetti
   const std::size_t count = log.size();
   Owned<double> time({count}), x_d({count, n}), x({count, n}), q_e({count, e}), error({count, n}),
       torque({count, n});
-  Owned<int> status({count});
-  Owned<bool> gave_up({count});
+  Owned<int> status({count}), health({count, e}), brakes({count});
+  Owned<bool> gave_up({count}), stops({count});
   for (std::size_t i = 0; i < count; ++i) {
     *time[i] = log[i].time;
     std::memcpy(x_d[i], log[i].x_d.data(), n * sizeof(double));
@@ -182,10 +195,14 @@ auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSetti
     std::memcpy(torque[i], log[i].torque.data(), n * sizeof(double));
     *status[i] = static_cast<int>(log[i].status);
     *gave_up[i] = log[i].gave_up;
+    for (std::size_t c = 0; c < e; ++c) health[i][c] = static_cast<int>(log[i].health[c]);
+    *stops[i] = log[i].stops;
+    *brakes[i] = static_cast<int>(log[i].brakes);
   }
   return nb::make_tuple(static_cast<int>(outcome.status), outcome.chain, time.release(),
                         x_d.release(), x.release(), q_e.release(), error.release(),
-                        torque.release(), status.release(), gave_up.release());
+                        torque.release(), status.release(), gave_up.release(), health.release(),
+                        stops.release(), brakes.release());
 }
 
 inline constexpr double kWatched = 0.05;  ///< s at the end of a hold, in which a robot should rest
@@ -201,8 +218,9 @@ bool at_limit(const Chain& chain, double torque) {
 /// failure the robot is put at the next.
 auto run_visit(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
                const Known* known, const Effects& effects, Online* online,
-               const std::vector<Fault>& faults, const Rows& x_d, double duration, double hold,
-               int steps, const Coordinates& start, std::uint64_t seed) {
+               const std::vector<Fault>& faults, const Guarding* guarding, const Rows& x_d,
+               double duration, double hold, int steps, const Coordinates& start,
+               std::uint64_t seed) {
   const std::size_t count = x_d.shape(0), n = x_d.shape(1), e = n + nominal.r;
   Owned<double> x({count, n}), q_e({count, e}), swing({count});
   Owned<int> saturated({count}), unanswered({count}), reason({count});
@@ -210,7 +228,7 @@ auto run_visit(const Robot& nominal, const Robot& truth, const ControlSettings& 
   {
     nb::gil_scoped_release release;
     Signals signals;
-    LoopExtras loop_extras(nominal, known, effects, online, faults, settings.period);
+    LoopExtras loop_extras(nominal, known, effects, online, faults, guarding, settings.period);
     Extras& extras = loop_extras.extras;
     with_mobility(nominal.mobility, [&](auto mobility) {
       constexpr Mobility K = mobility();
@@ -356,11 +374,11 @@ void bind_control(nb::module_& m) {
       .def_rw("phase", &Effects::phase)
       .def_rw("delayed", &Effects::delayed);
   m.def("simulate", &run_simulation, "nominal"_a, "truth"_a, "settings"_a, "known"_a.none(),
-        "effects"_a, "online"_a.none(), "faults"_a, "start"_a, "end"_a, "duration"_a, "hold"_a,
-        "steps"_a, "at_rest"_a, "seed"_a);
+        "effects"_a, "online"_a.none(), "faults"_a, "guarding"_a.none(), "start"_a, "end"_a,
+        "duration"_a, "hold"_a, "steps"_a, "at_rest"_a, "seed"_a);
   m.def("visit", &run_visit, "nominal"_a, "truth"_a, "settings"_a, "known"_a.none(), "effects"_a,
-        "online"_a.none(), "faults"_a, "x_d"_a, "duration"_a, "hold"_a, "steps"_a, "at_rest"_a,
-        "seed"_a);
+        "online"_a.none(), "faults"_a, "guarding"_a.none(), "x_d"_a, "duration"_a, "hold"_a,
+        "steps"_a, "at_rest"_a, "seed"_a);
   m.def("spoil", &batch_spoil);
 }
 

@@ -8,6 +8,7 @@
 #include "truepose/offline/bound.hpp"
 #include "truepose/offline/calibrate.hpp"
 #include "truepose/offline/effects.hpp"
+#include "truepose/offline/fastest.hpp"
 #include "truepose/offline/faults.hpp"
 #include "truepose/offline/registration.hpp"
 #include "truepose/offline/simulate.hpp"

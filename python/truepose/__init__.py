@@ -20,6 +20,7 @@ from truepose.simulation.effects import Effects
 from truepose.simulation.faults import Fault
 from truepose.simulation.settle import settle
 from truepose.simulation.simulate import Simulation, simulate
+from truepose.simulation.watch import Watch
 
 if TYPE_CHECKING:
     from truepose.paper.errors import with_paper_errors
@@ -41,6 +42,7 @@ __all__ = [
     "RobotFileError",
     "Simulation",
     "TrueposeError",
+    "Watch",
     "accuracy",
     "assembly_modes",
     "calibrate",

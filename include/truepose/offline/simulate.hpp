@@ -1,7 +1,7 @@
 // What happens when a controller drives a robot? The closed loop: nominal controller, true plant.
 #pragma once
 
-#include "truepose/control/control.hpp"
+#include "truepose/control/guard.hpp"
 #include "truepose/estimation/learning.hpp"
 #include "truepose/offline/effects.hpp"
 #include "truepose/offline/faults.hpp"
@@ -26,6 +26,9 @@ struct Sample {
   Joint torque;
   Status status;  ///< of the controller; where there is no answer, the torque held is the last one
   bool gave_up;   ///< the learner: it has stopped learning, and says so from then on
+  std::array<Health, kMaxReadings> health{};  ///< of the readings, as a guarded controller has them
+  bool stops = false;                         ///< it leaves its path at rest
+  std::uint32_t brakes = 0;                   ///< motors whose brakes it asks for, as bits
 };
 
 /// What a loop may have beside a robot and its controller.
@@ -35,6 +38,8 @@ struct Extras {
   Learner* learner = nullptr;        ///< switches online self-calibration on
   FaultyReadings* faults = nullptr;  ///< as a machine does, the loop then goes on without an answer
   double began = 0;                  ///< when the loop is made, by the faults' clock, s
+  const GuardSettings* guarding = nullptr;  ///< its readings are watched
+  Weighing watching{};                      ///< what the watch weighs them by
 };
 
 /// A robot, its controller, and what both remember from one move to the next.
@@ -57,32 +62,54 @@ class Loop {
     const int periods = static_cast<int>(std::lround((run.duration + run.hold) / settings_.period));
     return follow(
         periods, run.steps,
-        [&](int k) { return quintic<K>(run.from, run.to, run.duration, k * settings_.period); },
+        [&](double k) { return quintic<K>(run.from, run.to, run.duration, k * settings_.period); },
         write);
   }
 
-  /// The same along any path.
-  /// @param path  path(k) -> Setpoint, at the start of period k
+  /// The same along any path. A guarded robot that must stop comes to rest on it; where its brakes
+  /// are asked for, it then stands: they are taken to hold.
+  /// @param path  path(k) -> Setpoint, at the start of period k; between two where it slows down
   template <class Path, class Write>
   Outcome follow(int periods, int steps, Path&& path, Write&& write) {
     if (!resting_) return resting_;
     for (int k = 0; k <= periods; ++k) {
       const double time = k * settings_.period;
-      const Setpoint setpoint = path(k);
+      const Setpoint setpoint = clock_.rate < 1 ? clock_.paced(path(clock_.time / settings_.period))
+                                                : path(static_cast<double>(k));
       Extended q_e{};
       Outcome outcome = plant_.measure(q_e);
       if (!outcome) return outcome;
       if (extras_.faults) extras_.faults->read(extras_.began + time, q_e);
       const bool late = extras_.effects.delayed && control_.started;
       const Joint before = control_.torque;
+      const bool trusted = std::all_of(
+          guard_.watch.reading.begin(), guard_.watch.reading.end(),
+          [](const WatchedReading& reading) { return reading.health == Health::valid; });
       const bool gave_up =  // a line that fits no pose: next time
-          extras_.learner && learn<K>(*extras_.learner, q_e).status == Status::stopped;
+          extras_.learner && trusted && learn<K>(*extras_.learner, q_e).status == Status::stopped;
       const Robot& believed = extras_.learner ? extras_.learner->robot : nominal_;
-      outcome = control<K>(believed, settings_, setpoint, q_e, control_, extras_.weighing);
+      outcome = extras_.guarding
+                    ? guarded<K>(believed, settings_, *extras_.guarding, setpoint, q_e, control_,
+                                 extras_.watching, guard_)
+                    : control<K>(believed, settings_, setpoint, q_e, control_, extras_.weighing);
       if (!outcome && !extras_.faults) return outcome;
-      write(Sample{time, setpoint.x, to_coordinates<K>(plant_.pose()), q_e, control_.error,
-                   control_.torque, outcome.status, gave_up});
+      Sample sample{time,
+                    setpoint.x,
+                    to_coordinates<K>(plant_.pose()),
+                    q_e,
+                    control_.error,
+                    control_.torque,
+                    outcome.status,
+                    gave_up};
+      for (int c = 0; c < kDof<K> + nominal_.r; ++c)
+        sample.health[c] = guard_.watch.reading[c].health;
+      sample.stops = guard_.stops;
+      sample.brakes = guard_.brakes;
+      write(sample);
       if (k == periods) break;
+      if (clock_.rate == 1 && !guard_.stops) clock_.time = k * settings_.period;
+      clock_.advance(settings_.period, guard_.stops ? extras_.guarding->stop : 0);
+      if (guard_.brakes && clock_.rate == 0) continue;
       outcome = plant_.advance(late ? before : control_.torque, settings_.period, steps);
       if (!outcome) return outcome;
     }
@@ -97,6 +124,8 @@ class Loop {
   Plant<K> plant_;
   Outcome resting_;
   ControlState control_;
+  Guard guard_;
+  PathClock clock_;
 };
 
 /// One move of a robot that starts at rest where `start` says (its true pose).

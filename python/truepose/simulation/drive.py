@@ -20,6 +20,7 @@ from truepose.robot.robot import Robot
 from truepose.simulation.controller import Controller, pose_of, positive, require_same_readings
 from truepose.simulation.effects import Effects
 from truepose.simulation.faults import Fault, in_core
+from truepose.simulation.watch import Watch
 
 RESTLESS = 1e-3  #: m or rad, peak to peak in the last 50 ms: more is no rest
 NO_REST = f"does not come to rest: swings by more than {1e3 * RESTLESS:g} mm or mrad"
@@ -52,6 +53,7 @@ def begin(
     time: float,
     learn: OnlineCalibration | None,
     faults: Sequence[Fault],
+    watch: Watch | None,
 ) -> Drive:
     """Check what :func:`truepose.simulate` takes, and let the true robot rest at the start.
 
@@ -80,7 +82,8 @@ def begin(
     )
     require_answers(robot, "pose", rows, (), status, chain, "raise", name=name)
     filtered = None if learn is None else learn._filter
-    core = (believed.core, truth.core, settings, known, plant, filtered, lying)
+    guarding = None if watch is None else watch.guarding(robot, controller)
+    core = (believed.core, truth.core, settings, known, plant, filtered, lying, guarding)
     held = [*at_rest[0], *[0.0] * (6 - robot.n)]
     return Drive(truth, controller, core, check_seed(seed), origin, held)
 

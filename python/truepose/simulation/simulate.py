@@ -24,6 +24,7 @@ from truepose.simulation.drive import NO_REST, RESTLESS, begin, saturated, unans
 from truepose.simulation.effects import Effects
 from truepose.simulation.faults import Fault
 from truepose.simulation.moves import MOVE_DURATION, default_move
+from truepose.simulation.watch import Watch, failed
 
 _WATCHED = 0.05  # s, the end of the hold in which the robot must rest; the core's own in `visit`
 
@@ -43,6 +44,9 @@ class Simulation:
     torque: Array  #: (T, n)
     cycle_status: Array  #: (T,) int, the core's: above 0 no answer, and the last torque was held
     gave_up: Array  #: (T,) bool: `learn` has stopped learning (:attr:`OnlineCalibration.stopped`)
+    health: Array  #: (T, n + r) int, what a :class:`Watch` made of each reading: `watch.HEALTH`
+    stops: Array  #: (T,) bool: it left its path at rest
+    brakes: Array  #: (T,) int, motors whose brakes it asked for, as bits
     hold: float = 0.2  #: s after the move
     faults: tuple[Fault, ...] = ()  #: of its readings
     ended: str = ""  #: why before its time, where faults took it out of its workspace
@@ -56,6 +60,11 @@ class Simulation:
     def answered(self) -> Array:
         """Whether the controller had an answer to its readings, (T,) bool."""
         return self.cycle_status <= 0
+
+    @property
+    def failed(self) -> list[str]:
+        """Names of the readings that a watch had found to have failed by the end."""
+        return failed(self.robot, self.health)
 
     @property
     def error(self) -> Array:
@@ -136,6 +145,7 @@ def simulate(
     time: float = 0.0,
     learn: OnlineCalibration | None = None,
     faults: Sequence[Fault] = (),
+    watch: Watch | None = None,
 ) -> Simulation:
     """Simulate a straight move with a quintic time law, then holding its end.
 
@@ -165,6 +175,8 @@ def simulate(
         Online self-calibration of `robot`, switched on in the controller: it learns from every line
         of readings that is news, and the controller believes in what it has learnt by then. It
         keeps that for the next run.
+    watch : Watch, optional
+        Of the controller's readings; nothing by default.
     faults : sequence of Fault
         Readings that lie. The robot starts at rest before the first of them. Where they leave the
         controller without an answer the run goes on, on the last torque, as a machine would
@@ -211,6 +223,7 @@ def simulate(
         time=time,
         learn=learn,
         faults=faults,
+        watch=watch,
     )
     status, chain, *log = _core.simulate(  # type: ignore[call-arg]
         *drive.core, drive.origin, target, duration, hold, steps, drive.at_rest, drive.seed

@@ -19,6 +19,7 @@ from truepose.simulation.drive import NO_REST, RESTLESS, begin, saturated, unans
 from truepose.simulation.effects import Effects
 from truepose.simulation.faults import Fault
 from truepose.simulation.moves import MOVE_DURATION
+from truepose.simulation.watch import Watch
 
 
 def visit(
@@ -35,6 +36,7 @@ def visit(
     time: float = 0.0,
     learn: OnlineCalibration | None = None,
     faults: Sequence[Fault] = (),
+    watch: Watch | None = None,
 ) -> tuple[Array, Array, Array]:
     """Drive from pose to pose, in the dynamics, and let each settle.
 
@@ -78,6 +80,7 @@ def visit(
         time=time,
         learn=learn,
         faults=faults,
+        watch=watch,
     )
     x, q_e, swing, held, status, cycles, reason = _core.visit(  # type: ignore[call-arg]
         *drive.core, rows, duration, hold, steps, drive.at_rest, drive.seed

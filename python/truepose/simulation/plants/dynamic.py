@@ -19,6 +19,7 @@ from truepose.simulation.effects import Effects
 from truepose.simulation.faults import Fault
 from truepose.simulation.plants import Visit
 from truepose.simulation.visit import visit
+from truepose.simulation.watch import Watch
 
 
 class DynamicPlant:
@@ -36,6 +37,8 @@ class DynamicPlant:
         Of the effects' phases and the readings' noise.
     duration, hold : float
         Of a move, and after it, s.
+    watch : Watch, optional
+        Of the controller's readings; nothing by default.
     faults : sequence of Fault
         Readings that lie; their time is that since the first move began.
 
@@ -59,9 +62,11 @@ class DynamicPlant:
         duration: float = 0.25,
         hold: float = 0.35,
         faults: Sequence[Fault] = (),
+        watch: Watch | None = None,
     ):
         self.truth, self.time, self.seed = truth, time, seed
         self.duration, self.hold, self.faults = duration, hold, tuple(faults)
+        self.watch = watch
         self.effects = Effects.none() if effects is None else effects
 
     def visit(
@@ -83,6 +88,7 @@ class DynamicPlant:
             effects=self.effects,
             time=self.time,
             faults=self.faults,
+            watch=self.watch,
         )
         for _ in x:
             progress()
