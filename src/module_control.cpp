@@ -184,7 +184,7 @@ auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSetti
   const std::size_t count = log.size();
   Owned<double> time({count}), x_d({count, n}), x({count, n}), q_e({count, e}), error({count, n}),
       torque({count, n});
-  Owned<int> status({count}), health({count, e}), brakes({count});
+  Owned<int> status({count}), health({count, e}), symptom({count, e}), brakes({count});
   Owned<bool> gave_up({count}), stops({count});
   for (std::size_t i = 0; i < count; ++i) {
     *time[i] = log[i].time;
@@ -195,13 +195,16 @@ auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSetti
     std::memcpy(torque[i], log[i].torque.data(), n * sizeof(double));
     *status[i] = static_cast<int>(log[i].status);
     *gave_up[i] = log[i].gave_up;
-    for (std::size_t c = 0; c < e; ++c) health[i][c] = static_cast<int>(log[i].health[c]);
+    for (std::size_t c = 0; c < e; ++c) {
+      health[i][c] = static_cast<int>(log[i].health[c]);
+      symptom[i][c] = static_cast<int>(log[i].symptom[c]);
+    }
     *stops[i] = log[i].stops;
     *brakes[i] = static_cast<int>(log[i].brakes);
   }
   return nb::make_tuple(static_cast<int>(outcome.status), outcome.chain, time.release(),
                         x_d.release(), x.release(), q_e.release(), error.release(),
-                        torque.release(), status.release(), gave_up.release(), health.release(),
+                        torque.release(), status.release(), gave_up.release(), health.release(), symptom.release(),
                         stops.release(), brakes.release());
 }
 

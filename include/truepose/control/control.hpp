@@ -38,7 +38,7 @@ struct ControlState {
   Joint torque{};         ///< the last one commanded; held when a cycle fails
   Joint error{};          ///< ê_q of the last good cycle
   Joint error_rate{};     ///< its rate, as found
-  Joint q_d{};            ///< desired readings of the motors
+  Joint q_d{};            ///< desired readings of the motors a period later, as far as is known
   Joint load{};           ///< N·m, what of the torque answers no error
   Parasitic nearby;       ///< of a robot that is understood rod by rod, at x_d
   Law law = Law::joint;   ///< whose terms `position` and `rate` are in
@@ -221,7 +221,8 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
   next.torque = torque;
   next.error = error;
   next.error_rate = error_rate;
-  next.q_d = motors_of<K>(reference.q_e);
+  const Joint rate = reference.jacobians.joint_rate(setpoint.rate);
+  for (int i = 0; i < n; ++i) next.q_d[i] = reference.q_e[i] + settings.period * rate[i];
   state = next;
   return regular;
 }

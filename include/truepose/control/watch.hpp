@@ -487,7 +487,7 @@ class Cycle {
 /// One cycle.
 ///
 /// @param weighing  what is known of the geometry and of the readings' own errors; work space
-/// @param desired   q_d of the last cycle: what a motor that stands still is measured by
+/// @param desired   q_d: what a motor that stands still is measured by
 /// @param believed  out: the readings, or what stands for those that are not believed
 /// @return `disagree` and the first reading that is not valid; no answer: no pose can be made of
 /// the readings

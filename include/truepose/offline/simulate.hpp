@@ -27,6 +27,7 @@ struct Sample {
   Status status;  ///< of the controller; where there is no answer, the torque held is the last one
   bool gave_up;   ///< the learner: it has stopped learning, and says so from then on
   std::array<Health, kMaxReadings> health{};  ///< of the readings, as a guarded controller has them
+  std::array<Symptom, kMaxReadings> symptom{};  ///< why not, the latest
   bool stops = false;                         ///< it leaves its path at rest
   std::uint32_t brakes = 0;                   ///< motors whose brakes it asks for, as bits
 };
@@ -101,8 +102,10 @@ class Loop {
                     control_.torque,
                     outcome.status,
                     gave_up};
-      for (int c = 0; c < kDof<K> + nominal_.r; ++c)
+      for (int c = 0; c < kDof<K> + nominal_.r; ++c) {
         sample.health[c] = guard_.watch.reading[c].health;
+        sample.symptom[c] = guard_.watch.reading[c].symptom;
+      }
       sample.stops = guard_.stops;
       sample.brakes = guard_.brakes;
       write(sample);

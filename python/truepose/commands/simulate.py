@@ -42,6 +42,7 @@ from truepose.simulation.moves import MOVE_DURATION, default_move
 from truepose.simulation.plants import Visit
 from truepose.simulation.simulate import Simulation, simulate
 from truepose.simulation.visit import visit
+from truepose.simulation.watch import Watch
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -91,6 +92,10 @@ def command(
         ),
     ] = "none",
     fault: Faults = None,
+    watch: Annotated[
+        bool,
+        typer.Option("--watch", help="Watch the readings, and go on or stop where one lies."),
+    ] = False,
     seed: Seed = 0,
     sensors: SensorSet = None,
     duration: Annotated[
@@ -124,6 +129,9 @@ def command(
     that **truepose calibrate** looks for.
 
     Example: **truepose simulate h4 --law estimated --effects friction,compliance -o move.csv**
+
+    What a frozen sensor does, and what a watch makes of it: **truepose simulate h4
+    --fault theta:stuck@0.05 --watch**
     """
     inputs: list[str | Path] = [robot, *([path] if path else [])]
     inputs += [] if true in ("drawn", "nominal") else [true]
@@ -142,6 +150,7 @@ def command(
     duration, hold = (u if g is None else g for u, g in zip(usual, (duration, hold), strict=True))
     settings: dict[str, Any] = {"duration": duration, "hold": hold, "seed": seed, "time": since}
     settings["faults"] = faults = faults_of(fault)
+    settings["watch"] = Watch() if watch else None
     errors = Console(stderr=True)
     with errors.status("simulating") if errors.is_terminal else nullcontext():
         if path is None:

@@ -24,7 +24,7 @@ from truepose.simulation.drive import NO_REST, RESTLESS, begin, saturated, unans
 from truepose.simulation.effects import Effects
 from truepose.simulation.faults import Fault
 from truepose.simulation.moves import MOVE_DURATION, default_move
-from truepose.simulation.watch import Watch, failed
+from truepose.simulation.watch import Watch, failed, watched
 
 _WATCHED = 0.05  # s, the end of the hold in which the robot must rest; the core's own in `visit`
 
@@ -45,6 +45,7 @@ class Simulation:
     cycle_status: Array  #: (T,) int, the core's: above 0 no answer, and the last torque was held
     gave_up: Array  #: (T,) bool: `learn` has stopped learning (:attr:`OnlineCalibration.stopped`)
     health: Array  #: (T, n + r) int, what a :class:`Watch` made of each reading: `watch.HEALTH`
+    symptom: Array  #: (T, n + r) int, why it was not valid last: `watch.SYMPTOMS`
     stops: Array  #: (T,) bool: it left its path at rest
     brakes: Array  #: (T,) int, motors whose brakes it asked for, as bits
     hold: float = 0.2  #: s after the move
@@ -81,8 +82,9 @@ class Simulation:
     def status(self) -> str:
         """Say how the move ended: "ok", or the worst that went wrong.
 
-        With faults the robot may leave its workspace ("stopped …"), or the controller have no
-        answer ("no answer …"). Not at rest ("does not come to rest: …"): a coordinate swings by
+        With faults the robot may leave its workspace ("stopped …"), a watch tell which reading
+        failed, when and why ("theta failed at …"), or the controller have no answer ("no answer
+        …"). Not at rest ("does not come to rest: …"): a coordinate swings by
         more than `RESTLESS` in the last 50 ms of the hold (in all of a shorter one). "saturated:
         …": it rests, but on the way a motor was at its torque limit.
 
@@ -97,11 +99,13 @@ class Simulation:
         """
         if self.ended:
             return self.ended
+        if said := watched(self.robot, self.time, self.health, self.symptom, self.stops):
+            return said
         if not self.answered.all():
             reason = self.cycle_status[self.answered.argmin()]
             return unanswered(int((~self.answered).sum()), int(reason))
-        watched = self.time >= self.time[-1] - min(_WATCHED, self.hold)
-        if not np.ptp(self.x[watched], axis=0).max() <= RESTLESS:
+        last = self.time >= self.time[-1] - min(_WATCHED, self.hold)
+        if not np.ptp(self.x[last], axis=0).max() <= RESTLESS:
             return NO_REST
         held = self.saturated.any(axis=0)
         return saturated(int(held.argmax())) if held.any() else "ok"

@@ -188,6 +188,20 @@ def first(health: Array) -> int | None:
     return int(lines[0]) if lines.size else None
 
 
+def watched(robot: Robot, time: Array, health: Array, symptom: Array, stops: Array) -> str:
+    """Say which readings failed, when and why, and whether the robot had to stop; "": nothing."""
+    said = []
+    for c, name in enumerate(robot.readings):
+        lines = np.flatnonzero(health[:, c] == HEALTH.index("failed"))
+        if lines.size:
+            k = lines[0]
+            said.append(f"{name} failed at {time[k]:.3f} s ({SYMPTOMS[symptom[k, c]]})")
+    if stops.any():
+        why = "" if said else "readings disagree, which is undecided: "
+        said.append(f"{why}stops from {time[stops.argmax()]:.3f} s on")
+    return ", ".join(said)
+
+
 def _fastest(robot: Robot) -> Array:
     """Second derivative that each reading may have, by the motors' torque limits; 0: not known."""
     box = robot.spec.workspace
