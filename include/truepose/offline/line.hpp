@@ -21,6 +21,21 @@ struct Line {
     for (int i = n; i < rows; ++i) sum += e[i] * e[i];
     return sum;
   }
+  /// Squared residual at its pose; chi2() is what the best pose leaves, to first order.
+  double misfit() const {
+    double sum = 0;
+    for (int i = 0; i < rows; ++i) sum += e[i] * e[i];
+    return sum;
+  }
+  /// How far its pose is from its best, in units of its own σ.
+  double away() const {
+    double size = 0;
+    for (int i = 0; i < n; ++i) size = std::max(size, std::fabs(e[i]));
+    return size;
+  }
+  /// Within σ of its best pose what that leaves is exact enough: what the pose itself lags behind ξ
+  /// would hide how much a step has gained, where σ is small and steps are not.
+  double d2() const { return away() < 1 ? chi2() : misfit(); }
 };
 
 /// Of a tracker that measures the nacelle's own x, in the base frame.
