@@ -101,7 +101,8 @@ def test_the_smallest_fault_is_found_nine_times_in_ten(h4, sensors, level):
         assert share == pytest.approx(0.9, abs=0.05)
         if model.r == 1:
             continue
-        d = G[:, found.closest[c]] / np.linalg.norm(G[:, found.closest[c]])
+        nearest = np.argmax(np.where(np.arange(len(found.detected)) == c, 0, found.apart[c]))
+        d = G[:, nearest] / np.linalg.norm(G[:, nearest])
         faulty = healthy + found.isolated[c] * G[:, c]
         left = faulty - np.outer(faulty @ d, d)  # what the other reading's fault cannot explain
         share = (np.square(left).sum(axis=1) > gate(alpha, model.r - 1)).mean()
@@ -129,6 +130,21 @@ def test_a_fault_that_stays_is_found_over_poses_by_its_own_hypothesis(h4, anywhe
     y = rng.normal(size=(2000, B.shape[1])) @ B.T + rng.normal(size=(2000, 30)) + b * G[:, 4]
     score = y @ np.linalg.solve(C, G[:, 4]) / np.sqrt(information[4, 4])
     assert (score**2 > gate(0.01, 1)).mean() == pytest.approx(0.9, abs=0.02)
+
+
+@pytest.mark.parametrize("level", ["ideal", "full"])
+@pytest.mark.parametrize("name", ANY)
+def test_the_parity_is_what_an_estimate_cannot_explain(name, level, anywhere, rng):
+    """|y|² is the χ² of the estimate's residuals, whichever reading is wrong."""
+    robot = every_sensor(name).expected()
+    poses = anywhere(robot, 4, rng)
+    G = parity(robot, poses, level).at_rest()
+    for c in range(robot.n + robot.r):
+        b = 1e-5  # rad or m
+        q_e = robot.extended(poses, level=level)
+        q_e[:, c] += b
+        chi2 = robot.estimate(q_e, poses, level=level).chi2
+        assert chi2 == pytest.approx(np.square(b * G[..., c]).sum(axis=-1), rel=0.01, abs=1e-7)
 
 
 def test_a_jump_is_found_where_tolerances_hide_a_bias(h4, table2):
@@ -205,7 +221,13 @@ def test_a_calibrated_robot_has_the_limits_foretold(h4, truth, table2):
 def test_where_no_test_sees_a_reading_its_error_is_unbounded(h4):
     """θ does not depend on the first motors where the nacelle is not turned."""
     found = tp.fault_limits(h4, h4.home, [h4.home])
-    assert np.isinf(found.detected[:2]).all() and (found.closest[:2] == -1).all()
+    assert np.isinf(found.detected[:2]).all()
+    assert found.confused_with()["q1"] == () and found.confused_with()["q3"] == (
+        "q1",
+        "q2",
+        "q4",
+        "theta",
+    )
     assert np.isinf(found.pose_error("joint")[:2, 0]).all()
     assert found.pose_error("joint")[4].tolist() == [0, 0]  # a sensor that it does not use
 
