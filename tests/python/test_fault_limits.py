@@ -9,6 +9,7 @@ import pytest
 import truepose as tp
 from truepose.robot import knowledge
 from truepose.robot.parity import Parity, detectable, gate, parity, unexplained
+from truepose.simulation.true_robots import with_tolerance_errors
 
 ELBOWS = ("theta", "elbow1", "elbow2", "elbow3", "elbow4")
 ANY = ("delta", "h4", "hexa", "3rrr", "linear-delta", "stewart")
@@ -107,6 +108,26 @@ def test_the_smallest_fault_is_found_nine_times_in_ten(h4, sensors, level):
         left = faulty - np.outer(faulty @ d, d)  # what the other reading's fault cannot explain
         share = (np.square(left).sum(axis=1) > gate(alpha, model.r - 1)).mean()
         assert share >= 0.85 and (share <= 0.95 or found.isolated[c] == found.detected[c])
+
+
+@pytest.mark.parametrize("sensors", [("theta",), ("theta", "z_telemeter"), ELBOWS])
+def test_real_robots_that_calibrated_themselves_keep_what_was_foretold(h4, table2, sensors, rng):
+    """Every rod by itself, drawn from all tolerances, calibrated on their own counts."""
+    robot, power, scatter = h4.with_sensors(*sensors), [], []
+    for seed in range(5):
+        true = with_tolerance_errors(robot, seed).with_level("full")
+        there = [x + rng.uniform(-5e-4, 5e-4, x.shape) for x in (table2[::4], table2[1::6])]
+        fit = tp.calibrate(robot, true.read(there[0], seed))
+        found = tp.fault_limits(fit.robot, there[1], false_alarm=1e-3)
+        G = found.parity.at_rest()
+        off = true.read(there[1], seed + 100) - fit.robot.extended(there[1], level="full")
+        y = np.einsum("prm,pm->pr", G, off)
+        scatter.append(np.square(y).mean())
+        shift = np.where(np.isfinite(found.detected), found.detected, 0)[:, None] * G
+        square = np.square(y[..., None] + shift).sum(axis=1)[np.isfinite(found.detected)]
+        power.append((square > gate(1e-3, robot.r)).mean())
+    assert np.mean(scatter) == pytest.approx(1, abs=0.1)
+    assert np.mean(power) == pytest.approx(0.9, abs=0.03)
 
 
 def test_counts_alone_raise_fewer_alarms_than_stated(h4, table2, rng):
