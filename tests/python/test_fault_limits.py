@@ -327,6 +327,8 @@ def test_the_command_says_what_the_function_says(run, h4, table2):
     assert rows["theta"]["detected"] == pytest.approx(np.degrees(detected[4]))
     assert rows["z_telemeter"]["isolated"] == pytest.approx(1e3 * isolated[5])
     assert rows["z_telemeter"]["unit"] == "mm"
+    assert rows["q3"]["confused with (at 1.5 ×)"] == " ".join(found.confused_with(1.5)["q3"])
+    assert rows["q3"]["confused with (at 1.5 ×)"] == "q4 theta"
     assert rows["q1"]["over 100 poses: isolated"] == pytest.approx(
         np.degrees(found.moving_isolated[0])
     )

@@ -209,7 +209,7 @@ def limits(found: FaultLimits, state: str) -> Table:
         "detected",
         "at the worst pose",
         "isolated",
-        f"at {TIMES:g} × like",
+        f"confused with (at {TIMES:g} ×)",
         "jump",
     ]
     header += [over + "detected", over + "isolated"]
