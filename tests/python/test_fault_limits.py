@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
+from truepose.commands import faults
 from truepose.robot import knowledge
 from truepose.robot.parity import Parity, detectable, gate, parity, unexplained
 from truepose.simulation.true_robots import with_tolerance_errors
@@ -185,6 +186,9 @@ def test_two_encoders_of_one_motor_are_alike_wherever_it_goes(second_encoder, ta
     assert found.alike == (("q1", "second"),) == found.alike_at_rest
     assert found.unseen == ("q2", "q3", "q4")
     assert np.isinf(found.moving_isolated).all() and np.isinf(found.detected[:, 1:4]).all()
+    told = list(faults.notes(found))
+    assert "over all 13 poses, by parallel signatures: q1 = second." in told[-2]
+    assert told[-1] == "Seen by no test, at no pose: q2, q3, q4."
     G = found.parity.signature
     assert G[..., 0] == pytest.approx(-G[..., 4])
     both = second_encoder.with_sensors("second", "theta")
@@ -352,6 +356,16 @@ def test_the_boxes_cut_every_coordinate_into_parts(run, h4, table2):
     some = tp.fault_limits(h4, table2[table2[:, 3] == 0], table2)
     stated = straight["q3 detected (°)"]
     assert stated == pytest.approx(np.degrees(np.median(some.detected[:, 2])))
+
+
+def test_unreachable_corners_of_a_workspace_are_left_out_and_counted(h4):
+    def within(corner):
+        box = h4.spec.workspace.model_copy(update={"minimum": corner})
+        return tp.Robot(h4.spec.model_copy(update={"workspace": box}))
+
+    poses, left_out = faults.regular_grid(within((-1.0, -0.1, -0.45, -0.5)))
+    assert left_out > 100 and len(poses) + left_out == 625
+    assert np.isfinite(tp.fault_limits(h4, poses).detected[:, 4]).all()
 
 
 @pytest.mark.parametrize("name", ["delta", "3rrr", "hexa"])
