@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 import truepose as tp
+from truepose.commands import faults
 from truepose.robot import knowledge
 from truepose.robot.parity import Parity, detectable, gate, parity, unexplained
+from truepose.simulation.true_robots import with_tolerance_errors
 
 ELBOWS = ("theta", "elbow1", "elbow2", "elbow3", "elbow4")
 ANY = ("delta", "h4", "hexa", "3rrr", "linear-delta", "stewart")
@@ -101,11 +103,32 @@ def test_the_smallest_fault_is_found_nine_times_in_ten(h4, sensors, level):
         assert share == pytest.approx(0.9, abs=0.05)
         if model.r == 1:
             continue
-        d = G[:, found.closest[c]] / np.linalg.norm(G[:, found.closest[c]])
+        nearest = np.argmax(np.where(np.arange(len(found.detected)) == c, 0, found.apart[c]))
+        d = G[:, nearest] / np.linalg.norm(G[:, nearest])
         faulty = healthy + found.isolated[c] * G[:, c]
         left = faulty - np.outer(faulty @ d, d)  # what the other reading's fault cannot explain
         share = (np.square(left).sum(axis=1) > gate(alpha, model.r - 1)).mean()
         assert share >= 0.85 and (share <= 0.95 or found.isolated[c] == found.detected[c])
+
+
+@pytest.mark.parametrize("sensors", [("theta",), ("theta", "z_telemeter"), ELBOWS])
+def test_real_robots_that_calibrated_themselves_keep_what_was_foretold(h4, table2, sensors, rng):
+    """Every rod by itself, drawn from all tolerances, calibrated on their own counts."""
+    robot, power, scatter = h4.with_sensors(*sensors), [], []
+    for seed in range(5):
+        true = with_tolerance_errors(robot, seed).with_level("full")
+        there = [x + rng.uniform(-5e-4, 5e-4, x.shape) for x in (table2[::4], table2[1::6])]
+        fit = tp.calibrate(robot, true.read(there[0], seed))
+        found = tp.fault_limits(fit.robot, there[1], false_alarm=1e-3)
+        G = found.parity.at_rest()
+        off = true.read(there[1], seed + 100) - fit.robot.extended(there[1], level="full")
+        y = np.einsum("prm,pm->pr", G, off)
+        scatter.append(np.square(y).mean())
+        shift = np.where(np.isfinite(found.detected), found.detected, 0)[:, None] * G
+        square = np.square(y[..., None] + shift).sum(axis=1)[np.isfinite(found.detected)]
+        power.append((square > gate(1e-3, robot.r)).mean())
+    assert np.mean(scatter) == pytest.approx(1, abs=0.1)
+    assert np.mean(power) == pytest.approx(0.9, abs=0.03)
 
 
 def test_counts_alone_raise_fewer_alarms_than_stated(h4, table2, rng):
@@ -131,6 +154,21 @@ def test_a_fault_that_stays_is_found_over_poses_by_its_own_hypothesis(h4, anywhe
     assert (score**2 > gate(0.01, 1)).mean() == pytest.approx(0.9, abs=0.02)
 
 
+@pytest.mark.parametrize("level", ["ideal", "full"])
+@pytest.mark.parametrize("name", ANY)
+def test_the_parity_is_what_an_estimate_cannot_explain(name, level, anywhere, rng):
+    """|y|² is the χ² of the estimate's residuals, whichever reading is wrong."""
+    robot = every_sensor(name).expected()
+    poses = anywhere(robot, 4, rng)
+    G = parity(robot, poses, level).at_rest()
+    for c in range(robot.n + robot.r):
+        b = 1e-5  # rad or m
+        q_e = robot.extended(poses, level=level)
+        q_e[:, c] += b
+        chi2 = robot.estimate(q_e, poses, level=level).chi2
+        assert chi2 == pytest.approx(np.square(b * G[..., c]).sum(axis=-1), rel=0.01, abs=1e-7)
+
+
 def test_a_jump_is_found_where_tolerances_hide_a_bias(h4, table2):
     """The difference of two readings at one pose is the fault and the noise of both."""
     found = tp.fault_limits(h4, table2[:1], false_alarm=1e-3)
@@ -148,6 +186,9 @@ def test_two_encoders_of_one_motor_are_alike_wherever_it_goes(second_encoder, ta
     assert found.alike == (("q1", "second"),) == found.alike_at_rest
     assert found.unseen == ("q2", "q3", "q4")
     assert np.isinf(found.moving_isolated).all() and np.isinf(found.detected[:, 1:4]).all()
+    told = list(faults.notes(found))
+    assert "over all 13 poses, by parallel signatures: q1 = second." in told[-2]
+    assert told[-1] == "Seen by no test, at no pose: q2, q3, q4."
     G = found.parity.signature
     assert G[..., 0] == pytest.approx(-G[..., 4])
     both = second_encoder.with_sensors("second", "theta")
@@ -205,7 +246,13 @@ def test_a_calibrated_robot_has_the_limits_foretold(h4, truth, table2):
 def test_where_no_test_sees_a_reading_its_error_is_unbounded(h4):
     """θ does not depend on the first motors where the nacelle is not turned."""
     found = tp.fault_limits(h4, h4.home, [h4.home])
-    assert np.isinf(found.detected[:2]).all() and (found.closest[:2] == -1).all()
+    assert np.isinf(found.detected[:2]).all()
+    assert found.confused_with()["q1"] == () and found.confused_with()["q3"] == (
+        "q1",
+        "q2",
+        "q4",
+        "theta",
+    )
     assert np.isinf(found.pose_error("joint")[:2, 0]).all()
     assert found.pose_error("joint")[4].tolist() == [0, 0]  # a sensor that it does not use
 
@@ -284,6 +331,8 @@ def test_the_command_says_what_the_function_says(run, h4, table2):
     assert rows["theta"]["detected"] == pytest.approx(np.degrees(detected[4]))
     assert rows["z_telemeter"]["isolated"] == pytest.approx(1e3 * isolated[5])
     assert rows["z_telemeter"]["unit"] == "mm"
+    assert rows["q3"]["confused with (at 1.5 ×)"] == " ".join(found.confused_with(1.5)["q3"])
+    assert rows["q3"]["confused with (at 1.5 ×)"] == "q4 theta"
     assert rows["q1"]["over 100 poses: isolated"] == pytest.approx(
         np.degrees(found.moving_isolated[0])
     )
@@ -307,6 +356,16 @@ def test_the_boxes_cut_every_coordinate_into_parts(run, h4, table2):
     some = tp.fault_limits(h4, table2[table2[:, 3] == 0], table2)
     stated = straight["q3 detected (°)"]
     assert stated == pytest.approx(np.degrees(np.median(some.detected[:, 2])))
+
+
+def test_unreachable_corners_of_a_workspace_are_left_out_and_counted(h4):
+    def within(corner):
+        box = h4.spec.workspace.model_copy(update={"minimum": corner})
+        return tp.Robot(h4.spec.model_copy(update={"workspace": box}))
+
+    poses, left_out = faults.regular_grid(within((-1.0, -0.1, -0.45, -0.5)))
+    assert left_out > 100 and len(poses) + left_out == 625
+    assert np.isfinite(tp.fault_limits(h4, poses).detected[:, 4]).all()
 
 
 @pytest.mark.parametrize("name", ["delta", "3rrr", "hexa"])

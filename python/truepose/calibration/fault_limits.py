@@ -51,10 +51,8 @@ class FaultLimits:
     parity: Parity
     #: (..., m) found at this pose: χ² of its r parities is beyond its gate
     detected: Array
-    #: (..., m) also told from any other reading's fault there, r - 1 parities being left
-    isolated: Array
-    #: (..., m) position of the reading that is hardest to tell from it there, -1: none sees it
-    closest: Array
+    #: (..., m, m) also told from a fault of the second reading, which leaves r - 1 parities
+    apart: Array
     #: (..., m) of a sudden change at this pose: what the geometry adds has not changed
     jump: Array
     moving: int  #: poses that are read once each while the fault stays
@@ -64,6 +62,33 @@ class FaultLimits:
     moving_isolated: Array
     #: law -> (..., m, 2): by how much the pose is off, m and rad, for 1 m or rad of the reading
     leakage: dict[Law, Array]
+
+    @cached_property
+    def isolated(self) -> Array:
+        """Smallest fault told from every other reading's at this pose, shape (..., m)."""
+        return self.apart.max(axis=-1)
+
+    def confused_with(self, times: float = 1.5) -> dict[str, tuple[str, ...]]:
+        """Which readings a fault of so many times `detected` is not told from, at most poses.
+
+        At most of those where it is detected at all.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> h4 = tp.load("h4").with_sensors("theta", "elbow1", "elbow2", "elbow3", "elbow4")
+        >>> x = [0.05, 0, -0.4, 0.2]
+        >>> tp.fault_limits(h4, x, [x]).confused_with(1.2)["elbow1"]
+        ('q1',)
+        """
+        names, result = self.robot.readings, {}
+        detected = self.detected.reshape(-1, len(names))
+        apart = self.apart.reshape(-1, len(names), len(names))
+        for c, name in enumerate(names):
+            at = np.isfinite(detected[:, c])
+            more = apart[at, c] > times * detected[at, c, None]
+            result[name] = tuple(names[d] for d in np.flatnonzero(2 * more.sum(axis=0) > at.sum()))
+        return result
 
     @cached_property
     def alike_at_rest(self) -> tuple[tuple[str, ...], ...]:
@@ -186,9 +211,9 @@ def fault_limits(
     at_rest = found.at_rest()
     gram = at_rest.swapaxes(-1, -2) @ at_rest
     detected = _smallest(detectable(alpha, r, power), np.diagonal(gram, axis1=1, axis2=2))
-    left = unexplained(gram)
-    isolated = np.maximum(detected, _smallest(detectable(alpha, r - 1, power), left.min(axis=-1)))
-    closest = np.where(np.isfinite(detected), left.argmin(axis=-1), -1)
+    left = unexplained(gram)  # inf from itself
+    apart = np.maximum(detected[..., None], _smallest(detectable(alpha, r - 1, power), left))
+    apart = np.where(np.eye(m, dtype=bool), detected[..., None], apart)
     # Two readings' difference holds the noise of both, and no geometry.
     changed = np.square(found.signature).sum(axis=-2) / 2
     jump = np.minimum(detected, _smallest(detectable(alpha, r, power), changed))
@@ -203,8 +228,7 @@ def fault_limits(
         power,
         Parity(*(part.reshape(*lead, *part.shape[1:]) for part in found)),
         detected.reshape(*lead, m),
-        isolated.reshape(*lead, m),
-        closest.reshape(*lead, m),
+        apart.reshape(*lead, m, m),
         jump.reshape(*lead, m),
         len(some),
         _smallest(one, np.diagonal(information)),

@@ -41,6 +41,8 @@ if TYPE_CHECKING:
 
 #: Effects that readings show while the model is right: what `Effects.allowed_for` knows of.
 KNOWN_EFFECTS = ("backlash", "eccentricity")
+#: Faults of so many times their limit are looked at for what they are confused with.
+TIMES = 1.5
 
 
 def command(
@@ -186,7 +188,7 @@ def limits(found: FaultLimits, state: str) -> Table:
     detected, isolated, jump = (
         values.reshape(-1, m) for values in (found.detected, found.isolated, found.jump)
     )
-    closest = found.closest.reshape(-1, m)
+    confused = found.confused_with(TIMES)
     rows = []
     for c, (name, (factor, unit)) in enumerate(_readings(found.robot)):
         named = Cell(f"{name} ({unit})", {"reading": name, "unit": unit})
@@ -199,9 +201,17 @@ def limits(found: FaultLimits, state: str) -> Table:
             found.moving_isolated[c],
         ]
         cells = [_limit(factor * float(value)) for value in values]
-        rows.append([named, *cells[:3], _rival(found, name, closest[:, c]), *cells[3:]])
+        rivals = "all others" if len(confused[name]) == m - 1 else " ".join(confused[name])
+        rows.append([named, *cells[:3], rivals, *cells[3:]])
     over = f"over {found.moving} poses: "
-    header = ["reading", "detected", "at the worst pose", "isolated", "confused with", "jump"]
+    header = [
+        "reading",
+        "detected",
+        "at the worst pose",
+        "isolated",
+        f"confused with (at {TIMES:g} ×)",
+        "jump",
+    ]
     header += [over + "detected", over + "isolated"]
     return Table("faults", f"Smallest faults, {state}", header, rows)
 
@@ -287,6 +297,10 @@ def notes(found: FaultLimits) -> Iterator[str]:
         f"Found with probability {found.power:g}, false alarms {odds} a test: a bias or a jump in "
         "one cycle, a drift when it has grown so far; over poses read once each, a bias that stays."
     )
+    yield (
+        f"Confused with: the readings whose own faults explain one of {TIMES:g} times its limit as "
+        "well, at most of the poses where it is seen."
+    )
     for where, groups in (
         ("at any one pose", found.alike_at_rest),
         (f"over all {found.detected[..., 0].size} poses", found.alike),
@@ -339,15 +353,6 @@ def _readings(robot: Robot) -> list[tuple[str, tuple[float, str]]]:
     """Name of every reading, factor and unit in which people read it."""
     units = [PRINT[unit] for unit in reading_units(robot)]
     return list(zip(robot.readings, units, strict=True))
-
-
-def _rival(found: FaultLimits, name: str, closest: Array) -> str:
-    """Name what a reading's fault is confused with: always, or at most of the poses."""
-    group = next((group for group in found.alike_at_rest if name in group), ())
-    if group:
-        return "all others" if len(group) == len(found.robot.readings) else " ".join(group)
-    rivals = closest[closest >= 0]
-    return found.robot.readings[np.bincount(rivals).argmax()] if len(rivals) else ""
 
 
 def _limit(value: float) -> Cell:
