@@ -1,5 +1,7 @@
 """Does a faulty reading read what its kind says, on every plant, and does the machine go on?"""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -353,3 +355,15 @@ def test_the_command_says_what_is_wrong_with_a_fault(run, word, said):
     status, out, err = run("simulate", "h4", "--fault", word)
     assert (status, out) == (2, "") and len(err.splitlines()) == 1
     assert said in err
+
+
+def test_the_documentation_has_every_kind():
+    page = Path(__file__).parents[2] / "docs" / "what-faults-do.md"
+    told = page.read_text(encoding="utf-8")
+    for kind, row in _core.fault_kinds.items():
+        (line,) = (line for line in told.splitlines() if line.startswith(f"| {kind} | "))
+        cells = [cell.strip() for cell in line.split("|")[3:-1]]
+        words = {"reading": "rad or m", "reading/s": "rad/s or m/s"}.get(row.size, row.size)
+        expected = [words, "yes" if row.lasts else "", "yes" if row.at_rest else ""]
+        assert cells == expected
+        assert f"\n    {kind} " in tp.Fault.__doc__
