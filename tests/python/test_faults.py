@@ -1,5 +1,6 @@
 """Does a faulty reading read what its kind says, on every plant, and does the machine go on?"""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -316,6 +317,9 @@ def test_a_fault_that_the_robot_cannot_have_is_refused(h4, faults, said):
     with pytest.raises(tp.InputError) as error:
         tp.simulate(robot, faults=faults)
     assert said in str(error.value) and "\n" not in str(error.value)
+    if "periods" not in said:  # a plant does not know its controller's period
+        with pytest.raises(tp.InputError, match=re.escape(said)):
+            DynamicPlant(robot, faults=faults)
 
 
 @pytest.mark.parametrize("kind", [kind for kind in FAULT_KINDS if kind not in AT_REST])

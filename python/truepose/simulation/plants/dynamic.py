@@ -16,7 +16,7 @@ from truepose.robot.robot import Robot
 from truepose.simulation.controller import Controller
 from truepose.simulation.drive import SATURATED
 from truepose.simulation.effects import Effects
-from truepose.simulation.faults import Fault
+from truepose.simulation.faults import Fault, checked
 from truepose.simulation.plants import Visit
 from truepose.simulation.visit import visit
 
@@ -61,7 +61,7 @@ class DynamicPlant:
         faults: Sequence[Fault] = (),
     ):
         self.truth, self.time, self.seed = truth, time, seed
-        self.duration, self.hold, self.faults = duration, hold, tuple(faults)
+        self.duration, self.hold, self.faults = duration, hold, checked(truth, faults)
         self.effects = Effects.none() if effects is None else effects
 
     def visit(

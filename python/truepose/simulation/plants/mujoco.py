@@ -21,7 +21,7 @@ from truepose.robot.robot import Robot
 from truepose.simulation.controller import Controller
 from truepose.simulation.drive import unanswered
 from truepose.simulation.effects import Effects
-from truepose.simulation.faults import Fault, in_core
+from truepose.simulation.faults import Fault, checked, in_core
 from truepose.simulation.plants import Visit
 from truepose.simulation.plants.mjcf import TIMESTEP
 from truepose.simulation.plants.mujoco_body import Body, Settled, require
@@ -86,7 +86,7 @@ class MujocoPlant:
         self.effects = Effects.none() if effects is None else effects
         self.seed = check_seed(seed)
         self.duration, self.hold, self.longest = duration, hold, max(hold, longest)
-        self.pose_time, self.timestep, self.faults = pose_time, timestep, tuple(faults)
+        self.pose_time, self.timestep, self.faults = pose_time, timestep, checked(truth, faults)
         self.ripple_phase = np.array(self.effects.plant(truth, self.seed).phase)[: truth.n]
 
     def body(self, time: float = 0.0) -> Body:
