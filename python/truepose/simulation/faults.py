@@ -134,12 +134,6 @@ def in_core(robot: Robot, faults: Sequence[Fault], period: float | None) -> list
     return [_of(robot, fault, units, period) for fault in faults]
 
 
-def checked(robot: Robot, faults: Sequence[Fault]) -> tuple[Fault, ...]:
-    """Return the faults of a plant whose period is not known yet: :func:`in_core` looks again."""
-    in_core(robot, faults, math.inf)
-    return tuple(faults)
-
-
 def _of(robot: Robot, fault: Fault, units: dict[str, str], period: float | None) -> _core.Fault:
     if not isinstance(fault, Fault):
         raise InputError(f"faults: {fault!r}: must be a Fault")

@@ -21,7 +21,7 @@ from truepose.robot.robot import Robot
 from truepose.simulation.controller import Controller
 from truepose.simulation.drive import unanswered
 from truepose.simulation.effects import Effects
-from truepose.simulation.faults import Fault, checked, in_core
+from truepose.simulation.faults import Fault, in_core
 from truepose.simulation.plants import Visit
 from truepose.simulation.plants.mjcf import TIMESTEP
 from truepose.simulation.plants.mujoco_body import Body, Settled, require
@@ -82,11 +82,12 @@ class MujocoPlant:
         for name, value in (("hold", hold), ("pose_time", pose_time)):
             if not (math.isfinite(value) and value >= 0):
                 raise InputError(f"{name} = {value}: must be a finite number of at least 0")
+        in_core(truth, faults, math.inf)  # whatever the controller's period
         self.truth = truth
         self.effects = Effects.none() if effects is None else effects
         self.seed = check_seed(seed)
         self.duration, self.hold, self.longest = duration, hold, max(hold, longest)
-        self.pose_time, self.timestep, self.faults = pose_time, timestep, checked(truth, faults)
+        self.pose_time, self.timestep, self.faults = pose_time, timestep, tuple(faults)
         self.ripple_phase = np.array(self.effects.plant(truth, self.seed).phase)[: truth.n]
 
     def body(self, time: float = 0.0) -> Body:
