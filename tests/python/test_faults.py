@@ -1,5 +1,8 @@
 """Does a faulty reading read what its kind says, on every plant, and does the machine go on?"""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -305,6 +308,8 @@ def test_a_fault_that_is_none_is_refused_in_one_line(words, said):
         ([tp.Fault("q1", "swap", other="z_telemeter")], "unknown other reading 'z_telemeter'"),
         ([tp.Fault("q1", "delay", size=11.0)], "at most 10000 control periods of 0.001 s"),
         (tp.Fault("q1", "stuck"), "faults: must be a list of Fault"),
+        ("q1:stuck", "faults: must be a list of Fault"),
+        (iter([tp.Fault("q1", "stuck")]), "faults: must be a list of Fault"),
         (["q1:stuck"], "faults: 'q1:stuck': must be a Fault"),
     ],
     ids=str,
@@ -314,6 +319,9 @@ def test_a_fault_that_the_robot_cannot_have_is_refused(h4, faults, said):
     with pytest.raises(tp.InputError) as error:
         tp.simulate(robot, faults=faults)
     assert said in str(error.value) and "\n" not in str(error.value)
+    if "periods" not in said:  # a plant does not know its controller's period
+        with pytest.raises(tp.InputError, match=re.escape(said)):
+            DynamicPlant(robot, faults=faults)
 
 
 @pytest.mark.parametrize("kind", [kind for kind in FAULT_KINDS if kind not in AT_REST])
@@ -353,3 +361,15 @@ def test_the_command_says_what_is_wrong_with_a_fault(run, word, said):
     status, out, err = run("simulate", "h4", "--fault", word)
     assert (status, out) == (2, "") and len(err.splitlines()) == 1
     assert said in err
+
+
+def test_the_documentation_has_every_kind():
+    page = Path(__file__).parents[2] / "docs" / "what-faults-do.md"
+    told = page.read_text(encoding="utf-8")
+    for kind, row in _core.fault_kinds.items():
+        (line,) = (line for line in told.splitlines() if line.startswith(f"| {kind} | "))
+        cells = [cell.strip() for cell in line.split("|")[3:-1]]
+        words = {"reading": "rad or m", "reading/s": "rad/s or m/s"}.get(row.size, row.size)
+        expected = [words, "yes" if row.lasts else "", "yes" if row.at_rest else ""]
+        assert cells == expected
+        assert f"\n    {kind} " in tp.Fault.__doc__

@@ -128,7 +128,7 @@ def in_core(robot: Robot, faults: Sequence[Fault], period: float | None) -> list
         A reading that is not there, is late by too much, is swapped with itself or with one of
         another unit; where the robot rests, a fault that needs time.
     """
-    if isinstance(faults, Fault):
+    if isinstance(faults, str) or not isinstance(faults, Sequence):
         raise InputError("faults: must be a list of Fault: [fault]")
     units = dict(zip(robot.readings, reading_units(robot), strict=True))
     return [_of(robot, fault, units, period) for fault in faults]

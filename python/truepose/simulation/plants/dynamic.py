@@ -6,6 +6,7 @@ loops are those of the ideal level: this nacelle does not tilt.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -16,7 +17,7 @@ from truepose.robot.robot import Robot
 from truepose.simulation.controller import Controller
 from truepose.simulation.drive import SATURATED
 from truepose.simulation.effects import Effects
-from truepose.simulation.faults import Fault
+from truepose.simulation.faults import Fault, in_core
 from truepose.simulation.plants import Visit
 from truepose.simulation.visit import visit
 from truepose.simulation.watch import Watch
@@ -64,6 +65,7 @@ class DynamicPlant:
         faults: Sequence[Fault] = (),
         watch: Watch | None = None,
     ):
+        in_core(truth, faults, math.inf)  # whatever the controller's period
         self.truth, self.time, self.seed = truth, time, seed
         self.duration, self.hold, self.faults = duration, hold, tuple(faults)
         self.watch = watch

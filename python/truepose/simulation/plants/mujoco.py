@@ -82,6 +82,7 @@ class MujocoPlant:
         for name, value in (("hold", hold), ("pose_time", pose_time)):
             if not (math.isfinite(value) and value >= 0):
                 raise InputError(f"{name} = {value}: must be a finite number of at least 0")
+        in_core(truth, faults, math.inf)  # whatever the controller's period
         self.truth = truth
         self.effects = Effects.none() if effects is None else effects
         self.seed = check_seed(seed)
