@@ -1,6 +1,8 @@
 // What happens when a controller drives a robot? The closed loop: nominal controller, true plant.
 #pragma once
 
+#include <functional>
+
 #include "truepose/control/control.hpp"
 #include "truepose/estimation/learning.hpp"
 #include "truepose/offline/effects.hpp"
@@ -27,11 +29,15 @@ struct Sample {
   bool gave_up;   ///< the learner: it has stopped learning, and says so from then on
 };
 
+/// A law of one's own: from what is asked and read at a time to the torques. It may throw.
+using OwnLaw = std::function<Outcome(double time, const Setpoint&, const Extended&, Joint&)>;
+
 /// What a loop may have beside a robot and its controller.
 struct Extras {
   Weighing weighing{};         ///< for the laws `weighted` and `estimated`
   Effects effects{};           ///< what the model forgets
   Learner* learner = nullptr;  ///< switches online self-calibration on
+  OwnLaw law{};                ///< commands instead of `control`
 };
 
 /// A robot, its controller, and what both remember from one move to the next.
@@ -74,7 +80,10 @@ class Loop {
       const bool gave_up =  // a line that fits no pose: next time
           extras_.learner && learn<K>(*extras_.learner, q_e).status == Status::stopped;
       const Robot& believed = extras_.learner ? extras_.learner->robot : nominal_;
-      outcome = control<K>(believed, settings_, setpoint, q_e, control_, extras_.weighing);
+      outcome = extras_.law
+                    ? extras_.law(time, setpoint, q_e, control_.torque)
+                    : control<K>(believed, settings_, setpoint, q_e, control_, extras_.weighing);
+      control_.started = control_.started || outcome;
       if (!outcome) return outcome;
       write(Sample{time, setpoint.x, to_coordinates<K>(plant_.pose()), q_e, control_.error,
                    control_.torque, outcome.status, gave_up});
