@@ -50,6 +50,11 @@ COUNTED Status f_control_feed_forward(const Robot& robot, const ControlSettings&
                                       ControlState& state) {
   return control<kH4>(robot, settings, setpoint, q_e, state).status;
 }
+COUNTED Status f_control_inertia(const Robot& robot, const ControlSettings& settings,
+                                 const Setpoint& setpoint, const Extended& q_e,
+                                 ControlState& state) {
+  return control<kH4>(robot, settings, setpoint, q_e, state).status;
+}
 COUNTED Status f_control_weighted(const Robot& robot, const ControlSettings& settings,
                                   const Setpoint& setpoint, const Extended& q_e,
                                   ControlState& state, const Weighing& weighing) {
@@ -87,8 +92,11 @@ int main() {
                         cartesian = settings(Law::cartesian), weighted = settings(Law::weighted),
                         estimated = settings(Law::estimated),
                         full = settings_for(h4.robot, Law::redundant, FeedForward::full);
+  ControlSettings inertia = full;
+  inertia.gains = Gains::inertia;
+  if (!place_poles(h4.robot, h4.robot.home, 150, 1, inertia)) std::printf("home is singular\n");
   mechanisms::Prior prior(h4.robot);
-  ControlState states[7];
+  ControlState states[8];
   Robot rods = h4.robot;  // understood rod by rod, its axes 0.1° off
   rods.level = Level::full;
   for (int i = 0; i < 4; ++i) {
@@ -117,6 +125,7 @@ int main() {
     answered(f_control_redundant(h4.robot, redundant, h4.setpoint[i], h4.q_e[i], states[1]));
     answered(f_control_cartesian(h4.robot, cartesian, h4.setpoint[i], h4.q_e[i], states[2]));
     answered(f_control_feed_forward(h4.robot, full, h4.setpoint[i], h4.q_e[i], states[3]));
+    answered(f_control_inertia(h4.robot, inertia, h4.setpoint[i], h4.q_e[i], states[7]));
     answered(f_control_weighted(h4.robot, weighted, h4.setpoint[i], h4.q_e[i], states[4],
                                 prior.weighing()));
     answered(f_control_estimated(h4.robot, estimated, h4.setpoint[i], h4.q_e[i], states[5],

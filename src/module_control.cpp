@@ -158,27 +158,48 @@ class LoopExtras {
   std::vector<double> work_;
 };
 
-auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
-                    const Known* known, const Effects& effects, Online* online,
-                    const std::vector<Fault>& faults, const Guarding* guarding,
-                    const Coordinates& from, const Coordinates& to, double duration, double hold,
-                    int steps, const Coordinates& start, std::uint64_t seed) {
+using OwnTorque = std::optional<nb::callable>;
+
+/// A Python callable (time, x, rate, acceleration, q_e, torque) -> torques as the loop's law; the
+/// motors' limits hold for it too.
+OwnLaw own_law(const Robot& robot, const OwnTorque& torque_of) {
+  if (!torque_of) return {};
+  return [&](double time, const Setpoint& setpoint, const Extended& q_e, Joint& torque) -> Outcome {
+    const nb::gil_scoped_acquire acquire;
+    const auto asked = nb::cast<Joint>(
+        (*torque_of)(time, setpoint.x, setpoint.rate, setpoint.acceleration, q_e, torque));
+    const int n = dof(robot.mobility);
+    if (!all_finite(asked, n)) return {Status::not_finite, -1};
+    for (int i = 0; i < n; ++i) {
+      const double limit = robot.chain[i].torque_limit;
+      torque[i] = limit > 0 ? std::clamp(asked[i], -limit, limit) : asked[i];
+    }
+    return {};
+  };
+}
+
+/// One run from rest: `run` is called with the loop and what takes its samples.
+template <class Run>
+auto logged(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
+            const Known* known, const Effects& effects, Online* online,
+            const std::vector<Fault>& faults, const Guarding* guarding, const OwnTorque& torque_of,
+            const Coordinates& start, std::uint64_t seed, std::size_t periods, Run&& run) {
   const std::size_t n = dof(nominal.mobility), e = n + nominal.r;
   std::vector<Sample> log;
   Outcome outcome;
   {
     nb::gil_scoped_release release;
     Signals signals;
-    const LoopExtras loop(nominal, known, effects, online, faults, guarding, settings.period);
-    log.reserve(static_cast<std::size_t>((duration + hold) / settings.period) + 2);
+    LoopExtras with(nominal, known, effects, online, faults, guarding, settings.period);
+    with.extras.law = own_law(nominal, torque_of);
+    log.reserve(periods + 1);
     outcome = with_mobility(nominal.mobility, [&](auto mobility) {
-      return simulate<mobility()>(
-          nominal, truth, settings, Run{from, to, duration, hold, steps, seed}, start,
-          [&](const Sample& sample) {
-            log.push_back(sample);
-            signals();
-          },
-          loop.extras);
+      constexpr Mobility K = mobility();
+      Loop<K> loop(nominal, truth, settings, start, seed, with.extras);
+      return run(loop, [&](const Sample& sample) {
+        log.push_back(sample);
+        signals();
+      });
     });
   }
   const std::size_t count = log.size();
@@ -204,8 +225,48 @@ auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSetti
   }
   return nb::make_tuple(static_cast<int>(outcome.status), outcome.chain, time.release(),
                         x_d.release(), x.release(), q_e.release(), error.release(),
-                        torque.release(), status.release(), gave_up.release(), health.release(), symptom.release(),
-                        stops.release(), brakes.release());
+                        torque.release(), status.release(), gave_up.release(), health.release(),
+                        symptom.release(), stops.release(), brakes.release());
+}
+
+auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
+                    const Known* known, const Effects& effects, Online* online,
+                    const std::vector<Fault>& faults, const Guarding* guarding,
+                    const Coordinates& from, const Coordinates& to, double duration, double hold,
+                    int steps, const Coordinates& start, std::uint64_t seed,
+                    const OwnTorque& torque_of) {
+  return logged(nominal, truth, settings, known, effects, online, faults, guarding, torque_of,
+                start, seed, static_cast<std::size_t>((duration + hold) / settings.period) + 1,
+                [&](auto& loop, auto&& write) {
+                  return loop.move({from, to, duration, hold, steps}, write);
+                });
+}
+
+/// Along any path: a row of each array, (N, n), at the start of every period. Between two, where a
+/// robot slows down, what lies between.
+auto run_path(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
+              const Known* known, const Effects& effects, Online* online,
+              const std::vector<Fault>& faults, const Guarding* guarding, const Rows& x,
+              const Rows& rate, const Rows& acceleration, int steps, const Coordinates& start,
+              std::uint64_t seed, const OwnTorque& torque_of) {
+  const std::size_t periods = x.shape(0) - 1;
+  const auto at = [&](std::size_t k) {
+    return Setpoint{row<Coordinates>(x, k), row<Coordinates>(rate, k),
+                    row<Coordinates>(acceleration, k)};
+  };
+  return logged(nominal, truth, settings, known, effects, online, faults, guarding, torque_of,
+                start, seed, periods, [&](auto& loop, auto&& write) {
+                  return loop.follow(
+                      static_cast<int>(periods), steps,
+                      [&](double k) {
+                        const auto before = std::min(static_cast<std::size_t>(k), periods);
+                        const Setpoint setpoint = at(before);
+                        if (k == static_cast<double>(before) || before == periods) return setpoint;
+                        return between(nominal.mobility, setpoint, at(before + 1),
+                                       k - static_cast<double>(before));
+                      },
+                      write);
+                });
 }
 
 inline constexpr double kWatched = 0.05;  ///< s at the end of a hold, in which a robot should rest
@@ -327,9 +388,11 @@ void bind_control(nb::module_& m) {
       .value("none", FeedForward::none)
       .value("gravity", FeedForward::gravity)
       .value("full", FeedForward::full);
+  nb::enum_<Gains>(m, "Gains").value("diagonal", Gains::diagonal).value("inertia", Gains::inertia);
   nb::class_<ControlSettings>(m, "ControlSettings")
       .def(nb::init<>())
       .def_rw("law", &ControlSettings::law)
+      .def_rw("gains", &ControlSettings::gains)
       .def_rw("feed_forward", &ControlSettings::feed_forward)
       .def_rw("period", &ControlSettings::period)
       .def_rw("velocity_bandwidth", &ControlSettings::velocity_bandwidth)
@@ -378,7 +441,11 @@ void bind_control(nb::module_& m) {
       .def_rw("delayed", &Effects::delayed);
   m.def("simulate", &run_simulation, "nominal"_a, "truth"_a, "settings"_a, "known"_a.none(),
         "effects"_a, "online"_a.none(), "faults"_a, "guarding"_a.none(), "start"_a, "end"_a,
-        "duration"_a, "hold"_a, "steps"_a, "at_rest"_a, "seed"_a);
+        "duration"_a, "hold"_a, "steps"_a, "at_rest"_a, "seed"_a,
+        "torque_of"_a.none() = nb::none());
+  m.def("follow", &run_path, "nominal"_a, "truth"_a, "settings"_a, "known"_a.none(), "effects"_a,
+        "online"_a.none(), "faults"_a, "guarding"_a.none(), "x"_a, "rate"_a, "acceleration"_a,
+        "steps"_a, "at_rest"_a, "seed"_a, "torque_of"_a.none() = nb::none());
   m.def("visit", &run_visit, "nominal"_a, "truth"_a, "settings"_a, "known"_a.none(), "effects"_a,
         "online"_a.none(), "faults"_a, "guarding"_a.none(), "x_d"_a, "duration"_a, "hold"_a,
         "steps"_a, "at_rest"_a, "seed"_a);

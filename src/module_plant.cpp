@@ -92,14 +92,35 @@ auto setpoint(const Robot& robot, const Coordinates& from, const Coordinates& to
   });
 }
 
-/// The reduced model's acceleration (a twist's) under motor torques.
-auto acceleration(const Robot& robot, const Coordinates& x, const Coordinates& rate,
-                  const Joint& torque) {
-  Coordinates result{};
-  const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {
-    return forward_dynamics<mobility()>(robot, to_pose<mobility()>(x), rate, torque, result);
+/// M(x), (N, n, n), of the reduced model.
+auto batch_mass_matrix(const Robot& robot, const Rows& x) {
+  const std::size_t count = x.shape(0), n = x.shape(1);
+  Owned<double> all({count, n, n});
+  Outcomes outcomes(count);
+  with_mobility(robot.mobility, [&](auto mobility) {
+    constexpr Mobility K = mobility();
+    for_rows(count, [&](std::size_t i) {
+      JointMatrix mass;
+      const Outcome outcome = mass_matrix<K>(robot, to_pose<K>(row<Joint>(x, i)), mass);
+      outcomes.set(i, outcome);
+      write(mass, n, n, outcome, all[i]);
+    });
   });
-  return nb::make_tuple(result, static_cast<int>(outcome.status));
+  return nb::make_tuple(all.release(), outcomes.status.release(), outcomes.chain.release());
+}
+
+/// Its accelerations (a twist's) under motor torques, or the other way round.
+auto batch_dynamics(const Robot& robot, const Rows& x, const Rows& rate, const Rows& given,
+                    bool inverse) {
+  return with_mobility(robot.mobility, [&](auto mobility) {
+    constexpr Mobility K = mobility();
+    return map_rows<Joint, Joint>(x, x.shape(1), [&](const Joint& at, Joint& out, std::size_t i) {
+      const Pose pose = to_pose<K>(at);
+      const Joint v = row<Joint>(rate, i), asked = row<Joint>(given, i);
+      return inverse ? inverse_dynamics<K>(robot, pose, v, asked, out)
+                     : forward_dynamics<K>(robot, pose, v, asked, out);
+    });
+  });
 }
 
 /// Where the reduced model is after a time under constant torques, and its free twist.
@@ -119,13 +140,15 @@ auto advance_free(const Robot& robot, const Coordinates& x, const Coordinates& r
 }  // namespace
 
 void bind_plant(nb::module_& m) {
+  using namespace nb::literals;
   m.def("readings", &readings);
   m.def("rotations", &rotations);
   m.def("rotation_vectors", &rotation_vectors);
   m.def("frames", &frames);
   m.def("coordinates", &coordinates);
   m.def("setpoint", &setpoint);
-  m.def("acceleration", &acceleration);
+  m.def("mass_matrix", &batch_mass_matrix);
+  m.def("dynamics", &batch_dynamics, "robot"_a, "x"_a, "rate"_a, "given"_a, "inverse"_a);
   m.def("advance", &advance_free);
 }
 

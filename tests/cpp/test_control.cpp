@@ -10,9 +10,10 @@ using namespace mechanisms;
 
 namespace {
 
-ControlSettings settings_for(const Robot& robot, Law law) {
+ControlSettings settings_for(const Robot& robot, Law law, Gains gains = Gains::diagonal) {
   ControlSettings settings;
   settings.law = law;
+  settings.gains = gains;
   CHECK(place_poles(robot, robot.home, 100, 1, settings));
   return settings;
 }
@@ -295,7 +296,8 @@ TEST("settle() foretells where the simulation comes to rest, with and without gr
       const Joint to = random_pose(mechanism, random, 0.5);
       for (const Law law : kLaws) {
         if (!applies(law, K)) continue;
-        const StaticsSettings settings{settings_for(nominal, law), gravity};
+        const Gains gains = law == Law::joint ? Gains::diagonal : Gains::inertia;
+        const StaticsSettings settings{settings_for(nominal, law, gains), gravity};
         Joint start{}, end{};
         Prior prior(nominal);
         CHECK(settle<K>(nominal, truth, settings, nominal.home, start, prior.weighing()));
@@ -473,13 +475,59 @@ TEST("a desired rate too large for a double fails its own cycle and no later one
   CHECK(control(robot, settings, setpoint, q_e, state));
 }
 
+TEST("shaped by the inertia, an error is answered alike at every pose and by no other motor") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr int n = kDof<K>;
+    Robot robot = mechanism.robot;
+    for (Chain& chain : robot.chain)
+      chain.coulomb = chain.viscous = chain.torque_limit = 0;  // none
+    check::Random random(88);
+    ControlSettings settings = settings_for(robot, Law::joint, Gains::inertia);
+    settings.ki.fill(3000);
+    for (int k = 0; k < 20; ++k) {
+      settings.feed_forward = k % 2 ? FeedForward::full : FeedForward::gravity;
+      Setpoint setpoint;
+      setpoint.x = random_pose(mechanism, random);
+      for (int i = 0; i < n && k % 2; ++i) {
+        setpoint.rate[i] = 0.3 * random();
+        setpoint.acceleration[i] = random();
+      }
+      Extended q_e{};
+      const Pose pose = to_pose<K>(setpoint.x);
+      CHECK(extended<K>(robot, pose, q_e));
+      Joint asked{};
+      for (int i = 0; i < n; ++i) {
+        const double error = 1e-3 * random();
+        q_e[i] -= error;
+        asked[i] = (settings.kp[i] + settings.ki[i] * settings.period) * error;
+      }
+      ControlState state;
+      CHECK(control(robot, settings, setpoint, q_e, state));
+      Joint acceleration{};
+      CHECK(forward_dynamics<K>(robot, pose, setpoint.rate, state.torque, acceleration));
+      JointMatrix J;
+      CHECK(jacobian(robot, setpoint.x, J));
+      for (int i = 0; i < n; ++i) {
+        double expected = setpoint.acceleration[i];
+        for (int j = 0; j < n; ++j) expected += J[i][j] * asked[j];
+        CHECK_NEAR(acceleration[i], expected, 1e-8);
+      }
+      CHECK_NEAR(settings.kp[0], 1e4, 0);
+      CHECK_NEAR(settings.kd[n - 1], 200, 0);
+    }
+  });
+}
+
 TEST("settle() never calls a NaN settled") {
   const Robot robot = h4().robot;
-  StaticsSettings settings{settings_for(robot, Law::joint), true};
-  for (const double gain : {0.0, std::numeric_limits<double>::quiet_NaN()}) {
-    settings.control.kp.fill(gain);
-    Joint x{};
-    CHECK(!settle<Mobility::schoenflies>(robot, robot, settings, robot.home, x));
+  for (const Gains gains : {Gains::diagonal, Gains::inertia}) {
+    StaticsSettings settings{settings_for(robot, Law::joint, gains), true};
+    for (const double gain : {0.0, std::numeric_limits<double>::quiet_NaN()}) {
+      settings.control.kp.fill(gain);
+      Joint x{};
+      CHECK(!settle<Mobility::schoenflies>(robot, robot, settings, robot.home, x));
+    }
   }
 }
 

@@ -13,6 +13,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   ControlSettings settings;
   settings.law = static_cast<Law>(bytes.below(5));
   settings.feed_forward = static_cast<FeedForward>(bytes.below(3));
+  settings.gains = static_cast<Gains>(bytes.below(2));
   if (bytes.one_in(2)) settings.damped_below = std::fabs(bytes.share());
   if (place_poles(robot, decode_pose(bytes, subject), 150, 1, settings))
     require(all_finite(settings.kp, kMaxDof) && all_finite(settings.kd, kMaxDof),
@@ -47,7 +48,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       require(all_finite(state.torque, n), "control: the torque is finite");
       require(all_finite(state.error, n), "control: the error is finite");
       require(all_finite(state.integral, n), "control: the integral is finite");
-      require(all_finite(state.position, n) && all_finite(state.rate, n),
+      require(all_finite(state.position, n) && all_finite(state.rate, n) &&
+                  all_finite(state.desired, n),
               "control: the tracking loops are finite");
       Joint acceleration{};
       if (forward_dynamics<K>(robot, to_pose<K>(setpoint.x), setpoint.rate, state.torque,

@@ -7,6 +7,7 @@ import truepose as tp
 from truepose import _core
 from truepose.robot import knowledge
 from truepose.robot.laws import LAWS
+from truepose.simulation.moves import MOVE_FROM
 
 OK, UNREACHABLE, NOT_FINITE = "ok", "unreachable", "not finite"
 X_D = [0.02, 0.01, -0.42, 0.1]
@@ -105,11 +106,36 @@ def test_a_saturated_motor_does_not_wind_up(h4):
 
 
 def test_joint_control_pushes_each_motor_by_its_own_error(h4):
-    drive = Drive(h4, "joint", feed_forward="none")
+    drive = Drive(h4, "joint", feed_forward="none", gains="diagonal")
     e = np.array([1e-3, -2e-3, 0, 3e-3])
     drive.step(X_D, h4.extended(X_D) - [*e, 0])
     assert np.array(drive.state.error)[:4] == pytest.approx(e, abs=1e-15)
     assert drive.torque == pytest.approx(np.array(drive.settings.kp)[:4] * e, abs=1e-11)
+
+
+@pytest.mark.parametrize("feed_forward", ["none", "gravity"])
+def test_gains_shaped_by_the_inertia_ask_the_motors_for_accelerations(h4, feed_forward):
+    """As a PD whose torque is JᵀMJ times what it asks; at every pose, with no motor's help."""
+    drive = Drive(h4, "joint", feed_forward=feed_forward, frequency=100, integral=5)
+    e = np.array([1e-3, -2e-3, 0, 3e-3])
+    held = Drive(h4, "joint", feed_forward=feed_forward)
+    held.step(X_D, h4.extended(X_D))
+    drive.step(X_D, h4.extended(X_D) - [*e, 0])
+    asked = (1 + 5 * 1e-3) * 100**2 * e
+    J = h4.jacobian(X_D)
+    inertia = J.T @ h4.mass_matrix(X_D) @ J
+    assert drive.torque - held.torque == pytest.approx(inertia @ asked, abs=1e-9)
+    assert abs(inertia[0, 1]) > 0.1 * inertia[0, 0]
+
+
+def test_diagonal_gains_place_their_poles_where_they_were_set_up_alone(h4, table2):
+    """What is 150 rad/s at the move's start is 84 to 254 over Table 2, or stays, by the inertia."""
+    J = h4.jacobian(table2)
+    inertia = np.swapaxes(J, -1, -2) @ h4.mass_matrix(table2) @ J
+    kp = np.array(tp.Controller(gains="diagonal").settings(h4, MOVE_FROM).kp[:4])
+    poles = np.sqrt(np.linalg.eigvals(np.linalg.solve(inertia, np.diag(kp))).real)
+    assert poles.min() == pytest.approx(84, abs=1) and poles.max() == pytest.approx(254, abs=1)
+    assert Drive(h4, "joint").settings.kp[:4] == [150**2] * 4
 
 
 def test_redundant_control_pushes_by_the_tej_of_the_extended_error(h4):

@@ -15,17 +15,24 @@ enum class FeedForward : int {
   full = 2,     ///< gravity, inertia and Coriolis of the nominal robot along the trajectory
 };
 
+/// What kp, kd and ki mean.
+enum class Gains : int {
+  diagonal = 0,  ///< torques, each motor's of its own error alone: N·m/rad (N/m) and so on
+  inertia = 1,   ///< accelerations, 1/s², 1/s and 1/s³, that the joint inertia turns into torques
+};
+
 /// Constant during a run.
 struct ControlSettings {
   Law law = Law::joint;
+  Gains gains = Gains::diagonal;
   FeedForward feed_forward = FeedForward::full;
   double period = 1e-3;              ///< s
   double velocity_bandwidth = 1500;  ///< of the velocity tracking loops, rad/s
   double damped_below = 0;           ///< conditioning from which on J is damped (0: never)
   double lead_out = 0.2;             ///< s over which a switch of law or readings takes effect
-  Joint kp{};                        ///< N·m/rad (N/m)
-  Joint kd{};                        ///< N·m·s/rad
-  Joint ki{};                        ///< N·m/(rad·s); 0: no integral action
+  Joint kp{};                        ///< N·m/rad (N/m), or 1/s²
+  Joint kd{};                        ///< N·m·s/rad, or 1/s
+  Joint ki{};                        ///< N·m/(rad·s), or 1/s³; 0: no integral action
 };
 
 /// What a controller remembers from cycle to cycle. Zero it to switch the controller on.
@@ -197,20 +204,35 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
       std::copy_n(x.begin(), n, next.position.begin());
     }
 
-  if (settings.feed_forward != FeedForward::none) {
+  Joint pd{}, steps{};  // of the gains; of the integrals
+  for (int i = 0; i < n; ++i) {
+    pd[i] = settings.kp[i] * error[i] + settings.kd[i] * error_rate[i];
+    steps[i] = settings.ki[i] * settings.period * error[i];
+  }
+  // A motor's inertia, and how it pulls at the others, change with the pose: gains of the diagonal
+  // at one pose place their poles there, if at all. With τ = slope Jᵀ (M (ẍ_d + J a) + c) and
+  // a = kp ê_q + kd dê_q/dt, the model leaves d²ê_q/dt² = -a: each component by itself, everywhere.
+  const bool shaped = settings.gains == Gains::inertia;
+  if (shaped || settings.feed_forward != FeedForward::none) {
     DynamicModel<K> model;
+    const auto& J = reference.jacobians.J;
     const bool full = settings.feed_forward == FeedForward::full;
     outcome =
         dynamic_model<K>(robot, reference.closure, full ? setpoint.rate : Coordinates{}, model);
     if (!outcome) return outcome;
-    torque = inverse_dynamics<K>(model, reference.jacobians.J,
-                                 full ? setpoint.acceleration : Coordinates{});
+    if (settings.feed_forward == FeedForward::none) model.bias.fill(0);
+    torque = inverse_dynamics<K>(model, J, full ? setpoint.acceleration : Coordinates{});
+    if (shaped) {
+      model.bias.fill(0);
+      pd = inverse_dynamics<K>(model, J, pose_rate<K>(J, pd));
+      steps = inverse_dynamics<K>(model, J, pose_rate<K>(J, steps));
+    }
   }
   for (int i = 0; i < n; ++i) {
     const double limit = robot.chain[i].torque_limit;
-    const double step = settings.ki[i] * settings.period * error[i];
+    const double step = steps[i];
     next.load[i] = torque[i] + next.integral[i];
-    const double wanted = next.load[i] + settings.kp[i] * error[i] + settings.kd[i] * error_rate[i];
+    const double wanted = next.load[i] + pd[i];
     const bool pushes = limit > 0 && std::fabs(wanted) > limit && wanted * step > 0;
     if (!pushes) next.integral[i] += step;  // a saturated motor does not wind up
     torque[i] = wanted + (pushes ? 0 : step);
@@ -235,8 +257,9 @@ inline Outcome control(const Robot& robot, const ControlSettings& settings,
   });
 }
 
-/// PD gains by pole placement on the diagonal of the joint inertia JᵀMJ at a pose: motor i alone
-/// answers as a second order of that natural frequency (rad/s) and damping ratio.
+/// PD gains by pole placement. Of the diagonal: motor i alone, held at that pose, answers as a
+/// second order of that natural frequency (rad/s) and damping ratio. Shaped by the inertia: so does
+/// every motor at every pose, and x is not asked for more than that it exists.
 inline Outcome place_poles(const Robot& robot, const Coordinates& x, double frequency,
                            double damping, ControlSettings& settings) {
   return with_mobility(robot.mobility, [&](auto mobility) {
@@ -249,15 +272,12 @@ inline Outcome place_poles(const Robot& robot, const Coordinates& x, double freq
     if (outcome) outcome = jacobian<K>(closure, jacobians);
     if (outcome) outcome = dynamic_model<K>(robot, closure, Coordinates{}, model);
     if (!outcome) return outcome;
+    const auto inertia = joint_inertia<K>(model, jacobians.J);
     for (int m = 0; m < n; ++m) {
-      double inertia = 0;
-      for (int i = 0; i < n; ++i)
-        for (int j = 0; j < n; ++j)
-          inertia += jacobians.J[i][m] * model.mass[i][j] * jacobians.J[j][m];
       // The error is one of readings, the torque the motor's own.
-      inertia *= model.slope[m];
-      settings.kp[m] = inertia * frequency * frequency;
-      settings.kd[m] = 2 * damping * inertia * frequency;
+      const double of = settings.gains == Gains::inertia ? 1 : model.slope[m] * inertia[m][m];
+      settings.kp[m] = of * frequency * frequency;
+      settings.kd[m] = 2 * damping * of * frequency;
     }
     if (!all_finite(settings.kp, n) || !all_finite(settings.kd, n))
       outcome = {Status::not_finite, -1};

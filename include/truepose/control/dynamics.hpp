@@ -163,6 +163,28 @@ inline Joint inverse_dynamics(const DynamicModel<K>& model, const Matrix<kDof<K>
   return torque;
 }
 
+/// Twist J v of the nacelle for rates v of the readings.
+template <Mobility K>
+inline Joint pose_rate(const Matrix<kDof<K>, kDof<K>>& J, const Joint& rate) {
+  Joint result{};
+  for (int i = 0; i < kDof<K>; ++i)
+    for (int j = 0; j < kDof<K>; ++j) result[i] += J[i][j] * rate[j];
+  return result;
+}
+
+/// Joint inertia JᵀMJ, of the motors' readings.
+template <Mobility K>
+inline Matrix<kDof<K>, kDof<K>> joint_inertia(const DynamicModel<K>& model,
+                                              const Matrix<kDof<K>, kDof<K>>& J) {
+  constexpr int n = kDof<K>;
+  Matrix<n, n> inertia{};
+  for (int m = 0; m < n; ++m)
+    for (int i = 0; i < n; ++i)
+      for (int j = 0; j < n; ++j)
+        for (int l = 0; l < n; ++l) inertia[m][l] += J[i][m] * model.mass[i][j] * J[j][l];
+  return inertia;
+}
+
 /// Friction of a motor, N·m or N: viscous, and Coulomb smoothed over ±kStiction rad/s (or m/s) so
 /// that the integration stays regular; a robot at rest creeps within that speed.
 inline constexpr double kStiction = 1e-3;
@@ -206,6 +228,39 @@ inline Outcome forward_dynamics(const Robot& robot, const Pose& pose, const Coor
                                 const Joint& torque, Coordinates& acceleration) {
   return forward_dynamics_under<K, false>(
       robot, pose, rate, [&](const auto&, const auto&) { return torque; }, acceleration);
+}
+
+/// Motor torques under which the robot accelerates so, friction included: the inverse of
+/// forward_dynamics.
+template <Mobility K>
+inline Outcome inverse_dynamics(const Robot& robot, const Pose& pose, const Joint& rate,
+                                const Joint& acceleration, Joint& torque) {
+  Closure<K> closure;
+  Jacobians<K> jacobians;
+  DynamicModel<K> model;
+  Outcome outcome = ikm<K, false>(robot, pose, closure);
+  if (outcome) outcome = jacobian<K>(closure, jacobians);
+  if (outcome) outcome = dynamic_model<K>(robot, closure, rate, model);
+  if (!outcome) return outcome;
+  torque = inverse_dynamics<K>(model, jacobians.J, acceleration);
+  for (int i = 0; i < kDof<K>; ++i) torque[i] += friction(robot.chain[i], model.rate[i]);
+  if (!all_finite(torque, kDof<K>)) return {Status::not_finite, -1};
+  return outcome;
+}
+
+/// M(x), of the free twist.
+template <Mobility K>
+inline Outcome mass_matrix(const Robot& robot, const Pose& pose, JointMatrix& mass) {
+  constexpr int n = kDof<K>;
+  Closure<K> closure;
+  DynamicModel<K> model;
+  Outcome outcome = ikm<K, false>(robot, pose, closure);
+  if (outcome) outcome = dynamic_model<K>(robot, closure, Joint{}, model);
+  if (!outcome) return outcome;
+  double sum = 0;
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j) sum += mass[i][j] = model.mass[i][j];
+  return std::isfinite(sum) ? outcome : Outcome{Status::not_finite, -1};
 }
 
 /// Kinetic and potential energy (J); their sum is kept in free motion without friction.

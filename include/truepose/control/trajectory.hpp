@@ -12,6 +12,23 @@ struct Setpoint {
   Coordinates x{}, rate{}, acceleration{};
 };
 
+/// What lies between two setpoints of a path that is followed more slowly. @param share  0 to 1
+inline Setpoint between(Mobility mobility, const Setpoint& a, const Setpoint& b, double share) {
+  return with_mobility(mobility, [&](auto K) {
+    const Pose start = to_pose<K()>(a.x);
+    Coordinates step = difference<K()>(to_pose<K()>(b.x), start);
+    Setpoint setpoint;
+    for (std::size_t i = 0; i < step.size(); ++i) {
+      step[i] *= share;
+      setpoint.rate[i] = a.rate[i] + share * (b.rate[i] - a.rate[i]);
+      setpoint.acceleration[i] =
+          a.acceleration[i] + share * (b.acceleration[i] - a.acceleration[i]);
+    }
+    setpoint.x = to_coordinates<K()>(moved<K()>(start, step));
+    return setpoint;
+  });
+}
+
 /// From `from` to `to` in `duration` seconds, at rest at both ends; before and after it stays.
 /// s = 10u³ - 15u⁴ + 6u⁵: velocity and acceleration vanish at the ends. Rotations turn about one
 /// fixed axis, so the twist is s' times a constant, exactly.

@@ -1,6 +1,8 @@
 // What happens when a controller drives a robot? The closed loop: nominal controller, true plant.
 #pragma once
 
+#include <functional>
+
 #include "truepose/control/guard.hpp"
 #include "truepose/estimation/learning.hpp"
 #include "truepose/offline/effects.hpp"
@@ -28,9 +30,12 @@ struct Sample {
   bool gave_up;   ///< the learner: it has stopped learning, and says so from then on
   std::array<Health, kMaxReadings> health{};  ///< of the readings, as a guarded controller has them
   std::array<Symptom, kMaxReadings> symptom{};  ///< why not, the latest
-  bool stops = false;                         ///< it leaves its path at rest
-  std::uint32_t brakes = 0;                   ///< motors whose brakes it asks for, as bits
+  bool stops = false;                           ///< it leaves its path at rest
+  std::uint32_t brakes = 0;                     ///< motors whose brakes it asks for, as bits
 };
+
+/// A law of one's own: from what is asked and read at a time to the torques. It may throw.
+using OwnLaw = std::function<Outcome(double time, const Setpoint&, const Extended&, Joint&)>;
 
 /// What a loop may have beside a robot and its controller.
 struct Extras {
@@ -41,6 +46,7 @@ struct Extras {
   double began = 0;                  ///< when the loop is made, by the faults' clock, s
   const GuardSettings* guarding = nullptr;  ///< its readings are watched
   Weighing watching{};                      ///< what the watch weighs them by
+  OwnLaw law{};                             ///< commands instead of `control`
 };
 
 /// A robot, its controller, and what both remember from one move to the next.
@@ -89,10 +95,14 @@ class Loop {
       const bool gave_up =  // a line that fits no pose: next time
           extras_.learner && trusted && learn<K>(*extras_.learner, q_e).status == Status::stopped;
       const Robot& believed = extras_.learner ? extras_.learner->robot : nominal_;
-      outcome = extras_.guarding
-                    ? guarded<K>(believed, settings_, *extras_.guarding, setpoint, q_e, control_,
-                                 extras_.watching, guard_)
-                    : control<K>(believed, settings_, setpoint, q_e, control_, extras_.weighing);
+      if (extras_.law)
+        outcome = extras_.law(time, setpoint, q_e, control_.torque);
+      else if (extras_.guarding)
+        outcome = guarded<K>(believed, settings_, *extras_.guarding, setpoint, q_e, control_,
+                             extras_.watching, guard_);
+      else
+        outcome = control<K>(believed, settings_, setpoint, q_e, control_, extras_.weighing);
+      control_.started = control_.started || outcome;
       if (!outcome && !extras_.faults) return outcome;
       Sample sample{time,
                     setpoint.x,

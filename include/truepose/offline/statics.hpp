@@ -1,6 +1,8 @@
 // Where does a robot come to rest under a controller? Exactly, without simulating the motion.
 #pragma once
 
+#include <optional>
+
 #include "truepose/control/control.hpp"
 #include "truepose/offline/faults.hpp"
 #include "truepose/offline/plant.hpp"
@@ -8,7 +10,8 @@
 namespace truepose {
 
 /// At rest the torques balance: kp ê_q + τ_ff(x_d) = τ_hold(x), nominal feed-forward against the
-/// true robot's weight. Without gravity, or with integral action, this is ê_q = 0.
+/// true robot's weight; gains shaped by the inertia push by M_q(x_d) kp ê_q. Without gravity, or
+/// with integral action, this is ê_q = 0.
 struct StaticsSettings {
   ControlSettings control;
   bool gravity = false;  ///< false: ê_q = 0
@@ -39,16 +42,25 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
   if (!outcome) return outcome;
   const Outcome regular = outcome;
   const auto hold = [](const Robot& robot, const Closure<K>& closure,
-                       const Matrix<kDof<K>, kDof<K>>& J, Joint& torque) {
-    DynamicModel<K> model;
+                       const Matrix<kDof<K>, kDof<K>>& J, DynamicModel<K>& model, Joint& torque) {
     const Outcome result = dynamic_model<K>(robot, closure, Coordinates{}, model);
     if (result) torque = inverse_dynamics<K>(model, J, Coordinates{});
     return result;
   };
   Joint feed{};
-  if (settings.gravity && settings.control.feed_forward != FeedForward::none)
-    outcome = hold(nominal, reference.closure, reference.jacobians.J, feed);
+  DynamicModel<K> model;  // of the nominal robot at x_d
+  if (settings.gravity)
+    outcome = hold(nominal, reference.closure, reference.jacobians.J, model, feed);
   if (!outcome) return outcome;
+  if (settings.control.feed_forward == FeedForward::none) feed = {};
+  std::optional<Ldlt<n>> inertia;
+  if (settings.gravity && settings.control.gains == Gains::inertia) {
+    const Matrix<n, n> M_q = joint_inertia<K>(model, reference.jacobians.J);
+    std::array<double, n> size;
+    for (int i = 0; i < n; ++i) size[i] = M_q[i][i];
+    inertia.emplace(M_q, size);
+    if (!inertia->regular()) return {Status::singular, -1};
+  }
 
   Pose pose = reference.closure.pose;
   double last = INFINITY;
@@ -73,9 +85,16 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
       Jacobians<K> jacobians;
       Joint load{};
       outcome = jacobian<K>(closure, jacobians);
-      if (outcome) outcome = hold(truth, closure, jacobians.J, load);
+      DynamicModel<K> loaded;
+      if (outcome) outcome = hold(truth, closure, jacobians.J, loaded, load);
       if (!outcome) return outcome;
-      for (int i = 0; i < n; ++i) error[i] += (feed[i] - load[i]) / settings.control.kp[i];
+      std::array<double, n> lack;
+      for (int i = 0; i < n; ++i) lack[i] = feed[i] - load[i];
+      if (inertia) {
+        for (int i = 0; i < n; ++i) lack[i] /= model.slope[i];
+        inertia->solve(lack);
+      }
+      for (int i = 0; i < n; ++i) error[i] += lack[i] / settings.control.kp[i];
     }
     Coordinates step{};
     double size = 0;

@@ -13,10 +13,24 @@ from importlib import resources
 import numpy as np
 
 from truepose.arguments import Array
+from truepose.robot.laws import Law
+from truepose.simulation.controller import Controller
 
 GEAR = 4  #: The tool turns four times as far as the nacelle.
 QUANTITIES = ("x", "y", "z", "theta", "norm_xyz")
 STATISTICS = ("average", "peak_to_peak", "sum_sq", "average_abs")
+
+
+def control(law: Law) -> Controller:
+    """Return the simulations' control: a PD on each motor, its poles assumed at 150 rad/s.
+
+    Examples
+    --------
+    >>> from truepose.paper import article
+    >>> article.control("joint").gains
+    'diagonal'
+    """
+    return Controller(law=law, frequency=150.0, velocity_bandwidth=1500.0, gains="diagonal")
 
 
 def _rows(name: str) -> list[dict[str, str]]:

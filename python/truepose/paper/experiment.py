@@ -16,7 +16,6 @@ from truepose.paper.errors import with_paper_errors
 from truepose.paper.trials import JITTER
 from truepose.robot.laws import LAWS, Law
 from truepose.robot.robot import Robot
-from truepose.simulation.controller import Controller
 from truepose.simulation.settle import settle
 from truepose.simulation.simulate import simulate
 from truepose.threads import each
@@ -168,15 +167,14 @@ def dynamics_check(
     for case, (nominal, real) in cases.items():
         result[case] = {}
         for law in LAWS:
-            ends = []
+            ends, controller = [], article.control(law)
             for pose in poses:
-                controller = Controller(law=law)
                 ran = simulate(
                     nominal, real, controller, start=robot.home, end=pose, duration=0.4, hold=0.4
                 )
                 ends.append(ran.x[-1])
                 progress()
-            loaded = settle(nominal, real, poses, law, gravity=case != "ideal")
+            loaded = settle(nominal, real, poses, controller, gravity=case != "ideal")
             result[case][law] = statistics.in_print_units(np.array(ends) - loaded)
     return result
 

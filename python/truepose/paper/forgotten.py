@@ -9,7 +9,7 @@ sees it.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from truepose.paper import article, experiment
 from truepose.paper.statistics import interval, over_robots
 from truepose.paper.trials import JITTER
 from truepose.robot.frames import coordinates
+from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
 from truepose.simulation.controller import Controller
 from truepose.simulation.effects import Effects
@@ -122,13 +123,18 @@ def study(
 
 def loops(robot: Robot) -> dict[str, Simulation]:
     """Return the paper's move with all effects on, under the nominal PD and under the soft one."""
-    nominal = Controller()
-    soft = Controller(frequency=FREQUENCY, velocity_bandwidth=BANDWIDTH)
+    nominal = article.control("redundant")
+    soft = _soft("redundant")
     result = {}
     for c in (nominal, soft):
         name = f"poles at {c.frequency:.0f} rad/s, velocity filter {c.velocity_bandwidth:.0f} rad/s"
         result[name] = simulate(robot, controller=c, effects=Effects(), hold=0.5)
     return result
+
+
+def _soft(law: Law) -> Controller:
+    softer = {"frequency": FREQUENCY, "velocity_bandwidth": BANDWIDTH}
+    return replace(article.control(law), **softer)
 
 
 def _one(
@@ -140,10 +146,7 @@ def _one(
     learn = table[::LEARN] + rng.uniform(-JITTER, JITTER, table[::LEARN].shape)
     judge = table[1::JUDGE]
     plant = DynamicPlant(truth, effects, WARM, number)
-    joint, estimated = (
-        Controller(law=law, frequency=FREQUENCY, velocity_bandwidth=BANDWIDTH)
-        for law in ("joint", "estimated")
-    )
+    joint, estimated = _soft("joint"), _soft("estimated")
     taught = plant.visit(robot, learn, joint)
     readings = taught.q_e[taught.status == "ok"]
     usual = plant.visit(robot, judge, joint)

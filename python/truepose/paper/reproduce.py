@@ -82,7 +82,9 @@ def reproduce(
         believed = robot
         if name == "self-calibrated":
             believed = experiment.self_calibrated(robot, truths[0], article.table2())
-        moves[name] = simulate(believed, robot if name == "figure-11" else truths[0], law)
+        moves[name] = simulate(
+            believed, robot if name == "figure-11" else truths[0], article.control(law)
+        )
         progress("the 0.2 s move")
     result = experiment.run(robot, truths, progress=lambda: progress("625 poses, exact statics"))
     some = np.random.default_rng(seed).choice(article.table2(), CHECKED_POSES, replace=False)

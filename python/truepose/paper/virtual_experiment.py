@@ -22,7 +22,6 @@ from truepose.paper.experiment import CONTROLS, Control
 from truepose.paper.trials import JITTER
 from truepose.robot.frames import coordinates
 from truepose.robot.robot import Robot
-from truepose.simulation.controller import Controller
 from truepose.simulation.plants import Plant, Visit
 from truepose.simulation.vision import Seen, Vision
 
@@ -144,7 +143,7 @@ def run(
             believed = robot.expected()
         if control == "self-calibrated":
             believed = learnt(plant, robot, poses, seed, progress)
-        visit = plant.visit(believed, poses, Controller(law=CONTROLS[control]), progress)
+        visit = plant.visit(believed, poses, article.control(CONTROLS[control]), progress)
         result[control] = observe(control, believed, poses, visit, vision, seed)
     return result
 
@@ -161,7 +160,7 @@ def learnt(
     A little beside them, as in :func:`truepose.paper.experiment.self_calibrated`.
     """
     beside = np.random.default_rng(seed).uniform(-JITTER, JITTER, poses.shape)
-    visit = plant.visit(robot, poses + beside, Controller(law="joint"), progress)
+    visit = plant.visit(robot, poses + beside, article.control("joint"), progress)
     return calibrate(robot, visit.q_e[visit.status == "ok"]).robot
 
 

@@ -6,10 +6,11 @@ from pathlib import Path
 
 from truepose import robotfile
 from truepose.exceptions import RobotFileError
+from truepose.robot.dynamics import Dynamics
 from truepose.robot.redundancy import Redundancy
 
 
-class Robot(Redundancy):
+class Robot(Redundancy, Dynamics):
     """A robot and its sensors. Immutable: :meth:`replace` and :meth:`with_sensors` return copies.
 
     Coordinates x are those of the file's mobility (m, rad), motor positions q are what the motor

@@ -1,0 +1,131 @@
+"""Which torques accelerate a robot how? The reduced dynamic model of the facade.
+
+    M(x) ẍ + c(x, ẋ) = J⁻ᵀ (τ - friction(q̇))
+
+in the free twist ẋ of the nacelle's reference point: spatial robots turn by their angular velocity
+in the base frame, not by derivatives of a rotation vector. Every loop closes exactly; rotors and
+arms turn, rods are slender, nacelle bodies rigid. The geometry is that of the ideal level.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose import _core
+from truepose.arguments import Array, Errors
+from truepose.exceptions import InputError
+from truepose.robot.batches import flattened, require_answers
+from truepose.robot.description import Description
+
+
+class Dynamics(Description):
+    """The reduced dynamic model of a :class:`truepose.Robot`; masses are those of its file."""
+
+    def mass_matrix(self, x: ArrayLike, errors: Errors = "raise") -> Array:
+        """Mass matrix M(x) of the free twist; kinetic energy ẋᵀM ẋ/2.
+
+        The motors' joint inertia is JᵀM J, see :meth:`jacobian`.
+
+        Parameters
+        ----------
+        x : array_like, shape (..., n)
+            Poses, m and rad.
+        errors : {"raise", "nan"}
+            What to do with a pose that cannot be reached, or a singular one.
+
+        Returns
+        -------
+        ndarray, shape (..., n, n)
+            Symmetric; kg, kg·m and kg·m².
+
+        Raises
+        ------
+        PoseError
+            Names the pose, the chain and the reason.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> h4 = tp.load("h4")
+        >>> J, M = h4.jacobian(h4.home), h4.mass_matrix(h4.home)
+        >>> print((J.T @ M @ J).round(3)[0])  # of motor 1: its own inertia, and its pull at others
+        [ 0.108  0.04  -0.023 -0.023]
+        """
+        rows, lead = flattened(self, x, self.n, "x", errors)
+        mass, status, chain = _core.mass_matrix(self.core, rows)
+        require_answers(self, "pose", rows, lead, status, chain, errors)
+        return mass.reshape(*lead, self.n, self.n)
+
+    def inverse_dynamics(
+        self, x: ArrayLike, rate: ArrayLike, acceleration: ArrayLike, errors: Errors = "raise"
+    ) -> Array:
+        """Torques (forces) of the motors that accelerate the robot so, its friction included.
+
+        Parameters
+        ----------
+        x, rate, acceleration : array_like, shape (..., n)
+            Poses, free twists and their derivatives; leading shapes broadcast.
+        errors : {"raise", "nan"}
+            As of :meth:`mass_matrix`.
+
+        Returns
+        -------
+        ndarray, shape (..., n)
+            N·m, or N of a slide. Torque limits are not asked for.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> h4 = tp.load("h4")
+        >>> print(h4.inverse_dynamics(h4.home, [0] * 4, [0] * 4).round(3))  # what holds its weight
+        [-2.655 -2.655 -0.467 -0.467]
+        """
+        return self._dynamics(x, rate, acceleration, "acceleration", errors)
+
+    def acceleration(
+        self, x: ArrayLike, rate: ArrayLike, torque: ArrayLike, errors: Errors = "raise"
+    ) -> Array:
+        """Acceleration under motor torques (forces): the inverse of :meth:`inverse_dynamics`.
+
+        Parameters
+        ----------
+        x, rate, torque : array_like, shape (..., n)
+            Poses, free twists and torques, N·m (N); leading shapes broadcast.
+        errors : {"raise", "nan"}
+            As of :meth:`mass_matrix`.
+
+        Returns
+        -------
+        ndarray, shape (..., n)
+            Derivative of the free twist, m/s² and rad/s².
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> h4 = tp.load("h4")
+        >>> falling = h4.acceleration(h4.home, [0] * 4, [0] * 4)
+        >>> print((falling / 9.81).round(3)[2])  # no motor holds it; rotors and arms brake
+        -0.972
+        """
+        return self._dynamics(x, rate, torque, "torque", errors)
+
+    def _dynamics(
+        self, x: ArrayLike, rate: ArrayLike, given: ArrayLike, name: str, errors: Errors
+    ) -> Array:
+        named = {"x": x, "rate": rate, name: given}
+        checked = {key: flattened(self, value, self.n, key, errors) for key, value in named.items()}
+        try:
+            lead = np.broadcast_shapes(*(shape for _, shape in checked.values()))
+        except ValueError:
+            shapes = ", ".join(f"{key} {(*s, self.n)}" for key, (_, s) in checked.items())
+            raise InputError(f"{shapes}: leading shapes must broadcast") from None
+        rows = [
+            np.ascontiguousarray(
+                np.broadcast_to(flat.reshape(*shape, self.n), (*lead, self.n)).reshape(-1, self.n)
+            )
+            for flat, shape in checked.values()
+        ]
+        values, status, chain = _core.dynamics(self.core, *rows, inverse=name == "acceleration")
+        require_answers(self, "pose", rows[0], lead, status, chain, errors)
+        return values.reshape(*lead, self.n)

@@ -1,0 +1,102 @@
+"""Do torques, masses and accelerations agree with each other, and with energy, on every robot?"""
+
+import numpy as np
+import pytest
+
+import truepose as tp
+
+
+@pytest.fixture
+def moving(any_robot, anywhere, rng):
+    """Return a robot, some of its poses, and twists and their derivatives there."""
+    x = anywhere(any_robot, 12, rng)
+    rate, acceleration = rng.uniform(-1, 1, (2, 12, any_robot.n))
+    return any_robot, x, rate, 5 * acceleration
+
+
+def along(robot, x, step):
+    """Poses moved along a small twist: a spatial robot's turn goes before its own."""
+    if robot.spec.mobility != "spatial":
+        return x + step
+    rotation = pytest.importorskip("scipy.spatial.transform").Rotation
+    turn = rotation.from_rotvec(step[:, 3:]) * rotation.from_rotvec(x[:, 3:])
+    return np.concatenate([x[:, :3] + step[:, :3], turn.as_rotvec()], axis=1)
+
+
+def test_torques_and_accelerations_are_each_others_inverse(moving):
+    robot, x, rate, acceleration = moving
+    torque = robot.inverse_dynamics(x, rate, acceleration)
+    assert robot.acceleration(x, rate, torque) == pytest.approx(acceleration, abs=1e-9)
+
+
+def test_torques_are_linear_in_the_acceleration_by_the_mass_matrix(moving):
+    robot, x, rate, acceleration = moving
+    change = robot.inverse_dynamics(x, rate, acceleration) - robot.inverse_dynamics(x, rate, 0 * x)
+    J, M = robot.jacobian(x), robot.mass_matrix(x)
+    assert pytest.approx(M) == np.swapaxes(M, -1, -2)
+    assert (np.linalg.eigvalsh(M) > 0).all()
+    expected = np.einsum("nji,njk,nk->ni", J, M, acceleration)  # Jᵀ M a
+    assert change == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+def test_the_motors_power_is_what_the_kinetic_energy_gains(moving):
+    """Without weight and friction, along any motion: (τ·q̇) = d/dt (ẋᵀ M ẋ / 2)."""
+    robot, x, rate, acceleration = moving
+    chains = tuple(c.model_copy(update={"viscous": 0.0, "coulomb": 0.0}) for c in robot.spec.chain)
+    robot = tp.Robot(robot.spec.model_copy(update={"chain": chains})).with_gravity((0, 0, 0))
+    torque = robot.inverse_dynamics(x, rate, acceleration)
+    motor = np.linalg.solve(robot.jacobian(x), rate[..., None])[..., 0]
+    h = 1e-5
+
+    def energy(side):
+        at, v = along(robot, x, side * h * rate), rate + side * h * acceleration
+        return 0.5 * np.einsum("ni,nij,nj->n", v, robot.mass_matrix(at), v)
+
+    gained = (energy(1) - energy(-1)) / (2 * h)
+    assert (torque * motor).sum(axis=1) == pytest.approx(gained, rel=1e-5, abs=1e-6)
+
+
+def test_torques_at_rest_hold_the_weight(moving):
+    """Virtual work: τ·δq against what the weight gains, by readings of a lifted nacelle."""
+    robot, x, _, _ = moving
+    held = robot.inverse_dynamics(x, 0 * x, 0 * x)
+    up = robot.with_gravity((0, 0, 0))
+    assert up.inverse_dynamics(x, 0 * x, 0 * x) == pytest.approx(0, abs=1e-12)
+    assert held == pytest.approx(
+        -robot.with_gravity((0, 0, 9.81)).inverse_dynamics(x, 0 * x, 0 * x), abs=1e-9
+    )
+    # Falling freely, M ẍ = -c; the power of gravity along any twist is that of ẍ.
+    fall = robot.acceleration(x, 0 * x, 0 * x)
+    J = robot.jacobian(x)
+    assert np.einsum("nji,njk,nk->ni", J, robot.mass_matrix(x), fall) == pytest.approx(
+        -held, abs=1e-9
+    )
+
+
+def test_friction_is_part_of_both(h4):
+    rubbing = tuple(c.model_copy(update={"viscous": 0.3, "coulomb": 0.1}) for c in h4.spec.chain)
+    rough = tp.Robot(h4.spec.model_copy(update={"chain": rubbing}))
+    x, rate = np.array([0.02, 0.01, -0.42, 0.1]), np.array([0.1, 0.2, -0.3, 0.5])
+    more = rough.inverse_dynamics(x, rate, [0] * 4) - h4.inverse_dynamics(x, rate, [0] * 4)
+    motor = np.linalg.solve(h4.jacobian(x), rate)
+    assert more == pytest.approx(0.3 * motor + 0.1 * np.sign(motor), rel=1e-9)
+    torque = rough.inverse_dynamics(x, rate, [1, 2, 3, 4])
+    assert rough.acceleration(x, rate, torque) == pytest.approx([1, 2, 3, 4])
+
+
+def test_leading_shapes_broadcast_and_bad_input_is_named(h4):
+    x = np.tile(h4.home, (2, 3, 1))
+    assert h4.mass_matrix(x).shape == (2, 3, 4, 4)
+    torque = h4.inverse_dynamics(x, [0.1] * 4, np.zeros((3, 4)))
+    assert torque.shape == (2, 3, 4)
+    assert (torque == torque[0, 0]).all()
+    with pytest.raises(tp.InputError, match=r"^rate: shape \(3,\), must be \(\.\.\., 4\) for h4"):
+        h4.acceleration(x, [0] * 3, [0] * 4)
+    with pytest.raises(tp.InputError, match=r"leading shapes must broadcast"):
+        h4.acceleration(x, np.zeros((5, 4)), [0] * 4)
+    with pytest.raises(tp.InputError, match=r"^torque = .*must be finite"):
+        h4.acceleration(h4.home, [0] * 4, [np.nan] * 4)
+    with pytest.raises(tp.PoseError, match=r"pose \(1,\) x = \[0, 0, -3, 0\]: chain 1: unreach"):
+        h4.mass_matrix([h4.home, [0, 0, -3, 0]])
+    nowhere = h4.inverse_dynamics([[0, 0, -3, 0]], [0] * 4, [0] * 4, errors="nan")
+    assert np.isnan(nowhere).all()
