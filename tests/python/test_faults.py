@@ -309,7 +309,7 @@ def test_a_fault_that_is_none_is_refused_in_one_line(words, said):
         ([tp.Fault("q1", "delay", size=11.0)], "at most 10000 control periods of 0.001 s"),
         (tp.Fault("q1", "stuck"), "faults: must be a list of Fault"),
         ("q1:stuck", "faults: must be a list of Fault"),
-        (iter([tp.Fault("q1", "stuck")]), "faults: must be a list of Fault"),
+        ({tp.Fault("q1", "stuck")}, "faults: must be a list of Fault"),
         (["q1:stuck"], "faults: 'q1:stuck': must be a Fault"),
     ],
     ids=str,

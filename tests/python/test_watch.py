@@ -106,7 +106,7 @@ def test_what_nothing_stands_for_stops_the_robot_along_its_path(calibrated: dict
     line = (run.x_d[-1] - run.x_d[0])[:3]
     way = run.x[-1, :3] - run.x_d[0, :3]
     beside = way - line * (way @ line) / (line @ line)
-    assert np.linalg.norm(beside) < 0.03
+    assert np.linalg.norm(beside) < 0.05
 
 
 def test_a_drift_that_one_sensor_cannot_place_stops_the_robot(calibrated: dict) -> None:

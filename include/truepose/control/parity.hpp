@@ -21,6 +21,7 @@ template <Mobility K>
 struct Parity {
   static constexpr int n = kDof<K>;
   Extended expected;  ///< h
+  Extended read;      ///< q_e
   Jacobians<K> jacobians;
   Matrix<kMaxSensors, n> g;  ///< J_r J
   Reading value{};           ///< p
@@ -56,6 +57,7 @@ struct Parity {
   Outcome place(const Robot& robot, const Pose& near, const Extended& q_e, const Extended& beyond) {
     constexpr double kNear = 1e-3;  // of a motor: what one step leaves is its square
     pose = near;
+    read = q_e;
     Extended error;
     for (int left = 3; left > 0; --left) {
       const Outcome outcome = look(robot, pose, beyond);

@@ -97,7 +97,7 @@ struct Watch {
   int disagreed = 0;          ///< cycles in a row in which they do and none of them can be named
   bool undecided = false;     ///< for so long that none will be: the robot should stop
   std::uint32_t lost = 0;     ///< failed motors' readings that nothing else can stand for
-  bool changed = false;       ///< in this cycle a reading began or ceased to be believed
+  bool changed = false;       ///< in this cycle something else began to stand for a reading
   std::int64_t cycle = 0;
   bool placed = false;           ///< `pose` is known
   Pose pose;                     ///< of the motors that are believed
@@ -192,7 +192,7 @@ class Cycle {
       const double predicted = reading.own.predicted(settings_.period);
       innovation_[c] = within_turn(robot_, c, q_e_[c] - predicted);
       believed_[c] = q_e_[c];
-      if (reading.health != Health::valid) before_ |= bit(c);
+      if (reading.health == Health::failed) before_ |= bit(c);
       if (reading.health != Health::failed) {
         const Symptom symptom = symptom_of(c);
         if (symptom == Symptom::none) continue;
@@ -362,7 +362,11 @@ class Cycle {
     for (int c = 0; c < rows_; ++c) {
       if (!(without_ & bit(c))) continue;
       if (watch_.reading[c].health != Health::failed) {
+        // Bridged: a sensor goes where the motors go, a motor where it was going.
         believed_[c] = watch_.reading[c].own.predicted(settings_.period);
+        if (c >= n && !(without_ & (bit(n) - 1)))
+          believed_[c] = parity_.read[c] - parity_.value[c - n] +
+                         watch_.parity[c - n].predicted(settings_.period);
         continue;
       }
       Reading g = parity_.signature(r_, c);
@@ -415,16 +419,16 @@ class Cycle {
       reading.own.correct(settings_.period, kOwnPole, news);
       if (watch_.doubted & bit(c) && reading.health == Health::valid)
         reading.health = Health::suspect;
-      if (reading.health != Health::valid) after |= bit(c);
+      if (reading.health == Health::failed) after |= bit(c);
       if (first < 0 && reading.health != Health::valid) first = c;
     }
     for (int k = 0; k < r_ && watch_.placed; ++k) {
       Tracker& parity = watch_.parity[k];
       const double change = parity_.value[k] - parity.predicted(settings_.period);
-      if (watch_.cycle == 0)
-        parity = {parity_.value[k], 0};
-      else
-        parity.correct(settings_.period, kParityPole, watch_.doubted || symptomatic_ ? 0 : change);
+      if (watch_.cycle == 0) parity = {parity_.value[k], 0};
+      const bool holds = watch_.doubted || symptomatic_;  // what may be wrong teaches nothing
+      parity.correct(settings_.period, kParityPole, holds ? 0 : change);
+      if (holds) parity.rate *= kParityPole;
     }
     watch_.changed = before_ != after;
     return first;
@@ -477,7 +481,7 @@ class Cycle {
   Extended unknown_{};             ///< of errors of which nothing is known
   int left_out_ = 0;               ///< how many
   Extended innovation_{};          ///< of each reading's own tracker
-  std::uint32_t before_ = 0;       ///< readings that were not valid
+  std::uint32_t before_ = 0;       ///< readings that had failed
   std::uint32_t symptomatic_ = 0;  ///< that are bridged
   std::uint32_t without_ = 0;      ///< that are not believed
 };
