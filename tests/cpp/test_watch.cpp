@@ -109,7 +109,8 @@ TEST("a parity does not depend on the pose, and has each reading's fault by its 
       if (!extended<K>(robot, at, q_e) ||
           !parity.place(robot, nearby<K>(at, random, 1e-3), q_e, Extended{}))
         continue;
-      for (int k = 0; k < robot.r; ++k) CHECK(std::fabs(parity.value[k]) < 1e-6);  // of 1 mm the square
+      for (int k = 0; k < robot.r; ++k)
+        CHECK(std::fabs(parity.value[k]) < 1e-6);  // of 1 mm the square
       for (int c = 0; c < n + robot.r; ++c) {
         const double step = 1e-6;
         Extended wrong = q_e;

@@ -149,7 +149,7 @@ class Watch:
         result = _core.Watching(guarding).review(
             np.ascontiguousarray(asked), np.ascontiguousarray(rows)
         )
-        return Review(robot, *result)  # type: ignore[call-arg]
+        return Review(robot, *result)
 
 
 class Review(NamedTuple):
