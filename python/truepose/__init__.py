@@ -16,27 +16,33 @@ from truepose.robot.redundancy import Estimate
 from truepose.robot.robot import Robot, load, robots
 from truepose.simulation.controller import Controller
 from truepose.simulation.effects import Effects
+from truepose.simulation.paths import Circle, Line, Sampled, WayPoints
 from truepose.simulation.settle import settle
-from truepose.simulation.simulate import Simulation, simulate
+from truepose.simulation.simulate import Cycle, Simulation, simulate
 
 if TYPE_CHECKING:
     from truepose.paper.errors import with_paper_errors
 
 __version__ = version("truepose")
 __all__ = [
+    "Circle",
     "Controller",
+    "Cycle",
     "Effects",
     "Estimate",
     "Fit",
     "InputError",
+    "Line",
     "OnlineCalibration",
     "Parameter",
     "PoseError",
     "Registration",
     "Robot",
     "RobotFileError",
+    "Sampled",
     "Simulation",
     "TrueposeError",
+    "WayPoints",
     "accuracy",
     "assembly_modes",
     "calibrate",
