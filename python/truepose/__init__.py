@@ -18,8 +18,9 @@ from truepose.robot.robot import Robot, load, robots
 from truepose.simulation.controller import Controller
 from truepose.simulation.effects import Effects
 from truepose.simulation.faults import Fault
+from truepose.simulation.paths import Circle, Line, Sampled, WayPoints
 from truepose.simulation.settle import settle
-from truepose.simulation.simulate import Simulation, simulate
+from truepose.simulation.simulate import Cycle, Simulation, simulate
 from truepose.simulation.watch import Watch
 
 if TYPE_CHECKING:
@@ -27,22 +28,27 @@ if TYPE_CHECKING:
 
 __version__ = version("truepose")
 __all__ = [
+    "Circle",
     "Controller",
+    "Cycle",
     "Effects",
     "Estimate",
     "Fault",
     "FaultLimits",
     "Fit",
     "InputError",
+    "Line",
     "OnlineCalibration",
     "Parameter",
     "PoseError",
     "Registration",
     "Robot",
     "RobotFileError",
+    "Sampled",
     "Simulation",
     "TrueposeError",
     "Watch",
+    "WayPoints",
     "accuracy",
     "assembly_modes",
     "calibrate",

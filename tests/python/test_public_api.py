@@ -39,7 +39,9 @@ def test_the_version_is_told():
     assert tp.__version__.count(".") == 2
 
 
-@pytest.mark.parametrize("package", ["matplotlib", "mujoco", "dask", "rich", "typer", "jinja2"])
+@pytest.mark.parametrize(
+    "package", ["matplotlib", "mujoco", "dask", "rich", "typer", "jinja2", "scipy", "ruckig"]
+)
 def test_import_truepose_does_not_import(package):
     code = f"import sys, truepose; sys.exit({package!r} in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

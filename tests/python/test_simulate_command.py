@@ -65,6 +65,31 @@ def test_a_path_is_visited_and_its_log_can_be_calibrated_on(run, tmp_path):
     assert "log.csv" in err
 
 
+def test_a_circle_way_points_and_samples_are_followed_cycle_by_cycle(run, tmp_path):
+    (tmp_path / "poses.csv").write_text("x,y,z,theta\n0,0,-0.4,0\n0.1,0,-0.4,0.2\n", "utf-8")
+    timed = "time,x,y,z,theta\n1,0,0,-0.4,0\n1.3,0.05,0,-0.4,0\n1.6,0.1,0,-0.4,0.2\n"
+    (tmp_path / "timed.csv").write_text(timed, "utf-8")
+    h4 = tp.load("h4")
+    poses = [[0, 0, -0.4, 0], [0.1, 0, -0.4, 0.2]]
+    sampled = tp.Sampled(time=[0, 0.3, 0.6], x=[poses[0], [0.05, 0, -0.4, 0], poses[1]])
+    paths = {
+        ("--circle", "0.05,2,1.5"): tp.Circle(centre=h4.home, radius=0.05, frequency=2, turns=1.5),
+        ("--way-points", "poses.csv", "--duration", "0.3"): tp.WayPoints(poses=poses, duration=0.3),
+        ("--path", "timed.csv"): sampled,
+    }
+    for words, path in paths.items():
+        status, said, err = run(
+            "simulate", "h4", *words, "--true", "nominal", "-o", "log.csv", "--format", "json"
+        )
+        assert status == 0 and ", poles 150 rad/s, true robot nominal: ok" in err
+        alone = tp.simulate(h4, h4.with_level("full"), path=path)
+        log = logs.read(h4, tmp_path / "log.csv")
+        np.testing.assert_array_equal(log.readings, alone.q_e)
+        rms = 1e3 * np.sqrt((alone.error[:, 0] ** 2).mean())
+        assert rows(said)["x"]["rms"] == pytest.approx(rms)
+        assert rows(said, "motors")["1"]["largest"] == np.abs(alone.torque[:, 0]).max()
+
+
 def test_poses_out_of_reach_are_told_and_left_empty(run, tmp_path):
     (tmp_path / "path.csv").write_text("x,y,z\n0,0,-0.2\n0,0,-3\n", encoding="utf-8")
     status, said, _ = run("simulate", "delta", "--path", "path.csv", "-o", "log.csv")
@@ -83,6 +108,11 @@ def test_poses_out_of_reach_are_told_and_left_empty(run, tmp_path):
         (("--to", "1,2"), "--to 1,2: must be 4 numbers, x,y,z,theta (m, rad)"),
         (("--to", "0,0,-3,0"), "simulation stopped after "),
         (("--path", "p.csv", "--to", "0,0,-0.4,0"), "--path: names all poses itself"),
+        (("--circle", "0.05"), "--circle 0.05: must be a radius, turns a second, and turns"),
+        (("--circle", "0.05,2", "--path", "p.csv"), "--path, --circle: name one of them"),
+        (("--circle", "0.05,2", "--to", "0,0,-0.4,0"), "--circle: names all poses itself: leave"),
+        (("--circle", "0.1,9", "--from", "0,0,-0.42,0"), "h4: path at t = 0.043 s: motor 2 would"),
+        (("--circle", "0.5,0.1"), "h4: path at t = 0 s: pose x = [0.5, 0, -0.4, 0]: chain"),
         (("--duration", "0"), "duration = 0.0: must be"),
         (("-o", "log.xyz"), "log.xyz: unknown ending '.xyz'"),
         (("--true", "h5"), "unknown robot 'h5'"),

@@ -179,6 +179,11 @@ def read_poses(robot: Robot, path: Path) -> Array:
     InputError
         The file cannot be read, misses a column, or has a value that is no finite number.
     """
+    return read_samples(robot, path)[1]
+
+
+def read_samples(robot: Robot, path: Path) -> tuple[Array | None, Array]:
+    """Read times, s, where the file has a column `time`, and poses as :func:`read_poses`."""
     try:
         file = io.StringIO(contents(path).decode("utf-8-sig"), newline="")
         lines = csv.DictReader(file, skipinitialspace=True)
@@ -194,7 +199,10 @@ def read_poses(robot: Robot, path: Path) -> Array:
             )
     if not rows:
         raise InputError(f"{path}: no poses")
-    return np.array([[_number(path, n, name, row) for name in names] for n, row in rows])
+    time = None
+    if "time" in header:
+        time = np.array([_number(path, n, "time", row) for n, row in rows])
+    return time, np.array([[_number(path, n, name, row) for name in names] for n, row in rows])
 
 
 def _number(path: Path, line: int, name: str, row: dict) -> float:

@@ -13,7 +13,7 @@ from rich.console import Console
 
 from truepose import files, logs
 from truepose.arguments import Array
-from truepose.commands.accuracy import parse_pose, parse_set, read_poses
+from truepose.commands.accuracy import parse_pose, parse_set, read_poses, read_samples
 from truepose.commands.options import (
     Faults,
     Force,
@@ -36,6 +36,7 @@ from truepose.robotfile import path_of
 from truepose.show.table import Cell, Table, number
 from truepose.show.terminal import Format, say, show
 from truepose.show.units import PRINT
+from truepose.simulation import paths
 from truepose.simulation.controller import Controller
 from truepose.simulation.effects import Effects
 from truepose.simulation.moves import MOVE_DURATION, default_move
@@ -70,7 +71,23 @@ def command(
         Path | None,
         typer.Option(
             help="Instead: CSV file of poses to visit one after another, a column for each "
-            "coordinate, m and rad; only what is read at rest is kept."
+            "coordinate, m and rad; only what is read at rest is kept. With a column time, s, they "
+            "are passed at their times instead, and every cycle is kept."
+        ),
+    ] = None,
+    way_points: Annotated[
+        Path | None,
+        typer.Option(
+            help="Instead: such a file to move through, at rest for a moment at each pose; every "
+            "cycle is kept."
+        ),
+    ] = None,
+    circle: Annotated[
+        str | None,
+        typer.Option(
+            metavar="R,HZ[,TURNS]",
+            help="Instead: a level circle about the pose of --from (default: home), m and turns a "
+            "second.",
         ),
     ] = None,
     law: Annotated[
@@ -100,15 +117,15 @@ def command(
     sensors: SensorSet = None,
     duration: Annotated[
         float | None,
-        typer.Option(help="Of a move, s.", show_default="0.2; along a path 0.5 each"),
+        typer.Option(help="Of a move, s.", show_default="0.2; visiting 0.5 each"),
     ] = None,
     hold: Annotated[
-        float | None, typer.Option(help="After it, s.", show_default="0.2; along a path 0.4 each")
+        float | None, typer.Option(help="After it, s.", show_default="0.2; visiting 0.4 each")
     ] = None,
     frequency: Annotated[
         float | None,
         typer.Option(
-            help="Of the PD's poles, rad/s.", show_default="150; 40 with a delay or along a path"
+            help="Of the PD's poles, rad/s.", show_default="150; 40 with a delay or visiting"
         ),
     ] = None,
     since: Annotated[
@@ -126,14 +143,15 @@ def command(
 
     The robot that is there is drawn from the tolerances of the file, every rod by itself; its
     encoders count. Without **--to** it makes a move that it can. The log's readings have the names
-    that **truepose calibrate** looks for.
+    that **truepose calibrate** looks for. A path that the robot cannot follow is refused before
+    anything moves.
 
     Example: **truepose simulate h4 --law estimated --effects friction,compliance -o move.csv**
 
     What a frozen sensor does, and what a watch makes of it: **truepose simulate h4
     --fault theta:stuck@0.05 --watch**
     """
-    inputs: list[str | Path] = [robot, *([path] if path else [])]
+    inputs: list[str | Path] = [robot, *(file for file in (path, way_points) if file)]
     inputs += [] if true in ("drawn", "nominal") else [true]
     save = plot_to(plot, inputs, force)
     read = [path_of(str(name)) for name in inputs]
@@ -143,27 +161,27 @@ def command(
         believed = believed.with_sensors(*parse_set(believed, sensors))
     truth = true_robot(believed, true, seed)
     forgotten = None if effects == "none" else effects_of(effects)
-    poles, ratio = LATE if path or (forgotten and forgotten.delay) else PROMPT
+    motion, x_d = _asked(believed, path, way_points, circle, start, end, duration)
+    poles, ratio = LATE if x_d is not None or (forgotten and forgotten.delay) else PROMPT
     poles = poles if frequency is None else frequency
     controller = Controller(law=law, frequency=poles, velocity_bandwidth=ratio * poles)
-    usual = MOVE if path is None else VISIT
+    usual = MOVE if x_d is None else VISIT
     duration, hold = (u if g is None else g for u, g in zip(usual, (duration, hold), strict=True))
     settings: dict[str, Any] = {"duration": duration, "hold": hold, "seed": seed, "time": since}
     settings["faults"] = faults = faults_of(fault)
     settings["watch"] = Watch() if watch else None
     errors = Console(stderr=True)
     with errors.status("simulating") if errors.is_terminal else nullcontext():
-        if path is None:
+        if x_d is not None:
+            run = _path(believed, truth, controller, x_d, effects=forgotten, **settings)
+        elif motion is not None:
+            run = _follow(believed, truth, controller, motion, effects=forgotten, **settings)
+        else:
             ends = [
                 None if text is None else parse_pose(believed, text, option)
                 for option, text in (("--from", start), ("--to", end))
             ]
             run = _move(believed, truth, controller, *ends, effects=forgotten, **settings)
-        elif start is None and end is None:
-            x_d = read_poses(believed, path)
-            run = _path(believed, truth, controller, x_d, effects=forgotten, **settings)
-        else:
-            raise InputError("--path: names all poses itself: leave out --from and --to")
     save(lambda: draw(run))
     if log is not None:
         columns = logs.columns(run.log, truth)
@@ -187,6 +205,52 @@ class Run(NamedTuple):
     status: str
 
 
+def _asked(
+    robot: Robot,
+    path: Path | None,
+    way_points: Path | None,
+    circle: str | None,
+    start: str | None,
+    end: str | None,
+    duration: float | None,
+) -> tuple[paths.Path | None, Array | None]:
+    """Return the path to follow, or the poses to visit; neither of a plain move."""
+    given = {"--path": path, "--way-points": way_points, "--circle": circle}
+    named = [name for name, value in given.items() if value is not None]
+    if len(named) > 1:
+        raise InputError(f"{named[0]}, {named[1]}: name one of them")
+    if named and (end is not None or (start is not None and circle is None)):
+        left = "--to" if circle is not None else "--from and --to"
+        raise InputError(f"{named[0]}: names all poses itself: leave out {left}")
+    if path is not None:
+        time, x_d = read_samples(robot, path)
+        return (None, x_d) if time is None else (paths.Sampled(time=time, x=x_d), None)
+    each = MOVE_DURATION if duration is None else duration
+    if way_points is not None:
+        return paths.WayPoints(poses=read_poses(robot, way_points), duration=each), None
+    if circle is not None:
+        centre = robot.home if start is None else parse_pose(robot, start, "--from")
+        return _circle(circle, centre), None
+    return None, None
+
+
+def _circle(text: str, centre: Array) -> paths.Circle:
+    try:
+        radius, frequency, *turns = (float(part) for part in text.split(","))
+        (turns_,) = turns or (1.0,)
+    except ValueError:
+        raise InputError(f"--circle {text}: must be a radius, turns a second, and turns") from None
+    return paths.Circle(centre=centre, radius=radius, frequency=frequency, turns=turns_)
+
+
+def _follow(
+    robot: Robot, truth: Robot, controller: Controller, path: paths.Path, **settings: Any
+) -> Run:
+    run = simulate(robot, truth, controller, path=path, **settings)
+    errors = _errors(robot, run.error, {"rms": _rms, "largest": _largest}, {})
+    return Run(run, run.time, run.error, robot, [errors, _motors(robot, run)], run.status)
+
+
 def _move(
     robot: Robot,
     truth: Robot,
@@ -201,6 +265,10 @@ def _move(
     run = simulate(robot, truth, controller, start=start, end=end, **settings)
     columns = {"largest": _largest, "at the end": lambda error: error[-1]}
     errors = _errors(robot, run.error, columns, {"from": start, "to": end})
+    return Run(run, run.time, run.error, robot, [errors, _motors(robot, run)], run.status)
+
+
+def _motors(robot: Robot, run: Simulation) -> Table:
     rows = []
     for k, chain in enumerate(robot.spec.chain):
         turns, most = chain.actuator == "revolute", float(np.abs(run.torque[:, k]).max())
@@ -208,8 +276,7 @@ def _move(
         rows.append([Cell(f"{k + 1} ({unit})", {"motor": k + 1, "unit": unit}), number(most)])
         rows[-1].append(number(chain.torque_limit or np.inf))
     title = "Torques and forces of the motors"
-    motors = Table("motors", title, ["motor", "largest", "limit"], rows)
-    return Run(run, run.time, run.error, robot, [errors, motors], run.status)
+    return Table("motors", title, ["motor", "largest", "limit"], rows)
 
 
 def _path(robot: Robot, truth: Robot, controller: Controller, x_d: Array, **settings: Any) -> Run:
@@ -222,11 +289,14 @@ def _path(robot: Robot, truth: Robot, controller: Controller, x_d: Array, **sett
         words += f": {reason}"
     if not reached.any():
         raise PoseError(f"{robot.name}: {words}")
-    rms = {"rms": lambda error: np.sqrt((error**2).mean(axis=0)), "largest": _largest}
-    columns = {"mean": lambda error: error.mean(axis=0), **rms}
+    columns = {"mean": lambda error: error.mean(axis=0), "rms": _rms, "largest": _largest}
     errors = _errors(robot, (x - x_d)[reached], columns, {})
     log = Visit(q_e, frames(truth, x), x, status)
     return Run(log, np.arange(len(x)), x - x_d, robot, [errors], words)
+
+
+def _rms(error: Array) -> Array:
+    return np.sqrt((error**2).mean(axis=0))
 
 
 def _largest(error: Array) -> Array:

@@ -120,12 +120,14 @@ class Dynamics(Description):
         except ValueError:
             shapes = ", ".join(f"{key} {(*s, self.n)}" for key, (_, s) in checked.items())
             raise InputError(f"{shapes}: leading shapes must broadcast") from None
-        rows = [
+        at, v, asked = (
             np.ascontiguousarray(
                 np.broadcast_to(flat.reshape(*shape, self.n), (*lead, self.n)).reshape(-1, self.n)
             )
             for flat, shape in checked.values()
-        ]
-        values, status, chain = _core.dynamics(self.core, *rows, inverse=name == "acceleration")
-        require_answers(self, "pose", rows[0], lead, status, chain, errors)
+        )
+        values, status, chain = _core.dynamics(
+            self.core, at, v, asked, inverse=name == "acceleration"
+        )
+        require_answers(self, "pose", at, lead, status, chain, errors)
         return values.reshape(*lead, self.n)

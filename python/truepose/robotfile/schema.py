@@ -111,6 +111,9 @@ class Chain(Section):
     torque_limit: Annotated[Positive, unit("N·m or N")] | None = Field(
         default=None, description="of the motor, either way; without it there is none"
     )
+    speed_limit: Annotated[Positive, unit("rad/s or m/s")] | None = Field(
+        default=None, description="of the motor, either way; paths that ask for more are refused"
+    )
     drive_inertia: Annotated[NonNegative, unit("kg·m² or kg")] = Field(
         default=0.0,
         description="rotor and arm about the motor's axis; of a slide motor and carriage. As it is "

@@ -5,25 +5,29 @@ The controller knows the nominal robot; the plant is the true one. Both are :cla
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array
+from truepose.arguments import Array, numbers_of
 from truepose.calibration.online import OnlineCalibration
-from truepose.exceptions import PoseError
+from truepose.exceptions import InputError, PoseError
 from truepose.logs.columns import Column, pose, readings
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
+from truepose.simulation.chart import Setpoints
 from truepose.simulation.controller import Controller, pose_of
 from truepose.simulation.drive import NO_REST, RESTLESS, begin, saturated, unanswered
 from truepose.simulation.effects import Effects
 from truepose.simulation.faults import Fault
+from truepose.simulation.feasible import require_feasible
 from truepose.simulation.moves import MOVE_DURATION, default_move
+from truepose.simulation.paths import Path, path_of
 from truepose.simulation.watch import Watch, failed, watched
 
 _WATCHED = 0.05  # s, the end of the hold in which the robot must rest; the core's own in `visit`
@@ -134,11 +138,25 @@ class Simulation:
         ]
 
 
+class Cycle(NamedTuple):
+    """What a law of one's own may see in a control period, at its start."""
+
+    time: float  #: s
+    x: Array  #: (n,) desired pose
+    rate: Array  #: (n,) its free twist
+    acceleration: Array  #: (n,) and the derivative
+    q_e: Array  #: (n + r,) readings
+    torque: Array  #: (n,) what was commanded last
+    robot: Robot  #: what the controller believes
+
+
 def simulate(
     robot: Robot,
     truth: Robot | None = None,
     controller: Controller | Law = "redundant",
     *,
+    path: Path | Callable[[float], Any] | ArrayLike | None = None,
+    law: Callable[[Cycle], ArrayLike] | None = None,
     start: ArrayLike | None = None,
     end: ArrayLike | None = None,
     duration: float = MOVE_DURATION,
@@ -151,7 +169,7 @@ def simulate(
     faults: Sequence[Fault] = (),
     watch: Watch | None = None,
 ) -> Simulation:
-    """Simulate a straight move with a quintic time law, then holding its end.
+    """Simulate a straight move with a quintic time law, or any path; then holding its end.
 
     The true robot starts at rest where the controller holds it at `start`. Its dynamics are those
     of the reduced model, integrated by Runge-Kutta 4; its encoders have the noise and the counts
@@ -163,6 +181,15 @@ def simulate(
         What the controller believes, and what is (default: the same).
     controller : Controller or law
         The law alone takes the other settings' defaults.
+    path : Path, callable or array_like, optional
+        Instead of a move: :class:`Circle`, :class:`Line`, :class:`WayPoints`, :class:`Sampled`
+        (poses at times), or an object of your own with `setpoints`; a function of time, t -> x
+        (or x, rate and acceleration), for `duration`; or poses, (N, n), `duration` from each to
+        the next. The robot is asked beforehand whether it can follow.
+    law : callable, optional
+        A law of one's own, for research: from a :class:`Cycle` to the torques, (n,). The motors'
+        limits hold for it. It is called in every period: some 50 times as slow as the core's.
+        `controller` then only says the period, and where the robot rests at the start.
     start, end : array_like, shape (n,)
         Desired poses; by default those of :func:`default_move`.
     duration, hold : float
@@ -191,7 +218,10 @@ def simulate(
     ------
     PoseError
         Without faults: the robot leaves its workspace, or the controller meets a singular pose or
-        a joint limit.
+        a joint limit. Of a path, before anything moves: it does so, or asks the motors for more
+        speed or torque than the file allows them; names the time and the motor.
+    TrueposeError
+        What the path needs is not installed.
 
     Examples
     --------
@@ -208,12 +238,32 @@ def simulate(
     >>> run = tp.simulate(h4, true, "estimated", learn=online)
     >>> bool(abs(run.error[-1, 3]) < abs(usual.error[-1, 3]) / 10), online.lines > 100
     (True, True)
+
+    A law of one's own, a PD on each motor:
+
+    >>> def soft(cycle):
+    ...     error = cycle.robot.ikm(cycle.x) - cycle.q_e[:4]
+    ...     fed = cycle.robot.inverse_dynamics(cycle.x, cycle.rate, cycle.acceleration)
+    ...     return fed + 50 * error
+    >>> run = tp.simulate(h4, law=soft, duration=0.3)
+    >>> bool(abs(run.error[:, :3]).max() < 2e-3)
+    True
     """
     truth = robot if truth is None else truth
-    if start is None or end is None:
+    if not isinstance(controller, Controller):
+        controller = Controller(law=controller)
+    setpoints = None
+    if path is not None:
+        if start is not None or end is not None:
+            raise InputError("path: names all poses itself: leave out start and end")
+        setpoints = Setpoints(*path_of(path, duration).setpoints(robot, controller.period))
+        duration = max(len(setpoints.x) - 1, 1) * controller.period
+        start = setpoints.x[0]
+        require_feasible(robot, setpoints, controller.period)
+    elif start is None or end is None:
         move = default_move(robot)
         start, end = move[0] if start is None else start, move[1] if end is None else end
-    target = pose_of(robot, end, "end")
+    target = pose_of(robot, start if end is None else end, "end")
     drive = begin(
         robot,
         truth,
@@ -229,9 +279,24 @@ def simulate(
         faults=faults,
         watch=watch,
     )
-    status, chain, *log = _core.simulate(  # type: ignore[call-arg]
-        *drive.core, drive.origin, target, duration, hold, steps, drive.at_rest, drive.seed
-    )
+    own = None if law is None else _torque_of(law, robot)
+    if setpoints is None:
+        asked = (drive.origin, target, duration, hold)
+        status, chain, *log = _core.simulate(  # type: ignore[call-arg]
+            *drive.core, *asked, steps, drive.at_rest, drive.seed, own
+        )
+    else:
+        rest = np.zeros((round(hold / controller.period), robot.n))
+        status, chain, *log = _core.follow(  # type: ignore[call-arg]
+            *drive.core,
+            np.concatenate([setpoints.x, rest + setpoints.x[-1]]),
+            np.concatenate([setpoints.rate, rest]),
+            np.concatenate([setpoints.acceleration, rest]),
+            steps,
+            drive.at_rest,
+            drive.seed,
+            own,
+        )
     ended = ""
     if status > 0:
         guilty = f"chain {chain + 1}: " if chain >= 0 else ""
@@ -240,3 +305,18 @@ def simulate(
         if not (faults and len(log[0])):
             raise PoseError(f"{robot.name}: simulation {ended}")
     return Simulation(robot, drive.truth, drive.controller, *log, hold, tuple(faults), ended)  # type: ignore[call-arg]
+
+
+def _torque_of(law: Callable[[Cycle], ArrayLike], robot: Robot) -> Callable[..., list[float]]:
+    """Return a law of one's own as the core calls it, on vectors of fixed size."""
+    n, e = robot.n, robot.n + robot.r
+
+    def call(time: float, *vectors: list[float]) -> list[float]:
+        x, rate, acceleration, q_e, torque = (np.array(vector) for vector in vectors)
+        seen = (x[:n], rate[:n], acceleration[:n], q_e[:e], torque[:n])
+        asked = numbers_of(law(Cycle(time, *seen, robot)), "law")
+        if asked.shape != (n,):
+            raise InputError(f"law: returns shape {asked.shape}, must be ({n},)")
+        return [*asked.tolist(), *[0.0] * (6 - n)]
+
+    return call

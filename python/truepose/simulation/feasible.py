@@ -1,0 +1,67 @@
+"""Can the motors follow a path? Asked of the nominal robot before anything moves."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from truepose.arguments import Array
+from truepose.exceptions import PoseError
+from truepose.robot.robot import Robot
+from truepose.simulation.chart import Setpoints
+
+
+def require_feasible(robot: Robot, setpoints: Setpoints, period: float) -> None:
+    """Raise PoseError at the first moment at which the robot cannot be where the path wants it.
+
+    Asked are reach, stops and assembly mode of every setpoint, then its motors' speed and torque
+    where the file has a limit. Torques are those of the nominal robot along the path, its friction
+    included; what a controller adds comes on top.
+
+    Raises
+    ------
+    PoseError
+        Names the time, and the chain or motor with what it would need.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> too_fast = tp.Circle(centre=[0, 0, -0.42, 0], radius=0.1, frequency=9)
+    >>> tp.simulate(tp.load("h4"), path=too_fast)
+    Traceback (most recent call last):
+        ...
+    truepose.exceptions.PoseError: h4: path at t = 0.043 s: motor 2 would need 30.84 N·m, at most 30
+    """
+    x, rate, acceleration = setpoints
+    q = robot.ikm(x, errors="nan", own_mode=True)
+    J = robot.jacobian(x, errors="nan")
+    lost = ~(np.isfinite(q).all(axis=1) & np.isfinite(J).all(axis=(1, 2)))
+    first = int(lost.argmax()) if lost.any() else len(x)
+    if first > 0:
+        motors = np.linalg.solve(J[:first], rate[:first, :, None])[..., 0]
+        chains = robot.spec.chain
+        _within(robot, period, motors, [c.speed_limit for c in chains], ("rad/s", "m/s"))
+        torque = robot.inverse_dynamics(x[:first], rate[:first], acceleration[:first])
+        _within(robot, period, torque, [c.torque_limit for c in chains], ("N·m", "N"))
+    if first < len(x):
+        try:
+            robot.ikm(x[first], own_mode=True)
+            robot.jacobian(x[first])
+        except PoseError as error:
+            reason = str(error).removeprefix(f"{robot.name}: ")
+            raise PoseError(f"{robot.name}: path at t = {first * period:.4g} s: {reason}") from None
+
+
+def _within(
+    robot: Robot, period: float, values: Array, limits: list[float | None], units: tuple[str, str]
+) -> None:
+    most = np.array([limit or np.inf for limit in limits])
+    beyond = np.abs(values) > most
+    if not beyond.any():
+        return
+    k = int(beyond.any(axis=1).argmax())
+    motor = int(beyond[k].argmax())
+    unit = units[robot.spec.chain[motor].actuator != "revolute"]
+    raise PoseError(
+        f"{robot.name}: path at t = {k * period:.4g} s: motor {motor + 1} would need "
+        f"{abs(values[k, motor]):.4g} {unit}, at most {most[motor]:g}"
+    )

@@ -1,0 +1,389 @@
+"""Where should the nacelle be at every moment? Lines, circles, way-points, samples, a function.
+
+A path answers :meth:`Path.setpoints`: pose, free twist and its derivative at the start of every
+control period, which is what feeds a controller forward.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose.arguments import Array, numbers_of
+from truepose.exceptions import InputError, TrueposeError
+from truepose.robot.batches import flattened
+from truepose.robot.robot import Robot
+from truepose.simulation.chart import Chart, Setpoints, linear_of
+from truepose.simulation.controller import positive
+from truepose.simulation.moves import MOVE_DURATION
+
+
+@runtime_checkable
+class Path(Protocol):
+    """A path in time. Write your own: an object with this one method."""
+
+    def setpoints(self, robot: Robot, period: float) -> Setpoints:
+        """Setpoints at 0, `period`, 2 `period`, … to the path's end."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Moves:
+    """How fast straight moves are: one duration for each, or jerk-limited ones.
+
+    Parameters
+    ----------
+    duration : float
+        Of each move, s, by a quintic time law; where there are no limits.
+    linear, angular : (speed, acceleration, jerk), optional
+        Limits in m and rad, of the nacelle's reference point and of its turn: each move then is
+        the fastest that keeps them, found by ruckig (``pip install truepose[paths]``).
+    """
+
+    duration: float = MOVE_DURATION
+    linear: tuple[float, float, float] | None = None
+    angular: tuple[float, float, float] | None = None
+
+    def _along(self, robot: Robot, poses: ArrayLike, period: float) -> Setpoints:
+        positive("duration", self.duration)
+        for name, limits in (("linear", self.linear), ("angular", self.angular)):
+            if limits is not None and (np.shape(limits) != (3,) or not np.min(limits) > 0):
+                raise InputError(f"{name} = {limits}: must be a speed, an acceleration and a jerk")
+        rows, lead = flattened(robot, poses, robot.n, "path", "raise")
+        if len(lead) != 1 or len(rows) < 2:
+            raise InputError(f"path: shape {np.shape(poses)}, must be (N, {robot.n}), N at least 2")
+        moves, start = [], 0.0
+        for number, (a, b) in enumerate(itertools.pairwise(rows), 1):
+            chart = Chart(robot, a)
+            (whole,) = chart.into(b[None])
+            law, duration = self._law(chart, whole, number)
+            moves.append((chart, whole, law, start, duration))
+            start += duration
+        time = _periods(start, period)
+        which = np.searchsorted([move[3] for move in moves[1:]], time, side="right")
+        parts = []
+        for number, (chart, whole, law, begin, duration) in enumerate(moves):
+            mine = which == number
+            s = law(np.clip(time[mine] - begin, 0, duration))
+            parts.append(chart.out(*(one[:, None] * whole for one in s)))
+        return Setpoints(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+
+    def _law(self, chart: Chart, whole: Array, number: int) -> tuple[Callable, float]:
+        """s(t), its rate and acceleration from 0 to 1, and how long that takes."""
+        if self.linear is None and self.angular is None:
+            return lambda t: _quintic(t, self.duration), self.duration
+        long, turn = (float(np.linalg.norm(whole[k])) for k in (chart.linear, ~chart.linear))
+        shares = [
+            np.divide(limits, size)
+            for limits, size in ((self.linear, long), (self.angular, turn))
+            if limits is not None and size > 0
+        ]
+        if not shares and long + turn > 0:
+            what = "turn" if self.angular is None else "shift"
+            raise InputError(f"path: move {number} is a mere {what}: name its limits too")
+        if not shares:
+            return lambda t: (0 * t,) * 3, 0.0
+        return _jerk_limited(np.min(shares, axis=0))
+
+
+@dataclass(frozen=True, kw_only=True)
+class WayPoints(_Moves):
+    """Straight moves from pose to pose, at rest at each; rotations turn about one fixed axis.
+
+    Parameters
+    ----------
+    poses : array_like, shape (N, n)
+        m and rad.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> square = [[0, 0, -0.4, 0], [0.1, 0, -0.4, 0], [0.1, 0.1, -0.4, 0], [0, 0, -0.4, 0]]
+    >>> run = tp.simulate(tp.load("h4"), path=tp.WayPoints(poses=square, duration=0.3))
+    >>> run.status, round(float(run.time[-1]), 3)
+    ('ok', 1.1)
+    """
+
+    poses: ArrayLike
+
+    def setpoints(self, robot: Robot, period: float) -> Setpoints:
+        """See :class:`Path`."""
+        return self._along(robot, self.poses, period)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Line(_Moves):
+    """A straight move.
+
+    Parameters
+    ----------
+    start, end : array_like, shape (n,)
+        Poses, m and rad.
+
+    Examples
+    --------
+    At most 1 m/s, 20 m/s² and 1000 m/s³ (ruckig):
+
+    >>> import truepose as tp
+    >>> fast = tp.Line(start=[0, 0, -0.4, 0], end=[0.1, 0, -0.4, 0], linear=(1, 20, 1000))
+    >>> len(fast.setpoints(tp.load("h4"), 1e-3).x)
+    171
+    """
+
+    start: ArrayLike
+    end: ArrayLike
+
+    def setpoints(self, robot: Robot, period: float) -> Setpoints:
+        """See :class:`Path`."""
+        ends = [flattened(robot, x, robot.n, "path", "raise")[0] for x in (self.start, self.end)]
+        return self._along(robot, np.concatenate(ends), period)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Circle:
+    """Round a centre with the orientation held, from rest to rest.
+
+    Parameters
+    ----------
+    centre : array_like, shape (n,)
+        A pose, m and rad.
+    radius, frequency : float
+        m, and turns a second.
+    turns : float
+        From start to end.
+    ramp : float, optional
+        In which the speed rises, and falls again, s; by default 0.25 s, less where the turns
+        are too few for it.
+    normal : array_like, shape (3,)
+        Of its plane. It starts on the side of x, or of y where the normal is x.
+
+    Examples
+    --------
+    >>> import numpy as np, truepose as tp
+    >>> circle = tp.Circle(centre=[0, 0, -0.42, 0], radius=0.05, frequency=2, turns=3)
+    >>> run = tp.simulate(tp.load("h4").unquantised(), path=circle)
+    >>> off = np.hypot(run.x[:, 0], run.x[:, 1]) - 0.05  # contouring error
+    >>> bool(np.abs(off).max() < 3e-6)
+    True
+    """
+
+    centre: ArrayLike
+    radius: float
+    frequency: float
+    turns: float = 1.0
+    ramp: float | None = None
+    normal: ArrayLike = (0, 0, 1)
+
+    def setpoints(self, robot: Robot, period: float) -> Setpoints:
+        """See :class:`Path`."""
+        for name in ("radius", "frequency", "turns"):
+            positive(name, getattr(self, name))
+        (centre,), lead = flattened(robot, self.centre, robot.n, "centre", "raise")
+        across = self._plane(linear_of(robot))
+        if lead:
+            raise InputError(f"centre: shape {(*lead, robot.n)}, must be ({robot.n},)")
+        steady = self.turns / self.frequency
+        ramp = min(0.25, steady) if self.ramp is None else self.ramp
+        if not 0 < ramp <= steady:
+            raise InputError(f"ramp = {ramp}: must be greater than 0 s, at most {steady:g} s")
+        time = _periods(steady + ramp, period)
+        angle, rate, acceleration = self._turn(time, steady, ramp)
+        c, s = np.cos(angle), np.sin(angle)
+        round_, ahead = (np.stack(pair, -1) @ across for pair in ((c, s), (-s, c)))
+        first = rate[:, None] * ahead
+        second = acceleration[:, None] * ahead - rate[:, None] ** 2 * round_
+        still = np.zeros((len(time), robot.n))
+        out = []
+        for start, part in ((centre, round_), (0, first), (0, second)):
+            row = still + start
+            row[:, linear_of(robot)] += self.radius * part
+            out.append(row)
+        return Setpoints(*out)
+
+    def _plane(self, linear: Array) -> Array:
+        """Two unit vectors that span the plane, of the coordinates that are lengths, (2, k)."""
+        normal = numbers_of(self.normal, "normal")
+        count = int(linear.sum())
+        if count < 2:
+            raise InputError("a circle needs a robot with two coordinates that are lengths")
+        if normal.shape != (3,) or not 0 < np.linalg.norm(normal) < np.inf:
+            raise InputError(f"normal = {self.normal}: must be three numbers, not all 0")
+        normal = normal / np.linalg.norm(normal)
+        if count == 2 and abs(normal[2]) < 1 - 1e-12:
+            raise InputError(f"normal = {self.normal}: a planar robot's circle has the normal z")
+        side = np.eye(3)[int(abs(normal[0]) > 0.9)]
+        first = side - (side @ normal) * normal
+        first /= np.linalg.norm(first)
+        return np.array([first, np.cross(normal, first)])[:, :count]
+
+    def _turn(self, time: Array, steady: float, ramp: float) -> tuple[Array, Array, Array]:
+        """Angle whose rate rises by 10u³ - 15u⁴ + 6u⁵, stays, and falls likewise."""
+        speed = 2 * math.pi * self.frequency
+
+        def rising(t: Array) -> tuple[Array, Array, Array]:
+            u = np.clip(t / ramp, 0, 1)
+            past = np.maximum(t - ramp, 0)
+            angle = ramp * u**4 * (2.5 + u * (u - 3)) + past
+            rate, acceleration, _ = _quintic(t, ramp)
+            return angle, rate, acceleration
+
+        up, down = rising(time), rising(time - steady)
+        angle, rate, acceleration = (speed * (a - b) for a, b in zip(up, down, strict=True))
+        return angle, rate, acceleration
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sampled:
+    """Poses at given times, and a smooth motion through them.
+
+    A quintic spline, at rest at both ends, where nothing else is known; with rates (and
+    accelerations) Hermite's polynomials. Needs scipy (``pip install truepose[paths]``).
+
+    Parameters
+    ----------
+    time : array_like, shape (N,)
+        Rising, s; the first one is the start.
+    x : array_like, shape (N, n)
+        Poses, m and rad.
+    rate, acceleration : array_like, shape (N, n), optional
+        Free twists there, and their derivatives.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> lift = tp.Sampled(time=[0, 0.2, 0.5], x=[[0, 0, -0.22], [0, 0, -0.2], [0.03, 0, -0.2]])
+    >>> tp.simulate(tp.load("delta"), path=lift).status
+    'ok'
+    """
+
+    time: ArrayLike
+    x: ArrayLike
+    rate: ArrayLike | None = None
+    acceleration: ArrayLike | None = None
+
+    def setpoints(self, robot: Robot, period: float) -> Setpoints:
+        """See :class:`Path`."""
+        time = numbers_of(self.time, "time")
+        given = {"x": self.x, "rate": self.rate, "acceleration": self.acceleration}
+        if self.rate is None and self.acceleration is not None:
+            raise InputError("acceleration: needs the rate too")
+        rows = []
+        for name, values in given.items():
+            if values is None:
+                continue
+            flat, lead = flattened(robot, values, robot.n, name, "raise")
+            if time.ndim != 1 or lead != time.shape or len(time) < 2:
+                shapes = f"time {time.shape}, {name} {(*lead, robot.n)}"
+                raise InputError(f"path: shapes {shapes}: must be (N,) and (N, {robot.n}), N > 1")
+            rows.append(flat)
+        if not (np.isfinite(time).all() and (np.diff(time) > 0).all()):
+            raise InputError("time: must be finite and rise from row to row")
+        return _through(robot, time - time[0], rows, period, at_rest=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Function:
+    """A function of time: pose, or pose, free twist and its derivative.
+
+    Of a pose alone a quintic spline through its values at the control periods finds the rest
+    (scipy, ``pip install truepose[paths]``).
+
+    Parameters
+    ----------
+    of : callable
+        of(t) -> (n,), or three of them; t in s from 0.
+    duration : float
+        s.
+    """
+
+    of: Callable[[float], Any]
+    duration: float
+
+    def setpoints(self, robot: Robot, period: float) -> Setpoints:
+        """See :class:`Path`."""
+        positive("duration", self.duration)
+        time = period * np.arange(max(round(self.duration / period), 1) + 1)
+        values = [np.asarray(self.of(float(t)), dtype=float) for t in time]
+        shapes = {value.shape for value in values}
+        if len(shapes) != 1 or not shapes <= {(robot.n,), (3, robot.n)}:
+            n = robot.n
+            raise InputError(f"path: returns shape {shapes.pop()}, must be ({n},) or (3, {n})")
+        rows = np.array(values)
+        for t, value in zip(time, rows, strict=True):
+            if not np.isfinite(value).all():
+                raise InputError(f"path at t = {t:g} s: must be finite numbers")
+        if rows.ndim == 3:
+            return Setpoints(*np.moveaxis(rows, 1, 0))
+        return _through(robot, time, [rows], period, at_rest=False)
+
+
+def path_of(path: Any, duration: float) -> Path:
+    """Return what `path` of :func:`truepose.simulate` means.
+
+    An object with `setpoints` is one; a function of time lasts `duration`; poses, (N, n), are
+    way-points, `duration` from each to the next.
+    """
+    if isinstance(path, Path):
+        return path
+    if callable(path):
+        return Function(of=path, duration=duration)
+    return WayPoints(poses=path, duration=duration)
+
+
+def _periods(duration: float, period: float) -> Array:
+    """Starts of control periods, the last one at the end or after it."""
+    return period * np.arange(math.ceil(duration / period - 1e-9) + 1)
+
+
+def _quintic(t: Array, duration: float) -> tuple[Array, Array, Array]:
+    u = np.clip(t / duration, 0, 1)
+    s = u**3 * (10 + u * (6 * u - 15))
+    s1 = 30 * u**2 * (1 + u * (u - 2)) / duration
+    return s, s1, 60 * u * (1 + u * (2 * u - 3)) / duration**2
+
+
+def _jerk_limited(limits: Array) -> tuple[Callable, float]:
+    """s(t) from 0 to 1, as fast as its speed, acceleration and jerk allow, and its duration."""
+    try:
+        import ruckig
+    except ImportError:
+        raise TrueposeError("jerk-limited moves need ruckig: pip install truepose[paths]") from None
+    asked, found = ruckig.InputParameter(1), ruckig.Trajectory(1)
+    asked.target_position = [1.0]
+    asked.max_velocity, asked.max_acceleration, asked.max_jerk = ([float(v)] for v in limits)
+    result = ruckig.Ruckig(1).calculate(asked, found)
+    if result != ruckig.Result.Working:
+        raise InputError(f"linear, angular: ruckig finds no move within them ({result.name})")
+
+    def law(t: Array) -> tuple[Array, ...]:
+        return tuple(np.array([found.at_time(float(one)) for one in t]).reshape(-1, 3).T)
+
+    return law, found.duration
+
+
+def _through(
+    robot: Robot, time: Array, rows: list[Array], period: float, at_rest: bool
+) -> Setpoints:
+    """Through poses at times, given x or x, rate (and acceleration) there."""
+    try:
+        from scipy.interpolate import BPoly, make_interp_spline
+    except ImportError:
+        raise TrueposeError("paths of samples need scipy: pip install truepose[paths]") from None
+    chart = Chart(robot, rows[0][0])
+    y = [chart.into(rows[0])]
+    if len(rows) > 1:
+        y += chart.back(y[0], *rows[1:])
+        spline = BPoly.from_derivatives(time, np.stack(y, axis=1))
+    elif at_rest:
+        ends = [(order, np.zeros(robot.n)) for order in (1, 2)]
+        spline = make_interp_spline(time, y[0], k=5, bc_type=(ends, ends))
+    else:
+        k = min(5, len(time) - 1)
+        spline = make_interp_spline(time, y[0], k=k - (k % 2 == 0))
+    at = np.minimum(_periods(time[-1], period), time[-1])
+    return chart.out(*(spline(at, order) for order in range(3)))
