@@ -37,7 +37,7 @@ test-python: $(VENV)/developing
 
 test-cpp: build/asan/build.ninja
 	cmake --build --preset asan
-	ctest --preset asan
+	ctest --preset asan --parallel $$(nproc)
 
 lint: $(VENV)/developing
 	ruff check .
