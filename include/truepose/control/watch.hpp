@@ -85,6 +85,7 @@ struct WatchedReading {
   double spread = 0;  ///< mean square of its innovations
   double raw = 0;     ///< as read in the last cycle
   double model = 0;   ///< what the model said when it changed last
+  double behind = 0;  ///< of a motor: desired less believed, when it was believed last
   int bridged = 0;    ///< cycles in a row
   int spikes = 0;
   std::array<std::int64_t, kSpikesKept> spike{};  ///< the cycles of the latest
@@ -362,8 +363,10 @@ class Cycle {
     for (int c = 0; c < rows_; ++c) {
       if (!(without_ & bit(c))) continue;
       if (watch_.reading[c].health != Health::failed) {
-        // Bridged: a sensor goes where the motors go, a motor where it was going.
+        // Bridged: a sensor goes where the motors go, a motor where it is asked to go.
         believed_[c] = watch_.reading[c].own.predicted(settings_.period);
+        if (c < n && std::isfinite(desired_[c]))
+          believed_[c] = desired_[c] - watch_.reading[c].behind;
         if (c >= n && !(without_ & (bit(n) - 1)))
           believed_[c] = parity_.read[c] - parity_.value[c - n] +
                          watch_.parity[c - n].predicted(settings_.period);
@@ -414,6 +417,7 @@ class Cycle {
       if (believed) {
         if (reading.health == Health::suspect) reading.health = Health::valid;
         reading.bridged = 0;
+        if (c < n) reading.behind = desired_[c] - believed_[c];
         reading.spread += (innovation_[c] * innovation_[c] - reading.spread) / kSettling;
       }
       reading.own.correct(settings_.period, kOwnPole, news);

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -15,6 +16,7 @@ from truepose.robot import knowledge
 from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
 from truepose.simulation.controller import Controller, positive
+from truepose.simulation.effects import Effects
 
 #: How a reading is, by the core's number: :attr:`Review.health`, :attr:`Simulation.health`.
 HEALTH = ("valid", "suspect", "failed")
@@ -27,6 +29,8 @@ _POSES, _MARGIN = 256, 1.5
 #: Counts, and σ of a reading's own error, by which the model must have moved beside a reading that
 #: stands still; and the share of its torque limit at which a motor may stick (assumed).
 _COUNTS, _SIGMAS, _STICKS = 8, 6, 0.01
+#: Torque in motion, rms, over its limit (assumed): it bends arms.
+_TORQUE = 0.25
 #: How far beyond its stops a motor may be read, rad or m.
 _BEYOND = 0.05
 
@@ -58,6 +62,10 @@ class Watch:
         In which it then comes to rest along its path, s.
     replaceable : float
         σ up to which a motor's reading is replaced by what the sensors say, rad or m.
+    effects : Effects, optional
+        That a healthy robot has: what its arms give way by under the motors' torques is then no
+        disagreement. Play and eccentric encoders belong into the robot
+        (:meth:`Effects.allowed_for`), before it is calibrated.
 
     Examples
     --------
@@ -79,6 +87,7 @@ class Watch:
     decide: int = 20
     stop: float = 0.15
     replaceable: float = 3e-3
+    effects: Effects | None = None
 
     def __post_init__(self) -> None:
         for name in ("false_alarms", "stop", "replaceable"):
@@ -109,7 +118,8 @@ class Watch:
         low, high = _range(robot)
         watch.low, watch.high = [*low, *[0.0] * fill], [*high, *[0.0] * fill]
         settings.watch, settings.stop = watch, self.stop
-        return _core.Guarding(finest.core, knowledge.knowledge(robot).core, settings)
+        yields = robot if self.effects is None else _yielding(robot, self.effects)
+        return _core.Guarding(finest.core, knowledge.knowledge(yields).core, settings)
 
     def review(
         self, robot: Robot, q_e: ArrayLike, desired: ArrayLike | None = None, period: float = 1e-3
@@ -212,6 +222,23 @@ def _fastest(robot: Robot) -> Array:
     most, status, _ = _core.fastest(robot.core, np.ascontiguousarray(poses))
     most = most[status <= 0]
     return _MARGIN * most.max(axis=0) if len(most) else np.zeros(robot.n + robot.r)
+
+
+def _yielding(robot: Robot, effects: Effects) -> Robot:
+    """Return the robot with what its arms give way by counted as noise of the motors' readings."""
+    if not effects.arm_stiffness:
+        return robot
+    chains = []
+    for k, chain in enumerate(robot.spec.chain):
+        sigma = 0.0
+        if chain.actuator == "revolute":
+            gain = abs(robot.parameters[f"chain{k + 1}.gain"].value)
+            sigma = gain * _TORQUE * (chain.torque_limit or 0) / effects.arm_stiffness
+        chains.append(
+            chain.model_copy(update={"encoder_noise": math.hypot(chain.encoder_noise, sigma)})
+        )
+    values = {name: p.value for name, p in robot.parameters.items()}
+    return Robot(robot.spec.model_copy(update={"chain": tuple(chains)}), values)
 
 
 def _moved(robot: Robot, controller: Controller) -> Array:

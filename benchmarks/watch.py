@@ -1,0 +1,201 @@
+"""Prints the tables of docs/watch.md: how often does a watch cry wolf, and what does it find?
+
+watch.py alarms [--robots 100] [--seconds 10] [--jobs 2]   # healthy robots, all effects on
+watch.py faults [--robots 30] [--jobs 2]                   # every kind, just above its limit
+
+Every robot is drawn from the tolerances, every rod by itself; those that are calibrated calibrated
+themselves on what they read at 100 poses.
+"""
+
+import argparse
+from collections import Counter, defaultdict
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+
+import numpy as np
+
+import truepose as tp
+from truepose.robot.units import reading_units
+from truepose.simulation.true_robots import with_tolerance_errors
+from truepose.simulation.watch import first
+
+CHANCES = (1e-3, 1e-4, 1e-5, None)  #: a cycle; None: one false alarm in 1000 hours
+SETS = {
+    "h4 θ": ("h4", ["theta"]),
+    "h4 θ, z": ("h4", ["theta", "z_telemeter"]),
+    "h4 θ, elbows": ("h4", ["theta", "elbow1", "elbow2", "elbow3", "elbow4"]),
+}
+SOFT = {"frequency": 40.0, "velocity_bandwidth": 300.0}  #: bears arms that give way and a delay
+POSES = 100  #: of a calibration
+MOST = 0.1  #: limit, rad or m, from which on a reading is taken as not watched by the others
+TIMES = 1.5  #: the limit that a fault has
+AT = 0.25  #: s, of moves that take 0.3 s each
+
+
+def drawn(which: str, seed: int, calibrated: bool, effects: tp.Effects | None) -> tuple:
+    """What a controller believes, and the robot that is there."""
+    name, sensors = SETS[which]
+    robot = tp.load(name).with_sensors(*sensors).expected()
+    truth = with_tolerance_errors(robot, seed).finest
+    if effects is not None:
+        robot = effects.allowed_for(robot)
+    if not calibrated:
+        return robot, truth
+    there = truth if effects is None else effects.geometry(truth, 0, seed)
+    return tp.calibrate(robot, there.read(poses(robot, POSES, seed), seed=seed)).robot, truth
+
+
+def poses(robot: tp.Robot, count: int, seed: int) -> np.ndarray:
+    """Random ones of the workspace."""
+    box = robot.spec.workspace
+    return np.random.default_rng([seed, 1]).uniform(box.minimum, box.maximum, (count, robot.n))
+
+
+def way(robot: tp.Robot, seconds: float, seed: int, each: float) -> tp.WayPoints:
+    """From pose to pose for some seconds."""
+    return tp.WayPoints(poses=poses(robot, int(seconds / each) + 2, seed), duration=each)
+
+
+def alarms(which: str, calibrated: bool, seconds: float, seed: int) -> dict:
+    """Of one healthy robot: cycles that are not valid, at each chance; cycles."""
+    effects = tp.Effects()
+    robot, truth = drawn(which, seed, calibrated, effects)
+    control = tp.Controller(law="joint", **SOFT)
+    try:
+        path = way(robot, seconds, seed, 0.7)
+        run = tp.simulate(robot, truth, control, path=path, effects=effects, seed=seed)
+    except tp.PoseError:
+        return {}
+    found = {}
+    for chance in CHANCES:
+        allowed = {} if chance is None else {"false_alarms": chance * 3.6e6}
+        watch = tp.Watch(effects=effects, **allowed)
+        review = watch.review(robot, run.q_e)
+        found[chance] = int((review.health > 0).any(axis=1).sum()), first(review.health)
+    return {"cycles": len(run.q_e), "found": found}
+
+
+def faults_of(robot: tp.Robot, reading: str, limit: float) -> dict[str, list[tp.Fault]]:
+    """Every kind, just above its limit where it has one."""
+    c = robot.readings.index(reading)
+    units = reading_units(robot)
+    alike = [name for name, unit in zip(robot.readings, units, strict=True) if unit == units[c]]
+    other = next((name for name in alike if name != reading), None)
+    size = TIMES * limit
+    sizes = {
+        "bias": size,
+        "jump": size,
+        "spike": max(size, 0.02),
+        "drift": size / 0.1,
+        "gain": 1.1,
+        "delay": 0.02,
+    }
+    kinds = ("bias", "jump", "spike", "stuck", "dropout", "drift", "sign", "gain", "delay", "swap")
+    return {
+        kind: [
+            tp.Fault(reading, kind, AT, sizes.get(kind), other=other if kind == "swap" else None)
+        ]
+        for kind in kinds
+        if other or kind != "swap"
+    }
+
+
+def faults(which: str, seed: int) -> list[tuple]:
+    """What a watch makes of every fault of one calibrated robot, in motion."""
+    robot, truth = drawn(which, seed, True, None)
+    path = way(robot, 0.6, seed, 0.3)
+    limits = tp.fault_limits(robot, path.setpoints(robot, 1e-3).x[::20], poses(robot, POSES, seed))
+    law, rows = "estimated", []
+    try:
+        healthy = tp.simulate(robot, truth, law, path=path, seed=seed)
+    except tp.PoseError:
+        return []
+    for c, reading in enumerate(robot.readings):
+        limit = float(np.median(limits.detected[:, c]))
+        if not limit < MOST:  # nobody could see a bias of it
+            continue
+        for kind, fault in faults_of(robot, reading, limit).items():
+            run = tp.simulate(
+                robot, truth, law, path=path, seed=seed, faults=fault, watch=tp.Watch()
+            )
+            lines = slice(None, min(len(run.x), len(healthy.x)))
+            moves = ~run.stops[lines]  # it leaves its path where it must stop
+            off = np.abs(run.x[lines] - healthy.x[lines])[moves]
+            at = first(run.health)
+            named = set(run.failed)
+            guilty = {reading, fault[0].other}
+            verdict = "named" if named and named <= guilty else "wrong" if named else "unnamed"
+            delay = np.nan if at is None else 1e3 * (run.time[at] - AT)
+            rows.append((reading, kind, delay, verdict, 1e3 * off[:, :3].max(), off[:, 3:].max()))
+    return rows
+
+
+def print_alarms(pool: ProcessPoolExecutor, robots: int, seconds: float) -> None:
+    heads = ["sensors", "robots", "cycles", "per cycle at 1e-3", "1e-4", "1e-5", "at the default"]
+    row(*heads)
+    row("---", *["---:"] * (len(heads) - 1))
+    for which in SETS:
+        for calibrated in (False, True):
+            work = partial(alarms, which, calibrated, seconds)
+            robots_found = [one for one in pool.map(work, range(robots)) if one]
+            cycles = sum(one["cycles"] for one in robots_found)
+            rates = []
+            for chance in CHANCES:
+                bad = sum(one["found"][chance][0] for one in robots_found)
+                rates.append(f"{bad / cycles:.1e}" if chance else f"{bad}")
+            what = f"{which}, {'calibrated' if calibrated else 'as built'}"
+            row(what, len(robots_found), cycles, *rates)
+
+
+def print_faults(pool: ProcessPoolExecutor, robots: int) -> None:
+    heads = [
+        "sensors",
+        "fault",
+        "found",
+        "median, 99 % (ms)",
+        "named, unnamed, wrong",
+        "off (mm, °)",
+    ]
+    row(*heads)
+    row("---", "---", *["---:"] * (len(heads) - 2))
+    for which in SETS:
+        table = defaultdict(list)
+        for rows in pool.map(partial(faults, which), range(robots)):
+            for _, kind, *rest in rows:
+                table[kind].append(rest)
+        for kind, cases in table.items():
+            delays = np.array([case[0] for case in cases])
+            found = np.isfinite(delays)
+            names = Counter(case[1] for case in cases)
+            late = np.quantile(delays[found], [0.5, 0.99]) if found.any() else [np.nan] * 2
+            row(
+                which,
+                kind,
+                f"{found.sum()} of {len(cases)}",
+                f"{late[0]:.0f}, {late[1]:.0f}",
+                ", ".join(str(names[verdict]) for verdict in ("named", "unnamed", "wrong")),
+                f"{max(case[2] for case in cases):.1f}, "
+                f"{np.degrees(max(case[3] for case in cases)):.1f}",
+            )
+
+
+def row(*cells: object) -> None:
+    print("|", " | ".join(map(str, cells)), "|", flush=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("what", choices=("alarms", "faults"))
+    parser.add_argument("--robots", type=int)
+    parser.add_argument("--seconds", type=float, default=10.0)
+    parser.add_argument("--jobs", type=int, default=2)
+    args = parser.parse_args()
+    with ProcessPoolExecutor(args.jobs) as pool:
+        if args.what == "alarms":
+            print_alarms(pool, args.robots or 100, args.seconds)
+        else:
+            print_faults(pool, args.robots or 30)
+
+
+if __name__ == "__main__":
+    main()
