@@ -519,6 +519,29 @@ TEST("shaped by the inertia, an error is answered alike at every pose and by no 
   });
 }
 
+TEST("a robot rests under its weight also where gravity holds it more stiffly than a soft PD") {
+  constexpr Mobility K = Mobility::schoenflies;
+  const Robot robot = h4().robot;
+  check::Random random(89);
+  for (const Gains gains : {Gains::diagonal, Gains::inertia}) {
+    ControlSettings settings;
+    settings.gains = gains;
+    CHECK(place_poles(robot, robot.home, 8, 1, settings));
+    settings.feed_forward = FeedForward::gravity;
+    const Robot truth = built<K>(robot, random);
+    Joint x{}, load{};
+    CHECK(settle<K>(robot, truth, {settings, true}, robot.home, x));
+    Extended q_e{};
+    CHECK(extended<K>(truth, to_pose<K>(x), q_e));
+    Setpoint at_home;
+    at_home.x = robot.home;
+    ControlState state;
+    CHECK(control(robot, settings, at_home, q_e, state));
+    CHECK(inverse_dynamics<K>(truth, to_pose<K>(x), Joint{}, Joint{}, load));
+    for (int i = 0; i < 4; ++i) CHECK_NEAR(state.torque[i], load[i], 1e-9);
+  }
+}
+
 TEST("settle() never calls a NaN settled") {
   const Robot robot = h4().robot;
   for (const Gains gains : {Gains::diagonal, Gains::inertia}) {

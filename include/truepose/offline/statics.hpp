@@ -1,7 +1,7 @@
 // Where does a robot come to rest under a controller? Exactly, without simulating the motion.
 #pragma once
 
-#include <optional>
+#include <Eigen/LU>
 
 #include "truepose/control/control.hpp"
 #include "truepose/offline/faults.hpp"
@@ -20,9 +20,75 @@ struct StaticsSettings {
 inline constexpr int kSettleIterations = 100;
 inline constexpr double kMostAmplified = 100;  ///< by faulty readings, of what still settles
 
+namespace statics_detail {
+
+/// Torques that hold a robot at a pose against its weight.
+template <Mobility K>
+inline Outcome hold(const Robot& robot, const Pose& pose, Joint& torque) {
+  return inverse_dynamics<K>(robot, pose, Coordinates{}, Coordinates{}, torque);
+}
+
+/// A loaded PD at x_d: what it feeds forward, how it yields, and how the load follows.
+template <Mobility K>
+class Loaded {
+  static constexpr int n = kDof<K>;
+  using Square = Eigen::Matrix<double, n, n>;
+
+ public:
+  /// @return singular, or what the nominal robot has no answer to
+  Outcome set(const Robot& nominal, const ControlSettings& settings,
+              const Reference<K>& reference) {
+    const auto& J = reference.jacobians.J;
+    DynamicModel<K> model;
+    const Outcome outcome = dynamic_model<K>(nominal, reference.closure, Coordinates{}, model);
+    if (!outcome) return outcome;
+    if (settings.feed_forward != FeedForward::none) feed_ = inverse_dynamics<K>(model, J, Coordinates{});
+    Square stiffness = Square::Zero();
+    const auto M_q = joint_inertia<K>(model, J);
+    for (int i = 0; i < n; ++i)
+      for (int j = 0; j < n; ++j)
+        if (settings.gains == Gains::inertia)
+          stiffness(i, j) = model.slope[i] * M_q[i][j] * settings.kp[j];
+        else if (i == j)
+          stiffness(i, i) = settings.kp[i];
+    yield_ = stiffness.inverse();
+    Square follows;  // ∂τ_hold/∂q
+    constexpr double kStep = 1e-5;
+    for (int j = 0; j < n; ++j) {
+      Joint torque[2];
+      bool both = true;
+      for (const double side : {-1.0, 1.0}) {
+        Coordinates step{};
+        for (int i = 0; i < n; ++i) step[i] = side * kStep * J[i][j];
+        both = hold<K>(nominal, moved<K>(reference.closure.pose, step), torque[side > 0]) && both;
+      }
+      for (int i = 0; i < n; ++i)  // at the edge of its reach: as if it did not
+        follows(i, j) = both ? (torque[1][i] - torque[0][i]) / (2 * kStep) : 0;
+    }
+    newton_ = (Square::Identity() + yield_ * follows).inverse();
+    return {};
+  }
+
+  /// ê_q + kp⁻¹ (τ_ff - τ_hold), as the motors' step that takes it away.
+  void relieve(const Joint& load, Joint& error) const {
+    Eigen::Matrix<double, n, 1> lack;
+    for (int i = 0; i < n; ++i) lack[i] = feed_[i] - load[i];
+    const Eigen::Map<Eigen::Matrix<double, n, 1>> own(error.data());
+    lack = newton_ * (own + yield_ * lack).eval();
+    std::copy_n(lack.data(), n, error.begin());
+  }
+
+ private:
+  Joint feed_{};
+  Square yield_, newton_;
+};
+
+}  // namespace statics_detail
+
 /// Pose where the true robot settles when the nominal controller is asked for x_d. Quasi-Newton
 /// on the motor error with the nominal J: each step removes all but the few per cent by which the
-/// true robot's J differs. Unquantised readings.
+/// true robot's J differs; under a load, with what yields to it: a soft PD's own stiffness may be
+/// less than that with which gravity holds the robot. Unquantised readings.
 /// @param x         out
 /// @param weighing  of the nominal robot, for laws that weigh
 /// @param off       by which readings are off, as by the play of a gear
@@ -41,26 +107,9 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
       refer<K>(nominal, law, x_d, reference, settings.control.damped_below, weighing, &nearby);
   if (!outcome) return outcome;
   const Outcome regular = outcome;
-  const auto hold = [](const Robot& robot, const Closure<K>& closure,
-                       const Matrix<kDof<K>, kDof<K>>& J, DynamicModel<K>& model, Joint& torque) {
-    const Outcome result = dynamic_model<K>(robot, closure, Coordinates{}, model);
-    if (result) torque = inverse_dynamics<K>(model, J, Coordinates{});
-    return result;
-  };
-  Joint feed{};
-  DynamicModel<K> model;  // of the nominal robot at x_d
-  if (settings.gravity)
-    outcome = hold(nominal, reference.closure, reference.jacobians.J, model, feed);
+  statics_detail::Loaded<K> loaded;
+  if (settings.gravity) outcome = loaded.set(nominal, settings.control, reference);
   if (!outcome) return outcome;
-  if (settings.control.feed_forward == FeedForward::none) feed = {};
-  std::optional<Ldlt<n>> inertia;
-  if (settings.gravity && settings.control.gains == Gains::inertia) {
-    const Matrix<n, n> M_q = joint_inertia<K>(model, reference.jacobians.J);
-    std::array<double, n> size;
-    for (int i = 0; i < n; ++i) size[i] = M_q[i][i];
-    inertia.emplace(M_q, size);
-    if (!inertia->regular()) return {Status::singular, -1};
-  }
 
   Pose pose = reference.closure.pose;
   double last = INFINITY;
@@ -69,10 +118,10 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
   const double most = faults ? std::min(faults->amplification(), kMostAmplified) : 1;
   const int iterations = static_cast<int>(most * kSettleIterations);
   for (int iteration = 0; iteration < iterations; ++iteration) {
-    Closure<K> closure;
     Extended q_e{};
+    Joint load{};
     outcome = exact_readings<K>(truth, pose, q_e, standing);
-    if (outcome && settings.gravity) outcome = ikm<K>(truth, pose, closure);
+    if (outcome && settings.gravity) outcome = statics_detail::hold<K>(truth, pose, load);
     if (by_truth) *by_truth = !outcome;
     if (!outcome) return outcome;
     for (int c = 0; c < n + truth.r; ++c) q_e[c] += off[c];
@@ -81,21 +130,7 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
     Pose found;
     outcome = motor_error<K>(nominal, law, reference, q_e, error, found, weighing, nearby);
     if (!outcome) return outcome;
-    if (settings.gravity) {
-      Jacobians<K> jacobians;
-      Joint load{};
-      outcome = jacobian<K>(closure, jacobians);
-      DynamicModel<K> loaded;
-      if (outcome) outcome = hold(truth, closure, jacobians.J, loaded, load);
-      if (!outcome) return outcome;
-      std::array<double, n> lack;
-      for (int i = 0; i < n; ++i) lack[i] = feed[i] - load[i];
-      if (inertia) {
-        for (int i = 0; i < n; ++i) lack[i] /= model.slope[i];
-        inertia->solve(lack);
-      }
-      for (int i = 0; i < n; ++i) error[i] += lack[i] / settings.control.kp[i];
-    }
+    if (settings.gravity) loaded.relieve(load, error);
     Coordinates step{};
     double size = 0;
     for (int i = 0; i < n; ++i) {

@@ -188,7 +188,7 @@ def simulate(
         the next. The robot is asked beforehand whether it can follow.
     law : callable, optional
         A law of one's own, for research: from a :class:`Cycle` to the torques, (n,). The motors'
-        limits hold for it. It is called in every period: some 50 times as slow as the core's.
+        limits hold for it. It is called in every period: a few times as slow as the core's.
         `controller` then only says the period, and where the robot rests at the start.
     start, end : array_like, shape (n,)
         Desired poses; by default those of :func:`default_move`.
