@@ -2,6 +2,7 @@
 // A count is the same on every run, whatever else the machine does; a time is not.
 #include "bench.hpp"
 #include "inputs.hpp"
+#include "truepose/control/guard.hpp"
 #include "truepose/offline/plant.hpp"
 
 using namespace inputs;
@@ -70,6 +71,16 @@ COUNTED Status f_control_estimated_full(const Robot& robot, const ControlSetting
                                         ControlState& state, const Weighing& weighing) {
   return control<kH4>(robot, settings, setpoint, q_e, state, weighing).status;
 }
+COUNTED Status f_watch(const Robot& robot, const WatchSettings& settings, const Weighing& weighing,
+                       const Joint& desired, const Extended& q_e, Watch& seen, Extended& believed) {
+  return watch<kH4>(robot, settings, weighing, desired, q_e, seen, believed).status;
+}
+COUNTED Status f_guarded_redundant(const Robot& robot, const ControlSettings& settings,
+                                   const GuardSettings& guarding, const Setpoint& setpoint,
+                                   const Extended& q_e, ControlState& state,
+                                   const Weighing& weighing, Guard& guard) {
+  return guarded<kH4>(robot, settings, guarding, setpoint, q_e, state, weighing, guard).status;
+}
 COUNTED Status f_forward_dynamics(const Robot& robot, const Pose& pose, const Coordinates& rate,
                                   Coordinates& acceleration) {
   return forward_dynamics<kH4>(robot, pose, rate, Joint{}, acceleration).status;
@@ -82,6 +93,38 @@ COUNTED Status f_ups_jacobian(const Robot& robot, const Coordinates& x, JointMat
 }
 COUNTED Status f_ups_fkm_near(const Robot& robot, const Joint& q, Coordinates& x) {
   return fkm(robot, q, x).status;
+}
+
+/// What a watch costs where nothing is wrong: on a path about home, in counts, as many cycles as
+/// there are poses, the rarer ones with a look at the geometry among them.
+static void watched_path(const Robot& robot, const ControlSettings& settings,
+                         const Weighing& weighing) {
+  GuardSettings guarding;
+  guarding.watch.fastest.fill(500);
+  guarding.watch.moved.fill(2e-3);
+  prepare(guarding.watch);
+  Watch seen;
+  Guard guard;
+  ControlState state;
+  long wrong = 0;
+  for (int k = 0; k < kPoses; ++k) {
+    Setpoint setpoint;
+    for (int i = 0; i < 4; ++i) {
+      const double omega = 3 + i, phase = omega * settings.period * k;
+      setpoint.x[i] = robot.home[i] + 0.03 * std::sin(phase);
+      setpoint.rate[i] = 0.03 * omega * std::cos(phase);
+      setpoint.acceleration[i] = -0.03 * omega * omega * std::sin(phase);
+    }
+    Extended q_e{}, believed;
+    if (!extended<kH4>(robot, to_pose<kH4>(setpoint.x), q_e)) ++wrong;
+    for (int c = 0; c < 5; ++c) q_e[c] = quantised(q_e[c], 3e-5);
+    const Joint desired = motors_of<kH4>(q_e);
+    if (f_watch(robot, guarding.watch, weighing, desired, q_e, seen, believed) != Status::ok ||
+        f_guarded_redundant(robot, settings, guarding, setpoint, q_e, state, weighing, guard) !=
+            Status::ok)
+      ++wrong;
+  }
+  if (wrong > 0) std::printf("a healthy reading is not believed in %ld cycles\n", wrong);
 }
 
 int main() {
@@ -143,6 +186,7 @@ int main() {
     answered(f_ups_fkm_near(ups.robot, ups.q[i], ups_near));
     bench::keep(D);  // or the call would be left out
   }
+  watched_path(h4.robot, redundant, prior.weighing());
   std::printf("%d poses\n", kPoses);
   return 0;
 }

@@ -1,7 +1,7 @@
 // What does the real-time core ask of the machine? Every entry point in one object, compiled with
 // neither exceptions nor run-time types; check_symbols.cmake reads its undefined symbols.
 #include "truepose/control/command.hpp"
-#include "truepose/control/control.hpp"
+#include "truepose/control/guard.hpp"
 #include "truepose/estimation/estimate.hpp"
 #include "truepose/estimation/learning.hpp"
 #include "truepose/full/linearise.hpp"
@@ -75,6 +75,23 @@ Outcome realtime_control(const Robot& robot, const ControlSettings& settings,
                          const Weighing& weighing) {
   return control(robot, settings, setpoint, q_e, state, weighing);
 }
+Outcome realtime_watch(const Robot& robot, const WatchSettings& settings, const Weighing& weighing,
+                       const Joint& desired, const Extended& q_e, Watch& seen, Extended& believed) {
+  return watch<Mobility::schoenflies>(robot, settings, weighing, desired, q_e, seen, believed);
+}
+Outcome realtime_guarded(const Robot& robot, const ControlSettings& settings,
+                         const GuardSettings& guarding, const Setpoint& setpoint,
+                         const Extended& q_e, ControlState& state, const Weighing& weighing,
+                         Guard& guard) {
+  return guarded<Mobility::schoenflies>(robot, settings, guarding, setpoint, q_e, state, weighing,
+                                        guard);
+}
+void realtime_restore(Watch& seen, int reading) { restore(seen, reading); }
+Setpoint realtime_paced(PathClock& clock, double period, double stop, const Setpoint& at) {
+  clock.advance(period, stop);
+  return clock.paced(at);
+}
+void realtime_prepare(WatchSettings& settings) { prepare(settings); }
 Outcome realtime_learn(Learner& learner, const Extended& q_e) {
   return learn<Mobility::schoenflies>(learner, q_e);
 }

@@ -7,7 +7,7 @@
 
 #include "mechanisms.hpp"
 #include "truepose/control/command.hpp"
-#include "truepose/control/control.hpp"
+#include "truepose/control/guard.hpp"
 #include "truepose/full/linearise.hpp"
 
 using namespace mechanisms;
@@ -27,6 +27,28 @@ long run_control(const Robot& robot, const ControlSettings& settings,
   for (std::size_t k = 0; k < cycles.size(); ++k)
     if (!control(robot, settings, cycle[k].setpoint, cycle[k].q_e, state, weighing)) ++failures;
   return failures;
+}
+
+/// Every eighth cycle a reading lies, another each time; those that fail of it are restored.
+template <Mobility K>
+long run_guarded(const Robot& robot, const ControlSettings& settings, const GuardSettings& guarding,
+                 const std::vector<Cycle>& cycles, ControlState& state, const Weighing& weighing,
+                 Guard& guard) noexcept [[clang::nonblocking]] {
+  long lies = 0;
+  PathClock clock;
+  const Cycle* cycle = cycles.data();
+  for (std::size_t k = 0; k < 4 * cycles.size(); ++k) {
+    const std::size_t at = k % cycles.size();
+    const int c = static_cast<int>(k / 8) % (kDof<K> + robot.r);
+    Extended q_e = cycle[at].q_e;
+    if (k % 8 == 7) q_e[c] = k % 16 == 7 ? NAN : q_e[c] + 1;
+    clock.advance(settings.period, guard.stops ? guarding.stop : 0);
+    const Outcome outcome = guarded<K>(robot, settings, guarding, clock.paced(cycle[at].setpoint),
+                                       q_e, state, weighing, guard);
+    if (outcome.status == Status::disagree) ++lies;
+    if (k % 128 == 127) restore(guard.watch, c);
+  }
+  return lies;
 }
 
 template <Mobility K>
@@ -98,6 +120,18 @@ TEST("no law and no model blocks, on any mechanism") {
       CHECK(place_poles(robot, robot.home, 100, 1, settings));
       ControlState state;
       CHECK(run_control(robot, settings, cycles, state, prior.weighing()) == 0);
+    }
+    for (const Law law : {Law::joint, Law::redundant, Law::estimated}) {
+      ControlSettings settings;
+      settings.law = law;
+      CHECK(place_poles(robot, robot.home, 100, 1, settings));
+      GuardSettings guarding;
+      guarding.watch.fastest.fill(500);
+      guarding.watch.moved.fill(2e-3);
+      prepare(guarding.watch);
+      ControlState state;
+      Guard guard;
+      CHECK(run_guarded<K>(robot, settings, guarding, cycles, state, prior.weighing(), guard) > 0);
     }
     CHECK(run_models(robot, cycles) == 0);
     for (const double gate : {kGate, 0.0}) {

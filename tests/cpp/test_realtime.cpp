@@ -5,7 +5,7 @@
 #include <cstdlib>
 
 #include "mechanisms.hpp"
-#include "truepose/control/control.hpp"
+#include "truepose/control/guard.hpp"
 #include "truepose/estimation/estimate.hpp"
 #include "truepose/full/linearise.hpp"
 #include "truepose/offline/plant.hpp"
@@ -219,6 +219,44 @@ TEST("control allocates nothing where the robot is understood rod by rod, under 
         CHECK(failures == 0);
       }
     });
+}
+
+TEST("a guarded controller allocates nothing, whatever its readings do") {
+  for_each([&](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    Robot robot = mechanism.robot;
+    robot.r = 2;
+    Prior prior(robot);
+    GuardSettings guarding;
+    guarding.watch.fastest.fill(500);
+    guarding.watch.moved.fill(2e-3);
+    prepare(guarding.watch);
+    for (const Law law : kLaws) {
+      if (!applies(law, K)) continue;
+      ControlSettings settings;
+      settings.law = law;
+      CHECK(place_poles(robot, robot.home, 100, 1, settings));
+      ControlState state;
+      Guard guard;
+      check::Random random(76);
+      long lies = 0;
+      const long before = allocations;
+      for (long k = 0; k < 2000; ++k) {
+        Setpoint setpoint;
+        setpoint.x = random_pose(mechanism, random, 1e-3);
+        Extended q_e;
+        if (!extended<K>(robot, to_pose<K>(setpoint.x), q_e)) continue;
+        const int c = static_cast<int>(k / 50) % (kDof<K> + robot.r);
+        if (k % 50 > 40) q_e[c] = k % 100 > 50 ? NAN : q_e[c] + 1;
+        if (k % 200 == 199) restore(guard.watch, c);
+        const Outcome outcome =
+            guarded<K>(robot, settings, guarding, setpoint, q_e, state, prior.weighing(), guard);
+        if (outcome.status == Status::disagree) ++lies;
+      }
+      CHECK(allocations == before);
+      CHECK(lies > 100);
+    }
+  });
 }
 
 TEST("learning while it works, a controller allocates nothing, at either level") {

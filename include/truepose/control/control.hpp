@@ -97,6 +97,12 @@ inline Extended in_terms_of(Corrects corrects, const Joint& rate, const Referenc
   return result;
 }
 
+/// A torque, no larger than the motor can.
+inline double limited(const Chain& chain, double torque) {
+  const double limit = chain.torque_limit;
+  return limit > 0 ? std::clamp(torque, -limit, limit) : torque;
+}
+
 /// Share of what was held at a switch that is left, from 1 to 0 without a corner.
 inline double led_out(double leaving, double whole) {
   const double u = whole > 0 ? leaving / whole : 0;
@@ -138,14 +144,11 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
   const bool posed = corrects == Corrects::pose, extended = corrects == Corrects::readings;
   const int tracked = extended ? n + robot.r : n;
   Extended measured = q_e;
-  std::array<double, n> desired;  // rates
+  const Joint joint_rate = reference.jacobians.joint_rate(setpoint.rate);
+  const auto& desired = posed ? setpoint.rate : joint_rate;
   if (posed) {
     const Coordinates x = to_coordinates<K>(found);
     std::copy_n(x.begin(), n, measured.begin());
-    std::copy_n(setpoint.rate.begin(), n, desired.begin());
-  } else {
-    const Joint rate = reference.jacobians.joint_rate(setpoint.rate);
-    std::copy_n(rate.begin(), n, desired.begin());
   }
   ControlState next = state;
   next.nearby = nearby;
@@ -237,14 +240,13 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
     if (!pushes) next.integral[i] += step;  // a saturated motor does not wind up
     torque[i] = wanted + (pushes ? 0 : step);
     sum += wanted + step;  // before the limit, which would hide an infinite integral
-    if (limit > 0) torque[i] = std::clamp(torque[i], -limit, limit);
+    torque[i] = limited(robot.chain[i], torque[i]);
   }
   if (!std::isfinite(sum)) return {Status::not_finite, -1};
   next.torque = torque;
   next.error = error;
   next.error_rate = error_rate;
-  const Joint rate = reference.jacobians.joint_rate(setpoint.rate);
-  for (int i = 0; i < n; ++i) next.q_d[i] = reference.q_e[i] + settings.period * rate[i];
+  for (int i = 0; i < n; ++i) next.q_d[i] = reference.q_e[i] + settings.period * joint_rate[i];
   state = next;
   return regular;
 }

@@ -22,7 +22,7 @@ struct PathClock {
     if (stop > 0 && rate > 0) {
       since = std::min(since + period, stop);
       const double u = since / stop;  // 1 to 0 with a rate that is smooth at both ends
-      const double next = 1 - u * u * (3 - 2 * u);
+      const double next = std::max(0.0, 1 - u * u * (3 - 2 * u));
       slowing = (next - rate) / period;
       time += 0.5 * (rate + next) * period;
       rate = next;
@@ -60,6 +60,15 @@ struct Guard {
   double unanswered = 0;     ///< s since a torque was answered for
   Knowledge known{};         ///< of the readings that are believed
 };
+
+/// A reading that was mended is believed again, and the robot may go on: a new PathClock leads it
+/// from where it stands. What is still wrong stops it again.
+inline void restore(Guard& guard, int reading) {
+  restore(guard.watch, reading);
+  guard.stops = false;
+  guard.brakes = 0;
+  guard.unanswered = 0;
+}
 
 /// σ of a reading that is not believed, over its own.
 inline constexpr double kDisbelieved = 1e4;
@@ -103,7 +112,9 @@ Outcome guarded(const Robot& robot, const ControlSettings& settings, const Guard
   if (guard.unanswered > guarding.held) {
     guard.stops = true;
     guard.brakes = (std::uint32_t{1} << n) - 1;
-    state.torque = state.load;
+    for (int i = 0; i < n; ++i) state.torque[i] = limited(robot.chain[i], state.load[i]);
+    state.error = state.error_rate = {};  // an answer that comes later starts from there,
+    state.switched = true;                // and is led in
   }
   return outcome;
 }

@@ -32,7 +32,7 @@ enum class Health : int {
 /// Why it is not.
 enum class Symptom : int {
   none = 0,
-  missing = 1,       ///< not a finite number
+  missing = 1,       ///< no number, or one that no sensor gives
   out_of_range = 2,  ///< beyond the motor's stops, or what the sensor can read
   too_fast = 3,      ///< farther from where it was going than any torque can take it
   stuck = 4,         ///< the same counts while the robot moves
@@ -66,6 +66,7 @@ inline constexpr double kParityPole = 0.8;  ///< of the parity's
 inline constexpr double kUnknown = 1e4;  ///< variance of an error of which nothing is known, over V
 inline constexpr int kSettling = 32;     ///< cycles that trackers need after the start
 inline constexpr int kSpikesKept = 8;
+inline constexpr double kNoNumber = 1e9;  ///< rad or m: beyond, a reading is none, as a NaN is
 
 /// Fills what follows from the chance of a false alarm, shared by level and change: whatever asks a
 /// reading alone has a bound that no torque reaches, and this chance on top.
@@ -75,31 +76,35 @@ inline void prepare(WatchSettings& settings) {
   settings.sigmas = std::sqrt(settings.chi2[1]);
   settings.own = tracker_gains(kOwnPole);
   settings.together = tracker_gains(kParityPole);
+  settings.refresh = std::max(1, settings.refresh);
 }
 
 /// What is known of one reading.
 struct WatchedReading {
   Health health = Health::valid;
   Symptom symptom = Symptom::none;  ///< the latest
+  bool begun = false;               ///< there was a number to begin with
   Tracker own;
   double spread = 0;  ///< mean square of its innovations
   double raw = 0;     ///< as read in the last cycle
   double model = 0;   ///< what the model said when it changed last
   double behind = 0;  ///< of a motor: desired less believed, when it was believed last
   int bridged = 0;    ///< cycles in a row
-  int spikes = 0;
+  std::int64_t spikes = 0;
   std::array<std::int64_t, kSpikesKept> spike{};  ///< the cycles of the latest
 };
 
 /// What the watch remembers. Plain data, the caller's; a new one starts anew.
 struct Watch {
   std::array<WatchedReading, kMaxReadings> reading;
-  std::uint32_t doubted = 0;  ///< readings of which one is wrong, as bits; 0: nothing disagrees
-  int disagreed = 0;          ///< cycles in a row in which they do and none of them can be named
-  bool undecided = false;     ///< for so long that none will be: the robot should stop
-  std::uint32_t lost = 0;     ///< failed motors' readings that nothing else can stand for
-  bool changed = false;       ///< in this cycle something else began to stand for a reading
-  std::int64_t cycle = 0;
+  std::uint32_t doubted = 0;     ///< readings of which one is wrong, as bits; 0: nothing disagrees
+  int disagreed = 0;             ///< cycles in a row in which they do and none of them can be named
+  bool undecided = false;        ///< for so long that none will be: the robot should stop
+  std::uint32_t lost = 0;        ///< failed motors' readings that nothing else can stand for
+  std::uint32_t without = 0;     ///< failed readings that something else stood for in this cycle
+  bool changed = false;          ///< which of them do has changed: what the law sees may jump
+  std::int64_t cycle = 0;        ///< since the first one in which there was a pose,
+  std::int64_t began = 0;        ///< and in which the parity's trackers began to settle
   bool placed = false;           ///< `pose` is known
   Pose pose;                     ///< of the motors that are believed
   Coordinates motion{}, last{};  ///< of this cycle, of the one before
@@ -111,13 +116,17 @@ struct Watch {
   Extended beyond{};                              ///< what the full level adds to h
 };
 
-/// A reading that was mended is believed again.
+/// A reading that was mended is believed again. What it says now counts as right, as at the start:
+/// while the trackers settle, all readings are only asked whether they are numbers within range.
 inline void restore(Watch& watch, int reading) {
-  watch.reading[static_cast<std::size_t>(reading)] = {};
+  if (reading < 0 || reading >= kMaxReadings) return;
+  WatchedReading anew;
+  anew.own = watch.reading[reading].own;  // what stands for it until there is a number
+  watch.reading[reading] = anew;
   watch.doubted = watch.lost = 0;
   watch.undecided = false;
   watch.disagreed = 0;
-  watch.cycle = 0;  // trackers settle
+  watch.began = watch.cycle;
 }
 
 namespace watch_detail {
@@ -125,7 +134,7 @@ namespace watch_detail {
 /// A reading is bridged once more. Too long, or too often, and it has failed.
 inline void bridge(const WatchSettings& settings, std::int64_t cycle, Symptom symptom,
                    WatchedReading& reading) {
-  const auto spike = [&](int k) -> std::int64_t& {
+  const auto spike = [&](std::int64_t k) -> std::int64_t& {
     return reading.spike[static_cast<std::size_t>(k % kSpikesKept)];
   };
   reading.symptom = symptom;
@@ -153,7 +162,7 @@ class Cycle {
         believed_(believed),
         r_(robot.r),
         rows_(n + robot.r),
-        settled_(watch.cycle > kSettling) {
+        settled_(watch.cycle - watch.began > kSettling) {
     for (int c = 0; c < rows_; ++c) {
       const double sigma = weighing.known->sigma[c];
       noise_[c] = sigma * sigma;
@@ -161,8 +170,18 @@ class Cycle {
   }
 
   Outcome run() {
+    // It begins with the first readings that have a pose: before, nothing can stand for a motor.
+    const bool first_cycle = watch_.cycle == 0;
+    for (int c = 0; first_cycle && c < n; ++c)
+      if (!number(q_e_[c])) {
+        watch_.reading[c].health = Health::suspect;
+        watch_.reading[c].symptom = Symptom::missing;
+        return {Status::not_finite, c};
+      }
     alone();
     const Outcome placed = place();
+    if (!placed && first_cycle) return placed;
+    if (!placed && watch_.cycle == watch_.began) ++watch_.began;
     if (placed) {
       for (int c = 0; c < rows_; ++c)
         if (without_ & bit(c)) leave_out(c);
@@ -185,19 +204,22 @@ class Cycle {
   void alone() {
     for (int c = 0; c < rows_; ++c) {
       WatchedReading& reading = watch_.reading[c];
-      if (watch_.cycle == 0) {
-        if (std::isfinite(q_e_[c])) reading.own = {q_e_[c], 0};
+      if (!reading.begun && number(q_e_[c])) {
+        reading.begun = true;
+        reading.own = {q_e_[c], 0};
         reading.raw = q_e_[c];
         reading.model = c < n ? desired_[c] : q_e_[c];
       }
       const double predicted = reading.own.predicted(settings_.period);
-      innovation_[c] = within_turn(robot_, c, q_e_[c] - predicted);
-      believed_[c] = q_e_[c];
-      if (reading.health == Health::failed) before_ |= bit(c);
+      const double news = q_e_[c] - predicted;
+      innovation_[c] = within_turn(robot_, c, news);
+      // The turns that an encoder has lost, or passed, since it began are nothing that moved.
+      believed_[c] = innovation_[c] == news ? q_e_[c] : predicted + innovation_[c];
       if (reading.health != Health::failed) {
         const Symptom symptom = symptom_of(c);
         if (symptom == Symptom::none) continue;
         bridge(settings_, watch_.cycle, symptom, reading);
+        if (!reading.begun) reading.health = Health::failed;  // by what would it be bridged?
         symptomatic_ |= bit(c);
       }
       without_ |= bit(c);
@@ -205,10 +227,13 @@ class Cycle {
     }
   }
 
+  /// Also what would make numbers overflow later is none.
+  static bool number(double raw) { return std::fabs(raw) < kNoNumber; }
+
   Symptom symptom_of(int c) const {
     const WatchedReading& reading = watch_.reading[c];
     const double raw = q_e_[c], low = settings_.low[c], high = settings_.high[c];
-    if (!std::isfinite(raw)) return Symptom::missing;
+    if (!number(raw)) return Symptom::missing;
     if (low < high && !(raw >= low && raw <= high)) return Symptom::out_of_range;
     if (!settled_ || !(settings_.fastest[c] > 0)) return Symptom::none;
     // While nothing is read the way adds up: after m cycles another m(m + 3)/2 of an acceleration.
@@ -389,6 +414,8 @@ class Cycle {
       } else if (c < n) {
         watch_.lost |= bit(c);
         believed_[c] = desired_[c];  // nothing is asked of the motor
+      } else {
+        believed_[c] = parity_.read[c] - parity_.value[c - n];  // as far as the motors can say
       }
     }
     parity_.pose = moved<K>(parity_.pose, step);
@@ -397,7 +424,7 @@ class Cycle {
   /// Every reading's next value. @return the first that is not valid, or -1
   int follow() {
     int first = -1;
-    std::uint32_t after = 0;
+    std::uint32_t without = 0;
     bool motors = watch_.placed;  // whether they say where the robot is
     for (int c = 0; c < n; ++c) motors = motors && watch_.reading[c].health != Health::failed;
     for (int c = 0; c < rows_; ++c) {
@@ -423,18 +450,19 @@ class Cycle {
       reading.own.correct(settings_.period, kOwnPole, news);
       if (watch_.doubted & bit(c) && reading.health == Health::valid)
         reading.health = Health::suspect;
-      if (reading.health == Health::failed) after |= bit(c);
+      if (!believed && reading.health == Health::failed) without |= bit(c);
       if (first < 0 && reading.health != Health::valid) first = c;
     }
     for (int k = 0; k < r_ && watch_.placed; ++k) {
       Tracker& parity = watch_.parity[k];
       const double change = parity_.value[k] - parity.predicted(settings_.period);
-      if (watch_.cycle == 0) parity = {parity_.value[k], 0};
+      if (watch_.cycle == watch_.began) parity = {parity_.value[k], 0};
       const bool holds = watch_.doubted || symptomatic_;  // what may be wrong teaches nothing
       parity.correct(settings_.period, kParityPole, holds ? 0 : change);
       if (holds) parity.rate *= kParityPole;
     }
-    watch_.changed = before_ != after;
+    watch_.changed = watch_.without != without;
+    watch_.without = without;
     return first;
   }
 
@@ -485,7 +513,6 @@ class Cycle {
   Extended unknown_{};             ///< of errors of which nothing is known
   int left_out_ = 0;               ///< how many
   Extended innovation_{};          ///< of each reading's own tracker
-  std::uint32_t before_ = 0;       ///< readings that had failed
   std::uint32_t symptomatic_ = 0;  ///< that are bridged
   std::uint32_t without_ = 0;      ///< that are not believed
 };

@@ -64,4 +64,16 @@ Outcome learn(Learner& learner, const Extended& q_e) {
   return learn<K, IdealModel>(learner, q_e);
 }
 
+/// Goes back to before the latest lines (online.hpp keeps what it was, where it is gated): one of
+/// their readings has been found to lie, later than it began to.
+inline Outcome forget(Learner& learner) {
+  OnlineState& state = learner.state;
+  if (!state.kept || state.doubt.lines == 0) return {};
+  online_detail::copy_state(state, true);
+  state.doubt.evidence = 0;
+  state.doubt.blame = {};
+  state.doubt.since = 0;
+  return set_parameters(*learner.drawn, state.xi, learner.robot);
+}
+
 }  // namespace truepose

@@ -89,12 +89,11 @@ class Loop {
       if (extras_.faults) extras_.faults->read(extras_.began + time, q_e);
       const bool late = extras_.effects.delayed && control_.started;
       const Joint before = control_.torque;
-      const bool trusted = std::all_of(
-          guard_.watch.reading.begin(), guard_.watch.reading.end(),
-          [](const WatchedReading& reading) { return reading.health == Health::valid; });
-      const bool gave_up =  // a line that fits no pose: next time
-          extras_.learner && trusted && learn<K>(*extras_.learner, q_e).status == Status::stopped;
-      const Robot& believed = extras_.learner ? extras_.learner->robot : nominal_;
+      Learner* const learner = extras_.learner;
+      const bool watched = extras_.guarding && !extras_.law;
+      bool gave_up =  // a line that fits no pose: next time
+          learner && !watched && learn<K>(*learner, q_e).status == Status::stopped;
+      const Robot& believed = learner ? learner->robot : nominal_;
       if (extras_.law)
         outcome = extras_.law(time, setpoint, q_e, control_.torque);
       else if (extras_.guarding)
@@ -102,6 +101,7 @@ class Loop {
                              extras_.watching, guard_);
       else
         outcome = control<K>(believed, settings_, setpoint, q_e, control_, extras_.weighing);
+      if (learner && watched) gave_up = learn_watched(*learner, q_e);
       control_.started = control_.started || outcome;
       if (!outcome && !extras_.faults) return outcome;
       Sample sample{time,
@@ -131,6 +131,18 @@ class Loop {
   }
 
  private:
+  /// What the watch has seen is learnt where all of it is valid. Of a reading that has failed by
+  /// now the latest lines are forgotten; the robot that is believed changes with that.
+  bool learn_watched(Learner& learner, const Extended& q_e) {
+    const Watch& watch = guard_.watch;
+    const bool valid =
+        std::all_of(watch.reading.begin(), watch.reading.end(),
+                    [](const WatchedReading& reading) { return reading.health == Health::valid; });
+    if (valid) return learn<K>(learner, q_e).status == Status::stopped;
+    if (watch.changed) control_.switched = bool(forget(learner)) || control_.switched;
+    return learner.state.doubt.stopped;
+  }
+
   const Robot& nominal_;
   ControlSettings settings_;
   Extras extras_;
