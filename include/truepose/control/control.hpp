@@ -123,7 +123,10 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
                 const Extended& q_e, ControlState& state, const Weighing& weighing = {}) {
   constexpr int n = kDof<K>;
   if (!robot.finished) return {Status::unfinished, -1};
-  if (!all_finite(q_e, n + robot.r) || !all_finite(setpoint.x, n) ||
+  // A law asks for the readings that it uses: usual control goes on without sensors.
+  const Corrects corrects = properties(settings.law).corrects;
+  const int asked = corrects == Corrects::motors ? n : n + robot.r;
+  if (!all_finite(q_e, asked) || !all_finite(setpoint.x, n) ||
       !all_finite(setpoint.rate, n) || !all_finite(setpoint.acceleration, n))
     return {Status::not_finite, -1};
   Reference<K> reference;
@@ -140,10 +143,10 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
   // The rate of ê_q is the law's own map of the rates of the errors that it is made of: of the
   // motors, of all readings, or of the estimated pose (so that θ is damped by its own, finer
   // counts). A TEJ moves with x_d; that term is of second order in the error and is left out.
-  const Corrects corrects = properties(settings.law).corrects;
   const bool posed = corrects == Corrects::pose, extended = corrects == Corrects::readings;
   const int tracked = extended ? n + robot.r : n;
-  Extended measured = q_e;
+  Extended measured{};
+  std::copy_n(q_e.begin(), asked, measured.begin());
   const Joint joint_rate = reference.jacobians.joint_rate(setpoint.rate);
   const auto& desired = posed ? setpoint.rate : joint_rate;
   if (posed) {

@@ -146,10 +146,8 @@ def command(
     that **truepose calibrate** looks for. A path that the robot cannot follow is refused before
     anything moves.
 
-    Example: **truepose simulate h4 --law estimated --effects friction,compliance -o move.csv**
-
-    What a frozen sensor does, and what a watch makes of it: **truepose simulate h4
-    --fault theta:stuck@0.05 --watch**
+    Example: **truepose simulate h4 --law estimated --effects friction,compliance -o move.csv**,
+    then **truepose simulate h4 --fault theta:stuck@0.05 --watch**
     """
     inputs: list[str | Path] = [robot, *(file for file in (path, way_points) if file)]
     inputs += [] if true in ("drawn", "nominal") else [true]

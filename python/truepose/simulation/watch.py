@@ -44,7 +44,7 @@ class Watch:
     they disagree about, once the pose is eliminated, against what noise, counts and the geometry's
     tolerances (or calibration) allow, by its level and by its change. A reading that is found to
     lie is replaced by what the others say; one that cannot be replaced, or a disagreement of which
-    nobody knows whose it is, stops the robot along its path. See docs/watch.md.
+    nobody knows whose it is, stops the robot along its path.
 
     Parameters
     ----------
