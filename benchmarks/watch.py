@@ -37,10 +37,10 @@ def drawn(which: str, seed: int, calibrated: bool, effects: tp.Effects | None) -
     name, sensors = SETS[which]
     robot = tp.load(name).with_sensors(*sensors).expected()
     truth = with_tolerance_errors(robot, seed).finest
-    if effects is not None:
-        robot = effects.allowed_for(robot)
     if not calibrated:
         return robot, truth
+    if effects is not None:
+        robot = effects.allowed_for(robot)
     there = truth if effects is None else effects.geometry(truth, 0, seed)
     return tp.calibrate(robot, there.read(poses(robot, POSES, seed), seed=seed)).robot, truth
 

@@ -167,7 +167,7 @@ def command(
     duration, hold = (u if g is None else g for u, g in zip(usual, (duration, hold), strict=True))
     settings: dict[str, Any] = {"duration": duration, "hold": hold, "seed": seed, "time": since}
     settings["faults"] = faults = faults_of(fault)
-    settings["watch"] = Watch() if watch else None
+    settings["watch"] = Watch(effects=forgotten) if watch else None
     errors = Console(stderr=True)
     with errors.status("simulating") if errors.is_terminal else nullcontext():
         if x_d is not None:

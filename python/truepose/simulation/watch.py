@@ -63,9 +63,9 @@ class Watch:
     replaceable : float
         σ up to which a motor's reading is replaced by what the sensors say, rad or m.
     effects : Effects, optional
-        That a healthy robot has: what its arms give way by under the motors' torques is then no
-        disagreement. Play and eccentric encoders belong into the robot
-        (:meth:`Effects.allowed_for`), before it is calibrated.
+        That a healthy robot has, and that are no disagreement: play and eccentric encoders
+        (:meth:`Effects.allowed_for`; a robot that is calibrated was so allowing for them), and
+        what arms give way by under the motors' torques.
 
     Examples
     --------
@@ -226,6 +226,8 @@ def _fastest(robot: Robot) -> Array:
 
 def _yielding(robot: Robot, effects: Effects) -> Robot:
     """Return the robot with what its arms give way by counted as noise of the motors' readings."""
+    if robot.spec.calibration is None:
+        robot = effects.allowed_for(robot)
     if not effects.arm_stiffness:
         return robot
     chains = []
