@@ -1,8 +1,8 @@
-// Does a watch find the reading that lies, and only that one? Switching, and what stands for it.
+// Does a watch find the reading that lies, and only that one? What stands for it?
 #include "mechanisms.hpp"
-#include "truepose/control/guard.hpp"
 #include "truepose/control/parity.hpp"
 #include "truepose/control/tracker.hpp"
+#include "truepose/control/watch.hpp"
 #include "truepose/math/chi2.hpp"
 
 using namespace mechanisms;
@@ -204,56 +204,109 @@ TEST("a restored reading is believed again") {
   });
 }
 
-TEST("a robot that must stop comes to rest along its path, without a corner") {
-  PathClock clock;
-  for (int k = 0; k < 100; ++k) clock.advance(kPeriod, 0);
-  CHECK(std::fabs(clock.time - 0.1) < 1e-12);
-  double before = clock.time, rate = 1;
-  for (int k = 0; k < 200; ++k) {
-    clock.advance(kPeriod, 0.1);
-    CHECK(clock.time >= before);
-    CHECK(std::fabs(clock.rate - rate - kPeriod * clock.slowing) < 1e-12);
-    CHECK(std::fabs(clock.slowing) < 1.51 / 0.1);
-    rate = clock.rate;
-    before = clock.time;
-  }
-  CHECK(clock.rate == 0);
-  CHECK(std::fabs(clock.time - 0.15) < 1e-3);  // half as far as it would have come
+TEST("a watch begins with the first readings that have a pose") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    for (int c = 0; c < kDof<mobility()>; ++c) {
+      Scene<mobility()> scene(mechanism);
+      for (int k = 0; k < 10; ++k) {
+        Extended q_e = scene.read(k);
+        q_e[c] = NAN;
+        const Outcome outcome = scene.cycle(k, q_e);
+        CHECK(outcome.status == Status::not_finite);
+        CHECK(outcome.chain == c);
+      }
+      for (int k = 10; k < 150; ++k) CHECK(scene.cycle(k, scene.read(k)).status == Status::ok);
+    }
+  });
 }
 
-TEST("a change of law, or of what is believed, is no step of the torque") {
+TEST("a sensor that never said anything has failed at once, and says what the motors do") {
   for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>;
-    Robot robot = mechanism.robot;
-    robot.chain[0].torque_limit = 0;
-    Robot truth = robot;
-    for (int i = 0; i < n; ++i) truth.chain[i].encoder_offset += 2e-3 * (i + 1);
-    ControlSettings settings;
-    if (!place_poles(robot, robot.home, 100, 1, settings)) return;
-    Knowledge known;
-    known.sigma.fill(1e-4);
-    std::vector<double> work(static_cast<std::size_t>(estimate_work(robot, 0)));
-    const Weighing weighing{&known, work.data()};
-    Extended q_e{};
-    CHECK(extended<K>(truth, to_pose<K>(robot.home), q_e));
-    Setpoint setpoint;
-    setpoint.x = robot.home;
-    ControlState state;
-    Joint last{};
-    bool first = true;
-    for (const Law law : {Law::joint, Law::redundant, Law::estimated, Law::joint}) {
-      settings.law = law;
-      for (int k = 0; k < 300; ++k) {
-        CHECK(control<K>(robot, settings, setpoint, q_e, state, weighing));
-        for (int i = 0; i < n; ++i) {
-          // A smooth fade over 0.2 s: 1.5/200 of the difference in a cycle, which the errors bound.
-          const double most = 1e-9 + 0.02 * settings.kp[i];
-          CHECK(first || std::fabs(state.torque[i] - last[i]) < most);
-        }
-        last = state.torque;
-        first = false;
+    constexpr int n = kDof<mobility()>;
+    for (const double nothing : {static_cast<double>(NAN), 1e308}) {
+      Scene<mobility()> scene(mechanism);
+      for (int k = 0; k < 100; ++k) {
+        Extended q_e = scene.read(k);
+        const double right = q_e[n];
+        q_e[n] = nothing;
+        CHECK(scene.cycle(k, q_e).chain == n);
+        CHECK(std::fabs(scene.believed[n] - right) < 5e-3);
+      }
+      CHECK(scene.seen.reading[n].symptom == Symptom::missing);
+    }
+  });
+}
+
+TEST("whole turns that an encoder loses are nothing that has moved") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr int n = kDof<mobility()>;
+    for (int c = 0; c < n + mechanism.robot.r; ++c) {
+      const double turn = 2 * M_PI;
+      if (std::fabs(within_turn(mechanism.robot, c, turn)) > 1) continue;  // of a slide: a jump
+      Scene<mobility()> scene(mechanism);
+      CHECK(scene.healthy(100));
+      for (int k = 100; k < 200; ++k) {
+        Extended q_e = scene.read(k);
+        const double right = q_e[c];
+        q_e[c] -= turn;
+        CHECK(scene.cycle(k, q_e).status == Status::ok);
+        CHECK(std::fabs(scene.believed[c] - right) < 1e-12);
       }
     }
+  });
+}
+
+TEST("spikes of long ago are not held against a reading when another is restored") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    Scene<mobility()> scene(mechanism);
+    CHECK(scene.healthy(100));
+    for (int k = 100; k < 1500; ++k) {
+      Extended q_e = scene.read(k);
+      if (k == 100 || k == 200 || k == 1450) q_e[0] += 0.3;
+      if (k == 1400) restore(scene.seen, 1);
+      static_cast<void>(scene.cycle(k, q_e));
+      CHECK(scene.seen.reading[0].health != Health::failed);
+    }
+  });
+}
+
+TEST("what the law sees changes in the cycle in which something else stands for a reading") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    for (int c = 0; c < kDof<K> + mechanism.robot.r; ++c) {
+      Scene<K> scene(mechanism);
+      CHECK(scene.healthy(100));
+      const double still = scene.read(100)[c];
+      int changes = 0;
+      bool stood = false;
+      for (int k = 100; k < 400; ++k) {
+        Extended q_e = scene.read(k);
+        if (k < 300) q_e[c] = still;
+        if (k == 300) restore(scene.seen, c);
+        static_cast<void>(scene.cycle(k, q_e));
+        const bool stands =
+            scene.seen.reading[c].health == Health::failed && scene.believed[c] != q_e[c];
+        CHECK(scene.seen.changed == (stands != stood));
+        changes += scene.seen.changed;
+        stood = stands;
+      }
+      CHECK(changes == 2 || scene.seen.undecided);  // there and back
+    }
+  });
+}
+
+TEST("where a motor has failed as well, a sensor that has does not drift away") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr int n = kDof<mobility()>;
+    Scene<mobility()> scene(mechanism);
+    CHECK(scene.healthy(100));
+    for (int k = 100; k < 1100; ++k) {
+      const Extended right = scene.read(k);
+      Extended q_e = right;
+      q_e[0] = q_e[n] = NAN;
+      static_cast<void>(scene.cycle(k, q_e));
+      CHECK(std::fabs(scene.believed[n] - right[n]) < 0.02);
+    }
+    CHECK(scene.seen.lost == bit(0));
   });
 }

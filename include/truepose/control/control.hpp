@@ -153,32 +153,31 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
     const Coordinates x = to_coordinates<K>(found);
     std::copy_n(x.begin(), n, measured.begin());
   }
-  ControlState next = state;
-  next.nearby = nearby;
+  // What a cycle without an answer leaves as it was is only written at the end.
+  Extended position = state.position, rates = state.rate, passed = state.desired;
+  Joint integral = state.integral, held = state.held, load{};
+  double leaving = state.leaving;
   const bool switches = state.started && (state.switched || state.law != settings.law);
-  if (!state.started || switches) next.position = measured;
+  if (!state.started || switches) position = measured;
   if (switches) {
-    next.rate = in_terms_of<K>(corrects, state.error_rate, reference, robot.r);
-    for (int i = 0; i < n; ++i) next.held[i] = state.error[i] - error[i];
-    next.leaving = settings.lead_out;
+    rates = in_terms_of<K>(corrects, state.error_rate, reference, robot.r);
+    for (int i = 0; i < n; ++i) held[i] = state.error[i] - error[i];
+    leaving = settings.lead_out;
   }
-  next.started = true;
-  next.switched = false;
-  next.law = settings.law;
-  const double share = led_out(next.leaving, settings.lead_out);
-  next.leaving = std::max(0.0, next.leaving - settings.period);
-  for (int i = 0; i < n; ++i) error[i] += share * next.held[i];
+  const double share = led_out(leaving, settings.lead_out);
+  leaving = std::max(0.0, leaving - settings.period);
+  for (int i = 0; i < n; ++i) error[i] += share * held[i];
   Coordinates twist{};  // of x_d against x̂
   double sum = 0;       // of what the state will keep: one NaN in it would fail every later cycle
   Pose from;
   if constexpr (K == Mobility::spatial)
     if (posed) {  // rotation vectors do not add: x̂ is tracked in the tangent space at its last pose
       Coordinates last{};
-      std::copy_n(next.position.begin(), n, last.begin());
+      std::copy_n(position.begin(), n, last.begin());
       from = to_pose<K>(last);
       const Coordinates step = difference<K>(found, from);
       std::copy_n(step.begin(), n, measured.begin());
-      next.position.fill(0);
+      position.fill(0);
     }
   const double pole = std::exp(-settings.velocity_bandwidth * settings.period);
   // Switched on, a robot counts as following until its readings say otherwise.
@@ -189,25 +188,25 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
       rate = desired[c];
     else
       for (int j = 0; j < n; ++j) rate += reference.jr[c - n][j] * setpoint.rate[j];
-    const double expected = half * ((switches ? rate : next.desired[c]) + rate);
-    if (switches) next.position[c] = measured[c] - settings.period * (expected - next.rate[c]);
-    track(settings, pole, measured[c], expected, next.position[c], next.rate[c]);
-    next.desired[c] = rate;
-    sum += next.position[c];
+    const double expected = half * ((switches ? rate : passed[c]) + rate);
+    if (switches) position[c] = measured[c] - settings.period * (expected - rates[c]);
+    track(settings, pole, measured[c], expected, position[c], rates[c]);
+    passed[c] = rate;
+    sum += position[c];
     if (extended)
-      for (int i = 0; i < n; ++i) error_rate[i] += reference.tej[i][c] * next.rate[c];
+      for (int i = 0; i < n; ++i) error_rate[i] += reference.tej[i][c] * rates[c];
     else if (posed)
-      twist[c] = next.rate[c];
+      twist[c] = rates[c];
     else
-      error_rate[c] = next.rate[c];
+      error_rate[c] = rates[c];
   }
   if (posed) error_rate = reference.jacobians.joint_rate(twist);
   if constexpr (K == Mobility::spatial)
     if (posed) {
       Coordinates step{};
-      std::copy_n(next.position.begin(), n, step.begin());
+      std::copy_n(position.begin(), n, step.begin());
       const Coordinates x = to_coordinates<K>(moved<K>(from, step));
-      std::copy_n(x.begin(), n, next.position.begin());
+      std::copy_n(x.begin(), n, position.begin());
     }
 
   Joint pd{}, steps{};  // of the gains; of the integrals
@@ -237,20 +236,30 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
   for (int i = 0; i < n; ++i) {
     const double limit = robot.chain[i].torque_limit;
     const double step = steps[i];
-    next.load[i] = torque[i] + next.integral[i];
-    const double wanted = next.load[i] + pd[i];
+    load[i] = torque[i] + integral[i];
+    const double wanted = load[i] + pd[i];
     const bool pushes = limit > 0 && std::fabs(wanted) > limit && wanted * step > 0;
-    if (!pushes) next.integral[i] += step;  // a saturated motor does not wind up
+    if (!pushes) integral[i] += step;  // a saturated motor does not wind up
     torque[i] = wanted + (pushes ? 0 : step);
     sum += wanted + step;  // before the limit, which would hide an infinite integral
     torque[i] = limited(robot.chain[i], torque[i]);
   }
   if (!std::isfinite(sum)) return {Status::not_finite, -1};
-  next.torque = torque;
-  next.error = error;
-  next.error_rate = error_rate;
-  for (int i = 0; i < n; ++i) next.q_d[i] = reference.q_e[i] + settings.period * joint_rate[i];
-  state = next;
+  state.started = true;
+  state.switched = false;
+  state.law = settings.law;
+  state.position = position;
+  state.rate = rates;
+  state.desired = passed;
+  state.integral = integral;
+  state.held = held;
+  state.leaving = leaving;
+  state.torque = torque;
+  state.error = error;
+  state.error_rate = error_rate;
+  state.load = load;
+  state.nearby = nearby;
+  for (int i = 0; i < n; ++i) state.q_d[i] = reference.q_e[i] + settings.period * joint_rate[i];
   return regular;
 }
 

@@ -22,7 +22,7 @@ struct PathClock {
     if (stop > 0 && rate > 0) {
       since = std::min(since + period, stop);
       const double u = since / stop;  // 1 to 0 with a rate that is smooth at both ends
-      const double next = std::max(0.0, 1 - u * u * (3 - 2 * u));
+      const double next = 1 - u * u * (3 - 2 * u);
       slowing = (next - rate) / period;
       time += 0.5 * (rate + next) * period;
       rate = next;

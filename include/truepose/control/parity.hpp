@@ -80,22 +80,30 @@ struct Parity {
     return {finite ? Status::ok : Status::not_finite, -1};
   }
 
-  /// P (diag(noise) + share · geometry) Pᵀ, its lower triangle. @param noise  variances
-  void covariance(int r, const Extended& noise, const Matrix<kMaxReadings, kMaxReadings>& geometry,
+  /// P diag(noise) Pᵀ + share · geometry, its lower triangle.
+  /// @param noise     variances
+  /// @param geometry  P H_ξ Σ_ξ H_ξᵀ Pᵀ
+  void covariance(int r, const Extended& noise, const Matrix<kMaxSensors, kMaxSensors>& geometry,
                   double share, ReadingCovariance& V) const {
-    for (int k = 0; k < r; ++k) {
-      Extended row{};  // of P · geometry
-      if (share > 0)
-        for (int c = 0; c < n + r; ++c) {
-          row[c] = share * geometry[n + k][c];
-          for (int j = 0; j < n; ++j) row[c] -= share * g[k][j] * geometry[j][c];
-        }
+    for (int k = 0; k < r; ++k)
       for (int l = 0; l <= k; ++l) {
-        double sum = row[n + l] + (k == l ? noise[n + k] : 0);
-        for (int j = 0; j < n; ++j) sum += g[l][j] * (noise[j] * g[k][j] - row[j]);
+        double sum = share * geometry[k][l] + (k == l ? noise[n + k] : 0);
+        for (int j = 0; j < n; ++j) sum += g[l][j] * noise[j] * g[k][j];
         V.L[k][l] = sum;
       }
-    }
+  }
+
+  /// P H_ξ S, r rows of B: what of the geometry is open in the parity.
+  void open(const Robot& robot, const Knowledge& known, const double* H_xi, double* B) const {
+    const int width = parameter_count(robot);
+    for (int k = 0; k < robot.r; ++k)
+      for (int m = 0; m < known.count; ++m) {
+        const double* column = H_xi + known.column[m];
+        double sum = column[(n + k) * width];
+        for (int j = 0; j < n; ++j) sum -= g[k][j] * column[j * width];
+        B[k * known.count + m] = sum;
+      }
+    times_root(known, robot.r, B);
   }
 
   /// σ by which what the motors say that a sensor should read differs between two cycles at rest.
@@ -113,7 +121,7 @@ struct Verdict {
   int freedom = 0;
   bool alarm = false;
   std::uint32_t may = 0;  ///< where there is an alarm: those, as bits,
-  Extended by{};          ///< and by how much each would be wrong
+  Extended by;            ///< and by how much each would be wrong
 };
 
 /// @param most     χ² beyond which there is an alarm, by degrees of freedom
@@ -131,6 +139,7 @@ inline Verdict judge(const Parity<K>& parity, const std::array<double, kMaxSenso
   const auto at = static_cast<std::size_t>(verdict.freedom);
   verdict.alarm = at > 0 && !(verdict.chi2 <= most[at]);
   if (!verdict.alarm) return verdict;
+  verdict.by.fill(0);
   for (int c = 0; c < kDof<K> + r; ++c) {
     if (without & bit(c)) continue;
     Reading g = parity.signature(r, c);

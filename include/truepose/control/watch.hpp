@@ -109,11 +109,11 @@ struct Watch {
   Pose pose;                     ///< of the motors that are believed
   Coordinates motion{}, last{};  ///< of this cycle, of the one before
   std::array<Tracker, kMaxSensors> parity;
-  double chi2 = 0;                                ///< level of the parity
-  int freedom = 0;                                ///< its degrees of freedom
-  bool known = false;                             ///< the next two are
-  Matrix<kMaxReadings, kMaxReadings> geometry{};  ///< H_ξ Σ_ξ H_ξᵀ
-  Extended beyond{};                              ///< what the full level adds to h
+  double chi2 = 0;                              ///< level of the parity
+  int freedom = 0;                              ///< its degrees of freedom
+  bool known = false;                           ///< the next two are
+  Matrix<kMaxSensors, kMaxSensors> geometry{};  ///< P H_ξ Σ_ξ H_ξᵀ Pᵀ
+  Extended beyond{};                            ///< what the full level adds to h
 };
 
 /// A reading that was mended is believed again. What it says now counts as right, as at the start:
@@ -262,9 +262,8 @@ class Cycle {
     double size = 0, known = 0;
     for (int k = 0; k < r_; ++k) {
       size += g[k] * g[k];
-      known += noise_[n + k] + watch_.geometry[n + k][n + k];
-      for (int j = 0; j < n; ++j)
-        known += parity_.g[k][j] * parity_.g[k][j] * (noise_[j] + watch_.geometry[j][j]);
+      known += noise_[n + k] + watch_.geometry[k][k];
+      for (int j = 0; j < n; ++j) known += parity_.g[k][j] * parity_.g[k][j] * noise_[j];
     }
     if (!(size > 0 && known > 0)) return;
     unknown_[c] = kUnknown * known / size;
@@ -406,8 +405,8 @@ class Cycle {
       }
       const double left = unknown_[c] * (1 - unknown_[c] * information);  // variance of b̂
       const bool good = regular && unknown_[c] > 0 && left < 0.5 * unknown_[c];
-      if (good && (c >= n || left < settings_.replaceable * settings_.replaceable)) {
-        const double b = unknown_[c] * score;
+      const double b = unknown_[c] * score;
+      if (good && number(b) && (c >= n || left < settings_.replaceable * settings_.replaceable)) {
         believed_[c] -= b;
         if (c < n)
           for (int i = 0; i < n; ++i) step[i] -= parity_.jacobians.J[i][c] * b;
@@ -447,7 +446,7 @@ class Cycle {
         if (c < n) reading.behind = desired_[c] - believed_[c];
         reading.spread += (innovation_[c] * innovation_[c] - reading.spread) / kSettling;
       }
-      reading.own.correct(settings_.period, kOwnPole, news);
+      reading.own.correct(settings_.period, kOwnPole, number(news) ? news : 0);
       if (watch_.doubted & bit(c) && reading.health == Health::valid)
         reading.health = Health::suspect;
       if (!believed && reading.health == Health::failed) without |= bit(c);
@@ -458,7 +457,7 @@ class Cycle {
       const double change = parity_.value[k] - parity.predicted(settings_.period);
       if (watch_.cycle == watch_.began) parity = {parity_.value[k], 0};
       const bool holds = watch_.doubted || symptomatic_;  // what may be wrong teaches nothing
-      parity.correct(settings_.period, kParityPole, holds ? 0 : change);
+      parity.correct(settings_.period, kParityPole, holds || !number(change) ? 0 : change);
       if (holds) parity.rate *= kParityPole;
     }
     watch_.changed = watch_.without != without;
@@ -483,17 +482,14 @@ class Cycle {
       outcome = linearise<K>(robot_, watch_.pose, q_e, H_x, H_xi);
     }
     if (!outcome) return outcome;
-    gather(robot_, known, H_xi, rows_, B);
-    times_root(known, rows_, B);
-    for (int i = 0; i < rows_; ++i)
-      for (int j = 0; j <= i; ++j)
-        watch_.geometry[i][j] = watch_.geometry[j][i] =
-            known.sigma[i] * known.sigma[j] *
-            dot(known.count, B + i * known.count, B + j * known.count);
+    parity_.open(robot_, known, H_xi, B);
+    for (int k = 0; k < r_; ++k)
+      for (int l = 0; l <= k; ++l)
+        watch_.geometry[k][l] = dot(known.count, B + k * known.count, B + l * known.count);
     for (int k = 0; k < r_; ++k) {  // its tracker must not take it for a change
       double more = beyond[n + k] - watch_.beyond[n + k];
       for (int j = 0; j < n; ++j) more -= parity_.g[k][j] * (beyond[j] - watch_.beyond[j]);
-      watch_.parity[k].value -= more;
+      if (number(more)) watch_.parity[k].value -= more;
     }
     watch_.beyond = beyond;
     return {};

@@ -99,7 +99,7 @@ inline double within_turn(const Robot& robot, int reading, double difference) {
   const int n = dof(robot.mobility);
   if (reading < n) return within_turn(robot.chain[reading], difference);
   const Sensor& sensor = robot.sensor[reading - n];
-  return properties(sensor.kind).wraps ? std::remainder(difference, 2 * M_PI * sensor.gain)
+  return properties(sensor.kind).wraps ? without_turns(difference, 2 * M_PI * sensor.gain)
                                        : difference;
 }
 

@@ -42,11 +42,17 @@ inline double motor_reading(const Chain& chain, double position) {
   return (chain.encoder_errs ? encode(chain, position).value : position) - chain.encoder_offset;
 }
 
+/// std::remainder by a whole turn; a number within half of one, as nearly all are, at once.
+inline double without_turns(double difference, double turn) {
+  return 2 * std::fabs(difference) < std::fabs(turn) ? difference
+                                                     : std::remainder(difference, turn);
+}
+
 /// What is left of a difference of a motor's readings when whole turns of a joint are taken out:
 /// which of them an encoder counts from is nobody's geometry.
 inline double within_turn(const Chain& chain, double difference) {
   return chain.actuator == Actuator::revolute
-             ? std::remainder(difference, 2 * M_PI * chain.encoder_gain)
+             ? without_turns(difference, 2 * M_PI * chain.encoder_gain)
              : difference;
 }
 /// Base-side point B relative to P, its derivative, and the rod's length, at motor position q.

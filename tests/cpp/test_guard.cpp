@@ -1,0 +1,195 @@
+// What does a guarded controller do when a reading lies, or nothing answers? It changes without a
+// step, stops, asks for brakes, and forgets.
+#include <algorithm>
+
+#include "mechanisms.hpp"
+#include "truepose/control/guard.hpp"
+#include "truepose/offline/simulate.hpp"
+
+using namespace mechanisms;
+
+namespace {
+
+constexpr double kPeriod = 1e-3;
+
+/// A robot at rest, its readings off by what no calibration has told, under a guarded law.
+template <Mobility K>
+struct Guarded {
+  static constexpr int n = kDof<K>;
+  explicit Guarded(const Mechanism& mechanism) : robot(mechanism.robot), prior(robot) {
+    known = !!place_poles(robot, robot.home, 100, 1, settings);
+    guarding.watch.fastest.fill(500);
+    prepare(guarding.watch);
+    Robot truth = robot;
+    for (int i = 0; i < n; ++i) truth.chain[i].encoder_offset += 2e-3 * (i + 1);
+    known = known && extended<K>(truth, to_pose<K>(robot.home), readings);
+    setpoint.x = robot.home;
+  }
+  Outcome cycle(const Extended& q_e) {
+    return guarded<K>(robot, settings, guarding, setpoint, q_e, state, prior.weighing(), guard);
+  }
+
+  Robot robot;
+  Prior prior;
+  bool known;  ///< the robot has gains, and readings
+  ControlSettings settings;
+  GuardSettings guarding;
+  Setpoint setpoint;
+  Extended readings{};
+  ControlState state;
+  Guard guard;
+};
+
+}  // namespace
+
+TEST("a robot that must stop comes to rest along its path, without a corner") {
+  PathClock clock;
+  for (int k = 0; k < 100; ++k) clock.advance(kPeriod, 0);
+  CHECK(std::fabs(clock.time - 0.1) < 1e-12);
+  double before = clock.time, rate = 1;
+  for (int k = 0; k < 200; ++k) {
+    clock.advance(kPeriod, 0.1);
+    CHECK(clock.time >= before);
+    CHECK(std::fabs(clock.rate - rate - kPeriod * clock.slowing) < 1e-12);
+    CHECK(std::fabs(clock.slowing) < 1.51 / 0.1);
+    rate = clock.rate;
+    before = clock.time;
+  }
+  CHECK(clock.rate == 0);
+  CHECK(std::fabs(clock.time - 0.15) < 1e-3);  // half as far as it would have come
+}
+
+TEST("a change of law, or of what is believed, is no step of the torque") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr int n = kDof<K>;
+    Robot robot = mechanism.robot;
+    robot.chain[0].torque_limit = 0;
+    Robot truth = robot;
+    for (int i = 0; i < n; ++i) truth.chain[i].encoder_offset += 2e-3 * (i + 1);
+    ControlSettings settings;
+    if (!place_poles(robot, robot.home, 100, 1, settings)) return;
+    Knowledge known;
+    known.sigma.fill(1e-4);
+    std::vector<double> work(static_cast<std::size_t>(estimate_work(robot, 0)));
+    const Weighing weighing{&known, work.data()};
+    Extended q_e{};
+    CHECK(extended<K>(truth, to_pose<K>(robot.home), q_e));
+    Setpoint setpoint;
+    setpoint.x = robot.home;
+    ControlState state;
+    Joint last{};
+    bool first = true;
+    for (const Law law : {Law::joint, Law::redundant, Law::estimated, Law::joint}) {
+      settings.law = law;
+      for (int k = 0; k < 300; ++k) {
+        CHECK(control<K>(robot, settings, setpoint, q_e, state, weighing));
+        for (int i = 0; i < n; ++i) {
+          // A smooth fade over 0.2 s: 1.5/200 of the difference in a cycle, which the errors bound.
+          const double most = 1e-9 + 0.02 * settings.kp[i];
+          CHECK(first || std::fabs(state.torque[i] - last[i]) < most);
+        }
+        last = state.torque;
+        first = false;
+      }
+    }
+  });
+}
+
+TEST("without an answer the brakes are asked for, and a late one is led in") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    Guarded<mobility()> scene(mechanism);
+    if (!scene.known) return;
+    for (int k = 0; k < 200; ++k) CHECK(scene.cycle(scene.readings));
+    for (int i = 0; i < scene.n; ++i)  // less than gravity asks for
+      scene.robot.chain[i].torque_limit = 0.5 * std::fabs(scene.state.load[i]) + 1e-3;
+    Extended nothing = scene.readings;
+    nothing.fill(NAN);
+    for (int k = 0; k < 50; ++k) {
+      scene.setpoint.x[0] = NAN;  // nor does anybody know where it should be
+      CHECK(!scene.cycle(nothing));
+      CHECK((scene.guard.unanswered > scene.guarding.held) == scene.guard.stops);
+    }
+    CHECK(scene.guard.brakes == bit(scene.n) - 1);
+    for (int i = 0; i < scene.n; ++i) {
+      CHECK(std::fabs(scene.state.torque[i]) <= scene.robot.chain[i].torque_limit);
+      scene.robot.chain[i].torque_limit = 0;
+    }
+    scene.setpoint.x = scene.robot.home;
+    Joint last = scene.state.load;
+    restore(scene.guard, 0);
+    CHECK(!scene.guard.stops && scene.guard.brakes == 0);
+    for (int c = 0; c < scene.n + scene.robot.r; ++c) restore(scene.guard.watch, c);
+    for (int k = 0; k < 300; ++k) {
+      CHECK(scene.cycle(scene.readings));
+      for (int i = 0; i < scene.n; ++i)
+        CHECK(std::fabs(scene.state.torque[i] - last[i]) < 1e-9 + 0.02 * scene.settings.kp[i]);
+      last = scene.state.torque;
+    }
+    CHECK(!scene.guard.stops);
+  });
+}
+
+TEST("a learner goes back to before the lines of a reading that has failed since") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    const Robot& robot = mechanism.robot;
+    Robot truth = robot;
+    for (int i = 0; i < kDof<K>; ++i) truth.chain[i].rod += 1e-4 * (i - 1);
+    Prior prior(robot);
+    Learner learner = prior.learner(robot);
+    CHECK(forget(learner));  // nothing yet
+    check::Random random(72);
+    const auto xi = [&] {
+      return std::vector<double>(learner.state.xi, learner.state.xi + parameter_count(robot));
+    };
+    std::vector<std::vector<double>> past;  // what it knew before each line
+    for (int k = 0; k < 40; ++k) {
+      Extended q_e{};
+      CHECK(extended<K>(truth, to_pose<K>(random_pose(mechanism, random, 0.5)), q_e));
+      past.push_back(xi());
+      CHECK(learn<K>(learner, q_e));
+    }
+    CHECK(forget(learner));
+    const std::vector<double> now = xi();
+    CHECK(std::find(past.end() - 2 * kEvery, past.end(), now) != past.end());
+    Robot known = robot;
+    CHECK(set_parameters(robot, now.data(), known));
+    for (int i = 0; i < kDof<K>; ++i) CHECK(learner.robot.chain[i].rod == known.chain[i].rod);
+    CHECK(learner.state.doubt.evidence == 0);
+  });
+}
+
+TEST("a guarded robot learns nothing of a reading that is bridged or has failed") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    const Robot& robot = mechanism.robot;
+    for (const FaultKind kind : {FaultKind::spike, FaultKind::jump, FaultKind::dropout}) {
+      Prior prior(robot), learnt(robot);
+      Learner learner = learnt.learner(robot);
+      ControlSettings settings;
+      if (!place_poles(robot, robot.home, 100, 1, settings)) return;
+      GuardSettings guarding;
+      guarding.watch.fastest.fill(500);
+      prepare(guarding.watch);
+      FaultyReadings faults({{kind, 0, 0, 0.3, 0.06}}, settings.period);
+      Extras extras{prior.weighing()};
+      extras.learner = &learner;
+      extras.faults = &faults;
+      extras.guarding = &guarding;
+      extras.watching = prior.weighing();
+      check::Random random(73);
+      Run run{robot.home, random_pose(mechanism, random, 0.3), 0.1, 0.02, 2};
+      long lines = 0;
+      bool lied = false;
+      const auto write = [&](const Sample& sample) {
+        lied = lied || sample.health[0] != Health::valid;
+        if (!lied) lines = learner.lines;
+      };
+      CHECK(simulate<K>(robot, robot, settings, run, robot.home, write, extras));
+      CHECK(lied && lines > 0);
+      CHECK(learner.left_out == 0);  // such a line fits nothing
+      CHECK(kind == FaultKind::spike ? learner.lines > lines : learner.lines == lines);
+    }
+  });
+}

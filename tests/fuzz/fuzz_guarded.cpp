@@ -1,0 +1,131 @@
+// Does a guarded controller stay within its limits, whatever its readings, its path, its laws and
+// the people who restore readings do?
+//
+// Promised for any input: numbers, torques that the motors can, time that does not run backwards,
+// a brake where nobody knows any more. How large a step is at most is a question to a healthy law
+// and a stated fault, not to any: test_watch asks it.
+#include "decode.hpp"
+#include "truepose/control/guard.hpp"
+
+using namespace fuzz;
+
+namespace {
+
+void finite(const ControlState& state, int n, int rows) {
+  require(all_finite(state.torque, n), "guarded: the torque is finite");
+  require(all_finite(state.error, n) && all_finite(state.error_rate, n) &&
+              all_finite(state.integral, n) && all_finite(state.load, n) &&
+              all_finite(state.held, n) && all_finite(state.q_d, n),
+          "guarded: what the controller keeps is finite");
+  require(all_finite(state.position, rows) && all_finite(state.rate, rows) &&
+              all_finite(state.desired, rows),
+          "guarded: the tracking loops are finite");
+}
+
+void finite(const Watch& watch, int rows, int r) {
+  for (int c = 0; c < rows; ++c) {
+    const WatchedReading& reading = watch.reading[c];
+    require(std::isfinite(reading.own.value) && std::isfinite(reading.own.rate) &&
+                std::isfinite(reading.spread),
+            "watch: what it knows of a reading is finite");
+    require(reading.health >= Health::valid && reading.health <= Health::failed &&
+                reading.symptom >= Symptom::none && reading.symptom <= Symptom::disagrees,
+            "watch: health and symptom exist");
+  }
+  for (int k = 0; k < r; ++k)
+    require(std::isfinite(watch.parity[k].value) && std::isfinite(watch.parity[k].rate),
+            "watch: the parity's trackers are finite");
+}
+
+/// One reading is spoilt, or two change places.
+void spoil(Bytes& bytes, int rows, Extended& q_e) {
+  const int c = bytes.below(rows);
+  switch (bytes.below(5)) {
+    case 0: q_e[c] = NAN; break;
+    case 1: q_e[c] = bytes.number(); break;
+    case 2: q_e[c] += 0.3 * bytes.share(); break;
+    case 3: std::swap(q_e[c], q_e[bytes.below(rows)]); break;
+    default: q_e[c] += 2 * M_PI; break;
+  }
+}
+
+template <Mobility K>
+void drive(Bytes& bytes, const Subject& subject) {
+  constexpr int n = kDof<K>;
+  const Robot& robot = subject.robot;
+  const int rows = n + robot.r;
+  ControlSettings settings;
+  settings.law = static_cast<Law>(bytes.below(5));
+  settings.gains = static_cast<Gains>(bytes.below(2));
+  static_cast<void>(place_poles(robot, robot.home, 100, 1, settings));
+  if (!all_finite(settings.kp, n)) settings.kp = settings.kd = {};
+  GuardSettings guarding;
+  if (bytes.one_in(2)) guarding.watch.fastest.fill(500);
+  if (bytes.one_in(2)) guarding.watch.moved.fill(2e-3);
+  if (bytes.one_in(4)) guarding.watch.refresh = bytes.below(4);
+  if (bytes.one_in(4)) guarding.watch.spikes = bytes.byte() - 5;
+  prepare(guarding.watch);
+  mechanisms::Prior prior(robot);
+  ControlState state;
+  Guard guard;
+  PathClock clock;
+  // Mostly long enough for the trackers to settle, and to be led out and stopped.
+  const int cycles = 40 + bytes.byte();
+  const double speed = 10 * bytes.share();
+  const Coordinates start = bytes.one_in(4) ? decode_pose(bytes, subject) : robot.home;
+  int lies = 0;  // cycles for which the last spoilt reading stays so
+  Extended kept{};
+  std::uint32_t wrong = 0;
+  for (int k = 0; k < cycles; ++k) {
+    Setpoint at;
+    at.x = start;
+    for (int i = 0; i < n; ++i) {
+      at.x[i] += 0.1 * subject.box[i] * std::sin(speed * clock.time);
+      at.rate[i] = 0.1 * subject.box[i] * speed * std::cos(speed * clock.time);
+    }
+    if (bytes.one_in(64)) at.x[bytes.below(n)] = bytes.number();
+    if (bytes.one_in(64)) at.acceleration[bytes.below(n)] = bytes.number();
+    Extended q_e{};
+    if (!extended<K>(robot, to_pose<K>(at.x), q_e)) q_e = kept;
+    for (int c = 0; c < rows; ++c)
+      if (lies > 0 && wrong & bit(c)) q_e[c] = kept[c];
+    lies = std::max(0, lies - 1);
+    if (bytes.one_in(16)) {
+      const Extended right = q_e;
+      spoil(bytes, rows, q_e);
+      wrong = 0;
+      for (int c = 0; c < rows; ++c) wrong |= right[c] == q_e[c] ? 0 : bit(c);
+      lies = bytes.byte();
+      kept = q_e;
+    }
+    if (bytes.one_in(32)) settings.law = static_cast<Law>(bytes.below(5));
+    if (bytes.one_in(32)) restore(guard, bytes.below(rows + 2) - 1);
+    const double before = clock.time;
+    clock.advance(settings.period, guard.stops ? guarding.stop : 0);
+    require(clock.time >= before && clock.rate >= 0 && clock.rate <= 1,
+            "a path's time does not run backwards, nor faster");
+    static_cast<void>(guarded<K>(robot, settings, guarding, clock.paced(at), q_e, state,
+                                 prior.weighing(), guard));
+    finite(state, n, rows);
+    finite(guard.watch, rows, robot.r);
+    for (int i = 0; i < n; ++i) {
+      const double limit = robot.chain[i].torque_limit;
+      require(!(limit > 0) || std::fabs(state.torque[i]) <= limit, "a torque that the motor can");
+    }
+    require(!(guard.unanswered > guarding.held) || (guard.stops && guard.brakes),
+            "without an answer the brakes hold");
+    require(!guard.watch.lost || (guard.stops && (guard.brakes & guard.watch.lost)),
+            "a motor that nobody reads is held by its brake");
+  }
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  Bytes bytes(data, size);
+  Subject subject = decode_robot(bytes);
+  if (bytes.one_in(2))
+    for (int i = 0; i < dof(subject.robot.mobility); ++i) subject.robot.chain[i].torque_limit = 50;
+  with_mobility(subject.robot.mobility, [&](auto mobility) { drive<mobility()>(bytes, subject); });
+  return 0;
+}
