@@ -33,7 +33,7 @@ report: $(VENV)/installed
 test: test-python test-cpp
 
 test-python: $(VENV)/developing
-	OPENBLAS_NUM_THREADS=1 python -m pytest -q -n auto --dist loadfile --pyargs truepose tests/python docs README.md
+	OPENBLAS_NUM_THREADS=1 python -m pytest -q -n auto --dist worksteal --pyargs truepose tests/python docs README.md
 
 test-cpp: build/asan/build.ninja
 	cmake --build --preset asan

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.commands import cli
+from truepose import files
+from truepose.commands import calibration_figures, cli
 from truepose.paper import article
 
 
@@ -57,7 +58,9 @@ def h4_text() -> str:
     return robotfile.shipped()["h4"].read_text(encoding="utf-8")
 
 
-@pytest.fixture(scope="session", params=tp.robots())
+# Not of the session: pytest would run all tests of one robot together, through all files again and
+# again, and make what a file's tests share as often.
+@pytest.fixture(params=tp.robots())
 def any_robot(request) -> tp.Robot:
     """Return each shipped robot: every mobility, every actuator."""
     return tp.load(request.param)
@@ -99,6 +102,13 @@ def run(monkeypatch, capsys, tmp_path):
         return (left.value.code or 0, *capsys.readouterr())
 
     return command
+
+
+@pytest.fixture
+def plain_page(monkeypatch):
+    """Write reports without their figures: most of the time of a calibration."""
+    page = f"<!-- {files.mark('report')} -->"
+    monkeypatch.setattr(calibration_figures, "page", lambda *_: page)
 
 
 def pytest_report_header(config):

@@ -49,6 +49,7 @@ def write(path, columns):
     path.write_text("\n".join([",".join(columns), *rows]) + "\n", encoding="utf-8")
 
 
+@pytest.mark.usefixtures("plain_page")
 def test_the_example_of_the_help_runs(run, log, tmp_path):
     status, out, _ = run("--help")
     (example,) = re.findall(r"Example: truepose calibrate (.*?\.toml)", re.sub(r"\s+", " ", out))
@@ -143,6 +144,7 @@ def test_wrong_words_are_one_line(run, log, words, said):
     assert said in err and len(err.splitlines()) == 1
 
 
+@pytest.mark.usefixtures("plain_page")
 def test_an_interrupted_calibration_leaves_the_old_files(run, log, tmp_path, monkeypatch):
     (tmp_path / "c.toml").write_text("old", encoding="utf-8")
 

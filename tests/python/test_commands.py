@@ -1,7 +1,6 @@
 """Do check, new and info say what a user needs, in the right place, with the right status?"""
 
 import json
-import os
 import re
 import subprocess
 import sys
@@ -9,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.main import get_command
 
 import truepose as tp
-from truepose.commands import info
+from truepose.commands import cli, info
 
 
 @pytest.mark.parametrize("name", tp.robots())
@@ -130,14 +130,14 @@ def test_help_has_an_example(run, command):
     assert status == 0 and f"Example: truepose {command}" in re.sub(r"\s+", " ", out)
 
 
+@pytest.mark.usefixtures("plain_page")
 @pytest.mark.parametrize("command", ["robots", "simulate", "rehearse"])
 def test_the_examples_of_the_help_run(run, command):
-    _, out, _ = run(command, "--help")
-    example = re.sub(r"\s+", " ", out).partition("Example: ")[2]
-    words = example.partition(" ╭")[0].split(", then ")
-    assert words[0].startswith(f"truepose {command}")
-    for line in words:
-        assert run(*line.split()[1:])[0] == 0
+    told = get_command(cli.app).commands[command].help.partition("Example: ")[2]
+    examples = re.findall(r"\*\*truepose (.+?)\*\*", told, re.DOTALL)
+    assert examples[0].startswith(command)
+    for line in examples:
+        assert run(*line.split())[0] == 0
 
 
 def test_the_shipped_robots_are_listed_for_people_and_for_programs(run):
@@ -218,21 +218,6 @@ def test_what_is_out_of_reach_lowers_the_fraction_and_greys_the_map(h4):
     assert np.isnan(condition[:, 0]).all() and np.isfinite(condition[:, -1]).all()
 
 
-def offered(shell: str, line: str) -> list[str]:
-    """Words that the installed completion gives a shell for what was typed so far."""
-    words = line.split(" ")
-    asked = {
-        "_TRUEPOSE_COMPLETE": f"complete_{shell}",
-        "COMP_WORDS": line,
-        "COMP_CWORD": str(len(words) - 1),
-        "_TYPER_COMPLETE_ARGS": line,
-    }
-    command = [sys.executable, "-m", "truepose"]
-    return subprocess.run(
-        command, env=os.environ | asked, capture_output=True, text=True, check=False
-    ).stdout.split()
-
-
 @pytest.mark.parametrize(
     ("line", "words"),
     [
@@ -248,18 +233,18 @@ def offered(shell: str, line: str) -> list[str]:
         ("truepose info my_ro", []),  # the shell then offers files
     ],
 )
-def test_a_shell_completes_commands_robots_and_choices(line, words):
-    assert offered("bash", line) == words
+def test_a_shell_completes_commands_robots_and_choices(run, monkeypatch, line, words):
+    monkeypatch.setenv("_TRUEPOSE_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", line)
+    monkeypatch.setenv("COMP_CWORD", str(len(line.split(" ")) - 1))
+    assert run()[1].split() == words
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_the_completion_of_each_shell_can_be_shown(shell):
-    asked = {"_TRUEPOSE_COMPLETE": f"source_{shell}"}
-    command = [sys.executable, "-m", "truepose"]
-    shown = subprocess.run(
-        command, env=os.environ | asked, capture_output=True, text=True, check=True
-    )
-    assert f"_TRUEPOSE_COMPLETE=complete_{shell}" in shown.stdout
+def test_the_completion_of_each_shell_can_be_shown(run, monkeypatch, shell):
+    monkeypatch.setenv("_TRUEPOSE_COMPLETE", f"source_{shell}")
+    status, shown, _ = run()
+    assert status == 0 and f"_TRUEPOSE_COMPLETE=complete_{shell}" in shown
 
 
 def test_python_m_truepose_is_the_command_line():

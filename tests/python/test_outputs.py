@@ -14,7 +14,7 @@ import pytest
 
 import truepose as tp
 from truepose import files, logs
-from truepose.commands import calibration_figures, cli
+from truepose.commands import cli
 from truepose.paper import report
 from truepose.simulation.plants import viewing
 
@@ -48,13 +48,6 @@ def log(h4, table2):
 def folder(tmp_path, log):
     (tmp_path / "log.csv").write_text(log, encoding="utf-8")
     return tmp_path
-
-
-@pytest.fixture
-def plain_page(monkeypatch):
-    """Write reports without their figures: most of the time of a calibration."""
-    page = f"<!-- {files.mark('report')} -->"
-    monkeypatch.setattr(calibration_figures, "page", lambda *_: page)
 
 
 @pytest.mark.usefixtures("plain_page")
@@ -95,7 +88,9 @@ def test_a_signal_while_writing_leaves_what_was_there(run, folder, monkeypatch, 
 
     monkeypatch.setattr(cli.os, "_exit", leave)
     monkeypatch.setattr(files.writing.os, "fsync", lambda _: signal.raise_signal(number))
+    heard = signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in the background
     status, out, _ = run(*words, "--force")
+    signal.signal(signal.SIGINT, heard)
     assert (status, out) == (128 + number, "")
     assert {p.name: p.read_bytes() for p in folder.iterdir()} == before
 
