@@ -42,12 +42,12 @@ void kinematics(const std::string& name, const Inputs<K>& in, std::vector<bench:
     bench::keep(J);
   });
   add("FKM from 1 mm, 1 mrad", [&](int i) {
-    Joint x = in.near[i];
+    Coordinates x = in.near[i];
     bench::keep(fkm(in.robot, in.q[i], x));
     bench::keep(x);
   });
   add("FKM from home", [&](int i) {
-    Joint x = in.robot.home;
+    Coordinates x = in.robot.home;
     bench::keep(fkm(in.robot, in.q[i], x));
     bench::keep(x);
   });
@@ -77,7 +77,7 @@ void full_level(const std::string& name, const Inputs<K>& in, std::vector<bench:
     bench::keep(H_x);
   });
   add("FKM from 1 mm, 1 mrad", [&](int i) {
-    Joint x = in.near[i];
+    Coordinates x = in.near[i];
     bench::keep(fkm_full(in.robot, in.q[i], x));
     bench::keep(x);
   });
@@ -164,7 +164,7 @@ int main(int argc, char** argv) {
       StaticsSettings settings;
       settings.control.law = law;
       for (int k = 0; k < 625; ++k) {
-        Joint x;
+        Coordinates x;
         bench::keep(settle<K>(h4.robot, truth, settings, h4.x[k], x));
         bench::keep(x);
       }

@@ -15,7 +15,8 @@ inline constexpr int kPoses = 1000;
 template <Mobility K>
 struct Inputs {
   Robot robot;
-  std::vector<Joint> x, q, near;  ///< poses, their motors, guesses 1 mm and 1 mrad away
+  std::vector<Coordinates> x, near;  ///< poses, guesses 1 mm and 1 mrad away
+  std::vector<Joint> q;              ///< their motors
   std::vector<Mat3> R;
   std::vector<Setpoint> setpoint;
   std::vector<Extended> q_e;  ///< readings of the robot a little off its setpoint
@@ -23,8 +24,8 @@ struct Inputs {
   explicit Inputs(const mechanisms::Mechanism& mechanism)
       : robot(mechanism.robot),
         x(kPoses),
-        q(kPoses),
         near(kPoses),
+        q(kPoses),
         R(kPoses),
         setpoint(kPoses),
         q_e(kPoses) {

@@ -12,22 +12,23 @@ constexpr Mobility kH4 = Mobility::schoenflies;
 
 #define COUNTED extern "C" __attribute__((noinline))
 
-COUNTED Status f_ikm(const Robot& robot, const Joint& x, Joint& q) {
+COUNTED Status f_ikm(const Robot& robot, const Coordinates& x, Joint& q) {
   return ikm(robot, x, q).status;
 }
-COUNTED Status f_jacobian(const Robot& robot, const Joint& x, JointMatrix& J) {
+COUNTED Status f_jacobian(const Robot& robot, const Coordinates& x, JointMatrix& J) {
   return jacobian(robot, x, J).status;
 }
-COUNTED Status f_fkm_near(const Robot& robot, const Joint& q, Joint& x) {
+COUNTED Status f_fkm_near(const Robot& robot, const Joint& q, Coordinates& x) {
   return fkm(robot, q, x).status;
 }
-COUNTED Status f_fkm_home(const Robot& robot, const Joint& q, Joint& x) {
+COUNTED Status f_fkm_home(const Robot& robot, const Joint& q, Coordinates& x) {
   return fkm(robot, q, x).status;
 }
 COUNTED Status f_fkm_closed(const Robot& robot, const Joint& q, const Mat3& R, Vec3& D) {
   return fkm_closed<kH4>(robot, q, R, Vec3(0, 0, -0.4), D).status;
 }
-COUNTED Status f_tej(const Robot& robot, const Joint& x, ExtendedColumns& M, ExtendedRows& M_plus) {
+COUNTED Status f_tej(const Robot& robot, const Coordinates& x, ExtendedColumns& M,
+                     ExtendedRows& M_plus) {
   return tej(robot, x, M, M_plus).status;
 }
 COUNTED Status f_control_joint(const Robot& robot, const ControlSettings& settings,
@@ -69,17 +70,17 @@ COUNTED Status f_control_estimated_full(const Robot& robot, const ControlSetting
                                         ControlState& state, const Weighing& weighing) {
   return control<kH4>(robot, settings, setpoint, q_e, state, weighing).status;
 }
-COUNTED Status f_forward_dynamics(const Robot& robot, const Pose& pose, const Joint& rate,
-                                  Joint& acceleration) {
+COUNTED Status f_forward_dynamics(const Robot& robot, const Pose& pose, const Coordinates& rate,
+                                  Coordinates& acceleration) {
   return forward_dynamics<kH4>(robot, pose, rate, Joint{}, acceleration).status;
 }
-COUNTED Status f_ups_ikm(const Robot& robot, const Joint& x, Joint& q) {
+COUNTED Status f_ups_ikm(const Robot& robot, const Coordinates& x, Joint& q) {
   return ikm(robot, x, q).status;
 }
-COUNTED Status f_ups_jacobian(const Robot& robot, const Joint& x, JointMatrix& J) {
+COUNTED Status f_ups_jacobian(const Robot& robot, const Coordinates& x, JointMatrix& J) {
   return jacobian(robot, x, J).status;
 }
-COUNTED Status f_ups_fkm_near(const Robot& robot, const Joint& q, Joint& x) {
+COUNTED Status f_ups_fkm_near(const Robot& robot, const Joint& q, Coordinates& x) {
   return fkm(robot, q, x).status;
 }
 
@@ -108,12 +109,13 @@ int main() {
     if (status > Status::ok) std::printf("no answer: %s\n", describe(status));
   };
   for (int i = 0; i < kPoses; ++i) {
-    Joint out{}, near = h4.near[i], home = h4.robot.home, ups_near = ups.near[i];
+    Joint q{};
+    Coordinates near = h4.near[i], home = h4.robot.home, ups_near = ups.near[i], acceleration{};
     JointMatrix J;
     ExtendedColumns M;
     ExtendedRows M_plus;
     Vec3 D = Vec3::Zero();
-    answered(f_ikm(h4.robot, h4.x[i], out));
+    answered(f_ikm(h4.robot, h4.x[i], q));
     answered(f_jacobian(h4.robot, h4.x[i], J));
     answered(f_fkm_near(h4.robot, h4.q[i], near));
     answered(f_fkm_home(h4.robot, h4.q[i], home));
@@ -134,8 +136,9 @@ int main() {
     answered(control<kH4>(rods, estimated, {h4.near[i]}, q_e, states[6], prior.weighing()).status);
     answered(f_control_estimated_full(rods, estimated, h4.setpoint[i], q_e, states[6],
                                       prior.weighing()));
-    answered(f_forward_dynamics(h4.robot, to_pose<kH4>(h4.x[i]), h4.setpoint[i].rate, out));
-    answered(f_ups_ikm(ups.robot, ups.x[i], out));
+    answered(
+        f_forward_dynamics(h4.robot, to_pose<kH4>(h4.x[i]), h4.setpoint[i].rate, acceleration));
+    answered(f_ups_ikm(ups.robot, ups.x[i], q));
     answered(f_ups_jacobian(ups.robot, ups.x[i], J));
     answered(f_ups_fkm_near(ups.robot, ups.q[i], ups_near));
     bench::keep(D);  // or the call would be left out

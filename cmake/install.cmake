@@ -1,6 +1,6 @@
 # What does a C++ project find after `cmake --install`, or in the wheel? The headers, what
 # find_package(truepose) reads, and truepose.pc. All of it under share: headers serve every
-# architecture.
+# architecture. So kernels.hpp stays behind, which only declares what a library has compiled.
 include(CMakePackageConfigHelpers)
 include(GNUInstallDirs)
 
@@ -14,7 +14,7 @@ set(pkgconfig ${CMAKE_INSTALL_DATADIR}/pkgconfig)
 set_target_properties(truepose_core PROPERTIES EXPORT_NAME core)
 install(TARGETS truepose_core EXPORT truepose INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
 install(DIRECTORY include/truepose DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}
-  FILES_MATCHING PATTERN *.hpp)
+  FILES_MATCHING PATTERN *.hpp PATTERN kernels.hpp EXCLUDE)
 install(EXPORT truepose NAMESPACE truepose:: FILE trueposeTargets.cmake DESTINATION ${config})
 
 configure_package_config_file(cmake/trueposeConfig.cmake.in trueposeConfig.cmake

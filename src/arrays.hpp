@@ -75,5 +75,6 @@ void bind_control(nb::module_& module);
 void bind_batch(nb::module_& module);
 void bind_calibration(nb::module_& module);
 void bind_plant(nb::module_& module);
+void bind_watch(nb::module_& module);
 
 }  // namespace truepose::python

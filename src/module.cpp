@@ -258,6 +258,7 @@ NB_MODULE(_core, m) {
   m.attr("max_bars") = kMaxBars;
   m.attr("joint_limit") = static_cast<int>(Status::joint_limit);
   m.attr("singular") = static_cast<int>(Status::singular);
+  m.attr("near_singular") = static_cast<int>(Status::near_singular);
   m.attr("not_converged") = static_cast<int>(Status::not_converged);
   m.attr("unreachable") = static_cast<int>(Status::unreachable);
   m.def("describe", [](int status) { return describe(static_cast<Status>(status)); });
@@ -267,4 +268,5 @@ NB_MODULE(_core, m) {
   python::bind_batch(m);
   python::bind_calibration(m);
   python::bind_plant(m);
+  python::bind_watch(m);
 }

@@ -18,21 +18,24 @@ auto batch_ikm(const Robot& robot, const Rows& x, bool full, bool own_mode) {
   const auto model = own_mode ? (full ? &command_full : &command)
                      : full   ? static_cast<decltype(&command)>(&ikm_full)
                               : static_cast<decltype(&command)>(&ikm);
-  return map_rows<Joint, Joint>(
-      x, x.shape(1), [&](const Joint& at, Joint& q, std::size_t) { return model(robot, at, q); });
+  return map_rows<Coordinates, Joint>(
+      x, x.shape(1),
+      [&](const Coordinates& at, Joint& q, std::size_t) { return model(robot, at, q); });
 }
 
 auto batch_rkm(const Robot& robot, const Rows& x, bool full) {
-  return map_rows<Joint, Reading>(x, robot.r, [&](const Joint& at, Reading& r, std::size_t) {
-    return full ? rkm_full(robot, at, r) : rkm(robot, at, r);
-  });
+  return map_rows<Coordinates, Reading>(x, robot.r,
+                                        [&](const Coordinates& at, Reading& r, std::size_t) {
+                                          return full ? rkm_full(robot, at, r) : rkm(robot, at, r);
+                                        });
 }
 
 auto batch_parasitic(const Robot& robot, const Rows& x) {
   const std::size_t n = x.shape(1), rest = robot.full.own() ? 6 - n + robot.full.bars : 0;
-  return map_rows<Joint, Joint>(x, rest, [&](const Joint& at, Joint& turns, std::size_t) {
-    return parasitic(robot, at, turns);
-  });
+  return map_rows<Coordinates, Coordinates>(
+      x, rest, [&](const Coordinates& at, Coordinates& turns, std::size_t) {
+        return parasitic(robot, at, turns);
+      });
 }
 
 auto batch_fkm(const Robot& robot, const Rows& q, const Rows& guess, bool full) {
@@ -41,7 +44,7 @@ auto batch_fkm(const Robot& robot, const Rows& q, const Rows& guess, bool full) 
   Owned<int> iterations({count});
   Outcomes outcomes(count);
   for_rows(count, [&](std::size_t i) {
-    Joint pose = row<Joint>(guess, i);
+    Coordinates pose = row<Coordinates>(guess, i);
     const Joint motors = row<Joint>(q, i);
     const FkmResult result = full ? fkm_full(robot, motors, pose) : fkm(robot, motors, pose);
     if (!result) pose.fill(NAN);
@@ -83,7 +86,7 @@ auto batch_jacobian(const Robot& robot, const Rows& x, bool full) {
   Outcomes outcomes(count);
   for_rows(count, [&](std::size_t i) {
     JointMatrix J;
-    const Joint at = row<Joint>(x, i);
+    const Coordinates at = row<Coordinates>(x, i);
     const Outcome outcome = full ? jacobian_full(robot, at, J) : jacobian(robot, at, J);
     outcomes.set(i, outcome);
     write(J, n, n, outcome, values[i]);
@@ -101,9 +104,9 @@ auto batch_linearise(const Robot& robot, const Rows& x, bool full) {
   const bool exists = !full || robot.full.own() || robot.full.kind == FullKind::same;
   for_rows(count, [&](std::size_t i) {
     Extended q_e;
-    ExtendedColumns H_x;
+    PoseRows H_x;
     Parasitic rest;
-    const Pose pose = to_pose(robot.mobility, row<Joint>(x, i));
+    const Pose pose = to_pose(robot.mobility, row<Coordinates>(x, i));
     const Outcome outcome = exists ? model.linearise(robot, pose, q_e, H_x, h_xi[i], rest)
                                    : Outcome{Status::no_full_level, -1};
     outcomes.set(i, outcome);
@@ -115,7 +118,7 @@ auto batch_linearise(const Robot& robot, const Rows& x, bool full) {
 }
 
 /// Points P, B, A and the pivot of every chain at one pose, (n, 4, 3): what a drawing needs.
-auto skeleton(const Robot& robot, const Joint& x) {
+auto skeleton(const Robot& robot, const Coordinates& x) {
   const std::size_t n = dof(robot.mobility);
   Owned<double> points({n, 4, 3});
   const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {
@@ -134,7 +137,7 @@ auto skeleton(const Robot& robot, const Joint& x) {
 }
 
 /// J_x at a pose, (n, n): what its rods hold of the nacelle.
-auto rod_rows(const Robot& robot, const Joint& x) {
+auto rod_rows(const Robot& robot, const Coordinates& x) {
   const std::size_t n = dof(robot.mobility);
   Owned<double> rows({n, n});
   const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {
@@ -168,7 +171,7 @@ auto full_rod_rows(const Robot& robot) {
   return result.release();
 }
 
-double rod_shortfall(const Robot& robot, const Joint& x, int chain) {
+double rod_shortfall(const Robot& robot, const Coordinates& x, int chain) {
   return with_mobility(robot.mobility, [&](auto mobility) {
     const Pose pose = to_pose<mobility()>(x);
     const Chain& of = robot.chain.at(chain);

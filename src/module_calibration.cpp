@@ -26,11 +26,11 @@ auto batch_estimate(const Robot& robot, const Known& known, const Rows& q_e, con
       count,
       [&](std::size_t i) {
         std::vector<double>& work = scratch(estimate_work(robot, knowledge.count));
-        Pose pose = to_pose(robot.mobility, row<Joint>(guess, i));
+        Pose pose = to_pose(robot.mobility, row<Coordinates>(guess, i));
         const Found found =
             model.estimate(robot, knowledge, row<Extended>(q_e, i), pose, work.data());
         outcomes.set(i, found.outcome);
-        Joint at = to_coordinates(robot.mobility, pose);
+        Coordinates at = to_coordinates(robot.mobility, pose);
         if (!found.outcome) at.fill(NAN);
         std::copy_n(at.begin(), n, x[i]);
         write(found.covariance, n, n, found.outcome, covariance[i]);
@@ -54,8 +54,8 @@ auto batch_gain(const Robot& robot, const Known& known, const Rows& x, bool full
         std::vector<double>& work = scratch(estimate_work(robot, knowledge.count));
         Fused fusion;
         const Outcome outcome =
-            fused(robot, model, knowledge, to_pose(robot.mobility, row<Joint>(x, i)), work.data(),
-                  work.data() + e * parameter_count(robot), fusion);
+            fused(robot, model, knowledge, to_pose(robot.mobility, row<Coordinates>(x, i)),
+                  work.data(), work.data() + e * parameter_count(robot), fusion);
         outcomes.set(i, outcome);
         write(fusion.gain, n, e, outcome, gain[i]);
         write(fusion.tej, n, e, outcome, tej[i]);
@@ -98,12 +98,13 @@ auto batch_seen(const Robot& robot, const RowMatrix& base, const RowMatrix& mark
       coordinates({count, n}), blunt({count});
   const Registration by = registration_from(base, marker);
   for (std::size_t i = 0; i < count; ++i) {
-    const Seen at = seen(robot.mobility, by, to_pose(robot.mobility, row<Joint>(x, i)));
-    const Joint residual = innovation(robot.mobility, at, row<Joint>(measured, i).data());
+    const Seen at = seen(robot.mobility, by, to_pose(robot.mobility, row<Coordinates>(x, i)));
+    const Coordinates residual =
+        innovation(robot.mobility, at, row<Coordinates>(measured, i).data());
     std::copy_n(residual.begin(), n, apart[i]);
     *blunt[i] = at.blunt;
     const double theta = std::atan2(at.Q(1, 0), at.Q(0, 0));
-    const Joint there = to_coordinates(robot.mobility, {at.p, at.Q, theta});
+    const Coordinates there = to_coordinates(robot.mobility, {at.p, at.Q, theta});
     std::copy_n(there.begin(), n, coordinates[i]);
     write(at.H_x, n, n, {}, H_x[i]);
     write(at.H, n, kRegistration, {}, H[i]);
@@ -143,7 +144,7 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
   for (std::size_t i = 0; i < count; ++i) {
     *status[i] = static_cast<int>(result.status[i]);
     const bool good = !result.xi.empty() && result.status[i] == Status::ok;
-    Joint at;
+    Coordinates at;
     at.fill(NAN);
     if (good) at = to_coordinates(drawn.mobility, result.pose[i]);
     std::copy_n(at.begin(), n, x[i]);
@@ -169,7 +170,7 @@ auto run_after_visiting(const Robot& robot, const Known& prior, const Rows& x, c
     nb::gil_scoped_release release;
     std::vector<Visit> visits;
     const auto visit = [&](const Rows& rows, std::size_t i, Outside outside) {
-      visits.push_back({to_pose(robot.mobility, row<Joint>(rows, i)), outside});
+      visits.push_back({to_pose(robot.mobility, row<Coordinates>(rows, i)), outside});
     };
     for (std::size_t i = 0; i < x.shape(0); ++i) visit(x, i, {});
     for (std::size_t i = 0; i < known.shape(0); ++i)
@@ -190,7 +191,7 @@ auto batch_accuracy(const Robot& robot, const Known& known, const Rows& x, const
   const Kernels model = kernels(robot.mobility, full);
   const Knowledge knowledge = known.view();
   const auto error_at = [&](const Rows& poses, std::size_t i, PoseError& error) {
-    return pose_error(robot, model, knowledge, to_pose(robot.mobility, row<Joint>(poses, i)),
+    return pose_error(robot, model, knowledge, to_pose(robot.mobility, row<Coordinates>(poses, i)),
                       scratch(0), error);
   };
   PoseError there;
@@ -239,7 +240,7 @@ auto batch_observe(Online& online, const Rows& q_e, const Row& linearised) {
                                           learner.state, learner.robot, learner.pose, learner.work);
     ++(outcome.status == Status::ok ? learner.lines : learner.left_out);
     outcomes.set(i, outcome);
-    Joint at = to_coordinates(drawn.mobility, learner.pose);
+    Coordinates at = to_coordinates(drawn.mobility, learner.pose);
     if (!outcome) at.fill(NAN);
     std::copy_n(at.begin(), n, x[i]);
   });

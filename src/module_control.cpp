@@ -4,12 +4,14 @@
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
 
 #include <optional>
 #include <vector>
 
 #include "arrays.hpp"
 #include "for_rows.hpp"
+#include "guarding.hpp"
 #include "known.hpp"
 #include "online.hpp"
 #include "truepose/kernels.hpp"
@@ -20,9 +22,9 @@ namespace truepose::python {
 namespace {
 
 auto batch_redundant_fkm(const Robot& robot, const Rows& q_e) {
-  return map_rows<Extended, Joint>(
+  return map_rows<Extended, Coordinates>(
       q_e, dof(robot.mobility),
-      [&](const Extended& at, Joint& x, std::size_t) { return redundant_fkm(robot, at, x); });
+      [&](const Extended& at, Coordinates& x, std::size_t) { return redundant_fkm(robot, at, x); });
 }
 
 auto batch_tej(const Robot& robot, const Rows& x, double band) {
@@ -32,7 +34,7 @@ auto batch_tej(const Robot& robot, const Rows& x, double band) {
   for_rows(count, [&](std::size_t i) {
     ExtendedColumns M;
     ExtendedRows M_plus;
-    const Outcome outcome = tej(robot, row<Joint>(x, i), M, M_plus, band);
+    const Outcome outcome = tej(robot, row<Coordinates>(x, i), M, M_plus, band);
     outcomes.set(i, outcome);
     write(M, e, n, outcome, m[i]);
     write(M_plus, n, e, outcome, plus[i]);
@@ -43,8 +45,8 @@ auto batch_tej(const Robot& robot, const Rows& x, double band) {
 
 /// Type 2 of every pose, then type 1 of each of its chains, (N, 1 + n).
 auto batch_conditioning(const Robot& robot, const Rows& x) {
-  return map_rows<Joint, std::array<double, 1 + kMaxDof>>(
-      x, 1 + x.shape(1), [&](const Joint& at, auto& values, std::size_t) {
+  return map_rows<Coordinates, std::array<double, 1 + kMaxDof>>(
+      x, 1 + x.shape(1), [&](const Coordinates& at, auto& values, std::size_t) {
         Joint serial{};
         const Outcome outcome = conditioning(robot, at, values[0], serial);
         std::copy(serial.begin(), serial.end(), values.begin() + 1);
@@ -52,11 +54,11 @@ auto batch_conditioning(const Robot& robot, const Rows& x) {
       });
 }
 
-/// Poses at rest, (N, n), the readings off by `off`, (N, n + r), if by anything; where there is
-/// none, whether it was the true robot that could not stand there.
+/// Poses at rest, (N, n), the readings off by `off`, (N, n + r), if by anything, and faulty; where
+/// there is none, whether it was the true robot that could not stand there.
 auto batch_settle(const Robot& nominal, const Robot& truth, const ControlSettings& control,
-                  const Known* known, bool gravity, const Rows& x_d,
-                  const std::optional<Rows>& off) {
+                  const Known* known, bool gravity, const Rows& x_d, const std::optional<Rows>& off,
+                  const std::vector<Fault>& faults) {
   const StaticsSettings settings{control, gravity};
   const std::size_t count = x_d.shape(0), n = x_d.shape(1);
   Owned<double> rest({count, n});
@@ -64,12 +66,14 @@ auto batch_settle(const Robot& nominal, const Robot& truth, const ControlSetting
   Outcomes outcomes(count);
   with_mobility(nominal.mobility, [&](auto mobility) {
     for_rows(count, [&](std::size_t i) {
-      Joint x;
+      Coordinates x;
       x.fill(NAN);
       *by_truth[i] = false;
-      outcomes.set(i, settle<mobility()>(nominal, truth, settings, row<Joint>(x_d, i), x,
+      FaultyReadings lying(faults, control.period);
+      outcomes.set(i, settle<mobility()>(nominal, truth, settings, row<Coordinates>(x_d, i), x,
                                          Weights(nominal, known).view(),
-                                         off ? row<Extended>(*off, i) : Extended{}, by_truth[i]));
+                                         off ? row<Extended>(*off, i) : Extended{}, by_truth[i],
+                                         faults.empty() ? nullptr : &lying));
       std::copy_n(x.begin(), n, rest[i]);
     });
   });
@@ -85,9 +89,9 @@ auto batch_leakage(const Robot& robot, Law law, const Known* known, const Rows& 
   with_mobility(robot.mobility, [&](auto mobility) {
     for_rows(x.shape(0), [&](std::size_t i) {
       const Weights weights(robot, known);
-      ExtendedRows rows{};
+      PoseColumns rows{};
       const Outcome outcome =
-          leakage<mobility()>(robot, law, row<Joint>(x, i), rows, weights.view());
+          leakage<mobility()>(robot, law, row<Coordinates>(x, i), rows, weights.view());
       outcomes.set(i, outcome);
       for (std::size_t k = 0; k < n * e; ++k) leak[i][k] = outcome ? rows[k / e][k % e] : NAN;
     });
@@ -108,19 +112,32 @@ auto batch_spoil(const Robot& robot, const Rows& exact, std::uint64_t seed) {
   return values.release();
 }
 
-/// What a simulation weighs its readings by: Python's knowledge, or what a learner has learnt.
+/// What a simulation weighs its readings by, Python's knowledge or what a learner has learnt, and
+/// which of them lie.
 class LoopExtras {
  public:
-  LoopExtras(const Robot& nominal, const Known* known, const Effects& effects, Online* online)
-      : weights_(nominal, known), online_(online) {
+  LoopExtras(const Robot& nominal, const Known* known, const Effects& effects, Online* online,
+             const std::vector<Fault>& faults, const Guarding* guarding, double period)
+      : weights_(nominal, known),
+        online_(online),
+        lying_(faults, period),
+        watching_(guarding ? guarding->robot : nominal, guarding ? &guarding->known : nullptr) {
     extras.weighing = weights_.view();
     extras.effects = effects;
+    if (!faults.empty()) extras.faults = &lying_;
+    extras.watching = watching_.view();
+    if (guarding) {
+      guarding_ = guarding->settings;
+      guarding_.finest = &guarding->robot;
+      extras.guarding = &guarding_;
+    }
     if (online == nullptr) return;
     learner_ = online->learner(nominal);
     knowledge_ = learner_.knowledge();
     work_.resize(estimate_work(nominal, knowledge_.count));
-    extras.weighing = {&knowledge_, work_.data()};
+    extras.weighing = extras.watching = {&knowledge_, work_.data()};
     extras.learner = &learner_;
+    guarding_.finest = &learner_.robot;
   }
   ~LoopExtras() {
     if (online_) online_->take(learner_);
@@ -133,6 +150,9 @@ class LoopExtras {
  private:
   Weights weights_;
   Online* online_;
+  FaultyReadings lying_;
+  Weights watching_;
+  GuardSettings guarding_;
   Learner learner_;
   Knowledge knowledge_;
   std::vector<double> work_;
@@ -161,15 +181,16 @@ OwnLaw own_law(const Robot& robot, const OwnTorque& torque_of) {
 /// One run from rest: `run` is called with the loop and what takes its samples.
 template <class Run>
 auto logged(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
-            const Known* known, const Effects& effects, Online* online, const OwnTorque& torque_of,
-            const Joint& start, std::uint64_t seed, std::size_t periods, Run&& run) {
+            const Known* known, const Effects& effects, Online* online,
+            const std::vector<Fault>& faults, const Guarding* guarding, const OwnTorque& torque_of,
+            const Coordinates& start, std::uint64_t seed, std::size_t periods, Run&& run) {
   const std::size_t n = dof(nominal.mobility), e = n + nominal.r;
   std::vector<Sample> log;
   Outcome outcome;
   {
     nb::gil_scoped_release release;
     Signals signals;
-    LoopExtras with(nominal, known, effects, online);
+    LoopExtras with(nominal, known, effects, online, faults, guarding, settings.period);
     with.extras.law = own_law(nominal, torque_of);
     log.reserve(periods + 1);
     outcome = with_mobility(nominal.mobility, [&](auto mobility) {
@@ -184,7 +205,8 @@ auto logged(const Robot& nominal, const Robot& truth, const ControlSettings& set
   const std::size_t count = log.size();
   Owned<double> time({count}), x_d({count, n}), x({count, n}), q_e({count, e}), error({count, n}),
       torque({count, n});
-  Owned<bool> near_singular({count}), gave_up({count});
+  Owned<int> status({count}), health({count, e}), symptom({count, e}), brakes({count});
+  Owned<bool> gave_up({count}), stops({count});
   for (std::size_t i = 0; i < count; ++i) {
     *time[i] = log[i].time;
     std::memcpy(x_d[i], log[i].x_d.data(), n * sizeof(double));
@@ -192,38 +214,56 @@ auto logged(const Robot& nominal, const Robot& truth, const ControlSettings& set
     std::memcpy(q_e[i], log[i].q_e.data(), e * sizeof(double));
     std::memcpy(error[i], log[i].error.data(), n * sizeof(double));
     std::memcpy(torque[i], log[i].torque.data(), n * sizeof(double));
-    *near_singular[i] = log[i].status == Status::near_singular;
+    *status[i] = static_cast<int>(log[i].status);
     *gave_up[i] = log[i].gave_up;
+    for (std::size_t c = 0; c < e; ++c) {
+      health[i][c] = static_cast<int>(log[i].health[c]);
+      symptom[i][c] = static_cast<int>(log[i].symptom[c]);
+    }
+    *stops[i] = log[i].stops;
+    *brakes[i] = static_cast<int>(log[i].brakes);
   }
   return nb::make_tuple(static_cast<int>(outcome.status), outcome.chain, time.release(),
                         x_d.release(), x.release(), q_e.release(), error.release(),
-                        torque.release(), near_singular.release(), gave_up.release());
+                        torque.release(), status.release(), gave_up.release(), health.release(),
+                        symptom.release(), stops.release(), brakes.release());
 }
 
 auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
-                    const Known* known, const Effects& effects, Online* online, const Joint& from,
-                    const Joint& to, double duration, double hold, int steps, const Joint& start,
-                    std::uint64_t seed, const OwnTorque& torque_of) {
-  return logged(nominal, truth, settings, known, effects, online, torque_of, start, seed,
-                static_cast<std::size_t>((duration + hold) / settings.period) + 1,
+                    const Known* known, const Effects& effects, Online* online,
+                    const std::vector<Fault>& faults, const Guarding* guarding,
+                    const Coordinates& from, const Coordinates& to, double duration, double hold,
+                    int steps, const Coordinates& start, std::uint64_t seed,
+                    const OwnTorque& torque_of) {
+  return logged(nominal, truth, settings, known, effects, online, faults, guarding, torque_of,
+                start, seed, static_cast<std::size_t>((duration + hold) / settings.period) + 1,
                 [&](auto& loop, auto&& write) {
                   return loop.move({from, to, duration, hold, steps}, write);
                 });
 }
 
-/// Along any path: a row of each array, (N, n), at the start of every period.
+/// Along any path: a row of each array, (N, n), at the start of every period. Between two, where a
+/// robot slows down, what lies between.
 auto run_path(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
-              const Known* known, const Effects& effects, Online* online, const Rows& x,
-              const Rows& rate, const Rows& acceleration, int steps, const Joint& start,
+              const Known* known, const Effects& effects, Online* online,
+              const std::vector<Fault>& faults, const Guarding* guarding, const Rows& x,
+              const Rows& rate, const Rows& acceleration, int steps, const Coordinates& start,
               std::uint64_t seed, const OwnTorque& torque_of) {
   const std::size_t periods = x.shape(0) - 1;
-  return logged(nominal, truth, settings, known, effects, online, torque_of, start, seed, periods,
-                [&](auto& loop, auto&& write) {
+  const auto at = [&](std::size_t k) {
+    return Setpoint{row<Coordinates>(x, k), row<Coordinates>(rate, k),
+                    row<Coordinates>(acceleration, k)};
+  };
+  return logged(nominal, truth, settings, known, effects, online, faults, guarding, torque_of,
+                start, seed, periods, [&](auto& loop, auto&& write) {
                   return loop.follow(
                       static_cast<int>(periods), steps,
-                      [&](int k) {
-                        return Setpoint{row<Joint>(x, k), row<Joint>(rate, k),
-                                        row<Joint>(acceleration, k)};
+                      [&](double k) {
+                        const auto before = std::min(static_cast<std::size_t>(k), periods);
+                        const Setpoint setpoint = at(before);
+                        if (k == static_cast<double>(before) || before == periods) return setpoint;
+                        return between(nominal.mobility, setpoint, at(before + 1),
+                                       k - static_cast<double>(before));
                       },
                       write);
                 });
@@ -237,35 +277,43 @@ bool at_limit(const Chain& chain, double torque) {
 
 /// From pose to pose in their order, the last one's friction and play carried on: true pose, (N,
 /// n), readings, (N, n + r), at the end of each hold, the largest peak-to-peak motion of a
-/// coordinate over kWatched before, and the first motor that a torque limit held back, from 0, or
-/// -1. After a failure the robot is put at the next.
+/// coordinate over kWatched before, the first motor that a torque limit held back, from 0, or -1;
+/// status, and the cycles in which the controller had no answer, with the first reason. After a
+/// failure the robot is put at the next.
 auto run_visit(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
-               const Known* known, const Effects& effects, Online* online, const Rows& x_d,
-               double duration, double hold, int steps, const Joint& start, std::uint64_t seed) {
+               const Known* known, const Effects& effects, Online* online,
+               const std::vector<Fault>& faults, const Guarding* guarding, const Rows& x_d,
+               double duration, double hold, int steps, const Coordinates& start,
+               std::uint64_t seed) {
   const std::size_t count = x_d.shape(0), n = x_d.shape(1), e = n + nominal.r;
   Owned<double> x({count, n}), q_e({count, e}), swing({count});
-  Owned<int> saturated({count});
+  Owned<int> saturated({count}), unanswered({count}), reason({count});
   Outcomes outcomes(count);
   {
     nb::gil_scoped_release release;
     Signals signals;
-    const LoopExtras extras(nominal, known, effects, online);
+    LoopExtras loop_extras(nominal, known, effects, online, faults, guarding, settings.period);
+    Extras& extras = loop_extras.extras;
     with_mobility(nominal.mobility, [&](auto mobility) {
       constexpr Mobility K = mobility();
-      Joint from = nominal.home, standing = start;
+      Coordinates from = nominal.home, standing = start;
       std::optional<Loop<K>> loop;
       for (std::size_t i = 0; i < count; ++i) {
-        const Joint to = row<Joint>(x_d, i);
-        if (!loop) loop.emplace(nominal, truth, settings, standing, seed + i, extras.extras);
+        const Coordinates to = row<Coordinates>(x_d, i);
+        extras.began = i * settings.period * std::lround((duration + hold) / settings.period);
+        if (!loop) loop.emplace(nominal, truth, settings, standing, seed + i, extras);
         Sample last{};
-        Joint low{}, high{};
+        Coordinates low{}, high{};
         const double end = duration + hold - std::min(kWatched, hold);
         int& held = *saturated[i];
         held = -1;
+        *unanswered[i] = *reason[i] = 0;
         const Outcome outcome =
             loop->move({from, to, duration, hold, steps, 0}, [&](const Sample& sample) {
               signals();
               last = sample;
+              if (sample.status > Status::ok && (*unanswered[i])++ == 0)
+                *reason[i] = static_cast<int>(sample.status);
               const bool first = sample.time <= end;
               for (std::size_t k = 0; k < n; ++k) {
                 low[k] = first ? sample.x[k] : std::min(low[k], sample.x[k]);
@@ -289,7 +337,47 @@ auto run_visit(const Robot& nominal, const Robot& truth, const ControlSettings& 
     });
   }
   return nb::make_tuple(x.release(), q_e.release(), swing.release(), saturated.release(),
-                        outcomes.status.release());
+                        outcomes.status.release(), unanswered.release(), reason.release());
+}
+
+/// What is read of healthy readings, (N, n + r), one after another at these times.
+auto faulty(FaultyReadings& faults, const std::vector<double>& time, const Rows& healthy) {
+  const std::size_t count = std::min(time.size(), healthy.shape(0)), width = healthy.shape(1);
+  Owned<double> read({count, width});
+  for (std::size_t i = 0; i < count; ++i) {
+    Extended q_e = row<Extended>(healthy, i);
+    faults.read(time[i], q_e);
+    std::copy_n(q_e.begin(), width, read[i]);
+  }
+  return read.release();
+}
+
+void bind_faults(nb::module_& m) {
+  nb::enum_<FaultKind> kind(m, "FaultKind");
+  nb::class_<FaultProperties>(m, "FaultProperties")
+      .def_ro("kind", &FaultProperties::kind)
+      .def_ro("size", &FaultProperties::size)
+      .def_ro("lasts", &FaultProperties::lasts)
+      .def_ro("at_rest", &FaultProperties::at_rest)
+      .def_ro("pair", &FaultProperties::pair);
+  nb::dict kinds;
+  for (const FaultProperties& row : kFaultTable) {
+    kind.value(row.name, row.kind);
+    kinds[row.name] = nb::cast(row);
+  }
+  m.attr("fault_kinds") = kinds;
+  m.attr("most_late") = kMostLate;
+  nb::class_<Fault>(m, "Fault")
+      .def(nb::init<>())
+      .def_rw("kind", &Fault::kind)
+      .def_rw("reading", &Fault::reading)
+      .def_rw("other", &Fault::other)
+      .def_rw("size", &Fault::size)
+      .def_rw("begin", &Fault::begin)
+      .def_rw("end", &Fault::end);
+  nb::class_<FaultyReadings>(m, "FaultyReadings")
+      .def(nb::init<const std::vector<Fault>&, double>())
+      .def("read", &faulty);
 }
 
 }  // namespace
@@ -312,7 +400,7 @@ void bind_control(nb::module_& m) {
       .def_rw("kp", &ControlSettings::kp)
       .def_rw("kd", &ControlSettings::kd)
       .def_rw("ki", &ControlSettings::ki)
-      .def("place_poles", [](ControlSettings& settings, const Robot& robot, const Joint& x,
+      .def("place_poles", [](ControlSettings& settings, const Robot& robot, const Coordinates& x,
                              double frequency, double damping) {
         const Outcome outcome = place_poles(robot, x, frequency, damping, settings);
         return std::pair(static_cast<int>(outcome.status), outcome.chain);
@@ -325,8 +413,8 @@ void bind_control(nb::module_& m) {
       .def(
           "step",
           [](ControlState& state, const Robot& robot, const ControlSettings& settings,
-             const Joint& x, const Joint& rate, const Joint& acceleration, const Extended& q_e,
-             const Known* known) {
+             const Coordinates& x, const Coordinates& rate, const Coordinates& acceleration,
+             const Extended& q_e, const Known* known) {
             const Weights weights(robot, known);
             const Outcome outcome =
                 control(robot, settings, {x, rate, acceleration}, q_e, state, weights.view());
@@ -334,11 +422,12 @@ void bind_control(nb::module_& m) {
           },
           "robot"_a, "settings"_a, "x"_a, "rate"_a, "acceleration"_a, "q_e"_a,
           "known"_a.none() = nb::none());
+  bind_faults(m);
   m.def("redundant_fkm", &batch_redundant_fkm);
   m.def("tej", &batch_tej);
   m.def("conditioning", &batch_conditioning);
   m.def("settle", &batch_settle, "nominal"_a, "truth"_a, "settings"_a, "known"_a.none(),
-        "gravity"_a, "x_d"_a, "off"_a.none() = nb::none());
+        "gravity"_a, "x_d"_a, "off"_a.none() = nb::none(), "faults"_a = std::vector<Fault>{});
   m.def("leakage", &batch_leakage, "robot"_a, "law"_a, "known"_a.none(), "x"_a);
   nb::class_<Effects>(m, "Effects")
       .def(nb::init<>())
@@ -351,13 +440,15 @@ void bind_control(nb::module_& m) {
       .def_rw("phase", &Effects::phase)
       .def_rw("delayed", &Effects::delayed);
   m.def("simulate", &run_simulation, "nominal"_a, "truth"_a, "settings"_a, "known"_a.none(),
-        "effects"_a, "online"_a.none(), "start"_a, "end"_a, "duration"_a, "hold"_a, "steps"_a,
-        "at_rest"_a, "seed"_a, "torque_of"_a.none() = nb::none());
-  m.def("follow", &run_path, "nominal"_a, "truth"_a, "settings"_a, "known"_a.none(), "effects"_a,
-        "online"_a.none(), "x"_a, "rate"_a, "acceleration"_a, "steps"_a, "at_rest"_a, "seed"_a,
+        "effects"_a, "online"_a.none(), "faults"_a, "guarding"_a.none(), "start"_a, "end"_a,
+        "duration"_a, "hold"_a, "steps"_a, "at_rest"_a, "seed"_a,
         "torque_of"_a.none() = nb::none());
+  m.def("follow", &run_path, "nominal"_a, "truth"_a, "settings"_a, "known"_a.none(), "effects"_a,
+        "online"_a.none(), "faults"_a, "guarding"_a.none(), "x"_a, "rate"_a, "acceleration"_a,
+        "steps"_a, "at_rest"_a, "seed"_a, "torque_of"_a.none() = nb::none());
   m.def("visit", &run_visit, "nominal"_a, "truth"_a, "settings"_a, "known"_a.none(), "effects"_a,
-        "online"_a.none(), "x_d"_a, "duration"_a, "hold"_a, "steps"_a, "at_rest"_a, "seed"_a);
+        "online"_a.none(), "faults"_a, "guarding"_a.none(), "x_d"_a, "duration"_a, "hold"_a,
+        "steps"_a, "at_rest"_a, "seed"_a);
   m.def("spoil", &batch_spoil);
 }
 

@@ -48,8 +48,9 @@ struct Memory {
 };
 
 /// How far from where it is sent the machine comes to rest, mm.
-double apart(const Robot& believed, const Robot& machine, const Joint& sent) {
-  Joint q, x = sent;
+double apart(const Robot& believed, const Robot& machine, const Coordinates& sent) {
+  Joint q;
+  Coordinates x = sent;
   if (!ikm(believed, sent, q) || !fkm(machine, q, x)) return -1;
   return 1e3 * (Vec3(x.data()) - Vec3(sent.data())).norm();
 }
@@ -75,14 +76,15 @@ int main() {
   Memory memory(drawn);
   if (!memory.started) return 1;
   Learner& learner = memory.learner;
-  const Joint target{0.08, -0.06, -0.38, 0.3};
+  const Coordinates target{0.08, -0.06, -0.38, 0.3};
   std::printf("drawn:   %.3f mm from the target\n", apart(drawn, machine, target));
   Random random(1);
   for (int cycle = 0; cycle < 4000; ++cycle) {  // 4 s at 1 kHz
     const double t = 1e-3 * cycle;
-    const Joint sent{0.09 * std::sin(3 * t), 0.09 * std::cos(5 * t), -0.4 + 0.04 * std::sin(7 * t),
-                     0.4 * std::sin(4 * t)};
-    Joint q, x = sent;
+    const Coordinates sent{0.09 * std::sin(3 * t), 0.09 * std::cos(5 * t),
+                           -0.4 + 0.04 * std::sin(7 * t), 0.4 * std::sin(4 * t)};
+    Joint q;
+    Coordinates x = sent;
     if (!ikm(learner.robot, sent, q) || !fkm(machine, q, x)) return 1;
     Extended q_e{};
     if (!measure<kH4>(machine, to_pose<kH4>(x), random, q_e)) return 1;

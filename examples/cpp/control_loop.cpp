@@ -20,8 +20,9 @@ int main() {
   settings.law = Law::redundant;
   if (!place_poles(robot, robot.home, 120, 0.9, settings)) return 1;
 
-  const Joint from{-0.05, 0, -0.42, 0.2}, to{0.05, 0.05, -0.40, -0.2};
-  Joint q, x = from;
+  const Coordinates from{-0.05, 0, -0.42, 0.2}, to{0.05, 0.05, -0.40, -0.2};
+  Joint q;
+  Coordinates x = from;
   if (!ikm(robot, from, q) || !fkm(machine, q, x)) return 1;
   PlantState plant{to_pose<kH4>(x), {}};
   Random random(1);

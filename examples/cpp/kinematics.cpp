@@ -23,14 +23,14 @@ int main() {
   truepose::Robot robot;
   if (const auto made = make_h4(robot); !made) return failed("the robot", made);
 
-  const truepose::Joint x{0.05, -0.02, -0.42, 0.3};  // m, rad
-  truepose::Joint q;                                 // motor positions that hold the pose
+  const truepose::Coordinates x{0.05, -0.02, -0.42, 0.3};  // m, rad
+  truepose::Joint q;                                       // motor positions that hold the pose
   if (const auto outcome = ikm(robot, x, q); !outcome) return failed("IKM", outcome);
   truepose::Reading r;  // what the redundant sensors read there: here θ itself
   if (const auto outcome = rkm(robot, x, r); !outcome) return failed("RKM", outcome);
   truepose::JointMatrix J;  // dx = J dq
   if (const auto outcome = jacobian(robot, x, J); !outcome) return failed("J", outcome);
-  truepose::Joint back = robot.home;  // in: a guess; out: the pose
+  truepose::Coordinates back = robot.home;  // in: a guess; out: the pose
   if (const auto found = fkm(robot, q, back); !found)
     return failed("FKM", {found.status, found.chain});
 

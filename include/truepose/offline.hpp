@@ -1,12 +1,15 @@
 /// @file
-/// What takes its time, and memory: the exact plant and its effects, statics, calibration of logs,
-/// the accuracy to be had, assembly modes. Not for the control path (truepose/truepose.hpp).
+/// What takes its time, and memory: the exact plant, its effects and faults, statics, calibration
+/// of logs, the accuracy to be had, assembly modes. Not for the control path
+/// (truepose/truepose.hpp).
 #pragma once
 
 #include "truepose/offline/assembly.hpp"
 #include "truepose/offline/bound.hpp"
 #include "truepose/offline/calibrate.hpp"
 #include "truepose/offline/effects.hpp"
+#include "truepose/offline/fastest.hpp"
+#include "truepose/offline/faults.hpp"
 #include "truepose/offline/registration.hpp"
 #include "truepose/offline/simulate.hpp"
 #include "truepose/offline/statics.hpp"

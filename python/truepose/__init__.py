@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import calibrate
+from truepose.calibration.fault_limits import FaultLimits, fault_limits
 from truepose.calibration.fit import Fit
 from truepose.calibration.online import OnlineCalibration
 from truepose.calibration.registration import Registration
@@ -16,9 +17,11 @@ from truepose.robot.redundancy import Estimate
 from truepose.robot.robot import Robot, load, robots
 from truepose.simulation.controller import Controller
 from truepose.simulation.effects import Effects
+from truepose.simulation.faults import Fault
 from truepose.simulation.paths import Circle, Line, Sampled, WayPoints
 from truepose.simulation.settle import settle
 from truepose.simulation.simulate import Cycle, Simulation, simulate
+from truepose.simulation.watch import Watch
 
 if TYPE_CHECKING:
     from truepose.paper.errors import with_paper_errors
@@ -30,6 +33,8 @@ __all__ = [
     "Cycle",
     "Effects",
     "Estimate",
+    "Fault",
+    "FaultLimits",
     "Fit",
     "InputError",
     "Line",
@@ -42,10 +47,12 @@ __all__ = [
     "Sampled",
     "Simulation",
     "TrueposeError",
+    "Watch",
     "WayPoints",
     "accuracy",
     "assembly_modes",
     "calibrate",
+    "fault_limits",
     "get_cmake_dir",
     "get_include",
     "load",

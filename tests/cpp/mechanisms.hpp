@@ -30,7 +30,7 @@ constexpr bool applies(Law law, Mobility mobility) {
 struct Mechanism {
   const char* name;
   Robot robot;
-  Joint box{};  ///< half widths of a box around home, all inside the workspace
+  Coordinates box{};  ///< half widths of a box around home, all inside the workspace
 };
 
 inline double degrees(double angle) { return angle * M_PI / 180; }
@@ -361,8 +361,8 @@ void for_each(F&& f) {
 }
 
 /// A random pose of the box, shrunk by `part`.
-inline Joint random_pose(const Mechanism& mechanism, check::Random& random, double part = 1) {
-  Joint x = mechanism.robot.home;
+inline Coordinates random_pose(const Mechanism& mechanism, check::Random& random, double part = 1) {
+  Coordinates x = mechanism.robot.home;
   for (int i = 0; i < dof(mechanism.robot.mobility); ++i)
     x[i] += part * mechanism.box[i] * random();
   return x;
@@ -371,7 +371,7 @@ inline Joint random_pose(const Mechanism& mechanism, check::Random& random, doub
 /// x moved by `size` metres and radians in every freedom, up or down.
 template <Mobility K>
 Pose nearby(const Pose& pose, check::Random& random, double size) {
-  Joint step{};
+  Coordinates step{};
   for (int i = 0; i < kDof<K>; ++i) step[i] = random() < 0 ? -size : size;
   return moved<K>(pose, step);
 }
@@ -385,7 +385,7 @@ inline Joint random_joint(check::Random& random, double size) {
 /// Largest entry of the difference of two poses.
 template <Mobility K>
 double distance(const Pose& a, const Pose& b) {
-  const Joint step = difference<K>(a, b);
+  const Coordinates step = difference<K>(a, b);
   double largest = 0;
   for (int i = 0; i < kDof<K>; ++i) {
     if (std::isnan(step[i])) return INFINITY;

@@ -9,26 +9,32 @@
 using namespace truepose;
 
 Outcome realtime_finish(Robot& robot) { return finish(robot); }
-Outcome realtime_ikm(const Robot& robot, const Joint& x, Joint& q) { return ikm(robot, x, q); }
-Outcome realtime_command(const Robot& robot, const Joint& x, Joint& q) {
+Outcome realtime_ikm(const Robot& robot, const Coordinates& x, Joint& q) {
+  return ikm(robot, x, q);
+}
+Outcome realtime_command(const Robot& robot, const Coordinates& x, Joint& q) {
   return command(robot, x, q);
 }
-Outcome realtime_command_full(const Robot& robot, const Joint& x, Joint& q) {
+Outcome realtime_command_full(const Robot& robot, const Coordinates& x, Joint& q) {
   return command_full(robot, x, q);
 }
-Outcome realtime_rkm(const Robot& robot, const Joint& x, Reading& r) { return rkm(robot, x, r); }
-FkmResult realtime_fkm(const Robot& robot, const Joint& q, Joint& x) { return fkm(robot, q, x); }
+Outcome realtime_rkm(const Robot& robot, const Coordinates& x, Reading& r) {
+  return rkm(robot, x, r);
+}
+FkmResult realtime_fkm(const Robot& robot, const Joint& q, Coordinates& x) {
+  return fkm(robot, q, x);
+}
 Outcome realtime_finish_full(Robot& robot) { return finish_full(robot); }
-Outcome realtime_ikm_full(const Robot& robot, const Joint& x, Joint& q) {
+Outcome realtime_ikm_full(const Robot& robot, const Coordinates& x, Joint& q) {
   return ikm_full(robot, x, q);
 }
-Outcome realtime_rkm_full(const Robot& robot, const Joint& x, Reading& r) {
+Outcome realtime_rkm_full(const Robot& robot, const Coordinates& x, Reading& r) {
   return rkm_full(robot, x, r);
 }
-FullResult realtime_fkm_full(const Robot& robot, const Joint& q, Joint& x) {
+FullResult realtime_fkm_full(const Robot& robot, const Joint& q, Coordinates& x) {
   return fkm_full(robot, q, x);
 }
-Outcome realtime_jacobian_full(const Robot& robot, const Joint& x, JointMatrix& J) {
+Outcome realtime_jacobian_full(const Robot& robot, const Coordinates& x, JointMatrix& J) {
   return jacobian_full(robot, x, J);
 }
 Outcome realtime_linearise(const Robot& robot, const Pose& pose, Extended& q_e,
@@ -48,19 +54,20 @@ Estimate<Mobility::schoenflies> realtime_estimate_full(const Robot& robot, const
                                                        double* work) {
   return estimate<Mobility::schoenflies, FullModel>(robot, known, q_e, pose, work);
 }
-Outcome realtime_parasitic(const Robot& robot, const Joint& x, Joint& rest) {
+Outcome realtime_parasitic(const Robot& robot, const Coordinates& x, Coordinates& rest) {
   return parasitic(robot, x, rest);
 }
-Outcome realtime_redundant_fkm(const Robot& robot, const Extended& q_e, Joint& x) {
+Outcome realtime_redundant_fkm(const Robot& robot, const Extended& q_e, Coordinates& x) {
   return redundant_fkm(robot, q_e, x);
 }
-Outcome realtime_jacobian(const Robot& robot, const Joint& x, JointMatrix& J) {
+Outcome realtime_jacobian(const Robot& robot, const Coordinates& x, JointMatrix& J) {
   return jacobian(robot, x, J);
 }
-Outcome realtime_tej(const Robot& robot, const Joint& x, ExtendedColumns& M, ExtendedRows& tej_) {
+Outcome realtime_tej(const Robot& robot, const Coordinates& x, ExtendedColumns& M,
+                     ExtendedRows& tej_) {
   return tej(robot, x, M, tej_);
 }
-Outcome realtime_place_poles(const Robot& robot, const Joint& x, ControlSettings& settings) {
+Outcome realtime_place_poles(const Robot& robot, const Coordinates& x, ControlSettings& settings) {
   return place_poles(robot, x, 150, 1, settings);
 }
 Outcome realtime_control(const Robot& robot, const ControlSettings& settings,
@@ -75,6 +82,7 @@ Outcome realtime_learn_full(Learner& learner, const Extended& q_e) {
   return learn<Mobility::schoenflies, FullModel>(learner, q_e);
 }
 double realtime_friction(const Chain& chain, double rate) { return friction(chain, rate); }
-Setpoint realtime_quintic(const Joint& from, const Joint& to, double duration, double time) {
+Setpoint realtime_quintic(const Coordinates& from, const Coordinates& to, double duration,
+                          double time) {
   return quintic<Mobility::spatial>(from, to, duration, time);
 }

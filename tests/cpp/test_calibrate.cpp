@@ -1,9 +1,8 @@
 // Does a calibration end at the optimum, say how sure it is, and bear lines that are wrong?
 #include "truepose/offline/calibrate.hpp"
 
-#include <Eigen/Dense>
-
 #include "mechanisms.hpp"
+#include "reference.hpp"
 
 using namespace mechanisms;
 
@@ -130,7 +129,7 @@ TEST("a calibration ends where the cost is level in every parameter and every po
     B *= scene.root;
     const Eigen::VectorXd by_pose = A.transpose() * e;
     CHECK(by_pose.norm() < 1e-3 * A.norm());
-    const Eigen::MatrixXd left = B - A * (A.transpose() * A).ldlt().solve(A.transpose() * B);
+    const Eigen::MatrixXd left = B - A * reference::solve(A, B);
     information += B.transpose() * left;
     pull += left.transpose() * e;
     size += left.cwiseAbs().transpose() * e.cwiseAbs();
@@ -140,7 +139,8 @@ TEST("a calibration ends where the cost is level in every parameter and every po
   }
   for (int k = 0; k < p; ++k) CHECK_NEAR(pull[k], 0, 1e-5 * size[k]);
   CHECK_NEAR(result.cost, cost, 1e-5 * cost);
-  const Eigen::MatrixXd covariance = scene.root * information.inverse() * scene.root.transpose();
+  const Eigen::MatrixXd covariance =
+      scene.root * reference::inverse(information) * scene.root.transpose();
   CHECK((result.covariance - covariance).norm() < 1e-7 * covariance.norm());
 }
 

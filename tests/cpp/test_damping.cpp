@@ -1,7 +1,6 @@
 // Does a robot stay bounded beside and on its singularities, and the paper's law elsewhere?
-#include <Eigen/Dense>
-
 #include "mechanisms.hpp"
+#include "reference.hpp"
 #include "truepose/control/control.hpp"
 #include "truepose/offline/statics.hpp"
 
@@ -9,7 +8,7 @@ using namespace mechanisms;
 
 namespace {
 
-using Dense = Eigen::MatrixXd;
+using reference::Dense;
 
 constexpr double kBand = 0.05;
 const double kGain = 2 / (std::sqrt(3.0) * kBand);  ///< what no damped gain exceeds
@@ -97,7 +96,7 @@ TEST("the conditioning is n / (|A| |A⁻¹|) of the rods' lines, in metres or in
       const Dense A = Lines<K>(closure).A;
       double parallel = 0, scaled = 0;
       CHECK(conditioning(mechanism.robot, x, parallel, serial));
-      CHECK_NEAR(parallel, kDof<K> / (A.norm() * A.inverse().norm()), 1e-12);
+      CHECK_NEAR(parallel, kDof<K> / (A.norm() * reference::inverse(A).norm()), 1e-12);
       CHECK(parallel > 0.4 && parallel <= 1);
       Robot large = mechanism.robot;
       for (Chain& chain : large.chain) {
@@ -196,9 +195,9 @@ TEST("in the band J is the damped least squares of its definition, and its gain 
       const Dense A = lines.A / size;
       const double lambda2 = 0.25 * (kBand * kBand - c * c);
       const Dense gain =
-          (A.transpose() * A + lambda2 * Dense::Identity(n, n)).ldlt().solve(A.transpose());
-      CHECK(gain.jacobiSvd().singularValues()[0] <= kGain * (1 + 1e-9));
-      exact_gain = std::max(exact_gain, 1 / A.jacobiSvd().singularValues()[n - 1]);
+          reference::solve(A.transpose() * A + lambda2 * Dense::Identity(n, n), A.transpose());
+      CHECK(reference::singular_values(gain)[0] <= kGain * (1 + 1e-9));
+      exact_gain = std::max(exact_gain, 1 / reference::singular_values(A)[n - 1]);
       for (int i = 0; i < n; ++i)
         for (int j = 0; j < n; ++j) {
           const double expected =
@@ -278,6 +277,7 @@ TEST("where an arm stretches the motor rates stay bounded, and the status names 
       const Conditioning<K> conditioning(closure);
       int stretched = 0;
       while (stretched < n && conditioning.serial(stretched) >= kBand) ++stretched;
+      const Closure<K> as_is = closure;
       const Outcome outcome = jacobian<K>(closure, kBand, damped);
       const bool dependent = conditioning.parallel() < kBand;
       CHECK(outcome.status == (stretched < n || dependent ? Status::near_singular : Status::ok));
@@ -286,6 +286,12 @@ TEST("where an arm stretches the motor rates stay bounded, and the status names 
       for (int i = 0; i < n; ++i)
         CHECK(std::fabs(damped.joint_rate(rate)[i]) * closure.chain[i].dB.norm() <=
               kGain * (1 + 1e-9));
+      for (int i = 0; i < n; ++i) {  // 1/s of its part s along the rod becomes s/(s² + λ²)
+        const double size = as_is.chain[i].v.norm() * as_is.chain[i].dB.norm();
+        const double s = as_is.chain[i].jq / size;
+        const double lambda2 = s * s < kBand * kBand ? 0.25 * (kBand * kBand - s * s) : 0;
+        CHECK_NEAR(damped.jq[i] / size * s, s * s + lambda2, 1e-12);
+      }
       // Readings that see the motor, and all laws, follow the bounded rates.
       for (int k = 0; k < 2; ++k) {
         robot.sensor[k].kind = k == 0 ? SensorKind::rod_in_plane : SensorKind::motor_encoder;

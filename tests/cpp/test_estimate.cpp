@@ -1,7 +1,6 @@
 // Is the estimate the optimum of all readings, and does elimination leave what they say of ξ?
-#include <Eigen/Dense>
-
 #include "mechanisms.hpp"
+#include "reference.hpp"
 #include "truepose/full/linearise.hpp"
 #include "truepose/offline/bound.hpp"
 
@@ -86,8 +85,8 @@ TEST("fuse is generalised least squares: gain and covariance against dense algeb
     const Robot& robot = scene.robot;
     const Pose pose = to_pose<K>(random_pose(mechanism, random));
     const Dense<K> at = dense<K, Model>(scene, pose);
-    const Eigen::MatrixXd weights = at.C.inverse();
-    const Eigen::MatrixXd P = (at.H.transpose() * weights * at.H).inverse();
+    const Eigen::MatrixXd weights = reference::inverse(at.C);
+    const Eigen::MatrixXd P = reference::inverse(at.H.transpose() * weights * at.H);
     const Eigen::MatrixXd gain = P * at.H.transpose() * weights;
 
     Extended q_e;
@@ -141,13 +140,13 @@ TEST("the estimate leaves no residual that a step could lower, and knows the pos
           const Estimate<K> best =
               estimate<K, Model>(robot, scene.known, q_e, found, scene.work.data());
           CHECK(best);
-          const Eigen::MatrixXd weights = dense<K, Model>(scene, motors).C.inverse();
+          const Eigen::MatrixXd weights = reference::inverse(dense<K, Model>(scene, motors).C);
           const Eigen::MatrixXd H = dense<K, Model>(scene, found).H;
           CHECK(Model::template linearise<K>(robot, found, expected, H_x, nullptr, rest));
           Eigen::VectorXd residual(kDof<K> + robot.r);
           for (int c = 0; c < residual.size(); ++c) residual[c] = q_e[c] - expected[c];
           const Eigen::MatrixXd normal = H.transpose() * weights * H;
-          const Eigen::VectorXd step = normal.ldlt().solve(H.transpose() * weights * residual);
+          const Eigen::VectorXd step = reference::solve(normal, H.transpose() * weights * residual);
           for (int i = 0; i < kDof<K>; ++i)  // in units of σ
             CHECK(std::fabs(step[i]) < 1e-6 * std::sqrt(best.covariance[i][i]));
           CHECK_NEAR(best.chi2, residual.dot(weights * residual), 1e-6 * (1 + best.chi2));
@@ -174,7 +173,7 @@ TEST("elimination keeps the squares, and leaves rows below that no pose moves") 
         CHECK(eliminate(n, rows, A, B.data(), width, e));
         // What a projection on the complement of H's columns leaves.
         const Eigen::MatrixXd free = Eigen::MatrixXd::Identity(rows, rows) -
-                                     H * (H.transpose() * H).inverse() * H.transpose();
+                                     H * reference::inverse(H.transpose() * H) * H.transpose();
         const Eigen::MatrixXd rest = B.bottomRows(rows - n);
         CHECK((rest.transpose() * rest - before.transpose() * free * before).norm() < 1e-9 * width);
         Eigen::VectorXd tail(rows - n);
@@ -185,7 +184,7 @@ TEST("elimination keeps the squares, and leaves rows below that no pose moves") 
         Joint x{};  // and the best pose for a given change of ξ: here none
         std::copy_n(e.begin(), n, x.begin());
         back_substitute(n, A, x);
-        const Eigen::VectorXd best = H.colPivHouseholderQr().solve(residual);
+        const Eigen::VectorXd best = reference::solve(H, residual);
         for (int j = 0; j < n; ++j) CHECK_NEAR(x[j], best[j], 1e-9 * (1 + best.norm()));
       }
 }
@@ -216,41 +215,41 @@ TEST("times_root is a product with a lower triangle, whatever lies above it") {
 }
 
 TEST("a visit leaves the posterior of all its rows at once, those of known poses among them") {
-  for_each_model([](const Mechanism& mechanism, Scene& scene, auto mobility, auto model,
-                    auto& random) {
-    constexpr Mobility K = mobility();
-    using Model = decltype(model);
-    std::vector<Visit> visits(15);
-    for (Visit& visit : visits) visit.pose = to_pose<K>(random_pose(mechanism, random));
-    Joint at_last = to_coordinates<K>(visits.back().pose), sigma;
-    sigma.fill(1e-4);
-    at_last[0] = NAN;  // all coordinates but one
-    visits.back().outside = {at_last.data(), sigma.data()};
-    const int p = scene.known.count;
-    Eigen::MatrixXd information = Eigen::MatrixXd::Identity(p, p);
-    for (const Visit& visit : visits) {
-      Dense<K> at = dense<K, Model>(scene, visit.pose);
-      for (int i = 0; i < at.H.rows(); ++i) {
-        at.H.row(i) /= scene.known.sigma[i];
-        at.B.row(i) /= scene.known.sigma[i];
-      }
-      if (visit.outside.x) {
-        const long rows = at.H.rows(), n = kDof<K>;
-        at.H.conservativeResize(rows + n - 1, n);
-        at.B.conservativeResize(rows + n - 1, p);
-        at.H.bottomRows(n - 1) = Eigen::MatrixXd::Identity(n, n).bottomRows(n - 1) / sigma[0];
-        at.B.bottomRows(n - 1).setZero();
-      }
-      const Eigen::MatrixXd Q = at.H.householderQr().householderQ();
-      const Eigen::MatrixXd rest = Q.rightCols(at.H.rows() - kDof<K>).transpose() * at.B;
-      information += rest.transpose() * rest;
-    }
-    RowMatrix root;
-    CHECK(bool(after_visiting(scene.robot, kernels<K, Model>(), scene.known, 0, visits, root)));
-    const Eigen::MatrixXd expected = scene.root * information.inverse() * scene.root.transpose();
-    CHECK((root * root.transpose() - expected).norm() < 1e-7 * expected.norm());
-    CHECK(root.triangularView<Eigen::StrictlyUpper>().toDenseMatrix().norm() == 0);
-  });
+  for_each_model(
+      [](const Mechanism& mechanism, Scene& scene, auto mobility, auto model, auto& random) {
+        constexpr Mobility K = mobility();
+        using Model = decltype(model);
+        std::vector<Visit> visits(15);
+        for (Visit& visit : visits) visit.pose = to_pose<K>(random_pose(mechanism, random));
+        Joint at_last = to_coordinates<K>(visits.back().pose), sigma;
+        sigma.fill(1e-4);
+        at_last[0] = NAN;  // all coordinates but one
+        visits.back().outside = {at_last.data(), sigma.data()};
+        const int p = scene.known.count;
+        Eigen::MatrixXd information = Eigen::MatrixXd::Identity(p, p);
+        for (const Visit& visit : visits) {
+          Dense<K> at = dense<K, Model>(scene, visit.pose);
+          for (int i = 0; i < at.H.rows(); ++i) {
+            at.H.row(i) /= scene.known.sigma[i];
+            at.B.row(i) /= scene.known.sigma[i];
+          }
+          if (visit.outside.x) {
+            const long rows = at.H.rows(), n = kDof<K>;
+            at.H.conservativeResize(rows + n - 1, n);
+            at.B.conservativeResize(rows + n - 1, p);
+            at.H.bottomRows(n - 1) = Eigen::MatrixXd::Identity(n, n).bottomRows(n - 1) / sigma[0];
+            at.B.bottomRows(n - 1).setZero();
+          }
+          const Eigen::MatrixXd rest = reference::complement(at.H) * at.B;
+          information += rest.transpose() * rest;
+        }
+        RowMatrix root;
+        CHECK(bool(after_visiting(scene.robot, kernels<K, Model>(), scene.known, 0, visits, root)));
+        const Eigen::MatrixXd expected =
+            scene.root * reference::inverse(information) * scene.root.transpose();
+        CHECK((root * root.transpose() - expected).norm() < 1e-7 * expected.norm());
+        CHECK(root.triangularView<Eigen::StrictlyUpper>().toDenseMatrix().norm() == 0);
+      });
 }
 
 TEST("an estimate that cannot be leaves the guess, and says why") {

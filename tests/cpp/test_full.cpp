@@ -1,51 +1,11 @@
 // Does every rod fit, when the axes are not exact? The full level against the ideal one, against
-// its own closures and derivatives, and against figures computed outside this project.
-#include "mechanisms.hpp"
+// its own closures, and against figures computed outside this project.
+#include "full_robots.hpp"
 #include "truepose/full/rkm.hpp"
 
 using namespace mechanisms;
 
 namespace {
-
-constexpr Mobility kH4 = Mobility::schoenflies;
-
-std::vector<Mechanism> with_pairs() { return {h4(), delta(), linear_delta()}; }
-
-/// Calls f(mechanism, mobility constant) for every robot with a full level of its own.
-template <class F>
-void for_each_full(F&& f) {
-  for (const Mechanism& mechanism : with_pairs()) {
-    check::state().scene = mechanism.name;
-    if (mechanism.robot.mobility == Mobility::translation)
-      f(mechanism, std::integral_constant<Mobility, Mobility::translation>{});
-    else
-      f(mechanism, std::integral_constant<Mobility, kH4>{});
-  }
-}
-
-/// A standard normal number, by Box and Muller: the same on every machine.
-double gaussian(check::Random& random) {
-  const double u = 0.5 * (1 - random()), angle = M_PI * random();
-  return std::sqrt(-2 * std::log(std::max(u, 1e-300))) * std::cos(angle);
-}
-
-/// Yaw turns e and u about z; tilt then turns u about e. The bars stay as drawn.
-void turn_axis(Chain& chain, double yaw, double tilt) {
-  const Mat3 about_z = rotation_z(yaw);
-  chain.zero = about_z * chain.zero();
-  const Mat3 turn = exp_so3(tilt * chain.zero()) * about_z;
-  chain.axis = turn * chain.axis();
-  chain.pair_axis = turn * chain.pair_axis();
-}
-
-/// The robot as built: 0.1° (1σ) of yaw and tilt on every arm's axis.
-Robot with_axis_errors(Robot robot, check::Random& random) {
-  for (int i = 0; i < dof(robot.mobility); ++i) {
-    const double yaw = degrees(0.1) * gaussian(random), tilt = degrees(0.1) * gaussian(random);
-    turn_axis(robot.chain[i], yaw, tilt);
-  }
-  return robot;
-}
 
 /// The paper's Table 2: five values of each coordinate, θ that of the nacelle.
 std::vector<Joint> table2() {
@@ -87,13 +47,6 @@ struct Rms {
   }
   double operator()() const { return std::sqrt(sum / count); }
 };
-
-constexpr double kStep = 1e-4;  // fourth-order differences: truncation and rounding are ~1e-12
-
-template <class F>
-double derivative(const F& f) {
-  return (8 * (f(kStep) - f(-kStep)) - (f(2 * kStep) - f(-2 * kStep))) / (12 * kStep);
-}
 
 }  // namespace
 
@@ -225,84 +178,6 @@ TEST("a tilt that keeps θ has the two turns asked for, and leaves θ where it w
   }
 }
 
-TEST("J at the full level is the derivative of its forward model, readings follow the motors") {
-  for_each_full([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    check::Random random(95);
-    for (int k = 0; k < 30; ++k) {
-      Robot robot = with_axis_errors(mechanism.robot, random);
-      robot.r = 2;
-      if constexpr (K == kH4) {  // both kinds of angle sensor, and the telemeter
-        robot.r = 3;
-        robot.sensor[2] = robot.sensor[1];
-        robot.sensor[1] = robot.sensor[0];
-        robot.sensor[1].bar = k % 2;
-        robot.sensor[1].gain = 1.1;
-      }
-      const Joint x = random_pose(mechanism, random);
-      FullClosure<K> closure;
-      FullJacobians<K> jacobians;
-      JointMatrix J;
-      Reading r;
-      std::array<FullRow, kMaxSensors> rows;
-      CHECK(ikm_full<K>(robot, to_pose<K>(x), closure));
-      CHECK(jacobian_full<K>(robot, closure, jacobians) && jacobian_full(robot, x, J));
-      CHECK(rkm_full<K>(robot, closure, r, rows));
-      const auto moved_to = [&](int motor, double h) {
-        Joint q = closure.q;
-        q[motor] += h;
-        FullPose pose = closure.pose;
-        FullClosure<K> there;
-        CHECK(fkm_full<K>(robot, q, pose, there));
-        return there;
-      };
-      for (int m = 0; m < kDof<K>; ++m) {
-        for (int i = 0; i < kDof<K>; ++i) {
-          CHECK(J[i][m] == jacobians.J[i][m]);
-          const double slope = derivative(
-              [&](double h) { return difference<K>(moved_to(m, h).pose, closure.pose)[i]; });
-          CHECK_NEAR(J[i][m], slope, 1e-7 * (1 + std::fabs(slope)));
-        }
-        for (int s = 0; s < robot.r; ++s) {
-          double chained = 0;
-          for (int i = 0; i < kRods<K>; ++i) chained += rows[s].z[i] * jacobians.Z[i][m];
-          const double slope = derivative([&](double h) {
-            Reading there;
-            std::array<FullRow, kMaxSensors> unused;
-            CHECK(rkm_full<K>(robot, moved_to(m, h), there, unused));
-            return there[s];
-          });
-          CHECK_NEAR(chained, slope, 1e-7 * (1 + std::fabs(slope)));
-        }
-      }
-    }
-  });
-}
-
-TEST("an angle encoder at a pivot reads -ψ of its bar, at the tool θ; ideally both are θ") {
-  check::Random random(96);
-  const Mechanism mechanism = h4();
-  for (int k = 0; k < 100; ++k) {
-    Robot robot = with_axis_errors(mechanism.robot, random);
-    robot.r = 3;
-    for (int s = 0; s < 3; ++s) {
-      robot.sensor[s] = Sensor{};
-      robot.sensor[s].bar = s - 1;
-    }
-    robot.sensor[2].gain = 4;
-    robot.sensor[2].offset = 0.1;
-    const Joint x = random_pose(mechanism, random);
-    Reading full{}, ideal{};
-    Joint rest{};
-    CHECK(rkm_full(robot, x, full) && rkm(robot, x, ideal) && parasitic(robot, x, rest));
-    CHECK_NEAR(full[0], x[3], 1e-14);
-    CHECK_NEAR(full[1], x[3] - rest[2], 1e-14);  // θ less the bar's turn θ + ψ
-    CHECK_NEAR(full[2], 4 * (x[3] - rest[3]) - 0.1, 1e-14);
-    CHECK(std::fabs(full[1] - x[3]) > 1e-8);
-    CHECK(ideal[0] == x[3] && ideal[1] == x[3] && ideal[2] == 4 * x[3] - 0.1);
-  }
-}
-
 // The rods ± of a pair differ by δ, so |v+| - |v-| = δ: to first order in the turn ω of the body
 // that carries them, -s ω·(u × v)/L = δ. Of a Delta three such equations give all of ω.
 TEST("a pair's longer rod lowers its side of the nacelle, by δ over the rods' spacing") {
@@ -339,45 +214,6 @@ TEST("a pair's longer rod lowers its side of the nacelle, by δ over the rods' s
     const double expected = i == 0 ? -2e-5 / 0.08 : 0;
     CHECK_NEAR(turn.dot(robot.chain[i].axis().cross(v.normalized())), expected, 1e-6);
   }
-}
-
-TEST("whether the full level exists follows from rods, freedoms and rank") {
-  const auto level = [](Robot robot) {
-    CHECK(finish_full(robot));
-    return robot.full;
-  };
-  for (const Mechanism& mechanism : with_pairs()) {
-    const FullLevel full = level(mechanism.robot);
-    CHECK(full.kind == FullKind::exists && full.rods == full.unknowns && full.sign != 0);
-  }
-  Robot robot = par4().robot;  // bars joined by a rigid four-bar: 6 and 1 freedoms
-  FullLevel full = level(robot);
-  CHECK(full.kind == FullKind::elastic && full.rods == 8 && full.unknowns == 7);
-  CHECK(full.excess == 1 && full.sign == 0);
-  for (Chain& chain : robot.chain) chain.bar = -1;  // a rigid nacelle
-  full = level(robot);
-  CHECK(full.kind == FullKind::overconstrained && full.excess == 2);
-
-  robot = h4().robot;  // chains 1 and 2 on one bar leave its tilt free
-  for (int i = 0; i < 4; ++i) {
-    Chain& chain = robot.chain[i];
-    chain.bar = i < 2 ? 0 : 1;
-    chain.pivot = Vec3(0, i < 2 ? 0.06 : -0.06, 0);
-    chain.anchor = Vec3(i == 0 || i == 3 ? 0.06 : -0.06, 0, 0);
-  }
-  full = level(robot);
-  CHECK(full.kind == FullKind::loose && full.excess >= 1);
-  robot = linear_delta().robot;  // pairs one above the other on upright rails: free about z
-  for (int i = 0; i < 3; ++i) {
-    Chain& chain = robot.chain[i];
-    chain.axis = Vec3::UnitZ();
-    chain.pair_axis = chain.pair_drawn = Vec3::UnitZ();
-  }
-  full = level(robot);
-  CHECK(full.kind == FullKind::loose && full.excess >= 1);
-  robot = h4().robot;
-  robot.chain[2].rod_spacing = 0;
-  CHECK(level(robot).kind == FullKind::undescribed);
 }
 
 /// Energy of the rods' stretches f/L, for stiffness 1.
@@ -458,85 +294,5 @@ TEST("a solution that starts at its neighbour's is the same, in fewer steps") {
     CHECK_NEAR(apart, 0, 1e-13);
     CHECK(warm < 0.75 * cold);
     std::printf("     %s: %ld steps, %ld from a neighbour\n", mechanism.name, cold, warm);
-  });
-}
-
-TEST("a robot without a full level says so, whatever it is asked") {
-  Robot robot = par4().robot;
-  for (Chain& chain : robot.chain) chain.bar = -1;  // two rods too many
-  CHECK(finish_full(robot));
-  Joint x = robot.home, q{};
-  Reading r{};
-  JointMatrix J{};
-  CHECK(ikm_full(robot, x, q).status == Status::no_full_level);
-  CHECK(rkm_full(robot, x, r).status == Status::no_full_level);
-  CHECK(jacobian_full(robot, x, J).status == Status::no_full_level);
-  CHECK(parasitic(robot, x, q).status == Status::no_full_level);
-  CHECK(fkm_full(robot, q, x).status == Status::no_full_level && x == robot.home);
-}
-
-TEST("the full level is as honest as the ideal one about what it cannot answer") {
-  for_each_full([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    const Robot& robot = mechanism.robot;
-    Joint q{}, x = robot.home;
-    x[1] += 5;
-    const Outcome far = ikm_full(robot, x, q);
-    CHECK(far.status == Status::unreachable && far.chain >= 0);
-    for (const double bad : {NAN, INFINITY}) {
-      x = robot.home;
-      x[0] = bad;
-      CHECK(!ikm_full(robot, x, q));
-      CHECK(ikm(robot, robot.home, q));
-      CHECK(!fkm_full(robot, q, x));
-      x = robot.home;
-      q[1] = bad;
-      CHECK(fkm_full(robot, q, x).status == Status::not_finite);
-    }
-    Robot short_rod = robot;
-    short_rod.chain[1].rod_difference = -2.1 * robot.chain[1].rod;
-    x = robot.home;
-    const Outcome none = ikm_full(short_rod, x, q);
-    CHECK(none.status == Status::unreachable && none.chain == 1);
-    Robot apart = robot;
-    apart.chain[1].base().x() = -3;
-    CHECK(ikm(robot, robot.home, q));
-    x = robot.home;
-    CHECK(fkm_full(apart, q, x).status == Status::not_converged);
-    // From the other side of the motors Newton finds the mirrored pose: another mode.
-    Robot mirrored = robot;
-    mirrored.full.sign = -robot.full.sign;
-    x = robot.home;
-    CHECK(fkm_full(mirrored, q, x).status == Status::branch_lost);
-    for (int i = 0; i < kDof<K>; ++i) mirrored.chain[i].working_mode = -robot.chain[i].working_mode;
-    mirrored.full.sign = robot.full.sign;
-    x = robot.home;
-    CHECK(fkm_full(mirrored, q, x).status == Status::branch_lost);
-  });
-  // Towards the end of its reach an arm and its rods stretch into one line: no speed along it.
-  const Robot robot = h4().robot;
-  double inside = 0, outside = 1;
-  Joint q{};
-  for (int k = 0; k < 60; ++k) {
-    const double y = 0.5 * (inside + outside);
-    (ikm(robot, {0, y, -0.4, 0}, q) ? inside : outside) = y;
-  }
-  JointMatrix J{};
-  const Outcome outcome = jacobian_full(robot, {0, inside, -0.4, 0}, J);
-  CHECK(outcome.status == Status::singular && outcome.chain >= 0);
-}
-
-TEST("random motors and guesses end in a status and at most 60 steps, never in a NaN") {
-  for_each_full([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    check::Random random(97);
-    for (long k = 0; k < check::sample_size(2000); ++k) {
-      Joint x = random_joint(random, 2);
-      const FullResult result = fkm_full(mechanism.robot, random_joint(random, 4), x);
-      CHECK(result.iterations <= kFkmIterations && (!result || all_finite(x, kDof<K>)));
-      CHECK(!result || result.residual < 1e-12);
-      Joint q{};
-      CHECK(!ikm_full(mechanism.robot, random_joint(random, 1), q) || all_finite(q, kDof<K>));
-    }
   });
 }

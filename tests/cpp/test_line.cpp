@@ -1,9 +1,8 @@
 // Does a line hand on what its readings say of ξ, missing ones left out and outside ones put in?
 #include "truepose/offline/line.hpp"
 
-#include <Eigen/Dense>
-
 #include "mechanisms.hpp"
+#include "reference.hpp"
 
 using namespace mechanisms;
 
@@ -24,8 +23,7 @@ Says says(const Line& line) {
 
 /// The same from whitened rows A δx + B δu = e, densely.
 Says says(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B, const Eigen::VectorXd& e) {
-  const Eigen::MatrixXd Q = A.householderQr().householderQ();
-  const Eigen::MatrixXd N = Q.rightCols(A.rows() - A.cols()).transpose();
+  const Eigen::MatrixXd N = reference::complement(A);
   const Eigen::MatrixXd NB = N * B;
   return {NB.transpose() * NB, NB.transpose() * (N * e), (N * e).squaredNorm()};
 }

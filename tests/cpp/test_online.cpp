@@ -1,7 +1,6 @@
 // Does one line teach the filter what it holds, and does it refuse what contradicts the rest?
-#include <Eigen/Dense>
-
 #include "mechanisms.hpp"
+#include "reference.hpp"
 #include "truepose/full/linearise.hpp"
 
 using namespace mechanisms;
@@ -92,10 +91,10 @@ TEST("the equations of a line, one after another, say what they say together") {
   RowMatrix sequential = F;
   decorrelate(p, sequential.data(), 0, line);
   const Eigen::MatrixXd C = F * F.transpose() + Eigen::MatrixXd::Identity(r, r);
-  CHECK_NEAR(line.chi2(), y.dot(C.inverse() * y), 1e-10);
+  CHECK_NEAR(line.chi2(), y.dot(reference::inverse(C) * y), 1e-10);
   double volume = 1;
   for (int i = 0; i < r; ++i) volume *= line.total[i];
-  CHECK_NEAR(volume, C.determinant(), 1e-9 * volume);
+  CHECK_NEAR(volume, reference::determinant(C), 1e-9 * volume);
 }
 
 TEST("one line is learnt as Kalman's formula has it, all of its equations together") {
@@ -132,11 +131,10 @@ TEST("one line is learnt as Kalman's formula has it, all of its equations togeth
       for (int j = 0; j < n; ++j) A(c, j) = H_x[c][j] / sigma;
       for (int k = 0; k < p; ++k) B(c, k) = H_xi(c, scene.state().column[k]) / sigma;
     }
-    const Eigen::MatrixXd Q = A.householderQr().householderQ();
-    const Eigen::MatrixXd N = Q.rightCols(rows - n).transpose();
+    const Eigen::MatrixXd N = reference::complement(A);
     const Eigen::MatrixXd h = N * B;
     const Eigen::MatrixXd C = h * P * h.transpose() + Eigen::MatrixXd::Identity(rows - n, rows - n);
-    const Eigen::MatrixXd gain = P * h.transpose() * C.inverse();
+    const Eigen::MatrixXd gain = P * h.transpose() * reference::inverse(C);
     const Eigen::VectorXd step = gain * (N * e), learnt = scene.mean() - before;
     const RowMatrix posterior = P - gain * h * P;
     const RowMatrix found = scene.covariance();

@@ -1,14 +1,13 @@
 // Does the extended-to-joint matrix invert M, and does it weigh the sensors as asked?
-#include <Eigen/Dense>
-
 #include "mechanisms.hpp"
+#include "reference.hpp"
 #include "truepose/control/tej.hpp"
 
 using namespace mechanisms;
 
 namespace {
 
-using Dense = Eigen::MatrixXd;
+using reference::Dense;
 
 /// M = [I; J_r J] and M⁺ = (MᵀWM)⁻¹MᵀW by their definitions: the latter by QR of √W M, which does
 /// not square the condition number.
@@ -34,7 +33,7 @@ Explicit by_definition(const Robot& robot, const Joint& x) {
   Eigen::VectorXd root = Eigen::VectorXd::Ones(n + robot.r);
   for (int k = 0; k < robot.r; ++k) root[n + k] = std::sqrt(robot.sensor[k].weight);
   const Dense weighted = root.asDiagonal() * result.M;
-  result.M_plus = weighted.householderQr().solve(Dense(root.asDiagonal()));
+  result.M_plus = reference::solve(weighted, root.asDiagonal());
   return result;
 }
 

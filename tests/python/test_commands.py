@@ -243,6 +243,8 @@ def offered(shell: str, line: str) -> list[str]:
         ("truepose simulate h4 --true no", ["nominal"]),
         ("truepose rehearse h4 --effects ecc", ["eccentricity"]),
         ("truepose simulate h4 --law car", ["cartesian"]),
+        ("truepose simulate h4 --fault theta:dr", ["theta:dropout", "theta:drift"]),
+        ("truepose simulate h4 --fault th", []),
         ("truepose info my_ro", []),  # the shell then offers files
     ],
 )

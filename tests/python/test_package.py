@@ -25,6 +25,8 @@ SHOWN = {
     "control_loop": r"at x - x_d: .* mm, .* rad\nlongest control cycle: [\d.]+ us of 1000",
     "calibrate": r"drawn: +1\.849 mm .*\nlearnt: +0\.0\d\d mm, .*\nchain 3's rod: 483\.0",
 }
+COMPILER = os.environ.get("CXX", "c++")
+DECLARES = "truepose/kernels.hpp"  #: what the library truepose::kernels has compiled
 NO_PYTHON = "-DCMAKE_DISABLE_FIND_PACKAGE_Python=ON"
 
 
@@ -87,8 +89,7 @@ def by_pkg_config(prefix, tmp_path_factory):
     one += "".join(f'  if (name == "{name}") return {name}();\n' for name in SHOWN)
     one += "  return 2;\n}\n"
     (folder / "one.cpp").write_text(one, encoding="utf-8")
-    compiler = os.environ.get("CXX", "c++")
-    told(compiler, "-std=c++23", *flags, folder / "one.cpp", "-o", folder / "one")
+    told(COMPILER, "-std=c++23", *flags, folder / "one.cpp", "-o", folder / "one")
     return lambda name: told(folder / "one", name)
 
 
@@ -127,8 +128,8 @@ cmake_minimum_required(VERSION 3.25)
 project(consumer LANGUAGES CXX)
 enable_testing()
 {include}
-if(NOT TARGET truepose::core)
-  message(FATAL_ERROR "no truepose::core")
+if(NOT TARGET truepose::core OR NOT TARGET truepose::kernels)
+  message(FATAL_ERROR "no truepose::core or no truepose::kernels")
 endif()
 get_property(targets DIRECTORY "{source}" PROPERTY BUILDSYSTEM_TARGETS)
 foreach(target ${{targets}})
@@ -161,6 +162,32 @@ def test_a_project_that_includes_it_gets_the_library_alone(way, tmp_path):
     assert not list(tmp_path.glob("installed/**/truepose*"))
 
 
+ROOM_FOR_MORE_MOTORS = """
+#include "truepose/offline/simulate.hpp"
+#include "truepose/offline/statics.hpp"
+namespace truepose {
+template class Loop<Mobility::schoenflies>;
+template Outcome control<Mobility::spatial>(const Robot&, const ControlSettings&, const Setpoint&,
+                                            const Extended&, ControlState&, const Weighing&);
+template Outcome leakage<Mobility::spatial>(const Robot&, Law, const Coordinates&, PoseColumns&,
+                                            const Weighing&);
+}  // namespace truepose
+"""
+
+
+def test_motors_and_freedoms_are_counted_apart_in_the_types(tmp_path):
+    shutil.copytree(SOURCE / "include", tmp_path / "include")
+    robot = tmp_path / "include" / "truepose" / "model" / "robot.hpp"
+    text = robot.read_text(encoding="utf-8")
+    assert "kMaxMotors = 6;" in text and "kMaxDof = 6;" in text
+    # With room for another number of motors, their q is no x: what mixes the two does not compile.
+    robot.write_text(text.replace("kMaxMotors = 6;", "kMaxMotors = 8;"), encoding="utf-8")
+    (tmp_path / "all.cpp").write_text(ROOM_FOR_MORE_MOTORS, encoding="utf-8")
+    eigen = ("-isystem", wheels_eigen() / "include" / "eigen3")
+    where = ("-I", tmp_path / "include", *eigen)
+    told(COMPILER, "-std=c++20", "-fsyntax-only", *where, tmp_path / "all.cpp")
+
+
 def test_before_1_another_minor_version_is_another_package(prefix, tmp_path):
     text = """
 cmake_minimum_required(VERSION 3.25)
@@ -178,15 +205,27 @@ endforeach()
     ]  # fmt: skip
 
 
+def headers_in(folder: Path) -> set[str]:
+    """Return what can be included from a folder."""
+    return {path.relative_to(folder).as_posix() for path in folder.glob("**/*.hpp")}
+
+
+def test_every_installed_header_is_enough(prefix):
+    """What only declares the functions of a library is installed with that library, or not."""
+    include = prefix / "include"
+    there = headers_in(include)
+    assert there == headers_in(SOURCE / "include") - {DECLARES}
+    text = "".join((include / header).read_text(encoding="utf-8") for header in there)
+    assert set(re.findall(r'#include "(.+)"', text)) <= there
+    assert not re.search(r"\bextern\b", text)
+
+
 def test_the_wheel_carries_the_cpp_package():
     try:
         include, cmake = Path(tp.get_include()), Path(tp.get_cmake_dir())
     except tp.TrueposeError as from_source_tree:
         pytest.skip(str(from_source_tree))
-    carried = {path.relative_to(include) for path in include.glob("**/*.hpp")}
-    assert carried == {
-        path.relative_to(SOURCE / "include") for path in SOURCE.glob("include/**/*.hpp")
-    }
+    assert headers_in(include) == headers_in(SOURCE / "include") - {DECLARES}
     assert (cmake / "trueposeConfig.cmake").is_file()
     (entry,) = entry_points(group="cmake.prefix", name="truepose")  # what scikit-build-core asks
     assert any(cmake.is_relative_to(folder) for folder in entry.load().__path__)

@@ -1,4 +1,4 @@
-"""Do robot files and the core agree on kinds of sensors, on laws, and on the order of ξ?"""
+"""Do robot files and the core agree on kinds of sensors, laws, faults, and on the order of ξ?"""
 
 from typing import get_args
 
@@ -11,6 +11,7 @@ from truepose.robot.to_core import columns
 from truepose.robot.units import unit_of
 from truepose.robotfile.parameters import drawn
 from truepose.robotfile.sensors import SENSORS, Encoder
+from truepose.simulation.faults import FAULT_KINDS, FaultKind
 
 
 def test_a_robot_file_knows_the_kinds_of_sensors_that_the_core_knows():
@@ -28,6 +29,10 @@ def test_a_kind_is_described_by_what_its_reading_depends_on(kind):
 
 def test_every_law_of_the_core_can_be_asked_for():
     assert get_args(Law) == LAWS == tuple(_core.laws)
+
+
+def test_every_kind_of_fault_of_the_core_can_be_asked_for():
+    assert get_args(FaultKind) == FAULT_KINDS == tuple(_core.fault_kinds)
 
 
 @pytest.mark.parametrize("name", tp.robots())

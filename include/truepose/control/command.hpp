@@ -10,7 +10,7 @@ namespace command_detail {
 
 /// branch_lost where det J_x has not the sign that it has at home.
 template <Mobility K>
-inline Outcome same_mode(const Robot& robot, const Joint& x) {
+inline Outcome same_mode(const Robot& robot, const Coordinates& x) {
   Closure<K> closure;
   Jacobians<K> jacobians;
   Outcome outcome = ikm<K, false>(robot, to_pose<K>(x), closure);
@@ -21,7 +21,7 @@ inline Outcome same_mode(const Robot& robot, const Joint& x) {
 
 /// The same of the rows of every rod by itself.
 template <Mobility K>
-inline Outcome same_full_mode(const Robot& robot, const Joint& x) {
+inline Outcome same_full_mode(const Robot& robot, const Coordinates& x) {
   FullClosure<K> closure;
   const FullResult result = ikm_full<K>(robot, to_pose<K>(x), closure);
   FullJacobians<K> jacobians;
@@ -43,7 +43,7 @@ inline Outcome same_full_mode(const Robot& robot, const Joint& x) {
 ///
 /// @return branch_lost: in another assembly mode; singular: between two; joint_limit and
 /// unreachable as of ikm
-inline Outcome command(const Robot& robot, const Joint& x, Joint& q) {
+inline Outcome command(const Robot& robot, const Coordinates& x, Joint& q) {
   const Outcome outcome = ikm(robot, x, q);
   if (!outcome) return outcome;
   return with_mobility(robot.mobility, [&](auto mobility) {
@@ -52,7 +52,7 @@ inline Outcome command(const Robot& robot, const Joint& x, Joint& q) {
 }
 
 /// The same at the full level.
-inline Outcome command_full(const Robot& robot, const Joint& x, Joint& q) {
+inline Outcome command_full(const Robot& robot, const Coordinates& x, Joint& q) {
   const Outcome outcome = ikm_full(robot, x, q);
   if (!outcome) return outcome;
   return full_detail::with_full(

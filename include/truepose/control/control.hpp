@@ -29,6 +29,7 @@ struct ControlSettings {
   double period = 1e-3;              ///< s
   double velocity_bandwidth = 1500;  ///< of the velocity tracking loops, rad/s
   double damped_below = 0;           ///< conditioning from which on J is damped (0: never)
+  double lead_out = 0.2;             ///< s over which a switch of law or readings takes effect
   Joint kp{};                        ///< N·m/rad (N/m), or 1/s²
   Joint kd{};                        ///< N·m·s/rad, or 1/s
   Joint ki{};                        ///< N·m/(rad·s), or 1/s³; 0: no integral action
@@ -37,13 +38,20 @@ struct ControlSettings {
 /// What a controller remembers from cycle to cycle. Zero it to switch the controller on.
 struct ControlState {
   bool started = false;
-  Extended position{};  ///< the tracking loops: of the readings, or of x̂
-  Extended rate{};      ///< theirs: of the desired less that, rates of the error
-  Extended desired{};   ///< rate of the desired at the last cycle
-  Joint integral{};     ///< N·m
-  Joint torque{};       ///< the last one commanded; held when a cycle fails
-  Joint error{};        ///< ê_q of the last good cycle
-  Parasitic nearby;     ///< of a robot that is understood rod by rod, at x_d
+  Extended position{};    ///< the tracking loops: of the readings, or of x̂
+  Extended rate{};        ///< theirs: of the desired less that, rates of the error
+  Extended desired{};     ///< rate of the desired at the last cycle
+  Joint integral{};       ///< N·m
+  Joint torque{};         ///< the last one commanded; held when a cycle fails
+  Joint error{};          ///< ê_q of the last good cycle
+  Joint error_rate{};     ///< its rate, as found
+  Joint q_d{};            ///< desired readings of the motors a period later, as far as is known
+  Joint load{};           ///< N·m, what of the torque answers no error
+  Parasitic nearby;       ///< of a robot that is understood rod by rod, at x_d
+  Law law = Law::joint;   ///< whose terms `position` and `rate` are in
+  bool switched = false;  ///< set where readings are replaced by others: no step follows
+  Joint held{};           ///< by how much ê_q was larger before the last switch than after it,
+  double leaving = 0;     ///< led out in so many seconds more
 };
 
 /// Rate of an error whose reading is quantised, as a drive estimates it: a tracking loop of second
@@ -71,7 +79,33 @@ inline void track(const ControlSettings& settings, double pole, double reading, 
   rate -= (1 - pole) * (1 - pole) / settings.period * innovation;
 }
 
-/// One cycle. Bounded work, no allocation, no exception, no lock.
+/// A motor error's rate as rates of the errors that a law is made of.
+template <Mobility K>
+inline Extended in_terms_of(Corrects corrects, const Joint& rate, const Reference<K>& reference,
+                            int r) {
+  constexpr int n = kDof<K>;
+  Extended result{};
+  Coordinates twist{};
+  for (int i = 0; i < n; ++i) {
+    result[i] = rate[i];
+    for (int j = 0; j < n; ++j) twist[i] += reference.jacobians.J[i][j] * rate[j];
+  }
+  if (corrects == Corrects::pose) std::copy_n(twist.begin(), n, result.begin());
+  if (corrects == Corrects::readings)
+    for (int k = 0; k < r; ++k)
+      for (int i = 0; i < n; ++i) result[n + k] += reference.jr[k][i] * twist[i];
+  return result;
+}
+
+/// Share of what was held at a switch that is left, from 1 to 0 without a corner.
+inline double led_out(double leaving, double whole) {
+  const double u = whole > 0 ? leaving / whole : 0;
+  return u * u * (3 - 2 * u);
+}
+
+/// One cycle. Bounded work, no allocation, no exception, no lock. Where the law has changed since
+/// the last one, or the readings were replaced, the error keeps its value and its rate: the
+/// difference is led out.
 ///
 /// @param q_e       readings of motors and sensors, size n + r
 /// @param state     in and out; state.torque is the command
@@ -104,27 +138,39 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
   const bool posed = corrects == Corrects::pose, extended = corrects == Corrects::readings;
   const int tracked = extended ? n + robot.r : n;
   Extended measured = q_e;
-  Joint desired = setpoint.rate;
+  std::array<double, n> desired;  // rates
   if (posed) {
-    const Joint x = to_coordinates<K>(found);
+    const Coordinates x = to_coordinates<K>(found);
     std::copy_n(x.begin(), n, measured.begin());
+    std::copy_n(setpoint.rate.begin(), n, desired.begin());
   } else {
-    desired = reference.jacobians.joint_rate(setpoint.rate);
+    const Joint rate = reference.jacobians.joint_rate(setpoint.rate);
+    std::copy_n(rate.begin(), n, desired.begin());
   }
   ControlState next = state;
   next.nearby = nearby;
-  if (!next.started) {
-    next.started = true;
-    next.position = measured;
+  const bool switches = state.started && (state.switched || state.law != settings.law);
+  if (!state.started || switches) next.position = measured;
+  if (switches) {
+    next.rate = in_terms_of<K>(corrects, state.error_rate, reference, robot.r);
+    for (int i = 0; i < n; ++i) next.held[i] = state.error[i] - error[i];
+    next.leaving = settings.lead_out;
   }
-  double sum = 0;  // of what the state will keep: one NaN in it would fail every later cycle
+  next.started = true;
+  next.switched = false;
+  next.law = settings.law;
+  const double share = led_out(next.leaving, settings.lead_out);
+  next.leaving = std::max(0.0, next.leaving - settings.period);
+  for (int i = 0; i < n; ++i) error[i] += share * next.held[i];
+  Coordinates twist{};  // of x_d against x̂
+  double sum = 0;       // of what the state will keep: one NaN in it would fail every later cycle
   Pose from;
   if constexpr (K == Mobility::spatial)
     if (posed) {  // rotation vectors do not add: x̂ is tracked in the tangent space at its last pose
-      Joint last{};
+      Coordinates last{};
       std::copy_n(next.position.begin(), n, last.begin());
       from = to_pose<K>(last);
-      const Joint step = difference<K>(found, from);
+      const Coordinates step = difference<K>(found, from);
       std::copy_n(step.begin(), n, measured.begin());
       next.position.fill(0);
     }
@@ -137,21 +183,24 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
       rate = desired[c];
     else
       for (int j = 0; j < n; ++j) rate += reference.jr[c - n][j] * setpoint.rate[j];
-    track(settings, pole, measured[c], half * (next.desired[c] + rate), next.position[c],
-          next.rate[c]);
+    const double expected = half * ((switches ? rate : next.desired[c]) + rate);
+    if (switches) next.position[c] = measured[c] - settings.period * (expected - next.rate[c]);
+    track(settings, pole, measured[c], expected, next.position[c], next.rate[c]);
     next.desired[c] = rate;
     sum += next.position[c];
     if (extended)
       for (int i = 0; i < n; ++i) error_rate[i] += reference.tej[i][c] * next.rate[c];
+    else if (posed)
+      twist[c] = next.rate[c];
     else
       error_rate[c] = next.rate[c];
   }
-  if (posed) error_rate = reference.jacobians.joint_rate(error_rate);
+  if (posed) error_rate = reference.jacobians.joint_rate(twist);
   if constexpr (K == Mobility::spatial)
     if (posed) {
-      Joint step{};
+      Coordinates step{};
       std::copy_n(next.position.begin(), n, step.begin());
-      const Joint x = to_coordinates<K>(moved<K>(from, step));
+      const Coordinates x = to_coordinates<K>(moved<K>(from, step));
       std::copy_n(x.begin(), n, next.position.begin());
     }
 
@@ -168,25 +217,22 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
     DynamicModel<K> model;
     const auto& J = reference.jacobians.J;
     const bool full = settings.feed_forward == FeedForward::full;
-    outcome = dynamic_model<K>(robot, reference.closure, full ? setpoint.rate : Joint{}, model);
+    outcome =
+        dynamic_model<K>(robot, reference.closure, full ? setpoint.rate : Coordinates{}, model);
     if (!outcome) return outcome;
     if (settings.feed_forward == FeedForward::none) model.bias.fill(0);
-    Joint acceleration = full ? setpoint.acceleration : Joint{};
-    if (shaped) {
-      const Joint asked = pose_rate<K>(J, pd);
-      for (int i = 0; i < n; ++i) acceleration[i] += asked[i];
-      pd = {};
-    }
-    torque = inverse_dynamics<K>(model, J, acceleration);
+    torque = inverse_dynamics<K>(model, J, full ? setpoint.acceleration : Coordinates{});
     if (shaped) {
       model.bias.fill(0);
+      pd = inverse_dynamics<K>(model, J, pose_rate<K>(J, pd));
       steps = inverse_dynamics<K>(model, J, pose_rate<K>(J, steps));
     }
   }
   for (int i = 0; i < n; ++i) {
     const double limit = robot.chain[i].torque_limit;
     const double step = steps[i];
-    const double wanted = torque[i] + pd[i] + next.integral[i];
+    next.load[i] = torque[i] + next.integral[i];
+    const double wanted = next.load[i] + pd[i];
     const bool pushes = limit > 0 && std::fabs(wanted) > limit && wanted * step > 0;
     if (!pushes) next.integral[i] += step;  // a saturated motor does not wind up
     torque[i] = wanted + (pushes ? 0 : step);
@@ -196,6 +242,9 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
   if (!std::isfinite(sum)) return {Status::not_finite, -1};
   next.torque = torque;
   next.error = error;
+  next.error_rate = error_rate;
+  const Joint rate = reference.jacobians.joint_rate(setpoint.rate);
+  for (int i = 0; i < n; ++i) next.q_d[i] = reference.q_e[i] + settings.period * rate[i];
   state = next;
   return regular;
 }
@@ -211,8 +260,8 @@ inline Outcome control(const Robot& robot, const ControlSettings& settings,
 /// PD gains by pole placement. Of the diagonal: motor i alone, held at that pose, answers as a
 /// second order of that natural frequency (rad/s) and damping ratio. Shaped by the inertia: so does
 /// every motor at every pose, and x is not asked for more than that it exists.
-inline Outcome place_poles(const Robot& robot, const Joint& x, double frequency, double damping,
-                           ControlSettings& settings) {
+inline Outcome place_poles(const Robot& robot, const Coordinates& x, double frequency,
+                           double damping, ControlSettings& settings) {
   return with_mobility(robot.mobility, [&](auto mobility) {
     constexpr Mobility K = mobility();
     constexpr int n = kDof<K>;
@@ -221,7 +270,7 @@ inline Outcome place_poles(const Robot& robot, const Joint& x, double frequency,
     DynamicModel<K> model;
     Outcome outcome = ikm<K>(robot, to_pose<K>(x), closure);
     if (outcome) outcome = jacobian<K>(closure, jacobians);
-    if (outcome) outcome = dynamic_model<K>(robot, closure, Joint{}, model);
+    if (outcome) outcome = dynamic_model<K>(robot, closure, Coordinates{}, model);
     if (!outcome) return outcome;
     const auto inertia = joint_inertia<K>(model, jacobians.J);
     for (int m = 0; m < n; ++m) {

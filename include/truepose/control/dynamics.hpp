@@ -37,7 +37,7 @@ inline Vec3 turning(const Vec3& omega, const Vec3& l) {
 /// @return singular (and the chain) where an entry of J_q vanishes
 template <Mobility K>
 TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<K>& closure,
-                                              const Joint& rate, DynamicModel<K>& model) {
+                                              const Coordinates& rate, DynamicModel<K>& model) {
   constexpr int n = kDof<K>;
   const Twist twist = to_twist<K>(rate);
   const Vec3 g = robot.gravity();
@@ -151,7 +151,7 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<
 /// Motor torques that give the acceleration: τ = Jᵀ (M ẍ + c), friction not counted.
 template <Mobility K>
 inline Joint inverse_dynamics(const DynamicModel<K>& model, const Matrix<kDof<K>, kDof<K>>& J,
-                              const Joint& acceleration) {
+                              const Coordinates& acceleration) {
   constexpr int n = kDof<K>;
   Joint torque{};
   for (int i = 0; i < n; ++i) {
@@ -165,8 +165,8 @@ inline Joint inverse_dynamics(const DynamicModel<K>& model, const Matrix<kDof<K>
 
 /// Twist J v of the nacelle for rates v of the readings.
 template <Mobility K>
-inline Joint pose_rate(const Matrix<kDof<K>, kDof<K>>& J, const Joint& rate) {
-  Joint result{};
+inline Coordinates pose_rate(const Matrix<kDof<K>, kDof<K>>& J, const Joint& rate) {
+  Coordinates result{};
   for (int i = 0; i < kDof<K>; ++i)
     for (int j = 0; j < kDof<K>; ++j) result[i] += J[i][j] * rate[j];
   return result;
@@ -197,8 +197,8 @@ inline double friction(const Chain& chain, double rate) {
 /// @param torque_of  torque_of(closure, model) -> Joint; NeedAngle: it asks the closure for q
 /// @return unreachable, singular, not_finite, or ok
 template <Mobility K, bool NeedAngle, class Torque>
-inline Outcome forward_dynamics_under(const Robot& robot, const Pose& pose, const Joint& rate,
-                                      Torque&& torque_of, Joint& acceleration) {
+inline Outcome forward_dynamics_under(const Robot& robot, const Pose& pose, const Coordinates& rate,
+                                      Torque&& torque_of, Coordinates& acceleration) {
   constexpr int n = kDof<K>;
   Closure<K> closure;
   DynamicModel<K> model;
@@ -224,8 +224,8 @@ inline Outcome forward_dynamics_under(const Robot& robot, const Pose& pose, cons
 
 /// Acceleration ẍ under motor torques.
 template <Mobility K>
-inline Outcome forward_dynamics(const Robot& robot, const Pose& pose, const Joint& rate,
-                                const Joint& torque, Joint& acceleration) {
+inline Outcome forward_dynamics(const Robot& robot, const Pose& pose, const Coordinates& rate,
+                                const Joint& torque, Coordinates& acceleration) {
   return forward_dynamics_under<K, false>(
       robot, pose, rate, [&](const auto&, const auto&) { return torque; }, acceleration);
 }
@@ -233,8 +233,8 @@ inline Outcome forward_dynamics(const Robot& robot, const Pose& pose, const Join
 /// Motor torques under which the robot accelerates so, friction included: the inverse of
 /// forward_dynamics.
 template <Mobility K>
-inline Outcome inverse_dynamics(const Robot& robot, const Pose& pose, const Joint& rate,
-                                const Joint& acceleration, Joint& torque) {
+inline Outcome inverse_dynamics(const Robot& robot, const Pose& pose, const Coordinates& rate,
+                                const Coordinates& acceleration, Joint& torque) {
   Closure<K> closure;
   Jacobians<K> jacobians;
   DynamicModel<K> model;
@@ -250,12 +250,12 @@ inline Outcome inverse_dynamics(const Robot& robot, const Pose& pose, const Join
 
 /// M(x), of the free twist.
 template <Mobility K>
-inline Outcome mass_matrix(const Robot& robot, const Pose& pose, JointMatrix& mass) {
+inline Outcome mass_matrix(const Robot& robot, const Pose& pose, PoseMatrix& mass) {
   constexpr int n = kDof<K>;
   Closure<K> closure;
   DynamicModel<K> model;
   Outcome outcome = ikm<K, false>(robot, pose, closure);
-  if (outcome) outcome = dynamic_model<K>(robot, closure, Joint{}, model);
+  if (outcome) outcome = dynamic_model<K>(robot, closure, Coordinates{}, model);
   if (!outcome) return outcome;
   double sum = 0;
   for (int i = 0; i < n; ++i)
@@ -268,7 +268,8 @@ struct Energy {
   double kinetic = 0, potential = 0;
 };
 template <Mobility K>
-inline Outcome energy(const Robot& robot, const Pose& pose, const Joint& rate, Energy& result) {
+inline Outcome energy(const Robot& robot, const Pose& pose, const Coordinates& rate,
+                      Energy& result) {
   Closure<K> closure;
   DynamicModel<K> model;
   Outcome outcome = ikm<K, false>(robot, pose, closure);

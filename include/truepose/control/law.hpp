@@ -135,7 +135,7 @@ Outcome found_pose(const Robot& robot, Law law, const Pose& desired, const Exten
 /// branch_lost where x_d lies in another assembly mode than
 /// the robot's home (in the band, where the modes meet, both are its own)
 template <Mobility K>
-inline Outcome refer(const Robot& robot, Law law, const Joint& x_d, Reference<K>& reference,
+inline Outcome refer(const Robot& robot, Law law, const Coordinates& x_d, Reference<K>& reference,
                      double band = 0, const Weighing& weighing = {}, Parasitic* nearby = nullptr) {
   Parasitic unknown;
   Parasitic& rest = nearby ? *nearby : unknown;
@@ -186,7 +186,7 @@ Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Vec3& near_
 }
 
 /// The same for coordinates x of any mobility; the robot's home says on which side the nacelle is.
-inline Outcome redundant_fkm(const Robot& robot, const Extended& q_e, Joint& x) {
+inline Outcome redundant_fkm(const Robot& robot, const Extended& q_e, Coordinates& x) {
   return with_mobility(robot.mobility, [&](auto mobility) {
     constexpr Mobility K = mobility();
     Pose pose;

@@ -6,8 +6,8 @@
 
 namespace truepose {
 
-using ExtendedColumns = Matrix<kMaxReadings, kMaxDof>;  ///< M
-using ExtendedRows = Matrix<kMaxDof, kMaxReadings>;     ///< M⁺
+using ExtendedColumns = Matrix<kMaxReadings, kMaxMotors>;  ///< M
+using ExtendedRows = Matrix<kMaxMotors, kMaxReadings>;     ///< M⁺
 
 /// M = [I; J_r J], Δq_e = M Δq, and its weighted pseudo-inverse TEJ = M⁺ = (MᵀWM)⁻¹MᵀW.
 /// W is 1 for motors and the sensor's weight (1 in the paper) for redundant rows.
@@ -45,8 +45,8 @@ inline void tej(const Robot& robot, const Jacobians<K>& jacobians,
 
 /// M and M⁺ at coordinates x. @param band  conditioning below which J is damped (0: the paper's)
 /// @return near_singular where it is damped
-inline Outcome tej(const Robot& robot, const Joint& x, ExtendedColumns& M, ExtendedRows& M_plus,
-                   double band = 0) {
+inline Outcome tej(const Robot& robot, const Coordinates& x, ExtendedColumns& M,
+                   ExtendedRows& M_plus, double band = 0) {
   return with_mobility(robot.mobility, [&](auto mobility) {
     constexpr Mobility K = mobility();
     Closure<K> closure;

@@ -9,22 +9,40 @@ namespace truepose {
 
 /// Desired pose, free twist and its derivative.
 struct Setpoint {
-  Joint x{}, rate{}, acceleration{};
+  Coordinates x{}, rate{}, acceleration{};
 };
+
+/// What lies between two setpoints of a path that is followed more slowly. @param share  0 to 1
+inline Setpoint between(Mobility mobility, const Setpoint& a, const Setpoint& b, double share) {
+  return with_mobility(mobility, [&](auto K) {
+    const Pose start = to_pose<K()>(a.x);
+    Coordinates step = difference<K()>(to_pose<K()>(b.x), start);
+    Setpoint setpoint;
+    for (std::size_t i = 0; i < step.size(); ++i) {
+      step[i] *= share;
+      setpoint.rate[i] = a.rate[i] + share * (b.rate[i] - a.rate[i]);
+      setpoint.acceleration[i] =
+          a.acceleration[i] + share * (b.acceleration[i] - a.acceleration[i]);
+    }
+    setpoint.x = to_coordinates<K()>(moved<K()>(start, step));
+    return setpoint;
+  });
+}
 
 /// From `from` to `to` in `duration` seconds, at rest at both ends; before and after it stays.
 /// s = 10u³ - 15u⁴ + 6u⁵: velocity and acceleration vanish at the ends. Rotations turn about one
 /// fixed axis, so the twist is s' times a constant, exactly.
 template <Mobility K>
-inline Setpoint quintic(const Joint& from, const Joint& to, double duration, double time) {
+inline Setpoint quintic(const Coordinates& from, const Coordinates& to, double duration,
+                        double time) {
   const double u = std::clamp(time / duration, 0.0, 1.0);
   const double s = u * u * u * (10 + u * (6 * u - 15));
   const double s1 = 30 * u * u * (1 + u * (u - 2)) / duration;
   const double s2 = 60 * u * (1 + u * (2 * u - 3)) / (duration * duration);
   const Pose start = to_pose<K>(from);
-  const Joint whole = difference<K>(to_pose<K>(to), start);
+  const Coordinates whole = difference<K>(to_pose<K>(to), start);
   Setpoint setpoint;
-  Joint part{};
+  Coordinates part{};
   for (int i = 0; i < kDof<K>; ++i) {
     part[i] = s * whole[i];
     setpoint.rate[i] = s1 * whole[i];

@@ -41,6 +41,22 @@ inline int estimate_work(const Robot& robot, int count) {
 struct ReadingCovariance {
   Matrix<kMaxReadings, kMaxReadings> L;
 
+  /// From the lower triangle of C, left in L. @return false where that is no covariance
+  bool factor(int rows) {
+    for (int i = 0; i < rows; ++i)
+      for (int j = 0; j <= i; ++j) {
+        double sum = L[i][j];
+        for (int k = 0; k < j; ++k) sum -= L[i][k] * L[j][k];
+        if (i > j) {
+          L[i][j] = sum / L[j][j];
+        } else {
+          if (!(sum > 0 && std::isfinite(sum))) return false;
+          L[i][i] = std::sqrt(sum);
+        }
+      }
+    return true;
+  }
+
   /// L⁻¹ b in place, b of `rows` entries `stride` apart.
   void whiten(int rows, double* b, int stride) const {
     for (int i = 0; i < rows; ++i) {
@@ -68,34 +84,30 @@ inline Outcome reading_covariance(const Robot& robot, const Knowledge& known, co
   const int rows = dof(robot.mobility) + robot.r;
   gather(robot, known, H_xi, rows, B);
   times_root(known, rows, B);
-  for (int i = 0; i < rows; ++i)
-    for (int j = 0; j <= i; ++j) {
-      double sum = i == j;
-      sum += dot(known.count, B + i * known.count, B + j * known.count);
-      for (int k = 0; k < j; ++k) sum -= C.L[i][k] * C.L[j][k];
-      if (i > j) {
-        C.L[i][j] = sum / C.L[j][j];
-      } else {
-        if (!(sum > 0 && std::isfinite(sum) && known.sigma[i] > 0)) return {Status::not_finite, -1};
-        C.L[i][i] = std::sqrt(sum);
-      }
-    }
-  return {};
+  bool positive = true;
+  for (int i = 0; i < rows; ++i) {
+    positive = positive && known.sigma[i] > 0;
+    for (int j = 0; j <= i; ++j)
+      C.L[i][j] = (i == j) + dot(known.count, B + i * known.count, B + j * known.count);
+  }
+  return {positive && C.factor(rows) ? Status::ok : Status::not_finite, -1};
 }
 
-/// What was read less what was expected, whole turns of a joint left out: which of them an encoder
-/// counts from is nobody's geometry.
+/// What is left of a difference of a reading when whole turns of a joint are taken out: which of
+/// them an encoder counts from is nobody's geometry.
+inline double within_turn(const Robot& robot, int reading, double difference) {
+  const int n = dof(robot.mobility);
+  if (reading < n) return within_turn(robot.chain[reading], difference);
+  const Sensor& sensor = robot.sensor[reading - n];
+  return properties(sensor.kind).wraps ? std::remainder(difference, 2 * M_PI * sensor.gain)
+                                       : difference;
+}
+
+/// What was read less what was expected, whole turns of a joint left out.
 inline void innovation(const Robot& robot, const Extended& q_e, const Extended& expected,
                        Extended& residual) {
-  const int n = dof(robot.mobility);
-  for (int i = 0; i < n + robot.r; ++i) {
-    residual[i] = q_e[i] - expected[i];
-    if (i < n) {
-      residual[i] = within_turn(robot.chain[i], residual[i]);
-    } else if (const Sensor& sensor = robot.sensor[i - n]; properties(sensor.kind).wraps) {
-      residual[i] = std::remainder(residual[i], 2 * M_PI * sensor.gain);
-    }
-  }
+  for (int i = 0; i < dof(robot.mobility) + robot.r; ++i)
+    residual[i] = within_turn(robot, i, q_e[i] - expected[i]);
 }
 
 /// Generalised least squares at a pose: δx = gain (q_e - h(x)), and δx's covariance.
@@ -180,8 +192,8 @@ Estimate<K> estimate_from(const Robot& robot, const Knowledge& known, const Exte
   double last = INFINITY;
   result.outcome = Level::template linearise<K>(robot, at, expected, H_x, H_xi, rest);
   if (result.outcome) result.outcome = reading_covariance(robot, known, H_xi, B, C);
-  Pose base;     // the last one that lowered the cost,
-  Joint step{};  // the step from there
+  Pose base;           // the last one that lowered the cost,
+  Coordinates step{};  // the step from there
   double cost = INFINITY, promised = 0, length = 1;
   while (result.outcome) {
     Extended residual{}, whitened{};
@@ -233,7 +245,7 @@ Estimate<K> estimate_from(const Robot& robot, const Knowledge& known, const Exte
       promised = cost;
       for (int c = 0; c < rows; ++c) promised -= left[c] * left[c];
     }
-    Joint whole = step;
+    Coordinates whole = step;
     for (double& entry : whole) entry *= length;
     at = moved<K>(base, whole);
     if (!all_finite(whole, n) || result.iterations == cap) {

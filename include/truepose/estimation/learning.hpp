@@ -23,14 +23,16 @@ struct Learner {
   Pose pose;          ///< x̂ of the last line, from which the next one starts
   Extended last{};    ///< the last line
   long lines = 0;     ///< learnt so far
-  long left_out = 0;  ///< that fitted no pose, or not each other
+  long left_out = 0;  ///< that fitted no pose, or not each other: all of the line, or one reading
+  Outcome made{};     ///< what the filter made of the last line
 
   Knowledge knowledge() const { return {state.count, state.column, state.root, state.sigma}; }
 };
 
 /// One cycle. Bounded work, no allocation, no exception.
-/// @return what the filter made of the readings; ok also where they are no news, `stopped` from the
-/// cycle on in which it gave up: the robot is then the last good one
+/// @return what the filter made of the readings, or, where they are no news, of the last line: only
+/// `ok` says that all of it was learnt from. `stopped` from the cycle on in which it gave up: the
+/// robot is then the last good one
 template <Mobility K, class Model>
 inline Outcome learn(Learner& learner, const Extended& q_e) {
   if (!learner.drawn->finished) return {Status::unfinished, -1};
@@ -39,14 +41,17 @@ inline Outcome learn(Learner& learner, const Extended& q_e) {
   for (int c = 0; c < rows; ++c)
     news = news || std::fabs(q_e[c] - learner.last[c]) > learner.fresh * learner.state.sigma[c];
   if (learner.state.doubt.stopped) return {Status::stopped, -1};
-  if (!news) return {};
+  if (!news) return learner.made;
   const Pose before = learner.pose;
   const Outcome outcome = observe<K, Model>(*learner.drawn, learner.settings, q_e, learner.state,
                                             learner.robot, learner.pose, learner.work);
   const Outcome believed = set_parameters(*learner.drawn, learner.state.xi, learner.robot);
   if (!believed) return believed;
   if (outcome.status == Status::disagree && outcome.chain < 0) learner.pose = before;
-  if (outcome.status != Status::not_finite) learner.last = q_e;  // also a bad line is no news twice
+  if (outcome.status != Status::not_finite) {  // also a bad line is no news twice
+    learner.last = q_e;
+    learner.made = outcome;
+  }
   ++(outcome.status == Status::ok ? learner.lines : learner.left_out);
   return outcome;
 }

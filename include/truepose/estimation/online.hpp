@@ -140,7 +140,7 @@ inline Outcome understand(const Robot& robot, const OnlineSettings& settings, co
     if (last && without >= 0) std::fill_n(work.B + without * p, p, 0.0);
     RowsOfPose A = line.H_x;
     if (!eliminate(n, rows, A, work.B, last ? p : 0, e)) return {Status::singular, -1};
-    Joint step{};
+    Coordinates step{};
     for (int i = 0; i < n; ++i) step[i] = e[i];
     back_substitute(n, A, step);
     if (!all_finite(step, n)) return {Status::not_finite, -1};

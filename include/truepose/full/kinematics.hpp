@@ -312,6 +312,26 @@ FullResult ikm_full(const Robot& robot, const Pose& pose, FullClosure<K>& closur
   return result;
 }
 
+namespace full_detail {
+
+/// Calls f(closure) with all rods closed at x, same() where the full level is the ideal one.
+/// @return f's or same's outcome, or why the rods do not close
+template <class F, class Same>
+inline Outcome closed(const Robot& robot, const Coordinates& x, F&& f, Same&& same) {
+  return with_full(
+      robot,
+      [&](auto mobility) -> Outcome {
+        constexpr Mobility K = mobility();
+        FullClosure<K> closure;
+        const FullResult result = ikm_full<K>(robot, to_pose<K>(x), closure);
+        if (!result) return {result.status, result.chain};
+        return f(closure);
+      },
+      same);
+}
+
+}  // namespace full_detail
+
 /// Derivatives at the full level by the implicit function theorem: A ż = Q q̇ with z = (D, R, ψ).
 template <Mobility K>
 struct FullJacobians {
@@ -342,7 +362,7 @@ TRUEPOSE_FLATTEN inline Outcome jacobian_full(const Robot& robot, const FullClos
 }
 
 /// x = FKM(q) at the full level. @param x in: the guess; out: the pose.
-inline FullResult fkm_full(const Robot& robot, const Joint& q, Joint& x) {
+inline FullResult fkm_full(const Robot& robot, const Joint& q, Coordinates& x) {
   return full_detail::with_full(
       robot,
       [&](auto mobility) {
@@ -358,14 +378,10 @@ inline FullResult fkm_full(const Robot& robot, const Joint& q, Joint& x) {
 
 /// q = IKM(x) at the full level.
 /// @return joint_limit where a motor would have to pass its stops (`q` then says how far)
-inline Outcome ikm_full(const Robot& robot, const Joint& x, Joint& q) {
-  return full_detail::with_full(
-      robot,
-      [&](auto mobility) -> Outcome {
-        constexpr Mobility K = mobility();
-        FullClosure<K> closure;
-        const FullResult result = ikm_full<K>(robot, to_pose<K>(x), closure);
-        if (!result) return {result.status, result.chain};
+inline Outcome ikm_full(const Robot& robot, const Coordinates& x, Joint& q) {
+  return full_detail::closed(
+      robot, x,
+      [&](const auto& closure) {
         q = closure.q;
         return within_limits(robot, q);
       },
@@ -374,33 +390,26 @@ inline Outcome ikm_full(const Robot& robot, const Joint& x, Joint& q) {
 
 /// What x leaves out at the full level: the nacelle's turns against the ideal R (about x and y, of
 /// a translation robot about z as well) and each bar's turn against the base, θ + ψ_k.
-inline Outcome parasitic(const Robot& robot, const Joint& x, Joint& rest) {
+inline Outcome parasitic(const Robot& robot, const Coordinates& x, Coordinates& rest) {
   rest.fill(0);
-  return full_detail::with_full(
-      robot,
-      [&](auto mobility) -> Outcome {
-        constexpr Mobility K = mobility();
+  return full_detail::closed(
+      robot, x,
+      [&]<Mobility K>(const FullClosure<K>& closure) {
         const Pose pose = to_pose<K>(x);
-        FullClosure<K> closure;
-        const FullResult result = ikm_full<K>(robot, pose, closure);
         const Vec3 tilt = log_so3(closure.pose.R * pose.R.transpose());
         constexpr int tilts = full_detail::Inverse<K>::tilts;
         for (int k = 0; k < tilts; ++k) rest[k] = tilt[k];
         for (int k = tilts; k < kDof<K>; ++k) rest[k] = pose.theta + closure.pose.psi[k - tilts];
-        return {result.status, result.chain};
+        return Outcome{};
       },
       [] { return Outcome{}; });
 }
 
 /// J(x) at the full level, ẋ = J q̇.
-inline Outcome jacobian_full(const Robot& robot, const Joint& x, JointMatrix& J) {
-  return full_detail::with_full(
-      robot,
-      [&](auto mobility) -> Outcome {
-        constexpr Mobility K = mobility();
-        FullClosure<K> closure;
-        const FullResult result = ikm_full<K>(robot, to_pose<K>(x), closure);
-        if (!result) return {result.status, result.chain};
+inline Outcome jacobian_full(const Robot& robot, const Coordinates& x, JointMatrix& J) {
+  return full_detail::closed(
+      robot, x,
+      [&]<Mobility K>(const FullClosure<K>& closure) {
         FullJacobians<K> jacobians;
         const Outcome outcome = jacobian_full<K>(robot, closure, jacobians);
         if (outcome)

@@ -120,14 +120,10 @@ inline Outcome extended_full(const Robot& robot, const Pose& pose, Extended& q_e
 }
 
 /// r = RKM(x) at the full level, the tilt and the bars' turns included.
-inline Outcome rkm_full(const Robot& robot, const Joint& x, Reading& values) {
-  return full_detail::with_full(
-      robot,
-      [&](auto mobility) -> Outcome {
-        constexpr Mobility K = mobility();
-        FullClosure<K> closure;
-        const FullResult result = ikm_full<K>(robot, to_pose<K>(x), closure);
-        if (!result) return {result.status, result.chain};
+inline Outcome rkm_full(const Robot& robot, const Coordinates& x, Reading& values) {
+  return full_detail::closed(
+      robot, x,
+      [&]<Mobility K>(const FullClosure<K>& closure) {
         std::array<FullRow, kMaxSensors> rows;
         return rkm_full<K>(robot, closure, values, rows);
       },

@@ -107,7 +107,8 @@ inline Outcome jacobian(Closure<K>& closure, double band, Jacobians<K>& jacobian
 }
 
 /// Conditioning at coordinates x. @param serial  out, size n
-inline Outcome conditioning(const Robot& robot, const Joint& x, double& parallel, Joint& serial) {
+inline Outcome conditioning(const Robot& robot, const Coordinates& x, double& parallel,
+                            Joint& serial) {
   return with_mobility(robot.mobility, [&](auto mobility) {
     constexpr Mobility K = mobility();
     Closure<K> closure;

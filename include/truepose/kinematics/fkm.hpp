@@ -85,7 +85,7 @@ TRUEPOSE_FLATTEN inline FkmResult search(const Robot& robot, const Joint& q, Pos
       },
       [&](const Iterate& at, const Inverse& inverse, Iterate& after) {
         const Lanes<n> step = times<n>(inverse.rows, at.f);
-        Joint motion{};
+        Coordinates motion{};
         for (int j = 0; j < n; ++j) motion[j] = step[j];
         after.pose = moved<K>(at.pose, motion);
         evaluate(after);
@@ -250,7 +250,7 @@ TRUEPOSE_FLATTEN FkmResult fkm(const Robot& robot, const Joint& q, Pose& pose) {
 }
 
 /// x = FKM(q). @param x in: the guess; out: the pose.
-inline FkmResult fkm(const Robot& robot, const Joint& q, Joint& x) {
+inline FkmResult fkm(const Robot& robot, const Joint& q, Coordinates& x) {
   return with_mobility(robot.mobility, [&](auto mobility) {
     constexpr Mobility K = mobility();
     Pose pose = to_pose<K>(x);

@@ -47,7 +47,7 @@ TRUEPOSE_FLATTEN inline Outcome ikm(const Robot& robot, const Pose& pose, Closur
 
 /// q = IKM(x) for coordinates x of any mobility.
 /// @return joint_limit where a motor would have to pass its stops (`q` then says how far)
-inline Outcome ikm(const Robot& robot, const Joint& x, Joint& q) {
+inline Outcome ikm(const Robot& robot, const Coordinates& x, Joint& q) {
   return with_mobility(robot.mobility, [&](auto mobility) {
     constexpr Mobility K = mobility();
     Closure<K> closure;

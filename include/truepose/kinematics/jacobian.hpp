@@ -38,7 +38,7 @@ struct Jacobians {
   std::array<double, kDof<K>> jq;
 
   /// q̇ = J⁻¹ ẋ = J_q⁻¹ J_x ẋ, without inverting J.
-  Joint joint_rate(const Joint& rate) const {
+  Joint joint_rate(const Coordinates& rate) const {
     Joint result{};
     for (int i = 0; i < kDof<K>; ++i) {
       double sum = 0;
@@ -73,7 +73,7 @@ TRUEPOSE_FLATTEN inline Outcome jacobian(const Closure<K>& closure, Jacobians<K>
 }
 
 /// J(x), n×n, ẋ = J q̇; ẋ is a twist (its free columns), base frame.
-inline Outcome jacobian(const Robot& robot, const Joint& x, JointMatrix& J) {
+inline Outcome jacobian(const Robot& robot, const Coordinates& x, JointMatrix& J) {
   return with_mobility(robot.mobility, [&](auto mobility) {
     constexpr Mobility K = mobility();
     Closure<K> closure;

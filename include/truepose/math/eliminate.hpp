@@ -55,7 +55,7 @@ inline bool eliminate(int n, int rows, RowsOfPose& A, double* B, int width,
 }
 
 /// R x = b in place, R as `eliminate` leaves it.
-inline void back_substitute(int n, const RowsOfPose& R, Joint& b) {
+inline void back_substitute(int n, const RowsOfPose& R, Coordinates& b) {
   for (int i = n - 1; i >= 0; --i) {
     for (int k = i + 1; k < n; ++k) b[i] -= R[i][k] * b[k];
     b[i] /= R[i][i];

@@ -133,7 +133,7 @@ TRUEPOSE_FLATTEN inline bool close(const Chain& chain, const Vec3& d, double d2,
       position = std::sqrt(d2);
       state.p = state.dB = Vec3::Zero();
       state.jq = -position;
-      if (!(position > 0 && std::isfinite(position))) return false;
+      if (!(position > 0 && position < INFINITY)) return false;
       if (chain.encoder_errs) position = read_with_errors(chain, position, state);
       break;
     }

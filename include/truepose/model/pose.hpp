@@ -67,7 +67,7 @@ inline Vec3 turned(const Mat3& R, const Vec3& l) {
 }
 
 template <Mobility K>
-inline Pose to_pose(const Joint& x) {
+inline Pose to_pose(const Coordinates& x) {
   Pose pose;
   pose.D.x() = x[0];
   pose.D.y() = x[1];
@@ -82,8 +82,8 @@ inline Pose to_pose(const Joint& x) {
 }
 
 template <Mobility K>
-inline Joint to_coordinates(const Pose& pose) {
-  Joint x{};
+inline Coordinates to_coordinates(const Pose& pose) {
+  Coordinates x{};
   x[0] = pose.D.x();
   x[1] = pose.D.y();
   if constexpr (K == Mobility::translation || K == Mobility::schoenflies || K == Mobility::spatial)
@@ -98,7 +98,7 @@ inline Joint to_coordinates(const Pose& pose) {
 
 /// The pose after the small motion `step` (size n, free columns of the twist): D + v, exp(ω) R.
 template <Mobility K>
-inline Pose moved(const Pose& pose, const Joint& step) {
+inline Pose moved(const Pose& pose, const Coordinates& step) {
   if constexpr (K == Mobility::spatial) {
     Pose result;
     result.D = pose.D + Vec3(step[0], step[1], step[2]);
@@ -129,13 +129,13 @@ inline Pose moved(const Pose& pose, const Joint& step) {
 
 /// The small motion that takes `from` to `to`: the inverse of moved().
 template <Mobility K>
-inline Joint difference(const Pose& to, const Pose& from) {
+inline Coordinates difference(const Pose& to, const Pose& from) {
   if constexpr (K == Mobility::spatial) {
     const Vec3 d = to.D - from.D, w = log_so3(to.R * from.R.transpose());
     return {d.x(), d.y(), d.z(), w.x(), w.y(), w.z()};
   } else {
-    Joint step = to_coordinates<K>(to);
-    const Joint start = to_coordinates<K>(from);
+    Coordinates step = to_coordinates<K>(to);
+    const Coordinates start = to_coordinates<K>(from);
     for (int i = 0; i < kDof<K>; ++i) step[i] -= start[i];
     return step;
   }
@@ -147,7 +147,7 @@ struct Twist {
   Vec3 omega = Vec3::Zero();
 };
 template <Mobility K>
-inline Twist to_twist(const Joint& rate) {
+inline Twist to_twist(const Coordinates& rate) {
   std::array<double, 6> full{};
   for (int j = 0; j < kDof<K>; ++j) full[Freedom<K>::columns[j]] = rate[j];
   return {Vec3(full[0], full[1], full[2]), Vec3(full[3], full[4], full[5])};
@@ -167,13 +167,13 @@ inline void free_columns(const Vec3& linear, const Vec3& angular, double* row) {
 constexpr bool turns_about_z(Mobility mobility) {
   return mobility == Mobility::planar || mobility == Mobility::schoenflies;
 }
-inline Pose to_pose(Mobility mobility, const Joint& x) {
+inline Pose to_pose(Mobility mobility, const Coordinates& x) {
   return with_mobility(mobility, [&](auto K) { return to_pose<K()>(x); });
 }
-inline Joint to_coordinates(Mobility mobility, const Pose& pose) {
+inline Coordinates to_coordinates(Mobility mobility, const Pose& pose) {
   return with_mobility(mobility, [&](auto K) { return to_coordinates<K()>(pose); });
 }
-inline Pose moved(Mobility mobility, const Pose& pose, const Joint& step) {
+inline Pose moved(Mobility mobility, const Pose& pose, const Coordinates& step) {
   return with_mobility(mobility, [&](auto K) { return moved<K()>(pose, step); });
 }
 inline void free_columns(Mobility mobility, const Vec3& linear, const Vec3& angular, double* row) {

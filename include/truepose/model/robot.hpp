@@ -37,7 +37,10 @@ using Reading = std::array<double, kMaxSensors>;    ///< anything of size r
 using Extended = std::array<double, kMaxReadings>;  ///< anything of size n + r
 template <int Rows, int Columns>
 using Matrix = std::array<std::array<double, Columns>, Rows>;
-using JointMatrix = Matrix<kMaxDof, kMaxDof>;
+using JointMatrix = Matrix<kMaxDof, kMaxMotors>;    ///< J, ẋ = J q̇
+using PoseMatrix = Matrix<kMaxDof, kMaxDof>;        ///< of twists by twists: covariances
+using PoseRows = Matrix<kMaxReadings, kMaxDof>;     ///< H_x, of readings by the pose
+using PoseColumns = Matrix<kMaxDof, kMaxReadings>;  ///< of the pose by readings: gain, leakage
 using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 /// Which freedoms the mechanism leaves to the nacelle.

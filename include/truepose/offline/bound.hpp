@@ -74,7 +74,7 @@ inline Outcome after_visiting(
 inline Outcome fused(const Robot& robot, const Kernels& model, const Knowledge& known,
                      const Pose& pose, double* H_xi, double* B, Fused& fusion) {
   Extended q_e;
-  ExtendedColumns H_x;
+  PoseRows H_x;
   ReadingCovariance C;
   Parasitic rest;
   Outcome outcome = model.linearise(robot, pose, q_e, H_x, H_xi, rest);

@@ -228,28 +228,28 @@ class Calibrator {
   /// damping of ξ would ever lower the cost.
   bool settle(Iterate& at, int k, const Iterate* last) {
     bool good = read(at, k);
-    if (good && away(at.line[k]) < 1) return true;
+    if (good && at.line[k].away() < 1) return true;
     if (last) {
       const Pose pose = at.pose[k];
       const Line line = at.line[k];
       at.pose[k] = last->pose[k];
-      if (const bool kept = read(at, k); good && !(kept && misfit(at.line[k]) < misfit(line))) {
+      if (const bool kept = read(at, k); good && !(kept && at.line[k].misfit() < line.misfit())) {
         at.pose[k] = pose;
         at.line[k] = line;
       } else {
         good = kept;
       }
     }
-    for (int step = 0; good && step < 5 && away(at.line[k]) > 1; ++step) {
+    for (int step = 0; good && step < 5 && at.line[k].away() > 1; ++step) {
       const Pose pose = at.pose[k];
       const Line line = at.line[k];
       bool lower = false;
       for (double length = 1; !lower && length > 0.01; length *= 0.25) {
-        Joint change{};
+        Coordinates change{};
         for (int i = 0; i < n_; ++i) change[i] = length * line.e[i];
         back_substitute(n_, line.R, change);
         at.pose[k] = moved(model_.mobility, pose, change);
-        lower = read(at, k) && misfit(at.line[k]) < misfit(line);
+        lower = read(at, k) && at.line[k].misfit() < line.misfit();
       }
       if (lower) continue;
       at.pose[k] = pose;
@@ -259,31 +259,14 @@ class Calibrator {
     return good;
   }
 
-  /// How far a line's pose is from its best, in units of its own σ.
-  double away(const Line& line) const {
-    double size = 0;
-    for (int i = 0; i < n_; ++i) size = std::max(size, std::fabs(line.e[i]));
-    return size;
-  }
-  /// Squared residual of a line at its pose; chi2() is what the best pose leaves, to first order.
-  double misfit(const Line& line) const {
-    double sum = 0;
-    for (int i = 0; i < line.rows; ++i) sum += line.e[i] * line.e[i];
-    return sum;
-  }
-
-  /// d² of a line. Within σ of its best pose what that leaves is exact enough: what the pose itself
-  /// lags behind ξ would hide how much a step has gained, where σ is small and steps are not.
-  double d2(const Line& line) const { return away(line) < 1 ? line.chi2() : misfit(line); }
-
   double weight(const Line& line) const {
     const int m = line.redundancy();
-    return loss_.scale(m) * loss_.weight(d2(line) / (scale_ * scale_), m);
+    return loss_.scale(m) * loss_.weight(line.d2() / (scale_ * scale_), m);
   }
   double rho(const Line& line) const {
     const double s2 = scale_ * scale_;
     const int m = line.redundancy();
-    return s2 * loss_.scale(m) * loss_.rho(d2(line) / s2, m);
+    return s2 * loss_.scale(m) * loss_.rho(line.d2() / s2, m);
   }
   double cost(const Iterate& at) const {
     double sum = at.u.squaredNorm();
@@ -296,7 +279,7 @@ class Calibrator {
   double spread(const Iterate& at) const {
     std::vector<double> ratios;
     for (const Line& line : at.line)
-      if (line.redundancy() > 0) ratios.push_back(misfit(line) / line.redundancy());
+      if (line.redundancy() > 0) ratios.push_back(line.misfit() / line.redundancy());
     if (ratios.empty()) return 1;
     const auto middle = ratios.begin() + static_cast<long>(ratios.size() / 2);
     std::nth_element(ratios.begin(), middle, ratios.end());
@@ -383,7 +366,7 @@ class Calibrator {
   double follow(const Iterate& now, int k, const Eigen::VectorXd& step, Iterate& trial) const {
     const Line& line = now.line[k];
     if (line.rows < n_) return 0;
-    Joint change{};
+    Coordinates change{};
     double size = 0;
     for (int i = 0; i < n_; ++i) {
       change[i] = line.e[i] - line.B.row(i).dot(step);

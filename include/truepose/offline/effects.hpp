@@ -70,9 +70,9 @@ class Plant {
     DynamicModel<K> model;
     Outcome outcome = ikm<K>(truth_, state_.pose, closure);
     if (outcome) outcome = jacobian<K>(closure, jacobians);
-    if (outcome) outcome = dynamic_model<K>(truth_, closure, Joint{}, model);
+    if (outcome) outcome = dynamic_model<K>(truth_, closure, Coordinates{}, model);
     if (!outcome) return outcome;
-    transmitted_ = inverse_dynamics<K>(model, jacobians.J, Joint{});
+    transmitted_ = inverse_dynamics<K>(model, jacobians.J, Coordinates{});
     const Joint q = closure.q();
     for (int i = 0; i < n; ++i)
       rotors_[i] = shaft(i, q[i]) + (springy(i) ? transmitted_[i] / effects_.arm_stiffness : 0);

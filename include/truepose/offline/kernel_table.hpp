@@ -10,14 +10,15 @@ namespace truepose {
 
 /// Generalised least squares at a pose, as Fusion, and the weighted TEJ that it makes.
 struct Fused {
-  ExtendedRows gain, tej;
-  JointMatrix covariance;
+  PoseColumns gain;
+  ExtendedRows tej;
+  PoseMatrix covariance;
 };
 
 /// An estimate of a pose; the pose itself is the kernel's output.
 struct Found {
   Outcome outcome;
-  JointMatrix covariance;
+  PoseMatrix covariance;
   double chi2 = 0;
 };
 
@@ -26,10 +27,10 @@ struct Kernels {
   Mobility mobility = Mobility::spatial;
   int n = 0;
   Status (*fkm)(const Robot&, const Joint& q, Pose&, Parasitic&) = nullptr;
-  Outcome (*linearise)(const Robot&, const Pose&, Extended& q_e, ExtendedColumns& H_x, double* H_xi,
+  Outcome (*linearise)(const Robot&, const Pose&, Extended& q_e, PoseRows& H_x, double* H_xi,
                        Parasitic&) = nullptr;
-  Outcome (*fuse)(const Robot&, const Knowledge&, const ReadingCovariance&,
-                  const ExtendedColumns& H_x, Fused&) = nullptr;
+  Outcome (*fuse)(const Robot&, const Knowledge&, const ReadingCovariance&, const PoseRows& H_x,
+                  Fused&) = nullptr;
   Found (*estimate)(const Robot&, const Knowledge&, const Extended& q_e, Pose&,
                     double* work) = nullptr;
   Outcome (*observe)(const Robot& drawn, const OnlineSettings&, const Extended& q_e, OnlineState&,
@@ -47,8 +48,8 @@ inline void copy(const From& from, int rows, int columns, To& to) {
 }
 
 template <Mobility K, class Model>
-Outcome linearise(const Robot& robot, const Pose& pose, Extended& q_e, ExtendedColumns& H_x,
-                  double* H_xi, Parasitic& rest) {
+Outcome linearise(const Robot& robot, const Pose& pose, Extended& q_e, PoseRows& H_x, double* H_xi,
+                  Parasitic& rest) {
   Matrix<kMaxReadings, kDof<K>> rows;
   const Outcome outcome = Model::template linearise<K>(robot, pose, q_e, rows, H_xi, rest);
   if (outcome) copy(rows, kDof<K> + robot.r, kDof<K>, H_x);
@@ -57,7 +58,7 @@ Outcome linearise(const Robot& robot, const Pose& pose, Extended& q_e, ExtendedC
 
 template <Mobility K>
 Outcome fuse(const Robot& robot, const Knowledge& known, const ReadingCovariance& C,
-             const ExtendedColumns& H_x, Fused& fused) {
+             const PoseRows& H_x, Fused& fused) {
   constexpr int n = kDof<K>;
   Matrix<kMaxReadings, n> rows;
   copy(H_x, n + robot.r, n, rows);

@@ -21,6 +21,21 @@ struct Line {
     for (int i = n; i < rows; ++i) sum += e[i] * e[i];
     return sum;
   }
+  /// Squared residual at its pose; chi2() is what the best pose leaves, to first order.
+  double misfit() const {
+    double sum = 0;
+    for (int i = 0; i < rows; ++i) sum += e[i] * e[i];
+    return sum;
+  }
+  /// How far its pose is from its best, in units of its own σ.
+  double away() const {
+    double size = 0;
+    for (int i = 0; i < n; ++i) size = std::max(size, std::fabs(e[i]));
+    return size;
+  }
+  /// Within σ of its best pose what that leaves is exact enough: what the pose itself lags behind ξ
+  /// would hide how much a step has gained, where σ is small and steps are not.
+  double d2() const { return away() < 1 ? chi2() : misfit(); }
 };
 
 /// Of a tracker that measures the nacelle's own x, in the base frame.
@@ -44,7 +59,7 @@ inline Outcome read(const Kernels& kernels, const Robot& robot, const Knowledge&
                     double* H_xi, Line& line, Parasitic& rest) {
   const int n = kernels.n, readings = n + robot.r;
   Extended expected, residual{}, values{};
-  ExtendedColumns H_x;
+  PoseRows H_x;
   const Outcome outcome = kernels.linearise(robot, pose, expected, H_x, H_xi, rest);
   if (!outcome) return outcome;
   if (q_e) {
@@ -72,7 +87,7 @@ inline Outcome read(const Kernels& kernels, const Robot& robot, const Knowledge&
   }
   if (outside.x) {  // it sees the pose and nothing else of the robot
     Seen by = seen(kernels.mobility, *outside.registration, pose);
-    Joint apart = innovation(kernels.mobility, by, outside.x);
+    Coordinates apart = innovation(kernels.mobility, by, outside.x);
     in_turns(kernels.mobility, *outside.registration, pose, by, apart);
     for (int i = 0; i < n; ++i) {
       if (!std::isfinite(apart[i])) continue;

@@ -11,13 +11,13 @@ namespace truepose {
 /// State of the plant: pose and free twist. Its Robot is the *true* one.
 struct PlantState {
   Pose pose;
-  Joint rate{};
+  Coordinates rate{};
 };
 
 /// Derivative of the rotation vector u of R = exp(u) R₀ for the angular velocity ω (Munthe-Kaas):
 /// ω - [u,ω]/2 + [u,[u,ω]]/12, enough for order four. Identity for every other mobility.
 template <Mobility K>
-inline Joint tangent_rate(const Joint& u, const Joint& rate) {
+inline Coordinates tangent_rate(const Coordinates& u, const Coordinates& rate) {
   if constexpr (K != Mobility::spatial) {
     return rate;
   } else {
@@ -39,11 +39,11 @@ inline Outcome step(const Robot& truth, double h, PlantState& state, std::array<
     return result;
   };
   constexpr std::array<double, 4> node{0, 0.5, 0.5, 1}, weight{1. / 6, 1. / 3, 1. / 3, 1. / 6};
-  Joint motion{}, change{}, velocity{}, acceleration{};
+  Coordinates motion{}, change{}, velocity{}, acceleration{};
   std::array<double, M> dy{}, whole{};
   for (int stage = 0; stage < 4; ++stage) {
-    const Joint u = along(Joint{}, h * node[stage], velocity);
-    const Joint rate = along(state.rate, h * node[stage], acceleration);
+    const Coordinates u = along(Coordinates{}, h * node[stage], velocity);
+    const Coordinates rate = along(state.rate, h * node[stage], acceleration);
     const std::array<double, M> at = along(y, h * node[stage], dy);
     const Pose pose = stage == 0 ? state.pose : moved<K>(state.pose, u);
     velocity = tangent_rate<K>(u, rate);

@@ -48,7 +48,7 @@ constexpr int positions_of(Mobility mobility) {
 struct Seen {
   Vec3 p;
   Mat3 Q;
-  JointMatrix H_x;                   ///< by the pose's twist
+  PoseMatrix H_x;                    ///< by the pose's twist
   Matrix<kMaxDof, kRegistration> H;  ///< by the registration
   double blunt = 1;                  ///< error of θ over that of the marker's turn
 };
@@ -100,8 +100,8 @@ inline Seen seen(Mobility mobility, const Registration& by, const Pose& pose) {
 }
 
 /// What was measured less what was expected; where nothing was measured, a NaN.
-inline Joint innovation(Mobility mobility, const Seen& expected, const double* measured) {
-  Joint apart;
+inline Coordinates innovation(Mobility mobility, const Seen& expected, const double* measured) {
+  Coordinates apart;
   apart.fill(NAN);
   const int n = dof(mobility);
   for (int i = 0; i < n && i < 3; ++i) apart[i] = measured[i] - expected.p[i];
@@ -119,7 +119,7 @@ inline Joint innovation(Mobility mobility, const Seen& expected, const double* m
 /// θ's residual and derivatives in turns of the marker: times the sine of the angle between its x
 /// axis and the tracker's z, which changes as well.
 inline void in_turns(Mobility mobility, const Registration& by, const Pose& pose, Seen& expected,
-                     Joint& apart) {
+                     Coordinates& apart) {
   if (turns_about_z(mobility)) {
     const int i = dof(mobility) - 1;
     const Vec3 a = expected.Q.col(0);

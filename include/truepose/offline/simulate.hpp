@@ -3,15 +3,16 @@
 
 #include <functional>
 
-#include "truepose/control/control.hpp"
+#include "truepose/control/guard.hpp"
 #include "truepose/estimation/learning.hpp"
 #include "truepose/offline/effects.hpp"
+#include "truepose/offline/faults.hpp"
 
 namespace truepose {
 
 /// A run: a straight quintic move, then holding its end.
 struct Run {
-  Joint from{}, to{};
+  Coordinates from{}, to{};
   double duration = 0.2;   ///< of the move, s
   double hold = 0.2;       ///< afterwards, s
   int steps = 2;           ///< integration steps in one control period
@@ -21,12 +22,16 @@ struct Run {
 /// One line of the log, at the start of a control period.
 struct Sample {
   double time;
-  Joint x_d, x;  ///< desired; true
-  Extended q_e;  ///< as read
-  Joint error;   ///< ê_q
+  Coordinates x_d, x;  ///< desired; true
+  Extended q_e;        ///< as read
+  Joint error;         ///< ê_q
   Joint torque;
-  Status status;  ///< of the controller: ok or near_singular
+  Status status;  ///< of the controller; where there is no answer, the torque held is the last one
   bool gave_up;   ///< the learner: it has stopped learning, and says so from then on
+  std::array<Health, kMaxReadings> health{};  ///< of the readings, as a guarded controller has them
+  std::array<Symptom, kMaxReadings> symptom{};  ///< why not, the latest
+  bool stops = false;                           ///< it leaves its path at rest
+  std::uint32_t brakes = 0;                     ///< motors whose brakes it asks for, as bits
 };
 
 /// A law of one's own: from what is asked and read at a time to the torques. It may throw.
@@ -34,10 +39,14 @@ using OwnLaw = std::function<Outcome(double time, const Setpoint&, const Extende
 
 /// What a loop may have beside a robot and its controller.
 struct Extras {
-  Weighing weighing{};         ///< for the laws `weighted` and `estimated`
-  Effects effects{};           ///< what the model forgets
-  Learner* learner = nullptr;  ///< switches online self-calibration on
-  OwnLaw law{};                ///< commands instead of `control`
+  Weighing weighing{};               ///< for the laws `weighted` and `estimated`
+  Effects effects{};                 ///< what the model forgets
+  Learner* learner = nullptr;        ///< switches online self-calibration on
+  FaultyReadings* faults = nullptr;  ///< as a machine does, the loop then goes on without an answer
+  double began = 0;                  ///< when the loop is made, by the faults' clock, s
+  const GuardSettings* guarding = nullptr;  ///< its readings are watched
+  Weighing watching{};                      ///< what the watch weighs them by
+  OwnLaw law{};                             ///< commands instead of `control`
 };
 
 /// A robot, its controller, and what both remember from one move to the next.
@@ -46,7 +55,7 @@ class Loop {
  public:
   /// @param start  true pose at which the robot stands
   Loop(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
-       const Joint& start, std::uint64_t seed, const Extras& extras = {})
+       const Coordinates& start, std::uint64_t seed, const Extras& extras = {})
       : nominal_(nominal),
         settings_(settings),
         extras_(extras),
@@ -54,43 +63,70 @@ class Loop {
         resting_(plant_.rest()) {}
 
   /// Runs one move; `write(sample)` is called once per period, end included.
-  /// @return the first failure and what the log holds up to it, or ok
+  /// @return ok, or the failure that ended it: the plant's, or, without faults, the controller's
   template <class Write>
   Outcome move(const Run& run, Write&& write) {
     const int periods = static_cast<int>(std::lround((run.duration + run.hold) / settings_.period));
     return follow(
         periods, run.steps,
-        [&](int k) { return quintic<K>(run.from, run.to, run.duration, k * settings_.period); },
+        [&](double k) { return quintic<K>(run.from, run.to, run.duration, k * settings_.period); },
         write);
   }
 
-  /// The same along any path.
-  /// @param path  path(k) -> Setpoint, at the start of period k
+  /// The same along any path. A guarded robot that must stop comes to rest on it; where its brakes
+  /// are asked for, it then stands: they are taken to hold.
+  /// @param path  path(k) -> Setpoint, at the start of period k; between two where it slows down
   template <class Path, class Write>
   Outcome follow(int periods, int steps, Path&& path, Write&& write) {
     if (!resting_) return resting_;
     for (int k = 0; k <= periods; ++k) {
       const double time = k * settings_.period;
-      const Setpoint setpoint = path(k);
+      const Setpoint setpoint = clock_.rate < 1 ? clock_.paced(path(clock_.time / settings_.period))
+                                                : path(static_cast<double>(k));
       Extended q_e{};
       Outcome outcome = plant_.measure(q_e);
       if (!outcome) return outcome;
+      if (extras_.faults) extras_.faults->read(extras_.began + time, q_e);
       const bool late = extras_.effects.delayed && control_.started;
       const Joint before = control_.torque;
+      const bool trusted = std::all_of(
+          guard_.watch.reading.begin(), guard_.watch.reading.end(),
+          [](const WatchedReading& reading) { return reading.health == Health::valid; });
       const bool gave_up =  // a line that fits no pose: next time
-          extras_.learner && learn<K>(*extras_.learner, q_e).status == Status::stopped;
+          extras_.learner && trusted && learn<K>(*extras_.learner, q_e).status == Status::stopped;
       const Robot& believed = extras_.learner ? extras_.learner->robot : nominal_;
-      outcome = extras_.law
-                    ? extras_.law(time, setpoint, q_e, control_.torque)
-                    : control<K>(believed, settings_, setpoint, q_e, control_, extras_.weighing);
+      if (extras_.law)
+        outcome = extras_.law(time, setpoint, q_e, control_.torque);
+      else if (extras_.guarding)
+        outcome = guarded<K>(believed, settings_, *extras_.guarding, setpoint, q_e, control_,
+                             extras_.watching, guard_);
+      else
+        outcome = control<K>(believed, settings_, setpoint, q_e, control_, extras_.weighing);
       control_.started = control_.started || outcome;
-      if (!outcome) return outcome;
-      write(Sample{time, setpoint.x, to_coordinates<K>(plant_.pose()), q_e, control_.error,
-                   control_.torque, outcome.status, gave_up});
+      if (!outcome && !extras_.faults) return outcome;
+      Sample sample{time,
+                    setpoint.x,
+                    to_coordinates<K>(plant_.pose()),
+                    q_e,
+                    control_.error,
+                    control_.torque,
+                    outcome.status,
+                    gave_up};
+      for (int c = 0; c < kDof<K> + nominal_.r; ++c) {
+        sample.health[c] = guard_.watch.reading[c].health;
+        sample.symptom[c] = guard_.watch.reading[c].symptom;
+      }
+      sample.stops = guard_.stops;
+      sample.brakes = guard_.brakes;
+      write(sample);
       if (k == periods) break;
+      if (clock_.rate == 1 && !guard_.stops) clock_.time = k * settings_.period;
+      clock_.advance(settings_.period, guard_.stops ? extras_.guarding->stop : 0);
+      if (guard_.brakes && clock_.rate == 0) continue;
       outcome = plant_.advance(late ? before : control_.torque, settings_.period, steps);
       if (!outcome) return outcome;
     }
+    extras_.began += periods * settings_.period;
     return {};
   }
 
@@ -101,12 +137,14 @@ class Loop {
   Plant<K> plant_;
   Outcome resting_;
   ControlState control_;
+  Guard guard_;
+  PathClock clock_;
 };
 
 /// One move of a robot that starts at rest where `start` says (its true pose).
 template <Mobility K, class Write>
 inline Outcome simulate(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
-                        const Run& run, const Joint& start, Write&& write,
+                        const Run& run, const Coordinates& start, Write&& write,
                         const Extras& extras = {}) {
   return Loop<K>(nominal, truth, settings, start, run.seed, extras).move(run, write);
 }

@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 
 #include "truepose/control/control.hpp"
+#include "truepose/offline/faults.hpp"
 #include "truepose/offline/plant.hpp"
 
 namespace truepose {
@@ -17,13 +18,14 @@ struct StaticsSettings {
 };
 
 inline constexpr int kSettleIterations = 100;
+inline constexpr double kMostAmplified = 100;  ///< by faulty readings, of what still settles
 
 namespace statics_detail {
 
 /// Torques that hold a robot at a pose against its weight.
 template <Mobility K>
 inline Outcome hold(const Robot& robot, const Pose& pose, Joint& torque) {
-  return inverse_dynamics<K>(robot, pose, Joint{}, Joint{}, torque);
+  return inverse_dynamics<K>(robot, pose, Coordinates{}, Coordinates{}, torque);
 }
 
 /// A loaded PD at x_d: what it feeds forward, how it yields, and how the load follows.
@@ -38,9 +40,10 @@ class Loaded {
               const Reference<K>& reference) {
     const auto& J = reference.jacobians.J;
     DynamicModel<K> model;
-    const Outcome outcome = dynamic_model<K>(nominal, reference.closure, Joint{}, model);
+    const Outcome outcome = dynamic_model<K>(nominal, reference.closure, Coordinates{}, model);
     if (!outcome) return outcome;
-    if (settings.feed_forward != FeedForward::none) feed_ = inverse_dynamics<K>(model, J, Joint{});
+    if (settings.feed_forward != FeedForward::none)
+      feed_ = inverse_dynamics<K>(model, J, Coordinates{});
     Square stiffness = Square::Zero();
     const auto M_q = joint_inertia<K>(model, J);
     for (int i = 0; i < n; ++i)
@@ -56,7 +59,7 @@ class Loaded {
       Joint torque[2];
       bool both = true;
       for (const double side : {-1.0, 1.0}) {
-        Joint step{};
+        Coordinates step{};
         for (int i = 0; i < n; ++i) step[i] = side * kStep * J[i][j];
         both = hold<K>(nominal, moved<K>(reference.closure.pose, step), torque[side > 0]) && both;
       }
@@ -90,11 +93,13 @@ class Loaded {
 /// @param x         out
 /// @param weighing  of the nominal robot, for laws that weigh
 /// @param off       by which readings are off, as by the play of a gear
+/// @param faults    of readings that lie; not_converged where the robot would run away
 /// @param by_truth  out: whether it was the true robot, not the law, that had no answer
 template <Mobility K>
 inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSettings& settings,
-                      const Joint& x_d, Joint& x, const Weighing& weighing = {},
-                      const Extended& off = {}, bool* by_truth = nullptr) {
+                      const Coordinates& x_d, Coordinates& x, const Weighing& weighing = {},
+                      const Extended& off = {}, bool* by_truth = nullptr,
+                      FaultyReadings* faults = nullptr) {
   constexpr int n = kDof<K>;
   const Law law = settings.control.law;
   Reference<K> reference;
@@ -109,7 +114,11 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
 
   Pose pose = reference.closure.pose;
   double last = INFINITY;
-  for (int iteration = 0; iteration < kSettleIterations; ++iteration) {
+  // The steps are the robot's own way to its rest, and end where it does: a fault that turns the
+  // loop's feedback round has no rest. One that overstates the motion must not overshoot.
+  const double most = faults ? std::min(faults->amplification(), kMostAmplified) : 1;
+  const int iterations = static_cast<int>(most * kSettleIterations);
+  for (int iteration = 0; iteration < iterations; ++iteration) {
     Extended q_e{};
     Joint load{};
     outcome = exact_readings<K>(truth, pose, q_e, standing);
@@ -117,15 +126,16 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
     if (by_truth) *by_truth = !outcome;
     if (!outcome) return outcome;
     for (int c = 0; c < n + truth.r; ++c) q_e[c] += off[c];
+    if (faults) faults->read(0, q_e);
     Joint error{};
     Pose found;
     outcome = motor_error<K>(nominal, law, reference, q_e, error, found, weighing, nearby);
     if (!outcome) return outcome;
     if (settings.gravity) loaded.relieve(load, error);
-    Joint step{};
+    Coordinates step{};
     double size = 0;
     for (int i = 0; i < n; ++i) {
-      for (int j = 0; j < n; ++j) step[i] += reference.jacobians.J[i][j] * error[j];
+      for (int j = 0; j < n; ++j) step[i] += reference.jacobians.J[i][j] * error[j] / most;
       size = std::max(size, std::fabs(step[i]));
     }
     if (!all_finite(step, n)) return {Status::not_finite, -1};
@@ -148,7 +158,7 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
 /// joint law, -J M⁺ under a TEJ, -∂x̂/∂q_e under a law of the pose. For `estimated` that is the
 /// gain of the fused readings, J times the weighted TEJ: both laws leak alike.
 template <Mobility K>
-inline Outcome leakage(const Robot& robot, Law law, const Joint& x, ExtendedRows& leak,
+inline Outcome leakage(const Robot& robot, Law law, const Coordinates& x, PoseColumns& leak,
                        const Weighing& weighing = {}) {
   constexpr int n = kDof<K>;
   constexpr double kStep = 1e-6;  // rad or m, of the closed FKM's central difference
@@ -160,7 +170,7 @@ inline Outcome leakage(const Robot& robot, Law law, const Joint& x, ExtendedRows
   const bool of_pose = properties(law).corrects == Corrects::pose && law != Law::estimated;
   for (int c = 0; c < n + robot.r; ++c) {
     if (of_pose) {
-      Joint change[2];
+      Coordinates change[2];
       for (const double side : {-1.0, 1.0}) {
         Extended q_e{};
         q_e = reference.q_e;

@@ -20,7 +20,7 @@ inline Outcome rkm(const Robot& robot, const Closure<K>& closure, Reading& value
 }
 
 /// r = RKM(x) for coordinates x of any mobility.
-inline Outcome rkm(const Robot& robot, const Joint& x, Reading& values) {
+inline Outcome rkm(const Robot& robot, const Coordinates& x, Reading& values) {
   return with_mobility(robot.mobility, [&](auto mobility) -> Outcome {
     constexpr Mobility K = mobility();
     Closure<K> closure;

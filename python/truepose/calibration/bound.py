@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -114,19 +116,41 @@ def accuracy(
             "calibrated_on",
             "raise",
         )
-        guarded = model_error and not full
-        prior = knowledge.knowledge(robot, guarded=guarded, level=level, error=False)
-        root, status, _ = _core.after_visiting(
-            model.core, prior.core, visited, touched, sigma, full, prior.nuisances
-        )
+        root, status = after_visiting(robot, visited, level, model_error, touched, sigma)
         if status:  # find the pose that it is about
             bound(visited, shape, "raise", "calibrated_on")
             raise PoseError(
                 f"{robot.name}: model_error: {_core.describe(status)} at the full level"
             )
-        root = root[: prior.parameters, : prior.parameters]
         known = knowledge.knowledge(robot, root, level=level, error=model_error)
     return bound(rows, lead, errors, "poses", reference)
+
+
+def after_visiting(
+    robot: Robot,
+    visited: Array,
+    level: Level,
+    model_error: bool = True,
+    touched: Array | None = None,
+    touch_sigma: Sequence[float] = (),
+) -> tuple[Array, int]:
+    """Root of Σ_ξ once the robot has calibrated itself at these poses, and the core's status.
+
+    `visited` has shape (N, n); `touched`, one pose more or none, is known from outside.
+    """
+    full = robot.is_full(level)
+    known = knowledge.knowledge(robot, guarded=model_error and not full, level=level, error=False)
+    nowhere = np.zeros((0, robot.n))
+    root, status, _ = _core.after_visiting(
+        robot.expected().core,
+        known.core,
+        visited,
+        nowhere if touched is None else touched,
+        list(touch_sigma) or [0.0] * robot.n,
+        full,
+        known.nuisances,
+    )
+    return root[: known.parameters, : known.parameters], status
 
 
 def _touch_sigma(robot: Robot, sigma: ArrayLike | float) -> list[float]:

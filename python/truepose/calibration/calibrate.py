@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from truepose import logs
 from truepose.arguments import Level
-from truepose.calibration import log_checks
+from truepose.calibration import fit_checks, log_checks
 from truepose.calibration.fit import Fit, Loss, ModelError, fit_to
 from truepose.calibration.registration import Registration
 from truepose.exceptions import InputError
@@ -108,7 +108,7 @@ def calibrate(
         measured_sigma=log.measured_sigma if measured_sigma is None else measured_sigma,
         **settings,
     )
-    notes += [finding.text for finding in log_checks.review(fit, log)]
+    notes += fit_checks.review(fit, log)
     return replace(fit, notes=(*notes, *fit.notes))
 
 

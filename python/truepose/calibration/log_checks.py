@@ -1,4 +1,4 @@
-"""What is wrong with a log, before and after a geometry is fitted to it?"""
+"""What is wrong with a log, before a geometry is fitted to it?"""
 
 from __future__ import annotations
 
@@ -11,9 +11,7 @@ import numpy as np
 from truepose import logs
 from truepose.arguments import Array
 from truepose.calibration import log_faults
-from truepose.calibration.departure import chi2_quantile
 from truepose.calibration.expectation import Expectation, expect, poses_of
-from truepose.calibration.fit import Fit
 from truepose.calibration.log_faults import (
     APART,
     CENTIMETRES,
@@ -77,44 +75,6 @@ def check(robot: Robot, log: Log) -> tuple[Log, list[Finding]]:
     findings += _sensors(model, log, expect(model, log.readings))
     findings += _equations(robot, log)
     return log, findings
-
-
-def review(fit: Fit, log: Log) -> list[Finding]:
-    """Look over a log once a geometry was fitted: outliers, lines left out, what was learnt."""
-    findings = []
-    reasons = [str(s) for s in dict.fromkeys(fit.status[fit.status != "ok"])]
-    for reason in reasons:
-        rows = np.flatnonzero((fit.status == reason) & np.isfinite(log.readings).all(axis=1))
-        if len(rows):
-            findings.append(Finding(f"{log.at(rows)}: left out: {reason}"))
-    if len(outliers := fit.outliers):
-        by_size = outliers[np.argsort(-fit.chi2[outliers])]
-        findings.append(
-            Finding(f"{log.at(by_size)}: {_count(len(outliers), 'outlier')}, worst first")
-        )
-    counted = (fit.weights >= 0.1) & (fit.redundancy > 0)
-    if counted.any():
-        usual = chi2_quantile(0.5, fit.redundancy[counted])
-        apart = np.sqrt(np.median(fit.chi2[counted] / usual))
-        if apart > 2:
-            findings.append(
-                Finding(
-                    f"the readings disagree by {apart:.1f} times their noise (median) whatever the "
-                    "geometry: a level, a tolerance or a sensor's noise is not as the file says"
-                )
-            )
-    far = [
-        f"{name} by {abs(p.value - p.prior) / p.prior_sigma:.1f} σ"
-        for name, p in fit.parameters.items()
-        if abs(p.value - p.prior) > 4 * p.prior_sigma
-    ]
-    if far:
-        findings.append(
-            Finding(f"further from the drawing than tolerances allow: {', '.join(far[:5])}")
-        )
-    if all(p.verdict == "not identified" for p in fit.parameters.values()):
-        findings.append(Finding("no parameter is known noticeably better than before"))
-    return findings
 
 
 def _count(number: int, what: str) -> str:

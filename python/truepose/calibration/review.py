@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.calibration import log_checks, registration
+from truepose.calibration import fit_checks, registration
 from truepose.calibration.bound import accuracy
 from truepose.calibration.expectation import Expectation, expect
 from truepose.calibration.fit import Fit, fit_to
@@ -109,7 +109,7 @@ def assess(
     ahead = _ahead(fit, model, poses, touch)
     progress("accuracy")
     outside = () if measured is None else tuple(f"measured_{c}" for c, _ in robot.coordinates)
-    review = [finding.text for finding in log_checks.review(fit, log)]
+    review = fit_checks.review(fit, log)
     return Assessment(
         fit=fit,
         log=log,

@@ -25,6 +25,7 @@ from truepose.files import contents
 from truepose.robot.robot import Robot, load
 from truepose.show.table import Cell, Table, number
 from truepose.show.terminal import Format, say, show
+from truepose.show.units import PRINT
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -283,13 +284,13 @@ def predict(
 def tables(found: Prediction) -> list[Table]:
     """One table for each thing predicted: rows of sensor sets, σ in mm and degrees."""
     coordinates = found.robot.coordinates
-    header = [f"{name} ({'mm' if unit == 'm' else '°'})" for name, unit in coordinates]
-    factor = [1e3 if unit == "m" else 180 / np.pi for _, unit in coordinates]
+    header = [f"{name} ({PRINT[unit][1]})" for name, unit in coordinates]
+    factor = [PRINT[unit][0] for _, unit in coordinates]
     result = []
     for what, sigma in found.sigma.items():
         rows = []
         for names, values in zip(found.sets, sigma, strict=True):
-            cells = values * [*factor, 1e3]
+            cells = values * [*factor, PRINT["m"][0]]
             named = Cell(label(found.robot, names), ",".join(names) or "none")
             rows.append([named, *(number(float(v)) for v in cells)])
         title = f"σ of the pose, {what}"

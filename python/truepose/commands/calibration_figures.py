@@ -11,7 +11,7 @@ from truepose.calibration.review import Assessment
 from truepose.exceptions import one_line
 from truepose.files import picture
 from truepose.show.page import as_uri, render, versions
-from truepose.show.units import in_print
+from truepose.show.units import in_print, printed
 
 _COLOURS = {"before": "#b2182b", "after": "#2166ac", "held out": "#1b7837"}
 _VERDICTS = {"identified": "#1b7837", "barely": "#e08214", "not identified": "#b2182b"}
@@ -22,7 +22,7 @@ def page(result: Assessment, source: str, loss: str) -> str:
     robot = result.fit.robot
     counts = int(review.counted(result).sum())
     touch = ", ".join(
-        f"{name} = {1e3 * v:.4g} mm" if unit == "m" else f"{name} = {np.degrees(v):.4g}°"
+        f"{name} = {printed(v, unit, '.4g')}"
         for v, (name, unit) in zip(result.touch_off, robot.coordinates, strict=True)
     )
     return render(

@@ -20,6 +20,7 @@ from truepose.robot.robot import Robot
 from truepose.robotfile import Problem, toml_lines
 from truepose.robotfile.schema import RobotFile
 from truepose.show.terminal import say
+from truepose.show.units import printed
 
 #: Values of each coordinate on the grid at which a workspace is looked at, for n of them.
 GRID = {2: 101, 3: 21, 4: 11, 6: 5}
@@ -99,8 +100,8 @@ def remarks(robot: Robot) -> list[str]:
     """
     listed = []
     for number, q in enumerate(robot.ikm(robot.home), 1):
-        turns = robot.spec.chain[number - 1].actuator == "revolute"
-        listed.append(f"q{number} = " + (f"{np.degrees(q):.2f}°" if turns else f"{1e3 * q:.2f} mm"))
+        unit = "rad" if robot.spec.chain[number - 1].actuator == "revolute" else "m"
+        listed.append(f"q{number} = {printed(q, unit)}")
     lines = [f"motors at home: {', '.join(listed)}"]
     if robot.loose:
         lines.append(

@@ -18,6 +18,7 @@ from truepose.commands import (
     calibrate,
     check,
     export,
+    faults,
     info,
     new,
     rehearse,
@@ -39,6 +40,7 @@ app.command("check")(check.command)
 app.command("new")(new.command)
 app.command("info")(info.command)
 app.command("accuracy")(accuracy.command)
+app.command("faults")(faults.command)
 app.command("calibrate")(calibrate.command)
 app.add_typer(export.app, name="export")
 app.command("robots")(robots.command)

@@ -17,6 +17,7 @@ from truepose.robot.robot import Robot, load
 from truepose.robotfile.schema import Workspace
 from truepose.show.table import Cell, Table
 from truepose.show.terminal import Format, show
+from truepose.show.units import PRINT, printed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -251,7 +252,7 @@ def draw_slice(
     figure.colorbar(filled, label=label, format="%.3g")
     axes.plot(*(1e3 * robot.home[:2]), "w+", ms=12, mew=2)
     rest = [
-        f"{name} = {1e3 * v:g} mm" if unit == "m" else f"{name} = {np.degrees(v):g}°"
+        f"{name} = {printed(v, unit, 'g')}"
         for (name, unit), v in zip(robot.coordinates[2:], robot.home[2:], strict=True)
     ]
     title = f"{robot.name}: slice through home (+)" + (", " if rest else "") + ", ".join(rest)
@@ -310,10 +311,12 @@ def rows(robot: Robot, figures: Figures) -> list[tuple[str, str]]:
     if figures.full_less_ideal is not None:
         parts = zip(robot.coordinates, figures.full_less_ideal, strict=True)
         for (name, unit), v in parts:
-            text = f"{1e3 * v:.2f} mm" if unit == "m" else f"{np.degrees(v):.2f}°"
             data = {"value": float(v), "unit": unit}
             result.append(
-                (f"full − ideal of {name}, rms under the axes' tolerances", Cell(text, data))
+                (
+                    f"full − ideal of {name}, rms under the axes' tolerances",
+                    Cell(printed(v, unit), data),
+                )
             )
     return result
 
@@ -347,16 +350,16 @@ def _number(count: int) -> Cell:
 
 def _range(low: float, high: float, unit: str) -> Cell:
     data = {"minimum": float(low), "maximum": float(high), "unit": unit}
-    if unit == "m":
-        return Cell(f"{1e3 * low:.1f} to {1e3 * high:.1f} mm", data)
-    return Cell(f"{np.degrees(low):.2f} to {np.degrees(high):.2f}°", data)
+    factor, _ = PRINT[unit]
+    form = ".1f" if unit == "m" else ".2f"
+    return Cell(f"{factor * low:{form}} to {printed(high, unit, form)}", data)
 
 
 def _speed(robot: Robot, speed: Speed) -> Cell:
     chain = robot.spec.chain[speed.motor - 1]
     unit = "rad/s" if chain.actuator == "revolute" else "m/s"
     where = ", ".join(
-        f"{name} = {1e3 * v:.0f} mm" if u == "m" else f"{name} = {np.degrees(v):.0f}°"
+        f"{name} = {printed(v, u, '.0f')}"
         for (name, u), v in zip(robot.coordinates, speed.pose, strict=True)
     )
     text = f"{speed.value:.3g} {unit}, motor {speed.motor}, at {where}"

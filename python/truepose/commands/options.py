@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from truepose import files
+from truepose import _core, files
 from truepose.exceptions import InputError, choose
 from truepose.robot.robot import Robot, load, robots
 from truepose.robotfile import path_of
 from truepose.show.terminal import Format, say
 from truepose.simulation.effects import Effects
+from truepose.simulation.faults import FAULT_KINDS, Fault
 from truepose.simulation.true_robots import with_tolerance_errors
 
 if TYPE_CHECKING:
@@ -57,6 +59,25 @@ How = Annotated[
 ]
 
 
+def _fitting_kinds(incomplete: str) -> list[str]:
+    """What zsh and fish may complete READING:KIND to; bash takes the colon for a word's end."""
+    reading, colon, kind = incomplete.rpartition(":")
+    return [f"{reading}:{known}" for known in FAULT_KINDS if colon and known.startswith(kind)]
+
+
+Faults = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--fault",
+        metavar="READING:KIND[=SIZE][@TIME[..END]]",
+        help="A reading that lies from a time on, s, as theta:stuck@0.1. Kinds with a size: bias, "
+        "jump, spike (rad or m), drift (rad/s or m/s), gain (a factor), delay (s), swap (the other "
+        "reading); without: stuck, dropout, sign. Repeatable; single faults are what counts.",
+        autocompletion=_fitting_kinds,
+    ),
+]
+
+
 def plot_to(
     path: Path | None, inputs: list[str | Path], force: bool
 ) -> Callable[[Callable[[], Figure]], None]:
@@ -89,6 +110,39 @@ def effects_of(text: str, known: Sequence[str] = Effects.groups()) -> Effects:
         if name not in known:
             raise InputError(f"--effects: {choose('effect', name, ['all', 'none', *known])}")
     return Effects().only(*names)
+
+
+def faults_of(texts: Sequence[str] | None) -> list[Fault]:
+    """Read faults as people write them; :class:`Fault` itself writes them so.
+
+    Examples
+    --------
+    >>> faults_of(["theta:bias=0.01@0.1..0.2", "q1:swap=q2"])[0].until
+    0.2
+    """
+    return [_fault(text) for text in texts or ()]
+
+
+def _fault(text: str) -> Fault:
+    found = re.fullmatch(r"([^:]+):([^=@]+)(?:=([^@]*))?(?:@(.*?)(?:\.\.(.*))?)?", text)
+    if found is None:
+        raise InputError(f"--fault {text}: must be READING:KIND[=SIZE][@TIME[..END]]")
+    reading, kind, size, at, until = found.groups()
+    pair = kind in FAULT_KINDS and _core.fault_kinds[kind].pair
+    try:
+        numbers = [None if t is None else float(t) for t in (None if pair else size, at, until)]
+    except ValueError:
+        raise InputError(
+            f"--fault {text}: size and times must be numbers: READING:KIND[=SIZE][@TIME[..END]]"
+        ) from None
+    return Fault(
+        reading,
+        kind,  # type: ignore[arg-type]  # it looks for itself
+        at=numbers[1] or 0.0,
+        size=numbers[0],
+        until=numbers[2],
+        other=size if pair else None,
+    )
 
 
 def true_robot(robot: Robot, text: str, seed: int) -> Robot:

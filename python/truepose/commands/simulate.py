@@ -15,6 +15,7 @@ from truepose import files, logs
 from truepose.arguments import Array
 from truepose.commands.accuracy import parse_pose, parse_set, read_poses, read_samples
 from truepose.commands.options import (
+    Faults,
     Force,
     How,
     RobotName,
@@ -22,6 +23,7 @@ from truepose.commands.options import (
     SensorSet,
     completing,
     effects_of,
+    faults_of,
     plot_to,
     true_robot,
     wrote,
@@ -41,6 +43,7 @@ from truepose.simulation.moves import MOVE_DURATION, default_move
 from truepose.simulation.plants import Visit
 from truepose.simulation.simulate import Simulation, simulate
 from truepose.simulation.visit import visit
+from truepose.simulation.watch import Watch
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -105,6 +108,11 @@ def command(
             autocompletion=completing(lambda: ("all", "none", *Effects.groups())),
         ),
     ] = "none",
+    fault: Faults = None,
+    watch: Annotated[
+        bool,
+        typer.Option("--watch", help="Watch the readings, and go on or stop where one lies."),
+    ] = False,
     seed: Seed = 0,
     sensors: SensorSet = None,
     duration: Annotated[
@@ -139,6 +147,9 @@ def command(
     anything moves.
 
     Example: **truepose simulate h4 --law estimated --effects friction,compliance -o move.csv**
+
+    What a frozen sensor does, and what a watch makes of it: **truepose simulate h4
+    --fault theta:stuck@0.05 --watch**
     """
     inputs: list[str | Path] = [robot, *(file for file in (path, way_points) if file)]
     inputs += [] if true in ("drawn", "nominal") else [true]
@@ -157,6 +168,8 @@ def command(
     usual = MOVE if x_d is None else VISIT
     duration, hold = (u if g is None else g for u, g in zip(usual, (duration, hold), strict=True))
     settings: dict[str, Any] = {"duration": duration, "hold": hold, "seed": seed, "time": since}
+    settings["faults"] = faults = faults_of(fault)
+    settings["watch"] = Watch() if watch else None
     errors = Console(stderr=True)
     with errors.status("simulating") if errors.is_terminal else nullcontext():
         if x_d is not None:
@@ -175,6 +188,8 @@ def command(
         files.write({log: logs.encoded(log.path, columns)}, read, force)
     show(run.tables, how)
     who = f"true robot {f'drawn with seed {seed}' if true == 'drawn' else true}"
+    if faults:
+        who += f", faults {', '.join(map(str, faults))}"
     say(f"{believed.name}, law {law}, poles {poles:g} rad/s, {who}: {run.status}", how)
     wrote(how, out, plot)
 

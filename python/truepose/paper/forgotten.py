@@ -133,8 +133,8 @@ def loops(robot: Robot) -> dict[str, Simulation]:
 
 
 def _soft(law: Law) -> Controller:
-    softer = {"frequency": FREQUENCY, "velocity_bandwidth": BANDWIDTH}
-    return replace(article.control(law), **softer)
+    prompt = article.control(law)
+    return replace(prompt, frequency=FREQUENCY, velocity_bandwidth=BANDWIDTH)
 
 
 def _one(

@@ -12,7 +12,7 @@ from truepose.robotfile.schema import ANGLES, FREEDOMS, not_degrees
 #: Names that logs and parameters take for themselves.
 _TAKEN = re.compile(
     r"(q|chain|bar|motor_error|torque)\d+|(measured|desired|true|estimated)_.*"
-    r"|time|pose|counted|near_singular"
+    r"|time|pose|counted|near_singular|no_answer"
 )
 
 _Problem = tuple[tuple[str | int, ...], str]  # the key's path, and what is wrong

@@ -24,6 +24,18 @@ WRITTEN = {
 }
 
 
+def printed(value: float, unit: str, form: str = ".2f") -> str:
+    """Write a value for people, with its unit.
+
+    Examples
+    --------
+    >>> printed(-0.4, "m", "g"), printed(math.pi / 6, "rad")
+    ('-400 mm', '30.00°')
+    """
+    factor, name = PRINT[unit]
+    return f"{factor * value:{form}}{' ' * name.isalpha()}{name}"
+
+
 def in_print(robot: Robot, name: str) -> tuple[float, str]:
     """Factor and unit in which people read a column's or a parameter's value.
 

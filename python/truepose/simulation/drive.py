@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -18,9 +19,12 @@ from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
 from truepose.simulation.controller import Controller, pose_of, positive, require_same_readings
 from truepose.simulation.effects import Effects
+from truepose.simulation.faults import Fault, in_core
+from truepose.simulation.watch import Watch
 
 RESTLESS = 1e-3  #: m or rad, peak to peak in the last 50 ms: more is no rest
 NO_REST = f"does not come to rest: swings by more than {1e3 * RESTLESS:g} mm or mrad"
+SATURATED = "saturated: "  #: begins what is said of a robot that rests all the same
 _MOST_PERIODS = 1_000_000  # of one simulation: about 0.3 GB of log
 
 
@@ -48,6 +52,8 @@ def begin(
     effects: Effects | None,
     time: float,
     learn: OnlineCalibration | None,
+    faults: Sequence[Fault],
+    watch: Watch | None,
 ) -> Drive:
     """Check what :func:`truepose.simulate` takes, and let the true robot rest at the start.
 
@@ -62,6 +68,7 @@ def begin(
     _timing(controller, duration, hold, steps)
     if learn is not None and learn.prior != robot:
         raise InputError("learn: must be an OnlineCalibration of the robot that is controlled")
+    lying = in_core(truth, faults, controller.period)
     plant = _core.Effects()
     if effects is not None:
         truth, plant = effects.geometry(truth, time, seed), effects.plant(truth, seed)
@@ -75,14 +82,20 @@ def begin(
     )
     require_answers(robot, "pose", rows, (), status, chain, "raise", name=name)
     filtered = None if learn is None else learn._filter
-    core = (believed.core, truth.core, settings, known, plant, filtered)
+    guarding = None if watch is None else watch.guarding(robot, controller)
+    core = (believed.core, truth.core, settings, known, plant, filtered, lying, guarding)
     held = [*at_rest[0], *[0.0] * (6 - robot.n)]
     return Drive(truth, controller, core, check_seed(seed), origin, held)
 
 
+def unanswered(cycles: int, reason: int) -> str:
+    """Say that the controller had no answer, and why not the first time."""
+    return f"no answer in {cycles} cycle{'s' * (cycles > 1)}: {_core.describe(reason)}"
+
+
 def saturated(motor: int) -> str:
     """Say that a motor was at its torque limit."""
-    return f"saturated: motor {motor + 1} was at its torque limit"
+    return f"{SATURATED}motor {motor + 1} was at its torque limit"
 
 
 def _timing(controller: Controller, duration: float, hold: float, steps: int) -> None:

@@ -5,7 +5,7 @@ The controller knows the nominal robot; the plant is the true one. Both are :cla
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -22,11 +22,13 @@ from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
 from truepose.simulation.chart import Setpoints
 from truepose.simulation.controller import Controller, pose_of
-from truepose.simulation.drive import NO_REST, RESTLESS, begin, saturated
+from truepose.simulation.drive import NO_REST, RESTLESS, begin, saturated, unanswered
 from truepose.simulation.effects import Effects
+from truepose.simulation.faults import Fault
 from truepose.simulation.feasible import require_feasible
 from truepose.simulation.moves import MOVE_DURATION, default_move
 from truepose.simulation.paths import Path, path_of
+from truepose.simulation.watch import Watch, failed, watched
 
 _WATCHED = 0.05  # s, the end of the hold in which the robot must rest; the core's own in `visit`
 
@@ -44,9 +46,30 @@ class Simulation:
     q_e: Array  #: (T, n + r) as read
     motor_error: Array  #: (T, n) ê_q of the law
     torque: Array  #: (T, n)
-    near_singular: Array  #: (T,) bool: the controller's Jacobian was damped
+    cycle_status: Array  #: (T,) int, the core's: above 0 no answer, and the last torque was held
     gave_up: Array  #: (T,) bool: `learn` has stopped learning (:attr:`OnlineCalibration.stopped`)
+    health: Array  #: (T, n + r) int, what a :class:`Watch` made of each reading: `watch.HEALTH`
+    symptom: Array  #: (T, n + r) int, why it was not valid last: `watch.SYMPTOMS`
+    stops: Array  #: (T,) bool: it left its path at rest
+    brakes: Array  #: (T,) int, motors whose brakes it asked for, as bits
     hold: float = 0.2  #: s after the move
+    faults: tuple[Fault, ...] = ()  #: of its readings
+    ended: str = ""  #: why before its time, where faults took it out of its workspace
+
+    @property
+    def near_singular(self) -> Array:
+        """Whether the controller's Jacobian was damped, (T,) bool."""
+        return self.cycle_status == _core.near_singular
+
+    @property
+    def answered(self) -> Array:
+        """Whether the controller had an answer to its readings, (T,) bool."""
+        return self.cycle_status <= 0
+
+    @property
+    def failed(self) -> list[str]:
+        """Names of the readings that a watch had found to have failed by the end."""
+        return failed(self.robot, self.health)
 
     @property
     def error(self) -> Array:
@@ -61,10 +84,13 @@ class Simulation:
 
     @property
     def status(self) -> str:
-        """Say how the move ended: "ok", "does not come to rest: …" or "saturated: …".
+        """Say how the move ended: "ok", or the worst that went wrong.
 
-        Not at rest: a coordinate swings by more than `RESTLESS` in the last 50 ms of the hold (in
-        all of a shorter one). Saturated: it rests, but on the way a motor was at its torque limit.
+        With faults the robot may leave its workspace ("stopped …"), a watch tell which reading
+        failed, when and why ("theta failed at …"), or the controller have no answer ("no answer
+        …"). Not at rest ("does not come to rest: …"): a coordinate swings by
+        more than `RESTLESS` in the last 50 ms of the hold (in all of a shorter one). "saturated:
+        …": it rests, but on the way a motor was at its torque limit.
 
         Examples
         --------
@@ -75,8 +101,15 @@ class Simulation:
         >>> tp.simulate(tp.load("delta"), controller=stiff).status
         'does not come to rest: swings by more than 1 mm or mrad'
         """
-        watched = self.time >= self.time[-1] - min(_WATCHED, self.hold)
-        if not np.ptp(self.x[watched], axis=0).max() <= RESTLESS:
+        if self.ended:
+            return self.ended
+        if said := watched(self.robot, self.time, self.health, self.symptom, self.stops):
+            return said
+        if not self.answered.all():
+            reason = self.cycle_status[self.answered.argmin()]
+            return unanswered(int((~self.answered).sum()), int(reason))
+        last = self.time >= self.time[-1] - min(_WATCHED, self.hold)
+        if not np.ptp(self.x[last], axis=0).max() <= RESTLESS:
             return NO_REST
         held = self.saturated.any(axis=0)
         return saturated(int(held.argmax())) if held.any() else "ok"
@@ -96,9 +129,13 @@ class Simulation:
                 described = f"{what} motor {i + 1}"
                 own = units.get(unit, unit)
                 result.append(Column(topic, f"{topic}{i + 1}", own, described, values[:, i]))
-        damped = self.near_singular.astype(float)
-        what = "1 where the controller's Jacobian was damped"
-        return [*result, Column("near_singular", "near_singular", "1", what, damped)]
+        flags = {"near_singular": ("the controller's Jacobian was damped", self.near_singular)}
+        if self.faults:
+            flags["no_answer"] = ("the controller had no answer: torque held", ~self.answered)
+        return result + [
+            Column(name, name, "1", f"1 where {what}", flag.astype(float))
+            for name, (what, flag) in flags.items()
+        ]
 
 
 class Cycle(NamedTuple):
@@ -129,6 +166,8 @@ def simulate(
     effects: Effects | None = None,
     time: float = 0.0,
     learn: OnlineCalibration | None = None,
+    faults: Sequence[Fault] = (),
+    watch: Watch | None = None,
 ) -> Simulation:
     """Simulate a straight move with a quintic time law, or any path; then holding its end.
 
@@ -167,13 +206,20 @@ def simulate(
         Online self-calibration of `robot`, switched on in the controller: it learns from every line
         of readings that is news, and the controller believes in what it has learnt by then. It
         keeps that for the next run.
+    watch : Watch, optional
+        Of the controller's readings; nothing by default.
+    faults : sequence of Fault
+        Readings that lie. The robot starts at rest before the first of them. Where they leave the
+        controller without an answer the run goes on, on the last torque, as a machine would
+        (:attr:`Simulation.cycle_status`); it ends early where the robot leaves its workspace
+        (:attr:`Simulation.ended`).
 
     Raises
     ------
     PoseError
-        The robot leaves its workspace, or the controller meets a singular pose or a joint limit.
-        Of a path, before anything moves: it does so, or asks the motors for more speed or torque
-        than the file allows them; names the time and the motor.
+        Without faults: the robot leaves its workspace, or the controller meets a singular pose or
+        a joint limit. Of a path, before anything moves: it does so, or asks the motors for more
+        speed or torque than the file allows them; names the time and the motor.
     TrueposeError
         What the path needs is not installed.
 
@@ -230,6 +276,8 @@ def simulate(
         effects=effects,
         time=time,
         learn=learn,
+        faults=faults,
+        watch=watch,
     )
     own = None if law is None else _torque_of(law, robot)
     if setpoints is None:
@@ -249,13 +297,14 @@ def simulate(
             drive.seed,
             own,
         )
+    ended = ""
     if status > 0:
         guilty = f"chain {chain + 1}: " if chain >= 0 else ""
-        raise PoseError(
-            f"{robot.name}: simulation stopped after "
-            f"{len(log[0]) * drive.controller.period:.3f} s: {guilty}{_core.describe(status)}"
-        )
-    return Simulation(robot, drive.truth, drive.controller, *log, hold)  # type: ignore[call-arg]
+        after = len(log[0]) * drive.controller.period
+        ended = f"stopped after {after:.3f} s: {guilty}{_core.describe(status)}"
+        if not (faults and len(log[0])):
+            raise PoseError(f"{robot.name}: simulation {ended}")
+    return Simulation(robot, drive.truth, drive.controller, *log, hold, tuple(faults), ended)  # type: ignore[call-arg]
 
 
 def _torque_of(law: Callable[[Cycle], ArrayLike], robot: Robot) -> Callable[..., list[float]]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -13,9 +15,11 @@ from truepose.robot.batches import flattened
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
 from truepose.simulation.controller import Controller
-from truepose.simulation.drive import NO_REST, RESTLESS, begin, saturated
+from truepose.simulation.drive import NO_REST, RESTLESS, begin, saturated, unanswered
 from truepose.simulation.effects import Effects
+from truepose.simulation.faults import Fault
 from truepose.simulation.moves import MOVE_DURATION
+from truepose.simulation.watch import Watch
 
 
 def visit(
@@ -31,10 +35,13 @@ def visit(
     effects: Effects | None = None,
     time: float = 0.0,
     learn: OnlineCalibration | None = None,
+    faults: Sequence[Fault] = (),
+    watch: Watch | None = None,
 ) -> tuple[Array, Array, Array]:
     """Drive from pose to pose, in the dynamics, and let each settle.
 
-    Friction and play carry over from one pose to the next. Parameters as of :func:`simulate`.
+    Friction and play carry over from one pose to the next. Parameters as of :func:`simulate`; the
+    faults' time is that since the first move began, `duration` and `hold` for each pose.
 
     Returns
     -------
@@ -43,8 +50,8 @@ def visit(
     q_e : ndarray, shape (N, n + r)
         Readings there.
     status : ndarray of str, shape (N,)
-        "ok"; "saturated: …", where the robot rests but a motor was at its torque limit on the way;
-        or why not.
+        "ok"; where the robot rests, but on the way a motor was at its torque limit, "saturated:
+        …", or readings left the controller without an answer, "no answer …"; or why it does not.
 
     Examples
     --------
@@ -72,14 +79,18 @@ def visit(
         effects=effects,
         time=time,
         learn=learn,
+        faults=faults,
+        watch=watch,
     )
-    x, q_e, swing, held, status = _core.visit(  # type: ignore[call-arg]
+    x, q_e, swing, held, status, cycles, reason = _core.visit(  # type: ignore[call-arg]
         *drive.core, rows, duration, hold, steps, drive.at_rest, drive.seed
     )
     words = np.array([_core.describe(int(s)) for s in status], dtype=object)
     restless = (words == "ok") & ~(swing <= RESTLESS)
     words[restless] = NO_REST
     x[restless], q_e[restless] = np.nan, np.nan
+    for k in np.flatnonzero((status <= 0) & (cycles > 0)):
+        words[k] = unanswered(int(cycles[k]), int(reason[k]))
     for k in np.flatnonzero((words == "ok") & (held >= 0)):
         words[k] = saturated(held[k])
     return x, q_e, words.astype(str)

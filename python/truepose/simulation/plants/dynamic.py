@@ -6,7 +6,8 @@ loops are those of the ideal level: this nacelle does not tilt.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -14,9 +15,12 @@ from truepose.arguments import Array
 from truepose.robot.frames import frames
 from truepose.robot.robot import Robot
 from truepose.simulation.controller import Controller
+from truepose.simulation.drive import SATURATED
 from truepose.simulation.effects import Effects
+from truepose.simulation.faults import Fault, in_core
 from truepose.simulation.plants import Visit
 from truepose.simulation.visit import visit
+from truepose.simulation.watch import Watch
 
 
 class DynamicPlant:
@@ -34,6 +38,10 @@ class DynamicPlant:
         Of the effects' phases and the readings' noise.
     duration, hold : float
         Of a move, and after it, s.
+    watch : Watch, optional
+        Of the controller's readings; nothing by default.
+    faults : sequence of Fault
+        Readings that lie; their time is that since the first move began.
 
     Examples
     --------
@@ -54,9 +62,13 @@ class DynamicPlant:
         seed: int = 0,
         duration: float = 0.25,
         hold: float = 0.35,
+        faults: Sequence[Fault] = (),
+        watch: Watch | None = None,
     ):
+        in_core(truth, faults, math.inf)  # whatever the controller's period
         self.truth, self.time, self.seed = truth, time, seed
-        self.duration, self.hold = duration, hold
+        self.duration, self.hold, self.faults = duration, hold, tuple(faults)
+        self.watch = watch
         self.effects = Effects.none() if effects is None else effects
 
     def visit(
@@ -77,8 +89,10 @@ class DynamicPlant:
             seed=self.seed,
             effects=self.effects,
             time=self.time,
+            faults=self.faults,
+            watch=self.watch,
         )
         for _ in x:
             progress()
-        arrived = np.isfinite(x).all(axis=1)  # be it that a motor saturated on the way
-        return Visit(q_e, frames(self.truth, x), x, np.where(arrived, "ok", status))
+        status[np.char.startswith(status, SATURATED)] = "ok"  # arrived all the same
+        return Visit(q_e, frames(self.truth, x), x, status)

@@ -7,7 +7,7 @@ tool's gear. Friction, compliance, delay and ripple need forces and time.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from truepose.robot.frames import frames
 from truepose.robot.robot import Robot
 from truepose.simulation.controller import Controller
 from truepose.simulation.effects import Effects
+from truepose.simulation.faults import Fault, in_core
 from truepose.simulation.plants import Visit, play
 
 #: Groups of effects that statics know.
@@ -42,6 +43,9 @@ class ExactPlant:
         Since a cold start, s.
     seed : int
         Of the encoders' eccentricity and the readings' noise.
+    faults : sequence of Fault
+        Readings that lie, of a kind that means something at rest: bias, jump, sign, gain, swap.
+        One that would make the robot run away leaves it without a pose at rest.
 
     Examples
     --------
@@ -61,6 +65,7 @@ class ExactPlant:
         level: Level | None = None,
         time: float = 0.0,
         seed: int = 0,
+        faults: Sequence[Fault] = (),
     ):
         self.truth, self.seed = truth, check_seed(seed)
         self.level: Level = truth.finest_level if level is None else level
@@ -70,6 +75,8 @@ class ExactPlant:
             on = next(g for g in others if effects.without(g) != effects)
             raise InputError(f"ExactPlant: {choose('effect', on, EFFECTS)}: leave it out (without)")
         truth.is_full(self.level)
+        self.faults = tuple(faults)
+        self._lying = in_core(truth, self.faults, None)
         self.robot = effects.geometry(truth, time, seed)  #: as it is at that time
         self._exact = self.robot.with_level(self.level).unquantised()
         #: Which readings the play of the tool's gear enters, and by which gain.
@@ -107,6 +114,9 @@ class ExactPlant:
         q_e = np.full((len(x), robot.n + robot.r), np.nan)
         exact = self._readings(x[~lost], ahead[~lost])
         q_e[~lost] = _core.spoil(self.robot.core, np.ascontiguousarray(exact), self.seed)
+        if self.faults:
+            lying = _core.FaultyReadings(self._lying, controller.period)
+            q_e[~lost] = lying.read([0.0] * len(exact), q_e[~lost])
         frame = np.full((len(x), 4, 4), np.nan)
         frame[~lost] = self._frames(x[~lost])
         for _ in x:
@@ -160,6 +170,7 @@ class ExactPlant:
             False,
             np.ascontiguousarray(x_d),
             off,
+            self._lying,
         )
         said = np.full(len(x), "ok", dtype=object)
         for k in np.flatnonzero(status > 0):

@@ -7,7 +7,7 @@ core's sensor models at the pose that MuJoCo finds, and torques from the core's 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,7 +19,9 @@ from truepose.robot import knowledge
 from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
 from truepose.simulation.controller import Controller
+from truepose.simulation.drive import unanswered
 from truepose.simulation.effects import Effects
+from truepose.simulation.faults import Fault, in_core
 from truepose.simulation.plants import Visit
 from truepose.simulation.plants.mjcf import TIMESTEP
 from truepose.simulation.plants.mujoco_body import Body, Settled, require
@@ -51,6 +53,8 @@ class MujocoPlant:
         From one pose to the next by the clock of the warm-up, s: moving, resting, measuring.
     timestep : float
         Of MuJoCo, s; a whole number of them makes a control period.
+    faults : sequence of Fault
+        Readings that lie. Their time is the warm-up's: the k-th move begins at k · `pose_time`.
 
     Raises
     ------
@@ -69,6 +73,7 @@ class MujocoPlant:
         longest: float = 0.3,
         pose_time: float = 10.0,
         timestep: float = TIMESTEP,
+        faults: Sequence[Fault] = (),
     ):
         require()
         for name, value in (("duration", duration), ("timestep", timestep), ("longest", longest)):
@@ -77,11 +82,12 @@ class MujocoPlant:
         for name, value in (("hold", hold), ("pose_time", pose_time)):
             if not (math.isfinite(value) and value >= 0):
                 raise InputError(f"{name} = {value}: must be a finite number of at least 0")
+        in_core(truth, faults, math.inf)  # whatever the controller's period
         self.truth = truth
         self.effects = Effects.none() if effects is None else effects
         self.seed = check_seed(seed)
         self.duration, self.hold, self.longest = duration, hold, max(hold, longest)
-        self.pose_time, self.timestep = pose_time, timestep
+        self.pose_time, self.timestep, self.faults = pose_time, timestep, tuple(faults)
         self.ripple_phase = np.array(self.effects.plant(truth, self.seed).phase)[: truth.n]
 
     def body(self, time: float = 0.0) -> Body:
@@ -113,7 +119,7 @@ class MujocoPlant:
         """Drive from pose to pose, each from rest to rest, and read what is there.
 
         Ranges of poses run side by side, each from home; which they are does not depend on the
-        number of cores, nor do the results.
+        number of cores, nor do the results. With faults all poses are one range.
 
         Parameters
         ----------
@@ -139,11 +145,12 @@ class MujocoPlant:
             np.full((len(x_d), n), np.nan),
             np.full(len(x_d), "", dtype=object),
         )
-        starts = range(0, len(x_d), _RANGE)
+        length = len(x_d) if self.faults else _RANGE  # what is stuck stays so from pose to pose
+        starts = range(0, len(x_d), max(1, length))
 
         def work(start: int) -> None:
             drive = _Drive(self, robot, controller, self.seed + start, start * self.pose_time)
-            for k in range(start, min(start + _RANGE, len(x_d))):
+            for k in range(start, min(start + length, len(x_d))):
                 for out, value in zip(result, drive.go(x_d[k], k * self.pose_time), strict=True):
                     out[k] = value
                 progress()
@@ -170,6 +177,8 @@ class _Drive:
                 "a whole number of them"
             )
         self.seed, self.cycles = seed, 0
+        lying = in_core(plant.truth, plant.faults, controller.period)
+        self.faults = _core.FaultyReadings(lying, controller.period)
         # A geared encoder stands on the tool's axis: the gear's play is between it and the nacelle.
         self.geared = np.array(
             [
@@ -205,11 +214,12 @@ class _Drive:
         period, plant = self.controller.period, self.plant
         ends, since = plant.duration + plant.longest, plant.duration + plant.hold
         window = max(1, round(_WINDOW / period))
+        self.silent: list[int] = []  # why the controller had no answer, cycle by cycle
         trail: list[Array] = []
         start, moved = self.at, np.inf
         for cycle in range(round(ends / period) + 1):
             now = cycle * period
-            if said := self._cycle(start, x_d, now):
+            if said := self._cycle(start, x_d, now, time):
                 self.restart()
                 return (*nothing, said)
             trail.append(self._trace())
@@ -218,9 +228,12 @@ class _Drive:
                 if moved < _STILL:
                     break
         self.at = x_d
+        said = unanswered(len(self.silent), self.silent[0]) if self.silent else "ok"
         if moved > _SWINGS:
-            return (*nothing, f"does not come to rest: swings by more than {1e3 * _SWINGS:g} mm")
-        return self._read(), self.body.frame(), self.body.coordinates(), "ok"
+            restless = f"does not come to rest: swings by more than {1e3 * _SWINGS:g} mm"
+            return (*nothing, said if self.silent else restless)
+        q_e = self._faulty(time + now + period)
+        return q_e, self.body.frame(), self.body.coordinates(), said
 
     def _warm(self, time: float) -> None:
         """Grow with the temperature: the same state in the model of now."""
@@ -237,15 +250,15 @@ class _Drive:
         D, R = self.body.nacelle()
         return np.concatenate([D, 0.1 * R.ravel()])
 
-    def _cycle(self, start: Array, end: Array, now: float) -> str:
-        """One control period; what went wrong, or nothing."""
+    def _cycle(self, start: Array, end: Array, now: float, began: float) -> str:
+        """One control period of a move that began then; what went wrong, or nothing."""
         body, plant, n = self.body, self.plant, self.n
         pad = [0.0] * (6 - n)
         core = self.believed.core
         x, rate, acceleration = _core.setpoint(
             core, [*start, *pad], [*end, *pad], plant.duration, now
         )
-        q_e = self._read()
+        q_e = self._faulty(began + now)
         status, _ = self.state.step(
             core,
             self.settings,
@@ -256,7 +269,9 @@ class _Drive:
             self.known,
         )
         if status > 0:
-            return _core.describe(status)
+            if not plant.faults:
+                return _core.describe(status)
+            self.silent.append(status)  # a machine holds the last torque
         torque = np.array(self.state.torque)[:n]
         applied, self.pending = (self.pending, torque) if plant.effects.delay else (torque, torque)
         if plant.effects.torque_ripple:
@@ -269,8 +284,11 @@ class _Drive:
             return "lost: the motion is no longer finite"
         return ""
 
+    def _faulty(self, time: float) -> Array:
+        return np.asarray(self.faults.read([time], self._read()[None]))[0]
+
     def _read(self) -> Array:
-        """What the encoders say now."""
+        """What whole encoders say now."""
         exact = self.body.readings(self.theta)
         self.theta += math.remainder(self._theta() - self.theta, 2 * math.pi)
         half = 0.5 * self.plant.effects.tool_backlash

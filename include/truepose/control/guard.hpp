@@ -1,0 +1,111 @@
+// What does a controller do that may be left alone with a machine? The watch before the law, a way
+// down behind it.
+//
+// Laws stay what they are: what is not believed any more is replaced before they see it, and weighs
+// nothing where they weigh. What cannot be replaced, or decided, stops the robot on its path.
+#pragma once
+
+#include "truepose/control/control.hpp"
+#include "truepose/control/watch.hpp"
+
+namespace truepose {
+
+/// Time along a path: it passes as fast as real time, until the robot must stop.
+struct PathClock {
+  double time = 0;     ///< s along the path
+  double rate = 1;     ///< its derivative,
+  double slowing = 0;  ///< and of that
+  double since = 0;    ///< s since it began to slow down
+
+  /// One period. @param stop  s in which it comes to rest; 0: goes on
+  void advance(double period, double stop) {
+    if (stop > 0 && rate > 0) {
+      since = std::min(since + period, stop);
+      const double u = since / stop;  // 1 to 0 with a rate that is smooth at both ends
+      const double next = 1 - u * u * (3 - 2 * u);
+      slowing = (next - rate) / period;
+      time += 0.5 * (rate + next) * period;
+      rate = next;
+    } else {
+      slowing = 0;
+      time += rate * period;
+    }
+  }
+
+  /// What is asked of the robot where the path has `at`.
+  Setpoint paced(Setpoint at) const {
+    for (std::size_t i = 0; i < at.rate.size(); ++i) {
+      at.acceleration[i] = at.acceleration[i] * rate * rate + at.rate[i] * slowing;
+      at.rate[i] *= rate;
+    }
+    return at;
+  }
+};
+
+/// Constant during a run.
+struct GuardSettings {
+  WatchSettings watch;
+  double stop = 0.15;   ///< s in which the robot comes to rest along its path
+  double held = 0.005;  ///< s at most for which a torque is held that no reading answers for
+  const Robot* finest =
+      nullptr;  ///< the robot as the watch understands it; nullptr: as the law does
+};
+
+/// What it remembers, and what it says. The caller's; a new one starts anew.
+struct Guard {
+  Watch watch;
+  bool stops =
+      false;  ///< the path is to be left at rest: advance PathClock with GuardSettings::stop
+  std::uint32_t brakes = 0;  ///< motors whose brakes must hold them, as bits
+  double unanswered = 0;     ///< s since a torque was answered for
+  Knowledge known{};         ///< of the readings that are believed
+};
+
+/// σ of a reading that is not believed, over its own.
+inline constexpr double kDisbelieved = 1e4;
+
+/// One cycle: as control(), with the readings watched.
+///
+/// @param guard  in and out; `stops` and `brakes` are the caller's to obey
+/// @return as control(); `disagree` and a reading: it is not valid, and the robot goes on without
+template <Mobility K>
+Outcome guarded(const Robot& robot, const ControlSettings& settings, const GuardSettings& guarding,
+                const Setpoint& setpoint, const Extended& q_e, ControlState& state,
+                const Weighing& weighing, Guard& guard) {
+  constexpr int n = kDof<K>;
+  Extended believed = q_e;
+  const Outcome watched =
+      watch<K>(guarding.finest ? *guarding.finest : robot, guarding.watch, weighing,
+               state.started ? state.q_d : motors_of<K>(q_e), q_e, guard.watch, believed);
+  Outcome outcome = watched;
+  if (watched) {
+    ControlSettings now = settings;
+    guard.known = *weighing.known;
+    bool any = false, left = false;
+    for (int c = 0; c < n + robot.r; ++c) {
+      const bool failed = guard.watch.reading[c].health == Health::failed;
+      if (failed) guard.known.sigma[c] *= kDisbelieved;
+      any = any || failed;
+      left = left || (c >= n && !failed);
+    }
+    if (any && !left) now.law = Law::joint;
+    state.switched = state.switched || guard.watch.changed;
+    const Weighing reweighed{&guard.known, weighing.work};
+    outcome = control<K>(robot, now, setpoint, believed, state, any ? reweighed : weighing);
+  }
+  guard.stops = guard.stops || guard.watch.undecided || guard.watch.lost != 0;
+  guard.brakes |= guard.watch.lost;
+  if (outcome) {
+    guard.unanswered = 0;
+    return watched.status == Status::disagree ? watched : outcome;
+  }
+  guard.unanswered += settings.period;
+  if (guard.unanswered > guarding.held) {
+    guard.stops = true;
+    guard.brakes = (std::uint32_t{1} << n) - 1;
+    state.torque = state.load;
+  }
+  return outcome;
+}
+
+}  // namespace truepose

@@ -1,0 +1,151 @@
+// What do the readings disagree about, once the motors have said where the nacelle is?
+//
+// p = P (q_e - h), P = [-J_r J, I]: the redundant readings less what the motors say that they
+// should be, at the pose of the motors. It does not depend on the pose; a reading that is wrong by
+// b adds b g, g its column of P. Where all are right its covariance is V = P (Σ_s + H_ξ Σ_ξ H_ξᵀ)
+// Pᵀ, and pᵀV⁻¹p is χ². That one reading alone is wrong, by an unknown b, takes (gᵀV⁻¹p)²/(gᵀV⁻¹g)
+// from it (the generalised likelihood ratio) and leaves χ² of one degree of freedom less. (Gertler,
+// Fault detection and diagnosis in engineering systems, 1998, chapter 6.)
+#pragma once
+
+#include <cstdint>
+
+#include "truepose/estimation/estimate.hpp"
+
+namespace truepose {
+
+constexpr std::uint32_t bit(int reading) { return std::uint32_t{1} << reading; }
+
+/// Readings at the pose that the motors give.
+template <Mobility K>
+struct Parity {
+  static constexpr int n = kDof<K>;
+  Extended expected;  ///< h
+  Extended read;      ///< q_e
+  Jacobians<K> jacobians;
+  Matrix<kMaxSensors, n> g;  ///< J_r J
+  Reading value{};           ///< p
+  Pose pose;
+
+  /// Column of P.
+  Reading signature(int r, int reading) const {
+    Reading column{};
+    for (int k = 0; k < r; ++k) column[k] = reading < n ? -g[k][reading] : reading - n == k;
+    return column;
+  }
+
+  /// h, J and J_r J at a pose. @param beyond  what the full level adds to h
+  Outcome look(const Robot& robot, const Pose& from, const Extended& beyond) {
+    Closure<K> closure;
+    Reading values;
+    Matrix<kMaxSensors, n> jr;
+    Outcome outcome = ikm<K>(robot, from, closure);
+    if (outcome) outcome = jacobian<K>(closure, jacobians);
+    if (outcome) outcome = rkm<K>(robot, closure, values, jr);
+    if (!outcome) return outcome;
+    extend<K>(robot, closure.q(), values, expected);
+    for (int c = 0; c < n + robot.r; ++c) expected[c] += beyond[c];
+    for (int k = 0; k < robot.r; ++k)
+      for (int j = 0; j < n; ++j) {
+        g[k][j] = 0;
+        for (int i = 0; i < n; ++i) g[k][j] += jr[k][i] * jacobians.J[i][j];
+      }
+    return {};
+  }
+
+  /// From a pose nearby to where the motors say it is, by Newton; p there.
+  Outcome place(const Robot& robot, const Pose& near, const Extended& q_e, const Extended& beyond) {
+    constexpr double kNear = 1e-3;  // of a motor: what one step leaves is its square
+    pose = near;
+    read = q_e;
+    Extended error;
+    for (int left = 3; left > 0; --left) {
+      const Outcome outcome = look(robot, pose, beyond);
+      if (!outcome) return outcome;
+      double farthest = 0;
+      innovation(robot, q_e, expected, error);
+      Coordinates step{};
+      for (int j = 0; j < n; ++j) {
+        farthest = std::max(farthest, std::fabs(error[j]));
+        for (int i = 0; i < n; ++i) step[i] += jacobians.J[i][j] * error[j];
+      }
+      pose = moved<K>(pose, step);
+      if (farthest < kNear) break;
+    }
+    for (int k = 0; k < robot.r; ++k) {
+      value[k] = error[n + k];
+      for (int j = 0; j < n; ++j) value[k] -= g[k][j] * error[j];
+    }
+    const bool finite = all_finite(to_coordinates<K>(pose), n) && all_finite(value, robot.r);
+    return {finite ? Status::ok : Status::not_finite, -1};
+  }
+
+  /// P (diag(noise) + share · geometry) Pᵀ, its lower triangle. @param noise  variances
+  void covariance(int r, const Extended& noise, const Matrix<kMaxReadings, kMaxReadings>& geometry,
+                  double share, ReadingCovariance& V) const {
+    for (int k = 0; k < r; ++k) {
+      Extended row{};  // of P · geometry
+      if (share > 0)
+        for (int c = 0; c < n + r; ++c) {
+          row[c] = share * geometry[n + k][c];
+          for (int j = 0; j < n; ++j) row[c] -= share * g[k][j] * geometry[j][c];
+        }
+      for (int l = 0; l <= k; ++l) {
+        double sum = row[n + l] + (k == l ? noise[n + k] : 0);
+        for (int j = 0; j < n; ++j) sum += g[l][j] * (noise[j] * g[k][j] - row[j]);
+        V.L[k][l] = sum;
+      }
+    }
+  }
+
+  /// σ by which what the motors say that a sensor should read differs between two cycles at rest.
+  double expectation_noise(const Extended& noise, int reading) const {
+    double sum = 0;
+    if (reading >= n)
+      for (int j = 0; j < n; ++j) sum += 2 * g[reading - n][j] * g[reading - n][j] * noise[j];
+    return std::sqrt(sum);
+  }
+};
+
+/// χ² of a parity, and which readings may alone explain it.
+struct Verdict {
+  double chi2 = 0;
+  int freedom = 0;
+  bool alarm = false;
+  std::uint32_t may = 0;  ///< where there is an alarm: those, as bits,
+  Extended by{};          ///< and by how much each would be wrong
+};
+
+/// @param most     χ² beyond which there is an alarm, by degrees of freedom
+/// @param V        factored
+/// @param without  readings that are believed anyway to be wrong; `left_out` of them weigh in V
+template <Mobility K>
+inline Verdict judge(const Parity<K>& parity, const std::array<double, kMaxSensors + 1>& most,
+                     const ReadingCovariance& V, const Reading& value, int r, std::uint32_t without,
+                     int left_out) {
+  Verdict verdict;
+  Reading y = value;
+  V.whiten(r, y.data(), 1);
+  for (int k = 0; k < r; ++k) verdict.chi2 += y[k] * y[k];
+  verdict.freedom = std::max(0, r - left_out);
+  const auto at = static_cast<std::size_t>(verdict.freedom);
+  verdict.alarm = at > 0 && !(verdict.chi2 <= most[at]);
+  if (!verdict.alarm) return verdict;
+  for (int c = 0; c < kDof<K> + r; ++c) {
+    if (without & bit(c)) continue;
+    Reading g = parity.signature(r, c);
+    V.whiten(r, g.data(), 1);
+    double size = 0, along = 0;
+    for (int k = 0; k < r; ++k) {
+      size += g[k] * g[k];
+      along += g[k] * y[k];
+    }
+    if (!(size > 0)) continue;
+    if (at > 1 && verdict.chi2 - along * along / size > most[at - 1]) continue;
+    verdict.may |= bit(c);
+    verdict.by[c] = along / size;
+  }
+  return verdict;
+}
+
+}  // namespace truepose

@@ -1,0 +1,506 @@
+// Does any reading lie, and which?
+//
+// Four questions a cycle. Alone: is a reading a number, within its range, no faster than the motors
+// can make it, and does it change while the robot moves? Together: is the parity (parity.hpp)
+// larger than readings and geometry allow (the level)? What the geometry adds to it changes with
+// the pose alone, slowly; the innovation of a tracker of the parity has little more than the
+// readings' own noise, and sees what comes at once far below the level (the change).
+//
+// A reading whose being wrong would leave too much of χ² cannot be the one. Of those that may be,
+// one that stands still while the robot moves, or that alone leaves its own track, is named; as
+// long as there are several, they are suspected together. (Willsky and Jones, A generalized
+// likelihood ratio approach to the detection and estimation of jumps in linear systems, 1976.)
+//
+// A reading that is not believed is replaced: by its own prediction for some cycles, afterwards by
+// what the others say it should be, its own error taken as unknown. Bounded work, no allocation.
+#pragma once
+
+#include "truepose/control/law.hpp"
+#include "truepose/control/parity.hpp"
+#include "truepose/control/tracker.hpp"
+#include "truepose/math/chi2.hpp"
+
+namespace truepose {
+
+/// How far a reading is believed.
+enum class Health : int {
+  valid = 0,
+  suspect = 1,  ///< bridged for some cycles, or one of several of which one is wrong
+  failed = 2,   ///< until whoever mended it calls restore()
+};
+
+/// Why it is not.
+enum class Symptom : int {
+  none = 0,
+  missing = 1,       ///< not a finite number
+  out_of_range = 2,  ///< beyond the motor's stops, or what the sensor can read
+  too_fast = 3,      ///< farther from where it was going than any torque can take it
+  stuck = 4,         ///< the same counts while the robot moves
+  disagrees = 5,     ///< with the other readings
+};
+
+/// Constant during a run. Fill it, then call prepare().
+struct WatchSettings {
+  double period = 1e-3;           ///< s
+  double false_alarm = 2.78e-10;  ///< chance of one in a cycle, of all tests: 1000 h at 1 kHz
+  int refresh = 64;               ///< cycles between two looks at what the geometry leaves open
+  int coast = 5;                  ///< cycles a reading is bridged before it has failed
+  int decide = 20;                ///< cycles of disagreement before it counts as undecided
+  int spikes = 3;                 ///< bridged faults, up to 8,
+  int within = 1000;              ///< cycles in which so many of them are a failure
+  double replaceable = 3e-3;      ///< σ up to which a motor's reading is replaced, rad or m
+  /// Way on which the error of a geometry changes by as much as it is large, m or rad.
+  double correlation = 0.1;
+  Extended fastest{};  ///< second derivative of a healthy reading, at most (0: not watched)
+  Extended moved{};    ///< motion of the model beside unchanged counts that is too much (0: none)
+  Extended low{}, high{};  ///< range of a reading (the same: not watched)
+
+  // From prepare():
+  double sigmas = 0;                           ///< of a normal variable that are as unlikely
+  std::array<double, kMaxSensors + 1> chi2{};  ///< by degrees of freedom
+  TrackerGains own, together;
+};
+
+inline constexpr double kOwnPole = 0.3;     ///< of a reading's own tracker
+inline constexpr double kParityPole = 0.8;  ///< of the parity's
+inline constexpr double kUnknown = 1e4;  ///< variance of an error of which nothing is known, over V
+inline constexpr int kSettling = 32;     ///< cycles that trackers need after the start
+inline constexpr int kSpikesKept = 8;
+
+/// Fills what follows from the chance of a false alarm, shared by level and change: whatever asks a
+/// reading alone has a bound that no torque reaches, and this chance on top.
+inline void prepare(WatchSettings& settings) {
+  const double each = settings.false_alarm / 2;
+  for (int k = 1; k <= kMaxSensors; ++k) settings.chi2[k] = chi2_beyond(each, k);
+  settings.sigmas = std::sqrt(settings.chi2[1]);
+  settings.own = tracker_gains(kOwnPole);
+  settings.together = tracker_gains(kParityPole);
+}
+
+/// What is known of one reading.
+struct WatchedReading {
+  Health health = Health::valid;
+  Symptom symptom = Symptom::none;  ///< the latest
+  Tracker own;
+  double spread = 0;  ///< mean square of its innovations
+  double raw = 0;     ///< as read in the last cycle
+  double model = 0;   ///< what the model said when it changed last
+  int bridged = 0;    ///< cycles in a row
+  int spikes = 0;
+  std::array<std::int64_t, kSpikesKept> spike{};  ///< the cycles of the latest
+};
+
+/// What the watch remembers. Plain data, the caller's; a new one starts anew.
+struct Watch {
+  std::array<WatchedReading, kMaxReadings> reading;
+  std::uint32_t doubted = 0;  ///< readings of which one is wrong, as bits; 0: nothing disagrees
+  int disagreed = 0;          ///< cycles in a row in which they do and none of them can be named
+  bool undecided = false;     ///< for so long that none will be: the robot should stop
+  std::uint32_t lost = 0;     ///< failed motors' readings that nothing else can stand for
+  bool changed = false;       ///< in this cycle something else began to stand for a reading
+  std::int64_t cycle = 0;
+  bool placed = false;           ///< `pose` is known
+  Pose pose;                     ///< of the motors that are believed
+  Coordinates motion{}, last{};  ///< of this cycle, of the one before
+  std::array<Tracker, kMaxSensors> parity;
+  double chi2 = 0;                                ///< level of the parity
+  int freedom = 0;                                ///< its degrees of freedom
+  bool known = false;                             ///< the next two are
+  Matrix<kMaxReadings, kMaxReadings> geometry{};  ///< H_ξ Σ_ξ H_ξᵀ
+  Extended beyond{};                              ///< what the full level adds to h
+};
+
+/// A reading that was mended is believed again.
+inline void restore(Watch& watch, int reading) {
+  watch.reading[static_cast<std::size_t>(reading)] = {};
+  watch.doubted = watch.lost = 0;
+  watch.undecided = false;
+  watch.disagreed = 0;
+  watch.cycle = 0;  // trackers settle
+}
+
+namespace watch_detail {
+
+/// A reading is bridged once more. Too long, or too often, and it has failed.
+inline void bridge(const WatchSettings& settings, std::int64_t cycle, Symptom symptom,
+                   WatchedReading& reading) {
+  const auto spike = [&](int k) -> std::int64_t& {
+    return reading.spike[static_cast<std::size_t>(k % kSpikesKept)];
+  };
+  reading.symptom = symptom;
+  reading.health = Health::suspect;
+  if (reading.bridged++ == 0) spike(reading.spikes++) = cycle;
+  const int k = settings.spikes;
+  const bool often = reading.spikes >= k && cycle - spike(reading.spikes - k) < settings.within;
+  if (reading.bridged > settings.coast || often) reading.health = Health::failed;
+}
+
+/// One cycle of the watch.
+template <Mobility K>
+class Cycle {
+ public:
+  static constexpr int n = kDof<K>;
+
+  Cycle(const Robot& robot, const WatchSettings& settings, const Weighing& weighing,
+        const Joint& desired, const Extended& q_e, Watch& watch, Extended& believed)
+      : robot_(robot),
+        settings_(settings),
+        weighing_(weighing),
+        desired_(desired),
+        q_e_(q_e),
+        watch_(watch),
+        believed_(believed),
+        r_(robot.r),
+        rows_(n + robot.r),
+        settled_(watch.cycle > kSettling) {
+    for (int c = 0; c < rows_; ++c) {
+      const double sigma = weighing.known->sigma[c];
+      noise_[c] = sigma * sigma;
+    }
+  }
+
+  Outcome run() {
+    alone();
+    const Outcome placed = place();
+    if (placed) {
+      for (int c = 0; c < rows_; ++c)
+        if (without_ & bit(c)) leave_out(c);
+      if (r_ > 0 && settled_) together();
+      if (without_) replace();
+      watch_.last = watch_.motion;
+      watch_.motion = watch_.placed ? difference<K>(parity_.pose, watch_.pose) : Coordinates{};
+      watch_.pose = parity_.pose;
+    }
+    watch_.placed = bool(placed);
+    const int first = follow();
+    if (placed && r_ > 0 && watch_.cycle % settings_.refresh == 0) watch_.known = bool(refresh());
+    ++watch_.cycle;
+    if (!placed) return placed;
+    return {first < 0 ? Status::ok : Status::disagree, first};
+  }
+
+ private:
+  /// Each reading by itself.
+  void alone() {
+    for (int c = 0; c < rows_; ++c) {
+      WatchedReading& reading = watch_.reading[c];
+      if (watch_.cycle == 0) {
+        if (std::isfinite(q_e_[c])) reading.own = {q_e_[c], 0};
+        reading.raw = q_e_[c];
+        reading.model = c < n ? desired_[c] : q_e_[c];
+      }
+      const double predicted = reading.own.predicted(settings_.period);
+      innovation_[c] = within_turn(robot_, c, q_e_[c] - predicted);
+      believed_[c] = q_e_[c];
+      if (reading.health == Health::failed) before_ |= bit(c);
+      if (reading.health != Health::failed) {
+        const Symptom symptom = symptom_of(c);
+        if (symptom == Symptom::none) continue;
+        bridge(settings_, watch_.cycle, symptom, reading);
+        symptomatic_ |= bit(c);
+      }
+      without_ |= bit(c);
+      believed_[c] = predicted;
+    }
+  }
+
+  Symptom symptom_of(int c) const {
+    const WatchedReading& reading = watch_.reading[c];
+    const double raw = q_e_[c], low = settings_.low[c], high = settings_.high[c];
+    if (!std::isfinite(raw)) return Symptom::missing;
+    if (low < high && !(raw >= low && raw <= high)) return Symptom::out_of_range;
+    if (!settled_ || !(settings_.fastest[c] > 0)) return Symptom::none;
+    // While nothing is read the way adds up: after m cycles another m(m + 3)/2 of an acceleration.
+    // One that has jumped must come back to where it would be.
+    const int m = reading.symptom == Symptom::missing ? reading.bridged : 0;
+    const double way = settings_.period * settings_.period * settings_.fastest[c] *
+                       (settings_.own.acceleration + 0.5 * m * (m + 3));
+    const double chance =
+        settings_.sigmas * std::sqrt(settings_.own.variance * noise_[c]) * (1 + m);
+    return std::fabs(innovation_[c]) > way + chance ? Symptom::too_fast : Symptom::none;
+  }
+
+  Outcome place() {
+    Pose near = moved<K>(watch_.pose, watch_.motion);
+    if (!watch_.placed) {
+      near = to_pose<K>(robot_.home);
+      const Outcome found{fkm<K>(robot_, motors_of<K>(believed_), near).status, -1};
+      if (!found) return found;
+    }
+    return parity_.place(robot_, near, believed_, watch_.beyond);
+  }
+
+  /// A reading's error is taken as unknown: by as much as hides it in every equation.
+  void leave_out(int c) {
+    const Reading g = parity_.signature(r_, c);
+    double size = 0, known = 0;
+    for (int k = 0; k < r_; ++k) {
+      size += g[k] * g[k];
+      known += noise_[n + k] + watch_.geometry[n + k][n + k];
+      for (int j = 0; j < n; ++j)
+        known += parity_.g[k][j] * parity_.g[k][j] * (noise_[j] + watch_.geometry[j][j]);
+    }
+    if (!(size > 0 && known > 0)) return;
+    unknown_[c] = kUnknown * known / size;
+    ++left_out_;
+  }
+
+  /// @param gain  of the readings' own variances @param share  of the geometry's
+  bool covariance(double gain, double share, ReadingCovariance& V) const {
+    Extended variance{};
+    for (int c = 0; c < rows_; ++c) variance[c] = gain * noise_[c] + unknown_[c];
+    parity_.covariance(r_, variance, watch_.geometry, watch_.known ? share : 0, V);
+    return V.factor(r_);
+  }
+
+  /// What of the geometry's error bends on the way, as a share of all of it: its σ in the parity
+  /// tracker's innovation. The error is a function of the pose, so an acceleration moves it as far
+  /// as the pose, a velocity by its square.
+  double bending() const {
+    double way2 = 0, bend2 = 0;
+    for (int i = 0; i < n; ++i) {
+      const double bend = watch_.motion[i] - watch_.last[i];
+      way2 += watch_.motion[i] * watch_.motion[i];
+      bend2 += bend * bend;
+    }
+    const double per = 1 / settings_.correlation;
+    return settings_.together.acceleration * per * (std::sqrt(bend2) + way2 * per);
+  }
+
+  /// All readings together: level and change of the parity.
+  void together() {
+    Reading change{};
+    for (int k = 0; k < r_; ++k)
+      change[k] = parity_.value[k] - watch_.parity[k].predicted(settings_.period);
+    Verdict changed, level;
+    ReadingCovariance V;
+    // While something is doubted the tracker only predicts, for some cycles.
+    const double coasted = 1 + watch_.disagreed * (1 - kParityPole);
+    const double bend = bending() * coasted * coasted;
+    if (!watch_.undecided && covariance(settings_.together.variance, bend * bend, V))
+      changed = judge<K>(parity_, settings_.chi2, V, change, r_, without_, left_out_);
+    if (watch_.known && covariance(1, 1, V)) {
+      level = judge<K>(parity_, settings_.chi2, V, parity_.value, r_, without_, left_out_);
+      watch_.chi2 = level.chi2;
+      watch_.freedom = level.freedom;
+    }
+    if (!changed.alarm && !level.alarm) {
+      watch_.disagreed = 0;
+      if (!watch_.undecided) watch_.doubted = 0;
+      return;
+    }
+    name(changed, level);
+    if (watch_.doubted & (watch_.doubted - 1)) {  // several
+      watch_.undecided = watch_.undecided || ++watch_.disagreed > settings_.decide;
+      // Until it is known which, sensors say what they would if nothing had changed.
+      for (int k = 0; k < r_; ++k) believed_[n + k] -= change[k];
+      return;
+    }
+    watch_.disagreed = 0;
+    for (int c = 0; c < rows_; ++c) {
+      if (!(watch_.doubted & bit(c))) continue;
+      bridge(settings_, watch_.cycle, Symptom::disagrees, watch_.reading[c]);
+      symptomatic_ |= bit(c);
+      without_ |= bit(c);
+      leave_out(c);
+    }
+    watch_.doubted = 0;
+  }
+
+  /// Which readings may alone be wrong, as far as is known by now.
+  void name(const Verdict& changed, const Verdict& level) {
+    if (watch_.disagreed > kNaming * settings_.decide) return;
+    const std::uint32_t first = changed.alarm ? changed.may : ~0U;
+    const std::uint32_t second = level.alarm ? level.may : ~0U;
+    std::uint32_t may = first & second ? first & second : first | second;
+    may &= bit(rows_) - 1;
+    const auto alone = [](std::uint32_t set) { return set && !(set & (set - 1)); };
+    std::uint32_t still = 0, apart = 0;
+    for (int c = 0; c < rows_; ++c) {
+      if (without_ & bit(c)) continue;
+      if (q_e_[c] == watch_.reading[c].raw && stood(c) > kStoodBy * settings_.moved[c])
+        still |= bit(c);
+      if (leaves_track(c, innovation_[c])) apart |= bit(c);
+    }
+    if (alone(may & still)) {
+      may &= still;
+    } else if (changed.alarm && alone(apart) && may & apart) {
+      for (int c = 0; c < rows_; ++c)
+        if (apart & bit(c) && !leaves_track(c, innovation_[c] - changed.by[c])) may = apart;
+    }
+    const std::uint32_t both = watch_.doubted & may;
+    watch_.doubted = both ? both : may;
+  }
+
+  /// Share of `moved` from which on a reading that stands still beside an alarm is the one.
+  static constexpr double kStoodBy = 0.4;
+
+  /// Times `decide` after which nobody is named any more: a fault that has grown is not linear.
+  static constexpr int kNaming = 10;
+
+  bool leaves_track(int c, double innovation) const {
+    const double spread = settings_.own.variance * noise_[c] + watch_.reading[c].spread;
+    return innovation * innovation > settings_.sigmas * settings_.sigmas * spread;
+  }
+
+  double model(int c) const { return c < n ? desired_[c] : parity_.expected[c]; }
+
+  /// By how much the model has moved since the reading changed last, beyond what is noise.
+  double stood(int c) const {
+    return std::fabs(model(c) - watch_.reading[c].model) -
+           settings_.sigmas * parity_.expectation_noise(noise_, c);
+  }
+
+  /// What stands for the readings that are not believed: their errors unknown, b̂ = Σ_b GᵀV⁻¹ p.
+  void replace() {
+    ReadingCovariance V;
+    const bool regular = r_ > 0 && covariance(1, 1, V);
+    Reading y = parity_.value;
+    if (regular) V.whiten(r_, y.data(), 1);
+    Coordinates step{};
+    watch_.lost = 0;
+    for (int c = 0; c < rows_; ++c) {
+      if (!(without_ & bit(c))) continue;
+      if (watch_.reading[c].health != Health::failed) {
+        // Bridged: a sensor goes where the motors go, a motor where it was going.
+        believed_[c] = watch_.reading[c].own.predicted(settings_.period);
+        if (c >= n && !(without_ & (bit(n) - 1)))
+          believed_[c] = parity_.read[c] - parity_.value[c - n] +
+                         watch_.parity[c - n].predicted(settings_.period);
+        continue;
+      }
+      Reading g = parity_.signature(r_, c);
+      double score = 0, information = 0;
+      if (regular) V.whiten(r_, g.data(), 1);
+      for (int k = 0; k < r_ && regular; ++k) {
+        score += g[k] * y[k];
+        information += g[k] * g[k];
+      }
+      const double left = unknown_[c] * (1 - unknown_[c] * information);  // variance of b̂
+      const bool good = regular && unknown_[c] > 0 && left < 0.5 * unknown_[c];
+      if (good && (c >= n || left < settings_.replaceable * settings_.replaceable)) {
+        const double b = unknown_[c] * score;
+        believed_[c] -= b;
+        if (c < n)
+          for (int i = 0; i < n; ++i) step[i] -= parity_.jacobians.J[i][c] * b;
+      } else if (c < n) {
+        watch_.lost |= bit(c);
+        believed_[c] = desired_[c];  // nothing is asked of the motor
+      }
+    }
+    parity_.pose = moved<K>(parity_.pose, step);
+  }
+
+  /// Every reading's next value. @return the first that is not valid, or -1
+  int follow() {
+    int first = -1;
+    std::uint32_t after = 0;
+    bool motors = watch_.placed;  // whether they say where the robot is
+    for (int c = 0; c < n; ++c) motors = motors && watch_.reading[c].health != Health::failed;
+    for (int c = 0; c < rows_; ++c) {
+      WatchedReading& reading = watch_.reading[c];
+      const bool judged = settled_ && !watch_.doubted && !symptomatic_ && settings_.moved[c] > 0 &&
+                          (c < n || motors);
+      if (q_e_[c] != reading.raw || !settled_) {
+        reading.raw = q_e_[c];
+        if (c < n || watch_.placed) reading.model = model(c);
+      } else if (judged && reading.health != Health::failed && stood(c) > settings_.moved[c]) {
+        reading.health = Health::failed;
+        reading.symptom = Symptom::stuck;
+      }
+      const bool believed = !(without_ & bit(c));
+      double news = innovation_[c];  // what is not believed follows what stands for it
+      if (!believed) news = believed_[c] - reading.own.predicted(settings_.period);
+      if (believed) {
+        if (reading.health == Health::suspect) reading.health = Health::valid;
+        reading.bridged = 0;
+        reading.spread += (innovation_[c] * innovation_[c] - reading.spread) / kSettling;
+      }
+      reading.own.correct(settings_.period, kOwnPole, news);
+      if (watch_.doubted & bit(c) && reading.health == Health::valid)
+        reading.health = Health::suspect;
+      if (reading.health == Health::failed) after |= bit(c);
+      if (first < 0 && reading.health != Health::valid) first = c;
+    }
+    for (int k = 0; k < r_ && watch_.placed; ++k) {
+      Tracker& parity = watch_.parity[k];
+      const double change = parity_.value[k] - parity.predicted(settings_.period);
+      if (watch_.cycle == 0) parity = {parity_.value[k], 0};
+      const bool holds = watch_.doubted || symptomatic_;  // what may be wrong teaches nothing
+      parity.correct(settings_.period, kParityPole, holds ? 0 : change);
+      if (holds) parity.rate *= kParityPole;
+    }
+    watch_.changed = before_ != after;
+    return first;
+  }
+
+  /// What the geometry leaves open, and what the full level adds, at the pose of the moment.
+  TRUEPOSE_APART Outcome refresh() {
+    const Knowledge& known = *weighing_.known;
+    double *H_xi = weighing_.work, *B = H_xi + rows_ * parameter_count(robot_);
+    Extended q_e, beyond{};
+    Matrix<kMaxReadings, n> H_x;
+    Outcome outcome;
+    if (robot_.rod_by_rod()) {
+      Parasitic rest;
+      outcome = FullModel::linearise<K>(robot_, watch_.pose, q_e, H_x, H_xi, rest);
+      Extended ideal;
+      if (outcome) outcome = extended<K>(robot_, watch_.pose, ideal);
+      for (int c = 0; c < rows_ && outcome; ++c) beyond[c] = q_e[c] - ideal[c];
+    } else {
+      outcome = linearise<K>(robot_, watch_.pose, q_e, H_x, H_xi);
+    }
+    if (!outcome) return outcome;
+    gather(robot_, known, H_xi, rows_, B);
+    times_root(known, rows_, B);
+    for (int i = 0; i < rows_; ++i)
+      for (int j = 0; j <= i; ++j)
+        watch_.geometry[i][j] = watch_.geometry[j][i] =
+            known.sigma[i] * known.sigma[j] *
+            dot(known.count, B + i * known.count, B + j * known.count);
+    for (int k = 0; k < r_; ++k) {  // its tracker must not take it for a change
+      double more = beyond[n + k] - watch_.beyond[n + k];
+      for (int j = 0; j < n; ++j) more -= parity_.g[k][j] * (beyond[j] - watch_.beyond[j]);
+      watch_.parity[k].value -= more;
+    }
+    watch_.beyond = beyond;
+    return {};
+  }
+
+  const Robot& robot_;
+  const WatchSettings& settings_;
+  const Weighing& weighing_;
+  const Joint& desired_;
+  const Extended& q_e_;
+  Watch& watch_;
+  Extended& believed_;
+  int r_, rows_;
+  bool settled_;
+  Parity<K> parity_;
+  Extended noise_{};               ///< variances of the readings' own errors
+  Extended unknown_{};             ///< of errors of which nothing is known
+  int left_out_ = 0;               ///< how many
+  Extended innovation_{};          ///< of each reading's own tracker
+  std::uint32_t before_ = 0;       ///< readings that had failed
+  std::uint32_t symptomatic_ = 0;  ///< that are bridged
+  std::uint32_t without_ = 0;      ///< that are not believed
+};
+
+}  // namespace watch_detail
+
+/// One cycle.
+///
+/// @param weighing  what is known of the geometry and of the readings' own errors; work space
+/// @param desired   q_d: what a motor that stands still is measured by
+/// @param believed  out: the readings, or what stands for those that are not believed
+/// @return `disagree` and the first reading that is not valid; no answer: no pose can be made of
+/// the readings
+template <Mobility K>
+Outcome watch(const Robot& robot, const WatchSettings& settings, const Weighing& weighing,
+              const Joint& desired, const Extended& q_e, Watch& watch, Extended& believed) {
+  if (!robot.finished) return {Status::unfinished, -1};
+  if (!weighing) return {Status::not_measured, -1};
+  return watch_detail::Cycle<K>(robot, settings, weighing, desired, q_e, watch, believed).run();
+}
+
+}  // namespace truepose

@@ -1,0 +1,33 @@
+// How large may a sum of squares be by chance? Tails of χ² with a whole number of degrees of
+// freedom.
+#pragma once
+
+#include <cmath>
+
+namespace truepose {
+
+/// P(χ² > x) with k degrees of freedom, by the recurrence in k (Abramowitz and Stegun, 26.4.8).
+inline double chi2_tail(double x, int k) {
+  const double half = 0.5 * x;
+  double tail = k % 2 ? std::erfc(std::sqrt(half)) : 0;
+  double term = k % 2 ? std::exp(-half) * std::sqrt(half) * M_2_SQRTPI : std::exp(-half);
+  for (int m = k % 2 ? 3 : 2; m <= k; m += 2) {  // term: (x/2)^(m/2-1) e^(-x/2) / Γ(m/2)
+    tail += term;
+    term *= half / (0.5 * m);
+  }
+  return tail;
+}
+
+/// The x that χ² with k degrees of freedom exceeds with that probability, in (0, 1), by bisection.
+inline double chi2_beyond(double probability, int k) {
+  if (k < 1) return 0;
+  double low = 0, high = 1;
+  while (chi2_tail(high, k) > probability && high < 1e4) high *= 2;
+  for (int step = 0; step < 60; ++step) {
+    const double middle = 0.5 * (low + high);
+    (chi2_tail(middle, k) > probability ? low : high) = middle;
+  }
+  return high;
+}
+
+}  // namespace truepose

@@ -1,0 +1,50 @@
+// How fast can a robot's readings change their rates? What no torque can do, a reading did alone.
+#pragma once
+
+#include "truepose/control/dynamics.hpp"
+#include "truepose/estimation/linearise.hpp"
+
+namespace truepose {
+
+/// Largest second derivative of every reading at a pose from rest, all motors at their torque
+/// limits: |H_x M⁻¹Kᵀ| τ + |H_x M⁻¹ g|. 0 where some motor has no limit.
+/// @return unreachable, singular
+inline Outcome fastest(const Robot& robot, const Coordinates& x, Extended& most) {
+  return with_mobility(robot.mobility, [&](auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr int n = kDof<K>;
+    most.fill(0);
+    Extended q_e;
+    Matrix<kMaxReadings, n> H_x;
+    Closure<K> closure;
+    DynamicModel<K> model;
+    const Pose pose = to_pose<K>(x);
+    Outcome outcome = linearise<K>(robot, pose, q_e, H_x, nullptr);
+    if (outcome) outcome = ikm<K>(robot, pose, closure);
+    if (outcome) outcome = dynamic_model<K>(robot, closure, Coordinates{}, model);
+    if (!outcome) return outcome;
+    std::array<double, n> size;
+    bool limited = true;
+    for (int i = 0; i < n; ++i) {
+      size[i] = model.mass[i][i];
+      limited = limited && robot.chain[i].torque_limit > 0;
+    }
+    const Ldlt<n> mass(model.mass, size);
+    if (!mass.regular()) return Outcome{Status::singular, -1};
+    for (int force = 0; force <= n && limited; ++force) {  // the motors one by one, then gravity
+      std::array<double, n> acceleration{};
+      const double torque = force < n ? robot.chain[force].torque_limit : 1;
+      for (int j = 0; j < n; ++j)
+        acceleration[j] = torque * (force < n ? model.k[force][j] : model.bias[j]);
+      mass.solve(acceleration);
+      for (int c = 0; c < n + robot.r; ++c) {
+        double moves = 0;
+        for (int j = 0; j < n; ++j) moves += H_x[c][j] * acceleration[j];
+        most[c] += std::fabs(moves);
+      }
+    }
+    return Outcome{};
+  });
+}
+
+}  // namespace truepose

@@ -1,0 +1,140 @@
+// What does a faulty sensor read? What it would read if it were whole, and what the fault makes of
+// that.
+#pragma once
+
+#include <algorithm>
+#include <limits>
+#include <vector>
+
+#include "truepose/model/robot.hpp"
+
+namespace truepose {
+
+/// How a reading may lie. s is the healthy reading, noise and counts included.
+enum class FaultKind : int {
+  bias = 0,     ///< s + size
+  jump = 1,     ///< s + size, and for good: what an encoder has lost in counts it never finds
+  spike = 2,    ///< s + size, once
+  stuck = 3,    ///< what s was when the fault began
+  dropout = 4,  ///< nothing: NaN
+  drift = 5,    ///< s + size · time since the fault began
+  sign = 6,     ///< -s
+  gain = 7,     ///< size · s
+  delay = 8,    ///< s, size seconds late
+  swap = 9,     ///< the other's s, and the other this one's: connectors exchanged
+};
+
+/// What a kind of fault asks for.
+struct FaultProperties {
+  FaultKind kind;
+  const char* name;
+  const char* size;      ///< its unit; "reading": that of the reading; empty: there is none
+  bool lasts = true;     ///< may have an end
+  bool at_rest = false;  ///< means something to a robot that rests and has no time
+  bool pair = false;     ///< needs another reading
+};
+
+/// In the order of FaultKind. Whoever must know something of a kind asks here, Python included.
+inline constexpr std::array kFaultTable{
+    FaultProperties{.kind = FaultKind::bias, .name = "bias", .size = "reading", .at_rest = true},
+    FaultProperties{FaultKind::jump, "jump", "reading", false, true},
+    FaultProperties{FaultKind::spike, "spike", "reading", false},
+    FaultProperties{FaultKind::stuck, "stuck", ""},
+    FaultProperties{FaultKind::dropout, "dropout", ""},
+    FaultProperties{FaultKind::drift, "drift", "reading/s"},
+    FaultProperties{.kind = FaultKind::sign, .name = "sign", .size = "", .at_rest = true},
+    FaultProperties{.kind = FaultKind::gain, .name = "gain", .size = "1", .at_rest = true},
+    FaultProperties{FaultKind::delay, "delay", "s"},
+    FaultProperties{
+        .kind = FaultKind::swap, .name = "swap", .size = "", .at_rest = true, .pair = true},
+};
+static_assert(in_order(kFaultTable, &FaultProperties::kind));
+
+constexpr const FaultProperties& properties(FaultKind kind) {
+  return kFaultTable[static_cast<std::size_t>(kind)];
+}
+
+/// One reading that lies for a time.
+struct Fault {
+  FaultKind kind = FaultKind::bias;
+  int reading = 0;   ///< of the extended positions
+  int other = 0;     ///< with which it is exchanged
+  double size = 0;   ///< in the kind's unit
+  double begin = 0;  ///< s; the first reading at that time or later lies
+  double end = std::numeric_limits<double>::infinity();  ///< s; the first that is whole again
+};
+
+inline constexpr int kMostLate = 10000;  ///< control periods that a reading may be late
+
+/// Readings some of which lie, and what they remember: one for each machine that runs at a time.
+class FaultyReadings {
+ public:
+  /// @param faults  each acts on what those before it left
+  /// @param period  from reading to reading, s: a late one is the newest that is old enough
+  FaultyReadings(const std::vector<Fault>& faults, double period) : period_(period) {
+    for (const Fault& fault : faults) state_.push_back({fault, {}, 0, false});
+  }
+
+  /// Makes of healthy readings what is read. Call it once for each, in their order.
+  void read(double time, Extended& q_e) {
+    for (State& state : state_) lie(time, state, q_e);
+  }
+
+  /// By how much they may overstate how far the robot has moved, at least 1.
+  double amplification() const {
+    double most = 1;
+    for (const State& state : state_)
+      if (state.fault.kind == FaultKind::gain) most *= std::max(1.0, std::fabs(state.fault.size));
+    return most;
+  }
+
+ private:
+  struct State {
+    Fault fault;
+    std::vector<double> past;  ///< ring of the last healthy readings, or the one that is stuck
+    std::size_t newest;
+    bool began;
+  };
+
+  void lie(double time, State& state, Extended& q_e) const {
+    constexpr double kClock = 1e-9;  // s: k·period is not the time that people write
+    const Fault& fault = state.fault;
+    const double healthy = q_e[fault.reading];
+    double& read = q_e[fault.reading];
+    if (fault.kind == FaultKind::delay) remember(healthy, state);
+    if (time < fault.begin - kClock || time >= fault.end - kClock) return;
+    const bool first = !state.began;
+    state.began = true;
+    switch (fault.kind) {
+      case FaultKind::bias:
+      case FaultKind::jump: read += fault.size; break;
+      case FaultKind::spike: read += first ? fault.size : 0; break;
+      case FaultKind::stuck:
+        if (first) state.past.assign(1, healthy);
+        read = state.past[0];
+        break;
+      case FaultKind::dropout: read = std::numeric_limits<double>::quiet_NaN(); break;
+      case FaultKind::drift: read += fault.size * (time - fault.begin); break;
+      case FaultKind::sign: read = -healthy; break;
+      case FaultKind::gain: read *= fault.size; break;
+      case FaultKind::delay: read = state.past[(state.newest + 1) % state.past.size()]; break;
+      case FaultKind::swap: std::swap(read, q_e[fault.other]); break;
+    }
+  }
+
+  /// Before its first reading a machine stood still.
+  void remember(double healthy, State& state) const {
+    if (state.past.empty()) {
+      const double late = std::ceil(state.fault.size / period_ - 1e-6);  // in periods
+      state.past.assign(1 + static_cast<std::size_t>(std::clamp<double>(late, 0, kMostLate)),
+                        healthy);
+    }
+    state.newest = (state.newest + 1) % state.past.size();
+    state.past[state.newest] = healthy;
+  }
+
+  double period_;
+  std::vector<State> state_;
+};
+
+}  // namespace truepose

@@ -1,0 +1,370 @@
+"""Which faults of readings will be seen, and named? Limits of a robot, before it is built."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import typer
+
+from truepose.arguments import Array, Level
+from truepose.calibration.fault_limits import (
+    HOURS,
+    FaultLimits,
+    false_alarm_rate,
+    fault_limits,
+)
+from truepose.commands.accuracy import label, parse_set, read_poses, workspace_grid
+from truepose.commands.options import (
+    Force,
+    How,
+    RobotName,
+    SensorSet,
+    completing,
+    effects_of,
+    plot_to,
+    wrote,
+)
+from truepose.exceptions import InputError
+from truepose.robot import knowledge
+from truepose.robot.robot import Robot, load
+from truepose.robot.units import reading_units
+from truepose.show.table import Cell, Table, number
+from truepose.show.terminal import Format, say, show
+from truepose.show.units import PRINT
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Effects that readings show while the model is right: what `Effects.allowed_for` knows of.
+KNOWN_EFFECTS = ("backlash", "eccentricity")
+#: Faults of so many times their limit are looked at for what they are confused with.
+TIMES = 1.5
+
+
+def command(
+    robot: RobotName,
+    sensors: SensorSet = None,
+    poses: Annotated[
+        Path | None,
+        typer.Option(
+            help="CSV file, a column for each coordinate, m and rad.",
+            show_default="a grid over the workspace",
+        ),
+    ] = None,
+    calibrated: Annotated[
+        bool, typer.Option("--calibrated", help="After self-calibration over these poses.")
+    ] = False,
+    effects: Annotated[
+        str,
+        typer.Option(
+            help="What readings may show besides: all, none, backlash, eccentricity.",
+            autocompletion=completing(lambda: ("all", "none", *KNOWN_EFFECTS)),
+        ),
+    ] = "none",
+    level: Annotated[
+        Level | None,
+        typer.Option(
+            help="ideal: one rod per chain; full: every rod by itself.",
+            show_default="full where it exists",
+        ),
+    ] = None,
+    false_alarm: Annotated[
+        float | None,
+        typer.Option(
+            metavar="P",
+            help="Probability of a false alarm in each test, one a cycle.",
+            show_default=f"one in {HOURS:g} hours at 1 kHz",
+        ),
+    ] = None,
+    boxes: Annotated[
+        int,
+        typer.Option(
+            min=1, max=20, help="Also the limits in so many equal parts of each coordinate's range."
+        ),
+    ] = 1,
+    plot: Annotated[
+        Path | None, typer.Option(help="Also draw the limits of each reading (PNG, SVG, PDF).")
+    ] = None,
+    how: How = Format.table,
+    force: Force = False,
+) -> None:
+    """Predict which faults of readings will be seen and named, before anything is built.
+
+    Prints the smallest fault of each reading that is detected, and isolated from the others', how
+    far the nacelle is off just below it under each law, and which readings no test tells apart.
+
+    Example: **truepose faults h4 --sensors theta,z_telemeter --calibrated --effects all**
+    """
+    save = plot_to(plot, [robot, *([poses] if poses else [])], force)
+    loaded = load(robot)
+    if sensors is not None:
+        loaded = loaded.with_sensors(*parse_set(loaded, sensors))
+    known = effects_of(effects, KNOWN_EFFECTS)
+    at, left_out = (read_poses(loaded, poses), 0) if poses else regular_grid(loaded)
+    visited = at if calibrated else None
+    subject = known.allowed_for(loaded)
+    found = fault_limits(subject, at, visited, level, false_alarm=false_alarm)
+    state = f"{'self-calibrated' if calibrated else 'as built'}, {found.level} level"
+    state += "" if effects == "none" else f", effects {effects}"
+    if not loaded.r:
+        if how is not Format.table:
+            show([limits(found, state)], how)
+        say(unwatched(loaded), how)
+        return
+    save(lambda: draw(found, state))
+    others = list(_beside(loaded, subject, at, visited, found, effects))
+    parts = [by_box(found, at, boxes)] if boxes > 1 else []
+    show([limits(found, state), *parts, *harm(found), beside(others)], how)
+    where = f"{len(at)} poses of {poses or 'a grid over the workspace'}"
+    gone = f", {left_out} that are unreachable or singular left out" if left_out else ""
+    say(f"{loaded.name}, {label(loaded, loaded.sensors)}: {where}{gone}; {state}.", how)
+    for line in notes(found):
+        say(line, how)
+    wrote(how, plot)
+
+
+def regular_grid(robot: Robot) -> tuple[Array, int]:
+    """Poses of :func:`workspace_grid` that are reachable and regular, and how many are not.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> poses, left_out = regular_grid(tp.load("delta"))
+    >>> poses.shape, left_out
+    ((125, 3), 0)
+    """
+    grid, model = workspace_grid(robot), robot.expected()
+    answers = [model.leakage(grid, "joint", "nan"), model.linearise(grid, "nan", "ideal")[0]]
+    good = np.isfinite([values.sum(axis=(1, 2)) for values in answers]).all(axis=0)
+    if not good.any():
+        raise InputError(f"{robot.name}: no pose of its workspace is reachable and regular")
+    return grid[good], int((~good).sum())
+
+
+def unwatched(robot: Robot) -> str:
+    """What there is to say of a robot whose readings cannot contradict each other."""
+    spare = ", ".join(sensor.name for sensor in robot.spec.sensor)
+    return (
+        f"{robot.name}: no redundant sensor in use: its readings cannot contradict each other, and "
+        "only their range, speed and freezing can be watched; any other fault moves the nacelle "
+        f"unseen. Sensors of its file (--sensors): {spare or 'none'}."
+    )
+
+
+def _beside(
+    robot: Robot,
+    subject: Robot,
+    poses: Array,
+    visited: Array | None,
+    found: FaultLimits,
+    effects: str,
+) -> Iterator[tuple[str, FaultLimits]]:
+    """The same limits under other assumptions, each under its name."""
+    levels: list[tuple[str, Level, bool]] = [(f"{found.level} level", found.level, True)]
+    if knowledge.left_out(robot):
+        levels = [
+            ("full level", "full", True),
+            ("ideal level", "ideal", True),
+            ("ideal level, robot on paper", "ideal", False),
+        ]
+    states = [("as built", None)] + ([] if visited is None else [("self-calibrated", visited)])
+    doubts = [("", robot)] + ([] if effects == "none" else [(f", effects {effects}", subject)])
+    for state, learnt in states:
+        for name, level, model_error in levels:
+            for doubt, one in doubts:
+                told = fault_limits(
+                    one, poses, learnt, level, model_error, false_alarm=found.false_alarm, moving=1
+                )
+                yield f"{state}, {name}{doubt}", told
+
+
+def limits(found: FaultLimits, state: str) -> Table:
+    """One row a reading: median and largest over the poses, mm and degrees."""
+    m = len(found.robot.readings)
+    detected, isolated, jump = (
+        values.reshape(-1, m) for values in (found.detected, found.isolated, found.jump)
+    )
+    confused = found.confused_with(TIMES)
+    rows = []
+    for c, (name, (factor, unit)) in enumerate(_readings(found.robot)):
+        named = Cell(f"{name} ({unit})", {"reading": name, "unit": unit})
+        values = [
+            np.median(detected[:, c]),
+            detected[:, c].max(),
+            np.median(isolated[:, c]),
+            np.median(jump[:, c]),
+            found.moving_detected[c],
+            found.moving_isolated[c],
+        ]
+        cells = [_limit(factor * float(value)) for value in values]
+        rivals = "all others" if len(confused[name]) == m - 1 else " ".join(confused[name])
+        rows.append([named, *cells[:3], rivals, *cells[3:]])
+    over = f"over {found.moving} poses: "
+    header = [
+        "reading",
+        "detected",
+        "at the worst pose",
+        "isolated",
+        f"confused with (at {TIMES:g} ×)",
+        "jump",
+    ]
+    header += [over + "detected", over + "isolated"]
+    return Table("faults", f"Smallest faults, {state}", header, rows)
+
+
+def harm(found: FaultLimits) -> list[Table]:
+    """How far the nacelle is off by a fault just below detection: one column a law."""
+    laws = list(found.leakage)
+    at_rest = {
+        law: found.pose_error(law).reshape(-1, len(found.robot.readings), 2).max(axis=0)
+        for law in laws
+    }
+    moving = {law: found.moving_pose_error(law) for law in laws}
+    titles = {
+        "harm_at_rest": (at_rest, "Pose error of a fault just below detection, worst pose"),
+        "harm_moving": (moving, f"The same of one that {found.moving} poses do not betray"),
+    }
+    return [
+        Table(
+            name,
+            title,
+            ["reading", *laws],
+            [
+                [reading, *(_offset(found.robot, law, errors[law][c]) for law in laws)]
+                for c, reading in enumerate(found.robot.readings)
+            ],
+        )
+        for name, (errors, title) in titles.items()
+    ]
+
+
+def beside(others: list[tuple[str, FaultLimits]]) -> Table:
+    """One row an assumption, medians over the poses: detected, and isolated."""
+    rows = []
+    for name, found in others:
+        rows.append([name, *_pairs(found, np.s_[:])])
+    title = "Detected / isolated, medians, under other assumptions"
+    return Table("faults_beside", title, ["assumption", *_header(others[0][1].robot)], rows)
+
+
+def by_box(found: FaultLimits, poses: Array, parts: int) -> Table:
+    """One row a part of a coordinate's range, medians over its poses: detected, and isolated."""
+    rows = []
+    for k, (name, unit) in enumerate(found.robot.coordinates):
+        factor, printed = PRINT[unit]
+        edges = np.linspace(poses[:, k].min(), poses[:, k].max(), parts + 1)
+        part = np.clip(np.searchsorted(edges, poses[:, k], side="right") - 1, 0, parts - 1)
+        for i, (low, high) in enumerate(itertools.pairwise((factor * edges).tolist())):
+            inside = np.flatnonzero(part == i)
+            if not len(inside):
+                continue
+            ends = {"from": low, "to": high, "poses": len(inside)}
+            named = f"{name} {low:.4g} to {high:.4g} {printed}".replace(" °", "°")
+            rows.append([Cell(named, {"box": name, "unit": printed} | ends)])
+            rows[-1] += _pairs(found, inside)
+    title = "Detected / isolated, medians over the poses of each box"
+    return Table("faults_by_box", title, ["box", *_header(found.robot)], rows)
+
+
+def _header(robot: Robot) -> list[str]:
+    return [f"{name} ({unit})" for name, (_, unit) in _readings(robot)]
+
+
+def _pairs(found: FaultLimits, inside: Array | slice) -> list[Cell]:
+    """Medians over some poses of what is detected, and isolated, of each reading."""
+    cells = []
+    for c, (reading, (factor, unit)) in enumerate(_readings(found.robot)):
+        every = [
+            values.reshape(-1, values.shape[-1]) for values in (found.detected, found.isolated)
+        ]
+        pair = [factor * float(np.median(values[inside, c])) for values in every]
+        names = [f"{reading} {what} ({unit})" for what in ("detected", "isolated")]
+        text = " / ".join(map(_limit, pair))
+        cells.append(Cell(text, dict(zip(names, pair, strict=True))))
+    return cells
+
+
+def notes(found: FaultLimits) -> Iterator[str]:
+    """What the tables mean, and which readings no test tells apart."""
+    odds = f"{found.false_alarm:.2g}"
+    if found.false_alarm == false_alarm_rate():
+        odds = f"one in {HOURS:g} hours at 1 kHz, {odds}"
+    yield (
+        f"Found with probability {found.power:g}, false alarms {odds} a test: a bias or a jump in "
+        "one cycle, a drift when it has grown so far; over poses read once each, a bias that stays."
+    )
+    yield (
+        f"Confused with: the readings whose own faults explain one of {TIMES:g} times its limit as "
+        "well, at most of the poses where it is seen."
+    )
+    for where, groups in (
+        ("at any one pose", found.alike_at_rest),
+        (f"over all {found.detected[..., 0].size} poses", found.alike),
+    ):
+        told = "; ".join(" = ".join(group) for group in groups) or "none"
+        yield f"Not to be told apart {where}, by parallel signatures: {told}."
+    if found.unseen:
+        yield f"Seen by no test, at no pose: {', '.join(found.unseen)}."
+
+
+def draw(found: FaultLimits, state: str) -> Figure:
+    """Draw each reading's limits: median, 5 and 95 % of the poses that have one; by unit."""
+    from matplotlib.figure import Figure
+
+    m, names = len(found.robot.readings), found.robot.readings
+    parts: dict[tuple[float, str], list[int]] = {}
+    for c, (_, printed) in enumerate(_readings(found.robot)):
+        parts.setdefault(printed, []).append(c)
+    figure = Figure(figsize=(7.0, 1.4 + 0.45 * m), layout="constrained")
+    ratios = [len(shown) for shown in parts.values()]
+    panels = figure.subplots(len(parts), squeeze=False, height_ratios=ratios)[:, 0]
+    for axes, ((factor, unit), shown) in zip(panels, parts.items(), strict=True):
+        for what, values, shift, colour in (
+            ("detected", found.detected, -0.12, "C0"),
+            ("isolated", found.isolated, 0.12, "C1"),
+        ):
+            for row, c in enumerate(shown):
+                at = factor * values.reshape(-1, m)[:, c]
+                if not np.isfinite(at).any():
+                    continue
+                low, middle, high = np.quantile(at[np.isfinite(at)], (0.05, 0.5, 0.95))
+                label = what if row == 0 else None
+                axes.plot([low, high], [row + shift] * 2, color=colour, lw=3, alpha=0.5)
+                axes.plot(middle, row + shift, "o", color=colour, ms=5, label=label)
+        for what, least, mark in (
+            ("over poses: detected", found.moving_detected, "|"),
+            ("over poses: isolated", found.moving_isolated, "x"),
+        ):
+            axes.plot(factor * least[shown], range(len(shown)), mark, color="0.2", ms=7, label=what)
+        axes.set_xscale("log")
+        axes.set_yticks(range(len(shown)), [names[c] for c in shown])
+        axes.set(xlabel=f"smallest fault ({unit})", ylim=(len(shown) - 0.5, -0.5))
+        axes.grid(axis="x", color="0.9")
+    panels[0].legend(loc="upper left", bbox_to_anchor=(1, 1), fontsize=8, frameon=False)
+    figure.suptitle(f"{found.robot.name}: {state}", fontsize=10, parse_math=False)
+    return figure
+
+
+def _readings(robot: Robot) -> list[tuple[str, tuple[float, str]]]:
+    """Name of every reading, factor and unit in which people read it."""
+    units = [PRINT[unit] for unit in reading_units(robot)]
+    return list(zip(robot.readings, units, strict=True))
+
+
+def _limit(value: float) -> Cell:
+    return number(value) if np.isfinite(value) else Cell("never", value)
+
+
+def _offset(robot: Robot, law: str, error: Array) -> Cell:
+    """Position and rotation in one cell, mm and degrees; what no test bounds is unbounded."""
+    units = dict.fromkeys(unit for _, unit in robot.coordinates)
+    parts = [(PRINT[unit], error[k]) for k, unit in enumerate(("m", "rad")) if unit in units]
+    data = {f"{law} ({name})": float(factor * value) for (factor, name), value in parts}
+    if not np.isfinite(error).all():
+        return Cell("unbounded", data)
+    gap = {"mm": " mm", "°": "°"}
+    return Cell(", ".join(number(f * v) + gap[n] for (f, n), v in parts), data)

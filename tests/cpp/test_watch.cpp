@@ -1,0 +1,259 @@
+// Does a watch find the reading that lies, and only that one? Switching, and what stands for it.
+#include "mechanisms.hpp"
+#include "truepose/control/guard.hpp"
+#include "truepose/control/parity.hpp"
+#include "truepose/control/tracker.hpp"
+#include "truepose/math/chi2.hpp"
+
+using namespace mechanisms;
+
+namespace {
+
+constexpr double kPeriod = 1e-3;
+
+/// A robot that moves as its model does, and a watch over its counts.
+template <Mobility K>
+class Scene {
+ public:
+  static constexpr int n = kDof<K>;
+  explicit Scene(const Mechanism& mechanism) : robot(mechanism.robot), home_(robot.home) {
+    known.sigma.fill(1e-5);
+    work_.resize(static_cast<std::size_t>(estimate_work(robot, 0)));
+    settings.false_alarm = 1e-9;
+    settings.fastest.fill(500);
+    settings.moved.fill(2e-3);
+    prepare(settings);
+  }
+  /// Cycle k of a smooth path about home: where the robot is.
+  Coordinates at(int k) const {
+    Coordinates x = home_;
+    for (int i = 0; i < n; ++i) x[i] += 0.02 * std::sin(2 * kPeriod * k * (3 + i));
+    return x;
+  }
+  Extended read(int k) const {
+    Extended q_e{};
+    CHECK(extended<K>(robot, to_pose<K>(at(k)), q_e));
+    for (int c = 0; c < n + robot.r; ++c) q_e[c] = quantised(q_e[c], 3e-5);
+    return q_e;
+  }
+  Outcome cycle(int k, const Extended& q_e) {
+    const Weighing weighing{&known, work_.data()};
+    return watch<K>(robot, settings, weighing, motors_of<K>(read(k)), q_e, seen, believed);
+  }
+  /// Healthy cycles 0 to k - 1.
+  bool healthy(int k) {
+    bool valid = true;
+    for (int i = 0; i < k; ++i) valid = valid && cycle(i, read(i)).status == Status::ok;
+    return valid;
+  }
+
+  Robot robot;
+  Knowledge known;
+  WatchSettings settings;
+  Watch seen;
+  Extended believed{};
+
+ private:
+  Coordinates home_;
+  std::vector<double> work_;
+};
+
+}  // namespace
+
+TEST("chi-squared is exceeded as often as asked for") {
+  // Tables: P(χ²_1 > 3.841) = 0.05, P(χ²_4 > 13.277) = 0.01, P(χ²_5 > 20.515) = 0.001.
+  CHECK(std::fabs(chi2_beyond(0.05, 1) - 3.841459) < 1e-5);
+  CHECK(std::fabs(chi2_beyond(0.01, 4) - 13.276704) < 1e-5);
+  CHECK(std::fabs(chi2_beyond(0.001, 5) - 20.515006) < 1e-5);
+  for (int k = 1; k <= kMaxSensors; ++k)
+    for (const double p : {0.5, 1e-3, 1e-10})
+      CHECK(std::fabs(chi2_tail(chi2_beyond(p, k), k) / p - 1) < 1e-9);
+}
+
+TEST("a tracker's gains are those of its innovations") {
+  for (const double pole : {kOwnPole, kParityPole}) {
+    const TrackerGains gains = tracker_gains(pole);
+    // Under a constant acceleration the innovation settles at a T² times the gain.
+    Tracker tracker;
+    double innovation = 0;
+    for (int k = 0; k < 500; ++k) {
+      innovation = 0.5 * k * k - tracker.predicted(1);
+      tracker.correct(1, pole, innovation);
+    }
+    CHECK(std::fabs(innovation / gains.acceleration - 1) < 1e-6);
+    // Of white noise, its variance.
+    check::Random random(1);
+    double sum = 0;
+    tracker = {};
+    const int count = 200000;
+    for (int k = 0; k < count; ++k) {
+      const double noise = random();
+      innovation = noise - tracker.predicted(1);
+      tracker.correct(1, pole, innovation);
+      sum += innovation * innovation;
+    }
+    CHECK(std::fabs(3 * sum / count / gains.variance - 1) < 0.03);
+  }
+}
+
+TEST("a parity does not depend on the pose, and has each reading's fault by its signature") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr int n = kDof<K>;
+    const Robot& robot = mechanism.robot;
+    check::Random random(2);
+    for (int pose = 0; pose < 20; ++pose) {
+      const Pose at = to_pose<K>(random_pose(mechanism, random));
+      Extended q_e{};
+      Parity<K> parity;
+      if (!extended<K>(robot, at, q_e) ||
+          !parity.place(robot, nearby<K>(at, random, 1e-3), q_e, Extended{}))
+        continue;
+      for (int k = 0; k < robot.r; ++k)
+        CHECK(std::fabs(parity.value[k]) < 1e-6);  // of 1 mm the square
+      for (int c = 0; c < n + robot.r; ++c) {
+        const double step = 1e-6;
+        Extended wrong = q_e;
+        wrong[c] += step;
+        Parity<K> moved;
+        if (!moved.place(robot, at, wrong, Extended{})) continue;
+        const Reading g = parity.signature(robot.r, c);
+        for (int k = 0; k < robot.r; ++k)
+          CHECK(std::fabs(moved.value[k] / step - g[k]) < 1e-3 * (1 + std::fabs(g[k])));
+      }
+    }
+  });
+}
+
+TEST("readings of a healthy robot stay valid, and are believed as they are") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    Scene<mobility()> scene(mechanism);
+    for (int k = 0; k < 1000; ++k) {
+      const Extended q_e = scene.read(k);
+      CHECK(scene.cycle(k, q_e).status == Status::ok);
+      for (int c = 0; c < scene.n + scene.robot.r; ++c) CHECK(scene.believed[c] == q_e[c]);
+    }
+  });
+}
+
+TEST("a jump, a dropout and a spike are found in their cycle, in whatever reading") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    const int rows = kDof<mobility()> + mechanism.robot.r;
+    for (int c = 0; c < rows; ++c)
+      for (const double wrong : {0.5, static_cast<double>(NAN)}) {
+        Scene<mobility()> scene(mechanism);
+        CHECK(scene.healthy(100));
+        for (int k = 100; k < 130; ++k) {
+          Extended q_e = scene.read(k);
+          const double right = q_e[c];
+          q_e[c] += wrong;
+          const Outcome outcome = scene.cycle(k, q_e);
+          CHECK(outcome.status == Status::disagree);
+          CHECK(outcome.chain == c);
+          if (k < 100 + scene.settings.coast) CHECK(std::fabs(scene.believed[c] - right) < 1e-3);
+        }
+        CHECK(scene.seen.reading[c].health == Health::failed);
+        for (int d = 0; d < rows; ++d)
+          if (d != c) CHECK(scene.seen.reading[d].health == Health::valid);
+      }
+  });
+}
+
+TEST("a spike is bridged; three in a second are a failure") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    Scene<mobility()> scene(mechanism);
+    CHECK(scene.healthy(100));
+    for (int k = 100; k < 400; ++k) {
+      Extended q_e = scene.read(k);
+      if (k % 100 == 50) q_e[0] += 0.3;
+      const bool third = k >= 350;
+      CHECK((scene.cycle(k, q_e).status == Status::ok) == !(k % 100 == 50 || third));
+      CHECK((scene.seen.reading[0].health == Health::failed) == third);
+    }
+  });
+}
+
+TEST("what stands for a failed sensor is what the motors say") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr int n = kDof<mobility()>;
+    for (int c = n; c < n + mechanism.robot.r; ++c) {
+      Scene<mobility()> scene(mechanism);
+      CHECK(scene.healthy(100));
+      for (int k = 100; k < 300; ++k) {
+        Extended q_e = scene.read(k);
+        const double right = q_e[c];
+        q_e[c] = NAN;
+        CHECK(scene.cycle(k, q_e).chain == c);
+        CHECK(std::fabs(scene.believed[c] - right) < 5e-3);
+      }
+    }
+  });
+}
+
+TEST("a restored reading is believed again") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    Scene<mobility()> scene(mechanism);
+    CHECK(scene.healthy(100));
+    Extended q_e = scene.read(100);
+    q_e[0] = NAN;
+    for (int k = 0; k <= scene.settings.coast; ++k)
+      CHECK(scene.cycle(100, q_e).status == Status::disagree);
+    CHECK(scene.seen.reading[0].health == Health::failed);
+    restore(scene.seen, 0);
+    CHECK(scene.cycle(100, scene.read(100)).status == Status::ok);
+  });
+}
+
+TEST("a robot that must stop comes to rest along its path, without a corner") {
+  PathClock clock;
+  for (int k = 0; k < 100; ++k) clock.advance(kPeriod, 0);
+  CHECK(std::fabs(clock.time - 0.1) < 1e-12);
+  double before = clock.time, rate = 1;
+  for (int k = 0; k < 200; ++k) {
+    clock.advance(kPeriod, 0.1);
+    CHECK(clock.time >= before);
+    CHECK(std::fabs(clock.rate - rate - kPeriod * clock.slowing) < 1e-12);
+    CHECK(std::fabs(clock.slowing) < 1.51 / 0.1);
+    rate = clock.rate;
+    before = clock.time;
+  }
+  CHECK(clock.rate == 0);
+  CHECK(std::fabs(clock.time - 0.15) < 1e-3);  // half as far as it would have come
+}
+
+TEST("a change of law, or of what is believed, is no step of the torque") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr int n = kDof<K>;
+    Robot robot = mechanism.robot;
+    robot.chain[0].torque_limit = 0;
+    Robot truth = robot;
+    for (int i = 0; i < n; ++i) truth.chain[i].encoder_offset += 2e-3 * (i + 1);
+    ControlSettings settings;
+    if (!place_poles(robot, robot.home, 100, 1, settings)) return;
+    Knowledge known;
+    known.sigma.fill(1e-4);
+    std::vector<double> work(static_cast<std::size_t>(estimate_work(robot, 0)));
+    const Weighing weighing{&known, work.data()};
+    Extended q_e{};
+    CHECK(extended<K>(truth, to_pose<K>(robot.home), q_e));
+    Setpoint setpoint;
+    setpoint.x = robot.home;
+    ControlState state;
+    Joint last{};
+    bool first = true;
+    for (const Law law : {Law::joint, Law::redundant, Law::estimated, Law::joint}) {
+      settings.law = law;
+      for (int k = 0; k < 300; ++k) {
+        CHECK(control<K>(robot, settings, setpoint, q_e, state, weighing));
+        for (int i = 0; i < n; ++i) {
+          // A smooth fade over 0.2 s: 1.5/200 of the difference in a cycle, which the errors bound.
+          const double most = 1e-9 + 0.02 * settings.kp[i];
+          CHECK(first || std::fabs(state.torque[i] - last[i]) < most);
+        }
+        last = state.torque;
+        first = false;
+      }
+    }
+  });
+}

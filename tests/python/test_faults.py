@@ -1,0 +1,375 @@
+"""Does a faulty reading read what its kind says, on every plant, and does the machine go on?"""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import truepose as tp
+from truepose import _core, logs
+from truepose.commands.options import faults_of
+from truepose.robot import knowledge
+from truepose.simulation.faults import FAULT_KINDS
+from truepose.simulation.plants.dynamic import DynamicPlant
+from truepose.simulation.plants.exact import ExactPlant
+from truepose.simulation.visit import visit
+
+AT, UNTIL = 0.1, 0.15  # s, within the usual move of 0.2 s
+SIZES = {"bias": 0.01, "jump": 0.01, "spike": 0.02, "drift": 0.1, "gain": 1.05, "delay": 0.0042}
+AT_REST = ("bias", "jump", "sign", "gain", "swap")
+MOVE = np.array([[0.05, -0.05, -0.45, 0.1]])
+
+
+def fault(kind: str, reading: str = "theta", at: float = AT, until: float | None = None):
+    other = "q2" if kind == "swap" else None
+    return tp.Fault(reading, kind, at, SIZES.get(kind), until, other)
+
+
+def reads(kind: str, time: np.ndarray, healthy: np.ndarray, column: int) -> np.ndarray:
+    """What the definition makes of healthy readings (T, n + r), from AT on."""
+    s, since = healthy[:, column], time - AT
+    first = int(np.argmax(since >= -1e-9))
+    late = np.maximum(np.arange(len(s)) - 5, 0)  # 4.2 ms in periods of 1 ms
+    lying = {
+        "bias": s + 0.01,
+        "jump": s + 0.01,
+        "spike": s + 0.02 * (np.arange(len(s)) == first),
+        "stuck": np.full(len(s), s[first]),
+        "dropout": np.full(len(s), np.nan),
+        "drift": s + 0.1 * since,
+        "sign": -s,
+        "gain": 1.05 * s,
+        "delay": s[late],
+        "swap": healthy[:, 1],
+    }[kind]
+    return np.where(np.arange(len(s)) < first, s, lying)
+
+
+@pytest.fixture(scope="module")
+def exact(h4) -> tp.Robot:
+    return h4.unquantised()
+
+
+@pytest.fixture(scope="module")
+def whole(h4) -> tp.Simulation:
+    return tp.simulate(h4)
+
+
+@pytest.mark.parametrize("reading", ["theta", "q1"])
+@pytest.mark.parametrize("kind", FAULT_KINDS)
+def test_a_faulty_reading_is_what_its_kind_makes_of_the_true_one(exact, kind, reading):
+    column = exact.readings.index(reading)
+    run = tp.simulate(exact, faults=[fault(kind, reading)], controller="estimated")
+    healthy = exact.extended(run.x)
+    expected = healthy.copy()
+    expected[:, column] = reads(kind, run.time, healthy, column)
+    if kind == "swap":
+        expected[run.time >= AT - 1e-9, 1] = healthy[run.time >= AT - 1e-9, column]
+    assert len(run.time) > 150
+    np.testing.assert_allclose(run.q_e, expected, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("law", ["joint", "redundant"])
+@pytest.mark.parametrize("kind", FAULT_KINDS)
+def test_before_its_fault_a_robot_is_the_same_to_the_last_bit(h4, kind, law):
+    usual, run = (tp.simulate(h4, controller=law, faults=f) for f in ((), [fault(kind, "q1")]))
+    begins = 100
+    for name in ("x", "q_e", "torque", "motor_error", "cycle_status"):
+        before, same = getattr(run, name)[:begins], getattr(usual, name)[:begins]
+        assert before.tobytes() == same.tobytes(), name
+    assert run.x[begins:].tobytes() != usual.x[begins : len(run.x)].tobytes()
+
+
+@pytest.mark.parametrize("kind", [k for k in FAULT_KINDS if k not in ("jump", "spike")])
+def test_a_fault_that_ends_leaves_a_whole_reading(exact, kind):
+    over = fault(kind, "theta", until=AT + 0.002)
+    run = tp.simulate(exact, faults=[over])
+    off = ~(np.abs(run.q_e[:, 4] - exact.extended(run.x)[:, 4]) < 1e-12)
+    assert set(np.flatnonzero(off)) <= {100, 101}
+    assert off.any() or kind == "stuck"  # what is stuck reads right where it stops
+    assert len(run.time) == 401
+
+
+def test_two_faults_act_one_after_the_other(exact):
+    run = tp.simulate(exact, faults=[fault("gain", "q1"), fault("bias", "q1")], controller="joint")
+    s = exact.extended(run.x)[100:, 0]
+    assert run.q_e[100:, 0] == pytest.approx(1.05 * s + 0.01, abs=1e-12)
+
+
+def test_a_frozen_theta_takes_the_nacelle_away_under_the_papers_law_alone(h4):
+    """The worst of them: the TEJ multiplies θ's error by |j|², 8 to 38."""
+    stuck = [fault("stuck")]
+    astray, usual = (
+        tp.simulate(h4, controller=law, faults=stuck) for law in ("redundant", "joint")
+    )
+    assert np.linalg.norm(astray.error[:, :3], axis=1).max() > 0.37
+    assert np.degrees(np.abs(astray.error[:, 3]).max()) > 130
+    assert usual.x.tobytes() == tp.simulate(h4, controller="joint").x.tobytes()
+
+
+def test_without_an_answer_the_machine_goes_on_with_its_last_torque(h4, whole):
+    run = tp.simulate(h4, faults=[fault("dropout", "q1", until=AT + 0.003)])
+    silent = np.flatnonzero(~run.answered)
+    assert silent.tolist() == [100, 101, 102] and len(run.time) == len(whole.time)
+    assert (run.torque[silent] == run.torque[99]).all()
+    assert (run.cycle_status[silent] == run.cycle_status[100]).all()
+    assert _core.describe(int(run.cycle_status[100])) == "not finite"
+    assert run.status == "no answer in 3 cycles: not finite"
+    assert np.abs(run.error[-1, :3]).max() < 1e-3  # and finds back
+    assert whole.answered.all() and whole.status == "ok" and not whole.near_singular.any()
+
+
+def test_out_of_its_workspace_the_run_ends_and_says_so(h4):
+    run = tp.simulate(h4, faults=[fault("sign", "q1")])
+    assert len(run.time) < 401
+    assert (
+        run.status
+        == run.ended
+        == f"stopped after {len(run.time) * 1e-3:.3f} s: " + (run.ended.split("s: ", 1)[1])
+    )
+
+
+def test_a_log_tells_where_there_was_no_answer(h4, tmp_path):
+    run = tp.simulate(h4, faults=[fault("dropout", until=AT + 0.003)])
+    assert "no_answer" not in {column.name for column in tp.simulate(h4).columns()}
+    flags = {column.name: column.values for column in run.columns()}["no_answer"]
+    assert np.flatnonzero(flags).tolist() == [100, 101, 102]
+    for ending in (".csv", ".parquet", ".mcap"):
+        if ending != ".csv":
+            pytest.importorskip({".parquet": "pyarrow", ".mcap": "mcap"}[ending])
+        logs.write(run, tmp_path / f"run{ending}")
+        np.testing.assert_array_equal(logs.read(h4, tmp_path / f"run{ending}").readings, run.q_e)
+
+
+@pytest.mark.parametrize("law", ["joint", "redundant", "cartesian", "estimated"])
+@pytest.mark.parametrize("reading", ["theta", "q1"])
+def test_at_rest_a_small_bias_moves_the_robot_as_its_law_leaks(h4, exact, law, reading):
+    bias, column = 1e-6, h4.readings.index(reading)
+    controller = tp.Controller(law=law)
+    plants = [
+        ExactPlant(h4, level="ideal", faults=f) for f in ((), [tp.Fault(reading, "bias", 0, bias)])
+    ]
+    at, off = (plant.visit(h4, MOVE, controller) for plant in plants)
+    believed = h4.expected() if law == "estimated" else h4
+    leak = _leakage(believed, law, MOVE)
+    assert (off.x - at.x)[0] == pytest.approx(leak[0, :, column] * bias, abs=1e-9)
+    expected = exact.extended(off.x)
+    expected[:, column] += bias
+    assert off.q_e == pytest.approx(expected, abs=1e-12)
+
+
+def _leakage(robot: tp.Robot, law: str, x: np.ndarray) -> np.ndarray:
+    believed, known = knowledge.for_law(robot, law)
+    leak, status, _ = _core.leakage(believed.core, _core.laws[law].law, known, x)
+    assert (status <= 0).all()
+    return leak
+
+
+@pytest.mark.parametrize("kind", AT_REST)
+@pytest.mark.parametrize("reading", ["theta", "q1"])
+def test_a_robot_rests_where_its_simulated_move_ends(exact, kind, reading):
+    """Or nowhere, where the fault turns the loop's feedback round and the move runs away."""
+    robot = exact.with_gravity((0, 0, 0))
+    lying = [fault(kind, reading, at=0)]
+    plants = [
+        ExactPlant(robot, level="ideal", faults=lying),
+        DynamicPlant(robot, duration=0.2, hold=0.8, faults=lying),
+    ]
+    statics, moved = (plant.visit(robot, MOVE, tp.Controller()) for plant in plants)
+    if kind in ("sign", "swap"):
+        assert statics.status[0] != "ok" and moved.status[0] != "ok"
+        assert np.isnan(statics.x).all() and np.isnan(moved.x).all()
+    else:
+        assert statics.status[0] == moved.status[0] == "ok"
+        assert moved.x == pytest.approx(statics.x, abs=1e-6)
+        assert moved.q_e == pytest.approx(statics.q_e, abs=1e-6)
+        assert np.abs(statics.x - MOVE).max() > 1e-4
+
+
+@pytest.mark.parametrize("gain", [0.5, 2.0, 3.0])
+def test_an_encoder_that_counts_several_times_halves_or_doubles_the_way(exact, gain):
+    """Gain 2 overstates the motion: steps as long as the nominal robot's would not settle."""
+    wanted = exact.ikm(MOVE)
+    wanted[:, 0] /= gain
+    plant = ExactPlant(exact, level="ideal", faults=[tp.Fault("q1", "gain", size=gain)])
+    found = plant.visit(exact, MOVE, tp.Controller(law="joint"))
+    assert found.x == pytest.approx(exact.fkm(wanted), abs=1e-9)
+
+
+def test_along_a_path_the_faults_clock_runs_on(h4):
+    poses = np.repeat(MOVE, 3, axis=0) * [[1, 1, 1, 1], [0, 1, 1, -1], [1, 0, 1, 0.5]]
+    usual = {"duration": 0.25, "hold": 0.35}
+    second = tp.Fault("theta", "bias", at=0.6, size=0.01, until=1.2)
+    plants = [DynamicPlant(h4, faults=f, **usual) for f in ((), [second])]
+    controller = tp.Controller(frequency=40, velocity_bandwidth=300)
+    whole, lying = (plant.visit(h4, poses, controller) for plant in plants)
+    assert lying.status.tolist() == ["ok"] * 3
+    assert lying.x[0].tolist() == whole.x[0].tolist()
+    assert abs(lying.x[1, 3] - whole.x[1, 3]) > 5e-3
+    assert np.abs(lying.x[2] - whole.x[2]).max() < 1e-3
+
+
+def test_what_is_stuck_stays_stuck_from_pose_to_pose(h4):
+    poses = np.repeat(MOVE, 3, axis=0) * [[1, 1, 1, 1], [0, 1, 1, -1], [1, 0, 1, 0.5]]
+    stuck = tp.Fault("theta", "stuck", at=0.5)
+    x, q_e, status = visit(h4, h4, poses, "joint", faults=[stuck])
+    assert status.tolist() == ["ok"] * 3
+    assert (q_e[1:, 4] == q_e[1, 4]).all() and np.ptp(x[:, 3]) > 0.1
+
+
+def test_a_visit_says_where_the_controller_had_no_answer(h4):
+    lost = tp.Fault("theta", "dropout", at=0.3, until=0.304)
+    x, q_e, status = visit(h4, h4, np.repeat(MOVE, 2, axis=0), faults=[lost])
+    assert status.tolist() == ["no answer in 4 cycles: not finite", "ok"]
+    assert np.isfinite(x).all() and np.isfinite(q_e).all()
+    assert DynamicPlant(h4, faults=[lost], hold=0.15).visit(
+        h4, MOVE, tp.Controller(frequency=40, velocity_bandwidth=300)
+    ).status.tolist() == ["no answer in 4 cycles: not finite"]
+
+
+@pytest.mark.parametrize(("kind", "tolerance"), [("bias", 2e-5), ("gain", 2e-5), ("stuck", 0)])
+def test_in_mujoco_a_reading_lies_alike(h4, kind, tolerance):
+    pytest.importorskip("mujoco")
+    from truepose.simulation.plants.mujoco import MujocoPlant
+
+    lying, controller = [fault(kind, "q1", at=0)], tp.Controller(law="joint")
+    found = MujocoPlant(h4, faults=lying).visit(h4, MOVE, controller)
+    if kind == "stuck":  # at home's reading: the motor is driven to its limit
+        assert found.status[0] != "ok"
+        return
+    statics = ExactPlant(h4, level="ideal", faults=lying).visit(h4, MOVE, controller)
+    assert found.status.tolist() == ["ok"]
+    assert found.x == pytest.approx(statics.x, abs=tolerance)
+    assert found.q_e == pytest.approx(statics.q_e, abs=10 * tolerance)
+
+
+def test_in_mujoco_a_robot_without_an_answer_goes_on(h4):
+    pytest.importorskip("mujoco")
+    from truepose.simulation.plants.mujoco import MujocoPlant
+
+    lost = tp.Fault("theta", "dropout", at=0.1, until=0.102)
+    plants = [MujocoPlant(h4, faults=faults) for faults in ((), [lost])]
+    usual, found = (
+        plant.visit(h4, np.repeat(MOVE, 2, axis=0), tp.Controller()) for plant in plants
+    )
+    assert found.status.tolist() == ["no answer in 2 cycles: not finite", "ok"]
+    assert found.x == pytest.approx(usual.x, abs=1e-4)
+
+
+def test_in_mujoco_what_is_stuck_stays_so_from_pose_to_pose(h4, monkeypatch):
+    """Without faults ranges of poses have a robot each, which begins at home: here one a pose."""
+    pytest.importorskip("mujoco")
+    from truepose.simulation.plants import mujoco
+
+    monkeypatch.setattr(mujoco, "_RANGE", 1)
+    stuck = tp.Fault("theta", "stuck", at=10.0)  # before the second pose
+    plant = mujoco.MujocoPlant(h4, faults=[stuck])
+    poses = np.repeat(MOVE, 3, axis=0) * [[1, 1, 1, 1], [1, 1, 1, -1], [1, 1, 1, 0]]
+    found = plant.visit(h4, poses, tp.Controller(law="joint"))
+    assert found.status.tolist() == ["ok"] * 3
+    assert found.x[:, 3] == pytest.approx(poses[:, 3], abs=1e-4)
+    assert found.q_e[:, 4] == pytest.approx(MOVE[0, 3], abs=1e-4)
+    assert found.q_e[1, 4] == found.q_e[2, 4]
+
+
+BAD = [
+    (("theta", "stuk"), "unknown kind of fault 'stuk'; did you mean 'stuck'?"),
+    (("theta", "bias"), "theta: bias: size = None: must be a finite number, rad or m"),
+    (("theta", "bias", 0, np.nan), "size = nan: must be a finite number"),
+    (("theta", "drift", 0, np.inf), "size = inf: must be a finite number, rad/s or m/s"),
+    (("theta", "stuck", 0, 0.1), "theta: stuck: size = 0.1: this kind has none"),
+    (("theta", "stuck", -1.0), "at = -1.0: must be a finite number of at least 0"),
+    (("theta", "stuck", np.nan), "at = nan: must be a finite number of at least 0"),
+    (("theta", "delay", 0, 0.0), "size = 0.0: must be greater than 0 s"),
+    (("theta", "stuck", 0.2, None, 0.1), "until = 0.1: must be a finite number greater than at"),
+    (("theta", "jump", 0.2, 0.1, 0.3), "until = 0.3: has no end; a bias may have one"),
+    (("theta", "swap"), "other = None: must name the reading that it is swapped with"),
+    (("theta", "sign", 0, None, None, "q1"), "other = 'q1': only of a swap"),
+]
+
+
+@pytest.mark.parametrize(("words", "said"), BAD, ids=lambda v: " ".join(map(str, v[:2])))
+def test_a_fault_that_is_none_is_refused_in_one_line(words, said):
+    with pytest.raises(tp.InputError) as error:
+        tp.Fault(*words)
+    assert said in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("faults", "said"),
+    [
+        (
+            [tp.Fault("thet", "stuck")],
+            "unknown reading 'thet'; did you mean 'theta'? (choices: q1,",
+        ),
+        ([tp.Fault("q1", "swap", other="q9")], "unknown reading 'q9'"),
+        ([tp.Fault("q1", "swap", other="q1")], "unknown other reading 'q1'"),
+        ([tp.Fault("q1", "swap", other="z_telemeter")], "unknown other reading 'z_telemeter'"),
+        ([tp.Fault("q1", "delay", size=11.0)], "at most 10000 control periods of 0.001 s"),
+        (tp.Fault("q1", "stuck"), "faults: must be a list of Fault"),
+        ("q1:stuck", "faults: must be a list of Fault"),
+        ({tp.Fault("q1", "stuck")}, "faults: must be a list of Fault"),
+        (["q1:stuck"], "faults: 'q1:stuck': must be a Fault"),
+    ],
+    ids=str,
+)
+def test_a_fault_that_the_robot_cannot_have_is_refused(h4, faults, said):
+    robot = h4.with_sensors("theta", "z_telemeter")
+    with pytest.raises(tp.InputError) as error:
+        tp.simulate(robot, faults=faults)
+    assert said in str(error.value) and "\n" not in str(error.value)
+    if "periods" not in said:  # a plant does not know its controller's period
+        with pytest.raises(tp.InputError, match=re.escape(said)):
+            DynamicPlant(robot, faults=faults)
+
+
+@pytest.mark.parametrize("kind", [kind for kind in FAULT_KINDS if kind not in AT_REST])
+def test_statics_refuse_what_needs_time(h4, kind):
+    with pytest.raises(tp.InputError, match=r"needs time.*choices: bias, jump, sign, gain, swap"):
+        ExactPlant(h4, faults=[fault(kind, at=0)])
+    with pytest.raises(tp.InputError, match="statics have no time: leave out at and until"):
+        ExactPlant(h4, faults=[fault("bias", at=0.1)])
+
+
+@pytest.mark.parametrize("kind", FAULT_KINDS)
+@pytest.mark.parametrize("until", [None, 0.25])
+def test_the_command_line_reads_what_a_fault_says_of_itself(kind, until):
+    lying = fault(kind, until=None if kind in ("jump", "spike") else until)
+    assert faults_of([str(lying)]) == [lying]
+
+
+def test_the_command_simulates_a_fault(run, h4):
+    words = ("--true", "nominal", "--fault", "theta:stuck@0.1", "--format", "csv")
+    status, said, err = run("simulate", "h4", *words)
+    alone = tp.simulate(h4, faults=[tp.Fault("theta", "stuck", 0.1)])
+    assert status == 0 and err.endswith(f"faults theta:stuck@0.1: {alone.status}\n")
+    assert repr(float(np.degrees(np.abs(alone.error[:, 3]).max()))) in said
+
+
+@pytest.mark.parametrize(
+    ("word", "said"),
+    [
+        ("theta", "--fault theta: must be READING:KIND[=SIZE][@TIME[..END]]"),
+        ("theta:bias=x", "--fault theta:bias=x: size and times must be numbers"),
+        ("theta:stuck@soon", "size and times must be numbers"),
+        ("theta:frozen", "unknown kind of fault 'frozen' (choices: bias, jump, "),
+        ("phi:stuck", "unknown reading 'phi'"),
+    ],
+)
+def test_the_command_says_what_is_wrong_with_a_fault(run, word, said):
+    status, out, err = run("simulate", "h4", "--fault", word)
+    assert (status, out) == (2, "") and len(err.splitlines()) == 1
+    assert said in err
+
+
+def test_the_documentation_has_every_kind():
+    page = Path(__file__).parents[2] / "docs" / "what-faults-do.md"
+    told = page.read_text(encoding="utf-8")
+    for kind, row in _core.fault_kinds.items():
+        (line,) = (line for line in told.splitlines() if line.startswith(f"| {kind} | "))
+        cells = [cell.strip() for cell in line.split("|")[3:-1]]
+        words = {"reading": "rad or m", "reading/s": "rad/s or m/s"}.get(row.size, row.size)
+        expected = [words, "yes" if row.lasts else "", "yes" if row.at_rest else ""]
+        assert cells == expected
+        assert f"\n    {kind} " in tp.Fault.__doc__

@@ -1,0 +1,156 @@
+"""A reading that lies is found, named where that can be, and does no harm; others are let be."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import truepose as tp
+from truepose.simulation.true_robots import with_tolerance_errors
+from truepose.simulation.watch import HEALTH, SYMPTOMS
+
+SENSORS = {"θ": ["theta"], "θ, elbows": ["theta", "elbow1", "elbow2", "elbow3", "elbow4"]}
+
+
+@pytest.fixture(scope="module")
+def calibrated() -> dict[str, tuple[tp.Robot, tp.Robot]]:
+    """What a controller believes after a calibration, and the robot that is there."""
+    robots = {}
+    for name, sensors in SENSORS.items():
+        robot = tp.load("h4").with_sensors(*sensors).expected()
+        truth = with_tolerance_errors(robot, seed=7).finest
+        box = robot.spec.workspace
+        assert box is not None
+        poses = np.random.default_rng(7).uniform(box.minimum, box.maximum, (120, robot.n))
+        robots[name] = tp.calibrate(robot, truth.read(poses, seed=7)).robot, truth
+    return robots
+
+
+@pytest.mark.parametrize("name", tp.robots())
+@pytest.mark.parametrize("law", ["joint", "redundant"])
+def test_a_watch_changes_nothing_of_a_healthy_robot(name: str, law: str) -> None:
+    robot = tp.load(name)
+    truth = with_tolerance_errors(robot.expected(), seed=1)
+    blind = tp.simulate(robot, truth, law, hold=0.1)  # type: ignore[arg-type]
+    seen = tp.simulate(robot, truth, law, hold=0.1, watch=tp.Watch())  # type: ignore[arg-type]
+    assert (seen.health == HEALTH.index("valid")).all()
+    assert np.array_equal(seen.x, blind.x)
+    assert not seen.stops.any()
+
+
+@pytest.mark.parametrize("sensors", SENSORS)
+@pytest.mark.parametrize("reading", ["q1", "q3", "theta"])
+@pytest.mark.parametrize(
+    "kind, size, symptom",
+    [
+        ("dropout", None, "missing"),
+        ("jump", 0.1, "too fast"),
+        ("stuck", None, None),
+        ("sign", None, "too fast"),
+        ("bias", -0.5, None),
+    ],
+)
+def test_an_abrupt_fault_is_named_within_30_ms(
+    calibrated: dict, sensors: str, reading: str, kind: str, size: float | None, symptom: str | None
+) -> None:
+    robot, truth = calibrated[sensors]
+    fault = tp.Fault(reading, kind, at=0.1, size=size)  # type: ignore[arg-type]
+    run = tp.simulate(robot, truth, "estimated", faults=[fault], watch=tp.Watch())
+    assert run.failed == [reading]
+    column = robot.readings.index(reading)
+    first = np.flatnonzero(run.health.any(axis=1))[0]
+    assert 0.1 <= run.time[first] < 0.13
+    if symptom:
+        assert SYMPTOMS[run.symptom[first, column]] == symptom
+
+
+@pytest.mark.parametrize("law", ["joint", "redundant", "cartesian", "estimated"])
+@pytest.mark.parametrize("kind, size", [("stuck", None), ("dropout", None), ("jump", 0.05)])
+def test_a_lost_sensor_costs_what_it_was_worth_and_no_more(
+    calibrated: dict, law: str, kind: str, size: float | None
+) -> None:
+    """With θ gone the motors are left: the calibrated geometry keeps it within 1 mm, 1°."""
+    robot, truth = calibrated["θ"]
+    healthy = tp.simulate(robot, truth, law)  # type: ignore[arg-type]
+    fault = tp.Fault("theta", kind, at=0.1, size=size)  # type: ignore[arg-type]
+    run = tp.simulate(robot, truth, law, faults=[fault], watch=tp.Watch())  # type: ignore[arg-type]
+    off = np.abs(run.x - healthy.x).max(axis=0)
+    assert off[:3].max() < 1e-3
+    assert off[3] < np.radians(1)
+    assert not run.stops.any()
+
+
+def test_four_elbows_stand_for_a_motors_encoder(calibrated: dict) -> None:
+    robot, truth = calibrated["θ, elbows"]
+    healthy = tp.simulate(robot, truth, "estimated")
+    for motor in ("q1", "q3"):
+        fault = tp.Fault(motor, "dropout", at=0.1)
+        run = tp.simulate(robot, truth, "estimated", faults=[fault], watch=tp.Watch())
+        assert run.failed == [motor]
+        assert not run.stops.any()
+        assert np.abs(run.x - healthy.x)[:, :3].max() < 2e-3
+
+
+def test_what_nothing_stands_for_stops_the_robot_along_its_path(calibrated: dict) -> None:
+    """θ says little of q1: the robot brakes on its path within the stated time."""
+    robot, truth = calibrated["θ"]
+    run = tp.simulate(
+        robot, truth, "joint", faults=[tp.Fault("q1", "dropout", at=0.1)], watch=tp.Watch()
+    )
+    assert run.failed == ["q1"]
+    assert run.brakes[-1] == 1
+    begins = run.time[run.stops.argmax()]
+    assert begins < 0.11
+    still = run.x[run.time > begins + 0.16]
+    assert np.ptp(still, axis=0).max() == 0
+    line = (run.x_d[-1] - run.x_d[0])[:3]
+    way = run.x[-1, :3] - run.x_d[0, :3]
+    beside = way - line * (way @ line) / (line @ line)
+    assert np.linalg.norm(beside) < 0.05
+
+
+def test_a_drift_that_one_sensor_cannot_place_stops_the_robot(calibrated: dict) -> None:
+    robot, truth = calibrated["θ"]
+    fault = tp.Fault("theta", "drift", at=0.05, size=0.2)
+    run = tp.simulate(robot, truth, "redundant", faults=[fault], watch=tp.Watch(), hold=0.5)
+    assert run.stops.any()
+    assert not run.failed
+    assert "readings disagree" in run.status
+    assert abs(run.error[:, 3]).max() < np.radians(3)
+
+
+def test_a_switch_of_what_is_believed_is_no_step_of_the_torque(calibrated: dict) -> None:
+    robot, truth = (r.unquantised() for r in calibrated["θ, elbows"])
+    fault = tp.Fault("theta", "dropout", at=0.3)  # at rest
+    run = tp.simulate(robot, truth, "estimated", faults=[fault], watch=tp.Watch())
+    assert run.failed == ["theta"]
+    step = np.abs(np.diff(run.torque[run.time > 0.28], axis=0)).max()
+    limit = robot.spec.chain[0].torque_limit
+    assert limit is not None
+    assert step < 0.01 * limit
+
+
+def test_a_log_is_reviewed_line_by_line(calibrated: dict) -> None:
+    robot, truth = calibrated["θ, elbows"]
+    run = tp.simulate(robot, truth, "joint")
+    q_e = run.q_e.copy()
+    assert tp.Watch().review(robot, q_e).first is None
+    q_e[250:, 6] += 0.02
+    review = tp.Watch().review(robot, q_e)
+    assert review.first == 250
+    assert review.failed == ["elbow2"]
+    assert np.abs(review.believed - run.q_e)[:, 6].max() < 2e-3
+
+
+@pytest.mark.parametrize(
+    "setting, value",
+    [("false_alarms", 0.0), ("coast", 0), ("spikes", 9), ("stop", np.nan), ("decide", 2.5)],
+)
+def test_settings_that_make_no_sense_are_refused(setting: str, value: float) -> None:
+    with pytest.raises(tp.InputError, match=setting):
+        tp.Watch(**{setting: value})  # type: ignore[arg-type]
+
+
+def test_more_false_alarms_than_cycles_are_refused() -> None:
+    with pytest.raises(tp.InputError, match="false_alarms"):
+        tp.simulate(tp.load("h4"), watch=tp.Watch(false_alarms=1e7))
