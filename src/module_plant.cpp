@@ -100,8 +100,8 @@ auto batch_mass_matrix(const Robot& robot, const Rows& x) {
   with_mobility(robot.mobility, [&](auto mobility) {
     constexpr Mobility K = mobility();
     for_rows(count, [&](std::size_t i) {
-      JointMatrix mass;
-      const Outcome outcome = mass_matrix<K>(robot, to_pose<K>(row<Joint>(x, i)), mass);
+      PoseMatrix mass;
+      const Outcome outcome = mass_matrix<K>(robot, to_pose<K>(row<Coordinates>(x, i)), mass);
       outcomes.set(i, outcome);
       write(mass, n, n, outcome, all[i]);
     });
@@ -109,17 +109,27 @@ auto batch_mass_matrix(const Robot& robot, const Rows& x) {
   return nb::make_tuple(all.release(), outcomes.status.release(), outcomes.chain.release());
 }
 
-/// Its accelerations (a twist's) under motor torques, or the other way round.
-auto batch_dynamics(const Robot& robot, const Rows& x, const Rows& rate, const Rows& given,
-                    bool inverse) {
+/// Torques under which it moves so, and how it moves under torques; both of poses, twists and their
+/// derivatives, (N, n).
+auto batch_inverse_dynamics(const Robot& robot, const Rows& x, const Rows& rate,
+                            const Rows& acceleration) {
   return with_mobility(robot.mobility, [&](auto mobility) {
     constexpr Mobility K = mobility();
-    return map_rows<Joint, Joint>(x, x.shape(1), [&](const Joint& at, Joint& out, std::size_t i) {
-      const Pose pose = to_pose<K>(at);
-      const Joint v = row<Joint>(rate, i), asked = row<Joint>(given, i);
-      return inverse ? inverse_dynamics<K>(robot, pose, v, asked, out)
-                     : forward_dynamics<K>(robot, pose, v, asked, out);
-    });
+    return map_rows<Coordinates, Joint>(
+        x, x.shape(1), [&](const Coordinates& at, Joint& torque, std::size_t i) {
+          return inverse_dynamics<K>(robot, to_pose<K>(at), row<Coordinates>(rate, i),
+                                     row<Coordinates>(acceleration, i), torque);
+        });
+  });
+}
+auto batch_acceleration(const Robot& robot, const Rows& x, const Rows& rate, const Rows& torque) {
+  return with_mobility(robot.mobility, [&](auto mobility) {
+    constexpr Mobility K = mobility();
+    return map_rows<Coordinates, Coordinates>(
+        x, x.shape(1), [&](const Coordinates& at, Coordinates& acceleration, std::size_t i) {
+          return forward_dynamics<K>(robot, to_pose<K>(at), row<Coordinates>(rate, i),
+                                     row<Joint>(torque, i), acceleration);
+        });
   });
 }
 
@@ -140,7 +150,6 @@ auto advance_free(const Robot& robot, const Coordinates& x, const Coordinates& r
 }  // namespace
 
 void bind_plant(nb::module_& m) {
-  using namespace nb::literals;
   m.def("readings", &readings);
   m.def("rotations", &rotations);
   m.def("rotation_vectors", &rotation_vectors);
@@ -148,7 +157,8 @@ void bind_plant(nb::module_& m) {
   m.def("coordinates", &coordinates);
   m.def("setpoint", &setpoint);
   m.def("mass_matrix", &batch_mass_matrix);
-  m.def("dynamics", &batch_dynamics, "robot"_a, "x"_a, "rate"_a, "given"_a, "inverse"_a);
+  m.def("inverse_dynamics", &batch_inverse_dynamics);
+  m.def("acceleration", &batch_acceleration);
   m.def("advance", &advance_free);
 }
 

@@ -165,8 +165,8 @@ inline Joint inverse_dynamics(const DynamicModel<K>& model, const Matrix<kDof<K>
 
 /// Twist J v of the nacelle for rates v of the readings.
 template <Mobility K>
-inline Joint pose_rate(const Matrix<kDof<K>, kDof<K>>& J, const Joint& rate) {
-  Joint result{};
+inline Coordinates pose_rate(const Matrix<kDof<K>, kDof<K>>& J, const Joint& rate) {
+  Coordinates result{};
   for (int i = 0; i < kDof<K>; ++i)
     for (int j = 0; j < kDof<K>; ++j) result[i] += J[i][j] * rate[j];
   return result;
@@ -233,8 +233,8 @@ inline Outcome forward_dynamics(const Robot& robot, const Pose& pose, const Coor
 /// Motor torques under which the robot accelerates so, friction included: the inverse of
 /// forward_dynamics.
 template <Mobility K>
-inline Outcome inverse_dynamics(const Robot& robot, const Pose& pose, const Joint& rate,
-                                const Joint& acceleration, Joint& torque) {
+inline Outcome inverse_dynamics(const Robot& robot, const Pose& pose, const Coordinates& rate,
+                                const Coordinates& acceleration, Joint& torque) {
   Closure<K> closure;
   Jacobians<K> jacobians;
   DynamicModel<K> model;
@@ -250,12 +250,12 @@ inline Outcome inverse_dynamics(const Robot& robot, const Pose& pose, const Join
 
 /// M(x), of the free twist.
 template <Mobility K>
-inline Outcome mass_matrix(const Robot& robot, const Pose& pose, JointMatrix& mass) {
+inline Outcome mass_matrix(const Robot& robot, const Pose& pose, PoseMatrix& mass) {
   constexpr int n = kDof<K>;
   Closure<K> closure;
   DynamicModel<K> model;
   Outcome outcome = ikm<K, false>(robot, pose, closure);
-  if (outcome) outcome = dynamic_model<K>(robot, closure, Joint{}, model);
+  if (outcome) outcome = dynamic_model<K>(robot, closure, Coordinates{}, model);
   if (!outcome) return outcome;
   double sum = 0;
   for (int i = 0; i < n; ++i)

@@ -42,7 +42,8 @@ class Loaded {
     DynamicModel<K> model;
     const Outcome outcome = dynamic_model<K>(nominal, reference.closure, Coordinates{}, model);
     if (!outcome) return outcome;
-    if (settings.feed_forward != FeedForward::none) feed_ = inverse_dynamics<K>(model, J, Coordinates{});
+    if (settings.feed_forward != FeedForward::none)
+      feed_ = inverse_dynamics<K>(model, J, Coordinates{});
     Square stiffness = Square::Zero();
     const auto M_q = joint_inertia<K>(model, J);
     for (int i = 0; i < n; ++i)

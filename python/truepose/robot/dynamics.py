@@ -126,8 +126,7 @@ class Dynamics(Description):
             )
             for flat, shape in checked.values()
         )
-        values, status, chain = _core.dynamics(
-            self.core, at, v, asked, inverse=name == "acceleration"
-        )
+        of = _core.inverse_dynamics if name == "acceleration" else _core.acceleration
+        values, status, chain = of(self.core, at, v, asked)
         require_answers(self, "pose", at, lead, status, chain, errors)
         return values.reshape(*lead, self.n)
