@@ -104,6 +104,14 @@ def run(monkeypatch, capsys, tmp_path):
     return command
 
 
+@pytest.fixture(scope="session")
+def reproduction():
+    """Return the paper, run end to end with one robot."""
+    from truepose.paper.reproduce import reproduce
+
+    return reproduce(1, seed=3)
+
+
 @pytest.fixture
 def plain_page(monkeypatch):
     """Write reports without their figures: most of the time of a calibration."""

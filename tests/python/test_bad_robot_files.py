@@ -38,6 +38,12 @@ SPOILED = [
     ("[every_chain]", "[evry_chain]", "evry_chain: unknown key 'evry_chain'; did you mean"),
     ("gear = 4.0", "gaer = 4.0", r"sensor.1.gaer: unknown key 'gaer'; did you mean 'gear'\?"),
     ("sigma = 0.0003", "sigm = 3", r"tolerances.chain\*.base.\*.sigm: unknown key 'sigm'"),
+    ("arm = 0.26", "arm = 0.26\ngain = 0", "chain.1: gain = 0: a motor whose encoder reads"),
+    (
+        "limits = [-0.5236, 1.5708]",
+        "limits = [1, -1]",
+        r"chain.1: 'limits' must be \[lower, upper\]",
+    ),
     ("arm = 0.26", "arm = -0.26", "every_chain.arm = -0.26: input should be greater than 0"),
     ("mass = 0.60", "mass = -0.60", "nacelle.mass = -0.6: input should be greater than or equal"),
     ("pivot = 0.06", "pivot = 0", "bar.1.pivot = 0: input should be greater than 0"),

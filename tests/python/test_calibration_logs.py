@@ -234,6 +234,12 @@ def test_empty_cells_and_repeats_are_said(robot, q_e):
     assert found(robot, shaken)[1].text.startswith("300 rows at only 150 different poses: repeats")
 
 
+@pytest.mark.parametrize("option", ["loss", "model_error", "level"])
+def test_an_unknown_option_is_named(robot, q_e, option):
+    with pytest.raises(tp.InputError, match=f"unknown {option} 'cubes'.*choices"):
+        tp.calibrate(robot, q_e, **{option: "cubes"})
+
+
 def test_too_few_poses_are_said_and_none_that_teach_are_refused(h4, robot, q_e):
     (finding,) = found(robot, q_e[:4])
     assert finding.text.startswith("too few poses: 8 equations at 4 different poses for ")

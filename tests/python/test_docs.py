@@ -135,13 +135,6 @@ def test_what_a_page_loads_from_elsewhere_is_found(site, tmp_path, remote):
     assert len(site["make"].from_network(tmp_path)) == 1
 
 
-def test_the_package_points_to_nothing_that_a_wheel_does_not_have():
-    package = SITE.parents[1] / "python" / "truepose"
-    files = (file for kind in ("*.py", "*.j2") for file in package.rglob(kind))
-    pointing = {f.name for f in files if re.search(r"(docs|examples)/\w", f.read_text("utf-8"))}
-    assert not pointing
-
-
 needs_sphinx = pytest.mark.skipif(
     not all(
         map(importlib.util.find_spec, ("sphinx", "myst_parser", "furo", "breathe", "numpydoc"))

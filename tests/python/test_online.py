@@ -231,6 +231,7 @@ def test_a_line_without_numbers_is_refused_and_leaves_the_filter_as_it_was(h4, l
         ({"drift": {"chain1.arm": -1.0}}, "at least 0"),
         ({"gate": -1.0}, "gate"),
         ({"level": "half"}, "half"),
+        ({"model_error": "some"}, "unknown model_error 'some'"),
     ],
 )
 def test_wrong_options_are_told(h4, options, words):

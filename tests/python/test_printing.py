@@ -162,7 +162,9 @@ def test_a_calibration_gives_programs_si(run, h4, table2, tmp_path):
     assert values == [row["value"] for row in tables["parameters"]]
 
 
-def test_a_reproduction_gives_programs_one_number_for_each_name(run):
+def test_a_reproduction_gives_programs_one_number_for_each_name(run, reproduction, monkeypatch):
+    monkeypatch.setattr("truepose.paper.reproduce.reproduce", lambda *_, **__: reproduction)
+    monkeypatch.setattr("truepose.paper.report.write", lambda *_: None)
     status, data, said = run("reproduce", "--robots", "1", "--format", "json", "--out", "new")
     tables = json.loads(data)
     assert status == 0 and "Report: " in said

@@ -87,6 +87,15 @@ def test_the_true_robot_has_missed_nothing_and_the_drawn_one_all(h4):
     np.testing.assert_allclose(off[:, 1], zeroed, atol=1e-9)
 
 
+@pytest.mark.parametrize("others", [(True, False), (False, True), (True, True)])
+def test_robots_that_share_a_name_alone_are_not_compared(h4, delta, others):
+    known = calibrate(h4, rehearse(h4, drawn(h4, 1), 50).q_e).robot.with_sensors()
+    namesake = tp.Robot(delta.spec.model_copy(update={"name": h4.name})).with_sensors()
+    robot, truth = (namesake if other else h4.with_sensors() for other in others)
+    with pytest.raises(tp.InputError, match=r"^h4: drawn, true and calibrated have different par"):
+        missed(robot, truth, known)
+
+
 def test_a_tracker_sees_one_marker_from_one_place():
     """Distances between poses are the nacelle's own, whatever frame they are seen in."""
     delta = tp.load("delta")

@@ -16,7 +16,7 @@ from truepose.commands import cli
 from truepose.paper import article, figures, forgotten, report, statistics, tables
 
 
-def run(*arguments):
+def started(*arguments):
     """Run the command line as a user does."""
     return subprocess.run(
         [sys.executable, "-m", "truepose.commands.cli", *map(str, arguments)],
@@ -30,7 +30,7 @@ def run(*arguments):
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     out = tmp_path_factory.mktemp("reproduce") / "new" / "folder"
-    return run("reproduce", "--robots", 8, "--seed", 3, "--out", out), out
+    return started("reproduce", "--robots", 8, "--seed", 3, "--out", out), out
 
 
 @pytest.fixture(scope="module")
@@ -178,10 +178,11 @@ def test_the_csv_hold_the_numbers_behind_the_tables(made):
 
 
 def test_the_same_seed_gives_the_same_numbers_and_the_first_robots_do_not_depend_on_the_count(
-    made, tmp_path
+    made, reproduction, tmp_path, monkeypatch
 ):
     _, out = made
-    assert run("reproduce", "--robots", 2, "--seed", 3, "--out", tmp_path).returncode == 0
+    monkeypatch.setattr(report, "_save", lambda *_: "")  # no figures
+    report.write(reproduction, tmp_path)
     for name in ("poses.csv", "figure-12.csv", "table3_one_robot.csv"):
         assert (tmp_path / name).read_bytes() == (out / name).read_bytes()
     assert rows(tmp_path / "statistics.csv")[0] == rows(out / "statistics.csv")[0]
@@ -199,18 +200,19 @@ def test_the_same_seed_gives_the_same_numbers_and_the_first_robots_do_not_depend
         (["reproduce", "--out", __file__], [__file__, "cannot be written"]),
     ],
 )
-def test_a_wrong_call_gets_one_line_and_status_2(arguments, words):
-    result = run(*arguments)
-    assert result.returncode == 2
-    assert result.stdout == ""
-    (line,) = result.stderr.splitlines()
+def test_a_wrong_call_gets_one_line_and_status_2(run, arguments, words):
+    status, out, err = run(*arguments)
+    assert (status, out) == (2, "")
+    (line,) = err.splitlines()
     assert line.startswith("truepose: error: ")
     for word in words:
         assert word in line
 
 
 @pytest.mark.parametrize("failure", [KeyboardInterrupt, OSError(28, "No space left on device")])
-def test_a_run_that_fails_leaves_nothing_half_written(tmp_path, monkeypatch, capsys, failure):
+def test_a_run_that_fails_leaves_nothing_half_written(
+    run, reproduction, tmp_path, monkeypatch, failure
+):
     before = tmp_path / "kept"
     before.mkdir()
     (before / "report.html").write_text(files.mark("report"))
@@ -219,25 +221,22 @@ def test_a_run_that_fails_leaves_nothing_half_written(tmp_path, monkeypatch, cap
         path.with_suffix(".svg").write_text("half a picture")
         raise failure
 
+    monkeypatch.setattr("truepose.paper.reproduce.reproduce", lambda *_, **__: reproduction)
     monkeypatch.setattr(report, "_save", fail)
     for out in (before, tmp_path / "new"):
-        monkeypatch.setattr(
-            sys, "argv", ["truepose", "reproduce", "--robots", "1", "--out", str(out)]
-        )
-        with pytest.raises(SystemExit) as stop:
-            cli.main()
-        assert stop.value.code == (130 if failure is KeyboardInterrupt else 2)
-        message = capsys.readouterr().err.strip().splitlines()[-1]
+        status, _, err = run("reproduce", "--robots", 1, "--out", out)
+        assert status == (130 if failure is KeyboardInterrupt else 2)
+        message = err.strip().splitlines()[-1]
         assert "interrupted" in message or "No space left" in message
     assert not (tmp_path / "new").exists()
     assert [file.name for file in before.iterdir()] == ["report.html"]
     assert (before / "report.html").read_text() == files.mark("report")
 
 
-def test_help_explains_itself_with_an_example():
-    result = run("reproduce", "--help")
-    assert result.returncode == 0
+def test_help_explains_itself_with_an_example(run):
+    status, out, _ = run("reproduce", "--help")
+    assert status == 0
     for text in ("--robots", "--seed", "--out", "default: 100", "Example: truepose reproduce"):
-        assert text in result.stdout
-    assert "reproduce" in run().stdout
-    assert run("--version").stdout.startswith("truepose ")
+        assert text in out
+    assert "reproduce" in run()[1]
+    assert run("--version")[1].startswith("truepose ")

@@ -46,6 +46,7 @@ def test_an_experiment_comes_back_with_what_vision_measured(h4, measured, tmp_pa
     assert np.isnan(log.readings[-1]).all()
 
 
+@pytest.mark.usefixtures("plain_page")
 @pytest.mark.parametrize("ending", FORMATS)
 def test_truepose_calibrate_reads_what_was_written(run, h4, truth, table2, tmp_path, ending):
     path = tmp_path / f"visit.{ending}"
