@@ -235,7 +235,7 @@ class Cycle {
     const double raw = q_e_[c], low = settings_.low[c], high = settings_.high[c];
     if (!number(raw)) return Symptom::missing;
     if (low < high && !(raw >= low && raw <= high)) return Symptom::out_of_range;
-    if (!settled_ || !(settings_.fastest[c] > 0)) return Symptom::none;
+    if (!settled_ || watch_.undecided || !(settings_.fastest[c] > 0)) return Symptom::none;
     // While nothing is read the way adds up: after m cycles another m(m + 3)/2 of an acceleration.
     // One that has jumped must come back to where it would be.
     const int m = reading.symptom == Symptom::missing ? reading.bridged : 0;
@@ -334,7 +334,7 @@ class Cycle {
 
   /// Which readings may alone be wrong, as far as is known by now.
   void name(const Verdict& changed, const Verdict& level) {
-    if (watch_.disagreed > kNaming * settings_.decide) return;
+    if (watch_.disagreed > kNaming * settings_.decide || (watch_.undecided && r_ == 1)) return;
     const std::uint32_t first = changed.alarm ? changed.may : ~0U;
     const std::uint32_t second = level.alarm ? level.may : ~0U;
     std::uint32_t may = first & second ? first & second : first | second;
@@ -347,7 +347,9 @@ class Cycle {
         still |= bit(c);
       if (leaves_track(c, innovation_[c])) apart |= bit(c);
     }
-    if (alone(may & still)) {
+    if (watch_.undecided) {
+      // A robot that is being stopped says nothing more by itself, but what remains possible.
+    } else if (alone(may & still)) {
       may &= still;
     } else if (changed.alarm && alone(apart) && may & apart) {
       for (int c = 0; c < rows_; ++c)
