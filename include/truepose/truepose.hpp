@@ -10,7 +10,8 @@
 ///   ..._full of every rod by itself; truepose::command, which refuses another assembly mode
 /// - truepose::estimate: the pose that all readings together say, with its covariance
 /// - truepose::control: one cycle of a controller; truepose::learn: one line of self-calibration
-/// - truepose::watch: whether any reading lies; truepose::guarded: a controller that goes on without
+/// - truepose::watch: whether any reading lies; truepose::guarded: a controller that goes on
+/// without
 /// - truepose::set_parameters: another geometry ξ of the same robot
 ///
 /// Every answer is an Outcome, or has a Status: nothing may be believed before it was looked at.

@@ -126,8 +126,8 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
   // A law asks for the readings that it uses: usual control goes on without sensors.
   const Corrects corrects = properties(settings.law).corrects;
   const int asked = corrects == Corrects::motors ? n : n + robot.r;
-  if (!all_finite(q_e, asked) || !all_finite(setpoint.x, n) ||
-      !all_finite(setpoint.rate, n) || !all_finite(setpoint.acceleration, n))
+  if (!all_finite(q_e, asked) || !all_finite(setpoint.x, n) || !all_finite(setpoint.rate, n) ||
+      !all_finite(setpoint.acceleration, n))
     return {Status::not_finite, -1};
   Reference<K> reference;
   Parasitic nearby = state.nearby;

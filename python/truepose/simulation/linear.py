@@ -8,6 +8,7 @@ it: what is not smooth (Coulomb friction, play, counts) and the ripple.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -90,7 +91,7 @@ class Plant:
         kp, kd = gains.frequency**2, 2 * gains.damping * gains.frequency
         parts = np.cumsum([0, s, n, n * self.late, n, n, n])
         plant, acted, waits, value, rate, total = (
-            slice(a, b) for a, b in zip(parts[:-1], parts[1:], strict=True)
+            slice(a, b) for a, b in itertools.pairwise(parts)
         )
         one, eye = np.eye(parts[-1]), np.eye(n)
         error = self.E @ (self.C @ one[plant] + self.D @ one[acted])

@@ -85,9 +85,9 @@ class Setup:
             values = np.asarray(getattr(self, f.name), dtype=float)
             if not np.isfinite(values).all():
                 raise InputError(f"{f.name} = {getattr(self, f.name)}: must be finite")
-        positive = ("distance", "focal_length", "pixel", "pixels", "across", "artefact")
-        positive += ("noise", "placing", "aiming", "lens", "centring", "artefact_tolerance")
-        for name in positive:
+        optics = ("distance", "focal_length", "pixel", "pixels", "across", "artefact")
+        errors = ("noise", "placing", "aiming", "lens", "centring", "artefact_tolerance")
+        for name in optics + errors:
             if getattr(self, name) <= 0:
                 raise InputError(f"{name} = {getattr(self, name)}: must be greater than 0")
         if self.led_tolerance < 0:
