@@ -334,7 +334,7 @@ class Cycle {
 
   /// Which readings may alone be wrong, as far as is known by now.
   void name(const Verdict& changed, const Verdict& level) {
-    if (watch_.disagreed > kNaming * settings_.decide || (watch_.undecided && r_ == 1)) return;
+    if (watch_.undecided) return;  // a robot that is being stopped is another one
     const std::uint32_t first = changed.alarm ? changed.may : ~0U;
     const std::uint32_t second = level.alarm ? level.may : ~0U;
     std::uint32_t may = first & second ? first & second : first | second;
@@ -347,9 +347,7 @@ class Cycle {
         still |= bit(c);
       if (leaves_track(c, innovation_[c])) apart |= bit(c);
     }
-    if (watch_.undecided) {
-      // A robot that is being stopped says nothing more by itself, but what remains possible.
-    } else if (alone(may & still)) {
+    if (alone(may & still)) {
       may &= still;
     } else if (changed.alarm && alone(apart) && may & apart) {
       for (int c = 0; c < rows_; ++c)
@@ -361,9 +359,6 @@ class Cycle {
 
   /// Share of `moved` from which on a reading that stands still beside an alarm is the one.
   static constexpr double kStoodBy = 0.4;
-
-  /// Times `decide` after which nobody is named any more: a fault that has grown is not linear.
-  static constexpr int kNaming = 10;
 
   bool leaves_track(int c, double innovation) const {
     const double spread = settings_.own.variance * noise_[c] + watch_.reading[c].spread;
