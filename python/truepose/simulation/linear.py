@@ -92,7 +92,7 @@ class Plant:
         plant, acted, waits, value, rate, total = (
             slice(a, b) for a, b in zip(parts[:-1], parts[1:], strict=True)
         )
-        one, eye = np.eye(parts[-1]), np.eye(n)
+        one = np.eye(parts[-1])
         error = self.E @ (self.C @ one[plant] + self.D @ one[acted])
         news = error - one[value] - T * one[rate]
         found = one[rate] + (1 - p) ** 2 / T * news
@@ -104,7 +104,7 @@ class Plant:
         result[acted] = acts
         if self.late:
             result[waits] = command
-        result[value] = one[value] + T * one[rate] + (1 - p * p) * (eye @ news)
+        result[value] = one[value] + T * one[rate] + (1 - p * p) * news
         result[rate] = found
         result[total] = summed
         return result if gains.integral else result[: parts[-2], : parts[-2]]

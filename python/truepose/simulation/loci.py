@@ -15,7 +15,8 @@ import numpy as np
 from truepose.arguments import Array
 from truepose.simulation.linear import Gains, Plant
 
-_POINTS = 500
+_POINTS = 300
+_ANY = 1e6  # a multiplier beyond this is rounding's
 
 
 class Margin(NamedTuple):
@@ -70,6 +71,15 @@ class Responses:
         """Return those of each reading alone, at each pose: of a sensor, its own loop."""
         return self._alone(gains, self.readings @ self.E)
 
+    def dither(self, gains: Gains, sigma: Array) -> Array:
+        """Return the torques' rms where readings have white noise of these σ: (P, n)."""
+        c = gains.transfer(self.z, self.period)[:, None, None]
+        inertia = np.stack([p.inertia for p in self.plants])[:, None]
+        loop = np.eye(self.E.shape[-2]) + c * (self.E @ self.readings)
+        answer = inertia @ np.linalg.solve(loop, c * (self.E * sigma))
+        power = (np.abs(answer) ** 2).sum(axis=-1)
+        return np.sqrt(np.trapezoid(power, self.frequency * self.period / np.pi, axis=1))
+
     def _alone(self, gains: Gains, loop: Array) -> list[list[Margin]]:
         c = gains.transfer(self.z, self.period)[:, None, None]
         open_ = np.linalg.inv(np.eye(loop.shape[-1]) + c * loop)
@@ -96,6 +106,7 @@ def _gains(loci: Array) -> tuple[float, float]:
     a, b = a[passes], b[passes]
     real = a.real - a.imag * (b.real - a.real) / (b.imag - a.imag)
     least = np.append(-real[real < 0], -loci[-1].real[loci[-1].real < 0])  # half the rate: real
+    least = least[(least < _ANY) & (least > 1 / _ANY)]
     inner, outer = least[least < 1], least[least >= 1]
     return (1 / inner.max() if inner.size else np.inf), outer.min(initial=np.inf)
 
