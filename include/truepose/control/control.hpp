@@ -148,7 +148,7 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
   Extended measured{};
   std::copy_n(q_e.begin(), asked, measured.begin());
   const Joint joint_rate = reference.jacobians.joint_rate(setpoint.rate);
-  const auto& desired = posed ? setpoint.rate : joint_rate;
+  const double* desired = posed ? setpoint.rate.data() : joint_rate.data();
   if (posed) {
     const Coordinates x = to_coordinates<K>(found);
     std::copy_n(x.begin(), n, measured.begin());
