@@ -190,7 +190,10 @@ def command(
     who = f"true robot {f'drawn with seed {seed}' if true == 'drawn' else true}"
     if faults:
         who += f", faults {', '.join(map(str, faults))}"
-    say(f"{believed.name}, law {law}, poles {controller.frequency:.3g} rad/s, {who}: {run.status}", how)
+    say(
+        f"{believed.name}, law {law}, poles {controller.frequency:.3g} rad/s, {who}: {run.status}",
+        how,
+    )
     wrote(how, out, plot)
 
 

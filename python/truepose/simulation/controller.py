@@ -88,9 +88,9 @@ class Controller:
         """Return the fastest controller that a robot bears whose effects its model forgets.
 
         Its poles and its velocity filter keep 6 dB, 30° and two cycles of delay, at home and at the
-        corners of the workspace, of all motors at once and of each motor and each reading alone
-        (:func:`truepose.margins`), and counts shake no motor by more than 1 % of its torque limit
-        (rms). At most 150 rad/s, the paper's; see docs/margins.md.
+        corners of the workspace, of all motors at once and of each motor and each reading alone;
+        counts as white noise shake no motor by more than 1 % of its torque limit (rms). At most 150 rad/s, the
+        paper's.
 
         Parameters
         ----------
@@ -126,9 +126,7 @@ class Controller:
         gains = choose_gains(
             robot, law, effects, period, rest.damping, rest.integral, rest.gains == "diagonal"
         )
-        return replace(
-            rest, frequency=gains.frequency, velocity_bandwidth=gains.velocity_bandwidth
-        )
+        return replace(rest, frequency=gains.frequency, velocity_bandwidth=gains.velocity_bandwidth)
 
     def settings(self, robot: Robot, x: ArrayLike) -> _core.ControlSettings:
         """Return the core's settings, with the gains placed at the pose x."""

@@ -18,7 +18,8 @@ from truepose.simulation.loci import Margin, Responses, worst
 #: What chosen gains keep at every pose, of all motors at once, of each motor and of each reading
 #: alone: 6 dB up and down, 30°, two cycles.
 LEAST = Margin(2.0, 2.0, np.radians(30), 2.0)
-#: Torques' rms by counts and noise, of the limits: half of what counts as rest.
+#: Torques' rms by counts and noise, of the limits: half of what counts as rest, since a loop that
+#: hunts by a count shakes its motors some twice as much as the white noise that is reckoned with.
 _DITHER = 0.01
 #: Poles that are tried, rad/s, and bandwidths of the velocity loops in units of them: slower than
 #: the first friction holds the robot rather than its motors, nothing is asked beyond the paper's.

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
-from scipy.linalg import expm
 
 from truepose.arguments import Array
 from truepose.robot.frames import coordinates, frames, rotation
@@ -89,21 +89,19 @@ class Plant:
         p = np.exp(-gains.velocity_bandwidth * T)
         kp, kd = gains.frequency**2, 2 * gains.damping * gains.frequency
         parts = np.cumsum([0, s, n, n * self.late, n, n, n])
-        plant, acted, waits, value, rate, total = (
-            slice(a, b) for a, b in zip(parts[:-1], parts[1:], strict=True)
-        )
+        plant, acted, waits, value, rate, total = (slice(a, b) for a, b in pairwise(parts))
         one = np.eye(parts[-1])
         error = self.E @ (self.C @ one[plant] + self.D @ one[acted])
         news = error - one[value] - T * one[rate]
         found = one[rate] + (1 - p) ** 2 / T * news
         summed = one[total] + gains.integral * kp * T * error
         command = -gain * self.inertia @ (kp * error + kd * found + summed)
-        acts = one[waits] if self.late else command
+        queue = np.vstack([one[waits], command])  # the oldest acts
+        acts = queue[:n]
         result = np.empty_like(one)
         result[plant] = self.A @ one[plant] + self.B @ acts
         result[acted] = acts
-        if self.late:
-            result[waits] = command
+        result[waits] = queue[n:]
         result[value] = one[value] + T * one[rate] + (1 - p * p) * news
         result[rate] = found
         result[total] = summed
@@ -131,6 +129,8 @@ def plants(
 def _plant(
     robot: Robot, x: Array, law: Law, effects: Effects, period: float, diagonal: Array | None
 ) -> Plant:
+    from scipy.linalg import expm  # takes longer to import than all of truepose
+
     n, still = robot.n, np.zeros(robot.n)
     chains = robot.spec.chain
     H_x, H_xi = robot.linearise(x, level="ideal")
