@@ -89,8 +89,8 @@ class Controller:
 
         Its poles and its velocity filter keep 6 dB, 30° and two cycles of delay, at home and at the
         corners of the workspace, of all motors at once and of each motor and each reading alone;
-        counts as white noise shake no motor by more than 1 % of its torque limit (rms). At most 150 rad/s, the
-        paper's.
+        counts, as white noise, shake no motor by more than 1 % of its torque limit (rms). At most
+        150 rad/s, the paper's.
 
         Parameters
         ----------
