@@ -461,18 +461,32 @@ TEST("a setpoint that jumps, and a controller switched on in motion, kick no rat
 }
 
 TEST("a desired rate too large for a double fails its own cycle and no later one") {
-  const Robot robot = h4().robot;
-  ControlSettings settings = settings_for(robot, Law::joint);
-  settings.feed_forward = FeedForward::none;
-  Setpoint setpoint;
-  setpoint.x = robot.home;
-  setpoint.rate.fill(1e308);
-  Extended q_e{};
-  CHECK(extended<Mobility::schoenflies>(robot, to_pose<Mobility::schoenflies>(robot.home), q_e));
-  ControlState state;
-  CHECK(control(robot, settings, setpoint, q_e, state).status == Status::not_finite);
-  setpoint.rate = {};
-  CHECK(control(robot, settings, setpoint, q_e, state));
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    const Robot& robot = mechanism.robot;
+    Prior prior(robot);
+    Extended q_e{};
+    CHECK(extended<K>(robot, to_pose<K>(robot.home), q_e));
+    for (const Law law : kLaws) {
+      if (!applies(law, K)) continue;
+      ControlSettings settings = settings_for(robot, law);
+      settings.feed_forward = FeedForward::none;
+      Setpoint setpoint;
+      setpoint.x = robot.home;
+      for (const double much : {1e160, 1e308})
+        for (const bool started : {false, true}) {
+          ControlState state;
+          setpoint.rate = {};
+          if (started) CHECK(control(robot, settings, setpoint, q_e, state, prior.weighing()));
+          setpoint.rate.fill(much);
+          const ControlState before = state;
+          if (!control(robot, settings, setpoint, q_e, state, prior.weighing()))
+            CHECK(state.position == before.position && state.torque == before.torque);
+          setpoint.rate = {};
+          CHECK(control(robot, settings, setpoint, q_e, state, prior.weighing()));
+        }
+    }
+  });
 }
 
 TEST("shaped by the inertia, an error is answered alike at every pose and by no other motor") {

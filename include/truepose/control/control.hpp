@@ -168,7 +168,6 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
   leaving = std::max(0.0, leaving - settings.period);
   for (int i = 0; i < n; ++i) error[i] += share * held[i];
   Coordinates twist{};  // of x_d against x̂
-  double sum = 0;       // of what the state will keep: one NaN in it would fail every later cycle
   Pose from;
   if constexpr (K == Mobility::spatial)
     if (posed) {  // rotation vectors do not add: x̂ is tracked in the tangent space at its last pose
@@ -192,7 +191,6 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
     if (switches) position[c] = measured[c] - settings.period * (expected - rates[c]);
     track(settings, pole, measured[c], expected, position[c], rates[c]);
     passed[c] = rate;
-    sum += position[c];
     if (extended)
       for (int i = 0; i < n; ++i) error_rate[i] += reference.tej[i][c] * rates[c];
     else if (posed)
@@ -208,6 +206,10 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
       const Coordinates x = to_coordinates<K>(moved<K>(from, step));
       std::copy_n(x.begin(), n, position.begin());
     }
+  // One NaN in what the state keeps would fail every later cycle, and what overflows then as well.
+  double sum = 0;
+  for (int c = 0; c < tracked; ++c)
+    sum += std::fabs(position[c]) + std::fabs(rates[c]) + std::fabs(passed[c]);
 
   Joint pd{}, steps{};  // of the gains; of the integrals
   for (int i = 0; i < n; ++i) {
@@ -241,10 +243,10 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
     const bool pushes = limit > 0 && std::fabs(wanted) > limit && wanted * step > 0;
     if (!pushes) integral[i] += step;  // a saturated motor does not wind up
     torque[i] = wanted + (pushes ? 0 : step);
-    sum += wanted + step;  // before the limit, which would hide an infinite integral
+    sum += std::fabs(wanted) + std::fabs(step);  // before the limit, which hides an infinite one
     torque[i] = limited(robot.chain[i], torque[i]);
   }
-  if (!std::isfinite(sum)) return {Status::not_finite, -1};
+  if (!(sum < 1e100)) return {Status::not_finite, -1};
   state.started = true;
   state.switched = false;
   state.law = settings.law;
