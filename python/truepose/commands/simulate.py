@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -48,9 +49,9 @@ from truepose.simulation.watch import Watch
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Poles that a prompt controller bears, and one whose torques come a cycle late, rad/s; and the
-#: velocity loops' bandwidth in units of them. A path is to rest at every pose: with the later.
-PROMPT, LATE = (150.0, 10.0), (40.0, 7.5)
+#: Poles of a controller that visits poses without effects, rad/s, and the velocity loops' bandwidth
+#: in units of them: it is to rest at every pose.
+VISITING, BANDWIDTH = 40.0, 7.5
 #: Duration and hold of a move, and of a path's way from pose to pose, s.
 MOVE, VISIT = (MOVE_DURATION, 0.2), (0.5, 0.4)
 
@@ -125,7 +126,8 @@ def command(
     frequency: Annotated[
         float | None,
         typer.Option(
-            help="Of the PD's poles, rad/s.", show_default="150; 40 with a delay or visiting"
+            help="Of the PD's poles, rad/s.",
+            show_default="150, visiting 40; with effects what the robot bears",
         ),
     ] = None,
     since: Annotated[
@@ -160,9 +162,7 @@ def command(
     truth = true_robot(believed, true, seed)
     forgotten = None if effects == "none" else effects_of(effects)
     motion, x_d = _asked(believed, path, way_points, circle, start, end, duration)
-    poles, ratio = LATE if x_d is not None or (forgotten and forgotten.delay) else PROMPT
-    poles = poles if frequency is None else frequency
-    controller = Controller(law=law, frequency=poles, velocity_bandwidth=ratio * poles)
+    controller = _controller(believed, law, forgotten, frequency, visiting=x_d is not None)
     usual = MOVE if x_d is None else VISIT
     duration, hold = (u if g is None else g for u, g in zip(usual, (duration, hold), strict=True))
     settings: dict[str, Any] = {"duration": duration, "hold": hold, "seed": seed, "time": since}
@@ -188,8 +188,27 @@ def command(
     who = f"true robot {f'drawn with seed {seed}' if true == 'drawn' else true}"
     if faults:
         who += f", faults {', '.join(map(str, faults))}"
-    say(f"{believed.name}, law {law}, poles {poles:g} rad/s, {who}: {run.status}", how)
+    say(
+        f"{believed.name}, law {law}, poles {controller.frequency:.3g} rad/s, {who}: {run.status}",
+        how,
+    )
     wrote(how, out, plot)
+
+
+def _controller(
+    robot: Robot, law: Law, effects: Effects | None, frequency: float | None, *, visiting: bool
+) -> Controller:
+    if effects not in (None, Effects.none()):
+        found = Controller.for_robot(robot, effects, law)
+        if frequency is None:
+            return found
+        ratio = found.velocity_bandwidth / found.frequency
+        return replace(found, frequency=frequency, velocity_bandwidth=ratio * frequency)
+    if frequency is None and not visiting:
+        return Controller(law=law)
+    poles = VISITING if frequency is None else frequency
+    ratio = BANDWIDTH if visiting else 10.0
+    return Controller(law=law, frequency=poles, velocity_bandwidth=ratio * poles)
 
 
 class Run(NamedTuple):

@@ -15,7 +15,7 @@ from truepose.calibration.online import OnlineCalibration
 from truepose.exceptions import InputError
 from truepose.robot import knowledge
 from truepose.robot.batches import require_answers
-from truepose.robot.laws import Law
+from truepose.robot.laws import LAWS, Law
 from truepose.robot.robot import Robot
 from truepose.simulation.controller import Controller, pose_of, positive, require_same_readings
 from truepose.simulation.effects import Effects
@@ -62,8 +62,7 @@ def begin(
     start : (str, array_like)
         What the pose is called in messages, and the pose.
     """
-    if not isinstance(controller, Controller):
-        controller = Controller(law=controller)
+    controller = controller_of(controller, robot, effects)
     require_same_readings(robot, truth)
     _timing(controller, duration, hold, steps)
     if learn is not None and learn.prior != robot:
@@ -86,6 +85,17 @@ def begin(
     core = (believed.core, truth.core, settings, known, plant, filtered, lying, guarding)
     held = [*at_rest[0], *[0.0] * (6 - robot.n)]
     return Drive(truth, controller, core, check_seed(seed), origin, held)
+
+
+def controller_of(
+    controller: Controller | Law, robot: Robot, effects: Effects | None
+) -> Controller:
+    """Return a controller of which the law alone was named: one that the robot bears."""
+    if isinstance(controller, Controller):
+        return controller
+    if effects in (None, Effects.none()) or controller not in LAWS:
+        return Controller(law=controller)
+    return Controller.for_robot(robot, effects, controller)
 
 
 def unanswered(cycles: int, reason: int) -> str:

@@ -22,7 +22,14 @@ from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
 from truepose.simulation.chart import Setpoints
 from truepose.simulation.controller import Controller, pose_of
-from truepose.simulation.drive import NO_REST, RESTLESS, begin, saturated, unanswered
+from truepose.simulation.drive import (
+    NO_REST,
+    RESTLESS,
+    begin,
+    controller_of,
+    saturated,
+    unanswered,
+)
 from truepose.simulation.effects import Effects
 from truepose.simulation.faults import Fault
 from truepose.simulation.feasible import require_feasible
@@ -180,7 +187,8 @@ def simulate(
     robot, truth : Robot
         What the controller believes, and what is (default: the same).
     controller : Controller or law
-        The law alone takes the other settings' defaults.
+        The law alone takes the other settings' defaults; with effects the gains that the robot
+        bears, :meth:`Controller.for_robot`.
     path : Path, callable or array_like, optional
         Instead of a move: :class:`Circle`, :class:`Line`, :class:`WayPoints`, :class:`Sampled`
         (poses at times), or an object of your own with `setpoints`; a function of time, t -> x
@@ -250,8 +258,7 @@ def simulate(
     True
     """
     truth = robot if truth is None else truth
-    if not isinstance(controller, Controller):
-        controller = Controller(law=controller)
+    controller = controller_of(controller, robot, effects)
     setpoints = None
     if path is not None:
         if start is not None or end is not None:
