@@ -21,7 +21,7 @@ struct Guarded {
     guarding.watch.fastest.fill(500);
     prepare(guarding.watch);
     Robot truth = robot;
-    for (int i = 0; i < n; ++i) truth.chain[i].encoder_offset += 2e-3 * (i + 1);
+    for (int i = 0; i < n; ++i) truth.chain[i].encoder_offset += 2e-4 * (i + 1);
     known = known && extended<K>(truth, to_pose<K>(robot.home), readings);
     setpoint.x = robot.home;
   }
@@ -101,16 +101,12 @@ TEST("without an answer the brakes are asked for, and a late one is led in") {
     Guarded<mobility()> scene(mechanism);
     if (!scene.known) return;
     for (int k = 0; k < 200; ++k) CHECK(scene.cycle(scene.readings));
-    if (scene.guard.stops) return;     // offsets that nobody knows of are a disagreement, rightly
     for (int i = 0; i < scene.n; ++i)  // less than gravity asks for
       scene.robot.chain[i].torque_limit = 0.5 * std::fabs(scene.state.load[i]) + 1e-3;
-    Extended nothing = scene.readings;
-    nothing.fill(NAN);
     for (int k = 0; k < 50; ++k) {
-      scene.setpoint.x[0] = NAN;  // nor does anybody know where it should be
-      CHECK(!scene.cycle(nothing));
-      CHECK(scene.guard.stops || scene.guard.unanswered <= scene.guarding.held);
-      if (k == 0) CHECK(!scene.guard.stops);
+      scene.setpoint.x[0] = NAN;  // all readings are well: nothing else is replaced
+      CHECK(!scene.cycle(scene.readings));
+      CHECK((scene.guard.unanswered > scene.guarding.held) == scene.guard.stops);
     }
     CHECK(scene.guard.brakes == bit(scene.n) - 1);
     for (int i = 0; i < scene.n; ++i) {
@@ -121,11 +117,10 @@ TEST("without an answer the brakes are asked for, and a late one is led in") {
     Joint last = scene.state.load;
     restore(scene.guard, 0);
     CHECK(!scene.guard.stops && scene.guard.brakes == 0);
-    for (int c = 0; c < scene.n + scene.robot.r; ++c) restore(scene.guard.watch, c);
     for (int k = 0; k < 300; ++k) {
       CHECK(scene.cycle(scene.readings));
-      for (int i = 0; i < scene.n; ++i)
-        CHECK(std::fabs(scene.state.torque[i] - last[i]) < 1e-9 + 0.02 * scene.settings.kp[i]);
+      for (int i = 0; i < scene.n; ++i)  // the errors are 2e-4 and more
+        CHECK(std::fabs(scene.state.torque[i] - last[i]) < 1e-9 + 5e-5 * scene.settings.kp[i]);
       last = scene.state.torque;
     }
     CHECK(!scene.guard.stops);
