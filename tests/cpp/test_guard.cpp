@@ -190,3 +190,39 @@ TEST("a guarded robot learns nothing of a reading that is bridged or has failed"
     }
   });
 }
+
+TEST("a motor whose encoder freezes is found before the loop has driven it far, and is braked") {
+  constexpr Mobility K = Mobility::schoenflies;
+  Mechanism mechanism = h4();
+  for (int i = 0; i < 4; ++i) mechanism.robot.chain[i].torque_limit = 30;
+  Guarded<K> scene(mechanism);
+  const Robot& robot = scene.robot;
+  scene.settings.gains = Gains::inertia;
+  CHECK(place_poles(robot, robot.home, 100, 1, scene.settings));
+  WatchSettings& watch = scene.guarding.watch;
+  watch.moved.fill(4e-3);
+  watch.rests.fill(1e-3);
+  watch.kp = scene.settings.kp;
+  watch.kd = scene.settings.kd;
+  Run run{robot.home, robot.home, 0.4, 0.2};
+  run.to[2] += 0.03;  // slowly: by what is asked alone it would be found late
+  for (const int frozen : {0, 1, 2, 3}) {
+    FaultyReadings faults({{FaultKind::stuck, frozen, 0, 0, 0.1}}, kPeriod);
+    Extras extras{scene.prior.weighing()};
+    extras.watching = extras.weighing;
+    extras.guarding = &scene.guarding;
+    extras.faults = &faults;
+    double found = 0, after = 0;
+    const auto write = [&](const Sample& sample) {
+      Extended is{}, wanted{};
+      CHECK(extended<K>(robot, to_pose<K>(sample.x), is));
+      CHECK(extended<K>(robot, to_pose<K>(sample.x_d), wanted));
+      const double off = std::fabs(is[frozen] - wanted[frozen]);
+      double& most = sample.health[frozen] == Health::failed ? after : found;
+      most = std::max(most, off);
+    };
+    CHECK(simulate<K>(robot, robot, scene.settings, run, robot.home, write, extras));
+    CHECK(found < watch.moved[0]);
+    CHECK(after < 0.1);  // the brake closes in 20 ms
+  }
+}

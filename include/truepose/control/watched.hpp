@@ -53,8 +53,8 @@ inline constexpr double kOwnPole = 0.3;     ///< of a reading's own tracker
 inline constexpr double kParityPole = 0.8;  ///< of the parity's
 inline constexpr double kUnknown = 1e4;  ///< variance of an error of which nothing is known, over V
 inline constexpr double kSamePlace = 0.1;  ///< way, over `correlation`, after which it looks again
-inline constexpr int kFollowed = 8;      ///< cycles that a reading's own tracker needs, 0.3⁸,
-inline constexpr int kSettling = 32;       ///< cycles that trackers need after the start
+inline constexpr int kFollowed = 8;        ///< cycles that a reading's own tracker needs,
+inline constexpr int kSettling = 32;       ///< and the parity's, after the start
 inline constexpr int kSpikesKept = 8;
 inline constexpr double kNoNumber = 1e9;  ///< rad or m: beyond, a reading is none, as a NaN is
 
