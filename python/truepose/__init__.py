@@ -18,6 +18,7 @@ from truepose.robot.robot import Robot, load, robots
 from truepose.simulation.controller import Controller
 from truepose.simulation.effects import Effects
 from truepose.simulation.faults import Fault
+from truepose.simulation.margins import Margins, margins
 from truepose.simulation.paths import Circle, Line, Sampled, WayPoints
 from truepose.simulation.settle import settle
 from truepose.simulation.simulate import Cycle, Simulation, simulate
@@ -38,6 +39,7 @@ __all__ = [
     "Fit",
     "InputError",
     "Line",
+    "Margins",
     "OnlineCalibration",
     "Parameter",
     "PoseError",
@@ -56,6 +58,7 @@ __all__ = [
     "get_cmake_dir",
     "get_include",
     "load",
+    "margins",
     "robots",
     "settle",
     "simulate",

@@ -30,7 +30,7 @@ def visit(
     *,
     duration: float = MOVE_DURATION,
     hold: float = 0.2,
-    steps: int = 2,
+    steps: int | None = None,
     seed: int = 0,
     effects: Effects | None = None,
     time: float = 0.0,
@@ -83,7 +83,7 @@ def visit(
         watch=watch,
     )
     x, q_e, swing, held, status, cycles, reason = _core.visit(  # type: ignore[call-arg]
-        *drive.core, rows, duration, hold, steps, drive.at_rest, drive.seed
+        *drive.core, rows, duration, hold, drive.steps, drive.at_rest, drive.seed
     )
     words = np.array([_core.describe(int(s)) for s in status], dtype=object)
     restless = (words == "ok") & ~(swing <= RESTLESS)
