@@ -105,8 +105,8 @@ def command(
     say(f"{loaded.name} at {rate:g} Hz, effects {effects}: least of {where}.", how)
     for line in notes(found):
         say(line, how)
-    for error in refused:
-        say(error, how)
+    for why in refused:
+        say(why, how)
     wrote(how, plot)
 
 

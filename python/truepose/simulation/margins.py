@@ -65,7 +65,7 @@ def margins(
 
     In the loop are the delay, the velocity filter, arms and rods that give way and the robot's
     weight. Each sensor has its own, non-collocated, loop: from the motors through arms and nacelle
-    to it, and back. Friction, play and ripple are not in it; docs/margins.md says what that means.
+    to it, and back. Friction, play and ripple are not in it.
 
     Parameters
     ----------

@@ -59,8 +59,7 @@ def visit(
     >>> from truepose.simulation.visit import visit
     >>> h4 = tp.load("h4")
     >>> poses = [[0, 0, -0.4, 0.1], [0.05, 0, -0.4, 0]]
-    >>> soft = tp.Controller(frequency=40, velocity_bandwidth=300)
-    >>> x, q_e, status = visit(h4, h4, poses, soft, effects=tp.Effects())
+    >>> x, q_e, status = visit(h4, h4, poses, effects=tp.Effects())
     >>> status.tolist(), x.shape, q_e.shape
     (['ok', 'ok'], (2, 4), (2, 5))
     """
