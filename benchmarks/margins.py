@@ -89,7 +89,7 @@ def main() -> None:
                     loops.append(f"| {name} | {law} | {bears(robot, controller)} |")
             held.append(f"| {name} | {law} | " + " | ".join(cells) + " |")
             print(held[-1], flush=True)
-    kept = f"margins at {asked.rates[0]:g} kHz of all motors, cycles | of one motor or reading"
+    kept = f"all motors, {asked.rates[0]:g} kHz: gain, phase, cycles | one motor or reading"
     print(f"\n| robot | law | poles, filter (rad/s) | {kept} | hunting |")
     print("|---|---|---:|---:|---:|---:|", *loops, sep="\n")
     rates = " | ".join(f"{rate:g} kHz" for rate in asked.rates)

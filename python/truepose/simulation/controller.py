@@ -83,7 +83,7 @@ class Controller:
         law: Law = "redundant",
         *,
         period: float = 1e-3,
-        damping: float = 0.6,
+        damping: float = 0.55,
         **settings: Any,
     ) -> Self:
         """Return the fastest controller that a robot bears whose effects its model forgets.
