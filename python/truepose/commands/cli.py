@@ -20,6 +20,7 @@ from truepose.commands import (
     export,
     faults,
     info,
+    isolate,
     margins,
     new,
     rehearse,
@@ -42,6 +43,7 @@ app.command("new")(new.command)
 app.command("info")(info.command)
 app.command("accuracy")(accuracy.command)
 app.command("faults")(faults.command)
+app.command("isolate")(isolate.command)
 app.command("margins")(margins.command)
 app.command("calibrate")(calibrate.command)
 app.add_typer(export.app, name="export")
