@@ -115,7 +115,9 @@ def saturated(motor: int) -> str:
 def _steps(steps: int | None, truth: Robot, effects: Effects | None, period: float) -> int:
     """Integration steps in a period: as asked for, or what resolves all that swings."""
     if steps is None:
-        fastest = 0.0 if effects is None else ringing(truth, truth.home, effects)
+        if effects is None or not effects.arm_stiffness:
+            return _STEPS
+        fastest = ringing(truth, truth.home, effects)
         return max(_STEPS, math.ceil(fastest * period / _RINGING))
     if not (isinstance(steps, int) and 1 <= steps <= 1000):
         raise InputError(f"steps = {steps}: must be a whole number from 1 to 1000")

@@ -92,7 +92,7 @@ def margins(
     >>> import truepose as tp
     >>> h4 = tp.load("h4")
     >>> found = tp.margins(h4)
-    >>> found.kept, min(found.worst("theta")) > 2
+    >>> found.kept, found.worst("theta").more > 2
     (True, True)
     >>> paper = tp.margins(h4, tp.Controller())
     >>> bool(paper.stable.any())  # its 150 rad/s are for a rigid robot
