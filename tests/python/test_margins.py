@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
+from truepose import robotfile
 from truepose.simulation import gains
 from truepose.simulation.effects import Effects
 from truepose.simulation.linear import Gains, plants
@@ -232,6 +233,8 @@ def test_the_command_looks_at_gains_of_ones_own_and_names_what_is_unstable(run):
             ("h4", "--rate", "20", "--law", "joint"),
             "h4: period 0.05 s: the joint law cannot hold it",
         ),
+        (("h4", "--rate", "0.1"), "h4: period 10 s: it falls meanwhile"),
+        (("light.toml",), "five-bar: moves without inertia: its file has to name masses"),
         (("h4", "--rate", "0"), "--rate = 0.0: must be a finite number greater than 0"),
         (("h4", "--gains", "1,2,3,4"), "--gains 1,2,3,4: must be POLES[,FILTER[,DAMPING]]"),
         (("h4", "--gains", "fast"), "--gains fast: must be POLES[,FILTER[,DAMPING]]"),
@@ -239,7 +242,10 @@ def test_the_command_looks_at_gains_of_ones_own_and_names_what_is_unstable(run):
         (("five-bar", "--law", "cartesian"), "five-bar: the redundant FKM needs"),
     ],
 )
-def test_a_question_that_cannot_be_answered_is_one_line(run, words, message):
+def test_a_question_that_cannot_be_answered_is_one_line(run, tmp_path, words, message):
+    drawn = robotfile.shipped()["five-bar"].read_text(encoding="utf-8").splitlines(keepends=True)
+    light = [line for line in drawn if "mass" not in line and "inertia" not in line]
+    (tmp_path / "light.toml").write_text("".join(light), encoding="utf-8")
     status, out, err = run("margins", *words)
     assert (status, out) == (2, "")
     assert err.startswith(f"truepose: error: {message}") and err.count("\n") == 1

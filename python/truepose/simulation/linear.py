@@ -15,12 +15,14 @@ from itertools import pairwise
 import numpy as np
 
 from truepose.arguments import Array
+from truepose.exceptions import InputError
 from truepose.robot.frames import coordinates, frames, rotation
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
 from truepose.robotfile.parameters import PAIRED
 from truepose.simulation.effects import Effects
 
+_FALLEN = 1e12  #: growth in a period beyond which no control is thinkable
 _STEP = 1e-5  # m and rad, of the nacelle: the weight's stiffness is a difference
 #: Of a twist, what each mobility has: translations, then rotations.
 DIRECTIONS = {
@@ -164,7 +166,10 @@ def _plant(
     B[speed] = np.linalg.solve(left, K[rigid].T @ np.eye(n)[rigid])
     A[spin] = -passed / own[:, None]
     B[spin] = np.eye(n)[springy] / own[:, None]
-    whole = expm(period * np.block([[A, B], [np.zeros((n, s + n))]]))
+    with np.errstate(over="ignore", invalid="ignore"):
+        whole = expm(period * np.block([[A, B], [np.zeros((n, s + n))]]))
+    if not (np.abs(whole) < _FALLEN).all():
+        raise InputError(f"{robot.name}: period {period:g} s: it falls meanwhile")
 
     C, D = H_x @ one[at], np.zeros((n + robot.r, n))
     C[springy] = slope[springy, None] * one[turn]
@@ -211,6 +216,8 @@ def ringing(robot: Robot, x: Array, effects: Effects) -> float:
 
 def _turning(robot: Robot, x: Array, M: Array) -> tuple[Array, Array]:
     """Torques that hold a robot at rest, and how its motors turn with the nacelle, (n, n)."""
+    if not np.linalg.eigvalsh(M).min() > 0:
+        raise InputError(f"{robot.name}: moves without inertia: its file has to name masses")
     still = np.zeros(robot.n)
     held = robot.inverse_dynamics(x, still, still)
     ones = robot.acceleration(x, still, held + np.eye(robot.n))
