@@ -132,7 +132,7 @@ def test_counts_shake_motors_by_some_twice_what_white_noise_would(h4, law):
         ("delta", "joint", 1e-3, 2e-3, "95.6 rad/s.*before friction holds the nacelle 1 mm off"),
         ("five-bar", "joint", 3e-3, 5e-3, "dB.*cycles are left"),
         ("stewart", "joint", 1e-2, 2e-2, "at 10 rad/s, the slowest, .*cycles are left"),
-        ("hexa", "joint", 5e-3, 2e-2, "it is unstable"),
+        ("h4", "joint", 2e-3, 5e-2, "it is unstable"),
     ],
 )
 def test_a_period_at_which_no_gains_hold_the_robot_is_refused_with_the_reason(
