@@ -19,6 +19,7 @@ from truepose.robot.robot import Robot, load, robots
 from truepose.simulation.controller import Controller
 from truepose.simulation.effects import Effects
 from truepose.simulation.faults import Fault
+from truepose.simulation.margins import Margins, margins
 from truepose.simulation.paths import Circle, Line, Sampled, WayPoints
 from truepose.simulation.settle import settle
 from truepose.simulation.simulate import Cycle, Simulation, simulate
@@ -40,6 +41,7 @@ __all__ = [
     "InputError",
     "Isolation",
     "Line",
+    "Margins",
     "OnlineCalibration",
     "Parameter",
     "PoseError",
@@ -59,6 +61,7 @@ __all__ = [
     "get_include",
     "isolate",
     "load",
+    "margins",
     "robots",
     "settle",
     "simulate",

@@ -20,11 +20,13 @@ from truepose.robot.robot import Robot
 from truepose.simulation.controller import Controller, pose_of, positive, require_same_readings
 from truepose.simulation.effects import Effects
 from truepose.simulation.faults import Fault, in_core
+from truepose.simulation.linear import ringing
 from truepose.simulation.watch import Watch
 
 RESTLESS = 1e-3  #: m or rad, peak to peak in the last 50 ms: more is no rest
 NO_REST = f"does not come to rest: swings by more than {1e3 * RESTLESS:g} mm or mrad"
 SATURATED = "saturated: "  #: begins what is said of a robot that rests all the same
+_STEPS, _RINGING = 2, 1.0  #: in a period at least, and phase of a rotor's ringing in a step, rad
 _MOST_PERIODS = 1_000_000  # of one simulation: about 0.3 GB of log
 
 
@@ -35,6 +37,7 @@ class Drive(NamedTuple):
     controller: Controller
     core: tuple  #: what the core's functions take first
     seed: int
+    steps: int  #: of the integration, in one control period
     origin: list[float]  #: desired pose at the start
     at_rest: list[float]  #: where the controller holds the true robot at the start
 
@@ -47,7 +50,7 @@ def begin(
     *,
     duration: float,
     hold: float,
-    steps: int,
+    steps: int | None,
     seed: int,
     effects: Effects | None,
     time: float,
@@ -64,7 +67,8 @@ def begin(
     """
     controller = controller_of(controller, robot, effects)
     require_same_readings(robot, truth)
-    _timing(controller, duration, hold, steps)
+    _timing(controller, duration, hold)
+    steps = _steps(steps, truth, effects, controller.period)
     if learn is not None and learn.prior != robot:
         raise InputError("learn: must be an OnlineCalibration of the robot that is controlled")
     lying = in_core(truth, faults, controller.period)
@@ -84,7 +88,7 @@ def begin(
     guarding = None if watch is None else watch.guarding(robot, controller)
     core = (believed.core, truth.core, settings, known, plant, filtered, lying, guarding)
     held = [*at_rest[0], *[0.0] * (6 - robot.n)]
-    return Drive(truth, controller, core, check_seed(seed), origin, held)
+    return Drive(truth, controller, core, check_seed(seed), steps, origin, held)
 
 
 def controller_of(
@@ -108,12 +112,22 @@ def saturated(motor: int) -> str:
     return f"{SATURATED}motor {motor + 1} was at its torque limit"
 
 
-def _timing(controller: Controller, duration: float, hold: float, steps: int) -> None:
+def _steps(steps: int | None, truth: Robot, effects: Effects | None, period: float) -> int:
+    """Integration steps in a period: as asked for, or what resolves all that swings."""
+    if steps is None:
+        if effects is None or not effects.arm_stiffness:
+            return _STEPS
+        fastest = ringing(truth, truth.home, effects)
+        return max(_STEPS, math.ceil(fastest * period / _RINGING))
+    if not (isinstance(steps, int) and 1 <= steps <= 1000):
+        raise InputError(f"steps = {steps}: must be a whole number from 1 to 1000")
+    return steps
+
+
+def _timing(controller: Controller, duration: float, hold: float) -> None:
     positive("duration", duration)
     if not (math.isfinite(hold) and hold >= 0):
         raise InputError(f"hold = {hold}: must be a finite number of seconds of at least 0")
-    if not (isinstance(steps, int) and 1 <= steps <= 1000):
-        raise InputError(f"steps = {steps}: must be a whole number from 1 to 1000")
     if (duration + hold) / controller.period > _MOST_PERIODS:
         raise InputError(
             f"duration + hold = {duration + hold:g} s: at most {_MOST_PERIODS} control periods"
