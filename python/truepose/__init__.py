@@ -18,6 +18,7 @@ from truepose.robot.robot import Robot, load, robots
 from truepose.simulation.controller import Controller
 from truepose.simulation.effects import Effects
 from truepose.simulation.faults import Fault
+from truepose.simulation.path_accuracy import PathAccuracy, path_accuracy
 from truepose.simulation.paths import Circle, Line, Sampled, WayPoints
 from truepose.simulation.settle import settle
 from truepose.simulation.simulate import Cycle, Simulation, simulate
@@ -40,6 +41,7 @@ __all__ = [
     "Line",
     "OnlineCalibration",
     "Parameter",
+    "PathAccuracy",
     "PoseError",
     "Registration",
     "Robot",
@@ -56,6 +58,7 @@ __all__ = [
     "get_cmake_dir",
     "get_include",
     "load",
+    "path_accuracy",
     "robots",
     "settle",
     "simulate",
