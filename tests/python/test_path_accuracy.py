@@ -101,10 +101,14 @@ def test_what_cannot_be_judged_is_refused(h4, change, said):
 
 
 @pytest.mark.parametrize("path", PATHS)
-def test_at_the_fastest_speed_a_motor_is_at_its_limit(h4, path):
-    quickest = Paced(path=PATHS[path], speed=fastest(h4, PATHS[path], PERIOD))
-    torque = h4.inverse_dynamics(*quickest.setpoints(h4, PERIOD))
-    assert np.abs(torque).max() == pytest.approx(30, rel=0.03)  # by where the periods lie
+@pytest.mark.parametrize("pace", [0.3, 1.0, 7.0])
+def test_at_the_fastest_speed_a_motor_is_at_its_limit_and_none_beyond(h4, path, pace):
+    """However fast the path was written down; where the periods lie says how near it comes."""
+    written = Paced(path=PATHS[path], speed=pace)
+    speed = fastest(h4, written, PERIOD)
+    torque = np.abs(h4.inverse_dynamics(*Paced(path=written, speed=speed).setpoints(h4, PERIOD)))
+    assert 0.94 * 30 < torque.max() <= 30
+    assert pace * speed == pytest.approx(fastest(h4, PATHS[path], PERIOD / 5), rel=0.03)
 
 
 def test_a_path_at_another_speed_has_the_same_poses_and_its_own_rates(h4):

@@ -13,6 +13,8 @@ from truepose.simulation.chart import Setpoints
 from truepose.simulation.controller import positive
 from truepose.simulation.paths import Path
 
+_NEAR = 1e-3  #: to which the fastest speed is found
+
 
 def require_feasible(robot: Robot, setpoints: Setpoints, period: float) -> None:
     """Raise PoseError at the first moment at which the robot cannot be where the path wants it.
@@ -81,7 +83,7 @@ class Paced:
 def fastest(robot: Robot, path: Path, period: float = 1e-3) -> float:
     """How many times as fast as it is the motors allow a path: :func:`require_feasible`.
 
-    The limits of speed and torque in the robot's file, met by the nominal robot, to 1e-6.
+    The limits of speed and torque in the robot's file, met by the nominal robot, to a thousandth.
 
     Raises
     ------
@@ -100,23 +102,26 @@ def fastest(robot: Robot, path: Path, period: float = 1e-3) -> float:
     """
     x, rate, acceleration = path.setpoints(robot, period)
 
-    def refusal(speed: float) -> PoseError | None:
+    def refusal(asked: Setpoints) -> PoseError | None:
         try:
-            require_feasible(
-                robot, Setpoints(x, speed * rate, speed**2 * acceleration), period / speed
-            )
+            require_feasible(robot, asked, period)
         except PoseError as error:
             return error
         return None
 
+    def at(speed: float) -> Setpoints:
+        return Setpoints(x, speed * rate, speed**2 * acceleration)
+
     slow, fast = 1e-3, 1e3
-    if impossible := refusal(slow):
+    if impossible := refusal(at(slow)):
         raise impossible
-    if refusal(fast) is None:
+    if refusal(at(fast)) is None:
         raise InputError(f"{robot.name}: the motors allow any speed: no limit is in its file")
-    while fast > (1 + 1e-6) * slow:
+    while fast > (1 + _NEAR) * slow:
         middle = float(np.sqrt(slow * fast))
-        slow, fast = (slow, middle) if refusal(middle) else (middle, fast)
+        slow, fast = (slow, middle) if refusal(at(middle)) else (middle, fast)
+    while refusal(Paced(path=path, speed=slow).setpoints(robot, period)):  # other rows of the path
+        slow *= 1 - _NEAR
     return slow
 
 
