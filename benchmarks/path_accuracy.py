@@ -1,0 +1,127 @@
+"""Prints the tables of docs/path-accuracy.md: how well do H4s follow a circle and a square?
+
+path_accuracy.py contour [--robots 20] [--jobs 1]    # 2 Hz, the geometry known exactly
+path_accuracy.py slow [--robots 20] [--jobs 1]       # 0.1 Hz, calibrated, beside rest
+path_accuracy.py iso [--robots 20]                   # AT and RT, at three speeds, as --full does
+
+Every robot is drawn from the tolerances, every rod by itself. Half an hour on one core for all.
+"""
+
+import argparse
+from concurrent.futures import ProcessPoolExecutor
+
+import numpy as np
+
+import truepose as tp
+from truepose.paper import following, tables
+from truepose.robot.laws import LAWS
+from truepose.show.table import markdown
+from truepose.simulation.true_robots import with_tolerance_errors
+from truepose.simulation.visit import visit
+
+RUNS = 3  #: of each robot where scatter is not asked for
+PLACES = 24  #: on the circle, at which a robot rests
+MOTORS = tp.Effects().without("eccentricity", "thermal")  #: what motors can see
+WARM = 7200.0  #: s
+#: Effects, whether with gains that bear them, and how long the robot was on.
+CASES = {
+    "ideal: no effects, no counts, nominal gains": (None, False, 0.0),
+    "all effects but eccentricity and warm-up": (MOTORS, True, 0.0),
+    "eccentric encoders alone": (tp.Effects().only("eccentricity"), True, 0.0),
+    "warm-up alone, warm": (tp.Effects().only("thermal"), True, WARM),
+    "all effects, warm": (tp.Effects(), True, WARM),
+}
+
+
+def circle(frequency: float, turns: float) -> tp.Circle:
+    return tp.Circle(
+        centre=following.CENTRE, radius=following.RADIUS, frequency=frequency, turns=turns
+    )
+
+
+def contour(seed: int) -> dict:
+    """One robot whose controller knows its geometry: rms and largest, m, by case and law."""
+    truth = with_tolerance_errors(tp.load("h4"), seed).finest
+    found = {}
+    for law in LAWS:
+        bears = tp.Controller.for_robot(truth, tp.Effects(), law)
+        for case, (effects, soft, time) in CASES.items():
+            robot = truth.unquantised() if effects is None else truth
+            controller = bears if soft else tp.Controller(law=law)
+            followed = tp.path_accuracy(
+                robot,
+                circle(2, 3),
+                controller=controller,
+                effects=effects,
+                time=time,
+                runs=RUNS,
+                seed=seed,
+            )
+            found[case, law] = followed.contour, followed.contour_max
+    return found
+
+
+def slow(seed: int) -> dict:
+    """One calibrated robot: rms and largest at 0.1 Hz and at rest on the circle, m, by law."""
+    effects = tp.Effects()
+    robot = tp.load("h4")
+    truth, believed = following.drawn(robot, effects, 0, seed)
+    angles = np.linspace(0, 2 * np.pi, PLACES, endpoint=False)
+    places = np.tile(following.CENTRE, (PLACES, 1))
+    places[:, :2] += following.RADIUS * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    found = {}
+    for law in LAWS:
+        controller = tp.Controller.for_robot(robot, effects, law)
+        known = believed[law, True]
+        settings = {"effects": effects, "seed": seed}
+        x, _, _ = visit(known, truth, places, controller, **settings)
+        rest = np.linalg.norm((x - places)[:, :3], axis=1)
+        if not np.isfinite(rest).all():
+            raise SystemExit(f"robot {seed}, {law}: does not come to rest")
+        run = tp.path_accuracy(known, circle(0.1, 1), truth, controller, runs=RUNS, **settings)
+        found[law] = np.sqrt((rest**2).mean()), rest.max(), run.tracking, run.tracking_max
+    return found
+
+
+def row(*cells: object) -> None:
+    print("|", " | ".join(map(str, cells)), "|", flush=True)
+
+
+def print_contour(robots: list[dict]) -> None:
+    row("case", *(f"{law} (mm)" for law in LAWS))
+    row("---", *["---:"] * len(LAWS))
+    for case in CASES:
+        cells = []
+        for law in LAWS:
+            rms, most = 1e3 * np.array([one[case, law] for one in robots]).T
+            cells.append(f"{rms.max():.2g}, {most.max():.2g} ({np.median(rms):.2g})")
+        row(case, *cells)
+
+
+def print_slow(robots: list[dict]) -> None:
+    row("law", "rest, rms (mm)", "0.1 Hz, rms (mm)", "ratio: median", "largest")
+    row("---", *["---:"] * 4)
+    for law in LAWS:
+        rest, _, moving, _ = 1e3 * np.array([one[law] for one in robots]).T
+        ratio = moving / rest
+        cells = np.median(rest), np.median(moving), np.median(ratio), ratio.max()
+        row(law, *(f"{cell:.3g}" for cell in cells))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("what", choices=("contour", "slow", "iso"))
+    parser.add_argument("--robots", type=int, default=20)
+    parser.add_argument("--jobs", type=int, default=1)
+    args = parser.parse_args()
+    if args.what == "iso":
+        for table in tables.following(following.study(tp.load("h4"), args.robots, seed=0)):
+            print(f"{table.title}\n\n{markdown(table)}\n", flush=True)
+        return
+    with ProcessPoolExecutor(args.jobs) as pool:
+        work, show = {"contour": (contour, print_contour), "slow": (slow, print_slow)}[args.what]
+        show(list(pool.map(work, range(args.robots))))
+
+
+if __name__ == "__main__":
+    main()
