@@ -71,6 +71,12 @@ def test_along_the_path_nothing_is_off_but_points_beside_corners_are_not_passed(
     assert found.counts.sum() == 95 and not found.counts[:5].any()
 
 
+def test_a_turn_earlier_on_a_circle_is_another_place(h4):
+    """Shifted back along its end's tangent a run never gets to that end, but begins before it."""
+    found = tp.PathAccuracy.of(h4, CIRCLE, [asked(h4, CIRCLE) - np.array([0, 5e-3, 0, 0])])
+    assert found.counts.sum() < 100 and not found.counts[-1]
+
+
 def test_a_spatial_robot_turns_by_a_rotation_vector():
     robot = tp.load("stewart")
     turned = robot.home + np.array([0, 0, 0, 1.0, 0.5, 0])

@@ -167,7 +167,8 @@ def following(lines: list[paths.Line]) -> Figure:
                 share, far.min(axis=0), far.max(axis=0), color=colour, alpha=0.3, lw=0
             )
             along.plot(share, far.mean(axis=0), color=colour, lw=1)
-        plan.plot(*asked[:, :2].T, color="0.6", lw=0.8, zorder=0)
+        path = 1e3 * paths.PATHS[name].setpoints(first.robot, 1e-2).x
+        plan.plot(*path[:, :2].T, color="0.6", lw=0.8, zorder=0)
         plan.set(xlabel="x (mm)", ylabel="y (mm)", aspect="equal")
         plan.set_title(f"{name}, deviations ×{MAGNIFIED}", size=9)
         along.set(xlabel="along the path (%)", ylabel="distance from it (mm)", xlim=(0, 100))

@@ -137,13 +137,16 @@ class PathAccuracy:
         speed = np.linalg.norm(setpoints.rate[:, linear_of(robot)], axis=1)
         if not speed.max() > 0:
             raise InputError("path: only turns: there is no line to be beside")
-        rows, piece = _compared(setpoints.rate[:, linear_of(robot)], speed, points)
+        length = np.concatenate([[0], np.cumsum(0.5 * period * (speed[1:] + speed[:-1]))])
+        rows, piece = _compared(setpoints.rate[:, linear_of(robot)], speed, length, points)
         off = (attained[:, :count] - setpoints.x)[..., linear_of(robot)]
         distance = np.linalg.norm(off, axis=-1)
         judged = cls(
             robot,
             setpoints.x[rows],
-            np.array([_passing(robot, setpoints, run, rows, piece, period) for run in attained]),
+            np.array(
+                [_passing(robot, setpoints, run, rows, piece, length, period) for run in attained]
+            ),
             float(np.sqrt((distance**2).mean())),
             float(distance.max()),
             float(speed.max()),
@@ -250,7 +253,7 @@ def _shifted(robot: Robot, shift: Array) -> Robot:
     )
 
 
-def _compared(rate: Array, speed: Array, points: int) -> tuple[Array, Array]:
+def _compared(rate: Array, speed: Array, length: Array, points: int) -> tuple[Array, Array]:
     """Rows of the setpoints at which runs are compared, evenly by length; which piece each row is.
 
     A piece goes from rest, or from a corner, to the next.
@@ -259,24 +262,33 @@ def _compared(rate: Array, speed: Array, points: int) -> tuple[Array, Array]:
     ahead = (rate[1:] * rate[:-1]).sum(axis=1)
     corner = ~stands[1:] & ~stands[:-1] & (ahead < _CORNER * speed[1:] * speed[:-1])
     piece = np.concatenate([[0], np.cumsum(corner | (stands[:-1] & ~stands[1:]))])
-    length = np.concatenate([[0], np.cumsum(speed[1:] + speed[:-1])])
     rows = np.searchsorted(length, length[-1] * (np.arange(points) + 0.5) / points)
     return np.unique(rows[~stands[rows]]), piece
 
 
 def _passing(
-    robot: Robot, setpoints: Setpoints, run: Array, rows: Array, piece: Array, period: float
+    robot: Robot,
+    setpoints: Setpoints,
+    run: Array,
+    rows: Array,
+    piece: Array,
+    length: Array,
+    period: float,
 ) -> Array:
     """Where a run passes the planes upright on the path at some of its rows: run less path, (m, n).
 
-    The passage is the one next in time, on the same piece of the path. Between two periods the run
-    is bent as the path is: a straight line's sagitta would be micrometres.
+    The passage is the one next in time, on the same piece of the path, and no further along it than
+    the run is off (thrice that, for bends): not a turn earlier on a circle. Between two periods the
+    run is bent as the path is: a straight line's sagitta would be micrometres.
     """
     linear, asked = linear_of(robot), setpoints.x[rows]
     normal = setpoints.rate[rows][:, linear]
     beyond = run[: len(piece), linear] @ normal.T - (asked[:, linear] * normal).sum(axis=1)
     passes = (beyond[:-1] <= 0) & (beyond[1:] > 0)
     passes &= (piece[:-1, None] == piece[rows]) & (piece[1:, None] == piece[rows])
+    off = np.linalg.norm((run[: len(piece)] - setpoints.x)[:-1, linear], axis=1)
+    near = 3 * (off + np.diff(length).max())
+    passes &= np.abs(length[:-1, None] - length[rows]) <= near[:, None]
     late = np.where(passes, np.abs(np.arange(len(passes))[:, None] - rows), np.inf)
     before = late.argmin(axis=0)
     each = np.arange(len(rows))
