@@ -179,3 +179,12 @@ def test_the_ideal_robot_follows_a_circle_of_2_hz_within_30_micrometres(h4, law)
     """At nominal gains, without effects or counts: 100 mm across, 0.63 m/s."""
     found = tp.path_accuracy(h4.unquantised(), CIRCLE, controller=law, runs=1)
     assert found.contour_max < 3e-5
+
+
+def test_counts_that_lie_elsewhere_are_known_to(h4):
+    """Homing finds its zero between two counts; a run as a whole is not off by a part of one."""
+    counts = tp.Effects().only("quantisation")
+    found = tp.path_accuracy(h4, CIRCLE, effects=counts, runs=5, controller=tp.Controller())
+    of_runs = np.nanmean(found.deviation[..., :3], axis=1)
+    assert 5e-5 < found.RT < 3e-4
+    assert np.abs(of_runs).max() < 1e-5
