@@ -95,20 +95,26 @@ def total_steps() -> int:
 
 
 def study(
-    robot: Robot, count: int, seed: int, progress: Callable[[], None] = lambda: None
+    robot: Robot,
+    count: int,
+    seed: int,
+    progress: Callable[[], None] = lambda: None,
+    truth: Robot | None = None,
 ) -> list[Line]:
-    """Let one reading lie in every move, as drawn and nothing else wrong.
+    """Let one reading lie in every move, nothing else wrong.
 
     Parameters
     ----------
     robot : Robot
-        The H4, with θ measured.
+        What the controller believes: the H4, with θ measured.
     count : int
         Moves.
     seed : int
         The same seed gives the same moves.
     progress : callable
         Called after each fault.
+    truth : Robot, optional
+        What is; by default the same.
 
     Examples
     --------
@@ -125,7 +131,7 @@ def study(
         both: list[dict[Law, list[Run]]] = [{}, {}]
         for law in LAWS:
             for found, watch in zip(both, (None, Watch()), strict=True):
-                found[law] = [_run(robot, move, number, law, watch) for move in there]
+                found[law] = [_run((robot, truth), move, number, law, watch) for move in there]
         return Line(names[number], *both)
 
     names = [name for name, _ in cases(0)]
@@ -136,9 +142,11 @@ def study(
     return lines
 
 
-def _run(robot: Robot, move: Move, number: int, law: Law, watch: Watch | None) -> Run:
+def _run(
+    robots: tuple[Robot, Robot | None], move: Move, number: int, law: Law, watch: Watch | None
+) -> Run:
     ran = simulate(
-        robot,
+        *robots,
         controller=law,
         start=move.start,
         end=move.end,
