@@ -227,16 +227,15 @@ def test_statistics_have_every_path_and_speed_and_law(h4, monkeypatch):
     assert len(figures.following(lines).axes) == 4
 
 
-def test_a_fault_is_judged_at_its_worst_and_a_stop_by_the_path_it_stops_on(h4):
-    """A stop leaves the time law, not the path: 40 mm behind it would not be a fault's doing."""
+def test_a_fault_is_judged_at_its_worst_watched_and_alone(h4):
     lines = {line.fault: line for line in faulty.study(h4, count=2, seed=0)}
-    bias, none = lines["q1: bias or jump, 1°"], lines["none"]
-    first = bias.watched["joint"][0]
-    assert first.stopped and first.found and first.position < 10
+    lost, none = lines["q1: dropout"], lines["none"]
     for law in LAWS:
-        assert [run[:2] for run in none.alone[law]] == [run[:2] for run in none.watched[law]]
-        assert not any(run.found or run.stopped or run.left for run in none.watched[law])
-    assert any(run.left for run in lines["θ: sign"].alone["redundant"])
+        assert lost.alone[law][0].left and not lost.watched[law][0].left
+        assert lost.watched[law][0].stopped and lost.watched[law][0].found
+        assert [run[:3] for run in none.alone[law]] == [run[:3] for run in none.watched[law]]
+        assert not any(run.found or run.stopped for run in none.watched[law])
+    assert lines["θ: dropout"].median < 0.5 < lines["q1: drift 1°/s"].median
     assert tables.faults(list(lines.values())).records()[0]["runs"] == 10
 
 

@@ -14,7 +14,7 @@ from truepose.robot.laws import LAWS, Law
 from truepose.robot.robot import Robot
 from truepose.simulation.faults import FAULT_KINDS, Fault
 from truepose.simulation.moves import default_move
-from truepose.simulation.simulate import Simulation, simulate
+from truepose.simulation.simulate import simulate
 from truepose.simulation.watch import Watch, first
 from truepose.threads import each
 
@@ -41,7 +41,7 @@ class Move(NamedTuple):
 class Run(NamedTuple):
     """The worst of one run."""
 
-    position: float  #: mm from where it is asked to be; from the path once it stops along it
+    position: float  #: mm from where it is asked to be: where it stops, by its stop along the path
     angle: float  #: of θ, likewise, degrees
     left: bool  #: its workspace, at which the run ended
     stopped: bool  #: by the watch
@@ -60,6 +60,11 @@ class Line:
     def found(self) -> int:
         """How many of the watched runs were found out."""
         return sum(run.found for runs in self.watched.values() for run in runs)
+
+    @property
+    def median(self) -> float:
+        """Position of the watched runs, mm: half of them are nearer."""
+        return float(np.median([run.position for runs in self.watched.values() for run in runs]))
 
     @property
     def runs(self) -> int:
@@ -155,20 +160,10 @@ def _run(
         faults=[faults for _, faults in cases(move.at)][number],
         watch=watch,
     )
-    error = _off(ran)
     return Run(
-        float(1e3 * np.linalg.norm(error[:, :3], axis=1).max()),
-        float(np.degrees(np.abs(error[:, 3]).max())),
+        float(1e3 * np.linalg.norm(ran.error[:, :3], axis=1).max()),
+        float(np.degrees(np.abs(ran.error[:, 3]).max())),
         bool(ran.ended),
         bool(ran.stops.any()),
         first(ran.health) is not None,
     )
-
-
-def _off(ran: Simulation) -> Array:
-    """Error, (T, n); of a robot that stops along its path that from the next place on it."""
-    error = ran.error.copy()
-    late = np.flatnonzero(ran.stops)
-    apart = np.linalg.norm(ran.x[late, None, :3] - ran.x_d[None, :, :3], axis=-1)
-    error[late] = ran.x[late] - ran.x_d[apart.argmin(axis=1)]
-    return error

@@ -231,10 +231,11 @@ def faults(lines: list[lying.Line]) -> Table:
                 for name, what in (("position", "mm"), ("angle", "°"))
             }
             row.append(Cell(" → ".join(_worst(runs) for runs in ways.values()), data))
+        row.append(number(line.median, 2))
         runs = f"{line.found} of {line.runs}"
         rows.append([*row, Cell(runs, {"found": line.found, "runs": line.runs})])
     count = len(lines[0].alone[LAWS[0]])
-    header = ["fault", *(f"{law} (mm, °)" for law in LAWS), "found"]
+    header = ["fault", *(f"{law} (mm, °)" for law in LAWS), "watched, median (mm)", "found"]
     where = f"{count} moves" if count > 1 else "one move"
     title = f"Readings that lie in {where}: worst error, without → with a watch"
     return Table("faults", title, header, rows)
