@@ -195,8 +195,14 @@ class Cycle {
     name(changed, level);
     if (watch_.doubted & (watch_.doubted - 1)) {  // several
       watch_.undecided = watch_.undecided || ++watch_.disagreed > settings_.decide;
-      // Until it is known which, sensors say what they would if nothing had changed.
+      // Until it is known which, sensors say what they would if nothing had changed, and motors go
+      // where they are asked to go: an encoder that stands still drives its motor away meanwhile.
       for (int k = 0; k < r_; ++k) believed_[n + k] -= change[k];
+      for (int c = 0; c < n && !watch_.undecided; ++c)
+        if (watch_.doubted & bit(c) & ~without_) {
+          held_ |= bit(c);
+          if (std::isfinite(desired_[c])) believed_[c] = desired_[c] - watch_.reading[c].behind;
+        }
       return;
     }
     watch_.disagreed = 0;
@@ -336,7 +342,8 @@ class Cycle {
       // knows which reading lies does: it may still be found.
       const bool judged = (!watch_.doubted || watch_.undecided) && !symptomatic_ && !watch_.lost &&
                           settings_.moved[c] > 0 && (c < n || motors);
-      if (q_e_[c] != reading.raw || watch_.cycle == watch_.began) {
+      // What is asked is only known from the second cycle on.
+      if (q_e_[c] != reading.raw || watch_.cycle - watch_.began < 2) {
         reading.raw = q_e_[c];
         if (c < n || watch_.placed) reading.model = model(c);
         reading.seems = reading.speed = reading.way = 0;
@@ -370,8 +377,9 @@ class Cycle {
       parity.correct(settings_.period, kParityPole, holds || !number(change) ? 0 : change);
       if (holds) parity.rate *= kParityPole;
     }
-    watch_.changed = watch_.without != without;
+    watch_.changed = watch_.without != without || (watch_.held & ~held_) != 0;
     watch_.without = without;
+    watch_.held = held_;
     return first;
   }
 
@@ -430,6 +438,7 @@ class Cycle {
   Extended innovation_{};          ///< of each reading's own tracker
   std::uint32_t symptomatic_ = 0;  ///< that are bridged
   std::uint32_t without_ = 0;      ///< that are not believed
+  std::uint32_t held_ = 0;         ///< motors that are doubted, and go where they are asked to go
 };
 
 }  // namespace watch_detail

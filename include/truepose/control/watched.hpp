@@ -95,7 +95,8 @@ struct Watch {
   bool undecided = false;        ///< for so long that none will be: the robot should stop
   std::uint32_t lost = 0;        ///< failed motors' readings that nothing else can stand for
   std::uint32_t without = 0;     ///< failed readings that something else stood for in this cycle
-  bool changed = false;          ///< which of them do has changed: what the law sees may jump
+  std::uint32_t held = 0;        ///< doubted motors that go where they are asked to go
+  bool changed = false;          ///< one of the two has: what the law sees may jump
   std::int64_t cycle = 0;        ///< since the first one in which there was a pose,
   std::int64_t began = 0;        ///< and in which the parity's trackers began to settle
   bool placed = false;           ///< `pose` is known

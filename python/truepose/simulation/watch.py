@@ -32,8 +32,9 @@ _POSES, _MARGIN = 256, 1.5
 _COUNTS, _SIGMAS, _STICKS = 8, 6, 0.01
 #: Counts by which a motor that rests may be off.
 _BEAR = 2
-#: Torque's rms over its limit by which a motor may be shaken that is driven by what others say.
-_SHAKES = 0.05
+#: Torque's rms over its limit by which a motor may be shaken that is driven by what others say: at
+#: 5 σ it saturates.
+_SHAKES = 0.2
 #: Torque in motion, rms, over its limit (assumed): it bends arms.
 _TORQUE = 0.25
 #: How far beyond its stops a motor may be read, rad or m.
