@@ -111,7 +111,7 @@ def print_contour(robots: list[dict]) -> None:
 def print_slow(robots: list[dict]) -> None:
     """Print medians over the robots, and how many follow worse than `TIMES` their rest."""
     heads = ["law", "rest, rms (mm)", "0.1 Hz, rms (mm)", "ratio: median", "largest"]
-    heads += [f"above {TIMES:g}", "rms of the difference of squares, largest (mm)"]
+    heads += [f"above {TIMES:g}", "added in quadrature, largest (mm)"]
     row(*heads)
     row("---", *["---:"] * (len(heads) - 1))
     for law in LAWS:
