@@ -109,13 +109,17 @@ def print_contour(robots: list[dict]) -> None:
 
 
 def print_slow(robots: list[dict]) -> None:
-    """Print medians over the robots, and how many follow worse than `TIMES` their rest."""
+    """Print medians over the robots that rest, and how many follow worse than `TIMES` that."""
     heads = ["law", "rest, rms (mm)", "0.1 Hz, rms (mm)", "ratio: median", "largest"]
     heads += [f"above {TIMES:g}", "added in quadrature, largest (mm)"]
     row(*heads)
     row("---", *["---:"] * (len(heads) - 1))
     for law in LAWS:
-        rest, moving = 1e3 * np.array([one[law] for one in robots if one[law][0] > 0]).T
+        resting = [one[law] for one in robots if np.isfinite(one[law][0])]
+        if not resting:
+            row(law, *["-"] * (len(heads) - 1))
+            continue
+        rest, moving = 1e3 * np.array(resting).T
         ratio = moving / rest
         beyond = f"{(ratio > TIMES).sum()} of {len(rest)}"
         more = np.sqrt(np.maximum(moving**2 - rest**2, 0)).max()
