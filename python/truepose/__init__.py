@@ -20,6 +20,7 @@ from truepose.simulation.controller import Controller
 from truepose.simulation.effects import Effects
 from truepose.simulation.faults import Fault
 from truepose.simulation.margins import Margins, margins
+from truepose.simulation.path_accuracy import PathAccuracy, path_accuracy
 from truepose.simulation.paths import Circle, Line, Sampled, WayPoints
 from truepose.simulation.settle import settle
 from truepose.simulation.simulate import Cycle, Simulation, simulate
@@ -44,6 +45,7 @@ __all__ = [
     "Margins",
     "OnlineCalibration",
     "Parameter",
+    "PathAccuracy",
     "PoseError",
     "Registration",
     "Robot",
@@ -62,6 +64,7 @@ __all__ = [
     "isolate",
     "load",
     "margins",
+    "path_accuracy",
     "robots",
     "settle",
     "simulate",
