@@ -75,21 +75,32 @@ inline constexpr double kDisbelieved = 1e4;
 
 /// One cycle: as control(), with the readings watched.
 ///
+/// @param q_e    as read
 /// @param guard  in and out; `stops` and `brakes` are the caller's to obey
+/// @param late   in and out: of slow and late sensors; nullptr: there are none
 /// @return as control(); `disagree` and a reading: it is not valid, and the robot goes on without
 template <Mobility K>
 Outcome guarded(const Robot& robot, const ControlSettings& settings, const GuardSettings& guarding,
                 const Setpoint& setpoint, const Extended& q_e, ControlState& state,
-                const Weighing& weighing, Guard& guard) {
+                const Weighing& weighing, Guard& guard, Late* late = nullptr) {
   constexpr int n = kDof<K>;
-  Extended believed = q_e;
+  Extended present = q_e, believed = q_e;
+  Weighing weighed = weighing;
+  if (late && weighing) {
+    // Motors without a pose: the watch says so.
+    static_cast<void>(bring_up<K>(robot, guard.watch, settings.period, *late, present));
+    guard.known = *weighing.known;
+    doubt(robot, *late, guard.known);
+    weighed.known = &guard.known;
+  }
   const Outcome watched =
-      watch<K>(guarding.finest ? *guarding.finest : robot, guarding.watch, weighing,
-               state.started ? state.q_d : motors_of<K>(q_e), q_e, guard.watch, believed);
+      watch<K>(guarding.finest ? *guarding.finest : robot, guarding.watch, weighed,
+               state.started ? state.q_d : motors_of<K>(q_e), present, guard.watch, believed, late);
   Outcome outcome = watched;
   if (watched) {
     ControlSettings now = settings;
-    guard.known = *weighing.known;
+    guard.known = *weighed.known;
+    if (late) calm(robot, *late, believed);
     bool any = false, left = false;
     for (int c = 0; c < n + robot.r; ++c) {
       const bool failed = guard.watch.reading[c].health == Health::failed;
@@ -100,7 +111,7 @@ Outcome guarded(const Robot& robot, const ControlSettings& settings, const Guard
     if (any && !left) now.law = Law::joint;
     state.switched = state.switched || guard.watch.changed;
     const Weighing reweighed{&guard.known, weighing.work};
-    outcome = control<K>(robot, now, setpoint, believed, state, any ? reweighed : weighing);
+    outcome = control<K>(robot, now, setpoint, believed, state, any ? reweighed : weighed);
   }
   guard.stops = guard.stops || guard.watch.undecided || guard.watch.lost != 0;
   guard.brakes |= guard.watch.lost;

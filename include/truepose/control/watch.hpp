@@ -15,6 +15,7 @@
 // what the others say it should be, its own error taken as unknown. Bounded work, no allocation.
 #pragma once
 
+#include "truepose/control/late.hpp"
 #include "truepose/control/law.hpp"
 #include "truepose/control/parity.hpp"
 #include "truepose/control/tracker.hpp"
@@ -132,7 +133,8 @@ inline void restore(Watch& watch, int reading) {
 namespace watch_detail {
 
 /// A reading is bridged once more. Too long, or too often, and it has failed.
-inline void bridge(const WatchSettings& settings, std::int64_t cycle, Symptom symptom,
+/// @param every  cycles for which one sample stands
+inline void bridge(const WatchSettings& settings, std::int64_t cycle, Symptom symptom, int every,
                    WatchedReading& reading) {
   const auto spike = [&](std::int64_t k) -> std::int64_t& {
     return reading.spike[static_cast<std::size_t>(k % kSpikesKept)];
@@ -142,7 +144,7 @@ inline void bridge(const WatchSettings& settings, std::int64_t cycle, Symptom sy
   if (reading.bridged++ == 0) spike(reading.spikes++) = cycle;
   const int k = settings.spikes;
   const bool often = reading.spikes >= k && cycle - spike(reading.spikes - k) < settings.within;
-  if (reading.bridged > settings.coast || often) reading.health = Health::failed;
+  if (reading.bridged > settings.coast * every || often) reading.health = Health::failed;
 }
 
 /// One cycle of the watch.
@@ -152,7 +154,8 @@ class Cycle {
   static constexpr int n = kDof<K>;
 
   Cycle(const Robot& robot, const WatchSettings& settings, const Weighing& weighing,
-        const Joint& desired, const Extended& q_e, Watch& watch, Extended& believed)
+        const Joint& desired, const Extended& q_e, Watch& watch, Extended& believed,
+        const Late* late)
       : robot_(robot),
         settings_(settings),
         weighing_(weighing),
@@ -160,6 +163,7 @@ class Cycle {
         q_e_(q_e),
         watch_(watch),
         believed_(believed),
+        late_(late),
         r_(robot.r),
         rows_(n + robot.r),
         settled_(watch.cycle - watch.began > kSettling) {
@@ -218,7 +222,7 @@ class Cycle {
       if (reading.health != Health::failed) {
         const Symptom symptom = symptom_of(c);
         if (symptom == Symptom::none) continue;
-        bridge(settings_, watch_.cycle, symptom, reading);
+        bridge(settings_, watch_.cycle, symptom, every(c), reading);
         if (!reading.begun) reading.health = Health::failed;  // by what would it be bridged?
         symptomatic_ |= bit(c);
       }
@@ -229,6 +233,9 @@ class Cycle {
 
   /// Also what would make numbers overflow later is none.
   static bool number(double raw) { return std::fabs(raw) < kNoNumber; }
+
+  bool late(int c) const { return late_ && c >= n && late_->is(c - n); }
+  int every(int c) const { return late(c) ? std::max(1, late_->settings.every[c - n]) : 1; }
 
   Symptom symptom_of(int c) const {
     const WatchedReading& reading = watch_.reading[c];
@@ -324,7 +331,7 @@ class Cycle {
     watch_.disagreed = 0;
     for (int c = 0; c < rows_; ++c) {
       if (!(watch_.doubted & bit(c))) continue;
-      bridge(settings_, watch_.cycle, Symptom::disagrees, watch_.reading[c]);
+      bridge(settings_, watch_.cycle, Symptom::disagrees, every(c), watch_.reading[c]);
       symptomatic_ |= bit(c);
       without_ |= bit(c);
       leave_out(c);
@@ -343,9 +350,10 @@ class Cycle {
     std::uint32_t still = 0, apart = 0;
     for (int c = 0; c < rows_; ++c) {
       if (without_ & bit(c)) continue;
-      if (q_e_[c] == watch_.reading[c].raw && stood(c) > kStoodBy * settings_.moved[c])
+      if (raw(c) == watch_.reading[c].raw && stood(c) > kStoodBy * settings_.moved[c])
         still |= bit(c);
-      if (leaves_track(c, innovation_[c])) apart |= bit(c);
+      // What a motor has lost since a late sample was taken shows when that arrives.
+      if (!late(c) && leaves_track(c, innovation_[c])) apart |= bit(c);
     }
     if (alone(may & still)) {
       may &= still;
@@ -365,7 +373,13 @@ class Cycle {
     return innovation * innovation > settings_.sigmas * settings_.sigmas * spread;
   }
 
-  double model(int c) const { return c < n ? desired_[c] : parity_.expected[c]; }
+  double model(int c) const {
+    if (late(c)) return late_->then[c - n];
+    return c < n ? desired_[c] : parity_.expected[c];
+  }
+
+  /// What tells whether a reading stands still, and beside which model: a late one's last sample.
+  double raw(int c) const { return late(c) ? late_->sample[c - n] : q_e_[c]; }
 
   /// By how much the model has moved since the reading changed last, beyond what is noise.
   double stood(int c) const {
@@ -427,8 +441,8 @@ class Cycle {
       WatchedReading& reading = watch_.reading[c];
       const bool judged = settled_ && !watch_.doubted && !symptomatic_ && settings_.moved[c] > 0 &&
                           (c < n || motors);
-      if (q_e_[c] != reading.raw || !settled_) {
-        reading.raw = q_e_[c];
+      if (raw(c) != reading.raw || !settled_) {
+        reading.raw = raw(c);
         if (c < n || watch_.placed) reading.model = model(c);
       } else if (judged && reading.health != Health::failed && stood(c) > settings_.moved[c]) {
         reading.health = Health::failed;
@@ -499,6 +513,7 @@ class Cycle {
   const Extended& q_e_;
   Watch& watch_;
   Extended& believed_;
+  const Late* late_;  ///< sensors that are slow or late; nullptr: none
   int r_, rows_;
   bool settled_;
   Parity<K> parity_;
@@ -512,19 +527,33 @@ class Cycle {
 
 }  // namespace watch_detail
 
+/// Late readings as of now, by the motors that the watch believes.
+template <Mobility K>
+Outcome bring_up(const Robot& robot, const Watch& watch, double period, Late& late, Extended& q_e) {
+  Extended by = q_e;
+  for (int c = 0; c < kDof<K> && watch.cycle > 0; ++c)
+    if (watch.reading[c].health != Health::valid) by[c] = watch.reading[c].own.predicted(period);
+  const Outcome outcome = bring_up<K>(robot, late, by);
+  std::copy_n(by.begin() + kDof<K>, robot.r, q_e.begin() + kDof<K>);
+  return outcome;
+}
+
 /// One cycle.
 ///
 /// @param weighing  what is known of the geometry and of the readings' own errors; work space
 /// @param desired   q_d: what a motor that stands still is measured by
 /// @param believed  out: the readings, or what stands for those that are not believed
+/// @param late      of slow and late sensors, whose readings were brought up
 /// @return `disagree` and the first reading that is not valid; no answer: no pose can be made of
 /// the readings
 template <Mobility K>
 Outcome watch(const Robot& robot, const WatchSettings& settings, const Weighing& weighing,
-              const Joint& desired, const Extended& q_e, Watch& watch, Extended& believed) {
+              const Joint& desired, const Extended& q_e, Watch& watch, Extended& believed,
+              const Late* late = nullptr) {
   if (!robot.finished) return {Status::unfinished, -1};
   if (!weighing) return {Status::not_measured, -1};
-  return watch_detail::Cycle<K>(robot, settings, weighing, desired, q_e, watch, believed).run();
+  return watch_detail::Cycle<K>(robot, settings, weighing, desired, q_e, watch, believed, late)
+      .run();
 }
 
 }  // namespace truepose
