@@ -20,7 +20,7 @@ PERIOD, AGE = 0.01, 0.008  #: s
 SETS = {"θ": ["theta"], "z": ["z_telemeter"], "θ, z": ["theta", "z_telemeter"]}
 LENGTH = 0.1  #: m, by which an angle counts as a way in the error of a pose
 CALIBRATED_ON, VISITED, MOVE = 100, 5, 0.3  #: poses; s
-WAYS = ("with", "without", "as if now")
+WAYS = ("with", "without", "as if now", "prompt")
 
 
 def timed(robot: tp.Robot, period: float = PERIOD, age: float = AGE) -> tp.Robot:
@@ -52,10 +52,14 @@ def drawn(sensors: list[str], calibrated: bool, effects: tp.Effects, seed: int) 
 
 
 def errors(run: tp.Simulation, settled: float) -> np.ndarray:
-    """Return rms of position, mm, and of the angle, degrees: all the way, and at its end."""
-    error = run.error * [1e3, 1e3, 1e3, np.degrees(1)]
+    error = run.error * [1e3, 1e3, 1e3, 1e3 * LENGTH]
     parts = error, error[run.time >= run.time[-1] - settled]
-    return np.array([[np.sqrt((e[:, c] ** 2).sum(axis=1).mean()) for c in (slice(3), slice(3, 4))] for e in parts])
+    return np.array(
+        [
+            [np.sqrt((e[:, c] ** 2).sum(axis=1).mean()) for c in (slice(3), slice(3, 4), slice(4))]
+            for e in parts
+        ]
+    )
 
 
 def one(which: str, calibrated: bool, effects: tp.Effects, seed: int) -> dict[str, np.ndarray]:
@@ -67,15 +71,24 @@ def one(which: str, calibrated: bool, effects: tp.Effects, seed: int) -> dict[st
         believed, real = robot, truth
         if way == "without":
             believed, real = robot.with_sensors(), truth.with_sensors()
+        elif way == "prompt":
+            believed, real = timed(robot, 0, 0), timed(truth, 0, 0)
         elif way == "as if now":
+            found[way] = np.full((2, 3), np.nan)
+            continue
             believed = timed(robot, 0, 0)
-        bears = tp.Controller.for_robot(tp.load("h4").with_sensors(*SETS[which]), effects, "estimated")
+        bears = tp.Controller.for_robot(
+            tp.load("h4").with_sensors(*SETS[which]), effects, "estimated"
+        )
         try:
             run = tp.simulate(believed, real, bears, path=path, effects=effects, seed=seed)
         except tp.PoseError as e:
-            print(which, calibrated, way, seed, e); found[way]=np.full((2,2),np.nan); continue
+            print(which, calibrated, way, seed, e)
+            found[way] = np.full((2, 3), np.nan)
+            continue
         found[way] = errors(run, 0.05)
     return found
+
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
@@ -83,14 +96,38 @@ def main():
     parser.add_argument("--jobs", type=int, default=2)
     given = parser.parse_args()
     with ProcessPoolExecutor(given.jobs) as pool:
-      for effects in (tp.Effects.none(), tp.Effects()):
-        for calibrated in (False, True):
-            for which in SETS:
-                ran = list(pool.map(partial(one, which, calibrated, effects), range(given.robots)))
-                w, o, a = (np.array([r[k] for r in ran]) for k in WAYS)
-                rms = lambda e: np.sqrt(np.nanmean(e**2,axis=0)).ravel()
-                print(which, "cal" if calibrated else "drawn", "effects" if effects != tp.Effects.none() else "none")
-                print("  with", rms(w).round(3), "without", rms(o).round(3), "now", rms(a).round(3))
-                print("  ratio rms", (rms(w)/rms(o)).round(2), "worst", np.nanmax(w/o,axis=0).ravel().round(2), "now worst", np.nanmax(a/o,axis=0).ravel().round(2), flush=True)
+        for effects in (tp.Effects.none(), tp.Effects()):
+            for calibrated in (False, True):
+                for which in SETS:
+                    ran = list(
+                        pool.map(partial(one, which, calibrated, effects), range(given.robots))
+                    )
+                    w, o, _, a = (np.array([r[k] for r in ran]) for k in WAYS)
+                    rms = lambda e: np.sqrt(np.nanmean(e**2, axis=0)).ravel()
+                    print(
+                        which,
+                        "cal" if calibrated else "drawn",
+                        "effects" if effects != tp.Effects.none() else "none",
+                    )
+                    print(
+                        "  with",
+                        rms(w).round(3),
+                        "without",
+                        rms(o).round(3),
+                        "prompt",
+                        rms(a).round(3),
+                    )
+                    print(
+                        "  ratio rms",
+                        (rms(w) / rms(o)).round(3),
+                        "worst",
+                        np.nanmax(w / o, axis=0).ravel().round(2),
+                        "prompt worst",
+                        (rms(a) / rms(o)).round(3),
+                        np.nanmax(a / o, axis=0).ravel().round(2),
+                        flush=True,
+                    )
+
+
 if __name__ == "__main__":
     main()

@@ -387,7 +387,7 @@ struct Slow {
     calm(robot, late, q_e);
     if (!weighing) return weighing;
     known = *weighing.known;
-    doubt(robot, late, known);
+    weigh(robot, late, known);
     return {&known, weighing.work};
   }
 };

@@ -99,8 +99,11 @@ Outcome guarded(const Robot& robot, const ControlSettings& settings, const Guard
   Outcome outcome = watched;
   if (watched) {
     ControlSettings now = settings;
-    guard.known = *weighed.known;
-    if (late) calm(robot, *late, believed);
+    guard.known = *weighing.known;
+    if (late) {
+      calm(robot, *late, believed);
+      weigh(robot, *late, guard.known);
+    }
     bool any = false, left = false;
     for (int c = 0; c < n + robot.r; ++c) {
       const bool failed = guard.watch.reading[c].health == Health::failed;

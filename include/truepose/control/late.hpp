@@ -8,8 +8,9 @@
 //     p = y - h(x(s)),        reading now = h(x(t)) + p
 //
 // until the next. What follows fast is the motors' own; a loop closed through p would be late, and
-// is slow: laws act on p behind a low pass of the time that it is late anyway. What p has changed
-// by on the way since is an error of the reading, of the known variance |stray (x(t) - x(s))|².
+// is slow: laws act on p behind a low pass of the time that it is late anyway, and a slower one of
+// what is less than counts, which the robot would hunt. What p has changed by on the way since is
+// an error of the reading, of the known variance |stray (x(t) - x(s))|².
 #pragma once
 
 #include "truepose/control/parity.hpp"
@@ -18,6 +19,8 @@ namespace truepose {
 
 inline constexpr int kOldest = 255;       ///< age, control periods
 inline constexpr int kSlowest = 1 << 20;  ///< from sample to sample, control periods
+inline constexpr double kCalmest = 0.1;   ///< pace of the low pass for what is less than counts
+inline constexpr double kCounts = 3;      ///< σ from which on p is followed rather than averaged
 
 /// Which sensors are slow or late. Constant during a run: fill it, then call start().
 struct LateSettings {
@@ -44,18 +47,20 @@ struct Late {
   Coordinates way{};          ///< and since the start
   Reading expected{};         ///< h there,
   Reading change{};           ///< and by how much that has changed
+  Reading noise{};            ///< variance of h, by the motors' noise and counts
   Matrix<kOldest + 1, kMaxSensors> was{};    ///< h of the last cycles: a ring,
   Matrix<kOldest + 1, kMaxDof> was_there{};  ///< as `way` is
   Reading sample{};                          ///< the last that arrived, as read,
   Reading then{};                            ///< h when it was taken,
   Matrix<kMaxSensors, kMaxDof> there{};      ///< `way` then,
+  Matrix<kMaxSensors, kMaxDof> before{};     ///< of the sample before that,
   Reading off{};                             ///< and p
   Reading slow{};                            ///< p behind the low pass; where begun
   Matrix<kMaxSensors, kMaxDof> slowly{};     ///< `there`, likewise
   std::uint32_t begun = 0;
   Reading present{};  ///< what they would read now
 
-  bool is(int sensor) const { return which & bit(sensor); }
+  bool is(int sensor) const { return (which & bit(sensor)) != 0; }
 };
 
 /// Starts anew. @return no_such_part and the first sensor whose period or age is none, or too long
@@ -64,8 +69,10 @@ inline Outcome start(const LateSettings& settings, Late& late) {
   for (int k = 0; k < kMaxSensors; ++k) {
     const int every = std::max(1, settings.every[k]), age = settings.age[k];
     if (settings.every[k] < 0 || every > kSlowest || age < 0 || age > kOldest ||
-        !all_finite(settings.stray[k], kMaxDof))
+        !all_finite(settings.stray[k], kMaxDof)) {
+      late.which = 0;
       return {Status::no_such_part, k};
+    }
     if (settings.is(k)) late.which |= bit(k);
     late.pole[k] = std::exp(-1.0 / (every + age));
   }
@@ -105,7 +112,16 @@ inline Outcome place(const Robot& robot, const Extended& q_e, Late& late) {
   if (!outcome) return outcome;
   if (late.placed) late.motion = difference<K>(parity.pose, late.pose);
   late.pose = parity.pose;
-  for (int k = 0; k < robot.r; ++k) late.change[k] = -parity.value[k];
+  for (int k = 0; k < robot.r; ++k) {
+    late.change[k] = -parity.value[k];
+    late.noise[k] = 0;
+    for (int j = 0; j < n; ++j) {
+      const Chain& chain = robot.chain[j];
+      late.noise[k] +=
+          parity.g[k][j] * parity.g[k][j] *
+          (chain.encoder_step * chain.encoder_step + chain.encoder_noise * chain.encoder_noise);
+    }
+  }
   return {};
 }
 
@@ -138,12 +154,10 @@ Outcome bring_up(const Robot& robot, Late& late, Extended& q_e) {
       const std::size_t taken = at(std::max<std::int64_t>(0, late.cycle - late.settings.age[k]));
       late.sample[k] = q_e[n + k];
       late.then[k] = late.was[taken][k];
+      late.before[k] = first ? late.way : late.there[k];
       late.there[k] = late.was_there[taken];
       late.off[k] = within_turn(robot, n + k, late.sample[k] - late.then[k]);
     }
-    if (first) late.slowly[k] = late.there[k];
-    for (int i = 0; i < n; ++i)
-      late.slowly[k][i] += (1 - late.pole[k]) * (late.there[k][i] - late.slowly[k][i]);
     late.present[k] = q_e[n + k] = late.expected[k] + late.off[k];
   }
   ++late.cycle;
@@ -158,28 +172,60 @@ inline void calm(const Robot& robot, Late& late, Extended& q_e) {
     if (!late.is(k)) continue;
     const double off = q_e[n + k] - late.expected[k];
     if (!std::isfinite(off)) continue;  // the law says so
-    if (!(late.begun & bit(k))) late.slow[k] = off;
-    late.begun |= bit(k);
-    late.slow[k] += (1 - late.pole[k]) * (off - late.slow[k]);
+    if (!(late.begun & bit(k))) {
+      late.begun |= bit(k);
+      late.slow[k] = off;
+      late.slowly[k] = late.there[k];
+    }
+    const Sensor& sensor = robot.sensor[k];
+    const double news = (off - late.slow[k]) * (off - late.slow[k]);
+    const double counts = late.noise[k] + sensor.step * sensor.step + sensor.noise * sensor.noise;
+    const double follows = news > 0 ? news / (news + kCounts * kCounts * counts) : 0;
+    const double share = (1 - late.pole[k]) * std::max(kCalmest, follows);
+    late.slow[k] += share * (off - late.slow[k]);
+    for (int i = 0; i < n; ++i) late.slowly[k][i] += share * (late.there[k][i] - late.slowly[k][i]);
     q_e[n + k] = late.expected[k] + late.slow[k];
   }
 }
 
-/// What is known of readings of which some are late: what p has changed by since is their own
-/// error.
-/// @param known  in and out
-inline void doubt(const Robot& robot, const Late& late, Knowledge& known) {
+namespace late_detail {
+
+/// @param since  `way` where p is known
+inline double strayed(const Late& late, int sensor, const std::array<double, kMaxDof>& since) {
+  double variance = 0;
+  for (int i = 0; i < kMaxDof; ++i) {
+    const double by = late.settings.stray[sensor][i] * (late.way[i] - since[i]);
+    variance += by * by;
+  }
+  return variance;
+}
+
+/// Adds to the variances of readings that are late. @param more  more(sensor)
+template <class More>
+inline void add(const Robot& robot, const Late& late, Knowledge& known, More&& more) {
   const int n = dof(robot.mobility);
   for (int k = 0; k < robot.r; ++k) {
-    if (!late.is(k)) continue;
     double& sigma = known.sigma[n + k];
-    double variance = sigma * sigma;
-    for (int i = 0; i < n; ++i) {
-      const double strayed = late.settings.stray[k][i] * (late.way[i] - late.slowly[k][i]);
-      variance += strayed * strayed;
-    }
-    sigma = std::sqrt(variance);
+    if (late.is(k)) sigma = std::sqrt(sigma * sigma + more(k));
   }
+}
+
+}  // namespace late_detail
+
+/// What is known of readings that were brought up, for whoever asks whether they are right: p may
+/// have changed since the sample before the last.
+/// @param known  in and out
+inline void doubt(const Robot& robot, const Late& late, Knowledge& known) {
+  late_detail::add(robot, late, known,
+                   [&](int k) { return late_detail::strayed(late, k, late.before[k]); });
+}
+
+/// And of what laws act upon: since where the low pass is, and by the counts that carried it.
+/// @param known  in and out
+inline void weigh(const Robot& robot, const Late& late, Knowledge& known) {
+  late_detail::add(robot, late, known, [&](int k) {
+    return late_detail::strayed(late, k, late.slowly[k]) + late.noise[k];
+  });
 }
 
 }  // namespace truepose

@@ -152,7 +152,7 @@ class Loop {
     calm(nominal_, late_, present);
     if (!weighing) return weighing;
     known_ = *weighing.known;
-    doubt(nominal_, late_, known_);
+    weigh(nominal_, late_, known_);
     return {&known_, weighing.work};
   }
 

@@ -54,7 +54,7 @@ def lateness(robot: Robot, truth: Robot, period: float) -> Lateness:
 
 
 def clock(robot: Robot, period: float) -> _core.LateSettings | None:
-    """Return when a robot's sensors sample, and how old that is on arrival; see :func:`settings`."""
+    """Return when sensors sample, and how old that is on arrival; see :func:`settings`."""
     every, age = [0] * _core.max_sensors, [0] * _core.max_sensors
     for k, sensor in enumerate(robot.spec.used):
         for key, most, cycles in (("period", _core.slowest, every), ("age", _core.oldest, age)):
@@ -70,6 +70,24 @@ def clock(robot: Robot, period: float) -> _core.LateSettings | None:
     late = _core.LateSettings()
     late.every, late.age = every, age
     return late
+
+
+def carried(robot: Robot, E: Array, H_x: Array, period: float) -> Array:
+    """Return what a law makes of readings, (n, n + r), where motors carry slow and late sensors.
+
+    What such a reading does within milliseconds is what the motors say: its column of E is theirs.
+
+    Parameters
+    ----------
+    H_x : ndarray, shape (n + r, n)
+        As of :meth:`Robot.linearise`.
+    """
+    slow, n, E = clock(robot, period), robot.n, E.copy()
+    for k in range(robot.r) if slow else ():
+        if slow.every[k] > 1 or slow.age[k] > 0:
+            E[:, :n] += np.outer(E[:, n + k], np.linalg.solve(H_x[:n].T, H_x[n + k]))
+            E[:, n + k] = 0
+    return E
 
 
 @lru_cache(maxsize=16)
