@@ -21,26 +21,17 @@ struct Watching {
   Weights weights;
   Watch watch;
   Late late;
-  Knowledge known;  ///< of readings of which some are late
 
   explicit Watching(const Guarding& given)
-      : guarding(given), weights(guarding.robot, &guarding.known), known(guarding.known.view()) {
+      : guarding(given), weights(guarding.robot, &guarding.known) {
     if (guarding.late) require_started(*guarding.late, late);
   }
 
   /// One line. @param believed  out
   template <Mobility K>
-  Outcome line(const Joint& desired, Extended q_e, Extended& believed) {
-    Weighing weighing = weights.view();
-    if (guarding.late) {
-      late.arrived = arrivals(late.settings, late.cycle);
-      static_cast<void>(
-          bring_up<K>(guarding.robot, watch, guarding.settings.watch.period, late, q_e));
-      known = *weighing.known;
-      doubt(guarding.robot, late, known);
-      weighing.known = &known;
-    }
-    return truepose::watch<K>(guarding.robot, guarding.settings.watch, weighing, desired, q_e,
+  Outcome line(const Joint& desired, const Extended& q_e, Extended& believed) {
+    late.arrived = arrivals(late.settings, late.cycle);
+    return truepose::watch<K>(guarding.robot, guarding.settings.watch, weights.view(), desired, q_e,
                               watch, believed, guarding.late ? &late : nullptr);
   }
 };

@@ -13,24 +13,24 @@
 /// Of one mobility. Inverse model, Jacobian, TEJ and dynamics are not among them: they are short,
 /// and a tenth faster where they are inlined. @param PREFIX  extern, or nothing where they are to
 /// be compiled
-#define TRUEPOSE_KERNELS(PREFIX, K)                                                                \
-  PREFIX template FkmResult fkm<K>(const Robot&, const Joint&, Pose&);                             \
-  PREFIX template FkmResult search<K>(const Robot&, const Joint&, Pose&, int);                     \
-  PREFIX template Outcome command_detail::same_mode<K>(const Robot&, const Coordinates&);          \
-  PREFIX template Outcome linearise<K>(const Robot&, const Pose&, Extended&,                       \
-                                       Matrix<kMaxReadings, kDof<K>>&, double*);                   \
-  PREFIX template Outcome fuse<K>(const Robot&, const Knowledge&, const ReadingCovariance&,        \
-                                  const Matrix<kMaxReadings, kDof<K>>&, Fusion<K>&);               \
-  PREFIX template Outcome redundant_fkm<K>(const Robot&, const Extended&, const Vec3&, Pose&);     \
-  PREFIX template Outcome refer<K>(const Robot&, Law, const Coordinates&, Reference<K>&, double,   \
-                                   const Weighing&, Parasitic*);                                   \
-  PREFIX template Outcome motor_error<K>(const Robot&, Law, const Reference<K>&, const Extended&,  \
-                                         Joint&, Pose&, const Weighing&, const Parasitic&);        \
-  PREFIX template Outcome control<K>(const Robot&, const ControlSettings&, const Setpoint&,        \
-                                     const Extended&, ControlState&, const Weighing&);             \
-  PREFIX template Outcome learn<K>(Learner&, const Extended&);                                     \
-  PREFIX template Outcome watch<K>(const Robot&, const WatchSettings&, const Weighing&,            \
-                                   const Joint&, const Extended&, Watch&, Extended&, const Late*); \
+#define TRUEPOSE_KERNELS(PREFIX, K)                                                               \
+  PREFIX template FkmResult fkm<K>(const Robot&, const Joint&, Pose&);                            \
+  PREFIX template FkmResult search<K>(const Robot&, const Joint&, Pose&, int);                    \
+  PREFIX template Outcome command_detail::same_mode<K>(const Robot&, const Coordinates&);         \
+  PREFIX template Outcome linearise<K>(const Robot&, const Pose&, Extended&,                      \
+                                       Matrix<kMaxReadings, kDof<K>>&, double*);                  \
+  PREFIX template Outcome fuse<K>(const Robot&, const Knowledge&, const ReadingCovariance&,       \
+                                  const Matrix<kMaxReadings, kDof<K>>&, Fusion<K>&);              \
+  PREFIX template Outcome redundant_fkm<K>(const Robot&, const Extended&, const Vec3&, Pose&);    \
+  PREFIX template Outcome refer<K>(const Robot&, Law, const Coordinates&, Reference<K>&, double,  \
+                                   const Weighing&, Parasitic*);                                  \
+  PREFIX template Outcome motor_error<K>(const Robot&, Law, const Reference<K>&, const Extended&, \
+                                         Joint&, Pose&, const Weighing&, const Parasitic&);       \
+  PREFIX template Outcome control<K>(const Robot&, const ControlSettings&, const Setpoint&,       \
+                                     const Extended&, ControlState&, const Weighing&);            \
+  PREFIX template Outcome learn<K>(Learner&, const Extended&);                                    \
+  PREFIX template Outcome watch<K>(const Robot&, const WatchSettings&, const Weighing&,           \
+                                   const Joint&, const Extended&, Watch&, Extended&, Late*);      \
   TRUEPOSE_KERNELS_OF_LEVEL(PREFIX, K, IdealModel)
 
 #define TRUEPOSE_KERNELS_OF_LEVEL(PREFIX, K, MODEL)                                               \

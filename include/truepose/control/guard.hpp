@@ -84,18 +84,10 @@ Outcome guarded(const Robot& robot, const ControlSettings& settings, const Guard
                 const Setpoint& setpoint, const Extended& q_e, ControlState& state,
                 const Weighing& weighing, Guard& guard, Late* late = nullptr) {
   constexpr int n = kDof<K>;
-  Extended present = q_e, believed = q_e;
-  Weighing weighed = weighing;
-  if (late && weighing) {
-    // Motors without a pose: the watch says so.
-    static_cast<void>(bring_up<K>(robot, guard.watch, settings.period, *late, present));
-    guard.known = *weighing.known;
-    doubt(robot, *late, guard.known);
-    weighed.known = &guard.known;
-  }
+  Extended believed = q_e;
   const Outcome watched =
-      watch<K>(guarding.finest ? *guarding.finest : robot, guarding.watch, weighed,
-               state.started ? state.q_d : motors_of<K>(q_e), present, guard.watch, believed, late);
+      watch<K>(guarding.finest ? *guarding.finest : robot, guarding.watch, weighing,
+               state.started ? state.q_d : motors_of<K>(q_e), q_e, guard.watch, believed, late);
   Outcome outcome = watched;
   if (watched) {
     ControlSettings now = settings;
@@ -114,7 +106,7 @@ Outcome guarded(const Robot& robot, const ControlSettings& settings, const Guard
     if (any && !left) now.law = Law::joint;
     state.switched = state.switched || guard.watch.changed;
     const Weighing reweighed{&guard.known, weighing.work};
-    outcome = control<K>(robot, now, setpoint, believed, state, any ? reweighed : weighed);
+    outcome = control<K>(robot, now, setpoint, believed, state, any || late ? reweighed : weighing);
   }
   guard.stops = guard.stops || guard.watch.undecided || guard.watch.lost != 0;
   guard.brakes |= guard.watch.lost;

@@ -200,32 +200,18 @@ inline double strayed(const Late& late, int sensor, const std::array<double, kMa
   return variance;
 }
 
-/// Adds to the variances of readings that are late. @param more  more(sensor)
-template <class More>
-inline void add(const Robot& robot, const Late& late, Knowledge& known, More&& more) {
+}  // namespace late_detail
+
+/// What is known of what laws act upon: p may have changed since where the low pass is, and counts
+/// carried it. @param known  in and out
+inline void weigh(const Robot& robot, const Late& late, Knowledge& known) {
   const int n = dof(robot.mobility);
   for (int k = 0; k < robot.r; ++k) {
     double& sigma = known.sigma[n + k];
-    if (late.is(k)) sigma = std::sqrt(sigma * sigma + more(k));
+    if (late.is(k))
+      sigma =
+          std::sqrt(sigma * sigma + late.noise[k] + late_detail::strayed(late, k, late.slowly[k]));
   }
-}
-
-}  // namespace late_detail
-
-/// What is known of readings that were brought up, for whoever asks whether they are right: p may
-/// have changed since the sample before the last.
-/// @param known  in and out
-inline void doubt(const Robot& robot, const Late& late, Knowledge& known) {
-  late_detail::add(robot, late, known,
-                   [&](int k) { return late_detail::strayed(late, k, late.before[k]); });
-}
-
-/// And of what laws act upon: since where the low pass is, and by the counts that carried it.
-/// @param known  in and out
-inline void weigh(const Robot& robot, const Late& late, Knowledge& known) {
-  late_detail::add(robot, late, known, [&](int k) {
-    return late_detail::strayed(late, k, late.slowly[k]) + late.noise[k];
-  });
 }
 
 }  // namespace truepose

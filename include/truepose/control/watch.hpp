@@ -86,11 +86,13 @@ struct WatchedReading {
   Symptom symptom = Symptom::none;  ///< the latest
   bool begun = false;               ///< there was a number to begin with
   Tracker own;
-  double spread = 0;  ///< mean square of its innovations
-  double raw = 0;     ///< as read in the last cycle
-  double model = 0;   ///< what the model said when it changed last
-  double behind = 0;  ///< of a motor: desired less believed, when it was believed last
-  int bridged = 0;    ///< cycles in a row
+  double spread = 0;               ///< mean square of its innovations
+  double raw = 0;                  ///< as read in the last cycle
+  double model = 0;                ///< what the model said when it changed last
+  double behind = 0;               ///< of a motor: desired less believed, when it was believed last
+  int bridged = 0;                 ///< cycles in a row
+  std::int64_t left = -kSettling;  ///< beside late sensors: the last cycle in which a motor's
+                                   ///< reading left its own track
   std::int64_t spikes = 0;
   std::array<std::int64_t, kSpikesKept> spike{};  ///< the cycles of the latest
 };
@@ -154,8 +156,7 @@ class Cycle {
   static constexpr int n = kDof<K>;
 
   Cycle(const Robot& robot, const WatchSettings& settings, const Weighing& weighing,
-        const Joint& desired, const Extended& q_e, Watch& watch, Extended& believed,
-        const Late* late)
+        const Joint& desired, const Extended& q_e, Watch& watch, Extended& believed, Late* late)
       : robot_(robot),
         settings_(settings),
         weighing_(weighing),
@@ -182,7 +183,9 @@ class Cycle {
         watch_.reading[c].symptom = Symptom::missing;
         return {Status::not_finite, c};
       }
-    alone();
+    alone(0, n);
+    if (late_) bring_late_up();
+    alone(n, rows_);
     const Outcome placed = place();
     if (!placed && first_cycle) return placed;
     if (!placed && watch_.cycle == watch_.began) ++watch_.began;
@@ -204,9 +207,24 @@ class Cycle {
   }
 
  private:
-  /// Each reading by itself.
-  void alone() {
+  /// Late readings become present ones, by the motors that are believed.
+  void bring_late_up() {
+    Extended by = q_e_;
+    std::copy_n(believed_.begin(), n, by.begin());
+    if (!bring_up<K>(robot_, *late_, by)) return;
+    std::copy_n(by.begin() + n, r_, q_e_.begin() + n);
     for (int c = 0; c < rows_; ++c) {
+      if (late(c)) {
+        noise_[c] += late_detail::strayed(*late_, c - n, late_->before[c - n]);
+      } else if (c < n && leaves_track(c, innovation_[c])) {
+        watch_.reading[c].left = watch_.cycle;
+      }
+    }
+  }
+
+  /// Each reading by itself.
+  void alone(int begin, int end) {
+    for (int c = begin; c < end; ++c) {
       WatchedReading& reading = watch_.reading[c];
       if (!reading.begun && number(q_e_[c])) {
         reading.begun = true;
@@ -352,8 +370,7 @@ class Cycle {
       if (without_ & bit(c)) continue;
       if (raw(c) == watch_.reading[c].raw && stood(c) > kStoodBy * settings_.moved[c])
         still |= bit(c);
-      // What a motor has lost since a late sample was taken shows when that arrives.
-      if (!late(c) && leaves_track(c, innovation_[c])) apart |= bit(c);
+      if (leaves_track(c, innovation_[c]) && !motor_left(c)) apart |= bit(c);
     }
     if (alone(may & still)) {
       may &= still;
@@ -371,6 +388,15 @@ class Cycle {
   bool leaves_track(int c, double innovation) const {
     const double spread = settings_.own.variance * noise_[c] + watch_.reading[c].spread;
     return innovation * innovation > settings_.sigmas * settings_.sigmas * spread;
+  }
+
+  /// What a motor has lost since a late sample was taken shows when that arrives: whether it may.
+  bool motor_left(int c) const {
+    bool any = false;
+    for (int i = 0; late(c) && i < n; ++i)
+      any =
+          any || watch_.cycle - watch_.reading[i].left <= 1 + every(c) + late_->settings.age[c - n];
+    return any;
   }
 
   double model(int c) const {
@@ -402,7 +428,7 @@ class Cycle {
         believed_[c] = watch_.reading[c].own.predicted(settings_.period);
         if (c < n && std::isfinite(desired_[c]))
           believed_[c] = desired_[c] - watch_.reading[c].behind;
-        if (c >= n && !(without_ & (bit(n) - 1)))
+        if (c >= n && (late(c) || !(without_ & (bit(n) - 1))))
           believed_[c] = parity_.read[c] - parity_.value[c - n] +
                          watch_.parity[c - n].predicted(settings_.period);
         continue;
@@ -510,10 +536,10 @@ class Cycle {
   const WatchSettings& settings_;
   const Weighing& weighing_;
   const Joint& desired_;
-  const Extended& q_e_;
+  Extended q_e_;  ///< as read; late ones as of now
   Watch& watch_;
   Extended& believed_;
-  const Late* late_;  ///< sensors that are slow or late; nullptr: none
+  Late* late_;  ///< sensors that are slow or late; nullptr: none
   int r_, rows_;
   bool settled_;
   Parity<K> parity_;
@@ -527,29 +553,18 @@ class Cycle {
 
 }  // namespace watch_detail
 
-/// Late readings as of now, by the motors that the watch believes.
-template <Mobility K>
-Outcome bring_up(const Robot& robot, const Watch& watch, double period, Late& late, Extended& q_e) {
-  Extended by = q_e;
-  for (int c = 0; c < kDof<K> && watch.cycle > 0; ++c)
-    if (watch.reading[c].health != Health::valid) by[c] = watch.reading[c].own.predicted(period);
-  const Outcome outcome = bring_up<K>(robot, late, by);
-  std::copy_n(by.begin() + kDof<K>, robot.r, q_e.begin() + kDof<K>);
-  return outcome;
-}
-
 /// One cycle.
 ///
 /// @param weighing  what is known of the geometry and of the readings' own errors; work space
 /// @param desired   q_d: what a motor that stands still is measured by
 /// @param believed  out: the readings, or what stands for those that are not believed
-/// @param late      of slow and late sensors, whose readings were brought up
+/// @param late      in and out: of slow and late sensors, which are brought up; nullptr: none
 /// @return `disagree` and the first reading that is not valid; no answer: no pose can be made of
 /// the readings
 template <Mobility K>
 Outcome watch(const Robot& robot, const WatchSettings& settings, const Weighing& weighing,
               const Joint& desired, const Extended& q_e, Watch& watch, Extended& believed,
-              const Late* late = nullptr) {
+              Late* late = nullptr) {
   if (!robot.finished) return {Status::unfinished, -1};
   if (!weighing) return {Status::not_measured, -1};
   return watch_detail::Cycle<K>(robot, settings, weighing, desired, q_e, watch, believed, late)
