@@ -92,16 +92,17 @@ Outcome guarded(const Robot& robot, const ControlSettings& settings, const Guard
   if (watched) {
     ControlSettings now = settings;
     guard.known = *weighing.known;
-    if (late) {
-      calm(robot, *late, believed);
-      weigh(robot, *late, guard.known);
-    }
-    bool any = false, left = false;
+    bool any = false, left = false, motor = false;
     for (int c = 0; c < n + robot.r; ++c) {
       const bool failed = guard.watch.reading[c].health == Health::failed;
       if (failed) guard.known.sigma[c] *= kDisbelieved;
       any = any || failed;
+      motor = motor || (c < n && failed);
       left = left || (c >= n && !failed);
+    }
+    if (late) {
+      calm(robot, *late, believed, motor);
+      weigh(robot, *late, guard.known);
     }
     if (any && !left) now.law = Law::joint;
     state.switched = state.switched || guard.watch.changed;

@@ -165,8 +165,9 @@ Outcome bring_up(const Robot& robot, Late& late, Extended& q_e) {
 }
 
 /// What laws act upon, once it is decided what is believed: p behind the low pass.
-/// @param q_e  in and out: late readings as of now
-inline void calm(const Robot& robot, Late& late, Extended& q_e) {
+/// @param q_e    in and out: late readings as of now
+/// @param holds  p stays: a motor that nothing reads must not be led by what comes late
+inline void calm(const Robot& robot, Late& late, Extended& q_e, bool holds = false) {
   const int n = dof(robot.mobility);
   for (int k = 0; k < robot.r; ++k) {
     if (!late.is(k)) continue;
@@ -181,7 +182,7 @@ inline void calm(const Robot& robot, Late& late, Extended& q_e) {
     const double news = (off - late.slow[k]) * (off - late.slow[k]);
     const double counts = late.noise[k] + sensor.step * sensor.step + sensor.noise * sensor.noise;
     const double follows = news > 0 ? news / (news + kCounts * kCounts * counts) : 0;
-    const double share = (1 - late.pole[k]) * std::max(kCalmest, follows);
+    const double share = holds ? 0 : (1 - late.pole[k]) * std::max(kCalmest, follows);
     late.slow[k] += share * (off - late.slow[k]);
     for (int i = 0; i < n; ++i) late.slowly[k][i] += share * (late.there[k][i] - late.slowly[k][i]);
     q_e[n + k] = late.expected[k] + late.slow[k];

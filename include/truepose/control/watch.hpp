@@ -213,8 +213,12 @@ class Cycle {
     std::copy_n(believed_.begin(), n, by.begin());
     if (!bring_up<K>(robot_, *late_, by)) return;
     std::copy_n(by.begin() + n, r_, q_e_.begin() + n);
+    bool motors = true;  // only what is prompt may stand for one
+    for (int c = 0; c < n; ++c) motors = motors && watch_.reading[c].health != Health::failed;
     for (int c = 0; c < rows_; ++c) {
-      if (late(c)) {
+      if (late(c) && !motors) {
+        noise_[c] = 1;
+      } else if (late(c)) {
         noise_[c] += late_detail::strayed(*late_, c - n, late_->before[c - n]);
       } else if (c < n && leaves_track(c, innovation_[c])) {
         watch_.reading[c].left = watch_.cycle;
