@@ -1,7 +1,8 @@
 """Prints the tables of docs/watch.md: how often does a watch cry wolf, and what does it find?
 
 watch.py alarms [--robots 100] [--seconds 10] [--jobs 2]   # healthy robots, all effects on
-watch.py faults [--robots 30] [--jobs 2]                   # every kind, just above its limit
+watch.py rates [--robots 100] [--seconds 10] [--jobs 2]    # normal noise: is the chance kept?
+watch.py faults [--robots 30] [--rest] [--jobs 2]          # every kind, just above its limit
 
 Every robot is drawn from the tolerances, every rod by itself; those that are calibrated calibrated
 themselves on what they read at 100 poses.
@@ -25,16 +26,24 @@ SETS = {
     "h4 θ, z": ("h4", ["theta", "z_telemeter"]),
     "h4 θ, elbows": ("h4", ["theta", "elbow1", "elbow2", "elbow3", "elbow4"]),
 }
+#: Other robots with as many redundant sensors as their faults are promised for.
+MORE = {
+    "delta z, elbows": ("delta", ["z_telemeter", "elbow1", "elbow2", "elbow3"]),
+    "stewart z, U-joints": ("stewart", ["z_telemeter", *(f"u_joint{k}" for k in range(1, 7))]),
+}
 SOFT = {"frequency": 40.0, "velocity_bandwidth": 300.0}  #: bears arms that give way and a delay
 POSES = 100  #: of a calibration
 MOST = 0.1  #: limit, rad or m, from which on a reading is taken as not watched by the others
+SETTLING = 33  #: cycles of a watch that has begun
+PIECE = 200  #: cycles of a path that are watched anew
+AT_REST = ("bias", "jump", "spike", "dropout", "drift")  #: a robot at rest shows these alone
 TIMES = 1.5  #: the limit that a fault has
 AT = 0.25  #: s, of moves that take 0.3 s each
 
 
 def drawn(which: str, seed: int, calibrated: bool, effects: tp.Effects | None) -> tuple:
     """What a controller believes, and the robot that is there."""
-    name, sensors = SETS[which]
+    name, sensors = (SETS | MORE)[which]
     robot = tp.load(name).with_sensors(*sensors).expected()
     truth = with_tolerance_errors(robot, seed).finest
     if not calibrated:
@@ -75,6 +84,39 @@ def alarms(which: str, calibrated: bool, seconds: float, seed: int) -> dict:
     return {"cycles": len(run.q_e), "found": found}
 
 
+def rates(which: str, calibrated: bool, seconds: float, seed: int) -> dict:
+    """Of one healthy robot whose readings have normal noise: pieces of a path with an alarm."""
+    robot, truth = (normal(one) for one in drawn(which, seed, calibrated, None))
+    try:
+        path = way(robot, seconds, seed, 0.7)
+        run = tp.simulate(robot, truth, tp.Controller(law="joint"), path=path, seed=seed)
+    except tp.PoseError:
+        return {}
+    pieces = run.q_e[: len(run.q_e) // PIECE * PIECE].reshape(-1, PIECE, run.q_e.shape[1])
+    found = {}
+    for chance in CHANCES[:-1]:
+        watch = tp.Watch(false_alarms=chance * 3.6e6)
+        found[chance] = sum(bool(watch.review(robot, piece).health.any()) for piece in pieces)
+    return {"pieces": len(pieces), "found": found}
+
+
+def normal(robot: tp.Robot) -> tp.Robot:
+    """The robot with normal noise of the same σ instead of counts."""
+    sigma = dict(zip(robot.readings, robot.reading_sigma.tolist(), strict=True))
+    spec = robot.spec
+    chains = [
+        chain.model_copy(update={"encoder_noise": sigma[f"q{k + 1}"] if k < robot.n else 0.0})
+        for k, chain in enumerate(spec.chain)
+    ]
+    sensors = [
+        sensor.model_copy(update={"noise": sigma.get(sensor.name, sensor.noise)})
+        for sensor in spec.sensor
+    ]
+    changes = {"chain": tuple(chains), "sensor": tuple(sensors), "quantised": False}
+    values = {name: p.value for name, p in robot.parameters.items()}
+    return tp.Robot(spec.model_copy(update=changes), values)
+
+
 def faults_of(robot: tp.Robot, reading: str, limit: float) -> dict[str, list[tp.Fault]]:
     """Every kind, just above its limit where it has one."""
     c = robot.readings.index(reading)
@@ -100,10 +142,13 @@ def faults_of(robot: tp.Robot, reading: str, limit: float) -> dict[str, list[tp.
     }
 
 
-def faults(which: str, seed: int) -> list[tuple]:
-    """What a watch makes of every fault of one calibrated robot, in motion."""
+def faults(which: str, rest: bool, seed: int) -> list[tuple]:
+    """What a watch makes of every fault of one calibrated robot, in motion or at rest."""
     robot, truth = drawn(which, seed, True, None)
-    path = way(robot, 0.6, seed, 0.3)
+    if rest:
+        path = tp.WayPoints(poses=np.repeat(poses(robot, 1, seed), 2, axis=0), duration=0.6)
+    else:
+        path = way(robot, 0.6, seed, 0.3)
     limits = tp.fault_limits(robot, path.setpoints(robot, 1e-3).x[::20], poses(robot, POSES, seed))
     law, rows = "estimated", []
     try:
@@ -115,18 +160,22 @@ def faults(which: str, seed: int) -> list[tuple]:
         if not limit < MOST:  # nobody could see a bias of it
             continue
         for kind, fault in faults_of(robot, reading, limit).items():
+            if rest and kind not in AT_REST:
+                continue
             run = tp.simulate(
                 robot, truth, law, path=path, seed=seed, faults=fault, watch=tp.Watch()
             )
             lines = slice(None, min(len(run.x), len(healthy.x)))
             moves = ~run.stops[lines]  # it leaves its path where it must stop
+            turning = np.array([unit == "rad" for _, unit in robot.coordinates])
             off = np.abs(run.x[lines] - healthy.x[lines])[moves]
+            turned = off[:, turning].max() if turning.any() else 0.0
             at = first(run.health)
             named = set(run.failed)
             guilty = {reading, fault[0].other}
             verdict = "named" if named and named <= guilty else "wrong" if named else "unnamed"
             delay = np.nan if at is None else 1e3 * (run.time[at] - AT)
-            rows.append((reading, kind, delay, verdict, 1e3 * off[:, :3].max(), off[:, 3:].max()))
+            rows.append((reading, kind, delay, verdict, 1e3 * off[:, ~turning].max(), turned))
     return rows
 
 
@@ -147,7 +196,26 @@ def print_alarms(pool: ProcessPoolExecutor, robots: int, seconds: float) -> None
             row(what, len(robots_found), cycles, *rates)
 
 
-def print_faults(pool: ProcessPoolExecutor, robots: int) -> None:
+def print_rates(pool: ProcessPoolExecutor, robots: int, seconds: float) -> None:
+    heads = ["sensors", "robots", "cycles", *(f"found over allowed at {c:g}" for c in CHANCES[:-1])]
+    row(*heads)
+    row("---", *["---:"] * (len(heads) - 1))
+    for which in SETS:
+        for calibrated in (False, True):
+            work = partial(rates, which, calibrated, seconds)
+            found = [one for one in pool.map(work, range(robots)) if one]
+            pieces = sum(one["pieces"] for one in found)
+            cells = []
+            for chance in CHANCES[:-1]:
+                # Of pieces with an alarm: after the first one a piece tells nothing more.
+                share = sum(one["found"][chance] for one in found) / pieces
+                rate = -np.log1p(-min(share, 1 - 1e-9)) / (PIECE - SETTLING)
+                cells.append(f"{rate / chance:.2g} ({round(share * pieces)})")
+            what = f"{which}, {'calibrated' if calibrated else 'as built'}"
+            row(what, len(found), pieces * (PIECE - SETTLING), *cells)
+
+
+def print_faults(pool: ProcessPoolExecutor, robots: int, rest: bool) -> None:
     heads = [
         "sensors",
         "fault",
@@ -158,11 +226,11 @@ def print_faults(pool: ProcessPoolExecutor, robots: int) -> None:
     ]
     row(*heads)
     row("---", "---", *["---:"] * (len(heads) - 2))
-    for which in SETS:
+    for which in SETS | MORE:
         table = defaultdict(list)
-        for rows in pool.map(partial(faults, which), range(robots)):
-            for _, kind, *rest in rows:
-                table[kind].append(rest)
+        for rows in pool.map(partial(faults, which, rest), range(robots)):
+            for _, kind, *case in rows:
+                table[kind].append(case)
         for kind, cases in table.items():
             delays = np.array([case[0] for case in cases])
             found = np.isfinite(delays)
@@ -185,7 +253,8 @@ def row(*cells: object) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("what", choices=("alarms", "faults"))
+    parser.add_argument("what", choices=("alarms", "rates", "faults"))
+    parser.add_argument("--rest", action="store_true", help="the robot stands still")
     parser.add_argument("--robots", type=int)
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--jobs", type=int, default=2)
@@ -193,8 +262,10 @@ def main() -> None:
     with ProcessPoolExecutor(args.jobs) as pool:
         if args.what == "alarms":
             print_alarms(pool, args.robots or 100, args.seconds)
+        elif args.what == "rates":
+            print_rates(pool, args.robots or 100, args.seconds)
         else:
-            print_faults(pool, args.robots or 30)
+            print_faults(pool, args.robots or 30, args.rest)
 
 
 if __name__ == "__main__":

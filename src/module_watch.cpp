@@ -89,6 +89,10 @@ void bind_watch(nb::module_& m) {
       .def_rw("correlation", &WatchSettings::correlation)
       .def_rw("fastest", &WatchSettings::fastest)
       .def_rw("moved", &WatchSettings::moved)
+      .def_rw("kp", &WatchSettings::kp)
+      .def_rw("kd", &WatchSettings::kd)
+      .def_rw("rests", &WatchSettings::rests)
+      .def_rw("shaken", &WatchSettings::shaken)
       .def_rw("low", &WatchSettings::low)
       .def_rw("high", &WatchSettings::high);
   nb::class_<GuardSettings>(m, "GuardSettings")

@@ -7,6 +7,7 @@ from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.fault_limits import FaultLimits, fault_limits
 from truepose.calibration.fit import Fit
+from truepose.calibration.isolation import Isolation, isolate
 from truepose.calibration.online import OnlineCalibration
 from truepose.calibration.registration import Registration
 from truepose.exceptions import InputError, PoseError, RobotFileError, TrueposeError
@@ -37,6 +38,7 @@ __all__ = [
     "FaultLimits",
     "Fit",
     "InputError",
+    "Isolation",
     "Line",
     "OnlineCalibration",
     "Parameter",
@@ -55,6 +57,7 @@ __all__ = [
     "fault_limits",
     "get_cmake_dir",
     "get_include",
+    "isolate",
     "load",
     "robots",
     "settle",

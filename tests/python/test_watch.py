@@ -102,7 +102,7 @@ def test_what_nothing_stands_for_stops_the_robot_along_its_path(calibrated: dict
     begins = run.time[run.stops.argmax()]
     assert begins < 0.11
     still = run.x[run.time > begins + 0.16]
-    assert np.ptp(still, axis=0).max() == 0
+    assert np.ptp(still[:, :3], axis=0).max() < 2e-4  # the other motors hold it, by their counts
     line = (run.x_d[-1] - run.x_d[0])[:3]
     way = run.x[-1, :3] - run.x_d[0, :3]
     beside = way - line * (way @ line) / (line @ line)

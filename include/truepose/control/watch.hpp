@@ -16,138 +16,12 @@
 #pragma once
 
 #include "truepose/control/late.hpp"
-#include "truepose/control/law.hpp"
 #include "truepose/control/parity.hpp"
-#include "truepose/control/tracker.hpp"
-#include "truepose/math/chi2.hpp"
+#include "truepose/control/watched.hpp"
 
 namespace truepose {
 
-/// How far a reading is believed.
-enum class Health : int {
-  valid = 0,
-  suspect = 1,  ///< bridged for some cycles, or one of several of which one is wrong
-  failed = 2,   ///< until whoever mended it calls restore()
-};
-
-/// Why it is not.
-enum class Symptom : int {
-  none = 0,
-  missing = 1,       ///< no number, or one that no sensor gives
-  out_of_range = 2,  ///< beyond the motor's stops, or what the sensor can read
-  too_fast = 3,      ///< farther from where it was going than any torque can take it
-  stuck = 4,         ///< the same counts while the robot moves
-  disagrees = 5,     ///< with the other readings
-};
-
-/// Constant during a run. Fill it, then call prepare().
-struct WatchSettings {
-  double period = 1e-3;           ///< s
-  double false_alarm = 2.78e-10;  ///< chance of one in a cycle, of all tests: 1000 h at 1 kHz
-  int refresh = 64;               ///< cycles between two looks at what the geometry leaves open
-  int coast = 5;                  ///< cycles a reading is bridged before it has failed
-  int decide = 20;                ///< cycles of disagreement before it counts as undecided
-  int spikes = 3;                 ///< bridged faults, up to 8,
-  int within = 1000;              ///< cycles in which so many of them are a failure
-  double replaceable = 3e-3;      ///< σ up to which a motor's reading is replaced, rad or m
-  /// Way on which the error of a geometry changes by as much as it is large, m or rad.
-  double correlation = 0.1;
-  Extended fastest{};  ///< second derivative of a healthy reading, at most (0: not watched)
-  Extended moved{};    ///< motion of the model beside unchanged counts that is too much (0: none)
-  Extended low{}, high{};  ///< range of a reading (the same: not watched)
-
-  // From prepare():
-  double sigmas = 0;                           ///< of a normal variable that are as unlikely
-  std::array<double, kMaxSensors + 1> chi2{};  ///< by degrees of freedom
-  TrackerGains own, together;
-};
-
-inline constexpr double kOwnPole = 0.3;     ///< of a reading's own tracker
-inline constexpr double kParityPole = 0.8;  ///< of the parity's
-inline constexpr double kUnknown = 1e4;  ///< variance of an error of which nothing is known, over V
-inline constexpr int kSettling = 32;     ///< cycles that trackers need after the start
-inline constexpr int kSpikesKept = 8;
-inline constexpr double kNoNumber = 1e9;  ///< rad or m: beyond, a reading is none, as a NaN is
-
-/// Fills what follows from the chance of a false alarm, shared by level and change: whatever asks a
-/// reading alone has a bound that no torque reaches, and this chance on top.
-inline void prepare(WatchSettings& settings) {
-  const double each = settings.false_alarm / 2;
-  for (int k = 1; k <= kMaxSensors; ++k) settings.chi2[k] = chi2_beyond(each, k);
-  settings.sigmas = std::sqrt(settings.chi2[1]);
-  settings.own = tracker_gains(kOwnPole);
-  settings.together = tracker_gains(kParityPole);
-  settings.refresh = std::max(1, settings.refresh);
-}
-
-/// What is known of one reading.
-struct WatchedReading {
-  Health health = Health::valid;
-  Symptom symptom = Symptom::none;  ///< the latest
-  bool begun = false;               ///< there was a number to begin with
-  Tracker own;
-  double spread = 0;               ///< mean square of its innovations
-  double raw = 0;                  ///< as read in the last cycle
-  double model = 0;                ///< what the model said when it changed last
-  double behind = 0;               ///< of a motor: desired less believed, when it was believed last
-  int bridged = 0;                 ///< cycles in a row
-  std::int64_t left = -kSettling;  ///< beside late sensors: the last cycle in which a motor's
-                                   ///< reading left its own track
-  std::int64_t spikes = 0;
-  std::array<std::int64_t, kSpikesKept> spike{};  ///< the cycles of the latest
-};
-
-/// What the watch remembers. Plain data, the caller's; a new one starts anew.
-struct Watch {
-  std::array<WatchedReading, kMaxReadings> reading;
-  std::uint32_t doubted = 0;     ///< readings of which one is wrong, as bits; 0: nothing disagrees
-  int disagreed = 0;             ///< cycles in a row in which they do and none of them can be named
-  bool undecided = false;        ///< for so long that none will be: the robot should stop
-  std::uint32_t lost = 0;        ///< failed motors' readings that nothing else can stand for
-  std::uint32_t without = 0;     ///< failed readings that something else stood for in this cycle
-  bool changed = false;          ///< which of them do has changed: what the law sees may jump
-  std::int64_t cycle = 0;        ///< since the first one in which there was a pose,
-  std::int64_t began = 0;        ///< and in which the parity's trackers began to settle
-  bool placed = false;           ///< `pose` is known
-  Pose pose;                     ///< of the motors that are believed
-  Coordinates motion{}, last{};  ///< of this cycle, of the one before
-  std::array<Tracker, kMaxSensors> parity;
-  double chi2 = 0;                              ///< level of the parity
-  int freedom = 0;                              ///< its degrees of freedom
-  bool known = false;                           ///< the next two are
-  Matrix<kMaxSensors, kMaxSensors> geometry{};  ///< P H_ξ Σ_ξ H_ξᵀ Pᵀ
-  Extended beyond{};                            ///< what the full level adds to h
-};
-
-/// A reading that was mended is believed again. What it says now counts as right, as at the start:
-/// while the trackers settle, all readings are only asked whether they are numbers within range.
-inline void restore(Watch& watch, int reading) {
-  if (reading < 0 || reading >= kMaxReadings) return;
-  WatchedReading anew;
-  anew.own = watch.reading[reading].own;  // what stands for it until there is a number
-  watch.reading[reading] = anew;
-  watch.doubted = watch.lost = 0;
-  watch.undecided = false;
-  watch.disagreed = 0;
-  watch.began = watch.cycle;
-}
-
 namespace watch_detail {
-
-/// A reading is bridged once more. Too long, or too often, and it has failed.
-/// @param every  cycles for which one sample stands
-inline void bridge(const WatchSettings& settings, std::int64_t cycle, Symptom symptom, int every,
-                   WatchedReading& reading) {
-  const auto spike = [&](std::int64_t k) -> std::int64_t& {
-    return reading.spike[static_cast<std::size_t>(k % kSpikesKept)];
-  };
-  reading.symptom = symptom;
-  reading.health = Health::suspect;
-  if (reading.bridged++ == 0) spike(reading.spikes++) = cycle;
-  const int k = settings.spikes;
-  const bool often = reading.spikes >= k && cycle - spike(reading.spikes - k) < settings.within;
-  if (reading.bridged > settings.coast * every || often) reading.health = Health::failed;
-}
 
 /// One cycle of the watch.
 template <Mobility K>
@@ -200,7 +74,7 @@ class Cycle {
     }
     watch_.placed = bool(placed);
     const int first = follow();
-    if (placed && r_ > 0 && watch_.cycle % settings_.refresh == 0) watch_.known = bool(refresh());
+    if (placed && r_ > 0 && stale()) watch_.known = bool(refresh());
     ++watch_.cycle;
     if (!placed) return placed;
     return {first < 0 ? Status::ok : Status::disagree, first};
@@ -264,7 +138,8 @@ class Cycle {
     const double raw = q_e_[c], low = settings_.low[c], high = settings_.high[c];
     if (!number(raw)) return Symptom::missing;
     if (low < high && !(raw >= low && raw <= high)) return Symptom::out_of_range;
-    if (!settled_ || watch_.undecided || !(settings_.fastest[c] > 0)) return Symptom::none;
+    const bool followed = watch_.cycle - watch_.began > kFollowed;
+    if (!followed || watch_.undecided || !(settings_.fastest[c] > 0)) return Symptom::none;
     // While nothing is read the way adds up: after m cycles another m(m + 3)/2 of an acceleration.
     // One that has jumped must come back to where it would be.
     const int m = reading.symptom == Symptom::missing ? reading.bridged : 0;
@@ -346,8 +221,14 @@ class Cycle {
     name(changed, level);
     if (watch_.doubted & (watch_.doubted - 1)) {  // several
       watch_.undecided = watch_.undecided || ++watch_.disagreed > settings_.decide;
-      // Until it is known which, sensors say what they would if nothing had changed.
+      // Until it is known which, sensors say what they would if nothing had changed, and motors go
+      // where they are asked to go: an encoder that stands still drives its motor away meanwhile.
       for (int k = 0; k < r_; ++k) believed_[n + k] -= change[k];
+      for (int c = 0; c < n && !watch_.undecided; ++c)
+        if (watch_.doubted & bit(c) & ~without_) {
+          held_ |= bit(c);
+          if (std::isfinite(desired_[c])) believed_[c] = desired_[c] - watch_.reading[c].behind;
+        }
       return;
     }
     watch_.disagreed = 0;
@@ -411,16 +292,30 @@ class Cycle {
   /// What tells whether a reading stands still, and beside which model: a late one's last sample.
   double raw(int c) const { return late(c) ? late_->sample[c - n] : q_e_[c]; }
 
+  /// A motor whose encoder stands still is driven by an error that only seems, δ = q_d less what it
+  /// was when the reading changed last: it leaves its setpoint by ∬ kp δ + kd dδ/dt. An error at
+  /// which a healthy motor may rest drives nothing.
+  void drive(int c) const {
+    WatchedReading& reading = watch_.reading[c];
+    const double away = desired_[c] - reading.model;
+    const double seems = away - std::clamp(away, -settings_.rests[c], settings_.rests[c]);
+    reading.speed +=
+        settings_.period * settings_.kp[c] * seems + settings_.kd[c] * (seems - reading.seems);
+    reading.seems = seems;
+    reading.way += settings_.period * reading.speed;
+  }
+
   /// By how much the model has moved since the reading changed last, beyond what is noise.
   double stood(int c) const {
-    return std::fabs(model(c) - watch_.reading[c].model) -
+    return std::fabs(model(c) - watch_.reading[c].model + watch_.reading[c].way) -
            settings_.sigmas * parity_.expectation_noise(noise_, c);
   }
 
   /// What stands for the readings that are not believed: their errors unknown, b̂ = Σ_b GᵀV⁻¹ p.
   void replace() {
-    ReadingCovariance V;
+    ReadingCovariance V, own;
     const bool regular = r_ > 0 && covariance(1, 1, V);
+    if (regular) parity_.covariance(r_, noise_, watch_.geometry, 0, own);
     Reading y = parity_.value;
     if (regular) V.whiten(r_, y.data(), 1);
     Coordinates step{};
@@ -447,7 +342,7 @@ class Cycle {
       const double left = unknown_[c] * (1 - unknown_[c] * information);  // variance of b̂
       const bool good = regular && unknown_[c] > 0 && left < 0.5 * unknown_[c];
       const double b = unknown_[c] * score;
-      if (good && number(b) && (c >= n || left < settings_.replaceable * settings_.replaceable)) {
+      if (good && number(b) && (c >= n || replaceable(c, left, g, V, own))) {
         believed_[c] -= b;
         if (c < n)
           for (int i = 0; i < n; ++i) step[i] -= parity_.jacobians.J[i][c] * b;
@@ -461,6 +356,21 @@ class Cycle {
     parity_.pose = moved<K>(parity_.pose, step);
   }
 
+  /// Whether b̂ is good enough to drive a motor by: σ² in all, and that of the part which is new in
+  /// every cycle, Σ_b² gᵀV⁻¹ V_s V⁻¹g of the readings' own errors; the velocity loop shakes by it.
+  /// @param left  variance of b̂ @param g  of the reading, whitened by V @param own  V_s
+  bool replaceable(int c, double left, Reading g, const ReadingCovariance& V,
+                   const ReadingCovariance& own) const {
+    if (!(left < settings_.replaceable * settings_.replaceable)) return false;
+    const double most = settings_.shaken[c];
+    if (!(most > 0)) return true;
+    V.colour(r_, g.data());
+    double sum = 0;
+    for (int k = 0; k < r_; ++k)
+      for (int l = 0; l < r_; ++l) sum += g[k] * own.L[std::max(k, l)][std::min(k, l)] * g[l];
+    return unknown_[c] * unknown_[c] * sum < most * most;
+  }
+
   /// Every reading's next value. @return the first that is not valid, or -1
   int follow() {
     int first = -1;
@@ -469,14 +379,21 @@ class Cycle {
     for (int c = 0; c < n; ++c) motors = motors && watch_.reading[c].health != Health::failed;
     for (int c = 0; c < rows_; ++c) {
       WatchedReading& reading = watch_.reading[c];
-      const bool judged = settled_ && !watch_.doubted && !symptomatic_ && settings_.moved[c] > 0 &&
-                          (c < n || motors);
-      if (raw(c) != reading.raw || !settled_) {
+      // With a motor lost the robot does not do what it is asked to. One that stops since nobody
+      // knows which reading lies does: it may still be found.
+      const bool judged = (!watch_.doubted || watch_.undecided) && !symptomatic_ && !watch_.lost &&
+                          settings_.moved[c] > 0 && (c < n || motors);
+      // What is asked is only known from the second cycle on.
+      if (raw(c) != reading.raw || watch_.cycle - watch_.began < 2) {
         reading.raw = raw(c);
         if (c < n || watch_.placed) reading.model = model(c);
-      } else if (judged && reading.health != Health::failed && stood(c) > settings_.moved[c]) {
-        reading.health = Health::failed;
-        reading.symptom = Symptom::stuck;
+        reading.seems = reading.speed = reading.way = 0;
+      } else {
+        if (c < n) drive(c);
+        if (judged && reading.health != Health::failed && stood(c) > settings_.moved[c]) {
+          reading.health = Health::failed;
+          reading.symptom = Symptom::stuck;
+        }
       }
       const bool believed = !(without_ & bit(c));
       double news = innovation_[c];  // what is not believed follows what stands for it
@@ -501,9 +418,19 @@ class Cycle {
       parity.correct(settings_.period, kParityPole, holds || !number(change) ? 0 : change);
       if (holds) parity.rate *= kParityPole;
     }
-    watch_.changed = watch_.without != without;
+    watch_.changed = watch_.without != without || (watch_.held & ~held_) != 0;
     watch_.without = without;
+    watch_.held = held_;
     return first;
+  }
+
+  /// Whether what is known of the geometry is of another pose, or an older learner's.
+  bool stale() {
+    for (int i = 0; i < n; ++i) watch_.way += std::fabs(watch_.motion[i]);
+    const bool far = watch_.way > kSamePlace * settings_.correlation;
+    if (!far && watch_.cycle % settings_.refresh != 0) return false;
+    watch_.way = 0;
+    return true;
   }
 
   /// What the geometry leaves open, and what the full level adds, at the pose of the moment.
@@ -553,6 +480,7 @@ class Cycle {
   Extended innovation_{};          ///< of each reading's own tracker
   std::uint32_t symptomatic_ = 0;  ///< that are bridged
   std::uint32_t without_ = 0;      ///< that are not believed
+  std::uint32_t held_ = 0;         ///< motors that are doubted, and go where they are asked to go
 };
 
 }  // namespace watch_detail

@@ -65,6 +65,15 @@ struct ReadingCovariance {
       b[i * stride] = sum / L[i][i];
     }
   }
+
+  /// L⁻ᵀ b in place: after whiten(), C⁻¹ b.
+  void colour(int rows, double* b) const {
+    for (int i = rows; i-- > 0;) {
+      double sum = b[i];
+      for (int k = i + 1; k < rows; ++k) sum -= L[k][i] * b[k];
+      b[i] = sum / L[i][i];
+    }
+  }
 };
 
 /// aᵀb in four sums, which need not wait for each other.

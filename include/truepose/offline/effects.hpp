@@ -28,7 +28,10 @@ struct Effects {
   bool give_way() const { return arm_stiffness > 0 || rod_stiffness > 0; }
 };
 
-inline constexpr double kRipples = 6;      ///< periods in one turn of a motor
+inline constexpr double kRipples = 6;         ///< periods in one turn of a motor
+inline constexpr double kBrakeCloses = 0.02;  ///< s after it was asked for; assumed
+inline constexpr double kBrakePresliding =
+    1e-3;                                  ///< rad or m that a closed brake gives way; assumed
 inline constexpr int kCompliantSteps = 4;  ///< at least, in one control period: rotors swing
 
 namespace effects_detail {
@@ -82,14 +85,28 @@ class Plant {
     return outcome;
   }
 
+  /// Motors whose brakes are asked for, as bits: from kBrakeCloses on, and for good, each rubs with
+  /// its motor's largest torque (assumed); without a torque limit it only holds its load.
+  void brake(std::uint32_t motors, double period) {
+    for (int i = 0; i < n; ++i) {
+      if (!(motors >> i & 1U)) continue;
+      closing_[i] += period;
+      const Chain& chain = truth_.chain[i];
+      if (closing_[i] > kBrakeCloses)
+        brake_[i] = chain.torque_limit > 0 ? chain.torque_limit : 2 * std::fabs(transmitted_[i]);
+    }
+  }
+
   /// One period under constant torque commands.
   /// @return unreachable or singular when it leaves its workspace
   Outcome advance(const Joint& torque, double period, int steps) {
-    if (!effects_.change_torque()) {
+    const bool braked =
+        std::any_of(brake_.begin(), brake_.end(), [](double torque) { return torque > 0; });
+    if (!effects_.change_torque() && !braked) {
       transmitted_ = torque;
       return truepose::advance<K>(truth_, torque, period, steps, state_);
     }
-    if (effects_.arm_stiffness > 0) steps = std::max(steps, kCompliantSteps);
+    if (effects_.arm_stiffness > 0 || braked) steps = std::max(steps, kCompliantSteps);
     for (int s = 0; s < steps; ++s) {
       Rotors turned = rotors_;
       const Outcome outcome = step<K, true>(
@@ -99,7 +116,9 @@ class Plant {
       if (!outcome) return outcome;
       for (int i = 0; i < n; ++i) {
         const double moved_by = turned[i] - rotors_[i];
-        if (moved_by != 0) slip_[i] = effects_detail::dahl(slip_[i], moved_by, effects_.presliding);
+        if (moved_by == 0) continue;
+        slip_[i] = effects_detail::dahl(slip_[i], moved_by, effects_.presliding);
+        rubs_[i] = effects_detail::dahl(rubs_[i], moved_by, kBrakePresliding);
       }
       rotors_ = turned;
     }
@@ -141,7 +160,8 @@ class Plant {
     for (int i = 0; i < n; ++i) {
       const double arm = shaft(i, q[i]);
       const double ripple = effects_.ripple * std::sin(kRipples * arm + effects_.phase[i]);
-      const double net = torque[i] * (1 + ripple) - effects_.friction[i] * slip_[i];
+      const double rubs = effects_.friction[i] * slip_[i] + brake_[i] * rubs_[i];
+      const double net = torque[i] * (1 + ripple) - rubs;
       if (springy(i)) {  // the rotor turns against its arm's root
         const double k = effects_.arm_stiffness, I = rotor_[i];
         const double damping = 2 * effects_.arm_damping * std::sqrt(k * I);
@@ -194,7 +214,8 @@ class Plant {
   Parasitic rest_;  ///< where the rods' next solution starts
   Joint rotor_{};   ///< their inertia
   Rotors rotors_{};
-  Joint slip_{};                              ///< friction over its Coulomb value, -1 to 1
+  Joint slip_{}, rubs_{};                     ///< friction and brake over their largest, -1 to 1
+  Joint closing_{}, brake_{};                 ///< s since brakes were asked for; their torque
   Joint transmitted_{};                       ///< torque that reaches the arms
   std::array<double, kMaxSensors> geared_{};  ///< geared sensors' shafts, as they read
   Random random_;

@@ -79,8 +79,7 @@ class Loop {
         write);
   }
 
-  /// The same along any path. A guarded robot that must stop comes to rest on it; where its brakes
-  /// are asked for, it then stands: they are taken to hold.
+  /// The same along any path. A guarded robot that must stop comes to rest on it.
   /// @param path  path(k) -> Setpoint, at the start of period k; between two where it slows down
   template <class Path, class Write>
   Outcome follow(int periods, int steps, Path&& path, Write&& write) {
@@ -136,7 +135,7 @@ class Loop {
       if (k == periods) break;
       if (clock_.rate == 1 && !guard_.stops) clock_.time = k * settings_.period;
       clock_.advance(settings_.period, guard_.stops ? extras_.guarding->stop : 0);
-      if (guard_.brakes && clock_.rate == 0) continue;
+      plant_.brake(guard_.brakes, settings_.period);
       outcome = plant_.advance(late ? before : control_.torque, settings_.period, steps);
       if (!outcome) return outcome;
     }

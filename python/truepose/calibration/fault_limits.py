@@ -195,8 +195,8 @@ def fault_limits(
     (np.True_, array([0.24, 0.24, 0.15, 0.15, 0.12]))
     """
     alpha = false_alarm_rate() if false_alarm is None else false_alarm
-    _inside("false_alarm", alpha, 0, 1)
-    _inside("power", power, alpha, 1)
+    require_inside("false_alarm", alpha, 0, 1)
+    require_inside("power", power, alpha, 1)
     if moving < 1:
         raise InputError(f"moving = {moving}: must be at least 1")
     level = robot.finest_level if level is None else level
@@ -288,6 +288,7 @@ def _harm(leakage: Array, limit: Array) -> Array:
     return np.where(used, leakage, 0) * np.where(used, limit[..., None], 0)
 
 
-def _inside(name: str, value: float, low: float, high: float) -> None:
+def require_inside(name: str, value: float, low: float, high: float) -> None:
+    """Raise InputError unless the value is a number between the two."""
     if not (isinstance(value, (int, float)) and math.isfinite(value) and low < value < high):
         raise InputError(f"{name} = {value!r}: must be greater than {low:g}, less than {high:g}")

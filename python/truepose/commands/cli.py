@@ -20,6 +20,7 @@ from truepose.commands import (
     export,
     faults,
     info,
+    isolate,
     new,
     rehearse,
     reproduce,
@@ -41,6 +42,7 @@ app.command("new")(new.command)
 app.command("info")(info.command)
 app.command("accuracy")(accuracy.command)
 app.command("faults")(faults.command)
+app.command("isolate")(isolate.command)
 app.command("calibrate")(calibrate.command)
 app.add_typer(export.app, name="export")
 app.command("robots")(robots.command)

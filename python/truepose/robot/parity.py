@@ -40,10 +40,26 @@ class Parity(NamedTuple):
         """
         rows = math.prod(self.signature.shape[:-1])
         B, G = (part.reshape(rows, part.shape[-1]) for part in (self.geometry, self.signature))
-        whole = np.vstack([G, np.zeros((B.shape[1], G.shape[1]))])
-        Q = np.linalg.qr(np.vstack([B, np.eye(B.shape[1])]))[0]  # no square of what cancels
-        rest = whole - Q @ (Q.T @ whole)
+        rest = whitened(G, B)
         return rest.T @ rest
+
+
+def whitened(columns: Array, B: Array) -> Array:
+    """Columns of which what a geometry B u with u ~ N(0, I) explains is taken: by I + B Bᵀ.
+
+    Parameters
+    ----------
+    columns : ndarray, shape (N, k)
+    B : ndarray, shape (N, p)
+
+    Returns
+    -------
+    ndarray, shape (N + p, k)
+        Its scalar products are those of the columns with (I + B Bᵀ)⁻¹ between.
+    """
+    whole = np.vstack([columns, np.zeros((B.shape[1], columns.shape[1]))])
+    Q = np.linalg.qr(np.vstack([B, np.eye(B.shape[1])]))[0]  # no square of what cancels
+    return whole - Q @ (Q.T @ whole)
 
 
 def parity(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +18,7 @@ from truepose.robot.robot import Robot
 from truepose.simulation import late
 from truepose.simulation.controller import Controller, positive
 from truepose.simulation.effects import Effects
+from truepose.simulation.linear import Gains
 
 #: How a reading is, by the core's number: :attr:`Review.health`, :attr:`Simulation.health`.
 HEALTH = ("valid", "suspect", "failed")
@@ -30,6 +31,11 @@ _POSES, _MARGIN = 256, 1.5
 #: Counts, and σ of a reading's own error, by which the model must have moved beside a reading that
 #: stands still; and the share of its torque limit at which a motor may stick (assumed).
 _COUNTS, _SIGMAS, _STICKS = 8, 6, 0.01
+#: Counts by which a motor that rests may be off.
+_BEAR = 2
+#: Torque's rms over its limit by which a motor may be shaken that is driven by what others say: at
+#: 5 σ it saturates.
+_SHAKES = 0.2
 #: Torque in motion, rms, over its limit (assumed): it bends arms.
 _TORQUE = 0.25
 #: How far beyond its stops a motor may be read, rad or m.
@@ -115,7 +121,12 @@ class Watch:
         finest = robot.finest
         fill = 16 - robot.n - robot.r
         watch.fastest = [*_fastest(finest).tolist(), *[0.0] * fill]
-        watch.moved = [*_moved(robot, controller).tolist(), *[0.0] * fill]
+        moved, rests = _moved(robot, controller)
+        watch.moved = [*moved.tolist(), *[0.0] * fill]
+        watch.rests = [*rests.tolist(), *[0.0] * (6 - robot.n)]
+        watch.shaken = [*_shaken(robot, controller).tolist(), *[0.0] * (6 - robot.n)]
+        watch.kp = [controller.frequency**2] * 6
+        watch.kd = [2 * controller.damping * controller.frequency] * 6
         low, high = _range(robot)
         watch.low, watch.high = [*low, *[0.0] * fill], [*high, *[0.0] * fill]
         settings.watch, settings.stop = watch, self.stop
@@ -245,13 +256,30 @@ def _yielding(robot: Robot, effects: Effects) -> Robot:
     return Robot(robot.spec.model_copy(update={"chain": tuple(chains)}), values)
 
 
-def _moved(robot: Robot, controller: Controller) -> Array:
-    """Motion of the model beside which no healthy reading stands still."""
+def _moved(robot: Robot, controller: Controller) -> tuple[Array, Array]:
+    """Motion of the model beside which no healthy reading stands still; error that motors bear."""
     moved = _COUNTS * robot.resolution + _SIGMAS * knowledge.reading_sigma(robot)
-    kp = np.array(controller.settings(robot, robot.home).kp[: robot.n])
-    for k, chain in enumerate(robot.spec.chain):  # without a limit nothing is known of friction
-        moved[k] = moved[k] + _STICKS * chain.torque_limit / kp[k] if chain.torque_limit else 0
-    return moved
+    # The error at which the PD overcomes friction; without a limit nothing is known of it.
+    limits = np.array([chain.torque_limit or 0.0 for chain in robot.spec.chain])
+    away = _STICKS * limits / (controller.frequency**2 * _inertia(robot, controller))
+    moved[: robot.n] += away
+    return moved, moved[: robot.n] - (_COUNTS - _BEAR) * robot.resolution[: robot.n]
+
+
+def _shaken(robot: Robot, controller: Controller) -> Array:
+    """White noise of each motor's reading that its torque follows by a share of its limit; rms."""
+    gains = Gains(controller.frequency, controller.velocity_bandwidth, controller.damping)
+    turn = np.exp(1j * np.linspace(0, np.pi, 1000))
+    answer = np.sqrt(np.mean(np.abs(gains.transfer(turn, controller.period)) ** 2))
+    limits = np.array([chain.torque_limit or 0.0 for chain in robot.spec.chain])
+    return _SHAKES * limits / (answer * _inertia(robot, controller))
+
+
+def _inertia(robot: Robot, controller: Controller) -> Array:
+    """Torque by which each motor's acceleration at home is had, over it."""
+    gains = replace(controller, gains="diagonal")
+    kp = np.array(gains.settings(robot, robot.home).kp[: robot.n])
+    return kp / controller.frequency**2
 
 
 def _range(robot: Robot) -> tuple[list[float], list[float]]:

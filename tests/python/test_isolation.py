@@ -1,0 +1,103 @@
+"""Over poses a bank of hypotheses names the reading that lies, with one redundant sensor too."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import truepose as tp
+from truepose.simulation.true_robots import with_tolerance_errors
+
+POSES = 100
+
+
+@pytest.fixture(scope="module", params=["h4", "delta", "stewart"])
+def learnt(request: pytest.FixtureRequest) -> tuple[tp.Robot, tp.Robot, np.ndarray]:
+    """A robot with few sensors that calibrated itself, the real one, and poses of a tour."""
+    robot = tp.load(request.param)
+    if not robot.r:
+        robot = robot.with_sensors(robot.spec.sensor[0].name)
+    robot = robot.expected()
+    truth = with_tolerance_errors(robot, seed=5).finest
+    box = robot.spec.workspace
+    assert box is not None
+    before, tour = np.random.default_rng(5).uniform(box.minimum, box.maximum, (2, POSES, robot.n))
+    fit = tp.calibrate(robot, truth.read(before, seed=1, errors="nan"))
+    return fit.robot, truth, truth.read(tour, seed=2, errors="nan")
+
+
+def test_a_healthy_tour_contradicts_nothing(learnt: tuple) -> None:
+    found = tp.isolate(learnt[0], learnt[2])
+    assert not found.faulty and found.may_be == ()
+    assert 0.7 < found.chi2 / found.freedom < 1.4
+
+
+@pytest.mark.parametrize("kind", ["bias", "gain"])
+def test_a_fault_of_one_reading_is_named_with_its_size_from_one_redundant_sensor(
+    learnt: tuple, kind: str
+) -> None:
+    robot, _, tour = learnt
+    limits = tp.fault_limits(robot, robot.fkm(tour[:40, : robot.n]))
+    for c, reading in enumerate(robot.readings):
+        lies = tour.copy()
+        if kind == "bias":
+            size = 3 * limits.moving_isolated[c]
+            if not np.isfinite(size):
+                continue
+            lies[:, c] += size
+        else:
+            size = 0.03
+            lies[:, c] *= 1 + size
+        found = tp.isolate(robot, lies)
+        assert found.faulty
+        assert found.readings == (reading,)
+        likeliest = found.may_be[0]
+        assert likeliest.kind == kind
+        assert likeliest.size == pytest.approx(size, rel=0.02, abs=6 * likeliest.sigma)
+
+
+def test_two_faults_are_no_single_one_and_are_not_blamed_on_a_third() -> None:
+    h4 = tp.load("h4").with_sensors("theta", "elbow1", "elbow2", "elbow3", "elbow4").expected()
+    box = h4.spec.workspace
+    assert box is not None
+    poses = np.random.default_rng(0).uniform(box.minimum, box.maximum, (POSES, 4))
+    robot = tp.calibrate(h4, h4.read(poses, seed=3)).robot
+    there = h4.read(poses, seed=4)
+    there[:, 5] += 0.02
+    there[:, 7] -= 0.02
+    found = tp.isolate(robot, there)
+    assert found.faulty and found.may_be == ()
+
+
+def test_before_a_calibration_tolerances_hide_what_a_calibration_shows(learnt: tuple) -> None:
+    robot, _, tour = learnt
+    lies = tour.copy()
+    lies[:, 0] += 4 * tp.fault_limits(robot, robot.fkm(tour[:20, : robot.n])).moving_detected[0]
+    assert tp.isolate(robot, lies).faulty
+    assert not tp.isolate(tp.load(robot.name).with_sensors(*robot.sensors), lies).faulty
+
+
+def test_a_robot_without_redundant_sensors_is_told_so() -> None:
+    robot = tp.load("h4").with_sensors()
+    with pytest.raises(tp.InputError, match="no redundant sensor in use"):
+        tp.isolate(robot, robot.read(robot.home[None]))
+
+
+def test_the_command_names_it(run: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    h4 = tp.load("h4").expected()
+    box = h4.spec.workspace
+    assert box is not None
+    poses = np.random.default_rng(0).uniform(box.minimum, box.maximum, (POSES, 4))
+    tp.calibrate(h4, h4.read(poses, seed=3)).robot.save("calibrated.toml")
+    there = h4.read(poses, seed=4)
+    there[:, 4] += np.radians(1)
+    np.savetxt("tour.csv", there, delimiter=",", header=",".join(h4.readings), comments="")
+    status, out, err = run("isolate", "calibrated.toml", "tour.csv")
+    assert (status, err) == (0, "")
+    assert "It is theta: its bias is wrong." in out
+    status, _, err = run("isolate", "h4", "tour.csv", "--sensors", "none")
+    assert status == 2 and "no redundant sensor" in err
