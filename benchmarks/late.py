@@ -21,7 +21,7 @@ PERIOD, AGE = 0.01, 0.008  #: s
 SETS = {"θ": ["theta"], "z": ["z_telemeter"], "θ, z": ["theta", "z_telemeter"]}
 LENGTH = 0.1  #: m, by which an angle counts as a way in the error of a pose
 CALIBRATED_ON, VISITED, MOVE = 100, 5, 0.3  #: poses; s
-COLUMNS = ("without", "with", "over without", "worst run", "its position")
+COLUMNS = ("without", "with", "with over without", "worst run", "its position")
 COLUMNS += ("prompt over without", "worst run", "its position", "as if now")
 WAYS = ("with", "without", "prompt", "as if now")
 
