@@ -182,6 +182,16 @@ def test_a_jump_of_a_motor_is_not_laid_to_a_late_sensor(camera):
     assert run.health.any() and set(run.failed) <= {"q2"}
 
 
+@pytest.mark.parametrize(("motor", "size"), [("q1", 0.02), ("q3", 0.05)])
+def test_a_motor_that_nothing_reads_is_not_led_by_what_comes_late(camera, motor, size):
+    fault, errors = tp.Fault(motor, "jump", at=0.1, size=size), []
+    for robot in (camera, camera.with_sensors()):
+        run = tp.simulate(robot, duration=0.3, faults=[fault], watch=tp.Watch())
+        assert run.failed == [motor] and run.stops.any()
+        errors.append(abs(run.error).max(axis=0))
+    np.testing.assert_allclose(errors[0], errors[1], rtol=0.1, atol=5e-4)
+
+
 def test_a_recorded_run_is_watched_as_it_was_driven(camera):
     run = tp.simulate(camera, controller="joint")
     review = tp.Watch().review(camera, run.q_e)
