@@ -1,18 +1,27 @@
 // What does Python's watch own? The robot as it understands it, and what is known of it.
 #pragma once
 
+#include <optional>
+
 #include "known.hpp"
 #include "truepose/control/guard.hpp"
 
 namespace truepose::python {
 
+/// Starts what remembers slow and late readings. @throws std::invalid_argument  no such period
+inline void require_started(const LateSettings& settings, Late& late) {
+  if (!start(settings, late)) throw std::invalid_argument("period or age of a sensor: too long");
+}
+
 struct Guarding {
   Robot robot;
   Known known;
   GuardSettings settings;
+  std::optional<LateSettings> late;  ///< of slow and late sensors, if there are any
 
-  Guarding(const Robot& watched, const Known& knowledge, const GuardSettings& given)
-      : robot(watched), known(knowledge), settings(given) {
+  Guarding(const Robot& watched, const Known& knowledge, const GuardSettings& given,
+           const std::optional<LateSettings>& slow)
+      : robot(watched), known(knowledge), settings(given), late(slow) {
     prepare(settings.watch);
   }
 };

@@ -112,12 +112,16 @@ auto batch_spoil(const Robot& robot, const Rows& exact, std::uint64_t seed) {
   return values.release();
 }
 
+/// Slow and late sensors, as the controller knows them and as they are.
+using Lateness = std::pair<std::optional<LateSettings>, std::optional<LateSettings>>;
+
 /// What a simulation weighs its readings by, Python's knowledge or what a learner has learnt, and
 /// which of them lie.
 class LoopExtras {
  public:
   LoopExtras(const Robot& nominal, const Known* known, const Effects& effects, Online* online,
-             const std::vector<Fault>& faults, const Guarding* guarding, double period)
+             const std::vector<Fault>& faults, const Guarding* guarding, const Lateness& late,
+             double period)
       : weights_(nominal, known),
         online_(online),
         lying_(faults, period),
@@ -126,6 +130,8 @@ class LoopExtras {
     extras.effects = effects;
     if (!faults.empty()) extras.faults = &lying_;
     extras.watching = watching_.view();
+    if (late.first) extras.late = &*late.first;
+    if (late.second) extras.bus = &*late.second;
     if (guarding) {
       guarding_ = guarding->settings;
       guarding_.finest = &guarding->robot;
@@ -182,15 +188,16 @@ OwnLaw own_law(const Robot& robot, const OwnTorque& torque_of) {
 template <class Run>
 auto logged(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
             const Known* known, const Effects& effects, Online* online,
-            const std::vector<Fault>& faults, const Guarding* guarding, const OwnTorque& torque_of,
-            const Coordinates& start, std::uint64_t seed, std::size_t periods, Run&& run) {
+            const std::vector<Fault>& faults, const Guarding* guarding, const Lateness& late,
+            const OwnTorque& torque_of, const Coordinates& start, std::uint64_t seed,
+            std::size_t periods, Run&& run) {
   const std::size_t n = dof(nominal.mobility), e = n + nominal.r;
   std::vector<Sample> log;
   Outcome outcome;
   {
     nb::gil_scoped_release release;
     Signals signals;
-    LoopExtras with(nominal, known, effects, online, faults, guarding, settings.period);
+    LoopExtras with(nominal, known, effects, online, faults, guarding, late, settings.period);
     with.extras.law = own_law(nominal, torque_of);
     log.reserve(periods + 1);
     outcome = with_mobility(nominal.mobility, [&](auto mobility) {
@@ -232,10 +239,10 @@ auto logged(const Robot& nominal, const Robot& truth, const ControlSettings& set
 auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
                     const Known* known, const Effects& effects, Online* online,
                     const std::vector<Fault>& faults, const Guarding* guarding,
-                    const Coordinates& from, const Coordinates& to, double duration, double hold,
-                    int steps, const Coordinates& start, std::uint64_t seed,
-                    const OwnTorque& torque_of) {
-  return logged(nominal, truth, settings, known, effects, online, faults, guarding, torque_of,
+                    const Lateness& late, const Coordinates& from, const Coordinates& to,
+                    double duration, double hold, int steps, const Coordinates& start,
+                    std::uint64_t seed, const OwnTorque& torque_of) {
+  return logged(nominal, truth, settings, known, effects, online, faults, guarding, late, torque_of,
                 start, seed, static_cast<std::size_t>((duration + hold) / settings.period) + 1,
                 [&](auto& loop, auto&& write) {
                   return loop.move({from, to, duration, hold, steps}, write);
@@ -246,15 +253,15 @@ auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSetti
 /// robot slows down, what lies between.
 auto run_path(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
               const Known* known, const Effects& effects, Online* online,
-              const std::vector<Fault>& faults, const Guarding* guarding, const Rows& x,
-              const Rows& rate, const Rows& acceleration, int steps, const Coordinates& start,
-              std::uint64_t seed, const OwnTorque& torque_of) {
+              const std::vector<Fault>& faults, const Guarding* guarding, const Lateness& late,
+              const Rows& x, const Rows& rate, const Rows& acceleration, int steps,
+              const Coordinates& start, std::uint64_t seed, const OwnTorque& torque_of) {
   const std::size_t periods = x.shape(0) - 1;
   const auto at = [&](std::size_t k) {
     return Setpoint{row<Coordinates>(x, k), row<Coordinates>(rate, k),
                     row<Coordinates>(acceleration, k)};
   };
-  return logged(nominal, truth, settings, known, effects, online, faults, guarding, torque_of,
+  return logged(nominal, truth, settings, known, effects, online, faults, guarding, late, torque_of,
                 start, seed, periods, [&](auto& loop, auto&& write) {
                   return loop.follow(
                       static_cast<int>(periods), steps,
@@ -282,8 +289,8 @@ bool at_limit(const Chain& chain, double torque) {
 /// failure the robot is put at the next.
 auto run_visit(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
                const Known* known, const Effects& effects, Online* online,
-               const std::vector<Fault>& faults, const Guarding* guarding, const Rows& x_d,
-               double duration, double hold, int steps, const Coordinates& start,
+               const std::vector<Fault>& faults, const Guarding* guarding, const Lateness& late,
+               const Rows& x_d, double duration, double hold, int steps, const Coordinates& start,
                std::uint64_t seed) {
   const std::size_t count = x_d.shape(0), n = x_d.shape(1), e = n + nominal.r;
   Owned<double> x({count, n}), q_e({count, e}), swing({count});
@@ -292,7 +299,8 @@ auto run_visit(const Robot& nominal, const Robot& truth, const ControlSettings& 
   {
     nb::gil_scoped_release release;
     Signals signals;
-    LoopExtras loop_extras(nominal, known, effects, online, faults, guarding, settings.period);
+    LoopExtras loop_extras(nominal, known, effects, online, faults, guarding, late,
+                           settings.period);
     Extras& extras = loop_extras.extras;
     with_mobility(nominal.mobility, [&](auto mobility) {
       constexpr Mobility K = mobility();
@@ -350,6 +358,52 @@ auto faulty(FaultyReadings& faults, const std::vector<double>& time, const Rows&
     std::copy_n(q_e.begin(), width, read[i]);
   }
   return read.release();
+}
+
+/// Slow and late sensors of a plant that is not the core's: its bus, and what is remembered.
+struct Slow {
+  Late late;
+  Bus bus;
+  bool known_late;
+  Knowledge known;
+
+  explicit Slow(const Lateness& lateness)
+      : bus(lateness.second.value_or(LateSettings{})), known_late(lateness.first) {
+    if (known_late) require_started(*lateness.first, late);
+  }
+
+  /// As the controller reads it, (n + r,), of what the sensors have. Once a cycle.
+  Extended deliver(int motors, Extended q_e) {
+    late.arrived = bus.deliver(motors, q_e);
+    return q_e;
+  }
+  /// @param q_e  in and out @return what is known of it
+  Weighing bring_up(const Robot& robot, const Weighing& weighing, Extended& q_e) {
+    if (!known_late) return weighing;
+    const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {
+      return truepose::bring_up<mobility()>(robot, late, q_e);
+    });
+    if (!outcome) return weighing;
+    calm(robot, late, q_e);
+    if (!weighing) return weighing;
+    known = *weighing.known;
+    weigh(robot, late, known);
+    return {&known, weighing.work};
+  }
+};
+
+void bind_late(nb::module_& m) {
+  using namespace nb::literals;
+  nb::class_<LateSettings>(m, "LateSettings")
+      .def(nb::init<>())
+      .def_rw("every", &LateSettings::every)
+      .def_rw("age", &LateSettings::age)
+      .def_rw("stray", &LateSettings::stray);
+  nb::class_<Slow>(m, "Slow")
+      .def(nb::init<const Lateness&>())
+      .def("deliver", &Slow::deliver, "motors"_a, "q_e"_a);
+  m.attr("oldest") = kOldest;
+  m.attr("slowest") = kSlowest;
 }
 
 void bind_faults(nb::module_& m) {
@@ -414,14 +468,17 @@ void bind_control(nb::module_& m) {
           "step",
           [](ControlState& state, const Robot& robot, const ControlSettings& settings,
              const Coordinates& x, const Coordinates& rate, const Coordinates& acceleration,
-             const Extended& q_e, const Known* known) {
+             Extended q_e, const Known* known, Slow* slow) {
             const Weights weights(robot, known);
+            const Weighing weighing =
+                slow ? slow->bring_up(robot, weights.view(), q_e) : weights.view();
             const Outcome outcome =
-                control(robot, settings, {x, rate, acceleration}, q_e, state, weights.view());
+                control(robot, settings, {x, rate, acceleration}, q_e, state, weighing);
             return std::pair(static_cast<int>(outcome.status), outcome.chain);
           },
           "robot"_a, "settings"_a, "x"_a, "rate"_a, "acceleration"_a, "q_e"_a,
-          "known"_a.none() = nb::none());
+          "known"_a.none() = nb::none(), "slow"_a.none() = nb::none());
+  bind_late(m);
   bind_faults(m);
   m.def("redundant_fkm", &batch_redundant_fkm);
   m.def("tej", &batch_tej);
@@ -440,15 +497,15 @@ void bind_control(nb::module_& m) {
       .def_rw("phase", &Effects::phase)
       .def_rw("delayed", &Effects::delayed);
   m.def("simulate", &run_simulation, "nominal"_a, "truth"_a, "settings"_a, "known"_a.none(),
-        "effects"_a, "online"_a.none(), "faults"_a, "guarding"_a.none(), "start"_a, "end"_a,
-        "duration"_a, "hold"_a, "steps"_a, "at_rest"_a, "seed"_a,
+        "effects"_a, "online"_a.none(), "faults"_a, "guarding"_a.none(), "late"_a, "start"_a,
+        "end"_a, "duration"_a, "hold"_a, "steps"_a, "at_rest"_a, "seed"_a,
         "torque_of"_a.none() = nb::none());
   m.def("follow", &run_path, "nominal"_a, "truth"_a, "settings"_a, "known"_a.none(), "effects"_a,
-        "online"_a.none(), "faults"_a, "guarding"_a.none(), "x"_a, "rate"_a, "acceleration"_a,
-        "steps"_a, "at_rest"_a, "seed"_a, "torque_of"_a.none() = nb::none());
+        "online"_a.none(), "faults"_a, "guarding"_a.none(), "late"_a, "x"_a, "rate"_a,
+        "acceleration"_a, "steps"_a, "at_rest"_a, "seed"_a, "torque_of"_a.none() = nb::none());
   m.def("visit", &run_visit, "nominal"_a, "truth"_a, "settings"_a, "known"_a.none(), "effects"_a,
-        "online"_a.none(), "faults"_a, "guarding"_a.none(), "x_d"_a, "duration"_a, "hold"_a,
-        "steps"_a, "at_rest"_a, "seed"_a);
+        "online"_a.none(), "faults"_a, "guarding"_a.none(), "late"_a, "x_d"_a, "duration"_a,
+        "hold"_a, "steps"_a, "at_rest"_a, "seed"_a);
   m.def("spoil", &batch_spoil);
 }
 

@@ -1,6 +1,7 @@
 // The watch for Python: settings, what it says of a reading, and a whole log at once. No
 // mathematics.
 #include <nanobind/stl/array.h>
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/vector.h>
 
 #include <vector>
@@ -19,9 +20,20 @@ struct Watching {
   Guarding guarding;
   Weights weights;
   Watch watch;
+  Late late;
 
   explicit Watching(const Guarding& given)
-      : guarding(given), weights(guarding.robot, &guarding.known) {}
+      : guarding(given), weights(guarding.robot, &guarding.known) {
+    if (guarding.late) require_started(*guarding.late, late);
+  }
+
+  /// One line. @param believed  out
+  template <Mobility K>
+  Outcome line(const Joint& desired, const Extended& q_e, Extended& believed) {
+    late.arrived = arrivals(late.settings, late.cycle);
+    return truepose::watch<K>(guarding.robot, guarding.settings.watch, weights.view(), desired, q_e,
+                              watch, believed, guarding.late ? &late : nullptr);
+  }
 };
 
 /// Largest second derivatives of the readings at poses, (N, n + r).
@@ -43,9 +55,7 @@ auto review(Watching& w, const Rows& desired, const Rows& q_e) {
   with_mobility(w.guarding.robot.mobility, [&](auto mobility) {
     for_rows_in_order(count, [&](std::size_t i) {
       Extended values{};
-      outcomes.set(
-          i, watch<mobility()>(w.guarding.robot, w.guarding.settings.watch, w.weights.view(),
-                               row<Joint>(desired, i), row<Extended>(q_e, i), w.watch, values));
+      outcomes.set(i, w.line<mobility()>(row<Joint>(desired, i), row<Extended>(q_e, i), values));
       for (std::size_t c = 0; c < e; ++c) {
         believed[i][c] = values[c];
         health[i][c] = static_cast<int>(w.watch.reading[c].health);
@@ -91,7 +101,9 @@ void bind_watch(nb::module_& m) {
       .def_rw("stop", &GuardSettings::stop)
       .def_rw("held", &GuardSettings::held);
   nb::class_<Guarding>(m, "Guarding")
-      .def(nb::init<const Robot&, const Known&, const GuardSettings&>());
+      .def(nb::init<const Robot&, const Known&, const GuardSettings&,
+                    const std::optional<LateSettings>&>(),
+           "robot"_a, "known"_a, "settings"_a, "late"_a.none());
   nb::class_<Watching>(m, "Watching")
       .def(nb::init<const Guarding&>())
       .def("review", &review, "desired"_a, "q_e"_a)

@@ -30,7 +30,7 @@
                                      const Extended&, ControlState&, const Weighing&);            \
   PREFIX template Outcome learn<K>(Learner&, const Extended&);                                    \
   PREFIX template Outcome watch<K>(const Robot&, const WatchSettings&, const Weighing&,           \
-                                   const Joint&, const Extended&, Watch&, Extended&);             \
+                                   const Joint&, const Extended&, Watch&, Extended&, Late*);      \
   TRUEPOSE_KERNELS_OF_LEVEL(PREFIX, K, IdealModel)
 
 #define TRUEPOSE_KERNELS_OF_LEVEL(PREFIX, K, MODEL)                                               \

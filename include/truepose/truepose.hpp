@@ -10,6 +10,7 @@
 ///   ..._full of every rod by itself; truepose::command, which refuses another assembly mode
 /// - truepose::estimate: the pose that all readings together say, with its covariance
 /// - truepose::control: one cycle of a controller; truepose::learn: one line of self-calibration
+/// - truepose::bring_up: what slow and late sensors would read now
 /// - truepose::watch: whether any reading lies; truepose::guarded: a controller that goes on
 /// without
 /// - truepose::set_parameters: another geometry ξ of the same robot

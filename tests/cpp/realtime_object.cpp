@@ -57,6 +57,11 @@ Estimate<Mobility::schoenflies> realtime_estimate_full(const Robot& robot, const
 Outcome realtime_parasitic(const Robot& robot, const Coordinates& x, Coordinates& rest) {
   return parasitic(robot, x, rest);
 }
+Outcome realtime_bring_up(const Robot& robot, Late& late, Extended& q_e) {
+  const Outcome outcome = bring_up<Mobility::schoenflies>(robot, late, q_e);
+  calm(robot, late, q_e);
+  return outcome;
+}
 Outcome realtime_redundant_fkm(const Robot& robot, const Extended& q_e, Coordinates& x) {
   return redundant_fkm(robot, q_e, x);
 }

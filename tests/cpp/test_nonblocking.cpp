@@ -33,7 +33,7 @@ long run_control(const Robot& robot, const ControlSettings& settings,
 template <Mobility K>
 long run_guarded(const Robot& robot, const ControlSettings& settings, const GuardSettings& guarding,
                  const std::vector<Cycle>& cycles, ControlState& state, const Weighing& weighing,
-                 Guard& guard) noexcept [[clang::nonblocking]] {
+                 Guard& guard, Late& late) noexcept [[clang::nonblocking]] {
   long lies = 0;
   PathClock clock;
   const Cycle* cycle = cycles.data();
@@ -43,8 +43,9 @@ long run_guarded(const Robot& robot, const ControlSettings& settings, const Guar
     Extended q_e = cycle[at].q_e;
     if (k % 8 == 7) q_e[c] = k % 16 == 7 ? NAN : q_e[c] + 1;
     clock.advance(settings.period, guard.stops ? guarding.stop : 0);
+    late.arrived = arrivals(late.settings, late.cycle);
     const Outcome outcome = guarded<K>(robot, settings, guarding, clock.paced(cycle[at].setpoint),
-                                       q_e, state, weighing, guard);
+                                       q_e, state, weighing, guard, &late);
     if (outcome.status == Status::disagree) ++lies;
     if (k % 128 == 127) restore(guard.watch, c);
   }
@@ -131,7 +132,12 @@ TEST("no law and no model blocks, on any mechanism") {
       prepare(guarding.watch);
       ControlState state;
       Guard guard;
-      CHECK(run_guarded<K>(robot, settings, guarding, cycles, state, prior.weighing(), guard) > 0);
+      Late late;
+      LateSettings slow;
+      slow.every.fill(3);
+      CHECK(start(slow, late));
+      CHECK(run_guarded<K>(robot, settings, guarding, cycles, state, prior.weighing(), guard,
+                           late) > 0);
     }
     CHECK(run_models(robot, cycles) == 0);
     for (const double gate : {kGate, 0.0}) {

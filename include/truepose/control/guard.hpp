@@ -76,32 +76,39 @@ inline constexpr double kDisbelieved = 1e4;
 
 /// One cycle: as control(), with the readings watched.
 ///
+/// @param q_e    as read
 /// @param guard  in and out; `stops` and `brakes` are the caller's to obey
+/// @param late   in and out: of slow and late sensors; nullptr: there are none
 /// @return as control(); `disagree` and a reading: it is not valid, and the robot goes on without
 template <Mobility K>
 Outcome guarded(const Robot& robot, const ControlSettings& settings, const GuardSettings& guarding,
                 const Setpoint& setpoint, const Extended& q_e, ControlState& state,
-                const Weighing& weighing, Guard& guard) {
+                const Weighing& weighing, Guard& guard, Late* late = nullptr) {
   constexpr int n = kDof<K>;
   Extended believed = q_e;
   const Outcome watched =
       watch<K>(guarding.finest ? *guarding.finest : robot, guarding.watch, weighing,
-               state.started ? state.q_d : motors_of<K>(q_e), q_e, guard.watch, believed);
+               state.started ? state.q_d : motors_of<K>(q_e), q_e, guard.watch, believed, late);
   Outcome outcome = watched;
   if (watched) {
     ControlSettings now = settings;
     guard.known = *weighing.known;
-    bool any = false, left = false;
+    bool any = false, left = false, motor = false;
     for (int c = 0; c < n + robot.r; ++c) {
       const bool failed = guard.watch.reading[c].health == Health::failed;
       if (failed) guard.known.sigma[c] *= kDisbelieved;
       any = any || failed;
+      motor = motor || (c < n && failed);
       left = left || (c >= n && !failed);
+    }
+    if (late) {
+      calm(robot, *late, believed, motor);
+      weigh(robot, *late, guard.known);
     }
     if (any && !left) now.law = Law::joint;
     state.switched = state.switched || guard.watch.changed;
     const Weighing reweighed{&guard.known, weighing.work};
-    outcome = control<K>(robot, now, setpoint, believed, state, any ? reweighed : weighing);
+    outcome = control<K>(robot, now, setpoint, believed, state, any || late ? reweighed : weighing);
   }
   guard.stops = guard.stops || guard.watch.undecided || guard.watch.lost != 0;
   guard.brakes |= guard.watch.lost;

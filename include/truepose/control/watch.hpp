@@ -15,6 +15,7 @@
 // what the others say it should be, its own error taken as unknown. Bounded work, no allocation.
 #pragma once
 
+#include "truepose/control/late.hpp"
 #include "truepose/control/parity.hpp"
 #include "truepose/control/watched.hpp"
 
@@ -29,7 +30,7 @@ class Cycle {
   static constexpr int n = kDof<K>;
 
   Cycle(const Robot& robot, const WatchSettings& settings, const Weighing& weighing,
-        const Joint& desired, const Extended& q_e, Watch& watch, Extended& believed)
+        const Joint& desired, const Extended& q_e, Watch& watch, Extended& believed, Late* late)
       : robot_(robot),
         settings_(settings),
         weighing_(weighing),
@@ -37,6 +38,7 @@ class Cycle {
         q_e_(q_e),
         watch_(watch),
         believed_(believed),
+        late_(late),
         r_(robot.r),
         rows_(n + robot.r),
         settled_(watch.cycle - watch.began > kSettling) {
@@ -55,7 +57,9 @@ class Cycle {
         watch_.reading[c].symptom = Symptom::missing;
         return {Status::not_finite, c};
       }
-    alone();
+    alone(0, n);
+    if (late_) bring_late_up();
+    alone(n, rows_);
     const Outcome placed = place();
     if (!placed && first_cycle) return placed;
     if (!placed && watch_.cycle == watch_.began) ++watch_.began;
@@ -77,9 +81,28 @@ class Cycle {
   }
 
  private:
-  /// Each reading by itself.
-  void alone() {
+  /// Late readings become present ones, by the motors that are believed.
+  void bring_late_up() {
+    Extended by = q_e_;
+    std::copy_n(believed_.begin(), n, by.begin());
+    if (!bring_up<K>(robot_, *late_, by)) return;
+    std::copy_n(by.begin() + n, r_, q_e_.begin() + n);
+    bool motors = true;  // only what is prompt may stand for one
+    for (int c = 0; c < n; ++c) motors = motors && watch_.reading[c].health != Health::failed;
     for (int c = 0; c < rows_; ++c) {
+      if (late(c) && !motors) {
+        noise_[c] = 1;
+      } else if (late(c)) {
+        noise_[c] += late_detail::strayed(*late_, c - n, late_->before[c - n]);
+      } else if (c < n && leaves_track(c, innovation_[c])) {
+        watch_.reading[c].left = watch_.cycle;
+      }
+    }
+  }
+
+  /// Each reading by itself.
+  void alone(int begin, int end) {
+    for (int c = begin; c < end; ++c) {
       WatchedReading& reading = watch_.reading[c];
       if (!reading.begun && number(q_e_[c])) {
         reading.begun = true;
@@ -95,7 +118,7 @@ class Cycle {
       if (reading.health != Health::failed) {
         const Symptom symptom = symptom_of(c);
         if (symptom == Symptom::none) continue;
-        bridge(settings_, watch_.cycle, symptom, reading);
+        bridge(settings_, watch_.cycle, symptom, every(c), reading);
         if (!reading.begun) reading.health = Health::failed;  // by what would it be bridged?
         symptomatic_ |= bit(c);
       }
@@ -106,6 +129,9 @@ class Cycle {
 
   /// Also what would make numbers overflow later is none.
   static bool number(double raw) { return std::fabs(raw) < kNoNumber; }
+
+  bool late(int c) const { return late_ && c >= n && late_->is(c - n); }
+  int every(int c) const { return late(c) ? std::max(1, late_->settings.every[c - n]) : 1; }
 
   Symptom symptom_of(int c) const {
     const WatchedReading& reading = watch_.reading[c];
@@ -209,7 +235,7 @@ class Cycle {
     watch_.disagreed = 0;
     for (int c = 0; c < rows_; ++c) {
       if (!(watch_.doubted & bit(c))) continue;
-      bridge(settings_, watch_.cycle, Symptom::disagrees, watch_.reading[c]);
+      bridge(settings_, watch_.cycle, Symptom::disagrees, every(c), watch_.reading[c]);
       symptomatic_ |= bit(c);
       without_ |= bit(c);
       leave_out(c);
@@ -228,9 +254,9 @@ class Cycle {
     std::uint32_t still = 0, apart = 0;
     for (int c = 0; c < rows_; ++c) {
       if (without_ & bit(c)) continue;
-      if (q_e_[c] == watch_.reading[c].raw && stood(c) > kStoodBy * settings_.moved[c])
+      if (raw(c) == watch_.reading[c].raw && stood(c) > kStoodBy * settings_.moved[c])
         still |= bit(c);
-      if (leaves_track(c, innovation_[c])) apart |= bit(c);
+      if (leaves_track(c, innovation_[c]) && !motor_left(c)) apart |= bit(c);
     }
     if (alone(may & still)) {
       may &= still;
@@ -252,7 +278,22 @@ class Cycle {
     return innovation * innovation > settings_.sigmas * settings_.sigmas * spread;
   }
 
-  double model(int c) const { return c < n ? desired_[c] : parity_.expected[c]; }
+  /// What a motor has lost since a late sample was taken shows when that arrives: whether it may.
+  bool motor_left(int c) const {
+    bool any = false;
+    for (int i = 0; late(c) && i < n; ++i)
+      any =
+          any || watch_.cycle - watch_.reading[i].left <= 1 + every(c) + late_->settings.age[c - n];
+    return any;
+  }
+
+  double model(int c) const {
+    if (late(c)) return late_->then[c - n];
+    return c < n ? desired_[c] : parity_.expected[c];
+  }
+
+  /// What tells whether a reading stands still, and beside which model: a late one's last sample.
+  double raw(int c) const { return late(c) ? late_->sample[c - n] : q_e_[c]; }
 
   /// A motor whose encoder stands still is driven by an error that only seems, δ = q_d less what it
   /// was when the reading changed last: it leaves its setpoint by ∬ kp δ + kd dδ/dt. An error at
@@ -290,7 +331,7 @@ class Cycle {
         believed_[c] = watch_.reading[c].own.predicted(settings_.period);
         if (c < n && std::isfinite(desired_[c]))
           believed_[c] = desired_[c] - watch_.reading[c].behind;
-        if (c >= n && !(without_ & (bit(n) - 1)))
+        if (c >= n && (late(c) || !(without_ & (bit(n) - 1))))
           believed_[c] = parity_.read[c] - parity_.value[c - n] +
                          watch_.parity[c - n].predicted(settings_.period);
         continue;
@@ -347,8 +388,8 @@ class Cycle {
       const bool judged = (!watch_.doubted || (watch_.undecided && c < n)) && !symptomatic_ &&
                           !watch_.lost && settings_.moved[c] > 0 && (c < n || motors);
       // What is asked is only known from the second cycle on.
-      if (q_e_[c] != reading.raw || watch_.cycle - watch_.began < 2) {
-        reading.raw = q_e_[c];
+      if (raw(c) != reading.raw || watch_.cycle - watch_.began < 2) {
+        reading.raw = raw(c);
         if (c < n || watch_.placed) reading.model = model(c);
         reading.seems = reading.speed = reading.way = 0;
         reading.still = 0;
@@ -433,9 +474,10 @@ class Cycle {
   const WatchSettings& settings_;
   const Weighing& weighing_;
   const Joint& desired_;
-  const Extended& q_e_;
+  Extended q_e_;  ///< as read; late ones as of now
   Watch& watch_;
   Extended& believed_;
+  Late* late_;  ///< sensors that are slow or late; nullptr: none
   int r_, rows_;
   bool settled_;
   Parity<K> parity_;
@@ -455,14 +497,17 @@ class Cycle {
 /// @param weighing  what is known of the geometry and of the readings' own errors; work space
 /// @param desired   q_d: what a motor that stands still is measured by
 /// @param believed  out: the readings, or what stands for those that are not believed
+/// @param late      in and out: of slow and late sensors, which are brought up; nullptr: none
 /// @return `disagree` and the first reading that is not valid; no answer: no pose can be made of
 /// the readings
 template <Mobility K>
 Outcome watch(const Robot& robot, const WatchSettings& settings, const Weighing& weighing,
-              const Joint& desired, const Extended& q_e, Watch& watch, Extended& believed) {
+              const Joint& desired, const Extended& q_e, Watch& watch, Extended& believed,
+              Late* late = nullptr) {
   if (!robot.finished) return {Status::unfinished, -1};
   if (!weighing) return {Status::not_measured, -1};
-  return watch_detail::Cycle<K>(robot, settings, weighing, desired, q_e, watch, believed).run();
+  return watch_detail::Cycle<K>(robot, settings, weighing, desired, q_e, watch, believed, late)
+      .run();
 }
 
 }  // namespace truepose

@@ -84,6 +84,8 @@ struct WatchedReading {
   double way = 0;     ///< and how far
   double behind = 0;  ///< of a motor: desired less believed, when it was believed last
   int bridged = 0;    ///< cycles in a row
+  std::int64_t left = -kSettling;  ///< beside late sensors: the last cycle in which a motor's
+                                   ///< reading left its own track
   std::int64_t spikes = 0;
   std::array<std::int64_t, kSpikesKept> spike{};  ///< the cycles of the latest
 };
@@ -128,7 +130,8 @@ inline void restore(Watch& watch, int reading) {
 namespace watch_detail {
 
 /// A reading is bridged once more. Too long, or too often, and it has failed.
-inline void bridge(const WatchSettings& settings, std::int64_t cycle, Symptom symptom,
+/// @param every  cycles for which one sample stands
+inline void bridge(const WatchSettings& settings, std::int64_t cycle, Symptom symptom, int every,
                    WatchedReading& reading) {
   const auto spike = [&](std::int64_t k) -> std::int64_t& {
     return reading.spike[static_cast<std::size_t>(k % kSpikesKept)];
@@ -138,7 +141,7 @@ inline void bridge(const WatchSettings& settings, std::int64_t cycle, Symptom sy
   if (reading.bridged++ == 0) spike(reading.spikes++) = cycle;
   const int k = settings.spikes;
   const bool often = reading.spikes >= k && cycle - spike(reading.spikes - k) < settings.within;
-  if (reading.bridged > settings.coast || often) reading.health = Health::failed;
+  if (reading.bridged > settings.coast * every || often) reading.health = Health::failed;
 }
 
 }  // namespace watch_detail

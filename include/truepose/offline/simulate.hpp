@@ -5,6 +5,7 @@
 
 #include "truepose/control/guard.hpp"
 #include "truepose/estimation/learning.hpp"
+#include "truepose/offline/bus.hpp"
 #include "truepose/offline/effects.hpp"
 #include "truepose/offline/faults.hpp"
 
@@ -46,6 +47,8 @@ struct Extras {
   double began = 0;                  ///< when the loop is made, by the faults' clock, s
   const GuardSettings* guarding = nullptr;  ///< its readings are watched
   Weighing watching{};                      ///< what the watch weighs them by
+  const LateSettings* bus = nullptr;        ///< slow and late sensors of the true robot,
+  const LateSettings* late = nullptr;       ///< and as the controller knows them
   OwnLaw law{};                             ///< commands instead of `control`
 };
 
@@ -60,7 +63,10 @@ class Loop {
         settings_(settings),
         extras_(extras),
         plant_(truth, extras.effects, to_pose<K>(start), seed),
-        resting_(plant_.rest()) {}
+        resting_(plant_.rest()),
+        bus_(extras.bus ? *extras.bus : LateSettings{}) {
+    if (extras.late && resting_) resting_ = truepose::start(*extras.late, late_);
+  }
 
   /// Runs one move; `write(sample)` is called once per period, end included.
   /// @return ok, or the failure that ended it: the plant's, or, without faults, the controller's
@@ -86,21 +92,29 @@ class Loop {
       Outcome outcome = plant_.measure(q_e);
       if (!outcome) return outcome;
       if (extras_.faults) extras_.faults->read(extras_.began + time, q_e);
+      const bool slow = extras_.late;  // readings; a torque may be late as well
       const bool late = extras_.effects.delayed && control_.started;
       const Joint before = control_.torque;
       Learner* const learner = extras_.learner;
       const bool watched = extras_.guarding && !extras_.law;
+      if (extras_.bus) late_.arrived = bus_.deliver(kDof<K>, q_e);
+      Extended present = q_e;
+      const Weighing weighing = slow && !watched ? brought_up(present) : extras_.weighing;
       bool gave_up =  // a line that fits no pose: next time
-          learner && !watched && learn<K>(*learner, q_e).status == Status::stopped;
+          learner && !watched && learn<K>(*learner, present).status == Status::stopped;
       const Robot& believed = learner ? learner->robot : nominal_;
       if (extras_.law)
-        outcome = extras_.law(time, setpoint, q_e, control_.torque);
+        outcome = extras_.law(time, setpoint, present, control_.torque);
       else if (extras_.guarding)
         outcome = guarded<K>(believed, settings_, *extras_.guarding, setpoint, q_e, control_,
-                             extras_.watching, guard_);
+                             extras_.watching, guard_, slow ? &late_ : nullptr);
       else
-        outcome = control<K>(believed, settings_, setpoint, q_e, control_, extras_.weighing);
-      if (learner && watched) gave_up = learn_watched(*learner, q_e);
+        outcome = control<K>(believed, settings_, setpoint, present, control_, weighing);
+      if (learner && watched) {
+        for (int k = 0; k < nominal_.r; ++k)
+          if (late_.is(k)) present[kDof<K> + k] = late_.present[k];
+        gave_up = learn_watched(*learner, present);
+      }
       control_.started = control_.started || outcome;
       if (!outcome && !extras_.faults) return outcome;
       Sample sample{time,
@@ -130,6 +144,17 @@ class Loop {
   }
 
  private:
+  /// Slow and late readings as of now, where nobody watches them. @return what is known of them
+  Weighing brought_up(Extended& present) {
+    const Weighing& weighing = extras_.weighing;
+    if (!bring_up<K>(nominal_, late_, present)) return weighing;
+    calm(nominal_, late_, present);
+    if (!weighing) return weighing;
+    known_ = *weighing.known;
+    weigh(nominal_, late_, known_);
+    return {&known_, weighing.work};
+  }
+
   /// What the watch has seen is learnt where all of it is valid. Of a reading that has failed by
   /// now the latest lines are forgotten; the robot that is believed changes with that.
   bool learn_watched(Learner& learner, const Extended& q_e) {
@@ -150,6 +175,9 @@ class Loop {
   ControlState control_;
   Guard guard_;
   PathClock clock_;
+  Late late_;
+  Bus bus_;
+  Knowledge known_;  ///< of readings of which some are late
 };
 
 /// One move of a robot that starts at rest where `start` says (its true pose).

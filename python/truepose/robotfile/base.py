@@ -29,6 +29,8 @@ Mass = Annotated[NonNegative, unit("kg")]
 Inertia = Annotated[NonNegative, unit("kg·m²")]
 #: σ of a reading.
 Sigma = Annotated[NonNegative, unit("m or rad")]
+#: Of a sensor's clock.
+Seconds = Annotated[Number, Field(ge=0, le=10), unit("s")]
 #: Of an encoder, per turn or per m. Fewer, and one count is all it can say.
 Counts = Annotated[Number, Field(ge=1)]
 #: One count.

@@ -21,6 +21,7 @@ from truepose.robotfile.base import (
     Number,
     Point,
     Resolution,
+    Seconds,
     Section,
     Sigma,
     unit,
@@ -49,6 +50,8 @@ class SensorSection(Section):
     gain: Number = Field(default=1.0, description="reading = gain * value - offset")
     noise: Sigma = Field(default=0.0, description="σ of a reading, before it is counted")
     weight: NonNegative = Field(default=1.0, description="of its row in the TEJ (paper: 1)")
+    period: Seconds = Field(default=0.0, description="from sample to sample; 0: the controller's")
+    age: Seconds = Field(default=0.0, description="of a sample when it arrives at the controller")
 
     @property
     def geared(self) -> bool:

@@ -17,6 +17,7 @@ from truepose.robot import knowledge
 from truepose.robot.batches import require_answers
 from truepose.robot.laws import LAWS, Law
 from truepose.robot.robot import Robot
+from truepose.simulation import late
 from truepose.simulation.controller import Controller, pose_of, positive, require_same_readings
 from truepose.simulation.effects import Effects
 from truepose.simulation.faults import Fault, in_core
@@ -86,7 +87,8 @@ def begin(
     require_answers(robot, "pose", rows, (), status, chain, "raise", name=name)
     filtered = None if learn is None else learn._filter
     guarding = None if watch is None else watch.guarding(robot, controller)
-    core = (believed.core, truth.core, settings, known, plant, filtered, lying, guarding)
+    slow = late.lateness(robot, truth, controller.period)
+    core = (believed.core, truth.core, settings, known, plant, filtered, lying, guarding, slow)
     held = [*at_rest[0], *[0.0] * (6 - robot.n)]
     return Drive(truth, controller, core, check_seed(seed), steps, origin, held)
 

@@ -3,7 +3,8 @@
 At a pose: the nacelle's M(x) on its rotors and arm springs, held against its weight; what its
 encoders read of that; and the law as a constant matrix E from readings to motor errors, ê_q =
 -E δq_e. Torques are constant over a period, so that the sampled plant is exact (Van Loan). Not in
-it: what is not smooth (Coulomb friction, play, counts) and the ripple.
+it: what is not smooth (Coulomb friction, play, counts) and the ripple. A slow or late sensor reads
+what the motors say that it does; how its samples correct that, slowly, is not in it either.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from truepose.robot.frames import coordinates, frames, rotation
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
 from truepose.robotfile.parameters import PAIRED
+from truepose.simulation import late
 from truepose.simulation.effects import Effects
 
 _FALLEN = 1e12  #: growth in a period beyond which no control is thinkable
@@ -142,7 +144,7 @@ def _plant(
     M, J = robot.mass_matrix(x), robot.jacobian(x)
     held, K = _turning(robot, x, M)
     slope = np.diag(H_x[:n] @ np.linalg.inv(K))
-    E = -np.linalg.solve(J, robot.leakage(x, law))
+    E = late.carried(robot, -np.linalg.solve(J, robot.leakage(x, law)), H_x, period)
     inertia = slope[:, None] * (J.T @ M @ J) if diagonal is None else np.diag(slope * diagonal)
 
     # Nacelle, and rotors that turn by themselves: see offline/effects.hpp.

@@ -15,6 +15,7 @@ from truepose.exceptions import InputError
 from truepose.robot import knowledge
 from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
+from truepose.simulation import late
 from truepose.simulation.controller import Controller, positive
 from truepose.simulation.effects import Effects
 from truepose.simulation.linear import Gains
@@ -130,7 +131,8 @@ class Watch:
         watch.low, watch.high = [*low, *[0.0] * fill], [*high, *[0.0] * fill]
         settings.watch, settings.stop = watch, self.stop
         yields = robot if self.effects is None else _yielding(robot, self.effects)
-        return _core.Guarding(finest.core, knowledge.knowledge(yields).core, settings)
+        slow = late.settings(robot, controller.period)
+        return _core.Guarding(finest.core, knowledge.knowledge(yields).core, settings, slow)
 
     def review(
         self, robot: Robot, q_e: ArrayLike, desired: ArrayLike | None = None, period: float = 1e-3

@@ -18,6 +18,7 @@ from truepose.exceptions import InputError
 from truepose.robot import knowledge
 from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
+from truepose.simulation import late
 from truepose.simulation.controller import Controller
 from truepose.simulation.drive import unanswered
 from truepose.simulation.effects import Effects
@@ -176,6 +177,7 @@ class _Drive:
                 f"timestep = {plant.timestep}: the control period of {controller.period} s must be "
                 "a whole number of them"
             )
+        self.slow = late.lateness(robot, plant.truth, controller.period)
         self.seed, self.cycles = seed, 0
         lying = in_core(plant.truth, plant.faults, controller.period)
         self.faults = _core.FaultyReadings(lying, controller.period)
@@ -194,6 +196,7 @@ class _Drive:
         """Stand at home, switched off and on."""
         self.body.stand(self.body.mechanism.home)
         self.state = _core.ControlState()
+        self.bus = _core.Slow(self.slow) if any(self.slow) else None
         self.pending = np.zeros(self.n)
         self.at = self.robot.home
         self.theta = self.tool = self._theta()
@@ -258,15 +261,12 @@ class _Drive:
         x, rate, acceleration = _core.setpoint(
             core, [*start, *pad], [*end, *pad], plant.duration, now
         )
-        q_e = self._faulty(began + now)
+        sensed = self._faulty(began + now)
+        q_e = [*sensed.tolist(), *[0.0] * (_core.max_readings - len(sensed))]
+        if self.bus is not None:
+            q_e = self.bus.deliver(n, q_e)
         status, _ = self.state.step(
-            core,
-            self.settings,
-            x,
-            rate,
-            acceleration,
-            [*q_e.tolist(), *[0.0] * (_core.max_readings - len(q_e))],
-            self.known,
+            core, self.settings, x, rate, acceleration, q_e, self.known, self.bus
         )
         if status > 0:
             if not plant.faults:

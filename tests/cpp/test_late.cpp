@@ -1,0 +1,188 @@
+// What would a slow and late sensor read now? The motors' motion carries its last sample there.
+#include "mechanisms.hpp"
+#include "truepose/control/late.hpp"
+#include "truepose/offline/bus.hpp"
+#include "truepose/offline/simulate.hpp"
+
+using namespace mechanisms;
+
+namespace {
+
+constexpr double kPeriod = 1e-3;
+
+/// Cycle k of a smooth path about home.
+Coordinates at(const Mechanism& mechanism, int k) {
+  Coordinates x = mechanism.robot.home;
+  for (int i = 0; i < dof(mechanism.robot.mobility); ++i)
+    x[i] += 0.3 * mechanism.box[i] * std::sin(6 * kPeriod * k + i);
+  return x;
+}
+
+template <Mobility K>
+Extended read_at(const Mechanism& mechanism, const Robot& truth, int k) {
+  Extended q_e{};
+  CHECK(extended<K>(truth, to_pose<K>(at(mechanism, k)), q_e));
+  return q_e;
+}
+
+/// All sensors sampled every so many cycles, each sample so old.
+LateSettings all_late(int every, int age) {
+  LateSettings settings;
+  settings.every.fill(every);
+  settings.age.fill(age);
+  return settings;
+}
+
+}  // namespace
+
+TEST("late readings of an ideal robot are what it would read now, however old they are") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr int n = kDof<K>;
+    const Robot& robot = mechanism.robot;
+    for (const auto& [every, age] : {std::pair{10, 8}, {1, 3}, {7, 0}, {30, kOldest}}) {
+      const LateSettings settings = all_late(every, age);
+      Late late;
+      CHECK(start(settings, late));
+      Bus bus(settings);
+      double farthest = 0, held = 0, calmed = 0;
+      for (int k = 0; k < 2 * kOldest + 100; ++k) {  // the ring passes its end twice
+        const Extended now = read_at<K>(mechanism, robot, k);
+        Extended q_e = now;
+        late.arrived = bus.deliver(n, q_e);
+        for (int i = 0; i < n; ++i) CHECK(q_e[i] == now[i]);
+        for (int c = n; c < n + robot.r; ++c) held = std::max(held, std::fabs(q_e[c] - now[c]));
+        CHECK(bring_up<K>(robot, late, q_e));
+        for (int c = n; c < n + robot.r; ++c)
+          farthest = std::max(farthest, std::fabs(q_e[c] - now[c]));
+        calm(robot, late, q_e);
+        for (int c = n; c < n + robot.r; ++c) calmed = std::max(calmed, std::fabs(q_e[c] - now[c]));
+      }
+      CHECK(farthest < 1e-6);
+      CHECK(calmed < 1e-6);
+      CHECK(held > 1e-5 + 100 * farthest);  // which is not for nothing
+    }
+  });
+}
+
+TEST("what the geometry has wrong is kept, and a reading is doubted by how far it was carried") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr int n = kDof<K>;
+    const Robot& robot = mechanism.robot;
+    if (robot.r == 0) return;
+    Robot truth = robot;
+    truth.sensor[0].offset += 0.02;
+    LateSettings settings = all_late(10, 8);
+    settings.stray[0].fill(0.1);
+    Late late;
+    CHECK(start(settings, late));
+    Bus bus(settings);
+    for (int k = 0; k < 400; ++k) {
+      const int moving = std::min(k, 200);
+      Extended q_e = read_at<K>(mechanism, truth, moving);
+      const double now = q_e[n];
+      late.arrived = bus.deliver(n, q_e);
+      CHECK(bring_up<K>(robot, late, q_e));
+      calm(robot, late, q_e);
+      CHECK_NEAR(q_e[n], now, 1e-6);
+      Knowledge known;
+      known.sigma.fill(1e-5);
+      weigh(robot, late, known);
+      for (int i = 0; i < n; ++i) CHECK(known.sigma[i] == 1e-5);
+      const Coordinates x = at(mechanism, moving), since = at(mechanism, std::max(0, moving - 18));
+      double way = 0;
+      for (int i = 0; i < n; ++i) way += (x[i] - since[i]) * (x[i] - since[i]);
+      if (k > 50 && k < 200) CHECK(known.sigma[n] > 0.3 * 0.1 * std::sqrt(way));
+      if (k > 50 && k < 200) CHECK(known.sigma[n] < 0.1 * 10 * std::sqrt(way) + 1e-5);
+      if (k == 399) CHECK(known.sigma[n] < 1.1e-5);  // it has stood still for long
+    }
+  });
+}
+
+TEST("motors without a pose for some cycles, and samples that are none, leave no trace") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr int n = kDof<K>;
+    const Robot& robot = mechanism.robot;
+    const LateSettings settings = all_late(10, 8);
+    Late late;
+    CHECK(start(settings, late));
+    Bus bus(settings);
+    Extended nothing{};
+    nothing.fill(NAN);
+    CHECK(!bring_up<K>(robot, late, nothing));  // before there is any pose
+    CHECK(late.cycle == 0);
+    for (int k = 0; k < 200; ++k) {
+      const Extended now = read_at<K>(mechanism, robot, k);
+      Extended q_e = now;
+      if (k >= 60 && k < 65) q_e.fill(NAN);
+      late.arrived = bus.deliver(n, q_e);
+      const bool motors = k < 100 || k >= 103;
+      if (!motors) std::fill_n(q_e.begin(), n, NAN);
+      CHECK(bring_up<K>(robot, late, q_e));
+      CHECK(motors == late.placed || k < 100);
+      // The picture of cycle 60 arrives in 68 and is held until 78.
+      const bool blind = (k >= 68 && k < 78);
+      for (int c = n; c < n + robot.r; ++c) {
+        CHECK(blind == std::isnan(q_e[c]) || (k >= 60 && k < 65));
+        if (!blind && !(k >= 60 && k < 78)) CHECK_NEAR(q_e[c], now[c], motors ? 2e-4 : 2e-3);
+      }
+    }
+  });
+}
+
+TEST("a period or an age that is none, or too long, is refused and named") {
+  Late late;
+  for (const auto& [every, age] :
+       {std::pair{-1, 0}, {0, -1}, {kSlowest + 1, 0}, {1, kOldest + 1}}) {
+    LateSettings settings;
+    settings.every[3] = every;
+    settings.age[3] = age;
+    const Outcome outcome = start(settings, late);
+    CHECK(outcome.status == Status::no_such_part && outcome.chain == 3);
+    CHECK(late.which == 0);
+  }
+  LateSettings settings;
+  settings.stray[2][1] = NAN;
+  CHECK(!start(settings, late));
+  CHECK(start(all_late(kSlowest, kOldest), late));
+  CHECK(start(LateSettings{}, late));
+  CHECK(late.which == 0 && arrivals(late.settings, 0) == 0);
+  Extended q_e{};
+  Robot robot;
+  CHECK(bring_up<Mobility::spatial>(robot, late, q_e).status == Status::unfinished);
+}
+
+TEST("a robot with late sensors follows as one whose sensors are prompt") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr int n = kDof<K>;
+    const Robot& robot = mechanism.robot;
+    ControlSettings settings;
+    settings.law = Law::redundant;
+    if (!place_poles(robot, robot.home, 60, 1, settings)) return;
+    Run run{robot.home, at(mechanism, 100), 0.2, 0.2};
+    const LateSettings slow = all_late(10, 8);
+    Coordinates end[3];
+    double apart[3]{};                   // from x_d, on the way
+    for (const int which : {0, 1, 2}) {  // prompt; late; late, and taken for prompt
+      Extras extras;
+      if (which > 0) extras.bus = &slow;
+      if (which == 1) extras.late = &slow;
+      const Outcome outcome = simulate<K>(
+          robot, robot, settings, run, robot.home,
+          [&](const Sample& sample) {
+            end[which] = sample.x;
+            for (int i = 0; i < n; ++i)
+              apart[which] = std::max(apart[which], std::fabs(sample.x[i] - sample.x_d[i]));
+          },
+          extras);
+      CHECK(outcome || which == 2);
+      if (!outcome) apart[which] = INFINITY;
+    }
+    for (int i = 0; i < n; ++i) CHECK_NEAR(end[1][i], end[0][i], 1e-7);
+    CHECK(apart[1] < apart[0] + 1e-4);
+    CHECK(robot.r == 0 || apart[2] > 3 * apart[1]);
+  });
+}
