@@ -461,10 +461,12 @@ class Cycle {
     for (int k = 0; k < r_; ++k)
       for (int l = 0; l <= k; ++l)
         watch_.geometry[k][l] = dot(known.count, B + k * known.count, B + l * known.count);
-    for (int k = 0; k < r_; ++k) {  // its tracker must not take it for a change
+    for (int k = 0; k < r_; ++k) {  // the parity's tracker must not take it for a change,
       double more = beyond[n + k] - watch_.beyond[n + k];
       for (int j = 0; j < n; ++j) more -= parity_.g[k][j] * (beyond[j] - watch_.beyond[j]);
-      if (number(more)) watch_.parity[k].value -= more;
+      if (!number(more)) continue;
+      watch_.parity[k].value -= more;
+      watch_.reading[n + k].model += more;  // nor for a motion beside a sensor that stands still
     }
     watch_.beyond = beyond;
     return {};
