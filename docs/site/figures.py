@@ -1,4 +1,4 @@
-"""Which pictures does "The TEJ in ten minutes" show? `make docs-pictures` draws them anew."""
+"""Which pictures of results do the pages show? `make docs-pictures` draws them anew."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import truepose as tp
-from truepose.paper import article
+from truepose.paper import article, faulty, figures, following
 
 PICTURES = Path(__file__).parents[1] / "pictures"
 DRAWN, REAL, TEJ, OTHER = "#5b6770", "#b3261e", "#1455a4", "#2a7f3b"
@@ -102,11 +102,21 @@ def over_table_2() -> Figure:
     return figure
 
 
+def path_accuracy() -> Figure:
+    """Return the report's: one real robot on a circle, at half of what its motors allow."""
+    return figures.following(following.study(tp.load("h4"), robots=1, seed=0, full=False))
+
+
+def what_faults_do() -> Figure:
+    """Return the report's, of 30 moves: worst errors under each fault and law, watched and not."""
+    return figures.faults(faulty.study(tp.load("h4"), count=30, seed=0))
+
+
 def main() -> None:
     """Draw them all; the same file each time."""
     mpl.rcParams["svg.hashsalt"] = "truepose"
     PICTURES.mkdir(exist_ok=True)
-    for draw in (five_bar, rest, over_table_2):
+    for draw in (five_bar, rest, over_table_2, path_accuracy, what_faults_do):
         file = PICTURES / f"{draw.__name__.replace('_', '-')}.svg"
         draw().savefig(file, metadata={"Date": None})
         print(file.relative_to(Path.cwd()) if file.is_relative_to(Path.cwd()) else file)

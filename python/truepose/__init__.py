@@ -19,6 +19,8 @@ from truepose.robot.robot import Robot, load, robots
 from truepose.simulation.controller import Controller
 from truepose.simulation.effects import Effects
 from truepose.simulation.faults import Fault
+from truepose.simulation.margins import Margins, margins
+from truepose.simulation.path_accuracy import PathAccuracy, path_accuracy
 from truepose.simulation.paths import Circle, Line, Sampled, WayPoints
 from truepose.simulation.settle import settle
 from truepose.simulation.simulate import Cycle, Simulation, simulate
@@ -40,8 +42,10 @@ __all__ = [
     "InputError",
     "Isolation",
     "Line",
+    "Margins",
     "OnlineCalibration",
     "Parameter",
+    "PathAccuracy",
     "PoseError",
     "Registration",
     "Robot",
@@ -59,6 +63,8 @@ __all__ = [
     "get_include",
     "isolate",
     "load",
+    "margins",
+    "path_accuracy",
     "robots",
     "settle",
     "simulate",

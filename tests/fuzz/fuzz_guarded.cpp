@@ -62,6 +62,12 @@ void drive(Bytes& bytes, const Subject& subject) {
   GuardSettings guarding;
   if (bytes.one_in(2)) guarding.watch.fastest.fill(500);
   if (bytes.one_in(2)) guarding.watch.moved.fill(2e-3);
+  if (bytes.one_in(2)) {
+    guarding.watch.rests.fill(bytes.one_in(4) ? bytes.number() : 1e-3);
+    guarding.watch.kp = settings.kp;
+    guarding.watch.kd = settings.kd;
+  }
+  if (bytes.one_in(4)) guarding.watch.shaken.fill(bytes.one_in(4) ? bytes.number() : 1e-4);
   if (bytes.one_in(4)) guarding.watch.refresh = bytes.below(4);
   if (bytes.one_in(4)) guarding.watch.spikes = bytes.byte() - 5;
   prepare(guarding.watch);

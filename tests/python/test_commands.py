@@ -124,14 +124,14 @@ def test_check_of_a_missing_file_is_one_line(run):
     )
 
 
-@pytest.mark.parametrize("command", ["check", "new", "info", "accuracy", "calibrate"])
+@pytest.mark.parametrize("command", ["check", "new", "info", "accuracy", "margins", "calibrate"])
 def test_help_has_an_example(run, command):
     status, out, _ = run(command, "--help")
     assert status == 0 and f"Example: truepose {command}" in re.sub(r"\s+", " ", out)
 
 
 @pytest.mark.usefixtures("plain_page")
-@pytest.mark.parametrize("command", ["robots", "simulate", "rehearse"])
+@pytest.mark.parametrize("command", ["robots", "margins", "simulate", "rehearse"])
 def test_the_examples_of_the_help_run(run, command):
     told = get_command(cli.app).commands[command].help.partition("Example: ")[2]
     examples = re.findall(r"\*\*truepose (.+?)\*\*", told, re.DOTALL)

@@ -77,7 +77,8 @@ def test_a_robot_that_swings_is_no_robot_at_rest(h4):
     """The nominal PD on arms that give way: a limit cycle, said and left out."""
     from truepose.simulation.visit import visit
 
-    x, q_e, status = visit(h4, h4, [[0.05, 0, -0.4, 0.1]], "joint", effects=tp.Effects())
+    nominal, poses = tp.Controller(law="joint"), [[0.05, 0, -0.4, 0.1]]
+    x, q_e, status = visit(h4, h4, poses, nominal, effects=tp.Effects())
     assert "does not come to rest" in status[0]
     assert np.isnan(x).all()
     assert np.isnan(q_e).all()

@@ -205,8 +205,9 @@ def test_a_controller_sees_that_its_learner_gave_up(h4):
     true, online = tp.with_paper_errors(h4, 1), tp.OnlineCalibration(h4)
     run = tp.simulate(h4, true, "estimated", learn=online)
     assert not run.gave_up.any() and online.stopped is None
+    prompt = tp.Controller(law="estimated")  # swings on arms that give way
     again = tp.OnlineCalibration(h4)
-    run = tp.simulate(h4, true, "estimated", learn=again, effects=tp.Effects())
+    run = tp.simulate(h4, true, prompt, learn=again, effects=tp.Effects())
     assert run.gave_up[-1] and again.stopped
     assert (np.diff(run.gave_up.astype(int)) >= 0).all()
 

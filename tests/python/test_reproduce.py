@@ -13,7 +13,17 @@ import pytest
 import truepose as tp
 from truepose import files
 from truepose.commands import cli
-from truepose.paper import article, figures, forgotten, report, statistics, tables
+from truepose.paper import (
+    article,
+    faulty,
+    figures,
+    following,
+    forgotten,
+    report,
+    statistics,
+    tables,
+)
+from truepose.robot.laws import LAWS
 
 
 def started(*arguments):
@@ -105,10 +115,12 @@ def test_the_folder_holds_page_figures_and_numbers_and_nothing_else(made):
         "poses",
         "ratios",
         "rest",
+        "following",
+        "faults",
     ]
     numbers = ["table3_one_robot", "table3_robots", "gains", "moves", "dynamics_check"]
     numbers += ["statistics", "poses", "figure-11", "figure-12", "figure-13", "cartesian"]
-    numbers += ["self-calibrated", "sensing"]
+    numbers += ["self-calibrated", "sensing", "following_circle", "faults"]
     expected = {"report.html"} | {f"{name}.csv" for name in numbers}
     expected |= {f"{name}.{kind}" for name in pictures for kind in ("svg", "png")}
     assert {file.name for file in out.iterdir()} == expected
@@ -118,7 +130,7 @@ def test_the_folder_holds_page_figures_and_numbers_and_nothing_else(made):
 def test_the_page_stands_alone(made):
     _, out = made
     page = (out / "report.html").read_text(encoding="utf-8")
-    assert len(page) < 900_000
+    assert len(page) < 1_200_000
     assert page.count("data:image/svg+xml;base64,") == report.FIGURES
     assert not re.search(r'(src|href)="(?!data:)', page)
     for text in ("Figure 11", "Figure 13", "seed 3", "8 robots", "assumed", "0.517", "0.452"):
@@ -175,6 +187,56 @@ def test_the_csv_hold_the_numbers_behind_the_tables(made):
     move = rows(out / "figure-13.csv")
     assert len(move) == 401
     assert float(move[200]["x_desired_mm"]) == pytest.approx(100)
+
+
+def test_the_report_says_how_robots_follow_a_circle(made):
+    """Calibrated a robot is nearer to it, at nearly the same scatter, under every control."""
+    table = {row["speed, law"]: row for row in rows(made[1] / "following_circle.csv")}
+    *drawn, learnt = table.values()
+    assert len(drawn) == 4 and "estimated, calibrated" in list(table)[-1]
+    assert all(float(learnt["AT (mm)"]) < 0.9 * float(row["AT (mm)"]) for row in drawn)
+    scatter = [float(row["RT (mm)"]) for row in table.values()]
+    assert max(scatter) < 1.3 * min(scatter)
+
+
+def test_the_report_sets_faults_without_a_watch_beside_those_with_one(made):
+    table = {row["fault"]: row for row in rows(made[1] / "faults.csv")}
+    assert table["none"]["found"] == "0 of 5" and table["θ: stuck"]["found"] == "5 of 5"
+    for law in LAWS:
+        alone, watched = table["none"][f"{law} (mm, °)"].split(" → ")
+        assert alone == watched
+    alone, watched = table["θ: stuck"]["redundant (mm, °)"].split(" → ")
+    assert alone.endswith("(1)") and float(watched.split(",")[0]) < 1
+
+
+def test_statistics_have_every_path_and_speed_and_law(h4, monkeypatch):
+    """Of a study cut short: with one speed, two cases, and few runs at each."""
+    monkeypatch.setattr(following, "SPEEDS", (0.5,))
+    monkeypatch.setattr(following, "CASES", (("joint", False), ("estimated", True)))
+    steps = []
+    lines = following.study(h4, robots=2, seed=0, progress=lambda: steps.append(1))
+    assert len(steps) == following.total_steps(2, full=True) == 8
+    found = tables.following(lines)
+    assert [(table.name, len(table.rows)) for table in found] == [
+        ("following_circle", 2),
+        ("following_square", 2),
+    ]
+    first = found[0].records()[0]
+    assert first["law"] == "joint" and first["speed"] == 0.5
+    assert first["AT (mm)"] == pytest.approx(1e3 * np.median([one.AT for one in lines[0].each]))
+    assert len(figures.following(lines).axes) == 4
+
+
+def test_a_fault_is_judged_at_its_worst_watched_and_alone(h4):
+    lines = {line.fault: line for line in faulty.study(h4, count=2, seed=0)}
+    lost, none = lines["q1: dropout"], lines["none"]
+    for law in LAWS:
+        assert lost.alone[law][0].left and not lost.watched[law][0].left
+        assert lost.watched[law][0].stopped and lost.watched[law][0].found
+        assert [run[:3] for run in none.alone[law]] == [run[:3] for run in none.watched[law]]
+        assert not any(run.found or run.stopped for run in none.watched[law])
+    assert lines["θ: dropout"].median < 0.5 < lines["q1: drift 1°/s"].median
+    assert tables.faults(list(lines.values())).records()[0]["runs"] == 10
 
 
 def test_the_same_seed_gives_the_same_numbers_and_the_first_robots_do_not_depend_on_the_count(

@@ -48,6 +48,19 @@ def test_a_nominal_robot_has_no_errors_but_its_counts(run):
     assert errors["position"]["at the end"] > 2
 
 
+@pytest.mark.parametrize(
+    ("words", "poles"),
+    [
+        ((), 150),
+        (("--effects", "all"), tp.Controller.for_robot(tp.load("h4")).frequency),
+        (("--effects", "all", "--frequency", "30"), 30),
+        (("--frequency", "30"), 30),
+    ],
+)
+def test_the_poles_are_the_papers_what_the_robot_bears_or_those_asked_for(run, words, poles):
+    assert f"poles {poles:.3g} rad/s" in run("simulate", "h4", *words)[1]
+
+
 def test_a_path_is_visited_and_its_log_can_be_calibrated_on(run, tmp_path):
     rng = np.random.default_rng(0)
     box = tp.load("h4").spec.workspace

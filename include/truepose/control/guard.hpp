@@ -58,6 +58,7 @@ struct Guard {
       false;  ///< the path is to be left at rest: advance PathClock with GuardSettings::stop
   std::uint32_t brakes = 0;  ///< motors whose brakes must hold them, as bits
   double unanswered = 0;     ///< s since a torque was answered for
+  double stopping = 0;       ///< s since nobody knows which reading lies
   Knowledge known{};         ///< of the readings that are believed
 };
 
@@ -67,7 +68,7 @@ inline void restore(Guard& guard, int reading) {
   restore(guard.watch, reading);
   guard.stops = false;
   guard.brakes = 0;
-  guard.unanswered = 0;
+  guard.unanswered = guard.stopping = 0;
 }
 
 /// σ of a reading that is not believed, over its own.
@@ -111,6 +112,9 @@ Outcome guarded(const Robot& robot, const ControlSettings& settings, const Guard
   }
   guard.stops = guard.stops || guard.watch.undecided || guard.watch.lost != 0;
   guard.brakes |= guard.watch.lost;
+  // Where nobody knows which reading lies, no loop is trusted longer than the stop takes.
+  if (guard.watch.undecided) guard.stopping += settings.period;
+  if (guard.stopping > guarding.stop) guard.brakes = (std::uint32_t{1} << n) - 1;
   if (outcome) {
     guard.unanswered = 0;
     return watched.status == Status::disagree ? watched : outcome;

@@ -204,7 +204,7 @@ class Cycle {
     Verdict changed, level;
     ReadingCovariance V;
     // While something is doubted the tracker only predicts, for some cycles.
-    const double coasted = 1 + watch_.disagreed * (1 - kParityPole);
+    const double coasted = 1 + 0.5 * watch_.disagreed * (1 - kParityPole);
     const double bend = bending() * coasted * coasted;
     if (!watch_.undecided && covariance(settings_.together.variance, bend * bend, V))
       changed = judge<K>(parity_, settings_.chi2, V, change, r_, without_, left_out_);
@@ -214,18 +214,19 @@ class Cycle {
       watch_.freedom = level.freedom;
     }
     if (!changed.alarm && !level.alarm) {
-      watch_.disagreed = 0;
+      watch_.disagreed = std::max(0, watch_.disagreed - 1);
       if (!watch_.undecided) watch_.doubted = 0;
       return;
     }
     name(changed, level);
     if (watch_.doubted & (watch_.doubted - 1)) {  // several
-      watch_.undecided = watch_.undecided || ++watch_.disagreed > settings_.decide;
-      // Until it is known which, sensors say what they would if nothing had changed, and motors go
-      // where they are asked to go: an encoder that stands still drives its motor away meanwhile.
+      watch_.disagreed += 2;  // a drift is beyond its limit now and then, then always
+      watch_.undecided = watch_.undecided || watch_.disagreed > 2 * settings_.decide;
+      // Until it is known which, sensors say what they would if nothing had changed, and a motor
+      // that stands still goes where it is asked to go: its encoder may drive it away meanwhile.
       for (int k = 0; k < r_; ++k) believed_[n + k] -= change[k];
       for (int c = 0; c < n && !watch_.undecided; ++c)
-        if (watch_.doubted & bit(c) & ~without_) {
+        if (watch_.doubted & bit(c) & ~without_ && watch_.reading[c].still >= kStill) {
           held_ |= bit(c);
           if (std::isfinite(desired_[c])) believed_[c] = desired_[c] - watch_.reading[c].behind;
         }
@@ -267,6 +268,8 @@ class Cycle {
     watch_.doubted = both ? both : may;
   }
 
+  /// Cycles after which a reading stands still.
+  static constexpr int kStill = 3;
   /// Share of `moved` from which on a reading that stands still beside an alarm is the one.
   static constexpr double kStoodBy = 0.4;
 
@@ -298,7 +301,8 @@ class Cycle {
   void drive(int c) const {
     WatchedReading& reading = watch_.reading[c];
     const double away = desired_[c] - reading.model;
-    const double seems = away - std::clamp(away, -settings_.rests[c], settings_.rests[c]);
+    const double bears = settings_.rests[c];
+    const double seems = away > bears ? away - bears : away < -bears ? away + bears : 0;
     reading.speed +=
         settings_.period * settings_.kp[c] * seems + settings_.kd[c] * (seems - reading.seems);
     reading.seems = seems;
@@ -381,16 +385,19 @@ class Cycle {
       WatchedReading& reading = watch_.reading[c];
       // With a motor lost the robot does not do what it is asked to. One that stops since nobody
       // knows which reading lies does: it may still be found.
-      const bool judged = (!watch_.doubted || watch_.undecided) && !symptomatic_ && !watch_.lost &&
-                          settings_.moved[c] > 0 && (c < n || motors);
+      const bool judged = (!watch_.doubted || (watch_.undecided && c < n)) && !symptomatic_ &&
+                          !watch_.lost && settings_.moved[c] > 0 && (c < n || motors);
       // What is asked is only known from the second cycle on.
       if (raw(c) != reading.raw || watch_.cycle - watch_.began < 2) {
         reading.raw = raw(c);
         if (c < n || watch_.placed) reading.model = model(c);
         reading.seems = reading.speed = reading.way = 0;
+        reading.still = 0;
       } else {
+        ++reading.still;
         if (c < n) drive(c);
-        if (judged && reading.health != Health::failed && stood(c) > settings_.moved[c]) {
+        const double much = (watch_.undecided ? 3 : 1) * settings_.moved[c];
+        if (judged && reading.health != Health::failed && stood(c) > much) {
           reading.health = Health::failed;
           reading.symptom = Symptom::stuck;
         }

@@ -78,6 +78,7 @@ struct WatchedReading {
   double spread = 0;  ///< mean square of its innovations
   double raw = 0;     ///< as read in the last cycle
   double model = 0;   ///< what the model said when it changed last
+  int still = 0;      ///< cycles since it changed
   double seems = 0;   ///< of a motor: the error that has come up since, beyond `rests`,
   double speed = 0;   ///< how fast that drives it,
   double way = 0;     ///< and how far
@@ -92,8 +93,8 @@ struct WatchedReading {
 /// What the watch remembers. Plain data, the caller's; a new one starts anew.
 struct Watch {
   std::array<WatchedReading, kMaxReadings> reading;
-  std::uint32_t doubted = 0;     ///< readings of which one is wrong, as bits; 0: nothing disagrees
-  int disagreed = 0;             ///< cycles in a row in which they do and none of them can be named
+  std::uint32_t doubted = 0;  ///< readings of which one is wrong, as bits; 0: nothing disagrees
+  int disagreed = 0;  ///< twice the cycles in which they do and none can be named, less the others
   bool undecided = false;        ///< for so long that none will be: the robot should stop
   std::uint32_t lost = 0;        ///< failed motors' readings that nothing else can stand for
   std::uint32_t without = 0;     ///< failed readings that something else stood for in this cycle

@@ -21,6 +21,7 @@ from truepose.commands import (
     faults,
     info,
     isolate,
+    margins,
     new,
     rehearse,
     reproduce,
@@ -43,6 +44,7 @@ app.command("info")(info.command)
 app.command("accuracy")(accuracy.command)
 app.command("faults")(faults.command)
 app.command("isolate")(isolate.command)
+app.command("margins")(margins.command)
 app.command("calibrate")(calibrate.command)
 app.add_typer(export.app, name="export")
 app.command("robots")(robots.command)

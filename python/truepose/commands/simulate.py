@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import nullcontext
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -39,6 +38,7 @@ from truepose.show.terminal import Format, say, show
 from truepose.show.units import PRINT
 from truepose.simulation import paths
 from truepose.simulation.controller import Controller
+from truepose.simulation.drive import controller_of
 from truepose.simulation.effects import Effects
 from truepose.simulation.moves import MOVE_DURATION, default_move
 from truepose.simulation.plants import Visit
@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 #: Poles of a controller that visits poses without effects, rad/s, and the velocity loops' bandwidth
-#: in units of them: it is to rest at every pose.
+#: in units of poles, where they are to rest at every pose or with effects.
 VISITING, BANDWIDTH = 40.0, 7.5
 #: Duration and hold of a move, and of a path's way from pose to pose, s.
 MOVE, VISIT = (MOVE_DURATION, 0.2), (0.5, 0.4)
@@ -198,17 +198,13 @@ def command(
 def _controller(
     robot: Robot, law: Law, effects: Effects | None, frequency: float | None, *, visiting: bool
 ) -> Controller:
-    if effects not in (None, Effects.none()):
-        found = Controller.for_robot(robot, effects, law)
-        if frequency is None:
-            return found
-        ratio = found.velocity_bandwidth / found.frequency
-        return replace(found, frequency=frequency, velocity_bandwidth=ratio * frequency)
-    if frequency is None and not visiting:
-        return Controller(law=law)
-    poles = VISITING if frequency is None else frequency
-    ratio = BANDWIDTH if visiting else 10.0
-    return Controller(law=law, frequency=poles, velocity_bandwidth=ratio * poles)
+    soft = visiting or effects not in (None, Effects.none())
+    if frequency is not None:
+        ratio = BANDWIDTH if soft else 10.0
+        return Controller(law=law, frequency=frequency, velocity_bandwidth=ratio * frequency)
+    if visiting and effects in (None, Effects.none()):
+        return Controller(law=law, frequency=VISITING, velocity_bandwidth=BANDWIDTH * VISITING)
+    return controller_of(law, robot, effects)
 
 
 class Run(NamedTuple):

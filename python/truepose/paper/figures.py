@@ -8,6 +8,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from truepose.paper import experiment, statistics
+from truepose.paper import faulty as lying
+from truepose.paper import following as paths
 from truepose.paper.experiment import Control, Experiment
 from truepose.paper.warm_up import NAMES, WarmUp
 from truepose.robot.robot import Robot
@@ -132,4 +134,86 @@ def warm_up(results: list[WarmUp]) -> Figure:
     left.set(ylabel="position rms (mm)", ylim=(0, None))
     handles = left.get_legend_handles_labels()
     figure.legend(*handles, loc="outside upper center", ncols=4, fontsize=9, frameon=False)
+    return figure
+
+
+#: What of :mod:`truepose.paper.following` is drawn, as people read it and in its colour.
+_FOLLOWED = {
+    (law, control == "self-calibrated"): CONTROLS[control]
+    for control, law in experiment.CONTROLS.items()
+}
+MAGNIFIED = 3  #: times; how deviations are drawn in a plan view
+
+
+def following(lines: list[paths.Line]) -> Figure:
+    """Plan of each path at half speed with its deviations magnified, and how large they are."""
+    shown = [
+        line for line in lines if line.speed == 0.5 and (line.law, line.calibrated) in _FOLLOWED
+    ]
+    names = list(dict.fromkeys(line.path for line in shown))
+    figure = Figure(figsize=(8.4, 3.6 * len(names)), layout="constrained")
+    grid = figure.subplots(len(names), 2, squeeze=False, width_ratios=(1, 1.35))
+    for (plan, along), name in zip(grid, names, strict=True):
+        of_path = [line for line in shown if line.path == name]
+        for line in of_path:
+            label, colour = _FOLLOWED[line.law, line.calibrated]
+            first = line.each[0]
+            asked, off = 1e3 * first.asked[:, :3], 1e3 * first.deviation[..., :3]
+            mean = asked + MAGNIFIED * off.mean(axis=0)
+            plan.plot(*mean[:, :2].T, ".", ms=2.5, color=colour, label=label, rasterized=True)
+            share = np.linspace(0, 100, len(asked))
+            far = np.linalg.norm(off, axis=-1)
+            along.fill_between(
+                share, far.min(axis=0), far.max(axis=0), color=colour, alpha=0.3, lw=0
+            )
+            along.plot(share, far.mean(axis=0), color=colour, lw=1)
+        path = 1e3 * paths.PATHS[name].setpoints(first.robot, 1e-2).x
+        plan.plot(*path[:, :2].T, color="0.6", lw=0.8, zorder=0)
+        plan.set(xlabel="x (mm)", ylabel="y (mm)", aspect="equal")
+        plan.set_title(f"{name}, deviations ×{MAGNIFIED}", size=9)
+        along.set(xlabel="along the path (%)", ylabel="distance from it (mm)", xlim=(0, 100))
+        along.set_ylim(0, None)
+        along.set_title("mean of ten runs, and all of them", size=9)
+    figure.legend(
+        *grid[0][0].get_legend_handles_labels(),
+        loc="outside upper center",
+        ncols=5,
+        fontsize=9,
+        markerscale=4,
+        frameon=False,
+    )
+    return figure
+
+
+def faults(lines: list[lying.Line]) -> Figure:
+    """Worst position and angle under each fault and law: hollow without a watch, full with one."""
+    figure = Figure(figsize=(8.4, 0.32 * len(lines) + 1.2), layout="constrained")
+    colours = {law: CONTROLS[control][1] for control, law in experiment.CONTROLS.items()}
+    axes = figure.subplots(1, 2, sharey=True)
+    rows = np.arange(len(lines), dtype=float)
+    for panel, what, label, most in (
+        (axes[0], "position", "worst position error (mm)", np.inf),
+        (axes[1], "angle", "worst error of θ (°)", 180),
+    ):
+        for k, (law, colour) in enumerate(colours.items()):
+            at = rows + 0.15 * (k - (len(colours) - 1) / 2)
+            alone, watched = (
+                np.array([max(getattr(run, what) for run in way[law]) for way in ways]).clip(
+                    max=most
+                )
+                for ways in ([line.alone for line in lines], [line.watched for line in lines])
+            )
+            panel.hlines(at, alone, watched, color=colour, lw=0.6)
+            style = {"ms": 4, "mec": colour, "clip_on": False}
+            panel.plot(alone, at, "o", mfc="white", mew=0.9, **style)
+            panel.plot(watched, at, "o", mfc=colour, label=law, **style)
+        panel.set(xscale="log", xlabel=label, ylim=(len(lines) - 0.5, -0.5))
+        panel.minorticks_off()
+        panel.grid(axis="x", lw=0.4, color="0.85")
+        for row in rows[::2]:
+            panel.axhspan(row - 0.5, row + 0.5, color="0.96", zorder=0, lw=0)
+    axes[1].set_xlim(None, 180)
+    axes[0].set_yticks(rows, [line.fault for line in lines], size=9)
+    handles = axes[0].get_legend_handles_labels()
+    figure.legend(*handles, loc="outside upper center", ncols=5, fontsize=9, frameon=False)
     return figure

@@ -32,7 +32,7 @@ from truepose.show import drawing, page
 from truepose.simulation.effects import Effects
 from truepose.simulation.moves import MOVE_TO
 
-FIGURES = 9  #: drawn for every report; one more with the warm-up
+FIGURES = 11  #: drawn for every report; one more with the warm-up
 PAGE = "report.html"
 LEARNT: Control = "self-calibrated"
 #: Kinds of what the folder holds, by their endings.
@@ -110,6 +110,8 @@ def write(
         tables.check(result),
         tables.sensing(result.sensing),
         *([tables.warm_up(result.warm_up)] if result.warm_up else []),
+        *tables.following(result.following),
+        tables.faults(result.faults),
         *(experiment_tables.tables(result.section) if result.section else ()),
     ]
     for table in numbers:
@@ -126,7 +128,7 @@ def write(
         seed=result.seed,
         scatter={law: tables.theta_scatter(law) for law in ("usual", "redundant")},
         ratio=float(np.median(result.experiment.ratio("theta", "sum_sq"))),
-        moved=float(np.median(experiment.moved_by_tej(result.experiment, MOVE_TO))),
+        displaced=float(np.median(experiment.moved_by_tej(result.experiment, MOVE_TO))),
         squares={
             "printed": article.table3()["usual"]["theta", "sum_sq"],
             "drawn": float(np.median(result.experiment.tables["joint"][:, 3, 2])),
@@ -138,6 +140,9 @@ def write(
         real=len(result.sensing[0].each["joint"]),
         most=sensor_sets.ROBOTS,
         warm=result.warm_up,
+        following=result.following,
+        several=len(result.following[0].each),
+        moved=len(result.faults[0].alone["joint"]),
         thermal=Effects(),
         judged=len(result.experiment.poses[:: sensor_sets.EVERY]),
         learnt=float(np.median(np.sqrt(result.experiment.ratio("norm_xyz", "sum_sq", LEARNT)))),
@@ -157,6 +162,8 @@ def _figures(result: Reproduction) -> Iterator[tuple[str, Figure]]:
     yield "rest", figures.rest(result.robot, result.experiment)
     if result.warm_up:
         yield "warm_up", figures.warm_up(result.warm_up)
+    yield "following", figures.following(result.following)
+    yield "faults", figures.faults(result.faults)
     for plant, runs in result.section.runs.items() if result.section else ():
         yield f"experiment-{plant.lower()}", experiment_tables.figure(runs)
     if result.section and result.section.loops:

@@ -8,12 +8,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.paper import article, experiment, experiment_section, sensor_sets, warm_up
+from truepose.paper import (
+    article,
+    experiment,
+    experiment_section,
+    faulty,
+    following,
+    sensor_sets,
+    warm_up,
+)
 from truepose.paper.experiment import Experiment
 from truepose.robot.laws import LAWS, Law
 from truepose.robot.robot import Robot, load
 from truepose.simulation.simulate import Simulation, simulate
 
+FAULTY_MOVES = 30  #: in which readings lie, where statistics are asked for
 CHECKED_POSES = 12  #: of Table 2, run in the dynamics under each law and in each case
 
 
@@ -28,6 +37,8 @@ class Reproduction:
     check: dict[str, dict[Law, Array]]
     sensing: list[sensor_sets.Line]  #: of one real robot, of many where statistics were asked for
     warm_up: list[warm_up.WarmUp]  #: empty unless statistics were asked for
+    following: list[following.Line]  #: of one robot on a circle; with statistics of several, fully
+    faults: list[faulty.Line]  #: in one move; with statistics in many
     section: experiment_section.Section | None  #: the virtual experiment, where it was asked for
 
 
@@ -46,6 +57,7 @@ def total_steps(robots: int, virtual: bool = False, full: bool = False) -> int:
     checks = 3 * len(LAWS) * CHECKED_POSES
     studies = sensor_sets.total_steps(_real(robots, full))
     studies += warm_up.total_steps(robots) if full else 0
+    studies += following.total_steps(_following(robots, full), full) + faulty.total_steps()
     more = experiment_section.total_steps(robots) if virtual else 0
     return len(MOVES) + robots + checks + studies + more
 
@@ -59,7 +71,7 @@ def reproduce(
 ) -> Reproduction:
     """Simulate the move, settle `robots` drawn robots at 625 poses, check some in the dynamics.
 
-    Then let a real robot calibrate itself with sets of sensors.
+    Then let a real robot calibrate itself with sets of sensors, and follow paths; let readings lie.
 
     Parameters
     ----------
@@ -73,7 +85,7 @@ def reproduce(
         Also carry out the virtual experiment of section 4 on the twin.
     full : bool
         Also what takes statistics: sets of sensors over at least `paper.sensor_sets.ROBOTS` real
-        robots, and calibrated robots that warm up.
+        robots, calibrated robots that warm up, more paths and speeds, more moves with faults.
     """
     robot = load("h4")
     truths = experiment.draw_robots(robot, robots, seed)
@@ -96,10 +108,20 @@ def reproduce(
     warm = []
     if full:
         warm = warm_up.study(robot, robots, seed, progress=lambda: progress("warming up"))
+    lines = following.study(
+        robot, _following(robots, full), seed, full, lambda: progress("following paths")
+    )
+    moved = FAULTY_MOVES if full else 1
+    faults = faulty.study(robot, moved, seed, lambda: progress("readings that lie"))
     section = experiment_section.run(progress, robots, seed) if virtual else None
-    return Reproduction(robot, seed, moves, result, check, sets, warm, section)
+    return Reproduction(robot, seed, moves, result, check, sets, warm, lines, faults, section)
 
 
 def _real(robots: int, full: bool) -> int:
     """How many real robots try each set of sensors."""
     return max(robots, sensor_sets.ROBOTS) if full else 1
+
+
+def _following(robots: int, full: bool) -> int:
+    """How many real robots follow paths."""
+    return min(robots, following.ROBOTS) if full else 1

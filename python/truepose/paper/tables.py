@@ -7,10 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from truepose.paper import article, statistics
+from truepose.paper import faulty as lying
+from truepose.paper import following as paths
 from truepose.paper.experiment import Control
 from truepose.paper.reproduce import MOVES, Reproduction
 from truepose.paper.sensor_sets import Line
 from truepose.paper.warm_up import NAMES, WarmUp
+from truepose.robot.laws import LAWS
 from truepose.show.table import Cell, Table, fixed, number
 
 QUANTITY_NAMES = {"x": "x", "y": "y", "z": "z", "theta": "θ", "norm_xyz": "norm"}
@@ -178,6 +181,72 @@ def check(result: Reproduction) -> Table:
             rows.append([names[case], law, *(Cell(f"{v:.2g}", float(v)) for v in worst)])
     header = ["dynamics less statics", "law", "x (mm)", "y (mm)", "z (mm)", "θ (°)"]
     return Table("dynamics_check", "Statics checked in the dynamics", header, rows)
+
+
+def following(lines: list[paths.Line]) -> list[Table]:
+    """ISO 9283's path accuracy and repeatability, contouring and tracking error: a table a path."""
+    units = {"": ("mm", 1e3), "_angle": ("°", 180 / np.pi)}
+    names = {
+        "AT": "AT",
+        "RT": "RT",
+        "AT_angle": "AT θ",
+        "RT_angle": "RT θ",
+        "contour": "contouring",
+    }
+    names |= {"contour_max": "largest", "tracking": "tracking", "tracking_max": "largest of it"}
+    header = ["speed, law"]
+    for key, name in names.items():
+        header.append(f"{name} ({units['_angle' if key.endswith('_angle') else ''][0]})")
+    header.append("saturated (%)")
+    found = []
+    for path in dict.fromkeys(line.path for line in lines):
+        rows = []
+        for line in (line for line in lines if line.path == path):
+            known = "calibrated" if line.calibrated else "as drawn"
+            speed = f"{100 * line.speed:.0f} % ({line.median('speed'):.2g} m/s)"
+            data: dict[str, object] = {"speed": line.speed, "speed_m_s": line.median("speed")}
+            data |= {"law": line.law, "robot": known}
+            row = [Cell(f"{speed}, {line.law}, {known}", data)]
+            for key in names:
+                scale = units["_angle" if key.endswith("_angle") else ""][1]
+                row.append(number(scale * line.median(key)))
+            rows.append([*row, fixed(100 * line.median("saturated"), 1)])
+        robots = len(lines[0].each)
+        of = f"{robots} robots: medians" if robots > 1 else "one robot"
+        title = f"A {path} followed ten times, of {of}"
+        found.append(Table(f"following_{path}", title, header, rows))
+    return found
+
+
+def faults(lines: list[lying.Line]) -> Table:
+    """Worst error with a reading that lies, without a watch and with one."""
+    rows = []
+    for line in lines:
+        row: list[str] = [line.fault]
+        for law in LAWS:
+            ways = {"": line.alone[law], "watched ": line.watched[law]}
+            data = {
+                f"{law}, {way}{name} ({what})": max(getattr(run, name) for run in runs)
+                for way, runs in ways.items()
+                for name, what in (("position", "mm"), ("angle", "°"))
+            }
+            row.append(Cell(" → ".join(_worst(runs) for runs in ways.values()), data))
+        row.append(number(line.median, 2))
+        runs = f"{line.found} of {line.runs}"
+        rows.append([*row, Cell(runs, {"found": line.found, "runs": line.runs})])
+    count = len(lines[0].alone[LAWS[0]])
+    header = ["fault", *(f"{law} (mm, °)" for law in LAWS), "watched, median (mm)", "found"]
+    where = f"{count} moves" if count > 1 else "one move"
+    title = f"Readings that lie in {where}: worst error, without → with a watch"
+    return Table("faults", title, header, rows)
+
+
+def _worst(runs: list[lying.Run]) -> str:
+    """The worst of some runs, and in how many the robot left its workspace."""
+    angle = max(run.angle for run in runs)
+    turned = number(angle, 2) if angle <= 180 else "over 180"
+    left = sum(run.left for run in runs)
+    return f"{number(max(run.position for run in runs), 2)}, {turned}°" + f" ({left})" * (left > 0)
 
 
 def theta_scatter(law: str) -> tuple[float, float]:

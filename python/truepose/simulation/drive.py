@@ -21,11 +21,13 @@ from truepose.simulation import late
 from truepose.simulation.controller import Controller, pose_of, positive, require_same_readings
 from truepose.simulation.effects import Effects
 from truepose.simulation.faults import Fault, in_core
+from truepose.simulation.linear import ringing
 from truepose.simulation.watch import Watch
 
 RESTLESS = 1e-3  #: m or rad, peak to peak in the last 50 ms: more is no rest
 NO_REST = f"does not come to rest: swings by more than {1e3 * RESTLESS:g} mm or mrad"
 SATURATED = "saturated: "  #: begins what is said of a robot that rests all the same
+_STEPS, _RINGING = 2, 1.0  #: in a period at least, and phase of a rotor's ringing in a step, rad
 _MOST_PERIODS = 1_000_000  # of one simulation: about 0.3 GB of log
 
 
@@ -36,6 +38,7 @@ class Drive(NamedTuple):
     controller: Controller
     core: tuple  #: what the core's functions take first
     seed: int
+    steps: int  #: of the integration, in one control period
     origin: list[float]  #: desired pose at the start
     at_rest: list[float]  #: where the controller holds the true robot at the start
 
@@ -48,7 +51,7 @@ def begin(
     *,
     duration: float,
     hold: float,
-    steps: int,
+    steps: int | None,
     seed: int,
     effects: Effects | None,
     time: float,
@@ -65,7 +68,8 @@ def begin(
     """
     controller = controller_of(controller, robot, effects)
     require_same_readings(robot, truth)
-    _timing(controller, duration, hold, steps)
+    _timing(controller, duration, hold)
+    steps = _steps(steps, truth, effects, controller.period)
     if learn is not None and learn.prior != robot:
         raise InputError("learn: must be an OnlineCalibration of the robot that is controlled")
     lying = in_core(truth, faults, controller.period)
@@ -86,7 +90,7 @@ def begin(
     slow = late.lateness(robot, truth, controller.period)
     core = (believed.core, truth.core, settings, known, plant, filtered, lying, guarding, slow)
     held = [*at_rest[0], *[0.0] * (6 - robot.n)]
-    return Drive(truth, controller, core, check_seed(seed), origin, held)
+    return Drive(truth, controller, core, check_seed(seed), steps, origin, held)
 
 
 def controller_of(
@@ -110,12 +114,22 @@ def saturated(motor: int) -> str:
     return f"{SATURATED}motor {motor + 1} was at its torque limit"
 
 
-def _timing(controller: Controller, duration: float, hold: float, steps: int) -> None:
+def _steps(steps: int | None, truth: Robot, effects: Effects | None, period: float) -> int:
+    """Integration steps in a period: as asked for, or what resolves all that swings."""
+    if steps is None:
+        if effects is None or not effects.arm_stiffness:
+            return _STEPS
+        fastest = ringing(truth, truth.home, effects)
+        return max(_STEPS, math.ceil(fastest * period / _RINGING))
+    if not (isinstance(steps, int) and 1 <= steps <= 1000):
+        raise InputError(f"steps = {steps}: must be a whole number from 1 to 1000")
+    return steps
+
+
+def _timing(controller: Controller, duration: float, hold: float) -> None:
     positive("duration", duration)
     if not (math.isfinite(hold) and hold >= 0):
         raise InputError(f"hold = {hold}: must be a finite number of seconds of at least 0")
-    if not (isinstance(steps, int) and 1 <= steps <= 1000):
-        raise InputError(f"steps = {steps}: must be a whole number from 1 to 1000")
     if (duration + hold) / controller.period > _MOST_PERIODS:
         raise InputError(
             f"duration + hold = {duration + hold:g} s: at most {_MOST_PERIODS} control periods"

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.exceptions import PoseError
+from truepose.exceptions import InputError, PoseError
 from truepose.robot.robot import Robot
 from truepose.simulation.chart import Setpoints
+from truepose.simulation.controller import positive
+from truepose.simulation.paths import Path
+
+_NEAR = 1e-3  #: to which the fastest speed is found
 
 
 def require_feasible(robot: Robot, setpoints: Setpoints, period: float) -> None:
@@ -49,6 +55,74 @@ def require_feasible(robot: Robot, setpoints: Setpoints, period: float) -> None:
         except PoseError as error:
             reason = str(error).removeprefix(f"{robot.name}: ")
             raise PoseError(f"{robot.name}: path at t = {first * period:.4g} s: {reason}") from None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Paced:
+    """A path `speed` times as fast as it is.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.simulation.feasible import Paced
+    >>> line = tp.Line(start=[0, 0, -0.4, 0], end=[0.1, 0, -0.4, 0], duration=0.4)
+    >>> [len(p.setpoints(tp.load("h4"), 1e-3).x) for p in (line, Paced(path=line, speed=2))]
+    [401, 201]
+    """
+
+    path: Path
+    speed: float
+
+    def setpoints(self, robot: Robot, period: float) -> Setpoints:
+        """See :class:`truepose.simulation.paths.Path`."""
+        positive("speed", self.speed)
+        x, rate, acceleration = self.path.setpoints(robot, self.speed * period)
+        return Setpoints(x, self.speed * rate, self.speed**2 * acceleration)
+
+
+def fastest(robot: Robot, path: Path, period: float = 1e-3) -> float:
+    """How many times as fast as it is the motors allow a path: :func:`require_feasible`.
+
+    The limits of speed and torque in the robot's file, met by the nominal robot, to a thousandth.
+
+    Raises
+    ------
+    InputError
+        No motor has a limit that the path would ever reach.
+    PoseError
+        The path is not possible at any speed.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.simulation.feasible import fastest
+    >>> circle = tp.Circle(centre=[0, 0, -0.42, 0], radius=0.05, frequency=1)
+    >>> 5 < fastest(tp.load("h4"), circle) < 10
+    True
+    """
+    x, rate, acceleration = path.setpoints(robot, period)
+
+    def refusal(asked: Setpoints) -> PoseError | None:
+        try:
+            require_feasible(robot, asked, period)
+        except PoseError as error:
+            return error
+        return None
+
+    def at(speed: float) -> Setpoints:
+        return Setpoints(x, speed * rate, speed**2 * acceleration)
+
+    slow, fast = 1e-3, 1e3
+    if impossible := refusal(at(slow)):
+        raise impossible
+    if refusal(at(fast)) is None:
+        raise InputError(f"{robot.name}: the motors allow any speed: no limit is in its file")
+    while fast > (1 + _NEAR) * slow:
+        middle = float(np.sqrt(slow * fast))
+        slow, fast = (slow, middle) if refusal(at(middle)) else (middle, fast)
+    while refusal(Paced(path=path, speed=slow).setpoints(robot, period)):  # other rows of the path
+        slow *= 1 - _NEAR
+    return slow
 
 
 def _within(

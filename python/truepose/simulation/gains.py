@@ -12,8 +12,8 @@ from truepose.exceptions import InputError
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
 from truepose.simulation.effects import Effects
-from truepose.simulation.linear import Gains, plants
-from truepose.simulation.loci import Margin, Responses, worst
+from truepose.simulation.linear import DIRECTIONS, Gains, plants
+from truepose.simulation.loci import Margin, Responses
 
 #: What chosen gains keep at every pose, of all motors at once, of each motor and of each reading
 #: alone: 6 dB up and down, 30°, two cycles.
@@ -21,8 +21,13 @@ LEAST = Margin(2.0, 2.0, np.radians(30), 2.0)
 #: Torques' rms by counts and noise, of the limits: half of what counts as rest, since a loop that
 #: hunts by a count shakes its motors some twice as much as the white noise that is reckoned with.
 _DITHER = 0.01
-#: Poles that are tried, rad/s, and bandwidths of the velocity loops in units of them: slower than
-#: the first friction holds the robot rather than its motors, nothing is asked beyond the paper's.
+#: What rest is: the nacelle's swing, peak to peak, m and rad; a motor's torque, rms of its limit.
+REST, REST_TORQUE = (50e-6, np.radians(0.05)), 0.02
+#: How far off friction alone may hold the nacelle, m. Slower poles leave the robot to its friction,
+#: through which it creeps for seconds.
+_HELD = 1e-3
+#: Poles that are tried, rad/s, and bandwidths of the velocity loops in units of them: nothing is
+#: asked beyond the paper's.
 _FREQUENCIES = np.geomspace(10.0, 150.0, 41)
 _RATIOS = (3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 16.0)
 
@@ -60,11 +65,18 @@ def responses(
     robot: Robot, law: Law, effects: Effects, period: float, diagonal: bool = False
 ) -> Responses:
     """Return the loops of a robot at its :func:`poses`."""
+    return responses_at(robot, poses(robot), law, effects, period, diagonal)
+
+
+def responses_at(
+    robot: Robot, x: Array, law: Law, effects: Effects, period: float, diagonal: bool
+) -> Responses:
+    """Return the loops of a robot at poses, its gains diagonal or not."""
     inertia = None
     if diagonal:
         J = robot.jacobian(robot.home)
         inertia = np.diag(J.T @ robot.mass_matrix(robot.home) @ J)
-    return Responses(plants(robot, poses(robot), law, effects, period, inertia))
+    return Responses(plants(robot, x, law, effects, period, inertia))
 
 
 @lru_cache(maxsize=64)
@@ -89,42 +101,76 @@ def choose(
     Raises
     ------
     InputError
-        There are none: the period is too long.
+        There are none: the period is too long, the counts are too coarse, or friction too strong.
     """
-    found = responses(robot, law, effects, period, diagonal)
+    everywhere = responses(robot, law, effects, period, diagonal)
+    home = Responses(everywhere.plants[:1])
     read = robot if effects.quantisation else robot.unquantised()
+    rest = np.array([REST[k >= 3] for k in DIRECTIONS[robot.spec.mobility]])
     limits = np.array([chain.torque_limit or np.inf for chain in robot.spec.chain])
 
-    def lacks(gains: Gains) -> str:
-        margin = worst(found.common(gains))
+    def lacks(gains: Gains, found: Responses) -> str:
+        margin = found.least(gains)
         if not kept(margin):
             return _said(margin)
         dither = float((found.dither(gains, read.reading_sigma) / limits).max())
         if not dither <= _DITHER:
             return f"counts and noise shake a motor by {100 * dither:.2g} % of its torque limit"
-        alone = found.torques(gains) + found.alone(gains)
-        margin = worst([each for of_pose in alone for each in of_pose])
+        swing = found.hunting(gains, read.resolution).max(axis=0)
+        if not (swing <= rest).all():
+            k = int((swing / rest).argmax())
+            length = rest[k] == REST[0]
+            far = f"{1e6 * swing[k]:.3g} µm" if length else f"{np.degrees(swing[k]):.2g}°"
+            return f"counts let the nacelle hunt by {far}"
+        margin = found.least_alone(gains)
         if not kept(margin):
             return f"{_said(margin)} of a motor or reading alone"
-        return "" if found.stable(gains) else "it is unstable"
+        return "" if found.stable(gains).all() else "it is unstable"
 
-    reason = ""
-    for frequency in _FREQUENCIES[::-1]:
+    least, most = float(_FREQUENCIES[0]), float(_FREQUENCIES[-1])
+    slowest = min(max(least, friction_poles(robot, effects)), most)
+    tried = [float(f) for f in _FREQUENCIES[::-1] if f > slowest] + [slowest]
+    for frequency in tried:
         # The widest band first: the least lag, hence the most phase.
         for ratio in _RATIOS[::-1]:
-            gains = Gains(float(frequency), float(ratio * frequency), damping, integral)
-            reason = lacks(gains)
-            if not reason:
+            gains = Gains(frequency, ratio * frequency, damping, integral)
+            if not (lacks(gains, home) or lacks(gains, everywhere)):
                 return gains
+    widest = Gains(slowest, _RATIOS[-1] * slowest, damping, integral)
+    stable = everywhere.stable(widest).all()
+    reason = lacks(widest, everywhere) if stable else "it is unstable"
+    why = f" before friction holds the nacelle {1e3 * _HELD:g} mm off" if slowest > least else ""
     raise InputError(
         f"{robot.name}: period {period:g} s: the {law} law cannot hold it with 6 dB, 30° and two "
-        f"cycles to spare: at {_FREQUENCIES[0]:g} rad/s, the slowest, {reason}"
+        f"cycles to spare: at {slowest:.3g} rad/s, the slowest{why}, {reason}"
     )
+
+
+def friction_poles(robot: Robot, effects: Effects) -> float:
+    """Return the poles at which friction may hold the nacelle off by `_HELD`, rad/s.
+
+    A motor rests where the PD asks for less than its friction F: at an error of up to F/(ω² I).
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.simulation.gains import friction_poles
+    >>> h4 = tp.load("h4")
+    >>> 20 < friction_poles(h4, tp.Effects()) < 35, friction_poles(h4, tp.Effects.none())
+    (True, 0.0)
+    """
+    x, n = poses(robot), robot.n
+    J, M = robot.jacobian(x), robot.mass_matrix(x)
+    lengths = [unit == "m" for _, unit in robot.coordinates]
+    # J (JᵀMJ)⁻¹ is (JᵀM)⁻¹.
+    moves = np.abs(np.linalg.inv(J.swapaxes(-1, -2) @ M))[:, lengths]
+    off = moves @ np.array(effects.plant(robot).friction[:n])
+    return float(np.sqrt(off.max(initial=0.0) / _HELD))
 
 
 def _said(margin: Margin) -> str:
     decibels = [20 * np.log10(margin.more), 20 * np.log10(margin.less)]
     return (
-        f"{min(decibels):.1f} dB, {np.degrees(margin.phase):.0f}°, {margin.delay:.1f} cycles are "
+        f"{min(decibels):.3g} dB, {np.degrees(margin.phase):.3g}°, {margin.delay:.3g} cycles are "
         "left"
     )

@@ -16,6 +16,7 @@ from itertools import pairwise
 import numpy as np
 
 from truepose.arguments import Array
+from truepose.exceptions import InputError
 from truepose.robot.frames import coordinates, frames, rotation
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
@@ -23,8 +24,10 @@ from truepose.robotfile.parameters import PAIRED
 from truepose.simulation import late
 from truepose.simulation.effects import Effects
 
+_FALLEN = 1e12  #: growth in a period beyond which no control is thinkable
 _STEP = 1e-5  # m and rad, of the nacelle: the weight's stiffness is a difference
-_DIRECTIONS = {
+#: Of a twist, what each mobility has: translations, then rotations.
+DIRECTIONS = {
     "translation": (0, 1, 2),
     "planar_translation": (0, 1),
     "planar": (0, 1, 5),
@@ -70,11 +73,14 @@ class Plant:
     period: float
     late: int
 
-    def response(self, z: Array) -> Array:
-        """From torques to readings at points z, delay included: (..., n + r, n)."""
+    def response(self, z: Array) -> tuple[Array, Array]:
+        """From torques to readings, (..., n + r, n), and the nacelle's twist, (..., n, n).
+
+        At points z, delay included.
+        """
         z = z[..., None, None]
-        states = np.linalg.solve(z * np.eye(len(self.A)) - self.A, self.B)
-        return (self.C @ states + self.D / z) / z**self.late
+        states = np.linalg.solve(z * np.eye(len(self.A)) - self.A, self.B) / z**self.late
+        return self.C @ states + self.D / z ** (1 + self.late), states[..., : len(self.E), :]
 
     def closed(self, gains: Gains, gain: float = 1.0) -> Array:
         """Return the closed loop, from one cycle to the next.
@@ -133,24 +139,19 @@ def _plant(
 ) -> Plant:
     from scipy.linalg import expm  # takes longer to import than all of truepose
 
-    n, still = robot.n, np.zeros(robot.n)
-    chains = robot.spec.chain
+    n, chains = robot.n, robot.spec.chain
     H_x, H_xi = robot.linearise(x, level="ideal")
     M, J = robot.mass_matrix(x), robot.jacobian(x)
-    held = robot.inverse_dynamics(x, still, still)
-    turning = robot.acceleration(x, still, held + np.eye(n)) - robot.acceleration(x, still, held)
-    K = turning @ M  # of the motors as they turn; rows of `turning` are M⁻¹ Kᵀ of each
+    held, K = _turning(robot, x, M)
     slope = np.diag(H_x[:n] @ np.linalg.inv(K))
     E = late.carried(robot, -np.linalg.solve(J, robot.leakage(x, law)), H_x, period)
     inertia = slope[:, None] * (J.T @ M @ J) if diagonal is None else np.diag(slope * diagonal)
 
     # Nacelle, and rotors that turn by themselves: see offline/effects.hpp.
-    springy = [i for i in range(n) if effects.arm_stiffness and chains[i].actuator == "revolute"]
-    own = np.array([_rotor(robot, i) for i in springy])
+    springy, own, left = _apart(robot, effects, M, K)
     k = effects.arm_stiffness
     damping = 2 * _ARM_DAMPING * np.sqrt(k * own)
     arms, m = K[springy], len(springy)
-    left = M - arms.T @ (own[:, None] * arms)
     viscous = np.diag([chain.viscous for chain in chains])
     s = 2 * n + 2 * m
     at, speed, turn, spin = (
@@ -167,7 +168,10 @@ def _plant(
     B[speed] = np.linalg.solve(left, K[rigid].T @ np.eye(n)[rigid])
     A[spin] = -passed / own[:, None]
     B[spin] = np.eye(n)[springy] / own[:, None]
-    whole = expm(period * np.block([[A, B], [np.zeros((n, s + n))]]))
+    with np.errstate(over="ignore", invalid="ignore"):
+        whole = expm(period * np.block([[A, B], [np.zeros((n, s + n))]]))
+    if not (np.abs(whole) < _FALLEN).all():
+        raise InputError(f"{robot.name}: period {period:g} s: it falls meanwhile")
 
     C, D = H_x @ one[at], np.zeros((n + robot.r, n))
     C[springy] = slope[springy, None] * one[turn]
@@ -191,6 +195,46 @@ def _plant(
     return Plant(whole[:s, :s], whole[:s, s:], C, D, E, inertia, period, int(effects.delay))
 
 
+def ringing(robot: Robot, x: Array, effects: Effects) -> float:
+    """Return the fastest frequency at which rotors swing against their arms, rad/s; 0 of none.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.simulation.linear import ringing
+    >>> h4 = tp.load("h4")
+    >>> 1500 < ringing(h4, h4.home, tp.Effects()) < 1700
+    True
+    """
+    M = robot.mass_matrix(x)
+    _, K = _turning(robot, x, M)
+    springy, own, left = _apart(robot, effects, M, K)
+    if not springy:
+        return 0.0
+    arms = K[springy]
+    squares = np.linalg.eigvals(np.diag(1 / own) + arms @ np.linalg.solve(left, arms.T)).real
+    return float(np.sqrt(effects.arm_stiffness * squares.max()))
+
+
+def _turning(robot: Robot, x: Array, M: Array) -> tuple[Array, Array]:
+    """Torques that hold a robot at rest, and how its motors turn with the nacelle, (n, n)."""
+    if not np.linalg.eigvalsh(M).min() > 0:
+        raise InputError(f"{robot.name}: moves without inertia: its file has to name masses")
+    still = np.zeros(robot.n)
+    held = robot.inverse_dynamics(x, still, still)
+    ones = robot.acceleration(x, still, held + np.eye(robot.n))
+    # Rows of what one torque more accelerates are M⁻¹ Kᵀ of each motor.
+    return held, (ones - robot.acceleration(x, still, held)) @ M
+
+
+def _apart(robot: Robot, effects: Effects, M: Array, K: Array) -> tuple[list[int], Array, Array]:
+    """Motors whose arms give way, their rotors' inertia, and the mass matrix without those."""
+    revolute = [i for i, chain in enumerate(robot.spec.chain) if chain.actuator == "revolute"]
+    springy = revolute if effects.arm_stiffness else []
+    own = np.array([_rotor(robot, i) for i in springy])
+    return springy, own, M - K[springy].T @ (own[:, None] * K[springy])
+
+
 _ARM_DAMPING = 0.05  # ratio, of a rotor against its arm: the plant's
 
 
@@ -204,7 +248,7 @@ def _weight(robot: Robot, x: Array, M: Array, held: Array) -> Array:
     """Stiffness of a robot that constant torques hold against its weight, along the free twist."""
     n, still = robot.n, np.zeros(robot.n)
     step = np.zeros((n, 6))
-    step[range(n), _DIRECTIONS[robot.spec.mobility]] = _STEP
+    step[range(n), DIRECTIONS[robot.spec.mobility]] = _STEP
     moved = []
     for sign in (1, -1):
         frame = np.tile(frames(robot, x), (n, 1, 1))

@@ -47,29 +47,42 @@ class Responses:
         self.plants, self.period = plants, plants[0].period
         self.frequency = frequencies(self.period)
         self.z = np.exp(1j * self.frequency * self.period)
-        #: From accelerations asked for to readings, (P, F, n + r, n).
-        self.readings = np.stack([p.response(self.z) @ p.inertia for p in plants])
+        answers = [[part @ p.inertia for part in p.response(self.z)] for p in plants]
+        #: From accelerations asked for to readings, (P, F, n + r, n), and to the nacelle's twist.
+        self.readings, self.nacelle = (np.stack(part) for part in zip(*answers, strict=True))
         self.E = np.stack([p.E for p in plants])[:, None]
         # The same spectrum as broken at the motors' torques.
         self.loci = _tracked(np.linalg.eigvals(self.E @ self.readings))
 
-    def stable(self, gains: Gains) -> bool:
-        """Whether every closed loop is."""
-        return all(abs(np.linalg.eigvals(p.closed(gains))).max() < 1 for p in self.plants)
+    def stable(self, gains: Gains) -> Array:
+        """Whether the closed loop is, at each pose."""
+        radii = [abs(np.linalg.eigvals(plant.closed(gains))).max() for plant in self.plants]
+        return np.array(radii) < 1
 
     def common(self, gains: Gains) -> list[Margin]:
         """Return the margins of all motors' torques at once, at each pose."""
-        c = gains.transfer(self.z, self.period)
-        return [self._margin(loci) for loci in self.loci * c[:, None]]
+        return [self._margin(loci) for loci in self.together(gains)]
 
     def torques(self, gains: Gains) -> list[list[Margin]]:
         """Return those of each motor's torque alone, at each pose."""
-        inertia = np.stack([p.inertia for p in self.plants])[:, None]
-        return self._alone(gains, inertia @ self.E @ self.readings @ np.linalg.inv(inertia))
+        return self._each(self._torques(gains))
 
     def alone(self, gains: Gains) -> list[list[Margin]]:
         """Return those of each reading alone, at each pose: of a sensor, its own loop."""
-        return self._alone(gains, self.readings @ self.E)
+        return self._each(self._readings(gains))
+
+    def least(self, gains: Gains) -> Margin:
+        """Return the least margins of all motors at once, of all poses."""
+        return self._margin(_side_by_side(self.together(gains)))
+
+    def least_alone(self, gains: Gains) -> Margin:
+        """Return the least of each motor's and each reading's alone, of all poses."""
+        loops = [self._torques(gains), self._readings(gains)]
+        return self._margin(np.hstack([_side_by_side(loop) for loop in loops]))
+
+    def together(self, gains: Gains) -> Array:
+        """Return the characteristic loci of the loop of all motors, (P, F, n)."""
+        return self.loci * gains.transfer(self.z, self.period)[:, None]
 
     def dither(self, gains: Gains, sigma: Array) -> Array:
         """Return the torques' rms where readings have white noise of these σ: (P, n)."""
@@ -80,10 +93,40 @@ class Responses:
         power = (np.abs(answer) ** 2).sum(axis=-1)
         return np.sqrt(np.trapezoid(power, self.frequency * self.period / np.pi, axis=1))
 
-    def _alone(self, gains: Gains, loop: Array) -> list[list[Margin]]:
+    def hunting(self, gains: Gains, counts: Array) -> Array:
+        """Return how far the nacelle swings as readings hunt by a count, peak to peak: (P, n).
+
+        Readings rest in the middle of a count or hunt about its edge, where a quantiser is a relay
+        whose describing function takes any value: each hunts, by itself, at the frequency at which
+        its loop turns by -180°, and its square wave's fundamental, 4/π counts from peak to peak, is
+        what the nacelle answers (A. Gelb and W. E. Vander Velde, Multiple-Input Describing
+        Functions, 1968, chapter 2). A sampled relay may be one cycle late. Phases are anybody's:
+        readings add by their squares.
+        """
+        c = gains.transfer(self.z, self.period)[:, None, None]
+        error = c * self.E
+        loop = np.einsum("pfij,pfji->pfi", self.readings, error) / self.z[:, None]
+        swing = 4 / np.pi * counts * np.abs(self.nacelle @ error)
+        turned = (loop[:, 1:].imag < 0) != (loop[:, :-1].imag < 0)
+        # Slower than the poles, a motor whose others are left alone only falls.
+        turned &= (loop[:, 1:].real < 0) & (self.frequency[1:, None] > gains.frequency)
+        each = np.where(turned[:, :, None], swing[:, 1:], 0).max(axis=1)
+        return np.sqrt((each**2).sum(axis=-1))
+
+    def _torques(self, gains: Gains) -> Array:
+        inertia = np.stack([p.inertia for p in self.plants])[:, None]
+        return self._own(gains, inertia @ self.E @ self.readings @ np.linalg.inv(inertia))
+
+    def _readings(self, gains: Gains) -> Array:
+        return self._own(gains, self.readings @ self.E)
+
+    def _own(self, gains: Gains, loop: Array) -> Array:
+        """Scalar loops of channels whose others are closed, (P, F, channels)."""
         c = gains.transfer(self.z, self.period)[:, None, None]
         open_ = np.linalg.inv(np.eye(loop.shape[-1]) + c * loop)
-        own = 1 / np.diagonal(open_, axis1=-2, axis2=-1) - 1
+        return 1 / np.diagonal(open_, axis1=-2, axis2=-1) - 1
+
+    def _each(self, own: Array) -> list[list[Margin]]:
         return [[self._margin(l[:, [i]]) for i in range(l.shape[-1])] for l in own]
 
     def _margin(self, loci: Array) -> Margin:
@@ -92,6 +135,11 @@ class Responses:
         early = np.abs((phase + np.pi) % (2 * np.pi) - np.pi)  # to the nearer side
         late = phase % (2 * np.pi) / (at * self.period)
         return Margin(more, less, early.min(initial=np.inf), late.min(initial=np.inf))
+
+
+def _side_by_side(loci: Array) -> Array:
+    """Loops of all poses as one, (F, P channels)."""
+    return loci.swapaxes(0, 1).reshape(loci.shape[1], -1)
 
 
 def worst(margins: list[Margin]) -> Margin:

@@ -168,7 +168,7 @@ def simulate(
     end: ArrayLike | None = None,
     duration: float = MOVE_DURATION,
     hold: float = 0.2,
-    steps: int = 2,
+    steps: int | None = None,
     seed: int = 0,
     effects: Effects | None = None,
     time: float = 0.0,
@@ -202,8 +202,9 @@ def simulate(
         Desired poses; by default those of :func:`default_move`.
     duration, hold : float
         Of the move, and after it, s.
-    steps : int
-        Integration steps in one control period.
+    steps : int, optional
+        Integration steps in one control period; by default 2, and with arms that give way at least
+        4 and as many as a rotor turns by radians, swinging against its arm, in that period.
     seed : int
         Of the true robot's readings' noise, and of the effects' phases.
     effects : Effects, optional
@@ -290,7 +291,7 @@ def simulate(
     if setpoints is None:
         asked = (drive.origin, target, duration, hold)
         status, chain, *log = _core.simulate(  # type: ignore[call-arg]
-            *drive.core, *asked, steps, drive.at_rest, drive.seed, own
+            *drive.core, *asked, drive.steps, drive.at_rest, drive.seed, own
         )
     else:
         rest = np.zeros((round(hold / controller.period), robot.n))
@@ -299,7 +300,7 @@ def simulate(
             np.concatenate([setpoints.x, rest + setpoints.x[-1]]),
             np.concatenate([setpoints.rate, rest]),
             np.concatenate([setpoints.acceleration, rest]),
-            steps,
+            drive.steps,
             drive.at_rest,
             drive.seed,
             own,

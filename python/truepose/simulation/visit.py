@@ -30,7 +30,7 @@ def visit(
     *,
     duration: float = MOVE_DURATION,
     hold: float = 0.2,
-    steps: int = 2,
+    steps: int | None = None,
     seed: int = 0,
     effects: Effects | None = None,
     time: float = 0.0,
@@ -59,8 +59,7 @@ def visit(
     >>> from truepose.simulation.visit import visit
     >>> h4 = tp.load("h4")
     >>> poses = [[0, 0, -0.4, 0.1], [0.05, 0, -0.4, 0]]
-    >>> soft = tp.Controller(frequency=40, velocity_bandwidth=300)
-    >>> x, q_e, status = visit(h4, h4, poses, soft, effects=tp.Effects())
+    >>> x, q_e, status = visit(h4, h4, poses, effects=tp.Effects())
     >>> status.tolist(), x.shape, q_e.shape
     (['ok', 'ok'], (2, 4), (2, 5))
     """
@@ -83,7 +82,7 @@ def visit(
         watch=watch,
     )
     x, q_e, swing, held, status, cycles, reason = _core.visit(  # type: ignore[call-arg]
-        *drive.core, rows, duration, hold, steps, drive.at_rest, drive.seed
+        *drive.core, rows, duration, hold, drive.steps, drive.at_rest, drive.seed
     )
     words = np.array([_core.describe(int(s)) for s in status], dtype=object)
     restless = (words == "ok") & ~(swing <= RESTLESS)

@@ -49,8 +49,7 @@ class DynamicPlant:
     >>> from truepose.simulation.plants.dynamic import DynamicPlant
     >>> h4 = tp.load("h4")
     >>> plant = DynamicPlant(h4, tp.Effects())
-    >>> soft = tp.Controller(frequency=40, velocity_bandwidth=300)
-    >>> plant.visit(h4, [[0.05, 0, -0.4, 0.1]], soft).status.tolist()
+    >>> plant.visit(h4, [[0.05, 0, -0.4, 0.1]], tp.Controller.for_robot(h4)).status.tolist()
     ['ok']
     """
 

@@ -1,0 +1,101 @@
+"""Does every shipped robot rest with all effects on, under the gains that are chosen for it?
+
+    python benchmarks/margins.py [--robots h4 …] [--rates 1 2 …] [--seeds 3]    # ten minutes
+
+Prints the gains and margins at the first rate, then how the robots rest at each: µm, °, and % of
+the torque limit, bold where that is no rest. Each seed is a robot drawn from the tolerances of its
+file, and the effects' phases; it makes its default move and holds the end for 2 s. Rest: over the
+last 0.2 s no coordinate moves by more than 50 µm or 0.05°, peak to peak, and no motor's torque by
+more than 2 % of its limit, rms about its mean.
+"""
+
+import argparse
+
+import numpy as np
+
+import truepose as tp
+from truepose.simulation.gains import REST, REST_TORQUE
+from truepose.simulation.loci import worst
+from truepose.simulation.true_robots import with_tolerance_errors
+
+LAWS = ("joint", "redundant", "weighted", "estimated")
+RATES = (1.0, 2.0, 5.0, 10.0, 20.0, 0.5)  # kHz
+HOLD, LAST = 2.0, 0.2  # s
+
+
+def chosen(robot: tp.Robot, law: str, period: float) -> tp.Controller | None:
+    """Return the controller that is chosen, or none where that is refused."""
+    try:
+        return tp.Controller.for_robot(robot, law=law, period=period)
+    except tp.InputError as refused:
+        print(refused)
+        return None
+
+
+def bears(robot: tp.Robot, controller: tp.Controller) -> str:
+    """Gains, and margins: of all motors at once, then the least of any one alone."""
+    found = tp.margins(robot, controller)
+    together, *each = found.loops
+    cells = [f"{controller.frequency:.0f}, {controller.velocity_bandwidth:.0f}"]
+    for loops in ([together], each):
+        least = worst([found.worst(loop) for loop in loops])
+        gain = 20 * np.log10(min(least.more, least.less))
+        cells.append(f"{gain:.1f} dB, {np.degrees(least.phase):.0f}°, {least.delay:.1f}")
+    lengths, angles = _lengths(robot), ~_lengths(robot)
+    swing = [found.hunting[:, part].max(initial=0.0) for part in (lengths, angles)]
+    return " | ".join([*cells, f"{1e6 * swing[0]:.1f} µm, {np.degrees(swing[1]):.3f}°"])
+
+
+def rests(robot: tp.Robot, controller: tp.Controller, seeds: int) -> str:
+    """Drive robots that are drawn, and look at the end of the hold."""
+    limits = np.array([chain.torque_limit or np.inf for chain in robot.spec.chain])
+    found = []
+    for seed in range(seeds):
+        truth = with_tolerance_errors(robot, seed)
+        run = tp.simulate(robot, truth, controller, hold=HOLD, seed=seed, effects=tp.Effects())
+        last = run.time >= run.time[-1] - LAST
+        swing = np.ptp(run.x[last], axis=0)
+        shake = (run.torque[last].std(axis=0) / limits).max()
+        parts = [swing[part].max(initial=0.0) for part in (_lengths(robot), ~_lengths(robot))]
+        found.append([*parts, shake])
+    far, turn, shake = np.max(found, axis=0)
+    text = f"{1e6 * far:.1f}, {np.degrees(turn):.3f}, {100 * shake:.2f}"
+    return text if (np.array([far, turn, shake]) <= [*REST, REST_TORQUE]).all() else f"**{text}**"
+
+
+def _lengths(robot: tp.Robot) -> np.ndarray:
+    return np.array([unit == "m" for _, unit in robot.coordinates])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--robots", nargs="+", default=tp.robots())
+    parser.add_argument("--laws", nargs="+", default=LAWS)
+    parser.add_argument("--rates", nargs="+", type=float, default=RATES)
+    parser.add_argument("--seeds", type=int, default=3)
+    asked = parser.parse_args()
+    loops, held = [], []
+    for name in asked.robots:
+        robot = tp.load(name)
+        # Without redundant sensors every law is the joint law.
+        for law in asked.laws if robot.r else asked.laws[:1]:
+            cells = []
+            for rate in asked.rates:
+                controller = chosen(robot, law, 1e-3 / rate)
+                cells.append(
+                    "refused" if controller is None else rests(robot, controller, asked.seeds)
+                )
+                if controller is not None and rate == asked.rates[0]:
+                    loops.append(f"| {name} | {law} | {bears(robot, controller)} |")
+            held.append(f"| {name} | {law} | " + " | ".join(cells) + " |")
+            print(held[-1], flush=True)
+    kept = f"all motors, {asked.rates[0]:g} kHz: gain, phase, cycles | one motor or reading"
+    print(f"\n| robot | law | poles, filter (rad/s) | {kept} | hunting |")
+    print("|---|---|---:|---:|---:|---:|", *loops, sep="\n")
+    rates = " | ".join(f"{rate:g} kHz" for rate in asked.rates)
+    print(f"\n| robot | law | {rates} |")
+    print("|---|---|" + "---:|" * len(asked.rates), *held, sep="\n")
+
+
+if __name__ == "__main__":
+    main()

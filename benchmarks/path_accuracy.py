@@ -1,0 +1,150 @@
+"""Prints the tables of docs/path-accuracy.md: how well do H4s follow a circle and a square?
+
+path_accuracy.py contour [--robots 20] [--jobs 1]    # 2 Hz, the geometry known exactly
+path_accuracy.py slow [--robots 20] [--jobs 1]       # 0.1 Hz, calibrated, beside rest;
+                                                     # --without friction leaves an effect out
+path_accuracy.py iso [--robots 20]                   # AT and RT, at three speeds, as --full does
+
+Every robot is drawn from the tolerances, every rod by itself. Half an hour on one core for all.
+"""
+
+import argparse
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+
+import numpy as np
+
+import truepose as tp
+from truepose.paper import following, tables
+from truepose.robot.laws import LAWS
+from truepose.show.table import markdown
+from truepose.simulation.true_robots import with_tolerance_errors
+from truepose.simulation.visit import visit
+
+RUNS = 3  #: of each robot at 2 Hz
+PLACES = 24  #: on the circle, at which a robot rests
+MOTORS = tp.Effects().without("eccentricity", "thermal")  #: what motors can see
+WARM = 7200.0  #: s
+TIMES = 1.2  #: rms at 0.1 Hz over rms at rest, the goal
+RMS, MOST = 0.3, 0.5  #: mm, the goal of contouring with all effects that motors can see
+#: Effects, whether with gains that bear them, and how long the robot was on.
+CASES = {
+    "ideal: no effects, no counts, nominal gains": (None, False, 0.0),
+    "all effects but eccentricity and warm-up": (MOTORS, True, 0.0),
+    "eccentric encoders alone": (tp.Effects().only("eccentricity"), True, 0.0),
+    "warm-up alone, warm": (tp.Effects().only("thermal"), True, WARM),
+    "all effects, warm": (tp.Effects(), True, WARM),
+}
+
+
+def circle(frequency: float, turns: float) -> tp.Circle:
+    return tp.Circle(
+        centre=following.CENTRE, radius=following.RADIUS, frequency=frequency, turns=turns
+    )
+
+
+def contour(seed: int) -> dict:
+    """One robot whose controller knows its geometry: rms and largest, m, by case and law."""
+    truth = with_tolerance_errors(tp.load("h4"), seed).finest
+    found = {}
+    for law in LAWS:
+        bears = tp.Controller.for_robot(truth, tp.Effects(), law)
+        for case, (effects, soft, time) in CASES.items():
+            robot = truth.unquantised() if effects is None else truth
+            controller = bears if soft else tp.Controller(law=law)
+            followed = tp.path_accuracy(
+                robot,
+                circle(2, 3),
+                controller=controller,
+                effects=effects,
+                time=time,
+                runs=RUNS,
+                seed=seed,
+            )
+            found[case, law] = followed.contour, followed.contour_max
+    return found
+
+
+def slow(without: list[str], seed: int) -> dict:
+    """One calibrated robot: rms at rest on the circle (NaN: it rests nowhere) and at 0.1 Hz, m."""
+    effects = tp.Effects().without(*without)
+    robot = tp.load("h4")
+    truth, believed = following.drawn(robot, effects, 0, seed)
+    angles = np.linspace(0, 2 * np.pi, PLACES, endpoint=False)
+    places = np.tile(following.CENTRE, (PLACES, 1))
+    places[:, :2] += following.RADIUS * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    found = {}
+    for law in LAWS:
+        controller = tp.Controller.for_robot(robot, effects, law)
+        known = believed[law, True]
+        settings = {"effects": effects, "seed": seed}
+        x, _, _ = visit(known, truth, places, controller, **settings)
+        rest = np.linalg.norm((x - places)[:, :3], axis=1)
+        run = tp.path_accuracy(known, circle(0.1, 1), truth, controller, runs=1, **settings)
+        found[law] = np.sqrt((rest**2).mean()), run.tracking
+    return found
+
+
+def row(*cells: object) -> None:
+    print("|", " | ".join(map(str, cells)), "|", flush=True)
+
+
+def print_contour(robots: list[dict]) -> None:
+    """Print the largest rms and error of all robots, the median rms, and who is beyond the goal."""
+    row("case", *(f"{law} (mm)" for law in LAWS))
+    row("---", *["---:"] * len(LAWS))
+    for case in CASES:
+        cells = []
+        for law in LAWS:
+            rms, most = 1e3 * np.array([one[case, law] for one in robots]).T
+            cells.append(f"{rms.max():.2g}, {most.max():.2g} ({np.median(rms):.2g})")
+        row(case, *cells)
+    case = "all effects but eccentricity and warm-up"
+    goal = f"of {len(robots)} robots beyond {RMS:g} mm rms or {MOST:g} mm"
+    beyond = [
+        sum(1e3 * one[case, law][0] > RMS or 1e3 * one[case, law][1] > MOST for one in robots)
+        for law in LAWS
+    ]
+    row(f"{case}: {goal}", *beyond)
+
+
+def print_slow(robots: list[dict]) -> None:
+    """Print medians over the robots that rest, and how many follow worse than `TIMES` that."""
+    heads = ["law", "rest, rms (mm)", "0.1 Hz, rms (mm)", "ratio: median", "largest"]
+    heads += [f"above {TIMES:g}", "added in quadrature, largest (mm)"]
+    row(*heads)
+    row("---", *["---:"] * (len(heads) - 1))
+    for law in LAWS:
+        resting = [one[law] for one in robots if np.isfinite(one[law][0])]
+        if not resting:
+            row(law, *["-"] * (len(heads) - 1))
+            continue
+        rest, moving = 1e3 * np.array(resting).T
+        ratio = moving / rest
+        beyond = f"{(ratio > TIMES).sum()} of {len(rest)}"
+        more = np.sqrt(np.maximum(moving**2 - rest**2, 0)).max()
+        cells = np.median(rest), np.median(moving), np.median(ratio), ratio.max()
+        row(law, *(f"{cell:.3g}" for cell in cells), beyond, f"{more:.2g}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("what", choices=("contour", "slow", "iso"))
+    parser.add_argument("--robots", type=int, default=20)
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--without", nargs="*", default=[], choices=tp.Effects.groups())
+    args = parser.parse_args()
+    if args.what == "iso":
+        for table in tables.following(following.study(tp.load("h4"), args.robots, seed=0)):
+            print(f"{table.title}\n\n{markdown(table)}\n", flush=True)
+        return
+    with ProcessPoolExecutor(args.jobs) as pool:
+        work, show = {
+            "contour": (contour, print_contour),
+            "slow": (partial(slow, args.without), print_slow),
+        }[args.what]
+        show(list(pool.map(work, range(args.robots))))
+
+
+if __name__ == "__main__":
+    main()

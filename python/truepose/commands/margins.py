@@ -1,0 +1,240 @@
+"""How near is a controller to swinging up? Margins of every law's loop, and the gains chosen."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import typer
+
+from truepose.arguments import Array
+from truepose.commands.accuracy import parse_set
+from truepose.commands.options import (
+    Force,
+    How,
+    RobotName,
+    SensorSet,
+    completing,
+    effects_of,
+    plot_to,
+    wrote,
+)
+from truepose.exceptions import InputError, choose
+from truepose.robot.laws import LAWS, Law
+from truepose.robot.robot import Robot, load
+from truepose.show.table import Cell, Table, number
+from truepose.show.terminal import Format, say, show
+from truepose.show.units import PRINT
+from truepose.simulation import gains
+from truepose.simulation.controller import Controller, positive
+from truepose.simulation.effects import Effects
+from truepose.simulation.margins import ALL, Margins, margins
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_FILTER = 10.0  # of the poles' frequency: the paper's 1500 to 150 rad/s
+
+
+def command(
+    robot: RobotName,
+    effects: Annotated[
+        str,
+        typer.Option(
+            help="What models forget: all, none, or some of them: delay,compliance,…",
+            autocompletion=completing(lambda: ("all", "none", *Effects.groups())),
+        ),
+    ] = "all",
+    law: Annotated[
+        list[str] | None,
+        typer.Option(
+            help=f"{', '.join(LAWS)}; give it again for further ones.",
+            autocompletion=completing(lambda: LAWS),
+            show_default="joint and, with sensors, redundant, weighted, estimated",
+        ),
+    ] = None,
+    rate: Annotated[float, typer.Option(metavar="HZ", help="Control cycles in a second.")] = 1000.0,
+    sensors: SensorSet = None,
+    own: Annotated[
+        str | None,
+        typer.Option(
+            "--gains",
+            metavar="POLES[,FILTER[,DAMPING]]",
+            help="Gains of your own: poles and velocity filter, rad/s (10 times the poles), and "
+            "damping (1).",
+            show_default="the fastest that keep 6 dB, 30° and two cycles",
+        ),
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="Also draw each law's loop (PNG, SVG, PDF).")
+    ] = None,
+    how: How = Format.table,
+    force: Force = False,
+) -> None:
+    """Tell how much gain, phase and delay a robot's loops bear, and choose gains that keep enough.
+
+    Prints for each law the gains, and the margins of all motors at once, of each motor alone and of
+    each reading alone, a sensor's own loop included: the least of home and the workspace's corners.
+
+    Example: **truepose margins h4 --law joint --law redundant --rate 2000**, then
+    **truepose margins h4 --law redundant --gains 40,300**
+    """
+    save = plot_to(plot, [robot], force)
+    positive("--rate", rate)
+    loaded = load(robot)
+    if sensors is not None:
+        loaded = loaded.with_sensors(*parse_set(loaded, sensors))
+    forgotten = effects_of(effects)
+    found, refused = [], []
+    for each in laws_of(law, loaded):
+        controller = each if own is None else parse_gains(own, each, 1 / rate)
+        try:
+            period = 1 / rate if own is None else None
+            found.append(margins(loaded, controller, forgotten, period=period))
+        except InputError as error:
+            refused.append(error)
+    if not found:
+        raise refused[0]
+    save(lambda: draw(found))
+    show([chosen(found), *(table(each) for each in found)], how)
+    poses = len(found[0].poses)
+    where = f"home and {poses - 1} corners of the workspace" if poses > 1 else "home"
+    names = " ".join(name for name, _ in loaded.coordinates)
+    where += f" ({names}; mm, °)" * (poses > 1)
+    say(f"{loaded.name} at {rate:g} Hz, effects {effects}: least of {where}.", how)
+    for line in notes(found):
+        say(line, how)
+    for why in refused:
+        say(why, how)
+    wrote(how, plot)
+
+
+def laws_of(texts: list[str] | None, robot: Robot) -> list[Law]:
+    """Laws that were asked for, or those that differ on this robot."""
+    for text in texts or ():
+        if text not in LAWS:
+            raise InputError(f"--law: {choose('law', text, LAWS)}")
+    usual = ["joint", "redundant", "weighted", "estimated"] if robot.r else ["joint"]
+    return [law for law in LAWS if law in (texts or usual)]
+
+
+def parse_gains(text: str, law: Law, period: float) -> Controller:
+    """Read gains as people write them: poles, velocity filter, damping.
+
+    Examples
+    --------
+    >>> from truepose.commands.margins import parse_gains
+    >>> parse_gains("40,300", "joint", 1e-3).velocity_bandwidth
+    300.0
+    """
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if not 1 <= len(numbers) <= 3:
+        raise InputError(f"--gains {text}: must be POLES[,FILTER[,DAMPING]], numbers with commas")
+    frequency, bandwidth, damping = (*numbers, *(_FILTER * numbers[0], 1.0)[len(numbers) - 1 :])
+    return Controller(
+        law=law,
+        frequency=frequency,
+        velocity_bandwidth=bandwidth,
+        damping=damping,
+        period=period,
+    )
+
+
+def chosen(found: list[Margins]) -> Table:
+    """One row a law: its gains, and what counts and noise do to it at the worst pose."""
+    header = ["law", "poles (rad/s)", "damping", "filter (rad/s)", "torque noise (% of limit)"]
+    units = dict.fromkeys(unit for _, unit in found[0].robot.coordinates)
+    header += [f"hunting ({PRINT[unit][1]})" for unit in units]
+    rows = []
+    for each in found:
+        control = each.controller
+        values = [control.frequency, control.damping, control.velocity_bandwidth]
+        values.append(100 * each.dither.max())
+        for unit in units:
+            of = [own == unit for _, own in each.robot.coordinates]
+            values.append(PRINT[unit][0] * each.hunting[:, of].max())
+        rows.append([control.law, *(number(float(v)) for v in values)])
+    return Table("gains", "Gains", header, rows)
+
+
+def table(found: Margins) -> Table:
+    """One row a loop: its least margins, and the pose where it bears least."""
+    rows = []
+    for loop in found.loops:
+        margin, pose = found.worst(loop), found.poses[found.worst_pose(loop)]
+        decibels = [20 * float(np.log10(times)) for times in (margin.more, margin.less)]
+        values = [*decibels, float(np.degrees(margin.phase)), margin.delay]
+        shown = [_bears(value, bool(found.stable.all())) for value in values]
+        rows.append([loop, *shown, named(found.robot, pose)])
+    header = ["loop", "gain (dB)", "less gain (dB)", "phase (°)", "delay (cycles)", "worst pose"]
+    law = found.controller.law
+    return Table(f"margins_{law}", f"Margins under the law {law}", header, rows)
+
+
+def _bears(value: float, stable: bool) -> Cell:
+    if not stable:
+        return Cell("unstable", np.nan)
+    return number(value) if np.isfinite(value) else Cell("any", value)
+
+
+def named(robot: Robot, pose: Array) -> Cell:
+    """Name a pose for people, mm and degrees, and for programs."""
+    scales = [PRINT[unit] for _, unit in robot.coordinates]
+    values = [float(factor * value) for (factor, _), value in zip(scales, pose, strict=True)]
+    names = [
+        f"{name} ({scale[1]})" for (name, _), scale in zip(robot.coordinates, scales, strict=True)
+    ]
+    home = bool((pose == robot.home).all())
+    text = "home" if home else " ".join(f"{value:.4g}" for value in values)
+    return Cell(text, dict(zip(names, values, strict=True)))
+
+
+def notes(found: list[Margins]) -> list[str]:
+    """What the tables mean, and what is wrong."""
+    lines = [
+        "Gain: of how much more, and less, it swings up; delay: beside what it has. Hunting: peak "
+        "to peak of the nacelle where readings toggle between two counts; friction makes it less."
+    ]
+    for each in found:
+        if not each.stable.all():
+            where = f"{(~each.stable).sum()} of {len(each.poses)} poses"
+            lines.append(f"{each.controller.law}: unstable at {where}.")
+        elif not each.kept:
+            lines.append(f"{each.controller.law}: does not keep 6 dB, 30° and two cycles.")
+    return lines
+
+
+def draw(found: list[Margins]) -> Figure:
+    """Draw the loop of all motors of every law at every pose, and what it has to keep clear of."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(3.4 * len(found) + 0.8, 3.8), layout="constrained")
+    panels = figure.subplots(1, len(found), squeeze=False, sharey=True)[0]
+    for axes, each in zip(panels, found, strict=True):
+        decibels = 20 * np.log10(np.abs(each.loci) + 1e-300)
+        degrees = -np.degrees(-np.angle(each.loci) % (2 * np.pi))
+        wraps = np.abs(np.diff(degrees, axis=1)) > 180
+        degrees[:, 1:][wraps] = np.nan
+        worst = each.worst_pose(ALL)
+        for pose in [*(p for p in range(len(each.poses)) if p != worst), worst]:
+            style = {"color": "C3", "lw": 1.2} if pose == worst else {"color": "0.75", "lw": 0.7}
+            for locus in range(decibels.shape[2]):
+                axes.plot(degrees[pose, :, locus], decibels[pose, :, locus], **style)
+        db, phase = 20 * np.log10(gains.LEAST.more), np.degrees(gains.LEAST.phase)
+        # A cross of 6 dB and 30° about the edge of stability.
+        axes.plot([-180 - phase, -180 + phase], [0, 0], color="C0", lw=2)
+        axes.plot([-180, -180], [-db, db], color="C0", lw=2)
+        axes.set(xlim=(-360, 0), ylim=(-60, 40), xlabel="phase (°)", title=each.controller.law)
+        axes.set_xticks(range(-360, 1, 90))
+        axes.grid(color="0.92")
+    panels[0].set_ylabel("gain (dB)")
+    figure.suptitle(
+        f"{found[0].robot.name}: loops of all motors, worst pose red; the cross is to stay clear",
+        fontsize=10,
+        parse_math=False,
+    )
+    return figure

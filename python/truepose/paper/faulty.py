@@ -1,0 +1,169 @@
+"""What does each law do when a reading lies, without a watch and with one?"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from truepose.arguments import Array
+from truepose.paper import article
+from truepose.robot.laws import LAWS, Law
+from truepose.robot.robot import Robot
+from truepose.simulation.faults import FAULT_KINDS, Fault
+from truepose.simulation.moves import default_move
+from truepose.simulation.simulate import simulate
+from truepose.simulation.watch import Watch, first
+from truepose.threads import each
+
+DURATION, HOLD = 0.3, 0.3  #: s
+MOMENT = 0.1  #: s into the paper's move; into others it is drawn
+#: Sizes as people read them, and as a fault takes them.
+SIZES = {
+    "bias": ("or jump, 1°", np.radians(1)),
+    "spike": ("1°", np.radians(1)),
+    "drift": ("1°/s", np.radians(1)),
+    "gain": ("1.05", 1.05),
+    "delay": ("5 ms", 0.005),
+}
+
+
+class Move(NamedTuple):
+    """A straight move, and when a reading begins to lie."""
+
+    start: Array
+    end: Array
+    at: float
+
+
+class Run(NamedTuple):
+    """The worst of one run."""
+
+    position: float  #: mm from where it is asked to be: where it stops, by its stop along the path
+    angle: float  #: of θ, likewise, degrees
+    left: bool  #: its workspace, at which the run ended
+    stopped: bool  #: by the watch
+    found: bool  #: by the watch: some reading, rightly or not
+
+
+@dataclass(frozen=True)
+class Line:
+    """One fault under every law."""
+
+    fault: str  #: as people read it; "none" is the first
+    alone: dict[Law, list[Run]]  #: of each move, nobody watching
+    watched: dict[Law, list[Run]]
+
+    @property
+    def found(self) -> int:
+        """How many of the watched runs were found out."""
+        return sum(run.found for runs in self.watched.values() for run in runs)
+
+    @property
+    def median(self) -> float:
+        """Position of the watched runs, mm: half of them are nearer."""
+        return float(np.median([run.position for runs in self.watched.values() for run in runs]))
+
+    @property
+    def runs(self) -> int:
+        """How many there were."""
+        return sum(len(runs) for runs in self.watched.values())
+
+
+def cases(at: float) -> Iterator[tuple[str, list[Fault]]]:
+    """No fault, then every kind in θ and in q1; in one move a jump is a bias."""
+    yield "none", []
+    for kind in (kind for kind in FAULT_KINDS if kind != "jump"):
+        for reading, other in (("theta", "q1"), ("q1", "q2")):
+            text, size = SIZES.get(kind, (f"with {other}" if kind == "swap" else "", None))
+            swapped = other if kind == "swap" else None
+            name = f"{reading.replace('theta', 'θ')}: {kind} {text}".strip()
+            yield name, [Fault(reading, kind, at, size, other=swapped)]
+
+
+def moves(robot: Robot, count: int, seed: int) -> list[Move]:
+    """Return the paper's move, and others between poses of Table 2."""
+    start, end = default_move(robot)
+    rng, table = np.random.default_rng(seed), article.table2()
+    others = [table[rng.choice(len(table), 2, replace=False)] for _ in range(count - 1)]
+    return [
+        Move(start, end, MOMENT),
+        *(Move(ends[0], ends[1], round(rng.uniform(0, DURATION), 3)) for ends in others),
+    ]
+
+
+def total_steps() -> int:
+    """How often `progress` will be called."""
+    return len(list(cases(0)))
+
+
+def study(
+    robot: Robot,
+    count: int,
+    seed: int,
+    progress: Callable[[], None] = lambda: None,
+    truth: Robot | None = None,
+) -> list[Line]:
+    """Let one reading lie in every move, nothing else wrong.
+
+    Parameters
+    ----------
+    robot : Robot
+        What the controller believes: the H4, with θ measured.
+    count : int
+        Moves.
+    seed : int
+        The same seed gives the same moves.
+    progress : callable
+        Called after each fault.
+    truth : Robot, optional
+        What is; by default the same.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.paper import faulty
+    >>> lines = {line.fault: line for line in faulty.study(tp.load("h4"), count=1, seed=0)}
+    >>> stuck = lines["θ: stuck"]
+    >>> stuck.alone["redundant"][0].angle > 90, stuck.watched["redundant"][0].angle < 3
+    (True, True)
+    """
+    there = moves(robot, count, seed)
+
+    def line(number: int) -> Line:
+        both: list[dict[Law, list[Run]]] = [{}, {}]
+        for law in LAWS:
+            for found, watch in zip(both, (None, Watch()), strict=True):
+                found[law] = [_run((robot, truth), move, number, law, watch) for move in there]
+        return Line(names[number], *both)
+
+    names = [name for name, _ in cases(0)]
+    lines = []
+    for found in each(line, range(len(names))):
+        lines.append(found)
+        progress()
+    return lines
+
+
+def _run(
+    robots: tuple[Robot, Robot | None], move: Move, number: int, law: Law, watch: Watch | None
+) -> Run:
+    ran = simulate(
+        *robots,
+        controller=law,
+        start=move.start,
+        end=move.end,
+        duration=DURATION,
+        hold=HOLD,
+        faults=[faults for _, faults in cases(move.at)][number],
+        watch=watch,
+    )
+    return Run(
+        float(1e3 * np.linalg.norm(ran.error[:, :3], axis=1).max()),
+        float(np.degrees(np.abs(ran.error[:, 3]).max())),
+        bool(ran.ended),
+        bool(ran.stops.any()),
+        first(ran.health) is not None,
+    )

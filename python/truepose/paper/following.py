@@ -1,0 +1,139 @@
+"""How well do robots follow a circle and a square, under each law, as drawn and calibrated?"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from truepose.paper import article, experiment
+from truepose.robot.laws import LAWS, Law
+from truepose.robot.robot import Robot
+from truepose.simulation.controller import Controller
+from truepose.simulation.effects import Effects
+from truepose.simulation.path_accuracy import PathAccuracy, path_accuracy
+from truepose.simulation.paths import Circle, Path, WayPoints
+from truepose.simulation.true_robots import with_tolerance_errors
+from truepose.threads import each
+
+CENTRE, RADIUS = (0.0, 0.0, -0.4, 0.0), 0.05  #: m; the square's half side is the circle's radius
+_CORNERS = ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))
+PATHS: dict[str, Path] = {
+    "circle": Circle(centre=CENTRE, radius=RADIUS, frequency=1.0),
+    "square": WayPoints(
+        poses=[[RADIUS * x, RADIUS * y, *CENTRE[2:]] for x, y in _CORNERS], duration=0.4
+    ),
+}
+#: What is believed of one robot, by law and whether it has calibrated itself.
+Believed = dict[tuple[Law, bool], Robot]
+#: Laws, and whether on a robot that has calibrated itself: all of them, and those of the report
+#: that go without statistics, which are the controls of :data:`truepose.paper.experiment.CONTROLS`.
+CASES: tuple[tuple[Law, bool], ...] = tuple((law, known) for known in (False, True) for law in LAWS)
+SOME: tuple[tuple[Law, bool], ...] = tuple(
+    (law, control == "self-calibrated") for control, law in experiment.CONTROLS.items()
+)
+SPEEDS = (1.0, 0.5, 0.1)  #: of what the motors allow, as ISO 9283 asks for
+ROBOTS = 4  #: of a report with statistics, at most
+
+
+@dataclass(frozen=True)
+class Line:
+    """One law on one path at one speed, on many robots."""
+
+    path: str
+    speed: float  #: share of what the motors allow
+    law: Law
+    calibrated: bool  #: or as drawn
+    each: list[PathAccuracy]  #: of every robot
+
+    def median(self, name: str) -> float:
+        """Return the median over the robots of one of :class:`PathAccuracy`'s figures."""
+        return float(np.median([getattr(one, name) for one in self.each]))
+
+
+def total_steps(robots: int, full: bool) -> int:
+    """How often `progress` will be called."""
+    return robots * (len(PATHS) * len(SPEEDS) * len(CASES) if full else len(SOME))
+
+
+def study(
+    robot: Robot,
+    robots: int,
+    seed: int,
+    full: bool = True,
+    progress: Callable[[], None] = lambda: None,
+) -> list[Line]:
+    """Let real robots follow paths ten times each, with all effects, cold, at the gains they bear.
+
+    Parameters
+    ----------
+    robot : Robot
+        The H4 as drawn, with θ measured.
+    robots : int
+        Real robots to draw from the tolerances, every rod by itself.
+    seed : int
+        The same seed gives the same robots and runs.
+    full : bool
+        Both paths, all laws as drawn and calibrated, all of `SPEEDS`; or the circle at half of what
+        the motors allow, under the report's controls.
+    progress : callable
+        Called after each path accuracy.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.paper import following
+    >>> usual, *_, learnt = following.study(tp.load("h4"), robots=1, seed=0, full=False)
+    >>> usual.law, learnt.calibrated, learnt.each[0].AT < usual.each[0].AT / 2
+    ('joint', True, True)
+    """
+    effects = Effects()
+    known = [drawn(robot, effects, seed, number) for number in range(robots)]
+    controllers = {law: Controller.for_robot(robot, effects, law) for law in LAWS}
+    kinds = [
+        (path, speed, law, calibrated)
+        for path in (PATHS if full else ["circle"])
+        for speed in (SPEEDS if full else [0.5])
+        for law, calibrated in (CASES if full else SOME)
+    ]
+
+    def judge(task: tuple[str, float, Law, bool, int]) -> PathAccuracy:
+        path, speed, law, calibrated, number = task
+        truth, believed = known[number]
+        return path_accuracy(
+            believed[law, calibrated],
+            PATHS[path],
+            truth,
+            controllers[law],
+            speed=speed,
+            effects=effects,
+            seed=number,
+        )
+
+    tasks = [(*kind, number) for kind in kinds for number in range(robots)]
+    found = []
+    for judged in each(judge, tasks):
+        found.append(judged)
+        progress()
+    return [Line(*kind, found[k * robots : (k + 1) * robots]) for k, kind in enumerate(kinds)]
+
+
+def drawn(robot: Robot, effects: Effects, seed: int, number: int) -> tuple[Robot, Believed]:
+    """Return a real robot, every rod by itself, and what is believed of it under each law.
+
+    It calibrates itself on its readings under usual control at Table 2's poses, cold; its builder
+    knows of the effects (:meth:`Effects.allowed_for`). As drawn, laws that weigh their readings
+    take the robot as it most likely is. Its encoders' phases are those of the seed `number`.
+    """
+    source = np.random.SeedSequence([seed, number])
+    truth = with_tolerance_errors(robot, source).with_level(robot.finest_level)
+    allowed = effects.allowed_for(robot)
+    there = effects.geometry(truth, seed=number)
+    learnt = experiment.self_calibrated(allowed, there, article.table2(), number)
+    believed: Believed = {}
+    for law in LAWS:
+        weighs = law in ("weighted", "estimated")
+        believed[law, False] = allowed.expected() if weighs else allowed
+        believed[law, True] = learnt
+    return truth, believed

@@ -1,0 +1,309 @@
+"""How well does a robot follow a path? ISO 9283's path accuracy, and the errors of every run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose.arguments import Array, check_seed, numbers_of
+from truepose.exceptions import InputError
+from truepose.robot.laws import Law
+from truepose.robot.robot import Robot
+from truepose.simulation.chart import Chart, Setpoints, linear_of
+from truepose.simulation.controller import Controller
+from truepose.simulation.drive import controller_of
+from truepose.simulation.effects import Effects
+from truepose.simulation.feasible import Paced, fastest
+from truepose.simulation.moves import MOVE_DURATION
+from truepose.simulation.paths import Path, path_of
+from truepose.simulation.simulate import simulate
+
+#: Of a path's largest speed: slower is standing. Cosine of a turn in one period that is a corner.
+_STANDS, _CORNER = 1e-3, 0.5
+
+
+@dataclass(frozen=True)
+class PathAccuracy:
+    """How several runs followed one path; m and rad.
+
+    Runs are compared where they pass the planes that stand upright on the path at points of it, so
+    that being late is no error, and their mean and their scatter are judged apart: path accuracy
+    and path repeatability of ISO 9283:1998, 8.2 and 8.3. A point that some run does not pass does
+    not count: beside a corner or an end, by less than the robot is off along the path.
+
+    Examples
+    --------
+    :meth:`of` judges runs that are there, :func:`truepose.path_accuracy` simulates them. Ten that
+    are 1 mm too high, all alike:
+
+    >>> import truepose as tp
+    >>> h4 = tp.load("h4")
+    >>> circle = tp.Circle(centre=[0, 0, -0.42, 0], radius=0.05, frequency=2)
+    >>> asked = circle.setpoints(h4, 1e-3).x
+    >>> found = tp.PathAccuracy.of(h4, circle, [asked + [0, 0, 0.001, 0]] * 10)
+    >>> round(found.AT, 9), round(found.RT, 9)
+    (0.001, 0.0)
+    """
+
+    robot: Robot
+    asked: Array  #: (m, n) points of the path
+    deviation: Array  #: (runs, m, n) attained less asked, in their planes; NaN: not passed
+    tracking: float  #: rms distance from where the path is at the same time
+    tracking_max: float  #: and the largest
+    speed: float  #: the path's largest, m/s
+    saturated: float = 0.0  #: share of periods in which a motor was at its torque limit
+
+    @property
+    def AT(self) -> float:
+        """Path accuracy: how far the mean of the runs is off, at the worst point."""
+        return float(np.linalg.norm(self._position.mean(axis=0), axis=-1).max())
+
+    @property
+    def RT(self) -> float:
+        """Path repeatability: l̄ + 3 S of the runs' distances from their mean, worst point."""
+        distance = np.linalg.norm(self._position - self._position.mean(axis=0), axis=-1)
+        return float((distance.mean(axis=0) + 3 * _scatter(distance)).max())
+
+    @property
+    def AT_angle(self) -> float:
+        """Of the orientation: its worst angle; 0 of a robot that does not turn."""
+        return float(np.abs(self._angles.mean(axis=0)).max(initial=0))
+
+    @property
+    def RT_angle(self) -> float:
+        """Of the orientation: 3 S of its worst angle; 0 of a robot that does not turn."""
+        return float((3 * _scatter(self._angles)).max(initial=0))
+
+    @property
+    def contour(self) -> float:
+        """Distance from the path, rms over its points and the runs."""
+        return float(np.sqrt((self._position**2).sum(axis=-1).mean()))
+
+    @property
+    def contour_max(self) -> float:
+        """Distance from the path, the largest."""
+        return float(np.linalg.norm(self._position, axis=-1).max())
+
+    @property
+    def counts(self) -> Array:
+        """Which points every run has passed, (m,) bool."""
+        return np.asarray(np.isfinite(self.deviation).all(axis=(0, 2)))
+
+    @property
+    def _position(self) -> Array:
+        return self.deviation[:, self.counts][..., linear_of(self.robot)]
+
+    @property
+    def _angles(self) -> Array:
+        return self.deviation[:, self.counts][..., ~linear_of(self.robot)]
+
+    @classmethod
+    def of(
+        cls,
+        robot: Robot,
+        path: Path,
+        runs: ArrayLike,
+        period: float = 1e-3,
+        points: int = 100,
+    ) -> Self:
+        """Judge runs that are there: those of a laser tracker, say.
+
+        Parameters
+        ----------
+        robot : Robot
+            Whose coordinates they are.
+        path : Path
+            What was asked for: of :func:`truepose.simulate`.
+        runs : array_like, shape (R, T, n)
+            True poses of R runs at 0, `period`, 2 `period`, … to the path's end; later ones are
+            not looked at.
+        period : float
+            s.
+        points : int
+            At which they are compared, evenly along the path.
+        """
+        setpoints = Setpoints(*path.setpoints(robot, period))
+        count = len(setpoints.x)
+        attained = numbers_of(runs, "runs")
+        if attained.ndim != 3 or attained.shape[1] < count or attained.shape[2] != robot.n:
+            shape = f"(R, T, {robot.n}), T at least {count}"
+            raise InputError(f"runs: shape {attained.shape}, must be {shape}")
+        if not (isinstance(points, int) and points > 0):
+            raise InputError(f"points = {points!r}: must be a whole number of at least 1")
+        speed = np.linalg.norm(setpoints.rate[:, linear_of(robot)], axis=1)
+        if not speed.max() > 0:
+            raise InputError("path: only turns: there is no line to be beside")
+        length = np.concatenate([[0], np.cumsum(0.5 * period * (speed[1:] + speed[:-1]))])
+        rows, piece = _compared(setpoints.rate[:, linear_of(robot)], speed, length, points)
+        off = (attained[:, :count] - setpoints.x)[..., linear_of(robot)]
+        distance = np.linalg.norm(off, axis=-1)
+        judged = cls(
+            robot,
+            setpoints.x[rows],
+            np.array(
+                [_passing(robot, setpoints, run, rows, piece, length, period) for run in attained]
+            ),
+            float(np.sqrt((distance**2).mean())),
+            float(distance.max()),
+            float(speed.max()),
+        )
+        if not judged.counts.any():
+            raise InputError("runs: no point of the path is passed by all of them")
+        return judged
+
+
+def path_accuracy(
+    robot: Robot,
+    path: Path | Callable[[float], Any] | ArrayLike,
+    truth: Robot | None = None,
+    controller: Controller | Law = "redundant",
+    *,
+    speed: float | None = None,
+    runs: int = 10,
+    points: int = 100,
+    duration: float = MOVE_DURATION,
+    seed: int = 0,
+    effects: Effects | None = None,
+    time: float = 0.0,
+) -> PathAccuracy:
+    """Follow a path several times and say how far from it, and how far from one another.
+
+    Path accuracy AT and repeatability RT of ISO 9283:1998, 8.2 and 8.3, contouring error and
+    tracking error. The runs differ in the readings' noise, in where the encoders' counts lie and in
+    the phases of the motors' ripple; the robot, its eccentric encoders and its temperature are the
+    same in all.
+
+    Parameters
+    ----------
+    robot, truth, controller, path, duration, effects, time
+        As of :func:`truepose.simulate`.
+    speed : float, optional
+        Share of the speed that the motors' limits allow on that path
+        (:func:`truepose.simulation.feasible.fastest`): the standard asks for 1, 0.5 and 0.1. By
+        default the path's own.
+    runs : int
+        The standard asks for ten. RT needs two.
+    points : int
+        Points of the path at which they are compared.
+    seed : int
+        The same seed gives the same runs.
+
+    Returns
+    -------
+    PathAccuracy
+
+    Raises
+    ------
+    InputError
+        `speed` of a robot whose motors have no limits; or one of the arguments.
+    PoseError
+        As of :func:`truepose.simulate`.
+
+    Examples
+    --------
+    A robot with the paper's errors on a circle, at half the speed that its motors allow:
+
+    >>> import truepose as tp
+    >>> h4 = tp.load("h4")
+    >>> true = tp.with_paper_errors(h4, seed=1)
+    >>> circle = tp.Circle(centre=[0, 0, -0.42, 0], radius=0.05, frequency=1)
+    >>> found = tp.path_accuracy(h4, circle, true, speed=0.5)
+    >>> f"{found.speed:.2f} m/s, AT {1e3 * found.AT:.1f} mm", bool(found.RT < 2e-4)
+    ('0.97 m/s, AT 11.8 mm', True)
+    """
+    truth = robot if truth is None else truth
+    if not (isinstance(runs, int) and runs > 0):
+        raise InputError(f"runs = {runs!r}: must be a whole number of at least 1")
+    controller = controller_of(controller, robot, effects)
+    asked = path_of(path, duration)
+    if speed is not None:
+        asked = Paced(path=asked, speed=speed * fastest(robot, asked, controller.period))
+    if effects is not None:
+        truth = effects.geometry(truth, time, seed)
+        effects = effects.without("thermal", "eccentricity")
+    rng = np.random.default_rng([check_seed(seed), 2])
+    shifts = rng.uniform(-0.5, 0.5, (runs, robot.n + robot.r)) * truth.resolution
+    found = [
+        simulate(
+            _shifted(robot, shift),
+            _shifted(truth, shift),
+            controller,
+            path=asked,
+            hold=0.0,
+            seed=int(own),
+            effects=effects,
+        )
+        for shift, own in zip(shifts, rng.integers(2**31, size=runs), strict=True)
+    ]
+    judged = PathAccuracy.of(robot, asked, [run.x for run in found], controller.period, points)
+    return replace(judged, saturated=float(np.mean([run.saturated.any(axis=1) for run in found])))
+
+
+def _shifted(robot: Robot, shift: Array) -> Robot:
+    """Return the robot with its readings' zeros elsewhere: so lie the counts, in both robots."""
+    names = [f"chain{k + 1}.encoder_offset" for k in range(robot.n)]
+    names += [f"{sensor}.offset" for sensor in robot.readings[robot.n :]]
+    values = {name: robot.parameters[name].value for name in names}
+    return robot.replace(
+        {name: values[name] + float(s) for name, s in zip(names, shift, strict=True)}
+    )
+
+
+def _compared(rate: Array, speed: Array, length: Array, points: int) -> tuple[Array, Array]:
+    """Rows of the setpoints at which runs are compared, evenly by length; which piece each row is.
+
+    A piece goes from rest, or from a corner, to the next.
+    """
+    stands = speed < _STANDS * speed.max()
+    ahead = (rate[1:] * rate[:-1]).sum(axis=1)
+    corner = ~stands[1:] & ~stands[:-1] & (ahead < _CORNER * speed[1:] * speed[:-1])
+    piece = np.concatenate([[0], np.cumsum(corner | (stands[:-1] & ~stands[1:]))])
+    rows = np.searchsorted(length, length[-1] * (np.arange(points) + 0.5) / points)
+    return np.unique(rows[~stands[rows]]), piece
+
+
+def _passing(
+    robot: Robot,
+    setpoints: Setpoints,
+    run: Array,
+    rows: Array,
+    piece: Array,
+    length: Array,
+    period: float,
+) -> Array:
+    """Where a run passes the planes upright on the path at some of its rows: run less path, (m, n).
+
+    The passage is the one next in time, on the same piece of the path, and no further along it than
+    the run is off (thrice that, for bends): not a turn earlier on a circle. Between two periods the
+    run is bent as the path is: a straight line's sagitta would be micrometres.
+    """
+    linear, asked = linear_of(robot), setpoints.x[rows]
+    normal = setpoints.rate[rows][:, linear]
+    beyond = run[: len(piece), linear] @ normal.T - (asked[:, linear] * normal).sum(axis=1)
+    passes = (beyond[:-1] <= 0) & (beyond[1:] > 0)
+    passes &= (piece[:-1, None] == piece[rows]) & (piece[1:, None] == piece[rows])
+    off = np.linalg.norm((run[: len(piece)] - setpoints.x)[:-1, linear], axis=1)
+    near = 3 * (off + np.diff(length).max())
+    passes &= np.abs(length[:-1, None] - length[rows]) <= near[:, None]
+    late = np.where(passes, np.abs(np.arange(len(passes))[:, None] - rows), np.inf)
+    before = late.argmin(axis=0)
+    each = np.arange(len(rows))
+    first, last = beyond[before, each], beyond[before + 1, each]
+    result = np.full(asked.shape, np.nan)
+    for k in np.flatnonzero(np.isfinite(late.min(axis=0))):
+        share = first[k] / (first[k] - last[k])
+        pair = Chart(robot, asked[k]).into(run[before[k] : before[k] + 2])
+        result[k] = (1 - share) * pair[0] + share * pair[1]
+        bend = 0.5 * period**2 * share * (1 - share) * setpoints.acceleration[before[k]][linear]
+        along = normal[k] / np.linalg.norm(normal[k])
+        result[k, linear] -= bend - (bend @ along) * along
+    return result
+
+
+def _scatter(values: Array) -> Array:
+    """Standard deviation over the runs; NaN of a single one."""
+    return values.std(axis=0, ddof=1) if len(values) > 1 else np.full(values.shape[1:], np.nan)
