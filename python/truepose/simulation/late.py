@@ -83,7 +83,9 @@ def carried(robot: Robot, E: Array, H_x: Array, period: float) -> Array:
         As of :meth:`Robot.linearise`.
     """
     slow, n, E = clock(robot, period), robot.n, E.copy()
-    for k in range(robot.r) if slow else ():
+    if slow is None:
+        return E
+    for k in range(robot.r):
         if slow.every[k] > 1 or slow.age[k] > 0:
             E[:, :n] += np.outer(E[:, n + k], np.linalg.solve(H_x[:n].T, H_x[n + k]))
             E[:, n + k] = 0
