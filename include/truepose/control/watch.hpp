@@ -289,7 +289,8 @@ class Cycle {
 
   double model(int c) const {
     if (late(c)) return late_->then[c - n];
-    return c < n ? desired_[c] : parity_.expected[c];
+    // Where the motors say that the robot is: `expected` is of the pose from which that was found.
+    return c < n ? desired_[c] : parity_.read[c] - parity_.value[c - n];
   }
 
   /// What tells whether a reading stands still, and beside which model: a late one's last sample.
