@@ -96,7 +96,9 @@ Outcome guarded(const Robot& robot, const ControlSettings& settings, const Guard
     bool any = false, left = false, motor = false;
     for (int c = 0; c < n + robot.r; ++c) {
       const bool failed = guard.watch.reading[c].health == Health::failed;
-      if (failed) guard.known.sigma[c] *= kDisbelieved;
+      // A lost motor is taken to be where it should be: a law that weighs would find its error by
+      // what says too little of it, and drive it by that.
+      if (failed && !(guard.watch.lost >> c & 1U)) guard.known.sigma[c] *= kDisbelieved;
       any = any || failed;
       motor = motor || (c < n && failed);
       left = left || (c >= n && !failed);
