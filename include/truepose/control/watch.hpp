@@ -220,7 +220,8 @@ class Cycle {
     }
     name(changed, level);
     if (watch_.doubted & (watch_.doubted - 1)) {  // several
-      watch_.disagreed += 2;  // a drift is beyond its limit now and then, then always
+      // A drift is beyond its limit now and then, then always.
+      if (!watch_.undecided) watch_.disagreed += 2;
       watch_.undecided = watch_.undecided || watch_.disagreed > 2 * settings_.decide;
       // Until it is known which, sensors say what they would if nothing had changed, and a motor
       // that stands still goes where it is asked to go: its encoder may drive it away meanwhile.
@@ -298,7 +299,7 @@ class Cycle {
 
   /// A motor whose encoder stands still is driven by an error that only seems, δ = q_d less what it
   /// was when the reading changed last: it leaves its setpoint by ∬ kp δ + kd dδ/dt. An error at
-  /// which a healthy motor may rest drives nothing.
+  /// which a healthy motor may rest drives nothing, and lets it come to rest.
   void drive(int c) const {
     WatchedReading& reading = watch_.reading[c];
     const double away = desired_[c] - reading.model;
@@ -306,6 +307,7 @@ class Cycle {
     const double seems = away > bears ? away - bears : away < -bears ? away + bears : 0;
     reading.speed +=
         settings_.period * settings_.kp[c] * seems + settings_.kd[c] * (seems - reading.seems);
+    if (seems == 0) reading.speed = 0;
     reading.seems = seems;
     reading.way += settings_.period * reading.speed;
   }
@@ -395,7 +397,7 @@ class Cycle {
         reading.seems = reading.speed = reading.way = 0;
         reading.still = 0;
       } else {
-        ++reading.still;
+        if (reading.still < kStill) ++reading.still;  // a robot may stand still for months
         if (c < n) drive(c);
         const double much = (watch_.undecided ? 3 : 1) * settings_.moved[c];
         if (judged && reading.health != Health::failed && stood(c) > much) {

@@ -78,7 +78,7 @@ struct WatchedReading {
   double spread = 0;  ///< mean square of its innovations
   double raw = 0;     ///< as read in the last cycle
   double model = 0;   ///< what the model said when it changed last
-  int still = 0;      ///< cycles since it changed
+  int still = 0;      ///< cycles since it changed, as far as they matter
   double seems = 0;   ///< of a motor: the error that has come up since, beyond `rests`,
   double speed = 0;   ///< how fast that drives it,
   double way = 0;     ///< and how far
