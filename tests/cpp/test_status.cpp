@@ -192,7 +192,8 @@ TEST("from anywhere the forward model ends within its bound, with an answer or a
       CHECK(ikm(robot, x, again));
       for (int i = 0; i < kDof<K>; ++i) {
         double off = again[i] - q[i];
-        if (robot.chain[i].actuator == Actuator::revolute) off = std::remainder(off, 2 * M_PI);
+        if (robot.chain[i].actuator == Actuator::revolute)
+          off = std::remainder(off, 2 * std::numbers::pi);
         CHECK_NEAR(off, 0, 1e-9);
       }
     }
