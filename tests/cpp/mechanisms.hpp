@@ -121,7 +121,7 @@ inline void complete(Mechanism& mechanism) {
     if (robot.mobility == Mobility::schoenflies) robot.sensor[0] = Sensor{};
   }
   Outcome outcome = finish(robot);
-  if (outcome) outcome = finish_full(robot);
+  if (outcome && kFullLevel) outcome = finish_full(robot);
   if (!outcome) std::printf("%s: home is %s\n", mechanism.name, describe(outcome.status));
 }
 
