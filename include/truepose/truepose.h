@@ -63,9 +63,10 @@ typedef enum truepose_status {
   TRUEPOSE_NO_SUCH_PART = 9,   /**< a count, an index or an enum names what is not there */
   TRUEPOSE_NOT_SQUARE = 10,    /**< more or fewer chains or motors than freedoms */
   TRUEPOSE_UNFINISHED = 11,    /**< the model was not loaded, a controller or guard not begun */
-  TRUEPOSE_OTHER_VERSION = 12, /**< of the table: not TRUEPOSE_ABI, or not its size */
-  TRUEPOSE_TOO_SMALL = 13,     /**< the memory given, or it is not aligned */
-  TRUEPOSE_NO_SUCH_VALUE = 14  /**< a number no such quantity can have, a matrix that is no turn */
+  TRUEPOSE_NOT_COMPILED = 12,  /**< this mobility, or the full level: left out of the library */
+  TRUEPOSE_OTHER_VERSION = 13, /**< of the table: not TRUEPOSE_ABI, or not its size */
+  TRUEPOSE_TOO_SMALL = 14,     /**< the memory given, or it is not aligned */
+  TRUEPOSE_NO_SUCH_VALUE = 15  /**< a number no such quantity can have, a matrix that is no turn */
 } truepose_status;
 
 /** `part`: the chain, for TRUEPOSE_DISAGREE the reading; of truepose_load() chain i as i, sensor k
@@ -196,8 +197,8 @@ TRUEPOSE_API size_t truepose_model_size(void);
  *
  * @param model  out; unless all is well it answers TRUEPOSE_UNFINISHED to everything
  * @param size   of the memory behind `model`, at least truepose_model_size()
- * @return OTHER_VERSION, TOO_SMALL, NO_SUCH_PART, NOT_SQUARE, NOT_FINITE, NO_SUCH_VALUE,
- * NO_FULL_LEVEL, or what home is: UNREACHABLE, SINGULAR, JOINT_LIMIT
+ * @return OTHER_VERSION, TOO_SMALL, NO_SUCH_PART, NOT_SQUARE, NOT_COMPILED, NOT_FINITE,
+ * NO_SUCH_VALUE, NO_FULL_LEVEL, or what home is: UNREACHABLE, SINGULAR, JOINT_LIMIT
  */
 TRUEPOSE_API truepose_outcome truepose_load(truepose_model* model, size_t size,
                                             const truepose_description* description);

@@ -1,4 +1,5 @@
 // Laws, controllers and guards for C.
+#include "description.hpp"
 #include "model.hpp"
 
 using namespace truepose;
@@ -20,60 +21,44 @@ bool law_exists(std::int32_t law) {
   return law >= 0 && law < static_cast<std::int32_t>(kLawTable.size());
 }
 
-bool all_finite(const truepose_real* from, std::size_t count) {
-  return std::all_of(from, from + count, [](truepose_real v) { return std::isfinite(v); });
-}
-
 ControlSettings of_c(const truepose_control_settings& from) {
   ControlSettings settings;
   settings.law = static_cast<Law>(from.law);
   settings.gains = static_cast<Gains>(from.gains);
   settings.feed_forward = static_cast<FeedForward>(from.feed_forward);
-  settings.period = from.period;
-  settings.velocity_bandwidth = from.velocity_bandwidth;
-  settings.damped_below = from.damped_below;
-  settings.lead_out = from.lead_out;
-  settings.kp = values<Joint>(from.kp);
-  settings.kd = values<Joint>(from.kd);
-  settings.ki = values<Joint>(from.ki);
+  control_fields(from, settings, Copy<true>{});
   return settings;
 }
 
-void to_c(const ControlSettings& from, truepose_control_settings& to) {
-  to = truepose_control_settings{};
-  to.law = static_cast<std::int32_t>(from.law);
-  to.gains = static_cast<std::int32_t>(from.gains);
-  to.feed_forward = static_cast<std::int32_t>(from.feed_forward);
-  to.period = from.period;
-  to.velocity_bandwidth = from.velocity_bandwidth;
-  to.damped_below = from.damped_below;
-  to.lead_out = from.lead_out;
-  give(from.kp, to.kp);
-  give(from.kd, to.kd);
-  give(from.ki, to.ki);
+GuardSettings of_c(const truepose_watch_settings& from) {
+  GuardSettings settings;
+  settings.watch.refresh = from.refresh;
+  settings.watch.coast = from.coast;
+  settings.watch.decide = from.decide;
+  settings.watch.spikes = from.spikes;
+  settings.watch.within = from.within;
+  watch_fields(from, settings.watch, settings, Copy<true>{});
+  prepare(settings.watch);
+  return settings;
 }
 
 Status status_of(const truepose_control_settings& s) {
   if (!law_exists(s.law) || s.gains < 0 || s.gains > 1 || s.feed_forward < 0 || s.feed_forward > 2)
     return Status::no_such_part;
-  const truepose_real numbers[] = {s.period, s.velocity_bandwidth, s.damped_below, s.lead_out};
-  if (!all_finite(numbers, 4) || !all_finite(s.kp, kMaxMotors) || !all_finite(s.kd, kMaxMotors) ||
-      !all_finite(s.ki, kMaxMotors))
-    return Status::not_finite;
+  Finite finite;
+  const ControlSettings any;
+  control_fields(s, any, finite);
+  if (!finite.all) return Status::not_finite;
   const bool good =
       s.period > 0 && s.velocity_bandwidth > 0 && s.damped_below >= 0 && s.lead_out >= 0;
   return good ? Status::ok : Status::no_such_value;
 }
 
 Status status_of(const truepose_watch_settings& s) {
-  const truepose_real numbers[] = {s.period,      s.false_alarm, s.replaceable,
-                                   s.correlation, s.stop,        s.held};
-  bool finite = all_finite(numbers, 6);
-  for (const truepose_real* of : {s.fastest, s.moved, s.low, s.high})
-    finite = finite && all_finite(of, kMaxReadings);
-  for (const truepose_real* of : {s.kp, s.kd, s.rests, s.shaken})
-    finite = finite && all_finite(of, kMaxMotors);
-  if (!finite) return Status::not_finite;
+  Finite finite;
+  const GuardSettings any;
+  watch_fields(s, any.watch, any, finite);
+  if (!finite.all) return Status::not_finite;
   bool good = s.refresh > 0 && s.coast > 0 && s.decide > 0 && s.decide < 1 << 20 && s.spikes > 0 &&
               s.spikes <= kSpikesKept && s.within > 0;
   good = good && s.false_alarm > 0 && s.false_alarm < 0.1;
@@ -82,29 +67,6 @@ Status status_of(const truepose_watch_settings& s) {
   for (int c = 0; c < kMaxReadings; ++c)
     good = good && s.low[c] <= s.high[c] && s.fastest[c] >= 0 && s.moved[c] >= 0;
   return good ? Status::ok : Status::no_such_value;
-}
-
-WatchSettings of_c(const truepose_watch_settings& from) {
-  WatchSettings settings;
-  settings.period = from.period;
-  settings.false_alarm = from.false_alarm;
-  settings.refresh = from.refresh;
-  settings.coast = from.coast;
-  settings.decide = from.decide;
-  settings.spikes = from.spikes;
-  settings.within = from.within;
-  settings.replaceable = from.replaceable;
-  settings.correlation = from.correlation;
-  settings.fastest = values<Extended>(from.fastest);
-  settings.moved = values<Extended>(from.moved);
-  settings.kp = values<Joint>(from.kp);
-  settings.kd = values<Joint>(from.kd);
-  settings.rests = values<Joint>(from.rests);
-  settings.shaken = values<Joint>(from.shaken);
-  settings.low = values<Extended>(from.low);
-  settings.high = values<Extended>(from.high);
-  prepare(settings);
-  return settings;
 }
 
 Setpoint of_c(const truepose_setpoint& from) {
@@ -154,7 +116,7 @@ truepose_outcome truepose_motor_error(const truepose_model* model, int32_t law, 
 }
 
 void truepose_default_control(truepose_control_settings* settings) {
-  c::to_c(ControlSettings{}, *settings);
+  c::describe(ControlSettings{}, *settings);
 }
 
 truepose_outcome truepose_place_poles(const truepose_model* model, const truepose_real* x,
@@ -165,7 +127,7 @@ truepose_outcome truepose_place_poles(const truepose_model* model, const truepos
     ControlSettings placed = c::of_c(*settings);
     const Outcome outcome =
         place_poles(robot, c::values<Coordinates>(x), frequency, damping, placed);
-    if (outcome) c::to_c(placed, *settings);
+    if (outcome) c::describe(placed, *settings);
     return outcome;
   });
 }
@@ -213,9 +175,7 @@ truepose_outcome truepose_begin_guard(truepose_guard* guard, size_t size,
   if (status != Status::ok) return c::answer({status, -1});
   c::Guarding* made = c::Guarding::make(guard, size);
   if (made == nullptr) return c::answer({Status::too_small, -1});
-  made->settings.watch = c::of_c(*settings);
-  made->settings.stop = settings->stop;
-  made->settings.held = settings->held;
+  made->settings = c::of_c(*settings);
   return c::answer({});
 }
 

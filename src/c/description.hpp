@@ -57,6 +57,35 @@ void body_fields(C& c, Core& core, F&& f) {
   f("inertia", c.inertia, core.inertia);  // symmetric: by rows as by columns
 }
 
+template <class C, class Core, class F>
+void control_fields(C& c, Core& core, F&& f) {
+  f("period", c.period, core.period);
+  f("velocity_bandwidth", c.velocity_bandwidth, core.velocity_bandwidth);
+  f("damped_below", c.damped_below, core.damped_below);
+  f("lead_out", c.lead_out, core.lead_out);
+  f("kp", c.kp, core.kp);
+  f("kd", c.kd, core.kd);
+  f("ki", c.ki, core.ki);
+}
+/// @param stops  of a guard, beside its watch
+template <class C, class Watch, class Stops, class F>
+void watch_fields(C& c, Watch& watch, Stops& stops, F&& f) {
+  f("period", c.period, watch.period);
+  f("false_alarm", c.false_alarm, watch.false_alarm);
+  f("replaceable", c.replaceable, watch.replaceable);
+  f("correlation", c.correlation, watch.correlation);
+  f("stop", c.stop, stops.stop);
+  f("held", c.held, stops.held);
+  f("fastest", c.fastest, watch.fastest);
+  f("moved", c.moved, watch.moved);
+  f("kp", c.kp, watch.kp);
+  f("kd", c.kd, watch.kd);
+  f("rests", c.rests, watch.rests);
+  f("shaken", c.shaken, watch.shaken);
+  f("low", c.low, watch.low);
+  f("high", c.high, watch.high);
+}
+
 /// Copies a number or a vector, to the core or from it.
 template <bool ToCore>
 struct Copy {
@@ -79,6 +108,18 @@ struct Copy {
       return core.number[k];
     else
       return core[k];
+  }
+};
+
+/// Asks whether all numbers of a part are finite.
+struct Finite {
+  bool all = true;
+  void operator()(const char*, const truepose_real& number, const auto&) {
+    all = all && std::isfinite(number);
+  }
+  template <std::size_t N>
+  void operator()(const char*, const truepose_real (&numbers)[N], const auto&) {
+    for (const truepose_real& number : numbers) all = all && std::isfinite(number);
   }
 };
 
@@ -119,6 +160,23 @@ inline void describe(const Robot& robot, truepose_description& of) {
     of.body[k].bar = robot.body[k].bar;
     body_fields(of.body[k], robot.body[k], copy);
   }
+}
+
+inline void describe(const ControlSettings& settings, truepose_control_settings& of) {
+  of = truepose_control_settings{};
+  of.law = static_cast<std::int32_t>(settings.law);
+  of.gains = static_cast<std::int32_t>(settings.gains);
+  of.feed_forward = static_cast<std::int32_t>(settings.feed_forward);
+  control_fields(of, settings, Copy<false>{});
+}
+inline void describe(const GuardSettings& settings, truepose_watch_settings& of) {
+  of = truepose_watch_settings{};
+  of.refresh = settings.watch.refresh;
+  of.coast = settings.watch.coast;
+  of.decide = settings.watch.decide;
+  of.spikes = settings.watch.spikes;
+  of.within = settings.watch.within;
+  watch_fields(of, settings.watch, settings, Copy<false>{});
 }
 
 /// What truepose_load() says, and the robot, finished.

@@ -70,7 +70,7 @@ truepose_estimate_result truepose_estimate(const truepose_model* model,
     const c::Known weighs(known, work);
     return with_mobility(robot.mobility, [&](auto mobility) {
       constexpr Mobility K = mobility();
-      if constexpr (kPaired<K>)
+      if constexpr (kRodByRod<K>)
         if (robot.rod_by_rod())
           return c::estimated<FullModel, K>(robot, weighs.knowledge, q_e, work, x);
       return c::estimated<IdealModel, K>(robot, weighs.knowledge, q_e, work, x);

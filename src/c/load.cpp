@@ -9,25 +9,13 @@ constexpr int kSensorPart = 6, kBodyPart = 18;  // as truepose_outcome counts pa
 
 bool unit(const Vec3& v) { return std::fabs(v.squaredNorm() - 1) < 1e-6; }
 
-/// Looks at the numbers of one part.
-struct Numbers {
-  Status status = Status::ok;
-  void operator()(const char*, const truepose_real& number, const auto&) {
-    if (!std::isfinite(number)) status = Status::not_finite;
-  }
-  template <std::size_t N>
-  void operator()(const char*, const truepose_real (&numbers)[N], const auto&) {
-    for (const truepose_real& number : numbers) (*this)("", number, 0);
-  }
-};
-
 Status chain_status(const truepose_chain& c, const Chain& chain) {
   truepose_chain finite = c;  // stops may be infinite, but not NaN
   if (std::isinf(c.low)) finite.low = 0;
   if (std::isinf(c.high)) finite.high = 0;
-  Numbers numbers;
+  Finite numbers;
   chain_fields(finite, chain, numbers);
-  if (numbers.status != Status::ok) return numbers.status;
+  if (!numbers.all) return Status::not_finite;
   const bool revolute = chain.actuator == Actuator::revolute;
   const bool telescopic = chain.actuator == Actuator::telescopic;
   bool good = c.low <= c.high && c.encoder_gain != 0 && c.gear != 0 && c.rod_spacing >= 0;
@@ -40,9 +28,9 @@ Status chain_status(const truepose_chain& c, const Chain& chain) {
 }
 
 Status sensor_status(const truepose_sensor& c, const Sensor& sensor) {
-  Numbers numbers;
+  Finite numbers;
   sensor_fields(c, sensor, numbers);
-  if (numbers.status != Status::ok) return numbers.status;
+  if (!numbers.all) return Status::not_finite;
   const unsigned mounting = properties(sensor.kind).mounting;
   const bool good = c.gain != 0 && c.gear != 0 && c.step >= 0 && c.noise >= 0 && c.weight >= 0 &&
                     (!(mounting & kDirection) || unit(sensor.direction)) &&
@@ -51,9 +39,9 @@ Status sensor_status(const truepose_sensor& c, const Sensor& sensor) {
 }
 
 Status body_status(const truepose_body& c, const Body& body) {
-  Numbers numbers;
+  Finite numbers;
   body_fields(c, body, numbers);
-  if (numbers.status != Status::ok) return numbers.status;
+  if (!numbers.all) return Status::not_finite;
   const Mat3 inertia = body.inertia;
   const bool symmetric = inertia == inertia.transpose() && inertia.diagonal().minCoeff() >= 0;
   return c.mass >= 0 && symmetric ? Status::ok : Status::no_such_value;
@@ -106,10 +94,10 @@ Outcome load(const truepose_description& of, Robot& robot) {
   Outcome outcome = copied(of, robot);
   if (outcome && !parts_exist(robot)) outcome = {Status::no_such_part, -1};
   if (!outcome) return outcome;
-  Numbers head;
+  Finite head;
   head("gravity", of.gravity, 0);
   head("home", of.home, 0);
-  outcome.status = head.status;
+  if (!head.all) return {Status::not_finite, -1};
   for (int i = 0; i < robot.chains && outcome; ++i)
     outcome = {chain_status(of.chain[i], robot.chain[i]), i};
   for (int k = 0; k < robot.r && outcome; ++k)
