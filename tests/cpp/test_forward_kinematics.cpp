@@ -78,7 +78,8 @@ TEST("from home the FKM finds the pose of the robot's own mode, however far it h
         Closure<K> closed;  // on the same motors
         CHECK(ikm<K>(robot, found, closed));
         for (int i = 0; i < 6; ++i)
-          CHECK_NEAR(std::remainder(closed.chain[i].q - closure.chain[i].q, 2 * M_PI), 0, 1e-9);
+          CHECK_NEAR(std::remainder(closed.chain[i].q - closure.chain[i].q, 2 * std::numbers::pi),
+                     0, 1e-9);
       }
       CHECK(reached > 400);
       // Some lie behind a singular pose: of the same sign, yet another mode.
@@ -146,7 +147,7 @@ TEST("the closed form has no special angle: zero, tiny, and every other θ") {
       x[0] = x[1] = 0;  // and in the middle, where the mechanism is symmetric
       check_closed<K>(mechanism.robot, to_pose<K>(x));
     }
-  for (double theta = -M_PI / 6; theta < M_PI / 6; theta += 1e-3) {
+  for (double theta = -std::numbers::pi / 6; theta < std::numbers::pi / 6; theta += 1e-3) {
     Joint x = random_pose(mechanism, random);
     x[3] = theta;
     check_closed<K>(mechanism.robot, to_pose<K>(x));

@@ -103,7 +103,7 @@ TRUEPOSE_APART inline Outcome weigh(const Robot& robot, const Weighing& weighing
 template <Mobility K>
 TRUEPOSE_APART inline Outcome refer_full(const Robot& robot, Parasitic& rest,
                                          Reference<K>& reference) {
-  if constexpr (!kPaired<K>) {
+  if constexpr (!kRodByRod<K>) {
     return {Status::no_full_level, -1};
   } else {
     FullClosure<K> closure;
@@ -216,7 +216,7 @@ TRUEPOSE_APART inline Outcome find(const Robot& robot, const Weighing& weighing,
     if (!outcome) outcome = estimate<K, Model>(robot, known, q_e, found, weighing.work).outcome;
     return outcome;
   };
-  if constexpr (kPaired<K>)
+  if constexpr (kRodByRod<K>)
     if (robot.rod_by_rod()) return search(FullModel{});
   return search(IdealModel{});
 }

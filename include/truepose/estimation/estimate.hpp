@@ -4,6 +4,8 @@
 // trusted for, geometry and counts alike. The same weights make the weighted TEJ.
 #pragma once
 
+#include <numbers>
+
 #include "truepose/control/tej.hpp"
 #include "truepose/estimation/knowledge.hpp"
 #include "truepose/estimation/linearise.hpp"
@@ -108,8 +110,9 @@ inline double within_turn(const Robot& robot, int reading, double difference) {
   const int n = dof(robot.mobility);
   if (reading < n) return within_turn(robot.chain[reading], difference);
   const Sensor& sensor = robot.sensor[reading - n];
-  return properties(sensor.kind).wraps ? without_turns(difference, 2 * M_PI * sensor.gain)
-                                       : difference;
+  return properties(sensor.kind).wraps
+             ? without_turns(difference, 2 * std::numbers::pi * sensor.gain)
+             : difference;
 }
 
 /// What was read less what was expected, whole turns of a joint left out.

@@ -236,15 +236,12 @@ template <class Own, class Same>
 inline auto with_full(const Robot& robot, Own&& own, Same&& same) {
   using Result = decltype(same());
   if (!robot.finished) return Result{Status::unfinished, -1};
-  switch (robot.full.kind) {
-    case FullKind::same: return same();
-    case FullKind::exists:
-    case FullKind::elastic:
-      if (robot.mobility == Mobility::translation)
-        return own(std::integral_constant<Mobility, Mobility::translation>{});
-      return own(std::integral_constant<Mobility, Mobility::schoenflies>{});
-    default: return Result{Status::no_full_level, -1};
-  }
+  if (robot.full.kind == FullKind::same) return same();
+  return with_mobility(robot.mobility, [&](auto mobility) {
+    if constexpr (kRodByRod<mobility()>)
+      if (robot.full.own()) return own(mobility);
+    return Result{Status::no_full_level, -1};
+  });
 }
 
 }  // namespace full_detail

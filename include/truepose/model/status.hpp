@@ -21,6 +21,7 @@ enum class [[nodiscard]] Status : int {
   no_such_part = 9,   ///< a count, an index or an enum of the robot's data names what is not there
   not_square = 10,    ///< more or fewer chains or motors than freedoms: not solved for
   unfinished = 11,    ///< the robot has not passed finish() (jacobian.hpp)
+  not_compiled = 12,  ///< this build leaves out the robot's mobility, or the full level
 };
 
 /// What a status says, for people.
@@ -41,6 +42,7 @@ constexpr const char* describe(Status status) {
     case Status::no_such_part: return "no such part";
     case Status::not_square: return "not as many chains and motors as freedoms";
     case Status::unfinished: return "not finished";
+    case Status::not_compiled: return "not compiled in";
   }
   return "unknown status";
 }
