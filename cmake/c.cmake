@@ -3,8 +3,7 @@ enable_language(C)
 file(STRINGS include/truepose/truepose.h abi REGEX "^#define TRUEPOSE_ABI ")
 string(REGEX MATCH "[0-9]+" abi "${abi}")
 
-add_library(truepose_c_objects OBJECT
-  src/c/load.cpp src/c/kinematics.cpp src/c/control.cpp src/c/learning.cpp)
+add_library(truepose_c_objects OBJECT ${TRUEPOSE_C_SOURCES})
 if(NOT TRUEPOSE_MOBILITY)  # a small machine's library compiles what it calls, and nothing else
   target_sources(truepose_c_objects PRIVATE src/kernels/paired.cpp src/kernels/plane_and_space.cpp)
   target_compile_options(truepose_c_objects PRIVATE
