@@ -77,7 +77,20 @@ static const truepose_description five_bar = {
     0.0, /* viscous */
     0.0, /* coulomb */
   }},
-  {{0}},
+  {{ /* sensor none */
+    0, 0, 0, 0, 0, 0,
+    0.0, /* gain */
+    0.0, /* offset */
+    0.0, /* gear */
+    {0.0}, /* eccentricity */
+    0.0, /* step */
+    0.0, /* noise */
+    0.0, /* weight */
+    {0.0}, /* origin */
+    {0.0}, /* direction */
+    {0.0}, /* target */
+    {0.0}, /* normal */
+  }},
   {{ /* body 1 */
     -1, 0,
     0.1, /* mass */
@@ -203,7 +216,20 @@ static const truepose_description robot_3rrr = {
     0.0, /* viscous */
     0.0, /* coulomb */
   }},
-  {{0}},
+  {{ /* sensor none */
+    0, 0, 0, 0, 0, 0,
+    0.0, /* gain */
+    0.0, /* offset */
+    0.0, /* gear */
+    {0.0}, /* eccentricity */
+    0.0, /* step */
+    0.0, /* noise */
+    0.0, /* weight */
+    {0.0}, /* origin */
+    {0.0}, /* direction */
+    {0.0}, /* target */
+    {0.0}, /* normal */
+  }},
   {{ /* body 1 */
     -1, 0,
     0.5, /* mass */
@@ -330,7 +356,20 @@ static const truepose_description linear_delta = {
     0.0, /* viscous */
     0.0, /* coulomb */
   }},
-  {{0}},
+  {{ /* sensor none */
+    0, 0, 0, 0, 0, 0,
+    0.0, /* gain */
+    0.0, /* offset */
+    0.0, /* gear */
+    {0.0}, /* eccentricity */
+    0.0, /* step */
+    0.0, /* noise */
+    0.0, /* weight */
+    {0.0}, /* origin */
+    {0.0}, /* direction */
+    {0.0}, /* target */
+    {0.0}, /* normal */
+  }},
   {{ /* body 1 */
     -1, 0,
     0.2, /* mass */
@@ -1253,7 +1292,20 @@ static const truepose_description stewart = {
     0.0, /* viscous */
     0.0, /* coulomb */
   }},
-  {{0}},
+  {{ /* sensor none */
+    0, 0, 0, 0, 0, 0,
+    0.0, /* gain */
+    0.0, /* offset */
+    0.0, /* gear */
+    {0.0}, /* eccentricity */
+    0.0, /* step */
+    0.0, /* noise */
+    0.0, /* weight */
+    {0.0}, /* origin */
+    {0.0}, /* direction */
+    {0.0}, /* target */
+    {0.0}, /* normal */
+  }},
   {{ /* body 1 */
     -1, 0,
     25.0, /* mass */

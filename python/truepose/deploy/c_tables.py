@@ -185,12 +185,11 @@ def _whole(values: Sequence[int]) -> str:
 def _description(name: str, robot: Robot) -> str:
     tables = _core.c_description(robot.core)
     parts = []
-    for kind, comment in (("chain", "chain"), ("sensor", "sensor"), ("body", "body")):
-        names = robot.sensors if kind == "sensor" else None
+    for kind in ("chain", "sensor", "body"):
+        names = [*robot.sensors, "none"] if kind == "sensor" else range(1, len(tables[kind]) + 1)
         rows = [
-            f"  {{ /* {comment} {names[k] if names else "none" if names == () else k + 1} */\n"
-            f"    {_whole(counts)},\n{_rows(listed, '    ')}\n  }}"
-            for k, (counts, listed) in enumerate(tables[kind])
+            f"  {{ /* {kind} {part} */\n    {_whole(counts)},\n{_rows(listed, '    ')}\n  }}"
+            for part, (counts, listed) in zip(names, tables[kind], strict=False)
         ]
         parts.append("  {" + ",\n".join(rows).lstrip() + "}")
     return (
