@@ -77,5 +77,6 @@ void bind_batch(nb::module_& module);
 void bind_calibration(nb::module_& module);
 void bind_plant(nb::module_& module);
 void bind_watch(nb::module_& module);
+void bind_c(nb::module_& module);
 
 }  // namespace truepose::python

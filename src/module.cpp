@@ -270,4 +270,5 @@ NB_MODULE(_core, m) {
   python::bind_calibration(m);
   python::bind_plant(m);
   python::bind_watch(m);
+  python::bind_c(m);
 }
