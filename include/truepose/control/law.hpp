@@ -340,4 +340,29 @@ inline Outcome motor_error(const Robot& robot, Law law, const Reference<K>& refe
   return {};
 }
 
+/// ê_q alone, for a robot of any mobility whose drives close their own loops.
+/// @param x_d   where it is asked to be
+/// @param band  conditioning below which J and J⁻¹ are damped (0: nowhere)
+inline Outcome motor_error(const Robot& robot, Law law, const Coordinates& x_d, const Extended& q_e,
+                           Joint& error, double band = 0, const Weighing& weighing = {}) {
+  return with_mobility(robot.mobility, [&](auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr int n = kDof<K>;
+    const bool alone = properties(law).corrects == Corrects::motors;
+    if (!all_finite(q_e, alone ? n : n + robot.r) || !all_finite(x_d, n))
+      return Outcome{Status::not_finite, -1};
+    Reference<K> reference;
+    Parasitic nearby;
+    const Outcome regular = refer<K>(robot, law, x_d, reference, band, weighing, &nearby);
+    if (!regular) return regular;
+    Pose found;
+    Joint e{};
+    Outcome outcome = motor_error<K>(robot, law, reference, q_e, e, found, weighing, nearby);
+    if (outcome && !all_finite(e, n)) outcome = {Status::not_finite, -1};
+    if (!outcome) return outcome;
+    error = e;
+    return regular;
+  });
+}
+
 }  // namespace truepose

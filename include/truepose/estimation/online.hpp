@@ -15,7 +15,7 @@ namespace truepose {
 /// What the filter knows. The arrays are the caller's; it starts from the prior.
 struct OnlineState {
   int count = 0;                ///< p, uncertain parameters
-  const int* column = nullptr;  ///< each one's column of H_ξ
+  const std::int32_t* column = nullptr;  ///< each one's column of H_ξ
   double* xi = nullptr;         ///< ξ̂, parameter_count values
   double* root = nullptr;       ///< S, p×p by rows, lower triangular
   Extended sigma{};             ///< σ of every reading's own error, > 0
