@@ -139,7 +139,7 @@ def test_the_command_writes_what_a_calibrated_robot_knows_and_overwrites_nothing
     command = (sys.executable, "-m", "truepose", "export", "c", "calibrated.toml", "-o", "h4.h")
     assert "Wrote h4.h" in told(*command, cwd=tmp_path)
     text = (tmp_path / "h4.h").read_text(encoding="utf-8")
-    assert f"{learnt.spec.chain[2].rod!r}, /* rod */" in text
+    assert f"{learnt.parameters['chain3.rod'].value!r}, /* rod */" in text
     (tmp_path / "h4.h").write_text("mine\n", encoding="utf-8")
     again = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert again.returncode and "h4.h" in again.stderr and "Traceback" not in again.stderr
