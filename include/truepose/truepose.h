@@ -269,7 +269,7 @@ typedef struct truepose_fkm_result {
 
 /** x = FKM(q), from a guess; where that finds no pose of the robot's own mode, from home.
  *
- * @param cap  steps of each of the two searches, 1 to 60: 4 do near the guess, 7 from home over a
+ * @param cap  steps of both searches together, 1 to 120: 4 do near the guess, 7 from home over a
  *             robot's workspace
  * @param x    in: the guess; out: the pose
  * @return UNREACHABLE: no pose closes the loops; NOT_CONVERGED: none was found; SINGULAR;
