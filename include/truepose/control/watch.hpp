@@ -255,8 +255,7 @@ class Cycle {
     std::uint32_t still = 0, apart = 0;
     for (int c = 0; c < rows_; ++c) {
       if (without_ & bit(c)) continue;
-      if (raw(c) == watch_.reading[c].raw && stood(c) > much(c, kStoodBy))
-        still |= bit(c);
+      if (raw(c) == watch_.reading[c].raw && stood(c) > much(c, kStoodBy)) still |= bit(c);
       if (leaves_track(c, innovation_[c]) && !motor_left(c)) apart |= bit(c);
     }
     if (alone(may & still)) {
@@ -274,7 +273,7 @@ class Cycle {
   /// Share of `moved` from which on a reading that stands still beside an alarm is the one.
   static constexpr double kStoodBy = 0.4;
   /// σ by which a motor may be beside where it usually is beside its setpoint.
-  static constexpr double kStrays = 5;
+  static constexpr double kStrays = 8;
 
   bool leaves_track(int c, double innovation) const {
     const double spread = settings_.own.variance * noise_[c] + watch_.reading[c].spread;
@@ -315,8 +314,8 @@ class Cycle {
   }
 
   /// Motion of the model beside a reading that stands still which is too much. A motor that swings
-  /// about its path, as where a sensor is late by which a law leads it, stands still where it turns,
-  /// while its setpoint passes: it is judged by what it follows its setpoint to.
+  /// about its path, as where a sensor is late by which a law leads it, stands still where it
+  /// turns, while its setpoint passes: it is judged by what it follows its setpoint to.
   double much(int c, double share) const {
     const WatchedReading& reading = watch_.reading[c];
     return std::max(share * settings_.moved[c], kStrays * std::sqrt(reading.strays));
