@@ -109,6 +109,7 @@ class Cycle {
         reading.own = {q_e_[c], 0};
         reading.raw = q_e_[c];
         reading.model = c < n ? desired_[c] : q_e_[c];
+        if (c < n) reading.usual = desired_[c] - q_e_[c];
       }
       const double predicted = reading.own.predicted(settings_.period);
       const double news = q_e_[c] - predicted;
@@ -334,11 +335,11 @@ class Cycle {
   void trail(int c) const {
     WatchedReading& reading = watch_.reading[c];
     reading.behind = desired_[c] - believed_[c];
-    if (reading.still > 0 || !number(reading.behind)) return;
-    if (watch_.cycle == watch_.began) reading.usual = reading.behind;
-    reading.off = reading.behind - reading.usual;
-    reading.usual += reading.off / kSettling;
-    reading.strays += (reading.off * reading.off - reading.strays) / kSettling;
+    const double off = reading.behind - reading.usual;
+    if (reading.still > 0 || !number(off)) return;
+    reading.off = off;
+    reading.usual += off / kSettling;
+    reading.strays += (off * off - reading.strays) / kSettling;
   }
 
   /// What stands for the readings that are not believed: their errors unknown, b̂ = Σ_b GᵀV⁻¹ p.
