@@ -72,9 +72,11 @@ inline Vector row(const Rows& rows, std::size_t i) {
 }
 
 void bind_control(nb::module_& module);
+void bind_simulation(nb::module_& module);
 void bind_batch(nb::module_& module);
 void bind_calibration(nb::module_& module);
 void bind_plant(nb::module_& module);
 void bind_watch(nb::module_& module);
+void bind_c(nb::module_& module);
 
 }  // namespace truepose::python

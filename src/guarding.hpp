@@ -4,14 +4,10 @@
 #include <optional>
 
 #include "known.hpp"
+#include "late.hpp"
 #include "truepose/control/guard.hpp"
 
 namespace truepose::python {
-
-/// Starts what remembers slow and late readings. @throws std::invalid_argument  no such period
-inline void require_started(const LateSettings& settings, Late& late) {
-  if (!start(settings, late)) throw std::invalid_argument("period or age of a sensor: too long");
-}
 
 struct Guarding {
   Robot robot;

@@ -265,8 +265,10 @@ NB_MODULE(_core, m) {
   python::bind_tables(m);
   python::bind_robot(m);
   python::bind_control(m);
+  python::bind_simulation(m);
   python::bind_batch(m);
   python::bind_calibration(m);
   python::bind_plant(m);
   python::bind_watch(m);
+  python::bind_c(m);
 }

@@ -23,7 +23,7 @@ void for_each_full(F&& f) {
 
 /// A standard normal number, by Box and Muller: the same on every machine.
 inline double gaussian(check::Random& random) {
-  const double u = 0.5 * (1 - random()), angle = M_PI * random();
+  const double u = 0.5 * (1 - random()), angle = std::numbers::pi * random();
   return std::sqrt(-2 * std::log(std::max(u, 1e-300))) * std::cos(angle);
 }
 

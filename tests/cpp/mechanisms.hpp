@@ -5,6 +5,8 @@
 // by chance. All are without friction and with two sensors defined, the first one in use.
 #pragma once
 
+#include <numbers>
+
 #include "check.hpp"
 #include "truepose/control/law.hpp"
 #include "truepose/estimation/learning.hpp"
@@ -33,7 +35,7 @@ struct Mechanism {
   Coordinates box{};  ///< half widths of a box around home, all inside the workspace
 };
 
-inline double degrees(double angle) { return angle * M_PI / 180; }
+inline double degrees(double angle) { return angle * std::numbers::pi / 180; }
 inline Vec3 polar(double radius, double angle, double z = 0) {
   return {radius * std::cos(degrees(angle)), radius * std::sin(degrees(angle)), z};
 }
@@ -119,7 +121,7 @@ inline void complete(Mechanism& mechanism) {
     if (robot.mobility == Mobility::schoenflies) robot.sensor[0] = Sensor{};
   }
   Outcome outcome = finish(robot);
-  if (outcome) outcome = finish_full(robot);
+  if (outcome && kFullLevel) outcome = finish_full(robot);
   if (!outcome) std::printf("%s: home is %s\n", mechanism.name, describe(outcome.status));
 }
 
@@ -148,7 +150,7 @@ inline void set_pair(Chain& chain, int bar = -1) {
 
 inline Mechanism h4() {
   constexpr double l = 0.26, L = 0.48, R = 0.14, d = 0.06, h = 0.06;
-  Mechanism mechanism{"H4", {}, {0.1, 0.1, 0.05, M_PI / 6}};
+  Mechanism mechanism{"H4", {}, {0.1, 0.1, 0.05, std::numbers::pi / 6}};
   Robot& robot = mechanism.robot;
   robot.mobility = Mobility::schoenflies;
   const Vec3 bases[]{{h + R, d, 0}, {-(h + R), d, 0}, {-h, -(d + R), 0}, {h, -(d + R), 0}};

@@ -1,5 +1,9 @@
 // What does the real-time core ask of the machine? Every entry point in one object, compiled with
 // neither exceptions nor run-time types; check_symbols.cmake reads its undefined symbols.
+#include <cmath>
+#undef M_PI  // POSIX's: a library that keeps to C++20 has neither
+#undef M_2_SQRTPI
+
 #include "truepose/control/command.hpp"
 #include "truepose/control/guard.hpp"
 #include "truepose/estimation/estimate.hpp"

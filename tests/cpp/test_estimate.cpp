@@ -284,17 +284,17 @@ TEST("whole turns of a joint are nobody's geometry, those of the nacelle and len
                        sensor.kind == SensorKind::motor_encoder ||
                        sensor.kind == SensorKind::inclinometer;
     for (const double turn : {-2.0, -0.3, 0.0, 0.4, 1.0}) {  // of the shaft: × gain as it reads
-      q_e[4] = 0.7 + 2 * M_PI * sensor.gain * turn;
+      q_e[4] = 0.7 + 2 * std::numbers::pi * sensor.gain * turn;
       expected[4] = 0.7;
       innovation(robot, q_e, expected, residual);
       const double left = turns ? turn - std::nearbyint(turn) : turn;
-      CHECK_NEAR(residual[4], 2 * M_PI * sensor.gain * left, 1e-12);
+      CHECK_NEAR(residual[4], 2 * std::numbers::pi * sensor.gain * left, 1e-12);
     }
   }
   for (const bool revolute : {true, false}) {
     robot.chain[2].actuator = revolute ? Actuator::revolute : Actuator::prismatic;
-    q_e[2] = 2 * M_PI + 0.1;
+    q_e[2] = 2 * std::numbers::pi + 0.1;
     innovation(robot, q_e, expected, residual);
-    CHECK_NEAR(residual[2], revolute ? 0.1 : 2 * M_PI + 0.1, 1e-12);
+    CHECK_NEAR(residual[2], revolute ? 0.1 : 2 * std::numbers::pi + 0.1, 1e-12);
   }
 }

@@ -52,6 +52,32 @@ TEST("FKM(IKM(x)) = x from 1 mm and 1 mrad away, and from home") {
   });
 }
 
+TEST("a cap below the steps that the FKM needs is said, and one of 12 does for a box from home") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    const Robot& robot = mechanism.robot;
+    check::Random random(12);
+    for (int k = 0; k < 300; ++k) {
+      const Coordinates x = random_pose(mechanism, random);
+      Joint q;
+      CHECK(ikm(robot, x, q));
+      const auto from_home = [&](int cap, Coordinates& found) {
+        found = robot.home;
+        return fkm(robot, q, found, cap);
+      };
+      Coordinates found, again, short_of;
+      const FkmResult free = from_home(kFkmCap, found), twelve = from_home(12, again);
+      CHECK(free && twelve && again == found && twelve.iterations == free.iterations);
+      const int cap = free.iterations - 2;
+      const FkmResult capped = from_home(cap, short_of);
+      CHECK(capped.status == Status::not_converged && capped.iterations == cap);
+      Joint beyond = q;  // no pose: known without a step, or not found within the cap
+      for (int i = 0; i < kDof<K>; ++i) beyond[i] += 1;
+      CHECK(from_home(12, again).iterations <= 12);
+    }
+  });
+}
+
 TEST("from home the FKM finds the pose of the robot's own mode, however far it has turned") {
   for_each([](const Mechanism& mechanism, auto mobility) {
     constexpr Mobility K = mobility();
@@ -78,7 +104,8 @@ TEST("from home the FKM finds the pose of the robot's own mode, however far it h
         Closure<K> closed;  // on the same motors
         CHECK(ikm<K>(robot, found, closed));
         for (int i = 0; i < 6; ++i)
-          CHECK_NEAR(std::remainder(closed.chain[i].q - closure.chain[i].q, 2 * M_PI), 0, 1e-9);
+          CHECK_NEAR(std::remainder(closed.chain[i].q - closure.chain[i].q, 2 * std::numbers::pi),
+                     0, 1e-9);
       }
       CHECK(reached > 400);
       // Some lie behind a singular pose: of the same sign, yet another mode.
@@ -146,7 +173,7 @@ TEST("the closed form has no special angle: zero, tiny, and every other θ") {
       x[0] = x[1] = 0;  // and in the middle, where the mechanism is symmetric
       check_closed<K>(mechanism.robot, to_pose<K>(x));
     }
-  for (double theta = -M_PI / 6; theta < M_PI / 6; theta += 1e-3) {
+  for (double theta = -std::numbers::pi / 6; theta < std::numbers::pi / 6; theta += 1e-3) {
     Joint x = random_pose(mechanism, random);
     x[3] = theta;
     check_closed<K>(mechanism.robot, to_pose<K>(x));

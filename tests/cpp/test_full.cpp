@@ -15,7 +15,7 @@ std::vector<Joint> table2() {
     for (const double y : steps)
       for (const double z : steps)
         for (const double theta : steps)
-          poses.push_back({0.1 * x, 0.1 * y, -0.4 + 0.05 * z, M_PI / 6 * theta});
+          poses.push_back({0.1 * x, 0.1 * y, -0.4 + 0.05 * z, std::numbers::pi / 6 * theta});
   return poses;
 }
 

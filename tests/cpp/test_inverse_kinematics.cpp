@@ -37,7 +37,7 @@ TEST("every loop closes to rounding") {
 TEST("the H4 hangs at 38.9429 degrees on all four motors at x = (0, 0, -0.5, 0)") {
   Joint q{};
   CHECK(ikm(h4().robot, Joint{0, 0, -0.5, 0}, q));
-  for (int i = 0; i < 4; ++i) CHECK_NEAR(q[i] * 180 / M_PI, 38.9429, 5e-5);
+  for (int i = 0; i < 4; ++i) CHECK_NEAR(q[i] * 180 / std::numbers::pi, 38.9429, 5e-5);
 }
 
 TEST("the two working modes are the two intersections, one on each side of the rod") {
@@ -112,8 +112,9 @@ TEST("gain and offset make a sensor's reading: gain s(x) - offset") {
 TEST("rotations: log undoes exp at the identity, near it, at random and near π") {
   check::Random random(4);
   CHECK_NEAR(log_so3(exp_so3(Vec3::Zero())).norm(), 0, 0);
-  const double angles[]{1e-300, 1e-12, 1e-8, 0.99e-4,     1.01e-4,     1e-2,
-                        1,      2,     3,    M_PI - 1e-3, M_PI - 1e-7, M_PI - 1e-9};
+  const double pi = std::numbers::pi;
+  const double angles[]{1e-300, 1e-12, 1e-8, 0.99e-4,   1.01e-4,   1e-2,
+                        1,      2,     3,    pi - 1e-3, pi - 1e-7, pi - 1e-9};
   for (const double angle : angles)
     for (int k = 0; k < 500; ++k) {
       const Vec3 axis = Vec3(random(), random(), random()).normalized();
@@ -123,7 +124,7 @@ TEST("rotations: log undoes exp at the identity, near it, at random and near π"
       CHECK_NEAR((log_so3(R) - angle * axis).norm(), 0, 1e-14);
     }
   // At π exactly the axis' sign is free.
-  const Mat3 half = Eigen::AngleAxisd(M_PI, Vec3(1, 2, -2) / 3).toRotationMatrix();
+  const Mat3 half = Eigen::AngleAxisd(pi, Vec3(1, 2, -2) / 3).toRotationMatrix();
   CHECK_NEAR((exp_so3(log_so3(half)) - half).norm(), 0, 1e-14);
 }
 

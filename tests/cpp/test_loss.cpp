@@ -1,4 +1,6 @@
 // What is a line expected to be worth under a robust loss? Against integrals over its definition.
+#include <numbers>
+
 #include "check.hpp"
 #include "truepose/offline/loss.hpp"
 
@@ -54,7 +56,7 @@ TEST("the scale and the information of a line are those of Huber's sandwich") {
 TEST("one equation under Huber's loss is worth what his book says") {
   for (const double c : {0.5, 1.0, 1.345, 2.0}) {
     const double inside = std::erf(c / std::sqrt(2.0));
-    const double density = std::exp(-0.5 * c * c) / std::sqrt(2 * M_PI);
+    const double density = std::exp(-0.5 * c * c) / std::sqrt(2 * std::numbers::pi);
     const double b = inside - 2 * c * density + c * c * (1 - inside);
     CHECK_NEAR(LineLoss(Loss::huber, c).information(1), inside * inside / b, 1e-4);
   }

@@ -4,6 +4,7 @@
 #include <climits>
 #include <cstring>
 #include <functional>
+#include <numbers>
 
 #include "check.hpp"
 
@@ -19,7 +20,7 @@ Robot drawn() {
   Robot robot;
   robot.mobility = kH4;
   robot.chains = robot.motors = 4;
-  constexpr double angle[]{0, M_PI, 1.5 * M_PI, 1.5 * M_PI};
+  constexpr double angle[]{0, std::numbers::pi, 1.5 * std::numbers::pi, 1.5 * std::numbers::pi};
   const Vec3 base[]{{0.2, 0.06, 0}, {-0.2, 0.06, 0}, {-0.06, -0.2, 0}, {0.06, -0.2, 0}};
   for (int i = 0; i < 4; ++i) {
     Chain& chain = robot.chain[i];

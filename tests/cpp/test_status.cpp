@@ -192,7 +192,8 @@ TEST("from anywhere the forward model ends within its bound, with an answer or a
       CHECK(ikm(robot, x, again));
       for (int i = 0; i < kDof<K>; ++i) {
         double off = again[i] - q[i];
-        if (robot.chain[i].actuator == Actuator::revolute) off = std::remainder(off, 2 * M_PI);
+        if (robot.chain[i].actuator == Actuator::revolute)
+          off = std::remainder(off, 2 * std::numbers::pi);
         CHECK_NEAR(off, 0, 1e-9);
       }
     }
@@ -344,7 +345,7 @@ TEST("without a sensor of the orientation the redundant forward model says so") 
 
 TEST("every status has its own words") {
   std::vector<std::string> words;
-  for (int i = static_cast<int>(Status::stopped); i <= static_cast<int>(Status::unfinished); ++i) {
+  for (int i = static_cast<int>(Status::stopped); i <= static_cast<int>(Status::no_such_value); ++i) {
     words.emplace_back(describe(static_cast<Status>(i)));
     for (std::size_t j = 0; j + 1 < words.size(); ++j) CHECK(words[j] != words.back());
   }

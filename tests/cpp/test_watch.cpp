@@ -241,7 +241,7 @@ TEST("whole turns that an encoder loses are nothing that has moved") {
   for_each([](const Mechanism& mechanism, auto mobility) {
     constexpr int n = kDof<mobility()>;
     for (int c = 0; c < n + mechanism.robot.r; ++c) {
-      const double turn = 2 * M_PI;
+      const double turn = 2 * std::numbers::pi;
       if (std::fabs(within_turn(mechanism.robot, c, turn)) > 1) continue;  // of a slide: a jump
       Scene<mobility()> scene(mechanism);
       CHECK(scene.healthy(100));

@@ -4,6 +4,8 @@
 // Promised for any input: numbers, torques that the motors can, time that does not run backwards,
 // a brake where nobody knows any more. How large a step is at most is a question to a healthy law
 // and a stated fault, not to any: test_watch asks it.
+#include <numbers>
+
 #include "decode.hpp"
 #include "truepose/control/guard.hpp"
 
@@ -45,7 +47,7 @@ void spoil(Bytes& bytes, int rows, Extended& q_e) {
     case 1: q_e[c] = bytes.number(); break;
     case 2: q_e[c] += 0.3 * bytes.share(); break;
     case 3: std::swap(q_e[c], q_e[bytes.below(rows)]); break;
-    default: q_e[c] += 2 * M_PI; break;
+    default: q_e[c] += 2 * std::numbers::pi; break;
   }
 }
 

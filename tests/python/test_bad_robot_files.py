@@ -37,6 +37,14 @@ SPOILED = [
     ("[nacelle]", "[nacele]", r"nacele: unknown key 'nacele'; did you mean 'nacelle'\?"),
     ("[every_chain]", "[evry_chain]", "evry_chain: unknown key 'evry_chain'; did you mean"),
     ("gear = 4.0", "gaer = 4.0", r"sensor.1.gaer: unknown key 'gaer'; did you mean 'gear'\?"),
+    (
+        "gear = 4.0",
+        "gear = 4.0\nrange = [0.3, -0.3]",
+        r"sensor.1.range = \[0.3, -0.3\]: must be \[low, high\], low < high",
+    ),
+    ("gear = 4.0", "gear = 4.0\nrange = [0, inf]", "sensor.1.range.2 = inf: .* finite number"),
+    ("gear = 4.0", "gear = 4.0\nrange = 0.3", "sensor.1.range = 0.3: must be a list"),
+    ("gear = 4.0", "gear = 4.0\nrange = [0.3]", "sensor.1.range.2: is missing"),
     ("sigma = 0.0003", "sigm = 3", r"tolerances.chain\*.base.\*.sigm: unknown key 'sigm'"),
     ("arm = 0.26", "arm = 0.26\ngain = 0", "chain.1: gain = 0: a motor whose encoder reads"),
     (

@@ -56,6 +56,23 @@ def in_millimetres(data, angles: int):
     return result
 
 
+@pytest.mark.parametrize(
+    ("ends", "said"),
+    [
+        ("[0.3, 0.5]", ""),
+        (
+            "[300.0, 500.0]",
+            "reads 400.00 mm at home, beyond its range 300000.00 mm to 500000.00 mm",
+        ),
+    ],
+)
+def test_home_beyond_a_sensors_range_is_remarked(checked, ends, said):
+    text = changed(text_of("h4"), "resolution = 20e-6", f"range = {ends}\nresolution = 20e-6")
+    robot, _ = checked(changed(text, '["theta"]', '["z_telemeter"]'))
+    remarked = "\n".join(line for line in remarks(robot) if "range" in line)
+    assert remarked == (f"sensor z_telemeter: {said}" if said else "")
+
+
 @pytest.mark.parametrize("name", tp.robots())
 def test_a_robot_in_millimetres_is_asked_for(checked, name):
     data = tomllib.loads(text_of(name))

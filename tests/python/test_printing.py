@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.commands import accuracy, cli, info
+from truepose.commands import accuracy, cli, info, options
 from truepose.show.table import Table, fixed, number
 from truepose.show.terminal import laid_out
 
@@ -117,14 +117,14 @@ def test_what_an_output_cannot_hold_is_spelt(monkeypatch, tmp_path, encoding, wo
     ],
 )
 def test_sensors_are_named_by_globs(h4, text, names):
-    assert list(accuracy.parse_set(h4, text))[:6] == names
-    assert h4.with_sensors(*accuracy.parse_set(h4, text)).r >= len(names)
+    assert list(options.parse_set(h4, text))[:6] == names
+    assert h4.with_sensors(*options.parse_set(h4, text)).r >= len(names)
 
 
 @pytest.mark.parametrize("text", ["ebow*", "elbow*,x", "", ",", "theta,"])
 def test_a_glob_of_no_sensor_is_said_with_what_there_is(h4, text):
     with pytest.raises(tp.InputError, match=r"unknown sensor '.*choices: theta, z_telemeter"):
-        accuracy.parse_set(h4, text)
+        options.parse_set(h4, text)
 
 
 def test_the_usual_table_offers_every_kind_of_sensor_together(any_robot):
@@ -138,7 +138,7 @@ def test_the_usual_table_offers_every_kind_of_sensor_together(any_robot):
 
 def test_a_group_is_named_as_it_may_be_asked_for(h4):
     for names in accuracy.sensor_sets(h4)[1:-1]:
-        assert accuracy.parse_set(h4, accuracy.label(h4, names)) == names
+        assert options.parse_set(h4, accuracy.label(h4, names)) == names
 
 
 def test_a_calibration_gives_programs_si(run, h4, table2, tmp_path):

@@ -74,6 +74,18 @@ def test_a_parameter_put_back_to_the_drawn_value_stays_there(h4, tmp_path):
     assert same(saved(once.replace({"chain2.rod": 0.48}), path), h4)
 
 
+def test_a_sensors_range_is_saved_and_outlives_a_calibration(h4, h4_text, rng, tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(h4_text.replace("gear = 4.0", "gear = 4.0\nrange = [-0.6, 0.6]"))
+    robot = tp.load(path)
+    written_out = robot.spec.model_copy()
+    written_out._text = ""
+    box = h4.spec.workspace
+    poses = rng.uniform(box.minimum, box.maximum, (30, 4))
+    for one in (robot, tp.Robot(written_out), tp.calibrate(robot, robot.read(poses, seed=1)).robot):
+        assert saved(one, path).spec.used[0].range == (-0.6, 0.6)
+
+
 def test_sensors_gravity_and_counts_are_saved(h4, tmp_path):
     robot = h4.with_sensors("z_telemeter", "theta").with_gravity((0, 0, 0)).unquantised()
     assert not robot.resolution.any()

@@ -119,6 +119,25 @@ def test_a_drift_that_one_sensor_cannot_place_stops_the_robot(calibrated: dict) 
     assert abs(run.error[:, 3]).max() < np.radians(3)
 
 
+@pytest.mark.parametrize(
+    "sensor, ends, size", [("theta", (-0.1, 0.3), 0.4), ("z_telemeter", (0.3, 0.5), 0.2)]
+)
+def test_a_reading_beyond_its_range_fails_for_that(
+    sensor: str, ends: tuple[float, float], size: float
+) -> None:
+    unknown = tp.load("h4").with_sensors(sensor)
+    section = unknown.spec.used[0].model_copy(update={"range": ends})
+    robot = tp.Robot(unknown.spec.model_copy(update={"sensor": (section,)}))
+    watch, fault = tp.Watch(), tp.Fault(sensor, "bias", at=0.1, size=size)
+    healthy = tp.simulate(robot, watch=watch)
+    assert (healthy.health == HEALTH.index("valid")).all()
+    assert np.array_equal(healthy.x, tp.simulate(unknown, watch=watch).x)
+    assert f"{sensor} failed at 0.105 s (out of range)" in (
+        tp.simulate(robot, faults=[fault], watch=watch).status
+    )
+    assert "(too fast)" in tp.simulate(unknown, faults=[fault], watch=watch).status
+
+
 def test_a_switch_of_what_is_believed_is_no_step_of_the_torque(calibrated: dict) -> None:
     robot, truth = (r.unquantised() for r in calibrated["θ, elbows"])
     fault = tp.Fault("theta", "dropout", at=0.3)  # at rest

@@ -59,7 +59,7 @@ inline Outcome learn(Learner& learner, const Extended& q_e) {
 /// The same at the level at which the robot is understood.
 template <Mobility K>
 Outcome learn(Learner& learner, const Extended& q_e) {
-  if constexpr (kPaired<K>)
+  if constexpr (kRodByRod<K>)
     if (learner.drawn->rod_by_rod()) return learn<K, FullModel>(learner, q_e);
   return learn<K, IdealModel>(learner, q_e);
 }

@@ -58,6 +58,10 @@ inline constexpr int kRods = 2 * kDof<K>;
 template <Mobility K>
 inline constexpr bool kPaired = K == Mobility::translation || K == Mobility::schoenflies;
 
+/// Whether it has, in this build, a level of its own where every rod is solved for by itself.
+template <Mobility K>
+inline constexpr bool kRodByRod = kFullLevel && kPaired<K>;
+
 /// From rod - to rod + at the base-side joint, unit: along a motor's axis, across a carriage's rail
 /// (rods one above the other on upright rails would leave the nacelle free to turn about z).
 inline Vec3 pair_direction(const Chain& chain) {
@@ -237,7 +241,7 @@ inline void open_loops(const Robot& robot, FullClosure<K>& at) {
 
 /// Whether a robot has a full level of its own: counts its rods and freedoms, and the rank of the
 /// rods' rows at home.
-/// @return the outcome of the inverse model at home
+/// @return the outcome of the inverse model at home; not_compiled
 template <Mobility K>
 inline Outcome full_level(const Robot& robot, FullLevel& level) {
   constexpr int n = kDof<K>;
@@ -251,6 +255,8 @@ inline Outcome full_level(const Robot& robot, FullLevel& level) {
     level.kind = FullKind::same;
     level.rods = level.unknowns = n;
     return {};
+  } else if constexpr (!kRodByRod<K>) {
+    return {Status::not_compiled, -1};
   } else {
     if (!paired || level.bars > kMaxBars) return {};
     const bool together = bars_together(robot, level.bars);
@@ -284,6 +290,7 @@ inline Outcome full_level(const Robot& robot, FullLevel& level) {
 }
 
 /// Fills robot.full. Call after finish(); costs the ideal level nothing.
+/// @return the outcome of the inverse model at home; not_compiled
 inline Outcome finish_full(Robot& robot) {
   if (!robot.finished) return {Status::unfinished, -1};
   return with_mobility(robot.mobility,

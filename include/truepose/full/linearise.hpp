@@ -72,7 +72,7 @@ Outcome linearise_full(const Robot& robot, const Pose& pose, Extended& q_e,
                        Parasitic* rest = nullptr) {
   if (!robot.finished) return {Status::unfinished, -1};
 
-  if constexpr (!kPaired<K>) {
+  if constexpr (!kRodByRod<K>) {
     if (robot.full.kind != FullKind::same) return {Status::no_full_level, -1};
     return linearise<K>(robot, pose, q_e, H_x, H_xi);
   } else {
@@ -136,7 +136,7 @@ struct FullModel {
   }
   template <Mobility K>
   static Status fkm(const Robot& robot, const Joint& q, Pose& pose, Parasitic& rest) {
-    if constexpr (!kPaired<K>) {  // the levels are one
+    if constexpr (!kRodByRod<K>) {  // the levels are one
       return truepose::fkm<K>(robot, q, pose).status;
     } else {
       FullPose full = rest.beside(pose);

@@ -118,11 +118,13 @@ inline bool other_mode(const Robot& robot, const Jacobians<K>& jacobians) {
 /// A robot that passes the check is finished, also one whose home has no regular pose: its inverse
 /// model still answers, its assembly mode is then not asked for.
 ///
-/// @return no_such_part, not_square: refused, and still unfinished; or that of its home:
-/// unreachable, singular, joint_limit
+/// @return no_such_part, not_compiled, not_square: refused, and still unfinished; or that of its
+/// home: unreachable, singular, joint_limit
 inline Outcome finish(Robot& robot) {
   robot.finished = false;
   if (!parts_exist(robot)) return {Status::no_such_part, -1};
+  if (!compiled(robot.mobility) || (!kFullLevel && robot.level == Level::full))
+    return {Status::not_compiled, -1};
   const int n = dof(robot.mobility);
   if (robot.chains != n || robot.motors != n) return {Status::not_square, -1};
   robot.finished = true;

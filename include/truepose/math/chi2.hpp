@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cmath>
+#include <numbers>
 
 namespace truepose {
 
@@ -10,7 +11,8 @@ namespace truepose {
 inline double chi2_tail(double x, int k) {
   const double half = 0.5 * x;
   double tail = k % 2 ? std::erfc(std::sqrt(half)) : 0;
-  double term = k % 2 ? std::exp(-half) * std::sqrt(half) * M_2_SQRTPI : std::exp(-half);
+  double term =
+      k % 2 ? std::exp(-half) * std::sqrt(half) * 2 * std::numbers::inv_sqrtpi : std::exp(-half);
   for (int m = k % 2 ? 3 : 2; m <= k; m += 2) {  // term: (x/2)^(m/2-1) e^(-x/2) / Γ(m/2)
     tail += term;
     term *= half / (0.5 * m);

@@ -1,6 +1,8 @@
 // How do rotations and their vectors correspond? exp, log and the angle θ about z.
 #pragma once
 
+#include <numbers>
+
 #include "truepose/math/lanes.hpp"
 
 namespace truepose {
@@ -57,7 +59,7 @@ inline Vec3 log_so3(const Mat3& R) {
 inline double theta_of(const Mat3& R, double near) {
   const double theta = std::atan2(R(1, 0), R(0, 0));
   if (!(std::fabs(near) < 1000)) return theta;
-  return theta + 2 * M_PI * std::nearbyint((near - theta) / (2 * M_PI));
+  return theta + 2 * std::numbers::pi * std::nearbyint((near - theta) / (2 * std::numbers::pi));
 }
 
 /// R, turned about z so that its θ is this one: what a small turn did to θ to second order is

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <numbers>
 
 #include "truepose/model/pose.hpp"
 #include "truepose/model/status.hpp"
@@ -52,7 +53,7 @@ inline double without_turns(double difference, double turn) {
 /// which of them an encoder counts from is nobody's geometry.
 inline double within_turn(const Chain& chain, double difference) {
   return chain.actuator == Actuator::revolute
-             ? without_turns(difference, 2 * M_PI * chain.encoder_gain)
+             ? without_turns(difference, 2 * std::numbers::pi * chain.encoder_gain)
              : difference;
 }
 /// Base-side point B relative to P, its derivative, and the rod's length, at motor position q.

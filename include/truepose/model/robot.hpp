@@ -52,6 +52,27 @@ enum class Mobility : int {
   spatial = 4,             ///< x, y, z, rotation vector
 };
 
+// For small machines, the same in every unit of a program (cmake: TRUEPOSE_MOBILITY,
+// TRUEPOSE_IDEAL_ONLY): -DTRUEPOSE_ONLY_MOBILITY=schoenflies, or another name of a Mobility,
+// compiles nothing for others, whose robots finish() refuses; -DTRUEPOSE_IDEAL_ONLY leaves the full
+// level out.
+
+/// Whether anything is compiled for robots of a mobility.
+constexpr bool compiled([[maybe_unused]] Mobility mobility) {
+#ifdef TRUEPOSE_ONLY_MOBILITY
+  return mobility == Mobility::TRUEPOSE_ONLY_MOBILITY;
+#else
+  return true;
+#endif
+}
+
+/// Whether the full level is compiled.
+#ifdef TRUEPOSE_IDEAL_ONLY
+inline constexpr bool kFullLevel = false;
+#else
+inline constexpr bool kFullLevel = true;
+#endif
+
 /// How motor position q moves the base-side point B of a chain.
 enum class Actuator : int {
   revolute = 0,    ///< B = P + l (e cos q + (u×e) sin q)
@@ -188,7 +209,7 @@ struct Robot {
   Level level = Level::ideal;  ///< at which laws and learners understand it
 
   /// Whether they solve for every rod by itself.
-  constexpr bool rod_by_rod() const { return level == Level::full && full.own(); }
+  constexpr bool rod_by_rod() const { return kFullLevel && level == Level::full && full.own(); }
 };
 
 // Copied byte by byte, laid out as C has it.
@@ -239,9 +260,13 @@ inline void note_encoders(Robot& robot) {
 }
 
 /// Calls f with the mobility as a compile-time constant, so that sizes are known in the loops. (One
-/// that does not exist, of a robot that is not finished, counts as any: whatever f asks refuses.)
+/// that does not exist or is not compiled, of a robot that is not finished, counts as any: whatever
+/// f asks refuses.)
 template <class F>
-constexpr auto with_mobility(Mobility mobility, F&& f) {
+constexpr auto with_mobility([[maybe_unused]] Mobility mobility, F&& f) {
+#ifdef TRUEPOSE_ONLY_MOBILITY
+  return f(std::integral_constant<Mobility, Mobility::TRUEPOSE_ONLY_MOBILITY>{});
+#else
   switch (mobility) {
     case Mobility::planar_translation:
       return f(std::integral_constant<Mobility, Mobility::planar_translation>{});
@@ -250,6 +275,7 @@ constexpr auto with_mobility(Mobility mobility, F&& f) {
     case Mobility::spatial: return f(std::integral_constant<Mobility, Mobility::spatial>{});
     default: return f(std::integral_constant<Mobility, Mobility::schoenflies>{});
   }
+#endif
 }
 
 /// Whether the first `count` values are numbers. 0 times anything else is NaN, which stays in the

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <numbers>
 #include <random>
 #include <vector>
 
@@ -45,10 +46,11 @@ inline std::vector<Pose> random_starts(const Robot& robot, const Joint& q, int c
     if (mobility == Mobility::planar || mobility == Mobility::planar_translation)
       start->D.z() = home.D.z();
     if (turns_about_z(mobility)) {
-      start->theta = M_PI * (2 * uniform() - 1);
+      start->theta = std::numbers::pi * (2 * uniform() - 1);
       start->R = rotation_z(start->theta);
     } else if (mobility == Mobility::spatial) {  // uniform on the sphere of quaternions
-      const double part = uniform(), a = 2 * M_PI * uniform(), b = 2 * M_PI * uniform();
+      const double part = uniform(), a = 2 * std::numbers::pi * uniform(),
+                   b = 2 * std::numbers::pi * uniform();
       const double r = std::sqrt(1 - part), s = std::sqrt(part);
       start->R =
           Eigen::Quaterniond(s * std::cos(b), r * std::sin(a), r * std::cos(a), s * std::sin(b))

@@ -92,7 +92,7 @@ constexpr Kernels kernels() {
                 &kernels_detail::estimate<K, Model>,
                 &observe<K, Model>,
                 nullptr};
-  if constexpr (kPaired<K>) table.left_out = &left_out<K>;
+  if constexpr (kRodByRod<K>) table.left_out = &left_out<K>;
   return table;
 }
 
@@ -100,7 +100,7 @@ constexpr Kernels kernels() {
 inline Kernels kernels(Mobility mobility, bool full) {
   return with_mobility(mobility, [&](auto constant) {
     constexpr Mobility K = constant();
-    if constexpr (kPaired<K>)
+    if constexpr (kRodByRod<K>)
       if (full) return kernels<K, FullModel>();
     return kernels<K, IdealModel>();
   });

@@ -99,7 +99,7 @@ inline void spoil(const Robot& truth, Random& random, Extended& q_e) {
 template <Mobility K>
 inline Outcome exact_readings(const Robot& robot, const Pose& pose, Extended& q_e,
                               Parasitic& rest) {
-  if constexpr (kPaired<K>)
+  if constexpr (kRodByRod<K>)
     if (robot.rod_by_rod()) {
       FullClosure<K> closure;
       std::array<FullRow, kMaxSensors> rows;

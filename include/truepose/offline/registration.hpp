@@ -11,6 +11,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/SVD>
 #include <algorithm>
+#include <numbers>
 #include <vector>
 
 #include "truepose/math/eliminate.hpp"
@@ -106,8 +107,8 @@ inline Coordinates innovation(Mobility mobility, const Seen& expected, const dou
   const int n = dof(mobility);
   for (int i = 0; i < n && i < 3; ++i) apart[i] = measured[i] - expected.p[i];
   if (turns_about_z(mobility))
-    apart[n - 1] =
-        std::remainder(measured[n - 1] - std::atan2(expected.Q(1, 0), expected.Q(0, 0)), 2 * M_PI);
+    apart[n - 1] = std::remainder(measured[n - 1] - std::atan2(expected.Q(1, 0), expected.Q(0, 0)),
+                                  2 * std::numbers::pi);
   if (mobility == Mobility::spatial) {
     const Vec3 turn =
         log_so3(exp_so3(Vec3(measured[3], measured[4], measured[5])) * expected.Q.transpose());

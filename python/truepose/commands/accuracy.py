@@ -19,8 +19,18 @@ from truepose import _core
 from truepose.arguments import Array, Level, numbers_of
 from truepose.calibration.bound import accuracy
 from truepose.commands import info
-from truepose.commands.options import Force, How, RobotName, plot_to, wrote
-from truepose.exceptions import InputError, choose, one_line
+from truepose.commands.options import (
+    Force,
+    How,
+    ModelLevel,
+    Poses,
+    RobotName,
+    parse_pose,
+    parse_set,
+    plot_to,
+    wrote,
+)
+from truepose.exceptions import InputError, one_line
 from truepose.files import contents
 from truepose.robot.robot import Robot, load
 from truepose.show.table import Cell, Table, number
@@ -41,13 +51,7 @@ def command(
             show_default="none, those in use, with each other one, with each kind, all",
         ),
     ] = None,
-    poses: Annotated[
-        Path | None,
-        typer.Option(
-            help="CSV file, a column for each coordinate, m and rad.",
-            show_default="a grid over the workspace",
-        ),
-    ] = None,
+    poses: Poses = None,
     calibrated: Annotated[
         bool, typer.Option("--calibrated", help="Also after self-calibration over these poses.")
     ] = False,
@@ -57,13 +61,7 @@ def command(
             metavar="X,Y,…", help="Also once read at this pose, known from outside; m and rad."
         ),
     ] = None,
-    level: Annotated[
-        Level | None,
-        typer.Option(
-            help="ideal: one rod per chain; full: every rod by itself.",
-            show_default="full where it exists",
-        ),
-    ] = None,
+    level: ModelLevel = None,
     plot: Annotated[
         Path | None,
         typer.Option(help="Also draw a map of the first set's position σ (PNG, SVG, PDF)."),
@@ -148,27 +146,6 @@ def sensor_sets(robot: Robot) -> list[tuple[str, ...]]:
     most = min(_core.max_sensors, _core.max_readings - robot.n)
     sets = [(), *(robot.sensors + names for names in added)]
     return list(dict.fromkeys(names for names in sets if len(names) <= most))
-
-
-def parse_set(robot: Robot, text: str) -> tuple[str, ...]:
-    """Read a set as people write it: names or globs with commas between, "none", or "all".
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> parse_set(tp.load("h4"), "theta,wire*")
-    ('theta', 'wire1', 'wire2', 'wire3')
-    """
-    names = tuple(sensor.name for sensor in robot.spec.sensor)
-    if text in ("all", "none"):
-        return names if text == "all" else ()
-    chosen: list[str] = []
-    for pattern in (part.strip() for part in text.split(",")):
-        fits = fnmatch.filter(names, pattern)
-        if not fits:
-            raise InputError(choose("sensor", pattern, names) + ", or a glob of them, none, all")
-        chosen += fits if pattern in names else [name for name in fits if name not in chosen]
-    return tuple(chosen)
 
 
 def read_poses(robot: Robot, path: Path) -> Array:
@@ -341,15 +318,3 @@ def draw_map(
     state = "as built" if poses is None else "self-calibrated"
     note = f"{label(robot, robot.sensors)}; {state}" + (", touched off" * (touch_off is not None))
     return info.draw_slice(robot, first, second, 1e3 * sigma, "σ of the position (mm)", note)
-
-
-def parse_pose(robot: Robot, text: str, name: str) -> Array:
-    """Read a pose as people write it: coordinates with commas between, m and rad."""
-    try:
-        pose = np.array([float(part) for part in text.split(",")])
-    except ValueError:
-        raise InputError(f"{name} {text}: must be numbers with commas between, m and rad") from None
-    if len(pose) != robot.n or not np.isfinite(pose).all():
-        names = ",".join(c for c, _ in robot.coordinates)
-        raise InputError(f"{name} {text}: must be {robot.n} numbers, {names} (m, rad)")
-    return pose

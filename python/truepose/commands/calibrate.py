@@ -15,10 +15,16 @@ from truepose.arguments import Level
 from truepose.calibration import log_checks, review
 from truepose.calibration.fit import MUCH, Loss, ModelError, memory, much_memory
 from truepose.calibration.review import Assessment
-from truepose.commands import accuracy
-from truepose.commands.options import Force, How, RobotName, wrote
+from truepose.commands.options import (
+    Force,
+    How,
+    ModelLevel,
+    RobotName,
+    load_with,
+    parse_pose,
+    wrote,
+)
 from truepose.exceptions import InputError
-from truepose.robot.robot import load
 from truepose.show.terminal import Format, say, show
 from truepose.show.units import WRITTEN
 
@@ -46,12 +52,7 @@ def command(
     sensors: Annotated[
         str | None, typer.Option(help="Sensors that were read: a,b.", show_default="the file's")
     ] = None,
-    level: Annotated[
-        Level | None,
-        typer.Option(
-            help="One rod per chain, or every rod by itself.", show_default="full where it exists"
-        ),
-    ] = None,
+    level: ModelLevel = None,
     loss: Annotated[Loss, typer.Option(help="What gross errors cost.")] = "student",
     tuning: Annotated[
         float | None,
@@ -157,11 +158,9 @@ def run(
     robot_out = robotfile.output(out, "-o", calibrated=True) if out else None
     page_out = files.Output(report, "report", "--report") if report else None
     files.check(filter(None, (robot_out, page_out)), inputs, force)
-    robot = load(robot_file)
-    if sensors is not None:
-        robot = robot.with_sensors(*accuracy.parse_set(robot, sensors))
+    robot = load_with(robot_file, sensors)
     sigma, angle_sigma = _sigmas(measured_sigma)
-    at = None if touch_off is None else accuracy.parse_pose(robot, touch_off, "--touch-off")
+    at = None if touch_off is None else parse_pose(robot, touch_off, "--touch-off")
     log = logs.read(robot, log_file)
     progress("log read")
     log, findings = log_checks.check(robot, log)

@@ -17,6 +17,7 @@ from truepose.commands import info
 from truepose.commands.accuracy import workspace_grid
 from truepose.exceptions import RobotFileError, shortened
 from truepose.robot.robot import Robot
+from truepose.robot.units import reading_units
 from truepose.robotfile import Problem, toml_lines
 from truepose.robotfile.schema import RobotFile
 from truepose.show.terminal import say
@@ -108,6 +109,14 @@ def remarks(robot: Robot) -> list[str]:
             "legs: each counts as a single one; that something else holds the nacelle's "
             "orientation is taken for granted"
         )
+    units = reading_units(robot)[robot.n :]
+    for sensor, r, unit in zip(robot.spec.used, robot.rkm(robot.home), units, strict=True):
+        if sensor.range is not None and not sensor.range[0] <= r <= sensor.range[1]:
+            low, high = (printed(end, unit) for end in sensor.range)
+            at = printed(float(r), unit)
+            lines.append(
+                f"sensor {sensor.name}: reads {at} at home, beyond its range {low} to {high}"
+            )
     box = robot.spec.workspace
     if box is None:
         return [*lines, "workspace: none in the file: 'info' and 'accuracy' need one"]

@@ -8,22 +8,38 @@ from typing import Annotated
 import typer
 
 from truepose import files
-from truepose.commands.options import Force, RobotName, wrote
+from truepose.arguments import Level
+from truepose.commands.options import (
+    Force,
+    RobotName,
+    SensorSet,
+    completing,
+    effects_of,
+    parse_set,
+    wrote,
+)
+from truepose.deploy.c_tables import KIND, to_c
+from truepose.robot.laws import Law
 from truepose.robot.robot import load
 from truepose.robotfile import path_of
 from truepose.show.terminal import Format
+from truepose.simulation.controller import Controller
+from truepose.simulation.effects import Effects
 from truepose.simulation.plants.mjcf import to_mjcf
+from truepose.simulation.watch import Watch
 
 app = typer.Typer(no_args_is_help=True, help="Write a robot in another program's format.")
+
+Out = Annotated[
+    Path | None,
+    typer.Option("-o", "--out", help="File to write.", show_default="standard output"),
+]
 
 
 @app.command()
 def mjcf(
     robot: RobotName,
-    out: Annotated[
-        Path | None,
-        typer.Option("-o", "--out", help="File to write.", show_default="standard output"),
-    ] = None,
+    out: Out = None,
     force: Force = False,
 ) -> None:
     """Write a robot as an MJCF file for MuJoCo: every rod, joints, masses, motors; loops closed.
@@ -32,10 +48,61 @@ def mjcf(
 
     Example: **truepose export mjcf h4 -o h4.xml**
     """
-    output = out and files.Output(out, "model", "-o")
+    _put(robot, to_mjcf(load(robot)), out, "model", force)
+
+
+@app.command()
+def c(
+    robot: RobotName,
+    out: Out = None,
+    force: Force = False,
+    sensors: SensorSet = None,
+    level: Annotated[
+        Level | None,
+        typer.Option(
+            help="Understand each chain as one rod, or every rod by itself.",
+            show_default="as the file; the finest for what weighs",
+        ),
+    ] = None,
+    law: Annotated[Law, typer.Option(help="That the gains are chosen for.")] = "redundant",
+    period: Annotated[float, typer.Option(help="Of the control cycle, s.")] = 1e-3,
+    frequency: Annotated[
+        float | None,
+        typer.Option(help="Of the PD's poles, rad/s.", show_default="what the robot bears"),
+    ] = None,
+    effects: Annotated[
+        str,
+        typer.Option(
+            help="That the gains bear and the watch allows for: all, none, or friction,play,…",
+            autocompletion=completing(lambda: ("all", "none", *Effects.groups())),
+        ),
+    ] = "all",
+) -> None:
+    """Write a robot as constant tables for a program in C or C++: truepose/truepose.h.
+
+    Its description, what is known of it (of a calibrated robot what its calibration left), gains
+    and the watch's settings; they compile alone.
+
+    Example: **truepose export c calibrated.toml -o my_robot.h**
+    """
+    made = load(robot)
+    if sensors is not None:
+        made = made.with_sensors(*parse_set(made, sensors))
+    if level is not None:
+        made = made.with_level(level)
+    loses = effects_of(effects)
+    if frequency is None:
+        controller = Controller.for_robot(made, loses, law, period=period)
+    else:
+        controller = Controller(law=law, period=period, frequency=frequency)
+    _put(robot, to_c(made, controller, Watch(effects=loses)), out, KIND, force)
+
+
+def _put(robot: str, text: str, out: Path | None, kind: str, force: bool) -> None:
+    """Write text to a file, or to standard output."""
+    output = out and files.Output(out, kind, "-o")
     read = [path_of(robot)]
     files.check([output] if output else [], read, force)
-    text = to_mjcf(load(robot))
     if output:
         files.write({output: text}, read, force)
         wrote(Format.table, out)

@@ -17,20 +17,24 @@ from truepose.calibration.fault_limits import (
     false_alarm_rate,
     fault_limits,
 )
-from truepose.commands.accuracy import label, parse_set, read_poses, workspace_grid
+from truepose.commands.accuracy import label, read_poses, workspace_grid
 from truepose.commands.options import (
     Force,
     How,
+    ModelLevel,
+    Poses,
     RobotName,
     SensorSet,
-    completing,
     effects_of,
+    effects_option,
+    false_alarm_option,
+    load_with,
     plot_to,
     wrote,
 )
 from truepose.exceptions import InputError
 from truepose.robot import knowledge
-from truepose.robot.robot import Robot, load
+from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
 from truepose.show.table import Cell, Table, number
 from truepose.show.terminal import Format, say, show
@@ -48,37 +52,19 @@ TIMES = 1.5
 def command(
     robot: RobotName,
     sensors: SensorSet = None,
-    poses: Annotated[
-        Path | None,
-        typer.Option(
-            help="CSV file, a column for each coordinate, m and rad.",
-            show_default="a grid over the workspace",
-        ),
-    ] = None,
+    poses: Poses = None,
     calibrated: Annotated[
         bool, typer.Option("--calibrated", help="After self-calibration over these poses.")
     ] = False,
     effects: Annotated[
         str,
-        typer.Option(
-            help="What readings may show besides: all, none, backlash, eccentricity.",
-            autocompletion=completing(lambda: ("all", "none", *KNOWN_EFFECTS)),
+        effects_option(
+            "What readings may show besides: all, none, backlash, eccentricity.", KNOWN_EFFECTS
         ),
     ] = "none",
-    level: Annotated[
-        Level | None,
-        typer.Option(
-            help="ideal: one rod per chain; full: every rod by itself.",
-            show_default="full where it exists",
-        ),
-    ] = None,
+    level: ModelLevel = None,
     false_alarm: Annotated[
-        float | None,
-        typer.Option(
-            metavar="P",
-            help="Probability of a false alarm in each test, one a cycle.",
-            show_default=f"one in {HOURS:g} hours at 1 kHz",
-        ),
+        float | None, false_alarm_option("Probability of a false alarm in each test, one a cycle.")
     ] = None,
     boxes: Annotated[
         int,
@@ -100,9 +86,7 @@ def command(
     Example: **truepose faults h4 --sensors theta,z_telemeter --calibrated --effects all**
     """
     save = plot_to(plot, [robot, *([poses] if poses else [])], force)
-    loaded = load(robot)
-    if sensors is not None:
-        loaded = loaded.with_sensors(*parse_set(loaded, sensors))
+    loaded = load_with(robot, sensors)
     known = effects_of(effects, KNOWN_EFFECTS)
     at, left_out = (read_poses(loaded, poses), 0) if poses else regular_grid(loaded)
     visited = at if calibrated else None

@@ -8,12 +8,15 @@ from typing import Annotated
 import typer
 
 from truepose import logs
-from truepose.arguments import Level
-from truepose.calibration.fault_limits import HOURS
 from truepose.calibration.isolation import Hypothesis, Isolation, isolate
-from truepose.commands.accuracy import parse_set
-from truepose.commands.options import How, RobotName, SensorSet
-from truepose.robot.robot import load
+from truepose.commands.options import (
+    How,
+    ModelLevel,
+    RobotName,
+    SensorSet,
+    false_alarm_option,
+    load_with,
+)
 from truepose.robot.units import reading_units
 from truepose.show.table import Cell, Table, number
 from truepose.show.terminal import Format, say, show
@@ -27,20 +30,9 @@ def command(
         typer.Argument(help="CSV, Parquet or MCAP: columns q1 … qn and each sensor's name; SI."),
     ],
     sensors: SensorSet = None,
-    level: Annotated[
-        Level | None,
-        typer.Option(
-            help="ideal: one rod per chain; full: every rod by itself.",
-            show_default="full where it exists",
-        ),
-    ] = None,
+    level: ModelLevel = None,
     false_alarm: Annotated[
-        float | None,
-        typer.Option(
-            metavar="P",
-            help="Probability with which a healthy robot counts as faulty.",
-            show_default=f"one in {HOURS:g} hours at 1 kHz",
-        ),
+        float | None, false_alarm_option("Probability with which a healthy robot counts as faulty.")
     ] = None,
     how: How = Format.table,
 ) -> None:
@@ -53,9 +45,7 @@ def command(
 
     Example: **truepose isolate calibrated.toml tour.csv**
     """
-    loaded = load(robot)
-    if sensors is not None:
-        loaded = loaded.with_sensors(*parse_set(loaded, sensors))
+    loaded = load_with(robot, sensors)
     found = isolate(loaded, logs.read(loaded, log).readings, level, false_alarm=false_alarm)
     show([hypotheses(found)], how)
     for line in verdict(found):

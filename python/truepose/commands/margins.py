@@ -9,7 +9,6 @@ import numpy as np
 import typer
 
 from truepose.arguments import Array
-from truepose.commands.accuracy import parse_set
 from truepose.commands.options import (
     Force,
     How,
@@ -17,18 +16,19 @@ from truepose.commands.options import (
     SensorSet,
     completing,
     effects_of,
+    effects_option,
+    load_with,
     plot_to,
     wrote,
 )
 from truepose.exceptions import InputError, choose
 from truepose.robot.laws import LAWS, Law
-from truepose.robot.robot import Robot, load
+from truepose.robot.robot import Robot
 from truepose.show.table import Cell, Table, number
 from truepose.show.terminal import Format, say, show
 from truepose.show.units import PRINT
 from truepose.simulation import gains
 from truepose.simulation.controller import Controller, positive
-from truepose.simulation.effects import Effects
 from truepose.simulation.margins import ALL, Margins, margins
 
 if TYPE_CHECKING:
@@ -41,10 +41,7 @@ def command(
     robot: RobotName,
     effects: Annotated[
         str,
-        typer.Option(
-            help="What models forget: all, none, or some of them: delay,compliance,…",
-            autocompletion=completing(lambda: ("all", "none", *Effects.groups())),
-        ),
+        effects_option("What models forget: all, none, or some of them: delay,compliance,…"),
     ] = "all",
     law: Annotated[
         list[str] | None,
@@ -82,9 +79,7 @@ def command(
     """
     save = plot_to(plot, [robot], force)
     positive("--rate", rate)
-    loaded = load(robot)
-    if sensors is not None:
-        loaded = loaded.with_sensors(*parse_set(loaded, sensors))
+    loaded = load_with(robot, sensors)
     forgotten = effects_of(effects)
     found, refused = [], []
     for each in laws_of(law, loaded):

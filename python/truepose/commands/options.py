@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import fnmatch
 import re
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import numpy as np
 import typer
+from typer.models import OptionInfo
 
 from truepose import _core, files
+from truepose.arguments import Array, Level
+from truepose.calibration.fault_limits import HOURS
 from truepose.exceptions import InputError, choose
 from truepose.robot.robot import Robot, load, robots
 from truepose.robotfile import path_of
@@ -48,6 +53,20 @@ SensorSet = Annotated[
         metavar="A,B*", help="Sensors that are read: names or globs.", show_default="the file's"
     ),
 ]
+ModelLevel = Annotated[
+    Level | None,
+    typer.Option(
+        help="ideal: one rod per chain; full: every rod by itself.",
+        show_default="full where it exists",
+    ),
+]
+Poses = Annotated[
+    Path | None,
+    typer.Option(
+        help="CSV file, a column for each coordinate, m and rad.",
+        show_default="a grid over the workspace",
+    ),
+]
 Force = Annotated[
     bool, typer.Option("--force", help="Replace a file that is no earlier result of truepose.")
 ]
@@ -57,6 +76,17 @@ How = Annotated[
         "--format", help="csv and json hold every digit, units in names, and nothing else."
     ),
 ]
+
+
+def false_alarm_option(text: str) -> OptionInfo:
+    """How often tests may blame a healthy robot; what is tested is the command's to say."""
+    default = f"one in {HOURS:g} hours at 1 kHz"
+    return typer.Option(metavar="P", help=text, show_default=default)
+
+
+def effects_option(text: str, known: Sequence[str] = Effects.groups()) -> OptionInfo:
+    """What :func:`effects_of` reads."""
+    return typer.Option(help=text, autocompletion=completing(lambda: ("all", "none", *known)))
 
 
 def _fitting_kinds(incomplete: str) -> list[str]:
@@ -99,6 +129,45 @@ def wrote(how: Format, *paths: Path | None) -> None:
     for path in paths:
         if path is not None:
             say(f"Wrote {path}", how)
+
+
+def parse_set(robot: Robot, text: str) -> tuple[str, ...]:
+    """Read a set as people write it: names or globs with commas between, "none", or "all".
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> parse_set(tp.load("h4"), "theta,wire*")
+    ('theta', 'wire1', 'wire2', 'wire3')
+    """
+    names = tuple(sensor.name for sensor in robot.spec.sensor)
+    if text in ("all", "none"):
+        return names if text == "all" else ()
+    chosen: list[str] = []
+    for pattern in (part.strip() for part in text.split(",")):
+        fits = fnmatch.filter(names, pattern)
+        if not fits:
+            raise InputError(choose("sensor", pattern, names) + ", or a glob of them, none, all")
+        chosen += fits if pattern in names else [name for name in fits if name not in chosen]
+    return tuple(chosen)
+
+
+def parse_pose(robot: Robot, text: str, name: str) -> Array:
+    """Read a pose as people write it: coordinates with commas between, m and rad."""
+    try:
+        pose = np.array([float(part) for part in text.split(",")])
+    except ValueError:
+        raise InputError(f"{name} {text}: must be numbers with commas between, m and rad") from None
+    if len(pose) != robot.n or not np.isfinite(pose).all():
+        names = ",".join(c for c, _ in robot.coordinates)
+        raise InputError(f"{name} {text}: must be {robot.n} numbers, {names} (m, rad)")
+    return pose
+
+
+def load_with(robot: str, sensors: str | None) -> Robot:
+    """Load a robot that reads these sensors of its file, as people write them, or the file's."""
+    loaded = load(robot)
+    return loaded if sensors is None else loaded.with_sensors(*parse_set(loaded, sensors))
 
 
 def effects_of(text: str, known: Sequence[str] = Effects.groups()) -> Effects:

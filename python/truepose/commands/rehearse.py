@@ -10,15 +10,15 @@ import numpy as np
 import typer
 
 from truepose import files, logs
-from truepose.commands.accuracy import parse_set
 from truepose.commands.options import (
     Force,
     How,
     RobotName,
     Seed,
     SensorSet,
-    completing,
     effects_of,
+    effects_option,
+    parse_set,
     true_robot,
     wrote,
 )
@@ -66,9 +66,8 @@ def command(
     ] = None,
     effects: Annotated[
         str,
-        typer.Option(
-            help=f"What acts on a robot at rest: {', '.join(AT_REST)}, all or none.",
-            autocompletion=completing(lambda: ("all", "none", *AT_REST)),
+        effects_option(
+            f"What acts on a robot at rest: {', '.join(AT_REST)}, all or none.", AT_REST
         ),
     ] = "quantisation",
     how: How = Format.table,

@@ -13,7 +13,7 @@ from rich.console import Console
 
 from truepose import files, logs
 from truepose.arguments import Array
-from truepose.commands.accuracy import parse_pose, parse_set, read_poses, read_samples
+from truepose.commands.accuracy import read_poses, read_samples
 from truepose.commands.options import (
     Faults,
     Force,
@@ -23,7 +23,10 @@ from truepose.commands.options import (
     SensorSet,
     completing,
     effects_of,
+    effects_option,
     faults_of,
+    load_with,
+    parse_pose,
     plot_to,
     true_robot,
     wrote,
@@ -31,7 +34,7 @@ from truepose.commands.options import (
 from truepose.exceptions import InputError, PoseError
 from truepose.robot.frames import frames
 from truepose.robot.laws import Law
-from truepose.robot.robot import Robot, load, robots
+from truepose.robot.robot import Robot, robots
 from truepose.robotfile import path_of
 from truepose.show.table import Cell, Table, number
 from truepose.show.terminal import Format, say, show
@@ -104,10 +107,7 @@ def command(
     ] = "drawn",
     effects: Annotated[
         str,
-        typer.Option(
-            help="What models forget: all, none, or some of them: friction,delay,…",
-            autocompletion=completing(lambda: ("all", "none", *Effects.groups())),
-        ),
+        effects_option("What models forget: all, none, or some of them: friction,delay,…"),
     ] = "none",
     fault: Faults = None,
     watch: Annotated[
@@ -156,9 +156,7 @@ def command(
     save = plot_to(plot, inputs, force)
     read = [path_of(str(name)) for name in inputs]
     log = None if out is None else logs.check(out, read, force)
-    believed = load(robot)
-    if sensors is not None:
-        believed = believed.with_sensors(*parse_set(believed, sensors))
+    believed = load_with(robot, sensors)
     truth = true_robot(believed, true, seed)
     forgotten = None if effects == "none" else effects_of(effects)
     motion, x_d = _asked(believed, path, way_points, circle, start, end, duration)

@@ -38,6 +38,16 @@ Resolution = Annotated[Number, Field(ge=1e-12, le=1), unit("m or rad")]
 #: Of an encoder's error; small enough that its reading still rises with its angle.
 Amplitude = Annotated[Number, Field(gt=-0.1, lt=0.1)]
 Harmonics = Annotated[tuple[Amplitude, Amplitude, Amplitude, Amplitude], unit("rad")]
+
+
+def _rising(ends: tuple[float, float]) -> tuple[float, float]:
+    if ends[0] >= ends[1]:
+        raise ValueError("must be [low, high], low < high")
+    return ends
+
+
+#: Of a reading.
+Range = Annotated[tuple[Number, Number], AfterValidator(_rising), unit("m or rad")]
 Index = Annotated[int, Field(ge=1, strict=True)]
 
 

@@ -20,6 +20,7 @@ from truepose.robotfile.base import (
     NonNegative,
     Number,
     Point,
+    Range,
     Resolution,
     Seconds,
     Section,
@@ -52,6 +53,11 @@ class SensorSection(Section):
     weight: NonNegative = Field(default=1.0, description="of its row in the TEJ (paper: 1)")
     period: Seconds = Field(default=0.0, description="from sample to sample; 0: the controller's")
     age: Seconds = Field(default=0.0, description="of a sample when it arrives at the controller")
+    range: Range | None = Field(
+        default=None,
+        description="[low, high], what it can read: a watch fails a reading beyond; without it "
+        "any number will do",
+    )
 
     @property
     def geared(self) -> bool:

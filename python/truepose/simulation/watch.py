@@ -46,12 +46,12 @@ _BEYOND = 0.05
 class Watch:
     """A watch over all readings, and a way down where one of them lies.
 
-    Every cycle asks each reading alone (a number? within the motor's stops? no faster than the
-    motors can make it? not standing still while the robot moves?) and all of them together: what
-    they disagree about, once the pose is eliminated, against what noise, counts and the geometry's
-    tolerances (or calibration) allow, by its level and by its change. A reading that is found to
-    lie is replaced by what the others say; one that cannot be replaced, or a disagreement of which
-    nobody knows whose it is, stops the robot along its path.
+    Every cycle asks each reading alone (a number? within the motor's stops, the sensor's range? no
+    faster than the motors can make it? not standing still while the robot moves?) and all of them
+    together: what they disagree about, once the pose is eliminated, against what noise, counts and
+    the geometry's tolerances (or calibration) allow, by its level and by its change. A reading that
+    is found to lie is replaced by what the others say; one that cannot be replaced, or a
+    disagreement of which nobody knows whose it is, stops the robot along its path.
 
     Parameters
     ----------
@@ -283,7 +283,7 @@ def _inertia(robot: Robot, controller: Controller) -> Array:
 
 
 def _range(robot: Robot) -> tuple[list[float], list[float]]:
-    """What each reading may be: of motors with stops; the same twice where nothing is known."""
+    """What each reading may be, of motors with stops and sensors with a range; else the same."""
     low, high = np.zeros(robot.n + robot.r), np.zeros(robot.n + robot.r)
     for k, chain in enumerate(robot.spec.chain):
         if chain.limits is None:
@@ -293,4 +293,6 @@ def _range(robot: Robot) -> tuple[list[float], list[float]]:
         )
         ends = gain * np.array(chain.limits) - offset
         low[k], high[k] = ends.min() - _BEYOND, ends.max() + _BEYOND
+    for k, sensor in enumerate(robot.spec.used, robot.n):
+        low[k], high[k] = sensor.range or (0.0, 0.0)
     return low.tolist(), high.tolist()

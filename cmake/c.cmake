@@ -1,0 +1,32 @@
+# The C interface, truepose.h: libtruepose, static and shared, which needs libm and libc alone.
+enable_language(C)
+file(STRINGS include/truepose/truepose.h abi REGEX "^#define TRUEPOSE_ABI ")
+string(REGEX MATCH "[0-9]+" abi "${abi}")
+
+add_library(truepose_c_objects OBJECT ${TRUEPOSE_C_SOURCES})
+if(NOT TRUEPOSE_MOBILITY)  # a small machine's library compiles what it calls, and nothing else
+  target_sources(truepose_c_objects PRIVATE src/kernels/paired.cpp src/kernels/plane_and_space.cpp)
+  target_compile_options(truepose_c_objects PRIVATE
+    "SHELL:-include ${PROJECT_SOURCE_DIR}/include/truepose/kernels.hpp")
+endif()
+target_link_libraries(truepose_c_objects PRIVATE truepose_core)
+target_compile_definitions(truepose_c_objects PRIVATE TRUEPOSE_BUILDS_SHARED NDEBUG)
+target_compile_options(truepose_c_objects PRIVATE ${TRUEPOSE_WARNINGS} ${TRUEPOSE_THIN}
+  -fno-exceptions -fno-rtti -fno-threadsafe-statics -ffunction-sections -fdata-sections)
+set_target_properties(truepose_c_objects PROPERTIES
+  POSITION_INDEPENDENT_CODE ON CXX_VISIBILITY_PRESET hidden VISIBILITY_INLINES_HIDDEN ON)
+
+foreach(kind static shared)
+  string(TOUPPER ${kind} KIND)
+  add_library(truepose_c_${kind} ${KIND} $<TARGET_OBJECTS:truepose_c_objects>)
+  add_library(truepose::c_${kind} ALIAS truepose_c_${kind})
+  target_include_directories(truepose_c_${kind} INTERFACE
+    $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include>)
+  target_link_libraries(truepose_c_${kind} PUBLIC m)
+  set_target_properties(truepose_c_${kind} PROPERTIES
+    OUTPUT_NAME truepose EXPORT_NAME c_${kind} LINKER_LANGUAGE C
+    VERSION ${abi}.${PROJECT_VERSION} SOVERSION ${abi})
+endforeach()
+if(CMAKE_SYSTEM_NAME STREQUAL "Linux")  # whatever else it needed would be an error of the linker
+  target_link_options(truepose_c_shared PRIVATE -Wl,-z,defs -Wl,--gc-sections)
+endif()

@@ -1,0 +1,235 @@
+"""Which constants does a C program need of a robot? Description, knowledge, gains, watch."""
+
+from __future__ import annotations
+
+import keyword
+import math
+import re
+from collections.abc import Iterable, Sequence
+from importlib.metadata import version
+
+import numpy as np
+
+from truepose import _core, files
+from truepose.exceptions import InputError
+from truepose.robot.knowledge import knowledge, uncertain
+from truepose.robot.robot import Robot
+from truepose.simulation import late
+from truepose.simulation.controller import Controller
+from truepose.simulation.watch import Watch
+
+#: Of file, as :func:`truepose.files.mark` has it.
+KIND = "C tables"
+#: Numbers to a line.
+_WIDE = 6
+
+Listed = list[tuple[str, float | list[float]]]
+
+
+def identifier(name: str) -> str:
+    """Return a C identifier for a robot's name.
+
+    Examples
+    --------
+    >>> from truepose.deploy.c_tables import identifier
+    >>> identifier("6-ups"), identifier("My H4")
+    ('robot_6_ups', 'my_h4')
+    """
+    word = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_").lower()
+    plain = word[:1].isalpha() and not keyword.iskeyword(word) and word not in _RESERVED
+    return word if plain else f"robot_{word}"
+
+
+#: Words of C and C++ that are none of Python's.
+_RESERVED = frozenset(
+    [
+        "auto",
+        "bool",
+        "case",
+        "catch",
+        "char",
+        "class",
+        "const",
+        "default",
+        "delete",
+        "do",
+        "double",
+        "enum",
+        "explicit",
+        "export",
+        "extern",
+        "float",
+        "friend",
+        "goto",
+        "inline",
+        "int",
+        "long",
+        "main",
+        "mutable",
+        "namespace",
+        "new",
+        "operator",
+        "private",
+        "protected",
+        "public",
+        "register",
+        "short",
+        "signed",
+        "sizeof",
+        "static",
+        "struct",
+        "switch",
+        "template",
+        "this",
+        "throw",
+        "typedef",
+        "union",
+        "unsigned",
+        "using",
+        "virtual",
+        "void",
+        "volatile",
+    ]
+)
+
+
+def to_c(robot: Robot, controller: Controller, watch: Watch) -> str:
+    """Write a header of constant tables for ``truepose/truepose.h``, in C99 and in C++.
+
+    Parameters
+    ----------
+    robot : Robot
+        As the controller believes it to be: as drawn, or calibrated. Where it can be understood by
+        every rod and is not, a second description, ``…_finest``, is what laws that weigh and the
+        watch are to be given; :meth:`Robot.with_level` chooses one.
+    controller : Controller
+        Its gains are placed at home.
+    watch : Watch
+
+    Returns
+    -------
+    str
+        ``NAME`` and, with sensors, ``NAME_knowledge``, ``NAME_watch``; ``NAME_control``.
+
+    Raises
+    ------
+    InputError
+        A sensor is slow or late, which the C interface has no entry for.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.deploy.c_tables import to_c
+    >>> text = to_c(tp.load("five_bar"), tp.Controller(law="joint"), tp.Watch())
+    >>> [line.split()[3] for line in text.splitlines() if line.startswith("static const")]
+    ['five_bar', 'five_bar_control']
+    """
+    if late.settings(robot, controller.period) is not None:
+        raise InputError(
+            f"{robot.name}: a sensor is slow or late (`period`, `age`), which the C interface has "
+            "no entry for: choose others (--sensors)"
+        )
+    name = identifier(robot.name)
+    finest = robot.finest
+    two = robot.r > 0 and finest.level != robot.level
+    parts = [_description(name, robot)]
+    if two:
+        parts.append(_description(f"{name}_finest", finest))
+    if robot.r:
+        parts.append(_knowledge(name, robot))
+    parts.append(_control(name, robot, controller))
+    if robot.r:
+        parts.append(_watch(name, robot, controller, watch))
+    guard = f"TRUEPOSE_TABLES_{name.upper()}_H"
+    weighs = f"&{name}_finest" if two else f"&{name}"
+    used = f"laws that weigh, and the watch, are to be given {weighs}" if robot.r else "no sensors"
+    head = (
+        f"/* {robot.name}, for truepose/truepose.h; {used}.\n"
+        f" * By `truepose export c` of truepose {version('truepose')}; {files.mark(KIND)}.\n"
+        " * m, rad, kg, s, N, N·m. */\n"
+        f"#ifndef {guard}\n#define {guard}\n\n"
+        '#include <math.h>\n\n#include "truepose/truepose.h"\n\n'
+        f"#if TRUEPOSE_ABI != {_core.c_abi}\n"
+        f"#error These tables are of version {_core.c_abi} of truepose.h\n#endif\n\n"
+    )
+    return head + "\n".join(parts) + "\n#endif\n"
+
+
+def _number(value: float) -> str:
+    if math.isinf(value):
+        return "INFINITY" if value > 0 else "-INFINITY"
+    return repr(float(value))
+
+
+def _numbers(values: Iterable[float], indent: str = "    ") -> str:
+    """Return an initialiser, over several lines if need be; trailing zeros are left out."""
+    texts = [_number(value) for value in values]
+    while len(texts) > 1 and texts[-1] == "0.0":
+        texts.pop()
+    lines = [", ".join(texts[k : k + _WIDE]) for k in range(0, len(texts), _WIDE)]
+    return "{" + f",\n{indent} ".join(lines) + "}"
+
+
+def _rows(listed: Listed, indent: str) -> str:
+    """Return the members of a struct, each with its name."""
+    texts = []
+    for name, value in listed:
+        shown = _numbers(value, indent) if isinstance(value, list) else _number(value)
+        texts.append(f"{indent}{shown}, /* {name} */")
+    return "\n".join(texts)
+
+
+def _whole(values: Sequence[int]) -> str:
+    return ", ".join(str(value) for value in values)
+
+
+def _description(name: str, robot: Robot) -> str:
+    tables = _core.c_description(robot.core)
+    parts = []
+    for kind in ("chain", "sensor", "body"):
+        names = [*robot.sensors, "none"] if kind == "sensor" else range(1, len(tables[kind]) + 1)
+        rows = [
+            f"  {{ /* {kind} {part} */\n    {_whole(counts)},\n{_rows(listed, '    ')}\n  }}"
+            for part, (counts, listed) in zip(names, tables[kind], strict=False)
+        ]
+        parts.append("  {" + ",\n".join(rows).lstrip() + "}")
+    return (
+        f"static const truepose_description {name} = {{\n"
+        f"  TRUEPOSE_ABI, sizeof(truepose_description),\n"
+        f"  {_whole(tables['counts'])}, /* mobility, chains, motors, sensors, bodies, bar_joint, "
+        "level */\n"
+        f"  {_numbers(tables['gravity'])}, /* gravity */\n"
+        f"  {_numbers(tables['home'])}, /* home */\n" + ",\n".join(parts) + "\n};\n"
+    )
+
+
+def _knowledge(name: str, robot: Robot) -> str:
+    columns, root, sigma = _core.c_knowledge(knowledge(robot).core)
+    count = len(columns)
+    if not count:  # C has no arrays of nothing
+        columns, root = [0], np.zeros((1, 1))
+    values = _numbers(np.asarray(root).ravel().tolist(), "   ")
+    return (
+        f"/* Uncertain parameters: {', '.join(uncertain(robot)) or 'none'}. */\n"
+        f"static const int32_t {name}_column[] = {{{_whole(columns)}}};\n"
+        f"static const truepose_real {name}_root[{count or 1} * {count or 1}] =\n   {values};\n"
+        f"static const truepose_knowledge {name}_knowledge = {{\n"
+        f"  {count}, 0, {name}_column, {name}_root,\n  {_numbers(sigma)} /* sigma */\n}};\n"
+    )
+
+
+def _control(name: str, robot: Robot, controller: Controller) -> str:
+    counts, listed = _core.c_control(controller.settings(robot, robot.home))
+    return (
+        f"static const truepose_control_settings {name}_control = {{\n"
+        f"  {_whole(counts)}, /* law, gains, feed_forward */\n{_rows(listed, '  ')}\n}};\n"
+    )
+
+
+def _watch(name: str, robot: Robot, controller: Controller, watch: Watch) -> str:
+    counts, listed = _core.c_watch(watch.guarding(robot, controller))
+    return (
+        f"static const truepose_watch_settings {name}_watch = {{\n"
+        f"  {_whole(counts)}, /* refresh, coast, decide, spikes, within */\n"
+        f"{_rows(listed, '  ')}\n}};\n"
+    )

@@ -1,0 +1,249 @@
+// Laws, controllers and guards for C.
+#include "description.hpp"
+#include "model.hpp"
+
+using namespace truepose;
+
+namespace truepose::c {
+namespace {
+
+struct Controller : InMemory<truepose_controller, Controller, 0x72746e43U> {
+  ControlSettings settings;
+  ControlState state;
+  KeptWeights kept;
+};
+
+struct Guarding : InMemory<truepose_guard, Guarding, 0x72617547U> {
+  GuardSettings settings;
+  Guard guard;
+};
+
+bool law_exists(std::int32_t law) {
+  return law >= 0 && law < static_cast<std::int32_t>(kLawTable.size());
+}
+
+ControlSettings of_c(const truepose_control_settings& from) {
+  ControlSettings settings;
+  settings.law = static_cast<Law>(from.law);
+  settings.gains = static_cast<Gains>(from.gains);
+  settings.feed_forward = static_cast<FeedForward>(from.feed_forward);
+  control_fields(from, settings, Copy<true>{});
+  return settings;
+}
+
+GuardSettings of_c(const truepose_watch_settings& from) {
+  GuardSettings settings;
+  settings.watch.refresh = from.refresh;
+  settings.watch.coast = from.coast;
+  settings.watch.decide = from.decide;
+  settings.watch.spikes = from.spikes;
+  settings.watch.within = from.within;
+  watch_fields(from, settings.watch, settings, Copy<true>{});
+  prepare(settings.watch);
+  return settings;
+}
+
+Status status_of(const truepose_control_settings& s) {
+  if (!law_exists(s.law) || s.gains < 0 || s.gains > 1 || s.feed_forward < 0 || s.feed_forward > 2)
+    return Status::no_such_part;
+  Finite finite;
+  const ControlSettings any;
+  control_fields(s, any, finite);
+  if (!finite.all) return Status::not_finite;
+  const bool good =
+      s.period > 0 && s.velocity_bandwidth > 0 && s.damped_below >= 0 && s.lead_out >= 0;
+  return good ? Status::ok : Status::no_such_value;
+}
+
+Status status_of(const truepose_watch_settings& s) {
+  Finite finite;
+  const GuardSettings any;
+  watch_fields(s, any.watch, any, finite);
+  if (!finite.all) return Status::not_finite;
+  bool good = s.refresh > 0 && s.coast > 0 && s.decide > 0 && s.decide < 1 << 20 && s.spikes > 0 &&
+              s.spikes <= kSpikesKept && s.within > 0;
+  good = good && s.false_alarm > 0 && s.false_alarm < 0.1;
+  for (const truepose_real number : {s.period, s.replaceable, s.correlation, s.stop, s.held})
+    good = good && number > 0;
+  for (int c = 0; c < kMaxReadings; ++c)
+    good = good && s.low[c] <= s.high[c] && s.fastest[c] >= 0 && s.moved[c] >= 0;
+  return good ? Status::ok : Status::no_such_value;
+}
+
+Setpoint of_c(const truepose_setpoint& from) {
+  return {values<Coordinates>(from.x), values<Coordinates>(from.rate),
+          values<Coordinates>(from.acceleration)};
+}
+
+void report_on(const Guarding& guarding, truepose_report* report) {
+  const Guard& guard = guarding.guard;
+  *report = truepose_report{};
+  for (int c = 0; c < kMaxReadings; ++c) {
+    report->health[c] = static_cast<std::int32_t>(guard.watch.reading[c].health);
+    report->symptom[c] = static_cast<std::int32_t>(guard.watch.reading[c].symptom);
+  }
+  report->doubted = guard.watch.doubted;
+  report->lost = guard.watch.lost;
+  report->brakes = guard.brakes;
+  report->stops = guard.stops || guard.watch.undecided || guard.watch.lost != 0;
+}
+
+constexpr Outcome kUnfinished{Status::unfinished, -1};
+
+}  // namespace
+}  // namespace truepose::c
+
+extern "C" {
+
+size_t truepose_work(const truepose_model* model, int32_t count) {
+  return c::of_robot(model, std::size_t{0}, [&](const Robot& robot) {
+    return static_cast<std::size_t>(estimate_work(robot, std::max<std::int32_t>(count, 0)));
+  });
+}
+
+truepose_outcome truepose_motor_error(const truepose_model* model, int32_t law, truepose_real band,
+                                      const truepose_real* x_d, const truepose_real* q_e,
+                                      const truepose_knowledge* known, truepose_real* work,
+                                      truepose_real* e) {
+  if (!c::law_exists(law)) return c::answer({Status::no_such_part, -1});
+  return c::asked(model, [&](const Robot& robot) {
+    const c::Known weighs(known, work);
+    Joint error{};
+    const Outcome outcome = motor_error(robot, static_cast<Law>(law), c::values<Coordinates>(x_d),
+                                        c::values<Extended>(q_e), error, band, weighs.weighing);
+    if (outcome) c::give(error, e);
+    return outcome;
+  });
+}
+
+void truepose_default_control(truepose_control_settings* settings) {
+  c::describe(ControlSettings{}, *settings);
+}
+
+truepose_outcome truepose_place_poles(const truepose_model* model, const truepose_real* x,
+                                      truepose_real frequency, truepose_real damping,
+                                      truepose_control_settings* settings) {
+  return c::asked(model, [&](const Robot& robot) -> Outcome {
+    if (!(frequency > 0 && damping > 0)) return {Status::no_such_value, -1};
+    ControlSettings placed = c::of_c(*settings);
+    const Outcome outcome =
+        place_poles(robot, c::values<Coordinates>(x), frequency, damping, placed);
+    if (outcome) c::describe(placed, *settings);
+    return outcome;
+  });
+}
+
+size_t truepose_controller_size(void) { return sizeof(c::Controller); }
+
+truepose_outcome truepose_begin_control(truepose_controller* controller, size_t size,
+                                        const truepose_control_settings* settings) {
+  const Status status = c::status_of(*settings);
+  if (status != Status::ok) return c::answer({status, -1});
+  c::Controller* made = c::Controller::make(controller, size);
+  if (made == nullptr) return c::answer({Status::too_small, -1});
+  made->settings = c::of_c(*settings);
+  return c::answer({});
+}
+
+truepose_outcome truepose_change_law(truepose_controller* controller, int32_t law) {
+  c::Controller* made = c::Controller::of(controller);
+  if (made == nullptr) return c::answer(c::kUnfinished);
+  if (!c::law_exists(law)) return c::answer({Status::no_such_part, -1});
+  made->settings.law = static_cast<Law>(law);
+  return c::answer({});
+}
+
+truepose_outcome truepose_control(const truepose_model* model, truepose_controller* controller,
+                                  const truepose_setpoint* setpoint, const truepose_real* q_e,
+                                  const truepose_knowledge* known, truepose_real* work,
+                                  truepose_real* torque) {
+  return c::asked(model, [&](const Robot& robot) {
+    c::Controller* made = c::Controller::of(controller);
+    if (made == nullptr) return c::kUnfinished;
+    const c::Known weighs(known, work, &made->kept);
+    const Outcome outcome = control(robot, made->settings, c::of_c(*setpoint),
+                                    c::values<Extended>(q_e), made->state, weighs.weighing);
+    c::give(made->state.torque, torque);
+    return outcome;
+  });
+}
+
+size_t truepose_guard_size(void) { return sizeof(c::Guarding); }
+
+truepose_outcome truepose_begin_guard(truepose_guard* guard, size_t size,
+                                      const truepose_watch_settings* settings) {
+  const Status status = c::status_of(*settings);
+  if (status != Status::ok) return c::answer({status, -1});
+  c::Guarding* made = c::Guarding::make(guard, size);
+  if (made == nullptr) return c::answer({Status::too_small, -1});
+  made->settings = c::of_c(*settings);
+  return c::answer({});
+}
+
+truepose_outcome truepose_guarded(const truepose_model* model, const truepose_model* finest,
+                                  truepose_controller* controller, truepose_guard* guard,
+                                  const truepose_setpoint* setpoint, const truepose_real* q_e,
+                                  const truepose_knowledge* known, truepose_real* work,
+                                  truepose_real* torque, truepose_report* report) {
+  return c::asked(model, [&](const Robot& robot) {
+    c::Controller* made = c::Controller::of(controller);
+    c::Guarding* guarding = c::Guarding::of(guard);
+    if (made == nullptr || guarding == nullptr) return c::kUnfinished;
+    const c::Known weighs(known, work, &made->kept);
+    const c::Model* watched = finest ? c::Model::of(finest) : nullptr;
+    if (finest && (watched == nullptr || watched->robot.mobility != robot.mobility ||
+                   watched->robot.r != robot.r))
+      return c::kUnfinished;
+    guarding->settings.finest = watched ? &watched->robot : nullptr;
+    const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {
+      return guarded<mobility()>(robot, made->settings, guarding->settings, c::of_c(*setpoint),
+                                 c::values<Extended>(q_e), made->state, weighs.weighing,
+                                 guarding->guard);
+    });
+    c::give(made->state.torque, torque);
+    c::report_on(*guarding, report);
+    return outcome;
+  });
+}
+
+truepose_outcome truepose_watch(const truepose_model* finest, truepose_guard* guard,
+                                const truepose_real* desired, const truepose_real* q_e,
+                                const truepose_knowledge* known, truepose_real* work,
+                                truepose_real* believed, truepose_report* report) {
+  return c::asked(finest, [&](const Robot& robot) {
+    c::Guarding* guarding = c::Guarding::of(guard);
+    if (guarding == nullptr) return c::kUnfinished;
+    const c::Known weighs(known, work);
+    const auto read = c::values<Extended>(q_e);
+    Extended stands = read;
+    const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {
+      return watch<mobility()>(robot, guarding->settings.watch, weighs.weighing,
+                               c::values<Joint>(desired), read, guarding->guard.watch, stands);
+    });
+    if (outcome) c::give(stands, believed);
+    c::report_on(*guarding, report);
+    return outcome;
+  });
+}
+
+truepose_outcome truepose_restore(truepose_guard* guard, int32_t reading) {
+  c::Guarding* guarding = c::Guarding::of(guard);
+  if (guarding == nullptr) return c::answer(c::kUnfinished);
+  if (reading < 0 || reading >= kMaxReadings) return c::answer({Status::no_such_part, -1});
+  restore(guarding->guard, reading);
+  return c::answer({});
+}
+
+void truepose_advance(truepose_path_clock* clock, truepose_real period, truepose_real stop) {
+  PathClock core{clock->time, clock->rate, clock->slowing, clock->since};
+  core.advance(period, stop);
+  *clock = {core.time, core.rate, core.slowing, core.since};
+}
+
+void truepose_pace(const truepose_path_clock* clock, truepose_setpoint* setpoint) {
+  const PathClock core{clock->time, clock->rate, clock->slowing, clock->since};
+  const Setpoint paced = core.paced(c::of_c(*setpoint));
+  c::give(paced.rate, setpoint->rate);
+  c::give(paced.acceleration, setpoint->acceleration);
+}
+}

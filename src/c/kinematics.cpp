@@ -1,0 +1,211 @@
+// Poses and kinematics for C.
+#include "model.hpp"
+#include "truepose/math/roll_pitch_yaw.hpp"
+
+using namespace truepose;
+
+namespace truepose::c {
+namespace {
+
+constexpr double kRotation = 1e-6;  ///< by which R Rᵀ may differ from 1
+
+Mat3 matrix(const truepose_real* rows) {
+  Mat3 R;
+  for (int k = 0; k < 9; ++k) R(k / 3, k % 3) = rows[k];
+  return R;
+}
+void by_rows(const Mat3& R, truepose_real* rows) {
+  for (int k = 0; k < 9; ++k) rows[k] = R(k / 3, k % 3);
+}
+Status rotation_status(const Mat3& R) {
+  if (!R.allFinite()) return Status::not_finite;
+  const bool orthonormal = (R * R.transpose() - Mat3::Identity()).cwiseAbs().maxCoeff() < kRotation;
+  return orthonormal && R.determinant() > 0 ? Status::ok : Status::no_such_value;
+}
+
+/// Coordinates of a pose, if the mechanism can turn and move so. @param x  in: near them; out
+Outcome coordinates(const Robot& robot, const truepose_pose& pose, Coordinates& x) {
+  Pose at;
+  at.R = matrix(pose.rotation);
+  at.D = Vec3(pose.position[0], pose.position[1], pose.position[2]);
+  const Status status = at.D.allFinite() ? rotation_status(at.R) : Status::not_finite;
+  if (status != Status::ok) return {status, -1};
+  if (turns_about_z(robot.mobility)) {
+    const double near = x[robot.motors - 1];
+    at.theta = theta_of(at.R, std::isfinite(near) ? near : 0);
+  }
+  const Coordinates found = to_coordinates(robot.mobility, at);
+  const Pose again = to_pose(robot.mobility, found);
+  if (!((again.R - at.R).cwiseAbs().maxCoeff() < kRotation &&
+        (again.D - at.D).cwiseAbs().maxCoeff() < kRotation))
+    return {Status::no_such_value, -1};
+  x = found;
+  return {};
+}
+
+void to_c(const Robot& robot, const Coordinates& x, truepose_pose* pose) {
+  const Pose at = to_pose(robot.mobility, x);
+  std::copy_n(at.D.data(), 3, pose->position);
+  by_rows(at.R, pose->rotation);
+}
+
+Outcome motors(const Robot& robot, const Coordinates& x, truepose_real* q) {
+  Joint found{};
+  const Outcome outcome =
+      robot.rod_by_rod() ? command_full(robot, x, found) : command(robot, x, found);
+  if (outcome) give(found, q);
+  return outcome;
+}
+
+FkmResult pose_of(const Robot& robot, const truepose_real* q, std::int32_t cap, Coordinates& x) {
+  if (cap < 1 || cap > kFkmCap) return {Status::no_such_value};
+  FkmResult result;
+  if (robot.rod_by_rod()) {
+    const FullResult full = fkm_full(robot, values<Joint>(q), x, cap);
+    result = {full.status, full.chain, full.iterations, full.residual};
+  } else {
+    result = fkm(robot, values<Joint>(q), x, cap);
+  }
+  return result;
+}
+truepose_fkm_result to_c(const FkmResult& result) {
+  return {c::answer({result.status, result.chain}), result.iterations, 0, result.residual};
+}
+
+constexpr FkmResult kUnfinished{Status::unfinished};
+
+}  // namespace
+}  // namespace truepose::c
+
+extern "C" {
+
+truepose_outcome truepose_pose_of(const truepose_model* model, const truepose_real* x,
+                                  truepose_pose* pose) {
+  return c::asked(model, [&](const Robot& robot) -> Outcome {
+    const auto at = c::values<Coordinates>(x);
+    if (!all_finite(at, robot.motors)) return {Status::not_finite, -1};
+    c::to_c(robot, at, pose);
+    return {};
+  });
+}
+
+truepose_outcome truepose_coordinates_of(const truepose_model* model, const truepose_pose* pose,
+                                         truepose_real* x) {
+  return c::asked(model, [&](const Robot& robot) {
+    auto at = c::values<Coordinates>(x);
+    const Outcome outcome = c::coordinates(robot, *pose, at);
+    if (outcome) c::give(at, x);
+    return outcome;
+  });
+}
+
+truepose_outcome truepose_from_roll_pitch_yaw(const truepose_real* angles,
+                                              truepose_real* rotation) {
+  const auto from = c::values<RollPitchYaw>(angles);
+  if (!all_finite(from, 3)) return c::answer({Status::not_finite, -1});
+  c::by_rows(from_roll_pitch_yaw(from), rotation);
+  return c::answer({});
+}
+
+truepose_outcome truepose_to_roll_pitch_yaw(const truepose_real* rotation, truepose_real* angles) {
+  const Mat3 R = c::matrix(rotation);
+  const auto near = c::values<RollPitchYaw>(angles);
+  Status status = c::rotation_status(R);
+  if (!all_finite(near, 3)) status = Status::not_finite;
+  if (status == Status::ok) c::give(to_roll_pitch_yaw(R, near), angles);
+  return c::answer({status, -1});
+}
+
+truepose_outcome truepose_ikm(const truepose_model* model, const truepose_real* x,
+                              truepose_real* q) {
+  return c::asked(
+      model, [&](const Robot& robot) { return c::motors(robot, c::values<Coordinates>(x), q); });
+}
+
+truepose_outcome truepose_ikm_pose(const truepose_model* model, const truepose_pose* pose,
+                                   truepose_real* q) {
+  return c::asked(model, [&](const Robot& robot) {
+    Coordinates x{};
+    const Outcome outcome = c::coordinates(robot, *pose, x);
+    return outcome ? c::motors(robot, x, q) : outcome;
+  });
+}
+
+truepose_fkm_result truepose_fkm(const truepose_model* model, const truepose_real* q, int32_t cap,
+                                 truepose_real* x) {
+  return c::to_c(c::of_robot(model, c::kUnfinished, [&](const Robot& robot) {
+    auto at = c::values<Coordinates>(x);
+    const FkmResult result = c::pose_of(robot, q, cap, at);
+    if (result) c::give(at, x);
+    return result;
+  }));
+}
+
+truepose_fkm_result truepose_fkm_pose(const truepose_model* model, const truepose_real* q,
+                                      int32_t cap, truepose_pose* pose) {
+  return c::to_c(c::of_robot(model, c::kUnfinished, [&](const Robot& robot) -> FkmResult {
+    Coordinates x = robot.home;
+    const Outcome near = c::coordinates(robot, *pose, x);
+    if (!near) return {near.status, near.chain};
+    const FkmResult result = c::pose_of(robot, q, cap, x);
+    if (result) c::to_c(robot, x, pose);
+    return result;
+  }));
+}
+
+truepose_outcome truepose_readings(const truepose_model* model, const truepose_real* x,
+                                   truepose_real* q_e) {
+  return c::asked(model, [&](const Robot& robot) {
+    const auto at = c::values<Coordinates>(x);
+    const bool full = robot.rod_by_rod();
+    Joint q{};
+    Reading r{};
+    Outcome outcome = full ? ikm_full(robot, at, q) : ikm(robot, at, q);
+    if (outcome.status == Status::joint_limit) outcome = {};  // q is there
+    if (outcome) outcome = full ? rkm_full(robot, at, r) : rkm(robot, at, r);
+    if (outcome) {
+      std::fill_n(q_e, kMaxReadings, 0);
+      std::copy_n(q.begin(), robot.motors, q_e);
+      std::copy_n(r.begin(), robot.r, q_e + robot.motors);
+    }
+    return outcome;
+  });
+}
+
+truepose_outcome truepose_jacobian(const truepose_model* model, const truepose_real* x,
+                                   truepose_real* J) {
+  return c::asked(model, [&](const Robot& robot) {
+    const auto at = c::values<Coordinates>(x);
+    JointMatrix found{};
+    const Outcome outcome =
+        robot.rod_by_rod() ? jacobian_full(robot, at, found) : jacobian(robot, at, found);
+    for (int i = 0; i < kMaxDof && outcome; ++i) c::give(found[i], J + i * kMaxMotors);
+    return outcome;
+  });
+}
+
+truepose_outcome truepose_conditioning(const truepose_model* model, const truepose_real* x,
+                                       truepose_real* parallel, truepose_real* serial) {
+  return c::asked(model, [&](const Robot& robot) {
+    double type2 = 0;
+    Joint type1{};
+    const Outcome outcome = conditioning(robot, c::values<Coordinates>(x), type2, type1);
+    if (outcome) {
+      *parallel = type2;
+      c::give(type1, serial);
+    }
+    return outcome;
+  });
+}
+
+truepose_outcome truepose_tej(const truepose_model* model, const truepose_real* x,
+                              truepose_real band, truepose_real* tej_rows) {
+  return c::asked(model, [&](const Robot& robot) {
+    ExtendedColumns M{};
+    ExtendedRows M_plus{};
+    const Outcome outcome = tej(robot, c::values<Coordinates>(x), M, M_plus, band);
+    for (int i = 0; i < kMaxMotors && outcome; ++i) c::give(M_plus[i], tej_rows + i * kMaxReadings);
+    return outcome;
+  });
+}
+}

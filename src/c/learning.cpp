@@ -1,0 +1,137 @@
+// The pose of all readings, and a geometry that is learnt from them, for C.
+#include "model.hpp"
+
+using namespace truepose;
+
+namespace truepose::c {
+namespace {
+
+struct Pupil : InMemory<truepose_learner, Pupil, 0x6c697075U> {
+  Learner learner;
+};
+
+/// Numbers for ξ̂, S, what is kept of them, and work.
+std::size_t memory(const Robot& robot, std::int32_t count) {
+  const std::size_t p = static_cast<std::size_t>(count);
+  return static_cast<std::size_t>(parameter_count(robot)) + p * p +
+         static_cast<std::size_t>(online_kept(count)) +
+         static_cast<std::size_t>(online_work(robot, count));
+}
+
+template <class Level, Mobility K>
+truepose_estimate_result estimated(const Robot& robot, const Knowledge& known,
+                                   const truepose_real* q_e, truepose_real* work,
+                                   truepose_real* x) {
+  Pose pose = to_pose<K>(values<Coordinates>(x));
+  const Estimate<K> found = estimate<K, Level>(robot, known, values<Extended>(q_e), pose, work);
+  truepose_estimate_result result{answer(found.outcome), found.iterations, 0, found.chi2, {}};
+  if (!found) return result;
+  for (int i = 0; i < kDof<K>; ++i)
+    std::copy_n(found.covariance[i].begin(), kDof<K>, result.covariance + i * kMaxDof);
+  give(to_coordinates<K>(pose), x);
+  return result;
+}
+
+Outcome begin(const Robot& drawn, const truepose_knowledge& prior, truepose_real* memory,
+              Learner& learner) {
+  const int p = prior.count, all = parameter_count(drawn);
+  if (drawn.r == 0) return {Status::not_measured, -1};
+  if (p < 1 || p > all) return {Status::no_such_part, -1};
+  for (int k = 0; k < p; ++k)
+    if (prior.column[k] < 0 || prior.column[k] >= all) return {Status::no_such_part, k};
+  double *xi = memory, *root = xi + all, *kept = root + p * p;
+  const Outcome outcome = drawn_parameters(drawn, xi);
+  if (!outcome) return outcome;
+  std::copy_n(prior.root, p * p, root);
+  learner.drawn = &drawn;
+  learner.state.count = p;
+  learner.state.column = prior.column;
+  learner.state.xi = xi;
+  learner.state.root = root;
+  learner.state.kept = kept;
+  learner.state.sigma = values<Extended>(prior.sigma);
+  learner.work = kept + online_kept(p);
+  learner.robot = drawn;
+  learner.pose = to_pose(drawn.mobility, drawn.home);
+  return {};
+}
+
+}  // namespace
+}  // namespace truepose::c
+
+extern "C" {
+
+truepose_estimate_result truepose_estimate(const truepose_model* model,
+                                           const truepose_knowledge* known,
+                                           const truepose_real* q_e, truepose_real* work,
+                                           truepose_real* x) {
+  const truepose_estimate_result none{c::answer({Status::unfinished, -1}), 0, 0, 0, {}};
+  return c::of_robot(model, none, [&](const Robot& robot) {
+    const c::Known weighs(known, work);
+    return with_mobility(robot.mobility, [&](auto mobility) {
+      constexpr Mobility K = mobility();
+      if constexpr (kRodByRod<K>)
+        if (robot.rod_by_rod())
+          return c::estimated<FullModel, K>(robot, weighs.knowledge, q_e, work, x);
+      return c::estimated<IdealModel, K>(robot, weighs.knowledge, q_e, work, x);
+    });
+  });
+}
+
+size_t truepose_learner_size(void) { return sizeof(c::Pupil); }
+
+size_t truepose_learner_memory(const truepose_model* drawn, int32_t count) {
+  return c::of_robot(drawn, std::size_t{0}, [&](const Robot& robot) {
+    return count < 1 ? std::size_t{0} : c::memory(robot, count);
+  });
+}
+
+truepose_outcome truepose_begin_learner(truepose_learner* learner, size_t size,
+                                        const truepose_model* drawn,
+                                        const truepose_knowledge* prior, truepose_real* memory,
+                                        size_t count) {
+  return c::asked(drawn, [&](const Robot& robot) -> Outcome {
+    c::Pupil* made = c::Pupil::make(learner, size);
+    if (made == nullptr) return {Status::too_small, -1};
+    made->mark = 0;  // until it has begun
+    if (prior->count >= 1 && count < c::memory(robot, prior->count)) return {Status::too_small, -1};
+    const Outcome outcome = c::begin(robot, *prior, memory, made->learner);
+    if (outcome) made->mark = c::Pupil{}.mark;
+    return outcome;
+  });
+}
+
+truepose_outcome truepose_learn(truepose_learner* learner, const truepose_real* q_e) {
+  c::Pupil* made = c::Pupil::of(learner);
+  if (made == nullptr) return c::answer({Status::unfinished, -1});
+  return c::answer(with_mobility(made->learner.drawn->mobility, [&](auto mobility) {
+    return learn<mobility()>(made->learner, c::values<Extended>(q_e));
+  }));
+}
+
+truepose_outcome truepose_forget(truepose_learner* learner) {
+  c::Pupil* made = c::Pupil::of(learner);
+  if (made == nullptr) return c::answer({Status::unfinished, -1});
+  return c::answer(forget(made->learner));
+}
+
+truepose_outcome truepose_learnt(const truepose_learner* learner, truepose_model* model,
+                                 size_t size) {
+  const c::Pupil* made = c::Pupil::of(learner);
+  if (made == nullptr) return c::answer({Status::unfinished, -1});
+  c::Model* out = c::Model::make(model, size);
+  if (out == nullptr) return c::answer({Status::too_small, -1});
+  out->robot = made->learner.robot;
+  return c::answer({});
+}
+
+truepose_outcome truepose_learnt_knowledge(const truepose_learner* learner,
+                                           truepose_knowledge* known) {
+  const c::Pupil* made = c::Pupil::of(learner);
+  if (made == nullptr) return c::answer({Status::unfinished, -1});
+  const OnlineState& state = made->learner.state;
+  *known = {state.count, 0, state.column, state.root, {}};
+  c::give(state.sigma, known->sigma);
+  return c::answer({});
+}
+}

@@ -1,0 +1,80 @@
+// What stands in the memory that C callers give? The core's structs, behind a word that says so.
+#pragma once
+
+#include <cstdint>
+#include <cstring>
+#include <new>
+
+#include "truepose/truepose.h"
+#include "truepose/truepose.hpp"
+
+namespace truepose::c {
+
+/// A struct in opaque memory. Memory in which none was made says so: `mark` is another.
+template <class Opaque, class Itself, std::uint32_t kMark>
+struct InMemory {
+  std::uint32_t mark = kMark;
+
+  /// @return nullptr where the memory is too small or not aligned
+  static Itself* make(Opaque* memory, std::size_t size) {
+    static_assert(sizeof(Itself) <= sizeof(Opaque) && alignof(Itself) <= alignof(Opaque));
+    static_assert(std::is_trivially_destructible_v<Itself>);
+    const bool fits = memory != nullptr && size >= sizeof(Itself) &&
+                      reinterpret_cast<std::uintptr_t>(memory) % alignof(Itself) == 0;
+    return fits ? new (memory) Itself : nullptr;
+  }
+  /// @return nullptr where none was made
+  static Itself* of(Opaque* memory) {
+    Itself* itself = std::launder(reinterpret_cast<Itself*>(memory));
+    return itself->mark == kMark ? itself : nullptr;
+  }
+  static const Itself* of(const Opaque* memory) { return of(const_cast<Opaque*>(memory)); }
+};
+
+struct Model : InMemory<truepose_model, Model, 0x7452424fU> {
+  Robot robot;
+};
+static_assert(std::is_trivially_copyable_v<Model>);  // C callers copy bytes
+
+inline truepose_outcome answer(Outcome outcome) {
+  return {static_cast<std::int32_t>(outcome.status), outcome.chain};
+}
+
+/// f(robot) of a model that was loaded; of another `otherwise`.
+template <class Answer, class F>
+Answer of_robot(const truepose_model* model, Answer otherwise, F&& f) {
+  const Model* made = Model::of(model);
+  return made != nullptr && made->robot.finished ? f(made->robot) : otherwise;
+}
+template <class F>
+truepose_outcome asked(const truepose_model* model, F&& f) {
+  return answer(of_robot(model, Outcome{Status::unfinished, -1}, f));
+}
+
+/// The core's array of a C array.
+template <class Values>
+Values values(const truepose_real* from) {
+  Values result{};
+  std::copy_n(from, result.size(), result.begin());
+  return result;
+}
+template <class Values>
+void give(const Values& from, truepose_real* to) {
+  std::copy_n(from.begin(), from.size(), to);
+}
+
+/// The core's view of a knowledge and of work space; nothing where there is none.
+struct Known {
+  Knowledge knowledge;
+  Weighing weighing;
+
+  Known(const truepose_knowledge* known, truepose_real* work, KeptWeights* kept = nullptr) {
+    if (known == nullptr || work == nullptr) return;
+    knowledge = {known->count, known->column, known->root, values<Extended>(known->sigma)};
+    weighing = {&knowledge, work, kept};
+  }
+  Known(const Known&) = delete;
+  Known& operator=(const Known&) = delete;
+};
+
+}  // namespace truepose::c

@@ -1,0 +1,430 @@
+// Does the C interface answer as the core does, and refuse what is no robot?
+#include <cstring>
+
+#include "../../src/c/description.hpp"
+#include "mechanisms.hpp"
+#include "truepose/math/roll_pitch_yaw.hpp"
+
+using namespace mechanisms;
+
+namespace {
+
+constexpr int kCap = 12;
+
+/// A mechanism as a C program has it.
+struct InC {
+  explicit InC(const Robot& robot) {
+    c::describe(robot, table);
+    outcome = truepose_load(&model, sizeof model, &table);
+  }
+  truepose_description table;
+  truepose_model model;
+  truepose_outcome outcome;
+};
+
+bool same(truepose_outcome a, Outcome b) {
+  return a.status == static_cast<int>(b.status) && a.part == b.chain;
+}
+
+template <class Values>
+bool same(const truepose_real* a, const Values& b) {
+  return std::equal(b.begin(), b.end(), a);
+}
+
+/// f(robot) at the ideal level, and at the full one where there is one.
+template <class F>
+void at_each_level(const Robot& robot, F&& f) {
+  f(robot);
+  if (!robot.full.own()) return;
+  Robot by_rods = robot;
+  by_rods.level = Level::full;
+  f(by_rods);
+}
+
+template <class Settings>
+truepose_control_settings in_c(const Settings& settings) {
+  truepose_control_settings result;
+  c::describe(settings, result);
+  return result;
+}
+
+}  // namespace
+
+TEST("kinematics through C is the core's, bit for bit, at both levels") {
+  check::Random random(1);
+  for_each([&](const Mechanism& mechanism, auto) {
+    at_each_level(mechanism.robot, [&](const Robot& robot) {
+      const InC in_c(robot);
+      CHECK(same(in_c.outcome, {}));
+      CHECK(truepose_freedoms(&in_c.model) == robot.motors);
+      CHECK(truepose_sensors(&in_c.model) == robot.r);
+      const bool full = robot.rod_by_rod();
+      for (int k = 0; k < 20; ++k) {
+        const Coordinates x = random_pose(mechanism, random);
+        Joint q{};
+        truepose_real q_c[6] = {}, x_c[6] = {}, q_e[16] = {};
+        CHECK(same(truepose_ikm(&in_c.model, x.data(), q_c),
+                   full ? command_full(robot, x, q) : command(robot, x, q)));
+        CHECK(same(q_c, q));
+        Coordinates found = robot.home;
+        std::copy_n(robot.home.begin(), 6, x_c);
+        const truepose_fkm_result result = truepose_fkm(&in_c.model, q_c, kCap, x_c);
+        CHECK(result.outcome.status == TRUEPOSE_OK);
+        CHECK(bool(full ? fkm_full(robot, q, found).status == Status::ok
+                        : fkm(robot, q, found).status == Status::ok));
+        CHECK(same(x_c, found));
+        Reading r{};
+        CHECK(same(truepose_readings(&in_c.model, x.data(), q_e),
+                   full ? rkm_full(robot, x, r) : rkm(robot, x, r)));
+        for (int i = 0; i < robot.motors; ++i) CHECK_NEAR(q_e[i], q[i], 1e-12);
+        for (int i = 0; i < robot.r; ++i) CHECK(q_e[robot.motors + i] == r[i]);
+        JointMatrix J{};
+        truepose_real J_c[36] = {};
+        CHECK(same(truepose_jacobian(&in_c.model, x.data(), J_c),
+                   full ? jacobian_full(robot, x, J) : jacobian(robot, x, J)));
+        CHECK(std::memcmp(J_c, &J, sizeof J) == 0);
+        double parallel = 0;
+        Joint serial{};
+        truepose_real parallel_c = 0, serial_c[6] = {};
+        CHECK(same(truepose_conditioning(&in_c.model, x.data(), &parallel_c, serial_c),
+                   conditioning(robot, x, parallel, serial)));
+        CHECK(parallel_c == parallel && same(serial_c, serial));
+        ExtendedColumns M{};
+        ExtendedRows M_plus{};
+        truepose_real tej_c[6 * 16] = {};
+        CHECK(same(truepose_tej(&in_c.model, x.data(), 0, tej_c), tej(robot, x, M, M_plus)));
+        for (int i = 0; i < robot.motors; ++i)
+          CHECK(std::equal(tej_c + 16 * i, tej_c + 16 * i + robot.motors + robot.r,
+                           M_plus[i].begin()));
+      }
+    });
+  });
+}
+
+TEST("a pose as position and rotation is the same pose") {
+  check::Random random(2);
+  for_each([&](const Mechanism& mechanism, auto) {
+    const InC in_c(mechanism.robot);
+    for (int k = 0; k < 20; ++k) {
+      const Coordinates x = random_pose(mechanism, random);
+      truepose_pose pose, found;
+      truepose_real back[6], q[6], q_pose[6];
+      std::copy_n(x.begin(), 6, back);
+      CHECK(same(truepose_pose_of(&in_c.model, x.data(), &pose), {}));
+      CHECK(same(truepose_coordinates_of(&in_c.model, &pose, back), {}));
+      for (int i = 0; i < 6; ++i) CHECK_NEAR(back[i], x[i], 1e-14);
+      CHECK(same(truepose_ikm(&in_c.model, x.data(), q), {}));
+      CHECK(same(truepose_ikm_pose(&in_c.model, &pose, q_pose), {}));
+      for (int i = 0; i < 6; ++i) CHECK_NEAR(q_pose[i], q[i], 1e-12);
+      truepose_pose_of(&in_c.model, mechanism.robot.home.data(), &found);
+      CHECK(truepose_fkm_pose(&in_c.model, q, kCap, &found).outcome.status == TRUEPOSE_OK);
+      for (int i = 0; i < 9; ++i) CHECK_NEAR(found.rotation[i], pose.rotation[i], 1e-10);
+    }
+    truepose_pose flat = {{0, 0, -0.4}, {1, 0, 0, 0, 1, 0, 0, 0, 1.1}};
+    truepose_real x[6] = {};
+    CHECK(truepose_coordinates_of(&in_c.model, &flat, x).status == TRUEPOSE_NO_SUCH_VALUE);
+    flat.rotation[8] = NAN;
+    CHECK(truepose_coordinates_of(&in_c.model, &flat, x).status == TRUEPOSE_NOT_FINITE);
+    if (mechanism.robot.mobility == Mobility::spatial) return;
+    const truepose_pose tilted = {{0, 0, -0.4}, {1, 0, 0, 0, 0.8, -0.6, 0, 0.6, 0.8}};
+    CHECK(truepose_coordinates_of(&in_c.model, &tilted, x).status == TRUEPOSE_NO_SUCH_VALUE);
+  });
+}
+
+TEST("roll, pitch and yaw lead to a rotation and back, also upright and over turns") {
+  check::Random random(3);
+  for (int k = 0; k < 20000; ++k) {
+    RollPitchYaw angles{10 * random(), 10 * random(), 10 * random()};
+    if (k % 10 == 0) angles[1] = (k % 20 ? 0.5 : -0.5) * std::numbers::pi;
+    truepose_real R[9], again[9], near[3];
+    CHECK(same(truepose_from_roll_pitch_yaw(angles.data(), R), {}));
+    for (int i = 0; i < 3; ++i) near[i] = angles[i] + (i == 0 && k % 10 == 0 ? 0 : 0.01 * random());
+    CHECK(same(truepose_to_roll_pitch_yaw(R, near), {}));
+    for (int i = 0; i < 3; ++i) CHECK_NEAR(near[i], angles[i], k % 10 == 0 ? 1e-7 : 1e-6);
+    CHECK(same(truepose_from_roll_pitch_yaw(near, again), {}));
+    for (int i = 0; i < 9; ++i) CHECK_NEAR(again[i], R[i], 1e-9);
+  }
+  truepose_real angles[3] = {0, NAN, 0}, mirror[9] = {1, 0, 0, 0, 1, 0, 0, 0, -1};
+  CHECK(truepose_from_roll_pitch_yaw(angles, mirror).status == TRUEPOSE_NOT_FINITE);
+  angles[1] = 0;
+  CHECK(truepose_to_roll_pitch_yaw(mirror, angles).status == TRUEPOSE_NO_SUCH_VALUE);
+}
+
+TEST("laws, estimates and control cycles through C are the core's") {
+  check::Random random(4);
+  for_each([&](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    const Robot& robot = mechanism.robot;
+    const InC in_c_model(robot);
+    Prior prior(robot);
+    std::vector<std::int32_t> column(prior.known().column,
+                                     prior.known().column + prior.known().count);
+    truepose_knowledge known{prior.known().count, 0, column.data(), prior.known().root, {}};
+    std::copy_n(prior.known().sigma.begin(), 16, known.sigma);
+    std::vector<truepose_real> work(truepose_work(&in_c_model.model, known.count));
+    CHECK(work.size() == static_cast<std::size_t>(estimate_work(robot, known.count)));
+    for (const Law law : kLaws) {
+      if (!applies(law, K)) continue;
+      ControlSettings settings;
+      settings.law = law;
+      CHECK(bool(place_poles(robot, robot.home, 100, 1, settings)));
+      truepose_control_settings table = in_c(settings);
+      CHECK(same(truepose_place_poles(&in_c_model.model, robot.home.data(), 100, 1, &table), {}));
+      CHECK(same(table.kp, settings.kp) && same(table.kd, settings.kd));
+      truepose_controller controller;
+      CHECK(same(truepose_begin_control(&controller, sizeof controller, &table), {}));
+      ControlState state;
+      KeptWeights kept;
+      Weighing keeps = prior.weighing();
+      keeps.kept = &kept;
+      for (int k = 0; k < 5; ++k) {
+        Setpoint setpoint;
+        setpoint.x = random_pose(mechanism, random, 0.3);
+        truepose_setpoint setpoint_c{};
+        std::copy_n(setpoint.x.begin(), 6, setpoint_c.x);
+        Extended q_e{};
+        CHECK(bool(extended<K>(robot, to_pose<K>(setpoint.x), q_e)));
+        for (int i = 0; i < robot.motors + robot.r; ++i) q_e[i] += 1e-4 * random();
+        Joint e{};
+        truepose_real e_c[6] = {}, torque[6] = {};
+        CHECK(same(truepose_motor_error(&in_c_model.model, static_cast<int>(law), 0,
+                                        setpoint.x.data(), q_e.data(), &known, work.data(), e_c),
+                   motor_error(robot, law, setpoint.x, q_e, e, 0, prior.weighing())));
+        CHECK(same(e_c, e));
+        CHECK(same(truepose_control(&in_c_model.model, &controller, &setpoint_c, q_e.data(), &known,
+                                    work.data(), torque),
+                   control(robot, settings, setpoint, q_e, state, keeps)));
+        CHECK(same(torque, state.torque));
+        Pose pose = to_pose<K>(robot.home);
+        const auto estimated = estimate<K>(robot, prior.known(), q_e, pose, work.data());
+        truepose_real x_c[6];
+        std::copy_n(robot.home.begin(), 6, x_c);
+        const truepose_estimate_result result =
+            truepose_estimate(&in_c_model.model, &known, q_e.data(), work.data(), x_c);
+        CHECK(same(result.outcome, estimated.outcome));
+        CHECK(same(x_c, to_coordinates<K>(pose)) && result.chi2 == estimated.chi2);
+      }
+    }
+    truepose_real e[6];
+    const truepose_real q_e[16] = {};
+    CHECK(truepose_motor_error(&in_c_model.model, TRUEPOSE_LAW_WEIGHTED, 0, robot.home.data(), q_e,
+                               nullptr, nullptr, e)
+              .status == TRUEPOSE_NOT_MEASURED);
+    CHECK(truepose_motor_error(&in_c_model.model, 5, 0, robot.home.data(), q_e, nullptr, nullptr, e)
+              .status == TRUEPOSE_NO_SUCH_PART);
+  });
+}
+
+TEST("a guard in C finds a sensor that is gone, goes on without, and believes it again") {
+  for_each([&](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    const Robot& robot = mechanism.robot;
+    const InC in_c_model(robot);
+    Prior prior(robot);
+    truepose_knowledge known{prior.known().count, 0, prior.known().column, prior.known().root, {}};
+    std::copy_n(prior.known().sigma.begin(), 16, known.sigma);
+    std::vector<truepose_real> work(truepose_work(&in_c_model.model, known.count));
+    ControlSettings settings;
+    CHECK(bool(place_poles(robot, robot.home, 100, 1, settings)));
+    const truepose_control_settings table = in_c(settings);
+    truepose_watch_settings watch;
+    c::describe(GuardSettings{}, watch);
+    truepose_controller controller;
+    truepose_guard guard;
+    CHECK(same(truepose_begin_control(&controller, sizeof controller, &table), {}));
+    CHECK(same(truepose_begin_guard(&guard, sizeof guard, &watch), {}));
+    truepose_setpoint setpoint{};
+    std::copy_n(robot.home.begin(), 6, setpoint.x);
+    Extended q_e{};
+    CHECK(bool(extended<K>(robot, to_pose<K>(robot.home), q_e)));
+    const int sensor = robot.motors;
+    truepose_report report;
+    truepose_outcome outcome{};
+    const auto cycles = [&](int count, double reading) {
+      Extended read = q_e;
+      read[sensor] = reading;
+      truepose_real torque[6];
+      for (int k = 0; k < count; ++k)
+        outcome = truepose_guarded(&in_c_model.model, nullptr, &controller, &guard, &setpoint,
+                                   read.data(), &known, work.data(), torque, &report);
+      for (int i = 0; i < robot.motors; ++i) CHECK(std::isfinite(torque[i]));
+    };
+    cycles(100, q_e[sensor]);
+    CHECK(outcome.status == TRUEPOSE_OK && report.health[sensor] == TRUEPOSE_VALID);
+    cycles(20, NAN);
+    CHECK(outcome.status == TRUEPOSE_DISAGREE && outcome.part == sensor);
+    CHECK(report.health[sensor] == TRUEPOSE_FAILED && report.symptom[sensor] == TRUEPOSE_MISSING);
+    CHECK(!report.stops && report.brakes == 0);
+    CHECK(same(truepose_restore(&guard, sensor), {}));
+    cycles(100, q_e[sensor]);
+    CHECK(outcome.status == TRUEPOSE_OK && report.health[sensor] == TRUEPOSE_VALID);
+    truepose_real believed[16] = {};
+    Extended none = q_e;
+    none[sensor] = NAN;
+    truepose_watch(&in_c_model.model, &guard, q_e.data(), none.data(), &known, work.data(),
+                   believed, &report);
+    CHECK_NEAR(believed[sensor], q_e[sensor], 1e-6);
+    CHECK(report.health[sensor] == TRUEPOSE_SUSPECT);
+  });
+}
+
+TEST("a learner in C learns what the core's does") {
+  check::Random random(5);
+  for_each([&](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    const Robot& robot = mechanism.robot;
+    const InC in_c_model(robot);
+    Prior prior(robot), twin(robot);
+    const std::int32_t p = prior.known().count;
+    truepose_knowledge known{p, 0, prior.known().column, prior.known().root, {}};
+    std::copy_n(prior.known().sigma.begin(), 16, known.sigma);
+    std::vector<truepose_real> memory(truepose_learner_memory(&in_c_model.model, p));
+    truepose_learner learner;
+    CHECK(truepose_begin_learner(&learner, sizeof learner, &in_c_model.model, &known, memory.data(),
+                                 memory.size() - 1)
+              .status == TRUEPOSE_TOO_SMALL);
+    CHECK(truepose_learn(&learner, memory.data()).status == TRUEPOSE_UNFINISHED);
+    CHECK(same(truepose_begin_learner(&learner, sizeof learner, &in_c_model.model, &known,
+                                      memory.data(), memory.size()),
+               {}));
+    Learner core = twin.learner(robot);
+    core.settings = {};
+    Robot truth = robot;
+    truth.chain[0].encoder_offset += 1e-3;
+    for (int k = 0; k < 10; ++k) {
+      Extended q_e{};
+      const Coordinates x = random_pose(mechanism, random);
+      CHECK(bool(extended<K>(truth, to_pose<K>(x), q_e)));
+      CHECK(same(truepose_learn(&learner, q_e.data()), learn<K>(core, q_e)));
+    }
+    truepose_model learnt;
+    truepose_knowledge after;
+    CHECK(same(truepose_learnt(&learner, &learnt, sizeof learnt), {}));
+    CHECK(same(truepose_learnt_knowledge(&learner, &after), {}));
+    CHECK(after.count == p && std::equal(after.root, after.root + p * p, core.state.root));
+    truepose_real q[6] = {};
+    Joint expected{};
+    CHECK(same(truepose_ikm(&learnt, robot.home.data(), q), ikm(core.robot, robot.home, expected)));
+    CHECK(same(q, expected));
+    CHECK(same(truepose_forget(&learner), {}));
+  });
+}
+
+TEST("a path clock in C is the core's") {
+  truepose_path_clock clock{0, 1, 0, 0};
+  PathClock core;
+  for (int k = 0; k < 300; ++k) {
+    const double stop = k > 100 ? 0.15 : 0;
+    truepose_advance(&clock, 1e-3, stop);
+    core.advance(1e-3, stop);
+    CHECK(clock.time == core.time && clock.rate == core.rate && clock.slowing == core.slowing);
+  }
+  truepose_setpoint setpoint{{1}, {1}, {1}};
+  truepose_pace(&clock, &setpoint);
+  CHECK(setpoint.rate[0] == 0 && setpoint.x[0] == 1);
+}
+
+TEST("what is no robot is refused, named, and answers nothing") {
+  const Mechanism mechanism = h4();
+  struct Wrong {
+    const char* what;
+    void (*make)(truepose_description&);
+    int status, part;
+  };
+  const Wrong wrongs[] = {
+      {"version", [](auto& t) { t.abi = 2; }, TRUEPOSE_OTHER_VERSION, -1},
+      {"size", [](auto& t) { --t.size; }, TRUEPOSE_OTHER_VERSION, -1},
+      {"mobility", [](auto& t) { t.mobility = 17; }, TRUEPOSE_NO_SUCH_PART, -1},
+      {"chains", [](auto& t) { t.chains = 2000000; }, TRUEPOSE_NO_SUCH_PART, -1},
+      {"motors", [](auto& t) { t.motors = -1; }, TRUEPOSE_NO_SUCH_PART, -1},
+      {"square", [](auto& t) { t.chains = t.motors = 3; }, TRUEPOSE_NOT_SQUARE, -1},
+      {"sensors", [](auto& t) { t.sensors = 2000000; }, TRUEPOSE_NO_SUCH_PART, -1},
+      {"bodies", [](auto& t) { t.bodies = -5; }, TRUEPOSE_NO_SUCH_PART, -1},
+      {"level", [](auto& t) { t.level = 2; }, TRUEPOSE_NO_SUCH_PART, -1},
+      {"bars", [](auto& t) { t.bar_joint = 9; }, TRUEPOSE_NO_SUCH_PART, -1},
+      {"actuator", [](auto& t) { t.chain[1].actuator = 3; }, TRUEPOSE_NO_SUCH_PART, -1},
+      {"mode", [](auto& t) { t.chain[1].working_mode = 0; }, TRUEPOSE_NO_SUCH_PART, -1},
+      {"bar", [](auto& t) { t.chain[1].bar = 2; }, TRUEPOSE_NO_SUCH_PART, -1},
+      {"kind", [](auto& t) { t.sensor[0].kind = 10; }, TRUEPOSE_NO_SUCH_PART, -1},
+      {"sensor's chain", [](auto& t) { t.sensor[0].chain = 1; }, TRUEPOSE_NO_SUCH_PART, -1},
+      {"body's bar", [](auto& t) { t.body[0].bar = -2; }, TRUEPOSE_NO_SUCH_PART, -1},
+      {"gravity", [](auto& t) { t.gravity[1] = NAN; }, TRUEPOSE_NOT_FINITE, -1},
+      {"home", [](auto& t) { t.home[3] = INFINITY; }, TRUEPOSE_NOT_FINITE, -1},
+      {"home far", [](auto& t) { t.home[2] = -4; }, TRUEPOSE_UNREACHABLE, 0},
+      {"rod", [](auto& t) { t.chain[2].rod = NAN; }, TRUEPOSE_NOT_FINITE, 2},
+      {"no rod", [](auto& t) { t.chain[2].rod = 0; }, TRUEPOSE_NO_SUCH_VALUE, 2},
+      {"no arm", [](auto& t) { t.chain[3].arm = -0.26; }, TRUEPOSE_NO_SUCH_VALUE, 3},
+      {"axis", [](auto& t) { t.chain[1].axis[1] *= 1.01; }, TRUEPOSE_NO_SUCH_VALUE, 1},
+      {"stops", [](auto& t) { t.chain[0].low = 3, t.chain[0].high = 2; }, TRUEPOSE_NO_SUCH_VALUE,
+       0},
+      {"a stop", [](auto& t) { t.chain[0].low = NAN; }, TRUEPOSE_NOT_FINITE, 0},
+      {"no gain", [](auto& t) { t.chain[0].encoder_gain = 0; }, TRUEPOSE_NO_SUCH_VALUE, 0},
+      {"gear", [](auto& t) { t.sensor[0].gear = 0; }, TRUEPOSE_NO_SUCH_VALUE, 6},
+      {"noise", [](auto& t) { t.sensor[0].noise = -1; }, TRUEPOSE_NO_SUCH_VALUE, 6},
+      {"mass", [](auto& t) { t.body[0].mass = -1; }, TRUEPOSE_NO_SUCH_VALUE, 18},
+      {"inertia", [](auto& t) { t.body[0].inertia[1] = 1; }, TRUEPOSE_NO_SUCH_VALUE, 18},
+  };
+  for (const Wrong& wrong : wrongs) {
+    check::state().scene = wrong.what;
+    truepose_description table;
+    c::describe(mechanism.robot, table);
+    wrong.make(table);
+    truepose_model model;
+    const truepose_outcome outcome = truepose_load(&model, sizeof model, &table);
+    CHECK(outcome.status == wrong.status && outcome.part == wrong.part);
+    truepose_real q[6] = {7, 7, 7, 7, 7, 7};
+    CHECK(truepose_ikm(&model, table.home, q).status == TRUEPOSE_UNFINISHED && q[0] == 7);
+    CHECK(truepose_freedoms(&model) == 0 && truepose_work(&model, 5) == 0);
+  }
+  truepose_description table;
+  c::describe(mechanism.robot, table);
+  truepose_model model;
+  std::memset(&model, 0x5a, sizeof model);
+  truepose_real q[6];
+  CHECK(truepose_ikm(&model, table.home, q).status == TRUEPOSE_UNFINISHED);
+  CHECK(truepose_load(&model, truepose_model_size() - 1, &table).status == TRUEPOSE_TOO_SMALL);
+  CHECK(truepose_load(nullptr, sizeof model, &table).status == TRUEPOSE_TOO_SMALL);
+  CHECK(same(truepose_load(&model, truepose_model_size(), &table), {}));
+  CHECK(truepose_fkm(&model, table.home, 0, q).outcome.status == TRUEPOSE_NO_SUCH_VALUE);
+}
+
+TEST("settings that no controller or watch can have are refused") {
+  truepose_control_settings control;
+  truepose_default_control(&control);
+  truepose_controller controller;
+  const auto begun = [&](auto change) {
+    truepose_control_settings settings = control;
+    change(settings);
+    return truepose_begin_control(&controller, sizeof controller, &settings).status;
+  };
+  CHECK(begun([](auto&) {}) == TRUEPOSE_OK);
+  CHECK(begun([](auto& s) { s.law = 5; }) == TRUEPOSE_NO_SUCH_PART);
+  CHECK(begun([](auto& s) { s.period = 0; }) == TRUEPOSE_NO_SUCH_VALUE);
+  CHECK(begun([](auto& s) { s.kp[5] = NAN; }) == TRUEPOSE_NOT_FINITE);
+  CHECK(truepose_change_law(&controller, -1).status == TRUEPOSE_NO_SUCH_PART);
+  truepose_watch_settings watch;
+  c::describe(GuardSettings{}, watch);
+  truepose_guard guard;
+  const auto watched = [&](auto change) {
+    truepose_watch_settings settings = watch;
+    change(settings);
+    return truepose_begin_guard(&guard, sizeof guard, &settings).status;
+  };
+  CHECK(watched([](auto&) {}) == TRUEPOSE_OK);
+  CHECK(watched([](auto& s) { s.spikes = 9; }) == TRUEPOSE_NO_SUCH_VALUE);
+  CHECK(watched([](auto& s) { s.false_alarm = 1; }) == TRUEPOSE_NO_SUCH_VALUE);
+  CHECK(watched([](auto& s) { s.low[3] = NAN; }) == TRUEPOSE_NOT_FINITE);
+  std::memset(&guard, 0, sizeof guard);
+  CHECK(truepose_restore(&guard, 0).status == TRUEPOSE_UNFINISHED);
+}
+
+TEST("every status has the core's number and says what it is") {
+  for (int status = TRUEPOSE_STOPPED; status <= TRUEPOSE_NO_SUCH_VALUE; ++status)
+    CHECK(std::strcmp(truepose_describe(status), "unknown status") != 0);
+  CHECK(TRUEPOSE_NO_SUCH_VALUE == static_cast<int>(Status::no_such_value));
+  CHECK(TRUEPOSE_NOT_COMPILED == static_cast<int>(Status::not_compiled));
+  CHECK(TRUEPOSE_LAW_ESTIMATED == static_cast<int>(Law::estimated));
+  CHECK(TRUEPOSE_MOTOR_ENCODER == static_cast<int>(SensorKind::motor_encoder));
+  CHECK(TRUEPOSE_DISAGREES == static_cast<int>(Symptom::disagrees));
+  CHECK(truepose_abi() == TRUEPOSE_ABI);
+}
