@@ -257,9 +257,9 @@ TRUEPOSE_APART inline Outcome find(const Robot& robot, const Weighing& weighing,
 /// of its own pose.
 /// @return not_converged where it is not near
 template <Mobility K, class Model>
-TRUEPOSE_APART inline Outcome find_kept(const Robot& robot, const Weighing& weighing,
-                                        const Reference<K>& reference, const Extended& q_e,
-                                        Pose& found, Parasitic rest) {
+inline Outcome find_kept(const Robot& robot, const Weighing& weighing,
+                         const Reference<K>& reference, const Extended& q_e, Pose& found,
+                         Parasitic rest) {
   constexpr int n = kDof<K>;
   if (!weighing) return {Status::not_measured, -1};
   KeptFusion<K> at;
@@ -290,9 +290,9 @@ TRUEPOSE_APART inline Outcome find_kept(const Robot& robot, const Weighing& weig
   return outcome ? Outcome{Status::not_converged, -1} : outcome;
 }
 template <Mobility K>
-inline Outcome find_kept(const Robot& robot, const Weighing& weighing,
-                         const Reference<K>& reference, const Extended& q_e, Pose& found,
-                         const Parasitic& rest) {
+TRUEPOSE_APART inline Outcome find_kept(const Robot& robot, const Weighing& weighing,
+                                        const Reference<K>& reference, const Extended& q_e,
+                                        Pose& found, const Parasitic& rest) {
   if constexpr (kRodByRod<K>)
     if (robot.rod_by_rod())
       return find_kept<K, FullModel>(robot, weighing, reference, q_e, found, rest);
