@@ -15,7 +15,7 @@ inline constexpr int kFkmCap = 2 * kFkmIterations;
 
 /// Where the pose is only what another search starts from: more are needed beside singular poses
 /// alone, and that one finds its own way there.
-inline constexpr int kFkmStart = 32;
+inline constexpr int kFkmStart = 24;
 
 /// How a search for the pose ended.
 struct [[nodiscard]] FkmResult {
@@ -220,9 +220,10 @@ TRUEPOSE_RARE FkmResult search_from_home(const Robot& robot, const Joint& q, Fkm
     return first;
   }
   Closure<K> home;
-  FkmResult second{ikm<K>(robot, to_pose<K>(robot.home), home).status};
-  Pose at = home.pose;
   const int most = std::min(kFkmIterations, cap - first.iterations);
+  FkmResult second{Status::not_converged};
+  if (most > 0) second.status = ikm<K>(robot, to_pose<K>(robot.home), home).status;
+  Pose at = home.pose;
   int stage = 0, left = most;
   while (second && stage < kFkmStages && left > 0) {
     ++stage;
