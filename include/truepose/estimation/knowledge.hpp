@@ -8,7 +8,7 @@ namespace truepose {
 /// Normal distributions of the uncertain parameters and of the readings. The arrays are the
 /// caller's: a prior of 50 parameters is as good here as the posterior of a calibration.
 struct Knowledge {
-  int count = 0;                 ///< p, uncertain parameters
+  int count = 0;                         ///< p, uncertain parameters
   const std::int32_t* column = nullptr;  ///< each one's column of H_ξ (parameters.hpp)
   const double* root = nullptr;  ///< S, p×p by rows, lower triangular: Σ_ξ = S Sᵀ; nullptr: S = I
   Extended sigma{};              ///< σ of every reading's own error, > 0: Σ_s = diag(σ²)
