@@ -1,6 +1,8 @@
 /* Kinematics between joints and axes. */
 #include "kins_core.h"
 
+#include "table.h"
+
 #include <math.h>
 #include <string.h>
 
@@ -27,7 +29,7 @@ truepose_outcome truepose_kins_load(truepose_kins* kins, const truepose_descript
   kins->unit = unit;
   kins->cap = kCap;
   for (int i = 0; i < kins->motors; ++i)
-    kins->scale[i] = robot->chain[i].actuator == TRUEPOSE_REVOLUTE ? kDegree : unit;
+    kins->scale[i] = truepose_reading_scale(robot, i, unit);
   memcpy(kins->guess, robot->home, sizeof kins->guess);
   return kins->outcome;
 }

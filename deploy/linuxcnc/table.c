@@ -66,3 +66,31 @@ const char* truepose_read_table(const char* path, truepose_table* table) {
   fclose(file);
   return wrong;
 }
+
+truepose_real truepose_reading_scale(const truepose_description* robot, int reading,
+                                     truepose_real unit) {
+  static const truepose_real degree = 0.017453292519943295;
+  int motor = reading;
+  if (reading >= robot->motors) {
+    const truepose_sensor* sensor = &robot->sensor[reading - robot->motors];
+    switch (sensor->kind) {
+      case TRUEPOSE_TELEMETER:
+      case TRUEPOSE_COORDINATE:
+      case TRUEPOSE_DISTANCE:
+      case TRUEPOSE_ROD_LENGTH: return unit;
+      case TRUEPOSE_MOTOR_ENCODER: motor = sensor->chain; break;
+      default: return degree;
+    }
+  }
+  return robot->chain[motor].actuator == TRUEPOSE_REVOLUTE ? degree : unit;
+}
+
+truepose_real truepose_unit(const char* name) {
+  static const struct {
+    const char* name;
+    truepose_real metres;
+  } units[] = {{"mm", 0.001}, {"inch", 0.0254}, {"m", 1}};
+  for (size_t i = 0; i < sizeof units / sizeof *units; ++i)
+    if (strcmp(name, units[i].name) == 0) return units[i].metres;
+  return 0;
+}

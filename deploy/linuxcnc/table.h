@@ -26,4 +26,11 @@ typedef struct truepose_table {
  */
 const char* truepose_read_table(const char* path, truepose_table* table);
 
+/** rad or m in a machine unit of a reading, counted as in q_e: angles are in degrees.
+ * @param unit  m in a machine unit of length */
+truepose_real truepose_reading_scale(const truepose_description* robot, int reading,
+                                     truepose_real unit);
+/** m in the unit of a name, mm, inch or m; 0: of another. */
+truepose_real truepose_unit(const char* name);
+
 #endif

@@ -14,6 +14,7 @@
 #include "kinematics.h"
 
 #include "geometry.h"
+#include "pins.h"
 #include "table.h"
 
 MODULE_LICENSE("Dual MIT/GPL"); /* ours is MIT, which may be loaded beside GPL-2 */
@@ -200,24 +201,18 @@ EXPORT_SYMBOL(kinematicsSwitch);
 
 static int id;
 
-static int new_float(hal_float_t** pin, hal_pin_dir_t direction, double value, const char* name) {
-  const int result = hal_pin_float_newf(direction, pin, id, "%s", name);
-  if (result == 0) **pin = value;
-  return result;
-}
-
 static int say_pins(void) {
   int bad = 0;
   says = hal_malloc(sizeof *says);
   if (says == NULL) return -1;
-  bad |= hal_pin_s32_newf(HAL_OUT, &says->status, id, "truepose_kins.status");
-  bad |= hal_pin_s32_newf(HAL_OUT, &says->part, id, "truepose_kins.part");
-  bad |= hal_pin_u32_newf(HAL_OUT, &says->refused, id, "truepose_kins.refused");
-  bad |= hal_pin_s32_newf(HAL_OUT, &says->iterations, id, "truepose_kins.iterations");
-  bad |= hal_pin_s32_newf(HAL_OUT, &says->most_iterations, id, "truepose_kins.max-iterations");
-  bad |= new_float(&says->residual, HAL_OUT, 0, "truepose_kins.residual");
-  bad |= new_float(&says->conditioning, HAL_OUT, 0, "truepose_kins.conditioning");
-  bad |= new_float(&says->least_conditioning, HAL_IN, 0.01, "truepose_kins.least-conditioning");
+  bad |= new_s32(id, &says->status, HAL_OUT, 0, "truepose_kins.status");
+  bad |= new_s32(id, &says->part, HAL_OUT, 0, "truepose_kins.part");
+  bad |= new_u32(id, &says->refused, HAL_OUT, 0, "truepose_kins.refused");
+  bad |= new_s32(id, &says->iterations, HAL_OUT, 0, "truepose_kins.iterations");
+  bad |= new_s32(id, &says->most_iterations, HAL_OUT, 0, "truepose_kins.max-iterations");
+  bad |= new_float(id, &says->residual, HAL_OUT, 0, "truepose_kins.residual");
+  bad |= new_float(id, &says->conditioning, HAL_OUT, 0, "truepose_kins.conditioning");
+  bad |= new_float(id, &says->least_conditioning, HAL_IN, 0.01, "truepose_kins.least-conditioning");
   return bad;
 }
 
@@ -231,7 +226,6 @@ static int hexapod_new(void) {
   const double base_n[6][3] = {{s, 0, s}, {0, -s, s}, {-s, 0, s}, {-s, 0, s}, {0, s, s}, {s, 0, s}};
   const double platform_n[6][3] = {{-1, 0, 0},   {c, 0.5, 0},  {c, 0.5, 0},
                                    {c, -0.5, 0}, {c, -0.5, 0}, {-1, 0, 0}};
-  char name[HAL_NAME_LEN + 1];
   int bad = 0;
   struct hexapod_pins* p = hexapod_pins = hal_malloc(sizeof *p);
   if (p == NULL) return -1;
@@ -246,27 +240,24 @@ static int hexapod_new(void) {
   for (int w = 0; w < 4; ++w)
     for (int i = 0; i < 6; ++i)
       for (int k = 0; k < 3; ++k) {
-        rtapi_snprintf(name, sizeof name, "genhexkins.%s.%d.%c", points[w].name, i, "xyz"[k]);
-        bad |= new_float(&points[w].pin[i][k], HAL_IN, points[w].value[i][k], name);
+        bad |= new_float(id, &points[w].pin[i][k], HAL_IN, points[w].value[i][k],
+                         "genhexkins.%s.%d.%c", points[w].name, i, "xyz"[k]);
       }
   for (int i = 0; i < 6; ++i) {
-    rtapi_snprintf(name, sizeof name, "genhexkins.correction.%d", i);
-    bad |= new_float(&p->correction[i], HAL_OUT, 0, name);
-    rtapi_snprintf(name, sizeof name, "skgui.%c", "xyzabc"[i]);
-    bad |= new_float(&p->gui[i], HAL_IN, 0, name);
-    rtapi_snprintf(name, sizeof name, "genhexkins.%c", "xyzabc"[i]);
-    bad |= new_float(&p->shown[i], HAL_IN, 0, name);
+    bad |= new_float(id, &p->correction[i], HAL_OUT, 0, "genhexkins.correction.%d", i);
+    bad |= new_float(id, &p->gui[i], HAL_IN, 0, "skgui.%c", "xyzabc"[i]);
+    bad |= new_float(id, &p->shown[i], HAL_IN, 0, "genhexkins.%c", "xyzabc"[i]);
   }
-  bad |= new_float(&p->screw_lead, HAL_IN, 0, "genhexkins.screw-lead");
-  bad |= new_float(&p->spindle_offset, HAL_IN, 0, "genhexkins.spindle-offset");
-  bad |= new_float(&p->tool_offset, HAL_IN, 0, "genhexkins.tool-offset");
-  bad |= new_float(&p->criterion, HAL_IN, 1e-9, "genhexkins.convergence-criterion");
-  bad |= new_float(&p->max_error, HAL_IN, 500, "genhexkins.max-error");
-  bad |= hal_pin_u32_newf(HAL_OUT, &p->last_iterations, id, "genhexkins.last-iterations");
-  bad |= hal_pin_u32_newf(HAL_OUT, &p->max_iterations, id, "genhexkins.max-iterations");
-  bad |= hal_pin_u32_newf(HAL_IN, &p->limit_iterations, id, "genhexkins.limit-iterations");
-  bad |= hal_pin_bit_newf(HAL_OUT, &p->failed, id, "genhexkins.fwd-kins-fail");
-  for (int k = 0; k < 3; ++k) bad |= hal_pin_bit_newf(HAL_OUT, &p->is[k], id, "kinstype.is-%d", k);
+  bad |= new_float(id, &p->screw_lead, HAL_IN, 0, "genhexkins.screw-lead");
+  bad |= new_float(id, &p->spindle_offset, HAL_IN, 0, "genhexkins.spindle-offset");
+  bad |= new_float(id, &p->tool_offset, HAL_IN, 0, "genhexkins.tool-offset");
+  bad |= new_float(id, &p->criterion, HAL_IN, 1e-9, "genhexkins.convergence-criterion");
+  bad |= new_float(id, &p->max_error, HAL_IN, 500, "genhexkins.max-error");
+  bad |= new_u32(id, &p->last_iterations, HAL_OUT, 0, "genhexkins.last-iterations");
+  bad |= new_u32(id, &p->max_iterations, HAL_OUT, 0, "genhexkins.max-iterations");
+  bad |= new_u32(id, &p->limit_iterations, HAL_IN, 0, "genhexkins.limit-iterations");
+  bad |= new_bit(id, &p->failed, HAL_OUT, 0, "genhexkins.fwd-kins-fail");
+  for (int k = 0; k < 3; ++k) bad |= new_bit(id, &p->is[k], HAL_OUT, 0, "kinstype.is-%d", k);
   if (bad == 0) {
     *p->limit_iterations = 120;
     kinematicsSwitch(0);
@@ -283,29 +274,21 @@ static int delta_new(const char* const* names, const double* values, int count) 
   delta_pins = hal_malloc(sizeof *delta_pins);
   if (delta_pins == NULL) return -1;
   for (int k = 0; k < count; ++k)
-    bad |= new_float(&delta_pins->number[k], HAL_IN, values[k], names[k]);
+    bad |= new_float(id, &delta_pins->number[k], HAL_IN, values[k], "%s", names[k]);
   return bad;
-}
-
-static int wrong(const char* what, const char* value, const char* why) {
-  rtapi_print_msg(RTAPI_MSG_ERR, "truepose_kins: %s=%s: %s\n", what, value, why);
-  return -1;
 }
 
 static int load_table(void) {
   static truepose_table read;
   const char* const why = truepose_read_table(table, &read);
-  const double metres = strcmp(unit, "mm") == 0     ? 0.001
-                        : strcmp(unit, "inch") == 0 ? 0.0254
-                        : strcmp(unit, "m") == 0    ? 1
-                                                    : 0;
+  const double metres = truepose_unit(unit);
   truepose_outcome outcome;
-  if (why != NULL) return wrong("table", table, why);
-  if (metres == 0) return wrong("unit", unit, "choose mm, inch or m");
+  if (why != NULL) return wrong("truepose_kins", "table", table, why);
+  if (metres == 0) return wrong("truepose_kins", "unit", unit, "choose mm, inch or m");
   outcome = truepose_kins_load(&kins, &read.robot, metres);
-  if (outcome.status > TRUEPOSE_OK) return wrong("table", table, truepose_describe(outcome.status));
+  if (outcome.status > TRUEPOSE_OK) return wrong("truepose_kins", "table", table, truepose_describe(outcome.status));
   if (!truepose_kins_extras(&kins, extra))
-    return wrong("extra", extra, "choose letters of xyzabcuvw that the robot does not move itself");
+    return wrong("truepose_kins", "extra", extra, "choose letters of xyzabcuvw that the robot does not move itself");
   loaded = 1;
   return 0;
 }
@@ -323,7 +306,7 @@ static int pins_of_source(void) {
     return from = FROM_LINEAR_DELTA, delta_new(linear, linear_values, 2);
   if (strcmp(pins, "rotarydeltakins") == 0)
     return from = FROM_ROTARY_DELTA, delta_new(rotary, rotary_values, 4);
-  return wrong("pins", pins, "give table=FILE, or genhexkins, lineardeltakins or rotarydeltakins");
+  return wrong("truepose_kins", "pins", pins, "give table=FILE, or genhexkins, lineardeltakins or rotarydeltakins");
 }
 
 int rtapi_app_main(void) {

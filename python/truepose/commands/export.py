@@ -19,6 +19,7 @@ from truepose.commands.options import (
     wrote,
 )
 from truepose.deploy.c_tables import to_c
+from truepose.deploy.linuxcnc import to_configuration
 from truepose.robot.laws import Law
 from truepose.robot.robot import load
 from truepose.robotfile import path_of
@@ -96,6 +97,49 @@ def c(
     else:
         controller = Controller(law=law, period=period, frequency=frequency)
     _put(robot, to_c(made, controller, Watch(effects=loses)), out, "table", force)
+
+
+@app.command()
+def linuxcnc(
+    robot: RobotName,
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder to write into.")],
+    force: Force = False,
+    sensors: SensorSet = None,
+    machine: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ROBOT", help="What is simulated: a robot file.", show_default="the robot"
+        ),
+    ] = None,
+    law: Annotated[Law, typer.Option(help="That the machine starts with.")] = "redundant",
+    period: Annotated[float, typer.Option(help="Of the servo thread, s.")] = 1e-3,
+) -> None:
+    """Write a LinuxCNC configuration: a robot's table, ini and HAL, and a simulated machine.
+
+    For the components of deploy/linuxcnc; docs/linuxcnc.md. Tables serve this kind of machine.
+
+    Example: **truepose export linuxcnc h4 -o h4**
+    """
+    made, built = load(robot), load(machine) if machine else None
+    if sensors is not None:
+        made = made.with_sensors(*parse_set(made, sensors))
+    if built is not None and built.sensors != made.sensors:
+        built = built.with_sensors(*made.sensors)
+    controller = Controller(law=law if made.r else "joint", period=period)
+    contents = to_configuration(made, controller, Watch(), built)
+    read = [path_of(name) for name in (robot, machine) if name]
+    out.mkdir(parents=True, exist_ok=True)
+    outputs: dict[files.Output, str | bytes] = {
+        files.Output(
+            out / name,
+            "LinuxCNC configuration",
+            "-o",
+            (lambda file: file.read(8) == b"truepose") if isinstance(text, bytes) else None,
+        ): text
+        for name, text in contents.items()
+    }
+    files.write(outputs, read, force)
+    wrote(Format.table, *(output.path for output in outputs))
 
 
 def _put(robot: str, text: str, out: Path | None, kind: str, force: bool) -> None:
