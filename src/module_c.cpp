@@ -42,7 +42,7 @@ nb::dict description(const Robot& robot) {
     chains.append(nb::make_tuple(nb::make_tuple(chain.actuator, chain.working_mode, chain.bar, 0),
                                  listed.rows));
   }
-  for (int k = 0; k < of.sensors; ++k) {
+  for (int k = 0; k < std::max(of.sensors, 1); ++k) {  // C has no empty initialiser
     const truepose_sensor& sensor = of.sensor[k];
     Listed listed;
     c::sensor_fields(sensor, robot.sensor[k], listed);
@@ -50,7 +50,7 @@ nb::dict description(const Robot& robot) {
         nb::make_tuple(sensor.kind, sensor.chain, sensor.at_nacelle, sensor.rod, sensor.bar, 0),
         listed.rows));
   }
-  for (int k = 0; k < of.bodies; ++k) {
+  for (int k = 0; k < std::max(of.bodies, 1); ++k) {
     Listed listed;
     c::body_fields(of.body[k], robot.body[k], listed);
     bodies.append(nb::make_tuple(nb::make_tuple(of.body[k].bar, 0), listed.rows));

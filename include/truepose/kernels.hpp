@@ -14,7 +14,7 @@
 /// and a tenth faster where they are inlined. @param PREFIX  extern, or nothing where they are to
 /// be compiled
 #define TRUEPOSE_KERNELS(PREFIX, K)                                                               \
-  PREFIX template FkmResult fkm<K>(const Robot&, const Joint&, Pose&);                            \
+  PREFIX template FkmResult fkm<K>(const Robot&, const Joint&, Pose&, int);                       \
   PREFIX template FkmResult search<K>(const Robot&, const Joint&, Pose&, int);                    \
   PREFIX template Outcome command_detail::same_mode<K>(const Robot&, const Coordinates&);         \
   PREFIX template Outcome linearise<K>(const Robot&, const Pose&, Extended&,                      \
@@ -41,7 +41,8 @@
 
 /// Of a mobility whose rods come in pairs: the full level of the others is their ideal one.
 #define TRUEPOSE_FULL_KERNELS(PREFIX, K)                                                          \
-  PREFIX template FullResult fkm_full<K>(const Robot&, const Joint&, FullPose&, FullClosure<K>&); \
+  PREFIX template FullResult fkm_full<K>(const Robot&, const Joint&, FullPose&, FullClosure<K>&,  \
+                                         int);                                                    \
   PREFIX template FullResult ikm_full<K>(const Robot&, const Pose&, FullClosure<K>&, Parasitic*); \
   PREFIX template Outcome jacobian_full<K>(const Robot&, const FullClosure<K>&,                   \
                                            FullJacobians<K>&);                                    \

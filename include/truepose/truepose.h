@@ -269,8 +269,8 @@ typedef struct truepose_fkm_result {
 
 /** x = FKM(q), from a guess; where that finds no pose of the robot's own mode, from home.
  *
- * @param cap  steps of each of the two searches, 1 to 60: 4 do near the guess, 7 from home over a
- *             robot's workspace
+ * @param cap  steps at most, at least 1: 4 do near the guess, 7 from home over a robot's
+ *             workspace; 12 leave room for a second search, from home
  * @param x    in: the guess; out: the pose
  * @return UNREACHABLE: no pose closes the loops; NOT_CONVERGED: none was found; SINGULAR;
  * BRANCH_LOST; NOT_FINITE; NO_SUCH_VALUE of the cap

@@ -10,6 +10,7 @@ namespace {
 struct Controller : InMemory<truepose_controller, Controller, 0x72746e43U> {
   ControlSettings settings;
   ControlState state;
+  KeptWeights kept;
 };
 
 struct Guarding : InMemory<truepose_guard, Guarding, 0x72617547U> {
@@ -159,7 +160,7 @@ truepose_outcome truepose_control(const truepose_model* model, truepose_controll
   return c::asked(model, [&](const Robot& robot) {
     c::Controller* made = c::Controller::of(controller);
     if (made == nullptr) return c::kUnfinished;
-    const c::Known weighs(known, work);
+    const c::Known weighs(known, work, &made->kept);
     const Outcome outcome = control(robot, made->settings, c::of_c(*setpoint),
                                     c::values<Extended>(q_e), made->state, weighs.weighing);
     c::give(made->state.torque, torque);
@@ -188,7 +189,7 @@ truepose_outcome truepose_guarded(const truepose_model* model, const truepose_mo
     c::Controller* made = c::Controller::of(controller);
     c::Guarding* guarding = c::Guarding::of(guard);
     if (made == nullptr || guarding == nullptr) return c::kUnfinished;
-    const c::Known weighs(known, work);
+    const c::Known weighs(known, work, &made->kept);
     const c::Model* watched = finest ? c::Model::of(finest) : nullptr;
     if (finest && (watched == nullptr || watched->robot.mobility != robot.mobility ||
                    watched->robot.r != robot.r))

@@ -58,13 +58,13 @@ Outcome motors(const Robot& robot, const Coordinates& x, truepose_real* q) {
 }
 
 FkmResult pose_of(const Robot& robot, const truepose_real* q, std::int32_t cap, Coordinates& x) {
-  if (cap < 1 || cap > kFkmIterations) return {Status::no_such_value};
+  if (cap < 1 || cap > kFkmCap) return {Status::no_such_value};
   FkmResult result;
   if (robot.rod_by_rod()) {
-    const FullResult full = fkm_full(robot, values<Joint>(q), x);
+    const FullResult full = fkm_full(robot, values<Joint>(q), x, cap);
     result = {full.status, full.chain, full.iterations, full.residual};
   } else {
-    result = fkm(robot, values<Joint>(q), x);
+    result = fkm(robot, values<Joint>(q), x, cap);
   }
   return result;
 }

@@ -68,10 +68,10 @@ struct Known {
   Knowledge knowledge;
   Weighing weighing;
 
-  Known(const truepose_knowledge* known, truepose_real* work) {
+  Known(const truepose_knowledge* known, truepose_real* work, KeptWeights* kept = nullptr) {
     if (known == nullptr || work == nullptr) return;
     knowledge = {known->count, known->column, known->root, values<Extended>(known->sigma)};
-    weighing = {&knowledge, work};
+    weighing = {&knowledge, work, kept};
   }
   Known(const Known&) = delete;
   Known& operator=(const Known&) = delete;

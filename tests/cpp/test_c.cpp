@@ -174,6 +174,9 @@ TEST("laws, estimates and control cycles through C are the core's") {
       truepose_controller controller;
       CHECK(same(truepose_begin_control(&controller, sizeof controller, &table), {}));
       ControlState state;
+      KeptWeights kept;
+      Weighing keeps = prior.weighing();
+      keeps.kept = &kept;
       for (int k = 0; k < 5; ++k) {
         Setpoint setpoint;
         setpoint.x = random_pose(mechanism, random, 0.3);
@@ -190,7 +193,7 @@ TEST("laws, estimates and control cycles through C are the core's") {
         CHECK(same(e_c, e));
         CHECK(same(truepose_control(&in_c_model.model, &controller, &setpoint_c, q_e.data(), &known,
                                     work.data(), torque),
-                   control(robot, settings, setpoint, q_e, state, prior.weighing())));
+                   control(robot, settings, setpoint, q_e, state, keeps)));
         CHECK(same(torque, state.torque));
         Pose pose = to_pose<K>(robot.home);
         const auto estimated = estimate<K>(robot, prior.known(), q_e, pose, work.data());

@@ -1,83 +1,9 @@
-// Does the controller do what it should: rest, track, hold its torque when it must not trust?
+// Does one cycle of the controller do what it should, and hold its torque when it must not trust?
 #include <limits>
-#include <numbers>
 
-#include "mechanisms.hpp"
-#include "truepose/offline/simulate.hpp"
-#include "truepose/offline/statics.hpp"
+#include "controllers.hpp"
 
 using namespace mechanisms;
-
-namespace {
-
-ControlSettings settings_for(const Robot& robot, Law law, Gains gains = Gains::diagonal) {
-  ControlSettings settings;
-  settings.law = law;
-  settings.gains = gains;
-  CHECK(place_poles(robot, robot.home, 100, 1, settings));
-  return settings;
-}
-
-/// The robot as built: some rods and arms longer or shorter than drawn.
-template <Mobility K>
-Robot built(const Robot& nominal, check::Random& random) {
-  Robot truth = nominal;
-  for (int i = 0; i < kDof<K>; ++i) {
-    truth.chain[i].rod += 1e-3 * random();
-    truth.chain[i].arm += 3e-4 * random();
-    truth.chain[i].encoder_offset += 1e-3 * random();
-  }
-  return truth;
-}
-
-}  // namespace
-
-TEST("an ideal robot at rest stays at rest, under every law") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    const Robot& robot = mechanism.robot;
-    for (const Law law : kLaws) {
-      if (!applies(law, K)) continue;
-      const ControlSettings settings = settings_for(robot, law);
-      const Run run{robot.home, robot.home, 0.05, 0.05, 2};
-      double strayed = 0;
-      const Pose home = to_pose<K>(robot.home);
-      Prior prior(robot);
-      CHECK(simulate<K>(
-          robot, robot, settings, run, robot.home,
-          [&](const Sample& sample) {
-            strayed = std::max(strayed, distance<K>(to_pose<K>(sample.x), home));
-          },
-          Extras{prior.weighing()}));
-      CHECK_NEAR(strayed, 0, 1e-12);
-    }
-  });
-}
-
-TEST("an ideal robot follows a move with full feed-forward, and ends on the spot") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    const Robot& robot = mechanism.robot;
-    check::Random random(61);
-    const Joint to = random_pose(mechanism, random);
-    for (const Law law : kLaws) {
-      if (!applies(law, K)) continue;
-      const Run run{robot.home, to, 0.3, 0.2, 2};
-      double strayed = 0;
-      Sample last{};
-      Prior prior(robot);
-      CHECK(simulate<K>(
-          robot, robot, settings_for(robot, law), run, robot.home,
-          [&](const Sample& sample) {
-            strayed = std::max(strayed, distance<K>(to_pose<K>(sample.x), to_pose<K>(sample.x_d)));
-            last = sample;
-          },
-          Extras{prior.weighing()}));
-      CHECK_NEAR(strayed, 0, 2e-3);  // torques are held for 1 ms
-      CHECK_NEAR(distance<K>(to_pose<K>(last.x), to_pose<K>(to)), 0, 1e-6);
-    }
-  });
-}
 
 TEST("whatever fails, the last torque is held, nothing else changes, and the status says why") {
   for_each([](const Mechanism& mechanism, auto mobility) {
@@ -248,120 +174,6 @@ TEST("the tracking loop finds by which rate a ramp falls behind, whatever its ba
   }
 }
 
-TEST("for readings that agree, every law sees the joint error to first order") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>;
-    Robot robot = mechanism.robot;
-    robot.r = 2;
-    robot.sensor[1].weight = 16;
-    check::Random random(62);
-    for (int k = 0; k < 50; ++k) {
-      const Joint x = random_pose(mechanism, random), direction = random_joint(random, 1);
-      for (const Law law : kLaws) {
-        if (!applies(law, K)) continue;
-        Prior prior(robot);
-        Reference<K> reference;
-        CHECK(refer<K>(robot, law, x, reference, 0, prior.weighing()));
-        const auto departure = [&](double size) {
-          Joint step{}, joint{}, error{};
-          Pose estimate;
-          for (int i = 0; i < n; ++i) step[i] = size * direction[i];
-          Extended q_e{};
-          CHECK(extended<K>(robot, moved<K>(reference.closure.pose, step), q_e));
-          CHECK(motor_error<K>(robot, Law::joint, reference, q_e, joint, estimate));
-          CHECK(motor_error<K>(robot, law, reference, q_e, error, estimate, prior.weighing()));
-          double largest = 0;
-          for (int i = 0; i < n; ++i) {
-            CHECK(std::fabs(joint[i]) < 30 * size);
-            largest = std::max(largest, std::fabs(error[i] - joint[i]));
-          }
-          return largest;
-        };
-        CHECK_NEAR(departure(1e-4), 0, 3e-6);  // second order: 1e-8 times the curvature
-        CHECK(departure(1e-5) < 0.011 * departure(1e-4) + 1e-13);
-      }
-    }
-  });
-}
-
-TEST("settle() foretells where the simulation comes to rest, with and without gravity") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    check::Random random(63);
-    for (const bool gravity : {false, true}) {
-      Robot nominal = mechanism.robot;
-      if (!gravity) nominal.gravity = Vec3::Zero();
-      const Robot truth = built<K>(nominal, random);
-      const Joint to = random_pose(mechanism, random, 0.5);
-      for (const Law law : kLaws) {
-        if (!applies(law, K)) continue;
-        const Gains gains = law == Law::joint ? Gains::diagonal : Gains::inertia;
-        const StaticsSettings settings{settings_for(nominal, law, gains), gravity};
-        Joint start{}, end{};
-        Prior prior(nominal);
-        CHECK(settle<K>(nominal, truth, settings, nominal.home, start, prior.weighing()));
-        CHECK(settle<K>(nominal, truth, settings, to, end, prior.weighing()));
-        Sample last{};
-        CHECK(simulate<K>(
-            nominal, truth, settings.control, Run{nominal.home, to, 0.2, 0.6, 2}, start,
-            [&](const Sample& sample) { last = sample; }, Extras{prior.weighing()}));
-        CHECK_NEAR(distance<K>(to_pose<K>(last.x), to_pose<K>(end)), 0, 1e-9);
-        CHECK(distance<K>(to_pose<K>(end), to_pose<K>(to)) > 1e-5);  // the errors do show
-      }
-    }
-  });
-}
-
-TEST("an error of one reading leaks into the pose at rest as leakage() says, under every law") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    constexpr int n = kDof<K>;
-    Robot robot = mechanism.robot;
-    robot.r = 2;
-    check::Random random(64);
-    const Joint x = random_pose(mechanism, random);
-    Prior prior(robot);
-    for (const Law law : kLaws) {
-      if (!applies(law, K)) continue;
-      ExtendedRows leak;
-      CHECK(leakage<K>(robot, law, x, leak, prior.weighing()));
-      for (int c = 0; c < n + robot.r; ++c) {
-        Pose rest[2];
-        for (const double side : {-1.0, 1.0}) {
-          Robot read = robot;  // reading = position - offset
-          (c < n ? read.chain[c].encoder_offset : read.sensor[c - n].offset) -= side * 1e-5;
-          Joint end{};
-          CHECK(
-              settle<K>(robot, read, {settings_for(robot, law), false}, x, end, prior.weighing()));
-          rest[side > 0] = to_pose<K>(end);
-        }
-        const Joint change = difference<K>(rest[1], rest[0]);
-        for (int i = 0; i < n; ++i) CHECK_NEAR(leak[i][c], change[i] / 2e-5, 1e-6);
-      }
-    }
-  });
-}
-
-TEST("weights that know nothing of the geometry and trust all readings alike are the paper's") {
-  for_each([](const Mechanism& mechanism, auto mobility) {
-    constexpr Mobility K = mobility();
-    Robot robot = mechanism.robot;
-    robot.r = 2;
-    check::Random random(65);
-    const Joint x = random_pose(mechanism, random);
-    Knowledge known;
-    known.sigma.fill(0.3);
-    std::vector<double> work(estimate_work(robot, 0));
-    Reference<K> paper, weighted;
-    CHECK(refer<K>(robot, Law::redundant, x, paper));
-    CHECK(refer<K>(robot, Law::weighted, x, weighted, 0, {&known, work.data()}));
-    for (int i = 0; i < kDof<K>; ++i)
-      for (int c = 0; c < kDof<K> + robot.r; ++c)
-        CHECK_NEAR(weighted.tej[i][c], paper.tej[i][c], 1e-10);
-  });
-}
-
 TEST("on the estimate, a hexapod that turns through a right angle is damped by its true twist") {
   constexpr Mobility K = Mobility::spatial;
   const Robot robot = hexapod("6-UPS", Actuator::telescopic).robot;
@@ -381,44 +193,6 @@ TEST("on the estimate, a hexapod that turns through a right angle is damped by i
     pose = moved<K>(pose, step);
   }
   for (int i = 0; i < 6; ++i) CHECK_NEAR(state.rate[i], -twist[i], 1e-6);
-}
-
-namespace {
-
-/// Largest distance, m, of an ideal H4 from a circle of 50 mm radius that it goes round twice a
-/// second, its feed-forward full, its readings exact.
-double contouring(const ControlSettings& settings) {
-  constexpr Mobility K = Mobility::schoenflies;
-  constexpr double kRadius = 0.05, kTurn = 4 * std::numbers::pi;
-  const Robot robot = h4().robot;
-  const auto circle = [&](int k) {
-    const double angle = kTurn * k * settings.period, c = std::cos(angle), s = std::sin(angle);
-    const double v = kRadius * kTurn, a = v * kTurn;
-    return Setpoint{{kRadius * c, kRadius * s, -0.42, 0}, {-v * s, v * c}, {-a * c, -a * s}};
-  };
-  Prior prior(robot);
-  Loop<K> loop(robot, robot, settings, circle(0).x, 0, Extras{prior.weighing()});
-  double largest = 0;
-  CHECK(loop.follow(1500, 2, circle, [&](const Sample& sample) {
-    const double out = std::hypot(sample.x[0], sample.x[1]) - kRadius;
-    const double off = std::hypot(out, sample.x[2] + 0.42);
-    if (sample.time > 0.5) largest = std::max(largest, off);  // it started at rest
-  }));
-  return largest;
-}
-
-}  // namespace
-
-TEST("the velocity filter's lag is no tracking error: a circle stays one, under every law") {
-  const Robot robot = h4().robot;
-  for (const Law law : kLaws) {
-    ControlSettings settings = settings_for(robot, law);
-    CHECK(place_poles(robot, robot.home, 150, 1, settings));
-    CHECK(contouring(settings) < 3e-6);  // 0.12 mm with the lag, 1.8 at the soft gains
-    settings.velocity_bandwidth = 300;
-    CHECK(place_poles(robot, robot.home, 40, 1, settings));
-    CHECK(contouring(settings) < 5e-5);
-  }
 }
 
 TEST("a setpoint that jumps, and a controller switched on in motion, kick no rate") {
@@ -531,41 +305,6 @@ TEST("shaped by the inertia, an error is answered alike at every pose and by no 
       CHECK_NEAR(settings.kd[n - 1], 200, 0);
     }
   });
-}
-
-TEST("a robot rests under its weight also where gravity holds it more stiffly than a soft PD") {
-  constexpr Mobility K = Mobility::schoenflies;
-  const Robot robot = h4().robot;
-  check::Random random(89);
-  for (const Gains gains : {Gains::diagonal, Gains::inertia}) {
-    ControlSettings settings;
-    settings.gains = gains;
-    CHECK(place_poles(robot, robot.home, 8, 1, settings));
-    settings.feed_forward = FeedForward::gravity;
-    const Robot truth = built<K>(robot, random);
-    Joint x{}, load{};
-    CHECK(settle<K>(robot, truth, {settings, true}, robot.home, x));
-    Extended q_e{};
-    CHECK(extended<K>(truth, to_pose<K>(x), q_e));
-    Setpoint at_home;
-    at_home.x = robot.home;
-    ControlState state;
-    CHECK(control(robot, settings, at_home, q_e, state));
-    CHECK(inverse_dynamics<K>(truth, to_pose<K>(x), Joint{}, Joint{}, load));
-    for (int i = 0; i < 4; ++i) CHECK_NEAR(state.torque[i], load[i], 1e-9);
-  }
-}
-
-TEST("settle() never calls a NaN settled") {
-  const Robot robot = h4().robot;
-  for (const Gains gains : {Gains::diagonal, Gains::inertia}) {
-    StaticsSettings settings{settings_for(robot, Law::joint, gains), true};
-    for (const double gain : {0.0, std::numeric_limits<double>::quiet_NaN()}) {
-      settings.control.kp.fill(gain);
-      Joint x{};
-      CHECK(!settle<Mobility::schoenflies>(robot, robot, settings, robot.home, x));
-    }
-  }
 }
 
 TEST("pole placement makes each motor alone a critically damped second order") {

@@ -52,6 +52,32 @@ TEST("FKM(IKM(x)) = x from 1 mm and 1 mrad away, and from home") {
   });
 }
 
+TEST("a cap below the steps that the FKM needs is said, and one of 12 does for a box from home") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    const Robot& robot = mechanism.robot;
+    check::Random random(12);
+    for (int k = 0; k < 300; ++k) {
+      const Coordinates x = random_pose(mechanism, random);
+      Joint q;
+      CHECK(ikm(robot, x, q));
+      const auto from_home = [&](int cap, Coordinates& found) {
+        found = robot.home;
+        return fkm(robot, q, found, cap);
+      };
+      Coordinates found, again, short_of;
+      const FkmResult free = from_home(kFkmCap, found), twelve = from_home(12, again);
+      CHECK(free && twelve && again == found && twelve.iterations == free.iterations);
+      const int cap = free.iterations - 2;
+      const FkmResult capped = from_home(cap, short_of);
+      CHECK(capped.status == Status::not_converged && capped.iterations == cap);
+      Joint beyond = q;  // no pose: known without a step, or not found within the cap
+      for (int i = 0; i < kDof<K>; ++i) beyond[i] += 1;
+      CHECK(from_home(12, again).iterations <= 12);
+    }
+  });
+}
+
 TEST("from home the FKM finds the pose of the robot's own mode, however far it has turned") {
   for_each([](const Mechanism& mechanism, auto mobility) {
     constexpr Mobility K = mobility();

@@ -8,12 +8,12 @@ import re
 import shutil
 import subprocess
 import sys
-from importlib.machinery import PathFinder
 from importlib.metadata import entry_points
 from pathlib import Path
 
 import numpy as np
 import pytest
+from compiling import told, wheels_eigen
 
 import truepose as tp
 from truepose import _core, headers
@@ -28,25 +28,6 @@ SHOWN = {
 COMPILER = os.environ.get("CXX", "c++")
 DECLARES = "truepose/kernels.hpp"  #: what the library truepose::kernels has compiled
 NO_PYTHON = "-DCMAKE_DISABLE_FIND_PACKAGE_Python=ON"
-
-
-def told(*command, cwd=None, env=None) -> str:
-    """Return what a command says, or fail with all that it says."""
-    ran = subprocess.run(
-        [str(word) for word in command],
-        cwd=cwd,
-        env=os.environ | (env or {}),
-        capture_output=True,
-        encoding="utf-8",
-        check=False,
-    )
-    assert ran.returncode == 0, ran.stdout + ran.stderr
-    return ran.stdout
-
-
-def wheels_eigen() -> Path:
-    """Return the prefix of the Eigen that comes as a wheel."""
-    return Path(PathFinder.find_spec("cmeel").origin).parents[1] / "cmeel.prefix"
 
 
 @pytest.fixture(scope="module")

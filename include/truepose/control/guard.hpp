@@ -109,7 +109,7 @@ Outcome guarded(const Robot& robot, const ControlSettings& settings, const Guard
     }
     if (any && !left) now.law = Law::joint;
     state.switched = state.switched || guard.watch.changed;
-    const Weighing reweighed{&guard.known, weighing.work};
+    const Weighing reweighed{&guard.known, weighing.work, weighing.kept};
     outcome = control<K>(robot, now, setpoint, believed, state, any || late ? reweighed : weighing);
   }
   guard.stops = guard.stops || guard.watch.undecided || guard.watch.lost != 0;

@@ -7,7 +7,7 @@
 #pragma once
 
 #include "truepose/control/tej.hpp"
-#include "truepose/estimation/estimate.hpp"
+#include "truepose/estimation/kept.hpp"
 #include "truepose/full/linearise.hpp"
 #include "truepose/kinematics/fkm_closed.hpp"
 
@@ -61,6 +61,7 @@ constexpr const LawProperties& properties(Law law) {
 struct Weighing {
   const Knowledge* known = nullptr;  ///< about the robot's own parameter values
   double* work = nullptr;            ///< estimate_work(robot, known->count) doubles
+  KeptWeights* kept = nullptr;       ///< from cycle to cycle; nullptr: each cycle has its own
   explicit operator bool() const { return known != nullptr && work != nullptr; }
 };
 
@@ -76,23 +77,54 @@ struct Reference {
   Pose pose;  ///< laws of the pose: x̂ where the readings are q_de
 };
 
-/// Weighted TEJ at the reference's pose: M⁺ = (MᵀC⁻¹M)⁻¹MᵀC⁻¹, C of the robot's own geometry there.
+/// As linearise(), at the reference's pose.
+template <Mobility K>
+inline Outcome linearise(const Robot& robot, const Reference<K>& reference, Extended& q_e,
+                         Matrix<kMaxReadings, kDof<K>>& H_x, double* H_xi, Parasitic& rest) {
+  if (robot.rod_by_rod())
+    return linearise_full<K>(robot, reference.closure.pose, q_e, H_x, H_xi, &rest);
+  pose_rows<K>(robot, reference.jacobians, reference.jr, H_x);
+  if (H_xi) parameter_jacobian<K>(robot, reference.closure, H_xi);
+  return {};
+}
+
+/// The same with the weights there: those that are kept or, where they hold no longer, fresh ones.
+/// @return singular where the motors alone do not determine the pose
+template <Mobility K>
+inline Outcome keep(const Robot& robot, const Weighing& weighing, const Reference<K>& reference,
+                    Extended& q_e, Matrix<kMaxReadings, kDof<K>>& H_x, Parasitic& rest,
+                    KeptFusion<K>& at) {
+  constexpr int n = kDof<K>;
+  const Knowledge& known = *weighing.known;
+  KeptWeights& kept = *weighing.kept;
+  double *H_xi = weighing.work, *B = H_xi + (n + robot.r) * parameter_count(robot);
+  const std::uint64_t mark = kept_detail::fingerprint(robot, known);
+  const bool holds = kept.of == mark && kept.way(n, q_e) <= kept.reach;
+  const Outcome outcome = linearise<K>(robot, reference, q_e, H_x, holds ? nullptr : H_xi, rest);
+  if (!outcome) return outcome;
+  if (!at.place(robot, H_x)) return {Status::singular, -1};
+  if (holds) return at.weigh(robot, known, kept);
+  return refresh<K>(robot, known, mark, q_e, H_x, H_xi, B, kept, at);
+}
+
+/// Weighted TEJ at the reference's pose: M⁺ = (MᵀC⁻¹M)⁻¹MᵀC⁻¹, C of the robot's own geometry there,
+/// or what is kept of it.
 template <Mobility K>
 TRUEPOSE_APART inline Outcome weigh(const Robot& robot, const Weighing& weighing, Parasitic& rest,
                                     Reference<K>& reference) {
   if (!weighing) return {Status::not_measured, -1};
   constexpr int n = kDof<K>;
   Matrix<kMaxReadings, n> H_x;
+  if (weighing.kept) {
+    KeptFusion<K> at;
+    const Outcome outcome = keep<K>(robot, weighing, reference, reference.q_e, H_x, rest, at);
+    if (outcome) at.tej(robot, H_x, reference.tej);
+    if (outcome.status != Status::singular) return outcome;
+  }
   ReadingCovariance C;
   Fusion<K> fusion;
   double *H_xi = weighing.work, *B = H_xi + (n + robot.r) * parameter_count(robot);
-  Outcome outcome;
-  if (robot.rod_by_rod()) {
-    outcome = linearise_full<K>(robot, reference.closure.pose, reference.q_e, H_x, H_xi, &rest);
-  } else {
-    pose_rows<K>(robot, reference.jacobians, reference.jr, H_x);
-    parameter_jacobian<K>(robot, reference.closure, H_xi);
-  }
+  Outcome outcome = linearise<K>(robot, reference, reference.q_e, H_x, H_xi, rest);
   if (outcome) outcome = reading_covariance(robot, *weighing.known, H_xi, B, C);
   if (outcome) outcome = fuse<K>(robot, *weighing.known, C, H_x, fusion);
   if (outcome) weighted_tej<K>(robot, H_x, fusion, reference.tej);
@@ -221,6 +253,52 @@ TRUEPOSE_APART inline Outcome find(const Robot& robot, const Weighing& weighing,
   return search(IdealModel{});
 }
 
+/// The same from the reference, with weights that are kept: x̂ is where HᵀC⁻¹(q_e - h) = 0 in those
+/// of its own pose.
+/// @return not_converged where it is not near
+template <Mobility K, class Model>
+TRUEPOSE_APART inline Outcome find_kept(const Robot& robot, const Weighing& weighing,
+                                        const Reference<K>& reference, const Extended& q_e,
+                                        Pose& found, Parasitic rest) {
+  constexpr int n = kDof<K>;
+  if (!weighing) return {Status::not_measured, -1};
+  KeptFusion<K> at;
+  Matrix<kMaxReadings, n> H_x;
+  Extended expected = reference.q_e;
+  Pose pose = reference.closure.pose;
+  Outcome outcome = keep<K>(robot, weighing, reference, expected, H_x, rest, at);
+  double last = INFINITY;
+  for (int left = kNearIterations; outcome; --left) {
+    Extended e{};
+    Coordinates step{};
+    innovation(robot, q_e, expected, e);
+    const double chi2 = at.step(robot, e, step);
+    if (!all_finite(step, n) || !(chi2 < INFINITY)) break;
+    double size = 0;
+    for (int i = 0; i < n; ++i) size = std::max(size, step[i] * step[i] / at.variance[i]);
+    pose = moved<K>(pose, step);
+    if (is_last(size, last, chi2, n + robot.r)) {
+      found = pose;
+      return outcome;
+    }
+    if (left == 0) break;
+    last = size;
+    outcome = Model::template linearise<K>(robot, pose, expected, H_x, nullptr, rest);
+    if (outcome && !at.place(robot, H_x)) outcome = {Status::singular, -1};
+    if (outcome) outcome = at.weigh(robot, *weighing.known, *weighing.kept);
+  }
+  return outcome ? Outcome{Status::not_converged, -1} : outcome;
+}
+template <Mobility K>
+inline Outcome find_kept(const Robot& robot, const Weighing& weighing,
+                         const Reference<K>& reference, const Extended& q_e, Pose& found,
+                         const Parasitic& rest) {
+  if constexpr (kRodByRod<K>)
+    if (robot.rod_by_rod())
+      return find_kept<K, FullModel>(robot, weighing, reference, q_e, found, rest);
+  return find_kept<K, IdealModel>(robot, weighing, reference, q_e, found, rest);
+}
+
 /// x̂ of a law of the pose, near where it is asked to be.
 /// @param nearby  what the full level adds there
 template <Mobility K>
@@ -240,8 +318,11 @@ inline Outcome motor_error(const Robot& robot, Law law, const Reference<K>& refe
   constexpr int n = kDof<K>;
   const Corrects corrects = properties(law).corrects;
   if (corrects == Corrects::pose) {
-    const Outcome outcome =
-        found_pose<K>(robot, law, reference.closure.pose, q_e, found, weighing, nearby);
+    Outcome outcome{Status::not_converged, -1};
+    if (properties(law).weighs && weighing.kept)
+      outcome = find_kept<K>(robot, weighing, reference, q_e, found, nearby);
+    if (!outcome)
+      outcome = found_pose<K>(robot, law, reference.closure.pose, q_e, found, weighing, nearby);
     if (outcome) error = reference.jacobians.joint_rate(difference<K>(reference.pose, found));
     return outcome;
   }

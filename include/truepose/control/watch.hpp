@@ -255,7 +255,7 @@ class Cycle {
     std::uint32_t still = 0, apart = 0;
     for (int c = 0; c < rows_; ++c) {
       if (without_ & bit(c)) continue;
-      if (raw(c) == watch_.reading[c].raw && stood(c) > kStoodBy * settings_.moved[c])
+      if (raw(c) == watch_.reading[c].raw && stood(c) > much(c, kStoodBy))
         still |= bit(c);
       if (leaves_track(c, innovation_[c]) && !motor_left(c)) apart |= bit(c);
     }
@@ -273,6 +273,8 @@ class Cycle {
   static constexpr int kStill = 3;
   /// Share of `moved` from which on a reading that stands still beside an alarm is the one.
   static constexpr double kStoodBy = 0.4;
+  /// σ by which a motor may be beside where it usually is beside its setpoint.
+  static constexpr double kStrays = 5;
 
   bool leaves_track(int c, double innovation) const {
     const double spread = settings_.own.variance * noise_[c] + watch_.reading[c].spread;
@@ -312,10 +314,32 @@ class Cycle {
     reading.way += settings_.period * reading.speed;
   }
 
-  /// By how much the model has moved since the reading changed last, beyond what is noise.
+  /// Motion of the model beside a reading that stands still which is too much. A motor that swings
+  /// about its path, as where a sensor is late by which a law leads it, stands still where it turns,
+  /// while its setpoint passes: it is judged by what it follows its setpoint to.
+  double much(int c, double share) const {
+    const WatchedReading& reading = watch_.reading[c];
+    return std::max(share * settings_.moved[c], kStrays * std::sqrt(reading.strays));
+  }
+
+  /// By how much the model has moved since the reading changed last, beyond what is noise; and by
+  /// how much away from the motor, not towards it.
   double stood(int c) const {
-    return std::fabs(model(c) - watch_.reading[c].model + watch_.reading[c].way) -
+    const WatchedReading& reading = watch_.reading[c];
+    const double by = model(c) - reading.model + reading.way;
+    return std::min(std::fabs(by), std::fabs(by + reading.off)) -
            settings_.sigmas * parity_.expectation_noise(noise_, c);
+  }
+
+  /// By how much a motor is behind, and how that varies while it is seen to move.
+  void trail(int c) const {
+    WatchedReading& reading = watch_.reading[c];
+    reading.behind = desired_[c] - believed_[c];
+    if (reading.still > 0 || !number(reading.behind)) return;
+    if (watch_.cycle == watch_.began) reading.usual = reading.behind;
+    reading.off = reading.behind - reading.usual;
+    reading.usual += reading.off / kSettling;
+    reading.strays += (reading.off * reading.off - reading.strays) / kSettling;
   }
 
   /// What stands for the readings that are not believed: their errors unknown, b̂ = Σ_b GᵀV⁻¹ p.
@@ -399,8 +423,8 @@ class Cycle {
       } else {
         if (reading.still < kStill) ++reading.still;  // a robot may stand still for months
         if (c < n) drive(c);
-        const double much = (watch_.undecided ? 3 : 1) * settings_.moved[c];
-        if (judged && reading.health != Health::failed && stood(c) > much) {
+        if (judged && reading.health != Health::failed &&
+            stood(c) > much(c, watch_.undecided ? 3 : 1)) {
           reading.health = Health::failed;
           reading.symptom = Symptom::stuck;
         }
@@ -411,7 +435,7 @@ class Cycle {
       if (believed) {
         if (reading.health == Health::suspect) reading.health = Health::valid;
         reading.bridged = 0;
-        if (c < n) reading.behind = desired_[c] - believed_[c];
+        if (c < n) trail(c);
         reading.spread += (innovation_[c] * innovation_[c] - reading.spread) / kSettling;
       }
       reading.own.correct(settings_.period, kOwnPole, number(news) ? news : 0);

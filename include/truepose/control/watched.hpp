@@ -83,6 +83,9 @@ struct WatchedReading {
   double speed = 0;   ///< how fast that drives it,
   double way = 0;     ///< and how far
   double behind = 0;  ///< of a motor: desired less believed, when it was believed last
+  double usual = 0;   ///< its mean while the motor moves,
+  double off = 0;     ///< by how much it was more when that moved last,
+  double strays = 0;  ///< and mean square of that
   int bridged = 0;    ///< cycles in a row
   std::int64_t left = -kSettling;  ///< beside late sensors: the last cycle in which a motor's
                                    ///< reading left its own track

@@ -20,6 +20,16 @@ inline constexpr int kEstimateIterations = 30;
 /// per cent of it, where readings disagree by several σ, else its square.
 inline constexpr double kLastStep = 1e-10;
 
+/// Whether a Gauss-Newton step is the last.
+/// @param size  of the step, (step/σ)² of the coordinate that moves most; `last`: of the one before
+/// @param chi2  of as many readings as there are rows
+inline bool is_last(double size, double last, double chi2, int rows) {
+  // Where σ is nanometres, rounding alone makes larger steps: a thousandth of σ that hardly
+  // shrinks is as near as one gets.
+  const double enough = kLastStep * std::max(1.0, chi2 / rows);  // of what disagrees anyway
+  return size < enough || (size < 1e-6 && size > 0.25 * last);
+}
+
 /// The model that an estimate rests on: one rod per chain (full_linearise.hpp has the other, to
 /// which `rest` is the start of a solution and its end).
 struct IdealModel {
@@ -236,10 +246,7 @@ Estimate<K> estimate_from(const Robot& robot, const Knowledge& known, const Exte
         for (int c = 0; c < rows; ++c) step[i] += fusion.gain[i][c] * residual[c];
         size = std::max(size, step[i] * step[i] / fusion.covariance[i][i]);
       }
-      // Where σ is nanometres, rounding alone makes larger steps: a thousandth of σ that hardly
-      // shrinks is as near as one gets.
-      const double enough = kLastStep * std::max(1.0, cost / rows);  // of what disagrees anyway
-      if (size < enough || (size < 1e-6 && size > 0.25 * last)) {
+      if (is_last(size, last, cost, rows)) {
         ++result.iterations;
         result.chi2 = cost;
         result.covariance = fusion.covariance;

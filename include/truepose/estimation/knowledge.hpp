@@ -8,7 +8,7 @@ namespace truepose {
 /// Normal distributions of the uncertain parameters and of the readings. The arrays are the
 /// caller's: a prior of 50 parameters is as good here as the posterior of a calibration.
 struct Knowledge {
-  int count = 0;                 ///< p, uncertain parameters
+  int count = 0;                         ///< p, uncertain parameters
   const std::int32_t* column = nullptr;  ///< each one's column of H_ξ (parameters.hpp)
   const double* root = nullptr;  ///< S, p×p by rows, lower triangular: Σ_ξ = S Sᵀ; nullptr: S = I
   Extended sigma{};              ///< σ of every reading's own error, > 0: Σ_s = diag(σ²)
@@ -27,20 +27,28 @@ inline void gather(const Robot& robot, const Knowledge& known, const double* H_x
   }
 }
 
-/// B S in place: entry j of a row takes from those at and behind it, a few entries at a time.
+/// B S in place: entry j of a row takes from those at and behind it, a few entries at a time. Most
+/// of a motor's row is zero at first, but for its own chain's parameters: only those are
+/// multiplied.
 inline void times_root(const Knowledge& known, int rows, double* B) {
   constexpr int kBlock = 8;
   const int p = known.root ? known.count : 0;
-  for (int first = 0; first < p; first += kBlock) {
-    const int width = std::min(kBlock, p - first);
-    for (double* row = B; row != B + rows * p; row += p) {
+  for (double* row = B; row != B + rows * p; row += p) {
+    int from = 0, to = p;  // the entries that are not zero
+    while (to > 0 && row[to - 1] == 0) --to;
+    while (from < to && row[from] == 0) ++from;
+    for (int first = 0; first < to; first += kBlock) {
+      const int width = std::min(kBlock, p - first);
       double sum[kBlock] = {};
-      const double* S = known.root + first * p + first;
-      for (int k = 0; k < width; ++k, S += p)  // the triangle on the diagonal
-        for (int j = 0; j <= k; ++j) sum[j] += row[first + k] * S[j];
-      if (width == kBlock)
-        for (int k = first + kBlock; k < p; ++k, S += p)
-          for (int j = 0; j < kBlock; ++j) sum[j] += row[k] * S[j];
+      if (from < first + width) {  // the triangle on the diagonal
+        const double* S = known.root + first * p + first;
+        for (int k = 0; k < width; ++k, S += p)
+          for (int j = 0; j <= k; ++j) sum[j] += row[first + k] * S[j];
+      }
+      const int behind = std::max(first + kBlock, from);
+      const double* S = known.root + behind * p + first;
+      for (int k = behind; k < to; ++k, S += p)
+        for (int j = 0; j < kBlock; ++j) sum[j] += row[k] * S[j];
       std::copy_n(sum, width, row + first);
     }
   }

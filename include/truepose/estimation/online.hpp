@@ -14,12 +14,12 @@ namespace truepose {
 
 /// What the filter knows. The arrays are the caller's; it starts from the prior.
 struct OnlineState {
-  int count = 0;                ///< p, uncertain parameters
+  int count = 0;                         ///< p, uncertain parameters
   const std::int32_t* column = nullptr;  ///< each one's column of H_ξ
-  double* xi = nullptr;         ///< ξ̂, parameter_count values
-  double* root = nullptr;       ///< S, p×p by rows, lower triangular
-  Extended sigma{};             ///< σ of every reading's own error, > 0
-  int due = 0;                  ///< the drift whose turn is next
+  double* xi = nullptr;                  ///< ξ̂, parameter_count values
+  double* root = nullptr;                ///< S, p×p by rows, lower triangular
+  Extended sigma{};                      ///< σ of every reading's own error, > 0
+  int due = 0;                           ///< the drift whose turn is next
   double* kept = nullptr;  ///< online_kept(count) doubles: what to go back to; nullptr: nothing
   Doubt doubt{};           ///< how far the readings disagree, and whether that has stopped it
 };

@@ -58,7 +58,8 @@ struct Factors {
 ///                not asked for
 template <Mobility K, class System>
 TRUEPOSE_FLATTEN inline FullResult newton(const Robot& robot, const System& system,
-                                          FullClosure<K>& at, bool closed = false) {
+                                          FullClosure<K>& at, bool closed = false,
+                                          int most = kFkmIterations) {
   constexpr int N = kRods<K>;
   FullResult result;
   double scale = 0;
@@ -75,7 +76,7 @@ TRUEPOSE_FLATTEN inline FullResult newton(const Robot& robot, const System& syst
     FullClosure<K> other;
     FullClosure<K>*current = &at, *trial = &other;
     end = damped_newton(
-        current, trial, scale, kFkmIterations,
+        current, trial, scale, most,
         [&](const FullClosure<K>& from, double damping) {
           return Factors<K>(system, from, damping);
         },
@@ -250,7 +251,8 @@ inline auto with_full(const Robot& robot, Own&& own, Same&& same) {
 /// @param pose  in: the guess; out: D, R, ψ (the last iterate if not ok)
 /// The robot's full level must exist, and be its own (robot.full).
 template <Mobility K>
-FullResult fkm_full(const Robot& robot, const Joint& q, FullPose& pose, FullClosure<K>& closure) {
+FullResult fkm_full(const Robot& robot, const Joint& q, FullPose& pose, FullClosure<K>& closure,
+                    int cap = kFkmCap) {
   if (!robot.finished) return {Status::unfinished, -1};
 
   closure.pose = pose;
@@ -260,7 +262,8 @@ FullResult fkm_full(const Robot& robot, const Joint& q, FullPose& pose, FullClos
     closure.driven[i] = drive(robot.chain[i], q[i]);
   }
   const full_detail::Forward<K> forward{robot};
-  FullResult result = full_detail::newton<K>(robot, forward, closure);
+  FullResult result =
+      full_detail::newton<K>(robot, forward, closure, false, std::min(kFkmIterations, cap));
   pose = closure.pose;
   pose.theta = theta_of(pose.R, pose.theta);
   closure.pose.theta = pose.theta;
@@ -358,19 +361,19 @@ TRUEPOSE_FLATTEN inline Outcome jacobian_full(const Robot& robot, const FullClos
   return {};
 }
 
-/// x = FKM(q) at the full level. @param x in: the guess; out: the pose.
-inline FullResult fkm_full(const Robot& robot, const Joint& q, Coordinates& x) {
+/// x = FKM(q) at the full level. @param x in: the guess; out: the pose. @param cap  steps
+inline FullResult fkm_full(const Robot& robot, const Joint& q, Coordinates& x, int cap = kFkmCap) {
   return full_detail::with_full(
       robot,
       [&](auto mobility) {
         constexpr Mobility K = mobility();
         FullPose pose = to_full(to_pose<K>(x));
         FullClosure<K> closure;
-        const FullResult result = fkm_full<K>(robot, q, pose, closure);
+        const FullResult result = fkm_full<K>(robot, q, pose, closure, cap);
         x = to_coordinates<K>(pose);
         return result;
       },
-      [&] { return fkm(robot, q, x); });
+      [&] { return fkm(robot, q, x, cap); });
 }
 
 /// q = IKM(x) at the full level.

@@ -9,12 +9,15 @@ namespace truepose {
 
 inline constexpr int kFkmIterations = 60;  ///< of one search; fkm makes at most two
 inline constexpr int kFkmStages = 4;       ///< of the second one, from home
+/// Of both together, where the caller sets no other cap. Over a workspace 4 do from a guess nearby,
+/// 7 from home (tests/cpp/test_forward_kinematics.cpp).
+inline constexpr int kFkmCap = 2 * kFkmIterations;
 
 /// How a search for the pose ended.
 struct [[nodiscard]] FkmResult {
   Status status = Status::ok;
   int chain = -1;       ///< the chain at fault, if one is
-  int iterations = 0;   ///< steps tried, at most 2 kFkmIterations
+  int iterations = 0;   ///< steps tried, at most the cap
   double residual = 0;  ///< largest closure error | |v_i| - L_i |, m
   explicit operator bool() const { return status == Status::ok; }
 };
@@ -199,9 +202,10 @@ inline bool own_mode(const Robot& robot, const Pose& pose) {
 /// @param first  what the first one came to
 /// @param last   where
 /// @param pose   in: its guess; out: the pose, or where the first one ended
+/// @param cap    steps of both
 template <Mobility K>
 TRUEPOSE_RARE FkmResult search_from_home(const Robot& robot, const Joint& q, FkmResult first,
-                                         const Pose& last, Pose& pose) {
+                                         const Pose& last, Pose& pose, int cap) {
   const Pose guess = pose;
   pose = last;
   if (first.status == Status::branch_lost && !own_mode<K>(robot, guess)) return first;
@@ -212,7 +216,8 @@ TRUEPOSE_RARE FkmResult search_from_home(const Robot& robot, const Joint& q, Fkm
   Closure<K> home;
   FkmResult second{ikm<K>(robot, to_pose<K>(robot.home), home).status};
   Pose at = home.pose;
-  int stage = 0, left = kFkmIterations;
+  const int most = std::min(kFkmIterations, cap - first.iterations);
+  int stage = 0, left = most;
   while (second && stage < kFkmStages && left > 0) {
     ++stage;
     Joint motors{};
@@ -223,7 +228,7 @@ TRUEPOSE_RARE FkmResult search_from_home(const Robot& robot, const Joint& q, Fkm
     second = search<K>(robot, motors, at, left);
     left -= second.iterations;
   }
-  first.iterations += kFkmIterations - left;
+  first.iterations += most - left;
   if (second && stage == kFkmStages) {
     pose = at;
     if constexpr (kTurnsAboutZ<K>) pose.theta = theta_of(pose.R, guess.theta);
@@ -240,21 +245,23 @@ TRUEPOSE_RARE FkmResult search_from_home(const Robot& robot, const Joint& q, Fkm
 /// Where the nacelle is with the motors at q. A search from the guess; if that finds no pose of the
 /// robot's own, one from home.
 /// @param pose  in: the guess; out: the pose (the last iterate of the first search if not ok)
+/// @param cap   steps of both, at least 1
 /// @return unreachable: it is known that no pose closes the loops. not_converged: none was found.
 /// singular: closed where the motors do not determine it. branch_lost: closed in another mode.
 template <Mobility K>
-TRUEPOSE_FLATTEN FkmResult fkm(const Robot& robot, const Joint& q, Pose& pose) {
-  return search<K>(robot, q, pose, kFkmIterations, [&](const FkmResult& first, const Pose& last) {
-    return fkm_detail::search_from_home<K>(robot, q, first, last, pose);
+TRUEPOSE_FLATTEN FkmResult fkm(const Robot& robot, const Joint& q, Pose& pose, int cap = kFkmCap) {
+  const int most = std::min(kFkmIterations, cap);
+  return search<K>(robot, q, pose, most, [&](const FkmResult& first, const Pose& last) {
+    return fkm_detail::search_from_home<K>(robot, q, first, last, pose, cap);
   });
 }
 
-/// x = FKM(q). @param x in: the guess; out: the pose.
-inline FkmResult fkm(const Robot& robot, const Joint& q, Coordinates& x) {
+/// x = FKM(q). @param x in: the guess; out: the pose. @param cap  steps, at least 1
+inline FkmResult fkm(const Robot& robot, const Joint& q, Coordinates& x, int cap = kFkmCap) {
   return with_mobility(robot.mobility, [&](auto mobility) {
     constexpr Mobility K = mobility();
     Pose pose = to_pose<K>(x);
-    const FkmResult result = fkm<K>(robot, q, pose);
+    const FkmResult result = fkm<K>(robot, q, pose, cap);
     x = to_coordinates<K>(pose);
     return result;
   });

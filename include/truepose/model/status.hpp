@@ -21,7 +21,7 @@ enum class [[nodiscard]] Status : int {
   no_such_part = 9,   ///< a count, an index or an enum of the robot's data names what is not there
   not_square = 10,    ///< more or fewer chains or motors than freedoms: not solved for
   unfinished = 11,    ///< the robot has not passed finish() (jacobian.hpp)
-  not_compiled = 12,   ///< this build leaves out the robot's mobility, or the full level
+  not_compiled = 12,  ///< this build leaves out the robot's mobility, or the full level
   other_version = 13,  ///< a table of another version of the library, or of another size
   too_small = 14,      ///< memory that was given, or it is not aligned
   no_such_value = 15,  ///< a number that no such quantity can have, a matrix that is no rotation

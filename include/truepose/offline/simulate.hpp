@@ -152,7 +152,7 @@ class Loop {
     if (!weighing) return weighing;
     known_ = *weighing.known;
     weigh(nominal_, late_, known_);
-    return {&known_, weighing.work};
+    return {&known_, weighing.work, weighing.kept};
   }
 
   /// What the watch has seen is learnt where all of it is valid. Of a reading that has failed by

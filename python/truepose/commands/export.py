@@ -9,16 +9,16 @@ import typer
 
 from truepose import files
 from truepose.arguments import Level
-from truepose.commands.accuracy import parse_set
 from truepose.commands.options import (
     Force,
     RobotName,
     SensorSet,
     completing,
     effects_of,
+    parse_set,
     wrote,
 )
-from truepose.deploy.c_tables import to_c
+from truepose.deploy.c_tables import KIND, to_c
 from truepose.deploy.linuxcnc import to_configuration
 from truepose.robot.laws import Law
 from truepose.robot.robot import load
@@ -96,7 +96,7 @@ def c(
         controller = Controller.for_robot(made, loses, law, period=period)
     else:
         controller = Controller(law=law, period=period, frequency=frequency)
-    _put(robot, to_c(made, controller, Watch(effects=loses)), out, "table", force)
+    _put(robot, to_c(made, controller, Watch(effects=loses)), out, KIND, force)
 
 
 @app.command()

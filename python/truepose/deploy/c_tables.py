@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from truepose import __version__, _core
+from truepose import __version__, _core, files
 from truepose.exceptions import InputError
 from truepose.robot.knowledge import knowledge, uncertain
 from truepose.robot.robot import Robot
@@ -17,6 +17,8 @@ from truepose.simulation import late
 from truepose.simulation.controller import Controller
 from truepose.simulation.watch import Watch
 
+#: Of file, as :func:`truepose.files.mark` has it.
+KIND = "C tables"
 #: Numbers to a line.
 _WIDE = 6
 
@@ -39,10 +41,54 @@ def identifier(name: str) -> str:
 
 #: Words of C and C++ that are none of Python's.
 _RESERVED = frozenset(
-    "auto bool case catch char class const default delete do double enum explicit export extern "
-    "float friend goto inline int long main mutable namespace new operator private protected "
-    "public register short signed sizeof static struct switch template this throw typedef union "
-    "unsigned using virtual void volatile".split()
+    [
+        "auto",
+        "bool",
+        "case",
+        "catch",
+        "char",
+        "class",
+        "const",
+        "default",
+        "delete",
+        "do",
+        "double",
+        "enum",
+        "explicit",
+        "export",
+        "extern",
+        "float",
+        "friend",
+        "goto",
+        "inline",
+        "int",
+        "long",
+        "main",
+        "mutable",
+        "namespace",
+        "new",
+        "operator",
+        "private",
+        "protected",
+        "public",
+        "register",
+        "short",
+        "signed",
+        "sizeof",
+        "static",
+        "struct",
+        "switch",
+        "template",
+        "this",
+        "throw",
+        "typedef",
+        "union",
+        "unsigned",
+        "using",
+        "virtual",
+        "void",
+        "volatile",
+    ]
 )
 
 
@@ -98,7 +144,8 @@ def to_c(robot: Robot, controller: Controller, watch: Watch) -> str:
     used = f"laws that weigh, and the watch, are to be given {weighs}" if robot.r else "no sensors"
     head = (
         f"/* {robot.name}, for truepose/truepose.h; {used}.\n"
-        f" * Written by `truepose export c` of truepose {__version__}. m, rad, kg, s, N, N·m. */\n"
+        f" * By `truepose export c` of truepose {__version__}; {files.mark(KIND)}.\n"
+        " * m, rad, kg, s, N, N·m. */\n"
         f"#ifndef {guard}\n#define {guard}\n\n"
         '#include <math.h>\n\n#include "truepose/truepose.h"\n\n'
         f"#if TRUEPOSE_ABI != {_core.c_abi}\n"
@@ -138,14 +185,13 @@ def _whole(values: Sequence[int]) -> str:
 def _description(name: str, robot: Robot) -> str:
     tables = _core.c_description(robot.core)
     parts = []
-    for kind, comment in (("chain", "chain"), ("sensor", "sensor"), ("body", "body")):
-        names = robot.sensors if kind == "sensor" else None
+    for kind in ("chain", "sensor", "body"):
+        names = [*robot.sensors, "none"] if kind == "sensor" else range(1, len(tables[kind]) + 1)
         rows = [
-            f"  {{ /* {comment} {names[k] if names else k + 1} */\n"
-            f"    {_whole(counts)},\n{_rows(listed, '    ')}\n  }}"
-            for k, (counts, listed) in enumerate(tables[kind])
+            f"  {{ /* {kind} {part} */\n    {_whole(counts)},\n{_rows(listed, '    ')}\n  }}"
+            for part, (counts, listed) in zip(names, tables[kind], strict=False)
         ]
-        parts.append("  {" + ",\n".join(rows).lstrip() + "}" if rows else "  {{0}}")
+        parts.append("  {" + ",\n".join(rows).lstrip() + "}")
     return (
         f"static const truepose_description {name} = {{\n"
         f"  TRUEPOSE_ABI, sizeof(truepose_description),\n"

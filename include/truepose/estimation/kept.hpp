@@ -1,0 +1,255 @@
+// What of the weights lasts from cycle to cycle? The geometry's part of C, in coordinates in which
+// it changes slowly with the pose.
+//
+// C = H_ξ Σ_ξ H_ξᵀ + Σ_s: the first term is dear, the second may change in any cycle (a reading
+// that is not believed). Of e = q_e - h take what the motors say of the pose, e_x = J e_q with J =
+// H_q⁻¹, and the parity, p = e_r - H_r e_x. Their errors have the covariance [[A, N], [Nᵀ, V]],
+//
+//     A = A_ξ + S,   N = N_ξ - S H_rᵀ,   V = V_ξ + Σ_r + H_r S H_rᵀ,   S = J Σ_q Jᵀ,
+//
+// and generalised least squares is
+//
+//     δx = e_x - K p,   K = N V⁻¹,   cov(δx) = P = A - K V Kᵀ,   gain = [(I + K H_r) J, -K].
+//
+// A_ξ, N_ξ and V_ξ are kept; H, Σ_s and all that is made of them are those of the present. So
+// gain · H = I to rounding, whatever is kept: a robot where it should be has no error, and one that
+// is elsewhere has its whole error. What is wrong with the placing of the base moves e_x alone, by
+// the same at every pose, and a perfect sensor of one coordinate stays one: either would not be so
+// of C itself, or of K (docs/model.md).
+//
+// With K₀ of another pose x̂ moves by (K₀ - K) p: coordinate i by at most s σ_i √χ², χ² that of p
+// (r on average), by s σ_i in the root of the mean square, and its variance grows by s², where
+//
+//     s² = max_i [(K₀ - K) V (K₀ - K)ᵀ]_ii / P_ii.
+//
+// s grows with the way from where K₀ is from. A refresh finds what it had become, and sets how far
+// to go to the next one.
+#pragma once
+
+#include <bit>
+
+#include "truepose/estimation/estimate.hpp"
+
+namespace truepose {
+
+/// Kept from cycle to cycle, the caller's, one for each controller. A new one knows nothing.
+struct KeptWeights {
+  double share = 0.1;    ///< s at most, as far as is foreseen
+  std::uint64_t of = 0;  ///< fingerprint of robot and knowledge; 0: nothing is kept
+  Joint q{};             ///< of the motors where it was computed
+  double reach = 0;      ///< rad or m: as far as the motors move less, together, it holds
+  double became = 0;     ///< s that the last refresh found
+  double slope = 0;      ///< s over the way at the refreshes before, the latest counting most
+  Matrix<kMaxReadings, kMaxReadings> C{};  ///< lower triangle of [[A_ξ, N_ξ], [N_ξᵀ, V_ξ]]
+
+  /// How far the motors have moved, together.
+  double way(int n, const Extended& q_e) const {
+    double sum = 0;
+    for (int i = 0; i < n; ++i) sum += std::fabs(q_e[i] - q[i]);
+    return sum;
+  }
+};
+static_assert(std::is_trivially_copyable_v<KeptWeights> && std::is_standard_layout_v<KeptWeights>);
+
+namespace kept_detail {
+
+inline constexpr double kFirstReach = 2e-3;  ///< rad or m
+inline constexpr double kMostReach = 0.1;
+inline constexpr double kTooFar = 0.3;   ///< s does not grow with the way any more
+inline constexpr double kForgets = 0.9;  ///< what the slope before counts, a refresh later
+/// How much faster than on the way to the last refresh s may grow on the next one.
+inline constexpr double kFaster = 4;
+
+/// Of everything that the geometry's part of C depends on besides the pose: FNV-1a by words. (Of S
+/// its diagonal: no line of readings and no other prior leaves that as it was.)
+inline std::uint64_t fingerprint(const Robot& robot, const Knowledge& known) {
+  std::uint64_t mark = 14695981039346656037ULL;
+  const auto word = [&](std::uint64_t value) { mark = (mark ^ value) * 1099511628211ULL; };
+  const auto number = [&](double value) { word(std::bit_cast<std::uint64_t>(value)); };
+  const auto vectors = [&](auto... vector) {
+    (std::for_each(vector->number.begin(), vector->number.end(), number), ...);
+  };
+  const auto encoder = [&](const Eccentricity& of) {
+    number(of.gear);
+    for (const double amplitude : of.amplitude) number(amplitude);
+  };
+  word(static_cast<std::uint64_t>(robot.level) << 32 | static_cast<std::uint32_t>(robot.r));
+  for (int i = 0; i < robot.chains; ++i) {
+    const Chain& chain = robot.chain[i];
+    vectors(&chain.base, &chain.axis, &chain.zero, &chain.pivot, &chain.anchor, &chain.pair_axis,
+            &chain.pair_drawn);
+    for (const double value : {chain.arm, chain.rod, chain.encoder_offset, chain.encoder_gain,
+                               chain.rod_spacing, chain.rod_difference})
+      number(value);
+    encoder(chain.eccentricity);
+  }
+  for (int k = 0; k < robot.r; ++k) {
+    const Sensor& sensor = robot.sensor[k];
+    word(static_cast<std::uint64_t>(sensor.kind) << 32 | static_cast<std::uint32_t>(sensor.chain));
+    vectors(&sensor.origin, &sensor.direction, &sensor.target, &sensor.normal);
+    number(sensor.gain);
+    number(sensor.offset);
+    encoder(sensor.eccentricity);
+  }
+  for (int k = 0; k < known.count; ++k) {
+    word(static_cast<std::uint32_t>(known.column[k]));
+    if (known.root) number(known.root[k * known.count + k]);
+  }
+  return mark | 1;
+}
+
+}  // namespace kept_detail
+
+/// Generalised least squares at a pose, from weights that are kept.
+template <Mobility K>
+struct KeptFusion {
+  static constexpr int n = kDof<K>;
+  Matrix<n, n> J;                   ///< H_q⁻¹
+  Matrix<kMaxSensors, n> g;         ///< H_r J
+  Matrix<n, kMaxSensors> whitened;  ///< K L, V = L Lᵀ
+  Matrix<n, kMaxSensors> gain;      ///< K
+  std::array<double, n> variance;   ///< diagonal of P
+  ReadingCovariance V;              ///< factored
+
+  /// J and H_r J. @return whether H_q has an inverse
+  bool place(const Robot& robot, const Matrix<kMaxReadings, n>& H_x) {
+    std::array<Lanes<n>, n> columns;
+    std::array<double, n> size;
+    for (int j = 0; j < n; ++j) {
+      columns[j] = lanes<n>([&](int i) { return H_x[i][j]; });
+      size[j] = (columns[j] * columns[j]).sum();
+    }
+    if (!invert<n>(columns, size, Lanes<n>::Ones(), 0, J)) return false;
+    for (int k = 0; k < robot.r; ++k)
+      for (int j = 0; j < n; ++j) {
+        g[k][j] = 0;
+        for (int i = 0; i < n; ++i) g[k][j] += H_x[n + k][i] * J[i][j];
+      }
+    return true;
+  }
+
+  /// K and P of what is kept. @return not_finite where V is no covariance
+  Outcome weigh(const Robot& robot, const Knowledge& known, const KeptWeights& kept) {
+    const int r = robot.r;
+    const auto& C = kept.C;
+    Matrix<kMaxSensors, n> noisy;  // H_r J Σ_q
+    std::array<double, kMaxReadings> own;
+    for (int c = 0; c < n + r; ++c) own[c] = known.sigma[c] * known.sigma[c];
+    for (int k = 0; k < r; ++k) {
+      for (int j = 0; j < n; ++j) noisy[k][j] = g[k][j] * own[j];
+      for (int l = 0; l <= k; ++l) {
+        V.L[k][l] = C[n + k][n + l] + (k == l ? own[n + k] : 0);
+        for (int j = 0; j < n; ++j) V.L[k][l] += noisy[k][j] * g[l][j];
+      }
+    }
+    if (!V.factor(r)) return {Status::not_finite, -1};
+    for (int i = 0; i < n; ++i) {
+      variance[i] = C[i][i];
+      for (int j = 0; j < n; ++j) variance[i] += J[i][j] * J[i][j] * own[j];
+      for (int k = 0; k < r; ++k) {
+        whitened[i][k] = C[n + k][i];
+        for (int j = 0; j < n; ++j) whitened[i][k] -= J[i][j] * noisy[k][j];
+      }
+      V.whiten(r, whitened[i].data(), 1);
+      for (int k = 0; k < r; ++k) variance[i] -= whitened[i][k] * whitened[i][k];
+      gain[i] = whitened[i];
+      V.colour(r, gain[i].data());
+    }
+    return {};
+  }
+
+  /// The step to where all readings say the robot is. @param e  q_e - h @return χ² of the parity
+  double step(const Robot& robot, const Extended& e, Coordinates& step) const {
+    Reading p{};
+    for (int k = 0; k < robot.r; ++k) {
+      p[k] = e[n + k];
+      for (int j = 0; j < n; ++j) p[k] -= g[k][j] * e[j];
+    }
+    for (int i = 0; i < n; ++i) {
+      step[i] = 0;
+      for (int j = 0; j < n; ++j) step[i] += J[i][j] * e[j];
+      for (int k = 0; k < robot.r; ++k) step[i] -= gain[i][k] * p[k];
+    }
+    V.whiten(robot.r, p.data(), 1);
+    double chi2 = 0;
+    for (int k = 0; k < robot.r; ++k) chi2 += p[k] * p[k];
+    return chi2;
+  }
+
+  /// TEJ: H_q times the gain, [I + K' g, -K'] with K' = H_q K.
+  void tej(const Robot& robot, const Matrix<kMaxReadings, n>& H_x, ExtendedRows& M_plus) const {
+    for (int i = 0; i < n; ++i) {
+      for (int c = 0; c < n; ++c) M_plus[i][c] = i == c;
+      for (int k = 0; k < robot.r; ++k) {
+        double sum = 0;
+        for (int j = 0; j < n; ++j) sum += H_x[i][j] * gain[j][k];
+        for (int c = 0; c < n; ++c) M_plus[i][c] += sum * g[k][c];
+        M_plus[i][n + k] = -sum;
+      }
+    }
+  }
+};
+
+/// Computes what is kept anew, at a pose, and what it had become by then.
+/// @param q_e     of the motors there
+/// @param at      in: placed; out: weighed
+/// @param H_xi    there; spoilt
+/// @param B       work space, (n + r)×count
+/// @return not_finite where some σ is not a positive number
+template <Mobility K>
+TRUEPOSE_APART Outcome refresh(const Robot& robot, const Knowledge& known, std::uint64_t mark,
+                               const Extended& q_e, const Matrix<kMaxReadings, kDof<K>>& H_x,
+                               const double* H_xi, double* B, KeptWeights& kept,
+                               KeptFusion<K>& at) {
+  constexpr int n = kDof<K>;
+  const int rows = n + robot.r, p = known.count;
+  Matrix<n, kMaxSensors> before{};  // K, of what was kept
+  const double way = kept.way(n, q_e);
+  const bool compares =
+      kept.of == mark && way > 0 && way < kept_detail::kTooFar && at.weigh(robot, known, kept);
+  if (compares) before = at.gain;
+  kept.of = 0;  // until it is whole again
+  Knowledge geometry = known;
+  geometry.sigma.fill(1);
+  gather(robot, geometry, H_xi, rows, B);
+  times_root(geometry, rows, B);
+  for (int m = 0; m < p; ++m) {
+    std::array<double, n> e_x;
+    for (int i = 0; i < n; ++i) {
+      e_x[i] = 0;
+      for (int j = 0; j < n; ++j) e_x[i] += at.J[i][j] * B[j * p + m];
+    }
+    for (int i = 0; i < n; ++i) B[i * p + m] = e_x[i];
+    for (int k = n; k < rows; ++k)
+      for (int i = 0; i < n; ++i) B[k * p + m] -= H_x[k][i] * e_x[i];
+  }
+  for (int i = 0; i < rows; ++i) {
+    if (!(known.sigma[i] > 0)) return {Status::not_finite, -1};
+    for (int j = 0; j <= i; ++j) kept.C[i][j] = dot(p, B + i * p, B + j * p);
+  }
+  const Outcome outcome = at.weigh(robot, known, kept);
+  if (!outcome) return outcome;
+  if (compares) {
+    double most = 0;
+    for (int i = 0; i < n; ++i) {
+      std::array<double, kMaxSensors> apart;  // (K₀ - K) L
+      double sum = 0;
+      for (int k = 0; k < robot.r; ++k) {
+        apart[k] = 0;
+        for (int l = k; l < robot.r; ++l) apart[k] += (before[i][l] - at.gain[i][l]) * at.V.L[l][k];
+        sum += apart[k] * apart[k];
+      }
+      most = std::max(most, sum / at.variance[i]);
+    }
+    kept.became = std::sqrt(most);
+    kept.slope = std::max(kept.became / way, kept_detail::kForgets * kept.slope);
+  }
+  kept.reach = compares ? kept_detail::kMostReach : kept_detail::kFirstReach;
+  if (kept.slope > 0)
+    kept.reach = std::min(kept.reach, kept.share / (kept_detail::kFaster * kept.slope));
+  for (int i = 0; i < n; ++i) kept.q[i] = q_e[i];
+  kept.of = mark;
+  return outcome;
+}
+
+}  // namespace truepose

@@ -1,0 +1,286 @@
+// Do weights that are kept from cycle to cycle stay right? As consistent as fresh ones anywhere,
+// the same where they are fresh, and as good as they claim in between.
+#include "mechanisms.hpp"
+#include "truepose/control/guard.hpp"
+
+using namespace truepose;
+
+namespace {
+
+/// A robot and what is known of it: drawn, or learnt from lines over its box as well.
+template <Mobility K>
+struct Scene {
+  mechanisms::Mechanism mechanism;
+  Robot& robot = mechanism.robot;
+  mechanisms::Prior prior;
+  std::vector<double> root, H_xi, B;
+  KeptWeights kept;
+
+  Scene(const mechanisms::Mechanism& which, int r, int lines = 0)
+      : mechanism(sensed(which, r)), prior(robot) {
+    Learner learner = prior.learner(robot);
+    check::Random random(3);
+    for (int k = 0; k < lines; ++k) {
+      Extended q_e;
+      CHECK(extended<K>(robot, to_pose<K>(mechanisms::random_pose(mechanism, random)), q_e));
+      CHECK(learn<K>(learner, q_e));
+    }
+    H_xi.resize((kDof<K> + r) * parameter_count(robot));
+    B.resize((kDof<K> + r) * prior.known().count);
+  }
+  Scene(const Scene&) = delete;
+
+  static mechanisms::Mechanism sensed(mechanisms::Mechanism mechanism, int r) {
+    mechanism.robot.r = r;
+    CHECK(finish(mechanism.robot));
+    return mechanism;
+  }
+  const Knowledge& known() { return prior.known(); }
+  Weighing fresh() { return prior.weighing(); }
+  Weighing keeping() { return {&prior.known(), prior.weighing().work, &kept}; }
+
+  /// A path through the box, every coordinate at a frequency of its own.
+  Coordinates along(double time, double size = 0.8) const {
+    Coordinates x = robot.home;
+    for (int i = 0; i < kDof<K>; ++i)
+      x[i] += size * mechanism.box[i] * std::sin((2 + 0.7 * i) * time + i);
+    return x;
+  }
+
+  /// The weighted TEJ at x, and x̂ of the law of the estimate where the robot stands beside x.
+  struct Answer {
+    ExtendedRows tej;
+    Pose found;
+  };
+  Answer answer(const Coordinates& x, const Weighing& weighing, double beside = 1e-3) {
+    Reference<K> reference;
+    Answer answer;
+    Joint error;
+    Extended q_e;
+    check::Random random(9);
+    CHECK(extended<K>(robot, mechanisms::nearby<K>(to_pose<K>(x), random, beside), q_e));
+    CHECK(refer<K>(robot, Law::weighted, x, reference, 0, weighing));
+    answer.tej = reference.tej;
+    CHECK(refer<K>(robot, Law::estimated, x, reference, 0, weighing));
+    CHECK(motor_error<K>(robot, Law::estimated, reference, q_e, error, answer.found, weighing));
+    return answer;
+  }
+
+  /// Least squares in the robot's own C at a pose.
+  ReadingCovariance C;
+  Matrix<kMaxReadings, kDof<K>> H_x;
+  Fusion<K> fusion;
+  Eigen::Matrix<double, kDof<K>, kDof<K>> J;
+  void look(const Pose& pose) {
+    Extended q_e;
+    CHECK(linearise<K>(robot, pose, q_e, H_x, H_xi.data()));
+    CHECK(reading_covariance(robot, known(), H_xi.data(), B.data(), C));
+    CHECK(fuse<K>(robot, known(), C, H_x, fusion));
+    for (int i = 0; i < kDof<K>; ++i)
+      for (int j = 0; j < kDof<K>; ++j) J(i, j) = H_x[i][j];
+    J = J.inverse().eval();
+  }
+  /// Row i of the gain that a TEJ has, less that of the fresh weights.
+  Extended apart(const ExtendedRows& tej, int i) const {
+    Extended row{};
+    for (int c = 0; c < kDof<K> + robot.r; ++c) {
+      row[c] = -fusion.gain[i][c];
+      for (int j = 0; j < kDof<K>; ++j) row[c] += J(i, j) * tej[j][c];
+    }
+    return row;
+  }
+  /// By how much of its σ the coordinate that moves most moves, in the root of the mean square.
+  double share(const Pose& pose, const ExtendedRows& tej) {
+    look(pose);
+    double most = 0;
+    const int rows = kDof<K> + robot.r;
+    for (int i = 0; i < kDof<K>; ++i) {
+      const Extended row = apart(tej, i);
+      double sum = 0;
+      for (int k = 0; k < rows; ++k) {
+        double entry = 0;
+        for (int c = k; c < rows; ++c) entry += row[c] * known().sigma[c] * C.L[c][k];
+        sum += entry * entry;
+      }
+      most = std::max(most, sum / fusion.covariance[i][i]);
+    }
+    return std::sqrt(most);
+  }
+};
+
+/// Calls f(scene) for every mechanism with one sensor and with two, as drawn and after learning.
+template <class F>
+void for_each_scene(F&& f) {
+  mechanisms::for_each([&](const mechanisms::Mechanism& mechanism, auto mobility) {
+    for (const int r : {1, 2})
+      for (const int lines : {0, 60}) {
+        Scene<mobility()> scene(mechanism, r, lines);
+        f(scene, mobility);
+      }
+  });
+}
+
+/// Largest entry of the difference of two TEJ.
+double apart(int n, int rows, const ExtendedRows& a, const ExtendedRows& b) {
+  double most = 0;
+  for (int i = 0; i < n; ++i)
+    for (int c = 0; c < rows; ++c) most = std::max(most, std::fabs(a[i][c] - b[i][c]));
+  return most;
+}
+
+}  // namespace
+
+TEST("x̂ moves by less than a tenth of its σ for weights that are kept, on paths through the box") {
+  long cycles = 0, refreshed = 0;
+  double most = 0;
+  for_each_scene([&](auto& scene, auto mobility) {
+    constexpr Mobility K = mobility();
+    for (int k = 0; k < 400; ++k) {
+      const Joint q = scene.kept.q;
+      Reference<K> reference;
+      CHECK(refer<K>(scene.robot, Law::weighted, scene.along(4e-3 * k), reference, 0,
+                     scene.keeping()));
+      const double share = scene.share(reference.closure.pose, reference.tej);
+      CHECK(share < scene.kept.share);
+      most = std::max(most, share);
+      refreshed += q != scene.kept.q;
+      ++cycles;
+    }
+  });
+  std::printf("     %.3f of a σ at most, refreshed in %.1f %% of %ld cycles\n", most,
+              100.0 * refreshed / cycles, cycles);
+  CHECK(refreshed < cycles / 4);
+}
+
+TEST("however old the weights are, the TEJ's M⁺M is 1, and readings of one pose give that pose") {
+  for_each_scene([](auto& scene, auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr int n = kDof<K>;
+    scene.answer(scene.robot.home, scene.keeping());
+    scene.kept.reach = INFINITY;
+    const Joint q = scene.kept.q;
+    check::Random random(5);
+    for (int k = 0; k < 20; ++k) {
+      const Coordinates x = mechanisms::random_pose(scene.mechanism, random);
+      const auto old = scene.answer(x, scene.keeping());
+      CHECK(scene.kept.q == q);
+      ExtendedColumns M;
+      ExtendedRows unused;
+      CHECK(tej(scene.robot, x, M, unused));
+      for (int i = 0; i < n; ++i)
+        for (int j = 0; j < n; ++j) {
+          double sum = 0;
+          for (int c = 0; c < n + scene.robot.r; ++c) sum += old.tej[i][c] * M[c][j];
+          CHECK_NEAR(sum, i == j, 1e-11);
+        }
+      check::Random same(9);
+      const Pose true_pose = mechanisms::nearby<K>(to_pose<K>(x), same, 1e-3);
+      CHECK(mechanisms::distance<K>(old.found, true_pose) < 1e-10);
+    }
+  });
+}
+
+TEST("in the cycle that refreshes them the weights are those of the pose, to rounding") {
+  for_each_scene([](auto& scene, auto mobility) {
+    constexpr int n = kDof<mobility()>;
+    check::Random random(6);
+    for (int k = 0; k < 5; ++k) {
+      const Coordinates x = mechanisms::random_pose(scene.mechanism, random);
+      const auto fresh = scene.answer(x, scene.fresh());
+      scene.kept = {};
+      const auto kept = scene.answer(x, scene.keeping());
+      CHECK(apart(n, n + scene.robot.r, fresh.tej, kept.tej) < 1e-8);
+    }
+  });
+}
+
+TEST("x̂ of kept weights solves their own least squares, and is near that of fresh ones") {
+  for_each_scene([](auto& scene, auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr int n = kDof<K>;
+    check::Random random(7);
+    const int rows = n + scene.robot.r;
+    for (int k = 0; k < 60; ++k) {
+      const Coordinates x = scene.along(5e-3 * k);
+      Extended q_e;  // of a robot beside x whose readings disagree by a few σ
+      CHECK(extended<K>(scene.robot, mechanisms::nearby<K>(to_pose<K>(x), random, 1e-3), q_e));
+      for (int c = 0; c < rows; ++c) q_e[c] += 3e-5 * random();
+      Reference<K> reference;
+      Joint error;
+      Pose kept;
+      CHECK(refer<K>(scene.robot, Law::estimated, x, reference));
+      CHECK(motor_error<K>(scene.robot, Law::estimated, reference, q_e, error, kept,
+                           scene.keeping()));
+      Pose fresh = kept;  // weights of that pose
+      Parasitic rest;
+      CHECK((estimate_from<K, IdealModel>(scene.robot, scene.known(), q_e, fresh,
+                                          scene.fresh().work, rest, kEstimateIterations)));
+      // The gain of the weights that are kept, at x̂, finds no error in what is left.
+      KeptFusion<K> at;
+      Extended expected, residual{};
+      Coordinates step;
+      Matrix<kMaxReadings, n> H_x;
+      CHECK(linearise<K>(scene.robot, kept, expected, H_x, nullptr));
+      CHECK(at.place(scene.robot, H_x) && at.weigh(scene.robot, scene.known(), scene.kept));
+      innovation(scene.robot, q_e, expected, residual);
+      const double chi2 = at.step(scene.robot, residual, step);
+      const Coordinates moved = difference<K>(kept, fresh);
+      for (int i = 0; i < n; ++i) {
+        const double sigma = std::sqrt(at.variance[i]);
+        CHECK(std::fabs(step[i]) < 1e-3 * sigma);
+        CHECK(std::fabs(moved[i]) < scene.kept.share * sigma * std::sqrt(chi2 + 0.1));
+      }
+    }
+  });
+}
+
+TEST("another geometry, other knowledge, other noise: the weights follow in the same cycle") {
+  for_each_scene([](auto& scene, auto mobility) {
+    constexpr int n = kDof<mobility()>;
+    const Coordinates x = scene.along(0.3);
+    const int rows = n + scene.robot.r;
+    const auto as_before = scene.answer(x, scene.keeping()).tej;
+    const auto follows = [&](const char* what, bool moves) {
+      check::state().scene = std::string(scene.mechanism.name) + ": " + what;
+      const auto fresh = scene.answer(x, scene.fresh()).tej;
+      CHECK(apart(n, rows, scene.answer(x, scene.keeping()).tej, fresh) < 1e-8);
+      CHECK(!moves || apart(n, rows, fresh, as_before) > 1e-7);
+    };
+    Knowledge& known = scene.prior.known();
+    follows("nothing", false);
+    known.sigma[0] *= kDisbelieved;
+    follows("a motor that is not believed", true);
+    known.sigma[0] /= kDisbelieved;
+    known.sigma[n] *= kDisbelieved;
+    follows("a sensor that is not believed", true);
+    known.sigma[n] /= kDisbelieved;
+    const double* root = known.root;
+    std::vector<double> other(root, root + known.count * known.count);
+    for (int k = 0; k < known.count; k += 3) other[k * known.count + k] *= 3;
+    known.root = other.data();
+    follows("another prior", true);
+    other.assign(root, root + known.count * known.count);
+    follows("the old one, in the same place", false);
+    for (const auto part : {&Chain::rod, &Chain::encoder_offset}) {
+      scene.robot.chain[0].*part += 2e-3;
+      CHECK(finish(scene.robot));
+      follows("a chain's parameter", false);
+    }
+    scene.robot.sensor[0].origin.number[0] += 2e-2;
+    CHECK(finish(scene.robot));
+    follows("where a sensor stands", false);
+    known.root = root;
+  });
+}
+
+TEST("weights that are no weights are refused, and nothing of them is kept") {
+  Scene<Mobility::schoenflies> scene(mechanisms::h4(), 1);
+  const Coordinates x = scene.robot.home;
+  scene.prior.known().sigma[4] = 0;
+  Reference<Mobility::schoenflies> reference;
+  CHECK(refer<Mobility::schoenflies>(scene.robot, Law::weighted, x, reference, 0, scene.keeping())
+            .status == Status::not_finite);
+  CHECK(scene.kept.of == 0);
+  scene.prior.known().sigma[4] = 1e-5;
+  CHECK(refer<Mobility::schoenflies>(scene.robot, Law::weighted, x, reference, 0, scene.keeping()));
+}

@@ -1,0 +1,117 @@
+// Where does a robot that is not its model come to rest under a law?
+#include <limits>
+
+#include "controllers.hpp"
+#include "truepose/offline/simulate.hpp"
+#include "truepose/offline/statics.hpp"
+
+using namespace mechanisms;
+
+namespace {
+
+/// The robot as built: some rods and arms longer or shorter than drawn.
+template <Mobility K>
+Robot built(const Robot& nominal, check::Random& random) {
+  Robot truth = nominal;
+  for (int i = 0; i < kDof<K>; ++i) {
+    truth.chain[i].rod += 1e-3 * random();
+    truth.chain[i].arm += 3e-4 * random();
+    truth.chain[i].encoder_offset += 1e-3 * random();
+  }
+  return truth;
+}
+
+}  // namespace
+
+TEST("settle() foretells where the simulation comes to rest, with and without gravity") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    check::Random random(63);
+    for (const bool gravity : {false, true}) {
+      Robot nominal = mechanism.robot;
+      if (!gravity) nominal.gravity = Vec3::Zero();
+      const Robot truth = built<K>(nominal, random);
+      const Joint to = random_pose(mechanism, random, 0.5);
+      for (const Law law : kLaws) {
+        if (!applies(law, K)) continue;
+        const Gains gains = law == Law::joint ? Gains::diagonal : Gains::inertia;
+        const StaticsSettings settings{settings_for(nominal, law, gains), gravity};
+        Joint start{}, end{};
+        Prior prior(nominal);
+        CHECK(settle<K>(nominal, truth, settings, nominal.home, start, prior.weighing()));
+        CHECK(settle<K>(nominal, truth, settings, to, end, prior.weighing()));
+        Sample last{};
+        CHECK(simulate<K>(
+            nominal, truth, settings.control, Run{nominal.home, to, 0.2, 0.6, 2}, start,
+            [&](const Sample& sample) { last = sample; }, Extras{prior.weighing()}));
+        CHECK_NEAR(distance<K>(to_pose<K>(last.x), to_pose<K>(end)), 0, 1e-9);
+        CHECK(distance<K>(to_pose<K>(end), to_pose<K>(to)) > 1e-5);  // the errors do show
+      }
+    }
+  });
+}
+
+TEST("an error of one reading leaks into the pose at rest as leakage() says, under every law") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr int n = kDof<K>;
+    Robot robot = mechanism.robot;
+    robot.r = 2;
+    check::Random random(64);
+    const Joint x = random_pose(mechanism, random);
+    Prior prior(robot);
+    for (const Law law : kLaws) {
+      if (!applies(law, K)) continue;
+      ExtendedRows leak;
+      CHECK(leakage<K>(robot, law, x, leak, prior.weighing()));
+      for (int c = 0; c < n + robot.r; ++c) {
+        Pose rest[2];
+        for (const double side : {-1.0, 1.0}) {
+          Robot read = robot;  // reading = position - offset
+          (c < n ? read.chain[c].encoder_offset : read.sensor[c - n].offset) -= side * 1e-5;
+          Joint end{};
+          CHECK(
+              settle<K>(robot, read, {settings_for(robot, law), false}, x, end, prior.weighing()));
+          rest[side > 0] = to_pose<K>(end);
+        }
+        const Joint change = difference<K>(rest[1], rest[0]);
+        for (int i = 0; i < n; ++i) CHECK_NEAR(leak[i][c], change[i] / 2e-5, 1e-6);
+      }
+    }
+  });
+}
+
+TEST("a robot rests under its weight also where gravity holds it more stiffly than a soft PD") {
+  constexpr Mobility K = Mobility::schoenflies;
+  const Robot robot = h4().robot;
+  check::Random random(89);
+  for (const Gains gains : {Gains::diagonal, Gains::inertia}) {
+    ControlSettings settings;
+    settings.gains = gains;
+    CHECK(place_poles(robot, robot.home, 8, 1, settings));
+    settings.feed_forward = FeedForward::gravity;
+    const Robot truth = built<K>(robot, random);
+    Joint x{}, load{};
+    CHECK(settle<K>(robot, truth, {settings, true}, robot.home, x));
+    Extended q_e{};
+    CHECK(extended<K>(truth, to_pose<K>(x), q_e));
+    Setpoint at_home;
+    at_home.x = robot.home;
+    ControlState state;
+    CHECK(control(robot, settings, at_home, q_e, state));
+    CHECK(inverse_dynamics<K>(truth, to_pose<K>(x), Joint{}, Joint{}, load));
+    for (int i = 0; i < 4; ++i) CHECK_NEAR(state.torque[i], load[i], 1e-9);
+  }
+}
+
+TEST("settle() never calls a NaN settled") {
+  const Robot robot = h4().robot;
+  for (const Gains gains : {Gains::diagonal, Gains::inertia}) {
+    StaticsSettings settings{settings_for(robot, Law::joint, gains), true};
+    for (const double gain : {0.0, std::numeric_limits<double>::quiet_NaN()}) {
+      settings.control.kp.fill(gain);
+      Joint x{};
+      CHECK(!settle<Mobility::schoenflies>(robot, robot, settings, robot.home, x));
+    }
+  }
+}

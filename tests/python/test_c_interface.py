@@ -1,0 +1,159 @@
+"""Can a program in plain C run a robot? The library, its header, the tables, the examples.
+
+The compilers are $CC and $CXX, or CMake's own choice.
+"""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from compiling import told, wheels_eigen
+
+import truepose as tp
+from truepose.deploy.c_tables import identifier, to_c
+
+SOURCE = Path(__file__).parents[2]
+HEADER = SOURCE / "include" / "truepose" / "truepose.h"
+EXAMPLES, REFERENCE = SOURCE / "examples" / "c", SOURCE / "tests" / "reference"
+CC = os.environ.get("CC", "cc")
+STRICT = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O1")
+pytestmark = pytest.mark.xdist_group("c_interface")  # what takes a minute is built once
+
+
+def tables(robot: tp.Robot, **options) -> str:
+    """Return a robot's tables, with gains that need no search."""
+    return to_c(robot, tp.Controller(law="joint", **options), tp.Watch())
+
+
+@pytest.fixture(scope="module")
+def prefix(tmp_path_factory) -> Path:
+    """Return where the C library is installed."""
+    build, installed = (tmp_path_factory.mktemp(name) for name in ("c_build", "c_installed"))
+    options = ("-DTRUEPOSE_PYTHON=OFF", "-DCMAKE_BUILD_TYPE=MinSizeRel")
+    told("cmake", "-S", SOURCE, "-B", build, *options, f"-DCMAKE_PREFIX_PATH={wheels_eigen()}")
+    told("cmake", "--build", build, "--parallel", "2")
+    told("cmake", "--install", build, "--prefix", installed)
+    return installed
+
+
+@pytest.fixture(scope="module")
+def shared(prefix) -> Path:
+    """Return the shared library."""
+    (found,) = prefix.glob("lib*/**/libtruepose.so")
+    return found
+
+
+def compiled(prefix: Path, folder: Path, *words) -> Path:
+    """Return a program that C compiles from `words` without a warning, with the static library."""
+    (static,) = prefix.glob("lib*/**/libtruepose.a")
+    program = folder / "program"
+    told(
+        CC, *STRICT, f"-I{prefix / 'include'}", f"-I{folder}", *words, static, "-lm", "-o", program
+    )
+    return program
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="readelf and nm read Linux's libraries")
+def test_the_library_needs_libm_and_libc_alone_and_shows_what_the_header_has(shared):
+    needed = re.findall(r"NEEDED.*\[(.*)\]", told("readelf", "-d", shared))
+    assert {re.sub(r"\.so.*", "", name) for name in needed} <= {"libm", "libc"}
+    assert re.search(r"SONAME.*\[libtruepose\.so\.1\]", told("readelf", "-d", shared))
+    symbols = told("nm", "-D", "--defined-only", shared).split()[2::3]
+    declared = re.findall(r"\b(truepose_\w+)\(", HEADER.read_text(encoding="utf-8"))
+    assert set(symbols) == set(declared) - {"truepose_model"}
+
+
+def test_it_answers_as_python_did_when_the_reference_was_written(prefix, tmp_path):
+    program = compiled(prefix, tmp_path, REFERENCE / "agree.c", REFERENCE / "main.c")
+    assert told(program).startswith("5 robots")
+
+
+def test_python_still_answers_as_the_reference(tmp_path):
+    told(sys.executable, SOURCE / "tools" / "reference_vectors.py", tmp_path / "vectors.h")
+    texts = [(folder / "vectors.h").read_text(encoding="utf-8") for folder in (REFERENCE, tmp_path)]
+    number = r"-?\d+\.\d+(?:e-?\d+)?"
+    was, now = (np.array(re.findall(number, text), float) for text in texts)
+    assert np.abs(now - was).max() < 1e-11
+    assert re.sub(number, "", texts[0]) == re.sub(number, "", texts[1])
+
+
+def test_the_loop_in_c_is_short_and_the_tej_takes_out_most_of_what_a_rod_does(prefix, tmp_path):
+    source = EXAMPLES / "control_loop.c"
+    assert len(source.read_text(encoding="utf-8").splitlines()) < 62
+    (tmp_path / "h4.h").write_text(tables(tp.load("h4")), encoding="utf-8")
+    said = told(compiled(prefix, tmp_path, source))
+    joint, redundant = (abs(float(text)) for text in re.findall(r"off by (\S+) deg", said))
+    assert redundant < joint / 8
+
+
+@pytest.mark.parametrize("language", [(CC, *STRICT, "-xc"), ("c++", "-std=c++20", "-xc++")])
+@pytest.mark.parametrize("name", tp.robots())
+def test_a_robots_tables_compile_alone_in_c_and_in_cpp(name, language, tmp_path):
+    robot = tp.load(name)
+    (tmp_path / "robot.h").write_text(tables(robot), encoding="utf-8")
+    word = identifier(robot.name)
+    user = f'#include "robot.h"\nint main(void) {{ return {word}.motors != {robot.n}; }}\n'
+    (tmp_path / "user.c").write_text(user, encoding="utf-8")
+    told(*language, "-Wall", "-Wextra", "-Werror", "-fsyntax-only", f"-I{HEADER.parents[1]}",
+         tmp_path / "user.c")  # fmt: skip
+
+
+def test_pkg_config_and_cmake_find_the_library(prefix, tmp_path):
+    (tmp_path / "main.c").write_text(
+        '#include "truepose/truepose.h"\n'
+        "int main(void) { return truepose_abi() != TRUEPOSE_ABI; }\n",
+        encoding="utf-8",
+    )
+    (tmp_path / "CMakeLists.txt").write_text(
+        "cmake_minimum_required(VERSION 3.25)\nproject(user LANGUAGES C CXX)\n"
+        "find_package(truepose REQUIRED)\nforeach(kind static shared)\n"
+        "add_executable(user_${kind} main.c)\n"
+        "target_link_libraries(user_${kind} PRIVATE truepose::c_${kind})\nendforeach()\n",
+        encoding="utf-8",
+    )
+    found = f"-DCMAKE_PREFIX_PATH={prefix};{wheels_eigen()}"
+    told("cmake", "-S", tmp_path, "-B", tmp_path / "build", found)
+    told("cmake", "--build", tmp_path / "build")
+    for kind in ("static", "shared"):
+        told(tmp_path / "build" / f"user_{kind}")
+    if not shutil.which("pkg-config"):
+        pytest.skip("the rest: pkg-config is not installed")
+    env = {"PKG_CONFIG_PATH": str(prefix / "share" / "pkgconfig")}
+    flags = told("pkg-config", "--cflags", "--libs", "truepose", env=env).split()
+    told(CC, tmp_path / "main.c", *flags, "-o", tmp_path / "main")
+    (library,) = {path.parent for path in prefix.glob("lib*/**/libtruepose.so")}
+    told(tmp_path / "main", env={"LD_LIBRARY_PATH": str(library)})
+
+
+def test_the_command_writes_what_a_calibrated_robot_knows_and_overwrites_nothing(tmp_path):
+    h4 = tp.load("h4")
+    poses = h4.spec.workspace
+    x = np.random.default_rng(1).uniform(poses.minimum, poses.maximum, (30, h4.n))
+    learnt = tp.calibrate(h4, h4.read(x, seed=1)).robot
+    learnt.save(tmp_path / "calibrated.toml")
+    command = (sys.executable, "-m", "truepose", "export", "c", "calibrated.toml", "-o", "h4.h")
+    assert "Wrote h4.h" in told(*command, cwd=tmp_path)
+    text = (tmp_path / "h4.h").read_text(encoding="utf-8")
+    assert f"{learnt.parameters['chain3.rod'].value!r}, /* rod */" in text
+    (tmp_path / "h4.h").write_text("mine\n", encoding="utf-8")
+    again = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert again.returncode and "h4.h" in again.stderr and "Traceback" not in again.stderr
+    assert (tmp_path / "h4.h").read_text(encoding="utf-8") == "mine\n"
+
+
+def test_a_slow_sensor_is_refused_by_name():
+    h4 = tp.load("h4")
+    late = [s.model_copy(update={"period": 0.01}) for s in h4.spec.sensor]
+    with pytest.raises(tp.InputError, match=r"h4: a sensor is slow or late .*--sensors"):
+        tables(tp.Robot(h4.spec.model_copy(update={"sensor": late})))
+
+
+@pytest.mark.parametrize("name", ["6-ups", "My H4", "double", "3rrr", "H4²"])
+def test_any_name_makes_an_identifier(name):
+    assert re.fullmatch(r"[a-z]\w*", identifier(name), re.ASCII)
+    assert identifier(name) != "double"

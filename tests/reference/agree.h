@@ -1,0 +1,20 @@
+/* How far do this build's answers lie from the reference's? */
+#ifndef TRUEPOSE_AGREE_H
+#define TRUEPOSE_AGREE_H
+
+#include "truepose/truepose.h"
+
+enum { AGREE_IKM, AGREE_FKM, AGREE_READINGS, AGREE_JACOBIAN, AGREE_TEJ, AGREE_ERROR, AGREE_ESTIMATE,
+       AGREE_QUESTIONS };
+
+/** Names of the questions. */
+extern const char* const agree_names[AGREE_QUESTIONS];
+
+/** Asks all of every robot whose mobility is compiled.
+ *
+ * @param worst  out: largest difference over the size of what it is a difference of
+ * @return how many robots were asked; below 0: the (-n)th robot had no answer to something
+ */
+int32_t agree(truepose_real worst[AGREE_QUESTIONS]);
+
+#endif

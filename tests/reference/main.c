@@ -1,0 +1,17 @@
+/* Says how far each answer lies from the reference; fails beyond 1e-13, the estimate beyond 1e-10:
+ * its search ends a hundred-thousandth of a sigma away. */
+#include <stdio.h>
+
+#include "agree.h"
+
+int main(void) {
+  truepose_real worst[AGREE_QUESTIONS];
+  const int32_t asked = agree(worst);
+  int far = asked <= 0;
+  printf("%d robots\n", (int)asked);
+  for (int k = 0; k < AGREE_QUESTIONS; ++k) {
+    printf("%-9s %.1e\n", agree_names[k], (double)worst[k]);
+    far |= !(worst[k] <= (k == AGREE_ESTIMATE ? 1e-10 : 1e-13));
+  }
+  return far;
+}

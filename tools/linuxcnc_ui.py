@@ -1,0 +1,124 @@
+#!/usr/bin/env python3
+"""LinuxCNC's user interface while nobody looks: homes, runs what job.json says, notes what is true.
+
+Run by LinuxCNC ([DISPLAY]DISPLAY) with the system's Python; needs nothing of truepose.
+"""
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import hal
+import linuxcnc
+
+HERE = Path(__file__).resolve().parent
+SETTLES, PATIENCE = 0.4, 20.0  # s
+
+
+class Machine:
+    def __init__(self, joints):
+        self.command, self.state, self.errors = (
+            linuxcnc.command(),
+            linuxcnc.stat(),
+            linuxcnc.error_channel(),
+        )
+        self.joints = joints
+        self.said = []
+
+    def wait(self, holds, what):
+        end = time.monotonic() + PATIENCE
+        while time.monotonic() < end:
+            self.state.poll()
+            error = self.errors.poll()
+            if error:
+                self.said.append(error[1])
+            if holds():
+                return
+            time.sleep(0.005)
+        raise TimeoutError(what)
+
+    def start(self):
+        self.command.state(linuxcnc.STATE_ESTOP_RESET)
+        self.command.state(linuxcnc.STATE_ON)
+        self.wait(lambda: self.state.task_state == linuxcnc.STATE_ON, "the machine is not on")
+        self.command.mode(linuxcnc.MODE_MANUAL)
+        self.command.wait_complete()
+        self.command.home(-1)
+        self.wait(lambda: all(self.state.homed[: self.joints]), "is not homed")
+        self.command.mode(linuxcnc.MODE_MDI)
+        self.command.wait_complete()
+
+    def begin(self, line):
+        self.command.mdi(line)
+        time.sleep(0.02)
+
+    def still(self):
+        return self.state.interp_state == linuxcnc.INTERP_IDLE and self.state.inpos
+
+    def go(self, line, each=None):
+        """Run a line to its end; `each` is called on the way."""
+        self.begin(line)
+        self.wait(lambda: (each and each(), self.still())[1], line)
+        time.sleep(SETTLES)
+
+
+def value(name):
+    return hal.get_value(name)
+
+
+def truth(joints):
+    return [value(f"truepose_plant.pose.{k}") for k in range(joints)]
+
+
+def run(job, machine):
+    joints = job["joints"]
+    found = {"rest": [], "path": []}
+    for pin, wanted in job["pins"].items():
+        subprocess.run(["halcmd", "setp", pin, str(wanted)], check=True)
+    machine.start()
+    for line in job["index"]:
+        machine.go(line)
+    found["referenced"] = bool(value("truepose_tej.referenced"))
+    for line in job["poses"]:
+        machine.go(line)
+        found["rest"].append(truth(joints))
+    for line in job["path"]:
+        machine.go(line)
+    for line in job["circle"]:
+        machine.go(line, lambda: found["path"].append(truth(joints)))
+    times = {name: [] for name in ("truepose_tej.time", "motion-controller.time")}
+    for _ in range(500):
+        for name, values in times.items():
+            values.append(value(name))
+        time.sleep(0.002)
+    found["times"] = times
+    found["law"] = value("truepose_tej.law-in-effect")
+    found["faulted"] = bool(value("truepose_tej.fault"))
+    for line in job["refused"]:
+        machine.begin(line)
+        machine.wait(machine.still, line)
+        time.sleep(0.1)
+    found["said"] = machine.said
+    found["on"] = machine.state.task_state == linuxcnc.STATE_ON
+    return found
+
+
+def main():
+    job = json.loads((HERE / "job.json").read_text())
+    own = hal.component("truepose_ui")  # whoever reads pins must be one
+    own.ready()
+    machine = Machine(job["joints"])
+    try:
+        found = run(job, machine)
+    except Exception as error:
+        machine.state.poll()
+        found = {"error": f"{type(error).__name__}: {error}", "said": machine.said}
+    (HERE / "found.json").write_text(json.dumps(found))
+    machine.command.state(linuxcnc.STATE_ESTOP)
+    return "error" in found
+
+
+if __name__ == "__main__":
+    sys.exit(main())
