@@ -28,8 +28,7 @@ truepose_outcome truepose_kins_load(truepose_kins* kins, const truepose_descript
   kins->motors = truepose_freedoms(&kins->model);
   kins->unit = unit;
   kins->cap = kCap;
-  for (int i = 0; i < kins->motors; ++i)
-    kins->scale[i] = truepose_reading_scale(robot, i, unit);
+  for (int i = 0; i < kins->motors; ++i) kins->scale[i] = truepose_reading_scale(robot, i, unit);
   memcpy(kins->guess, robot->home, sizeof kins->guess);
   return kins->outcome;
 }
@@ -146,8 +145,8 @@ static truepose_outcome inverse(truepose_kins* kins, const truepose_real* axes,
   return outcome;
 }
 
-int32_t truepose_kins_inverse(truepose_kins* kins, const truepose_real* axes,
-                              truepose_real* joints) {
+int32_t truepose_kins_inverse(truepose_kins* kins, const truepose_real axes[TRUEPOSE_AXES],
+                              truepose_real joints[TRUEPOSE_AXES]) {
   kins->outcome = inverse(kins, axes, joints);
   return kins->outcome.status;
 }
@@ -182,8 +181,8 @@ static truepose_fkm_result search_with_screws(truepose_kins* kins, const truepos
   return result;
 }
 
-int32_t truepose_kins_forward(truepose_kins* kins, const truepose_real* joints,
-                              truepose_real* axes) {
+int32_t truepose_kins_forward(truepose_kins* kins, const truepose_real joints[TRUEPOSE_AXES],
+                              truepose_real axes[TRUEPOSE_AXES]) {
   truepose_real x[6], kept[6];
   truepose_outcome outcome;
   memcpy(x, kins->guess, sizeof x);

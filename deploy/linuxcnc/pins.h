@@ -8,7 +8,8 @@
 #include "rtapi.h"
 #include "rtapi_string.h"
 
-/** new_float, new_bit, new_s32: a pin of a name by format, which starts at `value`. @return 0: made */
+/** new_float, new_bit, new_s32: a pin of a name by format, which starts at `value`. @return 0: made
+ */
 #define TRUEPOSE_NEW(kind)                                                                     \
   static inline __attribute__((format(printf, 5, 6))) int new_##kind(                          \
       int id, hal_##kind##_t** pin, hal_pin_dir_t direction, double value, const char* format, \

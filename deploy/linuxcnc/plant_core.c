@@ -26,14 +26,17 @@ truepose_outcome truepose_plant_begin(truepose_plant* plant, const truepose_desc
   memcpy(plant->q, q, sizeof plant->q);
   memcpy(plant->x, robot->home, sizeof plant->x);
   outcome = truepose_fkm(&plant->model, q, kCap, plant->x).outcome;
-  if (outcome.status <= TRUEPOSE_OK) outcome = truepose_readings(&plant->model, plant->x, plant->q_e);
+  if (outcome.status <= TRUEPOSE_OK)
+    outcome = truepose_readings(&plant->model, plant->x, plant->q_e);
   for (int c = 0; c < plant->readings; ++c) plant->zero[c] = counted(plant, c, plant->q_e[c]);
   return outcome;
 }
 
-void truepose_plant_cycle(truepose_plant* plant, const truepose_real* velocity,
-                          const int32_t* fault, const truepose_real* size,
-                          const truepose_real* index, int* index_enable) {
+void truepose_plant_cycle(truepose_plant* plant, const truepose_real velocity[6],
+                          const int32_t fault[TRUEPOSE_READINGS],
+                          const truepose_real size[TRUEPOSE_READINGS],
+                          const truepose_real index[TRUEPOSE_READINGS],
+                          int index_enable[TRUEPOSE_READINGS]) {
   truepose_real q[6] = {0}, x[6], before[TRUEPOSE_READINGS];
   memcpy(x, plant->x, sizeof x);
   memcpy(before, plant->q_e, sizeof before);

@@ -1,5 +1,5 @@
-/* A machine that is simulated: true geometry, drives that take velocities, encoders with counts, and
- * faults. Nothing of LinuxCNC is needed. */
+/* A machine that is simulated: true geometry, drives that take velocities, encoders with counts,
+ * and faults. Nothing of LinuxCNC is needed. */
 #ifndef TRUEPOSE_LINUXCNC_PLANT_CORE_H
 #define TRUEPOSE_LINUXCNC_PLANT_CORE_H
 
@@ -17,8 +17,8 @@ typedef struct truepose_plant {
   truepose_description robot; /**< as it is, not as it is believed to be */
   truepose_real period;
   int32_t motors, readings;
-  int32_t coarse; /**< 1: encoders have counts */
-  int32_t absolute[TRUEPOSE_READINGS]; /**< 1: does not count from power-on */
+  int32_t coarse;                        /**< 1: encoders have counts */
+  int32_t absolute[TRUEPOSE_READINGS];   /**< 1: does not count from power-on */
   truepose_real q[6];                    /**< the motors' true readings */
   truepose_real x[6];                    /**< the true pose */
   truepose_real q_e[TRUEPOSE_READINGS];  /**< true readings */

@@ -36,7 +36,8 @@ static int weighs(int32_t law) {
 }
 
 /** What stands for the readings where they are not believed. */
-static void watched(truepose_corrector* tej, const truepose_corrector_input* input, truepose_real* q_e) {
+static void watched(truepose_corrector* tej, const truepose_corrector_input* input,
+                    truepose_real* q_e) {
   truepose_real believed[TRUEPOSE_READINGS];
   truepose_outcome outcome = {TRUEPOSE_OK, -1};
   if (!tej->guarding) {
@@ -57,16 +58,16 @@ static void watched(truepose_corrector* tej, const truepose_corrector_input* inp
 }
 
 /** The correction that a law asks for. @return 0: none */
-static int asked_for(truepose_corrector* tej, const truepose_corrector_input* input, const truepose_real* q_e,
-                     truepose_real* correction) {
+static int asked_for(truepose_corrector* tej, const truepose_corrector_input* input,
+                     const truepose_real* q_e, truepose_real* correction) {
   truepose_real e[6];
   const int heavy = weighs(input->law);
   const truepose_fkm_result pose = truepose_fkm(&tej->model, input->q_d, kCap, tej->x_d);
   truepose_outcome outcome = pose.outcome;
   if (outcome.status <= TRUEPOSE_OK)
-    outcome = truepose_motor_error(heavy ? &tej->finest : &tej->model, input->law, input->band,
-                                   tej->x_d, q_e, heavy ? &tej->table.known : NULL,
-                                   heavy ? tej->work : NULL, e);
+    outcome =
+        truepose_motor_error(heavy ? &tej->finest : &tej->model, input->law, input->band, tej->x_d,
+                             q_e, heavy ? &tej->table.known : NULL, heavy ? tej->work : NULL, e);
   if (outcome.status != TRUEPOSE_OK) tej->outcome = outcome;
   if (outcome.status > TRUEPOSE_OK) return fails(tej, TRUEPOSE_TEJ_UNSOLVED), 0;
   for (int i = 0; i < tej->motors; ++i) {

@@ -22,15 +22,15 @@ typedef enum truepose_corrector_fault {
 } truepose_corrector_fault;
 
 typedef struct truepose_corrector_input {
-  int32_t enable; /**< the drives are on; each time they are, the correction starts from 0 */
-  int32_t law;    /**< a truepose_law */
-  int32_t watch;  /**< readings are watched, where the table says how */
-  int32_t reset;  /**< faults are forgotten */
-  int32_t referenced;              /**< every sensor's zero is known */
-  truepose_real band;              /**< conditioning below which the law is damped */
-  truepose_real blend;             /**< s over which a change of the law takes effect */
-  truepose_real largest;           /**< correction that is believed, rad or m */
-  truepose_real q_d[6];            /**< commands */
+  int32_t enable;        /**< the drives are on; each time they are, the correction starts from 0 */
+  int32_t law;           /**< a truepose_law */
+  int32_t watch;         /**< readings are watched, where the table says how */
+  int32_t reset;         /**< faults are forgotten */
+  int32_t referenced;    /**< every sensor's zero is known */
+  truepose_real band;    /**< conditioning below which the law is damped */
+  truepose_real blend;   /**< s over which a change of the law takes effect */
+  truepose_real largest; /**< correction that is believed, rad or m */
+  truepose_real q_d[6];  /**< commands */
   truepose_real q_e[TRUEPOSE_READINGS];
 } truepose_corrector_input;
 
@@ -48,13 +48,13 @@ typedef struct truepose_corrector {
   truepose_real from[6]; /**< what of an earlier correction is left to be ramped out */
   truepose_real since;   /**< s since the law changed */
   /* out */
-  truepose_real error[6];      /**< what the drives are to reduce: (q_d - q) + correction */
+  truepose_real error[6]; /**< what the drives are to reduce: (q_d - q) + correction */
   truepose_real correction[6];
-  truepose_real e_q[6];        /**< q_d - q: what a following error is */
-  int32_t law;                 /**< in effect */
-  int32_t fault;               /**< a truepose_corrector_fault; stays until reset, or the drives go on */
-  int32_t stop;                /**< 1: the machine is to come to rest along its path */
-  truepose_outcome outcome;    /**< of the latest call that had something to say */
+  truepose_real e_q[6]; /**< q_d - q: what a following error is */
+  int32_t law;          /**< in effect */
+  int32_t fault;        /**< a truepose_corrector_fault; stays until reset, or the drives go on */
+  int32_t stop;         /**< 1: the machine is to come to rest along its path */
+  truepose_outcome outcome; /**< of the latest call that had something to say */
   truepose_report report;
 } truepose_corrector;
 

@@ -286,9 +286,11 @@ static int load_table(void) {
   if (why != NULL) return wrong("truepose_kins", "table", table, why);
   if (metres == 0) return wrong("truepose_kins", "unit", unit, "choose mm, inch or m");
   outcome = truepose_kins_load(&kins, &read.robot, metres);
-  if (outcome.status > TRUEPOSE_OK) return wrong("truepose_kins", "table", table, truepose_describe(outcome.status));
+  if (outcome.status > TRUEPOSE_OK)
+    return wrong("truepose_kins", "table", table, truepose_describe(outcome.status));
   if (!truepose_kins_extras(&kins, extra))
-    return wrong("truepose_kins", "extra", extra, "choose letters of xyzabcuvw that the robot does not move itself");
+    return wrong("truepose_kins", "extra", extra,
+                 "choose letters of xyzabcuvw that the robot does not move itself");
   loaded = 1;
   return 0;
 }
@@ -306,7 +308,8 @@ static int pins_of_source(void) {
     return from = FROM_LINEAR_DELTA, delta_new(linear, linear_values, 2);
   if (strcmp(pins, "rotarydeltakins") == 0)
     return from = FROM_ROTARY_DELTA, delta_new(rotary, rotary_values, 4);
-  return wrong("truepose_kins", "pins", pins, "give table=FILE, or genhexkins, lineardeltakins or rotarydeltakins");
+  return wrong("truepose_kins", "pins", pins,
+               "give table=FILE, or genhexkins, lineardeltakins or rotarydeltakins");
 }
 
 int rtapi_app_main(void) {

@@ -1,5 +1,5 @@
-/* A machine for LinuxCNC's HAL that is simulated: truepose_tej's other side. plant_core.c is what it
- * does; docs/linuxcnc.md the guide. MIT.
+/* A machine for LinuxCNC's HAL that is simulated: truepose_tej's other side. plant_core.c is what
+ * it does; docs/linuxcnc.md the guide. MIT.
  *
  *   loadrt truepose_plant table=FILE [unit=mm|inch|m] [period_us=1000]
  *   addf truepose_plant servo-thread    # last
@@ -32,7 +32,7 @@ static struct plant_pins {
   hal_s32_t* fault[TRUEPOSE_READINGS];
   hal_bit_t *coarse, *blocked;
   hal_s32_t* status;
-} * pins;
+}* pins;
 
 static truepose_plant plant;
 static truepose_description robot;

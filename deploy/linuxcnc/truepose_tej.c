@@ -31,7 +31,7 @@ static struct tej_pins {
   hal_bit_t *enable, *watch, *reset, *fault, *stop, *all_referenced;
   hal_s32_t *law, *in_effect, *fault_code, *status, *part;
   hal_float_t *band, *blend, *largest;
-} * pins;
+}* pins;
 
 static truepose_corrector tej;
 static truepose_index seen[TRUEPOSE_SENSORS];

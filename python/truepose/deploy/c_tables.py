@@ -119,7 +119,7 @@ def to_c(robot: Robot, controller: Controller, watch: Watch) -> str:
     --------
     >>> import truepose as tp
     >>> from truepose.deploy.c_tables import to_c
-    >>> text = to_c(tp.load("five_bar"), tp.Controller(law="joint"), tp.Watch())
+    >>> text = to_c(tp.load("five-bar"), tp.Controller(law="joint"), tp.Watch())
     >>> [line.split()[3] for line in text.splitlines() if line.startswith("static const")]
     ['five_bar', 'five_bar_control']
     """

@@ -1,0 +1,168 @@
+"""The paper inside LinuxCNC: the H4 homes and runs G-code under three laws. How wrong is it?
+
+Run as ``python tools/linuxcnc_trial.py``; `make linuxcnc` does. LinuxCNC's own machine is simulated:
+one of its rods is 3 mm longer than its controller knows. Prints the table of docs/linuxcnc.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import truepose as tp
+from truepose.arguments import Array
+from truepose.deploy.linuxcnc import to_configuration
+from truepose.paper import article
+from truepose.simulation.moves import MOVE_FROM, MOVE_TO
+
+LAWS = ("joint", "redundant", "estimated")
+ROD = 0.003  # by which a rod is longer, m
+RADIUS, CENTRE = 0.05, (0.0, 0.0, -0.4, 0.0)  # of the circle, m
+TURN = 3.0  # by which theta goes past its index, degrees
+INTERFACE = Path(__file__).with_name("linuxcnc_ui.py")
+
+
+def g0(x: Array) -> str:
+    """Return the G-code that goes to a pose."""
+    words = zip("XYZC", [*(1e3 * x[:3]), np.degrees(x[3])], strict=True)
+    return "G0 " + " ".join(f"{letter}{value:.9f}" for letter, value in words)
+
+
+def job(law: str, poses: Array, counts: bool) -> dict[str, Any]:
+    """Return what the headless user interface is to do."""
+    home = np.array(tp.load("h4").home)
+    turned = [home + [0, 0, 0, np.radians(turn)] for turn in (TURN, -TURN, 0)]
+    start = np.array(CENTRE) + [RADIUS, 0, 0, 0]
+    return {
+        "joints": 4,
+        "pins": {"truepose_tej.law": LAWS_OF[law], "truepose_plant.counts": int(counts)},
+        "index": [g0(x) for x in turned],
+        "poses": [g0(x) for x in poses],
+        "circle": [g0(start), f"G2 X{1e3 * start[0]} Y0 I{-1e3 * RADIUS} J0 F3000"],
+        "refused": ["G0 X0 Y0 Z-900", "G0 X0 Y0 Z-450 C85"],
+    }
+
+
+LAWS_OF = {"joint": 0, "redundant": 1, "cartesian": 2, "weighted": 3, "estimated": 4}
+
+
+def headless(folder: Path, what: dict[str, Any], patience: float = 300.0) -> dict[str, Any]:
+    """Run LinuxCNC in a folder with its configuration; return what its interface found."""
+    shutil.copy(INTERFACE, folder / "ui.py")
+    (folder / "ui.py").chmod(0o755)
+    ini = folder / "robot.ini"
+    text = ini.read_text().replace("DISPLAY = axis", "DISPLAY = ./ui.py")
+    ini.write_text(text)
+    (folder / "job.json").write_text(json.dumps(what))
+    environment = dict(os.environ)
+    if os.getuid() == 0:  # LinuxCNC refuses to run as root
+        folder.chmod(0o777)
+        environment |= {"RTAPI_UID": "65534", "RTAPI_FIFO_PATH": str(folder / "fifo")}
+    with (folder / "log").open("w") as log:
+        subprocess.run(
+            ["linuxcnc", "-r", "robot.ini"],
+            cwd=folder, env=environment, stdout=log, stderr=log, timeout=patience, check=False,
+        )
+    found = folder / "found.json"
+    if not found.exists():
+        raise SystemExit(f"LinuxCNC did not start:\n{(folder / 'log').read_text()}")
+    return json.loads(found.read_text())
+
+
+def configured(folder: Path, robot: tp.Robot, true: tp.Robot, law: str) -> Path:
+    """Write a configuration into a folder that everybody may enter."""
+    folder.mkdir()
+    for name, contents in to_configuration(robot, tp.Controller(law=law), tp.Watch(), true).items():
+        data = contents.encode() if isinstance(contents, str) else contents
+        (folder / name).write_bytes(data)
+    ini = folder / "robot.ini"  # the paper's move begins below the file's workspace
+    ini.write_text(ini.read_text().replace("MIN_LIMIT = -450", "MIN_LIMIT = -520"))
+    return folder
+
+
+def trial(poses: int, counts: bool) -> dict[str, dict[str, Any]]:
+    """Run all laws; return what each was off, and what LinuxCNC said."""
+    robot = tp.load("h4")
+    true = robot.replace({"chain1.rod": robot.spec.chain[0].rod + ROD})
+    table2 = article.table2()
+    some = table2[np.random.default_rng(0).choice(len(table2), poses, replace=False)]
+    x_d = np.vstack([some, MOVE_FROM, MOVE_TO])
+    results = {}
+    with tempfile.TemporaryDirectory(prefix="truepose-linuxcnc-") as work:
+        Path(work).chmod(0o755)
+        for law in LAWS:
+            folder = configured(Path(work) / law, robot, true, law)
+            found = headless(folder, job(law, x_d, counts))
+            if "error" in found:
+                raise SystemExit(f"{law}: {found['error']}; LinuxCNC said {found['said']}")
+            results[law] = judged(found, x_d, tp.settle(robot, true, x_d, law))
+    return results
+
+
+def judged(found: dict[str, Any], x_d: Array, settled: Array) -> dict[str, Any]:
+    """Return errors in mm and degrees."""
+    shown = np.array([1e3, 1e3, 1e3, np.degrees(1)])
+    rest = np.array(found["rest"])
+    off = rest - x_d * shown
+    path = np.array(found["path"])
+    radial = np.hypot(path[:, 0], path[:, 1]) - 1e3 * RADIUS
+    times = {name: float(np.median(values)) for name, values in found["times"].items()}
+    return {
+        "theta": float(np.abs(off[:-2, 3]).mean()),
+        "theta_max": float(np.abs(off[:-2, 3]).max()),
+        "position": float(np.linalg.norm(off[:-2, :3], axis=1).mean()),
+        "move": float(np.abs(off[-1, 3])),
+        "circle": float(np.abs(path[:, 3]).max()),
+        "radial": float(np.abs(radial).max()),
+        "from_settle": float(np.linalg.norm((rest - settled * shown)[:, :3], axis=1).max()),
+        "theta_from_settle": float(np.abs((rest - settled * shown)[:, 3]).max()),
+        "time": times["truepose_tej.time"] / times["motion-controller.time"],
+        "referenced": found["referenced"],
+        "law": found["law"],
+        "faulted": found["faulted"],
+        "said": found["said"],
+    }
+
+
+def main() -> int:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--poses", type=int, default=50, help="of Table 2")
+    parser.add_argument("--unquantised", action="store_true", help="encoders without counts")
+    asked = parser.parse_args()
+    if shutil.which("linuxcnc") is None:
+        print("linuxcnc: SKIPPED, LinuxCNC is not installed (Debian: linuxcnc-uspace)")
+        return 0
+    results = trial(asked.poses, not asked.unquantised)
+    rows = {
+        f"θ, mean of {asked.poses} poses of Table 2, °": ("theta", ".3f"),
+        "θ, worst of them, °": ("theta_max", ".3f"),
+        "position, mean of them, mm": ("position", ".2f"),
+        "θ at the end of the paper's move, °": ("move", ".3f"),
+        "θ on a circle of 100 mm, worst, °": ("circle", ".3f"),
+        "its radius, worst, mm": ("radial", ".2f"),
+        "from where `tp.settle` says, worst, µm": ("from_settle", ".1f"),
+        "one cycle of truepose_tej / motion-controller": ("time", ".2f"),
+    }
+    print("| |" + "|".join(f" {law} " for law in LAWS) + "|\n|---|" + "---|" * len(LAWS))
+    for title, (key, how) in rows.items():
+        scale = 1e3 if "µm" in title else 1
+        values = "|".join(f" {scale * results[law][key]:{how}} " for law in LAWS)
+        print(f"| {title} |{values}|")
+    print("\nRefused, each by LinuxCNC:", *dict.fromkeys(results["joint"]["said"]), sep="\n    ")
+    healthy = all(r["referenced"] and not r["faulted"] for r in results.values())
+    asked_for = all(results[law]["law"] == LAWS_OF[law] for law in LAWS)
+    return 0 if healthy and asked_for else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
