@@ -18,6 +18,8 @@ SETTLES, PATIENCE = 0.4, 20.0  # s
 
 
 class Machine:
+    """What LinuxCNC is asked and told."""
+
     def __init__(self, joints):
         self.command, self.state, self.errors = (
             linuxcnc.command(),
@@ -28,6 +30,7 @@ class Machine:
         self.said = []
 
     def wait(self, holds, what):
+        """Wait, and note what LinuxCNC says meanwhile."""
         end = time.monotonic() + PATIENCE
         while time.monotonic() < end:
             self.state.poll()
@@ -40,6 +43,7 @@ class Machine:
         raise TimeoutError(what)
 
     def start(self):
+        """Switch the machine on, and home it."""
         self.command.state(linuxcnc.STATE_ESTOP_RESET)
         self.command.state(linuxcnc.STATE_ON)
         self.wait(lambda: self.state.task_state == linuxcnc.STATE_ON, "the machine is not on")
@@ -51,10 +55,12 @@ class Machine:
         self.command.wait_complete()
 
     def begin(self, line):
+        """Give a line of G-code."""
         self.command.mdi(line)
         time.sleep(0.02)
 
     def still(self):
+        """Say whether all is done."""
         return self.state.interp_state == linuxcnc.INTERP_IDLE and self.state.inpos
 
     def go(self, line, each=None):
@@ -65,47 +71,56 @@ class Machine:
 
 
 def value(name):
+    """Return a pin's value, all digits."""
     return hal.get_value(name)
 
 
 def truth(joints):
+    """Return the simulated machine's true pose, mm and degrees."""
     return [value(f"truepose_plant.pose.{k}") for k in range(joints)]
 
 
+def clocks(names):
+    """Return what each function took, in 500 looks at it."""
+    taken = {name: [] for name in names}
+    for _ in range(500):
+        for name, values in taken.items():
+            values.append(value(name))
+        time.sleep(0.002)
+    return taken
+
+
 def run(job, machine):
-    joints = job["joints"]
-    found = {"rest": [], "path": []}
+    """Do the job; return what was found."""
+    joints, true = job["joints"], job["true"]
+    found = {"rest": [], "path": [], "shown": []}
     for pin, wanted in job["pins"].items():
         subprocess.run(["halcmd", "setp", pin, str(wanted)], check=True)
     machine.start()
     for line in job["index"]:
         machine.go(line)
-    found["referenced"] = bool(value("truepose_tej.referenced"))
     for line in job["poses"]:
         machine.go(line)
-        found["rest"].append(truth(joints))
-    *there, circle = job["circle"]
-    for line in there:
-        machine.go(line)
-    machine.go(circle, lambda: found["path"].append(truth(joints)))
-    times = {name: [] for name in ("truepose_tej.time", "motion-controller.time")}
-    for _ in range(500):
-        for name, values in times.items():
-            values.append(value(name))
-        time.sleep(0.002)
-    found["times"] = times
-    found["law"] = value("truepose_tej.law-in-effect")
-    found["faulted"] = bool(value("truepose_tej.fault"))
+        found["shown"].append(list(machine.state.actual_position))
+        if true:
+            found["rest"].append(truth(joints))
+    if job["circle"]:
+        *there, circle = job["circle"]
+        for line in there:
+            machine.go(line)
+        machine.go(circle, lambda: found["path"].append(truth(joints)))
+    found["times"] = clocks(job["clocks"])
+    found["pins"] = {name: value(name) for name in job["asked"]}
     for line in job["refused"]:
         machine.begin(line)
         machine.wait(machine.still, line)
         time.sleep(0.1)
     found["said"] = machine.said
-    found["on"] = machine.state.task_state == linuxcnc.STATE_ON
     return found
 
 
 def main():
+    """Do the job of job.json, and leave found.json."""
     job = json.loads((HERE / "job.json").read_text())
     own = hal.component("truepose_ui")  # whoever reads pins must be one
     own.ready()

@@ -1,4 +1,4 @@
-"""Does LinuxCNC's kinematics module answer as LinuxCNC's own do, and refuse what they drive through?
+"""Does the kinematics module answer as LinuxCNC's own do, and refuse what they drive through?
 
 Both are asked in one process, without LinuxCNC running: tests/linuxcnc/stub_hal.c gives them pins.
 """
@@ -160,10 +160,10 @@ def test_a_delta_of_its_modules_pins_moves_as_its_module_moves_it(hal, ours, nam
     for module in modules:
         for pin, value in names.items():
             module.pin(pin)[0] = value
-    random = np.random.default_rng(1)
+    random, s = np.random.default_rng(1), abs(z) / 5
     for _ in range(100):
         x = random.uniform(-9, 9, 9)
-        x[:3] = random.uniform(-abs(z) / 5, abs(z) / 5, 3) + [0, 0, z]
+        x[:3] = random.uniform([-s, -s, z - s], [s, s, z + s])
         (failed, stock), (refused, own) = (module.inverse(x) for module in modules)
         assert not failed
         assert not refused

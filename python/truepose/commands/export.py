@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
@@ -20,6 +22,7 @@ from truepose.commands.options import (
 )
 from truepose.deploy.c_tables import KIND, to_c
 from truepose.deploy.linuxcnc import to_configuration
+from truepose.exceptions import InputError
 from truepose.robot.laws import Law
 from truepose.robot.robot import load
 from truepose.robotfile import path_of
@@ -128,7 +131,6 @@ def linuxcnc(
     controller = Controller(law=law if made.r else "joint", period=period)
     contents = to_configuration(made, controller, Watch(), built)
     read = [path_of(name) for name in (robot, machine) if name]
-    out.mkdir(parents=True, exist_ok=True)
     outputs: dict[files.Output, str | bytes] = {
         files.Output(
             out / name,
@@ -138,8 +140,25 @@ def linuxcnc(
         ): text
         for name, text in contents.items()
     }
-    files.write(outputs, read, force)
+    with _folder(out):
+        files.write(outputs, read, force)
     wrote(Format.table, *(output.path for output in outputs))
+
+
+@contextlib.contextmanager
+def _folder(path: Path) -> Iterator[None]:
+    """Make a folder to write into; it is not left where nothing is written."""
+    new = not path.exists()
+    try:
+        path.mkdir(exist_ok=True)
+    except OSError as error:
+        raise InputError(f"-o {path}: cannot be a folder: {error.strerror}") from None
+    try:
+        yield
+    except InputError:
+        if new:
+            path.rmdir()
+        raise
 
 
 def _put(robot: str, text: str, out: Path | None, kind: str, force: bool) -> None:

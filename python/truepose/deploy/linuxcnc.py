@@ -11,6 +11,7 @@ import numpy as np
 
 from truepose import _core, files
 from truepose.arguments import Array
+from truepose.deploy.c_tables import require_prompt
 from truepose.exceptions import InputError
 from truepose.robot.knowledge import knowledge
 from truepose.robot.robot import Robot
@@ -53,6 +54,7 @@ def to_table(robot: Robot, controller: Controller, watch: Watch) -> bytes:
     >>> table[:12]
     b'trueposerobt'
     """
+    require_prompt(robot, controller.period)
     blocks = {b"robt": _core.c_description_bytes(robot.core)}
     if robot.r:
         column, root, sigma = _core.c_knowledge(knowledge(robot).core)
