@@ -48,6 +48,7 @@ def job(law: str, poses: Array, counts: bool) -> dict[str, Any]:
         "pins": {"truepose_tej.law": LAWS_OF[law], "truepose_plant.counts": int(counts)},
         "index": [g0(x) for x in turned],
         "poses": [g0(x) for x in poses],
+        "events": [],
         "circle": [g0(start), f"G2 X{1e3 * start[0]} Y0 I{-1e3 * RADIUS} J0 F3000"],
         "refused": ["G0 X0 Y0 Z-900", "G0 X0 Y0 Z-450 C85"],
         "clocks": ["truepose_tej.time", "motion-controller.time"],
@@ -139,6 +140,37 @@ def judged(found: dict[str, Any], x_d: Array, settled: Array) -> dict[str, Any]:
     }
 
 
+def steps() -> dict[str, float]:
+    """Run the redundant law; return the largest change a cycle of a drive's command, °/s."""
+    robot = tp.load("h4")
+    true = robot.replace({"chain3.rod": robot.spec.chain[2].rod + ROD})
+    law, sensor = "truepose_tej.law", "truepose_plant.sensor.0.fault"
+    events = {
+        "nothing": [],
+        "redundant to Cartesian": [(law, 2)],
+        "Cartesian to joint": [(law, 0)],
+        "joint to redundant": [(law, 1)],
+        "θ's encoder falls silent": [(sensor, 1)],
+        "it is heard again, and the fault reset": [(sensor, 0), ("truepose_tej.reset", 1)],
+        "machine off and on": None,
+    }
+    what = job("redundant", np.array([[0.05, 0.05, -0.42, 0.2]]), True)
+    what |= {"events": [["", [("truepose_tej.reset", 0)]], *events.items()], "refused": []}
+    with tempfile.TemporaryDirectory(prefix="truepose-linuxcnc-") as work:
+        Path(work).chmod(0o755)
+        folder = configured(Path(work) / "steps", robot, true, "redundant")
+        with (folder / "robot.hal").open("a") as hal:
+            hal.write("loadrt sampler depth=4000 cfg=fffff\naddf sampler.0 servo-thread\n")
+            hal.write(
+                "setp sampler.0.enable 0\nnet event truepose_plant.0.fault-size sampler.0.pin.0\n"
+            )
+            hal.writelines(f"net j{i}-velocity => sampler.0.pin.{i + 1}\n" for i in range(4))
+        found = headless(folder, what)
+    if "error" in found:
+        raise SystemExit(f"steps: {found['error']}; LinuxCNC said {found['said']}")
+    return {name: found["steps"][name] for name in events}
+
+
 STOCK = Path("/usr/share/doc/linuxcnc/examples/sample-configs/sim/axis/vismach/hexapod-sim")
 TURNS = (0, 40, 60, 80, 85, 89)
 
@@ -182,7 +214,7 @@ def hexapod() -> bool:
     print("\n| commanded |" + "|".join(f" {name} shows " for name in rows) + "|\n|---|---|---|")
     for k, turn in enumerate(TURNS):
         cells = "|".join(
-            f" Z{shown[k, 0]:.3f} C{shown[k, 1]:.3f} " for shown, _, _ in rows.values()
+            f" Z{shown[k, 0]:.3f} C{shown[k, 1] + 0:.3f} " for shown, _, _ in rows.values()
         )
         print(f"| Z25 C{turn} |{cells}|")
     print(
@@ -221,6 +253,11 @@ def main() -> int:
         values = "|".join(f" {scale * results[law][key]:{how}} " for law in LAWS)
         print(f"| {title} |{values}|")
     print("\nRefused, each by LinuxCNC:", *dict.fromkeys(results["joint"]["said"]), sep="\n    ")
+    found = steps()
+    print("\n| what happens, at rest | most that a drive's command changes in a cycle, °/s |")
+    print("|---|---|")
+    for name, change in found.items():
+        print(f"| {name} | {change:.2f} |")
     healthy = all(results[law]["pins"] == (True, LAWS_OF[law], False) for law in LAWS)
     return 0 if healthy and hexapod() else 1
 

@@ -4,6 +4,7 @@
 Run by LinuxCNC ([DISPLAY]DISPLAY) with the system's Python; needs nothing of truepose.
 """
 
+import itertools
 import json
 import subprocess
 import sys
@@ -15,6 +16,7 @@ import linuxcnc
 
 HERE = Path(__file__).resolve().parent
 SETTLES, PATIENCE = 0.4, 20.0  # s
+LOOKS = 1.2  # s, for a step of what drives are told
 
 
 class Machine:
@@ -60,7 +62,9 @@ class Machine:
         time.sleep(0.02)
 
     def still(self):
-        """Say whether all is done."""
+        """Say whether all is done; raise where the machine went off."""
+        if self.state.task_state != linuxcnc.STATE_ON:
+            raise RuntimeError("the machine went off")
         return self.state.interp_state == linuxcnc.INTERP_IDLE and self.state.inpos
 
     def go(self, line, each=None):
@@ -90,12 +94,51 @@ def clocks(names):
     return taken
 
 
+def setp(pin, wanted):
+    """Set a pin that nothing writes to."""
+    subprocess.run(["halcmd", "setp", pin, str(wanted)], check=True)
+
+
+def steps(events, machine):
+    """Return the largest change, from one cycle to the next, of what a drive was told."""
+
+    def off_and_on():
+        machine.command.state(linuxcnc.STATE_OFF)
+        time.sleep(0.2)
+        machine.command.state(linuxcnc.STATE_ON)
+
+    with (HERE / "samples").open("w+") as samples:
+        sampler = subprocess.Popen(["halsampler", "-t"], stdout=samples)
+        setp("sampler.0.enable", 1)
+        for k, (_, pins) in enumerate(events):
+            subprocess.run(["halcmd", "sets", "event", str(k)], check=True)
+            if pins is None:
+                off_and_on()
+            else:
+                for pin in pins:
+                    setp(*pin)
+            time.sleep(LOOKS)
+        sampler.terminate()
+        sampler.wait()
+        samples.seek(0)
+        whole = [row.split() for row in samples if row.endswith("\n") and "over" not in row]
+    rows = [[float(word) for word in row] for row in whole]
+    found = {name: 0.0 for name, _ in events}
+    for one, other in itertools.pairwise(rows):
+        number, event, *told = other
+        if number == one[0] + 1:
+            changes = [abs(a - b) for a, b in zip(told, one[2:], strict=True)]
+            name = events[int(event)][0]
+            found[name] = max(found[name], *changes)
+    return found
+
+
 def run(job, machine):
     """Do the job; return what was found."""
     joints, true = job["joints"], job["true"]
     found = {"rest": [], "path": [], "shown": []}
     for pin, wanted in job["pins"].items():
-        subprocess.run(["halcmd", "setp", pin, str(wanted)], check=True)
+        setp(pin, wanted)
     machine.start()
     for line in job["index"]:
         machine.go(line)
@@ -115,6 +158,7 @@ def run(job, machine):
         machine.begin(line)
         machine.wait(machine.still, line)
         time.sleep(0.1)
+    found["steps"] = steps(job["events"], machine)
     found["said"] = machine.said
     return found
 

@@ -57,17 +57,34 @@ static void watched(truepose_corrector* tej, const truepose_corrector_input* inp
   if (failed) fails(tej, TRUEPOSE_TEJ_WATCH);
 }
 
+/** Of a law: what it keeps from cycle to cycle is begun anew where it is another one. */
+static truepose_outcome error_of(truepose_corrector* tej, const truepose_corrector_input* input,
+                                 const truepose_real* q_e, truepose_real* e) {
+  const int heavy = weighs(input->law);
+  truepose_outcome outcome = {TRUEPOSE_OK, -1};
+  if (tej->begun != input->law + 1 || tej->band != input->band) {
+    truepose_control_settings settings;
+    truepose_default_control(&settings);
+    settings.law = input->law;
+    settings.damped_below = input->band;
+    settings.period = tej->period;
+    outcome = truepose_begin_control(&tej->controller, sizeof tej->controller, &settings);
+    tej->begun = outcome.status <= TRUEPOSE_OK ? input->law + 1 : 0;
+    tej->band = input->band;
+  }
+  if (outcome.status > TRUEPOSE_OK) return outcome;
+  return truepose_controller_error(heavy ? &tej->finest : &tej->model, &tej->controller, tej->x_d,
+                                   q_e, heavy ? &tej->table.known : NULL,
+                                   heavy ? tej->work : NULL, e);
+}
+
 /** The correction that a law asks for. @return 0: none */
 static int asked_for(truepose_corrector* tej, const truepose_corrector_input* input,
                      const truepose_real* q_e, truepose_real* correction) {
   truepose_real e[6];
-  const int heavy = weighs(input->law);
   const truepose_fkm_result pose = truepose_fkm(&tej->model, input->q_d, kCap, tej->x_d);
   truepose_outcome outcome = pose.outcome;
-  if (outcome.status <= TRUEPOSE_OK)
-    outcome =
-        truepose_motor_error(heavy ? &tej->finest : &tej->model, input->law, input->band, tej->x_d,
-                             q_e, heavy ? &tej->table.known : NULL, heavy ? tej->work : NULL, e);
+  if (outcome.status <= TRUEPOSE_OK) outcome = error_of(tej, input, q_e, e);
   if (outcome.status != TRUEPOSE_OK) tej->outcome = outcome;
   if (outcome.status > TRUEPOSE_OK) return fails(tej, TRUEPOSE_TEJ_UNSOLVED), 0;
   for (int i = 0; i < tej->motors; ++i) {

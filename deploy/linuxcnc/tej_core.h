@@ -42,6 +42,9 @@ typedef struct truepose_corrector {
   truepose_real period;
   /* memory */
   truepose_guard guard;
+  truepose_controller controller; /**< of the law and the band below */
+  int32_t begun;
+  truepose_real band;
   truepose_real work[TRUEPOSE_TEJ_WORK];
   int32_t guarding, enabled;
   truepose_real x_d[6];  /**< pose of the commands */
