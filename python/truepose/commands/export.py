@@ -34,6 +34,13 @@ from truepose.simulation.watch import Watch
 
 app = typer.Typer(no_args_is_help=True, help="Write a robot in another program's format.")
 
+ChosenLevel = Annotated[
+    Level | None,
+    typer.Option(
+        help="Understand each chain as one rod, or every rod by itself.",
+        show_default="as the file; the finest for what weighs",
+    ),
+]
 Out = Annotated[
     Path | None,
     typer.Option("-o", "--out", help="File to write.", show_default="standard output"),
@@ -61,13 +68,7 @@ def c(
     out: Out = None,
     force: Force = False,
     sensors: SensorSet = None,
-    level: Annotated[
-        Level | None,
-        typer.Option(
-            help="Understand each chain as one rod, or every rod by itself.",
-            show_default="as the file; the finest for what weighs",
-        ),
-    ] = None,
+    level: ChosenLevel = None,
     law: Annotated[Law, typer.Option(help="That the gains are chosen for.")] = "redundant",
     period: Annotated[float, typer.Option(help="Of the control cycle, s.")] = 1e-3,
     frequency: Annotated[
@@ -108,6 +109,7 @@ def linuxcnc(
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder to write into.")],
     force: Force = False,
     sensors: SensorSet = None,
+    level: ChosenLevel = None,
     machine: Annotated[
         str | None,
         typer.Option(
@@ -126,6 +128,8 @@ def linuxcnc(
     made, built = load(robot), load(machine) if machine else None
     if sensors is not None:
         made = made.with_sensors(*parse_set(made, sensors))
+    if level is not None:
+        made = made.with_level(level)
     if built is not None and built.sensors != made.sensors:
         built = built.with_sensors(*made.sensors)
     controller = Controller(law=law if made.r else "joint", period=period)

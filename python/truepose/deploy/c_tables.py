@@ -6,10 +6,11 @@ import keyword
 import math
 import re
 from collections.abc import Iterable, Sequence
+from importlib.metadata import version
 
 import numpy as np
 
-from truepose import __version__, _core, files
+from truepose import _core, files
 from truepose.exceptions import InputError
 from truepose.robot.knowledge import knowledge, uncertain
 from truepose.robot.robot import Robot
@@ -140,7 +141,7 @@ def to_c(robot: Robot, controller: Controller, watch: Watch) -> str:
     used = f"laws that weigh, and the watch, are to be given {weighs}" if robot.r else "no sensors"
     head = (
         f"/* {robot.name}, for truepose/truepose.h; {used}.\n"
-        f" * By `truepose export c` of truepose {__version__}; {files.mark(KIND)}.\n"
+        f" * By `truepose export c` of truepose {version('truepose')}; {files.mark(KIND)}.\n"
         " * m, rad, kg, s, N, N·m. */\n"
         f"#ifndef {guard}\n#define {guard}\n\n"
         '#include <math.h>\n\n#include "truepose/truepose.h"\n\n'
