@@ -233,6 +233,13 @@ def cpp(doxygen: bool) -> tuple[str, dict[str, str]]:
     return f"{text}\n```{{toctree}}\n:hidden:\n:glob:\n\ncpp/*\n```\n", pages
 
 
+def c(doxygen: bool) -> str:
+    """What Doxygen knows of the C interface."""
+    if not doxygen:
+        return "*Built without doxygen: the reference itself is left out.*\n"
+    return "```{eval-rst}\n.. doxygenfile:: truepose/truepose.h\n```\n"
+
+
 def _question(header: Path) -> str:
     """The paragraph that a header begins with: the question that it answers."""
     comment = itertools.takewhile(
@@ -250,4 +257,5 @@ def parts(doxygen: bool) -> dict[str, str]:
         "generated/commands.md": commands(),
         "generated/python.md": python(),
         "generated/cpp.md": headers,
+        "generated/c.md": c(doxygen),
     }

@@ -4,8 +4,16 @@
 
 #include "truepose/truepose.h"
 
-enum { AGREE_IKM, AGREE_FKM, AGREE_READINGS, AGREE_JACOBIAN, AGREE_TEJ, AGREE_ERROR, AGREE_ESTIMATE,
-       AGREE_QUESTIONS };
+enum {
+  AGREE_IKM,
+  AGREE_FKM,
+  AGREE_READINGS,
+  AGREE_JACOBIAN,
+  AGREE_TEJ,
+  AGREE_ERROR,
+  AGREE_ESTIMATE,
+  AGREE_QUESTIONS
+};
 
 /** Names of the questions. */
 extern const char* const agree_names[AGREE_QUESTIONS];

@@ -6,10 +6,11 @@ import keyword
 import math
 import re
 from collections.abc import Iterable, Sequence
+from importlib.metadata import version
 
 import numpy as np
 
-from truepose import __version__, _core, files
+from truepose import _core, files
 from truepose.exceptions import InputError
 from truepose.robot.knowledge import knowledge, uncertain
 from truepose.robot.robot import Robot
@@ -119,15 +120,11 @@ def to_c(robot: Robot, controller: Controller, watch: Watch) -> str:
     --------
     >>> import truepose as tp
     >>> from truepose.deploy.c_tables import to_c
-    >>> text = to_c(tp.load("five_bar"), tp.Controller(law="joint"), tp.Watch())
+    >>> text = to_c(tp.load("five-bar"), tp.Controller(law="joint"), tp.Watch())
     >>> [line.split()[3] for line in text.splitlines() if line.startswith("static const")]
     ['five_bar', 'five_bar_control']
     """
-    if late.settings(robot, controller.period) is not None:
-        raise InputError(
-            f"{robot.name}: a sensor is slow or late (`period`, `age`), which the C interface has "
-            "no entry for: choose others (--sensors)"
-        )
+    require_prompt(robot, controller.period)
     name = identifier(robot.name)
     finest = robot.finest
     two = robot.r > 0 and finest.level != robot.level
@@ -144,7 +141,7 @@ def to_c(robot: Robot, controller: Controller, watch: Watch) -> str:
     used = f"laws that weigh, and the watch, are to be given {weighs}" if robot.r else "no sensors"
     head = (
         f"/* {robot.name}, for truepose/truepose.h; {used}.\n"
-        f" * By `truepose export c` of truepose {__version__}; {files.mark(KIND)}.\n"
+        f" * By `truepose export c` of truepose {version('truepose')}; {files.mark(KIND)}.\n"
         " * m, rad, kg, s, N, N·m. */\n"
         f"#ifndef {guard}\n#define {guard}\n\n"
         '#include <math.h>\n\n#include "truepose/truepose.h"\n\n'
@@ -152,6 +149,15 @@ def to_c(robot: Robot, controller: Controller, watch: Watch) -> str:
         f"#error These tables are of version {_core.c_abi} of truepose.h\n#endif\n\n"
     )
     return head + "\n".join(parts) + "\n#endif\n"
+
+
+def require_prompt(robot: Robot, period: float) -> None:
+    """Raise where a sensor is slow or late, which the C interface has no entry for."""
+    if late.settings(robot, period) is not None:
+        raise InputError(
+            f"{robot.name}: a sensor is slow or late (`period`, `age`), which the C interface has "
+            "no entry for: choose others (--sensors)"
+        )
 
 
 def _number(value: float) -> str:
