@@ -13,16 +13,21 @@ export PATH := $(abspath $(BIN)):$(PATH)
 
 PACKAGE := $(shell find include src cmake python robots -type f -not -name '*.pyc') \
            CMakeLists.txt pyproject.toml README.md
+<<<<<<< HEAD
+CPP := $(shell find include src tests/cpp tests/fuzz benchmarks examples/cpp -name '*.[hc]pp') \
+       $(wildcard deploy/linuxcnc/*.[ch] tests/linuxcnc/*.c)
+=======
 CPP := $(shell find include src tests/cpp tests/fuzz tests/reference benchmarks examples -name '*.[hc]pp' \
          -o -name '*.[hc]' ! -name vectors.h)
+>>>>>>> main
 
 .DEFAULT_GOAL := help
 .PHONY: help reproduce report test test-python test-cpp lint format fuzz realtime consumer wheel instructions bench bench-peers \
-        mutants coverage coverage-python coverage-cpp pictures docs twin dev clean
+        mutants coverage coverage-python coverage-cpp pictures docs twin dev linuxcnc clean
 
 help:
 	@sed -n 's/^# \?//p' Makefile | sed '/^$$/q'
-	@echo "Also: report lint format fuzz realtime consumer wheel instructions bench mutants coverage pictures docs twin clean"
+	@echo "Also: report lint format fuzz realtime consumer wheel instructions bench mutants coverage pictures docs twin linuxcnc clean"
 
 reproduce: $(VENV)/installed
 	@truepose reproduce $(ARGS)
@@ -56,7 +61,7 @@ format: $(VENV)/tools
 # Each fuzz target under libFuzzer for SECONDS; what it learns stays in build/fuzz/corpus. An input that
 # breaks a promise is left in build/fuzz: hand it to the target again to see it break.
 SECONDS ?= 60
-FUZZ := kinematics full estimate control guarded
+FUZZ := kinematics full estimate control guarded tables
 fuzz: $(VENV)/tools
 	@if command -v clang++-22 >/dev/null; then \
 	  cmake --preset fuzz -DPython_EXECUTABLE=$(abspath $(BIN))/python && cmake --build --preset fuzz && \
@@ -114,6 +119,18 @@ coverage-cpp: $(VENV)/developing
 	  set -- tests/cpp/test_*[a-z] && llvm-cov-22 report "$$1" $$(printf -- ' -object %s' "$$@") \
 	    -instr-profile all.profdata --show-branch-summary $(CURDIR)/include/truepose; \
 	else echo "coverage-cpp: SKIPPED, clang is not installed (Debian: clang-22 llvm-22)"; fi
+
+# The paper inside LinuxCNC, headless, and LinuxCNC's own hexapod on our kinematics. LinuxCNC loads
+# modules from its own folder alone: to put them there, the first time, needs root.
+linuxcnc: $(VENV)/developing
+	@if command -v linuxcnc >/dev/null && command -v halcompile >/dev/null; then \
+	  cmake -S . -B build/c -G Ninja -DTRUEPOSE_PYTHON=OFF -DCMAKE_BUILD_TYPE=Release \
+	    -DPython_EXECUTABLE=$(abspath $(BIN))/python && \
+	  cmake --build build/c --target truepose_c_static && \
+	  $(MAKE) --no-print-directory -C deploy/linuxcnc there && \
+	  python -m pytest -q tests/python/test_linuxcnc_kinematics.py && \
+	  python tools/linuxcnc_trial.py; \
+	else echo "linuxcnc: SKIPPED, LinuxCNC is not installed (Debian: linuxcnc-uspace linuxcnc-uspace-dev)"; fi
 
 bench: build/dev/build.ninja
 	cmake --build --preset dev --target benchmark_core

@@ -83,6 +83,14 @@ nb::tuple watch_settings(const Guarding& guarding) {
                         listed.rows);
 }
 
+/// A struct as it lies in memory, for files that a program of the same kind of machine reads.
+template <class C, class Core>
+nb::bytes image_of(const Core& core) {
+  static C of;  // 8 kB
+  c::describe(core, of);
+  return nb::bytes(reinterpret_cast<const char*>(&of), sizeof of);
+}
+
 /// Columns of H_ξ, S and the readings' σ.
 nb::tuple knowledge(const Known& known) {
   return nb::make_tuple(known.column, known.root, known.sigma);
@@ -97,6 +105,12 @@ void bind_c(nb::module_& m) {
   m.def("c_control", &control_settings, "settings"_a);
   m.def("c_watch", &watch_settings, "guarding"_a);
   m.def("c_knowledge", &knowledge, "known"_a);
+  m.def("c_description_bytes", &image_of<truepose_description, Robot>, "robot"_a);
+  m.def("c_control_bytes", &image_of<truepose_control_settings, ControlSettings>, "settings"_a);
+  m.def(
+      "c_watch_bytes",
+      [](const Guarding& of) { return image_of<truepose_watch_settings>(of.settings); },
+      "guarding"_a);
 }
 
 }  // namespace truepose::python

@@ -412,6 +412,14 @@ TRUEPOSE_API truepose_outcome truepose_begin_control(truepose_controller* contro
 /** Another law from the next cycle on; no step of the torque follows. @return NO_SUCH_PART */
 TRUEPOSE_API truepose_outcome truepose_change_law(truepose_controller* controller, int32_t law);
 
+/** One cycle of a controller whose drives close their own loops: as truepose_motor_error(), by the
+ * law and the damping of its settings. What laws that weigh know of a pose is kept from cycle to
+ * cycle, as truepose_control() keeps it. */
+TRUEPOSE_API truepose_outcome truepose_controller_error(
+    const truepose_model* model, truepose_controller* controller,
+    const truepose_real x_d[TRUEPOSE_FREEDOMS], const truepose_real q_e[TRUEPOSE_READINGS],
+    const truepose_knowledge* known, truepose_real* work, truepose_real e[TRUEPOSE_FREEDOMS]);
+
 /** One cycle.
  *
  * @param known   null for laws that do not weigh; its work space likewise

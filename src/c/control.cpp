@@ -153,6 +153,25 @@ truepose_outcome truepose_change_law(truepose_controller* controller, int32_t la
   return c::answer({});
 }
 
+truepose_outcome truepose_controller_error(const truepose_model* model,
+                                           truepose_controller* controller,
+                                           const truepose_real* x_d, const truepose_real* q_e,
+                                           const truepose_knowledge* known, truepose_real* work,
+                                           truepose_real* e) {
+  return c::asked(model, [&](const Robot& robot) {
+    c::Controller* made = c::Controller::of(controller);
+    if (made == nullptr) return c::kUnfinished;
+    const c::Known weighs(known, work, &made->kept);
+    const ControlSettings& settings = made->settings;
+    Joint error{};
+    const Outcome outcome =
+        motor_error(robot, settings.law, c::values<Coordinates>(x_d), c::values<Extended>(q_e),
+                    error, settings.damped_below, weighs.weighing);
+    if (outcome) c::give(error, e);
+    return outcome;
+  });
+}
+
 truepose_outcome truepose_control(const truepose_model* model, truepose_controller* controller,
                                   const truepose_setpoint* setpoint, const truepose_real* q_e,
                                   const truepose_knowledge* known, truepose_real* work,

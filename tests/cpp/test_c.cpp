@@ -173,10 +173,13 @@ TEST("laws, estimates and control cycles through C are the core's") {
       CHECK(same(table.kp, settings.kp) && same(table.kd, settings.kd));
       truepose_controller controller;
       CHECK(same(truepose_begin_control(&controller, sizeof controller, &table), {}));
+      truepose_controller alone;  // of drives that close their own loops
+      CHECK(same(truepose_begin_control(&alone, sizeof alone, &table), {}));
       ControlState state;
-      KeptWeights kept;
-      Weighing keeps = prior.weighing();
+      KeptWeights kept, kept_alone;
+      Weighing keeps = prior.weighing(), keeps_alone = keeps;
       keeps.kept = &kept;
+      keeps_alone.kept = &kept_alone;
       for (int k = 0; k < 5; ++k) {
         Setpoint setpoint;
         setpoint.x = random_pose(mechanism, random, 0.3);
@@ -190,6 +193,10 @@ TEST("laws, estimates and control cycles through C are the core's") {
         CHECK(same(truepose_motor_error(&in_c_model.model, static_cast<int>(law), 0,
                                         setpoint.x.data(), q_e.data(), &known, work.data(), e_c),
                    motor_error(robot, law, setpoint.x, q_e, e, 0, prior.weighing())));
+        CHECK(same(e_c, e));
+        CHECK(same(truepose_controller_error(&in_c_model.model, &alone, setpoint.x.data(),
+                                             q_e.data(), &known, work.data(), e_c),
+                   motor_error(robot, law, setpoint.x, q_e, e, 0, keeps_alone)));
         CHECK(same(e_c, e));
         CHECK(same(truepose_control(&in_c_model.model, &controller, &setpoint_c, q_e.data(), &known,
                                     work.data(), torque),
@@ -210,6 +217,10 @@ TEST("laws, estimates and control cycles through C are the core's") {
     CHECK(truepose_motor_error(&in_c_model.model, TRUEPOSE_LAW_WEIGHTED, 0, robot.home.data(), q_e,
                                nullptr, nullptr, e)
               .status == TRUEPOSE_NOT_MEASURED);
+    truepose_controller unfinished{};
+    CHECK(truepose_controller_error(&in_c_model.model, &unfinished, robot.home.data(), q_e, nullptr,
+                                    nullptr, e)
+              .status == TRUEPOSE_UNFINISHED);
     CHECK(truepose_motor_error(&in_c_model.model, 5, 0, robot.home.data(), q_e, nullptr, nullptr, e)
               .status == TRUEPOSE_NO_SUCH_PART);
   });

@@ -1,5 +1,10 @@
 """What do the tests share? Robots, poses, and the size of bulk samples."""
 
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -117,6 +122,24 @@ def plain_page(monkeypatch):
     """Write reports without their figures: most of the time of a calibration."""
     page = f"<!-- {files.mark('report')} -->"
     monkeypatch.setattr(calibration_figures, "page", lambda *_: page)
+
+
+@pytest.fixture(scope="session")
+def components(tmp_path_factory) -> Path:
+    """Return a folder with LinuxCNC's components, built; `make linuxcnc` makes what they link."""
+    root = Path(__file__).parents[2]
+    library = Path(os.environ.get("TRUEPOSE_LIBRARY", root / "build/c/libtruepose.a"))
+    if shutil.which("halcompile") is None:
+        pytest.skip("LinuxCNC is not installed (Debian: linuxcnc-uspace linuxcnc-uspace-dev)")
+    if not library.exists():
+        pytest.skip("libtruepose.a is not built: `make linuxcnc` builds it, and runs this")
+    work = tmp_path_factory.mktemp("components")
+    for source in (root / "deploy/linuxcnc").glob("*"):
+        if source.suffix in (".c", ".h") or source.name == "Makefile":
+            shutil.copy(source, work)
+    places = [f"LIBRARY={library.resolve()}", f"INCLUDE={root / 'include'}"]
+    subprocess.run(["make", "-s", "-C", work, *places], check=True)
+    return work
 
 
 def pytest_report_header(config):

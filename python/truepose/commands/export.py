@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
@@ -19,6 +21,8 @@ from truepose.commands.options import (
     wrote,
 )
 from truepose.deploy.c_tables import KIND, to_c
+from truepose.deploy.linuxcnc import to_configuration
+from truepose.exceptions import InputError
 from truepose.robot.laws import Law
 from truepose.robot.robot import load
 from truepose.robotfile import path_of
@@ -30,6 +34,13 @@ from truepose.simulation.watch import Watch
 
 app = typer.Typer(no_args_is_help=True, help="Write a robot in another program's format.")
 
+ChosenLevel = Annotated[
+    Level | None,
+    typer.Option(
+        help="Understand each chain as one rod, or every rod by itself.",
+        show_default="as the file; the finest for what weighs",
+    ),
+]
 Out = Annotated[
     Path | None,
     typer.Option("-o", "--out", help="File to write.", show_default="standard output"),
@@ -57,13 +68,7 @@ def c(
     out: Out = None,
     force: Force = False,
     sensors: SensorSet = None,
-    level: Annotated[
-        Level | None,
-        typer.Option(
-            help="Understand each chain as one rod, or every rod by itself.",
-            show_default="as the file; the finest for what weighs",
-        ),
-    ] = None,
+    level: ChosenLevel = None,
     law: Annotated[Law, typer.Option(help="That the gains are chosen for.")] = "redundant",
     period: Annotated[float, typer.Option(help="Of the control cycle, s.")] = 1e-3,
     frequency: Annotated[
@@ -96,6 +101,68 @@ def c(
     else:
         controller = Controller(law=law, period=period, frequency=frequency)
     _put(robot, to_c(made, controller, Watch(effects=loses)), out, KIND, force)
+
+
+@app.command()
+def linuxcnc(
+    robot: RobotName,
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder to write into.")],
+    force: Force = False,
+    sensors: SensorSet = None,
+    level: ChosenLevel = None,
+    machine: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ROBOT", help="What is simulated: a robot file.", show_default="the robot"
+        ),
+    ] = None,
+    law: Annotated[Law, typer.Option(help="That the machine starts with.")] = "redundant",
+    period: Annotated[float, typer.Option(help="Of the servo thread, s.")] = 1e-3,
+) -> None:
+    """Write a LinuxCNC configuration: a robot's table, ini and HAL, and a simulated machine.
+
+    For the components of deploy/linuxcnc; docs/linuxcnc.md. Tables serve this kind of machine.
+
+    Example: **truepose export linuxcnc h4 -o h4**
+    """
+    made, built = load(robot), load(machine) if machine else None
+    if sensors is not None:
+        made = made.with_sensors(*parse_set(made, sensors))
+    if level is not None:
+        made = made.with_level(level)
+    if built is not None and built.sensors != made.sensors:
+        built = built.with_sensors(*made.sensors)
+    controller = Controller(law=law if made.r else "joint", period=period)
+    contents = to_configuration(made, controller, Watch(), built)
+    read = [path_of(name) for name in (robot, machine) if name]
+    outputs: dict[files.Output, str | bytes] = {
+        files.Output(
+            out / name,
+            "LinuxCNC configuration",
+            "-o",
+            (lambda file: file.read(8) == b"truepose") if isinstance(text, bytes) else None,
+        ): text
+        for name, text in contents.items()
+    }
+    with _folder(out):
+        files.write(outputs, read, force)
+    wrote(Format.table, *(output.path for output in outputs))
+
+
+@contextlib.contextmanager
+def _folder(path: Path) -> Iterator[None]:
+    """Make a folder to write into; it is not left where nothing is written."""
+    new = not path.exists()
+    try:
+        path.mkdir(exist_ok=True)
+    except OSError as error:
+        raise InputError(f"-o {path}: cannot be a folder: {error.strerror}") from None
+    try:
+        yield
+    except InputError:
+        if new:
+            path.rmdir()
+        raise
 
 
 def _put(robot: str, text: str, out: Path | None, kind: str, force: bool) -> None:

@@ -120,15 +120,11 @@ def to_c(robot: Robot, controller: Controller, watch: Watch) -> str:
     --------
     >>> import truepose as tp
     >>> from truepose.deploy.c_tables import to_c
-    >>> text = to_c(tp.load("five_bar"), tp.Controller(law="joint"), tp.Watch())
+    >>> text = to_c(tp.load("five-bar"), tp.Controller(law="joint"), tp.Watch())
     >>> [line.split()[3] for line in text.splitlines() if line.startswith("static const")]
     ['five_bar', 'five_bar_control']
     """
-    if late.settings(robot, controller.period) is not None:
-        raise InputError(
-            f"{robot.name}: a sensor is slow or late (`period`, `age`), which the C interface has "
-            "no entry for: choose others (--sensors)"
-        )
+    require_prompt(robot, controller.period)
     name = identifier(robot.name)
     finest = robot.finest
     two = robot.r > 0 and finest.level != robot.level
@@ -153,6 +149,15 @@ def to_c(robot: Robot, controller: Controller, watch: Watch) -> str:
         f"#error These tables are of version {_core.c_abi} of truepose.h\n#endif\n\n"
     )
     return head + "\n".join(parts) + "\n#endif\n"
+
+
+def require_prompt(robot: Robot, period: float) -> None:
+    """Raise where a sensor is slow or late, which the C interface has no entry for."""
+    if late.settings(robot, period) is not None:
+        raise InputError(
+            f"{robot.name}: a sensor is slow or late (`period`, `age`), which the C interface has "
+            "no entry for: choose others (--sensors)"
+        )
 
 
 def _number(value: float) -> str:

@@ -1,0 +1,208 @@
+/* Kinematics between joints and axes. */
+#include "kins_core.h"
+
+#include "table.h"
+
+#include <math.h>
+#include <string.h>
+
+static const truepose_real kDegree = 0.017453292519943295;
+static const char kLetters[] = "xyzabcuvw";
+
+enum { kX = 0, kZ = 2, kA = 3, kC = 5, kCap = 12, kScrewSteps = 20 };
+
+/** Is there z? Is there a turn about it (axis c), all three (a, b, c)? */
+static int has_z(int32_t mobility) { return mobility >= TRUEPOSE_TRANSLATION; }
+static int turns_about_z(int32_t mobility) {
+  return mobility == TRUEPOSE_PLANAR || mobility == TRUEPOSE_SCHOENFLIES;
+}
+
+truepose_outcome truepose_kins_load(truepose_kins* kins, const truepose_description* robot,
+                                    truepose_real unit) {
+  const truepose_outcome no_unit = {TRUEPOSE_NO_SUCH_VALUE, -1};
+  memset(kins, 0, sizeof *kins);
+  kins->outcome =
+      unit > 0 && isfinite(unit) ? truepose_load(&kins->model, sizeof kins->model, robot) : no_unit;
+  if (kins->outcome.status > TRUEPOSE_OK) return kins->outcome;
+  kins->robot = *robot;
+  kins->motors = truepose_freedoms(&kins->model);
+  kins->unit = unit;
+  kins->cap = kCap;
+  for (int i = 0; i < kins->motors; ++i) kins->scale[i] = truepose_reading_scale(robot, i, unit);
+  memcpy(kins->guess, robot->home, sizeof kins->guess);
+  return kins->outcome;
+}
+
+int truepose_kins_extras(truepose_kins* kins, const char* letters) {
+  const int own = kins->robot.mobility == TRUEPOSE_SPATIAL ? 6 : 3;
+  kins->extras = 0;
+  for (; *letters != '\0'; ++letters) {
+    const char* at = strchr(kLetters, *letters);
+    const int axis = at != NULL ? (int)(at - kLetters) : -1;
+    if (axis < own || kins->motors + kins->extras >= TRUEPOSE_AXES) return 0;
+    if (axis == kC && turns_about_z(kins->robot.mobility)) return 0;
+    for (int k = 0; k < kins->extras; ++k)
+      if (kins->extra[k] == axis) return 0;
+    kins->extra[kins->extras++] = axis;
+  }
+  return 1;
+}
+
+/** The nacelle's pose at axes: roll, pitch, yaw are a, b, c; theta, of the other mobilities, is c.
+ */
+static truepose_outcome coordinates(const truepose_kins* kins, const truepose_real* axes,
+                                    truepose_real* x) {
+  truepose_outcome outcome = {TRUEPOSE_OK, -1};
+  truepose_pose pose;
+  truepose_real angles[3];
+  for (int i = 0; i < 6; ++i) x[i] = 0;
+  for (int i = 0; i < (has_z(kins->robot.mobility) ? 3 : 2); ++i) x[i] = axes[kX + i] * kins->unit;
+  if (turns_about_z(kins->robot.mobility)) x[kins->motors - 1] = axes[kC] * kDegree;
+  if (kins->robot.mobility != TRUEPOSE_SPATIAL) return outcome;
+  for (int i = 0; i < 3; ++i) {
+    angles[i] = axes[kA + i] * kDegree;
+    pose.position[i] = x[i];
+  }
+  outcome = truepose_from_roll_pitch_yaw(angles, pose.rotation);
+  return outcome.status > TRUEPOSE_OK ? outcome : truepose_coordinates_of(&kins->model, &pose, x);
+}
+
+static truepose_outcome axes_of(const truepose_kins* kins, const truepose_real* x,
+                                truepose_real* axes) {
+  truepose_outcome outcome = {TRUEPOSE_OK, -1};
+  truepose_pose pose;
+  truepose_real angles[3];
+  if (kins->robot.mobility == TRUEPOSE_SPATIAL) {
+    for (int i = 0; i < 3; ++i) angles[i] = isfinite(axes[kA + i]) ? axes[kA + i] * kDegree : 0;
+    outcome = truepose_pose_of(&kins->model, x, &pose);
+    if (outcome.status <= TRUEPOSE_OK) outcome = truepose_to_roll_pitch_yaw(pose.rotation, angles);
+    if (outcome.status > TRUEPOSE_OK) return outcome;
+    for (int i = 0; i < 3; ++i) axes[kA + i] = angles[i] / kDegree;
+  }
+  for (int i = 0; i < (has_z(kins->robot.mobility) ? 3 : 2); ++i) axes[kX + i] = x[i] / kins->unit;
+  if (turns_about_z(kins->robot.mobility)) axes[kC] = x[kins->motors - 1] / kDegree;
+  return outcome;
+}
+
+static void cross(const truepose_real* a, const truepose_real* b, truepose_real* c) {
+  for (int i = 0; i < 3; ++i)
+    c[i] = a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3];
+}
+static truepose_real dot(const truepose_real* a, const truepose_real* b) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+/** By how much the struts' screws have turned at x. A strut's two universal joints hold its ends'
+ * rolls: the base's second axis is normal to the base's own and to the strut, the platform's
+ * likewise, and the screw turns by the angle between one and the other's normal in the strut. */
+static truepose_outcome screw_turns(truepose_kins* kins, const truepose_real* x) {
+  truepose_pose pose;
+  truepose_outcome outcome = truepose_pose_of(&kins->model, x, &pose);
+  for (int i = 0; i < kins->motors && outcome.status <= TRUEPOSE_OK; ++i) {
+    const truepose_chain* chain = &kins->robot.chain[i];
+    truepose_real strut[3], axis[3], base[3], normal[3], platform[3];
+    for (int k = 0; k < 3; ++k) {
+      const truepose_real* row = pose.rotation + 3 * k;
+      strut[k] = pose.position[k] + dot(row, chain->pivot) - chain->base[k];
+      axis[k] = dot(row, kins->screw.platform_axis[i]);
+    }
+    cross(kins->screw.base_axis[i], strut, base);
+    cross(strut, base, normal);
+    cross(axis, strut, platform);
+    const truepose_real size = sqrt(dot(normal, normal) * dot(platform, platform));
+    const truepose_real sine = dot(normal, platform) / size;
+    kins->screw.correction[i] = kins->screw.lead * asin(fmax(-1, fmin(1, sine))) / (360 * kDegree);
+    if (!(size > 0)) outcome.status = TRUEPOSE_SINGULAR, outcome.part = i;
+  }
+  return outcome;
+}
+
+/** The smaller of how far from singular the whole is, and its chains are. */
+static truepose_outcome nearness(const truepose_kins* kins, const truepose_real* x,
+                                 truepose_real* conditioning) {
+  truepose_real serial[6];
+  const truepose_outcome outcome = truepose_conditioning(&kins->model, x, conditioning, serial);
+  for (int i = 0; i < kins->motors && outcome.status <= TRUEPOSE_OK; ++i)
+    *conditioning = fmin(*conditioning, serial[i]);
+  return outcome;
+}
+
+static truepose_outcome inverse(truepose_kins* kins, const truepose_real* axes,
+                                truepose_real* joints) {
+  truepose_real x[6], q[6];
+  truepose_outcome outcome = coordinates(kins, axes, x);
+  if (outcome.status <= TRUEPOSE_OK) outcome = truepose_ikm(&kins->model, x, q);
+  if (outcome.status <= TRUEPOSE_OK) outcome = nearness(kins, x, &kins->conditioning);
+  if (outcome.status <= TRUEPOSE_OK && !(kins->conditioning >= kins->least_conditioning))
+    outcome.status = TRUEPOSE_SINGULAR;
+  if (outcome.status <= TRUEPOSE_OK && kins->screw.lead != 0) outcome = screw_turns(kins, x);
+  for (int k = 0; k < kins->extras && outcome.status <= TRUEPOSE_OK; ++k)
+    if (!isfinite(axes[kins->extra[k]])) outcome.status = TRUEPOSE_NOT_FINITE;
+  if (outcome.status > TRUEPOSE_OK) return outcome;
+  for (int i = 0; i < kins->motors; ++i)
+    joints[i] = q[i] / kins->scale[i] + kins->screw.correction[i];
+  for (int k = 0; k < kins->extras; ++k) joints[kins->motors + k] = axes[kins->extra[k]];
+  return outcome;
+}
+
+int32_t truepose_kins_inverse(truepose_kins* kins, const truepose_real axes[TRUEPOSE_AXES],
+                              truepose_real joints[TRUEPOSE_AXES]) {
+  kins->outcome = inverse(kins, axes, joints);
+  return kins->outcome.status;
+}
+
+/** x of joints, from the guess, corrections that are known taken off. */
+static truepose_fkm_result search(truepose_kins* kins, const truepose_real* joints,
+                                  truepose_real* x) {
+  truepose_real q[6] = {0};
+  for (int i = 0; i < kins->motors; ++i)
+    q[i] = (joints[i] - kins->screw.correction[i]) * kins->scale[i];
+  return truepose_fkm(&kins->model, q, kins->cap, x);
+}
+
+/** The screws' corrections depend on the pose, and the pose but little on them: a few rounds. */
+static truepose_fkm_result search_with_screws(truepose_kins* kins, const truepose_real* joints,
+                                              truepose_real* x) {
+  truepose_fkm_result result = {{TRUEPOSE_NOT_CONVERGED, -1}, 0, 0, 0};
+  int32_t iterations = 0;
+  for (int round = 0; round < kScrewSteps; ++round) {
+    truepose_real before[6], change = 0;
+    memcpy(before, kins->screw.correction, sizeof before);
+    result = search(kins, joints, x);
+    iterations += result.iterations;
+    if (result.outcome.status <= TRUEPOSE_OK) result.outcome = screw_turns(kins, x);
+    if (result.outcome.status > TRUEPOSE_OK) break;
+    for (int i = 0; i < kins->motors; ++i)
+      change = fmax(change, fabs(kins->screw.correction[i] - before[i]));
+    if (change <= 1e-13 * fabs(kins->screw.lead)) break;
+    if (round == kScrewSteps - 1) result.outcome.status = TRUEPOSE_NOT_CONVERGED;
+  }
+  result.iterations = iterations;
+  return result;
+}
+
+int32_t truepose_kins_forward(truepose_kins* kins, const truepose_real joints[TRUEPOSE_AXES],
+                              truepose_real axes[TRUEPOSE_AXES]) {
+  truepose_real x[6], kept[6];
+  truepose_outcome outcome;
+  memcpy(x, kins->guess, sizeof x);
+  memcpy(kept, kins->screw.correction, sizeof kept);
+  const truepose_fkm_result result =
+      kins->screw.lead != 0 ? search_with_screws(kins, joints, x) : search(kins, joints, x);
+  outcome = result.outcome;
+  kins->iterations = result.iterations;
+  kins->residual = result.residual;
+  for (int k = 0; k < kins->extras && outcome.status <= TRUEPOSE_OK; ++k)
+    if (!isfinite(joints[kins->motors + k])) outcome.status = TRUEPOSE_NOT_FINITE;
+  if (outcome.status <= TRUEPOSE_OK) outcome = axes_of(kins, x, axes);
+  kins->outcome = outcome;
+  kins->forward_status = outcome.status;
+  if (outcome.status > TRUEPOSE_OK) {
+    memcpy(kins->screw.correction, kept, sizeof kept);
+    return outcome.status;
+  }
+  if (kins->iterations > kins->most_iterations) kins->most_iterations = kins->iterations;
+  memcpy(kins->guess, x, sizeof x);
+  for (int k = 0; k < kins->extras; ++k) axes[kins->extra[k]] = joints[kins->motors + k];
+  return outcome.status;
+}

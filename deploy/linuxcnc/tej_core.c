@@ -1,0 +1,163 @@
+/* Which error should the drives reduce? */
+#include "tej_core.h"
+
+#include <math.h>
+#include <string.h>
+
+enum { kCap = 12 }; /* steps of the forward model: the commands move little from cycle to cycle */
+
+truepose_outcome truepose_corrector_begin(truepose_corrector* tej, truepose_real period) {
+  const truepose_description* robot = &tej->table.robot;
+  truepose_outcome outcome = truepose_load(&tej->model, sizeof tej->model, robot);
+  if (outcome.status <= TRUEPOSE_OK)
+    outcome = truepose_load(&tej->finest, sizeof tej->finest, &tej->table.finest);
+  if (outcome.status > TRUEPOSE_OK) return outcome;
+  tej->motors = truepose_freedoms(&tej->model);
+  tej->sensors = truepose_sensors(&tej->model);
+  tej->period = period;
+  memcpy(tej->x_d, robot->home, sizeof tej->x_d);
+  if (truepose_work(&tej->finest, tej->table.known.count) > TRUEPOSE_TEJ_WORK)
+    outcome.status = TRUEPOSE_TOO_SMALL;
+  return outcome;
+}
+
+static int all_finite(const truepose_real* values, int count) {
+  for (int i = 0; i < count; ++i)
+    if (!isfinite(values[i])) return 0;
+  return 1;
+}
+
+static void fails(truepose_corrector* tej, truepose_corrector_fault fault) {
+  if (tej->fault == TRUEPOSE_TEJ_NO_FAULT) tej->fault = fault;
+}
+
+static int weighs(int32_t law) {
+  return law == TRUEPOSE_LAW_WEIGHTED || law == TRUEPOSE_LAW_ESTIMATED;
+}
+
+/** What stands for the readings where they are not believed. */
+static void watched(truepose_corrector* tej, const truepose_corrector_input* input,
+                    truepose_real* q_e) {
+  truepose_real believed[TRUEPOSE_READINGS];
+  truepose_outcome outcome = {TRUEPOSE_OK, -1};
+  if (!tej->guarding) {
+    outcome = truepose_begin_guard(&tej->guard, sizeof tej->guard, &tej->table.watch);
+    tej->guarding = outcome.status <= TRUEPOSE_OK;
+  }
+  if (tej->guarding)
+    outcome = truepose_watch(&tej->finest, &tej->guard, input->q_d, input->q_e, &tej->table.known,
+                             tej->work, believed, &tej->report);
+  if (outcome.status != TRUEPOSE_OK) tej->outcome = outcome;
+  if (outcome.status > TRUEPOSE_OK) return; /* it has no opinion: the readings as they are */
+  if (all_finite(believed, tej->motors + tej->sensors)) memcpy(q_e, believed, sizeof believed);
+  tej->stop = tej->report.stops;
+  int failed = tej->stop;
+  for (int c = tej->motors; c < tej->motors + tej->sensors; ++c)
+    failed |= tej->report.health[c] == TRUEPOSE_FAILED;
+  if (failed) fails(tej, TRUEPOSE_TEJ_WATCH);
+}
+
+/** Of a law: what it keeps from cycle to cycle is begun anew where it is another one. */
+static truepose_outcome error_of(truepose_corrector* tej, const truepose_corrector_input* input,
+                                 const truepose_real* q_e, truepose_real* e) {
+  const int heavy = weighs(input->law);
+  truepose_outcome outcome = {TRUEPOSE_OK, -1};
+  if (tej->begun != input->law + 1 || tej->band != input->band) {
+    truepose_control_settings settings;
+    truepose_default_control(&settings);
+    settings.law = input->law;
+    settings.damped_below = input->band;
+    settings.period = tej->period;
+    outcome = truepose_begin_control(&tej->controller, sizeof tej->controller, &settings);
+    tej->begun = outcome.status <= TRUEPOSE_OK ? input->law + 1 : 0;
+    tej->band = input->band;
+  }
+  if (outcome.status > TRUEPOSE_OK) return outcome;
+  return truepose_controller_error(heavy ? &tej->finest : &tej->model, &tej->controller, tej->x_d,
+                                   q_e, heavy ? &tej->table.known : NULL,
+                                   heavy ? tej->work : NULL, e);
+}
+
+/** The correction that a law asks for. @return 0: none */
+static int asked_for(truepose_corrector* tej, const truepose_corrector_input* input,
+                     const truepose_real* q_e, truepose_real* correction) {
+  truepose_real e[6];
+  const truepose_fkm_result pose = truepose_fkm(&tej->model, input->q_d, kCap, tej->x_d);
+  truepose_outcome outcome = pose.outcome;
+  if (outcome.status <= TRUEPOSE_OK) outcome = error_of(tej, input, q_e, e);
+  if (outcome.status != TRUEPOSE_OK) tej->outcome = outcome;
+  if (outcome.status > TRUEPOSE_OK) return fails(tej, TRUEPOSE_TEJ_UNSOLVED), 0;
+  for (int i = 0; i < tej->motors; ++i) {
+    correction[i] = e[i] - tej->e_q[i];
+    if (!(fabs(correction[i]) <= input->largest)) return fails(tej, TRUEPOSE_TEJ_CORRECTION), 0;
+  }
+  return 1;
+}
+
+/** Goes on from the correction that is applied to the one asked for: `from` is held, and ramped out
+ * with no step of its rate. */
+static void blend(truepose_corrector* tej, const truepose_corrector_input* input, int32_t law,
+                  const truepose_real* asked) {
+  if (law != tej->law) {
+    tej->law = law;
+    tej->since = 0;
+    for (int i = 0; i < tej->motors; ++i) tej->from[i] = tej->correction[i] - asked[i];
+  } else {
+    tej->since += tej->period;
+  }
+  const truepose_real u = input->blend > 0 ? fmin(tej->since / input->blend, 1) : 1;
+  const truepose_real left = 1 - u * u * u * (10 + u * (6 * u - 15));
+  for (int i = 0; i < tej->motors; ++i) tej->correction[i] = asked[i] + left * tej->from[i];
+}
+
+void truepose_corrector_cycle(truepose_corrector* tej, const truepose_corrector_input* input) {
+  truepose_real q_e[TRUEPOSE_READINGS], asked[6] = {0};
+  const int readings = tej->motors + tej->sensors;
+  const int starts = input->enable && !tej->enabled;
+  int32_t law = TRUEPOSE_LAW_JOINT;
+  tej->outcome.status = TRUEPOSE_OK;
+  tej->outcome.part = -1;
+  tej->enabled = input->enable;
+  if (starts || input->reset) {
+    tej->fault = TRUEPOSE_TEJ_NO_FAULT;
+    tej->stop = tej->guarding = 0;
+    memset(&tej->report, 0, sizeof tej->report);
+  }
+  if (!all_finite(input->q_d, tej->motors)) {
+    fails(tej, TRUEPOSE_TEJ_COMMAND);
+    return;
+  }
+  memcpy(q_e, input->q_e, sizeof q_e);
+  if (input->enable && input->watch && tej->table.watched && input->referenced)
+    watched(tej, input, q_e);
+  if (!all_finite(q_e, tej->motors)) { /* a motor that is not heard: its drive is to hold still */
+    fails(tej, TRUEPOSE_TEJ_READING);
+    memset(tej->error, 0, sizeof tej->error);
+    return;
+  }
+  if (!all_finite(q_e, readings)) fails(tej, TRUEPOSE_TEJ_READING);
+  for (int i = 0; i < tej->motors; ++i) tej->e_q[i] = input->q_d[i] - q_e[i];
+  const int wanted = input->enable && input->referenced && input->law != TRUEPOSE_LAW_JOINT;
+  if (wanted && tej->fault == TRUEPOSE_TEJ_NO_FAULT && asked_for(tej, input, q_e, asked))
+    law = input->law;
+  else
+    memset(asked, 0, sizeof asked);
+  if (!input->enable) { /* nothing moves, and nothing is left of what was */
+    memset(tej->from, 0, sizeof tej->from);
+    memset(tej->correction, 0, sizeof tej->correction);
+    tej->law = TRUEPOSE_LAW_JOINT;
+  } else {
+    blend(tej, input, law, asked);
+  }
+  for (int i = 0; i < tej->motors; ++i) tej->error[i] = tej->e_q[i] + tej->correction[i];
+}
+
+int truepose_index_cycle(truepose_index* index, int enable, int* index_enable) {
+  if (index->known) return 1;
+  if (!index->armed && enable) {
+    index->armed = *index_enable = 1;
+  } else if (index->armed && !*index_enable) {
+    index->known = 1;
+  }
+  return index->known;
+}

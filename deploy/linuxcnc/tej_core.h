@@ -1,0 +1,78 @@
+/* The paper's Figure 2 in front of drives that close their own loops: each cycle, which motor error
+ * ê should they reduce? Functions of blocks of memory; nothing of LinuxCNC is needed.
+ *
+ * Motors' commands and readings are those of the robot's file: rad or m. What is applied is the
+ * joint law's own error plus a correction, c = ê - (q_d - q). Only the correction is ever blended:
+ * a drive that follows c = 0 follows its own encoder. */
+#ifndef TRUEPOSE_LINUXCNC_TEJ_CORE_H
+#define TRUEPOSE_LINUXCNC_TEJ_CORE_H
+
+#include "table.h"
+
+enum { TRUEPOSE_TEJ_WORK = 16384 }; /**< numbers of work space */
+
+/** Why the law is not the one asked for. */
+typedef enum truepose_corrector_fault {
+  TRUEPOSE_TEJ_NO_FAULT = 0,
+  TRUEPOSE_TEJ_READING = 1,    /**< a reading is not a number */
+  TRUEPOSE_TEJ_COMMAND = 2,    /**< a command is not a number: what was given last is held */
+  TRUEPOSE_TEJ_UNSOLVED = 3,   /**< the command is no pose of the robot, or the law has no answer */
+  TRUEPOSE_TEJ_CORRECTION = 4, /**< larger than allowed */
+  TRUEPOSE_TEJ_WATCH = 5       /**< the watch asks for a stop, or a sensor has failed */
+} truepose_corrector_fault;
+
+typedef struct truepose_corrector_input {
+  int32_t enable;        /**< the drives are on; each time they are, the correction starts from 0 */
+  int32_t law;           /**< a truepose_law */
+  int32_t watch;         /**< readings are watched, where the table says how */
+  int32_t reset;         /**< faults are forgotten */
+  int32_t referenced;    /**< every sensor's zero is known */
+  truepose_real band;    /**< conditioning below which the law is damped */
+  truepose_real blend;   /**< s over which a change of the law takes effect */
+  truepose_real largest; /**< correction that is believed, rad or m */
+  truepose_real q_d[6];  /**< commands */
+  truepose_real q_e[TRUEPOSE_READINGS];
+} truepose_corrector_input;
+
+typedef struct truepose_corrector {
+  /* constant once begun */
+  truepose_model model, finest;
+  truepose_table table;
+  int32_t motors, sensors;
+  truepose_real period;
+  /* memory */
+  truepose_guard guard;
+  truepose_controller controller; /**< of the law and the band below */
+  int32_t begun;
+  truepose_real band;
+  truepose_real work[TRUEPOSE_TEJ_WORK];
+  int32_t guarding, enabled;
+  truepose_real x_d[6];  /**< pose of the commands */
+  truepose_real from[6]; /**< what of an earlier correction is left to be ramped out */
+  truepose_real since;   /**< s since the law changed */
+  /* out */
+  truepose_real error[6]; /**< what the drives are to reduce: (q_d - q) + correction */
+  truepose_real correction[6];
+  truepose_real e_q[6]; /**< q_d - q: what a following error is */
+  int32_t law;          /**< in effect */
+  int32_t fault;        /**< a truepose_corrector_fault; stays until reset, or the drives go on */
+  int32_t stop;         /**< 1: the machine is to come to rest along its path */
+  truepose_outcome outcome; /**< of the latest call that had something to say */
+  truepose_report report;
+} truepose_corrector;
+
+/** @param tej  its table read @return what truepose_load() says, or TOO_SMALL */
+truepose_outcome truepose_corrector_begin(truepose_corrector* tej, truepose_real period);
+/** One cycle. Whatever the input, what goes out is finite. */
+void truepose_corrector_cycle(truepose_corrector* tej, const truepose_corrector_input* input);
+
+/** How the zero of a sensor that counts from power-on becomes known: its encoder's index, which
+ * lies at a known reading. */
+typedef struct truepose_index {
+  int32_t armed, known;
+} truepose_index;
+/** One cycle. @param index_enable  HAL's: set to ask for the index, cleared by the encoder when it
+ * has passed, and counts from 0 there @return 1: readings are the index's plus what is counted */
+int truepose_index_cycle(truepose_index* index, int enable, int* index_enable);
+
+#endif

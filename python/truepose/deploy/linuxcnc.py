@@ -1,0 +1,255 @@
+"""What do LinuxCNC's components need of a robot? One table, and a configuration that uses it."""
+
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import dataclass
+
+import jinja2
+import numpy as np
+
+from truepose import _core, files
+from truepose.arguments import Array
+from truepose.deploy.c_tables import require_prompt
+from truepose.exceptions import InputError
+from truepose.robot.knowledge import knowledge
+from truepose.robot.robot import Robot
+from truepose.robot.units import reading_units
+from truepose.simulation.controller import Controller, require_same_readings
+from truepose.simulation.gains import poses
+from truepose.simulation.settle import settle
+from truepose.simulation.true_robots import with_tolerance_errors
+from truepose.simulation.watch import Watch
+
+#: Uncertain parameters that the components hold at most (deploy/linuxcnc/table.h).
+_PARAMETERS = 256
+#: Robots and poses of which following errors are predicted, and by how much they are exceeded.
+_DRAWN, _POSES, _SPARE = 20, 40, 1.25
+#: Of the drives' position loops, 1/s, assumed; cycles that they and their encoders are late.
+_BANDWIDTH, _LATE = 50.0, 3
+#: What a machine unit is of m and rad; each coordinate's axis.
+_SHOWN = {"m": 1e3, "rad": math.degrees(1)}
+_LETTERS = {"theta": "C", "rx": "A", "ry": "B", "rz": "C"}
+
+
+def to_table(robot: Robot, controller: Controller, watch: Watch) -> bytes:
+    """Return a robot as deploy/linuxcnc/table.h reads it: the C interface's structs, by name.
+
+    It serves the kind of machine that it was written on; another refuses it.
+
+    Parameters
+    ----------
+    robot : Robot
+        As the controller believes it to be: as drawn, or calibrated.
+    controller : Controller
+        Whose period and gains the watch is to know.
+    watch : Watch
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.deploy.linuxcnc import to_table
+    >>> table = to_table(tp.load("five-bar"), tp.Controller(law="joint"), tp.Watch())
+    >>> table[:12]
+    b'trueposerobt'
+    """
+    require_prompt(robot, controller.period)
+    blocks = {b"robt": _core.c_description_bytes(robot.core)}
+    if robot.r:
+        column, root, sigma = _core.c_knowledge(knowledge(robot).core)
+        if len(column) > _PARAMETERS:
+            raise InputError(
+                f"{robot.name}: {len(column)} uncertain parameters; LinuxCNC's components hold "
+                f"{_PARAMETERS}: choose fewer sensors (--sensors)"
+            )
+        blocks |= {
+            b"fine": _core.c_description_bytes(robot.finest.core),
+            b"wtch": _core.c_watch_bytes(watch.guarding(robot, controller)),
+            b"sigm": np.asarray(sigma, dtype=float).tobytes(),
+            b"colm": np.asarray(column, dtype=np.int32).tobytes(),
+            b"root": np.asarray(root, dtype=float).tobytes(),
+        }
+    rows = [name + struct.pack("=I", len(block)) + block for name, block in blocks.items()]
+    return b"truepose" + b"".join(rows)
+
+
+@dataclass(frozen=True)
+class Speeds:
+    """Largest velocities and accelerations of what is not in a robot's file, all assumed."""
+
+    linear: float = 1.5  #: m/s
+    linear_acceleration: float = 20.0  #: m/s²
+    angular: float = 10.0  #: rad/s
+    angular_acceleration: float = 200.0  #: rad/s²
+
+    def of(self, unit: str) -> dict[str, str]:
+        """Return them for an axis in m or rad, in mm or degrees."""
+        length = unit == "m"
+        values = (
+            (self.linear, self.linear_acceleration)
+            if length
+            else (self.angular, self.angular_acceleration)
+        )
+        scale = _SHOWN[unit]
+        return {"velocity": _short(scale * values[0]), "acceleration": _short(scale * values[1])}
+
+
+def to_configuration(
+    robot: Robot, controller: Controller, watch: Watch, machine: Robot | None = None
+) -> dict[str, str | bytes]:
+    """Return the files of a LinuxCNC configuration, by name.
+
+    ``robot.ini`` and ``robot.hal`` run a simulated machine; ``robot.table`` is what the controller
+    believes, ``machine.table`` what is.
+
+    Parameters
+    ----------
+    robot, controller, watch
+        Of :func:`to_table`.
+    machine : Robot, optional
+        With the same sensors; the robot itself by default.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.deploy.linuxcnc import to_configuration
+    >>> files = to_configuration(tp.load("h4"), tp.Controller(), tp.Watch())
+    >>> sorted(files)
+    ['machine.table', 'robot.hal', 'robot.ini', 'robot.table']
+    """
+    machine = robot if machine is None else machine
+    require_same_readings(robot, machine)
+    speeds, units, home = Speeds(), reading_units(robot), robot.ikm(robot.home)
+    e_q = following(robot, controller)
+    joints = [_joint(robot, i, units[i], home[i], e_q[i], controller) for i in range(robot.n)]
+    axes = [
+        {"letter": letter, **_range(robot, k, unit), **speeds.of(unit)}
+        for k, (letter, unit) in enumerate(_axes(robot))
+    ]
+    values = {
+        "mark": files.mark("LinuxCNC configuration"),
+        "robot": robot,
+        "n": robot.n,
+        "letters": "".join(axis["letter"] for axis in axes),
+        "order": ", ".join(name for name, _ in robot.coordinates),
+        "assumed": "velocities, accelerations, PID",
+        "period": controller.period,
+        "linear": speeds.of("m"),
+        "angular": speeds.of("rad"),
+        "least": _short(least_conditioning(robot) / 2),
+        "law": list(_core.laws).index(controller.law),
+        "gain": _short(_BANDWIDTH),
+        "drawn": _DRAWN,
+        "joints": joints,
+        "axes": axes,
+        "sensors": _sensors(robot) if robot.r else [],
+    }
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("truepose", "_data/templates/linuxcnc"),
+        undefined=jinja2.StrictUndefined,
+        keep_trailing_newline=True,
+    )
+    made: dict[str, str | bytes] = {
+        name: environment.get_template(f"{name}.j2").render(values)
+        for name in ("robot.ini", "robot.hal")
+    }
+    made["robot.table"] = to_table(robot, controller, watch)
+    made["machine.table"] = to_table(machine, controller, watch)
+    return made
+
+
+def following(robot: Robot, controller: Controller, seed: int = 0) -> Array:
+    """Return the largest following error of every motor at rest, m or rad.
+
+    A law of redundant sensors corrects motors whose own encoders are then off, by e_q; LinuxCNC
+    must not take that for a fault. Of robots drawn from the file's tolerances, over the corners of
+    the workspace and poses drawn in it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import truepose as tp
+    >>> from truepose.deploy.linuxcnc import following
+    >>> h4 = tp.load("h4")
+    >>> bool(np.all(np.degrees(following(h4, tp.Controller())) < 5))
+    True
+    >>> np.allclose(following(h4, tp.Controller(law="joint")), 0, atol=1e-9)
+    True
+    """
+    x = np.vstack([poses(robot), _anywhere(robot, seed)])
+    q_d = robot.ikm(x, errors="nan")
+    worst = np.zeros(robot.n)
+    for k in range(_DRAWN):
+        true = with_tolerance_errors(robot, seed + k)
+        rest = settle(robot, true, x, controller, errors="nan")
+        e_q = np.abs(q_d - true.ikm(rest, errors="nan"))
+        worst = np.fmax(worst, np.nanmax(e_q, axis=0, initial=0.0))
+    return worst
+
+
+def least_conditioning(robot: Robot, seed: int = 0) -> float:
+    """Return the worst conditioning, 0 to 1, that the workspace has."""
+    parallel, serial = robot.conditioning(np.vstack([poses(robot), _anywhere(robot, seed)]))
+    return float(min(np.min(parallel), np.min(serial)))
+
+
+def _anywhere(robot: Robot, seed: int) -> Array:
+    """Return poses of the workspace that are regular."""
+    box = robot.spec.workspace
+    if box is None:
+        return robot.home[None]
+    x = np.random.default_rng(seed).uniform(box.minimum, box.maximum, (_POSES, robot.n))
+    return x[np.isfinite(robot.ikm(x, errors="nan")).all(axis=1)]
+
+
+def _short(value: float) -> str:
+    return f"{value:.6g}"
+
+
+def _axes(robot: Robot) -> list[tuple[str, str]]:
+    """Return letter and unit of every coordinate's axis."""
+    return [(_LETTERS.get(name, name.upper()), unit) for name, unit in robot.coordinates]
+
+
+def _range(robot: Robot, k: int, unit: str) -> dict[str, str]:
+    """Return the workspace's range of a coordinate; roll, pitch, yaw have none."""
+    box = robot.spec.workspace
+    if box is None or (unit == "rad" and robot.n == 6):
+        return {"low": "-1e9", "high": "1e9"}
+    low, high = box.minimum[k], box.maximum[k]
+    return {"low": _short(_SHOWN[unit] * low), "high": _short(_SHOWN[unit] * high)}
+
+
+def _joint(
+    robot: Robot, i: int, unit: str, home: float, e_q: float, controller: Controller
+) -> dict[str, str]:
+    """Return what [JOINT_i] says."""
+    chain, scale, speeds = robot.spec.chain[i], _SHOWN[unit], Speeds().of(unit)
+    stops = chain.limits or (-math.inf, math.inf)
+    low, high = sorted(chain.gain * stop - chain.encoder_offset for stop in stops)
+    lag = _LATE * controller.period * float(speeds["velocity"])
+    least = _SPARE * scale * (e_q + float(robot.resolution[i]))
+    return {
+        "type": "ANGULAR" if unit == "rad" else "LINEAR",
+        "low": repr(max(scale * low, -1e9)),
+        "high": repr(min(scale * high, 1e9)),
+        "home": repr(float(scale * home)),
+        "e_q": _short(scale * e_q),
+        "lag": _short(lag),
+        "min_ferror": _short(max(least, lag / 10)),
+        "ferror": _short(least + _SPARE * lag),
+        **speeds,
+    }
+
+
+def _sensors(robot: Robot) -> list[dict[str, str | bool]]:
+    """Return where encoders have their index: as the file's home reads; others are absolute."""
+    units = reading_units(robot)[robot.n :]
+    kinds = [_core.sensor_kinds[sensor.kind] for sensor in robot.spec.used]
+    return [
+        {"name": name, "absolute": not kind.shaft, "index": _short(_SHOWN[unit] * at)}
+        for name, kind, unit, at in zip(
+            robot.sensors, kinds, units, robot.rkm(robot.home), strict=True
+        )
+    ]

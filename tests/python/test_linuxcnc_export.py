@@ -1,0 +1,100 @@
+"""Does `truepose export linuxcnc` write what LinuxCNC's components and its motion need?"""
+
+import configparser
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import truepose as tp
+from truepose.deploy.linuxcnc import following, to_configuration
+from truepose.simulation.true_robots import with_tolerance_errors
+
+SOURCES = Path(__file__).parents[2] / "deploy/linuxcnc"
+NAMES = ["machine.table", "robot.hal", "robot.ini", "robot.table"]
+
+
+def configuration(robot, **options):
+    law = "redundant" if robot.r else "joint"
+    return to_configuration(robot, tp.Controller(law=law), tp.Watch(), **options)
+
+
+def ini(made):
+    parser = configparser.ConfigParser(interpolation=None)
+    parser.read_string(made["robot.ini"])
+    return parser
+
+
+def test_every_robot_has_a_configuration_whose_joints_are_home_and_within_its_stops(any_robot):
+    made = configuration(any_robot)
+    assert sorted(made) == NAMES
+    said = ini(made)
+    assert said["KINS"]["JOINTS"] == str(any_robot.n)
+    home = any_robot.ikm(any_robot.home)
+    for i, chain in enumerate(any_robot.spec.chain):
+        joint = said[f"JOINT_{i}"]
+        shown = np.degrees(1) if chain.actuator == "revolute" else 1e3
+        assert float(joint["HOME"]) == pytest.approx(shown * home[i], rel=1e-15)
+        assert float(joint["MIN_LIMIT"]) < float(joint["HOME"]) < float(joint["MAX_LIMIT"])
+        assert 0 < float(joint["MIN_FERROR"]) < float(joint["FERROR"])
+    assert len(said["TRAJ"]["COORDINATES"].split()) == any_robot.n
+
+
+def test_the_components_pins_in_the_hal_file_are_those_that_they_make(any_robot):
+    made = configuration(any_robot)["robot.hal"]
+    used = set(re.findall(r"\btruepose_\w+\.[\w.-]+", made))
+    text = "".join(path.read_text() for path in SOURCES.glob("truepose_*.c"))
+    text = text.replace('"%s.', '"truepose_plant.%d.') + re.sub(
+        '"%s.', '"truepose_plant.sensor.%d.', text
+    )
+    there = {pin.replace("%d", "0") for pin in re.findall(r'"(truepose_\w+\.[\w.%-]+)"', text)}
+    assert {re.sub(r"\.\d+\b", ".0", pin) for pin in used} <= there
+
+
+def test_following_errors_bear_what_the_law_does_to_motors(h4):
+    """A robot of the file's tolerances rests with motors off by e_q, which is no fault."""
+    said = ini(configuration(h4))
+    bears = np.radians([float(said[f"JOINT_{i}"]["MIN_FERROR"]) for i in range(4)])
+    x_d = np.random.default_rng(3).uniform(
+        h4.spec.workspace.minimum, h4.spec.workspace.maximum, (30, 4)
+    )
+    for seed in range(100, 110):
+        true = with_tolerance_errors(h4, seed)
+        e_q = h4.ikm(x_d) - true.ikm(tp.settle(h4, true, x_d, "redundant"))
+        assert (np.abs(e_q) < 1.5 * bears).all()
+    assert (following(h4, tp.Controller()) > np.radians(0.1)).all()  # and that is more than nothing
+
+
+def test_the_command_writes_a_folder_that_it_may_write_again(run):
+    assert run("export", "linuxcnc", "h4", "-o", "here")[0] == 0
+    assert sorted(path.name for path in Path("here").iterdir()) == NAMES
+    assert run("export", "linuxcnc", "h4", "-o", "here")[0] == 0
+    Path("here/robot.hal").write_text("loadrt mine")
+    status, _, error = run("export", "linuxcnc", "h4", "-o", "here")
+    assert status == 2
+    assert "--force" in error
+    assert Path("here/robot.hal").read_text() == "loadrt mine"
+
+
+def test_the_machine_that_is_simulated_can_be_another_one(run, h4):
+    h4.replace({"chain1.rod": 0.483}).save("true.toml")
+    assert run("export", "linuxcnc", "h4", "-o", "here", "--machine", "true.toml")[0] == 0
+    assert Path("here/machine.table").read_bytes() != Path("here/robot.table").read_bytes()
+
+
+@pytest.mark.parametrize(
+    "words, said",
+    [
+        (("h4", "-o", "file"), "cannot be a folder"),
+        (("h4", "-o", "no/such/place"), "cannot be a folder"),
+        (("h4", "-o", "new", "--machine", "delta"), "sensor"),
+        (("h4", "-o", "new", "--sensors", "nothing"), "nothing"),
+    ],
+)
+def test_what_cannot_be_written_is_said_in_a_line_and_leaves_nothing(run, words, said):
+    Path("file").write_text("")
+    status, _, error = run("export", "linuxcnc", *words)
+    assert status == 2
+    assert said in error
+    assert not Path("new").exists()

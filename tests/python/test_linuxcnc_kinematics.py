@@ -1,0 +1,221 @@
+"""Does the kinematics module answer as LinuxCNC's own do, and refuse what they drive through?
+
+Both are asked in one process, without LinuxCNC running: tests/linuxcnc/stub_hal.c gives them pins.
+"""
+
+import ctypes
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import truepose as tp
+from truepose.deploy.linuxcnc import to_table
+
+ROOT = Path(__file__).parents[2]
+MODULES = Path("/usr/lib/linuxcnc/modules")
+AXES = "xyzabcuvw"
+
+pytestmark = [
+    pytest.mark.skipif(
+        shutil.which("halcompile") is None,
+        reason="LinuxCNC is not installed (Debian: linuxcnc-uspace linuxcnc-uspace-dev)",
+    ),
+]
+
+
+class Pose(ctypes.Structure):
+    _fields_ = [(letter, ctypes.c_double) for letter in AXES]
+
+
+class Module:
+    """A kinematics module in this process."""
+
+    def __init__(self, hal, path, **parameters):
+        self.hal, self.at = hal, {}
+        self.library = ctypes.CDLL(str(path))
+        self.parameters = {name: value.encode() for name, value in parameters.items()}
+        for name, value in self.parameters.items():
+            address = ctypes.c_void_p.in_dll(self.library, f"rtapi_info_address_{name}").value
+            ctypes.cast(address, ctypes.POINTER(ctypes.c_char_p))[0] = value
+        self.refused = self.library.rtapi_app_main() != 0
+        self.flags = (ctypes.c_ulong * 4)()
+
+    def knows(self, *names):
+        """Find pins now: a module that is loaded later may have the same."""
+        for name in names:
+            self.at[name] = self.hal.stub_pin(name.encode())
+            assert self.at[name], name
+        return self
+
+    def pin(self, name, kind=ctypes.c_double):
+        return ctypes.cast(self.at[name], ctypes.POINTER(kind))
+
+    def inverse(self, x):
+        joints = (ctypes.c_double * 16)()
+        pose = Pose(*x)
+        failed = self.library.kinematicsInverse(ctypes.byref(pose), joints, self.flags, self.flags)
+        return failed, np.array(joints[:9])
+
+    def forward(self, joints):
+        pose = Pose()
+        failed = self.library.kinematicsForward(
+            (ctypes.c_double * 16)(*joints), ctypes.byref(pose), self.flags, self.flags
+        )
+        return failed, np.array([getattr(pose, letter) for letter in AXES])
+
+
+@pytest.fixture(scope="module")
+def hal(tmp_path_factory):
+    library = tmp_path_factory.mktemp("hal") / "libhal.so"
+    source = ROOT / "tests/linuxcnc/stub_hal.c"
+    subprocess.run(["cc", "-shared", "-fPIC", "-o", library, source], check=True)
+    hal = ctypes.CDLL(str(library), mode=ctypes.RTLD_GLOBAL)
+    hal.stub_pin.restype = ctypes.c_void_p
+    return hal
+
+
+@pytest.fixture
+def ours(hal, tmp_path, components):
+    """Load our module anew: one that is loaded twice from one file is the same one."""
+
+    def load(**parameters):
+        copy = tmp_path / f"truepose_kins{len(list(tmp_path.iterdir()))}.so"
+        shutil.copy(components / "truepose_kins.so", copy)
+        return Module(hal, copy, **parameters)
+
+    return load
+
+
+HEXAPOD = [f"genhexkins.{name}" for name in ("screw-lead", "tool-offset", "spindle-offset")]
+SAYS = ["truepose_kins.status", "truepose_kins.least-conditioning"]
+
+
+@pytest.mark.parametrize("pins", [(0, 0, 0), (0, 3, 1.5), (0.2, 2, 0)], ids=str)
+def test_a_hexapod_of_genhexkins_pins_moves_its_legs_as_genhexkins_does(hal, ours, pins):
+    stock = Module(hal, MODULES / "genhexkins.so").knows(*HEXAPOD)
+    own = ours(pins="genhexkins").knows(*HEXAPOD)
+    for module in (stock, own):
+        for name, value in zip(HEXAPOD, pins, strict=True):
+            module.pin(name)[0] = value
+    random = np.random.default_rng(0)
+    for _ in range(200):
+        x = np.zeros(9)
+        x[:3] = random.uniform([-4, -4, 17], [4, 4, 23])
+        x[3:6] = random.uniform(-20, 20, 3)
+        failed, legs = own.inverse(x)
+        assert not failed
+        assert np.abs(legs - stock.inverse(x)[1]).max() < 1e-12 * 30
+        failed, found = own.forward(legs)
+        assert not failed
+        assert np.abs(found - x).max() < 1e-10
+
+
+def test_a_hexapod_refuses_what_lies_beyond_a_singularity_or_next_to_one(hal, ours):
+    stock = Module(hal, MODULES / "genhexkins.so")
+    own = ours(pins="genhexkins").knows(*SAYS)
+    level = np.array([0, 0, 25, 0, 0, 0, 0, 0, 0.0])
+    turned = np.outer([80, 85, 89.5, 89.95, 90.5, 95], [0, 0, 0, 0, 0, 1, 0, 0, 0]) + level
+    assert [own.inverse(x)[0] for x in turned] == [0, 0, 0, -1, -1, -1]
+    assert not any(stock.inverse(x)[0] for x in turned)  # drives through it, and says nothing
+    own.pin("truepose_kins.least-conditioning")[0] = 0.3
+    assert own.inverse(turned[1])[0] == -1
+    assert own.pin("truepose_kins.status", ctypes.c_int)[0] == 2  # TRUEPOSE_SINGULAR
+    for x in turned[:2]:  # where genhexkins' forward fails
+        own.pin("truepose_kins.least-conditioning")[0] = 0
+        failed, found = own.forward(own.inverse(x)[1])
+        assert not failed
+        assert np.abs(found - x).max() < 1e-8
+
+
+def test_identity_kinematics_can_be_switched_to_as_in_genhexkins(ours):
+    own = ours(pins="genhexkins").knows("kinstype.is-0", "kinstype.is-1", "skgui.z")
+    assert own.library.kinematicsSwitchable() == 1
+    x = np.array([1, 2, 20, 3, 4, 5, 0, 0, 0.0])
+    legs = own.inverse(x)[1]
+    assert own.library.kinematicsSwitch(1) == 0
+    assert own.pin("kinstype.is-1", ctypes.c_bool)[0]
+    assert np.array_equal(own.inverse(x)[1][:6], x[:6])
+    own.forward(legs)
+    assert own.pin("skgui.z")[0] == pytest.approx(20, abs=1e-9)  # a picture still shows the pose
+    assert own.library.kinematicsSwitch(3) == -1
+
+
+@pytest.mark.parametrize(
+    "name, pins, z",
+    [
+        ("lineardeltakins", {"R": 131, "L": 269}, 20),
+        (
+            "rotarydeltakins",
+            {"platformradius": 10, "thighlength": 11, "shinlength": 15, "footradius": 6},
+            -15,
+        ),
+    ],
+)
+def test_a_delta_of_its_modules_pins_moves_as_its_module_moves_it(hal, ours, name, pins, z):
+    names = {f"{name}.{pin}": value for pin, value in pins.items()}
+    modules = [Module(hal, MODULES / f"{name}.so").knows(*names), ours(pins=name).knows(*names)]
+    for module in modules:
+        for pin, value in names.items():
+            module.pin(pin)[0] = value
+    random, s = np.random.default_rng(1), abs(z) / 5
+    for _ in range(100):
+        x = random.uniform(-9, 9, 9)
+        x[:3] = random.uniform([-s, -s, z - s], [s, s, z + s])
+        (failed, stock), (refused, own) = (module.inverse(x) for module in modules)
+        assert not failed
+        assert not refused
+        assert np.abs(own - stock).max() < 1e-11 * 300
+        assert np.abs(modules[1].forward(own)[1] - x).max() < 1e-9
+
+
+@pytest.mark.parametrize("name", ["h4", "delta", "stewart", "five-bar"])
+def test_a_table_moves_the_robot_of_its_file(ours, tmp_path, name):
+    robot = tp.load(name)
+    table = tmp_path / "robot.table"
+    law = "redundant" if robot.r else "joint"
+    table.write_bytes(to_table(robot, tp.Controller(law=law), tp.Watch()))
+    module = ours(table=str(table), extra="w").knows(*SAYS)
+    axes = {"x": 1e3, "y": 1e3, "z": 1e3, "theta": np.degrees(1)}
+    x = np.zeros(9)
+    x[8] = 7
+    for (coordinate, _), value in zip(robot.coordinates, robot.home, strict=True):
+        if coordinate in axes:
+            x[AXES.index({"theta": "c"}.get(coordinate, coordinate))] = axes[coordinate] * value
+    failed, joints = module.inverse(x)
+    units = [np.degrees(1) if chain.actuator == "revolute" else 1e3 for chain in robot.spec.chain]
+    assert not failed
+    assert np.allclose(joints[: robot.n], robot.ikm(robot.home) * units, rtol=0, atol=1e-9)
+    assert joints[robot.n] == 7
+    failed, found = module.forward(joints)
+    assert not failed
+    assert np.allclose(found, x, rtol=0, atol=1e-8)
+    x[1] = np.nan
+    assert module.inverse(x)[0] == -1
+    assert module.pin("truepose_kins.status", ctypes.c_int)[0] > 0
+
+
+@pytest.mark.parametrize(
+    "contents, parameters, said",
+    [
+        (None, {}, "cannot be opened"),
+        (b"something else", {}, "is no table"),
+        (b"trueposerobt\x04\0\0\0abcd", {}, "another version or another machine"),
+        (b"truepose", {}, "ends too early"),
+        ("h4", {"unit": "furlong"}, "choose mm, inch or m"),
+        ("h4", {"extra": "c"}, "the robot does not move itself"),
+        ("h4", {"pins": "scarakins"}, "genhexkins, lineardeltakins or rotarydeltakins"),
+    ],
+)
+def test_what_cannot_be_loaded_is_said_in_a_line(ours, tmp_path, capfd, contents, parameters, said):
+    table = tmp_path / "bad.table"
+    if contents == "h4":
+        contents = to_table(tp.load("h4"), tp.Controller(), tp.Watch())
+    if contents is not None:
+        table.write_bytes(contents)
+    assert ours(table=str(table), **parameters).refused
+    error = capfd.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1

@@ -1,0 +1,266 @@
+"""The paper inside LinuxCNC: the H4 homes and runs G-code under three laws. How wrong is it?
+
+Run as ``python tools/linuxcnc_trial.py``; `make linuxcnc` does. The machine is simulated: one
+of its rods is 3 mm longer than its controller knows. Prints the table of docs/linuxcnc.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import truepose as tp
+from truepose.arguments import Array
+from truepose.deploy.linuxcnc import to_configuration
+from truepose.paper import article
+from truepose.simulation.moves import MOVE_FROM, MOVE_TO
+
+LAWS = ("joint", "redundant", "estimated")
+ROD = 0.003  # by which a rod is longer, m
+RADIUS, HEIGHT = 0.05, -0.4  # of the circle, m
+TURN = 3.0  # by which theta goes past its index, degrees
+INTERFACE = Path(__file__).with_name("linuxcnc_ui.py")
+
+
+def g0(x: Array) -> str:
+    """Return the G-code that goes to a pose."""
+    words = zip("XYZC", [*(1e3 * x[:3]), np.degrees(x[3])], strict=True)
+    return "G0 " + " ".join(f"{letter}{value:.9f}" for letter, value in words)
+
+
+def job(law: str, poses: Array, counts: bool) -> dict[str, Any]:
+    """Return what the headless user interface is to do."""
+    home = tp.load("h4").home
+    turned = [np.array([*home[:3], np.radians(turn)]) for turn in (TURN, -TURN, 0)]
+    start = np.array([RADIUS, 0.0, HEIGHT, 0.0])
+    return {
+        "joints": 4,
+        "true": True,
+        "pins": {"truepose_tej.law": LAWS_OF[law], "truepose_plant.counts": int(counts)},
+        "index": [g0(x) for x in turned],
+        "poses": [g0(x) for x in poses],
+        "events": [],
+        "circle": [g0(start), f"G2 X{1e3 * start[0]} Y0 I{-1e3 * RADIUS} J0 F3000"],
+        "refused": ["G0 X0 Y0 Z-900", "G0 X0 Y0 Z-450 C85"],
+        "clocks": ["truepose_tej.time", "motion-controller.time"],
+        "asked": [f"truepose_tej.{name}" for name in ("referenced", "law-in-effect", "fault")],
+    }
+
+
+LAWS_OF = {"joint": 0, "redundant": 1, "cartesian": 2, "weighted": 3, "estimated": 4}
+
+
+def headless(folder: Path, what: dict[str, Any], patience: float = 300.0) -> dict[str, Any]:
+    """Run LinuxCNC in a folder with its configuration; return what its interface found."""
+    shutil.copy(INTERFACE, folder / "ui.py")
+    (folder / "ui.py").chmod(0o755)
+    ini = folder / "robot.ini"
+    text = ini.read_text().replace("DISPLAY = axis", "DISPLAY = ./ui.py")
+    ini.write_text(text)
+    (folder / "job.json").write_text(json.dumps(what))
+    environment = dict(os.environ)
+    if os.getuid() == 0:  # LinuxCNC refuses to run as root
+        folder.chmod(0o777)
+        environment |= {"RTAPI_UID": "65534", "RTAPI_FIFO_PATH": str(folder / "fifo")}
+    with (folder / "log").open("w") as log:
+        subprocess.run(
+            ["linuxcnc", "-r", "robot.ini"],
+            cwd=folder,
+            env=environment,
+            stdout=log,
+            stderr=log,
+            timeout=patience,
+            check=False,
+        )
+    found = folder / "found.json"
+    if not found.exists():
+        raise SystemExit(f"LinuxCNC did not start:\n{(folder / 'log').read_text()}")
+    return json.loads(found.read_text())
+
+
+def configured(folder: Path, robot: tp.Robot, true: tp.Robot, law: str) -> Path:
+    """Write a configuration into a folder that everybody may enter."""
+    folder.mkdir()
+    for name, contents in to_configuration(robot, tp.Controller(law=law), tp.Watch(), true).items():
+        data = contents.encode() if isinstance(contents, str) else contents
+        (folder / name).write_bytes(data)
+    ini = folder / "robot.ini"  # the paper's move begins below the file's workspace
+    ini.write_text(ini.read_text().replace("MIN_LIMIT = -450", "MIN_LIMIT = -520"))
+    return folder
+
+
+def trial(poses: int, counts: bool) -> dict[str, dict[str, Any]]:
+    """Run all laws; return what each was off, and what LinuxCNC said."""
+    robot = tp.load("h4")
+    true = robot.replace({"chain3.rod": robot.spec.chain[2].rod + ROD})
+    table2 = article.table2()
+    some = table2[np.random.default_rng(0).choice(len(table2), poses, replace=False)]
+    x_d = np.vstack([some, MOVE_FROM, MOVE_TO])
+    results = {}
+    with tempfile.TemporaryDirectory(prefix="truepose-linuxcnc-") as work:
+        Path(work).chmod(0o755)
+        for law in LAWS:
+            folder = configured(Path(work) / law, robot, true, law)
+            found = headless(folder, job(law, x_d, counts))
+            if "error" in found:
+                raise SystemExit(f"{law}: {found['error']}; LinuxCNC said {found['said']}")
+            results[law] = judged(found, x_d, tp.settle(robot, true, x_d, law))
+    return results
+
+
+def judged(found: dict[str, Any], x_d: Array, settled: Array) -> dict[str, Any]:
+    """Return errors in mm and degrees."""
+    shown = np.array([1e3, 1e3, 1e3, np.degrees(1)])
+    rest = np.array(found["rest"])
+    off = rest - x_d * shown
+    path = np.array(found["path"])
+    radial = np.hypot(path[:, 0], path[:, 1]) - 1e3 * RADIUS
+    times = {name: float(np.median(values)) for name, values in found["times"].items()}
+    return {
+        "theta": float(np.abs(off[:-2, 3]).mean()),
+        "theta_max": float(np.abs(off[:-2, 3]).max()),
+        "position": float(np.linalg.norm(off[:-2, :3], axis=1).mean()),
+        "move": float(np.abs(off[-1, 3])),
+        "circle": float(np.abs(path[:, 3]).max()),
+        "radial": float(np.abs(radial).max()),
+        "from_settle": float(np.linalg.norm((rest - settled * shown)[:, :3], axis=1).max()),
+        "theta_from_settle": float(np.abs((rest - settled * shown)[:, 3]).max()),
+        "time": times["truepose_tej.time"] / times["motion-controller.time"],
+        "pins": tuple(found["pins"].values()),
+        "said": found["said"],
+    }
+
+
+def steps() -> dict[str, float]:
+    """Run the redundant law; return the largest change a cycle of a drive's command, °/s."""
+    robot = tp.load("h4")
+    true = robot.replace({"chain3.rod": robot.spec.chain[2].rod + ROD})
+    law, sensor = "truepose_tej.law", "truepose_plant.sensor.0.fault"
+    events = {
+        "nothing": [],
+        "redundant to Cartesian": [(law, 2)],
+        "Cartesian to joint": [(law, 0)],
+        "joint to redundant": [(law, 1)],
+        "θ's encoder falls silent": [(sensor, 1)],
+        "it is heard again, and the fault reset": [(sensor, 0), ("truepose_tej.reset", 1)],
+        "machine off and on": None,
+    }
+    what = job("redundant", np.array([[0.05, 0.05, -0.42, 0.2]]), True)
+    what |= {"events": [["", [("truepose_tej.reset", 0)]], *events.items()], "refused": []}
+    with tempfile.TemporaryDirectory(prefix="truepose-linuxcnc-") as work:
+        Path(work).chmod(0o755)
+        folder = configured(Path(work) / "steps", robot, true, "redundant")
+        with (folder / "robot.hal").open("a") as hal:
+            hal.write("loadrt sampler depth=4000 cfg=fffff\naddf sampler.0 servo-thread\n")
+            hal.write(
+                "setp sampler.0.enable 0\nnet event truepose_plant.0.fault-size sampler.0.pin.0\n"
+            )
+            hal.writelines(f"net j{i}-velocity => sampler.0.pin.{i + 1}\n" for i in range(4))
+        found = headless(folder, what)
+    if "error" in found:
+        raise SystemExit(f"steps: {found['error']}; LinuxCNC said {found['said']}")
+    return {name: found["steps"][name] for name in events}
+
+
+STOCK = Path("/usr/share/doc/linuxcnc/examples/sample-configs/sim/axis/vismach/hexapod-sim")
+TURNS = (0, 40, 60, 80, 85, 89)
+
+
+def hexapod() -> bool:
+    """Run LinuxCNC's own hexapod on its own kinematics and on ours; say what each displays."""
+    if not STOCK.is_dir():
+        print("\nhexapod: SKIPPED, LinuxCNC's sample configurations are not installed")
+        return True
+    rows = {}
+    with tempfile.TemporaryDirectory(prefix="truepose-linuxcnc-") as work:
+        Path(work).chmod(0o755)
+        for kinematics in ("genhexkins", "truepose_kins pins=genhexkins"):
+            folder = Path(work) / kinematics.split()[0]
+            shutil.copytree(STOCK, folder)
+            ini = (folder / "hexapod.ini").read_text()
+            ini = ini.replace("KINEMATICS = genhexkins", f"KINEMATICS = {kinematics}")
+            ini = ini.replace("DISPLAY = axis", "DISPLAY = ./ui.py")
+            pictures = ("PYVCP", "POSTGUI_HALFILE", "HALCMD  = loadusr -W hexagui")
+            ini = "".join(line for line in ini.splitlines(True) if not line.startswith(pictures))
+            (folder / "robot.ini").write_text(ini)
+            turns = [f"G0 Z25 C{turn}" for turn in TURNS]
+            found = headless(
+                folder,
+                {
+                    "joints": 6,
+                    "true": False,
+                    "pins": {},
+                    "index": [],
+                    "poses": turns,
+                    "circle": [],
+                    "refused": ["G0 Z25 C95"],
+                    "clocks": ["motion-controller.time"],
+                    "asked": ["genhexkins.max-iterations"],
+                },
+            )
+            if "error" in found:
+                raise SystemExit(f"{kinematics}: {found['error']}; LinuxCNC said {found['said']}")
+            shown = np.array(found["shown"])[:, [2, 5]]
+            rows[kinematics] = (shown, found["said"], found["pins"])
+    print("\n| commanded |" + "|".join(f" {name} shows " for name in rows) + "|\n|---|---|---|")
+    for k, turn in enumerate(TURNS):
+        cells = "|".join(
+            f" Z{shown[k, 0]:.3f} C{shown[k, 1] + 0:.3f} " for shown, _, _ in rows.values()
+        )
+        print(f"| Z25 C{turn} |{cells}|")
+    print(
+        "| Z25 C95 |"
+        + "|".join(f" {'; '.join(said) or 'goes'} " for _, said, _ in rows.values())
+        + "|"
+    )
+    shown, said, _ = rows["truepose_kins pins=genhexkins"]
+    right = np.abs(shown - np.column_stack([np.full(len(TURNS), 25), TURNS])).max() < 1e-3
+    return bool(right and said)
+
+
+def main() -> int:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--poses", type=int, default=50, help="of Table 2")
+    parser.add_argument("--unquantised", action="store_true", help="encoders without counts")
+    asked = parser.parse_args()
+    if shutil.which("linuxcnc") is None:
+        print("linuxcnc: SKIPPED, LinuxCNC is not installed (Debian: linuxcnc-uspace)")
+        return 0
+    results = trial(asked.poses, not asked.unquantised)
+    rows = {
+        f"θ, mean of {asked.poses} poses of Table 2, °": ("theta", ".3f"),
+        "θ, worst of them, °": ("theta_max", ".3f"),
+        "position, mean of them, mm": ("position", ".2f"),
+        "θ at the end of the paper's move, °": ("move", ".3f"),
+        "θ on a circle of 100 mm, worst, °": ("circle", ".3f"),
+        "its radius, worst, mm": ("radial", ".2f"),
+        "from where `tp.settle` says, worst, µm": ("from_settle", ".1f"),
+        "one cycle of truepose_tej / motion-controller": ("time", ".2f"),
+    }
+    print("| |" + "|".join(f" {law} " for law in LAWS) + "|\n|---|" + "---|" * len(LAWS))
+    for title, (key, how) in rows.items():
+        scale = 1e3 if "µm" in title else 1
+        values = "|".join(f" {scale * results[law][key]:{how}} " for law in LAWS)
+        print(f"| {title} |{values}|")
+    print("\nRefused, each by LinuxCNC:", *dict.fromkeys(results["joint"]["said"]), sep="\n    ")
+    found = steps()
+    print("\n| what happens, at rest | most that a drive's command changes in a cycle, °/s |")
+    print("|---|---|")
+    for name, change in found.items():
+        print(f"| {name} | {change:.2f} |")
+    healthy = all(results[law]["pins"] == (True, LAWS_OF[law], False) for law in LAWS)
+    return 0 if healthy and hexapod() else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

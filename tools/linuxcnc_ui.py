@@ -1,0 +1,183 @@
+#!/usr/bin/env python3
+"""LinuxCNC's user interface while nobody looks: homes, runs what job.json says, notes what is true.
+
+Run by LinuxCNC ([DISPLAY]DISPLAY) with the system's Python; needs nothing of truepose.
+"""
+
+import itertools
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import hal
+import linuxcnc
+
+HERE = Path(__file__).resolve().parent
+SETTLES, PATIENCE = 0.4, 20.0  # s
+LOOKS = 1.2  # s, for a step of what drives are told
+
+
+class Machine:
+    """What LinuxCNC is asked and told."""
+
+    def __init__(self, joints):
+        self.command, self.state, self.errors = (
+            linuxcnc.command(),
+            linuxcnc.stat(),
+            linuxcnc.error_channel(),
+        )
+        self.joints = joints
+        self.said = []
+
+    def wait(self, holds, what):
+        """Wait, and note what LinuxCNC says meanwhile."""
+        end = time.monotonic() + PATIENCE
+        while time.monotonic() < end:
+            self.state.poll()
+            error = self.errors.poll()
+            if error:
+                self.said.append(error[1])
+            if holds():
+                return
+            time.sleep(0.005)
+        raise TimeoutError(what)
+
+    def start(self):
+        """Switch the machine on, and home it."""
+        self.command.state(linuxcnc.STATE_ESTOP_RESET)
+        self.command.state(linuxcnc.STATE_ON)
+        self.wait(lambda: self.state.task_state == linuxcnc.STATE_ON, "the machine is not on")
+        self.command.mode(linuxcnc.MODE_MANUAL)
+        self.command.wait_complete()
+        self.command.home(-1)
+        self.wait(lambda: all(self.state.homed[: self.joints]), "is not homed")
+        self.command.mode(linuxcnc.MODE_MDI)
+        self.command.wait_complete()
+
+    def begin(self, line):
+        """Give a line of G-code."""
+        self.command.mdi(line)
+        time.sleep(0.02)
+
+    def still(self):
+        """Say whether all is done; raise where the machine went off."""
+        if self.state.task_state != linuxcnc.STATE_ON:
+            raise RuntimeError("the machine went off")
+        return self.state.interp_state == linuxcnc.INTERP_IDLE and self.state.inpos
+
+    def go(self, line, each=None):
+        """Run a line to its end; `each` is called on the way."""
+        self.begin(line)
+        self.wait(lambda: (each and each(), self.still())[1], line)
+        time.sleep(SETTLES)
+
+
+def value(name):
+    """Return a pin's value, all digits."""
+    return hal.get_value(name)
+
+
+def truth(joints):
+    """Return the simulated machine's true pose, mm and degrees."""
+    return [value(f"truepose_plant.pose.{k}") for k in range(joints)]
+
+
+def clocks(names):
+    """Return what each function took, in 500 looks at it."""
+    taken = {name: [] for name in names}
+    for _ in range(500):
+        for name, values in taken.items():
+            values.append(value(name))
+        time.sleep(0.002)
+    return taken
+
+
+def setp(pin, wanted):
+    """Set a pin that nothing writes to."""
+    subprocess.run(["halcmd", "setp", pin, str(wanted)], check=True)
+
+
+def steps(events, machine):
+    """Return the largest change, from one cycle to the next, of what a drive was told."""
+
+    def off_and_on():
+        machine.command.state(linuxcnc.STATE_OFF)
+        time.sleep(0.2)
+        machine.command.state(linuxcnc.STATE_ON)
+
+    with (HERE / "samples").open("w+") as samples:
+        sampler = subprocess.Popen(["halsampler", "-t"], stdout=samples)
+        setp("sampler.0.enable", 1)
+        for k, (_, pins) in enumerate(events):
+            subprocess.run(["halcmd", "sets", "event", str(k)], check=True)
+            if pins is None:
+                off_and_on()
+            else:
+                for pin in pins:
+                    setp(*pin)
+            time.sleep(LOOKS)
+        sampler.terminate()
+        sampler.wait()
+        samples.seek(0)
+        whole = [row.split() for row in samples if row.endswith("\n") and "over" not in row]
+    rows = [[float(word) for word in row] for row in whole]
+    found = {name: 0.0 for name, _ in events}
+    for one, other in itertools.pairwise(rows):
+        number, event, *told = other
+        if number == one[0] + 1:
+            changes = [abs(a - b) for a, b in zip(told, one[2:], strict=True)]
+            name = events[int(event)][0]
+            found[name] = max(found[name], *changes)
+    return found
+
+
+def run(job, machine):
+    """Do the job; return what was found."""
+    joints, true = job["joints"], job["true"]
+    found = {"rest": [], "path": [], "shown": []}
+    for pin, wanted in job["pins"].items():
+        setp(pin, wanted)
+    machine.start()
+    for line in job["index"]:
+        machine.go(line)
+    for line in job["poses"]:
+        machine.go(line)
+        found["shown"].append(list(machine.state.actual_position))
+        if true:
+            found["rest"].append(truth(joints))
+    if job["circle"]:
+        *there, circle = job["circle"]
+        for line in there:
+            machine.go(line)
+        machine.go(circle, lambda: found["path"].append(truth(joints)))
+    found["times"] = clocks(job["clocks"])
+    found["pins"] = {name: value(name) for name in job["asked"]}
+    for line in job["refused"]:
+        machine.begin(line)
+        machine.wait(machine.still, line)
+        time.sleep(0.1)
+    found["steps"] = steps(job["events"], machine)
+    found["said"] = machine.said
+    return found
+
+
+def main():
+    """Do the job of job.json, and leave found.json."""
+    job = json.loads((HERE / "job.json").read_text())
+    own = hal.component("truepose_ui")  # whoever reads pins must be one
+    own.ready()
+    machine = Machine(job["joints"])
+    try:
+        found = run(job, machine)
+    except Exception as error:
+        machine.state.poll()
+        found = {"error": f"{type(error).__name__}: {error}", "said": machine.said}
+    (HERE / "found.json").write_text(json.dumps(found))
+    machine.command.state(linuxcnc.STATE_ESTOP)
+    return "error" in found
+
+
+if __name__ == "__main__":
+    sys.exit(main())
