@@ -29,12 +29,11 @@ struct [[nodiscard]] FkmResult {
 /// One search: Newton on f_i = (|v_i|² - L_i²)/2, whose derivative with respect to the pose is
 /// -J_x, in the tangent space of the pose (no Euler angles).
 ///
-/// @param pose    in: the guess; out: the pose, if there is one
-/// @param most    iterations
-/// @param failed  (result, last iterate) if there is none; its result is the result
-template <Mobility K, class Failed>
-TRUEPOSE_FLATTEN inline FkmResult search(const Robot& robot, const Joint& q, Pose& pose, int most,
-                                         Failed&& failed) {
+/// @param pose  in: the guess; out: the pose (the last iterate if not ok)
+/// @param most  iterations
+template <Mobility K>
+TRUEPOSE_FLATTEN FkmResult search(const Robot& robot, const Joint& q, Pose& pose,
+                                  int most = kFkmIterations) {
   if (!robot.finished) return {Status::unfinished, -1};
 
   constexpr int n = kDof<K>;
@@ -121,18 +120,8 @@ TRUEPOSE_FLATTEN inline FkmResult search(const Robot& robot, const Joint& q, Pos
     if (other_mode(robot.assembly_sign, [&] { return determinant_sign<n>(jx); }))
       result.status = Status::branch_lost;
   }
-  if (!result) return failed(result, current->pose);
   pose = current->pose;
   return result;
-}
-
-/// One search. @param pose  in: the guess; out: the pose (the last iterate if not ok)
-template <Mobility K>
-FkmResult search(const Robot& robot, const Joint& q, Pose& pose, int most = kFkmIterations) {
-  return search<K>(robot, q, pose, most, [&](const FkmResult& result, const Pose& last) {
-    pose = last;
-    return result;
-  });
 }
 
 namespace fkm_detail {
@@ -205,14 +194,15 @@ inline bool own_mode(const Robot& robot, const Pose& pose) {
 /// The second search, where the first one found no pose, or jumped from the robot's own mode into
 /// another: from home, whose pose is known, the motors going to q in a few stages.
 /// @param first  what the first one came to
-/// @param last   where
-/// @param pose   in: its guess; out: the pose, or where the first one ended
+/// @param guess  where it began
+/// @param pose   in: where it ended; out: the pose, or the same
 /// @param cap    steps of both
 template <Mobility K>
 TRUEPOSE_RARE FkmResult search_from_home(const Robot& robot, const Joint& q, FkmResult first,
-                                         const Pose& last, Pose& pose, int cap) {
-  const Pose guess = pose;
-  pose = last;
+                                         const Pose& guess, Pose& pose, int cap) {
+  const bool went = first.status == Status::not_converged || first.status == Status::singular ||
+                    first.status == Status::branch_lost;
+  if (!went) return first;  // from nowhere is there a pose for such an input
   if (first.status == Status::branch_lost && !own_mode<K>(robot, guess)) return first;
   const bool open = first.status == Status::not_converged;
   std::array<Driven, kDof<K>> driven;
@@ -258,11 +248,11 @@ TRUEPOSE_RARE FkmResult search_from_home(const Robot& robot, const Joint& q, Fkm
 /// @return unreachable: it is known that no pose closes the loops. not_converged: none was found.
 /// singular: closed where the motors do not determine it. branch_lost: closed in another mode.
 template <Mobility K>
-TRUEPOSE_FLATTEN FkmResult fkm(const Robot& robot, const Joint& q, Pose& pose, int cap = kFkmCap) {
-  const int most = std::min(kFkmIterations, cap);
-  return search<K>(robot, q, pose, most, [&](const FkmResult& first, const Pose& last) {
-    return fkm_detail::search_from_home<K>(robot, q, first, last, pose, cap);
-  });
+FkmResult fkm(const Robot& robot, const Joint& q, Pose& pose, int cap = kFkmCap) {
+  const Pose guess = pose;
+  const FkmResult first = search<K>(robot, q, pose, std::min(kFkmIterations, cap));
+  if (first) return first;
+  return fkm_detail::search_from_home<K>(robot, q, first, guess, pose, cap);
 }
 
 /// x = FKM(q). @param x in: the guess; out: the pose. @param cap  steps, at least 1
