@@ -1,8 +1,13 @@
-// How many instructions does one call execute? The functions f_… that instructions.py counts.
-// A count is the same on every run, whatever else the machine does; a time is not.
+// How many instructions does one call execute? The functions f_… that instructions.py counts, call
+// by call: at poses of the box, and on inputs that no robot should meet. A count is the same on
+// every run, whatever else the machine does; a time is not.
+#include <valgrind/callgrind.h>
+
 #include "bench.hpp"
 #include "inputs.hpp"
+#include "truepose/control/command.hpp"
 #include "truepose/control/guard.hpp"
+#include "truepose/estimation/learning.hpp"
 #include "truepose/offline/plant.hpp"
 
 using namespace inputs;
@@ -24,6 +29,9 @@ COUNTED Status f_fkm_near(const Robot& robot, const Joint& q, Coordinates& x) {
 }
 COUNTED Status f_fkm_home(const Robot& robot, const Joint& q, Coordinates& x) {
   return fkm(robot, q, x).status;
+}
+COUNTED Status f_fkm_home_12(const Robot& robot, const Joint& q, Coordinates& x) {
+  return fkm(robot, q, x, 12).status;
 }
 COUNTED Status f_fkm_closed(const Robot& robot, const Joint& q, const Mat3& R, Vec3& D) {
   return fkm_closed<kH4>(robot, q, R, Vec3(0, 0, -0.4), D).status;
@@ -61,15 +69,47 @@ COUNTED Status f_control_weighted(const Robot& robot, const ControlSettings& set
                                   ControlState& state, const Weighing& weighing) {
   return control<kH4>(robot, settings, setpoint, q_e, state, weighing).status;
 }
+COUNTED Status f_control_weighted_kept(const Robot& robot, const ControlSettings& settings,
+                                       const Setpoint& setpoint, const Extended& q_e,
+                                       ControlState& state, const Weighing& weighing) {
+  return control<kH4>(robot, settings, setpoint, q_e, state, weighing).status;
+}
+COUNTED Status f_control_weighted_full(const Robot& robot, const ControlSettings& settings,
+                                       const Setpoint& setpoint, const Extended& q_e,
+                                       ControlState& state, const Weighing& weighing) {
+  return control<kH4>(robot, settings, setpoint, q_e, state, weighing).status;
+}
+COUNTED Status f_control_weighted_full_kept(const Robot& robot, const ControlSettings& settings,
+                                            const Setpoint& setpoint, const Extended& q_e,
+                                            ControlState& state, const Weighing& weighing) {
+  return control<kH4>(robot, settings, setpoint, q_e, state, weighing).status;
+}
 COUNTED Status f_control_estimated(const Robot& robot, const ControlSettings& settings,
                                    const Setpoint& setpoint, const Extended& q_e,
                                    ControlState& state, const Weighing& weighing) {
+  return control<kH4>(robot, settings, setpoint, q_e, state, weighing).status;
+}
+COUNTED Status f_control_estimated_kept(const Robot& robot, const ControlSettings& settings,
+                                        const Setpoint& setpoint, const Extended& q_e,
+                                        ControlState& state, const Weighing& weighing) {
   return control<kH4>(robot, settings, setpoint, q_e, state, weighing).status;
 }
 COUNTED Status f_control_estimated_full(const Robot& robot, const ControlSettings& settings,
                                         const Setpoint& setpoint, const Extended& q_e,
                                         ControlState& state, const Weighing& weighing) {
   return control<kH4>(robot, settings, setpoint, q_e, state, weighing).status;
+}
+COUNTED Status f_control_estimated_full_kept(const Robot& robot, const ControlSettings& settings,
+                                             const Setpoint& setpoint, const Extended& q_e,
+                                             ControlState& state, const Weighing& weighing) {
+  return control<kH4>(robot, settings, setpoint, q_e, state, weighing).status;
+}
+COUNTED Status f_estimate(const Robot& robot, const Knowledge& known, const Extended& q_e,
+                          Pose& pose, double* work) {
+  return estimate<kH4>(robot, known, q_e, pose, work).outcome.status;
+}
+COUNTED Status f_learn(Learner& learner, const Extended& q_e) {
+  return learn<kH4>(learner, q_e).status;
 }
 COUNTED Status f_watch(const Robot& robot, const WatchSettings& settings, const Weighing& weighing,
                        const Joint& desired, const Extended& q_e, Watch& seen, Extended& believed) {
@@ -95,10 +135,117 @@ COUNTED Status f_ups_fkm_near(const Robot& robot, const Joint& q, Coordinates& x
   return fkm(robot, q, x).status;
 }
 
-/// What a watch costs where nothing is wrong: on a path about home, in counts, as many cycles as
-/// there are poses, the rarer ones with a look at the geometry among them.
-static void watched_path(const Robot& robot, const ControlSettings& settings,
-                         const Weighing& weighing) {
+namespace {
+
+constexpr int kCounted = 300;  ///< calls of each function on usual inputs
+
+/// Counts a call of f. @param usual  else among those of which only the worst is asked for
+template <class F>
+void count(const char* name, bool usual, F&& call) {
+  static char trigger[64];
+  std::snprintf(trigger, sizeof trigger, "%s%s", name, usual ? "" : "!");
+  CALLGRIND_ZERO_STATS;
+  const Status status = call();
+  CALLGRIND_DUMP_STATS_AT(trigger);
+  if (usual && status > Status::ok) std::printf("%s: no answer: %s\n", name, describe(status));
+}
+#define COUNT(usual, function, ...) count(#function, usual, [&] { return function(__VA_ARGS__); })
+
+/// A path about home at 1 kHz, up to 0.4 m/s: what is kept from cycle to cycle lasts on it.
+Setpoint along(const Robot& robot, double time) {
+  Setpoint setpoint;
+  for (int i = 0; i < 4; ++i) {
+    const double omega = 3 + i, phase = omega * time;
+    setpoint.x[i] = robot.home[i] + 0.03 * std::sin(phase);
+    setpoint.rate[i] = 0.03 * omega * std::cos(phase);
+    setpoint.acceleration[i] = -0.03 * omega * omega * std::sin(phase);
+  }
+  return setpoint;
+}
+
+/// What a controller may be handed: setpoints and readings that fit neither the robot nor each
+/// other.
+struct Hostile {
+  std::vector<Setpoint> setpoint;
+  std::vector<Extended> q_e;
+  std::vector<Coordinates> guess;
+
+  explicit Hostile(const Robot& robot) {
+    const mechanisms::Mechanism mechanism = mechanisms::h4();
+    check::Random random(2);
+    const auto any = [&](double size) { return mechanisms::random_joint(random, size); };
+    const auto pose = [&](int kind) {
+      Coordinates x = random_pose(mechanism, random);
+      if (kind == 1) x = any(0.6);
+      if (kind == 2 || kind == 3) {  // as far as the chains reach, or the motors hold the nacelle
+        Coordinates in = robot.home, out = robot.home;
+        const Coordinates way = any(kind == 2 ? 1 : 0.05);
+        for (int i = 0; i < 4; ++i) out[i] += way[i];
+        if (kind == 3) out[3] += random() < 0 ? -2.5 : 2.5;
+        for (int k = 0; k < 45; ++k) {
+          for (int i = 0; i < 4; ++i) x[i] = 0.5 * (in[i] + out[i]);
+          Joint q;
+          (command(robot, x, q) ? in : out) = x;
+        }
+      }
+      return x;
+    };
+    const double odd[]{NAN, INFINITY, -INFINITY, 1e300, -1e6};
+    for (int k = 0; k < 420; ++k) {
+      Setpoint at{pose(k % 4)};
+      Extended read{};
+      if (!extended<kH4>(robot, to_pose<kH4>(k % 3 == 0 ? at.x : pose(k / 4 % 4)), read))
+        for (double& value : read) value = 4 * random();
+      if (k % 7 == 1) read[k % 5] += std::pow(10, -3 + 3.5 * std::fabs(random()));
+      if (k % 7 == 2) read = Extended{3 * random(), 3 * random(), 3 * random(), 3 * random(), 0.4};
+      if (k % 7 == 3) read[k % 4] += 6.283185307179586 * (k % 9 - 4);
+      if (k % 28 == 4) read[k % 5] = odd[k % 5];
+      if (k % 28 == 11) at.x[k % 4] = odd[k % 5];
+      if (k % 28 == 18) at.rate[k % 4] = odd[k % 5];
+      setpoint.push_back(at);
+      q_e.push_back(read);
+      guess.push_back(k % 2 == 0 ? robot.home : pose(k / 2 % 4));
+    }
+  }
+};
+
+/// A law on usual inputs, then on hostile ones, each a cycle after a usual one.
+template <class Call>
+void count_law(const Inputs<kH4>& h4, const Hostile& hostile, Call&& call) {
+  ControlState state;
+  for (int i = 0; i < kCounted; ++i) call(true, h4.setpoint[i], h4.q_e[i], state);
+  for (std::size_t k = 0; k < hostile.q_e.size(); ++k) {
+    ControlState after = state;
+    call(false, hostile.setpoint[k], hostile.q_e[k], after);
+  }
+}
+
+/// A law whose weights are kept, on the path, then on hostile inputs.
+template <class Call>
+void count_kept(const Robot& robot, const Hostile& hostile, Weighing weighing, Call&& call) {
+  KeptWeights kept;
+  weighing.kept = &kept;
+  ControlState state;
+  Parasitic rest;
+  for (int i = 0; i < kCounted; ++i) {
+    const Setpoint setpoint = along(robot, 1e-3 * i);
+    Pose pose = to_pose<kH4>(setpoint.x);
+    pose.D += Vec3(1e-4, -1e-4, 1e-4);
+    Extended q_e;
+    if (!exact_readings<kH4>(robot, pose, q_e, rest)) std::printf("the path is out of reach\n");
+    call(true, setpoint, q_e, state, weighing);
+  }
+  for (std::size_t k = 0; k < hostile.q_e.size(); ++k) {
+    ControlState after = state;
+    KeptWeights then = kept;
+    weighing.kept = &then;
+    call(false, hostile.setpoint[k], hostile.q_e[k], after, weighing);
+  }
+}
+
+/// What a watch costs where nothing is wrong: on the path, in counts, the rarer cycles with a look
+/// at the geometry among them.
+void count_watch(const Robot& robot, const ControlSettings& settings, const Weighing& weighing) {
   GuardSettings guarding;
   guarding.watch.fastest.fill(500);
   guarding.watch.moved.fill(2e-3);
@@ -106,30 +253,86 @@ static void watched_path(const Robot& robot, const ControlSettings& settings,
   Watch seen;
   Guard guard;
   ControlState state;
-  long wrong = 0;
-  for (int k = 0; k < kPoses; ++k) {
-    Setpoint setpoint;
-    for (int i = 0; i < 4; ++i) {
-      const double omega = 3 + i, phase = omega * settings.period * k;
-      setpoint.x[i] = robot.home[i] + 0.03 * std::sin(phase);
-      setpoint.rate[i] = 0.03 * omega * std::cos(phase);
-      setpoint.acceleration[i] = -0.03 * omega * omega * std::sin(phase);
-    }
+  for (int k = 0; k < kCounted; ++k) {
+    const Setpoint setpoint = along(robot, settings.period * k);
     Extended q_e{}, believed;
-    if (!extended<kH4>(robot, to_pose<kH4>(setpoint.x), q_e)) ++wrong;
+    if (!extended<kH4>(robot, to_pose<kH4>(setpoint.x), q_e)) std::printf("out of reach\n");
     for (int c = 0; c < 5; ++c) q_e[c] = quantised(q_e[c], 3e-5);
     const Joint desired = motors_of<kH4>(q_e);
-    if (f_watch(robot, guarding.watch, weighing, desired, q_e, seen, believed) != Status::ok ||
-        f_guarded_redundant(robot, settings, guarding, setpoint, q_e, state, weighing, guard) !=
-            Status::ok)
-      ++wrong;
+    COUNT(true, f_watch, robot, guarding.watch, weighing, desired, q_e, seen, believed);
+    COUNT(true, f_guarded_redundant, robot, settings, guarding, setpoint, q_e, state, weighing,
+          guard);
   }
-  if (wrong > 0) std::printf("a healthy reading is not believed in %ld cycles\n", wrong);
 }
+
+void count_kinematics(const Inputs<kH4>& h4, const Hostile& hostile) {
+  Joint q{};
+  JointMatrix J;
+  ExtendedColumns M;
+  ExtendedRows M_plus;
+  Vec3 D = Vec3::Zero();
+  for (int i = 0; i < kCounted; ++i) {
+    Coordinates near = h4.near[i], home = h4.robot.home, again = home, acceleration{};
+    COUNT(true, f_ikm, h4.robot, h4.x[i], q);
+    COUNT(true, f_jacobian, h4.robot, h4.x[i], J);
+    COUNT(true, f_fkm_near, h4.robot, h4.q[i], near);
+    COUNT(true, f_fkm_home, h4.robot, h4.q[i], home);
+    COUNT(true, f_fkm_home_12, h4.robot, h4.q[i], again);
+    COUNT(true, f_fkm_closed, h4.robot, h4.q[i], h4.R[i], D);
+    COUNT(true, f_tej, h4.robot, h4.x[i], M, M_plus);
+    COUNT(true, f_forward_dynamics, h4.robot, to_pose<kH4>(h4.x[i]), h4.setpoint[i].rate,
+          acceleration);
+  }
+  for (std::size_t k = 0; k < hostile.q_e.size(); ++k) {
+    const Coordinates& x = hostile.setpoint[k].x;
+    const Joint motors = motors_of<kH4>(hostile.q_e[k]);
+    Coordinates near = hostile.guess[k], home = h4.robot.home, again = hostile.guess[k];
+    COUNT(false, f_ikm, h4.robot, x, q);
+    COUNT(false, f_jacobian, h4.robot, x, J);
+    COUNT(false, f_fkm_near, h4.robot, motors, near);
+    COUNT(false, f_fkm_home, h4.robot, motors, home);
+    COUNT(false, f_fkm_home_12, h4.robot, motors, again);
+    COUNT(false, f_fkm_closed, h4.robot, motors, to_pose<kH4>(x).R, D);
+    COUNT(false, f_tej, h4.robot, x, M, M_plus);
+  }
+}
+
+void count_ups() {
+  const Inputs<Mobility::spatial> ups(mechanisms::hexapod("6-UPS", Actuator::telescopic));
+  Joint q{};
+  JointMatrix J;
+  for (int i = 0; i < kCounted; ++i) {
+    Coordinates near = ups.near[i];
+    COUNT(true, f_ups_ikm, ups.robot, ups.x[i], q);
+    COUNT(true, f_ups_jacobian, ups.robot, ups.x[i], J);
+    COUNT(true, f_ups_fkm_near, ups.robot, ups.q[i], near);
+  }
+}
+
+/// Estimates and lines of the learner; hostile lines each after a usual one.
+void count_readings(const Inputs<kH4>& h4, const Hostile& hostile) {
+  mechanisms::Prior prior(h4.robot), taught(h4.robot);
+  Learner learner = taught.learner(h4.robot);
+  for (int i = 0; i < kCounted; ++i) {
+    Pose pose = to_pose<kH4>(h4.x[i]);
+    COUNT(true, f_estimate, h4.robot, prior.known(), h4.q_e[i], pose, prior.weighing().work);
+    COUNT(true, f_learn, learner, h4.q_e[i]);
+  }
+  for (std::size_t k = 0; k < hostile.q_e.size(); ++k) {
+    Pose pose = to_pose<kH4>(hostile.guess[k]);
+    COUNT(false, f_estimate, h4.robot, prior.known(), hostile.q_e[k], pose, prior.weighing().work);
+    mechanisms::Prior once(h4.robot);
+    Learner pupil = once.learner(h4.robot);
+    if (!learn<kH4>(pupil, h4.q_e[k % kCounted])) std::printf("a usual line is not learnt\n");
+    COUNT(false, f_learn, pupil, hostile.q_e[k]);
+  }
+}
+
+}  // namespace
 
 int main() {
   const Inputs<kH4> h4(mechanisms::h4());
-  const Inputs<Mobility::spatial> ups(mechanisms::hexapod("6-UPS", Actuator::telescopic));
+  const Hostile hostile(h4.robot);
   const auto settings = [&](Law law) { return settings_for(h4.robot, law, FeedForward::none); };
   const ControlSettings joint = settings(Law::joint), redundant = settings(Law::redundant),
                         cartesian = settings(Law::cartesian), weighted = settings(Law::weighted),
@@ -139,7 +342,6 @@ int main() {
   inertia.gains = Gains::inertia;
   if (!place_poles(h4.robot, h4.robot.home, 150, 1, inertia)) std::printf("home is singular\n");
   mechanisms::Prior prior(h4.robot);
-  ControlState states[8];
   Robot rods = h4.robot;  // understood rod by rod, its axes 0.1° off
   rods.level = Level::full;
   for (int i = 0; i < 4; ++i) {
@@ -148,45 +350,36 @@ int main() {
         exp_so3(mechanisms::degrees(i % 2 == 0 ? 0.1 : -0.1) * chain.zero()) * chain.axis();
   }
   if (!finish(rods) || !finish_full(rods)) std::printf("the rods do not close at home\n");
-  const auto answered = [](Status status) {
-    if (status > Status::ok) std::printf("no answer: %s\n", describe(status));
-  };
-  for (int i = 0; i < kPoses; ++i) {
-    Joint q{};
-    Coordinates near = h4.near[i], home = h4.robot.home, ups_near = ups.near[i], acceleration{};
-    JointMatrix J;
-    ExtendedColumns M;
-    ExtendedRows M_plus;
-    Vec3 D = Vec3::Zero();
-    answered(f_ikm(h4.robot, h4.x[i], q));
-    answered(f_jacobian(h4.robot, h4.x[i], J));
-    answered(f_fkm_near(h4.robot, h4.q[i], near));
-    answered(f_fkm_home(h4.robot, h4.q[i], home));
-    answered(f_fkm_closed(h4.robot, h4.q[i], h4.R[i], D));
-    answered(f_tej(h4.robot, h4.x[i], M, M_plus));
-    answered(f_control_joint(h4.robot, joint, h4.setpoint[i], h4.q_e[i], states[0]));
-    answered(f_control_redundant(h4.robot, redundant, h4.setpoint[i], h4.q_e[i], states[1]));
-    answered(f_control_cartesian(h4.robot, cartesian, h4.setpoint[i], h4.q_e[i], states[2]));
-    answered(f_control_feed_forward(h4.robot, full, h4.setpoint[i], h4.q_e[i], states[3]));
-    answered(f_control_inertia(h4.robot, inertia, h4.setpoint[i], h4.q_e[i], states[7]));
-    answered(f_control_weighted(h4.robot, weighted, h4.setpoint[i], h4.q_e[i], states[4],
-                                prior.weighing()));
-    answered(f_control_estimated(h4.robot, estimated, h4.setpoint[i], h4.q_e[i], states[5],
-                                 prior.weighing()));
-    Extended q_e;  // a cycle after one nearby: what every cycle is but the first
-    Parasitic rest;
-    answered(exact_readings<kH4>(rods, to_pose<kH4>(h4.near[i]), q_e, rest).status);
-    answered(control<kH4>(rods, estimated, {h4.near[i]}, q_e, states[6], prior.weighing()).status);
-    answered(f_control_estimated_full(rods, estimated, h4.setpoint[i], q_e, states[6],
-                                      prior.weighing()));
-    answered(
-        f_forward_dynamics(h4.robot, to_pose<kH4>(h4.x[i]), h4.setpoint[i].rate, acceleration));
-    answered(f_ups_ikm(ups.robot, ups.x[i], q));
-    answered(f_ups_jacobian(ups.robot, ups.x[i], J));
-    answered(f_ups_fkm_near(ups.robot, ups.q[i], ups_near));
-    bench::keep(D);  // or the call would be left out
-  }
-  watched_path(h4.robot, redundant, prior.weighing());
-  std::printf("%d poses\n", kPoses);
+
+  count_kinematics(h4, hostile);
+  count_ups();
+  count_readings(h4, hostile);
+#define COUNT_LAW(function, settings, ...)                                                        \
+  count_law(h4, hostile,                                                                          \
+            [&](bool usual, const Setpoint& setpoint, const Extended& q_e, ControlState& state) { \
+              COUNT(usual, function, h4.robot, settings, setpoint, q_e,                           \
+                    state __VA_OPT__(, ) __VA_ARGS__);                                            \
+            })
+  COUNT_LAW(f_control_joint, joint);
+  COUNT_LAW(f_control_redundant, redundant);
+  COUNT_LAW(f_control_cartesian, cartesian);
+  COUNT_LAW(f_control_feed_forward, full);
+  COUNT_LAW(f_control_inertia, inertia);
+  COUNT_LAW(f_control_weighted, weighted, prior.weighing());
+  COUNT_LAW(f_control_estimated, estimated, prior.weighing());
+#define COUNT_KEPT(function, robot, settings, keeps)                                             \
+  count_kept(robot, hostile, prior.weighing(),                                                   \
+             [&](bool usual, const Setpoint& setpoint, const Extended& q_e, ControlState& state, \
+                 Weighing weighing) {                                                            \
+               if (!(keeps)) weighing.kept = nullptr;                                            \
+               COUNT(usual, function, robot, settings, setpoint, q_e, state, weighing);          \
+             })
+  COUNT_KEPT(f_control_weighted_kept, h4.robot, weighted, true);
+  COUNT_KEPT(f_control_estimated_kept, h4.robot, estimated, true);
+  COUNT_KEPT(f_control_weighted_full, rods, weighted, false);
+  COUNT_KEPT(f_control_weighted_full_kept, rods, weighted, true);
+  COUNT_KEPT(f_control_estimated_full, rods, estimated, false);
+  COUNT_KEPT(f_control_estimated_full_kept, rods, estimated, true);
+  count_watch(h4.robot, redundant, prior.weighing());
   return 0;
 }

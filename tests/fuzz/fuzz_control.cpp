@@ -28,7 +28,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     constexpr Mobility K = mobility();
     constexpr int n = kDof<K>;
     mechanisms::Prior prior(robot);
-    const Weighing weighing = bytes.one_in(8) ? Weighing{} : prior.weighing();
+    Weighing weighing = bytes.one_in(8) ? Weighing{} : prior.weighing();
+    KeptWeights kept;
+    if (bytes.one_in(2)) weighing.kept = &kept;
     ControlState state;
     for (int cycle = 0; cycle < 4; ++cycle) {
       Setpoint setpoint;

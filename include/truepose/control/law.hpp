@@ -253,15 +253,15 @@ TRUEPOSE_APART inline Outcome find(const Robot& robot, const Weighing& weighing,
   return search(IdealModel{});
 }
 
-/// The same from the reference, with weights that are kept: x̂ is where HᵀC⁻¹(q_e - h) = 0 in those
-/// of its own pose.
-/// @return not_converged where it is not near
+/// The same with weights that are kept: x̂ is where HᵀC⁻¹(q_e - h) = 0 in those of its own pose.
+/// Where that is far from the reference, they are taken anew.
 template <Mobility K, class Model>
-TRUEPOSE_APART inline Outcome find_kept(const Robot& robot, const Weighing& weighing,
-                                        const Reference<K>& reference, const Extended& q_e,
-                                        Pose& found, Parasitic rest) {
+inline Outcome find_kept(const Robot& robot, const Weighing& weighing,
+                         const Reference<K>& reference, const Extended& q_e, Pose& found,
+                         Parasitic rest) {
   constexpr int n = kDof<K>;
   if (!weighing) return {Status::not_measured, -1};
+  const Knowledge& known = *weighing.known;
   KeptFusion<K> at;
   Matrix<kMaxReadings, n> H_x;
   Extended expected = reference.q_e;
@@ -273,26 +273,24 @@ TRUEPOSE_APART inline Outcome find_kept(const Robot& robot, const Weighing& weig
     Coordinates step{};
     innovation(robot, q_e, expected, e);
     const double chi2 = at.step(robot, e, step);
-    if (!all_finite(step, n) || !(chi2 < INFINITY)) break;
     double size = 0;
     for (int i = 0; i < n; ++i) size = std::max(size, step[i] * step[i] / at.variance[i]);
-    pose = moved<K>(pose, step);
-    if (is_last(size, last, chi2, n + robot.r)) {
-      found = pose;
-      return outcome;
-    }
+    if (!all_finite(step, n) || !(chi2 < INFINITY)) break;
+    found = pose = moved<K>(pose, step);
+    if (is_last(size, last, chi2, n + robot.r)) return outcome;
     if (left == 0) break;
     last = size;
     outcome = Model::template linearise<K>(robot, pose, expected, H_x, nullptr, rest);
-    if (outcome && !at.place(robot, H_x)) outcome = {Status::singular, -1};
-    if (outcome) outcome = at.weigh(robot, *weighing.known, *weighing.kept);
+    if (outcome && !at.place(robot, H_x)) break;
+    if (outcome) outcome = at.weigh(robot, known, *weighing.kept);
   }
-  return outcome ? Outcome{Status::not_converged, -1} : outcome;
+  found = reference.closure.pose;
+  return estimate<K, Model>(robot, known, q_e, found, weighing.work).outcome;
 }
 template <Mobility K>
-inline Outcome find_kept(const Robot& robot, const Weighing& weighing,
-                         const Reference<K>& reference, const Extended& q_e, Pose& found,
-                         const Parasitic& rest) {
+TRUEPOSE_APART inline Outcome find_kept(const Robot& robot, const Weighing& weighing,
+                                        const Reference<K>& reference, const Extended& q_e,
+                                        Pose& found, const Parasitic& rest) {
   if constexpr (kRodByRod<K>)
     if (robot.rod_by_rod())
       return find_kept<K, FullModel>(robot, weighing, reference, q_e, found, rest);
@@ -318,11 +316,10 @@ inline Outcome motor_error(const Robot& robot, Law law, const Reference<K>& refe
   constexpr int n = kDof<K>;
   const Corrects corrects = properties(law).corrects;
   if (corrects == Corrects::pose) {
-    Outcome outcome{Status::not_converged, -1};
-    if (properties(law).weighs && weighing.kept)
-      outcome = find_kept<K>(robot, weighing, reference, q_e, found, nearby);
-    if (!outcome)
-      outcome = found_pose<K>(robot, law, reference.closure.pose, q_e, found, weighing, nearby);
+    const Outcome outcome =
+        properties(law).weighs && weighing.kept
+            ? find_kept<K>(robot, weighing, reference, q_e, found, nearby)
+            : found_pose<K>(robot, law, reference.closure.pose, q_e, found, weighing, nearby);
     if (outcome) error = reference.jacobians.joint_rate(difference<K>(reference.pose, found));
     return outcome;
   }

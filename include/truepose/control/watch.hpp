@@ -109,6 +109,7 @@ class Cycle {
         reading.own = {q_e_[c], 0};
         reading.raw = q_e_[c];
         reading.model = c < n ? desired_[c] : q_e_[c];
+        if (c < n) reading.usual = desired_[c] - q_e_[c];
       }
       const double predicted = reading.own.predicted(settings_.period);
       const double news = q_e_[c] - predicted;
@@ -255,8 +256,7 @@ class Cycle {
     std::uint32_t still = 0, apart = 0;
     for (int c = 0; c < rows_; ++c) {
       if (without_ & bit(c)) continue;
-      if (raw(c) == watch_.reading[c].raw && stood(c) > much(c, kStoodBy))
-        still |= bit(c);
+      if (raw(c) == watch_.reading[c].raw && stood(c) > much(c, kStoodBy)) still |= bit(c);
       if (leaves_track(c, innovation_[c]) && !motor_left(c)) apart |= bit(c);
     }
     if (alone(may & still)) {
@@ -274,7 +274,7 @@ class Cycle {
   /// Share of `moved` from which on a reading that stands still beside an alarm is the one.
   static constexpr double kStoodBy = 0.4;
   /// σ by which a motor may be beside where it usually is beside its setpoint.
-  static constexpr double kStrays = 5;
+  static constexpr double kStrays = 8;
 
   bool leaves_track(int c, double innovation) const {
     const double spread = settings_.own.variance * noise_[c] + watch_.reading[c].spread;
@@ -315,8 +315,8 @@ class Cycle {
   }
 
   /// Motion of the model beside a reading that stands still which is too much. A motor that swings
-  /// about its path, as where a sensor is late by which a law leads it, stands still where it turns,
-  /// while its setpoint passes: it is judged by what it follows its setpoint to.
+  /// about its path, as where a sensor is late by which a law leads it, stands still where it
+  /// turns, while its setpoint passes: it is judged by what it follows its setpoint to.
   double much(int c, double share) const {
     const WatchedReading& reading = watch_.reading[c];
     return std::max(share * settings_.moved[c], kStrays * std::sqrt(reading.strays));
@@ -335,11 +335,11 @@ class Cycle {
   void trail(int c) const {
     WatchedReading& reading = watch_.reading[c];
     reading.behind = desired_[c] - believed_[c];
-    if (reading.still > 0 || !number(reading.behind)) return;
-    if (watch_.cycle == watch_.began) reading.usual = reading.behind;
-    reading.off = reading.behind - reading.usual;
-    reading.usual += reading.off / kSettling;
-    reading.strays += (reading.off * reading.off - reading.strays) / kSettling;
+    const double off = reading.behind - reading.usual;
+    if (reading.still > 0 || !number(off)) return;
+    reading.off = off;
+    reading.usual += off / kSettling;
+    reading.strays += (off * off - reading.strays) / kSettling;
   }
 
   /// What stands for the readings that are not believed: their errors unknown, b̂ = Σ_b GᵀV⁻¹ p.

@@ -137,11 +137,11 @@ struct FullModel {
   template <Mobility K>
   static Status fkm(const Robot& robot, const Joint& q, Pose& pose, Parasitic& rest) {
     if constexpr (!kRodByRod<K>) {  // the levels are one
-      return truepose::fkm<K>(robot, q, pose).status;
+      return truepose::fkm<K>(robot, q, pose, kFkmStart).status;
     } else {
       FullPose full = rest.beside(pose);
       FullClosure<K> closure;
-      const Status status = fkm_full<K>(robot, q, full, closure).status;
+      const Status status = fkm_full<K>(robot, q, full, closure, kFkmStart).status;
       if (status == Status::ok) {  // D and θ are the coordinates; tilt and bars follow from them
         pose = full;
         pose.R = kTurnsAboutZ<K> ? rotation_z(pose.theta) : Mat3(Mat3::Identity());

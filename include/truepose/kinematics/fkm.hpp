@@ -13,6 +13,10 @@ inline constexpr int kFkmStages = 4;       ///< of the second one, from home
 /// 7 from home (tests/cpp/test_forward_kinematics.cpp).
 inline constexpr int kFkmCap = 2 * kFkmIterations;
 
+/// Where the pose is only what another search starts from: more are needed beside singular poses
+/// alone, and that one finds its own way there.
+inline constexpr int kFkmStart = 24;
+
 /// How a search for the pose ended.
 struct [[nodiscard]] FkmResult {
   Status status = Status::ok;
@@ -152,10 +156,12 @@ inline bool no_pose(const Robot& robot, const Joint& q) {
     const Vec3 side = to_pose<K>(robot.home).D;
     return fkm_closed<K>(robot, q, Mat3::Identity(), side, D).status == Status::unreachable;
   }
+  std::array<Driven, n> driven;
+  for (int i = 0; i < n; ++i) driven[i] = drive(robot.chain[i], q[i]);
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < i; ++j) {
       const Chain &one = robot.chain[i], &other = robot.chain[j];
-      const Driven from = drive(one, q[i]), to = drive(other, q[j]);
+      const Driven &from = driven[i], &to = driven[j];
       const Vec3 pivots = one.pivot() - other.pivot();
       Vec3 centres = one.base() + from.p - one.anchor() - other.base() - to.p + other.anchor();
       if (!turns) centres -= pivots;
@@ -214,9 +220,10 @@ TRUEPOSE_RARE FkmResult search_from_home(const Robot& robot, const Joint& q, Fkm
     return first;
   }
   Closure<K> home;
-  FkmResult second{ikm<K>(robot, to_pose<K>(robot.home), home).status};
-  Pose at = home.pose;
   const int most = std::min(kFkmIterations, cap - first.iterations);
+  FkmResult second{Status::not_converged};
+  if (most > 0) second.status = ikm<K>(robot, to_pose<K>(robot.home), home).status;
+  Pose at = home.pose;
   int stage = 0, left = most;
   while (second && stage < kFkmStages && left > 0) {
     ++stage;

@@ -1,0 +1,85 @@
+// Does a watch name the reading that lies, and no motor that only swings with it?
+#include "mechanisms.hpp"
+#include "truepose/control/guard.hpp"
+#include "truepose/offline/simulate.hpp"
+
+using namespace mechanisms;
+
+namespace {
+
+constexpr Mobility K = Mobility::schoenflies;
+constexpr int kTheta = kDof<K>;
+
+/// An H4 whose motors have 14400 counts a turn, guarded, one reading of which lies.
+struct Faulty {
+  explicit Faulty(Law law) : mechanism(h4()), prior((count(), mechanism.robot)) {
+    settings.law = law;
+    settings.gains = Gains::inertia;
+    CHECK(place_poles(mechanism.robot, mechanism.robot.home, 150, 1, settings));
+    WatchSettings& watch = guarding.watch;
+    watch.fastest.fill(3000);
+    watch.moved.fill(10 * kCount);
+    watch.rests.fill(4 * kCount);
+    watch.kp = settings.kp;
+    watch.kd = settings.kd;
+    prepare(watch);
+  }
+  void count() {
+    for (int i = 0; i < kDof<K>; ++i) {
+      mechanism.robot.chain[i].encoder_step = kCount;
+      mechanism.robot.chain[i].torque_limit = 30;
+    }
+    mechanism.robot.sensor[0].step = 1e-4;
+  }
+
+  /// Readings that have failed by the end of a move of 0.3 s, as bits.
+  std::uint32_t failed(const Fault& fault, check::Random& random) {
+    const Robot& robot = mechanism.robot;
+    FaultyReadings faults({fault}, settings.period);
+    Extras extras{prior.weighing()};
+    extras.watching = extras.weighing;
+    extras.guarding = &guarding;
+    extras.faults = &faults;
+    Run run{random_pose(mechanism, random), random_pose(mechanism, random), 0.3, 0.2};
+    std::uint32_t bits = 0;
+    const auto write = [&](const Sample& sample) {
+      for (int c = 0; c <= kTheta; ++c)
+        if (sample.health[c] == Health::failed) bits |= bit(c);
+    };
+    static_cast<void>(simulate<K>(robot, robot, settings, run, run.from, write, extras));
+    return bits;
+  }
+
+  static constexpr double kCount = 2 * M_PI / 14400;
+  Mechanism mechanism;
+  Prior prior;
+  ControlSettings settings;
+  GuardSettings guarding;
+};
+
+}  // namespace
+
+TEST("where a late sensor makes the loop swing no motor is called stuck that turns") {
+  int wrong = 0;
+  for (const Law law : {Law::redundant, Law::cartesian, Law::estimated}) {
+    check::Random random(74);
+    Faulty scene(law);
+    for (int move = 0; move < 30; ++move) {
+      const Fault late{FaultKind::delay, kTheta, 0, 0.005, 0.05 + 0.005 * move};
+      wrong += (scene.failed(late, random) & (bit(kTheta) - 1)) != 0;
+    }
+  }
+  // One that was still when the first push of the late sensor held it: nothing had swung before.
+  CHECK(wrong <= 1);
+}
+
+TEST("a motor whose encoder freezes in motion is named under every law") {
+  for (const Law law : {Law::joint, Law::redundant, Law::cartesian, Law::estimated}) {
+    check::Random random(75);
+    Faulty scene(law);
+    for (int motor = 0; motor < kTheta; ++motor) {
+      const Fault stuck{FaultKind::stuck, motor, 0, 0, 0.12};
+      CHECK(scene.failed(stuck, random) == bit(motor));
+    }
+  }
+}
