@@ -116,11 +116,8 @@ def steps(events, machine):
         setp("sampler.0.enable", 1)
         for k, (_, pins) in enumerate(events):
             subprocess.run(["halcmd", "sets", "event", str(k)], check=True)
-            if pins is None:
-                off_and_on()
-            else:
-                for pin in pins:
-                    setp(*pin)
+            for pin in pins:
+                setp(*pin) if pin else off_and_on()
             time.sleep(LOOKS)
         sampler.terminate()
         sampler.wait()
