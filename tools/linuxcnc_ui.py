@@ -46,9 +46,13 @@ class Machine:
 
     def start(self):
         """Switch the machine on, and home it."""
-        self.command.state(linuxcnc.STATE_ESTOP_RESET)
-        self.command.state(linuxcnc.STATE_ON)
-        self.wait(lambda: self.state.task_state == linuxcnc.STATE_ON, "the machine is not on")
+        for wanted, what in (
+            (linuxcnc.STATE_ESTOP_RESET, "is in E-stop"),
+            (linuxcnc.STATE_ON, "is not on"),
+        ):
+            self.command.wait_complete()  # commands that come too early are lost
+            self.command.state(wanted)
+            self.wait(lambda wanted=wanted: self.state.task_state == wanted, f"the machine {what}")
         self.command.mode(linuxcnc.MODE_MANUAL)
         self.command.wait_complete()
         self.command.home(-1)
@@ -112,11 +116,8 @@ def steps(events, machine):
         setp("sampler.0.enable", 1)
         for k, (_, pins) in enumerate(events):
             subprocess.run(["halcmd", "sets", "event", str(k)], check=True)
-            if pins is None:
-                off_and_on()
-            else:
-                for pin in pins:
-                    setp(*pin)
+            for pin in pins:
+                setp(*pin) if pin else off_and_on()
             time.sleep(LOOKS)
         sampler.terminate()
         sampler.wait()
@@ -158,7 +159,7 @@ def run(job, machine):
         machine.begin(line)
         machine.wait(machine.still, line)
         time.sleep(0.1)
-    found["steps"] = steps(job["events"], machine)
+    found["steps"] = steps(job["events"], machine) if job["events"] else {}
     found["said"] = machine.said
     return found
 

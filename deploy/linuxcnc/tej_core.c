@@ -74,8 +74,8 @@ static truepose_outcome error_of(truepose_corrector* tej, const truepose_correct
   }
   if (outcome.status > TRUEPOSE_OK) return outcome;
   return truepose_controller_error(heavy ? &tej->finest : &tej->model, &tej->controller, tej->x_d,
-                                   q_e, heavy ? &tej->table.known : NULL,
-                                   heavy ? tej->work : NULL, e);
+                                   q_e, heavy ? &tej->table.known : NULL, heavy ? tej->work : NULL,
+                                   e);
 }
 
 /** The correction that a law asks for. @return 0: none */

@@ -23,13 +23,13 @@ truepose_description table_of(const Robot& robot) {
   return table;
 }
 
-/// A machine, its third motor's rod 3 mm longer than its controller knows, and drives that follow.
+/// A machine, its last motor's rod 3 mm longer than its controller knows, and drives that follow.
 struct Loop {
-  explicit Loop(const Robot& robot) : n(robot.motors) {
+  explicit Loop(const Robot& robot, double longer = 0.003) : n(robot.motors) {
     corrector->table.robot = corrector->table.finest = table_of(robot);
     CHECK(truepose_corrector_begin(corrector.get(), kPeriod).status == TRUEPOSE_OK);
     truepose_description machine = table_of(robot);
-    machine.chain[n - 1].rod += 0.003;
+    machine.chain[n - 1].rod += longer;
     truepose_real q[6];
     CHECK(truepose_ikm(&corrector->model, machine.home, q).status == TRUEPOSE_OK);
     CHECK(truepose_plant_begin(plant.get(), &machine, kPeriod, q).status == TRUEPOSE_OK);
@@ -57,7 +57,7 @@ struct Loop {
         step = std::max(step, std::fabs(corrector->correction[i] - before[i]));
         CHECK(std::isfinite(corrector->error[i]));
       }
-      truepose_plant_cycle(plant.get(), in.enable ? velocity : none, fault, none, none, asks);
+      truepose_plant_cycle(plant.get(), in.enable ? velocity : none, fault, size, none, asks);
     }
     return step;
   }
@@ -72,6 +72,7 @@ struct Loop {
   std::unique_ptr<truepose_plant> plant = std::make_unique<truepose_plant>();
   truepose_corrector_input in{};
   int32_t fault[kMaxReadings] = {};
+  truepose_real size[kMaxReadings] = {};
 };
 
 /// What a ramp of 0.2 s over a correction moves in a cycle: its quintic's steepest part.
@@ -172,6 +173,39 @@ TEST("a sensor that stops is said, and what it corrected is held and ramped out"
   loop.in.reset = 0;
   CHECK(loop.run(400) < 1.2 * ramp(correction));
   CHECK(loop.corrector->fault == 0 && loop.corrector->law == TRUEPOSE_LAW_REDUNDANT);
+}
+
+TEST("a sensor that is watched ends the law before its lie reaches a drive") {
+  for (const int lie : {TRUEPOSE_PLANT_MISSING, TRUEPOSE_PLANT_JUMPED}) {
+    double worst[2];
+    for (const int watch : {0, 1}) {
+      Loop loop(h4().robot, 0.0);
+      Prior prior(h4().robot);
+      truepose_table& table = loop.corrector->table;
+      table.watched = 1;
+      table.known.count = prior.known().count;
+      table.known.column = table.column;
+      table.known.root = table.root;
+      std::copy_n(prior.known().column, table.known.count, table.column);
+      std::copy_n(prior.known().root, table.known.count * table.known.count, table.root);
+      std::copy_n(prior.known().sigma.begin(), kMaxReadings, table.known.sigma);
+      c::describe(GuardSettings{}, table.watch);
+      loop.in.law = TRUEPOSE_LAW_REDUNDANT;
+      loop.in.watch = watch;
+      loop.run(300);
+      CHECK(loop.corrector->fault == 0 && loop.corrector->law == TRUEPOSE_LAW_REDUNDANT);
+      loop.fault[loop.n] = lie;
+      loop.size[loop.n] = 0.05;
+      worst[watch] = 0;
+      for (int k = 0; k < 300; ++k) {
+        loop.run(1);
+        worst[watch] = std::max(worst[watch], loop.largest_correction());
+      }
+      if (watch) CHECK(loop.corrector->fault == TRUEPOSE_TEJ_WATCH && loop.corrector->law == 0);
+    }
+    CHECK(worst[1] < 1e-3);
+    CHECK(lie == TRUEPOSE_PLANT_MISSING || worst[0] > 3e-3);
+  }
 }
 
 TEST("what the law cannot answer for is a fault, and motors follow their own encoders") {

@@ -137,7 +137,7 @@ inline constexpr double kDependent = 1e-4;
 /// none can be longer than the other three together. Where R is known the spheres themselves
 /// decide.
 template <Mobility K>
-inline bool no_pose(const Robot& robot, const Joint& q) {
+inline bool no_pose(const Robot& robot, const Joint& q, const std::array<Driven, kDof<K>>& driven) {
   constexpr int n = kDof<K>;
   constexpr bool turns = kTurnsAboutZ<K> || K == Mobility::spatial;
   if constexpr (K == Mobility::translation) {
@@ -145,8 +145,6 @@ inline bool no_pose(const Robot& robot, const Joint& q) {
     const Vec3 side = to_pose<K>(robot.home).D;
     return fkm_closed<K>(robot, q, Mat3::Identity(), side, D).status == Status::unreachable;
   }
-  std::array<Driven, n> driven;
-  for (int i = 0; i < n; ++i) driven[i] = drive(robot.chain[i], q[i]);
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < i; ++j) {
       const Chain &one = robot.chain[i], &other = robot.chain[j];
@@ -166,21 +164,22 @@ inline bool no_pose(const Robot& robot, const Joint& q) {
 /// steps leave, and the rods' lines are dependent. (Wherever it comes to rest with a gap J_x is
 /// singular too, J_xᵀf = 0: that says nothing of other poses.)
 template <Mobility K>
-inline bool crawled(const Robot& robot, const Joint& q, const Pose& pose, double residual) {
+inline bool crawled(const Robot& robot, const std::array<Driven, kDof<K>>& driven, const Pose& pose,
+                    double residual) {
+  double scale = 0;
+  for (const Driven& chain : driven) scale = std::max(scale, chain.rod);
+  if (!(residual < kCrawls * scale)) return false;
   Closure<K> closure;
   closure.pose = pose;
-  double scale = 0;
   for (int i = 0; i < kDof<K>; ++i) {
     const Chain& chain = robot.chain[i];
-    const Driven driven = drive(chain, q[i]);
     ChainState& state = closure.chain[i];
     state.lever = turned<K>(pose.R, chain.pivot());
-    state.v = chain.base() + driven.p - pose.D - state.lever - chain.anchor();
-    state.dB = driven.dB;
-    state.rate = driven.rate;
-    scale = std::max(scale, driven.rod);
+    state.v = chain.base() + driven[i].p - pose.D - state.lever - chain.anchor();
+    state.dB = driven[i].dB;
+    state.rate = driven[i].rate;
   }
-  return residual < kCrawls * scale && Conditioning<K>(closure).parallel() < kDependent;
+  return Conditioning<K>(closure).parallel() < kDependent;
 }
 
 /// Whether a pose lies in the robot's own assembly mode.
@@ -205,12 +204,16 @@ TRUEPOSE_RARE FkmResult search_from_home(const Robot& robot, const Joint& q, Fkm
                     first.status == Status::branch_lost;
   if (!went) return first;  // from nowhere is there a pose for such an input
   if (first.status == Status::branch_lost && !own_mode<K>(robot, guess)) return first;
-  if (first.status == Status::not_converged && no_pose<K>(robot, q)) {
+  const bool open = first.status == Status::not_converged;
+  std::array<Driven, kDof<K>> driven;
+  for (int i = 0; i < kDof<K> && open; ++i) driven[i] = drive(robot.chain[i], q[i]);
+  if (open && no_pose<K>(robot, q, driven)) {
     first.status = Status::unreachable;
     return first;
   }
   Closure<K> home;
-  const int most = std::min(kFkmIterations, cap - first.iterations);
+  int most = std::min(kFkmIterations, cap - first.iterations);
+  if (most < 2 * kFkmStages) most = 0;  // a stage takes two steps at least: it would not arrive
   FkmResult second{Status::not_converged};
   if (most > 0) second.status = ikm<K>(robot, to_pose<K>(robot.home), home).status;
   Pose at = home.pose;
@@ -232,8 +235,7 @@ TRUEPOSE_RARE FkmResult search_from_home(const Robot& robot, const Joint& q, Fkm
     second.iterations = first.iterations;
     return second;
   }
-  if (first.status == Status::not_converged && crawled<K>(robot, q, pose, first.residual))
-    first.status = Status::singular;
+  if (open && crawled<K>(robot, driven, pose, first.residual)) first.status = Status::singular;
   return first;
 }
 
