@@ -74,8 +74,8 @@ static truepose_outcome error_of(truepose_corrector* tej, const truepose_correct
   }
   if (outcome.status > TRUEPOSE_OK) return outcome;
   return truepose_controller_error(heavy ? &tej->finest : &tej->model, &tej->controller, tej->x_d,
-                                   q_e, heavy ? &tej->table.known : NULL,
-                                   heavy ? tej->work : NULL, e);
+                                   q_e, heavy ? &tej->table.known : NULL, heavy ? tej->work : NULL,
+                                   e);
 }
 
 /** The correction that a law asks for. @return 0: none */
@@ -118,6 +118,7 @@ void truepose_corrector_cycle(truepose_corrector* tej, const truepose_corrector_
   tej->outcome.status = TRUEPOSE_OK;
   tej->outcome.part = -1;
   tej->enabled = input->enable;
+  tej->lost = !all_finite(input->q_d, tej->motors) || !all_finite(input->q_e, tej->motors);
   if (starts || input->reset) {
     tej->fault = TRUEPOSE_TEJ_NO_FAULT;
     tej->stop = tej->guarding = 0;
