@@ -13,13 +13,8 @@ export PATH := $(abspath $(BIN)):$(PATH)
 
 PACKAGE := $(shell find include src cmake python robots -type f -not -name '*.pyc') \
            CMakeLists.txt pyproject.toml README.md
-<<<<<<< HEAD
-CPP := $(shell find include src tests/cpp tests/fuzz benchmarks examples/cpp -name '*.[hc]pp') \
-       $(wildcard deploy/linuxcnc/*.[ch] tests/linuxcnc/*.c)
-=======
-CPP := $(shell find include src tests/cpp tests/fuzz tests/reference benchmarks examples -name '*.[hc]pp' \
-         -o -name '*.[hc]' ! -name vectors.h)
->>>>>>> main
+CPP := $(shell find include src tests/cpp tests/fuzz tests/linuxcnc tests/reference benchmarks deploy examples \
+         -name '*.[hc]pp' -o -name '*.[hc]' ! -name vectors.h)
 
 .DEFAULT_GOAL := help
 .PHONY: help reproduce report test test-python test-cpp lint format fuzz realtime consumer wheel instructions bench bench-peers \

@@ -145,6 +145,46 @@ int main(int argc, char** argv) {
                                   }));
   }
 
+  // On a path, in counts, as a machine's readings are: what the watch adds to the paper's law.
+  {
+    const ControlSettings settings = settings_for(h4.robot, Law::redundant, FeedForward::full);
+    GuardSettings guarding;
+    guarding.watch.fastest.fill(500);
+    guarding.watch.moved.fill(2e-3);
+    prepare(guarding.watch);
+    std::vector<Setpoint> path(kPoses);
+    std::vector<Extended> read(kPoses);
+    for (int i = 0; i < kPoses; ++i) {
+      path[i] =
+          quintic<K>({-0.05, 0, -0.42, 0.2}, {0.05, 0.05, -0.4, -0.2}, 1e-3 * kPoses, 1e-3 * i);
+      if (!extended<K>(h4.robot, to_pose<K>(path[i].x), read[i])) std::printf("out of reach\n");
+      for (int c = 0; c < 5; ++c) read[i][c] = 3e-5 * std::nearbyint(read[i][c] / 3e-5);
+    }
+    ControlState plain, state;
+    Watch seen;
+    Guard guard;
+    Extended believed;
+    rows.push_back(
+        bench::measure("H4 control cycle, redundant, on a path", kPoses, kRepeats, [&](int i) {
+          if (i == 0) plain = {};
+          bench::keep(control<K>(h4.robot, settings, path[i], read[i], plain));
+        }));
+    rows.push_back(bench::measure("H4 watch, on a path", kPoses, kRepeats, [&](int i) {
+      if (i == 0) seen = {};
+      bench::keep(watch<K>(h4.robot, guarding.watch, prior.weighing(), motors_of<K>(read[i]),
+                           read[i], seen, believed));
+    }));
+    rows.push_back(
+        bench::measure("H4 guarded cycle, redundant, on a path", kPoses, kRepeats, [&](int i) {
+          if (i == 0) {
+            state = {};
+            guard = {};
+          }
+          bench::keep(guarded<K>(h4.robot, settings, guarding, path[i], read[i], state,
+                                 prior.weighing(), guard));
+        }));
+  }
+
   Robot rods = turned.robot;
   rods.level = Level::full;
   for (const Law law : {Law::joint, Law::weighted, Law::estimated}) {

@@ -345,7 +345,8 @@ TEST("without a sensor of the orientation the redundant forward model says so") 
 
 TEST("every status has its own words") {
   std::vector<std::string> words;
-  for (int i = static_cast<int>(Status::stopped); i <= static_cast<int>(Status::no_such_value); ++i) {
+  for (int i = static_cast<int>(Status::stopped); i <= static_cast<int>(Status::no_such_value);
+       ++i) {
     words.emplace_back(describe(static_cast<Status>(i)));
     for (std::size_t j = 0; j + 1 < words.size(); ++j) CHECK(words[j] != words.back());
   }

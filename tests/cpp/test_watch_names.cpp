@@ -50,7 +50,7 @@ struct Faulty {
     return bits;
   }
 
-  static constexpr double kCount = 2 * M_PI / 14400;
+  static constexpr double kCount = 2 * std::numbers::pi / 14400;
   Mechanism mechanism;
   Prior prior;
   ControlSettings settings;

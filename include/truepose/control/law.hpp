@@ -150,7 +150,8 @@ TRUEPOSE_APART inline Outcome refer_full(const Robot& robot, Parasitic& rest,
 template <Mobility K>
 inline Outcome map_of(const Robot& robot, Law law, const Weighing& weighing, Parasitic& rest,
                       Reference<K>& reference) {
-  if (law == Law::weighted) return weigh<K>(robot, weighing, rest, reference);
+  if constexpr (kLawsWeigh)
+    if (law == Law::weighted) return weigh<K>(robot, weighing, rest, reference);
   tej<K>(robot, reference.jacobians, reference.jr, reference.M, reference.tej);
   return {};
 }
@@ -163,12 +164,14 @@ Outcome found_pose(const Robot& robot, Law law, const Pose& desired, const Exten
 /// @param weighing  for the weighted law
 /// @param nearby    of a robot that is understood rod by rod: what the full level adds at the last
 ///                  cycle's x_d, and then at this one's; nullptr: nothing is known beforehand
-/// @return near_singular where they are; joint_limit where a motor would have to pass its stops;
+/// @return near_singular where they are; not_compiled: a law that weighs, which was left out;
+/// joint_limit where a motor would have to pass its stops;
 /// branch_lost where x_d lies in another assembly mode than
 /// the robot's home (in the band, where the modes meet, both are its own)
 template <Mobility K>
 inline Outcome refer(const Robot& robot, Law law, const Coordinates& x_d, Reference<K>& reference,
                      double band = 0, const Weighing& weighing = {}, Parasitic* nearby = nullptr) {
+  if (!kLawsWeigh && properties(law).weighs) return {Status::not_compiled, -1};
   Parasitic unknown;
   Parasitic& rest = nearby ? *nearby : unknown;
   Outcome outcome = ikm<K>(robot, to_pose<K>(x_d), reference.closure);
@@ -302,7 +305,7 @@ TRUEPOSE_APART inline Outcome find_kept(const Robot& robot, const Weighing& weig
 template <Mobility K>
 inline Outcome found_pose(const Robot& robot, Law law, const Pose& desired, const Extended& q_e,
                           Pose& found, const Weighing& weighing, const Parasitic& nearby) {
-  if (law == Law::cartesian) return redundant_fkm<K>(robot, q_e, desired.D, found);
+  if (!kLawsWeigh || law == Law::cartesian) return redundant_fkm<K>(robot, q_e, desired.D, found);
   return find<K>(robot, weighing, desired, q_e, found, nearby);
 }
 
@@ -317,7 +320,7 @@ inline Outcome motor_error(const Robot& robot, Law law, const Reference<K>& refe
   const Corrects corrects = properties(law).corrects;
   if (corrects == Corrects::pose) {
     const Outcome outcome =
-        properties(law).weighs && weighing.kept
+        kLawsWeigh && properties(law).weighs && weighing.kept
             ? find_kept<K>(robot, weighing, reference, q_e, found, nearby)
             : found_pose<K>(robot, law, reference.closure.pose, q_e, found, weighing, nearby);
     if (outcome) error = reference.jacobians.joint_rate(difference<K>(reference.pose, found));

@@ -29,12 +29,11 @@ struct [[nodiscard]] FkmResult {
 /// One search: Newton on f_i = (|v_i|² - L_i²)/2, whose derivative with respect to the pose is
 /// -J_x, in the tangent space of the pose (no Euler angles).
 ///
-/// @param pose    in: the guess; out: the pose, if there is one
-/// @param most    iterations
-/// @param failed  (result, last iterate) if there is none; its result is the result
-template <Mobility K, class Failed>
-TRUEPOSE_FLATTEN inline FkmResult search(const Robot& robot, const Joint& q, Pose& pose, int most,
-                                         Failed&& failed) {
+/// @param pose  in: the guess; out: the pose (the last iterate if not ok)
+/// @param most  iterations
+template <Mobility K>
+TRUEPOSE_FLATTEN FkmResult search(const Robot& robot, const Joint& q, Pose& pose,
+                                  int most = kFkmIterations) {
   if (!robot.finished) return {Status::unfinished, -1};
 
   constexpr int n = kDof<K>;
@@ -121,18 +120,8 @@ TRUEPOSE_FLATTEN inline FkmResult search(const Robot& robot, const Joint& q, Pos
     if (other_mode(robot.assembly_sign, [&] { return determinant_sign<n>(jx); }))
       result.status = Status::branch_lost;
   }
-  if (!result) return failed(result, current->pose);
   pose = current->pose;
   return result;
-}
-
-/// One search. @param pose  in: the guess; out: the pose (the last iterate if not ok)
-template <Mobility K>
-FkmResult search(const Robot& robot, const Joint& q, Pose& pose, int most = kFkmIterations) {
-  return search<K>(robot, q, pose, most, [&](const FkmResult& result, const Pose& last) {
-    pose = last;
-    return result;
-  });
 }
 
 namespace fkm_detail {
@@ -148,7 +137,7 @@ inline constexpr double kDependent = 1e-4;
 /// none can be longer than the other three together. Where R is known the spheres themselves
 /// decide.
 template <Mobility K>
-inline bool no_pose(const Robot& robot, const Joint& q) {
+inline bool no_pose(const Robot& robot, const Joint& q, const std::array<Driven, kDof<K>>& driven) {
   constexpr int n = kDof<K>;
   constexpr bool turns = kTurnsAboutZ<K> || K == Mobility::spatial;
   if constexpr (K == Mobility::translation) {
@@ -156,8 +145,6 @@ inline bool no_pose(const Robot& robot, const Joint& q) {
     const Vec3 side = to_pose<K>(robot.home).D;
     return fkm_closed<K>(robot, q, Mat3::Identity(), side, D).status == Status::unreachable;
   }
-  std::array<Driven, n> driven;
-  for (int i = 0; i < n; ++i) driven[i] = drive(robot.chain[i], q[i]);
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < i; ++j) {
       const Chain &one = robot.chain[i], &other = robot.chain[j];
@@ -177,21 +164,22 @@ inline bool no_pose(const Robot& robot, const Joint& q) {
 /// steps leave, and the rods' lines are dependent. (Wherever it comes to rest with a gap J_x is
 /// singular too, J_xᵀf = 0: that says nothing of other poses.)
 template <Mobility K>
-inline bool crawled(const Robot& robot, const Joint& q, const Pose& pose, double residual) {
+inline bool crawled(const Robot& robot, const std::array<Driven, kDof<K>>& driven, const Pose& pose,
+                    double residual) {
+  double scale = 0;
+  for (const Driven& chain : driven) scale = std::max(scale, chain.rod);
+  if (!(residual < kCrawls * scale)) return false;
   Closure<K> closure;
   closure.pose = pose;
-  double scale = 0;
   for (int i = 0; i < kDof<K>; ++i) {
     const Chain& chain = robot.chain[i];
-    const Driven driven = drive(chain, q[i]);
     ChainState& state = closure.chain[i];
     state.lever = turned<K>(pose.R, chain.pivot());
-    state.v = chain.base() + driven.p - pose.D - state.lever - chain.anchor();
-    state.dB = driven.dB;
-    state.rate = driven.rate;
-    scale = std::max(scale, driven.rod);
+    state.v = chain.base() + driven[i].p - pose.D - state.lever - chain.anchor();
+    state.dB = driven[i].dB;
+    state.rate = driven[i].rate;
   }
-  return residual < kCrawls * scale && Conditioning<K>(closure).parallel() < kDependent;
+  return Conditioning<K>(closure).parallel() < kDependent;
 }
 
 /// Whether a pose lies in the robot's own assembly mode.
@@ -206,21 +194,26 @@ inline bool own_mode(const Robot& robot, const Pose& pose) {
 /// The second search, where the first one found no pose, or jumped from the robot's own mode into
 /// another: from home, whose pose is known, the motors going to q in a few stages.
 /// @param first  what the first one came to
-/// @param last   where
-/// @param pose   in: its guess; out: the pose, or where the first one ended
+/// @param guess  where it began
+/// @param pose   in: where it ended; out: the pose, or the same
 /// @param cap    steps of both
 template <Mobility K>
 TRUEPOSE_RARE FkmResult search_from_home(const Robot& robot, const Joint& q, FkmResult first,
-                                         const Pose& last, Pose& pose, int cap) {
-  const Pose guess = pose;
-  pose = last;
+                                         const Pose& guess, Pose& pose, int cap) {
+  const bool went = first.status == Status::not_converged || first.status == Status::singular ||
+                    first.status == Status::branch_lost;
+  if (!went) return first;  // from nowhere is there a pose for such an input
   if (first.status == Status::branch_lost && !own_mode<K>(robot, guess)) return first;
-  if (first.status == Status::not_converged && no_pose<K>(robot, q)) {
+  const bool open = first.status == Status::not_converged;
+  std::array<Driven, kDof<K>> driven;
+  for (int i = 0; i < kDof<K> && open; ++i) driven[i] = drive(robot.chain[i], q[i]);
+  if (open && no_pose<K>(robot, q, driven)) {
     first.status = Status::unreachable;
     return first;
   }
   Closure<K> home;
-  const int most = std::min(kFkmIterations, cap - first.iterations);
+  int most = std::min(kFkmIterations, cap - first.iterations);
+  if (most < 2 * kFkmStages) most = 0;  // a stage takes two steps at least: it would not arrive
   FkmResult second{Status::not_converged};
   if (most > 0) second.status = ikm<K>(robot, to_pose<K>(robot.home), home).status;
   Pose at = home.pose;
@@ -242,8 +235,7 @@ TRUEPOSE_RARE FkmResult search_from_home(const Robot& robot, const Joint& q, Fkm
     second.iterations = first.iterations;
     return second;
   }
-  if (first.status == Status::not_converged && crawled<K>(robot, q, pose, first.residual))
-    first.status = Status::singular;
+  if (open && crawled<K>(robot, driven, pose, first.residual)) first.status = Status::singular;
   return first;
 }
 
@@ -256,11 +248,11 @@ TRUEPOSE_RARE FkmResult search_from_home(const Robot& robot, const Joint& q, Fkm
 /// @return unreachable: it is known that no pose closes the loops. not_converged: none was found.
 /// singular: closed where the motors do not determine it. branch_lost: closed in another mode.
 template <Mobility K>
-TRUEPOSE_FLATTEN FkmResult fkm(const Robot& robot, const Joint& q, Pose& pose, int cap = kFkmCap) {
-  const int most = std::min(kFkmIterations, cap);
-  return search<K>(robot, q, pose, most, [&](const FkmResult& first, const Pose& last) {
-    return fkm_detail::search_from_home<K>(robot, q, first, last, pose, cap);
-  });
+FkmResult fkm(const Robot& robot, const Joint& q, Pose& pose, int cap = kFkmCap) {
+  const Pose guess = pose;
+  const FkmResult first = search<K>(robot, q, pose, std::min(kFkmIterations, cap));
+  if (first) return first;
+  return fkm_detail::search_from_home<K>(robot, q, first, guess, pose, cap);
 }
 
 /// x = FKM(q). @param x in: the guess; out: the pose. @param cap  steps, at least 1

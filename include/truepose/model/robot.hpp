@@ -53,9 +53,9 @@ enum class Mobility : int {
 };
 
 // For small machines, the same in every unit of a program (cmake: TRUEPOSE_MOBILITY,
-// TRUEPOSE_IDEAL_ONLY): -DTRUEPOSE_ONLY_MOBILITY=schoenflies, or another name of a Mobility,
-// compiles nothing for others, whose robots finish() refuses; -DTRUEPOSE_IDEAL_ONLY leaves the full
-// level out.
+// TRUEPOSE_IDEAL_ONLY, TRUEPOSE_UNWEIGHED): -DTRUEPOSE_ONLY_MOBILITY=schoenflies, or another name
+// of a Mobility, compiles nothing for others, whose robots finish() refuses; -DTRUEPOSE_IDEAL_ONLY
+// leaves the full level out, -DTRUEPOSE_UNWEIGHED the laws that weigh readings by what is known.
 
 /// Whether anything is compiled for robots of a mobility.
 constexpr bool compiled([[maybe_unused]] Mobility mobility) {
@@ -71,6 +71,13 @@ constexpr bool compiled([[maybe_unused]] Mobility mobility) {
 inline constexpr bool kFullLevel = false;
 #else
 inline constexpr bool kFullLevel = true;
+#endif
+
+/// Whether laws that weigh are compiled.
+#ifdef TRUEPOSE_UNWEIGHED
+inline constexpr bool kLawsWeigh = false;
+#else
+inline constexpr bool kLawsWeigh = true;
 #endif
 
 /// How motor position q moves the base-side point B of a chain.

@@ -1,0 +1,159 @@
+/* What does an H4 cost? The self-test, then instructions and stack of every call, as a table. */
+#include <math.h>
+
+#include "agree.h"
+#include "board.h"
+#include "vectors.h"
+
+enum { CYCLES = 100, WORK = 4000, MEMORY = 16000, COUNTED = 1000000 };
+
+static truepose_model model;
+static truepose_controller controller;
+static truepose_guard guard;
+static truepose_learner learner;
+static truepose_report report;
+static truepose_real work[WORK], memory[MEMORY], out[6 * 16];
+static truepose_setpoint setpoint;
+static truepose_real q[6], q_e[16], near[6];
+static uint32_t per_tick;
+
+/* A move of 100 ms from one of the reference's poses to the next, its cosine law, and readings that
+ * disagree as a real robot's do. */
+static void at_cycle(int cycle) {
+  const double w = 3.141592653589793 / CYCLES, s = 0.5 - 0.5 * cos(w * cycle);
+  for (int i = 0; i < 4; ++i) {
+    const double way = h4_x[4 + i] - h4_x[i];
+    near[i] = setpoint.x[i];
+    setpoint.x[i] = h4_x[i] + s * way;
+    setpoint.rate[i] = 1000 * 0.5 * w * sin(w * cycle) * way;
+    setpoint.acceleration[i] = 1e6 * 0.5 * w * w * cos(w * cycle) * way;
+  }
+  truepose_readings(&model, setpoint.x, q_e);
+  for (int i = 0; i < 4; ++i) q[i] = q_e[i];
+  for (int c = 0; c < 5; ++c) q_e[c] += h4_q_e[c] - h4_readings[c];
+}
+
+static int32_t ikm(void) { return truepose_ikm(&model, setpoint.x, out).status; }
+static int32_t fkm(void) { return truepose_fkm(&model, q, 12, near).outcome.status; }
+static int32_t tej(void) { return truepose_tej(&model, setpoint.x, 0, out).status; }
+static int32_t motor_error(void) {
+  return truepose_motor_error(&model, TRUEPOSE_LAW_REDUNDANT, 0, setpoint.x, q_e, 0, 0, out).status;
+}
+static int32_t estimate(void) {
+  return truepose_estimate(&model, &h4_knowledge, q_e, work, near).outcome.status;
+}
+static int32_t control(void) {
+  return truepose_control(&model, &controller, &setpoint, q_e, &h4_knowledge, work, out).status;
+}
+static int32_t guarded(void) {
+  return truepose_guarded(&model, 0, &controller, &guard, &setpoint, q_e, &h4_knowledge, work, out,
+                          &report)
+      .status;
+}
+static int32_t learn(void) { return truepose_learn(&learner, q_e).status; }
+
+typedef struct entry {
+  const char* name;
+  int32_t (*call)(void);
+  int32_t law, feed_forward, gains;
+} entry;
+
+static const entry entries[] = {
+    {"IKM", ikm, 0, 0, 0},
+    {"FKM, from the last cycle's pose", fkm, 0, 0, 0},
+    {"TEJ", tej, 0, 0, 0},
+    {"motor error, redundant", motor_error, 0, 0, 0},
+    {"estimate", estimate, 0, 0, 0},
+    {"control, joint", control, TRUEPOSE_LAW_JOINT, 0, 0},
+    {"control, redundant", control, TRUEPOSE_LAW_REDUNDANT, 0, 0},
+    {"control, Cartesian", control, TRUEPOSE_LAW_CARTESIAN, 0, 0},
+    {"control, weighted", control, TRUEPOSE_LAW_WEIGHTED, 0, 0},
+    {"control, estimated", control, TRUEPOSE_LAW_ESTIMATED, 0, 0},
+    {"redundant, full feed-forward", control, TRUEPOSE_LAW_REDUNDANT, 2, 0},
+    {"redundant, and gains shaped by the inertia", control, TRUEPOSE_LAW_REDUNDANT, 2, 1},
+    {"the same, guarded", guarded, TRUEPOSE_LAW_REDUNDANT, 2, 1},
+    {"learner", learn, 0, 0, 0},
+};
+
+static uint32_t ticks_of(int32_t (*call)(void), int32_t* status) {
+  const uint32_t before = ticks();
+  *status = call();
+  return (before - ticks()) & 0xFFFFFF;
+}
+
+/* Instructions to a tick, by a loop of two that is run half a million times. */
+static int32_t count(void) {
+  uint32_t left = COUNTED / 2;
+  __asm__ volatile("1: subs %0, #1\n bne 1b" : "+r"(left) : : "cc");
+  return TRUEPOSE_OK;
+}
+
+static int start(const entry* e) {
+  truepose_control_settings settings = h4_control;
+  settings.law = e->law;
+  settings.feed_forward = e->feed_forward;
+  settings.gains = e->gains;
+  at_cycle(0);
+  at_cycle(0);
+  return truepose_begin_control(&controller, sizeof controller, &settings).status == 0 &&
+         truepose_begin_guard(&guard, sizeof guard, &h4_watch).status == 0 &&
+         truepose_begin_learner(&learner, sizeof learner, &model, &h4_knowledge, memory, MEMORY)
+                 .status == 0;
+}
+
+/* One row, unless the call was left out. @return 0: no answer */
+static int measure(const entry* e) {
+  uint32_t sum = 0, worst = 0, stack = 0;
+  int32_t status;
+  if (!start(e)) return 0;
+  for (int cycle = 0; cycle < CYCLES; ++cycle) {
+    at_cycle(cycle);
+    const uint32_t took = ticks_of(e->call, &status);
+    if (status == TRUEPOSE_NOT_COMPILED) return 1;
+    if (status > TRUEPOSE_OK) return 0;
+    sum += took;
+    if (took > worst) worst = took;
+  }
+  start(e);
+  for (int cycle = 0; cycle < CYCLES; cycle += 9) { /* the first cycles' searches as well */
+    at_cycle(cycle);
+    paint();
+    e->call();
+    if (used() > stack) stack = used();
+  }
+  say("| ");
+  say(e->name);
+  say(" | ");
+  say_number(sum * per_tick / CYCLES, 0);
+  say(" | ");
+  say_number(worst * per_tick, 0);
+  say(" | ");
+  say_number(stack, 0);
+  say(" |\n");
+  return 1;
+}
+
+int main(void) {
+  truepose_real worst[AGREE_QUESTIONS];
+  int32_t status;
+  const int32_t asked = agree(worst);
+  int far = asked <= 0;
+  say("differences from the reference, of 1e-16 of the size:");
+  for (int k = 0; k < AGREE_QUESTIONS; ++k) {
+    far |= !(worst[k] <= (k == AGREE_ESTIMATE ? 1e-10 : 1e-13));
+    say(" ");
+    say(agree_names[k]);
+    say_number((uint32_t)(fmin(worst[k], 1e-7) * 1e16 + 0.5), 2);
+  }
+  say(far ? "\nFAILED\n\n" : "\n\n");
+  per_tick = (COUNTED + ticks_of(count, &status) / 2) / ticks_of(count, &status);
+  if (truepose_load(&model, sizeof model, &h4).status != TRUEPOSE_OK) return 1;
+  say("| entry | instructions | at most | stack, bytes |\n|---|---|---|---|\n");
+  for (unsigned k = 0; k < sizeof entries / sizeof *entries; ++k)
+    if (!measure(entries + k)) {
+      say(entries[k].name);
+      say(": no answer\n");
+      return 1;
+    }
+  return far;
+}
