@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """LinuxCNC's user interface while nobody looks: homes, runs what job.json says, notes what is true.
 
 Run by LinuxCNC ([DISPLAY]DISPLAY) with the system's Python; needs nothing of truepose.
