@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """LinuxCNC's user interface while nobody looks: homes, runs what job.json says, notes what is true.
 
 Run by LinuxCNC ([DISPLAY]DISPLAY) with the system's Python; needs nothing of truepose.
@@ -32,33 +32,44 @@ class Machine:
         self.said = []
 
     def wait(self, holds, what):
-        """Wait, and note what LinuxCNC says meanwhile."""
+        """Wait, and hear meanwhile."""
         end = time.monotonic() + PATIENCE
         while time.monotonic() < end:
             self.state.poll()
-            error = self.errors.poll()
-            if error:
-                self.said.append(error[1])
+            self.hear()
             if holds():
                 return
             time.sleep(0.005)
         raise TimeoutError(what)
 
+    def hear(self):
+        """Note what LinuxCNC says."""
+        error = self.errors.poll()
+        if error:
+            self.said.append(error[1])
+
     def start(self):
         """Switch the machine on, and home it."""
-        for wanted, what in (
-            (linuxcnc.STATE_ESTOP_RESET, "is in E-stop"),
-            (linuxcnc.STATE_ON, "is not on"),
-        ):
-            self.command.wait_complete()  # commands that come too early are lost
-            self.command.state(wanted)
-            self.wait(lambda wanted=wanted: self.state.task_state == wanted, f"the machine {what}")
+        self.become(linuxcnc.STATE_ESTOP_RESET)
+        self.become(linuxcnc.STATE_ON)
         self.command.mode(linuxcnc.MODE_MANUAL)
         self.command.wait_complete()
         self.command.home(-1)
         self.wait(lambda: all(self.state.homed[: self.joints]), "is not homed")
         self.command.mode(linuxcnc.MODE_MDI)
         self.command.wait_complete()
+
+    def become(self, wanted):
+        """Go to a state, and wait until it is."""
+        self.command.wait_complete()  # commands that come too early are lost
+        self.command.state(wanted)
+        self.wait(lambda: self.state.task_state == wanted, f"the machine is not in state {wanted}")
+
+    def off_and_on(self):
+        """Switch the machine off, and on again."""
+        self.command.state(linuxcnc.STATE_OFF)
+        self.wait(lambda: self.state.task_state != linuxcnc.STATE_ON, "the machine stays on")
+        self.become(linuxcnc.STATE_ON)
 
     def begin(self, line):
         """Give a line of G-code."""
@@ -105,20 +116,15 @@ def setp(pin, wanted):
 
 def steps(events, machine):
     """Return the largest change, from one cycle to the next, of what a drive was told."""
-
-    def off_and_on():
-        machine.command.state(linuxcnc.STATE_OFF)
-        time.sleep(0.2)
-        machine.command.state(linuxcnc.STATE_ON)
-
     with (HERE / "samples").open("w+") as samples:
         sampler = subprocess.Popen(["halsampler", "-t"], stdout=samples)
         setp("sampler.0.enable", 1)
         for k, (_, pins) in enumerate(events):
             subprocess.run(["halcmd", "sets", "event", str(k)], check=True)
             for pin in pins:
-                setp(*pin) if pin else off_and_on()
+                setp(*pin) if pin else machine.off_and_on()
             time.sleep(LOOKS)
+            machine.hear()
         sampler.terminate()
         sampler.wait()
         samples.seek(0)

@@ -118,6 +118,7 @@ void truepose_corrector_cycle(truepose_corrector* tej, const truepose_corrector_
   tej->outcome.status = TRUEPOSE_OK;
   tej->outcome.part = -1;
   tej->enabled = input->enable;
+  tej->lost = !all_finite(input->q_d, tej->motors) || !all_finite(input->q_e, tej->motors);
   if (starts || input->reset) {
     tej->fault = TRUEPOSE_TEJ_NO_FAULT;
     tej->stop = tej->guarding = 0;

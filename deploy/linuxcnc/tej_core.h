@@ -56,6 +56,7 @@ typedef struct truepose_corrector {
   truepose_real e_q[6]; /**< q_d - q: what a following error is */
   int32_t law;          /**< in effect */
   int32_t fault;        /**< a truepose_corrector_fault; stays until reset, or the drives go on */
+  int32_t lost;         /**< 1: a motor is not heard, or not told: amplifiers are to go off */
   int32_t stop;         /**< 1: the machine is to come to rest along its path */
   truepose_outcome outcome; /**< of the latest call that had something to say */
   truepose_report report;

@@ -28,7 +28,7 @@ static struct tej_pins {
   hal_float_t *position[TRUEPOSE_SENSORS], *index_angle[TRUEPOSE_SENSORS];
   hal_bit_t *index_enable[TRUEPOSE_SENSORS], *absolute[TRUEPOSE_SENSORS];
   hal_bit_t* referenced[TRUEPOSE_SENSORS];
-  hal_bit_t *enable, *watch, *reset, *fault, *stop, *all_referenced;
+  hal_bit_t *enable, *watch, *reset, *fault, *stop, *lost, *all_referenced;
   hal_s32_t *law, *in_effect, *fault_code, *status, *part;
   hal_float_t *band, *blend, *largest;
 }* pins;
@@ -81,6 +81,7 @@ static void cycle(void* unused, long period) {
   *pins->fault = tej.fault != TRUEPOSE_TEJ_NO_FAULT;
   *pins->fault_code = tej.fault;
   *pins->stop = tej.stop;
+  *pins->lost = tej.lost;
   *pins->status = tej.outcome.status;
   *pins->part = tej.outcome.part;
 }
@@ -108,6 +109,7 @@ static int make_pins(void) {
   bad |= new_bit(id, &pins->watch, HAL_IN, 0, "truepose_tej.watch");
   bad |= new_bit(id, &pins->reset, HAL_IN, 0, "truepose_tej.reset");
   bad |= new_bit(id, &pins->fault, HAL_OUT, 0, "truepose_tej.fault");
+  bad |= new_bit(id, &pins->lost, HAL_OUT, 0, "truepose_tej.amp-fault");
   bad |= new_bit(id, &pins->stop, HAL_OUT, 0, "truepose_tej.stop");
   bad |= new_bit(id, &pins->all_referenced, HAL_OUT, 0, "truepose_tej.referenced");
   bad |= new_s32(id, &pins->law, HAL_IN, TRUEPOSE_LAW_JOINT, "truepose_tej.law");

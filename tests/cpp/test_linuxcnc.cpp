@@ -230,6 +230,25 @@ TEST("what the law cannot answer for is a fault, and motors follow their own enc
   CHECK(unreferenced.corrector->law == TRUEPOSE_LAW_JOINT && unreferenced.corrector->fault == 0);
 }
 
+TEST("a motor that is not heard, or not told, asks for its amplifier to go off") {
+  Loop loop(h4().robot);
+  loop.run(100);
+  CHECK(loop.corrector->lost == 0);
+  loop.fault[loop.n] = TRUEPOSE_PLANT_MISSING;  // a sensor is none
+  loop.run(10);
+  CHECK(loop.corrector->lost == 0);
+  loop.fault[1] = TRUEPOSE_PLANT_MISSING;
+  loop.run(10);
+  CHECK(loop.corrector->lost == 1 && loop.corrector->fault == TRUEPOSE_TEJ_READING);
+  for (const truepose_real error : loop.corrector->error) CHECK(error == 0);
+  loop.fault[1] = TRUEPOSE_PLANT_HEALTHY;
+  loop.run(2);
+  CHECK(loop.corrector->lost == 0);
+  loop.in.q_d[2] = kNaN;
+  loop.run(1);
+  CHECK(loop.corrector->lost == 1 && loop.corrector->fault != 0);
+}
+
 TEST("no NaN leaves, wherever one enters") {
   check::Random random(2);
   const double odd[] = {kNaN, HUGE_VAL, -HUGE_VAL, 1e300, -1e300};
