@@ -106,7 +106,6 @@ void bind_c(nb::module_& m) {
   m.def("c_watch", &watch_settings, "guarding"_a);
   m.def("c_knowledge", &knowledge, "known"_a);
   m.def("c_description_bytes", &image_of<truepose_description, Robot>, "robot"_a);
-  m.def("c_control_bytes", &image_of<truepose_control_settings, ControlSettings>, "settings"_a);
   m.def(
       "c_watch_bytes",
       [](const Guarding& of) { return image_of<truepose_watch_settings>(of.settings); },

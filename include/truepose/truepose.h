@@ -329,6 +329,7 @@ typedef struct truepose_knowledge {
 /** Numbers of work space that what is given a knowledge needs; 0 of what was not loaded. */
 TRUEPOSE_API size_t truepose_work(const truepose_model* model, int32_t count);
 
+/** How an estimate of the pose ended, and how well it is known. */
 typedef struct truepose_estimate_result {
   truepose_outcome outcome;
   int32_t iterations;

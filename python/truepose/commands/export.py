@@ -121,7 +121,7 @@ def linuxcnc(
 ) -> None:
     """Write a LinuxCNC configuration: a robot's table, ini and HAL, and a simulated machine.
 
-    For the components of deploy/linuxcnc; docs/linuxcnc.md. Tables serve this kind of machine.
+    For truepose's components of LinuxCNC. Tables serve this kind of machine.
 
     Example: **truepose export linuxcnc h4 -o h4**
     """
