@@ -56,7 +56,7 @@ format: $(VENV)/tools
 # Each fuzz target under libFuzzer for SECONDS; what it learns stays in build/fuzz/corpus. An input that
 # breaks a promise is left in build/fuzz: hand it to the target again to see it break.
 SECONDS ?= 60
-FUZZ := kinematics full estimate control guarded tables
+FUZZ := kinematics full estimate control guarded
 fuzz: $(VENV)/tools
 	@if command -v clang++-22 >/dev/null; then \
 	  cmake --preset fuzz -DPython_EXECUTABLE=$(abspath $(BIN))/python && cmake --build --preset fuzz && \
