@@ -107,7 +107,8 @@ truepose_outcome truepose_motor_error(const truepose_model* model, int32_t law, 
                                       truepose_real* e) {
   if (!c::law_exists(law)) return c::answer({Status::no_such_part, -1});
   return c::asked(model, [&](const Robot& robot) {
-    const c::Known weighs(known, work);
+    const c::Known weighs(robot, known, work);
+    if (!weighs.sound) return c::kNoSuchPart;
     Joint error{};
     const Outcome outcome = motor_error(robot, static_cast<Law>(law), c::values<Coordinates>(x_d),
                                         c::values<Extended>(q_e), error, band, weighs.weighing);
@@ -161,7 +162,8 @@ truepose_outcome truepose_controller_error(const truepose_model* model,
   return c::asked(model, [&](const Robot& robot) {
     c::Controller* made = c::Controller::of(controller);
     if (made == nullptr) return c::kUnfinished;
-    const c::Known weighs(known, work, &made->kept);
+    const c::Known weighs(robot, known, work, &made->kept);
+    if (!weighs.sound) return c::kNoSuchPart;
     const ControlSettings& settings = made->settings;
     Joint error{};
     const Outcome outcome =
@@ -179,7 +181,8 @@ truepose_outcome truepose_control(const truepose_model* model, truepose_controll
   return c::asked(model, [&](const Robot& robot) {
     c::Controller* made = c::Controller::of(controller);
     if (made == nullptr) return c::kUnfinished;
-    const c::Known weighs(known, work, &made->kept);
+    const c::Known weighs(robot, known, work, &made->kept);
+    if (!weighs.sound) return c::kNoSuchPart;
     const Outcome outcome = control(robot, made->settings, c::of_c(*setpoint),
                                     c::values<Extended>(q_e), made->state, weighs.weighing);
     c::give(made->state.torque, torque);
@@ -208,7 +211,8 @@ truepose_outcome truepose_guarded(const truepose_model* model, const truepose_mo
     c::Controller* made = c::Controller::of(controller);
     c::Guarding* guarding = c::Guarding::of(guard);
     if (made == nullptr || guarding == nullptr) return c::kUnfinished;
-    const c::Known weighs(known, work, &made->kept);
+    const c::Known weighs(robot, known, work, &made->kept);
+    if (!weighs.sound) return c::kNoSuchPart;
     const c::Model* watched = finest ? c::Model::of(finest) : nullptr;
     if (finest && (watched == nullptr || watched->robot.mobility != robot.mobility ||
                    watched->robot.r != robot.r))
@@ -232,7 +236,8 @@ truepose_outcome truepose_watch(const truepose_model* finest, truepose_guard* gu
   return c::asked(finest, [&](const Robot& robot) {
     c::Guarding* guarding = c::Guarding::of(guard);
     if (guarding == nullptr) return c::kUnfinished;
-    const c::Known weighs(known, work);
+    const c::Known weighs(robot, known, work);
+    if (!weighs.sound) return c::kNoSuchPart;
     const auto read = c::values<Extended>(q_e);
     Extended stands = read;
     const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {

@@ -67,7 +67,10 @@ truepose_estimate_result truepose_estimate(const truepose_model* model,
                                            truepose_real* x) {
   const truepose_estimate_result none{c::answer({Status::unfinished, -1}), 0, 0, 0, {}};
   return c::of_robot(model, none, [&](const Robot& robot) {
-    const c::Known weighs(known, work);
+    const c::Known weighs(robot, known, work);
+    truepose_estimate_result refused = none;
+    refused.outcome = c::answer(weighs.sound ? Outcome{Status::not_measured, -1} : c::kNoSuchPart);
+    if (!weighs.sound || !weighs.weighing) return refused;
     return with_mobility(robot.mobility, [&](auto mobility) {
       constexpr Mobility K = mobility();
       if constexpr (kRodByRod<K>)

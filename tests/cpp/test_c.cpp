@@ -399,6 +399,53 @@ TEST("what is no robot is refused, named, and answers nothing") {
   CHECK(truepose_fkm(&model, table.home, 0, q).outcome.status == TRUEPOSE_NO_SUCH_VALUE);
 }
 
+TEST("a knowledge of parameters that the robot has not is refused, not read") {
+  const Mechanism mechanism = h4();
+  const Robot& robot = mechanism.robot;
+  const InC in_c_model(robot);
+  Prior prior(robot);
+  truepose_control_settings control;
+  truepose_default_control(&control);
+  truepose_watch_settings watch;
+  c::describe(GuardSettings{}, watch);
+  truepose_controller controller;
+  truepose_guard guard;
+  CHECK(same(truepose_begin_control(&controller, sizeof controller, &control), {}));
+  CHECK(same(truepose_begin_guard(&guard, sizeof guard, &watch), {}));
+  std::vector<truepose_real> work(truepose_work(&in_c_model.model, prior.known().count));
+  truepose_setpoint setpoint{};
+  std::copy_n(robot.home.begin(), 6, setpoint.x);
+  const auto refused = [&](std::int32_t count, std::int32_t first) {
+    std::vector<std::int32_t> column(prior.known().column,
+                                     prior.known().column + prior.known().count);
+    column[0] = first;
+    truepose_knowledge known{count, 0, column.data(), prior.known().root, {}};
+    std::copy_n(prior.known().sigma.begin(), 16, known.sigma);
+    truepose_real q_e[16] = {}, out[16], x[6] = {};
+    truepose_report report;
+    const truepose_model* model = &in_c_model.model;
+    CHECK(truepose_motor_error(model, TRUEPOSE_LAW_WEIGHTED, 0, setpoint.x, q_e, &known,
+                               work.data(), out)
+              .status == TRUEPOSE_NO_SUCH_PART);
+    CHECK(truepose_control(model, &controller, &setpoint, q_e, &known, work.data(), out).status ==
+          TRUEPOSE_NO_SUCH_PART);
+    CHECK(truepose_guarded(model, nullptr, &controller, &guard, &setpoint, q_e, &known, work.data(),
+                           out, &report)
+              .status == TRUEPOSE_NO_SUCH_PART);
+    CHECK(truepose_watch(model, &guard, q_e, q_e, &known, work.data(), out, &report).status ==
+          TRUEPOSE_NO_SUCH_PART);
+    CHECK(truepose_estimate(model, &known, q_e, work.data(), x).outcome.status ==
+          TRUEPOSE_NO_SUCH_PART);
+  };
+  refused(prior.known().count, 2000000);
+  refused(prior.known().count, -1);
+  refused(-1, 0);
+  refused(2000000, 0);
+  truepose_real q_e[16] = {}, x[6] = {};
+  CHECK(truepose_estimate(&in_c_model.model, nullptr, q_e, work.data(), x).outcome.status ==
+        TRUEPOSE_NOT_MEASURED);
+}
+
 TEST("settings that no controller or watch can have are refused") {
   truepose_control_settings control;
   truepose_default_control(&control);

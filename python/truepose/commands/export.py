@@ -15,8 +15,8 @@ from truepose.commands.options import (
     Force,
     RobotName,
     SensorSet,
-    completing,
     effects_of,
+    effects_option,
     parse_set,
     wrote,
 )
@@ -28,7 +28,6 @@ from truepose.robot.robot import load
 from truepose.robotfile import path_of
 from truepose.show.terminal import Format
 from truepose.simulation.controller import Controller
-from truepose.simulation.effects import Effects
 from truepose.simulation.plants.mjcf import to_mjcf
 from truepose.simulation.watch import Watch
 
@@ -77,9 +76,8 @@ def c(
     ] = None,
     effects: Annotated[
         str,
-        typer.Option(
-            help="That the gains bear and the watch allows for: all, none, or friction,play,…",
-            autocompletion=completing(lambda: ("all", "none", *Effects.groups())),
+        effects_option(
+            "That the gains bear and the watch allows for: all, none, or friction,play,…"
         ),
     ] = "all",
 ) -> None:
