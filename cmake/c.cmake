@@ -5,7 +5,9 @@ string(REGEX MATCH "[0-9]+" abi "${abi}")
 
 add_library(truepose_c_objects OBJECT ${TRUEPOSE_C_SOURCES})
 if(NOT TRUEPOSE_MOBILITY)  # a small machine's library compiles what it calls, and nothing else
-  target_sources(truepose_c_objects PRIVATE src/kernels/paired.cpp src/kernels/plane_and_space.cpp)
+  set(kernels src/kernels/paired.cpp src/kernels/plane_and_space.cpp src/kernels/pivots.cpp)
+  target_sources(truepose_c_objects PRIVATE ${kernels})
+  set_source_files_properties(${kernels} PROPERTIES COMPILE_OPTIONS "${TRUEPOSE_HOT}")
   target_compile_options(truepose_c_objects PRIVATE
     "SHELL:-include ${PROJECT_SOURCE_DIR}/include/truepose/kernels.hpp")
 endif()
@@ -23,6 +25,7 @@ foreach(kind static shared)
   target_include_directories(truepose_c_${kind} INTERFACE
     $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include>)
   target_link_libraries(truepose_c_${kind} PUBLIC m)
+  target_compile_definitions(truepose_c_${kind} INTERFACE $<$<BOOL:${TRUEPOSE_SINGLE}>:TRUEPOSE_SINGLE>)
   set_target_properties(truepose_c_${kind} PROPERTIES
     OUTPUT_NAME truepose EXPORT_NAME c_${kind} LINKER_LANGUAGE C
     VERSION ${abi}.${PROJECT_VERSION} SOVERSION ${abi})

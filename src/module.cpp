@@ -91,6 +91,7 @@ void bind_tables(nb::module_& m) {
   m.attr("laws") = laws;
   m.attr("chain_parameters") = named(kChainTable);
   m.attr("sensor_parameters") = named(kSensorParameterTable);
+  m.attr("axis_parameters") = named(kAxisTable);
 }
 
 void bind_robot(nb::module_& m) {
@@ -99,7 +100,10 @@ void bind_robot(nb::module_& m) {
       .value("planar", Mobility::planar)
       .value("translation", Mobility::translation)
       .value("schoenflies", Mobility::schoenflies)
-      .value("spatial", Mobility::spatial);
+      .value("spatial", Mobility::spatial)
+      .value("pivot_1", Mobility::pivot_1)
+      .value("pivot_2", Mobility::pivot_2)
+      .value("pivot_3", Mobility::pivot_3);
   nb::enum_<Actuator>(m, "Actuator")
       .value("revolute", Actuator::revolute)
       .value("prismatic", Actuator::prismatic)
@@ -134,6 +138,7 @@ void bind_robot(nb::module_& m) {
       .def_rw("rod", &Chain::rod)
       .def_rw("encoder_offset", &Chain::encoder_offset)
       .def_rw("encoder_gain", &Chain::encoder_gain)
+      .def_rw("encoder_buildup", &Chain::encoder_buildup)
       .def_rw("pivot", &Chain::pivot)
       .def_rw("anchor", &Chain::anchor)
       .def_rw("bar", &Chain::bar)
@@ -169,7 +174,14 @@ void bind_robot(nb::module_& m) {
       .def_rw("direction", &Sensor::direction)
       .def_rw("target", &Sensor::target)
       .def_rw("normal", &Sensor::normal)
-      .def_rw("bar", &Sensor::bar);
+      .def_rw("bar", &Sensor::bar)
+      .def_rw("axis", &Sensor::axis);
+  nb::class_<PassiveAxis>(m, "PassiveAxis")
+      .def(nb::init<>())
+      .def_rw("origin", &PassiveAxis::origin)
+      .def_rw("direction", &PassiveAxis::direction)
+      .def_rw("low", &PassiveAxis::low)
+      .def_rw("high", &PassiveAxis::high);
   nb::class_<Body>(m, "Body")
       .def(nb::init<>())
       .def_rw("mass", &Body::mass)
@@ -196,6 +208,13 @@ void bind_robot(nb::module_& m) {
       .def("set_chain",
            [](Robot& robot, int i, const Chain& chain) {
              robot.chain.at(i) = chain;
+             robot.finished = false;
+           })
+      .def_prop_ro("axes", [](const Robot& robot) { return passive_axes(robot.mobility); })
+      .def("axis", [](const Robot& robot, int j) { return robot.axis.at(j); })
+      .def("set_axis",
+           [](Robot& robot, int j, const PassiveAxis& axis) {
+             robot.axis.at(j) = axis;
              robot.finished = false;
            })
       .def_ro("bodies", &Robot::bodies)
@@ -256,7 +275,9 @@ NB_MODULE(_core, m) {
   m.attr("max_sensors") = kMaxSensors;
   m.attr("max_readings") = kMaxReadings;
   m.attr("max_bars") = kMaxBars;
+  m.attr("max_axes") = kMaxAxes;
   m.attr("joint_limit") = static_cast<int>(Status::joint_limit);
+  m.attr("not_converged") = static_cast<int>(Status::not_converged);
   m.attr("singular") = static_cast<int>(Status::singular);
   m.attr("near_singular") = static_cast<int>(Status::near_singular);
   m.attr("not_converged") = static_cast<int>(Status::not_converged);

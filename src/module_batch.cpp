@@ -6,7 +6,7 @@
 #include "for_rows.hpp"
 #include "truepose/kernels.hpp"
 #include "truepose/offline/assembly.hpp"
-#include "truepose/offline/kernel_table.hpp"
+#include "truepose/offline/stretch.hpp"
 
 namespace truepose::python {
 namespace {
@@ -117,6 +117,34 @@ auto batch_linearise(const Robot& robot, const Rows& x, bool full) {
                         outcomes.chain.release());
 }
 
+/// Of a robot under load: what it reads, (N, n + r), how that changes with every chain's
+/// compliance, (N, n + r, n), and the tension of every chain, (N, n).
+/// @param force    on the nacelle's reference point, (N, 3)
+/// @param tension  that was measured, (N, n), NaN where it was not
+auto batch_under_load(const Robot& robot, const Rows& x, const Joint& compliance, const Rows& force,
+                      const Rows& tension, bool full) {
+  const std::size_t count = x.shape(0), n = x.shape(1), e = n + robot.r;
+  Owned<double> q_e({count, e}), by({count, e, n}), pulled({count, n});
+  Outcomes outcomes(count);
+  const Kernels model = kernels(robot.mobility, full);
+  for_rows(count, [&](std::size_t i) {
+    Load load;
+    load.force = Vec3(force(i, 0), force(i, 1), force(i, 2));
+    std::copy_n(tension.data() + i * n, n, load.tension.begin());
+    UnderLoad at;
+    at.q_e.fill(NAN), at.tension.fill(NAN);
+    const Pose pose = to_pose(robot.mobility, row<Coordinates>(x, i));
+    const Outcome outcome = under_load(robot, model, full, pose, compliance, load,
+                                       scratch(e * parameter_count(robot)).data(), at);
+    outcomes.set(i, outcome);
+    std::copy_n(at.q_e.begin(), e, q_e[i]);
+    std::copy_n(at.tension.begin(), n, pulled[i]);
+    write(at.by_compliance, e, n, outcome, by[i]);
+  });
+  return nb::make_tuple(q_e.release(), by.release(), pulled.release(), outcomes.status.release(),
+                        outcomes.chain.release());
+}
+
 /// Points P, B, A and the pivot of every chain at one pose, (n, 4, 3): what a drawing needs.
 auto skeleton(const Robot& robot, const Coordinates& x) {
   const std::size_t n = dof(robot.mobility);
@@ -126,7 +154,7 @@ auto skeleton(const Robot& robot, const Coordinates& x) {
     const Outcome result = ikm<mobility()>(robot, to_pose<mobility()>(x), closure);
     for (std::size_t i = 0; i < n && result; ++i) {
       const Vec3 P = robot.chain[i].base(), B = P + closure.chain[i].p, A = B - closure.chain[i].v;
-      const Vec3 C = closure.pose.D + closure.chain[i].lever;
+      const Vec3 C = closure.placed().D + closure.chain[i].lever;
       int k = 0;
       for (const Vec3& point : {P, B, A, C})
         for (int axis = 0; axis < 3; ++axis) points[i][k++] = point[axis];
@@ -146,7 +174,7 @@ auto rod_rows(const Robot& robot, const Coordinates& x) {
     const Outcome result = ikm<K>(robot, to_pose<K>(x), closure);
     std::array<double, kDof<K>> row{};
     for (int i = 0; i < kDof<K>; ++i) {
-      if (result) jx_row<K>(closure.chain[i].v, closure.chain[i].lever, row);
+      if (result) jx_row<K>(closure.carried, closure.chain[i].v, closure.chain[i].lever, row);
       std::memcpy(rows[i], row.data(), sizeof row);
     }
     return result;
@@ -173,7 +201,7 @@ auto full_rod_rows(const Robot& robot) {
 
 double rod_shortfall(const Robot& robot, const Coordinates& x, int chain) {
   return with_mobility(robot.mobility, [&](auto mobility) {
-    const Pose pose = to_pose<mobility()>(x);
+    const Pose pose = placed<mobility()>(robot, to_pose<mobility()>(x));
     const Chain& of = robot.chain.at(chain);
     return shortfall(of, pose.D + pose.R * of.pivot() + of.anchor() - of.base());
   });
@@ -190,6 +218,7 @@ void bind_batch(nb::module_& m) {
   m.def("parasitic", &batch_parasitic);
   m.def("jacobian", &batch_jacobian);
   m.def("linearise", &batch_linearise);
+  m.def("under_load", &batch_under_load);
   m.def("skeleton", &skeleton);
   m.def("rod_rows", &rod_rows);
   m.def("full_rod_rows", &full_rod_rows);

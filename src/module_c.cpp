@@ -34,7 +34,7 @@ struct Listed {
 nb::dict description(const Robot& robot) {
   static truepose_description of;  // 8 kB
   c::describe(robot, of);
-  nb::list chains, sensors, bodies;
+  nb::list chains, sensors, bodies, axes;
   for (int i = 0; i < of.chains; ++i) {
     const truepose_chain& chain = of.chain[i];
     Listed listed;
@@ -46,14 +46,19 @@ nb::dict description(const Robot& robot) {
     const truepose_sensor& sensor = of.sensor[k];
     Listed listed;
     c::sensor_fields(sensor, robot.sensor[k], listed);
-    sensors.append(nb::make_tuple(
-        nb::make_tuple(sensor.kind, sensor.chain, sensor.at_nacelle, sensor.rod, sensor.bar, 0),
-        listed.rows));
+    sensors.append(nb::make_tuple(nb::make_tuple(sensor.kind, sensor.chain, sensor.at_nacelle,
+                                                 sensor.rod, sensor.bar, sensor.axis),
+                                  listed.rows));
   }
   for (int k = 0; k < std::max(of.bodies, 1); ++k) {
     Listed listed;
     c::body_fields(of.body[k], robot.body[k], listed);
     bodies.append(nb::make_tuple(nb::make_tuple(of.body[k].bar, 0), listed.rows));
+  }
+  for (int j = 0; j < passive_axes(robot.mobility); ++j) {
+    Listed listed;
+    c::axis_fields(of.axis[j], robot.axis[j], listed);
+    axes.append(nb::make_tuple(nb::make_tuple(), listed.rows));
   }
   nb::dict result;
   result["counts"] = nb::make_tuple(of.mobility, of.chains, of.motors, of.sensors, of.bodies,
@@ -63,6 +68,7 @@ nb::dict description(const Robot& robot) {
   result["chain"] = chains;
   result["sensor"] = sensors;
   result["body"] = bodies;
+  result["axis"] = axes;
   return result;
 }
 

@@ -1,6 +1,7 @@
 // Estimates, calibrations and bounds for Python: arrays in, arrays out. No mathematics.
 #include <nanobind/eigen/dense.h>
 #include <nanobind/stl/array.h>
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
@@ -41,8 +42,17 @@ auto batch_estimate(const Robot& robot, const Known& known, const Rows& q_e, con
                         outcomes.status.release(), outcomes.chain.release());
 }
 
+/// What acts on the readings at pose i: nothing, or a row of (N, (n + r) × count).
+Influences influences_at(const Robot& robot, const std::optional<Rows>& influence, std::size_t i) {
+  if (!influence) return {};
+  const std::size_t width = influence->shape(1);
+  return {static_cast<int>(width) / (dof(robot.mobility) + robot.r), influence->data() + i * width};
+}
+
 /// Gain of the fused readings, (N, n, n + r), at poses: how an error of one reading leaks into x.
-auto batch_gain(const Robot& robot, const Known& known, const Rows& x, bool full) {
+/// @param influence  of what the last of the knowledge are the amounts
+auto batch_gain(const Robot& robot, const Known& known, const Rows& x, bool full,
+                const std::optional<Rows>& influence) {
   const std::size_t count = x.shape(0), n = x.shape(1), e = n + robot.r;
   Owned<double> gain({count, n, e}), tej({count, n, e});
   Outcomes outcomes(count);
@@ -55,7 +65,8 @@ auto batch_gain(const Robot& robot, const Known& known, const Rows& x, bool full
         Fused fusion;
         const Outcome outcome =
             fused(robot, model, knowledge, to_pose(robot.mobility, row<Coordinates>(x, i)),
-                  work.data(), work.data() + e * parameter_count(robot), fusion);
+                  influences_at(robot, influence, i), work.data(),
+                  work.data() + e * parameter_count(robot), fusion);
         outcomes.set(i, outcome);
         write(fusion.gain, n, e, outcome, gain[i]);
         write(fusion.tej, n, e, outcome, tej[i]);
@@ -115,16 +126,21 @@ auto batch_seen(const Robot& robot, const RowMatrix& base, const RowMatrix& mark
 
 /// @param nuisances  how many of the prior's last parameters are what the ideal level leaves out
 /// @param registration  first of its unknowns in the prior, or -1
+/// @param links  differences measured between lines
+/// @param influence  (N, (n + r) × influences) what one unit of each adds to the readings
 auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
                      const std::vector<double>& mean, const Rows& q_e, const Rows& measured,
                      const Rows& measured_sigma, const RowMatrix& base, const RowMatrix& marker,
-                     int registration, Loss loss, double tuning, bool full) {
+                     int registration, const Links& links, int influences, const Rows& influence,
+                     Loss loss, double tuning, bool full) {
   const std::size_t count = q_e.shape(0), n = dof(drawn.mobility);
   CalibrationResult result;
   {
     nb::gil_scoped_release release;
-    ReadingLog log{static_cast<int>(count), q_e.data(), nullptr, nullptr,
-                   registration_from(base, marker)};
+    ReadingLog log;
+    log.count = static_cast<int>(count), log.q_e = q_e.data();
+    log.registration = registration_from(base, marker), log.links = links;
+    log.influence = influence.data();
     if (measured.shape(0) > 0) {
       log.measured = measured.data();
       log.measured_sigma = measured_sigma.data();
@@ -133,7 +149,8 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
     const Knowledge known = prior.view();
     Signals signals;
     CalibrationSettings settings;
-    settings.nuisances = nuisances, settings.registration = registration;
+    settings.influences = influences, settings.nuisances = nuisances,
+    settings.registration = registration;
     settings.loss = loss, settings.tuning = tuning;
     settings.poll = [&] { signals(); };
     result = Calibrator(drawn, model, known, mean, log, settings).run();
@@ -152,58 +169,104 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
     *weight[i] = good ? result.weight[i] : 0;
     *redundancy[i] = good ? result.redundancy[i] : 0;
   }
-  return nb::make_tuple(static_cast<int>(result.outcome.status), result.iterations, xi.release(),
-                        RowMatrix(result.covariance), x.release(), chi2.release(),
-                        redundancy.release(), weight.release(), status.release(), result.cost,
-                        homogeneous(result.start.base), homogeneous(result.start.marker),
-                        homogeneous(result.registration.base),
-                        homogeneous(result.registration.marker));
+  const std::size_t differences = result.link.size();
+  Owned<double> amount({result.amount.size()});
+  std::copy(result.amount.begin(), result.amount.end(), amount[0]);
+  Owned<double> w({result.w.size()}), difference({differences, std::size_t{4}});
+  std::copy(result.w.begin(), result.w.end(), w[0]);
+  for (std::size_t k = 0; k < differences; ++k) {
+    const LinkResult& of = result.link[k];
+    std::copy_n(std::array{of.residual, of.left_out, of.sigma, of.weight}.begin(), 4,
+                difference[k]);
+  }
+  return nb::make_tuple(
+      static_cast<int>(result.outcome.status), result.iterations, xi.release(),
+      RowMatrix(result.covariance), x.release(), chi2.release(), redundancy.release(),
+      weight.release(), status.release(), result.cost, homogeneous(result.start.base),
+      homogeneous(result.start.marker), homogeneous(result.registration.base),
+      homogeneous(result.registration.marker), w.release(), difference.release(), amount.release());
+}
+
+/// Rows that visits leave, (M, p), per unit of each parameter, and the visit of each.
+/// @param outside, sigma  what is measured of each pose from outside, (N, n), NaN where nothing is
+/// @param base, marker  that it is measured in
+/// @param first  where their unknowns stand; -1: they are known
+/// @param influence  as of batch_gain
+auto run_rows_of_visits(const Robot& robot, const Known& prior, const Rows& x, const Rows& outside,
+                        const Rows& sigma, const RowMatrix& base, const RowMatrix& marker,
+                        int first, const Links& links, bool full, int nuisances,
+                        const std::optional<Rows>& influence) {
+  VisitRows all;
+  Outcome outcome;
+  {
+    nb::gil_scoped_release release;
+    const Registration registration = registration_from(base, marker);
+    std::vector<Visit> visits;
+    for (std::size_t i = 0; i < x.shape(0); ++i) {
+      const std::size_t at = i * x.shape(1);
+      Outside seen;
+      if (i < outside.shape(0))
+        seen = {outside.data() + at, sigma.data() + at, &registration, first};
+      visits.push_back({to_pose(robot.mobility, row<Coordinates>(x, i)), seen,
+                        influences_at(robot, influence, i)});
+    }
+    Signals signals;
+    outcome = rows_of_visits(robot, kernels(robot.mobility, full), prior.view(), nuisances, visits,
+                             links, all, [&] { signals(); });
+  }
+  return nb::make_tuple(all.B, all.visit, static_cast<int>(outcome.status), outcome.chain);
 }
 
 /// Root of the posterior covariance after visiting poses, (p, p) lower triangular.
 /// @param known  further poses, each of them known to `sigma`
+/// @param links  differences to be measured between poses
+/// @param influence  as of batch_gain, of `x` and then of `known`
 auto run_after_visiting(const Robot& robot, const Known& prior, const Rows& x, const Rows& known,
-                        const std::vector<double>& sigma, bool full, int nuisances) {
+                        const std::vector<double>& sigma, const Links& links, bool full,
+                        int nuisances, const std::optional<Rows>& influence) {
   RowMatrix root;
   Outcome outcome;
   {
     nb::gil_scoped_release release;
     std::vector<Visit> visits;
     const auto visit = [&](const Rows& rows, std::size_t i, Outside outside) {
-      visits.push_back({to_pose(robot.mobility, row<Coordinates>(rows, i)), outside});
+      visits.push_back({to_pose(robot.mobility, row<Coordinates>(rows, i)), outside,
+                        influences_at(robot, influence, visits.size())});
     };
     for (std::size_t i = 0; i < x.shape(0); ++i) visit(x, i, {});
     for (std::size_t i = 0; i < known.shape(0); ++i)
       visit(known, i, {known.data() + i * known.shape(1), sigma.data()});
     Signals signals;
     outcome = after_visiting(robot, kernels(robot.mobility, full), prior.view(), nuisances, visits,
-                             root, [&] { signals(); });
+                             links, root, [&] { signals(); });
   }
   return nb::make_tuple(root, static_cast<int>(outcome.status), outcome.chain);
 }
 
 /// Covariance of x̂ at every pose, (N, n, n); less that at `reference` if that is one pose.
+/// @param influence  as of batch_gain, of `x` and then of `reference`
 auto batch_accuracy(const Robot& robot, const Known& known, const Rows& x, const Rows& reference,
-                    bool full) {
+                    bool full, const std::optional<Rows>& influence) {
   const std::size_t count = x.shape(0), n = x.shape(1);
   Owned<double> covariance({count, n, n});
   Outcomes outcomes(count);
   const Kernels model = kernels(robot.mobility, full);
   const Knowledge knowledge = known.view();
-  const auto error_at = [&](const Rows& poses, std::size_t i, PoseError& error) {
+  const auto error_at = [&](const Rows& poses, std::size_t i, std::size_t before,
+                            PoseError& error) {
     return pose_error(robot, model, knowledge, to_pose(robot.mobility, row<Coordinates>(poses, i)),
-                      scratch(0), error);
+                      influences_at(robot, influence, before + i), scratch(0), error);
   };
   PoseError there;
   Outcome first;
   const bool relative = reference.shape(0) > 0;
-  if (relative) first = error_at(reference, 0, there);
+  if (relative) first = error_at(reference, 0, count, there);
   for_rows(
       count,
       [&](std::size_t i) {
         Outcome outcome = first;
         PoseError here;
-        if (outcome) outcome = error_at(x, i, here);
+        if (outcome) outcome = error_at(x, i, 0, here);
         outcomes.set(i, outcome);
         RowMatrix P;
         if (!outcome) {
@@ -255,6 +318,24 @@ void bind_calibration(nb::module_& m) {
       .value("squares", Loss::squares)
       .value("huber", Loss::huber)
       .value("student", Loss::student);
+  nb::enum_<LinkKind>(m, "LinkKind")
+      .value("plane", LinkKind::plane)
+      .value("distance", LinkKind::distance)
+      .value("point", LinkKind::point);
+  nb::class_<Links>(m, "Links")
+      .def(
+          "__init__",
+          [](Links* links, std::vector<double> mean, int first) {
+            new (links) Links{{}, std::move(mean), first};
+          },
+          "mean"_a, "first"_a)
+      .def(
+          "add",
+          [](Links& links, LinkKind kind, std::array<int, 2> line, int tool, int shape, int axis,
+             double times, double measured, double sigma) {
+            links.link.push_back({kind, line, tool, shape, axis, times, measured, sigma});
+          },
+          "kind"_a, "line"_a, "tool"_a, "shape"_a, "axis"_a, "times"_a, "measured"_a, "sigma"_a);
   nb::class_<Known>(m, "Knowledge")
       .def(nb::init<std::vector<int>, RowMatrix, const std::vector<double>&>());
   nb::class_<Online>(m, "Online")
@@ -270,12 +351,17 @@ void bind_calibration(nb::module_& m) {
       .def_prop_ro("xi", &Online::xi)
       .def_prop_ro("root", &Online::root);
   m.def("estimate", &batch_estimate);
-  m.def("gain", &batch_gain);
+  m.def("gain", &batch_gain, "robot"_a, "known"_a, "x"_a, "full"_a, "influence"_a = nb::none());
   m.def("innovation", &batch_innovation);
   m.def("calibrate", &run_calibration);
   m.def("seen", &batch_seen);
-  m.def("after_visiting", &run_after_visiting);
-  m.def("accuracy", &batch_accuracy);
+  m.def("rows_of_visits", &run_rows_of_visits, "robot"_a, "prior"_a, "x"_a, "outside"_a, "sigma"_a,
+        "base"_a, "marker"_a, "first"_a, "links"_a, "full"_a, "nuisances"_a,
+        "influence"_a = nb::none());
+  m.def("after_visiting", &run_after_visiting, "robot"_a, "prior"_a, "x"_a, "known"_a, "sigma"_a,
+        "links"_a, "full"_a, "nuisances"_a, "influence"_a = nb::none());
+  m.def("accuracy", &batch_accuracy, "robot"_a, "known"_a, "x"_a, "reference"_a, "full"_a,
+        "influence"_a = nb::none());
 }
 
 }  // namespace truepose::python

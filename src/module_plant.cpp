@@ -8,6 +8,7 @@
 #include "for_rows.hpp"
 #include "truepose/control/trajectory.hpp"
 #include "truepose/full/rkm.hpp"
+#include "truepose/kinematics/angles_of.hpp"
 #include "truepose/offline/plant.hpp"
 
 namespace truepose::python {
@@ -56,7 +57,7 @@ auto frames(const Robot& robot, const Rows& x, const Rows& tilt) {
   with_mobility(robot.mobility, [&](auto mobility) {
     constexpr Mobility K = mobility();
     for_rows(x.shape(0), [&](std::size_t i) {
-      const Pose pose = to_pose<K>(row<Coordinates>(x, i));
+      const Pose pose = placed<K>(robot, to_pose<K>(row<Coordinates>(x, i)));
       Vec3 turn(tilt.data() + 3 * i);
       if constexpr (kTurnsAboutZ<K>) turn = tilt_keeping(pose.theta, turn.x(), turn.y());
       Eigen::Map<Frame> frame(all[i]);
@@ -68,7 +69,8 @@ auto frames(const Robot& robot, const Rows& x, const Rows& tilt) {
   return all.release();
 }
 
-/// Coordinates, (N, n), of positions, (N, 3), and orientations, (N, 9).
+/// Coordinates, (N, n), of positions, (N, 3), and orientations, (N, 9); of a pivot its angles,
+/// sought from home.
 auto coordinates(const Robot& robot, const Rows& D, const Rows& R) {
   const std::size_t n = dof(robot.mobility);
   Owned<double> x({D.shape(0), n});
@@ -77,6 +79,11 @@ auto coordinates(const Robot& robot, const Rows& D, const Rows& R) {
       Pose pose;
       pose.D = Vec3(D.data() + 3 * i), pose.R = Rows33(R.data() + 9 * i);
       pose.theta = theta_of(pose.R, 0);
+      if constexpr (kPivots<mobility()>) {
+        Pose angles = to_pose<mobility()>(robot.home);
+        angles_of<mobility()>(robot, pose, angles);
+        pose = angles;
+      }
       std::copy_n(to_coordinates<mobility()>(pose).begin(), n, x[i]);
     });
   });

@@ -18,11 +18,11 @@
   PREFIX template FkmResult search<K>(const Robot&, const Joint&, Pose&, int);                    \
   PREFIX template Outcome command_detail::same_mode<K>(const Robot&, const Coordinates&);         \
   PREFIX template Outcome linearise<K>(const Robot&, const Pose&, Extended&,                      \
-                                       Matrix<kMaxReadings, kDof<K>>&, double*);                  \
+                                       Matrix<kMaxReadings, kDof<K>>&, Real*);                    \
   PREFIX template Outcome fuse<K>(const Robot&, const Knowledge&, const ReadingCovariance&,       \
                                   const Matrix<kMaxReadings, kDof<K>>&, Fusion<K>&);              \
   PREFIX template Outcome redundant_fkm<K>(const Robot&, const Extended&, const Vec3&, Pose&);    \
-  PREFIX template Outcome refer<K>(const Robot&, Law, const Coordinates&, Reference<K>&, double,  \
+  PREFIX template Outcome refer<K>(const Robot&, Law, const Coordinates&, Reference<K>&, Real,    \
                                    const Weighing&, Parasitic*);                                  \
   PREFIX template Outcome motor_error<K>(const Robot&, Law, const Reference<K>&, const Extended&, \
                                          Joint&, Pose&, const Weighing&, const Parasitic&);       \
@@ -35,9 +35,9 @@
 
 #define TRUEPOSE_KERNELS_OF_LEVEL(PREFIX, K, MODEL)                                               \
   PREFIX template Estimate<K> estimate<K, MODEL>(const Robot&, const Knowledge&, const Extended&, \
-                                                 Pose&, double*, Parasitic*);                     \
+                                                 Pose&, Real*, Parasitic*);                       \
   PREFIX template Outcome observe<K, MODEL>(const Robot&, const OnlineSettings&, const Extended&, \
-                                            OnlineState&, Robot&, Pose&, double*);
+                                            OnlineState&, Robot&, Pose&, Real*);
 
 /// Of a mobility whose rods come in pairs: the full level of the others is their ideal one.
 #define TRUEPOSE_FULL_KERNELS(PREFIX, K)                                                          \
@@ -50,7 +50,7 @@
                                       std::array<FullRow, kMaxSensors>&);                         \
   PREFIX template Outcome command_detail::same_full_mode<K>(const Robot&, const Coordinates&);    \
   PREFIX template Outcome linearise_full<K>(const Robot&, const Pose&, Extended&,                 \
-                                            Matrix<kMaxReadings, kDof<K>>&, double*, Parasitic*); \
+                                            Matrix<kMaxReadings, kDof<K>>&, Real*, Parasitic*);   \
   TRUEPOSE_KERNELS_OF_LEVEL(PREFIX, K, FullModel)
 
 #define TRUEPOSE_PLANE_AND_SPACE_KERNELS(PREFIX)         \
@@ -62,8 +62,17 @@
   TRUEPOSE_KERNELS(PREFIX, Mobility::schoenflies)      \
   TRUEPOSE_FULL_KERNELS(PREFIX, Mobility::translation) \
   TRUEPOSE_FULL_KERNELS(PREFIX, Mobility::schoenflies)
+#ifdef TRUEPOSE_NO_PIVOTS
+#define TRUEPOSE_PIVOT_KERNELS(PREFIX)
+#else
+#define TRUEPOSE_PIVOT_KERNELS(PREFIX)        \
+  TRUEPOSE_KERNELS(PREFIX, Mobility::pivot_1) \
+  TRUEPOSE_KERNELS(PREFIX, Mobility::pivot_2) \
+  TRUEPOSE_KERNELS(PREFIX, Mobility::pivot_3)
+#endif
 
 namespace truepose {
 TRUEPOSE_PLANE_AND_SPACE_KERNELS(extern)
 TRUEPOSE_PAIRED_KERNELS(extern)
+TRUEPOSE_PIVOT_KERNELS(extern)
 }  // namespace truepose

@@ -1,6 +1,6 @@
 /// @file
-/// What takes its time, and memory: the exact plant, its effects and faults, statics, calibration
-/// of logs, the accuracy to be had, assembly modes. Not for the control path
+/// What takes its time, and memory: the exact plant, its effects and faults, statics, stretch,
+/// calibration of logs, the accuracy to be had, assembly modes. Not for the control path
 /// (truepose/truepose.hpp).
 #pragma once
 
@@ -13,4 +13,5 @@
 #include "truepose/offline/registration.hpp"
 #include "truepose/offline/simulate.hpp"
 #include "truepose/offline/statics.hpp"
+#include "truepose/offline/stretch.hpp"
 #include "truepose/truepose.hpp"

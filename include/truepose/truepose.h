@@ -35,15 +35,22 @@ extern "C" {
 #endif
 
 /** Of the tables and functions below. A library loads only tables of its own version. */
-#define TRUEPOSE_ABI 1
+#define TRUEPOSE_ABI 2
 
+/** Of every number. Libraries in single precision are built with TRUEPOSE_SINGLE, and so is what
+ * calls them; a table of the other precision is TRUEPOSE_OTHER_VERSION. */
+#ifdef TRUEPOSE_SINGLE
+typedef float truepose_real;
+#else
 typedef double truepose_real;
+#endif
 
 enum {
   TRUEPOSE_FREEDOMS = 6,  /**< at most, of a nacelle, and so motors and chains */
   TRUEPOSE_SENSORS = 12,  /**< redundant ones */
   TRUEPOSE_READINGS = 16, /**< q_e: motors first, then sensors */
-  TRUEPOSE_BODIES = 8     /**< rigid ones of a nacelle */
+  TRUEPOSE_BODIES = 8,    /**< rigid ones of a nacelle */
+  TRUEPOSE_AXES = 3       /**< passive ones that carry a pivot's nacelle */
 };
 
 /** How it went. Below 0: an answer with a warning. Above 0: no answer. */
@@ -58,7 +65,7 @@ typedef enum truepose_status {
   TRUEPOSE_NOT_FINITE = 4,     /**< an input is NaN or infinite */
   TRUEPOSE_NOT_MEASURED = 5,   /**< the sensors, or what is known, are not what the law needs */
   TRUEPOSE_NO_FULL_LEVEL = 6,  /**< its rods cannot be solved for one by one */
-  TRUEPOSE_JOINT_LIMIT = 7,    /**< a motor would have to pass one of its stops */
+  TRUEPOSE_JOINT_LIMIT = 7,    /**< a motor, or a passive axis, would have to pass a stop */
   TRUEPOSE_NOT_CONVERGED = 8,  /**< the search ended: whether there is an answer is not known */
   TRUEPOSE_NO_SUCH_PART = 9,   /**< a count, an index or an enum names what is not there */
   TRUEPOSE_NOT_SQUARE = 10,    /**< more or fewer chains or motors than freedoms */
@@ -70,7 +77,8 @@ typedef enum truepose_status {
 } truepose_status;
 
 /** `part`: the chain, for TRUEPOSE_DISAGREE the reading; of truepose_load() chain i as i, sensor k
- * as 6 + k, body k as 18 + k. -1: none in particular. All from 0. */
+ * as 6 + k, body k as 18 + k, axis j as 26 + j. -1: none in particular, of JOINT_LIMIT a passive
+ * axis. All from 0. */
 typedef struct truepose_outcome {
   int32_t status; /**< a truepose_status */
   int32_t part;
@@ -90,7 +98,10 @@ typedef enum truepose_mobility {
   TRUEPOSE_PLANAR = 1,             /**< x, y, theta */
   TRUEPOSE_TRANSLATION = 2,        /**< x, y, z */
   TRUEPOSE_SCHOENFLIES = 3,        /**< x, y, z, theta about z */
-  TRUEPOSE_SPATIAL = 4             /**< x, y, z, rotation vector */
+  TRUEPOSE_SPATIAL = 4,            /**< x, y, z, rotation vector */
+  TRUEPOSE_PIVOT_1 = 5,            /**< the angle of the passive axis that carries the nacelle */
+  TRUEPOSE_PIVOT_2 = 6,            /**< of two, the base's first */
+  TRUEPOSE_PIVOT_3 = 7             /**< of three */
 } truepose_mobility;
 
 typedef enum truepose_actuator {
@@ -109,7 +120,8 @@ typedef enum truepose_sensor_kind {
   TRUEPOSE_ROD_IN_PLANE = 6,
   TRUEPOSE_ROD_LATERAL = 7,
   TRUEPOSE_ROD_LENGTH = 8,
-  TRUEPOSE_MOTOR_ENCODER = 9
+  TRUEPOSE_MOTOR_ENCODER = 9,
+  TRUEPOSE_AXIS_ANGLE = 10
 } truepose_sensor_kind;
 
 /** One chain: motor, arm, rod. The loop it closes: | B(q) - (D + R pivot + anchor) | = rod. */
@@ -130,6 +142,7 @@ typedef struct truepose_chain {
   truepose_real rod_difference; /**< full level: by which the one at + is longer, m */
   truepose_real encoder_offset; /**< reading = gain q - offset */
   truepose_real encoder_gain;
+  truepose_real encoder_buildup;    /**< slides and legs: q is v + buildup v^2, 1/m */
   truepose_real gear;               /**< turns of the encoder's shaft per turn of the motor */
   truepose_real eccentricity[4];    /**< of its disc: cos, sin, and of twice the angle, rad */
   truepose_real encoder_step;       /**< one count, rad or m; 0: unquantised */
@@ -149,7 +162,7 @@ typedef struct truepose_sensor {
   int32_t at_nacelle; /**< rods' directions: 1 at the nacelle's joint */
   int32_t rod;        /**< full level: -1 or 1, which of the pair */
   int32_t bar;        /**< full level, theta: a bar's pivot (from 0; -1: the absolute theta) */
-  int32_t unused;     /**< 0 */
+  int32_t axis;       /**< axis_angle: which passive axis (from 0); others 0 */
   truepose_real gain, offset;
   truepose_real gear, eccentricity[4]; /**< of its encoder */
   truepose_real step, noise;           /**< one count (0: unquantised), sigma */
@@ -166,6 +179,13 @@ typedef struct truepose_body {
   truepose_real inertia[9]; /**< about its centre, nacelle's frame, kg·m² */
 } truepose_body;
 
+/** A passive axis of a pivot. At x = 0 all frames are parallel to the base's. */
+typedef struct truepose_axis {
+  truepose_real origin[3];    /**< a point of it, seen from that of the axis before (or base), m */
+  truepose_real direction[3]; /**< unit, in the frame of the axis before */
+  truepose_real low, high;    /**< stops, rad; may be infinite */
+} truepose_axis;
+
 /** A robot and its sensors, as a constant. */
 typedef struct truepose_description {
   uint32_t abi;           /**< TRUEPOSE_ABI */
@@ -181,11 +201,12 @@ typedef struct truepose_description {
   truepose_chain chain[TRUEPOSE_FREEDOMS];
   truepose_sensor sensor[TRUEPOSE_SENSORS];
   truepose_body body[TRUEPOSE_BODIES];
+  truepose_axis axis[TRUEPOSE_AXES]; /**< of a pivot: as many as freedoms */
 } truepose_description;
 
 /** A robot that was checked. Opaque; copied as bytes. */
 typedef union truepose_model {
-  truepose_real align;
+  int64_t align;
   unsigned char bytes[12288];
 } truepose_model;
 
@@ -202,6 +223,11 @@ TRUEPOSE_API size_t truepose_model_size(void);
  */
 TRUEPOSE_API truepose_outcome truepose_load(truepose_model* model, size_t size,
                                             const truepose_description* description);
+
+/** What a model was made of, or what was learnt: with another `level`, loaded again, it is the same
+ * robot understood so. @return UNFINISHED */
+TRUEPOSE_API truepose_outcome truepose_description_of(const truepose_model* model,
+                                                      truepose_description* description);
 
 /** Freedoms n and sensors r; 0 of what was not loaded. */
 TRUEPOSE_API int32_t truepose_freedoms(const truepose_model* model);
@@ -293,6 +319,19 @@ TRUEPOSE_API truepose_outcome truepose_readings(const truepose_model* model,
 TRUEPOSE_API truepose_outcome
 truepose_jacobian(const truepose_model* model, const truepose_real x[TRUEPOSE_FREEDOMS],
                   truepose_real J[TRUEPOSE_FREEDOMS * TRUEPOSE_FREEDOMS]);
+
+/** The motors' torques as the joints of a pivot feel them, J^-T torque, by which torque times rate
+ * is the same on both sides; of another mobility the force and moment on the nacelle, along its
+ * free twist. @return UNREACHABLE, SINGULAR, NOT_FINITE; NOT_COMPILED where pivots are left out */
+TRUEPOSE_API truepose_outcome truepose_joint_torque(const truepose_model* model,
+                                                    const truepose_real x[TRUEPOSE_FREEDOMS],
+                                                    const truepose_real torque[TRUEPOSE_FREEDOMS],
+                                                    truepose_real joint[TRUEPOSE_FREEDOMS]);
+/** The inverse: torques of the motors that are these at the joints, J^T joint. */
+TRUEPOSE_API truepose_outcome truepose_motor_torque(const truepose_model* model,
+                                                    const truepose_real x[TRUEPOSE_FREEDOMS],
+                                                    const truepose_real joint[TRUEPOSE_FREEDOMS],
+                                                    truepose_real torque[TRUEPOSE_FREEDOMS]);
 
 /** How far a pose is from singular, free of size and units; of the ideal level.
  *
@@ -403,7 +442,7 @@ typedef struct truepose_setpoint {
 
 /** Settings, and what a controller remembers. Opaque. */
 typedef union truepose_controller {
-  truepose_real align;
+  int64_t align;
   unsigned char bytes[8192];
 } truepose_controller;
 TRUEPOSE_API size_t truepose_controller_size(void);
@@ -487,7 +526,7 @@ typedef struct truepose_report {
 
 /** Settings, and what a guard remembers. Opaque. */
 typedef union truepose_guard {
-  truepose_real align;
+  int64_t align;
   unsigned char bytes[16384];
 } truepose_guard;
 TRUEPOSE_API size_t truepose_guard_size(void);
@@ -544,7 +583,7 @@ TRUEPOSE_API void truepose_pace(const truepose_path_clock* clock, truepose_setpo
 /** What a learner remembers. Opaque; holds pointers to the model it began with and to its memory.
  */
 typedef union truepose_learner {
-  truepose_real align;
+  int64_t align;
   unsigned char bytes[20480];
 } truepose_learner;
 TRUEPOSE_API size_t truepose_learner_size(void);
@@ -568,6 +607,10 @@ TRUEPOSE_API truepose_outcome truepose_begin_learner(truepose_learner* learner, 
  * @return DISAGREE: not learnt from, or not from the reading named; STOPPED: nothing is any more */
 TRUEPOSE_API truepose_outcome truepose_learn(truepose_learner* learner,
                                              const truepose_real q_e[TRUEPOSE_READINGS]);
+/** How many lines counted, and how many were left out, or a reading of theirs. @return UNFINISHED
+ */
+TRUEPOSE_API truepose_outcome truepose_lines(const truepose_learner* learner, int64_t* learnt,
+                                             int64_t* left_out);
 /** Goes back to before the latest lines: one of their readings was found to lie. */
 TRUEPOSE_API truepose_outcome truepose_forget(truepose_learner* learner);
 

@@ -26,13 +26,13 @@ struct ControlSettings {
   Law law = Law::joint;
   Gains gains = Gains::diagonal;
   FeedForward feed_forward = FeedForward::full;
-  double period = 1e-3;              ///< s
-  double velocity_bandwidth = 1500;  ///< of the velocity tracking loops, rad/s
-  double damped_below = 0;           ///< conditioning from which on J is damped (0: never)
-  double lead_out = 0.2;             ///< s over which a switch of law or readings takes effect
-  Joint kp{};                        ///< N·m/rad (N/m), or 1/s²
-  Joint kd{};                        ///< N·m·s/rad, or 1/s
-  Joint ki{};                        ///< N·m/(rad·s), or 1/s³; 0: no integral action
+  Real period = 1e-3;              ///< s
+  Real velocity_bandwidth = 1500;  ///< of the velocity tracking loops, rad/s
+  Real damped_below = 0;           ///< conditioning from which on J is damped (0: never)
+  Real lead_out = 0.2;             ///< s over which a switch of law or readings takes effect
+  Joint kp{};                      ///< N·m/rad (N/m), or 1/s²
+  Joint kd{};                      ///< N·m·s/rad, or 1/s
+  Joint ki{};                      ///< N·m/(rad·s), or 1/s³; 0: no integral action
 };
 
 /// What a controller remembers from cycle to cycle. Zero it to switch the controller on.
@@ -51,7 +51,7 @@ struct ControlState {
   Law law = Law::joint;   ///< whose terms `position` and `rate` are in
   bool switched = false;  ///< set where readings are replaced by others: no step follows
   Joint held{};           ///< by how much ê_q was larger before the last switch than after it,
-  double leaving = 0;     ///< led out in so many seconds more
+  Real leaving = 0;       ///< led out in so many seconds more
 };
 
 /// Rate of an error whose reading is quantised, as a drive estimates it: a tracking loop of second
@@ -71,10 +71,10 @@ struct ControlState {
 /// @param expected  mean rate of y_d in the period that has passed
 /// @param position  in and out: ŷ
 /// @param rate      in and out: ė
-inline void track(const ControlSettings& settings, double pole, double reading, double expected,
-                  double& position, double& rate) {
-  const double predicted = position + settings.period * (expected - rate);
-  const double innovation = reading - predicted;
+inline void track(const ControlSettings& settings, Real pole, Real reading, Real expected,
+                  Real& position, Real& rate) {
+  const Real predicted = position + settings.period * (expected - rate);
+  const Real innovation = reading - predicted;
   position = predicted + (1 - pole * pole) * innovation;
   rate -= (1 - pole) * (1 - pole) / settings.period * innovation;
 }
@@ -98,14 +98,14 @@ inline Extended in_terms_of(Corrects corrects, const Joint& rate, const Referenc
 }
 
 /// A torque, no larger than the motor can.
-inline double limited(const Chain& chain, double torque) {
-  const double limit = chain.torque_limit;
+inline Real limited(const Chain& chain, Real torque) {
+  const Real limit = chain.torque_limit;
   return limit > 0 ? std::clamp(torque, -limit, limit) : torque;
 }
 
 /// Share of what was held at a switch that is left, from 1 to 0 without a corner.
-inline double led_out(double leaving, double whole) {
-  const double u = whole > 0 ? leaving / whole : 0;
+inline Real led_out(Real leaving, Real whole) {
+  const Real u = whole > 0 ? leaving / whole : 0;
   return u * u * (3 - 2 * u);
 }
 
@@ -148,7 +148,7 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
   Extended measured{};
   std::copy_n(q_e.begin(), asked, measured.begin());
   const Joint joint_rate = reference.jacobians.joint_rate(setpoint.rate);
-  const double* desired = posed ? setpoint.rate.data() : joint_rate.data();
+  const Real* desired = posed ? setpoint.rate.data() : joint_rate.data();
   if (posed) {
     const Coordinates x = to_coordinates<K>(found);
     std::copy_n(x.begin(), n, measured.begin());
@@ -156,7 +156,7 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
   // What a cycle without an answer leaves as it was is only written at the end.
   Extended position = state.position, rates = state.rate, passed = state.desired;
   Joint integral = state.integral, held = state.held, load{};
-  double leaving = state.leaving;
+  Real leaving = state.leaving;
   const bool switches = state.started && (state.switched || state.law != settings.law);
   if (!state.started || switches) position = measured;
   if (switches) {
@@ -164,7 +164,7 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
     for (int i = 0; i < n; ++i) held[i] = state.error[i] - error[i];
     leaving = settings.lead_out;
   }
-  const double share = led_out(leaving, settings.lead_out);
+  const Real share = led_out(leaving, settings.lead_out);
   leaving = std::max(0.0, leaving - settings.period);
   for (int i = 0; i < n; ++i) error[i] += share * held[i];
   Coordinates twist{};  // of x_d against x̂
@@ -178,16 +178,16 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
       std::copy_n(step.begin(), n, measured.begin());
       position.fill(0);
     }
-  const double pole = std::exp(-settings.velocity_bandwidth * settings.period);
+  const Real pole = std::exp(-settings.velocity_bandwidth * settings.period);
   // Switched on, a robot counts as following until its readings say otherwise.
-  const double half = state.started ? 0.5 : 0;
+  const Real half = state.started ? 0.5 : 0;
   for (int c = 0; c < tracked; ++c) {
-    double rate = 0;
+    Real rate = 0;
     if (c < n)
       rate = desired[c];
     else
       for (int j = 0; j < n; ++j) rate += reference.jr[c - n][j] * setpoint.rate[j];
-    const double expected = half * ((switches ? rate : passed[c]) + rate);
+    const Real expected = half * ((switches ? rate : passed[c]) + rate);
     if (switches) position[c] = measured[c] - settings.period * (expected - rates[c]);
     track(settings, pole, measured[c], expected, position[c], rates[c]);
     passed[c] = rate;
@@ -207,7 +207,7 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
       std::copy_n(x.begin(), n, position.begin());
     }
   // One NaN in what the state keeps would fail every later cycle, and what overflows then as well.
-  double sum = 0;
+  Real sum = 0;
   for (int c = 0; c < tracked; ++c)
     sum += std::fabs(position[c]) + std::fabs(rates[c]) + std::fabs(passed[c]);
 
@@ -236,17 +236,17 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
     }
   }
   for (int i = 0; i < n; ++i) {
-    const double limit = robot.chain[i].torque_limit;
-    const double step = steps[i];
+    const Real limit = robot.chain[i].torque_limit;
+    const Real step = steps[i];
     load[i] = torque[i] + integral[i];
-    const double wanted = load[i] + pd[i];
+    const Real wanted = load[i] + pd[i];
     const bool pushes = limit > 0 && std::fabs(wanted) > limit && wanted * step > 0;
     if (!pushes) integral[i] += step;  // a saturated motor does not wind up
     torque[i] = wanted + (pushes ? 0 : step);
     sum += std::fabs(wanted) + std::fabs(step);  // before the limit, which hides an infinite one
     torque[i] = limited(robot.chain[i], torque[i]);
   }
-  if (!(sum < 1e100)) return {Status::not_finite, -1};
+  if (!(sum < by_precision(1e100L, 1e30L))) return {Status::not_finite, -1};
   state.started = true;
   state.switched = false;
   state.law = settings.law;
@@ -276,8 +276,8 @@ inline Outcome control(const Robot& robot, const ControlSettings& settings,
 /// PD gains by pole placement. Of the diagonal: motor i alone, held at that pose, answers as a
 /// second order of that natural frequency (rad/s) and damping ratio. Shaped by the inertia: so does
 /// every motor at every pose, and x is not asked for more than that it exists.
-inline Outcome place_poles(const Robot& robot, const Coordinates& x, double frequency,
-                           double damping, ControlSettings& settings) {
+inline Outcome place_poles(const Robot& robot, const Coordinates& x, Real frequency, Real damping,
+                           ControlSettings& settings) {
   return with_mobility(robot.mobility, [&](auto mobility) {
     constexpr Mobility K = mobility();
     constexpr int n = kDof<K>;
@@ -291,7 +291,7 @@ inline Outcome place_poles(const Robot& robot, const Coordinates& x, double freq
     const auto inertia = joint_inertia<K>(model, jacobians.J);
     for (int m = 0; m < n; ++m) {
       // The error is one of readings, the torque the motor's own.
-      const double of = settings.gains == Gains::inertia ? 1 : model.slope[m] * inertia[m][m];
+      const Real of = settings.gains == Gains::inertia ? 1 : model.slope[m] * inertia[m][m];
       settings.kp[m] = of * frequency * frequency;
       settings.kd[m] = 2 * damping * of * frequency;
     }

@@ -16,21 +16,48 @@ template <Mobility K>
 struct DynamicModel {
   static constexpr int n = kDof<K>;
   Matrix<kDof<K>, kDof<K>> mass;  ///< M, full symmetric
-  std::array<double, n> bias;     ///< c: Coriolis, centrifugal and gravity forces
+  std::array<Real, n> bias;       ///< c: Coriolis, centrifugal and gravity forces
   Matrix<kDof<K>, kDof<K>> k;     ///< K, rows k_i
-  std::array<double, n> rate;     ///< q̇
-  std::array<double, n> slope;    ///< ∂(q as read)/∂(q as the motor turns)
+  std::array<Real, n> rate;       ///< q̇
+  std::array<Real, n> slope;      ///< ∂(q as read)/∂(q as the motor turns)
 };
 
 /// ω × l for the angular velocities that the mobility allows.
 template <Mobility K>
 inline Vec3 turning(const Vec3& omega, const Vec3& l) {
-  if constexpr (K == Mobility::spatial)
+  if constexpr (K == Mobility::spatial || kPivots<K>)
     return omega.cross(l);
   else if constexpr (kTurnsAboutZ<K>)
     return Vec3(-omega.z() * l.y(), omega.z() * l.x(), 0);
   else
     return Vec3::Zero();
+}
+
+/// Ṫ ẋ of a pivot: how D accelerates and the nacelle's turn changes while every joint turns evenly.
+/// An axis is turned by those before it, ȧ_j = ω_{j-1} × a_j, and so is its arm, by all.
+template <Mobility K>
+inline Twist drifting([[maybe_unused]] const Carried<K>& carried,
+                      [[maybe_unused]] const Coordinates& rate) {
+  Twist drift;
+  if constexpr (kPivots<K>) {
+    constexpr int n = kDof<K>;
+    std::array<Vec3, n> swept;  // velocity of D seen from p_j: of all axes that come after
+    Vec3 after = Vec3::Zero();
+    for (int j = n - 1; j >= 0; --j) {
+      swept[j] = after + rate[j] * carried.linear[j];
+      after = swept[j];
+    }
+    Vec3 omega = Vec3::Zero();  // of the frame that carries axis j
+    for (int j = 0; j < n; ++j) {
+      const Vec3 turned = omega.cross(carried.axis[j]);
+      // D - p_j changes by what the frame turns it, and by what the axes from j on move D.
+      const Vec3 arm = omega.cross(carried.arm[j]) + swept[j];
+      drift.omega += rate[j] * turned;
+      drift.velocity += rate[j] * (turned.cross(carried.arm[j]) + carried.axis[j].cross(arm));
+      omega += rate[j] * carried.axis[j];
+    }
+  }
+  return drift;
 }
 
 /// M, c and K at a closed pose moving with the free twist `rate`.
@@ -39,7 +66,9 @@ template <Mobility K>
 TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<K>& closure,
                                               const Coordinates& rate, DynamicModel<K>& model) {
   constexpr int n = kDof<K>;
-  const Twist twist = to_twist<K>(rate);
+  const Carried<K>& twists = closure.carried;
+  const Twist twist = to_twist<K>(twists, rate);
+  const Twist drift = drifting<K>(twists, rate);  // of the nacelle at ẍ = 0
   const Vec3 g = robot.gravity();
   for (int i = 0; i < n; ++i) {
     model.mass[i].fill(0);
@@ -47,14 +76,14 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<
   }
 
   // What hangs on the nacelle adds up to one spatial inertia about D and one wrench.
-  double mass = 0;
+  Real mass = 0;
   Vec3 first = Vec3::Zero();   // Σ m l
   Mat3 second = Mat3::Zero();  // Σ m (|l|² - l lᵀ), and the bodies' own inertia
   Vec3 force = Vec3::Zero(), moment = Vec3::Zero();
-  const auto hang = [&](double m, const Vec3& l, const Vec3& f) {
+  const auto hang = [&](Real m, const Vec3& l, const Vec3& f) {
     mass += m;
     first += m * l;
-    if constexpr (K == Mobility::spatial) {
+    if constexpr (K == Mobility::spatial || kPivots<K>) {
       second += m * (l.squaredNorm() * Mat3::Identity() - l * l.transpose());
     } else if constexpr (kTurnsAboutZ<K>) {
       second(2, 2) += m * (l.x() * l.x() + l.y() * l.y());
@@ -67,14 +96,14 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<
     const Chain& chain = robot.chain[i];
     const ChainState& at = closure.chain[i];
     auto& k = model.k[i];
-    jx_row<K>(at.v, at.lever, k);
+    jx_row<K>(twists, at.v, at.lever, k);
     if (!(at.jq * at.jq > kSingular * at.v.squaredNorm() * at.dB.squaredNorm()))
       return {Status::singular, i};
     // The motor's true angle counts here, not what an eccentric encoder makes of it.
-    const double per_jq = at.rate / at.jq, slope = 1 / at.rate;
+    const Real per_jq = at.rate / at.jq, slope = 1 / at.rate;
     const Vec3 dB = slope * at.dB;
     model.slope[i] = slope;
-    double qd = 0;
+    Real qd = 0;
     for (int j = 0; j < n; ++j) {
       k[j] *= per_jq;
       qd += k[j] * rate[j];
@@ -83,33 +112,33 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<
 
     // Second derivative of the closure: q̈ = k ẍ + h. aA, aB: accelerations of A and B at ẍ = 0.
     const Vec3 swing = turning<K>(twist.omega, at.lever);
-    const Vec3 centripetal = turning<K>(twist.omega, swing);
+    Vec3 centripetal = turning<K>(twist.omega, swing);  // acceleration of A at ẍ = 0
+    if constexpr (kPivots<K>) centripetal += drift.velocity + drift.omega.cross(at.lever);
     const Vec3 stretch = dB * qd - twist.velocity - swing;  // v̇
     Vec3 aB = Vec3::Zero();
-    double right = at.v.dot(centripetal) - stretch.squaredNorm();
+    Real right = at.v.dot(centripetal) - stretch.squaredNorm();
     if (chain.actuator == Actuator::revolute) {
       aB = -qd * qd * at.p;
       right -= at.v.dot(aB);
     } else if (chain.actuator == Actuator::telescopic) {
       right += qd * qd;
     }
-    const double h = right * per_jq;
+    const Real h = right * per_jq;
     aB += dB * h;
 
     // Slender rod: virtual work of (m/6) [δB·(2B̈ + Ä) + δA·(B̈ + 2Ä)] - (m/2) (δB + δA)·g.
-    const double m2 = chain.rod_mass * 0.5, m3 = chain.rod_mass * (1.0 / 3), m6 = 0.5 * m3;
+    const Real m2 = chain.rod_mass * 0.5, m3 = chain.rod_mass * (1.0 / 3), m6 = 0.5 * m3;
     const Vec3 fB = m3 * aB + m6 * centripetal - m2 * g;
     const Vec3 fA = m3 * centripetal + m6 * aB - m2 * g;
     hang(m3, at.lever, fA);
-    const double carried =
-        chain.actuator == Actuator::revolute ? 0.5 : 1;  // arm's centre / carriage
-    const double own = chain.drive_inertia * h + dB.dot(fB - chain.arm_mass * carried * g);
-    std::array<double, n> b;  // J_Aᵀ ∂B/∂q
-    free_columns<K>(dB, at.lever.cross(dB), b.data());
-    const double kk = chain.drive_inertia + m3 * dB.squaredNorm();
+    const Real carried = chain.actuator == Actuator::revolute ? 0.5 : 1;  // arm's centre / carriage
+    const Real own = chain.drive_inertia * h + dB.dot(fB - chain.arm_mass * carried * g);
+    std::array<Real, n> b;  // J_Aᵀ ∂B/∂q
+    free_columns<K>(twists, dB, at.lever.cross(dB), b.data());
+    const Real kk = chain.drive_inertia + m3 * dB.squaredNorm();
     for (int row = 0; row < n; ++row) {
       model.bias[row] += k[row] * own;
-      const double kr = kk * k[row] + m6 * b[row], br = m6 * k[row];
+      const Real kr = kk * k[row] + m6 * b[row], br = m6 * k[row];
       for (int column = 0; column <= row; ++column)
         model.mass[row][column] += kr * k[column] + br * b[column];
     }
@@ -117,32 +146,47 @@ TRUEPOSE_FLATTEN inline Outcome dynamic_model(const Robot& robot, const Closure<
 
   for (int i = 0; i < robot.bodies; ++i) {
     const Body& body = robot.body[i];
-    const Vec3 l = turned<K>(closure.pose.R, body.pivot());
-    hang(body.mass, l, body.mass * (turning<K>(twist.omega, turning<K>(twist.omega, l)) - g));
-    if constexpr (K == Mobility::spatial) {
-      const Mat3 inertia = closure.pose.R * body.inertia() * closure.pose.R.transpose();
+    const Mat3& R = closure.placed().R;
+    const Vec3 l = turned<K>(R, body.pivot());
+    Vec3 centripetal = turning<K>(twist.omega, turning<K>(twist.omega, l));
+    if constexpr (kPivots<K>) centripetal += drift.velocity + drift.omega.cross(l);
+    hang(body.mass, l, body.mass * (centripetal - g));
+    if constexpr (K == Mobility::spatial || kPivots<K>) {
+      const Mat3 inertia = R * body.inertia() * R.transpose();
       second += inertia;
       moment += twist.omega.cross(inertia * twist.omega);
+      if constexpr (kPivots<K>) moment += inertia * drift.omega;
     } else if constexpr (kTurnsAboutZ<K>) {
       second(2, 2) += body.inertia()(2, 2);
     }
   }
 
   // [m, -[Σml]×; [Σml]×, second], its free rows and columns.
-  std::array<double, n> wrench;
-  free_columns<K>(force, moment, wrench.data());
+  std::array<Real, n> wrench;
+  free_columns<K>(twists, force, moment, wrench.data());
   Mat3 cross;
   cross << 0, -first.z(), first.y(), first.z(), 0, -first.x(), -first.y(), first.x(), 0;
   for (int row = 0; row < n; ++row) {
     model.bias[row] += wrench[row];
-    const int i = Freedom<K>::columns[row];
-    for (int column = 0; column <= row; ++column) {
-      const int j = Freedom<K>::columns[column];
-      if (i < 3)
-        model.mass[row][column] += i == j ? mass : 0;
-      else
-        model.mass[row][column] += j < 3 ? cross(i - 3, j) : second(i - 3, j - 3);
-      model.mass[column][row] = model.mass[row][column];
+    if constexpr (kPivots<K>) {  // Tᵀ of all this T
+      const Vec3 &linear = twists.linear[row], &turn = twists.axis[row];
+      const Vec3 pushed = mass * linear + turn.cross(first);
+      const Vec3 twisted = first.cross(linear) + second * turn;
+      for (int column = 0; column <= row; ++column) {
+        model.mass[row][column] +=
+            pushed.dot(twists.linear[column]) + twisted.dot(twists.axis[column]);
+        model.mass[column][row] = model.mass[row][column];
+      }
+    } else {
+      const int i = Freedom<K>::columns[row];
+      for (int column = 0; column <= row; ++column) {
+        const int j = Freedom<K>::columns[column];
+        if (i < 3)
+          model.mass[row][column] += i == j ? mass : 0;
+        else
+          model.mass[row][column] += j < 3 ? cross(i - 3, j) : second(i - 3, j - 3);
+        model.mass[column][row] = model.mass[row][column];
+      }
     }
   }
   return {};
@@ -155,7 +199,7 @@ inline Joint inverse_dynamics(const DynamicModel<K>& model, const Matrix<kDof<K>
   constexpr int n = kDof<K>;
   Joint torque{};
   for (int i = 0; i < n; ++i) {
-    double force = model.bias[i];
+    Real force = model.bias[i];
     for (int j = 0; j < n; ++j) force += model.mass[i][j] * acceleration[j];
     for (int j = 0; j < n; ++j) torque[j] += J[i][j] * force;
   }
@@ -187,9 +231,9 @@ inline Matrix<kDof<K>, kDof<K>> joint_inertia(const DynamicModel<K>& model,
 
 /// Friction of a motor, N·m or N: viscous, and Coulomb smoothed over ±kStiction rad/s (or m/s) so
 /// that the integration stays regular; a robot at rest creeps within that speed.
-inline constexpr double kStiction = 1e-3;
-inline double friction(const Chain& chain, double rate) {
-  const double viscous = chain.viscous * rate;
+inline constexpr Real kStiction = 1e-3;
+inline Real friction(const Chain& chain, Real rate) {
+  const Real viscous = chain.viscous * rate;
   return chain.coulomb > 0 ? viscous + chain.coulomb * std::tanh(rate / kStiction) : viscous;
 }
 
@@ -206,13 +250,13 @@ inline Outcome forward_dynamics_under(const Robot& robot, const Pose& pose, cons
   if (outcome) outcome = dynamic_model<K>(robot, closure, rate, model);
   if (!outcome) return outcome;
   const Joint torque = torque_of(closure, model);
-  std::array<double, n> force;
+  std::array<Real, n> force;
   for (int j = 0; j < n; ++j) force[j] = -model.bias[j];
   for (int i = 0; i < n; ++i) {
-    const double net = torque[i] - friction(robot.chain[i], model.rate[i]);
+    const Real net = torque[i] - friction(robot.chain[i], model.rate[i]);
     for (int j = 0; j < n; ++j) force[j] += model.k[i][j] * net;
   }
-  std::array<double, n> size;
+  std::array<Real, n> size;
   for (int j = 0; j < n; ++j) size[j] = model.mass[j][j];
   const Ldlt<n> factor(model.mass, size);
   if (!factor.regular()) return {Status::singular, -1};
@@ -257,7 +301,7 @@ inline Outcome mass_matrix(const Robot& robot, const Pose& pose, PoseMatrix& mas
   Outcome outcome = ikm<K, false>(robot, pose, closure);
   if (outcome) outcome = dynamic_model<K>(robot, closure, Coordinates{}, model);
   if (!outcome) return outcome;
-  double sum = 0;
+  Real sum = 0;
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < n; ++j) sum += mass[i][j] = model.mass[i][j];
   return std::isfinite(sum) ? outcome : Outcome{Status::not_finite, -1};
@@ -265,7 +309,7 @@ inline Outcome mass_matrix(const Robot& robot, const Pose& pose, PoseMatrix& mas
 
 /// Kinetic and potential energy (J); their sum is kept in free motion without friction.
 struct Energy {
-  double kinetic = 0, potential = 0;
+  Real kinetic = 0, potential = 0;
 };
 template <Mobility K>
 inline Outcome energy(const Robot& robot, const Pose& pose, const Coordinates& rate,
@@ -286,7 +330,8 @@ inline Outcome energy(const Robot& robot, const Pose& pose, const Coordinates& r
   for (int i = 0; i < robot.bodies; ++i)
     result.potential -=
         robot.body[i].mass *
-        robot.gravity().dot(pose.D + pose.R * robot.body[i].pivot() + robot.body[i].anchor());
+        robot.gravity().dot(closure.placed().D + closure.placed().R * robot.body[i].pivot() +
+                            robot.body[i].anchor());
   return outcome;
 }
 

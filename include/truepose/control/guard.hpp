@@ -12,17 +12,17 @@ namespace truepose {
 
 /// Time along a path: it passes as fast as real time, until the robot must stop.
 struct PathClock {
-  double time = 0;     ///< s along the path
-  double rate = 1;     ///< its derivative,
-  double slowing = 0;  ///< and of that
-  double since = 0;    ///< s since it began to slow down
+  Real time = 0;     ///< s along the path
+  Real rate = 1;     ///< its derivative,
+  Real slowing = 0;  ///< and of that
+  Real since = 0;    ///< s since it began to slow down
 
   /// One period. @param stop  s in which it comes to rest; 0: goes on
-  void advance(double period, double stop) {
+  void advance(Real period, Real stop) {
     if (stop > 0 && rate > 0) {
       since = std::min(since + period, stop);
-      const double u = since / stop;  // 1 to 0 with a rate that is smooth at both ends
-      const double next = 1 - u * u * (3 - 2 * u);
+      const Real u = since / stop;  // 1 to 0 with a rate that is smooth at both ends
+      const Real next = 1 - u * u * (3 - 2 * u);
       slowing = (next - rate) / period;
       time += 0.5 * (rate + next) * period;
       rate = next;
@@ -45,8 +45,8 @@ struct PathClock {
 /// Constant during a run.
 struct GuardSettings {
   WatchSettings watch;
-  double stop = 0.15;   ///< s in which the robot comes to rest along its path
-  double held = 0.005;  ///< s at most for which a torque is held that no reading answers for
+  Real stop = 0.15;   ///< s in which the robot comes to rest along its path
+  Real held = 0.005;  ///< s at most for which a torque is held that no reading answers for
   const Robot* finest =
       nullptr;  ///< the robot as the watch understands it; nullptr: as the law does
 };
@@ -57,8 +57,8 @@ struct Guard {
   bool stops =
       false;  ///< the path is to be left at rest: advance PathClock with GuardSettings::stop
   std::uint32_t brakes = 0;  ///< motors whose brakes must hold them, as bits
-  double unanswered = 0;     ///< s since a torque was answered for
-  double stopping = 0;       ///< s since nobody knows which reading lies
+  Real unanswered = 0;       ///< s since a torque was answered for
+  Real stopping = 0;         ///< s since nobody knows which reading lies
   Knowledge known{};         ///< of the readings that are believed
 };
 
@@ -72,7 +72,7 @@ inline void restore(Guard& guard, int reading) {
 }
 
 /// σ of a reading that is not believed, over its own.
-inline constexpr double kDisbelieved = 1e4;
+inline constexpr Real kDisbelieved = 1e4;
 
 /// One cycle: as control(), with the readings watched.
 ///

@@ -19,8 +19,8 @@ namespace truepose {
 
 inline constexpr int kOldest = 255;       ///< age, control periods
 inline constexpr int kSlowest = 1 << 20;  ///< from sample to sample, control periods
-inline constexpr double kCalmest = 0.1;   ///< pace of the low pass for what is less than counts
-inline constexpr double kCounts = 3;      ///< σ from which on p is followed rather than averaged
+inline constexpr Real kCalmest = 0.1;     ///< pace of the low pass for what is less than counts
+inline constexpr Real kCounts = 3;        ///< σ from which on p is followed rather than averaged
 
 /// Which sensors are slow or late. Constant during a run: fill it, then call start().
 struct LateSettings {
@@ -171,7 +171,7 @@ inline void calm(const Robot& robot, Late& late, Extended& q_e, bool holds = fal
   const int n = dof(robot.mobility);
   for (int k = 0; k < robot.r; ++k) {
     if (!late.is(k)) continue;
-    const double off = q_e[n + k] - late.expected[k];
+    const Real off = q_e[n + k] - late.expected[k];
     if (!std::isfinite(off)) continue;  // the law says so
     if (!(late.begun & bit(k))) {
       late.begun |= bit(k);
@@ -179,10 +179,10 @@ inline void calm(const Robot& robot, Late& late, Extended& q_e, bool holds = fal
       late.slowly[k] = late.there[k];
     }
     const Sensor& sensor = robot.sensor[k];
-    const double news = (off - late.slow[k]) * (off - late.slow[k]);
-    const double counts = late.noise[k] + sensor.step * sensor.step + sensor.noise * sensor.noise;
-    const double follows = news > 0 ? news / (news + kCounts * kCounts * counts) : 0;
-    const double share = holds ? 0 : (1 - late.pole[k]) * std::max(kCalmest, follows);
+    const Real news = (off - late.slow[k]) * (off - late.slow[k]);
+    const Real counts = late.noise[k] + sensor.step * sensor.step + sensor.noise * sensor.noise;
+    const Real follows = news > 0 ? news / (news + kCounts * kCounts * counts) : 0;
+    const Real share = holds ? 0 : (1 - late.pole[k]) * std::max(kCalmest, follows);
     late.slow[k] += share * (off - late.slow[k]);
     for (int i = 0; i < n; ++i) late.slowly[k][i] += share * (late.there[k][i] - late.slowly[k][i]);
     q_e[n + k] = late.expected[k] + late.slow[k];
@@ -192,10 +192,10 @@ inline void calm(const Robot& robot, Late& late, Extended& q_e, bool holds = fal
 namespace late_detail {
 
 /// @param since  `way` where p is known
-inline double strayed(const Late& late, int sensor, const std::array<double, kMaxDof>& since) {
-  double variance = 0;
+inline Real strayed(const Late& late, int sensor, const std::array<Real, kMaxDof>& since) {
+  Real variance = 0;
   for (int i = 0; i < kMaxDof; ++i) {
-    const double by = late.settings.stray[sensor][i] * (late.way[i] - since[i]);
+    const Real by = late.settings.stray[sensor][i] * (late.way[i] - since[i]);
     variance += by * by;
   }
   return variance;
@@ -208,7 +208,7 @@ inline double strayed(const Late& late, int sensor, const std::array<double, kMa
 inline void weigh(const Robot& robot, const Late& late, Knowledge& known) {
   const int n = dof(robot.mobility);
   for (int k = 0; k < robot.r; ++k) {
-    double& sigma = known.sigma[n + k];
+    Real& sigma = known.sigma[n + k];
     if (late.is(k))
       sigma =
           std::sqrt(sigma * sigma + late.noise[k] + late_detail::strayed(late, k, late.slowly[k]));

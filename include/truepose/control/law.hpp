@@ -60,7 +60,7 @@ constexpr const LawProperties& properties(Law law) {
 /// work space is written to.
 struct Weighing {
   const Knowledge* known = nullptr;  ///< about the robot's own parameter values
-  double* work = nullptr;            ///< estimate_work(robot, known->count) doubles
+  Real* work = nullptr;              ///< estimate_work(robot, known->count) numbers
   KeptWeights* kept = nullptr;       ///< from cycle to cycle; nullptr: each cycle has its own
   explicit operator bool() const { return known != nullptr && work != nullptr; }
 };
@@ -80,7 +80,7 @@ struct Reference {
 /// As linearise(), at the reference's pose.
 template <Mobility K>
 inline Outcome linearise(const Robot& robot, const Reference<K>& reference, Extended& q_e,
-                         Matrix<kMaxReadings, kDof<K>>& H_x, double* H_xi, Parasitic& rest) {
+                         Matrix<kMaxReadings, kDof<K>>& H_x, Real* H_xi, Parasitic& rest) {
   if (robot.rod_by_rod())
     return linearise_full<K>(robot, reference.closure.pose, q_e, H_x, H_xi, &rest);
   pose_rows<K>(robot, reference.jacobians, reference.jr, H_x);
@@ -97,7 +97,7 @@ inline Outcome keep(const Robot& robot, const Weighing& weighing, const Referenc
   constexpr int n = kDof<K>;
   const Knowledge& known = *weighing.known;
   KeptWeights& kept = *weighing.kept;
-  double *H_xi = weighing.work, *B = H_xi + (n + robot.r) * parameter_count(robot);
+  Real *H_xi = weighing.work, *B = H_xi + (n + robot.r) * parameter_count(robot);
   const std::uint64_t mark = kept_detail::fingerprint(robot, known);
   const bool holds = kept.of == mark && kept.way(n, q_e) <= kept.reach;
   const Outcome outcome = linearise<K>(robot, reference, q_e, H_x, holds ? nullptr : H_xi, rest);
@@ -123,7 +123,7 @@ TRUEPOSE_APART inline Outcome weigh(const Robot& robot, const Weighing& weighing
   }
   ReadingCovariance C;
   Fusion<K> fusion;
-  double *H_xi = weighing.work, *B = H_xi + (n + robot.r) * parameter_count(robot);
+  Real *H_xi = weighing.work, *B = H_xi + (n + robot.r) * parameter_count(robot);
   Outcome outcome = linearise<K>(robot, reference, reference.q_e, H_x, H_xi, rest);
   if (outcome) outcome = reading_covariance(robot, *weighing.known, H_xi, B, C);
   if (outcome) outcome = fuse<K>(robot, *weighing.known, C, H_x, fusion);
@@ -170,12 +170,12 @@ Outcome found_pose(const Robot& robot, Law law, const Pose& desired, const Exten
 /// the robot's home (in the band, where the modes meet, both are its own)
 template <Mobility K>
 inline Outcome refer(const Robot& robot, Law law, const Coordinates& x_d, Reference<K>& reference,
-                     double band = 0, const Weighing& weighing = {}, Parasitic* nearby = nullptr) {
+                     Real band = 0, const Weighing& weighing = {}, Parasitic* nearby = nullptr) {
   if (!kLawsWeigh && properties(law).weighs) return {Status::not_compiled, -1};
   Parasitic unknown;
   Parasitic& rest = nearby ? *nearby : unknown;
   Outcome outcome = ikm<K>(robot, to_pose<K>(x_d), reference.closure);
-  if (outcome) outcome = within_limits(robot, reference.closure.q());
+  if (outcome) outcome = within_limits<K>(robot, reference.closure.pose, reference.closure.q());
   if (outcome) outcome = jacobian<K>(reference.closure, band, reference.jacobians);
   const Outcome regular = outcome;
   Reading r;
@@ -270,13 +270,13 @@ inline Outcome find_kept(const Robot& robot, const Weighing& weighing,
   Extended expected = reference.q_e;
   Pose pose = reference.closure.pose;
   Outcome outcome = keep<K>(robot, weighing, reference, expected, H_x, rest, at);
-  double last = INFINITY;
+  Real last = INFINITY;
   for (int left = kNearIterations; outcome; --left) {
     Extended e{};
     Coordinates step{};
     innovation(robot, q_e, expected, e);
-    const double chi2 = at.step(robot, e, step);
-    double size = 0;
+    const Real chi2 = at.step(robot, e, step);
+    Real size = 0;
     for (int i = 0; i < n; ++i) size = std::max(size, step[i] * step[i] / at.variance[i]);
     if (!all_finite(step, n) || !(chi2 < INFINITY)) break;
     found = pose = moved<K>(pose, step);
@@ -326,7 +326,7 @@ inline Outcome motor_error(const Robot& robot, Law law, const Reference<K>& refe
     if (outcome) error = reference.jacobians.joint_rate(difference<K>(reference.pose, found));
     return outcome;
   }
-  std::array<double, kMaxReadings> e_qe;
+  std::array<Real, kMaxReadings> e_qe;
   for (int i = 0; i < n; ++i) e_qe[i] = reference.q_e[i] - q_e[i];
   if (corrects == Corrects::motors) {
     for (int i = 0; i < n; ++i) error[i] = e_qe[i];
@@ -343,8 +343,10 @@ inline Outcome motor_error(const Robot& robot, Law law, const Reference<K>& refe
 /// ê_q alone, for a robot of any mobility whose drives close their own loops.
 /// @param x_d   where it is asked to be
 /// @param band  conditioning below which J and J⁻¹ are damped (0: nowhere)
+/// @param kept  as `nearby` of refer()
 inline Outcome motor_error(const Robot& robot, Law law, const Coordinates& x_d, const Extended& q_e,
-                           Joint& error, double band = 0, const Weighing& weighing = {}) {
+                           Joint& error, Real band = 0, const Weighing& weighing = {},
+                           Parasitic* kept = nullptr) {
   return with_mobility(robot.mobility, [&](auto mobility) {
     constexpr Mobility K = mobility();
     constexpr int n = kDof<K>;
@@ -352,7 +354,8 @@ inline Outcome motor_error(const Robot& robot, Law law, const Coordinates& x_d, 
     if (!all_finite(q_e, alone ? n : n + robot.r) || !all_finite(x_d, n))
       return Outcome{Status::not_finite, -1};
     Reference<K> reference;
-    Parasitic nearby;
+    Parasitic unknown;
+    Parasitic& nearby = kept ? *kept : unknown;
     const Outcome regular = refer<K>(robot, law, x_d, reference, band, weighing, &nearby);
     if (!regular) return regular;
     Pose found;

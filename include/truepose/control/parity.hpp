@@ -55,14 +55,14 @@ struct Parity {
 
   /// From a pose nearby to where the motors say it is, by Newton; p there.
   Outcome place(const Robot& robot, const Pose& near, const Extended& q_e, const Extended& beyond) {
-    constexpr double kNear = 1e-3;  // of a motor: what one step leaves is its square
+    constexpr Real kNear = 1e-3;  // of a motor: what one step leaves is its square
     pose = near;
     read = q_e;
     Extended error;
     for (int left = 3; left > 0; --left) {
       const Outcome outcome = look(robot, pose, beyond);
       if (!outcome) return outcome;
-      double farthest = 0;
+      Real farthest = 0;
       innovation(robot, q_e, expected, error);
       Coordinates step{};
       for (int j = 0; j < n; ++j) {
@@ -84,22 +84,22 @@ struct Parity {
   /// @param noise     variances
   /// @param geometry  P H_ξ Σ_ξ H_ξᵀ Pᵀ
   void covariance(int r, const Extended& noise, const Matrix<kMaxSensors, kMaxSensors>& geometry,
-                  double share, ReadingCovariance& V) const {
+                  Real share, ReadingCovariance& V) const {
     for (int k = 0; k < r; ++k)
       for (int l = 0; l <= k; ++l) {
-        double sum = share * geometry[k][l] + (k == l ? noise[n + k] : 0);
+        Real sum = share * geometry[k][l] + (k == l ? noise[n + k] : 0);
         for (int j = 0; j < n; ++j) sum += g[l][j] * noise[j] * g[k][j];
         V.L[k][l] = sum;
       }
   }
 
   /// P H_ξ S, r rows of B: what of the geometry is open in the parity.
-  void open(const Robot& robot, const Knowledge& known, const double* H_xi, double* B) const {
+  void open(const Robot& robot, const Knowledge& known, const Real* H_xi, Real* B) const {
     const int width = parameter_count(robot);
     for (int k = 0; k < robot.r; ++k)
       for (int m = 0; m < known.count; ++m) {
-        const double* column = H_xi + known.column[m];
-        double sum = column[(n + k) * width];
+        const Real* column = H_xi + known.column[m];
+        Real sum = column[(n + k) * width];
         for (int j = 0; j < n; ++j) sum -= g[k][j] * column[j * width];
         B[k * known.count + m] = sum;
       }
@@ -107,8 +107,8 @@ struct Parity {
   }
 
   /// σ by which what the motors say that a sensor should read differs between two cycles at rest.
-  double expectation_noise(const Extended& noise, int reading) const {
-    double sum = 0;
+  Real expectation_noise(const Extended& noise, int reading) const {
+    Real sum = 0;
     if (reading >= n)
       for (int j = 0; j < n; ++j) sum += 2 * g[reading - n][j] * g[reading - n][j] * noise[j];
     return std::sqrt(sum);
@@ -117,7 +117,7 @@ struct Parity {
 
 /// χ² of a parity, and which readings may alone explain it.
 struct Verdict {
-  double chi2 = 0;
+  Real chi2 = 0;
   int freedom = 0;
   bool alarm = false;
   std::uint32_t may = 0;  ///< where there is an alarm: those, as bits,
@@ -128,7 +128,7 @@ struct Verdict {
 /// @param V        factored
 /// @param without  readings that are believed anyway to be wrong; `left_out` of them weigh in V
 template <Mobility K>
-inline Verdict judge(const Parity<K>& parity, const std::array<double, kMaxSensors + 1>& most,
+inline Verdict judge(const Parity<K>& parity, const std::array<Real, kMaxSensors + 1>& most,
                      const ReadingCovariance& V, const Reading& value, int r, std::uint32_t without,
                      int left_out) {
   Verdict verdict;
@@ -144,7 +144,7 @@ inline Verdict judge(const Parity<K>& parity, const std::array<double, kMaxSenso
     if (without & bit(c)) continue;
     Reading g = parity.signature(r, c);
     V.whiten(r, g.data(), 1);
-    double size = 0, along = 0;
+    Real size = 0, along = 0;
     for (int k = 0; k < r; ++k) {
       size += g[k] * g[k];
       along += g[k] * y[k];

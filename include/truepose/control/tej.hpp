@@ -22,20 +22,20 @@ inline void tej(const Robot& robot, const Jacobians<K>& jacobians,
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < n; ++j) M[i][j] = M_plus[i][j] = i == j;
   for (int s = 0; s < robot.r; ++s) {
-    const double weight = robot.sensor[s].weight;
-    std::array<double, n> g{}, gain{};
+    const Real weight = robot.sensor[s].weight;
+    std::array<Real, n> g{}, gain{};
     for (int i = 0; i < n; ++i)
       for (int j = 0; j < n; ++j) g[j] += jr[s][i] * jacobians.J[i][j];
-    double gCg = 0;
+    Real gCg = 0;
     for (int i = 0; i < n; ++i) {
       for (int j = 0; j < n; ++j) gain[i] += M_plus[i][j] * g[j];
       gCg += g[i] * gain[i];
       M[n + s][i] = g[i];
     }
-    const double scale = weight / (1 + weight * gCg);
-    for (double& entry : gain) entry *= scale;
+    const Real scale = weight / (1 + weight * gCg);
+    for (Real& entry : gain) entry *= scale;
     for (int c = 0; c < n + s; ++c) {
-      double seen = 0;  // g M⁺: what of reading c the sensor sees again
+      Real seen = 0;  // g M⁺: what of reading c the sensor sees again
       for (int i = 0; i < n; ++i) seen += g[i] * M_plus[i][c];
       for (int i = 0; i < n; ++i) M_plus[i][c] -= gain[i] * seen;
     }
@@ -46,7 +46,7 @@ inline void tej(const Robot& robot, const Jacobians<K>& jacobians,
 /// M and M⁺ at coordinates x. @param band  conditioning below which J is damped (0: the paper's)
 /// @return near_singular where it is damped
 inline Outcome tej(const Robot& robot, const Coordinates& x, ExtendedColumns& M,
-                   ExtendedRows& M_plus, double band = 0) {
+                   ExtendedRows& M_plus, Real band = 0) {
   return with_mobility(robot.mobility, [&](auto mobility) {
     constexpr Mobility K = mobility();
     Closure<K> closure;
@@ -59,7 +59,7 @@ inline Outcome tej(const Robot& robot, const Coordinates& x, ExtendedColumns& M,
     if (outcome) outcome = rkm<K>(robot, closure, values, jr);
     if (!outcome) return outcome;
     tej<K>(robot, jacobians, jr, M, M_plus);
-    double sum = 0;  // of each sensor's row and column: a row that overflowed leaves a column of 0
+    Real sum = 0;  // of each sensor's row and column: a row that overflowed leaves a column of 0
     for (int c = kDof<K>; c < kDof<K> + robot.r; ++c)
       for (int i = 0; i < kDof<K>; ++i) sum += M[c][i] + M_plus[i][c];
     return std::isfinite(sum) ? regular : Outcome{Status::not_finite, -1};

@@ -1,17 +1,19 @@
 // Where is a reading going? Position and rate of what comes once a cycle.
 #pragma once
 
+#include "truepose/math/real.hpp"
+
 namespace truepose {
 
 /// A tracking loop of second order (α-β filter) with both poles at `pole`, 0 to 1.
 struct Tracker {
-  double value = 0, rate = 0;
+  Real value = 0, rate = 0;
 
   /// What it expects now, one period after it was corrected last.
-  double predicted(double period) const { return value + period * rate; }
+  Real predicted(Real period) const { return value + period * rate; }
 
   /// @param innovation  what was read less what it expected
-  void correct(double period, double pole, double innovation) {
+  void correct(Real period, Real pole, Real innovation) {
     value += period * rate + (1 - pole * pole) * innovation;
     rate += (1 - pole) * (1 - pole) / period * innovation;
   }
@@ -20,17 +22,17 @@ struct Tracker {
 /// What the innovation of a tracker makes of its input: ((1 - z⁻¹)/(1 - pole z⁻¹))², and so, of
 /// white noise, its variance, of counts, the largest sum, and of an acceleration, the last value.
 struct TrackerGains {
-  double variance = 0, largest = 0, acceleration = 0;
+  Real variance = 0, largest = 0, acceleration = 0;
 };
 
-inline TrackerGains tracker_gains(double pole) {
+inline TrackerGains tracker_gains(Real pole) {
   TrackerGains gains;
   gains.acceleration = 1 / ((1 - pole) * (1 - pole));
   // (1 - pole z⁻¹)² h = (1 - z⁻¹)², until nothing of it is left
-  double before = 0, last = 0;
+  Real before = 0, last = 0;
   for (int k = 0; k < 1000; ++k) {
-    const double input = k == 0 ? 1 : k == 1 ? -2 : k == 2 ? 1 : 0;
-    const double h = input + 2 * pole * last - pole * pole * before;
+    const Real input = k == 0 ? 1 : k == 1 ? -2 : k == 2 ? 1 : 0;
+    const Real h = input + 2 * pole * last - pole * pole * before;
     gains.variance += h * h;
     gains.largest += h < 0 ? -h : h;
     before = last;

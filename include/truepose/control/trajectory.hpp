@@ -13,7 +13,7 @@ struct Setpoint {
 };
 
 /// What lies between two setpoints of a path that is followed more slowly. @param share  0 to 1
-inline Setpoint between(Mobility mobility, const Setpoint& a, const Setpoint& b, double share) {
+inline Setpoint between(Mobility mobility, const Setpoint& a, const Setpoint& b, Real share) {
   return with_mobility(mobility, [&](auto K) {
     const Pose start = to_pose<K()>(a.x);
     Coordinates step = difference<K()>(to_pose<K()>(b.x), start);
@@ -33,12 +33,11 @@ inline Setpoint between(Mobility mobility, const Setpoint& a, const Setpoint& b,
 /// s = 10u³ - 15u⁴ + 6u⁵: velocity and acceleration vanish at the ends. Rotations turn about one
 /// fixed axis, so the twist is s' times a constant, exactly.
 template <Mobility K>
-inline Setpoint quintic(const Coordinates& from, const Coordinates& to, double duration,
-                        double time) {
-  const double u = std::clamp(time / duration, 0.0, 1.0);
-  const double s = u * u * u * (10 + u * (6 * u - 15));
-  const double s1 = 30 * u * u * (1 + u * (u - 2)) / duration;
-  const double s2 = 60 * u * (1 + u * (2 * u - 3)) / (duration * duration);
+inline Setpoint quintic(const Coordinates& from, const Coordinates& to, Real duration, Real time) {
+  const Real u = std::clamp(time / duration, 0.0, 1.0);
+  const Real s = u * u * u * (10 + u * (6 * u - 15));
+  const Real s1 = 30 * u * u * (1 + u * (u - 2)) / duration;
+  const Real s2 = 60 * u * (1 + u * (2 * u - 3)) / (duration * duration);
   const Pose start = to_pose<K>(from);
   const Coordinates whole = difference<K>(to_pose<K>(to), start);
   Setpoint setpoint;

@@ -43,7 +43,7 @@ class Cycle {
         rows_(n + robot.r),
         settled_(watch.cycle - watch.began > kSettling) {
     for (int c = 0; c < rows_; ++c) {
-      const double sigma = weighing.known->sigma[c];
+      const Real sigma = weighing.known->sigma[c];
       noise_[c] = sigma * sigma;
     }
   }
@@ -111,8 +111,8 @@ class Cycle {
         reading.model = c < n ? desired_[c] : q_e_[c];
         if (c < n) reading.usual = desired_[c] - q_e_[c];
       }
-      const double predicted = reading.own.predicted(settings_.period);
-      const double news = q_e_[c] - predicted;
+      const Real predicted = reading.own.predicted(settings_.period);
+      const Real news = q_e_[c] - predicted;
       innovation_[c] = within_turn(robot_, c, news);
       // The turns that an encoder has lost, or passed, since it began are nothing that moved.
       believed_[c] = innovation_[c] == news ? q_e_[c] : predicted + innovation_[c];
@@ -129,14 +129,14 @@ class Cycle {
   }
 
   /// Also what would make numbers overflow later is none.
-  static bool number(double raw) { return std::fabs(raw) < kNoNumber; }
+  static bool number(Real raw) { return std::fabs(raw) < kNoNumber; }
 
   bool late(int c) const { return late_ && c >= n && late_->is(c - n); }
   int every(int c) const { return late(c) ? std::max(1, late_->settings.every[c - n]) : 1; }
 
   Symptom symptom_of(int c) const {
     const WatchedReading& reading = watch_.reading[c];
-    const double raw = q_e_[c], low = settings_.low[c], high = settings_.high[c];
+    const Real raw = q_e_[c], low = settings_.low[c], high = settings_.high[c];
     if (!number(raw)) return Symptom::missing;
     if (low < high && !(raw >= low && raw <= high)) return Symptom::out_of_range;
     const bool followed = watch_.cycle - watch_.began > kFollowed;
@@ -144,10 +144,9 @@ class Cycle {
     // While nothing is read the way adds up: after m cycles another m(m + 3)/2 of an acceleration.
     // One that has jumped must come back to where it would be.
     const int m = reading.symptom == Symptom::missing ? reading.bridged : 0;
-    const double way = settings_.period * settings_.period * settings_.fastest[c] *
-                       (settings_.own.acceleration + 0.5 * m * (m + 3));
-    const double chance =
-        settings_.sigmas * std::sqrt(settings_.own.variance * noise_[c]) * (1 + m);
+    const Real way = settings_.period * settings_.period * settings_.fastest[c] *
+                     (settings_.own.acceleration + 0.5 * m * (m + 3));
+    const Real chance = settings_.sigmas * std::sqrt(settings_.own.variance * noise_[c]) * (1 + m);
     return std::fabs(innovation_[c]) > way + chance ? Symptom::too_fast : Symptom::none;
   }
 
@@ -164,7 +163,7 @@ class Cycle {
   /// A reading's error is taken as unknown: by as much as hides it in every equation.
   void leave_out(int c) {
     const Reading g = parity_.signature(r_, c);
-    double size = 0, known = 0;
+    Real size = 0, known = 0;
     for (int k = 0; k < r_; ++k) {
       size += g[k] * g[k];
       known += noise_[n + k] + watch_.geometry[k][k];
@@ -176,7 +175,7 @@ class Cycle {
   }
 
   /// @param gain  of the readings' own variances @param share  of the geometry's
-  bool covariance(double gain, double share, ReadingCovariance& V) const {
+  bool covariance(Real gain, Real share, ReadingCovariance& V) const {
     Extended variance{};
     for (int c = 0; c < rows_; ++c) variance[c] = gain * noise_[c] + unknown_[c];
     parity_.covariance(r_, variance, watch_.geometry, watch_.known ? share : 0, V);
@@ -186,14 +185,14 @@ class Cycle {
   /// What of the geometry's error bends on the way, as a share of all of it: its σ in the parity
   /// tracker's innovation. The error is a function of the pose, so an acceleration moves it as far
   /// as the pose, a velocity by its square.
-  double bending() const {
-    double way2 = 0, bend2 = 0;
+  Real bending() const {
+    Real way2 = 0, bend2 = 0;
     for (int i = 0; i < n; ++i) {
-      const double bend = watch_.motion[i] - watch_.last[i];
+      const Real bend = watch_.motion[i] - watch_.last[i];
       way2 += watch_.motion[i] * watch_.motion[i];
       bend2 += bend * bend;
     }
-    const double per = 1 / settings_.correlation;
+    const Real per = 1 / settings_.correlation;
     return settings_.together.acceleration * per * (std::sqrt(bend2) + way2 * per);
   }
 
@@ -205,8 +204,8 @@ class Cycle {
     Verdict changed, level;
     ReadingCovariance V;
     // While something is doubted the tracker only predicts, for some cycles.
-    const double coasted = 1 + 0.5 * watch_.disagreed * (1 - kParityPole);
-    const double bend = bending() * coasted * coasted;
+    const Real coasted = 1 + 0.5 * watch_.disagreed * (1 - kParityPole);
+    const Real bend = bending() * coasted * coasted;
     if (!watch_.undecided && covariance(settings_.together.variance, bend * bend, V))
       changed = judge<K>(parity_, settings_.chi2, V, change, r_, without_, left_out_);
     if (watch_.known && covariance(1, 1, V)) {
@@ -272,12 +271,12 @@ class Cycle {
   /// Cycles after which a reading stands still.
   static constexpr int kStill = 3;
   /// Share of `moved` from which on a reading that stands still beside an alarm is the one.
-  static constexpr double kStoodBy = 0.4;
+  static constexpr Real kStoodBy = 0.4;
   /// σ by which a motor may be beside where it usually is beside its setpoint.
-  static constexpr double kStrays = 8;
+  static constexpr Real kStrays = 8;
 
-  bool leaves_track(int c, double innovation) const {
-    const double spread = settings_.own.variance * noise_[c] + watch_.reading[c].spread;
+  bool leaves_track(int c, Real innovation) const {
+    const Real spread = settings_.own.variance * noise_[c] + watch_.reading[c].spread;
     return innovation * innovation > settings_.sigmas * settings_.sigmas * spread;
   }
 
@@ -290,23 +289,23 @@ class Cycle {
     return any;
   }
 
-  double model(int c) const {
+  Real model(int c) const {
     if (late(c)) return late_->then[c - n];
     // Where the motors say that the robot is: `expected` is of the pose from which that was found.
     return c < n ? desired_[c] : parity_.read[c] - parity_.value[c - n];
   }
 
   /// What tells whether a reading stands still, and beside which model: a late one's last sample.
-  double raw(int c) const { return late(c) ? late_->sample[c - n] : q_e_[c]; }
+  Real raw(int c) const { return late(c) ? late_->sample[c - n] : q_e_[c]; }
 
   /// A motor whose encoder stands still is driven by an error that only seems, δ = q_d less what it
   /// was when the reading changed last: it leaves its setpoint by ∬ kp δ + kd dδ/dt. An error at
   /// which a healthy motor may rest drives nothing, and lets it come to rest.
   void drive(int c) const {
     WatchedReading& reading = watch_.reading[c];
-    const double away = desired_[c] - reading.model;
-    const double bears = settings_.rests[c];
-    const double seems = away > bears ? away - bears : away < -bears ? away + bears : 0;
+    const Real away = desired_[c] - reading.model;
+    const Real bears = settings_.rests[c];
+    const Real seems = away > bears ? away - bears : away < -bears ? away + bears : 0;
     reading.speed +=
         settings_.period * settings_.kp[c] * seems + settings_.kd[c] * (seems - reading.seems);
     if (seems == 0) reading.speed = 0;
@@ -317,16 +316,16 @@ class Cycle {
   /// Motion of the model beside a reading that stands still which is too much. A motor that swings
   /// about its path, as where a sensor is late by which a law leads it, stands still where it
   /// turns, while its setpoint passes: it is judged by what it follows its setpoint to.
-  double much(int c, double share) const {
+  Real much(int c, Real share) const {
     const WatchedReading& reading = watch_.reading[c];
     return std::max(share * settings_.moved[c], kStrays * std::sqrt(reading.strays));
   }
 
   /// By how much the model has moved since the reading changed last, beyond what is noise; and by
   /// how much away from the motor, not towards it.
-  double stood(int c) const {
+  Real stood(int c) const {
     const WatchedReading& reading = watch_.reading[c];
-    const double by = model(c) - reading.model + reading.way;
+    const Real by = model(c) - reading.model + reading.way;
     return std::min(std::fabs(by), std::fabs(by + reading.off)) -
            settings_.sigmas * parity_.expectation_noise(noise_, c);
   }
@@ -335,7 +334,7 @@ class Cycle {
   void trail(int c) const {
     WatchedReading& reading = watch_.reading[c];
     reading.behind = desired_[c] - believed_[c];
-    const double off = reading.behind - reading.usual;
+    const Real off = reading.behind - reading.usual;
     if (reading.still > 0 || !number(off)) return;
     reading.off = off;
     reading.usual += off / kSettling;
@@ -364,15 +363,15 @@ class Cycle {
         continue;
       }
       Reading g = parity_.signature(r_, c);
-      double score = 0, information = 0;
+      Real score = 0, information = 0;
       if (regular) V.whiten(r_, g.data(), 1);
       for (int k = 0; k < r_ && regular; ++k) {
         score += g[k] * y[k];
         information += g[k] * g[k];
       }
-      const double left = unknown_[c] * (1 - unknown_[c] * information);  // variance of b̂
+      const Real left = unknown_[c] * (1 - unknown_[c] * information);  // variance of b̂
       const bool good = regular && unknown_[c] > 0 && left < 0.5 * unknown_[c];
-      const double b = unknown_[c] * score;
+      const Real b = unknown_[c] * score;
       if (good && number(b) && (c >= n || replaceable(c, left, g, V, own))) {
         believed_[c] -= b;
         if (c < n)
@@ -390,13 +389,13 @@ class Cycle {
   /// Whether b̂ is good enough to drive a motor by: σ² in all, and that of the part which is new in
   /// every cycle, Σ_b² gᵀV⁻¹ V_s V⁻¹g of the readings' own errors; the velocity loop shakes by it.
   /// @param left  variance of b̂ @param g  of the reading, whitened by V @param own  V_s
-  bool replaceable(int c, double left, Reading g, const ReadingCovariance& V,
+  bool replaceable(int c, Real left, Reading g, const ReadingCovariance& V,
                    const ReadingCovariance& own) const {
     if (!(left < settings_.replaceable * settings_.replaceable)) return false;
-    const double most = settings_.shaken[c];
+    const Real most = settings_.shaken[c];
     if (!(most > 0)) return true;
     V.colour(r_, g.data());
-    double sum = 0;
+    Real sum = 0;
     for (int k = 0; k < r_; ++k)
       for (int l = 0; l < r_; ++l) sum += g[k] * own.L[std::max(k, l)][std::min(k, l)] * g[l];
     return unknown_[c] * unknown_[c] * sum < most * most;
@@ -430,7 +429,7 @@ class Cycle {
         }
       }
       const bool believed = !(without_ & bit(c));
-      double news = innovation_[c];  // what is not believed follows what stands for it
+      Real news = innovation_[c];  // what is not believed follows what stands for it
       if (!believed) news = believed_[c] - reading.own.predicted(settings_.period);
       if (believed) {
         if (reading.health == Health::suspect) reading.health = Health::valid;
@@ -446,7 +445,7 @@ class Cycle {
     }
     for (int k = 0; k < r_ && watch_.placed; ++k) {
       Tracker& parity = watch_.parity[k];
-      const double change = parity_.value[k] - parity.predicted(settings_.period);
+      const Real change = parity_.value[k] - parity.predicted(settings_.period);
       if (watch_.cycle == watch_.began) parity = {parity_.value[k], 0};
       const bool holds = watch_.doubted || symptomatic_;  // what may be wrong teaches nothing
       parity.correct(settings_.period, kParityPole, holds || !number(change) ? 0 : change);
@@ -470,7 +469,7 @@ class Cycle {
   /// What the geometry leaves open, and what the full level adds, at the pose of the moment.
   TRUEPOSE_APART Outcome refresh() {
     const Knowledge& known = *weighing_.known;
-    double *H_xi = weighing_.work, *B = H_xi + rows_ * parameter_count(robot_);
+    Real *H_xi = weighing_.work, *B = H_xi + rows_ * parameter_count(robot_);
     Extended q_e, beyond{};
     Matrix<kMaxReadings, n> H_x;
     Outcome outcome;
@@ -489,7 +488,7 @@ class Cycle {
       for (int l = 0; l <= k; ++l)
         watch_.geometry[k][l] = dot(known.count, B + k * known.count, B + l * known.count);
     for (int k = 0; k < r_; ++k) {  // the parity's tracker must not take it for a change,
-      double more = beyond[n + k] - watch_.beyond[n + k];
+      Real more = beyond[n + k] - watch_.beyond[n + k];
       for (int j = 0; j < n; ++j) more -= parity_.g[k][j] * (beyond[j] - watch_.beyond[j]);
       if (!number(more)) continue;
       watch_.parity[k].value -= more;

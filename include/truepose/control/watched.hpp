@@ -26,16 +26,16 @@ enum class Symptom : int {
 
 /// Constant during a run. Fill it, then call prepare().
 struct WatchSettings {
-  double period = 1e-3;           ///< s
-  double false_alarm = 2.78e-10;  ///< chance of one in a cycle, of all tests: 1000 h at 1 kHz
-  int refresh = 64;               ///< cycles at most between looks at what the geometry leaves open
-  int coast = 5;                  ///< cycles a reading is bridged before it has failed
-  int decide = 20;                ///< cycles of disagreement before it counts as undecided
-  int spikes = 3;                 ///< bridged faults, up to 8,
-  int within = 1000;              ///< cycles in which so many of them are a failure
-  double replaceable = 3e-3;      ///< σ up to which a motor's reading is replaced, rad or m
+  Real period = 1e-3;           ///< s
+  Real false_alarm = 2.78e-10;  ///< chance of one in a cycle, of all tests: 1000 h at 1 kHz
+  int refresh = 64;             ///< cycles at most between looks at what the geometry leaves open
+  int coast = 5;                ///< cycles a reading is bridged before it has failed
+  int decide = 20;              ///< cycles of disagreement before it counts as undecided
+  int spikes = 3;               ///< bridged faults, up to 8,
+  int within = 1000;            ///< cycles in which so many of them are a failure
+  Real replaceable = 3e-3;      ///< σ up to which a motor's reading is replaced, rad or m
   /// Way on which the error of a geometry changes by as much as it is large, m or rad.
-  double correlation = 0.1;
+  Real correlation = 0.1;
   Extended fastest{};  ///< second derivative of a healthy reading, at most (0: not watched)
   Extended moved{};    ///< motion of the model beside unchanged counts that is too much (0: none)
   Joint kp{}, kd{};  ///< 1/s² and 1/s, by which motors are driven where their encoders stand still
@@ -44,24 +44,24 @@ struct WatchSettings {
   Extended low{}, high{};  ///< range of a reading (the same: not watched)
 
   // From prepare():
-  double sigmas = 0;                           ///< of a normal variable that are as unlikely
-  std::array<double, kMaxSensors + 1> chi2{};  ///< by degrees of freedom
+  Real sigmas = 0;                           ///< of a normal variable that are as unlikely
+  std::array<Real, kMaxSensors + 1> chi2{};  ///< by degrees of freedom
   TrackerGains own, together;
 };
 
-inline constexpr double kOwnPole = 0.3;     ///< of a reading's own tracker
-inline constexpr double kParityPole = 0.8;  ///< of the parity's
-inline constexpr double kUnknown = 1e4;  ///< variance of an error of which nothing is known, over V
-inline constexpr double kSamePlace = 0.1;  ///< way, over `correlation`, after which it looks again
-inline constexpr int kFollowed = 8;        ///< cycles that a reading's own tracker needs,
-inline constexpr int kSettling = 32;       ///< and the parity's, after the start
+inline constexpr Real kOwnPole = 0.3;     ///< of a reading's own tracker
+inline constexpr Real kParityPole = 0.8;  ///< of the parity's
+inline constexpr Real kUnknown = 1e4;    ///< variance of an error of which nothing is known, over V
+inline constexpr Real kSamePlace = 0.1;  ///< way, over `correlation`, after which it looks again
+inline constexpr int kFollowed = 8;      ///< cycles that a reading's own tracker needs,
+inline constexpr int kSettling = 32;     ///< and the parity's, after the start
 inline constexpr int kSpikesKept = 8;
-inline constexpr double kNoNumber = 1e9;  ///< rad or m: beyond, a reading is none, as a NaN is
+inline constexpr Real kNoNumber = 1e9;  ///< rad or m: beyond, a reading is none, as a NaN is
 
 /// Fills what follows from the chance of a false alarm, shared by level and change: whatever asks a
 /// reading alone has a bound that no torque reaches, and this chance on top.
 inline void prepare(WatchSettings& settings) {
-  const double each = settings.false_alarm / 2;
+  const Real each = settings.false_alarm / 2;
   for (int k = 1; k <= kMaxSensors; ++k) settings.chi2[k] = chi2_beyond(each, k);
   settings.sigmas = std::sqrt(settings.chi2[1]);
   settings.own = tracker_gains(kOwnPole);
@@ -75,18 +75,18 @@ struct WatchedReading {
   Symptom symptom = Symptom::none;  ///< the latest
   bool begun = false;               ///< there was a number to begin with
   Tracker own;
-  double spread = 0;  ///< mean square of its innovations
-  double raw = 0;     ///< as read in the last cycle
-  double model = 0;   ///< what the model said when it changed last
-  int still = 0;      ///< cycles since it changed, as far as they matter
-  double seems = 0;   ///< of a motor: the error that has come up since, beyond `rests`,
-  double speed = 0;   ///< how fast that drives it,
-  double way = 0;     ///< and how far
-  double behind = 0;  ///< of a motor: desired less believed, when it was believed last
-  double usual = 0;   ///< its mean while the motor moves,
-  double off = 0;     ///< by how much it was more when that moved last,
-  double strays = 0;  ///< and mean square of that
-  int bridged = 0;    ///< cycles in a row
+  Real spread = 0;  ///< mean square of its innovations
+  Real raw = 0;     ///< as read in the last cycle
+  Real model = 0;   ///< what the model said when it changed last
+  int still = 0;    ///< cycles since it changed, as far as they matter
+  Real seems = 0;   ///< of a motor: the error that has come up since, beyond `rests`,
+  Real speed = 0;   ///< how fast that drives it,
+  Real way = 0;     ///< and how far
+  Real behind = 0;  ///< of a motor: desired less believed, when it was believed last
+  Real usual = 0;   ///< its mean while the motor moves,
+  Real off = 0;     ///< by how much it was more when that moved last,
+  Real strays = 0;  ///< and mean square of that
+  int bridged = 0;  ///< cycles in a row
   std::int64_t left = -kSettling;  ///< beside late sensors: the last cycle in which a motor's
                                    ///< reading left its own track
   std::int64_t spikes = 0;
@@ -108,9 +108,9 @@ struct Watch {
   bool placed = false;           ///< `pose` is known
   Pose pose;                     ///< of the motors that are believed
   Coordinates motion{}, last{};  ///< of this cycle, of the one before
-  double way = 0;                ///< since the last look at what the geometry leaves open
+  Real way = 0;                  ///< since the last look at what the geometry leaves open
   std::array<Tracker, kMaxSensors> parity;
-  double chi2 = 0;                              ///< level of the parity
+  Real chi2 = 0;                                ///< level of the parity
   int freedom = 0;                              ///< its degrees of freedom
   bool known = false;                           ///< the next two are
   Matrix<kMaxSensors, kMaxSensors> geometry{};  ///< P H_ξ Σ_ξ H_ξᵀ Pᵀ

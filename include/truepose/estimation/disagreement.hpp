@@ -13,18 +13,17 @@
 
 namespace truepose {
 
-inline constexpr double kGate = 4;   ///< σ: leaves out 6 of 1e5 clean lines
-inline constexpr double kWorse = 4;  ///< variance of readings that disagree, over the stated one
+inline constexpr Real kGate = 4;   ///< σ: leaves out 6 of 1e5 clean lines
+inline constexpr Real kWorse = 4;  ///< variance of readings that disagree, over the stated one
 /// At most, whatever it reads: one gross line must not stop the filter, six in a row must.
-inline constexpr double kLineSays = 3;
-inline constexpr double kStop = 16;  ///< one false stop in e¹⁶ clean lines at most (Lorden's bound)
-inline constexpr double kNamed =
-    2;                            ///< lines: one must be more often guilty than any other by more
-inline constexpr int kEvery = 4;  ///< lines between states that are kept
+inline constexpr Real kLineSays = 3;
+inline constexpr Real kStop = 16;  ///< one false stop in e¹⁶ clean lines at most (Lorden's bound)
+inline constexpr Real kNamed = 2;  ///< lines: one must be more often guilty than any other by more
+inline constexpr int kEvery = 4;   ///< lines between states that are kept
 
 /// How far the readings of the last lines disagree. Plain data.
 struct Doubt {
-  double evidence = 0;   ///< log of the likelihood ratio since it was last even
+  Real evidence = 0;     ///< log of the likelihood ratio since it was last even
   Extended blame{};      ///< lines since then in which each reading alone was wrong
   bool stopped = false;  ///< nothing is learnt any more
   int suspect = -1;      ///< the reading that explains best why, -1: cannot be told
@@ -34,20 +33,20 @@ struct Doubt {
 
 /// χ² of `count` degrees of freedom that is as unlikely as a normal variable beyond `gate` σ: its
 /// root is within t of √count like a single one's within t of 1 (concentration of measure).
-inline double beyond(double gate, int count) {
-  const double root = gate - 1 + std::sqrt(count);
+inline Real beyond(Real gate, int count) {
+  const Real root = gate - 1 + std::sqrt(Real(count));
   return root * root;
 }
 
 /// r equations, one after another made independent of those before.
 struct Innovations {
   int r = 0;
-  Matrix<kMaxSensors, kMaxSensors> L;            ///< what an equation takes from those before
-  std::array<double, kMaxSensors> y;             ///< independent
-  std::array<double, kMaxSensors> noise, total;  ///< their variances: own; with what is open
+  Matrix<kMaxSensors, kMaxSensors> L;          ///< what an equation takes from those before
+  std::array<Real, kMaxSensors> y;             ///< independent
+  std::array<Real, kMaxSensors> noise, total;  ///< their variances: own; with what is open
 
-  double chi2() const {
-    double sum = 0;
+  Real chi2() const {
+    Real sum = 0;
     for (int i = 0; i < r; ++i) sum += y[i] * y[i] / total[i];
     return sum;
   }
@@ -57,18 +56,18 @@ struct Innovations {
 ///
 /// @param F  in: r×p; out: its row i belongs to the root after i updates (Carlson's form)
 /// @param curvature  what linearising leaves out, over the square of what is open
-inline void decorrelate(int p, double* F, double curvature, Innovations& line) {
+inline void decorrelate(int p, Real* F, Real curvature, Innovations& line) {
   for (int i = 0; i < line.r; ++i) {
-    const double* f = F + i * p;
-    double open = 0;
+    const Real* f = F + i * p;
+    Real open = 0;
     for (int j = 0; j < p; ++j) open += f[j] * f[j];
-    const double curved = curvature * open;
+    const Real curved = curvature * open;
     line.noise[i] = 1 + curved * curved;
     line.total[i] = line.noise[i] + open;
     for (int k = i + 1; k < line.r; ++k) {
-      double *other = F + k * p, sum = 0, before = line.noise[i];
+      Real *other = F + k * p, sum = 0, before = line.noise[i];
       for (int j = p - 1; j >= 0; --j) {
-        const double alpha = before + f[j] * f[j], old = other[j];
+        const Real alpha = before + f[j] * f[j], old = other[j];
         other[j] = std::sqrt(before / alpha) * (old - f[j] / before * sum);
         sum += f[j] * old;
         before = alpha;
@@ -84,13 +83,13 @@ inline void decorrelate(int p, double* F, double curvature, Innovations& line) {
 /// @param A  H_x, whitened, as before `eliminate`; spoilt
 inline bool explained(int n, RowsOfPose& A, const Innovations& line, Extended& by) {
   const int rows = n + line.r;
-  std::array<double, kMaxRows * kMaxRows> unit{};
-  std::array<double, kMaxRows> none{};
+  std::array<Real, kMaxRows * kMaxRows> unit{};
+  std::array<Real, kMaxRows> none{};
   for (int c = 0; c < rows; ++c) unit[c * rows + c] = 1;
   if (!eliminate(n, rows, A, unit.data(), rows, none)) return false;
   for (int c = 0; c < rows; ++c) {
-    double score = 0, information = 0;
-    std::array<double, kMaxSensors> g;
+    Real score = 0, information = 0;
+    std::array<Real, kMaxSensors> g;
     for (int i = 0; i < line.r; ++i) {
       g[i] = unit[(n + i) * rows + c];
       for (int k = 0; k < i; ++k) g[i] -= line.L[i][k] * g[k];
@@ -103,7 +102,7 @@ inline bool explained(int n, RowsOfPose& A, const Innovations& line, Extended& b
 }
 
 /// The entry that stands out from all others by more than `margin`, or -1.
-inline int outstanding(int count, const Extended& value, double margin) {
+inline int outstanding(int count, const Extended& value, Real margin) {
   const auto end = value.begin() + count;
   const auto most = std::max_element(value.begin(), end);
   for (auto other = value.begin(); other != end; ++other)

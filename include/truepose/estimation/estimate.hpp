@@ -16,17 +16,17 @@ namespace truepose {
 
 inline constexpr int kEstimateIterations = 16;  ///< 5 where readings agree, from the motors' pose
 
-/// (step/σ)² from which on a Gauss-Newton step is the last: 1e-5 of a σ. What it leaves is a few
-/// per cent of it, where readings disagree by several σ, else its square.
-inline constexpr double kLastStep = 1e-10;
+/// (step/σ)² from which on a Gauss-Newton step is the last: 1e-5 of a σ (single: 3e-3). What it
+/// leaves is a few per cent of it, where readings disagree by several σ, else its square.
+inline constexpr Real kLastStep = by_precision(1e-10, 1e-5);
 
 /// Whether a Gauss-Newton step is the last.
 /// @param size  of the step, (step/σ)² of the coordinate that moves most; `last`: of the one before
 /// @param chi2  of as many readings as there are rows
-inline bool is_last(double size, double last, double chi2, int rows) {
+inline bool is_last(Real size, Real last, Real chi2, int rows) {
   // Where σ is nanometres, rounding alone makes larger steps: a thousandth of σ that hardly
   // shrinks is as near as one gets.
-  const double enough = kLastStep * std::max(1.0, chi2 / rows);  // of what disagrees anyway
+  const Real enough = kLastStep * std::max(Real(1), chi2 / rows);  // of what disagrees anyway
   return size < enough || (size < 1e-6 && size > 0.25 * last);
 }
 
@@ -35,7 +35,7 @@ inline bool is_last(double size, double last, double chi2, int rows) {
 struct IdealModel {
   template <Mobility K>
   static Outcome linearise(const Robot& robot, const Pose& pose, Extended& q_e,
-                           Matrix<kMaxReadings, kDof<K>>& H_x, double* H_xi, Parasitic&) {
+                           Matrix<kMaxReadings, kDof<K>>& H_x, Real* H_xi, Parasitic&) {
     return truepose::linearise<K>(robot, pose, q_e, H_x, H_xi);
   }
   template <Mobility K>
@@ -44,7 +44,7 @@ struct IdealModel {
   }
 };
 
-/// doubles of work space that `reading_covariance` (its H_xi and B) and `estimate` need
+/// numbers of work space that `reading_covariance` (its H_xi and B) and `estimate` need
 inline int estimate_work(const Robot& robot, int count) {
   return (dof(robot.mobility) + robot.r) * (parameter_count(robot) + count);
 }
@@ -57,7 +57,7 @@ struct ReadingCovariance {
   bool factor(int rows) {
     for (int i = 0; i < rows; ++i)
       for (int j = 0; j <= i; ++j) {
-        double sum = L[i][j];
+        Real sum = L[i][j];
         for (int k = 0; k < j; ++k) sum -= L[i][k] * L[j][k];
         if (i > j) {
           L[i][j] = sum / L[j][j];
@@ -70,18 +70,18 @@ struct ReadingCovariance {
   }
 
   /// L⁻¹ b in place, b of `rows` entries `stride` apart.
-  void whiten(int rows, double* b, int stride) const {
+  void whiten(int rows, Real* b, int stride) const {
     for (int i = 0; i < rows; ++i) {
-      double sum = b[i * stride];
+      Real sum = b[i * stride];
       for (int k = 0; k < i; ++k) sum -= L[i][k] * b[k * stride];
       b[i * stride] = sum / L[i][i];
     }
   }
 
   /// L⁻ᵀ b in place: after whiten(), C⁻¹ b.
-  void colour(int rows, double* b) const {
+  void colour(int rows, Real* b) const {
     for (int i = rows; i-- > 0;) {
-      double sum = b[i];
+      Real sum = b[i];
       for (int k = i + 1; k < rows; ++k) sum -= L[k][i] * b[k];
       b[i] = sum / L[i][i];
     }
@@ -89,8 +89,8 @@ struct ReadingCovariance {
 };
 
 /// aᵀb in four sums, which need not wait for each other.
-inline double dot(int size, const double* a, const double* b) {
-  double sum[4] = {};
+inline Real dot(int size, const Real* a, const Real* b) {
+  Real sum[4] = {};
   int k = 0;
   for (; k + 4 <= size; k += 4)
     for (int j = 0; j < 4; ++j) sum[j] += a[k + j] * b[k + j];
@@ -100,8 +100,8 @@ inline double dot(int size, const double* a, const double* b) {
 
 /// C at a pose, from its H_ξ. @param B  work space, (n + r)×count
 /// @return not_finite where C is no covariance: some σ is not a positive number
-inline Outcome reading_covariance(const Robot& robot, const Knowledge& known, const double* H_xi,
-                                  double* B, ReadingCovariance& C) {
+inline Outcome reading_covariance(const Robot& robot, const Knowledge& known, const Real* H_xi,
+                                  Real* B, ReadingCovariance& C) {
   const int rows = dof(robot.mobility) + robot.r;
   gather(robot, known, H_xi, rows, B);
   times_root(known, rows, B);
@@ -116,12 +116,12 @@ inline Outcome reading_covariance(const Robot& robot, const Knowledge& known, co
 
 /// What is left of a difference of a reading when whole turns of a joint are taken out: which of
 /// them an encoder counts from is nobody's geometry.
-inline double within_turn(const Robot& robot, int reading, double difference) {
+inline Real within_turn(const Robot& robot, int reading, Real difference) {
   const int n = dof(robot.mobility);
   if (reading < n) return within_turn(robot.chain[reading], difference);
   const Sensor& sensor = robot.sensor[reading - n];
   return properties(sensor.kind).wraps
-             ? without_turns(difference, 2 * std::numbers::pi * sensor.gain)
+             ? without_turns(difference, 2 * std::numbers::pi_v<Real> * sensor.gain)
              : difference;
 }
 
@@ -135,7 +135,7 @@ inline void innovation(const Robot& robot, const Extended& q_e, const Extended& 
 /// Generalised least squares at a pose: δx = gain (q_e - h(x)), and δx's covariance.
 template <Mobility K>
 struct Fusion {
-  std::array<std::array<double, kMaxReadings>, kDof<K>> gain;
+  std::array<std::array<Real, kMaxReadings>, kDof<K>> gain;
   Matrix<kDof<K>, kDof<K>> covariance;
 };
 
@@ -148,10 +148,10 @@ Outcome fuse(const Robot& robot, const Knowledge& known, const ReadingCovariance
   const int rows = n + robot.r;
   Matrix<kMaxReadings, n> A = H_x;
   for (int i = 0; i < rows; ++i)
-    for (double& entry : A[i]) entry /= known.sigma[i];
+    for (Real& entry : A[i]) entry /= known.sigma[i];
   for (int j = 0; j < n; ++j) C.whiten(rows, &A[0][j], n);
   Matrix<n, n> normal{};
-  std::array<double, n> size;
+  std::array<Real, n> size;
   for (int i = 0; i < n; ++i) {
     for (int j = 0; j <= i; ++j)
       for (int k = 0; k < rows; ++k) normal[i][j] += A[k][i] * A[k][j];
@@ -160,13 +160,13 @@ Outcome fuse(const Robot& robot, const Knowledge& known, const ReadingCovariance
   const Ldlt<n> factor(normal, size);
   if (!factor.regular()) return {Status::singular, -1};
   for (int j = 0; j < n; ++j) {
-    std::array<double, n> unit{};
+    std::array<Real, n> unit{};
     unit[j] = 1;
     factor.solve(unit);
     for (int i = 0; i < n; ++i) fusion.covariance[i][j] = unit[i];
   }
   for (int c = 0; c < rows; ++c) {
-    std::array<double, n> column = A[c];
+    std::array<Real, n> column = A[c];
     factor.solve(column);
     for (int i = 0; i < n; ++i) fusion.gain[i][c] = column[i];
   }
@@ -186,7 +186,7 @@ struct Estimate {
   Outcome outcome;
   int iterations = 0;
   Matrix<kDof<K>, kDof<K>> covariance{};  ///< of the free twist at the pose
-  double chi2 = 0;  ///< of the readings' residuals; r on average where the knowledge is right
+  Real chi2 = 0;  ///< of the readings' residuals; r on average where the knowledge is right
   explicit operator bool() const { return bool(outcome); }
 };
 
@@ -194,58 +194,71 @@ struct Estimate {
 ///
 /// @param known  about the robot's own parameter values
 /// @param pose   in: the start; out: x̂
-/// @param work   estimate_work(robot, known.count) doubles
+/// @param work   estimate_work(robot, known.count) numbers
 /// @param rest   as of ikm_full, for the full level
 /// @param cap    steps
 /// @return not_converged, singular or unreachable where no pose is found; the pose is then the
 /// start
 template <Mobility K, class Level>
 Estimate<K> estimate_from(const Robot& robot, const Knowledge& known, const Extended& q_e,
-                          Pose& pose, double* work, Parasitic& rest, int cap) {
+                          Pose& pose, Real* work, Parasitic& rest, int cap) {
   constexpr int n = kDof<K>;
   const int rows = n + robot.r;
   Estimate<K> result;
   Pose at = pose;
-  double *H_xi = work, *B = work + rows * parameter_count(robot);
+  Real *H_xi = work, *B = work + rows * parameter_count(robot);
   Extended expected;
   Matrix<kMaxReadings, n> H_x;
   ReadingCovariance C;
   Fusion<K> fusion;
-  double last = INFINITY;
+  Real last = INFINITY;
   result.outcome = Level::template linearise<K>(robot, at, expected, H_x, H_xi, rest);
   if (result.outcome) result.outcome = reading_covariance(robot, known, H_xi, B, C);
   Pose base;           // the last one that lowered the cost,
   Coordinates step{};  // the step from there
-  double cost = INFINITY, promised = 0, length = 1;
+  Real cost = INFINITY, promised = 0, length = 1;
   while (result.outcome) {
     Extended residual{}, whitened{};
     innovation(robot, q_e, expected, residual);
     for (int c = 0; c < rows; ++c) whitened[c] = residual[c] / known.sigma[c];
     C.whiten(rows, whitened.data(), 1);
-    double next = 0;
+    Real next = 0;
     for (int c = 0; c < rows; ++c) next += whitened[c] * whitened[c];
     if (!std::isfinite(next)) {
       result.outcome = {Status::not_converged, -1};
       break;
     }
     // Where readings disagree by many σ, their curvature times that overshoots: a step that lowers
-    // the cost by less than a quarter of what it promised is halved.
-    const bool shorter = next > cost - 0.25 * length * promised + 1e-12 * cost + 1e-9 &&
-                         std::isfinite(cost) && length > 1e-3;
+    // the cost by less than a quarter of what it promised is shortened to where the parabola of
+    // both costs and the first slope is least, below 4/7 of it.
+    const bool shorter =
+        next > cost - 0.25 * length * promised + by_precision(1e-12, 1e-5) * cost + 1e-9 &&
+        std::isfinite(cost) && length > 1e-3;
     if (shorter) {
-      length *= 0.5;
+      length *= std::max(Real(0.1), length * promised / (next - cost + 2 * length * promised));
     } else {
       result.outcome = fuse<K>(robot, known, C, H_x, fusion);
       if (!result.outcome) break;
       base = at;
       cost = next;
-      length = 1;
-      double size = 0;  // of the step, each coordinate against its own σ
+      const Coordinates before = step;
+      Real size = 0;               // of the step, each coordinate against its own σ
+      Real along = 0, whole2 = 0;  // of the last one
       for (int i = 0; i < n; ++i) {
         step[i] = 0;
         for (int c = 0; c < rows; ++c) step[i] += fusion.gain[i][c] * residual[c];
         size = std::max(size, step[i] * step[i] / fusion.covariance[i][i]);
+        along += step[i] * before[i] / fusion.covariance[i][i];
+        whole2 += before[i] * before[i] / fusion.covariance[i][i];
       }
+      // For the same reason steps may follow each other by a constant share: the secant then goes
+      // to where they vanish, or ahead where they grow.
+      if (std::fabs(along) > 0.25 * whole2)
+        length = along < 0.9 * whole2
+                     ? std::max(Real(0.1), std::min(length * whole2 / (whole2 - along), Real(10)))
+                     : 10;
+      else
+        length = 1;
       if (is_last(size, last, cost, rows)) {
         ++result.iterations;
         result.chi2 = cost;
@@ -265,7 +278,7 @@ Estimate<K> estimate_from(const Robot& robot, const Knowledge& known, const Exte
       for (int c = 0; c < rows; ++c) promised -= left[c] * left[c];
     }
     Coordinates whole = step;
-    for (double& entry : whole) entry *= length;
+    for (Real& entry : whole) entry *= length;
     at = moved<K>(base, whole);
     if (!all_finite(whole, n) || result.iterations == cap) {
       result.outcome = {Status::not_converged, -1};
@@ -284,7 +297,7 @@ Estimate<K> estimate_from(const Robot& robot, const Knowledge& known, const Exte
 /// @param rest   nullptr: nothing is known beforehand
 template <Mobility K, class Level = IdealModel>
 Estimate<K> estimate(const Robot& robot, const Knowledge& known, const Extended& q_e, Pose& pose,
-                     double* work, Parasitic* rest = nullptr) {
+                     Real* work, Parasitic* rest = nullptr) {
   constexpr int n = kDof<K>;
   if (!robot.finished) return {{Status::unfinished, -1}};
   if (!all_finite(q_e, n + robot.r)) return {{Status::not_finite, -1}};

@@ -34,17 +34,17 @@ namespace truepose {
 
 /// Kept from cycle to cycle, the caller's, one for each controller. A new one knows nothing.
 struct KeptWeights {
-  double share = 0.1;    ///< s at most, as far as is foreseen
+  Real share = 0.1;      ///< s at most, as far as is foreseen
   std::uint64_t of = 0;  ///< fingerprint of robot and knowledge; 0: nothing is kept
   Joint q{};             ///< of the motors where it was computed
-  double reach = 0;      ///< rad or m: as far as the motors move less, together, it holds
-  double became = 0;     ///< s that the last refresh found
-  double slope = 0;      ///< s over the way at the refreshes before, the latest counting most
+  Real reach = 0;        ///< rad or m: as far as the motors move less, together, it holds
+  Real became = 0;       ///< s that the last refresh found
+  Real slope = 0;        ///< s over the way at the refreshes before, the latest counting most
   Matrix<kMaxReadings, kMaxReadings> C{};  ///< lower triangle of [[A_ξ, N_ξ], [N_ξᵀ, V_ξ]]
 
   /// How far the motors have moved, together.
-  double way(int n, const Extended& q_e) const {
-    double sum = 0;
+  Real way(int n, const Extended& q_e) const {
+    Real sum = 0;
     for (int i = 0; i < n; ++i) sum += std::fabs(q_e[i] - q[i]);
     return sum;
   }
@@ -53,33 +53,33 @@ static_assert(std::is_trivially_copyable_v<KeptWeights> && std::is_standard_layo
 
 namespace kept_detail {
 
-inline constexpr double kFirstReach = 2e-3;  ///< rad or m
-inline constexpr double kMostReach = 0.1;
-inline constexpr double kTooFar = 0.3;   ///< s does not grow with the way any more
-inline constexpr double kForgets = 0.9;  ///< what the slope before counts, a refresh later
+inline constexpr Real kFirstReach = 2e-3;  ///< rad or m
+inline constexpr Real kMostReach = 0.1;
+inline constexpr Real kTooFar = 0.3;   ///< s does not grow with the way any more
+inline constexpr Real kForgets = 0.9;  ///< what the slope before counts, a refresh later
 /// How much faster than on the way to the last refresh s may grow on the next one.
-inline constexpr double kFaster = 4;
+inline constexpr Real kFaster = 4;
 
 /// Of everything that the geometry's part of C depends on besides the pose: FNV-1a by words. (Of S
 /// its diagonal: no line of readings and no other prior leaves that as it was.)
 inline std::uint64_t fingerprint(const Robot& robot, const Knowledge& known) {
   std::uint64_t mark = 14695981039346656037ULL;
   const auto word = [&](std::uint64_t value) { mark = (mark ^ value) * 1099511628211ULL; };
-  const auto number = [&](double value) { word(std::bit_cast<std::uint64_t>(value)); };
+  const auto number = [&](Real value) { word(std::bit_cast<std::uint64_t>(double(value))); };
   const auto vectors = [&](auto... vector) {
     (std::for_each(vector->number.begin(), vector->number.end(), number), ...);
   };
   const auto encoder = [&](const Eccentricity& of) {
     number(of.gear);
-    for (const double amplitude : of.amplitude) number(amplitude);
+    for (const Real amplitude : of.amplitude) number(amplitude);
   };
   word(static_cast<std::uint64_t>(robot.level) << 32 | static_cast<std::uint32_t>(robot.r));
   for (int i = 0; i < robot.chains; ++i) {
     const Chain& chain = robot.chain[i];
     vectors(&chain.base, &chain.axis, &chain.zero, &chain.pivot, &chain.anchor, &chain.pair_axis,
             &chain.pair_drawn);
-    for (const double value : {chain.arm, chain.rod, chain.encoder_offset, chain.encoder_gain,
-                               chain.rod_spacing, chain.rod_difference})
+    for (const Real value : {chain.arm, chain.rod, chain.encoder_offset, chain.encoder_gain,
+                             chain.encoder_buildup, chain.rod_spacing, chain.rod_difference})
       number(value);
     encoder(chain.eccentricity);
   }
@@ -108,13 +108,13 @@ struct KeptFusion {
   Matrix<kMaxSensors, n> g;         ///< H_r J
   Matrix<n, kMaxSensors> whitened;  ///< K L, V = L Lᵀ
   Matrix<n, kMaxSensors> gain;      ///< K
-  std::array<double, n> variance;   ///< diagonal of P
+  std::array<Real, n> variance;     ///< diagonal of P
   ReadingCovariance V;              ///< factored
 
   /// J and H_r J. @return whether H_q has an inverse
   bool place(const Robot& robot, const Matrix<kMaxReadings, n>& H_x) {
     std::array<Lanes<n>, n> columns;
-    std::array<double, n> size;
+    std::array<Real, n> size;
     for (int j = 0; j < n; ++j) {
       columns[j] = lanes<n>([&](int i) { return H_x[i][j]; });
       size[j] = (columns[j] * columns[j]).sum();
@@ -133,7 +133,7 @@ struct KeptFusion {
     const int r = robot.r;
     const auto& C = kept.C;
     Matrix<kMaxSensors, n> noisy;  // H_r J Σ_q
-    std::array<double, kMaxReadings> own;
+    std::array<Real, kMaxReadings> own;
     for (int c = 0; c < n + r; ++c) own[c] = known.sigma[c] * known.sigma[c];
     for (int k = 0; k < r; ++k) {
       for (int j = 0; j < n; ++j) noisy[k][j] = g[k][j] * own[j];
@@ -159,7 +159,7 @@ struct KeptFusion {
   }
 
   /// The step to where all readings say the robot is. @param e  q_e - h @return χ² of the parity
-  double step(const Robot& robot, const Extended& e, Coordinates& step) const {
+  Real step(const Robot& robot, const Extended& e, Coordinates& step) const {
     Reading p{};
     for (int k = 0; k < robot.r; ++k) {
       p[k] = e[n + k];
@@ -171,7 +171,7 @@ struct KeptFusion {
       for (int k = 0; k < robot.r; ++k) step[i] -= gain[i][k] * p[k];
     }
     V.whiten(robot.r, p.data(), 1);
-    double chi2 = 0;
+    Real chi2 = 0;
     for (int k = 0; k < robot.r; ++k) chi2 += p[k] * p[k];
     return chi2;
   }
@@ -181,7 +181,7 @@ struct KeptFusion {
     for (int i = 0; i < n; ++i) {
       for (int c = 0; c < n; ++c) M_plus[i][c] = i == c;
       for (int k = 0; k < robot.r; ++k) {
-        double sum = 0;
+        Real sum = 0;
         for (int j = 0; j < n; ++j) sum += H_x[i][j] * gain[j][k];
         for (int c = 0; c < n; ++c) M_plus[i][c] += sum * g[k][c];
         M_plus[i][n + k] = -sum;
@@ -199,12 +199,11 @@ struct KeptFusion {
 template <Mobility K>
 TRUEPOSE_APART Outcome refresh(const Robot& robot, const Knowledge& known, std::uint64_t mark,
                                const Extended& q_e, const Matrix<kMaxReadings, kDof<K>>& H_x,
-                               const double* H_xi, double* B, KeptWeights& kept,
-                               KeptFusion<K>& at) {
+                               const Real* H_xi, Real* B, KeptWeights& kept, KeptFusion<K>& at) {
   constexpr int n = kDof<K>;
   const int rows = n + robot.r, p = known.count;
   Matrix<n, kMaxSensors> before{};  // K, of what was kept
-  const double way = kept.way(n, q_e);
+  const Real way = kept.way(n, q_e);
   const bool compares =
       kept.of == mark && way > 0 && way < kept_detail::kTooFar && at.weigh(robot, known, kept);
   if (compares) before = at.gain;
@@ -214,7 +213,7 @@ TRUEPOSE_APART Outcome refresh(const Robot& robot, const Knowledge& known, std::
   gather(robot, geometry, H_xi, rows, B);
   times_root(geometry, rows, B);
   for (int m = 0; m < p; ++m) {
-    std::array<double, n> e_x;
+    std::array<Real, n> e_x;
     for (int i = 0; i < n; ++i) {
       e_x[i] = 0;
       for (int j = 0; j < n; ++j) e_x[i] += at.J[i][j] * B[j * p + m];
@@ -230,10 +229,10 @@ TRUEPOSE_APART Outcome refresh(const Robot& robot, const Knowledge& known, std::
   const Outcome outcome = at.weigh(robot, known, kept);
   if (!outcome) return outcome;
   if (compares) {
-    double most = 0;
+    Real most = 0;
     for (int i = 0; i < n; ++i) {
-      std::array<double, kMaxSensors> apart;  // (K₀ - K) L
-      double sum = 0;
+      std::array<Real, kMaxSensors> apart;  // (K₀ - K) L
+      Real sum = 0;
       for (int k = 0; k < robot.r; ++k) {
         apart[k] = 0;
         for (int l = k; l < robot.r; ++l) apart[k] += (before[i][l] - at.gain[i][l]) * at.V.L[l][k];

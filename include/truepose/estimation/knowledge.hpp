@@ -10,18 +10,18 @@ namespace truepose {
 struct Knowledge {
   int count = 0;                         ///< p, uncertain parameters
   const std::int32_t* column = nullptr;  ///< each one's column of H_ξ (parameters.hpp)
-  const double* root = nullptr;  ///< S, p×p by rows, lower triangular: Σ_ξ = S Sᵀ; nullptr: S = I
-  Extended sigma{};              ///< σ of every reading's own error, > 0: Σ_s = diag(σ²)
+  const Real* root = nullptr;  ///< S, p×p by rows, lower triangular: Σ_ξ = S Sᵀ; nullptr: S = I
+  Extended sigma{};            ///< σ of every reading's own error, > 0: Σ_s = diag(σ²)
 };
 
 /// The uncertain columns of `rows` rows of H_ξ, each row divided by its reading's σ.
 /// @param last  how many of the last columns of B belong to no column of H_ξ: left as they are
-inline void gather(const Robot& robot, const Knowledge& known, const double* H_xi, int rows,
-                   double* B, int last = 0) {
+inline void gather(const Robot& robot, const Knowledge& known, const Real* H_xi, int rows, Real* B,
+                   int last = 0) {
   const int width = parameter_count(robot);
   for (int i = 0; i < rows; ++i) {
-    const double* H = H_xi + i * width;
-    const double per_sigma = 1 / known.sigma[i];
+    const Real* H = H_xi + i * width;
+    const Real per_sigma = 1 / known.sigma[i];
     for (int k = 0; k < known.count - last; ++k)
       B[i * known.count + k] = per_sigma * H[known.column[k]];
   }
@@ -30,23 +30,23 @@ inline void gather(const Robot& robot, const Knowledge& known, const double* H_x
 /// B S in place: entry j of a row takes from those at and behind it, a few entries at a time. Most
 /// of a motor's row is zero at first, but for its own chain's parameters: only those are
 /// multiplied.
-inline void times_root(const Knowledge& known, int rows, double* B) {
+inline void times_root(const Knowledge& known, int rows, Real* B) {
   constexpr int kBlock = 8;
   const int p = known.root ? known.count : 0;
-  for (double* row = B; row != B + rows * p; row += p) {
+  for (Real* row = B; row != B + rows * p; row += p) {
     int from = 0, to = p;  // the entries that are not zero
     while (to > 0 && row[to - 1] == 0) --to;
     while (from < to && row[from] == 0) ++from;
     for (int first = 0; first < to; first += kBlock) {
       const int width = std::min(kBlock, p - first);
-      double sum[kBlock] = {};
+      Real sum[kBlock] = {};
       if (from < first + width) {  // the triangle on the diagonal
-        const double* S = known.root + first * p + first;
+        const Real* S = known.root + first * p + first;
         for (int k = 0; k < width; ++k, S += p)
           for (int j = 0; j <= k; ++j) sum[j] += row[first + k] * S[j];
       }
       const int behind = std::max(first + kBlock, from);
-      const double* S = known.root + behind * p + first;
+      const Real* S = known.root + behind * p + first;
       for (int k = behind; k < to; ++k, S += p)
         for (int j = 0; j < kBlock; ++j) sum[j] += row[k] * S[j];
       std::copy_n(sum, width, row + first);

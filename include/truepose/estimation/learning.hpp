@@ -15,10 +15,10 @@ struct Learner {
   const Robot* drawn = nullptr;  ///< as set_parameters takes it
   OnlineSettings settings;
   OnlineState state;
-  double* work = nullptr;  ///< online_work(*drawn, state.count) doubles
+  Real* work = nullptr;  ///< online_work(*drawn, state.count) numbers
   /// A line counts where a reading has moved by so many of its own σ since the last one: in a robot
   /// at rest the same fraction of a count is lost in every cycle, and is no news.
-  double fresh = 30;
+  Real fresh = 30;
   Robot robot;
   Pose pose;          ///< x̂ of the last line, from which the next one starts
   Extended last{};    ///< the last line

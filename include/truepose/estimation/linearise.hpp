@@ -25,7 +25,7 @@ inline void pose_rows(const Robot& robot, const Jacobians<K>& jacobians,
 /// a sensor has no reading or one of the derivatives is not finite
 template <Mobility K>
 Outcome linearise(const Robot& robot, const Pose& pose, Extended& q_e,
-                  Matrix<kMaxReadings, kDof<K>>& H_x, double* H_xi) {
+                  Matrix<kMaxReadings, kDof<K>>& H_x, Real* H_xi) {
   constexpr int n = kDof<K>;
   Closure<K> closure;
   Jacobians<K> jacobians;
@@ -37,13 +37,13 @@ Outcome linearise(const Robot& robot, const Pose& pose, Extended& q_e,
   if (!outcome) return outcome;
   extend<K>(robot, closure.q(), values, q_e);
   pose_rows<K>(robot, jacobians, jr, H_x);
-  double sum = 0;  // a NaN shows in it
+  Real sum = 0;  // a NaN shows in it
   for (int c = 0; c < n + robot.r; ++c)
-    for (const double entry : H_x[c]) sum += entry;
+    for (const Real entry : H_x[c]) sum += entry;
   if (H_xi) {
     parameter_jacobian<K>(robot, closure, H_xi);
-    const double* end = H_xi + (n + robot.r) * parameter_count(robot);
-    for (const double* entry = H_xi; entry != end; ++entry) sum += *entry;
+    const Real* end = H_xi + (n + robot.r) * parameter_count(robot);
+    for (const Real* entry = H_xi; entry != end; ++entry) sum += *entry;
   }
   if (!std::isfinite(sum)) outcome = {Status::not_finite, -1};
   return outcome;

@@ -16,49 +16,49 @@ namespace truepose {
 struct OnlineState {
   int count = 0;                         ///< p, uncertain parameters
   const std::int32_t* column = nullptr;  ///< each one's column of H_ξ
-  double* xi = nullptr;                  ///< ξ̂, parameter_count values
-  double* root = nullptr;                ///< S, p×p by rows, lower triangular
+  Real* xi = nullptr;                    ///< ξ̂, parameter_count values
+  Real* root = nullptr;                  ///< S, p×p by rows, lower triangular
   Extended sigma{};                      ///< σ of every reading's own error, > 0
   int due = 0;                           ///< the drift whose turn is next
-  double* kept = nullptr;  ///< online_kept(count) doubles: what to go back to; nullptr: nothing
-  Doubt doubt{};           ///< how far the readings disagree, and whether that has stopped it
+  Real* kept = nullptr;  ///< online_kept(count) numbers: what to go back to; nullptr: nothing
+  Doubt doubt{};         ///< how far the readings disagree, and whether that has stopped it
 };
 
 /// How the filter learns. Constant during a run.
 struct OnlineSettings {
   int drifts = 0;  ///< independent random walks, each of one or several parameters together
-  const double* drift = nullptr;  ///< drifts × p: change of every parameter by one σ in one cycle
-  const double* linearised = nullptr;  ///< ξ about which to linearise (replay); nullptr: ξ̂ itself
+  const Real* drift = nullptr;  ///< drifts × p: change of every parameter by one σ in one cycle
+  const Real* linearised = nullptr;  ///< ξ about which to linearise (replay); nullptr: ξ̂ itself
   /// σ beyond which a line's equations, together, are no chance: it is left out, or the one reading
   /// that explains it. Where lines keep disagreeing, learning stops. 0: every line counts.
-  double gate = kGate;
+  Real gate = kGate;
 };
 
 /// How much readings curve, per m or rad: a few times one over the lengths of a robot, since its
 /// Jacobians multiply it. Chosen by trial on H4s: with 1 and with 8 one pass ends further from the
 /// batch than with 12.
-inline constexpr double kCurvature = 12;
+inline constexpr Real kCurvature = 12;
 
-/// doubles of work space that `observe` needs
+/// numbers of work space that `observe` needs
 inline int online_work(const Robot& robot, int count) {
   return (dof(robot.mobility) + robot.r) * (parameter_count(robot) + count) + count;
 }
 
-/// doubles of memory that OnlineState::kept needs: ξ̂ and S
+/// numbers of memory that OnlineState::kept needs: ξ̂ and S
 inline int online_kept(int count) { return count * (1 + count); }
 
 namespace online_detail {
 
 /// One equation h·δξ = y. @param alpha  its variance @param f  Sᵀh
 /// @param b  out: the gain times alpha + fᵀf
-inline void update_root(int p, double* S, const double* f, double alpha, double* b) {
+inline void update_root(int p, Real* S, const Real* f, Real alpha, Real* b) {
   for (int j = 0; j < p; ++j) b[j] = 0;
   for (int j = p - 1; j >= 0; --j) {
-    const double before = alpha;
+    const Real before = alpha;
     alpha += f[j] * f[j];
-    const double beta = std::sqrt(before / alpha), lambda = f[j] / before;
+    const Real beta = std::sqrt(before / alpha), lambda = f[j] / before;
     for (int i = j; i < p; ++i) {
-      const double old = S[i * p + j];
+      const Real old = S[i * p + j];
       S[i * p + j] = beta * (old - lambda * b[i]);
       b[i] += f[j] * old;
     }
@@ -66,13 +66,13 @@ inline void update_root(int p, double* S, const double* f, double alpha, double*
 }
 
 /// S Sᵀ + v vᵀ, triangular again, by one rotation a column. @param v  p; spoilt
-inline void add_drift(int p, double* S, double* v) {
+inline void add_drift(int p, Real* S, Real* v) {
   for (int k = 0; k < p; ++k) {
-    const double length = std::sqrt(S[k * p + k] * S[k * p + k] + v[k] * v[k]);
+    const Real length = std::sqrt(S[k * p + k] * S[k * p + k] + v[k] * v[k]);
     if (!(length > 0)) continue;
-    const double c = S[k * p + k] / length, s = v[k] / length;
+    const Real c = S[k * p + k] / length, s = v[k] / length;
     for (int i = k; i < p; ++i) {
-      const double old = S[i * p + k];
+      const Real old = S[i * p + k];
       S[i * p + k] = c * old + s * v[i];
       v[i] = c * v[i] - s * old;
     }
@@ -92,8 +92,8 @@ struct Line {
 
 /// Where `observe` keeps what in its work space.
 struct Work {
-  double *H_xi, *B, *F, *b;
-  Work(const Robot& robot, int count, double* work)
+  Real *H_xi, *B, *F, *b;
+  Work(const Robot& robot, int count, Real* work)
       : H_xi(work),
         B(H_xi + (dof(robot.mobility) + robot.r) * parameter_count(robot)),
         F(B + dof(robot.mobility) * count),
@@ -122,7 +122,7 @@ inline Outcome understand(const Robot& robot, const OnlineSettings& settings, co
   if (status != Status::ok) return {status, -1};
 
   // From the motors' pose to that of all readings; further where a motor is not believed.
-  std::array<double, kMaxRows> e;
+  std::array<Real, kMaxRows> e;
   for (int steps = without < 0 ? 2 : 5; steps > 0; --steps) {
     const bool last = steps == 1;
     Extended expected, residual;
@@ -132,7 +132,7 @@ inline Outcome understand(const Robot& robot, const OnlineSettings& settings, co
     if (!outcome) return outcome;
     innovation(robot, q_e, expected, residual);
     for (int c = 0; c < rows; ++c) {
-      const double weight = c == without ? 0 : 1 / state.sigma[c];
+      const Real weight = c == without ? 0 : 1 / state.sigma[c];
       for (int j = 0; j < n; ++j) line.H_x[c][j] = H_x[c][j] * weight;
       e[c] = residual[c] * weight;
     }
@@ -146,16 +146,16 @@ inline Outcome understand(const Robot& robot, const OnlineSettings& settings, co
     if (!all_finite(step, n)) return {Status::not_finite, -1};
     line.pose = moved<K>(line.pose, step);
   }
-  double sum = 0;  // of what the state will keep: one NaN in it would spoil every later cycle
+  Real sum = 0;  // of what the state will keep: one NaN in it would spoil every later cycle
   for (int row = n; row < rows; ++row) sum += e[row];
-  for (const double* h = work.F; h != work.F + robot.r * p; ++h) sum += *h;
+  for (const Real* h = work.F; h != work.F + robot.r * p; ++h) sum += *h;
   if (!std::isfinite(sum)) return {Status::not_finite, -1};
 
   line.innovations.r = robot.r;
-  double coarsest = 0;  // σ
+  Real coarsest = 0;  // σ
   for (int c = 0; c < rows; ++c) coarsest = std::max(coarsest, state.sigma[c]);
   for (int i = 0; i < robot.r; ++i) {
-    double& y = line.innovations.y[i] = e[n + i];
+    Real& y = line.innovations.y[i] = e[n + i];
     if (settings.linearised)
       for (int k = 0; k < p; ++k)
         y -= work.F[i * p + k] * (state.xi[state.column[k]] - settings.linearised[state.column[k]]);
@@ -176,9 +176,9 @@ inline Outcome understand(const Robot& robot, const OnlineSettings& settings, co
 /// Copies ξ̂ and S to where they are kept, or back.
 inline void copy_state(OnlineState& state, bool back) {
   const int p = state.count;
-  double *mean = state.kept, *root = mean + p;
+  Real *mean = state.kept, *root = mean + p;
   for (int k = 0; k < p; ++k) {
-    double& value = state.xi[state.column[k]];
+    Real& value = state.xi[state.column[k]];
     (back ? value : mean[k]) = back ? mean[k] : value;
   }
   std::copy_n(back ? root : state.root, p * p, back ? state.root : root);
@@ -191,7 +191,7 @@ constexpr bool no_pose(Status status) {
 
 /// One more line's say on whether the readings disagree. Where nothing speaks against them, the
 /// state as it was before this line is kept; where too much does, it is gone back to.
-inline void weigh_line(OnlineState& state, int readings, double log_ratio) {
+inline void weigh_line(OnlineState& state, int readings, Real log_ratio) {
   Doubt& doubt = state.doubt;
   if (state.kept && doubt.evidence <= 0 && ++doubt.since >= kEvery) {
     copy_state(state, false);
@@ -213,13 +213,13 @@ inline void weigh_line(OnlineState& state, int readings, double log_ratio) {
 /// @param drawn  as set_parameters takes it
 /// @param robot  in: any copy of it; out: the robot at the ξ of linearisation
 /// @param pose   in: a guess; out: x̂ before ξ̂ moved
-/// @param memory  online_work(drawn, count) doubles
+/// @param memory  online_work(drawn, count) numbers
 /// @return `disagree`: nothing was learnt, or not from the reading named; `stopped`: nothing was,
 /// nor will be, and ξ̂ and S are back where they were last good. Both come with a pose. Without an
 /// answer the state is as it was.
 template <Mobility K, class Model = IdealModel>
 Outcome observe(const Robot& drawn, const OnlineSettings& settings, const Extended& q_e,
-                OnlineState& state, Robot& robot, Pose& pose, double* memory) {
+                OnlineState& state, Robot& robot, Pose& pose, Real* memory) {
   constexpr int n = kDof<K>;
   if (!drawn.finished) return {Status::unfinished, -1};
   const int r = drawn.r, rows = n + r, p = state.count;
@@ -228,7 +228,7 @@ Outcome observe(const Robot& drawn, const OnlineSettings& settings, const Extend
   Doubt& doubt = state.doubt;
   const bool gated = settings.gate > 0 && !doubt.stopped;
   if (gated && state.kept && doubt.lines == 0) online_detail::copy_state(state, false);
-  const double* xi = settings.linearised ? settings.linearised : state.xi;
+  const Real* xi = settings.linearised ? settings.linearised : state.xi;
   Outcome outcome = set_parameters(drawn, xi, robot);
   if (!outcome) return outcome;
   online_detail::Line line;
@@ -245,8 +245,8 @@ Outcome observe(const Robot& drawn, const OnlineSettings& settings, const Extend
   Pose found = line.pose;
   bool learns = !doubt.stopped;
   if (gated && r > 0) {
-    const double chi2 = line.innovations.chi2();
-    double log_ratio = 0.5 * ((1 - 1 / kWorse) * chi2 - r * std::log(kWorse));
+    const Real chi2 = line.innovations.chi2();
+    Real log_ratio = 0.5 * ((1 - 1 / kWorse) * chi2 - r * std::log(kWorse));
     if (!(chi2 <= beyond(settings.gate, r))) {
       log_ratio = kLineSays;
       learns = false;
@@ -271,12 +271,12 @@ Outcome observe(const Robot& drawn, const OnlineSettings& settings, const Extend
 
   for (int i = 0; i < r; ++i) {
     online_detail::update_root(p, state.root, work.F + i * p, line.innovations.noise[i], work.b);
-    const double step = line.innovations.y[i] / line.innovations.total[i];
+    const Real step = line.innovations.y[i] / line.innovations.total[i];
     for (int k = 0; k < p; ++k) state.xi[state.column[k]] += work.b[k] * step;
   }
   if (settings.drifts > 0) {  // one a cycle, for all the cycles since its last turn
     state.due = (state.due + 1) % settings.drifts;
-    const double cycles = std::sqrt(settings.drifts);
+    const Real cycles = std::sqrt(Real(settings.drifts));
     for (int k = 0; k < p; ++k) work.b[k] = cycles * settings.drift[state.due * p + k];
     online_detail::add_drift(p, state.root, work.b);
   }

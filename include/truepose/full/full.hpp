@@ -24,7 +24,7 @@ namespace truepose {
 /// Pose of the nacelle with what the ideal level holds still: R may tilt, bars may turn.
 /// theta is atan2(R_10, R_00), with its turns.
 struct FullPose : Pose {
-  std::array<double, kMaxBars> psi{};
+  std::array<Real, kMaxBars> psi{};
 };
 
 /// The full pose that the ideal level takes a pose to be.
@@ -38,9 +38,9 @@ inline FullPose to_full(const Pose& pose) {
 /// nearby starts from it.
 struct Parasitic {
   bool known = false;
-  Mat3 tilt = Mat3::Identity();         ///< of the nacelle, base frame
-  std::array<double, kMaxBars> turn{};  ///< of every bar, against the base
-  Joint q{};                            ///< of the motors
+  Mat3 tilt = Mat3::Identity();       ///< of the nacelle, base frame
+  std::array<Real, kMaxBars> turn{};  ///< of every bar, against the base
+  Joint q{};                          ///< of the motors
 
   FullPose beside(const Pose& pose) const {
     FullPose full = to_full(pose);
@@ -74,18 +74,18 @@ struct FullClosure {
   FullPose pose;
   Joint q{};
   std::array<Driven, kDof<K>> driven;
-  std::array<Vec3, kRods<K>> v;           ///< A to B
-  std::array<Vec3, kRods<K>> lever;       ///< D to A
-  std::array<Vec3, kRods<K>> arm;         ///< pivot to A: turns with the bar
-  std::array<double, kRods<K>> f;         ///< (|v|² - L²)/2
-  std::array<double, kRods<K>> jq;        ///< ∂f/∂q
-  std::array<double, kRods<K>> stress{};  ///< FullKind::elastic: D²s, of which f holds none
-  double cost = 0;                        ///< Σf²
-  double residual = 0;                    ///< largest | |v| - L |, m
+  std::array<Vec3, kRods<K>> v;         ///< A to B
+  std::array<Vec3, kRods<K>> lever;     ///< D to A
+  std::array<Vec3, kRods<K>> arm;       ///< pivot to A: turns with the bar
+  std::array<Real, kRods<K>> f;         ///< (|v|² - L²)/2
+  std::array<Real, kRods<K>> jq;        ///< ∂f/∂q
+  std::array<Real, kRods<K>> stress{};  ///< FullKind::elastic: D²s, of which f holds none
+  Real cost = 0;                        ///< Σf²
+  Real residual = 0;                    ///< largest | |v| - L |, m
 };
 
 /// Length of one rod of a pair, side = ±1.
-inline double rod_length(const Chain& chain, const Driven& driven, double side) {
+inline Real rod_length(const Chain& chain, const Driven& driven, Real side) {
   return driven.rod + 0.5 * side * chain.rod_difference;
 }
 
@@ -104,8 +104,8 @@ TRUEPOSE_FLATTEN inline void place(const Robot& robot, FullClosure<K>& at) {
     const Vec3 half_B = 0.5 * chain.rod_spacing * pair_direction(chain);
     const Vec3 middle = chain.base() + driven.p - at.pose.D - pivot - arm;
     for (int rod = 2 * i; rod < 2 * i + 2; ++rod) {
-      const double side = rod == 2 * i ? 1 : -1;
-      const double length = rod_length(chain, driven, side);
+      const Real side = rod == 2 * i ? 1 : -1;
+      const Real length = rod_length(chain, driven, side);
       at.arm[rod] = arm + side * half_A;
       at.lever[rod] = pivot + at.arm[rod];
       at.v[rod] = middle + side * (half_B - half_A);
@@ -123,7 +123,7 @@ TRUEPOSE_FLATTEN inline void place(const Robot& robot, FullClosure<K>& at) {
 /// The motion is [velocity of D; angular velocity; ψ̇], base frame.
 template <Mobility K>
 inline void full_row(const Robot& robot, const FullClosure<K>& at, int rod,
-                     std::array<double, kMaxUnknowns>& row) {
+                     std::array<Real, kMaxUnknowns>& row) {
   const Vec3 moment = at.lever[rod].cross(at.v[rod]);
   for (int k = 0; k < 3; ++k) {
     row[k] = at.v[rod][k];
@@ -136,7 +136,7 @@ inline void full_row(const Robot& robot, const FullClosure<K>& at, int rod,
 
 /// θ̇ = t · ω for θ = atan2(R_10, R_00).
 inline Vec3 theta_row(const Mat3& R) {
-  const double x = R(0, 0), y = R(1, 0), z = R(2, 0), h2 = x * x + y * y;
+  const Real x = R(0, 0), y = R(1, 0), z = R(2, 0), h2 = x * x + y * y;
   return {-x * z / h2, -y * z / h2, 1};
 }
 
@@ -144,7 +144,7 @@ inline Vec3 theta_row(const Mat3& R) {
 /// pivoting, a pivot below 1e-6 counting as zero (kSingular is its square).
 inline int rank(Matrix<kMaxRods, kMaxUnknowns> m, int rows, int columns) {
   for (int j = 0; j < columns; ++j) {
-    double size = 0;
+    Real size = 0;
     for (int i = 0; i < rows; ++i) size = std::max(size, std::fabs(m[i][j]));
     for (int i = 0; i < rows && size > 0; ++i) m[i][j] /= size;
   }
@@ -157,7 +157,7 @@ inline int rank(Matrix<kMaxRods, kMaxUnknowns> m, int rows, int columns) {
     std::swap(m[k], m[row]);
     for (int i = 0; i < rows; ++i) std::swap(m[i][k], m[i][column]);
     for (int i = k + 1; i < rows; ++i) {
-      const double factor = m[i][k] / m[k][k];
+      const Real factor = m[i][k] / m[k][k];
       for (int j = k; j < columns; ++j) m[i][j] -= factor * m[k][j];
     }
   }
@@ -193,11 +193,11 @@ inline bool bars_together(const Robot& robot, int bars) {
 template <Mobility K>
 inline void relax(const Robot& robot, FullClosure<K>& at) {
   constexpr int N = kRods<K>, m = N - 1;
-  std::array<std::array<double, m>, N> A;
-  std::array<std::array<double, m>, m> normal{};
-  std::array<double, m> size;
+  std::array<std::array<Real, m>, N> A;
+  std::array<std::array<Real, m>, m> normal{};
+  std::array<Real, m> size;
   for (int rod = 0; rod < N; ++rod) {
-    std::array<double, kMaxUnknowns> row;
+    std::array<Real, kMaxUnknowns> row;
     full_row<K>(robot, at, rod, row);
     row[6] += row[7];
     std::copy_n(row.begin(), m, A[rod].begin());
@@ -206,9 +206,9 @@ inline void relax(const Robot& robot, FullClosure<K>& at) {
   }
   for (int i = 0; i < m; ++i) size[i] = normal[i][i];
   const Ldlt<m> factor(normal, size);
-  std::array<double, N> s{};
+  std::array<Real, N> s{};
   for (int k = 0; k < N; ++k) {  // s_k² is at least 1/N for one of them
-    std::array<double, m> x = A[k];
+    std::array<Real, m> x = A[k];
     factor.solve(x);
     for (int rod = 0; rod < N; ++rod) {
       s[rod] = rod == k;
@@ -216,9 +216,9 @@ inline void relax(const Robot& robot, FullClosure<K>& at) {
     }
     if (s[k] > 0.5 / N) break;
   }
-  double held = 0, unit = 0;  // sᵀf and sᵀD²s
+  Real held = 0, unit = 0;  // sᵀf and sᵀD²s
   for (int rod = 0; rod < N; ++rod) {
-    const double length = at.driven[rod / 2].rod;
+    const Real length = at.driven[rod / 2].rod;
     at.stress[rod] = length * length * s[rod];
     held += s[rod] * at.f[rod];
     unit += s[rod] * at.stress[rod];

@@ -14,12 +14,12 @@ namespace full_detail {
 template <Mobility K>
 using Rows = Matrix<kRods<K>, kRods<K>>;
 template <Mobility K>
-using Column = std::array<double, kRods<K>>;
+using Column = std::array<Real, kRods<K>>;
 
 /// Whether an arm and its rod stand in one line: the entry of J_q vanishes, and has no sign.
 template <Mobility K>
 inline bool stretched(const FullClosure<K>& at, int rod) {
-  const double size2 = at.v[rod].squaredNorm() * at.driven[rod / 2].dB.squaredNorm();
+  const Real size2 = at.v[rod].squaredNorm() * at.driven[rod / 2].dB.squaredNorm();
   return !(at.jq[rod] * at.jq[rod] > kSingular * size2);
 }
 
@@ -31,7 +31,7 @@ struct Factors {
   NormalEquations<kRods<K>> square;
 
   template <class System>
-  Factors(const System& system, const FullClosure<K>& at, double damping)
+  Factors(const System& system, const FullClosure<K>& at, Real damping)
       : A(columns(system, at)), size(sizes(system, at)), square(A, size, damping) {}
   Factors(const Factors&) = delete;  // `square` refers to A
   Factors& operator=(const Factors&) = delete;
@@ -62,7 +62,7 @@ TRUEPOSE_FLATTEN inline FullResult newton(const Robot& robot, const System& syst
                                           int most = kFkmIterations) {
   constexpr int N = kRods<K>;
   FullResult result;
-  double scale = 0;
+  Real scale = 0;
   for (int i = 0; i < kDof<K>; ++i) {
     if (!(at.driven[i].rod > 0.5 * std::fabs(robot.chain[i].rod_difference)))
       return {Status::unreachable, i, 0, 0};  // a rod of no length
@@ -77,9 +77,7 @@ TRUEPOSE_FLATTEN inline FullResult newton(const Robot& robot, const System& syst
     FullClosure<K>*current = &at, *trial = &other;
     end = damped_newton(
         current, trial, scale, most,
-        [&](const FullClosure<K>& from, double damping) {
-          return Factors<K>(system, from, damping);
-        },
+        [&](const FullClosure<K>& from, Real damping) { return Factors<K>(system, from, damping); },
         [&](const FullClosure<K>& from, const Factors<K>& factors, FullClosure<K>& after) {
           system.move(from, factors.square.solve(from.f), after);
           open_loops<K>(robot, after);
@@ -89,7 +87,7 @@ TRUEPOSE_FLATTEN inline FullResult newton(const Robot& robot, const System& syst
   result.iterations = end.iterations;
 
   result.residual = at.residual;
-  if (!(at.residual < 1e-12 * scale)) {
+  if (!(at.residual < kClosed * scale)) {
     // Close, but crawling: towards a singular pose (fkm.hpp).
     const bool crawls = at.residual < fkm_detail::kCrawls * scale && end.damping > 0;
     result.status = crawls ? Status::singular : Status::not_converged;
@@ -98,7 +96,7 @@ TRUEPOSE_FLATTEN inline FullResult newton(const Robot& robot, const System& syst
   } else {
     for (int rod = 0; rod < N; ++rod) {
       const Chain& chain = robot.chain[rod / 2];
-      const double by_position = at.jq[rod] * at.driven[rod / 2].rate;  // its sign
+      const Real by_position = at.jq[rod] * at.driven[rod / 2].rate;  // its sign
       if (chain.actuator != Actuator::telescopic && by_position * chain.working_mode < 0 &&
           !stretched<K>(at, rod)) {
         result.status = Status::branch_lost;
@@ -113,7 +111,7 @@ TRUEPOSE_FLATTEN inline FullResult newton(const Robot& robot, const System& syst
 /// together are one, and a stress that nothing relieves is the last.
 template <Mobility K>
 inline void free_row(const Robot& robot, const FullClosure<K>& at, int rod,
-                     std::array<double, kMaxUnknowns>& row) {
+                     std::array<Real, kMaxUnknowns>& row) {
   full_row<K>(robot, at, rod, row);
   if (robot.full.kind != FullKind::elastic) return;
   row[6] += row[7];
@@ -121,9 +119,9 @@ inline void free_row(const Robot& robot, const FullClosure<K>& at, int rod,
 }
 
 /// The bars' turns and, in the place of a second, the stress, which is no motion.
-inline void turn_bars(const Robot& robot, const double* step, int count, FullPose& pose) {
+inline void turn_bars(const Robot& robot, const Real* step, int count, FullPose& pose) {
   if (count == kMaxBars && robot.full.kind == FullKind::elastic) {
-    for (double& psi : pose.psi) psi += step[0];
+    for (Real& psi : pose.psi) psi += step[0];
   } else {
     for (int k = 0; k < count; ++k) pose.psi[k] += step[k];
   }
@@ -131,18 +129,18 @@ inline void turn_bars(const Robot& robot, const double* step, int count, FullPos
 
 /// Σ|v|²|r|² and the like: the diagonal of AᵀA if nothing cancelled, see column_sizes.
 template <Mobility K>
-inline double square_sum(const FullClosure<K>& at, const std::array<Vec3, kRods<K>>& r) {
-  double sum = 0;
+inline Real square_sum(const FullClosure<K>& at, const std::array<Vec3, kRods<K>>& r) {
+  Real sum = 0;
   for (int rod = 0; rod < kRods<K>; ++rod) sum += at.v[rod].squaredNorm() * r[rod].squaredNorm();
   return sum;
 }
 
 /// Size² of the last columns, where nothing cancels.
 template <Mobility K>
-inline double bar_size(const Robot& robot, const FullClosure<K>& at, bool last) {
-  double sum = 0;
+inline Real bar_size(const Robot& robot, const FullClosure<K>& at, bool last) {
+  Real sum = 0;
   if (last && robot.full.kind == FullKind::elastic)
-    for (const double stress : at.stress) sum += stress * stress;
+    for (const Real stress : at.stress) sum += stress * stress;
   else
     sum = square_sum<K>(at, at.arm);
   return sum;
@@ -154,15 +152,15 @@ struct Forward {
   const Robot& robot;
 
   void columns(const FullClosure<K>& at, Rows<K>& A) const {
-    std::array<double, kMaxUnknowns> row;
+    std::array<Real, kMaxUnknowns> row;
     for (int rod = 0; rod < kRods<K>; ++rod) {
       free_row<K>(robot, at, rod, row);
       std::copy_n(row.begin(), kRods<K>, A[rod].begin());
     }
   }
-  double size(const FullClosure<K>& at, int column) const {
+  Real size(const FullClosure<K>& at, int column) const {
     if (column < 3) {
-      double sum = 0;
+      Real sum = 0;
       for (const Vec3& v : at.v) sum += v.squaredNorm();
       return sum;
     }
@@ -193,7 +191,7 @@ struct Inverse {
     return omega;
   }
   void columns(const FullClosure<K>& at, Rows<K>& A) const {
-    std::array<double, kMaxUnknowns> row;
+    std::array<Real, kMaxUnknowns> row;
     for (int rod = 0; rod < kRods<K>; ++rod) {
       free_row<K>(robot, at, rod, row);
       A[rod].fill(0);
@@ -202,13 +200,13 @@ struct Inverse {
     }
   }
   /// The entries from n on, of what changes as `row` along the motion of full_row.
-  static void hidden(const Mat3& R, const std::array<double, kMaxUnknowns>& row, Column<K>& entry) {
+  static void hidden(const Mat3& R, const std::array<Real, kMaxUnknowns>& row, Column<K>& entry) {
     for (int j = 0; j < tilts; ++j) entry[n + j] = Vec3(row[3], row[4], row[5]).dot(turn(R, j));
     for (int k = n + tilts; k < kRods<K>; ++k) entry[k] = row[6 + k - n - tilts];
   }
-  double size(const FullClosure<K>& at, int column) const {
+  Real size(const FullClosure<K>& at, int column) const {
     if (column < n) {
-      double sum = 0;
+      Real sum = 0;
       for (int rod = 2 * column; rod < 2 * column + 2; ++rod)
         sum += at.v[rod].squaredNorm() * (robot.chain[column].actuator == Actuator::telescopic
                                               ? at.driven[column].rate * at.driven[column].rate

@@ -18,7 +18,7 @@ namespace truepose {
 namespace full_detail {
 
 /// The variation as one rod of a pair has it: its ends stand ±s/2 off the pair's middle.
-inline Variation of_rod(Variation change, const Chain& chain, const Mat3& body, double side) {
+inline Variation of_rod(Variation change, const Chain& chain, const Mat3& body, Real side) {
   const Vec3 u = pair_direction(chain);
   change.B += 0.5 * side * (chain.rod_spacing * change.turn.cross(u) + change.spacing * u);
   change.A += 0.5 * side * change.spacing * (body * chain.pair_drawn());
@@ -29,7 +29,7 @@ inline Variation of_rod(Variation change, const Chain& chain, const Mat3& body, 
 /// H_ξ of the full level. @param S  n + r rows: ∂q_e/∂f of every rod, x held
 template <Mobility K>
 inline void parameter_jacobian(const Robot& robot, const FullClosure<K>& at,
-                               const Matrix<kMaxReadings, kRods<K>>& S, double* H) {
+                               const Matrix<kMaxReadings, kRods<K>>& S, Real* H) {
   constexpr int n = kDof<K>;
   const int width = parameter_count(robot), readings = n + robot.r;
   std::fill(H, H + readings * width, 0.0);
@@ -44,8 +44,7 @@ inline void parameter_jacobian(const Robot& robot, const FullClosure<K>& at,
       for (const int side : {1, -1}) {
         const int rod = 2 * i + (side < 0);
         const Variation own = of_rod(change, chain, body, side);
-        const double f =
-            closure_change(at.v[rod], at.jq[rod], rod_length(chain, driven, side), own);
+        const Real f = closure_change(at.v[rod], at.jq[rod], rod_length(chain, driven, side), own);
         for (int e = 0; e < readings; ++e) H[e * width + column] += S[e][rod] * f;
         for (int k = 0; k < robot.r; ++k) {
           const Sensor& sensor = robot.sensor[k];
@@ -68,8 +67,7 @@ inline void parameter_jacobian(const Robot& robot, const FullClosure<K>& at,
 /// @return also no_full_level (robot.full)
 template <Mobility K>
 Outcome linearise_full(const Robot& robot, const Pose& pose, Extended& q_e,
-                       Matrix<kMaxReadings, kDof<K>>& H_x, double* H_xi,
-                       Parasitic* rest = nullptr) {
+                       Matrix<kMaxReadings, kDof<K>>& H_x, Real* H_xi, Parasitic* rest = nullptr) {
   if (!robot.finished) return {Status::unfinished, -1};
 
   if constexpr (!kRodByRod<K>) {
@@ -106,7 +104,7 @@ Outcome linearise_full(const Robot& robot, const Pose& pose, Extended& q_e,
       const full_detail::Column<K> y = factors.square.column(rod, 1);
       for (int i = 0; i < n; ++i) S[i][rod] = y[i];
       for (int k = 0; k < robot.r; ++k) {
-        double sum = 0;
+        Real sum = 0;
         for (int j = 0; j < N; ++j) sum += e_y[k][j] * y[j];
         S[n + k][rod] = sum;
       }
@@ -117,7 +115,7 @@ Outcome linearise_full(const Robot& robot, const Pose& pose, Extended& q_e,
     for (int k = 0; k < robot.r; ++k)
       for (int j = 0; j < n; ++j) H_x[n + k][j] = rows[k].z[Freedom<K>::columns[j]];
     for (int rod = 0; rod < N; ++rod) {
-      std::array<double, kMaxUnknowns> row;
+      std::array<Real, kMaxUnknowns> row;
       full_row<K>(robot, at, rod, row);
       for (int e = 0; e < n + robot.r; ++e)
         for (int j = 0; j < n; ++j) H_x[e][j] -= S[e][rod] * row[Freedom<K>::columns[j]];
@@ -131,7 +129,7 @@ Outcome linearise_full(const Robot& robot, const Pose& pose, Extended& q_e,
 struct FullModel {
   template <Mobility K>
   static Outcome linearise(const Robot& robot, const Pose& pose, Extended& q_e,
-                           Matrix<kMaxReadings, kDof<K>>& H_x, double* H_xi, Parasitic& rest) {
+                           Matrix<kMaxReadings, kDof<K>>& H_x, Real* H_xi, Parasitic& rest) {
     return linearise_full<K>(robot, pose, q_e, H_x, H_xi, &rest);
   }
   template <Mobility K>

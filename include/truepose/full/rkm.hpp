@@ -2,14 +2,15 @@
 #pragma once
 
 #include "truepose/full/kinematics.hpp"
+#include "truepose/kinematics/angles_of.hpp"
 #include "truepose/sensors/rkm.hpp"
 
 namespace truepose {
 
 /// Derivative of a reading at the full level.
 struct FullRow {
-  std::array<double, kMaxUnknowns> z{};  ///< along the motion of full_row
-  double motor = 0;                      ///< along the motor of its chain, z held
+  std::array<Real, kMaxUnknowns> z{};  ///< along the motion of full_row
+  Real motor = 0;                      ///< along the motor of its chain, z held
 };
 
 /// Orientation of the body that carries a chain's A: R, or R R_z(ψ) of its bar.
@@ -79,9 +80,13 @@ inline Outcome read_standing(const Robot& robot, const FullPose& pose, const Joi
     at.driven[i] = drive(robot.chain[i], at.q[i]);
   }
   place<K>(robot, at);
+  [[maybe_unused]] Pose angles = to_pose<K>(robot.home);
+  if constexpr (kPivots<K>) angles_of<K>(robot, {pose.D, pose.R, 0}, angles);
   for (int k = 0; k < robot.r; ++k) {
     const Sensor& sensor = robot.sensor[k];
-    q_e[kDof<K> + k] = sensor.gain * sense_full<K>(robot, sensor, at).value - sensor.offset;
+    const bool of_axis = kPivots<K> && sensor.kind == SensorKind::axis_angle;
+    const Sensed s = of_axis ? sense_axis(sensor, angles) : sense_full<K>(robot, sensor, at);
+    q_e[kDof<K> + k] = sensor.gain * s.value - sensor.offset;
   }
   return {all_finite(q_e, kDof<K> + robot.r) ? Status::ok : Status::not_finite, -1};
 }
@@ -98,7 +103,7 @@ inline Outcome rkm_full(const Robot& robot, const FullClosure<K>& at, Reading& v
     const Sensed s = sense_full<K>(robot, sensor, at);
     values[k] = sensor.gain * s.value - sensor.offset;
     rows[k] = sensor_row<K>(robot, sensor, at, s);
-    for (double& entry : rows[k].z) entry *= sensor.gain;
+    for (Real& entry : rows[k].z) entry *= sensor.gain;
     rows[k].motor *= sensor.gain;
   }
   return {all_finite(values, robot.r) ? Status::ok : Status::not_finite, -1};

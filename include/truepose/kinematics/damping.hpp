@@ -11,7 +11,7 @@ namespace truepose {
 
 /// λ² at the conditioning c: 0 from `band` on, band²/4 at c = 0. A gain 1/σ, σ ≥ c, becomes
 /// σ/(σ² + λ²): continuous, and nowhere above 2/(√3 band).
-inline double damping(double c, double band) { return c < band ? 0.25 * (band * band - c * c) : 0; }
+inline Real damping(Real c, Real band) { return c < band ? 0.25 * (band * band - c * c) : 0; }
 
 /// How far from singular a closed mechanism is, free of its size and of its units.
 template <Mobility K>
@@ -24,14 +24,15 @@ class Conditioning {
       const ChainState& chain = closure.chain[i];
       length_[i] = chain.v.norm();
       const Vec3 along = chain.v / length_[i];
-      jx_row<K>(along, chain.lever, lines_[i]);
-      const double dB2 = chain.dB.squaredNorm();
+      jx_row<K>(closure.carried, along, chain.lever, lines_[i]);
+      const Real dB2 = chain.dB.squaredNorm();
       // A telescopic leg is always driven along itself.
       speed_[i] = dB2 > 0 ? std::sqrt(dB2) : std::fabs(chain.rate);
     }
-    unit_ = column_sizes<K>(
-        Lanes<n>::Ones(), points<n>([&](int i) -> const Vec3& { return closure.chain[i].lever; }));
-    for (double& unit : unit_) unit = std::sqrt(unit);
+    unit_ =
+        column_sizes<K>(closure.carried, Lanes<n>::Ones(),
+                        points<n>([&](int i) -> const Vec3& { return closure.chain[i].lever; }));
+    for (Real& unit : unit_) unit = std::sqrt(unit);
     for (auto& row : lines_)
       for (int j = 0; j < n; ++j) {
         row[j] /= unit_[j];
@@ -39,9 +40,9 @@ class Conditioning {
       }
     ones_.fill(1);
     const NormalEquations<n> equations(lines_, ones_);
-    double inverse2 = 0;  // |lines⁻¹|²
+    Real inverse2 = 0;  // |lines⁻¹|²
     for (int j = 0; j < n; ++j)
-      for (const double entry : equations.column(j, 1)) inverse2 += entry * entry;
+      for (const Real entry : equations.column(j, 1)) inverse2 += entry * entry;
     parallel_ = equations.regular() ? n / std::sqrt(square_ * inverse2) : 0;
     for (int i = 0; i < n; ++i)
       serial_[i] = std::fabs(closure.chain[i].jq) / (length_[i] * speed_[i]);
@@ -50,16 +51,16 @@ class Conditioning {
   /// Type 2: inverse condition number n / (|A| |A⁻¹|), Frobenius norms, in [0, 1], of the rods'
   /// unit lines A, their columns in units of column_sizes. 1: isotropic. 0: the motors do not hold
   /// the nacelle.
-  double parallel() const { return parallel_; }
+  Real parallel() const { return parallel_; }
   /// Type 1: how much of the motion of B_i, 0 to 1, goes along rod i. 0: arm and rod in one line.
-  double serial(int i) const { return serial_[i]; }
+  Real serial(int i) const { return serial_[i]; }
 
   /// J = A⁺ J_q with A⁺ = (AᵀA + λ² |A|²/n²)⁻¹ Aᵀ, units put back.
-  bool damped(const Closure<K>& closure, double band, Matrix<kDof<K>, kDof<K>>& J) const {
-    const double part = damping(parallel_, band) * square_ / (n * n);
+  bool damped(const Closure<K>& closure, Real band, Matrix<kDof<K>, kDof<K>>& J) const {
+    const Real part = damping(parallel_, band) * square_ / (n * n);
     const NormalEquations<n> equations(lines_, ones_, part);
     for (int j = 0; j < n; ++j) {
-      const std::array<double, n> column = equations.column(j, closure.chain[j].jq / length_[j]);
+      const std::array<Real, n> column = equations.column(j, closure.chain[j].jq / length_[j]);
       for (int i = 0; i < n; ++i) J[i][j] = column[i] / unit_[i];
     }
     return equations.regular();
@@ -67,15 +68,15 @@ class Conditioning {
 
   /// What J⁻¹ divides by in place of the entry of J_q: s + λ²/s for its part s, so that
   /// 1/s becomes s/(s² + λ²).
-  double divisor(int i, double jq, double band) const {
-    const double scale = length_[i] * speed_[i];
+  Real divisor(int i, Real jq, Real band) const {
+    const Real scale = length_[i] * speed_[i];
     return jq + damping(serial_[i], band) * scale * scale / jq;
   }
 
  private:
   Matrix<kDof<K>, kDof<K>> lines_;
-  std::array<double, kDof<K>> unit_, ones_, length_, speed_, serial_;
-  double square_ = 0, parallel_;  // |A|²
+  std::array<Real, kDof<K>> unit_, ones_, length_, speed_, serial_;
+  Real square_ = 0, parallel_;  // |A|²
 };
 
 /// J_x, J_q and J, damped where a conditioning lies below `band` (0: nowhere, as the paper has it).
@@ -84,7 +85,7 @@ class Conditioning {
 /// @return near_singular in the band: an answer, finite and bounded. The chain whose arm is
 /// stretched, or -1 where the rods' lines are nearly dependent.
 template <Mobility K>
-inline Outcome jacobian(Closure<K>& closure, double band, Jacobians<K>& jacobians) {
+inline Outcome jacobian(Closure<K>& closure, Real band, Jacobians<K>& jacobians) {
   const Outcome exact = jacobian<K>(closure, jacobians);
   if (!(band > 0)) return exact;
   const Conditioning<K> conditioning(closure);
@@ -92,7 +93,7 @@ inline Outcome jacobian(Closure<K>& closure, double band, Jacobians<K>& jacobian
   Outcome outcome{Status::ok, -1};
   if (dependent || !exact) {
     for (int i = 0; i < kDof<K>; ++i) {
-      jx_row<K>(closure.chain[i].v, closure.chain[i].lever, jacobians.jx[i]);
+      jx_row<K>(closure.carried, closure.chain[i].v, closure.chain[i].lever, jacobians.jx[i]);
       jacobians.jq[i] = closure.chain[i].jq;
     }
     if (!conditioning.damped(closure, band, jacobians.J)) return {Status::singular, -1};
@@ -107,7 +108,7 @@ inline Outcome jacobian(Closure<K>& closure, double band, Jacobians<K>& jacobian
 }
 
 /// Conditioning at coordinates x. @param serial  out, size n
-inline Outcome conditioning(const Robot& robot, const Coordinates& x, double& parallel,
+inline Outcome conditioning(const Robot& robot, const Coordinates& x, Real& parallel,
                             Joint& serial) {
   return with_mobility(robot.mobility, [&](auto mobility) {
     constexpr Mobility K = mobility();

@@ -20,9 +20,9 @@ inline constexpr int kFkmStart = 24;
 /// How a search for the pose ended.
 struct [[nodiscard]] FkmResult {
   Status status = Status::ok;
-  int chain = -1;       ///< the chain at fault, if one is
-  int iterations = 0;   ///< steps tried, at most the cap
-  double residual = 0;  ///< largest closure error | |v_i| - L_i |, m
+  int chain = -1;      ///< the chain at fault, if one is
+  int iterations = 0;  ///< steps tried, at most the cap
+  Real residual = 0;   ///< largest closure error | |v_i| - L_i |, m
   explicit operator bool() const { return status == Status::ok; }
 };
 
@@ -50,17 +50,20 @@ TRUEPOSE_FLATTEN FkmResult search(const Robot& robot, const Joint& q, Pose& pose
   });
   const auto rod = lanes<n>([&](int i) { return driven[i].rod; });
   const Lanes<n> half_rod2 = 0.5 * rod * rod, per_rod = 1 / rod;
-  const double scale = largest<n>(rod);
+  const Real scale = largest<n>(rod);
 
   struct Iterate {
     Pose pose;
+    [[no_unique_address]] Carried<K> carried;
     Points<n> lever, v;
     Lanes<n> f;
-    double cost, residual;
+    Real cost, residual;
   };
   const auto evaluate = [&](Iterate& at) {
-    at.lever = turned<K>(at.pose.R, pivot);
-    const Vec3& D = at.pose.D;
+    at.carried = carry<K>(robot, at.pose);
+    const Pose& placed = truepose::placed<K>(at.pose, at.carried);
+    at.lever = turned<K>(placed.R, pivot);
+    const Vec3& D = placed.D;
     at.v = {centre.px - D.x() - at.lever.px, centre.py - D.y() - at.lever.py,
             centre.pz - D.z() - at.lever.pz};
     at.f = 0.5 * at.v.squared_norm() - half_rod2;
@@ -82,10 +85,10 @@ TRUEPOSE_FLATTEN FkmResult search(const Robot& robot, const Joint& q, Pose& pose
   std::array<Lanes<n>, n> jx;  // columns of J_x
   const NewtonEnd end = damped_newton(
       current, trial, scale, most,
-      [&](const Iterate& at, double damping) {
+      [&](const Iterate& at, Real damping) {
         Inverse inverse;
-        jx_row<K>(at.v, at.lever, jx);
-        const auto sizes = column_sizes<K>(at.v.squared_norm(), at.lever);
+        jx_row<K>(at.carried, at.v, at.lever, jx);
+        const auto sizes = column_sizes<K>(at.carried, at.v.squared_norm(), at.lever);
         inverse.full_rank = invert<n>(jx, sizes, Lanes<n>::Ones(), damping, inverse.rows);
         return inverse;
       },
@@ -99,11 +102,11 @@ TRUEPOSE_FLATTEN FkmResult search(const Robot& robot, const Joint& q, Pose& pose
   result.iterations = end.iterations;
 
   if constexpr (kTurnsAboutZ<K>) {
-    double& theta = current->pose.theta;
+    Real& theta = current->pose.theta;
     if (std::fabs(theta) > 1000) theta = theta_of(current->pose.R, theta);
   }
   result.residual = current->residual;
-  if (!(current->residual < 1e-12 * scale)) {
+  if (!(current->residual < kClosed * scale)) {
     result.status = Status::not_converged;
   } else if (!end.regular) {
     result.status = Status::singular;
@@ -116,7 +119,7 @@ TRUEPOSE_FLATTEN FkmResult search(const Robot& robot, const Joint& q, Pose& pose
         result.chain = i;
       }
     }
-    jx_row<K>(current->v, current->lever, jx);
+    jx_row<K>(current->carried, current->v, current->lever, jx);
     if (other_mode(robot.assembly_sign, [&] { return determinant_sign<n>(jx); }))
       result.status = Status::branch_lost;
   }
@@ -128,9 +131,9 @@ namespace fkm_detail {
 
 /// A search that crawls has come so close, in units of the longest rod: its steps halve the way to
 /// a double root, and the residual goes with their square.
-inline constexpr double kCrawls = 1e-9;
+inline constexpr Real kCrawls = by_precision(1e-9, 1e-6);
 /// Conditioning there, of the order of the square root of that.
-inline constexpr double kDependent = 1e-4;
+inline constexpr Real kDependent = 1e-4;
 
 /// Whether it is known that no pose closes the loops. Each chain holds D + R c_i on a sphere about
 /// S_i = B_i - a_i. Of the four sides |S_iS_j|, L_i, L_j and |c_i - c_j|, which no turn changes,
@@ -139,7 +142,7 @@ inline constexpr double kDependent = 1e-4;
 template <Mobility K>
 inline bool no_pose(const Robot& robot, const Joint& q, const std::array<Driven, kDof<K>>& driven) {
   constexpr int n = kDof<K>;
-  constexpr bool turns = kTurnsAboutZ<K> || K == Mobility::spatial;
+  constexpr bool turns = kTurnsAboutZ<K> || K == Mobility::spatial || kPivots<K>;
   if constexpr (K == Mobility::translation) {
     Vec3 D;
     const Vec3 side = to_pose<K>(robot.home).D;
@@ -152,10 +155,10 @@ inline bool no_pose(const Robot& robot, const Joint& q, const std::array<Driven,
       const Vec3 pivots = one.pivot() - other.pivot();
       Vec3 centres = one.base() + from.p - one.anchor() - other.base() - to.p + other.anchor();
       if (!turns) centres -= pivots;
-      const std::array<double, 4> side{centres.norm(), from.rod, to.rod, turns ? pivots.norm() : 0};
-      const double whole = side[0] + side[1] + side[2] + side[3];
-      for (const double one_side : side)
-        if (2 * one_side > whole * (1 + 1e-12)) return true;
+      const std::array<Real, 4> side{centres.norm(), from.rod, to.rod, turns ? pivots.norm() : 0};
+      const Real whole = side[0] + side[1] + side[2] + side[3];
+      for (const Real one_side : side)
+        if (2 * one_side > whole * (1 + kClosed)) return true;
     }
   return false;
 }
@@ -165,17 +168,19 @@ inline bool no_pose(const Robot& robot, const Joint& q, const std::array<Driven,
 /// singular too, J_xᵀf = 0: that says nothing of other poses.)
 template <Mobility K>
 inline bool crawled(const Robot& robot, const std::array<Driven, kDof<K>>& driven, const Pose& pose,
-                    double residual) {
-  double scale = 0;
+                    Real residual) {
+  Real scale = 0;
   for (const Driven& chain : driven) scale = std::max(scale, chain.rod);
   if (!(residual < kCrawls * scale)) return false;
   Closure<K> closure;
   closure.pose = pose;
+  closure.carried = carry<K>(robot, pose);
+  const Pose& placed = closure.placed();
   for (int i = 0; i < kDof<K>; ++i) {
     const Chain& chain = robot.chain[i];
     ChainState& state = closure.chain[i];
-    state.lever = turned<K>(pose.R, chain.pivot());
-    state.v = chain.base() + driven[i].p - pose.D - state.lever - chain.anchor();
+    state.lever = turned<K>(placed.R, chain.pivot());
+    state.v = chain.base() + driven[i].p - placed.D - state.lever - chain.anchor();
     state.dB = driven[i].dB;
     state.rate = driven[i].rate;
   }
@@ -222,7 +227,7 @@ TRUEPOSE_RARE FkmResult search_from_home(const Robot& robot, const Joint& q, Fkm
     ++stage;
     Joint motors{};
     for (int i = 0; i < kDof<K>; ++i) {
-      const double way = within_turn(robot.chain[i], q[i] - home.chain[i].q);
+      const Real way = within_turn(robot.chain[i], q[i] - home.chain[i].q);
       motors[i] = q[i] - way * (kFkmStages - stage) / kFkmStages;
     }
     second = search<K>(robot, motors, at, left);

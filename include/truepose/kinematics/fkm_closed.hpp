@@ -27,7 +27,7 @@ TRUEPOSE_FLATTEN inline Outcome fkm_closed(const Robot& robot, const Joint& q, c
   constexpr int n = kDof<K>;
   static_assert(n >= 3);
   std::array<Vec3, n> t;
-  std::array<double, n> g;
+  std::array<Real, n> g;
   Vec3 mean = Vec3::Zero();
   for (int i = 0; i < n; ++i) {
     const Driven driven = drive(robot.chain[i], q[i]);
@@ -37,7 +37,7 @@ TRUEPOSE_FLATTEN inline Outcome fkm_closed(const Robot& robot, const Joint& q, c
     mean += t[i];
   }
   mean *= 1.0 / n;
-  double square = 0;  // |y|²
+  Real square = 0;  // |y|²
   for (int i = 0; i < n; ++i) {
     t[i] -= mean;
     g[i] = t[i].squaredNorm() - g[i];
@@ -55,27 +55,27 @@ TRUEPOSE_FLATTEN inline Outcome fkm_closed(const Robot& robot, const Joint& q, c
   // multiple of m, so the longest gives m. For rank 3 it lies near m, which is all that is needed.
   const Vec3 a = T.col(1).cross(T.col(2)), b = T.col(2).cross(T.col(0)),
              c = T.col(0).cross(T.col(1));
-  const double aa = a.squaredNorm(), bb = b.squaredNorm(), cc = c.squaredNorm();
+  const Real aa = a.squaredNorm(), bb = b.squaredNorm(), cc = c.squaredNorm();
   const Vec3 longest = aa >= bb ? (aa >= cc ? a : c) : (bb >= cc ? b : c);
-  const double length = longest.norm(), size = T.trace();
+  const Real length = longest.norm(), size = T.trace();
   if (!std::isfinite(length)) return {Status::not_finite, -1};
-  if (!(length > 1e-10 * size * size)) return {Status::singular, -1};
+  if (!(length > by_precision(1e-10, 1e-5) * size * size)) return {Status::singular, -1};
   const Vec3 m = longest / length;
 
   // y = particular + λ direction: the 2×2 equations across m, solved for any component λ along it.
   const Vec3 e1 = m.unitOrthogonal(), e2 = m.cross(e1);
   const Vec3 T1 = T * e1, T2 = T * e2;
-  const double t11 = e1.dot(T1), t12 = e1.dot(T2), t22 = e2.dot(T2),
-               per_det = 1 / (t11 * t22 - t12 * t12);
-  const auto across = [&](double r1, double r2) -> Vec3 {
+  const Real t11 = e1.dot(T1), t12 = e1.dot(T2), t22 = e2.dot(T2),
+             per_det = 1 / (t11 * t22 - t12 * t12);
+  const auto across = [&](Real r1, Real r2) -> Vec3 {
     return (per_det * (t22 * r1 - t12 * r2)) * e1 + (per_det * (t11 * r2 - t12 * r1)) * e2;
   };
   const Vec3 particular = across(e1.dot(h), e2.dot(h));
   const Vec3 direction = m - across(m.dot(T1), m.dot(T2));
-  const double A = direction.squaredNorm(), B = particular.dot(direction);
-  const double root2 = B * B - A * (particular.squaredNorm() - square);
+  const Real A = direction.squaredNorm(), B = particular.dot(direction);
+  const Real root2 = B * B - A * (particular.squaredNorm() - square);
   if (!(root2 >= 0)) return {Status::unreachable, -1};
-  const double side = m.dot(near_side - mean) < 0 ? -1 : 1;
+  const Real side = m.dot(near_side - mean) < 0 ? -1 : 1;
   D = mean + particular + direction * ((side * std::sqrt(root2) - B) / A);
   return {};
 }

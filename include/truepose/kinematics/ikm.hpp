@@ -10,6 +10,10 @@ template <Mobility K>
 struct Closure {
   Pose pose;
   std::array<ChainState, kDof<K>> chain;
+  [[no_unique_address]] Carried<K> carried;
+
+  /// D and R of the nacelle.
+  const Pose& placed() const { return truepose::placed<K>(pose, carried); }
 
   Joint q() const {
     Joint values{};
@@ -25,15 +29,17 @@ TRUEPOSE_FLATTEN inline Outcome ikm(const Robot& robot, const Pose& pose, Closur
   if (!robot.finished) return {Status::unfinished, -1};
 
   constexpr int n = kDof<K>;
-  const auto lever =
-      turned<K>(pose.R, points<n>([&](int i) -> Vec3 { return robot.chain[i].pivot(); }));
+  closure.pose = pose;
+  closure.carried = carry<K>(robot, pose);
+  const Vec3& D = closure.placed().D;
+  const auto lever = turned<K>(closure.placed().R,
+                               points<n>([&](int i) -> Vec3 { return robot.chain[i].pivot(); }));
   const auto offset =
       points<n>([&](int i) -> Vec3 { return robot.chain[i].anchor() - robot.chain[i].base(); });
-  const Points<n> d{pose.D.x() + lever.px + offset.px, pose.D.y() + lever.py + offset.py,
-                    pose.D.z() + lever.pz + offset.pz};
+  const Points<n> d{D.x() + lever.px + offset.px, D.y() + lever.py + offset.py,
+                    D.z() + lever.pz + offset.pz};
   const Lanes<n> d2 = d.squared_norm();
-  closure.pose = pose;
-  double sum = 0;  // a NaN, or a product that overflowed, shows in it
+  Real sum = 0;  // a NaN, or a product that overflowed, shows in it
   for (int i = 0; i < n; ++i) {
     closure.chain[i].lever = lever[i];
     if (!close<NeedAngle>(robot.chain[i], d[i], d2[i], closure.chain[i])) {
@@ -54,7 +60,7 @@ inline Outcome ikm(const Robot& robot, const Coordinates& x, Joint& q) {
     const Outcome outcome = ikm<K>(robot, to_pose<K>(x), closure);
     if (!outcome) return outcome;
     q = closure.q();
-    return within_limits(robot, q);
+    return within_limits<K>(robot, closure.pose, q);
   });
 }
 

@@ -19,29 +19,65 @@ inline void jx_row(const Vector& v, const Vector& lever, Row& row) {
     }
 }
 
+/// The same along the twists that a nacelle is left: a_j·((A - p_j) × v) of an axis that carries
+/// it.
+template <Mobility K, class Vector, class Row>
+inline void jx_row([[maybe_unused]] const Carried<K>& carried, const Vector& v, const Vector& lever,
+                   Row& row) {
+  if constexpr (kPivots<K>) {
+    const auto mx = lever.y() * v.z() - lever.z() * v.y();
+    const auto my = lever.z() * v.x() - lever.x() * v.z();
+    const auto mz = lever.x() * v.y() - lever.y() * v.x();
+    for (int j = 0; j < kDof<K>; ++j) {
+      const Vec3 &l = carried.linear[j], &a = carried.axis[j];
+      row[j] = l.x() * v.x() + l.y() * v.y() + l.z() * v.z() + a.x() * mx + a.y() * my + a.z() * mz;
+    }
+  } else {
+    jx_row<K>(v, lever, row);
+  }
+}
+
 /// |column|² of J_x if nothing cancelled: Σ|v|² for the columns of a velocity,
 /// Σ|R c|²|v|² for those of a turn. Where the rods meet in one point the column of a turn vanishes:
 /// small against this, not against itself.
 template <Mobility K>
-inline std::array<double, kDof<K>> column_sizes(const Lanes<kDof<K>>& v2,
-                                                const Points<kDof<K>>& lever) {
-  const double velocity = v2.sum(), turn = (v2 * lever.squared_norm()).sum();
-  std::array<double, kDof<K>> sizes;
+inline std::array<Real, kDof<K>> column_sizes(const Lanes<kDof<K>>& v2,
+                                              const Points<kDof<K>>& lever) {
+  const Real velocity = v2.sum(), turn = (v2 * lever.squared_norm()).sum();
+  std::array<Real, kDof<K>> sizes;
   for (int j = 0; j < kDof<K>; ++j) sizes[j] = Freedom<K>::columns[j] < 3 ? velocity : turn;
   return sizes;
+}
+
+/// The same of axes that carry the nacelle: Σ|A - p_j|²|v|².
+template <Mobility K>
+inline std::array<Real, kDof<K>> column_sizes([[maybe_unused]] const Carried<K>& carried,
+                                              const Lanes<kDof<K>>& v2,
+                                              const Points<kDof<K>>& lever) {
+  if constexpr (kPivots<K>) {
+    std::array<Real, kDof<K>> sizes;
+    for (int j = 0; j < kDof<K>; ++j) {
+      const Vec3& arm = carried.arm[j];
+      const Points<kDof<K>> from{lever.px + arm.x(), lever.py + arm.y(), lever.pz + arm.z()};
+      sizes[j] = (v2 * from.squared_norm()).sum();
+    }
+    return sizes;
+  } else {
+    return column_sizes<K>(v2, lever);
+  }
 }
 
 /// J_x, the diagonal of J_q, and J = J_x⁻¹ J_q at a closed pose.
 template <Mobility K>
 struct Jacobians {
   Matrix<kDof<K>, kDof<K>> jx, J;
-  std::array<double, kDof<K>> jq;
+  std::array<Real, kDof<K>> jq;
 
   /// q̇ = J⁻¹ ẋ = J_q⁻¹ J_x ẋ, without inverting J.
   Joint joint_rate(const Coordinates& rate) const {
     Joint result{};
     for (int i = 0; i < kDof<K>; ++i) {
-      double sum = 0;
+      Real sum = 0;
       for (int j = 0; j < kDof<K>; ++j) sum += jx[i][j] * rate[j];
       result[i] = sum / jq[i];
     }
@@ -66,9 +102,9 @@ TRUEPOSE_FLATTEN inline Outcome jacobian(const Closure<K>& closure, Jacobians<K>
       if (!(jq[i] * jq[i] > kSingular * v2[i] * dB2[i])) return {Status::singular, i};
   Eigen::Map<Lanes<n>>(jacobians.jq.data()) = jq;
   std::array<Lanes<n>, n> columns;
-  jx_row<K>(v, lever, columns);
+  jx_row<K>(closure.carried, v, lever, columns);
   jacobians.jx = rows_of<n>(columns);
-  const auto sizes = column_sizes<K>(v2, lever);
+  const auto sizes = column_sizes<K>(closure.carried, v2, lever);
   return {invert<n>(columns, sizes, jq, 0, jacobians.J) ? Status::ok : Status::singular, -1};
 }
 
@@ -133,6 +169,9 @@ inline Outcome finish(Robot& robot) {
   for (int i = 0; i < robot.motors; ++i)
     robot.limited =
         robot.limited || std::isfinite(robot.chain[i].low) || std::isfinite(robot.chain[i].high);
+  for (int j = 0; j < passive_axes(robot.mobility); ++j)
+    robot.limited =
+        robot.limited || std::isfinite(robot.axis[j].low) || std::isfinite(robot.axis[j].high);
   return with_mobility(robot.mobility, [&](auto mobility) {
     constexpr Mobility K = mobility();
     Closure<K> closure;
@@ -140,7 +179,7 @@ inline Outcome finish(Robot& robot) {
     Jacobians<K> jacobians;
     if (outcome) outcome = jacobian<K>(closure, jacobians);
     robot.assembly_sign = outcome ? assembly_sign<K>(jacobians) : 0;
-    return outcome ? within_limits(robot, closure.q()) : outcome;
+    return outcome ? within_limits<K>(robot, closure.pose, closure.q()) : outcome;
   });
 }
 

@@ -3,6 +3,8 @@
 
 #include <array>
 
+#include "truepose/math/real.hpp"
+
 namespace truepose {
 
 /// Adjugate and determinant of a matrix of at most 4×4, by minors: products and sums only, no
@@ -10,8 +12,11 @@ namespace truepose {
 /// side by side.
 template <int N, class T>
 inline T adjugate(const std::array<std::array<T, N>, N>& a, std::array<std::array<T, N>, N>& b) {
-  static_assert(N >= 2 && N <= 4);
-  if constexpr (N == 2) {
+  static_assert(N >= 1 && N <= 4);
+  if constexpr (N == 1) {
+    b[0][0] = 1;
+    return a[0][0];
+  } else if constexpr (N == 2) {
     b = {{{a[1][1], -a[0][1]}, {-a[1][0], a[0][0]}}};
     return a[0][0] * a[1][1] - a[0][1] * a[1][0];
   } else if constexpr (N == 3) {
@@ -33,7 +38,7 @@ inline T adjugate(const std::array<std::array<T, N>, N>& a, std::array<std::arra
     for (int j = 0; j < 4; ++j) {
       // Column j: row j^1 of a, the other row of its half, against the minors of the other half.
       const auto& r = a[j ^ 1];
-      const double sign = j % 2 == 0 ? 1 : -1;
+      const Real sign = j % 2 == 0 ? 1 : -1;
       const bool upper = j < 2;
       const T m01 = upper ? c01 : s01, m02 = upper ? c02 : s02, m03 = upper ? c03 : s03;
       const T m12 = upper ? c12 : s12, m13 = upper ? c13 : s13, m23 = upper ? c23 : s23;

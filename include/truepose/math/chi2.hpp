@@ -5,14 +5,16 @@
 #include <cmath>
 #include <numbers>
 
+#include "truepose/math/real.hpp"
+
 namespace truepose {
 
 /// P(χ² > x) with k degrees of freedom, by the recurrence in k (Abramowitz and Stegun, 26.4.8).
-inline double chi2_tail(double x, int k) {
-  const double half = 0.5 * x;
-  double tail = k % 2 ? std::erfc(std::sqrt(half)) : 0;
-  double term =
-      k % 2 ? std::exp(-half) * std::sqrt(half) * 2 * std::numbers::inv_sqrtpi : std::exp(-half);
+inline Real chi2_tail(Real x, int k) {
+  const Real half = 0.5 * x;
+  Real tail = k % 2 ? std::erfc(std::sqrt(half)) : 0;
+  Real term = k % 2 ? std::exp(-half) * std::sqrt(half) * 2 * std::numbers::inv_sqrtpi_v<Real>
+                    : std::exp(-half);
   for (int m = k % 2 ? 3 : 2; m <= k; m += 2) {  // term: (x/2)^(m/2-1) e^(-x/2) / Γ(m/2)
     tail += term;
     term *= half / (0.5 * m);
@@ -21,12 +23,12 @@ inline double chi2_tail(double x, int k) {
 }
 
 /// The x that χ² with k degrees of freedom exceeds with that probability, in (0, 1), by bisection.
-inline double chi2_beyond(double probability, int k) {
+inline Real chi2_beyond(Real probability, int k) {
   if (k < 1) return 0;
-  double low = 0, high = 1;
+  Real low = 0, high = 1;
   while (chi2_tail(high, k) > probability && high < 1e4) high *= 2;
   for (int step = 0; step < 60; ++step) {
-    const double middle = 0.5 * (low + high);
+    const Real middle = 0.5 * (low + high);
     (chi2_tail(middle, k) > probability ? low : high) = middle;
   }
   return high;

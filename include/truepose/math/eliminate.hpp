@@ -20,22 +20,22 @@ using RowsOfPose = Matrix<kMaxRows, kMaxDof>;            ///< H_x, its first n c
 /// @param B       in: H_ξ, whitened, rows of `width`; out: n rows beside R, the rest free of δx
 /// @param e       in: what was read less what was expected, whitened; out: beside B
 /// @return false where the rows do not determine the pose
-inline bool eliminate(int n, int rows, RowsOfPose& A, double* B, int width,
-                      std::array<double, kMaxRows>& e) {
+inline bool eliminate(int n, int rows, RowsOfPose& A, Real* B, int width,
+                      std::array<Real, kMaxRows>& e) {
   constexpr int kBlock = 16;
   for (int j = 0; j < n; ++j) {
-    double norm2 = 0, whole2 = 0;
+    Real norm2 = 0, whole2 = 0;
     for (int i = 0; i < rows; ++i) (i < j ? whole2 : norm2) += A[i][j] * A[i][j];
     whole2 += norm2;
     if (!(norm2 > kSingular * whole2)) return false;  // also for a NaN
     // v = a + sign(a_j) |a| e_j, H = I - 2 v vᵀ / vᵀv
-    const double norm = std::copysign(std::sqrt(norm2), A[j][j]);
-    std::array<double, kMaxRows> v;
+    const Real norm = std::copysign(std::sqrt(norm2), A[j][j]);
+    std::array<Real, kMaxRows> v;
     for (int i = j; i < rows; ++i) v[i] = A[i][j];
     v[j] += norm;
-    const double scale = 1 / (norm * v[j]);  // 2 / vᵀv
-    const auto reflect = [&](double* column, int stride) {
-      double dot = 0;
+    const Real scale = 1 / (norm * v[j]);  // 2 / vᵀv
+    const auto reflect = [&](Real* column, int stride) {
+      Real dot = 0;
       for (int i = j; i < rows; ++i) dot += v[i] * column[i * stride];
       dot *= scale;
       for (int i = j; i < rows; ++i) column[i * stride] -= dot * v[i];
@@ -44,7 +44,7 @@ inline bool eliminate(int n, int rows, RowsOfPose& A, double* B, int width,
     reflect(e.data(), 1);
     for (int first = 0; first < width; first += kBlock) {  // along the rows of B, a few at a time
       const int count = std::min(kBlock, width - first);
-      double dot[kBlock] = {};
+      Real dot[kBlock] = {};
       for (int i = j; i < rows; ++i)
         for (int k = 0; k < count; ++k) dot[k] += v[i] * B[i * width + first + k];
       for (int i = j; i < rows; ++i)

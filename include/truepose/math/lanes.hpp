@@ -6,12 +6,12 @@
 namespace truepose {
 
 /// Two numbers that take the same way: one register of SSE2 or NEON.
-using Pair = Eigen::Array2d;
+using Pair = Eigen::Array<Real, 2, 1>;
 inline Pair swapped(const Pair& pair) { return pair.reverse(); }
 
 /// One number for each of N chains. Even N fill whole registers.
 template <int N>
-using Lanes = Eigen::Array<double, N, 1>;
+using Lanes = Eigen::Array<Real, N, 1>;
 
 /// One vector for each of N chains; named like a Vec3, so that a formula can serve both.
 template <int N>
@@ -44,8 +44,8 @@ inline Points<N> points(F&& point) {
 /// The largest of all. Eigen's maxCoeff goes through a pointer to a function, which clang cannot
 /// see through when it checks that the control path never blocks.
 template <int N>
-inline double largest(const Lanes<N>& values) {
-  double result = values[0];
+inline Real largest(const Lanes<N>& values) {
+  Real result = values[0];
   for (int i = 1; i < N; ++i) result = values[i] > result ? values[i] : result;
   return result;
 }

@@ -4,11 +4,13 @@
 #include <array>
 #include <cmath>
 
+#include "truepose/math/real.hpp"
+
 namespace truepose {
 
-/// Below this a pivot counts as zero: for A = JᵀJ a column of J within 1e-6 rad of the span of the
-/// ones before it.
-inline constexpr double kSingular = 1e-12;
+/// Below this a pivot counts as zero: for A = JᵀJ a column of J within 1e-6 rad (single precision:
+/// 1e-3) of the span of the ones before it.
+inline constexpr Real kSingular = by_precision(1e-12, 1e-6);
 
 /// LDLᵀ of a symmetric positive definite N×N matrix, of which only the lower triangle is read.
 /// N is a compile-time size: the loops unroll and nothing is allocated.
@@ -17,9 +19,9 @@ class Ldlt {
  public:
   /// Factorises A. size[j] is what A[j][j] would be if nothing in it cancelled: it gives the unit
   /// in which the pivots are judged, so that neither metres nor radians matter.
-  Ldlt(const std::array<std::array<double, N>, N>& A, const std::array<double, N>& size) {
+  Ldlt(const std::array<std::array<Real, N>, N>& A, const std::array<Real, N>& size) {
     for (int j = 0; j < N; ++j) {
-      double pivot = A[j][j], scaled[N];  // scaled: row j of L D
+      Real pivot = A[j][j], scaled[N];  // scaled: row j of L D
       for (int k = 0; k < j; ++k) {
         scaled[k] = l_[j][k] * d_[k];
         pivot -= l_[j][k] * scaled[k];
@@ -28,7 +30,7 @@ class Ldlt {
       d_[j] = pivot;
       inverse_[j] = 1 / pivot;
       for (int i = j + 1; i < N; ++i) {
-        double sum = A[i][j];
+        Real sum = A[i][j];
         for (int k = 0; k < j; ++k) sum -= l_[i][k] * scaled[k];
         l_[i][j] = sum * inverse_[j];
       }
@@ -49,8 +51,8 @@ class Ldlt {
   }
 
  private:
-  double l_[N][N];
-  double d_[N], inverse_[N];
+  Real l_[N][N];
+  Real d_[N], inverse_[N];
   bool regular_ = true;
 };
 

@@ -4,16 +4,25 @@
 #include <algorithm>
 #include <utility>
 
+#include "truepose/math/real.hpp"
+
 namespace truepose {
 
-/// Residual, in lengths, below which rounding decides.
-inline constexpr double kRounding = 2e-15;
+// Of a search: residuals in units of the largest length.
+/// Below this rounding decides.
+inline constexpr Real kRounding = by_precision(2e-15, 1e-7);
+/// Below this a search has closed its loops.
+inline constexpr Real kClosed = by_precision(1e-12, 1e-5);
+/// Below this the factors of one step serve the next.
+inline constexpr Real kChord = by_precision(1e-9, 1e-4);
+/// Below this a step that gains nothing was refused by rounding.
+inline constexpr Real kNothingToGain = by_precision(1e-13, 3e-6);
 
 /// How a search by Newton's method ended.
 struct NewtonEnd {
   int iterations = 0;   ///< steps tried
   bool regular = true;  ///< whether the last factors had full rank
-  double damping = 0;   ///< of the last step; 0: Newton's own
+  Real damping = 0;     ///< of the last step; 0: Newton's own
 };
 
 /// Newton on f = 0. A step that does not lower Σf² is retried with Levenberg's damping. Convergence
@@ -27,9 +36,9 @@ struct NewtonEnd {
 /// @param factor   factor(state, damping): what solves for a step there, with regular()
 /// @param step     step(state, factors, after): fills the state after the step
 template <class State, class Factor, class Step>
-inline NewtonEnd damped_newton(State*& current, State*& trial, double scale, int most,
+inline NewtonEnd damped_newton(State*& current, State*& trial, Real scale, int most,
                                Factor&& factor, Step&& step) {
-  const double rounding = kRounding * scale;
+  const Real rounding = kRounding * scale;
   NewtonEnd end;
   do {
     const auto factors = factor(*current, end.damping);
@@ -50,10 +59,11 @@ inline NewtonEnd damped_newton(State*& current, State*& trial, double scale, int
       }
       end.damping = end.damping > 1e-3 ? 0.1 * end.damping : 0;
       std::swap(current, trial);
-    } while (end.damping == 0 && current->residual > rounding && current->residual < 1e-9 * scale &&
-             end.iterations < most);
+    } while (end.damping == 0 && current->residual > rounding &&
+             current->residual < kChord * scale && end.iterations < most);
     // A step refused at the level of rounding is not a failure: nothing is left to gain.
-    if (current->residual <= rounding || (end.damping > 0 && current->residual < 1e-13 * scale))
+    if (current->residual <= rounding ||
+        (end.damping > 0 && current->residual < kNothingToGain * scale))
       break;
   } while (end.iterations < most && end.damping < 1e12);
   return end;

@@ -17,7 +17,7 @@ inline void multiply(const PairBlock& a, const PairBlock& b, PairBlock& product)
 
 /// Below this the determinant of three rods' directions, in units of their mean square, counts as
 /// too small to divide by: a block then loses four digits of sixteen at worst.
-inline constexpr double kIndependent = 1e-2;
+inline constexpr Real kIndependent = 1e-2;
 
 /// Inverse and determinant of a 6×6 matrix whose even rows are [P Q] and whose odd rows are [S T]:
 ///
@@ -29,10 +29,10 @@ inline constexpr double kIndependent = 1e-2;
 /// product serves both.
 struct Triples {
   bool independent = false;  ///< P and S are far from singular; otherwise nothing was computed
-  double determinant = 0;
-  double difference = 0;  ///< det G: the whole is singular where this vanishes
+  Real determinant = 0;
+  Real difference = 0;  ///< det G: the whole is singular where this vanishes
 };
-inline Triples invert_by_triples(const std::array<Lanes<6>, 6>& columns, double size,
+inline Triples invert_by_triples(const std::array<Lanes<6>, 6>& columns, Real size,
                                  const Lanes<6>& scale, Matrix<6, 6>& inverse) {
   PairBlock V, M;
   for (int k = 0; k < 3; ++k)
@@ -42,7 +42,7 @@ inline Triples invert_by_triples(const std::array<Lanes<6>, 6>& columns, double 
     }
   PairBlock V_adjugate, B, difference, D_adjugate, W, top;
   const Pair det_V = adjugate<3>(V, V_adjugate);
-  const double least2 = kIndependent * kIndependent * size * size * size;
+  const Real least2 = kIndependent * kIndependent * size * size * size;
   if (!(det_V[0] * det_V[0] > least2 && det_V[1] * det_V[1] > least2)) return {};
 
   const Pair minus_per_det = -1 / det_V;

@@ -8,8 +8,8 @@
 namespace truepose {
 
 /// Rotation about z.
-inline Mat3 rotation_z(double angle) {
-  const double c = std::cos(angle), s = std::sin(angle);
+inline Mat3 rotation_z(Real angle) {
+  const Real c = std::cos(angle), s = std::sin(angle);
   Mat3 R;
   R << c, -s, 0, s, c, 0, 0, 0, 1;
   return R;
@@ -17,14 +17,14 @@ inline Mat3 rotation_z(double angle) {
 
 /// sin(θ)/θ and (1 - cos θ)/θ², side by side, from θ². Up to 1 rad by their series, which are exact
 /// to rounding, need no root and cost a third of sine and cosine.
-inline Pair versine_ratios(double angle2) {
+inline Pair versine_ratios(Real angle2) {
   if (!(angle2 < 1)) {
-    const double angle = std::sqrt(angle2);
+    const Real angle = std::sqrt(angle2);
     return {std::sin(angle) / angle, (1 - std::cos(angle)) / angle2};
   }
   // (-θ²)ᵏ/(2k+1)! and (-θ²)ᵏ/(2k+2)!, k = 0 … 8, even and odd powers apart to shorten the chain.
-  const double t = angle2, t2 = t * t, t4 = t2 * t2;
-  const auto term = [](double first, double second) -> Pair { return {1 / first, 1 / second}; };
+  const Real t = angle2, t2 = t * t, t4 = t2 * t2;
+  const auto term = [](Real first, Real second) -> Pair { return {1 / first, 1 / second}; };
   const Pair low = (term(1, 2) - t * term(6, 24)) + t2 * (term(120, 720) - t * term(5040, 40320));
   const Pair high = (term(362880, 3628800) - t * term(39916800, 479001600)) +
                     t2 * (term(6227020800, 87178291200) - t * term(1307674368000, 20922789888000));
@@ -33,11 +33,11 @@ inline Pair versine_ratios(double angle2) {
 
 /// Rotation by the vector w (Rodrigues): I + a W + b W², W² = w wᵀ - |w|² I.
 inline Mat3 exp_so3(const Vec3& w) {
-  const double angle2 = w.squaredNorm();
+  const Real angle2 = w.squaredNorm();
   const Pair ratios = versine_ratios(angle2);
-  const double a = ratios[0], b = ratios[1], c = 1 - b * angle2;
+  const Real a = ratios[0], b = ratios[1], c = 1 - b * angle2;
   const Vec3 s = a * w, u = b * w;
-  const double xy = u.x() * w.y(), xz = u.x() * w.z(), yz = u.y() * w.z();
+  const Real xy = u.x() * w.y(), xz = u.x() * w.z(), yz = u.y() * w.z();
   Mat3 R;
   R << c + u.x() * w.x(), xy - s.z(), xz + s.y(), xy + s.z(), c + u.y() * w.y(), yz - s.x(),
       xz - s.y(), yz + s.x(), c + u.z() * w.z();
@@ -46,25 +46,26 @@ inline Mat3 exp_so3(const Vec3& w) {
 
 /// Rotation vector of R, angle in [0, π]. Through the quaternion: well conditioned everywhere.
 inline Vec3 log_so3(const Mat3& R) {
-  Eigen::Quaterniond quaternion(R);
+  Eigen::Quaternion<Real> quaternion(R);
   if (quaternion.w() < 0) quaternion.coeffs() = -quaternion.coeffs();
-  const double s = quaternion.vec().norm();
-  const double c = quaternion.w();
-  const double half = c > 0.1 ? std::atan(s / c) : std::atan2(s, c);  // atan: half the cost
+  const Real s = quaternion.vec().norm();
+  const Real c = quaternion.w();
+  const Real half = c > 0.1 ? std::atan(s / c) : std::atan2(s, c);  // atan: half the cost
   return (s < 1e-10 ? 2.0 : 2.0 * half / s) * quaternion.vec();
 }
 
 /// θ next to `near`, turns and all, from R. Beyond 1000 rad the turns would cost θ its last digits
 /// (1e-13 rad): they are given up.
-inline double theta_of(const Mat3& R, double near) {
-  const double theta = std::atan2(R(1, 0), R(0, 0));
+inline Real theta_of(const Mat3& R, Real near) {
+  const Real theta = std::atan2(R(1, 0), R(0, 0));
   if (!(std::fabs(near) < 1000)) return theta;
-  return theta + 2 * std::numbers::pi * std::nearbyint((near - theta) / (2 * std::numbers::pi));
+  return theta + 2 * std::numbers::pi_v<Real> *
+                     std::nearbyint((near - theta) / (2 * std::numbers::pi_v<Real>));
 }
 
 /// R, turned about z so that its θ is this one: what a small turn did to θ to second order is
 /// undone.
-inline Mat3 with_theta(const Mat3& R, double theta) {
+inline Mat3 with_theta(const Mat3& R, Real theta) {
   return rotation_z(theta - std::atan2(R(1, 0), R(0, 0))) * R;
 }
 
@@ -77,9 +78,9 @@ inline constexpr int kTiltIterations = 4;
 /// Rodrigues' formula makes this w_z sin φ/φ + (n·w)(e·w)(1 - cos φ)/φ² = 0, φ = |w|. w_z is of
 /// second order in the tilt and enters φ² by its square: each iteration leaves a part of the fourth
 /// order.
-inline Vec3 tilt_keeping(double theta, double about_x, double about_y) {
-  const double c = std::cos(theta), s = std::sin(theta);
-  const double product = (c * about_x + s * about_y) * (c * about_y - s * about_x);
+inline Vec3 tilt_keeping(Real theta, Real about_x, Real about_y) {
+  const Real c = std::cos(theta), s = std::sin(theta);
+  const Real product = (c * about_x + s * about_y) * (c * about_y - s * about_x);
   Vec3 w(about_x, about_y, 0);
   for (int k = 0; k < kTiltIterations; ++k) {
     const Pair ratios = versine_ratios(w.squaredNorm());

@@ -20,10 +20,10 @@ inline Matrix<N, N> rows_of(const std::array<Lanes<N>, N>& columns) {
 /// Sign of the determinant, -1, 0 or 1: up to 4×4 by minors, above by elimination with partial
 /// pivoting.
 template <int N>
-inline int determinant_sign(std::array<std::array<double, N>, N> m) {
+inline int determinant_sign(std::array<std::array<Real, N>, N> m) {
   if constexpr (N <= 4) {
-    std::array<std::array<double, N>, N> unused;
-    const double determinant = adjugate<N>(m, unused);
+    std::array<std::array<Real, N>, N> unused;
+    const Real determinant = adjugate<N>(m, unused);
     return (determinant > 0) - (determinant < 0);
   }
   int sign = 1;
@@ -38,7 +38,7 @@ inline int determinant_sign(std::array<std::array<double, N>, N> m) {
     }
     if (m[k][k] < 0) sign = -sign;
     for (int i = k + 1; i < N; ++i) {
-      const double factor = m[i][k] / m[k][k];
+      const Real factor = m[i][k] / m[k][k];
       for (int j = k + 1; j < N; ++j) m[i][j] -= factor * m[k][j];
     }
   }
@@ -50,7 +50,7 @@ template <int N>
 inline int determinant_sign(const std::array<Lanes<N>, N>& columns) {
   if constexpr (N == 6) {
     Matrix<6, 6> unused;
-    const double size = (columns[0].square() + columns[1].square() + columns[2].square()).mean();
+    const Real size = (columns[0].square() + columns[1].square() + columns[2].square()).mean();
     const Triples triples = invert_by_triples(columns, size, Lanes<6>::Ones(), unused);
     if (triples.independent) return (triples.determinant > 0) - (triples.determinant < 0);
   }
@@ -61,10 +61,10 @@ inline int determinant_sign(const std::array<Lanes<N>, N>& columns) {
 template <int N>
 class NormalEquations {
  public:
-  using Vector = std::array<double, N>;
+  using Vector = std::array<Real, N>;
   using Matrix = std::array<Vector, N>;
 
-  NormalEquations(const Matrix& a, const Vector& size, double damping = 0)
+  NormalEquations(const Matrix& a, const Vector& size, Real damping = 0)
       : a_(a), factor_(normal(a, size, damping), size) {}
   bool regular() const { return factor_.regular(); }
 
@@ -77,7 +77,7 @@ class NormalEquations {
   }
 
   /// Column j of the solution operator, times scale.
-  Vector column(int j, double scale) const {
+  Vector column(int j, Real scale) const {
     Vector x;
     for (int i = 0; i < N; ++i) x[i] = scale * a_[j][i];
     factor_.solve(x);
@@ -85,11 +85,11 @@ class NormalEquations {
   }
 
  private:
-  static Matrix normal(const Matrix& a, const Vector& size, double damping) {
+  static Matrix normal(const Matrix& a, const Vector& size, Real damping) {
     Matrix result;
     for (int i = 0; i < N; ++i) {
       for (int j = 0; j <= i; ++j) {
-        double sum = 0;
+        Real sum = 0;
         for (int k = 0; k < N; ++k) sum += a[k][i] * a[k][j];
         result[i][j] = sum;
       }
@@ -104,13 +104,13 @@ class NormalEquations {
 
 template <int N>
 TRUEPOSE_RARE bool invert_by_normal_equations(const std::array<Lanes<N>, N>& columns,
-                                              const std::array<double, N>& size,
-                                              const Lanes<N>& scale, double damping,
+                                              const std::array<Real, N>& size,
+                                              const Lanes<N>& scale, Real damping,
                                               Matrix<N, N>& rows) {
   const Matrix<N, N> a = rows_of<N>(columns);
   const NormalEquations<N> normal(a, size, damping);
   for (int j = 0; j < N; ++j) {
-    const std::array<double, N> column = normal.column(j, scale[j]);
+    const std::array<Real, N> column = normal.column(j, scale[j]);
     for (int i = 0; i < N; ++i) rows[i][j] = column[i];
   }
   return normal.regular();
@@ -124,22 +124,22 @@ TRUEPOSE_RARE bool invert_by_normal_equations(const std::array<Lanes<N>, N>& col
 /// damping > 0: Levenberg's (AᵀA + damping · diag(size))⁻¹Aᵀ in the place of A⁻¹.
 /// @return whether A has full rank
 template <int N>
-inline bool invert(const std::array<Lanes<N>, N>& columns, const std::array<double, N>& size,
-                   const Lanes<N>& scale, double damping, Matrix<N, N>& rows) {
+inline bool invert(const std::array<Lanes<N>, N>& columns, const std::array<Real, N>& size,
+                   const Lanes<N>& scale, Real damping, Matrix<N, N>& rows) {
   if constexpr (N <= 4) {
     if (!(damping > 0)) {
       Matrix<N, N> b;
-      const double determinant = adjugate<N>(rows_of<N>(columns), b);
-      const double per_determinant = 1 / determinant;
+      const Real determinant = adjugate<N>(rows_of<N>(columns), b);
+      const Real per_determinant = 1 / determinant;
       for (int i = 0; i < N; ++i)
         for (int j = 0; j < N; ++j) rows[i][j] = b[i][j] * (per_determinant * scale[j]);
-      double unit = kSingular;
+      Real unit = kSingular;
       for (int j = 0; j < N; ++j) unit *= size[j];
       return determinant * determinant > unit;  // false for a NaN
     }
   } else if (!(damping > 0)) {
     const Triples triples = invert_by_triples(columns, size[0] / N, scale, rows);
-    const double lever2 = size[3] / size[0];
+    const Real lever2 = size[3] / size[0];
     if (triples.independent)
       return triples.difference * triples.difference > kSingular * lever2 * lever2 * lever2;
   }

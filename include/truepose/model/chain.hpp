@@ -11,60 +11,67 @@ namespace truepose {
 
 /// A chain whose loop is closed.
 struct ChainState {
-  double q = 0;   ///< motor position as the encoder reads it
-  double rate;    ///< ∂position/∂q: 1 but for a gain or an eccentricity of the encoder
-  Vec3 p;         ///< P to B (telescopic: zero)
-  Vec3 v;         ///< A to B, the rod
-  Vec3 lever;     ///< R c, from D to the pivot
-  Vec3 dB;        ///< ∂B/∂q
-  double jq = 0;  ///< the chain's entry of J_q: v·∂B/∂q (telescopic: -L)
+  Real q = 0;   ///< motor position as the encoder reads it
+  Real rate;    ///< ∂position/∂q: 1 but for a gain or an eccentricity of the encoder
+  Vec3 p;       ///< P to B (telescopic: zero)
+  Vec3 v;       ///< A to B, the rod
+  Vec3 lever;   ///< R c, from D to the pivot
+  Vec3 dB;      ///< ∂B/∂q
+  Real jq = 0;  ///< the chain's entry of J_q: v·∂B/∂q (telescopic: -L)
 };
 
+/// Least 1 + 4 β φ that a slide φ is taken at.
+inline constexpr Real kTurningPoint = Real(1e-6);
+
 /// What the encoder of a motor that stands at this angle or slide makes of it, its offset apart,
-/// and the derivative: gain (φ + e(φ)).
-TRUEPOSE_RARE inline Encoded encode(const Chain& chain, double position) {
-  const Encoded read = encode(chain.eccentricity, position);
-  return {chain.encoder_gain * read.value, chain.encoder_gain * read.slope};
+/// and the derivative: gain (v + e(v)). A spool that winds in layers, of radius r and with t a
+/// turn, has wound r φ + t φ²/4π after φ: a slide is v + β v², v = r φ, β = t/(4π r²).
+TRUEPOSE_RARE inline Encoded encode(const Chain& chain, Real position) {
+  // Where β takes the slide beyond its turning point, none: the root is held above zero.
+  const Real root = std::sqrt(std::max(1 + 4 * chain.encoder_buildup * position, kTurningPoint));
+  const Encoded read = encode(chain.eccentricity, 2 * position / (1 + root));
+  return {chain.encoder_gain * read.value, chain.encoder_gain * read.slope / root};
 }
 /// The inverse.
-TRUEPOSE_RARE inline double decode(const Chain& chain, double value) {
-  return decode(chain.eccentricity, value / chain.encoder_gain);
+TRUEPOSE_RARE inline Real decode(const Chain& chain, Real value) {
+  const Real v = decode(chain.eccentricity, value / chain.encoder_gain);
+  return v + chain.encoder_buildup * v * v;
 }
 
 /// Where a motor stands as its stops see it, from its reading: angle or slide, no error of the
 /// encoder.
-inline double motor_position(const Chain& chain, double q) {
-  const double value = q + chain.encoder_offset;
+inline Real motor_position(const Chain& chain, Real q) {
+  const Real value = q + chain.encoder_offset;
   return chain.encoder_errs ? decode(chain, value) : value;
 }
 
 /// The inverse: what the encoder of a motor that stands at this angle or slide reads.
-inline double motor_reading(const Chain& chain, double position) {
+inline Real motor_reading(const Chain& chain, Real position) {
   return (chain.encoder_errs ? encode(chain, position).value : position) - chain.encoder_offset;
 }
 
 /// std::remainder by a whole turn; a number within half of one, as nearly all are, at once.
-inline double without_turns(double difference, double turn) {
+inline Real without_turns(Real difference, Real turn) {
   return 2 * std::fabs(difference) < std::fabs(turn) ? difference
                                                      : std::remainder(difference, turn);
 }
 
 /// What is left of a difference of a motor's readings when whole turns of a joint are taken out:
 /// which of them an encoder counts from is nobody's geometry.
-inline double within_turn(const Chain& chain, double difference) {
+inline Real within_turn(const Chain& chain, Real difference) {
   return chain.actuator == Actuator::revolute
-             ? without_turns(difference, 2 * std::numbers::pi * chain.encoder_gain)
+             ? without_turns(difference, 2 * std::numbers::pi_v<Real> * chain.encoder_gain)
              : difference;
 }
 /// Base-side point B relative to P, its derivative, and the rod's length, at motor position q.
 struct Driven {
   Vec3 p, dB;
-  double rod;
-  double rate = 1;  ///< ∂position/∂q
+  Real rod;
+  Real rate = 1;  ///< ∂position/∂q
 };
-inline Driven drive(const Chain& chain, double q) {
-  const double position = motor_position(chain, q);
-  const double rate = chain.encoder_errs ? 1 / encode(chain, position).slope : 1;
+inline Driven drive(const Chain& chain, Real q) {
+  const Real position = motor_position(chain, q);
+  const Real rate = chain.encoder_errs ? 1 / encode(chain, position).slope : 1;
   switch (chain.actuator) {
     case Actuator::prismatic:
       return {chain.axis() * position, chain.axis() * rate, chain.rod, rate};
@@ -72,7 +79,7 @@ inline Driven drive(const Chain& chain, double q) {
     default: break;
   }
   const Vec3 e = chain.arm * chain.zero(), w = chain.axis().cross(e);
-  const double c = std::cos(position), s = std::sin(position);
+  const Real c = std::cos(position), s = std::sin(position);
   return {c * e + s * w, rate * (c * w - s * e), chain.rod, rate};
 }
 
@@ -80,7 +87,7 @@ inline Driven drive(const Chain& chain, double q) {
 TRUEPOSE_APART inline Outcome beyond_limits(const Robot& robot, const Joint& q) {
   if (!robot.finished) return {Status::unfinished, -1};
   for (int i = 0; i < robot.motors; ++i) {
-    const double position = motor_position(robot.chain[i], q[i]);
+    const Real position = motor_position(robot.chain[i], q[i]);
     if (!(position >= robot.chain[i].low && position <= robot.chain[i].high))
       return {Status::joint_limit, i};
   }
@@ -94,28 +101,39 @@ inline Outcome within_limits(const Robot& robot, const Joint& q) {
   return robot.limited ? beyond_limits(robot, q) : Outcome{};
 }
 
+/// The same, and whether the passive axes of a pivot turn that far.
+/// @return joint_limit: the first chain beyond, or -1 where it is an axis
+template <Mobility K>
+inline Outcome within_limits(const Robot& robot, [[maybe_unused]] const Pose& pose,
+                             const Joint& q) {
+  if constexpr (kPivots<K>)
+    for (int j = 0; j < kDof<K> && robot.limited; ++j)
+      if (!(pose.D[j] >= robot.axis[j].low && pose.D[j] <= robot.axis[j].high))
+        return {Status::joint_limit, -1};
+  return within_limits(robot, q);
+}
+
 /// The entry of J_q for a rod v: the paper's (p×v)·u, for any actuator.
-inline double jq_entry(const Chain& chain, const Vec3& v, const Driven& driven) {
+inline Real jq_entry(const Chain& chain, const Vec3& v, const Driven& driven) {
   return chain.actuator == Actuator::telescopic ? -driven.rod * driven.rate : v.dot(driven.dB);
 }
 
 /// By how much a rod is too short (positive) or too long (negative) to join its motor's reach to
 /// A = P + d; 0 where it closes. B moves on a circle, on a line, or (telescopic) not at all.
-inline double shortfall(const Chain& chain, const Vec3& d) {
+inline Real shortfall(const Chain& chain, const Vec3& d) {
   if (chain.actuator == Actuator::telescopic) return 0;
-  const double along = chain.axis().dot(d);
-  const double across = std::sqrt(std::max(d.squaredNorm() - along * along, 0.0));
+  const Real along = chain.axis().dot(d);
+  const Real across = std::sqrt(std::max(d.squaredNorm() - along * along, 0.0));
   if (chain.actuator == Actuator::prismatic) return std::max(across - chain.rod, 0.0);
-  const double nearest = Eigen::Vector2d(across - chain.arm, along).norm();
-  const double farthest = Eigen::Vector2d(across + chain.arm, along).norm();
+  const Real nearest = Eigen::Matrix<Real, 2, 1>(across - chain.arm, along).norm();
+  const Real farthest = Eigen::Matrix<Real, 2, 1>(across + chain.arm, along).norm();
   return chain.rod < nearest ? nearest - chain.rod : std::min(farthest - chain.rod, 0.0);
 }
 
 /// Turns what close() found of a motor into what an encoder with a gain or an eccentricity reads,
 /// everything per that q. Kept out of close(), whose usual path then costs nothing for it.
 /// @return as read, the offset apart
-TRUEPOSE_RARE inline double read_with_errors(const Chain& chain, double position,
-                                             ChainState& state) {
+TRUEPOSE_RARE inline Real read_with_errors(const Chain& chain, Real position, ChainState& state) {
   const Encoded read = encode(chain, position);
   state.rate = 1 / read.slope;
   state.jq *= state.rate;
@@ -130,10 +148,9 @@ TRUEPOSE_RARE inline double read_with_errors(const Chain& chain, double position
 /// @return false when the rod cannot reach.
 /// @param d2  |d|²
 template <bool NeedAngle = true>
-TRUEPOSE_FLATTEN inline bool close(const Chain& chain, const Vec3& d, double d2,
-                                   ChainState& state) {
-  const double sign = chain.working_mode;
-  double position = 0;
+TRUEPOSE_FLATTEN inline bool close(const Chain& chain, const Vec3& d, Real d2, ChainState& state) {
+  const Real sign = chain.working_mode;
+  Real position = 0;
   state.rate = 1;
   switch (chain.actuator) {
     case Actuator::telescopic: {
@@ -145,8 +162,8 @@ TRUEPOSE_FLATTEN inline bool close(const Chain& chain, const Vec3& d, double d2,
       break;
     }
     case Actuator::prismatic: {
-      const double along = chain.axis().dot(d);
-      const double root2 = chain.rod * chain.rod - d2 + along * along;
+      const Real along = chain.axis().dot(d);
+      const Real root2 = chain.rod * chain.rod - d2 + along * along;
       if (!(root2 >= 0)) return false;
       state.jq = sign * std::sqrt(root2);
       position = along + state.jq;
@@ -157,12 +174,12 @@ TRUEPOSE_FLATTEN inline bool close(const Chain& chain, const Vec3& d, double d2,
     }
     default: {  // a cos q + b sin q = c, from |p - d|² = L²
       const Vec3 e = chain.arm * chain.zero(), w = chain.axis().cross(e);
-      const double a = e.dot(d), b = w.dot(d);
-      const double c = 0.5 * (chain.arm * chain.arm + d2 - chain.rod * chain.rod);
-      const double r2 = a * a + b * b, root2 = r2 - c * c;
+      const Real a = e.dot(d), b = w.dot(d);
+      const Real c = 0.5 * (chain.arm * chain.arm + d2 - chain.rod * chain.rod);
+      const Real r2 = a * a + b * b, root2 = r2 - c * c;
       if (!(root2 >= 0) || !(r2 > 0)) return false;
       state.jq = sign * std::sqrt(root2);
-      const double cosine = (a * c - b * state.jq) / r2, sine = (b * c + a * state.jq) / r2;
+      const Real cosine = (a * c - b * state.jq) / r2, sine = (b * c + a * state.jq) / r2;
       if constexpr (NeedAngle)  // tan(q/2) = sin/(1 + cos): half the cost, where regular
         position = cosine > -0.5 ? 2 * std::atan(sine / (1 + cosine)) : std::atan2(sine, cosine);
       state.p = cosine * e + sine * w;

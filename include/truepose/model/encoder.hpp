@@ -6,13 +6,15 @@
 
 #include "truepose/model/attributes.hpp"
 
+#include "truepose/math/real.hpp"
+
 namespace truepose {
 
 /// First and second harmonic of an encoder's error. Its shaft stands at φ = gear · angle and reads
 /// φ + e(φ), e(φ) = c1 cos φ + s1 sin φ + c2 cos 2φ + s2 sin 2φ: an angle reads angle + e(φ)/gear.
 struct Eccentricity {
-  double gear = 1;                    ///< turns of the shaft per turn of what it measures
-  std::array<double, 4> amplitude{};  ///< c1, s1, c2, s2, rad of the shaft
+  Real gear = 1;                    ///< turns of the shaft per turn of what it measures
+  std::array<Real, 4> amplitude{};  ///< c1, s1, c2, s2, rad of the shaft
 
   bool any() const {
     return amplitude[0] != 0 || amplitude[1] != 0 || amplitude[2] != 0 || amplitude[3] != 0;
@@ -20,17 +22,17 @@ struct Eccentricity {
 };
 
 /// cos φ, sin φ, cos 2φ, sin 2φ: e's derivatives with respect to its amplitudes.
-inline std::array<double, 4> harmonics(const Eccentricity& encoder, double angle) {
-  const double phi = encoder.gear * angle;
+inline std::array<Real, 4> harmonics(const Eccentricity& encoder, Real angle) {
+  const Real phi = encoder.gear * angle;
   return {std::cos(phi), std::sin(phi), std::cos(2 * phi), std::sin(2 * phi)};
 }
 
 /// What an angle reads, and the derivative 1 + e'(φ).
 struct Encoded {
-  double value, slope;
+  Real value, slope;
 };
-TRUEPOSE_RARE inline Encoded encode(const Eccentricity& encoder, double angle) {
-  const std::array<double, 4> h = harmonics(encoder, angle), &a = encoder.amplitude;
+TRUEPOSE_RARE inline Encoded encode(const Eccentricity& encoder, Real angle) {
+  const std::array<Real, 4> h = harmonics(encoder, angle), &a = encoder.amplitude;
   return {angle + (a[0] * h[0] + a[1] * h[1] + a[2] * h[2] + a[3] * h[3]) / encoder.gear,
           1 - a[0] * h[1] + a[1] * h[0] - 2 * (a[2] * h[3] - a[3] * h[2])};
 }
@@ -39,13 +41,14 @@ inline constexpr int kDecodeIterations = 12;
 
 /// The angle that reads `value`, by Newton. Where 1 + e' > 0 everywhere, which every encoder that
 /// can be used fulfils, there is one.
-TRUEPOSE_RARE inline double decode(const Eccentricity& encoder, double value) {
-  double angle = value;
+TRUEPOSE_RARE inline Real decode(const Eccentricity& encoder, Real value) {
+  Real angle = value;
   for (int k = 0; k < kDecodeIterations; ++k) {
     const Encoded read = encode(encoder, angle);
-    const double step = (value - read.value) / read.slope;
+    const Real step = (value - read.value) / read.slope;
     angle += step;
-    if (!(std::fabs(step) > 1e-12)) break;  // quadratic: the next one is below rounding
+    if (!(std::fabs(step) > by_precision(1e-12, 1e-6)))
+      break;  // quadratic: the next one is below rounding
   }
   return angle;
 }

@@ -7,19 +7,20 @@ namespace truepose {
 
 /// ξ of the robot as drawn: what set_parameters turns into that robot again.
 /// @param xi  out, parameter_count(drawn) values
-inline Outcome drawn_parameters(const Robot& drawn, double* xi) {
+inline Outcome drawn_parameters(const Robot& drawn, Real* xi) {
   if (!drawn.finished) return {Status::unfinished, -1};
   std::fill_n(xi, parameter_count(drawn), 0.0);
-  const auto enter = [](double* at, const Vec3& vector) { std::copy_n(vector.data(), 3, at); };
+  const auto enter = [](Real* at, const Vec3& vector) { std::copy_n(vector.data(), 3, at); };
   for (int i = 0; i < drawn.chains; ++i) {
     const Chain& chain = drawn.chain[i];
-    double* of = xi + chain_column(i);
+    Real* of = xi + chain_column(i);
     const auto at = [&](ChainParameter p) { return of + static_cast<int>(p); };
     enter(at(ChainParameter::base_x), chain.base());
     *at(ChainParameter::arm) = chain.arm;
     *at(ChainParameter::rod) = chain.rod;
     *at(ChainParameter::encoder_offset) = chain.encoder_offset;
     *at(ChainParameter::encoder_gain) = chain.encoder_gain;
+    *at(ChainParameter::encoder_buildup) = chain.encoder_buildup;
     enter(at(ChainParameter::anchor_x), chain.bar < 0 ? chain.pivot() : chain.anchor());
     *at(ChainParameter::rod_difference) = chain.rod_difference;
     *at(ChainParameter::rod_spacing) = chain.rod_spacing;
@@ -28,7 +29,7 @@ inline Outcome drawn_parameters(const Robot& drawn, double* xi) {
   }
   for (int k = 0; k < drawn.r; ++k) {
     const Sensor& sensor = drawn.sensor[k];
-    double* of = xi + sensor_column(drawn, k);
+    Real* of = xi + sensor_column(drawn, k);
     const auto at = [&](SensorParameter p) { return of + static_cast<int>(p); };
     *at(SensorParameter::offset) = sensor.offset;
     *at(SensorParameter::gain) = sensor.gain;
@@ -37,6 +38,11 @@ inline Outcome drawn_parameters(const Robot& drawn, double* xi) {
     enter(at(SensorParameter::target_x), sensor.target());
     enter(at(SensorParameter::normal_x), sensor.normal());
     std::copy_n(sensor.eccentricity.amplitude.data(), 4, at(SensorParameter::eccentricity_c1));
+  }
+  for (int j = 0; j < passive_axes(drawn.mobility); ++j) {
+    Real* of = xi + axis_column(drawn, j);
+    enter(of + static_cast<int>(AxisParameter::origin_x), drawn.axis[j].origin());
+    enter(of + static_cast<int>(AxisParameter::direction_x), drawn.axis[j].direction());
   }
   return {};
 }
@@ -47,19 +53,20 @@ inline Outcome drawn_parameters(const Robot& drawn, double* xi) {
 /// @param xi     parameter_count(drawn) values, in the order of parameters.hpp; directions and
 ///               normals of any length
 /// @param robot  in: a copy of `drawn`, perhaps with other values; out: with these
-inline Outcome set_parameters(const Robot& drawn, const double* xi, Robot& robot) {
+inline Outcome set_parameters(const Robot& drawn, const Real* xi, Robot& robot) {
   if (!drawn.finished || !robot.finished) return {Status::unfinished, -1};
-  const auto vector = [](const double* at) { return Vec3(at[0], at[1], at[2]); };
+  const auto vector = [](const Real* at) { return Vec3(at[0], at[1], at[2]); };
   for (int i = 0; i < drawn.chains; ++i) {
     const Chain& from = drawn.chain[i];
     Chain& chain = robot.chain[i];
-    const double* of = xi + chain_column(i);
+    const Real* of = xi + chain_column(i);
     const auto at = [&](ChainParameter p) { return of + static_cast<int>(p); };
     chain.base = vector(at(ChainParameter::base_x));
     chain.arm = *at(ChainParameter::arm);
     chain.rod = *at(ChainParameter::rod);
     chain.encoder_offset = *at(ChainParameter::encoder_offset);
     chain.encoder_gain = *at(ChainParameter::encoder_gain);
+    chain.encoder_buildup = *at(ChainParameter::encoder_buildup);
     // Yaw adds to α: it turns e and u about z. Tilt then turns u about e.
     const Mat3 yaw = rotation_z(*at(ChainParameter::yaw));
     chain.zero = yaw * from.zero();
@@ -82,7 +89,7 @@ inline Outcome set_parameters(const Robot& drawn, const double* xi, Robot& robot
       robot.body[k].pivot = xi[bar_column(drawn, bar)] * drawn.body[k].pivot().normalized();
   for (int k = 0; k < drawn.r; ++k) {
     Sensor& sensor = robot.sensor[k];
-    const double* of = xi + sensor_column(drawn, k);
+    const Real* of = xi + sensor_column(drawn, k);
     const auto at = [&](SensorParameter p) { return of + static_cast<int>(p); };
     sensor.offset = *at(SensorParameter::offset);
     sensor.gain = *at(SensorParameter::gain);
@@ -91,6 +98,12 @@ inline Outcome set_parameters(const Robot& drawn, const double* xi, Robot& robot
     sensor.direction = vector(at(SensorParameter::direction_x)).normalized();
     sensor.normal = vector(at(SensorParameter::normal_x)).normalized();
     std::copy_n(at(SensorParameter::eccentricity_c1), 4, sensor.eccentricity.amplitude.begin());
+  }
+  for (int j = 0; j < passive_axes(drawn.mobility); ++j) {
+    const Real* of = xi + axis_column(drawn, j);
+    robot.axis[j].origin = vector(of + static_cast<int>(AxisParameter::origin_x));
+    robot.axis[j].direction =
+        vector(of + static_cast<int>(AxisParameter::direction_x)).normalized();
   }
   note_encoders(robot);
   return {};

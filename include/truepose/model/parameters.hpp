@@ -32,7 +32,8 @@ enum class ChainParameter : int {
   eccentricity_s1,
   eccentricity_c2,
   eccentricity_s2,
-  encoder_gain
+  encoder_gain,
+  encoder_buildup  ///< of slides and legs: the last, so that arms do without
 };
 
 /// A parameter's name within its part, and its unit.
@@ -63,6 +64,7 @@ inline constexpr std::array kChainTable{
     InChain{ChainParameter::eccentricity_c2, "eccentricity.c2", Unit::radian},
     InChain{ChainParameter::eccentricity_s2, "eccentricity.s2", Unit::radian},
     InChain{ChainParameter::encoder_gain, "gain", Unit::one},
+    InChain{ChainParameter::encoder_buildup, "buildup", Unit::one},
 };
 static_assert(in_order(kChainTable, &InChain::parameter));
 inline constexpr int kChainParameters = static_cast<int>(kChainTable.size());
@@ -113,9 +115,37 @@ inline constexpr std::array kSensorParameterTable{
 static_assert(in_order(kSensorParameterTable, &InSensor::parameter));
 inline constexpr int kSensorParameters = static_cast<int>(kSensorParameterTable.size());
 
-/// ξ: chains, then the pivots of the bars, then the sensors in use.
+/// Parameters of a passive axis, in this order.
+enum class AxisParameter : int {
+  origin_x,
+  origin_y,
+  origin_z,
+  direction_x,
+  direction_y,
+  direction_z
+};
+using InAxis = ParameterProperties<AxisParameter>;
+
+inline constexpr std::array kAxisTable{
+    InAxis{AxisParameter::origin_x, "origin.x", Unit::metre},
+    InAxis{AxisParameter::origin_y, "origin.y", Unit::metre},
+    InAxis{AxisParameter::origin_z, "origin.z", Unit::metre},
+    InAxis{AxisParameter::direction_x, "direction.x", Unit::one},
+    InAxis{AxisParameter::direction_y, "direction.y", Unit::one},
+    InAxis{AxisParameter::direction_z, "direction.z", Unit::one},
+};
+static_assert(in_order(kAxisTable, &InAxis::parameter));
+inline constexpr int kAxisParameters = static_cast<int>(kAxisTable.size());
+
+/// ξ: chains, then the pivots of the bars, the sensors in use, and the passive axes.
 inline int parameter_count(const Robot& robot) {
-  return robot.chains * kChainParameters + kMaxBars + robot.r * kSensorParameters;
+  return robot.chains * kChainParameters + kMaxBars + robot.r * kSensorParameters +
+         passive_axes(robot.mobility) * kAxisParameters;
+}
+inline int axis_column(const Robot& robot, int axis) {
+  assert(axis >= 0 && axis < passive_axes(robot.mobility));
+  return robot.chains * kChainParameters + kMaxBars + robot.r * kSensorParameters +
+         axis * kAxisParameters;
 }
 inline int chain_column(int chain) { return chain * kChainParameters; }
 inline int bar_column(const Robot& robot, int bar) {
@@ -131,19 +161,24 @@ inline int sensor_column(const Robot& robot, int sensor) {
 struct Variation {
   Vec3 B = Vec3::Zero(), A = Vec3::Zero();
   Vec3 turn = Vec3::Zero();  ///< of the frame e, u×e, u at the motor
-  double rod = 0;            ///< of L
-  double motor = 0;          ///< of the motor's angle or position, as its encoder reads it
-  double difference = 0;     ///< of δ between the rods of a pair (full level)
-  double spacing = 0;        ///< of s between them
+  Real rod = 0;              ///< of L
+  Real motor = 0;            ///< of the motor's angle or position, as its encoder reads it
+  Real difference = 0;       ///< of δ between the rods of a pair (full level)
+  Real spacing = 0;          ///< of s between them
 };
 
-/// ∂q of a motor that stands still with its arm at p, by each of its encoder's amplitudes and by
-/// its gain, which scales from 0: with whole turns left out of q as the models leave them out.
-inline std::array<double, 5> encoder_reading(const Chain& chain, double q, const Vec3& p) {
-  std::array<double, 5> change{0, 0, 0, 0, (q + chain.encoder_offset) / chain.encoder_gain};
-  if (chain.actuator != Actuator::revolute) return change;
-  const double position = std::atan2(chain.axis().cross(chain.zero()).dot(p), chain.zero().dot(p));
-  const std::array<double, 4> harmonic = harmonics(chain.eccentricity, position);
+/// ∂q of a motor that stands still with its arm at p, by each of its encoder's amplitudes, by its
+/// gain, which scales from 0, with whole turns left out of q as the models leave them out, and by
+/// its build-up.
+inline std::array<Real, 6> encoder_reading(const Chain& chain, Real q, const Vec3& p) {
+  const Real v = (q + chain.encoder_offset) / chain.encoder_gain;
+  std::array<Real, 6> change{0, 0, 0, 0, v, 0};
+  if (chain.actuator != Actuator::revolute) {
+    change[5] = -chain.encoder_gain * v * v / (1 + 2 * chain.encoder_buildup * v);
+    return change;
+  }
+  const Real position = std::atan2(chain.axis().cross(chain.zero()).dot(p), chain.zero().dot(p));
+  const std::array<Real, 4> harmonic = harmonics(chain.eccentricity, position);
   for (int k = 0; k < 4; ++k)
     change[k] = chain.encoder_gain * harmonic[k] / chain.eccentricity.gear;
   return change;
@@ -152,7 +187,7 @@ inline std::array<double, 5> encoder_reading(const Chain& chain, double q, const
 /// @param body      orientation of the body that carries A
 /// @param encoder   as of encoder_reading
 inline Variation vary(const Chain& chain, const Vec3& p, const Mat3& body,
-                      const std::array<double, 5>& encoder, ChainParameter parameter) {
+                      const std::array<Real, 6>& encoder, ChainParameter parameter) {
   Variation change;
   const auto unit = [&](ChainParameter first) -> Vec3 {
     return Vec3::Unit(static_cast<int>(parameter) - static_cast<int>(first));
@@ -178,6 +213,7 @@ inline Variation vary(const Chain& chain, const Vec3& p, const Mat3& body,
     case ChainParameter::eccentricity_c2:
     case ChainParameter::eccentricity_s2:
     case ChainParameter::encoder_gain:
+    case ChainParameter::encoder_buildup:
       change.motor = -encoder[static_cast<std::size_t>(parameter) -
                               static_cast<std::size_t>(ChainParameter::eccentricity_c1)];
       break;
@@ -191,11 +227,12 @@ inline Variation vary(const Chain& chain, const Vec3& p, const Mat3& body,
 /// @param q      of its motor
 /// @param lever  from D to the pivot
 template <class Enter>
-inline void for_each_variation(const Robot& robot, int i, double q, const Vec3& p, const Mat3& body,
+inline void for_each_variation(const Robot& robot, int i, Real q, const Vec3& p, const Mat3& body,
                                const Vec3& lever, Enter&& enter) {
   const Chain& chain = robot.chain[i];
-  const std::array<double, 5> encoder = encoder_reading(chain, q, p);
-  for (int k = 0; k < kChainParameters; ++k)
+  const std::array<Real, 6> encoder = encoder_reading(chain, q, p);
+  const int count = kChainParameters - (chain.actuator == Actuator::revolute);
+  for (int k = 0; k < count; ++k)
     enter(chain_column(i) + k, vary(chain, p, body, encoder, static_cast<ChainParameter>(k)));
   if (chain.bar >= 0) {  // the pivot moves along itself
     Variation change;
@@ -206,14 +243,14 @@ inline void for_each_variation(const Robot& robot, int i, double q, const Vec3& 
 
 /// ∂f of a rod, f = (|v|² - L²)/2, its motor's reading held.
 /// @param jq  ∂f/∂q
-inline double closure_change(const Vec3& v, double jq, double length, const Variation& change) {
+inline Real closure_change(const Vec3& v, Real jq, Real length, const Variation& change) {
   return v.dot(change.B - change.A) + jq * change.motor - length * change.rod;
 }
 
 /// ∂s of a sensor on the chain, its motor's reading held.
-inline double sensor_change(const Sensor& sensor, const Sensed& s, const Chain& chain,
-                            const Vec3& dB, double rate, const Variation& change) {
-  const double turned = sensor.at_nacelle ? 0 : s.frame.dot(change.turn);
+inline Real sensor_change(const Sensor& sensor, const Sensed& s, const Chain& chain, const Vec3& dB,
+                          Real rate, const Variation& change) {
+  const Real turned = sensor.at_nacelle ? 0 : s.frame.dot(change.turn);
   return s.rod.dot(change.A - change.B) + turned +
          by_motor(sensor, s, chain, dB, rate) * change.motor;
 }
@@ -225,10 +262,10 @@ inline Vec3 turned_only(const Vec3& slope, const Vec3& unit) {
 
 /// The columns of H_ξ that are the sensors' own: offset, gain, mounting.
 inline void sensor_columns(const Robot& robot, const std::array<Sensed, kMaxSensors>& sensed,
-                           double* H) {
+                           Real* H) {
   const int n = dof(robot.mobility), width = parameter_count(robot);
   for (int k = 0; k < robot.r; ++k) {
-    double* row = H + (n + k) * width + sensor_column(robot, k);
+    Real* row = H + (n + k) * width + sensor_column(robot, k);
     const Sensed& s = sensed[k];
     row[static_cast<int>(SensorParameter::offset)] = -1;
     row[static_cast<int>(SensorParameter::gain)] = s.value;
@@ -240,14 +277,14 @@ inline void sensor_columns(const Robot& robot, const std::array<Sensed, kMaxSens
       for (int axis = 0; axis < 3; ++axis) row[column++] = sensor.gain * (*vector)[axis];
     if (!rotary(robot.sensor[k])) continue;
     const Eccentricity& encoder = robot.sensor[k].eccentricity;
-    for (const double harmonic : harmonics(encoder, s.angle))
+    for (const Real harmonic : harmonics(encoder, s.angle))
       row[column++] = robot.sensor[k].gain * harmonic / encoder.gear;
   }
 }
 
 /// The same of every mobility. @param states  of the n chains
 inline void parameter_jacobian(const Robot& robot, const Pose& pose, const ChainState* states,
-                               const std::array<Sensed, kMaxSensors>& sensed, double* H) {
+                               const std::array<Sensed, kMaxSensors>& sensed, Real* H) {
   const int n = dof(robot.mobility), width = parameter_count(robot);
   std::fill(H, H + (n + robot.r) * width, 0.0);
   for (int i = 0; i < n; ++i) {
@@ -256,12 +293,12 @@ inline void parameter_jacobian(const Robot& robot, const Pose& pose, const Chain
     const Mat3 body = body_of(chain, pose);
     for_each_variation(
         robot, i, state.q, state.p, body, state.lever, [&](int column, const Variation& change) {
-          const double motor = -closure_change(state.v, state.jq, chain.rod, change) / state.jq;
+          const Real motor = -closure_change(state.v, state.jq, chain.rod, change) / state.jq;
           H[i * width + column] += motor;
           for (int k = 0; k < robot.r; ++k) {
             const Sensor& sensor = robot.sensor[k];
             if (sensor.chain != i) continue;
-            const double by_q = by_motor(sensor, sensed[k], chain, state.dB, state.rate);
+            const Real by_q = by_motor(sensor, sensed[k], chain, state.dB, state.rate);
             H[(n + k) * width + column] +=
                 sensor.gain *
                 (sensor_change(sensor, sensed[k], chain, state.dB, state.rate, change) +
@@ -272,14 +309,63 @@ inline void parameter_jacobian(const Robot& robot, const Pose& pose, const Chain
   sensor_columns(robot, sensed, H);
 }
 
+/// The columns of H_ξ of the passive axes. Each parameter moves the nacelle by a twist, the angles
+/// held: an origin carries all that follows along; a direction turned by δ ⟂ d turns it by
+/// sin x δ + (1 - cos x) d × δ about the axis' origin. The readings follow as they do any motion.
+template <Mobility K>
+inline void axis_columns([[maybe_unused]] const Robot& robot,
+                         [[maybe_unused]] const Closure<K>& closure,
+                         [[maybe_unused]] const std::array<Sensed, kMaxSensors>& sensed,
+                         [[maybe_unused]] Real* H) {
+  if constexpr (kPivots<K>) {
+    constexpr int n = kDof<K>;
+    const int width = parameter_count(robot);
+    Mat3 R = Mat3::Identity();  // of the axis before
+    for (int j = 0; j < n; ++j) {
+      const Vec3 d = robot.axis[j].direction();
+      const Real c = std::cos(closure.pose.D[j]), s = std::sin(closure.pose.D[j]);
+      for (int k = 0; k < kAxisParameters; ++k) {
+        Vec3 linear = R.col(k % 3), angular = Vec3::Zero();
+        if (k >= static_cast<int>(AxisParameter::direction_x)) {
+          const Vec3 turned = turned_only(Vec3::Unit(k % 3), d);
+          angular = R * (s * turned + (1 - c) * d.cross(turned));
+          linear = angular.cross(closure.carried.arm[j]);
+        }
+        std::array<Real, n> motor;
+        for (int i = 0; i < n; ++i) {
+          const ChainState& state = closure.chain[i];
+          motor[i] = state.v.dot(linear + angular.cross(state.lever)) / state.jq;
+          H[i * width + axis_column(robot, j) + k] = motor[i];
+        }
+        for (int m = 0; m < robot.r; ++m) {
+          const Sensor& sensor = robot.sensor[m];
+          const Sensed& of = sensed[m];
+          Real change = of.linear.dot(linear) + of.angular.dot(angular);
+          if (on_chain(sensor)) {
+            const Chain& chain = robot.chain[sensor.chain];
+            const ChainState& state = closure.chain[sensor.chain];
+            const bool carried = sensor.at_nacelle && chain.bar < 0;
+            change = of.rod.dot(linear + angular.cross(state.lever)) +
+                     (carried ? of.frame.dot(angular) : 0) +
+                     by_motor(sensor, of, chain, state.dB, state.rate) * motor[sensor.chain];
+          }
+          H[(n + m) * width + axis_column(robot, j) + k] = sensor.gain * change;
+        }
+      }
+      R = R * exp_so3(closure.pose.D[j] * d);
+    }
+  }
+}
+
 /// H_ξ = ∂[q; r]/∂ξ at a closed pose, (n + r) rows of parameter_count(robot), in memory the caller
 /// owns. Directions and normals are of unit length: whoever was given one of another length divides
 /// its columns by it.
 template <Mobility K>
-inline void parameter_jacobian(const Robot& robot, const Closure<K>& closure, double* H) {
+inline void parameter_jacobian(const Robot& robot, const Closure<K>& closure, Real* H) {
   std::array<Sensed, kMaxSensors> sensed;
   for (int k = 0; k < robot.r; ++k) sensed[k] = sense<K>(robot, robot.sensor[k], closure);
-  parameter_jacobian(robot, closure.pose, closure.chain.data(), sensed, H);
+  parameter_jacobian(robot, closure.placed(), closure.chain.data(), sensed, H);
+  axis_columns<K>(robot, closure, sensed, H);
 }
 
 }  // namespace truepose

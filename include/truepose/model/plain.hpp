@@ -4,15 +4,17 @@
 #include <Eigen/Core>
 #include <array>
 
+#include "truepose/math/real.hpp"
+
 namespace truepose {
 
-using Vec3 = Eigen::Vector3d;
-using Mat3 = Eigen::Matrix3d;
+using Vec3 = Eigen::Matrix<Real, 3, 1>;
+using Mat3 = Eigen::Matrix<Real, 3, 3>;
 
 /// The numbers of a Vec3 or a Mat3 (by columns), read and written as Eigen's by ().
 template <class Value>
 struct Plain {
-  std::array<double, Value::SizeAtCompileTime> number{};
+  std::array<Real, Value::SizeAtCompileTime> number{};
 
   Plain() = default;
   template <class Derived>

@@ -1,16 +1,19 @@
 // Where is the nacelle? Coordinates x, pose (D, R) and the twists that the mobility leaves free.
 #pragma once
 
+#include <cassert>
+
 #include "truepose/math/so3.hpp"
 
 namespace truepose {
 
 /// Position D of the nacelle's reference point and orientation R (nacelle to base).
-/// theta keeps its turns, which R alone cannot.
+/// theta keeps its turns, which R alone cannot. Of a pivot D holds x, the angles of its passive
+/// axes, which the robot alone can make a place of (carry).
 struct Pose {
   Vec3 D = Vec3::Zero();
   Mat3 R = Mat3::Identity();
-  double theta = 0;
+  Real theta = 0;
 };
 
 /// The columns of the 6-twist [velocity of D; angular velocity], base frame, that are free.
@@ -40,12 +43,14 @@ struct Freedom<Mobility::spatial> {
 template <Mobility K>
 inline constexpr int kDof = dof(K);
 template <Mobility K>
+inline constexpr bool kPivots = pivots(K);
+template <Mobility K>
 inline constexpr bool kTurnsAboutZ = K == Mobility::planar || K == Mobility::schoenflies;
 
 /// R l, by as many products as the mobility needs, for each of N vectors.
 template <Mobility K, int N>
 inline Points<N> turned(const Mat3& R, const Points<N>& l) {
-  if constexpr (K == Mobility::spatial)
+  if constexpr (K == Mobility::spatial || kPivots<K>)
     return {R(0, 0) * l.px + R(0, 1) * l.py + R(0, 2) * l.pz,
             R(1, 0) * l.px + R(1, 1) * l.py + R(1, 2) * l.pz,
             R(2, 0) * l.px + R(2, 1) * l.py + R(2, 2) * l.pz};
@@ -58,7 +63,7 @@ inline Points<N> turned(const Mat3& R, const Points<N>& l) {
 /// R l, by as many products as the mobility needs.
 template <Mobility K>
 inline Vec3 turned(const Mat3& R, const Vec3& l) {
-  if constexpr (K == Mobility::spatial)
+  if constexpr (K == Mobility::spatial || kPivots<K>)
     return R * l;
   else if constexpr (kTurnsAboutZ<K>)
     return Vec3(R(0, 0) * l.x() + R(0, 1) * l.y(), R(1, 0) * l.x() + R(1, 1) * l.y(), l.z());
@@ -69,6 +74,10 @@ inline Vec3 turned(const Mat3& R, const Vec3& l) {
 template <Mobility K>
 inline Pose to_pose(const Coordinates& x) {
   Pose pose;
+  if constexpr (kPivots<K>) {
+    for (int j = 0; j < kDof<K>; ++j) pose.D[j] = x[j];
+    return pose;
+  }
   pose.D.x() = x[0];
   pose.D.y() = x[1];
   if constexpr (K == Mobility::translation || K == Mobility::schoenflies || K == Mobility::spatial)
@@ -84,6 +93,10 @@ inline Pose to_pose(const Coordinates& x) {
 template <Mobility K>
 inline Coordinates to_coordinates(const Pose& pose) {
   Coordinates x{};
+  if constexpr (kPivots<K>) {
+    for (int j = 0; j < kDof<K>; ++j) x[j] = pose.D[j];
+    return x;
+  }
   x[0] = pose.D.x();
   x[1] = pose.D.y();
   if constexpr (K == Mobility::translation || K == Mobility::schoenflies || K == Mobility::spatial)
@@ -106,16 +119,20 @@ inline Pose moved(const Pose& pose, const Coordinates& step) {
     return result;
   } else {
     Pose result = pose;
+    if constexpr (kPivots<K>) {
+      for (int j = 0; j < kDof<K>; ++j) result.D[j] += step[j];
+      return result;
+    }
     result.D.x() += step[0];
     result.D.y() += step[1];
     if constexpr (K == Mobility::translation || K == Mobility::schoenflies) result.D.z() += step[2];
     if constexpr (kTurnsAboutZ<K>) {
-      const double turn = step[kDof<K> - 1], turn2 = turn * turn;
+      const Real turn = step[kDof<K> - 1], turn2 = turn * turn;
       result.theta += turn;
       if (turn2 < 1e-4) {  // the series is exact to rounding, and several times faster
-        const double s = turn * (1 - turn2 * (1.0 / 6 - turn2 / 120));
-        const double c = 1 - turn2 * (0.5 - turn2 * (1.0 / 24 - turn2 / 720));
-        const double x = pose.R(0, 0), y = pose.R(1, 0);
+        const Real s = turn * (1 - turn2 * (1.0 / 6 - turn2 / 120));
+        const Real c = 1 - turn2 * (0.5 - turn2 * (1.0 / 24 - turn2 / 720));
+        const Real x = pose.R(0, 0), y = pose.R(1, 0);
         result.R(0, 0) = result.R(1, 1) = c * x - s * y;
         result.R(1, 0) = s * x + c * y;
         result.R(0, 1) = -result.R(1, 0);
@@ -141,6 +158,74 @@ inline Coordinates difference(const Pose& to, const Pose& from) {
   }
 }
 
+/// Where the passive axes of a pivot carry the nacelle, and the twist of each: what turns about a_j
+/// through p_j moves D with a_j × (D - p_j). Of other mobilities nothing: their pose says it all.
+template <Mobility K>
+struct Carried {};
+/// Of a pivot.
+template <Mobility K>
+  requires kPivots<K>
+struct Carried<K> {
+  Pose pose;                               ///< D and R of the nacelle
+  std::array<Vec3, kDof<K>> axis, linear;  ///< a_j, and the velocity of D at ẋ_j = 1, base frame
+  std::array<Vec3, kDof<K>> arm;           ///< D - p_j
+};
+
+/// exp(x d) about a unit vector, by Rodrigues.
+inline Mat3 turn_about(const Vec3& d, Real angle) {
+  const Real c = std::cos(angle);
+  const Vec3 s = std::sin(angle) * d, u = (1 - c) * d;
+  const Real xy = u.x() * d.y(), xz = u.x() * d.z(), yz = u.y() * d.z();
+  Mat3 R;
+  R << c + u.x() * d.x(), xy - s.z(), xz + s.y(), xy + s.z(), c + u.y() * d.y(), yz - s.x(),
+      xz - s.y(), yz + s.x(), c + u.z() * d.z();
+  return R;
+}
+
+/// The chain of frames: p_j = p_{j-1} + R o_j, a_j = R d_j, R ← R exp(x_j d_j); the nacelle stands
+/// on the last axis, D = p_n.
+template <Mobility K>
+TRUEPOSE_FLATTEN inline Carried<K> carry([[maybe_unused]] const Robot& robot,
+                                         [[maybe_unused]] const Pose& pose) {
+  Carried<K> carried;
+  if constexpr (kPivots<K>) {
+    constexpr int n = kDof<K>;
+    std::array<Vec3, n> centre;
+    Mat3 R = turn_about(robot.axis[0].direction(), pose.D[0]);
+    carried.axis[0] = robot.axis[0].direction();
+    centre[0] = robot.axis[0].origin();
+    for (int j = 1; j < n; ++j) {
+      const Vec3 d = robot.axis[j].direction(), o = robot.axis[j].origin();
+      centre[j] = centre[j - 1] + R * o;
+      carried.axis[j] = R * d;
+      const Mat3 turn = turn_about(d, pose.D[j]), before = R;
+      for (int k = 0; k < 3; ++k)
+        R.col(k) =
+            turn(0, k) * before.col(0) + turn(1, k) * before.col(1) + turn(2, k) * before.col(2);
+    }
+    carried.pose.D = centre[n - 1];
+    carried.pose.R = R;
+    for (int j = 0; j < n; ++j) {
+      carried.arm[j] = carried.pose.D - centre[j];
+      carried.linear[j] = carried.axis[j].cross(carried.arm[j]);
+    }
+  }
+  return carried;
+}
+
+/// D and R of the nacelle.
+template <Mobility K>
+inline const Pose& placed(const Pose& pose, [[maybe_unused]] const Carried<K>& carried) {
+  if constexpr (kPivots<K>)
+    return carried.pose;
+  else
+    return pose;
+}
+template <Mobility K>
+inline Pose placed(const Robot& robot, const Pose& pose) {
+  return placed<K>(pose, carry<K>(robot, pose));
+}
+
 /// Velocity of D and angular velocity (base frame) of a twist given by its free columns.
 struct Twist {
   Vec3 velocity = Vec3::Zero();
@@ -148,18 +233,42 @@ struct Twist {
 };
 template <Mobility K>
 inline Twist to_twist(const Coordinates& rate) {
-  std::array<double, 6> full{};
+  std::array<Real, 6> full{};
   for (int j = 0; j < kDof<K>; ++j) full[Freedom<K>::columns[j]] = rate[j];
   return {Vec3(full[0], full[1], full[2]), Vec3(full[3], full[4], full[5])};
+}
+template <Mobility K>
+inline Twist to_twist([[maybe_unused]] const Carried<K>& carried, const Coordinates& rate) {
+  if constexpr (kPivots<K>) {
+    Twist twist;
+    for (int j = 0; j < kDof<K>; ++j) {
+      twist.velocity += rate[j] * carried.linear[j];
+      twist.omega += rate[j] * carried.axis[j];
+    }
+    return twist;
+  } else {
+    return to_twist<K>(rate);
+  }
 }
 
 /// The free columns of the row [linear, angular].
 template <Mobility K>
-inline void free_columns(const Vec3& linear, const Vec3& angular, double* row) {
+inline void free_columns(const Vec3& linear, const Vec3& angular, Real* row) {
   for (int j = 0; j < kDof<K>; ++j) {
     const int column = Freedom<K>::columns[j];
     row[j] = column < 3 ? linear[column] : angular[column - 3];
   }
+}
+
+/// The same along the twists that a nacelle is left: [linear, angular] T.
+template <Mobility K>
+inline void free_columns([[maybe_unused]] const Carried<K>& carried, const Vec3& linear,
+                         const Vec3& angular, Real* row) {
+  if constexpr (kPivots<K>)
+    for (int j = 0; j < kDof<K>; ++j)
+      row[j] = linear.dot(carried.linear[j]) + angular.dot(carried.axis[j]);
+  else
+    free_columns<K>(linear, angular, row);
 }
 
 // The same of a mobility that is a number: offline work, written once, calls these.
@@ -176,8 +285,12 @@ inline Coordinates to_coordinates(Mobility mobility, const Pose& pose) {
 inline Pose moved(Mobility mobility, const Pose& pose, const Coordinates& step) {
   return with_mobility(mobility, [&](auto K) { return moved<K()>(pose, step); });
 }
-inline void free_columns(Mobility mobility, const Vec3& linear, const Vec3& angular, double* row) {
-  with_mobility(mobility, [&](auto K) { free_columns<K()>(linear, angular, row); });
+/// (Not of a pivot: its columns are not the mobility's, but the pose's.)
+inline void free_columns(Mobility mobility, const Vec3& linear, const Vec3& angular, Real* row) {
+  assert(!pivots(mobility));
+  with_mobility(mobility, [&](auto K) {
+    if constexpr (!kPivots<K()>) free_columns<K()>(linear, angular, row);
+  });
 }
 
 }  // namespace truepose

@@ -4,6 +4,8 @@
 //
 //     | B_i(q_i) - A_i(x) | = L_i,      A_i(x) = D + R(x) c_i + a_i
 //
+// and for a pivot A_i(x) = o_1 + R_1(x_1)(o_2 + R_2(x_2)(o_3 + R_3(x_3) c_i)) (docs/pivot.md).
+//
 // Units are SI (m, rad, kg, N), frames are the base frame unless said otherwise.
 #pragma once
 
@@ -27,21 +29,22 @@ inline constexpr int kMaxBodies = 8;     ///< rigid bodies of the nacelle
 inline constexpr int kMaxRods = 12;      ///< full level: two per spatial parallelogram
 inline constexpr int kMaxBars = 2;       ///< full level: lateral bars of the nacelle
 inline constexpr int kMaxUnknowns = 8;   ///< full level: pose and one angle per bar
+inline constexpr int kMaxAxes = 3;       ///< passive axes that carry the nacelle of a pivot
 
 static_assert(kMaxReadings <= kMaxMotors + kMaxSensors && kMaxRods == 2 * kMaxChains &&
               kMaxUnknowns == 6 + kMaxBars);
 
-using Coordinates = std::array<double, kMaxDof>;    ///< of the nacelle: x, a twist, a small motion
-using Joint = std::array<double, kMaxMotors>;       ///< of the motors: q, torques
-using Reading = std::array<double, kMaxSensors>;    ///< anything of size r
-using Extended = std::array<double, kMaxReadings>;  ///< anything of size n + r
+using Coordinates = std::array<Real, kMaxDof>;    ///< of the nacelle: x, a twist, a small motion
+using Joint = std::array<Real, kMaxMotors>;       ///< of the motors: q, torques
+using Reading = std::array<Real, kMaxSensors>;    ///< anything of size r
+using Extended = std::array<Real, kMaxReadings>;  ///< anything of size n + r
 template <int Rows, int Columns>
-using Matrix = std::array<std::array<double, Columns>, Rows>;
+using Matrix = std::array<std::array<Real, Columns>, Rows>;
 using JointMatrix = Matrix<kMaxDof, kMaxMotors>;    ///< J, ẋ = J q̇
 using PoseMatrix = Matrix<kMaxDof, kMaxDof>;        ///< of twists by twists: covariances
 using PoseRows = Matrix<kMaxReadings, kMaxDof>;     ///< H_x, of readings by the pose
 using PoseColumns = Matrix<kMaxDof, kMaxReadings>;  ///< of the pose by readings: gain, leakage
-using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+using RowMatrix = Eigen::Matrix<Real, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 /// Which freedoms the mechanism leaves to the nacelle.
 enum class Mobility : int {
@@ -50,17 +53,23 @@ enum class Mobility : int {
   translation = 2,         ///< x, y, z
   schoenflies = 3,         ///< x, y, z, θ about z
   spatial = 4,             ///< x, y, z, rotation vector
+  pivot_1 = 5,             ///< the angle of the one passive axis that carries the nacelle
+  pivot_2 = 6,             ///< the angles of two, the first at the base
+  pivot_3 = 7,             ///< of three
 };
 
 // For small machines, the same in every unit of a program (cmake: TRUEPOSE_MOBILITY,
-// TRUEPOSE_IDEAL_ONLY, TRUEPOSE_UNWEIGHED): -DTRUEPOSE_ONLY_MOBILITY=schoenflies, or another name
-// of a Mobility, compiles nothing for others, whose robots finish() refuses; -DTRUEPOSE_IDEAL_ONLY
-// leaves the full level out, -DTRUEPOSE_UNWEIGHED the laws that weigh readings by what is known.
+// TRUEPOSE_PIVOTS, TRUEPOSE_IDEAL_ONLY, TRUEPOSE_UNWEIGHED): -DTRUEPOSE_ONLY_MOBILITY=schoenflies,
+// or another name of a Mobility, compiles nothing for others, whose robots finish() refuses;
+// -DTRUEPOSE_NO_PIVOTS nothing for the three pivots; -DTRUEPOSE_IDEAL_ONLY leaves the full level
+// out, -DTRUEPOSE_UNWEIGHED the laws that weigh readings by what is known.
 
 /// Whether anything is compiled for robots of a mobility.
 constexpr bool compiled([[maybe_unused]] Mobility mobility) {
 #ifdef TRUEPOSE_ONLY_MOBILITY
   return mobility == Mobility::TRUEPOSE_ONLY_MOBILITY;
+#elif defined(TRUEPOSE_NO_PIVOTS)
+  return mobility <= Mobility::spatial;
 #else
   return true;
 #endif
@@ -94,31 +103,32 @@ struct Chain {
   Plain<Vec3> base = Vec3::Zero();    ///< P, on the motor's axis
   Plain<Vec3> axis = Vec3::UnitY();   ///< u, unit
   Plain<Vec3> zero = Vec3::UnitX();   ///< e, direction of the arm at q = 0, unit, normal to u
-  double arm = 0;                     ///< l = |PB|
-  double rod = 0;                     ///< L = |AB|
-  double encoder_offset = 0;          ///< reading = gain q - offset, q the angle or slide as the
-  double encoder_gain = 1;            ///< encoder's disc or scale has it: eccentricity, pitch
-  bool encoder_errs = false;          ///< gain or eccentricity; noted by finish, set_parameters
+  Real arm = 0;                       ///< l = |PB|
+  Real rod = 0;                       ///< L = |AB|
+  Real encoder_offset = 0;            ///< reading = gain q - offset, q the angle or slide as the
+  Real encoder_gain = 1;              ///< encoder's disc or scale has it: eccentricity, pitch
+  Real encoder_buildup = 0;           ///< β: a slide is v + β v², v what gain and offset read (1/m)
+  bool encoder_errs = false;          ///< any of these; noted by finish, set_parameters
   Plain<Vec3> pivot = Vec3::Zero();   ///< c, turns with the nacelle
   Plain<Vec3> anchor = Vec3::Zero();  ///< a, keeps its orientation
-  double encoder_step = 0;            ///< one count, rad or m (0: unquantised)
-  double encoder_noise = 0;           ///< σ of the reading, rad or m
-  double low = -std::numeric_limits<double>::infinity();  ///< the motor's stops, rad or m,
-  double high = std::numeric_limits<double>::infinity();  ///< before the encoder's offset
-  double torque_limit = 0;                                ///< N·m or N (0: none)
-  double drive_inertia = 0;  ///< rotor and arm about the axis (kg·m²), or carriage (kg)
-  double arm_mass = 0;       ///< weighs at the middle of the arm, or on the carriage (kg)
-  double rod_mass = 0;       ///< all rods of the chain, slender (kg)
-  double viscous = 0;        ///< N·m·s/rad or N·s/m at the motor
-  double coulomb = 0;        ///< N·m or N at the motor
+  Real encoder_step = 0;              ///< one count, rad or m (0: unquantised)
+  Real encoder_noise = 0;             ///< σ of the reading, rad or m
+  Real low = -std::numeric_limits<Real>::infinity();  ///< the motor's stops, rad or m,
+  Real high = std::numeric_limits<Real>::infinity();  ///< before the encoder's offset
+  Real torque_limit = 0;                              ///< N·m or N (0: none)
+  Real drive_inertia = 0;  ///< rotor and arm about the axis (kg·m²), or carriage (kg)
+  Real arm_mass = 0;       ///< weighs at the middle of the arm, or on the carriage (kg)
+  Real rod_mass = 0;       ///< all rods of the chain, slender (kg)
+  Real viscous = 0;        ///< N·m·s/rad or N·s/m at the motor
+  Real coulomb = 0;        ///< N·m or N at the motor
 
   Eccentricity eccentricity;  ///< of a revolute motor's encoder
 
   int bar = -1;  ///< bar that carries A (0-based; -1: the nacelle itself)
 
   // What only the full level sees (full.hpp): the two rods of a spatial parallelogram, + and -.
-  double rod_spacing = 0;     ///< s, between the two rods (0: there is one rod)
-  double rod_difference = 0;  ///< δ: the rod on the side of +u has L + δ/2, the other L - δ/2
+  Real rod_spacing = 0;     ///< s, between the two rods (0: there is one rod)
+  Real rod_difference = 0;  ///< δ: the rod on the side of +u has L + δ/2, the other L - δ/2
   Plain<Vec3> pair_axis =
       Vec3::UnitY();  ///< prismatic: from rod - to rod + on the carriage (else: u)
   Plain<Vec3> pair_drawn = Vec3::UnitY();  ///< from rod - to rod + on the bar: without yaw and tilt
@@ -138,24 +148,34 @@ struct Sensor {
   int chain = -1;           ///< whose rod or motor (0-based)
   bool at_nacelle = false;  ///< rod_*: at the joint on the nacelle's side
   int rod = 1;              ///< rod_* at the full level: which of the pair, +1 or -1
-  double gain = 1;
-  double offset = 0;
-  double step = 0;            ///< one count of the reading (0: unquantised)
-  double noise = 0;           ///< σ of the reading
+  Real gain = 1;
+  Real offset = 0;
+  Real step = 0;              ///< one count of the reading (0: unquantised)
+  Real noise = 0;             ///< σ of the reading
   Eccentricity eccentricity;  ///< of an encoder: nacelle_angle, rod_in_plane, rod_lateral, motor
   bool encoder_errs = false;  ///< eccentricity; noted by finish, set_parameters
-  double weight = 1;          ///< of its row in the TEJ; the paper's is 1
+  Real weight = 1;            ///< of its row in the TEJ; the paper's is 1
   Plain<Vec3> origin = Vec3::Zero();
   Plain<Vec3> direction = Vec3::UnitZ();  ///< unit
   Plain<Vec3> target = Vec3::Zero();
   Plain<Vec3> normal = Vec3::UnitZ();  ///< unit
   int bar =
       -1;  ///< nacelle_angle at the full level: this bar's pivot (0-based; -1: the absolute θ)
+  int axis = 0;  ///< axis_angle: of a pivot, which passive axis (0-based)
+};
+
+/// A passive axis that carries the nacelle of a pivot: the next axis, or the nacelle, turns about
+/// it. At x = 0 all frames are parallel to the base's.
+struct PassiveAxis {
+  Plain<Vec3> origin = Vec3::Zero();  ///< o, a point of it, from that of the axis before (or base)
+  Plain<Vec3> direction = Vec3::UnitY();              ///< d, unit, in the frame of the axis before
+  Real low = -std::numeric_limits<Real>::infinity();  ///< how far the joint turns, rad
+  Real high = std::numeric_limits<Real>::infinity();
 };
 
 /// A rigid body of the nacelle, its centre of mass at D + R pivot + anchor.
 struct Body {
-  double mass = 0;
+  Real mass = 0;
   int bar = -1;  ///< the bar that it is (0-based; -1: the nacelle itself)
   Plain<Vec3> pivot = Vec3::Zero();
   Plain<Vec3> anchor = Vec3::Zero();
@@ -214,6 +234,7 @@ struct Robot {
   bool limited = true;         ///< whether any motor has stops; filled by finish
   FullLevel full;              ///< filled by finish_full
   Level level = Level::ideal;  ///< at which laws and learners understand it
+  std::array<PassiveAxis, kMaxAxes> axis;  ///< of a pivot: the first dof(mobility) of them
 
   /// Whether they solve for every rod by itself.
   constexpr bool rod_by_rod() const { return kFullLevel && level == Level::full && full.own(); }
@@ -222,10 +243,24 @@ struct Robot {
 // Copied byte by byte, laid out as C has it.
 static_assert(std::is_trivially_copyable_v<Robot> && std::is_standard_layout_v<Robot>);
 
+inline constexpr int kMobilities = 8;
 constexpr int dof(Mobility mobility) {
-  constexpr std::array<int, 5> sizes{2, 3, 3, 4, 6};
+  constexpr std::array<int, kMobilities> sizes{2, 3, 3, 4, 6, 1, 2, 3};
   return sizes[static_cast<std::size_t>(mobility)];
 }
+
+/// Whether passive axes carry the nacelle: x are their angles. (Where pivots are left out, none is
+/// one.)
+constexpr bool pivots([[maybe_unused]] Mobility mobility) {
+#ifdef TRUEPOSE_NO_PIVOTS
+  return false;
+#else
+  return mobility == Mobility::pivot_1 || mobility == Mobility::pivot_2 ||
+         mobility == Mobility::pivot_3;
+#endif
+}
+/// How many of them there are.
+constexpr int passive_axes(Mobility mobility) { return pivots(mobility) ? dof(mobility) : 0; }
 
 /// Whether every count is within its capacity, every enum one of its values, and every index names
 /// a part that the robot has: what all other functions take for granted. finish() asks it.
@@ -235,7 +270,7 @@ inline bool parts_exist(const Robot& robot) {
   };
   const auto bar = [&](int index) { return index == -1 || below(index, kMaxBars); };
   const auto sign = [](int value) { return value == 1 || value == -1; };
-  if (!below(robot.mobility, 5) || !below(robot.chains, kMaxChains + 1) ||
+  if (!below(robot.mobility, kMobilities) || !below(robot.chains, kMaxChains + 1) ||
       !below(robot.motors, robot.chains + 1) || !below(robot.r, kMaxSensors + 1) ||
       robot.motors + robot.r > kMaxReadings || !below(robot.bodies, kMaxBodies + 1) ||
       !below(robot.bar_joint, 2) || !below(robot.level, 2))
@@ -251,7 +286,9 @@ inline bool parts_exist(const Robot& robot) {
     if (!below(sensor.kind, kSensorKinds)) return false;
     const bool chain =
         properties(sensor.kind).of_chain ? below(sensor.chain, robot.chains) : sensor.chain == -1;
-    exist = exist && chain && sign(sensor.rod) && bar(sensor.bar);
+    const bool axis =
+        sensor.kind != SensorKind::axis_angle || below(sensor.axis, passive_axes(robot.mobility));
+    exist = exist && chain && axis && sign(sensor.rod) && bar(sensor.bar);
   }
   return exist;
 }
@@ -260,8 +297,9 @@ inline bool parts_exist(const Robot& robot) {
 /// asks.
 inline void note_encoders(Robot& robot) {
   for (int i = 0; i < robot.chains; ++i)
-    robot.chain[i].encoder_errs =
-        robot.chain[i].encoder_gain != 1 || robot.chain[i].eccentricity.any();
+    robot.chain[i].encoder_errs = robot.chain[i].encoder_gain != 1 ||
+                                  robot.chain[i].encoder_buildup != 0 ||
+                                  robot.chain[i].eccentricity.any();
   for (int k = 0; k < robot.r; ++k)
     robot.sensor[k].encoder_errs = robot.sensor[k].eccentricity.any();
 }
@@ -280,6 +318,11 @@ constexpr auto with_mobility([[maybe_unused]] Mobility mobility, F&& f) {
     case Mobility::planar: return f(std::integral_constant<Mobility, Mobility::planar>{});
     case Mobility::translation: return f(std::integral_constant<Mobility, Mobility::translation>{});
     case Mobility::spatial: return f(std::integral_constant<Mobility, Mobility::spatial>{});
+#ifndef TRUEPOSE_NO_PIVOTS
+    case Mobility::pivot_1: return f(std::integral_constant<Mobility, Mobility::pivot_1>{});
+    case Mobility::pivot_2: return f(std::integral_constant<Mobility, Mobility::pivot_2>{});
+    case Mobility::pivot_3: return f(std::integral_constant<Mobility, Mobility::pivot_3>{});
+#endif
     default: return f(std::integral_constant<Mobility, Mobility::schoenflies>{});
   }
 #endif
@@ -289,7 +332,7 @@ constexpr auto with_mobility([[maybe_unused]] Mobility mobility, F&& f) {
 /// sum: two instructions a value, where asking each takes four and a branch.
 template <class Values>
 inline bool all_finite(const Values& values, int count) {
-  double sum = 0;
+  Real sum = 0;
   for (int i = 0; i < count; ++i) sum += 0 * values[static_cast<std::size_t>(i)];
   return sum == 0;
 }

@@ -29,6 +29,7 @@ enum class SensorKind : int {
   rod_lateral = 7,    ///< rod's direction out of that plane
   rod_length = 8,     ///< distance of the rod's ends
   motor_encoder = 9,  ///< a second encoder on a motor's load side
+  axis_angle = 10,    ///< of a pivot: how far a passive axis has turned
 };
 
 /// Vectors of a sensor's mounting, as bits: which of them a kind's reading depends on, and a robot
@@ -98,6 +99,8 @@ inline constexpr std::array kSensorTable{
                      .of_chain = true,
                      .shaft = true,
                      .wraps = true},
+    SensorProperties{
+        .kind = SensorKind::axis_angle, .name = "axis_angle", .unit = Unit::radian, .shaft = true},
 };  // the last row
 inline constexpr int kSensorKinds = static_cast<int>(kSensorTable.size());
 

@@ -41,6 +41,11 @@ inline std::vector<Pose> random_starts(const Robot& robot, const Joint& q, int c
   const Pose home = to_pose(robot.mobility, robot.home);
   std::vector<Pose> starts(static_cast<std::size_t>(count) + 1, home);
   for (auto start = starts.begin() + 1; start != starts.end(); ++start) {
+    if (pivots(mobility)) {  // angles, uniform over a whole turn
+      for (int axis = 0; axis < dof(mobility); ++axis)
+        start->D[axis] = std::numbers::pi * (2 * uniform() - 1);
+      continue;
+    }
     for (int axis = 0; axis < 3; ++axis)
       start->D[axis] = low[axis] + uniform() * (high[axis] - low[axis]);
     if (mobility == Mobility::planar || mobility == Mobility::planar_translation)
@@ -68,6 +73,10 @@ inline bool closes(const FkmResult& result) {
 /// The modes among the poses that searches came to, nearest to home first. By a sorted projection:
 /// as quick where few poses come again as where all do.
 inline AssemblyModes distinct_modes(const Robot& robot, std::vector<Pose> found) {
+  if (pivots(robot.mobility))
+    for (Pose& pose : found)
+      for (int axis = 0; axis < dof(robot.mobility); ++axis)
+        pose.D[axis] = std::remainder(pose.D[axis], 2 * std::numbers::pi);
   const auto apart = [](const Pose& a, const Pose& b) {
     return std::max((a.D - b.D).cwiseAbs().maxCoeff(), (a.R - b.R).norm());
   };

@@ -5,7 +5,7 @@
 #include <functional>
 #include <vector>
 
-#include "truepose/offline/line.hpp"
+#include "truepose/offline/links.hpp"
 
 namespace truepose {
 
@@ -13,48 +13,89 @@ namespace truepose {
 struct Visit {
   Pose pose;
   Outside outside;
+  Influences influences{};
 };
 
-/// What readings at these poses leave unknown of ξ, poses unknown too but for what was measured
-/// from outside: with u the parameters in units of the prior, Σ_u⁻¹ = I + Σ BᵀB over the rows that
-/// elimination leaves.
-/// @param prior  of ξ, and behind it of `nuisances`, what the ideal level leaves out (guarded.hpp)
+/// What visits say of ξ: rows y = B δξ + ε of unit noise, the poses eliminated.
+struct VisitRows {
+  RowMatrix B;             ///< per unit of each parameter (m, rad, one)
+  std::vector<int> visit;  ///< whose each row is; of a link the first of its block
+};
+
+/// The rows of readings at these poses, poses unknown but for what was measured from outside.
+/// @param prior  of ξ, of unknowns beside it, and behind them of the amounts of influences, and of
+///               `nuisances`, what the ideal level leaves out (guarded.hpp); its root does not
+///               matter
+/// @param links  differences to be measured between these poses; their unknowns are behind ξ
 /// @param poll  called after every pose; may throw to end it all
-/// @param root  out: lower triangular, Σ_ξ = root rootᵀ after the visit
 /// @return the first outcome that is not ok; `chain` is then the chain at fault
-inline Outcome after_visiting(
+inline Outcome rows_of_visits(
     const Robot& robot, const Kernels& model, const Knowledge& prior, int nuisances,
-    const std::vector<Visit>& visits, RowMatrix& root, const std::function<void()>& poll = [] {}) {
+    const std::vector<Visit>& visits, const Links& links, VisitRows& all,
+    const std::function<void()>& poll = [] {}) {
   if (!robot.finished) return {Status::unfinished, -1};
   const int p = prior.count;
-  Knowledge raw = prior;  // S comes last, once: elimination acts on the rows, S on the columns
+  Knowledge raw = prior;
   raw.root = nullptr;
   Knowledge axes = raw;
   axes.count = nuisances;
   axes.column += p - nuisances;
   RowMatrix D;
   std::vector<double> H_xi(2 * (model.n + robot.r) * parameter_count(robot));
-  long rows = 0;
+  long rows = static_cast<long>(links.link.size());
   for (const Visit& visit : visits) rows += robot.r + (visit.outside.x ? model.n : 0);
-  RowMatrix stacked(rows, p);
+  all.B.resize(rows, p);
+  all.visit.clear();
+  std::vector<Pose> poses;
+  std::vector<Line> lines;  // where links ask for them
   Line line;
   Parasitic rest;
   long row = 0;
   for (const Visit& visit : visits) {
-    Outcome outcome;
-    if (nuisances > 0) outcome = model.left_out(robot, axes, visit.pose, H_xi.data(), D);
+    Outcome outcome = acting(model, robot, axes, visit.pose, visit.influences, H_xi.data(), D);
     if (outcome)
       outcome = read(model, robot, raw, visit.pose, nullptr, visit.outside,
-                     nuisances > 0 ? &D : nullptr, H_xi.data(), line, rest);
+                     D.cols() > 0 ? &D : nullptr, H_xi.data(), line, rest);
     if (!outcome) return outcome;
-    for (int i = model.n; i < line.rows; ++i) stacked.row(row++) = line.B.row(i);
+    for (int i = model.n; i < line.rows; ++i) {
+      all.B.row(row++) = line.B.row(i);
+      all.visit.push_back(static_cast<int>(&visit - visits.data()));
+    }
+    if (!links.link.empty()) {
+      poses.push_back(visit.pose);
+      lines.push_back(line);
+    }
     poll();
   }
+  if (!links.link.empty())
+    for (const LinkBlock& block :
+         linked(model.mobility, links, links.mean.data(), raw, poses, lines)) {
+      all.B.middleRows(row, block.size()) = block.C.matrixL().solve(block.B);
+      all.visit.insert(all.visit.end(), block.size(), links.link[block.link[0]].line[0]);
+      row += block.size();
+    }
+  all.B.conservativeResize(row, p);
+  return {};
+}
+
+/// What readings at these poses leave unknown of ξ: with u the parameters in units of the prior,
+/// Σ_u⁻¹ = I + Σ BᵀB over the rows that elimination leaves.
+/// @param prior, nuisances, visits, links, poll  of rows_of_visits
+/// @param root  out: lower triangular, Σ_ξ = root rootᵀ after the visit
+inline Outcome after_visiting(
+    const Robot& robot, const Kernels& model, const Knowledge& prior, int nuisances,
+    const std::vector<Visit>& visits, const Links& links, RowMatrix& root,
+    const std::function<void()>& poll = [] {}) {
+  VisitRows all;
+  const Outcome outcome = rows_of_visits(robot, model, prior, nuisances, visits, links, all, poll);
+  if (!outcome) return outcome;
+  const int p = prior.count;
+  // S comes last, once: elimination acts on the rows, S on the columns.
   const Eigen::MatrixXd S =
       Eigen::Map<const RowMatrix>(prior.root, p, p).triangularView<Eigen::Lower>();
   Eigen::MatrixXd N = Eigen::MatrixXd::Zero(p, p);
-  if (row > 0)  // Eigen divides by it
-    N.selfadjointView<Eigen::Lower>().rankUpdate(stacked.topRows(row).transpose());
+  if (all.B.rows() > 0)  // Eigen divides by it
+    N.selfadjointView<Eigen::Lower>().rankUpdate(all.B.transpose());
   const Eigen::MatrixXd NS = N.selfadjointView<Eigen::Lower>() * S;
   // I + SᵀNS = U Uᵀ with U upper triangular (Cholesky from the last parameter to the first), so
   // that Σ_u = U⁻ᵀ U⁻¹ and S U⁻ᵀ, lower times lower, is the root.
@@ -69,16 +110,34 @@ inline Outcome after_visiting(
   return {};
 }
 
+/// C at a pose where influences act, too: whoever asks on the control path knows of none.
+/// @param B  work space, as of reading_covariance
+inline Outcome reading_covariance(const Robot& robot, const Knowledge& known,
+                                  const Influences& acting, const double* H_xi, double* B,
+                                  ReadingCovariance& C) {
+  const int rows = dof(robot.mobility) + robot.r, m = acting.count, p = known.count;
+  if (m == 0) return reading_covariance(robot, known, H_xi, B, C);
+  gather(robot, known, H_xi, rows, B, m);
+  for (int c = 0; c < rows; ++c)
+    for (int j = 0; j < m; ++j) B[(c + 1) * p - m + j] = acting.pattern[c * m + j] / known.sigma[c];
+  times_root(known, rows, B);
+  for (int i = 0; i < rows; ++i)
+    for (int j = 0; j <= i; ++j) C.L[i][j] = (i == j) + dot(p, B + i * p, B + j * p);
+  return {C.factor(rows) ? Status::ok : Status::not_finite, -1};
+}
+
 /// What all readings at a pose make of it, with the weights of that pose.
+/// @param acting   influences, whose amounts are the last of what is known
 /// @param H_xi, B  work space, as of reading_covariance
 inline Outcome fused(const Robot& robot, const Kernels& model, const Knowledge& known,
-                     const Pose& pose, double* H_xi, double* B, Fused& fusion) {
+                     const Pose& pose, const Influences& acting, double* H_xi, double* B,
+                     Fused& fusion) {
   Extended q_e;
   PoseRows H_x;
   ReadingCovariance C;
   Parasitic rest;
   Outcome outcome = model.linearise(robot, pose, q_e, H_x, H_xi, rest);
-  if (outcome) outcome = reading_covariance(robot, known, H_xi, B, C);
+  if (outcome) outcome = reading_covariance(robot, known, acting, H_xi, B, C);
   if (outcome) outcome = model.fuse(robot, known, C, H_x, fusion);
   return outcome;
 }
@@ -91,12 +150,13 @@ struct PoseError {
 };
 
 inline Outcome pose_error(const Robot& robot, const Kernels& model, const Knowledge& known,
-                          const Pose& pose, std::vector<double>& work, PoseError& error) {
+                          const Pose& pose, const Influences& acting, std::vector<double>& work,
+                          PoseError& error) {
   const int n = model.n, rows = n + robot.r, p = known.count;
   work.resize(estimate_work(robot, p));
   double *H_xi = work.data(), *B = H_xi + rows * parameter_count(robot);
   Fused fusion;
-  const Outcome outcome = fused(robot, model, known, pose, H_xi, B, fusion);
+  const Outcome outcome = fused(robot, model, known, pose, acting, H_xi, B, fusion);
   if (!outcome) return outcome;
   RowMatrix gain(n, rows);  // of readings in units of their σ
   for (int i = 0; i < n; ++i)

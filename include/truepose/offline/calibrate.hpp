@@ -3,55 +3,16 @@
 // Minimises |u|² + Σ_k s_k ρ(d_k²) over ξ = μ + S u and every pose x_k, where d_k² is what the
 // readings at pose k still disagree about once the best pose is taken. Poses are eliminated
 // (eliminate.hpp), so that a step solves for ξ alone: (I + Σ c RᵀR) δu = Σ c Rᵀy - u with c = s w,
-// then each δx_k follows.
+// then each δx_k follows. Measured differences between poses add rows of their own (links.hpp).
 #pragma once
 
 #include <Eigen/Cholesky>
-#include <functional>
 #include <vector>
 
 #include "truepose/model/geometry.hpp"
-#include "truepose/offline/line.hpp"
-#include "truepose/offline/loss.hpp"
+#include "truepose/offline/calibration.hpp"
 
 namespace truepose {
-
-/// How a batch calibration is done.
-struct CalibrationSettings {
-  int nuisances = 0;      ///< how many of the prior's last parameters are left_out's, independent
-  int registration = -1;  ///< first of the prior's kRegistration unknowns of a registration, or -1
-  Loss loss = Loss::squares;
-  double tuning = 0;
-  int iterations = 100;
-  std::function<void()>
-      poll;  ///< called after every line, if there is one; may throw to end it all
-};
-
-/// Readings at poses nobody knows; where somebody does, what was measured there. NaN: not read.
-struct ReadingLog {
-  int count = 0;
-  const double* q_e = nullptr;             ///< count × (n + r)
-  const double* measured = nullptr;        ///< count × n coordinates, or nullptr
-  const double* measured_sigma = nullptr;  ///< of those, > 0
-  Registration registration{};  ///< of those; the marker to begin with where it is unknown
-};
-
-/// What a batch calibration found, line by line of the log and in all.
-struct CalibrationResult {
-  Outcome outcome;
-  int iterations = 0;
-  std::vector<double> xi;      ///< parameter_count(drawn) values
-  Eigen::VectorXd u;           ///< ξ̂ of the uncertain ones: μ + S u
-  Eigen::MatrixXd covariance;  ///< of the uncertain parameters, nuisances left out
-  Registration start;          ///< what the registration's unknowns are steps from
-  Registration registration;
-  std::vector<Pose> pose;       ///< x̂ of every line of the log
-  std::vector<Status> status;   ///< of every line; one that is not ok was left out
-  std::vector<double> chi2;     ///< d² of every line
-  std::vector<int> redundancy;  ///< equations that a line leaves over for ξ
-  std::vector<double> weight;   ///< of every line: 1, or less where it is an outlier
-  double cost = 0;
-};
 
 /// Batch calibration. Levenberg-Marquardt; the same on every run.
 /// Under a robust loss residuals first count in units of their median, so that the geometry's own
@@ -82,7 +43,8 @@ class Calibrator {
       result.outcome = {Status::unfinished, -1};
       return result;
     }
-    Iterate now{Eigen::VectorXd::Zero(p_), std::vector<Pose>(log_.count)};
+    Iterate now{Eigen::VectorXd::Zero(p_), std::vector<Pose>(log_.count),
+                std::vector<Coordinates>(log_.count)};
     result.status = start(now);
     start_ = place(now, result.status);
     freeze(now, result.status);
@@ -115,14 +77,17 @@ class Calibrator {
   struct Iterate {
     Eigen::VectorXd u;
     std::vector<Pose> pose;
+    std::vector<Coordinates> pull;  ///< of every pose, by the links: ν̂
     std::vector<Line> line{};
+    std::vector<LinkBlock> block{};
   };
 
-  /// D of every line, where its pose is now. It is held while the search goes on: its change with
-  /// pose and ξ, times η, is of the second order of what the ideal level leaves out.
+  /// D of every line: of influences as it is given, of nuisances where its pose is now. It is held
+  /// while the search goes on: the change of the latter with pose and ξ, times η, is of the second
+  /// order of what the ideal level leaves out.
   void freeze(const Iterate& at, std::vector<Status>& status) {
-    const int m = settings_.nuisances;
-    if (m == 0) return;
+    const int m = settings_.nuisances, given = settings_.influences;
+    if (m + given == 0) return;
     Knowledge axes = prior_;
     axes.count = m;
     axes.column += p_ - m;
@@ -130,24 +95,34 @@ class Calibrator {
     D_.resize(log_.count);
     for (int k = 0; k < log_.count; ++k)
       if (status[k] == Status::ok)
-        status[k] = model_.left_out(robot_, axes, at.pose[k], H_xi_.data(), D_[k]).status;
+        status[k] =
+            acting(model_, robot_, axes, at.pose[k], influences_of(k), H_xi_.data(), D_[k]).status;
+  }
+
+  Influences influences_of(int line) const {
+    const int given = settings_.influences;
+    return {given, log_.influence + line * readings_ * given};
   }
 
   std::vector<double> xi_of(const Eigen::VectorXd& u) const {
     std::vector<double> xi = mean_;
     const Eigen::VectorXd change = S_.triangularView<Eigen::Lower>() * u;
     for (int k = 0; k < p_ - settings_.nuisances; ++k)
-      if (!of_registration(k)) xi[prior_.column[k]] += change[k];
+      if (prior_.column[k] >= 0) xi[prior_.column[k]] += change[k];
     return xi;
+  }
+
+  std::vector<double> w_of(const Eigen::VectorXd& u) const {
+    std::vector<double> w = log_.links.mean;
+    for (int k = 0; k < static_cast<int>(w.size()); ++k) {
+      const int at = log_.links.first + k;
+      w[k] += S_(at, at) * u[at];
+    }
+    return w;
   }
 
   void believe_in(const std::vector<double>& xi) {
     static_cast<void>(set_parameters(drawn_, xi.data(), robot_));  // finished: run() has asked
-  }
-
-  bool of_registration(int k) const {
-    const int first = settings_.registration;
-    return first >= 0 && k >= first && k < first + kRegistration;
   }
 
   Registration registration_of(const Eigen::VectorXd& u) const {
@@ -158,9 +133,16 @@ class Calibrator {
     return moved(start_, step.data());
   }
 
+  /// Of influences, less their prior means; of ξ they may know beforehand.
+  Eigen::VectorXd amounts_of(const Eigen::VectorXd& u) const {
+    const int given = settings_.influences, first = p_ - settings_.nuisances - given;
+    return S_.middleRows(first, given).leftCols(first + given) * u.head(first + given);
+  }
+
   void believe(const Eigen::VectorXd& u) {
     believe_in(xi_of(u));
     registration_ = registration_of(u);
+    amount_ = amounts_of(u);
   }
 
   /// First registration: by the first poses.
@@ -205,7 +187,13 @@ class Calibrator {
       if (status[k] == Status::ok && !settle(at, k, last)) return k;
       if (settings_.poll) settings_.poll();
     }
+    at.block = linked(model_.mobility, log_.links, w_of(at.u).data(), prior_, at.pose, at.line);
+    weigh(at);
     return -1;
+  }
+
+  void weigh(Iterate& at) const {
+    for (LinkBlock& block : at.block) block.weigh(loss_, scale_);
   }
 
   bool read(Iterate& at, int k) {
@@ -215,11 +203,18 @@ class Calibrator {
                  settings_.registration};
     Line& line = at.line[k];
     const int m = settings_.nuisances;
-    if (!truepose::read(model_, robot_, prior_, at.pose[k], log_.q_e + k * readings_, outside,
-                        m > 0 ? &D_[k] : nullptr, H_xi_.data(), line, rest_[k]))
+    const Influences given = influences_of(k);
+    Extended q_e{};
+    std::copy_n(log_.q_e + k * readings_, readings_, q_e.begin());
+    for (int c = 0; c < readings_; ++c)
+      for (int j = 0; j < given.count; ++j)
+        q_e[c] -= given.pattern[c * given.count + j] * amount_[j];
+    if (!truepose::read(model_, robot_, prior_, at.pose[k], q_e.data(), outside,
+                        m + given.count > 0 ? &D_[k] : nullptr, H_xi_.data(), line, rest_[k]))
       return false;
     for (int i = 0; i < line.rows && m > 0; ++i)
       line.e[i] -= line.B.row(i).tail(m).dot(at.u.tail(m));
+    line.pull = at.pull[k];
     return true;
   }
 
@@ -246,7 +241,7 @@ class Calibrator {
       bool lower = false;
       for (double length = 1; !lower && length > 0.01; length *= 0.25) {
         Coordinates change{};
-        for (int i = 0; i < n_; ++i) change[i] = length * line.e[i];
+        for (int i = 0; i < n_; ++i) change[i] = length * (line.e[i] + line.pull[i]);
         back_substitute(n_, line.R, change);
         at.pose[k] = moved(model_.mobility, pose, change);
         lower = read(at, k) && at.line[k].misfit() < line.misfit();
@@ -272,6 +267,7 @@ class Calibrator {
     double sum = at.u.squaredNorm();
     for (const Line& line : at.line)
       if (line.redundancy() > 0) sum += rho(line);
+    for (const LinkBlock& block : at.block) sum += block.cost;
     return sum;
   }
 
@@ -280,6 +276,9 @@ class Calibrator {
     std::vector<double> ratios;
     for (const Line& line : at.line)
       if (line.redundancy() > 0) ratios.push_back(line.misfit() / line.redundancy());
+    for (const LinkBlock& block : at.block)
+      for (int k = 0; k < block.size(); ++k)
+        ratios.push_back(block.y[k] * block.y[k] / (1 + block.shared(k, k)));
     if (ratios.empty()) return 1;
     const auto middle = ratios.begin() + static_cast<long>(ratios.size() / 2);
     std::nth_element(ratios.begin(), middle, ratios.end());
@@ -296,6 +295,7 @@ class Calibrator {
                   Eigen::VectorXd& right) const {
     int total = 0;
     for (const Line& line : at.line) total += line.redundancy();
+    for (const LinkBlock& block : at.block) total += block.size();
     RowMatrix stacked(total, p_);
     Eigen::VectorXd y(total);
     int row = 0;
@@ -307,6 +307,11 @@ class Calibrator {
         y[row] = root * line.e[i];
       }
     }
+    for (const LinkBlock& block : at.block) {
+      stacked.middleRows(row, block.size()) = block.C.matrixL().solve(block.B);
+      y.segment(row, block.size()) = block.C.matrixL().solve(block.y);
+      row += block.size();
+    }
     information.setIdentity(p_, p_);
     if (total > 0)  // Eigen divides by it
       information.selfadjointView<Eigen::Lower>().rankUpdate(stacked.transpose());
@@ -316,10 +321,12 @@ class Calibrator {
   void descend(Iterate& now, CalibrationResult& result) {
     Eigen::MatrixXd information;
     Eigen::VectorXd right;
+    weigh(now);
     double damping = 0, current = cost(now);
     double promised = INFINITY;  // by the last step without damping
     int last = 0, freedoms = 1;
     for (const Line& line : now.line) freedoms += line.redundancy();
+    for (const LinkBlock& block : now.block) freedoms += block.size();
     result.outcome = {Status::not_converged, -1};
     while (result.iterations < settings_.iterations) {
       ++result.iterations;
@@ -331,7 +338,8 @@ class Calibrator {
         result.outcome = {Status::not_finite, -1};
         return;
       }
-      Iterate trial{now.u + step, now.pose};
+      Iterate trial{now.u + step, now.pose, std::vector<Coordinates>(log_.count)};
+      for (const LinkBlock& block : now.block) pull(log_.links, block, step, trial.pull);
       double moved_by = 0;
       for (int k = 0; k < log_.count; ++k)
         moved_by = std::max(moved_by, std::sqrt(weight(now.line[k])) * follow(now, k, step, trial));
@@ -362,14 +370,15 @@ class Calibrator {
     }
   }
 
-  /// Pose k after the step of ξ: R δx = e - B δu. @return its largest move in units of its own σ
+  /// Pose k after the step of ξ: R δx = e - B δu + ν̂. @return its largest move in units of its own
+  /// σ
   double follow(const Iterate& now, int k, const Eigen::VectorXd& step, Iterate& trial) const {
     const Line& line = now.line[k];
     if (line.rows < n_) return 0;
     Coordinates change{};
     double size = 0;
     for (int i = 0; i < n_; ++i) {
-      change[i] = line.e[i] - line.B.row(i).dot(step);
+      change[i] = line.e[i] - line.B.row(i).dot(step) + trial.pull[k][i];
       size = std::max(size, std::fabs(change[i]));
     }
     back_substitute(n_, line.R, change);
@@ -377,12 +386,22 @@ class Calibrator {
     return size;
   }
 
-  void finish(const Iterate& at, CalibrationResult& result) {
+  void finish(Iterate& at, CalibrationResult& result) {
     Eigen::MatrixXd information;
     Eigen::VectorXd right;
     const auto worth = [&](const Line& line) {
       return weight(line) < kOutlier ? 0 : loss_.information(line.redundancy());
     };
+    result.cost = cost(at);
+    result.link.resize(log_.links.link.size());
+    for (LinkBlock& block : at.block) {
+      Eigen::VectorXd counts(block.size());
+      for (int k = 0; k < block.size(); ++k) {
+        result.link[block.link[k]].weight = block.weight[k];
+        counts[k] = block.weight[k] < kOutlier ? kNothing : loss_.information(1);
+      }
+      block.weigh(counts);
+    }
     accumulate(at, worth, information, right);
     const Eigen::MatrixXd root = information.selfadjointView<Eigen::Lower>().llt().matrixL();
     const Eigen::MatrixXd half =
@@ -394,13 +413,39 @@ class Calibrator {
     result.start = start_;
     result.registration = registration_of(at.u);
     result.pose = at.pose;
-    result.cost = cost(at);
+    result.w = w_of(at.u);
+    const Eigen::VectorXd amounts = amounts_of(at.u);
+    result.amount.assign(amounts.begin(), amounts.end());
+    leave_out(at, root, result.link);
     believe_in(result.xi);
     for (const Line& line : at.line) {
       const bool good = line.rows >= n_;
       result.redundancy.push_back(line.redundancy());
       result.chi2.push_back(good ? line.chi2() : NAN);
       result.weight.push_back(line.redundancy() > 0 ? weight(line) : good);
+    }
+  }
+
+  /// What everything but one link says of it: with V the covariance of all their y, known or not,
+  /// V⁻¹(y - B û₋) = C⁻¹(y - B û), V⁻¹ = C⁻¹ - C⁻¹B Σ BᵀC⁻¹ =: P (Woodbury) with û and Σ those of
+  /// all, and entry k over P_kk is what the others miss link k by, σ² = 1/P_kk.
+  /// @param root  of the information on u, Σ⁻¹
+  void leave_out(const Iterate& at, const Eigen::MatrixXd& root,
+                 std::vector<LinkResult>& result) const {
+    for (const LinkBlock& block : at.block) {
+      const int m = block.size();
+      const Eigen::MatrixXd inverse = block.C.solve(Eigen::MatrixXd::Identity(m, m));
+      const Eigen::MatrixXd half =
+          root.triangularView<Eigen::Lower>().solve(Eigen::MatrixXd(block.B.transpose() * inverse));
+      const Eigen::VectorXd z = inverse * block.y;
+      for (int k = 0; k < m; ++k) {
+        LinkResult& of = result[block.link[k]];
+        const double sigma = log_.links.link[block.link[k]].sigma;
+        const double P = inverse(k, k) - half.col(k).squaredNorm();
+        of.residual = sigma * block.e[k];
+        of.left_out = sigma * z[k] / P;
+        of.sigma = sigma * std::sqrt(std::max(1 / P - 1 / block.weight[k], 0.0) + 1);
+      }
     }
   }
 
@@ -415,8 +460,9 @@ class Calibrator {
   const RowMatrix S_;
   std::vector<double> H_xi_;
   std::vector<Parasitic> rest_;  ///< where each line's solution starts (full level)
-  std::vector<RowMatrix> D_;     ///< of each line's nuisances
+  std::vector<RowMatrix> D_;     ///< of each line's influences and nuisances
   Registration start_, registration_;
+  Eigen::VectorXd amount_;  ///< of influences, less their prior means
   const LineLoss loss_;
   double scale_ = 1;
 };

@@ -14,6 +14,8 @@ struct Line {
   RowsOfPose R;
   std::array<double, kMaxRows> e;
   RowMatrix B;
+  Coordinates
+      pull{};  ///< by what else is known of the pose (links.hpp): it is at its best where e = -pull
 
   int redundancy() const { return std::max(rows - n, 0); }
   double chi2() const {
@@ -24,13 +26,16 @@ struct Line {
   /// Squared residual at its pose; chi2() is what the best pose leaves, to first order.
   double misfit() const {
     double sum = 0;
-    for (int i = 0; i < rows; ++i) sum += e[i] * e[i];
+    for (int i = 0; i < rows; ++i) {
+      const double off = i < n ? e[i] + pull[i] : e[i];
+      sum += off * off;
+    }
     return sum;
   }
   /// How far its pose is from its best, in units of its own σ.
   double away() const {
     double size = 0;
-    for (int i = 0; i < n; ++i) size = std::max(size, std::fabs(e[i]));
+    for (int i = 0; i < n; ++i) size = std::max(size, std::fabs(e[i] + pull[i]));
     return size;
   }
   /// Within σ of its best pose what that leaves is exact enough: what the pose itself lags behind ξ
@@ -49,9 +54,33 @@ struct Outside {
   int first = -1;  ///< of the registration among the unknowns, by itself in S; -1: it is known
 };
 
+/// What else acts on the readings at a pose, by unknown amounts.
+struct Influences {
+  int count = 0;
+  const double* pattern = nullptr;  ///< (n + r) × count: what one unit of each adds
+};
+
+/// D of a line, in units of the readings' σ: of influences, then of nuisances where the pose is.
+/// @param axes  of left_out
+inline Outcome acting(const Kernels& kernels, const Robot& robot, const Knowledge& axes,
+                      const Pose& pose, const Influences& given, double* H_xi, RowMatrix& D) {
+  const int readings = kernels.n + robot.r;
+  RowMatrix left(readings, 0);
+  Outcome outcome;
+  if (axes.count > 0) outcome = kernels.left_out(robot, axes, pose, H_xi, left);
+  D.resize(readings, given.count + left.cols());
+  for (int c = 0; c < readings && outcome; ++c) {
+    for (int j = 0; j < given.count; ++j)
+      D(c, j) = given.pattern[c * given.count + j] / axes.sigma[c];
+    D.row(c).tail(left.cols()) = left.row(c);
+  }
+  return outcome;
+}
+
 /// @param q_e   n + r readings, NaN where there is none; nullptr: as expected
-/// @param known  ξ, and behind it the nuisances η if D is given
-/// @param D     ∂q_e/∂η in units of the readings' σ, as of left_out; nullptr: no nuisances
+/// @param known  ξ, and behind it unknowns of anything but readings, column -1, then η if D is
+/// given
+/// @param D     ∂q_e/∂η in units of the readings' σ, as of acting; nullptr: no such η
 /// @param H_xi  work space, 2 (n + r) × parameter_count
 /// @param rest  as of ikm_full
 inline Outcome read(const Kernels& kernels, const Robot& robot, const Knowledge& known,
@@ -68,9 +97,10 @@ inline Outcome read(const Kernels& kernels, const Robot& robot, const Knowledge&
   }
   line.n = n;
   line.rows = 0;
-  // Behind ξ: a registration, of which these readings say nothing, and nuisances.
+  // Behind ξ: unknowns beside it, of which these readings say nothing, and nuisances.
+  const long last = D ? D->cols() : 0;
   const int others =
-      (outside.first >= 0 ? kRegistration : 0) + (D ? static_cast<int>(D->cols()) : 0);
+      static_cast<int>(std::count(known.column, known.column + known.count - last, -1) + last);
   line.B.resize(readings + (outside.x ? n : 0), known.count);
   gather(robot, known, H_xi, readings, line.B.data(), others);
   line.B.topRightCorner(readings, others).setZero();
@@ -95,7 +125,8 @@ inline Outcome read(const Kernels& kernels, const Robot& robot, const Knowledge&
       row.setZero();
       for (int j = 0; j < kRegistration && outside.first >= 0; ++j) {
         const int at = outside.first + j;
-        row[at] = by.H[i][j] * known.root[at * (known.count + 1)] / outside.sigma[i];
+        const double unit = known.root ? known.root[at * (known.count + 1)] : 1;
+        row[at] = by.H[i][j] * unit / outside.sigma[i];
       }
       enter(apart[i], outside.sigma[i], [&](int j) { return by.H_x[i][j]; });
     }

@@ -6,6 +6,8 @@
 //
 // T = (t, R_F) and (c, M) are unknowns of a calibration. Their start is Horn's and Kabsch's: the
 // rotation that takes one cloud of points best to another, in closed form, from any rotation.
+//
+// Of a pivot the angles of its axes are measured, in no frame but their own.
 #pragma once
 
 #include <Eigen/Cholesky>
@@ -71,6 +73,11 @@ inline void enter_turn(Mobility mobility, const Registration& by, const Mat3& tu
 /// θ is the angle of the marker's x axis about the tracker's z, and the less certain the nearer the
 /// two are; rotations differ by a rotation vector in the tracker's frame.
 inline Seen seen(Mobility mobility, const Registration& by, const Pose& pose) {
+  if (pivots(mobility)) {
+    Seen angles{pose.D, Mat3::Identity(), {}, {}, 1};
+    for (int i = 0; i < dof(mobility); ++i) angles.H_x[i][i] = 1;
+    return angles;
+  }
   const int positions = positions_of(mobility);
   const Mat3 turn = by.base.R * pose.R;
   const Vec3 arm = pose.R * by.marker.t, lever = by.base.R * (pose.D + arm);
@@ -153,6 +160,7 @@ inline Mat3 nearest_rotation(const Mat3& A) {
 inline Registration registered(Mobility mobility, const Registration& known, bool movable,
                                bool turning, int count, const Pose* pose, const Status* status,
                                const double* measured) {
+  if (pivots(mobility)) return known;
   const int n = dof(mobility), positions = positions_of(mobility);
   struct Pair {
     Vec3 from, to;

@@ -37,13 +37,13 @@ inline Sensed sense_rod_angle(const Sensor& sensor, const Chain& chain, const Ve
   Sensed s;
   const RodFrame frame = rod_frame(sensor, chain, p, body);
   const Vec3 rod = -v;
-  const double f = frame.forward.dot(rod), w = frame.side.dot(rod), a = frame.axis.dot(rod);
-  const double plane2 = f * f + w * w;
+  const Real f = frame.forward.dot(rod), w = frame.side.dot(rod), a = frame.axis.dot(rod);
+  const Real plane2 = f * f + w * w;
   if (sensor.kind == SensorKind::rod_in_plane) {
     s.value = std::atan2(w, f);
     s.rod = (f * frame.side - w * frame.forward) / plane2;
   } else {
-    const double plane = std::sqrt(plane2);
+    const Real plane = std::sqrt(plane2);
     s.value = std::atan2(a, plane);
     s.rod =
         (plane * frame.axis - a / plane * (f * frame.forward + w * frame.side)) / (plane2 + a * a);
@@ -57,7 +57,7 @@ inline Sensed sense_rod_angle(const Sensor& sensor, const Chain& chain, const Ve
       s.direction = f / plane2 * by_axis;
       s.normal = (f * by_forward - w * r) / plane2;
     } else {
-      const double plane = std::sqrt(plane2), total = plane2 + a * a;
+      const Real plane = std::sqrt(plane2), total = plane2 + a * a;
       s.direction = (plane * r - a * w / plane * by_axis) / total;
       s.normal = -a / (plane * total) * (f * r + w * by_forward);
     }

@@ -10,7 +10,7 @@ namespace truepose {
 inline Sensed sense(Is<SensorKind::telemeter>, const Sensor& sensor, const Pose& pose) {
   Sensed s;
   const Vec3 normal = pose.R * sensor.normal(), arm = pose.R * sensor.target();
-  const double slope = normal.dot(sensor.direction());
+  const Real slope = normal.dot(sensor.direction());
   const Vec3 from = pose.D + arm - sensor.origin();
   s.value = normal.dot(from) / slope;
   const Vec3 spot =

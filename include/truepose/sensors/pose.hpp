@@ -12,6 +12,9 @@ inline Sensed sense(Is<SensorKind::nacelle_angle>, const Sensor&, const Pose& po
   return s;
 }
 
+/// Angle of a passive axis, which is a coordinate and no function of the place: sensor.hpp has it.
+inline Sensed sense(Is<SensorKind::axis_angle>, const Sensor&, const Pose&) { return {}; }
+
 /// A point of the nacelle along a fixed direction w: w·(D + R t - o).
 inline Sensed sense(Is<SensorKind::coordinate>, const Sensor& sensor, const Pose& pose) {
   Sensed s;
@@ -31,7 +34,7 @@ inline Sensed sense(Is<SensorKind::inclinometer>, const Sensor& sensor, const Po
   Sensed s;
   const Vec3 up = pose.R.transpose() * Vec3::UnitZ();
   const Vec3 a = sensor.direction(), b = sensor.normal(), side = b.cross(a);
-  const double sine = side.dot(up), cosine = b.dot(up), square = sine * sine + cosine * cosine;
+  const Real sine = side.dot(up), cosine = b.dot(up), square = sine * sine + cosine * cosine;
   s.value = std::atan2(sine, cosine);
   const Vec3 by_up = (cosine * side - sine * b) / square;
   // A turn ω of the nacelle (base frame) moves g' by Rᵀ(z × ω).
@@ -46,8 +49,8 @@ inline Sensed sense(Is<SensorKind::inclinometer>, const Sensor& sensor, const Po
 inline Sensed sense(Is<SensorKind::rotation>, const Sensor& sensor, const Pose& pose) {
   Sensed s;
   const Vec3 w = log_so3(pose.R), a = sensor.direction();
-  const double angle2 = w.squaredNorm(), half = 0.5 * std::sqrt(angle2);
-  const double k = angle2 < 1e-6 ? 1.0 / 12 + angle2 / 720 : (1 - half / std::tan(half)) / angle2;
+  const Real angle2 = w.squaredNorm(), half = 0.5 * std::sqrt(angle2);
+  const Real k = angle2 < 1e-6 ? 1.0 / 12 + angle2 / 720 : (1 - half / std::tan(half)) / angle2;
   s.value = a.dot(w);
   s.angular = a - a.cross(w) / 2 + k * w.cross(w.cross(a));
   s.direction = w;

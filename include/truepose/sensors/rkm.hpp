@@ -11,10 +11,10 @@ namespace truepose {
 template <Mobility K>
 inline Outcome rkm(const Robot& robot, const Closure<K>& closure, Reading& values,
                    Matrix<kMaxSensors, kDof<K>>& jr) {
-  double sum = 0;  // a NaN shows in it
+  Real sum = 0;  // a NaN shows in it
   for (int k = 0; k < robot.r; ++k) {
     sum += values[k] = read<K>(robot, robot.sensor[k], closure, jr[k].data());
-    for (const double entry : jr[k]) sum += entry;
+    for (const Real entry : jr[k]) sum += entry;
   }
   return {std::isfinite(sum) ? Status::ok : Status::not_finite, -1};
 }

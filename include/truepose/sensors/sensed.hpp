@@ -7,14 +7,14 @@ namespace truepose {
 
 /// s and its derivatives, gain and offset not yet applied. What a kind does not depend on is zero.
 struct Sensed {
-  double value = 0;
-  double angle = 0;             ///< of an encoder: what it measures, `value` being what it reads
-  double slope = 1;             ///< ∂value/∂angle
+  Real value = 0;
+  Real angle = 0;               ///< of an encoder: what it measures, `value` being what it reads
+  Real slope = 1;               ///< ∂value/∂angle
   Vec3 linear = Vec3::Zero();   ///< ∂s/∂D, all else of the nacelle moving with it
   Vec3 angular = Vec3::Zero();  ///< ∂s/∂(small rotation of the nacelle), base frame
   Vec3 rod = Vec3::Zero();      ///< ∂s/∂(A - B) of its chain
   Vec3 frame = Vec3::Zero();    ///< ∂s/∂(small rotation of the frame that sees the rod), base frame
-  double motor = 0;             ///< ∂s/∂position of its chain, rod and frame held
+  Real motor = 0;               ///< ∂s/∂position of its chain, rod and frame held
   Vec3 origin = Vec3::Zero(), direction = Vec3::Zero();  ///< ∂s/∂ of the mounting
   Vec3 target = Vec3::Zero(), normal = Vec3::Zero();
 };
@@ -22,10 +22,10 @@ struct Sensed {
 /// What a sensor on a chain sees of it.
 struct SeenChain {
   const Chain& chain;
-  double position;  ///< of the motor
-  const Vec3& p;    ///< P to B
-  const Vec3& v;    ///< A to B, the rod that it sees
-  Mat3 body;        ///< orientation of the body that carries A
+  Real position;  ///< of the motor
+  const Vec3& p;  ///< P to B
+  const Vec3& v;  ///< A to B, the rod that it sees
+  Mat3 body;      ///< orientation of the body that carries A
 };
 
 }  // namespace truepose

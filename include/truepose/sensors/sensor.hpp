@@ -27,8 +27,8 @@ inline void read_off_centre(const Sensor& sensor, Sensed& s) {
 }
 
 /// What a sensor measured, from its reading.
-inline double measured(const Sensor& sensor, double reading) {
-  const double value = (reading + sensor.offset) / sensor.gain;
+inline Real measured(const Sensor& sensor, Real reading) {
+  const Real value = (reading + sensor.offset) / sensor.gain;
   return eccentric(sensor) ? decode(sensor.eccentricity, value) : value;
 }
 
@@ -67,22 +67,32 @@ inline Mat3 body_of(const Chain& chain, const Pose& pose) {
   return chain.bar < 0 ? pose.R : Mat3(Mat3::Identity());
 }
 
+/// Value of an encoder on a passive axis. @param angles  of the pivot
+inline Sensed sense_axis(const Sensor& sensor, const Pose& angles) {
+  Sensed s;
+  s.value = angles.D[sensor.axis];
+  read_off_centre(sensor, s);
+  return s;
+}
+
 /// Value and gradients of any sensor at a closed pose.
 template <Mobility K>
 inline Sensed sense(const Robot& robot, const Sensor& sensor, const Closure<K>& closure) {
-  if (!on_chain(sensor)) return sense_pose(sensor, closure.pose);
+  if constexpr (kPivots<K>)
+    if (sensor.kind == SensorKind::axis_angle) return sense_axis(sensor, closure.pose);
+  if (!on_chain(sensor)) return sense_pose(sensor, closure.placed());
   const Chain& chain = robot.chain[sensor.chain];
   const ChainState& state = closure.chain[sensor.chain];
   return sense_chain(sensor, {chain, motor_position(chain, state.q), state.p, state.v,
-                              body_of(chain, closure.pose)});
+                              body_of(chain, closure.placed())});
 }
 
 /// ∂s/∂q of the sensor's chain with the nacelle held: the motor moves B, and turns the arm in
 /// which a joint on the base's side sees the rod.
 /// @param dB    ∂B/∂q
 /// @param rate  ∂position/∂q
-inline double by_motor(const Sensor& sensor, const Sensed& s, const Chain& chain, const Vec3& dB,
-                       double rate) {
+inline Real by_motor(const Sensor& sensor, const Sensed& s, const Chain& chain, const Vec3& dB,
+                     Real rate) {
   const bool on_arm = !sensor.at_nacelle && chain.actuator == Actuator::revolute;
   return (s.motor + (on_arm ? s.frame.dot(chain.axis()) : 0.0)) * rate - s.rod.dot(dB);
 }
@@ -90,27 +100,32 @@ inline double by_motor(const Sensor& sensor, const Sensed& s, const Chain& chain
 /// Row of J_r without the gain: ds along the free motions of the nacelle, the motors following.
 template <Mobility K>
 inline void sensor_row(const Robot& robot, const Sensor& sensor, const Closure<K>& closure,
-                       const Sensed& s, double* row) {
+                       const Sensed& s, Real* row) {
+  if constexpr (kPivots<K>)
+    if (sensor.kind == SensorKind::axis_angle) {
+      for (int j = 0; j < kDof<K>; ++j) row[j] = j == sensor.axis ? s.slope : 0;
+      return;
+    }
   if (!on_chain(sensor)) {
-    free_columns<K>(s.linear, s.angular, row);
+    free_columns<K>(closure.carried, s.linear, s.angular, row);
     return;
   }
   const Chain& chain = robot.chain[sensor.chain];
   const ChainState& state = closure.chain[sensor.chain];
   // A moves with the nacelle; so does the frame of a joint that the nacelle itself carries.
   const Vec3 turn = sensor.at_nacelle && chain.bar < 0 ? s.frame : Vec3(Vec3::Zero());
-  free_columns<K>(s.rod, state.lever.cross(s.rod) + turn, row);
-  std::array<double, kDof<K>> jx;
-  jx_row<K>(state.v, state.lever, jx);
-  const double scale = by_motor(sensor, s, chain, state.dB, state.rate) / state.jq;
+  free_columns<K>(closure.carried, s.rod, state.lever.cross(s.rod) + turn, row);
+  std::array<Real, kDof<K>> jx;
+  jx_row<K>(closure.carried, state.v, state.lever, jx);
+  const Real scale = by_motor(sensor, s, chain, state.dB, state.rate) / state.jq;
   for (int j = 0; j < kDof<K>; ++j) row[j] += scale * jx[j];
 }
 
 /// Reading of one sensor at a closed pose, gain s - offset, and its row of J_r (size n), whatever
 /// its kind.
 template <Mobility K>
-TRUEPOSE_APART inline double read_any(const Robot& robot, const Sensor& sensor,
-                                      const Closure<K>& closure, double* row) {
+TRUEPOSE_APART inline Real read_any(const Robot& robot, const Sensor& sensor,
+                                    const Closure<K>& closure, Real* row) {
   const Sensed s = sense<K>(robot, sensor, closure);
   sensor_row<K>(robot, sensor, closure, s, row);
   for (int j = 0; j < kDof<K>; ++j) row[j] *= sensor.gain;
@@ -119,16 +134,15 @@ TRUEPOSE_APART inline double read_any(const Robot& robot, const Sensor& sensor,
 
 /// The same; the paper's θ without gradients it has not.
 template <Mobility K>
-inline double read(const Robot& robot, const Sensor& sensor, const Closure<K>& closure,
-                   double* row) {
+inline Real read(const Robot& robot, const Sensor& sensor, const Closure<K>& closure, Real* row) {
   if (sensor.kind != SensorKind::nacelle_angle || eccentric(sensor))
     return read_any<K>(robot, sensor, closure, row);
-  free_columns<K>(Vec3::Zero(), Vec3(0, 0, sensor.gain), row);
+  free_columns<K>(closure.carried, Vec3::Zero(), Vec3(0, 0, sensor.gain), row);
   return sensor.gain * closure.pose.theta - sensor.offset;
 }
 
 /// The nearest count of an encoder or telemeter (step 0: unquantised).
-inline double quantised(double value, double step) {
+inline Real quantised(Real value, Real step) {
   return step > 0 ? step * std::nearbyint(value / step) : value;
 }
 

@@ -1,0 +1,46 @@
+// At which angles do its passive axes carry a pivot's nacelle to a place that was seen?
+#pragma once
+
+#include "truepose/math/square.hpp"
+#include "truepose/model/pose.hpp"
+
+namespace truepose {
+
+/// Steps at most: each nearly doubles the digits.
+inline constexpr int kAngleSteps = 20;
+
+/// The angles next to those of `pose` that carry the nacelle as near to a place as they can: least
+/// squares of what is left of D, and of the turn times the rods' length, by Newton's steps.
+/// @param seen  D and R of the nacelle
+/// @param pose  in: where to start; out
+template <Mobility K>
+  requires kPivots<K>
+inline void angles_of(const Robot& robot, const Pose& seen, Pose& pose) {
+  constexpr int n = kDof<K>;
+  const Real unit = (robot.chain[0].base() - robot.axis[0].origin()).norm();
+  for (int step = 0; step < kAngleSteps; ++step) {
+    const Carried<K> carried = carry<K>(robot, pose);
+    const Vec3 shift = seen.D - carried.pose.D;
+    const Vec3 turn = unit * log_so3(seen.R * carried.pose.R.transpose());
+    std::array<std::array<Real, n>, n> N;
+    std::array<Real, n> size, b;
+    for (int i = 0; i < n; ++i) {
+      for (int j = 0; j < n; ++j)
+        N[i][j] = carried.linear[i].dot(carried.linear[j]) +
+                  unit * unit * carried.axis[i].dot(carried.axis[j]);
+      size[i] = N[i][i];
+      b[i] = carried.linear[i].dot(shift) + unit * carried.axis[i].dot(turn);
+    }
+    const Ldlt<n> factors(N, size);
+    if (!factors.regular()) return;
+    factors.solve(b);
+    Real moved = 0;
+    for (int j = 0; j < n; ++j) {
+      pose.D[j] += b[j];
+      moved = std::max(moved, std::fabs(b[j]));
+    }
+    if (!(moved > by_precision(1e-13, 1e-6))) return;
+  }
+}
+
+}  // namespace truepose

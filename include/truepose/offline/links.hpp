@@ -1,0 +1,232 @@
+// What do differences between visited poses say of ξ, when nobody knows the poses?
+//
+// A plane that the tool touches, the distance of two of its places, a place that it comes back to:
+// f(x_i, x_j, w) is measured to within σ, w unknowns of the difference's own. A line's pose is
+// known but for the noise that its elimination leaves (line.hpp): R δx = e - B δu + ν, ν normal
+// with unit covariance. With G = ∂f/∂x R⁻¹ / σ, a block of links that share lines says
+//
+//   y = B' δu + G ν + ε,  y = (measured - f)/σ - Σ G e,  B' = ∂f/∂w S / σ - Σ G B,
+//
+// rows whose noise has the covariance C = I + GGᵀ: as exact as the elimination of a line. The poses
+// themselves then gain ν̂ = GᵀC⁻¹(y - B' δu). Under a robust loss each ε is weighted by itself.
+#pragma once
+
+#include <Eigen/Cholesky>
+#include <numeric>
+#include <vector>
+
+#include "truepose/offline/line.hpp"
+#include "truepose/offline/loss.hpp"
+
+namespace truepose {
+
+/// Of the tool's point p = D + R c.
+enum class LinkKind : int {
+  plane = 0,     ///< p_z - h - a p_x - b p_y; of another axis the same, turned: x, y, z, x, …
+  distance = 1,  ///< (1 + scale) |p_i - p_j| + times · width
+  point = 2,     ///< a coordinate of p_i - p_j
+};
+
+/// What a link counts of which nothing is believed: 0 has no inverse.
+inline constexpr double kNothing = 1e-8;
+
+/// One measured difference.
+struct Link {
+  LinkKind kind = LinkKind::plane;
+  std::array<int, 2> line{};  ///< of a plane the first
+  int tool = 0;               ///< first of c's three among the unknowns
+  int shape = 0;              ///< of h, a, b; of scale and width
+  int axis = 2;               ///< of a plane's normal, of a point's coordinate
+  double times = 0;           ///< 1 outside a printed part, -1 inside, 0 from middle to middle
+  double measured = 0, sigma = 1;
+
+  int ends() const { return kind == LinkKind::plane ? 1 : 2; }
+};
+
+/// All measured differences of a log.
+struct Links {
+  std::vector<Link> link;
+  std::vector<double> mean;  ///< of their unknowns w; σ = 0 of those that are known
+  int first = 0;             ///< of w in the prior, independent of all else
+};
+
+/// What a link leads one to expect, and how it changes.
+struct LinkExpected {
+  double value = 0;
+  std::array<Coordinates, 2> H_x{};       ///< by the twist of either line's pose
+  std::array<double, 3> tool{}, shape{};  ///< by its unknowns
+};
+
+/// @param w  unknowns of all links
+inline LinkExpected expected(Mobility mobility, const Link& link, const Pose* poses,
+                             const double* w) {
+  LinkExpected result;
+  const Vec3 c(w[link.tool], w[link.tool + 1], w[link.tool + 2]);
+  const double* shape = w + link.shape;
+  std::array<Vec3, 2> arm, p, slope;  // slope: ∂f/∂p
+  for (int a = 0; a < link.ends(); ++a) {
+    const Pose& pose = poses[link.line[a]];
+    arm[a] = pose.R * c;
+    p[a] = pose.D + arm[a];
+  }
+  switch (link.kind) {
+    case LinkKind::plane: {
+      const int first = (link.axis + 1) % 3, second = (link.axis + 2) % 3;
+      const Vec3& at = p[0];
+      result.value = at[link.axis] - shape[0] - shape[1] * at[first] - shape[2] * at[second];
+      slope[0] =
+          Vec3::Unit(link.axis) - shape[1] * Vec3::Unit(first) - shape[2] * Vec3::Unit(second);
+      result.shape = {-1, -at[first], -at[second]};
+      break;
+    }
+    case LinkKind::distance: {
+      const Vec3 apart = p[0] - p[1];
+      const double distance = apart.norm();
+      result.value = (1 + shape[0]) * distance + link.times * shape[1];
+      slope[0] = (1 + shape[0]) * (distance > 0 ? Vec3(apart / distance) : Vec3(Vec3::Zero()));
+      slope[1] = -slope[0];
+      result.shape = {distance, link.times, 0};
+      break;
+    }
+    case LinkKind::point:
+      result.value = (p[0] - p[1])[link.axis];
+      slope[0] = Vec3::Unit(link.axis);
+      slope[1] = -slope[0];
+      break;
+  }
+  for (int a = 0; a < link.ends(); ++a) {
+    free_columns(mobility, slope[a], arm[a].cross(slope[a]), result.H_x[a].data());
+    const Vec3 own = poses[link.line[a]].R.transpose() * slope[a];
+    for (int k = 0; k < 3; ++k) result.tool[k] += own[k];
+  }
+  return result;
+}
+
+/// Links that share lines, and so the noise of their poses.
+struct LinkBlock {
+  std::vector<int> link;  ///< which of all
+  Eigen::VectorXd e;      ///< (measured - f)/σ at these poses
+  RowMatrix B;
+  Eigen::VectorXd y;
+  RowMatrix G;             ///< of the first line of each link, then of the second
+  Eigen::MatrixXd shared;  ///< GGᵀ
+  Eigen::VectorXd weight;  ///< c of every link: C = diag(1/c) + GGᵀ
+  Eigen::LLT<Eigen::MatrixXd> C;
+  double cost = 0;  ///< at the best poses
+
+  int size() const { return static_cast<int>(link.size()); }
+  void weigh(const Eigen::VectorXd& by) {
+    weight = by;
+    C.compute(shared + Eigen::MatrixXd(by.cwiseInverse().asDiagonal()));
+  }
+  /// By a loss of each link's own ε, at the ν that makes the least of all. Each round lowers the
+  /// cost, for a loss is a concave function of ε².
+  void weigh(const LineLoss& loss, double scale) {
+    const double s2 = scale * scale, counts = loss.scale(1);
+    weigh(Eigen::VectorXd::Constant(size(), counts * loss.weight(0, 1)));
+    for (int round = 0; round < 100; ++round) {
+      const Eigen::VectorXd z = C.solve(y), own = z.cwiseQuotient(weight);  // ε
+      cost = z.dot(y - own);
+      Eigen::VectorXd next(size());
+      for (int k = 0; k < size(); ++k) {
+        const double d2 = own[k] * own[k] / s2;
+        cost += s2 * counts * loss.rho(d2, 1);
+        next[k] = std::max(counts * loss.weight(d2, 1), kNothing);
+      }
+      if ((next - weight).cwiseAbs().maxCoeff() < 1e-9) break;
+      weigh(next);
+    }
+  }
+};
+
+/// The links of lines that are known, by the lines that they share.
+/// @param poses, lines  of the log; a line without rows is not known
+/// @param known  parameters, w among them; without a root in units of each (m, rad, one)
+inline std::vector<LinkBlock> linked(Mobility mobility, const Links& links, const double* w,
+                                     const Knowledge& known, const std::vector<Pose>& poses,
+                                     const std::vector<Line>& lines) {
+  const int n = dof(mobility), p = known.count;
+  std::vector<int> root(lines.size());
+  std::iota(root.begin(), root.end(), 0);
+  const auto find = [&](int k) {
+    while (root[k] != k) k = root[k] = root[root[k]];
+    return k;
+  };
+  const auto usable = [&](const Link& link) {
+    return lines[link.line[0]].rows >= n && lines[link.line[link.ends() - 1]].rows >= n;
+  };
+  for (const Link& link : links.link)
+    if (usable(link)) root[find(link.line[link.ends() - 1])] = find(link.line[0]);
+  std::vector<LinkBlock> blocks;
+  std::vector<int> block(lines.size(), -1);
+  for (int k = 0; k < static_cast<int>(links.link.size()); ++k) {
+    if (!usable(links.link[k])) continue;
+    int& at = block[find(links.link[k].line[0])];
+    if (at < 0) {
+      at = static_cast<int>(blocks.size());
+      blocks.emplace_back();
+    }
+    blocks[at].link.push_back(k);
+  }
+  for (LinkBlock& all : blocks) {
+    const int m = all.size();
+    all.e.resize(m);
+    all.B.setZero(m, p);
+    all.G.setZero(2 * m, n);
+    for (int k = 0; k < m; ++k) {
+      const Link& link = links.link[all.link[k]];
+      const LinkExpected at = expected(mobility, link, poses.data(), w);
+      all.e[k] = (link.measured - at.value) / link.sigma;
+      const auto enter = [&](int first, const std::array<double, 3>& slope, int count) {
+        for (int i = 0; i < count; ++i) {
+          const int column = links.first + first + i;
+          const double unit = known.root ? known.root[column * (p + 1)] : 1;
+          all.B(k, column) += slope[i] * unit / link.sigma;
+        }
+      };
+      enter(link.tool, at.tool, 3);
+      if (link.kind != LinkKind::point)
+        enter(link.shape, at.shape, link.kind == LinkKind::plane ? 3 : 2);
+      for (int a = 0; a < link.ends(); ++a) {
+        const Line& line = lines[link.line[a]];
+        auto g = all.G.row(a * m + k);  // g R = ∂f/∂x
+        for (int j = 0; j < n; ++j) {
+          g[j] = at.H_x[a][j] / link.sigma;
+          for (int i = 0; i < j; ++i) g[j] -= g[i] * line.R[i][j];
+          g[j] /= line.R[j][j];
+        }
+      }
+    }
+    all.y = all.e;
+    all.shared.setZero(m, m);
+    for (int k = 0; k < 2 * m; ++k) {
+      const Link& one = links.link[all.link[k % m]];
+      if (k / m >= one.ends()) continue;
+      const int at = one.line[k / m];
+      const Line& line = lines[at];
+      all.B.row(k % m) -= all.G.row(k) * line.B.topRows(n);
+      for (int i = 0; i < n; ++i) all.y[k % m] -= all.G(k, i) * line.e[i];
+      for (int l = 0; l < 2 * m; ++l) {
+        const Link& other = links.link[all.link[l % m]];
+        if (l / m < other.ends() && other.line[l / m] == at)
+          all.shared(k % m, l % m) += all.G.row(k).dot(all.G.row(l));
+      }
+    }
+    all.weigh(Eigen::VectorXd::Ones(m));
+  }
+  return blocks;
+}
+
+/// What the links make of every line's ν, once u has changed by `step`.
+inline void pull(const Links& links, const LinkBlock& block, const Eigen::VectorXd& step,
+                 std::vector<Coordinates>& nu) {
+  const int m = block.size(), n = static_cast<int>(block.G.cols());
+  const Eigen::VectorXd z = block.C.solve(block.y - block.B * step);
+  for (int k = 0; k < m; ++k) {
+    const Link& link = links.link[block.link[k]];
+    for (int a = 0; a < link.ends(); ++a)
+      for (int i = 0; i < n; ++i) nu[link.line[a]][i] += z[k] * block.G(a * m + k, i);
+  }
+}
+
+}  // namespace truepose

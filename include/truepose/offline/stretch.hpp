@@ -1,0 +1,193 @@
+// By how much do rods, legs and belts give way to what they carry?
+//
+// A rod of length L under the tension T becomes L (1 + c T), c its compliance. The rods alone hold
+// what hangs on the nacelle, a force and weights (each rod's half its own): along every freedom z
+// of nacelle and bars, by virtual work,
+//
+//     Σ_k T_k v_k/|v_k| · ∂A_k/∂z + w = 0
+//
+// At the ideal level z is x, and there are as many chains. At the full level every rod is by
+// itself; where one is too many, all share as springs of one stiffness do: T is the least that
+// holds.
+// The tensions are those of the rods as they are without load: what they differ by is of the order
+// of the strain. So readings are those of a robot with other rods, and ∂q_e/∂c follows from H_ξ.
+#pragma once
+
+#include <Eigen/QR>
+#include <limits>
+
+#include "truepose/offline/kernel_table.hpp"
+
+namespace truepose {
+
+/// What pulls at a robot's rods, beside its weight.
+struct Load {
+  Vec3 force = Vec3::Zero();  ///< on the nacelle's reference point, N, base frame
+  /// Of a chain where it was measured, N, all its rods together; NaN: what the rods have to hold.
+  Joint tension = [] {
+    Joint unknown;
+    unknown.fill(std::numeric_limits<Real>::quiet_NaN());
+    return unknown;
+  }();
+};
+
+/// What load does to each chain. Its compliance is that of all its rods together: those of a pair
+/// have twice as much each.
+struct Pull {
+  Joint tension{};     ///< of all its rods together, N
+  Joint length{};      ///< by which its rods, on average, grow per unit of compliance, m·N
+  Joint difference{};  ///< and the one on the side of +u more than the other
+  Joint rate{};        ///< ∂position/∂q of its motor
+};
+
+namespace stretch_detail {
+
+/// Least tensions that hold w. @param G  of unit tensions, one column for each rod
+/// @return whether they hold anything
+inline bool held(const Eigen::MatrixXd& G, const Eigen::VectorXd& w, Eigen::VectorXd& T) {
+  const Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> rods(G);
+  T = rods.solve(-w);
+  return rods.rank() == G.rows() && T.allFinite();
+}
+
+}  // namespace stretch_detail
+
+/// At the ideal level. @return singular where the rods hold nothing along some freedom
+template <Mobility K>
+Outcome pull(const Robot& robot, const Closure<K>& at, const Load& load, Pull& pull) {
+  constexpr int n = kDof<K>;
+  Eigen::MatrixXd G(n, n);
+  Eigen::VectorXd w = Eigen::VectorXd::Zero(n), T;
+  std::array<Real, n> row;
+  const auto hang = [&](const Vec3& force, const Vec3& lever) {
+    free_columns<K>(at.carried, force, lever.cross(force), row.data());
+    w += Eigen::Map<const Eigen::VectorXd>(row.data(), n);
+  };
+  hang(load.force, Vec3::Zero());
+  for (int k = 0; k < robot.bodies; ++k)
+    hang(robot.body[k].mass * robot.gravity(), turned<K>(at.placed().R, robot.body[k].pivot()));
+  for (int i = 0; i < n; ++i) {
+    const ChainState& chain = at.chain[i];
+    hang(0.5 * robot.chain[i].rod_mass * robot.gravity(), chain.lever);
+    jx_row<K>(at.carried, chain.v, chain.lever, row);
+    G.col(i) = Eigen::Map<const Eigen::VectorXd>(row.data(), n) / chain.v.norm();
+  }
+  if (!stretch_detail::held(G, w, T)) return {Status::singular, -1};
+  for (int i = 0; i < n; ++i) {
+    pull.tension[i] = std::isnan(load.tension[i]) ? T[i] : load.tension[i];
+    pull.length[i] = pull.tension[i] * at.chain[i].v.norm();
+    pull.difference[i] = 0;
+    pull.rate[i] = at.chain[i].rate;
+  }
+  return {};
+}
+
+/// At the full level: a measured tension is shared by a pair with the difference that holds.
+template <Mobility K>
+Outcome pull(const Robot& robot, const FullClosure<K>& at, const Load& load, Pull& pull) {
+  constexpr int n = kDof<K>, N = kRods<K>;
+  const bool together = bars_together(robot, robot.full.bars);
+  const Mat3& R = at.pose.R;
+  Eigen::MatrixXd G(robot.full.unknowns, N);
+  Eigen::VectorXd w = Eigen::VectorXd::Zero(8), T;
+  const auto hang = [&](const Vec3& force, const Vec3& pivot, const Vec3& arm, int bar) {
+    w.head<3>() += force;
+    w.segment<3>(3) += (pivot + arm).cross(force);
+    if (bar >= 0) w[together ? 6 : 6 + bar] += R.col(2).dot(arm.cross(force));
+  };
+  hang(load.force, Vec3::Zero(), Vec3::Zero(), -1);
+  for (int k = 0; k < robot.bodies; ++k) {
+    const Body& body = robot.body[k];
+    const Mat3 turned = body.bar < 0 ? R : Mat3(R * rotation_z(at.pose.psi[body.bar]));
+    hang(body.mass * robot.gravity(), R * body.pivot(), turned * body.anchor(), body.bar);
+  }
+  for (int rod = 0; rod < N; ++rod) {
+    const Chain& chain = robot.chain[rod / 2];
+    hang(0.25 * chain.rod_mass * robot.gravity(), at.lever[rod] - at.arm[rod], at.arm[rod],
+         chain.bar);
+    std::array<Real, kMaxUnknowns> row;
+    full_row<K>(robot, at, rod, row);
+    if (together) row[6] += row[7];
+    G.col(rod) = Eigen::Map<const Eigen::VectorXd>(row.data(), G.rows()) / at.v[rod].norm();
+  }
+  if (!stretch_detail::held(G, w.head(G.rows()), T)) return {Status::singular, -1};
+  for (int i = 0; i < n; ++i) {
+    Real of[2] = {T[2 * i], T[2 * i + 1]}, sum = of[0] + of[1];
+    if (!std::isnan(load.tension[i])) {
+      for (Real& one : of) one += 0.5 * (load.tension[i] - sum);
+      sum = load.tension[i];
+    }
+    for (int side = 0; side < 2; ++side) of[side] *= at.v[2 * i + side].norm();
+    pull.tension[i] = sum;
+    pull.length[i] = of[0] + of[1];
+    pull.difference[i] = 2 * (of[0] - of[1]);
+    pull.rate[i] = at.driven[i].rate;
+  }
+  return {};
+}
+
+/// At a pose, the motors holding it, at either level.
+inline Outcome pull(const Robot& robot, const Pose& pose, bool full, const Load& load, Pull& by) {
+  if (!robot.finished) return {Status::unfinished, -1};
+  return with_mobility(robot.mobility, [&](auto mobility) -> Outcome {
+    constexpr Mobility K = mobility();
+    if constexpr (kRodByRod<K>) {
+      if (full && robot.full.own()) {
+        FullClosure<K> at;
+        const FullResult result = ikm_full<K>(robot, pose, at);
+        if (!result) return {result.status, result.chain};
+        return pull<K>(robot, at, load, by);
+      }
+    }
+    Closure<K> at;
+    const Outcome outcome = ikm<K>(robot, pose, at);
+    return outcome ? pull<K>(robot, at, load, by) : outcome;
+  });
+}
+
+/// What a robot under load reads at a pose.
+struct UnderLoad {
+  Extended q_e;
+  Joint tension;                                   ///< of every chain, N
+  Matrix<kMaxReadings, kMaxChains> by_compliance;  ///< ∂q_e/∂c of every chain, x held
+};
+
+/// @param full        the level, that of `model`
+/// @param compliance  of every chain, 1/N
+/// @param H_xi        work space, (n + r) × parameter_count
+inline Outcome under_load(const Robot& robot, const Kernels& model, bool full, const Pose& pose,
+                          const Joint& compliance, const Load& load, double* H_xi,
+                          UnderLoad& result) {
+  Pull by;
+  Outcome outcome = pull(robot, pose, full, load, by);
+  if (!outcome) return outcome;
+  // A leg's length is its motor's: longer at the same reading, as an offset makes it.
+  const auto telescopic = [&](int i) { return robot.chain[i].actuator == Actuator::telescopic; };
+  Robot longer = robot;
+  for (int i = 0; i < model.n; ++i) {
+    Chain& chain = longer.chain[i];
+    const double length = compliance[i] * by.length[i];
+    (telescopic(i) ? chain.encoder_offset : chain.rod) +=
+        telescopic(i) ? length / by.rate[i] : length;
+    chain.rod_difference += compliance[i] * by.difference[i];
+  }
+  PoseRows H_x;
+  Parasitic rest;
+  outcome = model.linearise(longer, pose, result.q_e, H_x, H_xi, rest);
+  if (!outcome) return outcome;
+  result.tension = by.tension;
+  for (int c = 0; c < model.n + robot.r; ++c) {
+    const double* H = H_xi + c * parameter_count(robot);
+    const auto along = [&](int i, ChainParameter parameter) {
+      return H[chain_column(i) + static_cast<int>(parameter)];
+    };
+    for (int i = 0; i < model.n; ++i)
+      result.by_compliance[c][i] =
+          (telescopic(i) ? along(i, ChainParameter::encoder_offset) * by.length[i] / by.rate[i]
+                         : along(i, ChainParameter::rod) * by.length[i]) +
+          along(i, ChainParameter::rod_difference) * by.difference[i];
+  }
+  return outcome;
+}
+
+}  // namespace truepose

@@ -1,0 +1,6 @@
+// The kernels of pivots, compiled.
+#include "truepose/kernels.hpp"
+
+namespace truepose {
+TRUEPOSE_PIVOT_KERNELS()
+}
