@@ -166,10 +166,13 @@ truepose_outcome truepose_controller_error(const truepose_model* model,
     if (!weighs.sound) return c::kNoSuchPart;
     const ControlSettings& settings = made->settings;
     Joint error{};
+    Parasitic nearby = made->state.nearby;
     const Outcome outcome =
         motor_error(robot, settings.law, c::values<Coordinates>(x_d), c::values<Extended>(q_e),
-                    error, settings.damped_below, weighs.weighing);
-    if (outcome) c::give(error, e);
+                    error, settings.damped_below, weighs.weighing, &nearby);
+    if (!outcome) return outcome;
+    made->state.nearby = nearby;
+    c::give(error, e);
     return outcome;
   });
 }

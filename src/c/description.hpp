@@ -22,6 +22,7 @@ void chain_fields(C& c, Core& core, F&& f) {
   f("rod_difference", c.rod_difference, core.rod_difference);
   f("encoder_offset", c.encoder_offset, core.encoder_offset);
   f("encoder_gain", c.encoder_gain, core.encoder_gain);
+  f("encoder_buildup", c.encoder_buildup, core.encoder_buildup);
   f("gear", c.gear, core.eccentricity.gear);
   f("eccentricity", c.eccentricity, core.eccentricity.amplitude);
   f("encoder_step", c.encoder_step, core.encoder_step);
@@ -55,6 +56,14 @@ void body_fields(C& c, Core& core, F&& f) {
   f("pivot", c.pivot, core.pivot);
   f("anchor", c.anchor, core.anchor);
   f("inertia", c.inertia, core.inertia);  // symmetric: by rows as by columns
+}
+
+template <class C, class Core, class F>
+void axis_fields(C& c, Core& core, F&& f) {
+  f("origin", c.origin, core.origin);
+  f("direction", c.direction, core.direction);
+  f("low", c.low, core.low);
+  f("high", c.high, core.high);
 }
 
 template <class C, class Core, class F>
@@ -154,12 +163,15 @@ inline void describe(const Robot& robot, truepose_description& of) {
     c.at_nacelle = sensor.at_nacelle;
     c.rod = sensor.rod;
     c.bar = sensor.bar;
+    c.axis = sensor.axis;
     sensor_fields(c, sensor, copy);
   }
   for (int k = 0; k < robot.bodies; ++k) {
     of.body[k].bar = robot.body[k].bar;
     body_fields(of.body[k], robot.body[k], copy);
   }
+  for (int j = 0; j < passive_axes(robot.mobility); ++j)
+    axis_fields(of.axis[j], robot.axis[j], copy);
 }
 
 inline void describe(const ControlSettings& settings, truepose_control_settings& of) {

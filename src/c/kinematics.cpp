@@ -1,5 +1,6 @@
 // Poses and kinematics for C.
 #include "model.hpp"
+#include "truepose/kinematics/angles_of.hpp"
 #include "truepose/math/roll_pitch_yaw.hpp"
 
 using namespace truepose;
@@ -7,7 +8,7 @@ using namespace truepose;
 namespace truepose::c {
 namespace {
 
-constexpr double kRotation = 1e-6;  ///< by which R Rᵀ may differ from 1
+constexpr Real kRotation = by_precision(1e-6, 1e-5);  ///< by which R Rᵀ may differ from 1
 
 Mat3 matrix(const truepose_real* rows) {
   Mat3 R;
@@ -23,6 +24,12 @@ Status rotation_status(const Mat3& R) {
   return orthonormal && R.determinant() > 0 ? Status::ok : Status::no_such_value;
 }
 
+Pose place_of(const Robot& robot, const Coordinates& x) {
+  return with_mobility(robot.mobility, [&](auto mobility) {
+    return placed<mobility()>(robot, to_pose<mobility()>(x));
+  });
+}
+
 /// Coordinates of a pose, if the mechanism can turn and move so. @param x  in: near them; out
 Outcome coordinates(const Robot& robot, const truepose_pose& pose, Coordinates& x) {
   Pose at;
@@ -31,11 +38,19 @@ Outcome coordinates(const Robot& robot, const truepose_pose& pose, Coordinates& 
   const Status status = at.D.allFinite() ? rotation_status(at.R) : Status::not_finite;
   if (status != Status::ok) return {status, -1};
   if (turns_about_z(robot.mobility)) {
-    const double near = x[robot.motors - 1];
+    const Real near = x[robot.motors - 1];
     at.theta = theta_of(at.R, std::isfinite(near) ? near : 0);
   }
-  const Coordinates found = to_coordinates(robot.mobility, at);
-  const Pose again = to_pose(robot.mobility, found);
+  const Coordinates found = with_mobility(robot.mobility, [&](auto mobility) {
+    if constexpr (kPivots<mobility()>) {
+      Pose angles = to_pose<mobility()>(all_finite(x, robot.motors) ? x : robot.home);
+      angles_of<mobility()>(robot, at, angles);
+      return to_coordinates<mobility()>(angles);
+    } else {
+      return to_coordinates<mobility()>(at);
+    }
+  });
+  const Pose again = place_of(robot, found);
   if (!((again.R - at.R).cwiseAbs().maxCoeff() < kRotation &&
         (again.D - at.D).cwiseAbs().maxCoeff() < kRotation))
     return {Status::no_such_value, -1};
@@ -44,10 +59,58 @@ Outcome coordinates(const Robot& robot, const truepose_pose& pose, Coordinates& 
 }
 
 void to_c(const Robot& robot, const Coordinates& x, truepose_pose* pose) {
-  const Pose at = to_pose(robot.mobility, x);
+  const Pose at = place_of(robot, x);
   std::copy_n(at.D.data(), 3, pose->position);
   by_rows(at.R, pose->rotation);
 }
+
+Outcome rates(const Robot& robot, const truepose_real* x, JointMatrix& J) {
+  const auto at = values<Coordinates>(x);
+  return robot.rod_by_rod() ? jacobian_full(robot, at, J) : jacobian(robot, at, J);
+}
+
+#ifdef TRUEPOSE_NO_PIVOTS  // for small machines: a few lines of a caller's, who has J
+Outcome mapped(const Robot&, const truepose_real*, const truepose_real*, bool, truepose_real*) {
+  return {Status::not_compiled, -1};
+}
+#else
+/// Solves Jᵀ x = b in place, by elimination with partial pivoting.
+void solve_transposed(JointMatrix& J, int n, Coordinates& b) {
+  for (int k = 0; k < n; ++k) {
+    int best = k;
+    for (int i = k + 1; i < n; ++i)
+      if (std::fabs(J[k][i]) > std::fabs(J[k][best])) best = i;
+    for (int j = k; j < n; ++j) std::swap(J[j][k], J[j][best]);
+    std::swap(b[k], b[best]);
+    for (int i = k + 1; i < n; ++i) {
+      const Real factor = J[k][i] / J[k][k];
+      for (int j = k + 1; j < n; ++j) J[j][i] -= factor * J[j][k];
+      b[i] -= factor * b[k];
+    }
+  }
+  for (int k = n - 1; k >= 0; --k) {
+    for (int j = k + 1; j < n; ++j) b[k] -= J[j][k] * b[j];
+    b[k] /= J[k][k];
+  }
+}
+
+/// Torques of the motors as the joints feel them, J⁻ᵀ times, or back, Jᵀ times.
+Outcome mapped(const Robot& robot, const truepose_real* x, const truepose_real* from,
+               bool to_joints, truepose_real* to) {
+  auto given = values<Coordinates>(from);
+  const int n = robot.motors;
+  if (!all_finite(given, n)) return {Status::not_finite, -1};
+  JointMatrix J{};
+  const Outcome outcome = rates(robot, x, J);
+  if (!outcome) return outcome;
+  Coordinates result{};
+  if (to_joints) solve_transposed(J, n, given);
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j) result[i] += to_joints ? (i == j) * given[j] : J[j][i] * given[j];
+  give(result, to);
+  return outcome;
+}
+#endif
 
 Outcome motors(const Robot& robot, const Coordinates& x, truepose_real* q) {
   Joint found{};
@@ -175,19 +238,29 @@ truepose_outcome truepose_readings(const truepose_model* model, const truepose_r
 truepose_outcome truepose_jacobian(const truepose_model* model, const truepose_real* x,
                                    truepose_real* J) {
   return c::asked(model, [&](const Robot& robot) {
-    const auto at = c::values<Coordinates>(x);
     JointMatrix found{};
-    const Outcome outcome =
-        robot.rod_by_rod() ? jacobian_full(robot, at, found) : jacobian(robot, at, found);
+    const Outcome outcome = c::rates(robot, x, found);
     for (int i = 0; i < kMaxDof && outcome; ++i) c::give(found[i], J + i * kMaxMotors);
     return outcome;
   });
 }
 
+truepose_outcome truepose_joint_torque(const truepose_model* model, const truepose_real* x,
+                                       const truepose_real* torque, truepose_real* joint) {
+  return c::asked(model,
+                  [&](const Robot& robot) { return c::mapped(robot, x, torque, true, joint); });
+}
+
+truepose_outcome truepose_motor_torque(const truepose_model* model, const truepose_real* x,
+                                       const truepose_real* joint, truepose_real* torque) {
+  return c::asked(model,
+                  [&](const Robot& robot) { return c::mapped(robot, x, joint, false, torque); });
+}
+
 truepose_outcome truepose_conditioning(const truepose_model* model, const truepose_real* x,
                                        truepose_real* parallel, truepose_real* serial) {
   return c::asked(model, [&](const Robot& robot) {
-    double type2 = 0;
+    Real type2 = 0;
     Joint type1{};
     const Outcome outcome = conditioning(robot, c::values<Coordinates>(x), type2, type1);
     if (outcome) {

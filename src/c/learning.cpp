@@ -39,7 +39,7 @@ Outcome begin(const Robot& drawn, const truepose_knowledge& prior, truepose_real
   if (p < 1 || p > all) return {Status::no_such_part, -1};
   for (int k = 0; k < p; ++k)
     if (prior.column[k] < 0 || prior.column[k] >= all) return {Status::no_such_part, k};
-  double *xi = memory, *root = xi + all, *kept = root + p * p;
+  Real *xi = memory, *root = xi + all, *kept = root + p * p;
   const Outcome outcome = drawn_parameters(drawn, xi);
   if (!outcome) return outcome;
   std::copy_n(prior.root, p * p, root);
@@ -110,6 +110,15 @@ truepose_outcome truepose_learn(truepose_learner* learner, const truepose_real* 
   return c::answer(with_mobility(made->learner.drawn->mobility, [&](auto mobility) {
     return learn<mobility()>(made->learner, c::values<Extended>(q_e));
   }));
+}
+
+truepose_outcome truepose_lines(const truepose_learner* learner, int64_t* learnt,
+                                int64_t* left_out) {
+  const c::Pupil* made = c::Pupil::of(learner);
+  if (made == nullptr) return c::answer({Status::unfinished, -1});
+  *learnt = made->learner.lines;
+  *left_out = made->learner.left_out;
+  return c::answer({});
 }
 
 truepose_outcome truepose_forget(truepose_learner* learner) {

@@ -5,7 +5,7 @@
 namespace truepose::c {
 namespace {
 
-constexpr int kSensorPart = 6, kBodyPart = 18;  // as truepose_outcome counts parts
+constexpr int kSensorPart = 6, kBodyPart = 18, kAxisPart = 26;  // as truepose_outcome counts parts
 
 bool unit(const Vec3& v) { return std::fabs(v.squaredNorm() - 1) < 1e-6; }
 
@@ -19,7 +19,8 @@ Status chain_status(const truepose_chain& c, const Chain& chain) {
   const bool revolute = chain.actuator == Actuator::revolute;
   const bool telescopic = chain.actuator == Actuator::telescopic;
   bool good = c.low <= c.high && c.encoder_gain != 0 && c.gear != 0 && c.rod_spacing >= 0;
-  good = good && (telescopic || (c.rod > 0 && unit(chain.axis))) && (!revolute || c.arm > 0);
+  good = good && (telescopic || (c.rod > 0 && unit(chain.axis))) &&
+         (!revolute || (c.arm > 0 && c.encoder_buildup == 0));
   if (revolute) good = good && unit(chain.zero) && std::fabs(chain.axis().dot(chain.zero())) < 1e-6;
   for (const truepose_real number : {c.encoder_step, c.encoder_noise, c.torque_limit,
                                      c.drive_inertia, c.arm_mass, c.rod_mass, c.viscous, c.coulomb})
@@ -45,6 +46,16 @@ Status body_status(const truepose_body& c, const Body& body) {
   const Mat3 inertia = body.inertia;
   const bool symmetric = inertia == inertia.transpose() && inertia.diagonal().minCoeff() >= 0;
   return c.mass >= 0 && symmetric ? Status::ok : Status::no_such_value;
+}
+
+Status axis_status(const truepose_axis& c, const PassiveAxis& axis) {
+  truepose_axis finite = c;  // as of a chain
+  if (std::isinf(c.low)) finite.low = 0;
+  if (std::isinf(c.high)) finite.high = 0;
+  Finite numbers;
+  axis_fields(finite, axis, numbers);
+  if (!numbers.all) return Status::not_finite;
+  return c.low <= c.high && unit(axis.direction) ? Status::ok : Status::no_such_value;
 }
 
 bool within(std::int32_t count, int most) { return count >= 0 && count <= most; }
@@ -78,12 +89,16 @@ Outcome copied(const truepose_description& of, Robot& robot) {
     sensor.at_nacelle = of.sensor[k].at_nacelle != 0;
     sensor.rod = of.sensor[k].rod;
     sensor.bar = of.sensor[k].bar;
+    sensor.axis = of.sensor[k].axis;
     sensor_fields(of.sensor[k], sensor, copy);
   }
   for (int k = 0; k < of.bodies; ++k) {
     robot.body[k].bar = of.body[k].bar;
     body_fields(of.body[k], robot.body[k], copy);
   }
+  if (!within(of.mobility, kMobilities - 1)) return {Status::no_such_part, -1};
+  for (int j = 0; j < passive_axes(robot.mobility); ++j)
+    axis_fields(of.axis[j], robot.axis[j], copy);
   return {};
 }
 
@@ -104,6 +119,8 @@ Outcome load(const truepose_description& of, Robot& robot) {
     outcome = {sensor_status(of.sensor[k], robot.sensor[k]), kSensorPart + k};
   for (int k = 0; k < robot.bodies && outcome; ++k)
     outcome = {body_status(of.body[k], robot.body[k]), kBodyPart + k};
+  for (int j = 0; j < passive_axes(robot.mobility) && outcome; ++j)
+    outcome = {axis_status(of.axis[j], robot.axis[j]), kAxisPart + j};
   if (!outcome) return outcome;
   const Level level = robot.level;
   outcome = finish(robot);
@@ -133,6 +150,14 @@ truepose_outcome truepose_load(truepose_model* model, size_t size,
   c::Model* made = c::Model::make(model, size);
   if (made == nullptr) return c::answer({Status::too_small, -1});
   return c::answer(c::load(*description, made->robot));
+}
+
+truepose_outcome truepose_description_of(const truepose_model* model,
+                                         truepose_description* description) {
+  return c::asked(model, [&](const Robot& robot) -> Outcome {
+    c::describe(robot, *description);
+    return {};
+  });
 }
 
 int32_t truepose_freedoms(const truepose_model* model) {
