@@ -1,4 +1,4 @@
-"""The paper inside LinuxCNC: the H4 homes and runs G-code under three laws. How wrong is it?
+"""The paper inside LinuxCNC: the H4 homes and runs G-code under four laws. How wrong is it?
 
 Run as ``python tools/linuxcnc_trial.py``; `make linuxcnc` does. The machine is simulated: one
 of its rods is 3 mm longer than its controller knows. Prints the table of docs/linuxcnc.md.
@@ -13,6 +13,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,9 @@ from truepose.deploy.linuxcnc import to_configuration
 from truepose.paper import article
 from truepose.simulation.moves import MOVE_FROM, MOVE_TO
 
-LAWS = ("joint", "redundant", "estimated")
+LAWS = ("joint", "redundant", "weighted", "estimated")
+CYCLES, LASTS = 5000, 60  # of which a median is taken; s that each law runs at least
+CLOCKS = ("truepose_tej.time", "motion-controller.time")
 ROD = 0.003  # by which a rod is longer, m
 RADIUS, HEIGHT = 0.05, -0.4  # of the circle, m
 TURN = 3.0  # by which theta goes past its index, degrees
@@ -51,7 +54,10 @@ def job(law: str, poses: Array, counts: bool) -> dict[str, Any]:
         "events": [],
         "circle": [g0(start), f"G2 X{1e3 * start[0]} Y0 I{-1e3 * RADIUS} J0 F3000"],
         "refused": ["G0 X0 Y0 Z-900", "G0 X0 Y0 Z-450 C85"],
-        "clocks": ["truepose_tej.time", "motion-controller.time"],
+        "clocks": CLOCKS,
+        "cycles": CYCLES,
+        "lasts": LASTS,
+        "noted": [],
         "asked": [f"truepose_tej.{name}" for name in ("referenced", "law-in-effect", "fault")],
     }
 
@@ -99,10 +105,23 @@ def configured(folder: Path, robot: tp.Robot, true: tp.Robot, law: str) -> Path:
     return folder
 
 
+def samples(folder: Path, depth: int, kinds: str, *nets: str) -> None:
+    """Let HAL's sampler look at nets in each cycle, once it is enabled."""
+    with (folder / "robot.hal").open("a") as hal:
+        hal.write(f"loadrt sampler depth={depth} cfg={kinds}\naddf sampler.0 servo-thread\n")
+        hal.write("setp sampler.0.enable 0\n")
+        hal.writelines(f"net {net} => sampler.0.pin.{k}\n" for k, net in enumerate(nets))
+
+
+def machines() -> tuple[tp.Robot, tp.Robot]:
+    """Return the H4 as its controller knows it, and as it is."""
+    robot = tp.load("h4")
+    return robot, robot.replace({"chain3.rod": robot.spec.chain[2].rod + ROD})
+
+
 def trial(poses: int, counts: bool) -> dict[str, dict[str, Any]]:
     """Run all laws; return what each was off, and what LinuxCNC said."""
-    robot = tp.load("h4")
-    true = robot.replace({"chain3.rod": robot.spec.chain[2].rod + ROD})
+    robot, true = machines()
     table2 = article.table2()
     some = table2[np.random.default_rng(0).choice(len(table2), poses, replace=False)]
     x_d = np.vstack([some, MOVE_FROM, MOVE_TO])
@@ -111,6 +130,7 @@ def trial(poses: int, counts: bool) -> dict[str, dict[str, Any]]:
         Path(work).chmod(0o755)
         for law in LAWS:
             folder = configured(Path(work) / law, robot, true, law)
+            samples(folder, CYCLES, "ss", *(f"clock-{k} {name}" for k, name in enumerate(CLOCKS)))
             found = headless(folder, job(law, x_d, counts))
             if "error" in found:
                 raise SystemExit(f"{law}: {found['error']}; LinuxCNC said {found['said']}")
@@ -135,7 +155,8 @@ def judged(found: dict[str, Any], x_d: Array, settled: Array) -> dict[str, Any]:
         "radial": float(np.abs(radial).max()),
         "from_settle": float(np.linalg.norm((rest - settled * shown)[:, :3], axis=1).max()),
         "theta_from_settle": float(np.abs((rest - settled * shown)[:, 3]).max()),
-        "time": times["truepose_tej.time"] / times["motion-controller.time"],
+        "time": times[CLOCKS[0]] / times[CLOCKS[1]],
+        "lasted": found["lasted"],
         "pins": tuple(found["pins"].values()),
         "said": found["said"],
     }
@@ -143,8 +164,7 @@ def judged(found: dict[str, Any], x_d: Array, settled: Array) -> dict[str, Any]:
 
 def steps() -> dict[str, float]:
     """Run the redundant law; return the largest change a cycle of a drive's command, °/s."""
-    robot = tp.load("h4")
-    true = robot.replace({"chain3.rod": robot.spec.chain[2].rod + ROD})
+    robot, true = machines()
     law, sensor = "truepose_tej.law", "truepose_plant.sensor.0.fault"
     events = {
         "nothing": [],
@@ -158,27 +178,59 @@ def steps() -> dict[str, float]:
         "it is right again; machine off and on": [(sensor, 0), None],
         "a motor's encoder falls silent": [("truepose_plant.1.fault", 1)],
     }
-    what = job("redundant", np.array([[0.05, 0.05, -0.42, 0.2]]), True)
-    what |= {"events": [["", [("truepose_tej.reset", 0)]], *events.items()], "refused": []}
-    with tempfile.TemporaryDirectory(prefix="truepose-linuxcnc-") as work:
-        Path(work).chmod(0o755)
-        folder = configured(Path(work) / "steps", robot, true, "redundant")
-        with (folder / "robot.hal").open("a") as hal:
-            hal.write("loadrt sampler depth=4000 cfg=fffff\naddf sampler.0 servo-thread\n")
-            hal.write(
-                "setp sampler.0.enable 0\nnet event truepose_plant.0.fault-size sampler.0.pin.0\n"
-            )
-            hal.writelines(f"net j{i}-velocity => sampler.0.pin.{i + 1}\n" for i in range(4))
-        found = headless(folder, what)
-    if "error" in found:
-        raise SystemExit(f"steps: {found['error']}; LinuxCNC said {found['said']}")
+    found = stepped(robot, true, events)
     if not any("amplifier fault" in line for line in found["said"]):
         raise SystemExit(f"steps: a motor's encoder was silent, LinuxCNC said {found['said']}")
     return {name: found["steps"][name] for name in list(events)[:-1]}
 
 
+def stepped(
+    robot: tp.Robot, true: tp.Robot, events: dict[str, list[Any]], noted: Sequence[str] = ()
+) -> dict[str, Any]:
+    """Let events happen to a machine at rest under the redundant law; return what was found."""
+    what = job("redundant", np.array([[0.05, 0.05, -0.42, 0.2]]), True)
+    what |= {
+        "events": [["", [("truepose_tej.reset", 0)]], *events.items()],
+        "refused": [],
+        "circle": [],
+        "clocks": [],
+        "noted": noted,
+    }
+    with tempfile.TemporaryDirectory(prefix="truepose-linuxcnc-") as work:
+        Path(work).chmod(0o755)
+        folder = configured(Path(work) / "steps", robot, true, "redundant")
+        event = "event truepose_plant.0.fault-size"
+        samples(folder, 4000, "fffff", event, *(f"j{i}-velocity" for i in range(4)))
+        found = headless(folder, what)
+    if "error" in found:
+        raise SystemExit(f"steps: {found['error']}; LinuxCNC said {found['said']}")
+    return found
+
+
+def tell_steps(found: dict[str, float]) -> None:
+    """Print how drives' commands step."""
+    print("\n| what happens, at rest | most that a drive's command changes in a cycle, °/s |")
+    print("|---|---|")
+    for name, change in found.items():
+        if name:
+            print(f"| {name} | {change:.2f} |")
+
+
+SAME = 1e-3  #: inches and degrees
 STOCK = Path("/usr/share/doc/linuxcnc/examples/sample-configs/sim/axis/vismach/hexapod-sim")
 TURNS = (0, 40, 60, 80, 85, 89)
+#: Kinematics are switched: 1 and 2 are identity, where X is the first leg, and 0 the hexapod's.
+SWITCHES = (
+    "G0 Z25 C10",
+    "M429",
+    "G91 G0 X0.5",
+    "M428",
+    "M430",
+    "G0 Y0.5",
+    "M428",
+    "G90 G0 X0 Y0 Z25 A0 B0 C0",
+)
+KINDS = [f"kinstype.is-{kind}" for kind in range(3)]
 
 
 def hexapod() -> bool:
@@ -198,7 +250,7 @@ def hexapod() -> bool:
             pictures = ("PYVCP", "POSTGUI_HALFILE", "HALCMD  = loadusr -W hexagui")
             ini = "".join(line for line in ini.splitlines(True) if not line.startswith(pictures))
             (folder / "robot.ini").write_text(ini)
-            turns = [f"G0 Z25 C{turn}" for turn in TURNS]
+            turns = [*(f"G0 Z25 C{turn}" for turn in TURNS), *SWITCHES]
             found = headless(
                 folder,
                 {
@@ -210,28 +262,37 @@ def hexapod() -> bool:
                     "circle": [],
                     "events": [],
                     "refused": ["G0 Z25 C95"],
-                    "clocks": ["motion-controller.time"],
                     "asked": ["genhexkins.max-iterations"],
+                    "noted": KINDS,
                 },
             )
             if "error" in found:
                 raise SystemExit(f"{kinematics}: {found['error']}; LinuxCNC said {found['said']}")
-            shown = np.array(found["shown"])[:, [2, 5]]
-            rows[kinematics] = (shown, [line for line in found["said"] if "fails" in line])
+            shown = np.array(found["shown"])[:, :6]
+            kinds = [kinds.index(True) for kinds in found["noted"]]
+            said = [line for line in found["said"] if "fails" in line]
+            rows[kinematics] = (shown, said, kinds)
     print("\n| commanded |" + "|".join(f" {name} shows " for name in rows) + "|\n|---|---|---|")
     for k, turn in enumerate(TURNS):
         cells = "|".join(
-            f" Z{shown[k, 0]:.3f} C{round(shown[k, 1], 3) + 0:.3f} " for shown, _ in rows.values()
+            f" Z{shown[k, 2]:.3f} C{round(shown[k, 5], 3) + 0:.3f} " for shown, *_ in rows.values()
         )
         print(f"| Z25 C{turn} |{cells}|")
     print(
         "| Z25 C95 |"
-        + "|".join(f" {'; '.join(said) or 'goes'} " for _, said in rows.values())
+        + "|".join(f" {'; '.join(said) or 'goes'} " for _, said, _ in rows.values())
         + "|"
     )
-    shown, said = rows["truepose_kins pins=genhexkins"]
-    right = np.abs(shown - np.column_stack([np.full(len(TURNS), 25), TURNS])).max() < 1e-3
-    return bool(right and said)
+    (stock, _, expected), (shown, said, kinds) = rows.values()
+    first = len(TURNS)
+    print("\n| switched | kinematics | shown by both |\n|---|---|---|")
+    for line, kind, values in zip(SWITCHES, kinds[first:], shown[first:], strict=True):
+        places = " ".join(f"{x}{v + 0:.3f}" for x, v in zip("XYZABC", values.round(3), strict=True))
+        print(f"| {line} | {kind} | {places} |")
+    apart = np.abs(shown - stock)[first:].max()
+    print(f"\nApart by at most {apart:.1e}")
+    right = np.abs(shown[:first, [2, 5]] - np.column_stack([np.full(first, 25), TURNS])).max()
+    return bool(right < SAME and apart < SAME and kinds == expected and said)
 
 
 def others() -> dict[str, float]:
@@ -245,7 +306,7 @@ def others() -> dict[str, float]:
             x = robot.home[:3] + np.array([[0.02, 0, 0], [0, 0.03, 0.01], [-0.02, 0, -0.01]])
             poses = ["G0 " + " ".join(map("{}{:.9f}".format, "XYZ", 1e3 * row)) for row in x]
             what = {"joints": robot.n, "true": True, "pins": {"truepose_plant.counts": 0}}
-            nothing = ("index", "circle", "events", "refused", "clocks", "asked")
+            nothing = ("index", "circle", "events", "refused", "asked", "noted")
             found = headless(folder, what | {"poses": poses} | {key: [] for key in nothing})
             if "error" in found:
                 raise SystemExit(f"{name}: {found['error']}; LinuxCNC said {found['said']}")
@@ -266,6 +327,7 @@ def main() -> int:
         return 0
     results = trial(asked.poses, not asked.unquantised)
     rows = {
+        "s under the law, without a fault": ("lasted", ".0f"),
         f"θ, mean of {asked.poses} poses of Table 2, °": ("theta", ".3f"),
         "θ, worst of them, °": ("theta_max", ".3f"),
         "position, mean of them, mm": ("position", ".2f"),
@@ -273,7 +335,7 @@ def main() -> int:
         "θ on a circle of 100 mm, worst, °": ("circle", ".3f"),
         "its radius, worst, mm": ("radial", ".2f"),
         "from where `tp.settle` says, worst, µm": ("from_settle", ".1f"),
-        "one cycle of truepose_tej / motion-controller": ("time", ".2f"),
+        f"truepose_tej / motion-controller, medians of {CYCLES} cycles": ("time", ".2f"),
     }
     print("| |" + "|".join(f" {law} " for law in LAWS) + "|\n|---|" + "---|" * len(LAWS))
     for title, (key, how) in rows.items():
@@ -282,11 +344,11 @@ def main() -> int:
         print(f"| {title} |{values}|")
     print("\nRefused, each by LinuxCNC:", *dict.fromkeys(results["joint"]["said"]), sep="\n    ")
     found = steps()
-    print("\n| what happens, at rest | most that a drive's command changes in a cycle, °/s |")
-    print("|---|---|")
-    for name, change in found.items():
-        print(f"| {name} | {change:.2f} |")
-    healthy = all(results[law]["pins"] == (True, LAWS_OF[law], False) for law in LAWS)
+    tell_steps(found)
+    healthy = all(
+        results[law]["pins"] == (True, LAWS_OF[law], False) and results[law]["lasted"] >= LASTS
+        for law in LAWS
+    )
     healthy = hexapod() and healthy
     off = others()
     print("\nOther robots, as exported, where they were sent to, but for (mm):", off)

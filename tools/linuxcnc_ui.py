@@ -99,23 +99,29 @@ def truth(joints):
     return [value(f"truepose_plant.pose.{k}") for k in range(joints)]
 
 
-def clocks(names):
-    """Return what each function took, in 500 looks at it."""
-    taken = {name: [] for name in names}
-    for _ in range(500):
-        for name, values in taken.items():
-            values.append(value(name))
-        time.sleep(0.002)
-    return taken
-
-
 def setp(pin, wanted):
     """Set a pin that nothing writes to."""
     subprocess.run(["halcmd", "setp", pin, str(wanted)], check=True)
 
 
-def steps(events, machine):
-    """Return the largest change, from one cycle to the next, of what a drive was told."""
+def clocks(cycles, names, meanwhile):
+    """Return what each function took in so many cycles in a row, HAL's sampler beside them."""
+    with (HERE / "clocks").open("w+") as samples:
+        sampler = subprocess.Popen(["halsampler", "-n", str(cycles)], stdout=samples)
+        setp("sampler.0.enable", 1)
+        meanwhile()
+        sampler.wait()
+        setp("sampler.0.enable", 0)
+        samples.seek(0)
+        rows = [row.split() for row in samples if "over" not in row]
+    return {name: [int(row[k]) for row in rows] for k, name in enumerate(names)}
+
+
+def steps(events, machine, looks):
+    """Return the largest change, from one cycle to the next, of what a drive was told.
+
+    ``looks`` is called after each event.
+    """
     with (HERE / "samples").open("w+") as samples:
         sampler = subprocess.Popen(["halsampler", "-t"], stdout=samples)
         setp("sampler.0.enable", 1)
@@ -125,6 +131,7 @@ def steps(events, machine):
                 setp(*pin) if pin else machine.off_and_on()
             time.sleep(LOOKS)
             machine.hear()
+            looks()
         sampler.terminate()
         sampler.wait()
         samples.seek(0)
@@ -143,29 +150,51 @@ def steps(events, machine):
 def run(job, machine):
     """Do the job; return what was found."""
     joints, true = job["joints"], job["true"]
-    found = {"rest": [], "path": [], "shown": []}
+    found = {"rest": [], "path": [], "shown": [], "noted": []}
     for pin, wanted in job["pins"].items():
         setp(pin, wanted)
     machine.start()
     for line in job["index"]:
         machine.go(line)
-    for line in job["poses"]:
-        machine.go(line)
-        found["shown"].append(list(machine.state.actual_position))
-        if true:
-            found["rest"].append(truth(joints))
+    began = time.monotonic()
+
+    def look():
+        found["noted"].append([value(name) for name in job["noted"]])
+
+    def visit():
+        for line in job["poses"]:
+            if line.startswith("setp "):
+                setp(*line.split()[1:])
+                continue
+            machine.go(line)
+            found["shown"].append(list(machine.state.actual_position))
+            look()
+            if true:
+                found["rest"].append(truth(joints))
+
+    if job["circle"] or not job.get("clocks"):
+        visit()
+    else:
+        found["times"] = clocks(job["cycles"], job["clocks"], visit)
     if job["circle"]:
         *there, circle = job["circle"]
         for line in there:
             machine.go(line)
-        machine.go(circle, lambda: found["path"].append(truth(joints)))
-    found["times"] = clocks(job["clocks"])
+        found["times"] = clocks(
+            job["cycles"],
+            job["clocks"],
+            lambda: machine.go(circle, lambda: found["path"].append(truth(joints))),
+        )
+        while time.monotonic() - began < job["lasts"]:
+            machine.go(circle)
+    found["lasted"] = time.monotonic() - began
     found["pins"] = {name: value(name) for name in job["asked"]}
     for line in job["refused"]:
         machine.begin(line)
         machine.wait(machine.still, line)
         time.sleep(0.1)
-    found["steps"] = steps(job["events"], machine) if job["events"] else {}
+        machine.hear()
+    found["steps"] = steps(job["events"], machine, look) if job["events"] else {}
     found["said"] = machine.said
     return found
 

@@ -39,7 +39,7 @@ int truepose_kins_extras(truepose_kins* kins, const char* letters) {
   for (; *letters != '\0'; ++letters) {
     const char* at = strchr(kLetters, *letters);
     const int axis = at != NULL ? (int)(at - kLetters) : -1;
-    if (axis < own || kins->motors + kins->extras >= TRUEPOSE_AXES) return 0;
+    if (axis < own || kins->motors + kins->extras >= TRUEPOSE_KINS_AXES) return 0;
     if (axis == kC && turns_about_z(kins->robot.mobility)) return 0;
     for (int k = 0; k < kins->extras; ++k)
       if (kins->extra[k] == axis) return 0;
@@ -145,8 +145,8 @@ static truepose_outcome inverse(truepose_kins* kins, const truepose_real* axes,
   return outcome;
 }
 
-int32_t truepose_kins_inverse(truepose_kins* kins, const truepose_real axes[TRUEPOSE_AXES],
-                              truepose_real joints[TRUEPOSE_AXES]) {
+int32_t truepose_kins_inverse(truepose_kins* kins, const truepose_real axes[TRUEPOSE_KINS_AXES],
+                              truepose_real joints[TRUEPOSE_KINS_AXES]) {
   kins->outcome = inverse(kins, axes, joints);
   return kins->outcome.status;
 }
@@ -181,8 +181,8 @@ static truepose_fkm_result search_with_screws(truepose_kins* kins, const truepos
   return result;
 }
 
-int32_t truepose_kins_forward(truepose_kins* kins, const truepose_real joints[TRUEPOSE_AXES],
-                              truepose_real axes[TRUEPOSE_AXES]) {
+int32_t truepose_kins_forward(truepose_kins* kins, const truepose_real joints[TRUEPOSE_KINS_AXES],
+                              truepose_real axes[TRUEPOSE_KINS_AXES]) {
   truepose_real x[6], kept[6];
   truepose_outcome outcome;
   memcpy(x, kins->guess, sizeof x);

@@ -7,7 +7,7 @@
 
 #include "truepose/truepose.h"
 
-enum { TRUEPOSE_AXES = 9 }; /**< x y z a b c u v w, and at most so many joints */
+enum { TRUEPOSE_KINS_AXES = 9 }; /**< x y z a b c u v w, and at most so many joints */
 
 /** What universal joints add to a strut whose screw may turn in its nut (genhexkins). */
 typedef struct truepose_screw {
@@ -26,7 +26,7 @@ typedef struct truepose_kins {
   truepose_real unit;               /**< m of a machine unit of length */
   truepose_real least_conditioning; /**< below it a pose is refused; 0: none is */
   int32_t cap;                      /**< steps of the forward model, each of its two searches */
-  int32_t extra[TRUEPOSE_AXES];     /**< the axes of joints beyond the motors, in their order */
+  int32_t extra[TRUEPOSE_KINS_AXES];     /**< the axes of joints beyond the motors, in their order */
   int32_t extras;
   truepose_screw screw;
   /* memory */
@@ -48,12 +48,12 @@ int truepose_kins_extras(truepose_kins* kins, const char* letters);
 
 /** Joints of a pose that can be stood at: of the robot's own mode, within its stops, and no nearer
  * to a singularity than asked. @return a truepose_status; above TRUEPOSE_OK joints stay */
-int32_t truepose_kins_inverse(truepose_kins* kins, const truepose_real axes[TRUEPOSE_AXES],
-                              truepose_real joints[TRUEPOSE_AXES]);
+int32_t truepose_kins_inverse(truepose_kins* kins, const truepose_real axes[TRUEPOSE_KINS_AXES],
+                              truepose_real joints[TRUEPOSE_KINS_AXES]);
 /** The pose of joints, from the one found last, then from the robot's home.
  * @param axes  in: angles are given next to these; out
  * @return a truepose_status; above TRUEPOSE_OK axes stay */
-int32_t truepose_kins_forward(truepose_kins* kins, const truepose_real joints[TRUEPOSE_AXES],
-                              truepose_real axes[TRUEPOSE_AXES]);
+int32_t truepose_kins_forward(truepose_kins* kins, const truepose_real joints[TRUEPOSE_KINS_AXES],
+                              truepose_real axes[TRUEPOSE_KINS_AXES]);
 
 #endif

@@ -18,6 +18,7 @@ typedef struct truepose_table {
   int32_t column[TRUEPOSE_TABLE_PARAMETERS];
   truepose_real root[TRUEPOSE_TABLE_PARAMETERS * TRUEPOSE_TABLE_PARAMETERS];
   int32_t watched; /**< 1: there are `watch` and `known` */
+  uint64_t from;   /**< marks the exported table that this is, or was learnt from */
 } truepose_table;
 
 /** Reads a table. May wait and allocate: while a component is loaded, not later.
@@ -26,9 +27,18 @@ typedef struct truepose_table {
  */
 const char* truepose_read_table(const char* path, truepose_table* table);
 
+/** Writes what was learnt as a table, in place of the robot, its finest level and the knowledge
+ * that `began` has. May wait and allocate. @return null, or in a few words why it is not written */
+const char* truepose_write_table(const char* path, const truepose_description* robot,
+                                 const truepose_description* finest,
+                                 const truepose_knowledge* known, const truepose_table* began);
+
 /** rad or m in a machine unit of a reading, counted as in q_e: angles are in degrees.
  * @param unit  m in a machine unit of length */
 truepose_real truepose_reading_scale(const truepose_description* robot, int reading,
+                                     truepose_real unit);
+/** rad or m in a machine unit of a freedom of the pose. */
+truepose_real truepose_freedom_scale(const truepose_description* robot, int freedom,
                                      truepose_real unit);
 /** m in the unit of a name, mm, inch or m; 0: of another. */
 truepose_real truepose_unit(const char* name);

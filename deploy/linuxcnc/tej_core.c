@@ -6,18 +6,23 @@
 
 enum { kCap = 12 }; /* steps of the forward model: the commands move little from cycle to cycle */
 
-truepose_outcome truepose_corrector_begin(truepose_corrector* tej, truepose_real period) {
+/** sigma of a sensor that is not believed, over its own. */
+static const truepose_real kDisbelieved = 1e4;
+
+truepose_outcome truepose_corrector_begin(truepose_corrector* tej,
+                                          const truepose_description* commanded,
+                                          truepose_real period) {
   const truepose_description* robot = &tej->table.robot;
-  truepose_outcome outcome = truepose_load(&tej->model, sizeof tej->model, robot);
-  if (outcome.status <= TRUEPOSE_OK)
-    outcome = truepose_load(&tej->finest, sizeof tej->finest, &tej->table.finest);
+  truepose_outcome outcome = {TRUEPOSE_NO_SUCH_PART, -1};
+  if (robot->mobility != commanded->mobility) return outcome;
+  outcome = truepose_load(&tej->commanded, sizeof tej->commanded, commanded);
+  if (outcome.status <= TRUEPOSE_OK) outcome = truepose_pupil_begin(&tej->pupil, &tej->table);
   if (outcome.status > TRUEPOSE_OK) return outcome;
+  tej->model = tej->pupil.robot;
   tej->motors = truepose_freedoms(&tej->model);
   tej->sensors = truepose_sensors(&tej->model);
   tej->period = period;
   memcpy(tej->x_d, robot->home, sizeof tej->x_d);
-  if (truepose_work(&tej->finest, tej->table.known.count) > TRUEPOSE_TEJ_WORK)
-    outcome.status = TRUEPOSE_TOO_SMALL;
   return outcome;
 }
 
@@ -29,6 +34,13 @@ static int all_finite(const truepose_real* values, int count) {
 
 static void fails(truepose_corrector* tej, truepose_corrector_fault fault) {
   if (tej->fault == TRUEPOSE_TEJ_NO_FAULT) tej->fault = fault;
+}
+
+/** Laws go by another robot from this cycle on. */
+static void goes_by(truepose_corrector* tej, int learnt, int anew) {
+  if (learnt == tej->learnt && !(learnt && anew)) return;
+  tej->learnt = learnt;
+  tej->changed = 1;
 }
 
 static int weighs(int32_t law) {
@@ -45,16 +57,33 @@ static void watched(truepose_corrector* tej, const truepose_corrector_input* inp
     tej->guarding = outcome.status <= TRUEPOSE_OK;
   }
   if (tej->guarding)
-    outcome = truepose_watch(&tej->finest, &tej->guard, input->q_d, input->q_e, &tej->table.known,
-                             tej->work, believed, &tej->report);
+    outcome = truepose_watch(&tej->pupil.drawn, &tej->guard, input->q_d, input->q_e,
+                             &tej->table.known, tej->work, believed, &tej->report);
   if (outcome.status != TRUEPOSE_OK) tej->outcome = outcome;
   if (outcome.status > TRUEPOSE_OK) return; /* it has no opinion: the readings as they are */
   if (all_finite(believed, tej->motors + tej->sensors)) memcpy(q_e, believed, sizeof believed);
   tej->stop = tej->report.stops;
-  int failed = tej->stop;
-  for (int c = tej->motors; c < tej->motors + tej->sensors; ++c)
-    failed |= tej->report.health[c] == TRUEPOSE_FAILED;
-  if (failed) fails(tej, TRUEPOSE_TEJ_WATCH);
+  uint32_t failed = 0, doubted = 0;
+  for (int c = 0; c < tej->motors + tej->sensors; ++c) {
+    failed |= (uint32_t)(tej->report.health[c] == TRUEPOSE_FAILED) << c;
+    doubted |= (uint32_t)(tej->report.health[c] != TRUEPOSE_VALID) << c;
+  }
+  /* Something else stands for them from now on. */
+  tej->changed |= doubted != tej->doubted || failed != tej->left_out;
+  tej->doubted = doubted;
+  if ((failed & ~tej->left_out) != 0 && truepose_pupil_forget(&tej->pupil))
+    goes_by(tej, tej->learnt, 1);
+  tej->left_out = failed;
+  if (tej->stop || failed >> tej->motors == (1U << tej->sensors) - 1)
+    fails(tej, TRUEPOSE_TEJ_WATCH);
+}
+
+/** What laws that weigh know: a sensor that has failed says next to nothing. */
+static const truepose_knowledge* known(truepose_corrector* tej) {
+  tej->weighed = tej->learnt ? tej->pupil.known : tej->table.known;
+  for (int c = 0; c < tej->motors + tej->sensors; ++c)
+    if (tej->left_out >> c & 1U) tej->weighed.sigma[c] *= kDisbelieved;
+  return &tej->weighed;
 }
 
 /** Of a law: what it keeps from cycle to cycle is begun anew where it is another one. */
@@ -73,16 +102,27 @@ static truepose_outcome error_of(truepose_corrector* tej, const truepose_correct
     tej->band = input->band;
   }
   if (outcome.status > TRUEPOSE_OK) return outcome;
-  return truepose_controller_error(heavy ? &tej->finest : &tej->model, &tej->controller, tej->x_d,
-                                   q_e, heavy ? &tej->table.known : NULL, heavy ? tej->work : NULL,
-                                   e);
+  const truepose_model* robot = tej->learnt ? &tej->pupil.robot : &tej->model;
+  if (heavy) robot = tej->learnt ? &tej->pupil.finest : &tej->pupil.drawn;
+  return truepose_controller_error(robot, &tej->controller, tej->x_d, q_e,
+                                   heavy ? known(tej) : NULL, heavy ? tej->work : NULL, e);
+}
+
+/** What readings say of the robot while it stands still, and nothing speaks against them. */
+static void learn(truepose_corrector* tej, const truepose_corrector_input* input,
+                  const truepose_real* q_e) {
+  int anew = 0;
+  if (input->learn && input->enable && input->referenced && tej->fault == TRUEPOSE_TEJ_NO_FAULT &&
+      !tej->doubted)
+    anew = truepose_pupil_cycle(&tej->pupil, tej->period, input->rest, input->q_d, q_e, tej->work);
+  goes_by(tej, input->learnt && tej->pupil.able, anew);
 }
 
 /** The correction that a law asks for. @return 0: none */
 static int asked_for(truepose_corrector* tej, const truepose_corrector_input* input,
                      const truepose_real* q_e, truepose_real* correction) {
   truepose_real e[6];
-  const truepose_fkm_result pose = truepose_fkm(&tej->model, input->q_d, kCap, tej->x_d);
+  const truepose_fkm_result pose = truepose_fkm(&tej->commanded, input->q_d, kCap, tej->x_d);
   truepose_outcome outcome = pose.outcome;
   if (outcome.status <= TRUEPOSE_OK) outcome = error_of(tej, input, q_e, e);
   if (outcome.status != TRUEPOSE_OK) tej->outcome = outcome;
@@ -98,7 +138,7 @@ static int asked_for(truepose_corrector* tej, const truepose_corrector_input* in
  * with no step of its rate. */
 static void blend(truepose_corrector* tej, const truepose_corrector_input* input, int32_t law,
                   const truepose_real* asked) {
-  if (law != tej->law) {
+  if (law != tej->law || tej->changed) {
     tej->law = law;
     tej->since = 0;
     for (int i = 0; i < tej->motors; ++i) tej->from[i] = tej->correction[i] - asked[i];
@@ -117,11 +157,17 @@ void truepose_corrector_cycle(truepose_corrector* tej, const truepose_corrector_
   int32_t law = TRUEPOSE_LAW_JOINT;
   tej->outcome.status = TRUEPOSE_OK;
   tej->outcome.part = -1;
+  tej->changed = 0;
   tej->enabled = input->enable;
   tej->lost = !all_finite(input->q_d, tej->motors) || !all_finite(input->q_e, tej->motors);
   if (starts || input->reset) {
     tej->fault = TRUEPOSE_TEJ_NO_FAULT;
-    tej->stop = tej->guarding = 0;
+    tej->stop = 0;
+  }
+  if (starts || input->reset || !input->watch) {
+    tej->guarding = 0;
+    tej->changed = tej->doubted != 0;
+    tej->doubted = tej->left_out = 0;
     memset(&tej->report, 0, sizeof tej->report);
   }
   if (!all_finite(input->q_d, tej->motors)) {
@@ -138,6 +184,7 @@ void truepose_corrector_cycle(truepose_corrector* tej, const truepose_corrector_
   }
   if (!all_finite(q_e, readings)) fails(tej, TRUEPOSE_TEJ_READING);
   for (int i = 0; i < tej->motors; ++i) tej->e_q[i] = input->q_d[i] - q_e[i];
+  learn(tej, input, q_e);
   const int wanted = input->enable && input->referenced && input->law != TRUEPOSE_LAW_JOINT;
   if (wanted && tej->fault == TRUEPOSE_TEJ_NO_FAULT && asked_for(tej, input, q_e, asked))
     law = input->law;

@@ -7,9 +7,7 @@
 #ifndef TRUEPOSE_LINUXCNC_TEJ_CORE_H
 #define TRUEPOSE_LINUXCNC_TEJ_CORE_H
 
-#include "table.h"
-
-enum { TRUEPOSE_TEJ_WORK = 16384 }; /**< numbers of work space */
+#include "learn_core.h"
 
 /** Why the law is not the one asked for. */
 typedef enum truepose_corrector_fault {
@@ -18,7 +16,7 @@ typedef enum truepose_corrector_fault {
   TRUEPOSE_TEJ_COMMAND = 2,    /**< a command is not a number: what was given last is held */
   TRUEPOSE_TEJ_UNSOLVED = 3,   /**< the command is no pose of the robot, or the law has no answer */
   TRUEPOSE_TEJ_CORRECTION = 4, /**< larger than allowed */
-  TRUEPOSE_TEJ_WATCH = 5       /**< the watch asks for a stop, or a sensor has failed */
+  TRUEPOSE_TEJ_WATCH = 5       /**< the watch asks for a stop, or every sensor has failed */
 } truepose_corrector_fault;
 
 typedef struct truepose_corrector_input {
@@ -27,6 +25,9 @@ typedef struct truepose_corrector_input {
   int32_t watch;         /**< readings are watched, where the table says how */
   int32_t reset;         /**< faults are forgotten */
   int32_t referenced;    /**< every sensor's zero is known */
+  int32_t learn;         /**< at rest, with every reading valid */
+  int32_t learnt;        /**< laws believe in what was learnt, not in the table's robot */
+  truepose_real rest;    /**< s that the machine must have stood before it learns, and again */
   truepose_real band;    /**< conditioning below which the law is damped */
   truepose_real blend;   /**< s over which a change of the law takes effect */
   truepose_real largest; /**< correction that is believed, rad or m */
@@ -36,11 +37,15 @@ typedef struct truepose_corrector_input {
 
 typedef struct truepose_corrector {
   /* constant once begun */
-  truepose_model model, finest;
+  truepose_model commanded; /**< the robot that commands are made for: of motion's kinematics */
   truepose_table table;
+  truepose_model model; /**< of the table */
   int32_t motors, sensors;
   truepose_real period;
   /* memory */
+  truepose_pupil pupil;
+  int32_t learnt;             /**< what laws believe in: 0 the table's robot, 1 what was learnt */
+  truepose_knowledge weighed; /**< of that, and of the readings that are believed */
   truepose_guard guard;
   truepose_controller controller; /**< of the law and the band below */
   int32_t begun;
@@ -49,7 +54,8 @@ typedef struct truepose_corrector {
   int32_t guarding, enabled;
   truepose_real x_d[6];  /**< pose of the commands */
   truepose_real from[6]; /**< what of an earlier correction is left to be ramped out */
-  truepose_real since;   /**< s since the law changed */
+  truepose_real since;   /**< s since the law changed, */
+  int32_t changed;       /**< or what it goes by, in this cycle */
   /* out */
   truepose_real error[6]; /**< what the drives are to reduce: (q_d - q) + correction */
   truepose_real correction[6];
@@ -58,12 +64,18 @@ typedef struct truepose_corrector {
   int32_t fault;        /**< a truepose_corrector_fault; stays until reset, or the drives go on */
   int32_t lost;         /**< 1: a motor is not heard, or not told: amplifiers are to go off */
   int32_t stop;         /**< 1: the machine is to come to rest along its path */
+  uint32_t doubted;     /**< readings that the watch does not believe, as bits, and of these */
+  uint32_t left_out;    /**< those that have failed: what others say stands for them */
   truepose_outcome outcome; /**< of the latest call that had something to say */
   truepose_report report;
 } truepose_corrector;
 
-/** @param tej  its table read @return what truepose_load() says, or TOO_SMALL */
-truepose_outcome truepose_corrector_begin(truepose_corrector* tej, truepose_real period);
+/** @param tej        its table read
+ * @param commanded  of motion's kinematics: the table's own robot, or the one it was learnt from
+ * @return what truepose_load() says, NO_SUCH_PART of another robot, or TOO_SMALL */
+truepose_outcome truepose_corrector_begin(truepose_corrector* tej,
+                                          const truepose_description* commanded,
+                                          truepose_real period);
 /** One cycle. Whatever the input, what goes out is finite. */
 void truepose_corrector_cycle(truepose_corrector* tej, const truepose_corrector_input* input);
 

@@ -4,29 +4,17 @@
  *   loadrt truepose_kins pins=genhexkins|lineardeltakins|rotarydeltakins [extra=…]
  *
  * The mathematics is in kins_core.c; this is LinuxCNC's interface of 2.9, and HAL's. MIT. */
-#include "rtapi.h"
-
-#include "rtapi_app.h"
-#include "rtapi_math.h"
-#include "rtapi_string.h"
-
-#include "hal.h"
+#define COMPONENT "truepose_kins"
+#include "component.h"
 #include "kinematics.h"
 
 #include "geometry.h"
-#include "pins.h"
-#include "table.h"
 
-MODULE_LICENSE("Dual MIT/GPL"); /* ours is MIT, which may be loaded beside GPL-2 */
 MODULE_DESCRIPTION("Kinematics of parallel robots that refuses what cannot be stood at");
 
-static char* table = "";
-RTAPI_MP_STRING(table, "file of truepose export linuxcnc");
 static char* pins = "";
 RTAPI_MP_STRING(pins,
                 "whose pins describe the robot: genhexkins, lineardeltakins, rotarydeltakins");
-static char* unit = "mm";
-RTAPI_MP_STRING(unit, "machine unit of length: mm, inch, m");
 static char* extra = "";
 RTAPI_MP_STRING(extra, "axis letters of joints beyond the robot's motors");
 static char* coordinates = "xyzabc";
@@ -199,20 +187,18 @@ EXPORT_SYMBOL(kinematicsType);
 EXPORT_SYMBOL(kinematicsSwitchable);
 EXPORT_SYMBOL(kinematicsSwitch);
 
-static int id;
-
 static int say_pins(void) {
   int bad = 0;
   says = hal_malloc(sizeof *says);
   if (says == NULL) return -1;
-  bad |= new_s32(id, &says->status, HAL_OUT, 0, "truepose_kins.status");
-  bad |= new_s32(id, &says->part, HAL_OUT, 0, "truepose_kins.part");
-  bad |= new_u32(id, &says->refused, HAL_OUT, 0, "truepose_kins.refused");
-  bad |= new_s32(id, &says->iterations, HAL_OUT, 0, "truepose_kins.iterations");
-  bad |= new_s32(id, &says->most_iterations, HAL_OUT, 0, "truepose_kins.max-iterations");
-  bad |= new_float(id, &says->residual, HAL_OUT, 0, "truepose_kins.residual");
-  bad |= new_float(id, &says->conditioning, HAL_OUT, 0, "truepose_kins.conditioning");
-  bad |= new_float(id, &says->least_conditioning, HAL_IN, 0.01, "truepose_kins.least-conditioning");
+  bad |= new_s32(&says->status, HAL_OUT, 0, "truepose_kins.status");
+  bad |= new_s32(&says->part, HAL_OUT, 0, "truepose_kins.part");
+  bad |= new_u32(&says->refused, HAL_OUT, 0, "truepose_kins.refused");
+  bad |= new_s32(&says->iterations, HAL_OUT, 0, "truepose_kins.iterations");
+  bad |= new_s32(&says->most_iterations, HAL_OUT, 0, "truepose_kins.max-iterations");
+  bad |= new_float(&says->residual, HAL_OUT, 0, "truepose_kins.residual");
+  bad |= new_float(&says->conditioning, HAL_OUT, 0, "truepose_kins.conditioning");
+  bad |= new_float(&says->least_conditioning, HAL_IN, 0.01, "truepose_kins.least-conditioning");
   return bad;
 }
 
@@ -240,24 +226,24 @@ static int hexapod_new(void) {
   for (int w = 0; w < 4; ++w)
     for (int i = 0; i < 6; ++i)
       for (int k = 0; k < 3; ++k) {
-        bad |= new_float(id, &points[w].pin[i][k], HAL_IN, points[w].value[i][k],
-                         "genhexkins.%s.%d.%c", points[w].name, i, "xyz"[k]);
+        bad |= new_float(&points[w].pin[i][k], HAL_IN, points[w].value[i][k], "genhexkins.%s.%d.%c",
+                         points[w].name, i, "xyz"[k]);
       }
   for (int i = 0; i < 6; ++i) {
-    bad |= new_float(id, &p->correction[i], HAL_OUT, 0, "genhexkins.correction.%d", i);
-    bad |= new_float(id, &p->gui[i], HAL_IN, 0, "skgui.%c", "xyzabc"[i]);
-    bad |= new_float(id, &p->shown[i], HAL_IN, 0, "genhexkins.%c", "xyzabc"[i]);
+    bad |= new_float(&p->correction[i], HAL_OUT, 0, "genhexkins.correction.%d", i);
+    bad |= new_float(&p->gui[i], HAL_IN, 0, "skgui.%c", "xyzabc"[i]);
+    bad |= new_float(&p->shown[i], HAL_IN, 0, "genhexkins.%c", "xyzabc"[i]);
   }
-  bad |= new_float(id, &p->screw_lead, HAL_IN, 0, "genhexkins.screw-lead");
-  bad |= new_float(id, &p->spindle_offset, HAL_IN, 0, "genhexkins.spindle-offset");
-  bad |= new_float(id, &p->tool_offset, HAL_IN, 0, "genhexkins.tool-offset");
-  bad |= new_float(id, &p->criterion, HAL_IN, 1e-9, "genhexkins.convergence-criterion");
-  bad |= new_float(id, &p->max_error, HAL_IN, 500, "genhexkins.max-error");
-  bad |= new_u32(id, &p->last_iterations, HAL_OUT, 0, "genhexkins.last-iterations");
-  bad |= new_u32(id, &p->max_iterations, HAL_OUT, 0, "genhexkins.max-iterations");
-  bad |= new_u32(id, &p->limit_iterations, HAL_IN, 0, "genhexkins.limit-iterations");
-  bad |= new_bit(id, &p->failed, HAL_OUT, 0, "genhexkins.fwd-kins-fail");
-  for (int k = 0; k < 3; ++k) bad |= new_bit(id, &p->is[k], HAL_OUT, 0, "kinstype.is-%d", k);
+  bad |= new_float(&p->screw_lead, HAL_IN, 0, "genhexkins.screw-lead");
+  bad |= new_float(&p->spindle_offset, HAL_IN, 0, "genhexkins.spindle-offset");
+  bad |= new_float(&p->tool_offset, HAL_IN, 0, "genhexkins.tool-offset");
+  bad |= new_float(&p->criterion, HAL_IN, 1e-9, "genhexkins.convergence-criterion");
+  bad |= new_float(&p->max_error, HAL_IN, 500, "genhexkins.max-error");
+  bad |= new_u32(&p->last_iterations, HAL_OUT, 0, "genhexkins.last-iterations");
+  bad |= new_u32(&p->max_iterations, HAL_OUT, 0, "genhexkins.max-iterations");
+  bad |= new_u32(&p->limit_iterations, HAL_IN, 0, "genhexkins.limit-iterations");
+  bad |= new_bit(&p->failed, HAL_OUT, 0, "genhexkins.fwd-kins-fail");
+  for (int k = 0; k < 3; ++k) bad |= new_bit(&p->is[k], HAL_OUT, 0, "kinstype.is-%d", k);
   if (bad == 0) {
     *p->limit_iterations = 120;
     kinematicsSwitch(0);
@@ -274,23 +260,17 @@ static int delta_new(const char* const* names, const double* values, int count) 
   delta_pins = hal_malloc(sizeof *delta_pins);
   if (delta_pins == NULL) return -1;
   for (int k = 0; k < count; ++k)
-    bad |= new_float(id, &delta_pins->number[k], HAL_IN, values[k], "%s", names[k]);
+    bad |= new_float(&delta_pins->number[k], HAL_IN, values[k], "%s", names[k]);
   return bad;
 }
 
 static int load_table(void) {
   static truepose_table read;
-  const char* const why = truepose_read_table(table, &read);
-  const double metres = truepose_unit(unit);
-  truepose_outcome outcome;
-  if (why != NULL) return wrong("truepose_kins", "table", table, why);
-  if (metres == 0) return wrong("truepose_kins", "unit", unit, "choose mm, inch or m");
-  outcome = truepose_kins_load(&kins, &read.robot, metres);
-  if (outcome.status > TRUEPOSE_OK)
-    return wrong("truepose_kins", "table", table, truepose_describe(outcome.status));
+  if (read_parameters(&read) != 0 ||
+      refused("table", table, truepose_kins_load(&kins, &read.robot, truepose_unit(unit))) != 0)
+    return -1;
   if (!truepose_kins_extras(&kins, extra))
-    return wrong("truepose_kins", "extra", extra,
-                 "choose letters of xyzabcuvw that the robot does not move itself");
+    return wrong("extra", extra, "choose letters of xyzabcuvw that the robot does not move itself");
   loaded = 1;
   return 0;
 }
@@ -308,18 +288,9 @@ static int pins_of_source(void) {
     return from = FROM_LINEAR_DELTA, delta_new(linear, linear_values, 2);
   if (strcmp(pins, "rotarydeltakins") == 0)
     return from = FROM_ROTARY_DELTA, delta_new(rotary, rotary_values, 4);
-  return wrong("truepose_kins", "pins", pins,
-               "give table=FILE, or genhexkins, lineardeltakins or rotarydeltakins");
+  return wrong("pins", pins, "give table=FILE, or genhexkins, lineardeltakins or rotarydeltakins");
 }
 
-int rtapi_app_main(void) {
-  id = hal_init("truepose_kins");
-  if (id < 0) return id;
-  if (say_pins() != 0 || pins_of_source() != 0) {
-    hal_exit(id);
-    return -22;
-  }
-  hal_ready(id);
-  return 0;
-}
+static int begin(void) { return say_pins() != 0 ? -1 : pins_of_source(); }
+
 void rtapi_app_exit(void) { hal_exit(id); }

@@ -5,23 +5,13 @@
  *   addf truepose_plant servo-thread    # last
  *
  * Its motors stand at `start` when the thread begins, where their encoders begin to count. */
-#include "rtapi.h"
+#define COMPONENT "truepose_plant"
+#include "component.h"
 
-#include "rtapi_app.h"
-#include "rtapi_string.h"
-
-#include "hal.h"
-
-#include "pins.h"
 #include "plant_core.h"
 
-MODULE_LICENSE("Dual MIT/GPL");
 MODULE_DESCRIPTION("A parallel robot that is simulated, with its encoders and its faults");
 
-static char* table = "";
-RTAPI_MP_STRING(table, "file of truepose export linuxcnc: the machine as it is");
-static char* unit = "mm";
-RTAPI_MP_STRING(unit, "machine unit of length: mm, inch, m");
 static int period_us = 1000;
 RTAPI_MP_INT(period_us, "of the thread, microseconds");
 
@@ -37,7 +27,7 @@ static struct plant_pins {
 static truepose_plant plant;
 static truepose_description robot;
 static truepose_real scale[TRUEPOSE_READINGS], pose_scale[6];
-static int motors, readings, begun, id;
+static int motors, readings, begun;
 
 static void begin_here(void) {
   truepose_real q[6] = {0};
@@ -77,9 +67,9 @@ static int make_pins(void) {
   pins = hal_malloc(sizeof *pins);
   if (pins == NULL) return -1;
   for (int i = 0; i < motors; ++i) {
-    bad |= new_float(id, &pins->start[i], HAL_IN, 0, "truepose_plant.%d.start", i);
-    bad |= new_float(id, &pins->velocity[i], HAL_IN, 0, "truepose_plant.%d.velocity", i);
-    bad |= new_float(id, &pins->pose[i], HAL_OUT, 0, "truepose_plant.pose.%d", i);
+    bad |= new_float(&pins->start[i], HAL_IN, 0, "truepose_plant.%d.start", i);
+    bad |= new_float(&pins->velocity[i], HAL_IN, 0, "truepose_plant.%d.velocity", i);
+    bad |= new_float(&pins->pose[i], HAL_OUT, 0, "truepose_plant.pose.%d", i);
   }
   for (int c = 0; c < readings; ++c) {
     char name[HAL_NAME_LEN + 1];
@@ -87,52 +77,32 @@ static int make_pins(void) {
       rtapi_snprintf(name, sizeof name, "truepose_plant.%d", c);
     else
       rtapi_snprintf(name, sizeof name, "truepose_plant.sensor.%d", c - motors);
-    bad |= new_float(id, &pins->position[c], HAL_OUT, 0, "%s.position", name);
-    bad |= new_float(id, &pins->index[c], HAL_IN, 0, "%s.index-angle", name);
-    bad |= new_bit(id, &pins->index_enable[c], HAL_IO, 0, "%s.index-enable", name);
-    bad |= new_bit(id, &pins->absolute[c], HAL_IN, 0, "%s.absolute", name);
-    bad |= new_s32(id, &pins->fault[c], HAL_IN, 0, "%s.fault", name);
-    bad |= new_float(id, &pins->size[c], HAL_IN, 0, "%s.fault-size", name);
+    bad |= new_float(&pins->position[c], HAL_OUT, 0, "%s.position", name);
+    bad |= new_float(&pins->index[c], HAL_IN, 0, "%s.index-angle", name);
+    bad |= new_bit(&pins->index_enable[c], HAL_IO, 0, "%s.index-enable", name);
+    bad |= new_bit(&pins->absolute[c], HAL_IN, 0, "%s.absolute", name);
+    bad |= new_s32(&pins->fault[c], HAL_IN, 0, "%s.fault", name);
+    bad |= new_float(&pins->size[c], HAL_IN, 0, "%s.fault-size", name);
   }
-  bad |= new_bit(id, &pins->coarse, HAL_IN, 1, "truepose_plant.counts");
-  bad |= new_bit(id, &pins->blocked, HAL_OUT, 0, "truepose_plant.blocked");
-  bad |= new_s32(id, &pins->status, HAL_OUT, 0, "truepose_plant.status");
+  bad |= new_bit(&pins->coarse, HAL_IN, 1, "truepose_plant.counts");
+  bad |= new_bit(&pins->blocked, HAL_OUT, 0, "truepose_plant.blocked");
+  bad |= new_s32(&pins->status, HAL_OUT, 0, "truepose_plant.status");
   return bad;
-}
-
-/** rad or m of what a coordinate is shown in. */
-static truepose_real shown(int k) {
-  const int lengths = robot.mobility >= TRUEPOSE_TRANSLATION ? 3 : 2;
-  return k < lengths ? truepose_unit(unit) : 0.017453292519943295;
 }
 
 static int begin(void) {
   static truepose_table read;
-  const char* const why = truepose_read_table(table, &read);
-  truepose_outcome outcome;
-  if (why != NULL) return wrong("truepose_plant", "table", table, why);
-  if (truepose_unit(unit) == 0)
-    return wrong("truepose_plant", "unit", unit, "choose mm, inch or m");
+  if (read_parameters(&read) != 0) return -1;
   robot = read.robot;
-  outcome = truepose_load(&plant.model, sizeof plant.model, &robot);
-  if (outcome.status > TRUEPOSE_OK)
-    return wrong("truepose_plant", "table", table, truepose_describe(outcome.status));
+  if (refused("table", table, truepose_load(&plant.model, sizeof plant.model, &robot)) != 0)
+    return -1;
   motors = truepose_freedoms(&plant.model);
   readings = motors + truepose_sensors(&plant.model);
   for (int c = 0; c < readings; ++c)
     scale[c] = truepose_reading_scale(&robot, c, truepose_unit(unit));
-  for (int k = 0; k < motors; ++k) pose_scale[k] = shown(k);
+  for (int k = 0; k < motors; ++k)
+    pose_scale[k] = truepose_freedom_scale(&robot, k, truepose_unit(unit));
   return make_pins() != 0 ? -1 : hal_export_funct("truepose_plant", cycle, NULL, 1, 0, id);
 }
 
-int rtapi_app_main(void) {
-  id = hal_init("truepose_plant");
-  if (id < 0) return id;
-  if (begin() != 0) {
-    hal_exit(id);
-    return -22;
-  }
-  hal_ready(id);
-  return 0;
-}
 void rtapi_app_exit(void) { hal_exit(id); }

@@ -1,27 +1,22 @@
 /* The law of redundant sensors as a component of LinuxCNC's HAL, between motion and pid;
  * docs/linuxcnc.md is its guide, tej_core.c the mathematics. MIT.
  *
- *   loadrt truepose_tej table=FILE [unit=mm|inch|m] [period_us=1000]
+ *   loadrt truepose_tej table=FILE [unit=mm|inch|m] [period_us=1000] [keep=FILE]
  *   addf truepose_tej servo-thread      # after motion-controller, before pid */
-#include "rtapi.h"
+#define COMPONENT "truepose_tej"
+#include "component.h"
 
-#include "rtapi_app.h"
-#include "rtapi_string.h"
-
-#include "hal.h"
-
-#include "pins.h"
 #include "tej_core.h"
 
-MODULE_LICENSE("Dual MIT/GPL");
+#include <stdio.h>
+
 MODULE_DESCRIPTION("Motor errors from redundant sensors");
 
-static char* table = "";
-RTAPI_MP_STRING(table, "file of truepose export linuxcnc");
-static char* unit = "mm";
-RTAPI_MP_STRING(unit, "machine unit of length: mm, inch, m");
 static int period_us = 1000;
 RTAPI_MP_INT(period_us, "of the thread, microseconds");
+
+static char* keep = "";
+RTAPI_MP_STRING(keep, "file of what was learnt: read when loaded, written when unloaded");
 
 static struct tej_pins {
   hal_float_t *command[6], *offset[6], *motor_fb[6], *pid_fb[6], *correction[6], *e_q[6];
@@ -31,12 +26,16 @@ static struct tej_pins {
   hal_bit_t *enable, *watch, *reset, *fault, *stop, *lost, *all_referenced;
   hal_s32_t *law, *in_effect, *fault_code, *status, *part;
   hal_float_t *band, *blend, *largest;
+  hal_bit_t *learn, *use_learnt, *failed[TRUEPOSE_READINGS];
+  hal_u32_t *lines, *left_out;
+  hal_s32_t* learner_status;
+  hal_float_t *rest, *sigma[6];
 }* pins;
 
 static truepose_corrector tej;
 static truepose_index seen[TRUEPOSE_SENSORS];
-static truepose_real scale[TRUEPOSE_READINGS];
-static int id;
+static truepose_real scale[TRUEPOSE_READINGS], pose_scale[6];
+static int32_t told, waits; /* the fault that stands in the log; that an index is waited for */
 
 /** Sensors' readings, and whether the zero of all is known. */
 static int32_t sensors(truepose_real* readings) {
@@ -53,6 +52,25 @@ static int32_t sensors(truepose_real* readings) {
   return all;
 }
 
+/** Each fault once in LinuxCNC's log, and that a law must wait for an index. */
+static void tell(const truepose_corrector_input* in) {
+  static const char* const why[] = {"no fault",
+                                    "a reading is no number",
+                                    "a command is no number",
+                                    "no answer for this pose",
+                                    "the correction is larger than largest-correction",
+                                    "the watch asks for a stop, or every sensor has failed"};
+  const int32_t waiting = in->enable && in->law != TRUEPOSE_LAW_JOINT && !in->referenced;
+  if (waiting && !waits)
+    rtapi_print_msg(RTAPI_MSG_ERR,
+                    "truepose_tej: the joint law, until a sensor's index is passed\n");
+  waits = waiting;
+  if (tej.fault == told) return;
+  told = tej.fault;
+  rtapi_print_msg(RTAPI_MSG_ERR, "truepose_tej: fault %d: %s (%s)\n", told, why[told],
+                  truepose_describe(tej.outcome.status));
+}
+
 static void cycle(void* unused, long period) {
   static truepose_corrector_input in;
   (void)unused;
@@ -61,6 +79,9 @@ static void cycle(void* unused, long period) {
   in.law = *pins->law;
   in.watch = *pins->watch;
   in.reset = *pins->reset;
+  in.learn = *pins->learn;
+  in.learnt = *pins->use_learnt;
+  in.rest = *pins->rest;
   in.band = *pins->band;
   in.blend = *pins->blend;
   in.largest = *pins->largest * scale[0];
@@ -84,6 +105,12 @@ static void cycle(void* unused, long period) {
   *pins->lost = tej.lost;
   *pins->status = tej.outcome.status;
   *pins->part = tej.outcome.part;
+  for (int c = 0; c < tej.motors + tej.sensors; ++c) *pins->failed[c] = tej.left_out >> c & 1U;
+  *pins->lines = (hal_u32_t)tej.pupil.lines;
+  *pins->left_out = (hal_u32_t)tej.pupil.left_out;
+  *pins->learner_status = tej.pupil.outcome.status;
+  for (int k = 0; k < tej.motors; ++k) *pins->sigma[k] = tej.pupil.sigma[k] / pose_scale[k];
+  tell(&in);
 }
 
 static int make_pins(void) {
@@ -91,59 +118,81 @@ static int make_pins(void) {
   pins = hal_malloc(sizeof *pins);
   if (pins == NULL) return -1;
   for (int i = 0; i < tej.motors; ++i) {
-    bad |= new_float(id, &pins->command[i], HAL_IN, 0, "truepose_tej.%d.command", i);
-    bad |= new_float(id, &pins->offset[i], HAL_IN, 0, "truepose_tej.%d.motor-offset", i);
-    bad |= new_float(id, &pins->motor_fb[i], HAL_IN, 0, "truepose_tej.%d.motor-fb", i);
-    bad |= new_float(id, &pins->pid_fb[i], HAL_OUT, 0, "truepose_tej.%d.pid-fb", i);
-    bad |= new_float(id, &pins->correction[i], HAL_OUT, 0, "truepose_tej.%d.correction", i);
-    bad |= new_float(id, &pins->e_q[i], HAL_OUT, 0, "truepose_tej.%d.e-q", i);
+    bad |= new_float(&pins->command[i], HAL_IN, 0, "truepose_tej.%d.command", i);
+    bad |= new_float(&pins->offset[i], HAL_IN, 0, "truepose_tej.%d.motor-offset", i);
+    bad |= new_float(&pins->motor_fb[i], HAL_IN, 0, "truepose_tej.%d.motor-fb", i);
+    bad |= new_float(&pins->pid_fb[i], HAL_OUT, 0, "truepose_tej.%d.pid-fb", i);
+    bad |= new_float(&pins->correction[i], HAL_OUT, 0, "truepose_tej.%d.correction", i);
+    bad |= new_float(&pins->e_q[i], HAL_OUT, 0, "truepose_tej.%d.e-q", i);
   }
   for (int k = 0; k < tej.sensors; ++k) {
-    bad |= new_float(id, &pins->position[k], HAL_IN, 0, "truepose_tej.sensor.%d.position", k);
-    bad |= new_float(id, &pins->index_angle[k], HAL_IN, 0, "truepose_tej.sensor.%d.index-angle", k);
-    bad |= new_bit(id, &pins->index_enable[k], HAL_IO, 0, "truepose_tej.sensor.%d.index-enable", k);
-    bad |= new_bit(id, &pins->absolute[k], HAL_IN, 0, "truepose_tej.sensor.%d.absolute", k);
-    bad |= new_bit(id, &pins->referenced[k], HAL_OUT, 0, "truepose_tej.sensor.%d.referenced", k);
+    bad |= new_float(&pins->position[k], HAL_IN, 0, "truepose_tej.sensor.%d.position", k);
+    bad |= new_float(&pins->index_angle[k], HAL_IN, 0, "truepose_tej.sensor.%d.index-angle", k);
+    bad |= new_bit(&pins->index_enable[k], HAL_IO, 0, "truepose_tej.sensor.%d.index-enable", k);
+    bad |= new_bit(&pins->absolute[k], HAL_IN, 0, "truepose_tej.sensor.%d.absolute", k);
+    bad |= new_bit(&pins->referenced[k], HAL_OUT, 0, "truepose_tej.sensor.%d.referenced", k);
   }
-  bad |= new_bit(id, &pins->enable, HAL_IN, 0, "truepose_tej.enable");
-  bad |= new_bit(id, &pins->watch, HAL_IN, 0, "truepose_tej.watch");
-  bad |= new_bit(id, &pins->reset, HAL_IN, 0, "truepose_tej.reset");
-  bad |= new_bit(id, &pins->fault, HAL_OUT, 0, "truepose_tej.fault");
-  bad |= new_bit(id, &pins->lost, HAL_OUT, 0, "truepose_tej.amp-fault");
-  bad |= new_bit(id, &pins->stop, HAL_OUT, 0, "truepose_tej.stop");
-  bad |= new_bit(id, &pins->all_referenced, HAL_OUT, 0, "truepose_tej.referenced");
-  bad |= new_s32(id, &pins->law, HAL_IN, TRUEPOSE_LAW_JOINT, "truepose_tej.law");
-  bad |= new_s32(id, &pins->in_effect, HAL_OUT, 0, "truepose_tej.law-in-effect");
-  bad |= new_s32(id, &pins->fault_code, HAL_OUT, 0, "truepose_tej.fault-code");
-  bad |= new_s32(id, &pins->status, HAL_OUT, 0, "truepose_tej.status");
-  bad |= new_s32(id, &pins->part, HAL_OUT, 0, "truepose_tej.part");
-  bad |= new_float(id, &pins->band, HAL_IN, 0, "truepose_tej.band");
-  bad |= new_float(id, &pins->blend, HAL_IN, 0.2, "truepose_tej.blend-time");
-  bad |= new_float(id, &pins->largest, HAL_IN, 5, "truepose_tej.largest-correction");
+  for (int c = 0; c < tej.motors; ++c) {
+    bad |= new_bit(&pins->failed[c], HAL_OUT, 0, "truepose_tej.%d.failed", c);
+    bad |= new_float(&pins->sigma[c], HAL_OUT, 0, "truepose_tej.pose-sigma.%d", c);
+  }
+  for (int k = 0; k < tej.sensors; ++k)
+    bad |= new_bit(&pins->failed[tej.motors + k], HAL_OUT, 0, "truepose_tej.sensor.%d.failed", k);
+  bad |= new_bit(&pins->learn, HAL_IN, 0, "truepose_tej.learn");
+  bad |= new_bit(&pins->use_learnt, HAL_IN, 1, "truepose_tej.use-learnt");
+  bad |= new_float(&pins->rest, HAL_IN, 0.2, "truepose_tej.learn-rest");
+  bad |= new_u32(&pins->lines, HAL_OUT, 0, "truepose_tej.lines");
+  bad |= new_u32(&pins->left_out, HAL_OUT, 0, "truepose_tej.lines-left-out");
+  bad |= new_s32(&pins->learner_status, HAL_OUT, 0, "truepose_tej.learner-status");
+  bad |= new_bit(&pins->enable, HAL_IN, 0, "truepose_tej.enable");
+  bad |= new_bit(&pins->watch, HAL_IN, 0, "truepose_tej.watch");
+  bad |= new_bit(&pins->reset, HAL_IN, 0, "truepose_tej.reset");
+  bad |= new_bit(&pins->fault, HAL_OUT, 0, "truepose_tej.fault");
+  bad |= new_bit(&pins->lost, HAL_OUT, 0, "truepose_tej.amp-fault");
+  bad |= new_bit(&pins->stop, HAL_OUT, 0, "truepose_tej.stop");
+  bad |= new_bit(&pins->all_referenced, HAL_OUT, 0, "truepose_tej.referenced");
+  bad |= new_s32(&pins->law, HAL_IN, TRUEPOSE_LAW_JOINT, "truepose_tej.law");
+  bad |= new_s32(&pins->in_effect, HAL_OUT, 0, "truepose_tej.law-in-effect");
+  bad |= new_s32(&pins->fault_code, HAL_OUT, 0, "truepose_tej.fault-code");
+  bad |= new_s32(&pins->status, HAL_OUT, 0, "truepose_tej.status");
+  bad |= new_s32(&pins->part, HAL_OUT, 0, "truepose_tej.part");
+  bad |= new_float(&pins->band, HAL_IN, 0, "truepose_tej.band");
+  bad |= new_float(&pins->blend, HAL_IN, 0.2, "truepose_tej.blend-time");
+  bad |= new_float(&pins->largest, HAL_IN, 5, "truepose_tej.largest-correction");
   return bad;
 }
 
+/** What was learnt of this very table in an earlier session takes its place. */
+static int remember(void) {
+  const uint64_t from = tej.table.from;
+  FILE* const there = fopen(keep, "rb");
+  const char* why = NULL;
+  if (there == NULL) return 0; /* nothing was learnt yet */
+  fclose(there);
+  why = truepose_read_table(keep, &tej.table);
+  if (why == NULL && tej.table.from == from) return 0;
+  wrong("keep", keep, why != NULL ? why : "was learnt of another table: begins with the table");
+  return read_parameters(&tej.table);
+}
+
 static int begin(void) {
-  const char* const why = truepose_read_table(table, &tej.table);
-  truepose_outcome outcome;
-  if (why != NULL) return wrong("truepose_tej", "table", table, why);
-  if (truepose_unit(unit) == 0) return wrong("truepose_tej", "unit", unit, "choose mm, inch or m");
-  outcome = truepose_corrector_begin(&tej, 1e-6 * period_us);
-  if (outcome.status > TRUEPOSE_OK)
-    return wrong("truepose_tej", "table", table, truepose_describe(outcome.status));
+  static truepose_description commanded;
+  if (read_parameters(&tej.table) != 0) return -1;
+  commanded = tej.table.robot;
+  if (*keep != '\0' && remember() != 0) return -1;
+  if (refused("table", table, truepose_corrector_begin(&tej, &commanded, 1e-6 * period_us)) != 0)
+    return -1;
   for (int c = 0; c < tej.motors + tej.sensors; ++c)
-    scale[c] = truepose_reading_scale(&tej.table.robot, c, truepose_unit(unit));
+    scale[c] = truepose_reading_scale(&commanded, c, truepose_unit(unit));
+  for (int k = 0; k < tej.motors; ++k)
+    pose_scale[k] = truepose_freedom_scale(&commanded, k, truepose_unit(unit));
   return make_pins() != 0 ? -1 : hal_export_funct("truepose_tej", cycle, NULL, 1, 0, id);
 }
 
-int rtapi_app_main(void) {
-  id = hal_init("truepose_tej");
-  if (id < 0) return id;
-  if (begin() != 0) {
-    hal_exit(id);
-    return -22;
-  }
-  hal_ready(id);
-  return 0;
+void rtapi_app_exit(void) {
+  const char* why = NULL;
+  hal_exit(id);
+  if (*keep != '\0' && tej.pupil.lines + tej.pupil.left_out > 0)
+    why = truepose_pupil_keep(&tej.pupil, &tej.table, keep);
+  if (why != NULL) wrong("keep", keep, why);
 }
-void rtapi_app_exit(void) { hal_exit(id); }

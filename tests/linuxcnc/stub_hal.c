@@ -1,5 +1,5 @@
-/* As much of HAL as a kinematics module needs, so that two of them can be asked side by side in one
- * process without LinuxCNC: pins are memory, found by name. */
+/* As much of HAL as our modules need, so that two of them can be asked side by side in one process
+ * without LinuxCNC: pins are memory, found by name, and functions run when they are told to. */
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -51,6 +51,17 @@ int hal_pin_bit_new(const char* name, int direction, void** pin, int id) {
 }
 int hal_pin_s32_new(const char* name, int direction, void** pin, int id) {
   return hal_pin_bit_new(name, direction, pin, id);
+}
+static void (*function)(void*, long);
+int hal_export_funct(const char* name, void (*f)(void*, long), void* arg, int fp, int reent,
+                     int id) {
+  (void)name, (void)arg, (void)fp, (void)reent, (void)id;
+  function = f;
+  return 0;
+}
+/** Runs the latest function so often. */
+void stub_run(int cycles) {
+  while (cycles-- > 0) function(NULL, 1000000);
 }
 int hal_init(const char* name) { return name != NULL; }
 int hal_ready(int id) { return id != 1; }

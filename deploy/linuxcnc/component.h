@@ -1,0 +1,78 @@
+/* What truepose_kins, truepose_tej and truepose_plant share as LinuxCNC's components: how one is
+ * loaded, what it is told then, pins with a first value. Included once a component, behind
+ * `#define COMPONENT "name"`; begin() and rtapi_app_exit() are the component's own. */
+#ifndef TRUEPOSE_LINUXCNC_COMPONENT_H
+#define TRUEPOSE_LINUXCNC_COMPONENT_H
+
+#include "rtapi.h"
+
+#include "rtapi_app.h"
+#include "rtapi_string.h"
+
+#include "hal.h"
+
+#include "table.h"
+
+#include <stdarg.h>
+
+MODULE_LICENSE("Dual MIT/GPL"); /* ours is MIT, which may be loaded beside GPL-2 */
+
+static char* table = "";
+RTAPI_MP_STRING(table, "file of truepose export linuxcnc");
+static char* unit = "mm";
+RTAPI_MP_STRING(unit, "machine unit of length: mm, inch, m");
+
+static int id; /* HAL's, of this component */
+
+/** Says why a component is not loaded. @return -1 */
+static inline int wrong(const char* what, const char* value, const char* why) {
+  rtapi_print_msg(RTAPI_MSG_ERR, "%s: %s=%s: %s\n", COMPONENT, what, value, why);
+  return -1;
+}
+/** The same of what the library says. @return 0: it has nothing against it */
+static inline int refused(const char* what, const char* value, truepose_outcome outcome) {
+  return outcome.status > TRUEPOSE_OK ? wrong(what, value, truepose_describe(outcome.status)) : 0;
+}
+
+/** The table and the unit that the component was given. @return 0, or -1 where one is none */
+static inline int read_parameters(truepose_table* read) {
+  const char* const why = truepose_read_table(table, read);
+  if (why != NULL) return wrong("table", table, why);
+  return truepose_unit(unit) == 0 ? wrong("unit", unit, "choose mm, inch or m") : 0;
+}
+
+/** new_float, new_bit, new_s32, new_u32: a pin of a name by format, which starts at `value`.
+ * @return 0: made */
+#define TRUEPOSE_NEW(kind)                                                                    \
+  static inline __attribute__((format(printf, 4, 5))) int new_##kind(                         \
+      hal_##kind##_t** pin, hal_pin_dir_t direction, double value, const char* format, ...) { \
+    char name[HAL_NAME_LEN + 1];                                                              \
+    va_list arguments;                                                                        \
+    va_start(arguments, format);                                                              \
+    rtapi_vsnprintf(name, sizeof name, format, arguments);                                    \
+    va_end(arguments);                                                                        \
+    const int result = hal_pin_##kind##_newf(direction, pin, id, "%s", name);                 \
+    if (result == 0) **pin = value;                                                           \
+    return result;                                                                            \
+  }
+TRUEPOSE_NEW(float)
+TRUEPOSE_NEW(bit)
+TRUEPOSE_NEW(s32)
+TRUEPOSE_NEW(u32)
+
+/** Reads what the component was told, makes its pins and functions. @return 0, or it is not loaded
+ */
+static int begin(void);
+
+int rtapi_app_main(void) {
+  id = hal_init(COMPONENT);
+  if (id < 0) return id;
+  if (begin() != 0) {
+    hal_exit(id);
+    return -22;
+  }
+  hal_ready(id);
+  return 0;
+}
+
+#endif

@@ -1,0 +1,93 @@
+/* What do readings at rest say of the robot? */
+#include "learn_core.h"
+
+#include <math.h>
+#include <string.h>
+
+enum { kCap = 12 }; /* steps of the forward model */
+
+/** What the learner has learnt is what is believed from now on, at both levels. A robot that can no
+ * longer be loaded (its home beyond a stop) is not: the one before stays. */
+static int believe(truepose_pupil* pupil) {
+  truepose_description of;
+  truepose_learnt(&pupil->learner, &pupil->next_finest, sizeof pupil->next_finest);
+  truepose_description_of(&pupil->next_finest, &of);
+  of.level = pupil->level;
+  if (truepose_load(&pupil->next, sizeof pupil->next, &of).status > TRUEPOSE_OK) return 0;
+  pupil->robot = pupil->next;
+  pupil->finest = pupil->next_finest;
+  truepose_learnt_knowledge(&pupil->learner, &pupil->known);
+  return 1;
+}
+
+truepose_outcome truepose_pupil_begin(truepose_pupil* pupil, const truepose_table* table) {
+  truepose_outcome outcome = {TRUEPOSE_TOO_SMALL, -1};
+  memset(pupil, 0, sizeof *pupil);
+  outcome = truepose_load(&pupil->robot, sizeof pupil->robot, &table->robot);
+  if (outcome.status <= TRUEPOSE_OK)
+    outcome = truepose_load(&pupil->drawn, sizeof pupil->drawn, &table->finest);
+  if (outcome.status > TRUEPOSE_OK) return outcome;
+  pupil->finest = pupil->drawn;
+  pupil->prior = pupil->known = table->known;
+  pupil->level = table->robot.level;
+  pupil->motors = table->robot.motors;
+  memcpy(pupil->x, table->robot.home, sizeof pupil->x);
+  pupil->able = table->robot.sensors > 0 && table->known.count > 0;
+  if (truepose_work(&pupil->drawn, table->known.count) > TRUEPOSE_TEJ_WORK)
+    outcome.status = TRUEPOSE_TOO_SMALL;
+  else if (pupil->able)
+    outcome =
+        truepose_begin_learner(&pupil->learner, sizeof pupil->learner, &pupil->drawn, &pupil->prior,
+                               pupil->memory, sizeof pupil->memory / sizeof *pupil->memory);
+  return outcome;
+}
+
+/** Whether the commands have stood for so long; the next line is as far away again. */
+static int stood(truepose_pupil* pupil, truepose_real period, truepose_real rest,
+                 const truepose_real* q_d) {
+  int moved = 0;
+  for (int i = 0; i < pupil->motors; ++i)
+    moved |= !(fabs(q_d[i] - pupil->stands[i]) <= pupil->prior.sigma[i]);
+  if (moved) memcpy(pupil->stands, q_d, sizeof pupil->stands);
+  pupil->since = moved ? 0 : pupil->since + period;
+  if (!(pupil->since >= rest)) return 0;
+  pupil->since = 0;
+  return 1;
+}
+
+/** How well the pose is known where the machine stands. */
+static void ask_sigma(truepose_pupil* pupil, const truepose_real* q_e, truepose_real* work) {
+  if (truepose_fkm(&pupil->finest, q_e, kCap, pupil->x).outcome.status > TRUEPOSE_OK) return;
+  const truepose_estimate_result found =
+      truepose_estimate(&pupil->finest, &pupil->known, q_e, work, pupil->x);
+  for (int i = 0; i < pupil->motors && found.outcome.status <= TRUEPOSE_OK; ++i)
+    pupil->sigma[i] = sqrt(found.covariance[i * (TRUEPOSE_FREEDOMS + 1)]);
+}
+
+int truepose_pupil_cycle(truepose_pupil* pupil, truepose_real period, truepose_real rest,
+                         const truepose_real* q_d, const truepose_real* q_e, truepose_real* work) {
+  const int64_t before = pupil->lines + pupil->left_out;
+  const int fresh = pupil->fresh;
+  pupil->fresh = 0;
+  if (!pupil->able) return 0;
+  if (fresh) ask_sigma(pupil, q_e, work);
+  if (!stood(pupil, period, rest, q_d)) return 0;
+  pupil->outcome = truepose_learn(&pupil->learner, q_e);
+  truepose_lines(&pupil->learner, &pupil->lines, &pupil->left_out);
+  /* A line of which one reading was left out has taught something as well. */
+  if (pupil->lines + pupil->left_out == before) return 0;
+  return pupil->fresh = believe(pupil);
+}
+
+int truepose_pupil_forget(truepose_pupil* pupil) {
+  if (!pupil->able || pupil->lines == 0) return 0;
+  return truepose_forget(&pupil->learner).status <= TRUEPOSE_OK && believe(pupil);
+}
+
+const char* truepose_pupil_keep(const truepose_pupil* pupil, const truepose_table* table,
+                                const char* path) {
+  truepose_description robot, finest;
+  truepose_description_of(&pupil->robot, &robot);
+  truepose_description_of(&pupil->finest, &finest);
+  return truepose_write_table(path, &robot, &finest, &pupil->known, table);
+}

@@ -1,0 +1,145 @@
+"""Learning inside LinuxCNC: an H4 of its file's tolerances works, rests, and is known better.
+
+Run as ``python tools/linuxcnc_learning.py``; `make linuxcnc` does. Prints tables of
+docs/linuxcnc.md: errors before and after, in the session that learns and in the next one; what a
+cycle that learns costs; how drives' commands step meanwhile, and when one of two sensors fails.
+"""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import truepose as tp
+from linuxcnc_trial import (
+    CLOCKS,
+    LAWS_OF,
+    configured,
+    g0,
+    headless,
+    job,
+    samples,
+    stepped,
+    tell_steps,
+)
+from truepose.arguments import Array
+from truepose.paper import article
+from truepose.simulation.true_robots import with_tolerance_errors
+
+SEED, ASKED, LEARNT_AT = 0, 12, 60  # the machine; poses where errors are asked, and of learning
+LAWS = ("redundant", "estimated")
+CYCLES = 75_000  # which include all that learn
+#: How much θ is off afterwards, of what it was under the redundant law.
+GAINS = 0.5
+
+
+def pin(name: str, value: int) -> str:
+    """Return a line of a job that sets a pin of truepose_tej."""
+    return f"setp truepose_tej.{name} {value}"
+
+
+def visits(x_d: Array) -> list[str]:
+    """Return lines that go to poses under one law after the other."""
+    return [line for law in LAWS for line in (pin("law", LAWS_OF[law]), *map(g0, x_d))]
+
+
+def off(found: dict[str, Any], x_d: Array, first: int) -> list[tuple[float, float]]:
+    """Return each law's mean errors, in ° and mm, of the visits from the `first` pose on."""
+    rest = np.array(found["rest"])[first : first + len(LAWS) * len(x_d)]
+    errors = rest.reshape(len(LAWS), len(x_d), 4) - x_d * [1e3, 1e3, 1e3, np.degrees(1)]
+    theta = np.abs(errors[..., 3]).mean(axis=1)
+    position = np.linalg.norm(errors[..., :3], axis=2).mean(axis=1)
+    return list(zip(theta.tolist(), position.tolist(), strict=True))
+
+
+def costs(tej: Array, motion: Array, lines: Array) -> None:
+    """Print what cycles take that learn, and those after them, by motion's median."""
+    learns = np.flatnonzero(np.diff(lines) == 1) + 1
+    kinds = {
+        "that learns": tej[learns],
+        "after it, which asks for σ": tej[learns[learns + 1 < len(tej)] + 1],
+    }
+    print("\n| cycle of truepose_tej / motion-controller | median | worst |\n|---|---|---|")
+    for name, times in kinds.items():
+        shares = times / np.median(motion)
+        print(f"| {name} | {np.median(shares):.1f} | {shares.max():.1f} |")
+
+
+def learning() -> bool:
+    """Learn in one session, go on in the next; print what it is worth."""
+    robot = tp.load("h4")
+    true = with_tolerance_errors(robot, SEED)
+    table2 = np.random.default_rng(0).permutation(article.table2())
+    x_d, others = table2[:ASKED], table2[ASKED : ASKED + LEARNT_AT]
+    what = job("redundant", x_d[:0], True) | {"refused": [], "circle": [], "cycles": CYCLES}
+    what["clocks"] = [*CLOCKS, "truepose_tej.lines"]
+    what["pins"] |= {"truepose_tej.use-learnt": 0}
+    says = ("lines", "lines-left-out", "fault", *(f"pose-sigma.{k}" for k in range(4)))
+    what["asked"] = [f"truepose_tej.{name}" for name in says]
+    begins = [pin("use-learnt", 1), pin("learn", 1)]
+    what["poses"] = visits(x_d) + begins + [g0(x) for x in others] + [pin("learn", 0)] + visits(x_d)
+    with tempfile.TemporaryDirectory(prefix="truepose-linuxcnc-") as work:
+        Path(work).chmod(0o755)
+        folder = configured(Path(work) / "learning", robot, true, "redundant")
+        nets = [f"clock-{k} {name}" for k, name in enumerate(CLOCKS)]
+        samples(folder, 6000, "ssu", *nets, "lines truepose_tej.lines")
+        one = headless(folder, what)
+        next_day = job("redundant", x_d[:0], True) | {"refused": [], "circle": [], "clocks": []}
+        other = headless(folder, next_day | {"poses": visits(x_d)})
+    for found in (one, other):
+        if "error" in found:
+            raise SystemExit(f"learning: {found['error']}; LinuxCNC said {found['said']}")
+    before, after = off(one, x_d, 0), off(one, x_d, 2 * len(x_d) + len(others))
+    again = off(other, x_d, 0)
+    print("| | " + " | ".join(f"{law}: θ, °, and position, mm" for law in LAWS) + " |")
+    print("|---|" + "---|" * len(LAWS))
+    rows = {"as exported": before, f"after {LEARNT_AT} poses": after, "in the next session": again}
+    for name, errors in rows.items():
+        print(f"| {name} |" + "|".join(f" {a:.3f}, {b:.2f} " for a, b in errors) + "|")
+    lines, left_out, fault, *sigma = one["pins"].values()
+    print(f"\n{lines} lines counted, {left_out} did not; σ of the pose:", np.round(sigma, 3))
+    costs(*map(np.array, one["times"].values()))
+    better = after[0][0] < GAINS * before[0][0] and again[0][0] < GAINS * before[0][0]
+    return bool(lines > LEARNT_AT / 2 and not fault and better)
+
+
+def steps() -> bool:
+    """Print how drives' commands step where a robot is learnt, and where sensors of two fail."""
+    robot = tp.load("h4").with_sensors("theta", "z_telemeter")
+    events: dict[str, list[Any]] = {
+        "nothing": [],
+        "the robot is learnt": [("truepose_tej.learn", 1)],
+        "laws go by the exported robot": [("truepose_tej.use-learnt", 0)],
+        "and by the learnt one again": [("truepose_tej.use-learnt", 1)],
+        "readings are watched": [("truepose_tej.watch", 1)],
+        "one of two sensors falls silent": [("truepose_plant.sensor.1.fault", 1)],
+        "the other one as well": [("truepose_plant.sensor.0.fault", 1)],
+    }
+    names = ("lines", "law-in-effect", "sensor.0.failed", "sensor.1.failed", "fault-code")
+    noted = [f"truepose_tej.{name}" for name in names]
+    found = stepped(robot, with_tolerance_errors(robot, SEED), events, noted)
+    tell_steps(found["steps"])
+    states = found["noted"][-len(events) :]
+    learnt, one, both = states[1], states[-2], states[-1]
+    law = LAWS_OF["redundant"]
+    right = learnt[0] > 0 and one[1:] == [law, False, True, 0] and both[1:] == [0, True, True, 5]
+    dither, largest = found["steps"]["nothing"], max(found["steps"].values())
+    return bool(right and largest < 1.2 * dither)
+
+
+def main() -> int:
+    """Print the tables."""
+    if shutil.which("linuxcnc") is None:
+        print("linuxcnc: SKIPPED, LinuxCNC is not installed (Debian: linuxcnc-uspace)")
+        return 0
+    good = learning()
+    return 0 if steps() and good else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
