@@ -47,7 +47,9 @@ def require_answers(
     beyond = ""
     if status[k] == _core.joint_limit:
         full = robot.is_full(level)
-        beyond = ", " + explain.beyond(robot.core, robot.spec, rows[k], int(chain[k]), full)
+        beyond = (", " if chain[k] >= 0 else " ") + explain.beyond(
+            robot.core, robot.spec, rows[k], int(chain[k]), full
+        )
     raise PoseError(
         f"{robot.name}: {what}{index} {name} = {_list(rows[k])}: "
         f"{guilty}{_core.describe(int(status[k]))}{beyond}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 import numbers
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, Self
@@ -19,7 +20,7 @@ from truepose.robot.to_core import build, columns, encoder_step, parameterised
 from truepose.robotfile.parameters import drawn
 from truepose.robotfile.schema import Calibration, RobotFile
 
-#: Names and units of the coordinates of each mobility.
+#: Names and units of the coordinates of each mobility; of a pivot its file names them.
 COORDINATES = {
     "planar_translation": (("x", "m"), ("y", "m")),
     "planar": (("x", "m"), ("y", "m"), ("theta", "rad")),
@@ -219,6 +220,8 @@ class Description:
     @property
     def coordinates(self) -> tuple[tuple[str, str], ...]:
         """Name and unit of each coordinate of x."""
+        if self._spec.mobility == "pivot":
+            return tuple((axis.name, "rad") for axis in self._spec.axis)
         return COORDINATES[self._spec.mobility]
 
     @property
@@ -305,6 +308,33 @@ class Description:
         0.4835
         """
         return self.replace({name: p.mean for name, p in self.parameters.items()})
+
+    def with_mounting(self, places: Mapping[str, float]) -> Self:
+        """Return a copy whose sensors are mounted elsewhere, as drawn.
+
+        Parameters
+        ----------
+        places : mapping
+            Of coordinates of sensors' points, m; tolerances are about these then.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> robot = tp.load("h4").with_mounting({"wire1.origin.x": 0.1})
+        >>> robot.parameters["wire1.origin.x"].mean
+        0.1
+        """
+        sensors = list(self._spec.sensor)
+        for k, sensor in enumerate(sensors):
+            vectors = {}
+            for key in sensor.mounting.values():
+                names = [f"{sensor.name}.{key}.{axis}" for axis in "xyz"]
+                if not places.keys().isdisjoint(names):
+                    drawn = zip(names, getattr(sensor, key), strict=True)
+                    vectors[key] = tuple(places.get(name, value) for name, value in drawn)
+            sensors[k] = sensor.model_copy(update=vectors)
+        own = {name: v for name, v in self._values.items() if v != self._nominal[name]}
+        return type(self)(self._spec.model_copy(update={"sensor": tuple(sensors)}), own)
 
     def with_calibration(self, calibration: Calibration | None) -> Self:
         """Return a copy that knows its parameters as a calibration found them, or not (None)."""

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 from truepose import _core
 from truepose.arguments import Array
+from truepose.robot.passive import passive_axes
 from truepose.robotfile.schema import RobotFile
 
 #: Place of each coordinate in a twist [velocity; angular velocity].
@@ -29,11 +32,13 @@ def at_home(robot: _core.Robot, spec: RobotFile, coordinates: list[str], failure
         gap = _core.shortfall(robot, home, chain)
         words += f": its rod is {1e3 * abs(gap):.3g} mm too {'short' if gap > 0 else 'long'}"
     elif status == _core.joint_limit:
-        words += f": {beyond(robot, spec, np.array(spec.home), chain)}"
+        words += f"{'' if chain < 0 else ':'} {beyond(robot, spec, np.array(spec.home), chain)}"
     elif status == _core.singular and chain >= 0:
         revolute = spec.chain[chain].actuator == "revolute"
         how = "arm and rod stand in one line" if revolute else "rod stands square to its rail"
         words += f": its {how}"
+    elif status == _core.singular and spec.axis:
+        words += f": {_not_turned(robot, spec, home)}"
     elif status == _core.singular:
         rows, _ = _core.rod_rows(robot, home)
         twists = np.zeros((spec.n, 6))
@@ -43,11 +48,37 @@ def at_home(robot: _core.Robot, spec: RobotFile, coordinates: list[str], failure
 
 
 def beyond(robot: _core.Robot, spec: RobotFile, x: Array, chain: int, full: bool = False) -> str:
-    """Say where the chain's motor would stand at x, and between which stops it may."""
+    """Say where the chain's motor would stand at x, and between which stops it may.
+
+    Of no chain, -1: which passive axis is beyond its stops.
+    """
+    if chain < 0:
+        for axis, angle in zip(spec.axis, x, strict=True):
+            low, high = axis.limits or (-np.inf, np.inf)
+            if not low <= angle <= high:
+                return f"of axis {axis.name}: {angle:.6g} of [{low:.6g}, {high:.6g}]"
     q, _, _ = _core.ikm(robot.without_limits(), np.ascontiguousarray(x[None]), full)
     position = robot.motor_position(chain, q[0, chain])
     low, high = spec.chain[chain].limits or (-np.inf, np.inf)
     return f"{position:.6g} of [{low:.6g}, {high:.6g}]"
+
+
+def _not_turned(robot: _core.Robot, spec: RobotFile, home: list[float]) -> str:
+    """Say which axes of a pivot coincide at home, or which of them no motor turns."""
+    lines = zip(spec.axis, passive_axes(robot, spec.home), strict=True)
+    for (axis, (p, a)), (other, (o, b)) in itertools.combinations(lines, 2):
+        if np.linalg.norm(np.cross(a, b)) < _HELD and np.linalg.norm(np.cross(a, o - p)) < _HELD:
+            return f"axes {axis.name} and {other.name} coincide"
+    rows, _ = _core.rod_rows(robot, home)
+    for i in range(spec.n):
+        if np.abs(rows[i]).max() <= _HELD * np.abs(rows).max():
+            return f"chain {i + 1}: its rod runs through every axis, or along it: no torque"
+    for j, axis in enumerate(spec.axis):
+        if np.abs(rows[:, j]).max() <= _HELD * np.abs(rows).max():
+            return f"no motor turns axis {axis.name}: every rod's line runs through it, or along it"
+    motion = np.linalg.svd(rows)[2][-1]
+    turned = [f"{v:.3g} {axis.name}" for v, axis in zip(motion, spec.axis, strict=True)]
+    return f"the motors do not hold the nacelle against turning its axes by {' : '.join(turned)}"
 
 
 def not_held(robot: _core.Robot) -> str:

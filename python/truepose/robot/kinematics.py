@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike
 from truepose import _core
 from truepose.arguments import Array, Errors, Level, check_seed, numbers_of
 from truepose.exceptions import InputError
+from truepose.robot import stretch
 from truepose.robot.batches import flattened, require_answers
-from truepose.robot.description import Description
+from truepose.robot.stretch import Loaded
 from truepose.robot.to_core import columns
 
 
@@ -22,10 +23,12 @@ class Conditioning(NamedTuple):
     serial: Array  #: (..., n) share of B's motion along the rod; 0: type 1, arm and rod in line
 
 
-class Kinematics(Description):
+class Kinematics(Loaded):
     """The kinematic models of a :class:`truepose.Robot`.
 
-    All methods take any leading shape and run in C++.
+    All methods take any leading shape and run in C++. Where a robot's rods give way to what they
+    carry (:attr:`compliance`), poses and readings are those under load; Jacobians along the pose
+    leave out that tension changes with it: a share of the strain.
     """
 
     def ikm(
@@ -85,7 +88,17 @@ class Kinematics(Description):
         rows, lead = flattened(self, x, self.n, "x", errors)
         q, status, chain = _core.ikm(core, rows, self.is_full(level), own_mode)
         require_answers(self, "pose", rows, lead, status, chain, errors, level=level)
+        if self.gives_way:
+            q = q + self._given_way(rows, lead, errors, level)[:, : self.n]
         return q.reshape(*lead, self.n)
+
+    def _given_way(
+        self, rows: Array, lead: tuple[int, ...], errors: Errors, level: Level | None
+    ) -> Array:
+        """By how much readings differ under load, (N, n + r)."""
+        by = stretch.given_way(self, rows, self.is_full(level))
+        require_answers(self, "pose", rows, lead, by.status, by.chain, errors)
+        return by.readings
 
     def rkm(self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None) -> Array:
         """Redundant kinematic model: what the sensors in use read at the pose x.
@@ -100,6 +113,8 @@ class Kinematics(Description):
         rows, lead = flattened(self, x, self.n, "x", errors)
         r, status, chain = _core.rkm(self.core, rows, self.is_full(level))
         require_answers(self, "pose", rows, lead, status, chain, errors)
+        if self.gives_way:
+            r = r + self._given_way(rows, lead, errors, level)[:, self.n :]
         return r.reshape(*lead, self.r)
 
     def extended(self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None) -> Array:
@@ -210,7 +225,12 @@ class Kinematics(Description):
         rows, lead = flattened(self, q, self.n, "q", errors)
         start = self._guesses(guess, lead, errors)
         full = self.is_full(level)
-        x, status, chain, _, _ = _core.fkm(self.core, rows, start, full)
+
+        def answer(q: Array, near: Array | None) -> stretch.Answer:
+            begin = start if near is None else np.ascontiguousarray(near)
+            return _core.fkm(self.core, np.ascontiguousarray(q), begin, full)[:3]
+
+        x, status, chain = stretch.at_rest(self, rows, full, answer)
         require_answers(self, "motor position", rows, lead, status, chain, errors, name="q")
         return x.reshape(*lead, self.n)
 
@@ -220,6 +240,70 @@ class Kinematics(Description):
         J, status, chain = _core.jacobian(self.core, rows, self.is_full(level))
         require_answers(self, "pose", rows, lead, status, chain, errors)
         return J.reshape(*lead, self.n, self.n)
+
+    def joint_torque(
+        self, x: ArrayLike, torque: ArrayLike, errors: Errors = "raise", level: Level | None = None
+    ) -> Array:
+        """Motors' torques as the joints of a pivot feel them: J⁻ᵀ τ, Γᵀẋ = τᵀq̇.
+
+        Of another mobility the force and moment that they exert on the nacelle, along its free
+        twist.
+
+        Parameters
+        ----------
+        x : array_like, shape (..., n)
+            Poses, m and rad.
+        torque : array_like, shape (..., n)
+            Of the motors, N·m or N; leading shapes broadcast.
+        errors, level
+            As for :meth:`ikm`.
+
+        Returns
+        -------
+        ndarray, shape (..., n)
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> ankle = tp.load("g1-ankle")
+        >>> print(ankle.joint_torque([0.1, 0.05], [10, 10]).round(2))  # pitch, roll
+        [ 0.81 19.17]
+        """
+        J, given, lead = self._mapping(x, torque, "torque", errors, level)
+        return np.linalg.solve(J.swapaxes(-1, -2), given[..., None])[..., 0].reshape(*lead, self.n)
+
+    def motor_torque(
+        self, x: ArrayLike, torque: ArrayLike, errors: Errors = "raise", level: Level | None = None
+    ) -> Array:
+        """Torques of the motors that are these at the joints of a pivot: Jᵀ Γ.
+
+        The inverse of :meth:`joint_torque`.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> ankle = tp.load("g1-ankle")
+        >>> print(ankle.motor_torque([0.1, 0.05], [30.0, 0.0]).round(2))  # toes down
+        [-11.36  10.07]
+        """
+        J, given, lead = self._mapping(x, torque, "torque", errors, level)
+        return (J.swapaxes(-1, -2) @ given[..., None])[..., 0].reshape(*lead, self.n)
+
+    def _mapping(
+        self, x: ArrayLike, given: ArrayLike, name: str, errors: Errors, level: Level | None
+    ) -> tuple[Array, Array, tuple[int, ...]]:
+        """J and what it is to map, one row each, and their leading shape."""
+        rows, lead = flattened(self, x, self.n, "x", errors)
+        values, other = flattened(self, given, self.n, name, errors)
+        try:
+            shape = np.broadcast_shapes(lead, other)
+        except ValueError:
+            shapes = f"x {(*lead, self.n)}, {name} {(*other, self.n)}"
+            raise InputError(f"{shapes}: leading shapes must broadcast") from None
+        J = self.jacobian(rows, errors, level).reshape(*lead, self.n, self.n)
+        values = values.reshape(*other, self.n)
+        J = np.broadcast_to(J, (*shape, self.n, self.n)).reshape(-1, self.n, self.n)
+        return J, np.broadcast_to(values, (*shape, self.n)).reshape(-1, self.n), shape
 
     def conditioning(self, x: ArrayLike, errors: Errors = "raise") -> Conditioning:
         """How far from singular the robot is at x, free of its size and of its units, 0 to 1.
@@ -290,5 +374,11 @@ class Kinematics(Description):
         for name, column in columns(self._spec):
             if name in self._values:
                 H[..., names.index(name)] = core[..., column]
+        if self._spec.stretches:
+            by = stretch.under_load(self, rows, self.is_full(level))
+            require_answers(self, "pose", rows, lead, by.status, by.chain, errors)
+            of_load = [name for name in names if name.endswith(".compliance")]
+            at = [names.index(name) for name in of_load]
+            H[..., at] = stretch.columns(self, of_load, by.by_compliance)
         size = self.n + self.r
         return H_x.reshape(*lead, size, self.n), H.reshape(*lead, size, len(names))

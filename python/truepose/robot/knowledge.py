@@ -9,6 +9,7 @@ import numpy as np
 from truepose import _core
 from truepose.arguments import Array, Level
 from truepose.exceptions import InputError
+from truepose.robot import stretch
 from truepose.robot.kinematics import Kinematics
 from truepose.robot.to_core import columns
 
@@ -23,6 +24,11 @@ def uncertain(robot: Kinematics) -> list[str]:
     """Names of the parameters that readings depend on and that are not known exactly (σ > 0)."""
     known = {name for name, _ in columns(robot.spec)}
     return [name for name, p in robot.parameters.items() if p.sigma > 0 and name in known]
+
+
+def learnable(robot: Kinematics) -> list[str]:
+    """Names of all that a calibration learns: as of :func:`uncertain`, then compliances."""
+    return [*uncertain(robot), *stretch.unknown(robot)]
 
 
 def root(robot: Kinematics, names: list[str]) -> Array:
@@ -91,6 +97,14 @@ def stated_error(robot: Kinematics) -> Array:
     return np.array([learnt.model_error.get(name, allowed[name]) for name in robot.readings])
 
 
+def stated_sigma(robot: Kinematics, level: Level | None) -> Array:
+    """σ that readings count with, shape (n + r,): their own, and what a level leaves out."""
+    sigma = reading_sigma(robot)
+    if (level or robot.finest_level) == "full":
+        return sigma
+    return np.hypot(sigma, stated_error(robot))
+
+
 def model_error(robot: Kinematics) -> Array:
     """σ by which readings differ from the ideal level's, shape (n + r,), root of the mean square.
 
@@ -115,7 +129,8 @@ def knowledge(
     guarded: bool = False,
     level: Level | None = None,
     error: bool = True,
-    registration: Array | None = None,
+    beside: Array | None = None,
+    stretches: bool = False,
 ) -> Known:
     """Build the core's struct.
 
@@ -123,7 +138,7 @@ def knowledge(
     ----------
     robot : Robot
     posterior : ndarray, shape (p, p), optional
-        A root to take in place of the robot's own.
+        A root to take in place of the robot's own; of compliances, too, which are behind all else.
     guarded : bool
         Also what the ideal level leaves out, as parameters of their own behind the others.
     level : {"ideal", "full"}, optional
@@ -131,25 +146,32 @@ def knowledge(
     error : bool
         Whether readings that are understood by the ideal level count with what it leaves out: what
         the robot's calibration says, or what its tolerances allow. Not together with `guarded`.
-    registration : ndarray, shape (12,), optional
-        σ of an outside measurement's frames, unknowns of their own behind the parameters.
+    beside : ndarray, shape (k,), optional
+        σ of unknowns beside the parameters, of which no reading says anything: an outside
+        measurement's frames, what measured differences have of their own.
+    stretches : bool
+        Also the compliances, behind those, as influences: the core asks for their columns.
     """
     names = uncertain(robot)
+    more = stretch.unknown(robot) if stretches else []
     column = dict(columns(robot.spec))
     at = [column[name] for name in names]
-    lower = root(robot, names) if posterior is None else posterior
+    p, last = len(names), len(more)
+    lower = root(robot, names + more) if posterior is None else posterior[: p + last, : p + last]
     errors = left_out(robot) if guarded else {}
-    frames = [] if registration is None else registration.tolist()
-    if errors or frames:
-        at += [-1] * len(frames)  # no reading depends on them
+    others = [] if beside is None else beside.tolist()
+    if errors or others:
+        at += [-1] * (len(others) + last)
         at += [column[name] for name in errors]
-        whole = np.diag([0.0] * len(names) + frames + list(errors.values()))
-        whole[: len(names), : len(names)] = lower
+        whole = np.diag([0.0] * p + others + [0.0] * last + list(errors.values()))
+        own = [*range(p), *range(p + len(others), p + len(others) + last)]
+        whole[np.ix_(own, own)] = lower
         lower = whole
-    sigma = reading_sigma(robot)
-    if error and not guarded and (level or robot.finest_level) == "ideal":
-        sigma = np.hypot(sigma, stated_error(robot))
-    return Known(_core.Knowledge(at, lower, sigma.tolist()), len(names), len(errors))
+    else:
+        at += [-1] * last
+    counts = error and not guarded
+    sigma = stated_sigma(robot, level) if counts else reading_sigma(robot)
+    return Known(_core.Knowledge(at, lower, sigma.tolist()), p, len(errors), last)
 
 
 class Known(NamedTuple):
@@ -157,7 +179,16 @@ class Known(NamedTuple):
 
     core: _core.Knowledge
     parameters: int  #: p
-    nuisances: int  #: behind them
+    nuisances: int  #: last
+    compliances: int = 0  #: before those
+
+    def own(self, root: Array) -> Array:
+        """Root of what a root, beside unknowns and nuisances, says of the parameters."""
+        p, k = self.parameters, self.compliances
+        if not k:
+            return root[:p, :p]
+        end = len(root) - self.nuisances
+        return triangular(root[[*range(p), *range(end - k, end)]])
 
 
 def for_law(robot: AnyRobot, law: str) -> tuple[AnyRobot, _core.Knowledge | None]:
@@ -171,9 +202,9 @@ def for_law(robot: AnyRobot, law: str) -> tuple[AnyRobot, _core.Knowledge | None
 
 
 def require_uncertain(robot: Kinematics) -> list[str]:
-    """Names as of :func:`uncertain`; an error where there are none."""
+    """Names as of :func:`uncertain`; an error where there are none, and no compliance either."""
     names = uncertain(robot)
-    if not names:
+    if not names and not stretch.unknown(robot):
         raise InputError(
             f"{robot.name}: [tolerances]: no parameter has a sigma or an interval: nothing to learn"
         )

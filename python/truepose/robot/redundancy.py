@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,18 +10,53 @@ from numpy.typing import ArrayLike
 from truepose import _core
 from truepose.arguments import Array, Errors, Level, fraction
 from truepose.exceptions import InputError, choose
-from truepose.robot import knowledge
+from truepose.robot import knowledge, stretch
 from truepose.robot.batches import flattened, require_answers
 from truepose.robot.kinematics import Kinematics
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 
 class Estimate(NamedTuple):
-    """The best pose that all readings allow, and how well it is known."""
+    """The best pose that all readings allow, and how well it is known.
+
+    Printed, it says where, ± one σ, m and rad.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> robot = tp.load("h4").with_sensors("theta", "z_telemeter").expected()
+    >>> robot.estimate(robot.extended([0.05, 0.01, -0.4, 0.2]))
+    x = 0.05 ± 0.0034, 0.01 ± 0.0034, -0.4 ± 0.0002, 0.2 ± 0.00035; chi2 = 0; ok
+    >>> robot.estimate(robot.extended([[0.05, 0.01, -0.4, 0.2]] * 3))
+    3 estimates, 3 ok; σ, rms: 0.0034, 0.0034, 0.0002, 0.00035
+    """
 
     x: Array  #: (..., n)
     covariance: Array  #: (..., n, n) of the free twist (spatial: rotation vector in the base frame)
     chi2: Array  #: (...) of the residuals; about r where the tolerances are right
     status: Array  #: (...) "ok", or why not
+
+    def __repr__(self) -> str:
+        variance = np.diagonal(self.covariance, axis1=-2, axis2=-1)
+        if self.x.ndim == 1:
+            sigma = np.sqrt(variance)
+            where = ", ".join(f"{x:.6g} ± {s:.2g}" for x, s in zip(self.x, sigma, strict=True))
+            return f"x = {where}; chi2 = {round(float(self.chi2), 3):g}; {self.status}"
+        good = np.asarray(self.status == "ok")
+        said = f"{good.size} estimates, {good.sum()} ok"
+        if good.any():
+            sigma = np.sqrt(variance[good].mean(axis=0))
+            said += f"; σ, rms: {', '.join(f'{s:.2g}' for s in sigma)}"
+        return said
+
+    def plot(self) -> Figure:
+        """Draw the first two coordinates of every pose, with an ellipse of one σ about each."""
+        from truepose.robot.ellipses import draw
+
+        n = self.x.shape[-1]
+        return draw(self.x.reshape(-1, n)[:, :2], self.covariance.reshape(-1, n, n)[:, :2, :2])
 
 
 class Redundancy(Kinematics):
@@ -86,13 +121,23 @@ class Redundancy(Kinematics):
         rows, lead = flattened(self, q_e, self.n + self.r, "q_e", errors)
         start = self._guesses(guess, lead, errors)
         level = self.finest_level if level is None else level
-        x, covariance, chi2, status, chain = _core.estimate(
-            self.core,
-            knowledge.knowledge(self, level=level).core,
-            rows,
-            start,
-            self.is_full(level),
-        )
+        known, full = knowledge.knowledge(self, level=level).core, self.is_full(level)
+        found: list[Array] = []  #: covariance and χ² of the last answer
+
+        def answer(q_e: Array, near: Array | None) -> stretch.Answer:
+            begin = start if near is None else np.ascontiguousarray(near)
+            x, *found[:], status, chain = _core.estimate(
+                self.core, known, np.ascontiguousarray(q_e), begin, full
+            )
+            return x, status, chain
+
+        x, status, chain = stretch.at_rest(self, rows, full, answer)
+        if self.gives_way:
+            by = stretch.given_way(self, x, full)
+            answer(rows - by.readings, x)
+        covariance, chi2 = found
+        if stretch.unknown(self):
+            covariance = self._not_knowing_compliance(x, level)
         require_answers(self, "reading", rows, lead, status, chain, errors, name="q_e")
         words = np.array([_core.describe(int(s)) for s in status])
         return Estimate(
@@ -101,6 +146,16 @@ class Redundancy(Kinematics):
             chi2.reshape(lead)[()],
             words.reshape(lead)[()],
         )
+
+    def _not_knowing_compliance(self, x: Array, level: Level) -> Array:
+        """Covariance of estimates whose weights leave out that compliances are not known."""
+        names, every = knowledge.learnable(self), list(self.parameters)
+        known, at = knowledge.knowledge(self, level=level).core, np.ascontiguousarray(x)
+        gain, *_ = _core.gain(self.core, known, at, self.is_full(level))
+        H_xi = self.linearise(at, "nan", level)[1][..., [every.index(name) for name in names]]
+        half = gain @ H_xi @ knowledge.root(self, names)
+        own = gain * knowledge.stated_sigma(self, level)
+        return np.asarray(half @ half.swapaxes(1, 2) + own @ own.swapaxes(1, 2))
 
     def require_orientation(self) -> None:
         """Raise InputError unless the readings determine the nacelle's orientation."""

@@ -10,8 +10,8 @@ from truepose import _core
 from truepose.arguments import Array
 from truepose.exceptions import RobotFileError
 from truepose.robotfile.parameters import PAIRED
-from truepose.robotfile.schema import Chain, RobotFile
-from truepose.robotfile.sensors import Encoder, Sensor, SensorSection
+from truepose.robotfile.schema import Chain, PassiveAxis, RobotFile
+from truepose.robotfile.sensors import AxisAngle, Encoder, Sensor, SensorSection
 
 
 def columns(spec: RobotFile) -> list[tuple[str, int]]:
@@ -19,7 +19,9 @@ def columns(spec: RobotFile) -> list[tuple[str, int]]:
 
     The core says in which order they stand; a sensor's file may call a vector otherwise than it.
     """
-    chain = [key for key, _ in _core.chain_parameters]
+    chain, axis = (
+        [key for key, _ in table] for table in (_core.chain_parameters, _core.axis_parameters)
+    )
     width = len(chain)
     columns = [
         (f"chain{i + 1}.{key}", i * width + k) for i in range(spec.n) for k, key in enumerate(chain)
@@ -31,6 +33,9 @@ def columns(spec: RobotFile) -> list[tuple[str, int]]:
             if key := file_key(type(sensor), core):
                 columns.append((f"{sensor.name}.{key}", start + k))
         start += len(_core.sensor_parameters)
+    for j in range(len(spec.axis)):
+        columns += [(f"axis{j + 1}.{key}", start + k) for k, key in enumerate(axis)]
+        start += len(axis)
     return columns
 
 
@@ -89,13 +94,16 @@ def _pair_drawn(spec: RobotFile, chain: Chain) -> Array:
 def build(spec: RobotFile) -> _core.Robot:
     """Fill the core's structs from the file, as drawn: axes at zero yaw and tilt."""
     robot = _core.Robot()
-    robot.mobility = getattr(_core.Mobility, spec.mobility)
+    mobility = f"pivot_{spec.n}" if spec.mobility == "pivot" else spec.mobility
+    robot.mobility = getattr(_core.Mobility, mobility)
     robot.chains = robot.motors = spec.n
     robot.gravity = np.array(spec.gravity)
     robot.home = [*spec.home, *[0.0] * (6 - spec.n)]
     robot.bar_joint = getattr(_core.BarJoint, spec.nacelle.bars)
     for i, chain in enumerate(spec.chain):
         robot.set_chain(i, _build_chain(spec, chain))
+    for j, axis in enumerate(spec.axis):
+        robot.set_axis(j, _build_axis(axis))
     for sensor in spec.used:
         robot.add_sensor(_build_sensor(spec, sensor))
     body = _core.Body()
@@ -127,7 +135,8 @@ def _build_chain(spec: RobotFile, chain: Chain) -> _core.Chain:
         built.pivot = bar.pivot * np.array(bar.direction)
         built.anchor = np.array(chain.anchor)
         built.bar = chain.bar - 1
-    built.encoder_gain = chain.gain
+    built.encoder_offset, built.encoder_gain = chain.encoder_offset, chain.gain
+    built.encoder_buildup = chain.buildup
     built.encoder_step = encoder_step(chain) * spec.quantised
     built.encoder_noise = chain.encoder_noise
     built.set_eccentricity(chain.eccentricity, 1.0)
@@ -142,6 +151,15 @@ def _build_chain(spec: RobotFile, chain: Chain) -> _core.Chain:
     return built
 
 
+def _build_axis(axis: PassiveAxis) -> _core.PassiveAxis:
+    """Fill the core's struct of a passive axis."""
+    built = _core.PassiveAxis()
+    built.origin, built.direction = np.array(axis.origin), np.array(axis.direction)
+    if axis.limits is not None:
+        built.low, built.high = axis.limits
+    return built
+
+
 def _build_sensor(spec: RobotFile, sensor: Sensor) -> _core.Sensor:
     """Fill the core's struct of a sensor."""
     built = _core.Sensor()
@@ -153,6 +171,8 @@ def _build_sensor(spec: RobotFile, sensor: Sensor) -> _core.Sensor:
         built.set_eccentricity(sensor.eccentricity, sensor.gear)
     built.weight = sensor.weight
     built.bar = (getattr(sensor, "bar", None) or 0) - 1
+    if isinstance(sensor, AxisAngle):
+        built.axis = sensor.axis - 1
     for core, key in sensor.mounting.items():
         setattr(built, core, np.array(getattr(sensor, key)))
     if (number := getattr(sensor, "chain", None)) is not None:

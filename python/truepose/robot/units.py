@@ -1,6 +1,8 @@
-"""In which unit is a reading, a parameter? m, rad, or none, as the core's tables say."""
+"""In which unit is a reading, a parameter? m, rad, or none, as the core's tables say; 1/N."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 from truepose import _core
 from truepose.robot.description import Description
@@ -34,6 +36,10 @@ def unit_of(robot: Description, name: str) -> str:
     coordinates = {f"measured_{c}": unit for c, unit in robot.coordinates}
     if name in coordinates:
         return coordinates[name]
+    if part.startswith("axis") and part.removeprefix("axis").isdigit():
+        return dict(_core.axis_parameters)[key]
+    if key == "compliance":
+        return "1/N"
     if part.startswith("bar") and part.removeprefix("bar").isdigit():
         return "m"
     sensor = next((s for s in robot.spec.sensor if s.name == part), None)
@@ -44,6 +50,28 @@ def unit_of(robot: Description, name: str) -> str:
         units = {file_key(type(sensor), core): unit for core, unit in _core.sensor_parameters}
         own = _core.sensor_kinds[sensor.kind].unit
     return own if not key or units.get(key, "reading") == "reading" else units[key]
+
+
+class Summed(NamedTuple):
+    """What the errors of a pose add up to: one number."""
+
+    name: str  #: position; of a robot whose coordinates are all angles, a pivot, turn
+    unit: str  #: m or rad
+    columns: list[int]  #: of the coordinates that it is the root of the sum of squares of
+
+
+def summed(robot: Description) -> Summed:
+    """Return which coordinates count where accuracy is one number.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> summed(tp.load("h4")), summed(tp.load("g1-ankle")).name
+    (Summed(name='position', unit='m', columns=[0, 1, 2]), 'turn')
+    """
+    units = [unit for _, unit in robot.coordinates]
+    name, unit = ("position", "m") if "m" in units else ("turn", "rad")
+    return Summed(name, unit, [k for k, each in enumerate(units) if each == unit])
 
 
 def _motor(actuator: str) -> str:

@@ -1,5 +1,6 @@
 """What does a robot file say? Read, checked, filled in, written."""
 
+from truepose.robotfile.consistency import taken
 from truepose.robotfile.reading import (
     LINE,
     MOST_BYTES,
@@ -33,6 +34,7 @@ __all__ = [
     "read",
     "shipped",
     "table_of",
+    "taken",
     "text_of",
     "to_toml",
     "validate",

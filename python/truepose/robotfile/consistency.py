@@ -11,9 +11,15 @@ from truepose.robotfile.schema import ANGLES, FREEDOMS, not_degrees
 
 #: Names that logs and parameters take for themselves.
 _TAKEN = re.compile(
-    r"(q|chain|bar|motor_error|torque)\d+|(measured|desired|true|estimated)_.*"
-    r"|time|pose|counted|near_singular|no_answer"
+    r"(q|chain|bar|axis|motor_error|torque)\d+|(measured|desired|true|estimated)_.*"
+    r"|time|pose|stretch|load_[xyz]|.*_tension|counted|near_singular|no_answer"
 )
+
+
+def taken(name: str) -> bool:
+    """Whether logs and parameters use a name, so that no sensor and no axis can have it."""
+    return _TAKEN.fullmatch(name) is not None
+
 
 _Problem = tuple[tuple[str | int, ...], str]  # the key's path, and what is wrong
 
@@ -27,9 +33,13 @@ def problems(data: dict) -> Iterator[_Problem]:
     [(('home',), 'home needs 3 coordinates, has 2')]
     """
     mobility = data.get("mobility")
+    chains, bars, axes = (tables(data, key) for key in ("chain", "bar", "axis"))
     if isinstance(mobility, str) and mobility in FREEDOMS:
-        yield from _sizes(data, mobility)
-    chains, bars = tables(data, "chain"), tables(data, "bar")
+        yield from _sizes(data, mobility, FREEDOMS[mobility])
+    if mobility == "pivot":
+        yield from _pivot(data, axes, bars)
+    elif axes:
+        yield ("axis",), f"axis: passive axes are those of mobility pivot, not of {mobility}"
     if len(bars) > _core.max_bars:
         text = f"{len(bars)} bars: a nacelle has at most {_core.max_bars} here"
         yield ("bar", _core.max_bars), text
@@ -38,36 +48,65 @@ def problems(data: dict) -> Iterator[_Problem]:
         if type(bar) is int and bar > len(bars):
             text = f"chain {number}: bar = {bar}, but the file has {len(bars)} bars"
             yield ("chain", number - 1, "bar"), text
+    yield from _sensors(data, mobility, len(chains), len(bars), len(axes))
+    names = [str(sensor.get("name")) for sensor in tables(data, "sensor")]
+    for number, name in enumerate(names):
+        if name in names[:number]:
+            yield ("sensor", number, "name"), f"two sensors have the same name: {name}"
+        if taken(name):
+            text = f"sensor {name}: logs and parameters use this name for something else"
+            yield ("sensor", number, "name"), text
+
+
+def _sensors(data: dict, mobility: object, chains: int, bars: int, axes: int) -> Iterator[_Problem]:
+    """What of them names a part that the robot has not, or needs another mobility."""
     for number, sensor in enumerate(tables(data, "sensor")):
         whose, name = sensor.get("chain"), sensor.get("name")
-        if type(whose) is int and whose > len(chains):
+        if type(whose) is int and whose > chains:
             yield (
                 ("sensor", number, "chain"),
-                f"sensor {name}: chain = {whose}, of {len(chains)} chains",
+                f"sensor {name}: chain = {whose}, of {chains} chains",
             )
+        about = sensor.get("axis")
+        if sensor.get("kind") == "axis_angle" and mobility != "pivot":
+            text = f"sensor {name}: axis_angle needs mobility pivot, not {mobility}"
+            yield ("sensor", number, "kind"), text
+        elif type(about) is int and about > axes:
+            text = f"sensor {name}: axis = {about}, but the file has {axes} axes"
+            yield ("sensor", number, "axis"), text
         bar = sensor.get("bar")
-        if type(bar) is int and bar > len(bars):
-            text = f"sensor {name}: bar = {bar}, but the file has {len(bars)} bars"
+        if type(bar) is int and bar > bars:
+            text = f"sensor {name}: bar = {bar}, but the file has {bars} bars"
             yield ("sensor", number, "bar"), text
         if sensor.get("kind") == "nacelle_angle" and mobility not in ("planar", "schoenflies"):
             text = (
                 f"sensor {name}: nacelle_angle needs mobility planar or schoenflies, not {mobility}"
             )
             yield ("sensor", number, "kind"), text
-    names = [str(sensor.get("name")) for sensor in tables(data, "sensor")]
+
+
+def _pivot(data: dict, axes: list[dict], bars: list[dict]) -> Iterator[_Problem]:
+    if not 1 <= len(axes) <= _core.max_axes:
+        text = f"{len(axes)} axes: a pivot has 1 to {_core.max_axes}, a table [[axis]] each"
+        yield ("axis",), text
+        return
+    if bars:
+        yield ("bar",), "bar: the nacelle of a pivot has no lateral bars"
+    names = [str(axis.get("name")) for axis in axes]
     for number, name in enumerate(names):
         if name in names[:number]:
-            yield ("sensor", number, "name"), f"two sensors have the same name: {name}"
-        if _TAKEN.fullmatch(name):
-            text = f"sensor {name}: logs and parameters use this name for something else"
-            yield ("sensor", number, "name"), text
+            yield ("axis", number, "name"), f"two axes have the same name: {name}"
+        if taken(name) or name == "step":
+            text = f"axis {name}: logs and parameters use this name for something else"
+            yield ("axis", number, "name"), text
+    yield from _sizes(data, "pivot", len(axes))
 
 
-def _sizes(data: dict, mobility: str) -> Iterator[_Problem]:
-    n = FREEDOMS[mobility]
+def _sizes(data: dict, mobility: str, n: int) -> Iterator[_Problem]:
     chains = data.get("chain")
     if isinstance(chains, list) and len(chains) != n:
-        text = f"{mobility} has {n} freedoms: give {n} chains, not {len(chains)}; " + (
+        has = f"a pivot of {n} axes" if mobility == "pivot" else f"{mobility} has {n} freedoms"
+        text = f"{has}: give {n} chains, not {len(chains)}; " + (
             f"{n - len(chains)} of the nacelle's freedoms would be held by nothing"
             if len(chains) < n
             else f"{len(chains) - n} of them would work against the others"

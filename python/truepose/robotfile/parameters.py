@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from truepose.robotfile.schema import RobotFile
+from truepose.robotfile.schema import RobotFile, Stretch
 from truepose.robotfile.sensors import Encoder
 
 #: Mobilities whose chains are spatial parallelograms, two rods each.
@@ -14,6 +14,9 @@ PAIRED = ("translation", "schoenflies")
 
 #: Amplitudes of an encoder's eccentricity: cosine and sine of one turn, of two.
 HARMONICS = ("c1", "s1", "c2", "s2")
+
+#: Of all chains alike.
+COMMON = "stretch.compliance"
 
 _COMPONENTS = {name: k for names in ("xyz", HARMONICS) for k, name in enumerate(names)}
 
@@ -26,6 +29,8 @@ def parameter_names(
     actuators: Sequence[str | None],
     bars: int,
     sensors: Sequence[tuple[str, type[Any]]],
+    stretches: bool,
+    axes: int = 0,
 ) -> list[str]:
     """Names of all geometric parameters, those of what is None (not known) included.
 
@@ -33,6 +38,10 @@ def parameter_names(
     ----------
     sensors : sequence of (name, class)
         The class as of :data:`~truepose.robotfile.sensors.SENSORS`.
+    stretches : bool
+        Whether compliances are among them: what the core's control path does not know.
+    axes : int
+        Passive axes of a pivot.
     """
     names = []
     for number, actuator in enumerate(actuators, 1):
@@ -43,29 +52,42 @@ def parameter_names(
         keys += ["rod"] * (actuator != "telescopic")
         keys += harmonics() * (actuator in ("revolute", None))
         keys += ["gain"]
+        keys += ["buildup"] * (actuator != "revolute")
+        keys += ["compliance"] * stretches
         names += [f"chain{number}.{key}" for key in keys]
     names += [f"bar{number}.pivot" for number in range(1, bars + 1)]
+    names += [COMMON] * stretches
     for name, kind in sensors:
         keys = ["offset", "gain"]
         keys += [f"{vector}.{axis}" for vector in kind.mounting.values() for axis in "xyz"]
         keys += harmonics() * issubclass(kind, Encoder)
         names += [f"{name}.{key}" for key in keys]
+    for number in range(1, axes + 1):
+        vectors = ("origin", "direction")
+        names += [f"axis{number}.{vector}.{axis}" for vector in vectors for axis in "xyz"]
     return names
 
 
 def drawn(spec: RobotFile) -> dict[str, float]:
     """Name and value of every geometric parameter, as the file's keys draw them."""
     sensors = [(sensor.name, type(sensor)) for sensor in spec.sensor]
-    names = parameter_names(spec.mobility, [c.actuator for c in spec.chain], len(spec.bar), sensors)
+    actuators = [chain.actuator for chain in spec.chain]
+    names = parameter_names(
+        spec.mobility, actuators, len(spec.bar), sensors, spec.stretches, len(spec.axis)
+    )
     parts: dict[str, object] = {
         f"chain{number}": chain for number, chain in enumerate(spec.chain, 1)
     }
     parts |= {f"bar{number}": bar for number, bar in enumerate(spec.bar, 1)}
+    parts |= {"stretch": spec.stretch or Stretch()}
     parts |= {sensor.name: sensor for sensor in spec.sensor}
+    parts |= {f"axis{number}": axis for number, axis in enumerate(spec.axis, 1)}
     values = {}
     for name in names:
         part, key, *component = name.split(".")
         value = getattr(parts[part], key)
+        if value is None:  # a compliance of its own
+            value = 0.0
         values[name] = value[_COMPONENTS[component[0]]] if component else value
     for sensor in spec.sensor:
         for vector in DIRECTIONS:

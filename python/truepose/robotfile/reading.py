@@ -25,11 +25,15 @@ from truepose.robotfile.schema import (
     Bar,
     Calibration,
     Chain,
+    Finer,
     Nacelle,
+    PassiveAxis,
     Pattern,
     RobotFile,
+    Stretch,
     Tolerance,
     Workspace,
+    speaks_of_stretch,
 )
 from truepose.robotfile.sensors import SENSORS
 
@@ -37,11 +41,14 @@ _SECTIONS: dict[str, type[BaseModel]] = {
     "every_chain": Chain,
     "chain": Chain,
     "bar": Bar,
+    "axis": PassiveAxis,
     "nacelle": Nacelle,
     "workspace": Workspace,
     "singularity_free": Workspace,
     "pattern": Pattern,
+    "stretch": Stretch,
     "tolerances": Tolerance,
+    "finer": Finer,
     "calibration": Calibration,
     **SENSORS,
 }
@@ -52,7 +59,7 @@ SHORTHAND = {
     "every_chain": "keys of 'chain' that all chains share; a chain's own key wins",
 }
 #: What decides how a robot moves, and of a chain.
-_MECHANISM = ("mobility", "home", "chain", "bar", "nacelle")
+_MECHANISM = ("mobility", "home", "chain", "bar", "axis", "nacelle")
 _MOVES: tuple[str, ...] = (
     "actuator",
     "base",
@@ -65,7 +72,16 @@ _MOVES: tuple[str, ...] = (
     "bar",
     "limits",
 )
-_MOVES += ("rod_spacing", "rod_difference", "pair_axis", "yaw", "tilt", "encoder_offset", "gain")
+_MOVES += (
+    "rod_spacing",
+    "rod_difference",
+    "pair_axis",
+    "yaw",
+    "tilt",
+    "encoder_offset",
+    "gain",
+    "buildup",
+)
 
 
 #: Of a robot file. A calibration of as many parameters as a robot can have takes 0.7 MB of it.
@@ -205,16 +221,19 @@ def _unknown_names(whole: dict) -> Iterator[Problem]:
 
     Looked at even where other keys are wrong: what they leave open may be anything.
     """
-    tables = {key: consistency.tables(whole, key)[:_TOLD] for key in ("chain", "bar", "sensor")}
+    parts = ("chain", "bar", "sensor", "axis")
+    tables = {key: consistency.tables(whole, key)[:_TOLD] for key in parts}
     known = [str(sensor.get("name")) for sensor in tables["sensor"]]
     kinds = [sensor.get("kind") for sensor in tables["sensor"]]
     listed = isinstance(whole.get("chain"), list) and all(str(kind) in SENSORS for kind in kinds)
     actuators = [chain.get("actuator") for chain in tables["chain"]]
     parameters = parameter_names(
-        whole.get("mobility") if whole.get("mobility") in FREEDOMS else None,
+        whole.get("mobility") if whole.get("mobility") in (*FREEDOMS, "pivot") else None,
         [actuator if actuator in ACTUATORS else None for actuator in actuators],
         len(tables["bar"]),
         [(name, SENSORS[str(k)]) for name, k in zip(known, kinds, strict=True)] if listed else [],
+        _stretches(whole),
+        len(tables["axis"]),
     )
     for table in ("tolerances", "parameters") if listed else ():
         entries = whole.get(table)
@@ -233,6 +252,16 @@ def _unknown_names(whole: dict) -> Iterator[Problem]:
             yield Problem(("sensors", number), choose("sensor", name, known))
     if len(set(used)) < len(used):
         yield Problem(("sensors",), f"a sensor is used twice: {', '.join(used)}")
+
+
+def _stretches(whole: dict) -> bool:
+    """Whether compliances are parameters of a file that may be wrong elsewhere."""
+    named = [whole.get(table) for table in ("tolerances", "parameters")]
+    learnt = whole.get("calibration")
+    named.append(learnt.get("parameters") if isinstance(learnt, dict) else None)
+    own = [chain.get("compliance") for chain in consistency.tables(whole, "chain")[:_TOLD]]
+    names = [name for part in named if isinstance(part, (dict, list)) for name in part]
+    return speaks_of_stretch(whole.get("stretch"), own, names)
 
 
 def _wrongly_learnt(calibration: object, parameters: list[str]) -> Iterator[Problem]:
@@ -283,7 +312,7 @@ def mechanism_of(data: dict) -> RobotFile | None:
     moving["parameters"] = {
         name: value
         for name, value in (values if isinstance(values, dict) else {}).items()
-        if name.startswith(("chain", "bar")) and ("parameters", name) not in wrong
+        if name.startswith(("chain", "bar", "axis")) and ("parameters", name) not in wrong
     }
     try:
         return RobotFile.model_validate({"name": str(whole.get("name"))} | moving)
@@ -359,8 +388,8 @@ def _describe(problem: dict) -> str:
     message = message[0].lower() + message[1:]
     if problem["loc"] == ("mobility",):
         message += (
-            "; no file can express a spherical robot, a tilter with parasitic motion (3-PRS), a "
-            "serial wrist, or more motors than freedoms"
+            "; no file can express a tilter with parasitic motion (3-PRS), a serial wrist, or more "
+            "motors than freedoms"
         )
     if isinstance(value, dict):
         return f"{key}: {message}" if key else message

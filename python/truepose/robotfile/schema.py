@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import fnmatch
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Annotated, Literal, get_args
 
 from pydantic import Field, PrivateAttr, model_validator
@@ -31,9 +31,9 @@ from truepose.robotfile.base import (
 from truepose.robotfile.sensors import Sensor
 
 #: How many of a mobility's coordinates, the last ones, are angles.
-ANGLES = {"planar": 1, "schoenflies": 1, "spatial": 3}
+ANGLES = {"planar": 1, "schoenflies": 1, "spatial": 3, "pivot": 3}
 
-#: Degrees of freedom (= chains = motors) of each mobility.
+#: Degrees of freedom (= chains = motors) of each mobility; a pivot has as many as axes.
 FREEDOMS = {
     "planar_translation": 2,
     "planar": 3,
@@ -52,6 +52,15 @@ def not_degrees(what: str, angles: float | Sequence[float]) -> None:
         raise ValueError(
             f"{what} = {given} rad: more than a turn; did you mean degrees? {turned} rad"
         )
+
+
+def speaks_of_stretch(table: object, own: Iterable[object], names: Iterable[object]) -> bool:
+    """Whether a file says anything of compliance: its table, its chains' own, its parameters'."""
+    return (
+        table is not None
+        or any(compliance is not None for compliance in own)
+        or any(str(name).endswith("compliance") for name in names)
+    )
 
 
 Actuator = Literal["revolute", "prismatic", "telescopic"]
@@ -95,8 +104,24 @@ class Chain(Section):
         description="of the motor's reading: its encoder's scale, its screw's or belt's pitch over "
         "the drawn one, or -1 for a reading that counts backwards",
     )
+    buildup: Annotated[Number, unit("1/m")] = Field(
+        default=0.0,
+        description="of a line that winds in layers on its spool (prismatic, telescopic): it is "
+        "v + buildup * v² out, v = (reading + offset) / gain; thickness / (4π radius²)",
+    )
+    compliance: Annotated[NonNegative, unit("1/N")] | None = Field(
+        default=None,
+        description="strain of its rods, leg or belt per newton of the tension of all its rods "
+        "together, 1/(EA), beside that of [stretch]",
+    )
     encoder_counts: Counts | None = Field(
         default=None, description="per turn, or per m; without it the encoder has no counts"
+    )
+    per_turn: Annotated[Number, unit("m or rad")] | None = Field(
+        default=None,
+        description="what the motor moves in one turn of its shaft, for logs whose column is "
+        "q1_turns: a screw's lead, a spool's or pulley's circumference; negative where it turns "
+        "the other way",
     )
     encoder_noise: Sigma = Field(default=0.0, description="σ of a reading")
     eccentricity: Harmonics = Field(
@@ -140,6 +165,8 @@ class Chain(Section):
             raise ValueError("gain = 0: a motor whose encoder reads nothing")
         if self.actuator != "revolute" and any(self.eccentricity):
             raise ValueError(f"'eccentricity' is for revolute chains, not {self.actuator}")
+        if self.actuator == "revolute" and self.buildup:
+            raise ValueError("'buildup' is for prismatic and telescopic chains, not revolute")
         if self.limits is not None and self.limits[0] >= self.limits[1]:
             raise ValueError("'limits' must be [lower, upper]")
         if self.actuator == "revolute" and self.limits is not None:
@@ -178,6 +205,30 @@ class Bar(Section):
     mass: Mass = Field(default=0.0, description="of the bar, centred on its pivot")
 
 
+class PassiveAxis(Section):
+    """A passive axis of a pivot: the next one, or the nacelle, turns about it."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")] = Field(
+        description="of its angle, a coordinate of x: letters, digits and _"
+    )
+    origin: Point = Field(
+        default=(0, 0, 0),
+        description="a point of it, from that of the axis before, or in the base frame",
+    )
+    direction: Direction = Field(description="in the frame of the axis before, x = 0 the base's")
+    limits: Annotated[tuple[Number, Number], unit("rad")] | None = Field(
+        default=None, description="stops of the joint, lower and upper"
+    )
+
+    @model_validator(mode="after")
+    def _ordered(self) -> PassiveAxis:
+        if self.limits is not None:
+            if self.limits[0] >= self.limits[1]:
+                raise ValueError("'limits' must be [lower, upper]")
+            not_degrees("limits", self.limits)
+        return self
+
+
 class Nacelle(Section):
     """The body whose pose is x."""
 
@@ -190,6 +241,20 @@ class Nacelle(Section):
     inertia_x: Inertia = Field(default=0.0, description="about the centre of mass, along x")
     inertia_y: Inertia = Field(default=0.0, description="about the centre of mass, along y")
     inertia_z: Inertia = Field(default=0.0, description="about the centre of mass, along z")
+
+
+class Stretch(Section):
+    """How rods, legs and belts give way to what they carry: the nacelle's weight, and a load."""
+
+    compliance: Annotated[NonNegative, unit("1/N")] = Field(
+        default=0.0,
+        description="strain per newton of a chain's tension, of all chains alike; a chain's own "
+        "is added",
+    )
+    load: Annotated[Vector, unit("N")] = Field(
+        default=(0.0, 0.0, 0.0),
+        description="force on the nacelle's reference point beside the weights, base frame",
+    )
 
 
 class Workspace(Section):
@@ -220,6 +285,17 @@ class Pattern(Section):
     about: Literal["x", "y", "z"] = Field(default="z", description="axis of the base frame")
 
 
+class Finer(Section):
+    """A finer tolerance that parts can be machined to, for a price."""
+
+    sigma: Annotated[Positive, unit("the parameter's")] = Field(
+        description="standard deviation about the expected value"
+    )
+    price: NonNegative = Field(
+        description="of all parameters of this entry together, in the currency of the sensors'"
+    )
+
+
 class Tolerance(Section):
     """What is not known of a parameter: a σ, or a uniform interval about its value."""
 
@@ -231,6 +307,9 @@ class Tolerance(Section):
         description="lowest and highest departure from the drawn value, all between as likely; "
         "this or 'sigma'",
     )
+    finer: tuple[Finer, ...] = Field(
+        default=(), description="what truepose design may have machined finer: levels, any order"
+    )
 
     @model_validator(mode="after")
     def _one(self) -> Tolerance:
@@ -238,6 +317,14 @@ class Tolerance(Section):
             raise ValueError("give either 'sigma' or 'interval'")
         if self.interval is not None and self.interval[0] > self.interval[1]:
             raise ValueError("interval must be [lower, upper]")
+        sigmas = [level.sigma for level in self.finer]
+        if len(set(sigmas)) < len(sigmas):
+            raise ValueError("'finer' has two levels of one sigma")
+        if sigmas and max(sigmas) >= self.deviation:
+            raise ValueError(
+                f"finer: sigma = {max(sigmas):g}: must be less than {self.deviation:.4g}, the σ "
+                "that it has without"
+            )
         return self
 
     @property
@@ -290,9 +377,9 @@ class RobotFile(Section):
     name: Name = Field(description="what messages, figures and results call it")
     title: Name = Field(default="", description="one line about it")
     source: str = Field(default="", description="where the numbers come from")
-    mobility: Literal["planar_translation", "planar", "translation", "schoenflies", "spatial"] = (
-        Field(description="which freedoms the nacelle has; as many chains")
-    )
+    mobility: Literal[
+        "planar_translation", "planar", "translation", "schoenflies", "spatial", "pivot"
+    ] = Field(description="which freedoms the nacelle has; as many chains")
     home: Annotated[tuple[Number, ...], unit("m, rad")] = Field(
         description="a pose well inside the workspace, one value a freedom"
     )
@@ -319,7 +406,13 @@ class RobotFile(Section):
     bar: tuple[Bar, ...] = Field(
         default=(), description="lateral bars of an articulated nacelle, two at most"
     )
+    axis: tuple[PassiveAxis, ...] = Field(
+        default=(), description="of a pivot: one to three, the base's first"
+    )
     nacelle: Nacelle = Field(default=Nacelle(), description="its bars' joints, masses, inertia")
+    stretch: Stretch | None = Field(
+        default=None, description="how rods, legs and belts give way; without it they do not"
+    )
     sensor: tuple[Sensor, ...] = Field(default=(), description="each sensor, in use or not")
     tolerances: dict[str, Tolerance] = Field(
         default_factory=dict,
@@ -339,7 +432,15 @@ class RobotFile(Section):
     @property
     def n(self) -> int:
         """Degrees of freedom."""
-        return FREEDOMS[self.mobility]
+        return len(self.axis) if self.mobility == "pivot" else FREEDOMS[self.mobility]
+
+    @property
+    def stretches(self) -> bool:
+        """Whether compliances are among its parameters: where the file speaks of any."""
+        learnt = self.calibration.parameters if self.calibration else ()
+        named = (*self.tolerances, *self.parameters, *learnt)
+        own = [chain.compliance for chain in self.chain]
+        return speaks_of_stretch(self.stretch, own, named)
 
     @property
     def used(self) -> tuple[Sensor, ...]:

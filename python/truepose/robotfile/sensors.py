@@ -31,8 +31,8 @@ from truepose.robotfile.base import (
 
 def _own_name(name: str) -> str:
     """Refuse a sensor whose parameters would be called as a chain's or a bar's are."""
-    if re.fullmatch(r"(chain|bar)\d+", name):
-        raise ValueError("is what a chain or a bar is called: choose another name")
+    if re.fullmatch(r"(chain|bar|axis)\d+", name):
+        raise ValueError("is what a chain, a bar or an axis is called: choose another name")
     return name
 
 
@@ -57,6 +57,9 @@ class SensorSection(Section):
         default=None,
         description="[low, high], what it can read: a watch fails a reading beyond; without it "
         "any number will do",
+    )
+    price: NonNegative | None = Field(
+        default=None, description="what it costs, in any currency: truepose design weighs it"
     )
 
     @property
@@ -203,6 +206,13 @@ class MotorEncoder(Encoder):
     chain: Index = Field(description="whose motor, from 1")
 
 
+class AxisAngle(Encoder):
+    """An encoder on a passive axis of a pivot."""
+
+    kind: Literal["axis_angle"] = Field(description="says which sensor this is")
+    axis: Index = Field(description="which, from 1")
+
+
 Sensor = Annotated[
     NacelleAngle
     | Telemeter
@@ -212,7 +222,8 @@ Sensor = Annotated[
     | Rotation
     | RodAngle
     | RodLength
-    | MotorEncoder,
+    | MotorEncoder
+    | AxisAngle,
     Field(discriminator="kind"),
 ]
 

@@ -60,6 +60,9 @@ def to_toml(spec: RobotFile, values: dict[str, float]) -> str:
                 document.pop(key)
                 continue
             document[key] = list(value) if isinstance(value, tuple) else value
+    if spec.stretch is not None and spec.stretch != before.stretch:
+        document["stretch"] = spec.stretch.model_dump(exclude_defaults=True, mode="json")
+    _mount(document, spec, before)
     if spec.calibration != before.calibration:
         document.pop("calibration", None)
         if spec.calibration:
@@ -68,6 +71,23 @@ def to_toml(spec: RobotFile, values: dict[str, float]) -> str:
     if told:
         document.setdefault("parameters", tomlkit.table()).update(told)
     return document.as_string()
+
+
+def _mount(document: tomlkit.TOMLDocument, spec: RobotFile, before: RobotFile) -> None:
+    """Write where sensors are mounted, if it is elsewhere."""
+    known = {sensor.name: sensor for sensor in before.sensor}
+    moved = [
+        (sensor.name, key, getattr(sensor, key))
+        for sensor in spec.sensor
+        for key in sensor.mounting.values()
+        if sensor.name in known and getattr(sensor, key) != getattr(known[sensor.name], key)
+    ]
+    if moved and "sensor" not in document:  # those of the robot that it is based on
+        document["sensor"] = _written_out(before)["sensor"]
+    tables = {table["name"]: table for table in document.get("sensor", [])}
+    for name, key, place in moved:
+        tables[name][key] = list(place)
+        tables[name][key].comment(f"was {list(getattr(known[name], key))}")
 
 
 def _calibration(calibration: Calibration) -> tomlkit.items.Table:

@@ -1,0 +1,38 @@
+"""Where do the passive axes of a pivot stand? One carries the next, the last the nacelle."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose import _core
+from truepose.arguments import Array
+
+
+def passive_axes(core: _core.Robot, x: ArrayLike) -> Array:
+    """Return a point and the direction of each passive axis, (axes, 2, 3), m, base frame.
+
+    Of a robot that is no pivot there are none.
+
+    Parameters
+    ----------
+    core : _core.Robot
+    x : array_like, shape (n,)
+        Angles of the axes, rad.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.robot.passive import passive_axes
+    >>> print(passive_axes(tp.load("g1-ankle").core, [0.5, 0.1]).round(3)[1])
+    [[-0.008  0.    -0.015]
+     [ 0.878  0.    -0.479]]
+    """
+    place, R, found = np.zeros(3), np.eye(3), []
+    for j in range(core.axes):
+        axis = core.axis(j)
+        place = place + R @ axis.origin
+        found.append((place, R @ axis.direction))
+        vector = np.asarray(x, dtype=float)[j] * np.array([axis.direction])
+        R = R @ np.asarray(_core.rotations(vector)).reshape(3, 3)
+    return np.array(found).reshape(-1, 2, 3)
