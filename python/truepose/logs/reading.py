@@ -5,8 +5,8 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +15,21 @@ import numpy as np
 from truepose.arguments import Array, check_real
 from truepose.exceptions import InputError, choose, controls, one_line
 from truepose.files import contents
+from truepose.logs import raw
+from truepose.logs.stances import STANCE, flat
 from truepose.robot.robot import Robot
+from truepose.robot.stretch import Loads
 
 #: Messages of two channels this far apart may be of one pose, s.
 TOLERANCE = 0.01
 #: What an empty cell may say, in lower case.
-_EMPTY = ("", "nan", "na", "n/a", "null", "none")
+_EMPTY = ("", "nan", "na", "n/a", "null", "none", "<na>")
+#: No reading is larger: its square, a few times over, is still a number.
+_MOST = 1e60
+#: Columns of names of planes that the tool touched, by the axis that each is across.
+PLANES = {"plane": "z", "plane_x": "x", "plane_y": "y"}
+#: Column of names of points where the tool was.
+POINT = "point"
 
 
 @dataclass(frozen=True)
@@ -34,6 +43,9 @@ class Log:
     word: str  #: what a line is called: line of a CSV file, else row
     unused: tuple[str, ...] = ()  #: columns that say nothing of this robot
     measured_sigma: Array | None = None  #: (N, n) of `measured`, NaN where not said; or None
+    labels: dict[str, Array] = field(default_factory=dict)  #: (N,) names of plane, point; or ""
+    above: dict[str, Array] = field(default_factory=dict)  #: (N,) of each plane's column, m
+    loads: Loads | None = None  #: under which it was read, where it says so
 
     def at(self, rows: Iterable[int], most: int = 8) -> str:
         """Name some lines: "lines 7, 9, 12"."""
@@ -48,6 +60,9 @@ class Log:
             name: None if (values := getattr(self, name)) is None else values[keep]
             for name in ("readings", "measured", "measured_sigma", "lines")
         }
+        for name in ("labels", "above"):
+            kept[name] = {column: v[keep] for column, v in getattr(self, name).items()}
+        kept["loads"] = self.loads and self.loads.only(keep)
         return replace(self, **kept)
 
 
@@ -79,7 +94,10 @@ def of(robot: Robot, table: Any, where: str = "readings") -> Log:
         With the sensors in use that were read.
     table : dict of arrays, pandas or pyarrow table, structured array
         Columns q1 … qn, each sensor by its name, and measured_x … where something outside
-        measured a coordinate, measured_x_sigma … how well; SI units.
+        measured a coordinate, measured_x_sigma … how well; plane and point, names of what the tool
+        touched;
+        of a robot whose file has compliances
+        load_x … and q1_tension …, N, empty where there was none, or it was not measured; SI units.
 
     Raises
     ------
@@ -115,10 +133,7 @@ def read(robot: Robot, path: str | Path) -> Log:
         The file cannot be read; one line names the file, the line, the column and the cell.
     """
     path = Path(path)
-    try:
-        data = contents(path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    data = _bytes(path)
     if data.startswith(b"PAR1"):
         table = _parquet(path, data)
     elif data.startswith(b"\x89MCAP"):
@@ -136,7 +151,44 @@ def read(robot: Robot, path: str | Path) -> Log:
         )
     header, rows, lines = _csv(path, data)
     table = {name: [row[k] for row in rows] for k, name in enumerate(header)}
-    return _pick(robot, header, table, lines, "line", str(path))
+    worth = raw.said(data.decode("utf-8-sig").splitlines())
+    return _pick(robot, header, table, lines, "line", str(path), worth)
+
+
+def table(path: str | Path, names: Sequence[str]) -> tuple[Array, Array]:
+    """Read these columns of a CSV file of whatever machine: numbers (N, k), and their lines.
+
+    Raises
+    ------
+    InputError
+        One line names the file, the line, the column and the cell.
+    """
+    cells, lines = texts(path, names)
+    return np.column_stack([numbers(cells[name], name, lines, path) for name in names]), lines
+
+
+def texts(path: str | Path, names: Sequence[str]) -> tuple[dict[str, list[str]], Array]:
+    """Cells of a CSV file that has these columns, among others, and their lines."""
+    path = Path(path)
+    header, rows, lines = _csv(path, _bytes(path))
+    for name in names:
+        if name not in header:
+            raise InputError(
+                f"{path}: {choose('column', name, header).replace('unknown', 'no', 1)}"
+            )
+    return {name: [row[k] for row in rows] for k, name in enumerate(header)}, lines
+
+
+def numbers(column: Sequence[str], name: str, lines: Array, path: str | Path) -> Array:
+    """Return a column of :func:`texts` as floats; NaN where a cell is empty."""
+    return _numbers(column, name, lines, "line", str(path))
+
+
+def _bytes(path: Path) -> bytes:
+    try:
+        return contents(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
 
 
 def _columns_of(table: Any) -> Iterable[str] | None:
@@ -271,13 +323,22 @@ def _csv(path: Path, data: bytes) -> tuple[list[str], list[list[str]], Array]:
     return header, rows, np.array(lines)
 
 
-def _pick(robot: Robot, columns: list[str], table: Any, lines: Array, word: str, where: str) -> Log:
+def _pick(
+    robot: Robot,
+    columns: list[str],
+    table: Any,
+    lines: Array,
+    word: str,
+    where: str,
+    worth: Mapping[str, str] | None = None,
+) -> Log:
     columns = [str(name) for name in columns]
     if wrong := next((name for name in columns if controls(name)), None):
         raise InputError(f"{where}: column '{one_line(wrong, 60)}': control characters in its name")
     names = robot.readings
     outside = [f"measured_{name}" for name, _ in robot.coordinates]
-    missing = [name for name in names if name not in columns]
+    own = {name: name if name in columns else raw.column_of(name, columns) for name in names}
+    missing = [name for name, column in own.items() if column is None]
     if missing:
         raise InputError(f"{where}: {_missing(robot, missing, columns)}")
     for name in columns:
@@ -285,7 +346,14 @@ def _pick(robot: Robot, columns: list[str], table: Any, lines: Array, word: str,
             raise InputError(f"{where}: {choose('column', name, outside)}")
     if len(lines) == 0:
         raise InputError(f"{where}: no line of readings")
-    readings = np.column_stack([_numbers(table[n], n, lines, word, where) for n in names])
+    one = {
+        column: 1.0 if column == name else raw.one(robot, name, column, worth or {}, where)
+        for name, column in own.items()
+        if column is not None
+    }
+    readings = np.column_stack(
+        [factor * _numbers(table[n], n, lines, word, where) for n, factor in one.items()]
+    )
 
     def block(wanted: list[str]) -> Array | None:
         nothing = [np.nan] * len(lines)
@@ -296,8 +364,40 @@ def _pick(robot: Robot, columns: list[str], table: Any, lines: Array, word: str,
         return np.column_stack(numbers) if np.isfinite(numbers).any() else None
 
     sigmas = [f"{name}_sigma" for name in outside]
-    unused = tuple(name for name in columns if name not in (*names, *outside, *sigmas))
-    return Log(names, readings, block(outside), lines, word, unused, block(sigmas))
+    # What pulls at rods that do not give way says nothing.
+    forces = [f"load_{axis}" for axis in "xyz" if robot.spec.stretches]
+    tensions = [f"q{i + 1}_tension" for i in range(robot.n) if robot.spec.stretches]
+    free = [name for name in columns if name not in one]
+    standing = [STANCE] if robot.spec.mobility == "pivot" else []
+    labels = {
+        name: _labels(table[name], name, lines, word, where)
+        for name in (*PLANES, POINT, *standing)
+        if name in free
+    }
+    above = {
+        name: np.nan_to_num(_numbers(table[column], column, lines, word, where))
+        for name in PLANES
+        if (column := f"{name}_above") in free and name in free
+    }
+    used = (*outside, *sigmas, *forces, *tensions, *labels, *(f"{name}_above" for name in above))
+    unused = tuple(name for name in free if name not in used)
+    measured, sigma = block(outside), block(sigmas)
+    if STANCE in labels:
+        measured, sigma = flat(robot, labels[STANCE], measured, sigma)
+    pulls = {"force": block(forces), "tension": block(tensions)}
+    loads = Loads(**pulls) if any(values is not None for values in pulls.values()) else None
+    return Log(names, readings, measured, lines, word, unused, sigma, labels, above, loads)
+
+
+def _labels(column: Any, name: str, lines: Array, word: str, where: str) -> Array:
+    """Return a column of names; "" where a cell is empty."""
+    cells = [str(cell).strip() if cell is not None else "" for cell in column]
+    cells = ["" if cell.lower() in _EMPTY else cell for cell in cells]
+    for number, cell in zip(lines, cells, strict=False):
+        if controls(cell):
+            shown = f"{name} = '{one_line(cell, 60)}'"
+            raise InputError(f"{where}: {word} {number}: {shown}: control characters in a name")
+    return np.array(cells, dtype=object)
 
 
 def _missing(robot: Robot, missing: list[str], columns: list[str]) -> str:
@@ -322,14 +422,14 @@ def _numbers(column: Any, name: str, lines: Array, word: str, where: str) -> Arr
         )
     if values.shape != (len(lines),):
         raise InputError(f"{where}: column {name}: shape {values.shape}, must be ({len(lines)},)")
-    if np.isinf(values).any():
-        at = lines[np.flatnonzero(np.isinf(values))[0]]
-        raise InputError(f"{where}: {word} {at}: {name} = inf: must be a finite number or empty")
+    if len(wrong := np.flatnonzero(np.abs(values) > _MOST)):
+        at = f"{word} {lines[wrong[0]]}: {name} = {values[wrong[0]]:g}"
+        raise InputError(f"{where}: {at}: must be a finite number or empty")
     return values
 
 
 def _number(cell: Any, what: str) -> float:
-    if cell is None or str(cell).strip().lower() in (*_EMPTY, "<na>"):
+    if cell is None or str(cell).strip().lower() in _EMPTY:
         return np.nan
     try:
         return float(cell)

@@ -1,0 +1,83 @@
+"""What is one count, step or turn worth, where a log has no metres and radians?
+
+Column `q1_counts`, `q1_steps` or `q1_turns` stands for `q1`. One of it is what the log's header
+says, `# one q1_turns = 75.69 mm`; else what the robot file does: counts and steps by
+`encoder_counts`, `counts` or `resolution`, turns by `per_turn`.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping
+
+from truepose.exceptions import InputError
+from truepose.robot.robot import Robot
+from truepose.robot.to_core import encoder_step
+from truepose.robot.units import reading_units
+
+UNITS = ("counts", "steps", "turns")
+_LENGTHS = {"m": 1.0, "mm": 1e-3}
+_ANGLES = {"rad": 1.0, "deg": math.pi / 180}
+_ONE = re.compile(r"#\s*one\s+(\w+)\s*=\s*(.*?)\s*")
+_VALUE = re.compile(r"([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(\w+)")
+
+
+def said(lines: Iterable[str]) -> dict[str, str]:
+    """What a log's comments say that one of its columns is worth, by column."""
+    return {found[1]: found[2] for line in lines if (found := _ONE.fullmatch(line.strip()))}
+
+
+def column_of(name: str, columns: Iterable[str]) -> str | None:
+    """Find the raw column that stands for a reading, if there is one."""
+    return next((c for unit in UNITS if (c := f"{name}_{unit}") in columns), None)
+
+
+def one(robot: Robot, name: str, column: str, header: Mapping[str, str], where: str) -> float:
+    """What one of a raw column is worth, m or rad.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> round(one(tp.load("h4"), "q1", "q1_counts", {}, "log.csv") * 14400, 6)  # a whole turn
+    6.283185
+    >>> one(tp.load("stewart"), "q1", "q1_turns", {"q1_turns": "75 mm"}, "log.csv")
+    0.075
+    """
+    at = robot.readings.index(name)
+    units = _LENGTHS if reading_units(robot)[at] == "m" else _ANGLES
+    if (text := header.get(column)) is not None:
+        found = _VALUE.fullmatch(text)
+        value = units.get(found[2], math.nan) * _number(found[1]) if found else math.nan
+        if not (math.isfinite(value) and value != 0):
+            raise InputError(
+                f"{where}: one {column} = {text}: must be a number and a unit ({', '.join(units)})"
+            )
+        return value
+    if column.endswith("_turns"):
+        file = robot.spec.chain[at].per_turn if at < robot.n else None
+        key = "per_turn"
+    elif at < robot.n:
+        file, key = encoder_step(robot.spec.chain[at]), "encoder_counts"
+    else:
+        file, key = robot.spec.used[at - robot.n].step, "counts or resolution"
+    if not file:
+        part = f"chain {at + 1}" if at < robot.n else f"sensor {name}"
+        has = (
+            ""
+            if part.startswith("sensor") and column.endswith("_turns")
+            else (f", or give {part} its {key} in the robot file")
+        )
+        unit = next(iter(units))
+        raise InputError(
+            f"{where}: column {column}: what is one worth? Say it in the log, "
+            f"'# one {column} = 0.001 {unit}'{has}"
+        )
+    return float(file)
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
