@@ -9,8 +9,9 @@ from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import Array, Errors, Level
+from truepose.calibration.differences import Difference, assemble
 from truepose.exceptions import InputError, PoseError
-from truepose.robot import knowledge
+from truepose.robot import knowledge, stretch
 from truepose.robot.batches import flattened, require_answers
 from truepose.robot.robot import Robot
 
@@ -29,6 +30,7 @@ def accuracy(
     *,
     touch_sigma: ArrayLike | float = 0.0,
     relative_to: ArrayLike | None = None,
+    differences: Sequence[Difference] = (),
 ) -> Array:
     """Covariance of the best estimate of x that the robot's sensors allow.
 
@@ -57,6 +59,9 @@ def accuracy(
     relative_to : array_like, shape (n,), optional
         A pose whose own estimate is taken off every other: what a display shows that is set to
         zero there. No bound, for the two are estimated apart: a sensor more can make it worse.
+    differences : sequence of Plane, Distances and Revisits, optional
+        That are measured between the poses of `calibrated_on`, by their numbers from 0. What they
+        measure does not matter, only how well.
 
     Returns
     -------
@@ -87,13 +92,14 @@ def accuracy(
     level = robot.finest_level if level is None else level
     full = model.is_full(level)
     rows, lead = flattened(model, poses, model.n, "poses", errors)
-    known = knowledge.knowledge(robot, level=level, error=model_error)
+    known = knowledge.knowledge(robot, level=level, error=model_error, stretches=True)
     nowhere = np.zeros((0, model.n))
 
     def bound(
         at: Array, lead: tuple[int, ...], errors: Errors, name: str, reference: Array = nowhere
     ) -> Array:
-        P, status, chain = _core.accuracy(model.core, known.core, at, reference, full)
+        influence = stretch.acting(model, np.vstack([at, reference]), full)
+        P, status, chain = _core.accuracy(model.core, known.core, at, reference, full, influence)
         require_answers(model, "pose", at, lead, status, chain, errors, name)
         return P.reshape(*lead, model.n, model.n)
 
@@ -107,7 +113,7 @@ def accuracy(
         return at
 
     touched, reference = one(touch_off, "touch_off"), one(relative_to, "relative_to")
-    sigma = _touch_sigma(robot, touch_sigma)
+    sigma = touch_sigmas(robot, touch_sigma)
     if calibrated_on is not None or touch_off is not None:
         visited, shape = flattened(
             model,
@@ -116,13 +122,15 @@ def accuracy(
             "calibrated_on",
             "raise",
         )
-        root, status = after_visiting(robot, visited, level, model_error, touched, sigma)
+        root, status = after_visiting(
+            robot, visited, level, model_error, touched, sigma, differences
+        )
         if status:  # find the pose that it is about
             bound(visited, shape, "raise", "calibrated_on")
             raise PoseError(
                 f"{robot.name}: model_error: {_core.describe(status)} at the full level"
             )
-        known = knowledge.knowledge(robot, root, level=level, error=model_error)
+        known = knowledge.knowledge(robot, root, level=level, error=model_error, stretches=True)
     return bound(rows, lead, errors, "poses", reference)
 
 
@@ -133,27 +141,42 @@ def after_visiting(
     model_error: bool = True,
     touched: Array | None = None,
     touch_sigma: Sequence[float] = (),
+    differences: Sequence[Difference] = (),
 ) -> tuple[Array, int]:
     """Root of Σ_ξ once the robot has calibrated itself at these poses, and the core's status.
 
-    `visited` has shape (N, n); `touched`, one pose more or none, is known from outside.
+    Of the parameters as of :func:`truepose.robot.knowledge.learnable`.
+
+    `visited` has shape (N, n); `touched`, one pose more or none, is known from outside;
+    `differences` are measured between those visited.
     """
     full = robot.is_full(level)
-    known = knowledge.knowledge(robot, guarded=model_error and not full, level=level, error=False)
-    nowhere = np.zeros((0, robot.n))
+    between = assemble(robot, differences, len(visited), len(knowledge.uncertain(robot)))
+    known = knowledge.knowledge(
+        robot,
+        guarded=model_error and not full,
+        level=level,
+        error=False,
+        beside=None if between is None else between.sigma,
+        stretches=True,
+    )
+    model = robot.expected()
+    known_poses = np.zeros((0, robot.n)) if touched is None else touched
     root, status, _ = _core.after_visiting(
-        robot.expected().core,
+        model.core,
         known.core,
         visited,
-        nowhere if touched is None else touched,
+        known_poses,
         list(touch_sigma) or [0.0] * robot.n,
+        _core.Links([], 0) if between is None else between.core,
         full,
         known.nuisances,
+        stretch.acting(model, np.vstack([visited, known_poses]), full),
     )
-    return root[: known.parameters, : known.parameters], status
+    return known.own(root), status
 
 
-def _touch_sigma(robot: Robot, sigma: ArrayLike | float) -> list[float]:
+def touch_sigmas(robot: Robot, sigma: ArrayLike | float) -> list[float]:
     """Return σ of a touched pose as the core takes it, each greater than 0."""
     try:
         sigmas = np.broadcast_to(np.asarray(sigma, dtype=float), (robot.n,))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Literal, cast
 
@@ -11,10 +11,15 @@ from numpy.typing import ArrayLike
 from truepose import logs
 from truepose.arguments import Level
 from truepose.calibration import fit_checks, log_checks
-from truepose.calibration.fit import Fit, Loss, ModelError, fit_to
+from truepose.calibration.between import Between
+from truepose.calibration.differences import Difference, measurements
+from truepose.calibration.fit import Fit
+from truepose.calibration.fitting import Loss, ModelError, fit_to
+from truepose.calibration.influences import Influence
 from truepose.calibration.registration import Registration
 from truepose.exceptions import InputError
 from truepose.robot.robot import Robot
+from truepose.robot.stretch import Loads
 
 
 def calibrate(
@@ -29,6 +34,9 @@ def calibrate(
     loss: Loss = "squares",
     tuning: float | None = None,
     model_error: ModelError = "on",
+    differences: Sequence[Difference] = (),
+    influences: Sequence[Influence] = (),
+    loads: Loads | None = None,
 ) -> Fit:
     """Learn a robot's geometry from its own readings: maximum a posteriori, the poses unknown.
 
@@ -42,13 +50,13 @@ def calibrate(
     readings : array_like, shape (N, n + r), or a table
         Extended positions q_e = [q; r], m or rad; NaN where a sensor was not read. Or a dict of
         arrays, a data frame, a pyarrow table, with columns q1 … qn, each sensor by its name, and
-        measured_x, … where something outside measured a coordinate. A table
-        is looked over first; what was noticed is in ``notes``.
+        measured_x, … where something outside measured a coordinate, plane and point where the tool
+        touched what they name. A table is looked over first; what was noticed is in ``notes``.
     measured : array_like, shape (N, n), optional
         Coordinates that something outside measured at these poses, NaN where it did not.
     measured_sigma : float, or array_like, shape (n,) or (N, n), optional
-        σ of those: of lengths (m), or of every coordinate (m or rad). By default what a table's
-        columns measured_x_sigma, … say, else 0.02 mm.
+        σ of those: of lengths (m; of a pivot's angles, rad), or of every coordinate. By default
+        what a table's columns measured_x_sigma, … say, else 0.02 mm.
     measured_angle_sigma : float, optional
         σ of measured angles, rad; 0.01° by default.
     registration : {"unknown", "known"} or Registration
@@ -66,6 +74,15 @@ def calibrate(
         Whether to allow, at the ideal level, for what it leaves out: axis errors that tilt the
         nacelle and turn its bars, by the file's tolerances. Where it is allowed for, the calibrated
         robot's estimates count with it too. "off" is for robots that are ideal, on paper.
+    differences : sequence of Plane, Distances and Revisits, optional
+        Differences that were measured between these poses, by the lines of the readings, from 0.
+        With them a robot without any sensor can be calibrated. By default what a table's columns
+        plane and point say, each touch to 0.02 mm.
+    influences : sequence of Influence, optional
+        What else adds to the readings in a known pattern, by an unknown amount.
+    loads : Loads, optional
+        Forces and measured tensions under which each line was read, for robots whose file has
+        compliances with tolerances; by default a table's columns load_x, … and q1_tension, ….
 
     Returns
     -------
@@ -96,11 +113,16 @@ def calibrate(
         "loss": loss,
         "tuning": tuning,
         "model_error": model_error,
+        "differences": differences,
+        "influences": influences,
+        "loads": loads,
     }
     if not logs.is_table(readings):
         rows = cast(ArrayLike, readings)
         return fit_to(robot, rows, measured=measured, measured_sigma=measured_sigma, **settings)
-    log, notes = _looked_over(robot, readings)
+    log, differences, notes = _looked_over(robot, readings, differences)
+    settings["differences"] = differences
+    settings["loads"] = log.loads if loads is None else loads
     fit = fit_to(
         robot,
         log.readings,
@@ -112,9 +134,16 @@ def calibrate(
     return replace(fit, notes=(*notes, *fit.notes))
 
 
-def _looked_over(robot: Robot, table: Any) -> tuple[logs.Log, list[str]]:
+def _looked_over(
+    robot: Robot, table: Any, differences: Sequence[Difference]
+) -> tuple[logs.Log, Sequence[Difference], list[str]]:
     """Take the readings out of a table, and what was noticed; InputError where they are wrong."""
-    log, findings = log_checks.check(robot, logs.of(robot, table))
+    log = logs.of(robot, table)
+    if not differences:
+        between = Between()
+        between.check(robot, log)
+        differences = between.of(robot, log)
+    log, findings = log_checks.check(robot, log, measurements(differences))
     if refused := [finding.text for finding in findings if finding.refused]:
         raise InputError(f"readings: {'; '.join(refused)}")
-    return log, [finding.text for finding in findings]
+    return log, differences, [finding.text for finding in findings]

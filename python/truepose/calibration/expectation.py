@@ -9,8 +9,10 @@ import numpy as np
 from truepose import _core
 from truepose.arguments import Array, Level
 from truepose.calibration.registration import Registered
-from truepose.robot import knowledge
+from truepose.calibration.stretching import relieved
+from truepose.robot import knowledge, stretch
 from truepose.robot.robot import Robot
+from truepose.robot.stretch import Loads
 
 #: Lines that are predicted at a time.
 LINES = 4096
@@ -36,6 +38,7 @@ def expect(
     measured_sigma: Array | float = 0.0,
     registration: Registered | None = None,
     level: Level | None = None,
+    loads: Loads | None = None,
 ) -> Expectation:
     """Predict every sensor from the motors, at the geometry that this robot has.
 
@@ -52,6 +55,10 @@ def expect(
     measured_sigma : float or ndarray, shape (N, n)
     registration : Registered, optional
         Of `measured`, needed with it.
+    level : {"ideal", "full"}, optional
+        By default the robot's finest.
+    loads : Loads, optional
+        Under which they were read.
 
     Examples
     --------
@@ -67,23 +74,26 @@ def expect(
             part = slice(start, start + LINES)
             outside = None if measured is None else measured[part]
             sigma = np.asarray(measured_sigma)[part] if np.ndim(measured_sigma) else measured_sigma
-            parts.append(expect(robot, readings[part], outside, sigma, registration, level))
+            own = loads and loads.only(np.arange(len(readings))[part])
+            parts.append(expect(robot, readings[part], outside, sigma, registration, level, own))
         names = [field.name for field in fields(Expectation)]
         return Expectation(
             *(np.concatenate([getattr(part, name) for part in parts]) for name in names)
         )
     n, r = robot.n, robot.r
     level = robot.finest_level if level is None else level
-    x = poses_of(robot, readings[:, :n], level)
-    expected = robot.extended(x, errors="nan", level=level)
+    under = (loads or Loads()).arrays(robot, len(readings))
+    stiff = robot
+    if robot.gives_way:
+        readings, _ = relieved(robot, readings, robot.is_full(level), under)
+        stiff = robot.rigid
+    x = poses_of(stiff, readings[:, :n], level)
+    expected = stiff.extended(x, errors="nan", level=level)
     apart = _core.innovation(robot.core, readings, np.ascontiguousarray(expected))
     residual = np.asarray(apart)[:, n:]
     expected = expected[:, n:]
-    H_x, H_xi = robot.linearise(x, errors="nan", level=level)
-    names = knowledge.uncertain(robot)
-    known = list(robot.parameters)
-    by_geometry = H_xi[:, :, [known.index(name) for name in names]]
-    S = knowledge.root(robot, names)
+    H_x, by_geometry = _slopes(robot, x, level, under)
+    S = knowledge.root(robot, knowledge.learnable(robot))
     noise = knowledge.reading_sigma(robot)
     if level == "ideal":
         noise = np.hypot(noise, knowledge.stated_error(robot))
@@ -107,6 +117,17 @@ def expect(
         shared = B @ by_geometry @ registration.cross * 2 + H_mt @ registration.covariance
         variance[:, r:] += (shared * H_mt).sum(axis=2) + np.square(measured_sigma)
     return Expectation(x, expected, residual, np.sqrt(variance))
+
+
+def _slopes(robot: Robot, x: Array, level: Level, loads: dict[str, Array]) -> tuple[Array, Array]:
+    """Derivatives of all readings by the pose, and by what is not known of the robot."""
+    H_x, H_xi = robot.linearise(x, errors="nan", level=level)
+    known = list(robot.parameters)
+    by_unknown = H_xi[:, :, [known.index(name) for name in knowledge.learnable(robot)]]
+    if yielding := stretch.unknown(robot):
+        at = stretch.under_load(robot, x, robot.is_full(level), **loads)
+        by_unknown[..., -len(yielding) :] = stretch.columns(robot, yielding, at.by_compliance)
+    return H_x, by_unknown
 
 
 def poses_of(robot: Robot, q: Array, level: Level | None = None) -> Array:

@@ -1,11 +1,10 @@
-"""Which geometry explains a robot's own readings, and what do they leave open?"""
+"""What has a calibration found: geometry, covariance, residuals, what the readings leave open?"""
 
 from __future__ import annotations
 
 import math
-import warnings
-from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,58 +12,34 @@ from numpy.typing import ArrayLike
 from truepose import _core
 from truepose.arguments import Array, Level
 from truepose.calibration.departure import Departure, departure
-from truepose.calibration.registration import (
-    Registered,
-    Registration,
-    measured_outside,
-    registration_of,
-)
-from truepose.exceptions import InputError, PoseError, choose
-from truepose.logs import repeated
-from truepose.robot import knowledge
+from truepose.calibration.differences import Differences
+from truepose.calibration.learnt import Learnt
+from truepose.calibration.registration import Registered
+from truepose.exceptions import InputError
+from truepose.robot import knowledge, stretch
 from truepose.robot.batches import flattened, require_answers
 from truepose.robot.robot import Robot
-from truepose.robot.to_core import columns
-from truepose.robotfile.schema import Calibration
 
-ModelError = Literal["on", "off"]
-MODEL_ERRORS: tuple[ModelError, ...] = ("on", "off")
-Loss = Literal["squares", "huber", "student"]
-
-#: Default tuning of each loss: Huber's bend and Student's degrees of freedom.
-TUNING: dict[Loss, float] = {"squares": 0.0, "huber": 1.0, "student": 4.0}
-
-#: Memory that nobody expects to need, bytes: more is said before it is asked for.
-MUCH = 2e9
-
-#: Posterior over prior σ, up to which a parameter counts as identified, and as barely so.
-IDENTIFIED, BARELY = 0.3, 0.9
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
-class Learnt(NamedTuple):
-    """A parameter before and after a calibration (m or rad)."""
-
-    prior: float  #: mean
-    prior_sigma: float
-    value: float
-    sigma: float
-
-    @property
-    def ratio(self) -> float:
-        """Posterior over prior σ: 1 where the readings said nothing."""
-        return self.sigma / self.prior_sigma
-
-    @property
-    def verdict(self) -> str:
-        """Say whether the readings have seen it: identified, barely, not identified."""
-        if self.ratio <= IDENTIFIED:
-            return "identified"
-        return "barely" if self.ratio <= BARELY else "not identified"
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Fit:
-    """A calibration: the robot as its readings show it. N lines, p uncertain parameters."""
+    """A calibration: the robot as its readings show it. N lines, p uncertain parameters.
+
+    Printed, it says what it rests on and what it found.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.paper import article
+    >>> h4 = tp.load("h4")
+    >>> tp.calibrate(h4, tp.with_paper_errors(h4, seed=1).read(article.table2()))
+    h4 calibrated on 625 of 625 lines of theta, full level, 6 iterations
+    55 uncertain parameters: 4 identified, 22 barely, 29 not identified
+    residuals with the poses fitted, rms: 0.94 of their σ
+    """
 
     robot: Robot  #: calibrated; its file keeps the covariance
     prior: Robot  #: the robot before
@@ -82,7 +57,40 @@ class Fit:
     cost: float  #: squared residuals and departures from the prior, in units of their σ
     guarded: bool  #: whether what the ideal level leaves out was allowed for
     registration: Registered | None = None  #: of what was measured from outside, if anything was
+    differences: Differences | None = None  #: that were measured between poses, if any were
+    influences: dict[str, Learnt] = field(default_factory=dict)  #: amounts of each
+    beside: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    #: (k, p + k) covariance of differences' unknowns, then of influences' amounts, with the
+    #: parameters, then with each other
     notes: tuple[str, ...] = ()  #: what was noticed in the readings, one line each
+
+    def __repr__(self) -> str:
+        good = self.status == "ok"
+        sensors = ", ".join(self.robot.sensors) or "no sensor"
+        chi2, freedom = (float(values[good].sum()) for values in (self.chi2, self.redundancy))
+        return "\n".join(
+            [
+                f"{self.robot.name} calibrated on {good.sum()} of {good.size} lines of {sensors}, "
+                f"{self.level} level, {self.iterations} iterations",
+                self.verdicts,
+                "residuals with the poses fitted, rms: "
+                f"{math.sqrt(chi2 / max(freedom, 1.0)):.2g} of their σ",
+                *self.notes,
+            ]
+        )
+
+    @property
+    def verdicts(self) -> str:
+        """One line: how many parameters are identified, barely, not."""
+        found = [p.verdict for p in self.parameters.values()]
+        counts = (f"{found.count(v)} {v}" for v in ("identified", "barely", "not identified"))
+        return f"{len(found)} uncertain parameters: {', '.join(counts)}"
+
+    def plot(self) -> Figure:
+        """Draw every parameter's change and posterior σ, in units of its prior σ."""
+        from truepose.calibration import figures
+
+        return figures.parameters(self.parameters)
 
     @property
     def parameters(self) -> dict[str, Learnt]:
@@ -92,6 +100,11 @@ class Fit:
             name: Learnt(before[name].mean, before[name].sigma, after[name].value, sigma)
             for name, sigma in zip(self.names, np.sqrt(np.diag(self.covariance)), strict=True)
         }
+
+    @property
+    def others(self) -> dict[str, Learnt]:
+        """What is unknown beside the parameters: of measured differences, of influences."""
+        return {**(self.differences.unknowns if self.differences else {}), **self.influences}
 
     @property
     def outliers(self) -> Array:
@@ -120,8 +133,10 @@ class Fit:
             raise InputError(f"{self.robot.name}: accuracy_seen: nothing was measured from outside")
         robot, by = self.robot, self.registration
         x, _ = flattened(robot, poses, robot.n, "poses", "raise")
-        known = knowledge.knowledge(robot, level=self.level).core
-        gain, _, status, chain = _core.gain(robot.core, known, x, robot.is_full(self.level))
+        known = knowledge.knowledge(robot, level=self.level, stretches=True).core
+        full = robot.is_full(self.level)
+        influence = stretch.acting(robot, x, full)
+        gain, _, status, chain = _core.gain(robot.core, known, x, full, influence)
         require_answers(robot, "pose", x, (len(x),), status, chain, "raise")
         _, H_xi = robot.linearise(x, level=self.level)
         every = list(robot.parameters)
@@ -145,240 +160,22 @@ class Fit:
         -------
         list of (ratio, combination)
             Posterior over prior σ of the combination, worst first, and its largest terms in units
-            of each parameter's prior σ. Gauges (the base's and the nacelle's own frames) are among
-            them, at 1.
+            of each parameter's prior σ, unknowns of measured differences among them. Gauges (the
+            base's and the nacelle's own frames) are among them, at 1.
         """
-        scale = np.linalg.inv(np.linalg.cholesky(self.prior_covariance))
-        ratio2, vectors = np.linalg.eigh(scale @ self.covariance @ scale.T)
+        names, before, after = list(self.names), self.prior_covariance, self.covariance
+        if others := self.others:
+            names += others
+            nothing = np.zeros((len(self.names), len(others)))
+            sigma = [of.prior_sigma for of in others.values()]
+            cross, own = self.beside[:, : len(self.names)], self.beside[:, len(self.names) :]
+            before = np.block([[before, nothing], [nothing.T, np.diag(np.square(sigma))]])
+            after = np.block([[after, cross.T], [cross, own]])
+        scale = np.linalg.inv(np.linalg.cholesky(before))
+        ratio2, vectors = np.linalg.eigh(scale @ after @ scale.T)
         result = []
         for k in range(len(ratio2) - 1, max(len(ratio2) - 1 - count, -1), -1):
             largest = np.argsort(-np.abs(vectors[:, k]))[:4]
-            terms = {self.names[i]: float(vectors[i, k]) for i in largest}
+            terms = {names[i]: float(vectors[i, k]) for i in largest}
             result.append((math.sqrt(max(ratio2[k], 0.0)), terms))
         return result
-
-
-def fit_to(
-    robot: Robot,
-    readings: ArrayLike,
-    *,
-    measured: ArrayLike | None = None,
-    measured_sigma: ArrayLike | float | None = None,
-    measured_angle_sigma: float | None = None,
-    registration: Literal["unknown", "known"] | Registration = "unknown",
-    level: Level | None = None,
-    loss: Loss = "squares",
-    tuning: float | None = None,
-    model_error: ModelError = "on",
-) -> Fit:
-    """Learn a robot's geometry from an array of its readings, looked over or not.
-
-    Parameters, result and errors are those of :func:`truepose.calibrate`.
-    """
-    names = knowledge.require_uncertain(robot)
-    tuning = _tuned(loss, tuning)
-    if model_error not in MODEL_ERRORS:
-        raise InputError(choose("model_error", model_error, MODEL_ERRORS))
-    lines = _lines(robot, readings, measured, measured_sigma, measured_angle_sigma)
-    begun = registration_of(registration)
-    frames = begun.sigma(robot, lines.outside) if len(lines.outside) else np.zeros(12)
-    unknown = frames if frames.any() else None
-    level = robot.finest_level if level is None else level
-    full = robot.is_full(level)
-    guarded = not full and model_error == "on" and bool(knowledge.left_out(robot))
-    known = knowledge.knowledge(
-        robot, guarded=guarded, level=level, error=False, registration=unknown
-    )
-    needed = memory(robot, len(lines.rows), len(lines.outside) > 0, guarded)
-    if needed > MUCH:
-        warnings.warn(much_memory(robot, len(lines.rows), needed), stacklevel=3)
-    answer = _Answer(
-        *_core.calibrate(
-            robot.core_drawn,
-            known.core,
-            known.nuisances,
-            mean_of(robot).tolist(),
-            lines.rows,
-            lines.outside,
-            lines.outside_sigma,
-            *begun.begin(),
-            -1 if unknown is None else len(names),
-            getattr(_core.Loss, loss),
-            tuning,
-            full,
-        )
-    )
-    _require_found(robot, answer, loss)
-    covariance, registered = _apart(answer, len(names), frames)
-    calibrated = _calibrated(robot, names, answer, covariance, level, guarded)
-    expected = calibrated.extended(answer.x, errors="nan", level=level)
-    root = knowledge.root(robot, names)
-    fit = Fit(
-        robot=calibrated,
-        prior=robot.with_calibration(robot.spec.calibration),
-        level=level,
-        names=tuple(names),
-        covariance=covariance,
-        prior_covariance=root @ root.T,
-        x=answer.x,
-        residuals=np.asarray(
-            _core.innovation(robot.core, lines.rows, np.ascontiguousarray(expected))
-        ),
-        chi2=answer.chi2,
-        redundancy=answer.redundancy,
-        weights=answer.weights,
-        status=np.array([_core.describe(int(s)) for s in answer.lines]),
-        iterations=answer.iterations,
-        cost=answer.cost,
-        guarded=guarded,
-        registration=registered if len(lines.outside) else None,
-        notes=lines.notes,
-    )
-    believed = "the last calibration's σ" if robot.spec.calibration else "the tolerances"
-    return replace(fit, notes=(*fit.notes, *fit.departure.doubt(believed)))
-
-
-class _Answer(NamedTuple):
-    """What the core's `calibrate` returns."""
-
-    status: int
-    iterations: int
-    xi: Array
-    covariance: Array  #: of parameters, then of the registration
-    x: Array
-    chi2: Array
-    redundancy: Array
-    weights: Array
-    lines: Array  #: (N,) status
-    cost: float
-    base_begun: Array
-    marker_begun: Array
-    base: Array
-    marker: Array
-
-
-class _Lines(NamedTuple):
-    """Readings and outside measurements as the core takes them, each once."""
-
-    rows: Array  #: (N, n + r)
-    outside: Array  #: (N, n), or no row
-    outside_sigma: Array
-    notes: tuple[str, ...]
-
-
-def _tuned(loss: Loss, tuning: float | None) -> float:
-    if loss not in TUNING:
-        raise InputError(choose("loss", loss, TUNING))
-    tuning = TUNING[loss] if tuning is None else tuning
-    if not (math.isfinite(tuning) and (tuning > 0 or loss == "squares")):
-        raise InputError(f"tuning = {tuning}: must be a number greater than 0")
-    return tuning
-
-
-def _lines(
-    robot: Robot,
-    readings: ArrayLike,
-    measured: ArrayLike | None,
-    measured_sigma: ArrayLike | float | None,
-    measured_angle_sigma: float | None,
-) -> _Lines:
-    """Check the shapes; leave nothing but the motors of rows that are there already."""
-    rows, lead = flattened(robot, readings, robot.n + robot.r, "readings", "nan")
-    if len(lead) != 1 or len(rows) == 0:
-        raise InputError(f"readings: shape {np.shape(readings)}, must be (N, {robot.n + robot.r})")
-    outside, sigma = measured_outside(
-        robot, measured, measured_sigma, measured_angle_sigma, len(rows)
-    )
-    again = repeated(rows, outside if len(outside) else None, robot.n)
-    if not again.any():
-        return _Lines(rows, outside, sigma, ())
-    rows = np.where(again[:, None] & (np.arange(rows.shape[1]) >= robot.n), np.nan, rows)
-    outside[again[: len(outside)]] = np.nan
-    note = f"{again.sum()} rows as an earlier one, digit for digit: each counts once"
-    return _Lines(rows, outside, sigma, (note,))
-
-
-def _require_found(robot: Robot, answer: _Answer, loss: Loss) -> None:
-    """Raise the error that says why there is no fit, if there is none."""
-    what = f"{robot.name}: {len(answer.lines)} lines of readings: "
-    if answer.status and answer.lines.all():
-        raise PoseError(
-            what + "no line closes the robot's loops; units, signs and the order of the columns?"
-        )
-    if answer.status:
-        hint = "; gross errors? loss='student' bears them" if loss == "squares" else ""
-        why = _core.describe(answer.status)
-        raise PoseError(f"{what}the search ended after {answer.iterations} steps: {why}{hint}")
-    if not answer.redundancy.any():
-        raise InputError(
-            what + "nothing to learn from: none has a reading beyond those that its pose takes"
-        )
-
-
-def _calibrated(
-    robot: Robot, names: list[str], answer: _Answer, covariance: Array, level: Level, guarded: bool
-) -> Robot:
-    """Return the robot as it was found, at the level that its readings were understood by."""
-    column = dict(columns(robot.spec))
-    error = knowledge.model_error(robot) if guarded else ()
-    learnt = calibration_of(
-        {name: float(answer.xi[column[name]]) for name in names},
-        _cholesky(covariance),
-        f"{int((answer.lines == 0).sum())} poses, {', '.join(robot.sensors) or 'no sensor'}",
-        dict(zip(robot.readings, map(float, error), strict=True)) if guarded else {},
-    )
-    return robot.with_calibration(learnt).with_level(level)
-
-
-def _apart(answer: _Answer, count: int, sigma: Array) -> tuple[Array, Registered]:
-    """Take the joint covariance of parameters and registration apart."""
-    joint, cross, own = answer.covariance, np.zeros((count, 12)), np.zeros((12, 12))
-    if len(joint) > count:
-        cross, own = joint[:count, count:], joint[count:, count:]
-    begun = (answer.base_begun, answer.marker_begun)
-    registered = Registered(answer.base, answer.marker, sigma, own, cross, begun)
-    return joint[:count, :count], registered
-
-
-def memory(robot: Robot, lines: int, measured: bool, guarded: bool) -> float:
-    """How many bytes a calibration takes at most, about: two linearisations of every line."""
-    unknowns = len(knowledge.uncertain(robot)) + 12 * measured
-    unknowns += len(knowledge.left_out(robot)) if guarded else 0
-    beyond = robot.r + robot.n * measured
-    return lines * (2 * (8 * (robot.n + beyond) * unknowns + 1400) + 8 * beyond * unknowns)
-
-
-def much_memory(robot: Robot, lines: int, needed: float) -> str:
-    """Say how much memory a calibration will take."""
-    return f"{robot.name}: {lines} lines of readings need about {1e-9 * needed:.1f} GB of memory"
-
-
-def mean_of(robot: Robot) -> Array:
-    """ξ at the prior means, in the core's order."""
-    mean, known = np.asarray(robot.core_drawn.drawn_parameters()), robot.parameters
-    for name, column in columns(robot.spec):
-        if name in known:
-            mean[column] = known[name].mean
-    return mean
-
-
-def calibration_of(
-    values: dict[str, float],
-    root: Array,
-    source: str,
-    model_error: dict[str, float] | None = None,
-) -> Calibration:
-    """Return what a robot file keeps of a calibration: values, and their covariance root·rootᵀ."""
-    return Calibration(
-        source=source,
-        parameters=tuple(values),
-        mean=tuple(values.values()),
-        root=tuple(tuple(map(float, root[k, : k + 1])) for k in range(len(values))),
-        model_error=model_error or {},
-    )
-
-
-def _cholesky(covariance: Array) -> Array:
-    """Lower triangular root, factorised in units of σ so that metres and radians do not mix."""
-    sigma = np.sqrt(np.diag(covariance))
-    return sigma[:, None] * np.linalg.cholesky(covariance / np.outer(sigma, sigma))

@@ -35,8 +35,15 @@ class Finding(NamedTuple):
     refused: bool = False  #: whatever is fitted to this log would be wrong
 
 
-def check(robot: Robot, log: Log) -> tuple[Log, list[Finding]]:
+def check(robot: Robot, log: Log, differences: int = 0) -> tuple[Log, list[Finding]]:
     """Look over a log before anything is fitted to it.
+
+    Parameters
+    ----------
+    robot : Robot
+    log : Log
+    differences : int
+        How many were measured between its lines.
 
     Returns
     -------
@@ -73,7 +80,7 @@ def check(robot: Robot, log: Log) -> tuple[Log, list[Finding]]:
     if motors := _motors(model, log):
         return log, [*findings, *motors]
     findings += _sensors(model, log, expect(model, log.readings))
-    findings += _equations(robot, log)
+    findings += _equations(robot, log, differences)
     return log, findings
 
 
@@ -131,13 +138,13 @@ def _repeats(robot: Robot, log: Log) -> Iterator[Finding]:
         )
 
 
-def _equations(robot: Robot, log: Log) -> Iterator[Finding]:
-    """Readings beyond those that a pose takes."""
+def _equations(robot: Robot, log: Log, differences: int) -> Iterator[Finding]:
+    """Readings beyond those that a pose takes, and differences between poses."""
     rows = _distinct(robot, log)
     count = np.isfinite(log.readings[rows]).sum(axis=1) - robot.n
     if log.measured is not None:
         count = count + np.isfinite(log.measured[rows]).sum(axis=1)
-    total, unknown = int(count.sum()), len(knowledge.uncertain(robot))
+    total, unknown = int(count.sum()) + differences, len(knowledge.uncertain(robot))
     spare = [sensor.name for sensor in robot.spec.sensor if sensor.name in log.unused]
     use = f"the log has {', '.join(spare)}: say that they were read, --sensors "
     use += ",".join((*robot.sensors, *spare))
@@ -147,7 +154,8 @@ def _equations(robot: Robot, log: Log) -> Iterator[Finding]:
             + (
                 f"{use} (with_sensors)"
                 if spare
-                else "read a redundant sensor, or measure a coordinate from outside (measured_x, …)"
+                else "read a redundant sensor, measure a coordinate from outside (measured_x, …), "
+                "or touch a plane or a point again and again (plane, point)"
             ),
             refused=True,
         )

@@ -17,11 +17,12 @@ import numpy as np
 
 from truepose.arguments import Array
 from truepose.calibration.expectation import Expectation, expect, poses_of
-from truepose.calibration.fit import Fit, fit_to
+from truepose.calibration.fit import Fit
+from truepose.calibration.fitting import fit_to
 from truepose.exceptions import TrueposeError
 from truepose.logs import Log
 from truepose.robot.robot import Robot
-from truepose.robot.units import reading_units
+from truepose.robot.units import reading_units, summed
 
 #: A reading this many σ off what motors and tolerances allow, on most lines, is no geometry.
 APART = 5.0
@@ -116,7 +117,7 @@ def agree(robot: Robot, readings: Array) -> bool:
 def _distance(robot: Robot, log: Log, readings: Array) -> float:
     """How far all is from what the motors predict; gross errors count little."""
     if robot.r == 0 and log.measured is not None:  # distances are the same in every frame
-        linear = [unit == "m" for _, unit in robot.coordinates]
+        linear = summed(robot).columns
         x = poses_of(robot, readings)
         steps = [np.linalg.norm(np.diff(v[:, linear], axis=0), axis=1) for v in (log.measured, x)]
         off = np.abs(steps[0] - steps[1])

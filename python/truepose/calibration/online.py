@@ -10,11 +10,13 @@ from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import Array, Errors, Level
-from truepose.calibration.fit import MODEL_ERRORS, Learnt, ModelError, calibration_of, mean_of
+from truepose.calibration.fitting import MODEL_ERRORS, ModelError
+from truepose.calibration.learnt import Learnt, calibration_of, mean_of
 from truepose.exceptions import InputError, choose
-from truepose.robot import knowledge
+from truepose.robot import knowledge, stretch
 from truepose.robot.batches import flattened, require_answers
 from truepose.robot.robot import Robot
+from truepose.robot.stretch import warn_if_stiff
 from truepose.robot.to_core import columns
 
 
@@ -64,6 +66,7 @@ class OnlineCalibration:
         level: Level | None = None,
         model_error: ModelError = "on",
     ):
+        warn_if_stiff(robot, "an online calibration")
         self._level = robot.finest_level if level is None else level
         self._robot = robot.with_level(self._level)
         self._prior = robot
@@ -223,9 +226,14 @@ class OnlineCalibration:
         if self._error and self._level == "ideal":
             error = knowledge.stated_error(self._robot).tolist()
             left_out = dict(zip(self._robot.readings, error, strict=True))
-        return self._robot.with_calibration(
-            calibration_of(self._values(), self._filter.root, "online", left_out)
-        )
+        more = stretch.unknown(self._robot)  # as they were: lines under unknown loads say nothing
+        values = self._values() | {name: self._robot.parameters[name].mean for name in more}
+        root = self._filter.root
+        if more:
+            p, root = len(root), np.zeros((len(values), len(values)))
+            root[:p, :p] = self._filter.root
+            root[p:, p:] = knowledge.root(self._robot, more)
+        return self._robot.with_calibration(calibration_of(values, root, "online", left_out))
 
     def _values(self) -> dict[str, float]:
         column = dict(columns(self._robot.spec))

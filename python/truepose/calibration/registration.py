@@ -63,6 +63,8 @@ class Registration:
     def sigma(self, robot: Robot, measured: Array) -> Array:
         """σ of the unknowns, (12,); 0 where known, or where nothing measured depends on it."""
         result = np.repeat([*self.base_sigma, *self.marker_sigma], 3).astype(float)
+        if robot.spec.axis:  # of a pivot: angles are measured in no frame but their own
+            return np.zeros_like(result)
         names = [name for name, _ in robot.coordinates]
         if "z" not in names:  # in a plane
             result[[2, 3, 4, 8]] = 0.0
@@ -81,6 +83,10 @@ class Registration:
 
 #: The tracker gives the nacelle's coordinates in the base frame.
 KNOWN = Registration(base=np.eye(4), marker_sigma=(0.0, 0.0))
+
+
+#: How many: shift and turn of the base in the tracker's frame, then of the marker in the nacelle's.
+UNKNOWNS = 12
 
 
 def registration_of(registration: Literal["unknown", "known"] | Registration) -> Registration:
@@ -201,7 +207,7 @@ def measured_outside(
     if lead != (count,):
         raise InputError(f"measured: shape {np.shape(measured)}, must be ({count}, {robot.n})")
     angles = [unit == "rad" for _, unit in robot.coordinates]
-    if sum(angles) == 3 and (np.isfinite(rows[:, angles]).sum(axis=1) % 3).any():
+    if robot.spec.mobility == "spatial" and (np.isfinite(rows[:, angles]).sum(axis=1) % 3).any():
         raise InputError("measured: rx, ry and rz: all three or none at each pose")
     return rows.copy(), sigmas(robot, sigma, angle_sigma, count)
 
@@ -212,7 +218,8 @@ def sigmas(robot: Robot, sigma: ArrayLike | None, angle_sigma: float | None, cou
     default = np.where(angles, ANGLE_SIGMA, SIGMA) * np.ones((count, 1))
     result = default.copy()
     if sigma is not None:
-        which = ~angles if np.ndim(sigma) == 0 else np.full(robot.n, True)
+        lengths = np.ndim(sigma) == 0 and not angles.all()  # a pivot has none
+        which = ~angles if lengths else np.full(robot.n, True)
         try:
             result[:, which] = sigma
         except ValueError:

@@ -10,13 +10,16 @@ import numpy as np
 
 from truepose.arguments import Array
 from truepose.calibration import fit_checks, registration
+from truepose.calibration.between import Between
 from truepose.calibration.bound import accuracy
 from truepose.calibration.expectation import Expectation, expect
-from truepose.calibration.fit import Fit, fit_to
+from truepose.calibration.fit import Fit
+from truepose.calibration.fitting import fit_to
 from truepose.calibration.registration import Registered
 from truepose.exceptions import PoseError, TrueposeError
 from truepose.logs import Log
 from truepose.robot.robot import Robot
+from truepose.robot.units import summed
 from truepose.show.table import Cell, Table, fixed, number
 from truepose.show.units import PRINT, SI, in_print
 
@@ -54,6 +57,7 @@ def assess(
     notes: list[str],
     touch_off: Array | None = None,
     progress: Callable[[str], None] = lambda _: None,
+    between: Between | None = None,
     **settings: Any,
 ) -> Assessment:
     """Calibrate by a log, and again without every fifth line; predict the accuracy.
@@ -68,6 +72,8 @@ def assess(
         Pose that the accuracy to come takes for known from outside; home by default.
     progress : callable
         Is told what was done, `STEPS` times.
+    between : Between, optional
+        How well the log's touches were made, and distances that belong to it.
     **settings
         Of :func:`truepose.calibrate`: level, loss, tuning, …; what it takes of a table is the
         log's.
@@ -78,14 +84,17 @@ def assess(
         sigma = registration.sigmas(robot, given, angle, len(log.lines))
         log = replace(log, measured_sigma=sigma)
 
+    between = between or Between()
+
     def fitted(part: Log) -> Fit:
-        outside: dict[str, Any] = {"measured": part.measured, "measured_sigma": part.measured_sigma}
-        return fit_to(robot, part.readings, **outside, **settings)
+        beside: dict[str, Any] = {"measured": part.measured, "measured_sigma": part.measured_sigma}
+        beside["differences"] = between.of(robot, part)
+        return fit_to(robot, part.readings, loads=part.loads, **beside, **settings)
 
     def expected(by: Robot, part: Log, of: Registered | None) -> Expectation:
         level = settings.get("level")
         sigma = 0.0 if part.measured_sigma is None else part.measured_sigma
-        return expect(by, part.readings, part.measured, sigma, of, level=level)
+        return expect(by, part.readings, part.measured, sigma, of, level=level, loads=part.loads)
 
     fit = fitted(log)
     progress("fit")
@@ -216,13 +225,6 @@ def parameters(fit: Fit) -> Table:
     return Table("parameters", "Parameters", header, rows)
 
 
-def verdicts(fit: Fit) -> str:
-    """One line: how many parameters are identified, barely, not."""
-    found = [p.verdict for p in fit.parameters.values()]
-    counts = (f"{found.count(v)} {v}" for v in ("identified", "barely", "not identified"))
-    return f"{len(found)} uncertain parameters: {', '.join(counts)}"
-
-
 def worst(fit: Fit, count: int = 5) -> Table:
     """Combinations of parameters that the readings say least of."""
     rows = []
@@ -237,17 +239,17 @@ def worst(fit: Fit, count: int = 5) -> Table:
 def predicted(result: Assessment) -> Table:
     """RMS of the predicted error of x, before and after, absolute and touched off."""
     robot = result.fit.robot
-    linear = [k for k, (_, unit) in enumerate(robot.coordinates) if unit == "m"]
+    total = summed(robot)
     rows = []
     order = sorted(result.accuracy, key=lambda row: (HOW.index(row[1]), row[0] == "after"))
     for when, how in order:
         mean = np.diagonal(result.accuracy[when, how], axis1=1, axis2=2).mean(axis=0)
-        cells = [number(1e3 * float(np.sqrt(mean[linear].sum())))]
+        cells = [number(PRINT[total.unit][0] * float(np.sqrt(mean[total.columns].sum())))]
         for k, (_, unit) in enumerate(robot.coordinates):
             cells.append(number(PRINT[unit][0] * float(np.sqrt(mean[k]))))
         rows.append([f"{how}, {when}", *cells])
     names = {"theta": "θ"}
-    header = [f"rms, {result.where}", "position, mm"]
+    header = [f"rms, {result.where}", f"{total.name}, {PRINT[total.unit][1]}"]
     header += [f"{names.get(c, c)}, {PRINT[unit][1]}" for c, unit in robot.coordinates]
     return Table("accuracy", "Predicted error of the pose from all readings", header, rows)
 
@@ -265,8 +267,37 @@ def registration_table(fit: Fit) -> Table | None:
     return Table("registration", title, ["found", "value", "σ"], rows)
 
 
+def differences_table(fit: Fit) -> Table | None:
+    """What each measured difference leaves over; None where there is none."""
+    if fit.differences is None:
+        return None
+    rows = []
+    for of in fit.differences.each:
+        cells = [fixed(1e3 * v, 4) for v in (of.residual, of.left_out, of.left_out_sigma)]
+        size = fixed(of.left_out / of.left_out_sigma)
+        verdict = "wrong?" if of.doubtful else "outlier" if of.weight < 0.1 else ""
+        rows.append([of.name, *cells, size, verdict])
+    header = ["measured less expected", "by all (mm)", "by all others (mm)", "σ (mm)", "over σ", ""]
+    return Table("differences", "Differences between poses", header, rows)
+
+
+def beside_table(fit: Fit) -> Table | None:
+    """What measured differences have of their own: planes, a tool, a print; None without."""
+    if fit.differences is None or not fit.differences.unknowns:
+        return None
+    rows = []
+    for name, p in fit.differences.unknowns.items():
+        plain = ".slope." in name or name.endswith(".scale")
+        factor, unit = PRINT["" if plain else "m"]
+        cells = [Cell(f"{factor * v:.4f}", v) for v in (p.value, p.prior_sigma, p.sigma)]
+        rows.append([_named("unknown", name, unit), *cells, fixed(p.ratio), p.verdict])
+    header = ["unknown", "value", "prior σ", "σ", "σ / prior σ", "verdict"]
+    return Table("differences_own", "What differences have of their own", header, rows)
+
+
 def tables_of(result: Assessment) -> list[Table]:
-    """Every table, in the order in which they are read; the registration's only where unknown."""
+    """Every table, in the order in which they are read; of what was measured beside, if it was."""
     fit = result.fit
-    tables = [residuals(result), parameters(fit), worst(fit), registration_table(fit)]
+    tables = [residuals(result) if result.names else None, parameters(fit), worst(fit)]
+    tables += [differences_table(fit), beside_table(fit), registration_table(fit)]
     return [table for table in (*tables, predicted(result)) if table is not None]

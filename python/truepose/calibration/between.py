@@ -1,0 +1,217 @@
+"""Which differences between its lines does a log hold? What touched a plane, or one point twice.
+
+Columns `plane` and `point` name what the tool touched at a line; distances of two lines are a file
+of their own. Differences are made anew of whatever lines are left of a log.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from truepose import logs
+from truepose.arguments import Array
+from truepose.calibration.differences import AXES, Difference, Distances, Plane
+from truepose.calibration.expectation import poses_of
+from truepose.exceptions import InputError, choose, one_line, shortened
+from truepose.logs import PLANES, POINT, Log
+from truepose.robot import frames
+from truepose.robot.robot import Robot
+
+#: σ of a touch and of a distance, m, assumed where nobody says.
+SIGMA = 2e-5
+#: Prior σ of where a plane or a point is, m, about where the drawing has it.
+SPREAD = 0.1
+#: Measured over expected distance, where it is in mm; to a factor of 3.
+_MILLIMETRES = 1000.0
+
+
+class Distance(NamedTuple):
+    """One line of a file of distances."""
+
+    lines: tuple[int, int]  #: of the log's file
+    ends: str  #: "A to B", as the file names them
+    measured: float  #: m
+    sigma: float
+    times: float  #: of a printed line's width
+
+
+@dataclass(frozen=True, kw_only=True)
+class Between:
+    """How well a log's touches and distances were measured, and what of theirs is unknown."""
+
+    sigma: float = SIGMA  #: of a touch, m
+    tilt: float = 0.0  #: prior σ of a plane's slopes, rad; 0: level
+    tool: tuple[float, ...] = (0.0, 0.0, 0.0)  #: what touches, in the nacelle's frame, m
+    tool_sigma: float = 0.0  #: of each of its coordinates
+    distances: tuple[Distance, ...] = ()
+    scale: float = 0.0  #: prior σ of a print's shrinkage
+    width: float = 0.0  #: prior σ of a printed line's width, m
+
+    def of(self, robot: Robot, log: Log) -> list[Difference]:
+        """Differences between these lines; what is left of a name on one line alone says nothing.
+
+        Examples
+        --------
+        >>> import numpy as np, truepose as tp
+        >>> delta = tp.load("delta").with_sensors()
+        >>> q = delta.ikm(delta.home + np.random.default_rng(0).uniform(-0.05, 0.05, (5, 3)))
+        >>> table = dict(zip(delta.readings, q.T)) | {"plane": ["bed"] * 4 + [""]}
+        >>> [(of.name, len(of.lines)) for of in Between().of(delta, logs.of(delta, table))]
+        [('plane bed', 4)]
+        """
+        touched = any((names != "").any() for names in log.labels.values())
+        tool = self._places(robot, log) if touched else np.zeros((0, 3))
+        common: dict[str, Any] = {"tool": self.tool, "tool_sigma": self.tool_sigma}
+        result: list[Difference] = []
+
+        def plane(name: str, axis: str, rows: Array, above: Array, tilt: float) -> None:
+            heights = tool[rows, AXES.index(axis)] - above
+            mean = float(np.median(heights[np.isfinite(heights)])) if len(heights) else 0.0
+            result.append(
+                Plane(
+                    lines=rows,
+                    sigma=self.sigma,
+                    above=above,
+                    height=(mean if np.isfinite(mean) else 0.0, SPREAD),
+                    slope_sigma=tilt,
+                    axis=axis,  # type: ignore[arg-type]
+                    name=name,
+                    called=[f"{log.word} {log.lines[k]}" for k in rows],
+                    **common,
+                )
+            )
+
+        for column, name, rows in _touched(log):
+            if len(rows) < 2:
+                continue
+            if column == POINT:  # as often as it was touched, its coordinates are the same unknown
+                for axis, unit in robot.coordinates:
+                    if unit == "m":
+                        plane(f"point {name}, {axis}", axis, rows, np.zeros(len(rows)), 0.0)
+            else:
+                above = log.above.get(column, np.zeros(len(log.lines)))[rows]
+                plane(f"{column} {name}", PLANES[column], rows, above, self.tilt)
+        at = {int(line): k for k, line in enumerate(log.lines)}
+        kept = [of for of in self.distances if at.keys() >= set(of.lines)]
+        if kept:
+            result.append(
+                Distances(
+                    pairs=[(at[of.lines[0]], at[of.lines[1]]) for of in kept],
+                    measured=[of.measured for of in kept],
+                    sigma=[of.sigma for of in kept],
+                    times=[of.times for of in kept],
+                    scale=(0.0, self.scale),
+                    width=(0.0, self.width),
+                    name="distance",
+                    called=[f"{1e3 * of.measured:.3f} mm, {of.ends}" for of in kept],
+                    **common,
+                )
+            )
+        return result
+
+    def check(self, robot: Robot, log: Log) -> None:
+        """Refuse names that say nothing, in one line."""
+        linear = [name for name, unit in robot.coordinates if unit == "m"]
+        ends = {line for of in self.distances for line in of.lines}
+        for column, name, rows in _touched(log):
+            axis = PLANES.get(column, linear[0])
+            if axis not in linear:
+                raise InputError(f"{column} {name}: {robot.name} has no {axis}")
+            if len(rows) < 2 and not (column == POINT and int(log.lines[rows[0]]) in ends):
+                raise InputError(
+                    f"{log.at(rows)}: {column} '{name}' is on no other {log.word}: what was "
+                    "touched once says nothing"
+                )
+
+    def in_millimetres(self, robot: Robot, log: Log) -> bool:
+        """Whether the distances are some thousand times what the drawing expects."""
+        if not self.distances:
+            return False
+        at = {int(line): k for k, line in enumerate(log.lines)}
+        place = self._places(robot, log)
+        i, j = np.array([[at[line] for line in of.lines] for of in self.distances]).T
+        expected = np.linalg.norm(place[i] - place[j], axis=1)
+        good = np.isfinite(expected) & (expected > 0)
+        ratio = np.array([of.measured for of in self.distances])[good] / expected[good]
+        return len(ratio) > 0 and bool(_MILLIMETRES / 3 < np.median(ratio) < 3 * _MILLIMETRES)
+
+    def _places(self, robot: Robot, log: Log) -> Array:
+        """Where the drawing has the tool on each line, (N, 3); NaN where it has it nowhere."""
+        drawn = robot.expected()
+        at = frames.frames(drawn, poses_of(drawn, log.readings[:, : robot.n]))
+        return (at @ np.array([*self.tool, 1.0]))[:, :3]
+
+
+def _touched(log: Log) -> list[tuple[str, str, Array]]:
+    """Column, name and rows of everything that was touched, in the order of the columns."""
+    return [
+        (column, name, np.flatnonzero(names == name))
+        for column, names in log.labels.items()
+        for name in dict.fromkeys(names[names != ""].tolist())
+    ]
+
+
+def read(path: Path, log: Log, sigma: float = SIGMA) -> tuple[Distance, ...]:
+    """Read a file of distances: columns from, to, distance (m), and if need be sigma and times.
+
+    Ends are names of the log's column `point`, on its first line; without that column, lines of
+    the log's file.
+
+    Raises
+    ------
+    InputError
+        One line names the file, the line, the column and the cell.
+    """
+    cells, lines = logs.texts(path, ("from", "to", "distance"))
+    count = len(lines)
+
+    def column(name: str, default: float) -> Array:
+        if name not in cells:
+            return np.full(count, default)
+        values = logs.numbers(cells[name], name, lines, path)
+        return np.where(np.isnan(values), default, values)
+
+    measured, spread, times = (
+        column(name, value)
+        for name, value in (("distance", np.nan), ("sigma", sigma), ("times", 1))
+    )
+    for name, values in (("distance", measured), ("sigma", spread)):
+        if (wrong := np.flatnonzero(~(values > 0))).size:
+            shown = one_line(shortened(cells[name][wrong[0]]) or "empty", 60)
+            raise InputError(
+                f"{path}: line {lines[wrong[0]]}: {name} = {shown}: must be greater than 0 (m)"
+            )
+    result = []
+    for k in range(count):
+        where = f"{path}: line {lines[k]}"
+        ends = (cells["from"][k], cells["to"][k])
+        i, j = (
+            _line(log, end, f"{where}: {name}")
+            for name, end in zip(("from", "to"), ends, strict=True)
+        )
+        if i == j:
+            raise InputError(f"{where}: from {ends[0]} to {ends[1]}: must be two {log.word}s")
+        named = " to ".join(ends) if POINT in log.labels else f"{log.word}s {i} and {j}"
+        result.append(Distance((i, j), named, measured[k], spread[k], times[k]))
+    return tuple(result)
+
+
+def _line(log: Log, end: str, where: str) -> int:
+    """Line of the log's file at which one end of a distance is."""
+    if POINT in log.labels:
+        names = log.labels[POINT]
+        at = np.flatnonzero((names == end) & (names != ""))
+        if not len(at):
+            known = dict.fromkeys(names[names != ""].tolist())
+            raise InputError(f"{where}: {choose('point', end, known)}")
+        return int(log.lines[at[0]])
+    if end.isdecimal() and len(end) < 10 and int(end) in log.lines:
+        return int(end)
+    raise InputError(
+        f"{where} '{one_line(shortened(end), 60)}': must be a {log.word} of the log, "
+        f"{log.lines[0]} to {log.lines[-1]}, or name its places in a column {POINT}"
+    )

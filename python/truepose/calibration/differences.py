@@ -1,0 +1,342 @@
+"""Which differences between visited poses were measured, and what do they say?
+
+A plane that the tool touched, distances of the places where it was, places that it came back to.
+Each knows its poses by their lines in the readings, from 0.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from statistics import NormalDist
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose import _core
+from truepose.arguments import Array
+from truepose.calibration.learnt import Learnt
+from truepose.exceptions import InputError, choose
+from truepose.robot.robot import Robot
+
+AXES = "xyz"
+#: Chance that a set of right differences has one that is called wrong.
+FALSE_ALARM = 1e-3
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Measured:
+    """What all differences have in common."""
+
+    sigma: ArrayLike  #: of each measurement, m
+    tool: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    #: the tool's point from the nacelle's reference point, in its frame, m
+    tool_sigma: float = 0.0  #: of each of its coordinates; 0: known
+    name: str = ""
+    called: Sequence[str] = ()  #: each measurement, where the numbers of its lines do not name it
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Plane(_Measured):
+    """A plane of the base that the tool touched: ``p_z = h + a p_x + b p_y + above``.
+
+    Of another axis the same, turned: ``p_x = h + a p_y + b p_z + above``.
+    """
+
+    lines: ArrayLike  #: at which it was touched
+    above: ArrayLike = 0.0  #: of the tool's point at each touch, m: a feeler gauge, a probed height
+    height: tuple[float, float] = (0.0, 0.1)  #: h: prior mean and σ, m; σ = 0: known
+    slope_sigma: float = 0.0  #: prior σ of a and b (tangents); 0: level
+    axis: Literal["x", "y", "z"] = "z"
+    name: str = "plane"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Distances(_Measured):
+    """Distances of two places of the tool: ``(1 + scale) |p_i - p_j| + times · width``."""
+
+    pairs: ArrayLike  #: (M, 2) lines i and j
+    measured: ArrayLike  #: (M,) m
+    scale: tuple[float, float] = (0.0, 0.0)  #: prior mean and σ: a print's shrinkage is negative
+    width: tuple[float, float] = (0.0, 0.0)  #: prior mean and σ, m: of a printed line, say
+    times: ArrayLike = 1.0  #: of the width: 1 measured outside, -1 inside, 0 middle to middle
+    name: str = "distances"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Revisits(_Measured):
+    """Places that the tool came back to, or left by a known step: ``p_i - p_j = apart``."""
+
+    pairs: ArrayLike  #: (M, 2) lines i and j
+    apart: ArrayLike = 0.0  #: of each coordinate, in the base frame, m
+    name: str = "revisits"
+
+
+Difference = Plane | Distances | Revisits
+
+
+class Found(NamedTuple):
+    """What a calibration makes of one set of differences: (M,), of revisits (M, 2 or 3); m."""
+
+    residual: Array  #: measured less expected, all that was read and measured counted
+    left_out: Array  #: the same where all but this one counts, to first order
+    left_out_sigma: Array  #: of that
+    weight: Array  #: about 1; below 0.1 where a robust loss found an outlier
+
+
+@dataclass(frozen=True, eq=False)
+class Differences:
+    """Measured differences as a calibration found them."""
+
+    measured: tuple[Difference, ...]
+    found: tuple[Found, ...]  #: one for each of `measured`
+    unknowns: dict[str, Learnt]  #: plane.height, distances.scale, distances.width, tool.x, …
+    covariance: Array  #: (w, w) of those
+    cross: Array  #: (p, w) with the robot's parameters
+
+    @property
+    def chi2(self) -> float:
+        """Squared normalised residuals of each left out, over their number: about 1."""
+        size = [np.ravel(of.left_out / of.left_out_sigma) for of in self.found]
+        return float(np.nanmean(np.square(np.concatenate(size))))
+
+    @property
+    def doubt(self) -> list[str]:
+        """Name what is wrong, if something is: a line of text each."""
+        return [
+            f"{of.name}: {1e3 * of.left_out:+.3f} mm off what all else says, "
+            f"± {1e3 * of.left_out_sigma:.3f}"
+            for of in self.each
+            if of.doubtful
+        ]
+
+    @property
+    def each(self) -> list[Each]:
+        """Every measurement by itself."""
+        return list(self._each())
+
+    def _each(self) -> Iterator[Each]:
+        """Doubtful: what a robust loss left out; else the one furthest from all the others."""
+        count = sum(of.residual.size for of in self.found)
+        limit = NormalDist().inv_cdf(1 - 0.5 * FALSE_ALARM / max(count, 1))
+        size = [np.abs(of.left_out / of.left_out_sigma) for of in self.found]
+        worst = max(np.nanmax(s, initial=0.0) for s in size)
+        for given, of, s in zip(self.measured, self.found, size, strict=True):
+            for at in np.ndindex(of.residual.shape):
+                doubtful = bool(s[at] > limit and (of.weight[at] < 0.1 or s[at] == worst))
+                residual, left_out, sigma, weight = (float(v[at]) for v in of)
+                yield Each(_named(given, at), residual, left_out, sigma, weight, doubtful)
+
+
+class Each(NamedTuple):
+    """One measured difference, and what a calibration makes of it."""
+
+    name: str  #: "distances: 70.000 mm, lines 3 and 7"
+    residual: float
+    left_out: float
+    left_out_sigma: float
+    weight: float
+    doubtful: bool  #: chance hardly brings it there
+
+
+def _named(given: Difference, at: tuple[int, ...]) -> str:
+    """One measurement: "distances: 70.0000 mm, lines 3 and 7"."""
+    k = at[0]
+    if len(given.called):
+        axis = "" if len(at) == 1 else f"{AXES[at[1]]}, "
+        return f"{given.name}: {axis}{given.called[k]}"
+    if isinstance(given, Plane):
+        return f"{given.name}: line {np.ravel(given.lines)[k]}"
+    i, j = np.asarray(given.pairs)[k]
+    if isinstance(given, Distances):
+        return f"{given.name}: {1e3 * np.ravel(given.measured)[k]:.3f} mm, lines {i} and {j}"
+    return f"{given.name}: {AXES[at[1]]}, lines {i} and {j}"
+
+
+@dataclass(eq=False)
+class Assembled:
+    """Differences as the core takes them."""
+
+    given: tuple[Difference, ...]
+    core: _core.Links
+    mean: Array  #: of all unknowns w
+    sigma: Array  #: 0: known
+    names: list[str]  #: of all
+    shapes: list[tuple[int, ...]] = field(default_factory=list)  #: of each set's measurements
+
+    def columns(self, size: int) -> Array:
+        """Where its unknowns are in a covariance of that size, of which all of w is the end."""
+        return size - len(self.sigma) + np.flatnonzero(self.sigma > 0)
+
+    def found(self, w: Array, each: Array, joint: Array, p: int) -> Differences:
+        """Take what the core found apart; `joint` is the covariance, w behind all else."""
+        free = np.flatnonzero(self.sigma > 0)
+        at = self.columns(len(joint))
+        covariance = joint[np.ix_(at, at)]
+        unknowns = {
+            self.names[k]: Learnt(self.mean[k], self.sigma[k], float(w[k]), float(sigma))
+            for k, sigma in zip(free, np.sqrt(np.diag(covariance)), strict=True)
+        }
+        parts = np.split(each, np.cumsum([math.prod(shape) for shape in self.shapes])[:-1])
+        found = tuple(
+            Found(*(column.reshape(shape) for column in part.T))
+            for part, shape in zip(parts, self.shapes, strict=True)
+        )
+        return Differences(self.given, found, unknowns, covariance, joint[:p, at])
+
+
+def assemble(
+    robot: Robot, differences: Sequence[Difference], lines: int, first: int
+) -> Assembled | None:
+    """Check differences, and write them as the core takes them; None where there are none.
+
+    Parameters
+    ----------
+    lines : int
+        How many poses there are to speak of.
+    first : int
+        Where their unknowns stand among all: behind the parameters and a tracker's frames.
+    """
+    if not differences:
+        return None
+    if robot.spec.axis:
+        raise InputError(
+            f"{robot.name}: measured differences need lengths among the coordinates: a pivot has "
+            "angles alone"
+        )
+    mean: list[float] = []
+    sigma: list[float] = []
+    names: list[str] = []
+    called = _names(differences)
+
+    def unknowns(of: str, new: Sequence[tuple[str, float, float]]) -> int:
+        for name, value, spread in new:
+            if not (math.isfinite(value) and math.isfinite(spread) and spread >= 0):
+                raise InputError(
+                    f"{of}: {name}: {value}, σ {spread}: must be a number, and 0 or greater"
+                )
+            mean.append(float(value))
+            sigma.append(float(spread))
+            names.append(f"{of}.{name}")
+        return len(mean) - len(new)
+
+    tools: dict[tuple[float, ...], int] = {}
+    rows: list[tuple[Any, ...]] = []
+    shapes: list[tuple[int, ...]] = []
+    for given, name in zip(differences, called, strict=True):
+        if not isinstance(given, Difference):
+            raise InputError(
+                f"differences: {type(given).__name__}: must be a Plane, Distances or Revisits"
+            )
+        tool = _numbers(name, "tool", given.tool, (3,))
+        key = (*tool.tolist(), given.tool_sigma)
+        if key not in tools:
+            of = "tool" if not tools else f"tool{len(tools) + 1}"
+            spread = given.tool_sigma
+            tools[key] = unknowns(of, [(c, v, spread) for c, v in zip(AXES, tool, strict=True)])
+        links, shape = _links(robot, given, name, lines, tools[key], unknowns)
+        rows += links
+        shapes.append(shape)
+    core = _core.Links(mean, first)
+    for row in rows:
+        core.add(*row)
+    renamed = tuple(
+        given if given.name == name else replace(given, name=name)
+        for given, name in zip(differences, called, strict=True)
+    )
+    return Assembled(renamed, core, np.array(mean), np.array(sigma), names, shapes)
+
+
+def measurements(differences: Sequence[Difference]) -> int:
+    """How many measurements there are in all."""
+    return sum(
+        len(np.atleast_1d(d.lines if isinstance(d, Plane) else d.pairs)) for d in differences
+    )
+
+
+def _names(differences: Sequence[Difference]) -> list[str]:
+    """One name for each: plane, plane2, …"""
+    result: list[str] = []
+    for given in differences:
+        base = name = str(getattr(given, "name", ""))
+        number = 1
+        while name in result:
+            number += 1
+            name = f"{base}{number}"
+        result.append(name)
+    return result
+
+
+def _links(
+    robot: Robot, given: Difference, name: str, lines: int, tool: int, unknowns: Any
+) -> tuple[list[tuple[Any, ...]], tuple[int, ...]]:
+    """Return one set's measurements, one row each, and their shape."""
+    kinds = _core.LinkKind
+    if isinstance(given, Plane):
+        if given.axis not in AXES:
+            raise InputError(f"{name}: {choose('axis', given.axis, AXES)}")
+        at = _at(name, given.lines, lines, 1)
+        above, spread = _measurements(name, given, "above", given.above, (len(at),))
+        axis = AXES.index(given.axis)
+        slopes = [(f"slope.{AXES[(axis + k) % 3]}", 0.0, given.slope_sigma) for k in (1, 2)]
+        shape = unknowns(name, [("height", *given.height), *slopes])
+        return [
+            (kinds.plane, (i, i), tool, shape, axis, 0.0, value, s)
+            for i, value, s in zip(at[:, 0].tolist(), above, spread, strict=True)
+        ], (len(at),)
+    pairs = _at(name, given.pairs, lines, 2)
+    if (same := np.flatnonzero(pairs[:, 0] == pairs[:, 1])).size:
+        raise InputError(f"{name}: pairs: line {pairs[same[0], 0]} twice: must be two lines")
+    if isinstance(given, Distances):
+        measured, spread = _measurements(name, given, "measured", given.measured, (len(pairs),))
+        if (short := np.flatnonzero(~(measured > 0))).size:
+            raise InputError(f"{name}: measured = {measured[short[0]]}: must be greater than 0 (m)")
+        times = _numbers(name, "times", given.times, (len(pairs),))
+        shape = unknowns(name, [("scale", *given.scale), ("width", *given.width)])
+        return [
+            (kinds.distance, tuple(pair), tool, shape, 0, t, value, s)
+            for pair, t, value, s in zip(pairs.tolist(), times, measured, spread, strict=True)
+        ], (len(pairs),)
+    axes = sum(unit == "m" for _, unit in robot.coordinates)
+    apart, spread = _measurements(name, given, "apart", given.apart, (len(pairs), axes))
+    return [
+        (kinds.point, tuple(pairs[k].tolist()), tool, 0, axis, 0.0, apart[k, axis], spread[k, axis])
+        for k in range(len(pairs))
+        for axis in range(axes)
+    ], (len(pairs), axes)
+
+
+def _numbers(name: str, what: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
+    try:
+        result = np.broadcast_to(np.asarray(value, dtype=float), shape)
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: {what}: must be a number or {shape} of them") from None
+    if not np.isfinite(result).all():
+        raise InputError(f"{name}: {what}: must be finite numbers")
+    return result
+
+
+def _measurements(
+    name: str, given: Difference, what: str, value: ArrayLike, shape: tuple[int, ...]
+) -> tuple[Array, Array]:
+    """What was measured, and its σ."""
+    sigma = _numbers(name, "sigma", given.sigma, shape)
+    if not (sigma > 0).all():
+        raise InputError(f"{name}: sigma = {sigma.min()}: must be greater than 0 (m)")
+    return _numbers(name, what, value, shape), sigma
+
+
+def _at(name: str, lines: ArrayLike, count: int, width: int) -> Array:
+    """Lines of the readings, (M, width)."""
+    at = np.asarray(lines)
+    at = at.reshape(-1, 1) if width == 1 and at.ndim <= 1 else at
+    what = "lines" if width == 1 else "pairs"
+    if at.ndim != 2 or at.shape[1] != width or len(at) == 0 or at.dtype.kind not in "iu":
+        raise InputError(
+            f"{name}: {what}: must be numbers of lines from 0, shape (M{', 2' * (width - 1)})"
+        )
+    if (wrong := (at < 0) | (at >= count)).any():
+        raise InputError(f"{name}: {what}: line {at[wrong][0]}: must be 0 to {count - 1}")
+    return at

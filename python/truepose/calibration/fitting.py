@@ -1,0 +1,301 @@
+"""Which geometry explains a robot's own readings?"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose import _core
+from truepose.arguments import Array, Level
+from truepose.calibration.differences import Difference, assemble
+from truepose.calibration.fit import Fit
+from truepose.calibration.influences import Influence, patterns
+from truepose.calibration.learnt import Learnt, calibration_of, mean_of
+from truepose.calibration.memory import MUCH, memory, much_memory
+from truepose.calibration.registration import (
+    Registered,
+    Registration,
+    measured_outside,
+    registration_of,
+)
+from truepose.calibration.stretching import NEGLIGIBLE, ROUNDS, Stretching
+from truepose.exceptions import InputError, PoseError, choose
+from truepose.logs import repeated
+from truepose.robot import knowledge
+from truepose.robot.batches import flattened
+from truepose.robot.robot import Robot
+from truepose.robot.stretch import Loads
+from truepose.robot.to_core import columns
+
+ModelError = Literal["on", "off"]
+MODEL_ERRORS: tuple[ModelError, ...] = ("on", "off")
+Loss = Literal["squares", "huber", "student"]
+
+#: Default tuning of each loss: Huber's bend and Student's degrees of freedom.
+TUNING: dict[Loss, float] = {"squares": 0.0, "huber": 1.0, "student": 4.0}
+
+
+def fit_to(
+    robot: Robot,
+    readings: ArrayLike,
+    *,
+    measured: ArrayLike | None = None,
+    measured_sigma: ArrayLike | float | None = None,
+    measured_angle_sigma: float | None = None,
+    registration: Literal["unknown", "known"] | Registration = "unknown",
+    level: Level | None = None,
+    loss: Loss = "squares",
+    tuning: float | None = None,
+    model_error: ModelError = "on",
+    differences: Sequence[Difference] = (),
+    influences: Sequence[Influence] = (),
+    loads: Loads | None = None,
+) -> Fit:
+    """Learn a robot's geometry from an array of its readings, looked over or not.
+
+    Parameters, result and errors are those of :func:`truepose.calibrate`.
+    """
+    knowledge.require_uncertain(robot)
+    names, own = knowledge.learnable(robot), len(knowledge.uncertain(robot))
+    tuning = _tuned(loss, tuning)
+    if model_error not in MODEL_ERRORS:
+        raise InputError(choose("model_error", model_error, MODEL_ERRORS))
+    lines = _lines(robot, readings, measured, measured_sigma, measured_angle_sigma)
+    begun = registration_of(registration)
+    frames = begun.sigma(robot, lines.outside) if len(lines.outside) else np.zeros(12)
+    registering = bool(frames.any())
+    beside = frames if registering else np.zeros(0)
+    between = assemble(robot, differences, len(lines.rows), own + len(beside))
+    if between is not None:
+        beside = np.concatenate([beside, between.sigma])
+    acting = patterns(robot, influences, len(lines.rows))
+    usual = np.array([of.amount[0] for of in influences])
+    beside = np.concatenate([beside, [of.amount[1] for of in influences]])
+    level = robot.finest_level if level is None else level
+    full = robot.is_full(level)
+    guarded = not full and model_error == "on" and bool(knowledge.left_out(robot))
+    known = knowledge.knowledge(
+        robot, guarded=guarded, level=level, error=False, beside=beside, stretches=True
+    )
+    stretching = Stretching(robot, loads, lines.rows, full)
+    needed = memory(robot, len(lines.rows), len(lines.outside) > 0, guarded)
+    if needed > MUCH:
+        warnings.warn(much_memory(robot, len(lines.rows), needed), stacklevel=3)
+    begin, sigma = mean_of(robot).tolist(), knowledge.reading_sigma(robot)
+
+    def solve() -> _Answer:
+        every = np.concatenate([acting, stretching.patterns()], axis=2)
+        return _Answer(
+            *_core.calibrate(
+                robot.core_drawn,
+                known.core,
+                known.nuisances,
+                begin,
+                np.ascontiguousarray(lines.rows - acting @ usual - stretching.usual()),
+                lines.outside,
+                lines.outside_sigma,
+                *begun.begin(),
+                own if registering else -1,
+                _core.Links([], 0) if between is None else between.core,
+                every.shape[2],
+                every.reshape(len(every), -1),
+                getattr(_core.Loss, loss),
+                tuning,
+                full,
+            )
+        ).reordered(own, known)
+
+    for _ in range(ROUNDS):
+        answer = solve()
+        _require_found(robot, answer, loss)
+        covariance, registered = _apart(answer, len(names), frames)
+        stretched = stretching.learnt(
+            answer.amounts[len(influences) :], np.sqrt(np.diag(covariance))[own:]
+        )
+        calibrated = _calibrated(robot, names, answer, stretched, covariance, level, guarded)
+        added = stretching.usual() + stretching.patterns() @ answer.amounts[len(influences) :]
+        if not (
+            stretching.acts and (stretching.follow(calibrated, answer.x) > NEGLIGIBLE * sigma).any()
+        ):
+            break
+    found = None
+    last = np.arange(len(answer.covariance) - len(influences), len(answer.covariance))
+    if between is not None:
+        joint = answer.covariance[: last[0] if len(last) else None]
+        found = between.found(answer.w, answer.differences, joint[:, : len(joint)], len(names))
+        last = np.concatenate([between.columns(len(joint)), last])
+    amounts = {
+        of.name: of.learnt(amount, float(s))
+        for of, amount, s in zip(
+            influences,
+            answer.amounts[: len(influences)].tolist(),
+            np.sqrt(np.diag(answer.covariance))[len(answer.covariance) - len(influences) :],
+            strict=True,
+        )
+    }
+    shown = lines.rows - acting @ np.array([of.value for of in amounts.values()]) - added
+    stiff = calibrated.rigid if stretching.acts else calibrated
+    expected = stiff.extended(answer.x, errors="nan", level=level)
+    root = knowledge.root(robot, names)
+    fit = Fit(
+        robot=calibrated,
+        prior=robot.with_calibration(robot.spec.calibration),
+        level=level,
+        names=tuple(names),
+        covariance=covariance,
+        prior_covariance=root @ root.T,
+        x=answer.x,
+        residuals=np.asarray(_core.innovation(robot.core, shown, np.ascontiguousarray(expected))),
+        chi2=answer.chi2,
+        redundancy=answer.redundancy,
+        weights=answer.weights,
+        status=np.array([_core.describe(int(s)) for s in answer.lines]),
+        iterations=answer.iterations,
+        cost=answer.cost,
+        guarded=guarded,
+        registration=registered if len(lines.outside) else None,
+        differences=found,
+        influences=amounts,
+        beside=answer.covariance[np.ix_(last, [*range(len(names)), *last])],
+        notes=lines.notes + (() if found is None else tuple(found.doubt)),
+    )
+    believed = "the last calibration's σ" if robot.spec.calibration else "the tolerances"
+    return replace(fit, notes=(*fit.notes, *fit.departure.doubt(believed)))
+
+
+class _Answer(NamedTuple):
+    """What the core's `calibrate` returns."""
+
+    status: int
+    iterations: int
+    xi: Array
+    covariance: Array
+    #: of parameters, compliances among them, registration if unknown, differences, influences
+    x: Array
+    chi2: Array
+    redundancy: Array
+    weights: Array
+    lines: Array  #: (N,) status
+    cost: float
+    base_begun: Array
+    marker_begun: Array
+    base: Array
+    marker: Array
+    w: Array  #: unknowns of the measured differences
+    differences: Array  #: (M, 4) residual, residual left out, its σ, weight
+    amounts: Array  #: of influences, then of compliances, less their prior means
+
+    def reordered(self, own: int, known: knowledge.Known) -> _Answer:
+        """Compliances, which the core has last, behind the `own` parameters."""
+        if not known.compliances:
+            return self
+        size = len(self.covariance)
+        first = size - known.compliances
+        at = [*range(own), *range(first, size), *range(own, first)]
+        return self._replace(covariance=self.covariance[np.ix_(at, at)])
+
+
+class _Lines(NamedTuple):
+    """Readings and outside measurements as the core takes them, each once."""
+
+    rows: Array  #: (N, n + r)
+    outside: Array  #: (N, n), or no row
+    outside_sigma: Array
+    notes: tuple[str, ...]
+
+
+def _tuned(loss: Loss, tuning: float | None) -> float:
+    if loss not in TUNING:
+        raise InputError(choose("loss", loss, TUNING))
+    tuning = TUNING[loss] if tuning is None else tuning
+    if not (math.isfinite(tuning) and (tuning > 0 or loss == "squares")):
+        raise InputError(f"tuning = {tuning}: must be a number greater than 0")
+    return tuning
+
+
+def _lines(
+    robot: Robot,
+    readings: ArrayLike,
+    measured: ArrayLike | None,
+    measured_sigma: ArrayLike | float | None,
+    measured_angle_sigma: float | None,
+) -> _Lines:
+    """Check the shapes; leave nothing but the motors of rows that are there already."""
+    rows, lead = flattened(robot, readings, robot.n + robot.r, "readings", "nan")
+    if len(lead) != 1 or len(rows) == 0:
+        raise InputError(f"readings: shape {np.shape(readings)}, must be (N, {robot.n + robot.r})")
+    outside, sigma = measured_outside(
+        robot, measured, measured_sigma, measured_angle_sigma, len(rows)
+    )
+    again = repeated(rows, outside if len(outside) else None, robot.n)
+    if not again.any():
+        return _Lines(rows, outside, sigma, ())
+    rows = np.where(again[:, None] & (np.arange(rows.shape[1]) >= robot.n), np.nan, rows)
+    outside[again[: len(outside)]] = np.nan
+    note = f"{again.sum()} rows as an earlier one, digit for digit: each counts once"
+    return _Lines(rows, outside, sigma, (note,))
+
+
+def _require_found(robot: Robot, answer: _Answer, loss: Loss) -> None:
+    """Raise the error that says why there is no fit, if there is none."""
+    what = f"{robot.name}: {len(answer.lines)} lines of readings: "
+    if answer.status and answer.lines.all():
+        raise PoseError(
+            what + "no line closes the robot's loops; units, signs and the order of the columns?"
+        )
+    if answer.status:
+        hint = "; gross errors? loss='student' bears them" if loss == "squares" else ""
+        why = _core.describe(answer.status)
+        raise PoseError(f"{what}the search ended after {answer.iterations} steps: {why}{hint}")
+    if not (answer.redundancy.any() or np.isfinite(answer.differences).any()):
+        raise InputError(
+            what + "nothing to learn from: none has a reading beyond those that its pose takes, "
+            "and no difference between poses was measured"
+        )
+
+
+def _calibrated(
+    robot: Robot,
+    names: list[str],
+    answer: _Answer,
+    stretched: dict[str, Learnt],
+    covariance: Array,
+    level: Level,
+    guarded: bool,
+) -> Robot:
+    """Return the robot as it was found, at the level that its readings were understood by."""
+    column = dict(columns(robot.spec))
+    error = knowledge.model_error(robot) if guarded else ()
+    learnt = calibration_of(
+        {
+            name: stretched[name].value if name in stretched else float(answer.xi[column[name]])
+            for name in names
+        },
+        _cholesky(covariance),
+        f"{int((answer.lines == 0).sum())} poses, {', '.join(robot.sensors) or 'no sensor'}",
+        dict(zip(robot.readings, map(float, error), strict=True)) if guarded else {},
+    )
+    return robot.with_calibration(learnt).with_level(level)
+
+
+def _apart(answer: _Answer, count: int, sigma: Array) -> tuple[Array, Registered]:
+    """Take the joint covariance of parameters and registration apart."""
+    joint, cross, own = answer.covariance, np.zeros((count, 12)), np.zeros((12, 12))
+    if sigma.any():
+        at = slice(count, count + 12)
+        cross, own = joint[:count, at], joint[at, at]
+    begun = (answer.base_begun, answer.marker_begun)
+    registered = Registered(answer.base, answer.marker, sigma, own, cross, begun)
+    return joint[:count, :count], registered
+
+
+def _cholesky(covariance: Array) -> Array:
+    """Lower triangular root, factorised in units of σ so that metres and radians do not mix."""
+    sigma = np.sqrt(np.diag(covariance))
+    return sigma[:, None] * np.linalg.cholesky(covariance / np.outer(sigma, sigma))

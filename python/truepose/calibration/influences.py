@@ -1,0 +1,112 @@
+"""What else acts on the readings, in a known pattern but by an unknown amount? Stretch, say."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose.arguments import Array
+from truepose.calibration.learnt import Learnt
+from truepose.exceptions import InputError
+from truepose.robot.batches import flattened, require_answers
+from truepose.robot.robot import Robot
+from truepose.robot.stretch import under_load
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Influence:
+    """Readings = those of the geometry + amount · pattern."""
+
+    name: str
+    pattern: ArrayLike  #: (N, n + r) what one unit adds to each reading, m or rad
+    amount: tuple[float, float]  #: prior mean and σ, in that unit
+
+    def learnt(self, amount: float, sigma: float) -> Learnt:
+        """Return what a calibration says of the amount less its prior mean."""
+        return Learnt(*self.amount, self.amount[0] + amount, sigma)
+
+
+def patterns(robot: Robot, influences: Sequence[Influence], lines: int) -> Array:
+    """Patterns of all influences, (N, n + r, k), checked."""
+    width = robot.n + robot.r
+    result = np.zeros((lines, width, len(influences)))
+    names: set[str] = set()
+    for k, of in enumerate(influences):
+        mean, sigma = of.amount
+        if not (math.isfinite(mean) and math.isfinite(sigma) and sigma > 0):
+            raise InputError(f"{of.name}: amount {of.amount}: must be a mean, and σ greater than 0")
+        if of.name in names:
+            raise InputError(f"influences: {of.name} is there twice")
+        names.add(of.name)
+        pattern, lead = flattened(robot, of.pattern, width, of.name, "nan")
+        if lead != (lines,):
+            raise InputError(
+                f"{of.name}: pattern: shape {np.shape(of.pattern)}, must be ({lines}, {width})"
+            )
+        result[:, :, k] = np.nan_to_num(pattern)
+    return result
+
+
+def stretch(robot: Robot, poses: ArrayLike, tension: ArrayLike) -> Array:
+    """Pattern of rods, legs or belts that stretch: readings for a compliance of 1/N, (N, n + r).
+
+    Every rod, leg, belt or wire of length L is longer by compliance · tension · L. At a pose its
+    motor then stands elsewhere, by H_ξ's column of the rod's length; a leg's or a wire's reading is
+    what it would be without tension, less by that much.
+
+    Parameters
+    ----------
+    robot : Robot
+    poses : array_like, shape (N, n)
+    tension : array_like, shape (N, n + r)
+        N; of each chain, and of each sensor of kind distance; of any other sensor without effect.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> robot = tp.load("3rpr")
+    >>> pattern = stretch(robot, [robot.home], [[100.0, 100.0, 100.0]])
+    >>> (pattern * 1e-6).round(6)  # 1 µm/m per N
+    array([[-4.2e-05, -4.2e-05, -4.2e-05]])
+    """
+    x, _ = flattened(robot, poses, robot.n, "poses", "raise")
+    pull = np.broadcast_to(np.asarray(tension, dtype=float), (len(x), robot.n + robot.r))
+    at = under_load(robot, x, False, tension=pull[:, : robot.n])
+    result = at.by_compliance.sum(axis=-1)
+    for k, sensor in enumerate(robot.spec.used, start=robot.n):
+        if sensor.kind == "distance":
+            offset = robot.parameters[f"{sensor.name}.offset"].value
+            result[:, k] = -(at.readings[:, k] + offset) * pull[:, k]
+    return result
+
+
+def tension(robot: Robot, poses: ArrayLike, force: ArrayLike) -> Array:
+    """Tension of every chain that holds a force on the nacelle's reference point, (N, n), in N.
+
+    At the ideal level, of this force alone; with the weights :meth:`Robot.tension` has it.
+
+    Parameters
+    ----------
+    force : array_like, shape (3,) or (N, 3)
+        N, base frame; the nacelle's weight is its mass times gravity.
+
+    Examples
+    --------
+    A hexapod's legs are pushed together by what they carry:
+
+    >>> import truepose as tp
+    >>> robot = tp.load("stewart")
+    >>> up = tension(robot, [robot.home], (0, 0, -100))[0]
+    >>> bool(np.isclose(up @ robot.linearise([robot.home])[0][0, :6, 2], -100))
+    True
+    """
+    x, _ = flattened(robot, poses, robot.n, "poses", "raise")
+    F = np.array(np.broadcast_to(np.asarray(force, dtype=float), (len(x), 3)))
+    weightless = robot.with_gravity((0.0, 0.0, 0.0)).with_load((0.0, 0.0, 0.0))
+    at = under_load(weightless, x, False, force=F)
+    require_answers(robot, "pose", x, (len(x),), at.status, at.chain, "raise")
+    return at.tension

@@ -1,0 +1,193 @@
+"""Where is a robot's zero? Motors' readings while it stands where it is known to stand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose import logs
+from truepose.arguments import Array
+from truepose.calibration.bound import accuracy
+from truepose.calibration.calibrate import calibrate
+from truepose.calibration.fit import Fit
+from truepose.exceptions import InputError
+from truepose.robot import knowledge
+from truepose.robot.robot import Robot
+
+#: Share of a motor's variance from which a parameter is named.
+_SHARE = 0.05
+#: σ by which a stance's lines may differ.
+_SAME = 5.0
+
+
+class Zero(NamedTuple):
+    """What a motor reads where the robot stands, m or rad."""
+
+    reading: float  #: mean of all lines
+    drawn: float  #: what it would read if all were as the file has it
+    off: float  #: what the calibrated robot reads there, less that
+    prior_sigma: float  #: of `off`, by the tolerances
+    sigma: float
+    causes: dict[str, float]  #: parameters that may be what is off, by their share of its variance
+
+
+@dataclass(frozen=True, eq=False)
+class Zeroing:
+    """Motors' zeros as stances show them."""
+
+    fit: Fit  #: calibrated by the stances
+    x: Array  #: (K, n) where the robot stood, as far as it was said; NaN
+    motors: tuple[Zero, ...]  #: at the first of them
+    notes: tuple[str, ...] = ()
+
+    @property
+    def robot(self) -> Robot:
+        """The calibrated robot."""
+        return self.fit.robot
+
+    def accuracy(self, poses: ArrayLike) -> tuple[Array, Array]:
+        """Covariances (..., n, n) of the pose by all readings, before and after."""
+        before, after = self.fit.prior, self.robot
+        level = self.fit.level
+        return accuracy(before, poses, level=level), accuracy(after, poses, level=level)
+
+
+def zero(
+    robot: Robot,
+    readings: ArrayLike | Any,
+    *,
+    at: ArrayLike | None = None,
+    sigma: ArrayLike | float = logs.FLAT,
+) -> Zeroing:
+    """Find what the motors' zeros are off, from readings at a pose that is known from outside.
+
+    A foot that stands flat, a nacelle against its stop. All that the file leaves open may be what
+    is off there, and is corrected by as much as it is likely to be: offsets, rods, points. The
+    motors' readings at the stance are known then, and poses near it; which parameter it was is not.
+
+    Parameters
+    ----------
+    robot : Robot
+        With the sensors in use that were read.
+    readings : array_like, shape (N, n + r), or a table
+        Of a table: where it has a column "stance", the lines that name one; lines of one name are
+        averaged. Otherwise each line with columns measured_x …, and without these all lines
+        together are one. Where one was measured, it stood there.
+    at : array_like, shape (n,), optional
+        Where the robot stands, m and rad; NaN: not known. By default at zero (a pivot; axes
+        parallel to gravity not known) or home.
+    sigma : float, or array_like, shape (n,)
+        How well; of a pivot 0.05° by default (assumed), which other robots must be told.
+
+    Returns
+    -------
+    Zeroing
+
+    Raises
+    ------
+    InputError
+        As :func:`truepose.calibrate`; no line of a stance.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> ankle = tp.load("g1-ankle")
+    >>> true = ankle.replace({"chain1.encoder_offset": 0.005, "chain2.rod": 0.2217})
+    >>> found = zero(ankle, true.extended([[0, 0]]))
+    >>> [round(motor.off, 4) for motor in found.motors]
+    [-0.005, -0.0117]
+    """
+    if logs.is_table(readings):
+        log = logs.of(robot, readings)
+    else:
+        rows = np.atleast_2d(np.asarray(readings, dtype=float))
+        names = robot.readings
+        log = logs.of(robot, dict(zip(names, rows.T, strict=True)))
+    known = _sigma(robot, sigma)
+    rows, x, count, notes = _stances(robot, log, _pose(robot, at), known)
+    fit = calibrate(
+        robot, rows, measured=x, measured_sigma=known / np.sqrt(count), registration="known"
+    )
+    return Zeroing(fit, x, _motors(fit, rows), tuple(notes))
+
+
+def _pose(robot: Robot, at: ArrayLike | None) -> Array:
+    if at is not None:
+        x = np.asarray(at, dtype=float)
+        if x.shape != (robot.n,) or np.isinf(x).any() or np.isnan(x).all():
+            raise InputError(f"at: must be {robot.n} numbers (m, rad), NaN where not known")
+        return x
+    if robot.spec.mobility == "pivot":
+        return np.where(logs.tilts(robot), 0.0, np.nan)
+    return robot.home
+
+
+def _sigma(robot: Robot, sigma: ArrayLike | float) -> Array:
+    values = np.broadcast_to(np.asarray(sigma, dtype=float), (robot.n,))
+    if not (np.isfinite(values) & (values > 0)).all():
+        raise InputError(f"sigma = {values.tolist()}: must be greater than 0 (m, rad)")
+    return values
+
+
+def _stances(
+    robot: Robot, log: logs.Log, at: Array, sigma: Array
+) -> tuple[Array, Array, Array, list[str]]:
+    """Readings (K, n + r), pose (K, n) and stances (K, 1) of each pose; what was seen."""
+    names = log.labels.get(logs.STANCE)
+    if names is None and log.measured is not None:
+        names, stood = log.lines.astype(str), np.isfinite(log.measured).any(axis=1)
+    elif names is None:
+        names, stood = np.array([""] * len(log.lines), dtype=object), np.ones(len(log.lines), bool)
+    else:
+        stood = logs.stood(names)
+        if not stood.any():
+            raise InputError("no line names a stance: the column 'stance' is empty, or 0")
+    of: dict[tuple[float, ...], list[Array]] = {}  # a pose's stances, each read by its lines' mean
+    notes = []
+    for name in dict.fromkeys(str(name) for name in names[stood]):
+        lines = np.flatnonzero(stood & (names == name))
+        here, known = log.readings[lines], at
+        if log.measured is not None:
+            told = np.isfinite(measured := log.measured[lines])
+            mean = np.where(told, measured, 0).sum(axis=0) / np.maximum(told.sum(axis=0), 1)
+            known = np.where(told.any(axis=0), mean, at)
+        of.setdefault(tuple(np.nan_to_num(known, nan=np.inf)), []).append(here.mean(axis=0))
+        x = robot.fkm(here[:, : robot.n], np.nan_to_num(known), errors="nan")
+        if (np.ptp(x, axis=0) > _SAME * sigma).any():
+            called = " ".join(["stance", name]) if name else "the stance"
+            notes.append(f"{called}: the robot moves while it stands: {log.at(lines)}")
+    rows = np.array([np.mean(stances, axis=0) for stances in of.values()])
+    poses = np.array(list(of))
+    count = np.array([[len(stances)] for stances in of.values()])
+    return rows, np.where(np.isinf(poses), np.nan, poses), count, notes
+
+
+def _motors(fit: Fit, rows: Array) -> tuple[Zero, ...]:
+    """What each motor reads at the first stance: before, after, and why."""
+    before, after, n = fit.prior, fit.robot, fit.robot.n
+    x = fit.x[:1]
+    drawn = before.ikm(x, level=fit.level)[0]
+    off = after.ikm(x, level=fit.level)[0] - drawn
+    _, H_xi = before.linearise(x, level=fit.level)
+    every = list(before.parameters)
+    H = H_xi[0, :n][:, [every.index(name) for name in fit.names]]
+    noise = knowledge.reading_sigma(before)[:n] ** 2
+    result = []
+    for i, row in enumerate(H):
+        shares = row * (fit.prior_covariance @ row)
+        whole = float(shares.sum())
+        named = sorted(zip(shares, fit.names, strict=True), reverse=True)
+        result.append(
+            Zero(
+                reading=float(rows[0, i]),
+                drawn=float(drawn[i]),
+                off=float(off[i]),
+                prior_sigma=float(np.sqrt(whole + noise[i])),
+                sigma=float(np.sqrt(row @ fit.covariance @ row + noise[i])),
+                causes={name: float(s / whole) for s, name in named if s > _SHARE * whole},
+            )
+        )
+    return tuple(result)
