@@ -1,0 +1,41 @@
+"""How does an estimate go back to the printer, and to truepose? A new printer.cfg, a robot file."""
+
+from __future__ import annotations
+
+from truepose import robotfile
+from truepose.printers.assessment import Assessment
+from truepose.printers.config import rewritten
+from truepose.printers.estimate import knowing
+from truepose.printers.printer import options
+from truepose.robot.robot import Robot
+
+
+def config_text(found: Assessment) -> str:
+    """Return the printer's file with the estimate in it, as SAVE_CONFIG would write it.
+
+    Of parameters in question alone; readings and all else stay.
+    """
+    changes: dict[str, dict[str, str]] = {}
+    learnt = found.estimate.learnt(found.model.names)
+    values = zip(found.model.names, found.estimate.p.tolist(), strict=True)
+    known = options(found.printer.kinematics)
+    for name, value in values:
+        if name in learnt or name.startswith("angle"):
+            option = known[name]
+            text = f"{value / option.scale:.6f}"
+            changes.setdefault(option.section, {})[option.option] = text
+    return rewritten(found.printer.config, changes)
+
+
+def robot_of(found: Assessment) -> Robot:
+    """Return the printer as a robot that knows what the estimate knows of it."""
+    readings = found.printer.readings
+    source = f"Klipper's saved readings: {len(readings.heights)} heights, "
+    source += f"{len(readings.distances)} distances"
+    return knowing(found.model, found.estimate.p, found.estimate.covariance_p, source)
+
+
+def robot_text(found: Assessment) -> str:
+    """Return the robot file of :func:`robot_of`."""
+    robot = robot_of(found)
+    return robotfile.to_toml(robot.spec, {n: p.value for n, p in robot.parameters.items()})

@@ -1,0 +1,135 @@
+"""Which readings are worth taking next? Heights of the bed, and distances on a print.
+
+Of heights over all of the bed and of distances between places where a pillar may stand, those that
+leave the nozzle's position over the bed best known, by what the estimate assumes and has found.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from truepose.arguments import Array
+from truepose.calibration.candidates import Candidates, reachable
+from truepose.calibration.differences import Distances, Plane
+from truepose.calibration.plan import Plan, plan
+from truepose.exceptions import InputError
+from truepose.printers.assessment import FEWEST, Assessment, drawn_of
+from truepose.printers.config import Config
+from truepose.printers.estimate import Assumed, Estimate, Prior, prior
+from truepose.printers.model import Model
+from truepose.printers.printer import MM, Printer, printer_of
+from truepose.printers.prints import disc
+from truepose.printers.review import assumptions
+from truepose.show.table import Cell, Table, fixed
+
+#: Rings round the middle that are probed, and where pillars are printed; of the bed's radius.
+PROBED, PILLARS = (0.25, 0.5, 0.75, 1.0), (0.45, 0.9)
+#: What people call the plan's candidates, and Klipper where they were.
+_WHAT, _STABLE = {"plane": "height", "distances": "distance"}, ("pos1", "pos2")
+#: Shortest distance that is worth a print, m.
+_SHORTEST = 20 * MM
+
+
+def next_readings(found: Assessment, count: int) -> Table:
+    """Say what to read after all that was read."""
+    planned = _planned(found.printer, found.prior, found.assumed, count, found.estimate)
+    return _table(planned, found.model, found.printer, "What to read next")
+
+
+def first_readings(config: Config, count: int, arm: float | None = None) -> tuple[Table, list[str]]:
+    """Say what to read of a printer that has read nothing; and what is assumed of it.
+
+    Raises
+    ------
+    InputError
+        One line: what is wrong with the file.
+    """
+    printer = printer_of(config, unread=True)
+    assumed, model = Assumed(), drawn_of(printer)
+    known = prior(model, printer, assumed, arm)
+    planned = _planned(printer, known, assumed, count)
+    if [step.what for step in planned.steps].count("plane") < FEWEST:
+        planned = _planned(printer, known, assumed, count, heights_only=True)
+    table = _table(planned, model, printer, "What to read first")
+    before = f"Heights come first: before {FEWEST} of them are read nothing can be printed"
+    return table, [before, *assumptions(known, assumed)]
+
+
+def _table(planned: Plan, model: Model, printer: Printer, title: str) -> Table:
+    """One row a reading, the most useful first; programs are told Klipper's stable positions."""
+    rows = []
+    for k, sigma in enumerate(planned.sigma):
+        step = planned.steps[k - 1] if k else None
+        ends = np.zeros((0, 3)) if step is None else step.poses
+        what = "" if step is None else _WHAT[step.what]
+        stable = ["", ""]
+        for end, at in enumerate(model.steps(printer.values, ends)):
+            stable[end] = ",".join(f"{value:.3f}" for value in at)
+        name = Cell(what or "before", {"reading": what} | dict(zip(_STABLE, stable, strict=True)))
+        cells = [fixed(round(value / MM) + 0.0, 0) for value in ends[:, :2].ravel().tolist()]
+        cells += [Cell("", None)] * (4 - len(cells))
+        promised = (np.hypot(sigma[0], sigma[1]), sigma[2])
+        rows.append([Cell(str(k), k), name, *cells, *(_mm(v) for v in promised)])
+    header = ["step", "reading", "x (mm)", "y (mm)", "to x (mm)", "to y (mm)"]
+    header += ["σ in x, y (mm)", "σ in z (mm)"]
+    return Table("next", f"{title}, and the σ of the nozzle over the bed then", header, rows)
+
+
+def _mm(value: float) -> Cell:
+    return fixed(value / MM, 3)
+
+
+def _planned(
+    printer: Printer,
+    known: Prior,
+    assumed: Assumed,
+    count: int,
+    found: Estimate | None = None,
+    heights_only: bool = False,
+) -> Plan:
+    """Search; only places where the machine can be count."""
+    robot = known.robot if found is None else found.fit.robot
+    points = np.concatenate([_rings(PROBED), _rings(PILLARS)]) * printer.radius
+    probed, pillars = np.split(np.arange(len(points)), [len(_rings(PROBED))])
+    pairs = np.array([(i, j) for i in pillars for j in pillars if i < j])
+    apart = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1)
+    pairs = pairs[apart > _SHORTEST]
+    over = printer.radius * disc()
+    over = over[reachable(robot, over, "ideal")]
+    if not len(over):
+        raise InputError(f"{printer.config.path}: the nozzle cannot be over the bed")
+    heights = Plane(lines=probed, sigma=assumed.height, height=(0.0, 0.0))
+    distances = Distances(
+        pairs=pairs,
+        measured=np.ones(len(pairs)),
+        sigma=assumed.distance,
+        scale=(0.0, assumed.shrinkage),
+        width=(0.0, assumed.width),
+    )
+    candidates = (
+        Candidates(poses=points[probed], differences=[heights])
+        if heights_only
+        else Candidates(poses=points, differences=[heights, distances])
+    )
+    after = None if found is None else found.fit
+    try:
+        return plan(
+            robot,
+            count,
+            candidates=candidates,
+            after=after,
+            poses=over,
+            level="ideal",
+            model_error=False,
+        )
+    except InputError as error:
+        raise InputError(f"{printer.config.path}: --plan {count}: {error}") from None
+
+
+def _rings(radii: tuple[float, ...]) -> Array:
+    """The middle, and rings about it, each as dense as the others, (N, 3)."""
+    parts = [np.zeros((1, 3))]
+    for radius in radii:
+        turn = np.arange(0, 2 * np.pi - 1e-9, np.pi / 3 * radii[0] / radius)
+        parts.append(radius * np.column_stack([np.cos(turn), np.sin(turn), 0 * turn]))
+    return np.concatenate(parts)
