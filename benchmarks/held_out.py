@@ -1,0 +1,235 @@
+"""Prints the tables of docs/guides/hexapod.md: does a real hexapod's calibration hold where it was
+not taken?
+
+held_out.py [--seeds 20] [--drawn 1000] [--picture held-out.svg]      # three minutes on one core
+
+Jugglebot's 108 poses (robots/jugglebot/log.csv) in ninths: each is predicted by its motors and by
+what the other eight taught, and compared with what motion capture saw. Then its motors are homed
+anew, each zero up to 20 mm off, and found again from ten poses. The model, its tolerances and the σ
+of what was measured stand in the robot's file and here; nothing was chosen by these tables. Last
+come hexapods drawn from the same tolerances, anywhere in a tracker's sight: do their errors keep to
+the σ that are stated of them?
+"""
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+from rich.console import Console
+from rich.table import Table
+
+import truepose as tp
+from truepose import logs, robotfile
+from truepose.robot import frames
+from truepose.simulation.true_robots import with_tolerance_errors
+
+#: σ of motion capture, m and rad: assumed.
+SIGMA = np.array([0.5e-3] * 3 + [np.radians(0.1)] * 3)
+SHIFT, FEW = 0.02, 10
+#: Poses of a drawn hexapod that are measured, and others, predicted.
+POSES, OTHERS = 60, 20
+DRAWN = {"chain*.base.*": 0, "chain*.anchor.*": 0, "chain*.encoder_offset": 1e-7, "chain*.gain": 0}
+MODELS = {
+    "as drawn, registered": DRAWN,
+    "geometry": {"chain*.encoder_offset": 0, "chain*.gain": 0},
+    "geometry, offsets": {"chain*.gain": 0},
+    "geometry, offsets, gains": {},
+}
+
+
+class Misses(NamedTuple):
+    """What was predicted less what was seen, (N, 6), m and rad, and the covariance stated."""
+
+    off: np.ndarray
+    covariance: np.ndarray
+
+    @property
+    def position(self) -> np.ndarray:
+        """Distances, mm."""
+        return 1e3 * np.linalg.norm(self.off[:, :3], axis=1)
+
+    @property
+    def angle(self) -> np.ndarray:
+        """Angles, degrees."""
+        return np.degrees(np.linalg.norm(self.off[:, 3:], axis=1))
+
+    @property
+    def nees(self) -> np.ndarray:
+        """Squared misses in units of what was stated, per coordinate: 1 where that is honest."""
+        solved = np.linalg.solve(self.covariance, self.off[..., None])[..., 0]
+        return (self.off * solved).sum(axis=1) / self.off.shape[1]
+
+
+def learn(robot: tp.Robot, q: np.ndarray, seen: np.ndarray) -> tp.Fit:
+    """Fit to these lines."""
+    return tp.calibrate(robot, q, measured=seen, measured_sigma=SIGMA)
+
+
+def predict(fit: tp.Fit, robot: tp.Robot, q: np.ndarray, seen: np.ndarray) -> Misses:
+    """Predict what is seen of a robot at these readings, in the frames that a fit has found."""
+    x = robot.fkm(q)
+    stated = fit.accuracy_seen(x) + np.diag(SIGMA**2)
+    return Misses(fit.registration.see(robot, x, seen).residual, stated)
+
+
+def with_tolerances(robot: tp.Robot, sigma: dict[str, float]) -> tp.Robot:
+    """Return a robot with these tolerances in the place of its own, 0: known."""
+    tolerances = dict(robot.spec.tolerances)
+    for name, value in sigma.items():
+        tolerances[name] = tolerances[name].model_copy(update={"sigma": value})
+    return tp.Robot(robot.spec.model_copy(update={"tolerances": tolerances}))
+
+
+def ninths(
+    robot: tp.Robot, q: np.ndarray, seen: np.ndarray, rng: np.random.Generator
+) -> Iterator[Misses]:
+    """Each ninth of the log, predicted by the rest."""
+    order = rng.permutation(len(q))
+    for k in range(9):
+        out = order[k::9]
+        kept = np.setdiff1d(order, out)
+        fit = learn(robot, q[kept], seen[kept])
+        yield predict(fit, fit.robot, q[out], seen[out])
+
+
+def homed(
+    robot: tp.Robot, q: np.ndarray, seen: np.ndarray, rng: np.random.Generator
+) -> tuple[Misses, Misses, Misses]:
+    """A ninth of the log, by the rest, before the motors were homed anew; by ten poses; by all."""
+    order = rng.permutation(len(q))
+    out, kept = order[::9], np.setdiff1d(order, order[::9])
+    fit = learn(robot, q[kept], seen[kept])
+    few = rng.choice(kept, FEW, replace=False)
+    moved = q + rng.uniform(-SHIFT, SHIFT, q.shape[1])
+    alone = learn(tp.rehomed(fit.robot, SHIFT), moved[few], seen[few])
+    both = tp.calibrate(  # the tracker stands where it stood
+        robot,
+        np.vstack([q[kept], moved[few]]),
+        measured=np.vstack([seen[kept], seen[few]]),
+        measured_sigma=SIGMA,
+        influences=tp.homings(robot, np.repeat([0, 1], [len(kept), FEW]), SHIFT),
+    )
+    return (
+        predict(fit, fit.robot, q[out], seen[out]),
+        predict(alone, alone.robot, moved[out], seen[out]),
+        predict(both, both.robot, moved[out], seen[out]),
+    )
+
+
+def drawn(robot: tp.Robot, seed: int) -> tuple[float, Misses]:
+    """Draw a hexapod, tracker and marker, calibrate, look elsewhere: NEES/48 of ξ; the misses."""
+    rng, box = np.random.default_rng((0, seed)), robot.spec.workspace
+    true = with_tolerance_errors(robot, seed)
+    x = rng.uniform(box.minimum, box.maximum, (POSES + OTHERS, 6))
+    base, marker = (placed(rng.standard_normal((1, 6)) * [*3 * [far], 1, 1, 1]) for far in (1, 0.1))
+    there = base @ frames.frames(true, x) @ marker
+    noise = placed(SIGMA * rng.standard_normal((POSES, 6)))
+    read = there[:POSES].copy()
+    read[:, :3, :3] @= noise[:, :3, :3]
+    read[:, :3, 3] += noise[:, :3, 3]
+    q = true.read(x)
+    fit = learn(robot, q[:POSES], frames.coordinates(robot, read))
+    error = np.array([p.value - true.parameters[n].value for n, p in fit.parameters.items()])
+    nees = error @ np.linalg.solve(fit.covariance, error) / len(error)
+    found = fit.robot.fkm(q[POSES:])
+    off = fit.registration.see(fit.robot, found, frames.coordinates(robot, there[POSES:])).residual
+    return float(nees), Misses(off, fit.accuracy_seen(found))
+
+
+def placed(moved: np.ndarray) -> np.ndarray:
+    """Frames that are moved, m, and turned, rotation vectors; (N, 6) -> (N, 4, 4)."""
+    frame = np.tile(np.eye(4), (len(moved), 1, 1))
+    frame[:, :3, :3] = [frames.rotation(v) for v in moved[:, 3:]]
+    frame[:, :3, 3] = moved[:, :3]
+    return frame
+
+
+def over_bound(each: list[Misses]) -> np.ndarray:
+    """Rms of what is missed over what is stated, of x, y, z, rx, ry, rz."""
+    off = np.concatenate([m.off for m in each])
+    stated = np.concatenate([np.diagonal(m.covariance, axis1=1, axis2=2) for m in each])
+    return np.sqrt((off**2).mean(axis=0) / stated.mean(axis=0))
+
+
+def picture(misses: dict[str, Misses]) -> Figure:
+    """Every pose's miss, the smallest first: as drawn, and calibrated without that pose."""
+    figure = Figure(figsize=(7.2, 3.2), layout="constrained")
+    position, angle = figure.subplots(1, 2)
+    for name, colour in (("as drawn, registered", "#b3261e"), (list(MODELS)[-1], "#1455a4")):
+        for axes, values in ((position, misses[name].position), (angle, misses[name].angle)):
+            axes.plot(np.arange(1, len(values) + 1), np.sort(values), color=colour, label=name)
+    for axes, what in ((position, "position, mm"), (angle, "orientation, °")):
+        axes.set_xlabel("poses, the smallest miss first")
+        axes.set_ylabel(f"miss of a pose left out: {what}")
+        axes.set_ylim(0)
+    position.legend(frameon=False)
+    return figure
+
+
+def rms(values: np.ndarray) -> float:
+    """Root of the mean square."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def main() -> None:
+    """Print both tables."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--drawn", type=int, default=1000, help="hexapods, drawn")
+    parser.add_argument("--picture", type=Path, help="of the first seed's misses, to write")
+    arguments = parser.parse_args()
+    seeds, shown = range(arguments.seeds), {}
+    robot = tp.load("jugglebot")
+    log = logs.read(robot, robotfile.shipped()["jugglebot"].parent / "log.csv")
+    q, seen = log.readings, log.measured
+
+    table = Table("left out by ninths", "position rms, mm", "at most", "angle rms, °", "at most",
+                  "NEES/6")  # fmt: skip
+    for name, sigma in MODELS.items():
+        model = with_tolerances(robot, sigma)
+        each = [
+            Misses(*map(np.concatenate, zip(*ninths(model, q, seen, np.random.default_rng(seed)),
+                                            strict=True)))
+            for seed in seeds
+        ]  # fmt: skip
+        shown[name] = each[0]
+        numbers = np.mean(
+            [
+                (rms(m.position), m.position.max(), rms(m.angle), m.angle.max(), m.nees.mean())
+                for m in each
+            ],
+            axis=0,
+        )
+        table.add_row(name, *(f"{number:.2f}" for number in numbers))
+    Console(width=100).print(table)
+    if arguments.picture:
+        picture(shown).savefig(arguments.picture)
+
+    trials = [homed(robot, q, seen, np.random.default_rng(seed)) for seed in seeds]
+    ratios = np.array([[rms(m.position) / rms(before.position) for m in after]
+                       for before, *after in trials])  # fmt: skip
+    print(
+        f"homed anew, each zero up to {1e3 * SHIFT:.0f} mm off, then {FEW} poses; position rms of "
+        "a ninth left out over that before:"
+    )
+    for name, ratio in zip(("what was learnt, and the ten", "all lines together"), ratios.T,
+                           strict=True):  # fmt: skip
+        print(f"{name}: {np.median(ratio):.2f} (median of {len(seeds)}; {ratio.min():.2f} to "
+              f"{ratio.max():.2f})")  # fmt: skip
+
+    if arguments.drawn:
+        nees, each = zip(*(drawn(robot, seed) for seed in range(arguments.drawn)), strict=True)
+        apart = np.sqrt(2 / (48 * len(nees)))
+        print(f"{len(nees)} hexapods drawn, {POSES} poses each: NEES/48 of the parameters "
+              f"{np.mean(nees):.3f} (1 ± {apart:.3f}); {OTHERS} other poses each, rms over the "
+              "bound, x y z rx ry rz: " + " ".join(f"{v:.2f}" for v in over_bound(each))
+              + f"; NEES/6 {np.mean([m.nees.mean() for m in each]):.2f}; "
+              f"{rms(np.concatenate([m.position for m in each])):.2f} mm, "
+              f"{rms(np.concatenate([m.angle for m in each])):.3f}°")  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()

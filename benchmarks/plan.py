@@ -1,0 +1,153 @@
+"""What do planned calibration poses buy, beside random ones?
+
+    python benchmarks/plan.py [--robots h4 …] [--poses 10 30] [--sets 200] [--drawn 0] # 5 minutes
+    python benchmarks/plan.py --logged 15                                              # 1 minute
+
+σ of the position (mm), root mean square over a grid of the workspace, that calibrations promise on
+planned poses of 2000 candidates, and on as many drawn evenly from the workspace box: median of the
+sets, 5 to 95 % of them, how many of them the plan beats; and how long the plan took. With --drawn N
+also what N robots, drawn from their tolerances, err by once each has calibrated itself on the
+planned poses and on one random set: root mean square in mm over the same, beside the promise.
+
+--logged N plans on a real log instead: N of Jugglebot's 108 poses, by the robot file and the σ of
+benchmarks/held_out.py; where they are, the motors and the drawing say. Gains and all else are
+learnt from these poses alone, the rest of the log is predicted, and compared with what motion
+capture saw: root mean square, over the median of as much learnt from 60 random poses, and how
+many random sets of N it beats. Once of all 108, and the median (lowest to highest) of 20 plans
+among 81 of them, drawn anew each time: how much of it is luck. Asked for the position in the
+base's frame, and for what the tracker sees; over the workspace, and over the log's own poses.
+"""
+
+import argparse
+import time
+
+import numpy as np
+from held_out import SIGMA, learn, predict, rms
+
+import truepose as tp
+from truepose import logs, robotfile
+from truepose.robot.workspace import workspace
+from truepose.simulation.true_robots import with_tolerance_errors
+
+COUNT = 2000
+
+
+def cases(names: list[str]) -> list[tp.Robot]:
+    """Each robot with the sensors in use, or its first, and with all of them."""
+    found = []
+    for name in names:
+        robot = tp.load(name)
+        every = [sensor.name for sensor in robot.spec.sensor]
+        for sensors in dict.fromkeys([robot.sensors or tuple(every[:1]), tuple(every)]):
+            if sensors:
+                found.append(robot.with_sensors(*sensors))
+    return found
+
+
+def position(robot: tp.Robot, squares: np.ndarray) -> float:
+    """Root mean square of the position, mm, of squares (…, c) of each coordinate."""
+    linear = [k for k, (_, unit) in enumerate(robot.coordinates) if unit == "m"]
+    return 1e3 * float(np.sqrt(squares[..., linear].sum(axis=-1).mean()))
+
+
+def promised(robot: tp.Robot, over: np.ndarray, visited: np.ndarray) -> float:
+    P = tp.accuracy(robot, over, calibrated_on=visited)
+    return position(robot, np.diagonal(P, axis1=1, axis2=2))
+
+
+def random_sets(robot: tp.Robot, count: int, sets: int) -> list[np.ndarray]:
+    box, rng = workspace(robot), np.random.default_rng(1)
+    x = rng.uniform(box.minimum, box.maximum, (2 * sets * count, robot.n))
+    x = x[np.isfinite(robot.ikm(x, "nan", "ideal", own_mode=True)).all(axis=1)]
+    return [x[k * count : (k + 1) * count] for k in range(min(sets, len(x) // count))]
+
+
+def erred(robot: tp.Robot, over: np.ndarray, visited: np.ndarray, robots: int) -> float:
+    """What drawn robots err by, mm, once calibrated at these poses."""
+    at, squares = over[:: max(len(over) // 60, 1)], []
+    for seed in range(robots):
+        true = with_tolerance_errors(robot, seed)
+        true = true.with_level(true.finest_level)
+        fit = tp.calibrate(robot, true.read(visited, seed))
+        readings = true.read(at, seed + 10**6, "nan")
+        squares.append((fit.robot.estimate(readings, guess=at, errors="nan").x - at) ** 2)
+    found = np.concatenate(squares)
+    return position(robot, found[np.isfinite(found).all(axis=1)])
+
+
+def logged(count: int, sets: int) -> None:
+    """Plan on Jugglebot's log, and predict the rest of it."""
+    robot = tp.load("jugglebot")
+    log = logs.read(robot, robotfile.shipped()["jugglebot"].parent / "log.csv")
+    q, seen = log.readings, log.measured
+    x, rng = robot.fkm(q), np.random.default_rng(0)
+
+    def missed(learnt: np.ndarray) -> float:
+        rest = np.setdiff1d(np.arange(len(q)), learnt)
+        fit = learn(robot, q[learnt], seen[learnt])
+        return rms(predict(fit, fit.robot, q[rest], seen[rest]).position)
+
+    def planned(among: np.ndarray, of_tracker: bool, over: np.ndarray | None) -> float:
+        candidates = tp.Candidates(
+            poses=x[among], measured_sigma=SIGMA[0], measured_angle_sigma=SIGMA[3]
+        )
+        plan = tp.plan(robot, count, candidates=candidates, poses=over, seen=of_tracker)
+        return missed(among[[step.candidate for step in plan.steps]])
+
+    sixty = np.median([missed(rng.permutation(len(q))[:60]) for _ in range(sets)])
+    few = np.array([missed(rng.permutation(len(q))[:count]) for _ in range(sets)])
+    middle, tenth = np.quantile(few, [0.5, 0.1]) / sixty
+    print(f"60 random poses: {sixty:.2f} mm (median of {sets}); {count} random ones: median "
+          f"{middle:.3f} of that, a tenth below {tenth:.3f}")  # fmt: skip
+    among = [rng.permutation(len(q))[:81] for _ in range(20)]
+    head = ["asked for", "over", f"{count} of {len(q)}", "beats", f"{count} of 81", "beat"]
+    print("| " + " | ".join(head) + " |\n|" + "---|" * len(head))
+    for of_tracker in (False, True):
+        for name, over in (("the workspace", None), ("the log's poses", x)):
+            one = planned(np.arange(len(q)), of_tracker, over)
+            many = np.array([planned(own, of_tracker, over) for own in among])
+            ratio = np.quantile(many, [0.5, 0, 1]) / sixty
+            cells = ["what is seen" if of_tracker else "the position", name, f"{one / sixty:.3f}"]
+            cells += [f"{100 * (few > one).mean():.0f} %"]
+            cells += ["{:.3f} ({:.3f} to {:.3f})".format(*ratio)]
+            cells += [f"{100 * (few > many[:, None]).mean():.0f} %"]
+            print("| " + " | ".join(cells) + " |", flush=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--robots", nargs="+", default=tp.robots())
+    parser.add_argument("--poses", nargs="+", type=int, default=[10, 30])
+    parser.add_argument("--sets", type=int, default=200)
+    parser.add_argument("--drawn", type=int, default=0)
+    parser.add_argument("--logged", type=int)
+    asked = parser.parse_args()
+    if asked.logged:
+        logged(asked.logged, asked.sets)
+        return
+    head = ["robot, sensors", "poses", "before", "planned", "random", "5 to 95 %", "beats", "s"]
+    head += ["planned: drawn robots", "random: drawn robots"] * bool(asked.drawn)
+    print("| " + " | ".join(head) + " |\n|" + "---|" * len(head))
+    for robot in cases(asked.robots):
+        for count in asked.poses:
+            start = time.perf_counter()
+            plan = tp.plan(robot, count, candidates=COUNT)
+            took = time.perf_counter() - start
+            sets = random_sets(robot, count, asked.sets)
+            others = np.array([promised(robot, plan.over, x) for x in sets])
+            before, after = 1e3 * plan.sigma[[0, -1], -1]
+            low, median, high = np.quantile(others, [0.05, 0.5, 0.95])
+            cells = [f"{robot.name}, {len(robot.sensors)}", str(count)]
+            cells += [f"{value:.3g}" for value in (before, after, median)]
+            cells += [f"{low:.3g} to {high:.3g}", f"{100 * (others > after).mean():.0f} %"]
+            cells.append(f"{took:.1f}")
+            if asked.drawn:
+                poses = np.array(plan.poses)
+                for visited, promise in ((poses, after), (sets[0], others[0])):
+                    real = erred(robot, plan.over, visited, asked.drawn)
+                    cells.append(f"{real:.3g} ({real / promise:.2f} of the promise)")
+            print("| " + " | ".join(cells) + " |", flush=True)
+
+
+if __name__ == "__main__":
+    main()

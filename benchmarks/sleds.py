@@ -1,0 +1,76 @@
+"""Are anchors of sleds as good as they say? Prints the table of docs/guides/maslow.md.
+
+Sleds drawn from what `truepose maslow` assumes of belts, anchors 20 mm about a frame, 48 poses read
+with σ = 0.5 mm. 1 ± is for NEES over its twelve unknowns; the rms of each anchor's error over its
+σ. A strain is 3 σ at most, lest the poses cannot be ordered in sides. Then, of as many more sleds
+of 88 poses as --quarters says, how far anchors from disjoint quarters of the poses scatter, in
+units of σ: what the guide's real log is to be compared with.
+
+sleds.py [--sleds 1000] [--quarters 200] [--seed 0]     # some minutes
+"""
+
+import argparse
+
+import numpy as np
+
+from truepose.calibration import belts
+
+HEIGHTS = [0.116, 0.069, 0.047, 0.089]
+FRAME = {"tl.x": 0.03, "tl.y": 2.07, "tr.x": 2.98, "tr.y": 2.06, "br.x": 2.965}
+READING = 5e-4
+
+
+def drawn(
+    rng: np.random.Generator, columns: int = 8, rows: int = 6
+) -> tuple[np.ndarray, dict[str, float]]:
+    """What a sled reads, and what is true of it."""
+    anchors = {name: v + 0.02 * rng.standard_normal() for name, v in FRAME.items()}
+    offsets = belts.OFFSET * rng.standard_normal(4)
+    strains = belts.STRAIN * np.clip(rng.standard_normal(3), -3, 3)
+    across, up = np.linspace(0.6, 2.4, columns), np.linspace(0.6, 1.4, rows)
+    x = np.array([(x, y) for x in across for y in up])
+    ends = [[anchors["tl.x"], anchors["tl.y"]], [anchors["tr.x"], anchors["tr.y"]]]
+    corners = np.array([*ends, [0, 0], [anchors["br.x"], 0]])
+    away = np.sqrt(((x[:, None] - corners) ** 2).sum(axis=2) + np.square(HEIGHTS))
+    robot = belts.robot_of(corners, HEIGHTS, READING, belts.Model())
+    acting = belts.influences(robot, x, "sides")
+    stretched = sum(s * np.asarray(of.pattern) for s, of in zip(strains, acting, strict=True))
+    read = away - offsets + stretched + READING * rng.standard_normal(away.shape)
+    truth = anchors | {f"{b}.offset": v for b, v in zip(belts.BELTS, offsets, strict=True)}
+    return read, truth | {of.name: s for of, s in zip(acting, strains, strict=True)}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--sleds", type=int, default=1000)
+    parser.add_argument("--quarters", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    nees, normal, sigma = [], [], []
+    for k in range(options.sleds):
+        read, truth = drawn(np.random.default_rng((options.seed, k)))
+        found = belts.calibrate(read, HEIGHTS)
+        error = np.array([of.value - truth[name] for name, of in found.unknowns.items()])
+        nees.append(error @ np.linalg.solve(found.covariance(), error) / len(error))
+        normal.append([(of.value - truth[n]) / of.sigma for n, of in found.anchors.items()])
+        sigma.append([of.sigma for of in found.anchors.values()])
+    spread = np.sqrt(2 / (len(error) * options.sleds))
+    rms = np.sqrt(np.mean(np.square(normal), axis=0))
+    print("| anchor | σ, mean (mm) | rms of the error over σ |\n| --- | ---: | ---: |")
+    for name, s, r in zip(FRAME, np.mean(sigma, axis=0), rms, strict=True):
+        print(f"| {name} | {1e3 * s:.2f} | {r:.2f} |")
+    print(f"\nNEES / unknowns {np.mean(nees):.3f} (1 ± {spread:.3f}), {options.sleds} sleds")
+    scatter = [
+        belts.spread(
+            drawn(np.random.default_rng((options.seed, k)), 11, 8)[0], HEIGHTS, belts.Model()
+        )
+        for k in range(options.quarters)
+    ]
+    for k, what in enumerate(("σ", "its share that scatters")):
+        column = [of[k] for of in scatter]
+        low, middle, high = np.quantile(column, [0.05, 0.5, 0.95])
+        print(f"quarters, over {what}: {middle:.2f} ({low:.2f} to {high:.2f}, 5 to 95 %)")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,117 @@
+"""What is asked of each robot? Questions that are ready, and those of a file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from truepose.arguments import Array
+from truepose.calibration.bound import accuracy
+from truepose.calibration.calibrate import calibrate
+from truepose.exceptions import InputError, choose
+from truepose.files import contents
+from truepose.robot.laws import Law
+from truepose.robot.robot import Robot
+from truepose.simulation.settle import settle
+from truepose.studies.cases import Answer, Asked, Case
+
+#: Poses of a ready question: where a robot is asked, and where it is calibrated.
+ASKED, LEARNT = 25, 40
+
+
+def rest(case: Case) -> dict[str, Answer]:
+    """Where a true robot comes to rest under each law: rms over 25 poses of its workspace."""
+    robot, true = case.robot, case.true
+    poses = _poses(robot, ASKED, case.rng)
+    laws: tuple[Law, ...] = ("joint", "redundant", "weighted", "estimated")
+    answer: dict[str, Answer] = {}
+    for law in laws if robot.r else laws[:1]:
+        answer |= _rms(robot, settle(robot, true, poses, law) - poses, law)
+    return answer
+
+
+def calibration(case: Case) -> dict[str, Answer]:
+    """What a robot is off by after it calibrated itself at 40 poses, and the bound of that."""
+    robot, true, rng = case.robot, case.true, case.rng
+    learnt, others = _poses(robot, LEARNT, rng), _poses(robot, ASKED, rng)
+    fit = calibrate(robot, true.read(learnt, int(rng.integers(2**31))))
+    found = fit.robot.estimate(true.read(others, int(rng.integers(2**31)))).x
+    bound = accuracy(robot, others, calibrated_on=learnt)
+    answer = _rms(robot, found - others, "calibrated")
+    return answer | _rms(robot, np.sqrt(np.einsum("kii->ki", bound)), "bound")
+
+
+READY: dict[str, Asked] = {"calibration": calibration, "rest": rest}
+
+
+def _poses(robot: Robot, count: int, rng: np.random.Generator) -> Array:
+    box = robot.spec.workspace
+    if box is None:
+        raise InputError(f"{robot.name}: has no [workspace] to choose poses from")
+    return rng.uniform(box.minimum, box.maximum, (count, robot.n))
+
+
+def _rms(robot: Robot, off: Array, of: str) -> dict[str, Answer]:
+    """Of positions, mm, and of angles, degrees, together."""
+    angles = np.array([unit == "rad" for _, unit in robot.coordinates])
+    answer: dict[str, Answer] = {}
+    for which, factor, unit in ((~angles, 1e3, "mm"), (angles, 180 / np.pi, "deg")):
+        if which.any():
+            square = (off[:, which] ** 2).sum(axis=1).mean()
+            answer[f"{of}_{unit}"] = float(factor * np.sqrt(square))
+    return answer
+
+
+@dataclass(frozen=True)
+class OfFile:
+    """A function of a Python file. Its text goes to the workers, which need no such file."""
+
+    path: str
+    name: str
+    text: str
+
+    @property
+    def __name__(self) -> str:
+        return f"{self.path}:{self.name}"
+
+    @cached_property
+    def _function(self) -> Asked:
+        space: dict[str, object] = {"__name__": "truepose_study", "__file__": self.path}
+        try:
+            exec(compile(self.text, self.path, "exec"), space)
+        except Exception as error:
+            raise InputError(f"{self.path}: {type(error).__name__}: {error}") from error
+        found = space.get(self.name)
+        if not callable(found):
+            names = [n for n, v in space.items() if callable(v) and not n.startswith("_")]
+            raise InputError(f"{self.path}: {choose('function', self.name, names)}")
+        return found
+
+    def __call__(self, case: Case) -> dict[str, Answer]:
+        """Ask about one case."""
+        return dict(self._function(case))
+
+    def __getstate__(self) -> dict[str, str]:
+        return {"path": self.path, "name": self.name, "text": self.text}
+
+    def __setstate__(self, state: dict[str, str]) -> None:
+        self.__dict__.update(state)
+
+
+def function_of(word: str) -> Asked:
+    """Return a ready question by its name, or the function of "file.py:name"."""
+    path, colon, name = word.rpartition(":")
+    if not colon:
+        if word not in READY:
+            raise InputError(f"{choose('question', word, READY)}, or file.py:function")
+        return READY[word]
+    try:
+        asked = OfFile(path, name, contents(Path(path)).decode())
+    except (OSError, UnicodeDecodeError) as error:
+        why = getattr(error, "strerror", None) or "no text"
+        raise InputError(f"{path}: cannot be read: {why}") from None
+    _ = asked._function  # wrong before anything begins
+    return asked

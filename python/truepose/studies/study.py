@@ -1,0 +1,170 @@
+"""What holds for many robots? A function asked of each, side by side, kept as it goes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from truepose.arguments import Array
+from truepose.exceptions import InputError
+from truepose.robot.robot import Robot, load
+from truepose.show.table import Table, number
+from truepose.studies.cases import OWN, Answer, Asked, Cases
+from truepose.studies.chunks import Chunks
+from truepose.studies.functions import function_of
+from truepose.studies.workers import On, Workers
+from truepose.threads import cores
+
+
+@dataclass(frozen=True)
+class Study:
+    """Every case's answer, in the order of the cases: the same however many workers there were."""
+
+    columns: dict[str, Array]  #: robot, number, the grid's, the function's; error, "" where none
+    grid: tuple[str, ...]  #: names of the grid
+
+    def __len__(self) -> int:
+        return len(self.columns["robot"])
+
+    @property
+    def failed(self) -> Array:
+        """Cases that a robot refused, (N,) bool."""
+        return self.columns["error"] != ""
+
+    def table(self) -> Table:
+        """Median and 95 % of every number, for each robot and point of the grid."""
+        keys = ("robot", *self.grid)
+        words = [tuple(str(self.columns[key][k]) for key in keys) for k in range(len(self))]
+        names = [
+            name
+            for name, values in self.columns.items()
+            if name not in (*keys, *OWN) and values.dtype.kind in "fiub"
+        ]
+        rows = []
+        for point in dict.fromkeys(words):
+            these = np.array([word == point for word in words]) & ~self.failed
+            answered = int(these.sum())
+            for name in names if answered else ["–"]:
+                spread = [number(None), number(None)]
+                if answered:
+                    values = self.columns[name][these].astype(float)
+                    spread = [number(float(np.percentile(values, part))) for part in (50, 95)]
+                rows.append([*point, name, str(answered), *spread])
+        head = [*keys, "asked", "robots", "median", "95 %"]
+        return Table("study", "What was asked, over the robots that answered", head, rows)
+
+    def __str__(self) -> str:
+        from truepose.show.terminal import laid_out
+
+        return "\n".join(laid_out(self.table(), 100))
+
+
+def study(
+    function: Asked | str,
+    robots: Robot | str | Sequence[Robot | str],
+    count: int = 100,
+    *,
+    grid: Mapping[str, Sequence[Any]] | None = None,
+    seed: int = 0,
+    out: str | Path | None = None,
+    chunk: int = 16,
+    workers: int | None = None,
+    on: On = "processes",
+    cluster: Any = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Study:
+    """Ask a question of many robots drawn from their tolerances, side by side.
+
+    Each answer depends on its case alone: the same seed gives the same numbers on any number of
+    workers, here or on a cluster. What is done is kept, and a study that was ended goes on from
+    there; with a larger `count` it goes further.
+
+    Parameters
+    ----------
+    function : callable or str
+        function(case) -> {name: number}, of a :class:`truepose.studies.cases.Case`: ``robot`` as
+        drawn, ``true``, ``rng``, ``values`` of the grid. Or a ready one's name, "rest" or
+        "calibration", or "file.py:name". Processes must be able to import it; from a file its text
+        goes along.
+    robots : Robot, str, or sequence of them
+        Robots as drawn; of each `count` true ones are drawn.
+    count : int
+        True robots of each.
+    grid : mapping of sequences, optional
+        Every combination of these values is asked of every true robot.
+    seed : int
+        Of everything random.
+    out : path, optional
+        Folder that keeps what is done (Parquet, with pyarrow); None: nothing is kept.
+    chunk : int
+        Cases that a worker does at a time.
+    workers : int, optional
+        Processes or threads; all cores by default, 0: here, one case after another.
+    on : {"processes", "threads"}
+        Threads where a case is mostly one call of truepose over many poses.
+    cluster : str, dask cluster or client, optional
+        Address of a dask scheduler, as ``tcp://host:8786``; its workers do the work.
+    progress : callable, optional
+        Is told how many chunks are done, and of how many.
+
+    Returns
+    -------
+    Study
+
+    Raises
+    ------
+    InputError
+        A function, robots or a grid that cannot be asked, a folder of another study, no scheduler,
+        workers of other versions, a function that fails: the case is named.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> found = tp.study("rest", "3rrr", count=4, workers=0)
+    >>> len(found), bool(found.failed.any())
+    (4, False)
+    """
+    asked = function_of(function) if isinstance(function, str) else function
+    kinds = (robots,) if isinstance(robots, Robot | str) else tuple(robots)
+    cases = Cases(
+        tuple(load(r) if isinstance(r, str) else r for r in kinds), dict(grid or {}), seed
+    )
+    for name, value in (("count", count), ("chunk", chunk)):
+        if value < 1:
+            raise InputError(f"study: {name} = {value}: must be at least 1")
+    total = count * cases.each
+    starts = range(0, total, chunk)
+    kept = None if out is None else Chunks(Path(out), cases, asked, chunk)
+    done: dict[int, list[dict[str, Answer]]] = {}
+    for start in starts if kept else ():
+        rows = kept.read(start, min(start + chunk, total)) if kept else None
+        if rows is not None:
+            done[start] = rows
+    if progress:
+        progress(len(done), len(starts))
+    tasks = {
+        start: (cases, asked, start, min(start + chunk, total))
+        for start in starts
+        if start not in done
+    }
+    team = Workers(cores() if workers is None else workers, on, cluster)
+    for start, rows in team.each(Cases.ask, tasks):
+        if kept:
+            kept.write(start, rows)
+        done[start] = rows
+        if progress:
+            progress(len(done), len(starts))
+    return _gathered([row for start in starts for row in done[start]], tuple(cases.grid))
+
+
+def _gathered(rows: list[dict[str, Answer]], grid: tuple[str, ...]) -> Study:
+    names = list(dict.fromkeys(name for row in rows for name in row if name != "error"))
+    columns = {}
+    for name in (*names, "error"):
+        values = [row.get(name, "" if name == "error" else np.nan) for row in rows]
+        columns[name] = np.array(values)
+    return Study(columns, grid)

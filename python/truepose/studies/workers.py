@@ -1,0 +1,127 @@
+"""Who works on a study? Processes or threads here, or the workers of a dask cluster."""
+
+from __future__ import annotations
+
+import contextlib
+import platform
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from truepose.exceptions import InputError, choose
+
+On = Literal["processes", "threads"]
+#: How often in a row a worker may die before anything more is done.
+DEATHS = 3
+#: How long a cluster is waited for, s.
+PATIENCE = 10
+
+
+def versions() -> dict[str, str]:
+    """What decides on a worker's numbers."""
+    from importlib.metadata import version
+
+    python = ".".join(platform.python_version_tuple()[:2])
+    return {"truepose": version("truepose"), "numpy": np.__version__, "Python": python}
+
+
+@dataclass
+class Workers:
+    """Runs tasks; one that was lost with its worker is run again."""
+
+    count: int
+    on: On = "processes"
+    cluster: Any = None  #: address of a dask scheduler, or a dask cluster or client
+
+    def __post_init__(self) -> None:
+        if self.on not in ("processes", "threads"):
+            raise InputError(choose("on", self.on, ("processes", "threads")))
+        if self.count < 0:
+            raise InputError(f"workers = {self.count}: must be at least 0")
+
+    def each(
+        self, function: Callable[..., Any], tasks: dict[Any, tuple[Any, ...]]
+    ) -> Iterator[tuple[Any, Any]]:
+        """Yield key and function(*task) of every task, as they come."""
+        if self.cluster is None and (self.count == 0 or len(tasks) < 2):
+            yield from ((key, function(*task)) for key, task in tasks.items())
+            return
+        left, deaths = dict(tasks), 0
+        while left:
+            before = len(left)
+            with self._executor() as executor:
+                try:
+                    for key, answer in _done(executor, function, left):
+                        yield key, answer
+                        del left[key]
+                except BrokenProcessPool:
+                    deaths = deaths + 1 if len(left) == before else 0
+                    if deaths == DEATHS:
+                        raise InputError(
+                            f"study: a worker died {DEATHS} times with nothing done (memory?)"
+                        ) from None
+
+    @contextlib.contextmanager
+    def _executor(self) -> Iterator[Executor]:
+        if self.cluster is not None:
+            with _client(self.cluster) as client:
+                yield client.get_executor(pure=False, retries=DEATHS)
+            return
+        pool = ProcessPoolExecutor if self.on == "processes" else ThreadPoolExecutor
+        executor = pool(self.count)
+        try:
+            yield executor
+        finally:
+            executor.shutdown(cancel_futures=True)
+
+
+def _done(
+    executor: Executor, function: Callable[..., Any], tasks: dict[Any, tuple[Any, ...]]
+) -> Iterator[tuple[Any, Any]]:
+    from concurrent.futures import as_completed
+
+    futures = {executor.submit(function, *task): key for key, task in tasks.items()}
+    for future in as_completed(futures):
+        yield futures[future], future.result()
+
+
+@contextlib.contextmanager
+def _client(cluster: Any) -> Iterator[Any]:
+    """Return a dask client whose workers have what is here."""
+    try:
+        from distributed import Client
+    except ImportError:
+        raise InputError("study: dask is not installed; pip install 'truepose[cluster]'") from None
+    if isinstance(cluster, Client):
+        _require_same(cluster)
+        yield cluster
+        return
+    try:
+        client: Any = Client(cluster, timeout=PATIENCE, set_as_default=False)  # type: ignore[no-untyped-call]
+    except (OSError, TimeoutError, ValueError) as error:
+        raise InputError(f"--cluster {cluster}: no scheduler answers there ({error})") from None
+    with client:
+        _require_same(client)
+        yield client
+
+
+def _require_same(client: Any) -> None:
+    here = versions()
+    try:
+        there = client.run(versions)
+    except Exception as error:  # a worker without truepose cannot even read the question
+        raise InputError(
+            f"--cluster: a worker has no truepose {here['truepose']}: {error}"
+        ) from None
+    if not there:
+        raise InputError("--cluster: the scheduler has no workers; start some: dask worker ADDRESS")
+    for worker, found in there.items():
+        for name, version in here.items():
+            if found[name] != version:
+                raise InputError(
+                    f"--cluster: worker {worker} has {name} {found[name]}, here is {version}"
+                )
