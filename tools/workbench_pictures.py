@@ -1,0 +1,159 @@
+"""Takes the workbench's pictures: docs/pictures/workbench.png, -phone.png, and .webp, which moves.
+
+Run as ``python tools/workbench_pictures.py``; needs viser, playwright, Pillow and Debian's chromium
+(or another, named by CHROMIUM). What hands would do is done here, by the page's own ways.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+from playwright.sync_api import Page as Seen
+from playwright.sync_api import sync_playwright
+
+import truepose as tp
+from truepose.robot.frames import frames
+from truepose.workbench import serve
+
+PICTURES = Path(__file__).parents[1] / "docs/pictures"
+PORT = 8199
+FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+WIDE, PHONE = {"width": 1000, "height": 640}, {"width": 390, "height": 844}
+MOST = 3_000_000  #: bytes of what moves
+PATIENCE = 120_000  #: ms; a browser without a graphics card is slow
+
+
+def looked_at(browser: Any, size: dict) -> Seen:
+    """Open the page, without viser's remark on the graphics card."""
+    seen = browser.new_page(viewport=size)
+    seen.set_default_timeout(PATIENCE)
+    seen.goto(f"http://127.0.0.1:{PORT}")
+    seen.wait_for_selector("text=comes to rest")
+    seen.add_style_tag(content=".mantine-Notifications-root { display: none !important }")
+    settled(seen, 15)
+    return seen
+
+
+def settled(seen: Seen, count: int = 8) -> None:
+    """Wait until the browser has drawn so many frames more: it may be slow."""
+    seen.wait_for_timeout(250)
+    seen.evaluate(
+        "count => new Promise(done => { const one = () => count-- > 0 ? "
+        "requestAnimationFrame(one) : done(); one(); })",
+        count,
+    )
+
+
+def choose(seen: Seen, tab: str) -> None:
+    """Press a tab, as a hand does."""
+    box = seen.get_by_text(tab, exact=True).first.bounding_box()
+    assert box is not None
+    seen.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    seen.mouse.move(5, 5)
+    settled(seen)
+
+
+class Film:
+    """Frames of what is seen, one after the other."""
+
+    def __init__(self, seen: Seen):
+        self.seen, self.frames, self.times = seen, [], []
+
+    def take(self, milliseconds: int = 140, frames: int = 4) -> None:
+        """Add what is seen now, to be shown for so long."""
+        settled(self.seen, frames)
+        shot = Image.open(io.BytesIO(self.seen.screenshot(timeout=PATIENCE)))
+        self.frames.append(shot.convert("RGB"))
+        self.times.append(milliseconds)
+
+    def save(self, path: Path) -> None:
+        """Write as fine as `MOST` bytes allow."""
+        for quality in (80, 65, 50, 35, 20):
+            self.frames[0].save(
+                path,
+                save_all=True,
+                append_images=self.frames[1:],
+                duration=self.times,
+                loop=0,
+                quality=quality,
+                method=4,
+            )
+            if path.stat().st_size <= MOST:
+                return
+        raise SystemExit(f"{path}: {path.stat().st_size} bytes: take fewer frames")
+
+
+def film(page: Any, seen: Seen) -> None:
+    """Drag a robot that is not as drawn, let it calibrate itself, let a reading lie."""
+    robot, shown = page.state.drawn, Film(seen)
+    shown.take(1200)
+    choose(seen, "Errors")
+    with page.doing():
+        page.state = page.state.with_drawn_errors(seed=1)
+    shown.take(1500, 10)
+    choose(seen, "Pose")
+    for turn in np.linspace(0, 2 * np.pi, 13):
+        away = np.array([0.08 * np.sin(turn), 0.08 - 0.08 * np.cos(turn), 0, 0.3 * np.sin(turn)])
+        page._dragged(frames(robot, robot.home + away), True)
+        shown.take()
+    with page.doing():
+        page.mapped = page.coloured = True
+    shown.take(1800, 10)
+    with page.doing():
+        page.mapped = page.coloured = False
+    choose(seen, "Log")
+    with page.doing():
+        page.tabs[3]._rehearse()
+    shown.take(1500, 10)
+    with page.doing():
+        page.tabs[3]._fit()
+    shown.take(2500, 10)
+    choose(seen, "Faults")
+    with page.doing():
+        page.tabs[4].toggle()
+    for k in range(9):
+        if k == 4:
+            with page.doing():
+                page.tabs[4]._on.value = True
+                page.tabs[4]._begin_fault()
+        shown.take(200, 1)
+    shown.take(1500)
+    shown.save(PICTURES / "workbench.webp")
+
+
+def main() -> None:
+    """Take them all."""
+    chromium = os.environ.get("CHROMIUM") or shutil.which("chromium")
+    with sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=chromium, args=FLAGS)
+        for name, size, dark in (
+            ("workbench.png", WIDE, False),
+            ("workbench-phone.png", PHONE, True),
+            ("workbench.webp", WIDE, False),
+        ):
+            page = serve.open_page(tp.load("h4"), port=PORT, dark=dark)
+            seen = looked_at(browser, size)
+            if name.endswith(".webp"):
+                film(page, seen)
+            else:
+                with page.doing():
+                    page.state = page.state.with_drawn_errors(seed=1)
+                    page.send(page.state.sent([0.05, 0.03, -0.42, 0.3]))
+                    page.mapped = not dark
+                choose(seen, "Sensors" if dark else "Errors")
+                settled(seen, 15)
+                shot = Image.open(io.BytesIO(seen.screenshot(timeout=PATIENCE)))
+                shot.convert("RGB").save(PICTURES / name, optimize=True)
+            seen.close()
+            page.stop()
+        browser.close()
+
+
+if __name__ == "__main__":
+    main()
