@@ -198,6 +198,12 @@ def _description(name: str, robot: Robot) -> str:
             for part, (counts, listed) in zip(names, tables[kind], strict=False)
         ]
         parts.append("  {" + ",\n".join(rows).lstrip() + "}")
+    rows = [
+        f"  {{ /* axis {axis.name} */\n{_rows(listed, '    ')}\n  }}"
+        for axis, (_, listed) in zip(robot.spec.axis, tables["axis"], strict=True)
+    ]
+    rows = rows or ["  { /* axis none */\n    {0.0}, {0.0}, 0.0, 0.0,\n  }"]
+    parts.append("  {" + ",\n".join(rows).lstrip() + "}")
     return (
         f"static const truepose_description {name} = {{\n"
         f"  TRUEPOSE_ABI, sizeof(truepose_description),\n"

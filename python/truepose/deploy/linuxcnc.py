@@ -163,8 +163,9 @@ def following(robot: Robot, controller: Controller, seed: int = 0) -> Array:
     """Return the largest following error of every motor at rest, m or rad.
 
     A law of redundant sensors corrects motors whose own encoders are then off, by e_q; LinuxCNC
-    must not take that for a fault. Of robots drawn from the file's tolerances, over the corners of
-    the workspace and poses drawn in it.
+    must not take that for a fault. Nor where the robot has been learnt and rests where it should.
+    Of robots drawn from the file's tolerances, over the corners of the workspace and poses drawn in
+    it.
 
     Examples
     --------
@@ -182,9 +183,12 @@ def following(robot: Robot, controller: Controller, seed: int = 0) -> Array:
     worst = np.zeros(robot.n)
     for k in range(_DRAWN):
         true = with_tolerance_errors(robot, seed + k)
-        rest = settle(robot, true, x, controller, errors="nan")
-        e_q = np.abs(q_d - true.ikm(rest, errors="nan"))
-        worst = np.fmax(worst, np.nanmax(e_q, axis=0, initial=0.0))
+        rests = [settle(robot, true, x, controller, errors="nan")]
+        if controller.law != "joint":
+            rests.append(x)
+        for rest in rests:
+            e_q = np.abs(q_d - true.ikm(rest, errors="nan"))
+            worst = np.fmax(worst, np.nanmax(e_q, axis=0, initial=0.0))
     return worst
 
 
@@ -209,6 +213,11 @@ def _short(value: float) -> str:
 
 def _axes(robot: Robot) -> list[tuple[str, str]]:
     """Return letter and unit of every coordinate's axis."""
+    if robot.spec.axis:
+        raise InputError(
+            f"{robot.name}: {robot.coordinates[0][0]} is none of LinuxCNC's axes: a pivot has no "
+            "configuration (choices: robots that move x, y, z)"
+        )
     return [(_LETTERS.get(name, name.upper()), unit) for name, unit in robot.coordinates]
 
 
@@ -227,7 +236,10 @@ def _joint(
     """Return what [JOINT_i] says."""
     chain, scale, speeds = robot.spec.chain[i], _SHOWN[unit], Speeds().of(unit)
     stops = chain.limits or (-math.inf, math.inf)
-    low, high = sorted(chain.gain * stop - chain.encoder_offset for stop in stops)
+    low, high = sorted(
+        robot.core_drawn.motor_reading(i, stop) if math.isfinite(stop) else chain.gain * stop
+        for stop in stops
+    )
     lag = _LATE * controller.period * float(speeds["velocity"])
     least = _SPARE * scale * (e_q + float(robot.resolution[i]))
     return {

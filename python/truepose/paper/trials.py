@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from truepose.arguments import Array, Level
 from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import calibrate
-from truepose.calibration.fit import Loss, ModelError
+from truepose.calibration.fitting import Loss, ModelError
 from truepose.robot.frames import rotation
 from truepose.robot.robot import Robot
 from truepose.simulation.true_robots import with_tolerance_errors

@@ -10,7 +10,7 @@ import numpy as np
 
 from truepose.arguments import Array
 from truepose.calibration.bound import accuracy
-from truepose.calibration.fit import calibration_of
+from truepose.calibration.learnt import calibration_of
 from truepose.calibration.online import OnlineCalibration
 from truepose.paper import article
 from truepose.paper.trials import JITTER

@@ -10,6 +10,7 @@ COLOURS = {
     "rod": "#6aa84f",
     "lateral bar": "#e08214",
     "central bar": "#b2182b",
+    "passive axis": "#e08214",
     "nacelle": "#b2182b",
     "tool": "#7b3294",
 }

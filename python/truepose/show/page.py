@@ -1,24 +1,63 @@
-"""How does a result become a page? One HTML file, its figures in it."""
+"""How does a result become a page? One HTML file, its figures in it, with contents and zoom."""
 
 from __future__ import annotations
 
 import base64
 import platform
-from importlib import metadata
+import re
+from importlib import metadata, resources
 
 import jinja2
 
+_TEMPLATES = "_data/templates"
+_HEADING = re.compile(r"<h2>(.*?)</h2>", re.DOTALL)
+#: A contents list shorter than this says nothing that is not seen.
+_FEWEST = 3
+
 
 def render(template: str, **values: object) -> str:
-    """Fill one of the package's templates."""
+    """Fill one of the package's templates; list its sections, and let its figures be zoomed.
+
+    Panzoom (Timmy Willison and others, MIT) is written into the page: it needs no network.
+    """
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("truepose", "_data/templates"),
+        loader=jinja2.PackageLoader("truepose", _TEMPLATES),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    return environment.get_template(template).render(**values)
+    page = _with_contents(environment.get_template(template).render(**values))
+    folder = resources.files("truepose") / _TEMPLATES
+    scripts = [
+        f"<script>\n{(folder / name).read_text(encoding='utf-8').strip()}\n</script>\n"
+        for name in ("panzoom.min.js", "zoom.js")
+    ]
+    return page.replace("</body>", "".join(scripts) + "</body>")
+
+
+def _with_contents(page: str) -> str:
+    """Number the sections, and list them below the title.
+
+    Examples
+    --------
+    >>> page = _with_contents("<h1>T</h1><h2>A</h2><h2>B, <em>b</em></h2><h2>C</h2>")
+    >>> print(page.split("<nav", 1)[1].split("</nav>")[0].replace("<li>", chr(10) + "<li>"))
+     aria-label="Contents"><ol>
+    <li><a href="#section-1">A</a></li>
+    <li><a href="#section-2">B, b</a></li>
+    <li><a href="#section-3">C</a></li></ol>
+    """
+    titles = [re.sub(r"<[^>]+>", "", title) for title in _HEADING.findall(page)]
+    if len(titles) < _FEWEST:
+        return page
+    listed = "".join(
+        f'<li><a href="#section-{k}">{title}</a></li>' for k, title in enumerate(titles, 1)
+    )
+    numbers = iter(range(1, len(titles) + 1))
+    page = _HEADING.sub(lambda m: f'<h2 id="section-{next(numbers)}">{m[1]}</h2>', page)
+    contents = f'</h1>\n<nav aria-label="Contents"><ol>{listed}</ol></nav>'
+    return page.replace("</h1>", contents, 1)
 
 
 def as_uri(image: bytes) -> str:

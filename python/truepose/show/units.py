@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import fnmatch
 import math
 
 from truepose.robot.robot import Robot
 from truepose.robot.units import unit_of
 
 #: Factor and name of the unit that people read, by that of the package.
-PRINT = {"m": (1e3, "mm"), "rad": (180 / math.pi, "°"), "": (1.0, "")}
+PRINT = {"m": (1e3, "mm"), "rad": (180 / math.pi, "°"), "": (1.0, ""), "1/N": (1e6, "µm/m/N")}
 #: The package's unit, by that which people read.
 SI = {name: unit for unit, (_, name) in PRINT.items()}
 #: Units that people write: the package's, and how much of it.
@@ -34,6 +35,19 @@ def printed(value: float, unit: str, form: str = ".2f") -> str:
     """
     factor, name = PRINT[unit]
     return f"{factor * value:{form}}{' ' * name.isalpha()}{name}"
+
+
+def tolerance(robot: Robot, group: str, sigma: float) -> str:
+    """Write to what parameters, a name or a glob, are machined.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> tolerance(tp.load("h4"), "chain*.rod", 1e-4)
+    'rod 0.1 mm'
+    """
+    unit = unit_of(robot, fnmatch.filter(robot.parameters, group)[0])
+    return f"{group.removeprefix('chain*.')} {printed(sigma, unit, '.3g')}"
 
 
 def in_print(robot: Robot, name: str) -> tuple[float, str]:

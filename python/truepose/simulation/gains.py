@@ -11,8 +11,9 @@ from truepose.arguments import Array
 from truepose.exceptions import InputError
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
+from truepose.robot.units import summed
 from truepose.simulation.effects import Effects
-from truepose.simulation.linear import DIRECTIONS, Gains, plants
+from truepose.simulation.linear import Gains, plants
 from truepose.simulation.loci import Margin, Responses
 
 #: What chosen gains keep at every pose, of all motors at once, of each motor and of each reading
@@ -106,7 +107,7 @@ def choose(
     everywhere = responses(robot, law, effects, period, diagonal)
     home = Responses(everywhere.plants[:1])
     read = robot if effects.quantisation else robot.unquantised()
-    rest = np.array([REST[k >= 3] for k in DIRECTIONS[robot.spec.mobility]])
+    rest = np.array([REST[unit == "rad"] for _, unit in robot.coordinates])
     limits = np.array([chain.torque_limit or np.inf for chain in robot.spec.chain])
 
     def lacks(gains: Gains, found: Responses) -> str:
@@ -139,7 +140,10 @@ def choose(
     widest = Gains(slowest, _RATIOS[-1] * slowest, damping, integral)
     stable = everywhere.stable(widest).all()
     reason = lacks(widest, everywhere) if stable else "it is unstable"
-    why = f" before friction holds the nacelle {1e3 * _HELD:g} mm off" if slowest > least else ""
+    held = "mm" if summed(robot).unit == "m" else "mrad"
+    why = (
+        f" before friction holds the nacelle {1e3 * _HELD:g} {held} off" if slowest > least else ""
+    )
     raise InputError(
         f"{robot.name}: period {period:g} s: the {law} law cannot hold it with 6 dB, 30° and two "
         f"cycles to spare: at {slowest:.3g} rad/s, the slowest{why}, {reason}"
@@ -161,9 +165,8 @@ def friction_poles(robot: Robot, effects: Effects) -> float:
     """
     x, n = poses(robot), robot.n
     J, M = robot.jacobian(x), robot.mass_matrix(x)
-    lengths = [unit == "m" for _, unit in robot.coordinates]
     # J (JᵀMJ)⁻¹ is (JᵀM)⁻¹.
-    moves = np.abs(np.linalg.inv(J.swapaxes(-1, -2) @ M))[:, lengths]
+    moves = np.abs(np.linalg.inv(J.swapaxes(-1, -2) @ M))[:, summed(robot).columns]
     off = moves @ np.array(effects.plant(robot).friction[:n])
     return float(np.sqrt(off.max(initial=0.0) / _HELD))
 

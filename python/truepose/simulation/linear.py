@@ -26,8 +26,8 @@ from truepose.simulation.effects import Effects
 
 _FALLEN = 1e12  #: growth in a period beyond which no control is thinkable
 _STEP = 1e-5  # m and rad, of the nacelle: the weight's stiffness is a difference
-#: Of a twist, what each mobility has: translations, then rotations.
-DIRECTIONS = {
+#: Of a twist, what each mobility has: translations, then rotations. (A pivot's are its angles.)
+_DIRECTIONS = {
     "translation": (0, 1, 2),
     "planar_translation": (0, 1),
     "planar": (0, 1, 5),
@@ -248,9 +248,13 @@ def _weight(robot: Robot, x: Array, M: Array, held: Array) -> Array:
     """Stiffness of a robot that constant torques hold against its weight, along the free twist."""
     n, still = robot.n, np.zeros(robot.n)
     step = np.zeros((n, 6))
-    step[range(n), DIRECTIONS[robot.spec.mobility]] = _STEP
+    if robot.spec.mobility != "pivot":
+        step[range(n), _DIRECTIONS[robot.spec.mobility]] = _STEP
     moved = []
     for sign in (1, -1):
+        if robot.spec.mobility == "pivot":
+            moved.append(robot.acceleration(x + sign * _STEP * np.eye(n), still, held))
+            continue
         frame = np.tile(frames(robot, x), (n, 1, 1))
         frame[:, :3, 3] += sign * step[:, :3]
         frame[:, :3, :3] = rotation(sign * step[:, 3:]) @ frame[:, :3, :3]

@@ -10,6 +10,7 @@ from truepose.robot import knowledge
 from truepose.robot.batches import flattened, require_answers
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
+from truepose.robot.stretch import warn_if_stiff
 from truepose.simulation.controller import Controller, require_same_readings
 
 
@@ -65,6 +66,8 @@ def settle(
         controller = Controller(law=controller)
     rows, lead = flattened(robot, x_d, robot.n, "x_d", errors)
     require_same_readings(robot, truth)
+    for one in {robot, truth}:
+        warn_if_stiff(one, "a controller")
     settings = controller.settings(robot, robot.home if start is None else start)
     believed, known = knowledge.for_law(robot, controller.law)
     x, status, chain, _ = _core.settle(believed.core, truth.core, settings, known, gravity, rows)

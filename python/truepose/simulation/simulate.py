@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,7 +19,9 @@ from truepose.exceptions import InputError, PoseError
 from truepose.logs.columns import Column, pose, readings
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
+from truepose.robot.stretch import warn_if_stiff
 from truepose.robot.units import reading_units
+from truepose.show.units import printed
 from truepose.simulation.chart import Setpoints
 from truepose.simulation.controller import Controller, pose_of
 from truepose.simulation.drive import (
@@ -37,12 +39,26 @@ from truepose.simulation.moves import MOVE_DURATION, default_move
 from truepose.simulation.paths import Path, path_of
 from truepose.simulation.watch import Watch, failed, watched
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 _WATCHED = 0.05  # s, the end of the hold in which the robot must rest; the core's own in `visit`
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Simulation:
-    """A run: one row per control period, its start. Units m, rad, s, N·m."""
+    """A run: one row per control period, its start. Units m, rad, s, N·m.
+
+    Printed, it says how far from its path it was, and where it ended.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> h4 = tp.load("h4").unquantised()
+    >>> tp.simulate(h4, h4.replace({"chain1.rod": 0.483}))
+    h4 under redundant control, 0.4 s, 401 periods: ok
+    position: 3.66 mm off at most, 3.36 mm at the end; turn: 0.00591°, 0.00591°
+    """
 
     robot: Robot
     truth: Robot
@@ -62,6 +78,30 @@ class Simulation:
     hold: float = 0.2  #: s after the move
     faults: tuple[Fault, ...] = ()  #: of its readings
     ended: str = ""  #: why before its time, where faults took it out of its workspace
+
+    def __repr__(self) -> str:
+        said: list[str] = []
+        for what, of in (("position", "m"), ("turn", "rad")):
+            mine = [k for k, (_, unit) in enumerate(self.robot.coordinates) if unit == of]
+            if not (mine and len(self.time)):
+                continue
+            off = np.linalg.norm(self.error[:, mine], axis=1)
+            most, last = (printed(float(value), of, ".3g") for value in (off.max(), off[-1]))
+            said.append(
+                f"{what}: {most}, {last}"
+                if said
+                else f"{what}: {most} off at most, {last} at the end"
+            )
+        return (
+            f"{self.robot.name} under {self.controller.law} control, {self.time[-1]:.3g} s, "
+            f"{len(self.time)} periods: {self.status}\n{'; '.join(said)}"
+        )
+
+    def plot(self) -> Figure:
+        """Draw the errors over time, lengths above, angles below; then the torques."""
+        from truepose.simulation import figures
+
+        return figures.errors(self.robot, self.time, self.error, self.torque)
 
     @property
     def near_singular(self) -> Array:
@@ -259,6 +299,8 @@ def simulate(
     True
     """
     truth = robot if truth is None else truth
+    for one in {robot, truth}:
+        warn_if_stiff(one, "a simulation")
     controller = controller_of(controller, robot, effects)
     setpoints = None
     if path is not None:

@@ -24,7 +24,7 @@ class Posture:
     R: Array  #: (3, 3)
     psi: Array  #: (bars,) turn of each lateral bar in the nacelle
     position: Array  #: (n,) of the motors, before their encoders' offsets
-    joints: dict[str, float]  #: of arms and rods in MuJoCo, by the names of their joints
+    joints: dict[str, float]  #: of arms, rods and passive axes in MuJoCo, by their joints' names
 
 
 class Mechanism:
@@ -56,8 +56,9 @@ class Mechanism:
 
     def posture(self, x: ArrayLike) -> Posture:
         """All bodies at a pose whose loops are closed: at the full level where it exists."""
-        D, R, psi, position = self._pose(np.asarray(x, dtype=float))
-        joints = {}
+        x = np.asarray(x, dtype=float)
+        D, R, psi, position = self._pose(x)
+        joints = {f"axis{j + 1}": float(x[j]) for j in range(self.robot.core.axes)}
         for i, chain in enumerate(self.chains):
             if chain.actuator != _core.Actuator.telescopic:
                 joints[f"motor{i + 1}"] = position[i]

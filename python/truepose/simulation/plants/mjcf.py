@@ -1,7 +1,8 @@
 """What is this robot in MuJoCo's words? MJCF from a robot and its parameter values.
 
 The tree: arms (or carriages, or legs) on the base with their rods hanging on them, and the nacelle
-by itself with its lateral bars on pivots. `equality/connect` joins each rod's end to the nacelle.
+by itself with its lateral bars on pivots, or on the passive axes that carry it. `equality/connect`
+joins each rod's end to the nacelle.
 A rod hangs on a universal joint, which lets it point anywhere but not spin about itself. Every
 number is in the text: the file needs nothing of truepose.
 """
@@ -17,6 +18,7 @@ from numpy.typing import ArrayLike
 from truepose import _core
 from truepose.arguments import Array
 from truepose.files import mark
+from truepose.robot.passive import passive_axes
 from truepose.robot.robot import Robot
 from truepose.simulation.effects import Effects
 from truepose.simulation.plants.mechanism import Mechanism
@@ -222,7 +224,7 @@ class Model(Mechanism):
         """The nacelle, its lateral bars and where the rods end on them."""
         home, core = self.home, self.robot.core
         body = add(world, "body", name="nacelle", pos=home.D, xyaxes=xy(home.R))
-        self._freedom(body)
+        self._freedom(effects, body)
         centre = core.body(0)
         # An inertia that the ideal level never asks for: as large as the largest it knows.
         inertia = np.diag(centre.inertia).copy()
@@ -250,9 +252,23 @@ class Model(Mechanism):
                 ends = [middle + self.on_bar(i, side) for side in (-1.0, 1.0)]
                 capsule(on, kind, ends[0], ends[1], self.size / 80)
 
-    def _freedom(self, body: ET.Element) -> None:
-        """How the nacelle may move before rods hold it: in the plane, or anywhere."""
+    def _freedom(self, effects: Effects, body: ET.Element) -> None:
+        """How the nacelle may move before rods hold it: in the plane, on its axes, or anywhere."""
         spec, home = self.robot.spec, self.home
+        # A joint of several turns the axes of those after it; here as they stand at home.
+        for j, (place, along) in enumerate(passive_axes(self.robot.core, self.robot.home)):
+            pos = home.R.T @ (place - home.D)
+            add(
+                body,
+                "joint",
+                name=f"axis{j + 1}",
+                type="hinge",
+                axis=home.R.T @ along,
+                pos=pos,
+                ref=spec.home[j],
+                frictionloss=effects.joint_friction,
+            )
+            capsule(body, "passive axis", pos, pos, self.size / 60)
         if self.planar:
             for k, axis in enumerate("xy"):
                 add(
@@ -272,7 +288,7 @@ class Model(Mechanism):
                     axis=[0, 0, 1],
                     ref=spec.home[2],
                 )
-        else:
+        elif not spec.axis:
             add(body, "freejoint", name="nacelle")
 
     def _bar(self, k: int, effects: Effects, body: ET.Element) -> ET.Element:

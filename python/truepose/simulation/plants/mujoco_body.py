@@ -9,7 +9,7 @@ import numpy as np
 from truepose import _core
 from truepose.arguments import Array
 from truepose.exceptions import InputError, PoseError, TrueposeError
-from truepose.robot.frames import coordinates
+from truepose.robot.frames import coordinates, frames
 from truepose.robot.robot import Robot
 from truepose.simulation.effects import Effects
 from truepose.simulation.plants.mechanism import Posture
@@ -63,6 +63,7 @@ class Body:
         self.motors = [at[f"motor{i + 1}"] for i in range(robot.n)]
         self.roots = [at[name] for name in at if name.startswith("root")]
         self.bars = [at[f"bar{k + 1}"] for k in range(self.mechanism.bars)]
+        self._axes = [at[f"axis{j + 1}"] for j in range(robot.core.axes)]
         self._holds = [self.model.equality(f"hold{i + 1}").id for i in range(robot.n)]
 
     def stand(self, posture: Posture) -> None:
@@ -78,7 +79,7 @@ class Body:
                 qpos[self._at[f"nacelle.{axis}"]] = posture.D[k]
             if "nacelle.theta" in self._at:
                 qpos[self._at["nacelle.theta"]] = np.arctan2(posture.R[1, 0], posture.R[0, 0])
-        else:
+        elif "nacelle" in self._at:
             at = self._at["nacelle"]
             qpos[at : at + 3] = posture.D
             self.mujoco.mju_mat2Quat(qpos[at + 3 : at + 7], posture.R.ravel())
@@ -91,6 +92,9 @@ class Body:
             if "nacelle.theta" in self._at:
                 R = turn(2, qpos[self._at["nacelle.theta"]])
             return D, R
+        if self._axes:
+            frame = frames(self.robot, qpos[self._axes])
+            return frame[:3, 3], frame[:3, :3]
         at, flat = self._at["nacelle"], np.empty(9)
         self.mujoco.mju_quat2Mat(flat, qpos[at + 3 : at + 7])
         return qpos[at : at + 3].copy(), flat.reshape(3, 3)
@@ -103,6 +107,8 @@ class Body:
 
     def coordinates(self) -> Array:
         """Coordinates x of the nacelle, (n,)."""
+        if self._axes:
+            return self.data.qpos[self._axes].copy()
         return coordinates(self.robot, self.frame())
 
     def positions(self) -> tuple[Array, Array]:
