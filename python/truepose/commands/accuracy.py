@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import fnmatch
 import io
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,6 +32,8 @@ from truepose.commands.options import (
 from truepose.exceptions import InputError, one_line
 from truepose.files import contents
 from truepose.robot.robot import Robot, load
+from truepose.robot.units import summed
+from truepose.robot.workspace import workspace_grid
 from truepose.show.table import Cell, Table, number
 from truepose.show.terminal import Format, say, show
 from truepose.show.units import PRINT
@@ -104,26 +105,6 @@ class Prediction:
     left_out: int  #: poses of the workspace's grid that cannot be reached or are singular
     calibrated: bool
     sigma: dict[str, Array]  #: what is predicted: (sets, n + 1), coordinates and position norm
-
-
-def workspace_grid(robot: Robot, points: int | None = None) -> Array:
-    """Poses of a grid over the workspace box, its faces included.
-
-    By default five values of each coordinate (the H4's: Table 2 of the paper), three where there
-    are six.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> workspace_grid(tp.load("h4")).shape, workspace_grid(tp.load("hexa")).shape
-    ((625, 4), (729, 6))
-    """
-    box = info.workspace(robot)
-    points = points or (5 if robot.n < 6 else 3)
-    axes = [
-        np.linspace(low, high, points) for low, high in zip(box.minimum, box.maximum, strict=True)
-    ]
-    return np.array(list(itertools.product(*axes)))
 
 
 def sensor_sets(robot: Robot) -> list[tuple[str, ...]]:
@@ -244,7 +225,7 @@ def predict(
             raise InputError(f"{robot.name}: no pose of its workspace is reachable and regular")
         poses, left_out = grid[good], int((~good).sum())
     poses = np.atleast_2d(numbers_of(poses, "poses"))
-    linear = np.array([unit == "m" for _, unit in robot.coordinates])
+    total = summed(robot).columns
     sigma = {}
     for learnt in (False, True)[: 1 + calibrated]:
         for touched in (None, touch_off)[: 1 + (touch_off is not None)]:
@@ -252,7 +233,7 @@ def predict(
             for candidate in candidates:
                 P = accuracy(candidate, poses, poses if learnt else None, touched, level)
                 variance = np.diagonal(P, axis1=-2, axis2=-1).mean(axis=0)
-                rows.append(np.sqrt([*variance, variance[linear].sum()]))
+                rows.append(np.sqrt([*variance, variance[total].sum()]))
             what = "self-calibrated" if learnt else "as built"
             sigma[what + (", touched off" if touched is not None else "")] = np.array(rows)
     return Prediction(robot, sets, poses, left_out, calibrated, sigma)
@@ -260,19 +241,20 @@ def predict(
 
 def tables(found: Prediction) -> list[Table]:
     """One table for each thing predicted: rows of sensor sets, σ in mm and degrees."""
-    coordinates = found.robot.coordinates
+    coordinates, total = found.robot.coordinates, summed(found.robot)
     header = [f"{name} ({PRINT[unit][1]})" for name, unit in coordinates]
     factor = [PRINT[unit][0] for _, unit in coordinates]
     result = []
     for what, sigma in found.sigma.items():
         rows = []
         for names, values in zip(found.sets, sigma, strict=True):
-            cells = values * [*factor, PRINT["m"][0]]
+            cells = values * [*factor, PRINT[total.unit][0]]
             named = Cell(label(found.robot, names), ",".join(names) or "none")
             rows.append([named, *(number(float(v)) for v in cells)])
         title = f"σ of the pose, {what}"
         name = "accuracy_" + what.replace(", ", "_").replace(" ", "_").replace("-", "_")
-        result.append(Table(name, title, ["sensors", *header, "position (mm)"], rows))
+        last = f"{total.name} ({PRINT[total.unit][1]})"
+        result.append(Table(name, title, ["sensors", *header, last], rows))
     return result
 
 
@@ -300,7 +282,9 @@ def draw_map(
     level: Level | None = None,
     points: int = 101,
 ) -> Figure:
-    """Draw the position's σ over the first two coordinates of the workspace, through home.
+    """Draw σ of the position, a pivot's turn, over the workspace's first two coordinates.
+
+    Through home.
 
     Parameters
     ----------
@@ -313,8 +297,10 @@ def draw_map(
     """
     first, second, x = info.workspace_slice(robot, points)
     P = accuracy(robot, x, poses, touch_off, level, errors="nan")
-    linear = [k for k, (_, unit) in enumerate(robot.coordinates) if unit == "m"]
-    sigma = np.sqrt(np.diagonal(P, axis1=-2, axis2=-1)[..., linear].sum(axis=-1))
+    total = summed(robot)
+    factor, unit = PRINT[total.unit]
+    variance = np.diagonal(P, axis1=-2, axis2=-1)[..., total.columns].sum(axis=-1)
     state = "as built" if poses is None else "self-calibrated"
     note = f"{label(robot, robot.sensors)}; {state}" + (", touched off" * (touch_off is not None))
-    return info.draw_slice(robot, first, second, 1e3 * sigma, "σ of the position (mm)", note)
+    what = f"σ of the {total.name} ({unit})"
+    return info.draw_slice(robot, first, second, factor * np.sqrt(variance), what, note)

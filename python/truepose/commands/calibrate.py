@@ -5,16 +5,29 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, cast
 
-import numpy as np
 import typer
 
 from truepose import files, logs, robotfile
 from truepose.arguments import Level
 from truepose.calibration import log_checks, review
-from truepose.calibration.fit import MUCH, Loss, ModelError, memory, much_memory
+from truepose.calibration.differences import measurements
+from truepose.calibration.fitting import Loss, ModelError
+from truepose.calibration.memory import MUCH, memory, much_memory
+from truepose.calibration.rehomed import rehomed
 from truepose.calibration.review import Assessment
+from truepose.commands.between import (
+    Asked,
+    DistancesFile,
+    DistanceSigma,
+    LineWidth,
+    Shrinkage,
+    Tilt,
+    Tool,
+    ToolSigma,
+    TouchSigma,
+)
 from truepose.commands.options import (
     Force,
     How,
@@ -22,14 +35,19 @@ from truepose.commands.options import (
     RobotName,
     load_with,
     parse_pose,
+    parse_sizes,
     wrote,
 )
 from truepose.exceptions import InputError
+from truepose.robot.robot import Robot
+from truepose.robot.units import reading_units
+from truepose.show.table import Table
 from truepose.show.terminal import Format, say, show
-from truepose.show.units import WRITTEN
 
 #: Calls of `progress` that :func:`run` makes.
 STEPS = 3 + review.STEPS
+#: Measured differences that a screen is shown of them all.
+SHOWN = 12
 
 Registration = Literal["unknown", "known"]
 
@@ -39,7 +57,8 @@ def command(
     log: Annotated[
         Path,
         typer.Argument(
-            help="CSV, Parquet or MCAP: columns q1 … qn, each sensor's name, measured_x, …; SI."
+            help="CSV, Parquet or MCAP: columns q1 … qn, each sensor's name, measured_x, … plane, "
+            "point; SI."
         ),
     ],
     out: Annotated[
@@ -76,6 +95,22 @@ def command(
         str | None,
         typer.Option(help="Pose x,y,… that is known from outside.", show_default="home"),
     ] = None,
+    homed: Annotated[
+        str | None,
+        typer.Option(
+            "--rehomed",
+            help="Motors were homed anew: by how far their zeros may have moved: 20mm, or 2deg.",
+            show_default="not at all",
+        ),
+    ] = None,
+    touch_sigma: TouchSigma = None,
+    tilt: Tilt = None,
+    tool: Tool = None,
+    tool_sigma: ToolSigma = None,
+    distances: DistancesFile = None,
+    distance_sigma: DistanceSigma = None,
+    shrinkage: Shrinkage = 0.0,
+    line_width: LineWidth = None,
     how: How = Format.table,
     force: Force = False,
 ) -> None:
@@ -111,8 +146,19 @@ def command(
                 measured_sigma,
                 registration,
                 touch_off,
+                homed,
                 lambda what: bar.update(task, advance=1, description=what),
                 force,
+                Asked(
+                    touch_sigma,
+                    tilt,
+                    tool,
+                    tool_sigma,
+                    distances,
+                    distance_sigma,
+                    shrinkage,
+                    line_width,
+                ),
             )
     except RefusedError as refused:
         for reason in refused.reasons:
@@ -123,10 +169,19 @@ def command(
     tables = review.tables_of(result)
     if how is Format.table:  # the report has the change of each parameter, too
         few = (0, 1, 3, 4, 5, 6)
-        tables = [t.columns(*few) if t.name == "parameters" else t for t in tables]
+        tables = [t.columns(*few) if t.name == "parameters" else furthest(t) for t in tables]
     show(tables, how)
-    say(f"{review.verdicts(result.fit)}.", how)
+    say(f"{result.fit.verdicts}.", how)
     wrote(how, out, report)
+
+
+def furthest(table: Table) -> Table:
+    """Of measured differences those that are furthest off: what fits on a screen."""
+    if table.name != "differences" or len(table.rows) <= SHOWN:
+        return table
+    rows = sorted(table.rows, key=lambda row: -abs(row[4].data))  # type: ignore[attr-defined]
+    title = f"{table.title}: the {SHOWN} furthest off of {len(rows)}"
+    return Table(table.name, title, table.header, rows[:SHOWN])
 
 
 class RefusedError(InputError):
@@ -150,20 +205,27 @@ def run(
     measured_sigma: str | None,
     registration: str,
     touch_off: str | None,
+    homed: str | None,
     progress: Callable[[str], None],
     force: bool = False,
+    asked: Asked | None = None,
 ) -> Assessment:
     """Read, look over, fit, try, write; nothing is written unless all went well."""
-    inputs = (log_file, robotfile.path_of(robot_file))
+    asked = asked or Asked()
+    inputs = [log_file, robotfile.path_of(robot_file)]
+    inputs += [asked.distances] if asked.distances else []
     robot_out = robotfile.output(out, "-o", calibrated=True) if out else None
     page_out = files.Output(report, "report", "--report") if report else None
     files.check(filter(None, (robot_out, page_out)), inputs, force)
     robot = load_with(robot_file, sensors)
-    sigma, angle_sigma = _sigmas(measured_sigma)
+    sigma, angle_sigma = parse_sizes(measured_sigma, "--measured-sigma")
+    robot = _rehomed(robot, homed)
     at = None if touch_off is None else parse_pose(robot, touch_off, "--touch-off")
     log = logs.read(robot, log_file)
     progress("log read")
-    log, findings = log_checks.check(robot, log)
+    between = asked.between(robot, log, log_file)
+    differences = measurements(between.of(robot, log))
+    log, findings = log_checks.check(robot, log, differences)
     if refused := [f"{log_file}: {finding.text}" for finding in findings if finding.refused]:
         raise RefusedError(refused)
     progress("log looked over")
@@ -182,6 +244,7 @@ def run(
             notes,
             touch_off=at,
             progress=progress,
+            between=between,
             level=level,
             loss=loss,
             tuning=tuning,
@@ -204,26 +267,15 @@ def run(
     return result
 
 
-def _sigmas(text: str | None) -> tuple[float | None, float | None]:
-    """Read σ of lengths and of angles, "0.02mm,0.01deg"; without a unit, m.
-
-    Examples
-    --------
-    >>> _sigmas("0.05deg"), _sigmas("2e-5")
-    ((None, 0.0008726646259971648), (2e-05, None))
-    """
-    result: dict[str, float] = {}
-    for part in text.split(",") if text is not None else ():
-        number = part.strip().rstrip("".join(WRITTEN))
-        unit, factor = WRITTEN.get(part.strip()[len(number) :] or "m", ("m", np.nan))
-        try:
-            value = factor * float(number)
-        except ValueError:
-            value = np.nan
-        if not (0 < value < np.inf) or unit in result:
-            raise InputError(
-                f"--measured-sigma {text}: must be a length and an angle greater than 0, as "
-                f"0.02mm,0.01deg (units: {', '.join(WRITTEN)})"
-            )
-        result[unit] = value
-    return result.get("m"), result.get("rad")
+def _rehomed(robot: Robot, text: str | None) -> Robot:
+    """Return the robot, its motors' zeros moved by as much as --rehomed says."""
+    if text is None:
+        return robot
+    by = dict(zip(("m", "rad"), parse_sizes(text, "--rehomed"), strict=True))
+    units = reading_units(robot)[: robot.n]
+    if missing := {unit for unit in units if by[unit] is None}:
+        raise InputError(
+            f"--rehomed {text}: {robot.name}'s motors read {' and '.join(sorted(set(units)))}; "
+            f"nothing is said of {' and '.join(sorted(missing))}"
+        )
+    return rehomed(robot, [cast(float, by[unit]) for unit in units])

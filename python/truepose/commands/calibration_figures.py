@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from truepose.calibration import review
-from truepose.calibration.fit import BARELY, IDENTIFIED, Fit
+from truepose.calibration import figures, review
+from truepose.calibration.learnt import BARELY, IDENTIFIED
 from truepose.calibration.review import Assessment
 from truepose.exceptions import one_line
 from truepose.files import picture
+from truepose.robot.units import summed
 from truepose.show.page import as_uri, render, versions
-from truepose.show.units import in_print, printed
+from truepose.show.units import PRINT, in_print, printed
 
 _COLOURS = {"before": "#b2182b", "after": "#2166ac", "held out": "#1b7837"}
-_VERDICTS = {"identified": "#1b7837", "barely": "#e08214", "not identified": "#b2182b"}
 
 
 def page(result: Assessment, source: str, loss: str) -> str:
@@ -32,17 +32,17 @@ def page(result: Assessment, source: str, loss: str) -> str:
         source=one_line(source),
         loss=loss,
         lines=f"{counts} of {len(result.log.lines)} {result.log.word}s count",
-        verdicts=review.verdicts(result.fit),
+        verdicts=result.fit.verdicts,
         notes=result.notes,
         where=result.where,
         touch_off=touch,
         identified=IDENTIFIED,
         barely=BARELY,
         tables={table.name: table for table in review.tables_of(result)},
-        images={
-            "residuals": as_uri(picture(residuals(result), ".svg")),
+        images=({"residuals": as_uri(picture(residuals(result), ".svg"))} if result.names else {})
+        | {
             "accuracy": as_uri(picture(accuracy(result), ".svg")),
-            "parameters": as_uri(picture(parameters(result.fit), ".svg")),
+            "parameters": as_uri(picture(figures.parameters(result.fit.parameters), ".svg")),
         },
         versions=versions(),
     )
@@ -84,41 +84,16 @@ def accuracy(result: Assessment) -> Figure:
     """Predicted σ of the position at every pose, sorted: before and after, both ways."""
     figure = Figure(figsize=(8.4, 3.1), layout="constrained")
     pair = figure.subplots(1, 2, sharey=True)
-    linear = [k for k, (_, unit) in enumerate(result.fit.robot.coordinates) if unit == "m"]
+    total = summed(result.fit.robot)
+    factor, unit = PRINT[total.unit]
     for axes, how in zip(pair, ("absolute", "touched off"), strict=True):
         for when in ("before", "after"):
             P = np.diagonal(result.accuracy[when, how], axis1=1, axis2=2)
-            error = 1e3 * np.sort(np.sqrt(P[:, linear].sum(axis=1)))
+            error = factor * np.sort(np.sqrt(P[:, total.columns].sum(axis=1)))
             share = 100 * (np.arange(len(error)) + 0.5) / len(error)
             axes.plot(share, error, color=_COLOURS[when], label=when)
         axes.set(title=how, xlabel=f"poses {result.where} (%)", yscale="log")
         axes.title.set_size(10)
-    pair[0].set(ylabel="position error, σ (mm)")
+    pair[0].set(ylabel=f"{total.name} error, σ ({unit})")
     pair[0].legend(fontsize=9, frameon=False)
-    return figure
-
-
-def parameters(fit: Fit) -> Figure:
-    """Every parameter's change and posterior σ, in units of its prior σ."""
-    found = fit.parameters
-    figure = Figure(figsize=(8.4, 1.0 + 0.17 * len(found)), layout="constrained")
-    axes = figure.subplots()
-    axes.axvspan(-1, 1, color="0.92", zorder=0)
-    axes.axvline(0, color="0.6", lw=0.8)
-    for verdict, colour in _VERDICTS.items():
-        rows = [k for k, p in enumerate(found.values()) if p.verdict == verdict]
-        some = [list(found.values())[k] for k in rows]
-        axes.errorbar(
-            [(p.value - p.prior) / p.prior_sigma for p in some],
-            rows,
-            xerr=[p.ratio for p in some],
-            fmt="o",
-            ms=3,
-            lw=1,
-            color=colour,
-            label=verdict,
-        )
-    axes.set_yticks(range(len(found)), list(found), fontsize=7)
-    axes.set(ylim=(len(found) - 0.3, -0.7), xlabel="change and σ, in units of the prior σ")
-    figure.legend(loc="outside upper center", ncols=3, fontsize=9, frameon=False)
     return figure

@@ -14,10 +14,10 @@ import typer
 
 from truepose import _core, robotfile
 from truepose.commands import info
-from truepose.commands.accuracy import workspace_grid
 from truepose.exceptions import RobotFileError, shortened
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
+from truepose.robot.workspace import workspace_grid
 from truepose.robotfile import Problem, toml_lines
 from truepose.robotfile.schema import RobotFile
 from truepose.show.terminal import say

@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 import threading
+import warnings
 from importlib import metadata
 from typing import Annotated
 
@@ -17,17 +18,25 @@ from truepose.commands import (
     accuracy,
     calibrate,
     check,
+    design,
     export,
     faults,
+    imports,
     info,
     isolate,
+    klipper,
     margins,
+    maslow,
     new,
+    plan,
     rehearse,
     reproduce,
     robots,
     simulate,
+    study,
     view,
+    workbench,
+    zero,
 )
 from truepose.exceptions import TrueposeError
 from truepose.show.terminal import prepare, say
@@ -42,15 +51,23 @@ app.command("check")(check.command)
 app.command("new")(new.command)
 app.command("info")(info.command)
 app.command("accuracy")(accuracy.command)
+app.command("design")(design.command)
+app.command("plan")(plan.command)
 app.command("faults")(faults.command)
 app.command("isolate")(isolate.command)
 app.command("margins")(margins.command)
 app.command("calibrate")(calibrate.command)
+app.command("zero")(zero.command)
+app.command("maslow")(maslow.command)
+app.command("klipper")(klipper.command)
 app.add_typer(export.app, name="export")
+app.add_typer(imports.app, name="import")
 app.command("robots")(robots.command)
 app.command("rehearse")(rehearse.command)
 app.command("simulate")(simulate.command)
+app.command("study")(study.command)
 app.command("view")(view.command)
+app.command("workbench")(workbench.command)
 app.command("reproduce")(reproduce.command)
 
 
@@ -88,7 +105,9 @@ def main() -> None:
         signals = []  # only the main one may ask for them
     before = {number: signal.signal(number, _stop) for number in signals}
     try:
-        code, message = _run()
+        with warnings.catch_warnings():  # a line each, without whose line of code it was
+            warnings.showwarning = lambda message, *_: say(f"truepose: {message}", err=True)
+            code, message = _run()
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -24,9 +24,10 @@ from truepose.deploy.c_tables import KIND, to_c
 from truepose.deploy.linuxcnc import to_configuration
 from truepose.exceptions import InputError
 from truepose.robot.laws import Law
-from truepose.robot.robot import load
+from truepose.robot.robot import Robot, load
+from truepose.robot.stretch import taken_as_stiff
 from truepose.robotfile import path_of
-from truepose.show.terminal import Format
+from truepose.show.terminal import Format, say
 from truepose.simulation.controller import Controller
 from truepose.simulation.plants.mjcf import to_mjcf
 from truepose.simulation.watch import Watch
@@ -58,7 +59,9 @@ def mjcf(
 
     Example: **truepose export mjcf h4 -o h4.xml**
     """
-    _put(robot, to_mjcf(load(robot)), out, "model", force)
+    made = load(robot)
+    _put(robot, to_mjcf(made), out, "model", force)
+    _stiff(made, "the model")
 
 
 @app.command()
@@ -99,6 +102,7 @@ def c(
     else:
         controller = Controller(law=law, period=period, frequency=frequency)
     _put(robot, to_c(made, controller, Watch(effects=loses)), out, KIND, force)
+    _stiff(made)
 
 
 @app.command()
@@ -145,6 +149,13 @@ def linuxcnc(
     with _folder(out):
         files.write(outputs, read, force)
     wrote(Format.table, *(output.path for output in outputs))
+    _stiff(made)
+
+
+def _stiff(robot: Robot, what: str = "a controller") -> None:
+    """Say what a controller leaves out of a robot, on standard error."""
+    if said := taken_as_stiff(robot, what):
+        say(said, err=True)
 
 
 @contextlib.contextmanager

@@ -17,7 +17,7 @@ from truepose.calibration.fault_limits import (
     false_alarm_rate,
     fault_limits,
 )
-from truepose.commands.accuracy import label, read_poses, workspace_grid
+from truepose.commands.accuracy import label, read_poses
 from truepose.commands.options import (
     Force,
     How,
@@ -36,6 +36,7 @@ from truepose.exceptions import InputError
 from truepose.robot import knowledge
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
+from truepose.robot.workspace import workspace_grid
 from truepose.show.table import Cell, Table, number
 from truepose.show.terminal import Format, say, show
 from truepose.show.units import PRINT

@@ -14,7 +14,7 @@ from truepose.arguments import Array
 from truepose.commands.options import Force, How, RobotName, plot_to, wrote
 from truepose.exceptions import InputError
 from truepose.robot.robot import Robot, load
-from truepose.robotfile.schema import Workspace
+from truepose.robot.workspace import workspace
 from truepose.show.table import Cell, Table
 from truepose.show.terminal import Format, show
 from truepose.show.units import PRINT, printed
@@ -75,7 +75,7 @@ class Figures:
     q_min: Array
     q_max: Array
     condition: tuple[float, float, float]  #: least, median, greatest condition number of J
-    moving: Speed  #: at 1 m/s, in the worst direction
+    moving: Speed | None  #: at 1 m/s, in the worst direction; None if it only turns
     turning: Speed | None  #: at 1 rad/s, about the worst axis; None if the nacelle cannot turn
     full_less_ideal: Array | None  #: (n,), see :func:`level_difference`
 
@@ -129,7 +129,7 @@ def measure(robot: Robot, samples: int = 100_000, seed: int = 0, length: float =
         q_min=q[reached].min(axis=0),
         q_max=q[reached].max(axis=0),
         condition=(float(condition.min()), float(np.median(condition)), float(condition.max())),
-        moving=_fastest(K[:, :, linear], x),
+        moving=_fastest(K[:, :, linear], x) if linear.any() else None,
         turning=None if linear.all() else _fastest(K[:, :, ~linear], x),
         full_less_ideal=level_difference(robot, x[:100], seed),
     )
@@ -208,6 +208,8 @@ def workspace_slice(robot: Robot, points: int = 101) -> tuple[Array, Array, Arra
     x : ndarray, shape (points, points, n)
         Rows along `second`.
     """
+    if robot.n < 2:
+        raise InputError(f"{robot.name}: one coordinate, no slice to draw")
     box = workspace(robot)
     first, second = (np.linspace(box.minimum[k], box.maximum[k], points) for k in range(2))
     x = np.tile(robot.home, (points, points, 1))
@@ -229,7 +231,7 @@ def condition_map(
 
 def draw_map(robot: Robot, length: float = LENGTH) -> Figure:
     """Draw :func:`condition_map`."""
-    angles = any(unit == "rad" for _, unit in robot.coordinates)
+    angles = len({unit for _, unit in robot.coordinates}) > 1
     note = f"angles times {1e3 * length:g} mm" if angles else ""
     label = "condition number of J (–)"
     return draw_slice(robot, *condition_map(robot, length), label, note)
@@ -248,17 +250,22 @@ def draw_slice(
     axes = figure.subplots()
     axes.set_facecolor("0.8")  # unreachable or singular
     levels = np.linspace(np.nanmin(values), np.nanmax(values) + 1e-9, 15)
-    filled = axes.contourf(1e3 * first, 1e3 * second, values, levels, cmap="viridis")
+    (name_1, unit_1), (name_2, unit_2) = robot.coordinates[:2]
+    (by_1, shown_1), (by_2, shown_2) = PRINT[unit_1], PRINT[unit_2]
+    filled = axes.contourf(by_1 * first, by_2 * second, values, levels, cmap="viridis")
     figure.colorbar(filled, label=label, format="%.3g")
-    axes.plot(*(1e3 * robot.home[:2]), "w+", ms=12, mew=2)
+    axes.plot(by_1 * robot.home[0], by_2 * robot.home[1], "w+", ms=12, mew=2)
     rest = [
         f"{name} = {printed(v, unit, 'g')}"
         for (name, unit), v in zip(robot.coordinates[2:], robot.home[2:], strict=True)
     ]
     title = f"{robot.name}: slice through home (+)" + (", " if rest else "") + ", ".join(rest)
-    (name_1, _), (name_2, _) = robot.coordinates[:2]
     axes.set_title(f"{title}\n{note}".rstrip(), fontsize=10, parse_math=False)
-    axes.set(xlabel=f"{name_1} (mm)", ylabel=f"{name_2} (mm)", aspect="equal")
+    axes.set(
+        xlabel=f"{name_1} ({shown_1})",
+        ylabel=f"{name_2} ({shown_2})",
+        aspect="equal" if unit_1 == unit_2 else "auto",
+    )
     return figure
 
 
@@ -271,7 +278,7 @@ def table(robot: Robot, figures: Figures) -> Table:
 def rows(robot: Robot, figures: Figures) -> list[tuple[str, str]]:
     """Name and value of each figure: mm and degrees for people, SI for programs."""
     spec, box = robot.spec, workspace(robot)
-    angles = any(unit == "rad" for _, unit in robot.coordinates)
+    angles = len({unit for _, unit in robot.coordinates}) > 1
     scale = f", angles × {1e3 * figures.length:g} mm" if angles else ""
     known = [sensor.name for sensor in spec.sensor]
     spare = [name for name in known if name not in robot.sensors]
@@ -304,9 +311,12 @@ def rows(robot: Robot, figures: Figures) -> list[tuple[str, str]]:
     numbers = f"{low:.2f} least, {middle:.2f} median, {high:.2f} greatest"
     spread = {"value": middle, "minimum": low, "maximum": high}
     result.append((f"condition number of J{scale}", Cell(numbers, spread)))
-    result.append(("fastest motor at 1 m/s", _speed(robot, figures.moving)))
+    if figures.moving is not None:
+        result.append(("fastest motor at 1 m/s", _speed(robot, figures.moving)))
     if figures.turning is not None:
         result.append(("fastest motor at 1 rad/s", _speed(robot, figures.turning)))
+    if spec.stretches:
+        result += _stretch(robot)
     result.append(("full level", robot.full.reason))
     if figures.full_less_ideal is not None:
         parts = zip(robot.coordinates, figures.full_less_ideal, strict=True)
@@ -321,11 +331,20 @@ def rows(robot: Robot, figures: Figures) -> list[tuple[str, str]]:
     return result
 
 
-def workspace(robot: Robot) -> Workspace:
-    """Box in which the robot is meant to work; an error where its file has none."""
-    if robot.spec.workspace is None:
-        raise InputError(f"{robot.name}: workspace: is missing from its file")
-    return robot.spec.workspace
+def _stretch(robot: Robot) -> list[tuple[str, str]]:
+    """What rods carry at home, and by how much they give way."""
+    at = robot.tension(robot.home, errors="nan")
+    strain = robot.compliance * at
+    names = [f"chain {k}" for k in range(1, robot.n + 1)]
+
+    def each(values: Array, unit: str, factor: float = 1.0) -> Cell:
+        text = f"{', '.join(f'{factor * v + 0.0:.3g}' for v in values)} {unit}"
+        return Cell(text, dict(zip(names, map(float, values), strict=True)))
+
+    return [
+        ("tension of each chain at home", each(at, "N")),
+        ("strain of its rods there", each(strain, "µm/m", 1e6)),
+    ]
 
 
 def _condition(robot: Robot, J: Array, length: float) -> Array:

@@ -17,8 +17,10 @@ from truepose.arguments import Array, Level
 from truepose.calibration.fault_limits import HOURS
 from truepose.exceptions import InputError, choose
 from truepose.robot.robot import Robot, load, robots
+from truepose.robot.units import summed
 from truepose.robotfile import path_of
 from truepose.show.terminal import Format, say
+from truepose.show.units import WRITTEN
 from truepose.simulation.effects import Effects
 from truepose.simulation.faults import FAULT_KINDS, Fault
 from truepose.simulation.true_robots import with_tolerance_errors
@@ -141,6 +143,8 @@ def parse_set(robot: Robot, text: str) -> tuple[str, ...]:
     ('theta', 'wire1', 'wire2', 'wire3')
     """
     names = tuple(sensor.name for sensor in robot.spec.sensor)
+    if not names and text not in ("all", "none"):
+        raise InputError(f"{text}: {robot.name} has no sensor in its file")
     if text in ("all", "none"):
         return names if text == "all" else ()
     chosen: list[str] = []
@@ -162,6 +166,49 @@ def parse_pose(robot: Robot, text: str, name: str) -> Array:
         names = ",".join(c for c, _ in robot.coordinates)
         raise InputError(f"{name} {text}: must be {robot.n} numbers, {names} (m, rad)")
     return pose
+
+
+def parse_sizes(text: str | None, option: str) -> tuple[float | None, float | None]:
+    """Read a length and an angle, "0.02mm,0.01deg", or one of them; without a unit, m.
+
+    Examples
+    --------
+    >>> parse_sizes("0.05deg", "--outside"), parse_sizes("2e-5", "--outside")
+    ((None, 0.0008726646259971648), (2e-05, None))
+    """
+    result: dict[str, float] = {}
+    for part in text.split(",") if text is not None else ():
+        number = part.strip().rstrip("".join(WRITTEN))
+        unit, factor = WRITTEN.get(part.strip()[len(number) :] or "m", ("m", np.nan))
+        try:
+            value = factor * float(number)
+        except ValueError:
+            value = np.nan
+        if not (0 < value < np.inf) or unit in result:
+            raise InputError(
+                f"{option} {text}: must be a length and an angle greater than 0, as "
+                f"0.02mm,0.01deg (units: {', '.join(WRITTEN)})"
+            )
+        result[unit] = value
+    return result.get("m"), result.get("rad")
+
+
+def parse_length(text: str | None, option: str) -> float | None:
+    """Read a length as people write it, "0.1mm"; without a unit, m."""
+    length, angle = parse_sizes(text, option)
+    if text is not None and (length is None or angle is not None):
+        raise InputError(f"{option} {text}: must be a length, as 0.1mm")
+    return length
+
+
+def parse_target(robot: Robot, text: str | None) -> float | None:
+    """Read what σ is enough, as people write it: a length, "0.1mm", or a pivot's angle."""
+    if summed(robot).unit != "rad":
+        return parse_length(text, "--target")
+    length, angle = parse_sizes(text, "--target")
+    if text is not None and (angle is None or length is not None):
+        raise InputError(f"--target {text}: must be an angle, as 0.1deg")
+    return angle
 
 
 def load_with(robot: str, sensors: str | None) -> Robot:

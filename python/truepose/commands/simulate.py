@@ -35,6 +35,7 @@ from truepose.exceptions import InputError, PoseError
 from truepose.robot.frames import frames
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot, robots
+from truepose.robot.units import summed
 from truepose.robotfile import path_of
 from truepose.show.table import Cell, Table, number
 from truepose.show.terminal import Format, say, show
@@ -320,13 +321,13 @@ def _errors(
     columns: dict[str, Callable[[Array], Array]],
     ends: dict[str, Array],
 ) -> Table:
-    """One row a coordinate, mm and degrees; last the position."""
-    linear = [unit == "m" for _, unit in robot.coordinates]
-    position = np.linalg.norm(error[:, linear], axis=1)
+    """One row a coordinate, mm and degrees; last the position, of a pivot the turn."""
+    total = summed(robot)
+    position = np.linalg.norm(error[:, total.columns], axis=1)
     values = [of(np.column_stack([error, position])) for of in columns.values()]
     values = [np.append(pose, np.nan) for pose in ends.values()] + values
     rows = []
-    for k, (name, unit) in enumerate([*robot.coordinates, ("position", "m")]):
+    for k, (name, unit) in enumerate([*robot.coordinates, (total.name, total.unit)]):
         factor, shown = PRINT[unit]
         label = Cell(f"{name} ({shown})", {"error": name, "unit": shown})
         cells = [float(factor * column[k]) for column in values]
@@ -336,30 +337,7 @@ def _errors(
 
 def draw(run: Run) -> Figure:
     """Draw the errors over time or poses: lengths above, angles below; then the torques."""
-    from matplotlib.figure import Figure
+    from truepose.simulation import figures
 
-    shown = {
-        f"error ({PRINT[of][1]})": {
-            name: PRINT[of][0] * run.error[:, k]
-            for k, (name, unit) in enumerate(run.robot.coordinates)
-            if unit == of
-        }
-        for of in ("m", "rad")
-    }
-    move = isinstance(run.log, Simulation)
-    if isinstance(run.log, Simulation):
-        torques = enumerate(run.log.torque.T, 1)
-        shown["torque (N·m) or force (N)"] = {f"motor {k}": torque for k, torque in torques}
-    shown = {label: lines for label, lines in shown.items() if lines}
-    figure = Figure(figsize=(7.0, 0.6 + 2.1 * len(shown)), layout="constrained")
-    for axes, (label, lines) in zip(
-        figure.subplots(len(shown), sharex=True, squeeze=False)[:, 0], shown.items(), strict=True
-    ):
-        for name, values in lines.items():
-            axes.plot(run.over, values, "-" if move else ".", label=name, lw=1.2)
-        axes.axhline(0, color="0.6", lw=0.8)
-        axes.set_ylabel(label)
-        axes.legend(loc="upper left", bbox_to_anchor=(1, 1), fontsize=8, frameon=False)
-    axes.set_xlabel("time (s)" if move else "pose")
-    figure.suptitle(f"{run.robot.name}: true less desired", fontsize=10, parse_math=False)
-    return figure
+    torque = run.log.torque if isinstance(run.log, Simulation) else None
+    return figures.errors(run.robot, run.over, run.error, torque)

@@ -1,0 +1,360 @@
+"""Which sensors are worth their price? Accuracy against price, and the best for a budget."""
+
+from __future__ import annotations
+
+import fnmatch
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from truepose import files, robotfile
+from truepose.arguments import Array
+from truepose.calibration.candidates import drawn, reachable
+from truepose.calibration.design import Choice, Design, design, in_other_states
+from truepose.calibration.placing import place as find_place
+from truepose.commands import placing
+from truepose.commands.accuracy import label, read_poses
+from truepose.commands.options import (
+    Force,
+    How,
+    RobotName,
+    Seed,
+    parse_pose,
+    parse_set,
+    parse_sizes,
+    parse_target,
+    plot_to,
+    wrote,
+)
+from truepose.exceptions import InputError, choose
+from truepose.robot.robot import Robot, load
+from truepose.robot.units import summed, unit_of
+from truepose.robotfile import path_of
+from truepose.show.table import Cell, Table, number
+from truepose.show.terminal import Format, say, show
+from truepose.show.units import PRINT, WRITTEN, tolerance
+
+#: Poses of a self-calibration, where a report shows one that was not asked for.
+OTHERWISE = "10"
+
+
+def command(
+    robot: RobotName,
+    price: Annotated[
+        str | None,
+        typer.Option(
+            metavar="A=90,B*=250",
+            help="Prices of sensors in question, names or globs; 'none': no sensor.",
+            show_default="the keys price of the file",
+        ),
+    ] = None,
+    finer: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="ROD*=1mm:40,0.1mm:200",
+            help="To which σ parameters can be machined, a name or a glob, and for which price. "
+            "Repeatable; 'none': to none.",
+            show_default="the keys finer of the file",
+        ),
+    ] = None,
+    budget: Annotated[
+        float | None, typer.Option(help="Find the most accurate set that costs no more.")
+    ] = None,
+    target: Annotated[
+        str | None, typer.Option(metavar="0.1mm", help="Find the cheapest set that is so accurate.")
+    ] = None,
+    must: Annotated[
+        str | None, typer.Option(metavar="A,B*", help="Sensors that are there in any case.")
+    ] = None,
+    calibrated: Annotated[
+        str | None,
+        typer.Option(
+            metavar="N|CSV", help="After self-calibration on N poses, or those of a file."
+        ),
+    ] = None,
+    touch_off: Annotated[
+        str | None,
+        typer.Option(metavar="X,Y,…", help="Once read at this pose, known from outside; m, rad."),
+    ] = None,
+    survives: Annotated[
+        bool, typer.Option("--survives", help="With any one of the sensors failed, the worst.")
+    ] = False,
+    over: Annotated[
+        Path | None,
+        typer.Option(
+            help="CSV file of the poses where accuracy is asked for.",
+            show_default="32 over the workspace",
+        ),
+    ] = None,
+    place: Annotated[
+        str | None,
+        typer.Option(
+            metavar="A,B*", help="Instead: where these sensors should be mounted, --must beside."
+        ),
+    ] = None,
+    within: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="wire1.origin.z=-0.2m..100mm",
+            help="With --place: where they may be, a coordinate or a glob. Repeatable.",
+            show_default="as the motors, and the rods' ends at home",
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", help="With --place: robot file to write.")
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="Also draw accuracy against price (PNG, SVG, PDF).")
+    ] = None,
+    report: Annotated[Path | None, typer.Option(help="Report to write (HTML).")] = None,
+    seed: Seed = 0,
+    how: How = Format.table,
+    force: Force = False,
+) -> None:
+    """Choose sensors and tolerances by the accuracy they allow and their cost, before building.
+
+    Prints the sets that none is as cheap and as accurate as; with a budget or a target the best.
+
+    Example: **truepose design h4 --price theta=90,z_telemeter=400,wire1=250 --budget 600**, then
+    **truepose design h4 --place wire1 -o placed.toml**
+    """
+    read: list[str | Path] = [robot, *([over] if over else [])]
+    if calibrated is not None and not calibrated.isdigit():
+        read.append(calibrated)
+    inputs = [path_of(str(name)) for name in read]
+    for_choosing = {
+        "--price": price, "--finer": finer, "--budget": budget, "--target": target,
+        "--survives": survives or None, "--plot": plot, "--report": report,
+    }  # fmt: skip
+    unused = for_choosing if place is not None else {"--within": within, "-o": out}
+    for option, value in unused.items():
+        if value is not None:
+            other = "chooses sensors, --place their places" if place else "needs --place"
+            raise InputError(f"{option}: {other}")
+    save = plot_to(plot, read, force)
+    written = robotfile.output(out, "-o") if out is not None else None
+    page_out = files.Output(report, "report", "--report") if report is not None else None
+    files.check([output for output in (written, page_out) if output], inputs, force)
+    loaded = load(robot)
+    known: dict[str, Any] = {
+        "calibrated_on": None if calibrated is None else _visited(loaded, calibrated),
+        "touch_off": None if touch_off is None else parse_pose(loaded, touch_off, "--touch-off"),
+        "poses": None if over is None else read_poses(loaded, over),
+    }
+    state = ["as built" if calibrated is None else "self-calibrated"]
+    state += ["touched off"] * (touch_off is not None) + ["any one sensor failed"] * survives
+    if place is not None:
+        boxes = parse_boxes(within or [])
+        beside = None if must is None else parse_set(loaded, must)
+        there = find_place(
+            loaded, parse_set(loaded, place), within=boxes, beside=beside, seed=seed, **known
+        )
+        if out is not None:
+            there.robot.save(out, force=force)
+        show([placing.table(there, ", ".join(state))], how)
+        for line in placing.notes(there):
+            say(line, how)
+        wrote(how, out)
+        return
+    found = design(
+        loaded,
+        None if price is None else parse_prices(loaded, price),
+        finer=None if finer is None else parse_finer(loaded, finer),
+        budget=budget,
+        target=parse_target(loaded, target),
+        must=() if must is None else parse_set(loaded, must),
+        survives=survives,
+        **known,
+    )
+    from truepose.commands import design_figures  # matplotlib takes its time
+
+    save(lambda: design_figures.front(found))
+    shown = table(found, ", ".join(state))
+    if page_out is not None:
+        visited = known["calibrated_on"] if calibrated else _visited(loaded, OTHERWISE)
+        at = known["touch_off"] if touch_off else loaded.home
+        told = [shown, each(found), states(found, in_other_states(found, visited, at))]
+        text = design_figures.page(
+            found, ", ".join(state), told, notes(found), len(visited), bool(touch_off)
+        )
+        files.write({page_out: text}, inputs, force)
+    show([shown], how)
+    for line in notes(found):
+        say(line, how)
+    wrote(how, plot, report)
+
+
+def parse_prices(robot: Robot, text: str) -> dict[str, float]:
+    """Read prices as people write them.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> parse_prices(tp.load("h4"), "theta=90,pivot*=40")
+    {'theta': 90.0, 'pivot1': 40.0, 'pivot2': 40.0}
+    """
+    result: dict[str, float] = {}
+    for part in text.split(",") if text != "none" else ():
+        name, equals, value = part.partition("=")
+        try:
+            price = float(value)
+        except ValueError:
+            price = np.nan
+        if not equals or not 0 <= price < np.inf:
+            raise InputError(f"--price {part.strip()}: must be SENSOR=PRICE, 0 or greater")
+        result |= dict.fromkeys(parse_set(robot, name.strip()), price)
+    return result
+
+
+def parse_finer(robot: Robot, texts: Sequence[str]) -> dict[str, dict[float, float]]:
+    """Read what machining costs as people write it.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> parse_finer(tp.load("h4"), ["chain*.rod=1mm:40,0.1mm:200"])
+    {'chain*.rod': {0.001: 40.0, 0.0001: 200.0}}
+    """
+    result: dict[str, dict[float, float]] = {}
+    for text in texts if list(texts) != ["none"] else ():
+        group, _, levels = text.partition("=")
+        fits = fnmatch.filter(robot.parameters, group)
+        if not fits:
+            raise InputError(f"--finer: {choose('parameter', group, robot.parameters)}, or a glob")
+        curve = result.setdefault(group, {})
+        for level in levels.split(","):
+            size, _, value = level.partition(":")
+            try:
+                price = float(value)
+            except ValueError:
+                price = np.nan
+            if not 0 <= price < np.inf:
+                raise InputError(
+                    f"--finer {text}: must be PARAMETERS=SIGMA:PRICE,… as chain*.rod=0.1mm:200"
+                )
+            length, angle = parse_sizes(size, "--finer")
+            sigma = angle if unit_of(robot, fits[0]) == "rad" else length
+            if sigma is None:
+                raise InputError(f"--finer {group}: {size}: must be in {unit_of(robot, fits[0])}")
+            curve[sigma] = price
+    return result
+
+
+def parse_boxes(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """Read where sensors may be as people write it.
+
+    Examples
+    --------
+    >>> parse_boxes(["wire*.origin.z=-200mm..0.1"])
+    {'wire*.origin.z': (-0.2, 0.1)}
+    """
+    result = {}
+    for text in texts:
+        name, _, box = text.partition("=")
+        low, high = (_metres(end) for end in box.partition("..")[::2])
+        if not np.isfinite([low, high]).all():
+            raise InputError(f"--within {text}: must be COORDINATE=LOW..HIGH, as -200mm..0.1m")
+        result[name.strip()] = (low, high)
+    return result
+
+
+def _metres(text: str) -> float:
+    """Read a length, of either sign; NaN of anything else."""
+    found = re.fullmatch(r"\s*(.+?)([a-zµ]*)\s*", text)
+    unit, factor = WRITTEN.get((found[2] if found else "") or "m", ("", np.nan))
+    try:
+        return factor * float(found[1]) if found and unit == "m" else np.nan
+    except ValueError:
+        return np.nan
+
+
+def _visited(robot: Robot, text: str) -> Array:
+    if not text.isdigit():
+        return read_poses(robot, Path(text))
+    count = int(text)
+    if count < 1:
+        raise InputError(f"--calibrated {text}: must be 1 or greater, or a CSV file")
+    x = drawn(robot, 4 * count, 0)
+    return x[reachable(robot.with_sensors(), x, robot.finest_level)][:count]
+
+
+def table(found: Design, state: str) -> Table:
+    """One row a set of the front, cheapest first."""
+    total = summed(found.robot)
+    factor, unit = PRINT[total.unit]
+    rows = [
+        [
+            Cell(label(found.robot, choice.sensors), ",".join(choice.sensors) or "none"),
+            *([machined(found.robot, choice)] if found.levels else []),
+            number(choice.price),
+            number(factor * choice.sigma),
+        ]
+        for choice in found.front
+    ]
+    what = "sensors and machining buy" if found.levels else "sensors buy"
+    title = f"What {what}, {state}: σ of the {total.name}, and their price"
+    header = [
+        "sensors",
+        *(["machined to"] if found.levels else []),
+        "price",
+        f"{total.name} ({unit})",
+    ]
+    return Table("design", title, header, rows)
+
+
+def machined(robot: Robot, choice: Choice) -> Cell:
+    """To what parameters are machined in a set: for people, and as it is read again."""
+    shown = [tolerance(robot, *level) for level in choice.machined]
+    data = ",".join(f"{group}={sigma!r}" for group, sigma in choice.machined)
+    return Cell(", ".join(shown) or "–", data or "none")
+
+
+def states(found: Design, sigma: Mapping[str, Array]) -> Table:
+    """One row a set of the front: its σ in every state."""
+    rows = []
+    for k, choice in enumerate(found.front):
+        own = [Cell(label(found.robot, choice.sensors)), number(choice.price)]
+        own[1:1] = [machined(found.robot, choice)] if found.levels else []
+        rows.append([*own, *(number(1e3 * float(values[k])) for values in sigma.values())])
+    header = ["sensors", *(["machined to"] if found.levels else []), "price"]
+    title = "σ of the position (mm) of these sets in other states, no sensor failed"
+    return Table("states", title, [*header, *sigma], rows)
+
+
+def each(found: Design) -> Table:
+    """One row a candidate: what it does alone, and what is left without it."""
+    total, rows = summed(found.robot), []
+    factor, unit = PRINT[total.unit]
+    for own in found.alone:
+        name = Cell(own.sensor)
+        if own.level is not None:
+            choice = Choice((), 0.0, 0.0, ((own.sensor, own.level),))
+            name = machined(found.robot, choice)
+        cells = (factor * own.sigma, factor * own.without)
+        rows.append([name, number(own.price), *map(number, cells)])
+    title = f"What each candidate does: σ of the {total.name} with it alone, and with all but it"
+    header = ["candidate", "price", f"alone ({unit})", f"all but it ({unit})"]
+    return Table("each", title, header, rows)
+
+
+def notes(found: Design) -> list[str]:
+    """What is best, and whether that is proven."""
+    robot, count = found.robot, len(found.prices)
+    levels = sum(map(len, found.levels))
+    among = [f"{count} sensor{'s' * (count != 1)}"] * bool(count)
+    among += [f"{levels} level{'s' * (levels != 1)} of tolerances"] * bool(levels)
+    lines = [
+        f"{robot.name}: {found.compared} sets of {' and '.join(among)}, {len(found.over)} poses."
+    ]
+    factor, unit = PRINT[summed(robot).unit]
+    unit = f" {unit}" if unit.isalpha() else unit
+    if (best := found.best) is not None:
+        sure = "proven the best" if found.proven else f"no better by more than {found.gap:.1%}"
+        own = label(robot, best.sensors)
+        own += f"; machined: {machined(robot, best)}" if best.machined else ""
+        lines.append(f"Best: {own}: {best.price:g}, {number(factor * best.sigma)}{unit}; {sure}.")
+    return lines

@@ -1,0 +1,274 @@
+"""Which poses to calibrate on, or which next? Those that buy most, in the order of a short tour."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, BinaryIO
+
+import numpy as np
+import typer
+
+from truepose import files, logs, robotfile
+from truepose.arguments import Array
+from truepose.calibration import log_checks
+from truepose.calibration.between import Between
+from truepose.calibration.calibrate import calibrate
+from truepose.calibration.candidates import COUNT, Candidates, drawn
+from truepose.calibration.differences import measurements
+from truepose.calibration.fit import Fit
+from truepose.calibration.plan import HARDLY, Plan, plan
+from truepose.commands.accuracy import label, read_poses
+from truepose.commands.options import (
+    Force,
+    How,
+    ModelLevel,
+    RobotName,
+    Seed,
+    SensorSet,
+    load_with,
+    parse_pose,
+    parse_sizes,
+    parse_target,
+    plot_to,
+    wrote,
+)
+from truepose.exceptions import InputError
+from truepose.robot.robot import Robot
+from truepose.robot.units import summed
+from truepose.show.table import Cell, Table, number
+from truepose.show.terminal import Format, say, show
+from truepose.show.units import PRINT
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def command(
+    robot: RobotName,
+    poses: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="How many to choose.", show_default="30"),
+    ] = None,
+    target: Annotated[
+        str | None,
+        typer.Option(metavar="0.1mm", help="As many as reach this σ of the position, or say why."),
+    ] = None,
+    candidates: Annotated[
+        str,
+        typer.Option(
+            metavar="N|CSV", help="How many poses of the workspace to choose from, or those of CSV."
+        ),
+    ] = str(COUNT),
+    after: Annotated[
+        Path | None,
+        typer.Option(metavar="LOG", help="What was read before: the next poses begin with it."),
+    ] = None,
+    outside: Annotated[
+        str | None,
+        typer.Option(
+            metavar="0.02mm,0.01deg",
+            help="σ to which a tracker in a frame of its own will measure each pose.",
+        ),
+    ] = None,
+    over: Annotated[
+        Path | None,
+        typer.Option(
+            help="CSV file of the poses where accuracy is asked for.",
+            show_default="a grid over the workspace",
+        ),
+    ] = None,
+    touch_off: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X,Y,…", help="Also read at this pose, known from outside; m and rad."
+        ),
+    ] = None,
+    seen: Annotated[
+        bool,
+        typer.Option(
+            "--seen", help="With --outside: ask for what the tracker is to see, in its own frame."
+        ),
+    ] = False,
+    relative_to: Annotated[
+        str | None,
+        typer.Option(metavar="X,Y,…", help="Ask for differences from this pose; m and rad."),
+    ] = None,
+    sensors: SensorSet = None,
+    level: ModelLevel = None,
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", help="Poses to write, in the tour's order (CSV).")
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="Also draw promises and the tour (PNG, SVG, PDF).")
+    ] = None,
+    seed: Seed = 0,
+    how: How = Format.table,
+    force: Force = False,
+) -> None:
+    """Plan a calibration: the poses that buy most accuracy, where the machine can be.
+
+    Prints what each more promises for the position, and compares with random poses.
+
+    Example: **truepose plan h4 --poses 20 --sensors theta,z_telemeter**, then
+    **truepose plan h4 --target 1.6mm**
+    """
+    given = None if candidates.isdigit() else Path(candidates)
+    read: list[str | Path] = [robot]
+    read += [path for path in (after, over, given) if path is not None]
+    inputs = [robotfile.path_of(str(path)) for path in read]
+    save = plot_to(plot, read, force)
+    loaded = load_with(robot, sensors)
+    output = None
+    if out is not None:
+        output = files.Output(out, "plan", "-o", lambda file: _is_ours(file, loaded))
+        files.check([output], inputs, force)
+    length, angle = parse_sizes(outside, "--outside")
+    x = drawn(loaded, int(candidates), seed) if given is None else read_poses(loaded, given)
+    fit = None if after is None else fit_of(loaded, after)
+    at = None if touch_off is None else parse_pose(loaded, touch_off, "--touch-off")
+    zero = None if relative_to is None else parse_pose(loaded, relative_to, "--relative-to")
+    found = plan(
+        loaded,
+        poses,
+        candidates=Candidates(poses=x, measured_sigma=length, measured_angle_sigma=angle),
+        after=fit,
+        poses=None if over is None else read_poses(loaded, over),
+        target=parse_target(loaded, target),
+        touch_off=at,
+        relative_to=zero,
+        level=level,
+        seen=seen,
+        seed=seed,
+    )
+    save(lambda: draw(found))
+    show([table(found)], how)
+    for line in notes(found):
+        say(line, how)
+    if output is not None:
+        files.write({output: written(found)}, inputs, force)
+    wrote(how, out, plot)
+
+
+def fit_of(robot: Robot, path: Path) -> Fit:
+    """Calibrate on a log as `truepose calibrate` does; on touches, not on a file of distances."""
+    log = logs.read(robot, path)
+    differences = Between().of(robot, log)
+    log, findings = log_checks.check(robot, log, measurements(differences))
+    if refused := [finding.text for finding in findings if finding.refused]:
+        raise InputError(f"{path}: {'; '.join(refused)}")
+    return calibrate(
+        robot,
+        log.readings,
+        measured=log.measured,
+        measured_sigma=log.measured_sigma,
+        loss="student",
+        differences=differences,
+    )
+
+
+def table(found: Plan) -> Table:
+    """One row a pose, the most useful first: where, when on the tour, and what is left then."""
+    places = dict(zip(found.order, range(1, len(found.order) + 1), strict=True))
+    coordinates = found.robot.coordinates
+    total = summed(found.robot)
+    factor, unit_shown = PRINT[total.unit]
+    rows: list[list[str]] = []
+    for k, sigma in enumerate(found.sigma):
+        name = Cell(str(k) if k else "before", k)
+        x = found.steps[k - 1].poses[0] if k else [None] * found.robot.n
+        cells = [
+            Cell("", None) if v is None else number(PRINT[unit][0] * float(v))
+            for v, (_, unit) in zip(x, coordinates, strict=True)
+        ]
+        place = Cell(str(places[k - 1]) if k else "", places[k - 1] if k else None)
+        rows.append([name, *cells, place, number(factor * float(sigma[-1]))])
+    header = [f"{name} ({PRINT[unit][1]})" for name, unit in coordinates]
+    of = " of what the tracker is to see" if found.seen else ""
+    own = label(found.robot, found.robot.sensors)
+    title = f"Poses to measure, {own}, and the σ they promise{of}"
+    last = f"{total.name} ({unit_shown})"
+    return Table("plan", title, ["pose", *header, "on the tour", last], rows)
+
+
+def notes(found: Plan) -> list[str]:
+    """What it is worth, beside random poses and all."""
+    robot, count, name = found.robot, len(found.steps), found.robot.name
+    gone = f", {found.left_out} where it cannot be left out" if found.left_out else ""
+    lines = [f"{name}: {count} of {found.candidates} poses{gone}; σ over {len(found.over)} poses."]
+    if not count:
+        lines[0] = f"{name}: nothing more to measure: the target is reached."
+        return lines
+    total = summed(robot)
+    factor, unit = PRINT[total.unit]
+    unit = f" {unit}" if unit.isalpha() else unit
+    low, median, high = factor * np.quantile(found.random, [0, 0.5, 1])
+    lines.append(
+        f"Random {count} of them: {number(median)}{unit} ({number(low)} to {number(high)}); "
+        f"all {found.candidates}: {number(factor * found.everything)}{unit}."
+    )
+    if found.gain > HARDLY:
+        lines.append("Which poses are measured hardly matters here; how many does.")
+    if found.target is not None:
+        wanted = f"{factor * found.target:.4g}{unit}"
+        reached = f"reached with {found.needed}" if found.needed else f"not reached with {count}"
+        lines.append(f"Target {wanted}: {reached}.")
+    return lines
+
+
+def _header(robot: Robot) -> list[str]:
+    return [*(name for name, _ in robot.coordinates), "step"]
+
+
+def _is_ours(file: BinaryIO, robot: Robot) -> bool:
+    """Whether a file is a plan, and nothing was added to it: readings in new columns, say."""
+    return file.readline().decode(errors="replace").strip() == ",".join(_header(robot))
+
+
+def written(found: Plan) -> str:
+    """Write the poses in the tour's order as CSV, and which step each is: the first buys most."""
+    text = io.StringIO()
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow(_header(found.robot))
+    for x, k in zip(found.poses.tolist(), found.order, strict=True):
+        rows.writerow([*map(repr, x), k + 1])
+    return text.getvalue()
+
+
+def draw(found: Plan) -> Figure:
+    """Draw what each pose promises, and the tour over the first two coordinates."""
+    from matplotlib.figure import Figure
+
+    robot = found.robot
+    figure = Figure(figsize=(9, 3.8), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    count = len(found.steps)
+    total = summed(robot)
+    factor, unit = PRINT[total.unit]
+    left.plot(range(count + 1), factor * found.sigma[:, -1], color="C0", label="planned")
+    if count:
+        low, median, high = factor * np.quantile(found.random, [0, 0.5, 1])
+        span = [[median - low], [high - median]]
+        left.errorbar([count], [median], span, fmt="o", color="C1", label="as many at random")
+    left.axhline(factor * found.everything, color="0.6", lw=0.8, label="all candidates")
+    left.set(xlabel="poses", ylabel=f"σ of the {total.name} ({unit})")
+    left.set_ylim(bottom=0)
+    left.grid(color="0.92", which="both")
+    left.legend(frameon=False)
+    (a, unit), (b, other) = robot.coordinates[:2]
+    way: Array = np.vstack([robot.home, found.poses, robot.home])
+    right.plot(PRINT[unit][0] * way[:, 0], PRINT[other][0] * way[:, 1], color="0.7", lw=0.8)
+    third = robot.coordinates[2:3]
+    colours = PRINT[third[0][1]][0] * found.poses[:, 2] if third else None
+    dots = right.scatter(
+        PRINT[unit][0] * found.poses[:, 0],
+        PRINT[other][0] * found.poses[:, 1],
+        c="C0" if colours is None else colours,
+        zorder=2,
+    )
+    if third:
+        figure.colorbar(dots, ax=right, label=f"{third[0][0]} ({PRINT[third[0][1]][1]})")
+    right.set(xlabel=f"{a} ({PRINT[unit][1]})", ylabel=f"{b} ({PRINT[other][1]})")
+    figure.suptitle(f"{robot.name}: {label(robot, robot.sensors)}", fontsize=10, parse_math=False)
+    return figure

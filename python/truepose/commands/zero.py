@@ -1,0 +1,138 @@
+"""What does `truepose zero` print? What motors read at a stance, and what is known then."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from truepose import files, logs, robotfile
+from truepose.calibration.zeroing import Zeroing, zero
+from truepose.commands.options import (
+    Force,
+    How,
+    RobotName,
+    SensorSet,
+    load_with,
+    parse_pose,
+    parse_sizes,
+    wrote,
+)
+from truepose.exceptions import InputError
+from truepose.robot.robot import Robot
+from truepose.robot.units import reading_units
+from truepose.show.table import Cell, Table, number
+from truepose.show.terminal import Format, say, show
+from truepose.show.units import PRINT
+
+_POSES = 500
+
+
+def command(
+    robot: RobotName,
+    log: Annotated[
+        Path,
+        typer.Argument(help="CSV, Parquet or MCAP: columns q1 … qn, sensors' names, stance; SI."),
+    ],
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", help="Calibrated robot file to write.")
+    ] = None,
+    at: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X,Y,…",
+            help="Pose in which it stood; m, rad.",
+            show_default="zero of a pivot, else home",
+        ),
+    ] = None,
+    sigma: Annotated[
+        str | None,
+        typer.Option(
+            help="How well that is known: 0.05deg, or 0.02mm,0.01deg.",
+            show_default="0.05deg of a pivot",
+        ),
+    ] = None,
+    sensors: SensorSet = None,
+    how: How = Format.table,
+    force: Force = False,
+) -> None:
+    """Zero a robot that stands where it is known to stand: a flat foot, a stop.
+
+    Corrects the geometry as likely as it is, and says what stays open: at one pose offsets, rods
+    and points look alike. Lines with a name in the column stance are used, else each that says
+    measured_…, else all as one stance.
+
+    Example: **truepose zero g1-ankle stance.csv -o zeroed.toml**
+    """
+    output = robotfile.output(out, "-o", calibrated=True) if out else None
+    inputs = (log, robotfile.path_of(robot))
+    files.check([output] if output else [], inputs, force)
+    loaded = load_with(robot, sensors)
+    pose = None if at is None else parse_pose(loaded, at, "--at")
+    found = zero(loaded, logs.read(loaded, log), at=pose, sigma=_sigma(loaded, sigma))
+    for note in (*found.notes, *found.fit.notes):
+        say(f"{log}: {note}", err=True)
+    show([motors(found), known(found)], how)
+    for line in open_questions(found):
+        say(line, how)
+    if output:
+        fitted = found.robot
+        values = {name: p.value for name, p in fitted.parameters.items()}
+        files.write({output: robotfile.to_toml(fitted.spec, values)}, inputs, force)
+    wrote(how, out)
+
+
+def _sigma(robot: Robot, text: str | None) -> list[float]:
+    """σ of every coordinate."""
+    if text is None and robot.spec.mobility == "pivot":
+        return [logs.FLAT] * robot.n
+    if text is None:
+        raise InputError(f"--sigma: say how well {robot.name}'s pose is known: 0.02mm,0.01deg")
+    by = dict(zip(("m", "rad"), parse_sizes(text, "--sigma"), strict=True))
+    found = [by[unit] for _, unit in robot.coordinates]
+    if None in found:
+        units = sorted({unit for _, unit in robot.coordinates})
+        raise InputError(f"--sigma {text}: {robot.name}'s coordinates are in {' and '.join(units)}")
+    return [float(value) for value in found if value is not None]
+
+
+def motors(found: Zeroing) -> Table:
+    """What each motor reads at the stance, should read, and how well that is known."""
+    rows = []
+    units = reading_units(found.robot)
+    for k, motor in enumerate(found.motors):
+        factor, unit = PRINT[units[k]]
+        sizes = (motor.reading, motor.drawn, motor.off, motor.prior_sigma, motor.sigma)
+        name = Cell(f"q{k + 1} ({unit})", {"motor": f"q{k + 1}", "unit": units[k]})
+        rows.append([name, *(number(factor * size, data=size) for size in sizes)])
+    header = ["motor", "reads", "as drawn", "off", "σ before", "σ"]
+    return Table("motors", "Motors where the robot stands", header, rows)
+
+
+def known(found: Zeroing) -> Table:
+    """σ of each coordinate before and after, where it stood and over the workspace."""
+    robot = found.robot
+    places = {"where it stood": found.fit.x[:1]}
+    if (box := robot.spec.workspace) is not None:
+        x = np.random.default_rng(0).uniform(box.minimum, box.maximum, (_POSES, robot.n))
+        places["over the workspace"] = x[np.isfinite(robot.ikm(x, errors="nan")).all(axis=1)]
+    rows = []
+    for place, x in places.items():
+        both = [np.sqrt(np.mean([np.diag(P) for P in Ps], axis=0)) for Ps in found.accuracy(x)]
+        for k, (name, unit) in enumerate(robot.coordinates):
+            factor, shown = PRINT[unit]
+            what = {"coordinate": name, "where": place, "unit": unit}
+            cells = [number(factor * sigma[k], data=float(sigma[k])) for sigma in both]
+            rows.append([Cell(f"{name} ({shown}) {place}", what), *cells])
+    return Table("accuracy", "What is known then", ["σ of", "before", "zeroed"], rows)
+
+
+def open_questions(found: Zeroing) -> list[str]:
+    """Say for each motor what may be what is off."""
+    said = ["Which parameters are off a stance cannot tell; their shares of what was open:"]
+    for k, motor in enumerate(found.motors):
+        causes = (f"{name} {100 * share:.0f} %" for name, share in motor.causes.items())
+        said.append(f"q{k + 1}: {', '.join(causes)}")
+    return said
