@@ -1,10 +1,11 @@
 """Does a test notice when the code is wrong? Each mutant of mutants.toml against its one test.
 
-    python tests/mutants.py [--jobs N] [part of a file's or a test's name …]
+    python tests/mutants.py [--jobs N] [--share S] [part of a file's or a test's name …]
 
 A mutant is a copy of the code in which one line is wrong. It is caught where its test fails. The
 run fails where one survives, where the line is not in the code any more or in it twice, where a
-mutant does not compile, or where its test fails without it.
+mutant does not compile, or where its test fails without it. With a share, one mutant in S is tried:
+which one, the commit says, so that a few commits try them all.
 
 A C++ test is named "test_line::part of its statement": that test alone is compiled, unoptimised,
 by CXX (else clang++ where there is one: half the time of g++), for the mechanisms of one mobility:
@@ -186,15 +187,24 @@ def unharmed(tests: set[str], mobility: str | None, tools: Tools) -> str:
         return f"{why}: {', '.join(sorted(tests))}"
 
 
+def turn(share: int) -> int:
+    """Whose turn it is at this commit, 0 … share - 1; 0 where git does not say."""
+    words = ("git", "-C", ROOT, "rev-parse", "HEAD")
+    commit = subprocess.run(words, capture_output=True, text=True, check=False).stdout
+    return int(commit or "0", 16) % share
+
+
 def main() -> None:
     """Try every mutant, several at a time."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
+    parser.add_argument("--share", type=int, default=1, help="try one mutant in so many")
     parser.add_argument("words", nargs="*", help="parts of files' or tests' names")
     arguments, begun = parser.parse_args(), time.monotonic()
     listed = [Mutant(**entry) for entry in tomllib.loads(LIST.read_text("utf-8"))["mutant"]]
     words = arguments.words
     mutants = [m for m in listed if not words or any(w in m.file or w in m.test for w in words)]
+    mutants = mutants[turn(arguments.share) :: arguments.share]
     groups: dict[tuple[str, str | None], set[str]] = {}  # what is compiled, or run, together
     for m in mutants:
         key = (m.test.partition("::")[0], m.mobility) if m.cpp else ("", None)

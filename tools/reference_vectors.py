@@ -17,7 +17,7 @@ from truepose.arguments import Array
 from truepose.deploy.c_tables import identifier, to_c
 
 PATH = Path(__file__).parents[1] / "tests" / "reference" / "vectors.h"
-#: One of each mobility, and one of each actuator.
+#: One of each mobility (but a pivot, which small machines leave out), and of each actuator.
 ROBOTS = ("five-bar", "3rrr", "linear-delta", "h4", "stewart")
 POSES, SEED = 6, 20261122
 

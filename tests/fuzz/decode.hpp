@@ -103,7 +103,10 @@ inline void spoil(Bytes& bytes, Chain& chain) {
     case 12: chain.working_mode *= -1; break;
     case 13: chain.actuator = static_cast<Actuator>(bytes.below(3)); break;
     case 14: chain.torque_limit = bytes.number(); break;
-    case 15: chain.encoder_gain = bytes.number(); break;
+    case 15:
+      chain.encoder_gain = bytes.number();
+      chain.encoder_buildup = bytes.number();
+      break;
     default:
       chain.drive_inertia = bytes.number();
       chain.arm_mass = bytes.number();

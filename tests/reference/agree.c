@@ -76,3 +76,9 @@ int32_t agree(truepose_real worst[AGREE_QUESTIONS]) {
   }
   return asked;
 }
+
+truepose_real agree_within(int question) {
+  if (sizeof(truepose_real) == sizeof(float))
+    return (truepose_real)(question == AGREE_FKM ? 5e-6 : 1e-6);
+  return (truepose_real)(question == AGREE_ESTIMATE ? 1e-10 : 1e-13);
+}

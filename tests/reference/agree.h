@@ -25,4 +25,9 @@ extern const char* const agree_names[AGREE_QUESTIONS];
  */
 int32_t agree(truepose_real worst[AGREE_QUESTIONS]);
 
+/** What a difference may be: 1e-13, of the estimate, whose search ends a hundred-thousandth of a
+ * sigma away, 1e-10. In single precision, whose rounding is 6e-8, 1e-6, and 5e-6 of the forward
+ * model, which a 3-RRR near its singularity enlarges. */
+truepose_real agree_within(int question);
+
 #endif

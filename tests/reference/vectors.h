@@ -12,8 +12,8 @@
 
 #include "truepose/truepose.h"
 
-#if TRUEPOSE_ABI != 1
-#error These tables are of version 1 of truepose.h
+#if TRUEPOSE_ABI != 2
+#error These tables are of version 2 of truepose.h
 #endif
 
 static const truepose_description five_bar = {
@@ -36,6 +36,7 @@ static const truepose_description five_bar = {
     0.0, /* rod_difference */
     0.0, /* encoder_offset */
     1.0, /* encoder_gain */
+    0.0, /* encoder_buildup */
     1.0, /* gear */
     {0.0}, /* eccentricity */
     9.587379924285257e-05, /* encoder_step */
@@ -64,6 +65,7 @@ static const truepose_description five_bar = {
     0.0, /* rod_difference */
     0.0, /* encoder_offset */
     1.0, /* encoder_gain */
+    0.0, /* encoder_buildup */
     1.0, /* gear */
     {0.0}, /* eccentricity */
     9.587379924285257e-05, /* encoder_step */
@@ -97,6 +99,9 @@ static const truepose_description five_bar = {
     {0.0}, /* pivot */
     {0.0}, /* anchor */
     {0.0}, /* inertia */
+  }},
+  {{ /* axis none */
+    {0.0}, {0.0}, 0.0, 0.0,
   }}
 };
 
@@ -123,8 +128,8 @@ static const truepose_control_settings five_bar_control = {
 
 #include "truepose/truepose.h"
 
-#if TRUEPOSE_ABI != 1
-#error These tables are of version 1 of truepose.h
+#if TRUEPOSE_ABI != 2
+#error These tables are of version 2 of truepose.h
 #endif
 
 static const truepose_description robot_3rrr = {
@@ -147,6 +152,7 @@ static const truepose_description robot_3rrr = {
     0.0, /* rod_difference */
     0.0, /* encoder_offset */
     1.0, /* encoder_gain */
+    0.0, /* encoder_buildup */
     1.0, /* gear */
     {0.0}, /* eccentricity */
     9.587379924285257e-05, /* encoder_step */
@@ -175,6 +181,7 @@ static const truepose_description robot_3rrr = {
     0.0, /* rod_difference */
     0.0, /* encoder_offset */
     1.0, /* encoder_gain */
+    0.0, /* encoder_buildup */
     1.0, /* gear */
     {0.0}, /* eccentricity */
     9.587379924285257e-05, /* encoder_step */
@@ -203,6 +210,7 @@ static const truepose_description robot_3rrr = {
     0.0, /* rod_difference */
     0.0, /* encoder_offset */
     1.0, /* encoder_gain */
+    0.0, /* encoder_buildup */
     1.0, /* gear */
     {0.0}, /* eccentricity */
     9.587379924285257e-05, /* encoder_step */
@@ -237,6 +245,9 @@ static const truepose_description robot_3rrr = {
     {0.0}, /* anchor */
     {0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
      0.0, 0.0, 0.002}, /* inertia */
+  }},
+  {{ /* axis none */
+    {0.0}, {0.0}, 0.0, 0.0,
   }}
 };
 
@@ -263,8 +274,8 @@ static const truepose_control_settings robot_3rrr_control = {
 
 #include "truepose/truepose.h"
 
-#if TRUEPOSE_ABI != 1
-#error These tables are of version 1 of truepose.h
+#if TRUEPOSE_ABI != 2
+#error These tables are of version 2 of truepose.h
 #endif
 
 static const truepose_description linear_delta = {
@@ -287,6 +298,7 @@ static const truepose_description linear_delta = {
     0.0, /* rod_difference */
     0.0, /* encoder_offset */
     1.0, /* encoder_gain */
+    0.0, /* encoder_buildup */
     1.0, /* gear */
     {0.0}, /* eccentricity */
     3.125e-06, /* encoder_step */
@@ -315,6 +327,7 @@ static const truepose_description linear_delta = {
     0.0, /* rod_difference */
     0.0, /* encoder_offset */
     1.0, /* encoder_gain */
+    0.0, /* encoder_buildup */
     1.0, /* gear */
     {0.0}, /* eccentricity */
     3.125e-06, /* encoder_step */
@@ -343,6 +356,7 @@ static const truepose_description linear_delta = {
     0.0, /* rod_difference */
     0.0, /* encoder_offset */
     1.0, /* encoder_gain */
+    0.0, /* encoder_buildup */
     1.0, /* gear */
     {0.0}, /* eccentricity */
     3.125e-06, /* encoder_step */
@@ -376,6 +390,9 @@ static const truepose_description linear_delta = {
     {0.0}, /* pivot */
     {0.0}, /* anchor */
     {0.0}, /* inertia */
+  }},
+  {{ /* axis none */
+    {0.0}, {0.0}, 0.0, 0.0,
   }}
 };
 
@@ -402,8 +419,8 @@ static const truepose_control_settings linear_delta_control = {
 
 #include "truepose/truepose.h"
 
-#if TRUEPOSE_ABI != 1
-#error These tables are of version 1 of truepose.h
+#if TRUEPOSE_ABI != 2
+#error These tables are of version 2 of truepose.h
 #endif
 
 static const truepose_description h4 = {
@@ -426,6 +443,7 @@ static const truepose_description h4 = {
     0.0, /* rod_difference */
     0.0, /* encoder_offset */
     1.0, /* encoder_gain */
+    0.0, /* encoder_buildup */
     1.0, /* gear */
     {0.0}, /* eccentricity */
     0.0004363323129985824, /* encoder_step */
@@ -454,6 +472,7 @@ static const truepose_description h4 = {
     0.0, /* rod_difference */
     0.0, /* encoder_offset */
     1.0, /* encoder_gain */
+    0.0, /* encoder_buildup */
     1.0, /* gear */
     {0.0}, /* eccentricity */
     0.0004363323129985824, /* encoder_step */
@@ -482,6 +501,7 @@ static const truepose_description h4 = {
     0.0, /* rod_difference */
     0.0, /* encoder_offset */
     1.0, /* encoder_gain */
+    0.0, /* encoder_buildup */
     1.0, /* gear */
     {0.0}, /* eccentricity */
     0.0004363323129985824, /* encoder_step */
@@ -510,6 +530,7 @@ static const truepose_description h4 = {
     0.0, /* rod_difference */
     0.0, /* encoder_offset */
     1.0, /* encoder_gain */
+    0.0, /* encoder_buildup */
     1.0, /* gear */
     {0.0}, /* eccentricity */
     0.0004363323129985824, /* encoder_step */
@@ -558,11 +579,14 @@ static const truepose_description h4 = {
     {-0.06}, /* pivot */
     {0.0}, /* anchor */
     {0.0}, /* inertia */
+  }},
+  {{ /* axis none */
+    {0.0}, {0.0}, 0.0, 0.0,
   }}
 };
 
 /* Uncertain parameters: chain1.base.x, chain1.base.y, chain1.base.z, chain1.anchor.x, chain1.anchor.y, chain1.anchor.z, chain1.encoder_offset, chain1.yaw, chain1.tilt, chain1.rod_difference, chain1.rod_spacing, chain1.arm, chain1.rod, chain2.base.x, chain2.base.y, chain2.base.z, chain2.anchor.x, chain2.anchor.y, chain2.anchor.z, chain2.encoder_offset, chain2.yaw, chain2.tilt, chain2.rod_difference, chain2.rod_spacing, chain2.arm, chain2.rod, chain3.base.x, chain3.base.y, chain3.base.z, chain3.anchor.x, chain3.anchor.y, chain3.anchor.z, chain3.encoder_offset, chain3.yaw, chain3.tilt, chain3.rod_difference, chain3.rod_spacing, chain3.arm, chain3.rod, chain4.base.x, chain4.base.y, chain4.base.z, chain4.anchor.x, chain4.anchor.y, chain4.anchor.z, chain4.encoder_offset, chain4.yaw, chain4.tilt, chain4.rod_difference, chain4.rod_spacing, chain4.arm, chain4.rod, bar1.pivot, bar2.pivot, theta.offset. */
-static const int32_t h4_column[] = {0, 1, 2, 8, 9, 10, 5, 6, 7, 11, 12, 3, 4, 18, 19, 20, 26, 27, 28, 23, 24, 25, 29, 30, 21, 22, 36, 37, 38, 44, 45, 46, 41, 42, 43, 47, 48, 39, 40, 54, 55, 56, 62, 63, 64, 59, 60, 61, 65, 66, 57, 58, 72, 73, 74};
+static const int32_t h4_column[] = {0, 1, 2, 8, 9, 10, 5, 6, 7, 11, 12, 3, 4, 19, 20, 21, 27, 28, 29, 24, 25, 26, 30, 31, 22, 23, 38, 39, 40, 46, 47, 48, 43, 44, 45, 49, 50, 41, 42, 57, 58, 59, 65, 66, 67, 62, 63, 64, 68, 69, 60, 61, 76, 77, 78};
 static const truepose_real h4_root[55 * 55] =
    {0.0003, 0.0, 0.0, 0.0, 0.0, 0.0,
     0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
@@ -1115,8 +1139,8 @@ static const truepose_watch_settings h4_watch = {
 
 #include "truepose/truepose.h"
 
-#if TRUEPOSE_ABI != 1
-#error These tables are of version 1 of truepose.h
+#if TRUEPOSE_ABI != 2
+#error These tables are of version 2 of truepose.h
 #endif
 
 static const truepose_description stewart = {
@@ -1139,6 +1163,7 @@ static const truepose_description stewart = {
     0.0, /* rod_difference */
     0.0, /* encoder_offset */
     1.0, /* encoder_gain */
+    0.0, /* encoder_buildup */
     1.0, /* gear */
     {0.0}, /* eccentricity */
     1e-06, /* encoder_step */
@@ -1167,6 +1192,7 @@ static const truepose_description stewart = {
     0.0, /* rod_difference */
     0.0, /* encoder_offset */
     1.0, /* encoder_gain */
+    0.0, /* encoder_buildup */
     1.0, /* gear */
     {0.0}, /* eccentricity */
     1e-06, /* encoder_step */
@@ -1195,6 +1221,7 @@ static const truepose_description stewart = {
     0.0, /* rod_difference */
     0.0, /* encoder_offset */
     1.0, /* encoder_gain */
+    0.0, /* encoder_buildup */
     1.0, /* gear */
     {0.0}, /* eccentricity */
     1e-06, /* encoder_step */
@@ -1223,6 +1250,7 @@ static const truepose_description stewart = {
     0.0, /* rod_difference */
     0.0, /* encoder_offset */
     1.0, /* encoder_gain */
+    0.0, /* encoder_buildup */
     1.0, /* gear */
     {0.0}, /* eccentricity */
     1e-06, /* encoder_step */
@@ -1251,6 +1279,7 @@ static const truepose_description stewart = {
     0.0, /* rod_difference */
     0.0, /* encoder_offset */
     1.0, /* encoder_gain */
+    0.0, /* encoder_buildup */
     1.0, /* gear */
     {0.0}, /* eccentricity */
     1e-06, /* encoder_step */
@@ -1279,6 +1308,7 @@ static const truepose_description stewart = {
     0.0, /* rod_difference */
     0.0, /* encoder_offset */
     1.0, /* encoder_gain */
+    0.0, /* encoder_buildup */
     1.0, /* gear */
     {0.0}, /* eccentricity */
     1e-06, /* encoder_step */
@@ -1313,6 +1343,9 @@ static const truepose_description stewart = {
     {0.0}, /* anchor */
     {0.6, 0.0, 0.0, 0.0, 0.6, 0.0,
      0.0, 0.0, 1.0}, /* inertia */
+  }},
+  {{ /* axis none */
+    {0.0}, {0.0}, 0.0, 0.0,
   }}
 };
 
