@@ -357,7 +357,9 @@ void for_each(F&& f) {
     constexpr Mobility K = Mobility::CHECK_MOBILITY;
     if (mechanism.robot.mobility == K) f(mechanism, std::integral_constant<Mobility, K>{});
 #else
-    with_mobility(mechanism.robot.mobility, [&](auto mobility) { f(mechanism, mobility); });
+    with_mobility(mechanism.robot.mobility, [&](auto mobility) {
+      if constexpr (!kPivots<mobility()>) f(mechanism, mobility);  // theirs: pivots.hpp
+    });
 #endif
   }
 }

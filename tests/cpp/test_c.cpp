@@ -2,10 +2,10 @@
 #include <cstring>
 
 #include "../../src/c/description.hpp"
-#include "mechanisms.hpp"
+#include "pivots.hpp"
 #include "truepose/math/roll_pitch_yaw.hpp"
 
-using namespace mechanisms;
+using namespace pivots_tested;
 
 namespace {
 
@@ -13,9 +13,14 @@ constexpr int kCap = 12;
 
 /// A mechanism as a C program has it.
 struct InC {
-  explicit InC(const Robot& robot) {
-    c::describe(robot, table);
+  explicit InC(const truepose_description& description) : table(description) {
     outcome = truepose_load(&model, sizeof model, &table);
+  }
+  explicit InC(const Robot& robot) : InC(described(robot)) {}
+  static truepose_description described(const Robot& robot) {
+    truepose_description table;
+    c::describe(robot, table);
+    return table;
   }
   truepose_description table;
   truepose_model model;
@@ -128,6 +133,68 @@ TEST("a pose as position and rotation is the same pose") {
     if (mechanism.robot.mobility == Mobility::spatial) return;
     const truepose_pose tilted = {{0, 0, -0.4}, {1, 0, 0, 0, 0.8, -0.6, 0, 0.6, 0.8}};
     CHECK(truepose_coordinates_of(&in_c.model, &tilted, x).status == TRUEPOSE_NO_SUCH_VALUE);
+  });
+}
+
+TEST(
+    "a pivot through C is the core's: angles, places, torques, and axes that are none are "
+    "refused") {
+  for_each_pivot([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr int n = kDof<K>;
+    Robot robot = mechanism.robot;
+    for (int j = 0; j < n; ++j) robot.axis[j].low = -2, robot.axis[j].high = 2;
+    robot.sensor[0] = Sensor{};
+    robot.sensor[0].kind = SensorKind::axis_angle;
+    robot.sensor[0].axis = n - 1;
+    CHECK(finish(robot));
+    const InC in_c(robot);
+    CHECK(same(in_c.outcome, {}));
+    truepose_description again;
+    CHECK(same(truepose_description_of(&in_c.model, &again), {}));
+    CHECK(std::memcmp(&again, &in_c.table, sizeof again) == 0);
+    check::Random random(9);
+    for (int k = 0; k < 20; ++k) {
+      const Coordinates x = random_pose(mechanism, random, 0.6);
+      Joint q{};
+      truepose_real q_c[6], x_c[6] = {}, J[36], torque[6] = {}, joint[6], back[6], read[16];
+      CHECK(ikm(robot, x, q) && same(truepose_ikm(&in_c.model, x.data(), q_c), {}));
+      CHECK(same(q_c, q));
+      CHECK(same(truepose_fkm(&in_c.model, q_c, kCap, x_c).outcome, {}));
+      for (int j = 0; j < n; ++j) CHECK_NEAR(x_c[j], x[j], 1e-12);
+      CHECK(same(truepose_readings(&in_c.model, x.data(), read), {}));
+      CHECK_NEAR(read[n], x[n - 1], 0);
+      truepose_pose pose;
+      CHECK(same(truepose_pose_of(&in_c.model, x.data(), &pose), {}));
+      const Pose there = placed<K>(robot, to_pose<K>(x));
+      for (int i = 0; i < 3; ++i) CHECK_NEAR(pose.position[i], there.D[i], 0);
+      truepose_real found[6] = {};
+      CHECK(same(truepose_coordinates_of(&in_c.model, &pose, found), {}));
+      for (int j = 0; j < n; ++j) CHECK_NEAR(found[j], x[j], 1e-12);
+      pose.position[1] += 0.01;  // its axes cannot carry it there
+      CHECK(truepose_coordinates_of(&in_c.model, &pose, found).status == TRUEPOSE_NO_SUCH_VALUE);
+      CHECK(same(truepose_jacobian(&in_c.model, x.data(), J), {}));
+      double at_motors = 0, at_joints = 0;
+      for (int i = 0; i < n; ++i) torque[i] = random();
+      CHECK(same(truepose_joint_torque(&in_c.model, x.data(), torque, joint), {}));
+      CHECK(same(truepose_motor_torque(&in_c.model, x.data(), joint, back), {}));
+      for (int i = 0; i < n; ++i) {
+        CHECK_NEAR(back[i], torque[i], 1e-14);
+        at_motors += torque[i] * 0.5 * (i + 1);
+        for (int j = 0; j < n; ++j) at_joints += joint[j] * J[6 * j + i] * 0.5 * (i + 1);
+      }
+      CHECK_NEAR(at_motors, at_joints, 1e-14);
+    }
+    truepose_description table = in_c.table;
+    table.axis[0].direction[0] += 0.1;
+    const truepose_outcome bent = InC(table).outcome;
+    CHECK(bent.status == TRUEPOSE_NO_SUCH_VALUE && bent.part == 26);
+    table = in_c.table;
+    table.sensor[0].axis = n;
+    CHECK(InC(table).outcome.status == TRUEPOSE_NO_SUCH_PART);
+    table = in_c.table;
+    table.axis[n - 1].low = NAN;
+    CHECK(InC(table).outcome.status == TRUEPOSE_NOT_FINITE);
   });
 }
 
@@ -317,6 +384,16 @@ TEST("a learner in C learns what the core's does") {
     Joint expected{};
     CHECK(same(truepose_ikm(&learnt, robot.home.data(), q), ikm(core.robot, robot.home, expected)));
     CHECK(same(q, expected));
+    int64_t counted = 0, left_out = 0;
+    CHECK(same(truepose_lines(&learner, &counted, &left_out), {}));
+    CHECK(counted == core.lines && left_out == core.left_out && counted + left_out == 10);
+    truepose_description kept;  // what was learnt can be kept, and loaded another day
+    CHECK(same(truepose_description_of(&learnt, &kept), {}));
+    const InC again(kept);
+    CHECK(same(again.outcome, {}));
+    truepose_real q_again[6] = {};
+    CHECK(truepose_ikm(&again.model, robot.home.data(), q_again).status == TRUEPOSE_OK);
+    for (int i = 0; i < robot.motors; ++i) CHECK_NEAR(q_again[i], q[i], 1e-14);
     CHECK(same(truepose_forget(&learner), {}));
   });
 }
@@ -343,9 +420,11 @@ TEST("what is no robot is refused, named, and answers nothing") {
     int status, part;
   };
   const Wrong wrongs[] = {
-      {"version", [](auto& t) { t.abi = 2; }, TRUEPOSE_OTHER_VERSION, -1},
+      {"version", [](auto& t) { t.abi = 1; }, TRUEPOSE_OTHER_VERSION, -1},
       {"size", [](auto& t) { --t.size; }, TRUEPOSE_OTHER_VERSION, -1},
       {"mobility", [](auto& t) { t.mobility = 17; }, TRUEPOSE_NO_SUCH_PART, -1},
+      {"a pivot, of whose axes it says nothing", [](auto& t) { t.mobility = 6; },
+       TRUEPOSE_NO_SUCH_VALUE, 26},
       {"chains", [](auto& t) { t.chains = 2000000; }, TRUEPOSE_NO_SUCH_PART, -1},
       {"motors", [](auto& t) { t.motors = -1; }, TRUEPOSE_NO_SUCH_PART, -1},
       {"square", [](auto& t) { t.chains = t.motors = 3; }, TRUEPOSE_NOT_SQUARE, -1},
@@ -356,7 +435,7 @@ TEST("what is no robot is refused, named, and answers nothing") {
       {"actuator", [](auto& t) { t.chain[1].actuator = 3; }, TRUEPOSE_NO_SUCH_PART, -1},
       {"mode", [](auto& t) { t.chain[1].working_mode = 0; }, TRUEPOSE_NO_SUCH_PART, -1},
       {"bar", [](auto& t) { t.chain[1].bar = 2; }, TRUEPOSE_NO_SUCH_PART, -1},
-      {"kind", [](auto& t) { t.sensor[0].kind = 10; }, TRUEPOSE_NO_SUCH_PART, -1},
+      {"kind", [](auto& t) { t.sensor[0].kind = 11; }, TRUEPOSE_NO_SUCH_PART, -1},
       {"sensor's chain", [](auto& t) { t.sensor[0].chain = 1; }, TRUEPOSE_NO_SUCH_PART, -1},
       {"body's bar", [](auto& t) { t.body[0].bar = -2; }, TRUEPOSE_NO_SUCH_PART, -1},
       {"gravity", [](auto& t) { t.gravity[1] = NAN; }, TRUEPOSE_NOT_FINITE, -1},
@@ -482,7 +561,7 @@ TEST("every status has the core's number and says what it is") {
   CHECK(TRUEPOSE_NO_SUCH_VALUE == static_cast<int>(Status::no_such_value));
   CHECK(TRUEPOSE_NOT_COMPILED == static_cast<int>(Status::not_compiled));
   CHECK(TRUEPOSE_LAW_ESTIMATED == static_cast<int>(Law::estimated));
-  CHECK(TRUEPOSE_MOTOR_ENCODER == static_cast<int>(SensorKind::motor_encoder));
+  CHECK(TRUEPOSE_AXIS_ANGLE == static_cast<int>(SensorKind::axis_angle));
   CHECK(TRUEPOSE_DISAGREES == static_cast<int>(Symptom::disagrees));
   CHECK(truepose_abi() == TRUEPOSE_ABI);
 }

@@ -18,6 +18,8 @@ Robot eccentric(Robot robot) {
     for (double& value : amplitude) value *= 1 + 0.3 * i;
     if (robot.chain[i].actuator == Actuator::revolute)
       robot.chain[i].eccentricity.amplitude = amplitude;
+    else
+      robot.chain[i].encoder_buildup = 0.03 * i;
     robot.chain[i].encoder_gain = i == 1 ? -1.3 : 1 + 0.2 * i;
   }
   CHECK(finish(robot));
@@ -87,6 +89,30 @@ TEST("a motor reads its gain times its encoder's angle, less its offset, and is 
     CHECK_NEAR(motor_reading(robot.chain[2], 0.7), -1.02 * angle - 0.1, 1e-15);
     CHECK_NEAR(motor_position(robot.chain[2], -1.02 * angle - 0.1), 0.7, 1e-14);
   }
+}
+
+TEST("a spool's line is as long as its layers, and a motor beyond its turning point is no NaN") {
+  const double radius = 0.02, thickness = 0.002, turns = 7;
+  Chain chain;
+  chain.actuator = Actuator::telescopic;
+  chain.encoder_gain = 1 / radius;  // of the spool's angle
+  chain.encoder_buildup = thickness / (4 * std::numbers::pi * radius * radius);
+  double length = 0;  // of all layers, each half a thickness further out on average
+  const int parts = 100000;
+  const double angle = 2 * std::numbers::pi * turns, step = angle / parts;
+  for (int k = 0; k < parts; ++k)
+    length += step * (radius + thickness * (k + 0.5) * step / (2 * std::numbers::pi));
+  CHECK_NEAR(decode(chain, angle), length, 1e-9);
+  for (const double beta : {chain.encoder_buildup, Real(0), Real(-0.1)}) {
+    chain.encoder_buildup = beta;
+    for (double at = 0.01; at < 2; at += 0.01) {
+      const Encoded read = encode(chain, at), next = encode(chain, at + 1e-6);
+      CHECK_NEAR(decode(chain, read.value), at, 1e-12);
+      CHECK_NEAR(read.slope, (next.value - read.value) / 1e-6, 1e-3 * read.slope);
+    }
+  }
+  chain.encoder_buildup = -1;
+  CHECK(std::isfinite(encode(chain, 3).value) && std::isfinite(encode(chain, 3).slope));
 }
 
 TEST("the forward model finds the pose whatever the encoders' gains, from home and back to q") {

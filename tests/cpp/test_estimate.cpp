@@ -106,7 +106,7 @@ TEST("fuse is generalised least squares: gain and covariance against dense algeb
         CHECK_NEAR(fusion.gain[i][c], gain(i, c), 1e-7 * gain.row(i).cwiseAbs().maxCoeff());
     }
     PoseError error;
-    CHECK(bool(pose_error(robot, kernels<K, Model>(), scene.known, pose, scene.work, error)));
+    CHECK(bool(pose_error(robot, kernels<K, Model>(), scene.known, pose, {}, scene.work, error)));
     const Eigen::MatrixXd sum = error.by_geometry * error.by_geometry.transpose() + error.by_noise;
     CHECK((sum - P).norm() < 1e-7 * P.norm());
   });
@@ -215,41 +215,41 @@ TEST("times_root is a product with a lower triangle, whatever lies above it") {
 }
 
 TEST("a visit leaves the posterior of all its rows at once, those of known poses among them") {
-  for_each_model(
-      [](const Mechanism& mechanism, Scene& scene, auto mobility, auto model, auto& random) {
-        constexpr Mobility K = mobility();
-        using Model = decltype(model);
-        std::vector<Visit> visits(15);
-        for (Visit& visit : visits) visit.pose = to_pose<K>(random_pose(mechanism, random));
-        Joint at_last = to_coordinates<K>(visits.back().pose), sigma;
-        sigma.fill(1e-4);
-        at_last[0] = NAN;  // all coordinates but one
-        visits.back().outside = {at_last.data(), sigma.data()};
-        const int p = scene.known.count;
-        Eigen::MatrixXd information = Eigen::MatrixXd::Identity(p, p);
-        for (const Visit& visit : visits) {
-          Dense<K> at = dense<K, Model>(scene, visit.pose);
-          for (int i = 0; i < at.H.rows(); ++i) {
-            at.H.row(i) /= scene.known.sigma[i];
-            at.B.row(i) /= scene.known.sigma[i];
-          }
-          if (visit.outside.x) {
-            const long rows = at.H.rows(), n = kDof<K>;
-            at.H.conservativeResize(rows + n - 1, n);
-            at.B.conservativeResize(rows + n - 1, p);
-            at.H.bottomRows(n - 1) = Eigen::MatrixXd::Identity(n, n).bottomRows(n - 1) / sigma[0];
-            at.B.bottomRows(n - 1).setZero();
-          }
-          const Eigen::MatrixXd rest = reference::complement(at.H) * at.B;
-          information += rest.transpose() * rest;
-        }
-        RowMatrix root;
-        CHECK(bool(after_visiting(scene.robot, kernels<K, Model>(), scene.known, 0, visits, root)));
-        const Eigen::MatrixXd expected =
-            scene.root * reference::inverse(information) * scene.root.transpose();
-        CHECK((root * root.transpose() - expected).norm() < 1e-7 * expected.norm());
-        CHECK(root.triangularView<Eigen::StrictlyUpper>().toDenseMatrix().norm() == 0);
-      });
+  for_each_model([](const Mechanism& mechanism, Scene& scene, auto mobility, auto model,
+                    auto& random) {
+    constexpr Mobility K = mobility();
+    using Model = decltype(model);
+    std::vector<Visit> visits(15);
+    for (Visit& visit : visits) visit.pose = to_pose<K>(random_pose(mechanism, random));
+    Joint at_last = to_coordinates<K>(visits.back().pose), sigma;
+    sigma.fill(1e-4);
+    at_last[0] = NAN;  // all coordinates but one
+    visits.back().outside = {at_last.data(), sigma.data()};
+    const int p = scene.known.count;
+    Eigen::MatrixXd information = Eigen::MatrixXd::Identity(p, p);
+    for (const Visit& visit : visits) {
+      Dense<K> at = dense<K, Model>(scene, visit.pose);
+      for (int i = 0; i < at.H.rows(); ++i) {
+        at.H.row(i) /= scene.known.sigma[i];
+        at.B.row(i) /= scene.known.sigma[i];
+      }
+      if (visit.outside.x) {
+        const long rows = at.H.rows(), n = kDof<K>;
+        at.H.conservativeResize(rows + n - 1, n);
+        at.B.conservativeResize(rows + n - 1, p);
+        at.H.bottomRows(n - 1) = Eigen::MatrixXd::Identity(n, n).bottomRows(n - 1) / sigma[0];
+        at.B.bottomRows(n - 1).setZero();
+      }
+      const Eigen::MatrixXd rest = reference::complement(at.H) * at.B;
+      information += rest.transpose() * rest;
+    }
+    RowMatrix root;
+    CHECK(bool(after_visiting(scene.robot, kernels<K, Model>(), scene.known, 0, visits, {}, root)));
+    const Eigen::MatrixXd expected =
+        scene.root * reference::inverse(information) * scene.root.transpose();
+    CHECK((root * root.transpose() - expected).norm() < 1e-7 * expected.norm());
+    CHECK(root.triangularView<Eigen::StrictlyUpper>().toDenseMatrix().norm() == 0);
+  });
 }
 
 TEST("an estimate that cannot be leaves the guess, and says why") {

@@ -23,11 +23,22 @@ truepose_description table_of(const Robot& robot) {
   return table;
 }
 
+using Correction = std::array<truepose_real, 6>;
+double apart(const Correction& a, const Correction& b) {
+  double largest = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) largest = std::max(largest, std::fabs(a[i] - b[i]));
+  return largest;
+}
+
 /// A machine, its last motor's rod 3 mm longer than its controller knows, and drives that follow.
 struct Loop {
-  explicit Loop(const Robot& robot, double longer = 0.003) : n(robot.motors) {
+  explicit Loop(const Robot& robot, double longer = 0.003, Prior* prior = nullptr)
+      : n(robot.motors) {
     corrector->table.robot = corrector->table.finest = table_of(robot);
-    CHECK(truepose_corrector_begin(corrector.get(), kPeriod).status == TRUEPOSE_OK);
+    if (prior) knows(prior->known());
+    corrector->table.from = 1;
+    const truepose_description& commanded = corrector->table.robot;
+    CHECK(truepose_corrector_begin(corrector.get(), &commanded, kPeriod).status == TRUEPOSE_OK);
     truepose_description machine = table_of(robot);
     machine.chain[n - 1].rod += longer;
     truepose_real q[6];
@@ -35,6 +46,7 @@ struct Loop {
     CHECK(truepose_plant_begin(plant.get(), &machine, kPeriod, q).status == TRUEPOSE_OK);
     plant->coarse = 0;
     for (int c = 0; c < kMaxReadings; ++c) plant->absolute[c] = 1;
+    std::copy_n(plant->q_e, kMaxReadings, plant->read);
     std::copy_n(q, 6, in.q_d);
     in.enable = in.referenced = 1;
     in.blend = 0.2;
@@ -61,10 +73,40 @@ struct Loop {
     }
     return step;
   }
-  double largest_correction() const {
-    double largest = 0;
-    for (int i = 0; i < n; ++i) largest = std::max(largest, std::fabs(corrector->correction[i]));
-    return largest;
+  Correction correction() const {
+    Correction now;
+    std::copy_n(corrector->correction, now.size(), now.begin());
+    return now;
+  }
+  double largest_correction() const { return apart(correction(), {}); }
+
+  void knows(const Knowledge& known) {
+    truepose_table& table = corrector->table;
+    table.watched = 1;
+    table.known.count = known.count;
+    table.known.column = table.column;
+    table.known.root = table.root;
+    std::copy_n(known.column, known.count, table.column);
+    std::copy_n(known.root, known.count * known.count, table.root);
+    std::copy_n(known.sigma.begin(), kMaxReadings, table.known.sigma);
+    c::describe(GuardSettings{}, table.watch);
+  }
+
+  /// To a pose, in so many cycles. @return as run()
+  double go(const Coordinates& x, int cycles = 200) {
+    truepose_real q[6] = {}, speed[6] = {};
+    CHECK(truepose_ikm(&corrector->commanded, x.data(), q).status == TRUEPOSE_OK);
+    for (int i = 0; i < n; ++i) speed[i] = (q[i] - in.q_d[i]) / (cycles * kPeriod);
+    return run(cycles, speed);
+  }
+  /// How far what a robot makes of the motors is from the true pose, m or rad.
+  double off(const truepose_model& robot) const {
+    truepose_real x[6];
+    std::copy_n(plant->x, 6, x);
+    CHECK(truepose_fkm(&robot, plant->read, 12, x).outcome.status == TRUEPOSE_OK);
+    double sum = 0;
+    for (int i = 0; i < n; ++i) sum = std::max(sum, std::fabs(x[i] - plant->x[i]));
+    return sum;
   }
 
   int n;
@@ -179,17 +221,8 @@ TEST("a sensor that is watched ends the law before its lie reaches a drive") {
   for (const int lie : {TRUEPOSE_PLANT_MISSING, TRUEPOSE_PLANT_JUMPED}) {
     double worst[2];
     for (const int watch : {0, 1}) {
-      Loop loop(h4().robot, 0.0);
       Prior prior(h4().robot);
-      truepose_table& table = loop.corrector->table;
-      table.watched = 1;
-      table.known.count = prior.known().count;
-      table.known.column = table.column;
-      table.known.root = table.root;
-      std::copy_n(prior.known().column, table.known.count, table.column);
-      std::copy_n(prior.known().root, table.known.count * table.known.count, table.root);
-      std::copy_n(prior.known().sigma.begin(), kMaxReadings, table.known.sigma);
-      c::describe(GuardSettings{}, table.watch);
+      Loop loop(h4().robot, 0.0, &prior);
       loop.in.law = TRUEPOSE_LAW_REDUNDANT;
       loop.in.watch = watch;
       loop.run(300);
@@ -206,6 +239,143 @@ TEST("a sensor that is watched ends the law before its lie reaches a drive") {
     CHECK(worst[1] < 1e-3);
     CHECK(lie == TRUEPOSE_PLANT_MISSING || worst[0] > 3e-3);
   }
+}
+
+TEST("of two sensors the one that lies is left out, and the law goes on without a step") {
+  Robot robot = h4().robot;
+  robot.r = 2;
+  CHECK(bool(finish(robot)));
+  for (const int law : {TRUEPOSE_LAW_REDUNDANT, TRUEPOSE_LAW_ESTIMATED})
+    for (const int lie : {TRUEPOSE_PLANT_MISSING, TRUEPOSE_PLANT_JUMPED}) {
+      Prior prior(robot);
+      Loop loop(robot, 1e-4, &prior);
+      loop.in.law = law;
+      loop.in.watch = 1;
+      loop.run(1000);
+      CHECK(loop.corrector->fault == 0 && loop.corrector->law == law);
+      const Correction before = loop.correction();
+      loop.fault[loop.n + 1] = lie;
+      loop.size[loop.n + 1] = 0.05;
+      const double step = loop.run(400);
+      CHECK(loop.corrector->left_out == 1U << (loop.n + 1));
+      CHECK(loop.corrector->fault == 0 && loop.corrector->law == law);
+      CHECK(step < 1.2 * ramp(apart(before, loop.correction())) + 1e-9);
+      // What is left is the law of the sensor that is left: as if there had been no other.
+      Robot other = robot;
+      other.r = 1;
+      CHECK(bool(finish(other)));
+      Prior alone(other);
+      Loop without(other, 1e-4, &alone);
+      without.in.law = law;
+      without.run(1400);
+      CHECK(std::fabs(loop.plant->x[3] - without.plant->x[3]) < 2e-5);
+      loop.fault[loop.n] = lie;  // the other one as well: nothing can stand for it
+      loop.size[loop.n] = 0.05;
+      CHECK(loop.run(400) < 1.2 * ramp(apart({}, without.correction())) + 1e-9);
+      CHECK(loop.corrector->fault == TRUEPOSE_TEJ_WATCH && loop.corrector->law == 0);
+    }
+}
+
+TEST("at rest the robot is learnt, the law goes by it without a step, and it can be kept") {
+  const Mechanism mechanism = h4();
+  for (const int law : {TRUEPOSE_LAW_REDUNDANT, TRUEPOSE_LAW_ESTIMATED}) {
+    check::Random random(3);
+    Prior prior(mechanism.robot);
+    Loop loop(mechanism.robot, 5e-4, &prior);
+    const truepose_pupil& pupil = loop.corrector->pupil;
+    loop.in.law = law;
+    loop.in.learn = loop.in.learnt = 1;
+    loop.in.rest = 0.25;
+    double drawn = 0, learnt = 0;
+    for (int k = 0; k < 40; ++k) {
+      const auto lines = pupil.lines;
+      loop.go(random_pose(mechanism, random));
+      CHECK(pupil.lines == lines);  // not in motion
+      loop.run(200);
+      const Correction before = loop.correction();
+      const double step = loop.run(400);
+      CHECK(step < 1.2 * ramp(apart(before, loop.correction())) + 1e-10);
+      if (k < 30) continue;
+      drawn = std::max(drawn, loop.off(loop.corrector->model));
+      learnt = std::max(learnt, loop.off(pupil.robot));
+    }
+    CHECK(loop.corrector->fault == 0 && loop.corrector->law == law);
+    CHECK(pupil.lines >= 40 && pupil.left_out == 0 && pupil.outcome.status == TRUEPOSE_OK);
+    CHECK(learnt < drawn / 5);
+    for (int i = 0; i < loop.n; ++i) CHECK(pupil.sigma[i] > 0 && pupil.sigma[i] < 1e-3);
+
+    const Correction by_learnt = loop.correction();
+    loop.in.learn = loop.in.learnt = 0;  // the robot as it was exported, and back
+    const double most = 1.2 * (loop.run(1), ramp(loop.largest_correction())) + 1e-6;
+    CHECK(loop.run(600) < most);
+    CHECK(apart(by_learnt, loop.correction()) > 1e-5);
+    loop.in.learnt = 1;
+    CHECK(loop.run(600) < most);
+    CHECK(apart(by_learnt, loop.correction()) < 1e-6);
+
+    const char* const path = "learnt.table";
+    CHECK(truepose_pupil_keep(&pupil, &loop.corrector->table, path) == nullptr);
+    const auto again = std::make_unique<truepose_corrector>();
+    CHECK(truepose_read_table(path, &again->table) == nullptr);
+    CHECK(again->table.from == loop.corrector->table.from);
+    const truepose_description commanded = table_of(mechanism.robot);
+    CHECK(truepose_corrector_begin(again.get(), &commanded, kPeriod).status == TRUEPOSE_OK);
+    CHECK_NEAR(loop.off(again->model), loop.off(pupil.robot), 1e-12);
+    CHECK(again->table.root[0] < prior.known().root[0]);
+    std::remove(path);
+  }
+}
+
+TEST("memory holds what the largest robot learns, as many parameters as a table has") {
+  Robot robot = hexapod("hexapod", Actuator::telescopic).robot;
+  std::fill(robot.sensor.begin(), robot.sensor.end(), robot.sensor[1]);
+  robot.r = kMaxReadings - robot.motors;
+  const truepose_description table = table_of(robot);
+  truepose_model model;
+  CHECK(truepose_load(&model, sizeof model, &table).status == TRUEPOSE_OK);
+  CHECK(truepose_work(&model, TRUEPOSE_TABLE_PARAMETERS) > 0);
+  CHECK(truepose_work(&model, TRUEPOSE_TABLE_PARAMETERS) <= TRUEPOSE_TEJ_WORK);
+  CHECK(truepose_learner_memory(&model, TRUEPOSE_TABLE_PARAMETERS) <= TRUEPOSE_LEARNS);
+}
+
+TEST("nothing is learnt that should not be") {
+  const Mechanism mechanism = h4();
+  const auto learns = [&](auto spoil) {
+    Prior prior(mechanism.robot);
+    Loop loop(mechanism.robot, 5e-4, &prior);
+    loop.in.learn = loop.in.learnt = 1;
+    loop.in.rest = 0.1;
+    spoil(loop);
+    loop.run(500);
+    CHECK(loop.corrector->learnt == 1 && loop.largest_correction() == 0);  // the joint law
+    return loop.corrector->pupil.lines + loop.corrector->pupil.left_out;
+  };
+  CHECK(learns([](Loop&) {}) == 1);  // what is the same again is no news
+  CHECK(learns([](Loop& loop) { loop.in.learn = 0; }) == 0);
+  CHECK(learns([](Loop& loop) { loop.in.referenced = 0; }) == 0);
+  CHECK(learns([](Loop& loop) { loop.fault[loop.n] = TRUEPOSE_PLANT_MISSING; }) == 0);
+  CHECK(learns([](Loop& loop) { loop.in.rest = kNaN; }) == 0);
+  Prior prior(mechanism.robot);
+  Loop loop(mechanism.robot, 0, &prior);
+  loop.in.learn = 1;
+  loop.in.rest = 0.1;
+  loop.fault[loop.n] = TRUEPOSE_PLANT_JUMPED;
+  loop.size[loop.n] = 0.05;
+  loop.run(200);
+  CHECK(loop.corrector->pupil.lines == 0 && loop.corrector->pupil.left_out == 1);
+  CHECK(loop.corrector->pupil.outcome.status == TRUEPOSE_DISAGREE);
+  CHECK(loop.off(loop.corrector->pupil.robot) < 1e-9);
+  // A sensor that is watched: what it may have taught lately is forgotten when it fails.
+  Loop watched(mechanism.robot, 5e-4, &prior);
+  watched.in.learn = watched.in.learnt = watched.in.watch = 1;
+  watched.in.rest = 0.1;
+  watched.run(300);
+  CHECK(watched.corrector->pupil.lines == 1 &&
+        watched.off(watched.corrector->pupil.robot) < watched.off(watched.corrector->model));
+  watched.fault[watched.n] = TRUEPOSE_PLANT_MISSING;
+  watched.run(100);
+  CHECK_NEAR(watched.off(watched.corrector->pupil.robot), watched.off(watched.corrector->model),
+             1e-12);
 }
 
 TEST("what the law cannot answer for is a fault, and motors follow their own encoders") {
@@ -252,12 +422,16 @@ TEST("a motor that is not heard, or not told, asks for its amplifier to go off")
 TEST("no NaN leaves, wherever one enters") {
   check::Random random(2);
   const double odd[] = {kNaN, HUGE_VAL, -HUGE_VAL, 1e300, -1e300};
-  Loop loop(h4().robot);
+  Prior prior(h4().robot);
+  Loop loop(h4().robot, 0.003, &prior);
+  loop.in.rest = 0.01;
   for (int k = 0; k < 3000; ++k) {
     const truepose_corrector_input kept = loop.in;
     truepose_real* const places[] = {loop.in.q_d, loop.in.q_e, &loop.in.band, &loop.in.blend,
                                      &loop.in.largest};
     loop.in.law = k % 7 - 1;
+    loop.in.watch = k / 500 % 2;
+    loop.in.learn = loop.in.learnt = k / 700 % 2;
     loop.in.reset = random() > 0.9;
     if (random() > 0) {
       const int which = static_cast<int>(2.5 * (1 + random()));

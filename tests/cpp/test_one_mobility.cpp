@@ -7,16 +7,16 @@ using namespace truepose;
 
 TEST("a build for Schoenflies robots compiles no other mobility") {
   long called = 0;
-  for (int k = 0; k < 5; ++k)
+  for (int k = 0; k < kMobilities; ++k)
     with_mobility(static_cast<Mobility>(k), [&](auto mobility) {
       static_assert(mobility() == Mobility::schoenflies);
       ++called;
     });
-  CHECK(called == 5);
+  CHECK(called == kMobilities);
 }
 
 TEST("it refuses robots of every other mobility, and answers for its own") {
-  for (int k = 0; k < 5; ++k) {
+  for (int k = 0; k < kMobilities; ++k) {
     Robot robot = mechanisms::h4().robot;
     robot.mobility = static_cast<Mobility>(k);
     robot.chains = robot.motors = dof(robot.mobility);

@@ -202,7 +202,8 @@ TEST("a robot that is not finished answers nothing, whatever its memory holds") 
 TEST("every wrong count, index and enum is refused, and what was refused stays unfinished") {
   const Status part = Status::no_such_part, square = Status::not_square;
   const Wrong wrongs[]{
-      {"mobility 5", part, [](Robot& r) { r.mobility = wild<Mobility>(5); }},
+      {"mobility 8", part, [](Robot& r) { r.mobility = wild<Mobility>(kMobilities); }},
+      {"a pivot of four chains", square, [](Robot& r) { r.mobility = Mobility::pivot_2; }},
       {"mobility -1", part, [](Robot& r) { r.mobility = wild<Mobility>(-1); }},
       {"chains -1", part, [](Robot& r) { r.chains = -1; }},
       {"chains 7", part, [](Robot& r) { r.chains = kMaxChains + 1; }},

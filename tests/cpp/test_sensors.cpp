@@ -17,6 +17,7 @@ bool fits(SensorKind kind, Mobility mobility) {
       return mobility == Mobility::planar || mobility == Mobility::schoenflies;
     case SensorKind::inclinometer:
     case SensorKind::rotation: return mobility == Mobility::spatial;
+    case SensorKind::axis_angle: return pivots(mobility);
     case SensorKind::rod_lateral:
       return mobility != Mobility::planar && mobility != Mobility::planar_translation;
     default: return true;
@@ -93,6 +94,10 @@ void change(Robot& robot, int i, ChainParameter p, double h) {
       chain.encoder_gain += h;
       note_encoders(robot);
       break;
+    case ChainParameter::encoder_buildup:
+      if (chain.actuator != Actuator::revolute) chain.encoder_buildup += h;
+      note_encoders(robot);
+      break;
     case ChainParameter::yaw: {
       const Mat3 turn = rotation_z(h);
       chain.zero = turn * chain.zero();
@@ -166,6 +171,8 @@ void for_each_with_sensors(F&& f) {
       robot.chain[i].encoder_gain = i == 2 ? -0.8 : 1 + 0.1 * i;  // one counts backwards
       if (robot.chain[i].actuator == Actuator::revolute)
         spin(robot.chain[i].eccentricity, 0.01 * i, 1);
+      else
+        robot.chain[i].encoder_buildup = 0.05 * i;
       if (robot.full.kind != FullKind::exists) continue;
       change(robot, i, ChainParameter::yaw, 0.003 * (i - 1));
       change(robot, i, ChainParameter::tilt, 0.002 * (2 - i));

@@ -288,7 +288,7 @@ TEST("a robot whose counts or indices name no part of it is refused") {
       [](Robot& robot) { robot.r = kMaxSensors + 1; },
       [](Robot& robot) { robot.r = -1; },
       [](Robot& robot) { robot.bodies = kMaxBodies + 1; },
-      [](Robot& robot) { robot.mobility = static_cast<Mobility>(5); },
+      [](Robot& robot) { robot.mobility = static_cast<Mobility>(kMobilities); },
       [](Robot& robot) { robot.chain[1].bar = kMaxBars; },
       [](Robot& robot) { robot.chain[1].bar = -2; },
       [](Robot& robot) { robot.body[0].bar = kMaxBars; },

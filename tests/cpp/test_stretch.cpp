@@ -1,0 +1,175 @@
+// Do rods, legs and belts carry what hangs on the nacelle, and give way to it as they should?
+#include "truepose/offline/stretch.hpp"
+
+#include "mechanisms.hpp"
+
+using namespace mechanisms;
+
+namespace {
+
+/// Calls f(mechanism, robot, full, mobility) at every level that a mechanism has: encoders of their
+/// own, both sensors in use; where its rods are a pair, one longer than the other.
+template <class F>
+void for_each_level(F&& f) {
+  for_each([&](const Mechanism& mechanism, auto mobility) {
+    Robot robot = mechanism.robot;
+    robot.r = 2;
+    for (int i = 0; i < dof(mobility()); ++i) {
+      robot.chain[i].encoder_offset = 0.01 * i;
+      robot.chain[i].encoder_gain = i == 1 ? -0.9 : 1 + 0.1 * i;
+      if (robot.chain[i].actuator != Actuator::revolute) robot.chain[i].encoder_buildup = 0.04 * i;
+      if (robot.full.kind == FullKind::exists) robot.chain[i].rod_difference = 2e-5 * (i + 1);
+    }
+    CHECK(finish(robot) && finish_full(robot));
+    f(mechanism, robot, false, mobility);
+    if (robot.full.own()) f(mechanism, robot, true, mobility);
+  });
+}
+
+/// Work that force and weights do from the base's origin to where a nacelle stands.
+template <class Lever>
+double work(const Robot& robot, const Load& load, const Pose& pose,
+            const std::array<double, 2>& psi, bool full, Lever&& lever) {
+  double sum = load.force.dot(pose.D);
+  for (int k = 0; k < robot.bodies; ++k) {
+    const Body& body = robot.body[k];
+    Vec3 at = pose.D + pose.R * body.pivot();
+    if (full)
+      at += (body.bar < 0 ? pose.R : Mat3(pose.R * rotation_z(psi[body.bar]))) * body.anchor();
+    sum += body.mass * robot.gravity().dot(at);
+  }
+  for (int i = 0; i < dof(robot.mobility); ++i)
+    sum += 0.5 * robot.chain[i].rod_mass * robot.gravity().dot(pose.D + lever(i));
+  return sum;
+}
+
+/// The same where the motors stand at q, near a pose.
+template <Mobility K>
+double work_at(const Robot& robot, const Load& load, bool full, const Joint& q, const Pose& near) {
+  if constexpr (kRodByRod<K>) {
+    if (full) {
+      FullPose pose = to_full(near);
+      FullClosure<K> at;
+      CHECK(fkm_full<K>(robot, q, pose, at));
+      return work(robot, load, at.pose, at.pose.psi, true,
+                  [&](int i) { return Vec3(0.5 * (at.lever[2 * i] + at.lever[2 * i + 1])); });
+    }
+  }
+  Pose pose = near;
+  CHECK(fkm<K>(robot, q, pose));
+  Closure<K> at;
+  CHECK(ikm<K>(robot, pose, at));
+  return work(robot, load, at.pose, {}, false, [&](int i) { return at.chain[i].lever; });
+}
+
+Load some_load() {
+  Load load;
+  load.force = Vec3(30, -20, -70);
+  return load;
+}
+
+}  // namespace
+
+TEST("a rod's tension is the work that what hangs on the nacelle does when it becomes longer") {
+  for_each_level([](const Mechanism& mechanism, const Robot& robot, bool full, auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr double kLonger = 1e-5;
+    check::Random random(81);
+    for (int sample = 0; sample < 5; ++sample) {
+      const Coordinates x = random_pose(mechanism, random, 0.8);
+      const Pose pose = to_pose<K>(x);
+      const Load load = some_load();
+      Pull by;
+      CHECK(pull(robot, pose, full, load, by));
+      Joint q{};
+      CHECK(full ? ikm_full(robot, x, q) : ikm(robot, x, q));
+      for (int i = 0; i < kDof<K>; ++i) {
+        const auto slope = [&](auto&& change) {
+          double at[2];
+          for (const int side : {0, 1}) {
+            Robot other = robot;
+            change(other.chain[i], side ? kLonger : -kLonger);
+            at[side] = work_at<K>(other, load, full, q, pose);
+          }
+          return (at[1] - at[0]) / (2 * kLonger);
+        };
+        const double longer = slope([&](Chain& chain, double h) {
+          if (chain.actuator == Actuator::telescopic)
+            chain.encoder_offset += h / by.rate[i];
+          else
+            chain.rod += h;
+        });
+        CHECK_NEAR(longer, by.tension[i], 1e-4 * (100 + std::fabs(by.tension[i])));
+        if (!full) continue;
+        // Half the difference is on either rod: its work is half of what one rod's tension has over
+        // the other's.
+        const double apart = slope([](Chain& chain, double h) { chain.rod_difference += h; });
+        const double length = robot.chain[i].rod;
+        CHECK_NEAR(apart, by.difference[i] / (4 * length),
+                   1e-4 * (100 + std::fabs(by.difference[i] / length)));
+      }
+    }
+  });
+}
+
+TEST("under load every reading changes with every chain's compliance as finite differences do") {
+  for_each_level([](const Mechanism& mechanism, const Robot& robot, bool full, auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr double kStep = 1e-7;
+    const bool elastic = full && robot.full.kind == FullKind::elastic;
+    const Kernels model = kernels(robot.mobility, full);
+    std::vector<double> H_xi(model.n * 20 * parameter_count(robot));
+    check::Random random(82);
+    double most = 0;
+    for (int sample = 0; sample < 5; ++sample) {
+      const Pose pose = to_pose<K>(random_pose(mechanism, random, 0.8));
+      Joint compliance{};
+      for (int i = 0; i < model.n; ++i) compliance[i] = 1e-6 * (1 + i);
+      Load load = some_load();
+      if (sample % 2) load.tension[0] = 120;  // measured
+      UnderLoad at;
+      CHECK(under_load(robot, model, full, pose, compliance, load, H_xi.data(), at));
+      if (sample % 2) CHECK_NEAR(at.tension[0], 120, 0);
+      for (int i = 0; i < model.n; ++i) {
+        UnderLoad side[2];
+        for (const int s : {0, 1}) {
+          Joint other = compliance;
+          other[i] += s ? kStep : -kStep;
+          CHECK(under_load(robot, model, full, pose, other, load, H_xi.data(), side[s]));
+        }
+        for (int c = 0; c < model.n + robot.r; ++c) {
+          const double slope = (side[1].q_e[c] - side[0].q_e[c]) / (2 * kStep);
+          most = std::max(most, std::fabs(slope));
+          // One rod too many: H_ξ holds to first order in what the rods are under without load.
+          const double off =
+              elastic ? 5e-3 * (100 + std::fabs(slope)) : 1e-4 * (1 + std::fabs(slope));
+          CHECK_NEAR(at.by_compliance[c][i], slope, off);
+        }
+      }
+    }
+    CHECK(most > 1);
+  });
+}
+
+TEST("what carries nothing, or is stiff, stays as long as it is") {
+  for_each_level([](const Mechanism& mechanism, const Robot& robot, bool full, auto mobility) {
+    constexpr Mobility K = mobility();
+    const Kernels model = kernels(robot.mobility, full);
+    std::vector<double> H_xi(model.n * 20 * parameter_count(robot));
+    const Pose pose = to_pose<K>(mechanism.robot.home);
+    Robot weightless = robot;
+    weightless.gravity() = Vec3::Zero();
+    Extended q_e;
+    PoseRows H_x;
+    Parasitic rest;
+    CHECK(model.linearise(robot, pose, q_e, H_x, H_xi.data(), rest));
+    Joint soft;
+    soft.fill(1e-5);
+    for (const bool stiff : {false, true}) {
+      UnderLoad at;
+      CHECK(under_load(stiff ? robot : weightless, model, full, pose, stiff ? Joint{} : soft,
+                       stiff ? some_load() : Load{}, H_xi.data(), at));
+      for (int c = 0; c < model.n + robot.r; ++c) CHECK_NEAR(at.q_e[c], q_e[c], 1e-12);
+    }
+  });
+}
