@@ -1,5 +1,6 @@
 """What do the tests share? Robots, poses, and the size of bulk samples."""
 
+import ctypes
 import os
 import shutil
 import subprocess
@@ -7,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from linuxcnc_modules import Module
 
 import truepose as tp
 from truepose import files
@@ -140,6 +142,29 @@ def components(tmp_path_factory) -> Path:
     places = [f"LIBRARY={library.resolve()}", f"INCLUDE={root / 'include'}"]
     subprocess.run(["make", "-s", "-C", work, *places], check=True)
     return work
+
+
+@pytest.fixture(scope="session")
+def hal(tmp_path_factory):
+    """Return what stands for LinuxCNC's HAL (tests/linuxcnc/stub_hal.c)."""
+    library = tmp_path_factory.mktemp("hal") / "libhal.so"
+    source = Path(__file__).parents[1] / "linuxcnc/stub_hal.c"
+    subprocess.run(["cc", "-shared", "-fPIC", "-o", library, source], check=True)
+    hal = ctypes.CDLL(str(library), mode=ctypes.RTLD_GLOBAL)
+    hal.stub_pin.restype = ctypes.c_void_p
+    return hal
+
+
+@pytest.fixture
+def ours(hal, tmp_path, components):
+    """Load a module of ours anew: one that is loaded twice from one file is the same one."""
+
+    def load(name="truepose_kins", **parameters):
+        copy = tmp_path / f"{name}{len(list(tmp_path.iterdir()))}.so"
+        shutil.copy(components / f"{name}.so", copy)
+        return Module(hal, copy, **parameters)
+
+    return load
 
 
 def pytest_report_header(config):

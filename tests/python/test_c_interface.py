@@ -62,7 +62,8 @@ def compiled(prefix: Path, folder: Path, *words) -> Path:
 def test_the_library_needs_libm_and_libc_alone_and_shows_what_the_header_has(shared):
     needed = re.findall(r"NEEDED.*\[(.*)\]", told("readelf", "-d", shared))
     assert {re.sub(r"\.so.*", "", name) for name in needed} <= {"libm", "libc"}
-    assert re.search(r"SONAME.*\[libtruepose\.so\.1\]", told("readelf", "-d", shared))
+    (abi,) = re.findall(r"#define TRUEPOSE_ABI (\d+)", HEADER.read_text(encoding="utf-8"))
+    assert re.search(rf"SONAME.*\[libtruepose\.so\.{abi}\]", told("readelf", "-d", shared))
     symbols = told("nm", "-D", "--defined-only", shared).split()[2::3]
     declared = re.findall(r"\b(truepose_\w+)\(", HEADER.read_text(encoding="utf-8"))
     assert set(symbols) == set(declared) - {"truepose_model"}
@@ -71,6 +72,24 @@ def test_the_library_needs_libm_and_libc_alone_and_shows_what_the_header_has(sha
 def test_it_answers_as_python_did_when_the_reference_was_written(prefix, tmp_path):
     program = compiled(prefix, tmp_path, REFERENCE / "agree.c", REFERENCE / "main.c")
     assert told(program).startswith("5 robots")
+
+
+@pytest.mark.skipif(shutil.which("g++") is None, reason="single precision is built by g++")
+def test_in_single_precision_it_answers_as_python_did_to_rounding(tmp_path):
+    options = ("-DTRUEPOSE_PYTHON=OFF", "-DTRUEPOSE_SINGLE=ON", "-DCMAKE_BUILD_TYPE=MinSizeRel")
+    build = tmp_path / "build"
+    told("cmake", "-S", SOURCE, "-B", build, *options, "-DCMAKE_CXX_COMPILER=g++",
+         f"-DCMAKE_PREFIX_PATH={wheels_eigen()}")  # fmt: skip
+    told("cmake", "--build", build, "--target", "truepose_c_static", "--parallel", "2")
+    sources = (REFERENCE / "agree.c", REFERENCE / "main.c")
+    single = ("-DTRUEPOSE_SINGLE", f"-I{HEADER.parents[1]}", *sources)
+    library = build / "libtruepose.a"
+    program = tmp_path / "program"
+    told(CC, *STRICT, *single, library, "-lm", "-o", program)
+    assert told(program).startswith("5 robots")
+    double = tmp_path / "double"  # tables of the other precision are refused, not misread
+    told(CC, *STRICT, *single[1:], library, "-lm", "-o", double)
+    assert subprocess.run([double], check=False).returncode != 0
 
 
 def test_python_still_answers_as_the_reference(tmp_path):

@@ -124,14 +124,16 @@ def test_check_of_a_missing_file_is_one_line(run):
     )
 
 
-@pytest.mark.parametrize("command", ["check", "new", "info", "accuracy", "margins", "calibrate"])
+@pytest.mark.parametrize(
+    "command", ["check", "new", "info", "accuracy", "margins", "plan", "design", "calibrate"]
+)
 def test_help_has_an_example(run, command):
     status, out, _ = run(command, "--help")
     assert status == 0 and f"Example: truepose {command}" in re.sub(r"\s+", " ", out)
 
 
 @pytest.mark.usefixtures("plain_page")
-@pytest.mark.parametrize("command", ["robots", "margins", "simulate", "rehearse"])
+@pytest.mark.parametrize("command", ["robots", "margins", "plan", "design", "simulate", "rehearse"])
 def test_the_examples_of_the_help_run(run, command):
     told = get_command(cli.app).commands[command].help.partition("Example: ")[2]
     examples = re.findall(r"\*\*truepose (.+?)\*\*", told, re.DOTALL)
@@ -160,9 +162,11 @@ def test_the_shipped_robots_are_listed_for_people_and_for_programs(run):
 def test_info_prints_the_figures_of_every_robot(run, name):
     status, out, err = run("info", name, "--samples", "500")
     assert (status, err) == (0, "")
-    for word in ("degrees of freedom", "actuators", "redundant sensors", "workspace x", "motor 1"):
+    first, unit = tp.load(name).coordinates[0]
+    workspace = f"workspace {first}"
+    for word in ("degrees of freedom", "actuators", "redundant sensors", workspace, "motor 1"):
         assert word in out
-    assert "100 % of 500 poses, seed 0" in out and "fastest motor at 1 m/s" in out
+    assert "100 % of 500 poses, seed 0" in out and f"fastest motor at 1 {unit}/s" in out
 
 
 def test_info_draws_the_conditioning_map(run, tmp_path):
@@ -202,10 +206,11 @@ def test_no_direction_is_faster_than_the_worst_one(any_robot, anywhere, rng):
         any_robot.spec.workspace.minimum, any_robot.spec.workspace.maximum, (300, any_robot.n)
     )
     linear = np.array([unit == "m" for _, unit in any_robot.coordinates])
-    direction = rng.normal(size=(300, any_robot.n)) * linear
+    fastest = figures.moving if linear.any() else figures.turning
+    direction = rng.normal(size=(300, any_robot.n)) * (linear if linear.any() else 1)
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     q_dot = np.linalg.solve(any_robot.jacobian(x), direction[..., None])
-    assert np.abs(q_dot).max() <= figures.moving.value * (1 + 1e-12)
+    assert np.abs(q_dot).max() <= fastest.value * (1 + 1e-12)
 
 
 def test_what_is_out_of_reach_lowers_the_fraction_and_greys_the_map(h4):

@@ -22,11 +22,17 @@ pytestmark = [
 ]
 
 
+def board(folder: Path, *options: str) -> str:
+    """Return what `make -C deploy/cortex-m7` says; it fails where the self-test does."""
+    eigen = wheels_eigen() / "include" / "eigen3"
+    folders = (f"BUILD={folder}", f"EIGEN={eigen}")
+    return told("make", "-C", SOURCE / "deploy" / "cortex-m7", *folders, *options)
+
+
 @pytest.fixture(scope="module")
 def said(tmp_path_factory) -> str:
-    """Return what `make -C deploy/cortex-m7` says; it fails where the self-test does."""
-    folder, eigen = tmp_path_factory.mktemp("m7"), wheels_eigen() / "include" / "eigen3"
-    return told("make", "-C", SOURCE / "deploy" / "cortex-m7", f"BUILD={folder}", f"EIGEN={eigen}")
+    """Return what is said in double precision."""
+    return board(tmp_path_factory.mktemp("m7"))
 
 
 def row(said: str, name: str) -> list[float]:
@@ -47,6 +53,14 @@ def test_an_h4_with_control_fits_a_small_machine(said):
     mean, worst, stack = row(said, "control, redundant")
     assert mean <= worst <= 10_000
     assert stack <= 8192
+
+
+def test_in_single_precision_an_h4_fits_a_board_without_a_double_unit(said, tmp_path):
+    single = board(tmp_path, "SINGLE=1")
+    for entry in ("IKM", "FKM, from the last cycle's pose", "TEJ", "control, redundant"):
+        assert row(single, entry)[0] < row(said, entry)[0]
+    assert row(single, "control")[0] <= 38
+    assert row(single, "redundant, full feed-forward")[0] <= 10_000
 
 
 def test_no_cycle_takes_much_longer_than_its_usual_one(said):

@@ -15,16 +15,31 @@ from truepose.robotfile.schema import (
     Bar,
     Calibration,
     Chain,
+    Finer,
     Nacelle,
+    PassiveAxis,
     Pattern,
     RobotFile,
+    Stretch,
     Tolerance,
     Workspace,
 )
 from truepose.robotfile.sensors import SENSORS
 
 SITE = Path(__file__).parents[2] / "docs" / "site"
-TABLES = (RobotFile, Chain, Bar, Nacelle, Workspace, Pattern, Tolerance, Calibration)
+TABLES = (
+    RobotFile,
+    Chain,
+    Bar,
+    PassiveAxis,
+    Nacelle,
+    Workspace,
+    Pattern,
+    Stretch,
+    Tolerance,
+    Finer,
+    Calibration,
+)
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +113,7 @@ def test_the_reference_has_every_public_name(site):
 def pages() -> list[Path]:
     root = SITE.parents[1]
     beside = ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "*/README.md", "robots/*/README.md")
-    return sorted({*root.glob("docs/*.md"), *(page for at in beside for page in root.glob(at))})
+    return sorted({*root.glob("docs/**/*.md"), *(page for at in beside for page in root.glob(at))})
 
 
 @pytest.mark.parametrize("page", pages(), ids=lambda page: "/".join(page.parts[-2:]))

@@ -5,18 +5,16 @@ Both are asked in one process, without LinuxCNC running: tests/linuxcnc/stub_hal
 
 import ctypes
 import shutil
-import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
+from linuxcnc_modules import AXES, Module
 
 import truepose as tp
 from truepose.deploy.linuxcnc import to_table
 
-ROOT = Path(__file__).parents[2]
 MODULES = Path("/usr/lib/linuxcnc/modules")
-AXES = "xyzabcuvw"
 
 pytestmark = [
     pytest.mark.skipif(
@@ -24,69 +22,6 @@ pytestmark = [
         reason="LinuxCNC is not installed (Debian: linuxcnc-uspace linuxcnc-uspace-dev)",
     ),
 ]
-
-
-class Pose(ctypes.Structure):
-    _fields_ = [(letter, ctypes.c_double) for letter in AXES]
-
-
-class Module:
-    """A kinematics module in this process."""
-
-    def __init__(self, hal, path, **parameters):
-        self.hal, self.at = hal, {}
-        self.library = ctypes.CDLL(str(path))
-        self.parameters = {name: value.encode() for name, value in parameters.items()}
-        for name, value in self.parameters.items():
-            address = ctypes.c_void_p.in_dll(self.library, f"rtapi_info_address_{name}").value
-            ctypes.cast(address, ctypes.POINTER(ctypes.c_char_p))[0] = value
-        self.refused = self.library.rtapi_app_main() != 0
-        self.flags = (ctypes.c_ulong * 4)()
-
-    def knows(self, *names):
-        """Find pins now: a module that is loaded later may have the same."""
-        for name in names:
-            self.at[name] = self.hal.stub_pin(name.encode())
-            assert self.at[name], name
-        return self
-
-    def pin(self, name, kind=ctypes.c_double):
-        return ctypes.cast(self.at[name], ctypes.POINTER(kind))
-
-    def inverse(self, x):
-        joints = (ctypes.c_double * 16)()
-        pose = Pose(*x)
-        failed = self.library.kinematicsInverse(ctypes.byref(pose), joints, self.flags, self.flags)
-        return failed, np.array(joints[:9])
-
-    def forward(self, joints):
-        pose = Pose()
-        failed = self.library.kinematicsForward(
-            (ctypes.c_double * 16)(*joints), ctypes.byref(pose), self.flags, self.flags
-        )
-        return failed, np.array([getattr(pose, letter) for letter in AXES])
-
-
-@pytest.fixture(scope="module")
-def hal(tmp_path_factory):
-    library = tmp_path_factory.mktemp("hal") / "libhal.so"
-    source = ROOT / "tests/linuxcnc/stub_hal.c"
-    subprocess.run(["cc", "-shared", "-fPIC", "-o", library, source], check=True)
-    hal = ctypes.CDLL(str(library), mode=ctypes.RTLD_GLOBAL)
-    hal.stub_pin.restype = ctypes.c_void_p
-    return hal
-
-
-@pytest.fixture
-def ours(hal, tmp_path, components):
-    """Load our module anew: one that is loaded twice from one file is the same one."""
-
-    def load(**parameters):
-        copy = tmp_path / f"truepose_kins{len(list(tmp_path.iterdir()))}.so"
-        shutil.copy(components / "truepose_kins.so", copy)
-        return Module(hal, copy, **parameters)
-
-    return load
 
 
 HEXAPOD = [f"genhexkins.{name}" for name in ("screw-lead", "tool-offset", "spindle-offset")]

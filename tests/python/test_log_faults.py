@@ -287,7 +287,7 @@ def test_messages_of_another_pose_do_not_join(cases, tmp_path):
 MEASURE = """
 import resource, sys
 import numpy as np, truepose as tp
-from truepose.calibration.fit import memory
+from truepose.calibration.memory import memory
 robot = tp.load("h4")
 rng = np.random.default_rng(0)
 box = robot.spec.workspace
@@ -310,7 +310,7 @@ def test_no_more_memory_is_taken_than_was_said():
 def test_much_memory_is_said_before_it_is_taken(cases, monkeypatch):
     robot, q_e = cases["h4"]
     said = r"h4: 100 lines of readings need about 0.0 GB of memory"
-    monkeypatch.setattr("truepose.calibration.fit.MUCH", 1e5)
+    monkeypatch.setattr("truepose.calibration.fitting.MUCH", 1e5)
     with pytest.warns(UserWarning, match=said):
         tp.calibrate(robot, q_e)
 

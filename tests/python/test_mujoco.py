@@ -39,7 +39,9 @@ def padded(values):
 
 def imperfect(robot, rng, turned):
     """Errors of every length; axes turned where every rod can follow."""
-    if all(chain.actuator == "revolute" for chain in robot.spec.chain):
+    if robot.spec.axis:  # of centimetres, not of the paper's size
+        robot = with_tolerance_errors(robot, int(rng.integers(2**32)))
+    elif all(chain.actuator == "revolute" for chain in robot.spec.chain):
         robot = tp.with_paper_errors(robot, int(rng.integers(2**32)))
     sigma = {".yaw": np.radians(0.1), ".tilt": np.radians(0.1), ".rod_difference": 2e-5}
     turns = {
@@ -74,9 +76,14 @@ class Moving:
         planar = self.body.mechanism.planar
         start = joints.get("nacelle")
         self.dof = (
-            [joints[k] for k in names if k in joints] if planar else [start + k for k in range(6)]
+            [joints[k] for k in names if k in joints]
+            if planar
+            else [(start or 0) + k for k in range(6)]
         )
-        self.columns = list(range(robot.n)) if planar else FREE[robot.spec.mobility]
+        if robot.spec.axis:
+            self.dof = [joints[f"axis{j + 1}"] for j in range(robot.n)]
+        own = planar or robot.spec.axis
+        self.columns = list(range(robot.n)) if own else FREE[robot.spec.mobility]
         mujoco.mj_forward(m, d)
         J, _ = self.closure()
         rest = np.setdiff1d(np.arange(m.nv), self.dof)

@@ -7,10 +7,11 @@ import pytest
 
 import truepose as tp
 from truepose.commands import accuracy, info
+from truepose.robot.workspace import workspace_grid
 
 
 def test_table_2_is_the_grid_of_the_h4s_workspace(h4, table2):
-    assert accuracy.workspace_grid(h4) == pytest.approx(table2)
+    assert workspace_grid(h4) == pytest.approx(table2)
 
 
 def test_default_sets_are_none_those_in_use_each_further_one_and_all(h4):

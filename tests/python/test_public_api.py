@@ -40,7 +40,8 @@ def test_the_version_is_told():
 
 
 @pytest.mark.parametrize(
-    "package", ["matplotlib", "mujoco", "dask", "rich", "typer", "jinja2", "scipy", "ruckig"]
+    "package",
+    ["matplotlib", "mujoco", "dask", "rich", "typer", "jinja2", "scipy", "ruckig", "viser"],
 )
 def test_import_truepose_does_not_import(package):
     code = f"import sys, truepose; sys.exit({package!r} in sys.modules)"

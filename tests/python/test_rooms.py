@@ -16,7 +16,7 @@ SOURCES = sorted(ROOT.rglob("*.py"))
 ROOMS = {module.name for module in pkgutil.iter_modules(tp.__path__)}
 
 #: Needs what is not installed everywhere.
-OPTIONAL = ("mujoco",)
+OPTIONAL = ("mujoco", "viser")
 
 
 def test_no_room_hides_a_public_function():
@@ -81,7 +81,9 @@ def test_the_package_loads_without_the_paper():
     assert found == ["truepose.paper", "truepose.paper.article", "truepose.paper.errors"]
 
 
-@pytest.mark.parametrize("name", ["", "info", "accuracy", "calibrate", "view", "reproduce"])
+@pytest.mark.parametrize(
+    "name", ["", "info", "accuracy", "calibrate", "klipper", "view", "reproduce"]
+)
 def test_help_loads_nothing_of_the_paper_and_no_plots(name):
     modules = loaded(command(*filter(None, (name, "--help"))), keep=("truepose", "matplotlib"))
     assert of_the_paper(modules) == []

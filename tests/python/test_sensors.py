@@ -78,6 +78,14 @@ direction = [1.0, 0.0, 0.0]
 target = [0.03, 0.01, 0.0]
 normal = [0.8, -0.6, 0.0]
 """
+ON_AXIS = """
+[[sensor]]
+name = "axis"
+kind = "axis_angle"
+axis = 2
+gain = -1.5
+gear = 2.0
+"""
 AT_PIVOT = """
 [[sensor]]
 name = "pivot"
@@ -99,7 +107,9 @@ def carrying(robot, text, fits=lambda _: True):
 def equipped(any_robot, rng, request):
     """Any of the robots, none of its axes exact, with every sensor that its mobility allows."""
     flat = any_robot.spec.mobility in ("planar_translation", "planar")
-    text = KINDS + (ON_NACELLE if any_robot.spec.mobility == "spatial" else BEAM)
+    turns = any_robot.spec.mobility in ("spatial", "pivot")
+    text = KINDS + (ON_NACELLE if turns else BEAM)
+    text += ON_AXIS if any_robot.spec.axis else ""
     text += AT_PIVOT if any_robot.spec.bar else ""
     robot = carrying(
         any_robot, text, lambda s: not (flat and (s.kind == "rod_lateral" or s.name == "wrist"))
@@ -118,7 +128,8 @@ def test_linearise_is_the_derivative_of_every_reading(equipped, level, anywhere,
     """H_x along the free twist, H_ξ along every parameter, against central differences."""
     if level == "full" and not equipped.full:
         pytest.skip(equipped.full.reason)
-    x, n, h = anywhere(equipped, 1, rng)[0], equipped.n, 1e-5
+    h = 2e-6 if equipped.spec.axis else 1e-5  # ankles are of centimetres
+    x, n = anywhere(equipped, 1, rng)[0], equipped.n
     # Rods that stretch: to first order in the strain, here some 1e-3 (without strain: see below).
     stretched = level == "full" and "stretch" in equipped.full.reason
 

@@ -20,8 +20,9 @@ def corners_and_inside(box, count, rng):
     return np.where((np.arange(count) % 2)[:, None], corner, inside)
 
 
-def test_ten_robots_are_shipped():
-    names = "h4 par4 delta linear-delta stewart hexa hexaglide five-bar 3rpr 3rrr"
+def test_fourteen_robots_are_shipped():
+    names = "h4 par4 delta linear-delta stewart jugglebot hexa hexaglide five-bar 3rpr 3rrr"
+    names += " g1-ankle x1-ankle neck"
     assert set(tp.robots()) == set(names.split())
 
 
@@ -81,6 +82,9 @@ def test_parameters_are_named_as_the_interface_promises(any_robot):
         wanted |= {"rod"} if chain.actuator == "prismatic" else set()
         assert {f"chain{number}.{name}" for name in wanted} <= names
     assert {f"bar{k + 1}.pivot" for k in range(len(any_robot.spec.bar))} <= names
+    for number in range(1, len(any_robot.spec.axis) + 1):
+        vectors = ("origin", "direction")
+        assert {f"axis{number}.{v}.{c}" for v in vectors for c in "xyz"} <= names
 
 
 def test_every_tolerance_acts(any_robot):

@@ -7,6 +7,7 @@ import pytest
 
 import truepose as tp
 from truepose import logs
+from truepose.robot.units import summed
 from truepose.simulation.true_robots import with_tolerance_errors
 
 
@@ -21,8 +22,9 @@ def test_every_robot_makes_a_move_at_the_defaults_and_rests(run, name, effects):
     assert status == 0 and err.endswith("true robot drawn with seed 0: ok\n")
     errors = rows(said)
     coordinates = [coordinate for coordinate, _ in tp.load(name).coordinates]
-    assert list(errors) == [*coordinates, "position"]
-    assert 0 < errors["position"]["at the end"] <= errors["position"]["largest"] < 30
+    total = summed(tp.load(name)).name
+    assert list(errors) == [*coordinates, total]
+    assert 0 < errors[total]["at the end"] <= errors[total]["largest"] < 30
 
 
 def test_it_prints_and_writes_what_the_library_simulates(run, tmp_path):

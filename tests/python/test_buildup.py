@@ -1,0 +1,60 @@
+"""Is a spool whose line winds in layers found by what the robot reads elsewhere?"""
+
+import numpy as np
+import pytest
+
+import truepose as tp
+
+#: 1 mm of line on a radius of 25 mm.
+BUILDUP = 1e-3 / (4 * np.pi * 0.025**2)
+
+
+def spooled(tmp_path, extra=""):
+    """A hexapod on six spools, whose build-up is known to 3 % of a metre's."""
+    source = tp.load("stewart").spec._text
+    source = source.replace("[every_chain]\n", f"[every_chain]\nbuildup = {BUILDUP!r}\n{extra}")
+    source = source.replace("[tolerances]", '[tolerances]\n"chain*.buildup" = { sigma = 0.03 }')
+    (tmp_path / "spools.toml").write_text(source, encoding="utf-8")
+    return tp.load(tmp_path / "spools.toml")
+
+
+@pytest.mark.parametrize("level", ["ideal", "full"])
+def test_a_leg_is_as_long_as_its_spool_has_let_out(tmp_path, level):
+    plain, robot = tp.load("stewart").with_sensors(), spooled(tmp_path).with_sensors()
+    x = robot.home + np.random.default_rng(1).uniform(-0.03, 0.03, (20, 6))
+    v, legs = robot.ikm(x, level=level), plain.ikm(x, level=level)
+    assert legs == pytest.approx(v + BUILDUP * v**2, abs=1e-12)
+    assert robot.fkm(v, guess=x, level=level) == pytest.approx(x, abs=1e-9)
+    names = list(robot.parameters)
+    _, H_xi = robot.linearise(x, level=level)
+    h = 1e-6
+    for k in (1, 5):
+        name = f"chain{k}.buildup"
+        more, less = (robot.replace({name: BUILDUP + d}).ikm(x, level=level) for d in (h, -h))
+        assert H_xi[:, :6, names.index(name)] == pytest.approx((more - less) / (2 * h), abs=1e-8)
+
+
+def test_a_spool_is_calibrated_saved_and_loaded(tmp_path):
+    robot = spooled(tmp_path).with_sensors("roll", "pitch")
+    true = robot.replace({f"chain{k}.buildup": BUILDUP + 0.02 * (-1) ** k for k in range(1, 7)})
+    rng = np.random.default_rng(4)
+    box = robot.spec.workspace
+    x = rng.uniform(box.minimum, box.maximum, (80, 6))
+    fit = tp.calibrate(robot, true.extended(x), measured=x, registration="known")
+    for k in range(1, 7):
+        of = fit.parameters[f"chain{k}.buildup"]
+        assert abs(of.value - true.parameters[f"chain{k}.buildup"].value) < 3 * of.sigma
+        assert of.verdict == "identified"
+    fit.robot.save(tmp_path / "calibrated.toml")
+    again = tp.load(tmp_path / "calibrated.toml")
+    assert again.parameters == fit.robot.parameters
+
+
+def test_an_arm_has_no_spool(tmp_path):
+    source = tp.load("h4").spec._text.replace("[every_chain]\n", "[every_chain]\nbuildup = 0.1\n")
+    if "[every_chain]\n" not in source:
+        source = source.replace("[[chain]]\n", "[[chain]]\nbuildup = 0.1\n", 1)
+    (tmp_path / "h4.toml").write_text(source, encoding="utf-8")
+    with pytest.raises(tp.RobotFileError, match="'buildup' is for prismatic and telescopic"):
+        tp.load(tmp_path / "h4.toml")
+    assert "chain1.buildup" not in tp.load("h4").parameters

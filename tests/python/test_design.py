@@ -1,0 +1,404 @@
+"""Are the sensors that a budget buys the best ones, and is their bound tp.accuracy's?"""
+
+import itertools
+import json
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+import truepose as tp
+from truepose.calibration.design import in_other_states
+from truepose.calibration.relaxation import Relaxation
+from truepose.calibration.search import Search
+from truepose.calibration.worth import Worth
+from truepose.robot.units import summed
+from truepose.robotfile import path_of
+from truepose.robotfile.schema import Tolerance
+
+PRICES = {"theta": 90.0, "z_telemeter": 400.0, "wire1": 250.0, "wire2": 250.0, "pivot1": 40.0}
+
+
+def position(robot, P):
+    counted = summed(robot).columns
+    return np.sqrt(np.diagonal(P, axis1=1, axis2=2)[:, counted].sum(axis=1).mean())
+
+
+@pytest.mark.parametrize("touched", [None, 0.0, 1e-4])
+@pytest.mark.parametrize("calibrated", [False, True])
+def test_what_sets_are_worth_is_the_bound(any_robot, anywhere, rng, calibrated, touched):
+    """At the finest level: of no sensor, one, some, all."""
+    x = anywhere(any_robot, 12, rng)
+    names = [sensor.name for sensor in any_robot.spec.sensor]
+    nowhere = np.zeros((0, any_robot.n))
+    known = {} if touched is None else {"touch_off": any_robot.home, "touch_sigma": touched}
+    visited = x[6:] if calibrated else nowhere
+    sigma = [max(touched or 0.0, 1e-12)] * any_robot.n
+    worth = Worth(
+        any_robot,
+        names,
+        x[:6],
+        visited,
+        nowhere if touched is None else any_robot.home[None],
+        sigma,
+    )
+    for chosen in {(), *((k,) for k in range(min(2, len(names)))), tuple(range(len(names)))[:5]}:
+        robot = any_robot.with_sensors(*(names[k] for k in chosen))
+        P = tp.accuracy(robot, x[:6], calibrated_on=visited if calibrated else None, **known)
+        assert worth.variance(chosen) ** 0.5 == pytest.approx(position(robot, P), rel=1e-5)
+
+
+@pytest.mark.parametrize("how", [{}, {"touch_off": [0, 0, -0.4, 0]}, {"survives": True}], ids=str)
+@pytest.mark.parametrize("must", [(), ("theta",)])
+def test_the_best_is_the_best_of_all_sets(h4, how, must):
+    """By enumeration: for a budget the most accurate, for its accuracy the cheapest."""
+    every = []
+    x = tp.design(h4, PRICES, poses=None).over[:5]
+    for size in range(len(PRICES) + 1):
+        for names in itertools.combinations(PRICES, size):
+            if set(must) <= set(names):
+                price = sum(PRICES[name] for name in names)
+                left = [set(names) - {gone} for gone in names] if "survives" in how else []
+                known = {"touch_off": how["touch_off"]} if "touch_off" in how else {}
+                sigma = max(
+                    position(h4, tp.accuracy(h4.with_sensors(*own), x, **known))
+                    for own in left or [names]
+                )
+                every.append((price, sigma, set(names)))
+    for budget in (130, 350, 600, 2000):
+        found = tp.design(h4, PRICES, budget=budget, must=must, poses=x, **how)
+        price, sigma, _ = min((e for e in every if e[0] <= budget), key=lambda e: e[1])
+        assert found.proven and found.gap == 0 and found.best.price <= budget
+        assert found.best.sigma == pytest.approx(sigma, rel=1e-6)
+        again = tp.design(h4, PRICES, target=sigma * (1 + 1e-6), must=must, poses=x, **how)
+        cheapest = min(e[0] for e in every if e[1] <= sigma * (1 + 1e-6))
+        assert again.proven and again.best.price == pytest.approx(cheapest)
+    for choice in found.front:
+        assert not any(
+            price <= choice.price and sigma < choice.sigma * (1 - 1e-6) for price, sigma, _ in every
+        )
+
+
+def linear(rows, asked):
+    """What candidates leave of unknowns that each reads a row of: of a set, and by shares."""
+    rows, asked = np.asarray(rows, dtype=float), np.asarray(asked, dtype=float)
+
+    def relaxed(shares):
+        left = np.linalg.inv(np.eye(rows.shape[1]) + (rows.T * shares) @ rows)
+        return float(np.trace(asked @ left)), -np.einsum(
+            "ij,ij->i", rows @ left @ asked, rows @ left
+        )
+
+    def cost(chosen):
+        shares = np.zeros(len(rows))
+        shares[list(chosen)] = 1.0
+        return relaxed(shares)[0]
+
+    return cost, relaxed
+
+
+@pytest.fixture(params=range(3))
+def many(request):
+    """What 20 candidates leave: a cost that falls with each more, as information adds up."""
+    rng = np.random.default_rng(request.param)
+    rows = rng.normal(size=(20, 6)) * rng.lognormal(size=(20, 1))
+    return *linear(rows, np.eye(6)), rng.uniform(1, 3, 20)
+
+
+@pytest.fixture
+def crowded(many):
+    cost, _, prices = many
+    return cost, prices
+
+
+def test_of_twenty_candidates_five_are_proven_the_best(crowded):
+    cost, prices = crowded
+    search = Search(cost, prices, [], survives=False)
+    budget = 5 * np.median(prices)
+    best, bound = search.most_accurate(budget)
+    assert bound == search.cost(best) and search.spent(best) <= budget
+    sizes = range(1, 9)
+    sets = (own for size in sizes for own in itertools.combinations(range(20), size))
+    rng = np.random.default_rng(0)
+    some = [own for own in sets if search.spent(own) <= budget and rng.uniform() < 0.1]
+    assert min(map(cost, some)) >= bound * (1 - 1e-9)
+    assert search.cost(search.greedy(budget)) <= 1.02 * bound
+
+
+@pytest.mark.parametrize("must", [(), (3,)])
+@pytest.mark.parametrize("survives", [False, True])
+def test_of_twelve_candidates_the_best_is_that_of_all_sets(crowded, must, survives):
+    cost, prices = crowded
+    search = Search(cost, prices[:12], must, survives=survives)
+    every = [
+        own
+        for size in range(13)
+        for own in itertools.combinations(range(12), size)
+        if set(must) <= set(own)
+    ]
+    for budget in np.array([2, 4, 7]) * np.median(prices):
+        best, bound = search.most_accurate(budget)
+        least = min(search.cost(own) for own in every if search.spent(own) <= budget)
+        assert search.cost(best) == bound == pytest.approx(least, rel=1e-9)
+        cheapest, price = Search(cost, prices[:12], must, survives=survives).cheapest(least)
+        assert search.spent(cheapest) == pytest.approx(price)
+        enough = (own for own in every if search.cost(own) <= least)
+        assert price == pytest.approx(min(map(search.spent, enough)))
+
+
+def test_a_search_that_is_cut_short_tells_its_gap(crowded, monkeypatch):
+    cost, prices = crowded
+    full = Search(cost, prices, [], survives=False).most_accurate(12)
+    monkeypatch.setattr("truepose.calibration.search.MOST", 150)
+    best, bound = Search(cost, prices, [], survives=False).most_accurate(12)
+    assert bound <= full[1] <= cost(best)
+    assert bound < cost(best)
+
+
+@pytest.mark.parametrize("ladders", [(), ([4, 5], [6, 7, 8])], ids=["sensors", "levels too"])
+@pytest.mark.parametrize("must", [(), (3,)])
+@pytest.mark.parametrize("survives", [False, True])
+def test_no_set_is_better_than_its_relaxation(many, ladders, must, survives):
+    """Nor cheaper; and shares reach the bound. A level counts with those before it alone."""
+    plain, relaxed, prices = many
+    needs = {k: set(own[:at]) for own in ladders for at, k in enumerate(own)}
+    fail = [k for k in range(12) if k not in needs] if survives else []
+
+    def of_twelve(shares):
+        variance, gradient = relaxed(np.append(shares, np.zeros(8)))
+        return variance, gradient[:12]
+
+    relaxation = Relaxation(of_twelve, prices[:12], must, ladders, fail)
+    every = [
+        own
+        for size in range(13)
+        for own in itertools.combinations(range(12), size)
+        if set(must) <= set(own) and all(needs.get(k, set()) <= set(own) for k in own)
+    ]
+    search = Search(plain, prices[:12], must, survives, ladders)
+    for budget in np.array([2, 4, 7]) * np.median(prices):
+        least = min(search.cost(own) for own in every if search.spent(own) <= budget)
+        assert search.most_accurate(budget)[1] == pytest.approx(least, rel=1e-9)
+        floor, shares = relaxation.most_accurate(budget)
+        left = [np.where(np.arange(12) == gone, 0.0, shares) for gone in fail] or [shares]
+        assert shares @ prices[:12] <= budget * (1 + 1e-9)
+        assert 0.99 * max(of_twelve(own)[0] for own in left) < floor <= least
+        price = min(search.spent(own) for own in every if search.cost(own) <= least)
+        assert search.cheapest(least)[1] == pytest.approx(price)
+        floor = relaxation.cheapest(least)
+        assert floor <= price * (1 + 1e-9)
+        if not (survives or must or ladders):  # as another solver has it
+            reached = {"type": "ineq", "fun": lambda w, least=least: least - of_twelve(w)[0]}
+            other = minimize(
+                lambda w: w @ prices[:12], np.ones(12), bounds=[(0, 1)] * 12, constraints=reached
+            )
+            assert floor == pytest.approx(other.fun, rel=0.01)
+
+
+def test_a_search_that_is_cut_short_is_as_sure_as_its_relaxation(many, monkeypatch):
+    cost, relaxed, prices = many
+    relaxation = Relaxation(relaxed, prices)
+    full = Search(cost, prices, [], survives=False)
+    least = full.most_accurate(12)[1]
+    price = full.cheapest(least)[1]
+    monkeypatch.setattr("truepose.calibration.search.MOST", 60)
+    alone = Search(cost, prices, [], survives=False)
+    sure = Search(cost, prices, [], survives=False, relaxation=relaxation)
+    assert alone.most_accurate(12)[1] < sure.most_accurate(12)[1] <= least
+    assert alone.cheapest(least)[1] < sure.cheapest(least)[1] <= price
+
+
+def test_what_helps_together_only_is_found(rng):
+    """One reads the position and something else 30 times, another that: greedy never begins."""
+    rows = np.zeros((24, 3))
+    rows[0], rows[1] = [30, 900, 0], [0, 900, 0]
+    rows[2:, 0], rows[2:, 2] = rng.uniform(1, 2, 22), rng.uniform(1, 2, 22)
+    cost, relaxed = linear(rows, np.diag([1.0, 0, 0]))
+    prices = np.ones(24)
+    search = Search(cost, prices, [], False, relaxation=Relaxation(relaxed, prices))
+    assert search.greedy(2) != (0, 1)
+    assert search.rounded(2, search._relaxation.most_accurate(2)[1]) == (0, 1)
+    assert search.most_accurate(2) == ((0, 1), cost([0, 1]))
+
+
+@pytest.mark.parametrize("seed", [2, 17, 20, 36])
+def test_two_that_stand_in_for_each_other_are_found(seed):
+    """Where any one may fail, the first of two is worth nothing by itself, and not begun with."""
+    rng = np.random.default_rng(seed)
+    cost, _ = linear(5 * rng.normal(size=(12, 3)) * rng.lognormal(size=(12, 1)), np.eye(3))
+    prices = rng.uniform(1, 3, 12)
+    budget = 5 * np.median(prices)
+    search = Search(cost, prices, [], survives=True)
+    least = search.most_accurate(budget)[1]
+    assert search.cost(search.greedy(budget)) <= 1.02 * least
+    assert search.cost(search._grown(budget, search.cost)) > 1.1 * least
+
+
+@pytest.mark.parametrize("touched", [False, True])
+@pytest.mark.parametrize("calibrated", [False, True])
+def test_shares_of_sensors_leave_what_their_gradient_says(
+    any_robot, anywhere, rng, calibrated, touched
+):
+    """Shares of 0 and 1 are a set; between them, central differences; machining as sensors."""
+    x = anywhere(any_robot, 8, rng)
+    names = [sensor.name for sensor in any_robot.spec.sensor]
+    nowhere = np.zeros((0, any_robot.n))
+    uncertain = [(n, p.sigma) for n, p in any_robot.parameters.items() if p.sigma > 0]
+    finer = [{n: 3 / s**2 for n, s in uncertain[:2]}, {n: 9 / s**2 for n, s in uncertain[2:3]}]
+    visited = x[5:] if calibrated else nowhere
+    there, sigma = (any_robot.home[None] if touched else nowhere), [1e-4] * any_robot.n
+    worth = Worth(any_robot, names, x[:5], visited, there, sigma, finer)
+    count = len(names) + len(finer)
+    some = rng.uniform(size=count) < 0.5
+    assert worth.relaxed(some * 1.0)[0] == pytest.approx(worth.variance(np.flatnonzero(some)))
+    shares, h = rng.uniform(0.2, 0.8, count), 1e-3
+    steps = [
+        worth.relaxed(shares + h * e)[0] - worth.relaxed(shares - h * e)[0] for e in np.eye(count)
+    ]
+    value, gradient = worth.relaxed(shares)
+    assert np.array(steps) / (2 * h) == pytest.approx(gradient, rel=1e-3, abs=1e-5 * value)
+
+
+@pytest.mark.parametrize("how", [{}, {"calibrated_on": True}, {"touch_off": True}], ids=str)
+@pytest.mark.parametrize("name", ["h4", "delta", "stewart"])
+def test_a_finer_tolerance_is_worth_what_the_robot_with_it_is(name, how, anywhere, rng):
+    """One whose file says so. Rods of an interval: about its middle, where they are expected."""
+    robot = tp.load(name)
+    x = anywhere(robot, 12, rng)
+    known = {"calibrated_on": {"calibrated_on": x[6:]}, "touch_off": {"touch_off": robot.home}}
+    known = known[next(iter(how))] if how else {}
+    group = "chain*.encoder_offset" if name == "stewart" else "chain*.rod"
+    sensors = [sensor.name for sensor in robot.spec.sensor][:2]
+    finer = {group: {1e-4: 10.0, 2e-5: 30.0}, "chain*.base.*": {5e-5: 20.0}}
+    found = tp.design(robot, dict.fromkeys(sensors, 1.0), finer=finer, poses=x[:6], **known)
+    choices = {(c.sensors, c.machined): c for c in found.front}
+    best = found.front[-1]
+    assert best.machined == ((group, 2e-5), ("chain*.base.*", 5e-5)) and best.price == 52
+    assert len(found.front) > 5
+    for choice in list(choices.values())[-4:]:
+        tolerances = dict(robot.spec.tolerances)
+        for own, sigma in choice.machined:
+            middle = tolerances[own].mean
+            half = 3**0.5 * sigma
+            tolerances = {own: Tolerance(interval=(middle - half, middle + half))} | {
+                key: value for key, value in tolerances.items() if key != own
+            }
+        machined = tp.Robot(robot.spec.model_copy(update={"tolerances": tolerances}))
+        P = tp.accuracy(machined.with_sensors(*choice.sensors), x[:6], **known)
+        assert choice.sigma == pytest.approx(position(robot, P), rel=1e-5)
+
+
+def test_the_same_sets_in_other_states(h4):
+    """What each state says of a set is what a choice for that state says of it."""
+    finer = {"chain*.rod": {1e-3: 300, 1e-4: 700}}
+    x = tp.design(h4, PRICES, poses=None).over[:12]
+    asked = {"finer": finer, "poses": x[:6]}
+    found = tp.design(h4, PRICES, **asked)
+    at = {"calibrated_on": x[6:], "touch_off": h4.home}
+    states = in_other_states(found, **at)
+    for state, known in {"as built": (), "touched off": ("touch_off",), "both": tuple(at)}.items():
+        own = tp.design(h4, PRICES, **asked, **{key: at[key] for key in known})
+        there = {(c.sensors, c.machined): c.sigma for c in own.front}
+        both = [(s, c) for s, c in zip(states[state], found.front, strict=True)
+                if (c.sensors, c.machined) in there]  # fmt: skip
+        assert len(both) >= 2
+        for sigma, choice in both:
+            assert sigma == pytest.approx(there[choice.sensors, choice.machined], rel=1e-6)
+
+
+def test_a_file_says_what_machining_costs(h4, tmp_path):
+    """Levels of an entry; one that costs no less than a finer one is not bought."""
+    text = (path_of("h4")).read_text()
+    entry = '"chain*.rod" = { interval = [-0.003, 0.010]'
+    levels = ", ".join(
+        f"{{ sigma = {s}, price = {p} }}" for s, p in ((1e-3, 300), (5e-4, 800), (1e-4, 700))
+    )
+    file = tmp_path / "priced.toml"
+    file.write_text(text.replace(entry, f"{entry}, finer = [{levels}]"))
+    found = tp.design(tp.load(file), PRICES)
+    assert [(level.sigma, level.price) for level in found.levels[0]] == [(1e-3, 300), (1e-4, 400)]
+    again = tp.design(h4, PRICES, finer={"chain*.rod": {1e-3: 300, 1e-4: 700, 5e-4: 800}})
+    assert again.front == found.front and any(choice.machined for choice in found.front)
+    assert not any(choice.machined for choice in tp.design(tp.load(file), PRICES, finer={}).front)
+
+
+def test_prices_stand_in_the_file_too(h4):
+    sensors = [s.model_copy(update={"price": 10.0 * k}) for k, s in enumerate(h4.spec.sensor)]
+    robot = tp.Robot(h4.spec.model_copy(update={"sensor": sensors}))
+    assert tp.design(robot, budget=25).prices["wire1"] == 60
+    with pytest.raises(tp.InputError, match="h4: sensor theta: has no price"):
+        tp.design(h4)
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ({"prices": {"tehta": 1}}, "prices: unknown sensor 'tehta'"),
+        ({"prices": {"theta": -1}}, "prices: theta = -1: must be 0 or greater"),
+        ({"budget": 50, "must": ["theta"]}, "budget 50: theta cost 90"),
+        ({"budget": 0}, "budget = 0: must be greater than 0"),
+        ({"budget": 50, "target": 1e-3}, "budget and target: one of them"),
+        ({"target": 1e-6}, "target 0.001 mm: all 5 sensors together reach"),
+        ({"must": ["elbow1"]}, "must: unknown sensor 'elbow1'"),
+        ({"budget": 30}, "budget 30: nothing fits: the cheapest, pivot1, costs 40"),
+        ({"prices": {}}, "h4: neither sensors nor levels to choose"),
+        ({"finer": {"chain*.rdo": {1e-4: 1}}}, "finer: unknown parameter 'chain\\*.rdo'"),
+        ({"finer": {"chain*.rod": {}}}, "finer: chain\\*.rod: no level"),
+        ({"finer": {"chain*.rod": {1: 1}}}, "rod: 1: must be less than its σ, 0.003753"),
+        ({"finer": {"chain*.rod": {0: 1}}}, "finer: chain\\*.rod: 0: must be greater than 0"),
+        ({"finer": {"chain*.rod": {1e-4: -1}}}, "0.0001 for -1: must be 0 or greater"),
+        ({"finer": {"chain*.gain": {1e-4: 1}}}, "gain: is known exactly"),
+        ({"finer": {"chain1.*": {1e-4: 1}}}, "chain1.\\*: must be of one unit, is of m, rad"),
+        (
+            {"finer": {"chain*.rod": {1e-4: 1}, "chain1.rod": {1e-4: 1}}},
+            "finer: chain1.rod: in chain\\*.rod and in chain1.rod",
+        ),
+    ],
+)
+def test_what_cannot_be_chosen_is_said(h4, asked, message):
+    with pytest.raises(tp.InputError, match=message):
+        tp.design(h4, **{"prices": PRICES, **asked})
+
+
+def test_the_command_says_what_the_function_finds(run, h4, tmp_path):
+    words = ("design", "h4", "--price", "theta=90,z_telemeter=400,wire1=250,wire2=250,pivot1=40")
+    status, out, err = run(*words, "--budget", "400", "--format", "json", "--plot", "front.svg")
+    found = tp.design(h4, PRICES, budget=400)
+    rows = json.loads(out)["design"]
+    assert status == 0 and [row["price"] for row in rows] == [c.price for c in found.front]
+    assert [row["position (mm)"] for row in rows] == pytest.approx(
+        [1e3 * choice.sigma for choice in found.front]
+    )
+    assert "proven the best" in err and (tmp_path / "front.svg").exists()
+    said = run(*words, "--finer", "chain*.rod=1mm:50,0.1mm:300", "--target", "1.2mm")[1]
+    assert "1190" not in said and "rod 0.1 mm" in said and "and 2 levels of tolerances" in said
+    said = run(*words, "--target", "6mm", "--calibrated", "6", "--survives", "--must", "theta")[1]
+    assert "self-calibrated, any one sensor failed" in said and "proven the best" in said
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ((), "h4: sensor theta: has no price"),
+        (("--price", "theta"), "--price theta: must be SENSOR=PRICE"),
+        (("--price", "thet=3"), "unknown sensor 'thet'"),
+        (("--price", "theta=90", "--target", "1um"), "all 1 sensors together reach"),
+        (("--price", "theta=90", "--budget", "10", "--must", "theta"), "budget 10: theta cost 90"),
+        (("--price", "theta=90", "--calibrated", "0"), "--calibrated 0: must be 1 or greater"),
+        (("--price", "none"), "h4: neither sensors nor levels to choose"),
+        (("--price", "theta=90", "--budget", "1"), "nothing fits: the cheapest, theta, costs 90"),
+        (("--price", "none", "--finer", "rodd=1mm:3"), "--finer: unknown parameter 'rodd'"),
+        (("--price", "none", "--finer", "chain*.rod=1mm"), "must be PARAMETERS=SIGMA:PRICE"),
+        (("--price", "none", "--finer", "chain*.rod=1deg:3"), "chain*.rod: 1deg: must be in m"),
+        (("--price", "none", "--finer", "chain*.rod=x:3"), "--finer x: must be a length"),
+    ],
+)
+def test_what_is_wrong_with_the_words_is_one_line(run, words, message):
+    status, out, err = run("design", "h4", *words)
+    assert (status, out) == (2, "") and message in err and err.count("\n") == 1
+
+
+def test_a_robot_without_sensors_says_so(run):
+    status, out, err = run("design", "five-bar", "--price", "*=100", "--budget", "100")
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert "*: five-bar has no sensor in its file" in err

@@ -1,0 +1,143 @@
+"""Do sensors stand where they say most, and does their robot's file load?"""
+
+import itertools
+import re
+
+import numpy as np
+import pytest
+from browsing import browser  # noqa: F401 – a fixture
+from test_pages import MOST
+
+import truepose as tp
+
+
+def position(robot, over, **known):
+    linear = [k for k, (_, unit) in enumerate(robot.coordinates) if unit == "m"]
+    P = tp.accuracy(robot, over, **known)
+    return np.sqrt(np.diagonal(P, axis1=1, axis2=2)[:, linear].sum(axis=1).mean())
+
+
+@pytest.mark.parametrize(
+    ("name", "sensor", "calibrated"),
+    [("h4", "wire1", True), ("h4", "wire1", False), ("stewart", "z_telemeter", True)],
+)
+def test_a_place_is_no_worse_than_the_files_and_a_grids(name, sensor, calibrated, anywhere, rng):
+    """And its accuracy is that of the robot that the file then describes."""
+    robot = tp.load(name)
+    x = anywhere(robot, 14, rng)
+    known = {"calibrated_on": x[6:]} if calibrated else {}
+    boxes = {f"{sensor}.origin.{axis}": (-0.3, 0.3) for axis in "xy"}
+    boxes |= {f"{sensor}.*.?": (0.0, 0.0)}
+    if sensor == "wire1":
+        boxes = {f"{sensor}.target.y": (-0.06, 0.06)} | boxes
+    found = tp.place(robot, [sensor], within=boxes, beside=(), poses=x[:6], **known)
+    assert found.sigma == pytest.approx(position(found.robot, x[:6], **known), rel=1e-9)
+    assert found.robot.sensors == (sensor,)
+    with_it = robot.with_sensors(sensor)
+    assert found.before == pytest.approx(position(with_it, x[:6], **known), rel=1e-9)
+    assert found.sigma <= found.before
+    free = [key for key, (low, high) in found.within.items() if low < high]
+    axes = [np.linspace(*found.within[key], 5) for key in free]
+    for values in itertools.product(*axes):
+        there = found.places | dict(zip(free, values, strict=True))
+        moved = robot.with_mounting(there).with_sensors(sensor)
+        assert found.sigma <= position(moved, x[:6], **known) * (1 + 1e-9)
+    for key, (low, high) in found.within.items():
+        assert low <= found.places[key] <= high
+
+
+def test_a_wire_reaches_as_far_as_its_range(h4):
+    """Where it would say more it would be too long."""
+    poses = tp.design(h4, {"theta": 1.0}).over[:8]
+    within = {"wire1.origin.[xy]": (-0.3, 0.3), "wire1.origin.z": (0.0, 0.0)}
+    within |= {"wire1.target.*": (0.0, 0.0)}
+    visited = poses[:4]
+    free = tp.place(h4, ["wire1"], within=within, poses=poses, calibrated_on=visited)
+    reads = free.robot.expected().rkm(poses)[:, 1]
+    short = [
+        s.model_copy(update={"range": (0.3, float(reads.max()) - 0.02)}) if s.name == "wire1" else s
+        for s in h4.spec.sensor
+    ]
+    robot = tp.Robot(h4.spec.model_copy(update={"sensor": tuple(short)}))
+    found = tp.place(robot, ["wire1"], within=within, poses=poses, calibrated_on=visited)
+    reads = found.robot.expected().with_level("full").rkm(poses)[:, 1]
+    assert reads.min() >= 0.3 - 1e-6 and reads.max() <= short[6].range[1] + 1e-6
+    assert free.sigma < found.sigma < found.before * 1.5
+
+
+def test_the_file_that_is_written_loads_to_the_same_robot(run, h4, tmp_path):
+    words = ("--place", "wire1", "--within", "wire1.target.*=0..0", "--calibrated", "8")
+    status, out, err = run("design", "h4", *words, "-o", "placed.toml", "--seed", "1")
+    assert status == 0 and "wire1.origin.x" in out and "Wrote placed.toml" in err + out
+    placed = tp.load(tmp_path / "placed.toml")
+    assert placed.sensors == ("theta", "wire1")
+    moved = [k for k in placed.parameters if placed.parameters[k] != h4.parameters[k]]
+    assert moved and all(key.startswith("wire1.origin.") for key in moved)
+    text = (tmp_path / "placed.toml").read_text()
+    assert re.search(r"origin = .* # was \[0.0, 0.25, 0.0\]", text)
+    assert text.count("# assumed") == h4.spec._text.count("# assumed") - 1
+
+
+def test_sensors_of_the_robot_that_a_file_is_based_on_move_too(tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text('based_on = "h4"\nname = "mine"\n')
+    mine = tp.load(file).with_mounting({"wire2.target.z": -0.02})
+    mine.save(tmp_path / "moved.toml")
+    again = tp.load(tmp_path / "moved.toml")
+    assert again.parameters == mine.parameters
+    assert again.parameters["wire2.target.z"].value == -0.02
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ({"sensors": ["wire9"]}, "place: unknown sensor 'wire9'"),
+        ({"sensors": []}, "place: no sensor"),
+        ({"sensors": ["theta"]}, "place: theta: nacelle_angle has no place; .* z_telemeter, wire1"),
+        ({"within": {"wire1.orign.x": (0, 1)}}, "within: unknown coordinate 'wire1.orign.x'"),
+        ({"within": {"wire1.origin.x": (1, 0)}}, "within: wire1.origin.x = 1 to 0: must rise"),
+    ],
+)
+def test_what_cannot_be_placed_is_said(h4, asked, message):
+    with pytest.raises(tp.InputError, match=message):
+        tp.place(h4, **{"sensors": ["wire1"], **asked})
+
+
+def test_a_sensor_that_was_measured_stays(h4):
+    with pytest.raises(tp.InputError, match=r"wire1\.origin\.x: measured or learnt already"):
+        tp.place(h4.replace({"wire1.origin.x": 0.01}), ["wire1"])
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--place", "wire1", "--budget", "9"), "--budget: chooses sensors, --place their places"),
+        (("--place", "wire1", "--survives"), "--survives: chooses sensors"),
+        (("--price", "theta=9", "-o", "x.toml"), "-o: needs --place"),
+        (("--price", "theta=9", "--within", "wire1.origin.x=0..1"), "--within: needs --place"),
+        (("--place", "wire1", "--within", "wire1.origin.x"), "must be COORDINATE=LOW..HIGH"),
+        (("--place", "wire1", "--within", "wire1.origin.x=1deg..2deg"), "must be COORDINATE="),
+        (("--place", "wire1", "--within", "wire2.origin.x=0..1"), "within: unknown coordinate"),
+        (("--place", "elbow1"), "place: elbow1: rod_in_plane has no place"),
+    ],
+)
+def test_what_is_wrong_with_the_words_is_one_line(run, words, message):
+    status, out, err = run("design", "h4", *words)
+    assert (status, out) == (2, "") and message in err and err.count("\n") == 1
+
+
+def test_the_report_is_one_page_that_a_browser_shows(run, tmp_path, browser):  # noqa: F811
+    words = ("--price", "theta=90,wire*=250", "--finer", "chain*.rod=1mm:300,0.1mm:700")
+    status, _, err = run("design", "h4", *words, "--budget", "800", "--report", "report.html")
+    assert status == 0 and "report.html" in err + _
+    path = tmp_path / "report.html"
+    page = path.read_text(encoding="utf-8")
+    assert len(page.encode()) < MOST and not re.findall(r'(?:src|href)="(?!data:|#)[^"]*"', page)
+    assert page.count("<h2") == page.count('<li><a href="#section-') == 5
+    assert "The best is proven" in page and "rod 0.1 mm" in page
+    for width, scheme in itertools.product((390, 1280), ("dark", "light")):
+        seen = browser.new_page(viewport={"width": width, "height": 800}, color_scheme=scheme)
+        seen.goto(path.as_uri())
+        assert seen.evaluate("document.scrollingElement.scrollWidth") <= width
+        assert seen.locator("figure img").evaluate_all("e => e.every(i => i.naturalWidth > 100)")
+        seen.close()

@@ -1,0 +1,430 @@
+"""Does a plan buy what it promises, more than others, where the machine can be?"""
+
+import csv
+import itertools
+import json
+
+import numpy as np
+import pytest
+
+import truepose as tp
+from truepose.calibration.candidates import Candidates, rows_of
+from truepose.calibration.exchange import Exchange, chosen_of, posterior
+from truepose.calibration.tour import tour
+from truepose.robot.units import summed
+from truepose.simulation.true_robots import with_tolerance_errors
+
+
+def equipped(robot):
+    return robot.with_sensors(*(sensor.name for sensor in robot.spec.sensor))
+
+
+def position(robot, P):
+    """σ of the position, root mean square over poses."""
+    counted = summed(robot).columns
+    return np.sqrt(np.diagonal(P, axis1=1, axis2=2)[:, counted].sum(axis=1).mean())
+
+
+@pytest.fixture
+def problem(rng):
+    """Candidates of up to two rows, what is known before, and what counts."""
+    C = rng.normal(size=(12, 2, 5)) * rng.lognormal(size=(12, 1, 1))
+    C[::3, 1] = 0
+    root = rng.normal(size=(5, 5))
+    return C, np.linalg.inv(root @ root.T), np.diag(rng.uniform(size=5))
+
+
+def covariance(information, C, chosen):
+    G = posterior(information, C, chosen)
+    return G @ G.T
+
+
+@pytest.mark.parametrize(("sharp", "to"), [(1.0, 1e-9), (1e5, 1e-6)])
+def test_what_a_candidate_is_worth_is_what_it_changes(problem, sharp, to):
+    """However many came and went before it, and however much sharper than what was known."""
+    C, prior, M = problem
+    C = sharp * C
+    pick = Exchange(C, prior, M).grow(6)
+    for gone in (pick.chosen[2], pick.chosen[0]):
+        pick.remove(gone)
+    assert pick.covariance == pytest.approx(covariance(prior, C, pick.chosen), rel=to)
+    before = np.sum(M * pick.covariance)
+    for c in set(range(len(C))) - set(pick.chosen):
+        after = np.sum(M * covariance(prior, C, [*pick.chosen, c]))
+        assert pick.worth()[c] == pytest.approx(before - after, rel=to)
+    assert (pick.worth()[pick.chosen] == -np.inf).all()
+
+
+@pytest.mark.parametrize("n", [1, 3, 5])
+def test_the_set_is_the_best_or_nearly(problem, n):
+    C, prior, M = problem
+
+    def cost(G):
+        return float(np.sum(M * (G @ G.T)))
+
+    every = [cost(posterior(prior, C, c)) for c in itertools.combinations(range(len(C)), n)]
+    found = chosen_of(C, prior, n, lambda _: M, cost)
+    assert len(set(found)) == n
+    assert cost(posterior(prior, C, found)) <= 1.02 * min(every)
+
+
+@pytest.mark.parametrize(
+    "how", [(), ("touch_off",), ("touch_off", "touch_sigma"), ("relative_to",)], ids="+".join
+)
+@pytest.mark.parametrize("level", ["ideal", "full"])
+def test_what_is_promised_is_the_bound(any_robot, anywhere, rng, how, level):
+    if (level == "full" and not any_robot.full) or not any_robot.spec.sensor:
+        pytest.skip("no such level, or nothing to calibrate by")
+    robot = equipped(any_robot)
+    known = {key: 1e-4 if key == "touch_sigma" else robot.home for key in how}
+    at = anywhere(robot, 1, rng)[0]
+    plan = tp.plan(robot, 6, candidates=40, level=level, poses=[robot.home, at], **known)
+    for k in (0, 3, 6):
+        x = np.concatenate([np.zeros((0, robot.n)), *(step.poses for step in plan.steps[:k])])
+        P = tp.accuracy(robot, plan.over, x, level=level, **known)
+        assert plan.sigma[k, -1] == pytest.approx(position(robot, P), rel=1e-6)
+    assert (np.diff(plan.sigma[:, -1]) <= 1e-12).all() or "relative_to" in how
+    assert plan.everything <= plan.sigma[-1, -1] * (1 + 1e-9)
+
+
+def test_planned_poses_promise_more_than_random_ones(any_robot):
+    """Than any of twenty random sets of as many of the same candidates."""
+    if not any_robot.spec.sensor:
+        pytest.skip("nothing to calibrate by")
+    plan = tp.plan(equipped(any_robot), 10, candidates=300)
+    assert plan.sigma[-1, -1] < plan.random.min()
+
+
+def test_calibrations_on_planned_poses_keep_the_promise(robots_drawn):
+    """Robots drawn from the tolerances: squared errors over the promised variance are about 1."""
+    robot = tp.load("delta").with_sensors("z_telemeter", "elbow1", "elbow2")
+    plan = tp.plan(robot, 20, candidates=500)
+    at = plan.over[::4]
+    P = tp.accuracy(robot, at, calibrated_on=plan.poses)
+    nees = []
+    for seed in range(robots_drawn):
+        true = with_tolerance_errors(robot, seed)
+        true = true.with_level(true.finest_level)
+        fit = tp.calibrate(robot, true.read(plan.poses, seed))
+        found = fit.robot.estimate(true.read(at, 1000 + seed), guess=at)
+        off = at - found.x
+        nees.append(np.einsum("ki,kij,kj->k", off, np.linalg.inv(P), off).mean() / robot.n)
+    spread = np.std(nees) / np.sqrt(len(nees))
+    assert abs(np.mean(nees) - 1) < 3 * spread + 0.03
+    assert spread < 0.25
+
+
+@pytest.fixture(scope="module")
+def short_log():
+    """A log of eight poses of an H4, read by θ and the telemeter."""
+    robot = tp.load("h4").with_sensors("theta", "z_telemeter")
+    true = with_tolerance_errors(robot, 3).with_level("full")
+    x = tp.plan(robot, 8, candidates=100, seed=5).poses
+    return robot, true, x, true.read(x, 1)
+
+
+def test_the_next_poses_begin_with_what_a_log_knows(short_log):
+    """A fit, its readings, or a table of them: the same plan, from the fit's own accuracy."""
+    robot, _, _, readings = short_log
+    fit = tp.calibrate(robot, readings)
+    plan = tp.plan(robot, 5, candidates=200, after=fit)
+    assert plan.sigma[0, -1] == pytest.approx(
+        position(robot, tp.accuracy(fit.robot, plan.over)), rel=1e-6
+    )
+    columns = ["q1", "q2", "q3", "q4", "theta", "z_telemeter"]
+    for log in (readings, dict(zip(columns, readings.T, strict=True))):
+        same = tp.plan(robot, 5, candidates=200, after=log)
+        assert same.sigma == pytest.approx(plan.sigma, rel=1e-9)
+    anew = tp.plan(robot, 5, candidates=200)
+    chosen = [{step.candidate for step in of.steps} for of in (plan, anew)]
+    assert chosen[0] != chosen[1]
+
+
+def test_a_target_takes_no_more_than_it_needs(h4):
+    plan = tp.plan(h4, candidates=100, target=2e-3)
+    assert plan.needed == len(plan.steps)
+    assert plan.sigma[-1, -1] <= 2e-3 < tp.plan(h4, plan.needed - 1, candidates=100).sigma[-1, -1]
+    assert tp.plan(h4, 5, candidates=100, target=2e-3).needed is None
+    assert tp.plan(h4, candidates=100, target=1.0).steps == []
+
+
+def test_only_where_the_machine_can_be(h4):
+    """Limits, the assembly mode and each sensor's range; what is left out is counted."""
+    box = h4.spec.workspace
+    inside = tp.plan(h4, 5, candidates=200)
+    far = np.array([[2.0, 0, -0.4, 0], [0, 0, 0.4, 0]])
+    x = np.vstack([step.poses for step in inside.steps])
+    plan = tp.plan(h4, 5, candidates=np.vstack([far, x]))
+    assert plan.left_out == 2
+    assert {step.candidate for step in plan.steps} == {2, 3, 4, 5, 6}
+    sensors = [s.model_copy(update={"range": (-0.3, 0.3)}) for s in h4.spec.sensor]
+    narrow = type(h4)(
+        h4.spec.model_copy(update={"sensor": sensors}),
+        {name: p.value for name, p in h4.parameters.items()},
+    )
+    assert box.maximum[3] > 0.3
+    plan = tp.plan(narrow, 5, candidates=200)
+    assert plan.left_out > 20
+    assert np.abs(narrow.rkm(plan.poses)).max() <= 0.3
+
+
+@pytest.fixture
+def bed(delta, anywhere, rng):
+    """Poses of a Delta without sensors that touches its bed, and pairs whose distance is measured.
+
+    The first ten are on the bed, thirty more are the ends of pairs.
+    """
+    x = anywhere(delta, 40, rng)
+    x[:10, 2] = -0.22
+    plane = tp.Plane(lines=range(10), sigma=2e-5, height=(-0.22, 1e-5))
+    pairs = np.arange(10, 40).reshape(-1, 2)
+    distances = tp.Distances(pairs=pairs, measured=0.1 * np.ones(15), sigma=5e-5)
+    return tp.Candidates(poses=x, differences=[plane, distances])
+
+
+def test_points_touched_and_distances_are_chosen_among_each_other(delta, bed):
+    """With what each promises: that of the bound when just these are measured."""
+    plan = tp.plan(delta, 8, candidates=bed)
+    assert plan.candidates == 25
+    assert {step.what for step in plan.steps} == {"plane", "distances"}
+    x = np.concatenate([step.poses for step in plan.steps])
+    first = np.cumsum([0, *(len(step.poses) for step in plan.steps)])
+    lines = [int(k) for k, s in zip(first, plan.steps, strict=False) if s.what == "plane"]
+    pairs = [
+        [int(k), int(k) + 1] for k, s in zip(first, plan.steps, strict=False) if s.what != "plane"
+    ]
+    measured = [
+        tp.Plane(lines=lines, sigma=2e-5, height=(-0.22, 1e-5)),
+        tp.Distances(pairs=pairs, measured=0.1 * np.ones(len(pairs)), sigma=5e-5),
+    ]
+    P = tp.accuracy(delta, plan.over, x, differences=measured)
+    assert plan.sigma[-1, -1] == pytest.approx(position(delta, P), rel=1e-6)
+
+
+def test_a_bed_that_a_log_knows_is_the_same_bed(delta, bed):
+    """By its name: more touches of it promise what all together would; of another they do not."""
+    x = np.asarray(bed.poses)[:10]
+    settings = {"sigma": 2e-5, "slope_sigma": 0.01}
+    readings = delta.expected().with_level("full").extended(x)
+    log = tp.Plane(lines=range(10), above=x[:, 2] + 0.22, **settings)
+    fit = tp.calibrate(delta, readings, differences=[log])
+    touches = tp.Candidates(
+        poses=x + np.array([0, 0, 0.02]), differences=[tp.Plane(lines=range(10), **settings)]
+    )
+    plan = tp.plan(delta, 4, candidates=touches, after=fit)
+    both = np.concatenate([x, *(step.poses for step in plan.steps)])
+    together = tp.accuracy(
+        delta, plan.over, both, differences=[tp.Plane(lines=range(14), **settings)]
+    )
+    assert plan.sigma[-1, -1] == pytest.approx(position(delta, together), rel=0.01)
+    table = tp.Plane(lines=range(10), name="table", **settings)
+    other = tp.Candidates(poses=touches.poses, differences=[table])
+    apart = tp.plan(delta, 4, candidates=other, after=fit)
+    assert apart.sigma[-1, -1] != pytest.approx(plan.sigma[-1, -1], rel=1e-3)
+
+
+@pytest.mark.parametrize("registration", ["known", "unknown"])
+def test_poses_measured_from_outside_promise_what_they_teach(delta, registration):
+    """σ of the arms after a plan: that of calibrations on its poses, with a tracker."""
+    robot = delta.with_sensors("z_telemeter")
+    few = tp.Candidates(
+        poses=np.vstack([s.poses for s in tp.plan(robot, 12, candidates=200).steps]),
+        measured_sigma=2e-5,
+        registration=registration,
+    )
+    plan = tp.plan(robot, 12, candidates=few)
+    readings = robot.expected().with_level("full").extended(plan.poses)
+    fit = tp.calibrate(
+        robot,
+        readings,
+        measured=plan.poses,
+        measured_sigma=2e-5,
+        registration=registration,
+    )
+    P = tp.accuracy(fit.robot, plan.over)
+    assert plan.sigma[-1, -1] == pytest.approx(position(robot, P), rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("name", "sensors"),
+    [("jugglebot", ()), ("jugglebot", ("roll",)), ("delta", ("z_telemeter",)), ("3rpr", ())],
+)
+def test_what_a_tracker_is_to_see_is_promised_as_a_calibration_says(name, sensors, anywhere, rng):
+    """In its own frame: what a fit states of its predictions, at poses it was not made of."""
+    robot = tp.load(name).with_sensors(*sensors)
+    x = anywhere(robot, 40, rng)
+    known = {"measured_sigma": 1e-4, "measured_angle_sigma": 1e-4}
+    candidates = tp.Candidates(poses=x[6:], **known)
+    plan = tp.plan(robot, 15, candidates=candidates, poses=x[:6], seen=True)
+    level = robot.finest_level
+    visited = np.vstack([step.poses for step in plan.steps])
+    readings = robot.expected().with_level(level).extended(visited)
+    fit = tp.calibrate(robot, readings, measured=visited, **known)
+    promised = position(robot, fit.accuracy_seen(x[:6]))
+    assert plan.sigma[-1, -1] == pytest.approx(promised, rel=0.02)
+    if sensors:
+        return  # the robot's gains are best for its own frame, and the plan is not quite the best
+    other = tp.plan(robot, 15, candidates=candidates, poses=x[:6])
+    visited = np.vstack([step.poses for step in other.steps])
+    readings = robot.expected().with_level(level).extended(visited)
+    apart = tp.calibrate(robot, readings, measured=visited, **known)
+    assert promised <= position(robot, apart.accuracy_seen(x[:6])) * (1 + 1e-6)
+
+
+def test_a_tour_is_the_shortest_of_all_where_all_can_be_tried(any_robot, anywhere, rng):
+    x = anywhere(any_robot, 40, rng)
+    x = x[np.isfinite(any_robot.ikm(x, "nan", "ideal")).all(axis=1)][:6]
+    order = tour(any_robot, x)
+    q = any_robot.ikm(np.vstack([any_robot.home, x]), level="ideal")
+    limits = [chain.speed_limit for chain in any_robot.spec.chain]
+    speed = np.array(limits, dtype=float)
+    speed = speed if np.isfinite(speed).all() else np.ptp(q, axis=0)
+
+    def along(order):
+        way = q[[0, *(k + 1 for k in order), 0]]
+        return np.abs(np.diff(way, axis=0) / speed).max(axis=1).sum()
+
+    shortest = min(map(along, itertools.permutations(range(len(x)))))
+    assert along(order) <= 1.05 * shortest
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ({"n": 0}, "n = 0: must be a whole number, 1 or greater"),
+        ({"n": 50, "candidates": 20}, "n = 50: 20 candidates that the machine can reach"),
+        ({"target": 0.0}, "target = 0.0: must be greater than 0"),
+        ({"target": 1e-6, "candidates": 20}, "all 20 candidates together reach"),
+        ({"candidates": [[3.0, 0, 0, 0]]}, "the machine can be at none of 1"),
+        ({"candidates": [[0.0, 0, 0]]}, "must be"),
+        ({"poses": [[3.0, 0, 0, 0]]}, "poses 0: cannot be reached"),
+        ({"relative_to": [0.0, 0]}, "relative_to: shape"),
+        ({"seen": True, "candidates": 20}, "seen: needs candidates that a tracker in a frame"),
+    ],
+)
+def test_what_cannot_be_planned_is_said(h4, asked, message):
+    with pytest.raises(tp.InputError, match=message):
+        tp.plan(h4, **asked)
+
+
+def test_motors_alone_have_nothing_to_learn_from(h4):
+    with pytest.raises(tp.InputError, match="nothing to learn from any"):
+        tp.plan(h4.with_sensors(), 3, candidates=20)
+
+
+@pytest.fixture
+def log(short_log, tmp_path):
+    _, _, _, readings = short_log
+    header = "q1,q2,q3,q4,theta,z_telemeter"
+    path = tmp_path / "log.csv"
+    np.savetxt(path, readings, delimiter=",", header=header, comments="")
+    return path
+
+
+def test_the_command_says_what_the_function_finds(run, h4, tmp_path):
+    words = ("plan", "h4", "--poses", "4", "--candidates", "80", "--seed", "2")
+    status, out, _ = run(*words, "--format", "json", "-o", "poses.csv", "--plot", "plan.svg")
+    plan = tp.plan(h4, 4, candidates=80, seed=2)
+    rows = json.loads(out)["plan"]
+    assert status == 0 and [row["pose"] for row in rows] == [0, 1, 2, 3, 4]
+    assert [row["position (mm)"] for row in rows] == pytest.approx(1e3 * plan.sigma[:, -1])
+    with (tmp_path / "poses.csv").open() as file:
+        written = list(csv.DictReader(file))
+    x = [[float(row[name]) for name, _ in h4.coordinates] for row in written]
+    assert (np.array(x) == plan.poses).all()
+    assert [int(row["step"]) - 1 for row in written] == plan.order
+    assert sorted(row["on the tour"] for row in rows[1:]) == [1, 2, 3, 4]
+    assert (tmp_path / "plan.svg").read_text().count("</svg>") == 1
+    said = run(*words)[1]
+    assert "h4: 4 of 80 poses; σ over 625 poses." in said and "Random 4 of them" in said
+
+
+def test_poses_that_were_written_are_candidates_again_and_never_lost(run, tmp_path):
+    """A plan is written over by a plan; not what somebody has added readings to."""
+    words = ("plan", "h4", "--candidates", "60", "-o", "poses.csv")
+    assert run(*words, "--poses", "6")[0] == 0
+    again = run("plan", "h4", "--candidates", "poses.csv", "--poses", "6")[1]
+    assert "6 of 6 poses" in again
+    assert run(*words, "--poses", "5")[0] == 0
+    path = tmp_path / "poses.csv"
+    path.write_text(path.read_text().replace("step", "step,q1"))
+    before = path.read_text()
+    status, _, err = run(*words, "--poses", "5")
+    assert (status, path.read_text()) == (2, before)
+    assert err.startswith("truepose: error: -o poses.csv: is there already and is no plan")
+
+
+def test_the_command_goes_on_from_a_log(run, log, short_log):
+    robot = short_log[0]
+    words = ("plan", "h4", "--sensors", "theta,z_telemeter", "--candidates", "80", "--poses", "3")
+    rows = json.loads(run(*words, "--after", log, "--format", "json")[1])["plan"]
+    fit = tp.calibrate(robot, np.loadtxt(log, delimiter=",", skiprows=1), loss="student")
+    plan = tp.plan(robot, 3, candidates=80, after=fit)
+    assert [row["position (mm)"] for row in rows] == pytest.approx(1e3 * plan.sigma[:, -1])
+    alone = json.loads(run(*words, "--format", "json")[1])["plan"]
+    assert rows[0]["position (mm)"] < 0.5 * alone[0]["position (mm)"]
+
+
+def test_a_target_is_met_on_the_command_line_or_the_nearest_told(run):
+    said = run("plan", "h4", "--candidates", "80", "--target", "2.5mm")[1]
+    assert "Target 2.5 mm: reached with" in said
+    said = run("plan", "h4", "--candidates", "80", "--target", "2.5mm", "--poses", "2")[1]
+    assert "Target 2.5 mm: not reached with 2." in said
+    assert "nothing more to measure" in run("plan", "h4", "--target", "1m")[1]
+
+
+def test_where_poses_hardly_matter_it_is_said(run):
+    words = ("plan", "stewart", "--sensors", "all", "--candidates", "200", "--poses")
+    assert "hardly matters here" in run(*words, "30")[1]
+    assert "hardly matters" not in run("plan", "h4", "--candidates", "200", "--poses", "10")[1]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--target", "3deg"), "--target 3deg: must be a length, as 0.1mm"),
+        (("--target", "-1mm"), "--target -1mm: must be a length and an angle greater than 0"),
+        (("--poses", "0"), "n = 0: must be a whole number"),
+        (("--candidates", "none.csv"), "none.csv: cannot be read: No such file"),
+        (("--candidates", "0"), "candidates: shape (0, 4)"),
+        (("--after", "none.csv"), "none.csv: cannot be read"),
+        (("--outside", "fine"), "--outside fine: must be a length and an angle"),
+        (("--sensors", "none"), "nothing to learn from any"),
+        (("--touch-off", "0,0"), "--touch-off 0,0: must be 4 numbers"),
+        (("--seen",), "seen: needs candidates that a tracker in a frame of its own measures"),
+        (("--relative-to", "0,0,-3,0"), "chain 1: unreachable"),
+        (("-o", "no/poses.csv"), "-o no/poses.csv: cannot be written"),
+    ],
+)
+def test_what_is_wrong_with_the_words_is_one_line(run, tmp_path, words, message):
+    status, out, err = run("plan", "h4", *words)
+    assert (status, out) == (2, "") and message in err and err.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_amounts_of_influences_are_as_unknown_on_candidates_as_they_were_on_the_log(rng):
+    """A log, then candidates that the same influences act on, or all at once: one posterior."""
+    robot = tp.load("stewart").with_sensors("roll", "pitch")
+    box = robot.spec.workspace
+    x = rng.uniform(box.minimum, box.maximum, (50, 6)) * [1, 1, 1, 0.7, 0.7, 0.7]
+    pattern = np.zeros((50, 8))
+    pattern[:, 0] = 1e-3  # what moves the zero of a motor
+    q_e = robot.expected().extended(x)
+
+    def drift(rows):
+        return [tp.Influence(name="drift", pattern=pattern[rows], amount=(0.0, 1.0))]
+
+    log, new = np.arange(30), np.arange(30, 50)
+    first = tp.calibrate(robot, q_e[log], influences=drift(log))
+    both = tp.calibrate(robot, q_e, influences=drift(np.arange(50)))
+    candidates = Candidates(poses=x[new], influences=drift(new))
+    rows = rows_of(first.robot, candidates, "ideal", True, first)
+    left = rows.root @ posterior(rows.known, rows.C, range(20))
+    p = len(first.names)
+    sigma = np.sqrt(np.diag(left @ left.T))
+    assert sigma[:p] == pytest.approx(np.sqrt(np.diag(both.covariance)), rel=0.02)
+    assert sigma[p] == pytest.approx(both.influences["drift"].sigma, rel=0.02)
+    plain = rows_of(first.robot, Candidates(poses=x[new]), "ideal", True, first)
+    taken_as_known = plain.root @ posterior(plain.known, plain.C, range(20))
+    zero = first.names.index("chain1.encoder_offset")
+    assert np.linalg.norm(taken_as_known[zero]) < 0.9 * sigma[zero]

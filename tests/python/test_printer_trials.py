@@ -1,0 +1,56 @@
+"""Are estimates of printers as good as they say? Of printers drawn from what is assumed of them."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from printer_files import made_printer, text_of
+
+from truepose.printers import review
+from truepose.printers.assessment import assess
+from truepose.printers.config import Config
+from truepose.printers.estimate import Assumed
+from truepose.printers.trials import drawn, made, trials
+
+
+@pytest.mark.parametrize(
+    ("kinematics", "distances"), [("delta", True), ("delta", False), ("rotary_delta", True)]
+)
+def test_estimates_lie_within_their_sigma(kinematics, distances, robots_drawn):
+    """`python benchmarks/printers.py` draws a thousand: rms over the bound 0.98 to 1.02."""
+    count = robots_drawn
+    ran = list(trials(kinematics, count, seed=7, distances=distances))
+    nees = np.mean([trial.nees for trial in ran]) / ran[0].unknowns
+    assert nees == pytest.approx(1, abs=4 * np.sqrt(2 / (count * ran[0].unknowns)))
+    error, bound = (np.mean([getattr(t, of) for t in ran], axis=0) for of in ("error", "bound"))
+    one_or_two = 1.5  # directions that a printer's error mostly has
+    assert np.sqrt(error / bound) == pytest.approx(1, abs=4 / np.sqrt(2 * count * one_or_two))
+
+
+@pytest.mark.parametrize("kinematics", ["delta", "rotary_delta"])
+def test_distances_make_a_printer_better_known(kinematics):
+    with_them, without = (
+        np.mean([t.bound for t in trials(kinematics, 5, seed=2, distances=d)], axis=0)
+        for d in (True, False)
+    )
+    assert (with_them < without).all()
+
+
+def test_sigma_that_is_not_honest_is_said_to_be_so():
+    printer, _, truth = made_printer(seed=3)
+    honest = assess(Config.parse(text_of(printer, truth.readings)))
+    assert "honest" in review.words(honest)[-2] and "take every" not in review.words(honest)[-2]
+    assert honest.estimate.differences.chi2 < 2
+    warped = dataclasses.replace(
+        truth.readings, heights=truth.readings.heights + 2e-4 * np.cos(np.pi * np.arange(7))
+    )
+    found = assess(Config.parse(text_of(printer, warped)))
+    assert "take every σ for as much larger" in review.words(found)[-2]
+
+
+def test_the_same_seed_draws_the_same_printer():
+    printer, model, truth = made_printer(seed=5)
+    again = made(model, drawn("delta"), Assumed(), 5)
+    np.testing.assert_array_equal(truth.p, again.p)
+    np.testing.assert_array_equal(truth.readings.distances, again.readings.distances)
+    assert (made(model, printer, Assumed(), 6).p != again.p).any()

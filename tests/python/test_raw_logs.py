@@ -1,0 +1,74 @@
+"""Are counts, steps and turns of a log the same readings as metres and radians?"""
+
+import numpy as np
+import pytest
+
+import truepose as tp
+from truepose import logs
+
+LEAD = 0.0757
+
+
+@pytest.fixture
+def hexapod(tmp_path):
+    """A hexapod whose file knows a leg's lead, and a log of it."""
+    source = tp.load("stewart").spec._text
+    assert "[every_chain]\n" in source
+    path = tmp_path / "hexapod.toml"
+    path.write_text(
+        source.replace("[every_chain]\n", f"[every_chain]\nper_turn = {LEAD}\n"), encoding="utf-8"
+    )
+    robot = tp.load(path).with_sensors("roll")
+    x = robot.home + np.random.default_rng(0).uniform(-0.02, 0.02, (5, 6))
+    return robot, robot.extended(x)
+
+
+def written(path, columns, comments=()):
+    rows = [
+        ",".join(columns),
+        *(",".join(map(repr, row)) for row in zip(*columns.values(), strict=True)),
+    ]
+    path.write_text("\n".join([*comments, *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+def test_raw_columns_are_the_same_readings(hexapod, tmp_path):
+    """Counts and turns by the robot file, steps by the log's header, which comes first."""
+    robot, q_e = hexapod
+    step = robot.resolution
+    columns = {"q1_counts": (q_e[:, 0] / step[0]).tolist(), "q2": q_e[:, 1].tolist()}
+    columns |= {"q3_turns": (q_e[:, 2] / LEAD).tolist(), "q4_steps": (q_e[:, 3] / 2e-5).tolist()}
+    columns |= {"q5_turns": (q_e[:, 4] / 0.05).tolist(), "q6": q_e[:, 5].tolist()}
+    columns |= {"roll_counts": (q_e[:, 6] / np.radians(0.02)).tolist()}
+    comments = ["# one q4_steps = 0.02 mm", "#one q5_turns=5e-2 m", "# one roll_counts = 0.02 deg"]
+    log = logs.read(robot, written(tmp_path / "log.csv", columns, comments))
+    assert log.readings == pytest.approx(q_e, abs=1e-12) and log.unused == ()
+    plain = dict(zip(robot.readings, q_e.T, strict=True))
+    raw = {"q1_turns": plain.pop("q1") / LEAD, **plain}
+    assert logs.of(robot, raw).readings == pytest.approx(q_e, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("column", "comment", "message"),
+    [
+        ("q1_turns", "# one q1_turns = 5 deg", r"one q1_turns = 5 deg: must be .* unit \(m, mm\)$"),
+        ("q1_turns", "# one q1_turns = fast", r"one q1_turns = fast: must be a number and a unit"),
+        ("q1_turns", "# one q1_turns = 0 m", r"one q1_turns = 0 m: must be a number and a unit"),
+        ("q1_steps", "", r"'# one q1_steps = 0.001 m', or give chain 1 its encoder_counts in"),
+        (
+            "q1_turns",
+            "",
+            r"what is one worth\? Say it .* or give chain 1 its per_turn",
+        ),
+        ("roll_turns", "", r"column roll_turns: what is one worth\? .* = 0.001 rad'$"),
+    ],
+)
+def test_a_raw_column_of_unknown_worth_is_refused(tmp_path, column, comment, message):
+    source = tp.load("stewart").spec._text
+    lines = [line for line in source.splitlines() if not line.startswith("encoder_counts")]
+    (tmp_path / "robot.toml").write_text("\n".join(lines), encoding="utf-8")
+    robot = tp.load(tmp_path / "robot.toml").with_sensors("roll")
+    columns = {name: [0.5, 0.5] for name in robot.readings}
+    columns = {column if c == column.split("_")[0] else c: v for c, v in columns.items()}
+    with pytest.raises(tp.InputError, match=message):
+        logs.read(robot, written(tmp_path / "log.csv", columns, [comment] if comment else []))

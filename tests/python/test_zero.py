@@ -1,0 +1,138 @@
+"""Does a robot that stands where it is known to stand find its zeros?"""
+
+import numpy as np
+import pytest
+
+import truepose as tp
+from truepose import logs
+from truepose.exceptions import InputError
+from truepose.robot.knowledge import reading_sigma
+from truepose.simulation.true_robots import with_tolerance_errors
+
+FLAT = np.radians(0.05)
+
+
+@pytest.fixture(params=["g1-ankle", "x1-ankle"])
+def ankle(request):
+    return tp.load(request.param).with_sensors()
+
+
+def standing(ankle, seed):
+    """Return a true ankle, and what its motors read while its foot is flat, about so well."""
+    true = with_tolerance_errors(ankle, seed)
+    rng = np.random.default_rng(seed)
+    q = true.extended(FLAT * rng.standard_normal((1, ankle.n)))
+    return true, q + reading_sigma(ankle) * rng.standard_normal(q.shape)
+
+
+def test_a_zeroed_ankle_is_as_accurate_as_the_bound_says(ankle, robots_drawn, anywhere, rng):
+    """Errors of drawn ankles have the covariance that is stated of them, NEES about n."""
+    x = anywhere(ankle, 20, rng)
+    bound = tp.accuracy(ankle, x, touch_off=[0, 0], touch_sigma=FLAT)
+    off, nees = [], []
+    for seed in range(robots_drawn):
+        true, q = standing(ankle, seed)
+        found = tp.zero(ankle, q)
+        e = found.robot.fkm(true.ikm(x), x) - x
+        P = tp.accuracy(found.robot, x)
+        off.append(e)
+        nees.append(np.einsum("ki,kij,kj->k", e, np.linalg.inv(P), e))
+    rms = np.sqrt(np.mean(np.square(off), axis=(0, 1)))
+    ratio = rms / np.sqrt(np.mean([np.diag(P) for P in bound], axis=0))
+    spread = 4 / np.sqrt(2 * robots_drawn)  # of so many robots, each one sample
+    assert (np.abs(ratio - 1) < spread).all()
+    assert abs(np.mean(nees) / 2 - 1) < spread
+
+
+def test_a_motor_s_zero_is_off_by_what_the_true_ankle_s_is(ankle):
+    true, q = standing(ankle, 3)
+    found = tp.zero(ankle, q)
+    there = true.ikm([0, 0]) - ankle.ikm([0, 0])
+    for motor, off in zip(found.motors, there, strict=True):
+        assert abs(motor.off - off) < 5 * motor.sigma < motor.prior_sigma
+        assert sum(motor.causes.values()) <= 1 + 1e-9
+        assert any(name.endswith("encoder_offset") for name in motor.causes)
+
+
+def test_a_stance_read_a_thousand_times_is_one_stance(ankle):
+    _, q = standing(ankle, 1)
+    once, often = tp.zero(ankle, q), tp.zero(ankle, np.repeat(q, 1000, axis=0))
+    assert [m.off for m in often.motors] == pytest.approx([m.off for m in once.motors])
+    assert [m.sigma for m in often.motors] == pytest.approx([m.sigma for m in once.motors])
+
+
+def test_four_stances_know_the_zero_twice_as_well_as_one(ankle):
+    _, q = standing(ankle, 1)
+    table = {"q1": [q[0, 0]] * 4, "q2": [q[0, 1]] * 4, "stance": list("abcd")}
+    one, four = tp.zero(ankle, q, sigma=FLAT / 2), tp.zero(ankle, table)
+    assert [m.sigma for m in four.motors] == pytest.approx([m.sigma for m in one.motors])
+
+
+def test_the_lines_of_a_stance_measure_it_once_for_a_calibration(ankle):
+    _, q = standing(ankle, 1)
+    rows = np.vstack([q, q, q + 0.1, q])
+    log = logs.of(ankle, {"q1": rows[:, 0], "q2": rows[:, 1], "stance": ["l", "l", "", "r"]})
+    there = np.isfinite(log.measured).all(axis=1)
+    assert there.tolist() == [True, False, False, True]
+    assert (log.measured[there] == 0).all() and (log.measured_sigma[there] == logs.FLAT).all()
+    fit = tp.calibrate(
+        ankle, log.readings, measured=log.measured, measured_sigma=log.measured_sigma
+    )
+    assert np.allclose(fit.x[0], 0, atol=1e-3)
+
+
+def test_stances_at_other_angles_tell_more_of_lengths(ankle, rng):
+    true = with_tolerance_errors(ankle, 2)
+    x = rng.uniform(-0.15, 0.15, (12, 2))
+    names = [*ankle.readings, *(f"measured_{name}" for name, _ in ankle.coordinates)]
+    found = tp.zero(ankle, dict(zip(names, np.hstack([true.extended(x), x]).T, strict=True)))
+    assert np.allclose(found.x, x)
+    flat = tp.zero(ankle, true.extended([[0, 0]]))
+    sigma = [np.sqrt(f.accuracy(x)[1].trace(axis1=1, axis2=2).mean()) for f in (found, flat)]
+    assert sigma[0] < sigma[1]
+
+
+def test_a_stance_says_nothing_of_a_turn_about_the_vertical():
+    neck = tp.load("neck")
+    upright = ~logs.tilts(neck)
+    names = [name for name, _ in neck.coordinates]
+    assert [names[k] for k in np.flatnonzero(upright)] == ["yaw"]
+    found = tp.zero(neck, neck.extended([neck.home]))
+    assert np.isnan(found.x[0, upright]).all() and np.isfinite(found.x[0, ~upright]).all()
+
+
+def test_the_command_zeroes_and_writes_what_estimates_afterwards(ankle, run, tmp_path):
+    true, q = standing(ankle, 5)
+    (tmp_path / "log.csv").write_text(
+        f"q1,q2,stance\n{q[0, 0]},{q[0, 1]},1\n9,9,0\n", encoding="utf-8"
+    )
+    status, out, err = run("zero", ankle.name, "log.csv", "--sensors", "none", "-o", "zeroed.toml")
+    assert (status, err) == (0, "")
+    assert "encoder_offset" in out and "Wrote zeroed.toml" in out
+    zeroed = tp.load(tmp_path / "zeroed.toml")
+    assert zeroed.spec.calibration is not None
+    off = [robot.fkm(true.ikm([[0.1, 0.05]])) - [0.1, 0.05] for robot in (ankle, zeroed)]
+    assert np.linalg.norm(off[1]) < np.linalg.norm(off[0])
+
+
+@pytest.mark.parametrize(
+    ("robot", "header", "row", "options", "said"),
+    [
+        ("g1-ankle", "q1,q2,stance", "0,0,", (), "no line names a stance"),
+        ("g1-ankle", "q1", "0", (), "no column 'q2'"),
+        ("g1-ankle", "q1,q2", "0,x", (), "log.csv: line 2: q2 = 'x': must be a number or empty"),
+        ("g1-ankle", "q1,q2", "0,0", ("--sigma", "1mm"), "coordinates are in rad"),
+        ("g1-ankle", "q1,q2", "0,0", ("--at", "0"), "must be 2 numbers, pitch,roll"),
+        ("delta", "q1,q2,q3", "0,0,0", (), "--sigma: say how well delta's pose is known"),
+    ],
+)
+def test_what_cannot_be_zeroed_is_told(run, tmp_path, robot, header, row, options, said):
+    (tmp_path / "log.csv").write_text(f"{header}\n{row}\n")
+    status, out, err = run("zero", robot, "log.csv", *options, "-o", "no.toml")
+    assert (status, out) == (2, "") and err.count("\n") == 1
+    assert said in err and not (tmp_path / "no.toml").exists()
+
+
+def test_readings_without_a_pose_are_refused(ankle):
+    with pytest.raises(InputError, match="must be greater than 0"):
+        tp.zero(ankle, [[0.0, 0.0]], sigma=0.0)
