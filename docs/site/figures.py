@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
 
 import matplotlib as mpl
@@ -9,9 +10,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import truepose as tp
+from truepose.commands import klipper_figures
 from truepose.paper import article, faulty, figures, following
+from truepose.printers import assessment
+from truepose.printers.config import Config
 
 PICTURES = Path(__file__).parents[1] / "pictures"
+PRINTER = Path(__file__).parents[2] / "tests/data/klipper/phnxdrgn536.cfg"
 DRAWN, REAL, TEJ, OTHER = "#5b6770", "#b3261e", "#1455a4", "#2a7f3b"
 
 
@@ -112,11 +117,36 @@ def what_faults_do() -> Figure:
     return figures.faults(faulty.study(tp.load("h4"), count=30, seed=0))
 
 
+@functools.cache
+def _printer() -> assessment.Assessment:
+    """Return a real printer as its owner's file has it."""
+    return assessment.assess(Config.read(PRINTER))
+
+
+def klipper_bed() -> Figure:
+    """Return the report's: expected error over the bed, before and after."""
+    return klipper_figures.bed(_printer())
+
+
+def klipper_held_out() -> Figure:
+    """Return the report's: every reading left out in turn."""
+    return klipper_figures.held_out(_printer())
+
+
+def klipper_parameters() -> Figure:
+    """Return the report's: every parameter against its drawing."""
+    return klipper_figures.parameters(_printer())
+
+
+DRAWN_BY = (five_bar, rest, over_table_2, path_accuracy, what_faults_do)
+DRAWN_BY += (klipper_bed, klipper_held_out, klipper_parameters)
+
+
 def main() -> None:
     """Draw them all; the same file each time."""
     mpl.rcParams["svg.hashsalt"] = "truepose"
     PICTURES.mkdir(exist_ok=True)
-    for draw in (five_bar, rest, over_table_2, path_accuracy, what_faults_do):
+    for draw in DRAWN_BY:
         file = PICTURES / f"{draw.__name__.replace('_', '-')}.svg"
         draw().savefig(file, metadata={"Date": None})
         print(file.relative_to(Path.cwd()) if file.is_relative_to(Path.cwd()) else file)

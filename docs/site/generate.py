@@ -68,6 +68,7 @@ def _titles(name: str) -> tuple[str, str]:
         "Bar": "`[[bar]]`",
         "Workspace": "`[workspace]`, `[singularity_free]`",
         "Tolerance": "`[tolerances]`: of each parameter",
+        "Finer": "`finer`: levels of a tolerance",
     }
     return places.get(name, f"`[{name.lower()}]`"), name.lower()
 

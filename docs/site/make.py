@@ -45,7 +45,8 @@ def pages() -> dict[Path, str]:
         robot: f"robots/{robot.parent.name}.md"
         for robot in sorted((ROOT / "robots").glob("*/README.md"))
     }
-    return found | {page: page.name for page in sorted(DOCS.glob("*.md"))}
+    own = sorted([*DOCS.glob("*.md"), *DOCS.glob("guides/*.md")])
+    return found | {page: page.relative_to(DOCS).as_posix() for page in own}
 
 
 def relinked(text: str, source: Path, target: str, copy: Callable[[Path], str]) -> str:
