@@ -123,8 +123,8 @@ linuxcnc: $(VENV)/developing
 	    -DPython_EXECUTABLE=$(abspath $(BIN))/python && \
 	  cmake --build build/c --target truepose_c_static && \
 	  $(MAKE) --no-print-directory -C deploy/linuxcnc there && \
-	  python -m pytest -q tests/python/test_linuxcnc_kinematics.py && \
-	  python tools/linuxcnc_trial.py; \
+	  python -m pytest -q tests/python/test_linuxcnc_kinematics.py tests/python/test_linuxcnc_tej.py && \
+	  python tools/linuxcnc_trial.py && python tools/linuxcnc_learning.py; \
 	else echo "linuxcnc: SKIPPED, LinuxCNC is not installed (Debian: linuxcnc-uspace linuxcnc-uspace-dev)"; fi
 
 bench: build/dev/build.ninja
