@@ -139,6 +139,18 @@ COUNTED Status f_ups_jacobian(const Robot& robot, const Coordinates& x, JointMat
 COUNTED Status f_ups_fkm_near(const Robot& robot, const Joint& q, Coordinates& x) {
   return fkm(robot, q, x).status;
 }
+COUNTED Status f_ankle_ikm(const Robot& robot, const Coordinates& x, Joint& q) {
+  return ikm(robot, x, q).status;
+}
+COUNTED Status f_ankle_jacobian(const Robot& robot, const Coordinates& x, JointMatrix& J) {
+  return jacobian(robot, x, J).status;
+}
+COUNTED Status f_ankle_fkm_near(const Robot& robot, const Joint& q, Coordinates& x) {
+  return fkm(robot, q, x).status;
+}
+COUNTED Status f_ankle_fkm_neutral(const Robot& robot, const Joint& q, Coordinates& x) {
+  return fkm(robot, q, x).status;
+}
 
 namespace {
 
@@ -314,6 +326,19 @@ void count_ups() {
   }
 }
 
+void count_ankle() {
+  const Inputs<Mobility::pivot_2> ankle(pivots_tested::g1_ankle());
+  Joint q{};
+  JointMatrix J;
+  for (int i = 0; i < kCounted; ++i) {
+    Coordinates near = ankle.near[i], neutral{};
+    COUNT(true, f_ankle_ikm, ankle.robot, ankle.x[i], q);
+    COUNT(true, f_ankle_jacobian, ankle.robot, ankle.x[i], J);
+    COUNT(true, f_ankle_fkm_near, ankle.robot, ankle.q[i], near);
+    COUNT(true, f_ankle_fkm_neutral, ankle.robot, ankle.q[i], neutral);
+  }
+}
+
 /// Estimates and lines of the learner; hostile lines each after a usual one.
 void count_readings(const Inputs<kH4>& h4, const Hostile& hostile) {
   mechanisms::Prior prior(h4.robot), taught(h4.robot);
@@ -358,6 +383,7 @@ int main() {
 
   count_kinematics(h4, hostile);
   count_ups();
+  count_ankle();
   count_readings(h4, hostile);
 #define COUNT_LAW(function, settings, ...)                                                        \
   count_law(h4, hostile,                                                                          \

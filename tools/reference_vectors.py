@@ -17,14 +17,18 @@ from truepose.arguments import Array
 from truepose.deploy.c_tables import identifier, to_c
 
 PATH = Path(__file__).parents[1] / "tests" / "reference" / "vectors.h"
-#: One of each mobility (but a pivot, which small machines leave out), and of each actuator.
-ROBOTS = ("five-bar", "3rrr", "linear-delta", "h4", "stewart")
+#: One of each mobility (pivots of two axes for all), and of each actuator.
+ROBOTS = ("five-bar", "3rrr", "linear-delta", "h4", "stewart", "g1-ankle")
 POSES, SEED = 6, 20261122
 
 
 def robot_of(name: str) -> tp.Robot:
-    """Return a robot as small machines have it: the ideal level, the file's sensors."""
-    return tp.load(name).with_level("ideal")
+    """Return a robot as small machines have it: the ideal level, the file's sensors.
+
+    The ankle's file has all of its sensors to choose from, and uses none: here its roll encoder.
+    """
+    robot = tp.load(name).with_level("ideal")
+    return robot.with_sensors("roll_encoder") if name == "g1-ankle" else robot
 
 
 def vectors_of(robot: tp.Robot, source: np.random.Generator) -> dict[str, Array]:

@@ -1,9 +1,17 @@
-/* What does an H4 cost? The self-test, then instructions and stack of every call, as a table. */
+/* What does a robot cost, an H4 unless ROBOT names another one of vectors.h? The self-test, then
+ * instructions and stack of every call, as a table. */
 #include <math.h>
 
 #include "agree.h"
 #include "board.h"
 #include "vectors.h"
+
+#ifndef ROBOT
+#define ROBOT h4
+#endif
+#define JOINED(robot, name) robot##_##name
+#define NAMED(robot, name) JOINED(robot, name)
+#define ITS(name) NAMED(ROBOT, name) /* h4_x, … */
 
 enum { CYCLES = 100, WORK = 4000, MEMORY = 16000, COUNTED = 1000000 };
 
@@ -15,39 +23,46 @@ static truepose_report report;
 static truepose_real work[WORK], memory[MEMORY], out[6 * 16];
 static truepose_setpoint setpoint;
 static truepose_real q[6], q_e[16], near[6];
+static int n, e;
 static uint32_t per_tick;
 
 /* A move of 100 ms from one of the reference's poses to the next, its cosine law, and readings that
  * disagree as a real robot's do. */
 static void at_cycle(int cycle) {
   const double w = 3.141592653589793 / CYCLES, s = 0.5 - 0.5 * cos(w * cycle);
-  for (int i = 0; i < 4; ++i) {
-    const double way = h4_x[4 + i] - h4_x[i];
+  for (int i = 0; i < n; ++i) {
+    const double way = ITS(x)[n + i] - ITS(x)[i];
     near[i] = setpoint.x[i];
-    setpoint.x[i] = h4_x[i] + s * way;
+    setpoint.x[i] = ITS(x)[i] + s * way;
     setpoint.rate[i] = 1000 * 0.5 * w * sin(w * cycle) * way;
     setpoint.acceleration[i] = 1e6 * 0.5 * w * w * cos(w * cycle) * way;
   }
   truepose_readings(&model, setpoint.x, q_e);
-  for (int i = 0; i < 4; ++i) q[i] = q_e[i];
-  for (int c = 0; c < 5; ++c) q_e[c] += h4_q_e[c] - h4_readings[c];
+  for (int i = 0; i < n; ++i) q[i] = q_e[i];
+  for (int c = 0; c < e; ++c) q_e[c] += ITS(q_e)[c] - ITS(readings)[c];
 }
 
 static int32_t ikm(void) { return truepose_ikm(&model, setpoint.x, out).status; }
 static int32_t fkm(void) { return truepose_fkm(&model, q, 12, near).outcome.status; }
+static int32_t fkm_torques(void) {
+  const int32_t status = fkm();
+  return status > TRUEPOSE_OK
+             ? status
+             : truepose_joint_torque(&model, near, setpoint.rate, out).status; /* any torques */
+}
 static int32_t tej(void) { return truepose_tej(&model, setpoint.x, 0, out).status; }
 static int32_t motor_error(void) {
   return truepose_motor_error(&model, TRUEPOSE_LAW_REDUNDANT, 0, setpoint.x, q_e, 0, 0, out).status;
 }
 static int32_t estimate(void) {
-  return truepose_estimate(&model, &h4_knowledge, q_e, work, near).outcome.status;
+  return truepose_estimate(&model, &ITS(knowledge), q_e, work, near).outcome.status;
 }
 static int32_t control(void) {
-  return truepose_control(&model, &controller, &setpoint, q_e, &h4_knowledge, work, out).status;
+  return truepose_control(&model, &controller, &setpoint, q_e, &ITS(knowledge), work, out).status;
 }
 static int32_t guarded(void) {
-  return truepose_guarded(&model, 0, &controller, &guard, &setpoint, q_e, &h4_knowledge, work, out,
-                          &report)
+  return truepose_guarded(&model, 0, &controller, &guard, &setpoint, q_e, &ITS(knowledge), work,
+                          out, &report)
       .status;
 }
 static int32_t learn(void) { return truepose_learn(&learner, q_e).status; }
@@ -61,6 +76,7 @@ typedef struct entry {
 static const entry entries[] = {
     {"IKM", ikm, 0, 0, 0},
     {"FKM, from the last cycle's pose", fkm, 0, 0, 0},
+    {"and the joints' torques there", fkm_torques, 0, 0, 0},
     {"TEJ", tej, 0, 0, 0},
     {"motor error, redundant", motor_error, 0, 0, 0},
     {"estimate", estimate, 0, 0, 0},
@@ -88,41 +104,42 @@ static int32_t count(void) {
   return TRUEPOSE_OK;
 }
 
-static int start(const entry* e) {
-  truepose_control_settings settings = h4_control;
-  settings.law = e->law;
-  settings.feed_forward = e->feed_forward;
-  settings.gains = e->gains;
+static int start(const entry* asked) {
+  truepose_control_settings settings = ITS(control);
+  settings.law = asked->law;
+  settings.feed_forward = asked->feed_forward;
+  settings.gains = asked->gains;
   at_cycle(0);
   at_cycle(0);
   return truepose_begin_control(&controller, sizeof controller, &settings).status == 0 &&
-         truepose_begin_guard(&guard, sizeof guard, &h4_watch).status == 0 &&
-         truepose_begin_learner(&learner, sizeof learner, &model, &h4_knowledge, memory, MEMORY)
+         truepose_begin_guard(&guard, sizeof guard, &ITS(watch)).status == 0 &&
+         truepose_begin_learner(&learner, sizeof learner, &model, &ITS(knowledge), memory, MEMORY)
                  .status == 0;
 }
 
-/* One row, unless the call was left out. @return 0: no answer */
-static int measure(const entry* e) {
+/* One row, unless the call was left out, or asks for sensors that the robot has not.
+ * @return 0: no answer */
+static int measure(const entry* asked) {
   uint32_t sum = 0, worst = 0, stack = 0;
   int32_t status;
-  if (!start(e)) return 0;
+  if (!start(asked)) return 0;
   for (int cycle = 0; cycle < CYCLES; ++cycle) {
     at_cycle(cycle);
-    const uint32_t took = ticks_of(e->call, &status);
-    if (status == TRUEPOSE_NOT_COMPILED) return 1;
+    const uint32_t took = ticks_of(asked->call, &status);
+    if (status == TRUEPOSE_NOT_COMPILED || status == TRUEPOSE_NOT_MEASURED) return 1;
     if (status > TRUEPOSE_OK) return 0;
     sum += took;
     if (took > worst) worst = took;
   }
-  start(e);
+  start(asked);
   for (int cycle = 0; cycle < CYCLES; cycle += 9) { /* the first cycles' searches as well */
     at_cycle(cycle);
     paint();
-    e->call();
+    asked->call();
     if (used() > stack) stack = used();
   }
   say("| ");
-  say(e->name);
+  say(asked->name);
   say(" | ");
   say_number(sum * per_tick / CYCLES, 0);
   say(" | ");
@@ -149,7 +166,9 @@ int main(void) {
   }
   say(far ? "\nFAILED\n\n" : "\n\n");
   per_tick = (COUNTED + ticks_of(count, &status) / 2) / ticks_of(count, &status);
-  if (truepose_load(&model, sizeof model, &h4).status != TRUEPOSE_OK) return 1;
+  if (truepose_load(&model, sizeof model, &ROBOT).status != TRUEPOSE_OK) return 1;
+  n = truepose_freedoms(&model);
+  e = n + truepose_sensors(&model);
   say("| entry | instructions | at most | stack, bytes |\n|---|---|---|---|\n");
   for (unsigned k = 0; k < sizeof entries / sizeof *entries; ++k)
     if (!measure(entries + k)) {

@@ -356,7 +356,7 @@ truepose_tej(const truepose_model* model, const truepose_real x[TRUEPOSE_FREEDOM
  */
 
 /** What is known of the geometry and of the readings: a constant that `truepose export c` writes.
- * Whatever is given one answers TRUEPOSE_NO_SUCH_PART where its count or a column is not the
+ * Whatever weighs by one answers TRUEPOSE_NO_SUCH_PART where its count or a column is not the
  * robot's.
  */
 typedef struct truepose_knowledge {

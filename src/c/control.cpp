@@ -107,7 +107,8 @@ truepose_outcome truepose_motor_error(const truepose_model* model, int32_t law, 
                                       truepose_real* e) {
   if (!c::law_exists(law)) return c::answer({Status::no_such_part, -1});
   return c::asked(model, [&](const Robot& robot) {
-    const c::Known weighs(robot, known, work);
+    const bool asked = properties(static_cast<Law>(law)).weighs;
+    const c::Known weighs(robot, known, work, nullptr, asked);
     if (!weighs.sound) return c::kNoSuchPart;
     Joint error{};
     const Outcome outcome = motor_error(robot, static_cast<Law>(law), c::values<Coordinates>(x_d),
@@ -162,9 +163,9 @@ truepose_outcome truepose_controller_error(const truepose_model* model,
   return c::asked(model, [&](const Robot& robot) {
     c::Controller* made = c::Controller::of(controller);
     if (made == nullptr) return c::kUnfinished;
-    const c::Known weighs(robot, known, work, &made->kept);
-    if (!weighs.sound) return c::kNoSuchPart;
     const ControlSettings& settings = made->settings;
+    const c::Known weighs(robot, known, work, &made->kept, properties(settings.law).weighs);
+    if (!weighs.sound) return c::kNoSuchPart;
     Joint error{};
     Parasitic nearby = made->state.nearby;
     const Outcome outcome =
@@ -184,7 +185,7 @@ truepose_outcome truepose_control(const truepose_model* model, truepose_controll
   return c::asked(model, [&](const Robot& robot) {
     c::Controller* made = c::Controller::of(controller);
     if (made == nullptr) return c::kUnfinished;
-    const c::Known weighs(robot, known, work, &made->kept);
+    const c::Known weighs(robot, known, work, &made->kept, properties(made->settings.law).weighs);
     if (!weighs.sound) return c::kNoSuchPart;
     const Outcome outcome = control(robot, made->settings, c::of_c(*setpoint),
                                     c::values<Extended>(q_e), made->state, weighs.weighing);

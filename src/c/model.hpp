@@ -63,15 +63,16 @@ void give(const Values& from, truepose_real* to) {
   std::copy_n(from.begin(), from.size(), to);
 }
 
-/// The core's view of a knowledge and of work space; nothing where there is none.
+/// The core's view of a knowledge and of work space; nothing where there is none, or where it is
+/// not `asked`: whether its columns are the robot's takes as long as a third of a plain cycle.
 struct Known {
   Knowledge knowledge;
   Weighing weighing;
   bool sound = true;  ///< its columns are the robot's
 
   Known(const Robot& robot, const truepose_knowledge* known, truepose_real* work,
-        KeptWeights* kept = nullptr) {
-    if (known == nullptr || work == nullptr) return;
+        KeptWeights* kept = nullptr, bool asked = true) {
+    if (!asked || known == nullptr || work == nullptr) return;
     const int all = parameter_count(robot);
     sound = known->count >= 0 && known->count <= all;
     for (int k = 0; sound && k < known->count; ++k)

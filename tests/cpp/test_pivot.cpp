@@ -81,6 +81,42 @@ TEST("FKM(IKM(x)) = x from neutral over the whole range, none lost") {
   });
 }
 
+TEST("open loops are as open as their rods say, after small turns and large ones") {
+  for_each_pivot([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr int n = kDof<K>;
+    const Robot& robot = mechanism.robot;
+    check::Random random(74);
+    for (int k = 0; k < 200; ++k) {
+      std::array<Driven, n> driven;
+      for (int i = 0; i < n; ++i) driven[i] = drive(robot.chain[i], 2 * random());
+      const Loops<K> loops(robot, driven);
+      typename Loops<K>::At from, at;
+      loops.start(to_pose<K>(random_pose(mechanism, random)), from);
+      Coordinates motion{};
+      for (int j = 0; j < n; ++j) motion[j] = std::pow(10, -3 + 3 * random()) * random();
+      loops.after(from, motion, at);
+      for (int j = 0; j < n; ++j) CHECK_NEAR(at.pose.D[j], from.pose.D[j] + motion[j], 0);
+
+      const Carried<K> carried = carry<K>(robot, at.pose);
+      std::array<Lanes<n>, n> columns;
+      loops.jx(at, columns);
+      const Points<n> rods = loops.rods(at);
+      for (int i = 0; i < n; ++i) {
+        const Chain& chain = robot.chain[i];
+        const Vec3 lever = carried.pose.R * chain.pivot();
+        const Vec3 v = chain.base() + driven[i].p - carried.pose.D - lever;
+        CHECK_NEAR(at.f[i], 0.5 * (v.squaredNorm() - chain.rod * chain.rod), 1e-16);
+        CHECK_NEAR((rods[i] - v).norm(), 0, 1e-15);
+        std::array<double, n> row;
+        jx_row<K>(carried, v, lever, row);
+        for (int j = 0; j < n; ++j) CHECK_NEAR(columns[j][i], row[j], 1e-16);
+      }
+      CHECK_NEAR(at.cost, (at.f * at.f).sum(), 1e-30);
+    }
+  });
+}
+
 TEST("J maps rates as the inverse model's slopes do, and torques by its transpose") {
   for_each_pivot([](const Mechanism& mechanism, auto mobility) {
     constexpr Mobility K = mobility();

@@ -63,6 +63,14 @@ def test_in_single_precision_an_h4_fits_a_board_without_a_double_unit(said, tmp_
     assert row(single, "redundant, full feed-forward")[0] <= 10_000
 
 
+def test_an_ankle_answers_there_as_elsewhere_and_costs_less_than_an_h4(said, tmp_path):
+    ankle = board(tmp_path, "ROBOT=g1_ankle", "MOBILITY=pivot_2")
+    assert "FAILED" not in ankle
+    for entry in ("IKM", "FKM, from the last cycle's pose", "control, redundant", "learner"):
+        assert row(ankle, entry)[0] < row(said, entry)[0]
+    assert row(ankle, "and the joints' torques there")[0] <= 6500
+
+
 def test_no_cycle_takes_much_longer_than_its_usual_one(said):
     for law in ("control, joint", "control, redundant", "control, Cartesian"):
         mean, worst, _ = row(said, law)

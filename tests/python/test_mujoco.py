@@ -186,6 +186,16 @@ def test_statics_agree_with_every_rod_by_itself(name, rng, settings):
         assert np.abs(settled.frame[:3, :3] - expected.R).max() < off * 1e-5
 
 
+@pytest.mark.parametrize("name", ["g1-ankle", "x1-ankle", "neck"])
+def test_a_pivot_without_weight_settles_where_the_forward_model_says(name, rng):
+    """Under their weight MuJoCo's soft loops give way by some 1e-9 m."""
+    robot = tp.Robot(tp.load(name).spec.model_copy(update={"gravity": (0.0, 0.0, 0.0)}))
+    plant = MujocoPlant(robot)
+    for _ in range(10):
+        q = robot.ikm(somewhere(robot, rng))
+        assert plant.settle_at(q).x == pytest.approx(robot.fkm(q), abs=1e-12)
+
+
 def test_motors_where_no_pose_closes_the_loops():
     """Elbows 0.6 m apart, two rods of 0.25 m between them."""
     with pytest.raises(tp.PoseError, match=r"five-bar: motors at q = .*: the loops cannot close"):

@@ -252,7 +252,8 @@ def test_ankles_drawn_from_the_tolerances_reach_the_bounds(what, g1_poses, robot
         true, rng = with_tolerance_errors(robot, seed), np.random.default_rng(seed)
         known = robot
         if robot.r:
-            known = tp.calibrate(robot, true.read(seen, seed=seed + 1000)).robot
+            read = true.read(seen, seed=seed + 1000, errors="nan")  # a corner may be out of reach
+            known = tp.calibrate(robot, read[np.isfinite(read).all(axis=1)]).robot
         if what == "one stance":
             # The foot is not quite flat.
             floor = rng.normal(0, np.radians(0.05), (1, 2))

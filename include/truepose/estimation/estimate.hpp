@@ -20,6 +20,10 @@ inline constexpr int kEstimateIterations = 16;  ///< 5 where readings agree, fro
 /// leaves is a few per cent of it, where readings disagree by several σ, else its square.
 inline constexpr Real kLastStep = by_precision(1e-10, 1e-5);
 
+/// The same of the last two steps that there are: where readings disagree and hardly hold a
+/// coordinate, steps may shrink by no more than a tenth, and what is left is a few hundredths of σ.
+inline constexpr Real kLateStep = 1e-5;
+
 /// Whether a Gauss-Newton step is the last.
 /// @param size  of the step, (step/σ)² of the coordinate that moves most; `last`: of the one before
 /// @param chi2  of as many readings as there are rows
@@ -259,7 +263,8 @@ Estimate<K> estimate_from(const Robot& robot, const Knowledge& known, const Exte
                      : 10;
       else
         length = 1;
-      if (is_last(size, last, cost, rows)) {
+      const bool late = result.iterations >= kEstimateIterations - 2;
+      if (is_last(size, last, cost, rows) || (late && size < kLateStep)) {
         ++result.iterations;
         result.chi2 = cost;
         result.covariance = fusion.covariance;

@@ -3,6 +3,7 @@
 
 #include "truepose/kinematics/damping.hpp"
 #include "truepose/kinematics/fkm_closed.hpp"
+#include "truepose/kinematics/loops.hpp"
 #include "truepose/math/newton.hpp"
 
 namespace truepose {
@@ -26,9 +27,7 @@ struct [[nodiscard]] FkmResult {
   explicit operator bool() const { return status == Status::ok; }
 };
 
-/// One search: Newton on f_i = (|v_i|² - L_i²)/2, whose derivative with respect to the pose is
-/// -J_x, in the tangent space of the pose (no Euler angles).
-///
+/// One search: Newton on the loops' f.
 /// @param pose  in: the guess; out: the pose (the last iterate if not ok)
 /// @param most  iterations
 template <Mobility K>
@@ -39,42 +38,18 @@ TRUEPOSE_FLATTEN FkmResult search(const Robot& robot, const Joint& q, Pose& pose
   constexpr int n = kDof<K>;
   FkmResult result;
   std::array<Driven, n> driven;
+  Real scale = 0;  // the longest rod
   for (int i = 0; i < n; ++i) {
     driven[i] = drive(robot.chain[i], q[i]);
     if (!std::isfinite(q[i])) return {Status::not_finite, i, 0, 0};
     if (!(driven[i].rod > 0)) return {Status::unreachable, i, 0, 0};  // a telescopic leg
+    scale = std::max(scale, driven[i].rod);
   }
-  const auto pivot = points<n>([&](int i) -> Vec3 { return robot.chain[i].pivot(); });
-  const auto centre = points<n>([&](int i) -> Vec3 {  // of the sphere on which D + R c lies
-    return robot.chain[i].base() + driven[i].p - robot.chain[i].anchor();
-  });
-  const auto rod = lanes<n>([&](int i) { return driven[i].rod; });
-  const Lanes<n> half_rod2 = 0.5 * rod * rod, per_rod = 1 / rod;
-  const Real scale = largest<n>(rod);
-
-  struct Iterate {
-    Pose pose;
-    [[no_unique_address]] Carried<K> carried;
-    Points<n> lever, v;
-    Lanes<n> f;
-    Real cost, residual;
-  };
-  const auto evaluate = [&](Iterate& at) {
-    at.carried = carry<K>(robot, at.pose);
-    const Pose& placed = truepose::placed<K>(at.pose, at.carried);
-    at.lever = turned<K>(placed.R, pivot);
-    const Vec3& D = placed.D;
-    at.v = {centre.px - D.x() - at.lever.px, centre.py - D.y() - at.lever.py,
-            centre.pz - D.z() - at.lever.pz};
-    at.f = 0.5 * at.v.squared_norm() - half_rod2;
-    at.cost = (at.f * at.f).sum();
-    at.residual = largest<n>(at.f.abs() * per_rod);  // |v| - L = f / L to first order
-  };
-
-  std::array<Iterate, 2> iterates;
-  Iterate *current = &iterates[0], *trial = &iterates[1];
-  current->pose = pose;
-  evaluate(*current);
+  const Loops<K> loops(robot, driven);
+  using At = typename Loops<K>::At;
+  std::array<At, 2> iterates;
+  At *current = &iterates[0], *trial = &iterates[1];
+  loops.start(pose, *current);
   if (!std::isfinite(current->cost)) return {Status::not_finite, -1, 0, 0};
 
   struct Inverse {
@@ -85,19 +60,17 @@ TRUEPOSE_FLATTEN FkmResult search(const Robot& robot, const Joint& q, Pose& pose
   std::array<Lanes<n>, n> jx;  // columns of J_x
   const NewtonEnd end = damped_newton(
       current, trial, scale, most,
-      [&](const Iterate& at, Real damping) {
+      [&](const At& at, Real damping) {
         Inverse inverse;
-        jx_row<K>(at.carried, at.v, at.lever, jx);
-        const auto sizes = column_sizes<K>(at.carried, at.v.squared_norm(), at.lever);
-        inverse.full_rank = invert<n>(jx, sizes, Lanes<n>::Ones(), damping, inverse.rows);
+        loops.jx(at, jx);
+        inverse.full_rank = invert<n>(jx, loops.sizes(at), Lanes<n>::Ones(), damping, inverse.rows);
         return inverse;
       },
-      [&](const Iterate& at, const Inverse& inverse, Iterate& after) {
+      [&](const At& at, const Inverse& inverse, At& after) {
         const Lanes<n> step = times<n>(inverse.rows, at.f);
         Coordinates motion{};
         for (int j = 0; j < n; ++j) motion[j] = step[j];
-        after.pose = moved<K>(at.pose, motion);
-        evaluate(after);
+        loops.after(at, motion, after);
       });
   result.iterations = end.iterations;
 
@@ -111,15 +84,16 @@ TRUEPOSE_FLATTEN FkmResult search(const Robot& robot, const Joint& q, Pose& pose
   } else if (!end.regular) {
     result.status = Status::singular;
   } else {
+    const Points<n>& v = loops.rods(*current);
     for (int i = 0; i < n; ++i) {
       const Chain& chain = robot.chain[i];
       if (chain.actuator != Actuator::telescopic &&
-          jq_entry(chain, current->v[i], driven[i]) * driven[i].rate * chain.working_mode < 0) {
+          jq_entry(chain, v[i], driven[i]) * driven[i].rate * chain.working_mode < 0) {
         result.status = Status::branch_lost;
         result.chain = i;
       }
     }
-    jx_row<K>(current->carried, current->v, current->lever, jx);
+    loops.jx(*current, jx);
     if (other_mode(robot.assembly_sign, [&] { return determinant_sign<n>(jx); }))
       result.status = Status::branch_lost;
   }
