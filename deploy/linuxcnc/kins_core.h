@@ -22,11 +22,11 @@ typedef struct truepose_kins {
   truepose_description robot;
   truepose_model model; /**< of it */
   int32_t motors;
-  truepose_real scale[6];           /**< rad or m of a joint's unit */
-  truepose_real unit;               /**< m of a machine unit of length */
-  truepose_real least_conditioning; /**< below it a pose is refused; 0: none is */
-  int32_t cap;                      /**< steps of the forward model, each of its two searches */
-  int32_t extra[TRUEPOSE_KINS_AXES];     /**< the axes of joints beyond the motors, in their order */
+  truepose_real scale[6];            /**< rad or m of a joint's unit */
+  truepose_real unit;                /**< m of a machine unit of length */
+  truepose_real least_conditioning;  /**< below it a pose is refused; 0: none is */
+  int32_t cap;                       /**< steps of the forward model, each of its two searches */
+  int32_t extra[TRUEPOSE_KINS_AXES]; /**< the axes of joints beyond the motors, in their order */
   int32_t extras;
   truepose_screw screw;
   /* memory */
