@@ -5,6 +5,7 @@
 #include "arrays.hpp"
 #include "for_rows.hpp"
 #include "truepose/kernels.hpp"
+#include "truepose/kinematics/gyro.hpp"
 #include "truepose/offline/assembly.hpp"
 #include "truepose/offline/stretch.hpp"
 
@@ -90,6 +91,20 @@ auto batch_jacobian(const Robot& robot, const Rows& x, bool full) {
     const Outcome outcome = full ? jacobian_full(robot, at, J) : jacobian(robot, at, J);
     outcomes.set(i, outcome);
     write(J, n, n, outcome, values[i]);
+  });
+  return nb::make_tuple(values.release(), outcomes.status.release(), outcomes.chain.release());
+}
+
+/// W, (N, 3, n).
+auto batch_gyro(const Robot& robot, const Rows& x) {
+  const std::size_t count = x.shape(0), n = x.shape(1);
+  Owned<double> values({count, 3, n});
+  Outcomes outcomes(count);
+  for_rows(count, [&](std::size_t i) {
+    GyroRows W;
+    const Outcome outcome = gyro(robot, row<Coordinates>(x, i), W);
+    outcomes.set(i, outcome);
+    write(W, 3, n, outcome, values[i]);
   });
   return nb::make_tuple(values.release(), outcomes.status.release(), outcomes.chain.release());
 }
@@ -217,6 +232,7 @@ void bind_batch(nb::module_& m) {
   m.def("assembly_modes", &assembly_modes);
   m.def("parasitic", &batch_parasitic);
   m.def("jacobian", &batch_jacobian);
+  m.def("gyro", &batch_gyro);
   m.def("linearise", &batch_linearise);
   m.def("under_load", &batch_under_load);
   m.def("skeleton", &skeleton);

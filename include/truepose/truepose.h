@@ -320,6 +320,14 @@ TRUEPOSE_API truepose_outcome
 truepose_jacobian(const truepose_model* model, const truepose_real x[TRUEPOSE_FREEDOMS],
                   truepose_real J[TRUEPOSE_FREEDOMS * TRUEPOSE_FREEDOMS]);
 
+/** W, 3 by n in rows of 6: what a gyroscope on the nacelle reads of its rates, omega = W rate,
+ * rad/s in the nacelle's frame. Of a pivot the rates are its axes', and so follow from omega. A
+ * base that turns itself adds its own angular velocity, seen from the nacelle. @return NOT_FINITE
+ */
+TRUEPOSE_API truepose_outcome truepose_gyro(const truepose_model* model,
+                                            const truepose_real x[TRUEPOSE_FREEDOMS],
+                                            truepose_real W[3 * TRUEPOSE_FREEDOMS]);
+
 /** The motors' torques as the joints of a pivot feel them, J^-T torque, by which torque times rate
  * is the same on both sides; of another mobility the force and moment on the nacelle, along its
  * free twist. @return UNREACHABLE, SINGULAR, NOT_FINITE; NOT_COMPILED where pivots are left out */

@@ -1,6 +1,7 @@
 // Poses and kinematics for C.
 #include "model.hpp"
 #include "truepose/kinematics/angles_of.hpp"
+#include "truepose/kinematics/gyro.hpp"
 #include "truepose/math/roll_pitch_yaw.hpp"
 
 using namespace truepose;
@@ -241,6 +242,16 @@ truepose_outcome truepose_jacobian(const truepose_model* model, const truepose_r
     JointMatrix found{};
     const Outcome outcome = c::rates(robot, x, found);
     for (int i = 0; i < kMaxDof && outcome; ++i) c::give(found[i], J + i * kMaxMotors);
+    return outcome;
+  });
+}
+
+truepose_outcome truepose_gyro(const truepose_model* model, const truepose_real* x,
+                               truepose_real* W) {
+  return c::asked(model, [&](const Robot& robot) {
+    GyroRows found{};
+    const Outcome outcome = gyro(robot, c::values<Coordinates>(x), found);
+    for (int k = 0; k < 3 && outcome; ++k) c::give(found[k], W + k * kMaxDof);
     return outcome;
   });
 }

@@ -3,6 +3,7 @@
 
 #include "../../src/c/description.hpp"
 #include "pivots.hpp"
+#include "truepose/kinematics/gyro.hpp"
 #include "truepose/math/roll_pitch_yaw.hpp"
 
 using namespace pivots_tested;
@@ -173,6 +174,11 @@ TEST(
       for (int j = 0; j < n; ++j) CHECK_NEAR(found[j], x[j], 1e-12);
       pose.position[1] += 0.01;  // its axes cannot carry it there
       CHECK(truepose_coordinates_of(&in_c.model, &pose, found).status == TRUEPOSE_NO_SUCH_VALUE);
+      truepose_real W[18];
+      GyroRows rows{};
+      CHECK(gyro(robot, x, rows) && same(truepose_gyro(&in_c.model, x.data(), W), {}));
+      for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < n; ++j) CHECK_NEAR(W[6 * i + j], rows[i][j], 0);
       CHECK(same(truepose_jacobian(&in_c.model, x.data(), J), {}));
       double at_motors = 0, at_joints = 0;
       for (int i = 0; i < n; ++i) torque[i] = random();

@@ -5,6 +5,7 @@
 #include "truepose/estimation/linearise.hpp"
 #include "truepose/kinematics/angles_of.hpp"
 #include "truepose/kinematics/fkm.hpp"
+#include "truepose/kinematics/gyro.hpp"
 #include "truepose/model/geometry.hpp"
 #include "truepose/offline/assembly.hpp"
 
@@ -141,6 +142,37 @@ TEST("J maps rates as the inverse model's slopes do, and torques by its transpos
         }
     }
   });
+}
+
+TEST("a gyroscope reads how the nacelle turns, in the nacelle's own frame") {
+  const auto turns = [](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    const Robot& robot = mechanism.robot;
+    check::Random random(75);
+    for (int k = 0; k < 50; ++k) {
+      const Coordinates x = random_pose(mechanism, random);
+      const Pose pose = to_pose<K>(x);
+      const Mat3 R = placed<K>(robot, pose).R;
+      GyroRows W{};
+      CHECK(gyro(robot, x, W));
+      for (int j = 0; j < kDof<K>; ++j)
+        for (int axis = 0; axis < 3; ++axis)
+          CHECK_NEAR(W[axis][j], slope_of([&](double h) {
+                       Coordinates step{};
+                       step[j] = h;
+                       const Mat3 after = placed<K>(robot, moved<K>(pose, step)).R;
+                       return log_so3(R.transpose() * after)[axis];
+                     }),
+                     1e-10);
+    }
+    GyroRows unused{};
+    CHECK(gyro(robot, Coordinates{NAN, NAN, NAN, NAN, NAN, NAN}, unused).status ==
+          (K == Mobility::planar_translation || K == Mobility::translation ? Status::ok
+                                                                           : Status::not_finite));
+    CHECK(gyro(Robot{}, Coordinates{}, unused).status == Status::unfinished);
+  };
+  for_each(turns);
+  for_each_pivot(turns);
 }
 
 TEST("readings change with x and with every parameter as H_x and H_ξ say") {

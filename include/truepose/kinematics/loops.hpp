@@ -77,6 +77,7 @@ class Loops<K> {
   static constexpr int n = kDof<K>;
   using Columns = std::array<Lanes<n>, n>;
 
+  /// The loops at a pose.
   struct At {
     Pose pose;
     std::array<Real, n> cosine, sine;  ///< of the axes' angles

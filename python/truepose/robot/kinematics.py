@@ -241,6 +241,39 @@ class Kinematics(Loaded):
         require_answers(self, "pose", rows, lead, status, chain, errors)
         return J.reshape(*lead, self.n, self.n)
 
+    def gyro(self, x: ArrayLike, errors: Errors = "raise") -> Array:
+        """What a gyroscope on the nacelle reads: W of ω = W ẋ, in the nacelle's frame.
+
+        Of a pivot ẋ are the axes' rates, so that those follow from ω: ẋ = W⁺ω, and the motors'
+        from them, q̇ = J⁻¹ẋ. Of others ẋ is the free twist. A base that turns itself, as a shank
+        does, adds its own angular velocity, seen from the nacelle: subtract it first.
+
+        Parameters
+        ----------
+        x : array_like, shape (..., n)
+            Poses, m and rad.
+        errors
+            As for :meth:`ikm`.
+
+        Returns
+        -------
+        ndarray, shape (..., 3, n)
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import truepose as tp
+        >>> ankle = tp.load("g1-ankle")
+        >>> W = ankle.gyro([0.2, 0.1])
+        >>> omega = W @ [0.5, -0.3]  # pitch and roll at 0.5 and -0.3 rad/s
+        >>> (np.linalg.pinv(W) @ omega).round(6).tolist()
+        [0.5, -0.3]
+        """
+        rows, lead = flattened(self, x, self.n, "x", errors)
+        W, status, chain = _core.gyro(self.core, rows)
+        require_answers(self, "pose", rows, lead, status, chain, errors)
+        return W.reshape(*lead, 3, self.n)
+
     def joint_torque(
         self, x: ArrayLike, torque: ArrayLike, errors: Errors = "raise", level: Level | None = None
     ) -> Array:

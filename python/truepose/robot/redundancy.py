@@ -56,7 +56,12 @@ class Estimate(NamedTuple):
         from truepose.robot.ellipses import draw
 
         n = self.x.shape[-1]
-        return draw(self.x.reshape(-1, n)[:, :2], self.covariance.reshape(-1, n, n)[:, :2, :2])
+        x, P = self.x.reshape(-1, n)[:, :2], self.covariance.reshape(-1, n, n)[:, :2, :2]
+        return draw(x, P, angles=isinstance(self, Angles))
+
+
+class Angles(Estimate):
+    """An :class:`Estimate` of a pivot: x are its axes' angles."""
 
 
 class Redundancy(Kinematics):
@@ -140,7 +145,8 @@ class Redundancy(Kinematics):
             covariance = self._not_knowing_compliance(x, level)
         require_answers(self, "reading", rows, lead, status, chain, errors, name="q_e")
         words = np.array([_core.describe(int(s)) for s in status])
-        return Estimate(
+        kind = Angles if self._spec.mobility == "pivot" else Estimate
+        return kind(
             x.reshape(*lead, self.n),
             covariance.reshape(*lead, self.n, self.n),
             chi2.reshape(lead)[()],

@@ -1,0 +1,34 @@
+// What does a gyroscope on the nacelle read? ω = W(x) ẋ, in the nacelle's frame.
+#pragma once
+
+#include "truepose/model/pose.hpp"
+#include "truepose/model/status.hpp"
+
+namespace truepose {
+
+using GyroRows = Matrix<3, kMaxDof>;
+
+/// W, 3×n: the angular velocity of the nacelle, in its own frame, per free rate. Column j is Rᵀ a_j
+/// of a pivot's axis, Rᵀ times the turn of a free twist elsewhere. (A base that turns at ω_0, a
+/// shank, adds Rᵀ ω_0.)
+/// @return unfinished, not_finite
+inline Outcome gyro(const Robot& robot, const Coordinates& x, GyroRows& W) {
+  if (!robot.finished) return {Status::unfinished, -1};
+  return with_mobility(robot.mobility, [&](auto mobility) {
+    constexpr Mobility K = mobility();
+    const Pose pose = to_pose<K>(x);
+    const Carried<K> carried = carry<K>(robot, pose);
+    const Mat3& R = placed<K>(pose, carried).R;
+    Real sum = 0;  // a NaN shows in it
+    for (int j = 0; j < kDof<K>; ++j) {
+      Coordinates rate{};
+      rate[j] = 1;
+      const Vec3 turn = R.transpose() * to_twist<K>(carried, rate).omega;
+      for (int k = 0; k < 3; ++k) W[k][j] = turn[k];
+      sum += turn.sum();
+    }
+    return Outcome{std::isfinite(sum) ? Status::ok : Status::not_finite, -1};
+  });
+}
+
+}  // namespace truepose
