@@ -26,7 +26,9 @@ def draw(x: Array, P: Array, angles: bool = False) -> Figure:
     axes.grid(alpha=0.3)
     if x.shape[1] == 1:
         which = np.flatnonzero(good) + 1
-        axes.errorbar(which, x[:, 0], np.sqrt(P[:, 0, 0]), fmt=".", color="#1f5fa8", ecolor="#b2182b")
+        axes.errorbar(
+            which, x[:, 0], np.sqrt(P[:, 0, 0]), fmt=".", color="#1f5fa8", ecolor="#b2182b"
+        )
         axes.set(xlabel="pose", ylabel=f"{names[0]} ({unit})", title="± 1 σ")
         return figure
     axes.plot(*x.T, ".", ms=3, color="#1f5fa8")
