@@ -134,51 +134,54 @@ class Loops<K> {
  private:
   static constexpr int kTerms = n == 1 ? 3 : n == 2 ? 9 : 27;
 
+  // As lanes: where Eigen multiplies lanes by a number, clang takes that through memory, and waits.
   static Points<n> all(const Vec3& p) {
     return {Lanes<n>::Constant(p.x()), Lanes<n>::Constant(p.y()), Lanes<n>::Constant(p.z())};
   }
-  template <class V>
-  static Lanes<n> dot(const Points<n>& a, const V& b) {
-    return a.px * b.x() + a.py * b.y() + a.pz * b.z();
+  static Lanes<n> dot(const Points<n>& a, const Points<n>& b) {
+    return a.px * b.px + a.py * b.py + a.pz * b.pz;
   }
 
   /// Adds p·y_j, j counted from 0, to the coefficients of the axes from j on.
   template <int J>
   void add(const Points<n>& p, const Points<n>& c, Lanes<n>* k) const {
-    const Vec3 d = robot_.axis[J].direction();
+    const Points<n> d = all(robot_.axis[J].direction());
     const Lanes<n> along = dot(p, d);
-    const Points<n> fixed{along * d.x(), along * d.y(), along * d.z()};
+    const Points<n> fixed{along * d.px, along * d.py, along * d.pz};
     const Points<n> parts[]{
         fixed,
         {p.px - fixed.px, p.py - fixed.py, p.pz - fixed.pz},
-        {p.py * d.z() - p.pz * d.y(), p.pz * d.x() - p.px * d.z(), p.px * d.y() - p.py * d.x()}};
+        {p.py * d.pz - p.pz * d.py, p.pz * d.px - p.px * d.pz, p.px * d.py - p.py * d.px}};
     constexpr int stride = J + 1 == n ? 1 : J + 2 == n ? 3 : 9;
     for (int part = 0; part < 3; ++part) {
       if constexpr (J + 1 == n) {
         k[part] += dot(parts[part], c);
       } else {
-        k[part * stride] += dot(parts[part], robot_.axis[J + 1].origin());
+        k[part * stride] += dot(parts[part], all(robot_.axis[J + 1].origin()));
         add<J + 1>(parts[part], c, k + part * stride);
       }
     }
   }
 
-  /// f and its derivatives, the last axis taken first.
+  /// Takes the axes from J down out of coefficients `from`: what is left, and its slopes.
+  template <int J>
+  static void contract(const At& at, const Lanes<n>* from, Lanes<n>* value,
+                       std::array<std::array<Lanes<n>, kTerms / 3>, n>& slope) {
+    constexpr int left = J == 0 ? 1 : J == 1 ? 3 : 9;
+    const Lanes<n> c = Lanes<n>::Constant(at.cosine[J]), s = Lanes<n>::Constant(at.sine[J]);
+    for (int a = 0; a < left; ++a) {
+      for (int i = J + 1; i < n; ++i)
+        slope[i][a] = slope[i][3 * a] + c * slope[i][3 * a + 1] + s * slope[i][3 * a + 2];
+      slope[J][a] = s * from[3 * a + 1] - c * from[3 * a + 2];
+      value[a] = from[3 * a] + c * from[3 * a + 1] + s * from[3 * a + 2];
+    }
+    if constexpr (J > 0) contract<J - 1>(at, value, value, slope);
+  }
+
   void evaluate(At& at) const {
     std::array<Lanes<n>, kTerms / 3> value;
-    std::array<std::array<Lanes<n>, kTerms / 3>, n> slope;  // by x_j, of what is left
-    const Lanes<n>* from = coefficient_.data();
-    int left = kTerms / 3;
-    for (int j = n - 1; j >= 0; --j, left /= 3) {
-      const Real c = at.cosine[j], s = at.sine[j];
-      for (int a = 0; a < left; ++a) {
-        for (int i = j + 1; i < n; ++i)
-          slope[i][a] = slope[i][3 * a] + c * slope[i][3 * a + 1] + s * slope[i][3 * a + 2];
-        slope[j][a] = s * from[3 * a + 1] - c * from[3 * a + 2];
-        value[a] = from[3 * a] + c * from[3 * a + 1] + s * from[3 * a + 2];
-      }
-      from = value.data();
-    }
+    std::array<std::array<Lanes<n>, kTerms / 3>, n> slope;  // -∂/∂x_j
+    contract<n - 1>(at, coefficient_.data(), value.data(), slope);
     at.f = value[0];
     for (int j = 0; j < n; ++j) at.columns[j] = slope[j][0];
     at.cost = (at.f * at.f).sum();
