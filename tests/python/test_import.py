@@ -60,7 +60,7 @@ def model(tmp_path):
 
     def made(text, body="foot"):
         (tmp_path / "leg.xml").write_text(text)
-        return tp.Robot(pivot_of(from_mjcf(tmp_path / "leg.xml"), body))
+        return tp.Robot(pivot_of(from_mjcf(tmp_path / "leg.xml"), body)[0])
 
     return made
 
@@ -178,6 +178,30 @@ def test_a_body_that_is_not_there_is_told_from_those_that_are(tmp_path, run):
         assert status == 2 and err.count("\n") == 1
 
 
+def test_a_motor_beyond_its_limit_wherever_it_could_stand_is_refused(tmp_path, run):
+    """The crank is drawn a little off where its loop closes, which is beyond its range."""
+    (tmp_path / "leg.xml").write_text(LEG.replace('range="-1.5 1.5"', 'range="-0.2 0.2"'))
+    status, out, err = run("import", "mjcf", "leg.xml", "--pivot", "foot", "-o", "x.toml")
+    assert (status, out) == (2, "") and not (tmp_path / "x.toml").exists()
+    assert err == (
+        "truepose: error: leg.xml: foot: stands neither as drawn nor at zero nor mid-range: "
+        "home = [0.0, 0.0]: beyond a joint limit, chain 1: 0.239714 of [-0.2, 0.2]\n"
+    )
+
+
+def test_that_home_was_moved_is_said_and_why(tmp_path, run):
+    """A foot that is drawn beyond its own range."""
+    said = "home is mid-range, not as drawn: home = [0.0, 0.0]: beyond a joint limit of axis ankle_"
+    (tmp_path / "leg.xml").write_text(LEG.replace('range="-0.7 0.5"', 'range="0.1 0.5"'))
+    status, out, err = run("import", "mjcf", "leg.xml", "--pivot", "foot", "-o", "x.toml")
+    assert (status, err) == (0, "") and said in out
+    assert tp.load(tmp_path / "x.toml").home == pytest.approx([0.3, 0])
+    status, out, err = run("import", "mjcf", "leg.xml", "--pivot", "foot")
+    assert status == 0 and said in err and said not in out  # standard output is the file
+    (tmp_path / "leg.xml").write_text(LEG)
+    assert "home is" not in run("import", "mjcf", "leg.xml", "--pivot", "foot")[2]
+
+
 URDF = """
 <robot name="neck">
   <link name="torso"/>
@@ -216,7 +240,7 @@ def neck(tmp_path):
     def made(urdf=URDF, loops=LOOPS):
         (tmp_path / "neck.urdf").write_text(urdf)
         (tmp_path / "neck.yaml").write_text(loops)
-        return pivot_of(from_urdf(tmp_path / "neck.urdf", tmp_path / "neck.yaml"), "head")
+        return pivot_of(from_urdf(tmp_path / "neck.urdf", tmp_path / "neck.yaml"), "head")[0]
 
     return made
 

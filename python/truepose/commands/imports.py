@@ -10,7 +10,7 @@ import typer
 from truepose import files, robotfile
 from truepose.commands.options import Force, wrote
 from truepose.importing import Mechanism, from_mjcf, from_urdf, pivot_of
-from truepose.show.terminal import Format
+from truepose.show.terminal import Format, say
 
 app = typer.Typer(no_args_is_help=True, help="Make a robot file of another program's model.")
 
@@ -66,9 +66,12 @@ def _put(mechanism: Mechanism, body: str, read: list[Path], out: Path | None, fo
     """Write the robot to a file, or to standard output."""
     output = out and robotfile.output(out, "-o")
     files.check([output] if output else [], read, force)
-    text = robotfile.to_toml(pivot_of(mechanism, body), {})
+    spec, notes = pivot_of(mechanism, body)
+    text = robotfile.to_toml(spec, {})
     if output:
         files.write({output: text}, read, force)
         wrote(Format.table, out)
     else:
         print(text, end="")
+    for note in notes:
+        say(note, err=output is None)

@@ -10,16 +10,18 @@ from typing import Any
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.exceptions import InputError, TrueposeError
+from truepose.exceptions import InputError
+from truepose.importing.home import standing
 from truepose.importing.links import MEET, Link, Mechanism, meeting
-from truepose.robot.robot import Robot
-from truepose.robotfile import RobotFile, taken, validate
+from truepose.robotfile import RobotFile, taken
 
 _HEAVY = 1e-6  # kg, or kg·m²; less is what MuJoCo asks of bodies that weigh nothing
 
 
-def pivot_of(mechanism: Mechanism, body: str) -> RobotFile:
+def pivot_of(mechanism: Mechanism, body: str) -> tuple[RobotFile, list[str]]:
     """Return the robot whose nacelle is a body that one to three passive hinges carry.
+
+    With it come lines to tell, of what is not as the model has it.
 
     Its base is the body that the motors stand on. Each motor, a hinge or a slide, moves the end of
     a rod, or is a slide between a rod's two ends; the rod's other end is on the nacelle. Of masses
@@ -75,7 +77,6 @@ class _Pivot:
                 )
         self.axes = [*reversed(self.spine[: self.bodies.index(self.base)])]
         self._check()
-        self.why = ""  #: the rods did not close
         put = self.m.data
         self._p, self._R = put.xpos[self.base], put.xmat[self.base].reshape(3, 3)
 
@@ -250,8 +251,8 @@ class _Pivot:
     def _at(self, point: Array) -> Array:
         return self._R.T @ (point - self._p)
 
-    def robot(self) -> RobotFile:
-        """Return it as a file says it."""
+    def robot(self) -> tuple[RobotFile, list[str]]:
+        """Return it as a file says it, and what to tell of it."""
         axes, ids, last = [], [], np.zeros(3)
         for link in self.axes:
             for joint, direction, anchor in zip(link.ids, link.axes, link.anchors, strict=True):
@@ -281,31 +282,8 @@ class _Pivot:
         at = model.jnt_qposadr
         motors = np.array([model.qpos0[at[rod.motor.ids[0]]] for rod in self.rods])
         drawn = [float(model.qpos0[at[joint]]) for joint in ids]
-        middle = [float(np.mean(a.get("limits", (0, 0)))) for a in axes]
-        for home in (drawn, [0.0] * len(ids), middle):
-            if (modes := self._modes({**data, "home": home}, motors)) is not None:
-                for chain, mode in zip(chains, modes, strict=True):
-                    chain["working_mode"] = mode
-                return validate({**data, "home": home}, self.m.source)
-        raise self._wrong(
-            f"its rods do not close with all joints as drawn, at zero or in the middle: {self.why}"
-        )
-
-    def _modes(self, data: dict, motors: Array) -> Sequence[int] | None:
-        """Which branch of the inverse model each motor is on; None where home is out of reach."""
-        found = []
-        for mode in (-1, 1):
-            chains = [{**chain, "working_mode": mode, "limits": None} for chain in data["chain"]]
-            try:
-                robot = Robot(validate({**data, "chain": chains}, self.m.source))
-                found.append(robot.ikm(data["home"], level="ideal"))
-            except TrueposeError as error:
-                self.why = str(error)
-                return None
-        off = np.abs(np.array(found) - motors)
-        turning = [chain["actuator"] == "revolute" for chain in data["chain"]]
-        off[:, turning] = np.abs((off[:, turning] + np.pi) % (2 * np.pi) - np.pi)
-        return [(-1, 1)[k] for k in np.argmin(off, axis=0)]
+        robot, notes = standing(data, drawn, motors, self.m.source, self.m.name_of(self.nacelle))
+        return robot.spec, notes
 
     def _chain(self, rod: _Rod, nacelle: Array) -> dict:
         A = self._at(rod.far.point_on(self.nacelle))
