@@ -104,6 +104,49 @@ def test_an_ankle_has_the_model_s_masses(model):
     assert robot.spec.chain[0].rod_mass == pytest.approx(ball / 8)
 
 
+#: Actuators of a joint whose own range is 20 N·m, and the most that they give it.
+ACTUATORS = {
+    "a control of a motor": ('<motor joint="motor1" ctrlrange="-9 9" gear="-2"/>', 18),
+    "a control through a gain": (
+        '<general joint="motor1" ctrlrange="-3 3" gainprm="4" gear="0.5"/>',
+        6,
+    ),
+    "a force, before the gear": ('<motor joint="motor1" forcerange="-4 4" gear="3"/>', 12),
+    "the tighter of both": ('<motor joint="motor1" ctrlrange="-7 7" forcerange="-5 5"/>', 5),
+    "the joint's own": ('<motor joint="motor1" ctrlrange="-50 50" forcerange="-40 40"/>', 20),
+    "a servo's force, not its setpoint": (
+        '<position joint="motor1" kp="1e4" ctrlrange="-1 1" forcerange="-11 11"/>',
+        11,
+    ),
+    "a servo without any": ('<position joint="motor1" kp="1e4" ctrlrange="-1 1"/>', 20),
+    "two together": (
+        '<motor joint="motor1" ctrlrange="-3 3"/><pid joint="motor1" kp="1e4" forcerange="-4 4"/>',
+        7,
+    ),
+}
+
+
+@pytest.mark.parametrize("what", ACTUATORS)
+def test_a_motor_s_torque_limit_is_what_mujoco_lets_it_give(what, model):
+    actuators, most = ACTUATORS[what]
+    leg = LEG.replace('<motor joint="motor1"/>', actuators)
+    robot = model(leg)
+    assert robot.spec.chain[0].torque_limit == pytest.approx(most)
+    assert robot.spec.chain[1].torque_limit is None
+    whole = mujoco.MjModel.from_xml_string(leg)
+    data = mujoco.MjData(whole)
+    data.ctrl[:-1] = 1e6  # of all but the other motor
+    mujoco.mj_forward(whole, data)
+    dof = whole.jnt_dofadr[whole.joint("motor1").id]
+    assert abs(data.qfrc_actuator[dof]) == pytest.approx(most)
+
+
+def test_a_rotor_in_an_actuator_is_felt_through_its_gear(model):
+    leg = LEG.replace('<motor joint="motor2"/>', '<motor joint="motor2" gear="9" armature="1e-4"/>')
+    felt = [model(text).spec.chain[1].drive_inertia or 0 for text in (leg, LEG)]
+    assert felt[0] - felt[1] == pytest.approx(9**2 * 1e-4, abs=1e-6)
+
+
 def test_what_truepose_exports_comes_back(tmp_path, run):
     robot = tp.load("g1-ankle")
     assert run("export", "mjcf", "g1-ankle", "-o", "ankle.xml")[0] == 0

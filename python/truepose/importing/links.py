@@ -60,6 +60,7 @@ class Mechanism:
     motors: set[int]  #: joints that are driven
     moved: set[int]  #: rigid bodies that a loop joined of parts which are apart at zero
     coupled: dict[int, str] = field(default_factory=dict)  #: joints that an equality couples
+    actuators: dict[int, list[int]] = field(default_factory=dict)  #: of each joint that has some
 
     def body(self, name: str) -> int:
         """Return the rigid body that a body of this name is part of."""
@@ -158,6 +159,14 @@ class Model:
         mujoco.mj_kinematics(model, self.data)
         mujoco.mj_comPos(model, self.data)
 
+    def actuators(self) -> dict[int, list[int]]:
+        """Actuators of each joint that has some."""
+        kinds, found = self.mujoco.mjtTrn, dict[int, list[int]]()
+        for k, kind in enumerate(self.model.actuator_trntype):
+            if int(kind) in (int(kinds.mjTRN_JOINT), int(kinds.mjTRN_JOINTINPARENT)):
+                found.setdefault(int(self.model.actuator_trnid[k, 0]), []).append(k)
+        return found
+
     def closures(self) -> Iterator[Closure]:
         """Every loop's equality."""
         model, data, eq = self.model, self.data, self.mujoco.mjtEq
@@ -242,6 +251,7 @@ class Model:
             motors=motors,
             moved=bodies.moved(),
             coupled=coupled,
+            actuators=self.actuators(),
         )
 
     def _link(

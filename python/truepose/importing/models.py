@@ -47,11 +47,7 @@ def from_mjcf(path: str | Path) -> Mechanism:
 
     model = _first(path, [lambda: compiled(True), lambda: compiled(False)])
     m = Model(mujoco, model)
-    closures = list(m.closures())
-    joint = int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)
-    driven = [k for k in range(model.nu) if int(model.actuator_trntype[k]) in joint]
-    motors = {int(model.actuator_trnid[k, 0]) for k in driven}
-    return m.mechanism(path, closures, motors, {})
+    return m.mechanism(path, list(m.closures()), {*m.actuators()}, {})
 
 
 def from_urdf(path: str | Path, loops: str | Path) -> Mechanism:

@@ -11,6 +11,7 @@ import numpy as np
 
 from truepose.arguments import Array
 from truepose.exceptions import InputError
+from truepose.importing.actuators import armature, torque_limit
 from truepose.importing.home import standing
 from truepose.importing.links import MEET, Link, Mechanism, meeting
 from truepose.robotfile import RobotFile, taken
@@ -330,9 +331,10 @@ class _Pivot:
         data: dict[str, Any] = {}
         if len(rod.rods) == 1:
             data |= self._limits("limits", joint)
-        if model.jnt_actfrclimited[joint]:
-            data["torque_limit"] = float(np.abs(model.jnt_actfrcrange[joint]).max())
-        inertia = float(model.dof_armature[model.jnt_dofadr[joint]])
+        actuators = self.m.actuators.get(joint, [])
+        if np.isfinite(most := torque_limit(model, joint, actuators)):
+            data["torque_limit"] = most
+        inertia = armature(model, joint, actuators)
         mass, centre, I = self._inertia([rod.moved])
         if rod.motor.slides:
             inertia += mass
