@@ -5,6 +5,7 @@ import pytest
 
 import truepose as tp
 from truepose import robotfile
+from truepose.commands.check import remarks
 from truepose.exceptions import InputError
 from truepose.importing import from_mjcf, from_urdf, pivot_of
 
@@ -245,6 +246,29 @@ def test_that_home_was_moved_is_said_and_why(tmp_path, run):
     assert "home is" not in run("import", "mjcf", "leg.xml", "--pivot", "foot")[2]
 
 
+def test_an_imported_robot_lacks_its_tolerances_alone(tmp_path, run):
+    (tmp_path / "leg.xml").write_text(LEG)
+    status, out, _ = run("import", "mjcf", "leg.xml", "--pivot", "foot", "-o", "x.toml")
+    assert status == 0 and "left to add: [tolerances]" in out
+    assert "[workspace] is 85 % of the axes' ranges about home" in out
+    box = tp.load(tmp_path / "x.toml").spec.workspace
+    assert np.allclose((box.minimum, box.maximum), 0.85 * np.array([[-0.7, -0.3], [0.5, 0.3]]))
+    assert "all of 101^2 = 10201 poses" in run("check", "x.toml")[1]
+    assert run("info", "x.toml", "--samples", "50")[0] == 0
+    with (tmp_path / "x.toml").open("a") as file:
+        file.write('[tolerances]\n"chain*.rod" = { sigma = 0.0002 }\n')
+    for command in ("accuracy", "faults", "rehearse"):
+        assert run(command, "x.toml")[0] == 0
+
+
+def test_an_axis_without_a_range_works_where_the_rods_let_it(model):
+    robot = model(LEG.replace('range="-0.7 0.5"', ""))
+    box = np.array([robot.spec.workspace.minimum, robot.spec.workspace.maximum])
+    assert np.allclose(box[0], -box[1]) and 0.1 < box[1, 0] < np.pi / 2
+    x = np.random.default_rng(1).uniform(*box, size=(500, 2))
+    assert np.isfinite(robot.ikm(x, errors="nan", own_mode=True)).all()
+
+
 URDF = """
 <robot name="neck">
   <link name="torso"/>
@@ -297,6 +321,7 @@ def test_a_rod_that_a_urdf_welds_of_two_halves_is_as_long_as_both(neck):
     assert spec.chain[0].arm == pytest.approx(0.04)
     assert spec.axis[0].limits == (-0.5, 0.5) and spec.axis[0].name == "nod"
     robot = tp.Robot(spec)
+    assert any("all of 1001^1" in line for line in remarks(robot))
     assert robot.fkm(robot.ikm([0.2])) == pytest.approx([0.2], abs=1e-12)
     again = robotfile.parse(robotfile.to_toml(spec, {}), "again")
     assert again.model_dump() == spec.model_dump()

@@ -24,7 +24,7 @@ from truepose.show.terminal import say
 from truepose.show.units import printed
 
 #: Values of each coordinate on the grid at which a workspace is looked at, for n of them.
-GRID = {2: 101, 3: 21, 4: 11, 6: 5}
+GRID = {1: 1001, 2: 101, 3: 21, 4: 11, 6: 5}
 
 _LARGEST = 20.0  # m; no robot of rods has such a part, and few in mm have none
 
@@ -119,7 +119,7 @@ def remarks(robot: Robot) -> list[str]:
             )
     box = robot.spec.workspace
     if box is None:
-        return [*lines, "workspace: none in the file: 'info' and 'accuracy' need one"]
+        return [*lines, "no [workspace] minimum, maximum: 'info' and 'accuracy' need one"]
     reached, lost, count = _reached(robot)
     grid = f"{GRID[robot.n]}^{robot.n} = {count} poses, a grid over the box"
     if not lost:

@@ -73,5 +73,6 @@ def _put(mechanism: Mechanism, body: str, read: list[Path], out: Path | None, fo
         wrote(Format.table, out)
     else:
         print(text, end="")
-    for note in notes:
+    left = "left to add: [tolerances], what machining and assembly leave open, and sensors"
+    for note in (*notes, left):
         say(note, err=output is None)

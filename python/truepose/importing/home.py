@@ -1,4 +1,4 @@
-"""Where does an imported pivot stand? Home, and the branch that each motor is on there."""
+"""Where does an imported pivot stand, and where can it work? Home, branches, a workspace."""
 
 from __future__ import annotations
 
@@ -7,7 +7,12 @@ import numpy as np
 from truepose.arguments import Array
 from truepose.exceptions import InputError, TrueposeError
 from truepose.robot.robot import Robot
-from truepose.robotfile import validate
+from truepose.robot.workspace import workspace_grid
+from truepose.robotfile import RobotFile, validate
+from truepose.robotfile.schema import Workspace
+
+_GRID = 21  # poses along each coordinate at which a workspace is looked at
+_SHARES = 20  # of the axes' ranges, that are tried
 
 
 def standing(
@@ -72,3 +77,24 @@ def _loaded(data: dict, source: str) -> Robot:
         return Robot(spec)
     except TrueposeError as error:
         raise _HomeError(str(error).removeprefix(f"{spec.name}: ")) from None
+
+
+def with_workspace(robot: Robot) -> tuple[RobotFile, list[str]]:
+    """Return a pivot's file with a workspace, and what to say of it.
+
+    It is the axes' ranges, a full turn where there is none, or as much of them about home as is
+    reached everywhere, on a grid, with no singularity between.
+    """
+    ranges = np.array([axis.limits or (-np.pi, np.pi) for axis in robot.spec.axis]).T
+    for share in range(_SHARES, 0, -1):
+        ends = ranges if share == _SHARES else robot.home + share / _SHARES * (ranges - robot.home)
+        low, high = (tuple(map(float, end)) for end in ends)
+        box = Workspace(minimum=low, maximum=high)
+        found = Robot(robot.spec.model_copy(update={"workspace": box}))
+        q = found.ikm(workspace_grid(found, _GRID), errors="nan", own_mode=True)
+        if np.isfinite(q).all():
+            part = f"[workspace] is {100 * share // _SHARES} % of the axes' ranges about home"
+            why = "beyond, not all is reached and regular"
+            return found.spec, [] if share == _SHARES else [f"{part}: {why}"]
+    none = "no [workspace]: little is reached about home; give its minimum, maximum"
+    return robot.spec, [none]

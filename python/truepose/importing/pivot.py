@@ -12,7 +12,7 @@ import numpy as np
 from truepose.arguments import Array
 from truepose.exceptions import InputError
 from truepose.importing.actuators import armature, torque_limit
-from truepose.importing.home import standing
+from truepose.importing.home import standing, with_workspace
 from truepose.importing.links import MEET, Link, Mechanism, meeting
 from truepose.robotfile import RobotFile, taken
 
@@ -284,7 +284,8 @@ class _Pivot:
         motors = np.array([model.qpos0[at[rod.motor.ids[0]]] for rod in self.rods])
         drawn = [float(model.qpos0[at[joint]]) for joint in ids]
         robot, notes = standing(data, drawn, motors, self.m.source, self.m.name_of(self.nacelle))
-        return robot.spec, notes
+        spec, more = with_workspace(robot)
+        return spec, notes + more
 
     def _chain(self, rod: _Rod, nacelle: Array) -> dict:
         A = self._at(rod.far.point_on(self.nacelle))

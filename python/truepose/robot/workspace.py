@@ -15,7 +15,7 @@ from truepose.robotfile.schema import Workspace
 def workspace(robot: Description) -> Workspace:
     """Box in which the robot is meant to work; an error where its file has none."""
     if robot.spec.workspace is None:
-        raise InputError(f"{robot.name}: workspace: is missing from its file")
+        raise InputError(f"{robot.name}: no [workspace] minimum, maximum in its file")
     return robot.spec.workspace
 
 

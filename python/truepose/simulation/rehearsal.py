@@ -17,6 +17,7 @@ from truepose.robot import knowledge
 from truepose.robot.frames import frames, rotation, rotation_vector
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
+from truepose.robot.workspace import workspace
 from truepose.simulation.controller import Controller
 from truepose.simulation.effects import Effects
 from truepose.simulation.plants.exact import ExactPlant
@@ -89,9 +90,7 @@ def rehearse(
 
 
 def _drawn(robot: Robot, poses: int, rng: np.random.Generator) -> Array:
-    box = robot.spec.workspace
-    if box is None:
-        raise InputError(f"{robot.name}: workspace: is missing from its file")
+    box = workspace(robot)
     return rng.uniform(box.minimum, box.maximum, (poses, robot.n))
 
 

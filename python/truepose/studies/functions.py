@@ -15,6 +15,7 @@ from truepose.exceptions import InputError, choose
 from truepose.files import contents
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
+from truepose.robot.workspace import workspace
 from truepose.simulation.settle import settle
 from truepose.studies.cases import Answer, Asked, Case
 
@@ -48,9 +49,7 @@ READY: dict[str, Asked] = {"calibration": calibration, "rest": rest}
 
 
 def _poses(robot: Robot, count: int, rng: np.random.Generator) -> Array:
-    box = robot.spec.workspace
-    if box is None:
-        raise InputError(f"{robot.name}: has no [workspace] to choose poses from")
+    box = workspace(robot)
     return rng.uniform(box.minimum, box.maximum, (count, robot.n))
 
 
