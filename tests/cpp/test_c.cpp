@@ -493,8 +493,10 @@ TEST("a knowledge of parameters that the robot has not is refused, not read") {
   truepose_default_control(&control);
   truepose_watch_settings watch;
   c::describe(GuardSettings{}, watch);
-  truepose_controller controller;
+  truepose_controller controller, joint;
   truepose_guard guard;
+  CHECK(same(truepose_begin_control(&joint, sizeof joint, &control), {}));
+  control.law = TRUEPOSE_LAW_WEIGHTED;
   CHECK(same(truepose_begin_control(&controller, sizeof controller, &control), {}));
   CHECK(same(truepose_begin_guard(&guard, sizeof guard, &watch), {}));
   std::vector<truepose_real> work(truepose_work(&in_c_model.model, prior.known().count));
@@ -514,8 +516,13 @@ TEST("a knowledge of parameters that the robot has not is refused, not read") {
               .status == TRUEPOSE_NO_SUCH_PART);
     CHECK(truepose_control(model, &controller, &setpoint, q_e, &known, work.data(), out).status ==
           TRUEPOSE_NO_SUCH_PART);
-    CHECK(truepose_guarded(model, nullptr, &controller, &guard, &setpoint, q_e, &known, work.data(),
-                           out, &report)
+    CHECK(truepose_controller_error(model, &controller, setpoint.x, q_e, &known, work.data(), out)
+              .status == TRUEPOSE_NO_SUCH_PART);
+    // A law that does not weigh does not look at it; a guard does.
+    CHECK(truepose_control(model, &joint, &setpoint, q_e, &known, work.data(), out).status ==
+          TRUEPOSE_OK);
+    CHECK(truepose_guarded(model, nullptr, &joint, &guard, &setpoint, q_e, &known, work.data(), out,
+                           &report)
               .status == TRUEPOSE_NO_SUCH_PART);
     CHECK(truepose_watch(model, &guard, q_e, q_e, &known, work.data(), out, &report).status ==
           TRUEPOSE_NO_SUCH_PART);

@@ -45,7 +45,7 @@ def log(readings, tmp_path):
 
 
 def write(path, columns):
-    rows = [",".join(map(repr, map(float, row))) for row in zip(*columns.values(), strict=True)]
+    rows = [",".join(map(str, row)) for row in zip(*columns.values(), strict=True)]
     path.write_text("\n".join([",".join(columns), *rows]) + "\n", encoding="utf-8")
 
 
@@ -84,6 +84,17 @@ def test_it_prints_and_writes_what_the_readings_say(run, log, tmp_path, readings
     page = re.sub(r"<script>.*?</script>", "", page, flags=re.DOTALL)  # panzoom names its home
     assert "http" not in re.sub(r'"data:[^"]*"', "", page)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["log.csv", "mine.html", "mine.toml"]
+
+
+@pytest.mark.usefixtures("plain_page")
+def test_stances_in_a_log_are_poses_that_were_measured(run, tmp_path):
+    robot = tp.load("g1-ankle")
+    q = robot.ikm([[0, 0], [0.001, 0], [0, 0.001], [0.001, 0.001]])
+    columns = {f"q{i + 1}": each for i, each in enumerate(q.T)}
+    write(tmp_path / "log.csv", columns | {"stance": [*"aabb"]})
+    status, out, err = run("g1-ankle", "log.csv")
+    assert status == 0, err
+    assert "19 uncertain parameters" in out + err
 
 
 def test_the_figures_are_those_of_the_calibration(h4, readings):

@@ -402,6 +402,12 @@ def test_what_is_wrong_with_the_words_is_one_line(run, tmp_path, words, message)
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_pivots_angles_are_not_measured_to_a_length(run):
+    words = ("plan", "g1-ankle", "--sensors", "foot_pitch", "--outside", "0.05mm")
+    status, _, err = run(*words)
+    assert status == 2 and "--outside 0.05mm: g1-ankle's coordinates are in rad" in err
+
+
 def test_amounts_of_influences_are_as_unknown_on_candidates_as_they_were_on_the_log(rng):
     """A log, then candidates that the same influences act on, or all at once: one posterior."""
     robot = tp.load("stewart").with_sensors("roll", "pitch")

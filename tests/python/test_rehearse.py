@@ -24,12 +24,23 @@ def words_after(said: str, when: str) -> list[str]:
     return shlex.split(line.removeprefix(f"{when}: truepose "))
 
 
-@pytest.mark.parametrize("name", ["h4", "delta", "five-bar"])
-def test_the_printed_commands_calibrate_the_log_and_judge_it(run, name, tmp_path, monkeypatch):
-    """With a sensor of its own, a tracker in space, and one in a plane."""
+@pytest.mark.parametrize(
+    ("name", "more"),
+    [
+        ("h4", ()),
+        ("delta", ()),
+        ("five-bar", ()),
+        ("g1-ankle", ()),
+        ("g1-ankle", ("--sensors", "foot_*")),
+    ],
+)
+def test_the_printed_commands_calibrate_the_log_and_judge_it(
+    run, name, more, tmp_path, monkeypatch
+):
+    """With a sensor of its own, a tracker in space, in a plane, of angles, and sensors chosen."""
     page = f"<!-- {files.mark('report')} -->"  # figures would take most of the time
     monkeypatch.setattr(calibration_figures, "page", lambda *_: page)
-    status, said, err = run("rehearse", name, "--poses", "60", "--seed", "3")
+    status, said, err = run("rehearse", name, "--poses", "60", "--seed", "3", *more)
     assert (status, err) == (0, "")
     assert run(*words_after(said, "Next"))[0] == 0
     status, said, err = run(*words_after(said, "Then"), "--format", "json")

@@ -286,8 +286,9 @@ inline bool parts_exist(const Robot& robot) {
     if (!below(sensor.kind, kSensorKinds)) return false;
     const bool chain =
         properties(sensor.kind).of_chain ? below(sensor.chain, robot.chains) : sensor.chain == -1;
-    const bool axis =
-        sensor.kind != SensorKind::axis_angle || below(sensor.axis, passive_axes(robot.mobility));
+    // Asked also where pivots are left out: that they are is for finish() to say.
+    const int axes = robot.mobility < Mobility::pivot_1 ? 0 : dof(robot.mobility);
+    const bool axis = sensor.kind != SensorKind::axis_angle || below(sensor.axis, axes);
     exist = exist && chain && axis && sign(sensor.rod) && bar(sensor.bar);
   }
   return exist;

@@ -118,9 +118,9 @@ class Between:
         linear = [name for name, unit in robot.coordinates if unit == "m"]
         ends = {line for of in self.distances for line in of.lines}
         for column, name, rows in _touched(log):
-            axis = PLANES.get(column, linear[0])
-            if axis not in linear:
-                raise InputError(f"{column} {name}: {robot.name} has no {axis}")
+            axis = PLANES.get(column)
+            if not linear or (axis and axis not in linear):
+                raise InputError(f"{column} {name}: {robot.name} has no {axis or 'x, y or z'}")
             if len(rows) < 2 and not (column == POINT and int(log.lines[rows[0]]) in ends):
                 raise InputError(
                     f"{log.at(rows)}: {column} '{name}' is on no other {log.word}: what was "
@@ -151,6 +151,7 @@ def _touched(log: Log) -> list[tuple[str, str, Array]]:
     return [
         (column, name, np.flatnonzero(names == name))
         for column, names in log.labels.items()
+        if column == POINT or column in PLANES  # a stance is a pose that was measured
         for name in dict.fromkeys(names[names != ""].tolist())
     ]
 

@@ -154,7 +154,8 @@ def _equations(robot: Robot, log: Log, differences: int) -> Iterator[Finding]:
             + (
                 f"{use} (with_sensors)"
                 if spare
-                else "read a redundant sensor, measure a coordinate from outside (measured_x, …), "
+                else "read a redundant sensor, measure a coordinate from outside "
+                f"(measured_{robot.coordinates[0][0]}, …), "
                 "or touch a plane or a point again and again (plane, point)"
             ),
             refused=True,

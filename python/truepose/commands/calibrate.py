@@ -35,6 +35,7 @@ from truepose.commands.options import (
     RobotName,
     load_with,
     parse_pose,
+    parse_sigmas,
     parse_sizes,
     wrote,
 )
@@ -218,7 +219,7 @@ def run(
     page_out = files.Output(report, "report", "--report") if report else None
     files.check(filter(None, (robot_out, page_out)), inputs, force)
     robot = load_with(robot_file, sensors)
-    sigma, angle_sigma = parse_sizes(measured_sigma, "--measured-sigma")
+    sigma, angle_sigma = parse_sigmas(robot, measured_sigma, "--measured-sigma")
     robot = _rehomed(robot, homed)
     at = None if touch_off is None else parse_pose(robot, touch_off, "--touch-off")
     log = logs.read(robot, log_file)

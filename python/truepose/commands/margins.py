@@ -96,7 +96,8 @@ def command(
     poses = len(found[0].poses)
     where = f"home and {poses - 1} corners of the workspace" if poses > 1 else "home"
     names = " ".join(name for name, _ in loaded.coordinates)
-    where += f" ({names}; mm, °)" * (poses > 1)
+    units = "°" if all(unit == "rad" for _, unit in loaded.coordinates) else "mm, °"
+    where += f" ({names}; {units})" * (poses > 1)
     say(f"{loaded.name} at {rate:g} Hz, effects {effects}: least of {where}.", how)
     for line in notes(found):
         say(line, how)

@@ -193,6 +193,16 @@ def parse_sizes(text: str | None, option: str) -> tuple[float | None, float | No
     return result.get("m"), result.get("rad")
 
 
+def parse_sigmas(robot: Robot, text: str | None, option: str) -> tuple[float | None, float | None]:
+    """Read σ of measured lengths and angles, of which the robot's coordinates have some."""
+    sizes = parse_sizes(text, option)
+    units = sorted({unit for _, unit in robot.coordinates})
+    for unit, size in zip(("m", "rad"), sizes, strict=True):
+        if size is not None and unit not in units:
+            raise InputError(f"{option} {text}: {robot.name}'s coordinates are in {units[0]}")
+    return sizes
+
+
 def parse_length(text: str | None, option: str) -> float | None:
     """Read a length as people write it, "0.1mm"; without a unit, m."""
     length, angle = parse_sizes(text, option)

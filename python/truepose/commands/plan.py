@@ -29,7 +29,7 @@ from truepose.commands.options import (
     SensorSet,
     load_with,
     parse_pose,
-    parse_sizes,
+    parse_sigmas,
     parse_target,
     plot_to,
     wrote,
@@ -124,7 +124,7 @@ def command(
     if out is not None:
         output = files.Output(out, "plan", "-o", lambda file: _is_ours(file, loaded))
         files.check([output], inputs, force)
-    length, angle = parse_sizes(outside, "--outside")
+    length, angle = parse_sigmas(loaded, outside, "--outside")
     x = drawn(loaded, int(candidates), seed) if given is None else read_poses(loaded, given)
     fit = None if after is None else fit_of(loaded, after)
     at = None if touch_off is None else parse_pose(loaded, touch_off, "--touch-off")

@@ -127,9 +127,13 @@ def _next(when: str, *words: object) -> None:
 def _columns(ran: Rehearsal) -> list[logs.Column]:
     result = logs.readings(ran.truth, ran.q_e)
     if ran.measured is not None:
-        for name, values in zip("xyz", ran.measured.T, strict=False):
+        pivot = ran.truth.spec.mobility == "pivot"
+        names = [name for name, _ in ran.truth.coordinates] if pivot else "xyz"
+        for name, values in zip(names, ran.measured.T, strict=False):
             what = f"{name} of a marker on the nacelle, in the tracker's frame"
-            result.append(logs.Column("measured", f"measured_{name}", "m", what, values))
+            what = f"{name}, measured from outside" if pivot else what
+            unit = "rad" if pivot else "m"
+            result.append(logs.Column("measured", f"measured_{name}", unit, what, values))
     return result
 
 

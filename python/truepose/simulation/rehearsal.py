@@ -2,7 +2,7 @@
 
 A robot is drawn from its tolerances, sent about its workspace by usual control, and read at rest.
 A tracker, where one looks on, stands somewhere, and sees a marker that sits beside the nacelle's
-reference point.
+reference point. Of a pivot the angles of its axes are measured.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from truepose.arguments import Array
+from truepose.calibration.registration import ANGLE_SIGMA
 from truepose.exceptions import InputError
 from truepose.robot import knowledge
 from truepose.robot.frames import frames, rotation, rotation_vector
@@ -36,7 +37,8 @@ class Rehearsal:
     truth: Robot
     x: Array  #: (N, n) where it was
     q_e: Array  #: (N, n + r) what it read
-    measured: Array | None  #: (N, 2 or 3) the marker's x, y (and z) in the tracker's frame, m
+    #: (N, 2 or 3) the marker's x, y (and z) in the tracker's frame, m; of a pivot (N, n), rad
+    measured: Array | None
 
 
 def rehearse(
@@ -85,8 +87,12 @@ def rehearse(
     if len(there) < poses:
         drawn = _DRAWN * poses
         raise InputError(f"{robot.name}: of {drawn} poses of its workspace it reached {len(there)}")
-    measured = _tracked(robot, visit.frame[there], seen) if tracker else None
-    return Rehearsal(truth, visit.x[there], visit.q_e[there], measured)
+    x, measured = visit.x[there], None
+    if tracker and robot.spec.mobility == "pivot":
+        measured = x + seen.normal(scale=ANGLE_SIGMA, size=x.shape)
+    elif tracker:
+        measured = _tracked(robot, visit.frame[there], seen)
+    return Rehearsal(truth, x, visit.q_e[there], measured)
 
 
 def _drawn(robot: Robot, poses: int, rng: np.random.Generator) -> Array:
@@ -141,7 +147,7 @@ def missed(robot: Robot, truth: Robot, found: Robot, seed: int = 0, poses: int =
             raise InputError(f"{other.name}: is another robot than {robot.name}")
     if found.spec.calibration is None:
         raise InputError(f"{found.name}: is not calibrated: its file has no [calibration]")
-    truth = truth.with_sensors(*found.sensors)
+    robot, truth = (each.with_sensors(*found.sensors) for each in (robot, truth))
     names = knowledge.uncertain(found)
     if not all(r.parameters.keys() >= set(names) for r in (robot, truth)):
         raise InputError(f"{robot.name}: drawn, true and calibrated have different parameters")
