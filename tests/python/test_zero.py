@@ -133,6 +133,31 @@ def test_what_cannot_be_zeroed_is_told(run, tmp_path, robot, header, row, option
     assert said in err and not (tmp_path / "no.toml").exists()
 
 
+def flat(**others):
+    """Return two stances of two lines each, motors near 0."""
+    log = {"q1": [0.0101, 0.01, 0.0103, 0.0099], "q2": [-0.0051, -0.005, -0.0049, -0.0052]}
+    return log | {"stance": ["a", "a", "b", "b"]} | others
+
+
+def test_a_log_that_no_ankle_of_these_tolerances_reads_is_refused(ankle):
+    """Zeros 2 σ off are found; 0.5 rad, degrees and a slip within a stance are mistakes."""
+    two = 2 * tp.zero(ankle, flat()).motors[0].prior_sigma
+    found = tp.zero(ankle, flat(q1=np.full(4, two)))
+    assert abs(found.motors[0].off - two) < 5 * found.motors[0].sigma
+    far = r"stance a: rows 1, 2: q1 = 0.5101 rad \(drawn: 0\), q2 = -0.005.*σ off .*: in degrees, a"
+    with pytest.raises(InputError, match=far):
+        tp.zero(ankle, flat(q1=np.array(flat()["q1"]) + 0.5))
+    with pytest.raises(InputError, match=r"stance a: .*: in degrees, a sign, the order"):
+        tp.zero(ankle, flat(q1=[29.0] * 4, q2=[-17.0] * 4))
+    with pytest.raises(InputError, match=r"stance a: rows 1, 2: the robot moves .* q1 by 0.5 rad"):
+        tp.zero(ankle, flat(q1=[0.01, 0.51, 0.01, 0.01]))
+
+
+def test_a_stance_that_slips_a_little_is_told_and_used(ankle):
+    found = tp.zero(ankle, flat(q1=[0.01, 0.02, 0.01, 0.01]))
+    assert "rows 1, 2: the robot moves while it stands, q1 by 0.01 rad" in found.notes[0]
+
+
 def test_readings_without_a_pose_are_refused(ankle):
     with pytest.raises(InputError, match="must be greater than 0"):
         tp.zero(ankle, [[0.0, 0.0]], sigma=0.0)

@@ -12,10 +12,14 @@ from truepose import logs
 from truepose.arguments import Array
 from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import calibrate
+from truepose.calibration.expectation import expect
 from truepose.calibration.fit import Fit
+from truepose.calibration.log_faults import APART, MISFIT
+from truepose.calibration.registration import KNOWN, UNKNOWNS, Registered
 from truepose.exceptions import InputError
 from truepose.robot import knowledge
 from truepose.robot.robot import Robot
+from truepose.robot.units import reading_units
 
 #: Share of a motor's variance from which a parameter is named.
 _SHARE = 0.05
@@ -89,7 +93,8 @@ def zero(
     Raises
     ------
     InputError
-        As :func:`truepose.calibrate`; no line of a stance.
+        As :func:`truepose.calibrate`; no line of a stance; a robot that moves within one, by 20 of
+        its σ; one that stands 5 σ off what motors and tolerances allow.
 
     Examples
     --------
@@ -107,10 +112,10 @@ def zero(
         names = robot.readings
         log = logs.of(robot, dict(zip(names, rows.T, strict=True)))
     known = _sigma(robot, sigma)
-    rows, x, count, notes = _stances(robot, log, _pose(robot, at), known)
-    fit = calibrate(
-        robot, rows, measured=x, measured_sigma=known / np.sqrt(count), registration="known"
-    )
+    rows, x, count, called, notes = _stances(robot, log, _pose(robot, at), known)
+    sigmas = known / np.sqrt(count)
+    _require_near(robot, rows, x, sigmas, called)
+    fit = calibrate(robot, rows, measured=x, measured_sigma=sigmas, registration="known")
     return Zeroing(fit, x, _motors(fit, rows), tuple(notes))
 
 
@@ -134,9 +139,9 @@ def _sigma(robot: Robot, sigma: ArrayLike | float) -> Array:
 
 def _stances(
     robot: Robot, log: logs.Log, at: Array, sigma: Array
-) -> tuple[Array, Array, Array, list[str]]:
-    """Readings (K, n + r), pose (K, n) and stances (K, 1) of each pose; what was seen."""
-    names = log.labels.get(logs.STANCE)
+) -> tuple[Array, Array, Array, list[str], list[str]]:
+    """Readings (K, n + r), pose (K, n), stances (K, 1) and name of each pose; what was seen."""
+    names = labels = log.labels.get(logs.STANCE)
     if names is None and log.measured is not None:
         names, stood = log.lines.astype(str), np.isfinite(log.measured).any(axis=1)
     elif names is None:
@@ -146,6 +151,7 @@ def _stances(
         if not stood.any():
             raise InputError("no line names a stance: the column 'stance' is empty, or 0")
     of: dict[tuple[float, ...], list[Array]] = {}  # a pose's stances, each read by its lines' mean
+    called: dict[tuple[float, ...], str] = {}  # by the first of them
     notes = []
     for name in dict.fromkeys(str(name) for name in names[stood]):
         lines = np.flatnonzero(stood & (names == name))
@@ -154,15 +160,67 @@ def _stances(
             told = np.isfinite(measured := log.measured[lines])
             mean = np.where(told, measured, 0).sum(axis=0) / np.maximum(told.sum(axis=0), 1)
             known = np.where(told.any(axis=0), mean, at)
-        of.setdefault(tuple(np.nan_to_num(known, nan=np.inf)), []).append(here.mean(axis=0))
-        x = robot.fkm(here[:, : robot.n], np.nan_to_num(known), errors="nan")
-        if (np.ptp(x, axis=0) > _SAME * sigma).any():
-            called = " ".join(["stance", name]) if name else "the stance"
-            notes.append(f"{called}: the robot moves while it stands: {log.at(lines)}")
+        pose = tuple(np.nan_to_num(known, nan=np.inf))
+        of.setdefault(pose, []).append(here.mean(axis=0))
+        where = log.at(lines) if labels is None else f"stance {name}: {log.at(lines)}"
+        called.setdefault(pose, where)
+        if moves := _moves(robot, here, known, sigma, where):
+            notes.append(moves)
     rows = np.array([np.mean(stances, axis=0) for stances in of.values()])
     poses = np.array(list(of))
     count = np.array([[len(stances)] for stances in of.values()])
-    return rows, np.where(np.isinf(poses), np.nan, poses), count, notes
+    poses = np.where(np.isinf(poses), np.nan, poses)
+    return rows, poses, count, list(called.values()), notes
+
+
+def _moves(robot: Robot, here: Array, known: Array, sigma: Array, where: str) -> str:
+    """Say by how much the robot moves within the lines of a stance; "": it stands."""
+    q = here[:, : robot.n]
+    x = robot.fkm(q, np.nan_to_num(known), errors="nan")
+    if np.isnan(x).any(axis=1).all():  # units, signs: :func:`_require_near` says so
+        return ""
+    moved, size = np.ptp(x, axis=0), np.ptp(q, axis=0)
+    noise = knowledge.reading_sigma(robot)[: robot.n]
+    k, units = int(np.argmax(size / noise)), reading_units(robot)
+    said = f"{where}: the robot moves while it stands, q{k + 1} by {size[k]:.3g} {units[k]}"
+    still = (moved <= MISFIT * sigma).all()  # not where some lines close no loop
+    if not still and size[k] > MISFIT * noise[k]:
+        raise InputError(f"{said}: the lines of a stance must be of one pose, in {units[k]}")
+    return said if (moved > _SAME * sigma).any() else ""
+
+
+def _require_near(robot: Robot, rows: Array, x: Array, sigma: Array, called: list[str]) -> None:
+    """Refuse readings of a robot whose drawn geometry, by its tolerances, cannot stand there."""
+    model, n = robot.expected(), robot.n
+    base, marker = KNOWN.begin()
+    nothing = np.zeros((UNKNOWNS, UNKNOWNS))
+    cross = np.zeros((len(knowledge.learnable(model)), UNKNOWNS))
+    known = Registered(base, marker, nothing[0], nothing, cross, (base, marker))
+    seen = expect(model, rows, x, sigma, known)
+    distance = np.abs(seen.residual) / seen.sigma
+    lost = np.asarray(np.isnan(seen.x).any(axis=1))
+    far = lost | np.asarray((distance > APART).any(axis=1))
+    if not far.any():
+        return
+    i = int(np.argmax(far))
+    there = np.where(np.isnan(x[i]), np.where(lost[i], robot.home, seen.x[i]), x[i])
+    drawn = model.extended(there, errors="nan")
+    units = reading_units(robot)[:n]
+    read = (
+        f"q{k + 1} = {rows[i, k]:.4g} {unit} (drawn: {round(drawn[k], 6) + 0.0:.4g})"
+        for k, unit in enumerate(units)
+    )
+    why = "close no loop"
+    if not lost[i]:
+        names = [*robot.sensors, *(name for name, _ in robot.coordinates)]
+        k = int(np.nanargmax(distance[i]))
+        why = f"{names[k]} is {distance[i, k]:.0f} σ off what motors and tolerances allow"
+    every = {*units, *(unit for _, unit in robot.coordinates)}
+    wrong = " or ".join(text for unit, text in (("rad", "degrees"), ("m", "mm")) if unit in every)
+    raise InputError(
+        f"{called[i]}: {', '.join(read)}: {why}: in {wrong}, a sign, the order of the columns, or "
+        "another zero (encoder_offset: drawn less read, or with a larger tolerance)?"
+    )
 
 
 def _motors(fit: Fit, rows: Array) -> tuple[Zero, ...]:
