@@ -92,6 +92,21 @@ def test_stances_at_other_angles_tell_more_of_lengths(ankle, rng):
     assert sigma[0] < sigma[1]
 
 
+def test_an_axis_that_was_not_measured_is_not_known(ankle):
+    """A digital level on the pitch axis alone; the foot stands 4° about the other."""
+    true = with_tolerance_errors(ankle, 4)
+    x = np.array([[0.1, 0.07], [-0.1, 0.07]])
+    log = dict(zip(ankle.readings, true.extended(x).T, strict=True)) | {"measured_pitch": x[:, 0]}
+    found = tp.zero(ankle, log)
+    assert np.isnan(found.x[:, 1]).all() and np.allclose(found.x[:, 0], x[:, 0])
+    e = (found.fit.x - x) / np.sqrt(np.diagonal(tp.accuracy(found.robot, x), axis1=1, axis2=2))
+    assert np.abs(e).max() < 4
+    told = tp.zero(ankle, log, at=[np.nan, 0.07])
+    assert (told.x[:, 1] == 0.07).all()
+    roll = [tp.accuracy(f.robot, x)[:, 1, 1].mean() for f in (told, found)]
+    assert roll[0] < 0.1 * roll[1]
+
+
 def test_a_stance_says_nothing_of_a_turn_about_the_vertical():
     neck = tp.load("neck")
     upright = ~logs.tilts(neck)

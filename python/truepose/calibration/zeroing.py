@@ -79,10 +79,11 @@ def zero(
     readings : array_like, shape (N, n + r), or a table
         Of a table: where it has a column "stance", the lines that name one; lines of one name are
         averaged. Otherwise each line with columns measured_x …, and without these all lines
-        together are one. Where one was measured, it stood there.
+        together are one. Where one was measured, it stood there; of a line that names no stance
+        what was not measured is not known.
     at : array_like, shape (n,), optional
-        Where the robot stands, m and rad; NaN: not known. By default at zero (a pivot; axes
-        parallel to gravity not known) or home.
+        Where the robot stands as far as it was not measured, m and rad; NaN: not known. By default
+        at zero (a pivot; axes parallel to gravity not known) or home.
     sigma : float, or array_like, shape (n,)
         How well; of a pivot 0.05° by default (assumed), which other robots must be told.
 
@@ -112,7 +113,7 @@ def zero(
         names = robot.readings
         log = logs.of(robot, dict(zip(names, rows.T, strict=True)))
     known = _sigma(robot, sigma)
-    rows, x, count, called, notes = _stances(robot, log, _pose(robot, at), known)
+    rows, x, count, called, notes = _stances(robot, log, at, known)
     sigmas = known / np.sqrt(count)
     _require_near(robot, rows, x, sigmas, called)
     fit = calibrate(robot, rows, measured=x, measured_sigma=sigmas, registration="known")
@@ -138,12 +139,14 @@ def _sigma(robot: Robot, sigma: ArrayLike | float) -> Array:
 
 
 def _stances(
-    robot: Robot, log: logs.Log, at: Array, sigma: Array
+    robot: Robot, log: logs.Log, at: ArrayLike | None, sigma: Array
 ) -> tuple[Array, Array, Array, list[str], list[str]]:
     """Readings (K, n + r), pose (K, n), stances (K, 1) and name of each pose; what was seen."""
     names = labels = log.labels.get(logs.STANCE)
+    usual = _pose(robot, at)
     if names is None and log.measured is not None:
         names, stood = log.lines.astype(str), np.isfinite(log.measured).any(axis=1)
+        usual = np.full(robot.n, np.nan) if at is None else usual
     elif names is None:
         names, stood = np.array([""] * len(log.lines), dtype=object), np.ones(len(log.lines), bool)
     else:
@@ -155,11 +158,11 @@ def _stances(
     notes = []
     for name in dict.fromkeys(str(name) for name in names[stood]):
         lines = np.flatnonzero(stood & (names == name))
-        here, known = log.readings[lines], at
+        here, known = log.readings[lines], usual
         if log.measured is not None:
             told = np.isfinite(measured := log.measured[lines])
             mean = np.where(told, measured, 0).sum(axis=0) / np.maximum(told.sum(axis=0), 1)
-            known = np.where(told.any(axis=0), mean, at)
+            known = np.where(told.any(axis=0), mean, usual)
         pose = tuple(np.nan_to_num(known, nan=np.inf))
         of.setdefault(pose, []).append(here.mean(axis=0))
         where = log.at(lines) if labels is None else f"stance {name}: {log.at(lines)}"
@@ -176,7 +179,7 @@ def _stances(
 def _moves(robot: Robot, here: Array, known: Array, sigma: Array, where: str) -> str:
     """Say by how much the robot moves within the lines of a stance; "": it stands."""
     q = here[:, : robot.n]
-    x = robot.fkm(q, np.nan_to_num(known), errors="nan")
+    x = robot.fkm(q, np.where(np.isnan(known), robot.home, known), errors="nan")
     if np.isnan(x).any(axis=1).all():  # units, signs: :func:`_require_near` says so
         return ""
     moved, size = np.ptp(x, axis=0), np.ptp(q, axis=0)
