@@ -173,6 +173,30 @@ def test_a_stance_that_slips_a_little_is_told_and_used(ankle):
     assert "rows 1, 2: the robot moves while it stands, q1 by 0.01 rad" in found.notes[0]
 
 
+def test_a_line_without_all_its_motors_is_left_out(ankle):
+    whole = tp.zero(ankle, flat())
+    holed = flat(
+        q1=[np.nan, *flat()["q1"]], q2=[0.0, *flat()["q2"]], stance=["a", "a", "a", "b", "b"]
+    )
+    found = tp.zero(ankle, holed)
+    assert found.notes == ("row 1: left out: a motor was not read",)
+    assert [m.off for m in found.motors] == [m.off for m in whole.motors]
+    with pytest.raises(InputError, match="no line has a reading of every motor"):
+        tp.zero(ankle, flat(q1=[np.nan] * 4))
+
+
+def test_a_sensor_that_missed_a_line_is_read_on_the_others():
+    ankle = tp.load("g1-ankle").with_sensors("roll_encoder")
+    log = flat(roll_encoder=[np.nan, 0.001, 0.001, 0.001])
+    assert tp.zero(ankle, log).fit.redundancy.tolist() == [3]
+
+
+@pytest.mark.parametrize("readings", [[0, 0, 0], np.zeros((2, 3)), np.zeros((1, 2, 2))])
+def test_readings_of_a_wrong_shape_are_told(ankle, readings):
+    with pytest.raises(InputError, match=r"readings: shape \(.*, must be \(.*, 2\)"):
+        tp.zero(ankle, readings)
+
+
 def test_readings_without_a_pose_are_refused(ankle):
     with pytest.raises(InputError, match="must be greater than 0"):
         tp.zero(ankle, [[0.0, 0.0]], sigma=0.0)

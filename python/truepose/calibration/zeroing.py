@@ -18,6 +18,7 @@ from truepose.calibration.log_faults import APART, MISFIT
 from truepose.calibration.registration import KNOWN, UNKNOWNS, Registered
 from truepose.exceptions import InputError
 from truepose.robot import knowledge
+from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
 
@@ -109,11 +110,18 @@ def zero(
     if logs.is_table(readings):
         log = logs.of(robot, readings)
     else:
-        rows = np.atleast_2d(np.asarray(readings, dtype=float))
-        names = robot.readings
-        log = logs.of(robot, dict(zip(names, rows.T, strict=True)))
+        rows, lead = flattened(robot, readings, robot.n + robot.r, "readings", "nan")
+        if len(lead) > 1:
+            shape = np.shape(readings)
+            raise InputError(f"readings: shape {shape}, must be (N, {robot.n + robot.r})")
+        log = logs.of(robot, dict(zip(robot.readings, rows.T, strict=True)))
     known = _sigma(robot, sigma)
-    rows, x, count, called, notes = _stances(robot, log, at, known)
+    read = np.asarray(np.isfinite(log.readings[:, : robot.n]).all(axis=1))
+    if not read.any():
+        raise InputError("no line has a reading of every motor")
+    rows, x, count, called, notes = _stances(robot, log.only(read), at, known)
+    if not read.all():
+        notes.insert(0, f"{log.at(np.flatnonzero(~read))}: left out: a motor was not read")
     sigmas = known / np.sqrt(count)
     _require_near(robot, rows, x, sigmas, called)
     fit = calibrate(robot, rows, measured=x, measured_sigma=sigmas, registration="known")
@@ -160,20 +168,26 @@ def _stances(
         lines = np.flatnonzero(stood & (names == name))
         here, known = log.readings[lines], usual
         if log.measured is not None:
-            told = np.isfinite(measured := log.measured[lines])
-            mean = np.where(told, measured, 0).sum(axis=0) / np.maximum(told.sum(axis=0), 1)
-            known = np.where(told.any(axis=0), mean, usual)
+            measured = _mean(log.measured[lines])
+            known = np.where(np.isnan(measured), usual, measured)
         pose = tuple(np.nan_to_num(known, nan=np.inf))
-        of.setdefault(pose, []).append(here.mean(axis=0))
+        of.setdefault(pose, []).append(_mean(here))
         where = log.at(lines) if labels is None else f"stance {name}: {log.at(lines)}"
         called.setdefault(pose, where)
         if moves := _moves(robot, here, known, sigma, where):
             notes.append(moves)
-    rows = np.array([np.mean(stances, axis=0) for stances in of.values()])
+    rows = np.array([_mean(np.array(stances)) for stances in of.values()])
     poses = np.array(list(of))
     count = np.array([[len(stances)] for stances in of.values()])
     poses = np.where(np.isinf(poses), np.nan, poses)
     return rows, poses, count, list(called.values()), notes
+
+
+def _mean(rows: Array) -> Array:
+    """Mean of what was read of each column; NaN where nothing was."""
+    read = np.isfinite(rows)
+    count = read.sum(axis=0)
+    return np.where(count, np.where(read, rows, 0.0).sum(axis=0) / np.maximum(count, 1), np.nan)
 
 
 def _moves(robot: Robot, here: Array, known: Array, sigma: Array, where: str) -> str:
