@@ -92,6 +92,16 @@ def test_stances_at_other_angles_tell_more_of_lengths(ankle, rng):
     assert sigma[0] < sigma[1]
 
 
+def test_a_stance_at_a_stop_is_a_stance():
+    """The readings' errors take the pose a little beyond the limit."""
+    ankle = tp.load("g1-ankle").with_sensors()
+    stop = [0.0, ankle.spec.axis[1].limits[1]]
+    q = ankle.extended([[0.0, stop[1] + 1e-4]])
+    found = tp.zero(ankle, q, at=stop)
+    assert found.fit.x[0, 1] > stop[1]
+    assert np.allclose([m.off for m in found.motors], q[0] - ankle.ikm(stop), atol=3e-4)
+
+
 def test_an_axis_that_was_not_measured_is_not_known(ankle):
     """A digital level on the pitch axis alone; the foot stands 4° about the other."""
     true = with_tolerance_errors(ankle, 4)
@@ -138,6 +148,21 @@ def test_the_command_zeroes_and_writes_what_estimates_afterwards(ankle, run, tmp
         ("g1-ankle", "q1,q2", "0,x", (), "log.csv: line 2: q2 = 'x': must be a number or empty"),
         ("g1-ankle", "q1,q2", "0,0", ("--sigma", "1mm"), "coordinates are in rad"),
         ("g1-ankle", "q1,q2", "0,0", ("--at", "0"), "must be 2 numbers, pitch,roll"),
+        (
+            "g1-ankle",
+            "q1,q2",
+            "0,0",
+            ("--at", "1.5,0"),
+            "at (--at): pitch = 1.5 rad: must be within its limits, -0.87267 to 0.5236",
+        ),
+        ("g1-ankle", "q1,q2,stance", "0,0,a", ("--at", "0,0"), "the column 'stance' says that it"),
+        (
+            "delta",
+            "q1,q2,q3",
+            "0,0,0",
+            ("--at", "0,0,-9", "--sigma", "1mm"),
+            "at (--at): delta: pose",
+        ),
         ("delta", "q1,q2,q3", "0,0,0", (), "--sigma: say how well delta's pose is known"),
     ],
 )

@@ -16,7 +16,7 @@ from truepose.calibration.expectation import expect
 from truepose.calibration.fit import Fit
 from truepose.calibration.log_faults import APART, MISFIT
 from truepose.calibration.registration import KNOWN, UNKNOWNS, Registered
-from truepose.exceptions import InputError
+from truepose.exceptions import InputError, PoseError
 from truepose.robot import knowledge
 from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
@@ -84,7 +84,8 @@ def zero(
         what was not measured is not known.
     at : array_like, shape (n,), optional
         Where the robot stands as far as it was not measured, m and rad; NaN: not known. By default
-        at zero (a pivot; axes parallel to gravity not known) or home.
+        at zero (a pivot; axes parallel to gravity not known) or home. Not with a column "stance",
+        which says the same of its lines.
     sigma : float, or array_like, shape (n,)
         How well; of a pivot 0.05° by default (assumed), which other robots must be told.
 
@@ -133,6 +134,17 @@ def _pose(robot: Robot, at: ArrayLike | None) -> Array:
         x = np.asarray(at, dtype=float)
         if x.shape != (robot.n,) or np.isinf(x).any() or np.isnan(x).all():
             raise InputError(f"at: must be {robot.n} numbers (m, rad), NaN where not known")
+        for axis, angle in zip(robot.spec.axis, x, strict=False):  # of a pivot
+            low, high = axis.limits or (-np.inf, np.inf)
+            if angle < low or angle > high:
+                raise InputError(
+                    f"at (--at): {axis.name} = {angle:.6g} rad: must be within its limits, "
+                    f"{low:.6g} to {high:.6g}"
+                )
+        try:
+            robot.ikm(np.where(np.isnan(x), robot.home, x))
+        except PoseError as error:
+            raise InputError(f"at (--at): {error}") from None
         return x
     if robot.spec.mobility == "pivot":
         return np.where(logs.tilts(robot), 0.0, np.nan)
@@ -152,6 +164,7 @@ def _stances(
     """Readings (K, n + r), pose (K, n), stances (K, 1) and name of each pose; what was seen."""
     names = labels = log.labels.get(logs.STANCE)
     usual = _pose(robot, at)
+    outside = [f"measured_{name}" for name, _ in robot.coordinates]
     if names is None and log.measured is not None:
         names, stood = log.lines.astype(str), np.isfinite(log.measured).any(axis=1)
         usual = np.full(robot.n, np.nan) if at is None else usual
@@ -161,6 +174,11 @@ def _stances(
         stood = logs.stood(names)
         if not stood.any():
             raise InputError("no line names a stance: the column 'stance' is empty, or 0")
+        if at is not None:
+            raise InputError(
+                "at (--at): the column 'stance' says that it stood flat, at 0: leave one of them "
+                f"out, or say where in columns {', '.join(outside)}"
+            )
     of: dict[tuple[float, ...], list[Array]] = {}  # a pose's stances, each read by its lines' mean
     called: dict[tuple[float, ...], str] = {}  # by the first of them
     notes = []
@@ -243,9 +261,9 @@ def _require_near(robot: Robot, rows: Array, x: Array, sigma: Array, called: lis
 def _motors(fit: Fit, rows: Array) -> tuple[Zero, ...]:
     """What each motor reads at the first stance: before, after, and why."""
     before, after, n = fit.prior, fit.robot, fit.robot.n
-    x = fit.x[:1]
-    drawn = before.ikm(x, level=fit.level)[0]
-    off = after.ikm(x, level=fit.level)[0] - drawn
+    x = fit.x[:1]  # at a stop perhaps, and beyond it by an error of the readings
+    drawn = before.extended(x, level=fit.level)[0, :n]
+    off = after.extended(x, level=fit.level)[0, :n] - drawn
     _, H_xi = before.linearise(x, level=fit.level)
     every = list(before.parameters)
     H = H_xi[0, :n][:, [every.index(name) for name in fit.names]]
