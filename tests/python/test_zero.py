@@ -99,6 +99,7 @@ def test_a_stance_at_a_stop_is_a_stance():
     q = ankle.extended([[0.0, stop[1] + 1e-4]])
     found = tp.zero(ankle, q, at=stop)
     assert found.fit.x[0, 1] > stop[1]
+    assert np.isfinite(found.accuracy(found.fit.x)).all()
     assert np.allclose([m.off for m in found.motors], q[0] - ankle.ikm(stop), atol=3e-4)
 
 
@@ -184,7 +185,7 @@ def test_a_log_that_no_ankle_of_these_tolerances_reads_is_refused(ankle):
     two = 2 * tp.zero(ankle, flat()).motors[0].prior_sigma
     found = tp.zero(ankle, flat(q1=np.full(4, two)))
     assert abs(found.motors[0].off - two) < 5 * found.motors[0].sigma
-    far = r"stance a: rows 1, 2: q1 = 0.5101 rad \(drawn: 0\), q2 = -0.005.*σ off .*: in degrees, a"
+    far = r"stance a: rows 1, 2: q1 = 0.51.* \(drawn: 0\), q2 = .* is 0, by .* σ .*: in degrees"
     with pytest.raises(InputError, match=far):
         tp.zero(ankle, flat(q1=np.array(flat()["q1"]) + 0.5))
     with pytest.raises(InputError, match=r"stance a: .*: in degrees, a sign, the order"):
@@ -220,6 +221,22 @@ def test_a_sensor_that_missed_a_line_is_read_on_the_others():
 def test_readings_of_a_wrong_shape_are_told(ankle, readings):
     with pytest.raises(InputError, match=r"readings: shape \(.*, must be \(.*, 2\)"):
         tp.zero(ankle, readings)
+
+
+@pytest.mark.parametrize("columns", [("measured_pitch", "measured_roll"), ("measured_pitch",)])
+def test_poses_measured_in_degrees_are_refused(ankle, rng, columns):
+    """Calibrate's check where there is enough to tell; else they are off beyond tolerance."""
+    x = rng.uniform(-0.15, 0.15, (6, 2))
+    log = dict(zip(ankle.readings, ankle.extended(x).T, strict=True))
+    log |= dict(zip(columns, np.degrees(x).T, strict=False))
+    with pytest.raises(InputError, match="in degrees") as error:
+        tp.zero(ankle, log)
+    if len(columns) == 2:
+        assert (
+            str(error.value) == "readings: measured_pitch, measured_roll: in degrees, must be rad"
+        )
+    with pytest.raises(InputError, match="in degrees"):
+        tp.zero(ankle, {name: column[:1] for name, column in log.items()})
 
 
 def test_readings_without_a_pose_are_refused(ankle):

@@ -74,7 +74,7 @@ def check(robot: Robot, log: Log, differences: int = 0) -> tuple[Log, list[Findi
     findings += [*hung, *stuck]
     if any(finding.refused for finding in findings):
         return log, findings
-    findings += _outside(model, log)
+    findings += outside(model, log)
     if any(finding.refused for finding in findings):
         return log, findings
     if motors := _motors(model, log):
@@ -214,7 +214,7 @@ def _motors(robot: Robot, log: Log) -> list[Finding]:
     return []
 
 
-def _outside(robot: Robot, log: Log) -> Iterator[Finding]:
+def outside(robot: Robot, log: Log) -> Iterator[Finding]:
     """Units of what was measured from outside: no frame changes a distance."""
     if log.measured is None:
         return

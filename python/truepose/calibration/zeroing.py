@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from truepose import logs
 from truepose.arguments import Array
+from truepose.calibration import log_checks
 from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.expectation import expect
@@ -120,6 +121,8 @@ def zero(
     read = np.asarray(np.isfinite(log.readings[:, : robot.n]).all(axis=1))
     if not read.any():
         raise InputError("no line has a reading of every motor")
+    if wrong := [finding.text for finding in log_checks.outside(robot.expected(), log)]:
+        raise InputError(f"readings: {'; '.join(wrong)}")
     rows, x, count, called, notes = _stances(robot, log.only(read), at, known)
     if not read.all():
         notes.insert(0, f"{log.at(np.flatnonzero(~read))}: left out: a motor was not read")
@@ -242,19 +245,23 @@ def _require_near(robot: Robot, rows: Array, x: Array, sigma: Array, called: lis
     drawn = model.extended(there, errors="nan")
     units = reading_units(robot)[:n]
     read = (
-        f"q{k + 1} = {rows[i, k]:.4g} {unit} (drawn: {round(drawn[k], 6) + 0.0:.4g})"
+        f"q{k + 1} = {rows[i, k]:.4g} {unit}"
+        + (f" (drawn: {round(drawn[k], 6) + 0.0:.4g})" if np.isfinite(drawn[k]) else "")
         for k, unit in enumerate(units)
     )
     why = "close no loop"
     if not lost[i]:
         names = [*robot.sensors, *(name for name, _ in robot.coordinates)]
         k = int(np.nanargmax(distance[i]))
-        why = f"{names[k]} is {distance[i, k]:.0f} σ off what motors and tolerances allow"
+        why = (
+            f"{names[k]} is {np.append(rows[i, n:], x[i])[k]:.4g}, by motors and tolerances "
+            f"{seen.expected[i, k]:.4g}, σ {seen.sigma[i, k]:.2g}"
+        )
     every = {*units, *(unit for _, unit in robot.coordinates)}
     wrong = " or ".join(text for unit, text in (("rad", "degrees"), ("m", "mm")) if unit in every)
     raise InputError(
-        f"{called[i]}: {', '.join(read)}: {why}: in {wrong}, a sign, the order of the columns, or "
-        "another zero (encoder_offset: drawn less read, or with a larger tolerance)?"
+        f"{called[i]}: {', '.join(read)}: {why}: in {wrong}, a sign, the order of the columns, "
+        "another pose, or another zero (encoder_offset: drawn less read, or a larger tolerance)?"
     )
 
 
