@@ -258,6 +258,31 @@ def test_the_command_tells_a_sleds_owner_what_is_known(run, tmp_path):
     assert len(promised) == 3 and promised == sorted(promised, reverse=True)
 
 
+@pytest.mark.parametrize("order", [[0, 2, 1, 3], [3, 1, 2, 0]], ids=["bl with tr", "br with tl"])
+@pytest.mark.parametrize("how", ["table", "json"])
+def test_belts_exchanged_across_the_frame_are_doubted(run, tmp_path, order, how):
+    """The same poses beside a frame on its side: only its shape tells."""
+    read, _ = sled(2)
+    written(tmp_path / "log.csv", read[:, order])
+    heights = [f"{1e3 * HEIGHTS[k]:g}" for k in order]
+    words = ("maslow", "log.csv", "--heights", ",".join(heights), "--format", how)
+    status, out, err = run(*words)
+    (warned,) = [line for line in (out if how == "table" else err).split("\n") if "warning" in line]
+    assert status == 0 and "the frame found is higher than wide, 20" in warned
+    assert warned.endswith("columns bl and tr exchanged, or br and tl?")
+    written(tmp_path / "log.csv", read)
+    assert "warning" not in "".join(run(*words)[1:])
+
+
+def test_of_few_poses_no_quarters_judge_the_model(run, tmp_path):
+    """12 poses are calibrated on; quarters of three of them are all prior."""
+    read, _ = sled(2)
+    written(tmp_path / "log.csv", read[::4])
+    status, out, err = run("maslow", "log.csv")
+    assert (status, err) == (0, "") and "quarters of 12 poses are too few to say: 48 or more" in out
+    assert "as σ says" not in out and "than σ says" not in out
+
+
 def swap(read):
     return read[:, [1, 0, 2, 3]]
 

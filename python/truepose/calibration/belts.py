@@ -136,6 +136,13 @@ class Sled:
         """The five coordinates that were unknown."""
         return {n: of for n, of in self.unknowns.items() if n.endswith((".x", ".y"))}
 
+    @property
+    def size(self) -> tuple[float, float]:
+        """Width and height of the frame, m: means of opposite sides."""
+        at = {name: of.value for name, of in self.anchors.items()}
+        width = (at["tr.x"] - at["tl.x"] + at["br.x"]) / 2
+        return width, (at["tl.y"] + at["tr.y"]) / 2
+
     def covariance(self) -> Array:
         """Of `unknowns`, in their order."""
         p = len(self.fit.names)
@@ -359,7 +366,7 @@ def swapped(lengths: Array, heights: Sequence[float]) -> str | None:
     """Name belts whose columns are exchanged: no frame explains the lengths, but then one does.
 
     Two upper belts or the two lower ones: mirrored, the same. Two that are opposite each other give
-    a frame that stands on its side, which nothing but its shape tells.
+    a frame that stands on its side, which nothing but its shape tells (`Sled.size`).
     """
     as_is = frame_of(lengths, heights).misfit
     if as_is < FITS:

@@ -25,6 +25,8 @@ FEWEST = 12
 CANDIDATES = 400
 #: Of the scatter of anchors over its σ, within which σ is called honest.
 HONEST = (0.8, 1.25)
+#: Parts of the poses that are calibrated on by themselves, each of `FEWEST` poses at least.
+PARTS = 4
 
 
 def command(
@@ -71,6 +73,7 @@ def command(
     ]
     sled = belts.calibrate(lengths, above, model)
     before.append(f"σ of a belt's reading, as the log bears it out: {1e3 * sled.sigma:.2f} mm")
+    before += on_its_side(sled)
     if output:
         fitted = sled.fit.robot
         values = {name: p.value for name, p in fitted.parameters.items()}
@@ -153,6 +156,17 @@ def models(sled: Sled, heights: list[float]) -> Table:
     return Table("held_out", title, ["unknown", "rms", "median", "here"], rows)
 
 
+def on_its_side(sled: Sled) -> list[str]:
+    """Doubt a frame that is higher than wide: two columns exchanged across it explain as much."""
+    width, height = (1e3 * side for side in sled.size)
+    if height <= width:
+        return []
+    return [
+        f"warning: the frame found is higher than wide, {width:.0f} x {height:.0f} mm: columns bl "
+        "and tr exchanged, or br and tl?"
+    ]
+
+
 def apart(sled: Sled) -> list[str]:
     """Which offsets the poses cannot tell from anchors: what one σ of them would move."""
     unknowns, covariance = sled.unknowns, sled.covariance()
@@ -212,7 +226,12 @@ def suspects(sled: Sled, lines: Array) -> list[str]:
 
 def honesty(lengths: Array, heights: list[float], model: Model) -> list[str]:
     """Whether anchors from disjoint quarters of the poses scatter as σ says."""
-    found = belts.spread(lengths, heights, model)
+    if len(lengths) < PARTS * FEWEST:
+        return [
+            f"whether σ is honest quarters of {len(lengths)} poses are too few to say: "
+            f"{PARTS * FEWEST} or more would"
+        ]
+    found = belts.spread(lengths, heights, model, PARTS)
     low, high = HONEST
     verdict = (
         "as σ says"
