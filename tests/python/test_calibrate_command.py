@@ -199,20 +199,22 @@ def test_outside_measurements_alone_calibrate_a_robot_without_sensors(run, tmp_p
     assert "Measured from outside" in (tmp_path / "c.html").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("sigma", ["1", "20um", "0.02mm,0.01deg", "0.01°, 2e-5", "1e-5m,1mrad"])
+@pytest.mark.parametrize("sigma", ["1m", "20um", "0.02mm,0.01deg", "0.01°, 2e-5m", "1e-5m,1mrad"])
 def test_sigma_of_lengths_and_of_angles_are_two(sigma):
     lengths, angles = options.parse_sizes(sigma, "--measured-sigma")
     expected = {
-        "1": (1.0, None),
+        "1m": (1.0, None),
         "20um": (2e-5, None),
         "0.02mm,0.01deg": (2e-5, np.radians(0.01)),
-        "0.01°, 2e-5": (2e-5, np.radians(0.01)),
+        "0.01°, 2e-5m": (2e-5, np.radians(0.01)),
         "1e-5m,1mrad": (1e-5, 1e-3),
     }
     assert (lengths, angles) == pytest.approx(expected[sigma])
 
 
-@pytest.mark.parametrize("sigma", ["0", "-1mm", "1ft", "mm", "1mm,2mm", "nan", "1mm,1deg,1m", ""])
+@pytest.mark.parametrize(
+    "sigma", ["0", "1", "-1mm", "1ft", "mm", "1mm,2mm", "nan", "1mm,1deg,1m", ""]
+)
 def test_a_sigma_that_is_none_is_refused_in_one_line(run, log, sigma):
     status, out, err = run("h4", log, "--measured-sigma", sigma)
     assert (status, out) == (2, "") and len(err.splitlines()) == 1

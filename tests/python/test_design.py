@@ -339,6 +339,7 @@ def test_prices_stand_in_the_file_too(h4):
         ({"budget": 0}, "budget = 0: must be greater than 0"),
         ({"budget": 50, "target": 1e-3}, "budget and target: one of them"),
         ({"target": 1e-6}, "target 0.001 mm: all 5 sensors together reach"),
+        ({"target": 1e-6, "survives": True}, "all 5 sensors together, the worst one failed, reach"),
         ({"must": ["elbow1"]}, "must: unknown sensor 'elbow1'"),
         ({"budget": 30}, "budget 30: nothing fits: the cheapest, pivot1, costs 40"),
         ({"prices": {}}, "h4: neither sensors nor levels to choose"),
@@ -379,7 +380,9 @@ def test_the_command_says_what_the_function_finds(run, h4, tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ((), "h4: sensor theta: has no price"),
+        ((), "h4: sensor theta: has no price (the file's key price, --price, prices)"),
+        (("--price", "theta=9", "--target", "5"), "--target 5: must be a length greater than 0"),
+        (("--price", "theta=9", "--target", "0mm"), "--target 0mm: must be a length greater"),
         (("--price", "theta"), "--price theta: must be SENSOR=PRICE"),
         (("--price", "thet=3"), "unknown sensor 'thet'"),
         (("--price", "theta=90", "--target", "1um"), "all 1 sensors together reach"),
@@ -389,8 +392,9 @@ def test_the_command_says_what_the_function_finds(run, h4, tmp_path):
         (("--price", "theta=90", "--budget", "1"), "nothing fits: the cheapest, theta, costs 90"),
         (("--price", "none", "--finer", "rodd=1mm:3"), "--finer: unknown parameter 'rodd'"),
         (("--price", "none", "--finer", "chain*.rod=1mm"), "must be PARAMETERS=SIGMA:PRICE"),
-        (("--price", "none", "--finer", "chain*.rod=1deg:3"), "chain*.rod: 1deg: must be in m"),
-        (("--price", "none", "--finer", "chain*.rod=x:3"), "--finer x: must be a length"),
+        (("--price", "none", "--finer", "chain*.rod=1deg:3"), "chain*.rod: 1deg: must be a length"),
+        (("--price", "none", "--finer", "chain*.rod=-1mm:3"), "chain*.rod: -1mm: must be a length"),
+        (("--price", "none", "--finer", "*.gain=1mm:3"), "*.gain: 1mm: must be a number greater"),
     ],
 )
 def test_what_is_wrong_with_the_words_is_one_line(run, words, message):

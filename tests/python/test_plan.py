@@ -365,12 +365,15 @@ def test_the_command_goes_on_from_a_log(run, log, short_log):
     assert rows[0]["position (mm)"] < 0.5 * alone[0]["position (mm)"]
 
 
-def test_a_target_is_met_on_the_command_line_or_the_nearest_told(run):
+def test_a_target_is_met_on_the_command_line_or_the_nearest_told(run, tmp_path):
     said = run("plan", "h4", "--candidates", "80", "--target", "2.5mm")[1]
     assert "Target 2.5 mm: reached with" in said
     said = run("plan", "h4", "--candidates", "80", "--target", "2.5mm", "--poses", "2")[1]
     assert "Target 2.5 mm: not reached with 2." in said
-    assert "nothing more to measure" in run("plan", "h4", "--target", "1m")[1]
+    status, said, _ = run("plan", "h4", "--target", "1m", "-o", "plan.csv")
+    assert "nothing more to measure: 7.47 mm, the target 1000 mm is reached." in said
+    assert status == 0 and not (tmp_path / "plan.csv").exists() and "Wrote" not in said
+    assert "plan.csv: not written: a plan of no pose" in said
 
 
 def test_where_poses_hardly_matter_it_is_said(run):
@@ -382,8 +385,9 @@ def test_where_poses_hardly_matter_it_is_said(run):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--target", "3deg"), "--target 3deg: must be a length, as 0.1mm"),
-        (("--target", "-1mm"), "--target -1mm: must be a length and an angle greater than 0"),
+        (("--target", "3deg"), "must be a length greater than 0 with its unit, as 0.1mm (units:"),
+        (("--target", "-1mm"), "--target -1mm: must be a length greater than 0 with its unit"),
+        (("--target", "1.6"), "--target 1.6: must be a length greater than 0 with its unit"),
         (("--poses", "0"), "n = 0: must be a whole number"),
         (("--candidates", "none.csv"), "none.csv: cannot be read: No such file"),
         (("--candidates", "0"), "candidates: shape (0, 4)"),
@@ -392,7 +396,8 @@ def test_where_poses_hardly_matter_it_is_said(run):
         (("--sensors", "none"), "nothing to learn from any"),
         (("--touch-off", "0,0"), "--touch-off 0,0: must be 4 numbers"),
         (("--seen",), "seen: needs candidates that a tracker in a frame of its own measures"),
-        (("--relative-to", "0,0,-3,0"), "chain 1: unreachable"),
+        (("--relative-to", "0,0,-3,0"), "--relative-to 0,0,-3,0: h4: pose x = [0, 0, -3"),
+        (("--touch-off", "0,0,5,0"), "--touch-off 0,0,5,0: h4: pose x = [0, 0, 5, 0"),
         (("-o", "no/poses.csv"), "-o no/poses.csv: cannot be written"),
     ],
 )

@@ -236,7 +236,7 @@ def changed(name, old, new):
         (changed("log.csv", ",pin", ",pn"), (), "log.csv: line 32: point 'pn' is on no other line"),
         (changed("log.csv", ",bed,", ",b\x1bd,"), (), "control characters in a name"),
         (lambda _: None, ("--touch-sigma", "2deg"), "--touch-sigma 2deg: must be a length"),
-        (lambda _: None, ("--tilt", "2mm"), "--tilt 2mm: must be an angle, as 1deg"),
+        (lambda _: None, ("--tilt", "2mm"), "--tilt 2mm: must be an angle greater than 0"),
         (lambda _: None, ("--tool", "0,0"), "--tool 0,0: must be three numbers, x,y,z (m)"),
         (lambda _: None, ("--distances", "no.csv"), "no.csv: cannot be read: No such file"),
         (lambda _: None, ("--distances", "log.csv"), "log.csv: no column 'from'"),

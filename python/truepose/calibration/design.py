@@ -194,6 +194,8 @@ def design(
             together = f"all {len(names)} sensors together" if names else "all levels"
             if names and levels:
                 together += ", all machined as finely as can be,"
+            if names and survives:
+                together = together.rstrip(",") + ", the worst one failed,"
             raise InputError(
                 f"target {printed(target, unit, '.4g')}: {together} reach "
                 f"{printed(floor, unit, '.4g')}"
@@ -315,7 +317,9 @@ def priced(
         if name not in every:
             raise InputError(f"prices: {choose('sensor', name, every)}")
         if price is None:
-            raise InputError(f"{robot.name}: sensor {name}: has no price")
+            raise InputError(
+                f"{robot.name}: sensor {name}: has no price (the file's key price, --price, prices)"
+            )
         if not (np.isfinite(price) and price >= 0):
             raise InputError(f"prices: {name} = {price!r}: must be 0 or greater")
     if not given and not machined:

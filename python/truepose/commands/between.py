@@ -10,7 +10,7 @@ import numpy as np
 import typer
 
 from truepose.calibration.between import SIGMA, Between, read
-from truepose.commands.options import parse_length, parse_sizes
+from truepose.commands.options import parse_angle, parse_length
 from truepose.exceptions import InputError
 from truepose.logs import Log
 from truepose.robot.robot import Robot
@@ -62,13 +62,10 @@ class Asked:
 
     def between(self, robot: Robot, log: Log, where: Path) -> Between:
         """Understand it, read the file of distances, and look whether the log's names are right."""
-        length, lean = parse_sizes(self.tilt, "--tilt")
-        if self.tilt is not None and (lean is None or length is not None):
-            raise InputError(f"--tilt {self.tilt}: must be an angle, as 1deg")
         sigma = parse_length(self.distance_sigma, "--distance-sigma") or SIGMA
         result = Between(
             sigma=parse_length(self.touch_sigma, "--touch-sigma") or SIGMA,
-            tilt=lean or 0.0,
+            tilt=parse_angle(self.tilt, "--tilt") or 0.0,
             tool=_tool(self.tool),
             tool_sigma=parse_length(self.tool_sigma, "--tool-sigma") or 0.0,
             distances=read(self.distances, log, sigma) if self.distances else (),

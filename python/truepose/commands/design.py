@@ -25,7 +25,7 @@ from truepose.commands.options import (
     Seed,
     parse_pose,
     parse_set,
-    parse_sizes,
+    parse_size,
     parse_target,
     plot_to,
     wrote,
@@ -236,11 +236,7 @@ def parse_finer(robot: Robot, texts: Sequence[str]) -> dict[str, dict[float, flo
                 raise InputError(
                     f"--finer {text}: must be PARAMETERS=SIGMA:PRICE,… as chain*.rod=0.1mm:200"
                 )
-            length, angle = parse_sizes(size, "--finer")
-            sigma = angle if unit_of(robot, fits[0]) == "rad" else length
-            if sigma is None:
-                raise InputError(f"--finer {group}: {size}: must be in {unit_of(robot, fits[0])}")
-            curve[sigma] = price
+            curve[parse_size(size, f"--finer {group}:", unit_of(robot, fits[0]))] = price
     return result
 
 

@@ -15,7 +15,7 @@ from typer.models import OptionInfo
 from truepose import _core, files
 from truepose.arguments import Array, Level
 from truepose.calibration.fault_limits import HOURS
-from truepose.exceptions import InputError, choose
+from truepose.exceptions import InputError, PoseError, choose
 from truepose.robot.robot import Robot, load, robots
 from truepose.robot.units import summed
 from truepose.robotfile import path_of
@@ -156,8 +156,15 @@ def parse_set(robot: Robot, text: str) -> tuple[str, ...]:
     return tuple(chosen)
 
 
-def parse_pose(robot: Robot, text: str, name: str) -> Array:
-    """Read a pose as people write it: coordinates with commas between, m and rad."""
+def parse_pose(robot: Robot, text: str, name: str, reached: bool = True) -> Array:
+    """Read a pose, one that the robot can take if it is to be reached: m and rad, commas between.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> parse_pose(tp.load("3rpr"), "0.4,0.3,0", "--from")
+    array([0.4, 0.3, 0. ])
+    """
     try:
         pose = np.array([float(part) for part in text.split(",")])
     except ValueError:
@@ -165,31 +172,49 @@ def parse_pose(robot: Robot, text: str, name: str) -> Array:
     if len(pose) != robot.n or not np.isfinite(pose).all():
         names = ",".join(c for c, _ in robot.coordinates)
         raise InputError(f"{name} {text}: must be {robot.n} numbers, {names} (m, rad)")
+    if reached:
+        try:
+            robot.expected().ikm(pose)
+        except PoseError as error:
+            raise PoseError(f"{name} {text}: {error}") from None
     return pose
 
 
-def parse_sizes(text: str | None, option: str) -> tuple[float | None, float | None]:
-    """Read a length and an angle, "0.02mm,0.01deg", or one of them; without a unit, m.
+#: What is asked for, by its units.
+_SIZES = {
+    ("m", "rad"): "a length and an angle greater than 0 with units, as 0.02mm,0.01deg",
+    ("m",): "a length greater than 0 with its unit, as 0.1mm",
+    ("rad",): "an angle greater than 0 with its unit, as 0.1deg",
+    ("",): "a number greater than 0",
+}
 
-    Examples
-    --------
-    >>> parse_sizes("0.05deg", "--outside"), parse_sizes("2e-5", "--outside")
-    ((None, 0.0008726646259971648), (2e-05, None))
-    """
+
+def _sizes(text: str | None, option: str, units: tuple[str, ...]) -> dict[str, float]:
     result: dict[str, float] = {}
     for part in text.split(",") if text is not None else ():
         number = part.strip().rstrip("".join(WRITTEN))
-        unit, factor = WRITTEN.get(part.strip()[len(number) :] or "m", ("m", np.nan))
+        unit, factor = {**WRITTEN, "": ("", 1.0)}.get(part.strip()[len(number) :], ("", np.nan))
         try:
             value = factor * float(number)
         except ValueError:
             value = np.nan
-        if not (0 < value < np.inf) or unit in result:
-            raise InputError(
-                f"{option} {text}: must be a length and an angle greater than 0, as "
-                f"0.02mm,0.01deg (units: {', '.join(WRITTEN)})"
-            )
+        if unit not in units or not (0 < value < np.inf) or unit in result:
+            known = ", ".join(written for written, (of, _) in WRITTEN.items() if of in units)
+            known = f" (units: {known})" if known else ""
+            raise InputError(f"{option} {text}: must be {_SIZES[units]}{known}")
         result[unit] = value
+    return result
+
+
+def parse_sizes(text: str | None, option: str) -> tuple[float | None, float | None]:
+    """Read a length and an angle, "0.02mm,0.01deg", or one of them, each with its unit.
+
+    Examples
+    --------
+    >>> parse_sizes("0.05deg", "--outside"), parse_sizes("2e-5m", "--outside")
+    ((None, 0.0008726646259971648), (2e-05, None))
+    """
+    result = _sizes(text, option, ("m", "rad"))
     return result.get("m"), result.get("rad")
 
 
@@ -203,22 +228,31 @@ def parse_sigmas(robot: Robot, text: str | None, option: str) -> tuple[float | N
     return sizes
 
 
+def parse_size(text: str, option: str, unit: str) -> float:
+    """Read a length, "0.1mm", an angle, "0.1deg", or of what is neither a number.
+
+    Examples
+    --------
+    >>> parse_size("0.1mm", "--finer", "m"), parse_size("2e-3", "--finer", "")
+    (0.0001, 0.002)
+    """
+    (value,) = _sizes(text, option, (unit if unit in ("m", "rad") else "",)).values()
+    return value
+
+
 def parse_length(text: str | None, option: str) -> float | None:
-    """Read a length as people write it, "0.1mm"; without a unit, m."""
-    length, angle = parse_sizes(text, option)
-    if text is not None and (length is None or angle is not None):
-        raise InputError(f"{option} {text}: must be a length, as 0.1mm")
-    return length
+    """Read a length as people write it, "0.1mm"."""
+    return None if text is None else parse_size(text, option, "m")
+
+
+def parse_angle(text: str | None, option: str) -> float | None:
+    """Read an angle as people write it, "0.1deg"."""
+    return None if text is None else parse_size(text, option, "rad")
 
 
 def parse_target(robot: Robot, text: str | None) -> float | None:
     """Read what σ is enough, as people write it: a length, "0.1mm", or a pivot's angle."""
-    if summed(robot).unit != "rad":
-        return parse_length(text, "--target")
-    length, angle = parse_sizes(text, "--target")
-    if text is not None and (angle is None or length is not None):
-        raise InputError(f"--target {text}: must be an angle, as 0.1deg")
-    return angle
+    return None if text is None else parse_size(text, "--target", summed(robot).unit)
 
 
 def load_with(robot: str, sensors: str | None) -> Robot:

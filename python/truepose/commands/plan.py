@@ -146,9 +146,11 @@ def command(
     show([table(found)], how)
     for line in notes(found):
         say(line, how)
-    if output is not None:
+    if output is not None and found.steps:
         files.write({output: written(found)}, inputs, force)
-    wrote(how, out, plot)
+    elif output is not None:
+        say(f"{out}: not written: a plan of no pose", how)
+    wrote(how, out if found.steps else None, plot)
 
 
 def fit_of(robot: Robot, path: Path) -> Fit:
@@ -197,12 +199,13 @@ def notes(found: Plan) -> list[str]:
     robot, count, name = found.robot, len(found.steps), found.robot.name
     gone = f", {found.left_out} where it cannot be left out" if found.left_out else ""
     lines = [f"{name}: {count} of {found.candidates} poses{gone}; σ over {len(found.over)} poses."]
-    if not count:
-        lines[0] = f"{name}: nothing more to measure: the target is reached."
-        return lines
     total = summed(robot)
     factor, unit = PRINT[total.unit]
     unit = f" {unit}" if unit.isalpha() else unit
+    if not count:
+        sigma = number(factor * float(found.sigma[0, -1]))
+        wanted = f"{factor * (found.target or 0):.4g}{unit}"
+        return [f"{name}: nothing more to measure: {sigma}{unit}, the target {wanted} is reached."]
     low, median, high = factor * np.quantile(found.random, [0, 0.5, 1])
     lines.append(
         f"Random {count} of them: {number(median)}{unit} ({number(low)} to {number(high)}); "

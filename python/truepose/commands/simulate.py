@@ -175,7 +175,7 @@ def command(
             run = _follow(believed, truth, controller, motion, effects=forgotten, **settings)
         else:
             ends = [
-                None if text is None else parse_pose(believed, text, option)
+                None if text is None else parse_pose(believed, text, option, False)
                 for option, text in (("--from", start), ("--to", end))
             ]
             run = _move(believed, truth, controller, *ends, effects=forgotten, **settings)
@@ -241,7 +241,7 @@ def _asked(
     if way_points is not None:
         return paths.WayPoints(poses=read_poses(robot, way_points), duration=each), None
     if circle is not None:
-        centre = robot.home if start is None else parse_pose(robot, start, "--from")
+        centre = robot.home if start is None else parse_pose(robot, start, "--from", False)
         return _circle(circle, centre), None
     return None, None
 
