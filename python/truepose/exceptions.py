@@ -51,8 +51,10 @@ def controls(text: str) -> bool:
 def choose(what: str, value: object, choices: Iterable[str]) -> str:
     """One line that says what `value` should have been: the nearest choice, then the choices."""
     choices, value = list(choices), shortened(str(value))
-    near = difflib.get_close_matches(value, choices, n=1)
-    hint = f"; did you mean '{near[0]}'?" if near else ""
+    same = [choice for choice in choices if choice.lower() == value.lower()]
+    near = same or difflib.get_close_matches(value, choices, n=1)
+    case = " (case matters)" if same else ""
+    hint = f"; did you mean '{near[0]}'{case}?" if near else ""
     more = f", … {len(choices) - _SHOWN} more" if len(choices) > _SHOWN else ""
     listed = ", ".join(choices[:_SHOWN])
     return f"unknown {what} '{one_line(value, 200)}'{hint} (choices: {listed}{more})"

@@ -1,6 +1,7 @@
 """Are the anchors of a sled found from its belts alone, honestly, and are its log's mistakes?"""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -254,7 +255,9 @@ def test_the_command_tells_a_sleds_owner_what_is_known(run, tmp_path):
     status, again, err = run("maslow", "log.csv", *options)
     tables = json.loads(again)
     assert status == 0 and len(tables["held_out"]) == 4
-    promised = [row["σ of the position then"] for row in tables["next"]]
+    assert {"x (mm)", "y (mm)"} < set(tables["next"][0])
+    assert {"rms (mm)", "median (mm)"} < set(tables["held_out"][0])
+    promised = [row["σ of the position then (mm)"] for row in tables["next"]]
     assert len(promised) == 3 and promised == sorted(promised, reverse=True)
 
 
@@ -287,6 +290,11 @@ def swap(read):
     return read[:, [1, 0, 2, 3]]
 
 
+def replaced(line, text):
+    """A file whose tl in this line is that text."""
+    return lambda lines: [*lines[:line], re.sub("^[^,]*", text, lines[line]), *lines[line + 1 :]]
+
+
 SPOILT = {
     "inches": (lambda read: read / 25.4, None, "in inches? must be mm"),
     "metres": (lambda read: read / 1e3, None, "must be mm"),
@@ -299,12 +307,25 @@ SPOILT = {
     "left": (lambda read: read[:, [2, 1, 0, 3]], None, "tl and bl exchanged, or tr and br"),
     "twice": (lambda read: np.vstack([read, read[4:5]]), None, "line 50: as line 6, digit for"),
     "few": (lambda read: read[:5], None, "5 poses: must be 12 or more"),
-    "garbled": (lambda read: read, ("1", "1x", 9), "= '"),
+    "garbled": (None, replaced(9, "1x"), "line 10: tl = '1x'"),
     "negative": (lambda read: read * np.where(np.arange(4) == 2, -1, 1), None, "line 2: bl = -"),
     "too short": (
         lambda read: read * np.where(np.arange(len(read)) == 3, 0.01, 1)[:, None],
         None,
         "line 5: tl = ",
+    ),
+    "nan": (None, replaced(8, "nan"), "line 9: tl = 'nan': must be a number\n"),
+    "empty": (None, replaced(8, ""), "line 9: tl = '': must be a number\n"),
+    "a word": (None, replaced(8, "abc"), "line 9: tl = 'abc': must be a number\n"),
+    "decimal commas": (
+        None,
+        lambda lines: [line.replace(",", ";").replace(".", ",") for line in lines],
+        "': must be a number; decimals need a point\n",
+    ),
+    "capitals": (
+        None,
+        lambda lines: [lines[0].upper(), *lines[1:]],
+        "no column 'tl'; did you mean 'TL' (case matters)? (choices: TL, TR, BL, BR)\n",
     ),
     "random": (lambda read: np.random.default_rng(0).permuted(read, axis=0), None, "no frame expl"),
 }
@@ -313,10 +334,10 @@ SPOILT = {
 @pytest.mark.parametrize("case", SPOILT)
 def test_a_log_that_is_wrong_is_refused_in_one_line(run, tmp_path, case):
     spoil, garble, message = SPOILT[case]
-    written(tmp_path / "log.csv", spoil(sled(2)[0]))
+    read = sled(2)[0]
+    written(tmp_path / "log.csv", spoil(read) if spoil else read)
     if garble:
-        lines = (tmp_path / "log.csv").read_text(encoding="utf-8").split("\n")
-        lines[garble[2]] = lines[garble[2]].replace(garble[0], garble[1], 1)
+        lines = garble((tmp_path / "log.csv").read_text(encoding="utf-8").split("\n"))
         (tmp_path / "log.csv").write_text("\n".join(lines), encoding="utf-8")
     status, out, err = run("maslow", "log.csv", "-o", "sled.toml")
     assert (status, out) == (2, "") and message in err and err.count("\n") == 1, err

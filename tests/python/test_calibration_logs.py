@@ -110,6 +110,18 @@ def test_parquet_without_its_library_says_what_to_install(robot, tmp_path, monke
             "no column 'theta'; did you mean 'tetha'? (choices: q1, q2, q3, q4, tetha, z_telemeter)"
             "; leave a sensor out that was not read (--sensors, with_sensors)",
         ),
+        (
+            "Q1,Q2,q3,q4,theta,z_telemeter\n1,2,3,4,5,6\n",
+            "no columns q1, q2 (choices: Q1, Q2, q3, q4, theta, z_telemeter); case matters",
+        ),
+        (
+            "Q1,q2,q3,q4,theta,z_telemeter\n1,2,3,4,5,6\n",
+            "no column 'q1'; did you mean 'Q1' (case matters)? (choices: Q1, q2, q3, q4, theta",
+        ),
+        (
+            "q1;q2;q3;q4;theta;z_telemeter\n1;2;3;4;5;-0,6\n",
+            "line 2: z_telemeter = '-0,6': must be a number or empty; decimals need a point",
+        ),
         ("q1,q2,theta,z_telemeter\n1,2,5,6\n", "no columns q3, q4 (choices: q1, q2, theta"),
         ("q1,q2,q3,q4,theta,z_telemeter\n1,2,3,4,5\n", "line 2: 5 cells, must be 6"),
         ("q1,q2,q3,q4,theta,z_telemeter\n1,2,3,4,5,x\n", "line 2: z_telemeter = 'x': must be a"),

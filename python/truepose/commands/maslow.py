@@ -94,9 +94,8 @@ def read(path: Path, heights: list[float]) -> tuple[Array, Array]:
     lengths, lines = logs.table(path, BELTS)
     for k, name in enumerate(BELTS):
         if (wrong := np.flatnonzero(~(lengths[:, k] > 0))).size:
-            at = wrong[0]
-            shown = "empty" if np.isnan(lengths[at, k]) else f"{lengths[at, k]:g}"
-            raise InputError(f"{path}: line {lines[at]}: {name} = {shown}: must be a length, mm")
+            at = f"line {lines[wrong[0]]}: {name} = {lengths[wrong[0], k]:g}"
+            raise InputError(f"{path}: {at}: must be a length, mm")
     if len(lengths) < FEWEST:
         raise InputError(f"{path}: {len(lengths)} poses: must be {FEWEST} or more")
     _, first, count = np.unique(lengths, axis=0, return_index=True, return_counts=True)
@@ -152,8 +151,8 @@ def models(sled: Sled, heights: list[float]) -> Table:
         used = "used" if model == sled.model else ""
         middle = 1e3 * float(np.median(np.abs(held.wrong)))
         rows.append([str(model), number(1e3 * held.rms), number(middle), Cell(used, used)])
-    title = "Lower belts predicted by the upper ones, on held-out ninths, mm"
-    return Table("held_out", title, ["unknown", "rms", "median", "here"], rows)
+    title = "Lower belts predicted by the upper ones, on held-out ninths"
+    return Table("held_out", title, ["unknown", "rms (mm)", "median (mm)", "here"], rows)
 
 
 def on_its_side(sled: Sled) -> list[str]:
@@ -211,8 +210,8 @@ def worth_reading(sled: Sled, count: int) -> Table:
         [str(k), *(number(1e3 * v) for v in step.poses[0]), fixed(1e3 * sigma)]
         for k, (step, sigma) in enumerate(zip(found.steps, found.sigma[1:, -1], strict=True), 1)
     ]
-    title = f"What to read next (mm); σ of the sled's position is {before:.2f} mm before"
-    return Table("next", title, ["pose", "x", "y", "σ of the position then"], rows)
+    title = f"What to read next; σ of the sled's position is {before:.2f} mm before"
+    return Table("next", title, ["pose", "x (mm)", "y (mm)", "σ of the position then (mm)"], rows)
 
 
 def suspects(sled: Sled, lines: Array) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -156,7 +157,7 @@ def read(robot: Robot, path: str | Path) -> Log:
 
 
 def table(path: str | Path, names: Sequence[str]) -> tuple[Array, Array]:
-    """Read these columns of a CSV file of whatever machine: numbers (N, k), and their lines.
+    """Read these columns of a CSV file of whatever machine: numbers (N, k), no cell empty; lines.
 
     Raises
     ------
@@ -164,7 +165,9 @@ def table(path: str | Path, names: Sequence[str]) -> tuple[Array, Array]:
         One line names the file, the line, the column and the cell.
     """
     cells, lines = texts(path, names)
-    return np.column_stack([numbers(cells[name], name, lines, path) for name in names]), lines
+    where = str(path)
+    columns = [_numbers(cells[n], n, lines, "line", where, empty=False) for n in names]
+    return np.column_stack(columns), lines
 
 
 def texts(path: str | Path, names: Sequence[str]) -> tuple[dict[str, list[str]], Array]:
@@ -405,18 +408,23 @@ def _missing(robot: Robot, missing: list[str], columns: list[str]) -> str:
     hint = "; leave a sensor out that was not read (--sensors, with_sensors)" if sensors else ""
     if len(missing) == 1:
         return choose("column", missing[0], columns).replace("unknown", "no", 1) + hint
+    if {name.lower() for name in missing} & {name.lower() for name in columns}:
+        hint = f"; case matters{hint}"
     return f"no columns {', '.join(missing)} (choices: {', '.join(columns)}){hint}"
 
 
-def _numbers(column: Any, name: str, lines: Array, word: str, where: str) -> Array:
-    """Return a column as floats; NaN where a cell is empty."""
+def _numbers(
+    column: Any, name: str, lines: Array, word: str, where: str, empty: bool = True
+) -> Array:
+    """Return a column as floats; NaN where a cell is empty, if any may be."""
+    must = "number or empty" if empty else "number"
     check_real(column, f"{where}: column {name}")
     try:
         values = np.asarray(column, dtype=np.float64)
     except (TypeError, ValueError, OverflowError, NotImplementedError):
         values = np.array(
             [
-                _number(cell, f"{where}: {word} {n}: {name}")
+                _number(cell, f"{where}: {word} {n}: {name}", must)
                 for cell, n in zip(column, lines, strict=False)
             ]
         )
@@ -424,15 +432,21 @@ def _numbers(column: Any, name: str, lines: Array, word: str, where: str) -> Arr
         raise InputError(f"{where}: column {name}: shape {values.shape}, must be ({len(lines)},)")
     if len(wrong := np.flatnonzero(np.abs(values) > _MOST)):
         at = f"{word} {lines[wrong[0]]}: {name} = {values[wrong[0]]:g}"
-        raise InputError(f"{where}: {at}: must be a finite number or empty")
+        raise InputError(f"{where}: {at}: must be a finite {must}")
+    if not empty and np.isnan(values).any():
+        k = np.flatnonzero(np.isnan(values))[0]
+        raise InputError(
+            f"{where}: {word} {lines[k]}: {name} = '{one_line(column[k], 60)}': must be a {must}"
+        )
     return values
 
 
-def _number(cell: Any, what: str) -> float:
+def _number(cell: Any, what: str, must: str) -> float:
     if cell is None or str(cell).strip().lower() in _EMPTY:
         return np.nan
     try:
         return float(cell)
     except (TypeError, ValueError, OverflowError):
         shown = one_line(cell, 60)
-        raise InputError(f"{what} = '{shown}': must be a number or empty") from None
+        hint = "; decimals need a point" if re.fullmatch(r"[-+]?\d*,\d+", shown) else ""
+        raise InputError(f"{what} = '{shown}': must be a {must}{hint}") from None
