@@ -70,7 +70,7 @@ def command(
     inputs = (log, robotfile.path_of(robot))
     files.check([output] if output else [], inputs, force)
     loaded = load_with(robot, sensors)
-    pose = None if at is None else parse_pose(loaded, at, "--at")
+    pose = None if at is None else parse_pose(loaded, at, "--at", False)
     found = zero(loaded, logs.read(loaded, log), at=pose, sigma=_sigma(loaded, sigma))
     for note in (*found.notes, *found.fit.notes):
         say(f"{log}: {note}", err=True)
