@@ -9,7 +9,7 @@ namespace truepose {
 /// f_i = (|v_i|² - L_i²)/2, zero where chain i closes; its derivative with respect to the pose is
 /// -J_x, in the tangent space of the pose (no Euler angles).
 template <Mobility K>
-class Loops {
+class RodLoops {
  public:
   static constexpr int n = kDof<K>;
   using Columns = std::array<Lanes<n>, n>;
@@ -22,7 +22,7 @@ class Loops {
     Real cost, residual;  ///< Σf², largest closure error (m)
   };
 
-  Loops(const Robot& robot, const std::array<Driven, n>& driven)
+  RodLoops(const Robot& robot, const std::array<Driven, n>& driven)
       : pivot_(points<n>([&](int i) -> Vec3 { return robot.chain[i].pivot(); })),
         centre_(points<n>([&](int i) -> Vec3 {  // of the sphere on which D + R c lies
           return robot.chain[i].base() + driven[i].p - robot.chain[i].anchor();
@@ -71,8 +71,7 @@ class Loops {
 /// and p·R y = p·d d·y + cos x (p - p·d d)·y + sin x (p × d)·y for any p. Its 3ⁿ coefficients are
 /// summed once a search; a step then costs a tenth of carrying the nacelle along.
 template <Mobility K>
-  requires kPivots<K>
-class Loops<K> {
+class PivotLoops {
  public:
   static constexpr int n = kDof<K>;
   using Columns = std::array<Lanes<n>, n>;
@@ -86,7 +85,7 @@ class Loops<K> {
     Real cost, residual;
   };
 
-  Loops(const Robot& robot, const std::array<Driven, n>& driven)
+  PivotLoops(const Robot& robot, const std::array<Driven, n>& driven)
       : robot_(robot),
         B_(points<n>([&](int i) -> Vec3 { return robot.chain[i].base() + driven[i].p; })) {
     const auto c = points<n>([&](int i) -> Vec3 { return robot.chain[i].pivot(); });
@@ -194,5 +193,9 @@ class Loops<K> {
   std::array<Lanes<n>, kTerms> coefficient_;
   std::array<Real, n> size_;
 };
+
+/// The loops of a mobility.
+template <Mobility K>
+using Loops = std::conditional_t<kPivots<K>, PivotLoops<K>, RodLoops<K>>;
 
 }  // namespace truepose
