@@ -12,7 +12,7 @@ import truepose as tp
 from truepose.commands import klipper_figures
 from truepose.printers import held_out, output, review
 from truepose.printers.assessment import assess
-from truepose.printers.config import Config
+from truepose.printers.config import SAVED_HEADER, Config
 from truepose.printers.criterion import errors, klipper, rms, weight
 from truepose.printers.estimate import Assumed, estimate, prior, verdict
 from truepose.printers.model import Model
@@ -244,6 +244,23 @@ def test_what_is_written_is_read_again(kinematics, tmp_path):
     own = np.einsum("nip,pq,niq->ni", J, found.estimate.covariance_p, J) + noise
     told = np.diagonal(tp.accuracy(robot, x), axis1=1, axis2=2)
     np.testing.assert_allclose(told, own, rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("kinematics", "arm"), [("delta", None), ("delta", 0.3455), ("rotary_delta", None)]
+)
+def test_the_same_readings_never_count_twice(kinematics, arm):
+    """An estimate of what holds an estimate is the same one: the drawing stays what it was."""
+    text = read("phnxdrgn536") if kinematics == "delta" else made_text(kinematics, seed=3)[0]
+    if arm is None:
+        text = re.sub(r"\n#arm_length.*", "", text)  # the file says of no drawing
+    first = assess(Config.parse(text), arm)
+    new = output.config_text(first)
+    again = assess(Config.parse(new))
+    assert again.prior.arm == pytest.approx(first.prior.arm, abs=1e-9)
+    np.testing.assert_allclose(again.estimate.p, first.estimate.p, rtol=0, atol=1e-7)
+    own = new.split(SAVED_HEADER)[0]
+    assert output.config_text(again).split(SAVED_HEADER)[0] == own
 
 
 def test_a_value_in_the_file_itself_is_taken_out_when_it_is_written():

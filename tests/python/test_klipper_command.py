@@ -92,7 +92,7 @@ def test_programs_get_every_digit(run, config):
 
 
 def test_arms_by_hand_count_more_than_the_file(run, config):
-    assert "345 mm ([stepper_a] arm_length before" in run("printer.cfg")[1]
+    assert "345 mm ([stepper_a] arm_length before it was replaced)" in run("printer.cfg")[1]
     assert "Arms as drawn: 346.5 mm (--arm)" in run("printer.cfg", "--arm", "346.5")[1]
 
 

@@ -8,6 +8,7 @@ the file itself does not say otherwise. Files that are included are named, not r
 from __future__ import annotations
 
 import configparser
+import contextlib
 import math
 import os
 import re
@@ -44,7 +45,7 @@ class Config:
     text: str  #: as it stands, line ends made one character
     values: dict[str, dict[str, str]]  #: by section and option, as Klipper takes them
     saved: dict[str, dict[str, str]]  #: those of the saved block
-    off: dict[tuple[str, str], str]  #: commented out, of the file's own part: the first value
+    off: dict[tuple[str, str], float]  #: commented out, of the file's own part: the first number
     included: tuple[str, ...]  #: names of files that are not read
 
     @classmethod
@@ -192,19 +193,22 @@ def _parsed(text: str, path: str | Path) -> dict[str, dict[str, str]]:
     raise InputError(f"{path}: not a printer.cfg: {one_line(what, 300)}")
 
 
-def _taken_out(text: str) -> dict[tuple[str, str], str]:
-    """Options that are commented out, by section: as SAVE_CONFIG leaves what it has replaced."""
-    found: dict[tuple[str, str], str] = {}
+def _taken_out(text: str) -> dict[tuple[str, str], float]:
+    """Numbers that are commented out, by section: as SAVE_CONFIG leaves what it has replaced."""
+    found: dict[tuple[str, str], float] = {}
     section = ""
     for line in text.split("\n"):
         if header := _SECTION.match(line):
             section = header[1].strip()
         elif off := _OFF.match(line):
-            found.setdefault((section, off[1].lower()), off[2].strip())
+            with contextlib.suppress(ValueError):
+                found.setdefault((section, off[1].lower()), float(off[2]))
     return found
 
 
-def rewritten(config: Config, changes: dict[str, dict[str, str]]) -> str:
+def rewritten(
+    config: Config, changes: dict[str, dict[str, str]], drawn: dict[tuple[str, str], float]
+) -> str:
     """Return the file's text with other values, as SAVE_CONFIG would leave it.
 
     What the file itself says of them is commented out, and the saved block says them; all else
@@ -214,6 +218,9 @@ def rewritten(config: Config, changes: dict[str, dict[str, str]]) -> str:
     ----------
     changes : dict
         By section and option.
+    drawn : dict
+        Numbers by section and option that must stand there commented out: Klipper reads none, and
+        the first is what :attr:`Config.off` holds.
     """
     own, section = [], ""
     for line in config.text.split("\n"):
@@ -224,6 +231,11 @@ def rewritten(config: Config, changes: dict[str, dict[str, str]]) -> str:
         option = re.match(r"(\w+)\s*[:=]", line)
         replaced = option and option[1].lower() in changes.get(section, {})
         own.append("#" + line if replaced else line)
+    noted = _taken_out("\n".join(own))
+    for (name, key), number in drawn.items():
+        headers = [k for k, line in enumerate(own) if (h := _SECTION.match(line)) and h[1] == name]
+        if headers and noted.get((name, key)) != number:
+            own.insert(headers[0] + 1, f"#{key}: {number!r}")
     block = {name: dict(options) for name, options in config.saved.items()}
     for name, options in changes.items():
         block.setdefault(name, {}).update(options)

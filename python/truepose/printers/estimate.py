@@ -18,6 +18,7 @@ bed, is known: by definition.
 
 from __future__ import annotations
 
+import math
 import statistics
 from dataclasses import dataclass, fields
 
@@ -31,7 +32,7 @@ from truepose.calibration.learnt import Learnt, calibration_of
 from truepose.exceptions import InputError, PoseError
 from truepose.printers.criterion import ARMS, directions, fit
 from truepose.printers.model import Model
-from truepose.printers.printer import DEGREE, MM, TOWERS, Printer, Readings
+from truepose.printers.printer import DEGREE, MM, TOWERS, Printer, Readings, options
 from truepose.robot.robot import Robot
 
 
@@ -41,6 +42,9 @@ class UnfitError(InputError):
 
 #: σ of what no parameter of Klipper's moves, m or rad.
 BY_DEFINITION = 1e-7
+#: Before the options that a rotary delta's file with an estimate keeps of its drawing: Klipper's
+#: own SAVE_CONFIG comments out what was only set roughly, as endstops.
+DRAWN = "drawn_"
 _NEWTON = 4  #: steps from ξ back to p: they differ by a mm, of hundreds
 
 
@@ -110,6 +114,8 @@ def prior(model: Model, printer: Printer, assumed: Assumed, arm: float | None = 
     mean[[names.index(name) for name in rods]] = length
     for tower, turn in zip(TOWERS, (120, 240, 0), strict=True):
         mean[names.index(f"angle_{tower}")] = printer.parameters["angle_c"] + turn * DEGREE
+    for k, name in enumerate(names):
+        mean[k] = _replaced(printer, name, DRAWN) or mean[k]
     turns = np.round((printer.values - mean) / (2 * np.pi))
     angles = [names.index(f"angle_{tower}") for tower in TOWERS]
     mean[angles] += 2 * np.pi * turns[angles]
@@ -124,19 +130,38 @@ def _drawn_arm(printer: Printer, rods: list[str], arm: float | None) -> tuple[fl
     """Length of the rods as drawn, and who says so."""
     if arm is not None:
         return arm, "--arm"
-    config = printer.config
-    for section in (f"stepper_{tower}" for tower in TOWERS):
-        if (taken_out := config.off.get((section, "arm_length"))) is not None:
-            try:
-                value = MM * float(taken_out)
-            except ValueError:
-                continue
-            if 0.5 < value / printer.parameters[rods[0]] < 2:
-                return value, f"[{section}] arm_length before Klipper replaced it"
+    for name in rods:
+        if (value := _replaced(printer, name)) is not None:
+            section, option, *_ = options(printer.kinematics)[name]
+            return value, f"[{section}] {option} before it was replaced"
     lengths = [printer.parameters[name] for name in rods]
     if max(lengths) == min(lengths):
         return lengths[0], "the file, which has one for all"
     return statistics.median(lengths), "the middle one of the file's: --arm says better"
+
+
+def _replaced(printer: Printer, name: str, prefix: str = "") -> float | None:
+    """What the file has commented out of a parameter, if that can be; m."""
+    section, option, _, scale = options(printer.kinematics)[name]
+    value = scale * printer.config.off.get((section, prefix + option), math.nan)
+    now = printer.parameters[name]
+    return value if 0.5 * now < value < 2 * now else None
+
+
+def as_drawn(known: Prior, names: tuple[str, ...], kinematics: str) -> dict[tuple[str, str], float]:
+    """What a file with the estimate must say of the drawing, as :func:`prior` reads it.
+
+    Without it the estimate would be the next one's drawing, and the same readings count again.
+    """
+    where = options(kinematics)
+    rod = where["arm_a" if kinematics == "delta" else "lower_arm_a"]
+    said = {(rod.section, rod.option): known.arm / rod.scale}
+    if kinematics != "delta":
+        for name, mean, sigma in zip(names, known.mean, known.sigma, strict=True):
+            if sigma > 0 and not name.startswith(("angle", "lower_arm")):
+                section, option, _, scale = where[name]
+                said[section, DRAWN + option] = float(mean) / scale
+    return {place: round(value, 6) for place, value in said.items()}
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from truepose import robotfile
 from truepose.printers.assessment import Assessment
 from truepose.printers.config import rewritten
-from truepose.printers.estimate import knowing
+from truepose.printers.estimate import as_drawn, knowing
 from truepose.printers.printer import options
 from truepose.robot.robot import Robot
 
@@ -13,7 +13,8 @@ from truepose.robot.robot import Robot
 def config_text(found: Assessment) -> str:
     """Return the printer's file with the estimate in it, as SAVE_CONFIG would write it.
 
-    Of parameters in question alone; readings and all else stay.
+    Of parameters in question alone; readings and all else stay. Beside them, commented out as
+    SAVE_CONFIG does it, the drawing, which the estimate rests on.
     """
     changes: dict[str, dict[str, str]] = {}
     learnt = found.estimate.learnt(found.model.names)
@@ -24,7 +25,8 @@ def config_text(found: Assessment) -> str:
             option = known[name]
             text = f"{value / option.scale:.6f}"
             changes.setdefault(option.section, {})[option.option] = text
-    return rewritten(found.printer.config, changes)
+    drawn = as_drawn(found.prior, found.model.names, found.printer.kinematics)
+    return rewritten(found.printer.config, changes, drawn)
 
 
 def robot_of(found: Assessment) -> Robot:
