@@ -58,6 +58,25 @@ def test_parameters_that_do_not_fit_the_readings_are_named_so():
     assert all(assess(Config.parse(read(name))).as_klipper_would for name in LEFT)
 
 
+@pytest.mark.parametrize("name", [*LEFT, "danorder-v400"])
+def test_an_estimate_in_the_file_is_called_one(name):
+    text = output.config_text(assess(Config.parse(read(name))))
+    words = review.words(assess(Config.parse(text)))
+    assert words[0].startswith("The file's parameters are truepose's estimate, not what Klipper's")
+    assert "do not tell apart" not in words[-1]
+    assert words[-1].startswith("Do not rely" if name == "cupsster" else "Keep the file's param")
+
+
+def test_parameters_that_leave_as_much_as_klippers_fit():
+    text = output.config_text(assess(Config.parse(read("danorder-v400"))))
+    found = assess(Config.parse(text), arm=0.347)
+    assert not found.holds_estimate and not found.as_klipper_would
+    assert review.words(found)[0] == (
+        "The file's parameters fit the file's readings as those of Klipper's criterion do "
+        "(z 0.015 mm rms), angle_b off by 0.02°"
+    )
+
+
 def test_calliper_distances_left_out():
     """Issue's figures by others: heights alone 0.160 mm, Klipper's nine 0.059, plain mean 0.044."""
     found = assess(Config.parse(read("phnxdrgn536")))

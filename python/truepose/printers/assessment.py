@@ -24,6 +24,8 @@ from truepose.show.table import Table
 _ONE_LENGTH = 0.02
 #: How much less squared error a refit must leave before the file's parameters are not its result.
 _REFIT = 0.98
+#: Departure from the estimate that writing it into a file makes, and more, m and rad.
+_THE_SAME = 1e-6
 #: Heights that Klipper takes at least.
 FEWEST = 3
 
@@ -64,6 +66,11 @@ class Assessment:
         """Whether the file's parameters are those of Klipper's criterion on the file's readings."""
         of_file, of_klipper = (self._criterion(p) for p in (self.printer.values, self.klipper))
         return of_klipper >= _REFIT * of_file
+
+    @property
+    def holds_estimate(self) -> bool:
+        """Whether the file's parameters are the estimate's: it was written into the file before."""
+        return bool(np.max(np.abs(self.estimate.p - self.printer.values)) < _THE_SAME)
 
     def _criterion(self, p: Array) -> float:
         e = errors(self.model, p, self.printer.readings, jacobian=False)

@@ -100,11 +100,14 @@ def words(found: Assessment) -> list[str]:
 
 def _fit_in_words(found: Assessment) -> str:
     of_file = found.fits[0]
-    left = f"z {_said(rms(of_file.heights))} mm"
-    if found.extended:
-        left += f", distances {_said(rms(of_file.distances))} mm"
+    left, least = (_left_over(found, k) for k in (0, 1))
     if not np.isfinite(of_file.heights).all():
         return "The file's parameters cannot bring the nozzle to where its readings were taken"
+    if found.holds_estimate:
+        return (
+            f"The file's parameters are truepose's estimate, not what Klipper's criterion gives; "
+            f"left over: {_left_over(found, 2)} rms"
+        )
     if found.as_klipper_would:
         return f"The file's parameters are what Klipper's criterion gives; left over: {left} rms"
     off = np.abs(found.klipper - found.printer.values)
@@ -112,11 +115,23 @@ def _fit_in_words(found: Assessment) -> str:
     k = int(np.argmax([v / option.scale for v, (_, option) in zip(off, known, strict=True)]))
     name, option = known[k]
     unit = "°" if option.unit == "rad" else " mm"
+    away = f"{name} off by {off[k] / option.scale:.2f}{unit}"
+    if left == least:
+        return (
+            "The file's parameters fit the file's readings as those of Klipper's criterion do "
+            f"({left} rms), {away}"
+        )
     return (
         f"The file's parameters do not fit the file's readings ({left} rms; Klipper's criterion "
-        f"leaves {_said(rms(found.fits[1].heights))}, {name} off by {off[k] / option.scale:.2f}"
-        f"{unit}): they were changed since, or the readings are older"
+        f"leaves {least}, {away}): they were changed since, or the readings are older"
     )
+
+
+def _left_over(found: Assessment, k: int) -> str:
+    """What the k-th set of parameters leaves over."""
+    of = found.fits[k]
+    distances = f", distances {_said(rms(of.distances))} mm" * found.extended
+    return f"z {_said(rms(of.heights))} mm{distances}"
 
 
 def _distances_in_words(found: Assessment) -> list[str]:
@@ -180,6 +195,8 @@ def _use(found: Assessment) -> str:
         doubt = f"look whether the arms as drawn are {found.prior.arm / MM:g} mm"
         return f"{advice} parameters, and {doubt}: {left_out}"
     errors = f"expected error over the bed {_said(before)} mm with the file's parameters"
+    if found.holds_estimate:
+        return f"Keep the file's parameters: {errors}, which are the estimate"
     if before < _WORSE * after:
         return (
             f"Keep the file's parameters: {errors}, {_said(after)} with the estimate, which the "
