@@ -6,13 +6,14 @@ import re
 
 import numpy as np
 import pytest
-from printer_files import made_text, read
+from printer_files import changed, made_printer, made_text, read, text_of
 from spoiling import spoiled
 
 import truepose as tp
 from truepose.commands import cli, klipper_figures
 from truepose.printers.assessment import assess
 from truepose.printers.config import MOST_BYTES, Config
+from truepose.printers.criterion import klipper
 from truepose.printers.printer import printer_of
 
 
@@ -198,6 +199,31 @@ BAD = {
         "neither a [section] nor 'option: value'",
     ),
 }
+
+
+@pytest.mark.parametrize(("heights", "more"), [("3-9", ""), ("5-9", ""), ("3-9", "distance")])
+def test_too_few_heights_to_leave_any_out_ask_for_more(run, config, heights, more):
+    gone = f"height[{heights}]" + "|distance" * (not more)
+    config.write_text(lines_of(gone)(read("phnxdrgn536")), encoding="utf-8")
+    status, out, _ = run("printer.cfg", "--report", "printer.html")
+    assert status == 0
+    asked = "Read more heights before anything rests on this calibration (--plan 6 says"
+    assert (asked in out) == (not more)
+    page = config.with_name("printer.html").read_text("utf-8")
+    for text in (out, page):
+        assert ("not looked at" in text) == bool(more)
+        assert ("heights are too few to leave any out" in text) == (not more)
+        assert "left out depart" not in text or more
+
+
+def test_three_heights_are_met_exactly_by_klippers(run, config):
+    """To the decimals of the file, whose parameters are the criterion's then."""
+    made, model, truth = made_printer()
+    made = changed(made, angle_a=made.parameters["angle_a"] + 0.003)
+    three = truth.readings.heights_only().without(heights=range(3, 7))
+    met = changed(made, **dict(zip(model.names, klipper(model, made.values, three), strict=True)))
+    config.write_text(text_of(met, three), encoding="utf-8")
+    assert "are what Klipper's criterion gives; left over: z 0" in run("printer.cfg")[1]
 
 
 @pytest.mark.parametrize("name", BAD)

@@ -93,10 +93,10 @@ def first(config: Config, count: int, arm: float | None, how: Format) -> None:
 
 def narrow(tables: list[Table]) -> list[Table]:
     """What fits on a screen of 80 columns; the report and programs get it all."""
-    fits, parameters, held_out, prints = tables
+    fits, parameters, *held_out, prints = tables
     rows = [row for row in parameters.rows if row[4]]
     parameters = Table(parameters.name, parameters.title, parameters.header, rows)
-    return [fits, parameters.columns(0, 1, 2, 3, 5, 6), held_out, prints.columns(0, 1, 2, 3, 4, 7)]
+    return [fits, parameters.columns(0, 1, 2, 3, 5, 6), *held_out, prints.columns(0, 1, 2, 3, 4, 7)]
 
 
 def run(

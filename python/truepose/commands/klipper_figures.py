@@ -45,7 +45,7 @@ def page(found: Assessment, source: str) -> str:
             for name, draw in {
                 "bed": bed,
                 "readings": readings,
-                "held_out": held_out,
+                **({"held_out": held_out} if found.held_out else {}),
                 "parameters": parameters,
             }.items()
         },

@@ -24,6 +24,8 @@ from truepose.show.table import Table
 _ONE_LENGTH = 0.02
 #: How much less squared error a refit must leave before the file's parameters are not its result.
 _REFIT = 0.98
+#: What is left over of readings that are met exactly, but for the decimals in the file, m.
+_NOTHING = 1e-6
 #: Departure from the estimate that writing it into a file makes, and more, m and rad.
 _THE_SAME = 1e-6
 #: Heights that Klipper takes at least.
@@ -49,7 +51,7 @@ class Assessment:
     klipper: Array  #: parameters that Klipper's criterion finds
     estimate: Estimate
     fits: tuple[Residuals, ...]  #: the file's, Klipper's, the estimate's
-    held_out: tuple[HeldOut, ...]
+    held_out: tuple[HeldOut, ...]  #: none: too few readings to leave any out
     before: Bed  #: with the file's parameters
     after: Bed  #: with the estimate's
     scale: Learnt  #: against arms as drawn and the heights alone; prior: by these
@@ -65,7 +67,7 @@ class Assessment:
     def as_klipper_would(self) -> bool:
         """Whether the file's parameters are those of Klipper's criterion on the file's readings."""
         of_file, of_klipper = (self._criterion(p) for p in (self.printer.values, self.klipper))
-        return of_klipper >= _REFIT * of_file
+        return of_klipper >= _REFIT * of_file - _NOTHING**2
 
     @property
     def holds_estimate(self) -> bool:

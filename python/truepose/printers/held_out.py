@@ -15,7 +15,6 @@ from truepose.printers.model import Model
 from truepose.printers.printer import Readings
 
 MEAN, ESTIMATE = "plain mean", "estimate with tolerances"
-_FEWEST = 3  #: heights that a calibration needs
 _MOST = 24  #: fits of each way
 #: How many parameters Klipper adjusts.
 _COUNTS = {4: "four", 6: "six", 7: "seven", 9: "nine"}
@@ -101,13 +100,17 @@ def leave_one_out(
 ) -> list[HeldOut]:
     """Try every way of calibrating on each reading that is left out in turn.
 
-    Of many readings some at a time, in as many parts as there may be fits.
+    Of many readings some at a time, in as many parts as there may be fits. Of heights only where
+    the others still determine what Klipper adjusts by heights; empty if nothing can be left out.
     """
-    result = []
+    result: list[HeldOut] = []
     H, D = len(readings.heights), len(readings.distances)
+    spare = len(adjusted(model.kinematics, extended=False)) < H
+    if not (spare or D):
+        return result
     for name, way in how.items():
         heights, distances = np.full(H, np.nan), np.full(D, np.nan)
-        for part in _parts(H) if H > _FEWEST else ():
+        for part in _parts(H) if spare else ():
             found = way(readings.without(heights=part))
             heights[part] = errors(model, found.p, readings, jacobian=False).heights[part]
         for part in _parts(D):

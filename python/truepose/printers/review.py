@@ -163,6 +163,8 @@ def _distances_in_words(found: Assessment) -> list[str]:
 
 def _honesty(found: Assessment) -> str:
     """Say whether the σ are honest on this machine: by readings that were left out."""
+    if not found.held_out:
+        return f"{len(found.printer.readings.heights)} heights are too few to leave any out"
     times = math.sqrt(found.estimate.differences.chi2)
     line = f"Readings that were left out depart by {times:.1f} of their predicted σ (1: honest)"
     if times < _DISHONEST:
@@ -175,9 +177,15 @@ def _honesty(found: Assessment) -> str:
 
 def _use(found: Assessment) -> str:
     """Say whether to use the calibration at all."""
+    before, after = (math.hypot(*_over(bed)) for bed in (found.before, found.after))
+    errors = f"expected error over the bed {_said(before)} mm with the file's parameters"
+    if not found.held_out or _over(found.after)[2] > LAYER:
+        return (
+            f"Read more heights before anything rests on this calibration (--plan 6 says which): "
+            f"{errors}, {_said(after)} with the estimate"
+        )
     ways = ({way.name: way for way in found.held_out}[ESTIMATE], _of_klipper(found))
     heights = min(rms(_finite(way.heights)) for way in ways)
-    before, after = (math.hypot(*_over(bed)) for bed in (found.before, found.after))
     if heights > LAYER:
         return (
             f"Do not rely on this calibration: heights that were left out are missed by "
@@ -194,7 +202,6 @@ def _use(found: Assessment) -> str:
         advice = "Keep the file's" if found.as_klipper_would else "Use Klipper's"
         doubt = f"look whether the arms as drawn are {found.prior.arm / MM:g} mm"
         return f"{advice} parameters, and {doubt}: {left_out}"
-    errors = f"expected error over the bed {_said(before)} mm with the file's parameters"
     if found.holds_estimate:
         return f"Keep the file's parameters: {errors}, which are the estimate"
     if before < _WORSE * after:
@@ -217,7 +224,8 @@ def _of_klipper(found: Assessment) -> HeldOut:
 
 def tables(found: Assessment) -> list[Table]:
     """Every table, in the order in which they are read."""
-    return [fits(found), parameters(found), held_out(found), prints(found)]
+    left_out = [held_out(found)] if found.held_out else []
+    return [fits(found), parameters(found), *left_out, prints(found)]
 
 
 def _over(bed: Bed) -> list[float]:
