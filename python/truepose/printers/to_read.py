@@ -6,6 +6,8 @@ leave the nozzle's position over the bed best known, by what the estimate assume
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from truepose.arguments import Array
@@ -13,11 +15,12 @@ from truepose.calibration.candidates import Candidates, reachable
 from truepose.calibration.differences import Distances, Plane
 from truepose.calibration.plan import Plan, plan
 from truepose.exceptions import InputError
-from truepose.printers.assessment import FEWEST, Assessment, drawn_of
+from truepose.printers.assessment import Assessment, drawn_of
 from truepose.printers.config import Config
-from truepose.printers.estimate import Assumed, Estimate, Prior, prior
+from truepose.printers.criterion import adjusted
+from truepose.printers.estimate import Assumed, Estimate, Prior, estimate, prior
 from truepose.printers.model import Model
-from truepose.printers.printer import MM, Printer, printer_of
+from truepose.printers.printer import MM, NO_READINGS, Printer, printer_of
 from truepose.printers.prints import disc
 from truepose.printers.review import assumptions
 from truepose.show.table import Cell, Table, fixed
@@ -33,7 +36,7 @@ _SHORTEST = 20 * MM
 def next_readings(found: Assessment, count: int) -> Table:
     """Say what to read after all that was read."""
     planned = _planned(found.printer, found.prior, found.assumed, count, found.estimate)
-    return _table(planned, found.model, found.printer, "What to read next")
+    return _table([planned], found.model, found.printer, "What to read next")
 
 
 def first_readings(config: Config, count: int, arm: float | None = None) -> tuple[Table, list[str]]:
@@ -47,19 +50,28 @@ def first_readings(config: Config, count: int, arm: float | None = None) -> tupl
     printer = printer_of(config, unread=True)
     assumed, model = Assumed(), drawn_of(printer)
     known = prior(model, printer, assumed, arm)
-    planned = _planned(printer, known, assumed, count)
-    if [step.what for step in planned.steps].count("plane") < FEWEST:
-        planned = _planned(printer, known, assumed, count, heights_only=True)
-    table = _table(planned, model, printer, "What to read first")
-    before = f"Heights come first: before {FEWEST} of them are read nothing can be printed"
+    enough = len(adjusted(printer.kinematics, extended=False)) + 1
+    plans = [_planned(printer, known, assumed, min(count, enough), heights_only=True)]
+    if count > enough:
+        touched = np.concatenate([step.poses for step in plans[0].steps])
+        steps, names = model.steps(known.mean, touched), tuple(map(str, range(enough)))
+        read = replace(NO_READINGS, heights=touched[:, 2], height_steps=steps, height_names=names)
+        then = estimate(model, read, known, assumed)  # whatever they say, it is as well known
+        plans.append(_planned(printer, known, assumed, count - enough, then))
+    table = _table(plans, model, printer, "What to read first")
+    before = (
+        f"Heights come first, {enough} of them, one more than Klipper adjusts parameters by: "
+        "before that nothing can be printed"
+    )
     return table, [before, *assumptions(known, assumed)]
 
 
-def _table(planned: Plan, model: Model, printer: Printer, title: str) -> Table:
+def _table(plans: list[Plan], model: Model, printer: Printer, title: str) -> Table:
     """One row a reading, the most useful first; programs are told Klipper's stable positions."""
     rows = []
-    for k, sigma in enumerate(planned.sigma):
-        step = planned.steps[k - 1] if k else None
+    promises = [plans[0].sigma[0], *(sigma for planned in plans for sigma in planned.sigma[1:])]
+    steps = [None, *(step for planned in plans for step in planned.steps)]
+    for k, (step, sigma) in enumerate(zip(steps, promises, strict=True)):
         ends = np.zeros((0, 3)) if step is None else step.poses
         what = "" if step is None else _WHAT[step.what]
         stable = ["", ""]
