@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -16,7 +18,7 @@ from truepose.printers.criterion import errors, klipper, weight
 from truepose.printers.estimate import Assumed, Estimate, Prior, UnfitError, estimate, prior
 from truepose.printers.held_out import HeldOut
 from truepose.printers.model import Model
-from truepose.printers.printer import TOWERS, Printer, printer_of
+from truepose.printers.printer import MM, TOWERS, Printer, printer_of
 from truepose.printers.prints import Bed, over_the_bed
 from truepose.show.table import Table
 
@@ -101,10 +103,18 @@ def assess(config: Config, arm: float | None = None, assumed: Assumed | None = N
         One line: what is wrong with the file or its readings.
     """
     printer = printer_of(config)
-    try:
+    with fitting(config, "[delta_calibrate] ", arm):
         return _looked_at(printer, arm, Assumed() if assumed is None else assumed)
-    except UnfitError as error:
-        raise InputError(f"{config.path}: [delta_calibrate]: {error}") from None
+
+
+@contextlib.contextmanager
+def fitting(config: Config, where: str, arm: float | None) -> Iterator[None]:
+    """Name the file where no printer fits, and the arms' length, m, if somebody gave one."""
+    try:
+        yield
+    except (UnfitError, RobotFileError) as error:
+        given = "" if arm is None else f" (or is --arm {arm / MM:g} wrong?)"
+        raise InputError(f"{config.path}: {where}{error}{given}") from None
 
 
 def drawn_of(printer: Printer) -> Model:
@@ -148,7 +158,7 @@ def _looked_at(printer: Printer, arm: float | None, assumed: Assumed) -> Assessm
         e = errors(model, p, readings, jacobian=False)
         expected = found.expected(e.lengths) if p is found.p else e.lengths
         fits.append(Residuals(name, e.heights, expected - readings.distances))
-    doubts.refuse_unfit(printer, fits[-1][1:])
+    doubts.refuse_unfit(fits[-1][1:])
     ways = held_out.ways(model, by_klipper, readings, known, assumed)
     heights_alone = readings.heights_only()
     as_drawn = klipper(model, known.mean, heights_alone)

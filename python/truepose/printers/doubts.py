@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from statistics import NormalDist
 
 import numpy as np
 
 from truepose.arguments import Array
 from truepose.calibration.differences import FALSE_ALARM
-from truepose.exceptions import InputError
 from truepose.printers.criterion import errors, rms
-from truepose.printers.estimate import Assumed, Estimate, Prior, estimate
+from truepose.printers.estimate import (
+    CHANGED,
+    Assumed,
+    Estimate,
+    Prior,
+    UnfitError,
+    estimate,
+    prior,
+)
 from truepose.printers.model import Model
 from truepose.printers.printer import MM, Printer, Readings, probe_offset, unlike_arms
 
@@ -22,39 +31,37 @@ _GROSS, _TIMES = 1 * MM, 6.0
 _BED = 1 * MM
 _SUSPECTS = 30  #: heights that are left out to find a wrong one
 _FEWEST = 3  #: that a calibration needs
-_CHANGED = "have microsteps or rotation_distance changed since"
 #: Departure of a length from the geometry that is a unit, not a printer.
 _FACTOR = 0.05
 _UNITS = {1 / 25.4: "inches", 0.1: "cm", 1e-3: "m", 1e3: "µm", 25.4: "mm of inches"}
 
 
 def refuse(model: Model, printer: Printer, known: Prior, assumed: Assumed) -> None:
-    """Raise InputError, naming it, for a reading that cannot be; before anything rests on it."""
-    where = f"{printer.config.path}: [delta_calibrate]"
+    """Raise UnfitError, naming it, for a reading that cannot be; before anything rests on it."""
     readings = printer.readings
     e = errors(model, known.mean, readings, jacobian=False)
     away = [*e.heights, *e.lengths]
     names = [*readings.height_names, *readings.distance_names]
     if not np.isfinite(away).all():
         name = names[int(np.flatnonzero(~np.isfinite(away))[0])]
-        raise InputError(
-            f"{where} {name}: the nozzle cannot have been there; {_CHANGED}, or are lengths in "
+        raise UnfitError(
+            f"{name}: the nozzle cannot have been there; {CHANGED}, or are lengths in "
             "other units than mm?"
         )
-    _wrong_height(model, readings, known, assumed, where)
-    _wrong_distance(readings, e.lengths, where)
+    _wrong_height(model, printer, known, assumed)
+    _wrong_distance(readings, e.lengths)
 
 
-def _wrong_distance(readings: Readings, lengths: Array, where: str) -> None:
+def _wrong_distance(readings: Readings, lengths: Array) -> None:
     read = readings.distances
     if not len(read):
         return
     ratio = read / lengths
     if abs(float(np.median(ratio)) - 1) > _FACTOR:
         unit = _unit(float(np.median(ratio)))
-        hint = f"{unit}? Klipper takes mm" if unit else f"{_CHANGED}?"
-        raise InputError(
-            f"{where} distances: {_mm(read[0])} mm, … where the nozzle moved by "
+        hint = f"{unit}? Klipper takes mm" if unit else f"{CHANGED}, or is a height wrong?"
+        raise UnfitError(
+            f"distances: {_mm(read[0])} mm, … where the nozzle moved by "
             f"{lengths[0] / MM:.2f} mm, …: {hint}"
         )
     off = read - lengths
@@ -65,35 +72,39 @@ def _wrong_distance(readings: Readings, lengths: Array, where: str) -> None:
         unit = _unit(float(ratio[k]))
         hint = f"{unit}? Klipper takes mm" if unit else "typed wrong?"
         others = " by the others" if len(off) > 2 else ""
-        raise InputError(
-            f"{where} {readings.distance_names[k]} = {_mm(read[k])}: "
+        raise UnfitError(
+            f"{readings.distance_names[k]} = {_mm(read[k])}: "
             f"{(lengths[k] + middle) / MM:.2f} mm is expected{others}: {hint} "
             "Measure it again, or take it out"
         )
 
 
-def _wrong_height(
-    model: Model, readings: Readings, known: Prior, assumed: Assumed, where: str
-) -> None:
+def _wrong_height(model: Model, printer: Printer, known: Prior, assumed: Assumed) -> None:
+    readings = printer.readings
     heights = readings.heights_only()
-    off = _heights(model, heights, known, assumed)
+
+    def left_over(by: Readings) -> Array:
+        """By a prior of their own: one gross height has moved that of all."""
+        p = known.mean
+        with contextlib.suppress(UnfitError):
+            own = prior(model, replace(printer, readings=by), assumed, known.arm)
+            p = own.mean
+            p = estimate(model, by, own, assumed).p
+        return errors(model, p, by, jacobian=False).heights
+
+    off = left_over(heights)
     left = rms(off)
     if left <= _BED:
         return
     suspects = np.argsort(-np.abs(off))[: _SUSPECTS if len(off) > _FEWEST else 0].tolist()
-    without = [rms(_heights(model, heights.without([k]), known, assumed)) for k in suspects]
+    without = [rms(left_over(heights.without([k]))) for k in suspects]
     best = int(np.argmin(without)) if without else 0
     if without and without[best] < 0.2 * left:
         k = suspects[best]
-        raise InputError(
-            f"{where} {readings.height_names[k]} = {_mm(readings.heights[k])}: does not fit the "
+        raise UnfitError(
+            f"{readings.height_names[k]} = {_mm(readings.heights[k])}: does not fit the "
             "other heights: typed wrong? Measure it again, or take it out"
         )
-
-
-def _heights(model: Model, readings: Readings, known: Prior, assumed: Assumed) -> Array:
-    found = estimate(model, readings, known, assumed)
-    return errors(model, found.p, readings, jacobian=False).heights
 
 
 def _unit(ratio: float) -> str:
@@ -108,14 +119,14 @@ def _mm(value: float) -> str:
     return f"{value / MM:.6g}"
 
 
-def refuse_unfit(printer: Printer, left: tuple[Array, Array]) -> None:
-    """Raise InputError where no printer leaves so much over of its heights and distances."""
+def refuse_unfit(left: tuple[Array, Array]) -> None:
+    """Raise UnfitError where no printer leaves so much over of its heights and distances."""
     heights, distances = (rms(values) / MM if len(values) else 0.0 for values in left)
     if MM * max(heights, distances) > _BED:
-        raise InputError(
-            f"{printer.config.path}: [delta_calibrate]: no such printer has these readings: "
+        raise UnfitError(
+            "no such printer has these readings: "
             f"{heights:.2f} mm rms of the heights and {distances:.2f} of the distances are left "
-            f"over; are some wrong, or {_CHANGED}?"
+            f"over; are some wrong, or {CHANGED}?"
         )
 
 

@@ -40,6 +40,8 @@ class UnfitError(InputError):
     """No such printer can have had these readings."""
 
 
+#: What makes stable positions others than they were.
+CHANGED = "have microsteps or rotation_distance changed since"
 #: σ of what no parameter of Klipper's moves, m or rad.
 BY_DEFINITION = 1e-7
 #: Before the options that a rotary delta's file with an estimate keeps of its drawing: Klipper's
@@ -247,8 +249,10 @@ def estimate(model: Model, readings: Readings, known: Prior, assumed: Assumed) -
             model_error="off",
             differences=_differences(readings, assumed),
         )
-    except PoseError as error:
-        raise UnfitError(f"no printer was found that fits the readings: {error}") from None
+    except PoseError:  # its advice is for other logs
+        raise UnfitError(
+            f"no printer was found that fits the readings: are some wrong, or {CHANGED}?"
+        ) from None
     between = found.differences
     if between is None or (found.status != "ok").any():
         raise UnfitError("the nozzle cannot be where the readings were taken")

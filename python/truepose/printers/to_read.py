@@ -15,7 +15,7 @@ from truepose.calibration.candidates import Candidates, reachable
 from truepose.calibration.differences import Distances, Plane
 from truepose.calibration.plan import Plan, plan
 from truepose.exceptions import InputError
-from truepose.printers.assessment import Assessment, drawn_of
+from truepose.printers.assessment import Assessment, drawn_of, fitting
 from truepose.printers.config import Config
 from truepose.printers.criterion import adjusted
 from truepose.printers.estimate import Assumed, Estimate, Prior, estimate, prior
@@ -49,7 +49,8 @@ def first_readings(config: Config, count: int, arm: float | None = None) -> tupl
     """
     printer = printer_of(config, unread=True)
     assumed, model = Assumed(), drawn_of(printer)
-    known = prior(model, printer, assumed, arm)
+    with fitting(config, "", arm):
+        known = prior(model, printer, assumed, arm)
     enough = len(adjusted(printer.kinematics, extended=False)) + 1
     plans = [_planned(printer, known, assumed, min(count, enough), heights_only=True)]
     if count > enough:
