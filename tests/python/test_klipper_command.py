@@ -132,6 +132,16 @@ BAD = {
     "no readings": (lines_of("height|distance"), "[delta_calibrate]: no saved readings; DELTA_CAL"),
     "no heights": (lines_of("height"), "[delta_calibrate]: distances, but no heights; DELTA_CAL"),
     "two heights": (lines_of("height[2-6]|distance"), "2 heights: Klipper probes 3 at least"),
+    "a gap among the heights": (
+        lambda text: text.replace("height2", "height9"),
+        "2 heights: Klipper probes 3 at least; height2 is missing: as in Klipper none behind it "
+        "counts, height9 neither",
+    ),
+    "no first height": (
+        lambda text: text.replace("height0", "height9"),
+        "distances, but no heights; DELTA_CALIBRATE and SAVE_CONFIG write them. And height0 is "
+        "missing: as in Klipper none behind it counts, height9 neither",
+    ),
     "garbled": (one(r"height3 = 16.0", "height3 = 16,O"), "height3 = 16,O: must be a number"),
     "beyond all bounds": (
         one(r"distance4 = 65.06\d*", "distance4 = 1e200"),
@@ -149,7 +159,8 @@ BAD = {
     ),
     "10 mm off": (
         one(r"distance4 = 65.06", "distance4 = 75.06"),
-        "distance4 = 75.06: 65.14 mm is expected by the others: typed wrong?",
+        "distance4 = 75.06: 65.14 mm is expected by the others: typed wrong? Measure it "
+        "again, or take it out and number those behind it on",
     ),
     "inches": (
         one(r"distance7 = 65.0\d*", "distance7 = 2.5606"),
@@ -165,7 +176,8 @@ BAD = {
     ),
     "a gross height": (
         one(r"height3 = 16.0", "height3 = 160"),
-        "height3 = 160: does not fit the other heights: typed wrong?",
+        "height3 = 160: does not fit the other heights: typed wrong? Measure it again, or take it "
+        "out and number those behind it on",
     ),
     "a gross height in the middle": (
         one(r"height0 = 16.0", "height0 = 1.6"),
@@ -199,7 +211,7 @@ BAD = {
     ),
     "twice": (
         one(r"height4_pos = .*", "height4_pos = 31704.000,42083.000,31723.000"),
-        "height4: at the same place as height2, digit for digit: take one out",
+        "height4: at the same place as height2, digit for digit: take it out and number those",
     ),
     "turned round": (
         one(
@@ -207,11 +219,11 @@ BAD = {
             "distance1_pos1 = 31268.931,35653.617,35735.432\n"
             "#*# distance1_pos2 = 33313.562,33544.532,33622.698\n",
         ),
-        "distance1: at the same place as distance0, digit for digit: take one out",
+        "distance1: at the same place as distance0, digit for digit: take it out and",
     ),
     "a point to itself": (
         one(r"distance0_pos2 = .*", "distance0_pos2 = 33313.562,33544.532,33622.698"),
-        "distance0: from a point to itself: take it out",
+        "distance0: from a point to itself: take it out and number those behind it on",
     ),
     "no microsteps": (one("microsteps: 16\n", ""), "[stepper_a] microsteps: is missing"),
     "half of a microstep": (one("microsteps: 16", "microsteps: 16.5"), "must be a whole number"),
@@ -268,6 +280,12 @@ def test_a_bad_file_is_refused_in_one_line(run, config, tmp_path, name):
     assert err.startswith("truepose: error: printer.cfg: ")
     assert said in err and "loss" not in err
     assert sorted(path.name for path in tmp_path.iterdir()) == ["printer.cfg"]
+
+
+def test_readings_behind_a_gap_are_no_printer_without_readings(run, config):
+    config.write_text(BAD["no first height"][0](read("phnxdrgn536")), encoding="utf-8")
+    status, out, err = run("printer.cfg", "--plan", 4)
+    assert (status, out) == (2, "") and "height0 is missing" in err
 
 
 def test_a_rotary_delta_without_angles_is_refused(run, config):

@@ -18,7 +18,7 @@ from truepose.printers.criterion import errors, klipper, weight
 from truepose.printers.estimate import Assumed, Estimate, Prior, UnfitError, estimate, prior
 from truepose.printers.held_out import HeldOut
 from truepose.printers.model import Model
-from truepose.printers.printer import MM, TOWERS, Printer, printer_of
+from truepose.printers.printer import HEIGHTS, MM, TOWERS, Printer, gaps, printer_of
 from truepose.printers.prints import Bed, over_the_bed
 from truepose.show.table import Table
 
@@ -136,10 +136,9 @@ def _looked_at(printer: Printer, arm: float | None, assumed: Assumed) -> Assessm
     config = printer.config
     readings = printer.readings
     if len(readings.heights) < FEWEST:
-        count = len(readings.heights)
-        raise InputError(
-            f"{config.path}: [delta_calibrate]: {count} heights: Klipper probes {FEWEST} at least"
-        )
+        count = f"{len(readings.heights)} heights: Klipper probes {FEWEST} at least"
+        said = "; ".join([count, *gaps(config, HEIGHTS)])
+        raise InputError(f"{config.path}: [delta_calibrate]: {said}")
     model = drawn_of(printer)
     known = prior(model, printer, assumed, arm)
     doubts.refuse(model, printer, known, assumed)

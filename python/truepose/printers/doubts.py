@@ -23,7 +23,7 @@ from truepose.printers.estimate import (
     prior,
 )
 from truepose.printers.model import Model
-from truepose.printers.printer import MM, Printer, Readings, probe_offset, unlike_arms
+from truepose.printers.printer import MM, TAKE_OUT, Printer, Readings, probe_offset, unlike_arms
 
 #: Departure from the others that is nobody's calliper, m; and in units of their own scatter.
 _GROSS, _TIMES = 1 * MM, 6.0
@@ -75,7 +75,7 @@ def _wrong_distance(readings: Readings, lengths: Array) -> None:
         raise UnfitError(
             f"{readings.distance_names[k]} = {_mm(read[k])}: "
             f"{(lengths[k] + middle) / MM:.2f} mm is expected{others}: {hint} "
-            "Measure it again, or take it out"
+            f"Measure it again, or {TAKE_OUT}"
         )
 
 
@@ -103,7 +103,7 @@ def _wrong_height(model: Model, printer: Printer, known: Prior, assumed: Assumed
         k = suspects[best]
         raise UnfitError(
             f"{readings.height_names[k]} = {_mm(readings.heights[k])}: does not fit the "
-            "other heights: typed wrong? Measure it again, or take it out"
+            f"other heights: typed wrong? Measure it again, or {TAKE_OUT}"
         )
 
 

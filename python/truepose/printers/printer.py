@@ -28,6 +28,11 @@ _PROBES = ("probe", "bltouch", "smart_effector", "probe_eddy_current", "beacon",
 #: Arms that differ by more are no arms that anybody glued, m.
 _APART = 5 * MM
 _MOST = 999  #: readings of each sort that Klipper looks for
+#: Names of readings, before their number.
+HEIGHTS = ("manual_height", "height")
+STEMS = (*HEIGHTS, "distance")
+#: What to do with a wrong reading: Klipper looks for none behind a number that is missing.
+TAKE_OUT = "take it out and number those behind it on"
 
 
 class Option(NamedTuple):
@@ -233,11 +238,9 @@ def _readings(config: Config, parameters: dict[str, float]) -> Readings:
     distances = list(_listed(config, "distance", ("1", "2")))
     if not (by_hand or probed):
         what = "distances, but no heights" if distances else "no saved readings"
-        odd = unlike_arms(parameters)
-        raise InputError(
-            f"{config.path}: [{section}]: {what}; DELTA_CALIBRATE and SAVE_CONFIG write them"
-            + (f". And {odd}" if odd else "")
-        )
+        odd = [*gaps(config, HEIGHTS), *filter(None, [unlike_arms(parameters)])]
+        said = [f"{what}; DELTA_CALIBRATE and SAVE_CONFIG write them", *odd]
+        raise InputError(f"{config.path}: [{section}]: {'. And '.join(said)}")
     heights = by_hand + probed
     readings = Readings(
         np.array([value for _, value, _ in heights]),
@@ -254,8 +257,7 @@ def _readings(config: Config, parameters: dict[str, float]) -> Readings:
 
 def has_readings(config: Config) -> bool:
     """Whether a file has readings of any sort."""
-    stems = ("manual_height", "height", "distance")
-    return any(config.has("delta_calibrate", f"{stem}0") for stem in stems)
+    return any(_numbers(config, stem) for stem in STEMS)
 
 
 def _listed(
@@ -283,11 +285,11 @@ def _repeated(config: Config, readings: Readings) -> None:
         ends = at.reshape(-1, 3)
         if len(ends) == 2 and (ends[0] == ends[1]).all():
             text = f"{name}: from a point to itself"
-            raise InputError(f"{config.path}: [delta_calibrate] {text}: take it out")
+            raise InputError(f"{config.path}: [delta_calibrate] {text}: {TAKE_OUT}")
         key = np.array(sorted(ends.tolist())).tobytes()
         if key in seen:
             text = f"{name}: at the same place as {seen[key]}, digit for digit"
-            raise InputError(f"{config.path}: [delta_calibrate] {text}: take one out")
+            raise InputError(f"{config.path}: [delta_calibrate] {text}: {TAKE_OUT}")
         seen[key] = name
 
 
@@ -310,9 +312,19 @@ def _notes(config: Config, kinematics: str) -> Iterator[str]:
                 f"[{section}] {option} stands twice: {counts} counts, as in Klipper, and not the "
                 f"saved {saved}"
             )
-    for stem in ("manual_height", "height", "distance"):
-        names = config.values.get("delta_calibrate", {})
-        found = {int(n[1]) for name in names if (n := re.fullmatch(rf"{stem}(\d{{1,3}})", name))}
+    yield from gaps(config)
+
+
+def _numbers(config: Config, stem: str) -> set[int]:
+    """Numbers that readings of a sort have in the file, whether Klipper looks for them or not."""
+    names = config.values.get("delta_calibrate", {})
+    return {int(n[1]) for name in names if (n := re.fullmatch(rf"{stem}(\d{{1,3}})", name))}
+
+
+def gaps(config: Config, stems: tuple[str, ...] = STEMS) -> Iterator[str]:
+    """Name each number that is missing among the readings of a sort."""
+    for stem in stems:
+        found = _numbers(config, stem)
         gap = next(k for k in range(len(found) + 1) if k not in found)
         if any(k > gap for k in found):
             last = stem + str(max(found))
