@@ -324,6 +324,22 @@ def test_windows_line_ends_and_a_mark_change_nothing(run, config):
         assert run("printer.cfg") == plain
 
 
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf"])
+def test_what_is_written_keeps_line_ends_and_mark(run, config, tmp_path, end, mark):
+    """So that a diff shows no more than what the estimate changes."""
+    text = read("phnxdrgn536")
+    config.write_bytes(mark + text.replace("\n", end).encode())
+    assert run("printer.cfg", "--write", "new.cfg")[0] == 0
+    new = (tmp_path / "new.cfg").read_bytes()
+    assert new.startswith(mark + text[:20].encode())
+    lines = new.removeprefix(mark).decode().split(end)
+    assert not any(set(line) & set("\r\n\ufeff") for line in lines)
+    changed = set(lines) ^ set(text.split("\n"))
+    names = "delta_radius|angle|arm_length|position_endstop"
+    assert changed and all(re.match(rf"#\*# ({names}) = ", line) for line in changed)
+
+
 def test_what_is_no_text_and_what_is_too_long_are_refused(run, config, tmp_path):
     filling = "# " + "x" * 97 + "\n"
     for data, said in (

@@ -12,6 +12,7 @@ import contextlib
 import math
 import os
 import re
+import statistics
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
@@ -34,6 +35,7 @@ SAVED_HEADER = (
 
 #: An option that SAVE_CONFIG, or a person, has taken out: ``#arm_length: 345.0``.
 _OFF = re.compile(r"#\s*(\w+)\s*[:=]\s*([^#;]*)")
+_END = re.compile(r"\r\n?|\n")
 _SECTION = re.compile(r"\[([^\]]+)\]")
 
 
@@ -47,6 +49,8 @@ class Config:
     saved: dict[str, dict[str, str]]  #: those of the saved block
     off: dict[tuple[str, str], float]  #: commented out, of the file's own part: the first number
     included: tuple[str, ...]  #: names of files that are not read
+    end: str = "\n"  #: of most of its lines
+    mark: str = ""  #: that it begins with: UTF-8's, or none
 
     @classmethod
     def read(cls, path: str | Path) -> Self:
@@ -59,7 +63,7 @@ class Config:
         """
         try:
             data = contents(Path(path), MOST_BYTES + 1)
-            text = data.decode("utf-8-sig") if len(data) <= MOST_BYTES else ""
+            text = data.decode() if len(data) <= MOST_BYTES else ""
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or "not a text file (UTF-8)"
             raise InputError(f"{path}: cannot be read: {reason}") from None
@@ -78,7 +82,10 @@ class Config:
         >>> config.values["printer"]["kinematics"]
         'delta'
         """
-        lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+        mark = "\ufeff" * text.startswith("\ufeff")
+        text = text.removeprefix(mark)
+        end = statistics.mode(_END.findall(text) or ["\n"])
+        lines = _END.split(text)
         own = "\n".join("" if line.startswith(SAVED) else line for line in lines)
         first, saved = (_parsed(part, path) for part in (own, _block(lines)))
         merged = {name: dict(options) for name, options in saved.items()}
@@ -86,7 +93,8 @@ class Config:
             merged.setdefault(name, {}).update(options)
         included = [name[8:].strip() for name in first if name.startswith("include ")]
         whole = "\n".join(lines)
-        return cls(os.fspath(path), whole, merged, saved, _taken_out(own), tuple(included))
+        off = _taken_out(own)
+        return cls(os.fspath(path), whole, merged, saved, off, tuple(included), end, mark)
 
     def error(self, section: str, option: str, text: str) -> InputError:
         """Return the error that names an option of a section, its value and what it should be."""
@@ -245,4 +253,5 @@ def rewritten(
         lines += [f"{option} = {value}".replace("\n", "\n\t") for option, value in options.items()]
         lines.append("")
     said = [f"{SAVED} {line}".rstrip() for line in "\n".join(lines).strip().split("\n")]
-    return "\n".join(own).rstrip() + "\n\n" + SAVED_HEADER + "\n".join(said) + "\n"
+    text = "\n".join(own).rstrip() + "\n\n" + SAVED_HEADER + "\n".join(said) + "\n"
+    return config.mark + text.replace("\n", config.end)
