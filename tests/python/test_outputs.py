@@ -159,13 +159,40 @@ def test_a_map_is_not_drawn_into_the_poses_that_it_is_for(run, folder):
 
 
 @pytest.mark.parametrize(
-    "words", [("-o", "cal.html"), ("-o", "a.toml", "--report", "./a.toml"), ("-o", "")]
+    ("words", "said"),
+    [
+        (("-o", "a.html"), "-o a.html: unknown ending '.html'"),
+        (("-o", "a.toml", "--report", "./a.toml"), "--report a.toml: unknown ending '.toml'"),
+        (("-o", "a.toml", "--report", "a.pdf"), "--report a.pdf: unknown ending '.pdf'"),
+        (("-o", ""), "it is a folder"),
+    ],
 )
-def test_a_calibration_and_its_report_are_two_files(run, folder, words):
+def test_a_calibration_and_its_report_are_two_files_of_their_kinds(run, folder, words, said):
     status, out, err = run("calibrate", "h4", "log.csv", *words)
     assert (status, out) == (2, "") and len(err.splitlines()) == 1
-    assert "are the same file" in err or "it is a folder" in err
+    assert said in err
     assert os.listdir(folder) == ["log.csv"]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("plan h4 -o a.txt", "-o a.txt: unknown ending '.txt' (choices: .csv)"),
+        ("design h4 --place wire1 -o a.csv", "-o a.csv: unknown ending '.csv' (choices: .toml)"),
+        ("design h4 --price theta=9 --report a.pdf", "unknown ending '.pdf' (choices: .html"),
+        ("design h4 --price theta=9 --plot a.gif", "unknown ending '.gif' (choices: .png"),
+    ],
+)
+def test_a_file_of_another_ending_is_not_written(run, folder, words, said):
+    status, out, err = run(*words.split(), "--force")
+    assert (status, out) == (2, "") and said in err
+    assert os.listdir(folder) == ["log.csv"]
+
+
+def test_files_are_named_in_any_letters(h4, tmp_path):
+    h4.save(tmp_path / "robot.TXT")  # by a program, which knows what it does
+    for name in ("A.HTML", "a.htm"):
+        files.check([files.Output(tmp_path / name, "report", "--report")])
 
 
 def test_a_drawn_robot_is_no_earlier_calibration(run, folder, h4):

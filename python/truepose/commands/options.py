@@ -118,7 +118,7 @@ def plot_to(
         return lambda draw: None
     output = files.Output(path, "picture", "--plot")
     read = [path_of(str(name)) for name in inputs]
-    files.check_picture(output, read, force)
+    files.check([output], read, force)
 
     def save(draw: Callable[[], Figure]) -> None:
         files.write({output: files.picture(draw(), path.suffix)}, read, force)

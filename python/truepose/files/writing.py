@@ -27,6 +27,14 @@ if TYPE_CHECKING:
 
 #: Formats of pictures, by the file's ending, and the key of their metadata that holds the mark.
 PICTURES = {".png": "Software", ".svg": "Creator", ".pdf": "Creator"}
+#: Endings that options of commands take, by the kind of file; of other kinds any.
+ENDINGS = {
+    "picture": tuple(PICTURES),
+    "report": (".html", ".htm"),
+    "plan": (".csv",),
+    "robot file": (".toml",),
+    "calibrated robot": (".toml",),
+}
 #: Where a file says what it is: at its beginning; PDF and Parquet at their end.
 _BEGINNING, _END = 1 << 12, 1 << 16
 
@@ -82,7 +90,7 @@ def check(
     Raises
     ------
     InputError
-        An output may not be written, or two are the same file.
+        An output has another format's ending or may not be written, or two are the same file.
     """
     outputs, read = list(outputs), [_stat(Path(path)) for path in inputs]
     places = [_place(output, [s for s in read if s], force) for output in outputs]
@@ -90,13 +98,6 @@ def check(
         if at == other or (at.exists() and other.exists() and at.samefile(other)):
             raise InputError(f"{a} and {b}: are the same file")
     return places
-
-
-def check_picture(output: Output, inputs: Iterable[str | Path] = (), force: bool = False) -> None:
-    """Look whether a picture may be written, and in this format."""
-    if output.path.suffix.lower() not in PICTURES:
-        raise InputError(f"{output}: " + choose("ending", output.path.suffix, PICTURES))
-    check([output], inputs, force)
 
 
 def _stat(path: Path) -> os.stat_result | None:
@@ -121,6 +122,9 @@ def _place(output: Output, read: list[os.stat_result], force: bool) -> Path:
         why = str(error)
     if why:
         raise InputError(f"{output}: cannot be written: {why}")
+    known = ENDINGS.get(output.kind)
+    if output.option and known and output.path.suffix.lower() not in known:
+        raise InputError(f"{output}: " + choose("ending", output.path.suffix, known))
     if not earlier:
         raise InputError(
             f"{output}: is there already and is no {output.kind} that truepose wrote; "
