@@ -158,18 +158,19 @@ inline Coordinates difference(const Pose& to, const Pose& from) {
   }
 }
 
-/// Where the passive axes of a pivot carry the nacelle, and the twist of each: what turns about a_j
-/// through p_j moves D with a_j × (D - p_j). Of other mobilities nothing: their pose says it all.
+/// Where the passive axes of a pivot carry its nacelle, and the twist of each: what turns about a_j
+/// through p_j moves D with a_j × (D - p_j).
 template <Mobility K>
-struct Carried {};
-/// Of a pivot.
-template <Mobility K>
-  requires kPivots<K>
-struct Carried<K> {
+struct CarriedByAxes {
   Pose pose;                               ///< D and R of the nacelle
   std::array<Vec3, kDof<K>> axis, linear;  ///< a_j, and the velocity of D at ẋ_j = 1, base frame
   std::array<Vec3, kDof<K>> arm;           ///< D - p_j
 };
+/// Of other mobilities nothing: their pose says it all.
+struct NotCarried {};
+/// What carries the nacelle of a mobility.
+template <Mobility K>
+using Carried = std::conditional_t<kPivots<K>, CarriedByAxes<K>, NotCarried>;
 
 /// cos x and sin x of an angle.
 inline void turn_to(Real angle, Real& cosine, Real& sine) {
