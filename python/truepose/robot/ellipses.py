@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
+from matplotlib.ticker import MaxNLocator
 
 from truepose.arguments import Array
 
@@ -29,7 +30,7 @@ def draw(x: Array, P: Array, angles: bool = False) -> Figure:
         axes.errorbar(
             which, x[:, 0], np.sqrt(P[:, 0, 0]), fmt=".", color="#1f5fa8", ecolor="#b2182b"
         )
-        axes.xaxis.get_major_locator().set_params(integer=True)
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.set(xlabel="pose", ylabel=f"{names[0]} ({unit})", title="± 1 σ")
         return figure
     axes.plot(*x.T, ".", ms=3, color="#1f5fa8")
