@@ -120,7 +120,7 @@ coverage-cpp: $(VENV)/developing
 linuxcnc: $(VENV)/developing
 	@if command -v linuxcnc >/dev/null && command -v halcompile >/dev/null; then \
 	  cmake -S . -B build/c -G Ninja -DTRUEPOSE_PYTHON=OFF -DCMAKE_BUILD_TYPE=Release \
-	    -DPython_EXECUTABLE=$(abspath $(BIN))/python && \
+	    -DCMAKE_PREFIX_PATH="$$(cmeel cmake)" && \
 	  cmake --build build/c --target truepose_c_static && \
 	  $(MAKE) --no-print-directory -C deploy/linuxcnc there && \
 	  python -m pytest -q tests/python/test_linuxcnc_kinematics.py tests/python/test_linuxcnc_tej.py && \
