@@ -1,6 +1,6 @@
-# What does a C++ project find after `cmake --install`, or in the wheel? The headers, what
-# find_package(truepose) reads, and truepose.pc. All of it under share: headers serve every
-# architecture. So kernels.hpp stays behind, which only declares what a library has compiled.
+# What `cmake --install` and the wheel give to C and C++ projects: the headers, what find_package(truepose)
+# reads, and the files of pkg-config. All of it under share: headers serve every architecture. So
+# kernels.hpp stays behind, which only declares what a library has compiled.
 include(CMakePackageConfigHelpers)
 include(GNUInstallDirs)
 
@@ -31,18 +31,22 @@ write_basic_package_version_file(trueposeConfigVersion.cmake COMPATIBILITY SameM
 install(FILES ${CMAKE_CURRENT_BINARY_DIR}/trueposeConfig.cmake
               ${CMAKE_CURRENT_BINARY_DIR}/trueposeConfigVersion.cmake DESTINATION ${config})
 
+# truepose.pc is for C programs, truepose-core.pc for C++ programs that include the headers.
 file(RELATIVE_PATH libraries /${pkgconfig} /${CMAKE_INSTALL_LIBDIR})
-if(TRUEPOSE_C)  # C callers need no Eigen: where it is, for C++, is said rather than required
-  get_target_property(eigen Eigen3::Eigen INTERFACE_INCLUDE_DIRECTORIES)
-  set(needs "Libs: -L\${libdir} -ltruepose\nLibs.private: -lm")
-  set(flags "-I${eigen}")
-else()
-  set(needs "Requires: eigen3 >= 3.4")
-  set(flags "")
-endif()
-if(TRUEPOSE_SINGLE)
-  string(APPEND flags " -DTRUEPOSE_SINGLE -fsingle-precision-constant")
-endif()
 file(RELATIVE_PATH headers /${pkgconfig} /${CMAKE_INSTALL_INCLUDEDIR})
-configure_file(cmake/truepose.pc.in truepose.pc @ONLY)
-install(FILES ${CMAKE_CURRENT_BINARY_DIR}/truepose.pc DESTINATION ${pkgconfig})
+function(truepose_pkg_config package description needs flags)
+  configure_file(cmake/truepose.pc.in ${package}.pc @ONLY)
+  install(FILES ${CMAKE_CURRENT_BINARY_DIR}/${package}.pc DESTINATION ${pkgconfig})
+endfunction()
+set(single "")
+set(single_core "")
+if(TRUEPOSE_SINGLE)
+  set(single " -DTRUEPOSE_SINGLE")
+  set(single_core " -DTRUEPOSE_SINGLE -fsingle-precision-constant")
+endif()
+truepose_pkg_config(truepose-core "Makes parallel robots accurate with redundant sensors: C++ headers"
+  "Requires: eigen3 >= 3.4" " -fno-math-errno${single_core}")
+if(TRUEPOSE_C)
+  truepose_pkg_config(truepose "Makes parallel robots accurate with redundant sensors: C library"
+    "Libs: -L\${libdir} -ltruepose\nLibs.private: -lm" "${single}")
+endif()

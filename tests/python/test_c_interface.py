@@ -30,15 +30,32 @@ def tables(robot: tp.Robot, **options) -> str:
     return to_c(robot, tp.Controller(law="joint", **options), tp.Watch())
 
 
+def users_own(home: Path) -> dict[str, str]:
+    """Return the environment of a user with that home: the system's CMake and Eigen where they are."""
+    eigen = {} if Path("/usr/include/eigen3").is_dir() else {"CMAKE_PREFIX_PATH": str(wheels_eigen())}
+    path = os.pathsep.join(("/usr/local/bin", "/usr/bin", "/bin", os.environ["PATH"]))
+    return {"HOME": str(home), "PATH": path, **eigen}
+
+
+def commands(page: str) -> list[str]:
+    """Return the lines of a page that are run in a shell, without their comments."""
+    text = (SOURCE / "docs" / page).read_text(encoding="utf-8")
+    lines = (line for line in text.splitlines() if re.match(r" {4}(cmake|export|cc) ", line))
+    return [line.split("  #")[0].strip() for line in lines]
+
+
 @pytest.fixture(scope="module")
 def prefix(tmp_path_factory) -> Path:
-    """Return where the C library is installed."""
-    build, installed = (tmp_path_factory.mktemp(name) for name in ("c_build", "c_installed"))
-    options = ("-DTRUEPOSE_PYTHON=OFF", "-DCMAKE_BUILD_TYPE=MinSizeRel")
-    told("cmake", "-S", SOURCE, "-B", build, *options, f"-DCMAKE_PREFIX_PATH={wheels_eigen()}")
-    told("cmake", "--build", build, "--parallel", "2")
-    told("cmake", "--install", build, "--prefix", installed)
-    return installed
+    """Return where the C library is installed, by the commands of docs/c.md."""
+    home, folder = (tmp_path_factory.mktemp(name) for name in ("home", "source"))
+    for part in (*SOURCE.glob("*.txt"), *SOURCE.glob("*.toml"), SOURCE / "include", SOURCE / "src",
+                 SOURCE / "cmake"):  # fmt: skip
+        (folder / part.name).symlink_to(part)
+    install = [line for line in commands("c.md") if line.startswith("cmake ")]
+    assert len(install) == 3
+    for line in install:  # optimised for size: half the time to compile
+        told("sh", "-c", line.replace("=Release", "=MinSizeRel"), cwd=folder, env=users_own(home))
+    return home / ".local"
 
 
 @pytest.fixture(scope="module")
@@ -122,31 +139,64 @@ def test_a_robots_tables_compile_alone_in_c_and_in_cpp(name, language, tmp_path)
          tmp_path / "user.c")  # fmt: skip
 
 
-def test_pkg_config_and_cmake_find_the_library(prefix, tmp_path):
-    (tmp_path / "main.c").write_text(
+USES = """
+cmake_minimum_required(VERSION 3.25)
+project(user LANGUAGES {languages})
+find_package(truepose 0.1 REQUIRED {components})
+foreach(kind static shared)
+  add_executable(user_${{kind}} controller.c)
+  target_link_libraries(user_${{kind}} PRIVATE truepose::c_${{kind}})
+endforeach()
+"""
+NO_EIGEN = "-DCMAKE_DISABLE_FIND_PACKAGE_Eigen3=ON"
+
+
+@pytest.fixture
+def project(prefix, tmp_path):
+    """Return a function that builds and runs a user's project by the CMake that the system has."""
+    home = prefix.parent
+    (tmp_path / "controller.c").write_text(
         '#include "truepose/truepose.h"\n'
         "int main(void) { return truepose_abi() != TRUEPOSE_ABI; }\n",
         encoding="utf-8",
     )
-    (tmp_path / "CMakeLists.txt").write_text(
-        "cmake_minimum_required(VERSION 3.25)\nproject(user LANGUAGES C CXX)\n"
-        "find_package(truepose REQUIRED)\nforeach(kind static shared)\n"
-        "add_executable(user_${kind} main.c)\n"
-        "target_link_libraries(user_${kind} PRIVATE truepose::c_${kind})\nendforeach()\n",
-        encoding="utf-8",
-    )
-    found = f"-DCMAKE_PREFIX_PATH={prefix};{wheels_eigen()}"
-    told("cmake", "-S", tmp_path, "-B", tmp_path / "build", found)
-    told("cmake", "--build", tmp_path / "build")
-    for kind in ("static", "shared"):
-        told(tmp_path / "build" / f"user_{kind}")
-    if not shutil.which("pkg-config"):
-        pytest.skip("the rest: pkg-config is not installed")
-    env = {"PKG_CONFIG_PATH": str(prefix / "share" / "pkgconfig")}
-    flags = told("pkg-config", "--cflags", "--libs", "truepose", env=env).split()
-    told(CC, tmp_path / "main.c", *flags, "-o", tmp_path / "main")
+
+    def build(*options, languages="C", components=""):
+        text = USES.format(languages=languages, components=components)
+        (tmp_path / "CMakeLists.txt").write_text(text, encoding="utf-8")
+        own = users_own(home)
+        prefixes = os.pathsep.join([str(prefix), own.get("CMAKE_PREFIX_PATH", "")])
+        own["CMAKE_PREFIX_PATH"] = prefixes.strip(os.pathsep)
+        told("cmake", "-S", tmp_path, "-B", tmp_path / "build", *options, env=own)
+        told("cmake", "--build", tmp_path / "build", env=own)
+        for kind in ("static", "shared"):
+            told(tmp_path / "build" / f"user_{kind}")
+
+    return build
+
+
+@pytest.mark.parametrize("options", [(), (NO_EIGEN,)], ids=["with Eigen", "without Eigen"])
+@pytest.mark.parametrize("languages", ["C", "C CXX"])
+def test_cmake_finds_the_library_with_and_without_eigen(project, languages, options):
+    project(*options, languages=languages)
+
+
+def test_who_asks_for_the_headers_is_told_that_they_need_eigen(project):
+    with pytest.raises(AssertionError, match=r"truepose::core needs Eigen .*libeigen3-dev"):
+        project(NO_EIGEN, components="COMPONENTS core")
+
+
+@pytest.mark.skipif(shutil.which("pkg-config") is None, reason="pkg-config is not installed")
+def test_the_pages_commands_find_the_library_in_a_private_prefix(prefix, project, tmp_path):
+    home = prefix.parent
     (library,) = {path.parent for path in prefix.glob("lib*/**/libtruepose.so")}
-    told(tmp_path / "main", env={"LD_LIBRARY_PATH": str(library)})
+    used = [line for line in commands("c.md") if re.match(r"export |cc .* controller.c", line)]
+    assert len(used) == 2 and f"~/{library.relative_to(home)}" in used[0]
+    project()  # writes controller.c
+    told("sh", "-c", "\n".join(["set -e", *used]), cwd=tmp_path, env=users_own(home))
+    env = {"PKG_CONFIG_PATH": str(prefix / "share" / "pkgconfig")}
+    flags = told("pkg-config", "--cflags", "truepose", env=env).split()
+    assert len(flags) == 1 and flags[0].startswith("-I")  # neither Eigen nor a compiler's options
 
 
 def test_the_command_writes_what_a_calibrated_robot_knows_and_overwrites_nothing(tmp_path):

@@ -54,15 +54,15 @@ def by_cmake(prefix, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def by_pkg_config(prefix, tmp_path_factory):
-    """Return a function that runs an example, built in C++23 by the flags of truepose.pc."""
+    """Return a function that runs an example, built in C++23 by the flags of truepose-core.pc."""
     if not shutil.which("pkg-config"):
         pytest.skip("pkg-config is not installed")
     folder = tmp_path_factory.mktemp("by_pkg_config")
     path = {
         "PKG_CONFIG_PATH": os.pathsep.join(f"{p}/share/pkgconfig" for p in (prefix, wheels_eigen()))
     }
-    flags = told("pkg-config", "--cflags", "truepose", env=path).split()
-    assert told("pkg-config", "--modversion", "truepose", env=path).strip() == tp.__version__
+    flags = told("pkg-config", "--cflags", "truepose-core", env=path).split()
+    assert told("pkg-config", "--modversion", "truepose-core", env=path).strip() == tp.__version__
     # All in one translation unit, which takes a third of the time, and shows that they share one.
     one = "#include <string>\n"
     one += "".join(f'#define main {name}\n#include "{EXAMPLES / name}.cpp"\n' for name in SHOWN)
