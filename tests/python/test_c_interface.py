@@ -31,8 +31,10 @@ def tables(robot: tp.Robot, **options) -> str:
 
 
 def users_own(home: Path) -> dict[str, str]:
-    """Return the environment of a user with that home: the system's CMake and Eigen where they are."""
-    eigen = {} if Path("/usr/include/eigen3").is_dir() else {"CMAKE_PREFIX_PATH": str(wheels_eigen())}
+    """Return a user's environment: that home, and the CMake and Eigen of the system if there."""
+    eigen = (
+        {} if Path("/usr/include/eigen3").is_dir() else {"CMAKE_PREFIX_PATH": str(wheels_eigen())}
+    )
     path = os.pathsep.join(("/usr/local/bin", "/usr/bin", "/bin", os.environ["PATH"]))
     return {"HOME": str(home), "PATH": path, **eigen}
 
@@ -213,6 +215,28 @@ def test_the_command_writes_what_a_calibrated_robot_knows_and_overwrites_nothing
     again = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert again.returncode and "h4.h" in again.stderr and "Traceback" not in again.stderr
     assert (tmp_path / "h4.h").read_text(encoding="utf-8") == "mine\n"
+
+
+def test_without_masses_what_needs_none_is_exported_and_the_rest_is_named(run, h4_text, tmp_path):
+    bare = "\n".join(line for line in h4_text.splitlines() if not re.search("mass|inertia", line))
+    (tmp_path / "bare.toml").write_text(bare, encoding="utf-8")
+    user = "int main(void) { return left.motors + right.motors != 8; }\n"
+    for name in ("left", "right"):  # two robots called h4 in one program
+        status, _, said = run("export", "c", "bare.toml", "-o", f"{name}.h", "--name", name)
+        assert status == 0
+        assert f"{name}_control and {name}_watch are left out" in said and "arm_mass" in said
+        user = f'#include "{name}.h"\n' + user
+    (tmp_path / "user.c").write_text(user, encoding="utf-8")
+    there = f"-I{HEADER.parents[1]}"
+    told(CC, *STRICT, "-Wno-unused-const-variable", "-fsyntax-only", there, tmp_path / "user.c")
+    text = (tmp_path / "left.h").read_text(encoding="utf-8")
+    assert "left_knowledge" in text and "left_control =" not in text
+
+
+@pytest.mark.parametrize("name", ["Left", "2left", "double", "h4-b"])
+def test_a_prefix_that_c_does_not_take_is_refused_with_one_that_it_takes(run, name):
+    status, _, said = run("export", "c", "five-bar", "--name", name)
+    assert status == 2 and f"--name {name}" in said and said.count("\n") == 1
 
 
 def test_a_slow_sensor_is_refused_by_name():

@@ -20,7 +20,7 @@ from truepose.commands.options import (
     parse_set,
     wrote,
 )
-from truepose.deploy.c_tables import KIND, to_c
+from truepose.deploy.c_tables import KIND, named, to_c
 from truepose.deploy.linuxcnc import to_configuration
 from truepose.exceptions import InputError
 from truepose.robot.laws import Law
@@ -83,11 +83,16 @@ def c(
             "That the gains bear and the watch allows for: all, none, or friction,play,…"
         ),
     ] = "all",
+    name: Annotated[
+        str | None,
+        typer.Option(help="Prefix of the tables.", show_default="the robot's name"),
+    ] = None,
 ) -> None:
     """Write a robot as constant tables for a program in C or C++: truepose/truepose.h.
 
     Its description, what is known of it (of a calibrated robot what its calibration left), gains
-    and the watch's settings; they compile alone.
+    and the watch's settings; they compile alone. Without masses in the file there are no gains and
+    no watch; the rest is written.
 
     Example: **truepose export c calibrated.toml -o my_robot.h**
     """
@@ -97,11 +102,20 @@ def c(
     if level is not None:
         made = made.with_level(level)
     loses = effects_of(effects)
-    if frequency is None:
+    prefix = named(made, name)
+    controller = None
+    if not made.has_inertia:
+        say(
+            f"{made.name}: the file has no masses (drive_inertia, arm_mass, rod_mass, nacelle's): "
+            f"{prefix}_control and {prefix}_watch are left out; kinematics, Jacobian, TEJ and "
+            "calibration are written",
+            err=True,
+        )
+    elif frequency is None:
         controller = Controller.for_robot(made, loses, law, period=period)
     else:
         controller = Controller(law=law, period=period, frequency=frequency)
-    _put(robot, to_c(made, controller, Watch(effects=loses)), out, KIND, force)
+    _put(robot, to_c(made, controller, Watch(effects=loses), prefix), out, KIND, force)
     _stiff(made)
 
 

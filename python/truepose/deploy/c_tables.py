@@ -1,4 +1,4 @@
-"""Which constants does a C program need of a robot? Description, knowledge, gains, watch."""
+"""Constant tables of a robot for C: description, knowledge, control and fault-monitor settings."""
 
 from __future__ import annotations
 
@@ -22,6 +22,8 @@ from truepose.simulation.watch import Watch
 KIND = "C tables"
 #: Numbers to a line.
 _WIDE = 6
+#: s; of a cycle where no controller says it: to no whole number of it is a slow sensor prompt.
+_PERIOD = 1e-3
 
 Listed = list[tuple[str, float | list[float]]]
 
@@ -36,64 +38,42 @@ def identifier(name: str) -> str:
     ('robot_6_ups', 'my_h4')
     """
     word = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_").lower()
-    plain = word[:1].isalpha() and not keyword.iskeyword(word) and word not in _RESERVED
+    plain = word[:1].isalpha() and not keyword.iskeyword(word) and word not in _RESERVED.split()
     return word if plain else f"robot_{word}"
 
 
 #: Words of C and C++ that are none of Python's.
-_RESERVED = frozenset(
-    [
-        "auto",
-        "bool",
-        "case",
-        "catch",
-        "char",
-        "class",
-        "const",
-        "default",
-        "delete",
-        "do",
-        "double",
-        "enum",
-        "explicit",
-        "export",
-        "extern",
-        "float",
-        "friend",
-        "goto",
-        "inline",
-        "int",
-        "long",
-        "main",
-        "mutable",
-        "namespace",
-        "new",
-        "operator",
-        "private",
-        "protected",
-        "public",
-        "register",
-        "short",
-        "signed",
-        "sizeof",
-        "static",
-        "struct",
-        "switch",
-        "template",
-        "this",
-        "throw",
-        "typedef",
-        "union",
-        "unsigned",
-        "using",
-        "virtual",
-        "void",
-        "volatile",
-    ]
-)
+_RESERVED = """
+    auto bool case catch char class const default delete do double enum explicit export
+    extern float friend goto inline int long main mutable namespace new operator private
+    protected public register short signed sizeof static struct switch template this throw
+    typedef union unsigned using virtual void volatile
+    """
 
 
-def to_c(robot: Robot, controller: Controller, watch: Watch) -> str:
+def named(robot: Robot, name: str | None) -> str:
+    """Return the prefix of a robot's tables: `name`, or by default its own name as an identifier.
+
+    Raises
+    ------
+    InputError
+        The name given is no C identifier in lower case, or a word of C.
+    """
+    made = identifier(robot.name if name is None else name)
+    if name not in (None, made):
+        raise InputError(
+            f"--name {name}: must be a C identifier in lower case, such as {made}: the tables are "
+            "called after it"
+        )
+    return made
+
+
+def to_c(
+    robot: Robot,
+    controller: Controller | None,
+    watch: Watch | None,
+    name: str | None = None,
+) -> str:
     """Write a header of constant tables for ``truepose/truepose.h``, in C99 and in C++.
 
     Parameters
@@ -102,30 +82,36 @@ def to_c(robot: Robot, controller: Controller, watch: Watch) -> str:
         As the controller believes it to be: as drawn, or calibrated. Where it can be understood by
         every rod and is not, a second description, ``…_finest``, is what laws that weigh and the
         watch are to be given; :meth:`Robot.with_level` chooses one.
-    controller : Controller
-        Its gains are placed at home.
-    watch : Watch
+    controller : Controller, optional
+        Its gains are placed at home. Without one, as for a robot without masses, the tables of
+        control and watch are left out: kinematics, Jacobian, TEJ, motor errors, estimates and
+        calibration need neither.
+    watch : Watch, optional
+        Needs the controller.
+    name : str, optional
+        Prefix of the tables, by default the robot's name: programs with two robots need two.
 
     Returns
     -------
     str
-        ``NAME`` and, with sensors, ``NAME_knowledge``, ``NAME_watch``; ``NAME_control``.
+        ``NAME`` and, with sensors, ``NAME_knowledge``; with a controller ``NAME_control`` and, with
+        sensors and a watch, ``NAME_watch``.
 
     Raises
     ------
     InputError
-        A sensor is slow or late, which the C interface has no entry for.
+        A sensor is slow or late, which the C interface has no entry for; or the name is not one.
 
     Examples
     --------
     >>> import truepose as tp
     >>> from truepose.deploy.c_tables import to_c
-    >>> text = to_c(tp.load("five-bar"), tp.Controller(law="joint"), tp.Watch())
+    >>> text = to_c(tp.load("five-bar"), tp.Controller(law="joint"), tp.Watch(), name="left")
     >>> [line.split()[3] for line in text.splitlines() if line.startswith("static const")]
-    ['five_bar', 'five_bar_control']
+    ['left', 'left_control']
     """
-    require_prompt(robot, controller.period)
-    name = identifier(robot.name)
+    require_prompt(robot, controller.period if controller else _PERIOD)
+    name = named(robot, name)
     finest = robot.finest
     two = robot.r > 0 and finest.level != robot.level
     parts = [_description(name, robot)]
@@ -133,14 +119,16 @@ def to_c(robot: Robot, controller: Controller, watch: Watch) -> str:
         parts.append(_description(f"{name}_finest", finest))
     if robot.r:
         parts.append(_knowledge(name, robot))
-    parts.append(_control(name, robot, controller))
-    if robot.r:
-        parts.append(_watch(name, robot, controller, watch))
+    if controller is not None:
+        parts.append(_control(name, robot, controller))
+        if robot.r and watch is not None:
+            parts.append(_watch(name, robot, controller, watch))
     guard = f"TRUEPOSE_TABLES_{name.upper()}_H"
     weighs = f"&{name}_finest" if two else f"&{name}"
     used = f"laws that weigh, and the watch, are to be given {weighs}" if robot.r else "no sensors"
+    without = " * Without masses: no tables of control and watch.\n" if controller is None else ""
     head = (
-        f"/* {robot.name}, for truepose/truepose.h; {used}.\n"
+        f"/* {robot.name}, for truepose/truepose.h; {used}.\n{without}"
         f" * By `truepose export c` of truepose {version('truepose')}; {files.mark(KIND)}.\n"
         " * m, rad, kg, s, N, N·m. */\n"
         f"#ifndef {guard}\n#define {guard}\n\n"

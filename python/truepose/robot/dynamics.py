@@ -22,6 +22,11 @@ from truepose.robot.description import Description
 class Dynamics(Description):
     """The reduced dynamic model of a :class:`truepose.Robot`; masses are those of its file."""
 
+    @property
+    def has_inertia(self) -> bool:
+        """Whether the file's masses give every motion at home an inertia: torques need it."""
+        return bool(np.linalg.eigvalsh(self.mass_matrix(self.home)).min() > 0)
+
     def mass_matrix(self, x: ArrayLike, errors: Errors = "raise") -> Array:
         """Mass matrix M(x) of the free twist; kinetic energy ẋᵀM ẋ/2.
 
