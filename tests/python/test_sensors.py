@@ -213,6 +213,22 @@ def test_an_inclinometer_reads_the_turn_about_its_axis(any_robot):
     assert turn == pytest.approx(0.06, abs=1e-12)
 
 
+def test_an_inclinometer_reads_against_the_files_gravity(any_robot):
+    """A robot that hangs from a wall and the same robot upright differ by the turn of the wall."""
+    if any_robot.spec.mobility != "spatial":
+        return
+    upright = carrying(any_robot, ON_NACELLE)
+    c, s = np.cos(0.3), np.sin(0.3)  # the base is turned by 0.3 rad about x: gravity by -0.3
+    spec = upright.spec.model_copy(update={"gravity": (0.0, -9.81 * s, -9.81 * c)})
+    leaning = tp.Robot(spec)
+    x = upright.home + np.array([0, 0, 0, 0.1, 0, 0])
+    assert leaning.rkm(x)[0] - upright.rkm(x)[0] == pytest.approx(0.3, abs=1e-12)
+    H_x, _ = leaning.linearise(x)
+    step = 1e-6 * np.eye(6)[3]
+    slope = (leaning.rkm(x + step) - leaning.rkm(x - step)) / 2e-6
+    assert H_x[6:, 3] == pytest.approx(slope, abs=1e-8)
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [

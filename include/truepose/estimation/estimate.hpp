@@ -24,6 +24,11 @@ inline constexpr Real kLastStep = by_precision(1e-10, 1e-5);
 /// coordinate, steps may shrink by no more than a tenth, and what is left is a few hundredths of σ.
 inline constexpr Real kLateStep = 1e-5;
 
+/// Share of a slope of the readings that the elastic full level may leave out: its derivatives hold
+/// the stress of the rods as it is (full/full.hpp). Of whitened readings, which decide on a step, this
+/// is up to 0.04 on Par4s that were calibrated.
+inline constexpr Real kElasticSlope = 0.1;
+
 /// Whether a Gauss-Newton step is the last.
 /// @param size  of the step, (step/σ)² of the coordinate that moves most; `last`: of the one before
 /// @param chi2  of as many readings as there are rows
@@ -221,6 +226,7 @@ Estimate<K> estimate_from(const Robot& robot, const Knowledge& known, const Exte
   Pose base;           // the last one that lowered the cost,
   Coordinates step{};  // the step from there
   Real cost = INFINITY, promised = 0, length = 1;
+  const Real slope = robot.full.kind == FullKind::elastic ? kElasticSlope : 0;
   while (result.outcome) {
     Extended residual{}, whitened{};
     innovation(robot, q_e, expected, residual);
@@ -235,8 +241,12 @@ Estimate<K> estimate_from(const Robot& robot, const Knowledge& known, const Exte
     // Where readings disagree by many σ, their curvature times that overshoots: a step that lowers
     // the cost by less than a quarter of what it promised is shortened to where the parabola of
     // both costs and the first slope is least, below 4/7 of it.
+    // Where slopes are inexact the cost may rise along it by what they leave out, 2 |whitened| times
+    // their share of the promised change of the readings.
+    const Real inexact =
+        2 * slope * length * std::sqrt(std::min(cost, next) * std::max(promised, Real(0)));
     const bool shorter =
-        next > cost - 0.25 * length * promised + by_precision(1e-12, 1e-5) * cost + 1e-9 &&
+        next > cost - 0.25 * length * promised + by_precision(1e-12, 1e-5) * cost + 1e-9 + inexact &&
         std::isfinite(cost) && length > 1e-3;
     if (shorter) {
       length *= std::max(Real(0.1), length * promised / (next - cost + 2 * length * promised));

@@ -149,7 +149,7 @@ inline bool other_mode(const Robot& robot, const Jacobians<K>& jacobians) {
 }
 
 /// Checks a robot's counts, indices and enums, and fills what it derives from its own data
-/// (assembly_sign, limited, encoders that err). Call after building and after every change.
+/// (assembly_sign, limited, encoders that err, the vertical). Call after building and after every change.
 ///
 /// A robot that passes the check is finished, also one whose home has no regular pose: its inverse
 /// model still answers, its assembly mode is then not asked for.
@@ -165,6 +165,7 @@ inline Outcome finish(Robot& robot) {
   if (robot.chains != n || robot.motors != n) return {Status::not_square, -1};
   robot.finished = true;
   note_encoders(robot);
+  note_vertical(robot);
   robot.limited = false;
   for (int i = 0; i < robot.motors; ++i)
     robot.limited =

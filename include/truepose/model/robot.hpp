@@ -140,7 +140,8 @@ struct Chain {
 ///   (nacelle)
 /// - coordinate: point target (nacelle) along direction, 0 at origin (base)
 /// - distance: from origin (base) to target (nacelle)
-/// - inclinometer: about direction, which way is up at 0: normal (nacelle)
+/// - inclinometer: about direction, which way is up at 0: normal (nacelle); the vertical is origin
+///   (base), which finish() takes from the robot's gravity
 /// - rotation: component along direction (base)
 /// - rod_* at the nacelle's side: u is direction, e is normal (in the body that carries A)
 struct Sensor {
@@ -303,6 +304,14 @@ inline void note_encoders(Robot& robot) {
                                   robot.chain[i].eccentricity.any();
   for (int k = 0; k < robot.r; ++k)
     robot.sensor[k].encoder_errs = robot.sensor[k].eccentricity.any();
+}
+
+/// Notes which way is up for inclinometers: against gravity, along z where there is none.
+inline void note_vertical(Robot& robot) {
+  const Vec3 g = robot.gravity();
+  for (int k = 0; k < robot.r; ++k)
+    if (robot.sensor[k].kind == SensorKind::inclinometer)
+      robot.sensor[k].origin = g.norm() > 0 ? Vec3(-g.normalized()) : Vec3(Vec3::UnitZ());
 }
 
 /// Calls f with the mobility as a compile-time constant, so that sizes are known in the loops. (One

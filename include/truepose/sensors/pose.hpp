@@ -29,16 +29,17 @@ inline Sensed sense(Is<SensorKind::coordinate>, const Sensor& sensor, const Pose
 }
 
 /// Turn of the nacelle about its own axis a, against gravity: the angle from its direction b
-/// ("up" at zero) to the vertical as the nacelle sees it, g' = Rᵀ z: atan2((b×a)·g', b·g').
+/// ("up" at zero) to the vertical z of the robot's gravity as the nacelle sees it, g' = Rᵀ z:
+/// atan2((b×a)·g', b·g').
 inline Sensed sense(Is<SensorKind::inclinometer>, const Sensor& sensor, const Pose& pose) {
   Sensed s;
-  const Vec3 up = pose.R.transpose() * Vec3::UnitZ();
+  const Vec3 vertical = sensor.origin(), up = pose.R.transpose() * vertical;
   const Vec3 a = sensor.direction(), b = sensor.normal(), side = b.cross(a);
   const Real sine = side.dot(up), cosine = b.dot(up), square = sine * sine + cosine * cosine;
   s.value = std::atan2(sine, cosine);
   const Vec3 by_up = (cosine * side - sine * b) / square;
   // A turn ω of the nacelle (base frame) moves g' by Rᵀ(z × ω).
-  s.angular = (pose.R * by_up).cross(Vec3::UnitZ());
+  s.angular = (pose.R * by_up).cross(vertical);
   s.direction = cosine / square * up.cross(b);
   s.normal = (cosine * a.cross(up) - sine * up) / square;
   return s;

@@ -154,7 +154,7 @@ class Distance(_Gauge):
 
 
 class Inclinometer(_Gauge):
-    """Turn of the nacelle about one of its own axes, against gravity."""
+    """Turn of the nacelle about one of its own axes, against the file's gravity."""
 
     mounting: ClassVar[dict[str, str]] = {"direction": "axis", "normal": "up"}
 
