@@ -8,11 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose import logs
+from truepose import _core, logs
 from truepose.arguments import Array
 from truepose.calibration import log_checks
 from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import calibrate
+from truepose.calibration.departure import chi2_quantile
 from truepose.calibration.expectation import expect
 from truepose.calibration.fit import Fit
 from truepose.calibration.log_faults import APART, MISFIT
@@ -22,11 +23,14 @@ from truepose.robot import knowledge
 from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
+from truepose.show.units import printed
 
 #: Share of a motor's variance from which a parameter is named.
 _SHARE = 0.05
 #: σ by which a stance's lines may differ.
 _SAME = 5.0
+#: Of logs whose stances are all right, the share in which one is refused for the others' sake.
+FALSE_ALARMS = 1e-3
 
 
 class Zero(NamedTuple):
@@ -98,7 +102,9 @@ def zero(
     ------
     InputError
         As :func:`truepose.calibrate`; no line of a stance; a robot that moves within one, by 20 of
-        its σ; one that stands 5 σ off what motors and tolerances allow.
+        its σ; one that stands 5 σ off what motors and tolerances allow; a stance that contradicts
+        the others (χ², at 1 in 1000 over all stances). One stance alone has nothing to be
+        compared with: ``notes`` says how far it may be off undetected.
 
     Examples
     --------
@@ -123,13 +129,29 @@ def zero(
         raise InputError("no line has a reading of every motor")
     if wrong := [finding.text for finding in log_checks.outside(robot.expected(), log)]:
         raise InputError(f"readings: {'; '.join(wrong)}")
-    rows, x, count, called, notes = _stances(robot, log.only(read), at, known)
+    stances, notes = _stances(robot, log.only(read), at, known)
     if not read.all():
         notes.insert(0, f"{log.at(np.flatnonzero(~read))}: left out: a motor was not read")
-    sigmas = known / np.sqrt(count)
-    _require_near(robot, rows, x, sigmas, called)
+    every = np.array([stance.x for stance in stances])
+    _, first, of = np.unique(
+        np.nan_to_num(every, nan=np.inf), axis=0, return_index=True, return_inverse=True
+    )
+    order = np.argsort(first)  # poses as they come, each read by its stances' mean
+    of, x = np.argsort(order)[of.ravel()], every[first[order]]
+    rows = np.array([_mean(np.array([s.read for s in stances])[of == k]) for k in range(len(x))])
+    sigmas = known / np.sqrt(np.bincount(of))[:, None]
+    allowed = _require_near(robot, rows, x, sigmas, [stances[k].where for k in first[order]])
     fit = calibrate(robot, rows, measured=x, measured_sigma=sigmas, registration="known")
+    _require_agreement(fit, stances, of, known)
+    if len(stances) == 1:
+        notes.append(_undetected(robot, allowed[0], x[0]))
     return Zeroing(fit, x, _motors(fit, rows), tuple(notes))
+
+
+class _Stance(NamedTuple):
+    where: str  #: name and lines
+    read: Array  #: (n + r,) mean of its lines
+    x: Array  #: (n,) where it stood, NaN where that is not known
 
 
 def _pose(robot: Robot, at: ArrayLike | None) -> Array:
@@ -163,8 +185,8 @@ def _sigma(robot: Robot, sigma: ArrayLike | float) -> Array:
 
 def _stances(
     robot: Robot, log: logs.Log, at: ArrayLike | None, sigma: Array
-) -> tuple[Array, Array, Array, list[str], list[str]]:
-    """Readings (K, n + r), pose (K, n), stances (K, 1) and name of each pose; what was seen."""
+) -> tuple[list[_Stance], list[str]]:
+    """Return the log's stances, and what was seen."""
     names = labels = log.labels.get(logs.STANCE)
     usual = _pose(robot, at)
     outside = [f"measured_{name}" for name, _ in robot.coordinates]
@@ -182,26 +204,18 @@ def _stances(
                 "at (--at): the column 'stance' says that it stood flat, at 0: leave one of them "
                 f"out, or say where in columns {', '.join(outside)}"
             )
-    of: dict[tuple[float, ...], list[Array]] = {}  # a pose's stances, each read by its lines' mean
-    called: dict[tuple[float, ...], str] = {}  # by the first of them
-    notes = []
+    stances, notes = [], []
     for name in dict.fromkeys(str(name) for name in names[stood]):
         lines = np.flatnonzero(stood & (names == name))
         here, known = log.readings[lines], usual
         if log.measured is not None:
             measured = _mean(log.measured[lines])
             known = np.where(np.isnan(measured), usual, measured)
-        pose = tuple(np.nan_to_num(known, nan=np.inf))
-        of.setdefault(pose, []).append(_mean(here))
         where = log.at(lines) if labels is None else f"stance {name}: {log.at(lines)}"
-        called.setdefault(pose, where)
+        stances.append(_Stance(where, _mean(here), known))
         if moves := _moves(robot, here, known, sigma, where):
             notes.append(moves)
-    rows = np.array([_mean(np.array(stances)) for stances in of.values()])
-    poses = np.array(list(of))
-    count = np.array([[len(stances)] for stances in of.values()])
-    poses = np.where(np.isinf(poses), np.nan, poses)
-    return rows, poses, count, list(called.values()), notes
+    return stances, notes
 
 
 def _mean(rows: Array) -> Array:
@@ -227,8 +241,87 @@ def _moves(robot: Robot, here: Array, known: Array, sigma: Array, where: str) ->
     return said if (moved > _SAME * sigma).any() else ""
 
 
-def _require_near(robot: Robot, rows: Array, x: Array, sigma: Array, called: list[str]) -> None:
-    """Refuse readings of a robot whose drawn geometry, by its tolerances, cannot stand there."""
+def _require_agreement(fit: Fit, stances: list[_Stance], of: Array, sigma: Array) -> None:
+    """Refuse a stance that contradicts all others.
+
+    A stance's readings, less those expected where it is said to stand, are e = H_ξ u + H_x δx + ν;
+    what was not measured of x is projected out, the rest whitened: e = B u + noise of covariance I.
+    With û and Σ of all stances, r = e - B û and P = I - B Σ Bᵀ: the others alone are missed by
+    P⁻¹ r, whose covariance is P⁻¹, and r · P⁻¹ r is χ² with as many freedoms as e has.
+
+    Parameters
+    ----------
+    of : ndarray, shape (S,)
+        Which of the fit's poses each stance is at.
+    """
+    if len(stances) < 2:
+        return
+    robot, before = fit.robot, fit.prior
+    H_x, H_xi = robot.linearise(fit.x, level=fit.level)
+    names = list(robot.parameters)
+    H_xi = H_xi[..., [names.index(name) for name in fit.names]]
+    noise = knowledge.reading_sigma(robot) ** 2
+    expected = robot.extended(fit.x, level=fit.level)
+    blocks = []
+    for stance, k in zip(stances, of, strict=True):
+        read, told = np.isfinite(stance.read), np.isfinite(stance.x)
+        Q = np.linalg.qr(H_x[k][np.ix_(read, ~told)], mode="complete")[0][:, (~told).sum() :]
+        H = Q.T @ H_x[k][np.ix_(read, told)]
+        off = np.asarray(_core.innovation(robot.core, stance.read[None], expected[k : k + 1]))[0]
+        e = Q.T @ off[read] + H @ (fit.x[k] - stance.x)[told]
+        half = np.linalg.inv(np.linalg.cholesky(H * sigma[told] ** 2 @ H.T + Q.T * noise[read] @ Q))
+        blocks.append((half @ e, half @ Q.T @ H_xi[k][read], half @ H, told))
+    prior = np.linalg.inv(fit.prior_covariance)
+    known, found = before.parameters, robot.parameters
+    off = np.array([known[name].mean - found[name].value for name in fit.names])
+    covariance = np.linalg.inv(prior + sum(B.T @ B for _, B, _, _ in blocks))
+    u = covariance @ (prior @ off + sum(B.T @ e for e, B, _, _ in blocks))
+    chi2, freedoms, apart = [], [], []
+    for e, B, H, told in blocks:
+        missed = np.linalg.solve(np.eye(len(e)) - B @ covariance @ B.T, e - B @ u)
+        chi2.append(float(missed @ (e - B @ u)))
+        freedoms.append(len(e))
+        apart.append((np.linalg.lstsq(H, missed)[0], told))
+    limit = chi2_quantile(1 - FALSE_ALARMS / len(stances), np.array(freedoms))
+    limit = np.where(freedoms, limit, np.inf)
+    worst = int(np.argmax(chi2 - limit))
+    if chi2[worst] <= limit[worst]:
+        return
+    size, told = apart[worst]
+    by = _sizes(robot, told, size, "+.3g")
+    others = [stance.where for k, stance in enumerate(stances) if k != worst]
+    against = f"the other {len(others)}" if len(others) > 1 else others[0]
+    again = "repeat it, or leave it out" if len(others) > 1 else "repeat both: one of them is wrong"
+    raise InputError(
+        f"{stances[worst].where}: contradicts {against}: by that the robot stood {by} from where "
+        f"it is said to (χ² = {chi2[worst]:.3g}, at most {limit[worst]:.3g}): {again}"
+    )
+
+
+def _undetected(robot: Robot, sigma: Array, x: Array) -> str:
+    """Say how far a stance that nothing is compared with may be off."""
+    told = np.isfinite(x)
+    return (
+        "one stance: nothing shows whether it was as said; an error of it below "
+        f"{_sizes(robot, told, APART * sigma[told], '.2g')} goes into the zeros: put the robot "
+        "down anew, and read it again"
+    )
+
+
+def _sizes(robot: Robot, told: Array, sizes: Array, form: str) -> str:
+    """Name lengths and angles of some coordinates."""
+    named = (of for of, own in zip(robot.coordinates, told, strict=True) if own)
+    return ", ".join(
+        f"{name} {printed(size, unit, form)}"
+        for (name, unit), size in zip(named, sizes.tolist(), strict=True)
+    )
+
+
+def _require_near(robot: Robot, rows: Array, x: Array, sigma: Array, called: list[str]) -> Array:
+    """Refuse readings of a robot whose drawn geometry, by its tolerances, cannot stand there.
+
+    Returns σ of each coordinate there by motors and tolerances, (K, n).
+    """
     model, n = robot.expected(), robot.n
     base, marker = KNOWN.begin()
     nothing = np.zeros((UNKNOWNS, UNKNOWNS))
@@ -239,7 +332,7 @@ def _require_near(robot: Robot, rows: Array, x: Array, sigma: Array, called: lis
     lost = np.asarray(np.isnan(seen.x).any(axis=1))
     far = lost | np.asarray((distance > APART).any(axis=1))
     if not far.any():
-        return
+        return seen.sigma[:, robot.r :]
     i = int(np.argmax(far))
     there = np.where(np.isnan(x[i]), np.where(lost[i], robot.home, seen.x[i]), x[i])
     drawn = model.extended(there, errors="nan")
