@@ -111,6 +111,20 @@ def test_a_height_alone_may_be_known_and_how_well(robot, poses, how):
     assert variance(fit.robot, poses) == pytest.approx(variance(robot, poses, **told), rel=0.2)
 
 
+@pytest.mark.parametrize("call", CALLS)
+def test_a_pose_that_contradicts_the_rest_is_named(robot, poses, call):
+    """Told 20 mm beside where it stood."""
+    (q_e, at_home, _), _ = read(robot, 4, poses)
+    right, wrong = (
+        CALLS[call](robot, q_e, (at_home, robot.home + off * np.eye(4)[0])).notes
+        for off in (0.0, 0.02)
+    )
+    assert right == ()
+    assert re.match(
+        r"known_pose: row 1: contradicts all else: .* stood x -[12]\d\.?\d* mm", wrong[0]
+    )
+
+
 @pytest.mark.parametrize(
     ("known", "error", "said"),
     [

@@ -98,7 +98,8 @@ class Calibrator {
     return std::count(status.begin(), status.end(), Status::ok);
   }
 
-  /// Takes lines in that were left out and that this geometry reaches. @return whether there are any
+  /// Takes lines in that were left out and that this geometry reaches. @return whether there are
+  /// any
   bool more(Iterate& at, std::vector<Status>& status) {
     const long before = counted(status);
     believe(at.u);
@@ -315,7 +316,8 @@ class Calibrator {
   double spread(const Iterate& at) const {
     std::vector<double> ratios;
     for (const Line& line : at.line)
-      if (line.redundancy() > 0 && !line.certain) ratios.push_back(line.misfit() / line.redundancy());
+      if (line.redundancy() > 0 && !line.certain)
+        ratios.push_back(line.misfit() / line.redundancy());
     for (const LinkBlock& block : at.block)
       for (int k = 0; k < block.size(); ++k)
         ratios.push_back(block.y[k] * block.y[k] / (1 + block.shared(k, k)));

@@ -13,6 +13,8 @@ from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import Array, Level
+from truepose.calibration.agreement import rows_of, sizes
+from truepose.calibration.departure import chi2_quantile
 from truepose.calibration.differences import Assembled, Difference, Differences, assemble
 from truepose.calibration.fit import Fit
 from truepose.calibration.influences import Influence, patterns
@@ -37,6 +39,9 @@ from truepose.robot.to_core import columns
 ModelError = Literal["on", "off"]
 MODEL_ERRORS: tuple[ModelError, ...] = ("on", "off")
 Loss = Literal["squares", "huber", "student"]
+
+#: Of known poses that are right, the share that is said to contradict all else.
+FALSE_ALARMS = 1e-3
 
 #: Default tuning of each loss: Huber's bend and Student's degrees of freedom.
 TUNING: dict[Loss, float] = {"squares": 0.0, "huber": 1.0, "student": 4.0}
@@ -166,8 +171,9 @@ def fit_to(
         beside=answer.covariance[np.ix_(last, [*range(len(names)), *last])],
         notes=lines.notes + (() if found is None else tuple(found.doubt)),
     )
+    notes = (*fit.notes, *_contradictions(fit, lines))
     believed = "the last calibration's σ" if robot.spec.calibration else "the tolerances"
-    return replace(fit, notes=(*fit.notes, *fit.departure.doubt(believed)))
+    return replace(fit, notes=(*notes, *fit.departure.doubt(believed)))
 
 
 def _between(
@@ -228,6 +234,26 @@ class _Lines(NamedTuple):
     def own(self) -> int:
         """How many are the log's."""
         return len(self.rows) - self.known
+
+
+def _contradictions(fit: Fit, lines: _Lines) -> list[str]:
+    """Name known poses that contradict all else: by chance one in 1000 does."""
+    if not lines.known:
+        return []
+    of, notes = slice(lines.own, None), list[str]()
+    x = lines.outside[of]
+    near = fit.robot.fkm(lines.rows[of, : fit.robot.n], np.where(np.isnan(x), fit.robot.home, x))
+    rows = rows_of(fit.robot, fit.names, lines.rows[of], near, x, lines.outside_sigma[of])
+    for k, row in enumerate(rows, 1):
+        chi2, off = row.left_out(fit.covariance, np.zeros(len(fit.names)))
+        limit = float(chi2_quantile(1 - FALSE_ALARMS, len(row.e)))
+        if chi2 > limit:
+            by = sizes(fit.robot, row.known, off, "+.3g")
+            notes.append(
+                f"known_pose: row {k}: contradicts all else: by that the robot stood {by} from it "
+                f"(χ² = {chi2:.3g}, at most {limit:.3g}): another pose, or tolerances too small"
+            )
+    return notes
 
 
 def _tuned(loss: Loss, tuning: float | None) -> float:

@@ -8,9 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose import _core, logs
+from truepose import logs
 from truepose.arguments import Array
 from truepose.calibration import log_checks
+from truepose.calibration.agreement import rows_of, sizes
 from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.departure import chi2_quantile
@@ -23,7 +24,6 @@ from truepose.robot import knowledge
 from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
-from truepose.show.units import printed
 
 #: Share of a motor's variance from which a parameter is named.
 _SHARE = 0.05
@@ -244,11 +244,6 @@ def _moves(robot: Robot, here: Array, known: Array, sigma: Array, where: str) ->
 def _require_agreement(fit: Fit, stances: list[_Stance], of: Array, sigma: Array) -> None:
     """Refuse a stance that contradicts all others.
 
-    A stance's readings, less those expected where it is said to stand, are e = H_ξ u + H_x δx + ν;
-    what was not measured of x is projected out, the rest whitened: e = B u + noise of covariance I.
-    With û and Σ of all stances, r = e - B û and P = I - B Σ Bᵀ: the others alone are missed by
-    P⁻¹ r, whose covariance is P⁻¹, and r · P⁻¹ r is χ² with as many freedoms as e has.
-
     Parameters
     ----------
     of : ndarray, shape (S,)
@@ -256,39 +251,20 @@ def _require_agreement(fit: Fit, stances: list[_Stance], of: Array, sigma: Array
     """
     if len(stances) < 2:
         return
-    robot, before = fit.robot, fit.prior
-    H_x, H_xi = robot.linearise(fit.x, level=fit.level)
-    names = list(robot.parameters)
-    H_xi = H_xi[..., [names.index(name) for name in fit.names]]
-    noise = knowledge.reading_sigma(robot) ** 2
-    expected = robot.extended(fit.x, level=fit.level)
-    blocks = []
-    for stance, k in zip(stances, of, strict=True):
-        read, told = np.isfinite(stance.read), np.isfinite(stance.x)
-        Q = np.linalg.qr(H_x[k][np.ix_(read, ~told)], mode="complete")[0][:, (~told).sum() :]
-        H = Q.T @ H_x[k][np.ix_(read, told)]
-        off = np.asarray(_core.innovation(robot.core, stance.read[None], expected[k : k + 1]))[0]
-        e = Q.T @ off[read] + H @ (fit.x[k] - stance.x)[told]
-        half = np.linalg.inv(np.linalg.cholesky(H * sigma[told] ** 2 @ H.T + Q.T * noise[read] @ Q))
-        blocks.append((half @ e, half @ Q.T @ H_xi[k][read], half @ H, told))
-    prior = np.linalg.inv(fit.prior_covariance)
-    known, found = before.parameters, robot.parameters
-    off = np.array([known[name].mean - found[name].value for name in fit.names])
-    covariance = np.linalg.inv(prior + sum(B.T @ B for _, B, _, _ in blocks))
-    u = covariance @ (prior @ off + sum(B.T @ e for e, B, _, _ in blocks))
-    chi2, freedoms, apart = [], [], []
-    for e, B, H, told in blocks:
-        missed = np.linalg.solve(np.eye(len(e)) - B @ covariance @ B.T, e - B @ u)
-        chi2.append(float(missed @ (e - B @ u)))
-        freedoms.append(len(e))
-        apart.append((np.linalg.lstsq(H, missed)[0], told))
-    limit = chi2_quantile(1 - FALSE_ALARMS / len(stances), np.array(freedoms))
-    limit = np.where(freedoms, limit, np.inf)
-    worst = int(np.argmax(chi2 - limit))
-    if chi2[worst] <= limit[worst]:
+    robot = fit.robot
+    read, x = (np.array(values) for values in zip(*((s.read, s.x) for s in stances), strict=True))
+    rows = rows_of(robot, fit.names, read, fit.x[of], x, np.broadcast_to(sigma, x.shape))
+    prior, parameters = np.linalg.inv(fit.prior_covariance), fit.parameters.values()
+    off = np.array([p.prior - p.value for p in parameters])
+    covariance = np.linalg.inv(prior + sum(row.B.T @ row.B for row in rows))
+    step = covariance @ (prior @ off + sum(row.B.T @ row.e for row in rows))
+    found = [row.left_out(covariance, step) for row in rows]
+    chi2, freedoms = np.array([value for value, _ in found]), np.array([len(r.e) for r in rows])
+    limit = chi2_quantile(1 - FALSE_ALARMS / len(stances), freedoms)
+    worst = int(np.argmax(np.where(freedoms, chi2 - limit, -np.inf)))
+    if not chi2[worst] > limit[worst]:
         return
-    size, told = apart[worst]
-    by = _sizes(robot, told, size, "+.3g")
+    by = sizes(robot, rows[worst].known, found[worst][1], "+.3g")
     others = [stance.where for k, stance in enumerate(stances) if k != worst]
     against = f"the other {len(others)}" if len(others) > 1 else others[0]
     again = "repeat it, or leave it out" if len(others) > 1 else "repeat both: one of them is wrong"
@@ -303,17 +279,8 @@ def _undetected(robot: Robot, sigma: Array, x: Array) -> str:
     told = np.isfinite(x)
     return (
         "one stance: nothing shows whether it was as said; an error of it below "
-        f"{_sizes(robot, told, APART * sigma[told], '.2g')} goes into the zeros: put the robot "
+        f"{sizes(robot, told, APART * sigma[told], '.2g')} goes into the zeros: put the robot "
         "down anew, and read it again"
-    )
-
-
-def _sizes(robot: Robot, told: Array, sizes: Array, form: str) -> str:
-    """Name lengths and angles of some coordinates."""
-    named = (of for of, own in zip(robot.coordinates, told, strict=True) if own)
-    return ", ".join(
-        f"{name} {printed(size, unit, form)}"
-        for (name, unit), size in zip(named, sizes.tolist(), strict=True)
     )
 
 

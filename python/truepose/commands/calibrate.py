@@ -104,7 +104,10 @@ def command(
     ] = None,
     touch_off: Annotated[
         str | None,
-        typer.Option(help="Pose x,y,… that is known from outside.", show_default="home"),
+        typer.Option(
+            help="Pose x,y,… that the predicted accuracy takes for known; --known-pose uses one.",
+            show_default="home",
+        ),
     ] = None,
     homed: Annotated[
         str | None,
