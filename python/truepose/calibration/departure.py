@@ -31,9 +31,8 @@ class Departure(NamedTuple):
     @property
     def betrayed(self) -> bool:
         """Whether tolerances that are right would depart so far in 0.5 % of all robots only."""
-        return self.combinations > 0 and self.chi2 > chi2_quantile(
-            1 - FALSE_ALARMS, self.combinations
-        )
+        limit = chi2_quantile(1 - FALSE_ALARMS, self.combinations)
+        return bool(self.combinations > 0 and self.chi2 > limit)
 
     def doubt(self, prior: str) -> list[str]:
         """Say so, in one line, of what the prior is from; nothing where nothing betrays it."""
