@@ -128,11 +128,12 @@ auto batch_seen(const Robot& robot, const RowMatrix& base, const RowMatrix& mark
 /// @param registration  first of its unknowns in the prior, or -1
 /// @param links  differences measured between lines
 /// @param influence  (N, (n + r) × influences) what one unit of each adds to the readings
+/// @param referenced  so many of the last lines were measured in the base frame
 auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
                      const std::vector<double>& mean, const Rows& q_e, const Rows& measured,
                      const Rows& measured_sigma, const RowMatrix& base, const RowMatrix& marker,
                      int registration, const Links& links, int influences, const Rows& influence,
-                     Loss loss, double tuning, bool full) {
+                     Loss loss, double tuning, bool full, int referenced) {
   const std::size_t count = q_e.shape(0), n = dof(drawn.mobility);
   CalibrationResult result;
   {
@@ -140,7 +141,7 @@ auto run_calibration(const Robot& drawn, const Known& prior, int nuisances,
     ReadingLog log;
     log.count = static_cast<int>(count), log.q_e = q_e.data();
     log.registration = registration_from(base, marker), log.links = links;
-    log.influence = influence.data();
+    log.influence = influence.data(), log.referenced = referenced;
     if (measured.shape(0) > 0) {
       log.measured = measured.data();
       log.measured_sigma = measured_sigma.data();

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numbers
+from collections.abc import Mapping
 from typing import Any, Literal
 
 import numpy as np
@@ -29,6 +30,34 @@ def check_real(values: object, name: str) -> None:
         raise InputError(f"{name}: a masked array: fill what is masked (NaN), or leave it out")
     if any(map(np.iscomplexobj, parts)):
         raise InputError(f"{name}: complex numbers: must be real")
+
+
+def columns_of(table: Any) -> list[Any] | None:
+    """Names of a table's columns; None where it has none.
+
+    A dict of columns, a list of dicts, a table of pandas, polars or pyarrow, a structured array.
+
+    Examples
+    --------
+    >>> columns_of({"q1": [0.1], "q2": [0.2]}), columns_of([{"q1": 0.1}, {"q2": 0.2}])
+    (['q1', 'q2'], ['q1', 'q2'])
+    >>> columns_of([[0.1, 0.2]])
+    """
+    if isinstance(table, Mapping):
+        return list(table)
+    if isinstance(table, list) and table and all(isinstance(row, Mapping) for row in table):
+        return list(dict.fromkeys(name for row in table for name in row))
+    for name in ("column_names", "columns"):  # pyarrow; pandas, polars
+        names = getattr(table, name, None)
+        if names is not None and not callable(names):
+            return list(names)
+    names = getattr(getattr(table, "dtype", None), "names", None)
+    return None if names is None else list(names)
+
+
+def column_of(table: Any, name: Any) -> Any:
+    """Return one column of a table as of :func:`columns_of`; None where a dict has no such cell."""
+    return [row.get(name) for row in table] if isinstance(table, list) else table[name]
 
 
 def numbers_of(values: ArrayLike, name: str) -> Array:

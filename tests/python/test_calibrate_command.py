@@ -1,5 +1,6 @@
 """Does `truepose calibrate` print, write and refuse what it should?"""
 
+import json
 import re
 
 import numpy as np
@@ -231,3 +232,41 @@ def test_lines_held_out_teach_the_geometry_that_they_try_nothing(h4, readings):
         log, _ = log_checks.check(robot, logs.of(robot, columns))
         off[wrong] = review.assess(robot, log, []).held_out[4::5, 0]
     np.testing.assert_allclose(off[1e-3] - off[0.0], 1e-3, rtol=1e-9)
+
+
+@pytest.mark.usefixtures("plain_page")
+def test_a_known_pose_with_the_log_or_afterwards_gives_the_accuracy_promised(run, log, tmp_path):
+    """What the first page promises of a robot once touched off is what the second says of it."""
+    robot = tp.load("h4").with_sensors("theta", "z_telemeter")
+    home = tp.with_paper_errors(robot, seed=1).extended(robot.home)
+    columns = [*robot.readings, *(f"measured_{name}" for name, _ in robot.coordinates)]
+    values = [[value] for value in (*home, *robot.home)]
+    write(tmp_path / "dowel.csv", dict(zip(columns, values, strict=True)))
+    options = ("--sensors", "theta,z_telemeter", "--format", "json")
+
+    def position(out, how):
+        (row,) = (row for row in json.loads(out)["accuracy"] if how in row.values())
+        return row["position, mm"]
+
+    _, before, _ = run("h4", log, *options, "-o", "mine.toml")
+    status, both, _ = run("h4", log, *options, "--known-pose", "dowel.csv")
+    alone = run("mine.toml", "--format", "json", "--known-pose", "dowel.csv", "-o", "known.toml")
+    promised = position(before, "touched off, after")
+    assert status == 0 and alone[0] == 0
+    for out in (both, alone[1]):
+        assert position(out, "absolute, after") == pytest.approx(promised, rel=0.02)
+    assert tp.load(tmp_path / "known.toml").estimate(home).x == pytest.approx(robot.home, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ((), "LOG: none; name a log of readings, --known-pose, or both"),
+        (("--known-pose", "log.csv"), "log.csv: known_pose: no column says where it stood: measu"),
+        (("--known-pose", "no.csv"), "no.csv: "),
+    ],
+)
+def test_without_a_log_a_known_pose_is_asked_for(run, log, words, said):
+    status, out, err = run("h4", *words)
+    assert (status, out) == (2, "") and err.startswith(f"truepose: error: {said}")
+    assert err.count("\n") == 1

@@ -3,7 +3,11 @@
 import sys
 
 import numpy as np
+import pandas
+import polars
+import pyarrow
 import pytest
+from pyarrow import parquet
 
 import truepose as tp
 from truepose import logs
@@ -68,29 +72,64 @@ def test_comments_and_blank_lines_count_as_lines_of_the_file(robot, tmp_path):
     assert np.isnan(log.readings[1, 4:]).all()
 
 
-def test_parquet_pandas_pyarrow_and_structured_arrays_are_the_same_table(robot, q_e, tmp_path):
-    pyarrow = pytest.importorskip("pyarrow")
-    from pyarrow import parquet
+def rows_of(columns):
+    """Return a list of dicts; an empty cell is left out."""
+    rows = (dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True))
+    return [{name: cell for name, cell in row.items() if not np.isnan(cell)} for row in rows]
 
+
+TABLES = {
+    "dict of columns": dict,
+    "list of dicts": rows_of,
+    "structured array": lambda c: np.rec.fromarrays(list(c.values()), names=list(c)),
+    "pandas": pandas.DataFrame,
+    "pandas, missing values": lambda c: pandas.DataFrame(c).convert_dtypes(),
+    "polars": polars.DataFrame,
+    "polars, null": lambda c: polars.DataFrame(c).fill_nan(None),
+    "pyarrow": lambda c: pyarrow.Table.from_pandas(pandas.DataFrame(c)),
+}
+
+
+@pytest.mark.parametrize("kind", TABLES)
+def test_tables_of_every_kind_are_the_same_log(robot, q_e, kind):
+    q_e = q_e.copy()
+    q_e[5, 4] = np.nan
+    made = TABLES[kind](table(robot, q_e))
+    np.testing.assert_array_equal(logs.of(robot, made).readings, q_e)
+    fit = tp.calibrate(robot, made)
+    assert (fit.status == "ok").all()
+    np.testing.assert_array_equal(fit.x, tp.calibrate(robot, table(robot, q_e)).x)
+
+
+@pytest.mark.parametrize("kind", [kind for kind in TABLES if "null" not in kind])
+def test_a_table_of_poses_or_readings_is_taken_by_the_names_of_its_columns(h4, table2, kind):
+    names = [name for name, _ in h4.coordinates]
+    columns = dict(zip(names, table2.T, strict=True))
+    poses = TABLES[kind](columns | {"time": table2[:, 0]})
+    turned = TABLES[kind](dict(reversed(columns.items())))
+    np.testing.assert_array_equal(h4.ikm(poses), h4.ikm(table2))
+    np.testing.assert_array_equal(h4.ikm(turned), h4.ikm(table2))
+    q = TABLES[kind](dict(zip(h4.readings[3::-1], h4.ikm(table2).T[::-1], strict=True)))
+    np.testing.assert_array_equal(h4.fkm(q), h4.fkm(h4.ikm(table2)))
+    short = TABLES[kind]({"x": [0.0], "y": [0.0]})
+    with pytest.raises(tp.InputError, match="columns x, y: must be x, y, z, theta or q1, q2, q3"):
+        h4.ikm(short)
+
+
+def test_a_column_that_is_there_twice_is_refused(robot, q_e):
+    frame = pandas.DataFrame(q_e, columns=[*robot.readings[:-1], "q1"])
+    with pytest.raises(tp.InputError, match="column 'q1' is there twice"):
+        tp.calibrate(robot, frame)
+
+
+def test_a_parquet_file_is_a_log_whatever_its_name(robot, q_e, tmp_path):
     q_e = q_e.copy()
     q_e[5, 4] = np.nan
     columns = table(robot, q_e)
     arrow = pyarrow.table({k: pyarrow.array(v, from_pandas=True) for k, v in columns.items()})
     assert arrow["theta"].null_count == 1
     parquet.write_table(arrow, tmp_path / "any.name")
-    structured = np.rec.fromarrays(list(columns.values()), names=list(columns))
-    for log in (
-        logs.read(robot, tmp_path / "any.name"),
-        logs.of(robot, arrow),
-        logs.of(robot, structured),
-    ):
-        np.testing.assert_array_equal(log.readings, q_e)
-
-
-def test_a_data_frame_is_a_table(robot, q_e):
-    pandas = pytest.importorskip("pandas")
-    log = logs.of(robot, pandas.DataFrame(table(robot, q_e)))
-    np.testing.assert_array_equal(log.readings, q_e)
+    np.testing.assert_array_equal(logs.read(robot, tmp_path / "any.name").readings, q_e)
 
 
 def test_parquet_without_its_library_says_what_to_install(robot, tmp_path, monkeypatch):

@@ -1,5 +1,6 @@
 """Does a robot file made of another program's model say what that model does?"""
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -8,9 +9,6 @@ from truepose import robotfile
 from truepose.commands.check import remarks
 from truepose.exceptions import InputError
 from truepose.importing import from_mjcf, from_urdf, pivot_of
-
-mujoco = pytest.importorskip("mujoco", reason="models are read by MuJoCo")
-pytest.importorskip("yaml", reason="a URDF's loops are read by PyYAML")
 
 # A shank that itself moves, two axes that do not meet, two cranks, two rods: one hangs on its crank
 # by two hinges about one point, the other on the foot. Sites are where the rods end; one loop is

@@ -301,7 +301,6 @@ print(used / memory(robot, len(q_e), False, False))
 
 def test_no_more_memory_is_taken_than_was_said():
     """Peak of a process that calibrates on 20 000 lines, over what is said beforehand."""
-    pytest.importorskip("resource")
     command = [sys.executable, "-c", MEASURE, "20000"]
     found = subprocess.run(command, capture_output=True, text=True, check=True)
     assert float(found.stdout) < 1.1

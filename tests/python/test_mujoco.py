@@ -3,6 +3,7 @@
 import dataclasses
 import sys
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -11,12 +12,9 @@ from truepose import _core
 from truepose.paper import experiment
 from truepose.simulation.plants.mechanism import Mechanism
 from truepose.simulation.plants.mjcf import to_mjcf
+from truepose.simulation.plants.mujoco import MujocoPlant
+from truepose.simulation.plants.mujoco_body import Body
 from truepose.simulation.true_robots import with_tolerance_errors
-
-mujoco = pytest.importorskip("mujoco")
-
-from truepose.simulation.plants.mujoco import MujocoPlant  # noqa: E402
-from truepose.simulation.plants.mujoco_body import Body  # noqa: E402
 
 FREE = {
     "planar_translation": [0, 1],

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import truepose as tp
 
@@ -18,8 +19,7 @@ def along(robot, x, step):
     """Poses moved along a small twist: a spatial robot's turn goes before its own."""
     if robot.spec.mobility != "spatial":
         return x + step
-    rotation = pytest.importorskip("scipy.spatial.transform").Rotation
-    turn = rotation.from_rotvec(step[:, 3:]) * rotation.from_rotvec(x[:, 3:])
+    turn = Rotation.from_rotvec(step[:, 3:]) * Rotation.from_rotvec(x[:, 3:])
     return np.concatenate([x[:, :3] + step[:, :3], turn.as_rotvec()], axis=1)
 
 

@@ -322,3 +322,13 @@ def test_a_load_is_saved(tmp_path, delta):
     assert again.parameters == robot.parameters
     assert again.spec.stretch.load == (0, 1, -20)
     assert again.tension(delta.home) == pytest.approx(robot.tension(delta.home))
+
+
+def test_a_known_pose_is_read_under_the_load_of_the_file(yielding, anywhere, rng):
+    robot = yielding("delta", {"stretch.compliance": 2e-7}).with_sensors("z_telemeter")
+    true = with_tolerance_errors(robot, 1)
+    x, loads = anywhere(robot, 20, rng), tp.Loads(force=[(0.0, 0.0, -50.0)] * 20)
+    heavy = true.with_load((0.0, 0.0, -50.0)).extended(x)
+    known = (true.extended(robot.home), robot.home)
+    fit = tp.calibrate(robot, heavy, loads=loads, known_pose=known)
+    assert fit.robot.estimate(known[0]).x == pytest.approx(robot.home, abs=1e-5)

@@ -1,6 +1,6 @@
 """Does the C interface answer in WebAssembly as elsewhere? deploy/wasm, by wasmtime and by node.
 
-Skipped where clang-22, its wasm libraries or wasmtime are not installed.
+Skipped where clang-22 or its wasm libraries are not installed.
 """
 
 import gzip
@@ -11,6 +11,7 @@ import struct
 from pathlib import Path
 
 import pytest
+import wasmtime
 from compiling import told, wheels_eigen
 
 SOURCE = Path(__file__).parents[2]
@@ -19,7 +20,6 @@ BUILTINS = "/usr/lib/llvm-22/lib/clang/22/lib/wasi/libclang_rt.builtins-wasm32.a
 #: Of the seven questions of tests/reference/agree.h the last is the estimate, a search.
 ALLOWED = (1e-13,) * 6 + (1e-10,)
 
-wasmtime = pytest.importorskip("wasmtime", reason="wasmtime is not installed (pip: wasmtime)")
 pytestmark = [
     pytest.mark.xdist_group("wasm"),
     pytest.mark.skipif(

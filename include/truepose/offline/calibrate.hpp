@@ -45,29 +45,19 @@ class Calibrator {
     }
     Iterate now{Eigen::VectorXd::Zero(p_), std::vector<Pose>(log_.count),
                 std::vector<Coordinates>(log_.count)};
-    result.status = start(now);
+    believe_in(mean_);
+    result.status.assign(log_.count, Status::unreachable);
+    reach(now, result.status);
     start_ = place(now, result.status);
     freeze(now, result.status);
-    for (int bad; (bad = evaluate(now, result.status)) >= 0;) result.status[bad] = Status::singular;
-    if (std::count(result.status.begin(), result.status.end(), Status::ok) == 0) {
+    take_out(now, result.status);
+    if (counted(result.status) == 0) {
       result.outcome = {Status::unreachable, -1};
       return result;
     }
-    if (settings_.loss == Loss::squares) {
-      descend(now, result);
-    } else {
-      scale_ = INFINITY;
-      do {  // graduated: from what the median calls normal, down to the stated σ
-        scale_ = std::max(1.0, std::min(0.5 * scale_, spread(now)));
-        descend(now, result);
-      } while (scale_ > 1 && result.outcome);
-    }
-    if (settings_.nuisances > 0 && result.outcome) {  // once more with D where the poses now are
-      freeze(now, result.status);
-      for (int bad; (bad = evaluate(now, result.status)) >= 0;)
-        result.status[bad] = Status::singular;
-      descend(now, result);
-    }
+    search(now, result);
+    for (int round = 0; round < kRounds && result.outcome && more(now, result.status); ++round)
+      search(now, result);
     finish(now, result);
     return result;
   }
@@ -81,6 +71,48 @@ class Calibrator {
     std::vector<Line> line{};
     std::vector<LinkBlock> block{};
   };
+
+  /// How often lines that the last geometry left out are tried again.
+  static constexpr int kRounds = 10;
+
+  /// Descends from here, over the lines whose status is ok.
+  void search(Iterate& now, CalibrationResult& result) {
+    last_iteration_ = result.iterations + settings_.iterations;
+    if (settings_.loss == Loss::squares) {
+      descend(now, result);
+    } else {
+      scale_ = INFINITY;
+      do {  // graduated: from what the median calls normal, down to the stated σ
+        scale_ = std::max(1.0, std::min(0.5 * scale_, spread(now)));
+        descend(now, result);
+      } while (scale_ > 1 && result.outcome);
+    }
+    if (settings_.nuisances > 0 && result.outcome) {  // once more with D where the poses now are
+      freeze(now, result.status);
+      take_out(now, result.status);
+      descend(now, result);
+    }
+  }
+
+  static long counted(const std::vector<Status>& status) {
+    return std::count(status.begin(), status.end(), Status::ok);
+  }
+
+  /// Takes lines in that were left out and that this geometry reaches. @return whether there are
+  /// any
+  bool more(Iterate& at, std::vector<Status>& status) {
+    const long before = counted(status);
+    believe(at.u);
+    if (!reach(at, status)) return false;
+    freeze(at, status);
+    take_out(at, status);
+    return counted(status) > before;
+  }
+
+  /// Evaluates; leaves lines out that cannot be read.
+  void take_out(Iterate& at, std::vector<Status>& status) {
+    for (int bad; (bad = evaluate(at, status)) >= 0;) status[bad] = Status::singular;
+  }
 
   /// D of every line: of influences as it is given, of nuisances where its pose is now. It is held
   /// while the search goes on: the change of the latter with pose and ξ, times η, is of the second
@@ -152,16 +184,20 @@ class Calibrator {
     // Every unknown place of a marker has an x, every unknown turn one about the nacelle's z.
     const int place = first + 6, turn = first + kRegistration - 1;
     return registered(model_.mobility, log_.registration, S_(place, place) > 0, S_(turn, turn) > 0,
-                      log_.count, at.pose.data(), status.data(), log_.measured);
+                      log_.count - log_.referenced, at.pose.data(), status.data(), log_.measured);
   }
 
-  /// First poses: from the motors, at the prior mean.
-  std::vector<Status> start(Iterate& at) {
-    believe_in(mean_);
-    std::vector<Status> status(log_.count, Status::ok);
+  /// Poses by the motors, at the geometry that is believed in, of lines that have none.
+  /// @return whether there is another one
+  bool reach(Iterate& at, std::vector<Status>& status) {
     const Pose home = to_pose(robot_.mobility, robot_.home);
     Pose guess = home;
+    bool more = false;
     for (int k = 0; k < log_.count; ++k) {
+      if (status[k] == Status::ok) {
+        guess = at.pose[k];
+        continue;
+      }
       Joint q{};
       std::copy_n(log_.q_e + k * readings_, n_, q.begin());
       for (const Pose& from : {home, guess}) {
@@ -171,9 +207,10 @@ class Calibrator {
         if (status[k] == Status::ok) break;
       }
       guess = status[k] == Status::ok ? at.pose[k] : home;
+      more = more || status[k] == Status::ok;
       if (settings_.poll) settings_.poll();
     }
-    return status;
+    return more;
   }
 
   /// Reads every good line at this geometry and these poses.
@@ -197,11 +234,13 @@ class Calibrator {
   }
 
   bool read(Iterate& at, int k) {
+    const bool referenced = k >= log_.count - log_.referenced;
     Outside outside;
     if (log_.measured)
-      outside = {log_.measured + k * n_, log_.measured_sigma + k * n_, &registration_,
-                 settings_.registration};
+      outside = {log_.measured + k * n_, log_.measured_sigma + k * n_,
+                 referenced ? &kAligned : &registration_, referenced ? -1 : settings_.registration};
     Line& line = at.line[k];
+    line.certain = referenced;
     const int m = settings_.nuisances;
     const Influences given = influences_of(k);
     Extended q_e{};
@@ -256,11 +295,13 @@ class Calibrator {
 
   double weight(const Line& line) const {
     const int m = line.redundancy();
+    if (line.certain) return 1;
     return loss_.scale(m) * loss_.weight(line.d2() / (scale_ * scale_), m);
   }
   double rho(const Line& line) const {
     const double s2 = scale_ * scale_;
     const int m = line.redundancy();
+    if (line.certain) return line.d2();
     return s2 * loss_.scale(m) * loss_.rho(line.d2() / s2, m);
   }
   double cost(const Iterate& at) const {
@@ -275,7 +316,8 @@ class Calibrator {
   double spread(const Iterate& at) const {
     std::vector<double> ratios;
     for (const Line& line : at.line)
-      if (line.redundancy() > 0) ratios.push_back(line.misfit() / line.redundancy());
+      if (line.redundancy() > 0 && !line.certain)
+        ratios.push_back(line.misfit() / line.redundancy());
     for (const LinkBlock& block : at.block)
       for (int k = 0; k < block.size(); ++k)
         ratios.push_back(block.y[k] * block.y[k] / (1 + block.shared(k, k)));
@@ -328,7 +370,7 @@ class Calibrator {
     for (const Line& line : now.line) freedoms += line.redundancy();
     for (const LinkBlock& block : now.block) freedoms += block.size();
     result.outcome = {Status::not_converged, -1};
-    while (result.iterations < settings_.iterations) {
+    while (result.iterations < last_iteration_) {
       ++result.iterations;
       accumulate(now, information, right);
       const double scatter = std::max(1.0, current / freedoms);  // 1 where the model is right
@@ -390,6 +432,7 @@ class Calibrator {
     Eigen::MatrixXd information;
     Eigen::VectorXd right;
     const auto worth = [&](const Line& line) {
+      if (line.certain) return 1.0;
       return weight(line) < kOutlier ? 0 : loss_.information(line.redundancy());
     };
     result.cost = cost(at);
@@ -465,6 +508,7 @@ class Calibrator {
   Eigen::VectorXd amount_;  ///< of influences, less their prior means
   const LineLoss loss_;
   double scale_ = 1;
+  int last_iteration_ = 0;
 };
 
 }  // namespace truepose

@@ -29,6 +29,7 @@ struct ReadingLog {
   const double* measured_sigma = nullptr;  ///< of those, > 0
   Registration registration{};  ///< of those; the marker to begin with where it is unknown
   Links links{};                ///< differences that were measured between its poses
+  int referenced = 0;  ///< so many of the last lines were measured in the base frame; no outliers
 };
 
 /// What a calibration makes of one measured difference, in its own unit. NaN: of a line that was

@@ -17,6 +17,8 @@ struct Line {
   Coordinates
       pull{};  ///< by what else is known of the pose (links.hpp): it is at its best where e = -pull
 
+  bool certain = false;  ///< never an outlier: its pose is known
+
   int redundancy() const { return std::max(rows - n, 0); }
   double chi2() const {
     double sum = 0;

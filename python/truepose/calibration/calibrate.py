@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Literal, cast
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import logs
@@ -16,6 +17,7 @@ from truepose.calibration.differences import Difference, measurements
 from truepose.calibration.fit import Fit
 from truepose.calibration.fitting import Loss, ModelError, fit_to
 from truepose.calibration.influences import Influence
+from truepose.calibration.known_pose import KnownPose
 from truepose.calibration.registration import Registration
 from truepose.exceptions import InputError
 from truepose.robot.robot import Robot
@@ -24,8 +26,9 @@ from truepose.robot.stretch import Loads
 
 def calibrate(
     robot: Robot,
-    readings: ArrayLike | Mapping[str, ArrayLike],
+    readings: ArrayLike | Mapping[str, ArrayLike] | None = None,
     *,
+    known_pose: KnownPose | None = None,
     measured: ArrayLike | None = None,
     measured_sigma: ArrayLike | float | None = None,
     measured_angle_sigma: float | None = None,
@@ -47,11 +50,19 @@ def calibrate(
     ----------
     robot : Robot
         With the sensors in use that were read.
-    readings : array_like, shape (N, n + r), or a table
+    readings : array_like, shape (N, n + r), or a table, optional
         Extended positions q_e = [q; r], m or rad; NaN where a sensor was not read. Or a dict of
-        arrays, a data frame, a pyarrow table, with columns q1 … qn, each sensor by its name, and
+        arrays, a list of dicts, a table of pandas, polars or pyarrow, with columns q1 … qn, each
+        sensor by its name, and
         measured_x, … where something outside measured a coordinate, plane and point where the tool
         touched what they name. A table is looked over first; what was noticed is in ``notes``.
+        May be left out where `known_pose` is given.
+    known_pose : tuple of array_like, or a table, optional
+        Readings (n + r,) and pose (n,) in the base frame at which they were taken, NaN where a
+        coordinate is not known: a dowel, a stop, a probe. A third entry is σ of the pose, m and
+        rad; by default 0, exactly known. Also (K, n + r) and (K, n), or a table with columns
+        measured_x, …. The accuracy to expect is that of ``tp.accuracy(…, touch_off=pose)``. With
+        the log in one call, or alone on a robot that is already calibrated.
     measured : array_like, shape (N, n), optional
         Coordinates that something outside measured at these poses, NaN where it did not.
     measured_sigma : float, or array_like, shape (n,) or (N, n), optional
@@ -105,8 +116,13 @@ def calibrate(
     >>> fit = tp.calibrate(robot, true.extended(article.table2()))
     >>> fit.parameters["chain1.rod"].verdict
     'identified'
+    >>> dowel = [0.0, 0.0, -0.4, 0.0]  # where the robot stands at a dowel
+    >>> fit = tp.calibrate(fit.robot, known_pose=(true.extended(dowel), dowel))
+    >>> print(abs(fit.robot.estimate(true.extended(dowel)).x - dowel).max() < 1e-5)
+    True
     """
     settings: dict[str, Any] = {
+        "known_pose": known_pose,
         "measured_angle_sigma": measured_angle_sigma,
         "registration": registration,
         "level": level,
@@ -118,8 +134,12 @@ def calibrate(
         "loads": loads,
     }
     if not logs.is_table(readings):
-        rows = cast(ArrayLike, readings)
-        return fit_to(robot, rows, measured=measured, measured_sigma=measured_sigma, **settings)
+        rows = cast(ArrayLike | None, readings)
+        fit = fit_to(robot, rows, measured=measured, measured_sigma=measured_sigma, **settings)
+        if rows is None:
+            return fit
+        log = logs.of(robot, dict(zip(robot.readings, np.asarray(rows).T, strict=True)))
+        return replace(fit, notes=(*fit_checks.left_out(fit, log), *fit.notes))
     log, differences, notes = _looked_over(robot, readings, differences)
     settings["differences"] = differences
     settings["loads"] = log.loads if loads is None else loads

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from statistics import NormalDist
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,9 +31,8 @@ class Departure(NamedTuple):
     @property
     def betrayed(self) -> bool:
         """Whether tolerances that are right would depart so far in 0.5 % of all robots only."""
-        return self.combinations > 0 and self.chi2 > chi2_quantile(
-            1 - FALSE_ALARMS, self.combinations
-        )
+        limit = chi2_quantile(1 - FALSE_ALARMS, self.combinations)
+        return bool(self.combinations > 0 and self.chi2 > limit)
 
     def doubt(self, prior: str) -> list[str]:
         """Say so, in one line, of what the prior is from; nothing where nothing betrays it."""
@@ -78,13 +76,14 @@ def departure(off: Array, covariance: Array, prior_covariance: Array) -> Departu
 
 
 def chi2_quantile(probability: float, freedoms: Array | int) -> Any:
-    """Quantile of χ² by Wilson and Hilferty's cube: within 0.1 of the true one from 0.5 upwards.
+    """Return the value that χ² of so many freedoms stays below with this probability.
 
     Examples
     --------
     >>> from truepose.calibration.departure import chi2_quantile
-    >>> round(chi2_quantile(0.5, 1), 2), round(chi2_quantile(0.995, 15), 1)  # 0.455 and 32.80
-    (0.47, 32.9)
+    >>> print(chi2_quantile(0.5, 1).round(3), chi2_quantile(0.995, 15).round(2))
+    0.455 32.8
     """
-    spread = 2 / (9 * freedoms)
-    return freedoms * (1 - spread + NormalDist().inv_cdf(probability) * spread**0.5) ** 3
+    from scipy.special import chdtri
+
+    return chdtri(freedoms, 1 - probability)

@@ -9,14 +9,20 @@ from truepose.calibration.fit import Fit
 from truepose.logs import Log
 
 
+def left_out(fit: Fit, log: Log) -> list[str]:
+    """Lines whose motors were read and that the calibrated robot cannot reach, by the reason."""
+    read = np.isfinite(log.readings[:, : fit.robot.n]).all(axis=1)
+    reasons = dict.fromkeys(fit.status[read & (fit.status != "ok")].tolist())
+    return [
+        f"{log.at(np.flatnonzero(read & (fit.status == reason)))}: left out: by the calibrated "
+        f"robot {reason}"
+        for reason in reasons
+    ]
+
+
 def review(fit: Fit, log: Log) -> list[str]:
     """Outliers, lines left out, what was learnt: a line of text each."""
-    findings = []
-    reasons = [str(s) for s in dict.fromkeys(fit.status[fit.status != "ok"])]
-    for reason in reasons:
-        rows = np.flatnonzero((fit.status == reason) & np.isfinite(log.readings).all(axis=1))
-        if len(rows):
-            findings.append(f"{log.at(rows)}: left out: {reason}")
+    findings = left_out(fit, log)
     if len(outliers := fit.outliers):
         by_size = outliers[np.argsort(-fit.chi2[outliers])]
         many = "s" * (len(outliers) > 1)

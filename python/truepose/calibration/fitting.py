@@ -13,9 +13,12 @@ from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import Array, Level
-from truepose.calibration.differences import Difference, assemble
+from truepose.calibration.agreement import rows_of, sizes
+from truepose.calibration.departure import chi2_quantile
+from truepose.calibration.differences import Assembled, Difference, Differences, assemble
 from truepose.calibration.fit import Fit
 from truepose.calibration.influences import Influence, patterns
+from truepose.calibration.known_pose import KnownPose, known_poses
 from truepose.calibration.learnt import Learnt, calibration_of, mean_of
 from truepose.calibration.memory import MUCH, memory, much_memory
 from truepose.calibration.registration import (
@@ -37,14 +40,18 @@ ModelError = Literal["on", "off"]
 MODEL_ERRORS: tuple[ModelError, ...] = ("on", "off")
 Loss = Literal["squares", "huber", "student"]
 
+#: Of known poses that are right, the share that is said to contradict all else.
+FALSE_ALARMS = 1e-3
+
 #: Default tuning of each loss: Huber's bend and Student's degrees of freedom.
 TUNING: dict[Loss, float] = {"squares": 0.0, "huber": 1.0, "student": 4.0}
 
 
 def fit_to(
     robot: Robot,
-    readings: ArrayLike,
+    readings: ArrayLike | None,
     *,
+    known_pose: KnownPose | None = None,
     measured: ArrayLike | None = None,
     measured_sigma: ArrayLike | float | None = None,
     measured_angle_sigma: float | None = None,
@@ -66,15 +73,15 @@ def fit_to(
     tuning = _tuned(loss, tuning)
     if model_error not in MODEL_ERRORS:
         raise InputError(choose("model_error", model_error, MODEL_ERRORS))
-    lines = _lines(robot, readings, measured, measured_sigma, measured_angle_sigma)
+    lines = _lines(robot, readings, known_pose, measured, measured_sigma, measured_angle_sigma)
     begun = registration_of(registration)
-    frames = begun.sigma(robot, lines.outside) if len(lines.outside) else np.zeros(12)
+    frames = begun.sigma(robot, lines.outside) if lines.tracked else np.zeros(12)
     registering = bool(frames.any())
     beside = frames if registering else np.zeros(0)
-    between = assemble(robot, differences, len(lines.rows), own + len(beside))
+    between = assemble(robot, differences, lines.own, own + len(beside))
     if between is not None:
         beside = np.concatenate([beside, between.sigma])
-    acting = patterns(robot, influences, len(lines.rows))
+    acting = np.pad(patterns(robot, influences, lines.own), ((0, lines.known), (0, 0), (0, 0)))
     usual = np.array([of.amount[0] for of in influences])
     beside = np.concatenate([beside, [of.amount[1] for of in influences]])
     level = robot.finest_level if level is None else level
@@ -83,7 +90,8 @@ def fit_to(
     known = knowledge.knowledge(
         robot, guarded=guarded, level=level, error=False, beside=beside, stretches=True
     )
-    stretching = Stretching(robot, loads, lines.rows, full)
+    under = loads and loads.padded(robot, lines.own, lines.known)
+    stretching = Stretching(robot, under, lines.rows, full)
     needed = memory(robot, len(lines.rows), len(lines.outside) > 0, guarded)
     if needed > MUCH:
         warnings.warn(much_memory(robot, len(lines.rows), needed), stacklevel=3)
@@ -108,12 +116,13 @@ def fit_to(
                 getattr(_core.Loss, loss),
                 tuning,
                 full,
+                lines.known,
             )
         ).reordered(own, known)
 
     for _ in range(ROUNDS):
         answer = solve()
-        _require_found(robot, answer, loss)
+        _require_found(robot, answer, loss, lines.known)
         covariance, registered = _apart(answer, len(names), frames)
         stretched = stretching.learnt(
             answer.amounts[len(influences) :], np.sqrt(np.diag(covariance))[own:]
@@ -124,12 +133,7 @@ def fit_to(
             stretching.acts and (stretching.follow(calibrated, answer.x) > NEGLIGIBLE * sigma).any()
         ):
             break
-    found = None
-    last = np.arange(len(answer.covariance) - len(influences), len(answer.covariance))
-    if between is not None:
-        joint = answer.covariance[: last[0] if len(last) else None]
-        found = between.found(answer.w, answer.differences, joint[:, : len(joint)], len(names))
-        last = np.concatenate([between.columns(len(joint)), last])
+    found, last = _between(between, answer, len(names), len(influences))
     amounts = {
         of.name: of.learnt(amount, float(s))
         for of, amount, s in zip(
@@ -142,6 +146,8 @@ def fit_to(
     shown = lines.rows - acting @ np.array([of.value for of in amounts.values()]) - added
     stiff = calibrated.rigid if stretching.acts else calibrated
     expected = stiff.extended(answer.x, errors="nan", level=level)
+    residuals = np.asarray(_core.innovation(robot.core, shown, np.ascontiguousarray(expected)))
+    told = slice(lines.own or None)  # known poses only where there is nothing else
     root = knowledge.root(robot, names)
     fit = Fit(
         robot=calibrated,
@@ -150,23 +156,36 @@ def fit_to(
         names=tuple(names),
         covariance=covariance,
         prior_covariance=root @ root.T,
-        x=answer.x,
-        residuals=np.asarray(_core.innovation(robot.core, shown, np.ascontiguousarray(expected))),
-        chi2=answer.chi2,
-        redundancy=answer.redundancy,
-        weights=answer.weights,
-        status=np.array([_core.describe(int(s)) for s in answer.lines]),
+        x=answer.x[told],
+        residuals=residuals[told],
+        chi2=answer.chi2[told],
+        redundancy=answer.redundancy[told],
+        weights=answer.weights[told],
+        status=np.array([_core.describe(int(s)) for s in answer.lines[told]]),
         iterations=answer.iterations,
         cost=answer.cost,
         guarded=guarded,
-        registration=registered if len(lines.outside) else None,
+        registration=registered if lines.tracked else None,
         differences=found,
         influences=amounts,
         beside=answer.covariance[np.ix_(last, [*range(len(names)), *last])],
         notes=lines.notes + (() if found is None else tuple(found.doubt)),
     )
+    notes = (*fit.notes, *_contradictions(fit, lines))
     believed = "the last calibration's σ" if robot.spec.calibration else "the tolerances"
-    return replace(fit, notes=(*fit.notes, *fit.departure.doubt(believed)))
+    return replace(fit, notes=(*notes, *fit.departure.doubt(believed)))
+
+
+def _between(
+    between: Assembled | None, answer: _Answer, names: int, influences: int
+) -> tuple[Differences | None, Array]:
+    """Return measured differences as they were found, and the columns of all but parameters."""
+    last = np.arange(len(answer.covariance) - influences, len(answer.covariance))
+    if between is None:
+        return None, last
+    joint = answer.covariance[: last[0] if len(last) else None]
+    found = between.found(answer.w, answer.differences, joint[:, : len(joint)], names)
+    return found, np.concatenate([between.columns(len(joint)), last])
 
 
 class _Answer(NamedTuple):
@@ -202,12 +221,39 @@ class _Answer(NamedTuple):
 
 
 class _Lines(NamedTuple):
-    """Readings and outside measurements as the core takes them, each once."""
+    """Readings and outside measurements as the core takes them, each once; known poses last."""
 
     rows: Array  #: (N, n + r)
     outside: Array  #: (N, n), or no row
     outside_sigma: Array
+    known: int  #: how many are known poses
+    tracked: bool  #: whether anything but these was measured
     notes: tuple[str, ...]
+
+    @property
+    def own(self) -> int:
+        """How many are the log's."""
+        return len(self.rows) - self.known
+
+
+def _contradictions(fit: Fit, lines: _Lines) -> list[str]:
+    """Name known poses that contradict all else: by chance one in 1000 does."""
+    if not lines.known:
+        return []
+    of, notes = slice(lines.own, None), list[str]()
+    x = lines.outside[of]
+    near = fit.robot.fkm(lines.rows[of, : fit.robot.n], np.where(np.isnan(x), fit.robot.home, x))
+    rows = rows_of(fit.robot, fit.names, lines.rows[of], near, x, lines.outside_sigma[of])
+    for k, row in enumerate(rows, 1):
+        chi2, off = row.left_out(fit.covariance, np.zeros(len(fit.names)))
+        limit = float(chi2_quantile(1 - FALSE_ALARMS, len(row.e)))
+        if chi2 > limit:
+            by = sizes(fit.robot, row.known, off, "+.3g")
+            notes.append(
+                f"known_pose: row {k}: contradicts all else: by that the robot stood {by} from it "
+                f"(χ² = {chi2:.3g}, at most {limit:.3g}): another pose, or tolerances too small"
+            )
+    return notes
 
 
 def _tuned(loss: Loss, tuning: float | None) -> float:
@@ -221,29 +267,49 @@ def _tuned(loss: Loss, tuning: float | None) -> float:
 
 def _lines(
     robot: Robot,
-    readings: ArrayLike,
+    readings: ArrayLike | None,
+    known_pose: KnownPose | None,
     measured: ArrayLike | None,
     measured_sigma: ArrayLike | float | None,
     measured_angle_sigma: float | None,
 ) -> _Lines:
     """Check the shapes; leave nothing but the motors of rows that are there already."""
+    poses = known_poses(robot, known_pose)
+    if readings is None:
+        if not len(poses.x):
+            raise InputError("readings: none; give a log of readings, known_pose, or both")
+        readings = poses.readings[:0]
     rows, lead = flattened(robot, readings, robot.n + robot.r, "readings", "nan")
-    if len(lead) != 1 or len(rows) == 0:
+    if len(lead) != 1 or len(rows) + len(poses.x) == 0:
         raise InputError(f"readings: shape {np.shape(readings)}, must be (N, {robot.n + robot.r})")
     outside, sigma = measured_outside(
         robot, measured, measured_sigma, measured_angle_sigma, len(rows)
     )
-    again = repeated(rows, outside if len(outside) else None, robot.n)
+    tracked = len(outside) > 0
+    again = repeated(rows, outside if tracked else None, robot.n)
+    if len(poses.x):  # a row of the log itself, perhaps
+        again |= repeated(np.vstack([poses.readings, rows]), None, robot.n)[len(poses.x) :]
+        outside = np.vstack(
+            [outside if tracked else np.full((len(rows), robot.n), np.nan), poses.x]
+        )
+        sigma = np.vstack([sigma if tracked else np.ones((len(rows), robot.n)), poses.sigma])
+    rows, again = np.vstack([rows, poses.readings]), np.pad(again, (0, len(poses.x)))
     if not again.any():
-        return _Lines(rows, outside, sigma, ())
+        return _Lines(rows, outside, sigma, len(poses.x), tracked, ())
     rows = np.where(again[:, None] & (np.arange(rows.shape[1]) >= robot.n), np.nan, rows)
     outside[again[: len(outside)]] = np.nan
     note = f"{again.sum()} rows as an earlier one, digit for digit: each counts once"
-    return _Lines(rows, outside, sigma, (note,))
+    return _Lines(rows, outside, sigma, len(poses.x), tracked, (note,))
 
 
-def _require_found(robot: Robot, answer: _Answer, loss: Loss) -> None:
+def _require_found(robot: Robot, answer: _Answer, loss: Loss, known: int) -> None:
     """Raise the error that says why there is no fit, if there is none."""
+    if known and (lost := np.flatnonzero(answer.lines[-known:])).size:
+        why = _core.describe(int(answer.lines[-known:][lost[0]]))
+        raise PoseError(
+            f"{robot.name}: known_pose: row {lost[0] + 1}: {why}: units, signs and the order of "
+            "the columns?"
+        )
     what = f"{robot.name}: {len(answer.lines)} lines of readings: "
     if answer.status and answer.lines.all():
         raise PoseError(
@@ -256,7 +322,7 @@ def _require_found(robot: Robot, answer: _Answer, loss: Loss) -> None:
     if not (answer.redundancy.any() or np.isfinite(answer.differences).any()):
         raise InputError(
             what + "nothing to learn from: none has a reading beyond those that its pose takes, "
-            "and no difference between poses was measured"
+            "no difference between poses was measured, and no pose is known"
         )
 
 

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from truepose.arguments import Array
+from truepose.calibration.departure import chi2_quantile
 from truepose.calibration.expectation import Expectation, expect, poses_of
 from truepose.calibration.fit import Fit
 from truepose.calibration.fitting import fit_to
@@ -143,7 +144,8 @@ def _cost(fit: Fit | None) -> float:
 def _misfit(fit: Fit) -> float:
     """How many times their noise the readings disagree (median)."""
     counted = fit.redundancy > 0
-    return float(np.sqrt(np.median(fit.chi2[counted] / fit.redundancy[counted]) / 0.455))
+    usual = chi2_quantile(0.5, fit.redundancy[counted])
+    return float(np.sqrt(np.median(fit.chi2[counted] / usual)))
 
 
 # --- mistakes -------------------------------------------------------------------------------------

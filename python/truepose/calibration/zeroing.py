@@ -11,8 +11,10 @@ from numpy.typing import ArrayLike
 from truepose import logs
 from truepose.arguments import Array
 from truepose.calibration import log_checks
+from truepose.calibration.agreement import rows_of, sizes
 from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import calibrate
+from truepose.calibration.departure import chi2_quantile
 from truepose.calibration.expectation import expect
 from truepose.calibration.fit import Fit
 from truepose.calibration.log_faults import APART, MISFIT
@@ -27,6 +29,8 @@ from truepose.robot.units import reading_units
 _SHARE = 0.05
 #: σ by which a stance's lines may differ.
 _SAME = 5.0
+#: Of logs whose stances are all right, the share in which one is refused for the others' sake.
+FALSE_ALARMS = 1e-3
 
 
 class Zero(NamedTuple):
@@ -98,7 +102,9 @@ def zero(
     ------
     InputError
         As :func:`truepose.calibrate`; no line of a stance; a robot that moves within one, by 20 of
-        its σ; one that stands 5 σ off what motors and tolerances allow.
+        its σ; one that stands 5 σ off what motors and tolerances allow; a stance that contradicts
+        the others (χ², at 1 in 1000 over all stances). One stance alone has nothing to be
+        compared with: ``notes`` says how far it may be off undetected.
 
     Examples
     --------
@@ -123,13 +129,29 @@ def zero(
         raise InputError("no line has a reading of every motor")
     if wrong := [finding.text for finding in log_checks.outside(robot.expected(), log)]:
         raise InputError(f"readings: {'; '.join(wrong)}")
-    rows, x, count, called, notes = _stances(robot, log.only(read), at, known)
+    stances, notes = _stances(robot, log.only(read), at, known)
     if not read.all():
         notes.insert(0, f"{log.at(np.flatnonzero(~read))}: left out: a motor was not read")
-    sigmas = known / np.sqrt(count)
-    _require_near(robot, rows, x, sigmas, called)
+    every = np.array([stance.x for stance in stances])
+    _, first, of = np.unique(
+        np.nan_to_num(every, nan=np.inf), axis=0, return_index=True, return_inverse=True
+    )
+    order = np.argsort(first)  # poses as they come, each read by its stances' mean
+    of, x = np.argsort(order)[of.ravel()], every[first[order]]
+    rows = np.array([_mean(np.array([s.read for s in stances])[of == k]) for k in range(len(x))])
+    sigmas = known / np.sqrt(np.bincount(of))[:, None]
+    allowed = _require_near(robot, rows, x, sigmas, [stances[k].where for k in first[order]])
     fit = calibrate(robot, rows, measured=x, measured_sigma=sigmas, registration="known")
+    _require_agreement(fit, stances, of, known)
+    if len(stances) == 1:
+        notes.append(_undetected(robot, allowed[0], x[0]))
     return Zeroing(fit, x, _motors(fit, rows), tuple(notes))
+
+
+class _Stance(NamedTuple):
+    where: str  #: name and lines
+    read: Array  #: (n + r,) mean of its lines
+    x: Array  #: (n,) where it stood, NaN where that is not known
 
 
 def _pose(robot: Robot, at: ArrayLike | None) -> Array:
@@ -163,8 +185,8 @@ def _sigma(robot: Robot, sigma: ArrayLike | float) -> Array:
 
 def _stances(
     robot: Robot, log: logs.Log, at: ArrayLike | None, sigma: Array
-) -> tuple[Array, Array, Array, list[str], list[str]]:
-    """Readings (K, n + r), pose (K, n), stances (K, 1) and name of each pose; what was seen."""
+) -> tuple[list[_Stance], list[str]]:
+    """Return the log's stances, and what was seen."""
     names = labels = log.labels.get(logs.STANCE)
     usual = _pose(robot, at)
     outside = [f"measured_{name}" for name, _ in robot.coordinates]
@@ -182,26 +204,18 @@ def _stances(
                 "at (--at): the column 'stance' says that it stood flat, at 0: leave one of them "
                 f"out, or say where in columns {', '.join(outside)}"
             )
-    of: dict[tuple[float, ...], list[Array]] = {}  # a pose's stances, each read by its lines' mean
-    called: dict[tuple[float, ...], str] = {}  # by the first of them
-    notes = []
+    stances, notes = [], []
     for name in dict.fromkeys(str(name) for name in names[stood]):
         lines = np.flatnonzero(stood & (names == name))
         here, known = log.readings[lines], usual
         if log.measured is not None:
             measured = _mean(log.measured[lines])
             known = np.where(np.isnan(measured), usual, measured)
-        pose = tuple(np.nan_to_num(known, nan=np.inf))
-        of.setdefault(pose, []).append(_mean(here))
         where = log.at(lines) if labels is None else f"stance {name}: {log.at(lines)}"
-        called.setdefault(pose, where)
+        stances.append(_Stance(where, _mean(here), known))
         if moves := _moves(robot, here, known, sigma, where):
             notes.append(moves)
-    rows = np.array([_mean(np.array(stances)) for stances in of.values()])
-    poses = np.array(list(of))
-    count = np.array([[len(stances)] for stances in of.values()])
-    poses = np.where(np.isinf(poses), np.nan, poses)
-    return rows, poses, count, list(called.values()), notes
+    return stances, notes
 
 
 def _mean(rows: Array) -> Array:
@@ -227,8 +241,54 @@ def _moves(robot: Robot, here: Array, known: Array, sigma: Array, where: str) ->
     return said if (moved > _SAME * sigma).any() else ""
 
 
-def _require_near(robot: Robot, rows: Array, x: Array, sigma: Array, called: list[str]) -> None:
-    """Refuse readings of a robot whose drawn geometry, by its tolerances, cannot stand there."""
+def _require_agreement(fit: Fit, stances: list[_Stance], of: Array, sigma: Array) -> None:
+    """Refuse a stance that contradicts all others.
+
+    Parameters
+    ----------
+    of : ndarray, shape (S,)
+        Which of the fit's poses each stance is at.
+    """
+    if len(stances) < 2:
+        return
+    robot = fit.robot
+    read, x = (np.array(values) for values in zip(*((s.read, s.x) for s in stances), strict=True))
+    rows = rows_of(robot, fit.names, read, fit.x[of], x, np.broadcast_to(sigma, x.shape))
+    prior, parameters = np.linalg.inv(fit.prior_covariance), fit.parameters.values()
+    off = np.array([p.prior - p.value for p in parameters])
+    covariance = np.linalg.inv(prior + sum(row.B.T @ row.B for row in rows))
+    step = covariance @ (prior @ off + sum(row.B.T @ row.e for row in rows))
+    found = [row.left_out(covariance, step) for row in rows]
+    chi2, freedoms = np.array([value for value, _ in found]), np.array([len(r.e) for r in rows])
+    limit = chi2_quantile(1 - FALSE_ALARMS / len(stances), freedoms)
+    worst = int(np.argmax(np.where(freedoms, chi2 - limit, -np.inf)))
+    if not chi2[worst] > limit[worst]:
+        return
+    by = sizes(robot, rows[worst].known, found[worst][1], "+.3g")
+    others = [stance.where for k, stance in enumerate(stances) if k != worst]
+    against = f"the other {len(others)}" if len(others) > 1 else others[0]
+    again = "repeat it, or leave it out" if len(others) > 1 else "repeat both: one of them is wrong"
+    raise InputError(
+        f"{stances[worst].where}: contradicts {against}: by that the robot stood {by} from where "
+        f"it is said to (χ² = {chi2[worst]:.3g}, at most {limit[worst]:.3g}): {again}"
+    )
+
+
+def _undetected(robot: Robot, sigma: Array, x: Array) -> str:
+    """Say how far a stance that nothing is compared with may be off."""
+    told = np.isfinite(x)
+    return (
+        "one stance: nothing shows whether it was as said; an error of it below "
+        f"{sizes(robot, told, APART * sigma[told], '.2g')} goes into the zeros: put the robot "
+        "down anew, and read it again"
+    )
+
+
+def _require_near(robot: Robot, rows: Array, x: Array, sigma: Array, called: list[str]) -> Array:
+    """Refuse readings of a robot whose drawn geometry, by its tolerances, cannot stand there.
+
+    Returns σ of each coordinate there by motors and tolerances, (K, n).
+    """
     model, n = robot.expected(), robot.n
     base, marker = KNOWN.begin()
     nothing = np.zeros((UNKNOWNS, UNKNOWNS))
@@ -239,7 +299,7 @@ def _require_near(robot: Robot, rows: Array, x: Array, sigma: Array, called: lis
     lost = np.asarray(np.isnan(seen.x).any(axis=1))
     far = lost | np.asarray((distance > APART).any(axis=1))
     if not far.any():
-        return
+        return seen.sigma[:, robot.r :]
     i = int(np.argmax(far))
     there = np.where(np.isnan(x[i]), np.where(lost[i], robot.home, seen.x[i]), x[i])
     drawn = model.extended(there, errors="nan")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal, cast
 
@@ -14,6 +15,7 @@ from truepose.arguments import Level
 from truepose.calibration import log_checks, review
 from truepose.calibration.differences import measurements
 from truepose.calibration.fitting import Loss, ModelError
+from truepose.calibration.known_pose import known_poses
 from truepose.calibration.memory import MUCH, memory, much_memory
 from truepose.calibration.rehomed import rehomed
 from truepose.calibration.review import Assessment
@@ -56,12 +58,13 @@ Registration = Literal["unknown", "known"]
 def command(
     robot: RobotName,
     log: Annotated[
-        Path,
+        Path | None,
         typer.Argument(
             help="CSV, Parquet or MCAP: columns q1 … qn, each sensor's name, measured_x, … plane, "
-            "point; SI."
+            "point; SI. Not needed with --known-pose on a calibrated robot.",
+            show_default=False,
         ),
-    ],
+    ] = None,
     out: Annotated[
         Path | None, typer.Option("-o", "--out", help="Calibrated robot file to write.")
     ] = None,
@@ -92,9 +95,19 @@ def command(
         Registration,
         typer.Option(help="Whether measured_… are the nacelle's coordinates in the base frame."),
     ] = "unknown",
+    known_pose: Annotated[
+        Path | None,
+        typer.Option(
+            help="Log of poses that are known in the base frame: measured_x, …; exactly, or to "
+            "measured_x_sigma, …."
+        ),
+    ] = None,
     touch_off: Annotated[
         str | None,
-        typer.Option(help="Pose x,y,… that is known from outside.", show_default="home"),
+        typer.Option(
+            help="Pose x,y,… that the predicted accuracy takes for known; --known-pose uses one.",
+            show_default="home",
+        ),
     ] = None,
     homed: Annotated[
         str | None,
@@ -146,6 +159,7 @@ def command(
                 model_error,
                 measured_sigma,
                 registration,
+                known_pose,
                 touch_off,
                 homed,
                 lambda what: bar.update(task, advance=1, description=what),
@@ -166,7 +180,7 @@ def command(
             say(f"truepose: error: {reason}", err=True)
         raise typer.Exit(2) from None
     for note in result.notes:
-        say(f"{log}: {note}", err=True)
+        say(f"{log or known_pose}: {note}", err=True)
     tables = review.tables_of(result)
     if how is Format.table:  # the report has the change of each parameter, too
         few = (0, 1, 3, 4, 5, 6)
@@ -195,7 +209,7 @@ class RefusedError(InputError):
 
 def run(
     robot_file: str,
-    log_file: Path,
+    log_file: Path | None,
     out: Path | None,
     report: Path | None,
     sensors: str | None,
@@ -205,6 +219,7 @@ def run(
     model_error: ModelError,
     measured_sigma: str | None,
     registration: str,
+    known_file: Path | None,
     touch_off: str | None,
     homed: str | None,
     progress: Callable[[str], None],
@@ -213,8 +228,10 @@ def run(
 ) -> Assessment:
     """Read, look over, fit, try, write; nothing is written unless all went well."""
     asked = asked or Asked()
-    inputs = [log_file, robotfile.path_of(robot_file)]
-    inputs += [asked.distances] if asked.distances else []
+    if log_file is None and known_file is None:
+        raise InputError("LOG: none; name a log of readings, --known-pose, or both")
+    inputs = [robotfile.path_of(robot_file)]
+    inputs += [path for path in (log_file, known_file, asked.distances) if path]
     robot_out = robotfile.output(out, "-o", calibrated=True) if out else None
     page_out = files.Output(report, "report", "--report") if report else None
     files.check(filter(None, (robot_out, page_out)), inputs, force)
@@ -222,7 +239,13 @@ def run(
     sigma, angle_sigma = parse_sigmas(robot, measured_sigma, "--measured-sigma")
     robot = _rehomed(robot, homed)
     at = None if touch_off is None else parse_pose(robot, touch_off, "--touch-off")
-    log = logs.read(robot, log_file)
+    known = None if known_file is None else _known(robot, known_file)
+    if log_file is None:
+        assert known_file is not None and known is not None
+        log_file, log, known = known_file, known, None
+        registration, loss = "known", "squares"
+    else:
+        log = logs.read(robot, log_file)
     progress("log read")
     between = asked.between(robot, log, log_file)
     differences = measurements(between.of(robot, log))
@@ -234,7 +257,10 @@ def run(
     needed = memory(robot, len(log.lines), log.measured is not None, guarded)
     if needed > MUCH:  # before, not with the notes that come after
         say(f"{log_file}: {much_memory(robot, len(log.lines), needed)}", err=True)
-    notes = [finding.text for finding in findings]
+    few = (
+        registration == "known" and log_file == known_file
+    )  # one pose is never enough to learn all
+    notes = [] if few else [finding.text for finding in findings]
     if log.unused:
         notes.insert(0, f"columns not used: {', '.join(log.unused)}")
     with warnings.catch_warnings():
@@ -253,6 +279,7 @@ def run(
             measured_sigma=sigma,
             measured_angle_sigma=angle_sigma,
             registration=registration,
+            known_pose=known,
         )
     contents = {}
     if page_out:
@@ -266,6 +293,16 @@ def run(
     files.write(contents, inputs, force)
     progress("written")
     return result
+
+
+def _known(robot: Robot, path: Path) -> logs.Log:
+    """Read poses that are known; how well, where the file does not say: exactly."""
+    log = logs.read(robot, path)
+    try:
+        poses = known_poses(robot, log)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    return replace(log, measured_sigma=poses.sigma)
 
 
 def _rehomed(robot: Robot, text: str | None) -> Robot:

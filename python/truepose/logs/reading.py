@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from truepose.arguments import Array, check_real
+from truepose.arguments import Array, check_real, column_of, columns_of
 from truepose.exceptions import InputError, choose, controls, one_line
 from truepose.files import contents
 from truepose.logs import raw
@@ -82,8 +82,8 @@ def repeated(readings: Array, measured: Array | None, n: int) -> Array:
 
 
 def is_table(value: object) -> bool:
-    """Whether this has named columns: a dict, a data frame, a pyarrow table, a structured array."""
-    return isinstance(value, Log | Mapping) or _columns_of(value) is not None
+    """Whether this has named columns: a Log, or as of :func:`truepose.arguments.columns_of`."""
+    return isinstance(value, Log) or columns_of(value) is not None
 
 
 def of(robot: Robot, table: Any, where: str = "readings") -> Log:
@@ -93,7 +93,7 @@ def of(robot: Robot, table: Any, where: str = "readings") -> Log:
     ----------
     robot : Robot
         With the sensors in use that were read.
-    table : dict of arrays, pandas or pyarrow table, structured array
+    table : dict of arrays, list of dicts, pandas, polars or pyarrow table, structured array
         Columns q1 … qn, each sensor by its name, and measured_x … where something outside
         measured a coordinate, measured_x_sigma … how well; plane and point, names of what the tool
         touched;
@@ -115,9 +115,11 @@ def of(robot: Robot, table: Any, where: str = "readings") -> Log:
     """
     if isinstance(table, Log):
         return table
-    columns = list(table) if isinstance(table, Mapping) else list(_columns_of(table) or ())
-    count = len(table[columns[0]]) if columns else 0
-    return _pick(robot, columns, table, np.arange(1, count + 1), "row", where)
+    names = columns_of(table) or []
+    _no_twins(where, [str(name) for name in names])
+    columns = {str(name): column_of(table, name) for name in names}
+    count = len(columns[str(names[0])]) if names else 0
+    return _pick(robot, list(columns), columns, np.arange(1, count + 1), "row", where)
 
 
 def read(robot: Robot, path: str | Path) -> Log:
@@ -192,14 +194,6 @@ def _bytes(path: Path) -> bytes:
         return contents(path)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
-
-
-def _columns_of(table: Any) -> Iterable[str] | None:
-    """Names of the columns of a table that is no dict; None where it is no table."""
-    for name in ("column_names", "columns"):  # pyarrow; pandas, polars
-        if (names := getattr(table, name, None)) is not None:
-            return names
-    return getattr(getattr(table, "dtype", None), "names", None)
 
 
 def _parquet(path: Path, data: bytes) -> dict[str, Any]:
@@ -290,7 +284,7 @@ def _spoilt(path: Path, kind: str, error: Exception) -> InputError:
     return InputError(f"{path}: cannot be read as {kind}: {one_line(reason, 200)}")
 
 
-def _no_twins(path: Path, names: list[str]) -> None:
+def _no_twins(path: Path | str, names: list[str]) -> None:
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise InputError(f"{path}: column '{one_line(twice[0], 60)}' is there twice")
@@ -335,7 +329,6 @@ def _pick(
     where: str,
     worth: Mapping[str, str] | None = None,
 ) -> Log:
-    columns = [str(name) for name in columns]
     if wrong := next((name for name in columns if controls(name)), None):
         raise InputError(f"{where}: column '{one_line(wrong, 60)}': control characters in its name")
     names = robot.readings

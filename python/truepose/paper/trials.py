@@ -25,8 +25,6 @@ from truepose.simulation.true_robots import with_tolerance_errors
 #: positions whatever robot is true: on an exactly repeated grid every robot would read the same
 #: rounding errors, and symmetric poses too, which no average over robots or poses takes away.
 JITTER = 5e-4
-#: σ to which a touched pose is told, m and rad: next to the readings' own, exactly.
-TOLD = 1e-9
 
 
 @dataclass(frozen=True)
@@ -127,15 +125,7 @@ def run(
         q_e = true.read(at, int(noise.generate_state(1)[0]))
         options: dict[str, Any] = {"level": level, "model_error": model_error}
         fit = calibrate(robot, q_e[:first], loss=loss, **options)
-        one = slice(first, first + 1)
-        told = calibrate(
-            fit.robot,
-            q_e[one],
-            measured=at[one],
-            measured_sigma=np.full(robot.n, TOLD),
-            registration="known",
-            **options,
-        ).robot
+        told = calibrate(fit.robot, known_pose=(q_e[first], at[first]), **options).robot
         rest = slice(first + 1, None)
         later, touched = (
             known.estimate(q_e[rest], guess=desired[rest]) for known in (fit.robot, told)

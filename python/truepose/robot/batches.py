@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, Errors, Level, numbers_of
+from truepose.arguments import Array, Errors, Level, column_of, columns_of, numbers_of
 from truepose.exceptions import InputError, PoseError, choose
 from truepose.robot import explain
 from truepose.robot.description import Description
@@ -15,9 +17,14 @@ from truepose.robot.description import Description
 def flattened(
     robot: Description, values: ArrayLike, width: int, name: str, errors: Errors
 ) -> tuple[Array, tuple[int, ...]]:
-    """Check the shape and flatten the leading axes: (N, width) in C order."""
+    """Check the shape and flatten the leading axes: (N, width) in C order.
+
+    Columns of a table are taken by their names: the pose's coordinates, or the readings.
+    """
     if errors not in ("raise", "nan"):
         raise InputError(choose("errors", errors, ("raise", "nan")))
+    if (columns := columns_of(values)) is not None:
+        values = _by_name(robot, values, columns, width, name)
     array = numbers_of(values, name)
     if array.ndim == 0 or array.shape[-1] != width:
         raise InputError(f"{name}: shape {array.shape}, must be (..., {width}) for {robot.name}")
@@ -25,6 +32,18 @@ def flattened(
         bad = array.reshape(-1, width)[~np.isfinite(array.reshape(-1, width)).all(axis=-1)][0]
         raise InputError(f"{name} = {_list(bad)}: must be finite numbers")
     return np.ascontiguousarray(array.reshape(-1, width)), array.shape[:-1]
+
+
+def _by_name(
+    robot: Description, table: Any, columns: list[Any], width: int, name: str
+) -> ArrayLike:
+    coordinates = tuple(coordinate for coordinate, _ in robot.coordinates)
+    sets = [names for names in (coordinates, robot.readings[:width]) if len(names) == width]
+    for names in sets:
+        if set(names) <= set(columns):
+            return np.column_stack([numbers_of(column_of(table, n), f"{name}: {n}") for n in names])
+    must = " or ".join(", ".join(names) for names in sets)
+    raise InputError(f"{name}: columns {', '.join(map(str, columns))}: must be {must}")
 
 
 def require_answers(

@@ -55,6 +55,12 @@ class Loads:
             tension=None if tension is None else tension[keep],
         )
 
+    def padded(self, robot: Description, lines: int, more: int) -> Loads:
+        """Those of a log, and of lines behind it that were read under the file's load alone."""
+        own = self.arrays(robot, lines)
+        tension = np.pad(own["tension"], ((0, more), (0, 0)), constant_values=np.nan)
+        return Loads(force=np.pad(own["force"], ((0, more), (0, 0))), tension=tension)
+
     def arrays(self, robot: Description, lines: int) -> dict[str, Array]:
         """Check them, and write them out for every line; no force where there is NaN."""
         result = {}

@@ -242,7 +242,7 @@ class Sampled:
     """Poses at given times, and a smooth motion through them.
 
     A quintic spline, at rest at both ends, where nothing else is known; with rates (and
-    accelerations) Hermite's polynomials. Needs scipy (``pip install truepose[paths]``).
+    accelerations) Hermite's polynomials.
 
     Parameters
     ----------
@@ -290,8 +290,7 @@ class Sampled:
 class Function:
     """A function of time: pose, or pose, free twist and its derivative.
 
-    Of a pose alone a quintic spline through its values at the control periods finds the rest
-    (scipy, ``pip install truepose[paths]``).
+    Of a pose alone a quintic spline through its values at the control periods finds the rest.
 
     Parameters
     ----------
@@ -352,7 +351,9 @@ def _jerk_limited(limits: Array) -> tuple[Callable, float]:
     try:
         import ruckig
     except ImportError:
-        raise TrueposeError("jerk-limited moves need ruckig: pip install truepose[paths]") from None
+        raise TrueposeError(
+            "jerk-limited moves need ruckig: pip install 'truepose[paths]'"
+        ) from None
     asked, found = ruckig.InputParameter(1), ruckig.Trajectory(1)
     asked.target_position = [1.0]
     asked.max_velocity, asked.max_acceleration, asked.max_jerk = ([float(v)] for v in limits)
@@ -370,10 +371,8 @@ def _through(
     robot: Robot, time: Array, rows: list[Array], period: float, at_rest: bool
 ) -> Setpoints:
     """Through poses at times, given x or x, rate (and acceleration) there."""
-    try:
-        from scipy.interpolate import BPoly, make_interp_spline
-    except ImportError:
-        raise TrueposeError("paths of samples need scipy: pip install truepose[paths]") from None
+    from scipy.interpolate import BPoly, make_interp_spline
+
     chart = Chart(robot, rows[0][0])
     y = [chart.into(rows[0])]
     if len(rows) > 1:
