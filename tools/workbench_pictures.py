@@ -29,11 +29,11 @@ MOST = 3_000_000  #: bytes of what moves
 PATIENCE = 120_000  #: ms; a browser without a graphics card is slow
 
 
-def looked_at(browser: Any, size: dict) -> Seen:
+def looked_at(browser: Any, size: dict, address: str) -> Seen:
     """Open the page, without viser's remark on the graphics card."""
     seen = browser.new_page(viewport=size)
     seen.set_default_timeout(PATIENCE)
-    seen.goto(f"http://127.0.0.1:{PORT}")
+    seen.goto(address)
     seen.wait_for_selector("text=comes to rest")
     seen.add_style_tag(content=".mantine-Notifications-root { display: none !important }")
     settled(seen, 15)
@@ -138,7 +138,7 @@ def main() -> None:
             ("workbench.webp", WIDE, False),
         ):
             page = serve.open_page(tp.load("h4"), port=PORT, dark=dark)
-            seen = looked_at(browser, size)
+            seen = looked_at(browser, size, page.address("127.0.0.1"))
             if name.endswith(".webp"):
                 film(page, seen)
             else:

@@ -8,7 +8,7 @@ import pytest
 from scipy.optimize import minimize
 
 import truepose as tp
-from truepose.calibration.design import in_other_states
+from truepose.calibration.design import in_other_states, searched
 from truepose.calibration.relaxation import Relaxation
 from truepose.calibration.search import Search
 from truepose.calibration.worth import Worth
@@ -144,6 +144,75 @@ def test_of_twelve_candidates_the_best_is_that_of_all_sets(crowded, must, surviv
         assert search.spent(cheapest) == pytest.approx(price)
         enough = (own for own in every if search.cost(own) <= least)
         assert price == pytest.approx(min(map(search.spent, enough)))
+
+
+@pytest.mark.parametrize("survives", [False, True])
+@pytest.mark.parametrize("ladders", [(), ([4, 5], [9, 10, 11])], ids=["sensors", "levels too"])
+@pytest.mark.parametrize("must", [(), (3,)])
+@pytest.mark.parametrize("whole", [False, True], ids=["any prices", "whole prices"])
+def test_a_front_of_twelve_is_that_of_all_sets(many, must, survives, ladders, whole):
+    """Also where many sets cost the same, and where some candidates cost nothing."""
+    cost, _, prices = many
+    prices = np.floor(prices) - 1 if whole else prices
+    search = Search(cost, prices[:12], must, survives, ladders)
+    assert search.look_round()
+    front = [(search.spent(own), search.cost(own)) for own in search.front()]
+    assert np.allclose(front, exhaustive(search, 12), rtol=1e-9, atol=1e-9)
+
+
+def exhaustive(search, count):
+    """Price and cost of every set that no other is as cheap and as accurate as."""
+    free = [k for k in range(count) if k not in search.must]
+    sets = (
+        tuple(sorted((*search.must, *own)))
+        for size in range(len(free) + 1)
+        for own in itertools.combinations(free, size)
+    )
+    every = sorted((search.spent(own), search.cost(own)) for own in sets if search._whole(own))
+    front = []
+    for price, cost in every:
+        if not front or cost < front[-1][1] * (1 - 1e-9):
+            front.append((price, cost))
+    return front
+
+
+@pytest.mark.parametrize("known", ["as built", "self-calibrated", "survives"])
+@pytest.mark.parametrize("name", ["h4", "stewart", "hexa"])
+def test_a_robot_s_front_of_more_than_ten_candidates_is_that_of_all_sets(
+    name, known, anywhere, rng
+):
+    """Sensors and levels together, prices drawn: as exhaustive search, and marked as proven."""
+    robot = tp.load(name)
+    x = anywhere(robot, 10, rng)
+    names = [sensor.name for sensor in robot.spec.sensor][:6]
+    prices = {sensor: float(p) for sensor, p in zip(names, rng.uniform(50, 400, 6), strict=True)}
+    group = "chain*.encoder_offset" if name == "stewart" else "chain*.rod"
+    finer = {group: {1e-4: 300.0, 2e-5: 500.0}, "chain1.base.*": {5e-5: 60.0, 2e-5: 100.0}}
+    finer["chain2.base.*"], finer["chain3.base.*"] = {1e-5: 90.0}, {1e-5: 110.0}
+    calibrated = x[4:] if known == "self-calibrated" else None
+    asked = {"finer": finer, "calibrated_on": calibrated, "survives": known == "survives"}
+    found = tp.design(robot, prices, poses=x[:4], **asked)
+    assert found.exact and len(found.alone) == 12
+    worth = Worth(robot, names, x[:4], x[4:] if calibrated is not None else x[:0], x[:0], [],
+                  [level.information for own in found.levels for level in own])  # fmt: skip
+    search = searched(worth, [*prices.values()], found.levels, survives=asked["survives"])
+    front = [(choice.price, choice.sigma**2) for choice in found.front]
+    assert np.allclose(front, exhaustive(search, len(found.alone)), rtol=1e-8)
+
+
+def test_a_front_of_many_candidates_is_marked_as_greedy(run, h4, tmp_path):
+    """In the result, the table, the notes and the picture."""
+    finer = [f"chain{i}.{part}=1e-5:{i}" for i in range(1, 5) for part in ("rod", "arm")]
+    words = [word for level in finer for word in ("--finer", level.replace("1e-5", "0.01mm"))]
+    price = ("--price", "theta=90,z_telemeter=400,wire*=250,pivot*=40")
+    status, out, errors = run("design", "h4", *price, *words, "--plot", tmp_path / "front.svg")
+    assert status == 0 and "(greedy choices, not proven)" in " ".join(out.split()), errors
+    assert "The front is greedy, not proven, with 15 candidates" in " ".join(out.split())
+    assert "greedy" in (tmp_path / "front.svg").read_text()
+    status, out, errors = run("design", "h4", *price, *words, "--format", "csv")
+    assert all(row.endswith(",greedy") for row in out.splitlines()[1:]), out
+    few = tp.design(h4, {"theta": 90, "wire1": 250})
+    assert few.exact
 
 
 def test_a_search_that_is_cut_short_tells_its_gap(crowded, monkeypatch):

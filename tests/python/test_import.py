@@ -197,7 +197,7 @@ WRONG = {
         ('<body name="crank2" pos="-0.03 0 -0.04">', '</body><body name="b"><body name="crank2">'),
         "motors motor1 and motor2 stand on two bodies, shank and world: must be one",
     ),
-    "no XML": (("<mujoco", "<mujoc"), "leg.xml: MuJoCo: "),
+    "no XML": (("<mujoco", "<mujoc"), "leg.xml: not XML: "),
 }
 
 

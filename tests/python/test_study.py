@@ -1,6 +1,9 @@
 """Are a study's numbers the same whoever works on it, and is nothing lost on the way?"""
 
 import os
+import signal
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -62,7 +65,8 @@ def test_each_true_robot_is_another_and_answers_in_its_place(alone):
 
 def test_a_grid_asks_the_same_true_robots_at_every_point():
     def cube(case):
-        return {"power": case.values["n"], "first": case.true.parameters["chain1.rod"].value}
+        first = case.true.parameters["chain1.rod"].value
+        return {"power": len(case.values["law"]) * case.values["n"], "first": first}
 
     found = tp.study(cube, "3rrr", 3, grid={"n": [1, 2], "law": ["a", "b"]}, workers=0)
     assert len(found) == 12
@@ -70,6 +74,96 @@ def test_a_grid_asks_the_same_true_robots_at_every_point():
         assert len(set(found.columns["first"][found.columns["number"] == number])) == 1
     points = [row[1:3] for row in found.table().rows if row[3] == "power"]
     assert points == [[n, law] for n in "12" for law in "ab"]
+
+
+def test_a_case_has_one_true_robot_and_one_stream_of_random_numbers():
+    """Whatever else was spawned from its seed before; each access goes on from the one before."""
+
+    def asked(case):
+        first = case.seed.spawn(1)[0] if case.values["spawned"] else None
+        noise = case.rng.normal(size=2)
+        assert case.true is case.true and first != case.true
+        return {"rod": case.true.parameters["chain1.rod"].value, "noise": noise @ [1, 0]} | {
+            "next": case.rng.normal() - noise[0]
+        }
+
+    found = tp.study(asked, "3rrr", 3, grid={"spawned": [0, 1]}, workers=0)
+    rods, noise = found.columns["rod"].reshape(3, 2), found.columns["noise"]
+    assert (rods[:, 0] == rods[:, 1]).all() and len(set(rods[:, 0])) == 3
+    assert len(set(noise)) == 3 and found.columns["next"].all()
+
+
+def test_a_natural_study_tests_the_robot_that_it_calibrated():
+    """Readings, estimates and truths of one robot: as near as the bound, not as two robots."""
+
+    def natural(case):
+        box = case.robot.spec.workspace
+        x = case.rng.uniform(box.minimum, box.maximum, (12, case.robot.n))
+        fit = tp.calibrate(case.robot, case.true.read(x, seed=1))
+        found = fit.robot.estimate(case.true.read(x[:5], seed=2)).x
+        bound = tp.accuracy(case.robot, x[:5], calibrated_on=x)
+        return {
+            "off": np.sqrt(((found - x[:5])[:, :3] ** 2).sum(axis=1).mean()),
+            "bound": np.sqrt(np.einsum("kii->ki", bound)[:, :3].sum(axis=1).mean()),
+        }
+
+    found = tp.study(natural, "h4", 8, workers=0).columns
+    rms = {name: np.sqrt((found[name] ** 2).mean()) for name in ("off", "bound")}
+    assert 0.5 < rms["off"] / rms["bound"] < 1.6
+
+
+def test_a_calibration_on_more_poses_is_a_better_one():
+    found = tp.study("calibration", "h4", 6, grid={"poses": [5, 160]}, workers=0)
+    few, many = found.columns["bound_mm"].reshape(6, 2).T
+    assert (many < 0.9 * few).all()
+    off = found.columns["calibrated_mm"].reshape(6, 2)
+    assert (off[:, 0] != off[:, 1]).all()
+    alone = tp.study("calibration", "h4", 6, grid={"poses": [40]}, workers=0)
+    default = tp.study("calibration", "h4", 6, workers=0)
+    assert (alone.columns["calibrated_mm"] == default.columns["calibrated_mm"]).all()
+
+
+@pytest.mark.parametrize(
+    ("function", "grid", "message"),
+    [
+        ("calibration", {"banana": [1]}, r"grid: unknown key 'banana' \(choices: poses\)"),
+        ("calibration", {"Poses": [1]}, r"unknown key 'Poses'; did you mean 'poses'"),
+        ("calibration", {"poses": [10, "many"]}, "poses = many: must be a whole number of at"),
+        ("calibration", {"poses": [0]}, "poses = 0: must be a whole number of at least 1"),
+        ("rest", {"poses": [1]}, "study rest: grid: unknown key 'poses': rest uses no grid"),
+        (
+            lambda case: {"x": case.values["n"]},
+            {"n": [1], "m": [2]},
+            "unknown key 'm': the function reads n of case.values; leave the key out",
+        ),
+        (off, {"banana": [1]}, "unknown key 'banana': the function reads none of case.values"),
+    ],
+)
+def test_a_grid_that_is_not_used_is_refused(function, grid, message):
+    with pytest.raises(InputError, match=message) as refused:
+        tp.study(function, "3rrr", 2, grid=grid, workers=0)
+    assert "\n" not in str(refused.value)
+
+
+def test_cases_without_an_answer_are_counted_and_spoil_no_median(run, tmp_path):
+    """Two of a hundred are NaN in one number, a third refused."""
+    script = tmp_path / "mine.py"
+    script.write_text(
+        "import truepose\n\ndef some(case):\n    if case.number == 2:\n"
+        "        raise truepose.TrueposeError('no such pose')\n"
+        "    return {'a': float('nan') if case.number < 2 else 1.0, 'b': 2}\n"
+    )
+    status, out, errors = run("study", f"{script}:some", "3rrr", "--workers", 0, "--format", "csv")
+    assert status == 0, errors
+    assert out.splitlines() == [
+        "table,robot,asked,robots,no answer,median,95 %",
+        "study,3rrr,a,100.0,3.0,1.0,1.0",
+        "study,3rrr,b,100.0,1.0,2.0,2.0",
+    ]
+    assert "3 of 100 cases had no answer; the first: no such pose" in errors
+    status, out, errors = run("study", f"{script}:some", "3rrr", "--count", 2, "--workers", 0)
+    assert "Results over 2 robots (2 without an answer)" in out
+    assert "2 of 2 cases had no answer; the first: a result is not finite (NaN)" in errors
 
 
 def test_a_study_that_was_ended_goes_on_and_may_grow(alone, tmp_path):
@@ -113,7 +207,7 @@ def test_what_a_robot_refuses_is_told_and_what_fails_is_named():
 
     found = tp.study(far, "3rrr", 2, workers=0)
     assert found.failed.all() and "unreachable" in found.columns["error"][0]
-    assert found.table().rows == [["3rrr", "–", "0", "", ""]]
+    assert found.table().rows == [["3rrr", "–", "2", "2", "", ""]]
     for wrong, said in (
         (lambda case: {"ratio": 1 / 0}, r"case 0 \(robot 3rrr, number 0\): ZeroDivisionError"),
         (lambda case: 3, "answer 3: must be a mapping"),
@@ -168,7 +262,8 @@ def test_the_command_asks_ready_questions_and_those_of_a_file(run, tmp_path):
     assert status == 0 and "calibrated_mm" in out and "bound_deg" in out, errors
     script = tmp_path / "mine.py"
     script.write_text(
-        "def rods(case):\n    return {'rod': case.true.parameters['chain1.rod'].value}\n"
+        "def rods(case):\n    rod = case.true.parameters['chain1.rod'].value\n"
+        "    return {'rod': case.values.get('n', 1) * rod}\n"
     )
     words = ("study", f"{script}:rods", "3rrr", "--count", 4, "--workers", 2, "--chunk", 2)
     status, out, errors = run(*words, "-o", tmp_path / "kept", "--grid", "n=1,2")
@@ -180,3 +275,90 @@ def test_the_command_asks_ready_questions_and_those_of_a_file(run, tmp_path):
     ):
         status, _, errors = run("study", wrong, "3rrr")
         assert status == 2 and said in errors and len(errors.splitlines()) == 1, errors
+
+
+def ended(pid: int) -> bool:
+    """Whether a process runs no more; one that nobody waited for is no process of ours."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] in "ZX"
+    except FileNotFoundError:
+        return True
+
+
+def waited(true, seconds=120.0):
+    """Wait until something holds; return whether it does."""
+    end = time.monotonic() + seconds
+    while not true() and time.monotonic() < end:
+        time.sleep(0.05)
+    return true()
+
+
+SLOW = """
+import os, time
+from pathlib import Path
+
+def slow(case):
+    Path(str(os.getpid())).touch()
+    time.sleep(600)
+    return {"n": case.number}
+"""
+
+
+@pytest.fixture
+def endless(tmp_path):
+    """Start a study, in a process group of its own, that takes an hour; wait until it works."""
+    (tmp_path / "mine.py").write_text(SLOW)
+    begun = []
+
+    def begin(*words, workers):
+        study = [sys.executable, "-m", "truepose.commands.cli", "study", "mine.py:slow", "3rrr"]
+        study = subprocess.Popen(
+            [*study, *words], cwd=tmp_path, stderr=subprocess.PIPE, start_new_session=True
+        )
+        begun.append(study)
+        assert waited(lambda: len(pids()) >= workers), study.poll()
+        return study
+
+    def pids():
+        return [int(path.name) for path in tmp_path.iterdir() if path.name.isdigit()]
+
+    begin.pids = pids
+    yield begin
+    for study in begun:
+        study.kill()
+        study.wait()
+        study.stderr.close()
+    for pid in pids():
+        if not ended(pid):
+            os.kill(pid, signal.SIGKILL)
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGHUP])
+def test_workers_end_with_a_study_that_is_killed(endless, number):
+    study = endless("--workers", "2", "--chunk", "1", workers=2)
+    study.send_signal(number)
+    study.wait(120)
+    assert waited(lambda: all(map(ended, endless.pids())))
+
+
+def test_ctrl_c_ends_a_study_in_one_line_with_its_workers(endless):
+    """A terminal sends the signal to all its processes."""
+    study = endless("--workers", "2", "--chunk", "1", workers=2)
+    os.killpg(study.pid, signal.SIGINT)
+    assert study.wait(120) == 130
+    assert study.stderr.read() == b"truepose: interrupted\n"
+    assert all(map(ended, endless.pids()))
+
+
+def test_ctrl_c_ends_a_study_on_a_cluster_in_one_line(endless, tmp_path, monkeypatch):
+    """The command ends at once; the cluster keeps nothing of it to do."""
+    distributed = pytest.importorskip("distributed", reason="dask is not installed")
+    monkeypatch.chdir(tmp_path)
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None, local_directory=str(tmp_path)
+    ) as cluster:
+        study = endless("--chunk", "1", "--cluster", cluster.scheduler_address, workers=2)
+        os.killpg(study.pid, signal.SIGINT)
+        assert study.wait(120) == 130
+        assert study.stderr.read() == b"truepose: interrupted\n"
+        assert waited(lambda: not cluster.scheduler.tasks)

@@ -1,5 +1,8 @@
 """Does the workbench say what truepose says? Its states, its answers, its page in a browser."""
 
+import contextlib
+import http.client
+import importlib.metadata
 import re
 import socket
 import time
@@ -255,6 +258,98 @@ def page(h4):
     served.stop()
 
 
+def asked(page, host="{own}", origin=None, token=None, cookie=None):
+    """Ask for the page and for its WebSocket; status of each, bytes of state that came, cookie."""
+    from websockets.exceptions import InvalidStatus
+    from websockets.sync.client import connect
+
+    own = f"127.0.0.1:{page.server.get_port()}"
+    path = "/" if token is None else f"/?token={token}"
+    headers = {"Host": host.format(own=own)}
+    headers |= {} if origin is None else {"Origin": origin.format(own=own)}
+    headers |= {} if cookie is None else {"Cookie": cookie}
+    asking = http.client.HTTPConnection(own)
+    asking.request("GET", path, headers=headers)
+    response = asking.getresponse()
+    body, given = response.read(), response.headers["Set-Cookie"]
+    assert response.status == 200 or len(body) < 200
+    asking.close()
+    with socket.create_connection(("127.0.0.1", page.server.get_port())) as held:
+        own_host = headers.pop("Host")
+        try:
+            with connect(
+                f"ws://{own_host}{path}",
+                sock=held,
+                origin=headers.pop("Origin", None),
+                additional_headers=headers,
+                subprotocols=[f"viser-v{importlib.metadata.version('viser')}"],
+                compression=None,
+                max_size=None,
+            ) as web:
+                return response.status, 101, len(web.recv(timeout=10)), given
+        except InvalidStatus as refused:
+            return response.status, refused.response.status_code, 0, given
+
+
+def test_the_address_that_is_printed_opens_the_page(page):
+    """By its token or by the cookie that this gives; by any address or name of this machine."""
+    token = page._guard.token
+    for host in ("{own}", "localhost:9", "192.168.1.7:9", "[::1]:9", socket.gethostname()):
+        for origin in (None, f"http://{host}"):
+            status, upgraded, size, given = asked(page, host, origin, token)
+            assert (status, upgraded) == (200, 101) and size > 1000, (host, origin)
+            assert "; HttpOnly; SameSite=Strict" in given
+    status, upgraded, size, given = asked(page, cookie=f"a=b; {given.partition(';')[0]}")
+    assert (status, upgraded, given) == (200, 101, None) and size > 1000
+    assert len(token) > 20 and page.address("10.0.0.2").startswith("http://10.0.0.2:")
+
+
+@pytest.mark.parametrize(
+    "spoilt",
+    [
+        {"token": None},
+        {"token": ""},
+        {"token": "x" * 22},
+        {"token": "%ff%00%C3"},
+        {"token": None, "cookie": "truepose-{port}=no; truepose-1={token}"},
+        {"origin": "http://evil.example"},
+        {"origin": "http://127.0.0.1:1"},
+        {"origin": "http://localhost.evil.example"},
+        {"origin": "null"},
+        {"host": "evil.example", "origin": "http://evil.example"},
+        {"host": "127.0.0.1.evil.example:8080"},
+        {"host": "attacker"},
+    ],
+    ids=str,
+)
+def test_other_sites_and_who_has_no_token_get_nothing(page, spoilt):
+    """Foreign origins, DNS rebinding, no token or another one: 403, and no byte of state."""
+    words = {"port": page.server.get_port(), "token": page._guard.token, "own": "{own}"}
+    how = {"token": page._guard.token, **spoilt}
+    how = {name: value and value.format(**words) for name, value in how.items()}
+    assert asked(page, **how) == (403, 403, 0, None)
+
+
+def test_a_viser_that_cannot_be_guarded_serves_nothing(h4, monkeypatch):
+    pytest.importorskip("viser", reason="the workbench's page needs viser")
+    monkeypatch.setattr("truepose.workbench.guard.Guard._guarded", None)
+    monkeypatch.setattr("truepose.workbench.guard.Guard.installed", contextlib.nullcontext)
+    port = free()
+    with pytest.raises(TrueposeError, match="cannot guard this viser"):
+        serve.open_page(h4, port=port)
+    serve.require_free("127.0.0.1", port)
+
+
+def test_the_command_prints_the_token_and_the_network_s_address(run, monkeypatch):
+    pytest.importorskip("viser", reason="the workbench's page needs viser")
+    monkeypatch.setattr(serve, "own_address", lambda: "10.1.2.3")
+    monkeypatch.setattr(serve, "serve", lambda page: page.stop())
+    port = free()
+    _, out, _ = run("workbench", "h4", "--port", port, "--no-browser", "--host", "0.0.0.0")
+    assert re.search(rf"http://localhost:{port}/\?token=[\w-]{{20,}} ", out), out
+    assert re.search(rf"From other devices: http://10.1.2.3:{port}/\?token=[\w-]{{20,}}\n", out)
+
+
 def test_a_drag_moves_the_sliders_and_one_out_of_reach_says_why(page, h4):
     x = np.array([0.05, 0.02, -0.41, 0.1])
     page._dragged(frames(h4, x), True)
@@ -342,7 +437,7 @@ def test_in_a_browser_a_key_moves_the_robot(page, browser, width, dark):  # noqa
     seen, wrong = browser.new_page(viewport={"width": width, "height": 844}), []
     seen.set_default_timeout(90_000)
     seen.on("pageerror", lambda error: wrong.append(str(error)))
-    seen.goto(f"http://127.0.0.1:{page.server.get_port()}")
+    seen.goto(page.address("127.0.0.1"))
     seen.wait_for_selector("text=comes to rest")
     for law in LAWS:
         assert seen.get_by_text(law, exact=True).count() >= 1

@@ -14,7 +14,7 @@ from truepose.calibration.bound import touch_sigmas
 from truepose.calibration.candidates import reachable
 from truepose.calibration.machining import Curve, Level, levels_of
 from truepose.calibration.relaxation import Relaxation
-from truepose.calibration.search import EXACT, Search
+from truepose.calibration.search import Search
 from truepose.calibration.worth import Worth
 from truepose.exceptions import InputError, choose
 from truepose.robot import knowledge
@@ -54,7 +54,7 @@ class Design:
 
     robot: Robot
     prices: dict[str, float]  #: of each candidate
-    front: list[Choice]  #: none of those compared is as cheap and as accurate; cheapest first
+    front: list[Choice]  #: no set is as cheap and as accurate as one of these; cheapest first
     best: Choice | None  #: within the budget, or cheapest of those that reach the target
     bound: float  #: that none within the budget is better than: σ, m; of a target the price
     compared: int  #: sets
@@ -62,6 +62,7 @@ class Design:
     by_price: bool = False  #: whether a target was asked for
     levels: list[list[Level]] = field(default_factory=list)  #: that parameters can be machined to
     alone: list[Alone] = field(default_factory=list)  #: each candidate by itself
+    exact: bool = True  #: whether the front is proven; else greedy: others may be better
 
     @property
     def proven(self) -> bool:
@@ -69,11 +70,6 @@ class Design:
         if self.best is None:
             return False
         return bool(self.bound >= self._reached * (1 - 1e-9))
-
-    @property
-    def exhaustive(self) -> bool:
-        """Whether all sets were compared."""
-        return len(self.alone) <= EXACT
 
     @property
     def gap(self) -> float:
@@ -201,7 +197,7 @@ def design(
                 f"{printed(floor, unit, '.4g')}"
             )
         best, bound = search.cheapest(target**2)
-    search.look_round()
+    exact = search.look_round()
 
     def choice(chosen: Iterable[int]) -> Choice:
         own = sorted(chosen)
@@ -234,6 +230,7 @@ def design(
         by_price=target is not None,
         levels=ladders,
         alone=each,
+        exact=exact,
     )
 
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from truepose.calibration.relaxation import Relaxation
 
-#: Candidates up to which all sets are compared with each other.
-EXACT = 10
+#: Candidates up to which the front is proven, by a search at each of its prices.
+EXACT = 14
 #: Candidates beyond which the convex relaxation is asked before branch and bound, not after it.
 MANY = 20
 #: Sets that a search for the best compares before it tells its gap instead.
@@ -240,19 +240,29 @@ class Search:
                     heapq.heappush(queue, (self.spent(more), next(ties), more, k + 1))
         return best, self.spent(best)
 
-    def look_round(self) -> None:
-        """Compare all sets if they are few, else those of greedy choices for many budgets."""
+    def look_round(self) -> bool:
+        """Look at the sets that make the front; return whether it is proven.
+
+        Up to `EXACT` candidates: the best of all, the best of what costs less than that, and so
+        on down to nothing, each proven. Beyond: greedy choices for many budgets.
+        """
         free = self._free()
-        if len(free) <= EXACT:
-            for size in range(len(free) + 1):
-                for own in itertools.combinations(free, size):
-                    if self._whole([*self.must, *own]):
-                        self.cost([*self.must, *own])
-            return
         whole = self.spent(range(len(self.prices)))
         base = self.spent(self.must)
-        for budget in np.linspace(base, whole, 2 * len(free)):
-            self.greedy(float(budget))
+        if len(free) > EXACT:
+            for budget in np.linspace(base, whole, 2 * len(free)):
+                self.greedy(float(budget))
+            return False
+        budget = whole
+        while budget >= base:
+            best, bound = self.most_accurate(budget)
+            if bound < self.cost(best) * (1 - SAME):
+                return False
+            for k in self._free():  # what adds nothing
+                less = self.without_one(best, k)
+                best = less if self.cost(less) <= self.cost(best) * (1 + SAME) else best
+            budget = self.spent(best) - SAME * max(whole, 1.0)
+        return True
 
     def front(self) -> list[tuple[int, ...]]:
         """Sets of those compared that none is as cheap and as accurate as, cheapest first."""

@@ -288,16 +288,19 @@ def table(found: Design, state: str) -> Table:
             *([machined(found.robot, choice)] if found.levels else []),
             number(choice.price),
             number(factor * choice.sigma),
+            *([] if found.exact else ["greedy"]),
         ]
         for choice in found.front
     ]
     what = "sensors and machining buy" if found.levels else "sensors buy"
     title = f"What {what}, {state}: σ of the {total.name}, and their price"
+    title += "" if found.exact else " (greedy choices, not proven)"
     header = [
         "sensors",
         *(["machined to"] if found.levels else []),
         "price",
         f"{total.name} ({unit})",
+        *([] if found.exact else ["front"]),
     ]
     return Table("design", title, header, rows)
 
@@ -346,6 +349,11 @@ def notes(found: Design) -> list[str]:
     lines = [
         f"{robot.name}: {found.compared} sets of {' and '.join(among)}, {len(found.over)} poses."
     ]
+    if not found.exact:
+        lines.append(
+            f"The front is greedy, not proven, with {len(found.alone)} candidates: a better set "
+            "may exist at any price. --budget proves the best set for one price."
+        )
     factor, unit = PRINT[summed(robot).unit]
     unit = f" {unit}" if unit.isalpha() else unit
     if (best := found.best) is not None:

@@ -52,12 +52,12 @@ def front(found: Design) -> Figure:
     price = [choice.price for choice in found.front]
     factor, what = _shown(found)
     sigma = [factor * choice.sigma for choice in found.front]
-    axes.step(price, sigma, where="post", color="C0")
-    axes.plot(price, sigma, "o", color="C0", ms=4)
+    label = "proven" if found.exact else "greedy, not proven"
+    axes.step(price, sigma, where="post", color="C0", ls="-" if found.exact else "--")
+    axes.plot(price, sigma, "o", color="C0", ms=4, label=label)
     if found.best is not None:
-        axes.plot(
-            [found.best.price], [factor * found.best.sigma], "o", color="C3", ms=8, mfc="none"
-        )
+        at, label = ([found.best.price], [factor * found.best.sigma]), "best"
+        axes.plot(*at, "o", color="C3", ms=8, mfc="none", label=label)
     axes.set(xlabel="price", ylabel=what.format(""), title=found.robot.name)
     if min(sigma) < 0.1 * max(sigma):
         axes.set_yscale("log")
@@ -67,6 +67,7 @@ def front(found: Design) -> Figure:
     else:
         axes.set_ylim(bottom=0)
     axes.grid(color="0.92", which="both")
+    axes.legend(frameon=False)
     return figure
 
 

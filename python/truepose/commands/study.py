@@ -28,7 +28,10 @@ def command(
     sensors: SensorSet = None,
     grid: Annotated[
         list[str] | None,
-        typer.Option(help="name=value,value,…: every combination is asked of every robot."),
+        typer.Option(
+            help="name=value,value,…: every combination is asked of every robot. Names are those "
+            "that the function reads from case.values; calibration: poses; rest: none."
+        ),
     ] = None,
     seed: Seed = 0,
     out: Annotated[
@@ -81,9 +84,9 @@ def command(
             progress=lambda done, total: bar.update(task, completed=done, total=total),
         )
     show([found.table()], how)
-    if failed := int(found.failed.sum()):
-        first = found.columns["error"][found.failed][0]
-        say(f"{failed} of {len(found)} cases had no answer; the first: {first}", err=True)
+    if missing := int(found.unanswered.sum()):
+        said = [*found.columns["error"][found.failed], "a result is not finite (NaN)"]
+        say(f"{missing} of {len(found)} cases had no answer; the first: {said[0]}", err=True)
     if out:
         say(f"Kept in {out}", how)
 

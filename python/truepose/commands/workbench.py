@@ -26,7 +26,11 @@ def command(
     log: Annotated[Path | None, typer.Option(help="A log to play back.")] = None,
     port: Annotated[int, typer.Option(min=1, max=65535, help="That serves the page.")] = serve.PORT,
     host: Annotated[
-        str, typer.Option(help="Address that may be asked; 0.0.0.0: by every machine.")
+        str,
+        typer.Option(
+            help="Address to serve on; 0.0.0.0: all of this machine's, to every device that has "
+            "the printed address."
+        ),
     ] = serve.HOST,
     dark: Annotated[bool, typer.Option("--dark", help="Begin with a dark page.")] = False,
     no_browser: Annotated[
@@ -44,8 +48,10 @@ def command(
     if not no_browser:
         serve.require_browser()
     page = serve.open_page(loaded, host, port, log=log, dark=dark)
-    address = f"http://{'localhost' if host in ('0.0.0.0', '127.0.0.1') else host}:{port}"
+    address = page.address("localhost" if host in ("0.0.0.0", "127.0.0.1") else host)
     say(f"{loaded.name}: {address} (Ctrl-C ends it)")
+    if host == "0.0.0.0" and (own := serve.own_address()):
+        say(f"From other devices: {page.address(own)}")
     if not no_browser:
         webbrowser.open(address)
     serve.serve(page)

@@ -12,6 +12,7 @@ import numpy as np
 
 from truepose.exceptions import InputError, TrueposeError, choose, one_line
 from truepose.files import contents
+from truepose.importing import bounds
 from truepose.importing.links import Closure, Mechanism, Model
 
 _MOST = 1 << 24  # bytes of a model that is read
@@ -33,7 +34,7 @@ def from_mjcf(path: str | Path) -> Mechanism:
     """
     mujoco = _mujoco()
     path = Path(path)
-    _text(path)
+    bounds.model(path, _text)
 
     def compiled(whole: bool) -> Any:
         spec = mujoco.MjSpec.from_file(str(path))
@@ -68,10 +69,7 @@ def from_urdf(path: str | Path, loops: str | Path) -> Mechanism:
     mujoco = _mujoco()
     path, loops = Path(path), Path(loops)
     said = _loops(loops)
-    try:
-        root = ET.fromstring(_text(path))
-    except ET.ParseError as error:
-        raise InputError(f"{path}: not XML: {error}") from None
+    root = bounds.model(path, _text)
     if root.tag != "robot":
         raise InputError(f"{path}: <{one_line(root.tag, 40)}>: a URDF is a <robot>")
     for part in root.iter("link"):  # shapes, whose files may not be there
@@ -160,17 +158,12 @@ def _among(known: dict[str, int], name: object, what: str, where: Path) -> int:
 def _loops(path: Path) -> dict[str, list]:
     """Read the YAML of loops, and check it."""
     try:
-        import yaml
+        import yaml  # noqa: F401 – for the message
     except ImportError:
         raise TrueposeError(
             'YAML is read by PyYAML, which is not installed: pip install "truepose[import]"'
         ) from None
-    try:
-        data = yaml.safe_load(_text(path))
-    except (yaml.YAMLError, RecursionError) as error:
-        raise InputError(
-            f"{path}: not YAML: {one_line(' '.join(str(error).split()), 200)}"
-        ) from None
+    data = bounds.yaml(path, _text(path))
     if not isinstance(data, dict):
         raise InputError(f"{path}: must have the keys closed_loop, type, name_mot")
     found: dict[str, list] = {}

@@ -15,8 +15,7 @@ import numpy as np
 
 from truepose.arguments import Array, check_real, column_of, columns_of
 from truepose.exceptions import InputError, choose, controls, one_line
-from truepose.files import contents
-from truepose.logs import raw
+from truepose.logs import limits, raw
 from truepose.logs.stances import STANCE, flat
 from truepose.robot.robot import Robot
 from truepose.robot.stretch import Loads
@@ -191,7 +190,7 @@ def numbers(column: Sequence[str], name: str, lines: Array, path: str | Path) ->
 
 def _bytes(path: Path) -> bytes:
     try:
-        return contents(path)
+        return limits.read(path)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
 
@@ -199,14 +198,16 @@ def _bytes(path: Path) -> bytes:
 def _parquet(path: Path, data: bytes) -> dict[str, Any]:
     try:
         import pyarrow
-        from pyarrow import parquet
+        import pyarrow.parquet
     except ImportError:
         raise InputError(
             f"{path}: Parquet needs pyarrow: pip install 'truepose[parquet]'; CSV needs nothing"
         ) from None
     try:
-        table = parquet.read_table(pyarrow.BufferReader(data))
+        table = limits.parquet(path, pyarrow.BufferReader(data))
         names = table.column_names
+    except InputError:
+        raise
     except Exception as error:  # a spoilt file may break its reader anywhere
         raise _spoilt(path, "Parquet", error) from None
     if not names:
@@ -225,7 +226,7 @@ def _mcap(path: Path, data: bytes, wanted: tuple[str, ...]) -> dict[str, Any]:
     sent: dict[str, list[tuple[int, dict[str, Any]]]] = {}
     owner: dict[str, str] = {}
     try:
-        for _, channel, message in make_reader(io.BytesIO(data)).iter_messages():
+        for _, channel, message in limits.mcap(path, make_reader(io.BytesIO(data))):
             if channel.message_encoding != "json":
                 continue
             cells = json.loads(message.data)
@@ -292,6 +293,7 @@ def _no_twins(path: Path | str, names: list[str]) -> None:
 
 def _csv(path: Path, data: bytes) -> tuple[list[str], list[list[str]], Array]:
     """Header, cells and line numbers."""
+    limits.require_text(path, data)
     header: list[str] = []
     rows, lines = [], []
     try:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,24 @@ Asked = Callable[["Case"], Mapping[str, Answer]]
 OWN = ("robot", "number", "error")
 
 
+class Values(Mapping[str, Any]):
+    """One point of a grid. Remembers which keys were read."""
+
+    def __init__(self, values: Mapping[str, Any]) -> None:
+        self._values = dict(values)
+        self.unread = dict.fromkeys(self._values)  #: keys that were not read
+
+    def __getitem__(self, key: str) -> Any:
+        self.unread.pop(key, None)
+        return self._values[key]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._values)
+
+    def __len__(self) -> int:
+        return len(self._values)
+
+
 @dataclass(frozen=True)
 class Case:
     """One robot to be asked. Everything random of it comes from its seed."""
@@ -29,14 +48,17 @@ class Case:
     values: Mapping[str, Any]  #: of the grid
     seed: np.random.SeedSequence  #: the same at every point of the grid: like is compared with like
 
-    @property
+    @cached_property
     def true(self) -> Robot:
-        """The robot as it is: drawn from its file's tolerances."""
-        return with_tolerance_errors(self.robot, self.seed.spawn(1)[0])
+        """The true robot, drawn from its file's tolerances: one and the same at each access."""
+        key = (*self.seed.spawn_key, 0)
+        return with_tolerance_errors(
+            self.robot, np.random.SeedSequence(self.seed.entropy, spawn_key=key)
+        )
 
-    @property
+    @cached_property
     def rng(self) -> np.random.Generator:
-        """For whatever else is random: poses, noise. Anew at every call."""
+        """The case's random generator, for poses and noise: goes on at each access."""
         return np.random.default_rng(self.seed)
 
 
@@ -67,7 +89,8 @@ class Cases:
         kind, point = divmod(rest, self.each // len(self.robots))
         points = itertools.product(*self.grid.values())
         values = dict(zip(self.grid, next(itertools.islice(points, point, None)), strict=True))
-        seed = np.random.SeedSequence(self.seed, spawn_key=(kind, number))
+        # The first child is the true robot's own: `case.seed.spawn` begins with the second.
+        seed = np.random.SeedSequence(self.seed, spawn_key=(kind, number), n_children_spawned=1)
         return Case(self.robots[kind], number, values, seed)
 
     def ask(self, function: Asked, start: int, stop: int) -> list[dict[str, Answer]]:
@@ -76,15 +99,17 @@ class Cases:
         Raises
         ------
         InputError
-            The function fails otherwise, or answers with anything but names and numbers.
+            The function fails otherwise, answers with anything but names and numbers, or answers
+            without having read every value of the grid.
         """
         return [self._row(function, self[index], index) for index in range(start, stop)]
 
     def _row(self, function: Asked, case: Case, index: int) -> dict[str, Answer]:
         row: dict[str, Answer] = {"robot": case.robot.name, "number": case.number, **case.values}
+        read = Values(case.values)
         where = f"study: case {index} ({', '.join(f'{k} {v}' for k, v in row.items())})"
         try:
-            answer = function(case)
+            answer = function(replace(case, values=read))
         except TrueposeError as error:
             return {**row, "error": str(error)}
         except Exception as error:
@@ -96,5 +121,11 @@ class Cases:
                 raise InputError(f"{where}: '{name}' is the name of another column")
             if not isinstance(value, Answer | np.generic):
                 raise InputError(f"{where}: {name} = {value!r}: must be a number or a word")
+        if read.unread:
+            used = ", ".join(key for key in case.values if key not in read.unread) or "none"
+            raise InputError(
+                f"{where}: grid: unknown key '{next(iter(read.unread))}': the function reads "
+                f"{used} of case.values; leave the key out, or read it in every case"
+            )
         plain = {k: v.item() if isinstance(v, np.generic) else v for k, v in answer.items()}
         return {**row, **plain, "error": ""}

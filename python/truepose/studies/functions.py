@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -19,7 +20,7 @@ from truepose.robot.workspace import workspace
 from truepose.simulation.settle import settle
 from truepose.studies.cases import Answer, Asked, Case
 
-#: Poses of a ready question: where a robot is asked, and where it is calibrated.
+#: Poses of a ready question: where a robot is asked, and by default where it is calibrated.
 ASKED, LEARNT = 25, 40
 
 
@@ -35,17 +36,48 @@ def rest(case: Case) -> dict[str, Answer]:
 
 
 def calibration(case: Case) -> dict[str, Answer]:
-    """What a robot is off by after it calibrated itself at 40 poses, and the bound of that."""
+    """What a robot is off by after it calibrated itself at 40 poses, and the bound of that.
+
+    The grid's key `poses` sets another number of poses; the robot is asked at the same 25 others.
+    """
     robot, true, rng = case.robot, case.true, case.rng
-    learnt, others = _poses(robot, LEARNT, rng), _poses(robot, ASKED, rng)
-    fit = calibrate(robot, true.read(learnt, int(rng.integers(2**31))))
-    found = fit.robot.estimate(true.read(others, int(rng.integers(2**31)))).x
+    others, noise = _poses(robot, ASKED, rng), rng.integers(2**31, size=2)
+    learnt = _poses(robot, case.values.get("poses", LEARNT), rng)
+    fit = calibrate(robot, true.read(learnt, int(noise[0])))
+    found = fit.robot.estimate(true.read(others, int(noise[1]))).x
     bound = accuracy(robot, others, calibrated_on=learnt)
     answer = _rms(robot, found - others, "calibrated")
     return answer | _rms(robot, np.sqrt(np.einsum("kii->ki", bound)), "bound")
 
 
 READY: dict[str, Asked] = {"calibration": calibration, "rest": rest}
+#: Keys of a grid that ready questions use, and each key's least whole number.
+KEYS: dict[str, dict[str, int]] = {"calibration": {"poses": 1}, "rest": {}}
+
+
+def require_keys(function: Asked, grid: Mapping[str, Sequence[object]]) -> None:
+    """Raise InputError where a ready question does not use a key of the grid, or not a value.
+
+    Examples
+    --------
+    >>> require_keys(calibration, {"banana": [1]})
+    Traceback (most recent call last):
+        ...
+    truepose.exceptions.InputError: study calibration: grid: unknown key 'banana' (choices: poses)
+    """
+    name = next((name for name, ready in READY.items() if ready is function), "")
+    known = KEYS.get(name)
+    for key, values in grid.items() if known is not None else ():
+        if not known:
+            raise InputError(f"study {name}: grid: unknown key '{key}': {name} uses no grid")
+        if key not in known:
+            raise InputError(f"study {name}: grid: {choose('key', key, known)}")
+        for value in values:
+            if not isinstance(value, int | np.integer) or value < known[key]:
+                raise InputError(
+                    f"study {name}: grid: {key} = {value}: must be a whole number of at least "
+                    f"{known[key]}"
+                )
 
 
 def _poses(robot: Robot, count: int, rng: np.random.Generator) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +16,7 @@ from truepose.robot.robot import Robot, load
 from truepose.show.table import Table, number
 from truepose.studies.cases import OWN, Answer, Asked, Cases
 from truepose.studies.chunks import Chunks
-from truepose.studies.functions import function_of
+from truepose.studies.functions import function_of, require_keys
 from truepose.studies.workers import On, Workers
 from truepose.threads import cores
 
@@ -35,27 +36,43 @@ class Study:
         """Cases that a robot refused, (N,) bool."""
         return self.columns["error"] != ""
 
+    @property
+    def unanswered(self) -> Array:
+        """Cases without an answer, (N,) bool: refused, or one of their numbers is not finite."""
+        return self.failed | ~np.all([self._finite(name) for name in self._numbers], axis=0)
+
+    @property
+    def _numbers(self) -> list[str]:
+        """Names of the function's columns of numbers."""
+        columns = self.columns.items()
+        own = (*OWN, *self.grid)
+        return [name for name, v in columns if name not in own and v.dtype.kind in "fiub"]
+
+    def _finite(self, name: str) -> Array:
+        return ~self.failed & np.isfinite(self.columns[name].astype(float))
+
     def table(self) -> Table:
-        """Median and 95 % of every number, for each robot and point of the grid."""
+        """Median and 95 % of every number, for each robot and point of the grid.
+
+        Cases without an answer are counted, and are no part of the median.
+        """
         keys = ("robot", *self.grid)
         words = [tuple(str(self.columns[key][k]) for key in keys) for k in range(len(self))]
-        names = [
-            name
-            for name, values in self.columns.items()
-            if name not in (*keys, *OWN) and values.dtype.kind in "fiub"
-        ]
         rows = []
         for point in dict.fromkeys(words):
-            these = np.array([word == point for word in words]) & ~self.failed
-            answered = int(these.sum())
-            for name in names if answered else ["–"]:
+            these = np.array([word == point for word in words])
+            for name in self._numbers if (these & ~self.failed).any() else ["–"]:
+                answered = these & self._finite(name) if name in self.columns else these[:0]
                 spread = [number(None), number(None)]
-                if answered:
-                    values = self.columns[name][these].astype(float)
+                if answered.any():
+                    values = self.columns[name][answered].astype(float)
                     spread = [number(float(np.percentile(values, part))) for part in (50, 95)]
-                rows.append([*point, name, str(answered), *spread])
-        head = [*keys, "asked", "robots", "median", "95 %"]
-        return Table("study", "What was asked, over the robots that answered", head, rows)
+                count = int(these.sum())
+                rows.append([*point, name, str(count), str(count - answered.sum()), *spread])
+        head = [*keys, "asked", "robots", "no answer", "median", "95 %"]
+        title = f"Results over {len(self)} {'cases' if self.grid else 'robots'} "
+        title += f"({self.unanswered.sum()} without an answer)"
+        return Table("study", title, head, rows)
 
     def __str__(self) -> str:
         from truepose.show.terminal import laid_out
@@ -87,15 +104,17 @@ def study(
     ----------
     function : callable or str
         function(case) -> {name: number}, of a :class:`truepose.studies.cases.Case`: ``robot`` as
-        drawn, ``true``, ``rng``, ``values`` of the grid. Or a ready one's name, "rest" or
-        "calibration", or "file.py:name". Processes must be able to import it; from a file its text
-        goes along.
+        drawn, ``true`` and ``rng`` (each the same object at every access), and ``values``, the
+        point of the grid, of which the function must read every key. Or a ready one's name, "rest"
+        or "calibration", or "file.py:name". Processes must be able to import it; from a file its
+        text goes along.
     robots : Robot, str, or sequence of them
         Robots as drawn; of each `count` true ones are drawn.
     count : int
         True robots of each.
     grid : mapping of sequences, optional
-        Every combination of these values is asked of every true robot.
+        Every combination of these values is asked of every true robot. "calibration" uses
+        ``poses``, the number of poses it calibrates on (40 without a grid); "rest" no key.
     seed : int
         Of everything random.
     out : path, optional
@@ -133,6 +152,7 @@ def study(
     cases = Cases(
         tuple(load(r) if isinstance(r, str) else r for r in kinds), dict(grid or {}), seed
     )
+    require_keys(asked, cases.grid)
     for name, value in (("count", count), ("chunk", chunk)):
         if value < 1:
             raise InputError(f"study: {name} = {value}: must be at least 1")
@@ -152,12 +172,13 @@ def study(
         if start not in done
     }
     team = Workers(cores() if workers is None else workers, on, cluster)
-    for start, rows in team.each(Cases.ask, tasks):
-        if kept:
-            kept.write(start, rows)
-        done[start] = rows
-        if progress:
-            progress(len(done), len(starts))
+    with contextlib.closing(team.each(Cases.ask, tasks)) as answers:
+        for start, rows in answers:
+            if kept:
+                kept.write(start, rows)
+            done[start] = rows
+            if progress:
+                progress(len(done), len(starts))
     return _gathered([row for start in starts for row in done[start]], tuple(cases.grid))
 
 

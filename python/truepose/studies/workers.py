@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import multiprocessing
+import os
 import platform
-from collections.abc import Callable, Iterator
+import signal
+import threading
+from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
@@ -29,6 +33,20 @@ def versions() -> dict[str, str]:
     return {"truepose": version("truepose"), "numpy": np.__version__, "Python": python}
 
 
+def _begin() -> None:
+    """Prepare a worker process: Ctrl-C is left to its parent, and it ends with its parent."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for number in (signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
+        signal.signal(number, signal.SIG_DFL)  # a fork has its parent's handlers
+
+    def end_with(parent: Any) -> None:
+        parent.join()
+        os._exit(1)
+
+    parent = multiprocessing.parent_process()
+    threading.Thread(target=end_with, args=(parent,), daemon=True).start()
+
+
 @dataclass
 class Workers:
     """Runs tasks; one that was lost with its worker is run again."""
@@ -45,8 +63,8 @@ class Workers:
 
     def each(
         self, function: Callable[..., Any], tasks: dict[Any, tuple[Any, ...]]
-    ) -> Iterator[tuple[Any, Any]]:
-        """Yield key and function(*task) of every task, as they come."""
+    ) -> Generator[tuple[Any, Any], None, None]:
+        """Yield key and function(*task) of every task, as they come; closed, end the workers."""
         if self.cluster is None and (self.count == 0 or len(tasks) < 2):
             yield from ((key, function(*task)) for key, task in tasks.items())
             return
@@ -71,10 +89,17 @@ class Workers:
             with _client(self.cluster) as client:
                 yield client.get_executor(pure=False, retries=DEATHS)
             return
-        pool = ProcessPoolExecutor if self.on == "processes" else ThreadPoolExecutor
-        executor = pool(self.count)
+        executor: Executor
+        if self.on == "processes":
+            executor = ProcessPoolExecutor(self.count, initializer=_begin)
+        else:
+            executor = ThreadPoolExecutor(self.count)
         try:
             yield executor
+        except BaseException:  # Ctrl-C, or a case failed: what still runs is not waited for
+            for process in list((getattr(executor, "_processes", None) or {}).values()):
+                process.terminate()
+            raise
         finally:
             executor.shutdown(cancel_futures=True)
 

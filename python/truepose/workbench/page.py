@@ -17,6 +17,7 @@ from truepose.exceptions import TrueposeError, one_line
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
 from truepose.workbench import answers, words
+from truepose.workbench.guard import Guard
 from truepose.workbench.log_tab import LogTab
 from truepose.workbench.motion_tab import MotionTab
 from truepose.workbench.scene import LAW_COLOURS, Scene
@@ -30,8 +31,14 @@ class Page:
     """A served page. All that changes it goes through :meth:`doing`, one change at a time."""
 
     def __init__(self, robot: Robot, host: str, port: int, dark: bool = False):
+        self._guard = Guard(host, port)
         with contextlib.redirect_stdout(io.StringIO()):  # viser says where it is; so do we
-            self.server = ViserServer(host, port, label=f"truepose: {robot.name}", verbose=False)
+            with self._guard.installed():
+                label = f"truepose: {robot.name}"
+                self.server = ViserServer(host, port, label=label, verbose=False)
+            if not self._guard.guards:
+                self.server.stop()
+                raise TrueposeError("the workbench cannot guard this viser: install viser 1.1")
         self.state: State = begin(robot)
         self.law: Law = "redundant"  #: under which the drawn robot stands
         self.magnified = 10.0
@@ -64,6 +71,10 @@ class Page:
         self.show()
         self._player = threading.Thread(target=self._play, daemon=True)
         self._player.start()
+
+    def address(self, host: str) -> str:
+        """Return the address that opens the page, with its token; `host` as browsers reach it."""
+        return f"http://{host}:{self.server.get_port()}/?token={self._guard.token}"
 
     def dress(self, dark: bool) -> None:
         """Choose a dark page or a light one."""

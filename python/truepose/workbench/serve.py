@@ -39,6 +39,16 @@ def require_free(host: str, port: int) -> None:
             raise InputError(f"--port {port}: {host}:{port}: {why}; choose another") from None
 
 
+def own_address() -> str | None:
+    """Return this machine's address on its network; None where it has none."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("192.0.2.1", 9))  # sends nothing: the system only chooses the way
+        except OSError:
+            return None
+        return str(probe.getsockname()[0])
+
+
 def require_browser() -> None:
     """Raise a TrueposeError where there is no browser to open."""
     try:

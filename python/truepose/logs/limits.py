@@ -1,0 +1,78 @@
+"""Limits on the size of a log, checked before it is unpacked or parsed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from truepose.exceptions import InputError
+from truepose.files import contents
+
+#: Bytes of a file, rows, and cells, of which each takes some hundred bytes until it is a number.
+BYTES, ROWS, CELLS = 1 << 28, 1_000_000, 10_000_000
+#: Bytes that a compressed file may unpack to.
+UNPACKED = 1 << 30
+_HINT = "leave out columns that are not used, thin the log, or split it"
+
+
+def read(path: Path) -> bytes:
+    """Read a file that is no larger than `BYTES`."""
+    data = contents(path, BYTES + 1)
+    if len(data) > BYTES:
+        raise InputError(f"{path}: {path.stat().st_size} bytes, more than {BYTES}; {_HINT}")
+    return data
+
+
+def require(path: Path, rows: int, cells: int, unpacked: int = 0) -> None:
+    """Raise InputError where a log is too large; one line names the size and the limit."""
+    for size, most, what in (
+        (rows, ROWS, "rows"),
+        (cells, CELLS, "cells"),
+        (unpacked, UNPACKED, "bytes unpacked"),
+    ):
+        if size > most:
+            raise InputError(f"{path}: {size} {what}, more than {most}; {_HINT}")
+
+
+def require_text(path: Path, data: bytes) -> None:
+    """Raise InputError where a CSV file has too many rows or cells."""
+    rows = data.count(b"\n") + data.count(b"\r") - data.count(b"\r\n")
+    require(path, rows - 1, rows + sum(map(data.count, (b",", b";", b"\t"))))
+
+
+def parquet(path: Path, source: Any) -> Any:
+    """Read a Parquet file as a table, by what its metadata say, texts as a dictionary of them."""
+    from pyarrow import compute
+    from pyarrow import parquet as reader
+
+    file = reader.ParquetFile(source)
+    said = file.metadata
+    parts = [
+        said.row_group(k).column(i)
+        for k in range(said.num_row_groups)
+        for i in range(said.num_columns)
+    ]
+    cells = max(said.num_rows * said.num_columns, sum(part.num_values for part in parts))
+    require(path, said.num_rows, cells, sum(part.total_uncompressed_size for part in parts))
+    texts = sorted({p.path_in_schema for p in parts if p.physical_type == "BYTE_ARRAY"})
+    file = reader.ParquetFile(source, read_dictionary=texts)
+    table = file.read()
+    for k, column in enumerate(table.columns):
+        if str(column.type).startswith("dictionary<"):
+            for chunk in column.chunks:
+                longest = compute.max(compute.binary_length(chunk.dictionary)).as_py() or 0
+                require(path, 0, 0, longest * len(chunk))
+            plain = compute.cast(column, column.type.value_type)
+            table = table.set_column(k, table.schema.names[k], plain)
+    return table
+
+
+def mcap(path: Path, reader: Any) -> Iterator[Any]:
+    """Yield the messages of an MCAP file's reader, each as schema, channel, message."""
+    summary = reader.get_summary()
+    chunks = summary.chunk_indexes if summary else ()
+    require(path, 0, 0, sum(chunk.uncompressed_size for chunk in chunks))
+    for count, message in enumerate(reader.iter_messages(), 1):
+        require(path, count, 0)
+        yield message
