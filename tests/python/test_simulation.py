@@ -218,9 +218,15 @@ def test_a_move_out_of_the_workspace_stops_with_one_line(h4):
     assert "\n" not in str(raised.value)
 
 
-def test_the_cartesian_law_needs_theta_measured(h4):
-    with pytest.raises(tp.InputError, match=r"use with_sensors\('theta'\)"):
-        tp.simulate(h4.with_sensors("z_telemeter"), controller="cartesian")
+def test_a_law_of_ones_own_is_named_as_it_is(h4):
+    def soft(cycle):
+        error = cycle.robot.ikm(cycle.x) - cycle.q_e[: cycle.robot.n]
+        return cycle.robot.inverse_dynamics(cycle.x, cycle.rate, cycle.acceleration) + 50 * error
+
+    run = tp.simulate(h4, law=soft, hold=0.0)
+    assert run.law == "soft" and repr(run).startswith("h4 under soft control")
+    assert tp.simulate(h4, hold=0.0).law == "redundant"
+    assert tp.simulate(h4.with_sensors(), hold=0.0).law == "joint"
 
 
 @pytest.mark.parametrize("law", LAWS)
