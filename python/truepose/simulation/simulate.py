@@ -34,7 +34,7 @@ from truepose.simulation.drive import (
 )
 from truepose.simulation.effects import Effects
 from truepose.simulation.faults import Fault
-from truepose.simulation.feasible import require_feasible
+from truepose.simulation.feasible import require_feasible, require_feasible_move
 from truepose.simulation.moves import MOVE_DURATION, default_move
 from truepose.simulation.paths import Path, path_of
 from truepose.simulation.watch import Watch, failed, watched
@@ -269,9 +269,10 @@ def simulate(
     Raises
     ------
     PoseError
-        Without faults: the robot leaves its workspace, or the controller meets a singular pose or
-        a joint limit. Of a path, before anything moves: it does so, or asks the motors for more
-        speed or torque than the file allows them; names the time and the motor.
+        Before anything moves: the path, or the move, leaves the robot's reach, or asks the motors
+        for more speed or torque than the file allows them; names the time and the motor, and of a
+        move the shortest duration. Later, without faults: the true robot leaves its workspace, or
+        the controller meets a singular pose or a joint limit.
     TrueposeError
         What the path needs is not installed.
 
@@ -336,6 +337,8 @@ def simulate(
     )
     own = None if law is None else _torque_of(law, robot)
     if setpoints is None:
+        ends = (np.array(pose[: robot.n]) for pose in (drive.origin, target))
+        require_feasible_move(robot, *ends, duration, drive.controller.period)
         asked = (drive.origin, target, duration, hold)
         status, chain, *log = _core.simulate(  # type: ignore[call-arg]
             *drive.core, *asked, drive.steps, drive.at_rest, drive.seed, own
