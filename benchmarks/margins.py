@@ -77,7 +77,7 @@ def main() -> None:
     loops, held = [], []
     for name in asked.robots:
         robot = tp.load(name)
-        # Without redundant sensors every law is the joint law.
+        # Without redundant sensors only the joint law applies.
         for law in asked.laws if robot.r else asked.laws[:1]:
             cells = []
             for rate in asked.rates:

@@ -86,7 +86,7 @@ void bind_tables(nb::module_& m) {
       .def_ro("name", &LawProperties::name)
       .def_ro("law", &LawProperties::law)
       .def_ro("weighs", &LawProperties::weighs)
-      .def_ro("orientation", &LawProperties::orientation);
+      .def_ro("sensed", &LawProperties::sensed);
   for (const LawProperties& row : kLawTable) laws[row.name] = nb::cast(row);
   m.attr("laws") = laws;
   m.attr("chain_parameters") = named(kChainTable);
@@ -141,7 +141,6 @@ void bind_robot(nb::module_& m) {
       .def_rw("encoder_buildup", &Chain::encoder_buildup)
       .def_rw("pivot", &Chain::pivot)
       .def_rw("anchor", &Chain::anchor)
-      .def_rw("bar", &Chain::bar)
       .def_rw("encoder_step", &Chain::encoder_step)
       .def_rw("encoder_noise", &Chain::encoder_noise)
       .def_rw("low", &Chain::low)
@@ -280,7 +279,6 @@ NB_MODULE(_core, m) {
   m.attr("not_converged") = static_cast<int>(Status::not_converged);
   m.attr("singular") = static_cast<int>(Status::singular);
   m.attr("near_singular") = static_cast<int>(Status::near_singular);
-  m.attr("not_converged") = static_cast<int>(Status::not_converged);
   m.attr("unreachable") = static_cast<int>(Status::unreachable);
   m.def("describe", [](int status) { return describe(static_cast<Status>(status)); });
   python::bind_tables(m);

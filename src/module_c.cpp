@@ -77,7 +77,8 @@ nb::tuple control_settings(const ControlSettings& settings) {
   c::describe(settings, of);
   Listed listed;
   c::control_fields(of, settings, listed);
-  return nb::make_tuple(nb::make_tuple(of.law, of.gains, of.feed_forward, 0), listed.rows);
+  return nb::make_tuple(nb::make_tuple(of.law, of.gains, of.feed_forward, of.sigma_scale),
+                        listed.rows);
 }
 
 nb::tuple watch_settings(const Guarding& guarding) {

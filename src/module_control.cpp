@@ -109,6 +109,7 @@ void bind_control(nb::module_& m) {
   nb::class_<ControlSettings>(m, "ControlSettings")
       .def(nb::init<>())
       .def_rw("law", &ControlSettings::law)
+      .def_rw("sigma_scale", &ControlSettings::sigma_scale)
       .def_rw("gains", &ControlSettings::gains)
       .def_rw("feed_forward", &ControlSettings::feed_forward)
       .def_rw("period", &ControlSettings::period)

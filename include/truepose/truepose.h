@@ -365,7 +365,7 @@ truepose_tej(const truepose_model* model, const truepose_real x[TRUEPOSE_FREEDOM
 
 /** What is known of the geometry and of the readings: a constant that `truepose export c` writes.
  * Whatever weighs by one answers TRUEPOSE_NO_SUCH_PART where its count or a column is not the
- * robot's.
+ * robot's; `part`: which column.
  */
 typedef struct truepose_knowledge {
   int32_t count;             /**< p, uncertain parameters */
@@ -405,7 +405,8 @@ TRUEPOSE_API truepose_estimate_result truepose_estimate(const truepose_model* mo
 typedef enum truepose_law {
   TRUEPOSE_LAW_JOINT = 0,     /**< the paper's Figure 1: motors alone */
   TRUEPOSE_LAW_REDUNDANT = 1, /**< Figure 2: all readings by the TEJ */
-  TRUEPOSE_LAW_CARTESIAN = 2, /**< the pose of the redundant forward model */
+  TRUEPOSE_LAW_CARTESIAN = 2, /**< the pose of the redundant forward model: theta from its sensor
+                                 where that is the only one, else least squares of all readings */
   TRUEPOSE_LAW_WEIGHTED = 3,  /**< as redundant, weighed by what is known */
   TRUEPOSE_LAW_ESTIMATED = 4  /**< the pose that all readings say, weighed */
 } truepose_law;
@@ -415,7 +416,8 @@ typedef enum truepose_law {
  * @param band   as of truepose_tej()
  * @param known  null for laws that do not weigh; its work space likewise
  * @param e      out, rad or m, of the motors' readings
- * @return as truepose_ikm() of x_d; NOT_MEASURED; NEAR_SINGULAR and an answer
+ * @return as truepose_ikm() of x_d; NOT_MEASURED: a law other than the joint one, and no sensor
+ * is in use; NEAR_SINGULAR and an answer
  */
 TRUEPOSE_API truepose_outcome truepose_motor_error(
     const truepose_model* model, int32_t law, truepose_real band,
@@ -427,7 +429,7 @@ typedef struct truepose_control_settings {
   int32_t law;          /**< a truepose_law */
   int32_t gains;        /**< 0: torques per motor; 1: accelerations, shaped by the joint inertia */
   int32_t feed_forward; /**< 0 none, 1 gravity, 2 full dynamics */
-  int32_t unused;       /**< 0 */
+  int32_t sigma_scale;  /**< times the readings' own sigma, for laws that weigh; 0 is 1 */
   truepose_real period; /**< s */
   truepose_real velocity_bandwidth; /**< of the velocity tracking loops, rad/s */
   truepose_real damped_below;       /**< conditioning from which on J is damped (0: never) */
@@ -569,7 +571,7 @@ TRUEPOSE_API truepose_outcome truepose_watch(const truepose_model* finest, truep
                                              truepose_report* report);
 
 /** A reading that was mended is believed again, and the robot may go on.
- * @return NO_SUCH_PART, UNFINISHED */
+ * @return NO_SUCH_PART (`part`: the reading), UNFINISHED */
 TRUEPOSE_API truepose_outcome truepose_restore(truepose_guard* guard, int32_t reading);
 
 /** Time along a path. Start with {0, 1, 0, 0}. */

@@ -25,6 +25,7 @@ bool law_exists(std::int32_t law) {
 ControlSettings of_c(const truepose_control_settings& from) {
   ControlSettings settings;
   settings.law = static_cast<Law>(from.law);
+  settings.sigma_scale = std::max(from.sigma_scale, 1);
   settings.gains = static_cast<Gains>(from.gains);
   settings.feed_forward = static_cast<FeedForward>(from.feed_forward);
   control_fields(from, settings, Copy<true>{});
@@ -50,8 +51,8 @@ Status status_of(const truepose_control_settings& s) {
   const ControlSettings any;
   control_fields(s, any, finite);
   if (!finite.all) return Status::not_finite;
-  const bool good =
-      s.period > 0 && s.velocity_bandwidth > 0 && s.damped_below >= 0 && s.lead_out >= 0;
+  const bool good = s.period > 0 && s.velocity_bandwidth > 0 && s.damped_below >= 0 &&
+                    s.lead_out >= 0 && s.sigma_scale >= 0;
   return good ? Status::ok : Status::no_such_value;
 }
 
@@ -109,7 +110,7 @@ truepose_outcome truepose_motor_error(const truepose_model* model, int32_t law, 
   return c::asked(model, [&](const Robot& robot) {
     const bool asked = properties(static_cast<Law>(law)).weighs;
     const c::Known weighs(robot, known, work, nullptr, asked);
-    if (!weighs.sound) return c::kNoSuchPart;
+    if (!weighs.sound) return weighs.sound;
     Joint error{};
     const Outcome outcome = motor_error(robot, static_cast<Law>(law), c::values<Coordinates>(x_d),
                                         c::values<Extended>(q_e), error, band, weighs.weighing);
@@ -165,12 +166,13 @@ truepose_outcome truepose_controller_error(const truepose_model* model,
     if (made == nullptr) return c::kUnfinished;
     const ControlSettings& settings = made->settings;
     const c::Known weighs(robot, known, work, &made->kept, properties(settings.law).weighs);
-    if (!weighs.sound) return c::kNoSuchPart;
+    if (!weighs.sound) return weighs.sound;
     Joint error{};
     Parasitic nearby = made->state.nearby;
+    const Scaled scaled(weighs.weighing, settings.sigma_scale);
     const Outcome outcome =
         motor_error(robot, settings.law, c::values<Coordinates>(x_d), c::values<Extended>(q_e),
-                    error, settings.damped_below, weighs.weighing, &nearby);
+                    error, settings.damped_below, scaled.weighing, &nearby);
     if (!outcome) return outcome;
     made->state.nearby = nearby;
     c::give(error, e);
@@ -186,7 +188,7 @@ truepose_outcome truepose_control(const truepose_model* model, truepose_controll
     c::Controller* made = c::Controller::of(controller);
     if (made == nullptr) return c::kUnfinished;
     const c::Known weighs(robot, known, work, &made->kept, properties(made->settings.law).weighs);
-    if (!weighs.sound) return c::kNoSuchPart;
+    if (!weighs.sound) return weighs.sound;
     const Outcome outcome = control(robot, made->settings, c::of_c(*setpoint),
                                     c::values<Extended>(q_e), made->state, weighs.weighing);
     c::give(made->state.torque, torque);
@@ -216,7 +218,7 @@ truepose_outcome truepose_guarded(const truepose_model* model, const truepose_mo
     c::Guarding* guarding = c::Guarding::of(guard);
     if (made == nullptr || guarding == nullptr) return c::kUnfinished;
     const c::Known weighs(robot, known, work, &made->kept);
-    if (!weighs.sound) return c::kNoSuchPart;
+    if (!weighs.sound) return weighs.sound;
     const c::Model* watched = finest ? c::Model::of(finest) : nullptr;
     if (finest && (watched == nullptr || watched->robot.mobility != robot.mobility ||
                    watched->robot.r != robot.r))
@@ -241,7 +243,7 @@ truepose_outcome truepose_watch(const truepose_model* finest, truepose_guard* gu
     c::Guarding* guarding = c::Guarding::of(guard);
     if (guarding == nullptr) return c::kUnfinished;
     const c::Known weighs(robot, known, work);
-    if (!weighs.sound) return c::kNoSuchPart;
+    if (!weighs.sound) return weighs.sound;
     const auto read = c::values<Extended>(q_e);
     Extended stands = read;
     const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {
@@ -257,7 +259,7 @@ truepose_outcome truepose_watch(const truepose_model* finest, truepose_guard* gu
 truepose_outcome truepose_restore(truepose_guard* guard, int32_t reading) {
   c::Guarding* guarding = c::Guarding::of(guard);
   if (guarding == nullptr) return c::answer(c::kUnfinished);
-  if (reading < 0 || reading >= kMaxReadings) return c::answer({Status::no_such_part, -1});
+  if (reading < 0 || reading >= kMaxReadings) return c::answer({Status::no_such_part, reading});
   restore(guarding->guard, reading);
   return c::answer({});
 }

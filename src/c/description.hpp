@@ -179,6 +179,7 @@ inline void describe(const ControlSettings& settings, truepose_control_settings&
   of.law = static_cast<std::int32_t>(settings.law);
   of.gains = static_cast<std::int32_t>(settings.gains);
   of.feed_forward = static_cast<std::int32_t>(settings.feed_forward);
+  of.sigma_scale = settings.sigma_scale;
   control_fields(of, settings, Copy<false>{});
 }
 inline void describe(const GuardSettings& settings, truepose_watch_settings& of) {

@@ -69,7 +69,7 @@ truepose_estimate_result truepose_estimate(const truepose_model* model,
   return c::of_robot(model, none, [&](const Robot& robot) {
     const c::Known weighs(robot, known, work);
     truepose_estimate_result refused = none;
-    refused.outcome = c::answer(weighs.sound ? Outcome{Status::not_measured, -1} : c::kNoSuchPart);
+    refused.outcome = c::answer(weighs.sound ? Outcome{Status::not_measured, -1} : weighs.sound);
     if (!weighs.sound || !weighs.weighing) return refused;
     return with_mobility(robot.mobility, [&](auto mobility) {
       constexpr Mobility K = mobility();

@@ -5,7 +5,7 @@
 namespace truepose::c {
 namespace {
 
-constexpr int kSensorPart = 6, kBodyPart = 18, kAxisPart = 26;  // as truepose_outcome counts parts
+static_assert(kSensorPart == 6 && kBodyPart == 18 && kAxisPart == 26);  // as truepose.h says
 
 bool unit(const Vec3& v) { return std::fabs(v.squaredNorm() - 1) < 1e-6; }
 
@@ -107,7 +107,7 @@ Outcome copied(const truepose_description& of, Robot& robot) {
 Outcome load(const truepose_description& of, Robot& robot) {
   if (of.abi != TRUEPOSE_ABI || of.size != sizeof of) return {Status::other_version, -1};
   Outcome outcome = copied(of, robot);
-  if (outcome && !parts_exist(robot)) outcome = {Status::no_such_part, -1};
+  if (outcome) outcome = parts_exist(robot);
   if (!outcome) return outcome;
   Finite head;
   head("gravity", of.gravity, 0);

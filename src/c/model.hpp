@@ -68,22 +68,20 @@ void give(const Values& from, truepose_real* to) {
 struct Known {
   Knowledge knowledge;
   Weighing weighing;
-  bool sound = true;  ///< its columns are the robot's
+  Outcome sound;  ///< no_such_part: its count, or the column `chain`, is not the robot's
 
   Known(const Robot& robot, const truepose_knowledge* known, truepose_real* work,
         KeptWeights* kept = nullptr, bool asked = true) {
     if (!asked || known == nullptr || work == nullptr) return;
     const int all = parameter_count(robot);
-    sound = known->count >= 0 && known->count <= all;
+    if (known->count < 0 || known->count > all) sound = {Status::no_such_part, -1};
     for (int k = 0; sound && k < known->count; ++k)
-      sound = known->column[k] >= 0 && known->column[k] < all;
+      if (known->column[k] < 0 || known->column[k] >= all) sound = {Status::no_such_part, k};
     knowledge = {known->count, known->column, known->root, values<Extended>(known->sigma)};
     weighing = {&knowledge, work, kept};
   }
   Known(const Known&) = delete;
   Known& operator=(const Known&) = delete;
 };
-
-inline constexpr Outcome kNoSuchPart{Status::no_such_part, -1};
 
 }  // namespace truepose::c

@@ -23,12 +23,6 @@ inline constexpr auto kLaws = [] {
   return laws;
 }();
 
-/// Whether the law exists for the mobility, as far as the mechanisms' first sensor goes.
-constexpr bool applies(Law law, Mobility mobility) {
-  return !properties(law).orientation || mobility == Mobility::schoenflies ||
-         mobility == Mobility::translation;
-}
-
 struct Mechanism {
   const char* name;
   Robot robot;

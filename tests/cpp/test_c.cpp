@@ -197,7 +197,7 @@ TEST(
     CHECK(bent.status == TRUEPOSE_NO_SUCH_VALUE && bent.part == 26);
     table = in_c.table;
     table.sensor[0].axis = n;
-    CHECK(InC(table).outcome.status == TRUEPOSE_NO_SUCH_PART);
+    CHECK(same(InC(table).outcome, {Status::no_such_part, 6}));
     table = in_c.table;
     table.axis[n - 1].low = NAN;
     CHECK(InC(table).outcome.status == TRUEPOSE_NOT_FINITE);
@@ -237,9 +237,9 @@ TEST("laws, estimates and control cycles through C are the core's") {
     std::vector<truepose_real> work(truepose_work(&in_c_model.model, known.count));
     CHECK(work.size() == static_cast<std::size_t>(estimate_work(robot, known.count)));
     for (const Law law : kLaws) {
-      if (!applies(law, K)) continue;
       ControlSettings settings;
       settings.law = law;
+      settings.sigma_scale = 3;
       CHECK(bool(place_poles(robot, robot.home, 100, 1, settings)));
       truepose_control_settings table = in_c(settings);
       CHECK(same(truepose_place_poles(&in_c_model.model, robot.home.data(), 100, 1, &table), {}));
@@ -267,9 +267,10 @@ TEST("laws, estimates and control cycles through C are the core's") {
                                         setpoint.x.data(), q_e.data(), &known, work.data(), e_c),
                    motor_error(robot, law, setpoint.x, q_e, e, 0, prior.weighing())));
         CHECK(same(e_c, e));
-        CHECK(same(truepose_controller_error(&in_c_model.model, &alone, setpoint.x.data(),
-                                             q_e.data(), &known, work.data(), e_c),
-                   motor_error(robot, law, setpoint.x, q_e, e, 0, keeps_alone)));
+        CHECK(
+            same(truepose_controller_error(&in_c_model.model, &alone, setpoint.x.data(), q_e.data(),
+                                           &known, work.data(), e_c),
+                 motor_error(robot, law, setpoint.x, q_e, e, 0, Scaled(keeps_alone, 3).weighing)));
         CHECK(same(e_c, e));
         CHECK(same(truepose_control(&in_c_model.model, &controller, &setpoint_c, q_e.data(), &known,
                                     work.data(), torque),
@@ -284,6 +285,17 @@ TEST("laws, estimates and control cycles through C are the core's") {
         CHECK(same(result.outcome, estimated.outcome));
         CHECK(same(x_c, to_coordinates<K>(pose)) && result.chi2 == estimated.chi2);
       }
+    }
+    Robot blind = robot;
+    blind.r = 0;
+    const InC without(blind);
+    for (const Law law : kLaws) {
+      truepose_real error[6];
+      Extended here{};
+      CHECK(bool(extended<K>(robot, to_pose<K>(robot.home), here)));
+      CHECK(truepose_motor_error(&without.model, static_cast<int>(law), 0, robot.home.data(),
+                                 here.data(), nullptr, nullptr, error)
+                .status == (law == Law::joint ? TRUEPOSE_OK : TRUEPOSE_NOT_MEASURED));
     }
     truepose_real e[6];
     const truepose_real q_e[16] = {};
@@ -438,12 +450,12 @@ TEST("what is no robot is refused, named, and answers nothing") {
       {"bodies", [](auto& t) { t.bodies = -5; }, TRUEPOSE_NO_SUCH_PART, -1},
       {"level", [](auto& t) { t.level = 2; }, TRUEPOSE_NO_SUCH_PART, -1},
       {"bars", [](auto& t) { t.bar_joint = 9; }, TRUEPOSE_NO_SUCH_PART, -1},
-      {"actuator", [](auto& t) { t.chain[1].actuator = 3; }, TRUEPOSE_NO_SUCH_PART, -1},
-      {"mode", [](auto& t) { t.chain[1].working_mode = 0; }, TRUEPOSE_NO_SUCH_PART, -1},
-      {"bar", [](auto& t) { t.chain[1].bar = 2; }, TRUEPOSE_NO_SUCH_PART, -1},
-      {"kind", [](auto& t) { t.sensor[0].kind = 11; }, TRUEPOSE_NO_SUCH_PART, -1},
-      {"sensor's chain", [](auto& t) { t.sensor[0].chain = 1; }, TRUEPOSE_NO_SUCH_PART, -1},
-      {"body's bar", [](auto& t) { t.body[0].bar = -2; }, TRUEPOSE_NO_SUCH_PART, -1},
+      {"actuator", [](auto& t) { t.chain[1].actuator = 3; }, TRUEPOSE_NO_SUCH_PART, 1},
+      {"mode", [](auto& t) { t.chain[1].working_mode = 0; }, TRUEPOSE_NO_SUCH_PART, 1},
+      {"bar", [](auto& t) { t.chain[1].bar = 2; }, TRUEPOSE_NO_SUCH_PART, 1},
+      {"kind", [](auto& t) { t.sensor[0].kind = 11; }, TRUEPOSE_NO_SUCH_PART, 6},
+      {"sensor's chain", [](auto& t) { t.sensor[0].chain = 1; }, TRUEPOSE_NO_SUCH_PART, 6},
+      {"body's bar", [](auto& t) { t.body[0].bar = -2; }, TRUEPOSE_NO_SUCH_PART, 18},
       {"gravity", [](auto& t) { t.gravity[1] = NAN; }, TRUEPOSE_NOT_FINITE, -1},
       {"home", [](auto& t) { t.home[3] = INFINITY; }, TRUEPOSE_NOT_FINITE, -1},
       {"home far", [](auto& t) { t.home[2] = -4; }, TRUEPOSE_UNREACHABLE, 0},
@@ -502,7 +514,7 @@ TEST("a knowledge of parameters that the robot has not is refused, not read") {
   std::vector<truepose_real> work(truepose_work(&in_c_model.model, prior.known().count));
   truepose_setpoint setpoint{};
   std::copy_n(robot.home.begin(), 6, setpoint.x);
-  const auto refused = [&](std::int32_t count, std::int32_t first) {
+  const auto refused = [&](std::int32_t count, std::int32_t first, std::int32_t part) {
     std::vector<std::int32_t> column(prior.known().column,
                                      prior.known().column + prior.known().count);
     column[0] = first;
@@ -511,9 +523,9 @@ TEST("a knowledge of parameters that the robot has not is refused, not read") {
     truepose_real q_e[16] = {}, out[16], x[6] = {};
     truepose_report report;
     const truepose_model* model = &in_c_model.model;
-    CHECK(truepose_motor_error(model, TRUEPOSE_LAW_WEIGHTED, 0, setpoint.x, q_e, &known,
-                               work.data(), out)
-              .status == TRUEPOSE_NO_SUCH_PART);
+    CHECK(same(truepose_motor_error(model, TRUEPOSE_LAW_WEIGHTED, 0, setpoint.x, q_e, &known,
+                                    work.data(), out),
+               {Status::no_such_part, part}));
     CHECK(truepose_control(model, &controller, &setpoint, q_e, &known, work.data(), out).status ==
           TRUEPOSE_NO_SUCH_PART);
     CHECK(truepose_controller_error(model, &controller, setpoint.x, q_e, &known, work.data(), out)
@@ -529,10 +541,10 @@ TEST("a knowledge of parameters that the robot has not is refused, not read") {
     CHECK(truepose_estimate(model, &known, q_e, work.data(), x).outcome.status ==
           TRUEPOSE_NO_SUCH_PART);
   };
-  refused(prior.known().count, 2000000);
-  refused(prior.known().count, -1);
-  refused(-1, 0);
-  refused(2000000, 0);
+  refused(prior.known().count, 2000000, 0);
+  refused(prior.known().count, -1, 0);
+  refused(-1, 0, -1);
+  refused(2000000, 0, -1);
   truepose_real q_e[16] = {}, x[6] = {};
   CHECK(truepose_estimate(&in_c_model.model, nullptr, q_e, work.data(), x).outcome.status ==
         TRUEPOSE_NOT_MEASURED);
@@ -549,6 +561,8 @@ TEST("settings that no controller or watch can have are refused") {
   };
   CHECK(begun([](auto&) {}) == TRUEPOSE_OK);
   CHECK(begun([](auto& s) { s.law = 5; }) == TRUEPOSE_NO_SUCH_PART);
+  CHECK(begun([](auto& s) { s.sigma_scale = 0; }) == TRUEPOSE_OK);
+  CHECK(begun([](auto& s) { s.sigma_scale = -1; }) == TRUEPOSE_NO_SUCH_VALUE);
   CHECK(begun([](auto& s) { s.period = 0; }) == TRUEPOSE_NO_SUCH_VALUE);
   CHECK(begun([](auto& s) { s.kp[5] = NAN; }) == TRUEPOSE_NOT_FINITE);
   CHECK(truepose_change_law(&controller, -1).status == TRUEPOSE_NO_SUCH_PART);

@@ -11,7 +11,6 @@ TEST("whatever fails, the last torque is held, nothing else changes, and the sta
     constexpr int n = kDof<K>;
     const Robot& robot = mechanism.robot;
     for (const Law law : kLaws) {
-      if (!applies(law, K)) continue;
       ControlSettings settings = settings_for(robot, law);
       settings.ki.fill(1);
       Prior prior(robot);
@@ -91,7 +90,7 @@ TEST("a setpoint in another assembly mode is a lost branch and holds the torque"
   CHECK(state.torque == (Joint{1, 2, 3}) && !state.started);
 }
 
-TEST("a law without its sensor is not measured; joint control needs none") {
+TEST("without a sensor a law of redundant sensors is not measured; joint control needs none") {
   for_each([](const Mechanism& mechanism, auto mobility) {
     constexpr Mobility K = mobility();
     Robot robot = mechanism.robot;
@@ -105,10 +104,31 @@ TEST("a law without its sensor is not measured; joint control needs none") {
       Prior prior(robot);
       const Outcome outcome =
           control(robot, settings_for(robot, law), at_home, q_e, state, prior.weighing());
-      const bool measured = !properties(law).orientation || K == Mobility::translation;
-      CHECK(outcome.status == (measured ? Status::ok : Status::not_measured));
+      CHECK(outcome.status == (law == Law::joint ? Status::ok : Status::not_measured));
     }
   });
+}
+
+TEST(
+    "a scale of the readings' sigma is a knowledge with larger sigmas, for laws that weigh alone") {
+  const Robot robot = h4().robot;
+  Extended q_e{};
+  Setpoint at_home;
+  at_home.x = robot.home;
+  CHECK(extended<Mobility::schoenflies>(robot, to_pose<Mobility::schoenflies>(robot.home), q_e));
+  for (int c = 0; c < 5; ++c) q_e[c] += 1e-3 * (c - 1);
+  for (const Law law : kLaws) {
+    Prior prior(robot);
+    ControlSettings settings = settings_for(robot, law), scaled = settings;
+    scaled.sigma_scale = 30;
+    ControlState plain, by_scale, by_sigma;
+    CHECK(control(robot, settings, at_home, q_e, plain, prior.weighing()));
+    CHECK(control(robot, scaled, at_home, q_e, by_scale, prior.weighing()));
+    for (double& sigma : prior.known().sigma) sigma *= 30;
+    CHECK(control(robot, settings, at_home, q_e, by_sigma, prior.weighing()));
+    CHECK(by_scale.error == by_sigma.error);
+    CHECK((by_scale.error == plain.error) == !properties(law).weighs);
+  }
 }
 
 TEST("torque limits hold, and a saturated integral does not wind up") {
@@ -202,7 +222,6 @@ TEST("a setpoint that jumps, and a controller switched on in motion, kick no rat
     const Robot& robot = mechanism.robot;
     check::Random random(87);
     for (const Law law : kLaws) {
-      if (!applies(law, K)) continue;
       ControlSettings settings = settings_for(robot, law);
       settings.feed_forward = FeedForward::none;
       Prior prior(robot);
@@ -242,7 +261,6 @@ TEST("a desired rate too large for a double fails its own cycle and no later one
     Extended q_e{};
     CHECK(extended<K>(robot, to_pose<K>(robot.home), q_e));
     for (const Law law : kLaws) {
-      if (!applies(law, K)) continue;
       ControlSettings settings = settings_for(robot, law);
       settings.feed_forward = FeedForward::none;
       Setpoint setpoint;

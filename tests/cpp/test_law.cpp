@@ -14,7 +14,6 @@ TEST("for readings that agree, every law sees the joint error to first order") {
     for (int k = 0; k < 50; ++k) {
       const Joint x = random_pose(mechanism, random), direction = random_joint(random, 1);
       for (const Law law : kLaws) {
-        if (!applies(law, K)) continue;
         Prior prior(robot);
         Reference<K> reference;
         CHECK(refer<K>(robot, law, x, reference, 0, prior.weighing()));
@@ -57,4 +56,45 @@ TEST("weights that know nothing of the geometry and trust all readings alike are
       for (int c = 0; c < kDof<K> + robot.r; ++c)
         CHECK_NEAR(weighted.tej[i][c], paper.tej[i][c], 1e-10);
   });
+}
+
+TEST("the Cartesian law takes every sensor: to first order it corrects as the paper's TEJ") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr int n = kDof<K>;
+    Robot robot = mechanism.robot;
+    robot.r = 2;
+    robot.sensor[1].weight = 16;
+    check::Random random(78);
+    for (int trial = 0; trial < 20; ++trial) {
+      const Joint x = random_pose(mechanism, random);
+      Reference<K> paper, reference;
+      CHECK(refer<K>(robot, Law::redundant, x, paper));
+      CHECK(refer<K>(robot, Law::cartesian, x, reference));
+      for (int c = 0; c < n + robot.r; ++c) {
+        constexpr double kOff = 1e-5;
+        Extended q_e = reference.q_e;
+        q_e[c] -= kOff;
+        Joint error{};
+        Pose found;
+        CHECK(motor_error<K>(robot, Law::cartesian, reference, q_e, error, found));
+        for (int i = 0; i < n; ++i) CHECK_NEAR(error[i] / kOff, paper.tej[i][c], 2e-3);
+      }
+    }
+  });
+}
+
+TEST("where theta's sensor is the only one the Cartesian law is the paper's closed form") {
+  const Robot robot = h4().robot;
+  constexpr Mobility K = Mobility::schoenflies;
+  Reference<K> reference;
+  CHECK(refer<K>(robot, Law::cartesian, robot.home, reference));
+  Extended q_e = reference.q_e;
+  for (int c = 0; c <= kDof<K>; ++c) q_e[c] += 0.01 * (c + 1);  // far from agreeing
+  Joint error{};
+  Pose found, closed;
+  CHECK(motor_error<K>(robot, Law::cartesian, reference, q_e, error, found));
+  CHECK(redundant_fkm<K>(robot, q_e, reference.closure.pose.D, closed));
+  CHECK(found.theta == closed.theta && Vec3(found.D) == Vec3(closed.D));
+  CHECK_NEAR(found.theta, 0.05, 1e-12);
 }

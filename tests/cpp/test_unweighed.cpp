@@ -18,4 +18,8 @@ TEST("without the laws that weigh these are refused by name, and the others work
     Joint e{};
     CHECK(motor_error(robot, law, robot.home, q_e, e, 0, prior.weighing()).status == status);
   }
+  Robot two = robot;  // the Cartesian law's closed form takes theta's sensor alone
+  two.r = 2;
+  Joint e{};
+  CHECK(motor_error(two, Law::cartesian, robot.home, q_e, e).status == Status::not_compiled);
 }

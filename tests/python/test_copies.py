@@ -83,9 +83,9 @@ def test_two_copies_do_not_learn_from_each_other(h4, copied, readings):
 def test_a_copied_controller_moves_a_copied_robot_alike(h4, truth, copied):
     controller = tp.Controller(law="estimated", frequency=80)
     learn = tp.OnlineCalibration(h4)
-    first = tp.simulate(h4, truth, controller, duration=0.05, hold=0, learn=learn)
+    first = tp.simulate(h4, truth, controller, duration=0.1, hold=0, learn=learn)
     learn = copied(tp.OnlineCalibration(h4))  # of a robot that is equal, not the same
-    second = tp.simulate(copied(h4), truth, copied(controller), duration=0.05, hold=0, learn=learn)
+    second = tp.simulate(copied(h4), truth, copied(controller), duration=0.1, hold=0, learn=learn)
     assert copied(first).x.tobytes() == second.x.tobytes() == first.x.tobytes()
 
 

@@ -8,18 +8,8 @@ from truepose.paper import experiment, sensor_sets, tables
 from truepose.robot.laws import LAWS
 from truepose.simulation.true_robots import with_tolerance_errors
 
+UNMEASURED = "needs a redundant sensor, and none is in use"
 ROBOTS = 12  # drawn for each figure; their error is nearly one offset each
-
-
-def measured(robot: tp.Robot, law: str) -> bool:
-    """Whether the law can be run: the Cartesian one needs an orientation."""
-    if law != "cartesian":
-        return True
-    try:
-        robot.require_orientation()
-    except tp.InputError:
-        return False
-    return True
 
 
 def read_wrong(robot: tp.Robot, reading: int, error: float) -> tp.Robot:
@@ -31,9 +21,11 @@ def read_wrong(robot: tp.Robot, reading: int, error: float) -> tp.Robot:
 
 @pytest.mark.parametrize("law", LAWS)
 def test_an_error_of_a_reading_leaks_into_the_pose_as_foretold(any_robot, law):
-    if not measured(any_robot, law):
-        pytest.skip("no orientation measured")
     robot, size = any_robot, 1e-5
+    if law != "joint" and not robot.r:
+        with pytest.raises(tp.InputError, match=UNMEASURED):
+            robot.leakage(robot.home, law)
+        return
     leak = robot.leakage(robot.home, law)
     assert leak.shape == (robot.n, robot.n + robot.r)
     for reading in range(robot.n + robot.r):
@@ -41,6 +33,45 @@ def test_an_error_of_a_reading_leaks_into_the_pose_as_foretold(any_robot, law):
             tp.settle(robot, read_wrong(robot, reading, e), robot.home, law) for e in (size, -size)
         ]
         assert (ends[0] - ends[1]) / (2 * size) == pytest.approx(leak[:, reading], abs=1e-5)
+
+
+@pytest.mark.parametrize("law", [law for law in LAWS if law != "joint"])
+@pytest.mark.parametrize(
+    ("name", "sensors"),
+    [("delta", ()), ("h4", ()), ("h4", ("z_telemeter",)), ("h4", ("theta", "z_telemeter"))],
+)
+def test_a_law_takes_every_sensor_in_use_or_is_refused(name, sensors, law):
+    robot = tp.load(name).with_sensors(*sensors)
+    true = robot.replace({"chain1.rod": robot.parameters["chain1.rod"].value + 1e-4})
+    runs = (
+        lambda: tp.settle(robot, true, robot.home, law),
+        lambda: tp.simulate(robot, true, law, duration=0.3, hold=0.0).x[-1],
+        lambda: robot.leakage(robot.home, law),
+        lambda: tp.Controller.for_robot(robot, tp.Effects.none(), law),
+    )
+    if not sensors:
+        for run in runs:
+            said = f"{name}: law '{law}' {UNMEASURED}.*; law 'joint' needs none$"
+            with pytest.raises(tp.InputError, match=said):
+                run()
+        return
+    for run in runs[:2]:
+        assert np.isfinite(run()).all()
+    unlike = np.abs(robot.leakage(robot.home, law) - robot.leakage(robot.home, "joint"))
+    assert (unlike.max(axis=0)[robot.n :] > 1e-4).all()  # no sensor is left out
+    usual = tp.settle(robot, true, robot.home, "joint")
+    assert np.abs(tp.settle(robot, true, robot.home, law) - usual).max() > 1e-7
+
+
+@pytest.mark.parametrize(
+    "sensors", [["z_telemeter"], ["theta", "z_telemeter"], ["theta", "elbow1", "wire1"]]
+)
+def test_beyond_the_papers_closed_form_the_cartesian_law_leaks_as_the_tej(h4, table2, sensors):
+    robot = h4.with_sensors(*sensors)
+    paper = robot.leakage(table2[::25], "redundant")
+    assert robot.leakage(table2[::25], "cartesian") == pytest.approx(paper, abs=2e-3)
+    closed = h4.leakage(table2[::25], "cartesian")
+    assert closed[:, 3] == pytest.approx(np.tile([0, 0, 0, 0, -1], (25, 1)), abs=1e-6)
 
 
 @pytest.mark.parametrize("sensors", [["theta"], ["theta", "z_telemeter"], ["theta", "wire1"]])
@@ -83,10 +114,16 @@ def test_a_robot_without_tolerances_weighs_by_counts_alone(h4, law):
     )
 
 
-@pytest.mark.parametrize("law", ["weighted", "estimated"])
-def test_every_robot_can_be_moved_on_its_weighed_readings(any_robot, law, anywhere, rng):
+@pytest.mark.parametrize("law", ["cartesian", "weighted", "estimated"])
+def test_every_robot_can_be_moved_on_all_its_readings(any_robot, law, anywhere, rng):
     end = anywhere(any_robot, 1, rng)[0]
     robot = any_robot.unquantised()
+    if not robot.r:  # one of those that its file has
+        robot = robot.with_sensors(*[sensor.name for sensor in robot.spec.sensor][:1])
+    if not robot.r:
+        with pytest.raises(tp.InputError, match=f"{UNMEASURED}: its file has none"):
+            tp.simulate(robot, controller=law)
+        return
     run = tp.simulate(robot, controller=law, start=robot.home, end=(robot.home + end) / 2)
     assert np.abs(run.error[-1]).max() < 1e-5
 

@@ -57,7 +57,7 @@ def test_two_cycles_more_are_borne_and_three_not_where_the_delay_margin_lies_bet
 
 
 def test_chosen_gains_keep_the_margins_that_they_promise_at_every_corner(h4):
-    chosen = gains.choose(h4, "redundant", Effects(), 1e-3)
+    chosen, _ = gains.choose(h4, "redundant", Effects(), 1e-3)
     found = gains.responses(h4, "redundant", Effects(), 1e-3)
     assert len(found.plants) == 17 and found.stable(chosen).all()
     of_each = sum(found.alone(chosen) + found.torques(chosen), found.common(chosen))
@@ -66,7 +66,7 @@ def test_chosen_gains_keep_the_margins_that_they_promise_at_every_corner(h4):
 
 @pytest.mark.parametrize(
     ("name", "law", "period"),
-    [(name, "redundant", 1e-3) for name in tp.robots()]
+    [(name, None, 1e-3) for name in tp.robots()]
     + [("h4", law, 2e-3) for law in ("joint", "redundant", "weighted", "estimated")]
     + [("3rrr", "joint", 2e-4), ("par4", "weighted", 2e-4)],
 )
@@ -99,7 +99,7 @@ def test_readings_hunt_by_a_count_as_far_as_the_describing_function_says(name, p
 
 
 def test_less_damping_is_stiffer_at_the_same_hunting(h4):
-    soft, stiff = (gains.choose(h4, "joint", Effects(), 1e-3, damping) for damping in (1, 0.55))
+    soft, stiff = (gains.choose(h4, "joint", Effects(), 1e-3, damping)[0] for damping in (1, 0.55))
     assert stiff.frequency > 1.2 * soft.frequency
 
 
@@ -117,7 +117,7 @@ def test_a_plant_is_integrated_in_steps_that_resolve_its_rotors():
 
 @pytest.mark.parametrize("law", ["joint", "redundant"])
 def test_counts_shake_motors_by_some_twice_what_white_noise_would(h4, law):
-    chosen = gains.choose(h4, law, Effects(), 1e-3)
+    chosen, _ = gains.choose(h4, law, Effects(), 1e-3)
     run = tp.simulate(h4, controller=law, effects=Effects(), hold=0.8)
     loop = Responses(plants(h4, [run.x_d[-1]], law, Effects(), 1e-3))
     predicted = loop.dither(chosen, h4.reading_sigma).max()
@@ -254,3 +254,46 @@ def test_a_question_that_cannot_be_answered_is_one_line(run, tmp_path, words, me
 def test_without_effects_a_law_keeps_the_papers_poles(h4):
     for effects in (None, Effects.none()):
         assert tp.simulate(h4, effects=effects).controller.frequency == 150
+
+
+@pytest.mark.parametrize(
+    ("sensors", "seed", "scale"),
+    [
+        (("theta",), 0, 10),
+        (("theta",), 1, 10),
+        (("theta", "z_telemeter"), 0, 10),
+        (("theta", "elbow1", "elbow2", "elbow3", "elbow4"), 0, 10),
+    ],
+)
+def test_a_calibrated_robot_has_gains_for_the_law_of_its_estimate(h4, sensors, seed, scale):
+    robot = h4.with_sensors(*sensors)
+    truth = with_tolerance_errors(robot, seed)
+    box = robot.spec.workspace
+    poses = np.random.default_rng(seed).uniform(box.minimum, box.maximum, (40, 4))
+    fit = tp.calibrate(robot, truth.read(poses, seed=seed))
+    controller = tp.Controller.for_robot(fit.robot, Effects(), "estimated")
+    assert controller.sigma_scale == scale and controller.frequency > 35
+    assert tp.margins(fit.robot, controller).kept
+    assert not tp.margins(fit.robot, replace(controller, sigma_scale=1)).kept
+    run = tp.simulate(fit.robot, truth, controller, effects=Effects(), hold=2.0)
+    last = run.x[run.time >= run.time[-1] - 0.2]
+    swing = np.ptp(last, axis=0)
+    assert run.status == "ok"
+    assert swing[:3].max() <= gains.REST[0] and swing[3] <= gains.REST[1]
+    # It rests where the law holds it, but for friction and the play of the tool's gear.
+    rests = tp.settle(fit.robot, truth, run.x_d[-1], controller)
+    assert np.linalg.norm((last.mean(axis=0) - rests)[:3]) < 1e-3
+    assert abs(last[:, 3].mean() - rests[3]) < np.radians(0.2)
+    # And there is where the best weights would have it, to a few hundredths of a millimetre.
+    best = tp.settle(fit.robot, truth, run.x_d[-1], "estimated")
+    assert np.linalg.norm((rests - best)[:3]) < 1e-3
+
+
+def test_the_scale_is_chosen_and_one_for_laws_that_do_not_weigh_and_robots_as_drawn(h4):
+    for law in ("joint", "redundant", "weighted", "estimated"):
+        assert tp.Controller.for_robot(h4, law=law).sigma_scale == 1
+    with pytest.raises(tp.InputError, match="sigma_scale: is chosen"):
+        tp.Controller.for_robot(h4, sigma_scale=3)
+    for wrong in (0, -1, 1.5, 10**7):
+        with pytest.raises(tp.InputError, match=r"sigma_scale = .*: must be a whole number from 1"):
+            tp.Controller(sigma_scale=wrong)

@@ -37,10 +37,19 @@ def test_the_redundant_fkm_of_a_translation_robot_needs_no_sensor(delta, anywher
     assert np.abs(delta.redundant_fkm(delta.ikm(x)) - x).max() < 1e-12
 
 
-def test_the_redundant_fkm_says_which_sensor_it_lacks(h4):
-    blind = h4.with_sensors("z_telemeter")
-    with pytest.raises(tp.InputError, match=r"orientation; use with_sensors\('theta'\)"):
-        blind.redundant_fkm(np.zeros(5))
+@pytest.mark.parametrize("sensors", [["z_telemeter"], ["theta", "z_telemeter"]])
+def test_the_redundant_fkm_takes_whatever_sensors_there_are(h4, anywhere, rng, sensors):
+    robot = h4.with_sensors(*sensors)
+    x = anywhere(robot, 500, rng)
+    read = robot.extended(x)
+    assert np.abs(robot.redundant_fkm(read) - x).max() < 1e-9
+    read[:, -1] += 1e-3
+    assert np.abs(robot.redundant_fkm(read) - x).max(axis=1).min() > 1e-6
+
+
+def test_the_redundant_fkm_says_that_it_lacks_a_sensor(h4):
+    with pytest.raises(tp.InputError, match=r"redundant FKM needs a redundant sensor.*theta"):
+        h4.with_sensors().redundant_fkm(np.zeros(4))
 
 
 def test_the_motors_of_the_h4_stand_as_its_derivation_says(h4):

@@ -138,7 +138,7 @@ def test_every_robot_makes_its_default_move_and_comes_to_rest(any_robot):
 
 
 def test_the_h4s_default_move_is_the_papers(h4):
-    run = tp.simulate(h4, duration=0.01, hold=0)
+    run = tp.simulate(h4, duration=0.1, hold=0)
     assert tuple(run.x_d[0]) == MOVE_FROM
     assert run.x_d[-1] == pytest.approx(MOVE_TO, abs=1e-12)
 
@@ -212,15 +212,48 @@ def test_a_simulation_says_which_argument_is_wrong(h4, bad, message):
 
 
 def test_a_move_out_of_the_workspace_stops_with_one_line(h4):
-    line = r"^h4: simulation stopped after 0\.\d+ s: chain \d: (unreachable|beyond a joint limit)"
+    line = r"^h4: end of the move: pose x = .*: chain \d: (unreachable|beyond a joint limit)"
     with pytest.raises(tp.PoseError, match=line) as raised:
         tp.simulate(h4, end=[0, 0, -2, 0])
     assert "\n" not in str(raised.value)
 
 
-def test_the_cartesian_law_needs_theta_measured(h4):
-    with pytest.raises(tp.InputError, match=r"use with_sensors\('theta'\)"):
-        tp.simulate(h4.with_sensors("z_telemeter"), controller="cartesian")
+def test_a_law_of_ones_own_is_named_as_it_is(h4):
+    def soft(cycle):
+        error = cycle.robot.ikm(cycle.x) - cycle.q_e[: cycle.robot.n]
+        return cycle.robot.inverse_dynamics(cycle.x, cycle.rate, cycle.acceleration) + 50 * error
+
+    run = tp.simulate(h4, law=soft, hold=0.0)
+    assert run.law == "soft" and repr(run).startswith("h4 under soft control")
+    assert tp.simulate(h4, hold=0.0).law == "redundant"
+    assert tp.simulate(h4.with_sensors(), hold=0.0).law == "joint"
+
+
+@pytest.mark.parametrize(
+    ("move", "reason"),
+    [
+        (
+            {"duration": 0.02},
+            r"move at t = 0.0004 s: motor 1 would need \d+.* N·m, at most 30: "
+            r"allow a duration of at least 0.0829 s$",
+        ),
+        ({"duration": 1e-4}, ".*allow a duration of at least 0.0829 s$"),  # less than a period
+        ({"end": [0.5, 0, -0.4, 0]}, "end of the move: pose .*chain 2: unreachable$"),
+        ({"start": [0.5, 0, -0.4, 0]}, ".*unreachable$"),
+    ],
+)
+def test_a_move_that_the_robot_cannot_make_is_refused_before_it_begins(h4, move, reason):
+    def still(cycle):
+        raise AssertionError("it began")
+
+    with pytest.raises(tp.PoseError, match=f"^h4: {reason}"):
+        tp.simulate(h4, law=still, **move)
+
+
+def test_a_move_of_the_shortest_duration_is_made(h4):
+    assert tp.simulate(h4, duration=0.0829, hold=0.0).error[:, :3].max() < 1e-3
+    with pytest.raises(tp.PoseError, match=r"0\.0829"):
+        tp.simulate(h4, duration=0.0825)
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -239,7 +272,7 @@ def test_a_simulation_longer_than_memory_is_refused(h4):
 
 def test_under_integral_action_it_starts_where_nothing_is_left_to_integrate(h4, truth):
     controller = tp.Controller(integral=20.0)
-    run = tp.simulate(h4.unquantised(), truth.unquantised(), controller, duration=0.01, hold=0)
+    run = tp.simulate(h4.unquantised(), truth.unquantised(), controller, duration=0.1, hold=0)
     assert run.x[0] == pytest.approx(tp.settle(h4, truth, MOVE_FROM), abs=1e-12)
     assert run.x[0] != pytest.approx(
         tp.settle(h4, truth, MOVE_FROM, gravity=True, start=MOVE_FROM), abs=1e-7

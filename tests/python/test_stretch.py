@@ -286,7 +286,7 @@ def test_a_simulation_of_a_robot_whose_rods_give_way_says_that_it_has_them_stiff
     soft = h4.with_load((0, 0, 0)).replace({"stretch.compliance": 1e-7})
     for work in (
         lambda: tp.settle(soft, soft, soft.home, "joint"),
-        lambda: tp.simulate(soft, duration=0.01),
+        lambda: tp.simulate(soft, duration=0.2),
         lambda: tp.OnlineCalibration(soft),
     ):
         with pytest.warns(UserWarning, match="takes its rods as stiff"):

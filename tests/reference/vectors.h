@@ -106,7 +106,7 @@ static const truepose_description five_bar = {
 };
 
 static const truepose_control_settings five_bar_control = {
-  0, 1, 2, 0, /* law, gains, feed_forward */
+  0, 1, 2, 1, /* law, gains, feed_forward, sigma_scale */
   0.001, /* period */
   1500.0, /* velocity_bandwidth */
   0.0, /* damped_below */
@@ -252,7 +252,7 @@ static const truepose_description robot_3rrr = {
 };
 
 static const truepose_control_settings robot_3rrr_control = {
-  0, 1, 2, 0, /* law, gains, feed_forward */
+  0, 1, 2, 1, /* law, gains, feed_forward, sigma_scale */
   0.001, /* period */
   1500.0, /* velocity_bandwidth */
   0.0, /* damped_below */
@@ -397,7 +397,7 @@ static const truepose_description linear_delta = {
 };
 
 static const truepose_control_settings linear_delta_control = {
-  0, 1, 2, 0, /* law, gains, feed_forward */
+  0, 1, 2, 1, /* law, gains, feed_forward, sigma_scale */
   0.001, /* period */
   1500.0, /* velocity_bandwidth */
   0.0, /* damped_below */
@@ -1099,7 +1099,7 @@ static const truepose_knowledge h4_knowledge = {
 };
 
 static const truepose_control_settings h4_control = {
-  0, 1, 2, 0, /* law, gains, feed_forward */
+  0, 1, 2, 1, /* law, gains, feed_forward, sigma_scale */
   0.001, /* period */
   1500.0, /* velocity_bandwidth */
   0.0, /* damped_below */
@@ -1350,7 +1350,7 @@ static const truepose_description stewart = {
 };
 
 static const truepose_control_settings stewart_control = {
-  0, 1, 2, 0, /* law, gains, feed_forward */
+  0, 1, 2, 1, /* law, gains, feed_forward, sigma_scale */
   0.001, /* period */
   1500.0, /* velocity_bandwidth */
   0.0, /* damped_below */
@@ -1551,7 +1551,7 @@ static const truepose_knowledge g1_ankle_knowledge = {
 };
 
 static const truepose_control_settings g1_ankle_control = {
-  0, 1, 2, 0, /* law, gains, feed_forward */
+  0, 1, 2, 1, /* law, gains, feed_forward, sigma_scale */
   0.001, /* period */
   1500.0, /* velocity_bandwidth */
   0.0, /* damped_below */

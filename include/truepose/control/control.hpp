@@ -24,6 +24,10 @@ enum class Gains : int {
 /// Constant during a run.
 struct ControlSettings {
   Law law = Law::joint;
+  /// Times every reading's own σ, in the weights of laws that weigh. A calibration leaves errors
+  /// that nearly cancel in the readings; the best weights for what it leaves multiply readings'
+  /// differences, hence also what arms and drives do to them. Larger σ, smaller multiples.
+  int sigma_scale = 1;
   Gains gains = Gains::diagonal;
   FeedForward feed_forward = FeedForward::full;
   Real period = 1e-3;              ///< s
@@ -115,12 +119,12 @@ inline Real led_out(Real leaving, Real whole) {
 ///
 /// @param q_e       readings of motors and sensors, size n + r
 /// @param state     in and out; state.torque is the command
-/// @param weighing  for laws that weigh
+/// @param known     for laws that weigh
 /// @return no answer: the torque of the last good cycle is held, nothing else changes;
 /// near_singular: the torque is that of the damped J
 template <Mobility K>
 Outcome control(const Robot& robot, const ControlSettings& settings, const Setpoint& setpoint,
-                const Extended& q_e, ControlState& state, const Weighing& weighing = {}) {
+                const Extended& q_e, ControlState& state, const Weighing& known = {}) {
   constexpr int n = kDof<K>;
   if (!robot.finished) return {Status::unfinished, -1};
   // A law asks for the readings that it uses: usual control goes on without sensors.
@@ -129,6 +133,8 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
   if (!all_finite(q_e, asked) || !all_finite(setpoint.x, n) || !all_finite(setpoint.rate, n) ||
       !all_finite(setpoint.acceleration, n))
     return {Status::not_finite, -1};
+  const Scaled scaled(known, settings.sigma_scale);
+  const Weighing& weighing = scaled.weighing;
   Reference<K> reference;
   Parasitic nearby = state.nearby;
   Outcome outcome = refer<K>(robot, settings.law, setpoint.x, reference, settings.damped_below,

@@ -16,7 +16,7 @@ namespace truepose {
 enum class Law : int {
   joint = 0,      ///< Figure 1: e_q = q_d - q
   redundant = 1,  ///< Figure 2: ê_q = TEJ (q_de - q_e)
-  cartesian = 2,  ///< closing remark: ê_q = J⁻¹ (x_d - x̂), x̂ from the redundant FKM
+  cartesian = 2,  ///< closing remark: ê_q = J⁻¹ (x_d - x̂), x̂ of `redundant_fkm`
   weighted = 3,   ///< as redundant, with the weighted TEJ (estimate.hpp)
   estimated = 4,  ///< as cartesian, x̂ from `estimate`: any mobility, any sensors
 };
@@ -33,18 +33,16 @@ struct LawProperties {
   Law law;
   const char* name;
   Corrects corrects;
-  bool weighs = false;       ///< by what is known of the robot: needs Weighing, its finest level
-  bool orientation = false;  ///< needs the nacelle's orientation to be measured, or fixed
+  bool weighs = false;  ///< by what is known of the robot: needs Weighing, its finest level
+  bool sensed = true;   ///< needs a redundant sensor in use: without one it would be another law
 };
 
 /// In the order of Law. Whoever must know something of a law asks here, Python included.
 inline constexpr std::array kLawTable{
-    LawProperties{Law::joint, "joint", Corrects::motors},
+    LawProperties{
+        .law = Law::joint, .name = "joint", .corrects = Corrects::motors, .sensed = false},
     LawProperties{Law::redundant, "redundant", Corrects::readings},
-    LawProperties{.law = Law::cartesian,
-                  .name = "cartesian",
-                  .corrects = Corrects::pose,
-                  .orientation = true},
+    LawProperties{Law::cartesian, "cartesian", Corrects::pose},
     LawProperties{
         .law = Law::weighted, .name = "weighted", .corrects = Corrects::readings, .weighs = true},
     LawProperties{
@@ -63,6 +61,24 @@ struct Weighing {
   Real* work = nullptr;              ///< estimate_work(robot, known->count) numbers
   KeptWeights* kept = nullptr;       ///< from cycle to cycle; nullptr: each cycle has its own
   explicit operator bool() const { return known != nullptr && work != nullptr; }
+};
+
+/// The same, every reading's own σ times `scale`: see ControlSettings::sigma_scale.
+class Scaled {
+ public:
+  Scaled(const Weighing& of, int scale) : weighing(of) {
+    if (scale == 1 || of.known == nullptr) return;
+    known_ = *of.known;
+    for (Real& sigma : known_.sigma) sigma *= scale;
+    weighing.known = &known_;
+  }
+  Scaled(const Scaled&) = delete;
+  Scaled& operator=(const Scaled&) = delete;
+
+  Weighing weighing;
+
+ private:
+  Knowledge known_;
 };
 
 /// Everything a law needs that depends on x_d alone: q_de, J, TEJ at x_d, q_d.
@@ -165,13 +181,15 @@ Outcome found_pose(const Robot& robot, Law law, const Pose& desired, const Exten
 /// @param nearby    of a robot that is understood rod by rod: what the full level adds at the last
 ///                  cycle's x_d, and then at this one's; nullptr: nothing is known beforehand
 /// @return near_singular where they are; not_compiled: a law that weighs, which was left out;
-/// joint_limit where a motor would have to pass its stops;
-/// branch_lost where x_d lies in another assembly mode than
-/// the robot's home (in the band, where the modes meet, both are its own)
+/// not_measured: a law of redundant sensors, and none is in use, or of knowledge, and there is
+/// none; joint_limit where a motor would have to pass its stops; branch_lost where x_d lies in
+/// another assembly mode than the robot's home (in the band, where the modes meet, both are its
+/// own)
 template <Mobility K>
 inline Outcome refer(const Robot& robot, Law law, const Coordinates& x_d, Reference<K>& reference,
                      Real band = 0, const Weighing& weighing = {}, Parasitic* nearby = nullptr) {
   if (!kLawsWeigh && properties(law).weighs) return {Status::not_compiled, -1};
+  if (robot.r == 0 && properties(law).sensed) return {Status::not_measured, -1};
   Parasitic unknown;
   Parasitic& rest = nearby ? *nearby : unknown;
   Outcome outcome = ikm<K>(robot, to_pose<K>(x_d), reference.closure);
@@ -191,7 +209,8 @@ inline Outcome refer(const Robot& robot, Law law, const Coordinates& x_d, Refere
     outcome = refer_full<K>(robot, rest, reference);
     // What the ideal model makes of q_de is compared with what it makes of q_e: at x_d both agree.
     if (outcome && properties(law).corrects == Corrects::pose && !properties(law).weighs)
-      outcome = found_pose<K>(robot, law, reference.closure.pose, reference.q_e, reference.pose);
+      outcome = found_pose<K>(robot, law, reference.closure.pose, reference.q_e, reference.pose,
+                              weighing, rest);
     if (!outcome) return outcome;
   }
   if (properties(law).corrects == Corrects::readings)
@@ -199,8 +218,16 @@ inline Outcome refer(const Robot& robot, Law law, const Coordinates& x_d, Refere
   return outcome ? regular : outcome;
 }
 
-/// Redundant FKM: orientation from its sensor (or fixed by the mobility), position from all
-/// spheres. @return not_measured where no sensor gives the orientation
+/// Whether the redundant FKM in closed form takes every reading: θ's sensor is the only one of a
+/// robot that turns about z, or a robot that cannot turn has none.
+template <Mobility K>
+inline bool in_closed_form(const Robot& robot) {
+  if (K == Mobility::schoenflies) return robot.r == 1 && properties(robot.sensor[0].kind).is_theta;
+  return K == Mobility::translation && robot.r == 0;
+}
+
+/// Redundant FKM in closed form, the paper's: orientation from its sensor (or fixed by the
+/// mobility), position from all spheres. @return not_measured where no sensor gives the orientation
 template <Mobility K>
 Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Vec3& near_side, Pose& pose) {
   if (!robot.finished) return {Status::unfinished, -1};
@@ -220,40 +247,61 @@ Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Vec3& near_
   }
 }
 
-/// The same for coordinates x of any mobility; the robot's home says on which side the nacelle is.
-inline Outcome redundant_fkm(const Robot& robot, const Extended& q_e, Coordinates& x) {
-  return with_mobility(robot.mobility, [&](auto mobility) {
-    constexpr Mobility K = mobility();
-    Pose pose;
-    const Outcome outcome = redundant_fkm<K>(robot, q_e, to_pose<K>(robot.home).D, pose);
-    if (outcome) x = to_coordinates<K>(pose);
-    return outcome;
-  });
-}
-
 /// Steps from x_d after which the search starts again from what the motors say.
 inline constexpr int kNearIterations = 5;
 
 /// x̂ of all readings, searched for from where it is asked to be, with the weights of that pose.
+/// @param work  as of `estimate`; nullptr where nothing is known, known.count = 0
 /// @param rest  what the full level adds there
 template <Mobility K>
-TRUEPOSE_APART inline Outcome find(const Robot& robot, const Weighing& weighing,
+TRUEPOSE_APART inline Outcome find(const Robot& robot, const Knowledge& known, Real* work,
                                    const Pose& desired, const Extended& q_e, Pose& found,
                                    Parasitic rest) {
-  if (!weighing) return {Status::not_measured, -1};
   const auto search = [&](auto model) {
     using Model = decltype(model);
-    const Knowledge& known = *weighing.known;
     found = desired;
     Outcome outcome =
-        estimate_from<K, Model>(robot, known, q_e, found, weighing.work, rest, kNearIterations)
-            .outcome;
-    if (!outcome) outcome = estimate<K, Model>(robot, known, q_e, found, weighing.work).outcome;
+        estimate_from<K, Model>(robot, known, q_e, found, work, rest, kNearIterations).outcome;
+    if (!outcome) outcome = estimate<K, Model>(robot, known, q_e, found, work).outcome;
     return outcome;
   };
   if constexpr (kRodByRod<K>)
     if (robot.rod_by_rod()) return search(FullModel{});
   return search(IdealModel{});
+}
+
+/// The redundant FKM of any robot and sensors: in closed form where that takes every reading, else
+/// the least squares of all of them, which count as in the paper's TEJ: motors by 1, sensors by
+/// their weights. To first order J⁻¹ (x_d - x̂) then is TEJ (q_de - q_e), the redundant law's.
+/// @param near    its D is on the nacelle's side of the spheres' centres; least squares start there
+/// @param nearby  what the full level adds there
+template <Mobility K>
+inline Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Pose& near,
+                             const Parasitic& nearby, Pose& pose) {
+  if (in_closed_form<K>(robot)) return redundant_fkm<K>(robot, q_e, near.D, pose);
+  if (robot.r == 0) return {Status::not_measured, -1};
+  if constexpr (!kLawsWeigh) {
+    return {Status::not_compiled, -1};
+  } else {
+    constexpr Real kSigma = by_precision(1e-6, 1e-3);  // rad or m; it decides when a search ends
+    Knowledge alike;
+    alike.sigma.fill(kSigma);
+    for (int k = 0; k < robot.r; ++k)
+      alike.sigma[kDof<K> + k] = kSigma / std::sqrt(robot.sensor[k].weight);
+    return find<K>(robot, alike, nullptr, near, q_e, pose, nearby);
+  }
+}
+
+/// The same for coordinates x of any mobility, from the robot's home.
+inline Outcome redundant_fkm(const Robot& robot, const Extended& q_e, Coordinates& x) {
+  return with_mobility(robot.mobility, [&](auto mobility) {
+    constexpr Mobility K = mobility();
+    if (!robot.finished) return Outcome{Status::unfinished, -1};
+    Pose pose;
+    const Outcome outcome = redundant_fkm<K>(robot, q_e, to_pose<K>(robot.home), {}, pose);
+    if (outcome) x = to_coordinates<K>(pose);
+    return outcome;
+  });
 }
 
 /// The same with weights that are kept: x̂ is where HᵀC⁻¹(q_e - h) = 0 in those of its own pose.
@@ -305,8 +353,10 @@ TRUEPOSE_APART inline Outcome find_kept(const Robot& robot, const Weighing& weig
 template <Mobility K>
 inline Outcome found_pose(const Robot& robot, Law law, const Pose& desired, const Extended& q_e,
                           Pose& found, const Weighing& weighing, const Parasitic& nearby) {
-  if (!kLawsWeigh || law == Law::cartesian) return redundant_fkm<K>(robot, q_e, desired.D, found);
-  return find<K>(robot, weighing, desired, q_e, found, nearby);
+  if (!kLawsWeigh || law == Law::cartesian)
+    return redundant_fkm<K>(robot, q_e, desired, nearby, found);
+  if (!weighing) return {Status::not_measured, -1};
+  return find<K>(robot, *weighing.known, weighing.work, desired, q_e, found, nearby);
 }
 
 /// Motor error under a law.

@@ -203,7 +203,7 @@ struct Estimate {
 ///
 /// @param known  about the robot's own parameter values
 /// @param pose   in: the start; out: x̂
-/// @param work   estimate_work(robot, known.count) numbers
+/// @param work   estimate_work(robot, known.count) numbers; nullptr where known.count = 0
 /// @param rest   as of ikm_full, for the full level
 /// @param cap    steps
 /// @return not_converged, singular or unreachable where no pose is found; the pose is then the
@@ -215,7 +215,7 @@ Estimate<K> estimate_from(const Robot& robot, const Knowledge& known, const Exte
   const int rows = n + robot.r;
   Estimate<K> result;
   Pose at = pose;
-  Real *H_xi = work, *B = work + rows * parameter_count(robot);
+  Real *H_xi = work, *B = work ? work + rows * parameter_count(robot) : nullptr;
   Extended expected;
   Matrix<kMaxReadings, n> H_x;
   ReadingCovariance C;

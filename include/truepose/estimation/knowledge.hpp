@@ -20,10 +20,9 @@ inline void gather(const Robot& robot, const Knowledge& known, const Real* H_xi,
                    int last = 0) {
   const int width = parameter_count(robot);
   for (int i = 0; i < rows; ++i) {
-    const Real* H = H_xi + i * width;
     const Real per_sigma = 1 / known.sigma[i];
     for (int k = 0; k < known.count - last; ++k)
-      B[i * known.count + k] = per_sigma * H[known.column[k]];
+      B[i * known.count + k] = per_sigma * H_xi[i * width + known.column[k]];
   }
 }
 

@@ -158,7 +158,8 @@ inline bool other_mode(const Robot& robot, const Jacobians<K>& jacobians) {
 /// home: unreachable, singular, joint_limit
 inline Outcome finish(Robot& robot) {
   robot.finished = false;
-  if (!parts_exist(robot)) return {Status::no_such_part, -1};
+  const Outcome exist = parts_exist(robot);
+  if (!exist) return exist;
   if (!compiled(robot.mobility) || (!kFullLevel && robot.level == Level::full))
     return {Status::not_compiled, -1};
   const int n = dof(robot.mobility);

@@ -17,6 +17,7 @@
 #include "truepose/model/encoder.hpp"
 #include "truepose/model/plain.hpp"
 #include "truepose/model/sensor_kinds.hpp"
+#include "truepose/model/status.hpp"
 
 namespace truepose {
 
@@ -263,9 +264,15 @@ constexpr bool pivots([[maybe_unused]] Mobility mobility) {
 /// How many of them there are.
 constexpr int passive_axes(Mobility mobility) { return pivots(mobility) ? dof(mobility) : 0; }
 
+/// How outcomes count parts: chain i as i, then sensors, bodies and axes from these on.
+inline constexpr int kSensorPart = kMaxChains, kBodyPart = kSensorPart + kMaxSensors,
+                     kAxisPart = kBodyPart + kMaxBodies;
+
 /// Whether every count is within its capacity, every enum one of its values, and every index names
 /// a part that the robot has: what all other functions take for granted. finish() asks it.
-inline bool parts_exist(const Robot& robot) {
+/// @return no_such_part, and the part that names what is not there; -1: the robot itself
+inline Outcome parts_exist(const Robot& robot) {
+  const auto missing = [](int part) { return Outcome{Status::no_such_part, part}; };
   const auto below = [](auto index, int count) {
     return static_cast<int>(index) >= 0 && static_cast<int>(index) < count;
   };
@@ -275,24 +282,25 @@ inline bool parts_exist(const Robot& robot) {
       !below(robot.motors, robot.chains + 1) || !below(robot.r, kMaxSensors + 1) ||
       robot.motors + robot.r > kMaxReadings || !below(robot.bodies, kMaxBodies + 1) ||
       !below(robot.bar_joint, 2) || !below(robot.level, 2))
-    return false;
-  bool exist = true;
+    return missing(-1);
   for (int i = 0; i < robot.chains; ++i) {
     const Chain& chain = robot.chain[i];
-    exist = exist && below(chain.actuator, 3) && sign(chain.working_mode) && bar(chain.bar);
+    if (!below(chain.actuator, 3) || !sign(chain.working_mode) || !bar(chain.bar))
+      return missing(i);
   }
-  for (int k = 0; k < robot.bodies; ++k) exist = exist && bar(robot.body[k].bar);
   for (int k = 0; k < robot.r; ++k) {
     const Sensor& sensor = robot.sensor[k];
-    if (!below(sensor.kind, kSensorKinds)) return false;
+    if (!below(sensor.kind, kSensorKinds)) return missing(kSensorPart + k);
     const bool chain =
         properties(sensor.kind).of_chain ? below(sensor.chain, robot.chains) : sensor.chain == -1;
     // Asked also where pivots are left out: that they are is for finish() to say.
     const int axes = robot.mobility < Mobility::pivot_1 ? 0 : dof(robot.mobility);
     const bool axis = sensor.kind != SensorKind::axis_angle || below(sensor.axis, axes);
-    exist = exist && chain && axis && sign(sensor.rod) && bar(sensor.bar);
+    if (!chain || !axis || !sign(sensor.rod) || !bar(sensor.bar)) return missing(kSensorPart + k);
   }
-  return exist;
+  for (int k = 0; k < robot.bodies; ++k)
+    if (!bar(robot.body[k].bar)) return missing(kBodyPart + k);
+  return {};
 }
 
 /// Notes which encoders need more than an offset to be read: every chain of every inverse model

@@ -91,17 +91,19 @@ class Loaded {
 /// true robot's J differs; under a load, with what yields to it: a soft PD's own stiffness may be
 /// less than that with which gravity holds the robot. Unquantised readings.
 /// @param x         out
-/// @param weighing  of the nominal robot, for laws that weigh
+/// @param known     of the nominal robot, for laws that weigh
 /// @param off       by which readings are off, as by the play of a gear
 /// @param faults    of readings that lie; not_converged where the robot would run away
 /// @param by_truth  out: whether it was the true robot, not the law, that had no answer
 template <Mobility K>
 inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSettings& settings,
-                      const Coordinates& x_d, Coordinates& x, const Weighing& weighing = {},
+                      const Coordinates& x_d, Coordinates& x, const Weighing& known = {},
                       const Extended& off = {}, bool* by_truth = nullptr,
                       FaultyReadings* faults = nullptr) {
   constexpr int n = kDof<K>;
   const Law law = settings.control.law;
+  const Scaled scaled(known, settings.control.sigma_scale);
+  const Weighing& weighing = scaled.weighing;
   Reference<K> reference;
   Parasitic nearby, standing;  // what the full level adds at x_d, and where the true robot stands
   Outcome outcome =

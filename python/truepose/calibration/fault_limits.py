@@ -268,11 +268,8 @@ def _leakage(
     result: dict[Law, Array] = {}
     for law in LAWS:
         kind = _core.laws[law]
-        if kind.orientation:
-            try:
-                model.require_orientation()
-            except InputError:
-                continue
+        if kind.sensed and not model.r:
+            continue
         believed = model.with_level(level) if kind.weighs else model
         leak, status, chain = _core.leakage(
             believed.core, kind.law, known if kind.weighs else None, rows

@@ -23,7 +23,7 @@ from truepose.commands.options import (
 from truepose.deploy.c_tables import KIND, named, to_c
 from truepose.deploy.linuxcnc import to_configuration
 from truepose.exceptions import InputError
-from truepose.robot.laws import Law
+from truepose.robot.laws import Law, usual
 from truepose.robot.robot import Robot, load
 from truepose.robot.stretch import taken_as_stiff
 from truepose.robotfile import path_of
@@ -41,6 +41,7 @@ ChosenLevel = Annotated[
         show_default="as the file; the finest for what weighs",
     ),
 ]
+USUAL = "redundant; joint where no sensor is in use"
 Out = Annotated[
     Path | None,
     typer.Option("-o", "--out", help="File to write.", show_default="standard output"),
@@ -71,7 +72,9 @@ def c(
     force: Force = False,
     sensors: SensorSet = None,
     level: ChosenLevel = None,
-    law: Annotated[Law, typer.Option(help="That the gains are chosen for.")] = "redundant",
+    law: Annotated[
+        Law | None, typer.Option(help="That the gains are chosen for.", show_default=USUAL)
+    ] = None,
     period: Annotated[float, typer.Option(help="Of the control cycle, s.")] = 1e-3,
     frequency: Annotated[
         float | None,
@@ -114,6 +117,7 @@ def c(
     elif frequency is None:
         controller = Controller.for_robot(made, loses, law, period=period)
     else:
+        law = usual(made) if law is None else law
         controller = Controller(law=law, period=period, frequency=frequency)
     _put(robot, to_c(made, controller, Watch(effects=loses), prefix), out, KIND, force)
     _stiff(made)
@@ -132,7 +136,9 @@ def linuxcnc(
             metavar="ROBOT", help="What is simulated: a robot file.", show_default="the robot"
         ),
     ] = None,
-    law: Annotated[Law, typer.Option(help="That the machine starts with.")] = "redundant",
+    law: Annotated[
+        Law | None, typer.Option(help="That the machine starts with.", show_default=USUAL)
+    ] = None,
     period: Annotated[float, typer.Option(help="Of the servo thread, s.")] = 1e-3,
 ) -> None:
     """Write a LinuxCNC configuration: a robot's table, ini and HAL, and a simulated machine.
@@ -148,7 +154,7 @@ def linuxcnc(
         made = made.with_level(level)
     if built is not None and built.sensors != made.sensors:
         built = built.with_sensors(*made.sensors)
-    controller = Controller(law=law if made.r else "joint", period=period)
+    controller = Controller(law=usual(made) if law is None else law, period=period)
     contents = to_configuration(made, controller, Watch(), built)
     read = [path_of(name) for name in (robot, machine) if name]
     outputs: dict[files.Output, str | bytes] = {

@@ -32,6 +32,7 @@ from truepose.commands.options import (
     wrote,
 )
 from truepose.exceptions import InputError, PoseError
+from truepose.robot import laws
 from truepose.robot.frames import frames
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot, robots
@@ -96,8 +97,12 @@ def command(
         ),
     ] = None,
     law: Annotated[
-        Law, typer.Option(help="joint is usual control, redundant the paper's TEJ.")
-    ] = "redundant",
+        Law | None,
+        typer.Option(
+            help="joint is usual control, redundant the paper's TEJ.",
+            show_default="redundant; joint where no sensor is in use",
+        ),
+    ] = None,
     true: Annotated[
         str,
         typer.Option(
@@ -161,6 +166,7 @@ def command(
     truth = true_robot(believed, true, seed)
     forgotten = None if effects == "none" else effects_of(effects)
     motion, x_d = _asked(believed, path, way_points, circle, start, end, duration)
+    law = laws.usual(believed) if law is None else law
     controller = _controller(believed, law, forgotten, frequency, visiting=x_d is not None)
     usual = MOVE if x_d is None else VISIT
     duration, hold = (u if g is None else g for u, g in zip(usual, (duration, hold), strict=True))

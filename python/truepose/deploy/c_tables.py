@@ -221,7 +221,8 @@ def _control(name: str, robot: Robot, controller: Controller) -> str:
     counts, listed = _core.c_control(controller.settings(robot, robot.home))
     return (
         f"static const truepose_control_settings {name}_control = {{\n"
-        f"  {_whole(counts)}, /* law, gains, feed_forward */\n{_rows(listed, '  ')}\n}};\n"
+        f"  {_whole(counts)}, /* law, gains, feed_forward, sigma_scale */\n"
+        f"{_rows(listed, '  ')}\n}};\n"
     )
 
 

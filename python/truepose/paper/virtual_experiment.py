@@ -21,6 +21,7 @@ from truepose.paper import article, statistics
 from truepose.paper.experiment import CONTROLS, Control
 from truepose.paper.trials import JITTER
 from truepose.robot.frames import coordinates
+from truepose.robot.laws import require_sensors
 from truepose.robot.robot import Robot
 from truepose.simulation.plants import Plant, Visit
 from truepose.simulation.vision import Seen, Vision
@@ -132,7 +133,7 @@ def run(
     """
     if robot.spec.mobility != "schoenflies":
         raise InputError(f"{robot.name}: the experiment is one of x, y, z and θ: schoenflies only")
-    robot.require_orientation()
+    require_sensors(robot, "redundant")
     poses = article.table2() if poses is None else numbers_of(poses, "poses")
     result: dict[Control, Run] = {}
     for control in controls:

@@ -131,6 +131,7 @@ def knowledge(
     error: bool = True,
     beside: Array | None = None,
     stretches: bool = False,
+    sigma_scale: int = 1,
 ) -> Known:
     """Build the core's struct.
 
@@ -151,6 +152,8 @@ def knowledge(
         measurement's frames, what measured differences have of their own.
     stretches : bool
         Also the compliances, behind those, as influences: the core asks for their columns.
+    sigma_scale : int
+        Times the readings' own σ.
     """
     names = uncertain(robot)
     more = stretch.unknown(robot) if stretches else []
@@ -170,7 +173,7 @@ def knowledge(
     else:
         at += [-1] * last
     counts = error and not guarded
-    sigma = stated_sigma(robot, level) if counts else reading_sigma(robot)
+    sigma = sigma_scale * (stated_sigma(robot, level) if counts else reading_sigma(robot))
     return Known(_core.Knowledge(at, lower, sigma.tolist()), p, len(errors), last)
 
 
@@ -191,14 +194,17 @@ class Known(NamedTuple):
         return triangular(root[[*range(p), *range(end - k, end)]])
 
 
-def for_law(robot: AnyRobot, law: str) -> tuple[AnyRobot, _core.Knowledge | None]:
+def for_law(
+    robot: AnyRobot, law: str, sigma_scale: int = 1
+) -> tuple[AnyRobot, _core.Knowledge | None]:
     """Return the robot at the level at which a law understands it, and what it weighs by.
 
-    Laws that weigh nothing, the paper's, keep the robot's level.
+    Laws that weigh nothing, the paper's, keep the robot's level. The readings' own σ count
+    `sigma_scale` times; a controller's settings have their own.
     """
     if not _core.laws[law].weighs:
         return robot, None
-    return robot.finest, knowledge(robot).core
+    return robot.finest, knowledge(robot, sigma_scale=sigma_scale).core
 
 
 def require_uncertain(robot: Kinematics) -> list[str]:

@@ -1,10 +1,52 @@
-"""Which control laws are there? The paper's three, and those that weigh the readings."""
+"""Control laws: the paper's three, and those that weigh the readings."""
 
 from __future__ import annotations
 
 from typing import Literal
 
 from truepose import _core
+from truepose.exceptions import InputError
+from truepose.robot.description import Description
 
 Law = Literal["joint", "redundant", "cartesian", "weighted", "estimated"]
 LAWS: tuple[Law, ...] = tuple(_core.laws)
+
+
+def usual(robot: Description) -> Law:
+    """Return the law of a robot for which none is named: of redundant sensors where it has any.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.robot.laws import usual
+    >>> usual(tp.load("h4")), usual(tp.load("delta"))
+    ('redundant', 'joint')
+    """
+    return "redundant" if robot.r else "joint"
+
+
+def require_sensors(robot: Description, law: str) -> None:
+    """Raise InputError unless the sensors in use are what a law acts on.
+
+    Without a redundant sensor every law but ``joint`` would be the joint law under another name.
+    """
+    if not robot.r and _core.laws[law].sensed:
+        raise no_sensor(robot, f"law {law!r}")
+
+
+def no_sensor(robot: Description, what: str) -> InputError:
+    """Return the error of what needs a redundant sensor, of a robot that uses none.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.robot.laws import no_sensor
+    >>> str(no_sensor(tp.load("five-bar"), "law 'weighted'")).split(": ")[2]
+    "its file has none; law 'joint' needs none"
+    """
+    has = ", ".join(sensor.name for sensor in robot.spec.sensor)
+    where = f"its file has {has} (with_sensors, --sensors)" if has else "its file has none"
+    return InputError(
+        f"{robot.name}: {what} needs a redundant sensor, and none is in use: {where}; "
+        "law 'joint' needs none"
+    )

@@ -13,6 +13,7 @@ from truepose.exceptions import InputError, choose
 from truepose.robot import knowledge, stretch
 from truepose.robot.batches import flattened, require_answers
 from truepose.robot.kinematics import Kinematics
+from truepose.robot.laws import no_sensor, require_sensors
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -68,7 +69,12 @@ class Redundancy(Kinematics):
     """What a :class:`truepose.Robot` makes of all its readings together."""
 
     def redundant_fkm(self, q_e: ArrayLike, errors: Errors = "raise") -> Array:
-        """Redundant FKM in closed form: θ from its sensor, the position from all n spheres.
+        """Redundant FKM: the pose that all readings give.
+
+        The paper's closed form where it takes every reading (θ's sensor is the only one of a robot
+        that turns about z, a robot that cannot turn has none): θ from its sensor, the position from
+        all n spheres. Elsewhere the least squares of all readings, which count as in the paper's
+        TEJ: motors by 1, sensors by the ``weight`` in the file.
 
         Parameters
         ----------
@@ -80,7 +86,8 @@ class Redundancy(Kinematics):
         ndarray, shape (..., n)
         """
         rows, lead = flattened(self, q_e, self.n + self.r, "q_e", errors)
-        self.require_orientation()
+        if not self.r and self._spec.mobility != "translation":
+            raise no_sensor(self, "the redundant FKM")
         x, status, chain = _core.redundant_fkm(self.core, rows)
         require_answers(self, "reading", rows, lead, status, chain, errors, name="q_e")
         return x.reshape(*lead, self.n)
@@ -163,20 +170,6 @@ class Redundancy(Kinematics):
         own = gain * knowledge.stated_sigma(self, level)
         return np.asarray(half @ half.swapaxes(1, 2) + own @ own.swapaxes(1, 2))
 
-    def require_orientation(self) -> None:
-        """Raise InputError unless the readings determine the nacelle's orientation."""
-        mobility = self._spec.mobility
-        has = [s.name for s in self._spec.sensor if _core.sensor_kinds[s.kind].is_theta]
-        measured = any(name in self.sensors for name in has)
-        if mobility == "translation" or (mobility == "schoenflies" and measured):
-            return
-        hint = (
-            f"use with_sensors('{has[0]}')"
-            if has and mobility == "schoenflies"
-            else ("it exists for translation robots and for schoenflies robots with θ measured")
-        )
-        raise InputError(f"{self.name}: the redundant FKM needs the nacelle's orientation; {hint}")
-
     def tej(
         self, x: ArrayLike, errors: Errors = "raise", damped_below: float = 0.0
     ) -> tuple[Array, Array]:
@@ -238,7 +231,9 @@ class Redundancy(Kinematics):
         require_answers(self, "pose", rows, lead, status, chain, errors)
         return M_plus.reshape(*lead, self.n, self.n + self.r)
 
-    def leakage(self, x: ArrayLike, law: str, errors: Errors = "raise") -> Array:
+    def leakage(
+        self, x: ArrayLike, law: str, errors: Errors = "raise", *, sigma_scale: int = 1
+    ) -> Array:
         """How an error of one reading leaks into the pose at which the robot rests.
 
         Where a law holds this robot at rest, its motor error ê_q vanishes; an error δq_e of the
@@ -253,6 +248,8 @@ class Redundancy(Kinematics):
             As of :class:`truepose.Controller`.
         errors : {"raise", "nan"}
             What to do with a pose that cannot be reached or is singular.
+        sigma_scale : int
+            As of :class:`truepose.Controller`.
 
         Returns
         -------
@@ -271,10 +268,9 @@ class Redundancy(Kinematics):
         """
         if law not in _core.laws:
             raise InputError(choose("law", law, _core.laws))
-        if _core.laws[law].orientation:
-            self.require_orientation()
+        require_sensors(self, law)
         rows, lead = flattened(self, x, self.n, "x", errors)
-        believed, known = knowledge.for_law(self, law)
+        believed, known = knowledge.for_law(self, law, sigma_scale)
         leak, status, chain = _core.leakage(believed.core, _core.laws[law].law, known, rows)
         require_answers(self, "pose", rows, lead, status, chain, errors)
         return leak.reshape(*lead, self.n, self.n + self.r)

@@ -12,13 +12,14 @@ from truepose import _core
 from truepose.arguments import fraction
 from truepose.exceptions import InputError, PoseError, choose
 from truepose.robot.batches import flattened
-from truepose.robot.laws import LAWS, Law
+from truepose.robot.laws import LAWS, Law, require_sensors, usual
 from truepose.robot.robot import Robot
 from truepose.simulation.effects import Effects
 from truepose.simulation.gains import choose as choose_gains
 
 FeedForward = Literal["none", "gravity", "full"]
 Gains = Literal["inertia", "diagonal"]
+MOST_SCALED = 1_000_000  #: of `sigma_scale`
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,10 +30,10 @@ class Controller:
     ----------
     law : {"joint", "redundant", "cartesian", "weighted", "estimated"}
         The paper's Figure 1 (usual control), Figure 2 (TEJ), or closing remark (redundant FKM);
-        Figure 2 with the weighted TEJ; or the Cartesian law on :meth:`Robot.estimate`, which every
-        mobility and any sensors allow. The last two weigh the readings by the tolerances (or the
-        calibration) of the robot that the controller believes in, and take its values as they
-        are: pass ``robot.expected()`` for the prior mean, ``fit.robot`` for a calibrated one.
+        Figure 2 with the weighted TEJ; or the Cartesian law on :meth:`Robot.estimate`. All but
+        "joint" need a redundant sensor in use. The last two weigh the readings by the tolerances
+        (or the calibration) of the robot that the controller believes in, and take its values as
+        they are: pass ``robot.expected()`` for the prior mean, ``fit.robot`` for a calibrated one.
     frequency, damping : float
         PD gains by pole placement, rad/s and 1.
     integral : float
@@ -51,6 +52,11 @@ class Controller:
     damped_below : float
         Damp the Jacobian where a :meth:`Robot.conditioning` of the setpoint is less, so that
         torques stay bounded beside a singularity; 0 is never, the paper's laws.
+    sigma_scale : int
+        "weighted" and "estimated" only: the readings' own σ count so many times in the weights.
+        The best weights of a calibrated robot multiply differences of its readings, and with them
+        what compliant arms and late torques do to the readings; a larger scale makes these
+        multiples smaller. See docs/margins.md.
     """
 
     law: Law = "redundant"
@@ -62,6 +68,7 @@ class Controller:
     period: float = 1e-3
     velocity_bandwidth: float = 1500.0
     damped_below: float = 0.0
+    sigma_scale: int = 1
 
     def __post_init__(self) -> None:
         if self.law not in LAWS:
@@ -74,13 +81,18 @@ class Controller:
         if not (math.isfinite(self.integral) and self.integral >= 0):
             raise InputError(f"integral = {self.integral}: must be a finite number of at least 0")
         fraction("damped_below", self.damped_below)
+        scale = self.sigma_scale
+        if not (isinstance(scale, int) and 1 <= scale <= MOST_SCALED):
+            raise InputError(
+                f"sigma_scale = {scale!r}: must be a whole number from 1 to {MOST_SCALED}"
+            )
 
     @classmethod
     def for_robot(
         cls,
         robot: Robot,
         effects: Effects | None = None,
-        law: Law = "redundant",
+        law: Law | None = None,
         *,
         period: float = 1e-3,
         damping: float = 0.55,
@@ -101,14 +113,16 @@ class Controller:
         effects : Effects, optional
             By default all of them.
         law, period, damping, **settings
-            As of the class; all but `frequency` and `velocity_bandwidth`, which are chosen. With
-            less damping than the paper's 1 a loop as stiff answers less to what is fast: a count's
-            step, an arm's ringing.
+            As of the class; all but `frequency`, `velocity_bandwidth` and `sigma_scale`, which
+            are chosen. The law by default is the redundant one, of a robot without a sensor in
+            use the joint law. With less damping than the paper's 1 a loop as stiff answers less
+            to what is fast: a count's step, an arm's ringing.
 
         Raises
         ------
         InputError
-            No poles keep that: the period is too long, say. The reason is told.
+            No poles keep that: the period is too long, say. The reason is told. Or the law needs a
+            redundant sensor, and none is in use.
 
         Examples
         --------
@@ -120,22 +134,26 @@ class Controller:
         >>> tp.simulate(h4, controller=controller, effects=tp.Effects()).status
         'ok'
         """
-        for name in ("frequency", "velocity_bandwidth"):
+        law = usual(robot) if law is None else law
+        for name in ("frequency", "velocity_bandwidth", "sigma_scale"):
             if name in settings:
                 raise InputError(f"{name}: is chosen; name it in Controller(…) instead")
         rest = cls(law=law, period=period, damping=damping, **settings)
-        if _core.laws[law].orientation:
-            robot.require_orientation()
+        require_sensors(robot, law)
         effects = Effects() if effects is None else effects
-        gains = choose_gains(
+        gains, scale = choose_gains(
             robot, law, effects, period, damping, rest.integral, rest.gains == "diagonal"
         )
-        return replace(rest, frequency=gains.frequency, velocity_bandwidth=gains.velocity_bandwidth)
+        return replace(
+            rest,
+            frequency=gains.frequency,
+            velocity_bandwidth=gains.velocity_bandwidth,
+            sigma_scale=scale,
+        )
 
     def settings(self, robot: Robot, x: ArrayLike) -> _core.ControlSettings:
         """Return the core's settings, with the gains placed at the pose x."""
-        if _core.laws[self.law].orientation:
-            robot.require_orientation()
+        require_sensors(robot, self.law)
         settings = _core.ControlSettings()
         settings.law = _core.laws[self.law].law
         settings.gains = getattr(_core.Gains, self.gains)
@@ -143,6 +161,7 @@ class Controller:
         settings.period = self.period
         settings.velocity_bandwidth = self.velocity_bandwidth
         settings.damped_below = self.damped_below
+        settings.sigma_scale = self.sigma_scale
         place = pose_of(robot, x, "x")
         status, _ = settings.place_poles(robot.core, place, self.frequency, self.damping)
         if status:

@@ -15,7 +15,7 @@ from truepose.calibration.online import OnlineCalibration
 from truepose.exceptions import InputError
 from truepose.robot import knowledge
 from truepose.robot.batches import require_answers
-from truepose.robot.laws import LAWS, Law
+from truepose.robot.laws import LAWS, Law, usual
 from truepose.robot.robot import Robot
 from truepose.simulation import late
 from truepose.simulation.controller import Controller, pose_of, positive, require_same_readings
@@ -46,7 +46,7 @@ class Drive(NamedTuple):
 def begin(
     robot: Robot,
     truth: Robot,
-    controller: Controller | Law,
+    controller: Controller | Law | None,
     start: tuple[str, ArrayLike],
     *,
     duration: float,
@@ -94,11 +94,12 @@ def begin(
 
 
 def controller_of(
-    controller: Controller | Law, robot: Robot, effects: Effects | None
+    controller: Controller | Law | None, robot: Robot, effects: Effects | None
 ) -> Controller:
-    """Return a controller of which the law alone was named: one that the robot bears."""
+    """Return a controller of which the law alone was named, or nothing: one that robots bear."""
     if isinstance(controller, Controller):
         return controller
+    controller = usual(robot) if controller is None else controller
     if effects in (None, Effects.none()) or controller not in LAWS:
         return Controller(law=controller)
     return Controller.for_robot(robot, effects, controller)

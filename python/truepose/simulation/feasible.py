@@ -1,7 +1,8 @@
-"""Can the motors follow a path? Asked of the nominal robot before anything moves."""
+"""Whether the motors can follow a path or a move, checked with the nominal robot beforehand."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,12 +12,49 @@ from truepose.exceptions import InputError, PoseError
 from truepose.robot.robot import Robot
 from truepose.simulation.chart import Setpoints
 from truepose.simulation.controller import positive
-from truepose.simulation.paths import Path
+from truepose.simulation.paths import Line, Path
 
 _NEAR = 1e-3  #: to which the fastest speed is found
+_ROWS = 50  #: of a move at least: one shorter than a period would have none between its ends
 
 
-def require_feasible(robot: Robot, setpoints: Setpoints, period: float) -> None:
+def require_feasible_move(
+    robot: Robot, start: Array, end: Array, duration: float, period: float
+) -> None:
+    """Raise PoseError unless the robot can make a straight move in its duration.
+
+    As :func:`require_feasible`; where a motor's speed or torque is what lacks, names the shortest
+    duration that the motors allow.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> tp.simulate(tp.load("h4"), duration=0.02)
+    Traceback (most recent call last):
+        ...
+    truepose.exceptions.PoseError: h4: move at t = 0.0004 s: motor 1 would need 99.9 N·m
+    """
+    try:
+        robot.ikm(end, own_mode=True)
+        robot.jacobian(end)
+    except PoseError as error:
+        reason = str(error).removeprefix(f"{robot.name}: ")
+        raise PoseError(f"{robot.name}: end of the move: {reason}") from None
+    move = Line(start=start, end=end, duration=duration)
+    period = min(period, duration / _ROWS)
+    try:
+        require_feasible(robot, move.setpoints(robot, period), period, "move")
+    except PoseError as error:
+        try:
+            shortest = duration / fastest(robot, move, period)
+        except PoseError:  # at any speed
+            raise error from None
+        unit = 10.0 ** (math.floor(math.log10(shortest)) - 2)
+        least = unit * math.ceil(shortest / unit)
+        raise PoseError(f"{error}: allow a duration of at least {least:.3g} s") from None
+
+
+def require_feasible(robot: Robot, setpoints: Setpoints, period: float, what: str = "path") -> None:
     """Raise PoseError at the first moment at which the robot cannot be where the path wants it.
 
     Asked are reach, stops and assembly mode of every setpoint, then its motors' speed and torque
@@ -45,16 +83,18 @@ def require_feasible(robot: Robot, setpoints: Setpoints, period: float) -> None:
     if first > 0:
         motors = np.linalg.solve(J[:first], rate[:first, :, None])[..., 0]
         chains = robot.spec.chain
-        _within(robot, period, motors, [c.speed_limit for c in chains], ("rad/s", "m/s"))
+        limits = [c.speed_limit for c in chains]
+        _within(robot, period, motors, limits, ("rad/s", "m/s"), what)
         torque = robot.inverse_dynamics(x[:first], rate[:first], acceleration[:first])
-        _within(robot, period, torque, [c.torque_limit for c in chains], ("N·m", "N"))
+        _within(robot, period, torque, [c.torque_limit for c in chains], ("N·m", "N"), what)
     if first < len(x):
         try:
             robot.ikm(x[first], own_mode=True)
             robot.jacobian(x[first])
         except PoseError as error:
             reason = str(error).removeprefix(f"{robot.name}: ")
-            raise PoseError(f"{robot.name}: path at t = {first * period:.4g} s: {reason}") from None
+            when = f"{what} at t = {first * period:.4g} s"
+            raise PoseError(f"{robot.name}: {when}: {reason}") from None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,7 +166,12 @@ def fastest(robot: Robot, path: Path, period: float = 1e-3) -> float:
 
 
 def _within(
-    robot: Robot, period: float, values: Array, limits: list[float | None], units: tuple[str, str]
+    robot: Robot,
+    period: float,
+    values: Array,
+    limits: list[float | None],
+    units: tuple[str, str],
+    what: str,
 ) -> None:
     most = np.array([limit or np.inf for limit in limits])
     beyond = np.abs(values) > most
@@ -136,6 +181,6 @@ def _within(
     motor = int(beyond[k].argmax())
     unit = units[robot.spec.chain[motor].actuator != "revolute"]
     raise PoseError(
-        f"{robot.name}: path at t = {k * period:.4g} s: motor {motor + 1} would need "
+        f"{robot.name}: {what} at t = {k * period:.4g} s: motor {motor + 1} would need "
         f"{abs(values[k, motor]):.4g} {unit}, at most {most[motor]:g}"
     )

@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from truepose import _core
 from truepose.arguments import Array
 from truepose.exceptions import InputError
 from truepose.robot.laws import Law
@@ -31,6 +32,8 @@ _HELD = 1e-3
 #: asked beyond the paper's.
 _FREQUENCIES = np.geomspace(10.0, 150.0, 41)
 _RATIOS = (3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 16.0)
+#: Times the readings' own σ that are tried, in this order, of laws that weigh.
+_SCALES = (1, 10, 100, 1000)
 
 
 def poses(robot: Robot) -> Array:
@@ -63,21 +66,32 @@ def kept(margin: Margin) -> bool:
 
 @lru_cache(maxsize=4)
 def responses(
-    robot: Robot, law: Law, effects: Effects, period: float, diagonal: bool = False
+    robot: Robot,
+    law: Law,
+    effects: Effects,
+    period: float,
+    diagonal: bool = False,
+    sigma_scale: int = 1,
 ) -> Responses:
     """Return the loops of a robot at its :func:`poses`."""
-    return responses_at(robot, poses(robot), law, effects, period, diagonal)
+    return responses_at(robot, poses(robot), law, effects, period, diagonal, sigma_scale)
 
 
 def responses_at(
-    robot: Robot, x: Array, law: Law, effects: Effects, period: float, diagonal: bool
+    robot: Robot,
+    x: Array,
+    law: Law,
+    effects: Effects,
+    period: float,
+    diagonal: bool,
+    sigma_scale: int = 1,
 ) -> Responses:
     """Return the loops of a robot at poses, its gains diagonal or not."""
     inertia = None
     if diagonal:
         J = robot.jacobian(robot.home)
         inertia = np.diag(J.T @ robot.mass_matrix(robot.home) @ J)
-    return Responses(plants(robot, x, law, effects, period, inertia))
+    return Responses(plants(robot, x, law, effects, period, inertia, sigma_scale))
 
 
 @lru_cache(maxsize=64)
@@ -89,10 +103,11 @@ def choose(
     damping: float = 1.0,
     integral: float = 0.0,
     diagonal: bool = False,
-) -> Gains:
+) -> tuple[Gains, int]:
     """Return the fastest gains that keep `LEAST` at :func:`poses`, and torques calm.
 
-    The robot is asked once for each set of arguments.
+    Beside them the least scale of the readings' σ, as of :class:`truepose.Controller`, at which
+    there are any: 1 of laws that do not weigh. Each set of arguments is computed once.
 
     Parameters
     ----------
@@ -104,7 +119,25 @@ def choose(
     InputError
         There are none: the period is too long, the counts are too coarse, or friction too strong.
     """
-    everywhere = responses(robot, law, effects, period, diagonal)
+    refused = InputError()
+    for scale in _SCALES if _core.laws[law].weighs else _SCALES[:1]:
+        try:
+            everywhere = responses(robot, law, effects, period, diagonal, scale)
+            return _chosen(robot, law, effects, everywhere, damping, integral), scale
+        except InputError as error:
+            refused = error
+    raise refused
+
+
+def _chosen(
+    robot: Robot,
+    law: Law,
+    effects: Effects,
+    everywhere: Responses,
+    damping: float,
+    integral: float,
+) -> Gains:
+    period = everywhere.period
     home = Responses(everywhere.plants[:1])
     read = robot if effects.quantisation else robot.unquantised()
     rest = np.array([REST[unit == "rad"] for _, unit in robot.coordinates])

@@ -123,6 +123,7 @@ def plants(
     effects: Effects,
     period: float,
     diagonal: Array | None = None,
+    sigma_scale: int = 1,
 ) -> list[Plant]:
     """Linearise a robot that its controller holds, at poses.
 
@@ -130,12 +131,22 @@ def plants(
     ----------
     diagonal : ndarray, shape (n,), optional
         Inertias through which diagonal gains act; by default the joint inertia at each pose.
+    sigma_scale : int
+        As of :class:`truepose.Controller`.
     """
-    return [_plant(robot, np.asarray(x), law, effects, period, diagonal) for x in poses]
+    return [
+        _plant(robot, np.asarray(x), law, effects, period, diagonal, sigma_scale) for x in poses
+    ]
 
 
 def _plant(
-    robot: Robot, x: Array, law: Law, effects: Effects, period: float, diagonal: Array | None
+    robot: Robot,
+    x: Array,
+    law: Law,
+    effects: Effects,
+    period: float,
+    diagonal: Array | None,
+    sigma_scale: int,
 ) -> Plant:
     from scipy.linalg import expm  # takes longer to import than all of truepose
 
@@ -144,7 +155,8 @@ def _plant(
     M, J = robot.mass_matrix(x), robot.jacobian(x)
     held, K = _turning(robot, x, M)
     slope = np.diag(H_x[:n] @ np.linalg.inv(K))
-    E = late.carried(robot, -np.linalg.solve(J, robot.leakage(x, law)), H_x, period)
+    leak = robot.leakage(x, law, sigma_scale=sigma_scale)
+    E = late.carried(robot, -np.linalg.solve(J, leak), H_x, period)
     inertia = slope[:, None] * (J.T @ M @ J) if diagonal is None else np.diag(slope * diagonal)
 
     # Nacelle, and rotors that turn by themselves: see offline/effects.hpp.

@@ -55,7 +55,7 @@ class Margins:
 
 def margins(
     robot: Robot,
-    controller: Controller | Law = "redundant",
+    controller: Controller | Law | None = None,
     effects: Effects | None = None,
     *,
     poses: ArrayLike | None = None,
@@ -72,7 +72,8 @@ def margins(
     robot : Robot
         As drawn, and as the controller believes.
     controller : Controller or law
-        Of a law alone, the gains that :meth:`Controller.for_robot` chooses.
+        Of a law alone, the gains that :meth:`Controller.for_robot` chooses; by default of the
+        redundant law, or of the joint law where no sensor is in use.
     effects : Effects, optional
         By default all of them; of these, delay, compliance and counts matter.
     poses : array_like, shape (P, n), optional
@@ -104,15 +105,19 @@ def margins(
         controller = Controller.for_robot(robot, effects, controller, period=chosen)
     elif period is not None:
         raise InputError("period: the Controller has its own")
-    law, diagonal = controller.law, controller.gains == "diagonal"
+    law, diagonal, scale = (
+        controller.law,
+        controller.gains == "diagonal",
+        controller.sigma_scale,
+    )
     if poses is None:
         x = gains.poses(robot)
-        found = gains.responses(robot, law, effects, controller.period, diagonal)
+        found = gains.responses(robot, law, effects, controller.period, diagonal, scale)
     else:
         x, lead = flattened(robot, poses, robot.n, "poses", "raise")
         if len(lead) != 1 or not len(x):
             raise InputError(f"poses: shape {np.shape(poses)}, must be (P, {robot.n})")
-        found = gains.responses_at(robot, x, law, effects, controller.period, diagonal)
+        found = gains.responses_at(robot, x, law, effects, controller.period, diagonal, scale)
     asked = Gains(
         controller.frequency,
         controller.velocity_bandwidth,

@@ -160,7 +160,7 @@ def path_accuracy(
     robot: Robot,
     path: Path | Callable[[float], Any] | ArrayLike,
     truth: Robot | None = None,
-    controller: Controller | Law = "redundant",
+    controller: Controller | Law | None = None,
     *,
     speed: float | None = None,
     runs: int = 10,

@@ -8,7 +8,7 @@ from truepose import _core
 from truepose.arguments import Array, Errors
 from truepose.robot import knowledge
 from truepose.robot.batches import flattened, require_answers
-from truepose.robot.laws import Law
+from truepose.robot.laws import Law, usual
 from truepose.robot.robot import Robot
 from truepose.robot.stretch import warn_if_stiff
 from truepose.simulation.controller import Controller, require_same_readings
@@ -18,7 +18,7 @@ def settle(
     robot: Robot,
     truth: Robot,
     x_d: ArrayLike,
-    controller: Controller | Law = "redundant",
+    controller: Controller | Law | None = None,
     *,
     gravity: bool = False,
     start: ArrayLike | None = None,
@@ -33,7 +33,8 @@ def settle(
     x_d : array_like, shape (..., n)
         Desired poses.
     controller : Controller or law
-        Its encoders count as unquantised.
+        Its encoders count as unquantised. By default the redundant law, of a robot without a
+        sensor in use the joint law.
     gravity : bool
         True: the PD must hold what the nominal feed-forward gets wrong of the true robot's weight.
         False: no load, or integral action; the motor error of the law vanishes.
@@ -63,7 +64,7 @@ def settle(
     True
     """
     if not isinstance(controller, Controller):
-        controller = Controller(law=controller)
+        controller = Controller(law=usual(robot) if controller is None else controller)
     rows, lead = flattened(robot, x_d, robot.n, "x_d", errors)
     require_same_readings(robot, truth)
     for one in {robot, truth}:

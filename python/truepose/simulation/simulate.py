@@ -34,7 +34,7 @@ from truepose.simulation.drive import (
 )
 from truepose.simulation.effects import Effects
 from truepose.simulation.faults import Fault
-from truepose.simulation.feasible import require_feasible
+from truepose.simulation.feasible import require_feasible, require_feasible_move
 from truepose.simulation.moves import MOVE_DURATION, default_move
 from truepose.simulation.paths import Path, path_of
 from truepose.simulation.watch import Watch, failed, watched
@@ -78,6 +78,7 @@ class Simulation:
     hold: float = 0.2  #: s after the move
     faults: tuple[Fault, ...] = ()  #: of its readings
     ended: str = ""  #: why before its time, where faults took it out of its workspace
+    law: str = ""  #: under which it ran: the controller's, or the name of a law of one's own
 
     def __repr__(self) -> str:
         said: list[str] = []
@@ -93,7 +94,7 @@ class Simulation:
                 else f"{what}: {most} off at most, {last} at the end"
             )
         return (
-            f"{self.robot.name} under {self.controller.law} control, {self.time[-1]:.3g} s, "
+            f"{self.robot.name} under {self.law} control, {self.time[-1]:.3g} s, "
             f"{len(self.time)} periods: {self.status}\n{'; '.join(said)}"
         )
 
@@ -200,7 +201,7 @@ class Cycle(NamedTuple):
 def simulate(
     robot: Robot,
     truth: Robot | None = None,
-    controller: Controller | Law = "redundant",
+    controller: Controller | Law | None = None,
     *,
     path: Path | Callable[[float], Any] | ArrayLike | None = None,
     law: Callable[[Cycle], ArrayLike] | None = None,
@@ -228,7 +229,8 @@ def simulate(
         What the controller believes, and what is (default: the same).
     controller : Controller or law
         The law alone takes the other settings' defaults; with effects the gains that the robot
-        bears, :meth:`Controller.for_robot`.
+        bears, :meth:`Controller.for_robot`. By default the redundant law, of a robot without a
+        sensor in use the joint law.
     path : Path, callable or array_like, optional
         Instead of a move: :class:`Circle`, :class:`Line`, :class:`WayPoints`, :class:`Sampled`
         (poses at times), or an object of your own with `setpoints`; a function of time, t -> x
@@ -237,7 +239,8 @@ def simulate(
     law : callable, optional
         A law of one's own, for research: from a :class:`Cycle` to the torques, (n,). The motors'
         limits hold for it. It is called in every period: a few times as slow as the core's.
-        `controller` then only says the period, and where the robot rests at the start.
+        `controller` then only says the period, and where the robot rests at the start. The run's
+        :attr:`Simulation.law` is the function's name.
     start, end : array_like, shape (n,)
         Desired poses; by default those of :func:`default_move`.
     duration, hold : float
@@ -266,9 +269,10 @@ def simulate(
     Raises
     ------
     PoseError
-        Without faults: the robot leaves its workspace, or the controller meets a singular pose or
-        a joint limit. Of a path, before anything moves: it does so, or asks the motors for more
-        speed or torque than the file allows them; names the time and the motor.
+        Before anything moves: the path, or the move, leaves the robot's reach, or asks the motors
+        for more speed or torque than the file allows them; names the time and the motor, and of a
+        move the shortest duration. Later, without faults: the true robot leaves its workspace, or
+        the controller meets a singular pose or a joint limit.
     TrueposeError
         What the path needs is not installed.
 
@@ -295,6 +299,8 @@ def simulate(
     ...     fed = cycle.robot.inverse_dynamics(cycle.x, cycle.rate, cycle.acceleration)
     ...     return fed + 50 * error
     >>> run = tp.simulate(h4, law=soft, duration=0.3)
+    >>> run.law
+    'soft'
     >>> bool(abs(run.error[:, :3]).max() < 2e-3)
     True
     """
@@ -331,6 +337,8 @@ def simulate(
     )
     own = None if law is None else _torque_of(law, robot)
     if setpoints is None:
+        ends = (np.array(pose[: robot.n]) for pose in (drive.origin, target))
+        require_feasible_move(robot, *ends, duration, drive.controller.period)
         asked = (drive.origin, target, duration, hold)
         status, chain, *log = _core.simulate(  # type: ignore[call-arg]
             *drive.core, *asked, drive.steps, drive.at_rest, drive.seed, own
@@ -354,7 +362,8 @@ def simulate(
         ended = f"stopped after {after:.3f} s: {guilty}{_core.describe(status)}"
         if not (faults and len(log[0])):
             raise PoseError(f"{robot.name}: simulation {ended}")
-    return Simulation(robot, drive.truth, drive.controller, *log, hold, tuple(faults), ended)  # type: ignore[call-arg]
+    name = drive.controller.law if law is None else getattr(law, "__name__", type(law).__name__)
+    return Simulation(robot, drive.truth, drive.controller, *log, hold, tuple(faults), ended, name)  # type: ignore[call-arg]
 
 
 def _torque_of(law: Callable[[Cycle], ArrayLike], robot: Robot) -> Callable[..., list[float]]:

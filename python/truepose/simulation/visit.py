@@ -26,7 +26,7 @@ def visit(
     robot: Robot,
     truth: Robot,
     x_d: ArrayLike,
-    controller: Controller | Law = "redundant",
+    controller: Controller | Law | None = None,
     *,
     duration: float = MOVE_DURATION,
     hold: float = 0.2,

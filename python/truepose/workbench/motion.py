@@ -17,7 +17,7 @@ LAPS, LEG = 2, 0.6  #: there and back, of a run; s of one way
 
 
 def run(
-    state: State, law: Law = "redundant", faults: Sequence[Fault] = (), watched: bool = True
+    state: State, law: Law | None = None, faults: Sequence[Fault] = (), watched: bool = True
 ) -> Simulation:
     """Send the true robot there and back, as often as `LAPS` says.
 

@@ -10,7 +10,7 @@ from viser import GuiApi
 
 from truepose import _core
 from truepose.exceptions import TrueposeError, one_line
-from truepose.robot.laws import LAWS
+from truepose.robot.laws import LAWS, usual
 from truepose.robot.units import reading_units, summed
 from truepose.show.units import printed
 from truepose.simulation.faults import FAULT_KINDS, Fault
@@ -40,7 +40,7 @@ class MotionTab(Tab):
         self._of: tuple | None = None
         self._move: Any = gui.add_checkbox("Move", False, hint="there and back; key M")
         page.when(self._move, lambda _: self._begin())
-        self._law: Any = gui.add_dropdown("Law", LAWS, initial_value="redundant")
+        self._law: Any = gui.add_dropdown("Law", LAWS, initial_value=usual(page.state.robot))
         self._watched: Any = gui.add_checkbox("Watch", True)
         for handle in (self._law, self._watched):
             page.when(handle, lambda _: self._again())

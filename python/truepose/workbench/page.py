@@ -14,7 +14,7 @@ from viser import GuiApi, ViserServer
 
 from truepose.arguments import Array
 from truepose.exceptions import TrueposeError, one_line
-from truepose.robot.laws import Law
+from truepose.robot.laws import Law, usual
 from truepose.robot.robot import Robot
 from truepose.workbench import answers, words
 from truepose.workbench.guard import Guard
@@ -40,7 +40,7 @@ class Page:
                 self.server.stop()
                 raise TrueposeError("the workbench cannot guard this viser: install viser 1.1")
         self.state: State = begin(robot)
-        self.law: Law = "redundant"  #: under which the drawn robot stands
+        self.law: Law = usual(robot)  #: under which the drawn robot stands
         self.magnified = 10.0
         self.how: str | None = "as built"  #: of the ellipsoid; None: no ellipsoid
         self.coloured = self.mapped = False
