@@ -137,7 +137,7 @@ def trials(
         rng = np.random.default_rng([seed, k])
         truly = assumed
         if noise:
-            height, distance = np.exp(rng.uniform(*np.log(noise), 2))
+            height, distance = np.exp(rng.uniform(np.log(noise[0]), np.log(noise[1]), 2))
             truly = replace(assumed, height=height, distance=distance)
         truth = made(model, printer, truly, seed + k, more)
         readings = truth.readings if distances else truth.readings.heights_only()
