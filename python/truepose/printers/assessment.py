@@ -18,6 +18,7 @@ from truepose.printers.criterion import errors, klipper, weight
 from truepose.printers.estimate import Assumed, Estimate, Prior, UnfitError, estimate, prior
 from truepose.printers.held_out import HeldOut
 from truepose.printers.model import Model
+from truepose.printers.noise import Judged, fitted
 from truepose.printers.printer import HEIGHTS, MM, TOWERS, Printer, gaps, printer_of
 from truepose.printers.prints import Bed, over_the_bed
 from truepose.show.table import Table
@@ -52,6 +53,7 @@ class Assessment:
     assumed: Assumed
     klipper: Array  #: parameters that Klipper's criterion finds
     estimate: Estimate
+    judged: Judged
     fits: tuple[Residuals, ...]  #: the file's, Klipper's, the estimate's
     held_out: tuple[HeldOut, ...]  #: none: too few readings to leave any out
     before: Bed  #: with the file's parameters
@@ -147,7 +149,7 @@ def _looked_at(printer: Printer, arm: float | None, assumed: Assumed) -> Assessm
     if not (np.isfinite(e.heights).all() and np.isfinite(e.distances).all()):
         start = known.mean  # the file's own parameters cannot be where its readings were taken
     by_klipper = klipper(model, start, readings)
-    found = estimate(model, readings, known, assumed)
+    found, judged = fitted(model, readings, known, assumed)
     fits = []
     for name, p in (
         ("the file's parameters", printer.values),
@@ -158,12 +160,12 @@ def _looked_at(printer: Printer, arm: float | None, assumed: Assumed) -> Assessm
         expected = found.expected(e.lengths) if p is found.p else e.lengths
         fits.append(Residuals(name, e.heights, expected - readings.distances))
     doubts.refuse_unfit(fits[-1][1:])
-    ways = held_out.ways(model, by_klipper, readings, known, assumed)
+    ways = held_out.ways(model, by_klipper, readings, known.mean)
     heights_alone = readings.heights_only()
     as_drawn = klipper(model, known.mean, heights_alone)
     scale, before = (
         over_the_bed(model, as_drawn, by, printer.radius).shape.scale
-        for by in (found, estimate(model, heights_alone, known, assumed))
+        for by in (found, estimate(model, heights_alone, known, found.assumed))
     )
     return Assessment(
         printer,
@@ -172,10 +174,11 @@ def _looked_at(printer: Printer, arm: float | None, assumed: Assumed) -> Assessm
         assumed,
         by_klipper,
         found,
+        judged,
         tuple(fits),
-        tuple(held_out.leave_one_out(model, readings, ways)),
+        tuple(held_out.leave_one_out(model, readings, ways, judged)),
         over_the_bed(model, printer.values, found, printer.radius),
         over_the_bed(model, found.p, found, printer.radius),
         Learnt(*before, *scale),
-        (*printer.notes, *doubts.notes(printer, found)),
+        (*printer.notes, *doubts.notes(printer, found, judged)),
     )

@@ -6,12 +6,10 @@ import contextlib
 import math
 from collections.abc import Iterator
 from dataclasses import replace
-from statistics import NormalDist
 
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.calibration.differences import FALSE_ALARM
 from truepose.printers.criterion import errors, rms
 from truepose.printers.estimate import (
     CHANGED,
@@ -23,6 +21,7 @@ from truepose.printers.estimate import (
     prior,
 )
 from truepose.printers.model import Model
+from truepose.printers.noise import Judged
 from truepose.printers.printer import MM, TAKE_OUT, Printer, Readings, probe_offset, unlike_arms
 
 #: Departure from the others that is nobody's calliper, m; and in units of their own scatter.
@@ -119,6 +118,16 @@ def _mm(value: float) -> str:
     return f"{value / MM:.6g}"
 
 
+def named(readings: Readings, judged: Judged, k: int) -> str:
+    """Say how far a reading is off what all others say."""
+    name = (*readings.height_names, *readings.distance_names)[k]
+    read = np.append(readings.heights, readings.distances)[k]
+    return (
+        f"{name} = {_mm(read)}: {judged.off[k] / MM:+.2f} mm off what all else says, "
+        f"± {judged.scale[k] / MM:.2f}"
+    )
+
+
 def refuse_unfit(left: tuple[Array, Array]) -> None:
     """Raise UnfitError where no printer leaves so much over of its heights and distances."""
     heights, distances = (rms(values) / MM if len(values) else 0.0 for values in left)
@@ -130,19 +139,10 @@ def refuse_unfit(left: tuple[Array, Array]) -> None:
         )
 
 
-def notes(printer: Printer, found: Estimate) -> Iterator[str]:
+def notes(printer: Printer, found: Estimate, judged: Judged) -> Iterator[str]:
     """What is odd of a printer and of its readings, in lines."""
-    between = found.differences
-    names = (*printer.readings.height_names, *printer.readings.distance_names)
-    read = np.concatenate([printer.readings.heights, printer.readings.distances])
-    off, sigma = (
-        np.concatenate([getattr(of, part) for of in between.found])
-        for part in ("left_out", "left_out_sigma")
-    )
-    worst = int(np.argmax(np.abs(off / sigma)))
-    if abs(off[worst]) > NormalDist().inv_cdf(1 - 0.5 * FALSE_ALARM / len(names)) * sigma[worst]:
-        what = f"{off[worst] / MM:+.2f} mm off what all else says, ± {sigma[worst] / MM:.2f}"
-        yield f"{names[worst]} = {_mm(read[worst])}: {what}"
+    if (wrong := judged.wrong) is not None:
+        yield named(printer.readings, judged, wrong)
     yield from found.doubt
     if said := unlike_arms(printer.parameters):
         yield said

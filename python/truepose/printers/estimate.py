@@ -61,8 +61,8 @@ class Assumed:
     angle: float = 0.25 * DEGREE  #: of towers a and b against c: 0.7 mm on 160
     radius: float = 5 * MM  #: the nacelle's own radius is part of it; drawn nowhere
     endstop: float = 2 * MM  #: and height of a rotary delta's shoulders
-    height: float = 0.03 * MM  #: the probe's, and how flat the bed is
-    distance: float = 0.03 * MM  #: of a calliper on a print
+    height: float = 0.04 * MM  #: the probe's, and how flat the bed is; the readings tell
+    distance: float = 0.04 * MM  #: of a calliper on a print; the readings tell
     shrinkage: float = 0.002  #: κ
     width: float = 0.05 * MM  #: b: what the pillars' own widths do not take out
 

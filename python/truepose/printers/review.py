@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
 from truepose.arguments import Array
 from truepose.printers.assessment import Assessment
 from truepose.printers.criterion import rms
+from truepose.printers.doubts import named
 from truepose.printers.estimate import Assumed, Prior, verdict
 from truepose.printers.held_out import ESTIMATE, MEAN, HeldOut
-from truepose.printers.printer import MM, options
+from truepose.printers.noise import ERROR, LAYER, MOST, more
+from truepose.printers.printer import MM, TAKE_OUT, options
 from truepose.printers.prints import Bed
 from truepose.show.table import Cell, Table, number
 
-#: Heights predicted worse than this, m rms, make no first layer.
-LAYER = 0.15 * MM
-_DISHONEST = 2.0  #: times what was assumed
 _WORSE = 1.15  #: times an error is another one
 
 
@@ -95,7 +95,7 @@ def assumptions(known: Prior, assumed: Assumed) -> list[str]:
 
 def words(found: Assessment) -> list[str]:
     """Say what it comes to, a sentence a line."""
-    return [_fit_in_words(found), *_distances_in_words(found), _honesty(found), _use(found)]
+    return [_fit_in_words(found), *_distances_in_words(found), *_judged(found), _use(found)]
 
 
 def _fit_in_words(found: Assessment) -> str:
@@ -161,22 +161,44 @@ def _distances_in_words(found: Assessment) -> list[str]:
     return lines
 
 
-def _honesty(found: Assessment) -> str:
-    """Say whether the σ are honest on this machine: by readings that were left out."""
-    if not found.held_out:
-        return f"{len(found.printer.readings.heights)} heights are too few to leave any out"
-    times = math.sqrt(found.estimate.differences.chi2)
-    line = f"Readings that were left out depart by {times:.1f} of their predicted σ (1: honest)"
-    if times < _DISHONEST:
-        return line
-    return (
-        f"{line}: take every σ for as much larger. What is missing is no parameter of Klipper's: "
-        "towers that lean, an effector that tilts, a bed that is not flat; or arms are not as drawn"
+def _judged(found: Assessment) -> Iterator[str]:
+    """Say how noisy the readings are, and whether they can judge the calibration."""
+    judged = found.judged
+    of = [
+        f"{name} ± {_said(sigma)} mm ({dof:.0f} degrees of freedom)"
+        for name, sigma, dof in zip(("heights", "distances"), *judged.noise[:2], strict=True)
+    ]
+    yield (
+        f"Noise of the readings, as they fit the printer: {', '.join(of[: 1 + found.extended])}; "
+        "every σ counts it"
+    )
+    if judged.rejected or judged.least <= ERROR:
+        return
+    count = more(found.model, found.printer.readings, found.estimate, judged, found.printer.radius)
+    yield (
+        "Too few readings to judge this calibration: an error of one height would show from "
+        f"{_said(judged.least)} mm on. To show one of {ERROR / MM:g} mm, add {count or MOST} "
+        "heights, spread evenly over the bed"
+        + ", and probe each point several times: the noise hides it"
+        * (count is None)
     )
 
 
 def _use(found: Assessment) -> str:
     """Say whether to use the calibration at all."""
+    judged = found.judged
+    if judged.wrong is not None:
+        return (
+            "Do not rely on this calibration: "
+            f"{named(found.printer.readings, judged, judged.wrong)}. Measure it again, or "
+            f"{TAKE_OUT}"
+        )
+    if judged.scattered:
+        return (
+            f"Do not rely on this calibration: heights are {_said(judged.noise.sigma[0])} mm off "
+            "any such printer's. Level and clean the bed, look for loose joints and whether the "
+            f"arms as drawn are {found.prior.arm / MM:g} mm, and calibrate again"
+        )
     before, after = (math.hypot(*_over(bed)) for bed in (found.before, found.after))
     errors = f"expected error over the bed {_said(before)} mm with the file's parameters"
     if not found.held_out or _over(found.after)[2] > LAYER:
@@ -185,12 +207,6 @@ def _use(found: Assessment) -> str:
             f"{errors}, {_said(after)} with the estimate"
         )
     ways = ({way.name: way for way in found.held_out}[ESTIMATE], _of_klipper(found))
-    heights = min(rms(_finite(way.heights)) for way in ways)
-    if heights > LAYER:
-        return (
-            f"Do not rely on this calibration: heights that were left out are missed by "
-            f"{_said(heights)} mm. Level and clean the bed, probe more points, and calibrate again"
-        )
     if not math.isfinite(before):
         return "Use the estimate: with the file's parameters the nozzle does not reach the bed"
     ours, theirs = map(_left_out, ways)

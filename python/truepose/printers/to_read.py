@@ -35,7 +35,7 @@ _SHORTEST = 20 * MM
 
 def next_readings(found: Assessment, count: int) -> Table:
     """Say what to read after all that was read."""
-    planned = _planned(found.printer, found.prior, found.assumed, count, found.estimate)
+    planned = _planned(found.printer, found.prior, found.estimate.assumed, count, found.estimate)
     return _table([planned], found.model, found.printer, "What to read next")
 
 

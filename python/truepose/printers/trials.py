@@ -10,8 +10,9 @@ import numpy as np
 
 from truepose.arguments import Array
 from truepose.printers.config import Config
-from truepose.printers.estimate import Assumed, estimate, prior
+from truepose.printers.estimate import Assumed, UnfitError, estimate, prior
 from truepose.printers.model import Model
+from truepose.printers.noise import ERROR, fitted, judge, spread
 from truepose.printers.printer import MM, Printer, Readings, options, printer_of
 from truepose.printers.prints import disc, without_rigid
 
@@ -43,11 +44,14 @@ def drawn(kinematics: str) -> Printer:
     return printer_of(Config.parse(text))
 
 
-def poses(radius: float) -> tuple[Array, Array]:
-    """Where Klipper has the nozzle: probed points (7, 3), ends of 12 distances (12, 2, 3)."""
+def poses(radius: float, more: int = 0) -> tuple[Array, Array]:
+    """Where Klipper has the nozzle: probed points (7, 3), ends of 12 distances (12, 2, 3).
+
+    And more points, spread over the bed.
+    """
     turn = np.pi / 2 + np.pi / 3 * np.arange(6)
     ring = radius * np.array(_PROBED) * np.stack([np.cos(turn), np.sin(turn)])
-    probed = np.concatenate([np.zeros((1, 2)), ring.T])
+    probed = np.concatenate([np.zeros((1, 2)), ring.T, radius * spread(more)[:, :2]])
     turn = np.radians([210.0, 270.0, 330.0, 30.0, 90.0, 150.0])
     to = np.stack([np.cos(turn), np.sin(turn)], axis=1)
     size = min(1.0, 0.9 * radius / (_PILLAR + _RIDGE))  # smaller beds have a smaller object
@@ -56,7 +60,7 @@ def poses(radius: float) -> tuple[Array, Array]:
     outer = _PILLAR * to[:, None] + np.stack([_RIDGE * along, (_PILLAR + _RIDGE) * along], axis=1)
     ends = size * np.concatenate([inner, outer])
     return (
-        np.column_stack([probed, np.full(7, _HEIGHT)]),
+        np.column_stack([probed, np.full(len(probed), _HEIGHT)]),
         np.concatenate([ends, np.zeros((12, 2, 1))], axis=2),
     )
 
@@ -70,12 +74,12 @@ class Truth(NamedTuple):
     readings: Readings
 
 
-def made(model: Model, printer: Printer, assumed: Assumed, seed: int) -> Truth:
+def made(model: Model, printer: Printer, assumed: Assumed, seed: int, more: int = 0) -> Truth:
     """Draw a printer, probe it, print on it and measure that."""
     rng = np.random.default_rng(seed)
     p = printer.values + assumed.of(printer.names) * rng.standard_normal(len(printer.names))
     kappa, width = np.array([assumed.shrinkage, assumed.width]) * rng.standard_normal(2)
-    touched, ends = poses(printer.radius)
+    touched, ends = poses(printer.radius, more)
     noise = assumed.height * rng.standard_normal(len(touched))
     at_bed = np.round(model.steps(p, touched + noise[:, None] * [0, 0, 1]))
     at_ends = model.steps(p, ends)  # as Klipper computes them; the motors stop at whole steps
@@ -95,12 +99,15 @@ def made(model: Model, printer: Printer, assumed: Assumed, seed: int) -> Truth:
 
 
 class Trial(NamedTuple):
-    """How one estimate did."""
+    """How one estimate did, and what was said of the readings."""
 
-    nees: float  #: squared error of the unknowns in units of their covariance
-    unknowns: int
+    inside: Array  #: (3,) share within 1.96 σ: of the unknowns; of x and y, of z over the bed
     error: Array  #: (3,) mean square error of x, y, z over the bed, m²
     bound: Array  #: (3,) that it promised
+    rejected: bool  #: whether the readings, which are right, were rejected
+    judges: bool  #: whether half of the heights would show an error of 0.3 mm
+    shows: bool  #: whether one height, drawn by chance, would show it
+    found: bool  #: whether they are rejected with that error in it
 
 
 def trials(
@@ -109,25 +116,72 @@ def trials(
     seed: int = 0,
     distances: bool = True,
     assumed: Assumed | None = None,
-) -> Iterator[Trial]:
-    """Draw printers, estimate each, compare with what it is."""
+    noise: tuple[float, float] | None = None,
+    more: int = 0,
+) -> Iterator[Trial | None]:
+    """Draw printers, estimate each, compare with what it is; None of one without an estimate.
+
+    Parameters
+    ----------
+    noise : tuple of float, optional
+        Least and greatest σ of heights and distances, m: each printer's is drawn between, evenly
+        in its logarithm. By default the assumed ones.
+    more : int
+        How many heights there are beside Klipper's seven.
+    """
     printer, assumed = drawn(kinematics), assumed or Assumed()
     model = Model(printer)
     told = printer.radius * disc()
     rigid = without_rigid(told)
     for k in range(count):
-        truth = made(model, printer, assumed, seed + k)
+        rng = np.random.default_rng([seed, k])
+        truly = assumed
+        if noise:
+            height, distance = np.exp(rng.uniform(np.log(noise[0]), np.log(noise[1]), 2))
+            truly = replace(assumed, height=height, distance=distance)
+        truth = made(model, printer, truly, seed + k, more)
         readings = truth.readings if distances else truth.readings.heights_only()
-        known = prior(model, replace(printer, readings=readings), assumed)
-        found = estimate(model, readings, known, assumed)
-        off = np.array([*(found.p - truth.p), found.shrinkage - truth.shrinkage])
-        off = np.append(off, found.width - truth.width)
-        unknown = np.diag(found.covariance) > 0
-        P = found.covariance[np.ix_(unknown, unknown)]
-        nees = float(off[unknown] @ np.linalg.solve(P, off[unknown]))
-        there = model.positions(truth.p, model.steps(found.p, told)) - told
-        there[:, :2] = (rigid @ there[:, :2].ravel()).reshape(-1, 2)
-        E = model.position_jacobian(found.p, told)
-        E[:, :2] = (rigid @ E[:, :2].reshape(-1, E.shape[-1])).reshape(-1, 2, E.shape[-1])
-        bound = np.einsum("nip,pq,niq->i", E, found.covariance_p, E) / len(told)
-        yield Trial(nees, int(unknown.sum()), (there**2).mean(axis=0), bound)
+        try:
+            yield _trial(model, printer, truth, readings, assumed, told, rigid, rng)
+        except UnfitError:
+            yield None
+
+
+def _trial(
+    model: Model,
+    printer: Printer,
+    truth: Truth,
+    readings: Readings,
+    assumed: Assumed,
+    told: Array,
+    rigid: Array,
+    rng: np.random.Generator,
+) -> Trial:
+    known = prior(model, replace(printer, readings=readings), assumed)
+    found, judged = fitted(model, readings, known, assumed)
+    off = np.array([*(found.p - truth.p), found.shrinkage - truth.shrinkage])
+    off = np.append(off, found.width - truth.width)
+    sigma = np.sqrt(np.diag(found.covariance))
+    there = model.positions(truth.p, model.steps(found.p, told)) - told
+    there[:, :2] = (rigid @ there[:, :2].ravel()).reshape(-1, 2)
+    E = model.position_jacobian(found.p, told)
+    E[:, :2] = (rigid @ E[:, :2].reshape(-1, E.shape[-1])).reshape(-1, 2, E.shape[-1])
+    bound = np.einsum("nip,pq,niq->ni", E, found.covariance_p, E)
+    inside = np.abs(there) < 1.96 * np.sqrt(bound)
+    shares = [np.mean(np.abs(off)[sigma > 0] < 1.96 * sigma[sigma > 0])]
+    shares += [inside[:, :2].mean(), inside[:, 2].mean()]
+    one = int(rng.integers(judged.heights))
+    heights = readings.heights.copy()
+    heights[one] += rng.choice([-ERROR, ERROR])
+    wrong = replace(readings, heights=heights)
+    known = prior(model, replace(printer, readings=wrong), assumed)
+    altered = judge(model, wrong, estimate(model, wrong, known, assumed))
+    return Trial(
+        np.array(shares),
+        (there**2).mean(axis=0),
+        bound.mean(axis=0),
+        judged.rejected,
+        judged.least <= ERROR,
+        bool(judged.shows[one] <= ERROR),
+        altered.rejected,
+    )
