@@ -49,10 +49,11 @@ struct ControlState {
   Joint load{};           ///< N·m, what of the torque answers no error
   Parasitic nearby;       ///< of a robot that is understood rod by rod, at x_d
   Law law = Law::joint;   ///< whose terms `position` and `rate` are in
-  std::uint32_t braked = 0;  ///< motors on which their feed-forward alone acts, as bits
   bool switched = false;  ///< set where readings are replaced by others: no step follows
   Joint held{};           ///< by how much ê_q was larger before the last switch than after it,
   Real leaving = 0;       ///< led out in so many seconds more
+  /// Motors whose brakes are asked for, as bits: their feed-forward alone acts on them.
+  std::uint32_t braked = 0;
 };
 
 /// Rate of an error whose reading is quantised, as a drive estimates it: a tracking loop of second
@@ -213,7 +214,7 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
     sum += std::fabs(position[c]) + std::fabs(rates[c]) + std::fabs(passed[c]);
 
   const auto braked = [&](int i) { return state.braked >> i & 1U; };
-  Joint pd{}, steps{};  // of the gains; of the integrals
+  Joint pd{}, steps{};                         // of the gains; of the integrals
   for (int i = 0; i < n && state.braked; ++i)  // nor do the others allow for what it does not do
     if (braked(i)) error[i] = error_rate[i] = integral[i] = 0;
   for (int i = 0; i < n; ++i) {

@@ -44,7 +44,7 @@ struct PathClock {
 /// Constant during a run.
 struct GuardSettings {
   WatchSettings watch;
-  Real stop = 0.15;   ///< s in which the robot comes to rest along its path,
+  Real stop = 0.15;  ///< s in which the robot comes to rest along its path,
   /// and with a lost motor: about twice the time in which a brake closes (20 ms, assumed). The
   /// brake stops that motor wherever the path is by then; the way left to the others is the error.
   Real stop_lost = 0.04;
@@ -136,8 +136,8 @@ Outcome guarded(const Robot& robot, const ControlSettings& settings, const Guard
   }
   if (guard.stops) guard.stop = guard.watch.lost ? guarding.stop_lost : guarding.stop;
   if (guard.brakes == all) {
-    if (!held && (!state.started ||
-                  !inverse_dynamics<K>(robot, to_pose<K>(guard.at), {}, {}, guard.weight)))
+    if (!held &&
+        (!state.started || !inverse_dynamics<K>(robot, to_pose<K>(guard.at), {}, {}, guard.weight)))
       guard.weight = {};
     for (int i = 0; i < n; ++i) state.torque[i] = limited(robot.chain[i], guard.weight[i]);
     state.error = state.error_rate = state.integral = {};  // what follows restore() is led in
