@@ -99,6 +99,7 @@ void bind_watch(nb::module_& m) {
       .def(nb::init<>())
       .def_rw("watch", &GuardSettings::watch)
       .def_rw("stop", &GuardSettings::stop)
+      .def_rw("stop_lost", &GuardSettings::stop_lost)
       .def_rw("held", &GuardSettings::held);
   nb::class_<Guarding>(m, "Guarding")
       .def(nb::init<const Robot&, const Known&, const GuardSettings&,

@@ -499,7 +499,8 @@ typedef struct truepose_watch_settings {
   truepose_real false_alarm; /**< chance of one in a cycle, 0 to 0.1 */
   truepose_real replaceable; /**< sigma up to which a motor's reading is replaced, rad or m */
   truepose_real correlation; /**< way on which a geometry's error changes by itself, m or rad */
-  truepose_real stop;        /**< s in which the robot comes to rest along its path */
+  truepose_real stop;        /**< s in which the robot comes to rest along its path, */
+  truepose_real stop_lost;   /**< and with a lost motor: twice the time in which a brake closes */
   truepose_real held;        /**< s at most for which a torque is held that nothing answers for */
   truepose_real fastest[TRUEPOSE_READINGS]; /**< largest second derivatives (0: not watched) */
   truepose_real moved[TRUEPOSE_READINGS];   /**< motion beside unchanged counts (0: not watched) */
@@ -529,9 +530,10 @@ typedef struct truepose_report {
   int32_t health[TRUEPOSE_READINGS];  /**< truepose_health */
   int32_t symptom[TRUEPOSE_READINGS]; /**< truepose_symptom, the latest */
   uint32_t doubted;                   /**< readings of which one is wrong; nobody knows which */
-  uint32_t lost;   /**< motors whose reading has failed, and nothing can stand for it */
-  uint32_t brakes; /**< motors whose brakes must hold them: yours to obey */
-  int32_t stops;   /**< 1: come to rest along the path, and stay: yours to obey */
+  uint32_t lost;      /**< motors whose reading has failed, and nothing could stand for it */
+  uint32_t brakes;    /**< motors whose brakes must hold them until truepose_restore() */
+  int32_t stops;      /**< 1: come to rest along the path, and stay: yours to obey, */
+  truepose_real stop; /**< in so many s, for truepose_advance(); 0: it goes on */
 } truepose_report;
 
 /** Settings, and what a guard remembers. Opaque. */
@@ -545,7 +547,9 @@ TRUEPOSE_API size_t truepose_guard_size(void);
 TRUEPOSE_API truepose_outcome truepose_begin_guard(truepose_guard* guard, size_t size,
                                                    const truepose_watch_settings* settings);
 
-/** As truepose_control(), with the readings watched: what is not believed is replaced.
+/** As truepose_control(), with the readings watched: what is not believed is replaced. A motor whose
+ * brake is asked for gets its feed-forward alone; once all brakes are asked for, all torques are
+ * those of gravity at rest. Both last until truepose_restore().
  *
  * @param finest  the robot as the watch understands it; null: `model`
  * @param known   of that robot; the controller's law weighs by it too
@@ -580,7 +584,7 @@ typedef struct truepose_path_clock {
   truepose_real rate; /**< 1: as fast as real time, */
   truepose_real slowing, since;
 } truepose_path_clock;
-/** One period. @param stop  s in which it comes to rest; 0: goes on */
+/** One period. @param stop  truepose_report's: s in which it comes to rest; 0: goes on */
 TRUEPOSE_API void truepose_advance(truepose_path_clock* clock, truepose_real period,
                                    truepose_real stop);
 /** Turns what a path says at clock->time into what to ask of the robot. */

@@ -64,7 +64,8 @@ Status status_of(const truepose_watch_settings& s) {
   bool good = s.refresh > 0 && s.coast > 0 && s.decide > 0 && s.decide < 1 << 20 && s.spikes > 0 &&
               s.spikes <= kSpikesKept && s.within > 0;
   good = good && s.false_alarm > 0 && s.false_alarm < 0.1;
-  for (const truepose_real number : {s.period, s.replaceable, s.correlation, s.stop, s.held})
+  for (const truepose_real number :
+       {s.period, s.replaceable, s.correlation, s.stop, s.stop_lost, s.held})
     good = good && number > 0;
   for (int c = 0; c < kMaxReadings; ++c)
     good = good && s.low[c] <= s.high[c] && s.fastest[c] >= 0 && s.moved[c] >= 0;
@@ -87,6 +88,8 @@ void report_on(const Guarding& guarding, truepose_report* report) {
   report->lost = guard.watch.lost;
   report->brakes = guard.brakes;
   report->stops = guard.stops || guard.watch.undecided || guard.watch.lost != 0;
+  if (report->stops)
+    report->stop = guard.watch.lost ? guarding.settings.stop_lost : guarding.settings.stop;
 }
 
 constexpr Outcome kUnfinished{Status::unfinished, -1};

@@ -84,6 +84,7 @@ void watch_fields(C& c, Watch& watch, Stops& stops, F&& f) {
   f("replaceable", c.replaceable, watch.replaceable);
   f("correlation", c.correlation, watch.correlation);
   f("stop", c.stop, stops.stop);
+  f("stop_lost", c.stop_lost, stops.stop_lost);
   f("held", c.held, stops.held);
   f("fastest", c.fastest, watch.fastest);
   f("moved", c.moved, watch.moved);

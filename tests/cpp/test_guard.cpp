@@ -28,6 +28,12 @@ struct Guarded {
   Outcome cycle(const Extended& q_e) {
     return guarded<K>(robot, settings, guarding, setpoint, q_e, state, prior.weighing(), guard);
   }
+  /// What the motors hold at home.
+  Joint weight() const {
+    Joint torque{};
+    CHECK(inverse_dynamics<K>(robot, to_pose<K>(robot.home), {}, {}, torque));
+    return torque;
+  }
 
   Robot robot;
   Prior prior;
@@ -57,6 +63,19 @@ TEST("a robot that must stop comes to rest along its path, without a corner") {
   }
   CHECK(clock.rate == 0);
   CHECK(std::fabs(clock.time - 0.15) < 1e-3);  // half as far as it would have come
+}
+
+TEST("a stop that has to be shorter on the way goes on with the rate that it has") {
+  PathClock clock;
+  for (int k = 0; k < 50; ++k) clock.advance(kPeriod, 0.15);
+  double rate = clock.rate;
+  for (int k = 0; k < 27; ++k) {  // two thirds are left, of 40 ms
+    clock.advance(kPeriod, 0.04);
+    CHECK(rate - clock.rate < 1.51 / 40);
+    CHECK(rate >= clock.rate);
+    rate = clock.rate;
+  }
+  CHECK(rate == 0);
 }
 
 TEST("a change of law, or of what is believed, is no step of the torque") {
@@ -96,34 +115,97 @@ TEST("a change of law, or of what is believed, is no step of the torque") {
   });
 }
 
-TEST("without an answer the brakes are asked for, and a late one is led in") {
+TEST("without an answer the brakes are asked for, and after a reset the next is led in") {
   for_each([](const Mechanism& mechanism, auto mobility) {
     Guarded<mobility()> scene(mechanism);
     if (!scene.known) return;
+    scene.settings.ki.fill(1);
+    scene.setpoint.rate[0] = 0.01;
+    scene.setpoint.acceleration[0] = 1;  // what gravity asks for has no part in it
     for (int k = 0; k < 200; ++k) CHECK(scene.cycle(scene.readings));
+    scene.setpoint.rate[0] = scene.setpoint.acceleration[0] = 0;
+    const Joint weight = scene.weight();
     for (int i = 0; i < scene.n; ++i)  // less than gravity asks for
-      scene.robot.chain[i].torque_limit = 0.5 * std::fabs(scene.state.load[i]) + 1e-3;
+      scene.robot.chain[i].torque_limit = 0.5 * std::fabs(weight[i]) + 1e-3;
     for (int k = 0; k < 50; ++k) {
       scene.setpoint.x[0] = NAN;  // all readings are well: nothing else is replaced
       CHECK(!scene.cycle(scene.readings));
       CHECK((scene.guard.unanswered > scene.guarding.held) == scene.guard.stops);
     }
-    CHECK(scene.guard.brakes == bit(scene.n) - 1);
     for (int i = 0; i < scene.n; ++i) {
       CHECK(std::fabs(scene.state.torque[i]) <= scene.robot.chain[i].torque_limit);
       scene.robot.chain[i].torque_limit = 0;
     }
     scene.setpoint.x = scene.robot.home;
-    Joint last = scene.state.load;
+    for (int k = 0; k < 50; ++k) {  // an answer opens no brake
+      CHECK(scene.cycle(scene.readings));
+      CHECK(scene.guard.brakes == bit(scene.n) - 1);
+    }
+    Joint last = weight;
     restore(scene.guard, 0);
     CHECK(!scene.guard.stops && scene.guard.brakes == 0);
     for (int k = 0; k < 300; ++k) {
       CHECK(scene.cycle(scene.readings));
       for (int i = 0; i < scene.n; ++i)  // the errors are 2e-4 and more
-        CHECK(std::fabs(scene.state.torque[i] - last[i]) < 1e-9 + 5e-5 * scene.settings.kp[i]);
+        CHECK(std::fabs(scene.state.torque[i] - last[i]) < 1e-5 + 5e-5 * scene.settings.kp[i]);
       last = scene.state.torque;
     }
     CHECK(!scene.guard.stops);
+  });
+}
+
+TEST("once all brakes are asked for, the torques hold the robot's weight, whatever is read") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    Guarded<mobility()> scene(mechanism);
+    if (!scene.known) return;
+    for (int k = 0; k < 100; ++k) CHECK(scene.cycle(scene.readings));
+    const Joint weight = scene.weight();
+    scene.guard.watch.undecided = true;
+    for (int k = 0; k < 400; ++k) {
+      Extended q_e = scene.readings;  // a motor by whose reading a loop would shake
+      q_e[0] += k % 2 ? 1e-4 : -1e-4;
+      static_cast<void>(scene.cycle(q_e));
+      CHECK(scene.guard.stops && scene.guard.stop == scene.guarding.stop);
+      const bool all = scene.guard.brakes == bit(scene.n) - 1;
+      CHECK(k < 149 ? !all : all || k < 151);
+      for (int i = 0; i < scene.n && all; ++i)
+        CHECK(std::fabs(scene.state.torque[i] - weight[i]) < 1e-9 * (1 + std::fabs(weight[i])));
+    }
+  });
+}
+
+TEST("a lost motor follows its feed-forward into its brake until it is restored") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    for (const Gains gains : {Gains::diagonal, Gains::inertia}) {
+      Guarded<mobility()> scene(mechanism);
+      if (!scene.known) return;
+      scene.settings.gains = gains;
+      CHECK(place_poles(scene.robot, scene.robot.home, 100, 1, scene.settings));
+      scene.settings.law = Law::redundant;
+      scene.guarding.watch.replaceable = 1e-12;
+      for (int k = 0; k < 100; ++k) CHECK(scene.cycle(scene.readings));
+      const Joint weight = scene.weight();
+      Extended q_e = scene.readings;
+      q_e[0] = NAN;
+      for (int k = 0; k < 300; ++k) {
+        if (k == 100) scene.guarding.watch.replaceable = 1e9;  // now something could stand for it
+        CHECK(scene.cycle(q_e).status == Status::disagree);
+        const bool lost = k >= scene.guarding.watch.coast;
+        CHECK(scene.guard.brakes == (lost ? bit(0) : 0));
+        CHECK(scene.guard.watch.lost == scene.guard.brakes);
+        CHECK(scene.guard.stop == (lost ? scene.guarding.stop_lost : 0));
+        if (lost) CHECK(std::fabs(scene.state.torque[0] - weight[0]) < 1e-9);
+      }
+      restore(scene.guard, 0);
+      Joint last = scene.state.torque;
+      for (int k = 0; k < 300; ++k) {
+        CHECK(scene.cycle(scene.readings));
+        CHECK(scene.guard.brakes == 0 && scene.guard.watch.lost == 0);
+        if (gains == Gains::diagonal)  // the errors are 2e-4 and more
+          CHECK(std::fabs(scene.state.torque[0] - last[0]) < 1e-9 + 5e-5 * scene.settings.kp[0]);
+        last = scene.state.torque;
+      }
+    }
   });
 }
 

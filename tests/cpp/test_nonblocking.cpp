@@ -42,7 +42,7 @@ long run_guarded(const Robot& robot, const ControlSettings& settings, const Guar
     const int c = static_cast<int>(k / 8) % (kDof<K> + robot.r);
     Extended q_e = cycle[at].q_e;
     if (k % 8 == 7) q_e[c] = k % 16 == 7 ? NAN : q_e[c] + 1;
-    clock.advance(settings.period, guard.stops ? guarding.stop : 0);
+    clock.advance(settings.period, guard.stop);
     late.arrived = arrivals(late.settings, late.cycle);
     const Outcome outcome = guarded<K>(robot, settings, guarding, clock.paced(cycle[at].setpoint),
                                        q_e, state, weighing, guard, &late);

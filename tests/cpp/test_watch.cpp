@@ -190,6 +190,26 @@ TEST("what stands for a failed sensor is what the motors say") {
   });
 }
 
+TEST("a motor that is lost is taken to be where it is asked to be until it is restored") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    Scene<mobility()> scene(mechanism);
+    CHECK(scene.healthy(100));
+    scene.settings.replaceable = 1e-12;
+    for (int k = 100; k < 300; ++k) {
+      if (k == 200) scene.settings.replaceable = 1e9;  // by now something could stand for it
+      Extended q_e = scene.read(k);
+      q_e[0] = NAN;
+      CHECK(scene.cycle(k, q_e).chain == 0);
+      if (k < 100 + scene.settings.coast) continue;
+      CHECK(scene.seen.lost == 1);
+      CHECK(scene.believed[0] == scene.read(k)[0]);
+    }
+    restore(scene.seen, 0);
+    CHECK(scene.cycle(300, scene.read(300)).status == Status::ok);
+    CHECK(scene.seen.lost == 0);
+  });
+}
+
 TEST("a restored reading is believed again") {
   for_each([](const Mechanism& mechanism, auto mobility) {
     Scene<mobility()> scene(mechanism);

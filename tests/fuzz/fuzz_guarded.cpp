@@ -109,7 +109,7 @@ void drive(Bytes& bytes, const Subject& subject) {
     if (bytes.one_in(32)) settings.law = static_cast<Law>(bytes.below(5));
     if (bytes.one_in(32)) restore(guard, bytes.below(rows + 2) - 1);
     const double before = clock.time;
-    clock.advance(settings.period, guard.stops ? guarding.stop : 0);
+    clock.advance(settings.period, guard.stop);
     require(clock.time >= before && clock.rate >= 0 && clock.rate <= 1,
             "a path's time does not run backwards, nor faster");
     static_cast<void>(guarded<K>(robot, settings, guarding, clock.paced(at), q_e, state,

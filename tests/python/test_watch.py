@@ -173,3 +173,51 @@ def test_settings_that_make_no_sense_are_refused(setting: str, value: float) -> 
 def test_more_false_alarms_than_cycles_are_refused() -> None:
     with pytest.raises(tp.InputError, match="false_alarms"):
         tp.simulate(tp.load("h4"), watch=tp.Watch(false_alarms=1e7))
+
+
+FAULTS = (("q1", "dropout", None), ("q2", "bias", -0.5), ("q3", "sign", None))
+
+
+@pytest.mark.parametrize("name", ["h4", "stewart"])
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("reading, kind, size", FAULTS)
+def test_a_motor_whose_brake_closes_is_driven_by_its_feed_forward_alone(
+    name: str, seed: int, reading: str, kind: str, size: float | None
+) -> None:
+    robot = tp.load(name).expected()
+    truth = with_tolerance_errors(robot, seed)
+    fault = tp.Fault(reading, kind, at=0.08 + 0.02 * seed, size=size)  # type: ignore[arg-type]
+    run = tp.simulate(robot, truth, "redundant", faults=[fault], watch=tp.Watch())
+    assert (np.diff(run.brakes) >= 0).all()  # none opens again
+    motor = robot.readings.index(reading)
+    assert run.brakes[-1] == 1 << motor
+    asked = run.brakes.argmax()
+    assert run.time[asked] < fault.at + 0.03
+    rate = np.gradient(run.x_d, run.time, axis=0)
+    if name == "h4":  # its coordinates' rates are its free twist
+        acceleration = np.gradient(rate, run.time, axis=0)
+        forward = robot.inverse_dynamics(run.x_d, rate, acceleration)
+        limit = robot.spec.chain[motor].torque_limit
+        assert limit is not None
+        off = (run.torque - forward)[asked + 1 :, motor]
+        assert np.abs(off).max() < 0.05 * limit
+    weight = robot.inverse_dynamics(run.x_d[-1], rate[-1] * 0, rate[-1] * 0)
+    rests = run.time > run.time[asked] + tp.Watch().stop_lost + 2e-3
+    assert np.abs(run.torque[rests, motor] - weight[motor]).max() < 1e-6
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("name", ["h4", "delta"])
+def test_once_all_brakes_are_asked_for_the_motors_hold_the_weight_alone(
+    name: str, seed: int
+) -> None:
+    robot = tp.load(name).with_sensors("theta" if name == "h4" else "z_telemeter").expected()
+    truth = with_tolerance_errors(robot, seed)
+    lost = [tp.Fault(f"q{k + 1}", "dropout", at=0.1) for k in range(robot.n)]
+    run = tp.simulate(robot, truth, "joint", faults=lost, watch=tp.Watch(), hold=0.3)
+    held = run.brakes == (1 << robot.n) - 1
+    assert held[-1]
+    assert run.time[held.argmax()] < 0.13
+    weight = robot.inverse_dynamics(run.x_d[held.argmax()], np.zeros(robot.n), np.zeros(robot.n))
+    assert np.ptp(run.torque[held], axis=0).max() == 0
+    assert np.abs(run.torque[held] - weight).max() < 0.05 * np.abs(weight).max()

@@ -56,6 +56,8 @@ struct ControlState {
   bool switched = false;  ///< set where readings are replaced by others: no step follows
   Joint held{};           ///< by how much ê_q was larger before the last switch than after it,
   Real leaving = 0;       ///< led out in so many seconds more
+  /// Motors whose brakes are asked for, as bits: their feed-forward alone acts on them.
+  std::uint32_t braked = 0;
 };
 
 /// Rate of an error whose reading is quantised, as a drive estimates it: a tracking loop of second
@@ -217,7 +219,10 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
   for (int c = 0; c < tracked; ++c)
     sum += std::fabs(position[c]) + std::fabs(rates[c]) + std::fabs(passed[c]);
 
-  Joint pd{}, steps{};  // of the gains; of the integrals
+  const auto braked = [&](int i) { return state.braked >> i & 1U; };
+  Joint pd{}, steps{};                         // of the gains; of the integrals
+  for (int i = 0; i < n && state.braked; ++i)  // nor do the others allow for what it does not do
+    if (braked(i)) error[i] = error_rate[i] = integral[i] = 0;
   for (int i = 0; i < n; ++i) {
     pd[i] = settings.kp[i] * error[i] + settings.kd[i] * error_rate[i];
     steps[i] = settings.ki[i] * settings.period * error[i];
@@ -241,6 +246,8 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
       steps = inverse_dynamics<K>(model, J, pose_rate<K>(J, steps));
     }
   }
+  for (int i = 0; i < n && state.braked; ++i)
+    if (braked(i)) pd[i] = steps[i] = 0;
   for (int i = 0; i < n; ++i) {
     const Real limit = robot.chain[i].torque_limit;
     const Real step = steps[i];

@@ -15,14 +15,13 @@ struct PathClock {
   Real time = 0;     ///< s along the path
   Real rate = 1;     ///< its derivative,
   Real slowing = 0;  ///< and of that
-  Real since = 0;    ///< s since it began to slow down
+  Real since = 0;    ///< share of the stop that has passed
 
-  /// One period. @param stop  s in which it comes to rest; 0: goes on
+  /// One period. @param stop  s in which it comes to rest, which may change on the way; 0: goes on
   void advance(Real period, Real stop) {
     if (stop > 0 && rate > 0) {
-      since = std::min(since + period, stop);
-      const Real u = since / stop;  // 1 to 0 with a rate that is smooth at both ends
-      const Real next = 1 - u * u * (3 - 2 * u);
+      since = std::min(since + period / stop, Real{1});
+      const Real next = 1 - since * since * (3 - 2 * since);  // smooth at both ends
       slowing = (next - rate) / period;
       time += 0.5 * (rate + next) * period;
       rate = next;
@@ -45,7 +44,10 @@ struct PathClock {
 /// Constant during a run.
 struct GuardSettings {
   WatchSettings watch;
-  Real stop = 0.15;   ///< s in which the robot comes to rest along its path
+  Real stop = 0.15;  ///< s in which the robot comes to rest along its path,
+  /// and with a lost motor: about twice the time in which a brake closes (20 ms, assumed). The
+  /// brake stops that motor wherever the path is by then; the way left to the others is the error.
+  Real stop_lost = 0.04;
   Real held = 0.005;  ///< s at most for which a torque is held that no reading answers for
   const Robot* finest =
       nullptr;  ///< the robot as the watch understands it; nullptr: as the law does
@@ -54,9 +56,11 @@ struct GuardSettings {
 /// What it remembers, and what it says. The caller's; a new one starts anew.
 struct Guard {
   Watch watch;
-  bool stops =
-      false;  ///< the path is to be left at rest: advance PathClock with GuardSettings::stop
-  std::uint32_t brakes = 0;  ///< motors whose brakes must hold them, as bits
+  bool stops = false;        ///< the path is to be left at rest, until restore():
+  Real stop = 0;             ///< in so many s, for PathClock::advance(); 0: it goes on
+  std::uint32_t brakes = 0;  ///< motors whose brakes must hold them, as bits, until restore()
+  Coordinates at{};          ///< the latest setpoint that was answered for
+  Joint weight{};            ///< N·m that hold the robot there, once all brakes are asked for
   Real unanswered = 0;       ///< s since a torque was answered for
   Real stopping = 0;         ///< s since nobody knows which reading lies
   Knowledge known{};         ///< of the readings that are believed
@@ -68,13 +72,17 @@ inline void restore(Guard& guard, int reading) {
   restore(guard.watch, reading);
   guard.stops = false;
   guard.brakes = 0;
-  guard.unanswered = guard.stopping = 0;
+  guard.stop = guard.unanswered = guard.stopping = 0;
 }
 
 /// σ of a reading that is not believed, over its own.
 inline constexpr Real kDisbelieved = 1e4;
 
 /// One cycle: as control(), with the readings watched.
+///
+/// A motor whose brake is asked for follows its feed-forward: while the brake closes it slows down
+/// with the others. Once all brakes are asked for, the torques are those that hold the robot at
+/// rest where it was asked to be last. No PD acts on either again before restore().
 ///
 /// @param q_e    as read
 /// @param guard  in and out; `stops` and `brakes` are the caller's to obey
@@ -89,6 +97,15 @@ Outcome guarded(const Robot& robot, const ControlSettings& settings, const Guard
   const Outcome watched =
       watch<K>(guarding.finest ? *guarding.finest : robot, guarding.watch, weighing,
                state.started ? state.q_d : motors_of<K>(q_e), q_e, guard.watch, believed, late);
+  constexpr std::uint32_t all = bit(n) - 1;
+  const bool held = guard.brakes == all;
+  guard.stops = guard.stops || guard.watch.undecided || guard.watch.lost != 0;
+  guard.brakes |= guard.watch.lost;
+  // Where nobody knows which reading lies, no loop is trusted longer than the stop takes.
+  if (guard.watch.undecided) guard.stopping += settings.period;
+  if (guard.stopping > guarding.stop) guard.brakes = all;
+  state.switched = state.switched || state.braked != guard.brakes;
+  state.braked = guard.brakes;
   Outcome outcome = watched;
   if (watched) {
     ControlSettings now = settings;
@@ -112,24 +129,25 @@ Outcome guarded(const Robot& robot, const ControlSettings& settings, const Guard
     const Weighing reweighed{&guard.known, weighing.work, weighing.kept};
     outcome = control<K>(robot, now, setpoint, believed, state, any || late ? reweighed : weighing);
   }
-  guard.stops = guard.stops || guard.watch.undecided || guard.watch.lost != 0;
-  guard.brakes |= guard.watch.lost;
-  // Where nobody knows which reading lies, no loop is trusted longer than the stop takes.
-  if (guard.watch.undecided) guard.stopping += settings.period;
-  if (guard.stopping > guarding.stop) guard.brakes = (std::uint32_t{1} << n) - 1;
-  if (outcome) {
-    guard.unanswered = 0;
-    return watched.status == Status::disagree ? watched : outcome;
-  }
-  guard.unanswered += settings.period;
+  guard.unanswered = outcome ? 0 : guard.unanswered + settings.period;
   if (guard.unanswered > guarding.held) {
     guard.stops = true;
-    guard.brakes = (std::uint32_t{1} << n) - 1;
-    for (int i = 0; i < n; ++i) state.torque[i] = limited(robot.chain[i], state.load[i]);
-    state.error = state.error_rate = {};  // an answer that comes later starts from there,
-    state.switched = true;                // and is led in
+    guard.brakes = all;
   }
-  return outcome;
+  if (guard.stops) guard.stop = guard.watch.lost ? guarding.stop_lost : guarding.stop;
+  if (guard.brakes == all) {
+    if (!held &&
+        (!state.started || !inverse_dynamics<K>(robot, to_pose<K>(guard.at), {}, {}, guard.weight)))
+      guard.weight = {};
+    for (int i = 0; i < n; ++i) state.torque[i] = limited(robot.chain[i], guard.weight[i]);
+    state.error = state.error_rate = state.integral = {};  // what follows restore() is led in
+  } else if (outcome) {
+    guard.at = setpoint.x;
+  } else {  // the last torques are held, but for the PD's of a motor lost in this cycle
+    for (int i = 0; i < n; ++i)
+      if (guard.brakes & bit(i)) state.torque[i] = limited(robot.chain[i], state.load[i]);
+  }
+  return outcome && watched.status == Status::disagree ? watched : outcome;
 }
 
 }  // namespace truepose

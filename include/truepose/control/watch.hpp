@@ -349,7 +349,6 @@ class Cycle {
     Reading y = parity_.value;
     if (regular) V.whiten(r_, y.data(), 1);
     Coordinates step{};
-    watch_.lost = 0;
     for (int c = 0; c < rows_; ++c) {
       if (!(without_ & bit(c))) continue;
       if (watch_.reading[c].health != Health::failed) {
@@ -372,7 +371,9 @@ class Cycle {
       const Real left = unknown_[c] * (1 - unknown_[c] * information);  // variance of b̂
       const bool good = regular && unknown_[c] > 0 && left < 0.5 * unknown_[c];
       const Real b = unknown_[c] * score;
-      if (good && number(b) && (c >= n || replaceable(c, left, g, V, own))) {
+      // A motor that is lost stays so: by now its brake closes.
+      const bool lost = watch_.lost & bit(c);
+      if (good && number(b) && !lost && (c >= n || replaceable(c, left, g, V, own))) {
         believed_[c] -= b;
         if (c < n)
           for (int i = 0; i < n; ++i) step[i] -= parity_.jacobians.J[i][c] * b;

@@ -99,7 +99,7 @@ struct Watch {
   std::uint32_t doubted = 0;  ///< readings of which one is wrong, as bits; 0: nothing disagrees
   int disagreed = 0;  ///< twice the cycles in which they do and none can be named, less the others
   bool undecided = false;        ///< for so long that none will be: the robot should stop
-  std::uint32_t lost = 0;        ///< failed motors' readings that nothing else can stand for
+  std::uint32_t lost = 0;        ///< failed motors that nothing else could stand for, once
   std::uint32_t without = 0;     ///< failed readings that something else stood for in this cycle
   std::uint32_t held = 0;        ///< doubted motors that go where they are asked to go
   bool changed = false;          ///< one of the two has: what the law sees may jump

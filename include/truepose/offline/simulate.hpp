@@ -134,7 +134,7 @@ class Loop {
       write(sample);
       if (k == periods) break;
       if (clock_.rate == 1 && !guard_.stops) clock_.time = k * settings_.period;
-      clock_.advance(settings_.period, guard_.stops ? extras_.guarding->stop : 0);
+      clock_.advance(settings_.period, guard_.stop);
       plant_.brake(guard_.brakes, settings_.period);
       outcome = plant_.advance(late ? before : control_.torque, settings_.period, steps);
       if (!outcome) return outcome;

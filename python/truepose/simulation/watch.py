@@ -67,6 +67,10 @@ class Watch:
         Cycles of disagreement of which nobody can be named, after which the robot stops.
     stop : float
         In which it then comes to rest along its path, s.
+    stop_lost : float
+        The same where a motor is lost, s: about twice the time in which a brake closes (20 ms,
+        assumed). The brake stops that motor; the other motors leave the path by as far as they
+        go on.
     replaceable : float
         σ up to which a motor's reading is replaced by what the sensors say, rad or m.
     effects : Effects, optional
@@ -93,11 +97,12 @@ class Watch:
     within: int = 1000
     decide: int = 20
     stop: float = 0.15
+    stop_lost: float = 0.04
     replaceable: float = 3e-3
     effects: Effects | None = None
 
     def __post_init__(self) -> None:
-        for name in ("false_alarms", "stop", "replaceable"):
+        for name in ("false_alarms", "stop", "stop_lost", "replaceable"):
             positive(name, getattr(self, name))
         for name, most in (("coast", 1000), ("spikes", 8), ("within", 10**6), ("decide", 10**4)):
             value = getattr(self, name)
@@ -129,7 +134,7 @@ class Watch:
         watch.kd = [2 * controller.damping * controller.frequency] * 6
         low, high = _range(robot)
         watch.low, watch.high = [*low, *[0.0] * fill], [*high, *[0.0] * fill]
-        settings.watch, settings.stop = watch, self.stop
+        settings.watch, settings.stop, settings.stop_lost = watch, self.stop, self.stop_lost
         yields = robot if self.effects is None else _yielding(robot, self.effects)
         slow = late.settings(robot, controller.period)
         return _core.Guarding(finest.core, knowledge.knowledge(yields).core, settings, slow)
