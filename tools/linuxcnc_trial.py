@@ -216,6 +216,47 @@ def tell_steps(found: dict[str, float]) -> None:
             print(f"| {name} | {change:.2f} |")
 
 
+SWITCHED = 20  #: times, off and on or by an emergency stop
+
+
+def switching() -> bool:
+    """Switch off and on under the redundant law; print how far the platform walks."""
+    robot, true = machines()
+    asked = [f"truepose_tej.{name}" for name in ("law-in-effect", "fault-code", "chi2")]
+    what = job("redundant", np.zeros((0, 4)), False)
+    what |= {"refused": [], "circle": [], "clocks": []}
+    lines = [g0(np.array([0.05, 0.05, -0.42, np.radians(turn)])) for turn in (9, 10)]
+    away = g0(np.array([0.05, 0.05, -0.42, np.radians(AWAY)]))
+    what["switched"] = {"counts": [0, 1], "lines": lines, "times": SWITCHED, "asked": asked}
+    what["switched"]["away"] = away
+    with tempfile.TemporaryDirectory(prefix="truepose-linuxcnc-") as work:
+        Path(work).chmod(0o755)
+        found = headless(configured(Path(work) / "switched", robot, true, "redundant"), what)
+    if "error" in found:
+        raise SystemExit(f"switched: {found['error']}; LinuxCNC said {found['said']}")
+    counts = np.degrees(robot.resolution)
+    walked, good = {}, True
+    for name, places, shown in zip(
+        ("without counts", "with counts"), found["switched"]["true"], found["switched"]["shown"]
+    ):
+        off = np.abs(np.array(places) - places[0]).max(axis=0)
+        display = np.abs(np.array(shown)[:, 5] - shown[0][5]).max()
+        walked[name] = (off[3], np.linalg.norm(off[:3]), display)
+        good &= bool(off[3] < (counts[-1] if name == "with counts" else WALKS))
+    print(f"\n| {SWITCHED} times off and on | θ, ° | position, mm | C displayed, ° |")
+    print("|---|---|---|---|")
+    for name, values in walked.items():
+        print(f"| {name} | " + " | ".join(f"{value:.5f}" for value in values) + " |")
+    before, after = (places[0] for places in found["switched"]["true"][2:])
+    law, fault, chi2 = found["switched"]["asked"]
+    jumps = np.abs(np.array(after) - before).max()
+    print(f"\nHomed at C{AWAY}: fault {fault}, law {law}, chi2 {chi2:.0f}, moved {jumps:.2e}")
+    print("acknowledged:", found["switched"]["acknowledged"])
+    return good and fault == CONTRADICTS and law == 0
+
+
+WALKS = 0.01  #: °, without counts
+AWAY, CONTRADICTS = 20, 6  #: where it is homed but does not belong, °, and the fault-code of that
 SAME = 1e-3  #: inches and degrees
 STOCK = Path("/usr/share/doc/linuxcnc/examples/sample-configs/sim/axis/vismach/hexapod-sim")
 TURNS = (0, 40, 60, 80, 85, 89)
@@ -349,6 +390,7 @@ def main() -> int:
         results[law]["pins"] == (True, LAWS_OF[law], False) and results[law]["lasted"] >= LASTS
         for law in LAWS
     )
+    healthy = switching() and healthy
     healthy = hexapod() and healthy
     off = others()
     print("\nOther robots, as exported, where they were sent to, but for (mm):", off)
