@@ -13,8 +13,9 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,7 @@ from truepose.paper import article
 from truepose.simulation.moves import MOVE_FROM, MOVE_TO
 
 LAWS = ("joint", "redundant", "weighted", "estimated")
-CYCLES, LASTS = 5000, 60  # of which a median is taken; s that each law runs at least
+CYCLES, LASTS = 5000, 45  # of which a median is taken; s that each law runs at least
 CLOCKS = ("truepose_tej.time", "motion-controller.time")
 ROD = 0.003  # by which a rod is longer, m
 RADIUS, HEIGHT = 0.05, -0.4  # of the circle, m
@@ -185,10 +186,15 @@ def steps() -> dict[str, float]:
 
 
 def stepped(
-    robot: tp.Robot, true: tp.Robot, events: dict[str, list[Any]], noted: Sequence[str] = ()
+    robot: tp.Robot,
+    true: tp.Robot,
+    events: dict[str, list[Any]],
+    noted: Sequence[str] = (),
+    pins: Mapping[str, float] = MappingProxyType({}),
 ) -> dict[str, Any]:
     """Let events happen to a machine at rest under the redundant law; return what was found."""
     what = job("redundant", np.array([[0.05, 0.05, -0.42, 0.2]]), True)
+    what["pins"] |= {"truepose_tej.watch": 0} | dict(pins)
     what |= {
         "events": [["", [("truepose_tej.reset", 0)]], *events.items()],
         "refused": [],

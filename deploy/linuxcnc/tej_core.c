@@ -70,8 +70,8 @@ static void watched(truepose_corrector* tej, const truepose_corrector_input* inp
     tej->guarding = outcome.status <= TRUEPOSE_OK;
   }
   if (tej->guarding)
-    outcome = truepose_watch(&tej->pupil.drawn, &tej->guard, input->q_d, input->q_e,
-                             &tej->table.known, tej->work, believed, &tej->report);
+    outcome = truepose_watch(&tej->pupil.drawn, &tej->guard, input->q_d, q_e, &tej->table.known,
+                             tej->work, believed, &tej->report);
   if (outcome.status != TRUEPOSE_OK) tej->outcome = outcome;
   if (outcome.status > TRUEPOSE_OK) return; /* it has no opinion: the readings as they are */
   if (!not_finite(believed, tej->motors + tej->sensors)) memcpy(q_e, believed, sizeof believed);
