@@ -44,10 +44,10 @@ def pin(name: str, value: int) -> str:
     return f"setp truepose_tej.{name} {value}"
 
 
-def largest(robot: tp.Robot) -> dict[str, float]:
+def accepted(robot: tp.Robot) -> dict[str, float]:
     """Return the pin of a robot that learns: robot.ini says its value beside that without."""
-    accepted = corrections(robot, tp.Controller())[1].max()
-    return {"truepose_tej.largest-correction": float(np.degrees(accepted))}
+    learnt = corrections(robot, tp.Controller())[1].max()
+    return {"truepose_tej.largest-correction": float(np.degrees(learnt))}
 
 
 def visits(x_d: Array) -> list[str]:
@@ -85,7 +85,7 @@ def learning() -> bool:
     x_d, others = table2[:ASKED], table2[ASKED : ASKED + LEARNT_AT]
     what = job("redundant", x_d[:0], True) | {"refused": [], "circle": [], "cycles": CYCLES}
     what["clocks"] = [*CLOCKS, "truepose_tej.lines"]
-    what["pins"] |= {"truepose_tej.use-learnt": 0} | largest(robot)
+    what["pins"] |= {"truepose_tej.use-learnt": 0} | accepted(robot)
     says = ("lines", "lines-left-out", "fault", *(f"pose-sigma.{k}" for k in range(4)))
     what["asked"] = [f"truepose_tej.{name}" for name in says]
     begins = [pin("use-learnt", 1), pin("learn", 1)]
@@ -97,7 +97,7 @@ def learning() -> bool:
         samples(folder, 6000, "ssu", *nets, "lines truepose_tej.lines")
         one = headless(folder, what)
         next_day = job("redundant", x_d[:0], True) | {"refused": [], "circle": [], "clocks": []}
-        next_day["pins"] |= largest(robot)
+        next_day["pins"] |= accepted(robot)
         other = headless(folder, next_day | {"poses": visits(x_d)})
     for found in (one, other):
         if "error" in found:
@@ -131,7 +131,7 @@ def steps() -> bool:
     names = ("lines", "law-in-effect", "sensor.0.failed", "sensor.1.failed", "fault-code")
     noted = [f"truepose_tej.{name}" for name in names]
     true = with_tolerance_errors(robot, SEED)
-    found = stepped(robot, true, events, noted, largest(robot))
+    found = stepped(robot, true, events, noted, accepted(robot))
     tell_steps(found["steps"])
     states = found["noted"][-len(events) :]
     learnt, one, both = states[1], states[-2], states[-1]

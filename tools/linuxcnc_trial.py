@@ -242,9 +242,9 @@ def switching() -> bool:
         raise SystemExit(f"switched: {found['error']}; LinuxCNC said {found['said']}")
     counts = np.degrees(robot.resolution)
     walked, good = {}, True
-    for name, places, shown in zip(
-        ("without counts", "with counts"), found["switched"]["true"], found["switched"]["shown"]
-    ):
+    *trues, at_home, after_home = found["switched"]["true"]
+    kinds = ("without counts", "with counts")
+    for name, places, shown in zip(kinds, trues, found["switched"]["shown"], strict=True):
         off = np.abs(np.array(places) - places[0]).max(axis=0)
         display = np.abs(np.array(shown)[:, 5] - shown[0][5]).max()
         walked[name] = (off[3], np.linalg.norm(off[:3]), display)
@@ -253,9 +253,8 @@ def switching() -> bool:
     print("|---|---|---|---|")
     for name, values in walked.items():
         print(f"| {name} | " + " | ".join(f"{value:.5f}" for value in values) + " |")
-    before, after = (places[0] for places in found["switched"]["true"][2:])
     law, fault, chi2 = found["switched"]["asked"]
-    jumps = np.abs(np.array(after) - before).max()
+    jumps = np.abs(np.array(after_home[0]) - at_home[0]).max()
     print(f"\nHomed at C{AWAY}: fault {fault}, law {law}, chi2 {chi2:.0f}, moved {jumps:.2e}")
     print("acknowledged:", found["switched"]["acknowledged"])
     return good and fault == CONTRADICTS and law == 0

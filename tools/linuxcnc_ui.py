@@ -43,9 +43,8 @@ class Machine:
         raise TimeoutError(what)
 
     def hear(self):
-        """Note what LinuxCNC says."""
-        error = self.errors.poll()
-        if error:
+        """Note all that LinuxCNC says."""
+        while error := self.errors.poll():
             self.said.append(error[1])
 
     def start(self):

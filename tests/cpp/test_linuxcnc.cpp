@@ -266,7 +266,9 @@ TEST("off and on again twenty times, the platform stays where it is") {
       const auto was = std::to_array(loop.plant->x);
       CHECK(loop.largest_correction() > 1e-3);
       for (int k = 0; k < 20; ++k) {
+        const Correction commanded = std::to_array(loop.in.q_d);
         loop.off(20 + k);
+        CHECK(apart(commanded, std::to_array(loop.in.q_d)) < 1e-7);
         CHECK(loop.largest_correction() > 1e-3);
         loop.run(400);
         CHECK(loop.corrector->fault == 0 && loop.corrector->law == law);
