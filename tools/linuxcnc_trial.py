@@ -27,7 +27,7 @@ from truepose.paper import article
 from truepose.simulation.moves import MOVE_FROM, MOVE_TO
 
 LAWS = ("joint", "redundant", "weighted", "estimated")
-CYCLES, LASTS = 5000, 45  # of which a median is taken; s that each law runs at least
+CYCLES, LASTS = 5000, 30  # of which a median is taken; s that each law runs at least
 CLOCKS = ("truepose_tej.time", "motion-controller.time")
 ROD = 0.003  # by which a rod is longer, m
 RADIUS, HEIGHT = 0.05, -0.4  # of the circle, m
@@ -365,7 +365,7 @@ def others() -> dict[str, float]:
 def main() -> int:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--poses", type=int, default=50, help="of Table 2")
+    parser.add_argument("--poses", type=int, default=30, help="of Table 2")
     parser.add_argument("--unquantised", action="store_true", help="encoders without counts")
     asked = parser.parse_args()
     if shutil.which("linuxcnc") is None:
