@@ -34,7 +34,7 @@ _HOMED = 0.9999
 _SPARE, _UNPREDICTED = 1.25, 5.0
 #: Of the drives' position loops, 1/s, assumed; cycles that they and their encoders are late; s over
 #: which a correction is blended in.
-_BANDWIDTH, _LATE, _BLEND = 50.0, 3, 0.2
+_BANDWIDTH, _LATE, _BLEND = 50.0, 3, 0.5
 #: What a machine unit is of m and rad; each coordinate's axis.
 _SHOWN = {"m": 1e3, "rad": math.degrees(1)}
 _LETTERS = {"theta": "C", "rx": "A", "ry": "B", "rz": "C"}
@@ -129,10 +129,9 @@ def to_configuration(
     require_same_readings(robot, machine)
     speeds, units, home = Speeds(), reading_units(robot), robot.ikm(robot.home)
     exported, learnt = corrections(robot, controller)
-    noise = dither(robot)
+    noise, most = dither(robot), np.maximum(exported, learnt)
     joints = [
-        _joint(robot, i, units[i], home[i], (exported[i], noise[i]), controller)
-        for i in range(robot.n)
+        _joint(robot, i, units[i], home[i], (most[i], noise[i]), controller) for i in range(robot.n)
     ]
     shown = np.array([_SHOWN[unit] for unit in units[: robot.n]])
     axes = [
