@@ -1,5 +1,6 @@
-/* How long do LinuxCNC's forward kinematics of a hexapod take: its own module's, and ours? The same
- * poses, each asked from the one before, as a moving machine asks; the fastest of some repeats.
+/* Times of LinuxCNC's kinematics of a hexapod: its own module's, and ours. The same poses on ways
+ * of a moving machine, each asked from the one before; poses that jump, each asked from a guess
+ * next to it; and the inverse. The fastest of some repeats.
  *
  *   cc -O2 -rdynamic benchmarks/linuxcnc_forward.c tests/linuxcnc/stub_hal.c -ldl -lm -o forward
  *   ./forward 40 deploy/linuxcnc/truepose_kins.so      # tilts up to 40 degrees; make -C
@@ -33,7 +34,8 @@ static int larger(const void* a, const void* b) {
 static double joints[POSES][16];
 static pose asked[POSES];
 
-static void judge(const char* name, forward f) {
+/** @param jumps  1: the guess is next to the pose, and the pose before is anywhere */
+static void judge(const char* name, forward f, int jumps) {
   static double took[POSES];
   int failed = 0, wrong = 0;
   unsigned long flags[4] = {0};
@@ -42,6 +44,7 @@ static void judge(const char* name, forward f) {
     for (int r = 0; r < REPEATS; ++r) {
       pose at = asked[k - 1];
       f(joints[k - 1], &at, flags, flags); /* from the pose before */
+      for (int i = 0; i < 6 && jumps; ++i) at.x[i] = asked[k].x[i] + within(i < 3 ? 0.5 : 3);
       const double begun = now();
       const int result = f(joints[k], &at, flags, flags);
       took[k] = fmin(took[k], now() - begun);
@@ -53,8 +56,25 @@ static void judge(const char* name, forward f) {
     }
   }
   qsort(took + 1, POSES - 1, sizeof *took, larger);
-  printf("%-14s median %6.0f ns, worst %6.0f ns; of %d poses %d failed, %d wrong\n", name,
-         took[POSES / 2], took[POSES - 1], POSES - 1, failed, wrong);
+  printf("%-14s %s: median %6.0f ns, worst %6.0f ns; of %d poses %d failed, %d wrong\n", name,
+         jumps ? "jumps" : "ways ", took[POSES / 2], took[POSES - 1], POSES - 1, failed, wrong);
+}
+
+static void judge_inverse(const char* name, inverse f) {
+  static double took[POSES];
+  unsigned long flags[4] = {0};
+  for (int k = 0; k < POSES; ++k) {
+    took[k] = HUGE_VAL;
+    for (int r = 0; r < REPEATS; ++r) {
+      double legs[16];
+      const double begun = now();
+      f(&asked[k], legs, flags, flags);
+      took[k] = fmin(took[k], now() - begun);
+    }
+  }
+  qsort(took, POSES, sizeof *took, larger);
+  printf("%-14s inverse: median %6.0f ns, worst %6.0f ns\n", name, took[POSES / 2],
+         took[POSES - 1]);
 }
 
 int main(int count, char** words) {
@@ -82,7 +102,15 @@ int main(int count, char** words) {
       k -= k % STEPS + 1;
     }
   }
-  judge("genhexkins", (forward)dlsym(stock, "kinematicsForward"));
-  judge("truepose_kins", (forward)dlsym(own, "kinematicsForward"));
+  judge("genhexkins", (forward)dlsym(stock, "kinematicsForward"), 0);
+  judge("truepose_kins", (forward)dlsym(own, "kinematicsForward"), 0);
+  judge_inverse("genhexkins", (inverse)dlsym(stock, "kinematicsInverse"));
+  judge_inverse("truepose_kins", legs);
+  for (int k = 0; k < POSES; ++k) {
+    for (int i = 0; i < 6; ++i) asked[k].x[i] = within(i < 3 ? 3 : most) + (i == 2 ? 20 : 0);
+    if (legs(&asked[k], joints[k], flags, flags) != 0) --k; /* no pose of it: another one */
+  }
+  judge("genhexkins", (forward)dlsym(stock, "kinematicsForward"), 1);
+  judge("truepose_kins", (forward)dlsym(own, "kinematicsForward"), 1);
   return 0;
 }

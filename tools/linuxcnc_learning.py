@@ -28,6 +28,7 @@ from linuxcnc_trial import (
     tell_steps,
 )
 from truepose.arguments import Array
+from truepose.deploy.linuxcnc import corrections
 from truepose.paper import article
 from truepose.simulation.true_robots import with_tolerance_errors
 
@@ -41,6 +42,12 @@ GAINS = 0.5
 def pin(name: str, value: int) -> str:
     """Return a line of a job that sets a pin of truepose_tej."""
     return f"setp truepose_tej.{name} {value}"
+
+
+def accepted(robot: tp.Robot) -> dict[str, float]:
+    """Return the pin of a robot that learns: robot.ini says its value beside that without."""
+    learnt = corrections(robot, tp.Controller())[1].max()
+    return {"truepose_tej.largest-correction": float(np.degrees(learnt))}
 
 
 def visits(x_d: Array) -> list[str]:
@@ -78,7 +85,7 @@ def learning() -> bool:
     x_d, others = table2[:ASKED], table2[ASKED : ASKED + LEARNT_AT]
     what = job("redundant", x_d[:0], True) | {"refused": [], "circle": [], "cycles": CYCLES}
     what["clocks"] = [*CLOCKS, "truepose_tej.lines"]
-    what["pins"] |= {"truepose_tej.use-learnt": 0}
+    what["pins"] |= {"truepose_tej.use-learnt": 0} | accepted(robot)
     says = ("lines", "lines-left-out", "fault", *(f"pose-sigma.{k}" for k in range(4)))
     what["asked"] = [f"truepose_tej.{name}" for name in says]
     begins = [pin("use-learnt", 1), pin("learn", 1)]
@@ -90,6 +97,7 @@ def learning() -> bool:
         samples(folder, 6000, "ssu", *nets, "lines truepose_tej.lines")
         one = headless(folder, what)
         next_day = job("redundant", x_d[:0], True) | {"refused": [], "circle": [], "clocks": []}
+        next_day["pins"] |= accepted(robot)
         other = headless(folder, next_day | {"poses": visits(x_d)})
     for found in (one, other):
         if "error" in found:
@@ -122,7 +130,8 @@ def steps() -> bool:
     }
     names = ("lines", "law-in-effect", "sensor.0.failed", "sensor.1.failed", "fault-code")
     noted = [f"truepose_tej.{name}" for name in names]
-    found = stepped(robot, with_tolerance_errors(robot, SEED), events, noted)
+    true = with_tolerance_errors(robot, SEED)
+    found = stepped(robot, true, events, noted, accepted(robot))
     tell_steps(found["steps"])
     states = found["noted"][-len(events) :]
     learnt, one, both = states[1], states[-2], states[-1]

@@ -13,8 +13,9 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,7 @@ from truepose.paper import article
 from truepose.simulation.moves import MOVE_FROM, MOVE_TO
 
 LAWS = ("joint", "redundant", "weighted", "estimated")
-CYCLES, LASTS = 5000, 60  # of which a median is taken; s that each law runs at least
+CYCLES, LASTS = 5000, 30  # of which a median is taken; s that each law runs at least
 CLOCKS = ("truepose_tej.time", "motion-controller.time")
 ROD = 0.003  # by which a rod is longer, m
 RADIUS, HEIGHT = 0.05, -0.4  # of the circle, m
@@ -185,10 +186,15 @@ def steps() -> dict[str, float]:
 
 
 def stepped(
-    robot: tp.Robot, true: tp.Robot, events: dict[str, list[Any]], noted: Sequence[str] = ()
+    robot: tp.Robot,
+    true: tp.Robot,
+    events: dict[str, list[Any]],
+    noted: Sequence[str] = (),
+    pins: Mapping[str, float] = MappingProxyType({}),
 ) -> dict[str, Any]:
     """Let events happen to a machine at rest under the redundant law; return what was found."""
     what = job("redundant", np.array([[0.05, 0.05, -0.42, 0.2]]), True)
+    what["pins"] |= {"truepose_tej.watch": 0} | dict(pins)
     what |= {
         "events": [["", [("truepose_tej.reset", 0)]], *events.items()],
         "refused": [],
@@ -216,6 +222,46 @@ def tell_steps(found: dict[str, float]) -> None:
             print(f"| {name} | {change:.2f} |")
 
 
+SWITCHED = 20  #: times, off and on or by an emergency stop
+
+
+def switching() -> bool:
+    """Switch off and on under the redundant law; print how far the platform walks."""
+    robot, true = machines()
+    asked = [f"truepose_tej.{name}" for name in ("law-in-effect", "fault-code", "chi2")]
+    what = job("redundant", np.zeros((0, 4)), False)
+    what |= {"refused": [], "circle": [], "clocks": []}
+    lines = [g0(np.array([0.05, 0.05, -0.42, np.radians(turn)])) for turn in (9, 10)]
+    away = g0(np.array([0.05, 0.05, -0.42, np.radians(AWAY)]))
+    what["switched"] = {"counts": [0, 1], "lines": lines, "times": SWITCHED, "asked": asked}
+    what["switched"]["away"] = away
+    with tempfile.TemporaryDirectory(prefix="truepose-linuxcnc-") as work:
+        Path(work).chmod(0o755)
+        found = headless(configured(Path(work) / "switched", robot, true, "redundant"), what)
+    if "error" in found:
+        raise SystemExit(f"switched: {found['error']}; LinuxCNC said {found['said']}")
+    counts = np.degrees(robot.resolution)
+    walked, good = {}, True
+    *trues, at_home, after_home = found["switched"]["true"]
+    kinds = ("without counts", "with counts")
+    for name, places, shown in zip(kinds, trues, found["switched"]["shown"], strict=True):
+        off = np.abs(np.array(places) - places[0]).max(axis=0)
+        display = np.abs(np.array(shown)[:, 5] - shown[0][5]).max()
+        walked[name] = (off[3], np.linalg.norm(off[:3]), display)
+        good &= bool(off[3] < (counts[-1] if name == "with counts" else WALKS))
+    print(f"\n| {SWITCHED} times off and on | θ, ° | position, mm | C displayed, ° |")
+    print("|---|---|---|---|")
+    for name, values in walked.items():
+        print(f"| {name} | " + " | ".join(f"{value:.5f}" for value in values) + " |")
+    law, fault, chi2 = found["switched"]["asked"]
+    jumps = np.abs(np.array(after_home[0]) - at_home[0]).max()
+    print(f"\nHomed at C{AWAY}: fault {fault}, law {law}, chi2 {chi2:.0f}, moved {jumps:.2e}")
+    print("acknowledged:", found["switched"]["acknowledged"])
+    return good and fault == CONTRADICTS and law == 0
+
+
+WALKS = 0.01  #: °, without counts
+AWAY, CONTRADICTS = 20, 6  #: where it is homed but does not belong, °, and the fault-code of that
 SAME = 1e-3  #: inches and degrees
 STOCK = Path("/usr/share/doc/linuxcnc/examples/sample-configs/sim/axis/vismach/hexapod-sim")
 TURNS = (0, 40, 60, 80, 85, 89)
@@ -319,7 +365,7 @@ def others() -> dict[str, float]:
 def main() -> int:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--poses", type=int, default=50, help="of Table 2")
+    parser.add_argument("--poses", type=int, default=30, help="of Table 2")
     parser.add_argument("--unquantised", action="store_true", help="encoders without counts")
     asked = parser.parse_args()
     if shutil.which("linuxcnc") is None:
@@ -349,6 +395,7 @@ def main() -> int:
         results[law]["pins"] == (True, LAWS_OF[law], False) and results[law]["lasted"] >= LASTS
         for law in LAWS
     )
+    healthy = switching() and healthy
     healthy = hexapod() and healthy
     off = others()
     print("\nOther robots, as exported, where they were sent to, but for (mm):", off)

@@ -43,21 +43,15 @@ class Machine:
         raise TimeoutError(what)
 
     def hear(self):
-        """Note what LinuxCNC says."""
-        error = self.errors.poll()
-        if error:
+        """Note all that LinuxCNC says."""
+        while error := self.errors.poll():
             self.said.append(error[1])
 
     def start(self):
         """Switch the machine on, and home it."""
         self.become(linuxcnc.STATE_ESTOP_RESET)
         self.become(linuxcnc.STATE_ON)
-        self.command.mode(linuxcnc.MODE_MANUAL)
-        self.command.wait_complete()
-        self.command.home(-1)
-        self.wait(lambda: all(self.state.homed[: self.joints]), "is not homed")
-        self.command.mode(linuxcnc.MODE_MDI)
-        self.command.wait_complete()
+        self.home()
 
     def become(self, wanted):
         """Go to a state, and wait until it is."""
@@ -65,11 +59,25 @@ class Machine:
         self.command.state(wanted)
         self.wait(lambda: self.state.task_state == wanted, f"the machine is not in state {wanted}")
 
-    def off_and_on(self):
-        """Switch the machine off, and on again."""
-        self.command.state(linuxcnc.STATE_OFF)
+    def off_and_on(self, stopped=False):
+        """Switch the machine off, by an emergency stop if wanted, and on again."""
+        self.command.state(linuxcnc.STATE_ESTOP if stopped else linuxcnc.STATE_OFF)
         self.wait(lambda: self.state.task_state != linuxcnc.STATE_ON, "the machine stays on")
+        if stopped:
+            self.become(linuxcnc.STATE_ESTOP)
+            self.become(linuxcnc.STATE_ESTOP_RESET)
         self.become(linuxcnc.STATE_ON)
+
+    def home(self):
+        """Home all joints where they are."""
+        self.command.mode(linuxcnc.MODE_MANUAL)
+        self.command.wait_complete()
+        self.command.teleop_enable(0)
+        self.command.wait_complete()
+        self.command.home(-1)
+        self.wait(lambda: all(self.state.homed[: self.joints]), "is not homed")
+        self.command.mode(linuxcnc.MODE_MDI)
+        self.command.wait_complete()
 
     def begin(self, line):
         """Give a line of G-code."""
@@ -147,6 +155,42 @@ def steps(events, machine, looks):
     return found
 
 
+def switched(wanted, machine, joints):
+    """Return true and displayed poses at rest, at first and after each switching off and on.
+
+    Emergency stops alternate with it. Then the machine is homed where it does not belong.
+    """
+    found = {"true": [], "shown": []}
+    for counts in wanted["counts"]:
+        setp("truepose_plant.counts", counts)
+        machine.command.mode(linuxcnc.MODE_MDI)
+        machine.command.wait_complete()
+        for line in wanted["lines"]:
+            machine.go(line)
+        true, shown = [], []
+        for k in range(wanted["times"] + 1):
+            if k > 0:
+                machine.off_and_on(stopped=k % 2 == 0)
+            time.sleep(SETTLES)
+            machine.state.poll()
+            true.append(truth(joints))
+            shown.append(list(machine.state.actual_position))
+        found["true"].append(true)
+        found["shown"].append(shown)
+    machine.command.mode(linuxcnc.MODE_MDI)
+    machine.command.wait_complete()
+    machine.go(wanted["away"])
+    machine.home()
+    for wait in (0.0, SETTLES):
+        time.sleep(wait)
+        found["true"].append([truth(joints)])
+    found["asked"] = [value(name) for name in wanted["asked"]]
+    setp("truepose_tej.reset", 1)
+    time.sleep(SETTLES)
+    found["acknowledged"] = [value(name) for name in wanted["asked"]]
+    return found
+
+
 def run(job, machine):
     """Do the job; return what was found."""
     joints, true = job["joints"], job["true"]
@@ -194,6 +238,8 @@ def run(job, machine):
         machine.wait(machine.still, line)
         time.sleep(0.1)
         machine.hear()
+    if "switched" in job:
+        found["switched"] = switched(job["switched"], machine, joints)
     found["steps"] = steps(job["events"], machine, look) if job["events"] else {}
     found["said"] = machine.said
     return found

@@ -148,7 +148,24 @@ static truepose_outcome inverse(truepose_kins* kins, const truepose_real* axes,
 int32_t truepose_kins_inverse(truepose_kins* kins, const truepose_real axes[TRUEPOSE_KINS_AXES],
                               truepose_real joints[TRUEPOSE_KINS_AXES]) {
   kins->outcome = inverse(kins, axes, joints);
+  if (kins->outcome.status > TRUEPOSE_OK) {
+    kins->refusal = kins->outcome;
+    memcpy(kins->refused, axes, sizeof kins->refused);
+  }
   return kins->outcome.status;
+}
+
+/** The coordinates that axes are a guess of. @return 0: of none */
+static int guessed(const truepose_kins* kins, const truepose_real* axes, truepose_real* x) {
+  int any = 0;
+  for (int k = 0; k < TRUEPOSE_KINS_AXES; ++k) any |= axes[k] != 0;
+  memcpy(x, kins->guess, sizeof kins->guess); /* which turn is meant */
+  if (any && coordinates(kins, axes, x).status <= TRUEPOSE_OK) {
+    for (int i = 0; i < kins->motors; ++i) any &= isfinite(x[i]) != 0;
+    if (any) return 1;
+  }
+  memcpy(x, kins->guess, sizeof kins->guess);
+  return 0;
 }
 
 /** x of joints, from the guess, corrections that are known taken off. */
@@ -185,10 +202,15 @@ int32_t truepose_kins_forward(truepose_kins* kins, const truepose_real joints[TR
                               truepose_real axes[TRUEPOSE_KINS_AXES]) {
   truepose_real x[6], kept[6];
   truepose_outcome outcome;
-  memcpy(x, kins->guess, sizeof x);
+  truepose_fkm_result result;
+  int again = guessed(kins, axes, x);
   memcpy(kept, kins->screw.correction, sizeof kept);
-  const truepose_fkm_result result =
-      kins->screw.lead != 0 ? search_with_screws(kins, joints, x) : search(kins, joints, x);
+  for (;; again = 0) {
+    result = kins->screw.lead != 0 ? search_with_screws(kins, joints, x) : search(kins, joints, x);
+    if (result.outcome.status <= TRUEPOSE_OK || !again) break;
+    memcpy(x, kins->guess, sizeof x);
+    memcpy(kins->screw.correction, kept, sizeof kept);
+  }
   outcome = result.outcome;
   kins->iterations = result.iterations;
   kins->residual = result.residual;
@@ -198,6 +220,7 @@ int32_t truepose_kins_forward(truepose_kins* kins, const truepose_real joints[TR
   kins->outcome = outcome;
   kins->forward_status = outcome.status;
   if (outcome.status > TRUEPOSE_OK) {
+    kins->refusal = outcome;
     memcpy(kins->screw.correction, kept, sizeof kept);
     return outcome.status;
   }

@@ -32,11 +32,13 @@ typedef struct truepose_kins {
   /* memory */
   truepose_real guess[6]; /**< coordinates that the forward model found last */
   /* what happened */
-  truepose_outcome outcome;            /**< of the latest call */
-  truepose_real conditioning;          /**< of the latest inverse, 0 to 1 */
-  int32_t forward_status;              /**< of the latest forward */
-  int32_t iterations, most_iterations; /**< of the forward model */
-  truepose_real residual;              /**< m, likewise */
+  truepose_outcome outcome;                  /**< of the latest call */
+  truepose_outcome refusal;                  /**< of the latest that was refused; stays */
+  truepose_real refused[TRUEPOSE_KINS_AXES]; /**< the axes asked for by it, of an inverse */
+  truepose_real conditioning;                /**< of the latest inverse, 0 to 1 */
+  int32_t forward_status;                    /**< of the latest forward */
+  int32_t iterations, most_iterations;       /**< of the forward model */
+  truepose_real residual;                    /**< m, likewise */
 } truepose_kins;
 
 /** Begins anew with a robot. @param unit  m @return what truepose_load() says */
@@ -50,8 +52,9 @@ int truepose_kins_extras(truepose_kins* kins, const char* letters);
  * to a singularity than asked. @return a truepose_status; above TRUEPOSE_OK joints stay */
 int32_t truepose_kins_inverse(truepose_kins* kins, const truepose_real axes[TRUEPOSE_KINS_AXES],
                               truepose_real joints[TRUEPOSE_KINS_AXES]);
-/** The pose of joints, from the one found last, then from the robot's home.
- * @param axes  in: angles are given next to these; out
+/** The pose of joints, searched for from the axes given, then from the pose found last, then from
+ * the robot's home. All axes 0, LinuxCNC's first guess, are none.
+ * @param axes  in: the guess, and angles are given next to these; out
  * @return a truepose_status; above TRUEPOSE_OK axes stay */
 int32_t truepose_kins_forward(truepose_kins* kins, const truepose_real joints[TRUEPOSE_KINS_AXES],
                               truepose_real axes[TRUEPOSE_KINS_AXES]);

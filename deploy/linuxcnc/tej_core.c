@@ -23,17 +23,30 @@ truepose_outcome truepose_corrector_begin(truepose_corrector* tej,
   tej->sensors = truepose_sensors(&tej->model);
   tej->period = period;
   memcpy(tej->x_d, robot->home, sizeof tej->x_d);
+  memcpy(tej->pose, robot->home, sizeof tej->pose);
+  tej->reason.part = -1;
+  tej->questioned = 1;
   return outcome;
 }
 
-static int all_finite(const truepose_real* values, int count) {
-  for (int i = 0; i < count; ++i)
-    if (!isfinite(values[i])) return 0;
-  return 1;
+/** The values that are no numbers, as bits. */
+static uint32_t not_finite(const truepose_real* values, int count) {
+  uint32_t which = 0;
+  for (int i = 0; i < count; ++i) which |= (uint32_t)!isfinite(values[i]) << i;
+  return which;
+}
+static int first(uint32_t bits) {
+  int i = 0;
+  while (bits != 0 && !(bits >> i & 1U)) ++i;
+  return bits != 0 ? i : -1;
 }
 
-static void fails(truepose_corrector* tej, truepose_corrector_fault fault) {
-  if (tej->fault == TRUEPOSE_TEJ_NO_FAULT) tej->fault = fault;
+static void fails(truepose_corrector* tej, truepose_corrector_fault fault, int32_t status,
+                  int32_t part) {
+  if (tej->fault != TRUEPOSE_TEJ_NO_FAULT) return;
+  tej->fault = fault;
+  tej->reason.status = status;
+  tej->reason.part = part;
 }
 
 /** Laws go by another robot from this cycle on. */
@@ -57,16 +70,17 @@ static void watched(truepose_corrector* tej, const truepose_corrector_input* inp
     tej->guarding = outcome.status <= TRUEPOSE_OK;
   }
   if (tej->guarding)
-    outcome = truepose_watch(&tej->pupil.drawn, &tej->guard, input->q_d, input->q_e,
-                             &tej->table.known, tej->work, believed, &tej->report);
+    outcome = truepose_watch(&tej->pupil.drawn, &tej->guard, input->q_d, q_e, &tej->table.known,
+                             tej->work, believed, &tej->report);
   if (outcome.status != TRUEPOSE_OK) tej->outcome = outcome;
   if (outcome.status > TRUEPOSE_OK) return; /* it has no opinion: the readings as they are */
-  if (all_finite(believed, tej->motors + tej->sensors)) memcpy(q_e, believed, sizeof believed);
+  if (!not_finite(believed, tej->motors + tej->sensors)) memcpy(q_e, believed, sizeof believed);
   tej->stop = tej->report.stops;
   uint32_t failed = 0, doubted = 0;
   for (int c = 0; c < tej->motors + tej->sensors; ++c) {
     failed |= (uint32_t)(tej->report.health[c] == TRUEPOSE_FAILED) << c;
     doubted |= (uint32_t)(tej->report.health[c] != TRUEPOSE_VALID) << c;
+    if (tej->report.health[c] == TRUEPOSE_FAILED) tej->symptom[c] = tej->report.symptom[c];
   }
   /* Something else stands for them from now on. */
   tej->changed |= doubted != tej->doubted || failed != tej->left_out;
@@ -75,7 +89,7 @@ static void watched(truepose_corrector* tej, const truepose_corrector_input* inp
     goes_by(tej, tej->learnt, 1);
   tej->left_out = failed;
   if (tej->stop || failed >> tej->motors == (1U << tej->sensors) - 1)
-    fails(tej, TRUEPOSE_TEJ_WATCH);
+    fails(tej, TRUEPOSE_TEJ_WATCH, TRUEPOSE_DISAGREE, first(failed != 0 ? failed : doubted));
 }
 
 /** What laws that weigh know: a sensor that has failed says next to nothing. */
@@ -126,12 +140,90 @@ static int asked_for(truepose_corrector* tej, const truepose_corrector_input* in
   truepose_outcome outcome = pose.outcome;
   if (outcome.status <= TRUEPOSE_OK) outcome = error_of(tej, input, q_e, e);
   if (outcome.status != TRUEPOSE_OK) tej->outcome = outcome;
-  if (outcome.status > TRUEPOSE_OK) return fails(tej, TRUEPOSE_TEJ_UNSOLVED), 0;
+  if (outcome.status > TRUEPOSE_OK)
+    return fails(tej, TRUEPOSE_TEJ_UNSOLVED, outcome.status, outcome.part), 0;
   for (int i = 0; i < tej->motors; ++i) {
     correction[i] = e[i] - tej->e_q[i];
-    if (!(fabs(correction[i]) <= input->largest)) return fails(tej, TRUEPOSE_TEJ_CORRECTION), 0;
+    if (!(fabs(correction[i]) <= input->largest[i]))
+      return fails(tej, TRUEPOSE_TEJ_CORRECTION, TRUEPOSE_DISAGREE, i), 0;
   }
   return 1;
+}
+
+/** A motor was homed where motion read it: q - c. From now on its readings are q - c of then, and
+ * nothing is left of c. */
+static void homed(truepose_corrector* tej, const truepose_corrector_input* input,
+                  truepose_real* q_e) {
+  for (int i = 0; i < tej->motors; ++i) {
+    if (input->zero[i] != tej->zero[i]) {
+      tej->homed_by[i] += tej->correction[i];
+      tej->correction[i] = q_e[i] - tej->homed_by[i] - input->q_d[i]; /* so that no drive steps */
+      if (!isfinite(tej->correction[i])) tej->correction[i] = 0;
+      tej->held[i] = tej->correction[i];
+      tej->at[i] = q_e[i] - tej->homed_by[i];
+      tej->zero[i] = input->zero[i];
+      tej->questioned = tej->changed = 1;
+    }
+    q_e[i] -= tej->homed_by[i];
+  }
+}
+
+/** Once referenced, do the readings fit each other, for all that tolerances allow? */
+static void question(truepose_corrector* tej, const truepose_corrector_input* input,
+                     const truepose_real* q_e) {
+  truepose_real x[6];
+  truepose_outcome outcome;
+  if (!tej->questioned || !input->enable || !input->referenced || tej->fault) return;
+  tej->questioned = 0;
+  if (!(input->chi2 > 0) || !tej->table.watched || !tej->pupil.able) return;
+  memcpy(x, tej->x_d, sizeof x);
+  outcome = truepose_fkm(&tej->pupil.drawn, q_e, kCap, x).outcome;
+  if (outcome.status <= TRUEPOSE_OK) {
+    const truepose_estimate_result found =
+        truepose_estimate(&tej->pupil.drawn, &tej->table.known, q_e, tej->work, x);
+    outcome = found.outcome;
+    tej->chi2 = found.chi2;
+    if (outcome.status <= TRUEPOSE_OK && !(found.chi2 <= input->chi2))
+      outcome.status = TRUEPOSE_DISAGREE;
+  }
+  if (outcome.status == TRUEPOSE_OK || outcome.status == TRUEPOSE_NEAR_SINGULAR) return;
+  tej->questioned = 1;
+  fails(tej, TRUEPOSE_TEJ_HOMING, outcome.status, outcome.part);
+}
+
+static truepose_real clamped(truepose_real value, truepose_real most) {
+  return fmax(-most, fmin(value, most));
+}
+
+/** The drives go off: what is held is the correction, and of the drives' own error as much as
+ * counts and noise make of it, so that motion reads the command that it gave last. */
+static void hold(truepose_corrector* tej) {
+  truepose_real T[TRUEPOSE_FREEDOMS * TRUEPOSE_READINGS];
+  const truepose_description* robot = &tej->table.robot;
+  memcpy(tej->held, tej->correction, sizeof tej->held);
+  if (truepose_tej(&tej->model, tej->x_d, 0, T).status > TRUEPOSE_OK) return;
+  for (int i = 0; i < tej->motors; ++i) {
+    truepose_real dither = 0;
+    for (int c = 0; c < tej->motors + tej->sensors; ++c) {
+      const truepose_sensor* sensor = &robot->sensor[c < tej->motors ? 0 : c - tej->motors];
+      const truepose_real one = c < tej->motors
+                                    ? robot->chain[c].encoder_step + robot->chain[c].encoder_noise
+                                    : sensor->step + sensor->noise;
+      dither += 2 * fabs(T[i * TRUEPOSE_READINGS + c]) * one;
+    }
+    tej->held[i] -= clamped(tej->error[i], dither);
+  }
+}
+
+/** The correction while the drives are off: a motor that moves by its counts and noise only, at a
+ * count's edge, has not moved. */
+static void held(truepose_corrector* tej, const truepose_real* q_e) {
+  for (int i = 0; i < tej->motors; ++i) {
+    const truepose_chain* chain = &tej->table.robot.chain[i];
+    const truepose_real still = 2 * (chain->encoder_step + chain->encoder_noise);
+    tej->correction[i] = tej->held[i] + clamped(q_e[i] - tej->at[i], still);
+  }
+  tej->law = TRUEPOSE_LAW_JOINT;
 }
 
 /** Goes on from the correction that is applied to the one asked for: `from` is held, and ramped out
@@ -151,53 +243,71 @@ static void blend(truepose_corrector* tej, const truepose_corrector_input* input
 }
 
 void truepose_corrector_cycle(truepose_corrector* tej, const truepose_corrector_input* input) {
-  truepose_real q_e[TRUEPOSE_READINGS], asked[6] = {0};
+  truepose_real q_e[TRUEPOSE_READINGS], asked[6] = {0}, seen[6] = {0};
   const int readings = tej->motors + tej->sensors;
-  const int starts = input->enable && !tej->enabled;
+  const int starts = input->enable && !tej->enabled, ends = !input->enable && tej->enabled;
   int32_t law = TRUEPOSE_LAW_JOINT;
+  const uint32_t untold = not_finite(input->q_d, tej->motors);
   tej->outcome.status = TRUEPOSE_OK;
   tej->outcome.part = -1;
   tej->changed = 0;
   tej->enabled = input->enable;
-  tej->lost = !all_finite(input->q_d, tej->motors) || !all_finite(input->q_e, tej->motors);
+  tej->lost = untold | not_finite(input->q_e, tej->motors);
+  if (ends) hold(tej);
+  memcpy(q_e, input->q_e, sizeof q_e);
+  homed(tej, input, q_e);
+  if (input->reset) {
+    if (tej->fault == TRUEPOSE_TEJ_HOMING) tej->questioned = 0;
+    tej->reason = tej->outcome;
+    memset(tej->symptom, 0, sizeof tej->symptom);
+  }
+  if (!input->referenced) tej->questioned = 1;
   if (starts || input->reset) {
     tej->fault = TRUEPOSE_TEJ_NO_FAULT;
     tej->stop = 0;
   }
-  if (starts || input->reset || !input->watch) {
+  if (starts || input->reset || !input->watch || tej->questioned) {
     tej->guarding = 0;
-    tej->changed = tej->doubted != 0;
+    tej->changed |= tej->doubted != 0;
     tej->doubted = tej->left_out = 0;
     memset(&tej->report, 0, sizeof tej->report);
   }
-  if (!all_finite(input->q_d, tej->motors)) {
-    fails(tej, TRUEPOSE_TEJ_COMMAND);
+  if (untold != 0) {
+    fails(tej, TRUEPOSE_TEJ_COMMAND, TRUEPOSE_NOT_FINITE, first(untold));
     return;
   }
-  memcpy(q_e, input->q_e, sizeof q_e);
-  if (input->enable && input->watch && tej->table.watched && input->referenced)
+  if (!not_finite(q_e, readings)) question(tej, input, q_e);
+  if (input->enable && input->watch && tej->table.watched && input->referenced &&
+      tej->fault != TRUEPOSE_TEJ_HOMING)
     watched(tej, input, q_e);
-  if (!all_finite(q_e, tej->motors)) { /* a motor that is not heard: its drive is to hold still */
-    fails(tej, TRUEPOSE_TEJ_READING);
+  const uint32_t unheard = not_finite(q_e, readings);
+  if (unheard != 0) fails(tej, TRUEPOSE_TEJ_READING, TRUEPOSE_NOT_FINITE, first(unheard));
+  if (not_finite(q_e, tej->motors)) { /* its drive is to hold still */
     memset(tej->error, 0, sizeof tej->error);
     return;
   }
-  if (!all_finite(q_e, readings)) fails(tej, TRUEPOSE_TEJ_READING);
-  for (int i = 0; i < tej->motors; ++i) tej->e_q[i] = input->q_d[i] - q_e[i];
+  for (int i = 0; i < tej->motors; ++i) {
+    tej->e_q[i] = input->q_d[i] - q_e[i];
+    if (starts) tej->correction[i] = -tej->e_q[i]; /* as held: motion read it, and it is 0 */
+  }
+  tej->changed |= starts;
   learn(tej, input, q_e);
   const int wanted = input->enable && input->referenced && input->law != TRUEPOSE_LAW_JOINT;
   if (wanted && tej->fault == TRUEPOSE_TEJ_NO_FAULT && asked_for(tej, input, q_e, asked))
     law = input->law;
   else
     memset(asked, 0, sizeof asked);
-  if (!input->enable) { /* nothing moves, and nothing is left of what was */
-    memset(tej->from, 0, sizeof tej->from);
-    memset(tej->correction, 0, sizeof tej->correction);
-    tej->law = TRUEPOSE_LAW_JOINT;
-  } else {
+  if (input->enable) {
     blend(tej, input, law, asked);
+    memcpy(tej->at, q_e, sizeof tej->at);
+  } else {
+    held(tej, q_e);
   }
-  for (int i = 0; i < tej->motors; ++i) tej->error[i] = tej->e_q[i] + tej->correction[i];
+  for (int i = 0; i < tej->motors; ++i) {
+    tej->error[i] = tej->e_q[i] + tej->correction[i];
+    seen[i] = q_e[i] - (input->enable ? asked[i] : tej->correction[i]);
+  }
+  truepose_fkm(&tej->commanded, seen, kCap, tej->pose);
 }
 
 int truepose_index_cycle(truepose_index* index, int enable, int* index_enable) {

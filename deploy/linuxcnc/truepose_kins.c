@@ -29,7 +29,11 @@ static struct says {
   hal_s32_t *status, *part, *iterations, *most_iterations;
   hal_u32_t* refused;
   hal_float_t *conditioning, *least_conditioning, *residual;
+  hal_float_t* refused_at[TRUEPOSE_KINS_AXES];
 }* says;
+
+static truepose_outcome told; /* the refusal that stands in the log, */
+static int since;             /* and how many calls were answered since */
 
 /* genhexkins' pins, by the names that configurations use; switchkins' too. */
 static struct hexapod_pins {
@@ -109,10 +113,25 @@ static int refresh(void) {
   return loaded;
 }
 
+/** The latest refusal stays on the pins, and is said once in LinuxCNC's log: again only after AGAIN
+ * answers, or where it is another one. */
 static void say(int forward) {
-  *says->status = kins.outcome.status;
-  *says->part = kins.outcome.part;
-  if (kins.outcome.status > TRUEPOSE_OK) ++*says->refused;
+  enum { AGAIN = 1000 };
+  const int refused = kins.outcome.status > TRUEPOSE_OK;
+  if (refused) {
+    *says->status = kins.refusal.status;
+    *says->part = kins.refusal.part;
+    ++*says->refused;
+    for (int k = 0; k < TRUEPOSE_KINS_AXES; ++k) *says->refused_at[k] = kins.refused[k];
+    if (told.status != kins.refusal.status || told.part != kins.refusal.part || since > AGAIN)
+      rtapi_print_msg(RTAPI_MSG_ERR, "truepose_kins: %s refused: %s (chain %d)\n",
+                      forward ? "joints" : "a pose", truepose_describe(kins.refusal.status),
+                      kins.refusal.part);
+    told = kins.refusal;
+    since = 0;
+  } else if (since <= AGAIN) {
+    ++since;
+  }
   if (!forward) *says->conditioning = kins.conditioning;
   *says->iterations = kins.iterations;
   *says->most_iterations = kins.most_iterations;
@@ -194,6 +213,9 @@ static int say_pins(void) {
   bad |= new_s32(&says->status, HAL_OUT, 0, "truepose_kins.status");
   bad |= new_s32(&says->part, HAL_OUT, 0, "truepose_kins.part");
   bad |= new_u32(&says->refused, HAL_OUT, 0, "truepose_kins.refused");
+  for (int k = 0; k < TRUEPOSE_KINS_AXES; ++k)
+    bad |=
+        new_float(&says->refused_at[k], HAL_OUT, 0, "truepose_kins.refused-at.%c", "xyzabcuvw"[k]);
   bad |= new_s32(&says->iterations, HAL_OUT, 0, "truepose_kins.iterations");
   bad |= new_s32(&says->most_iterations, HAL_OUT, 0, "truepose_kins.max-iterations");
   bad |= new_float(&says->residual, HAL_OUT, 0, "truepose_kins.residual");

@@ -20,6 +20,9 @@ RTAPI_MP_STRING(keep, "file of what was learnt: read when loaded, written when u
 
 static struct tej_pins {
   hal_float_t *command[6], *offset[6], *motor_fb[6], *pid_fb[6], *correction[6], *e_q[6];
+  hal_float_t *pose[6], *chi2, *largest_chi2;
+  hal_bit_t *homed[6], *amp_fault[6];
+  hal_s32_t* symptom[TRUEPOSE_READINGS];
   hal_float_t *position[TRUEPOSE_SENSORS], *index_angle[TRUEPOSE_SENSORS];
   hal_bit_t *index_enable[TRUEPOSE_SENSORS], *absolute[TRUEPOSE_SENSORS];
   hal_bit_t* referenced[TRUEPOSE_SENSORS];
@@ -35,7 +38,8 @@ static struct tej_pins {
 static truepose_corrector tej;
 static truepose_index seen[TRUEPOSE_SENSORS];
 static truepose_real scale[TRUEPOSE_READINGS], pose_scale[6];
-static int32_t told, waits; /* the fault that stands in the log; that an index is waited for */
+static int32_t told, waits;  /* the fault that stands in the log; that an index is waited for */
+static uint32_t told_failed; /* readings whose failure stands in the log */
 
 /** Sensors' readings, and whether the zero of all is known. */
 static int32_t sensors(truepose_real* readings) {
@@ -52,27 +56,52 @@ static int32_t sensors(truepose_real* readings) {
   return all;
 }
 
-/** Each fault once in LinuxCNC's log, and that a law must wait for an index. */
-static void tell(const truepose_corrector_input* in) {
+/** A reading as messages name it. */
+static const char* name_of(int reading, char* name, int size) {
+  if (reading < 0) return "";
+  if (reading < tej.motors)
+    rtapi_snprintf(name, size, ", motor %d", reading);
+  else
+    rtapi_snprintf(name, size, ", sensor %d", reading - tej.motors);
+  return name;
+}
+
+/** Each fault once in LinuxCNC's log, each reading that fails, and that a law must wait for an
+ * index. */
+static void tell(const truepose_corrector_input* in, int32_t index_known) {
+  static const char* const symptoms[] = {"no symptom", "missing", "out of range",
+                                         "too fast",   "stuck",   "disagrees with the others"};
+  char name[32];
   static const char* const why[] = {"no fault",
                                     "a reading is no number",
                                     "a command is no number",
                                     "no answer for this pose",
                                     "the correction is larger than largest-correction",
-                                    "the watch asks for a stop, or every sensor has failed"};
-  const int32_t waiting = in->enable && in->law != TRUEPOSE_LAW_JOINT && !in->referenced;
+                                    "the watch asks for a stop, or every sensor has failed",
+                                    "readings contradict each other: home again, or acknowledge "
+                                    "by the pin reset"};
+  const int32_t waiting = in->enable && in->law != TRUEPOSE_LAW_JOINT && !index_known;
+  const uint32_t fails = tej.left_out & ~told_failed;
   if (waiting && !waits)
     rtapi_print_msg(RTAPI_MSG_ERR,
                     "truepose_tej: the joint law, until a sensor's index is passed\n");
   waits = waiting;
+  told_failed = tej.left_out;
+  for (int c = 0; c < tej.motors + tej.sensors; ++c)
+    if (fails >> c & 1U)
+      rtapi_print_msg(RTAPI_MSG_ERR, "truepose_tej: a reading has failed%s: %s\n",
+                      name_of(c, name, sizeof name), symptoms[tej.symptom[c]]);
   if (tej.fault == told) return;
   told = tej.fault;
-  rtapi_print_msg(RTAPI_MSG_ERR, "truepose_tej: fault %d: %s (%s)\n", told, why[told],
-                  truepose_describe(tej.outcome.status));
+  if (told != 0)
+    rtapi_print_msg(RTAPI_MSG_ERR, "truepose_tej: fault %d: %s (%s%s)\n", told, why[told],
+                    truepose_describe(tej.reason.status),
+                    name_of(tej.reason.part, name, sizeof name));
 }
 
 static void cycle(void* unused, long period) {
   static truepose_corrector_input in;
+  int32_t index_known, all_homed = 1;
   (void)unused;
   (void)period;
   in.enable = *pins->enable;
@@ -84,33 +113,43 @@ static void cycle(void* unused, long period) {
   in.rest = *pins->rest;
   in.band = *pins->band;
   in.blend = *pins->blend;
-  in.largest = *pins->largest * scale[0];
+  in.chi2 = *pins->largest_chi2;
   for (int i = 0; i < tej.motors; ++i) {
     in.q_d[i] = (*pins->command[i] - *pins->offset[i]) * scale[i];
     in.q_e[i] = (*pins->motor_fb[i] - *pins->offset[i]) * scale[i];
+    in.zero[i] = *pins->offset[i] * scale[i];
+    in.largest[i] = *pins->largest * scale[i];
+    all_homed = all_homed && *pins->homed[i];
   }
-  in.referenced = sensors(in.q_e + tej.motors);
+  index_known = sensors(in.q_e + tej.motors);
+  in.referenced = index_known && all_homed;
   truepose_corrector_cycle(&tej, &in);
   for (int i = 0; i < tej.motors; ++i) {
     if (tej.fault != TRUEPOSE_TEJ_COMMAND)
       *pins->pid_fb[i] = *pins->command[i] - tej.error[i] / scale[i];
     *pins->correction[i] = tej.correction[i] / scale[i];
     *pins->e_q[i] = tej.e_q[i] / scale[i];
+    *pins->amp_fault[i] = tej.lost >> i & 1U;
+    *pins->pose[i] = tej.pose[i] / pose_scale[i];
   }
   *pins->all_referenced = in.referenced;
   *pins->in_effect = tej.law;
   *pins->fault = tej.fault != TRUEPOSE_TEJ_NO_FAULT;
   *pins->fault_code = tej.fault;
   *pins->stop = tej.stop;
-  *pins->lost = tej.lost;
-  *pins->status = tej.outcome.status;
-  *pins->part = tej.outcome.part;
-  for (int c = 0; c < tej.motors + tej.sensors; ++c) *pins->failed[c] = tej.left_out >> c & 1U;
+  *pins->lost = tej.lost != 0;
+  *pins->chi2 = tej.chi2;
+  *pins->status = (tej.reason.status != TRUEPOSE_OK ? tej.reason : tej.outcome).status;
+  *pins->part = (tej.reason.status != TRUEPOSE_OK ? tej.reason : tej.outcome).part;
+  for (int c = 0; c < tej.motors + tej.sensors; ++c) {
+    *pins->failed[c] = tej.left_out >> c & 1U;
+    *pins->symptom[c] = tej.symptom[c];
+  }
   *pins->lines = (hal_u32_t)tej.pupil.lines;
   *pins->left_out = (hal_u32_t)tej.pupil.left_out;
   *pins->learner_status = tej.pupil.outcome.status;
   for (int k = 0; k < tej.motors; ++k) *pins->sigma[k] = tej.pupil.sigma[k] / pose_scale[k];
-  tell(&in);
+  tell(&in, index_known);
 }
 
 static int make_pins(void) {
@@ -134,10 +173,17 @@ static int make_pins(void) {
   }
   for (int c = 0; c < tej.motors; ++c) {
     bad |= new_bit(&pins->failed[c], HAL_OUT, 0, "truepose_tej.%d.failed", c);
+    bad |= new_s32(&pins->symptom[c], HAL_OUT, 0, "truepose_tej.%d.symptom", c);
+    bad |= new_bit(&pins->amp_fault[c], HAL_OUT, 0, "truepose_tej.%d.amp-fault", c);
+    bad |= new_bit(&pins->homed[c], HAL_IN, 1, "truepose_tej.%d.homed", c);
+    bad |= new_float(&pins->pose[c], HAL_OUT, 0, "truepose_tej.pose.%d", c);
     bad |= new_float(&pins->sigma[c], HAL_OUT, 0, "truepose_tej.pose-sigma.%d", c);
   }
-  for (int k = 0; k < tej.sensors; ++k)
-    bad |= new_bit(&pins->failed[tej.motors + k], HAL_OUT, 0, "truepose_tej.sensor.%d.failed", k);
+  for (int k = 0; k < tej.sensors; ++k) {
+    const int c = tej.motors + k;
+    bad |= new_bit(&pins->failed[c], HAL_OUT, 0, "truepose_tej.sensor.%d.failed", k);
+    bad |= new_s32(&pins->symptom[c], HAL_OUT, 0, "truepose_tej.sensor.%d.symptom", k);
+  }
   bad |= new_bit(&pins->learn, HAL_IN, 0, "truepose_tej.learn");
   bad |= new_bit(&pins->use_learnt, HAL_IN, 1, "truepose_tej.use-learnt");
   bad |= new_float(&pins->rest, HAL_IN, 0.2, "truepose_tej.learn-rest");
@@ -159,6 +205,8 @@ static int make_pins(void) {
   bad |= new_float(&pins->band, HAL_IN, 0, "truepose_tej.band");
   bad |= new_float(&pins->blend, HAL_IN, 0.2, "truepose_tej.blend-time");
   bad |= new_float(&pins->largest, HAL_IN, 5, "truepose_tej.largest-correction");
+  bad |= new_float(&pins->chi2, HAL_OUT, 0, "truepose_tej.chi2");
+  bad |= new_float(&pins->largest_chi2, HAL_IN, 0, "truepose_tej.largest-chi2");
   return bad;
 }
 

@@ -50,7 +50,15 @@ struct Loop {
     std::copy_n(q, 6, in.q_d);
     in.enable = in.referenced = 1;
     in.blend = 0.2;
-    in.largest = 0.2;
+    std::fill_n(in.largest, 6, 0.2);
+  }
+  /// With encoders that count, as the controller knows.
+  void counts(double motor, double sensor) {
+    for (truepose_description* robot : {&corrector->table.robot, &plant->robot}) {
+      for (int i = 0; i < n; ++i) robot->chain[i].encoder_step = motor;
+      robot->sensor[0].step = sensor;
+    }
+    plant->coarse = 1;
   }
 
   /// @return the largest change of the correction in a cycle, rad or m
@@ -63,6 +71,7 @@ struct Loop {
       for (int i = 0; i < n && speed != nullptr; ++i) in.q_d[i] += kPeriod * speed[i];
       std::copy_n(corrector->correction, 6, before);
       std::copy_n(plant->read, kMaxReadings, in.q_e);
+      for (int i = 0; i < n; ++i) in.q_e[i] -= in.zero[i];
       truepose_corrector_cycle(corrector.get(), &in);
       for (int i = 0; i < n; ++i) {
         velocity[i] = kGain * corrector->error[i] + (speed != nullptr ? speed[i] : 0);
@@ -72,6 +81,23 @@ struct Loop {
       truepose_plant_cycle(plant.get(), in.enable ? velocity : none, fault, size, none, asks);
     }
     return step;
+  }
+  /// What motion reads of a motor.
+  double feedback(int i) const { return in.q_d[i] - corrector->error[i]; }
+  /// The drives off: motion takes what it reads for its command; and on again.
+  void off(int cycles) {
+    for (int k = 0; k <= cycles; ++k) {
+      in.enable = k == cycles;
+      for (int i = 0; i < n; ++i) in.q_d[i] = feedback(i);
+      run(1);
+    }
+  }
+  /// Motion homes all motors where they are, said to be q.
+  void home(const Correction& q) {
+    for (int i = 0; i < n; ++i) {
+      in.zero[i] += feedback(i) - q[i];
+      in.q_d[i] = q[i];
+    }
   }
   Correction correction() const {
     Correction now;
@@ -144,6 +170,7 @@ TEST("joints of a pose lead back to it, in machine units, and other axes pass") 
       for (int i = 0; i <= kins->motors; ++i) CHECK_NEAR(found[i], joints[i], 1e-8);
       axes[0] = kNaN;
       CHECK(truepose_kins_inverse(kins.get(), axes, found) == TRUEPOSE_NOT_FINITE);
+      CHECK(kins->refusal.status == TRUEPOSE_NOT_FINITE && std::isnan(kins->refused[0]));
       for (int i = 0; i <= kins->motors; ++i) CHECK_NEAR(found[i], joints[i], 1e-8);
     }
     CHECK(kins->conditioning > 0);
@@ -151,6 +178,40 @@ TEST("joints of a pose lead back to it, in machine units, and other axes pass") 
     truepose_real axes[9] = {}, joints[9];
     axes[0] = 1000 * table.home[0], axes[1] = 1000 * table.home[1], axes[2] = 1000 * table.home[2];
     CHECK(truepose_kins_inverse(kins.get(), axes, joints) > TRUEPOSE_OK);
+  });
+}
+
+TEST("the forward model starts from the axes it is given, wherever the robot was before") {
+  check::Random random(4);
+  for_each([&](const Mechanism& mechanism, auto) {
+    const auto kins = std::make_unique<truepose_kins>();
+    const truepose_description table = table_of(mechanism.robot);
+    CHECK(truepose_kins_load(kins.get(), &table, 0.001).status == TRUEPOSE_OK);
+    for (int k = 0; k < 100; ++k) {
+      const Coordinates x = random_pose(mechanism, random, 1.0);
+      truepose_real q[6], joints[9] = {}, axes[9] = {}, near[9];
+      if (truepose_ikm(&kins->model, x.data(), q).status > TRUEPOSE_OK) continue;
+      for (int i = 0; i < kins->motors; ++i) joints[i] = q[i] / kins->scale[i];
+      std::copy_n(x.data(), 6, kins->guess);  // this is where it is
+      CHECK(truepose_kins_forward(kins.get(), joints, axes) <= TRUEPOSE_OK);
+      std::copy_n(random_pose(mechanism, random, 1.0).data(), 6, kins->guess);
+      for (int i = 0; i < 9; ++i) near[i] = axes[i] == 0 ? 0 : axes[i] + 0.01 * random();
+      CHECK(truepose_kins_forward(kins.get(), joints, near) <= TRUEPOSE_OK);
+      CHECK(kins->iterations <= 4);
+      for (int i = 0; i < 6; ++i) CHECK_NEAR(near[i], axes[i], 1e-7);
+    }
+    truepose_real axes[9] = {}, joints[9] = {};
+    joints[0] = kNaN;
+    CHECK(truepose_kins_forward(kins.get(), joints, axes) > TRUEPOSE_OK);
+    CHECK(kins->refusal.status == kins->outcome.status);
+    const auto refusal = kins->refusal;
+    for (int i = 0; i < 9; ++i) axes[i] = 0;
+    std::copy_n(table.home, 6, kins->guess);
+    truepose_real q[6];
+    CHECK(truepose_ikm(&kins->model, table.home, q).status == TRUEPOSE_OK);
+    for (int i = 0; i < kins->motors; ++i) joints[i] = q[i] / kins->scale[i];
+    CHECK(truepose_kins_forward(kins.get(), joints, axes) <= TRUEPOSE_OK);
+    CHECK(kins->refusal.status == refusal.status);  // the latest refusal stays
   });
 }
 
@@ -181,10 +242,9 @@ TEST("off and on again, and from law to law, motors follow without a step") {
   loop.in.law = TRUEPOSE_LAW_REDUNDANT;
   loop.run(1000);
   const double most = 1.2 * ramp(loop.largest_correction());
-  loop.in.enable = 0;
-  loop.run(50);
-  CHECK(loop.largest_correction() == 0);
-  loop.in.enable = 1;
+  const Correction before = loop.correction();
+  loop.off(50);
+  CHECK(apart(before, loop.correction()) < 1e-9);  // it is held
   CHECK(loop.run(1000) < most);
   loop.in.law = TRUEPOSE_LAW_CARTESIAN;
   CHECK(loop.run(100) < most);
@@ -192,6 +252,116 @@ TEST("off and on again, and from law to law, motors follow without a step") {
   CHECK(loop.run(100) < most);
   loop.in.law = TRUEPOSE_LAW_REDUNDANT;
   CHECK(loop.run(1000) < most);
+}
+
+TEST("off and on again twenty times, the platform stays where it is") {
+  for (const bool counts : {false, true})
+    for (const int law : {TRUEPOSE_LAW_REDUNDANT, TRUEPOSE_LAW_CARTESIAN}) {
+      constexpr double kCount = 4.4e-4, kTheta = 1.1e-4;
+      Loop loop(h4().robot);
+      if (counts) loop.counts(kCount, kTheta);
+      loop.in.law = law;
+      loop.go({0.05, 0.05, -0.42, 0.17});
+      loop.run(1500);
+      const auto was = std::to_array(loop.plant->x);
+      CHECK(loop.largest_correction() > 1e-3);
+      for (int k = 0; k < 20; ++k) {
+        const Correction commanded = std::to_array(loop.in.q_d);
+        loop.off(20 + k);
+        CHECK(apart(commanded, std::to_array(loop.in.q_d)) < 1e-7);
+        CHECK(loop.largest_correction() > 1e-3);
+        loop.run(400);
+        CHECK(loop.corrector->fault == 0 && loop.corrector->law == law);
+        CHECK(std::fabs(loop.plant->x[3] - was[3]) < (counts ? kTheta : 1e-7));
+        for (int i = 0; i < 3; ++i)
+          CHECK(std::fabs(loop.plant->x[i] - was[i]) < (counts ? 1e-4 : 1e-7));
+        for (int i = 0; i < loop.n && !counts; ++i)  // and this is what pins say
+          CHECK_NEAR(loop.corrector->pose[i], loop.corrector->x_d[i], 1e-7);
+      }
+    }
+}
+
+TEST("motors that move while off are seen by motion, and are not pulled back") {
+  Loop loop(h4().robot);
+  loop.in.law = TRUEPOSE_LAW_REDUNDANT;
+  loop.run(1000);
+  loop.off(10);
+  loop.in.enable = 0;
+  const truepose_real speed[6] = {0.2, 0.2, 0.2, 0.2}, none[kMaxReadings] = {};
+  int asks[kMaxReadings] = {};
+  for (int k = 0; k < 100; ++k) {  // by hand
+    for (int i = 0; i < loop.n; ++i) loop.in.q_d[i] = loop.feedback(i);
+    truepose_plant_cycle(loop.plant.get(), speed, loop.fault, none, none, asks);
+    loop.run(1);
+  }
+  const auto was = std::to_array(loop.plant->x);
+  loop.off(5);
+  loop.run(1000);
+  for (int i = 0; i < 3; ++i) CHECK(std::fabs(loop.plant->x[i] - was[i]) < 5e-4);
+}
+
+TEST("homed where it does not belong, a robot is questioned before the law engages") {
+  const Mechanism mechanism = h4();
+  for (const bool right : {true, false}) {
+    Prior prior(mechanism.robot);
+    Loop loop(mechanism.robot, 5e-4, &prior);
+    loop.in.law = TRUEPOSE_LAW_REDUNDANT;
+    loop.in.watch = 1;
+    loop.in.chi2 = 15.1;
+    loop.go({0.03, 0, mechanism.robot.home[2], 0.2});
+    loop.run(1000);
+    CHECK(loop.corrector->fault == 0 && loop.corrector->law == TRUEPOSE_LAW_REDUNDANT);
+    Correction q{};
+    CHECK(truepose_ikm(&loop.corrector->model, mechanism.robot.home.data(), q.data()).status ==
+          TRUEPOSE_OK);
+    if (right) std::copy_n(loop.plant->q, loop.n, q.begin());
+    loop.home(q);
+    const Correction error = std::to_array(loop.corrector->error);
+    loop.run(1);
+    CHECK_NEAR(apart(error, std::to_array(loop.corrector->error)), 0, 1e-6);  // no drive steps
+    loop.run(600);
+    CHECK((loop.corrector->chi2 < loop.in.chi2) == right);
+    const int fault = right ? TRUEPOSE_TEJ_NO_FAULT : TRUEPOSE_TEJ_HOMING;
+    CHECK(loop.corrector->fault == fault);
+    CHECK(loop.corrector->law == (right ? TRUEPOSE_LAW_REDUNDANT : TRUEPOSE_LAW_JOINT));
+    loop.off(20);
+    loop.run(100);
+    CHECK(loop.corrector->fault == fault);  // off and on is no answer
+    CHECK(loop.corrector->reason.status == (right ? TRUEPOSE_OK : TRUEPOSE_DISAGREE));
+    loop.in.watch = 0;
+    loop.in.reset = 1;  // somebody's is
+    loop.run(1);
+    loop.in.reset = 0;
+    loop.run(300);
+    CHECK(loop.corrector->fault == 0 && loop.corrector->law == TRUEPOSE_LAW_REDUNDANT);
+  }
+}
+
+TEST("a reading without a number is the one that is named, watched or not") {
+  for (const int watch : {0, 1})
+    for (int c = 0; c < 5; ++c) {
+      Prior prior(h4().robot);
+      Loop loop(h4().robot, 0.0, &prior);
+      loop.in.law = TRUEPOSE_LAW_REDUNDANT;
+      loop.in.watch = watch;
+      loop.run(300);
+      loop.fault[c] = TRUEPOSE_PLANT_MISSING;
+      loop.run(300);
+      const truepose_corrector& tej = *loop.corrector;
+      CHECK(tej.lost == (c < loop.n ? 1U << c : 0));
+      for (int other = 0; other < 5; ++other)
+        CHECK(tej.symptom[other] == (watch && other == c ? TRUEPOSE_MISSING : 0));
+      if (tej.fault != 0) CHECK(tej.reason.part == c);
+      CHECK(watch ? tej.left_out == 1U << c : tej.fault == TRUEPOSE_TEJ_READING);
+      loop.fault[c] = TRUEPOSE_PLANT_HEALTHY;
+      loop.off(5);
+      loop.run(50);
+      CHECK(tej.fault == 0);
+      CHECK(tej.symptom[c] == (watch ? TRUEPOSE_MISSING : 0));  // why stays until reset
+      loop.in.reset = 1;
+      loop.run(1);
+      CHECK(tej.symptom[c] == 0 && tej.reason.status == TRUEPOSE_OK);
+    }
 }
 
 TEST("a sensor that stops is said, and what it corrected is held and ramped out") {
@@ -385,10 +555,11 @@ TEST("what the law cannot answer for is a fault, and motors follow their own enc
     loop.run(300);
     spoil(loop);
     loop.run(300);
+    CHECK(loop.corrector->reason.status != TRUEPOSE_OK);
     CHECK(loop.corrector->law == TRUEPOSE_LAW_JOINT && loop.largest_correction() == 0);
     return loop.corrector->fault;
   };
-  CHECK(faulted([](Loop& loop) { loop.in.largest = 1e-6; }) == TRUEPOSE_TEJ_CORRECTION);
+  CHECK(faulted([](Loop& loop) { loop.in.largest[2] = 1e-6; }) == TRUEPOSE_TEJ_CORRECTION);
   CHECK(faulted([](Loop& loop) { loop.in.law = 17; }) == TRUEPOSE_TEJ_UNSOLVED);
   CHECK(faulted([](Loop& loop) { loop.in.law = TRUEPOSE_LAW_ESTIMATED; }) ==
         TRUEPOSE_TEJ_UNSOLVED);  // nothing is known: the table has no knowledge
@@ -409,14 +580,14 @@ TEST("a motor that is not heard, or not told, asks for its amplifier to go off")
   CHECK(loop.corrector->lost == 0);
   loop.fault[1] = TRUEPOSE_PLANT_MISSING;
   loop.run(10);
-  CHECK(loop.corrector->lost == 1 && loop.corrector->fault == TRUEPOSE_TEJ_READING);
+  CHECK(loop.corrector->lost == 1U << 1 && loop.corrector->fault == TRUEPOSE_TEJ_READING);
   for (const truepose_real error : loop.corrector->error) CHECK(error == 0);
   loop.fault[1] = TRUEPOSE_PLANT_HEALTHY;
   loop.run(2);
   CHECK(loop.corrector->lost == 0);
   loop.in.q_d[2] = kNaN;
   loop.run(1);
-  CHECK(loop.corrector->lost == 1 && loop.corrector->fault != 0);
+  CHECK(loop.corrector->lost == 1U << 2 && loop.corrector->fault != 0);
 }
 
 TEST("no NaN leaves, wherever one enters") {
@@ -428,7 +599,7 @@ TEST("no NaN leaves, wherever one enters") {
   for (int k = 0; k < 3000; ++k) {
     const truepose_corrector_input kept = loop.in;
     truepose_real* const places[] = {loop.in.q_d, loop.in.q_e, &loop.in.band, &loop.in.blend,
-                                     &loop.in.largest};
+                                     loop.in.largest};
     loop.in.law = k % 7 - 1;
     loop.in.watch = k / 500 % 2;
     loop.in.learn = loop.in.learnt = k / 700 % 2;

@@ -70,6 +70,13 @@ void* hal_malloc(long size) { return calloc(1, (size_t)size); }
 int rtapi_vsnprintf(char* to, unsigned long size, const char* f, va_list arguments) {
   return vsnprintf(to, size, f, arguments);
 }
+int rtapi_snprintf(char* to, unsigned long size, const char* f, ...) {
+  va_list arguments;
+  va_start(arguments, f);
+  const int result = vsnprintf(to, size, f, arguments);
+  va_end(arguments);
+  return result;
+}
 void rtapi_print_msg(int level, const char* f, ...) {
   va_list arguments;
   va_start(arguments, f);

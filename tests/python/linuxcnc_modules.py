@@ -40,8 +40,8 @@ class Module:
         failed = self.library.kinematicsInverse(ctypes.byref(pose), joints, self.flags, self.flags)
         return failed, np.array(joints[:9])
 
-    def forward(self, joints):
-        pose = Pose()
+    def forward(self, joints, guess=()):
+        pose = Pose(*guess)
         failed = self.library.kinematicsForward(
             (ctypes.c_double * 16)(*joints), ctypes.byref(pose), self.flags, self.flags
         )

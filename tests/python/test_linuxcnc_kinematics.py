@@ -65,6 +65,38 @@ def test_a_hexapod_refuses_what_lies_beyond_a_singularity_or_next_to_one(hal, ou
         assert np.abs(found - x).max() < 1e-8
 
 
+def test_a_hexapod_that_jumps_is_found_from_the_guess_it_is_given(hal, ours):
+    """Poses tilted by up to 50°, far from the one asked for before: genhexkins fails at none."""
+    own = ours(pins="genhexkins").knows("truepose_kins.refused")
+    random, asked = np.random.default_rng(5), 0
+    while asked < 1000:
+        x = np.zeros(9)
+        x[:3] = random.uniform([-3, -3, 17], [3, 3, 23])
+        x[3:6] = random.uniform(-50, 50, 3)
+        failed, legs = own.inverse(x)
+        if failed:
+            continue
+        asked += 1
+        near = x + random.uniform(-1, 1, 9) * [0.5, 0.5, 0.5, 3, 3, 3, 0, 0, 0]
+        failed, found = own.forward(legs, near)
+        assert not failed
+        assert np.abs(found - x).max() < 1e-6
+
+
+def test_a_refusal_stays_on_the_pins_and_is_said_once(ours, capfd):
+    pose = [f"truepose_kins.refused-at.{letter}" for letter in AXES]
+    own = ours(pins="genhexkins").knows("truepose_kins.refused", *SAYS, *pose)
+    good, bad = np.zeros(9), np.zeros(9)
+    good[2], bad[:] = 20, [1, 2, 25, 0, 0, 95, 0, 0, 0]
+    capfd.readouterr()
+    for x in (bad, bad, good, bad, good):
+        own.inverse(x)
+    assert own.pin("truepose_kins.refused", ctypes.c_uint)[0] == 3
+    assert own.pin("truepose_kins.status", ctypes.c_int)[0] > 0
+    assert [own.pin(name)[0] for name in pose] == list(bad)
+    assert capfd.readouterr().err.count("a pose refused") == 1
+
+
 def test_identity_kinematics_can_be_switched_to_as_in_genhexkins(ours):
     own = ours(pins="genhexkins").knows("kinstype.is-0", "kinstype.is-1", "skgui.z")
     assert own.library.kinematicsSwitchable() == 1

@@ -9,7 +9,9 @@ import truepose as tp
 from truepose.deploy.linuxcnc import to_table
 
 PINS = {"lines": ctypes.c_uint, "law": ctypes.c_int, "law-in-effect": ctypes.c_int}
-BITS = ("enable", "learn", "fault", "sensor.0.absolute", "sensor.0.referenced")
+PINS |= {"status": ctypes.c_int, "part": ctypes.c_int}
+BITS = ("enable", "learn", "fault", "sensor.0.absolute", "sensor.0.referenced", "2.homed")
+BITS += tuple(f"{i}.amp-fault" for i in range(4))
 
 
 @pytest.fixture
@@ -25,6 +27,7 @@ def tej(hal, ours, tmp_path):
         q = np.degrees(robot.ikm(robot.home))
         motors = [f"{i}.{name}" for i in range(robot.n) for name in ("command", "motor-fb")]
         names = [*motors, *PINS, *BITS, "sensor.0.position", "2.pid-fb"]
+        names += [f"pose.{k}" for k in range(robot.n)]
         module.knows(*(f"truepose_tej.{name}" for name in names))
 
         def pin(name):
@@ -98,6 +101,37 @@ def test_faults_and_an_index_that_is_waited_for_are_said_once(tej, h4, capfd):
     error = capfd.readouterr().err
     assert error.count("\n") == 1
     assert "a reading is no number" in error
+    assert "sensor 0" in error
+    module.set("sensor.0.position")[0] = 0
+    module.set("enable")[0] = False
+    module.run(10)
+    module.set("enable")[0] = True
+    module.run(10)
+    assert not module.set("fault")[0]
+    assert (module.set("status")[0], module.set("part")[0]) == (4, 4)  # NOT_FINITE: why it was
+
+
+def test_an_amplifier_fault_is_of_the_motor_that_has_no_number(tej, h4):
+    module = tej(h4)
+    module.run(10)
+    module.set("1.motor-fb")[0] = np.nan
+    module.run(10)
+    assert [module.set(f"{i}.amp-fault")[0] for i in range(4)] == [False, True, False, False]
+    assert module.set("part")[0] == 1
+
+
+def test_the_pose_that_the_law_holds_is_on_pins_and_motors_that_are_not_homed_hold_it_back(tej, h4):
+    module = tej(h4)
+    module.set("2.homed")[0] = False
+    module.set("sensor.0.absolute")[0] = True
+    module.set("law")[0] = 1
+    module.run(500)
+    assert module.set("law-in-effect")[0] == 0
+    module.set("2.homed")[0] = True
+    module.run(500)
+    assert module.set("law-in-effect")[0] == 1
+    pose = [module.set(f"pose.{k}")[0] for k in range(4)]
+    assert pose == pytest.approx(h4.home * [1e3, 1e3, 1e3, np.degrees(1)], abs=1e-6)
 
 
 def test_what_cannot_be_loaded_is_said_in_a_line(tej, h4, capfd):

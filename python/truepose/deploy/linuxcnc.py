@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import jinja2
 import numpy as np
+from scipy import stats
 
 from truepose import _core, files
 from truepose.arguments import Array
@@ -24,10 +25,16 @@ from truepose.simulation.watch import Watch
 
 #: Uncertain parameters that the components hold at most (deploy/linuxcnc/table.h).
 _PARAMETERS = 256
-#: Robots and poses of which following errors are predicted, and by how much they are exceeded.
-_DRAWN, _POSES, _SPARE = 20, 40, 1.25
-#: Of the drives' position loops, 1/s, assumed; cycles that they and their encoders are late.
-_BANDWIDTH, _LATE = 50.0, 3
+#: Robots and poses of which corrections are predicted, and their quantile that is accepted.
+_DRAWN, _POSES, _ACCEPTED = 40, 40, 0.999
+#: Robots within their tolerances whose readings, once homed, are accepted.
+_HOMED = 0.9999
+#: By how much following errors exceed what is predicted, and a correction where nothing is, in
+#: machine units.
+_SPARE, _UNPREDICTED = 1.25, 5.0
+#: Of the drives' position loops, 1/s, assumed; cycles that they and their encoders are late; s over
+#: which a correction is blended in.
+_BANDWIDTH, _LATE, _BLEND = 50.0, 3, 0.5
 #: What a machine unit is of m and rad; each coordinate's axis.
 _SHOWN = {"m": 1e3, "rad": math.degrees(1)}
 _LETTERS = {"theta": "C", "rx": "A", "ry": "B", "rz": "C"}
@@ -121,8 +128,12 @@ def to_configuration(
     machine = robot if machine is None else machine
     require_same_readings(robot, machine)
     speeds, units, home = Speeds(), reading_units(robot), robot.ikm(robot.home)
-    e_q = following(robot, controller)
-    joints = [_joint(robot, i, units[i], home[i], e_q[i], controller) for i in range(robot.n)]
+    exported, learnt = corrections(robot, controller)
+    noise, most = dither(robot), np.maximum(exported, learnt)
+    joints = [
+        _joint(robot, i, units[i], home[i], (most[i], noise[i]), controller) for i in range(robot.n)
+    ]
+    shown = np.array([_SHOWN[unit] for unit in units[: robot.n]])
     axes = [
         {"letter": letter, **_range(robot, k, unit), **speeds.of(unit)}
         for k, (letter, unit) in enumerate(_axes(robot))
@@ -141,6 +152,12 @@ def to_configuration(
         "law": list(_core.laws).index(controller.law),
         "gain": _short(_BANDWIDTH),
         "drawn": _DRAWN,
+        "blend": _short(_BLEND),
+        "accepted": f"{100 * _ACCEPTED:g}",
+        "largest": _short(np.max((exported + noise) * shown) if exported.any() else _UNPREDICTED),
+        "largest_learnt": _short(np.max((learnt + noise) * shown)),
+        "homed": f"{100 * _HOMED:g}",
+        "chi2": _short(stats.chi2.ppf(_HOMED, robot.r) if robot.r else 0.0),
         "joints": joints,
         "axes": axes,
         "sensors": _sensors(robot) if robot.r else [],
@@ -159,37 +176,52 @@ def to_configuration(
     return made
 
 
-def following(robot: Robot, controller: Controller, seed: int = 0) -> Array:
-    """Return the largest following error of every motor at rest, m or rad.
+def corrections(robot: Robot, controller: Controller, seed: int = 0) -> tuple[Array, Array]:
+    """Return the 99.9 % quantile of every motor's correction at rest, m or rad.
 
-    A law of redundant sensors corrects motors whose own encoders are then off, by e_q; LinuxCNC
-    must not take that for a fault. Nor where the robot has been learnt and rests where it should.
-    Of robots drawn from the file's tolerances, over the corners of the workspace and poses drawn in
-    it.
+    A law of redundant sensors holds motors whose own encoders are then off, by e_q. Over robots of
+    the file's tolerances e_q is about normal: the quantile is 3.29 times its rms over them, at the
+    worst of the workspace's corners and poses drawn in it. Of the joint law, what the redundant one
+    would correct.
+
+    Returns
+    -------
+    exported, learnt : ndarray, shape (n,)
+        For the law that goes by the file, and for a robot that has been learnt and rests where it
+        should.
 
     Examples
     --------
     >>> import numpy as np
     >>> import truepose as tp
-    >>> from truepose.deploy.linuxcnc import following
-    >>> h4 = tp.load("h4")
-    >>> bool(np.all(np.degrees(following(h4, tp.Controller())) < 5))
-    True
-    >>> np.allclose(following(h4, tp.Controller(law="joint")), 0, atol=1e-9)
+    >>> from truepose.deploy.linuxcnc import corrections
+    >>> exported, learnt = corrections(tp.load("h4"), tp.Controller())
+    >>> bool(1 < np.degrees(exported).max() < 4 < np.degrees(learnt).max() < 8)
     True
     """
+    if not robot.r:
+        return np.zeros(robot.n), np.zeros(robot.n)
+    law = "redundant" if controller.law == "joint" else controller.law
     x = np.vstack([poses(robot), _anywhere(robot, seed)])
     q_d = robot.ikm(x, errors="nan")
-    worst = np.zeros(robot.n)
+    e_q = np.empty((2, _DRAWN, *q_d.shape))
     for k in range(_DRAWN):
         true = with_tolerance_errors(robot, seed + k)
-        rests = [settle(robot, true, x, controller, errors="nan")]
-        if controller.law != "joint":
-            rests.append(x)
-        for rest in rests:
-            e_q = np.abs(q_d - true.ikm(rest, errors="nan"))
-            worst = np.fmax(worst, np.nanmax(e_q, axis=0, initial=0.0))
-    return worst
+        rest = settle(robot, true, x, replace(controller, law=law), errors="nan")
+        for kind, there in enumerate((rest, x)):
+            e_q[kind, k] = q_d - true.ikm(there, errors="nan")
+    answered = np.isfinite(e_q)
+    squares = np.where(answered, e_q, 0.0) ** 2
+    rms = np.sqrt(squares.sum(axis=1) / np.maximum(answered.sum(axis=1), 1))
+    exported, learnt = stats.norm.ppf((1 + _ACCEPTED) / 2) * rms.max(axis=1)
+    return exported, learnt
+
+
+def dither(robot: Robot) -> Array:
+    """Return by how much one count of every reading moves a motor's error, m or rad."""
+    x = np.vstack([poses(robot), _anywhere(robot, 0)])
+    tej = np.abs(robot.tej(x, errors="nan")[1])
+    return np.nanmax(tej @ robot.resolution, axis=0)
 
 
 def least_conditioning(robot: Robot, seed: int = 0) -> float:
@@ -231,7 +263,12 @@ def _range(robot: Robot, k: int, unit: str) -> dict[str, str]:
 
 
 def _joint(
-    robot: Robot, i: int, unit: str, home: float, e_q: float, controller: Controller
+    robot: Robot,
+    i: int,
+    unit: str,
+    home: float,
+    moved: tuple[float, float],
+    controller: Controller,
 ) -> dict[str, str]:
     """Return what [JOINT_i] says."""
     chain, scale, speeds = robot.spec.chain[i], _SHOWN[unit], Speeds().of(unit)
@@ -241,13 +278,16 @@ def _joint(
         for stop in stops
     )
     lag = _LATE * controller.period * float(speeds["velocity"])
-    least = _SPARE * scale * (e_q + float(robot.resolution[i]))
+    correction, noise = moved
+    blended = 1.875 * correction / (_BLEND * _BANDWIDTH)  # the quintic's steepest part
+    least = _SPARE * scale * (blended + noise)
     return {
         "type": "ANGULAR" if unit == "rad" else "LINEAR",
         "low": repr(max(scale * low, -1e9)),
         "high": repr(min(scale * high, 1e9)),
         "home": repr(float(scale * home)),
-        "e_q": _short(scale * e_q),
+        "blended": _short(scale * blended),
+        "noise": _short(scale * noise),
         "lag": _short(lag),
         "min_ferror": _short(max(least, lag / 10)),
         "ferror": _short(least + _SPARE * lag),
