@@ -11,8 +11,18 @@ import typer
 from truepose.commands.options import How, Seed, SensorSet, load_with
 from truepose.exceptions import InputError
 from truepose.show.terminal import Format, say, show
+from truepose.studies.functions import ASKED, LEARNT
 from truepose.studies.study import study
 from truepose.studies.workers import On
+
+
+#: What the numbers of ready questions are.
+MEANING = {
+    "calibration": f"Each robot's rms over {ASKED} poses, calibrated on other poses ({LEARNT} where"
+    " the grid names no number); bound: 1σ rms of the same poses. Compare the column rms: a robot's"
+    " errors scatter about its bound, so medians differ.",
+    "rest": f"Each robot's rms over {ASKED} poses of its workspace: where it rests, true − desired.",
+}
 
 
 def command(
@@ -48,7 +58,7 @@ def command(
     ] = None,
     how: How = Format.table,
 ) -> None:
-    """Ask one question of many robots drawn from their tolerances; medians and 95 %.
+    """Ask one question of many robots drawn from their tolerances; rms, medians and 95 %.
 
     Numbers do not depend on how many workers there are. A study that was ended goes on from there.
 
@@ -81,6 +91,8 @@ def command(
             progress=lambda done, total: bar.update(task, completed=done, total=total),
         )
     show([found.table()], how)
+    if function in MEANING:
+        say(MEANING[function], how)
     if failed := int(found.failed.sum()):
         first = found.columns["error"][found.failed][0]
         say(f"{failed} of {len(found)} cases had no answer; the first: {first}", err=True)

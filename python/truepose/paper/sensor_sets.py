@@ -11,7 +11,7 @@ from truepose.arguments import Array
 from truepose.calibration.bound import accuracy
 from truepose.paper import article, experiment
 from truepose.paper.experiment import Control
-from truepose.paper.statistics import interval, over_robots
+from truepose.paper.statistics import over_robots, rms_interval
 from truepose.robot.robot import Robot
 from truepose.robotfile.schema import Tolerance
 from truepose.simulation.true_robots import with_tolerance_errors
@@ -46,8 +46,8 @@ class Line:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """90 % interval of the self-calibrated rms, as which robots were drawn leaves it."""
-        return interval(over_robots, self.each["self-calibrated"])
+        """90 % interval of the self-calibrated rms of all robots with these tolerances."""
+        return rms_interval(self.each["self-calibrated"])
 
     @property
     def gain(self) -> float:
@@ -56,12 +56,8 @@ class Line:
 
     @property
     def gain_interval(self) -> tuple[float, float]:
-        """Its 90 % interval."""
-        return interval(
-            lambda usual, own: over_robots(usual) / over_robots(own),
-            self.each["joint"],
-            self.each["self-calibrated"],
-        )
+        """90 % interval of the gain over all robots with these tolerances."""
+        return rms_interval(self.each["joint"], self.each["self-calibrated"])
 
 
 def tolerances(robot: Robot) -> dict[str, Robot]:

@@ -36,7 +36,7 @@ class Study:
         return self.columns["error"] != ""
 
     def table(self) -> Table:
-        """Median and 95 % of every number, for each robot and point of the grid."""
+        """Rms, median and 95 % of every number, for each robot and point of the grid."""
         keys = ("robot", *self.grid)
         words = [tuple(str(self.columns[key][k]) for key in keys) for k in range(len(self))]
         names = [
@@ -49,12 +49,13 @@ class Study:
             these = np.array([word == point for word in words]) & ~self.failed
             answered = int(these.sum())
             for name in names if answered else ["–"]:
-                spread = [number(None), number(None)]
+                spread = [number(None)] * 3
                 if answered:
                     values = self.columns[name][these].astype(float)
-                    spread = [number(float(np.percentile(values, part))) for part in (50, 95)]
+                    low = [float(np.percentile(values, part)) for part in (50, 95)]
+                    spread = [number(v) for v in (float(np.sqrt(np.mean(values**2))), *low)]
                 rows.append([*point, name, str(answered), *spread])
-        head = [*keys, "asked", "robots", "median", "95 %"]
+        head = [*keys, "asked", "robots", "rms", "median", "95 %"]
         return Table("study", "What was asked, over the robots that answered", head, rows)
 
     def __str__(self) -> str:
