@@ -232,8 +232,8 @@ def test_erratum_8_table_3_changes_y_by_more_than_the_law_can(h4, table2):
     assert anything == pytest.approx([15.6, 8.7, 22.5], abs=0.05)
     assert (change > 2 * constant).all()
     assert (change > anything).tolist() == [False, True, False]
-    for pattern in np.random.default_rng(0).normal(size=(200, 625)):
-        pattern *= np.sqrt(total / (pattern**2).sum())
+    for errors in np.random.default_rng(0).normal(size=(200, 625)):
+        pattern = errors * np.sqrt(total / (errors**2).sum())
         assert (limit(((pattern[:, None] * per_degree) ** 2).sum(axis=0)) < anything).all()
     for truth in experiment.draw_robots(h4, 10, seed=0):  # the exact statics keep the limit
         usual_x, tej_x = (tp.settle(h4, truth, table2, law) for law in ("joint", "redundant"))

@@ -15,13 +15,12 @@ from truepose.studies.functions import ASKED, LEARNT
 from truepose.studies.study import study
 from truepose.studies.workers import On
 
-
 #: What the numbers of ready questions are.
 MEANING = {
     "calibration": f"Each robot's rms over {ASKED} poses, calibrated on other poses ({LEARNT} where"
     " the grid names no number); bound: 1σ rms of the same poses. Compare the column rms: a robot's"
     " errors scatter about its bound, so medians differ.",
-    "rest": f"Each robot's rms over {ASKED} poses of its workspace: where it rests, true − desired.",
+    "rest": f"Each robot's rms over {ASKED} poses of its workspace, at rest: true less desired.",
 }
 
 
