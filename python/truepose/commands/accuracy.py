@@ -252,9 +252,8 @@ def tables(found: Prediction) -> list[Table]:
             named = Cell(label(found.robot, names), ",".join(names) or "none")
             rows.append([named, *(number(float(v)) for v in cells)])
         count = len(found.poses)
-        learnt = f" on these {count} poses" if what.startswith("self-calibrated") else ""
-        state = what.replace("self-calibrated", "self-calibrated" + learnt)
-        title = f"1σ bound of the pose, rms over {count} poses, {state}"
+        learnt = ", calibrated on the same poses" if what.startswith("self-calibrated") else ""
+        title = f"1σ bound of the pose, {what}: rms over {count} poses{learnt}"
         name = "accuracy_" + what.replace(", ", "_").replace(" ", "_").replace("-", "_")
         last = f"{total.name} ({PRINT[total.unit][1]})"
         result.append(Table(name, title, ["sensors", *header, last], rows))
