@@ -29,14 +29,6 @@ POSES = (50, 150, 625)  #: of the calibration, in the table of intervals
 TOUCH_OFF = (0.0, 0.0, -0.4, 0.0)
 
 
-def at_bar(robot: tp.Robot) -> tp.Robot:
-    """θ read between the central bar and lateral bar 1, as it is built."""
-    sensors = tuple(
-        s.model_copy(update={"bar": 1}) if s.name == "theta" else s for s in robot.spec.sensor
-    )
-    return tp.Robot(robot.spec.model_copy(update={"sensor": sensors}))
-
-
 def ratios(error: np.ndarray, bound: np.ndarray) -> str:
     """Root mean square over the bound's, one a coordinate."""
     rms = np.sqrt((error**2).mean(axis=(0, 1)) / np.einsum("kii->ki", bound).mean(axis=0))
@@ -77,7 +69,7 @@ COVERED = tuple(f"{poses} poses: x, y, z, θ" for poses in POSES)
 def one(task: tuple[str, str, int, int]) -> trials.Trials:
     """Run the trials of one kind of robot with one set of sensors."""
     kind, sensors, poses, robots = task
-    h4, table, rng = at_bar(tp.load("h4")), article.table2(), np.random.default_rng(5)
+    h4, table, rng = tp.load("h4"), article.table2(), np.random.default_rng(5)
     box = h4.spec.workspace
     others = rng.uniform(box.minimum, box.maximum, (200, 4))
     visited = table if poses == len(table) else table[rng.permutation(len(table))[:poses]]

@@ -210,18 +210,10 @@ CASES = {
 }
 
 
-def at_bar(robot):
-    """θ read between the central bar and lateral bar 1, as it is built."""
-    sensors = tuple(
-        s.model_copy(update={"bar": 1}) if s.name == "theta" else s for s in robot.spec.sensor
-    )
-    return tp.Robot(robot.spec.model_copy(update={"sensor": sensors}))
-
-
 @pytest.fixture(scope="module", params=CASES)
 def many(request, h4, table2, robots_drawn):
     names, options, gain = CASES[request.param]
-    robot = at_bar(h4).with_sensors(*names)
+    robot = h4.with_sensors(*names)
     box = robot.spec.workspace
     others = np.random.default_rng(5).uniform(box.minimum, box.maximum, (200, 4))
     return trials.run(robot, table2, TOUCH_OFF, others, robots_drawn, **options), gain
@@ -294,7 +286,7 @@ def test_intervals_hold_the_truth(many):
 )
 def test_the_ideal_level_never_states_too_little(h4, table2, robots_drawn, names, true_level):
     """One rod a chain, what that leaves out counted: on real robots and on those of paper."""
-    robot = at_bar(h4).with_sensors(*names)
+    robot = h4.with_sensors(*names)
     box = robot.spec.workspace
     others = np.random.default_rng(5).uniform(box.minimum, box.maximum, (200, 4))
     count = robots_drawn // 2

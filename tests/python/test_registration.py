@@ -276,7 +276,7 @@ def test_partly_measured_poses_count_as_far_as_they_go(h4, anywhere, rng):
 
 @pytest.mark.parametrize("level", ["ideal", "full"])
 def test_the_experiments_own_log_calibrates_at_the_defaults(h4, tmp_path, level):
-    """docs/experiment.md's twin, whose vision frame is 1.9° and 20 mm off the base."""
+    """docs/experiment.md's twin, whose vision frame is 1.2° and 10 mm off the base."""
     from truepose import logs
     from truepose.paper import twin
 

@@ -207,7 +207,7 @@ def test_what_a_robot_refuses_is_told_and_what_fails_is_named():
 
     found = tp.study(far, "3rrr", 2, workers=0)
     assert found.failed.all() and "unreachable" in found.columns["error"][0]
-    assert found.table().rows == [["3rrr", "–", "2", "2", "", ""]]
+    assert found.table().rows == [["3rrr", "–", "2", "2", "", "", ""]]
     for wrong, said in (
         (lambda case: {"ratio": 1 / 0}, r"case 0 \(robot 3rrr, number 0\): ZeroDivisionError"),
         (lambda case: 3, "answer 3: must be a mapping"),

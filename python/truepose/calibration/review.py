@@ -249,9 +249,14 @@ def predicted(result: Assessment) -> Table:
             cells.append(number(PRINT[unit][0] * float(np.sqrt(mean[k]))))
         rows.append([f"{how}, {when}", *cells])
     names = {"theta": "θ"}
-    header = [f"rms, {result.where}", f"{total.name}, {PRINT[total.unit][1]}"]
+    header = ["1σ bound", f"{total.name}, {PRINT[total.unit][1]}"]
     header += [f"{names.get(c, c)}, {PRINT[unit][1]}" for c, unit in robot.coordinates]
-    return Table("accuracy", "Predicted error of the pose from all readings", header, rows)
+    count = len(result.accuracy["after", "absolute"])
+    title = (
+        f"Predicted error of the pose, rms over {count} poses {result.where.removeprefix('over ')}"
+    )
+    title += f"; calibrated on {int(counted(result).sum())} poses"
+    return Table("accuracy", title, header, rows)
 
 
 def registration_table(fit: Fit) -> Table | None:

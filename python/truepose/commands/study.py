@@ -11,8 +11,17 @@ import typer
 from truepose.commands.options import How, Seed, SensorSet, load_with
 from truepose.exceptions import InputError
 from truepose.show.terminal import Format, say, show
+from truepose.studies.functions import ASKED, LEARNT
 from truepose.studies.study import study
 from truepose.studies.workers import On
+
+#: What the numbers of ready questions are.
+MEANING = {
+    "calibration": f"Each robot's rms over {ASKED} poses, calibrated on other poses ({LEARNT} where"
+    " the grid names no number); bound: 1σ rms of the same poses. Compare the column rms: a robot's"
+    " errors scatter about its bound, so medians differ.",
+    "rest": f"Each robot's rms over {ASKED} poses of its workspace, at rest: true less desired.",
+}
 
 
 def command(
@@ -51,7 +60,7 @@ def command(
     ] = None,
     how: How = Format.table,
 ) -> None:
-    """Ask one question of many robots drawn from their tolerances; medians and 95 %.
+    """Ask one question of many robots drawn from their tolerances; rms, medians and 95 %.
 
     Numbers do not depend on how many workers there are. A study that was ended goes on from there.
 
@@ -87,6 +96,8 @@ def command(
     if missing := int(found.unanswered.sum()):
         said = [*found.columns["error"][found.failed], "a result is not finite (NaN)"]
         say(f"{missing} of {len(found)} cases had no answer; the first: {said[0]}", err=True)
+    if function in MEANING:
+        say(MEANING[function], how)
     if out:
         say(f"Kept in {out}", how)
 

@@ -134,6 +134,8 @@ def write(
             "drawn": float(np.median(result.experiment.tables["joint"][:, 3, 2])),
         },
         norm=float(np.median(np.sqrt(result.experiment.ratio("norm_xyz", "sum_sq")))),
+        norms=np.percentile(np.sqrt(result.experiment.ratio("norm_xyz", "sum_sq")), [5, 95]),
+        promised=sensor_sets.promised(result.robot, result.sensing[0], result.seed),
         left=experiment.theta_law(result.robot, result.experiment.poses),
         errors=article.simulation_errors(),
         machined=sensor_sets.MACHINED,

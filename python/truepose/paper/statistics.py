@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.stats import t
 
 from truepose.arguments import Array
 from truepose.exceptions import InputError
@@ -84,3 +85,36 @@ def interval(statistic: Callable[..., Array], *each: Array) -> tuple[float, floa
     drawn = np.random.default_rng(0).integers(count, size=(_DRAWS, count))
     low, high = np.nanpercentile(statistic(*(values[drawn] for values in each)), [5, 95])
     return float(low), float(high)
+
+
+def rms_interval(each: Array, under: Array | None = None) -> tuple[float, float]:
+    """90 % interval of the rms over all robots of a kind, from the few that were drawn.
+
+    The mean squares are averages of independent robots. The logarithm of their root is nearly
+    normal; its scatter comes from the robots' influences and its quantile from Student's t. A
+    bootstrap's percentiles are a few percent too narrow here: a robot's squared error has only two
+    to three effective degrees of freedom.
+
+    Parameters
+    ----------
+    each : ndarray, shape (robots,)
+        Rms of each robot.
+    under : ndarray, shape (robots,), optional
+        Rms of the same robots; the interval is then that of the ratio `each` / `under`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> errors = np.random.default_rng(0).normal(size=400)
+    >>> low, high = rms_interval(errors)
+    >>> bool(low < over_robots(errors) < high), round(high - low, 1)
+    (True, 0.1)
+    """
+    size = over_robots(each)
+    influence = 0.5 * np.square(each / size)
+    if under is not None:
+        influence = influence - 0.5 * np.square(under / over_robots(under))
+        size = size / over_robots(under)
+    count = len(each)
+    reach = float(t.ppf(0.95, count - 1) * influence.std(ddof=1) / np.sqrt(count))
+    return float(size * np.exp(-reach)), float(size * np.exp(reach))

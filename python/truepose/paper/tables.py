@@ -139,9 +139,9 @@ def sensing(lines: list[Line]) -> Table:
     header = ["position rms (mm)", "usual", "redundant, TEJ", "weighted, TEJ", "self-calibrated"]
     header += ["bound", "gain"]
     count = len(lines[0].each["joint"])
-    title = "A real robot, every rod by itself, which uses its sensors fully"
-    if count > 1:
-        title = f"The same sensor, used fully: {count} robots a line, every rod by itself [5, 95 %]"
+    kind = "one robot" if count == 1 else f"{count} robots a line [90 % intervals]"
+    learnt = len(article.table2())
+    title = f"Position after self-calibration on {learnt} poses: {kind}, full level"
     return Table("sensing", title, header, rows)
 
 

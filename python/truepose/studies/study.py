@@ -52,7 +52,7 @@ class Study:
         return ~self.failed & np.isfinite(self.columns[name].astype(float))
 
     def table(self) -> Table:
-        """Median and 95 % of every number, for each robot and point of the grid.
+        """Rms, median and 95 % of every number, for each robot and point of the grid.
 
         Cases without an answer are counted, and are no part of the median.
         """
@@ -63,13 +63,14 @@ class Study:
             these = np.array([word == point for word in words])
             for name in self._numbers if (these & ~self.failed).any() else ["–"]:
                 answered = these & self._finite(name) if name in self.columns else these[:0]
-                spread = [number(None), number(None)]
+                spread = [number(None)] * 3
                 if answered.any():
                     values = self.columns[name][answered].astype(float)
-                    spread = [number(float(np.percentile(values, part))) for part in (50, 95)]
+                    parts = (np.sqrt(np.mean(values**2)), *np.percentile(values, (50, 95)))
+                    spread = [number(float(part)) for part in parts]
                 count = int(these.sum())
                 rows.append([*point, name, str(count), str(count - answered.sum()), *spread])
-        head = [*keys, "asked", "robots", "no answer", "median", "95 %"]
+        head = [*keys, "asked", "robots", "no answer", "rms", "median", "95 %"]
         title = f"Results over {len(self)} {'cases' if self.grid else 'robots'} "
         title += f"({self.unanswered.sum()} without an answer)"
         return Table("study", title, head, rows)

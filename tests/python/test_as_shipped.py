@@ -1,0 +1,67 @@
+"""Claims about shipped robots are made from the files that are shipped."""
+
+import ast
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import truepose as tp
+from truepose.simulation.true_robots import with_tolerance_errors
+
+ROOT = Path(__file__).parents[2]
+#: Where a sensor is mounted and how it reads: only the robot file says so.
+GEOMETRY = {"bar", "gear", "origin", "chain", "axis", "kind", "target", "anchor"}
+CLAIMS = [
+    *ROOT.glob("benchmarks/*.py"),
+    *ROOT.glob("python/truepose/paper/*.py"),
+    *ROOT.glob("tools/*.py"),
+    *ROOT.glob("examples/*.py"),
+    *(ROOT / f"tests/python/test_{of}.py" for of in ("bound", "twin", "errata", "reproduce")),
+]
+
+
+def edits(text):
+    """Keys that code gives to model_copy(update={...}), literal ones."""
+    for call in ast.walk(ast.parse(text)):
+        if isinstance(call, ast.Call) and getattr(call.func, "attr", "") == "model_copy":
+            for update in (k.value for k in call.keywords if k.arg == "update"):
+                if isinstance(update, ast.Dict):
+                    yield from (k.value for k in update.keys if isinstance(k, ast.Constant))
+
+
+def test_nothing_mounts_a_shipped_robots_sensor_elsewhere_before_a_claim():
+    patched = [f"{p.name}: {GEOMETRY & set(edits(p.read_text('utf-8')))}" for p in CLAIMS]
+    assert len(CLAIMS) > 40
+    assert [line for line in patched if not line.endswith("set()")] == []
+    pages = [*ROOT.glob("docs/**/*.md"), *ROOT.glob("robots/*/README.md"), ROOT / "README.md"]
+    assert [p.name for p in pages if '"sensor": ' in p.read_text("utf-8")] == []
+
+
+def test_a_patch_is_found():
+    assert list(edits('s.model_copy(update={"bar": 1})')) == ["bar"]
+
+
+@pytest.mark.parametrize("name", ["h4", "h4-lirmm-twin"])
+def test_theta_is_read_at_the_tools_pivot_joint(name):
+    assert next(s for s in tp.load(name).spec.sensor if s.name == "theta").bar == 1
+
+
+def test_a_log_of_the_real_encoder_is_calibrated_as_accurately_as_stated(h4, table2):
+    """The encoder at lateral bar 1 on true robots at the full level."""
+    rng, over, inside = np.random.default_rng(2), [], []
+    for seed in range(20):
+        true = with_tolerance_errors(h4, seed).with_level("full")
+        learnt, others = np.split(rng.permutation(table2)[:90], [60])
+        learnt = learnt + rng.uniform(-5e-4, 5e-4, learnt.shape)
+        bars = true.parasitic(others)[:, 2]
+        x, q_e = others, true.read(others, seed=seed + 100)
+        assert np.abs(q_e[:, 4] - (x[:, 3] - true.parameters["theta.offset"].value)).max() > (
+            0.5 * np.abs(bars).max() - 1e-4
+        )  # the bar's turn is in the reading
+        found = tp.calibrate(h4, true.read(learnt, seed=seed)).robot.estimate(q_e, guess=x)
+        off = (found.x - x)[:, 3] / np.sqrt(found.covariance[:, 3, 3])
+        over.append((off**2).mean())
+        inside.append((np.abs(off) < 1.96).mean())
+    assert 0.6 < np.sqrt(np.mean(over)) < 1.4
+    assert np.mean(inside) > 0.85
