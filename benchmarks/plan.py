@@ -7,7 +7,8 @@
 planned poses of 2000 candidates, and on as many drawn evenly from the workspace box: median of the
 sets, 5 to 95 % of them, how many of them the plan beats; and how long the plan took. With --drawn N
 also what N robots, drawn from their tolerances, err by once each has calibrated itself on the
-planned poses and on one random set: root mean square in mm over the same, beside the promise.
+planned poses and on one random set: root mean square in mm over the same, beside the promise, and
+how many estimates had no answer.
 
 --logged N plans on a real log instead: N of Jugglebot's 108 poses, by the robot file and the σ of
 benchmarks/held_out.py; where they are, the motors and the drawing say. Gains and all else are
@@ -62,17 +63,22 @@ def random_sets(robot: tp.Robot, count: int, sets: int) -> list[np.ndarray]:
     return [x[k * count : (k + 1) * count] for k in range(min(sets, len(x) // count))]
 
 
-def erred(robot: tp.Robot, over: np.ndarray, visited: np.ndarray, robots: int) -> float:
-    """What drawn robots err by, mm, once calibrated at these poses."""
-    at, squares = over[:: max(len(over) // 60, 1)], []
+def erred(
+    robot: tp.Robot, over: np.ndarray, visited: np.ndarray, robots: int
+) -> tuple[float, int, int]:
+    """Position error of drawn robots calibrated at these poses, mm; estimates lost, and asked."""
+    at, squares, lost, asked = over[:: max(len(over) // 60, 1)], [], 0, 0
     for seed in range(robots):
         true = with_tolerance_errors(robot, seed)
         true = true.with_level(true.finest_level)
         fit = tp.calibrate(robot, true.read(visited, seed))
         readings = true.read(at, seed + 10**6, "nan")
-        squares.append((fit.robot.estimate(readings, guess=at, errors="nan").x - at) ** 2)
-    found = np.concatenate(squares)
-    return position(robot, found[np.isfinite(found).all(axis=1)])
+        reached = np.isfinite(readings).all(axis=1)  # by the true robot
+        x = fit.robot.estimate(readings[reached], guess=at[reached], errors="nan").x
+        good = np.isfinite(x).all(axis=1)
+        squares.append((x - at[reached])[good] ** 2)
+        lost, asked = lost + int((~good).sum()), asked + len(good)
+    return position(robot, np.concatenate(squares)), lost, asked
 
 
 def logged(count: int, sets: int) -> None:
@@ -144,8 +150,11 @@ def main() -> None:
             if asked.drawn:
                 poses = np.array(plan.poses)
                 for visited, promise in ((poses, after), (sets[0], others[0])):
-                    real = erred(robot, plan.over, visited, asked.drawn)
-                    cells.append(f"{real:.3g} ({real / promise:.2f} of the promise)")
+                    real, lost, tried = erred(robot, plan.over, visited, asked.drawn)
+                    cells.append(
+                        f"{real:.3g} ({real / promise:.2f} of the promise; "
+                        f"{lost} of {tried} without an answer)"
+                    )
             print("| " + " | ".join(cells) + " |", flush=True)
 
 

@@ -265,12 +265,20 @@ chain = 1
 """
 
 
-def test_rods_along_their_rail_are_asked_which_way_they_lie_apart(checked):
-    robot, told = checked(re.sub(r" PAIR\d", "", ORTHOGLIDE))
+@pytest.mark.parametrize("base", [None, "0, 0, 0"], ids=["rails apart", "rails from the home"])
+def test_rods_along_their_rail_are_asked_which_way_they_lie_apart(checked, run, base):
+    text = re.sub(r" PAIR\d", "", ORTHOGLIDE)
+    text = text if base is None else re.sub(r"base = \[.*?\]", f"base = [{base}]", text)
+    robot, told = checked(text)
     assert robot is None
-    assert (
-        "chain 1: its rail and its rods are parallel at home: say" in told and "pair_axis" in told
-    )
+    asked = "chain 1: its rail and its rods are parallel at home: say"
+    assert asked in told and "pair_axis" in told
+    for command in ("check", "info", "accuracy"):  # in the folder that `checked` writes to
+        status, _, said = run(command, "robot.toml")
+        assert status and asked in said and said.count("\n") == 1
+
+
+def test_an_orthoglide_whose_file_says_it_is_a_robot(checked):
     pairs = {"1": "0, 1, 0", "2": "0, 0, 1", "3": "1, 0, 0"}
     text = re.sub(r" PAIR(\d)", lambda m: f", pair_axis = [{pairs[m[1]]}]", ORTHOGLIDE)
     robot, told = checked(text)

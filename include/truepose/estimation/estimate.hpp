@@ -24,6 +24,10 @@ inline constexpr Real kLastStep = by_precision(1e-10, 1e-5);
 /// coordinate, steps may shrink by no more than a tenth, and what is left is a few hundredths of σ.
 inline constexpr Real kLateStep = 1e-5;
 
+/// χ² that a step may still promise where the steps end: less than readings tell apart. Where they
+/// hardly hold a coordinate, curvature lets Gauss-Newton creep along it, well within σ.
+inline constexpr Real kFlat = 0.5;
+
 /// Share of a slope of the readings that the elastic full level may leave out: its derivatives hold
 /// the stress of the rods as it is (full/full.hpp). Of whitened readings, which decide on a step, this
 /// is up to 0.04 on Par4s that were calibrated.
@@ -295,6 +299,12 @@ Estimate<K> estimate_from(const Robot& robot, const Knowledge& known, const Exte
     Coordinates whole = step;
     for (Real& entry : whole) entry *= length;
     at = moved<K>(base, whole);
+    if (result.iterations == cap && std::max(promised, last) < kFlat) {
+      result.chi2 = cost;
+      result.covariance = fusion.covariance;
+      pose = base;
+      return result;
+    }
     if (!all_finite(whole, n) || result.iterations == cap) {
       result.outcome = {Status::not_converged, -1};
       break;
