@@ -122,6 +122,8 @@ def print_slow(robots: list[dict]) -> None:
         rest, moving = 1e3 * np.array(resting).T
         ratio = moving / rest
         beyond = f"{(ratio > TIMES).sum()} of {len(rest)}"
+        if lost := len(robots) - len(rest):
+            beyond += f" ({lost} more without an answer at rest)"
         more = np.sqrt(np.maximum(moving**2 - rest**2, 0)).max()
         cells = np.median(rest), np.median(moving), np.median(ratio), ratio.max()
         row(law, *(f"{cell:.3g}" for cell in cells), beyond, f"{more:.2g}")

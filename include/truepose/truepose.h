@@ -35,7 +35,7 @@ extern "C" {
 #endif
 
 /** Of the tables and functions below. A library loads only tables of its own version. */
-#define TRUEPOSE_ABI 2
+#define TRUEPOSE_ABI 3
 
 /** Of every number. Libraries in single precision are built with TRUEPOSE_SINGLE, and so is what
  * calls them; a table of the other precision is TRUEPOSE_OTHER_VERSION. */
@@ -547,9 +547,9 @@ TRUEPOSE_API size_t truepose_guard_size(void);
 TRUEPOSE_API truepose_outcome truepose_begin_guard(truepose_guard* guard, size_t size,
                                                    const truepose_watch_settings* settings);
 
-/** As truepose_control(), with the readings watched: what is not believed is replaced. A motor whose
- * brake is asked for gets its feed-forward alone; once all brakes are asked for, all torques are
- * those of gravity at rest. Both last until truepose_restore().
+/** As truepose_control(), with the readings watched: what is not believed is replaced. A motor
+ * whose brake is asked for gets its feed-forward alone; once all brakes are asked for, all torques
+ * are those of gravity at rest. Both last until truepose_restore().
  *
  * @param finest  the robot as the watch understands it; null: `model`
  * @param known   of that robot; the controller's law weighs by it too

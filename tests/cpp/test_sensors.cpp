@@ -178,6 +178,7 @@ void for_each_with_sensors(F&& f) {
       change(robot, i, ChainParameter::tilt, 0.002 * (2 - i));
       change(robot, i, ChainParameter::rod_difference, 2e-5 * (i + 1));
     }
+    robot.gravity = Vec3(2, -1, -9);  // of a base that does not stand upright
     std::vector<Sensor> all = sensors_of(robot, mobility());
     for (std::size_t k = 0; k < all.size(); ++k)
       if (rotary(all[k])) spin(all[k].eccentricity, 0.02, k % 2 ? 4 : 1);

@@ -12,8 +12,8 @@
 
 #include "truepose/truepose.h"
 
-#if TRUEPOSE_ABI != 2
-#error These tables are of version 2 of truepose.h
+#if TRUEPOSE_ABI != 3
+#error These tables are of version 3 of truepose.h
 #endif
 
 static const truepose_description five_bar = {
@@ -128,8 +128,8 @@ static const truepose_control_settings five_bar_control = {
 
 #include "truepose/truepose.h"
 
-#if TRUEPOSE_ABI != 2
-#error These tables are of version 2 of truepose.h
+#if TRUEPOSE_ABI != 3
+#error These tables are of version 3 of truepose.h
 #endif
 
 static const truepose_description robot_3rrr = {
@@ -274,8 +274,8 @@ static const truepose_control_settings robot_3rrr_control = {
 
 #include "truepose/truepose.h"
 
-#if TRUEPOSE_ABI != 2
-#error These tables are of version 2 of truepose.h
+#if TRUEPOSE_ABI != 3
+#error These tables are of version 3 of truepose.h
 #endif
 
 static const truepose_description linear_delta = {
@@ -419,8 +419,8 @@ static const truepose_control_settings linear_delta_control = {
 
 #include "truepose/truepose.h"
 
-#if TRUEPOSE_ABI != 2
-#error These tables are of version 2 of truepose.h
+#if TRUEPOSE_ABI != 3
+#error These tables are of version 3 of truepose.h
 #endif
 
 static const truepose_description h4 = {
@@ -1140,8 +1140,8 @@ static const truepose_watch_settings h4_watch = {
 
 #include "truepose/truepose.h"
 
-#if TRUEPOSE_ABI != 2
-#error These tables are of version 2 of truepose.h
+#if TRUEPOSE_ABI != 3
+#error These tables are of version 3 of truepose.h
 #endif
 
 static const truepose_description stewart = {
@@ -1373,8 +1373,8 @@ static const truepose_control_settings stewart_control = {
 
 #include "truepose/truepose.h"
 
-#if TRUEPOSE_ABI != 2
-#error These tables are of version 2 of truepose.h
+#if TRUEPOSE_ABI != 3
+#error These tables are of version 3 of truepose.h
 #endif
 
 static const truepose_description g1_ankle = {

@@ -29,8 +29,8 @@ inline constexpr Real kLateStep = 1e-5;
 inline constexpr Real kFlat = 0.5;
 
 /// Share of a slope of the readings that the elastic full level may leave out: its derivatives hold
-/// the stress of the rods as it is (full/full.hpp). Of whitened readings, which decide on a step, this
-/// is up to 0.04 on Par4s that were calibrated.
+/// the stress of the rods as it is (full/full.hpp). Of whitened readings, which decide on a step,
+/// this is up to 0.04 on Par4s that were calibrated.
 inline constexpr Real kElasticSlope = 0.1;
 
 /// Whether a Gauss-Newton step is the last.
@@ -245,13 +245,13 @@ Estimate<K> estimate_from(const Robot& robot, const Knowledge& known, const Exte
     // Where readings disagree by many σ, their curvature times that overshoots: a step that lowers
     // the cost by less than a quarter of what it promised is shortened to where the parabola of
     // both costs and the first slope is least, below 4/7 of it.
-    // Where slopes are inexact the cost may rise along it by what they leave out, 2 |whitened| times
-    // their share of the promised change of the readings.
+    // Where slopes are inexact the cost may rise along it by what they leave out, 2 |whitened|
+    // times their share of the promised change of the readings.
     const Real inexact =
         2 * slope * length * std::sqrt(std::min(cost, next) * std::max(promised, Real(0)));
-    const bool shorter =
-        next > cost - 0.25 * length * promised + by_precision(1e-12, 1e-5) * cost + 1e-9 + inexact &&
-        std::isfinite(cost) && length > 1e-3;
+    const bool shorter = next > cost - 0.25 * length * promised + by_precision(1e-12, 1e-5) * cost +
+                                    1e-9 + inexact &&
+                         std::isfinite(cost) && length > 1e-3;
     if (shorter) {
       length *= std::max(Real(0.1), length * promised / (next - cost + 2 * length * promised));
     } else {
@@ -299,7 +299,7 @@ Estimate<K> estimate_from(const Robot& robot, const Knowledge& known, const Exte
     Coordinates whole = step;
     for (Real& entry : whole) entry *= length;
     at = moved<K>(base, whole);
-    if (result.iterations == cap && std::max(promised, last) < kFlat) {
+    if (result.iterations == kEstimateIterations && std::max(promised, last) < kFlat) {
       result.chi2 = cost;
       result.covariance = fusion.covariance;
       pose = base;

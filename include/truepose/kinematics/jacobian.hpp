@@ -149,7 +149,8 @@ inline bool other_mode(const Robot& robot, const Jacobians<K>& jacobians) {
 }
 
 /// Checks a robot's counts, indices and enums, and fills what it derives from its own data
-/// (assembly_sign, limited, encoders that err, the vertical). Call after building and after every change.
+/// (assembly_sign, limited, encoders that err, the vertical). Call after building and after every
+/// change.
 ///
 /// A robot that passes the check is finished, also one whose home has no regular pose: its inverse
 /// model still answers, its assembly mode is then not asked for.

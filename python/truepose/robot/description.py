@@ -364,7 +364,10 @@ class Description:
         return self._with(sensors=names)
 
     def with_gravity(self, gravity: tuple[float, float, float]) -> Self:
-        """Return a copy under another gravity, m/s², base frame; (0, 0, 0) switches it off."""
+        """Return a copy under another gravity, m/s², base frame; (0, 0, 0) switches it off.
+
+        Inclinometers read against it, and against z where it is off.
+        """
         if len(gravity) != 3 or not all(map(math.isfinite, gravity)):
             raise InputError(f"gravity = {gravity}: must be three finite numbers, m/s²")
         return self._with(gravity=tuple(gravity))
