@@ -97,9 +97,18 @@ class Machine:
         self.settle()
 
     def settle(self, seconds=SETTLES):
-        """Let the drives come to rest: so many servo cycles, however busy the computer is."""
-        end = value("integ.0.out") + seconds
-        self.wait(lambda: value("integ.0.out") >= end, f"{seconds} s of servo cycles")
+        """Let the drives come to rest: so many s of servo cycles in which no command moves."""
+        last, end = None, 0.0
+
+        def rests():
+            nonlocal last, end
+            told = [value(f"joint.{j}.pos-cmd") for j in range(self.joints)]
+            now = value("integ.0.out")
+            if told != last:
+                last, end = told, now + seconds
+            return now >= end
+
+        self.wait(rests, f"{seconds} s of servo cycles at rest")
 
 
 def value(name):
