@@ -85,7 +85,7 @@ def learning() -> bool:
     x_d, others = table2[:ASKED], table2[ASKED : ASKED + LEARNT_AT]
     what = job("redundant", x_d[:0], True) | {"refused": [], "circle": [], "cycles": CYCLES}
     what["clocks"] = [*CLOCKS, "truepose_tej.lines"]
-    what["pins"] |= {"truepose_tej.use-learnt": 0} | accepted(robot)
+    what["pins"] |= {"truepose_tej.use-learnt": 0, "truepose_tej.watch": 0} | accepted(robot)
     says = ("lines", "lines-left-out", "fault", *(f"pose-sigma.{k}" for k in range(4)))
     what["asked"] = [f"truepose_tej.{name}" for name in says]
     begins = [pin("use-learnt", 1), pin("learn", 1)]
@@ -97,7 +97,7 @@ def learning() -> bool:
         samples(folder, 6000, "ssu", *nets, "lines truepose_tej.lines")
         one = headless(folder, what)
         next_day = job("redundant", x_d[:0], True) | {"refused": [], "circle": [], "clocks": []}
-        next_day["pins"] |= accepted(robot)
+        next_day["pins"] |= {"truepose_tej.watch": 0} | accepted(robot)
         other = headless(folder, next_day | {"poses": visits(x_d)})
     for found in (one, other):
         if "error" in found:

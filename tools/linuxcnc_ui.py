@@ -15,7 +15,7 @@ import hal
 import linuxcnc
 
 HERE = Path(__file__).resolve().parent
-SETTLES, PATIENCE = 0.4, 20.0  # s
+SETTLES, PATIENCE = 0.4, 20.0  # s: of servo cycles, and at most of a wall's clock
 LOOKS = 1.2  # s, for a step of what drives are told
 
 
@@ -94,7 +94,21 @@ class Machine:
         """Run a line to its end; `each` is called on the way."""
         self.begin(line)
         self.wait(lambda: (each and each(), self.still())[1], line)
-        time.sleep(SETTLES)
+        self.settle()
+
+    def settle(self, seconds=SETTLES):
+        """Let the drives come to rest: so many s of servo cycles in which no command moves."""
+        last, end = None, 0.0
+
+        def rests():
+            nonlocal last, end
+            told = [value(f"joint.{j}.pos-cmd") for j in range(self.joints)]
+            now = value("integ.0.out")
+            if told != last:
+                last, end = told, now + seconds
+            return now >= end
+
+        self.wait(rests, f"{seconds} s of servo cycles at rest")
 
 
 def value(name):
@@ -109,7 +123,12 @@ def truth(joints):
 
 def setp(pin, wanted):
     """Set a pin that nothing writes to."""
-    subprocess.run(["halcmd", "setp", pin, str(wanted)], check=True)
+    halcmd("setp", pin, str(wanted))
+
+
+def halcmd(*words):
+    """Tell HAL."""
+    subprocess.run(["halcmd", *words], check=True)
 
 
 def clocks(cycles, names, meanwhile):
@@ -134,7 +153,7 @@ def steps(events, machine, looks):
         sampler = subprocess.Popen(["halsampler", "-t"], stdout=samples)
         setp("sampler.0.enable", 1)
         for k, (_, pins) in enumerate(events):
-            subprocess.run(["halcmd", "sets", "event", str(k)], check=True)
+            halcmd("sets", "event", str(k))
             for pin in pins:
                 setp(*pin) if pin else machine.off_and_on()
             time.sleep(LOOKS)
@@ -171,8 +190,7 @@ def switched(wanted, machine, joints):
         for k in range(wanted["times"] + 1):
             if k > 0:
                 machine.off_and_on(stopped=k % 2 == 0)
-            time.sleep(SETTLES)
-            machine.state.poll()
+            machine.settle()
             true.append(truth(joints))
             shown.append(list(machine.state.actual_position))
         found["true"].append(true)
@@ -182,11 +200,11 @@ def switched(wanted, machine, joints):
     machine.go(wanted["away"])
     machine.home()
     for wait in (0.0, SETTLES):
-        time.sleep(wait)
+        machine.settle(wait)
         found["true"].append([truth(joints)])
     found["asked"] = [value(name) for name in wanted["asked"]]
     setp("truepose_tej.reset", 1)
-    time.sleep(SETTLES)
+    machine.settle()
     found["acknowledged"] = [value(name) for name in wanted["asked"]]
     return found
 
@@ -250,6 +268,9 @@ def main():
     job = json.loads((HERE / "job.json").read_text())
     own = hal.component("truepose_ui")  # whoever reads pins must be one
     own.ready()
+    halcmd("loadrt", "integ")  # of 1: s of servo cycles
+    halcmd("addf", "integ.0", "servo-thread")
+    setp("integ.0.in", 1)
     machine = Machine(job["joints"])
     try:
         found = run(job, machine)
