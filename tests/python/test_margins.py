@@ -239,7 +239,7 @@ def test_the_command_looks_at_gains_of_ones_own_and_names_what_is_unstable(run):
         (("h4", "--gains", "1,2,3,4"), "--gains 1,2,3,4: must be POLES[,FILTER[,DAMPING]]"),
         (("h4", "--gains", "fast"), "--gains fast: must be POLES[,FILTER[,DAMPING]]"),
         (("h4", "--effects", "wind"), "--effects: unknown effect 'wind'"),
-        (("five-bar", "--law", "cartesian"), "five-bar: the redundant FKM needs"),
+        (("five-bar", "--law", "cartesian"), "five-bar: law 'cartesian' needs a redundant sensor"),
     ],
 )
 def test_a_question_that_cannot_be_answered_is_one_line(run, tmp_path, words, message):

@@ -221,7 +221,7 @@ def test_a_robot_is_saved_in_the_place_of_robots_only(h4, tmp_path, kind):
 
 @pytest.mark.parametrize("ending", ["csv", "parquet", "mcap"])
 def test_a_log_replaces_logs_only(h4, tmp_path, ending):
-    run, path = tp.simulate(h4, duration=0.01, hold=0.0), tmp_path / f"log.{ending}"
+    run, path = tp.simulate(h4, duration=0.1, hold=0.0), tmp_path / f"log.{ending}"
     logs.write(run, path)
     logs.write(run, path)
     path.write_bytes(b"q1,q2\n0,0\n")

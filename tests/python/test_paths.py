@@ -270,7 +270,7 @@ def test_a_law_of_ones_own_sees_the_cycle_and_commands_the_motors(h4, truth):
 
 def test_a_law_of_ones_own_stays_within_the_motors_limits_and_says_what_is_wrong(h4):
     limit = h4.spec.chain[0].torque_limit
-    run = tp.simulate(h4, law=lambda cycle: [1e3, -1e3, 0, 0], duration=0.01, hold=0)
+    run = tp.simulate(h4, law=lambda cycle: [1e3, -1e3, 0, 0], duration=0.1, hold=0)
     assert run.torque[0].tolist() == [limit, -limit, 0, 0]
     with pytest.raises(tp.InputError, match=r"^law: returns shape \(3,\), must be \(4,\)"):
         tp.simulate(h4, law=lambda cycle: [0, 0, 0])

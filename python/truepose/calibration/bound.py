@@ -85,7 +85,7 @@ def accuracy(
     1.07
     >>> P = tp.accuracy(h4, poses, calibrated_on=poses, touch_off=h4.home)
     >>> print((1e3 * np.sqrt(np.trace(P[:, :3, :3], axis1=1, axis2=2).mean())).round(2))
-    0.17
+    0.16
     """
     knowledge.require_uncertain(robot)
     model = robot.expected()

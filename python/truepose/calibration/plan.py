@@ -146,7 +146,7 @@ def plan(
     >>> import truepose as tp
     >>> plan = tp.plan(tp.load("h4").with_sensors("theta", "z_telemeter"), 20)
     >>> print((1e3 * plan.sigma[[0, 10, 20], -1]).round(2))  # mm: before, after 10, after 20
-    [5.02 0.75 0.7 ]
+    [5.02 0.77 0.71]
     >>> print(plan.poses.shape, plan.gain < 0.95)
     (20, 4) True
     """

@@ -76,7 +76,7 @@ def to_table(robot: Robot, controller: Controller, watch: Watch) -> bytes:
             )
         blocks |= {
             b"fine": _core.c_description_bytes(robot.finest.core),
-            b"wtch": _core.c_watch_bytes(watch.guarding(robot, controller)),
+            b"wtch": _core.c_watch_bytes(watch.guarding(robot, controller, still_sensors=False)),
             b"sigm": np.asarray(sigma, dtype=float).tobytes(),
             b"colm": np.asarray(column, dtype=np.int32).tobytes(),
             b"root": np.asarray(root, dtype=float).tobytes(),

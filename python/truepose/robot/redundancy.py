@@ -29,7 +29,7 @@ class Estimate(NamedTuple):
     >>> import truepose as tp
     >>> robot = tp.load("h4").with_sensors("theta", "z_telemeter").expected()
     >>> robot.estimate(robot.extended([0.05, 0.01, -0.4, 0.2]))
-    x = 0.05 ± 0.0034, 0.01 ± 0.0034, -0.4 ± 0.0002, 0.2 ± 0.00035; chi2 = 0; ok
+    x = 0.05 ± 0.0034, 0.01 ± 0.0034, -0.4 ± 0.0002, 0.2 ± 0.0024; chi2 = 0; ok
     >>> robot.estimate(robot.extended([[0.05, 0.01, -0.4, 0.2]] * 3))
     3 estimates, 3 ok; σ, rms: 0.0034, 0.0034, 0.0002, 0.00035
     """
@@ -264,7 +264,7 @@ class Redundancy(Kinematics):
         ...     print(law, robot.leakage(x, law)[3, [2, 4]].round(3) + 0.0)
         joint [2.546 0.   ]
         redundant [ 0.186 -0.927]
-        weighted [ 0. -1.]
+        weighted [ 0.001 -0.999]
         """
         if law not in _core.laws:
             raise InputError(choose("law", law, _core.laws))

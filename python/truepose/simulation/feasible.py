@@ -29,10 +29,10 @@ def require_feasible_move(
     Examples
     --------
     >>> import truepose as tp
-    >>> tp.simulate(tp.load("h4"), duration=0.02)
+    >>> tp.simulate(tp.load("h4"), duration=0.02)  # doctest: +ELLIPSIS
     Traceback (most recent call last):
         ...
-    truepose.exceptions.PoseError: h4: move at t = 0.0004 s: motor 1 would need 99.9 N·m
+    truepose.exceptions.PoseError: h4: move ... N·m, at most 30: allow a duration of at least 0.0829 s
     """
     try:
         robot.ikm(end, own_mode=True)

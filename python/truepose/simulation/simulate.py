@@ -145,7 +145,7 @@ class Simulation:
         >>> import truepose as tp
         >>> tp.simulate(tp.load("delta")).status
         'ok'
-        >>> stiff = tp.Controller(frequency=2000)  # for an α-β filter of 1500 rad/s
+        >>> stiff = tp.Controller(law="joint", frequency=2000)  # for an α-β filter of 1500 rad/s
         >>> tp.simulate(tp.load("delta"), controller=stiff).status
         'does not come to rest: swings by more than 1 mm or mrad'
         """

@@ -109,8 +109,15 @@ class Watch:
             if not (isinstance(value, int) and 1 <= value <= most):
                 raise InputError(f"{name} = {value}: must be a whole number from 1 to {most}")
 
-    def guarding(self, robot: Robot, controller: Controller) -> _core.Guarding:
-        """Return what the core's guard needs: the robot, what is known of it, and thresholds."""
+    def guarding(
+        self, robot: Robot, controller: Controller, still_sensors: bool = True
+    ) -> _core.Guarding:
+        """Return what the core's guard needs: the robot, what is known of it, and thresholds.
+
+        Without `still_sensors` a sensor that stands still beside moving motors is not called stuck:
+        a law that holds it within a count while the geometry is off does the same to a healthy one.
+        Its disagreement with the others is judged in any case.
+        """
         settings = _core.GuardSettings()
         watch = _core.WatchSettings()
         watch.period = controller.period
@@ -127,6 +134,7 @@ class Watch:
         fill = 16 - robot.n - robot.r
         watch.fastest = [*_fastest(finest).tolist(), *[0.0] * fill]
         moved, rests = _moved(robot, controller)
+        moved[robot.n :] *= still_sensors
         watch.moved = [*moved.tolist(), *[0.0] * fill]
         watch.rests = [*rests.tolist(), *[0.0] * (6 - robot.n)]
         watch.shaken = [*_shaken(robot, controller).tolist(), *[0.0] * (6 - robot.n)]

@@ -106,7 +106,7 @@ def bounds(robot: Robot) -> dict[str, Array]:
     >>> for names in (["theta"], ["theta", "z_telemeter"]):
     ...     sigma = bounds(h4.with_sensors(*names))
     ...     print((1e3 * np.array([s[-1] for s in sigma.values()])).round(2))  # mm
-    [7.46 0.22 1.77 0.18]
+    [7.46 0.21 1.78 0.17]
     [4.91 0.2  0.75 0.1 ]
     """
     poses = workspace_poses(robot)
