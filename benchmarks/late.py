@@ -10,6 +10,7 @@ where it is now. The error of a run is that of its pose, rms, an angle counting 
 
 import argparse
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -79,8 +80,14 @@ def one(which: str, calibrated: bool, effects: tp.Effects, seed: int) -> np.ndar
         "prompt": (prompt, timed(truth, 0, 0)),
         "as if now": (prompt, truth),
     }
-    run = {"controller": controller, "path": path, "effects": effects}
-    return np.array([driven(*pairs[way], seed, **run) for way in WAYS])
+    run = {"path": path, "effects": effects}
+    blind = replace(controller, law="joint")  # of the motors alone
+    return np.array(
+        [
+            driven(*pairs[way], seed, controller=controller if pairs[way][0].r else blind, **run)
+            for way in WAYS
+        ]
+    )
 
 
 def row(ran: np.ndarray) -> list[str]:

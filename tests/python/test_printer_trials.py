@@ -17,11 +17,12 @@ from truepose.printers.trials import drawn, made, trials
     ("kinematics", "distances"), [("delta", True), ("delta", False), ("rotary_delta", True)]
 )
 def test_estimates_lie_within_their_sigma(kinematics, distances, robots_drawn):
-    """`python benchmarks/printers.py` draws a thousand: rms over the bound 0.98 to 1.02."""
+    """`python benchmarks/printers.py` takes hundreds, of other noise too."""
     count = robots_drawn
-    ran = list(trials(kinematics, count, seed=7, distances=distances))
-    nees = np.mean([trial.nees for trial in ran]) / ran[0].unknowns
-    assert nees == pytest.approx(1, abs=4 * np.sqrt(2 / (count * ran[0].unknowns)))
+    ran = [trial for trial in trials(kinematics, count, seed=7, distances=distances) if trial]
+    assert len(ran) == count  # none without an answer
+    inside = np.mean([trial.inside for trial in ran], axis=0)
+    assert (inside > 0.91 - 3.29 * np.sqrt(0.95 * 0.05 / count)).all()
     error, bound = (np.mean([getattr(t, of) for t in ran], axis=0) for of in ("error", "bound"))
     one_or_two = 1.5  # directions that a printer's error mostly has
     assert np.sqrt(error / bound) == pytest.approx(1, abs=4 / np.sqrt(2 * count * one_or_two))
@@ -36,16 +37,14 @@ def test_distances_make_a_printer_better_known(kinematics):
     assert (with_them < without).all()
 
 
-def test_sigma_that_is_not_honest_is_said_to_be_so():
+def test_readings_that_scatter_more_make_a_larger_sigma():
     printer, _, truth = made_printer(seed=3)
-    honest = assess(Config.parse(text_of(printer, truth.readings)))
-    assert "honest" in review.words(honest)[-2] and "take every" not in review.words(honest)[-2]
-    assert honest.estimate.differences.chi2 < 2
     warped = dataclasses.replace(
         truth.readings, heights=truth.readings.heights + 2e-4 * np.cos(np.pi * np.arange(7))
     )
-    found = assess(Config.parse(text_of(printer, warped)))
-    assert "take every σ for as much larger" in review.words(found)[-2]
+    calm, rough = (assess(Config.parse(text_of(printer, r))) for r in (truth.readings, warped))
+    assert "Too few readings to judge" in review.words(calm)[-2]
+    assert rough.judged.noise.sigma[0] > 2 * calm.judged.noise.sigma[0]
 
 
 def test_the_same_seed_draws_the_same_printer():

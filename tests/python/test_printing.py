@@ -85,7 +85,7 @@ def test_info_gives_programs_si(run, h4):
     ("words", "spelt"),
     [
         (["info", "h4", "--samples", "20"], "full - ideal of x"),
-        (["accuracy", "h4", "--sensors", "theta"], "sigma of the pose"),
+        (["accuracy", "h4", "--sensors", "theta"], "bound of the pose"),
         (["accuracy", "h4", "--sensors", "theta", "--format", "json"], '"x (mm)"'),
         (["accuracy", "--help"], "sigma of each coordinate"),
         (["accuracy", "σ.toml"], "sigma.toml: cannot be read"),

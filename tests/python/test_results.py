@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
+from truepose.robot.laws import usual
 from truepose.robot.units import summed
 from truepose.show.units import PRINT, printed
 
@@ -26,7 +27,7 @@ def test_a_run_says_how_far_off_it_was_and_draws_that(any_robot):
     run = tp.simulate(any_robot)
     said = str(run)
     assert said.startswith(
-        f"{any_robot.name} under redundant control, 0.4 s, 401 periods: {run.status}"
+        f"{any_robot.name} under {usual(any_robot)} control, 0.4 s, 401 periods: {run.status}"
     )
     total = summed(any_robot)
     most = np.linalg.norm(run.error[:, total.columns], axis=1).max()

@@ -121,7 +121,7 @@ def test_poses_out_of_reach_are_told_and_left_empty(run, tmp_path):
         (("--law", "tej"), "--law"),
         (("--effects", "gravity"), "--effects: unknown effect 'gravity' (choices: all, none, "),
         (("--to", "1,2"), "--to 1,2: must be 4 numbers, x,y,z,theta (m, rad)"),
-        (("--to", "0,0,-3,0"), "simulation stopped after "),
+        (("--to", "0,0,-3,0"), "h4: end of the move: pose x = [0, 0, -3, 0]: chain 1: unreachable"),
         (("--path", "p.csv", "--to", "0,0,-0.4,0"), "--path: names all poses itself"),
         (("--circle", "0.05"), "--circle 0.05: must be a radius, turns a second, and turns"),
         (("--circle", "0.05,2", "--path", "p.csv"), "--path, --circle: name one of them"),

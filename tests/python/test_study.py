@@ -156,9 +156,9 @@ def test_cases_without_an_answer_are_counted_and_spoil_no_median(run, tmp_path):
     status, out, errors = run("study", f"{script}:some", "3rrr", "--workers", 0, "--format", "csv")
     assert status == 0, errors
     assert out.splitlines() == [
-        "table,robot,asked,robots,no answer,median,95 %",
-        "study,3rrr,a,100.0,3.0,1.0,1.0",
-        "study,3rrr,b,100.0,1.0,2.0,2.0",
+        "table,robot,asked,robots,no answer,rms,median,95 %",
+        "study,3rrr,a,100.0,3.0,1.0,1.0,1.0",
+        "study,3rrr,b,100.0,1.0,2.0,2.0,2.0",
     ]
     assert "3 of 100 cases had no answer; the first: no such pose" in errors
     status, out, errors = run("study", f"{script}:some", "3rrr", "--count", 2, "--workers", 0)

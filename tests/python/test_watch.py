@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
+from truepose.robot.laws import usual
 from truepose.simulation.true_robots import with_tolerance_errors
 from truepose.simulation.watch import HEALTH, SYMPTOMS
 
@@ -26,8 +27,10 @@ def calibrated() -> dict[str, tuple[tp.Robot, tp.Robot]]:
     return robots
 
 
-@pytest.mark.parametrize("name", tp.robots())
-@pytest.mark.parametrize("law", ["joint", "redundant"])
+@pytest.mark.parametrize(
+    ("name", "law"),
+    [(n, law) for n in tp.robots() for law in dict.fromkeys(("joint", usual(tp.load(n))))],
+)
 def test_a_watch_changes_nothing_of_a_healthy_robot(name: str, law: str) -> None:
     robot = tp.load(name)
     truth = with_tolerance_errors(robot.expected(), seed=1)
@@ -187,7 +190,7 @@ def test_a_motor_whose_brake_closes_is_driven_by_its_feed_forward_alone(
     robot = tp.load(name).expected()
     truth = with_tolerance_errors(robot, seed)
     fault = tp.Fault(reading, kind, at=0.08 + 0.02 * seed, size=size)  # type: ignore[arg-type]
-    run = tp.simulate(robot, truth, "redundant", faults=[fault], watch=tp.Watch())
+    run = tp.simulate(robot, truth, usual(robot), faults=[fault], watch=tp.Watch())
     assert (np.diff(run.brakes) >= 0).all()  # none opens again
     motor = robot.readings.index(reading)
     assert run.brakes[-1] == 1 << motor

@@ -40,6 +40,7 @@ inline Sensed sense(Is<SensorKind::inclinometer>, const Sensor& sensor, const Po
   const Vec3 by_up = (cosine * side - sine * b) / square;
   // A turn ω of the nacelle (base frame) moves g' by Rᵀ(z × ω).
   s.angular = (pose.R * by_up).cross(vertical);
+  s.origin = pose.R * by_up;
   s.direction = cosine / square * up.cross(b);
   s.normal = (cosine * a.cross(up) - sine * up) / square;
   return s;

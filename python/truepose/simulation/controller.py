@@ -56,7 +56,7 @@ class Controller:
         "weighted" and "estimated" only: the readings' own σ count so many times in the weights.
         The best weights of a calibrated robot multiply differences of its readings, and with them
         what compliant arms and late torques do to the readings; a larger scale makes these
-        multiples smaller. See docs/margins.md.
+        multiples smaller.
     """
 
     law: Law = "redundant"

@@ -160,7 +160,7 @@ def missed(robot: Robot, truth: Robot, found: Robot, seed: int = 0, poses: int =
     pose = {
         "drawn, by the motors": _led(robot, truth, x_d, "joint"),
         "calibrated, by the motors": _led(found, truth, x_d, "joint"),
-        "calibrated, by all readings": _led(found, truth, x_d, "estimated"),
+        "calibrated, by all readings": _led(found, truth, x_d, "estimated" if found.r else "joint"),
     }
     sigma = np.sqrt(np.diag(root @ root.T))
     return Missed(names, drawn - true, after - true, sigma, nees, pose)
