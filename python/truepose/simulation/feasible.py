@@ -32,7 +32,7 @@ def require_feasible_move(
     >>> tp.simulate(tp.load("h4"), duration=0.02)  # doctest: +ELLIPSIS
     Traceback (most recent call last):
         ...
-    truepose.exceptions.PoseError: h4: move ... N·m, at most 30: allow a duration of at least 0.0829 s
+    truepose.exceptions.PoseError: h4: move ...: allow a duration of at least 0.0829 s
     """
     try:
         robot.ikm(end, own_mode=True)
