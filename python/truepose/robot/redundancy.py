@@ -31,7 +31,7 @@ class Estimate(NamedTuple):
     >>> robot.estimate(robot.extended([0.05, 0.01, -0.4, 0.2]))
     x = 0.05 ± 0.0034, 0.01 ± 0.0034, -0.4 ± 0.0002, 0.2 ± 0.0024; chi2 = 0; ok
     >>> robot.estimate(robot.extended([[0.05, 0.01, -0.4, 0.2]] * 3))
-    3 estimates, 3 ok; σ, rms: 0.0034, 0.0034, 0.0002, 0.00035
+    3 estimates, 3 ok; σ, rms: 0.0034, 0.0034, 0.0002, 0.0024
     """
 
     x: Array  #: (..., n)

@@ -337,8 +337,8 @@ def simulate(
     )
     own = None if law is None else _torque_of(law, robot)
     if setpoints is None:
-        ends = (np.array(pose[: robot.n]) for pose in (drive.origin, target))
-        require_feasible_move(robot, *ends, duration, drive.controller.period)
+        origin, end = (np.array(pose[: robot.n]) for pose in (drive.origin, target))
+        require_feasible_move(robot, origin, end, duration, drive.controller.period)
         asked = (drive.origin, target, duration, hold)
         status, chain, *log = _core.simulate(  # type: ignore[call-arg]
             *drive.core, *asked, drive.steps, drive.at_rest, drive.seed, own
