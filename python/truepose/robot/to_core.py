@@ -83,7 +83,7 @@ def _pair_drawn(spec: RobotFile, chain: Chain) -> Array:
         A += turned @ (bar.pivot * np.array(bar.direction))
     across = np.cross(chain.axis, A - chain.base)
     length = float(np.linalg.norm(across))
-    if not length > 1e-3 * (chain.rod or 0.0):  # the rods' distance from the rail, wherever its base is
+    if not length > 1e-3 * (chain.rod or 0.0):  # the rods' distance from the rail
         raise RobotFileError(
             f"{spec.name}: chain {spec.chain.index(chain) + 1}: its rail and its rods are parallel "
             "at home: say which way the two rods lie apart (pair_axis = [x, y, z])"
