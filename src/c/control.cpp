@@ -25,7 +25,7 @@ bool law_exists(std::int32_t law) {
 ControlSettings of_c(const truepose_control_settings& from) {
   ControlSettings settings;
   settings.law = static_cast<Law>(from.law);
-  settings.sigma_scale = std::max(from.sigma_scale, 1);
+  settings.sigma_scale = std::max<std::int32_t>(from.sigma_scale, 1);
   settings.gains = static_cast<Gains>(from.gains);
   settings.feed_forward = static_cast<FeedForward>(from.feed_forward);
   control_fields(from, settings, Copy<true>{});
