@@ -256,7 +256,8 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
     const bool pushes = limit > 0 && std::fabs(wanted) > limit && wanted * step > 0;
     if (!pushes) integral[i] += step;  // a saturated motor does not wind up
     torque[i] = wanted + (pushes ? 0 : step);
-    sum += std::fabs(wanted) + std::fabs(step);  // before the limit, which hides an infinite one
+    // Before the limit and the brakes, which hide what is infinite.
+    sum += std::fabs(wanted) + std::fabs(step) + std::fabs(held[i]) + std::fabs(joint_rate[i]);
     torque[i] = limited(robot.chain[i], torque[i]);
   }
   if (!(sum < by_precision(1e100L, 1e30L))) return {Status::not_finite, -1};

@@ -32,8 +32,8 @@ enum class SensorKind : int {
   axis_angle = 10,    ///< of a pivot: how far a passive axis has turned
 };
 
-/// Vectors of a sensor's mounting, as bits: which of them a kind's reading depends on, and a robot
-/// file gives.
+/// Vectors of a sensor's mounting, as bits: those that a robot file gives a kind. A kind's reading
+/// depends on them alone; an inclinometer's on the vertical besides, which it keeps as its origin.
 enum Mounting : unsigned { kOrigin = 1, kDirection = 2, kTarget = 4, kNormal = 8 };
 inline constexpr std::array<const char*, 4> kMountingVectors{"origin", "direction", "target",
                                                              "normal"};
