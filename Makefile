@@ -123,7 +123,7 @@ linuxcnc: $(VENV)/developing
 	    -DCMAKE_PREFIX_PATH="$$(cmeel cmake)" && \
 	  cmake --build build/c --target truepose_c_static && \
 	  $(MAKE) --no-print-directory -C deploy/linuxcnc there && \
-	  python -m pytest -q tests/python/test_linuxcnc_kinematics.py tests/python/test_linuxcnc_tej.py && \
+	  python -m pytest -q tests/python/integrations/linuxcnc/test_linuxcnc_kinematics.py tests/python/integrations/linuxcnc/test_linuxcnc_tej.py && \
 	  python tools/linuxcnc_trial.py && python tools/linuxcnc_learning.py; \
 	else echo "linuxcnc: SKIPPED, LinuxCNC is not installed (Debian: linuxcnc-uspace linuxcnc-uspace-dev)"; fi
 

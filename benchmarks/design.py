@@ -16,9 +16,9 @@ import time
 import numpy as np
 
 import truepose as tp
-from truepose.calibration.candidates import drawn
-from truepose.calibration.design import searched
-from truepose.calibration.worth import Worth
+from truepose.design.candidates import drawn
+from truepose.design.sensors import searched
+from truepose.design.worth import Worth
 
 
 def crowded(robot: tp.Robot, count: int, rng: np.random.Generator) -> tp.Robot:
@@ -66,7 +66,7 @@ def main() -> None:
                 "self-calibrated": {"calibrated_on": x},
             }.get(what, {})
             start = time.process_time()
-            over = tp.design(robot, {next(iter(prices)): 1.0}).over
+            over = tp.select_sensors(robot, {next(iter(prices)): 1.0}).over
             nowhere = np.zeros((0, robot.n))
             worth = Worth(
                 robot,

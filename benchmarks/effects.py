@@ -6,11 +6,11 @@ effects.py [--robots 16] [--seed 0]      # a minute a robot on one core
 import argparse
 
 import truepose as tp
+from truepose.control.effects import Effects
 from truepose.paper import experiment_tables, forgotten
 from truepose.paper.forgotten import Line
 from truepose.paper.statistics import over_robots
 from truepose.show.table import markdown
-from truepose.simulation.effects import Effects
 
 
 def ranked(lines: list[Line]) -> str:

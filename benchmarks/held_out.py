@@ -24,7 +24,6 @@ from rich.table import Table
 import truepose as tp
 from truepose import logs, robotfile
 from truepose.robot import frames
-from truepose.simulation.true_robots import with_tolerance_errors
 
 #: σ of motion capture, m and rad: assumed.
 SIGMA = np.array([0.5e-3] * 3 + [np.radians(0.1)] * 3)
@@ -48,7 +47,7 @@ class Misses(NamedTuple):
 
     @property
     def position(self) -> np.ndarray:
-        """Distances, mm."""
+        """DistanceMeasurements, mm."""
         return 1e3 * np.linalg.norm(self.off[:, :3], axis=1)
 
     @property
@@ -63,12 +62,14 @@ class Misses(NamedTuple):
         return (self.off * solved).sum(axis=1) / self.off.shape[1]
 
 
-def learn(robot: tp.Robot, q: np.ndarray, seen: np.ndarray) -> tp.Fit:
+def learn(robot: tp.Robot, q: np.ndarray, seen: np.ndarray) -> tp.calibration.Calibration:
     """Fit to these lines."""
     return tp.calibrate(robot, q, measured=seen, measured_sigma=SIGMA)
 
 
-def predict(fit: tp.Fit, robot: tp.Robot, q: np.ndarray, seen: np.ndarray) -> Misses:
+def predict(
+    fit: tp.calibration.Calibration, robot: tp.Robot, q: np.ndarray, seen: np.ndarray
+) -> Misses:
     """Predict what is seen of a robot at these readings, in the frames that a fit has found."""
     x = robot.fkm(q)
     stated = fit.accuracy_seen(x) + np.diag(SIGMA**2)
@@ -104,13 +105,13 @@ def homed(
     fit = learn(robot, q[kept], seen[kept])
     few = rng.choice(kept, FEW, replace=False)
     moved = q + rng.uniform(-SHIFT, SHIFT, q.shape[1])
-    alone = learn(tp.rehomed(fit.robot, SHIFT), moved[few], seen[few])
+    alone = learn(tp.calibration.rehomed(fit.robot, SHIFT), moved[few], seen[few])
     both = tp.calibrate(  # the tracker stands where it stood
         robot,
         np.vstack([q[kept], moved[few]]),
         measured=np.vstack([seen[kept], seen[few]]),
         measured_sigma=SIGMA,
-        influences=tp.homings(robot, np.repeat([0, 1], [len(kept), FEW]), SHIFT),
+        influences=tp.calibration.homings(robot, np.repeat([0, 1], [len(kept), FEW]), SHIFT),
     )
     return (
         predict(fit, fit.robot, q[out], seen[out]),
@@ -122,7 +123,7 @@ def homed(
 def drawn(robot: tp.Robot, seed: int) -> tuple[float, Misses]:
     """Draw a hexapod, tracker and marker, calibrate, look elsewhere: NEES/48 of ξ; the misses."""
     rng, box = np.random.default_rng((0, seed)), robot.spec.workspace
-    true = with_tolerance_errors(robot, seed)
+    true = robot.sample(seed)
     x = rng.uniform(box.minimum, box.maximum, (POSES + OTHERS, 6))
     base, marker = (placed(rng.standard_normal((1, 6)) * [*3 * [far], 1, 1, 1]) for far in (1, 0.1))
     there = base @ frames.frames(true, x) @ marker

@@ -16,7 +16,6 @@ from functools import partial
 import numpy as np
 
 import truepose as tp
-from truepose.simulation.true_robots import with_tolerance_errors
 
 PERIOD, AGE = 0.01, 0.008  #: s
 SETS = {"θ": ["theta"], "z": ["z_telemeter"], "θ, z": ["theta", "z_telemeter"]}
@@ -46,7 +45,7 @@ def poses(robot: tp.Robot, count: int, *seed: int) -> np.ndarray:
 def drawn(sensors: list[str], calibrated: bool, effects: tp.Effects, seed: int) -> tuple:
     """Return what a controller believes, and the robot that is there."""
     robot = timed(tp.load("h4").with_sensors(*sensors).expected())
-    truth = with_tolerance_errors(robot, seed)
+    truth = robot.sample(seed)
     if calibrated:
         robot = effects.allowed_for(robot)
         there = effects.geometry(truth, 0, seed)
@@ -70,7 +69,7 @@ def driven(believed: tp.Robot, truth: tp.Robot, seed: int, **run) -> np.ndarray:
 def one(which: str, calibrated: bool, effects: tp.Effects, seed: int) -> np.ndarray:
     """Return the errors of one robot, each way."""
     robot, truth = drawn(SETS[which], calibrated, effects, seed)
-    path = tp.WayPoints(poses=poses(robot, VISITED, seed, 2), duration=MOVE)
+    path = tp.simulation.Waypoints(poses=poses(robot, VISITED, seed, 2), duration=MOVE)
     kind = timed(tp.load("h4").with_sensors(*SETS[which]))
     controller = tp.Controller.for_robot(kind, effects, "estimated")
     prompt = timed(robot, 0, 0)

@@ -14,9 +14,8 @@ import argparse
 import numpy as np
 
 import truepose as tp
-from truepose.simulation.gains import REST, REST_TORQUE
-from truepose.simulation.loci import worst
-from truepose.simulation.true_robots import with_tolerance_errors
+from truepose.control.gains import REST, REST_TORQUE
+from truepose.control.loci import worst
 
 LAWS = ("joint", "redundant", "weighted", "estimated")
 RATES = (1.0, 2.0, 5.0, 10.0, 20.0, 0.5)  # kHz
@@ -34,7 +33,7 @@ def chosen(robot: tp.Robot, law: str, period: float) -> tp.Controller | None:
 
 def bears(robot: tp.Robot, controller: tp.Controller) -> str:
     """Gains, and margins: of all motors at once, then the least of any one alone."""
-    found = tp.margins(robot, controller)
+    found = tp.control.stability_margins(robot, controller)
     together, *each = found.loops
     cells = [f"{controller.frequency:.0f}, {controller.velocity_bandwidth:.0f}"]
     for loops in ([together], each):
@@ -51,7 +50,7 @@ def rests(robot: tp.Robot, controller: tp.Controller, seeds: int) -> str:
     limits = np.array([chain.torque_limit or np.inf for chain in robot.spec.chain])
     found = []
     for seed in range(seeds):
-        truth = with_tolerance_errors(robot, seed)
+        truth = robot.sample(seed)
         run = tp.simulate(robot, truth, controller, hold=HOLD, seed=seed, effects=tp.Effects())
         last = run.time >= run.time[-1] - LAST
         swing = np.ptp(run.x[last], axis=0)
@@ -69,7 +68,7 @@ def _lengths(robot: tp.Robot) -> np.ndarray:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--robots", nargs="+", default=tp.robots())
+    parser.add_argument("--robots", nargs="+", default=tp.list_robots())
     parser.add_argument("--laws", nargs="+", default=LAWS)
     parser.add_argument("--rates", nargs="+", type=float, default=RATES)
     parser.add_argument("--seeds", type=int, default=3)

@@ -16,7 +16,6 @@ import numpy as np
 import truepose as tp
 from truepose.paper import article
 from truepose.robot import knowledge
-from truepose.simulation.true_robots import with_tolerance_errors
 
 START, LINES = 50, 200
 POSITIONS = {"h4": 3, "delta": 3, "stewart": 3, "3rrr": 2}
@@ -76,23 +75,23 @@ def study(name: str, sensors: list[str], level: str, robots: int) -> dict[str, l
     runs = defaultdict(list)
     for seed in range(robots):
         rng = np.random.default_rng(seed)
-        true = with_tolerance_errors(robot, seed)
+        true = robot.sample(seed)
         q_e = true.read(poses(robot, LINES, rng), seed=seed, level=level)
         test = poses(robot, 60, rng)
-        readings = true.extended(test, level=level)
+        readings = true.extended_positions(test, level=level)
 
         def error(online, test=test, readings=readings):
             off = (online.robot.estimate(readings, level=level).x - test)[:, :width]
             return np.sqrt((off**2).sum(axis=1).mean())
 
-        online = tp.OnlineCalibration(robot, level=level, model_error="off")
+        online = tp.OnlineCalibrator(robot, level=level, model_error="off")
         online.observe(q_e[:START])
         P = tp.accuracy(online.robot, test, level=level, model_error=False)[:, :width, :width]
         bound = np.sqrt(np.trace(P, axis1=1, axis2=2).mean())
         runs["(after 50 lines)"].append((error(online) / bound, None, 0))
         everything = [("(no fault)", 0, q_e), *faults(q_e, robot.n, sigma, rng)]
         for kind, c, lines in everything:
-            online = tp.OnlineCalibration(robot, level=level, model_error="off")
+            online = tp.OnlineCalibrator(robot, level=level, model_error="off")
             online.observe(lines, errors="nan")
             stopped = online.stopped and int(online.stopped.split()[1]) - START
             runs[kind].append((error(online) / bound, stopped, c))
@@ -114,11 +113,11 @@ def clean(name: str, sensors: list[str], level: str, lines: int) -> str:
     """Clean lines alone: left out, stopped, and what the gate costs of what is learnt."""
     robot = tp.load(name).with_sensors(*sensors)
     rng = np.random.default_rng(1)
-    true = with_tolerance_errors(robot, 1)
+    true = robot.sample(1)
     q_e = true.read(poses(robot, lines, rng), seed=1, level=level)
     volume = []
     for gate in (4.0, 0.0):
-        online = tp.OnlineCalibration(robot, level=level, gate=gate, model_error="off")
+        online = tp.OnlineCalibrator(robot, level=level, gate=gate, model_error="off")
         online.observe(q_e)
         volume.append(np.linalg.slogdet(online.covariance)[1] / len(online.parameters))
         if gate:

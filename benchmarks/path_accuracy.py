@@ -18,7 +18,6 @@ import truepose as tp
 from truepose.paper import following, tables
 from truepose.robot.laws import LAWS
 from truepose.show.table import markdown
-from truepose.simulation.true_robots import with_tolerance_errors
 from truepose.simulation.visit import visit
 
 RUNS = 3  #: of each robot at 2 Hz
@@ -37,22 +36,22 @@ CASES = {
 }
 
 
-def circle(frequency: float, turns: float) -> tp.Circle:
-    return tp.Circle(
+def circle(frequency: float, turns: float) -> tp.simulation.Circle:
+    return tp.simulation.Circle(
         centre=following.CENTRE, radius=following.RADIUS, frequency=frequency, turns=turns
     )
 
 
 def contour(seed: int) -> dict:
     """One robot whose controller knows its geometry: rms and largest, m, by case and law."""
-    truth = with_tolerance_errors(tp.load("h4"), seed).finest
+    truth = tp.load("h4").sample(seed).at_highest_level
     found = {}
     for law in LAWS:
         bears = tp.Controller.for_robot(truth, tp.Effects(), law)
         for case, (effects, soft, time) in CASES.items():
-            robot = truth.unquantised() if effects is None else truth
+            robot = truth.without_quantization() if effects is None else truth
             controller = bears if soft else tp.Controller(law=law)
-            followed = tp.path_accuracy(
+            followed = tp.simulation.path_accuracy(
                 robot,
                 circle(2, 3),
                 controller=controller,
@@ -80,7 +79,9 @@ def slow(without: list[str], seed: int) -> dict:
         settings = {"effects": effects, "seed": seed}
         x, _, _ = visit(known, truth, places, controller, **settings)
         rest = np.linalg.norm((x - places)[:, :3], axis=1)
-        run = tp.path_accuracy(known, circle(0.1, 1), truth, controller, runs=1, **settings)
+        run = tp.simulation.path_accuracy(
+            known, circle(0.1, 1), truth, controller, runs=1, **settings
+        )
         found[law] = np.sqrt((rest**2).mean()), run.tracking
     return found
 

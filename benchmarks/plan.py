@@ -28,7 +28,6 @@ from held_out import SIGMA, learn, predict, rms
 import truepose as tp
 from truepose import logs, robotfile
 from truepose.robot.workspace import workspace
-from truepose.simulation.true_robots import with_tolerance_errors
 
 COUNT = 2000
 
@@ -69,8 +68,8 @@ def erred(
     """Position error of drawn robots calibrated at these poses, mm; estimates lost, and asked."""
     at, squares, lost, asked = over[:: max(len(over) // 60, 1)], [], 0, 0
     for seed in range(robots):
-        true = with_tolerance_errors(robot, seed)
-        true = true.with_level(true.finest_level)
+        true = robot.sample(seed)
+        true = true.with_level(true.highest_level)
         fit = tp.calibrate(robot, true.read(visited, seed))
         readings = true.read(at, seed + 10**6, "nan")
         reached = np.isfinite(readings).all(axis=1)  # by the true robot
@@ -94,10 +93,10 @@ def logged(count: int, sets: int) -> None:
         return rms(predict(fit, fit.robot, q[rest], seen[rest]).position)
 
     def planned(among: np.ndarray, of_tracker: bool, over: np.ndarray | None) -> float:
-        candidates = tp.Candidates(
+        candidates = tp.design.CandidatePoses(
             poses=x[among], measured_sigma=SIGMA[0], measured_angle_sigma=SIGMA[3]
         )
-        plan = tp.plan(robot, count, candidates=candidates, poses=over, seen=of_tracker)
+        plan = tp.plan_poses(robot, count, candidates=candidates, poses=over, seen=of_tracker)
         return missed(among[[step.candidate for step in plan.steps]])
 
     sixty = np.median([missed(rng.permutation(len(q))[:60]) for _ in range(sets)])
@@ -122,7 +121,7 @@ def logged(count: int, sets: int) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--robots", nargs="+", default=tp.robots())
+    parser.add_argument("--robots", nargs="+", default=tp.list_robots())
     parser.add_argument("--poses", nargs="+", type=int, default=[10, 30])
     parser.add_argument("--sets", type=int, default=200)
     parser.add_argument("--drawn", type=int, default=0)
@@ -137,7 +136,7 @@ def main() -> None:
     for robot in cases(asked.robots):
         for count in asked.poses:
             start = time.perf_counter()
-            plan = tp.plan(robot, count, candidates=COUNT)
+            plan = tp.plan_poses(robot, count, candidates=COUNT)
             took = time.perf_counter() - start
             sets = random_sets(robot, count, asked.sets)
             others = np.array([promised(robot, plan.over, x) for x in sets])

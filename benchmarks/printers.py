@@ -11,9 +11,9 @@ import argparse
 
 import numpy as np
 
-from truepose.printers.estimate import Assumed
-from truepose.printers.printer import MM
-from truepose.printers.trials import trials
+from truepose.integrations.klipper.estimate import Assumed
+from truepose.integrations.klipper.printer import MM
+from truepose.integrations.klipper.trials import trials
 
 KINDS = {
     ("delta", False, 0): "linear, 7 heights",

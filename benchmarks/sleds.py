@@ -13,7 +13,7 @@ import argparse
 
 import numpy as np
 
-from truepose.calibration import belts
+from truepose.integrations.maslow import belts
 
 HEIGHTS = [0.116, 0.069, 0.047, 0.089]
 FRAME = {"tl.x": 0.03, "tl.y": 2.07, "tr.x": 2.98, "tr.y": 2.06, "br.x": 2.965}

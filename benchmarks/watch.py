@@ -16,9 +16,8 @@ from functools import partial
 import numpy as np
 
 import truepose as tp
+from truepose.faults.monitor import first
 from truepose.robot.units import reading_units
-from truepose.simulation.true_robots import with_tolerance_errors
-from truepose.simulation.watch import first
 
 CHANCES = (1e-3, 1e-4, 1e-5, None)  #: a cycle; None: one false alarm in 1000 hours
 SETS = {
@@ -45,7 +44,7 @@ def drawn(which: str, seed: int, calibrated: bool, effects: tp.Effects | None) -
     """What a controller believes, and the robot that is there."""
     name, sensors = (SETS | MORE)[which]
     robot = tp.load(name).with_sensors(*sensors).expected()
-    truth = with_tolerance_errors(robot, seed).finest
+    truth = robot.sample(seed).at_highest_level
     if not calibrated:
         return robot, truth
     if effects is not None:
@@ -60,9 +59,9 @@ def poses(robot: tp.Robot, count: int, seed: int) -> np.ndarray:
     return np.random.default_rng([seed, 1]).uniform(box.minimum, box.maximum, (count, robot.n))
 
 
-def way(robot: tp.Robot, seconds: float, seed: int, each: float) -> tp.WayPoints:
+def way(robot: tp.Robot, seconds: float, seed: int, each: float) -> tp.simulation.Waypoints:
     """From pose to pose for some seconds."""
-    return tp.WayPoints(poses=poses(robot, int(seconds / each) + 2, seed), duration=each)
+    return tp.simulation.Waypoints(poses=poses(robot, int(seconds / each) + 2, seed), duration=each)
 
 
 def alarms(which: str, calibrated: bool, seconds: float, seed: int) -> dict:
@@ -78,7 +77,7 @@ def alarms(which: str, calibrated: bool, seconds: float, seed: int) -> dict:
     found = {}
     for chance in CHANCES:
         allowed = {} if chance is None else {"false_alarms": chance * 3.6e6}
-        watch = tp.Watch(effects=effects, **allowed)
+        watch = tp.FaultMonitor(effects=effects, **allowed)
         review = watch.review(robot, run.q_e)
         found[chance] = int((review.health > 0).any(axis=1).sum()), first(review.health)
     return {"cycles": len(run.q_e), "found": found}
@@ -95,7 +94,7 @@ def rates(which: str, calibrated: bool, seconds: float, seed: int) -> dict:
     pieces = run.q_e[: len(run.q_e) // PIECE * PIECE].reshape(-1, PIECE, run.q_e.shape[1])
     found = {}
     for chance in CHANCES[:-1]:
-        watch = tp.Watch(false_alarms=chance * 3.6e6)
+        watch = tp.FaultMonitor(false_alarms=chance * 3.6e6)
         found[chance] = sum(bool(watch.review(robot, piece).health.any()) for piece in pieces)
     return {"pieces": len(pieces), "found": found}
 
@@ -117,7 +116,7 @@ def normal(robot: tp.Robot) -> tp.Robot:
     return tp.Robot(spec.model_copy(update=changes), values)
 
 
-def faults_of(robot: tp.Robot, reading: str, limit: float) -> dict[str, list[tp.Fault]]:
+def faults_of(robot: tp.Robot, reading: str, limit: float) -> dict[str, list[tp.faults.Fault]]:
     """Every kind, just above its limit where it has one."""
     c = robot.readings.index(reading)
     units = reading_units(robot)
@@ -135,7 +134,9 @@ def faults_of(robot: tp.Robot, reading: str, limit: float) -> dict[str, list[tp.
     kinds = ("bias", "jump", "spike", "stuck", "dropout", "drift", "sign", "gain", "delay", "swap")
     return {
         kind: [
-            tp.Fault(reading, kind, AT, sizes.get(kind), other=other if kind == "swap" else None)
+            tp.faults.Fault(
+                reading, kind, AT, sizes.get(kind), other=other if kind == "swap" else None
+            )
         ]
         for kind in kinds
         if other or kind != "swap"
@@ -146,10 +147,14 @@ def faults(which: str, rest: bool, seed: int) -> list[tuple]:
     """What a watch makes of every fault of one calibrated robot, in motion or at rest."""
     robot, truth = drawn(which, seed, True, None)
     if rest:
-        path = tp.WayPoints(poses=np.repeat(poses(robot, 1, seed), 2, axis=0), duration=0.6)
+        path = tp.simulation.Waypoints(
+            poses=np.repeat(poses(robot, 1, seed), 2, axis=0), duration=0.6
+        )
     else:
         path = way(robot, 0.6, seed, 0.3)
-    limits = tp.fault_limits(robot, path.setpoints(robot, 1e-3).x[::20], poses(robot, POSES, seed))
+    limits = tp.faults.detectability(
+        robot, path.setpoints(robot, 1e-3).x[::20], poses(robot, POSES, seed)
+    )
     law, rows = "estimated", []
     try:
         healthy = tp.simulate(robot, truth, law, path=path, seed=seed)
@@ -163,7 +168,7 @@ def faults(which: str, rest: bool, seed: int) -> list[tuple]:
             if rest and kind not in AT_REST:
                 continue
             run = tp.simulate(
-                robot, truth, law, path=path, seed=seed, faults=fault, watch=tp.Watch()
+                robot, truth, law, path=path, seed=seed, faults=fault, watch=tp.FaultMonitor()
             )
             lines = slice(None, min(len(run.x), len(healthy.x)))
             moves = ~run.stops[lines]  # it leaves its path where it must stop

@@ -9,11 +9,11 @@ true = nominal.replace({"chain4.rod": 0.483})  # drawn 0.480 m, made 0.483 m
 x_d = np.array([0.05, -0.05, -0.4, 0.2])
 
 # Joint control (the paper's Figure 1) brings every motor exactly to where IKM says.
-x = tp.settle(nominal, true, x_d, "joint")
+x = tp.steady_state(nominal, true, x_d, "joint")
 print("joint control ends off by, mm and degrees:", ((x - x_d) * [1e3, 1e3, 1e3, 57.2958]).round(2))
 
 # The extended error: motors first, then the redundant sensors.
-e = nominal.extended(x_d) - true.extended(x)
+e = nominal.extended_positions(x_d) - true.extended_positions(x)
 print("the motors see, degrees:", np.degrees(np.abs(e[:4]).max()).round(6))
 print("θ's encoder sees, degrees:", np.degrees(e[4]).round(3))
 
@@ -23,6 +23,6 @@ print("so the TEJ tells the motors to move, degrees:", np.degrees(M_plus @ e).ro
 
 # Where each law comes to rest. The Cartesian one trusts θ and finds x, y, z from all rods.
 for law in ("joint", "redundant", "cartesian"):
-    error = tp.settle(nominal, true, x_d, law) - x_d
+    error = tp.steady_state(nominal, true, x_d, law) - x_d
     position, theta = 1e3 * np.linalg.norm(error[:3]), np.degrees(error[3])
     print(f"{law:10} position {position:5.2f} mm, θ {theta:7.4f} degrees")

@@ -3,9 +3,10 @@
 import numpy as np
 
 import truepose as tp
+from truepose.paper import with_paper_errors
 
 nominal = tp.load("h4")
-true = tp.with_paper_errors(nominal, seed=1)  # with the paper's geometric errors
+true = with_paper_errors(nominal, seed=1)  # with the paper's geometric errors
 
 
 def show(name, run):
@@ -16,7 +17,7 @@ def show(name, run):
 
 
 # The controller believes in `nominal`; the dynamics, gravity and encoders are those of `true`.
-show("ideal robot", tp.simulate(nominal.unquantised()))
+show("ideal robot", tp.simulate(nominal.without_quantization()))
 for law in ("joint", "redundant", "cartesian"):
     run = tp.simulate(nominal, true, law)
     show(law, run)

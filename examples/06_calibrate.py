@@ -3,13 +3,16 @@
 import numpy as np
 
 import truepose as tp
+from truepose.paper import with_paper_errors
 
 drawn = tp.load("h4").with_sensors("theta", "z_telemeter")
-real = tp.with_paper_errors(drawn, seed=2)  # a robot that nobody knows
+real = with_paper_errors(drawn, seed=2)  # a robot that nobody knows
 box = drawn.spec.workspace
 x = np.random.default_rng(0).uniform(box.minimum, box.maximum, (60, 4))
 
-log = dict(zip(drawn.readings, real.extended(x).T, strict=True))  # q1 … q4, theta, z_telemeter
+log = dict(
+    zip(drawn.readings, real.extended_positions(x).T, strict=True)
+)  # q1 … q4, theta, z_telemeter
 log["theta"][17] += 0.1  # a gross error, to be found
 
 fit = tp.calibrate(drawn, log, loss="student")
@@ -19,5 +22,5 @@ for name in ("chain1.rod", "chain1.arm", "chain1.base.x", "chain1.anchor.x"):
     print(f"{name:16} {1e3 * p.value:8.3f} ± {1e3 * p.sigma:.3f} mm, {p.verdict}")
 
 for when, robot in (("drawn", drawn), ("calibrated", fit.robot)):
-    error = robot.estimate(real.extended(x), errors="nan").x - x
+    error = robot.estimate(real.extended_positions(x), errors="nan").x - x
     print(f"{when:10} position off by {1e3 * np.linalg.norm(error[:, :3], axis=1).mean():.2f} mm")

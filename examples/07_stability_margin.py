@@ -56,7 +56,7 @@ def main():
     Console().print(table)
     print("With all effects:")
     for controller in (tp.Controller(), tp.Controller.for_robot(robot)):
-        kept = "keeps" if tp.margins(robot, controller).kept else "does not keep"
+        kept = "keeps" if tp.control.stability_margins(robot, controller).kept else "does not keep"
         gains = (
             f"{controller.frequency:.0f} rad/s, filter {controller.velocity_bandwidth:.0f} rad/s"
         )

@@ -28,9 +28,8 @@ from linuxcnc_trial import (
     tell_steps,
 )
 from truepose.arguments import Array
-from truepose.deploy.linuxcnc import corrections
+from truepose.integrations.linuxcnc.configuration import corrections
 from truepose.paper import article
-from truepose.simulation.true_robots import with_tolerance_errors
 
 SEED, ASKED, LEARNT_AT = 0, 12, 60  # the machine; poses where errors are asked, and of learning
 LAWS = ("redundant", "estimated")
@@ -80,7 +79,7 @@ def costs(tej: Array, motion: Array, lines: Array) -> None:
 def learning() -> bool:
     """Learn in one session, go on in the next; print what it is worth."""
     robot = tp.load("h4")
-    true = with_tolerance_errors(robot, SEED)
+    true = robot.sample(SEED)
     table2 = np.random.default_rng(0).permutation(article.table2())
     x_d, others = table2[:ASKED], table2[ASKED : ASKED + LEARNT_AT]
     what = job("redundant", x_d[:0], True) | {"refused": [], "circle": [], "cycles": CYCLES}
@@ -130,7 +129,7 @@ def steps() -> bool:
     }
     names = ("lines", "law-in-effect", "sensor.0.failed", "sensor.1.failed", "fault-code")
     noted = [f"truepose_tej.{name}" for name in names]
-    true = with_tolerance_errors(robot, SEED)
+    true = robot.sample(SEED)
     found = stepped(robot, true, events, noted, accepted(robot))
     tell_steps(found["steps"])
     states = found["noted"][-len(events) :]

@@ -22,7 +22,7 @@ import numpy as np
 
 import truepose as tp
 from truepose.arguments import Array
-from truepose.deploy.linuxcnc import to_configuration
+from truepose.integrations.linuxcnc.configuration import to_configuration
 from truepose.paper import article
 from truepose.simulation.moves import MOVE_FROM, MOVE_TO
 
@@ -98,7 +98,9 @@ def headless(folder: Path, what: dict[str, Any], patience: float = 300.0) -> dic
 def configured(folder: Path, robot: tp.Robot, true: tp.Robot, law: str) -> Path:
     """Write a configuration into a folder that everybody may enter."""
     folder.mkdir()
-    for name, contents in to_configuration(robot, tp.Controller(law=law), tp.Watch(), true).items():
+    for name, contents in to_configuration(
+        robot, tp.Controller(law=law), tp.FaultMonitor(), true
+    ).items():
         data = contents.encode() if isinstance(contents, str) else contents
         (folder / name).write_bytes(data)
     ini = folder / "robot.ini"  # the paper's move begins below the file's workspace
@@ -135,7 +137,7 @@ def trial(poses: int, counts: bool) -> dict[str, dict[str, Any]]:
             found = headless(folder, job(law, x_d, counts))
             if "error" in found:
                 raise SystemExit(f"{law}: {found['error']}; LinuxCNC said {found['said']}")
-            results[law] = judged(found, x_d, tp.settle(robot, true, x_d, law))
+            results[law] = judged(found, x_d, tp.steady_state(robot, true, x_d, law))
     return results
 
 
@@ -371,7 +373,7 @@ def main() -> int:
     if shutil.which("linuxcnc") is None:
         print("linuxcnc: SKIPPED, LinuxCNC is not installed (Debian: linuxcnc-uspace)")
         return 0
-    results = trial(asked.poses, not asked.unquantised)
+    results = trial(asked.poses, not asked.without_quantization)
     rows = {
         "s under the law, without a fault": ("lasted", ".0f"),
         f"θ, mean of {asked.poses} poses of Table 2, °": ("theta", ".3f"),
@@ -380,7 +382,7 @@ def main() -> int:
         "θ at the end of the paper's move, °": ("move", ".3f"),
         "θ on a circle of 100 mm, worst, °": ("circle", ".3f"),
         "its radius, worst, mm": ("radial", ".2f"),
-        "from where `tp.settle` says, worst, µm": ("from_settle", ".1f"),
+        "from where `tp.steady_state` says, worst, µm": ("from_settle", ".1f"),
         f"truepose_tej / motion-controller, medians of {CYCLES} cycles": ("time", ".2f"),
     }
     print("| |" + "|".join(f" {law} " for law in LAWS) + "|\n|---|" + "---|" * len(LAWS))

@@ -39,17 +39,17 @@ def vectors_of(robot: tp.Robot, source: np.random.Generator) -> dict[str, Array]
     box = robot.spec.workspace
     assert box is not None
     x = source.uniform(box.minimum, box.maximum, (POSES, robot.n))
-    q_e = robot.extended(x) + 1e-3 * source.uniform(-1, 1, (POSES, robot.n + robot.r))
+    q_e = robot.extended_positions(x) + 1e-3 * source.uniform(-1, 1, (POSES, robot.n + robot.r))
     _, tej = robot.tej(x)
     answers = {
         "x": x,
         "q_e": q_e,
         "ikm": robot.ikm(x),
         "fkm": robot.fkm(robot.ikm(x), guess=robot.home),
-        "readings": robot.extended(x),
+        "readings": robot.extended_positions(x),
         "jacobian": robot.jacobian(x).reshape(POSES, -1),
         "tej": tej.reshape(POSES, -1),
-        "error": np.einsum("kij,kj->ki", tej, robot.extended(x) - q_e),
+        "error": np.einsum("kij,kj->ki", tej, robot.extended_positions(x) - q_e),
         "estimate": robot.estimate(q_e).x if robot.r else x,
     }
     return {name: np.asarray(values) for name, values in answers.items()}
@@ -62,7 +62,7 @@ def header() -> str:
     for name in ROBOTS:
         robot = robot_of(name)
         word = identifier(name)
-        tables.append(to_c(robot, tp.Controller(law="joint"), tp.Watch()))
+        tables.append(to_c(robot, tp.Controller(law="joint"), tp.FaultMonitor()))
         answers = vectors_of(robot, source)
         for question, values in answers.items():
             numbers = ",\n  ".join(", ".join(map(repr, row)) for row in values.tolist())

@@ -204,9 +204,10 @@ _TEXT = """# A twin of LIRMM's H4
 ![The twin: an H4 with errors of millimetres and tenths of degrees](picture.png)
 
 A *true* robot, not one to control: an H4 whose experiment gives a Table 3 close to the printed one
-(`tp.load("h4-lirmm-twin")`; `tp.robots()` does not list it). The printed numbers do not determine
-one: this is seed {seed} of {seeds}, all made by `make twin`. Assumed, as all dimensions of the H4.
-[docs/experiment.md](../../docs/experiment.md) explains the experiment, the search and its priors.
+(`tp.load("h4-lirmm-twin")`; `tp.list_robots()` does not list it). The printed numbers do not
+determine one: this is seed {seed} of {seeds}, all made by `make twin`. Assumed, as all dimensions
+of the H4. [docs/experiment.md](../../docs/experiment.md) explains the experiment, the search, its
+priors.
 
 `robot.toml` holds the geometry, `setup.toml` what stands beside it. The nuisances that the printed
 numbers ask for: LEDs {radius:.0f} mm from the axis, seen with {noise:.1f} pixels of noise

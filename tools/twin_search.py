@@ -16,14 +16,14 @@ from typing import NamedTuple
 import numpy as np
 
 from truepose.arguments import Array
+from truepose.control.effects import Effects
 from truepose.paper import article, statistics
 from truepose.paper.errors import paper_directions
 from truepose.paper.experiment import Control
 from truepose.paper.twin import DEGREES, LAWS, MILLIMETRES, Twin, printed
 from truepose.paper.virtual_experiment import Reading, Run
+from truepose.paper.vision import Setup
 from truepose.robot.robot import Robot
-from truepose.simulation.effects import Effects
-from truepose.simulation.vision import Setup
 
 #: What the search aims at, as a part of that: σ of its residuals.
 _AIM = 0.15
@@ -253,7 +253,7 @@ def _slopes(
     """Derivatives of the errors by the unknowns, (2, poses, 4, unknowns), in print units.
 
     At rest a law keeps W dq_e = 0, W = [I 0] or M⁺, with dq_e = H_x dx + H_ξ dξ; the estimated
-    pose follows the readings by F = ∂x̂/∂q_e, which `leakage` of a law of the pose has (negative).
+    pose follows the readings by F = ∂x̂/∂q_e, minus `cross_sensitivity` of a law of the pose.
     """
     found, listed = unknowns(robot), twin_of(robot, u, 0).truth
     names = list(listed.parameters)
@@ -265,14 +265,14 @@ def _slopes(
     result = np.empty((*errors.shape, len(found)))
     for row, control in enumerate(LAWS):
         run = runs[control]
-        H_x, H_xi = listed.linearise(run.visit.x, level="full")
+        H_x, H_xi = listed.linearize(run.visit.x, level="full")
         H_u = H_xi @ spread
         if control == "joint":
             W = np.broadcast_to(np.eye(n, size), (len(run.desired), n, size))
             F = robot.jacobian(run.estimated) @ W
         else:
             W = robot.tej(run.desired)[1]
-            F = -robot.leakage(run.estimated, "cartesian")
+            F = -robot.cross_sensitivity(run.estimated, "cartesian")
         dx = -np.linalg.solve(W @ H_x, W @ H_u)
         shown = F @ (H_x @ dx + H_u) if reading == "estimated" else 0.0
         result[row] = shown - dx

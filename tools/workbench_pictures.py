@@ -18,8 +18,8 @@ from playwright.sync_api import Page as Seen
 from playwright.sync_api import sync_playwright
 
 import truepose as tp
+from truepose.integrations.workbench import serve
 from truepose.robot.frames import frames
-from truepose.workbench import serve
 
 PICTURES = Path(__file__).parents[1] / "docs/pictures"
 PORT = 8199

@@ -10,13 +10,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import truepose as tp
-from truepose.commands import klipper_figures
-from truepose.paper import article, faulty, figures, following
-from truepose.printers import assessment
-from truepose.printers.config import Config
+from truepose.integrations.klipper import assessment
+from truepose.integrations.klipper import figures as of_printer
+from truepose.integrations.klipper.config import Config
+from truepose.paper import article, faulty, figures, following, with_paper_errors
 
 PICTURES = Path(__file__).parents[1] / "pictures"
-PRINTER = Path(__file__).parents[2] / "tests/data/klipper/phnxdrgn536.cfg"
+PRINTER = Path(__file__).parents[2] / "tests/python/integrations/klipper/data/phnxdrgn536.cfg"
 DRAWN, REAL, TEJ, OTHER = "#5b6770", "#b3261e", "#1455a4", "#2a7f3b"
 
 
@@ -61,7 +61,7 @@ def rest() -> Figure:
     axes = figure.subplots()
     along = np.linspace(-0.8, 0.62, 2)
     for law, (name, colour, place) in laws.items():
-        x = tp.settle(h4, real, x_d, law)
+        x = tp.steady_state(h4, real, x_d, law)
         e_q, e_theta = np.degrees((h4.ikm(x_d) - real.ikm(x)) @ j) / slope, np.degrees(x_d - x)[3]
         if law == "joint":
             axes.plot(along, slope * along, color=DRAWN, ls="--", lw=1.5)
@@ -85,10 +85,10 @@ def rest() -> Figure:
 def over_table_2() -> Figure:
     """One robot with the paper's errors at the 625 poses: θ and position under three laws."""
     h4, poses = tp.load("h4"), article.table2()
-    true = tp.with_paper_errors(h4, seed=1)
-    usual, tej = (tp.settle(h4, true, poses, law) for law in ("joint", "redundant"))
-    learnt = tp.calibrate(h4, true.extended(usual)).robot
-    found = tp.settle(learnt, true, poses, "cartesian")
+    true = with_paper_errors(h4, seed=1)
+    usual, tej = (tp.steady_state(h4, true, poses, law) for law in ("joint", "redundant"))
+    learnt = tp.calibrate(h4, true.extended_positions(usual)).robot
+    found = tp.steady_state(learnt, true, poses, "cartesian")
     figure = Figure(figsize=(6.4, 2.9), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True)
     share = 100 * np.arange(1, len(poses) + 1) / len(poses)
@@ -125,17 +125,17 @@ def _printer() -> assessment.Assessment:
 
 def klipper_bed() -> Figure:
     """Return the report's: expected error over the bed, before and after."""
-    return klipper_figures.bed(_printer())
+    return of_printer.bed(_printer())
 
 
 def klipper_held_out() -> Figure:
     """Return the report's: every reading left out in turn."""
-    return klipper_figures.held_out(_printer())
+    return of_printer.held_out(_printer())
 
 
 def klipper_parameters() -> Figure:
     """Return the report's: every parameter against its drawing."""
-    return klipper_figures.parameters(_printer())
+    return of_printer.parameters(_printer())
 
 
 DRAWN_BY = (five_bar, rest, over_table_2, path_accuracy, what_faults_do)

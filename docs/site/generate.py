@@ -1,4 +1,4 @@
-"""What of the documentation follows from the code? Keys, commands, names: always today's.
+"""Parts of the documentation that follow from the code: keys, commands, names.
 
 Each function gives a page's text in Markdown; `make.py` puts it where the page includes it.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 import importlib
 import inspect
 import itertools
+import operator
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -157,7 +158,7 @@ def _cell(text: str) -> str:
 def robots() -> str:
     """A picture and a line for every shipped robot."""
     text = "{.robots}\n| | |\n|---|---|\n"
-    for name in truepose.robots():
+    for name in truepose.list_robots():
         robot = reading.read(name)
         folder = f"../robots/{name}"
         text += f"| [![{name}]({folder}/picture.png)]({folder}/README.md) "
@@ -191,13 +192,21 @@ def _in_full(group) -> None:
 ROOMS = ("robot", "simulation", "calibration")
 
 
-def python() -> str:
-    """Every public name, by the room where it lives."""
+def public() -> dict[str, list[str]]:
+    """Public names, below `truepose`, by the submodule where they live."""
     names: dict[str, list[str]] = {}
     for name in truepose.__all__:
-        room = getattr(truepose, name).__module__.split(".")[1]
-        names.setdefault(room, []).append(name)
-    text = ""
+        thing = getattr(truepose, name)
+        if inspect.ismodule(thing):
+            names.setdefault(name, []).extend(f"{name}.{inner}" for inner in thing.__all__)
+        else:
+            names.setdefault(thing.__module__.split(".")[1], []).append(name)
+    return names
+
+
+def python() -> str:
+    """Every public name, by the submodule where it lives."""
+    names, text = public(), ""
     for room in sorted(names, key=lambda room: (*ROOMS, room).index(room)):
         what = inspect.getdoc(importlib.import_module(f"truepose.{room}")) or room
         text += f"\n## {what.splitlines()[0].rstrip('.')}\n"
@@ -207,7 +216,7 @@ def python() -> str:
 
 
 def _directive(name: str) -> str:
-    thing = getattr(truepose, name)
+    thing = operator.attrgetter(name)(truepose)
     kind = "function"
     if isinstance(thing, type):
         kind = "exception" if issubclass(thing, Exception) else "class"
@@ -216,7 +225,7 @@ def _directive(name: str) -> str:
 
 
 def cpp(doxygen: bool) -> tuple[str, dict[str, str]]:
-    """Every header and the question that it answers; and, by room, what Doxygen knows of them."""
+    """Every header and its subject; and, by room, what Doxygen knows of them."""
     text, pages = "", {}
     headers = sorted(INCLUDE.rglob("*.hpp"))
     for room, files in itertools.groupby(headers, key=lambda header: header.parent.name):
@@ -224,9 +233,9 @@ def cpp(doxygen: bool) -> tuple[str, dict[str, str]]:
         text += f"\n{name}\n\n"
         page = f"# {room}\n"
         for header in files:
-            path, question = header.relative_to(INCLUDE.parent).as_posix(), _question(header)
-            text += f"- `{header.name}`: {question}\n"
-            page += f"\n## {header.name}\n\n`{path}`: {question}\n\n"
+            path, subject = header.relative_to(INCLUDE.parent).as_posix(), _subject(header)
+            text += f"- `{header.name}`: {subject}\n"
+            page += f"\n## {header.name}\n\n`{path}`: {subject}\n\n"
             page += f"```{{eval-rst}}\n.. doxygenfile:: {path}\n```\n"
         pages[f"cpp/{room}.md"] = page
     if not doxygen:
@@ -241,8 +250,8 @@ def c(doxygen: bool) -> str:
     return "```{eval-rst}\n.. doxygenfile:: truepose/truepose.h\n```\n"
 
 
-def _question(header: Path) -> str:
-    """The paragraph that a header begins with: the question that it answers."""
+def _subject(header: Path) -> str:
+    """The paragraph that a header begins with: its subject."""
     comment = itertools.takewhile(
         lambda line: line.startswith("// "), header.read_text(encoding="utf-8").splitlines()
     )

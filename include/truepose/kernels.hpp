@@ -1,6 +1,6 @@
-// What is compiled once? The hot functions of every mobility, at full optimisation, in the library
-// `truepose_kernels`: whoever includes this header only calls them, and must link it. The core
-// needs neither: without them its templates are compiled where they are used.
+// Kernels of every mobility, compiled once at full optimisation, in the library
+// `truepose_kernels`. A file that includes this header calls them and must link the library;
+// without this header the templates of the core are compiled where they are used.
 #pragma once
 
 #include "truepose/control/command.hpp"

@@ -1,4 +1,4 @@
-"""`python -m truepose`: the command line, where its script is not on the path."""
+"""`python -m truepose`: the command line."""
 
 from truepose.commands.cli import main
 

@@ -1,4 +1,4 @@
-"""What may an argument be: arrays, seeds, fractions?"""
+"""Checks of arguments that several functions share."""
 
 from __future__ import annotations
 

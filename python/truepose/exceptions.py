@@ -1,4 +1,4 @@
-"""What can go wrong, in words that name the thing, its value and the valid choices."""
+"""Errors, and how their messages are worded."""
 
 from __future__ import annotations
 

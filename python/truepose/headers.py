@@ -1,4 +1,4 @@
-"""Where does a C++ build find the headers that this package carries?"""
+"""Locations of the C++ headers and CMake files in the installed package."""
 
 from pathlib import Path
 

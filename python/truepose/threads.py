@@ -1,4 +1,4 @@
-"""How does work run side by side, and end at once when it is told to?"""
+"""Parallel maps over threads."""
 
 from __future__ import annotations
 

@@ -1,20 +1,15 @@
 """What do the tests share? Robots, poses, and the size of bulk samples."""
 
-import ctypes
 import os
 import re
-import shutil
-import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
-from linuxcnc_modules import Module
 
 import truepose as tp
 from truepose import files
 from truepose.commands import calibration_figures, cli
-from truepose.paper import article
+from truepose.paper import article, with_paper_errors
 
 
 def pytest_addoption(parser):
@@ -64,7 +59,7 @@ def h4() -> tp.Robot:
 @pytest.fixture(scope="session")
 def truth(h4) -> tp.Robot:
     """Return an H4 with geometric errors from the paper's ranges."""
-    return tp.with_paper_errors(h4, seed=1)
+    return with_paper_errors(h4, seed=1)
 
 
 @pytest.fixture(scope="session")
@@ -82,7 +77,7 @@ def h4_text() -> str:
 
 # Not of the session: pytest would run all tests of one robot together, through all files again and
 # again, and make what a file's tests share as often.
-@pytest.fixture(params=tp.robots())
+@pytest.fixture(params=tp.list_robots())
 def any_robot(request) -> tp.Robot:
     """Return each shipped robot: every mobility, every actuator."""
     return tp.load(request.param)
@@ -139,47 +134,6 @@ def plain_page(monkeypatch):
     """Write reports without their figures: most of the time of a calibration."""
     page = f"<!-- {files.mark('report')} -->"
     monkeypatch.setattr(calibration_figures, "page", lambda *_: page)
-
-
-@pytest.fixture(scope="session")
-def components(tmp_path_factory) -> Path:
-    """Return a folder with LinuxCNC's components, built; `make linuxcnc` makes what they link."""
-    root = Path(__file__).parents[2]
-    library = Path(os.environ.get("TRUEPOSE_LIBRARY", root / "build/c/libtruepose.a"))
-    if shutil.which("halcompile") is None:
-        pytest.skip("LinuxCNC is not installed (Debian: linuxcnc-uspace linuxcnc-uspace-dev)")
-    if not library.exists():
-        pytest.skip("libtruepose.a is not built: `make linuxcnc` builds it, and runs this")
-    work = tmp_path_factory.mktemp("components")
-    for source in (root / "deploy/linuxcnc").glob("*"):
-        if source.suffix in (".c", ".h") or source.name == "Makefile":
-            shutil.copy(source, work)
-    places = [f"LIBRARY={library.resolve()}", f"INCLUDE={root / 'include'}"]
-    subprocess.run(["make", "-s", "-C", work, *places], check=True)
-    return work
-
-
-@pytest.fixture(scope="session")
-def hal(tmp_path_factory):
-    """Return what stands for LinuxCNC's HAL (tests/linuxcnc/stub_hal.c)."""
-    library = tmp_path_factory.mktemp("hal") / "libhal.so"
-    source = Path(__file__).parents[1] / "linuxcnc/stub_hal.c"
-    subprocess.run(["cc", "-shared", "-fPIC", "-o", library, source], check=True)
-    hal = ctypes.CDLL(str(library), mode=ctypes.RTLD_GLOBAL)
-    hal.stub_pin.restype = ctypes.c_void_p
-    return hal
-
-
-@pytest.fixture
-def ours(hal, tmp_path, components):
-    """Load a module of ours anew: one that is loaded twice from one file is the same one."""
-
-    def load(name="truepose_kins", **parameters):
-        copy = tmp_path / f"{name}{len(list(tmp_path.iterdir()))}.so"
-        shutil.copy(components / f"{name}.so", copy)
-        return Module(hal, copy, **parameters)
-
-    return load
 
 
 def pytest_report_header(config):

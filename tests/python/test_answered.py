@@ -5,7 +5,6 @@ import pytest
 
 import truepose as tp
 from truepose.paper.sensor_sets import SETS
-from truepose.simulation.true_robots import with_tolerance_errors
 
 CALIBRATED_ON = 60
 
@@ -28,16 +27,16 @@ def poses_of(true: tp.Robot, count: int, seed: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("name", "sensors"), [(name, used) for name in tp.robots() for used in sets(name)]
+    ("name", "sensors"), [(name, used) for name in tp.list_robots() for used in sets(name)]
 )
 def test_every_estimate_of_a_calibrated_robot_converges(name, sensors, request):
     """Noise-free readings and counts, 400 of each set; --count 10000 for the whole check."""
     count = request.config.getoption("--count") or 400
     robot = tp.load(name).with_sensors(*sensors)
-    true = with_tolerance_errors(robot, np.random.SeedSequence(17)).with_level(robot.finest_level)
+    true = robot.sample(np.random.SeedSequence(17)).with_level(robot.highest_level)
     known = tp.calibrate(robot, true.read(poses_of(true, CALIBRATED_ON, 0), seed=1)).robot
     x = poses_of(true, count // 2, 1)
-    for readings in (true.extended(x), true.read(x, seed=2)):
+    for readings in (true.extended_positions(x), true.read(x, seed=2)):
         answer = known.estimate(readings, guess=x, errors="nan")
         lost = np.flatnonzero(answer.status != "ok")
         assert not len(lost), (answer.status[lost[0]], x[lost[0]], len(lost))
@@ -46,7 +45,7 @@ def test_every_estimate_of_a_calibrated_robot_converges(name, sensors, request):
 @pytest.mark.parametrize("sensors", [("theta",), ("theta", "z_telemeter")])
 def test_a_par4_that_was_calibrated_comes_to_rest_under_its_estimates(sensors):
     robot = tp.load("par4").with_sensors(*sensors)
-    true = with_tolerance_errors(robot, np.random.SeedSequence(17)).with_level("full")
+    true = robot.sample(np.random.SeedSequence(17)).with_level("full")
     known = tp.calibrate(robot, true.read(poses_of(true, CALIBRATED_ON, 0), seed=1)).robot
     x = poses_of(true, 50, 1)
-    assert np.isfinite(tp.settle(known, true, x, "estimated")).all()
+    assert np.isfinite(tp.steady_state(known, true, x, "estimated")).all()

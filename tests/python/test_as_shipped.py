@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.simulation.true_robots import with_tolerance_errors
 
 ROOT = Path(__file__).parents[2]
 #: Where a sensor is mounted and how it reads: only the robot file says so.
@@ -51,10 +50,10 @@ def test_a_log_of_the_real_encoder_is_calibrated_as_accurately_as_stated(h4, tab
     """The encoder at lateral bar 1 on true robots at the full level."""
     rng, over, inside = np.random.default_rng(2), [], []
     for seed in range(20):
-        true = with_tolerance_errors(h4, seed).with_level("full")
+        true = h4.sample(seed).with_level("full")
         learnt, others = np.split(rng.permutation(table2)[:90], [60])
         learnt = learnt + rng.uniform(-5e-4, 5e-4, learnt.shape)
-        bars = true.parasitic(others)[:, 2]
+        bars = true.residual_motion(others)[:, 2]
         x, q_e = others, true.read(others, seed=seed + 100)
         assert np.abs(q_e[:, 4] - (x[:, 3] - true.parameters["theta.offset"].value)).max() > (
             0.5 * np.abs(bars).max() - 1e-4

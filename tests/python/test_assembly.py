@@ -17,7 +17,7 @@ def pose_of(robot):
 def test_every_mode_closes_on_the_same_motors_and_the_robots_own_is_among_them(any_robot):
     x = pose_of(any_robot)
     q = any_robot.ikm(x)
-    modes = tp.assembly_modes(any_robot, q, starts=500)
+    modes = any_robot.assembly_modes(q, starts=500)
     assert len(modes) >= 2
     assert np.abs(modes.x - x).max(axis=1).min() < 1e-9
     points = [any_robot.skeleton(x)[:, 1]]  # B follows from q alone: every A at rod's length of it
@@ -34,7 +34,7 @@ def test_every_mode_closes_on_the_same_motors_and_the_robots_own_is_among_them(a
 def test_a_five_bars_two_modes_are_the_meets_of_two_circles():
     robot = tp.load("five-bar")
     x = pose_of(robot)
-    modes = tp.assembly_modes(robot, robot.ikm(x)).x
+    modes = robot.assembly_modes(robot.ikm(x)).x
     (_, B1, A1, _), (_, B2, A2, _) = robot.skeleton(x)
     middle, across = (B1 + B2) / 2, (B2 - B1) / np.linalg.norm(B2 - B1)
     assert np.allclose(A1, A2)  # one tool point
@@ -47,7 +47,7 @@ def test_a_five_bars_two_modes_are_the_meets_of_two_circles():
 
 def test_a_hexapods_modes_come_in_mirror_images():
     robot = tp.load("stewart")
-    modes = tp.assembly_modes(robot, robot.ikm(pose_of(robot))).x
+    modes = robot.assembly_modes(robot.ikm(pose_of(robot))).x
     mirror = modes * [1, 1, -1, -1, -1, 1]
     assert len(modes) % 2 == 0
     assert np.abs(modes[:, None] - mirror).max(axis=2).min(axis=1).max() < 1e-6
@@ -56,16 +56,16 @@ def test_a_hexapods_modes_come_in_mirror_images():
 def test_the_search_repeats_itself_and_refuses_what_it_cannot_search():
     robot = tp.load("3rpr")
     q = robot.ikm(robot.home)
-    one, two = tp.assembly_modes(robot, q), tp.assembly_modes(robot, q)
+    one, two = robot.assembly_modes(q), robot.assembly_modes(q)
     assert np.array_equal(one.x, two.x) and np.array_equal(one.seen, two.seen)
-    none = tp.assembly_modes(robot, q + 100)
+    none = robot.assembly_modes(q + 100)
     assert none.x.shape == (0, 3) and (len(none), none.unseen, none.expected) == (0, 0, 0)
     for bad, word in ((q[:2], "shape"), (q * np.nan, "finite"), ([q, q], "shape")):
         with pytest.raises(tp.InputError, match=word):
-            tp.assembly_modes(robot, bad)
+            robot.assembly_modes(bad)
     for bad in ({"starts": 0}, {"starts": 2_000_000}, {"seed": -1}):
         with pytest.raises(tp.InputError, match=next(iter(bad))):
-            tp.assembly_modes(robot, q, **bad)
+            robot.assembly_modes(q, **bad)
 
 
 def robot_of(tmp_path, mobility, home, base, nacelle, more=""):
@@ -117,7 +117,7 @@ def turned(w, c):
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_all_40_of_dietmaiers_postures_are_found_at_the_default(dietmaier, seed):
-    modes = tp.assembly_modes(dietmaier, LEGS, seed=seed)
+    modes = dietmaier.assembly_modes(LEGS, seed=seed)
     assert len(modes) == 40 == modes.expected and modes.unseen == 0
     for x in modes:
         for b, c, length in zip(*map(np.array, (*DIETMAIER.values(), LEGS)), strict=True):
@@ -127,7 +127,7 @@ def test_all_40_of_dietmaiers_postures_are_found_at_the_default(dietmaier, seed)
 
 
 def test_a_search_that_is_too_short_says_that_modes_are_missing(dietmaier):
-    short = [tp.assembly_modes(dietmaier, LEGS, starts=100, seed=seed) for seed in range(30)]
+    short = [dietmaier.assembly_modes(LEGS, starts=100, seed=seed) for seed in range(30)]
     found = np.array([len(modes) for modes in short])
     told = np.array([modes.expected for modes in short])
     assert (found < 40).all()
@@ -140,7 +140,7 @@ def test_a_search_that_is_too_short_says_that_modes_are_missing(dietmaier):
 def test_the_workspace_box_plays_no_part(tmp_path, dietmaier):
     boxes = "[workspace]\nminimum = [5, 5, 5, 0, 0, 0]\nmaximum = [6, 6, 6, 1, 1, 1]\n"
     elsewhere = robot_of(tmp_path, "spatial", dietmaier.home, **DIETMAIER, more=boxes)
-    modes = [tp.assembly_modes(robot, LEGS, starts=500) for robot in (dietmaier, elsewhere)]
+    modes = [robot.assembly_modes(LEGS, starts=500) for robot in (dietmaier, elsewhere)]
     assert np.array_equal(modes[0].x, modes[1].x)
 
 
@@ -155,7 +155,7 @@ def test_a_cuspidal_robot_goes_from_mode_to_mode_without_a_singular_pose(tmp_pat
     nacelle = [[0.0, 0.0, 0.0], [1.704, 0.0, 0.0], [x2, y2, 0.0]]
     start = np.array([-0.201, 1.372, -1.213])
     robot = robot_of(tmp_path, "planar", start, base, nacelle)
-    modes = tp.assembly_modes(robot, robot.ikm(start))
+    modes = robot.assembly_modes(robot.ikm(start))
     assert len(modes) >= 4 and np.abs(modes.x[0] - start).max() < 1e-9
     end = modes.x[np.argmin(np.abs(modes.x[:, :2] - [-1.139, -0.790]).sum(axis=1))]
     assert robot.ikm(end) == pytest.approx(robot.ikm(start), abs=1e-9)

@@ -19,7 +19,7 @@ def equipped(robot):
 
 def jacobians(robot, x):
     """H_x, and H_ξ S in units of each reading's σ: unknowns of unit variance."""
-    H_x, H_xi = robot.expected().linearise(x, level=robot.finest_level)
+    H_x, H_xi = robot.expected().linearize(x, level=robot.highest_level)
     prior = np.array([p.sigma for p in robot.parameters.values()])
     sigma = knowledge.reading_sigma(robot)[:, None]
     return H_x / sigma, (H_xi * prior / sigma)[..., prior > 0]
@@ -75,7 +75,7 @@ def test_the_bound_is_that_of_least_squares_by_hand(any_robot, anywhere, rng, ca
 def test_before_a_calibration_the_bound_is_the_estimates_own_covariance(any_robot, anywhere, rng):
     robot = equipped(any_robot).expected()
     x = anywhere(robot, 5, rng)
-    est = robot.estimate(robot.extended(x, level="full"), guess=x)
+    est = robot.estimate(robot.extended_positions(x, level="full"), guess=x)
     assert tp.accuracy(robot, x) == pytest.approx(est.covariance, rel=1e-9, abs=1e-15)
 
 
@@ -141,7 +141,7 @@ def test_a_calibrated_robot_predicts_what_was_predicted_of_it(h4, table2):
     """The bound before anything was read, and the covariance of a calibration that was."""
     robot = h4.with_sensors("theta", "z_telemeter")
     poses = table2[::5]
-    fit = tp.calibrate(robot, robot.expected().with_level("full").extended(poses))
+    fit = tp.calibrate(robot, robot.expected().with_level("full").extended_positions(poses))
     before = tp.accuracy(robot, poses, calibrated_on=poses)
     assert tp.accuracy(fit.robot, poses) == pytest.approx(before, rel=1e-3, abs=1e-12)
 

@@ -26,7 +26,7 @@ def test_a_leg_is_as_long_as_its_spool_has_let_out(tmp_path, level):
     assert legs == pytest.approx(v + BUILDUP * v**2, abs=1e-12)
     assert robot.fkm(v, guess=x, level=level) == pytest.approx(x, abs=1e-9)
     names = list(robot.parameters)
-    _, H_xi = robot.linearise(x, level=level)
+    _, H_xi = robot.linearize(x, level=level)
     h = 1e-6
     for k in (1, 5):
         name = f"chain{k}.buildup"
@@ -40,7 +40,7 @@ def test_a_spool_is_calibrated_saved_and_loaded(tmp_path):
     rng = np.random.default_rng(4)
     box = robot.spec.workspace
     x = rng.uniform(box.minimum, box.maximum, (80, 6))
-    fit = tp.calibrate(robot, true.extended(x), measured=x, registration="known")
+    fit = tp.calibrate(robot, true.extended_positions(x), measured=x, registration="known")
     for k in range(1, 7):
         of = fit.parameters[f"chain{k}.buildup"]
         assert abs(of.value - true.parameters[f"chain{k}.buildup"].value) < 3 * of.sigma

@@ -27,7 +27,7 @@ pytestmark = pytest.mark.xdist_group("c_interface")  # what takes a minute is bu
 
 def tables(robot: tp.Robot, **options) -> str:
     """Return a robot's tables, with gains that need no search."""
-    return to_c(robot, tp.Controller(law="joint", **options), tp.Watch())
+    return to_c(robot, tp.Controller(law="joint", **options), tp.FaultMonitor())
 
 
 def users_own(home: Path) -> dict[str, str]:
@@ -130,7 +130,7 @@ def test_the_loop_in_c_is_short_and_the_tej_takes_out_most_of_what_a_rod_does(pr
 
 
 @pytest.mark.parametrize("language", [(CC, *STRICT, "-xc"), ("c++", "-std=c++20", "-xc++")])
-@pytest.mark.parametrize("name", tp.robots())
+@pytest.mark.parametrize("name", tp.list_robots())
 def test_a_robots_tables_compile_alone_in_c_and_in_cpp(name, language, tmp_path):
     robot = tp.load(name)
     (tmp_path / "robot.h").write_text(tables(robot), encoding="utf-8")

@@ -9,7 +9,6 @@ import truepose as tp
 from truepose import files
 from truepose.paper.trials import difference
 from truepose.robot import knowledge
-from truepose.simulation.true_robots import with_tolerance_errors
 
 
 def equipped(robot):
@@ -23,7 +22,7 @@ def small():
     rng = np.random.default_rng(3)
     box = robot.spec.workspace
     x = rng.uniform(box.minimum, box.maximum, (6, 3))
-    return robot, with_tolerance_errors(robot, 2).with_level("full").read(x), x
+    return robot, robot.sample(2).with_level("full").read(x), x
 
 
 def test_the_calibration_is_the_maximum_a_posteriori(small):
@@ -36,7 +35,7 @@ def test_the_calibration_is_the_maximum_a_posteriori(small):
     def residual(unknowns):
         u, at = unknowns[:p], unknowns[p:].reshape(x.shape)
         moved = {n: prior[n].mean + prior[n].sigma * v for n, v in zip(names, u, strict=True)}
-        off = (q_e - robot.replace(moved).extended(at, level="full")) / sigma
+        off = (q_e - robot.replace(moved).extended_positions(at, level="full")) / sigma
         return np.concatenate([off.ravel(), u])
 
     start = np.concatenate([np.zeros(p), robot.expected().fkm(q_e[:, :3]).ravel()])
@@ -70,7 +69,7 @@ def test_passive_joints_teach_every_robot(case, anywhere, rng):
     x, others = anywhere(robot, 120, rng), anywhere(robot, 20, rng)
     before, after, nees = [], [], []
     for seed in range(5):
-        true = with_tolerance_errors(robot, seed)
+        true = robot.sample(seed)
         fit = tp.calibrate(robot, true.read(x))
         q_e = true.read(others)
         learnt, drawn = (r.estimate(q_e, guess=others) for r in (fit.robot, robot.expected()))
@@ -94,7 +93,7 @@ def test_what_no_reading_can_see_keeps_its_prior(any_robot, anywhere, rng):
         pytest.skip("no sensor of a passive joint")
     robot = any_robot.with_sensors(*names)
     x = anywhere(robot, 100, rng)
-    fit = tp.calibrate(robot, with_tolerance_errors(robot, 4).read(x))
+    fit = tp.calibrate(robot, robot.sample(4).read(x))
     for axis in "xyz":
         base = (f".base.{axis}", f"axis1.origin.{axis}")  # of a pivot its first axis, too
         moved = np.array([float(name.endswith(base)) for name in fit.names])
@@ -124,13 +123,13 @@ def test_the_delta_printer_trap(rng):
 def test_motors_alone_teach_nothing_and_say_so(any_robot, anywhere, rng):
     robot, x = any_robot.with_sensors(), anywhere(any_robot, 10, rng)
     with pytest.raises(tp.InputError, match="nothing to learn from"):
-        tp.calibrate(robot, with_tolerance_errors(robot, 1).read(x))
+        tp.calibrate(robot, robot.sample(1).read(x))
 
 
 def test_repeated_calibrations_go_on_where_the_last_one_ended(h4, table2):
     """Half the poses and then the other half: as good as all at once, to first order."""
     robot = h4.with_sensors("theta", "z_telemeter")
-    q_e = with_tolerance_errors(robot, 6).read(table2)
+    q_e = robot.sample(6).read(table2)
     once, half = (tp.calibrate(robot, part, model_error="off") for part in (q_e, q_e[::2]))
     twice = tp.calibrate(half.robot, q_e[1::2], model_error="off")
     for name, learnt in once.parameters.items():

@@ -12,6 +12,7 @@ from pyarrow import parquet
 import truepose as tp
 from truepose import logs
 from truepose.calibration import log_checks
+from truepose.paper import with_paper_errors
 
 
 @pytest.fixture(scope="module")
@@ -24,8 +25,8 @@ def q_e(robot, table2):
     """Readings of an H4 with the paper's errors at 150 poses about those of Table 2."""
     rng = np.random.default_rng(0)
     poses = rng.permutation(table2)[:150] + rng.uniform(-1e-3, 1e-3, (150, 4))
-    true = tp.with_paper_errors(robot, seed=1)
-    return quantised(true, true.extended(poses))
+    true = with_paper_errors(robot, seed=1)
+    return quantised(true, true.extended_positions(poses))
 
 
 def quantised(robot, q_e):
@@ -221,7 +222,7 @@ def test_wrong_units_and_signs_are_named_and_refused(robot, q_e, columns, factor
 
 def test_a_telescopic_leg_in_millimetres_is_named(stewart, anywhere, rng):
     robot = stewart.with_sensors("z_telemeter")
-    q_e = robot.extended(anywhere(robot, 60, rng))
+    q_e = robot.extended_positions(anywhere(robot, 60, rng))
     (finding,) = [f for f in found(robot, scaled(q_e, range(6), 1000)) if f.refused]
     assert finding.text == "q1, q2, q3, q4, q5, q6: in mm, must be m"
 
@@ -234,7 +235,7 @@ def test_exchanged_sensors_of_one_kind_are_named():
     spec = robotfile.parse(text.replace("[[sensor]]", extra + "\n[[sensor]]", 1), "h4")
     robot = tp.Robot(spec).with_sensors("wire", "z_telemeter")
     x = np.random.default_rng(0).uniform([-0.1, -0.1, -0.45, -0.5], [0.1, 0.1, -0.35, 0.5], (80, 4))
-    q_e = robot.extended(x)[:, [0, 1, 2, 3, 5, 4]]
+    q_e = robot.extended_positions(x)[:, [0, 1, 2, 3, 5, 4]]
     assert log_checks.Finding("wire and z_telemeter: swapped", True) in found(robot, q_e)
 
 
@@ -317,10 +318,10 @@ def test_a_table_gives_the_fit_of_its_columns(robot, q_e):
 
 def test_measured_columns_are_measurements(h4, table2):
     blind = h4.with_sensors()
-    true = tp.with_paper_errors(blind, seed=1)
+    true = with_paper_errors(blind, seed=1)
     rng = np.random.default_rng(0)
     x = rng.permutation(table2)[:100]
-    columns = table(blind, true.extended(x))
+    columns = table(blind, true.extended_positions(x))
     columns |= {f"measured_{c}": x[:, k] for k, (c, _) in enumerate(h4.coordinates)}
     fit = tp.calibrate(blind, columns, registration="known")
     assert np.abs(fit.robot.fkm(true.ikm(x)) - x).max() < 5e-5

@@ -73,7 +73,7 @@ def test_home_beyond_a_sensors_range_is_remarked(checked, ends, said):
     assert remarked == (f"sensor z_telemeter: {said}" if said else "")
 
 
-@pytest.mark.parametrize("name", tp.robots())
+@pytest.mark.parametrize("name", tp.list_robots())
 def test_a_robot_in_millimetres_is_asked_for(checked, name):
     data = tomllib.loads(text_of(name))
     angles = {"planar": 1, "schoenflies": 1, "spatial": 3}.get(data["mobility"], 0)

@@ -14,7 +14,7 @@ import truepose as tp
 from truepose.commands import cli, info
 
 
-@pytest.mark.parametrize("name", tp.robots())
+@pytest.mark.parametrize("name", tp.list_robots())
 def test_a_starter_file_of_every_kind_passes_the_check(run, name, tmp_path):
     assert run("new", name, "-o", "mine.toml")[0] == 0
     status, out, err = run("check", "mine.toml")
@@ -133,7 +133,7 @@ def test_help_has_an_example(run, command):
 
 
 @pytest.mark.usefixtures("plain_page")
-@pytest.mark.parametrize("command", ["robots", "margins", "plan", "design", "simulate", "rehearse"])
+@pytest.mark.parametrize("command", ["list", "margins", "plan", "design", "simulate", "rehearse"])
 def test_the_examples_of_the_help_run(run, command):
     told = get_command(cli.app).commands[command].help.partition("Example: ")[2]
     examples = re.findall(r"\*\*truepose (.+?)\*\*", told, re.DOTALL)
@@ -143,13 +143,11 @@ def test_the_examples_of_the_help_run(run, command):
 
 
 def test_the_shipped_robots_are_listed_for_people_and_for_programs(run):
-    _, said, _ = run("robots")
+    _, said, _ = run("list")
     row = next(line for line in said.splitlines() if line.startswith("delta "))
     assert row.split("  ")[0] == "delta" and "3 revolute" in row and "z_telemeter, elbow*" in row
-    listed = {
-        row["robot"]: row for row in json.loads(run("robots", "--format", "json")[1])["robots"]
-    }
-    assert list(listed) == tp.robots()
+    listed = {row["robot"]: row for row in json.loads(run("list", "--format", "json")[1])["robots"]}
+    assert list(listed) == tp.list_robots()
     for name, row in listed.items():
         robot = tp.load(name)
         assert (row["n"], row["mobility"]) == (robot.n, robot.spec.mobility)
@@ -158,7 +156,7 @@ def test_the_shipped_robots_are_listed_for_people_and_for_programs(run):
         assert "assumed" in row["numbers from"] and row["full level"] == robot.full.reason
 
 
-@pytest.mark.parametrize("name", tp.robots())
+@pytest.mark.parametrize("name", tp.list_robots())
 def test_info_prints_the_figures_of_every_robot(run, name):
     status, out, err = run("info", name, "--samples", "500")
     assert (status, err) == (0, "")
@@ -252,9 +250,9 @@ def test_the_completion_of_each_shell_can_be_shown(run, monkeypatch, shell):
 
 
 def test_python_m_truepose_is_the_command_line():
-    words = [sys.executable, "-m", "truepose", "robots", "--help"]
+    words = [sys.executable, "-m", "truepose", "list", "--help"]
     shown = subprocess.run(words, capture_output=True, text=True, check=True).stdout
-    assert "Usage: truepose robots" in shown
+    assert "Usage: truepose list" in shown
 
 
 @pytest.mark.parametrize("page", ["README.md", "docs/get-started.md", "docs/calibration.md"])

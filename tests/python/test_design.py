@@ -8,10 +8,10 @@ import pytest
 from scipy.optimize import minimize
 
 import truepose as tp
-from truepose.calibration.design import in_other_states, searched
-from truepose.calibration.relaxation import Relaxation
-from truepose.calibration.search import Search
-from truepose.calibration.worth import Worth
+from truepose.design.relaxation import Relaxation
+from truepose.design.search import Search
+from truepose.design.sensors import in_other_states, searched
+from truepose.design.worth import Worth
 from truepose.robot.units import summed
 from truepose.robotfile import path_of
 from truepose.robotfile.schema import Tolerance
@@ -53,7 +53,7 @@ def test_what_sets_are_worth_is_the_bound(any_robot, anywhere, rng, calibrated, 
 def test_the_best_is_the_best_of_all_sets(h4, how, must):
     """By enumeration: for a budget the most accurate, for its accuracy the cheapest."""
     every = []
-    x = tp.design(h4, PRICES, poses=None).over[:5]
+    x = tp.select_sensors(h4, PRICES, poses=None).over[:5]
     for size in range(len(PRICES) + 1):
         for names in itertools.combinations(PRICES, size):
             if set(must) <= set(names):
@@ -66,11 +66,11 @@ def test_the_best_is_the_best_of_all_sets(h4, how, must):
                 )
                 every.append((price, sigma, set(names)))
     for budget in (130, 350, 600, 2000):
-        found = tp.design(h4, PRICES, budget=budget, must=must, poses=x, **how)
+        found = tp.select_sensors(h4, PRICES, budget=budget, must=must, poses=x, **how)
         price, sigma, _ = min((e for e in every if e[0] <= budget), key=lambda e: e[1])
         assert found.proven and found.gap == 0 and found.best.price <= budget
         assert found.best.sigma == pytest.approx(sigma, rel=1e-6)
-        again = tp.design(h4, PRICES, target=sigma * (1 + 1e-6), must=must, poses=x, **how)
+        again = tp.select_sensors(h4, PRICES, target=sigma * (1 + 1e-6), must=must, poses=x, **how)
         cheapest = min(e[0] for e in every if e[1] <= sigma * (1 + 1e-6))
         assert again.proven and again.best.price == pytest.approx(cheapest)
     for choice in found.front:
@@ -191,7 +191,7 @@ def test_a_robot_s_front_of_more_than_ten_candidates_is_that_of_all_sets(
     finer["chain2.base.*"], finer["chain3.base.*"] = {1e-5: 90.0}, {1e-5: 110.0}
     calibrated = x[4:] if known == "self-calibrated" else None
     asked = {"finer": finer, "calibrated_on": calibrated, "survives": known == "survives"}
-    found = tp.design(robot, prices, poses=x[:4], **asked)
+    found = tp.select_sensors(robot, prices, poses=x[:4], **asked)
     assert found.exact and len(found.alone) == 12
     worth = Worth(robot, names, x[:4], x[4:] if calibrated is not None else x[:0], x[:0], [],
                   [level.information for own in found.levels for level in own])  # fmt: skip
@@ -211,14 +211,14 @@ def test_a_front_of_many_candidates_is_marked_as_greedy(run, h4, tmp_path):
     assert "greedy" in (tmp_path / "front.svg").read_text()
     status, out, errors = run("design", "h4", *price, *words, "--format", "csv")
     assert all(row.endswith(",greedy") for row in out.splitlines()[1:]), out
-    few = tp.design(h4, {"theta": 90, "wire1": 250})
+    few = tp.select_sensors(h4, {"theta": 90, "wire1": 250})
     assert few.exact
 
 
 def test_a_search_that_is_cut_short_tells_its_gap(crowded, monkeypatch):
     cost, prices = crowded
     full = Search(cost, prices, [], survives=False).most_accurate(12)
-    monkeypatch.setattr("truepose.calibration.search.MOST", 150)
+    monkeypatch.setattr("truepose.design.search.MOST", 150)
     best, bound = Search(cost, prices, [], survives=False).most_accurate(12)
     assert bound <= full[1] <= cost(best)
     assert bound < cost(best)
@@ -270,7 +270,7 @@ def test_a_search_that_is_cut_short_is_as_sure_as_its_relaxation(many, monkeypat
     full = Search(cost, prices, [], survives=False)
     least = full.most_accurate(12)[1]
     price = full.cheapest(least)[1]
-    monkeypatch.setattr("truepose.calibration.search.MOST", 60)
+    monkeypatch.setattr("truepose.design.search.MOST", 60)
     alone = Search(cost, prices, [], survives=False)
     sure = Search(cost, prices, [], survives=False, relaxation=relaxation)
     assert alone.most_accurate(12)[1] < sure.most_accurate(12)[1] <= least
@@ -339,7 +339,7 @@ def test_a_finer_tolerance_is_worth_what_the_robot_with_it_is(name, how, anywher
     group = "chain*.encoder_offset" if name == "stewart" else "chain*.rod"
     sensors = [sensor.name for sensor in robot.spec.sensor][:2]
     finer = {group: {1e-4: 10.0, 2e-5: 30.0}, "chain*.base.*": {5e-5: 20.0}}
-    found = tp.design(robot, dict.fromkeys(sensors, 1.0), finer=finer, poses=x[:6], **known)
+    found = tp.select_sensors(robot, dict.fromkeys(sensors, 1.0), finer=finer, poses=x[:6], **known)
     choices = {(c.sensors, c.machined): c for c in found.front}
     best = found.front[-1]
     assert best.machined == ((group, 2e-5), ("chain*.base.*", 5e-5)) and best.price == 52
@@ -360,13 +360,13 @@ def test_a_finer_tolerance_is_worth_what_the_robot_with_it_is(name, how, anywher
 def test_the_same_sets_in_other_states(h4):
     """What each state says of a set is what a choice for that state says of it."""
     finer = {"chain*.rod": {1e-3: 300, 1e-4: 700}}
-    x = tp.design(h4, PRICES, poses=None).over[:12]
+    x = tp.select_sensors(h4, PRICES, poses=None).over[:12]
     asked = {"finer": finer, "poses": x[:6]}
-    found = tp.design(h4, PRICES, **asked)
+    found = tp.select_sensors(h4, PRICES, **asked)
     at = {"calibrated_on": x[6:], "touch_off": h4.home}
     states = in_other_states(found, **at)
     for state, known in {"as built": (), "touched off": ("touch_off",), "both": tuple(at)}.items():
-        own = tp.design(h4, PRICES, **asked, **{key: at[key] for key in known})
+        own = tp.select_sensors(h4, PRICES, **asked, **{key: at[key] for key in known})
         there = {(c.sensors, c.machined): c.sigma for c in own.front}
         both = [(s, c) for s, c in zip(states[state], found.front, strict=True)
                 if (c.sensors, c.machined) in there]  # fmt: skip
@@ -384,19 +384,21 @@ def test_a_file_says_what_machining_costs(h4, tmp_path):
     )
     file = tmp_path / "priced.toml"
     file.write_text(text.replace(entry, f"{entry}, finer = [{levels}]"))
-    found = tp.design(tp.load(file), PRICES)
+    found = tp.select_sensors(tp.load(file), PRICES)
     assert [(level.sigma, level.price) for level in found.levels[0]] == [(1e-3, 300), (1e-4, 400)]
-    again = tp.design(h4, PRICES, finer={"chain*.rod": {1e-3: 300, 1e-4: 700, 5e-4: 800}})
+    again = tp.select_sensors(h4, PRICES, finer={"chain*.rod": {1e-3: 300, 1e-4: 700, 5e-4: 800}})
     assert again.front == found.front and any(choice.machined for choice in found.front)
-    assert not any(choice.machined for choice in tp.design(tp.load(file), PRICES, finer={}).front)
+    assert not any(
+        choice.machined for choice in tp.select_sensors(tp.load(file), PRICES, finer={}).front
+    )
 
 
 def test_prices_stand_in_the_file_too(h4):
     sensors = [s.model_copy(update={"price": 10.0 * k}) for k, s in enumerate(h4.spec.sensor)]
     robot = tp.Robot(h4.spec.model_copy(update={"sensor": sensors}))
-    assert tp.design(robot, budget=25).prices["wire1"] == 60
+    assert tp.select_sensors(robot, budget=25).prices["wire1"] == 60
     with pytest.raises(tp.InputError, match="h4: sensor theta: has no price"):
-        tp.design(h4)
+        tp.select_sensors(h4)
 
 
 @pytest.mark.parametrize(
@@ -427,13 +429,13 @@ def test_prices_stand_in_the_file_too(h4):
 )
 def test_what_cannot_be_chosen_is_said(h4, asked, message):
     with pytest.raises(tp.InputError, match=message):
-        tp.design(h4, **{"prices": PRICES, **asked})
+        tp.select_sensors(h4, **{"prices": PRICES, **asked})
 
 
 def test_the_command_says_what_the_function_finds(run, h4, tmp_path):
     words = ("design", "h4", "--price", "theta=90,z_telemeter=400,wire1=250,wire2=250,pivot1=40")
     status, out, err = run(*words, "--budget", "400", "--format", "json", "--plot", "front.svg")
-    found = tp.design(h4, PRICES, budget=400)
+    found = tp.select_sensors(h4, PRICES, budget=400)
     rows = json.loads(out)["design"]
     assert status == 0 and [row["price"] for row in rows] == [c.price for c in found.front]
     assert [row["position (mm)"] for row in rows] == pytest.approx(

@@ -9,7 +9,6 @@ from scipy.optimize import least_squares
 import truepose as tp
 from truepose.calibration.bound import after_visiting
 from truepose.robot import knowledge
-from truepose.simulation.true_robots import with_tolerance_errors
 
 TOOL = (0.01, -0.02, -0.03)
 
@@ -41,8 +40,10 @@ def printed(rng, x, own, sigma=2e-5):
     length = np.linalg.norm(x[pairs[:, 0]] - x[pairs[:, 1]], axis=1)
     measured = (1 + scale) * length + times * width + sigma * rng.standard_normal(len(pairs))
     return [
-        tp.Plane(lines=touched, sigma=sigma, above=above, height=(0, FREE[0]), slope_sigma=FREE[1]),
-        tp.Distances(
+        tp.calibration.PlaneContacts(
+            lines=touched, sigma=sigma, above=above, height=(0, FREE[0]), slope_sigma=FREE[1]
+        ),
+        tp.calibration.DistanceMeasurements(
             pairs=pairs,
             measured=measured,
             sigma=sigma,
@@ -59,13 +60,13 @@ def test_it_is_the_maximum_a_posteriori_over_everything_at_once():
     rng = np.random.default_rng(8)
     box = robot.spec.workspace
     x = rng.uniform(box.minimum, box.maximum, (7, 6)) * [1, 1, 1, 0.5, 0.5, 0.5]
-    q_e = with_tolerance_errors(robot, 3).read(x)
+    q_e = robot.sample(3).read(x)
     R = [frame[:3, :3] for frame in tp.robot.frames.frames(robot, x)]
     p = x[:, :3] + np.einsum("kij,j->ki", R, TOOL)
     pairs = np.array([(0, 1), (1, 2), (3, 1), (0, 4), (5, 6)])
     apart = p[pairs[:, 0]] - p[pairs[:, 1]]
     length = np.linalg.norm(apart, axis=1)
-    plane = tp.Plane(
+    plane = tp.calibration.PlaneContacts(
         lines=[0, 2, 5],
         sigma=[1e-5, 2e-5, 1e-5],
         above=p[[0, 2, 5], 2] - 0.002 - 0.003 * p[[0, 2, 5], 0] + 3e-5 * rng.standard_normal(3),
@@ -74,7 +75,7 @@ def test_it_is_the_maximum_a_posteriori_over_everything_at_once():
         tool=(0, 0, 0),
         tool_sigma=0.05,
     )
-    distances = tp.Distances(
+    distances = tp.calibration.DistanceMeasurements(
         pairs=pairs,
         measured=0.997 * length + 4e-4 + 2e-5 * rng.standard_normal(5),
         sigma=2e-5,
@@ -83,7 +84,7 @@ def test_it_is_the_maximum_a_posteriori_over_everything_at_once():
         tool=(0, 0, 0),
         tool_sigma=0.05,
     )
-    revisits = tp.Revisits(pairs=[(6, 3)], apart=p[6] - p[3], sigma=5e-5)
+    revisits = tp.calibration.RepeatedPoses(pairs=[(6, 3)], apart=p[6] - p[3], sigma=5e-5)
     names, read = knowledge.uncertain(robot), knowledge.reading_sigma(robot)
     prior = robot.parameters
     count = len(names)
@@ -93,7 +94,7 @@ def test_it_is_the_maximum_a_posteriori_over_everything_at_once():
         u, w, at = unknowns[:count], free * unknowns[count : count + 8], unknowns[count + 8 :]
         at = at.reshape(x.shape)
         moved = {n: prior[n].mean + prior[n].sigma * v for n, v in zip(names, u, strict=True)}
-        off = (q_e - robot.replace(moved).extended(at)) / read
+        off = (q_e - robot.replace(moved).extended_positions(at)) / read
         R = [frame[:3, :3] for frame in tp.robot.frames.frames(robot, at)]
         p = at[:, :3] + np.einsum("kij,j->ki", R, w[5:])
         length = np.linalg.norm(p[pairs[:, 0]] - p[pairs[:, 1]], axis=1)
@@ -137,7 +138,7 @@ def test_it_is_the_maximum_a_posteriori_over_everything_at_once():
 def scene(seed, count=40):
     """A printer, the poses of a log of it, its readings, and what its owner measured."""
     robot, rng = printer(), np.random.default_rng(seed)
-    true = with_tolerance_errors(robot, seed)
+    true = robot.sample(seed)
     own = FREE * rng.standard_normal(5)
     x = on_the_bed(rng, count)
     x[12:, 2] = own[0] + x[12:, :2] @ own[1:3]
@@ -166,7 +167,7 @@ def test_the_bound_says_beforehand_what_differences_will_teach():
     robot, _, _, _, _ = scene(0)
     x = on_the_bed(np.random.default_rng(1), 40)
     differences = printed(np.random.default_rng(1), x, np.zeros(5))
-    fit = tp.calibrate(robot, robot.expected().extended(x), differences=differences)
+    fit = tp.calibrate(robot, robot.expected().extended_positions(x), differences=differences)
     root, status = after_visiting(robot, x, "full", differences=differences)
     assert status == 0
     scale = np.sqrt(np.outer(*2 * [np.diag(fit.covariance)]))
@@ -239,19 +240,43 @@ LINES = np.arange(12, 40)
 @pytest.mark.parametrize(
     ("difference", "message"),
     [
-        (tp.Plane(lines=[40], sigma=1e-5), r"^plane: lines: line 40: must be 0 to 39$"),
-        (tp.Plane(lines=[0.5], sigma=1e-5), r"^plane: lines: must be numbers of lines from 0"),
-        (tp.Plane(lines=LINES, sigma=0), r"^plane: sigma = 0.0: must be greater than 0"),
         (
-            tp.Plane(lines=LINES, sigma=1, above=[1, 2]),
+            tp.calibration.PlaneContacts(lines=[40], sigma=1e-5),
+            r"^plane: lines: line 40: must be 0 to 39$",
+        ),
+        (
+            tp.calibration.PlaneContacts(lines=[0.5], sigma=1e-5),
+            r"^plane: lines: must be numbers of lines from 0",
+        ),
+        (
+            tp.calibration.PlaneContacts(lines=LINES, sigma=0),
+            r"^plane: sigma = 0.0: must be greater than 0",
+        ),
+        (
+            tp.calibration.PlaneContacts(lines=LINES, sigma=1, above=[1, 2]),
             r"^plane: above: must be a number or",
         ),
-        (tp.Plane(lines=LINES, sigma=1, axis="w"), r"^plane: unknown axis 'w'"),
-        (tp.Plane(lines=LINES, sigma=1, height=(0, -1)), r"^plane: height: 0, σ -1"),
-        (tp.Distances(pairs=[(1, 1)], measured=[1], sigma=1), r"^distances: pairs: line 1 twice"),
-        (tp.Distances(pairs=[(1, 2)], measured=[-1], sigma=1), r"^distances: measured = -1.0"),
-        (tp.Revisits(pairs=[1, 2], sigma=1), r"^revisits: pairs: must be numbers of lines"),
-        ("plane", r"^differences: str: must be a Plane, Distances or Revisits$"),
+        (tp.calibration.PlaneContacts(lines=LINES, sigma=1, axis="w"), r"^plane: unknown axis 'w'"),
+        (
+            tp.calibration.PlaneContacts(lines=LINES, sigma=1, height=(0, -1)),
+            r"^plane: height: 0, σ -1",
+        ),
+        (
+            tp.calibration.DistanceMeasurements(pairs=[(1, 1)], measured=[1], sigma=1),
+            r"^distances: pairs: line 1 twice",
+        ),
+        (
+            tp.calibration.DistanceMeasurements(pairs=[(1, 2)], measured=[-1], sigma=1),
+            r"^distances: measured = -1.0",
+        ),
+        (
+            tp.calibration.RepeatedPoses(pairs=[1, 2], sigma=1),
+            r"^revisits: pairs: must be numbers of lines",
+        ),
+        (
+            "plane",
+            r"^differences: str: must be a PlaneContacts, DistanceMeasurements or RepeatedPoses$",
+        ),
     ],
 )
 def test_wrong_differences_are_refused_in_one_line(difference, message):

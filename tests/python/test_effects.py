@@ -8,7 +8,8 @@ import pytest
 
 import truepose as tp
 from truepose import _core
-from truepose.simulation.controller import Controller
+from truepose.control.controller import Controller
+from truepose.paper import with_paper_errors
 from truepose.simulation.visit import visit
 
 SOFT = Controller(law="joint", frequency=20.0, velocity_bandwidth=300.0, gains="diagonal")
@@ -22,14 +23,16 @@ def held(robot, effects, x_d, **options):
 
 
 def test_without_effects_the_readings_are_the_models(h4):
-    x, q_e = held(h4.unquantised(), tp.Effects.none(), [0.05, 0.02, -0.42, 0.2])
-    assert q_e == pytest.approx(h4.extended(x), abs=1e-12)
+    x, q_e = held(h4.without_quantization(), tp.Effects.none(), [0.05, 0.02, -0.42, 0.2])
+    assert q_e == pytest.approx(h4.extended_positions(x), abs=1e-12)
 
 
 def test_a_geared_encoder_hangs_behind_its_play_and_the_side_depends_on_the_way_there(h4):
     play = tp.Effects().only("backlash")
     poses = [[0, 0, -0.4, 0.3], [0, 0, -0.4, 0], [0, 0, -0.4, -0.3], [0, 0, -0.4, 0]]
-    x, q_e, _ = visit(h4.unquantised(), h4.unquantised(), poses, SOFT, effects=play, hold=1.5)
+    x, q_e, _ = visit(
+        h4.without_quantization(), h4.without_quantization(), poses, SOFT, effects=play, hold=1.5
+    )
     behind = q_e[:, 4] - x[:, 3]
     half = play.tool_backlash / 2
     assert (np.abs(behind) <= half * (1 + 1e-9)).all()
@@ -45,14 +48,14 @@ def test_an_ungeared_encoder_has_no_play(h4):
             )
         }
     )
-    robot = tp.Robot(spec).unquantised()
+    robot = tp.Robot(spec).without_quantization()
     x, q_e = held(robot, tp.Effects().only("backlash"), [0, 0, -0.4, 0.3])
     assert q_e[4] == pytest.approx(x[3], abs=1e-12)
 
 
 def test_friction_holds_a_motor_within_what_the_gains_allow(h4):
     """At rest kp e = friction at most; on the way back the error changes its sign."""
-    robot, effects = h4.unquantised(), tp.Effects(joint_friction=0).only("friction")
+    robot, effects = h4.without_quantization(), tp.Effects(joint_friction=0).only("friction")
     kp = np.array(SOFT.settings(robot, robot.home).kp[:4])
     poses = [[0, 0, -0.42, 0], [0, 0, -0.4, 0], [0, 0, -0.38, 0], [0, 0, -0.4, 0]]
     x, _, _ = visit(robot, robot, poses, SOFT, effects=effects, hold=1.5)
@@ -64,7 +67,7 @@ def test_friction_holds_a_motor_within_what_the_gains_allow(h4):
 
 
 def test_arms_twist_by_the_torque_they_carry_over_their_stiffness(h4):
-    robot = h4.unquantised()
+    robot = h4.without_quantization()
     stiff = tp.Effects(rod_stiffness=0).only("compliance")
     run = tp.simulate(robot, robot, SOFT, effects=stiff, hold=2.0)
     twist = run.q_e[-1, :4] - robot.ikm(run.x[-1])
@@ -73,7 +76,7 @@ def test_arms_twist_by_the_torque_they_carry_over_their_stiffness(h4):
 
 def test_rods_stretch_by_the_weight_they_carry(h4):
     """Weight of nacelle, bars, tool and half the rods, from the rods' directions alone."""
-    robot = h4.unquantised()
+    robot = h4.without_quantization()
     soft = tp.Effects(arm_stiffness=0, rod_stiffness=5e4).only("compliance")
     x_d = np.array([0, 0, -0.42, 0])
     run = tp.simulate(robot, robot, SOFT, start=x_d, end=x_d, effects=soft, hold=1.0)
@@ -93,7 +96,7 @@ def test_rods_stretch_by_the_weight_they_carry(h4):
 
 def test_a_warm_robot_is_longer_and_a_cold_one_is_as_it_was(h4):
     heat = tp.Effects().only("thermal")
-    assert heat.geometry(h4, 0.0).parameters == h4.unquantised().parameters
+    assert heat.geometry(h4, 0.0).parameters == h4.without_quantization().parameters
     half, warm = (heat.geometry(h4, t).parameters for t in (3600.0, 1e6))
     for name, rate in (("chain2.arm", 23e-6), ("chain3.rod", 1e-6), ("chain1.base.x", 23e-6)):
         value = h4.parameters[name].value
@@ -121,7 +124,9 @@ def test_a_late_torque_costs_the_loop_its_margin(h4, gains, borne, not_borne):
     at_end = {}
     for frequency in (borne, not_borne):
         controller = Controller(law="joint", frequency=frequency, gains=gains)
-        run = tp.simulate(h4.unquantised(), h4.unquantised(), controller, effects=late, hold=0.5)
+        run = tp.simulate(
+            h4.without_quantization(), h4.without_quantization(), controller, effects=late, hold=0.5
+        )
         at_end[frequency] = np.ptp(run.torque[-50:], axis=0).max()
     assert at_end[borne] < 1e-6
     assert at_end[not_borne] > 1
@@ -129,7 +134,7 @@ def test_a_late_torque_costs_the_loop_its_margin(h4, gains, borne, not_borne):
 
 def test_shaped_by_the_inertia_the_move_bears_a_cycle_of_delay(h4):
     """Under the diagonal's gains the motors saturate and the nacelle swings by a millimetre."""
-    robot, late = h4.unquantised(), tp.Effects().only("delay")
+    robot, late = h4.without_quantization(), tp.Effects().only("delay")
     runs = {
         gains: tp.simulate(robot, controller=Controller(gains=gains), effects=late)
         for gains in ("diagonal", "inertia")
@@ -140,7 +145,7 @@ def test_shaped_by_the_inertia_the_move_bears_a_cycle_of_delay(h4):
 
 
 def test_ripple_moves_no_robot_that_is_held_by_its_gains_further_than_they_allow(h4):
-    robot = h4.unquantised()
+    robot = h4.without_quantization()
     ripple = tp.Effects().only("ripple")
     x_d = [0.05, 0.02, -0.42, 0.2]
     off = robot.ikm(held(robot, ripple, x_d)[0]) - robot.ikm(held(robot, tp.Effects.none(), x_d)[0])
@@ -211,8 +216,8 @@ def test_the_table_of_the_documentation_is_the_codes():
 
 @pytest.mark.parametrize("law", ["joint", "redundant", "weighted", "cartesian", "estimated"])
 def test_a_controller_that_learns_while_it_works_gets_better_under_any_law(h4, table2, law):
-    true = tp.with_paper_errors(h4, seed=1)
-    online = tp.OnlineCalibration(h4)
+    true = with_paper_errors(h4, seed=1)
+    online = tp.OnlineCalibrator(h4)
     poses = table2[np.random.default_rng(4).permutation(len(table2))[:120]]
     x, _, status = visit(h4, true, poses, law, learn=online)
     assert (status == "ok").mean() > 0.8  # what it learns of counts that hop moves it even at rest
@@ -223,14 +228,14 @@ def test_a_controller_that_learns_while_it_works_gets_better_under_any_law(h4, t
 
 
 def test_a_robot_at_rest_learns_nothing_new(h4):
-    online = tp.OnlineCalibration(h4)
+    online = tp.OnlineCalibrator(h4)
     tp.simulate(h4, h4, "joint", start=h4.home, end=h4.home, hold=0.3, learn=online)
     assert online.lines < 30  # what it learns moves it a little
 
 
 def test_learning_belongs_to_the_robot_that_is_controlled(h4):
     with pytest.raises(tp.InputError, match="learn"):
-        tp.simulate(h4, learn=tp.OnlineCalibration(h4.unquantised()))
+        tp.simulate(h4, learn=tp.OnlineCalibrator(h4.without_quantization()))
 
 
 @pytest.mark.parametrize(("name", "joints"), [("h4", 4), ("delta", 4), ("hexa", 2), ("3rrr", 2)])

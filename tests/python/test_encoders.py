@@ -50,7 +50,7 @@ def test_a_sensors_error_turns_with_its_geared_shaft(spoil, table2):
     reading = -2 * (theta + error(4 * theta) / 4) - 0.1
     assert robot.rkm(table2)[:, 0] == pytest.approx(reading, abs=1e-14)
     assert robot.rkm(table2, level="full")[:, 0] == pytest.approx(reading, abs=1e-12)
-    assert robot.redundant_fkm(robot.extended(table2)) == pytest.approx(table2, abs=1e-12)
+    assert robot.redundant_fkm(robot.extended_positions(table2)) == pytest.approx(table2, abs=1e-12)
 
 
 def eccentric(robot, rng, size=0.05):
@@ -82,7 +82,7 @@ def test_noise_has_the_files_sigma_and_a_seed(spoil):
     robot = spoil(**NOISE)
     x = np.tile(robot.home, (20000, 1))
     readings = robot.read(x, seed=3)
-    error = readings - robot.extended(x)
+    error = readings - robot.extended_positions(x)
     assert error.std(axis=0) == pytest.approx(robot.reading_sigma, rel=0.03)
     assert np.abs(error.mean(axis=0)).max() < 2e-5
     assert np.abs(np.corrcoef(error.T) - np.eye(5)).max() < 0.04
@@ -94,10 +94,10 @@ def test_noise_has_the_files_sigma_and_a_seed(spoil):
 
 def test_without_noise_a_reading_is_the_nearest_count(h4, table2):
     for level in ("ideal", "full"):
-        off = np.abs(h4.read(table2, level=level) - h4.extended(table2, level=level))
+        off = np.abs(h4.read(table2, level=level) - h4.extended_positions(table2, level=level))
         assert (off <= h4.resolution / 2 * (1 + 1e-9)).all()
-    exact = h4.unquantised()
-    assert np.array_equal(exact.read(table2), exact.extended(table2))
+    exact = h4.without_quantization()
+    assert np.array_equal(exact.read(table2), exact.extended_positions(table2))
 
 
 def test_a_simulations_noise_repeats_with_its_seed(h4, spoil):
@@ -105,7 +105,7 @@ def test_a_simulations_noise_repeats_with_its_seed(h4, spoil):
     runs = [tp.simulate(h4, noisy, seed=seed, hold=0.0) for seed in (1, 1, 2)]
     assert np.array_equal(runs[0].q_e, runs[1].q_e)
     assert not np.array_equal(runs[0].q_e, runs[2].q_e)
-    spread = (runs[0].q_e - noisy.extended(runs[0].x)).std(axis=0)
+    spread = (runs[0].q_e - noisy.extended_positions(runs[0].x)).std(axis=0)
     assert spread == pytest.approx(noisy.reading_sigma, rel=0.2)
 
 
@@ -134,7 +134,7 @@ def test_controllers_refuse_setpoints_beyond_a_joint_limit(limited, h4):
     beyond = [-0.1, 0, -0.5, 0]
     for law in LAWS:
         with pytest.raises(tp.PoseError, match=r"chain 1: beyond a joint limit, 0.97"):
-            tp.settle(limited, limited, beyond, law)
+            tp.steady_state(limited, limited, beyond, law)
     with pytest.raises(tp.PoseError, match=r"end of the move: .*: chain 1: beyond a joint limit"):
         tp.simulate(limited, start=[0, 0, -0.5, 0], end=beyond)
 
@@ -144,7 +144,7 @@ def test_a_robot_may_be_pushed_beyond_its_limits(limited, h4):
     beyond = np.array([-0.1, 0, -0.5, 0])
     q = h4.ikm(beyond) - [0.2, 0, 0, 0]
     assert limited.fkm(q) == pytest.approx(beyond, abs=1e-12)
-    assert limited.extended(beyond)[:4] == pytest.approx(q, abs=1e-14)
+    assert limited.extended_positions(beyond)[:4] == pytest.approx(q, abs=1e-14)
     assert limited.jacobian(beyond) == pytest.approx(h4.jacobian(beyond))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.paper import article, experiment, statistics
+from truepose.paper import article, experiment, statistics, with_paper_errors
 
 ALPHA = np.array([0, np.pi, 3 * np.pi / 2, 3 * np.pi / 2])
 X, Y, Z = np.eye(3)
@@ -166,7 +166,7 @@ def test_erratum_4_l_is_the_arm_and_L_the_rod(h4, paper, table2):
         arm = paper.p(q)
         assert np.linalg.norm(arm, axis=1) == pytest.approx([0.26] * 4)
         assert np.linalg.norm(arm - paper.PA(x), axis=1) == pytest.approx([0.48] * 4)
-    drawn = [tp.with_paper_errors(h4, seed) for seed in range(50)]
+    drawn = [with_paper_errors(h4, seed) for seed in range(50)]
     rods, arms = (
         np.array([t.parameters[f"chain{i}.{part}"].value for t in drawn for i in range(1, 5)])
         for part in ("rod", "arm")
@@ -236,7 +236,7 @@ def test_erratum_8_table_3_changes_y_by_more_than_the_law_can(h4, table2):
         pattern = errors * np.sqrt(total / (errors**2).sum())
         assert (limit(((pattern[:, None] * per_degree) ** 2).sum(axis=0)) < anything).all()
     for truth in experiment.draw_robots(h4, 10, seed=0):  # the exact statics keep the limit
-        usual_x, tej_x = (tp.settle(h4, truth, table2, law) for law in ("joint", "redundant"))
+        usual_x, tej_x = (tp.steady_state(h4, truth, table2, law) for law in ("joint", "redundant"))
         theta = (usual_x - table2)[:, 3]
         moved = ((tej_x - usual_x)[:, :3] ** 2).sum(axis=0)
         assert (moved < 1.5 * (gain**2).max(axis=0) * (theta**2).sum()).all()

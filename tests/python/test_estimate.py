@@ -6,7 +6,6 @@ import pytest
 import truepose as tp
 from truepose.paper.trials import difference
 from truepose.robot import knowledge
-from truepose.simulation.true_robots import with_tolerance_errors
 
 
 def sensor_sets(robot):
@@ -17,7 +16,7 @@ def sensor_sets(robot):
 
 def reading_covariance(robot, x):
     """H_x and C = H_ξ Σ_ξ H_ξᵀ + Σ_s at a pose, from the public Jacobians."""
-    H_x, H_xi = robot.linearise(x, level=robot.finest_level)
+    H_x, H_xi = robot.linearize(x, level=robot.highest_level)
     prior = np.diag([p.sigma**2 for p in robot.parameters.values()])
     return H_x, H_xi @ prior @ H_xi.T + np.diag(knowledge.reading_sigma(robot) ** 2)
 
@@ -28,7 +27,7 @@ def test_from_exact_readings_the_estimate_is_the_pose(any_robot, anywhere, rng, 
         pytest.skip(any_robot.full.reason)
     x = anywhere(any_robot, 50, rng)
     for robot in sensor_sets(any_robot):
-        est = robot.estimate(robot.extended(x, level=level), guess=x, level=level)
+        est = robot.estimate(robot.extended_positions(x, level=level), guess=x, level=level)
         assert np.abs(est.x - x).max() < 1e-9
         assert np.abs(est.chi2).max() < 1e-9 and (est.status == "ok").all()
 
@@ -37,7 +36,7 @@ def test_the_estimate_is_found_from_home_as_well(any_robot, rng):
     box = any_robot.spec.singularity_free
     x = rng.uniform(box.minimum, box.maximum, (50, any_robot.n))
     for robot in sensor_sets(any_robot):
-        assert robot.estimate(robot.extended(x)).x == pytest.approx(x, abs=1e-9)
+        assert robot.estimate(robot.extended_positions(x)).x == pytest.approx(x, abs=1e-9)
 
 
 def test_gain_and_covariance_are_those_of_generalised_least_squares(any_robot, anywhere, rng):
@@ -48,7 +47,7 @@ def test_gain_and_covariance_are_those_of_generalised_least_squares(any_robot, a
         weights = np.linalg.inv(C)
         covariance = np.linalg.inv(H.T @ weights @ H)
         gain = covariance @ H.T @ weights
-        q_e = robot.extended(x, level=robot.finest_level)
+        q_e = robot.extended_positions(x, level=robot.highest_level)
         est = robot.estimate(q_e, guess=x)
         assert est.covariance == pytest.approx(covariance, rel=1e-6, abs=1e-12)
         step = 1e-6
@@ -74,8 +73,8 @@ def test_the_covariance_is_that_of_true_robots(name, anywhere, rng):
     robot = tp.load(name)
     robot = sensor_sets(robot)[1].expected()
     x, count, step = anywhere(robot, 1, rng)[0], 200, robot.resolution
-    real = robot.with_level(robot.finest_level)
-    q_e = np.array([with_tolerance_errors(real, s).extended(x) for s in range(count)])
+    real = robot.with_level(robot.highest_level)
+    q_e = np.array([real.sample(s).extended_positions(x) for s in range(count)])
     q_e += rng.uniform(-0.5, 0.5, q_e.shape) * step  # z's counts are the same for every robot
     est = robot.estimate(q_e, guess=x)
     apart = difference(robot, est.x, np.tile(x, (count, 1)))
@@ -88,14 +87,14 @@ def test_a_good_reading_outweighs_bad_ones(h4):
     robot = h4.with_sensors("theta", "z_telemeter").expected()
     true = robot.replace({"chain1.rod": robot.parameters["chain1.rod"].value + 5e-3})
     x = np.array([0.03, -0.02, -0.42, 0.15])
-    q_e = true.extended(x)
+    q_e = true.extended_positions(x)
     off = robot.estimate(q_e).x - x
     assert np.abs(robot.fkm(q_e[:4]) - x)[2] > 1e-3
     assert abs(off[2]) < 2e-5 and abs(off[3]) < 1e-3
 
 
 def test_readings_that_fit_no_pose_are_named(h4):
-    q_e = h4.extended([[0, 0, -0.4, 0], [0, 0, -0.4, 0]])
+    q_e = h4.extended_positions([[0, 0, -0.4, 0], [0, 0, -0.4, 0]])
     q_e[1, :4] = [3.0, 0.0, 3.0, 0.0]
     with pytest.raises(tp.PoseError, match=r"^h4: reading \(1,\) q_e = \[3, 0, 3, 0, "):
         h4.estimate(q_e)
@@ -106,5 +105,5 @@ def test_readings_that_fit_no_pose_are_named(h4):
 
 @pytest.mark.parametrize("off", [[0, 0, 0, 0, 3.0], [-3, 1, -3, 1, 0]])
 def test_an_estimate_whose_search_ends_on_its_way_does_not_claim_that_no_pose_exists(h4, off):
-    est = h4.estimate(h4.extended(h4.home) + off, errors="nan")
+    est = h4.estimate(h4.extended_positions(h4.home) + off, errors="nan")
     assert est.status == "not converged"

@@ -5,7 +5,7 @@ import pytest
 
 import truepose as tp
 from truepose.calibration.expectation import expect
-from truepose.robotfile.schema import Calibration
+from truepose.robotfile.schema import CalibrationSection
 
 ERROR = 0.01  # rad
 
@@ -16,7 +16,7 @@ def known(h4):
     name = "chain1.rod"
     exact = tp.Robot(h4.spec.model_copy(update={"tolerances": {}}))
     return exact.with_calibration(
-        Calibration(
+        CalibrationSection(
             source="a test",
             parameters=(name,),
             mean=(h4.parameters[name].value,),
@@ -28,9 +28,9 @@ def known(h4):
 
 def test_what_the_ideal_level_leaves_out_counts_in_what_is_expected(known):
     x = [0.05, 0.02, -0.4, 0.2]
-    readings = known.extended([x], level="ideal")
+    readings = known.extended_positions([x], level="ideal")
     seen = expect(known, readings, level="ideal")
-    H_x, _ = known.linearise(x, level="ideal")
+    H_x, _ = known.linearize(x, level="ideal")
     leaks = np.append(-H_x[4:] @ np.linalg.inv(H_x[:4]), 1.0)  # of each reading, into what is left
     noise = np.hypot(known.reading_sigma, ERROR)
     assert seen.residual == pytest.approx(0, abs=1e-9)

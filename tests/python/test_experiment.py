@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.paper import article, experiment
+from truepose.paper import article, experiment, with_paper_errors
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +37,7 @@ def test_errors_and_tables_belong_together(hundred_robots):
     for law, tables in hundred_robots.tables.items():
         x = hundred_robots.errors[law][..., 0]
         assert tables[:, 0, 0] == pytest.approx(x.mean(axis=1))
-    one = tp.settle(hundred_robots.robot, hundred_robots.truths[7], hundred_robots.poses[3])
+    one = tp.steady_state(hundred_robots.robot, hundred_robots.truths[7], hundred_robots.poses[3])
     error = (one - hundred_robots.poses[3]) * [1e3, 1e3, 1e3, 180 / np.pi]
     assert hundred_robots.errors["redundant"][7, 3] == pytest.approx(error, abs=1e-9)
 
@@ -77,7 +77,7 @@ def test_errors_are_drawn_from_the_papers_ranges_and_nothing_else_changes(h4):
 
 def test_errors_of_arms_need_arms(stewart):
     with pytest.raises(tp.InputError, match=r"^stewart: .*revolute chains only"):
-        tp.with_paper_errors(stewart, seed=1)
+        with_paper_errors(stewart, seed=1)
 
 
 def test_the_dynamics_end_where_the_statics_say(h4, truth, table2):

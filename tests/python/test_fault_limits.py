@@ -8,9 +8,8 @@ import pytest
 
 import truepose as tp
 from truepose.commands import faults
+from truepose.faults.parity import Parity, detectable, gate, parity, unexplained
 from truepose.robot import knowledge
-from truepose.robot.parity import Parity, detectable, gate, parity, unexplained
-from truepose.simulation.true_robots import with_tolerance_errors
 
 ELBOWS = ("theta", "elbow1", "elbow2", "elbow3", "elbow4")
 ANY = ("delta", "h4", "hexa", "3rrr", "linear-delta", "stewart")
@@ -48,7 +47,7 @@ def test_calibrated_limits_are_those_of_an_independent_computation(
 ):
     """At every fifth pose of Table 2, all at θ = -30°: the poses of the figures, as these tell."""
     robot = h4.with_sensors(*sensors)
-    found = tp.fault_limits(robot, table2[::5], table2, "ideal", False, false_alarm=1e-6)
+    found = tp.faults.detectability(robot, table2[::5], table2, "ideal", False, false_alarm=1e-6)
     units = np.array([1e3 if name == "z_telemeter" else 180 / np.pi for name in robot.readings])
     for limits, figures in ((found.detected, detected), (found.isolated, isolated)):
         for value, figure in zip(units * np.median(limits, axis=0), figures, strict=True):
@@ -58,9 +57,9 @@ def test_calibrated_limits_are_those_of_an_independent_computation(
 
 def test_one_sensor_detects_at_a_pose_and_isolates_over_poses(h4, table2):
     """Outside figures: as built 22°; over 100 poses 0.14°, once calibrated."""
-    drawn = tp.fault_limits(h4, table2, level="ideal", false_alarm=1e-6)
+    drawn = tp.faults.detectability(h4, table2, level="ideal", false_alarm=1e-6)
     assert np.degrees(np.median(drawn.detected[:, 4])) == pytest.approx(22, rel=0.1)
-    found = tp.fault_limits(h4, table2[::5], table2, "ideal", False, false_alarm=1e-6)
+    found = tp.faults.detectability(h4, table2[::5], table2, "ideal", False, false_alarm=1e-6)
     assert np.isinf(found.isolated).all() and found.moving == 100
     assert np.degrees(found.moving_isolated[4]) == pytest.approx(0.14, rel=0.1)
     assert found.alike_at_rest == (("q1", "q2", "q3", "q4", "theta"),) and found.alike == ()
@@ -69,7 +68,9 @@ def test_one_sensor_detects_at_a_pose_and_isolates_over_poses(h4, table2):
 def test_one_false_alarm_in_1000_hours_costs_a_quarter_and_play_doubles_the_limit(h4, table2):
     def theta(robot=h4, level="full", false_alarm=None, model_error=True):
         args = (table2, table2, level, model_error)
-        return np.median(tp.fault_limits(robot, *args, false_alarm=false_alarm).detected[:, 4])
+        return np.median(
+            tp.faults.detectability(robot, *args, false_alarm=false_alarm).detected[:, 4]
+        )
 
     assert theta() / theta(false_alarm=1e-6) == pytest.approx(1.23, abs=0.02)
     assert 2 < theta(tp.Effects().allowed_for(h4)) / theta() < 2.5
@@ -83,7 +84,7 @@ def test_the_smallest_fault_is_found_nine_times_in_ten(h4, sensors, level):
     """Robots drawn from the tolerances, not linearised; what is found once in 100 if healthy."""
     model, x = h4.with_sensors(*sensors).expected(), np.array([0.05, -0.03, -0.42, 0.3])
     alpha, robots, rng = 0.01, 500, np.random.default_rng(7)
-    found = tp.fault_limits(model, x, level=level, model_error=False, false_alarm=alpha)
+    found = tp.faults.detectability(model, x, level=level, model_error=False, false_alarm=alpha)
     names = knowledge.uncertain(model)
     if level == "ideal":  # robots as it sees them
         names = [name for name in names if name not in knowledge.left_out(model)]
@@ -93,7 +94,10 @@ def test_the_smallest_fault_is_found_nine_times_in_ten(h4, sensors, level):
         for known in [[model.parameters[name] for name in names]]
         for row in draws
     )
-    off = [t.read(x, k, level=level) - model.extended(x, level=level) for k, t in enumerate(truths)]
+    off = [
+        t.read(x, k, level=level) - model.extended_positions(x, level=level)
+        for k, t in enumerate(truths)
+    ]
     G = found.parity.at_rest()
     healthy = np.array(off) @ G.T
     assert 0.001 <= (np.square(healthy).sum(axis=1) > gate(alpha, model.r)).mean() <= 0.025
@@ -116,12 +120,12 @@ def test_real_robots_that_calibrated_themselves_keep_what_was_foretold(h4, table
     """Every rod by itself, drawn from all tolerances, calibrated on their own counts."""
     robot, power, scatter = h4.with_sensors(*sensors), [], []
     for seed in range(5):
-        true = with_tolerance_errors(robot, seed).with_level("full")
+        true = robot.sample(seed).with_level("full")
         there = [x + rng.uniform(-5e-4, 5e-4, x.shape) for x in (table2[::4], table2[1::6])]
         fit = tp.calibrate(robot, true.read(there[0], seed))
-        found = tp.fault_limits(fit.robot, there[1], false_alarm=1e-3)
+        found = tp.faults.detectability(fit.robot, there[1], false_alarm=1e-3)
         G = found.parity.at_rest()
-        off = true.read(there[1], seed + 100) - fit.robot.extended(there[1], level="full")
+        off = true.read(there[1], seed + 100) - fit.robot.extended_positions(there[1], level="full")
         y = np.einsum("prm,pm->pr", G, off)
         scatter.append(np.square(y).mean())
         shift = np.where(np.isfinite(found.detected), found.detected, 0)[:, None] * G
@@ -133,7 +137,7 @@ def test_real_robots_that_calibrated_themselves_keep_what_was_foretold(h4, table
 
 def test_counts_alone_raise_fewer_alarms_than_stated(h4, table2, rng):
     """A sum of a few uniform errors has no tail; a calibrated robot's parities are little else."""
-    found = tp.fault_limits(h4, table2[::9], table2)
+    found = tp.faults.detectability(h4, table2[::9], table2)
     counts = rng.uniform(-0.5, 0.5, (2000, 5)) * h4.resolution
     y = np.einsum("prm,km->pkr", found.parity.at_rest(), counts)
     assert (y**2).mean() == pytest.approx(1, abs=0.1)
@@ -163,7 +167,7 @@ def test_the_parity_is_what_an_estimate_cannot_explain(name, level, anywhere, rn
     G = parity(robot, poses, level).at_rest()
     for c in range(robot.n + robot.r):
         b = 1e-5  # rad or m
-        q_e = robot.extended(poses, level=level)
+        q_e = robot.extended_positions(poses, level=level)
         q_e[:, c] += b
         chi2 = robot.estimate(q_e, poses, level=level).chi2
         assert chi2 == pytest.approx(np.square(b * G[..., c]).sum(axis=-1), rel=0.01, abs=1e-7)
@@ -171,7 +175,7 @@ def test_the_parity_is_what_an_estimate_cannot_explain(name, level, anywhere, rn
 
 def test_a_jump_is_found_where_tolerances_hide_a_bias(h4, table2):
     """The difference of two readings at one pose is the fault and the noise of both."""
-    found = tp.fault_limits(h4, table2[:1], false_alarm=1e-3)
+    found = tp.faults.detectability(h4, table2[:1], false_alarm=1e-3)
     assert found.jump[0, 4] < 0.02 * found.detected[0, 4]
     rng, G = np.random.default_rng(3), found.parity.signature[0]
     noise = rng.normal(size=(5000, 2, 5)) * knowledge.reading_sigma(h4)
@@ -182,7 +186,7 @@ def test_a_jump_is_found_where_tolerances_hide_a_bias(h4, table2):
 
 def test_two_encoders_of_one_motor_are_alike_wherever_it_goes(second_encoder, table2):
     """Proven: a fault of the one and the opposite fault of the other leave the same parity."""
-    found = tp.fault_limits(second_encoder, table2[::50], table2[::50])
+    found = tp.faults.detectability(second_encoder, table2[::50], table2[::50])
     assert found.alike == (("q1", "second"),) == found.alike_at_rest
     assert found.unseen == ("q2", "q3", "q4")
     assert np.isinf(found.moving_isolated).all() and np.isinf(found.detected[:, 1:4]).all()
@@ -192,7 +196,7 @@ def test_two_encoders_of_one_motor_are_alike_wherever_it_goes(second_encoder, ta
     G = found.parity.signature
     assert G[..., 0] == pytest.approx(-G[..., 4])
     both = second_encoder.with_sensors("second", "theta")
-    assert tp.fault_limits(both, table2[::50], table2[::50]).alike == ()
+    assert tp.faults.detectability(both, table2[::50], table2[::50]).alike == ()
 
 
 @pytest.mark.parametrize("name", ANY)
@@ -200,9 +204,9 @@ def test_limits_are_in_order_on_every_mechanism(name, anywhere, rng):
     """Isolating is harder than detecting; learning, and more false alarms, make both easier."""
     robot = every_sensor(name)
     poses = anywhere(robot, 20, rng)
-    drawn = tp.fault_limits(robot, poses)
-    learnt = tp.fault_limits(robot, poses, poses)
-    loud = tp.fault_limits(robot, poses, poses, false_alarm=1e-4)
+    drawn = tp.faults.detectability(robot, poses)
+    learnt = tp.faults.detectability(robot, poses, poses)
+    loud = tp.faults.detectability(robot, poses, poses, false_alarm=1e-4)
     for found in (drawn, learnt, loud):
         assert found.detected.shape == found.isolated.shape == (20, robot.n + robot.r)
         assert (found.isolated >= found.detected).all() and (found.jump <= found.detected).all()
@@ -217,35 +221,42 @@ def test_limits_are_in_order_on_every_mechanism(name, anywhere, rng):
 def test_a_fault_moves_the_nacelle_as_stated(h4, table2, law):
     """Where the robot rests with a wrong encoder, exactly, against the linear statement."""
     poses, b = table2[[37, 411]], 1e-3
-    found = tp.fault_limits(h4, poses)
+    found = tp.faults.detectability(h4, poses)
     model = h4.expected()
     offsets = [f"chain{k + 1}.encoder_offset" for k in range(4)] + ["theta.offset"]
     for c, name in enumerate(offsets):
         wrong = model.replace({name: model.parameters[name].value - b})
-        off = tp.settle(model, wrong, poses, law) - poses
-        stated = b * found.leakage[law][:, c]
+        off = tp.steady_state(model, wrong, poses, law) - poses
+        stated = b * found.cross_sensitivity[law][:, c]
         assert np.linalg.norm(off[:, :3], axis=1) == pytest.approx(stated[:, 0], rel=0.02, abs=2e-6)
         assert np.abs(off[:, 3]) == pytest.approx(stated[:, 1], rel=0.02, abs=2e-6)
     harm = found.pose_error(law)
-    assert harm[:, 2] == pytest.approx(found.leakage[law][:, 2] * found.detected[:, 2, None])
-    moving = found.leakage[law][:, 2].max(axis=0) * found.moving_detected[2]
+    assert harm[:, 2] == pytest.approx(
+        found.cross_sensitivity[law][:, 2] * found.detected[:, 2, None]
+    )
+    moving = found.cross_sensitivity[law][:, 2].max(axis=0) * found.moving_detected[2]
     assert found.moving_pose_error(law)[2] == pytest.approx(moving)
 
 
 def test_a_calibrated_robot_has_the_limits_foretold(h4, truth, table2):
     fit = tp.calibrate(h4, truth.with_level("full").read(table2, seed=2))
     poses = table2[::20]
-    own, told = tp.fault_limits(fit.robot, poses), tp.fault_limits(h4, poses, table2)
+    own, told = (
+        tp.faults.detectability(fit.robot, poses),
+        tp.faults.detectability(h4, poses, table2),
+    )
     assert own.detected[:, 2:] == pytest.approx(told.detected[:, 2:], rel=0.1)
     for values in ("moving_detected", "moving_isolated"):
         assert getattr(own, values) == pytest.approx(getattr(told, values), rel=0.2)
     for law in ("joint", "weighted"):
-        assert own.leakage[law][:, 4] == pytest.approx(told.leakage[law][:, 4], abs=0.02)
+        assert own.cross_sensitivity[law][:, 4] == pytest.approx(
+            told.cross_sensitivity[law][:, 4], abs=0.02
+        )
 
 
 def test_where_no_test_sees_a_reading_its_error_is_unbounded(h4):
     """θ does not depend on the first motors where the nacelle is not turned."""
-    found = tp.fault_limits(h4, h4.home, [h4.home])
+    found = tp.faults.detectability(h4, h4.home, [h4.home])
     assert np.isinf(found.detected[:2]).all()
     assert found.confused_with()["q1"] == () and found.confused_with()["q3"] == (
         "q1",
@@ -258,7 +269,7 @@ def test_where_no_test_sees_a_reading_its_error_is_unbounded(h4):
 
 
 def test_without_redundant_sensors_nothing_is_detected(h4):
-    found = tp.fault_limits(h4.with_sensors(), [h4.home, h4.home])
+    found = tp.faults.detectability(h4.with_sensors(), [h4.home, h4.home])
     for limits in (found.detected, found.isolated, found.jump, found.moving_isolated):
         assert np.isinf(limits).all()
     assert found.unseen == ("q1", "q2", "q3", "q4") and found.alike == ()
@@ -266,7 +277,7 @@ def test_without_redundant_sensors_nothing_is_detected(h4):
 
 def test_a_robot_known_exactly_is_left_with_the_noise_of_its_readings(h4):
     exact = tp.Robot(h4.spec.model_copy(update={"tolerances": {}}))
-    found = tp.fault_limits(exact, [0.05, 0.02, -0.4, 0.2], false_alarm=1e-6)
+    found = tp.faults.detectability(exact, [0.05, 0.02, -0.4, 0.2], false_alarm=1e-6)
     (G,) = found.parity.at_rest()
     assert np.linalg.norm(G * exact.reading_sigma) == pytest.approx(1)
     assert found.detected == pytest.approx(detectable(1e-6, 1, 0.9) / np.abs(G))
@@ -293,12 +304,12 @@ def test_what_another_fault_cannot_explain_is_the_sine_of_the_angle():
 )
 def test_a_wrong_question_is_told(h4, wrong, message):
     with pytest.raises(tp.TrueposeError, match=re.escape(message)):
-        tp.fault_limits(h4, [h4.home], **wrong)
+        tp.faults.detectability(h4, [h4.home], **wrong)
 
 
 def test_no_poses_are_told(h4):
     with pytest.raises(tp.InputError, match="poses: none"):
-        tp.fault_limits(h4, np.zeros((0, 4)))
+        tp.faults.detectability(h4, np.zeros((0, 4)))
 
 
 def test_the_command_prints_limits_harm_and_what_is_alike(run, table2):
@@ -325,7 +336,7 @@ def test_the_command_says_what_the_function_says(run, h4, table2):
     assert status == 0 and "h4, theta, z_telemeter: 625 poses" in err
     said = json.loads(out)
     robot = h4.with_sensors("theta", "z_telemeter")
-    found = tp.fault_limits(robot, table2, table2, "ideal", false_alarm=1e-6)
+    found = tp.faults.detectability(robot, table2, table2, "ideal", false_alarm=1e-6)
     rows = {row["reading"]: row for row in said["faults"]}
     detected, isolated = (np.median(v, axis=0) for v in (found.detected, found.isolated))
     assert rows["theta"]["detected"] == pytest.approx(np.degrees(detected[4]))
@@ -353,7 +364,7 @@ def test_the_boxes_cut_every_coordinate_into_parts(run, h4, table2):
     assert (straight["box"], straight["unit"]) == ("theta", "°")
     assert (straight["from"], straight["to"]) == pytest.approx((-6, 6))
     assert straight["q1 detected (°)"] is None  # θ does not depend on it there
-    some = tp.fault_limits(h4, table2[table2[:, 3] == 0], table2)
+    some = tp.faults.detectability(h4, table2[table2[:, 3] == 0], table2)
     stated = straight["q3 detected (°)"]
     assert stated == pytest.approx(np.degrees(np.median(some.detected[:, 2])))
 
@@ -365,7 +376,7 @@ def test_unreachable_corners_of_a_workspace_are_left_out_and_counted(h4):
 
     poses, left_out = faults.regular_grid(within((-1.0, -0.1, -0.45, -0.5)))
     assert left_out > 100 and len(poses) + left_out == 625
-    assert np.isfinite(tp.fault_limits(h4, poses).detected[:, 4]).all()
+    assert np.isfinite(tp.faults.detectability(h4, poses).detected[:, 4]).all()
 
 
 @pytest.mark.parametrize("name", ["delta", "3rrr", "hexa"])

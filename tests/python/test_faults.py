@@ -9,8 +9,8 @@ import pytest
 import truepose as tp
 from truepose import _core, logs
 from truepose.commands.options import faults_of
+from truepose.faults.fault import FAULT_KINDS
 from truepose.robot import knowledge
-from truepose.simulation.faults import FAULT_KINDS
 from truepose.simulation.plants.dynamic import DynamicPlant
 from truepose.simulation.plants.exact import ExactPlant
 from truepose.simulation.visit import visit
@@ -23,7 +23,7 @@ MOVE = np.array([[0.05, -0.05, -0.45, 0.1]])
 
 def fault(kind: str, reading: str = "theta", at: float = AT, until: float | None = None):
     other = "q2" if kind == "swap" else None
-    return tp.Fault(reading, kind, at, SIZES.get(kind), until, other)
+    return tp.faults.Fault(reading, kind, at, SIZES.get(kind), until, other)
 
 
 def reads(kind: str, time: np.ndarray, healthy: np.ndarray, column: int) -> np.ndarray:
@@ -48,11 +48,11 @@ def reads(kind: str, time: np.ndarray, healthy: np.ndarray, column: int) -> np.n
 
 @pytest.fixture(scope="module")
 def exact(h4) -> tp.Robot:
-    return h4.unquantised()
+    return h4.without_quantization()
 
 
 @pytest.fixture(scope="module")
-def whole(h4) -> tp.Simulation:
+def whole(h4) -> tp.simulation.Simulation:
     return tp.simulate(h4)
 
 
@@ -61,7 +61,7 @@ def whole(h4) -> tp.Simulation:
 def test_a_faulty_reading_is_what_its_kind_makes_of_the_true_one(exact, kind, reading):
     column = exact.readings.index(reading)
     run = tp.simulate(exact, faults=[fault(kind, reading)], controller="estimated")
-    healthy = exact.extended(run.x)
+    healthy = exact.extended_positions(run.x)
     expected = healthy.copy()
     expected[:, column] = reads(kind, run.time, healthy, column)
     if kind == "swap":
@@ -85,7 +85,7 @@ def test_before_its_fault_a_robot_is_the_same_to_the_last_bit(h4, kind, law):
 def test_a_fault_that_ends_leaves_a_whole_reading(exact, kind):
     over = fault(kind, "theta", until=AT + 0.002)
     run = tp.simulate(exact, faults=[over])
-    off = ~(np.abs(run.q_e[:, 4] - exact.extended(run.x)[:, 4]) < 1e-12)
+    off = ~(np.abs(run.q_e[:, 4] - exact.extended_positions(run.x)[:, 4]) < 1e-12)
     assert set(np.flatnonzero(off)) <= {100, 101}
     assert off.any() or kind == "stuck"  # what is stuck reads right where it stops
     assert len(run.time) == 401
@@ -93,7 +93,7 @@ def test_a_fault_that_ends_leaves_a_whole_reading(exact, kind):
 
 def test_two_faults_act_one_after_the_other(exact):
     run = tp.simulate(exact, faults=[fault("gain", "q1"), fault("bias", "q1")], controller="joint")
-    s = exact.extended(run.x)[100:, 0]
+    s = exact.extended_positions(run.x)[100:, 0]
     assert run.q_e[100:, 0] == pytest.approx(1.05 * s + 0.01, abs=1e-12)
 
 
@@ -148,13 +148,14 @@ def test_at_rest_a_small_bias_moves_the_robot_as_its_law_leaks(h4, exact, law, r
     bias, column = 1e-6, h4.readings.index(reading)
     controller = tp.Controller(law=law)
     plants = [
-        ExactPlant(h4, level="ideal", faults=f) for f in ((), [tp.Fault(reading, "bias", 0, bias)])
+        ExactPlant(h4, level="ideal", faults=f)
+        for f in ((), [tp.faults.Fault(reading, "bias", 0, bias)])
     ]
     at, off = (plant.visit(h4, MOVE, controller) for plant in plants)
     believed = h4.expected() if law == "estimated" else h4
     leak = _leakage(believed, law, MOVE)
     assert (off.x - at.x)[0] == pytest.approx(leak[0, :, column] * bias, abs=1e-9)
-    expected = exact.extended(off.x)
+    expected = exact.extended_positions(off.x)
     expected[:, column] += bias
     assert off.q_e == pytest.approx(expected, abs=1e-12)
 
@@ -192,7 +193,7 @@ def test_an_encoder_that_counts_several_times_halves_or_doubles_the_way(exact, g
     """Gain 2 overstates the motion: steps as long as the nominal robot's would not settle."""
     wanted = exact.ikm(MOVE)
     wanted[:, 0] /= gain
-    plant = ExactPlant(exact, level="ideal", faults=[tp.Fault("q1", "gain", size=gain)])
+    plant = ExactPlant(exact, level="ideal", faults=[tp.faults.Fault("q1", "gain", size=gain)])
     found = plant.visit(exact, MOVE, tp.Controller(law="joint"))
     assert found.x == pytest.approx(exact.fkm(wanted), abs=1e-9)
 
@@ -200,7 +201,7 @@ def test_an_encoder_that_counts_several_times_halves_or_doubles_the_way(exact, g
 def test_along_a_path_the_faults_clock_runs_on(h4):
     poses = np.repeat(MOVE, 3, axis=0) * [[1, 1, 1, 1], [0, 1, 1, -1], [1, 0, 1, 0.5]]
     usual = {"duration": 0.25, "hold": 0.35}
-    second = tp.Fault("theta", "bias", at=0.6, size=0.01, until=1.2)
+    second = tp.faults.Fault("theta", "bias", at=0.6, size=0.01, until=1.2)
     plants = [DynamicPlant(h4, faults=f, **usual) for f in ((), [second])]
     controller = tp.Controller(frequency=40, velocity_bandwidth=300)
     whole, lying = (plant.visit(h4, poses, controller) for plant in plants)
@@ -212,14 +213,14 @@ def test_along_a_path_the_faults_clock_runs_on(h4):
 
 def test_what_is_stuck_stays_stuck_from_pose_to_pose(h4):
     poses = np.repeat(MOVE, 3, axis=0) * [[1, 1, 1, 1], [0, 1, 1, -1], [1, 0, 1, 0.5]]
-    stuck = tp.Fault("theta", "stuck", at=0.5)
+    stuck = tp.faults.Fault("theta", "stuck", at=0.5)
     x, q_e, status = visit(h4, h4, poses, "joint", faults=[stuck])
     assert status.tolist() == ["ok"] * 3
     assert (q_e[1:, 4] == q_e[1, 4]).all() and np.ptp(x[:, 3]) > 0.1
 
 
 def test_a_visit_says_where_the_controller_had_no_answer(h4):
-    lost = tp.Fault("theta", "dropout", at=0.3, until=0.304)
+    lost = tp.faults.Fault("theta", "dropout", at=0.3, until=0.304)
     x, q_e, status = visit(h4, h4, np.repeat(MOVE, 2, axis=0), faults=[lost])
     assert status.tolist() == ["no answer in 4 cycles: not finite", "ok"]
     assert np.isfinite(x).all() and np.isfinite(q_e).all()
@@ -231,7 +232,7 @@ def test_a_visit_says_where_the_controller_had_no_answer(h4):
 @pytest.mark.parametrize(("kind", "tolerance"), [("bias", 2e-5), ("gain", 2e-5), ("stuck", 0)])
 def test_in_mujoco_a_reading_lies_alike(h4, kind, tolerance):
     pytest.importorskip("mujoco")
-    from truepose.simulation.plants.mujoco import MujocoPlant
+    from truepose.integrations.mujoco.plant import MujocoPlant
 
     lying, controller = [fault(kind, "q1", at=0)], tp.Controller(law="joint")
     found = MujocoPlant(h4, faults=lying).visit(h4, MOVE, controller)
@@ -246,9 +247,9 @@ def test_in_mujoco_a_reading_lies_alike(h4, kind, tolerance):
 
 def test_in_mujoco_a_robot_without_an_answer_goes_on(h4):
     pytest.importorskip("mujoco")
-    from truepose.simulation.plants.mujoco import MujocoPlant
+    from truepose.integrations.mujoco.plant import MujocoPlant
 
-    lost = tp.Fault("theta", "dropout", at=0.1, until=0.102)
+    lost = tp.faults.Fault("theta", "dropout", at=0.1, until=0.102)
     plants = [MujocoPlant(h4, faults=faults) for faults in ((), [lost])]
     usual, found = (
         plant.visit(h4, np.repeat(MOVE, 2, axis=0), tp.Controller()) for plant in plants
@@ -260,10 +261,10 @@ def test_in_mujoco_a_robot_without_an_answer_goes_on(h4):
 def test_in_mujoco_what_is_stuck_stays_so_from_pose_to_pose(h4, monkeypatch):
     """Without faults ranges of poses have a robot each, which begins at home: here one a pose."""
     pytest.importorskip("mujoco")
-    from truepose.simulation.plants import mujoco
+    from truepose.integrations.mujoco import plant as mujoco
 
     monkeypatch.setattr(mujoco, "_RANGE", 1)
-    stuck = tp.Fault("theta", "stuck", at=10.0)  # before the second pose
+    stuck = tp.faults.Fault("theta", "stuck", at=10.0)  # before the second pose
     plant = mujoco.MujocoPlant(h4, faults=[stuck])
     poses = np.repeat(MOVE, 3, axis=0) * [[1, 1, 1, 1], [1, 1, 1, -1], [1, 1, 1, 0]]
     found = plant.visit(h4, poses, tp.Controller(law="joint"))
@@ -292,7 +293,7 @@ BAD = [
 @pytest.mark.parametrize(("words", "said"), BAD, ids=lambda v: " ".join(map(str, v[:2])))
 def test_a_fault_that_is_none_is_refused_in_one_line(words, said):
     with pytest.raises(tp.InputError) as error:
-        tp.Fault(*words)
+        tp.faults.Fault(*words)
     assert said in str(error.value) and "\n" not in str(error.value)
 
 
@@ -300,16 +301,19 @@ def test_a_fault_that_is_none_is_refused_in_one_line(words, said):
     ("faults", "said"),
     [
         (
-            [tp.Fault("thet", "stuck")],
+            [tp.faults.Fault("thet", "stuck")],
             "unknown reading 'thet'; did you mean 'theta'? (choices: q1,",
         ),
-        ([tp.Fault("q1", "swap", other="q9")], "unknown reading 'q9'"),
-        ([tp.Fault("q1", "swap", other="q1")], "unknown other reading 'q1'"),
-        ([tp.Fault("q1", "swap", other="z_telemeter")], "unknown other reading 'z_telemeter'"),
-        ([tp.Fault("q1", "delay", size=11.0)], "at most 10000 control periods of 0.001 s"),
-        (tp.Fault("q1", "stuck"), "faults: must be a list of Fault"),
+        ([tp.faults.Fault("q1", "swap", other="q9")], "unknown reading 'q9'"),
+        ([tp.faults.Fault("q1", "swap", other="q1")], "unknown other reading 'q1'"),
+        (
+            [tp.faults.Fault("q1", "swap", other="z_telemeter")],
+            "unknown other reading 'z_telemeter'",
+        ),
+        ([tp.faults.Fault("q1", "delay", size=11.0)], "at most 10000 control periods of 0.001 s"),
+        (tp.faults.Fault("q1", "stuck"), "faults: must be a list of Fault"),
         ("q1:stuck", "faults: must be a list of Fault"),
-        ({tp.Fault("q1", "stuck")}, "faults: must be a list of Fault"),
+        ({tp.faults.Fault("q1", "stuck")}, "faults: must be a list of Fault"),
         (["q1:stuck"], "faults: 'q1:stuck': must be a Fault"),
     ],
     ids=str,
@@ -342,7 +346,7 @@ def test_the_command_line_reads_what_a_fault_says_of_itself(kind, until):
 def test_the_command_simulates_a_fault(run, h4):
     words = ("--true", "nominal", "--fault", "theta:stuck@0.1", "--format", "csv")
     status, said, err = run("simulate", "h4", *words)
-    alone = tp.simulate(h4, faults=[tp.Fault("theta", "stuck", 0.1)])
+    alone = tp.simulate(h4, faults=[tp.faults.Fault("theta", "stuck", 0.1)])
     assert status == 0 and err.endswith(f"faults theta:stuck@0.1: {alone.status}\n")
     assert repr(float(np.degrees(np.abs(alone.error[:, 3]).max()))) in said
 
@@ -372,4 +376,4 @@ def test_the_documentation_has_every_kind():
         words = {"reading": "rad or m", "reading/s": "rad/s or m/s"}.get(row.size, row.size)
         expected = [words, "yes" if row.lasts else "", "yes" if row.at_rest else ""]
         assert cells == expected
-        assert f"\n    {kind} " in tp.Fault.__doc__
+        assert f"\n    {kind} " in tp.faults.Fault.__doc__

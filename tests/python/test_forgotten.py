@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import truepose as tp
+from truepose.control.controller import Controller
 from truepose.paper import forgotten
-from truepose.simulation.controller import Controller
 
 
 @pytest.fixture(scope="module")

@@ -73,8 +73,11 @@ def test_with_exact_axes_both_levels_agree_to_rounding(paired, anywhere, rng):
     assert np.abs(q - paired.ikm(x)).max() < 1e-13
     assert np.abs(paired.fkm(q, level="full") - x).max() < 1e-12
     assert np.abs(paired.jacobian(x, level="full") - paired.jacobian(x)).max() < 1e-11
-    assert np.abs(paired.extended(x, level="full") - paired.extended(x)).max() < 1e-13
-    assert np.abs(paired.parasitic(x)).max() < 1e-12
+    assert (
+        np.abs(paired.extended_positions(x, level="full") - paired.extended_positions(x)).max()
+        < 1e-13
+    )
+    assert np.abs(paired.residual_motion(x)).max() < 1e-12
 
 
 @every_paired
@@ -103,7 +106,7 @@ def test_axis_errors_move_an_h4_from_its_ideal_model_by_the_derived_amounts(h4, 
             robot = h4.replace({name: step})
             off = table2 - robot.fkm(robot.ikm(table2, level="full"), table2)
             variance += np.mean((off / step * sigma) ** 2, axis=0)
-            turned += np.mean((robot.parasitic(table2) / step * sigma) ** 2, axis=0)
+            turned += np.mean((robot.residual_motion(table2) / step * sigma) ** 2, axis=0)
     rms = np.sqrt(variance)
     assert rms[:3] * 1e3 == pytest.approx([0.11, 0.20, 0.14], rel=0.1)
     assert np.degrees(rms[3]) == pytest.approx(0.14, rel=0.1)
@@ -113,14 +116,14 @@ def test_axis_errors_move_an_h4_from_its_ideal_model_by_the_derived_amounts(h4, 
 def test_a_sensor_at_a_pivot_reads_the_bars_turn_too(h4, rng):
     robot = built(h4.with_sensors("pivot2"), rng)
     assert robot.rkm(X_D) == pytest.approx([X_D[3]], abs=1e-15)
-    turn = robot.parasitic(X_D)[3]
+    turn = robot.residual_motion(X_D)[3]
     assert abs(turn) > 1e-5
     assert robot.rkm(X_D, level="full") == pytest.approx([X_D[3] - turn], abs=1e-14)
 
 
 def test_a_telemeter_sees_the_nacelles_tilt(h4, rng):
     robot = built(h4.with_sensors("z_telemeter"), rng)
-    tilt = robot.parasitic(X_D)[:2]
+    tilt = robot.residual_motion(X_D)[:2]
     # The plane through D with normal (τ_y, -τ_x, 1), where the upright line of the base meets it.
     expected = -X_D[2] - tilt[1] * X_D[0] + tilt[0] * X_D[1]
     assert robot.rkm(X_D, level="full") == pytest.approx([expected], abs=1e-6)
@@ -130,10 +133,12 @@ def test_a_telemeter_sees_the_nacelles_tilt(h4, rng):
 
 def test_the_longer_rod_lowers_its_side_of_a_delta(delta):
     """Chain 1's rods are 80 mm apart along +y: 20 µm turn the nacelle about -x, by 20/80 mrad."""
-    turn = delta.replace({"chain1.rod_difference": 2e-5}).parasitic(delta.home)
+    turn = delta.replace({"chain1.rod_difference": 2e-5}).residual_motion(delta.home)
     assert turn[0] == pytest.approx(-2.5e-4, rel=0.5) and turn[0] < 0
     assert np.allclose(
-        delta.replace({"chain1.rod_difference": -2e-5}).parasitic(delta.home), -turn, atol=2e-7
+        delta.replace({"chain1.rod_difference": -2e-5}).residual_motion(delta.home),
+        -turn,
+        atol=2e-7,
     )
 
 
@@ -143,7 +148,7 @@ def test_without_parallelograms_the_full_level_is_the_ideal_one(stewart):
     assert robot.full and "ideal level itself" in robot.full.reason
     assert np.array_equal(robot.ikm(x, level="full"), robot.ikm(x))
     assert np.array_equal(robot.jacobian(x, level="full"), robot.jacobian(x))
-    assert robot.parasitic(x).shape == (0,)
+    assert robot.residual_motion(x).shape == (0,)
     assert "chain1.rod_difference" not in robot.parameters
 
 
@@ -163,13 +168,13 @@ def test_a_rigid_nacelle_is_overconstrained_and_keeps_its_ideal_level(load):
     assert not robot.full
     assert robot.full.reason == "overconstrained by 2: 8 rods, 6 freedoms"
     assert np.isfinite(robot.ikm(robot.home)).all()
-    for call in (robot.ikm, robot.rkm, robot.fkm, robot.jacobian, robot.extended):
+    for call in (robot.ikm, robot.rkm, robot.fkm, robot.jacobian, robot.extended_positions):
         with pytest.raises(
             tp.InputError, match=r"^par4: level='full': overconstrained by 2: [^\n]*$"
         ):
             call(robot.home, level="full")
     with pytest.raises(tp.InputError, match="overconstrained by 2"):
-        robot.parasitic(robot.home)
+        robot.residual_motion(robot.home)
     with pytest.raises(tp.InputError, match="overconstrained by 2"):
         robot.with_level("full")
 
@@ -192,15 +197,15 @@ def test_what_cannot_be_reached_is_an_error_or_nan_at_the_full_level(h4):
         h4.ikm(far, level="full")
     q = h4.ikm(far, errors="nan", level="full")
     assert np.isfinite(q[0]).all() and np.isnan(q[1]).all()
-    assert np.isnan(h4.parasitic(far, errors="nan")[1]).all()
+    assert np.isnan(h4.residual_motion(far, errors="nan")[1]).all()
 
 
 @pytest.mark.parametrize("lead", [(), (3,), (2, 0), (2, 3)])
 def test_any_leading_shape(h4, lead):
     x = np.broadcast_to(X_D, (*lead, 4))
-    assert h4.ikm(x, level="full").shape == h4.parasitic(x).shape == (*lead, 4)
+    assert h4.ikm(x, level="full").shape == h4.residual_motion(x).shape == (*lead, 4)
     assert h4.jacobian(x, level="full").shape == (*lead, 4, 4)
-    assert h4.extended(x, level="full").shape == (*lead, 5)
+    assert h4.extended_positions(x, level="full").shape == (*lead, 5)
 
 
 @pytest.mark.parametrize(

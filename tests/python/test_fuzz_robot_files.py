@@ -70,7 +70,7 @@ def test_torn_files_and_random_bytes_are_refused_line_by_line_or_read(rng, tmp_p
     assert refused > 20
 
 
-@pytest.mark.parametrize("name", tp.robots())
+@pytest.mark.parametrize("name", tp.list_robots())
 def test_a_spoiled_file_is_a_robot_or_one_line_a_problem(name, rng, tmp_path, count):
     text = robotfile.shipped()[name].read_text(encoding="utf-8")
     path = tmp_path / "fuzz.toml"

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.simulation.true_robots import with_tolerance_errors
 
 #: The second one counts backwards.
 GAINS = (1.002, -0.7, 1.3, 1.0, 0.9, 1.1)
@@ -16,7 +15,7 @@ def scaled(robot):
 
 @pytest.fixture(params=["h4", "linear-delta", "stewart", "five-bar"])
 def robot(request):
-    return tp.load(request.param).unquantised()
+    return tp.load(request.param).without_quantization()
 
 
 def test_a_reading_is_gain_times_the_motors_position_less_its_offset(robot, anywhere, rng):
@@ -48,7 +47,7 @@ def test_a_machine_moves_alike_however_its_encoders_count(h4, law):
 
     The redundant law's unit weights are of readings: there only alike scales leave it alone.
     """
-    truth = with_tolerance_errors(h4, 1)
+    truth = h4.sample(1)
     mine = (-1.0,) * 4 if law == "redundant" else GAINS
 
     def counting(robot):
@@ -56,12 +55,15 @@ def test_a_machine_moves_alike_however_its_encoders_count(h4, law):
         for i in range(4):  # an offset is one of the reading
             name = f"chain{i + 1}.encoder_offset"
             values[name] = mine[i] * robot.parameters[name].value
-        return robot.unquantised().replace(values)
+        return robot.without_quantization().replace(values)
 
-    pairs = [(h4.unquantised(), truth.unquantised()), (counting(h4), counting(truth))]
+    pairs = [
+        (h4.without_quantization(), truth.without_quantization()),
+        (counting(h4), counting(truth)),
+    ]
     plain, other = (tp.simulate(*pair, law, duration=0.1, hold=0.05) for pair in pairs)
     assert other.x == pytest.approx(plain.x, abs=1e-9)
-    rest = [tp.settle(*pair, h4.spec.home, law, gravity=True) for pair in pairs]
+    rest = [tp.steady_state(*pair, h4.spec.home, law, gravity=True) for pair in pairs]
     assert rest[1] == pytest.approx(rest[0], abs=1e-10)
 
 
@@ -71,7 +73,7 @@ def test_what_springs_and_plays_does_so_in_the_motors_own_turns(h4):
     effects = tp.Effects().only("compliance", "ripple", "friction")
     runs = [
         tp.simulate(a, a, "joint", duration=0.1, hold=0.0, effects=effects)
-        for a in (h4.unquantised(), h4.unquantised().replace(values))
+        for a in (h4.without_quantization(), h4.without_quantization().replace(values))
     ]
     assert runs[1].x == pytest.approx(runs[0].x, abs=1e-8)
 
@@ -97,7 +99,7 @@ def test_a_calibration_finds_a_gain(loosely, name, known, anywhere, rng):
     """One part in a thousand, among all else that is not known: within 3.5 of the σ it states."""
     robot = loosely(name)
     x = anywhere(robot, 80, rng)
-    true = with_tolerance_errors(robot, 4).replace({"chain2.gain": 1.001})
+    true = robot.sample(4).replace({"chain2.gain": 1.001})
     fit = tp.calibrate(robot, true.read(x))
     for chain in range(1, robot.n + 1):
         gain = fit.parameters[f"chain{chain}.gain"]
@@ -112,7 +114,7 @@ def test_a_calibration_finds_a_gain(loosely, name, known, anywhere, rng):
 def test_gains_are_learnt_online(loosely, anywhere, rng):
     robot = loosely("linear-delta")
     true = robot.expected().replace({"chain2.gain": 1.001})
-    learner = tp.OnlineCalibration(robot)
+    learner = tp.OnlineCalibrator(robot)
     for line in true.read(anywhere(robot, 150, rng)):
         learner.observe(line)
     gain = learner.parameters["chain2.gain"]

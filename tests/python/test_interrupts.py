@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
+from truepose.paper import with_paper_errors
 from truepose.simulation.visit import visit
 from truepose.threads import each
 
@@ -41,9 +42,9 @@ def poses(robot, count):
 
 
 H4 = tp.load("h4")
-TRUE = tp.with_paper_errors(H4, seed=1)
+TRUE = with_paper_errors(H4, seed=1)
 X = poses(H4, 20_000)
-Q_E = TRUE.extended(X)
+Q_E = TRUE.extended_positions(X)
 MANY, MANY_Q_E = np.tile(X, (100, 1)), np.tile(Q_E, (100, 1))
 
 #: Each computes for a tenth of a second at least, on any machine, if nobody stops it.
@@ -53,12 +54,12 @@ LONG = {
     "jacobian": lambda: H4.jacobian(MANY),
     "read": lambda: tp._core.spoil(H4.core, np.tile(MANY_Q_E, (3, 1)), 0),
     "estimate": lambda: H4.estimate(MANY_Q_E[:40_000]),
-    "settle": lambda: tp.settle(H4, TRUE, MANY),
+    "settle": lambda: tp.steady_state(H4, TRUE, MANY),
     "simulate": lambda: tp.simulate(H4, TRUE, hold=100.0),
     "visit": lambda: visit(H4, TRUE, X[:500]),
     "calibrate": lambda: tp.calibrate(H4, MANY_Q_E[:40_000]),
     "after visiting": lambda: tp.accuracy(H4, X[:1], calibrated_on=MANY[:200_000]),
-    "online": lambda: tp.OnlineCalibration(H4).observe(Q_E),
+    "online": lambda: tp.OnlineCalibrator(H4).observe(Q_E),
 }
 
 
@@ -86,7 +87,7 @@ def test_ctrl_c_ends_what_other_threads_compute():
 
 
 def test_a_filter_that_was_stopped_keeps_what_it_learnt():
-    online = tp.OnlineCalibration(H4)
+    online = tp.OnlineCalibrator(H4)
     with pytest.raises(KeyboardInterrupt), stopped_by_the_third_alarm():
         online.observe(Q_E)
     assert 0 < online.lines < len(Q_E)

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.simulation.true_robots import with_tolerance_errors
 
 POSES = 100
 
@@ -21,7 +20,7 @@ def learnt(request: pytest.FixtureRequest) -> tuple[tp.Robot, tp.Robot, np.ndarr
     if not robot.r:
         robot = robot.with_sensors(robot.spec.sensor[0].name)
     robot = robot.expected()
-    truth = with_tolerance_errors(robot, seed=5).finest
+    truth = robot.sample(5).at_highest_level
     box = robot.spec.workspace
     assert box is not None
     before, tour = np.random.default_rng(5).uniform(box.minimum, box.maximum, (2, POSES, robot.n))
@@ -30,7 +29,7 @@ def learnt(request: pytest.FixtureRequest) -> tuple[tp.Robot, tp.Robot, np.ndarr
 
 
 def test_a_healthy_tour_contradicts_nothing(learnt: tuple) -> None:
-    found = tp.isolate(learnt[0], learnt[2])
+    found = tp.faults.isolate(learnt[0], learnt[2])
     assert not found.faulty and found.may_be == ()
     assert 0.7 < found.chi2 / found.freedom < 1.4
 
@@ -40,7 +39,7 @@ def test_a_fault_of_one_reading_is_named_with_its_size_from_one_redundant_sensor
     learnt: tuple, kind: str
 ) -> None:
     robot, _, tour = learnt
-    limits = tp.fault_limits(robot, robot.fkm(tour[:40, : robot.n]))
+    limits = tp.faults.detectability(robot, robot.fkm(tour[:40, : robot.n]))
     for c, reading in enumerate(robot.readings):
         lies = tour.copy()
         if kind == "bias":
@@ -51,7 +50,7 @@ def test_a_fault_of_one_reading_is_named_with_its_size_from_one_redundant_sensor
         else:
             size = 0.03
             lies[:, c] *= 1 + size
-        found = tp.isolate(robot, lies)
+        found = tp.faults.isolate(robot, lies)
         assert found.faulty
         assert found.readings == (reading,)
         likeliest = found.may_be[0]
@@ -68,22 +67,24 @@ def test_two_faults_are_no_single_one_and_are_not_blamed_on_a_third() -> None:
     there = h4.read(poses, seed=4)
     there[:, 5] += 0.02
     there[:, 7] -= 0.02
-    found = tp.isolate(robot, there)
+    found = tp.faults.isolate(robot, there)
     assert found.faulty and found.may_be == ()
 
 
 def test_before_a_calibration_tolerances_hide_what_a_calibration_shows(learnt: tuple) -> None:
     robot, _, tour = learnt
     lies = tour.copy()
-    lies[:, 0] += 4 * tp.fault_limits(robot, robot.fkm(tour[:20, : robot.n])).moving_detected[0]
-    assert tp.isolate(robot, lies).faulty
-    assert not tp.isolate(tp.load(robot.name).with_sensors(*robot.sensors), lies).faulty
+    lies[:, 0] += (
+        4 * tp.faults.detectability(robot, robot.fkm(tour[:20, : robot.n])).moving_detected[0]
+    )
+    assert tp.faults.isolate(robot, lies).faulty
+    assert not tp.faults.isolate(tp.load(robot.name).with_sensors(*robot.sensors), lies).faulty
 
 
 def test_a_robot_without_redundant_sensors_is_told_so() -> None:
     robot = tp.load("h4").with_sensors()
     with pytest.raises(tp.InputError, match="no redundant sensor in use"):
-        tp.isolate(robot, robot.read(robot.home[None]))
+        tp.faults.isolate(robot, robot.read(robot.home[None]))
 
 
 def test_the_command_names_it(run: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

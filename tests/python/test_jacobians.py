@@ -66,7 +66,7 @@ def test_m_is_the_derivative_of_all_readings(h4, table2):
     M, _ = robot.tej(table2[::20])
     q = robot.ikm(table2[::20])
     for motor, step in enumerate(h * np.eye(4)):
-        ends = [robot.extended(robot.fkm(q + sign * step)) for sign in (1, -1)]
+        ends = [robot.extended_positions(robot.fkm(q + sign * step)) for sign in (1, -1)]
         central = (ends[0] - ends[1]) / (2 * h)
         assert np.abs(central - M[:, :, motor]).max() < 1e-7 * np.abs(M).max()
 

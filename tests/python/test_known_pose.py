@@ -8,7 +8,6 @@ import pytest
 import truepose as tp
 from truepose.exceptions import InputError, PoseError
 from truepose.robot.frames import rotation
-from truepose.simulation.true_robots import with_tolerance_errors
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +22,7 @@ def poses(robot, anywhere):
 
 def read(robot, seed, poses):
     """Return readings of a drawn robot at these poses, at home, and at other poses; these poses."""
-    true = with_tolerance_errors(robot, seed).with_level("full")
+    true = robot.sample(seed).with_level("full")
     box = robot.spec.workspace
     others = np.random.default_rng(seed).uniform(box.minimum, box.maximum, (40, robot.n))
     at = (poses, robot.home, others)

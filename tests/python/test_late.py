@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.simulation import late
-from truepose.simulation.effects import Effects
-from truepose.simulation.linear import plants
-from truepose.simulation.true_robots import with_tolerance_errors
+from truepose.control import delays
+from truepose.control.effects import Effects
+from truepose.control.linear import plants
+from truepose.paper import with_paper_errors
 
 PERIOD, AGE = 0.01, 0.008
 LENGTH = np.array([1, 1, 1, 0.1])  #: m, by which an angle counts as a way
@@ -32,9 +32,9 @@ def camera(h4):
 
 
 def test_readings_are_those_of_when_they_were_taken_and_held(camera):
-    prompt, slow = timed(camera, 0, 0).unquantised(), camera.unquantised()
+    prompt, slow = timed(camera, 0, 0).without_quantization(), camera.without_quantization()
     run = tp.simulate(slow, controller="joint")
-    now = prompt.extended(run.x)
+    now = prompt.extended_positions(run.x)
     for k in range(40, len(now)):
         taken = (k - 8) // 10 * 10
         np.testing.assert_allclose(run.q_e[k, 4:], now[taken, 4:], atol=1e-12)
@@ -44,7 +44,7 @@ def test_readings_are_those_of_when_they_were_taken_and_held(camera):
 
 @pytest.mark.parametrize("law", ["redundant", "cartesian", "weighted", "estimated"])
 def test_an_ideal_robot_follows_as_if_its_sensors_were_prompt(camera, law):
-    slow = camera.unquantised()
+    slow = camera.without_quantization()
     prompt = tp.simulate(timed(slow, 0, 0), controller=law)
     run = tp.simulate(slow, controller=law)
     assert run.status == prompt.status == "ok"
@@ -61,9 +61,9 @@ def test_the_estimated_law_is_never_worse_with_a_late_sensor_than_without(h4, se
     box = robot.spec.workspace
     errors = []
     for seed in range(12):
-        truth = with_tolerance_errors(robot, seed)
+        truth = robot.sample(seed)
         poses = np.random.default_rng(seed).uniform(box.minimum, box.maximum, (4, 4))
-        path = tp.WayPoints(poses=poses, duration=0.3)
+        path = tp.simulation.Waypoints(poses=poses, duration=0.3)
         pairs = (robot, truth), (robot.with_sensors(), truth.with_sensors())
         errors.append(
             [
@@ -121,13 +121,14 @@ def test_how_far_a_sensor_strays_is_what_drawn_robots_do(h4):
     x, step = robot.home, np.array([0.02, 0, 0, 0])
     off = []
     for seed in range(200):
-        truth = with_tolerance_errors(robot, seed)
+        truth = robot.sample(seed)
         seen = [
-            truth.extended(at)[4:] - robot.extended(robot.fkm(truth.ikm(at), guess=at))[4:]
+            truth.extended_positions(at)[4:]
+            - robot.extended_positions(robot.fkm(truth.ikm(at), guess=at))[4:]
             for at in (x, x + step)
         ]
         off.append((seen[1] - seen[0]) / step[0])
-    found, most = np.std(off, axis=0), late.stray(robot)[:, 0]
+    found, most = np.std(off, axis=0), delays.stray(robot)[:, 0]
     assert (found < 1.2 * most).all() and (found > 0.1 * most).all()
 
 
@@ -138,13 +139,13 @@ def test_a_watch_finds_nothing_on_healthy_robots(camera, effects, calibrated):
     box = robot.spec.workspace
     controller = tp.Controller.for_robot(robot, effects, "estimated")
     for seed in range(3):
-        truth, believed = with_tolerance_errors(robot, seed), robot
+        truth, believed = robot.sample(seed), robot
         draw = np.random.default_rng(seed).uniform
         if calibrated:
             there = effects.geometry(truth, 0, seed)
             readings = there.read(draw(box.minimum, box.maximum, (60, 4)), seed=seed)
             believed = tp.calibrate(effects.allowed_for(robot), readings).robot
-        path = tp.WayPoints(poses=draw(box.minimum, box.maximum, (5, 4)), duration=0.3)
+        path = tp.simulation.Waypoints(poses=draw(box.minimum, box.maximum, (5, 4)), duration=0.3)
         run = tp.simulate(
             believed,
             truth,
@@ -152,7 +153,7 @@ def test_a_watch_finds_nothing_on_healthy_robots(camera, effects, calibrated):
             path=path,
             effects=effects,
             seed=seed,
-            watch=tp.Watch(effects=effects),
+            watch=tp.FaultMonitor(effects=effects),
         )
         assert not run.health.any(), (seed, run.status)
 
@@ -164,8 +165,8 @@ def test_a_watch_finds_nothing_on_healthy_robots(camera, effects, calibrated):
 @pytest.mark.parametrize("sensors", [["theta"], ["theta", "z_telemeter"]])
 def test_a_watch_finds_faults_of_a_late_sensor_and_no_other(h4, sensors, kind, size):
     robot = timed(h4.with_sensors(*sensors))
-    fault = tp.Fault("theta", kind, at=0.1, size=size)
-    run = tp.simulate(robot, duration=0.3, faults=[fault], watch=tp.Watch())
+    fault = tp.faults.Fault("theta", kind, at=0.1, size=size)
+    run = tp.simulate(robot, duration=0.3, faults=[fault], watch=tp.FaultMonitor())
     off = (run.health > 0).any(axis=1)
     assert off.any() and 0.1 <= run.time[off.argmax()] < 0.1 + (0.2 if kind == "drift" else 0.08)
     assert set(run.failed) <= {"theta"}
@@ -174,23 +175,25 @@ def test_a_watch_finds_faults_of_a_late_sensor_and_no_other(h4, sensors, kind, s
 
 
 def test_a_single_lost_picture_is_bridged(camera):
-    fault = tp.Fault("theta", "dropout", at=0.0995, until=0.1005)
-    run = tp.simulate(camera, faults=[fault], watch=tp.Watch())
+    fault = tp.faults.Fault("theta", "dropout", at=0.0995, until=0.1005)
+    run = tp.simulate(camera, faults=[fault], watch=tp.FaultMonitor())
     assert run.health[:, 4].max() == 1 and not run.failed
     assert (run.health[-100:] == 0).all()
     assert np.isnan(run.q_e[108:118, 4]).all() and np.isfinite(run.q_e[118:]).all()
 
 
 def test_a_jump_of_a_motor_is_not_laid_to_a_late_sensor(camera):
-    run = tp.simulate(camera, faults=[tp.Fault("q2", "jump", at=0.1, size=0.02)], watch=tp.Watch())
+    run = tp.simulate(
+        camera, faults=[tp.faults.Fault("q2", "jump", at=0.1, size=0.02)], watch=tp.FaultMonitor()
+    )
     assert run.health.any() and set(run.failed) <= {"q2"}
 
 
 @pytest.mark.parametrize(("motor", "size"), [("q1", 0.02), ("q3", 0.05)])
 def test_a_motor_that_nothing_reads_is_not_led_by_what_comes_late(camera, motor, size):
-    fault, errors = tp.Fault(motor, "jump", at=0.1, size=size), []
+    fault, errors = tp.faults.Fault(motor, "jump", at=0.1, size=size), []
     for robot in (camera, camera.with_sensors()):
-        run = tp.simulate(robot, duration=0.3, faults=[fault], watch=tp.Watch())
+        run = tp.simulate(robot, duration=0.3, faults=[fault], watch=tp.FaultMonitor())
         assert run.failed == [motor] and run.stops.any()
         errors.append(abs(run.error).max(axis=0))
     np.testing.assert_allclose(errors[0], errors[1], rtol=0.1, atol=5e-4)
@@ -198,21 +201,21 @@ def test_a_motor_that_nothing_reads_is_not_led_by_what_comes_late(camera, motor,
 
 def test_a_recorded_run_is_watched_as_it_was_driven(camera):
     run = tp.simulate(camera, controller="joint")
-    review = tp.Watch().review(camera, run.q_e)
+    review = tp.FaultMonitor().review(camera, run.q_e)
     assert not review.health.any()
-    now = timed(camera, 0, 0).extended(run.x)
+    now = timed(camera, 0, 0).extended_positions(run.x)
     assert abs(review.believed[:, 4:] - now[:, 4:]).max() < 4e-3
     assert abs(run.q_e[:, 4:] - now[:, 4:]).max() > 0.02
     stuck = run.q_e.copy()
     stuck[60:, 4] = stuck[60, 4]
-    assert tp.Watch().review(camera, stuck).health[-1, 4] > 0
+    assert tp.FaultMonitor().review(camera, stuck).health[-1, 4] > 0
 
 
 def test_the_plant_in_mujoco_has_late_sensors_too(camera):
     pytest.importorskip("mujoco")
-    from truepose.simulation.plants.mujoco import MujocoPlant
+    from truepose.integrations.mujoco.plant import MujocoPlant
 
-    robot, x = camera.unquantised(), [[0.03, 0.02, -0.4, 0.1]]
+    robot, x = camera.without_quantization(), [[0.03, 0.02, -0.4, 0.1]]
     controller = tp.Controller(law="estimated", frequency=60)
     visit = MujocoPlant(robot).visit(robot, x, controller)
     assert visit.status.tolist() == ["ok"]
@@ -224,8 +227,8 @@ def test_the_plant_in_mujoco_has_late_sensors_too(camera):
 
 
 def test_learning_goes_on_with_late_readings(camera):
-    online = tp.OnlineCalibration(camera)
-    truth = tp.with_paper_errors(camera, seed=1)
+    online = tp.OnlineCalibrator(camera)
+    truth = with_paper_errors(camera, seed=1)
     usual = tp.simulate(camera, truth, "joint")
     run = tp.simulate(camera, truth, "estimated", learn=online)
     assert online.lines > 50

@@ -6,7 +6,6 @@ import pytest
 import truepose as tp
 from truepose.paper import experiment, sensor_sets, tables
 from truepose.robot.laws import LAWS
-from truepose.simulation.true_robots import with_tolerance_errors
 
 UNMEASURED = "needs a redundant sensor, and none is in use"
 ROBOTS = 12  # drawn for each figure; their error is nearly one offset each
@@ -24,13 +23,14 @@ def test_an_error_of_a_reading_leaks_into_the_pose_as_foretold(any_robot, law):
     robot, size = any_robot, 1e-5
     if law != "joint" and not robot.r:
         with pytest.raises(tp.InputError, match=UNMEASURED):
-            robot.leakage(robot.home, law)
+            robot.cross_sensitivity(robot.home, law)
         return
-    leak = robot.leakage(robot.home, law)
+    leak = robot.cross_sensitivity(robot.home, law)
     assert leak.shape == (robot.n, robot.n + robot.r)
     for reading in range(robot.n + robot.r):
         ends = [
-            tp.settle(robot, read_wrong(robot, reading, e), robot.home, law) for e in (size, -size)
+            tp.steady_state(robot, read_wrong(robot, reading, e), robot.home, law)
+            for e in (size, -size)
         ]
         assert (ends[0] - ends[1]) / (2 * size) == pytest.approx(leak[:, reading], abs=1e-5)
 
@@ -44,9 +44,9 @@ def test_a_law_takes_every_sensor_in_use_or_is_refused(name, sensors, law):
     robot = tp.load(name).with_sensors(*sensors)
     true = robot.replace({"chain1.rod": robot.parameters["chain1.rod"].value + 1e-4})
     runs = (
-        lambda: tp.settle(robot, true, robot.home, law),
+        lambda: tp.steady_state(robot, true, robot.home, law),
         lambda: tp.simulate(robot, true, law, duration=0.3, hold=0.0).x[-1],
-        lambda: robot.leakage(robot.home, law),
+        lambda: robot.cross_sensitivity(robot.home, law),
         lambda: tp.Controller.for_robot(robot, tp.Effects.none(), law),
     )
     if not sensors:
@@ -57,10 +57,12 @@ def test_a_law_takes_every_sensor_in_use_or_is_refused(name, sensors, law):
         return
     for run in runs[:2]:
         assert np.isfinite(run()).all()
-    unlike = np.abs(robot.leakage(robot.home, law) - robot.leakage(robot.home, "joint"))
+    unlike = np.abs(
+        robot.cross_sensitivity(robot.home, law) - robot.cross_sensitivity(robot.home, "joint")
+    )
     assert (unlike.max(axis=0)[robot.n :] > 1e-4).all()  # no sensor is left out
-    usual = tp.settle(robot, true, robot.home, "joint")
-    assert np.abs(tp.settle(robot, true, robot.home, law) - usual).max() > 1e-7
+    usual = tp.steady_state(robot, true, robot.home, "joint")
+    assert np.abs(tp.steady_state(robot, true, robot.home, law) - usual).max() > 1e-7
 
 
 @pytest.mark.parametrize(
@@ -68,37 +70,39 @@ def test_a_law_takes_every_sensor_in_use_or_is_refused(name, sensors, law):
 )
 def test_beyond_the_papers_closed_form_the_cartesian_law_leaks_as_the_tej(h4, table2, sensors):
     robot = h4.with_sensors(*sensors)
-    paper = robot.leakage(table2[::25], "redundant")
-    assert robot.leakage(table2[::25], "cartesian") == pytest.approx(paper, abs=2e-3)
-    closed = h4.leakage(table2[::25], "cartesian")
+    paper = robot.cross_sensitivity(table2[::25], "redundant")
+    assert robot.cross_sensitivity(table2[::25], "cartesian") == pytest.approx(paper, abs=2e-3)
+    closed = h4.cross_sensitivity(table2[::25], "cartesian")
     assert closed[:, 3] == pytest.approx(np.tile([0, 0, 0, 0, -1], (25, 1)), abs=1e-6)
 
 
 @pytest.mark.parametrize("sensors", [["theta"], ["theta", "z_telemeter"], ["theta", "wire1"]])
 def test_tej_and_estimate_with_the_same_weights_leak_alike(h4, table2, sensors):
     robot = h4.with_sensors(*sensors)
-    leak = robot.leakage(table2, "weighted")
-    assert np.array_equal(leak, robot.leakage(table2, "estimated"))
+    leak = robot.cross_sensitivity(table2, "weighted")
+    assert np.array_equal(leak, robot.cross_sensitivity(table2, "estimated"))
     J = robot.jacobian(table2)
     assert leak == pytest.approx(-J @ robot.weighted_tej(table2), abs=1e-9)
-    assert robot.leakage(table2, "redundant") == pytest.approx(-J @ robot.tej(table2)[1], abs=1e-9)
+    assert robot.cross_sensitivity(table2, "redundant") == pytest.approx(
+        -J @ robot.tej(table2)[1], abs=1e-9
+    )
 
 
 def test_no_motor_leaks_into_a_theta_that_is_measured_well(h4, table2):
     """The paper's TEJ lets through 1/(1 + |j|²) of it; known weights only what turns θ's bar."""
-    share = np.abs(h4.leakage(table2, "weighted")[:, 3, :4]).max()
-    assert share < 0.05 * np.abs(h4.leakage(table2, "redundant")[:, 3, :4]).max()
+    share = np.abs(h4.cross_sensitivity(table2, "weighted")[:, 3, :4]).max()
+    assert share < 0.05 * np.abs(h4.cross_sensitivity(table2, "redundant")[:, 3, :4]).max()
 
 
 def test_at_rest_the_weighted_motor_error_vanishes_and_the_estimate_is_the_setpoint(
     h4, truth, table2
 ):
     poses, real = table2[::25], truth.with_level("full")
-    read = real.extended(tp.settle(h4, real, poses, "weighted"))
-    desired = h4.extended(poses, level="full")
+    read = real.extended_positions(tp.steady_state(h4, real, poses, "weighted"))
+    desired = h4.extended_positions(poses, level="full")
     error = np.einsum("...ij,...j", h4.weighted_tej(poses), desired - read)
     assert np.abs(error).max() < 1e-12
-    read = real.extended(tp.settle(h4, real, poses, "estimated"))
+    read = real.extended_positions(tp.steady_state(h4, real, poses, "estimated"))
     # The law takes its weights at x_d, the estimate where the motors are, mm away.
     sigma = np.sqrt(np.diagonal(h4.estimate(read, guess=poses).covariance, axis1=1, axis2=2))
     assert (np.abs(h4.estimate(read, guess=poses).x - poses) < 0.03 * sigma).all()
@@ -109,15 +113,15 @@ def test_a_robot_without_tolerances_weighs_by_counts_alone(h4, law):
     exact = tp.Robot(h4.spec.model_copy(update={"tolerances": {}}))
     longer = exact.replace({"chain1.rod": 0.4801})
     x_d = np.array([0.02, 0, -0.4, 0.1])
-    assert abs(tp.settle(exact, longer, x_d, law)[3] - 0.1) < abs(
-        tp.settle(exact, longer, x_d, "joint")[3] - 0.1
+    assert abs(tp.steady_state(exact, longer, x_d, law)[3] - 0.1) < abs(
+        tp.steady_state(exact, longer, x_d, "joint")[3] - 0.1
     )
 
 
 @pytest.mark.parametrize("law", ["cartesian", "weighted", "estimated"])
 def test_every_robot_can_be_moved_on_all_its_readings(any_robot, law, anywhere, rng):
     end = anywhere(any_robot, 1, rng)[0]
-    robot = any_robot.unquantised()
+    robot = any_robot.without_quantization()
     if not robot.r:  # one of those that its file has
         robot = robot.with_sensors(*[sensor.name for sensor in robot.spec.sensor][:1])
     if not robot.r:
@@ -130,7 +134,7 @@ def test_every_robot_can_be_moved_on_all_its_readings(any_robot, law, anywhere, 
 
 def test_a_law_that_nobody_knows_is_named(h4):
     with pytest.raises(tp.InputError, match=r"^unknown law 'wieghted'; did you mean 'weighted'\?"):
-        h4.leakage(h4.home, "wieghted")
+        h4.cross_sensitivity(h4.home, "wieghted")
 
 
 def quantised_at_rest(robot: tp.Robot, rng: np.random.Generator) -> tp.Robot:
@@ -147,11 +151,11 @@ def test_self_calibrated_control_takes_the_true_robot_to_the_bound(h4, table2, s
     usual, learnt = [], []
     for number, source in enumerate(np.random.SeedSequence(7).spawn(ROBOTS)):
         draw, counts = source.spawn(2)
-        true = with_tolerance_errors(robot, draw).with_level("full")
+        true = robot.sample(draw).with_level("full")
         believed = experiment.self_calibrated(robot, true, table2, number)
         real = quantised_at_rest(true, np.random.default_rng(counts))
-        usual.append(tp.settle(robot, real, poses, "joint") - poses)
-        learnt.append(tp.settle(believed, real, poses, "estimated") - poses)
+        usual.append(tp.steady_state(robot, real, poses, "joint") - poses)
+        learnt.append(tp.steady_state(believed, real, poses, "estimated") - poses)
     square = [(np.array(e)[..., :3] ** 2).sum(axis=-1).mean() for e in (usual, learnt)]
     bound = np.trace(tp.accuracy(robot, poses, calibrated_on=table2)[:, :3, :3], axis1=1, axis2=2)
     assert np.sqrt(square[0] / square[1]) > gain * 0.75  # few robots: their rms spreads
@@ -161,7 +165,7 @@ def test_self_calibrated_control_takes_the_true_robot_to_the_bound(h4, table2, s
 def test_a_simulated_move_ends_where_self_calibrated_statics_say_within_counts(h4, truth, table2):
     believed = experiment.self_calibrated(h4, truth, table2)
     run = tp.simulate(believed, truth, "estimated")
-    rest = tp.settle(believed, truth, run.x_d[-1], "estimated")
+    rest = tp.steady_state(believed, truth, run.x_d[-1], "estimated")
     usual = tp.simulate(h4, truth, "joint")
     assert np.abs(run.x[-100:] - rest)[:, :3].max() < 2e-4
     assert np.linalg.norm(run.error[-1, :3]) < np.linalg.norm(usual.error[-1, :3]) / 4

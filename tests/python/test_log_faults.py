@@ -10,7 +10,6 @@ import truepose as tp
 from truepose import _core, logs
 from truepose.calibration import expectation, log_checks, log_faults
 from truepose.robot import frames
-from truepose.simulation.true_robots import with_tolerance_errors
 
 SENSORS = {
     "delta": ("elbow1", "elbow2", "elbow3"),
@@ -27,7 +26,7 @@ def cases(anywhere):
     for name, sensors in SENSORS.items():
         robot = tp.load(name).with_sensors(*sensors)
         rng = np.random.default_rng(0)
-        result[name] = robot, with_tolerance_errors(robot, 1).read(anywhere(robot, 100, rng))
+        result[name] = robot, robot.sample(1).read(anywhere(robot, 100, rng))
     return result
 
 
@@ -115,7 +114,7 @@ def test_a_motor_that_stands_still_is_not_stuck(cases):
     robot, _ = cases["h4"]
     q = robot.ikm(robot.home) + np.random.default_rng(0).uniform(-0.1, 0.1, (100, 4))
     q[:, 0] = np.repeat(q[:10, 0], 10)
-    true = with_tolerance_errors(robot, 1)
+    true = robot.sample(1)
     x = true.fkm(q)
     table = dict(zip(robot.readings, true.read(x).T, strict=True))
     assert log_checks.check(robot, logs.of(robot, table))[1] == []
@@ -137,7 +136,7 @@ def test_a_real_h4s_log_is_left_alone_rod_by_rod(h4, anywhere, seed):
     """What the ideal level leaves out is no mistake either; a mistake is found all the same."""
     robot = h4.with_sensors("theta", "z_telemeter")
     x = anywhere(robot, 100, np.random.default_rng(seed))
-    q_e = with_tolerance_errors(robot, seed).extended(x, level="full")
+    q_e = robot.sample(seed).extended_positions(x, level="full")
     assert texts(robot, q_e) == []
     q_e[:, 1] *= -1
     assert texts(robot, q_e) == ["q2: its sign is flipped"]
@@ -152,7 +151,7 @@ def tracked(anywhere):
     base[:3, :3], base[:3, 3] = frames.rotation([2, -1, 1]), [1, 2, 3]
     seen = _core.seen(robot.core, base, np.eye(4), x, x)[0] + 1e-5 * rng.normal(size=x.shape)
     outside = {f"measured_{c}": seen[:, k] for k, (c, _) in enumerate(robot.coordinates)}
-    return robot, with_tolerance_errors(robot, 2).read(x), outside
+    return robot, robot.sample(2).read(x), outside
 
 
 @pytest.mark.parametrize(

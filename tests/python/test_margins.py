@@ -8,18 +8,17 @@ import pytest
 
 import truepose as tp
 from truepose import robotfile
-from truepose.simulation import gains
-from truepose.simulation.effects import Effects
-from truepose.simulation.linear import Gains, plants
-from truepose.simulation.loci import Responses, worst
+from truepose.control import gains
+from truepose.control.effects import Effects
+from truepose.control.linear import Gains, plants
+from truepose.control.loci import Responses, worst
 from truepose.simulation.moves import default_move
-from truepose.simulation.true_robots import with_tolerance_errors
 
 
 @pytest.mark.parametrize("law", ["joint", "redundant", "estimated"])
 @pytest.mark.parametrize("groups", [["delay"], ["compliance"], ["delay", "compliance"]])
 def test_a_simulated_robot_swings_up_where_its_gain_margin_ends(h4, law, groups):
-    robot, effects = h4.unquantised(), Effects().only(*groups)
+    robot, effects = h4.without_quantization(), Effects().only(*groups)
     loop = Responses(plants(robot, [robot.home], law, effects, 1e-3))
     margin = loop.common(Gains(40, 300))[0].more
     late = []
@@ -66,7 +65,7 @@ def test_chosen_gains_keep_the_margins_that_they_promise_at_every_corner(h4):
 
 @pytest.mark.parametrize(
     ("name", "law", "period"),
-    [(name, None, 1e-3) for name in tp.robots()]
+    [(name, None, 1e-3) for name in tp.list_robots()]
     + [("h4", law, 2e-3) for law in ("joint", "redundant", "weighted", "estimated")]
     + [("3rrr", "joint", 2e-4), ("par4", "weighted", 2e-4)],
 )
@@ -88,10 +87,10 @@ def test_readings_hunt_by_a_count_as_far_as_the_describing_function_says(name, p
     # Without friction, which holds a motor within its count.
     robot, effects = tp.load(name), Effects().only("quantisation", "delay", "compliance")
     controller = tp.Controller(law="joint", frequency=poles[0], velocity_bandwidth=poles[1])
-    found = tp.margins(robot, controller, effects, poses=[default_move(robot)[1]])
+    found = tp.control.stability_margins(robot, controller, effects, poses=[default_move(robot)[1]])
     swings = []
     for seed in range(3):
-        truth = with_tolerance_errors(robot, seed)
+        truth = robot.sample(seed)
         run = tp.simulate(robot, truth, controller, effects=effects, hold=1.2, seed=seed)
         swings.append(np.ptp(run.x[-200:], axis=0))
     ratio = np.max(swings, axis=0)[:3].max() / found.hunting[0, :3].max()
@@ -153,7 +152,7 @@ def test_more_friction_wants_stiffer_gains_than_a_slow_loop_has(h4):
 
 def test_margins_are_those_of_the_loops_that_they_name(h4):
     controller = tp.Controller(frequency=40, velocity_bandwidth=300)
-    found = tp.margins(h4, controller, poses=[h4.home])
+    found = tp.control.stability_margins(h4, controller, poses=[h4.home])
     loop = Responses(plants(h4, [h4.home], "redundant", Effects(), 1e-3))
     asked = Gains(40, 300)
     assert list(found.loops) == ["all motors", *(f"motor {i}" for i in "1234"), *h4.readings]
@@ -165,7 +164,9 @@ def test_margins_are_those_of_the_loops_that_they_name(h4):
 
 def test_a_sensor_alone_may_be_so_much_stronger(h4):
     # The sensor's own loop: its gain in the law times k, all other readings' as they are.
-    found = tp.margins(h4, tp.Controller(frequency=40, velocity_bandwidth=300), poses=[h4.home])
+    found = tp.control.stability_margins(
+        h4, tp.Controller(frequency=40, velocity_bandwidth=300), poses=[h4.home]
+    )
     margin, plant = found.worst("theta").more, plants(h4, [h4.home], "redundant", Effects(), 1e-3)
     radius = []
     for share in (0.98, 1.02):
@@ -192,13 +193,13 @@ def test_a_sensor_alone_may_be_so_much_stronger(h4):
 )
 def test_a_wrong_question_is_told(h4, asked, message):
     with pytest.raises(tp.TrueposeError, match=message):
-        tp.margins(h4, **asked)
+        tp.control.stability_margins(h4, **asked)
 
 
 def test_the_command_says_what_the_function_says(run, h4, tmp_path):
     words = ("margins", "h4", "--law", "redundant", "--rate", "2000")
     status, out, err = run(*words, "--format", "json", "--plot", str(tmp_path / "loops.svg"))
-    said, found = json.loads(out), tp.margins(h4, period=5e-4)
+    said, found = json.loads(out), tp.control.stability_margins(h4, period=5e-4)
     assert status == 0 and "least of home and 16 corners" in err
     assert (tmp_path / "loops.svg").stat().st_size > 1e4
     assert said["gains"][0]["poles (rad/s)"] == found.controller.frequency
@@ -267,25 +268,25 @@ def test_without_effects_a_law_keeps_the_papers_poles(h4):
 )
 def test_a_calibrated_robot_has_gains_for_the_law_of_its_estimate(h4, sensors, seed, scale):
     robot = h4.with_sensors(*sensors)
-    truth = with_tolerance_errors(robot, seed)
+    truth = robot.sample(seed)
     box = robot.spec.workspace
     poses = np.random.default_rng(seed).uniform(box.minimum, box.maximum, (40, 4))
     fit = tp.calibrate(robot, truth.read(poses, seed=seed))
     controller = tp.Controller.for_robot(fit.robot, Effects(), "estimated")
     assert controller.sigma_scale == scale and controller.frequency > 35
-    assert tp.margins(fit.robot, controller).kept
-    assert not tp.margins(fit.robot, replace(controller, sigma_scale=1)).kept
+    assert tp.control.stability_margins(fit.robot, controller).kept
+    assert not tp.control.stability_margins(fit.robot, replace(controller, sigma_scale=1)).kept
     run = tp.simulate(fit.robot, truth, controller, effects=Effects(), hold=2.0)
     last = run.x[run.time >= run.time[-1] - 0.2]
     swing = np.ptp(last, axis=0)
     assert run.status == "ok"
     assert swing[:3].max() <= gains.REST[0] and swing[3] <= gains.REST[1]
     # It rests where the law holds it, but for friction and the play of the tool's gear.
-    rests = tp.settle(fit.robot, truth, run.x_d[-1], controller)
+    rests = tp.steady_state(fit.robot, truth, run.x_d[-1], controller)
     assert np.linalg.norm((last.mean(axis=0) - rests)[:3]) < 1e-3
     assert abs(last[:, 3].mean() - rests[3]) < np.radians(0.2)
     # And there is where the best weights would have it, to a few hundredths of a millimetre.
-    best = tp.settle(fit.robot, truth, run.x_d[-1], "estimated")
+    best = tp.steady_state(fit.robot, truth, run.x_d[-1], "estimated")
     assert np.linalg.norm((rests - best)[:3]) < 1e-3
 
 

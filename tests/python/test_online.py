@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 import truepose as tp
+from truepose.paper import with_paper_errors
 from truepose.robot import knowledge
-from truepose.simulation.true_robots import with_tolerance_errors
 
 
 @pytest.fixture
 def lines(h4, table2, rng):
     """Return what a robot of the file's tolerances read near Table 2's poses, and that robot."""
-    true = with_tolerance_errors(h4, 5).with_level("full")
+    true = h4.sample(5).with_level("full")
     at = table2 + rng.uniform(-5e-4, 5e-4, table2.shape)
     return true, true.read(at[rng.permutation(len(at))], seed=6)
 
@@ -28,7 +28,7 @@ def apart(online, fit):
 def test_one_pass_ends_near_the_batch_and_a_replay_on_it(h4, lines, level):
     _, q_e = lines
     fit = tp.calibrate(h4, q_e, level=level, model_error="off")
-    online = tp.OnlineCalibration(h4, level=level, model_error="off")
+    online = tp.OnlineCalibrator(h4, level=level, model_error="off")
     online.observe(q_e)
     assert apart(online, fit) < 0.3
     online.replay(q_e, 3)
@@ -40,7 +40,7 @@ def test_one_pass_ends_near_the_batch_and_a_replay_on_it(h4, lines, level):
 
 def test_its_robot_estimates_the_pose_as_well_as_the_batchs(h4, lines, table2):
     true, q_e = lines
-    online = tp.OnlineCalibration(h4)
+    online = tp.OnlineCalibrator(h4)
     online.observe(q_e)
     readings = true.read(table2, seed=1)
     batch = tp.calibrate(h4, q_e).robot.estimate(readings)
@@ -52,11 +52,11 @@ def test_its_robot_estimates_the_pose_as_well_as_the_batchs(h4, lines, table2):
 def test_the_first_line_is_kalmans(h4, table2):
     """Against the dense formula: P - P hᵀ (h P hᵀ + R)⁻¹ h P, h free of the pose."""
     robot = h4.expected()
-    q_e = robot.extended(table2[7])
-    online = tp.OnlineCalibration(robot)
+    q_e = robot.extended_positions(table2[7])
+    online = tp.OnlineCalibrator(robot)
     online.observe(q_e)
     names = knowledge.uncertain(robot)
-    H_x, H_xi = robot.linearise(table2[7], level="full")
+    H_x, H_xi = robot.linearize(table2[7], level="full")
     sigma = knowledge.reading_sigma(robot)
     at = [list(robot.parameters).index(name) for name in names]
     free = np.linalg.svd((H_x / sigma[:, None]).T)[2][-1]
@@ -70,7 +70,7 @@ def test_the_first_line_is_kalmans(h4, table2):
 def test_what_drifts_is_followed_by_a_filter_that_knows_of_drift(h4, table2, rng):
     """Rods that grow by 1 mm in 625 lines, seen by θ and a telemeter."""
     robot = h4.with_sensors("theta", "z_telemeter")
-    start = with_tolerance_errors(robot, 5)
+    start = robot.sample(5)
     poses = table2[rng.permutation(len(table2))]
     growth = np.linspace(0, 1e-3, len(poses))
     names = [f"chain{i}.rod" for i in range(1, 5)]
@@ -82,7 +82,7 @@ def test_what_drifts_is_followed_by_a_filter_that_knows_of_drift(h4, table2, rng
     before = start.read(poses, seed=9)
     error = {}
     for drift in (None, {"chain*.rod": 1e-4}):
-        online = tp.OnlineCalibration(robot, drift=drift, gate=0, level="ideal", model_error="off")
+        online = tp.OnlineCalibrator(robot, drift=drift, gate=0, level="ideal", model_error="off")
         online.observe(before)
         online.observe(np.array(warming))
         last = start.replace({name: drawn[name] + 1e-3 for name in names})
@@ -96,10 +96,10 @@ def test_what_drifts_is_followed_by_a_filter_that_knows_of_drift(h4, table2, rng
 def test_a_gross_error_teaches_nothing(h4, table2, rng, sensors, level):
     robot = h4.with_sensors(*sensors)
     poses = table2[rng.permutation(len(table2))[:300]]
-    q_e = with_tolerance_errors(robot, 5).read(poses, seed=6, level=level)
+    q_e = robot.sample(5).read(poses, seed=6, level=level)
     spoilt = q_e.copy()
     spoilt[200, 4] += 0.2
-    gated, clean = (tp.OnlineCalibration(robot, level=level) for _ in range(2))
+    gated, clean = (tp.OnlineCalibrator(robot, level=level) for _ in range(2))
     gated.observe(spoilt)
     clean.observe(q_e if len(sensors) > 1 else np.delete(q_e, 200, axis=0))
     assert (gated.lines, gated.left_out, gated.stopped) == (299, 1, None)
@@ -111,7 +111,7 @@ def test_a_gross_error_teaches_nothing(h4, table2, rng, sensors, level):
 
 def position(online, robot, true, poses):
     """Position rms of what its robot estimates without any fault, and what it states, m."""
-    off = online.robot.estimate(true.extended(poses)).x - poses
+    off = online.robot.estimate(true.extended_positions(poses)).x - poses
     P = tp.accuracy(online.robot, poses)[:, :3, :3]
     return (
         np.sqrt(np.mean(np.sum(off[:, :3] ** 2, axis=1))),
@@ -141,16 +141,16 @@ def test_a_fault_on_the_way_does_not_spoil_what_was_learnt(h4, table2, sensors, 
     ratios = []
     for seed in range(3):
         rng = np.random.default_rng(seed)
-        true = with_tolerance_errors(robot, seed)
+        true = robot.sample(seed)
         at = table2[rng.permutation(len(table2))[:200]]
         q_e = true.read(at + rng.uniform(-5e-4, 5e-4, at.shape), seed=seed)
-        before = tp.OnlineCalibration(robot)
+        before = tp.OnlineCalibrator(robot)
         before.observe(q_e[:50])
         _, bound = position(before, robot, true, table2[::20])
         for reading in range(5):  # z in metres has its own sizes
             lines = q_e.copy()
             lines[50:, reading] = FAULTS[fault](q_e[50:, reading], sigma[reading])
-            online = tp.OnlineCalibration(robot)
+            online = tp.OnlineCalibrator(robot)
             online.observe(lines, errors="nan")
             ratios.append(position(online, robot, true, table2[::20])[0] / bound)
             if fault in ("sign", "slipped"):
@@ -166,8 +166,8 @@ def test_clean_lines_never_stop_it_and_hardly_any_is_left_out(h4, table2, rng, c
     robot = h4.with_sensors("theta", "z_telemeter")
     lines = min(count, 1_000_000) // 20
     at = table2[rng.integers(len(table2), size=lines)] + rng.uniform(-5e-3, 5e-3, (lines, 4))
-    online = tp.OnlineCalibration(robot, level=level)
-    online.observe(with_tolerance_errors(robot, 3).read(at, seed=1, level=level))
+    online = tp.OnlineCalibrator(robot, level=level)
+    online.observe(robot.sample(3).read(at, seed=1, level=level))
     assert online.stopped is None
     assert online.left_out < 5e-4 * lines
 
@@ -177,36 +177,36 @@ def test_an_offset_from_the_start_is_a_parameter(h4, lines, table2, rng, reading
     """One and a half to three times what the file expects of it (z's is not in the file)."""
     robot = h4.with_sensors("theta", "z_telemeter")
     at = table2[rng.permutation(len(table2))[:300]]
-    q_e = with_tolerance_errors(robot, 8).read(at, seed=1)
+    q_e = robot.sample(8).read(at, seed=1)
     q_e[:, reading] += size
-    online = tp.OnlineCalibration(robot)
+    online = tp.OnlineCalibrator(robot)
     online.observe(q_e)
     assert online.stopped is None and online.left_out <= 3
 
 
 def test_one_that_stopped_stays_with_what_it_knew_and_names_the_reading(h4, table2, rng):
     robot = h4.with_sensors("theta", "z_telemeter", "elbow1")
-    q_e = with_tolerance_errors(robot, 4).read(table2[rng.permutation(625)[:200]], seed=1)
+    q_e = robot.sample(4).read(table2[rng.permutation(625)[:200]], seed=1)
     q_e[100:, 5] += 0.01
-    online = tp.OnlineCalibration(robot)
+    online = tp.OnlineCalibrator(robot)
     online.observe(q_e[:150])
     assert "z_telemeter" in online.stopped
     known = online.covariance
     online.observe(q_e[150:])
     assert (online.covariance == known).all()
     q_e[100:, 5] -= 0.01
-    mended = tp.OnlineCalibration(online.robot)
+    mended = tp.OnlineCalibrator(online.robot)
     mended.observe(q_e[150:])
     assert mended.stopped is None and mended.lines == 50
 
 
 def test_a_controller_sees_that_its_learner_gave_up(h4):
     """All that the model forgets at once: more than the readings' σ allows for."""
-    true, online = tp.with_paper_errors(h4, 1), tp.OnlineCalibration(h4)
+    true, online = with_paper_errors(h4, 1), tp.OnlineCalibrator(h4)
     run = tp.simulate(h4, true, "estimated", learn=online)
     assert not run.gave_up.any() and online.stopped is None
     prompt = tp.Controller(law="estimated")  # swings on arms that give way
-    again = tp.OnlineCalibration(h4)
+    again = tp.OnlineCalibrator(h4)
     run = tp.simulate(h4, true, prompt, learn=again, effects=tp.Effects())
     assert run.gave_up[-1] and again.stopped
     assert (np.diff(run.gave_up.astype(int)) >= 0).all()
@@ -214,7 +214,7 @@ def test_a_controller_sees_that_its_learner_gave_up(h4):
 
 def test_a_line_without_numbers_is_refused_and_leaves_the_filter_as_it_was(h4, lines):
     _, q_e = lines
-    online = tp.OnlineCalibration(h4)
+    online = tp.OnlineCalibrator(h4)
     online.observe(q_e[:10])
     before = online.covariance
     bad = q_e[10].copy()
@@ -237,4 +237,4 @@ def test_a_line_without_numbers_is_refused_and_leaves_the_filter_as_it_was(h4, l
 )
 def test_wrong_options_are_told(h4, options, words):
     with pytest.raises(tp.InputError, match=words):
-        tp.OnlineCalibration(h4, **options)
+        tp.OnlineCalibrator(h4, **options)

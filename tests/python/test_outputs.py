@@ -15,8 +15,8 @@ import pytest
 import truepose as tp
 from truepose import files, logs
 from truepose.commands import cli
-from truepose.paper import report
-from truepose.simulation.plants import viewing
+from truepose.integrations.mujoco import viewing
+from truepose.paper import report, with_paper_errors
 
 #: Words of a command that writes one file, and the file's name.
 WRITERS = {
@@ -41,7 +41,7 @@ def out_of(words) -> str:
 def log(h4, table2):
     """Return a good log as text."""
     poses = np.random.default_rng(1).permutation(table2)[:80] + 1e-4
-    rows = tp.with_paper_errors(h4, seed=2).extended(poses)
+    rows = with_paper_errors(h4, seed=2).extended_positions(poses)
     lines = [",".join(map(repr, row)) for row in rows.tolist()]
     return "\n".join([",".join(h4.readings), *lines]) + "\n"
 

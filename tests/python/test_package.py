@@ -203,7 +203,7 @@ def test_every_installed_header_is_enough(prefix):
 
 def test_the_wheel_carries_the_cpp_package():
     try:
-        include, cmake = Path(tp.get_include()), Path(tp.get_cmake_dir())
+        include, cmake = Path(tp.headers.get_include()), Path(tp.headers.get_cmake_dir())
     except tp.TrueposeError as from_source_tree:
         pytest.skip(str(from_source_tree))
     assert headers_in(include) == headers_in(SOURCE / "include") - {DECLARES}
@@ -212,7 +212,7 @@ def test_the_wheel_carries_the_cpp_package():
     assert any(cmake.is_relative_to(folder) for folder in entry.load().__path__)
 
 
-@pytest.mark.parametrize("folder", [tp.get_include, tp.get_cmake_dir])
+@pytest.mark.parametrize("folder", [tp.headers.get_include, tp.headers.get_cmake_dir])
 def test_without_an_installation_one_line_says_what_to_do(folder, monkeypatch, tmp_path):
     monkeypatch.setattr(headers, "_DATA", tmp_path)
     with pytest.raises(tp.TrueposeError, match=r"no C\+\+ headers in .*: install truepose"):

@@ -6,8 +6,8 @@ import pytest
 from browsing import browser  # noqa: F401 – a fixture
 
 from truepose.commands import calibration_figures
-from truepose.workbench.playback import calibrated, rehearsed
-from truepose.workbench.state import begin
+from truepose.integrations.workbench.playback import calibrated, rehearsed
+from truepose.integrations.workbench.state import begin
 
 MOST = 1_500_000  #: bytes of a report
 

@@ -66,7 +66,7 @@ def test_sensors_are_chosen_by_name_and_read_in_that_order(h4):
 
 
 def test_a_copy_with_other_sensors_keeps_its_parameters(h4):
-    copy = h4.replace({"chain1.rod": 0.483}).with_sensors("z_telemeter").unquantised()
+    copy = h4.replace({"chain1.rod": 0.483}).with_sensors("z_telemeter").without_quantization()
     assert copy.with_gravity((0, 0, 0)).parameters["chain1.rod"].value == 0.483
 
 
@@ -157,8 +157,8 @@ def test_each_parameter_moves_some_reading_by_its_first_order_effect(h4):
             continue
         level = "full" if name.endswith(("rod_difference", "rod_spacing")) else "ideal"
         effects = [
-            robot.replace({name: parameter.value + step}).extended(X_D, level=level)
-            - robot.extended(X_D, level=level)
+            robot.replace({name: parameter.value + step}).extended_positions(X_D, level=level)
+            - robot.extended_positions(X_D, level=level)
             for step in (1e-5, 2e-5)
         ]
         largest = np.abs(effects[0]).max()

@@ -34,14 +34,14 @@ def kinds(robot):
     poses = waypoints(robot)
     limits = {"linear": (0.5, 5, 200), "angular": (3, 30, 1000)}
     made = {
-        "way-points": tp.WayPoints(poses=poses, duration=0.2),
-        "line": tp.Line(start=poses[0], end=poses[1], duration=0.3),
-        "jerk-limited": tp.WayPoints(poses=poses, **limits),
-        "sampled": tp.Sampled(time=[0, 0.2, 0.5], x=poses),
-        "hermite": tp.Sampled(time=[0, 0.2, 0.5], x=poses, rate=0.1 * poses),
+        "way-points": tp.simulation.Waypoints(poses=poses, duration=0.2),
+        "line": tp.simulation.Line(start=poses[0], end=poses[1], duration=0.3),
+        "jerk-limited": tp.simulation.Waypoints(poses=poses, **limits),
+        "sampled": tp.simulation.SampledPath(time=[0, 0.2, 0.5], x=poses),
+        "hermite": tp.simulation.SampledPath(time=[0, 0.2, 0.5], x=poses, rate=0.1 * poses),
     }
     if sum(unit == "m" for _, unit in robot.coordinates) > 1:
-        made["circle"] = tp.Circle(centre=poses[0], radius=0.01, frequency=3, turns=2)
+        made["circle"] = tp.simulation.Circle(centre=poses[0], radius=0.01, frequency=3, turns=2)
     return made
 
 
@@ -66,13 +66,13 @@ def test_a_hexapods_samples_are_passed_and_turns_go_on(rng):
     spin = np.stack([0.2 * np.sin(3 * time), 0 * time, 5.0 * time], axis=1)
     x = np.concatenate([0.01 * np.outer(time, [1, 2, 3]), rotation_vector(rotation(spin))], axis=1)
     assert np.abs(np.diff(x[:, 5])).max() > 3  # the vector's own jump at π
-    path = tp.Sampled(
+    path = tp.simulation.SampledPath(
         time=time, x=x, rate=np.gradient(x, time, axis=0) * 0 + [0.01, 0.02, 0.03, 0, 0, 5]
     )
     found = path.setpoints(stewart, 1 / 59)
     assert np.abs(rotation(found.x[:, 3:]) - rotation(x[:, 3:])).max() < 1e-9
     assert found.rate == pytest.approx(np.tile([0.01, 0.02, 0.03, 0, 0, 5], (60, 1)), abs=1e-9)
-    smooth = tp.Sampled(time=time, x=x).setpoints(stewart, 1e-3)
+    smooth = tp.simulation.SampledPath(time=time, x=x).setpoints(stewart, 1e-3)
     assert np.abs(smooth.rate).max() < 15
 
 
@@ -87,8 +87,8 @@ def test_two_way_points_are_the_default_move(h4, truth):
 
 def test_way_points_rest_at_each_and_hold_the_last(h4):
     poses = waypoints(h4)
-    path = tp.WayPoints(poses=poses, duration=0.2)
-    run = tp.simulate(h4.unquantised(), path=path, hold=0.1)
+    path = tp.simulation.Waypoints(poses=poses, duration=0.2)
+    run = tp.simulate(h4.without_quantization(), path=path, hold=0.1)
     for k in range(3):
         assert run.x_d[200 * k] == pytest.approx(poses[k], abs=1e-12)
     assert len(run.time) == 501 and (run.x_d[400:] == run.x_d[-1]).all()
@@ -98,7 +98,9 @@ def test_way_points_rest_at_each_and_hold_the_last(h4):
 def test_a_pose_said_twice_takes_no_time_within_limits(h4):
     a, b = waypoints(h4)[:2]
     once, twice = (
-        tp.WayPoints(poses=p, linear=(1, 9, 99), angular=(1, 9, 99)).setpoints(h4, PERIOD)
+        tp.simulation.Waypoints(poses=p, linear=(1, 9, 99), angular=(1, 9, 99)).setpoints(
+            h4, PERIOD
+        )
         for p in ([a, b], [a, a, b, b])
     )
     for one, other in zip(once, twice, strict=True):
@@ -108,7 +110,7 @@ def test_a_pose_said_twice_takes_no_time_within_limits(h4):
 def test_jerk_limited_moves_keep_their_limits_and_use_them(h4):
     poses = np.array([[0, 0, -0.4, 0], [0.1, 0, -0.4, 0], [0.1, 0.05, -0.45, 0.5]])
     limits = {"linear": (0.5, 8, 400), "angular": (4, 60, 3000)}
-    found = tp.WayPoints(poses=poses, **limits).setpoints(h4, PERIOD)
+    found = tp.simulation.Waypoints(poses=poses, **limits).setpoints(h4, PERIOD)
     for k, columns in (("linear", slice(3)), ("angular", slice(3, 4))):
         speed, acceleration, jerk = limits[k]
         assert np.linalg.norm(found.rate[:, columns], axis=1).max() <= speed * (1 + 1e-9)
@@ -125,17 +127,17 @@ def test_jerk_limited_moves_keep_their_limits_and_use_them(h4):
 @pytest.mark.parametrize("law", LAWS)
 def test_a_circle_is_followed_by_every_law(h4, law):
     """50 mm at 2 Hz, without effects: at most 0.03 mm off it, at the soft gains 0.3 mm."""
-    circle = tp.Circle(centre=[0, 0, -0.42, 0], radius=0.05, frequency=2, turns=3)
+    circle = tp.simulation.Circle(centre=[0, 0, -0.42, 0], radius=0.05, frequency=2, turns=3)
     for gains in ({}, {"frequency": 40, "velocity_bandwidth": 300}):
         controller = tp.Controller(law=law, **gains)
-        run = tp.simulate(h4.unquantised(), controller=controller, path=circle)
+        run = tp.simulate(h4.without_quantization(), controller=controller, path=circle)
         off = np.hypot(np.hypot(run.x[:, 0], run.x[:, 1]) - 0.05, run.x[:, 2] + 0.42)
         assert off.max() < (1e-4 if gains else 1e-5)
         assert run.status == "ok"
 
 
 def test_a_circle_has_its_plane_and_its_turns(h4):
-    tilted = tp.Circle(
+    tilted = tp.simulation.Circle(
         centre=[0, 0, -0.42, 0.3], radius=0.02, frequency=4, turns=1.5, normal=(1, 0, 0), ramp=0.1
     )
     x, rate, _ = tilted.setpoints(h4, PERIOD)
@@ -170,7 +172,7 @@ def test_any_object_with_setpoints_is_a_path(h4):
             x = np.tile(robot.home, (50, 1))
             return x, 0 * x, 0 * x
 
-    run = tp.simulate(h4.unquantised(), path=Still(), hold=0)
+    run = tp.simulate(h4.without_quantization(), path=Still(), hold=0)
     assert len(run.time) == 50 and np.abs(run.error).max() < 1e-9
 
 
@@ -190,7 +192,7 @@ def test_a_path_that_leaves_the_workspace_is_refused_before_anything_moves(h4, m
 
 def test_a_path_beyond_the_motors_is_refused_with_time_and_motor(h4, monkeypatch):
     """At the moment, and of the motor, that the robot's own rates and torques say."""
-    path = tp.WayPoints(poses=[[0, 0, -0.4, 0], [0.1, 0.05, -0.4, 0.2]], duration=0.15)
+    path = tp.simulation.Waypoints(poses=[[0, 0, -0.4, 0], [0.1, 0.05, -0.4, 0.2]], duration=0.15)
     points = path.setpoints(h4, PERIOD)
     q = h4.ikm(points.x)
     rates, torques = np.gradient(q, PERIOD, axis=0), h4.inverse_dynamics(*points)
@@ -210,17 +212,26 @@ def test_a_path_beyond_the_motors_is_refused_with_time_and_motor(h4, monkeypatch
     [
         ([[0, 0, -0.4, 0]], r"path: shape (1, 4), must be (N, 4), N at least 2"),
         ([[0, 0, -0.4]] * 2, "path: shape (2, 3), must be (..., 4) for h4"),
-        (tp.WayPoints(poses=[[0, 0, -0.4, 0]] * 2, duration=0), "duration = 0: must be"),
-        (tp.Line(start=[0] * 4, end=[1] * 4, linear=(1, 0, 1)), "linear = (1, 0, 1): must be"),
+        (tp.simulation.Waypoints(poses=[[0, 0, -0.4, 0]] * 2, duration=0), "duration = 0: must be"),
         (
-            tp.WayPoints(poses=[[0, 0, -0.4, 0], [0, 0, -0.4, 1]], linear=(1, 1, 1)),
+            tp.simulation.Line(start=[0] * 4, end=[1] * 4, linear=(1, 0, 1)),
+            "linear = (1, 0, 1): must be",
+        ),
+        (
+            tp.simulation.Waypoints(poses=[[0, 0, -0.4, 0], [0, 0, -0.4, 1]], linear=(1, 1, 1)),
             "path: move 1 is a mere turn: name its limits too",
         ),
-        (tp.Circle(centre=[0] * 4, radius=0, frequency=1), "radius = 0: must be"),
-        (tp.Circle(centre=[0] * 4, radius=1, frequency=1, ramp=2), "ramp = 2: must be"),
-        (tp.Circle(centre=[0] * 4, radius=1, frequency=1, normal=(0, 0, 0)), "normal = (0, 0, 0)"),
-        (tp.Sampled(time=[0, 0], x=[[0] * 4] * 2), "time: must be finite and rise"),
-        (tp.Sampled(time=[0, 1, 2], x=[[0] * 4] * 2), "path: shapes time (3,), x (2, 4)"),
+        (tp.simulation.Circle(centre=[0] * 4, radius=0, frequency=1), "radius = 0: must be"),
+        (tp.simulation.Circle(centre=[0] * 4, radius=1, frequency=1, ramp=2), "ramp = 2: must be"),
+        (
+            tp.simulation.Circle(centre=[0] * 4, radius=1, frequency=1, normal=(0, 0, 0)),
+            "normal = (0, 0, 0)",
+        ),
+        (tp.simulation.SampledPath(time=[0, 0], x=[[0] * 4] * 2), "time: must be finite and rise"),
+        (
+            tp.simulation.SampledPath(time=[0, 1, 2], x=[[0] * 4] * 2),
+            "path: shapes time (3,), x (2, 4)",
+        ),
         (lambda t: [t, 0], "path: returns shape (2,), must be (4,) or (3, 4)"),
         (lambda t: [np.nan] * 4, "path at t = 0 s: must be finite numbers"),
     ],
@@ -238,7 +249,7 @@ def test_a_path_names_all_poses_itself(h4):
 
 def test_what_is_not_installed_is_named_with_its_extra(h4, monkeypatch):
     monkeypatch.setitem(sys.modules, "ruckig", None)
-    path = tp.Line(start=[0, 0, -0.4, 0], end=[0.1, 0, -0.4, 0], linear=(1, 9, 99))
+    path = tp.simulation.Line(start=[0, 0, -0.4, 0], end=[0.1, 0, -0.4, 0], linear=(1, 9, 99))
     with pytest.raises(tp.TrueposeError, match=r"ruckig: pip install 'truepose\[paths\]'$"):
         tp.simulate(h4, path=path)
 
@@ -257,7 +268,7 @@ def test_a_law_of_ones_own_sees_the_cycle_and_commands_the_motors(h4, truth):
         fed = cycle.robot.inverse_dynamics(cycle.x, cycle.rate, cycle.acceleration)
         return fed + kp * error + 0.7 * kd * rate
 
-    pair = h4.unquantised(), truth.unquantised()
+    pair = h4.without_quantization(), truth.without_quantization()
     controller = tp.Controller(law="joint", gains="diagonal")
     run = tp.simulate(*pair, controller, law=law, hold=0.4)
     alone = tp.simulate(*pair, controller, hold=0.4)

@@ -9,7 +9,6 @@ import truepose as tp
 from truepose import robotfile
 from truepose.robot.frames import coordinates, frames
 from truepose.robot.passive import passive_axes
-from truepose.simulation.true_robots import with_tolerance_errors
 
 PIVOTS = ("g1-ankle", "x1-ankle", "neck")
 
@@ -92,7 +91,7 @@ def test_encoders_on_its_axes_read_its_coordinates(pivot, anywhere, rng):
     x = anywhere(robot, 20, rng)
     off = 0.01 * np.eye(robot.n)[0]
     assert robot.rkm(x) == pytest.approx(x - off, abs=1e-15)
-    found = robot.estimate(robot.extended(x))
+    found = robot.estimate(robot.extended_positions(x))
     assert found.x == pytest.approx(x, abs=1e-9)
 
 
@@ -110,7 +109,7 @@ def test_what_its_joints_cannot_turn_to_is_refused_and_the_axis_named():
         ankle.ikm([0.6, 0])
     with pytest.raises(tp.PoseError, match=r"x = \[0.51, 0.25\]: chain 2: unreachable$"):
         ankle.ikm([0.51, 0.25])  # within its joints' stops, beyond its cranks
-    assert ankle.fkm(ankle.extended([0.53, 0.0])) == pytest.approx([0.53, 0], abs=1e-12)
+    assert ankle.fkm(ankle.extended_positions([0.53, 0.0])) == pytest.approx([0.53, 0], abs=1e-12)
 
 
 SPOILED = [
@@ -238,7 +237,7 @@ def stood(robot, read):
 def test_what_an_ankle_knows_of_itself_is_what_another_code_says(what, g1_poses):
     robot = g1_with(what)
     if what == "one stance":
-        P = tp.accuracy(stood(robot, robot.extended([[0, 0]])), g1_poses)
+        P = tp.accuracy(stood(robot, robot.extended_positions([[0, 0]])), g1_poses)
     else:  # with a sensor: once it has calibrated itself on these poses
         P = tp.accuracy(robot, g1_poses, g1_poses if robot.r else None)
     assert rms(P) == pytest.approx(OUTSIDE[what], rel=0.1)
@@ -249,7 +248,7 @@ def test_ankles_drawn_from_the_tolerances_reach_the_bounds(what, g1_poses, robot
     """Squared errors over the bound: 1, but for what is the same at all poses of one robot."""
     robot, seen, errors, nees = g1_with(what), g1_poses[:60], [], []
     for seed in range(robots_drawn):
-        true, rng = with_tolerance_errors(robot, seed), np.random.default_rng(seed)
+        true, rng = robot.sample(seed), np.random.default_rng(seed)
         known = robot
         if robot.r:
             read = true.read(seen, seed=seed + 1000, errors="nan")  # a corner may be out of reach
@@ -265,7 +264,7 @@ def test_ankles_drawn_from_the_tolerances_reach_the_bounds(what, g1_poses, robot
         nees.append(np.einsum("ki,kij,kj->k", off, np.linalg.inv(found.covariance), off).mean())
     bound = np.mean([tp.accuracy(robot, g1_poses[60:90], seen if robot.r else None)], axis=(0, 1))
     if what == "one stance":
-        P = tp.accuracy(stood(robot, robot.extended([[0, 0]])), g1_poses[60:90])
+        P = tp.accuracy(stood(robot, robot.extended_positions([[0, 0]])), g1_poses[60:90])
         bound = P.mean(axis=0)
     spread = 4 / np.sqrt(len(nees))
     ratio = np.sqrt(np.mean(errors, axis=(0, 1)) / np.diagonal(bound))
@@ -275,6 +274,6 @@ def test_ankles_drawn_from_the_tolerances_reach_the_bounds(what, g1_poses, robot
 
 def test_measured_differences_are_refused():
     ankle, poses = tp.load("x1-ankle"), np.zeros((2, 2))
-    plane = tp.Plane(lines=[0, 1], sigma=1e-4)
+    plane = tp.calibration.PlaneContacts(lines=[0, 1], sigma=1e-4)
     with pytest.raises(tp.InputError, match="x1-ankle: measured differences need lengths among"):
-        tp.calibrate(ankle, ankle.extended(poses), differences=[plane])
+        tp.calibrate(ankle, ankle.extended_positions(poses), differences=[plane])

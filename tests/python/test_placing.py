@@ -30,7 +30,7 @@ def test_a_place_is_no_worse_than_the_files_and_a_grids(name, sensor, calibrated
     boxes |= {f"{sensor}.*.?": (0.0, 0.0)}
     if sensor == "wire1":
         boxes = {f"{sensor}.target.y": (-0.06, 0.06)} | boxes
-    found = tp.place(robot, [sensor], within=boxes, beside=(), poses=x[:6], **known)
+    found = tp.design.place_sensors(robot, [sensor], within=boxes, beside=(), poses=x[:6], **known)
     assert found.sigma == pytest.approx(position(found.robot, x[:6], **known), rel=1e-9)
     assert found.robot.sensors == (sensor,)
     with_it = robot.with_sensors(sensor)
@@ -48,18 +48,20 @@ def test_a_place_is_no_worse_than_the_files_and_a_grids(name, sensor, calibrated
 
 def test_a_wire_reaches_as_far_as_its_range(h4):
     """Where it would say more it would be too long."""
-    poses = tp.design(h4, {"theta": 1.0}).over[:8]
+    poses = tp.select_sensors(h4, {"theta": 1.0}).over[:8]
     within = {"wire1.origin.[xy]": (-0.3, 0.3), "wire1.origin.z": (0.0, 0.0)}
     within |= {"wire1.target.*": (0.0, 0.0)}
     visited = poses[:4]
-    free = tp.place(h4, ["wire1"], within=within, poses=poses, calibrated_on=visited)
+    free = tp.design.place_sensors(h4, ["wire1"], within=within, poses=poses, calibrated_on=visited)
     reads = free.robot.expected().rkm(poses)[:, 1]
     short = [
         s.model_copy(update={"range": (0.3, float(reads.max()) - 0.02)}) if s.name == "wire1" else s
         for s in h4.spec.sensor
     ]
     robot = tp.Robot(h4.spec.model_copy(update={"sensor": tuple(short)}))
-    found = tp.place(robot, ["wire1"], within=within, poses=poses, calibrated_on=visited)
+    found = tp.design.place_sensors(
+        robot, ["wire1"], within=within, poses=poses, calibrated_on=visited
+    )
     reads = found.robot.expected().with_level("full").rkm(poses)[:, 1]
     assert reads.min() >= 0.3 - 1e-6 and reads.max() <= short[6].range[1] + 1e-6
     assert free.sigma < found.sigma < found.before * 1.5
@@ -100,12 +102,12 @@ def test_sensors_of_the_robot_that_a_file_is_based_on_move_too(tmp_path):
 )
 def test_what_cannot_be_placed_is_said(h4, asked, message):
     with pytest.raises(tp.InputError, match=message):
-        tp.place(h4, **{"sensors": ["wire1"], **asked})
+        tp.design.place_sensors(h4, **{"sensors": ["wire1"], **asked})
 
 
 def test_a_sensor_that_was_measured_stays(h4):
     with pytest.raises(tp.InputError, match=r"wire1\.origin\.x: measured or learnt already"):
-        tp.place(h4.replace({"wire1.origin.x": 0.01}), ["wire1"])
+        tp.design.place_sensors(h4.replace({"wire1.origin.x": 0.01}), ["wire1"])
 
 
 @pytest.mark.parametrize(

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.calibration.candidates import Candidates, rows_of
-from truepose.calibration.exchange import Exchange, chosen_of, posterior
-from truepose.calibration.tour import tour
+from truepose.design.candidates import CandidatePoses, rows_of
+from truepose.design.exchange import Exchange, chosen_of, posterior
+from truepose.design.tour import tour
 from truepose.robot.units import summed
-from truepose.simulation.true_robots import with_tolerance_errors
 
 
 def equipped(robot):
@@ -78,7 +77,7 @@ def test_what_is_promised_is_the_bound(any_robot, anywhere, rng, how, level):
     robot = equipped(any_robot)
     known = {key: 1e-4 if key == "touch_sigma" else robot.home for key in how}
     at = anywhere(robot, 1, rng)[0]
-    plan = tp.plan(robot, 6, candidates=40, level=level, poses=[robot.home, at], **known)
+    plan = tp.plan_poses(robot, 6, candidates=40, level=level, poses=[robot.home, at], **known)
     for k in (0, 3, 6):
         x = np.concatenate([np.zeros((0, robot.n)), *(step.poses for step in plan.steps[:k])])
         P = tp.accuracy(robot, plan.over, x, level=level, **known)
@@ -91,20 +90,20 @@ def test_planned_poses_promise_more_than_random_ones(any_robot):
     """Than any of twenty random sets of as many of the same candidates."""
     if not any_robot.spec.sensor:
         pytest.skip("nothing to calibrate by")
-    plan = tp.plan(equipped(any_robot), 10, candidates=300)
+    plan = tp.plan_poses(equipped(any_robot), 10, candidates=300)
     assert plan.sigma[-1, -1] < plan.random.min()
 
 
 def test_calibrations_on_planned_poses_keep_the_promise(robots_drawn):
     """Robots drawn from the tolerances: squared errors over the promised variance are about 1."""
     robot = tp.load("delta").with_sensors("z_telemeter", "elbow1", "elbow2")
-    plan = tp.plan(robot, 20, candidates=500)
+    plan = tp.plan_poses(robot, 20, candidates=500)
     at = plan.over[::4]
     P = tp.accuracy(robot, at, calibrated_on=plan.poses)
     nees = []
     for seed in range(robots_drawn):
-        true = with_tolerance_errors(robot, seed)
-        true = true.with_level(true.finest_level)
+        true = robot.sample(seed)
+        true = true.with_level(true.highest_level)
         fit = tp.calibrate(robot, true.read(plan.poses, seed))
         found = fit.robot.estimate(true.read(at, 1000 + seed), guess=at)
         off = at - found.x
@@ -118,8 +117,8 @@ def test_calibrations_on_planned_poses_keep_the_promise(robots_drawn):
 def short_log():
     """A log of eight poses of an H4, read by θ and the telemeter."""
     robot = tp.load("h4").with_sensors("theta", "z_telemeter")
-    true = with_tolerance_errors(robot, 3).with_level("full")
-    x = tp.plan(robot, 8, candidates=100, seed=5).poses
+    true = robot.sample(3).with_level("full")
+    x = tp.plan_poses(robot, 8, candidates=100, seed=5).poses
     return robot, true, x, true.read(x, 1)
 
 
@@ -127,34 +126,38 @@ def test_the_next_poses_begin_with_what_a_log_knows(short_log):
     """A fit, its readings, or a table of them: the same plan, from the fit's own accuracy."""
     robot, _, _, readings = short_log
     fit = tp.calibrate(robot, readings)
-    plan = tp.plan(robot, 5, candidates=200, after=fit)
+    plan = tp.plan_poses(robot, 5, candidates=200, after=fit)
     assert plan.sigma[0, -1] == pytest.approx(
         position(robot, tp.accuracy(fit.robot, plan.over)), rel=1e-6
     )
     columns = ["q1", "q2", "q3", "q4", "theta", "z_telemeter"]
     for log in (readings, dict(zip(columns, readings.T, strict=True))):
-        same = tp.plan(robot, 5, candidates=200, after=log)
+        same = tp.plan_poses(robot, 5, candidates=200, after=log)
         assert same.sigma == pytest.approx(plan.sigma, rel=1e-9)
-    anew = tp.plan(robot, 5, candidates=200)
+    anew = tp.plan_poses(robot, 5, candidates=200)
     chosen = [{step.candidate for step in of.steps} for of in (plan, anew)]
     assert chosen[0] != chosen[1]
 
 
 def test_a_target_takes_no_more_than_it_needs(h4):
-    plan = tp.plan(h4, candidates=100, target=2e-3)
+    plan = tp.plan_poses(h4, candidates=100, target=2e-3)
     assert plan.needed == len(plan.steps)
-    assert plan.sigma[-1, -1] <= 2e-3 < tp.plan(h4, plan.needed - 1, candidates=100).sigma[-1, -1]
-    assert tp.plan(h4, 5, candidates=100, target=2e-3).needed is None
-    assert tp.plan(h4, candidates=100, target=1.0).steps == []
+    assert (
+        plan.sigma[-1, -1]
+        <= 2e-3
+        < tp.plan_poses(h4, plan.needed - 1, candidates=100).sigma[-1, -1]
+    )
+    assert tp.plan_poses(h4, 5, candidates=100, target=2e-3).needed is None
+    assert tp.plan_poses(h4, candidates=100, target=1.0).steps == []
 
 
 def test_only_where_the_machine_can_be(h4):
     """Limits, the assembly mode and each sensor's range; what is left out is counted."""
     box = h4.spec.workspace
-    inside = tp.plan(h4, 5, candidates=200)
+    inside = tp.plan_poses(h4, 5, candidates=200)
     far = np.array([[2.0, 0, -0.4, 0], [0, 0, 0.4, 0]])
     x = np.vstack([step.poses for step in inside.steps])
-    plan = tp.plan(h4, 5, candidates=np.vstack([far, x]))
+    plan = tp.plan_poses(h4, 5, candidates=np.vstack([far, x]))
     assert plan.left_out == 2
     assert {step.candidate for step in plan.steps} == {2, 3, 4, 5, 6}
     sensors = [s.model_copy(update={"range": (-0.3, 0.3)}) for s in h4.spec.sensor]
@@ -163,7 +166,7 @@ def test_only_where_the_machine_can_be(h4):
         {name: p.value for name, p in h4.parameters.items()},
     )
     assert box.maximum[3] > 0.3
-    plan = tp.plan(narrow, 5, candidates=200)
+    plan = tp.plan_poses(narrow, 5, candidates=200)
     assert plan.left_out > 20
     assert np.abs(narrow.rkm(plan.poses)).max() <= 0.3
 
@@ -176,15 +179,17 @@ def bed(delta, anywhere, rng):
     """
     x = anywhere(delta, 40, rng)
     x[:10, 2] = -0.22
-    plane = tp.Plane(lines=range(10), sigma=2e-5, height=(-0.22, 1e-5))
+    plane = tp.calibration.PlaneContacts(lines=range(10), sigma=2e-5, height=(-0.22, 1e-5))
     pairs = np.arange(10, 40).reshape(-1, 2)
-    distances = tp.Distances(pairs=pairs, measured=0.1 * np.ones(15), sigma=5e-5)
-    return tp.Candidates(poses=x, differences=[plane, distances])
+    distances = tp.calibration.DistanceMeasurements(
+        pairs=pairs, measured=0.1 * np.ones(15), sigma=5e-5
+    )
+    return tp.design.CandidatePoses(poses=x, differences=[plane, distances])
 
 
 def test_points_touched_and_distances_are_chosen_among_each_other(delta, bed):
     """With what each promises: that of the bound when just these are measured."""
-    plan = tp.plan(delta, 8, candidates=bed)
+    plan = tp.plan_poses(delta, 8, candidates=bed)
     assert plan.candidates == 25
     assert {step.what for step in plan.steps} == {"plane", "distances"}
     x = np.concatenate([step.poses for step in plan.steps])
@@ -194,8 +199,10 @@ def test_points_touched_and_distances_are_chosen_among_each_other(delta, bed):
         [int(k), int(k) + 1] for k, s in zip(first, plan.steps, strict=False) if s.what != "plane"
     ]
     measured = [
-        tp.Plane(lines=lines, sigma=2e-5, height=(-0.22, 1e-5)),
-        tp.Distances(pairs=pairs, measured=0.1 * np.ones(len(pairs)), sigma=5e-5),
+        tp.calibration.PlaneContacts(lines=lines, sigma=2e-5, height=(-0.22, 1e-5)),
+        tp.calibration.DistanceMeasurements(
+            pairs=pairs, measured=0.1 * np.ones(len(pairs)), sigma=5e-5
+        ),
     ]
     P = tp.accuracy(delta, plan.over, x, differences=measured)
     assert plan.sigma[-1, -1] == pytest.approx(position(delta, P), rel=1e-6)
@@ -205,21 +212,25 @@ def test_a_bed_that_a_log_knows_is_the_same_bed(delta, bed):
     """By its name: more touches of it promise what all together would; of another they do not."""
     x = np.asarray(bed.poses)[:10]
     settings = {"sigma": 2e-5, "slope_sigma": 0.01}
-    readings = delta.expected().with_level("full").extended(x)
-    log = tp.Plane(lines=range(10), above=x[:, 2] + 0.22, **settings)
+    readings = delta.expected().with_level("full").extended_positions(x)
+    log = tp.calibration.PlaneContacts(lines=range(10), above=x[:, 2] + 0.22, **settings)
     fit = tp.calibrate(delta, readings, differences=[log])
-    touches = tp.Candidates(
-        poses=x + np.array([0, 0, 0.02]), differences=[tp.Plane(lines=range(10), **settings)]
+    touches = tp.design.CandidatePoses(
+        poses=x + np.array([0, 0, 0.02]),
+        differences=[tp.calibration.PlaneContacts(lines=range(10), **settings)],
     )
-    plan = tp.plan(delta, 4, candidates=touches, after=fit)
+    plan = tp.plan_poses(delta, 4, candidates=touches, after=fit)
     both = np.concatenate([x, *(step.poses for step in plan.steps)])
     together = tp.accuracy(
-        delta, plan.over, both, differences=[tp.Plane(lines=range(14), **settings)]
+        delta,
+        plan.over,
+        both,
+        differences=[tp.calibration.PlaneContacts(lines=range(14), **settings)],
     )
     assert plan.sigma[-1, -1] == pytest.approx(position(delta, together), rel=0.01)
-    table = tp.Plane(lines=range(10), name="table", **settings)
-    other = tp.Candidates(poses=touches.poses, differences=[table])
-    apart = tp.plan(delta, 4, candidates=other, after=fit)
+    table = tp.calibration.PlaneContacts(lines=range(10), name="table", **settings)
+    other = tp.design.CandidatePoses(poses=touches.poses, differences=[table])
+    apart = tp.plan_poses(delta, 4, candidates=other, after=fit)
     assert apart.sigma[-1, -1] != pytest.approx(plan.sigma[-1, -1], rel=1e-3)
 
 
@@ -227,13 +238,13 @@ def test_a_bed_that_a_log_knows_is_the_same_bed(delta, bed):
 def test_poses_measured_from_outside_promise_what_they_teach(delta, registration):
     """σ of the arms after a plan: that of calibrations on its poses, with a tracker."""
     robot = delta.with_sensors("z_telemeter")
-    few = tp.Candidates(
-        poses=np.vstack([s.poses for s in tp.plan(robot, 12, candidates=200).steps]),
+    few = tp.design.CandidatePoses(
+        poses=np.vstack([s.poses for s in tp.plan_poses(robot, 12, candidates=200).steps]),
         measured_sigma=2e-5,
         registration=registration,
     )
-    plan = tp.plan(robot, 12, candidates=few)
-    readings = robot.expected().with_level("full").extended(plan.poses)
+    plan = tp.plan_poses(robot, 12, candidates=few)
+    readings = robot.expected().with_level("full").extended_positions(plan.poses)
     fit = tp.calibrate(
         robot,
         readings,
@@ -254,19 +265,19 @@ def test_what_a_tracker_is_to_see_is_promised_as_a_calibration_says(name, sensor
     robot = tp.load(name).with_sensors(*sensors)
     x = anywhere(robot, 40, rng)
     known = {"measured_sigma": 1e-4, "measured_angle_sigma": 1e-4}
-    candidates = tp.Candidates(poses=x[6:], **known)
-    plan = tp.plan(robot, 15, candidates=candidates, poses=x[:6], seen=True)
-    level = robot.finest_level
+    candidates = tp.design.CandidatePoses(poses=x[6:], **known)
+    plan = tp.plan_poses(robot, 15, candidates=candidates, poses=x[:6], seen=True)
+    level = robot.highest_level
     visited = np.vstack([step.poses for step in plan.steps])
-    readings = robot.expected().with_level(level).extended(visited)
+    readings = robot.expected().with_level(level).extended_positions(visited)
     fit = tp.calibrate(robot, readings, measured=visited, **known)
     promised = position(robot, fit.accuracy_seen(x[:6]))
     assert plan.sigma[-1, -1] == pytest.approx(promised, rel=0.02)
     if sensors:
         return  # the robot's gains are best for its own frame, and the plan is not quite the best
-    other = tp.plan(robot, 15, candidates=candidates, poses=x[:6])
+    other = tp.plan_poses(robot, 15, candidates=candidates, poses=x[:6])
     visited = np.vstack([step.poses for step in other.steps])
-    readings = robot.expected().with_level(level).extended(visited)
+    readings = robot.expected().with_level(level).extended_positions(visited)
     apart = tp.calibrate(robot, readings, measured=visited, **known)
     assert promised <= position(robot, apart.accuracy_seen(x[:6])) * (1 + 1e-6)
 
@@ -304,12 +315,12 @@ def test_a_tour_is_the_shortest_of_all_where_all_can_be_tried(any_robot, anywher
 )
 def test_what_cannot_be_planned_is_said(h4, asked, message):
     with pytest.raises(tp.InputError, match=message):
-        tp.plan(h4, **asked)
+        tp.plan_poses(h4, **asked)
 
 
 def test_motors_alone_have_nothing_to_learn_from(h4):
     with pytest.raises(tp.InputError, match="nothing to learn from any"):
-        tp.plan(h4.with_sensors(), 3, candidates=20)
+        tp.plan_poses(h4.with_sensors(), 3, candidates=20)
 
 
 @pytest.fixture
@@ -324,7 +335,7 @@ def log(short_log, tmp_path):
 def test_the_command_says_what_the_function_finds(run, h4, tmp_path):
     words = ("plan", "h4", "--poses", "4", "--candidates", "80", "--seed", "2")
     status, out, _ = run(*words, "--format", "json", "-o", "poses.csv", "--plot", "plan.svg")
-    plan = tp.plan(h4, 4, candidates=80, seed=2)
+    plan = tp.plan_poses(h4, 4, candidates=80, seed=2)
     rows = json.loads(out)["plan"]
     assert status == 0 and [row["pose"] for row in rows] == [0, 1, 2, 3, 4]
     assert [row["position (mm)"] for row in rows] == pytest.approx(1e3 * plan.sigma[:, -1])
@@ -359,7 +370,7 @@ def test_the_command_goes_on_from_a_log(run, log, short_log):
     words = ("plan", "h4", "--sensors", "theta,z_telemeter", "--candidates", "80", "--poses", "3")
     rows = json.loads(run(*words, "--after", log, "--format", "json")[1])["plan"]
     fit = tp.calibrate(robot, np.loadtxt(log, delimiter=",", skiprows=1), loss="student")
-    plan = tp.plan(robot, 3, candidates=80, after=fit)
+    plan = tp.plan_poses(robot, 3, candidates=80, after=fit)
     assert [row["position (mm)"] for row in rows] == pytest.approx(1e3 * plan.sigma[:, -1])
     alone = json.loads(run(*words, "--format", "json")[1])["plan"]
     assert rows[0]["position (mm)"] < 0.5 * alone[0]["position (mm)"]
@@ -420,22 +431,24 @@ def test_amounts_of_influences_are_as_unknown_on_candidates_as_they_were_on_the_
     x = rng.uniform(box.minimum, box.maximum, (50, 6)) * [1, 1, 1, 0.7, 0.7, 0.7]
     pattern = np.zeros((50, 8))
     pattern[:, 0] = 1e-3  # what moves the zero of a motor
-    q_e = robot.expected().extended(x)
+    q_e = robot.expected().extended_positions(x)
 
     def drift(rows):
-        return [tp.Influence(name="drift", pattern=pattern[rows], amount=(0.0, 1.0))]
+        return [
+            tp.calibration.NuisanceParameter(name="drift", pattern=pattern[rows], amount=(0.0, 1.0))
+        ]
 
     log, new = np.arange(30), np.arange(30, 50)
     first = tp.calibrate(robot, q_e[log], influences=drift(log))
     both = tp.calibrate(robot, q_e, influences=drift(np.arange(50)))
-    candidates = Candidates(poses=x[new], influences=drift(new))
+    candidates = CandidatePoses(poses=x[new], influences=drift(new))
     rows = rows_of(first.robot, candidates, "ideal", True, first)
     left = rows.root @ posterior(rows.known, rows.C, range(20))
     p = len(first.names)
     sigma = np.sqrt(np.diag(left @ left.T))
     assert sigma[:p] == pytest.approx(np.sqrt(np.diag(both.covariance)), rel=0.02)
     assert sigma[p] == pytest.approx(both.influences["drift"].sigma, rel=0.02)
-    plain = rows_of(first.robot, Candidates(poses=x[new]), "ideal", True, first)
+    plain = rows_of(first.robot, CandidatePoses(poses=x[new]), "ideal", True, first)
     taken_as_known = plain.root @ posterior(plain.known, plain.C, range(20))
     zero = first.names.index("chain1.encoder_offset")
     assert np.linalg.norm(taken_as_known[zero]) < 0.9 * sigma[zero]

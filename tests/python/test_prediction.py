@@ -18,7 +18,7 @@ def test_default_sets_are_none_those_in_use_each_further_one_and_all(h4):
     sets = accuracy.sensor_sets(h4)
     assert sets[:3] == [(), ("theta",), ("theta", "z_telemeter")]
     assert set(sets[-1]) == {s.name for s in h4.spec.sensor} and len(set(sets)) == len(sets)
-    for robot in map(tp.load, tp.robots()):
+    for robot in map(tp.load, tp.list_robots()):
         for names in accuracy.sensor_sets(robot):
             assert robot.with_sensors(*names).r == len(names)
 

@@ -12,6 +12,7 @@ import pytest
 
 import truepose as tp
 from truepose.commands import accuracy, cli, info, options
+from truepose.paper import with_paper_errors
 from truepose.show.table import Table, fixed, number
 from truepose.show.terminal import laid_out
 
@@ -143,7 +144,7 @@ def test_a_group_is_named_as_it_may_be_asked_for(h4):
 
 def test_a_calibration_gives_programs_si(run, h4, table2, tmp_path):
     poses = np.random.default_rng(0).permutation(table2)[:80] + 1e-4
-    rows = tp.with_paper_errors(h4, seed=1).extended(poses)
+    rows = with_paper_errors(h4, seed=1).extended_positions(poses)
     readings = dict(zip(h4.readings, rows.T, strict=True))
     text = "\n".join(",".join(map(repr, row)) for row in rows.tolist())
     (tmp_path / "log.csv").write_text(f"{','.join(readings)}\n{text}\n", encoding="utf-8")

@@ -1,6 +1,7 @@
 """Is what the package offers there, described, and light to import?"""
 
 import inspect
+import operator
 import re
 import subprocess
 import sys
@@ -11,18 +12,34 @@ import pytest
 import truepose as tp
 from truepose import robotfile
 from truepose.paper import article, errors, experiment, statistics
-from truepose.simulation import true_robots
 
 
-@pytest.mark.parametrize("name", tp.__all__)
+def public_names() -> list[str]:
+    """Names at the top, and those of the public submodules."""
+    modules = [name for name in tp.__all__ if inspect.ismodule(getattr(tp, name))]
+    return [
+        *tp.__all__,
+        *(f"{room}.{name}" for room in modules for name in getattr(tp, room).__all__),
+    ]
+
+
+@pytest.mark.parametrize("name", public_names())
 def test_every_public_name_exists_and_says_what_it_is(name):
-    assert inspect.getdoc(getattr(tp, name))
+    assert inspect.getdoc(operator.attrgetter(name)(tp))
 
 
-MODULES = [errors, true_robots, experiment, article, robotfile.reading, statistics]
+def test_no_function_and_module_share_a_word():
+    functions = {
+        name for name in public_names() if inspect.isfunction(operator.attrgetter(name)(tp))
+    }
+    rooms = {path.stem for path in Path(tp.__file__).parent.iterdir()}
+    assert {name.rpartition(".")[2] for name in functions}.isdisjoint(rooms)
 
 
-@pytest.mark.parametrize("owner", [tp.Robot, tp.Simulation, tp.Controller, *MODULES])
+MODULES = [errors, experiment, article, robotfile.reading, statistics]
+
+
+@pytest.mark.parametrize("owner", [tp.Robot, tp.simulation.Simulation, tp.Controller, *MODULES])
 def test_every_public_member_says_what_it_is(owner):
     members = [
         member

@@ -20,7 +20,7 @@ def hexapod(tmp_path):
     )
     robot = tp.load(path).with_sensors("roll")
     x = robot.home + np.random.default_rng(0).uniform(-0.02, 0.02, (5, 6))
-    return robot, robot.extended(x)
+    return robot, robot.extended_positions(x)
 
 
 def written(path, columns, comments=()):

@@ -55,7 +55,7 @@ def test_of_a_robot_homed_anew_only_the_zeros_are_known_less(held_out, jugglebot
     robot = jugglebot
     if calibrated:
         robot = held_out.learn(robot, log.readings, log.measured).robot
-    anew = tp.rehomed(robot, 0.02)
+    anew = tp.calibration.rehomed(robot, 0.02)
     for name, p in robot.parameters.items():
         moved = 0.02 if name.endswith("encoder_offset") else 0
         assert anew.parameters[name].sigma == pytest.approx(np.hypot(p.sigma, moved), rel=1e-6)
@@ -72,7 +72,7 @@ def test_hexapods_that_a_tracker_sees_keep_to_their_sigma(held_out, jugglebot):
 
 def test_a_zero_that_moves_by_no_number_is_refused(jugglebot):
     with pytest.raises(InputError, match="must be a number or 6 of them"):
-        tp.rehomed(jugglebot, [0.1, -1])
+        tp.calibration.rehomed(jugglebot, [0.1, -1])
 
 
 def test_zeros_20_mm_off_are_found_again_from_ten_poses(held_out, jugglebot, log):
@@ -91,7 +91,7 @@ def test_the_command_finds_the_zeros_of_a_robot_homed_anew(run, tmp_path):
     )
     moved = {f"chain{k}.encoder_offset": rng.uniform(-0.02, 0.02) for k in range(1, 7)}
     box = robot.spec.workspace
-    q_e = robot.replace(moved).extended(rng.uniform(box.minimum, box.maximum, (10, 6)))
+    q_e = robot.replace(moved).extended_positions(rng.uniform(box.minimum, box.maximum, (10, 6)))
     log = tmp_path / "log.csv"
     np.savetxt(log, q_e, delimiter=",", header=",".join(robot.readings), comments="")
     words = ("calibrate", "stewart", log, "--sensors", ",".join(robot.sensors))

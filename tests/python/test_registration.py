@@ -6,8 +6,8 @@ import pytest
 import truepose as tp
 from truepose import _core
 from truepose.calibration.registration import Registered
+from truepose.paper import with_paper_errors
 from truepose.robot import frames
-from truepose.simulation.true_robots import with_tolerance_errors
 
 #: σ of a measured coordinate: m, rad.
 SIGMA = {"m": 2e-5, "rad": 1e-4}
@@ -117,7 +117,7 @@ def test_any_frame_is_found_within_its_stated_sigma(name, anywhere):
     for seed in range(8):
         rng = np.random.default_rng(seed)
         x = reachable(robot, anywhere, 70, rng)
-        true = with_tolerance_errors(robot, seed)
+        true = robot.sample(seed)
         base, marker = anyhow(robot, rng, 0.1)
         fit = tp.calibrate(
             robot,
@@ -146,7 +146,7 @@ def test_any_rotation_is_a_good_start(h4, anywhere, rng, turn):
     robot, base = h4.with_sensors(), placed([4, -1, 2], turn)
     marker = placed([0.02, -0.03, 0.05], [0, 0, 1.0])
     x = anywhere(robot, 80, rng)
-    true = tp.with_paper_errors(robot, seed=1)
+    true = with_paper_errors(robot, seed=1)
     seen = measured(robot, base, marker, x, rng)
     seen[7] += 0.5
     fit = tp.calibrate(
@@ -171,7 +171,7 @@ def test_a_marker_far_out_is_found(name, anywhere):
         turn = rng.normal(size=3) if robot.n == 6 else [0, 0, rng.uniform(-3, 3)]
         marker = placed(on[:3, 3], turn)
         seen = measured(robot, base, marker, x, rng)
-        q = with_tolerance_errors(robot, seed).read(x, seed=seed)
+        q = robot.sample(seed).read(x, seed=seed)
         fit = tp.calibrate(robot, q, measured=seen, measured_sigma=sigma_of(robot))
         assert np.median(fit.chi2 / fit.redundancy) < 2
 
@@ -192,7 +192,7 @@ def test_what_marker_and_base_share_is_one_named_combination(
     robot = tp.load(name).with_sensors()
     x = reachable(robot, anywhere, 60, rng)
     base, marker = anyhow(robot, rng)
-    true = with_tolerance_errors(robot, 1)
+    true = robot.sample(1)
     seen = measured(robot, base, marker, x, rng)
     fit = tp.calibrate(robot, true.read(x), measured=seen, measured_sigma=sigma_of(robot))
     known = {k.name: k for k in fit.registration.known if k.unit == "m"}
@@ -214,7 +214,7 @@ def test_the_bases_frame_is_told_apart_from_the_trackers(h4, anywhere, rng):
     """A tracker in a frame of its own says little of where the base is, much of its own frame."""
     robot = h4.with_sensors()
     x = anywhere(robot, 100, rng)
-    true = with_tolerance_errors(robot, 3)
+    true = robot.sample(3)
     base, marker = anyhow(robot, rng)
     q, sigma = true.read(x), sigma_of(robot)
     unknown = tp.calibrate(
@@ -242,8 +242,8 @@ def test_a_known_marker_and_a_given_base_are_kept(h4, anywhere, rng):
     robot = h4.with_sensors()
     x = anywhere(robot, 60, rng)
     base, marker = placed([1, 2, 3], [0.5, -2, 1]), placed([0.01, 0.02, -0.05], [0, 0, 0])
-    true = with_tolerance_errors(robot, 3)
-    given = tp.Registration(base=base, marker=(0.01, 0.02, -0.05), marker_sigma=(0, 0))
+    true = robot.sample(3)
+    given = tp.calibration.Registration(base=base, marker=(0.01, 0.02, -0.05), marker_sigma=(0, 0))
     fit = tp.calibrate(
         robot,
         true.read(x),
@@ -253,7 +253,7 @@ def test_a_known_marker_and_a_given_base_are_kept(h4, anywhere, rng):
     )
     assert np.abs(fit.registration.base - base).max() < 1e-12
     assert np.sqrt(np.median(fit.chi2 / fit.redundancy)) < 1.5
-    off = fit.robot.estimate(true.extended(x), guess=x).x - x
+    off = fit.robot.estimate(true.extended_positions(x), guess=x).x - x
     sigma = np.sqrt(np.einsum("kii->ki", tp.accuracy(fit.robot, x)))
     assert np.abs(off / sigma).max() < 4
 
@@ -266,7 +266,7 @@ def test_partly_measured_poses_count_as_far_as_they_go(h4, anywhere, rng):
     seen = measured(robot, base, marker, x, rng)
     seen[::3, :2] = np.nan
     seen[1::3, 3] = np.nan
-    true = with_tolerance_errors(robot, 2)
+    true = robot.sample(2)
     fit = tp.calibrate(robot, true.read(x), measured=seen, measured_sigma=sigma_of(robot))
     free = fit.registration.sigma > 0
     off = error(fit.registration, base, marker)[free]
@@ -306,7 +306,7 @@ def test_the_experiments_own_log_calibrates_at_the_defaults(h4, tmp_path, level)
 def test_wrong_words_are_refused(h4, table2, words, said):
     x = table2[:20]
     with pytest.raises(tp.InputError, match=said):
-        tp.calibrate(h4, h4.extended(x), measured=x, **words)
+        tp.calibrate(h4, h4.extended_positions(x), measured=x, **words)
 
 
 @pytest.mark.parametrize(
@@ -320,4 +320,4 @@ def test_wrong_words_are_refused(h4, table2, words, said):
 )
 def test_what_is_no_frame_is_refused(words):
     with pytest.raises(tp.InputError, match=r"^registration: "):
-        tp.Registration(**words)
+        tp.calibration.Registration(**words)

@@ -11,12 +11,11 @@ from truepose import files, logs
 from truepose.calibration.calibrate import calibrate
 from truepose.commands import calibration_figures
 from truepose.simulation.rehearsal import missed, rehearse
-from truepose.simulation.true_robots import with_tolerance_errors
 
 
 def drawn(robot: tp.Robot, seed: int) -> tp.Robot:
-    true = with_tolerance_errors(robot, seed)
-    return true.with_level(true.finest_level)
+    true = robot.sample(seed)
+    return true.with_level(true.highest_level)
 
 
 def words_after(said: str, when: str) -> list[str]:
@@ -60,7 +59,7 @@ def test_the_kept_truth_is_the_robot_that_wrote_the_log(run, tmp_path):
     log = logs.read(truth, tmp_path / "log.csv")
     assert (truth.sensors, truth.level) == (("z_telemeter", "elbow1", "elbow2", "elbow3"), "full")
     x = truth.fkm(log.readings[:, :3])
-    np.testing.assert_allclose(truth.extended(x), log.readings, atol=1e-9)
+    np.testing.assert_allclose(truth.extended_positions(x), log.readings, atol=1e-9)
     assert truth.parameters["chain1.rod"].value != tp.load("delta").parameters["chain1.rod"].value
 
 

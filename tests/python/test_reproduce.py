@@ -59,8 +59,8 @@ def with_experiment(tmp_path_factory):
         patch.setattr(sys, "argv", words)
         patch.setenv("COLUMNS", "80")
         patch.setitem(sys.modules, "mujoco", None)  # importing it fails
-        patch.delitem(sys.modules, "truepose.simulation.plants.mujoco", raising=False)
-        patch.delitem(sys.modules, "truepose.simulation.plants.mujoco_body", raising=False)
+        patch.delitem(sys.modules, "truepose.integrations.mujoco.plant", raising=False)
+        patch.delitem(sys.modules, "truepose.integrations.mujoco.body", raising=False)
         patch.setattr(forgotten, "cases", lambda: cases)
         cli.main()
     result = subprocess.CompletedProcess(words, left.value.code or 0)

@@ -180,7 +180,7 @@ def test_yaml_that_unfolds_is_refused_in_one_line(tmp_path, loops):
 def test_comments_and_a_few_copies_are_read(tmp_path):
     """What MuJoCo takes for a comment, XML does not; copies that are few are copied."""
     pytest.importorskip("mujoco", reason="models are read by MuJoCo")
-    from truepose.importing import from_mjcf
+    from truepose.integrations.importers import from_mjcf
 
     body = MANY.format(count=3, body=BODY.format(name="a", more=""))
     text = MODEL.format(

@@ -43,7 +43,7 @@ def test_a_run_says_how_far_off_it_was_and_draws_that(any_robot):
 def test_an_estimate_says_where_and_how_surely_and_draws_an_ellipse_each(h4, shape, rng, anywhere):
     count = int(np.prod(shape, dtype=int))
     x = anywhere(h4, count, rng).reshape(*shape, 4)
-    estimate = h4.estimate(h4.extended(x))
+    estimate = h4.estimate(h4.extended_positions(x))
     said = repr(estimate)
     sigma = np.sqrt(np.diagonal(estimate.covariance, axis1=-2, axis2=-1))
     if shape:
@@ -62,7 +62,7 @@ def test_an_estimate_says_where_and_how_surely_and_draws_an_ellipse_each(h4, sha
 
 
 def test_an_estimate_that_was_not_found_is_left_out_of_both(h4):
-    q_e = h4.extended([h4.home, h4.home])
+    q_e = h4.extended_positions([h4.home, h4.home])
     q_e[1] = np.nan
     estimate = h4.estimate(q_e, errors="nan")
     assert repr(estimate).startswith("2 estimates, 1 ok; ")
@@ -71,7 +71,7 @@ def test_an_estimate_that_was_not_found_is_left_out_of_both(h4):
 
 def test_a_pivots_estimates_are_drawn_in_degrees():
     ankle = tp.load("g1-ankle").with_sensors("roll_encoder")
-    (axes,) = ankle.estimate(ankle.extended([[0.1, 0.05], [0.2, -0.1]])).plot().axes
+    (axes,) = ankle.estimate(ankle.extended_positions([[0.1, 0.05], [0.2, -0.1]])).plot().axes
     assert axes.get_xlabel() == "first axis (°)"
     assert np.degrees([0.1, 0.2]) == pytest.approx(axes.lines[0].get_xdata())
     assert len(axes.patches) == 2

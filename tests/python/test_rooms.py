@@ -1,8 +1,11 @@
-"""Are the rooms of the package what pyproject.toml's import contract takes them for?"""
+"""The rooms of the package: imports, public names, and the core without each integration."""
 
 import ast
 import importlib
+import inspect
+import os
 import pkgutil
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +13,8 @@ from pathlib import Path
 import pytest
 
 import truepose as tp
+from truepose.paper import with_paper_errors
+from truepose.plugins import plugins
 
 ROOT = Path(tp.__file__).parent
 SOURCES = sorted(ROOT.rglob("*.py"))
@@ -21,7 +26,8 @@ OPTIONAL = ("mujoco", "viser")
 
 def test_no_room_hides_a_public_function():
     names = {path.stem for path in ROOT.iterdir() if not path.name.startswith("_")}
-    assert names.isdisjoint(tp.__all__)
+    functions = {name for name in tp.__all__ if not inspect.ismodule(getattr(tp, name))}
+    assert names.isdisjoint(functions)
 
 
 def test_the_api_works_once_every_module_is_imported():
@@ -31,15 +37,15 @@ def test_the_api_works_once_every_module_is_imported():
         except ImportError as error:
             if error.name not in OPTIONAL:
                 raise
-    assert "h4" in tp.robots()
+    assert "h4" in tp.list_robots()
     robot = tp.load("h4")
-    truth = tp.with_paper_errors(robot, seed=1)
+    truth = with_paper_errors(robot, seed=1)
     run = tp.simulate(robot, truth, tp.Controller(law="redundant"), effects=tp.Effects.none())
     assert run.status == "ok"
-    poses = [robot.home, tp.settle(robot, truth, robot.home)]
+    poses = [robot.home, tp.steady_state(robot, truth, robot.home)]
     assert tp.accuracy(robot, poses).shape == (2, 4, 4)
-    assert tp.calibrate(robot, truth.extended([run.x[0], run.x[-1]])).robot.n == 4
-    assert len(tp.assembly_modes(robot, robot.ikm(robot.home), starts=50)) >= 1
+    assert tp.calibrate(robot, truth.extended_positions([run.x[0], run.x[-1]])).robot.n == 4
+    assert len(robot.assembly_modes(robot.ikm(robot.home), starts=50)) >= 1
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(ROOT)))
@@ -77,8 +83,6 @@ def of_the_paper(modules: set[str]) -> list[str]:
 
 def test_the_package_loads_without_the_paper():
     assert of_the_paper(loaded("import truepose")) == []
-    found = of_the_paper(loaded("import truepose", "truepose.with_paper_errors"))
-    assert found == ["truepose.paper", "truepose.paper.article", "truepose.paper.errors"]
 
 
 @pytest.mark.parametrize(
@@ -86,7 +90,8 @@ def test_the_package_loads_without_the_paper():
 )
 def test_help_loads_nothing_of_the_paper_and_no_plots(name):
     modules = loaded(command(*filter(None, (name, "--help"))), keep=("truepose", "matplotlib"))
-    assert of_the_paper(modules) == []
+    few = {"truepose.paper"} | {f"truepose.paper.{m}" for m in ("article", "command", "errors")}
+    assert set(of_the_paper(modules)) <= few
     assert "matplotlib" not in modules
 
 
@@ -100,4 +105,49 @@ def test_a_calibration_loads_nothing_of_the_paper(tmp_path, h4, rng):
     modules = loaded(command("calibrate", "h4", str(tmp_path / "log.csv"), "-o", str(out)))
     assert out.exists()
     assert "truepose.commands.calibration_figures" in modules
-    assert of_the_paper(modules) == []
+    assert "truepose.paper.report" not in modules
+
+
+INTEGRATIONS = sorted(path.name for path in (ROOT / "integrations").iterdir() if path.is_dir())
+#: Every module of the core is imported, and the core is used.
+CORE = """
+import importlib, pkgutil
+import truepose as tp
+from truepose.plugins import plugins
+from truepose import logs
+from truepose.commands import cli
+for module in pkgutil.walk_packages(tp.__path__, "truepose."):
+    if not module.name.startswith(("truepose.integrations", "truepose.paper")):
+        importlib.import_module(module.name)
+h4 = tp.load("h4")
+run = tp.simulate(h4, h4.sample(1))
+logs.write(run, "run.csv")
+assert logs.read(h4, "run.csv").readings.shape == run.q_e.shape
+cli.app(["info", "h4"], standalone_mode=False)
+print(tp.__file__)
+"""
+
+
+@pytest.mark.parametrize("removed", [*INTEGRATIONS, "every one"])
+def test_the_core_works_without_an_integration(removed, tmp_path):
+    package = tmp_path / "truepose"
+    shutil.copytree(ROOT, package, ignore=shutil.ignore_patterns("_data", "_core*", "__pycache__"))
+    for name in ("_data", next(ROOT.glob("_core*.so")).name):
+        (package / name).symlink_to(ROOT / name)
+    folder = package / "integrations"
+    shutil.rmtree(folder if removed == "every one" else folder / removed)
+    info = tmp_path / "truepose-0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text(f"Name: truepose\nVersion: {tp.__version__}\n")
+    gone = "integrations." + "" if removed == "every one" else f"integrations.{removed}."
+    with (info / "entry_points.txt").open("w") as file:
+        for group in ("commands", "log_formats", "clusters"):
+            kept = (p for p in plugins(group).values() if gone not in p.value)
+            file.write(f"[truepose.{group}]\n" + "".join(f"{p.name} = {p.value}\n" for p in kept))
+    environment = os.environ | {"PYTHONPATH": str(tmp_path)}
+    out = subprocess.run(
+        [sys.executable, "-c", CORE],
+        capture_output=True, text=True, cwd=tmp_path, env=environment, check=False,
+    )  # fmt: skip
+    assert out.returncode == 0, out.stderr[-2000:]
+    assert out.stdout.split()[-1] == str(package / "__init__.py")

@@ -29,7 +29,7 @@ def test_fkm_undoes_ikm_for_every_mobility_and_actuator(any_robot, anywhere, rng
 def test_the_redundant_fkm_agrees_with_newton_everywhere_theta_0_included(h4, anywhere, rng, count):
     x = anywhere(h4, count, rng)
     x[::2, 3] = 0  # there the spheres' centres are coplanar
-    assert np.abs(h4.redundant_fkm(h4.extended(x)) - x).max() < 1e-12
+    assert np.abs(h4.redundant_fkm(h4.extended_positions(x)) - x).max() < 1e-12
 
 
 def test_the_redundant_fkm_of_a_translation_robot_needs_no_sensor(delta, anywhere, rng):
@@ -41,7 +41,7 @@ def test_the_redundant_fkm_of_a_translation_robot_needs_no_sensor(delta, anywher
 def test_the_redundant_fkm_takes_whatever_sensors_there_are(h4, anywhere, rng, sensors):
     robot = h4.with_sensors(*sensors)
     x = anywhere(robot, 500, rng)
-    read = robot.extended(x)
+    read = robot.extended_positions(x)
     assert np.abs(robot.redundant_fkm(read) - x).max() < 1e-9
     read[:, -1] += 1e-3
     assert np.abs(robot.redundant_fkm(read) - x).max(axis=1).min() > 1e-6
@@ -102,7 +102,7 @@ def test_legs_of_a_singular_pose_are_singular_not_unreachable(stewart, yaw, rng)
 
 def test_the_inverse_model_refuses_another_assembly_mode_where_asked(any_robot):
     """What is sent to a machine must not lie behind a singular pose."""
-    modes = tp.assembly_modes(any_robot, any_robot.ikm(any_robot.home), starts=2000)
+    modes = any_robot.assembly_modes(any_robot.ikm(any_robot.home), starts=2000)
     assert np.allclose(any_robot.ikm(any_robot.home, own_mode=True), any_robot.ikm(any_robot.home))
     own = np.sign(np.linalg.det(any_robot.jacobian(any_robot.home)))
     told = 0

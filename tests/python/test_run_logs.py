@@ -9,8 +9,8 @@ import pytest
 import truepose as tp
 from truepose import logs
 from truepose.paper import virtual_experiment
+from truepose.paper.vision import Setup, Vision
 from truepose.simulation.plants.exact import ExactPlant
-from truepose.simulation.vision import Setup, Vision
 
 FORMATS = ["csv", "parquet", "mcap"]
 

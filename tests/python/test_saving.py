@@ -19,7 +19,7 @@ def same(a: tp.Robot, b: tp.Robot) -> bool:
         a.parameters == b.parameters
         and a.sensors == b.sensors
         and (a.resolution == b.resolution).all()
-        and (a.extended(x) == b.extended(x)).all()
+        and (a.extended_positions(x) == b.extended_positions(x)).all()
         and a.spec.gravity == b.spec.gravity
     )
 
@@ -87,7 +87,7 @@ def test_a_sensors_range_is_saved_and_outlives_a_calibration(h4, h4_text, rng, t
 
 
 def test_sensors_gravity_and_counts_are_saved(h4, tmp_path):
-    robot = h4.with_sensors("z_telemeter", "theta").with_gravity((0, 0, 0)).unquantised()
+    robot = h4.with_sensors("z_telemeter", "theta").with_gravity((0, 0, 0)).without_quantization()
     assert not robot.resolution.any()
     assert same(saved(robot, tmp_path / "mine.toml"), robot)
 

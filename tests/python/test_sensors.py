@@ -138,7 +138,7 @@ def test_linearise_is_the_derivative_of_every_reading(equipped, level, anywhere,
             slope, abs=max(0.01 * np.abs(slope).max(), 0.05) if stretched else 1e-6
         )
 
-    H_x, H_xi = equipped.linearise(x, level=level)
+    H_x, H_xi = equipped.linearize(x, level=level)
     assert H_xi.shape == (n + equipped.r, len(equipped.parameters))
     J = equipped.jacobian(x, level=level)
     q = equipped.ikm(x, level=level)
@@ -151,7 +151,7 @@ def test_linearise_is_the_derivative_of_every_reading(equipped, level, anywhere,
         assert (H_x[n:] @ J)[:, motor] == near(slope)
     for column, (name, parameter) in enumerate(equipped.parameters.items()):
         moved = [equipped.replace({name: parameter.value + s}) for s in (h, -h)]
-        ends = [robot.extended(x, level=level) for robot in moved]
+        ends = [robot.extended_positions(x, level=level) for robot in moved]
         slope = (ends[0] - ends[1]) / (2 * h)
         assert H_xi[:, column] == near(slope), name
 
@@ -159,10 +159,10 @@ def test_linearise_is_the_derivative_of_every_reading(equipped, level, anywhere,
 def test_where_nothing_stretches_one_rod_too_many_has_the_same_derivatives():
     robot, h = tp.load("par4"), 1e-6
     x = robot.home + np.array([0.05, 0.03, 0.02, 0.2])
-    _, H_xi = robot.linearise(x, level="full")
+    _, H_xi = robot.linearize(x, level="full")
     for column, (name, parameter) in enumerate(robot.parameters.items()):
         moved = [robot.replace({name: parameter.value + s}) for s in (h, -h)]
-        ends = [robot.extended(x, level="full") for robot in moved]
+        ends = [robot.extended_positions(x, level="full") for robot in moved]
         assert H_xi[:, column] == pytest.approx((ends[0] - ends[1]) / (2 * h), abs=1e-8), name
 
 
@@ -223,7 +223,7 @@ def test_an_inclinometer_reads_against_the_files_gravity(any_robot):
     leaning = tp.Robot(spec)
     x = upright.home + np.array([0, 0, 0, 0.1, 0, 0])
     assert leaning.rkm(x)[0] - upright.rkm(x)[0] == pytest.approx(0.3, abs=1e-12)
-    H_x, _ = leaning.linearise(x)
+    H_x, _ = leaning.linearize(x)
     step = 1e-6 * np.eye(6)[3]
     slope = (leaning.rkm(x + step) - leaning.rkm(x - step)) / 2e-6
     assert H_x[6:, 3] == pytest.approx(slope, abs=1e-8)

@@ -15,10 +15,10 @@ def test_any_leading_shape_is_kept(h4, lead):
     q = h4.ikm(x)
     assert q.shape == (*lead, 4)
     assert h4.rkm(x).shape == (*lead, 1)
-    assert h4.extended(x).shape == (*lead, 5)
+    assert h4.extended_positions(x).shape == (*lead, 5)
     assert h4.jacobian(x).shape == (*lead, 4, 4)
     assert [m.shape for m in h4.tej(x)] == [(*lead, 5, 4), (*lead, 4, 5)]
-    assert h4.redundant_fkm(h4.extended(x)) == pytest.approx(x, abs=1e-12)
+    assert h4.redundant_fkm(h4.extended_positions(x)) == pytest.approx(x, abs=1e-12)
     assert h4.fkm(q) == pytest.approx(x, abs=1e-12)
     assert h4.fkm(q, guess=x).shape == h4.fkm(q, guess=POSE).shape == (*lead, 4)
 
@@ -87,7 +87,7 @@ def test_errors_nan_marks_the_bad_rows_and_only_them(h4):
         (lambda r: r.ikm([MASKED, MASKED]), "^x: a masked array: fill what is masked"),
         (lambda r: r.fkm(np.zeros(4), guess=MASKED), "^guess: a masked array: fill"),
         (lambda r: r.estimate(np.ma.zeros(5)), "^q_e: a masked array: fill"),
-        (lambda r: tp.settle(r, r, MASKED), "^x_d: a masked array: fill"),
+        (lambda r: tp.steady_state(r, r, MASKED), "^x_d: a masked array: fill"),
         (lambda r: tp.calibrate(r, np.zeros((3, 5), complex)), "^readings: complex numbers"),
         (
             lambda r: tp.calibrate(r, dict.fromkeys(r.readings, np.ma.zeros(3))),

@@ -23,7 +23,7 @@ def corners_and_inside(box, count, rng):
 def test_fourteen_robots_are_shipped():
     names = "h4 par4 delta linear-delta stewart jugglebot hexa hexaglide five-bar 3rpr 3rrr"
     names += " g1-ankle x1-ankle neck"
-    assert set(tp.robots()) == set(names.split())
+    assert set(tp.list_robots()) == set(names.split())
 
 
 def test_a_shipped_robot_loads_by_name_and_by_path(any_robot):
@@ -100,7 +100,9 @@ def test_every_tolerance_acts(any_robot):
         if parameter.sigma:
             moved = robot.replace({name: parameter.value + 1e-4})
             level = "full" if name.endswith((".rod_difference", ".rod_spacing")) else "ideal"
-            effect = moved.extended(x, level=level) - robot.extended(x, level=level)
+            effect = moved.extended_positions(x, level=level) - robot.extended_positions(
+                x, level=level
+            )
             assert np.abs(effect).max() > 1e-9, name
 
 
@@ -122,7 +124,7 @@ def test_no_sensor_is_mounted_exactly(any_robot, anywhere, rng):
     Places along a beam are one with its zero: a column of H_ξ that others span needs no tolerance.
     """
     robot = any_robot.with_sensors(*[sensor.name for sensor in any_robot.spec.sensor])
-    _, H_xi = robot.expected().linearise(anywhere(any_robot, 50, rng))
+    _, H_xi = robot.expected().linearize(anywhere(any_robot, 50, rng))
     for row, sensor in enumerate(robot.sensors, start=robot.n):
         columns = {
             name: H_xi[:, row, k]

@@ -8,7 +8,6 @@ import pytest
 import truepose as tp
 from truepose import logs
 from truepose.robot.units import summed
-from truepose.simulation.true_robots import with_tolerance_errors
 
 
 def rows(said: str, name: str = "errors") -> dict[str, dict]:
@@ -16,7 +15,7 @@ def rows(said: str, name: str = "errors") -> dict[str, dict]:
 
 
 @pytest.mark.parametrize("effects", ["none", "all"])
-@pytest.mark.parametrize("name", tp.robots())
+@pytest.mark.parametrize("name", tp.list_robots())
 def test_every_robot_makes_a_move_at_the_defaults_and_rests(run, name, effects):
     status, said, err = run("simulate", name, "--effects", effects, "--format", "json")
     assert status == 0 and err.endswith("true robot drawn with seed 0: ok\n")
@@ -32,7 +31,7 @@ def test_it_prints_and_writes_what_the_library_simulates(run, tmp_path):
     words = ("--to", "0.05,0,-0.4,0.1", "--law", "estimated", "--seed", "4")
     status, said, _ = run("simulate", "h4", *words, "-o", "move.csv", "--format", "json")
     assert status == 0
-    truth = with_tolerance_errors(h4, 4).with_level("full")
+    truth = h4.sample(4).with_level("full")
     alone = tp.simulate(
         h4, truth, "estimated", start=[0, 0, -0.5, 0], end=[0.05, 0, -0.4, 0.1], seed=4
     )
@@ -86,10 +85,16 @@ def test_a_circle_way_points_and_samples_are_followed_cycle_by_cycle(run, tmp_pa
     (tmp_path / "timed.csv").write_text(timed, "utf-8")
     h4 = tp.load("h4")
     poses = [[0, 0, -0.4, 0], [0.1, 0, -0.4, 0.2]]
-    sampled = tp.Sampled(time=[0, 0.3, 0.6], x=[poses[0], [0.05, 0, -0.4, 0], poses[1]])
+    sampled = tp.simulation.SampledPath(
+        time=[0, 0.3, 0.6], x=[poses[0], [0.05, 0, -0.4, 0], poses[1]]
+    )
     paths = {
-        ("--circle", "0.05,2,1.5"): tp.Circle(centre=h4.home, radius=0.05, frequency=2, turns=1.5),
-        ("--way-points", "poses.csv", "--duration", "0.3"): tp.WayPoints(poses=poses, duration=0.3),
+        ("--circle", "0.05,2,1.5"): tp.simulation.Circle(
+            centre=h4.home, radius=0.05, frequency=2, turns=1.5
+        ),
+        ("--way-points", "poses.csv", "--duration", "0.3"): tp.simulation.Waypoints(
+            poses=poses, duration=0.3
+        ),
         ("--path", "timed.csv"): sampled,
     }
     for words, path in paths.items():

@@ -6,18 +6,19 @@ import numpy as np
 import pytest
 
 import truepose as tp
+from truepose.paper import with_paper_errors
 from truepose.robot.laws import LAWS
 from truepose.simulation.moves import MOVE_FROM, MOVE_TO
 from truepose.simulation.visit import visit
 
 
 def weightless(robot: tp.Robot) -> tp.Robot:
-    return robot.unquantised().with_gravity((0, 0, 0))
+    return robot.without_quantization().with_gravity((0, 0, 0))
 
 
 @pytest.mark.parametrize("law", LAWS)
 def test_an_ideal_robot_ends_the_move_where_it_was_told(h4, law):
-    end = tp.simulate(h4.unquantised(), controller=law).error[-1]
+    end = tp.simulate(h4.without_quantization(), controller=law).error[-1]
     assert np.abs(end[:3]).max() < 1e-6
     assert abs(end[3]) < 1e-5
 
@@ -25,25 +26,27 @@ def test_an_ideal_robot_ends_the_move_where_it_was_told(h4, law):
 @pytest.mark.parametrize("law", LAWS)
 def test_without_gravity_a_robot_with_errors_ends_where_the_statics_say(h4, truth, law):
     run = tp.simulate(weightless(h4), weightless(truth), law)
-    predicted = tp.settle(h4, truth, MOVE_TO, law)
+    predicted = tp.steady_state(h4, truth, MOVE_TO, law)
     assert np.abs(run.x[-1] - predicted).max() < 1e-6
     assert np.abs(run.error[-1]).max() > 1e-3
 
 
 @pytest.mark.parametrize("law", LAWS)
 def test_under_gravity_it_ends_where_the_statics_with_the_wrong_feed_forward_say(h4, truth, law):
-    run = tp.simulate(h4.unquantised(), truth.unquantised(), law)
+    run = tp.simulate(h4.without_quantization(), truth.without_quantization(), law)
     where = {"x_d": MOVE_TO, "controller": law, "start": MOVE_FROM}
-    loaded = tp.settle(h4, truth, gravity=True, **where)
+    loaded = tp.steady_state(h4, truth, gravity=True, **where)
     assert np.abs(run.x[-1] - loaded).max() < 1e-6
-    assert np.abs(run.x[-1] - tp.settle(h4, truth, **where)).max() > 5e-6  # gravity does matter
+    assert (
+        np.abs(run.x[-1] - tp.steady_state(h4, truth, **where)).max() > 5e-6
+    )  # gravity does matter
 
 
 @pytest.mark.parametrize("law", LAWS)
 def test_integral_action_removes_what_gravity_leaves(h4, truth, law):
     controller = tp.Controller(law=law, integral=20)
-    run = tp.simulate(h4.unquantised(), truth.unquantised(), controller, hold=1.0)
-    assert np.abs(run.x[-1] - tp.settle(h4, truth, MOVE_TO, law)).max() < 1e-6
+    run = tp.simulate(h4.without_quantization(), truth.without_quantization(), controller, hold=1.0)
+    assert np.abs(run.x[-1] - tp.steady_state(h4, truth, MOVE_TO, law)).max() < 1e-6
 
 
 def test_the_cartesian_law_ends_within_one_count_of_theta_without_gravity(h4, truth):
@@ -74,9 +77,11 @@ def test_under_redundant_control_theta_moves_as_told_and_under_joint_control_it_
 
 
 def test_it_starts_at_rest_where_its_controller_holds_it(h4, truth):
-    run = tp.simulate(h4.unquantised(), truth.unquantised(), "redundant", duration=0.2, hold=0)
+    run = tp.simulate(
+        h4.without_quantization(), truth.without_quantization(), "redundant", duration=0.2, hold=0
+    )
     assert np.abs(run.x[1] - run.x[0]).max() < 1e-9
-    start = tp.settle(h4, truth, MOVE_FROM, gravity=True, start=MOVE_FROM)
+    start = tp.steady_state(h4, truth, MOVE_FROM, gravity=True, start=MOVE_FROM)
     assert run.x[0] == pytest.approx(start, abs=1e-12)
 
 
@@ -94,14 +99,14 @@ def test_readings_are_whole_counts_of_the_true_robots_encoders(h4, truth):
     run = tp.simulate(h4, truth)
     counts = run.q_e / h4.resolution
     assert np.abs(counts - counts.round()).max() < 1e-9
-    exact = truth.extended(run.x)
+    exact = truth.extended_positions(run.x)
     assert (np.abs(run.q_e - exact) <= 0.5001 * h4.resolution).all()
 
 
 def test_integration_converges_with_the_fourth_order(h4, truth):
     """Torque is constant in a period, so halving the step divides the error by 16."""
     controller = tp.Controller(law="redundant", period=4e-3, frequency=60, velocity_bandwidth=200)
-    robots = (h4.unquantised(), truth.unquantised(), controller)
+    robots = (h4.without_quantization(), truth.without_quantization(), controller)
     x = {steps: tp.simulate(*robots, steps=steps).x for steps in (1, 2, 4, 8, 64)}
     error = [np.abs(x[steps] - x[64]).max() for steps in (1, 2, 4, 8)]
     assert error[0] / error[1] == pytest.approx(16, rel=0.3)
@@ -110,10 +115,10 @@ def test_integration_converges_with_the_fourth_order(h4, truth):
 
 
 def test_a_simulation_repeats_itself_bit_for_bit(h4):
-    runs = [tp.simulate(h4, tp.with_paper_errors(h4, seed=5)) for _ in range(2)]
+    runs = [tp.simulate(h4, with_paper_errors(h4, seed=5)) for _ in range(2)]
     for name in ("x", "q_e", "motor_error", "torque"):
         assert getattr(runs[0], name).tobytes() == getattr(runs[1], name).tobytes()
-    other = tp.simulate(h4, tp.with_paper_errors(h4, seed=6))
+    other = tp.simulate(h4, with_paper_errors(h4, seed=6))
     assert other.x.tobytes() != runs[0].x.tobytes()
 
 
@@ -262,7 +267,7 @@ def test_a_move_through_a_singularity_is_refused(h4, law):
     with pytest.raises(tp.PoseError, match="branch lost"):
         tp.simulate(h4, controller=law, end=[0, 0, -0.4, 3.0])
     with pytest.raises(tp.PoseError, match="branch lost"):
-        tp.settle(h4, h4, [0, 0, -0.4, 2.5], law)
+        tp.steady_state(h4, h4, [0, 0, -0.4, 2.5], law)
 
 
 def test_a_simulation_longer_than_memory_is_refused(h4):
@@ -272,8 +277,10 @@ def test_a_simulation_longer_than_memory_is_refused(h4):
 
 def test_under_integral_action_it_starts_where_nothing_is_left_to_integrate(h4, truth):
     controller = tp.Controller(integral=20.0)
-    run = tp.simulate(h4.unquantised(), truth.unquantised(), controller, duration=0.1, hold=0)
-    assert run.x[0] == pytest.approx(tp.settle(h4, truth, MOVE_FROM), abs=1e-12)
+    run = tp.simulate(
+        h4.without_quantization(), truth.without_quantization(), controller, duration=0.1, hold=0
+    )
+    assert run.x[0] == pytest.approx(tp.steady_state(h4, truth, MOVE_FROM), abs=1e-12)
     assert run.x[0] != pytest.approx(
-        tp.settle(h4, truth, MOVE_FROM, gravity=True, start=MOVE_FROM), abs=1e-7
+        tp.steady_state(h4, truth, MOVE_FROM, gravity=True, start=MOVE_FROM), abs=1e-7
     )

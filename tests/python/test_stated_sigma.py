@@ -7,7 +7,6 @@ import truepose as tp
 from truepose.paper.trials import difference
 from truepose.robot import knowledge
 from truepose.robot.frames import rotation, rotation_vector
-from truepose.simulation.true_robots import with_tolerance_errors
 
 OUTSIDE = 1e-5  #: σ of an outside measurement, m and rad
 
@@ -57,7 +56,7 @@ def test_hexapods_measured_from_outside_know_how_well_they_are_known(
     found = []
     for seed in range(robots):
         rng = np.random.default_rng([seed, poses])
-        true = with_tolerance_errors(stewart, seed)
+        true = stewart.sample(seed)
         x = anywhere(stewart, poses, rng)
         q_e = true.read(x, seed=seed)
         measured = tracked(x, rng, OUTSIDE)
@@ -85,14 +84,14 @@ def test_counts_of_nanometres_are_believed_and_known(stewart, anywhere, robots):
     of_xi, of_x, online = [], [], []
     for seed in range(robots):
         rng = np.random.default_rng(seed)
-        true = with_tolerance_errors(robot, seed)
+        true = robot.sample(seed)
         x, others = anywhere(robot, 100, rng), anywhere(robot, 20, rng)
         q_e = true.read(x, seed=seed)
         fit = tp.calibrate(robot, q_e)
         of_xi.append(xi_nees(fit, true))
         found = fit.robot.estimate(true.read(others, seed=robots + seed), guess=others)
         of_x.append(nees(difference(robot, found.x, others), found.covariance).mean())
-        learner = tp.OnlineCalibration(robot)
+        learner = tp.OnlineCalibrator(robot)
         learner.observe(q_e)
         root = knowledge.root(learner.robot, list(fit.names))
         off = [learner.robot.parameters[n].value - true.parameters[n].value for n in fit.names]
@@ -108,7 +107,7 @@ def test_counts_of_nanometres_are_believed_and_known(stewart, anywhere, robots):
 def test_poses_are_estimated_to_nanometres(stewart, anywhere, rng, step):
     """Known from outside to 0.1 µm: what rounding leaves of a step is no failure."""
     robot = with_motors(stewart, step)
-    true = with_tolerance_errors(robot, 1)
+    true = robot.sample(1)
     x, others = anywhere(robot, 100, rng), anywhere(robot, 500, rng)
     measured = tracked(x, rng, 1e-7)
     seen = {"measured": measured, "measured_sigma": np.full(robot.n, 1e-7)}
@@ -135,7 +134,7 @@ def test_a_search_ends_however_fine_the_motors_count(name, level, seed, anywhere
     robot = tp.load(name)
     robot = with_motors(robot.with_sensors(*(s.name for s in robot.spec.sensor)), 1e-8)
     x = anywhere(robot, 100, np.random.default_rng(seed))
-    true = with_tolerance_errors(robot, seed)
+    true = robot.sample(seed)
     q_e = true.read(x, seed=seed, level=level)
     fit = tp.calibrate(robot, q_e, level=level, model_error="off")
     assert fit.iterations < 20

@@ -29,7 +29,7 @@ def with_theta_weight(robot: tp.Robot, weight: float) -> tp.Robot:
 def test_a_rod_3_mm_too_long_is_invisible_to_the_motors(h4):
     longer = h4.replace({"chain4.rod": 0.483})
     x_d = np.array([0, 0, -0.4, 0])
-    x = tp.settle(h4, longer, x_d, "joint")
+    x = tp.steady_state(h4, longer, x_d, "joint")
     assert longer.ikm(x) == pytest.approx(h4.ikm(x_d), abs=1e-13)
     assert np.abs(x - x_d).max() > 1e-3
     assert abs(longer.rkm(x) - h4.rkm(x_d))[0] > 1e-3  # θ's encoder sees it
@@ -37,13 +37,13 @@ def test_a_rod_3_mm_too_long_is_invisible_to_the_motors(h4):
 
 @pytest.mark.parametrize("law", LAWS)
 def test_a_robot_without_errors_settles_where_it_is_told(h4, table2, law):
-    assert np.abs(tp.settle(h4, h4, table2, law) - table2).max() < 1e-14
+    assert np.abs(tp.steady_state(h4, h4, table2, law) - table2).max() < 1e-14
 
 
 @pytest.mark.parametrize("law", LAWS)
 def test_at_rest_the_motor_error_of_the_law_vanishes(h4, truth, table2, law):
-    x = tp.settle(h4, truth, table2, law)
-    read, desired = truth.extended(x), h4.extended(table2)
+    x = tp.steady_state(h4, truth, table2, law)
+    read, desired = truth.extended_positions(x), h4.extended_positions(table2)
     if law == "cartesian":
         error = h4.redundant_fkm(read) - table2
     else:
@@ -56,8 +56,8 @@ def test_at_rest_the_motor_error_of_the_law_vanishes(h4, truth, table2, law):
 def test_at_rest_the_motors_give_way_by_w_j_times_the_error_of_theta(h4, truth, table2, weight):
     """M⁺ e_qe = 0 means e_q = -w jᵀ e_θ, exactly, however large the errors."""
     robot, real = with_theta_weight(h4, weight), truth
-    x = tp.settle(robot, real, table2, "redundant")
-    e = robot.extended(table2) - real.extended(x)
+    x = tp.steady_state(robot, real, table2, "redundant")
+    e = robot.extended_positions(table2) - real.extended_positions(x)
     _, M_plus = robot.tej(table2)
     assert np.abs(np.einsum("...ij,...j", M_plus, e)).max() < 1e-13
     j = robot.jacobian(table2)[:, 3]
@@ -68,7 +68,9 @@ def test_at_rest_the_motors_give_way_by_w_j_times_the_error_of_theta(h4, truth, 
 def theta_errors(h4, truth, poses, share):
     """θ's static errors under joint and redundant control."""
     real = between(h4, truth, share)
-    return [tp.settle(h4, real, poses, law)[:, 3] - poses[:, 3] for law in ("joint", "redundant")]
+    return [
+        tp.steady_state(h4, real, poses, law)[:, 3] - poses[:, 3] for law in ("joint", "redundant")
+    ]
 
 
 @pytest.mark.parametrize("weight", [1.0, 16.0])
@@ -94,7 +96,7 @@ def test_with_the_papers_errors_the_first_order_law_is_right_to_a_tenth(h4, trut
 
 
 def test_a_trusted_theta_leaves_no_error_of_theta(h4, truth, table2):
-    x = tp.settle(h4, truth, table2, "cartesian")
+    x = tp.steady_state(h4, truth, table2, "cartesian")
     assert np.abs(x[:, 3] - table2[:, 3]).max() < 1e-13
     assert np.linalg.norm((x - table2)[:, :3], axis=1).max() > 1e-3  # x, y, z it cannot see
 
@@ -103,7 +105,7 @@ def test_an_offset_of_theta_is_followed_by_the_law_that_trusts_it(h4):
     """reading = θ - offset: the reading is held at θ_d, so θ ends at θ_d + offset."""
     real = h4.replace({"theta.offset": 0.01})
     x_d = np.array([0.02, 0, -0.4, 0.1])
-    theta = {law: tp.settle(h4, real, x_d, law)[3] - 0.1 for law in LAWS}
+    theta = {law: tp.steady_state(h4, real, x_d, law)[3] - 0.1 for law in LAWS}
     assert theta["joint"] == pytest.approx(0, abs=1e-14)
     assert theta["cartesian"] == pytest.approx(0.01, abs=1e-14)
     assert 0.009 < theta["redundant"] < 0.01
@@ -116,8 +118,8 @@ def test_under_gravity_the_pd_gives_way_by_what_the_feed_forward_gets_wrong(h4, 
 
     def sag(real, feed_forward):
         controller = tp.Controller(law=law, feed_forward=feed_forward)
-        held = tp.settle(h4, real, x_d, controller, gravity=True)
-        return np.abs(held - tp.settle(h4, real, x_d, controller))[:3].max()
+        held = tp.steady_state(h4, real, x_d, controller, gravity=True)
+        return np.abs(held - tp.steady_state(h4, real, x_d, controller))[:3].max()
 
     assert sag(h4, "gravity") < 1e-13
     assert sag(h4, "none") > 1e-4
@@ -126,19 +128,19 @@ def test_under_gravity_the_pd_gives_way_by_what_the_feed_forward_gets_wrong(h4, 
 
 def test_a_robot_that_cannot_get_there_is_named_not_settled(h4, truth):
     with pytest.raises(tp.PoseError, match=r"^h4: pose \(1,\) x_d = \[2, 0, -0.4, 0\]: chain"):
-        tp.settle(h4, truth, [[0, 0, -0.4, 0], [2, 0, -0.4, 0]])
-    marked = tp.settle(h4, truth, [[0, 0, -0.4, 0], [2, 0, -0.4, 0]], errors="nan")
+        tp.steady_state(h4, truth, [[0, 0, -0.4, 0], [2, 0, -0.4, 0]])
+    marked = tp.steady_state(h4, truth, [[0, 0, -0.4, 0], [2, 0, -0.4, 0]], errors="nan")
     assert np.isfinite(marked).all(axis=1).tolist() == [True, False]
 
 
 def test_settle_keeps_the_shape_of_its_poses(h4, truth):
     x_d = np.broadcast_to(MOVE_TO, (2, 3, 4))
-    assert tp.settle(h4, truth, x_d).shape == (2, 3, 4)
-    assert tp.settle(h4, truth, x_d[0, 0]).shape == (4,)
-    assert tp.settle(h4, truth, np.zeros((0, 4))).shape == (0, 4)
+    assert tp.steady_state(h4, truth, x_d).shape == (2, 3, 4)
+    assert tp.steady_state(h4, truth, x_d[0, 0]).shape == (4,)
+    assert tp.steady_state(h4, truth, np.zeros((0, 4))).shape == (0, 4)
 
 
 def test_nominal_and_true_robot_must_read_the_same_sensors(h4, delta):
     for other in (delta, h4.with_sensors()):
         with pytest.raises(tp.InputError, match="must have the same mobility and sensors"):
-            tp.settle(h4, other, [0, 0, -0.4, 0])
+            tp.steady_state(h4, other, [0, 0, -0.4, 0])

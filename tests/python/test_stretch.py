@@ -7,10 +7,9 @@ import pytest
 
 import truepose as tp
 from truepose import _core
-from truepose.calibration.candidates import Candidates
+from truepose.design.candidates import CandidatePoses
 from truepose.exceptions import InputError, RobotFileError
-from truepose.robot import stretch
-from truepose.simulation.true_robots import with_tolerance_errors
+from truepose.robot import compliance
 
 LEFT_OUT = "compliance and load count for nothing there\n"
 LEVELS = ("ideal", "full")
@@ -42,15 +41,15 @@ def at_level(robot, level):
 def read(robot, x, force, seed):
     """Readings under forces that differ from line to line, noise and counts included."""
     full = robot.is_full(None)
-    added = stretch.given_way(robot, x, full, force=force).readings
-    exact = np.ascontiguousarray(robot.rigid.extended(x) + added)
+    added = compliance.given_way(robot, x, full, force=force).readings
+    exact = np.ascontiguousarray(robot.rigid.extended_positions(x) + added)
     return np.asarray(_core.spoil(robot.core, exact, seed))
 
 
 def loaded(robot):
     """The same under a load, its rods soft, each a little otherwise."""
     planar = robot.spec.mobility.startswith("planar")
-    soft = robot.with_load((20, -50, 0) if planar else (10, -20, -100))
+    soft = robot.with_payload((20, -50, 0) if planar else (10, -20, -100))
     return soft.replace({"stretch.compliance": 2e-6, "chain2.compliance": 1e-6})
 
 
@@ -64,7 +63,7 @@ def test_the_forward_model_undoes_the_inverse_one_under_load(
     good = np.isfinite(q).all(axis=1)
     assert good.mean() > 0.3 and np.abs(q - robot.rigid.ikm(x, "nan"))[good].max() > 1e-5
     assert robot.fkm(q[good], guess=x[good]) == pytest.approx(x[good], abs=1e-10)
-    q_e = robot.extended(x[good])
+    q_e = robot.extended_positions(x[good])
     assert q_e[:, : robot.n] == pytest.approx(q[good], abs=1e-14)
     if robot.r:
         found = robot.estimate(q_e, guess=x[good])
@@ -75,7 +74,7 @@ def test_the_forward_model_undoes_the_inverse_one_under_load(
 def test_a_chain_under_tension_is_one_with_longer_rods(any_robot, anywhere, rng):
     robot = loaded(any_robot)
     x = anywhere(robot, 5, rng)
-    for pose, pull in zip(x, robot.tension(x, errors="nan"), strict=True):
+    for pose, pull in zip(x, robot.rod_forces(x, errors="nan"), strict=True):
         if not np.isfinite(pull).all():
             continue
         longer = {}
@@ -92,9 +91,9 @@ def test_a_chain_under_tension_is_one_with_longer_rods(any_robot, anywhere, rng)
 
 
 def test_a_hexapods_legs_hold_its_weight_and_load(stewart, anywhere, rng):
-    robot = stewart.with_load((30, -20, -400))
+    robot = stewart.with_payload((30, -20, -400))
     x = anywhere(robot, 20, rng) * [1, 1, 1, 0.5, 0.5, 0.5]
-    for pose, pull in zip(x, robot.tension(x), strict=True):
+    for pose, pull in zip(x, robot.rod_forces(x), strict=True):
         P, A = (robot.skeleton(pose)[:, k] for k in (0, 2))
         along = (P - A) / np.linalg.norm(P - A, axis=1)[:, None]
         weight = robot.spec.nacelle.mass + 0.5 * sum(c.rod_mass for c in robot.spec.chain)
@@ -106,13 +105,13 @@ def test_a_hexapods_legs_hold_its_weight_and_load(stewart, anywhere, rng):
 def test_derivatives_by_compliance_are_those_of_finite_differences(any_robot, level, anywhere, rng):
     robot = loaded(at_level(any_robot, level))
     x = anywhere(robot, 10, rng)
-    x = x[np.isfinite(robot.extended(x, "nan")).all(axis=1)]
-    _, H_xi = robot.linearise(x)
+    x = x[np.isfinite(robot.extended_positions(x, "nan")).all(axis=1)]
+    _, H_xi = robot.linearize(x)
     names, h = list(robot.parameters), 1e-8
     elastic = level == "full" and "stretch" in robot.full.reason  # to first order in the strain
     for name in ("chain2.compliance", "stretch.compliance"):
         at = robot.parameters[name].value
-        more, less = (robot.replace({name: at + d}).extended(x) for d in (h, -h))
+        more, less = (robot.replace({name: at + d}).extended_positions(x) for d in (h, -h))
         slope = (more - less) / (2 * h)
         off = 0.01 * np.abs(slope).max() if elastic else 1e-4 * (1 + np.abs(slope).max())
         assert H_xi[..., names.index(name)] == pytest.approx(slope, abs=off)
@@ -132,10 +131,12 @@ def test_compliances_are_found_within_their_sigma(yielding, anywhere, case):
     robot = yielding(name, soft).with_sensors(*sensors).with_level(level)
     every, own = [], []
     for seed in range(8):
-        true, rng = with_tolerance_errors(robot, seed), np.random.default_rng(seed)
+        true, rng = robot.sample(seed), np.random.default_rng(seed)
         x = anywhere(robot, 60, rng) * ([1, 1, 1, 0.7, 0.7, 0.7] if robot.n == 6 else 1)
         force = rng.uniform(0, 1, (60, 1)) * [0, 0, -300.0]
-        fit = tp.calibrate(robot, read(true, x, force, seed), loads=tp.Loads(force=force))
+        fit = tp.calibrate(
+            robot, read(true, x, force, seed), loads=tp.calibration.Payloads(force=force)
+        )
         error = np.array([p.value - true.parameters[n].value for n, p in fit.parameters.items()])
         at = [k for k, n in enumerate(fit.names) if n.endswith("compliance")]
         every.append(error @ np.linalg.solve(fit.covariance, error) / len(error))
@@ -151,21 +152,21 @@ def test_what_was_learnt_of_compliance_is_the_prior_of_the_next_calibration(
 ):
     """Two logs one after the other, the file between them, or both at once: the same posterior."""
     robot = yielding("stewart", {"chain*.compliance": 1e-6}).with_sensors("roll", "pitch")
-    true, rng = with_tolerance_errors(robot, 3), np.random.default_rng(3)
+    true, rng = robot.sample(3), np.random.default_rng(3)
     x = anywhere(robot, 80, rng) * [1, 1, 1, 0.7, 0.7, 0.7]
     force = rng.uniform(0, 1, (80, 1)) * [0, 0, -400.0]
     q_e = read(true, x, force, 3)
-    both = tp.calibrate(robot, q_e, loads=tp.Loads(force=force))
-    first = tp.calibrate(robot, q_e[:40], loads=tp.Loads(force=force[:40]))
+    both = tp.calibrate(robot, q_e, loads=tp.calibration.Payloads(force=force))
+    first = tp.calibrate(robot, q_e[:40], loads=tp.calibration.Payloads(force=force[:40]))
     first.robot.save(tmp_path / "first.toml")
     again = tp.load(tmp_path / "first.toml").with_sensors("roll", "pitch")
     assert again.parameters == first.robot.parameters
-    then = tp.calibrate(again, q_e[40:], loads=tp.Loads(force=force[40:]))
+    then = tp.calibrate(again, q_e[40:], loads=tp.calibration.Payloads(force=force[40:]))
     for name, of in both.parameters.items():
         last = then.parameters[name]
         assert abs(last.value - of.value) < 0.1 * of.sigma, name
         assert last.sigma == pytest.approx(of.sigma, rel=0.05), name
-    forgotten = tp.rehomed(then.robot, 0.001).parameters["chain1.compliance"].sigma
+    forgotten = tp.calibration.rehomed(then.robot, 0.001).parameters["chain1.compliance"].sigma
     assert forgotten == pytest.approx(then.parameters["chain1.compliance"].sigma)
 
 
@@ -175,8 +176,8 @@ def test_measured_tensions_and_loads_come_with_a_table(yielding, anywhere, rng):
     true = robot.expected().replace({"stretch.compliance": 4e-6})
     x = anywhere(robot, 40, rng)
     pull = rng.uniform(50, 400, (40, 3))
-    added = stretch.given_way(true, x, False, tension=pull).readings
-    table = {f"q{k + 1}": (true.rigid.extended(x) + added)[:, k] for k in range(3)}
+    added = compliance.given_way(true, x, False, tension=pull).readings
+    table = {f"q{k + 1}": (true.rigid.extended_positions(x) + added)[:, k] for k in range(3)}
     outside = dict(zip(("measured_x", "measured_y", "measured_theta"), x.T, strict=True))
     tensions = {f"q{k + 1}_tension": pull[:, k] for k in range(3)}
     known = {"registration": "known", "measured_sigma": 1e-6, "measured_angle_sigma": 1e-6}
@@ -184,7 +185,7 @@ def test_measured_tensions_and_loads_come_with_a_table(yielding, anywhere, rng):
     of = fit.parameters["stretch.compliance"]
     assert of.verdict == "identified" and abs(of.value - 4e-6) < 3 * of.sigma
     assert not any("not used" in note for note in fit.notes)
-    wrong = tp.Loads(tension=pull[:, :2])
+    wrong = tp.calibration.Payloads(tension=pull[:, :2])
     with pytest.raises(InputError, match=r"tension: shape \(40, 2\), must be \(40, 3\)"):
         tp.calibrate(robot, np.column_stack(list(table.values())), loads=wrong)
 
@@ -196,7 +197,7 @@ def test_the_bound_counts_compliances_that_are_not_known(yielding, anywhere, rng
     robot = robot.with_sensors("theta", "z_telemeter")
     x = anywhere(robot, 6, rng)
     P = tp.accuracy(robot, x, model_error=False)
-    H_x, H_xi = robot.expected().linearise(x)
+    H_x, H_xi = robot.expected().linearize(x)
     sigma = np.array([p.sigma for p in robot.parameters.values()])
     C = (H_xi * sigma**2) @ H_xi.swapaxes(1, 2) + np.diag(robot.reading_sigma**2)
     dense = np.linalg.inv(H_x.swapaxes(1, 2) @ np.linalg.solve(C, H_x))
@@ -221,7 +222,7 @@ def test_estimates_under_load_are_as_far_off_as_their_covariance_says(yielding, 
     blind = tp.Robot(robot.spec.model_copy(update={"tolerances": sure})).expected()
     robot, nees, less = robot.expected(), [], []
     for seed in range(60):
-        true = with_tolerance_errors(robot, seed)
+        true = robot.sample(seed)
         x = anywhere(robot, 1, np.random.default_rng(seed))[0]
         q_e = true.read(x, seed)
         for by, to in ((robot, nees), (blind, less)):
@@ -237,13 +238,15 @@ def test_a_plan_promises_what_the_bound_says_of_its_poses(yielding):
     robot = robot.with_sensors("roll", "pitch")
     x = np.random.default_rng(2).uniform(-0.04, 0.04, (40, 6)) + robot.home
     over = x[:7]
-    plan = tp.plan(robot, 12, candidates=Candidates(poses=x), poses=over)
+    plan = tp.plan_poses(robot, 12, candidates=CandidatePoses(poses=x), poses=over)
     visited = np.vstack([step.poses for step in plan.steps])
     for chosen, promised in ((None, plan.sigma[0]), (visited, plan.sigma[-1])):
         P = tp.accuracy(robot, over, calibrated_on=chosen)
         position = np.sqrt(np.trace(P[:, :3, :3], axis1=1, axis2=2).mean())
         assert promised[-1] == pytest.approx(position, rel=1e-6)
-    stiff = tp.plan(tp.load("stewart").with_sensors("roll", "pitch"), 12, candidates=x, poses=over)
+    stiff = tp.plan_poses(
+        tp.load("stewart").with_sensors("roll", "pitch"), 12, candidates=x, poses=over
+    )
     assert plan.sigma[0, -1] > 1.001 * stiff.sigma[0, -1]
 
 
@@ -283,11 +286,11 @@ def test_the_command_finds_the_compliance_of_a_log_with_loads(run, tmp_path, any
 
 
 def test_a_simulation_of_a_robot_whose_rods_give_way_says_that_it_has_them_stiff(h4):
-    soft = h4.with_load((0, 0, 0)).replace({"stretch.compliance": 1e-7})
+    soft = h4.with_payload((0, 0, 0)).replace({"stretch.compliance": 1e-7})
     for work in (
-        lambda: tp.settle(soft, soft, soft.home, "joint"),
+        lambda: tp.steady_state(soft, soft, soft.home, "joint"),
         lambda: tp.simulate(soft, duration=0.2),
-        lambda: tp.OnlineCalibration(soft),
+        lambda: tp.OnlineCalibrator(soft),
     ):
         with pytest.warns(UserWarning, match="takes its rods as stiff"):
             work()
@@ -316,19 +319,19 @@ def test_a_file_that_says_nothing_of_stretch_has_no_parameter_of_it(any_robot):
 
 
 def test_a_load_is_saved(tmp_path, delta):
-    robot = delta.with_load((0, 1, -20)).replace({"stretch.compliance": 1e-6})
+    robot = delta.with_payload((0, 1, -20)).replace({"stretch.compliance": 1e-6})
     robot.save(tmp_path / "loaded.toml")
     again = tp.load(tmp_path / "loaded.toml")
     assert again.parameters == robot.parameters
     assert again.spec.stretch.load == (0, 1, -20)
-    assert again.tension(delta.home) == pytest.approx(robot.tension(delta.home))
+    assert again.rod_forces(delta.home) == pytest.approx(robot.rod_forces(delta.home))
 
 
 def test_a_known_pose_is_read_under_the_load_of_the_file(yielding, anywhere, rng):
     robot = yielding("delta", {"stretch.compliance": 2e-7}).with_sensors("z_telemeter")
-    true = with_tolerance_errors(robot, 1)
-    x, loads = anywhere(robot, 20, rng), tp.Loads(force=[(0.0, 0.0, -50.0)] * 20)
-    heavy = true.with_load((0.0, 0.0, -50.0)).extended(x)
-    known = (true.extended(robot.home), robot.home)
+    true = robot.sample(1)
+    x, loads = anywhere(robot, 20, rng), tp.calibration.Payloads(force=[(0.0, 0.0, -50.0)] * 20)
+    heavy = true.with_payload((0.0, 0.0, -50.0)).extended_positions(x)
+    known = (true.extended_positions(robot.home), robot.home)
     fit = tp.calibrate(robot, heavy, loads=loads, known_pose=known)
     assert fit.robot.estimate(known[0]).x == pytest.approx(robot.home, abs=1e-5)

@@ -39,7 +39,7 @@ def slow(case: Case) -> dict[str, float]:
     return off(case)
 
 
-def same(one: tp.Study, other: tp.Study) -> bool:
+def same(one: tp.studies.Study, other: tp.studies.Study) -> bool:
     """Whether two studies have the same numbers, to the last bit."""
     return list(one.columns) == list(other.columns) and all(
         np.array_equal(one.columns[name], other.columns[name]) for name in one.columns
@@ -47,14 +47,14 @@ def same(one: tp.Study, other: tp.Study) -> bool:
 
 
 @pytest.fixture(scope="module")
-def alone() -> tp.Study:
-    return tp.study(off, ["3rrr", "h4"], COUNT, seed=3, workers=0)
+def alone() -> tp.studies.Study:
+    return tp.monte_carlo(off, ["3rrr", "h4"], COUNT, seed=3, workers=0)
 
 
 @pytest.mark.parametrize("how", [{"on": "threads"}, {"on": "processes"}, {"chunk": 5}])
 def test_numbers_do_not_depend_on_who_works(alone, how):
     options = {"seed": 3, "workers": 2, "chunk": 2, **how}
-    assert same(alone, tp.study(off, ["3rrr", "h4"], COUNT, **options))
+    assert same(alone, tp.monte_carlo(off, ["3rrr", "h4"], COUNT, **options))
 
 
 def test_each_true_robot_is_another_and_answers_in_its_place(alone):
@@ -68,7 +68,7 @@ def test_a_grid_asks_the_same_true_robots_at_every_point():
         first = case.true.parameters["chain1.rod"].value
         return {"power": len(case.values["law"]) * case.values["n"], "first": first}
 
-    found = tp.study(cube, "3rrr", 3, grid={"n": [1, 2], "law": ["a", "b"]}, workers=0)
+    found = tp.monte_carlo(cube, "3rrr", 3, grid={"n": [1, 2], "law": ["a", "b"]}, workers=0)
     assert len(found) == 12
     for number in range(3):
         assert len(set(found.columns["first"][found.columns["number"] == number])) == 1
@@ -87,7 +87,7 @@ def test_a_case_has_one_true_robot_and_one_stream_of_random_numbers():
             "next": case.rng.normal() - noise[0]
         }
 
-    found = tp.study(asked, "3rrr", 3, grid={"spawned": [0, 1]}, workers=0)
+    found = tp.monte_carlo(asked, "3rrr", 3, grid={"spawned": [0, 1]}, workers=0)
     rods, noise = found.columns["rod"].reshape(3, 2), found.columns["noise"]
     assert (rods[:, 0] == rods[:, 1]).all() and len(set(rods[:, 0])) == 3
     assert len(set(noise)) == 3 and found.columns["next"].all()
@@ -107,19 +107,19 @@ def test_a_natural_study_tests_the_robot_that_it_calibrated():
             "bound": np.sqrt(np.einsum("kii->ki", bound)[:, :3].sum(axis=1).mean()),
         }
 
-    found = tp.study(natural, "h4", 8, workers=0).columns
+    found = tp.monte_carlo(natural, "h4", 8, workers=0).columns
     rms = {name: np.sqrt((found[name] ** 2).mean()) for name in ("off", "bound")}
     assert 0.5 < rms["off"] / rms["bound"] < 1.6
 
 
 def test_a_calibration_on_more_poses_is_a_better_one():
-    found = tp.study("calibration", "h4", 6, grid={"poses": [5, 160]}, workers=0)
+    found = tp.monte_carlo("calibration", "h4", 6, grid={"poses": [5, 160]}, workers=0)
     few, many = found.columns["bound_mm"].reshape(6, 2).T
     assert (many < 0.9 * few).all()
     off = found.columns["calibrated_mm"].reshape(6, 2)
     assert (off[:, 0] != off[:, 1]).all()
-    alone = tp.study("calibration", "h4", 6, grid={"poses": [40]}, workers=0)
-    default = tp.study("calibration", "h4", 6, workers=0)
+    alone = tp.monte_carlo("calibration", "h4", 6, grid={"poses": [40]}, workers=0)
+    default = tp.monte_carlo("calibration", "h4", 6, workers=0)
     assert (alone.columns["calibrated_mm"] == default.columns["calibrated_mm"]).all()
 
 
@@ -141,7 +141,7 @@ def test_a_calibration_on_more_poses_is_a_better_one():
 )
 def test_a_grid_that_is_not_used_is_refused(function, grid, message):
     with pytest.raises(InputError, match=message) as refused:
-        tp.study(function, "3rrr", 2, grid=grid, workers=0)
+        tp.monte_carlo(function, "3rrr", 2, grid=grid, workers=0)
     assert "\n" not in str(refused.value)
 
 
@@ -153,7 +153,9 @@ def test_cases_without_an_answer_are_counted_and_spoil_no_median(run, tmp_path):
         "        raise truepose.TrueposeError('no such pose')\n"
         "    return {'a': float('nan') if case.number < 2 else 1.0, 'b': 2}\n"
     )
-    status, out, errors = run("study", f"{script}:some", "3rrr", "--workers", 0, "--format", "csv")
+    status, out, errors = run(
+        "monte-carlo", f"{script}:some", "3rrr", "--workers", 0, "--format", "csv"
+    )
     assert status == 0, errors
     assert out.splitlines() == [
         "table,robot,asked,robots,no answer,rms,median,95 %",
@@ -161,7 +163,7 @@ def test_cases_without_an_answer_are_counted_and_spoil_no_median(run, tmp_path):
         "study,3rrr,b,100.0,1.0,2.0,2.0,2.0",
     ]
     assert "3 of 100 cases had no answer; the first: no such pose" in errors
-    status, out, errors = run("study", f"{script}:some", "3rrr", "--count", 2, "--workers", 0)
+    status, out, errors = run("monte-carlo", f"{script}:some", "3rrr", "--count", 2, "--workers", 0)
     assert "Results over 2 robots (2 without an answer)" in out
     assert "2 of 2 cases had no answer; the first: a result is not finite (NaN)" in errors
 
@@ -174,30 +176,30 @@ def test_a_study_that_was_ended_goes_on_and_may_grow(alone, tmp_path):
         return off(case)
 
     options = {"seed": 3, "workers": 0, "chunk": 4, "out": tmp_path / "kept"}
-    tp.study(counted, ["3rrr", "h4"], 3, **options)
+    tp.monte_carlo(counted, ["3rrr", "h4"], 3, **options)
     (tmp_path / "kept" / "chunk-000000000.parquet").unlink()
     asked.clear()
-    assert same(alone, tp.study(counted, ["3rrr", "h4"], COUNT, **options))
+    assert same(alone, tp.monte_carlo(counted, ["3rrr", "h4"], COUNT, **options))
     assert asked == [0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5]  # 4 to 5 were half a chunk: not kept
     asked.clear()
-    assert same(alone, tp.study(counted, ["3rrr", "h4"], COUNT, **options))
+    assert same(alone, tp.monte_carlo(counted, ["3rrr", "h4"], COUNT, **options))
     assert not asked
 
 
 def test_a_folder_of_another_study_is_left_alone(tmp_path):
-    tp.study(off, "3rrr", 2, workers=0, out=tmp_path / "kept")
+    tp.monte_carlo(off, "3rrr", 2, workers=0, out=tmp_path / "kept")
     for other in ({"seed": 1}, {"grid": {"n": [1]}}, {"chunk": 7}):
         with pytest.raises(InputError, match=r"holds another study: (seed|grid|chunk) "):
-            tp.study(off, "3rrr", 2, workers=0, out=tmp_path / "kept", **other)
+            tp.monte_carlo(off, "3rrr", 2, workers=0, out=tmp_path / "kept", **other)
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "letter.txt").touch()
     with pytest.raises(InputError, match="must be empty, or hold this study"):
-        tp.study(off, "3rrr", 2, workers=0, out=tmp_path / "mine")
+        tp.monte_carlo(off, "3rrr", 2, workers=0, out=tmp_path / "mine")
 
 
 def test_a_process_that_dies_loses_nothing(alone, tmp_path, monkeypatch):
     monkeypatch.setenv("TRUEPOSE_TEST_MARK", str(tmp_path / "mark"))
-    found = tp.study(dies_once, ["3rrr", "h4"], COUNT, seed=3, workers=2, chunk=2)
+    found = tp.monte_carlo(dies_once, ["3rrr", "h4"], COUNT, seed=3, workers=2, chunk=2)
     assert (tmp_path / "mark").exists() and same(alone, found)
 
 
@@ -205,7 +207,7 @@ def test_what_a_robot_refuses_is_told_and_what_fails_is_named():
     def far(case):
         return {"q": case.true.ikm(case.robot.home + 10)[0]}
 
-    found = tp.study(far, "3rrr", 2, workers=0)
+    found = tp.monte_carlo(far, "3rrr", 2, workers=0)
     assert found.failed.all() and "unreachable" in found.columns["error"][0]
     assert found.table().rows == [["3rrr", "–", "2", "2", "", "", ""]]
     for wrong, said in (
@@ -215,7 +217,7 @@ def test_what_a_robot_refuses_is_told_and_what_fails_is_named():
         (lambda case: {"number": 1}, "'number' is the name of another column"),
     ):
         with pytest.raises(InputError, match=said):
-            tp.study(wrong, "3rrr", 1, workers=0)
+            tp.monte_carlo(wrong, "3rrr", 1, workers=0)
 
 
 def test_on_a_cluster_a_worker_that_is_killed_loses_nothing(alone, tmp_path):
@@ -231,7 +233,7 @@ def test_on_a_cluster_a_worker_that_is_killed_loses_nothing(alone, tmp_path):
                 os.kill(killed[0], 9)
 
         options = {"seed": 3, "chunk": 1, "cluster": cluster, "progress": kill}
-        found = tp.study(slow, ["3rrr", "h4"], COUNT, **options)
+        found = tp.monte_carlo(slow, ["3rrr", "h4"], COUNT, **options)
         assert killed and same(alone, found)
 
 
@@ -253,19 +255,21 @@ def test_a_cluster_of_other_versions_is_refused(monkeypatch):
 def test_no_cluster_where_there_is_none_is_one_line(run, monkeypatch):
     pytest.importorskip("distributed", reason="dask is not installed")
     monkeypatch.setattr(workers, "PATIENCE", 0.5)
-    status, _, errors = run("study", "rest", "3rrr", "--count", 2, "--cluster", "tcp://127.0.0.1:9")
+    status, _, errors = run(
+        "monte-carlo", "rest", "3rrr", "--count", 2, "--cluster", "tcp://127.0.0.1:9"
+    )
     assert status == 2 and "--cluster tcp://127.0.0.1:9: no scheduler answers there" in errors
 
 
 def test_the_command_asks_ready_questions_and_those_of_a_file(run, tmp_path):
-    status, out, errors = run("study", "calibration", "h4", "--count", 2, "--workers", 0)
+    status, out, errors = run("monte-carlo", "calibration", "h4", "--count", 2, "--workers", 0)
     assert status == 0 and "calibrated_mm" in out and "bound_deg" in out, errors
     script = tmp_path / "mine.py"
     script.write_text(
         "def rods(case):\n    rod = case.true.parameters['chain1.rod'].value\n"
         "    return {'rod': case.values.get('n', 1) * rod}\n"
     )
-    words = ("study", f"{script}:rods", "3rrr", "--count", 4, "--workers", 2, "--chunk", 2)
+    words = ("monte-carlo", f"{script}:rods", "3rrr", "--count", 4, "--workers", 2, "--chunk", 2)
     status, out, errors = run(*words, "-o", tmp_path / "kept", "--grid", "n=1,2")
     assert status == 0 and "3rrr   2  rod" in out and "Kept in" in out, errors
     for wrong, said in (
@@ -273,7 +277,7 @@ def test_the_command_asks_ready_questions_and_those_of_a_file(run, tmp_path):
         (f"{script}:rod", "did you mean 'rods'"),
         (f"{tmp_path / 'no.py'}:rods", "cannot be read"),
     ):
-        status, _, errors = run("study", wrong, "3rrr")
+        status, _, errors = run("monte-carlo", wrong, "3rrr")
         assert status == 2 and said in errors and len(errors.splitlines()) == 1, errors
 
 
@@ -311,7 +315,7 @@ def endless(tmp_path):
     begun = []
 
     def begin(*words, workers):
-        study = [sys.executable, "-m", "truepose.commands.cli", "study", "mine.py:slow", "3rrr"]
+        study = [sys.executable, "-m", "truepose.commands.cli", "monte-carlo", "mine.py:slow", "3rrr"]
         study = subprocess.Popen(
             [*study, *words], cwd=tmp_path, stderr=subprocess.PIPE, start_new_session=True
         )

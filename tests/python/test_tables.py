@@ -6,12 +6,12 @@ import pytest
 
 import truepose as tp
 from truepose import _core
+from truepose.faults.fault import FAULT_KINDS, FaultKind
 from truepose.robot.laws import LAWS, Law
-from truepose.robot.to_core import columns
 from truepose.robot.units import unit_of
 from truepose.robotfile.parameters import drawn
 from truepose.robotfile.sensors import SENSORS, Encoder
-from truepose.simulation.faults import FAULT_KINDS, FaultKind
+from truepose.robotfile.to_core import columns
 
 
 def test_a_robot_file_knows_the_kinds_of_sensors_that_the_core_knows():
@@ -35,7 +35,7 @@ def test_every_kind_of_fault_of_the_core_can_be_asked_for():
     assert get_args(FaultKind) == FAULT_KINDS == tuple(_core.fault_kinds)
 
 
-@pytest.mark.parametrize("name", tp.robots())
+@pytest.mark.parametrize("name", tp.list_robots())
 def test_a_parameter_stands_in_the_column_of_its_name(name):
     robot = tp.load(name)
     most = min(_core.max_sensors, _core.max_readings - robot.n)

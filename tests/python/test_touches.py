@@ -16,7 +16,6 @@ from truepose.calibration.differences import measurements
 from truepose.calibration.fitting import fit_to
 from truepose.commands import cli
 from truepose.commands.between import Asked
-from truepose.simulation.true_robots import with_tolerance_errors
 
 SIGMA = 2e-5
 
@@ -47,7 +46,7 @@ def scene(seed, robot=None):
     The first places are A to F; between them distances, in the order of all pairs.
     """
     robot = robot or printer()
-    true, rng = with_tolerance_errors(robot, seed), np.random.default_rng((7, seed))
+    true, rng = robot.sample(seed), np.random.default_rng((7, seed))
     places = rng.uniform([-0.08, -0.08, 0.05], [0.08, 0.08, 0.15], (6, 3))
     turn = np.radians(np.arange(0, 360, 30))
     bed = np.concatenate(
@@ -176,7 +175,7 @@ def test_held_out_lines_are_predicted_without_their_touches():
     rng, box = np.random.default_rng(2), robot.spec.workspace
     x = rng.uniform(box.minimum, box.maximum, (30, 6)) * [1, 1, 1, 0.3, 0.3, 0.3]
     x[:, 2] = 0.5 * (box.minimum[2] + box.maximum[2])
-    table = dict(zip(robot.readings, with_tolerance_errors(robot, 1).read(x).T, strict=True))
+    table = dict(zip(robot.readings, robot.sample(1).read(x).T, strict=True))
     table["plane"] = ["plate"] * 30
     held = []
     for wrong in (0.0, 1e-3):
@@ -266,7 +265,7 @@ def test_distances_in_millimetres_are_said_to_be(run, tmp_path):
 
 def test_a_planar_robot_has_no_plane_across_z():
     robot = tp.load("five-bar")
-    q = robot.expected().extended(robot.home + np.zeros((3, 1)))
+    q = robot.expected().extended_positions(robot.home + np.zeros((3, 1)))
     table = dict(zip(robot.readings, q.T, strict=True)) | {"plane": ["a", "a", ""]}
     with pytest.raises(tp.InputError, match=r"plane a: .* has no z$"):
         tp.calibrate(robot, table)
@@ -281,7 +280,7 @@ def test_a_pin_touched_from_many_sides_finds_the_tip_of_the_tool(run, tmp_path):
     x = np.hstack([np.zeros((25, 3)), turn])
     x[:, :3] = middle - tp.robot.frames.frames(robot, x)[:, :3, :3] @ tip
     x[:, :3] += SIGMA * rng.standard_normal((25, 3))
-    q = with_tolerance_errors(robot, 2).read(x)
+    q = robot.sample(2).read(x)
     names = [*robot.readings, "point"]
     write(tmp_path / "log.csv", names, [[*row, "pin"] for row in q.tolist()])
     words = ("--tool", "0,0,0.05", "--tool-sigma", "20mm", "--format", "json")

@@ -29,7 +29,7 @@ def tables(runs):
 def test_a_twin_loads_by_name_and_is_no_robot_to_choose(h4):
     robot = tp.load(twin.NAME)
     assert robot.name == twin.NAME and robot.parameters != h4.parameters
-    assert twin.NAME not in tp.robots()
+    assert twin.NAME not in tp.list_robots()
 
 
 def test_the_twin_gives_the_tables_of_its_readme(runs):

@@ -5,10 +5,10 @@ import pytest
 
 import truepose as tp
 from truepose.paper import experiment, statistics, twin, virtual_experiment
+from truepose.paper.vision import Setup, Vision
 from truepose.robot.frames import coordinates
-from truepose.simulation.plants import Visit, play
+from truepose.simulation.plants import Visit, backlash
 from truepose.simulation.plants.exact import ExactPlant
-from truepose.simulation.vision import Setup, Vision
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +28,7 @@ def runs(h4, truth):
 def test_the_exact_plant_rests_where_settle_says(h4, truth, table2, law):
     visit = ExactPlant(truth).visit(h4, table2, tp.Controller(law=law))
     assert (visit.status == "ok").all()
-    assert np.abs(visit.x - tp.settle(h4, truth, table2, law)).max() < 1e-12
+    assert np.abs(visit.x - tp.steady_state(h4, truth, table2, law)).max() < 1e-12
     assert np.abs(coordinates(h4, visit.frame) - visit.x).max() < 1e-12
 
 
@@ -36,7 +36,7 @@ def test_a_hexapod_rests_where_settle_says(stewart, anywhere, rng):
     x_d = anywhere(stewart, 20, rng)
     true = stewart.replace({"chain1.base.x": stewart.parameters["chain1.base.x"].value + 1e-3})
     visit = ExactPlant(true).visit(stewart, x_d, tp.Controller(law="joint"))
-    assert np.abs(visit.x - tp.settle(stewart, true, x_d, "joint")).max() < 1e-11
+    assert np.abs(visit.x - tp.steady_state(stewart, true, x_d, "joint")).max() < 1e-11
 
 
 def test_at_the_full_level_usual_control_brings_the_motors_where_they_belong(h4, tilted, table2):
@@ -48,7 +48,7 @@ def test_at_the_full_level_usual_control_brings_the_motors_where_they_belong(h4,
 def test_the_frame_holds_the_tilt_that_x_leaves_out(h4, tilted, table2):
     visit = ExactPlant(tilted, level="full").visit(h4, table2, tp.Controller(law="redundant"))
     upright = np.arccos(np.clip(visit.frame[:, 2, 2], -1, 1))
-    wanted = np.linalg.norm(tilted.parasitic(visit.x)[:, :2], axis=1)
+    wanted = np.linalg.norm(tilted.residual_motion(visit.x)[:, :2], axis=1)
     assert np.abs(upright - wanted).max() < 1e-6
     assert upright.max() > 1e-3
     assert np.abs(coordinates(h4, visit.frame) - visit.x).max() < 1e-12
@@ -172,31 +172,35 @@ WAYS = {
 def test_every_pose_settles_behind_the_play_and_where_its_equations_say(h4, table2, law, way):
     """At rest the motor error vanishes; the tool follows the nacelle where its play ends."""
     there = twin.shipped()
-    plant = ExactPlant(there.truth.unquantised(), there.effects.only("backlash"), level="full")
+    plant = ExactPlant(
+        there.truth.without_quantization(), there.effects.only("backlash"), level="full"
+    )
     x_d = WAYS[way](table2)
     visit = plant.visit(h4, x_d, tp.Controller(law=law))
     assert (visit.status == "ok").all()
     half, ahead, theta = 0.5 * there.effects.tool_backlash, 0.0, float(h4.home[-1])
-    shown = visit.q_e[:, 4] - plant.truth.extended(visit.x, level="full")[:, 4]
+    shown = visit.q_e[:, 4] - plant.truth.extended_positions(visit.x, level="full")[:, 4]
     gain = plant.truth.parameters["theta.gain"].value
     for now, found in zip(visit.x[:, -1], shown / gain, strict=True):
         ahead = min(half, max(-half, ahead + theta - now))
         assert found == pytest.approx(ahead, abs=2e-12)
         ahead, theta = found, now
     if law == "redundant":
-        error = h4.extended(x_d) - visit.q_e
+        error = h4.extended_positions(x_d) - visit.q_e
         assert np.abs(np.einsum("nij,nj->ni", h4.tej(x_d)[1], error)).max() < 1e-11
 
 
 def test_a_tool_starts_in_the_middle_of_its_play(h4):
     effects = tp.Effects().only("backlash")
-    visit = ExactPlant(h4.unquantised(), effects).visit(h4, [h4.home], tp.Controller(law="joint"))
+    visit = ExactPlant(h4.without_quantization(), effects).visit(
+        h4, [h4.home], tp.Controller(law="joint")
+    )
     assert visit.q_e[0, 4] == pytest.approx(h4.home[-1], abs=1e-12)
 
 
 def test_a_law_that_answers_too_much_rests_at_the_end_to_which_it_drives():
     """With t(-half) > t(half) a tool may stand at either; from the middle it is driven to one."""
-    tool, end = play.follow([0.2, 0.2, np.nan, 0.2], [-0.1, -0.1, np.nan, np.nan], 0.1)
+    tool, end = backlash.follow([0.2, 0.2, np.nan, 0.2], [-0.1, -0.1, np.nan, np.nan], 0.1)
     assert end.tolist()[:2] == [1, -1]
     assert tool.tolist() == [-0.1, 0.2, 0.2, 0.2]
     assert np.isnan(end[2])

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import truepose as tp
+from truepose.paper.vision import CAMERAS, Setup, Vision
 from truepose.robot.frames import coordinates, frames, rotation, rotation_vector
-from truepose.simulation.vision import CAMERAS, Setup, Vision
 
 SYSTEMS = 60
 POSES = 20

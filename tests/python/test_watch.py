@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 import truepose as tp
+from truepose.faults.monitor import HEALTH, SYMPTOMS
 from truepose.robot.laws import usual
-from truepose.simulation.true_robots import with_tolerance_errors
-from truepose.simulation.watch import HEALTH, SYMPTOMS
 
 SENSORS = {"θ": ["theta"], "θ, elbows": ["theta", "elbow1", "elbow2", "elbow3", "elbow4"]}
 
@@ -19,7 +18,7 @@ def calibrated() -> dict[str, tuple[tp.Robot, tp.Robot]]:
     robots = {}
     for name, sensors in SENSORS.items():
         robot = tp.load("h4").with_sensors(*sensors).expected()
-        truth = with_tolerance_errors(robot, seed=7).finest
+        truth = robot.sample(7).at_highest_level
         box = robot.spec.workspace
         assert box is not None
         poses = np.random.default_rng(7).uniform(box.minimum, box.maximum, (120, robot.n))
@@ -29,13 +28,13 @@ def calibrated() -> dict[str, tuple[tp.Robot, tp.Robot]]:
 
 @pytest.mark.parametrize(
     ("name", "law"),
-    [(n, law) for n in tp.robots() for law in dict.fromkeys(("joint", usual(tp.load(n))))],
+    [(n, law) for n in tp.list_robots() for law in dict.fromkeys(("joint", usual(tp.load(n))))],
 )
 def test_a_watch_changes_nothing_of_a_healthy_robot(name: str, law: str) -> None:
     robot = tp.load(name)
-    truth = with_tolerance_errors(robot.expected(), seed=1)
+    truth = robot.expected().sample(1)
     blind = tp.simulate(robot, truth, law, hold=0.1)  # type: ignore[arg-type]
-    seen = tp.simulate(robot, truth, law, hold=0.1, watch=tp.Watch())  # type: ignore[arg-type]
+    seen = tp.simulate(robot, truth, law, hold=0.1, watch=tp.FaultMonitor())  # type: ignore[arg-type]
     assert (seen.health == HEALTH.index("valid")).all()
     assert np.array_equal(seen.x, blind.x)
     assert not seen.stops.any()
@@ -57,8 +56,8 @@ def test_an_abrupt_fault_is_named_within_30_ms(
     calibrated: dict, sensors: str, reading: str, kind: str, size: float | None, symptom: str | None
 ) -> None:
     robot, truth = calibrated[sensors]
-    fault = tp.Fault(reading, kind, at=0.1, size=size)  # type: ignore[arg-type]
-    run = tp.simulate(robot, truth, "estimated", faults=[fault], watch=tp.Watch())
+    fault = tp.faults.Fault(reading, kind, at=0.1, size=size)  # type: ignore[arg-type]
+    run = tp.simulate(robot, truth, "estimated", faults=[fault], watch=tp.FaultMonitor())
     assert run.failed == [reading]
     column = robot.readings.index(reading)
     first = np.flatnonzero(run.health.any(axis=1))[0]
@@ -75,8 +74,8 @@ def test_a_lost_sensor_costs_what_it_was_worth_and_no_more(
     """With θ gone the motors are left: the calibrated geometry keeps it within 1 mm, 1°."""
     robot, truth = calibrated["θ"]
     healthy = tp.simulate(robot, truth, law)  # type: ignore[arg-type]
-    fault = tp.Fault("theta", kind, at=0.1, size=size)  # type: ignore[arg-type]
-    run = tp.simulate(robot, truth, law, faults=[fault], watch=tp.Watch())  # type: ignore[arg-type]
+    fault = tp.faults.Fault("theta", kind, at=0.1, size=size)  # type: ignore[arg-type]
+    run = tp.simulate(robot, truth, law, faults=[fault], watch=tp.FaultMonitor())  # type: ignore[arg-type]
     off = np.abs(run.x - healthy.x).max(axis=0)
     assert off[:3].max() < 1e-3
     assert off[3] < np.radians(1)
@@ -87,8 +86,8 @@ def test_four_elbows_stand_for_a_motors_encoder(calibrated: dict) -> None:
     robot, truth = calibrated["θ, elbows"]
     healthy = tp.simulate(robot, truth, "estimated")
     for motor in ("q1", "q3"):
-        fault = tp.Fault(motor, "dropout", at=0.1)
-        run = tp.simulate(robot, truth, "estimated", faults=[fault], watch=tp.Watch())
+        fault = tp.faults.Fault(motor, "dropout", at=0.1)
+        run = tp.simulate(robot, truth, "estimated", faults=[fault], watch=tp.FaultMonitor())
         assert run.failed == [motor]
         assert not run.stops.any()
         assert np.abs(run.x - healthy.x)[:, :3].max() < 2e-3
@@ -98,7 +97,11 @@ def test_what_nothing_stands_for_stops_the_robot_along_its_path(calibrated: dict
     """θ says little of q1: the robot brakes on its path within the stated time."""
     robot, truth = calibrated["θ"]
     run = tp.simulate(
-        robot, truth, "joint", faults=[tp.Fault("q1", "dropout", at=0.1)], watch=tp.Watch()
+        robot,
+        truth,
+        "joint",
+        faults=[tp.faults.Fault("q1", "dropout", at=0.1)],
+        watch=tp.FaultMonitor(),
     )
     assert run.failed == ["q1"]
     assert run.brakes[-1] == 1
@@ -114,8 +117,8 @@ def test_what_nothing_stands_for_stops_the_robot_along_its_path(calibrated: dict
 
 def test_a_drift_that_one_sensor_cannot_place_stops_the_robot(calibrated: dict) -> None:
     robot, truth = calibrated["θ"]
-    fault = tp.Fault("theta", "drift", at=0.05, size=0.2)
-    run = tp.simulate(robot, truth, "redundant", faults=[fault], watch=tp.Watch(), hold=0.5)
+    fault = tp.faults.Fault("theta", "drift", at=0.05, size=0.2)
+    run = tp.simulate(robot, truth, "redundant", faults=[fault], watch=tp.FaultMonitor(), hold=0.5)
     assert run.stops.any()
     assert not run.failed
     assert "readings disagree" in run.status
@@ -131,7 +134,7 @@ def test_a_reading_beyond_its_range_fails_for_that(
     unknown = tp.load("h4").with_sensors(sensor)
     section = unknown.spec.used[0].model_copy(update={"range": ends})
     robot = tp.Robot(unknown.spec.model_copy(update={"sensor": (section,)}))
-    watch, fault = tp.Watch(), tp.Fault(sensor, "bias", at=0.1, size=size)
+    watch, fault = tp.FaultMonitor(), tp.faults.Fault(sensor, "bias", at=0.1, size=size)
     healthy = tp.simulate(robot, watch=watch)
     assert (healthy.health == HEALTH.index("valid")).all()
     assert np.array_equal(healthy.x, tp.simulate(unknown, watch=watch).x)
@@ -142,9 +145,9 @@ def test_a_reading_beyond_its_range_fails_for_that(
 
 
 def test_a_switch_of_what_is_believed_is_no_step_of_the_torque(calibrated: dict) -> None:
-    robot, truth = (r.unquantised() for r in calibrated["θ, elbows"])
-    fault = tp.Fault("theta", "dropout", at=0.3)  # at rest
-    run = tp.simulate(robot, truth, "estimated", faults=[fault], watch=tp.Watch())
+    robot, truth = (r.without_quantization() for r in calibrated["θ, elbows"])
+    fault = tp.faults.Fault("theta", "dropout", at=0.3)  # at rest
+    run = tp.simulate(robot, truth, "estimated", faults=[fault], watch=tp.FaultMonitor())
     assert run.failed == ["theta"]
     step = np.abs(np.diff(run.torque[run.time > 0.28], axis=0)).max()
     limit = robot.spec.chain[0].torque_limit
@@ -156,9 +159,9 @@ def test_a_log_is_reviewed_line_by_line(calibrated: dict) -> None:
     robot, truth = calibrated["θ, elbows"]
     run = tp.simulate(robot, truth, "joint")
     q_e = run.q_e.copy()
-    assert tp.Watch().review(robot, q_e).first is None
+    assert tp.FaultMonitor().review(robot, q_e).first is None
     q_e[250:, 6] += 0.02
-    review = tp.Watch().review(robot, q_e)
+    review = tp.FaultMonitor().review(robot, q_e)
     assert review.first == 250
     assert review.failed == ["elbow2"]
     assert np.abs(review.believed - run.q_e)[:, 6].max() < 2e-3
@@ -170,12 +173,12 @@ def test_a_log_is_reviewed_line_by_line(calibrated: dict) -> None:
 )
 def test_settings_that_make_no_sense_are_refused(setting: str, value: float) -> None:
     with pytest.raises(tp.InputError, match=setting):
-        tp.Watch(**{setting: value})  # type: ignore[arg-type]
+        tp.FaultMonitor(**{setting: value})  # type: ignore[arg-type]
 
 
 def test_more_false_alarms_than_cycles_are_refused() -> None:
     with pytest.raises(tp.InputError, match="false_alarms"):
-        tp.simulate(tp.load("h4"), watch=tp.Watch(false_alarms=1e7))
+        tp.simulate(tp.load("h4"), watch=tp.FaultMonitor(false_alarms=1e7))
 
 
 FAULTS = (("q1", "dropout", None), ("q2", "bias", -0.5), ("q3", "sign", None))
@@ -188,9 +191,9 @@ def test_a_motor_whose_brake_closes_is_driven_by_its_feed_forward_alone(
     name: str, seed: int, reading: str, kind: str, size: float | None
 ) -> None:
     robot = tp.load(name).expected()
-    truth = with_tolerance_errors(robot, seed)
-    fault = tp.Fault(reading, kind, at=0.08 + 0.02 * seed, size=size)  # type: ignore[arg-type]
-    run = tp.simulate(robot, truth, usual(robot), faults=[fault], watch=tp.Watch())
+    truth = robot.sample(seed)
+    fault = tp.faults.Fault(reading, kind, at=0.08 + 0.02 * seed, size=size)  # type: ignore[arg-type]
+    run = tp.simulate(robot, truth, usual(robot), faults=[fault], watch=tp.FaultMonitor())
     assert (np.diff(run.brakes) >= 0).all()  # none opens again
     motor = robot.readings.index(reading)
     assert run.brakes[-1] == 1 << motor
@@ -205,7 +208,7 @@ def test_a_motor_whose_brake_closes_is_driven_by_its_feed_forward_alone(
         off = (run.torque - forward)[asked + 1 :, motor]
         assert np.abs(off).max() < 0.05 * limit
     weight = robot.inverse_dynamics(run.x_d[-1], rate[-1] * 0, rate[-1] * 0)
-    rests = run.time > run.time[asked] + tp.Watch().stop_lost + 2e-3
+    rests = run.time > run.time[asked] + tp.FaultMonitor().stop_lost + 2e-3
     assert np.abs(run.torque[rests, motor] - weight[motor]).max() < 1e-6
 
 
@@ -215,9 +218,9 @@ def test_once_all_brakes_are_asked_for_the_motors_hold_the_weight_alone(
     name: str, seed: int
 ) -> None:
     robot = tp.load(name).with_sensors("theta" if name == "h4" else "z_telemeter").expected()
-    truth = with_tolerance_errors(robot, seed)
-    lost = [tp.Fault(f"q{k + 1}", "dropout", at=0.1) for k in range(robot.n)]
-    run = tp.simulate(robot, truth, "joint", faults=lost, watch=tp.Watch(), hold=0.3)
+    truth = robot.sample(seed)
+    lost = [tp.faults.Fault(f"q{k + 1}", "dropout", at=0.1) for k in range(robot.n)]
+    run = tp.simulate(robot, truth, "joint", faults=lost, watch=tp.FaultMonitor(), hold=0.3)
     held = run.brakes == (1 << robot.n) - 1
     assert held[-1]
     assert run.time[held.argmax()] < 0.13

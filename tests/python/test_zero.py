@@ -9,7 +9,6 @@ import truepose as tp
 from truepose import logs
 from truepose.exceptions import InputError
 from truepose.robot.knowledge import reading_sigma
-from truepose.simulation.true_robots import with_tolerance_errors
 
 FLAT = np.radians(0.05)
 
@@ -21,9 +20,9 @@ def ankle(request):
 
 def standing(ankle, seed):
     """Return a true ankle, and what its motors read while its foot is flat, about so well."""
-    true = with_tolerance_errors(ankle, seed)
+    true = ankle.sample(seed)
     rng = np.random.default_rng(seed)
-    q = true.extended(FLAT * rng.standard_normal((1, ankle.n)))
+    q = true.extended_positions(FLAT * rng.standard_normal((1, ankle.n)))
     return true, q + reading_sigma(ankle) * rng.standard_normal(q.shape)
 
 
@@ -34,7 +33,7 @@ def test_a_zeroed_ankle_is_as_accurate_as_the_bound_says(ankle, robots_drawn, an
     off, nees = [], []
     for seed in range(robots_drawn):
         true, q = standing(ankle, seed)
-        found = tp.zero(ankle, q)
+        found = tp.calibration.zero(ankle, q)
         e = found.robot.fkm(true.ikm(x), x) - x
         P = tp.accuracy(found.robot, x)
         off.append(e)
@@ -48,7 +47,7 @@ def test_a_zeroed_ankle_is_as_accurate_as_the_bound_says(ankle, robots_drawn, an
 
 def test_a_motor_s_zero_is_off_by_what_the_true_ankle_s_is(ankle):
     true, q = standing(ankle, 3)
-    found = tp.zero(ankle, q)
+    found = tp.calibration.zero(ankle, q)
     there = true.ikm([0, 0]) - ankle.ikm([0, 0])
     for motor, off in zip(found.motors, there, strict=True):
         assert abs(motor.off - off) < 5 * motor.sigma < motor.prior_sigma
@@ -58,7 +57,10 @@ def test_a_motor_s_zero_is_off_by_what_the_true_ankle_s_is(ankle):
 
 def test_a_stance_read_a_thousand_times_is_one_stance(ankle):
     _, q = standing(ankle, 1)
-    once, often = tp.zero(ankle, q), tp.zero(ankle, np.repeat(q, 1000, axis=0))
+    once, often = (
+        tp.calibration.zero(ankle, q),
+        tp.calibration.zero(ankle, np.repeat(q, 1000, axis=0)),
+    )
     assert [m.off for m in often.motors] == pytest.approx([m.off for m in once.motors])
     assert [m.sigma for m in often.motors] == pytest.approx([m.sigma for m in once.motors])
 
@@ -66,7 +68,7 @@ def test_a_stance_read_a_thousand_times_is_one_stance(ankle):
 def test_four_stances_know_the_zero_twice_as_well_as_one(ankle):
     _, q = standing(ankle, 1)
     table = {"q1": [q[0, 0]] * 4, "q2": [q[0, 1]] * 4, "stance": list("abcd")}
-    one, four = tp.zero(ankle, q, sigma=FLAT / 2), tp.zero(ankle, table)
+    one, four = tp.calibration.zero(ankle, q, sigma=FLAT / 2), tp.calibration.zero(ankle, table)
     assert [m.sigma for m in four.motors] == pytest.approx([m.sigma for m in one.motors])
 
 
@@ -84,12 +86,14 @@ def test_the_lines_of_a_stance_measure_it_once_for_a_calibration(ankle):
 
 
 def test_stances_at_other_angles_tell_more_of_lengths(ankle, rng):
-    true = with_tolerance_errors(ankle, 2)
+    true = ankle.sample(2)
     x = rng.uniform(-0.15, 0.15, (12, 2))
     names = [*ankle.readings, *(f"measured_{name}" for name, _ in ankle.coordinates)]
-    found = tp.zero(ankle, dict(zip(names, np.hstack([true.extended(x), x]).T, strict=True)))
+    found = tp.calibration.zero(
+        ankle, dict(zip(names, np.hstack([true.extended_positions(x), x]).T, strict=True))
+    )
     assert np.allclose(found.x, x)
-    flat = tp.zero(ankle, true.extended([[0, 0]]))
+    flat = tp.calibration.zero(ankle, true.extended_positions([[0, 0]]))
     sigma = [np.sqrt(f.accuracy(x)[1].trace(axis1=1, axis2=2).mean()) for f in (found, flat)]
     assert sigma[0] < sigma[1]
 
@@ -98,8 +102,8 @@ def test_a_stance_at_a_stop_is_a_stance():
     """The readings' errors take the pose a little beyond the limit."""
     ankle = tp.load("g1-ankle").with_sensors()
     stop = [0.0, ankle.spec.axis[1].limits[1]]
-    q = ankle.extended([[0.0, stop[1] + 1e-4]])
-    found = tp.zero(ankle, q, at=stop)
+    q = ankle.extended_positions([[0.0, stop[1] + 1e-4]])
+    found = tp.calibration.zero(ankle, q, at=stop)
     assert found.fit.x[0, 1] > stop[1]
     assert np.isfinite(found.accuracy(found.fit.x)).all()
     assert np.allclose([m.off for m in found.motors], q[0] - ankle.ikm(stop), atol=3e-4)
@@ -107,14 +111,16 @@ def test_a_stance_at_a_stop_is_a_stance():
 
 def test_an_axis_that_was_not_measured_is_not_known(ankle):
     """A digital level on the pitch axis alone; the foot stands 4° about the other."""
-    true = with_tolerance_errors(ankle, 4)
+    true = ankle.sample(4)
     x = np.array([[0.1, 0.07], [-0.1, 0.07]])
-    log = dict(zip(ankle.readings, true.extended(x).T, strict=True)) | {"measured_pitch": x[:, 0]}
-    found = tp.zero(ankle, log)
+    log = dict(zip(ankle.readings, true.extended_positions(x).T, strict=True)) | {
+        "measured_pitch": x[:, 0]
+    }
+    found = tp.calibration.zero(ankle, log)
     assert np.isnan(found.x[:, 1]).all() and np.allclose(found.x[:, 0], x[:, 0])
     e = (found.fit.x - x) / np.sqrt(np.diagonal(tp.accuracy(found.robot, x), axis1=1, axis2=2))
     assert np.abs(e).max() < 4
-    told = tp.zero(ankle, log, at=[np.nan, 0.07])
+    told = tp.calibration.zero(ankle, log, at=[np.nan, 0.07])
     assert (told.x[:, 1] == 0.07).all()
     roll = [tp.accuracy(f.robot, x)[:, 1, 1].mean() for f in (told, found)]
     assert roll[0] < 0.1 * roll[1]
@@ -125,7 +131,7 @@ def test_a_stance_says_nothing_of_a_turn_about_the_vertical():
     upright = ~logs.tilts(neck)
     names = [name for name, _ in neck.coordinates]
     assert [names[k] for k in np.flatnonzero(upright)] == ["yaw"]
-    found = tp.zero(neck, neck.extended([neck.home]))
+    found = tp.calibration.zero(neck, neck.extended_positions([neck.home]))
     assert np.isnan(found.x[0, upright]).all() and np.isfinite(found.x[0, ~upright]).all()
 
 
@@ -184,114 +190,114 @@ def flat(**others):
 
 def test_a_log_that_no_ankle_of_these_tolerances_reads_is_refused(ankle):
     """Zeros 2 σ off are found; 0.5 rad, degrees and a slip within a stance are mistakes."""
-    two = 2 * tp.zero(ankle, flat()).motors[0].prior_sigma
-    found = tp.zero(ankle, flat(q1=np.full(4, two)))
+    two = 2 * tp.calibration.zero(ankle, flat()).motors[0].prior_sigma
+    found = tp.calibration.zero(ankle, flat(q1=np.full(4, two)))
     assert abs(found.motors[0].off - two) < 5 * found.motors[0].sigma
     far = r"stance a: rows 1, 2: q1 = 0.51.* \(drawn: 0\), q2 = .* is 0, by .* σ .*: in degrees"
     with pytest.raises(InputError, match=far):
-        tp.zero(ankle, flat(q1=np.array(flat()["q1"]) + 0.5))
+        tp.calibration.zero(ankle, flat(q1=np.array(flat()["q1"]) + 0.5))
     with pytest.raises(InputError, match=r"stance a: .*: in degrees, a sign, the order"):
-        tp.zero(ankle, flat(q1=[29.0] * 4, q2=[-17.0] * 4))
+        tp.calibration.zero(ankle, flat(q1=[29.0] * 4, q2=[-17.0] * 4))
     with pytest.raises(InputError, match=r"stance a: rows 1, 2: the robot moves .* q1 by 0.5 rad"):
-        tp.zero(ankle, flat(q1=[0.01, 0.51, 0.01, 0.01]))
+        tp.calibration.zero(ankle, flat(q1=[0.01, 0.51, 0.01, 0.01]))
 
 
 def test_a_stance_that_slips_a_little_is_told_and_used(ankle):
-    found = tp.zero(ankle, flat(q1=[0.01, 0.02, 0.01, 0.01]))
+    found = tp.calibration.zero(ankle, flat(q1=[0.01, 0.02, 0.01, 0.01]))
     assert "rows 1, 2: the robot moves while it stands, q1 by 0.01 rad" in found.notes[0]
 
 
 def test_a_line_without_all_its_motors_is_left_out(ankle):
-    whole = tp.zero(ankle, flat())
+    whole = tp.calibration.zero(ankle, flat())
     holed = flat(
         q1=[np.nan, *flat()["q1"]], q2=[0.0, *flat()["q2"]], stance=["a", "a", "a", "b", "b"]
     )
-    found = tp.zero(ankle, holed)
+    found = tp.calibration.zero(ankle, holed)
     assert found.notes == ("row 1: left out: a motor was not read",)
     assert [m.off for m in found.motors] == [m.off for m in whole.motors]
     with pytest.raises(InputError, match="no line has a reading of every motor"):
-        tp.zero(ankle, flat(q1=[np.nan] * 4))
+        tp.calibration.zero(ankle, flat(q1=[np.nan] * 4))
 
 
 def test_a_sensor_that_missed_a_line_is_read_on_the_others():
     ankle = tp.load("g1-ankle").with_sensors("roll_encoder")
     log = flat(roll_encoder=[np.nan, 0.001, 0.001, 0.001])
-    assert tp.zero(ankle, log).fit.redundancy.tolist() == [3]
+    assert tp.calibration.zero(ankle, log).fit.redundancy.tolist() == [3]
 
 
 @pytest.mark.parametrize("readings", [[0, 0, 0], np.zeros((2, 3)), np.zeros((1, 2, 2))])
 def test_readings_of_a_wrong_shape_are_told(ankle, readings):
     with pytest.raises(InputError, match=r"readings: shape \(.*, must be \(.*, 2\)"):
-        tp.zero(ankle, readings)
+        tp.calibration.zero(ankle, readings)
 
 
 @pytest.mark.parametrize("columns", [("measured_pitch", "measured_roll"), ("measured_pitch",)])
 def test_poses_measured_in_degrees_are_refused(ankle, rng, columns):
     """Calibrate's check where there is enough to tell; else they are off beyond tolerance."""
     x = rng.uniform(-0.15, 0.15, (6, 2))
-    log = dict(zip(ankle.readings, ankle.extended(x).T, strict=True))
+    log = dict(zip(ankle.readings, ankle.extended_positions(x).T, strict=True))
     log |= dict(zip(columns, np.degrees(x).T, strict=False))
     with pytest.raises(InputError, match="in degrees") as error:
-        tp.zero(ankle, log)
+        tp.calibration.zero(ankle, log)
     if len(columns) == 2:
         assert (
             str(error.value) == "readings: measured_pitch, measured_roll: in degrees, must be rad"
         )
     with pytest.raises(InputError, match="in degrees"):
-        tp.zero(ankle, {name: column[:1] for name, column in log.items()})
+        tp.calibration.zero(ankle, {name: column[:1] for name, column in log.items()})
 
 
 def test_readings_without_a_pose_are_refused(ankle):
     with pytest.raises(InputError, match="must be greater than 0"):
-        tp.zero(ankle, [[0.0, 0.0]], sigma=0.0)
+        tp.calibration.zero(ankle, [[0.0, 0.0]], sigma=0.0)
 
 
 def three(ankle, seed, off):
     """Return a log of three flat stances, one of them with its roll off by so many σ."""
     rng = np.random.default_rng(seed)
-    true = with_tolerance_errors(ankle, seed)
+    true = ankle.sample(seed)
     x = FLAT * rng.standard_normal((3, 2))
     x[rng.integers(3), 1] += off * FLAT
-    q = true.extended(x) + reading_sigma(ankle) * rng.standard_normal((3, 2))
+    q = true.extended_positions(x) + reading_sigma(ankle) * rng.standard_normal((3, 2))
     return {"q1": q[:, 0], "q2": q[:, 1], "stance": list("abc")}
 
 
 def test_a_stance_that_contradicts_the_others_is_named_and_refused(ankle):
     """12 σ off: 0.6° on the floor. Good stances pass: one log in 1000 is refused."""
     for seed in range(20):
-        tp.zero(ankle, three(ankle, seed, 0))
+        tp.calibration.zero(ankle, three(ankle, seed, 0))
         log, wrong = three(ankle, seed, 12), np.random.default_rng(seed)
         wrong.standard_normal((3, 2))
         k = wrong.integers(3)
         said = f"^stance {'abc'[k]}: row {k + 1}: contradicts the other 2: .* roll \\+0.[4-9]"
         with pytest.raises(InputError, match=said):
-            tp.zero(ankle, log)
+            tp.calibration.zero(ankle, log)
         rest = {name: np.delete(column, k) for name, column in log.items()}
-        assert len(tp.zero(ankle, rest).notes) == 0
+        assert len(tp.calibration.zero(ankle, rest).notes) == 0
 
 
 def test_of_two_stances_that_contradict_each_other_both_are_named(ankle):
     log = {name: column[:2] for name, column in three(ankle, 1, 0).items()}
-    tp.zero(ankle, log)
+    tp.calibration.zero(ankle, log)
     log["q1"] = log["q1"] + [0.0, 0.03]
     with pytest.raises(InputError, match=r"stance .: row .: contradicts stance .: row .: .* both"):
-        tp.zero(ankle, log)
+        tp.calibration.zero(ankle, log)
 
 
 def test_a_stance_at_another_angle_is_compared_with_the_others_too(ankle, rng):
     """Measured by a level: pitch of all, roll of the first three."""
-    true = with_tolerance_errors(ankle, 2)
+    true = ankle.sample(2)
     x = rng.uniform(-0.15, 0.15, (6, 2))
-    log = dict(zip(ankle.readings, true.extended(x).T, strict=True))
+    log = dict(zip(ankle.readings, true.extended_positions(x).T, strict=True))
     log["measured_pitch"], log["measured_roll"] = x[:, 0].copy(), x[:, 1].copy()
     log["measured_roll"][3:] = np.nan
-    tp.zero(ankle, log)
+    tp.calibration.zero(ankle, log)
     log["measured_pitch"][1] += 12 * FLAT
     with pytest.raises(InputError, match=r"^row 2: contradicts the other 5: .* pitch -0\.[4-9]"):
-        tp.zero(ankle, log)
+        tp.calibration.zero(ankle, log)
 
 
 def test_one_stance_alone_says_what_it_cannot_show(ankle):
     _, q = standing(ankle, 1)
-    (note,) = tp.zero(ankle, q).notes
+    (note,) = tp.calibration.zero(ankle, q).notes
     assert re.match(r"one stance: .* below pitch \d\.\d°, roll \d\.\d° goes into the zeros", note)

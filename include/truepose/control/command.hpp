@@ -1,5 +1,4 @@
-// Which motor positions may a machine be sent to for this pose? The inverse model, with everything
-// checked that it leaves open.
+// Motor positions for a commanded pose: the inverse model with every check.
 #pragma once
 
 #include "truepose/full/kinematics.hpp"

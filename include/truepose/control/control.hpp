@@ -1,4 +1,4 @@
-// Which torque now? One control cycle: readings and setpoint in, motor torques out.
+// One control cycle: readings and setpoint in, motor torques out.
 #pragma once
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Which torques move the nacelle? The reduced dynamic model, in the nacelle's coordinates.
+// The reduced dynamic model, in the platform's coordinates.
 //
 // Driven by the pose, every loop closes exactly: q, q̇, q̈ follow from x, ẋ, ẍ through the closure
 // and its two derivatives. Rotors and arms turn about the motors' axes, rods are slender (their

@@ -1,5 +1,4 @@
-// What does a controller do that may be left alone with a machine? The watch before the law, a way
-// down behind it.
+// The fault-tolerant controller: fault monitor, law, stop and brakes.
 //
 // Laws stay what they are: what is not believed any more is replaced before they see it, and weighs
 // nothing where they weigh. What cannot be replaced, or decided, stops the robot on its path.

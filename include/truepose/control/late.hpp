@@ -1,4 +1,4 @@
-// What would a slow and late sensor read now? A camera's pictures are few, and old on arrival.
+// Multirate and delayed sensors: prediction of their present value.
 //
 // A reading is h(x) + p, h the believed sensor at the pose x that the motors alone give. What they
 // say of where the nacelle is may be off by millimetres, but of how it moved in a few milliseconds

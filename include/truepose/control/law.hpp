@@ -1,5 +1,4 @@
-// What motor error do the readings mean? The paper's three answers and two that weigh the readings
-// by what is known of them, from one reference.
+// Control laws: motor errors from readings, the paper's three and two that weigh the readings.
 //
 // A robot that is understood rod by rod (Robot::level) gets its desired readings, its weights and
 // its estimate from the full level; J and the paper's TEJ, which only turn errors into errors, and

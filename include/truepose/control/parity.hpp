@@ -1,4 +1,4 @@
-// What do the readings disagree about, once the motors have said where the nacelle is?
+// The disagreement of the redundant readings with the motors.
 //
 // p = P (q_e - h), P = [-J_r J, I]: the redundant readings less what the motors say that they
 // should be, at the pose of the motors. It does not depend on the pose; a reading that is wrong by

@@ -1,4 +1,4 @@
-// How do redundant readings correct the motors? The extended-to-joint matrix (TEJ).
+// The extended-to-joint matrix (TEJ), which corrects motor errors by redundant readings.
 #pragma once
 
 #include "truepose/kinematics/damping.hpp"

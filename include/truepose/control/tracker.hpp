@@ -1,4 +1,4 @@
-// Where is a reading going? Position and rate of what comes once a cycle.
+// Position and rate of a signal that is sampled once a cycle.
 #pragma once
 
 #include "truepose/math/real.hpp"

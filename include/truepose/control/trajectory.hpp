@@ -1,4 +1,4 @@
-// Where should the nacelle be at time t? A straight move with a quintic time law.
+// A straight move with a quintic time law.
 #pragma once
 
 #include <algorithm>

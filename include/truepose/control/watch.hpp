@@ -1,4 +1,4 @@
-// Does any reading lie, and which?
+// Detection and isolation of faulty readings (FDI).
 //
 // Four questions a cycle. Alone: is a reading a number, within its range, no faster than the motors
 // can make it, and does it change while the robot moves? Together: is the parity (parity.hpp)

@@ -1,4 +1,4 @@
-// What is known of each reading, and what does a watch go by? Its settings, its memory.
+// Settings and memory of the fault monitor.
 #pragma once
 
 #include "truepose/control/law.hpp"

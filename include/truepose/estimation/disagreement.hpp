@@ -1,4 +1,4 @@
-// Do the readings of one line contradict each other, which of them alone, and for how long?
+// Residual tests of one row of readings: contradiction, its isolation, its duration.
 //
 // Once the pose is eliminated, r equations F ζ = y are left: ζ has unit variance (δξ = S ζ), each
 // equation noise. Their mixture hides nothing when they are tested together: yᵀ(R + F Fᵀ)⁻¹y is χ²

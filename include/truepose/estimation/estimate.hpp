@@ -1,4 +1,4 @@
-// Where is the nacelle, from all readings together, and how well is that known?
+// The pose estimate from all readings together, and its covariance.
 //
 // x̂ = argmin |q_e - h(x)|² in the metric C⁻¹, C = H_ξ Σ_ξ H_ξᵀ + Σ_s: what the readings cannot be
 // trusted for, geometry and counts alike. The same weights make the weighted TEJ.

@@ -1,5 +1,5 @@
-// What of the weights lasts from cycle to cycle? The geometry's part of C, in coordinates in which
-// it changes slowly with the pose.
+// The gain matrix of an estimate, cached from cycle to cycle. The geometry's part of C is kept in
+// coordinates in which it changes slowly with the pose.
 //
 // C = H_ξ Σ_ξ H_ξᵀ + Σ_s: the first term is dear, the second may change in any cycle (a reading
 // that is not believed). Of e = q_e - h take what the motors say of the pose, e_x = J e_q with J =

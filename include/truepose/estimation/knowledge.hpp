@@ -1,4 +1,4 @@
-// What is known of the geometry, and of the readings' own errors? Σ_ξ and Σ_s.
+// Covariances of the geometry and of the readings: Σ_ξ and Σ_s.
 #pragma once
 
 #include "truepose/model/parameters.hpp"

@@ -1,4 +1,4 @@
-// How does a controller learn the robot's geometry while it controls it?
+// Online calibration beside the control cycle.
 //
 // Between a cycle's readings and its torque, the online filter (online.hpp) takes the readings as
 // one more line about ξ, and the controller believes in the robot at ξ̂ from then on.

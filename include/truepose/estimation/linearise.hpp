@@ -1,5 +1,5 @@
-// What do all readings say at a pose, and how do they change with it and with every parameter?
-// q_e = [q; r], H_x = ∂q_e/∂x and H_ξ = ∂q_e/∂ξ: all that estimation and calibration need.
+// Values and derivatives of all readings at a pose, by pose and by parameter. q_e = [q; r], H_x =
+// ∂q_e/∂x and H_ξ = ∂q_e/∂ξ.
 #pragma once
 
 #include "truepose/model/parameters.hpp"

@@ -1,4 +1,4 @@
-// How does a robot learn its geometry while it works? One line of readings a cycle.
+// Online (recursive) calibration, one row of readings per cycle.
 //
 // A square-root filter on ξ. The pose of the moment is unknown and eliminated (eliminate.hpp): r
 // equations about ξ alone remain, and each updates the root S of the covariance, Σ_ξ = S Sᵀ

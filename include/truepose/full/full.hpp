@@ -1,5 +1,4 @@
-// What does every rod do by itself? The full level of the model: nacelle bodies may tilt, bars may
-// turn, and each rod of a spatial parallelogram closes its own loop (docs/model.md, Two levels).
+// The full level of the model: every rod by itself, platform bodies that tilt, bars that turn.
 //
 // Unknowns are D, R in SO(3) and one angle ψ_k per lateral bar, whose orientation is R R_z(ψ_k).
 // The two rods of chain i, ±, join

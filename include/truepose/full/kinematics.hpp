@@ -1,5 +1,4 @@
-// Where does the real mechanism stand? IKM, FKM and Jacobian of the full level, where every rod
-// closes its own loop (full.hpp). As many rods as unknowns, so each is a square system.
+// IKM, FKM and Jacobian of the full level.
 #pragma once
 
 #include "truepose/full/full.hpp"

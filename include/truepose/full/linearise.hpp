@@ -1,4 +1,4 @@
-// What do all readings say at a pose, and how do they change, where every rod closes its own loop?
+// Values and derivatives of all readings at the full level.
 //
 // At fixed x the motors, the nacelle's tilt and its bars follow a parameter: with y = (q, tilt, ψ),
 // A = -∂f/∂y (full_detail::Inverse) and X = -∂f/∂x of all rods' closures f(y; x, ξ) = 0,

@@ -1,4 +1,4 @@
-// What should the redundant sensors read where every rod closes its own loop? RKM, full level.
+// The redundant kinematic model (RKM) at the full level.
 #pragma once
 
 #include "truepose/full/kinematics.hpp"

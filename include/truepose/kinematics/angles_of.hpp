@@ -1,4 +1,4 @@
-// At which angles do its passive axes carry a pivot's nacelle to a place that was seen?
+// Angles of passive axes that carry the platform to a given orientation.
 #pragma once
 
 #include "truepose/math/square.hpp"

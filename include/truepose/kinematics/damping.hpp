@@ -1,4 +1,4 @@
-// What can a robot still be asked beside a singularity? Its conditioning, and a damped Jacobian.
+// Conditioning of a pose, and a damped Jacobian near singularities.
 //
 // J = J_x⁻¹ J_q grows without bound where the rods' lines become dependent (type 2), J⁻¹ where an
 // arm stretches (type 1). Levenberg's damping, in a band only (Nakamura and Hanafusa 1986), bounds

@@ -1,4 +1,4 @@
-// Where is the nacelle, from the motors alone? The forward kinematic model (FKM), by Newton.
+// The forward kinematic model (FKM), by damped Newton iteration.
 #pragma once
 
 #include "truepose/kinematics/damping.hpp"

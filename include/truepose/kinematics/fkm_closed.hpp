@@ -1,4 +1,4 @@
-// Where is the nacelle, when its orientation is known? In closed form: D lies on n spheres.
+// The forward kinematic model in closed form where the orientation is known: D lies on n spheres.
 #pragma once
 
 #include "truepose/model/chain.hpp"

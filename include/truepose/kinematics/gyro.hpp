@@ -1,4 +1,4 @@
-// What does a gyroscope on the nacelle read? ω = W(x) ẋ, in the nacelle's frame.
+// Angular rate that a gyroscope on the platform reads: ω = W(x) ẋ, in the platform's frame.
 #pragma once
 
 #include "truepose/model/pose.hpp"

@@ -1,4 +1,4 @@
-// Which motor positions hold this pose? The inverse kinematic model (IKM).
+// The inverse kinematic model (IKM).
 #pragma once
 
 #include "truepose/model/chain.hpp"

@@ -1,4 +1,4 @@
-// How do small motions of the nacelle and of the motors correspond? J_x ẋ = J_q q̇, ẋ = J q̇.
+// Jacobians between motions of platform and motors: J_x ẋ = J_q q̇, ẋ = J q̇.
 #pragma once
 
 #include "truepose/kinematics/ikm.hpp"

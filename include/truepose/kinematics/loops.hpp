@@ -1,5 +1,4 @@
-// By how much are the loops open with the motors held, and how does a motion of the nacelle change
-// that? What a search for the pose steps on.
+// Loop-closure residuals with the motors held, and their derivatives by the platform's motion.
 #pragma once
 
 #include "truepose/kinematics/jacobian.hpp"

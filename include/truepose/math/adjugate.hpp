@@ -1,4 +1,4 @@
-// What are the adjugate and the determinant of a small matrix?
+// Adjugate and determinant of a small matrix.
 #pragma once
 
 #include <array>

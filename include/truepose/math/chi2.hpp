@@ -1,5 +1,4 @@
-// How large may a sum of squares be by chance? Tails of χ² with a whole number of degrees of
-// freedom.
+// Tails of the χ² distribution with a whole number of degrees of freedom.
 #pragma once
 
 #include <cmath>

@@ -1,4 +1,4 @@
-// What do the readings at one pose say of ξ, when nobody knows the pose?
+// Elimination of the pose from the readings' linear model, which leaves rows in ξ alone.
 //
 // To first order e = H_x δx + H_ξ δξ + noise. In units of the readings' σ, Householder's
 // reflections turn H_x into [R; 0]: the n upper rows give δx once δξ is known, the others hold no

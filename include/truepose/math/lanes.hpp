@@ -1,4 +1,4 @@
-// How are all chains treated at once? Component by component, so that one instruction serves two.
+// All chains at once, component by component, so that one instruction serves two.
 #pragma once
 
 #include "truepose/model/robot.hpp"

@@ -1,4 +1,4 @@
-// How is a small symmetric system solved? One LDLᵀ for the FKM, J, the TEJ and the dynamics.
+// LDLᵀ of a small symmetric system, for the FKM, J, the TEJ and the dynamics.
 #pragma once
 
 #include <array>

@@ -1,4 +1,4 @@
-// How does a search step towards closed loops? Newton, damped where a step fails.
+// Newton steps towards closed loops, damped where a step fails.
 #pragma once
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// In what precision does everything compute? Double; single, where the machine has no double unit.
+// The precision of all computation: double, or single for machines without a double unit.
 //
 // Single precision is for small machines' builds of the control path and needs a compiler that
 // takes a constant like 0.1 as single too (gcc's -fsingle-precision-constant):

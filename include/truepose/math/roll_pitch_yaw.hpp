@@ -1,4 +1,4 @@
-// Which angles do machine controllers name an orientation by? R = Rz(yaw) Ry(pitch) Rx(roll).
+// Roll, pitch and yaw of machine controllers: R = Rz(yaw) Ry(pitch) Rx(roll).
 #pragma once
 
 #include <array>

@@ -1,4 +1,4 @@
-// How is the 6×6 matrix of a spatial robot inverted? By two triples of its rows, side by side.
+// Inverse of the 6×6 matrix of a spatial robot, by two triples of its rows.
 #pragma once
 
 #include "truepose/math/adjugate.hpp"

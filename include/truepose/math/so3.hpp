@@ -1,4 +1,4 @@
-// How do rotations and their vectors correspond? exp, log and the angle θ about z.
+// Rotations and their vectors: exp, log and the angle θ about z.
 #pragma once
 
 #include <numbers>

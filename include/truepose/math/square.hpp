@@ -1,4 +1,4 @@
-// How is a small square system solved? Newton's step, the columns of J, the sign of det J_x.
+// Solution of a small square system: Newton's step, the columns of J, the sign of det J_x.
 #pragma once
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// What is the compiler told beyond the language? Which calls to inline, and which never.
+// Compiler attributes: which calls to inline, and which never.
 #pragma once
 
 /// FLATTEN inlines all calls inside a hot function. Eigen's small expressions otherwise stay calls,

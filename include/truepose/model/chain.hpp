@@ -1,4 +1,5 @@
-// How does one chain close? Both ways: from the motor to B, and from the nacelle to the motor.
+// Closure of one chain in both directions: from the motor to B, and from the platform to the
+// motor.
 #pragma once
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// What does a rotary encoder read whose disc sits off its shaft's centre?
+// Reading of a rotary encoder with an eccentric disc.
 #pragma once
 
 #include <array>

@@ -1,4 +1,4 @@
-// Which robot do these values of ξ make? From the robot as drawn, and one value for each column.
+// The robot that given values of ξ make.
 #pragma once
 
 #include "truepose/model/parameters.hpp"

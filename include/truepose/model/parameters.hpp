@@ -1,5 +1,4 @@
-// How does every reading change with every geometric parameter ξ? The order and the names of ξ,
-// and H_ξ.
+// Derivatives of every reading by every geometric parameter, H_ξ; the order and names of ξ.
 //
 // Two layers: a parameter varies points, directions and lengths of a chain (Variation), once; the
 // readings know their derivatives with respect to those (Sensed, the closure). Everything is at

@@ -1,4 +1,4 @@
-// How does a robot hold vectors? As plain numbers: Eigen's own types cannot be copied byte by byte.
+// Vectors as plain numbers: Eigen's own types cannot be copied byte by byte.
 #pragma once
 
 #include <Eigen/Core>

@@ -1,4 +1,4 @@
-// Where is the nacelle? Coordinates x, pose (D, R) and the twists that the mobility leaves free.
+// Coordinates x, poses (D, R) and the twists that the mobility leaves free.
 #pragma once
 
 #include <cassert>

@@ -1,4 +1,4 @@
-// What is a robot? Plain data: chains, sensors, bodies. One struct serves every mechanism.
+// Robots as plain data: chains, sensors, bodies. One struct serves every mechanism.
 //
 // One closure equation covers the field's rod-type robots (docs/model.md):
 //

@@ -1,4 +1,4 @@
-// What kinds of sensors are there, and what holds for every reading of a kind? One row each.
+// Kinds of sensors, and what holds for every reading of a kind. One row each.
 //
 // Whoever must know something of a kind asks this table, the Python package included. What a kind
 // reads, with its derivatives, is its `sense` (sensors/).

@@ -1,4 +1,4 @@
-// How did it go? One answer for every function of the real-time core.
+// The result of every function of the real-time core.
 #pragma once
 
 namespace truepose {

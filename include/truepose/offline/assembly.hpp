@@ -1,5 +1,5 @@
-// Where else could the nacelle be? All poses that the same motor positions allow, by searches from
-// many random poses.
+// Assembly modes: all poses that the same motor positions allow, by searches from many random
+// poses.
 #pragma once
 
 #include <algorithm>

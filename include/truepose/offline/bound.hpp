@@ -1,4 +1,4 @@
-// How accurate can the pose be known at best? The (Bayesian, linear-Gaussian) Cramér-Rao bound.
+// The (Bayesian, linear-Gaussian) Cramér-Rao bound of the pose.
 #pragma once
 
 #include <Eigen/Cholesky>

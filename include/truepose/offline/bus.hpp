@@ -1,4 +1,4 @@
-// What does a controller get of sensors that are slow or late? Their last sample to arrive, held.
+// The last sample to arrive of slow or delayed sensors, held.
 #pragma once
 
 #include <vector>

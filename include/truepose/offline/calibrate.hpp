@@ -1,4 +1,4 @@
-// Which geometry explains a robot's own readings? The maximum a posteriori estimate of ξ.
+// The maximum a posteriori estimate of ξ from a robot's own readings.
 //
 // Minimises |u|² + Σ_k s_k ρ(d_k²) over ξ = μ + S u and every pose x_k, where d_k² is what the
 // readings at pose k still disagree about once the best pose is taken. Poses are eliminated

@@ -1,4 +1,4 @@
-// What does a batch calibration take, and what does it give?
+// Input and output of a batch calibration.
 #pragma once
 
 #include <functional>

@@ -1,4 +1,4 @@
-// What does the exact plant do that the model forgets? Friction, compliance, backlash, ripple.
+// Effects that the exact plant has and the model omits: friction, compliance, backlash, ripple.
 //
 // Thermal growth, eccentric encoders and counts are geometry: parameters of the true robot.
 #pragma once

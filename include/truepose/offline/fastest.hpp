@@ -1,4 +1,4 @@
-// How fast can a robot's readings change their rates? What no torque can do, a reading did alone.
+// The largest change of a reading's rate that the motors' torques allow.
 #pragma once
 
 #include "truepose/control/dynamics.hpp"

@@ -1,5 +1,4 @@
-// What does a faulty sensor read? What it would read if it were whole, and what the fault makes of
-// that.
+// Readings of faulty sensors.
 #pragma once
 
 #include <algorithm>

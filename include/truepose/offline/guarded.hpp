@@ -1,4 +1,4 @@
-// What does the ideal level leave out, and how large may it be?
+// Errors that the ideal level omits, and their size.
 #pragma once
 
 #include "truepose/full/linearise.hpp"

@@ -1,4 +1,4 @@
-// How does offline work, which is written once for every mobility, reach what is compiled for each?
+// The table by which offline work, written once for all mobilities, calls compiled kernels.
 //
 // By a table: n is a number here, and matrices have room for the largest.
 #pragma once

@@ -1,4 +1,4 @@
-// What does one line of readings say of ξ, linearised, its pose eliminated?
+// One row of readings as linear equations in ξ, with its pose eliminated.
 #pragma once
 
 #include "truepose/math/eliminate.hpp"

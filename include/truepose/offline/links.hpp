@@ -1,4 +1,4 @@
-// What do differences between visited poses say of ξ, when nobody knows the poses?
+// Differences between visited poses as linear equations in ξ, with the poses eliminated.
 //
 // A plane that the tool touches, the distance of two of its places, a place that it comes back to:
 // f(x_i, x_j, w) is measured to within σ, w unknowns of the difference's own. A line's pose is

@@ -1,4 +1,4 @@
-// What does a disagreement between the readings of one line cost, and what is the line then worth?
+// Robust losses of a row's disagreement, and the row's weight.
 //
 // A line leaves m equations about ξ, whitened: y = R u + e, e normal with unit covariance. It costs
 // ρ(d²), d² = |y - R u|², and so pulls by ψ(e) = w e with w = dρ/d(d²). Its pull is isotropic,

@@ -1,4 +1,4 @@
-// What does the real robot do? The true geometry under motor torques, and what its encoders read.
+// The plant: true geometry under motor torques, and its encoders' readings.
 #pragma once
 
 #include <random>

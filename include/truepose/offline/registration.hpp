@@ -1,4 +1,4 @@
-// In which frame did something outside measure, and where on the nacelle was its marker?
+// The frame and the marker of an external measurement.
 //
 // A tracker sees the marker's frame in its own: T ∘ (D, R) ∘ (c, M), that is
 //

@@ -1,4 +1,4 @@
-// What happens when a controller drives a robot? The closed loop: nominal controller, true plant.
+// The closed loop: nominal controller, true plant.
 #pragma once
 
 #include <functional>

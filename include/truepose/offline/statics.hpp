@@ -1,4 +1,4 @@
-// Where does a robot come to rest under a controller? Exactly, without simulating the motion.
+// Static equilibrium under a controller, without simulation of the motion.
 #pragma once
 
 #include <Eigen/LU>

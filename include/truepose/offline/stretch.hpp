@@ -1,4 +1,4 @@
-// By how much do rods, legs and belts give way to what they carry?
+// Deflection of rods, legs and belts under load.
 //
 // A rod of length L under the tension T becomes L (1 + c T), c its compliance. The rods alone hold
 // what hangs on the nacelle, a force and weights (each rod's half its own): along every freedom z

@@ -1,4 +1,5 @@
-// What do encoders on a chain's joints read? Elbow, nacelle-side joint, U-joint, motor's load side.
+// Readings of encoders on a chain's joints: elbow, platform-side joint, U-joint, motor's load
+// side.
 #pragma once
 
 #include "truepose/sensors/sensed.hpp"

@@ -1,4 +1,4 @@
-// What do sensors of length read? Telemeter, draw-wire or ball bar, rod length.
+// Readings of length sensors: telemeter, draw-wire or ball bar, rod length.
 #pragma once
 
 #include "truepose/sensors/sensed.hpp"

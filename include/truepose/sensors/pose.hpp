@@ -1,4 +1,4 @@
-// What do sensors of the nacelle's pose read? Angle, inclinometer, tracker.
+// Readings of sensors of the platform's pose: angle, inclinometer, tracker.
 #pragma once
 
 #include "truepose/sensors/sensed.hpp"

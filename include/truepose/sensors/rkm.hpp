@@ -1,4 +1,4 @@
-// What should the redundant sensors read at this pose? The redundant kinematic model (RKM).
+// The redundant kinematic model (RKM): readings of all redundant sensors at a pose.
 #pragma once
 
 #include "truepose/sensors/sensor.hpp"

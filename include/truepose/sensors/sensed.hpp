@@ -1,4 +1,4 @@
-// What moves a reading? Value and gradients of one sensor, whatever its kind.
+// Value and gradients of one sensor, of any kind.
 #pragma once
 
 #include "truepose/kinematics/ikm.hpp"

@@ -1,4 +1,4 @@
-// What does a redundant sensor read, and how does that change with the pose? s(x), J_r.
+// Reading of a redundant sensor and its derivative by the pose: s(x), J_r.
 #pragma once
 
 #include "truepose/kinematics/jacobian.hpp"

@@ -1,1 +1,23 @@
-"""What do readings tell of the robot, and how far can it be trusted?"""
+"""Calibration: what a log of readings tells of a robot, and how accurate the pose can be."""
+
+from truepose.calibration.differences import DistanceMeasurements, PlaneContacts, RepeatedPoses
+from truepose.calibration.fit import Calibration
+from truepose.calibration.influences import NuisanceParameter
+from truepose.calibration.registration import Registration
+from truepose.calibration.rehomed import homings, rehomed
+from truepose.calibration.zeroing import Zeroing, zero
+from truepose.robot.compliance import Payloads
+
+__all__ = [
+    "Calibration",
+    "DistanceMeasurements",
+    "NuisanceParameter",
+    "Payloads",
+    "PlaneContacts",
+    "Registration",
+    "RepeatedPoses",
+    "Zeroing",
+    "homings",
+    "rehomed",
+    "zero",
+]

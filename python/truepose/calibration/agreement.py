@@ -1,4 +1,4 @@
-"""Readings at poses that are known from outside, each tested against everything else (χ²)."""
+"""Chi-square tests of readings at known poses, each pose against all the rest."""
 
 from __future__ import annotations
 
@@ -55,11 +55,11 @@ def rows_of(
     x, known, sigma : ndarray, shape (K, n)
         Poses close to those known, NaN in `known` where a coordinate is not.
     """
-    H_x, H_xi = robot.linearise(x, level=robot.level)
+    H_x, H_xi = robot.linearize(x, level=robot.level)
     every = list(robot.parameters)
     H_xi = H_xi[..., [every.index(name) for name in names]]
     noise = knowledge.stated_sigma(robot, robot.level) ** 2
-    expected = np.ascontiguousarray(robot.extended(x, level=robot.level))
+    expected = np.ascontiguousarray(robot.extended_positions(x, level=robot.level))
     off = np.asarray(_core.innovation(robot.core, np.ascontiguousarray(readings), expected))
     rows = []
     for k in range(len(x)):

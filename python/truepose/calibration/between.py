@@ -1,4 +1,4 @@
-"""Which differences between its lines does a log hold? What touched a plane, or one point twice.
+"""Differences between rows of a log: contacts with a plane, repeated points, measured distances.
 
 Columns `plane` and `point` name what the tool touched at a line; distances of two lines are a file
 of their own. Differences are made anew of whatever lines are left of a log.
@@ -14,7 +14,7 @@ import numpy as np
 
 from truepose import logs
 from truepose.arguments import Array
-from truepose.calibration.differences import AXES, Difference, Distances, Plane
+from truepose.calibration.differences import AXES, Difference, DistanceMeasurements, PlaneContacts
 from truepose.calibration.expectation import poses_of
 from truepose.exceptions import InputError, choose, one_line, shortened
 from truepose.logs import PLANES, POINT, Log
@@ -72,7 +72,7 @@ class Between:
             heights = tool[rows, AXES.index(axis)] - above
             mean = float(np.median(heights[np.isfinite(heights)])) if len(heights) else 0.0
             result.append(
-                Plane(
+                PlaneContacts(
                     lines=rows,
                     sigma=self.sigma,
                     above=above,
@@ -99,7 +99,7 @@ class Between:
         kept = [of for of in self.distances if at.keys() >= set(of.lines)]
         if kept:
             result.append(
-                Distances(
+                DistanceMeasurements(
                     pairs=[(at[of.lines[0]], at[of.lines[1]]) for of in kept],
                     measured=[of.measured for of in kept],
                     sigma=[of.sigma for of in kept],

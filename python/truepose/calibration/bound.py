@@ -1,4 +1,4 @@
-"""How accurate can the pose be known, before anything is built? The Cramér-Rao bound."""
+"""The Cramér-Rao bound: how accurately a pose can be known, before anything is built."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from truepose import _core
 from truepose.arguments import Array, Errors, Level
 from truepose.calibration.differences import Difference, assemble
 from truepose.exceptions import InputError, PoseError
-from truepose.robot import knowledge, stretch
+from truepose.robot import compliance, knowledge
 from truepose.robot.batches import flattened, require_answers
 from truepose.robot.robot import Robot
 
@@ -48,7 +48,7 @@ def accuracy(
     touch_off : array_like, shape (n,), optional
         A pose at which the robot has stood and been read, and which is known from outside.
     level : {"ideal", "full"}, optional
-        One rod per chain, or every rod by itself; by default :attr:`Robot.finest_level`.
+        One rod per chain, or every rod by itself; by default :attr:`Robot.highest_level`.
     model_error : bool
         Whether to count, at the ideal level, what it leaves out of a real robot.
     errors : {"raise", "nan"}
@@ -59,7 +59,7 @@ def accuracy(
     relative_to : array_like, shape (n,), optional
         A pose whose own estimate is taken off every other: what a display shows that is set to
         zero there. No bound, for the two are estimated apart: a sensor more can make it worse.
-    differences : sequence of Plane, Distances and Revisits, optional
+    differences : sequence of PlaneContacts, DistanceMeasurements and RepeatedPoses, optional
         That are measured between the poses of `calibrated_on`, by their numbers from 0. What they
         measure does not matter, only how well.
 
@@ -89,7 +89,7 @@ def accuracy(
     """
     knowledge.require_uncertain(robot)
     model = robot.expected()
-    level = robot.finest_level if level is None else level
+    level = robot.highest_level if level is None else level
     full = model.is_full(level)
     rows, lead = flattened(model, poses, model.n, "poses", errors)
     known = knowledge.knowledge(robot, level=level, error=model_error, stretches=True)
@@ -98,7 +98,7 @@ def accuracy(
     def bound(
         at: Array, lead: tuple[int, ...], errors: Errors, name: str, reference: Array = nowhere
     ) -> Array:
-        influence = stretch.acting(model, np.vstack([at, reference]), full)
+        influence = compliance.acting(model, np.vstack([at, reference]), full)
         P, status, chain = _core.accuracy(model.core, known.core, at, reference, full, influence)
         require_answers(model, "pose", at, lead, status, chain, errors, name)
         return P.reshape(*lead, model.n, model.n)
@@ -171,7 +171,7 @@ def after_visiting(
         _core.Links([], 0) if between is None else between.core,
         full,
         known.nuisances,
-        stretch.acting(model, np.vstack([visited, known_poses]), full),
+        compliance.acting(model, np.vstack([visited, known_poses]), full),
     )
     return known.own(root), status
 

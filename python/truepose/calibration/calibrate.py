@@ -1,4 +1,4 @@
-"""What do a robot's own readings say of its geometry? A table is looked over, then fitted to."""
+"""Self-calibration of a robot from a log of its own readings."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from truepose.arguments import Level
 from truepose.calibration import fit_checks, log_checks
 from truepose.calibration.between import Between
 from truepose.calibration.differences import Difference, measurements
-from truepose.calibration.fit import Fit
+from truepose.calibration.fit import Calibration
 from truepose.calibration.fitting import Loss, ModelError, fit_to
-from truepose.calibration.influences import Influence
+from truepose.calibration.influences import NuisanceParameter
 from truepose.calibration.known_pose import KnownPose
 from truepose.calibration.registration import Registration
 from truepose.exceptions import InputError
+from truepose.robot.compliance import Payloads
 from truepose.robot.robot import Robot
-from truepose.robot.stretch import Loads
 
 
 def calibrate(
@@ -38,9 +38,9 @@ def calibrate(
     tuning: float | None = None,
     model_error: ModelError = "on",
     differences: Sequence[Difference] = (),
-    influences: Sequence[Influence] = (),
-    loads: Loads | None = None,
-) -> Fit:
+    influences: Sequence[NuisanceParameter] = (),
+    loads: Payloads | None = None,
+) -> Calibration:
     """Learn a robot's geometry from its own readings: maximum a posteriori, the poses unknown.
 
     Prior means and σ are the tolerances of the robot's file (or its last calibration). They also
@@ -75,7 +75,7 @@ def calibrate(
         priors, learnt with the geometry and told in ``registration``; or, known, those of the base
         and of the nacelle's reference point.
     level : {"ideal", "full"}, optional
-        One rod per chain, or every rod by itself; by default :attr:`Robot.finest_level`, which is
+        One rod per chain, or every rod by itself; by default :attr:`Robot.highest_level`, which is
         full where the robot has it. The calibrated robot keeps it (:attr:`Robot.level`).
     loss : {"squares", "huber", "student"}
         What gross errors cost: their square, their size, or next to nothing.
@@ -85,19 +85,19 @@ def calibrate(
         Whether to allow, at the ideal level, for what it leaves out: axis errors that tilt the
         nacelle and turn its bars, by the file's tolerances. Where it is allowed for, the calibrated
         robot's estimates count with it too. "off" is for robots that are ideal, on paper.
-    differences : sequence of Plane, Distances and Revisits, optional
+    differences : sequence of PlaneContacts, DistanceMeasurements and RepeatedPoses, optional
         Differences that were measured between these poses, by the lines of the readings, from 0.
         With them a robot without any sensor can be calibrated. By default what a table's columns
         plane and point say, each touch to 0.02 mm.
-    influences : sequence of Influence, optional
+    influences : sequence of NuisanceParameter, optional
         What else adds to the readings in a known pattern, by an unknown amount.
-    loads : Loads, optional
+    loads : Payloads, optional
         Forces and measured tensions under which each line was read, for robots whose file has
         compliances with tolerances; by default a table's columns load_x, … and q1_tension, ….
 
     Returns
     -------
-    Fit
+    Calibration
 
     Raises
     ------
@@ -113,12 +113,12 @@ def calibrate(
     >>> from truepose.paper import article
     >>> robot = tp.load("h4")
     >>> true = robot.expected().replace({"chain1.rod": 0.489})
-    >>> fit = tp.calibrate(robot, true.extended(article.table2()))
+    >>> fit = tp.calibrate(robot, true.extended_positions(article.table2()))
     >>> fit.parameters["chain1.rod"].verdict
     'identified'
     >>> dowel = [0.0, 0.0, -0.4, 0.0]  # where the robot stands at a dowel
-    >>> fit = tp.calibrate(fit.robot, known_pose=(true.extended(dowel), dowel))
-    >>> print(abs(fit.robot.estimate(true.extended(dowel)).x - dowel).max() < 1e-5)
+    >>> fit = tp.calibrate(fit.robot, known_pose=(true.extended_positions(dowel), dowel))
+    >>> print(abs(fit.robot.estimate(true.extended_positions(dowel)).x - dowel).max() < 1e-5)
     True
     """
     settings: dict[str, Any] = {

@@ -1,4 +1,4 @@
-"""Are the parameters further from their prior than its σ allow? Tolerances that are too small."""
+"""Prior-consistency (χ²) test: whether the identified parameters fit their tolerances."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which differences between visited poses were measured, and what do they say?
+"""Measured differences between visited poses, as equations of a calibration.
 
 A plane that the tool touched, distances of the places where it was, places that it came back to.
 Each knows its poses by their lines in the readings, from 0.
@@ -39,7 +39,7 @@ class _Measured:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Plane(_Measured):
+class PlaneContacts(_Measured):
     """A plane of the base that the tool touched: ``p_z = h + a p_x + b p_y + above``.
 
     Of another axis the same, turned: ``p_x = h + a p_y + b p_z + above``.
@@ -54,7 +54,7 @@ class Plane(_Measured):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Distances(_Measured):
+class DistanceMeasurements(_Measured):
     """Distances of two places of the tool: ``(1 + scale) |p_i - p_j| + times · width``."""
 
     pairs: ArrayLike  #: (M, 2) lines i and j
@@ -66,7 +66,7 @@ class Distances(_Measured):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Revisits(_Measured):
+class RepeatedPoses(_Measured):
     """Places that the tool came back to, or left by a known step: ``p_i - p_j = apart``."""
 
     pairs: ArrayLike  #: (M, 2) lines i and j
@@ -74,7 +74,7 @@ class Revisits(_Measured):
     name: str = "revisits"
 
 
-Difference = Plane | Distances | Revisits
+Difference = PlaneContacts | DistanceMeasurements | RepeatedPoses
 
 
 class Found(NamedTuple):
@@ -147,10 +147,10 @@ def _named(given: Difference, at: tuple[int, ...]) -> str:
     if len(given.called):
         axis = "" if len(at) == 1 else f"{AXES[at[1]]}, "
         return f"{given.name}: {axis}{given.called[k]}"
-    if isinstance(given, Plane):
+    if isinstance(given, PlaneContacts):
         return f"{given.name}: line {np.ravel(given.lines)[k]}"
     i, j = np.asarray(given.pairs)[k]
-    if isinstance(given, Distances):
+    if isinstance(given, DistanceMeasurements):
         return f"{given.name}: {1e3 * np.ravel(given.measured)[k]:.3f} mm, lines {i} and {j}"
     return f"{given.name}: {AXES[at[1]]}, lines {i} and {j}"
 
@@ -228,7 +228,8 @@ def assemble(
     for given, name in zip(differences, called, strict=True):
         if not isinstance(given, Difference):
             raise InputError(
-                f"differences: {type(given).__name__}: must be a Plane, Distances or Revisits"
+                f"differences: {type(given).__name__}: must be a PlaneContacts, "
+                "DistanceMeasurements or RepeatedPoses"
             )
         tool = _numbers(name, "tool", given.tool, (3,))
         key = (*tool.tolist(), given.tool_sigma)
@@ -252,7 +253,8 @@ def assemble(
 def measurements(differences: Sequence[Difference]) -> int:
     """How many measurements there are in all."""
     return sum(
-        len(np.atleast_1d(d.lines if isinstance(d, Plane) else d.pairs)) for d in differences
+        len(np.atleast_1d(d.lines if isinstance(d, PlaneContacts) else d.pairs))
+        for d in differences
     )
 
 
@@ -274,7 +276,7 @@ def _links(
 ) -> tuple[list[tuple[Any, ...]], tuple[int, ...]]:
     """Return one set's measurements, one row each, and their shape."""
     kinds = _core.LinkKind
-    if isinstance(given, Plane):
+    if isinstance(given, PlaneContacts):
         if given.axis not in AXES:
             raise InputError(f"{name}: {choose('axis', given.axis, AXES)}")
         at = _at(name, given.lines, lines, 1)
@@ -289,7 +291,7 @@ def _links(
     pairs = _at(name, given.pairs, lines, 2)
     if (same := np.flatnonzero(pairs[:, 0] == pairs[:, 1])).size:
         raise InputError(f"{name}: pairs: line {pairs[same[0], 0]} twice: must be two lines")
-    if isinstance(given, Distances):
+    if isinstance(given, DistanceMeasurements):
         measured, spread = _measurements(name, given, "measured", given.measured, (len(pairs),))
         if (short := np.flatnonzero(~(measured > 0))).size:
             raise InputError(f"{name}: measured = {measured[short[0]]}: must be greater than 0 (m)")

@@ -1,4 +1,4 @@
-"""What do the motors alone let one expect of every other reading, and how surely?"""
+"""Prediction of every reading from the motors alone, with its σ."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from truepose import _core
 from truepose.arguments import Array, Level
 from truepose.calibration.registration import Registered
 from truepose.calibration.stretching import relieved
-from truepose.robot import knowledge, stretch
+from truepose.robot import compliance, knowledge
+from truepose.robot.compliance import Payloads
 from truepose.robot.robot import Robot
-from truepose.robot.stretch import Loads
 
 #: Lines that are predicted at a time.
 LINES = 4096
@@ -38,7 +38,7 @@ def expect(
     measured_sigma: Array | float = 0.0,
     registration: Registered | None = None,
     level: Level | None = None,
-    loads: Loads | None = None,
+    loads: Payloads | None = None,
 ) -> Expectation:
     """Predict every sensor from the motors, at the geometry that this robot has.
 
@@ -57,14 +57,14 @@ def expect(
         Of `measured`, needed with it.
     level : {"ideal", "full"}, optional
         By default the robot's finest.
-    loads : Loads, optional
+    loads : Payloads, optional
         Under which they were read.
 
     Examples
     --------
     >>> import truepose as tp
     >>> h4 = tp.load("h4").expected()
-    >>> seen = expect(h4, h4.extended([[0.05, 0, -0.4, 0.2]]))
+    >>> seen = expect(h4, h4.extended_positions([[0.05, 0, -0.4, 0.2]]))
     >>> print(abs(seen.residual).max() < 1e-9, seen.sigma.round(2))
     True [[0.06]]
     """
@@ -81,14 +81,14 @@ def expect(
             *(np.concatenate([getattr(part, name) for part in parts]) for name in names)
         )
     n, r = robot.n, robot.r
-    level = robot.finest_level if level is None else level
-    under = (loads or Loads()).arrays(robot, len(readings))
+    level = robot.highest_level if level is None else level
+    under = (loads or Payloads()).arrays(robot, len(readings))
     stiff = robot
     if robot.gives_way:
         readings, _ = relieved(robot, readings, robot.is_full(level), under)
         stiff = robot.rigid
     x = poses_of(stiff, readings[:, :n], level)
-    expected = stiff.extended(x, errors="nan", level=level)
+    expected = stiff.extended_positions(x, errors="nan", level=level)
     apart = _core.innovation(robot.core, readings, np.ascontiguousarray(expected))
     residual = np.asarray(apart)[:, n:]
     expected = expected[:, n:]
@@ -121,12 +121,12 @@ def expect(
 
 def _slopes(robot: Robot, x: Array, level: Level, loads: dict[str, Array]) -> tuple[Array, Array]:
     """Derivatives of all readings by the pose, and by what is not known of the robot."""
-    H_x, H_xi = robot.linearise(x, errors="nan", level=level)
+    H_x, H_xi = robot.linearize(x, errors="nan", level=level)
     known = list(robot.parameters)
     by_unknown = H_xi[:, :, [known.index(name) for name in knowledge.learnable(robot)]]
-    if yielding := stretch.unknown(robot):
-        at = stretch.under_load(robot, x, robot.is_full(level), **loads)
-        by_unknown[..., -len(yielding) :] = stretch.columns(robot, yielding, at.by_compliance)
+    if yielding := compliance.unknown(robot):
+        at = compliance.under_load(robot, x, robot.is_full(level), **loads)
+        by_unknown[..., -len(yielding) :] = compliance.columns(robot, yielding, at.by_compliance)
     return H_x, by_unknown
 
 

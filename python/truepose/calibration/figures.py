@@ -1,4 +1,4 @@
-"""What did a calibration change? Every parameter, in a picture."""
+"""Figure of every parameter before and after a calibration."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What has a calibration found: geometry, covariance, residuals, what the readings leave open?"""
+"""The result of a calibration: geometry, covariance, residuals, what stays unobserved."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from truepose.calibration.differences import Differences
 from truepose.calibration.learnt import Learnt
 from truepose.calibration.registration import Registered
 from truepose.exceptions import InputError
-from truepose.robot import knowledge, stretch
+from truepose.robot import compliance, knowledge
 from truepose.robot.batches import flattened, require_answers
 from truepose.robot.robot import Robot
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False)
-class Fit:
+class Calibration:
     """A calibration: the robot as its readings show it. N lines, p uncertain parameters.
 
     Printed, it says what it rests on and what it found.
@@ -33,9 +33,10 @@ class Fit:
     Examples
     --------
     >>> import truepose as tp
+    >>> from truepose.paper import with_paper_errors
     >>> from truepose.paper import article
     >>> h4 = tp.load("h4")
-    >>> tp.calibrate(h4, tp.with_paper_errors(h4, seed=1).read(article.table2()))
+    >>> tp.calibrate(h4, with_paper_errors(h4, seed=1).read(article.table2()))
     h4 calibrated on 625 of 625 lines of theta, full level, 6 iterations
     55 uncertain parameters: 4 identified, 22 barely, 29 not identified
     residuals with the poses fitted, rms: 0.94 of their σ
@@ -135,10 +136,10 @@ class Fit:
         x, _ = flattened(robot, poses, robot.n, "poses", "raise")
         known = knowledge.knowledge(robot, level=self.level, stretches=True).core
         full = robot.is_full(self.level)
-        influence = stretch.acting(robot, x, full)
+        influence = compliance.acting(robot, x, full)
         gain, _, status, chain = _core.gain(robot.core, known, x, full, influence)
         require_answers(robot, "pose", x, (len(x),), status, chain, "raise")
-        _, H_xi = robot.linearise(x, level=self.level)
+        _, H_xi = robot.linearize(x, level=self.level)
         every = list(robot.parameters)
         view = by.see(robot, x)
         H_mt, G = view.H, view.H_x @ gain

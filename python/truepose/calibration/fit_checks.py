@@ -1,15 +1,15 @@
-"""What is wrong with a log, once a geometry is fitted to it?"""
+"""Checks of a log against a geometry that was fitted to it."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from truepose.calibration.departure import chi2_quantile
-from truepose.calibration.fit import Fit
+from truepose.calibration.fit import Calibration
 from truepose.logs import Log
 
 
-def left_out(fit: Fit, log: Log) -> list[str]:
+def left_out(fit: Calibration, log: Log) -> list[str]:
     """Lines whose motors were read and that the calibrated robot cannot reach, by the reason."""
     read = np.isfinite(log.readings[:, : fit.robot.n]).all(axis=1)
     reasons = dict.fromkeys(fit.status[read & (fit.status != "ok")].tolist())
@@ -20,7 +20,7 @@ def left_out(fit: Fit, log: Log) -> list[str]:
     ]
 
 
-def review(fit: Fit, log: Log) -> list[str]:
+def review(fit: Calibration, log: Log) -> list[str]:
     """Outliers, lines left out, what was learnt: a line of text each."""
     findings = left_out(fit, log)
     if len(outliers := fit.outliers):

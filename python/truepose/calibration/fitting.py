@@ -1,4 +1,4 @@
-"""Which geometry explains a robot's own readings?"""
+"""Nonlinear least squares for a robot's geometry, with priors and robust losses."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from truepose.arguments import Array, Level
 from truepose.calibration.agreement import rows_of, sizes
 from truepose.calibration.departure import chi2_quantile
 from truepose.calibration.differences import Assembled, Difference, Differences, assemble
-from truepose.calibration.fit import Fit
-from truepose.calibration.influences import Influence, patterns
+from truepose.calibration.fit import Calibration
+from truepose.calibration.influences import NuisanceParameter, patterns
 from truepose.calibration.known_pose import KnownPose, known_poses
 from truepose.calibration.learnt import Learnt, calibration_of, mean_of
 from truepose.calibration.memory import MUCH, memory, much_memory
@@ -32,9 +32,9 @@ from truepose.exceptions import InputError, PoseError, choose
 from truepose.logs import repeated
 from truepose.robot import knowledge
 from truepose.robot.batches import flattened
+from truepose.robot.compliance import Payloads
 from truepose.robot.robot import Robot
-from truepose.robot.stretch import Loads
-from truepose.robot.to_core import columns
+from truepose.robotfile.to_core import columns
 
 ModelError = Literal["on", "off"]
 MODEL_ERRORS: tuple[ModelError, ...] = ("on", "off")
@@ -61,9 +61,9 @@ def fit_to(
     tuning: float | None = None,
     model_error: ModelError = "on",
     differences: Sequence[Difference] = (),
-    influences: Sequence[Influence] = (),
-    loads: Loads | None = None,
-) -> Fit:
+    influences: Sequence[NuisanceParameter] = (),
+    loads: Payloads | None = None,
+) -> Calibration:
     """Learn a robot's geometry from an array of its readings, looked over or not.
 
     Parameters, result and errors are those of :func:`truepose.calibrate`.
@@ -84,7 +84,7 @@ def fit_to(
     acting = np.pad(patterns(robot, influences, lines.own), ((0, lines.known), (0, 0), (0, 0)))
     usual = np.array([of.amount[0] for of in influences])
     beside = np.concatenate([beside, [of.amount[1] for of in influences]])
-    level = robot.finest_level if level is None else level
+    level = robot.highest_level if level is None else level
     full = robot.is_full(level)
     guarded = not full and model_error == "on" and bool(knowledge.left_out(robot))
     known = knowledge.knowledge(
@@ -145,11 +145,11 @@ def fit_to(
     }
     shown = lines.rows - acting @ np.array([of.value for of in amounts.values()]) - added
     stiff = calibrated.rigid if stretching.acts else calibrated
-    expected = stiff.extended(answer.x, errors="nan", level=level)
+    expected = stiff.extended_positions(answer.x, errors="nan", level=level)
     residuals = np.asarray(_core.innovation(robot.core, shown, np.ascontiguousarray(expected)))
     told = slice(lines.own or None)  # known poses only where there is nothing else
     root = knowledge.root(robot, names)
-    fit = Fit(
+    fit = Calibration(
         robot=calibrated,
         prior=robot.with_calibration(robot.spec.calibration),
         level=level,
@@ -236,7 +236,7 @@ class _Lines(NamedTuple):
         return len(self.rows) - self.known
 
 
-def _contradictions(fit: Fit, lines: _Lines) -> list[str]:
+def _contradictions(fit: Calibration, lines: _Lines) -> list[str]:
     """Name known poses that contradict all else: by chance one in 1000 does."""
     if not lines.known:
         return []

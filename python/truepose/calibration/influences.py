@@ -1,4 +1,4 @@
-"""What else acts on the readings, in a known pattern but by an unknown amount? Stretch, say."""
+"""Nuisance parameters: known patterns of unknown amount that act on the readings."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from truepose.arguments import Array
 from truepose.calibration.learnt import Learnt
 from truepose.exceptions import InputError
 from truepose.robot.batches import flattened, require_answers
+from truepose.robot.compliance import under_load
 from truepose.robot.robot import Robot
-from truepose.robot.stretch import under_load
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Influence:
+class NuisanceParameter:
     """Readings = those of the geometry + amount · pattern."""
 
     name: str
@@ -30,7 +30,7 @@ class Influence:
         return Learnt(*self.amount, self.amount[0] + amount, sigma)
 
 
-def patterns(robot: Robot, influences: Sequence[Influence], lines: int) -> Array:
+def patterns(robot: Robot, influences: Sequence[NuisanceParameter], lines: int) -> Array:
     """Patterns of all influences, (N, n + r, k), checked."""
     width = robot.n + robot.r
     result = np.zeros((lines, width, len(influences)))
@@ -87,7 +87,7 @@ def stretch(robot: Robot, poses: ArrayLike, tension: ArrayLike) -> Array:
 def tension(robot: Robot, poses: ArrayLike, force: ArrayLike) -> Array:
     """Tension of every chain that holds a force on the nacelle's reference point, (N, n), in N.
 
-    At the ideal level, of this force alone; with the weights :meth:`Robot.tension` has it.
+    At the ideal level, of this force alone; with the weights :meth:`Robot.rod_forces` has it.
 
     Parameters
     ----------
@@ -101,12 +101,12 @@ def tension(robot: Robot, poses: ArrayLike, force: ArrayLike) -> Array:
     >>> import truepose as tp
     >>> robot = tp.load("stewart")
     >>> up = tension(robot, [robot.home], (0, 0, -100))[0]
-    >>> bool(np.isclose(up @ robot.linearise([robot.home])[0][0, :6, 2], -100))
+    >>> bool(np.isclose(up @ robot.linearize([robot.home])[0][0, :6, 2], -100))
     True
     """
     x, _ = flattened(robot, poses, robot.n, "poses", "raise")
     F = np.array(np.broadcast_to(np.asarray(force, dtype=float), (len(x), 3)))
-    weightless = robot.with_gravity((0.0, 0.0, 0.0)).with_load((0.0, 0.0, 0.0))
+    weightless = robot.with_gravity((0.0, 0.0, 0.0)).with_payload((0.0, 0.0, 0.0))
     at = under_load(weightless, x, False, force=F)
     require_answers(robot, "pose", x, (len(x),), at.status, at.chain, "raise")
     return at.tension

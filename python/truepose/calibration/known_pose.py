@@ -1,4 +1,4 @@
-"""Poses at which a robot was read and that are known in its base frame: dowels, probes, stops."""
+"""Poses known in the base frame at which the robot was read: dowels, probes, stops."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What does a calibration say of one unknown, and what does a robot file keep of them all?"""
+"""Identified parameters, and what a robot file keeps of a calibration."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 
 from truepose.arguments import Array
 from truepose.robot.robot import Robot
-from truepose.robot.to_core import columns
-from truepose.robotfile.schema import Calibration
+from truepose.robotfile.schema import CalibrationSection
+from truepose.robotfile.to_core import columns
 
 #: Posterior over prior σ, up to which a parameter counts as identified, and as barely so.
 IDENTIFIED, BARELY = 0.3, 0.9
@@ -50,9 +50,9 @@ def calibration_of(
     root: Array,
     source: str,
     model_error: dict[str, float] | None = None,
-) -> Calibration:
+) -> CalibrationSection:
     """Return what a robot file keeps of a calibration: values, and their covariance root·rootᵀ."""
-    return Calibration(
+    return CalibrationSection(
         source=source,
         parameters=tuple(values),
         mean=tuple(values.values()),

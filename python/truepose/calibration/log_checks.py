@@ -1,4 +1,4 @@
-"""What is wrong with a log, before a geometry is fitted to it?"""
+"""Checks of a log before a geometry is fitted to it."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def check(robot: Robot, log: Log, differences: int = 0) -> tuple[Log, list[Findi
     >>> from truepose import logs
     >>> from truepose.paper import article
     >>> h4 = tp.load("h4")
-    >>> table = dict(zip(h4.readings, h4.expected().extended(article.table2()).T))
+    >>> table = dict(zip(h4.readings, h4.expected().extended_positions(article.table2()).T))
     >>> table["theta"] = np.degrees(table["theta"])
     >>> for finding in check(h4, logs.of(h4, table))[1]:
     ...     print(finding.text)

@@ -1,4 +1,4 @@
-"""Which mistake with its columns explains a log best? Units, signs, order, tried one by one.
+"""Search for the column mistake that explains a log best: units, signs, order.
 
 Each mistake is undone, and a geometry fitted to what then stands there: of those after which motors
 and sensors can be readings of this robot, the one that is left with the smallest residuals is
@@ -18,7 +18,7 @@ import numpy as np
 from truepose.arguments import Array
 from truepose.calibration.departure import chi2_quantile
 from truepose.calibration.expectation import Expectation, expect, poses_of
-from truepose.calibration.fit import Fit
+from truepose.calibration.fit import Calibration
 from truepose.calibration.fitting import fit_to
 from truepose.exceptions import TrueposeError
 from truepose.logs import Log
@@ -127,7 +127,7 @@ def _distance(robot: Robot, log: Log, readings: Array) -> float:
     return float(np.nanmean(np.log1p((seen.residual / seen.sigma) ** 2)))
 
 
-def _fit(robot: Robot, log: Log, readings: Array) -> Fit | None:
+def _fit(robot: Robot, log: Log, readings: Array) -> Calibration | None:
     outside: dict[str, Any] = {"measured": log.measured, "measured_sigma": log.measured_sigma}
     try:
         return fit_to(robot, readings, **outside, loss="student", level="ideal")
@@ -135,13 +135,13 @@ def _fit(robot: Robot, log: Log, readings: Array) -> Fit | None:
         return None
 
 
-def _cost(fit: Fit | None) -> float:
+def _cost(fit: Calibration | None) -> float:
     """What a fitted geometry is left with, lines left out taken for average ones."""
     good = 0 if fit is None else int((fit.status == "ok").sum())
     return fit.cost * len(fit.status) / good if fit and good else math.inf
 
 
-def _misfit(fit: Fit) -> float:
+def _misfit(fit: Calibration) -> float:
     """How many times their noise the readings disagree (median)."""
     counted = fit.redundancy > 0
     usual = chi2_quantile(0.5, fit.redundancy[counted])

@@ -1,4 +1,4 @@
-"""How much memory does a calibration take?"""
+"""Memory that a calibration takes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How does a robot learn its geometry while it works? One line of readings after another."""
+"""Online (recursive) calibration, one row of readings at a time."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from truepose.arguments import Array, Errors, Level
 from truepose.calibration.fitting import MODEL_ERRORS, ModelError
 from truepose.calibration.learnt import Learnt, calibration_of, mean_of
 from truepose.exceptions import InputError, choose
-from truepose.robot import knowledge, stretch
+from truepose.robot import compliance, knowledge
 from truepose.robot.batches import flattened, require_answers
+from truepose.robot.compliance import warn_if_stiff
 from truepose.robot.robot import Robot
-from truepose.robot.stretch import warn_if_stiff
-from truepose.robot.to_core import columns
+from truepose.robotfile.to_core import columns
 
 
-class OnlineCalibration:
+class OnlineCalibrator:
     """A filter on the robot's parameters that every line of its own readings makes wiser.
 
     It starts from the priors of the robot's file (or its last calibration) and ends near where
@@ -41,7 +41,7 @@ class OnlineCalibration:
         included, are left out: one of them, where it alone explains it, or the line. Where lines
         keep disagreeing, learning stops (:attr:`stopped`). 0 keeps all, whatever they say.
     level : {"ideal", "full"}, optional
-        One rod per chain, or every rod by itself; by default :attr:`Robot.finest_level`.
+        One rod per chain, or every rod by itself; by default :attr:`Robot.highest_level`.
     model_error : {"on", "off"}
         Whether readings count, at the ideal level, with what it leaves out of a real robot.
 
@@ -51,8 +51,8 @@ class OnlineCalibration:
     >>> from truepose.paper import article
     >>> robot = tp.load("h4")
     >>> true = robot.expected().replace({"chain1.rod": 0.486})
-    >>> online = tp.OnlineCalibration(robot)
-    >>> x = online.observe(true.extended(article.table2()))
+    >>> online = tp.OnlineCalibrator(robot)
+    >>> x = online.observe(true.extended_positions(article.table2()))
     >>> sigma = online.parameters["chain1.rod"].sigma
     >>> bool(sigma < 0.3 * robot.parameters["chain1.rod"].sigma)
     True
@@ -67,7 +67,7 @@ class OnlineCalibration:
         model_error: ModelError = "on",
     ):
         warn_if_stiff(robot, "an online calibration")
-        self._level = robot.finest_level if level is None else level
+        self._level = robot.highest_level if level is None else level
         self._robot = robot.with_level(self._level)
         self._prior = robot
         if model_error not in MODEL_ERRORS:
@@ -180,7 +180,7 @@ class OnlineCalibration:
         """Why nothing is learnt any more, in words; None while it learns.
 
         A sensor that lies, a motor that slipped, or tolerances that the robot does not keep. What
-        it knows is what it knew before. Once that is mended, `OnlineCalibration(online.robot)` goes
+        it knows is what it knew before. Once that is mended, `OnlineCalibrator(online.robot)` goes
         on from there.
 
         Examples
@@ -188,9 +188,9 @@ class OnlineCalibration:
         >>> import truepose as tp
         >>> from truepose.paper import article
         >>> robot = tp.load("h4").with_sensors("theta", "z_telemeter", "elbow1")
-        >>> readings = robot.expected().extended(article.table2()[:60])
+        >>> readings = robot.expected().extended_positions(article.table2()[:60])
         >>> readings[50:, 4] += 0.1  # θ's encoder slips
-        >>> online = tp.OnlineCalibration(robot)
+        >>> online = tp.OnlineCalibrator(robot)
         >>> x = online.observe(readings)
         >>> online.stopped, online.lines
         ('after 56 lines: readings keep disagreeing; theta alone would explain it', 50)
@@ -226,7 +226,9 @@ class OnlineCalibration:
         if self._error and self._level == "ideal":
             error = knowledge.stated_error(self._robot).tolist()
             left_out = dict(zip(self._robot.readings, error, strict=True))
-        more = stretch.unknown(self._robot)  # as they were: lines under unknown loads say nothing
+        more = compliance.unknown(
+            self._robot
+        )  # as they were: lines under unknown loads say nothing
         values = self._values() | {name: self._robot.parameters[name].mean for name in more}
         root = self._filter.root
         if more:

@@ -1,4 +1,4 @@
-"""In which frame did something outside measure, and where on the nacelle was its marker?"""
+"""The frame and the marker of an external measurement, estimated with the geometry."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is known of a robot whose motors were homed anew? All but where their zeros are now."""
+"""Homing offsets: one unknown zero per motor and homing."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose.arguments import Array
-from truepose.calibration.influences import Influence
+from truepose.calibration.influences import NuisanceParameter
 from truepose.calibration.learnt import calibration_of
 from truepose.exceptions import InputError
 from truepose.robot import knowledge
@@ -38,7 +38,7 @@ def rehomed(robot: Robot, sigma: ArrayLike) -> Robot:
     Examples
     --------
     >>> import truepose as tp
-    >>> robot = tp.rehomed(tp.load("stewart"), 0.02)
+    >>> robot = tp.calibration.rehomed(tp.load("stewart"), 0.02)
     >>> round(robot.parameters["chain1.encoder_offset"].sigma, 3)
     0.02
     """
@@ -57,7 +57,7 @@ def rehomed(robot: Robot, sigma: ArrayLike) -> Robot:
     return robot.with_calibration(calibration_of(values, root, source, error))
 
 
-def homings(robot: Robot, homing: ArrayLike, sigma: ArrayLike) -> tuple[Influence, ...]:
+def homings(robot: Robot, homing: ArrayLike, sigma: ArrayLike) -> tuple[NuisanceParameter, ...]:
     """Of a log during which motors were homed anew: their earlier zeros, as influences.
 
     The calibrated robot then has the zeros of the last homing, and all lines together tell the
@@ -73,7 +73,7 @@ def homings(robot: Robot, homing: ArrayLike, sigma: ArrayLike) -> tuple[Influenc
 
     Returns
     -------
-    tuple of Influence
+    tuple of NuisanceParameter
         For each homing but the last and each motor that may have moved, by what it reads more than
         since the last.
 
@@ -85,12 +85,12 @@ def homings(robot: Robot, homing: ArrayLike, sigma: ArrayLike) -> tuple[Influenc
     Examples
     --------
     >>> import truepose as tp
-    >>> [of.name for of in tp.homings(tp.load("3rrr"), [0, 0, 1], 0.01)]
+    >>> [of.name for of in tp.calibration.homings(tp.load("3rrr"), [0, 0, 1], 0.01)]
     ['homing 0, q1', 'homing 0, q2', 'homing 0, q3']
     """
     moved, after = _moved(robot, sigma), np.asarray(homing)
     return tuple(
-        Influence(
+        NuisanceParameter(
             name=f"homing {number}, {robot.readings[k]}",
             pattern=np.outer(after == number, np.eye(robot.n + robot.r)[k]),
             amount=(0.0, float(moved[k])),

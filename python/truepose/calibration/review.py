@@ -1,4 +1,4 @@
-"""What does a calibration say of its readings, its parameters and the accuracy to come?"""
+"""Tables about a calibration: readings, parameters and the accuracy to expect."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from truepose.calibration import fit_checks, registration
 from truepose.calibration.between import Between
 from truepose.calibration.bound import accuracy
 from truepose.calibration.expectation import Expectation, expect
-from truepose.calibration.fit import Fit
+from truepose.calibration.fit import Calibration
 from truepose.calibration.fitting import fit_to
 from truepose.calibration.registration import Registered
 from truepose.exceptions import PoseError, TrueposeError
@@ -38,7 +38,7 @@ POSES = 500
 class Assessment:
     """A calibration, tried. N lines, k = r (+ n where something outside measured) columns."""
 
-    fit: Fit
+    fit: Calibration
     log: Log
     names: tuple[str, ...]  #: of the k columns
     before: Expectation  #: of all lines by the motors, at the prior mean
@@ -86,7 +86,7 @@ def assess(
 
     between = between or Between()
 
-    def fitted(part: Log) -> Fit:
+    def fitted(part: Log) -> Calibration:
         beside: dict[str, Any] = {"measured": part.measured, "measured_sigma": part.measured_sigma}
         beside["differences"] = between.of(robot, part)
         return fit_to(robot, part.readings, loads=part.loads, **beside, **settings)
@@ -134,7 +134,9 @@ def assess(
     )
 
 
-def _ahead(fit: Fit, model: Robot, poses: Array, touch: Array) -> dict[tuple[str, str], Array]:
+def _ahead(
+    fit: Calibration, model: Robot, poses: Array, touch: Array
+) -> dict[tuple[str, str], Array]:
     """Accuracy to come at the poses that can be reached, before and after."""
     result = {}
     for when, known in (("before", model), ("after", fit.robot)):
@@ -146,11 +148,11 @@ def _ahead(fit: Fit, model: Robot, poses: Array, touch: Array) -> dict[tuple[str
     return result
 
 
-def _reached(fit: Fit, robot: Robot, x: Array) -> Array:
+def _reached(fit: Calibration, robot: Robot, x: Array) -> Array:
     return x[np.isfinite(robot.ikm(x, errors="nan", level=fit.level)).all(axis=1)]
 
 
-def _poses(fit: Fit) -> tuple[str, Array]:
+def _poses(fit: Calibration) -> tuple[str, Array]:
     """Poses of the workspace, else those of the log."""
     box = fit.robot.spec.workspace
     if box is not None:
@@ -209,7 +211,7 @@ def residuals(result: Assessment) -> Table:
     return Table("residuals", "Each reading against its prediction by the motors", header, rows)
 
 
-def parameters(fit: Fit) -> Table:
+def parameters(fit: Calibration) -> Table:
     """Every uncertain parameter: prior, posterior, verdict."""
     rows = []
     for name, p in fit.parameters.items():
@@ -225,7 +227,7 @@ def parameters(fit: Fit) -> Table:
     return Table("parameters", "Parameters", header, rows)
 
 
-def worst(fit: Fit, count: int = 5) -> Table:
+def worst(fit: Calibration, count: int = 5) -> Table:
     """Combinations of parameters that the readings say least of."""
     rows = []
     for ratio, terms in fit.worst_known(count):
@@ -259,7 +261,7 @@ def predicted(result: Assessment) -> Table:
     return Table("accuracy", title, header, rows)
 
 
-def registration_table(fit: Fit) -> Table | None:
+def registration_table(fit: Calibration) -> Table | None:
     """Where the tracker and its marker were found; None where that was known."""
     if fit.registration is None or not fit.registration.sigma.any():
         return None
@@ -272,7 +274,7 @@ def registration_table(fit: Fit) -> Table | None:
     return Table("registration", title, ["found", "value", "σ"], rows)
 
 
-def differences_table(fit: Fit) -> Table | None:
+def differences_table(fit: Calibration) -> Table | None:
     """What each measured difference leaves over; None where there is none."""
     if fit.differences is None:
         return None
@@ -286,7 +288,7 @@ def differences_table(fit: Fit) -> Table | None:
     return Table("differences", "Differences between poses", header, rows)
 
 
-def beside_table(fit: Fit) -> Table | None:
+def beside_table(fit: Calibration) -> Table | None:
     """What measured differences have of their own: planes, a tool, a print; None without."""
     if fit.differences is None or not fit.differences.unknowns:
         return None

@@ -1,4 +1,4 @@
-"""What does load do to the readings of a log, and which compliances explain it?
+"""Deflection under load in the readings of a log, and the compliances that explain it.
 
 Readings are those of rods that do not give way, and every chain's compliance times a pattern:
 ∂q_e/∂c at half the compliance, which misses by the third order of the strain. It follows from the
@@ -12,9 +12,9 @@ import numpy as np
 from truepose import _core
 from truepose.arguments import Array
 from truepose.calibration.learnt import Learnt
-from truepose.robot import stretch
+from truepose.robot import compliance
+from truepose.robot.compliance import Payloads
 from truepose.robot.robot import Robot
-from truepose.robot.stretch import Loads
 from truepose.robotfile.parameters import COMMON
 
 #: Turns at most, and the change of a reading in units of its σ that is not worth another.
@@ -24,15 +24,15 @@ ROUNDS, NEGLIGIBLE = 8, 1e-3
 class Stretching:
     """Patterns of a robot's compliances over a log. k are unknown."""
 
-    def __init__(self, robot: Robot, loads: Loads | None, readings: Array, full: bool):
-        self.names = stretch.unknown(robot)
+    def __init__(self, robot: Robot, loads: Payloads | None, readings: Array, full: bool):
+        self.names = compliance.unknown(robot)
         self._robot, self._full = robot, full
         known = robot.parameters
         self._prior = [known[name] for name in self.names]
         expected = robot.expected()
         self._usual = expected.compliance
         self.acts = bool(self.names) or expected.gives_way
-        self._loads = (loads or Loads()).arrays(robot, len(readings))
+        self._loads = (loads or Payloads()).arrays(robot, len(readings))
         self._by = np.zeros((*readings.shape, robot.n))  #: per unit of every chain's compliance
         if self.acts:
             _, x = relieved(expected, readings, full, self._loads)
@@ -43,7 +43,7 @@ class Stretching:
 
         Where there is no pose they stay as they were.
         """
-        at = stretch.under_load(
+        at = compliance.under_load(
             model, x, self._full, compliance=model.compliance / 2, **self._loads
         )
         by = np.where(np.isfinite(at.by_compliance), at.by_compliance, self._by)
@@ -59,7 +59,7 @@ class Stretching:
 
     def patterns(self) -> Array:
         """Of the unknown compliances, (N, n + r, k)."""
-        return stretch.columns(self._robot, self.names, self._by)
+        return compliance.columns(self._robot, self.names, self._by)
 
     def usual(self) -> Array:
         """What compliances as they are expected beforehand add to the readings, (N, n + r)."""
@@ -84,11 +84,11 @@ def relieved(
     n = robot.n
     home = np.broadcast_to(robot.home, (len(readings), n))
 
-    def answer(q: Array, near: Array | None) -> stretch.Answer:
+    def answer(q: Array, near: Array | None) -> compliance.Answer:
         begin = np.ascontiguousarray(home if near is None else near)
         return _core.fkm(robot.core, np.ascontiguousarray(q[:, :n]), begin, full)[:3]
 
-    x, *_ = stretch.at_rest(robot, readings[:, :n], full, answer, **loads)
+    x, *_ = compliance.at_rest(robot, readings[:, :n], full, answer, **loads)
     if not robot.gives_way:
         return readings, x
-    return readings - stretch.given_way(robot, x, full, **loads).readings, x
+    return readings - compliance.given_way(robot, x, full, **loads).readings, x

@@ -1,4 +1,4 @@
-"""Where is a robot's zero? Motors' readings while it stands where it is known to stand."""
+"""Homing offsets of motors from readings at reference postures."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.departure import chi2_quantile
 from truepose.calibration.expectation import expect
-from truepose.calibration.fit import Fit
+from truepose.calibration.fit import Calibration
 from truepose.calibration.log_faults import APART, MISFIT
 from truepose.calibration.registration import KNOWN, UNKNOWNS, Registered
 from truepose.exceptions import InputError, PoseError
@@ -48,7 +48,7 @@ class Zero(NamedTuple):
 class Zeroing:
     """Motors' zeros as stances show them."""
 
-    fit: Fit  #: calibrated by the stances
+    fit: Calibration  #: calibrated by the stances
     x: Array  #: (K, n) where the robot stood, as far as it was said; NaN
     motors: tuple[Zero, ...]  #: at the first of them
     notes: tuple[str, ...] = ()
@@ -111,7 +111,7 @@ def zero(
     >>> import truepose as tp
     >>> ankle = tp.load("g1-ankle")
     >>> true = ankle.replace({"chain1.encoder_offset": 0.005, "chain2.rod": 0.2217})
-    >>> found = zero(ankle, true.extended([[0, 0]]))
+    >>> found = zero(ankle, true.extended_positions([[0, 0]]))
     >>> [round(motor.off, 4) for motor in found.motors]
     [-0.005, -0.0117]
     """
@@ -241,7 +241,7 @@ def _moves(robot: Robot, here: Array, known: Array, sigma: Array, where: str) ->
     return said if (moved > _SAME * sigma).any() else ""
 
 
-def _require_agreement(fit: Fit, stances: list[_Stance], of: Array, sigma: Array) -> None:
+def _require_agreement(fit: Calibration, stances: list[_Stance], of: Array, sigma: Array) -> None:
     """Refuse a stance that contradicts all others.
 
     Parameters
@@ -302,7 +302,7 @@ def _require_near(robot: Robot, rows: Array, x: Array, sigma: Array, called: lis
         return seen.sigma[:, robot.r :]
     i = int(np.argmax(far))
     there = np.where(np.isnan(x[i]), np.where(lost[i], robot.home, seen.x[i]), x[i])
-    drawn = model.extended(there, errors="nan")
+    drawn = model.extended_positions(there, errors="nan")
     units = reading_units(robot)[:n]
     read = (
         f"q{k + 1} = {rows[i, k]:.4g} {unit}"
@@ -325,13 +325,13 @@ def _require_near(robot: Robot, rows: Array, x: Array, sigma: Array, called: lis
     )
 
 
-def _motors(fit: Fit, rows: Array) -> tuple[Zero, ...]:
+def _motors(fit: Calibration, rows: Array) -> tuple[Zero, ...]:
     """What each motor reads at the first stance: before, after, and why."""
     before, after, n = fit.prior, fit.robot, fit.robot.n
     x = fit.x[:1]  # at a stop perhaps, and beyond it by an error of the readings
-    drawn = before.extended(x, level=fit.level)[0, :n]
-    off = after.extended(x, level=fit.level)[0, :n] - drawn
-    _, H_xi = before.linearise(x, level=fit.level)
+    drawn = before.extended_positions(x, level=fit.level)[0, :n]
+    off = after.extended_positions(x, level=fit.level)[0, :n] - drawn
+    _, H_xi = before.linearize(x, level=fit.level)
     every = list(before.parameters)
     H = H_xi[0, :n][:, [every.index(name) for name in fit.names]]
     noise = knowledge.reading_sigma(before)[:n] ** 2

@@ -1,1 +1,1 @@
-"""What does somebody who types get?"""
+"""The command line."""

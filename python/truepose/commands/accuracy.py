@@ -1,4 +1,4 @@
-"""What accuracy do sensor sets promise over a workspace? The bound of each, side by side."""
+"""`truepose accuracy`: the bound of each sensor set over a workspace."""
 
 from __future__ import annotations
 
@@ -197,7 +197,7 @@ def predict(
     touch_off : array_like, shape (n,), optional
         Also what remains once the robot has been read at this pose, which is known from outside.
     level : {"ideal", "full"}, optional
-        By default :attr:`Robot.finest_level`.
+        By default :attr:`Robot.highest_level`.
 
     Raises
     ------

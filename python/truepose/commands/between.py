@@ -1,4 +1,4 @@
-"""Which options say how well touches and distances between a log's lines were measured?"""
+"""Options that state how well contacts and distances between rows were measured."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What does `truepose calibrate` do, step by step?"""
+"""`truepose calibrate`."""
 
 from __future__ import annotations
 
@@ -253,7 +253,7 @@ def run(
     if refused := [f"{log_file}: {finding.text}" for finding in findings if finding.refused]:
         raise RefusedError(refused)
     progress("log looked over")
-    guarded = (level or robot.finest_level) == "ideal" and model_error == "on"
+    guarded = (level or robot.highest_level) == "ideal" and model_error == "on"
     needed = memory(robot, len(log.lines), log.measured is not None, guarded)
     if needed > MUCH:  # before, not with the notes that come after
         say(f"{log_file}: {much_memory(robot, len(log.lines), needed)}", err=True)

@@ -1,4 +1,4 @@
-"""What does a calibration look like? One function a figure, and the page that holds them."""
+"""Figures of a calibration, and the page that holds them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is wrong with a robot file? Everything at once, each with its line.
+"""`truepose check`: every error of a robot file at once, each with its line.
 
 And what a robot file that describes a robot leaves to wonder at: what its workspace holds.
 """

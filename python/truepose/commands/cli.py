@@ -21,24 +21,19 @@ from truepose.commands import (
     design,
     export,
     faults,
-    imports,
     info,
     isolate,
-    klipper,
     margins,
-    maslow,
     new,
     plan,
     rehearse,
-    reproduce,
     robots,
     simulate,
     study,
-    view,
-    workbench,
     zero,
 )
 from truepose.exceptions import TrueposeError
+from truepose.plugins import plugins
 from truepose.show.terminal import prepare, say
 
 app = typer.Typer(
@@ -58,17 +53,18 @@ app.command("isolate")(isolate.command)
 app.command("margins")(margins.command)
 app.command("calibrate")(calibrate.command)
 app.command("zero")(zero.command)
-app.command("maslow")(maslow.command)
-app.command("klipper")(klipper.command)
 app.add_typer(export.app, name="export")
-app.add_typer(imports.app, name="import")
-app.command("robots")(robots.command)
+app.command("list")(robots.command)
 app.command("rehearse")(rehearse.command)
 app.command("simulate")(simulate.command)
-app.command("study")(study.command)
-app.command("view")(view.command)
-app.command("workbench")(workbench.command)
-app.command("reproduce")(reproduce.command)
+app.command("monte-carlo")(study.command)
+for _name, _found in plugins("commands").items():  # of integrations and of the paper
+    _group, _, _name = _name.rpartition(".")
+    _parent, _command = {"": app, "export": export.app}[_group], _found.load()
+    if isinstance(_command, typer.Typer):
+        _parent.add_typer(_command, name=_name)
+    else:
+        _parent.command(_name)(_command)
 
 
 def _version(wanted: bool) -> None:

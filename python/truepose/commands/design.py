@@ -1,4 +1,4 @@
-"""Which sensors are worth their price? Accuracy against price, and the best for a budget."""
+"""`truepose design`: accuracy against price of sensors, and the best set for a budget."""
 
 from __future__ import annotations
 
@@ -13,9 +13,6 @@ import typer
 
 from truepose import files, robotfile
 from truepose.arguments import Array
-from truepose.calibration.candidates import drawn, reachable
-from truepose.calibration.design import Choice, Design, design, in_other_states
-from truepose.calibration.placing import place as find_place
 from truepose.commands import placing
 from truepose.commands.accuracy import label, read_poses
 from truepose.commands.options import (
@@ -30,6 +27,9 @@ from truepose.commands.options import (
     plot_to,
     wrote,
 )
+from truepose.design.candidates import drawn, reachable
+from truepose.design.placement import place_sensors as find_place
+from truepose.design.sensors import SensorSelection, SensorSet, in_other_states, select_sensors
 from truepose.exceptions import InputError, choose
 from truepose.robot.robot import Robot, load
 from truepose.robot.units import summed, unit_of
@@ -160,7 +160,7 @@ def command(
             say(line, how)
         wrote(how, out)
         return
-    found = design(
+    found = select_sensors(
         loaded,
         None if price is None else parse_prices(loaded, price),
         finer=None if finer is None else parse_finer(loaded, finer),
@@ -275,10 +275,10 @@ def _visited(robot: Robot, text: str) -> Array:
     if count < 1:
         raise InputError(f"--calibrated {text}: must be 1 or greater, or a CSV file")
     x = drawn(robot, 4 * count, 0)
-    return x[reachable(robot.with_sensors(), x, robot.finest_level)][:count]
+    return x[reachable(robot.with_sensors(), x, robot.highest_level)][:count]
 
 
-def table(found: Design, state: str) -> Table:
+def table(found: SensorSelection, state: str) -> Table:
     """One row a set of the front, cheapest first."""
     total = summed(found.robot)
     factor, unit = PRINT[total.unit]
@@ -305,14 +305,14 @@ def table(found: Design, state: str) -> Table:
     return Table("design", title, header, rows)
 
 
-def machined(robot: Robot, choice: Choice) -> Cell:
+def machined(robot: Robot, choice: SensorSet) -> Cell:
     """To what parameters are machined in a set: for people, and as it is read again."""
     shown = [tolerance(robot, *level) for level in choice.machined]
     data = ",".join(f"{group}={sigma!r}" for group, sigma in choice.machined)
     return Cell(", ".join(shown) or "–", data or "none")
 
 
-def states(found: Design, sigma: Mapping[str, Array]) -> Table:
+def states(found: SensorSelection, sigma: Mapping[str, Array]) -> Table:
     """One row a set of the front: its σ in every state."""
     rows = []
     for k, choice in enumerate(found.front):
@@ -324,14 +324,14 @@ def states(found: Design, sigma: Mapping[str, Array]) -> Table:
     return Table("states", title, [*header, *sigma], rows)
 
 
-def each(found: Design) -> Table:
+def each(found: SensorSelection) -> Table:
     """One row a candidate: what it does alone, and what is left without it."""
     total, rows = summed(found.robot), []
     factor, unit = PRINT[total.unit]
     for own in found.alone:
         name = Cell(own.sensor)
         if own.level is not None:
-            choice = Choice((), 0.0, 0.0, ((own.sensor, own.level),))
+            choice = SensorSet((), 0.0, 0.0, ((own.sensor, own.level),))
             name = machined(found.robot, choice)
         cells = (factor * own.sigma, factor * own.without)
         rows.append([name, number(own.price), *map(number, cells)])
@@ -340,7 +340,7 @@ def each(found: Design) -> Table:
     return Table("each", title, header, rows)
 
 
-def notes(found: Design) -> list[str]:
+def notes(found: SensorSelection) -> list[str]:
     """What is best, and whether that is proven."""
     robot, count = found.robot, len(found.prices)
     levels = sum(map(len, found.levels))

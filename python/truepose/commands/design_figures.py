@@ -1,4 +1,4 @@
-"""What do sensors and machining buy? A function a figure, and the page of them."""
+"""Figures of a sensor selection, and the page that holds them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from truepose.calibration.design import Design
+from truepose.design.sensors import SensorSelection
 from truepose.files import picture
 from truepose.robot.units import summed
 from truepose.show.page import as_uri, render, versions
@@ -17,7 +17,7 @@ from truepose.show.units import PRINT, tolerance
 
 
 def page(
-    found: Design,
+    found: SensorSelection,
     state: str,
     tables: Sequence[Table],
     notes: Sequence[str],
@@ -45,7 +45,7 @@ def page(
     )
 
 
-def front(found: Design) -> Figure:
+def front(found: SensorSelection) -> Figure:
     """Draw the front, and the best."""
     figure = Figure(figsize=(8.4, 4.2), layout="constrained")
     axes = figure.subplots()
@@ -71,7 +71,7 @@ def front(found: Design) -> Figure:
     return figure
 
 
-def each(found: Design) -> Figure:
+def each(found: SensorSelection) -> Figure:
     """Draw what each candidate leaves alone, and what all the others leave without it."""
     figure = Figure(figsize=(8.4, 1.2 + 0.25 * len(found.alone)), layout="constrained")
     panels = figure.subplots(1, 2, sharey=True)
@@ -91,7 +91,7 @@ def each(found: Design) -> Figure:
     return figure
 
 
-def _shown(found: Design) -> tuple[float, str]:
+def _shown(found: SensorSelection) -> tuple[float, str]:
     """Factor into print units, and what is on an axis, with a gap for more words."""
     total = summed(found.robot)
     factor, unit = PRINT[total.unit]

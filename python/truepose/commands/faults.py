@@ -1,4 +1,4 @@
-"""Which faults of readings will be seen, and named? Limits of a robot, before it is built."""
+"""`truepose faults`: detectability of faults before a robot is built."""
 
 from __future__ import annotations
 
@@ -11,12 +11,6 @@ import numpy as np
 import typer
 
 from truepose.arguments import Array, Level
-from truepose.calibration.fault_limits import (
-    HOURS,
-    FaultLimits,
-    false_alarm_rate,
-    fault_limits,
-)
 from truepose.commands.accuracy import label, read_poses
 from truepose.commands.options import (
     Force,
@@ -24,7 +18,7 @@ from truepose.commands.options import (
     ModelLevel,
     Poses,
     RobotName,
-    SensorSet,
+    SensorsOption,
     effects_of,
     effects_option,
     false_alarm_option,
@@ -33,6 +27,12 @@ from truepose.commands.options import (
     wrote,
 )
 from truepose.exceptions import InputError
+from truepose.faults.limits import (
+    HOURS,
+    Detectability,
+    detectability,
+    false_alarm_rate,
+)
 from truepose.robot import knowledge
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
@@ -52,7 +52,7 @@ TIMES = 1.5
 
 def command(
     robot: RobotName,
-    sensors: SensorSet = None,
+    sensors: SensorsOption = None,
     poses: Poses = None,
     calibrated: Annotated[
         bool, typer.Option("--calibrated", help="After self-calibration over these poses.")
@@ -92,7 +92,7 @@ def command(
     at, left_out = (read_poses(loaded, poses), 0) if poses else regular_grid(loaded)
     visited = at if calibrated else None
     subject = known.allowed_for(loaded)
-    found = fault_limits(subject, at, visited, level, false_alarm=false_alarm)
+    found = detectability(subject, at, visited, level, false_alarm=false_alarm)
     state = f"{'self-calibrated' if calibrated else 'as built'}, {found.level} level"
     state += "" if effects == "none" else f", effects {effects}"
     if not loaded.r:
@@ -123,7 +123,10 @@ def regular_grid(robot: Robot) -> tuple[Array, int]:
     ((125, 3), 0)
     """
     grid, model = workspace_grid(robot), robot.expected()
-    answers = [model.leakage(grid, "joint", "nan"), model.linearise(grid, "nan", "ideal")[0]]
+    answers = [
+        model.cross_sensitivity(grid, "joint", "nan"),
+        model.linearize(grid, "nan", "ideal")[0],
+    ]
     good = np.isfinite([values.sum(axis=(1, 2)) for values in answers]).all(axis=0)
     if not good.any():
         raise InputError(f"{robot.name}: no pose of its workspace is reachable and regular")
@@ -145,9 +148,9 @@ def _beside(
     subject: Robot,
     poses: Array,
     visited: Array | None,
-    found: FaultLimits,
+    found: Detectability,
     effects: str,
-) -> Iterator[tuple[str, FaultLimits]]:
+) -> Iterator[tuple[str, Detectability]]:
     """The same limits under other assumptions, each under its name."""
     levels: list[tuple[str, Level, bool]] = [(f"{found.level} level", found.level, True)]
     if knowledge.left_out(robot):
@@ -161,13 +164,13 @@ def _beside(
     for state, learnt in states:
         for name, level, model_error in levels:
             for doubt, one in doubts:
-                told = fault_limits(
+                told = detectability(
                     one, poses, learnt, level, model_error, false_alarm=found.false_alarm, moving=1
                 )
                 yield f"{state}, {name}{doubt}", told
 
 
-def limits(found: FaultLimits, state: str) -> Table:
+def limits(found: Detectability, state: str) -> Table:
     """One row a reading: median and largest over the poses, mm and degrees."""
     m = len(found.robot.readings)
     detected, isolated, jump = (
@@ -201,9 +204,9 @@ def limits(found: FaultLimits, state: str) -> Table:
     return Table("faults", f"Smallest faults, {state}", header, rows)
 
 
-def harm(found: FaultLimits) -> list[Table]:
+def harm(found: Detectability) -> list[Table]:
     """How far the nacelle is off by a fault just below detection: one column a law."""
-    laws = list(found.leakage)
+    laws = list(found.cross_sensitivity)
     at_rest = {
         law: found.pose_error(law).reshape(-1, len(found.robot.readings), 2).max(axis=0)
         for law in laws
@@ -227,7 +230,7 @@ def harm(found: FaultLimits) -> list[Table]:
     ]
 
 
-def beside(others: list[tuple[str, FaultLimits]]) -> Table:
+def beside(others: list[tuple[str, Detectability]]) -> Table:
     """One row an assumption, medians over the poses: detected, and isolated."""
     rows = []
     for name, found in others:
@@ -236,7 +239,7 @@ def beside(others: list[tuple[str, FaultLimits]]) -> Table:
     return Table("faults_beside", title, ["assumption", *_header(others[0][1].robot)], rows)
 
 
-def by_box(found: FaultLimits, poses: Array, parts: int) -> Table:
+def by_box(found: Detectability, poses: Array, parts: int) -> Table:
     """One row a part of a coordinate's range, medians over its poses: detected, and isolated."""
     rows = []
     for k, (name, unit) in enumerate(found.robot.coordinates):
@@ -259,7 +262,7 @@ def _header(robot: Robot) -> list[str]:
     return [f"{name} ({unit})" for name, (_, unit) in _readings(robot)]
 
 
-def _pairs(found: FaultLimits, inside: Array | slice) -> list[Cell]:
+def _pairs(found: Detectability, inside: Array | slice) -> list[Cell]:
     """Medians over some poses of what is detected, and isolated, of each reading."""
     cells = []
     for c, (reading, (factor, unit)) in enumerate(_readings(found.robot)):
@@ -273,7 +276,7 @@ def _pairs(found: FaultLimits, inside: Array | slice) -> list[Cell]:
     return cells
 
 
-def notes(found: FaultLimits) -> Iterator[str]:
+def notes(found: Detectability) -> Iterator[str]:
     """What the tables mean, and which readings no test tells apart."""
     odds = f"{found.false_alarm:.2g}"
     if found.false_alarm == false_alarm_rate():
@@ -296,7 +299,7 @@ def notes(found: FaultLimits) -> Iterator[str]:
         yield f"Seen by no test, at no pose: {', '.join(found.unseen)}."
 
 
-def draw(found: FaultLimits, state: str) -> Figure:
+def draw(found: Detectability, state: str) -> Figure:
     """Draw each reading's limits: median, 5 and 95 % of the poses that have one; by unit."""
     from matplotlib.figure import Figure
 

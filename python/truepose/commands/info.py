@@ -1,4 +1,4 @@
-"""What can a robot do? Reach, conditioning and motor speeds over its workspace."""
+"""`truepose info`: reach, conditioning and motor speeds over the workspace."""
 
 from __future__ import annotations
 
@@ -333,7 +333,7 @@ def rows(robot: Robot, figures: Figures) -> list[tuple[str, str]]:
 
 def _stretch(robot: Robot) -> list[tuple[str, str]]:
     """What rods carry at home, and by how much they give way."""
-    at = robot.tension(robot.home, errors="nan")
+    at = robot.rod_forces(robot.home, errors="nan")
     strain = robot.compliance * at
     names = [f"chain {k}" for k in range(1, robot.n + 1)]
 

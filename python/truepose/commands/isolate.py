@@ -1,4 +1,4 @@
-"""What does `truepose isolate` print? Which reading of a log lies."""
+"""`truepose isolate`: the faulty reading of a log."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from typing import Annotated
 import typer
 
 from truepose import logs
-from truepose.calibration.isolation import Hypothesis, Isolation, isolate
 from truepose.commands.options import (
     How,
     ModelLevel,
     RobotName,
-    SensorSet,
+    SensorsOption,
     false_alarm_option,
     load_with,
 )
+from truepose.faults.isolation import Hypothesis, Isolation, isolate
 from truepose.robot.units import reading_units
 from truepose.show.table import Cell, Table, number
 from truepose.show.terminal import Format, say, show
@@ -29,7 +29,7 @@ def command(
         Path,
         typer.Argument(help="CSV, Parquet or MCAP: columns q1 … qn and each sensor's name; SI."),
     ],
-    sensors: SensorSet = None,
+    sensors: SensorsOption = None,
     level: ModelLevel = None,
     false_alarm: Annotated[
         float | None, false_alarm_option("Probability with which a healthy robot counts as faulty.")

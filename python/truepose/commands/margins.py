@@ -1,4 +1,4 @@
-"""How near is a controller to swinging up? Margins of every law's loop, and the gains chosen."""
+"""`truepose margins`: stability margins of every law's loop, and the chosen gains."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from truepose.commands.options import (
     Force,
     How,
     RobotName,
-    SensorSet,
+    SensorsOption,
     completing,
     effects_of,
     effects_option,
@@ -21,15 +21,15 @@ from truepose.commands.options import (
     plot_to,
     wrote,
 )
+from truepose.control import gains
+from truepose.control.controller import Controller, positive
+from truepose.control.margins import ALL, StabilityMargins, stability_margins
 from truepose.exceptions import InputError, choose
 from truepose.robot.laws import LAWS, Law
 from truepose.robot.robot import Robot
 from truepose.show.table import Cell, Table, number
 from truepose.show.terminal import Format, say, show
 from truepose.show.units import PRINT
-from truepose.simulation import gains
-from truepose.simulation.controller import Controller, positive
-from truepose.simulation.margins import ALL, Margins, margins
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -52,7 +52,7 @@ def command(
         ),
     ] = None,
     rate: Annotated[float, typer.Option(metavar="HZ", help="Control cycles in a second.")] = 1000.0,
-    sensors: SensorSet = None,
+    sensors: SensorsOption = None,
     own: Annotated[
         str | None,
         typer.Option(
@@ -86,7 +86,7 @@ def command(
         controller = each if own is None else parse_gains(own, each, 1 / rate)
         try:
             period = 1 / rate if own is None else None
-            found.append(margins(loaded, controller, forgotten, period=period))
+            found.append(stability_margins(loaded, controller, forgotten, period=period))
         except InputError as error:
             refused.append(error)
     if not found:
@@ -140,7 +140,7 @@ def parse_gains(text: str, law: Law, period: float) -> Controller:
     )
 
 
-def chosen(found: list[Margins]) -> Table:
+def chosen(found: list[StabilityMargins]) -> Table:
     """One row a law: its gains, and what counts and noise do to it at the worst pose."""
     header = ["law", "poles (rad/s)", "damping", "filter (rad/s)", "torque noise (% of limit)"]
     units = dict.fromkeys(unit for _, unit in found[0].robot.coordinates)
@@ -157,7 +157,7 @@ def chosen(found: list[Margins]) -> Table:
     return Table("gains", "Gains", header, rows)
 
 
-def table(found: Margins) -> Table:
+def table(found: StabilityMargins) -> Table:
     """One row a loop: its least margins, and the pose where it bears least."""
     rows = []
     for loop in found.loops:
@@ -189,7 +189,7 @@ def named(robot: Robot, pose: Array) -> Cell:
     return Cell(text, dict(zip(names, values, strict=True)))
 
 
-def notes(found: list[Margins]) -> list[str]:
+def notes(found: list[StabilityMargins]) -> list[str]:
     """What the tables mean, and what is wrong."""
     lines = [
         "Gain: of how much more, and less, it swings up; delay: beside what it has. Hunting: peak "
@@ -204,7 +204,7 @@ def notes(found: list[Margins]) -> list[str]:
     return lines
 
 
-def draw(found: list[Margins]) -> Figure:
+def draw(found: list[StabilityMargins]) -> Figure:
     """Draw the loop of all motors of every law at every pose, and what it has to keep clear of."""
     from matplotlib.figure import Figure
 

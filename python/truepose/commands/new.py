@@ -1,4 +1,4 @@
-"""How does a robot file of one's own begin? As a shipped one, under another name."""
+"""`truepose new`: a starter robot file from a shipped one."""
 
 from __future__ import annotations
 

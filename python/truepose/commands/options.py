@@ -1,4 +1,4 @@
-"""Which options do commands share, and what do those say when they are done?"""
+"""Options that several commands share, and the messages they print."""
 
 from __future__ import annotations
 
@@ -14,16 +14,15 @@ from typer.models import OptionInfo
 
 from truepose import _core, files
 from truepose.arguments import Array, Level
-from truepose.calibration.fault_limits import HOURS
+from truepose.control.effects import Effects
 from truepose.exceptions import InputError, PoseError, choose
-from truepose.robot.robot import Robot, load, robots
+from truepose.faults.fault import FAULT_KINDS, Fault
+from truepose.faults.limits import HOURS
+from truepose.robot.robot import Robot, list_robots, load
 from truepose.robot.units import summed
 from truepose.robotfile import path_of
 from truepose.show.terminal import Format, say
 from truepose.show.units import WRITTEN
-from truepose.simulation.effects import Effects
-from truepose.simulation.faults import FAULT_KINDS, Fault
-from truepose.simulation.true_robots import with_tolerance_errors
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,13 +42,13 @@ RobotName = Annotated[
     typer.Argument(
         metavar="ROBOT",
         help="A shipped robot's name, or a robot file.",
-        autocompletion=completing(robots),
+        autocompletion=completing(list_robots),
     ),
 ]
 Seed = Annotated[
     int, typer.Option(min=0, help="Of all that is drawn; the same seed, the same numbers.")
 ]
-SensorSet = Annotated[
+SensorsOption = Annotated[
     str | None,
     typer.Option(
         metavar="A,B*", help="Sensors that are read: names or globs.", show_default="the file's"
@@ -313,5 +312,5 @@ def true_robot(robot: Robot, text: str, seed: int) -> Robot:
         return load(text).with_sensors(*robot.sensors)
     if not any(parameter.sigma for parameter in robot.parameters.values()):
         say(f"{robot.name}: no tolerances in its file: the true robot is the nominal one", err=True)
-    true = with_tolerance_errors(robot, seed)
-    return true.with_level(true.finest_level)
+    true = robot.sample(seed)
+    return true.with_level(true.highest_level)

@@ -1,9 +1,9 @@
-"""How is it told where sensors should be mounted?"""
+"""Options and tables of sensor placement."""
 
 from __future__ import annotations
 
-from truepose.calibration.placing import Placement
 from truepose.commands.accuracy import label
+from truepose.design.placement import Placement
 from truepose.robot.units import summed
 from truepose.show.table import Cell, Table, number
 from truepose.show.units import PRINT

@@ -1,4 +1,4 @@
-"""Which poses to calibrate on, or which next? Those that buy most, in the order of a short tour."""
+"""`truepose plan`: calibration poses, in the order of a short tour."""
 
 from __future__ import annotations
 
@@ -15,10 +15,8 @@ from truepose.arguments import Array
 from truepose.calibration import log_checks
 from truepose.calibration.between import Between
 from truepose.calibration.calibrate import calibrate
-from truepose.calibration.candidates import COUNT, Candidates, drawn
 from truepose.calibration.differences import measurements
-from truepose.calibration.fit import Fit
-from truepose.calibration.plan import HARDLY, Plan, plan
+from truepose.calibration.fit import Calibration
 from truepose.commands.accuracy import label, read_poses
 from truepose.commands.options import (
     Force,
@@ -26,7 +24,7 @@ from truepose.commands.options import (
     ModelLevel,
     RobotName,
     Seed,
-    SensorSet,
+    SensorsOption,
     load_with,
     parse_pose,
     parse_sigmas,
@@ -34,6 +32,8 @@ from truepose.commands.options import (
     plot_to,
     wrote,
 )
+from truepose.design.candidates import COUNT, CandidatePoses, drawn
+from truepose.design.poses import HARDLY, PosePlan, plan_poses
 from truepose.exceptions import InputError
 from truepose.robot.robot import Robot
 from truepose.robot.units import summed
@@ -95,7 +95,7 @@ def command(
         str | None,
         typer.Option(metavar="X,Y,…", help="Ask for differences from this pose; m and rad."),
     ] = None,
-    sensors: SensorSet = None,
+    sensors: SensorsOption = None,
     level: ModelLevel = None,
     out: Annotated[
         Path | None, typer.Option("-o", "--out", help="Poses to write, in the tour's order (CSV).")
@@ -129,10 +129,10 @@ def command(
     fit = None if after is None else fit_of(loaded, after)
     at = None if touch_off is None else parse_pose(loaded, touch_off, "--touch-off")
     zero = None if relative_to is None else parse_pose(loaded, relative_to, "--relative-to")
-    found = plan(
+    found = plan_poses(
         loaded,
         poses,
-        candidates=Candidates(poses=x, measured_sigma=length, measured_angle_sigma=angle),
+        candidates=CandidatePoses(poses=x, measured_sigma=length, measured_angle_sigma=angle),
         after=fit,
         poses=None if over is None else read_poses(loaded, over),
         target=parse_target(loaded, target),
@@ -153,7 +153,7 @@ def command(
     wrote(how, out if found.steps else None, plot)
 
 
-def fit_of(robot: Robot, path: Path) -> Fit:
+def fit_of(robot: Robot, path: Path) -> Calibration:
     """Calibrate on a log as `truepose calibrate` does; on touches, not on a file of distances."""
     log = logs.read(robot, path)
     differences = Between().of(robot, log)
@@ -170,7 +170,7 @@ def fit_of(robot: Robot, path: Path) -> Fit:
     )
 
 
-def table(found: Plan) -> Table:
+def table(found: PosePlan) -> Table:
     """One row a pose, the most useful first: where, when on the tour, and what is left then."""
     places = dict(zip(found.order, range(1, len(found.order) + 1), strict=True))
     coordinates = found.robot.coordinates
@@ -194,7 +194,7 @@ def table(found: Plan) -> Table:
     return Table("plan", title, ["pose", *header, "on the tour", last], rows)
 
 
-def notes(found: Plan) -> list[str]:
+def notes(found: PosePlan) -> list[str]:
     """What it is worth, beside random poses and all."""
     robot, count, name = found.robot, len(found.steps), found.robot.name
     gone = f", {found.left_out} where it cannot be left out" if found.left_out else ""
@@ -229,7 +229,7 @@ def _is_ours(file: BinaryIO, robot: Robot) -> bool:
     return file.readline().decode(errors="replace").strip() == ",".join(_header(robot))
 
 
-def written(found: Plan) -> str:
+def written(found: PosePlan) -> str:
     """Write the poses in the tour's order as CSV, and which step each is: the first buys most."""
     text = io.StringIO()
     rows = csv.writer(text, lineterminator="\n")
@@ -239,7 +239,7 @@ def written(found: Plan) -> str:
     return text.getvalue()
 
 
-def draw(found: Plan) -> Figure:
+def draw(found: PosePlan) -> Figure:
     """Draw what each pose promises, and the tour over the first two coordinates."""
     from matplotlib.figure import Figure
 

@@ -1,4 +1,4 @@
-"""What will a calibration be worth, before there is a machine to try it on?"""
+"""`truepose rehearse`: a simulated calibration log, and its check against the truth."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from truepose.commands.options import (
     How,
     RobotName,
     Seed,
-    SensorSet,
+    SensorsOption,
     effects_of,
     effects_option,
     parse_set,
@@ -55,7 +55,7 @@ def command(
         int, typer.Option(min=1, max=100_000, help="Lines of the log, drawn from the workspace.")
     ] = 100,
     seed: Seed = 0,
-    sensors: SensorSet = None,
+    sensors: SensorsOption = None,
     tracker: Annotated[
         bool | None,
         typer.Option(

@@ -1,4 +1,4 @@
-"""Which robots come with truepose? Freedoms, motors, sensors, levels."""
+"""`truepose list`: the shipped robots."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from truepose.commands.options import How
-from truepose.robot.robot import Robot, load, robots
+from truepose.robot.robot import Robot, list_robots, load
 from truepose.show.table import Cell, Table
 from truepose.show.terminal import Format, show
 
@@ -17,7 +17,7 @@ def command(how: How = Format.table) -> None:
     A robot's name stands for its file in every command; **truepose info** says more of one,
     **truepose new** writes its file for you to change.
 
-    Example: **truepose robots**
+    Example: **truepose list**
     """
     show([table()], how)
 
@@ -32,7 +32,7 @@ def table() -> Table:
     ['Rotary Delta robot, 3 degrees of freedom', 'x y z', '3 revolute']
     """
     header = ["robot", "what it is", "freedoms", "motors", "sensors in use", "further sensors"]
-    rows = [_row(name, load(name)) for name in robots()]
+    rows = [_row(name, load(name)) for name in list_robots()]
     return Table("robots", "Shipped robots", [*header, "full level"], rows)
 
 

@@ -1,4 +1,4 @@
-"""How does a robot that is not its model move under a law? In a move, or along a path."""
+"""`truepose simulate`: a move or a path of a robot that is not its model."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from truepose.commands.options import (
     How,
     RobotName,
     Seed,
-    SensorSet,
+    SensorsOption,
     completing,
     effects_of,
     effects_option,
@@ -31,25 +31,25 @@ from truepose.commands.options import (
     true_robot,
     wrote,
 )
+from truepose.control.controller import Controller
+from truepose.control.effects import Effects
 from truepose.exceptions import InputError, PoseError
+from truepose.faults.monitor import FaultMonitor
 from truepose.robot import laws
 from truepose.robot.frames import frames
 from truepose.robot.laws import Law
-from truepose.robot.robot import Robot, robots
+from truepose.robot.robot import Robot, list_robots
 from truepose.robot.units import summed
 from truepose.robotfile import path_of
 from truepose.show.table import Cell, Table, number
 from truepose.show.terminal import Format, say, show
 from truepose.show.units import PRINT
 from truepose.simulation import paths
-from truepose.simulation.controller import Controller
 from truepose.simulation.drive import controller_of
-from truepose.simulation.effects import Effects
 from truepose.simulation.moves import MOVE_DURATION, default_move
 from truepose.simulation.plants import Visit
 from truepose.simulation.simulate import Simulation, simulate
 from truepose.simulation.visit import visit
-from truepose.simulation.watch import Watch
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -108,7 +108,7 @@ def command(
         typer.Option(
             help="The robot that is there: drawn from the file's tolerances, nominal, or a "
             "robot's name or file.",
-            autocompletion=completing(lambda: ("drawn", "nominal", *robots())),
+            autocompletion=completing(lambda: ("drawn", "nominal", *list_robots())),
         ),
     ] = "drawn",
     effects: Annotated[
@@ -121,7 +121,7 @@ def command(
         typer.Option("--watch", help="Watch the readings, and go on or stop where one lies."),
     ] = False,
     seed: Seed = 0,
-    sensors: SensorSet = None,
+    sensors: SensorsOption = None,
     duration: Annotated[
         float | None,
         typer.Option(help="Of a move, s.", show_default="0.2; visiting 0.5 each"),
@@ -172,7 +172,7 @@ def command(
     duration, hold = (u if g is None else g for u, g in zip(usual, (duration, hold), strict=True))
     settings: dict[str, Any] = {"duration": duration, "hold": hold, "seed": seed, "time": since}
     settings["faults"] = faults = faults_of(fault)
-    settings["watch"] = Watch(effects=forgotten) if watch else None
+    settings["watch"] = FaultMonitor(effects=forgotten) if watch else None
     errors = Console(stderr=True)
     with errors.status("simulating") if errors.is_terminal else nullcontext():
         if x_d is not None:
@@ -242,10 +242,10 @@ def _asked(
         raise InputError(f"{named[0]}: names all poses itself: leave out {left}")
     if path is not None:
         time, x_d = read_samples(robot, path)
-        return (None, x_d) if time is None else (paths.Sampled(time=time, x=x_d), None)
+        return (None, x_d) if time is None else (paths.SampledPath(time=time, x=x_d), None)
     each = MOVE_DURATION if duration is None else duration
     if way_points is not None:
-        return paths.WayPoints(poses=read_poses(robot, way_points), duration=each), None
+        return paths.Waypoints(poses=read_poses(robot, way_points), duration=each), None
     if circle is not None:
         centre = robot.home if start is None else parse_pose(robot, start, "--from", False)
         return _circle(circle, centre), None

@@ -1,4 +1,4 @@
-"""`truepose study`: one question asked of many robots, here or on a cluster."""
+"""`truepose monte-carlo`: a function evaluated on many sampled robots."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import Annotated
 
 import typer
 
-from truepose.commands.options import How, Seed, SensorSet, load_with
+from truepose.commands.options import How, Seed, SensorsOption, load_with
 from truepose.exceptions import InputError
 from truepose.show.terminal import Format, say, show
 from truepose.studies.functions import ASKED, LEARNT
-from truepose.studies.study import study
+from truepose.studies.study import monte_carlo
 from truepose.studies.workers import On
 
 #: What the numbers of ready questions are.
@@ -34,7 +34,7 @@ def command(
     ],
     robots: Annotated[list[str], typer.Argument(help="Shipped robots' names, or robot files.")],
     count: Annotated[int, typer.Option(min=1, help="True robots to draw of each.")] = 100,
-    sensors: SensorSet = None,
+    sensors: SensorsOption = None,
     grid: Annotated[
         list[str] | None,
         typer.Option(
@@ -64,7 +64,7 @@ def command(
 
     Numbers do not depend on how many workers there are. A study that was ended goes on from there.
 
-    Example: **truepose study calibration h4 par4 --count 200 -o my-study**
+    Example: **truepose monte-carlo calibration h4 par4 --count 200 -o my-study**
     """
     from rich.console import Console
     from rich.progress import (
@@ -79,7 +79,7 @@ def command(
     columns = (TextColumn("chunks"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=errors, disable=not errors.is_terminal) as bar:
         task = bar.add_task("chunks", total=None)
-        found = study(
+        found = monte_carlo(
             function,
             [load_with(robot, sensors) for robot in robots],
             count,

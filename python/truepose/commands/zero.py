@@ -1,4 +1,4 @@
-"""What does `truepose zero` print? What motors read at a stance, and what is known then."""
+"""`truepose zero`: homing offsets from a reference posture."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from truepose.commands.options import (
     Force,
     How,
     RobotName,
-    SensorSet,
+    SensorsOption,
     load_with,
     parse_pose,
     parse_sizes,
@@ -54,7 +54,7 @@ def command(
             show_default="0.05deg of a pivot",
         ),
     ] = None,
-    sensors: SensorSet = None,
+    sensors: SensorsOption = None,
     how: How = Format.table,
     force: Force = False,
 ) -> None:

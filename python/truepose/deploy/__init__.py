@@ -1,1 +1,1 @@
-"""How does a robot get onto a machine's controller? Tables for the C interface."""
+"""Deployment of a robot by the C interface."""

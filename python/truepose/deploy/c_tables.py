@@ -11,12 +11,12 @@ from importlib.metadata import version
 import numpy as np
 
 from truepose import _core, files
+from truepose.control import delays
+from truepose.control.controller import Controller
 from truepose.exceptions import InputError
+from truepose.faults.monitor import FaultMonitor
 from truepose.robot.knowledge import knowledge, uncertain
 from truepose.robot.robot import Robot
-from truepose.simulation import late
-from truepose.simulation.controller import Controller
-from truepose.simulation.watch import Watch
 
 #: Of file, as :func:`truepose.files.mark` has it.
 KIND = "C tables"
@@ -71,7 +71,7 @@ def named(robot: Robot, name: str | None) -> str:
 def to_c(
     robot: Robot,
     controller: Controller | None,
-    watch: Watch | None,
+    watch: FaultMonitor | None,
     name: str | None = None,
 ) -> str:
     """Write a header of constant tables for ``truepose/truepose.h``, in C99 and in C++.
@@ -86,7 +86,7 @@ def to_c(
         Its gains are placed at home. Without one, as for a robot without masses, the tables of
         control and watch are left out: kinematics, Jacobian, TEJ, motor errors, estimates and
         calibration need neither.
-    watch : Watch, optional
+    watch : FaultMonitor, optional
         Needs the controller.
     name : str, optional
         Prefix of the tables, by default the robot's name: programs with two robots need two.
@@ -106,13 +106,13 @@ def to_c(
     --------
     >>> import truepose as tp
     >>> from truepose.deploy.c_tables import to_c
-    >>> text = to_c(tp.load("five-bar"), tp.Controller(law="joint"), tp.Watch(), name="left")
+    >>> text = to_c(tp.load("five-bar"), tp.Controller(law="joint"), tp.FaultMonitor(), name="left")
     >>> [line.split()[3] for line in text.splitlines() if line.startswith("static const")]
     ['left', 'left_control']
     """
     require_prompt(robot, controller.period if controller else _PERIOD)
     name = named(robot, name)
-    finest = robot.finest
+    finest = robot.at_highest_level
     two = robot.r > 0 and finest.level != robot.level
     parts = [_description(name, robot)]
     if two:
@@ -141,7 +141,7 @@ def to_c(
 
 def require_prompt(robot: Robot, period: float) -> None:
     """Raise where a sensor is slow or late, which the C interface has no entry for."""
-    if late.settings(robot, period) is not None:
+    if delays.settings(robot, period) is not None:
         raise InputError(
             f"{robot.name}: a sensor is slow or late (`period`, `age`), which the C interface has "
             "no entry for: choose others (--sensors)"
@@ -226,7 +226,7 @@ def _control(name: str, robot: Robot, controller: Controller) -> str:
     )
 
 
-def _watch(name: str, robot: Robot, controller: Controller, watch: Watch) -> str:
+def _watch(name: str, robot: Robot, controller: Controller, watch: FaultMonitor) -> str:
     counts, listed = _core.c_watch(watch.guarding(robot, controller))
     return (
         f"static const truepose_watch_settings {name}_watch = {{\n"

@@ -1,4 +1,4 @@
-"""What may be read, what may be written, and how nothing is lost?"""
+"""Reading and writing of files: atomic, and without loss of other files."""
 
 from truepose.files.reading import contents
 from truepose.files.writing import (

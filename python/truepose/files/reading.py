@@ -1,4 +1,4 @@
-"""What may be read? Regular files, whole: a pipe or a device might never end."""
+"""Reading of regular files, never of pipes or devices."""
 
 from __future__ import annotations
 

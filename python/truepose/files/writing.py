@@ -1,4 +1,4 @@
-"""How does a result become a file? Never half written, never in the place of somebody's own.
+"""Atomic writing of results, never over a file of another program.
 
 Every file that truepose writes goes through :func:`write`: beside its place first, then renamed.
 What stands there already is replaced if it is an earlier result of the same kind, or by force; what

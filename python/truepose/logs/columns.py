@@ -1,4 +1,4 @@
-"""What does a log say of its columns? Name, unit, description, values: each run tells its own."""
+"""Columns of a log: name, unit, description, values."""
 
 from __future__ import annotations
 

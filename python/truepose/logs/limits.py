@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -66,13 +65,3 @@ def parquet(path: Path, source: Any) -> Any:
             plain = compute.cast(column, column.type.value_type)
             table = table.set_column(k, table.schema.names[k], plain)
     return table
-
-
-def mcap(path: Path, reader: Any) -> Iterator[Any]:
-    """Yield the messages of an MCAP file's reader, each as schema, channel, message."""
-    summary = reader.get_summary()
-    chunks = summary.chunk_indexes if summary else ()
-    require(path, 0, 0, sum(chunk.uncompressed_size for chunk in chunks))
-    for count, message in enumerate(reader.iter_messages(), 1):
-        require(path, count, 0)
-        yield message

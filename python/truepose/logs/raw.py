@@ -1,4 +1,4 @@
-"""What is one count, step or turn worth, where a log has no metres and radians?
+"""Values of one count, step or turn, for logs in raw units.
 
 Column `q1_counts`, `q1_steps` or `q1_turns` stands for `q1`. One of it is what the log's header
 says, `# one q1_turns = 75.69 mm`; else what the robot file does: counts and steps by
@@ -13,8 +13,8 @@ from collections.abc import Iterable, Mapping
 
 from truepose.exceptions import InputError
 from truepose.robot.robot import Robot
-from truepose.robot.to_core import encoder_step
 from truepose.robot.units import reading_units
+from truepose.robotfile.to_core import encoder_step
 
 UNITS = ("counts", "steps", "turns")
 _LENGTHS = {"m": 1.0, "mm": 1e-3}

@@ -1,10 +1,9 @@
-"""How does a log become readings? Tables with named columns: CSV, Parquet, MCAP, data frame."""
+"""Readers of logs: CSV, Parquet, data frames, and formats of integrations."""
 
 from __future__ import annotations
 
 import csv
 import io
-import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -17,11 +16,10 @@ from truepose.arguments import Array, check_real, column_of, columns_of
 from truepose.exceptions import InputError, choose, controls, one_line
 from truepose.logs import limits, raw
 from truepose.logs.stances import STANCE, flat
+from truepose.plugins import plugins
+from truepose.robot.compliance import Payloads
 from truepose.robot.robot import Robot
-from truepose.robot.stretch import Loads
 
-#: Messages of two channels this far apart may be of one pose, s.
-TOLERANCE = 0.01
 #: What an empty cell may say, in lower case.
 _EMPTY = ("", "nan", "na", "n/a", "null", "none", "<na>")
 #: No reading is larger: its square, a few times over, is still a number.
@@ -45,7 +43,7 @@ class Log:
     measured_sigma: Array | None = None  #: (N, n) of `measured`, NaN where not said; or None
     labels: dict[str, Array] = field(default_factory=dict)  #: (N,) names of plane, point; or ""
     above: dict[str, Array] = field(default_factory=dict)  #: (N,) of each plane's column, m
-    loads: Loads | None = None  #: under which it was read, where it says so
+    loads: Payloads | None = None  #: under which it was read, where it says so
 
     def at(self, rows: Iterable[int], most: int = 8) -> str:
         """Name some lines: "lines 7, 9, 12"."""
@@ -108,7 +106,7 @@ def of(robot: Robot, table: Any, where: str = "readings") -> Log:
     --------
     >>> import truepose as tp
     >>> h4 = tp.load("h4")
-    >>> table = dict(zip(h4.readings, h4.extended([[0, 0, -0.4, 0]] * 3).T))
+    >>> table = dict(zip(h4.readings, h4.extended_positions([[0, 0, -0.4, 0]] * 3).T))
     >>> of(h4, table).readings.shape
     (3, 5)
     """
@@ -125,7 +123,7 @@ def read(robot: Robot, path: str | Path) -> Log:
     """Read a log file: Parquet or MCAP if it begins as one, else CSV.
 
     MCAP: all channels of JSON messages; a line for each message with the motors' readings, and of
-    every other channel the message nearest in time, up to `TOLERANCE` and half the motors' usual
+    every other channel the message nearest in time, up to 0.01 s and half the motors' usual
     interval away. CSV: a line of names, then
     one line for each pose; comma, semicolon or tab; lines that begin with # are comments.
 
@@ -136,12 +134,13 @@ def read(robot: Robot, path: str | Path) -> Log:
     """
     path = Path(path)
     data = _bytes(path)
+    table: dict[str, Any] | None
     if data.startswith(b"PAR1"):
         table = _parquet(path, data)
-    elif data.startswith(b"\x89MCAP"):
-        table = _mcap(path, data, robot.readings)
     else:
-        table = None
+        formats = (found.load() for found in plugins("log_formats").values())
+        own = next((each for each in formats if data.startswith(each.MAGIC)), None)
+        table = own.read(path, data, robot.readings) if own else None
     if table is not None:
         return _pick(
             robot,
@@ -209,78 +208,15 @@ def _parquet(path: Path, data: bytes) -> dict[str, Any]:
     except InputError:
         raise
     except Exception as error:  # a spoilt file may break its reader anywhere
-        raise _spoilt(path, "Parquet", error) from None
+        raise spoilt(path, "Parquet", error) from None
     if not names:
         raise InputError(f"{path}: no columns")
     _no_twins(path, names)
     return dict(zip(names, table.columns, strict=True))
 
 
-def _mcap(path: Path, data: bytes, wanted: tuple[str, ...]) -> dict[str, Any]:
-    try:
-        from mcap.reader import make_reader
-    except ImportError:
-        raise InputError(
-            f"{path}: MCAP needs mcap: pip install 'truepose[mcap]'; CSV needs nothing"
-        ) from None
-    sent: dict[str, list[tuple[int, dict[str, Any]]]] = {}
-    owner: dict[str, str] = {}
-    try:
-        for _, channel, message in limits.mcap(path, make_reader(io.BytesIO(data))):
-            if channel.message_encoding != "json":
-                continue
-            cells = json.loads(message.data)
-            for name in cells if isinstance(cells, dict) else ():
-                if owner.setdefault(name, channel.topic) != channel.topic:
-                    raise InputError(
-                        f"{path}: column '{name}' is in two channels, {owner[name]} and "
-                        f"{channel.topic}"
-                    )
-            if isinstance(cells, dict):
-                sent.setdefault(channel.topic, []).append((message.log_time, cells))
-    except InputError:
-        raise
-    except Exception as error:  # a spoilt file may break its reader anywhere
-        raise _spoilt(path, "MCAP", error) from None
-    if not owner:
-        raise InputError(f"{path}: no channel of JSON messages")
-    return _joined(path, sent, owner, wanted)
-
-
-def _joined(
-    path: Path, sent: dict[str, list], owner: dict[str, str], wanted: tuple[str, ...]
-) -> dict[str, Any]:
-    """Columns of channels whose messages do not come at the same times."""
-    leading = next((owner[name] for name in wanted if name in owner), next(iter(sent)))
-    at = {}
-    for topic, messages in sent.items():
-        messages.sort(key=lambda message: message[0])
-        at[topic] = np.array([time for time, _ in messages])
-    times = at[leading]
-    half = np.median(np.diff(times)) / 2 if len(times) > 1 else np.inf
-    tolerance = min(1e9 * TOLERANCE, half) if half > 0 else 0
-    table: dict[str, Any] = {}
-    for topic, messages in sent.items():
-        later = np.clip(np.searchsorted(at[topic], times), 1, max(len(messages) - 1, 1))
-        earlier = later - 1
-        later = np.minimum(later, len(messages) - 1)
-        nearer = np.abs(at[topic][later] - times) < np.abs(times - at[topic][earlier])
-        nearest = np.where(nearer, later, earlier)
-        if topic == leading:
-            nearest = np.arange(len(times))
-        near = np.abs(at[topic][nearest] - times) <= tolerance
-        names = [name for name, own in owner.items() if own == topic]
-        if not near.any() and any(name in wanted for name in names):
-            raise InputError(
-                f"{path}: {topic}: no message within {1e-6 * tolerance:.3g} ms of one of {leading}"
-            )
-        for name in names:
-            column = [messages[k][1].get(name) for k in nearest]
-            table[name] = [cell if by else None for cell, by in zip(column, near, strict=True)]
-    return table
-
-
-def _spoilt(path: Path, kind: str, error: Exception) -> InputError:
+def spoilt(path: Path, kind: str, error: Exception) -> InputError:
+    """Return the error of a file that its reader cannot read."""
     reason = str(error).splitlines()[0] if str(error).strip() else "it ends too early"
     return InputError(f"{path}: cannot be read as {kind}: {one_line(reason, 200)}")
 
@@ -383,7 +319,7 @@ def _pick(
     if STANCE in labels:
         measured, sigma = flat(robot, labels[STANCE], measured, sigma)
     pulls = {"force": block(forces), "tension": block(tensions)}
-    loads = Loads(**pulls) if any(values is not None for values in pulls.values()) else None
+    loads = Payloads(**pulls) if any(values is not None for values in pulls.values()) else None
     return Log(names, readings, measured, lines, word, unused, sigma, labels, above, loads)
 
 

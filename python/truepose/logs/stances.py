@@ -1,4 +1,4 @@
-"""When did the nacelle stand flat? A column of stances becomes angles that were measured."""
+"""The column of reference postures, as measured angles."""
 
 from __future__ import annotations
 

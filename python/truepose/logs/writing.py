@@ -1,4 +1,4 @@
-"""How does a run become a file? Parquet, MCAP (Foxglove, PlotJuggler) or CSV, described columns.
+"""Writers of logs: CSV, Parquet, and formats of integrations.
 
 Readings have the names that :func:`truepose.calibrate` and `truepose calibrate` look for, measured
 coordinates are ``measured_x`` …: what is written here can be calibrated on.
@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import csv
 import io
-import json
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +17,7 @@ from truepose.exceptions import InputError, choose
 from truepose.files import Output, mark, replace_file
 from truepose.files import check as checked
 from truepose.logs.columns import Column, Recorded
+from truepose.plugins import plugins
 from truepose.robot.robot import Robot
 
 
@@ -27,8 +27,8 @@ def columns(run: Recorded, robot: Robot | None = None) -> list[Column]:
     Parameters
     ----------
     run : Recorded
-        A :class:`truepose.Simulation`; the poses of an experiment, as measured; or as the plant
-        stood there (a Visit).
+        A :class:`truepose.simulation.Simulation`; the poses of an experiment, as measured; or as
+        the plant stood there (a Visit).
     robot : Robot, optional
         Of a Visit, which does not hold it.
 
@@ -101,14 +101,14 @@ def check(path: str | Path, inputs: Iterable[str | Path] = (), force: bool = Fal
     """
     output = Output(Path(path), "log")
     checked([output], inputs, force)
-    if output.path.suffix not in _WRITERS:
-        raise InputError(f"{path}: " + choose("ending", output.path.suffix, _WRITERS))
+    if output.path.suffix not in (writers := _writers()):
+        raise InputError(f"{path}: " + choose("ending", output.path.suffix, writers))
     return output
 
 
 def encoded(path: Path, listed: list[Column]) -> bytes:
     """Return the contents of a log file, as its name ends; the first column is time or number."""
-    return _WRITERS[path.suffix](path, listed)
+    return _writers()[path.suffix](path, listed)
 
 
 def _parquet(path: Path, listed: list[Column]) -> bytes:
@@ -131,42 +131,6 @@ def _parquet(path: Path, listed: list[Column]) -> bytes:
     return buffer.getvalue()
 
 
-def _mcap(path: Path, listed: list[Column]) -> bytes:
-    """One channel for each topic, a message for each row; JSON with its schema.
-
-    A row's time is the run's, or one second for each pose.
-    """
-    try:
-        from mcap.writer import Writer
-    except ImportError:
-        raise InputError(
-            f"{path}: MCAP needs mcap: pip install 'truepose[mcap]'; CSV needs nothing"
-        ) from None
-    buffer = io.BytesIO()
-    writer = Writer(buffer)
-    writer.start(profile="", library=mark("log"))
-    times = np.round(1e9 * listed[0].values).astype(np.int64).tolist()
-    for topic in dict.fromkeys(c.topic for c in listed):
-        own = [c for c in listed if c.topic == topic]
-        schema = {
-            "type": "object",
-            "title": topic,
-            "properties": {
-                c.name: {"type": ["number", "null"], "description": f"{c.what}, {c.unit}"}
-                for c in own
-            },
-        }
-        text = json.dumps(schema, ensure_ascii=False).encode()
-        number = writer.register_schema(f"truepose.{topic}", "jsonschema", text)
-        channel = writer.register_channel(f"/{topic}", "json", number)
-        rows = zip(*(c.values.tolist() for c in own), strict=True)
-        for at, row in zip(times, rows, strict=True):
-            cells = {c.name: v if np.isfinite(v) else None for c, v in zip(own, row, strict=True)}
-            writer.add_message(channel, at, json.dumps(cells).encode(), at)
-    writer.finish()  # type: ignore[no-untyped-call]
-    return buffer.getvalue()
-
-
 def _csv(path: Path, listed: list[Column]) -> bytes:
     buffer = io.StringIO()
     buffer.write(f"# {mark('log')}\n")
@@ -179,4 +143,7 @@ def _csv(path: Path, listed: list[Column]) -> bytes:
     return buffer.getvalue().encode()
 
 
-_WRITERS = {".parquet": _parquet, ".mcap": _mcap, ".csv": _csv}
+def _writers() -> dict[str, Callable[[Path, list[Column]], bytes]]:
+    """Return what writes each ending: two of our own, and those of integrations."""
+    formats = plugins("log_formats").items()
+    return {".parquet": _parquet, ".csv": _csv} | {e: each.load().write for e, each in formats}

@@ -1,1 +1,5 @@
-"""What did the paper do, and what comes out of it here?"""
+"""The source paper: its tables, its robots and experiments, and what truepose reproduces of it."""
+
+from truepose.paper.errors import with_paper_errors
+
+__all__ = ["with_paper_errors"]

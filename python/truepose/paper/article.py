@@ -1,4 +1,4 @@
-"""What does the paper print? Its tables, as data.
+"""The paper's tables as data.
 
 Source: F. Marquet, O. Company, S. Krut, F. Pierrot, *Enhancing Parallel Robots Accuracy with
 Redundant Sensors*.
@@ -13,8 +13,8 @@ from importlib import resources
 import numpy as np
 
 from truepose.arguments import Array
+from truepose.control.controller import Controller
 from truepose.robot.laws import Law
-from truepose.simulation.controller import Controller
 
 GEAR = 4  #: The tool turns four times as far as the nacelle.
 QUANTITIES = ("x", "y", "z", "theta", "norm_xyz")

@@ -1,4 +1,4 @@
-"""Which geometric errors do the paper's simulated robots have? Robots drawn from its ranges."""
+"""Geometric errors of the paper's simulated robots."""
 
 from __future__ import annotations
 
@@ -25,8 +25,9 @@ def with_paper_errors(robot: Robot, seed: int | np.random.SeedSequence) -> Robot
     Examples
     --------
     >>> import truepose as tp
+    >>> from truepose.paper import with_paper_errors
     >>> robot = tp.load("h4")
-    >>> true = tp.with_paper_errors(robot, seed=1)
+    >>> true = with_paper_errors(robot, seed=1)
     >>> -0.003 <= true.parameters["chain1.rod"].value - 0.48 <= 0.010
     True
     """

@@ -1,4 +1,4 @@
-"""The experiment of Tables 2 and 3: 625 poses, settled under each controller, for many robots."""
+"""The experiment of Tables 2 and 3: 625 poses at steady state under each controller."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from truepose.paper.errors import with_paper_errors
 from truepose.paper.trials import JITTER
 from truepose.robot.laws import LAWS, Law
 from truepose.robot.robot import Robot
-from truepose.simulation.settle import settle
+from truepose.simulation.equilibrium import steady_state
 from truepose.simulation.simulate import simulate
 from truepose.threads import each
 
@@ -63,7 +63,7 @@ def self_calibrated(robot: Robot, truth: Robot, visited: Array, seed: int = 0) -
     grid, and in every robot sent to the same poses: one `seed` for each robot.
     """
     beside = np.random.default_rng(seed).uniform(-JITTER, JITTER, visited.shape)
-    readings = truth.read(settle(robot, truth, visited + beside, "joint"))
+    readings = truth.read(steady_state(robot, truth, visited + beside, "joint"))
     return calibrate(robot, readings).robot
 
 
@@ -97,7 +97,7 @@ def rest(
             believed = robot.expected()
         if control == "self-calibrated":
             believed = self_calibrated(robot, truth, poses if visited is None else visited, seed)
-        result[control] = settle(believed, truth, poses, CONTROLS[control])
+        result[control] = steady_state(believed, truth, poses, CONTROLS[control])
     return result
 
 
@@ -137,7 +137,7 @@ def moved_by_tej(result: Experiment, pose: ArrayLike) -> Array:
     In the exact statics, at a pose that both are asked for.
     """
     usual, redundant = (
-        np.array([settle(result.robot, truth, pose, law)[:3] for truth in result.truths])
+        np.array([steady_state(result.robot, truth, pose, law)[:3] for truth in result.truths])
         for law in ("joint", "redundant")
     )
     return 1e3 * np.linalg.norm(redundant - usual, axis=1)
@@ -159,8 +159,8 @@ def dynamics_check(
     """
     weightless = (0.0, 0.0, 0.0)
     cases = {
-        "ideal": tuple(x.unquantised().with_gravity(weightless) for x in (robot, truth)),
-        "loaded": (robot.unquantised(), truth.unquantised()),
+        "ideal": tuple(x.without_quantization().with_gravity(weightless) for x in (robot, truth)),
+        "loaded": (robot.without_quantization(), truth.without_quantization()),
         "as built": (robot, truth),
     }
     result: dict[str, dict[Law, Array]] = {}
@@ -174,7 +174,7 @@ def dynamics_check(
                 )
                 ends.append(ran.x[-1])
                 progress()
-            loaded = settle(nominal, real, poses, controller, gravity=case != "ideal")
+            loaded = steady_state(nominal, real, poses, controller, gravity=case != "ideal")
             result[case][law] = statistics.in_print_units(np.array(ends) - loaded)
     return result
 

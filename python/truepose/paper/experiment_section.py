@@ -1,4 +1,4 @@
-"""What does the twin do under every control, on every plant that is there?"""
+"""The twin under every control, on every available plant."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from truepose.paper.experiment import CONTROLS, Control
 from truepose.paper.forgotten import Line
 from truepose.paper.twin import Twin
 from truepose.paper.virtual_experiment import Run
+from truepose.paper.vision import Vision
 from truepose.robot.robot import load
 from truepose.simulation.plants import Plant
 from truepose.simulation.simulate import Simulation
-from truepose.simulation.vision import Vision
 
 MUJOCO = "MuJoCo is not installed: pip install 'truepose[mujoco]'; the exact plant stands alone"
 
@@ -47,7 +47,7 @@ def plants(of: Twin, names: Iterable[str]) -> tuple[dict[str, Plant], list[str]]
             found[name] = of.plant()
             continue
         try:
-            from truepose.simulation.plants.mujoco import MujocoPlant
+            from truepose.integrations.mujoco.plant import MujocoPlant
 
             found[name] = MujocoPlant(of.truth, of.effects, seed=of.seed)
         except ImportError:

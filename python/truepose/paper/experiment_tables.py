@@ -1,4 +1,4 @@
-"""Which numbers does the virtual experiment show? Its tables and its figure."""
+"""Tables and figure of the virtual experiment."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What does each law do when a reading lies, without a watch and with one?"""
+"""Moves with a faulty reading under each law, with and without the fault monitor."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from truepose.arguments import Array
+from truepose.faults.fault import FAULT_KINDS, Fault
+from truepose.faults.monitor import FaultMonitor, first
 from truepose.paper import article
 from truepose.robot.laws import LAWS, Law
 from truepose.robot.robot import Robot
-from truepose.simulation.faults import FAULT_KINDS, Fault
 from truepose.simulation.moves import default_move
 from truepose.simulation.simulate import simulate
-from truepose.simulation.watch import Watch, first
 from truepose.threads import each
 
 DURATION, HOLD = 0.3, 0.3  #: s
@@ -135,7 +135,7 @@ def study(
     def line(number: int) -> Line:
         both: list[dict[Law, list[Run]]] = [{}, {}]
         for law in LAWS:
-            for found, watch in zip(both, (None, Watch()), strict=True):
+            for found, watch in zip(both, (None, FaultMonitor()), strict=True):
                 found[law] = [_run((robot, truth), move, number, law, watch) for move in there]
         return Line(names[number], *both)
 
@@ -148,7 +148,11 @@ def study(
 
 
 def _run(
-    robots: tuple[Robot, Robot | None], move: Move, number: int, law: Law, watch: Watch | None
+    robots: tuple[Robot, Robot | None],
+    move: Move,
+    number: int,
+    law: Law,
+    watch: FaultMonitor | None,
 ) -> Run:
     ran = simulate(
         *robots,

@@ -1,4 +1,4 @@
-"""What do the simulations and the experiment look like? One function a figure."""
+"""Figures of the simulations and the experiment."""
 
 from __future__ import annotations
 

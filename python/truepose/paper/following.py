@@ -1,4 +1,4 @@
-"""How well do robots follow a circle and a square, under each law, as drawn and calibrated?"""
+"""Path following of a circle and a square under each law."""
 
 from __future__ import annotations
 
@@ -7,21 +7,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from truepose.control.controller import Controller
+from truepose.control.effects import Effects
 from truepose.paper import article, experiment
 from truepose.robot.laws import LAWS, Law
 from truepose.robot.robot import Robot
-from truepose.simulation.controller import Controller
-from truepose.simulation.effects import Effects
 from truepose.simulation.path_accuracy import PathAccuracy, path_accuracy
-from truepose.simulation.paths import Circle, Path, WayPoints
-from truepose.simulation.true_robots import with_tolerance_errors
+from truepose.simulation.paths import Circle, Path, Waypoints
 from truepose.threads import each
 
 CENTRE, RADIUS = (0.0, 0.0, -0.4, 0.0), 0.05  #: m; the square's half side is the circle's radius
 _CORNERS = ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))
 PATHS: dict[str, Path] = {
     "circle": Circle(centre=CENTRE, radius=RADIUS, frequency=1.0),
-    "square": WayPoints(
+    "square": Waypoints(
         poses=[[RADIUS * x, RADIUS * y, *CENTRE[2:]] for x, y in _CORNERS], duration=0.4
     ),
 }
@@ -127,7 +126,7 @@ def drawn(robot: Robot, effects: Effects, seed: int, number: int) -> tuple[Robot
     take the robot as it most likely is. Its encoders' phases are those of the seed `number`.
     """
     source = np.random.SeedSequence([seed, number])
-    truth = with_tolerance_errors(robot, source).with_level(robot.finest_level)
+    truth = robot.sample(source).with_level(robot.highest_level)
     allowed = effects.allowed_for(robot)
     there = effects.geometry(truth, seed=number)
     learnt = experiment.self_calibrated(allowed, there, article.table2(), number)

@@ -1,4 +1,4 @@
-"""What does each effect that a model forgets take from self-calibration?
+"""The loss of self-calibration accuracy by each unmodelled effect.
 
 The H4 with the paper's errors on the dynamic plant, two hours after it was switched on: with none,
 with all, with one alone, with all but one. It calibrates itself with motors and θ under usual
@@ -15,18 +15,18 @@ import numpy as np
 
 from truepose.arguments import Array
 from truepose.calibration.calibrate import calibrate
+from truepose.control.controller import Controller
+from truepose.control.effects import Effects
 from truepose.exceptions import PoseError
 from truepose.paper import article, experiment
 from truepose.paper.statistics import interval, over_robots
 from truepose.paper.trials import JITTER
+from truepose.paper.vision import Setup, Vision
 from truepose.robot.frames import coordinates
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
-from truepose.simulation.controller import Controller
-from truepose.simulation.effects import Effects
 from truepose.simulation.plants.dynamic import DynamicPlant
 from truepose.simulation.simulate import Simulation, simulate
-from truepose.simulation.vision import Setup, Vision
 from truepose.threads import each
 
 #: A PD whose loop is stable with all effects on.

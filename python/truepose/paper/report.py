@@ -1,4 +1,4 @@
-"""How is a result shown? A folder with one self-contained page, its figures and its numbers."""
+"""The report: a folder with one self-contained page, its figures and numbers."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from truepose import files, logs
+from truepose.control.effects import Effects
 from truepose.exceptions import InputError
 from truepose.paper import (
     article,
@@ -29,7 +30,6 @@ from truepose.paper import (
 from truepose.paper.experiment import CONTROLS, Control
 from truepose.paper.reproduce import Reproduction
 from truepose.show import drawing, page
-from truepose.simulation.effects import Effects
 from truepose.simulation.moves import MOVE_TO
 
 FIGURES = 11  #: drawn for every report; one more with the warm-up

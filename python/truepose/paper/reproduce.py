@@ -1,4 +1,4 @@
-"""The paper, run end to end: Figures 11 to 13, Tables 2 and 3, as one result."""
+"""The paper, run end to end: Figures 11 to 13, Tables 2 and 3."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The same sensors, used fully: what do sets of them give, under each use of their readings?"""
+"""Accuracy of sensor sets under each use of their readings."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from truepose.paper.experiment import Control
 from truepose.paper.statistics import over_robots, rms_interval
 from truepose.robot.robot import Robot
 from truepose.robotfile.schema import Tolerance
-from truepose.simulation.true_robots import with_tolerance_errors
 from truepose.threads import each
 
 #: Sensors of the H4's file that go with its motors.
@@ -103,7 +102,7 @@ def compare(
                 numbered: tuple[int, np.random.SeedSequence], drawn: Robot = drawn
             ) -> dict[Control, Array]:
                 number, source = numbered
-                truth = with_tolerance_errors(drawn, source).with_level(drawn.finest_level)
+                truth = drawn.sample(source).with_level(drawn.highest_level)
                 found = experiment.rest(drawn, truth, poses, visited, CONTROLS, number)
                 return {control: (x - poses)[:, :3] for control, x in found.items()}
 
@@ -127,7 +126,7 @@ def promised(robot: Robot, line: Line, seed: int, robots: int = 100) -> float:
     poses = article.table2()[::EVERY]
     usual = []
     for source in np.random.SeedSequence(seed).spawn(robots):
-        truth = with_tolerance_errors(robot, source).with_level(robot.finest_level)
+        truth = robot.sample(source).with_level(robot.highest_level)
         usual.append(
             _rms((experiment.rest(robot, truth, poses, None, ["joint"])["joint"] - poses)[:, :3])
         )

@@ -1,4 +1,4 @@
-"""How are the errors of many poses summed up? Exactly as the paper's Table 3 does."""
+"""Statistics of pose errors as in the paper's Table 3."""
 
 from __future__ import annotations
 

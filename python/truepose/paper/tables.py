@@ -1,4 +1,4 @@
-"""Which numbers do people compare? The result's tables, once for terminal, report and CSV."""
+"""Tables of the results, for terminal, report and CSV."""
 
 from __future__ import annotations
 

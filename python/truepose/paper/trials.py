@@ -1,4 +1,4 @@
-"""Do estimates reach their bound? Calibrations of many robots, drawn from their tolerances.
+"""Calibrations of many sampled robots against their bound.
 
 Every robot goes where usual control puts it, is read in counts and noise, and calibrates itself on
 its own readings; what it then believes is compared with the truth, and with the bound.
@@ -19,7 +19,6 @@ from truepose.calibration.calibrate import calibrate
 from truepose.calibration.fitting import Loss, ModelError
 from truepose.robot.frames import rotation
 from truepose.robot.robot import Robot
-from truepose.simulation.true_robots import with_tolerance_errors
 
 #: Desired poses are left by up to this, m and rad. Usual control brings the motors to the same
 #: positions whatever robot is true: on an exactly repeated grid every robot would read the same
@@ -92,7 +91,7 @@ def run(
     count, seed : int
         Robots; the first ones do not depend on `count`.
     level, true_level : {"ideal", "full"}, optional
-        Of the calibration, and of the robots that are read; by default :attr:`Robot.finest_level`.
+        Of the calibration, and of the robots that are read; by default :attr:`Robot.highest_level`.
     model_error, loss
         As of :func:`truepose.calibrate`.
     progress : callable
@@ -116,10 +115,10 @@ def run(
         k: [] for k in ("usual", "error", "held", "stated", "touched_off", "xi", "x")
     }
     names: list[str] = []
-    real = robot.finest_level if true_level is None else true_level
+    real = robot.highest_level if true_level is None else true_level
     for source in np.random.SeedSequence(seed).spawn(count):
         draw, scatter, noise = source.spawn(3)
-        true = with_tolerance_errors(robot, draw).with_level(real)
+        true = robot.sample(draw).with_level(real)
         jitter = np.random.default_rng(scatter).uniform(-JITTER, JITTER, desired.shape)
         at = true.fkm(robot.ikm(desired + jitter), guess=desired)
         q_e = true.read(at, int(noise.generate_state(1)[0]))

@@ -1,4 +1,4 @@
-"""Which robot could have given the paper's Table 3? The twin that is shipped.
+"""The shipped twin of the paper's robot.
 
 tools/twin_search.py found it; printed numbers do not determine a robot.
 """
@@ -15,14 +15,14 @@ import numpy as np
 
 from truepose import robotfile
 from truepose.arguments import Array
+from truepose.control.effects import Effects
 from truepose.exceptions import RobotFileError
 from truepose.paper import article, virtual_experiment
 from truepose.paper.experiment import Control
 from truepose.paper.virtual_experiment import Run
+from truepose.paper.vision import Setup, Vision
 from truepose.robot.robot import Robot, load
-from truepose.simulation.effects import Effects
 from truepose.simulation.plants.exact import ExactPlant
-from truepose.simulation.vision import Setup, Vision
 
 NAME = "h4-lirmm-twin"
 #: The paper's columns and the control of each.

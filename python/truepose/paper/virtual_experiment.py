@@ -1,4 +1,4 @@
-"""What would the paper's section 4 have measured? A robot, a controller and a vision system.
+"""The paper's section 4 with a simulated robot and vision system.
 
 Drive to each pose of Table 2, let the robot settle, compare the pose estimated from its encoders
 with the measured one, and sum up as Table 3 does. The plant's true pose is never read: the vision
@@ -20,11 +20,11 @@ from truepose.logs.columns import Column, numbered, pose, readings
 from truepose.paper import article, statistics
 from truepose.paper.experiment import CONTROLS, Control
 from truepose.paper.trials import JITTER
+from truepose.paper.vision import Seen, Vision
 from truepose.robot.frames import coordinates
 from truepose.robot.laws import require_sensors
 from truepose.robot.robot import Robot
 from truepose.simulation.plants import Plant, Visit
-from truepose.simulation.vision import Seen, Vision
 
 #: What "error" means. The paper compares the pose estimated from the encoders with the measured
 #: one, "estimated"; how far the robot is from where it was sent is "desired".
@@ -42,7 +42,7 @@ class Run:
     q_e: Array  #: (P, 4 + r) readings at rest
     estimated: Array  #: (P, 4) from the readings: FKM, redundant FKM or estimate
     measured: Array  #: (P, 4) by the vision system
-    covariance: Array  #: (P, 6, 6) that it claims, see :class:`truepose.simulation.vision.Seen`
+    covariance: Array  #: (P, 6, 6) that it claims, see :class:`truepose.paper.vision.Seen`
     status: Array  #: (P,) str: "ok", or why the pose does not count
     visit: Visit  #: what the plant did; nothing here looks at its true pose
 
@@ -121,11 +121,12 @@ def run(
     Examples
     --------
     >>> import truepose as tp
+    >>> from truepose.paper import with_paper_errors
     >>> from truepose.paper import virtual_experiment
     >>> from truepose.simulation.plants.exact import ExactPlant
-    >>> from truepose.simulation.vision import Setup, Vision
+    >>> from truepose.paper.vision import Setup, Vision
     >>> h4 = tp.load("h4")
-    >>> plant = ExactPlant(tp.with_paper_errors(h4, seed=1))
+    >>> plant = ExactPlant(with_paper_errors(h4, seed=1))
     >>> runs = virtual_experiment.run(plant, h4, Vision(Setup.facing(h4)))
     >>> usual, redundant = (runs[control].table() for control in ("joint", "redundant"))
     >>> bool(redundant[3, 2] < usual[3, 2] / 20)  # θ's sum of squares

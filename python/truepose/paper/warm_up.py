@@ -1,4 +1,4 @@
-"""A calibration goes stale; do real-time sensors? A perfectly calibrated robot warms up."""
+"""A calibrated robot that warms up, under frozen and online calibration."""
 
 from __future__ import annotations
 
@@ -11,15 +11,14 @@ import numpy as np
 from truepose.arguments import Array
 from truepose.calibration.bound import accuracy
 from truepose.calibration.learnt import calibration_of
-from truepose.calibration.online import OnlineCalibration
+from truepose.calibration.online import OnlineCalibrator
+from truepose.control.effects import Effects
 from truepose.paper import article
 from truepose.paper.trials import JITTER
 from truepose.robot import knowledge
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
-from truepose.simulation.effects import Effects
-from truepose.simulation.settle import settle
-from truepose.simulation.true_robots import with_tolerance_errors
+from truepose.simulation.equilibrium import steady_state
 from truepose.threads import each
 
 Method = Literal["frozen", "redundant", "weighted", "online"]
@@ -115,13 +114,13 @@ def _one(
     drawn: Robot, source: np.random.SeedSequence, effects: Effects, times: Array
 ) -> tuple[dict[Method, Array], Array, Array]:
     """RMS errors of one robot under each method; those of `online`'s estimates, and their bound."""
-    cold = with_tolerance_errors(drawn.with_level(drawn.finest_level), source)
+    cold = drawn.with_level(drawn.highest_level).sample(source)
     known = _calibrated(drawn, cold, np.zeros((0, 0)))
     growth = effects.growth(cold)
     names = knowledge.uncertain(drawn)
     modes = np.array([[gain.get(name, 0.0) for name in names] for gain in growth])
     lines = POSES * effects.warm_up_time / (times[1] - times[0])
-    online = OnlineCalibration(
+    online = OnlineCalibrator(
         known, [{name: g / np.sqrt(lines) for name, g in gain.items()} for gain in growth]
     )
     believed = {
@@ -139,7 +138,7 @@ def _one(
         poses = poses + rng.uniform(-JITTER, JITTER, poses.shape)
         believed["online"] = online.robot
         for method, law in METHODS.items():
-            x = settle(believed[method], true, poses, law)
+            x = steady_state(believed[method], true, poses, law)
             rms[method].append(_rms(((x - poses)[:, :3] ** 2).sum(axis=1)))
         readings = true.read(x, seed=int(rng.integers(2**32)))
         off = believed["online"].estimate(readings).x - x
@@ -160,7 +159,7 @@ def _calibrated(drawn: Robot, cold: Robot, modes: Array) -> Robot:
         root = knowledge.triangular(np.hstack([root, modes.T]))
     values = {name: cold.parameters[name].value for name in names}
     learnt = drawn.with_calibration(calibration_of(values, root, "perfect, cold"))
-    return learnt.with_level(drawn.finest_level)
+    return learnt.with_level(drawn.highest_level)
 
 
 def _rms(squares: Array) -> float:

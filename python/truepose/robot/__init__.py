@@ -1,1 +1,1 @@
-"""What is a robot? Its kinematics, its readings, what is known of it."""
+"""Robots: kinematics, readings, and what is known of their parameters."""

@@ -1,4 +1,4 @@
-"""Where else could the nacelle be? All poses that the same motor positions allow."""
+"""Assembly modes: all poses that the same motor positions allow."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from truepose import _core
 from truepose.arguments import Array, check_seed
 from truepose.exceptions import InputError
 from truepose.robot.batches import flattened
-from truepose.robot.robot import Robot
+from truepose.robot.description import Description
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,46 +50,8 @@ class AssemblyModes:
         return len(self) + once * (once - 1) / (2 * (twice + 1))
 
 
-def assembly_modes(
-    robot: Robot, q: ArrayLike, starts: int = 50_000, seed: int = 0
-) -> AssemblyModes:
-    """Find the poses that close every loop at given motor positions, by Newton from many starts.
-
-    The robot's own pose is one of them. The others have another sign of det J_x, or of an entry of
-    J_q, or the same signs. Between two modes of different signs of det J_x every way passes a
-    singular pose; between modes of one sign a cuspidal robot goes without.
-
-    The search finds what its starts lead to: more starts may find more, never fewer. `seen` tells
-    how often each mode was found, `expected` how many modes that leaves to be found.
-
-    Parameters
-    ----------
-    robot : Robot
-    q : array_like, shape (n,)
-        Motor positions, rad or m.
-    starts : int
-        Random guesses, of all orientations, and of positions that the rods could reach from where q
-        holds their ends; the workspace box plays no part.
-    seed : int
-        The same seed gives the same guesses.
-
-    Returns
-    -------
-    AssemblyModes
-
-    Raises
-    ------
-    InputError
-        Wrong shape, or values that are not finite.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> robot = tp.load("five-bar")
-    >>> modes = tp.assembly_modes(robot, robot.ikm(robot.home))
-    >>> len(modes), bool(abs(modes.x[0] - robot.home).max() < 1e-9), modes.expected
-    (2, True, 2.0)
-    """
+def assembly_modes(robot: Description, q: ArrayLike, starts: int, seed: int) -> AssemblyModes:
+    """Search the modes of :meth:`truepose.Robot.assembly_modes`."""
     rows, lead = flattened(robot, q, robot.n, "q", "raise")
     if lead:
         raise InputError(f"q: shape {(*lead, robot.n)}, must be ({robot.n},)")

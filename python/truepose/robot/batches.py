@@ -1,4 +1,4 @@
-"""How do many poses go into the core, and what is said of those that it cannot answer?"""
+"""Batches of poses: into the core, and errors of the rows without an answer."""
 
 from __future__ import annotations
 

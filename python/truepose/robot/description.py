@@ -1,4 +1,4 @@
-"""What is a robot? Its file, the values of its parameters, and what follows without a pose."""
+"""A robot's description: its file, parameter values, and what follows without a pose."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from truepose import _core, files, robotfile
 from truepose.arguments import Array, Level
 from truepose.exceptions import InputError, RobotFileError, choose
 from truepose.robot import explain
-from truepose.robot.to_core import build, columns, encoder_step, parameterised
 from truepose.robotfile.parameters import drawn
-from truepose.robotfile.schema import Calibration, RobotFile
+from truepose.robotfile.schema import CalibrationSection, RobotFile
+from truepose.robotfile.to_core import build, columns, encoder_step, parameterised
 
 #: Names and units of the coordinates of each mobility; of a pivot its file names them.
 COORDINATES = {
@@ -164,7 +164,7 @@ class Description:
         return self._spec.level or "ideal"
 
     @property
-    def finest_level(self) -> Level:
+    def highest_level(self) -> Level:
         """Level that estimates, calibrations, predictions and the laws that weigh default to.
 
         That of the robot where it has one of its own; else full where its rods can be solved for
@@ -174,7 +174,7 @@ class Description:
         --------
         >>> import truepose as tp
         >>> h4 = tp.load("h4")
-        >>> h4.level, h4.finest_level, h4.with_level("ideal").finest_level
+        >>> h4.level, h4.highest_level, h4.with_level("ideal").highest_level
         ('ideal', 'full', 'ideal')
         """
         return self._spec.level or ("full" if self.full else "ideal")
@@ -195,9 +195,9 @@ class Description:
         return self if level == self._spec.level else self._with(level=level)
 
     @functools.cached_property
-    def finest(self) -> Self:
-        """The robot at its :attr:`finest_level`."""
-        return self.with_level(self.finest_level)
+    def at_highest_level(self) -> Self:
+        """The robot at its :attr:`highest_level`."""
+        return self.with_level(self.highest_level)
 
     def is_full(self, level: Level | None) -> bool:
         """Whether a level, None: the robot's own, is the full one; which must exist then."""
@@ -336,7 +336,7 @@ class Description:
         own = {name: v for name, v in self._values.items() if v != self._nominal[name]}
         return type(self)(self._spec.model_copy(update={"sensor": tuple(sensors)}), own)
 
-    def with_calibration(self, calibration: Calibration | None) -> Self:
+    def with_calibration(self, calibration: CalibrationSection | None) -> Self:
         """Return a copy that knows its parameters as a calibration found them, or not (None)."""
         values = (
             {}
@@ -372,7 +372,7 @@ class Description:
             raise InputError(f"gravity = {gravity}: must be three finite numbers, m/s²")
         return self._with(gravity=tuple(gravity))
 
-    def unquantised(self) -> Self:
+    def without_quantization(self) -> Self:
         """Return a copy whose encoders and sensors have no counts."""
         return self._with(quantised=False)
 

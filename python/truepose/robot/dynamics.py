@@ -1,4 +1,4 @@
-"""Which torques accelerate a robot how? The reduced dynamic model of the facade.
+"""Inverse and forward dynamics: the reduced dynamic model.
 
     M(x) ẍ + c(x, ẋ) = J⁻ᵀ (τ - friction(q̇))
 

@@ -1,4 +1,4 @@
-"""Where are poses, and how surely? Their first two coordinates, with ellipses of one σ."""
+"""Positions with 1σ ellipses, as a picture."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Why do these chains make no robot? What they cannot reach at home, or do not hold, in words."""
+"""Explanations why given chains make no robot."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How do coordinates become a frame, and back? Rotations in batches."""
+"""Coordinates as homogeneous frames and back, in batches."""
 
 from __future__ import annotations
 
@@ -39,8 +39,9 @@ def frames(robot: Description, x: ArrayLike, tilt: ArrayLike | None = None) -> A
     x : array_like, shape (..., n)
         Poses, m and rad.
     tilt : array_like, shape (..., 2 or 3), optional
-        What x leaves out of the turn, as :meth:`truepose.Robot.parasitic` begins: of a schoenflies
-        robot about x and y (θ stays atan2(R_10, R_00)), of a translation robot about x, y and z.
+        What x leaves out of the turn, as :meth:`truepose.Robot.residual_motion` begins: of a
+        schoenflies robot about x and y (θ stays atan2(R_10, R_00)), of a translation
+        robot about x, y and z.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Where do motors, nacelle and sensors stand? The facade's kinematics: batches into the core."""
+"""Kinematics: IKM, FKM, RKM and their Jacobians, in batches."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike
 from truepose import _core
 from truepose.arguments import Array, Errors, Level, check_seed, numbers_of
 from truepose.exceptions import InputError
-from truepose.robot import stretch
+from truepose.robot import compliance
 from truepose.robot.batches import flattened, require_answers
-from truepose.robot.stretch import Loaded
-from truepose.robot.to_core import columns
+from truepose.robot.compliance import Loaded
+from truepose.robotfile.to_core import columns
 
 
 class Conditioning(NamedTuple):
@@ -96,7 +96,7 @@ class Kinematics(Loaded):
         self, rows: Array, lead: tuple[int, ...], errors: Errors, level: Level | None
     ) -> Array:
         """By how much readings differ under load, (N, n + r)."""
-        by = stretch.given_way(self, rows, self.is_full(level))
+        by = compliance.given_way(self, rows, self.is_full(level))
         require_answers(self, "pose", rows, lead, by.status, by.chain, errors)
         return by.readings
 
@@ -117,7 +117,9 @@ class Kinematics(Loaded):
             r = r + self._given_way(rows, lead, errors, level)[:, self.n :]
         return r.reshape(*lead, self.r)
 
-    def extended(self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None) -> Array:
+    def extended_positions(
+        self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None
+    ) -> Array:
         """Extended positions q_e = [q; r] at the pose x, shape (..., n + r).
 
         Where the robot stands, be it beyond its joint limits: it may have been pushed there.
@@ -151,12 +153,12 @@ class Kinematics(Loaded):
         >>> print((h4.read(h4.home) / h4.resolution).round(9))
         [946. 946. 946. 946.   0.]
         """
-        exact = self.extended(x, errors, level)
+        exact = self.extended_positions(x, errors, level)
         rows = np.ascontiguousarray(exact.reshape(-1, self.n + self.r))
         spoilt = np.asarray(_core.spoil(self.core, rows, check_seed(seed)))
         return spoilt.reshape(exact.shape)
 
-    def parasitic(self, x: ArrayLike, errors: Errors = "raise") -> Array:
+    def residual_motion(self, x: ArrayLike, errors: Errors = "raise") -> Array:
         """What x leaves out: turns of the nacelle and its bars that the ideal level forbids, rad.
 
         Returns
@@ -169,7 +171,7 @@ class Kinematics(Loaded):
         --------
         >>> import numpy as np, truepose as tp
         >>> h4 = tp.load("h4").replace({"chain1.tilt": 0.002})
-        >>> print(np.degrees(h4.parasitic(h4.home)).round(2))
+        >>> print(np.degrees(h4.residual_motion(h4.home)).round(2))
         [ 0.06  0.06 -0.04 -0.04]
         """
         self.is_full("full")
@@ -226,11 +228,11 @@ class Kinematics(Loaded):
         start = self._guesses(guess, lead, errors)
         full = self.is_full(level)
 
-        def answer(q: Array, near: Array | None) -> stretch.Answer:
+        def answer(q: Array, near: Array | None) -> compliance.Answer:
             begin = start if near is None else np.ascontiguousarray(near)
             return _core.fkm(self.core, np.ascontiguousarray(q), begin, full)[:3]
 
-        x, status, chain = stretch.at_rest(self, rows, full, answer)
+        x, status, chain = compliance.at_rest(self, rows, full, answer)
         require_answers(self, "motor position", rows, lead, status, chain, errors, name="q")
         return x.reshape(*lead, self.n)
 
@@ -375,7 +377,7 @@ class Kinematics(Loaded):
             raise InputError(f"guess: wrong shape, must be {shapes}") from None
         return flattened(self, start, self.n, "guess", errors)[0]
 
-    def linearise(
+    def linearize(
         self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None
     ) -> tuple[Array, Array]:
         """Jacobians of all readings q_e = [q; r] at the pose x, the motors holding it.
@@ -394,7 +396,7 @@ class Kinematics(Loaded):
         --------
         >>> import truepose as tp
         >>> robot = tp.load("h4")
-        >>> H_x, H_xi = robot.linearise([0.05, 0, -0.4, 0.2])
+        >>> H_x, H_xi = robot.linearize([0.05, 0, -0.4, 0.2])
         >>> names = list(robot.parameters)
         >>> bool((H_xi[:4, names.index("chain2.encoder_offset")] == [0, -1, 0, 0]).all())
         True
@@ -408,10 +410,10 @@ class Kinematics(Loaded):
             if name in self._values:
                 H[..., names.index(name)] = core[..., column]
         if self._spec.stretches:
-            by = stretch.under_load(self, rows, self.is_full(level))
+            by = compliance.under_load(self, rows, self.is_full(level))
             require_answers(self, "pose", rows, lead, by.status, by.chain, errors)
             of_load = [name for name in names if name.endswith(".compliance")]
             at = [names.index(name) for name in of_load]
-            H[..., at] = stretch.columns(self, of_load, by.by_compliance)
+            H[..., at] = compliance.columns(self, of_load, by.by_compliance)
         size = self.n + self.r
         return H_x.reshape(*lead, size, self.n), H.reshape(*lead, size, len(names))

@@ -1,4 +1,4 @@
-"""What is known of a robot's parameters, and of its readings? Σ_ξ and Σ_s."""
+"""Covariances of a robot's parameters and readings: Σ_ξ and Σ_s."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 from truepose import _core
 from truepose.arguments import Array, Level
 from truepose.exceptions import InputError
-from truepose.robot import stretch
+from truepose.robot import compliance
 from truepose.robot.kinematics import Kinematics
-from truepose.robot.to_core import columns
+from truepose.robotfile.to_core import columns
 
 AnyRobot = TypeVar("AnyRobot", bound=Kinematics)
 
@@ -28,7 +28,7 @@ def uncertain(robot: Kinematics) -> list[str]:
 
 def learnable(robot: Kinematics) -> list[str]:
     """Names of all that a calibration learns: as of :func:`uncertain`, then compliances."""
-    return [*uncertain(robot), *stretch.unknown(robot)]
+    return [*uncertain(robot), *compliance.unknown(robot)]
 
 
 def root(robot: Kinematics, names: list[str]) -> Array:
@@ -100,7 +100,7 @@ def stated_error(robot: Kinematics) -> Array:
 def stated_sigma(robot: Kinematics, level: Level | None) -> Array:
     """σ that readings count with, shape (n + r,): their own, and what a level leaves out."""
     sigma = reading_sigma(robot)
-    if (level or robot.finest_level) == "full":
+    if (level or robot.highest_level) == "full":
         return sigma
     return np.hypot(sigma, stated_error(robot))
 
@@ -117,7 +117,7 @@ def model_error(robot: Kinematics) -> Array:
     poses = np.random.default_rng(0).uniform(box.minimum, box.maximum, (64, robot.n))
     names = list(robot.parameters)
     at = [names.index(name) for name in errors]
-    full, ideal = (robot.linearise(poses, "nan", level)[1][..., at] for level in ("full", "ideal"))
+    full, ideal = (robot.linearize(poses, "nan", level)[1][..., at] for level in ("full", "ideal"))
     off = (full - ideal) * np.array(list(errors.values()))
     return np.sqrt(np.nanmean((off**2).sum(axis=-1), axis=0))
 
@@ -156,7 +156,7 @@ def knowledge(
         Times the readings' own σ.
     """
     names = uncertain(robot)
-    more = stretch.unknown(robot) if stretches else []
+    more = compliance.unknown(robot) if stretches else []
     column = dict(columns(robot.spec))
     at = [column[name] for name in names]
     p, last = len(names), len(more)
@@ -204,13 +204,13 @@ def for_law(
     """
     if not _core.laws[law].weighs:
         return robot, None
-    return robot.finest, knowledge(robot, sigma_scale=sigma_scale).core
+    return robot.at_highest_level, knowledge(robot, sigma_scale=sigma_scale).core
 
 
 def require_uncertain(robot: Kinematics) -> list[str]:
     """Names as of :func:`uncertain`; an error where there are none, and no compliance either."""
     names = uncertain(robot)
-    if not names and not stretch.unknown(robot):
+    if not names and not compliance.unknown(robot):
         raise InputError(
             f"{robot.name}: [tolerances]: no parameter has a sigma or an interval: nothing to learn"
         )

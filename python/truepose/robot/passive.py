@@ -1,4 +1,4 @@
-"""Where do the passive axes of a pivot stand? One carries the next, the last the nacelle."""
+"""Positions of the passive axes of an ankle, wrist or neck."""
 
 from __future__ import annotations
 

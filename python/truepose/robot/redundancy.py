@@ -1,4 +1,4 @@
-"""What do redundant readings say? The facade's TEJs, estimates and derivatives."""
+"""Redundant readings: TEJs, estimates, cross-sensitivity."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from truepose import _core
 from truepose.arguments import Array, Errors, Level, fraction
 from truepose.exceptions import InputError, choose
-from truepose.robot import knowledge, stretch
+from truepose.robot import compliance, knowledge
 from truepose.robot.batches import flattened, require_answers
 from truepose.robot.kinematics import Kinematics
 from truepose.robot.laws import no_sensor, require_sensors
@@ -28,9 +28,9 @@ class Estimate(NamedTuple):
     --------
     >>> import truepose as tp
     >>> robot = tp.load("h4").with_sensors("theta", "z_telemeter").expected()
-    >>> robot.estimate(robot.extended([0.05, 0.01, -0.4, 0.2]))
+    >>> robot.estimate(robot.extended_positions([0.05, 0.01, -0.4, 0.2]))
     x = 0.05 ± 0.0034, 0.01 ± 0.0034, -0.4 ± 0.0002, 0.2 ± 0.0024; chi2 = 0; ok
-    >>> robot.estimate(robot.extended([[0.05, 0.01, -0.4, 0.2]] * 3))
+    >>> robot.estimate(robot.extended_positions([[0.05, 0.01, -0.4, 0.2]] * 3))
     3 estimates, 3 ok; σ, rms: 0.0034, 0.0034, 0.0002, 0.0024
     """
 
@@ -114,7 +114,7 @@ class Redundancy(Kinematics):
         errors : {"raise", "nan"}
             What to do where no pose is found.
         level : {"ideal", "full"}, optional
-            One rod per chain, or every rod by itself; by default :attr:`Robot.finest_level`. At
+            One rod per chain, or every rod by itself; by default :attr:`Robot.highest_level`. At
             the ideal level the readings count with what it leaves out of a real robot.
 
         Returns
@@ -126,29 +126,29 @@ class Redundancy(Kinematics):
         --------
         >>> import numpy as np, truepose as tp
         >>> robot = tp.load("h4").with_sensors("theta", "z_telemeter").expected()
-        >>> est = robot.estimate(robot.extended([0.05, 0.01, -0.4, 0.2]))
+        >>> est = robot.estimate(robot.extended_positions([0.05, 0.01, -0.4, 0.2]))
         >>> print(est.x.round(6), np.sqrt(np.diag(est.covariance))[2].round(6), est.status)
         [ 0.05  0.01 -0.4   0.2 ] 0.000204 ok
         """
         rows, lead = flattened(self, q_e, self.n + self.r, "q_e", errors)
         start = self._guesses(guess, lead, errors)
-        level = self.finest_level if level is None else level
+        level = self.highest_level if level is None else level
         known, full = knowledge.knowledge(self, level=level).core, self.is_full(level)
         found: list[Array] = []  #: covariance and χ² of the last answer
 
-        def answer(q_e: Array, near: Array | None) -> stretch.Answer:
+        def answer(q_e: Array, near: Array | None) -> compliance.Answer:
             begin = start if near is None else np.ascontiguousarray(near)
             x, *found[:], status, chain = _core.estimate(
                 self.core, known, np.ascontiguousarray(q_e), begin, full
             )
             return x, status, chain
 
-        x, status, chain = stretch.at_rest(self, rows, full, answer)
+        x, status, chain = compliance.at_rest(self, rows, full, answer)
         if self.gives_way:
-            by = stretch.given_way(self, x, full)
+            by = compliance.given_way(self, x, full)
             answer(rows - by.readings, x)
         covariance, chi2 = found
-        if stretch.unknown(self):
+        if compliance.unknown(self):
             covariance = self._not_knowing_compliance(x, level)
         require_answers(self, "reading", rows, lead, status, chain, errors, name="q_e")
         words = np.array([_core.describe(int(s)) for s in status])
@@ -165,7 +165,7 @@ class Redundancy(Kinematics):
         names, every = knowledge.learnable(self), list(self.parameters)
         known, at = knowledge.knowledge(self, level=level).core, np.ascontiguousarray(x)
         gain, *_ = _core.gain(self.core, known, at, self.is_full(level))
-        H_xi = self.linearise(at, "nan", level)[1][..., [every.index(name) for name in names]]
+        H_xi = self.linearize(at, "nan", level)[1][..., [every.index(name) for name in names]]
         half = gain @ H_xi @ knowledge.root(self, names)
         own = gain * knowledge.stated_sigma(self, level)
         return np.asarray(half @ half.swapaxes(1, 2) + own @ own.swapaxes(1, 2))
@@ -210,7 +210,7 @@ class Redundancy(Kinematics):
         """Extended-to-joint matrix with the weights that the readings deserve, at x.
 
         M⁺ = (MᵀC⁻¹M)⁻¹MᵀC⁻¹, C = H_ξ Σ_ξ H_ξᵀ + Σ_s as of :meth:`estimate`: what tolerances (or a
-        calibration) and counts leave to be trusted in each reading. At :attr:`Robot.finest_level`.
+        calibration) and counts leave to be trusted in each reading. At :attr:`Robot.highest_level`.
 
         Returns
         -------
@@ -231,7 +231,7 @@ class Redundancy(Kinematics):
         require_answers(self, "pose", rows, lead, status, chain, errors)
         return M_plus.reshape(*lead, self.n, self.n + self.r)
 
-    def leakage(
+    def cross_sensitivity(
         self, x: ArrayLike, law: str, errors: Errors = "raise", *, sigma_scale: int = 1
     ) -> Array:
         """How an error of one reading leaks into the pose at which the robot rests.
@@ -261,7 +261,7 @@ class Redundancy(Kinematics):
         >>> import truepose as tp
         >>> robot, x = tp.load("h4"), [0.05, 0, -0.4, 0.2]
         >>> for law in ("joint", "redundant", "weighted"):  # of motor 3, and of θ's sensor, into θ
-        ...     print(law, robot.leakage(x, law)[3, [2, 4]].round(3) + 0.0)
+        ...     print(law, robot.cross_sensitivity(x, law)[3, [2, 4]].round(3) + 0.0)
         joint [2.546 0.   ]
         redundant [ 0.186 -0.927]
         weighted [ 0.001 -0.999]

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from truepose import robotfile
 from truepose.exceptions import RobotFileError
+from truepose.robot.assembly import AssemblyModes, assembly_modes
 from truepose.robot.dynamics import Dynamics
 from truepose.robot.redundancy import Redundancy
 
@@ -23,14 +28,83 @@ class Robot(Redundancy, Dynamics):
         A validated robot file.
     """
 
+    def sample(self, seed: int | np.random.SeedSequence) -> Self:
+        """Return a robot whose every parameter is sampled from its tolerance in the robot file.
 
-def robots() -> list[str]:
+        Normal where the file gives a sigma, uniform where it gives an interval, independently.
+
+        Parameters
+        ----------
+        seed : int or SeedSequence
+            The same seed gives the same robot.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> true = tp.load("h4").sample(seed=1)
+        >>> -0.003 <= true.parameters["chain1.rod"].value - 0.48 <= 0.010
+        True
+        """
+        generator = np.random.default_rng(seed)
+        sampled, robot = {}, self.with_calibration(None)
+        for name, parameter in robot.parameters.items():
+            tolerance = robot.spec.tolerance(name)
+            if tolerance is None:
+                continue
+            if tolerance.interval is not None:
+                error = generator.uniform(*tolerance.interval) - tolerance.mean
+            else:
+                error = generator.normal(scale=tolerance.deviation)
+            sampled[name] = parameter.mean + float(error)
+        return robot.replace(sampled)
+
+    def assembly_modes(self, q: ArrayLike, starts: int = 50_000, seed: int = 0) -> AssemblyModes:
+        """Find all poses that given motor positions allow, by Newton iteration from many starts.
+
+        The robot's own pose is one of them. The others have another sign of det J_x, or of an entry
+        of J_q, or the same signs. Every path between two modes of different signs of det J_x passes
+        a singular pose; between modes of one sign a cuspidal robot passes none.
+
+        More starts may find more modes, never fewer. `seen` counts the searches that ended in each
+        mode, `expected` estimates how many modes there are.
+
+        Parameters
+        ----------
+        q : array_like, shape (n,)
+            Motor positions, rad or m.
+        starts : int
+            Random guesses, of all orientations, and of positions that the rods could reach from
+            where q holds their ends; the workspace box is not used.
+        seed : int
+            The same seed gives the same guesses.
+
+        Returns
+        -------
+        AssemblyModes
+
+        Raises
+        ------
+        InputError
+            Wrong shape, or values that are not finite.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> robot = tp.load("five-bar")
+        >>> modes = robot.assembly_modes(robot.ikm(robot.home))
+        >>> len(modes), bool(abs(modes.x[0] - robot.home).max() < 1e-9), modes.expected
+        (2, True, 2.0)
+        """
+        return assembly_modes(self, q, starts, seed)
+
+
+def list_robots() -> list[str]:
     """Names of the shipped robots.
 
     Examples
     --------
     >>> import truepose as tp
-    >>> "h4" in tp.robots()
+    >>> "h4" in tp.list_robots()
     True
     """
     return list(robotfile.shipped())

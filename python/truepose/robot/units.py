@@ -1,4 +1,4 @@
-"""In which unit is a reading, a parameter? m, rad, or none, as the core's tables say; 1/N."""
+"""Units of readings and parameters: m, rad, 1/N or none."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from truepose import _core
 from truepose.robot.description import Description
-from truepose.robot.to_core import file_key
+from truepose.robotfile.to_core import file_key
 
 
 def reading_units(robot: Description) -> list[str]:

@@ -1,4 +1,4 @@
-"""Where is a robot meant to work? Its file's box, and poses in it."""
+"""A robot's workspace: its file's box, and poses in it."""
 
 from __future__ import annotations
 

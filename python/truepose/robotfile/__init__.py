@@ -1,4 +1,4 @@
-"""What does a robot file say? Read, checked, filled in, written."""
+"""Robot files: read, checked, completed, written."""
 
 from truepose.robotfile.consistency import taken
 from truepose.robotfile.reading import (

@@ -1,4 +1,4 @@
-"""Of what are a robot file's values made? Numbers with units, vectors, directions, sections."""
+"""Values of robot files: numbers with units, vectors, directions, sections."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Do the parts of a robot file fit together? Looked at even where single values are wrong."""
+"""Checks that the parts of a robot file fit together."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which geometric parameters ξ does a robot have? Their names, and their values as drawn."""
+"""The geometric parameters ξ of a robot: names and nominal values."""
 
 from __future__ import annotations
 

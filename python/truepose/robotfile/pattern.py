@@ -1,4 +1,4 @@
-"""Which chains does a repeated motif stand for? Copies turned about an axis, exactly."""
+"""Chains of a repeated pattern, turned about an axis."""
 
 from __future__ import annotations
 

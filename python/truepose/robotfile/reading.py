@@ -1,4 +1,4 @@
-"""How does a robot file become a robot's data, and what is wrong with it if it does not?"""
+"""Reader of robot files, with every error in one line."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from truepose.robotfile.schema import (
     ACTUATORS,
     FREEDOMS,
     Bar,
-    Calibration,
+    CalibrationSection,
     Chain,
     Finer,
     Nacelle,
@@ -49,7 +49,7 @@ _SECTIONS: dict[str, type[BaseModel]] = {
     "stretch": Stretch,
     "tolerances": Tolerance,
     "finer": Finer,
-    "calibration": Calibration,
+    "calibration": CalibrationSection,
     **SENSORS,
 }
 #: Keys that are written out before the schema is asked, and what they stand for.

@@ -1,4 +1,4 @@
-"""What may a robot file say? Every key once: type, unit, default, bounds, meaning."""
+"""Keys of a robot file: type, unit, default, bounds, meaning."""
 
 from __future__ import annotations
 
@@ -340,7 +340,7 @@ class Tolerance(Section):
         return (self.interval[1] - self.interval[0]) / math.sqrt(12)
 
 
-class Calibration(Section):
+class CalibrationSection(Section):
     """What a calibration has learnt; it takes the place of these parameters' tolerances."""
 
     source: str = Field(default="", description="readings that it rests on")
@@ -355,7 +355,7 @@ class Calibration(Section):
     )
 
     @model_validator(mode="after")
-    def _square(self) -> Calibration:
+    def _square(self) -> CalibrationSection:
         size = len(self.parameters)
         if len(self.mean) != size or [len(row) for row in self.root] != list(range(1, size + 1)):
             raise ValueError(f"'mean' and 'root' must have {size} rows, row i of 'root' i numbers")
@@ -423,7 +423,7 @@ class RobotFile(Section):
         default_factory=dict,
         description="values that are not the drawn ones; tolerances stay about the drawn ones",
     )
-    calibration: Calibration | None = Field(
+    calibration: CalibrationSection | None = Field(
         default=None, description="what a calibration has learnt; written by it"
     )
     #: The file this was read from, kept so that saving keeps its order and comments.

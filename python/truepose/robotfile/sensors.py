@@ -1,4 +1,4 @@
-"""Which redundant sensors may a robot file describe? One class a kind; one sensor is one number.
+"""Kinds of redundant sensors in a robot file.
 
 A tracker that gives a position is three `coordinate` sensors, one that gives a pose three more
 `rotation` ones. Every sensor reads gain · value − offset, in steps of its resolution.

@@ -1,4 +1,4 @@
-"""On which line of a TOML file does a key stand?"""
+"""Line numbers of keys in a TOML file."""
 
 from __future__ import annotations
 

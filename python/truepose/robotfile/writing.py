@@ -1,4 +1,4 @@
-"""How does a robot become a file? Its source's order and comments kept, what differs told."""
+"""Writer of robot files that keeps order and comments."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import tomlkit
 from truepose.files import Output
 from truepose.robotfile.parameters import drawn
 from truepose.robotfile.reading import parse
-from truepose.robotfile.schema import Calibration, RobotFile
+from truepose.robotfile.schema import CalibrationSection, RobotFile
 
 _LARGEST = 1 << 24  # bytes of a file that is looked at
 
@@ -90,7 +90,7 @@ def _mount(document: tomlkit.TOMLDocument, spec: RobotFile, before: RobotFile) -
         tables[name][key].comment(f"was {list(getattr(known[name], key))}")
 
 
-def _calibration(calibration: Calibration) -> tomlkit.items.Table:
+def _calibration(calibration: CalibrationSection) -> tomlkit.items.Table:
     table = tomlkit.table()
     table.update(calibration.model_dump(exclude={"root"}, exclude_defaults=True, mode="json"))
     rows = tomlkit.array()

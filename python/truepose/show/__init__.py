@@ -1,1 +1,1 @@
-"""How is it shown? Tables, pages, drawings, the terminal."""
+"""Presentation: tables, pages, drawings, the terminal."""

@@ -1,4 +1,4 @@
-"""Which colour has each part of a robot, in every picture and model?"""
+"""Colours of a robot's parts in every picture and model."""
 
 COLOURS = {
     "base": "#8a8f98",

@@ -1,4 +1,4 @@
-"""What does a robot look like? Its mechanism at a pose, as a picture."""
+"""Drawing of a robot's mechanism at a pose."""
 
 from __future__ import annotations
 

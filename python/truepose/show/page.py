@@ -1,4 +1,4 @@
-"""How does a result become a page? One HTML file, its figures in it, with contents and zoom."""
+"""Self-contained HTML pages with contents and zoomable figures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Of which parts is a robot drawn? Names, points and widths: no picture yet."""
+"""Parts of a robot to draw: names, points, widths."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is a table? Cells that people read, and that hold every digit for programs."""
+"""Tables for people and programs."""
 
 from __future__ import annotations
 

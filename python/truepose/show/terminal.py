@@ -1,4 +1,4 @@
-"""How does a table reach a terminal, a file, another program? No figure is ever cut."""
+"""Output of tables to a terminal, a file or another program."""
 
 from __future__ import annotations
 

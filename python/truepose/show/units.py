@@ -1,4 +1,4 @@
-"""In which units do people read and write? Millimetres and degrees; the package is in SI."""
+"""Printed units: millimetres and degrees; the package is in SI."""
 
 from __future__ import annotations
 

@@ -1,1 +1,15 @@
-"""What would a real robot do? Its readings, its moves, its errors."""
+"""Simulation: plants, paths, moves and static equilibrium of a robot that is not its model."""
+
+from truepose.simulation.path_accuracy import PathAccuracy, path_accuracy
+from truepose.simulation.paths import Circle, Line, SampledPath, Waypoints
+from truepose.simulation.simulate import Simulation
+
+__all__ = [
+    "Circle",
+    "Line",
+    "PathAccuracy",
+    "SampledPath",
+    "Simulation",
+    "Waypoints",
+    "path_accuracy",
+]

@@ -1,4 +1,4 @@
-"""How is a motion written down between poses? In coordinates that may be added and derived.
+"""Coordinates of motion between poses that may be added and differentiated.
 
 Spatial robots turn on SO(3). Their twist follows from the chart R = exp(w) R₀ of rotations about a
 first one, by ω = J(w) ẇ, exactly; differences of rotation vectors are no twist.

@@ -1,4 +1,4 @@
-"""What does every simulated drive begin with? A robot at rest under its controller."""
+"""Start of every simulated run: a robot at rest under its controller."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import check_seed
-from truepose.calibration.online import OnlineCalibration
+from truepose.calibration.online import OnlineCalibrator
+from truepose.control import delays
+from truepose.control.controller import Controller, pose_of, positive, require_same_readings
+from truepose.control.effects import Effects
+from truepose.control.linear import ringing
 from truepose.exceptions import InputError
+from truepose.faults.fault import Fault, in_core
+from truepose.faults.monitor import FaultMonitor
 from truepose.robot import knowledge
 from truepose.robot.batches import require_answers
 from truepose.robot.laws import LAWS, Law, usual
 from truepose.robot.robot import Robot
-from truepose.simulation import late
-from truepose.simulation.controller import Controller, pose_of, positive, require_same_readings
-from truepose.simulation.effects import Effects
-from truepose.simulation.faults import Fault, in_core
-from truepose.simulation.linear import ringing
-from truepose.simulation.watch import Watch
 
 RESTLESS = 1e-3  #: m or rad, peak to peak in the last 50 ms: more is no rest
 NO_REST = f"does not come to rest: swings by more than {1e3 * RESTLESS:g} mm or mrad"
@@ -55,9 +55,9 @@ def begin(
     seed: int,
     effects: Effects | None,
     time: float,
-    learn: OnlineCalibration | None,
+    learn: OnlineCalibrator | None,
     faults: Sequence[Fault],
-    watch: Watch | None,
+    watch: FaultMonitor | None,
 ) -> Drive:
     """Check what :func:`truepose.simulate` takes, and let the true robot rest at the start.
 
@@ -71,7 +71,7 @@ def begin(
     _timing(controller, duration, hold)
     steps = _steps(steps, truth, effects, controller.period)
     if learn is not None and learn.prior != robot:
-        raise InputError("learn: must be an OnlineCalibration of the robot that is controlled")
+        raise InputError("learn: must be an OnlineCalibrator of the robot that is controlled")
     lying = in_core(truth, faults, controller.period)
     plant = _core.Effects()
     if effects is not None:
@@ -87,7 +87,7 @@ def begin(
     require_answers(robot, "pose", rows, (), status, chain, "raise", name=name)
     filtered = None if learn is None else learn._filter
     guarding = None if watch is None else watch.guarding(robot, controller)
-    slow = late.lateness(robot, truth, controller.period)
+    slow = delays.lateness(robot, truth, controller.period)
     core = (believed.core, truth.core, settings, known, plant, filtered, lying, guarding, slow)
     held = [*at_rest[0], *[0.0] * (6 - robot.n)]
     return Drive(truth, controller, core, check_seed(seed), steps, origin, held)

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from truepose.arguments import Array
+from truepose.control.controller import positive
 from truepose.exceptions import InputError, PoseError
 from truepose.robot.robot import Robot
 from truepose.simulation.chart import Setpoints
-from truepose.simulation.controller import positive
 from truepose.simulation.paths import Line, Path
 
 _NEAR = 1e-3  #: to which the fastest speed is found
@@ -69,7 +69,7 @@ def require_feasible(robot: Robot, setpoints: Setpoints, period: float, what: st
     Examples
     --------
     >>> import truepose as tp
-    >>> too_fast = tp.Circle(centre=[0, 0, -0.42, 0], radius=0.1, frequency=9)
+    >>> too_fast = tp.simulation.Circle(centre=[0, 0, -0.42, 0], radius=0.1, frequency=9)
     >>> tp.simulate(tp.load("h4"), path=too_fast)
     Traceback (most recent call last):
         ...
@@ -105,7 +105,7 @@ class Paced:
     --------
     >>> import truepose as tp
     >>> from truepose.simulation.feasible import Paced
-    >>> line = tp.Line(start=[0, 0, -0.4, 0], end=[0.1, 0, -0.4, 0], duration=0.4)
+    >>> line = tp.simulation.Line(start=[0, 0, -0.4, 0], end=[0.1, 0, -0.4, 0], duration=0.4)
     >>> [len(p.setpoints(tp.load("h4"), 1e-3).x) for p in (line, Paced(path=line, speed=2))]
     [401, 201]
     """
@@ -136,7 +136,7 @@ def fastest(robot: Robot, path: Path, period: float = 1e-3) -> float:
     --------
     >>> import truepose as tp
     >>> from truepose.simulation.feasible import fastest
-    >>> circle = tp.Circle(centre=[0, 0, -0.42, 0], radius=0.05, frequency=1)
+    >>> circle = tp.simulation.Circle(centre=[0, 0, -0.42, 0], radius=0.05, frequency=1)
     >>> 5 < fastest(tp.load("h4"), circle) < 10
     True
     """

@@ -1,4 +1,4 @@
-"""How far is a robot from where it should be? Its errors and torques, in a picture."""
+"""Figure of a run's errors and torques."""
 
 from __future__ import annotations
 

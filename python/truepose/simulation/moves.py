@@ -1,4 +1,4 @@
-"""Which move does a robot make where nobody says? The paper's, or one of its own workspace."""
+"""Default moves: the paper's, or one of the robot's workspace."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How well does a robot follow a path? ISO 9283's path accuracy, and the errors of every run."""
+"""Path accuracy and repeatability by ISO 9283."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose.arguments import Array, check_seed, numbers_of
+from truepose.control.controller import Controller
+from truepose.control.effects import Effects
 from truepose.exceptions import InputError
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
 from truepose.simulation.chart import Chart, Setpoints, linear_of
-from truepose.simulation.controller import Controller
 from truepose.simulation.drive import controller_of
-from truepose.simulation.effects import Effects
 from truepose.simulation.feasible import Paced, fastest
 from truepose.simulation.moves import MOVE_DURATION
 from truepose.simulation.paths import Path, path_of
@@ -37,14 +37,15 @@ class PathAccuracy:
 
     Examples
     --------
-    :meth:`of` judges runs that are there, :func:`truepose.path_accuracy` simulates them. Ten that
+    :meth:`of` judges runs that are there, :func:`truepose.simulation.path_accuracy` simulates them.
+    Ten that
     are 1 mm too high, all alike:
 
     >>> import truepose as tp
     >>> h4 = tp.load("h4")
-    >>> circle = tp.Circle(centre=[0, 0, -0.42, 0], radius=0.05, frequency=2)
+    >>> circle = tp.simulation.Circle(centre=[0, 0, -0.42, 0], radius=0.05, frequency=2)
     >>> asked = circle.setpoints(h4, 1e-3).x
-    >>> found = tp.PathAccuracy.of(h4, circle, [asked + [0, 0, 0.001, 0]] * 10)
+    >>> found = tp.simulation.PathAccuracy.of(h4, circle, [asked + [0, 0, 0.001, 0]] * 10)
     >>> round(found.AT, 9), round(found.RT, 9)
     (0.001, 0.0)
     """
@@ -208,10 +209,11 @@ def path_accuracy(
     A robot with the paper's errors on a circle, at half the speed that its motors allow:
 
     >>> import truepose as tp
+    >>> from truepose.paper import with_paper_errors
     >>> h4 = tp.load("h4")
-    >>> true = tp.with_paper_errors(h4, seed=1)
-    >>> circle = tp.Circle(centre=[0, 0, -0.42, 0], radius=0.05, frequency=1)
-    >>> found = tp.path_accuracy(h4, circle, true, speed=0.5)
+    >>> true = with_paper_errors(h4, seed=1)
+    >>> circle = tp.simulation.Circle(centre=[0, 0, -0.42, 0], radius=0.05, frequency=1)
+    >>> found = tp.simulation.path_accuracy(h4, circle, true, speed=0.5)
     >>> f"{found.speed:.2f} m/s, AT {1e3 * found.AT:.1f} mm", bool(found.RT < 2e-4)
     ('0.97 m/s, AT 11.8 mm', True)
     """

@@ -1,4 +1,4 @@
-"""Where should the nacelle be at every moment? Lines, circles, way-points, samples, a function.
+"""Paths: lines, circles, waypoints, samples, functions of time.
 
 A path answers :meth:`Path.setpoints`: pose, free twist and its derivative at the start of every
 control period, which is what feeds a controller forward.
@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose.arguments import Array, numbers_of
+from truepose.control.controller import positive
 from truepose.exceptions import InputError, TrueposeError
 from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
 from truepose.simulation.chart import Chart, Setpoints, linear_of
-from truepose.simulation.controller import positive
 from truepose.simulation.moves import MOVE_DURATION
 
 
@@ -92,7 +92,7 @@ class _Moves:
 
 
 @dataclass(frozen=True, kw_only=True)
-class WayPoints(_Moves):
+class Waypoints(_Moves):
     """Straight moves from pose to pose, at rest at each; rotations turn about one fixed axis.
 
     Parameters
@@ -104,7 +104,7 @@ class WayPoints(_Moves):
     --------
     >>> import truepose as tp
     >>> square = [[0, 0, -0.4, 0], [0.1, 0, -0.4, 0], [0.1, 0.1, -0.4, 0], [0, 0, -0.4, 0]]
-    >>> run = tp.simulate(tp.load("h4"), path=tp.WayPoints(poses=square, duration=0.3))
+    >>> run = tp.simulate(tp.load("h4"), path=tp.simulation.Waypoints(poses=square, duration=0.3))
     >>> run.status, round(float(run.time[-1]), 3)
     ('ok', 1.1)
     """
@@ -130,7 +130,8 @@ class Line(_Moves):
     At most 1 m/s, 20 m/s² and 1000 m/s³ (ruckig):
 
     >>> import truepose as tp
-    >>> fast = tp.Line(start=[0, 0, -0.4, 0], end=[0.1, 0, -0.4, 0], linear=(1, 20, 1000))
+    >>> ends = dict(start=[0, 0, -0.4, 0], end=[0.1, 0, -0.4, 0])
+    >>> fast = tp.simulation.Line(**ends, linear=(1, 20, 1000))
     >>> len(fast.setpoints(tp.load("h4"), 1e-3).x)
     171
     """
@@ -165,8 +166,8 @@ class Circle:
     Examples
     --------
     >>> import numpy as np, truepose as tp
-    >>> circle = tp.Circle(centre=[0, 0, -0.42, 0], radius=0.05, frequency=2, turns=3)
-    >>> run = tp.simulate(tp.load("h4").unquantised(), path=circle)
+    >>> circle = tp.simulation.Circle(centre=[0, 0, -0.42, 0], radius=0.05, frequency=2, turns=3)
+    >>> run = tp.simulate(tp.load("h4").without_quantization(), path=circle)
     >>> off = np.hypot(run.x[:, 0], run.x[:, 1]) - 0.05  # contouring error
     >>> bool(np.abs(off).max() < 3e-6)
     True
@@ -238,7 +239,7 @@ class Circle:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sampled:
+class SampledPath:
     """Poses at given times, and a smooth motion through them.
 
     A quintic spline, at rest at both ends, where nothing else is known; with rates (and
@@ -256,7 +257,8 @@ class Sampled:
     Examples
     --------
     >>> import truepose as tp
-    >>> lift = tp.Sampled(time=[0, 0.2, 0.5], x=[[0, 0, -0.22], [0, 0, -0.2], [0.03, 0, -0.2]])
+    >>> x = [[0, 0, -0.22], [0, 0, -0.2], [0.03, 0, -0.2]]
+    >>> lift = tp.simulation.SampledPath(time=[0, 0.2, 0.5], x=x)
     >>> tp.simulate(tp.load("delta"), path=lift).status
     'ok'
     """
@@ -331,7 +333,7 @@ def path_of(path: Any, duration: float) -> Path:
         return path
     if callable(path):
         return Function(of=path, duration=duration)
-    return WayPoints(poses=path, duration=duration)
+    return Waypoints(poses=path, duration=duration)
 
 
 def _periods(duration: float, period: float) -> Array:

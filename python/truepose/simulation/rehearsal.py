@@ -1,4 +1,4 @@
-"""What log would a robot write before there is one? And how near the truth is what it taught?
+"""Simulated calibration logs, and the error of what is identified from them.
 
 A robot is drawn from its tolerances, sent about its workspace by usual control, and read at rest.
 A tracker, where one looks on, stands somewhere, and sees a marker that sits beside the nacelle's
@@ -13,14 +13,14 @@ import numpy as np
 
 from truepose.arguments import Array
 from truepose.calibration.registration import ANGLE_SIGMA
+from truepose.control.controller import Controller
+from truepose.control.effects import Effects
 from truepose.exceptions import InputError
 from truepose.robot import knowledge
 from truepose.robot.frames import frames, rotation, rotation_vector
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
 from truepose.robot.workspace import workspace
-from truepose.simulation.controller import Controller
-from truepose.simulation.effects import Effects
 from truepose.simulation.plants.exact import ExactPlant
 
 #: σ of what a tracker says of each coordinate, m: what a calibration takes unless it is told.
@@ -72,9 +72,10 @@ def rehearse(
     Examples
     --------
     >>> import truepose as tp
+    >>> from truepose.paper import with_paper_errors
     >>> from truepose.simulation.rehearsal import rehearse
     >>> h4 = tp.load("h4")
-    >>> rehearse(h4, tp.with_paper_errors(h4, seed=1), poses=20).q_e.shape
+    >>> rehearse(h4, with_paper_errors(h4, seed=1), poses=20).q_e.shape
     (20, 5)
     """
     where, seen = (np.random.default_rng([seed, k]) for k in (1, 2))

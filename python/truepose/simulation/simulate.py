@@ -1,4 +1,4 @@
-"""How does a robot move under each controller? One move, every control period of it.
+"""Simulation of a move or a path under a controller, every control period.
 
 The controller knows the nominal robot; the plant is the true one. Both are :class:`Robot`.
 """
@@ -7,23 +7,26 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import Array, numbers_of
-from truepose.calibration.online import OnlineCalibration
+from truepose.calibration.online import OnlineCalibrator
+from truepose.control.controller import Controller, ControllerInput, pose_of
+from truepose.control.effects import Effects
 from truepose.exceptions import InputError, PoseError
+from truepose.faults.fault import Fault
+from truepose.faults.monitor import FaultMonitor, failed, watched
 from truepose.logs.columns import Column, pose, readings
+from truepose.robot.compliance import warn_if_stiff
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
-from truepose.robot.stretch import warn_if_stiff
 from truepose.robot.units import reading_units
 from truepose.show.units import printed
 from truepose.simulation.chart import Setpoints
-from truepose.simulation.controller import Controller, pose_of
 from truepose.simulation.drive import (
     NO_REST,
     RESTLESS,
@@ -32,12 +35,9 @@ from truepose.simulation.drive import (
     saturated,
     unanswered,
 )
-from truepose.simulation.effects import Effects
-from truepose.simulation.faults import Fault
 from truepose.simulation.feasible import require_feasible, require_feasible_move
 from truepose.simulation.moves import MOVE_DURATION, default_move
 from truepose.simulation.paths import Path, path_of
-from truepose.simulation.watch import Watch, failed, watched
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -54,7 +54,7 @@ class Simulation:
     Examples
     --------
     >>> import truepose as tp
-    >>> h4 = tp.load("h4").unquantised()
+    >>> h4 = tp.load("h4").without_quantization()
     >>> tp.simulate(h4, h4.replace({"chain1.rod": 0.483}))
     h4 under redundant control, 0.4 s, 401 periods: ok
     position: 3.66 mm off at most, 3.36 mm at the end; turn: 0.00591°, 0.00591°
@@ -70,8 +70,10 @@ class Simulation:
     motor_error: Array  #: (T, n) ê_q of the law
     torque: Array  #: (T, n)
     cycle_status: Array  #: (T,) int, the core's: above 0 no answer, and the last torque was held
-    gave_up: Array  #: (T,) bool: `learn` has stopped learning (:attr:`OnlineCalibration.stopped`)
-    health: Array  #: (T, n + r) int, what a :class:`Watch` made of each reading: `watch.HEALTH`
+    gave_up: Array  #: (T,) bool: `learn` has stopped learning (:attr:`OnlineCalibrator.stopped`)
+    health: (
+        Array  #: (T, n + r) int, what a :class:`FaultMonitor` made of each reading: `watch.HEALTH`
+    )
     symptom: Array  #: (T, n + r) int, why it was not valid last: `watch.SYMPTOMS`
     stops: Array  #: (T,) bool: it left its path at rest
     brakes: Array  #: (T,) int, motors whose brakes it asked for, as bits
@@ -186,25 +188,13 @@ class Simulation:
         ]
 
 
-class Cycle(NamedTuple):
-    """What a law of one's own may see in a control period, at its start."""
-
-    time: float  #: s
-    x: Array  #: (n,) desired pose
-    rate: Array  #: (n,) its free twist
-    acceleration: Array  #: (n,) and the derivative
-    q_e: Array  #: (n + r,) readings
-    torque: Array  #: (n,) what was commanded last
-    robot: Robot  #: what the controller believes
-
-
 def simulate(
     robot: Robot,
     truth: Robot | None = None,
     controller: Controller | Law | None = None,
     *,
     path: Path | Callable[[float], Any] | ArrayLike | None = None,
-    law: Callable[[Cycle], ArrayLike] | None = None,
+    law: Callable[[ControllerInput], ArrayLike] | None = None,
     start: ArrayLike | None = None,
     end: ArrayLike | None = None,
     duration: float = MOVE_DURATION,
@@ -213,9 +203,9 @@ def simulate(
     seed: int = 0,
     effects: Effects | None = None,
     time: float = 0.0,
-    learn: OnlineCalibration | None = None,
+    learn: OnlineCalibrator | None = None,
     faults: Sequence[Fault] = (),
-    watch: Watch | None = None,
+    watch: FaultMonitor | None = None,
 ) -> Simulation:
     """Simulate a straight move with a quintic time law, or any path; then holding its end.
 
@@ -232,12 +222,13 @@ def simulate(
         bears, :meth:`Controller.for_robot`. By default the redundant law, of a robot without a
         sensor in use the joint law.
     path : Path, callable or array_like, optional
-        Instead of a move: :class:`Circle`, :class:`Line`, :class:`WayPoints`, :class:`Sampled`
+        Instead of a move: :class:`Circle`, :class:`Line`, :class:`Waypoints`, :class:`SampledPath`
         (poses at times), or an object of your own with `setpoints`; a function of time, t -> x
         (or x, rate and acceleration), for `duration`; or poses, (N, n), `duration` from each to
         the next. The robot is asked beforehand whether it can follow.
     law : callable, optional
-        A law of one's own, for research: from a :class:`Cycle` to the torques, (n,). The motors'
+        A law of one's own, for research: from a :class:`truepose.control.ControllerInput` to the
+        torques, (n,). The motors'
         limits hold for it. It is called in every period: a few times as slow as the core's.
         `controller` then only says the period, and where the robot rests at the start. The run's
         :attr:`Simulation.law` is the function's name.
@@ -254,11 +245,11 @@ def simulate(
         What the model forgets; nothing by default.
     time : float
         Since the true robot was switched on, s: how far it has warmed up.
-    learn : OnlineCalibration, optional
+    learn : OnlineCalibrator, optional
         Online self-calibration of `robot`, switched on in the controller: it learns from every line
         of readings that is news, and the controller believes in what it has learnt by then. It
         keeps that for the next run.
-    watch : Watch, optional
+    watch : FaultMonitor, optional
         Of the controller's readings; nothing by default.
     faults : sequence of Fault
         Readings that lie. The robot starts at rest before the first of them. Where they leave the
@@ -279,14 +270,15 @@ def simulate(
     Examples
     --------
     >>> import truepose as tp
-    >>> run = tp.simulate(tp.load("h4").unquantised())
+    >>> from truepose.paper import with_paper_errors
+    >>> run = tp.simulate(tp.load("h4").without_quantization())
     >>> bool(abs(run.error[-1, :3]).max() < 1e-6)
     True
 
     A robot with the paper's errors that learns on the way:
 
     >>> h4 = tp.load("h4")
-    >>> true, online = tp.with_paper_errors(h4, seed=1), tp.OnlineCalibration(h4)
+    >>> true, online = with_paper_errors(h4, seed=1), tp.OnlineCalibrator(h4)
     >>> usual = tp.simulate(h4, true, "joint")
     >>> run = tp.simulate(h4, true, "estimated", learn=online)
     >>> bool(abs(run.error[-1, 3]) < abs(usual.error[-1, 3]) / 10), online.lines > 100
@@ -366,14 +358,16 @@ def simulate(
     return Simulation(robot, drive.truth, drive.controller, *log, hold, tuple(faults), ended, name)  # type: ignore[call-arg]
 
 
-def _torque_of(law: Callable[[Cycle], ArrayLike], robot: Robot) -> Callable[..., list[float]]:
+def _torque_of(
+    law: Callable[[ControllerInput], ArrayLike], robot: Robot
+) -> Callable[..., list[float]]:
     """Return a law of one's own as the core calls it, on vectors of fixed size."""
     n, e = robot.n, robot.n + robot.r
 
     def call(time: float, *vectors: list[float]) -> list[float]:
         x, rate, acceleration, q_e, torque = (np.array(vector) for vector in vectors)
         seen = (x[:n], rate[:n], acceleration[:n], q_e[:e], torque[:n])
-        asked = numbers_of(law(Cycle(time, *seen, robot)), "law")
+        asked = numbers_of(law(ControllerInput(time, *seen, robot)), "law")
         if asked.shape != (n,):
             raise InputError(f"law: returns shape {asked.shape}, must be ({n},)")
         return [*asked.tolist(), *[0.0] * (6 - n)]

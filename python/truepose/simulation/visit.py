@@ -1,4 +1,4 @@
-"""Where does a robot stand that is driven from pose to pose, in the dynamics?"""
+"""Steady poses of a simulated robot driven from pose to pose."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import Array
-from truepose.calibration.online import OnlineCalibration
+from truepose.calibration.online import OnlineCalibrator
+from truepose.control.controller import Controller
+from truepose.control.effects import Effects
 from truepose.exceptions import InputError
+from truepose.faults.fault import Fault
+from truepose.faults.monitor import FaultMonitor
 from truepose.robot.batches import flattened
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
-from truepose.simulation.controller import Controller
 from truepose.simulation.drive import NO_REST, RESTLESS, begin, saturated, unanswered
-from truepose.simulation.effects import Effects
-from truepose.simulation.faults import Fault
 from truepose.simulation.moves import MOVE_DURATION
-from truepose.simulation.watch import Watch
 
 
 def visit(
@@ -34,9 +34,9 @@ def visit(
     seed: int = 0,
     effects: Effects | None = None,
     time: float = 0.0,
-    learn: OnlineCalibration | None = None,
+    learn: OnlineCalibrator | None = None,
     faults: Sequence[Fault] = (),
-    watch: Watch | None = None,
+    watch: FaultMonitor | None = None,
 ) -> tuple[Array, Array, Array]:
     """Drive from pose to pose, in the dynamics, and let each settle.
 

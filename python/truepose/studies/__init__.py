@@ -1,1 +1,7 @@
-"""What holds for many robots? One question asked of each, here or on a cluster."""
+"""Monte Carlo studies over robots sampled from their tolerances."""
+
+from truepose.studies.study import Study
+
+__all__ = [
+    "Study",
+]

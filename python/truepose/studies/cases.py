@@ -1,4 +1,4 @@
-"""What is one case of a study? A robot as drawn, a true one, and a point of the grid."""
+"""Cases of a study: a nominal robot, a true one, a point of the grid."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ import numpy as np
 
 from truepose.exceptions import InputError, TrueposeError
 from truepose.robot.robot import Robot
-from truepose.simulation.true_robots import with_tolerance_errors
 
 #: What a function may answer with for one name.
 Answer = float | int | str | bool
@@ -52,9 +51,7 @@ class Case:
     def true(self) -> Robot:
         """The true robot, drawn from its file's tolerances: one and the same at each access."""
         key = (*self.seed.spawn_key, 0)
-        return with_tolerance_errors(
-            self.robot, np.random.SeedSequence(self.seed.entropy, spawn_key=key)
-        )
+        return self.robot.sample(np.random.SeedSequence(self.seed.entropy, spawn_key=key))
 
     @cached_property
     def rng(self) -> np.random.Generator:

@@ -1,4 +1,4 @@
-"""Where does a study keep what is done? A manifest, and a Parquet file for each chunk of cases.
+"""Storage of a study: a manifest and Parquet files of its cases.
 
 A file is there whole or not at all, so that a study may be ended at any time and goes on later.
 """

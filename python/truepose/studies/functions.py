@@ -1,4 +1,4 @@
-"""What is asked of each robot? Questions that are ready, and those of a file."""
+"""Functions that a study evaluates: shipped ones and those of a file."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from truepose.files import contents
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
 from truepose.robot.workspace import workspace
-from truepose.simulation.settle import settle
+from truepose.simulation.equilibrium import steady_state
 from truepose.studies.cases import Answer, Asked, Case
 
 #: Poses of a ready question: where a robot is asked, and by default where it is calibrated.
@@ -31,7 +31,7 @@ def rest(case: Case) -> dict[str, Answer]:
     laws: tuple[Law, ...] = ("joint", "redundant", "weighted", "estimated")
     answer: dict[str, Answer] = {}
     for law in laws if robot.r else laws[:1]:
-        answer |= _rms(robot, settle(robot, true, poses, law) - poses, law)
+        answer |= _rms(robot, steady_state(robot, true, poses, law) - poses, law)
     return answer
 
 

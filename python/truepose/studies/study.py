@@ -1,4 +1,4 @@
-"""What holds for many robots? A function asked of each, side by side, kept as it goes."""
+"""Monte Carlo studies: a function of many robots, evaluated in parallel and kept."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class Study:
         return "\n".join(laid_out(self.table(), 100))
 
 
-def study(
+def monte_carlo(
     function: Asked | str,
     robots: Robot | str | Sequence[Robot | str],
     count: int = 100,
@@ -144,7 +144,7 @@ def study(
     Examples
     --------
     >>> import truepose as tp
-    >>> found = tp.study("rest", "3rrr", count=4, workers=0)
+    >>> found = tp.monte_carlo("rest", "3rrr", count=4, workers=0)
     >>> len(found), bool(found.failed.any())
     (4, False)
     """

@@ -1,4 +1,4 @@
-"""Who works on a study? Processes or threads here, or the workers of a dask cluster."""
+"""Workers of a study: processes or threads here, or a cluster."""
 
 from __future__ import annotations
 
@@ -17,12 +17,11 @@ from typing import Any, Literal
 import numpy as np
 
 from truepose.exceptions import InputError, choose
+from truepose.plugins import plugins
 
 On = Literal["processes", "threads"]
 #: How often in a row a worker may die before anything more is done.
 DEATHS = 3
-#: How long a cluster is waited for, s.
-PATIENCE = 10
 
 
 def versions() -> dict[str, str]:
@@ -86,8 +85,9 @@ class Workers:
     @contextlib.contextmanager
     def _executor(self) -> Iterator[Executor]:
         if self.cluster is not None:
-            with _client(self.cluster) as client:
-                yield client.get_executor(pure=False, retries=DEATHS)
+            connect = plugins("clusters")["dask"].load()
+            with connect(self.cluster, retries=DEATHS) as there:
+                yield there
             return
         executor: Executor
         if self.on == "processes":
@@ -112,41 +112,3 @@ def _done(
     futures = {executor.submit(function, *task): key for key, task in tasks.items()}
     for future in as_completed(futures):
         yield futures[future], future.result()
-
-
-@contextlib.contextmanager
-def _client(cluster: Any) -> Iterator[Any]:
-    """Return a dask client whose workers have what is here."""
-    try:
-        from distributed import Client
-    except ImportError:
-        raise InputError("study: dask is not installed; pip install 'truepose[cluster]'") from None
-    if isinstance(cluster, Client):
-        _require_same(cluster)
-        yield cluster
-        return
-    try:
-        client: Any = Client(cluster, timeout=PATIENCE, set_as_default=False)  # type: ignore[no-untyped-call]
-    except (OSError, TimeoutError, ValueError) as error:
-        raise InputError(f"--cluster {cluster}: no scheduler answers there ({error})") from None
-    with client:
-        _require_same(client)
-        yield client
-
-
-def _require_same(client: Any) -> None:
-    here = versions()
-    try:
-        there = client.run(versions)
-    except Exception as error:  # a worker without truepose cannot even read the question
-        raise InputError(
-            f"--cluster: a worker has no truepose {here['truepose']}: {error}"
-        ) from None
-    if not there:
-        raise InputError("--cluster: the scheduler has no workers; start some: dask worker ADDRESS")
-    for worker, found in there.items():
-        for name, version in here.items():
-            if found[name] != version:
-                raise InputError(
-                    f"--cluster: worker {worker} has {name} {found[name]}, here is {version}"
-                )

@@ -1,4 +1,4 @@
-"""What does a real robot do when it is sent from pose to pose? Whatever stands for one."""
+"""Plants: robots that are not their model, sent from pose to pose."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 from truepose.arguments import Array
+from truepose.control.controller import Controller
 from truepose.exceptions import InputError
 from truepose.logs.columns import Column, numbered, pose, readings
 from truepose.robot.robot import Robot
-from truepose.simulation.controller import Controller
 
 
 class Visit(NamedTuple):

@@ -1,4 +1,4 @@
-"""Where does a robot come to rest that has forces and time? The reduced model, simulated.
+"""A plant with dynamics, driven from pose to pose.
 
 Friction and play carry over from pose to pose; arms and rods give way; readings are late. The
 loops are those of the ideal level: this nacelle does not tilt.
@@ -12,15 +12,15 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from truepose.arguments import Array
+from truepose.control.controller import Controller
+from truepose.control.effects import Effects
+from truepose.faults.fault import Fault, in_core
+from truepose.faults.monitor import FaultMonitor
 from truepose.robot.frames import frames
 from truepose.robot.robot import Robot
-from truepose.simulation.controller import Controller
 from truepose.simulation.drive import SATURATED
-from truepose.simulation.effects import Effects
-from truepose.simulation.faults import Fault, in_core
 from truepose.simulation.plants import Visit
 from truepose.simulation.visit import visit
-from truepose.simulation.watch import Watch
 
 
 class DynamicPlant:
@@ -38,7 +38,7 @@ class DynamicPlant:
         Of the effects' phases and the readings' noise.
     duration, hold : float
         Of a move, and after it, s.
-    watch : Watch, optional
+    watch : FaultMonitor, optional
         Of the controller's readings; nothing by default.
     faults : sequence of Fault
         Readings that lie; their time is that since the first move began.
@@ -62,7 +62,7 @@ class DynamicPlant:
         duration: float = 0.25,
         hold: float = 0.35,
         faults: Sequence[Fault] = (),
-        watch: Watch | None = None,
+        watch: FaultMonitor | None = None,
     ):
         in_core(truth, faults, math.inf)  # whatever the controller's period
         self.truth, self.time, self.seed = truth, time, seed

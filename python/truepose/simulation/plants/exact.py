@@ -1,4 +1,4 @@
-"""Where does a robot rest whose loops close exactly? Statics of the true geometry.
+"""A plant at exact static equilibrium.
 
 Nothing loads the motors (or integral action carries the load): the motor error of the law
 vanishes. Of the effects of :class:`truepose.Effects` the geometry takes part, and the play of the
@@ -13,15 +13,15 @@ import numpy as np
 
 from truepose import _core
 from truepose.arguments import Array, Level, check_seed
+from truepose.control.controller import Controller
+from truepose.control.effects import Effects
 from truepose.exceptions import InputError, choose
+from truepose.faults.fault import Fault, in_core
 from truepose.robot import knowledge
 from truepose.robot.batches import flattened
 from truepose.robot.frames import frames
 from truepose.robot.robot import Robot
-from truepose.simulation.controller import Controller
-from truepose.simulation.effects import Effects
-from truepose.simulation.faults import Fault, in_core
-from truepose.simulation.plants import Visit, play
+from truepose.simulation.plants import Visit, backlash
 
 #: Groups of effects that statics know.
 EFFECTS = ("backlash", "thermal", "eccentricity", "quantisation")
@@ -38,7 +38,7 @@ class ExactPlant:
         Those of `EFFECTS`; any other must be off.
     level : {"ideal", "full"}, optional
         One rod per chain, or every rod by itself: the nacelle then tilts. By default
-        :attr:`Robot.finest_level`.
+        :attr:`Robot.highest_level`.
     time : float
         Since a cold start, s.
     seed : int
@@ -68,7 +68,7 @@ class ExactPlant:
         faults: Sequence[Fault] = (),
     ):
         self.truth, self.seed = truth, check_seed(seed)
-        self.level: Level = truth.finest_level if level is None else level
+        self.level: Level = truth.highest_level if level is None else level
         self.effects = effects = Effects.none() if effects is None else effects
         if effects.only(*EFFECTS) != effects:
             others = [g for g in effects.groups() if g not in EFFECTS]
@@ -78,7 +78,7 @@ class ExactPlant:
         self.faults = tuple(faults)
         self._lying = in_core(truth, self.faults, None)
         self.robot = effects.geometry(truth, time, seed)  #: as it is at that time
-        self._exact = self.robot.with_level(self.level).unquantised()
+        self._exact = self.robot.with_level(self.level).without_quantization()
         #: Which readings the play of the tool's gear enters, and by which gain.
         self._geared = np.zeros(truth.n + truth.r)
         for k, name in enumerate(truth.sensors):
@@ -127,10 +127,10 @@ class ExactPlant:
         if self.level == "ideal" or self.truth.spec.mobility not in ("schoenflies", "translation"):
             return frames(self.truth, x)
         tilts = 2 if self.truth.spec.mobility == "schoenflies" else 3
-        return frames(self.truth, x, self._exact.parasitic(x)[:, :tilts])
+        return frames(self.truth, x, self._exact.residual_motion(x)[:, :tilts])
 
     def _readings(self, x: Array, ahead: Array) -> Array:
-        exact = self._exact.extended(x, errors="nan", level=self.level)
+        exact = self._exact.extended_positions(x, errors="nan", level=self.level)
         return exact + ahead[:, None] * self._geared
 
     def _with_play(self, rest: Callable, count: int) -> tuple[Array, Array, Array]:
@@ -140,13 +140,13 @@ class ExactPlant:
         (low, status), (high, other) = (rest(slice(None), np.full(count, a)) for a in sides)
         lowest = np.where(status == "ok", low[:, -1] - half, np.nan)
         highest = np.where(other == "ok", high[:, -1] + half, np.nan)
-        tool, end = play.follow(lowest, highest, float(self.truth.home[-1]))
+        tool, end = backlash.follow(lowest, highest, float(self.truth.home[-1]))
         at_high, ahead = end == 1, half * end
         status = np.where(at_high | (status == "ok") & np.isnan(end), other, status)
         x = np.where(at_high[:, None], high, low)
         stays = np.flatnonzero(end == 0)
         if stays.size:
-            ahead[stays] = play.crossing(  # type: ignore[call-arg]
+            ahead[stays] = backlash.crossing(  # type: ignore[call-arg]
                 lambda which, a: rest(stays[which], a)[0][:, -1] + a - tool[stays[which]],
                 *np.repeat(sides[:, None], stays.size, axis=1),
                 lowest[stays] - tool[stays],

@@ -1,0 +1,10 @@
+"""Control: controllers, gains, stability margins, delayed sensors, unmodelled effects."""
+
+from truepose.control.controller import ControllerInput
+from truepose.control.margins import StabilityMargins, stability_margins
+
+__all__ = [
+    "ControllerInput",
+    "StabilityMargins",
+    "stability_margins",
+]

@@ -1,0 +1,204 @@
+"""Controllers: a law, its gains, its feed-forward."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any, Literal, NamedTuple, Self, get_args
+
+from numpy.typing import ArrayLike
+
+from truepose import _core
+from truepose.arguments import Array, fraction
+from truepose.control.effects import Effects
+from truepose.control.gains import choose as choose_gains
+from truepose.exceptions import InputError, PoseError, choose
+from truepose.robot.batches import flattened
+from truepose.robot.laws import LAWS, Law, require_sensors, usual
+from truepose.robot.robot import Robot
+
+FeedForward = Literal["none", "gravity", "full"]
+Gains = Literal["inertia", "diagonal"]
+MOST_SCALED = 1_000_000  #: of `sigma_scale`
+
+
+@dataclass(frozen=True, kw_only=True)
+class Controller:
+    """A joint PD (or PID) on the motor error of one of the laws.
+
+    Parameters
+    ----------
+    law : {"joint", "redundant", "cartesian", "weighted", "estimated"}
+        The paper's Figure 1 (usual control), Figure 2 (TEJ), or closing remark (redundant FKM);
+        Figure 2 with the weighted TEJ; or the Cartesian law on :meth:`Robot.estimate`. All but
+        "joint" need a redundant sensor in use. The last two weigh the readings by the tolerances
+        (or the calibration) of the robot that the controller believes in, and take its values as
+        they are: pass ``robot.expected()`` for the prior mean, ``fit.robot`` for a calibrated one.
+    frequency, damping : float
+        PD gains by pole placement, rad/s and 1.
+    integral : float
+        Integral action: ki = integral · kp, 1/s; 0 is none.
+    gains : {"inertia", "diagonal"}
+        What the gains act through: the whole joint inertia JᵀMJ of the nominal robot at the
+        setpoint, so that every motor has these poles at every pose; or its diagonal where the
+        controller was set up, a PD on each motor by itself, as the paper's: 150 rad/s at the start
+        of the paper's move are then 84 to 254 rad/s over Table 2.
+    feed_forward : {"none", "gravity", "full"}
+        From the nominal robot: nothing, its weight, or weight, inertia and Coriolis.
+    period : float
+        Control period, s.
+    velocity_bandwidth : float
+        Bandwidth of the velocity tracking loops (of the readings, or of x̂), rad/s.
+    damped_below : float
+        Damp the Jacobian where a :meth:`Robot.conditioning` of the setpoint is less, so that
+        torques stay bounded beside a singularity; 0 is never, the paper's laws.
+    sigma_scale : int
+        "weighted" and "estimated" only: the readings' own σ count so many times in the weights.
+        The best weights of a calibrated robot multiply differences of its readings, and with them
+        what compliant arms and late torques do to the readings; a larger scale makes these
+        multiples smaller.
+    """
+
+    law: Law = "redundant"
+    frequency: float = 150.0
+    damping: float = 1.0
+    integral: float = 0.0
+    gains: Gains = "inertia"
+    feed_forward: FeedForward = "full"
+    period: float = 1e-3
+    velocity_bandwidth: float = 1500.0
+    damped_below: float = 0.0
+    sigma_scale: int = 1
+
+    def __post_init__(self) -> None:
+        if self.law not in LAWS:
+            raise InputError(choose("law", self.law, LAWS))
+        for name, kinds in (("feed_forward", FeedForward), ("gains", Gains)):
+            if getattr(self, name) not in get_args(kinds):
+                raise InputError(choose(name, getattr(self, name), get_args(kinds)))
+        for name in ("frequency", "damping", "period", "velocity_bandwidth"):
+            positive(name, getattr(self, name))
+        if not (math.isfinite(self.integral) and self.integral >= 0):
+            raise InputError(f"integral = {self.integral}: must be a finite number of at least 0")
+        fraction("damped_below", self.damped_below)
+        scale = self.sigma_scale
+        if not (isinstance(scale, int) and 1 <= scale <= MOST_SCALED):
+            raise InputError(
+                f"sigma_scale = {scale!r}: must be a whole number from 1 to {MOST_SCALED}"
+            )
+
+    @classmethod
+    def for_robot(
+        cls,
+        robot: Robot,
+        effects: Effects | None = None,
+        law: Law | None = None,
+        *,
+        period: float = 1e-3,
+        damping: float = 0.55,
+        **settings: Any,
+    ) -> Self:
+        """Return the fastest controller that a robot bears whose effects its model forgets.
+
+        Its poles and its velocity filter keep 6 dB, 30° and two cycles of delay, at home and at the
+        corners of the workspace, of all motors at once and of each motor and each reading alone;
+        counts, as white noise, shake no motor by more than 1 % of its torque limit (rms), and let
+        the nacelle hunt by no more than 50 µm and 0.05°. At most 150 rad/s, the paper's.
+        :func:`margins` shows what is kept.
+
+        Parameters
+        ----------
+        robot : Robot
+            What the controller believes.
+        effects : Effects, optional
+            By default all of them.
+        law, period, damping, **settings
+            As of the class; all but `frequency`, `velocity_bandwidth` and `sigma_scale`, which
+            are chosen. The law by default is the redundant one, of a robot without a sensor in
+            use the joint law. With less damping than the paper's 1 a loop as stiff answers less
+            to what is fast: a count's step, an arm's ringing.
+
+        Raises
+        ------
+        InputError
+            No poles keep that: the period is too long, say. The reason is told. Or the law needs a
+            redundant sensor, and none is in use.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> h4 = tp.load("h4")
+        >>> controller = tp.Controller.for_robot(h4)
+        >>> 30 < controller.frequency < 50
+        True
+        >>> tp.simulate(h4, controller=controller, effects=tp.Effects()).status
+        'ok'
+        """
+        law = usual(robot) if law is None else law
+        for name in ("frequency", "velocity_bandwidth", "sigma_scale"):
+            if name in settings:
+                raise InputError(f"{name}: is chosen; name it in Controller(…) instead")
+        rest = cls(law=law, period=period, damping=damping, **settings)
+        require_sensors(robot, law)
+        effects = Effects() if effects is None else effects
+        gains, scale = choose_gains(
+            robot, law, effects, period, damping, rest.integral, rest.gains == "diagonal"
+        )
+        return replace(
+            rest,
+            frequency=gains.frequency,
+            velocity_bandwidth=gains.velocity_bandwidth,
+            sigma_scale=scale,
+        )
+
+    def settings(self, robot: Robot, x: ArrayLike) -> _core.ControlSettings:
+        """Return the core's settings, with the gains placed at the pose x."""
+        require_sensors(robot, self.law)
+        settings = _core.ControlSettings()
+        settings.law = _core.laws[self.law].law
+        settings.gains = getattr(_core.Gains, self.gains)
+        settings.feed_forward = getattr(_core.FeedForward, self.feed_forward)
+        settings.period = self.period
+        settings.velocity_bandwidth = self.velocity_bandwidth
+        settings.damped_below = self.damped_below
+        settings.sigma_scale = self.sigma_scale
+        place = pose_of(robot, x, "x")
+        status, _ = settings.place_poles(robot.core, place, self.frequency, self.damping)
+        if status:
+            raise PoseError(
+                f"{robot.name}: gains at x = {place[: robot.n]}: {_core.describe(status)}"
+            )
+        settings.ki = [self.integral * kp for kp in settings.kp]
+        return settings
+
+
+def positive(name: str, value: float) -> None:
+    """Raise InputError unless the value is."""
+    if not (math.isfinite(value) and value > 0):
+        raise InputError(f"{name} = {value}: must be a finite number greater than 0")
+
+
+def pose_of(robot: Robot, x: ArrayLike, name: str) -> list[float]:
+    """Return x as the core's fixed-size vector."""
+    rows, lead = flattened(robot, x, robot.n, name, "raise")
+    if lead:
+        raise InputError(f"{name}: shape {(*lead, robot.n)}, must be ({robot.n},)")
+    return [*rows[0].tolist(), *[0.0] * (6 - robot.n)]
+
+
+def require_same_readings(robot: Robot, truth: Robot) -> None:
+    """Raise InputError unless what is believed and what is read alike."""
+    if (robot.spec.mobility, robot.sensors) != (truth.spec.mobility, truth.sensors):
+        raise InputError(f"{robot!r} and {truth!r} must have the same mobility and sensors")
+
+
+class ControllerInput(NamedTuple):
+    """What a law of one's own may see in a control period, at its start."""
+
+    time: float  #: s
+    x: Array  #: (n,) desired pose
+    rate: Array  #: (n,) its free twist
+    acceleration: Array  #: (n,) and the derivative
+    q_e: Array  #: (n + r,) readings
+    torque: Array  #: (n,) what was commanded last
+    robot: Robot  #: what the controller believes

@@ -1,0 +1,131 @@
+"""Multirate and delayed sensors: latency, sensitivity and compensation."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+
+from truepose import _core
+from truepose.arguments import Array
+from truepose.exceptions import InputError
+from truepose.robot import knowledge
+from truepose.robot.robot import Robot
+
+Lateness = tuple[_core.LateSettings | None, _core.LateSettings | None]
+
+_POSES, _STEP = 64, 1e-4  #: of the workspace; m and rad, of a difference
+
+
+def settings(robot: Robot, period: float) -> _core.LateSettings | None:
+    """Return what the core brings slow and late readings up by; None where there are none.
+
+    Parameters
+    ----------
+    robot : Robot
+        What the controller believes, and its sensors' period and age.
+    period : float
+        Of the control, s. Both count in whole ones, and in the next larger where they are none.
+
+    Raises
+    ------
+    InputError
+        A sensor's period or age is too many control periods.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.control.delays import settings
+    >>> settings(tp.load("h4"), 1e-3) is None
+    True
+    """
+    late = clock(robot, period)
+    if late is not None:
+        whole = np.zeros((_core.max_sensors, 6))
+        whole[: robot.r, : robot.n] = stray(robot)
+        late.stray = whole.tolist()
+    return late
+
+
+def lateness(robot: Robot, truth: Robot, period: float) -> Lateness:
+    """Return the slow and late sensors as a controller knows them, and as they are."""
+    return settings(robot, period), clock(truth, period)
+
+
+def clock(robot: Robot, period: float) -> _core.LateSettings | None:
+    """Return when sensors sample, and how old that is on arrival; see :func:`settings`."""
+    every, age = [0] * _core.max_sensors, [0] * _core.max_sensors
+    for k, sensor in enumerate(robot.spec.used):
+        for key, most, cycles in (("period", _core.slowest, every), ("age", _core.oldest, age)):
+            seconds = getattr(sensor, key)
+            cycles[k] = math.ceil(seconds / period - 1e-6)
+            if cycles[k] > most:
+                raise InputError(
+                    f"{robot.name}: sensor {sensor.name}: {key} = {seconds:g} s: at most {most} "
+                    f"control periods of {period:g} s"
+                )
+    if max(every) <= 1 and max(age) == 0:
+        return None
+    late = _core.LateSettings()
+    late.every, late.age = every, age
+    return late
+
+
+def carried(robot: Robot, E: Array, H_x: Array, period: float) -> Array:
+    """Return what a law makes of readings, (n, n + r), where motors carry slow and late sensors.
+
+    What such a reading does within milliseconds is what the motors say: its column of E is theirs.
+
+    Parameters
+    ----------
+    H_x : ndarray, shape (n + r, n)
+        As of :meth:`Robot.linearize`.
+    """
+    slow, n, E = clock(robot, period), robot.n, E.copy()
+    if slow is None:
+        return E
+    for k in range(robot.r):
+        if slow.every[k] > 1 or slow.age[k] > 0:
+            E[:, :n] += np.outer(E[:, n + k], np.linalg.solve(H_x[:n].T, H_x[n + k]))
+            E[:, n + k] = 0
+    return E
+
+
+@lru_cache(maxsize=16)
+def stray(robot: Robot) -> Array:
+    """By how much what a sensor and the motors disagree about changes with the pose, σ: (r, n).
+
+    Of what is not known of the geometry, along each freedom: the largest over the workspace.
+
+    Examples
+    --------
+    A telemeter of a calibrated robot goes astray by some 0.1 mm in a metre:
+
+    >>> import truepose as tp
+    >>> from truepose.control.delays import stray
+    >>> h4 = tp.load("h4")
+    >>> stray(h4).shape
+    (1, 4)
+    """
+    n, names = robot.n, list(robot.parameters)
+    uncertain = knowledge.uncertain(robot)
+    columns = [names.index(name) for name in uncertain]
+    root = knowledge.root(robot, uncertain)
+
+    def open_(x: Array) -> Array:
+        """Geometry's part of the parity, (N, r, p)."""
+        H_x, H_xi = robot.linearize(x, errors="nan", level="ideal")
+        H_xi = H_xi[..., columns] @ root
+        return H_xi[:, n:] - H_x[:, n:] @ np.linalg.solve(H_x[:, :n], H_xi[:, :n])
+
+    box = robot.spec.workspace
+    x = robot.home[None]
+    if box is not None:
+        x = np.random.default_rng(0).uniform(box.minimum, box.maximum, (_POSES, n))
+    result = np.zeros((robot.r, n))
+    for i in range(n):
+        step = _STEP * np.eye(n)[i]
+        change = (open_(x + step) - open_(x - step)) / (2 * _STEP)
+        result[:, i] = np.nanmax(np.linalg.norm(change, axis=-1), axis=0)
+    return result

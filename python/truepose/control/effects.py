@@ -1,0 +1,238 @@
+"""Physical effects that the controller's model omits, with defaults and sources."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
+
+import numpy as np
+
+from truepose import _core
+from truepose.arguments import check_seed
+from truepose.exceptions import InputError, choose
+from truepose.robot.robot import Robot
+from truepose.robotfile.parameters import PAIRED
+from truepose.robotfile.schema import Tolerance
+
+
+def _effect(default: float, group: str, unit: str, what: str, source: str) -> Any:
+    return field(
+        default=default,
+        metadata={"group": group, "unit": unit, "what": what, "source": source},
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Effects:
+    """How strong each effect is; 0 switches it off.
+
+    The defaults are assumed, orders of magnitude of a machine of the H4's size;
+    ``dataclasses.fields`` has each one's unit, meaning and source. Groups, the names that
+    :meth:`only` and :meth:`without` take: "backlash", "friction", "compliance", "thermal",
+    "eccentricity", "quantisation", "delay", "ripple".
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> tp.Effects().without("thermal").warm_up, tp.Effects.none().motor_friction
+    (0.0, 0.0)
+    """
+
+    tool_backlash: float = _effect(
+        math.radians(0.1),
+        "backlash",
+        "rad",
+        "play of the tool gear, whole width, as an angle of the nacelle (×4 at the tool: 0.4°)",
+        "assumed; a plain spur gear pair of that size",
+    )
+    motor_friction: float = _effect(
+        0.1, "friction", "N·m", "Coulomb friction of each motor (N on a slide)", "assumed"
+    )
+    joint_friction: float = _effect(
+        0.005, "friction", "N·m", "Coulomb friction of each passive joint", "assumed"
+    )
+    arm_stiffness: float = _effect(
+        2e4, "compliance", "N·m/rad", "of each arm about its motor's axis, at the root", "assumed"
+    )
+    rod_stiffness: float = _effect(
+        5e6, "compliance", "N/m", "of each rod of a chain, along it", "assumed"
+    )
+    warm_up: float = _effect(20.0, "thermal", "K", "rise of temperature", "assumed")
+    warm_up_time: float = _effect(7200.0, "thermal", "s", "which it takes, linearly", "assumed")
+    base_expansion: float = _effect(
+        23e-6, "thermal", "1/K", "of the base", "aluminium, handbook value"
+    )
+    arm_expansion: float = _effect(
+        23e-6, "thermal", "1/K", "of the arms", "aluminium, handbook value"
+    )
+    rod_expansion: float = _effect(
+        1e-6, "thermal", "1/K", "of the rods", "carbon fibre along its layers, handbook value"
+    )
+    eccentricity: float = _effect(
+        math.radians(0.02),
+        "eccentricity",
+        "rad",
+        "first harmonic of every rotary encoder, of its shaft's angle; the phase is drawn",
+        "assumed",
+    )
+    quantisation: float = _effect(
+        1.0, "quantisation", "", "1: readings have the counts of the robot's file; 0: none", "file"
+    )
+    delay: float = _effect(
+        1.0, "delay", "cycles", "from a reading to the torque that answers it", "assumed"
+    )
+    torque_ripple: float = _effect(
+        0.01,
+        "ripple",
+        "",
+        "amplitude over the torque, six periods per turn of the motor; the phase is drawn",
+        "assumed",
+    )
+
+    def __post_init__(self) -> None:
+        for f in fields(self):
+            value = getattr(self, f.name)
+            if not (isinstance(value, (int, float)) and math.isfinite(value) and value >= 0):
+                raise InputError(f"{f.name} = {value!r}: must be a finite number of at least 0")
+        for name in ("quantisation", "delay"):
+            if getattr(self, name) not in (0, 1):
+                raise InputError(f"{name} = {getattr(self, name)}: must be 0 or 1")
+        if self.warm_up and not self.warm_up_time:
+            raise InputError("warm_up_time = 0: must be greater than 0")
+
+    @classmethod
+    def groups(cls) -> tuple[str, ...]:
+        """Names of what can be switched on and off by itself."""
+        return tuple(dict.fromkeys(f.metadata["group"] for f in fields(cls)))
+
+    @classmethod
+    def none(cls) -> Effects:
+        """Nothing is forgotten: the model is the robot, its readings unquantised."""
+        return cls().without(*cls.groups())
+
+    def without(self, *groups: str) -> Effects:
+        """Return a copy with these groups switched off."""
+        self._require(groups)
+        return replace(self, **{name: 0.0 for g in groups for name in self._switches(g)})
+
+    def only(self, *groups: str) -> Effects:
+        """Return a copy with all other groups switched off."""
+        self._require(groups)
+        return self.without(*(group for group in self.groups() if group not in groups))
+
+    @classmethod
+    def _require(cls, groups: tuple[str, ...]) -> None:
+        for group in groups:
+            if group not in cls.groups():
+                raise InputError(choose("effect", group, cls.groups()))
+
+    @classmethod
+    def _switches(cls, group: str) -> list[str]:
+        """Fields whose zero switches a group off; a time of nothing is meaningless."""
+        names = [f.name for f in fields(cls) if f.metadata["group"] == group]
+        return [name for name in names if name != "warm_up_time"]
+
+    def geometry(self, truth: Robot, time: float = 0.0, seed: int = 0) -> Robot:
+        """Return the true robot as it is some time after a cold start: what of it is geometry.
+
+        Thermal growth of base, arms and rods; eccentric encoders, their phases drawn by `seed`;
+        counts or none.
+
+        Parameters
+        ----------
+        truth : Robot
+            The true robot, cold.
+        time : float
+            Since it was switched on, s.
+        seed : int
+            The same seed gives the same phases.
+        """
+        if not (math.isfinite(time) and time >= 0):
+            raise InputError(f"time = {time}: must be a finite number of seconds of at least 0")
+        share = min(1.0, time / self.warm_up_time) if self.warm_up else 0.0
+        values = {name: p.value for name, p in truth.parameters.items()}
+        grown = {
+            name: values[name] + share * gain
+            for part in self.growth(truth)
+            for name, gain in part.items()
+        }
+        rng = np.random.default_rng(check_seed(seed))
+        encoders = [name[: -len(".c1")] for name in values if name.endswith(".eccentricity.c1")]
+        for encoder in encoders:
+            phase = rng.uniform(0, 2 * math.pi)  # one for each encoder, whether used or not
+            for key, share in (("c1", math.cos(phase)), ("s1", math.sin(phase))):
+                grown[f"{encoder}.{key}"] = values[f"{encoder}.{key}"] + self.eccentricity * share
+        robot = truth.replace(grown)
+        return robot if self.quantisation else robot.without_quantization()
+
+    def growth(self, robot: Robot) -> list[dict[str, float]]:
+        """Return what base, arms and rods each gain in the whole warm-up, m by parameter.
+
+        Three temperatures, each of which moves many parameters together: what
+        :class:`OnlineCalibrator` takes as `drift`, once divided by √lines.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> base, arms, rods = tp.Effects().growth(tp.load("h4"))
+        >>> round(arms["chain1.arm"] * 1e6, 1)  # µm
+        119.6
+        """
+        parts = {"base": self.base_expansion, "arm": self.arm_expansion, "rod": self.rod_expansion}
+        return [
+            {
+                name: p.value * rate * self.warm_up
+                for name, p in robot.parameters.items()
+                if name.startswith("chain") and name.split(".")[1] == part
+            }
+            for part, rate in parts.items()
+        ]
+
+    def allowed_for(self, robot: Robot) -> Robot:
+        """Return the robot as a builder who knows of these effects would write its file.
+
+        What a calibration should not blame on lengths and angles: encoders may be eccentric
+        (tolerances of c1 and s1, a known amplitude at an unknown phase), and an angle read through
+        a gear is off by up to half its play (noise). Warm-up is within the tolerances of most
+        robots; arms and rods give way by less than a count.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> h4 = tp.Effects().allowed_for(tp.load("h4"))
+        >>> round(h4.parameters["chain1.eccentricity.s1"].sigma * 1e6), h4.spec.sensor[0].noise > 0
+        (247, True)
+        """
+        spec = robot.spec
+        names = [name for name in robot.parameters if name.endswith((".c1", ".s1"))]
+        sigma = self.eccentricity / math.sqrt(2)
+        known = {name: Tolerance(sigma=sigma) for name in names} if sigma > 0 else {}
+        half = self.tool_backlash / 2
+        sensors = tuple(
+            sensor.model_copy(update={"noise": math.hypot(sensor.noise, half)})
+            if sensor.geared
+            else sensor
+            for sensor in spec.sensor
+        )
+        update = {"tolerances": known | spec.tolerances, "sensor": sensors}
+        values = {name: p.value for name, p in robot.parameters.items()}
+        return Robot(spec.model_copy(update=update), values)
+
+    def plant(self, robot: Robot, seed: int = 0) -> _core.Effects:
+        """Return the core's struct: what of it is not geometry, for :func:`truepose.simulate`.
+
+        A chain's passive joints count at its motor: four of them where its rods are a pair, two
+        else, each turning as far as the motor does.
+        """
+        core = _core.Effects()
+        core.backlash = self.tool_backlash
+        joints = 4 if robot.spec.mobility in PAIRED else 2
+        friction = self.motor_friction + joints * self.joint_friction
+        core.friction = [friction] * robot.n + [0.0] * (6 - robot.n)
+        core.arm_stiffness, core.rod_stiffness = self.arm_stiffness, self.rod_stiffness
+        core.ripple = self.torque_ripple
+        phases = np.random.default_rng([check_seed(seed), 1]).uniform(0, 2 * math.pi, 6)
+        core.phase = phases.tolist()
+        core.delayed = bool(self.delay)
+        return core

@@ -1,0 +1,212 @@
+"""Choice of gains that keep stability margins with delay and compliance."""
+
+from __future__ import annotations
+
+import itertools
+from functools import lru_cache
+
+import numpy as np
+
+from truepose import _core
+from truepose.arguments import Array
+from truepose.control.effects import Effects
+from truepose.control.linear import Gains, plants
+from truepose.control.loci import Margin, Responses
+from truepose.exceptions import InputError
+from truepose.robot.laws import Law
+from truepose.robot.robot import Robot
+from truepose.robot.units import summed
+
+#: What chosen gains keep at every pose, of all motors at once, of each motor and of each reading
+#: alone: 6 dB up and down, 30°, two cycles.
+LEAST = Margin(2.0, 2.0, np.radians(30), 2.0)
+#: Torques' rms by counts and noise, of the limits: half of what counts as rest, since a loop that
+#: hunts by a count shakes its motors some twice as much as the white noise that is reckoned with.
+_DITHER = 0.01
+#: What rest is: the nacelle's swing, peak to peak, m and rad; a motor's torque, rms of its limit.
+REST, REST_TORQUE = (50e-6, np.radians(0.05)), 0.02
+#: How far off friction alone may hold the nacelle, m. Slower poles leave the robot to its friction,
+#: through which it creeps for seconds.
+_HELD = 1e-3
+#: Poles that are tried, rad/s, and bandwidths of the velocity loops in units of them: nothing is
+#: asked beyond the paper's.
+_FREQUENCIES = np.geomspace(10.0, 150.0, 41)
+_RATIOS = (3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 16.0)
+#: Times the readings' own σ that are tried, in this order, of laws that weigh.
+_SCALES = (1, 10, 100, 1000)
+
+
+def poses(robot: Robot) -> Array:
+    """Return home and the corners of the workspace box that are regular.
+
+    Of a robot with six freedoms, those of its position and those of its orientation apart.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.control.gains import poses
+    >>> poses(tp.load("h4")).shape, poses(tp.load("hexa")).shape
+    ((17, 4), (17, 6))
+    """
+    box = robot.spec.workspace
+    if box is None:
+        return robot.home[None]
+    sides = list(zip(box.minimum, box.maximum, strict=True))
+    at_home = [(value,) for value in robot.home]
+    parts = [sides] if robot.n < 6 else [sides[:3] + at_home[3:], at_home[:3] + sides[3:]]
+    corners = np.array([corner for part in parts for corner in itertools.product(*part)])
+    regular = np.isfinite(robot.jacobian(corners, errors="nan")).all(axis=(1, 2))
+    return np.vstack([robot.home, corners[regular]])
+
+
+def kept(margin: Margin) -> bool:
+    """Whether a margin is at least `LEAST`."""
+    return all(has >= least for has, least in zip(margin, LEAST, strict=True))
+
+
+@lru_cache(maxsize=4)
+def responses(
+    robot: Robot,
+    law: Law,
+    effects: Effects,
+    period: float,
+    diagonal: bool = False,
+    sigma_scale: int = 1,
+) -> Responses:
+    """Return the loops of a robot at its :func:`poses`."""
+    return responses_at(robot, poses(robot), law, effects, period, diagonal, sigma_scale)
+
+
+def responses_at(
+    robot: Robot,
+    x: Array,
+    law: Law,
+    effects: Effects,
+    period: float,
+    diagonal: bool,
+    sigma_scale: int = 1,
+) -> Responses:
+    """Return the loops of a robot at poses, its gains diagonal or not."""
+    inertia = None
+    if diagonal:
+        J = robot.jacobian(robot.home)
+        inertia = np.diag(J.T @ robot.mass_matrix(robot.home) @ J)
+    return Responses(plants(robot, x, law, effects, period, inertia, sigma_scale))
+
+
+@lru_cache(maxsize=64)
+def choose(
+    robot: Robot,
+    law: Law,
+    effects: Effects,
+    period: float,
+    damping: float = 1.0,
+    integral: float = 0.0,
+    diagonal: bool = False,
+) -> tuple[Gains, int]:
+    """Return the fastest gains that keep `LEAST` at :func:`poses`, and torques calm.
+
+    Beside them the least scale of the readings' σ, as of :class:`truepose.Controller`, at which
+    there are any: 1 of laws that do not weigh. Each set of arguments is computed once.
+
+    Parameters
+    ----------
+    diagonal : bool
+        They act through the diagonal of the joint inertia at home.
+
+    Raises
+    ------
+    InputError
+        There are none: the period is too long, the counts are too coarse, or friction too strong.
+    """
+    refused = InputError()
+    for scale in _SCALES if _core.laws[law].weighs else _SCALES[:1]:
+        try:
+            everywhere = responses(robot, law, effects, period, diagonal, scale)
+            return _chosen(robot, law, effects, everywhere, damping, integral), scale
+        except InputError as error:
+            refused = error
+    raise refused
+
+
+def _chosen(
+    robot: Robot,
+    law: Law,
+    effects: Effects,
+    everywhere: Responses,
+    damping: float,
+    integral: float,
+) -> Gains:
+    period = everywhere.period
+    home = Responses(everywhere.plants[:1])
+    read = robot if effects.quantisation else robot.without_quantization()
+    rest = np.array([REST[unit == "rad"] for _, unit in robot.coordinates])
+    limits = np.array([chain.torque_limit or np.inf for chain in robot.spec.chain])
+
+    def lacks(gains: Gains, found: Responses) -> str:
+        margin = found.least(gains)
+        if not kept(margin):
+            return _said(margin)
+        dither = float((found.dither(gains, read.reading_sigma) / limits).max())
+        if not dither <= _DITHER:
+            return f"counts and noise shake a motor by {100 * dither:.2g} % of its torque limit"
+        swing = found.hunting(gains, read.resolution).max(axis=0)
+        if not (swing <= rest).all():
+            k = int((swing / rest).argmax())
+            length = rest[k] == REST[0]
+            far = f"{1e6 * swing[k]:.3g} µm" if length else f"{np.degrees(swing[k]):.2g}°"
+            return f"counts let the nacelle hunt by {far}"
+        margin = found.least_alone(gains)
+        if not kept(margin):
+            return f"{_said(margin)} of a motor or reading alone"
+        return "" if found.stable(gains).all() else "it is unstable"
+
+    least, most = float(_FREQUENCIES[0]), float(_FREQUENCIES[-1])
+    slowest = min(max(least, friction_poles(robot, effects)), most)
+    tried = [float(f) for f in _FREQUENCIES[::-1] if f > slowest] + [slowest]
+    for frequency in tried:
+        # The widest band first: the least lag, hence the most phase.
+        for ratio in _RATIOS[::-1]:
+            gains = Gains(frequency, ratio * frequency, damping, integral)
+            if not (lacks(gains, home) or lacks(gains, everywhere)):
+                return gains
+    widest = Gains(slowest, _RATIOS[-1] * slowest, damping, integral)
+    stable = everywhere.stable(widest).all()
+    reason = lacks(widest, everywhere) if stable else "it is unstable"
+    held = "mm" if summed(robot).unit == "m" else "mrad"
+    why = (
+        f" before friction holds the nacelle {1e3 * _HELD:g} {held} off" if slowest > least else ""
+    )
+    raise InputError(
+        f"{robot.name}: period {period:g} s: the {law} law cannot hold it with 6 dB, 30° and two "
+        f"cycles to spare: at {slowest:.3g} rad/s, the slowest{why}, {reason}"
+    )
+
+
+def friction_poles(robot: Robot, effects: Effects) -> float:
+    """Return the poles at which friction may hold the nacelle off by `_HELD`, rad/s.
+
+    A motor rests where the PD asks for less than its friction F: at an error of up to F/(ω² I).
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.control.gains import friction_poles
+    >>> h4 = tp.load("h4")
+    >>> 20 < friction_poles(h4, tp.Effects()) < 35, friction_poles(h4, tp.Effects.none())
+    (True, 0.0)
+    """
+    x, n = poses(robot), robot.n
+    J, M = robot.jacobian(x), robot.mass_matrix(x)
+    # J (JᵀMJ)⁻¹ is (JᵀM)⁻¹.
+    moves = np.abs(np.linalg.inv(J.swapaxes(-1, -2) @ M))[:, summed(robot).columns]
+    off = moves @ np.array(effects.plant(robot).friction[:n])
+    return float(np.sqrt(off.max(initial=0.0) / _HELD))
+
+
+def _said(margin: Margin) -> str:
+    decibels = [20 * np.log10(margin.more), 20 * np.log10(margin.less)]
+    return (
+        f"{min(decibels):.3g} dB, {np.degrees(margin.phase):.3g}°, {margin.delay:.3g} cycles are "
+        "left"
+    )

@@ -1,0 +1,274 @@
+"""The sampled closed loop about a pose at rest, to first order.
+
+At a pose: the nacelle's M(x) on its rotors and arm springs, held against its weight; what its
+encoders read of that; and the law as a constant matrix E from readings to motor errors, ê_q =
+-E δq_e. Torques are constant over a period, so that the sampled plant is exact (Van Loan). Not in
+it: what is not smooth (Coulomb friction, play, counts) and the ripple. A slow or late sensor reads
+what the motors say that it does; how its samples correct that, slowly, is not in it either.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from truepose.arguments import Array
+from truepose.control import delays
+from truepose.control.effects import Effects
+from truepose.exceptions import InputError
+from truepose.robot.frames import coordinates, frames, rotation
+from truepose.robot.laws import Law
+from truepose.robot.robot import Robot
+from truepose.robotfile.parameters import PAIRED
+
+_FALLEN = 1e12  #: growth in a period beyond which no control is thinkable
+_STEP = 1e-5  # m and rad, of the nacelle: the weight's stiffness is a difference
+#: Of a twist, what each mobility has: translations, then rotations. (A pivot's are its angles.)
+_DIRECTIONS = {
+    "translation": (0, 1, 2),
+    "planar_translation": (0, 1),
+    "planar": (0, 1, 5),
+    "schoenflies": (0, 1, 2, 5),
+    "spatial": (0, 1, 2, 3, 4, 5),
+}
+
+
+@dataclass(frozen=True)
+class Gains:
+    """What of a controller a linear loop knows; see :class:`truepose.Controller`."""
+
+    frequency: float
+    velocity_bandwidth: float
+    damping: float = 1.0
+    integral: float = 0.0
+
+    def transfer(self, z: Array, period: float) -> Array:
+        """From a motor error to the acceleration that answers it, at points z.
+
+        The tracking loop finds a reading's rate by (1-p)²/T · z (z-1)/(z-p)².
+        """
+        p = np.exp(-self.velocity_bandwidth * period)
+        rate = (1 - p) ** 2 / period * z * (z - 1) / (z - p) ** 2
+        kp = self.frequency**2
+        summed = self.integral * kp * period * z / (z - 1) if self.integral else 0.0
+        return kp + 2 * self.damping * self.frequency * rate + summed
+
+
+@dataclass(frozen=True)
+class Plant:
+    """A sampled plant at one pose, from torques to readings, and what a law makes of those.
+
+    y(k) = C s(k) + D u(k-1),  s(k+1) = A s(k) + B u(k),  u a torque that is `late` cycles old.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    E: Array  #: (n, n + r) readings to motor errors
+    inertia: Array  #: (n, n) accelerations of the motors to torques
+    period: float
+    late: int
+
+    def response(self, z: Array) -> tuple[Array, Array]:
+        """From torques to readings, (..., n + r, n), and the nacelle's twist, (..., n, n).
+
+        At points z, delay included.
+        """
+        z = z[..., None, None]
+        states = np.linalg.solve(z * np.eye(len(self.A)) - self.A, self.B) / z**self.late
+        return self.C @ states + self.D / z ** (1 + self.late), states[..., : len(self.E), :]
+
+    def closed(self, gains: Gains, gain: float = 1.0) -> Array:
+        """Return the closed loop, from one cycle to the next.
+
+        States: the plant's, torques on their way (the last of them acts), what the tracking loops
+        hold of ê_q and of its rate, and the integrals'.
+
+        Parameters
+        ----------
+        gain : float
+            Times the torques that answer errors.
+        """
+        n, s, T = len(self.E), len(self.A), self.period
+        p = np.exp(-gains.velocity_bandwidth * T)
+        kp, kd = gains.frequency**2, 2 * gains.damping * gains.frequency
+        parts = np.cumsum([0, s, n, n * self.late, n, n, n])
+        plant, acted, waits, value, rate, total = (slice(a, b) for a, b in pairwise(parts))
+        one = np.eye(parts[-1])
+        error = self.E @ (self.C @ one[plant] + self.D @ one[acted])
+        news = error - one[value] - T * one[rate]
+        found = one[rate] + (1 - p) ** 2 / T * news
+        summed = one[total] + gains.integral * kp * T * error
+        command = -gain * self.inertia @ (kp * error + kd * found + summed)
+        queue = np.vstack([one[waits], command])  # the oldest acts
+        acts = queue[:n]
+        result = np.empty_like(one)
+        result[plant] = self.A @ one[plant] + self.B @ acts
+        result[acted] = acts
+        result[waits] = queue[n:]
+        result[value] = one[value] + T * one[rate] + (1 - p * p) * news
+        result[rate] = found
+        result[total] = summed
+        return result if gains.integral else result[: parts[-2], : parts[-2]]
+
+
+def plants(
+    robot: Robot,
+    poses: Sequence[Array] | Array,
+    law: Law,
+    effects: Effects,
+    period: float,
+    diagonal: Array | None = None,
+    sigma_scale: int = 1,
+) -> list[Plant]:
+    """Linearise a robot that its controller holds, at poses.
+
+    Parameters
+    ----------
+    diagonal : ndarray, shape (n,), optional
+        Inertias through which diagonal gains act; by default the joint inertia at each pose.
+    sigma_scale : int
+        As of :class:`truepose.Controller`.
+    """
+    return [
+        _plant(robot, np.asarray(x), law, effects, period, diagonal, sigma_scale) for x in poses
+    ]
+
+
+def _plant(
+    robot: Robot,
+    x: Array,
+    law: Law,
+    effects: Effects,
+    period: float,
+    diagonal: Array | None,
+    sigma_scale: int,
+) -> Plant:
+    from scipy.linalg import expm  # takes longer to import than all of truepose
+
+    n, chains = robot.n, robot.spec.chain
+    H_x, H_xi = robot.linearize(x, level="ideal")
+    M, J = robot.mass_matrix(x), robot.jacobian(x)
+    held, K = _turning(robot, x, M)
+    slope = np.diag(H_x[:n] @ np.linalg.inv(K))
+    leak = robot.cross_sensitivity(x, law, sigma_scale=sigma_scale)
+    E = delays.carried(robot, -np.linalg.solve(J, leak), H_x, period)
+    inertia = slope[:, None] * (J.T @ M @ J) if diagonal is None else np.diag(slope * diagonal)
+
+    # Nacelle, and rotors that turn by themselves: see offline/effects.hpp.
+    springy, own, left = _apart(robot, effects, M, K)
+    k = effects.arm_stiffness
+    damping = 2 * _ARM_DAMPING * np.sqrt(k * own)
+    arms, m = K[springy], len(springy)
+    viscous = np.diag([chain.viscous for chain in chains])
+    s = 2 * n + 2 * m
+    at, speed, turn, spin = (
+        slice(a, a + b) for a, b in ((0, n), (n, n), (2 * n, m), (2 * n + m, m))
+    )
+    one = np.eye(s)
+    passed = k * (one[turn] - arms @ one[at])
+    passed += damping[:, None] * (one[spin] - arms @ one[speed])
+    rigid = [i for i in range(n) if i not in springy]
+    A, B = np.zeros((s, s)), np.zeros((s, n))
+    A[at], A[turn] = one[speed], one[spin]
+    force = arms.T @ passed - K.T @ viscous @ K @ one[speed] - _weight(robot, x, M, held) @ one[at]
+    A[speed] = np.linalg.solve(left, force)
+    B[speed] = np.linalg.solve(left, K[rigid].T @ np.eye(n)[rigid])
+    A[spin] = -passed / own[:, None]
+    B[spin] = np.eye(n)[springy] / own[:, None]
+    with np.errstate(over="ignore", invalid="ignore"):
+        whole = expm(period * np.block([[A, B], [np.zeros((n, s + n))]]))
+    if not (np.abs(whole) < _FALLEN).all():
+        raise InputError(f"{robot.name}: period {period:g} s: it falls meanwhile")
+
+    C, D = H_x @ one[at], np.zeros((n + robot.r, n))
+    C[springy] = slope[springy, None] * one[turn]
+    if effects.rod_stiffness:  # rods give way at once, by the torque that they carry
+        names = list(robot.parameters)
+        rods = 2 if robot.spec.mobility in PAIRED else 1
+        carried = np.zeros((n, s))
+        carried[springy] = passed
+        for i in range(n):
+            if chains[i].actuator == "telescopic":
+                longer = H_xi[:, names.index(f"chain{i + 1}.encoder_offset")]
+                longer = longer * robot.parameters[f"chain{i + 1}.gain"].value
+            else:
+                longer = H_xi[:, names.index(f"chain{i + 1}.rod")]
+            # A motor turns by ∂q/∂L where its rod is longer: by that much it pulls at it.
+            yields = abs(longer[i] / slope[i]) / (rods * effects.rod_stiffness)
+            yields = yields * np.sign(longer[i] / slope[i])
+            C += yields * np.outer(longer, carried[i])
+            if i in rigid:
+                D[:, i] += yields * longer
+    return Plant(whole[:s, :s], whole[:s, s:], C, D, E, inertia, period, int(effects.delay))
+
+
+def ringing(robot: Robot, x: Array, effects: Effects) -> float:
+    """Return the fastest frequency at which rotors swing against their arms, rad/s; 0 of none.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.control.linear import ringing
+    >>> h4 = tp.load("h4")
+    >>> 1500 < ringing(h4, h4.home, tp.Effects()) < 1700
+    True
+    """
+    M = robot.mass_matrix(x)
+    _, K = _turning(robot, x, M)
+    springy, own, left = _apart(robot, effects, M, K)
+    if not springy:
+        return 0.0
+    arms = K[springy]
+    squares = np.linalg.eigvals(np.diag(1 / own) + arms @ np.linalg.solve(left, arms.T)).real
+    return float(np.sqrt(effects.arm_stiffness * squares.max()))
+
+
+def _turning(robot: Robot, x: Array, M: Array) -> tuple[Array, Array]:
+    """Torques that hold a robot at rest, and how its motors turn with the nacelle, (n, n)."""
+    if not np.linalg.eigvalsh(M).min() > 0:
+        raise InputError(f"{robot.name}: moves without inertia: its file has to name masses")
+    still = np.zeros(robot.n)
+    held = robot.inverse_dynamics(x, still, still)
+    ones = robot.acceleration(x, still, held + np.eye(robot.n))
+    # Rows of what one torque more accelerates are M⁻¹ Kᵀ of each motor.
+    return held, (ones - robot.acceleration(x, still, held)) @ M
+
+
+def _apart(robot: Robot, effects: Effects, M: Array, K: Array) -> tuple[list[int], Array, Array]:
+    """Motors whose arms give way, their rotors' inertia, and the mass matrix without those."""
+    revolute = [i for i, chain in enumerate(robot.spec.chain) if chain.actuator == "revolute"]
+    springy = revolute if effects.arm_stiffness else []
+    own = np.array([_rotor(robot, i) for i in springy])
+    return springy, own, M - K[springy].T @ (own[:, None] * K[springy])
+
+
+_ARM_DAMPING = 0.05  # ratio, of a rotor against its arm: the plant's
+
+
+def _rotor(robot: Robot, i: int) -> float:
+    """Inertia of a motor's rotor: what of drive_inertia is not its slender arm's."""
+    chain, arm = robot.spec.chain[i], robot.parameters[f"chain{i + 1}.arm"].value
+    return max(chain.drive_inertia - chain.arm_mass * arm**2 / 3, 0.1 * chain.drive_inertia)
+
+
+def _weight(robot: Robot, x: Array, M: Array, held: Array) -> Array:
+    """Stiffness of a robot that constant torques hold against its weight, along the free twist."""
+    n, still = robot.n, np.zeros(robot.n)
+    step = np.zeros((n, 6))
+    if robot.spec.mobility != "pivot":
+        step[range(n), _DIRECTIONS[robot.spec.mobility]] = _STEP
+    moved = []
+    for sign in (1, -1):
+        if robot.spec.mobility == "pivot":
+            moved.append(robot.acceleration(x + sign * _STEP * np.eye(n), still, held))
+            continue
+        frame = np.tile(frames(robot, x), (n, 1, 1))
+        frame[:, :3, 3] += sign * step[:, :3]
+        frame[:, :3, :3] = rotation(sign * step[:, 3:]) @ frame[:, :3, :3]
+        moved.append(robot.acceleration(coordinates(robot, frame), still, held))
+    return -M @ (moved[0] - moved[1]).T / (2 * _STEP)

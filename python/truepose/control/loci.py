@@ -1,0 +1,184 @@
+"""Gain, phase and delay margins of a sampled loop from its frequency response.
+
+A multiplier z in all channels brings the closed loop to the edge of stability where det(I + zL)
+vanishes: where -1/z is an eigenvalue of L(e^{jωT}). So the characteristic loci of L have the
+margins of n channels at once as a Nyquist plot has those of one; a single channel, the others
+closed, is a scalar loop l = 1/(I + L)⁻¹_ii - 1. They say nothing of a loop that is unstable.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from truepose.arguments import Array
+from truepose.control.linear import Gains, Plant
+
+_POINTS = 300
+_ANY = 1e6  # a multiplier beyond this is rounding's
+
+
+class Margin(NamedTuple):
+    """How much a loop bears. Infinite where it bears any."""
+
+    more: float  #: times its gain
+    less: float  #: so many times less
+    phase: float  #: rad, late or early
+    delay: float  #: cycles, beside those it has
+
+
+def frequencies(period: float) -> Array:
+    """Points at which loops are looked at, rad/s: from 1 rad/s to half the sampling rate."""
+    highest = np.pi / period
+    return np.geomspace(min(1.0, 1e-3 * highest), 0.9999 * highest, _POINTS)
+
+
+class Responses:
+    """Frequency responses of P plants whose controller is one transfer function c(z) times E.
+
+    Parameters
+    ----------
+    plants : list of Plant
+        At poses; of one robot, law and period.
+    """
+
+    def __init__(self, plants: list[Plant]):
+        self.plants, self.period = plants, plants[0].period
+        self.frequency = frequencies(self.period)
+        self.z = np.exp(1j * self.frequency * self.period)
+        answers = [[part @ p.inertia for part in p.response(self.z)] for p in plants]
+        #: From accelerations asked for to readings, (P, F, n + r, n), and to the nacelle's twist.
+        self.readings, self.nacelle = (np.stack(part) for part in zip(*answers, strict=True))
+        self.E = np.stack([p.E for p in plants])[:, None]
+        # The same spectrum as broken at the motors' torques.
+        self.loci = _tracked(np.linalg.eigvals(self.E @ self.readings))
+
+    def stable(self, gains: Gains) -> Array:
+        """Whether the closed loop is, at each pose."""
+        radii = [abs(np.linalg.eigvals(plant.closed(gains))).max() for plant in self.plants]
+        return np.array(radii) < 1
+
+    def common(self, gains: Gains) -> list[Margin]:
+        """Return the margins of all motors' torques at once, at each pose."""
+        return [self._margin(loci) for loci in self.together(gains)]
+
+    def torques(self, gains: Gains) -> list[list[Margin]]:
+        """Return those of each motor's torque alone, at each pose."""
+        return self._each(self._torques(gains))
+
+    def alone(self, gains: Gains) -> list[list[Margin]]:
+        """Return those of each reading alone, at each pose: of a sensor, its own loop."""
+        return self._each(self._readings(gains))
+
+    def least(self, gains: Gains) -> Margin:
+        """Return the least margins of all motors at once, of all poses."""
+        return self._margin(_side_by_side(self.together(gains)))
+
+    def least_alone(self, gains: Gains) -> Margin:
+        """Return the least of each motor's and each reading's alone, of all poses."""
+        loops = [self._torques(gains), self._readings(gains)]
+        return self._margin(np.hstack([_side_by_side(loop) for loop in loops]))
+
+    def together(self, gains: Gains) -> Array:
+        """Return the characteristic loci of the loop of all motors, (P, F, n)."""
+        return self.loci * gains.transfer(self.z, self.period)[:, None]
+
+    def dither(self, gains: Gains, sigma: Array) -> Array:
+        """Return the torques' rms where readings have white noise of these σ: (P, n)."""
+        c = gains.transfer(self.z, self.period)[:, None, None]
+        inertia = np.stack([p.inertia for p in self.plants])[:, None]
+        loop = np.eye(self.E.shape[-2]) + c * (self.E @ self.readings)
+        answer = inertia @ np.linalg.solve(loop, c * (self.E * sigma))
+        power = (np.abs(answer) ** 2).sum(axis=-1)
+        return np.sqrt(np.trapezoid(power, self.frequency * self.period / np.pi, axis=1))
+
+    def hunting(self, gains: Gains, counts: Array) -> Array:
+        """Return how far the nacelle swings as readings hunt by a count, peak to peak: (P, n).
+
+        Readings rest in the middle of a count or hunt about its edge, where a quantiser is a relay
+        whose describing function takes any value: each hunts, by itself, at the frequency at which
+        its loop turns by -180°, and its square wave's fundamental, 4/π counts from peak to peak, is
+        what the nacelle answers (A. Gelb and W. E. Vander Velde, Multiple-Input Describing
+        Functions, 1968, chapter 2). A sampled relay may be one cycle late. Phases are anybody's:
+        readings add by their squares.
+        """
+        c = gains.transfer(self.z, self.period)[:, None, None]
+        error = c * self.E
+        loop = np.einsum("pfij,pfji->pfi", self.readings, error) / self.z[:, None]
+        swing = 4 / np.pi * counts * np.abs(self.nacelle @ error)
+        turned = (loop[:, 1:].imag < 0) != (loop[:, :-1].imag < 0)
+        # Slower than the poles, a motor whose others are left alone only falls.
+        turned &= (loop[:, 1:].real < 0) & (self.frequency[1:, None] > gains.frequency)
+        each = np.where(turned[:, :, None], swing[:, 1:], 0).max(axis=1)
+        return np.sqrt((each**2).sum(axis=-1))
+
+    def _torques(self, gains: Gains) -> Array:
+        inertia = np.stack([p.inertia for p in self.plants])[:, None]
+        return self._own(gains, inertia @ self.E @ self.readings @ np.linalg.inv(inertia))
+
+    def _readings(self, gains: Gains) -> Array:
+        return self._own(gains, self.readings @ self.E)
+
+    def _own(self, gains: Gains, loop: Array) -> Array:
+        """Scalar loops of channels whose others are closed, (P, F, channels)."""
+        c = gains.transfer(self.z, self.period)[:, None, None]
+        open_ = np.linalg.inv(np.eye(loop.shape[-1]) + c * loop)
+        return 1 / np.diagonal(open_, axis1=-2, axis2=-1) - 1
+
+    def _each(self, own: Array) -> list[list[Margin]]:
+        return [[self._margin(l[:, [i]]) for i in range(l.shape[-1])] for l in own]
+
+    def _margin(self, loci: Array) -> Margin:
+        more, less = _gains(loci)
+        phase, at = _phases(loci, self.frequency)
+        early = np.abs((phase + np.pi) % (2 * np.pi) - np.pi)  # to the nearer side
+        late = phase % (2 * np.pi) / (at * self.period)
+        return Margin(more, less, early.min(initial=np.inf), late.min(initial=np.inf))
+
+
+def _side_by_side(loci: Array) -> Array:
+    """Loops of all poses as one, (F, P channels)."""
+    return loci.swapaxes(0, 1).reshape(loci.shape[1], -1)
+
+
+def worst(margins: list[Margin]) -> Margin:
+    """Return the least of each."""
+    return Margin(*np.min(np.array(margins), axis=0).tolist())
+
+
+def _gains(loci: Array) -> tuple[float, float]:
+    """Multipliers that take a locus through -1: the least above 1, and 1 over the largest below."""
+    a, b = loci[:-1], loci[1:]
+    passes = (a.imag < 0) != (b.imag < 0)
+    a, b = a[passes], b[passes]
+    real = a.real - a.imag * (b.real - a.real) / (b.imag - a.imag)
+    least = np.append(-real[real < 0], -loci[-1].real[loci[-1].real < 0])  # half the rate: real
+    least = least[(least < _ANY) & (least > 1 / _ANY)]
+    inner, outer = least[least < 1], least[least >= 1]
+    return (1 / inner.max() if inner.size else np.inf), outer.min(initial=np.inf)
+
+
+def _phases(loci: Array, frequency: Array) -> tuple[Array, Array]:
+    """How far a locus is from -1 where its modulus is 1, rad, and at which frequencies."""
+    size = np.log(np.abs(loci) + 1e-300)
+    passes = (size[:-1] < 0) != (size[1:] < 0)
+    share = (size[:-1] / (size[:-1] - size[1:] + ~passes))[passes]
+    a, b = loci[:-1][passes], loci[1:][passes]
+    turned = np.angle(a) + share * np.angle(b / a)
+    w = np.broadcast_to(frequency[:, None], loci.shape)
+    return turned + np.pi, w[:-1][passes] * (1 - share) + w[1:][passes] * share
+
+
+def _tracked(values: Array) -> Array:
+    """Order eigenvalues, (P, F, n), so that each goes on from frequency to frequency."""
+    poses, count, n = values.shape
+    result, rows = values.copy(), np.arange(poses)
+    for k in range(1, count):
+        far = np.abs(result[:, k - 1, :, None] - values[:, k, None, :])
+        far /= np.abs(values[:, k, None, :]) + 1e-300
+        for _ in range(n):  # the nearest pair first
+            i, j = np.divmod(far.reshape(poses, -1).argmin(axis=1), n)
+            result[rows, k, i] = values[rows, k, j]
+            far[rows, i, :] = far[rows, :, j] = np.inf
+    return result

@@ -1,0 +1,15 @@
+"""Design before building: sensors, calibration poses, sensor placement, tolerances."""
+
+from truepose.design.candidates import CandidatePoses
+from truepose.design.placement import Placement, place_sensors
+from truepose.design.poses import PosePlan
+from truepose.design.sensors import SensorSelection, SensorSet
+
+__all__ = [
+    "CandidatePoses",
+    "Placement",
+    "PosePlan",
+    "SensorSelection",
+    "SensorSet",
+    "place_sensors",
+]

@@ -1,0 +1,106 @@
+"""Machining tolerances as priced candidates of a design."""
+
+from __future__ import annotations
+
+import fnmatch
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from truepose.exceptions import InputError, choose
+from truepose.robot.robot import Robot
+from truepose.robot.units import unit_of
+
+#: Levels by their σ, m or rad, and the price of each.
+Curve = Mapping[float, float]
+
+
+class Level(NamedTuple):
+    """A tolerance that some parameters can be machined to."""
+
+    group: str  #: their names, or a glob
+    sigma: float  #: m or rad
+    price: float  #: beyond that of the level before
+    information: dict[str, float]  #: that it adds to each parameter's, 1/σ²
+
+
+def levels_of(robot: Robot, finer: Mapping[str, Curve] | None) -> list[list[Level]]:
+    """Levels of each group, the coarsest first; by default those of the file.
+
+    A level that costs no less than a finer one is none. A parameter that is finer already stays.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> delta = tp.load("delta")
+    >>> delta.parameters["chain1.rod"].sigma
+    0.0003
+    >>> [rods] = levels_of(delta, {"chain*.rod": {1e-4: 60, 2e-5: 200}})
+    >>> [(level.sigma, level.price) for level in rods]
+    [(0.0001, 60.0), (2e-05, 140.0)]
+    """
+    if finer is None:
+        finer = {
+            group: {level.sigma: level.price for level in tolerance.finer}
+            for group, tolerance in robot.spec.tolerances.items()
+            if tolerance.finer
+        }
+    taken: dict[str, str] = {}
+    found: list[list[Level]] = []
+    for group, curve in finer.items():
+        names = _uncertain(robot, group)
+        for name in names:
+            if name in taken:
+                raise InputError(f"finer: {name}: in {taken[name]} and in {group}")
+            taken[name] = group
+        found.append(_levels(robot, group, names, curve))
+    return found
+
+
+def _uncertain(robot: Robot, group: str) -> list[str]:
+    """Parameters of a group that are not known exactly, all of one unit."""
+    every = [name for name in robot.parameters if fnmatch.fnmatchcase(name, group)]
+    own = robot.spec.tolerances.get(group)
+    if own is not None:  # of a file's entry: those for which it counts
+        every = [name for name in every if robot.spec.tolerance(name) is own]
+    if not every:
+        raise InputError(f"finer: {choose('parameter', group, robot.parameters)}, or a glob")
+    learnt = robot.spec.calibration
+    if learnt is not None and not set(every).isdisjoint(learnt.parameters):
+        raise InputError(f"finer: {group}: learnt by the calibration: is machined already")
+    uncertain = [name for name in every if robot.parameters[name].sigma > 0]
+    if not uncertain:
+        raise InputError(f"finer: {group}: is known exactly, by the robot's tolerances")
+    if len(units := {unit_of(robot, name) or "1" for name in uncertain}) > 1:
+        raise InputError(f"finer: {group}: must be of one unit, is of {', '.join(sorted(units))}")
+    return uncertain
+
+
+def _levels(robot: Robot, group: str, names: list[str], curve: Curve) -> list[Level]:
+    if not curve:
+        raise InputError(f"finer: {group}: no level")
+    for sigma, price in curve.items():
+        if not (np.isfinite(sigma) and sigma > 0):
+            raise InputError(f"finer: {group}: {sigma!r}: must be greater than 0 (m or rad)")
+        if not (np.isfinite(price) and price >= 0):
+            raise InputError(f"finer: {group}: {sigma:g} for {price!r}: must be 0 or greater")
+    left = {name: robot.parameters[name].sigma for name in names}
+    if min(curve) >= max(left.values()):
+        raise InputError(
+            f"finer: {group}: {min(curve):g}: must be less than its σ, {max(left.values()):.4g}"
+        )
+    order = [
+        (sigma, price)
+        for sigma, price in sorted(curve.items(), reverse=True)
+        if all(other > price for finer, other in curve.items() if finer < sigma)
+    ]
+    found: list[Level] = []
+    for sigma, price in order:
+        added = {n: 1 / sigma**2 - 1 / old**2 for n, old in left.items() if sigma < old}
+        if not added:
+            continue
+        left |= dict.fromkeys(added, sigma)
+        paid = sum(level.price for level in found)
+        found.append(Level(group, float(sigma), float(price - paid), added))
+    return found

@@ -1,0 +1,158 @@
+"""Certified lower bounds of a sensor selection by convex relaxation.
+
+Let candidate i be there by a share 0 ≤ w_i ≤ 1: so much of its information counts. The variance
+f = Σ cᵀ(M₀ + Σ w_i M_i)⁻¹c is convex in w, and φ = 1/f concave: each 1/cᵀX⁻¹c is the least of
+vᵀXv over cᵀv = 1, thus concave in X, and so is the harmonic mean of many. Where only one thing is
+unknown φ is linear, so that few tangents say where φ is at most: whatever set it is,
+
+    φ(w) ≤ φ(w_k) + ∇φ(w_k)·(w - w_k).
+
+The highest point below all tangents within the budget is a linear program (Kelley's cutting
+planes); a tangent more is laid between it and the best point so far. What is returned is not the
+program's optimum but what its multipliers prove, by weak duality, in exact arithmetic but for
+rounding: every multiplier y ≥ 0 of min cᵀx, A x ≤ b, l ≤ x ≤ u proves -yᵀb + Σ min over the box of
+(c + Aᵀy)_i x_i.
+
+With `survives` f is the greatest of several, each without one of the candidates: as convex, a
+tangent for each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from truepose.arguments import Array
+
+#: Tangents are laid until the bound is within this share of the best shares' variance, …
+CLOSE = 2e-3
+#: … or so many times.
+ROUNDS = 60
+#: A share below which nothing is lost when that candidate fails.
+ABSENT = 1e-3
+#: Rounding, as a share: no bound is tighter.
+ROUNDED = 1e-7
+
+
+class Relaxation:
+    """Bounds on the best that any set of N candidates can do.
+
+    Parameters
+    ----------
+    relaxed : callable
+        Variance at shares (N,), and its gradient.
+    prices, must, ladders
+        As of :class:`truepose.design.search.Search`.
+    fail : sequence of int
+        Of which any one may fail; none: all stay.
+
+    Examples
+    --------
+    >>> def relaxed(w):
+    ...     f = 1 / (1 + w @ [1.0, 2.0, 3.0])
+    ...     return f, -(f**2) * np.array([1.0, 2.0, 3.0])
+    >>> relaxation = Relaxation(relaxed, prices=[1, 2, 2])
+    >>> print(f"{relaxation.most_accurate(3)[0]:.6f}")  # by shares 1, 0, 1
+    0.200000
+    >>> print(f"{relaxation.cheapest(1 / 3):.6f}")  # two thirds of the last one
+    1.333333
+    """
+
+    def __init__(
+        self,
+        relaxed: Callable[[Array], tuple[float, Array]],
+        prices: Sequence[float],
+        must: Sequence[int] = (),
+        ladders: Sequence[Sequence[int]] = (),
+        fail: Sequence[int] = (),
+    ):
+        self._relaxed, self._fail = relaxed, list(fail)
+        self._prices = np.array(prices, dtype=float)
+        self._low = np.zeros(len(self._prices))
+        self._low[list(must)] = 1.0
+        steps = [pair for own in ladders for pair in pairwise(own)]
+        self._order = np.zeros((len(steps), len(self._prices)))
+        for row, (first, then) in zip(self._order, steps, strict=True):
+            row[[first, then]] = -1.0, 1.0
+        self._tangents: list[tuple[float, Array]] = []  # φ <= a + h·w, in units of _scale
+        self._scale = 1.0
+        self._scale = 1 / self._lay(np.ones(len(self._prices)))
+        self._tangents.clear()
+
+    def _lay(self, w: Array) -> float:
+        """Lay tangents at these shares; return 1/φ there, the variance in units of the scale."""
+        gone = [k for k in self._fail if w[k] > ABSENT]
+        phi = np.inf
+        for k in gone or [-1]:
+            at = w.copy()
+            if k >= 0:
+                at[k] = 0.0
+            variance, gradient = self._relaxed(at)
+            value = self._scale_of(variance)
+            slope = -gradient * value / variance
+            if k >= 0:
+                slope[k] = 0.0
+            self._tangents.append((float(value - slope @ at), slope))
+            phi = min(phi, value)
+        return 1 / phi
+
+    def _scale_of(self, variance: float) -> float:
+        return 1 / (variance * self._scale)
+
+    def most_accurate(self, budget: float) -> tuple[float, Array]:
+        """Variance that no set within a budget is below, and the best shares that were found."""
+        room = budget - self._prices @ self._low
+        high = np.where((self._prices <= room) | (self._low > 0), 1.0, 0.0)
+        cost = np.append(np.zeros(len(high)), -1.0)
+        every = float((high - self._low) @ self._prices)
+        some = 1.0 if every <= room else float(room / every)
+        centre = w = self._low + some * (high - self._low)
+        best, top = 0.0, np.inf
+        for _ in range(ROUNDS):
+            phi = 1 / self._lay(w)
+            if phi > best:
+                best, centre = phi, w
+            a, h = self._stacked()
+            A = np.vstack([-h, self._order, self._prices])
+            A = np.column_stack([A, np.arange(len(A)) < len(a)])
+            b = np.concatenate([a, np.zeros(len(self._order)), [budget]])
+            x, bound = _program(cost, A, b, np.append(self._low, 0.0), np.append(high, 2.0))
+            top = min(top, -bound)
+            if top - best <= CLOSE * top:
+                break
+            w = (x[:-1] + centre) / 2
+        return 1 / (top * self._scale * (1 + ROUNDED)), centre
+
+    def cheapest(self, target: float) -> float:
+        """Price that no set with at most this variance is below."""
+        need = self._scale_of(target)
+        w, found = np.ones(len(self._prices)), float(self._prices @ self._low)
+        inside = w
+        for _ in range(ROUNDS):
+            if 1 / self._lay(w) >= need:
+                inside = w
+            a, h = self._stacked()
+            A, b = np.vstack([-h, self._order]), np.append(a - need, np.zeros(len(self._order)))
+            x, bound = _program(self._prices, A, b, self._low, np.ones(len(w)))
+            found = max(found, bound)
+            if self._prices @ inside - found <= CLOSE * found:
+                break
+            w = (x + inside) / 2
+        return found * (1 - ROUNDED)
+
+    def _stacked(self) -> tuple[Array, Array]:
+        return np.array([a for a, _ in self._tangents]), np.array([h for _, h in self._tangents])
+
+
+def _program(cost: Array, A: Array, b: Array, low: Array, high: Array) -> tuple[Array, float]:
+    """Minimise cost·x with A x <= b in a box; also what the multipliers prove of the least."""
+    from scipy.optimize import linprog
+
+    found = linprog(cost, A, b, bounds=np.stack([low, high], axis=1), method="highs")
+    if found.status:  # nothing is inside, or no end was found: nothing is proven
+        return low, -np.inf
+    y = np.maximum(-found.ineqlin.marginals, 0.0)
+    slope = cost + A.T @ y
+    return found.x, float(np.minimum(slope * low, slope * high).sum() - y @ b)

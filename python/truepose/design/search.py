@@ -1,0 +1,276 @@
+"""Sensor selection for a budget: greedy, and branch and bound with proof."""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+from collections.abc import Callable, Iterable, Sequence
+
+import numpy as np
+
+from truepose.design.relaxation import Relaxation
+
+#: Candidates up to which the front is proven, by a search at each of its prices.
+EXACT = 14
+#: Candidates beyond which the convex relaxation is asked before branch and bound, not after it.
+MANY = 20
+#: Sets that a search for the best compares before it tells its gap instead.
+MOST = 20_000
+#: Two costs that differ by less are the same.
+SAME = 1e-9
+
+
+class Search:
+    """Sets of candidates, 0, 1, …: what is known of each, and the best of them.
+
+    Parameters
+    ----------
+    cost : callable
+        Of a set; one candidate more never raises it.
+    prices : sequence of float
+        Of each candidate beyond those that it needs.
+    must : sequence of int
+        That are there in any case.
+    survives : bool
+        Whether the cost is that of the worst set that is left when one candidate fails.
+    ladders : sequence of sequences of int
+        Levels of one thing, each needing those before it; they do not fail.
+    relaxation : Relaxation, optional
+        Of the same question, where it has a convex one.
+
+    Examples
+    --------
+    >>> def cost(chosen):
+    ...     return 1 / (1 + sum(k + 1 for k in chosen))
+    >>> search = Search(cost, prices=[1, 2, 2], must=[], survives=False)
+    >>> search.most_accurate(3)[0]
+    (0, 2)
+    """
+
+    def __init__(
+        self,
+        cost: Callable[[Sequence[int]], float],
+        prices: Sequence[float],
+        must: Sequence[int],
+        survives: bool,
+        ladders: Sequence[Sequence[int]] = (),
+        relaxation: Relaxation | None = None,
+    ):
+        self._cost, self._survives, self._relaxation = cost, survives, relaxation
+        self.prices, self.must = list(prices), tuple(sorted(must))
+        self.known: dict[tuple[int, ...], float] = {}  #: cost of each set looked at
+        self._plain: dict[tuple[int, ...], float] = {}
+        self._needs = {k: tuple(own[:at]) for own in ladders for at, k in enumerate(own)}
+
+    def spent(self, chosen: Iterable[int]) -> float:
+        """Price of a set."""
+        return float(sum(self.prices[k] for k in chosen))
+
+    def cost(self, chosen: Iterable[int]) -> float:
+        """Cost of a set: its variance, or that of the worst that is left with one less."""
+        own = tuple(sorted(chosen))
+        if own not in self.known:
+            fail = [gone for gone in own if gone not in self._needs] if self._survives else []
+            left = [tuple(k for k in own if k != gone) for gone in fail]
+            self.known[own] = max(map(self._of, left or [own]))
+        return self.known[own]
+
+    def _of(self, own: tuple[int, ...]) -> float:
+        if own not in self._plain:
+            self._plain[own] = self._cost(own)
+        return self._plain[own]
+
+    def _free(self) -> list[int]:
+        return [k for k in range(len(self.prices)) if k not in self.must]
+
+    def with_one(self, own: Iterable[int], k: int) -> tuple[int, ...]:
+        """Return a set with one more, and with what that needs."""
+        return tuple(sorted({*own, *self._needs.get(k, ()), k}))
+
+    def without_one(self, own: Iterable[int], gone: int) -> tuple[int, ...]:
+        """Return a set with one less, and without what needs that."""
+        return tuple(k for k in own if k != gone and gone not in self._needs.get(k, ()))
+
+    def _whole(self, own: Iterable[int]) -> bool:
+        """Whether everything in a set has what it needs."""
+        held = set(own)
+        return all(held.issuperset(self._needs.get(k, ())) for k in held)
+
+    def greedy(self, budget: float) -> tuple[int, ...]:
+        """Fill a budget, then take one out and fill again without it while that helps.
+
+        Where any one may fail, also from the best set of which none does: the first of two that
+        stand in for each other is worth nothing by itself.
+        """
+        found = self._grown(budget, self.cost)
+        if self._survives:
+            whole = self._grown(budget, lambda own: self._of(tuple(sorted(own))))
+            found = min(found, self._exchanged(whole, budget, self.cost), key=self.cost)
+        return found
+
+    def _grown(self, budget: float, cost: Callable[[Sequence[int]], float]) -> tuple[int, ...]:
+        starts = (self._filled(self.must, budget, rate, cost) for rate in (False, True))
+        return self._exchanged(min(starts, key=cost), budget, cost)
+
+    def first(self, budget: float) -> tuple[tuple[int, ...], float]:
+        """A good set to begin with, and what the relaxation, if asked, says none is below."""
+        best, floor = self.greedy(budget), 0.0
+        if self._relaxation is not None and len(self._free()) > MANY and not self._survives:
+            floor, shares = self._relaxation.most_accurate(budget)
+            best = min(best, self.rounded(budget, shares.tolist()), key=self.cost)
+        return best, floor
+
+    def rounded(self, budget: float, shares: Sequence[float]) -> tuple[int, ...]:
+        """Fill a budget by the greatest shares, which see what is worth something together only."""
+        chosen = self.must
+        for k in sorted(self._free(), key=lambda k: -shares[k]):
+            more = self.with_one(chosen, k)
+            chosen = more if self.spent(more) <= budget else chosen
+        return self._exchanged(chosen, budget, self.cost)
+
+    def _exchanged(
+        self, best: tuple[int, ...], budget: float, cost: Callable[[Sequence[int]], float]
+    ) -> tuple[int, ...]:
+        while True:
+            again = [
+                self._filled(self.without_one(best, k), budget, rate, cost, k)
+                for k in best
+                if k not in self.must
+                for rate in (False, True)
+            ]
+            other = min(again, key=cost, default=best)
+            if cost(other) >= cost(best) * (1 - SAME):
+                return best
+            best = other
+
+    def _filled(
+        self,
+        own: Sequence[int],
+        budget: float,
+        rate: bool,
+        cost: Callable[[Sequence[int]], float],
+        banned: int = -1,
+    ) -> tuple[int, ...]:
+        """Add what lowers the cost most, or most for its price, until nothing more fits."""
+        chosen = tuple(own)
+        while True:
+            room, least = budget - self.spent(chosen), cost(chosen)
+            more = {
+                k: self.with_one(chosen, k)
+                for k in self._free()
+                if k not in chosen and k != banned and banned not in self._needs.get(k, ())
+            }
+            price = {k: self.spent(own) - self.spent(chosen) for k, own in more.items()}
+            fits = [k for k in more if price[k] <= room]
+            gain = {k: least - cost(more[k]) for k in fits}
+            worth = {k: gain[k] / max(price[k], 1e-12) for k in fits} if rate else gain
+            best = max(fits, key=worth.__getitem__, default=None)
+            if best is None or (gain[best] <= 0 and not self._survives):
+                return tuple(sorted(chosen))
+            chosen = more[best]
+
+    def most_accurate(self, budget: float) -> tuple[tuple[int, ...], float]:
+        """Best set within a budget, and what none of them is below: branch and bound."""
+        best, floor = self.first(budget)
+        least = self.cost(best)
+        free = self._in_order()
+        queue: list[tuple[float, int, tuple[int, ...], int]] = [(0.0, 0, self.must, 0)]
+        ties = itertools.count(1)
+        while queue:
+            lower, _, own, at = heapq.heappop(queue)
+            if lower >= least * (1 - SAME):
+                return best, least
+            if len(self.known) > MOST:
+                if self._relaxation is not None and not floor:
+                    floor, _ = self._relaxation.most_accurate(budget)
+                return best, min(max(lower, floor), least)
+            rest = self._affordable(own, free[at:], budget)
+            whole = own + tuple(rest)
+            if self.spent(whole) <= budget:
+                if self.cost(whole) < least:
+                    best, least = tuple(sorted(whole)), self.cost(whole)
+                continue
+            lower = self.cost(whole)
+            if lower >= least * (1 - SAME):
+                continue
+            after = free.index(rest[0]) + 1
+            heapq.heappush(queue, (lower, next(ties), (*own, rest[0]), after))
+            heapq.heappush(queue, (lower, next(ties), own, after))
+        return best, least
+
+    def _in_order(self) -> list[int]:
+        """Those in question: what is worth most first, and what others need before them."""
+        free = self._free()
+        worth = {k: self.cost(self.with_one(self.must, k)) for k in free}
+        first = {k: max(worth[j] for j in (*self._needs.get(k, ()), k) if j in worth) for k in free}
+        return sorted(free, key=lambda k: (first[k], len(self._needs.get(k, ()))))
+
+    def _affordable(self, own: Sequence[int], undecided: Sequence[int], budget: float) -> list[int]:
+        """Those that still fit beside a set, each with what it needs."""
+        room, held, rest = budget - self.spent(own), set(own), []
+        for k in undecided:
+            needs = self._needs.get(k, ())
+            if held.issuperset(needs) and self.spent({*needs, k}.difference(own)) <= room:
+                held.add(k)
+                rest.append(k)
+        return rest
+
+    def cheapest(self, target: float) -> tuple[tuple[int, ...], float]:
+        """Cheapest set whose cost reaches a target, and what none is cheaper than."""
+        best = tuple(range(len(self.prices)))
+        free = self._in_order()
+        queue = [(self.spent(self.must), 0, self.must, 0)]
+        ties = itertools.count(1)
+        while queue:
+            price, _, own, at = heapq.heappop(queue)
+            if price >= self.spent(best):
+                break
+            if len(self.known) > MOST:
+                if self._relaxation is not None:
+                    price = max(price, self._relaxation.cheapest(target))
+                return best, min(price, self.spent(best))
+            if self.cost(own) <= target:
+                best = tuple(sorted(own))
+                break  # the first that comes is the cheapest
+            for k in range(at, len(free)):
+                if self.cost([*own, *free[k:]]) > target:
+                    break
+                more = (*own, free[k])
+                if self._whole(more):
+                    heapq.heappush(queue, (self.spent(more), next(ties), more, k + 1))
+        return best, self.spent(best)
+
+    def look_round(self) -> bool:
+        """Look at the sets that make the front; return whether it is proven.
+
+        Up to `EXACT` candidates: the best of all, the best of what costs less than that, and so
+        on down to nothing, each proven. Beyond: greedy choices for many budgets.
+        """
+        free = self._free()
+        whole = self.spent(range(len(self.prices)))
+        base = self.spent(self.must)
+        if len(free) > EXACT:
+            for budget in np.linspace(base, whole, 2 * len(free)):
+                self.greedy(float(budget))
+            return False
+        budget = whole
+        while budget >= base:
+            best, bound = self.most_accurate(budget)
+            if bound < self.cost(best) * (1 - SAME):
+                return False
+            for k in self._free():  # what adds nothing
+                less = self.without_one(best, k)
+                best = less if self.cost(less) <= self.cost(best) * (1 + SAME) else best
+            budget = self.spent(best) - SAME * max(whole, 1.0)
+        return True
+
+    def front(self) -> list[tuple[int, ...]]:
+        """Sets of those compared that none is as cheap and as accurate as, cheapest first."""
+        least, found = np.inf, []
+        needed = set(self.must)
+        order = sorted(self.known, key=lambda own: (self.spent(own), self.known[own], len(own)))
+        for own in order:
+            if needed <= set(own) and self._whole(own) and self.known[own] < least * (1 - SAME):
+                least = self.known[own]
+                found.append(own)
+        return found

@@ -1,0 +1,342 @@
+"""Sensor selection: accuracy against price, and the best set for a budget."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose.arguments import Array
+from truepose.calibration.bound import touch_sigmas
+from truepose.design.candidates import reachable
+from truepose.design.machining import Curve, Level, levels_of
+from truepose.design.relaxation import Relaxation
+from truepose.design.search import Search
+from truepose.design.worth import Worth
+from truepose.exceptions import InputError, choose
+from truepose.robot import knowledge
+from truepose.robot.batches import flattened
+from truepose.robot.robot import Robot
+from truepose.robot.units import summed
+from truepose.robot.workspace import workspace
+from truepose.show.units import printed
+
+#: Poses of the workspace over which sets are compared.
+POSES = 32
+
+
+@dataclass(frozen=True)
+class SensorSet:
+    """A set of sensors, and of tolerances to machine to."""
+
+    sensors: tuple[str, ...]
+    price: float
+    sigma: float  #: of the position, root mean square over the poses, m
+    machined: tuple[tuple[str, float], ...] = ()  #: parameters, names or globs, and their σ
+
+
+class Alone(NamedTuple):
+    """What one candidate does, beside what is there in any case; σ of the position, m."""
+
+    sensor: str  #: or the parameters that are machined
+    level: float | None  #: to this σ, with the levels that it needs; None of a sensor
+    price: float
+    sigma: float  #: with it alone
+    without: float  #: with all but it
+
+
+@dataclass(frozen=True, eq=False)
+class SensorSelection:
+    """What sensors and finer tolerances buy."""
+
+    robot: Robot
+    prices: dict[str, float]  #: of each candidate
+    front: list[SensorSet]  #: no set is as cheap and as accurate as one of these; cheapest first
+    best: SensorSet | None  #: within the budget, or cheapest of those that reach the target
+    bound: float  #: that none within the budget is better than: σ, m; of a target the price
+    compared: int  #: sets
+    over: Array  #: (T, c) poses
+    by_price: bool = False  #: whether a target was asked for
+    levels: list[list[Level]] = field(default_factory=list)  #: that parameters can be machined to
+    alone: list[Alone] = field(default_factory=list)  #: each candidate by itself
+    exact: bool = True  #: whether the front is proven; else greedy: others may be better
+
+    @property
+    def proven(self) -> bool:
+        """Whether no other set can be better than the best."""
+        if self.best is None:
+            return False
+        return bool(self.bound >= self._reached * (1 - 1e-9))
+
+    @property
+    def gap(self) -> float:
+        """By what share a better one might be better; 0 where there is none."""
+        return 0.0 if self.proven or self.best is None else 1 - self.bound / self._reached
+
+    @property
+    def _reached(self) -> float:
+        assert self.best is not None
+        return self.best.price if self.by_price else self.best.sigma
+
+
+def select_sensors(
+    robot: Robot,
+    prices: Mapping[str, float] | None = None,
+    *,
+    finer: Mapping[str, Curve] | None = None,
+    budget: float | None = None,
+    target: float | None = None,
+    must: Sequence[str] = (),
+    calibrated_on: ArrayLike | None = None,
+    touch_off: ArrayLike | None = None,
+    touch_sigma: ArrayLike | float = 0.0,
+    poses: ArrayLike | None = None,
+    survives: bool = False,
+) -> SensorSelection:
+    """Choose sensors and tolerances by the accuracy that they allow and by what they cost.
+
+    By the bound of :func:`truepose.accuracy`, at the robot's finest level. A sensor more never
+    harms: what is within the budget's reach is never better than all of it together, and so the
+    best set is found, and proven the best, without a look at most. Where they are too many, a
+    convex relaxation says by how much a better one could be better.
+
+    Parameters
+    ----------
+    robot : Robot
+        Its sensors in use do not matter.
+    prices : mapping, optional
+        Of sensors in question, by their names; by default those of the file's key `price`.
+    finer : mapping, optional
+        By names of parameters or globs, to which σ (m or rad, about what is expected) all of them
+        can be machined, and for which price; by default the file's keys `finer`.
+    budget : float, optional
+        The most that all may cost: find the most accurate.
+    target : float, optional
+        σ of the position, m: find the cheapest.
+    must : sequence of str
+        Sensors that are there in any case; they cost their price.
+    calibrated_on, touch_off, touch_sigma
+        As of :func:`truepose.accuracy`.
+    poses : array_like, shape (T, c), optional
+        Where the accuracy is asked for; by default 32 over the workspace.
+    survives : bool
+        Ask for the accuracy that is left when any one sensor fails, the one that harms most.
+
+    Returns
+    -------
+    SensorSelection
+
+    Raises
+    ------
+    InputError
+        A candidate without a price; a budget that nothing fits, or not even `must`; a target that
+        all together do not reach.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> prices = {"theta": 90, "z_telemeter": 400, "wire1": 250, "wire2": 250, "wire3": 250}
+    >>> found = tp.select_sensors(tp.load("h4"), prices, budget=600)
+    >>> found.best.sensors, found.proven
+    (('theta', 'wire1', 'wire2'), True)
+    >>> machining = {"chain*.rod": {1e-3: 300, 1e-4: 700}, "chain*.encoder_offset": {2e-4: 80}}
+    >>> found = tp.select_sensors(tp.load("h4"), prices, finer=machining, budget=600)
+    >>> found.best.sensors, found.best.machined
+    (('wire1',), (('chain*.rod', 0.001),))
+    """
+    knowledge.require_uncertain(robot)
+    ladders = levels_of(robot, finer)
+    named = priced(robot, prices, bool(ladders))
+    names = list(named)
+    for name in must:
+        if name not in named:
+            raise InputError(f"must: {choose('sensor', name, names)}")
+    if budget is not None and target is not None:
+        raise InputError("budget and target: one of them")
+    for what, value in (("budget", budget), ("target", target)):
+        if value is not None and not (np.isfinite(value) and value > 0):
+            raise InputError(f"{what} = {value!r}: must be greater than 0")
+    over = asked_poses(robot, poses)
+    nowhere = np.zeros((0, robot.n))
+    visited = (
+        nowhere if calibrated_on is None else asked_poses(robot, calibrated_on, "calibrated_on")
+    )
+    touched = nowhere if touch_off is None else asked_poses(robot, [touch_off], "touch_off")
+    sigma = touch_sigmas(robot, touch_sigma)
+    levels = [level for own in ladders for level in own]
+    worth = Worth(
+        robot, names, over, visited, touched, sigma, [level.information for level in levels]
+    )
+    search = searched(
+        worth,
+        [*named.values()],
+        ladders,
+        [names.index(name) for name in must],
+        survives,
+    )
+    best, bound = None, np.nan
+    if budget is not None:
+        _fits(search, budget, names, must)
+        best, bound = search.most_accurate(budget)
+        bound = float(np.sqrt(bound))
+    elif target is not None:
+        count = len(names) + len(levels)
+        floor = float(np.sqrt(search.cost(range(count))))
+        if floor > target:
+            unit = summed(robot).unit
+            together = f"all {len(names)} sensors together" if names else "all levels"
+            if names and levels:
+                together += ", all machined as finely as can be,"
+            if names and survives:
+                together = together.rstrip(",") + ", the worst one failed,"
+            raise InputError(
+                f"target {printed(target, unit, '.4g')}: {together} reach "
+                f"{printed(floor, unit, '.4g')}"
+            )
+        best, bound = search.cheapest(target**2)
+    exact = search.look_round()
+
+    def choice(chosen: Iterable[int]) -> SensorSet:
+        own = sorted(chosen)
+        sigma = float(np.sqrt(search.cost(own)))
+        sensors = tuple(names[k] for k in own if k < len(names))
+        reached = (levels[k - len(names)] for k in own if k >= len(names))
+        machined = {level.group: level.sigma for level in reached}
+        return SensorSet(sensors, search.spent(own), sigma, tuple(machined.items()))
+
+    def alone(k: int) -> Alone:
+        level = levels[k - len(names)] if k >= len(names) else None
+        own = [j for j in search.with_one([], k) if j not in search.must or j == k]
+        return Alone(
+            names[k] if level is None else level.group,
+            None if level is None else level.sigma,
+            search.spent(own),
+            float(np.sqrt(search.cost(search.with_one(search.must, k)))),
+            float(np.sqrt(search.cost(search.without_one(range(len(search.prices)), k)))),
+        )
+
+    each = [alone(k) for k in range(len(search.prices))]
+    return SensorSelection(
+        robot=robot,
+        prices=named,
+        front=[choice(own) for own in search.front()],
+        best=None if best is None else choice(best),
+        bound=float(bound),
+        compared=len(search.known),
+        over=over,
+        by_price=target is not None,
+        levels=ladders,
+        alone=each,
+        exact=exact,
+    )
+
+
+def in_other_states(
+    found: SensorSelection, calibrated_on: Array, touch_off: Array
+) -> dict[str, Array]:
+    """σ of the front's sets (m) as built, touched off at a pose, self-calibrated, and both.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> h4 = tp.load("h4")
+    >>> found = tp.select_sensors(h4, {"theta": 90, "wire1": 250})
+    >>> for state, sigma in in_other_states(found, found.over[:10], h4.home).items():
+    ...     print(f"{state}: {1e3 * sigma[0]:.1f} to {1e3 * sigma[-1]:.1f} mm")
+    as built: 7.7 to 4.3 mm
+    touched off: 0.2 to 0.1 mm
+    self-calibrated: 7.7 to 1.2 mm
+    both: 0.2 to 0.1 mm
+    """
+    robot, names = found.robot, list(found.prices)
+    levels = [level for own in found.levels for level in own]
+    sets = []
+    for choice in found.front:
+        reached = dict(choice.machined)
+        own = [
+            k for k, x in enumerate(levels, len(names)) if x.sigma >= reached.get(x.group, np.inf)
+        ]
+        sets.append([*map(names.index, choice.sensors), *own])
+    nowhere, result = np.zeros((0, robot.n)), {}
+    for state, visited, touched in (
+        ("as built", nowhere, nowhere),
+        ("touched off", nowhere, touch_off[None]),
+        ("self-calibrated", calibrated_on, nowhere),
+        ("both", calibrated_on, touch_off[None]),
+    ):
+        finer = [level.information for level in levels]
+        worth = Worth(robot, names, found.over, visited, touched, touch_sigmas(robot, 0.0), finer)
+        result[state] = np.sqrt([worth.variance(own) for own in sets])
+    return result
+
+
+def searched(
+    worth: Worth,
+    prices: Sequence[float],
+    ladders: Sequence[Sequence[Level]] = (),
+    must: Sequence[int] = (),
+    survives: bool = False,
+) -> Search:
+    """Make the search among sensors, 0, 1, …, and behind them the levels of tolerances."""
+    sensors, numbered = len(prices), []
+    whole = list(prices)
+    for own in ladders:
+        numbered.append(range(len(whole), len(whole) + len(own)))
+        whole += [level.price for level in own]
+    fail = range(sensors) if survives else ()
+    relaxation = Relaxation(worth.relaxed, whole, must, numbered, fail)
+    return Search(worth.variance, whole, must, survives, numbered, relaxation)
+
+
+def _fits(search: Search, budget: float, names: Sequence[str], must: Sequence[str]) -> None:
+    """Say so where a budget buys nothing."""
+    needed = search.spent(search.must)
+    if needed > budget:
+        raise InputError(f"budget {budget:g}: {', '.join(must)} cost {needed:g}")
+    least = min(search.prices)
+    if not must and least > budget:
+        k = search.prices.index(least)
+        what = names[k] if k < len(names) else "machining"
+        raise InputError(f"budget {budget:g}: nothing fits: the cheapest, {what}, costs {least:g}")
+
+
+def priced(
+    robot: Robot, prices: Mapping[str, float] | None, machined: bool = False
+) -> dict[str, float]:
+    """Price of each candidate: of those given, or of all sensors of the file.
+
+    There may be none where parts can be machined.
+    """
+    every = {sensor.name: sensor.price for sensor in robot.spec.sensor}
+    given = every if prices is None else {**prices}
+    for name, price in given.items():
+        if name not in every:
+            raise InputError(f"prices: {choose('sensor', name, every)}")
+        if price is None:
+            raise InputError(
+                f"{robot.name}: sensor {name}: has no price (the file's key price, --price, prices)"
+            )
+        if not (np.isfinite(price) and price >= 0):
+            raise InputError(f"prices: {name} = {price!r}: must be 0 or greater")
+    if not given and not machined:
+        none = "no sensor in its file" if prices is None else "neither sensors nor levels to choose"
+        raise InputError(f"{robot.name}: {none}")
+    return {name: float(given[name] or 0.0) for name in every if name in given}
+
+
+def asked_poses(robot: Robot, poses: object, name: str = "poses") -> Array:
+    """Poses that were given; by default some that are drawn over the workspace."""
+    if poses is not None:
+        x, _ = flattened(robot, np.asarray(poses), robot.n, name, "raise")
+        robot.expected().ikm(x)
+        return x
+    box = workspace(robot)
+    rng = np.random.default_rng(0)
+    x = rng.uniform(box.minimum, box.maximum, (4 * POSES, robot.n))
+    good = x[reachable(robot.with_sensors(), x, robot.highest_level)][:POSES]
+    if not len(good):
+        raise InputError(f"{robot.name}: no pose of its workspace is reachable and regular")
+    return good

@@ -1,0 +1,64 @@
+"""A short tour through poses, from home and back, by motor distance."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from truepose.arguments import Array
+from truepose.robot.robot import Robot
+
+
+def tour(robot: Robot, poses: Array) -> list[int]:
+    """Order of poses (N, n) on a near-shortest tour from home and back to it.
+
+    A move takes as long as its slowest motor (by the speed limits of the file; where it lacks them,
+    by each motor's share of its own range): nearest neighbours from each pose, each tour then
+    shortened by turning a part of it round until none is shorter so, and the best of them.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.design.tour import tour
+    >>> h4 = tp.load("h4")
+    >>> tour(h4, [[0.1, 0, -0.4, 0], [0.02, 0, -0.4, 0], [0.06, 0, -0.4, 0]])
+    [1, 2, 0]
+    """
+    stops = np.vstack([robot.home, np.reshape(poses, (-1, robot.n))])
+    q = robot.ikm(stops, level="ideal")
+    limits = [chain.speed_limit for chain in robot.spec.chain]
+    span = np.ptp(q, axis=0)
+    fastest = np.array([np.nan if limit is None else limit for limit in limits])
+    speed = fastest if np.isfinite(fastest).all() else np.where(span > 0, span, 1.0)
+    D = np.abs((q[:, None] - q) / speed).max(axis=-1)
+    rounds = [_shortened(_nearest(D, start), D) for start in range(len(D))]
+    best = min(rounds, key=lambda order: length(order, D))
+    at = best.index(0)
+    order = [k - 1 for k in best[at + 1 :] + best[:at]]
+    return order if not order or D[0, order[0] + 1] <= D[0, order[-1] + 1] else order[::-1]
+
+
+def length(order: list[int], D: Array) -> float:
+    """Length of a closed tour by a table of distances."""
+    return float(D[order, np.roll(order, -1)].sum())
+
+
+def _nearest(D: Array, start: int) -> list[int]:
+    order, left = [start], set(range(len(D))) - {start}
+    while left:
+        order.append(min(left, key=lambda k: (D[order[-1], k], k)))
+        left.remove(order[-1])
+    return order
+
+
+def _shortened(order: list[int], D: Array) -> list[int]:
+    """Turn round the part that shortens a tour most, until there is none (2-opt)."""
+    at = np.array(order)
+    while True:
+        after = np.roll(at, -1)
+        step = D[at, after]
+        gain = step[:, None] + step - D[np.ix_(at, at)] - D[np.ix_(after, after)]
+        gain = np.triu(gain, 1)
+        i, j = np.unravel_index(int(gain.argmax()), gain.shape)
+        if gain[i, j] <= 1e-12 * step.sum():
+            return at.tolist()
+        at[i + 1 : j + 1] = at[i + 1 : j + 1][::-1]

@@ -1,0 +1,171 @@
+"""Injected faults of encoders and sensors, for every plant."""
+
+from __future__ import annotations
+
+import math
+import numbers
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from truepose import _core
+from truepose.exceptions import InputError, choose
+from truepose.robot.robot import Robot
+from truepose.robot.units import reading_units
+
+FaultKind = Literal[
+    "bias", "jump", "spike", "stuck", "dropout", "drift", "sign", "gain", "delay", "swap"
+]
+FAULT_KINDS: tuple[FaultKind, ...] = tuple(_core.fault_kinds)
+_UNITS = {"reading": "rad or m", "reading/s": "rad/s or m/s", "s": "s", "1": "a factor"}
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One reading that lies from a time on: what it reads, where it would read s.
+
+    ==========  ====================================================  ===================
+    kind        reads                                                 size in
+    ==========  ====================================================  ===================
+    bias        s + size                                              rad or m
+    jump        s + size, for good: counts that an encoder has lost   rad or m
+    spike       s + size, in one cycle                                rad or m
+    stuck       what s was at that time
+    dropout     nothing: NaN
+    drift       s + size · time since                                 rad/s or m/s
+    sign        -s
+    gain        size · s                                              1
+    delay       s as it was `size` before                             s
+    swap        the other's s, as the other does this one's
+    ==========  ====================================================  ===================
+
+    s has its noise and its counts. A delay lasts until a reading is old enough: whole control
+    periods. Plants take several faults, each acting on what those before it left; what a watch can
+    promise is about single ones.
+
+    Parameters
+    ----------
+    reading : str
+        Its name in logs: "q1", or a sensor's.
+    kind : str
+        One of the above.
+    at : float
+        When it begins, s since the plant was started.
+    size : float, optional
+        In the unit above; "rad or m" is that of the reading.
+    until : float, optional
+        When the reading is whole again, s; never by default. A jump and a spike have no end.
+    other : str, optional
+        The reading that it is swapped with, of the same unit.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> bias = tp.faults.Fault("theta", "bias", at=0.3, size=0.01)
+    >>> run = tp.simulate(tp.load("h4"), faults=[bias])
+    >>> bool(abs(run.error[299, 3]) < 1e-3), bool(abs(run.error[-1, 3] + 0.01) < 1e-3)
+    (True, True)
+    """
+
+    reading: str
+    kind: FaultKind
+    at: float = 0.0
+    size: float | None = None
+    until: float | None = None
+    other: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.kind not in FAULT_KINDS:
+            raise InputError(choose("kind of fault", self.kind, FAULT_KINDS))
+        row, what = _core.fault_kinds[self.kind], f"{self.reading}: {self.kind}"
+        if not (_finite(self.at) and self.at >= 0):
+            raise InputError(f"{what}: at = {self.at!r}: must be a finite number of at least 0")
+        if row.size:
+            if not _finite(self.size):
+                said = f"must be a finite number, {_UNITS[row.size]}"
+                raise InputError(f"{what}: size = {self.size!r}: {said}")
+            if self.kind == "delay" and not self.size > 0:  # type: ignore[operator]
+                raise InputError(f"{what}: size = {self.size!r}: must be greater than 0 s")
+        elif self.size is not None:
+            raise InputError(f"{what}: size = {self.size!r}: this kind has none")
+        if self.until is not None:
+            if not row.lasts:
+                raise InputError(f"{what}: until = {self.until!r}: has no end; a bias may have one")
+            if not (_finite(self.until) and self.until > self.at):
+                raise InputError(
+                    f"{what}: until = {self.until!r}: must be a finite number greater than at, "
+                    f"{self.at}"
+                )
+        if row.pair != (self.other is not None):
+            said = "must name the reading that it is swapped with" if row.pair else "only of a swap"
+            raise InputError(f"{what}: other = {self.other!r}: {said}")
+
+    def __str__(self) -> str:
+        """As the command line takes it."""
+        value = self.other if self.size is None else f"{self.size:.15g}"
+        end = "" if self.until is None else f"..{self.until:.15g}"
+        return f"{self.reading}:{self.kind}{f'={value}' if value else ''}@{self.at:.15g}{end}"
+
+
+def _finite(value: object) -> bool:
+    real = isinstance(value, numbers.Real) and not isinstance(value, bool)
+    return real and math.isfinite(value)  # type: ignore[arg-type]
+
+
+def in_core(robot: Robot, faults: Sequence[Fault], period: float | None) -> list[_core.Fault]:
+    """Check the faults against a robot and return the core's.
+
+    Parameters
+    ----------
+    robot : Robot
+        Whose readings they are.
+    faults : sequence of Fault
+    period : float, optional
+        Of the readings, s; without one the robot only rests, and has no time.
+
+    Raises
+    ------
+    InputError
+        A reading that is not there, is late by too much, is swapped with itself or with one of
+        another unit; where the robot rests, a fault that needs time.
+    """
+    if isinstance(faults, str) or not isinstance(faults, Sequence):
+        raise InputError("faults: must be a list of Fault: [fault]")
+    units = dict(zip(robot.readings, reading_units(robot), strict=True))
+    return [_of(robot, fault, units, period) for fault in faults]
+
+
+def _of(robot: Robot, fault: Fault, units: dict[str, str], period: float | None) -> _core.Fault:
+    if not isinstance(fault, Fault):
+        raise InputError(f"faults: {fault!r}: must be a Fault")
+    row = _core.fault_kinds[fault.kind]
+    for name in (fault.reading, fault.other):
+        if name is not None and name not in units:
+            raise InputError(f"fault {fault}: {choose('reading', name, units)}")
+    if period is None:
+        if not row.at_rest:
+            resting = [kind for kind, row in _core.fault_kinds.items() if row.at_rest]
+            raise InputError(
+                f"fault {fault}: needs time, which statics do not have "
+                f"(choices: {', '.join(resting)})"
+            )
+        if fault.at or fault.until is not None:
+            raise InputError(f"fault {fault}: statics have no time: leave out at and until")
+    elif fault.kind == "delay" and fault.size / period > _core.most_late:  # type: ignore[operator]
+        raise InputError(
+            f"fault {fault}: at most {_core.most_late} control periods of {period:g} s"
+        )
+    core = _core.Fault()
+    core.kind, core.reading = row.kind, robot.readings.index(fault.reading)
+    core.begin = fault.at
+    if fault.size is not None:
+        core.size = fault.size
+    if fault.until is not None:
+        core.end = fault.until
+    if fault.other is not None:
+        if fault.other == fault.reading or units[fault.other] != units[fault.reading]:
+            fitting = [n for n, u in units.items() if u == units[fault.reading]]
+            fitting.remove(fault.reading)
+            raise InputError(f"fault {fault}: {choose('other reading', fault.other, fitting)}")
+        core.other = robot.readings.index(fault.other)
+    return core

@@ -1,0 +1,229 @@
+"""Isolation of a faulty reading by evidence over many poses."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose.arguments import Array, Level
+from truepose.exceptions import InputError
+from truepose.faults.limits import false_alarm_rate, require_inside
+from truepose.faults.parity import parity, whitened
+from truepose.robot.batches import flattened
+from truepose.robot.robot import Robot
+from truepose.robot.units import reading_units
+
+#: What a reading may be wrong by: the same everywhere, or in proportion to itself.
+KINDS = ("bias", "gain")
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """That one reading alone is wrong, in one way, in all lines."""
+
+    reading: str
+    kind: str  #: of `KINDS`
+    size: float  #: most likely; m or rad of a bias, of a gain how much it is more than 1
+    sigma: float  #: its own; inf: no line says anything of it
+    chi2: float  #: what it leaves unexplained
+
+    def __str__(self) -> str:
+        return f"{self.reading} {self.kind}"
+
+
+@dataclass(frozen=True)
+class Isolation:
+    """What lines of readings say of the hypotheses that each one alone is wrong."""
+
+    robot: Robot
+    level: Level
+    false_alarm: float  #: probability with which a healthy robot counts as faulty
+    lines: int  #: that were used
+    left_out: int  #: that have no pose
+    chi2: float  #: of the contradictions, were all readings whole
+    freedom: int  #: its degrees of freedom
+    limit: float  #: beyond which there is a fault
+    #: All of them, the likeliest first
+    hypotheses: tuple[Hypothesis, ...]
+
+    @property
+    def faulty(self) -> bool:
+        """Whether the readings contradict each other more than chance and geometry allow."""
+        return self.chi2 > self.limit
+
+    @property
+    def may_be(self) -> tuple[Hypothesis, ...]:
+        """Hypotheses that explain what there is, and that no test tells from the likeliest.
+
+        None: all is well, or no single fault explains it.
+        """
+        from scipy.special import chdtri
+
+        if not self.faulty:
+            return ()
+        rest = float(chdtri(self.freedom - 1, self.false_alarm)) if self.freedom > 1 else 0.0
+        near = self.hypotheses[0].chi2 + float(chdtri(1, self.false_alarm))
+        return tuple(
+            h
+            for h in self.hypotheses
+            if h.chi2 <= max(rest, self.hypotheses[0].chi2 * (self.freedom == 1)) and h.chi2 <= near
+        )
+
+    @property
+    def readings(self) -> tuple[str, ...]:
+        """Readings of which one may be the faulty one; a single one is isolated."""
+        return tuple(dict.fromkeys(h.reading for h in self.may_be))
+
+
+def isolate(
+    robot: Robot,
+    readings: ArrayLike,
+    level: Level | None = None,
+    model_error: bool = True,
+    *,
+    false_alarm: float | None = None,
+) -> Isolation:
+    """Find the reading that lies from lines at many poses, by a bank of hypotheses.
+
+    With one redundant sensor one pose shows that something is wrong, not what: one equation. A
+    wrong reading contradicts the others by b times its signature, which changes with the pose in
+    its own way. Each hypothesis has its own b; the geometry, the same at all poses, is common
+    to them (Willsky and Jones, A generalized likelihood ratio approach to the detection and
+    estimation of jumps in linear systems, 1976).
+
+    Parameters
+    ----------
+    robot : Robot
+        As it is believed: with its tolerances, or calibrated before the fault.
+    readings : array_like, shape (N, n + r)
+        m and rad, of the motors, then of the sensors in use; lines with NaN are left out.
+    level : {"ideal", "full"}, optional
+        By which they are understood; by default :attr:`Robot.highest_level`.
+    model_error : bool
+        Whether to count, at the ideal level, what it leaves out of a real robot.
+    false_alarm : float, optional
+        Probability with which a healthy robot counts as faulty, and with which one hypothesis is
+        taken for another; by default that of one false alarm in 1000 hours at 1 kHz.
+
+    Returns
+    -------
+    Isolation
+
+    Raises
+    ------
+    InputError
+        No redundant sensor is in use, or no line has a pose.
+
+    Examples
+    --------
+    >>> import numpy as np, truepose as tp
+    >>> from truepose.paper import article
+    >>> h4 = tp.load("h4")  # one redundant sensor
+    >>> there = h4.read(article.table2()[::6], seed=1)
+    >>> learnt = tp.calibrate(h4, there).robot
+    >>> tp.faults.isolate(learnt, there).faulty
+    False
+    >>> there[:, 2] += np.radians(0.5)
+    >>> found = tp.faults.isolate(learnt, there)
+    >>> found.readings, round(float(np.degrees(found.may_be[0].size)), 1)
+    (('q3',), 0.5)
+    """
+    from scipy.special import chdtri
+
+    alpha = false_alarm_rate() if false_alarm is None else false_alarm
+    require_inside("false_alarm", alpha, 0, 1)
+    if not robot.r:
+        raise InputError(f"{robot.name}: no redundant sensor in use: readings cannot contradict")
+    level = robot.highest_level if level is None else level
+    model = robot.expected().with_level(level)
+    rows, _ = flattened(model, readings, robot.n + robot.r, "readings", "nan")
+    evidence = partial(_evidence, model, level, model_error)
+    used, y, columns = evidence(rows)
+    if not used.any():
+        raise InputError(f"readings: none of {len(rows)} lines has a pose")
+    rows, total = rows[used], float(y @ y)
+    limit = float(chdtri(robot.r * len(rows), alpha))
+    bank = [
+        _next(Hypothesis(name, kind, 0.0, math.inf, total), y, columns[:, k])
+        for k, (kind, name) in enumerate(itertools.product(KINDS, robot.readings))
+    ]
+    bank.sort(key=lambda h: h.chi2)
+    for k in range(_LIKELY if total > limit else 0):
+        for _ in range(_AGAIN):  # about what the fault would leave: a large one bends the model
+            h = bank[k]
+            c = robot.readings.index(h.reading)
+            there, left, others = evidence(_without(rows, h.kind, c, h.size))
+            if not there.all():
+                break
+            column = others[:, c + KINDS.index(h.kind) * len(robot.readings)]
+            bank[k] = _next(h, left, column)
+    return Isolation(
+        robot,
+        level,
+        alpha,
+        len(rows),
+        int((~used).sum()),
+        total,
+        robot.r * len(rows),
+        limit,
+        tuple(sorted(bank, key=lambda h: h.chi2)),
+    )
+
+
+#: Hypotheses that are linearised anew, and how often.
+_LIKELY, _AGAIN = 4, 2
+
+
+def _next(h: Hypothesis, y: Array, column: Array) -> Hypothesis:
+    """Take the step that leaves least of y, one of variance 1."""
+    information = float(column @ column)
+    if not information:
+        return h
+    step = float(column @ y) / information
+    left = y - step * column
+    return replace(h, size=h.size + step, sigma=1 / math.sqrt(information), chi2=float(left @ left))
+
+
+def _without(rows: Array, kind: str, c: int, size: float) -> Array:
+    """Readings less a fault of one of them."""
+    whole = rows.copy()
+    whole[:, c] = whole[:, c] - size if kind == "bias" else whole[:, c] / (1 + size)
+    return whole
+
+
+def _evidence(
+    model: Robot, level: Level, model_error: bool, rows: Array
+) -> tuple[Array, Array, Array]:
+    """Which lines have a pose; their parities and each hypothesis' column, of variance 1."""
+    used = np.asarray(np.isfinite(rows).all(axis=1))
+    poses = model.fkm(rows[used, : model.n], errors="nan")
+    used[used] = np.isfinite(poses).all(axis=1)
+    poses = poses[np.isfinite(poses).all(axis=1)]
+    # Singular poses have no parity.
+    regular = np.isfinite(model.linearize(poses, "nan", level)[0]).all(axis=(1, 2))
+    used[used], poses = regular, poses[regular]
+    if not len(poses):
+        return used, np.zeros(0), np.zeros((0, 0))
+    found = parity(model, poses, level, None, model_error)
+    error = _within_turns(model, rows[used] - model.extended_positions(poses))
+    value = np.einsum("kri,ki->kr", found.signature, error)
+    B = found.geometry.reshape(-1, found.geometry.shape[-1])
+    sides = (found.signature, found.signature * rows[used][:, None, :])  # of a bias, of a gain
+    parts = [side.reshape(len(B), -1) for side in sides]
+    rest = whitened(np.column_stack([*parts, value.ravel()]), B)
+    return used, rest[:, -1], rest[:, :-1]
+
+
+def _within_turns(robot: Robot, error: Array) -> Array:
+    """Less the whole turns of sensors that are angles, as they read them."""
+    turn = np.zeros(robot.n + robot.r)
+    for k, (name, unit) in enumerate(zip(robot.readings, reading_units(robot), strict=True)):
+        if k >= robot.n and unit == "rad":
+            turn[k] = 2 * math.pi * abs(robot.parameters[f"{name}.gain"].value)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return error - np.where(turn > 0, turn * np.round(error / turn), 0)

@@ -1,0 +1,291 @@
+"""Detectability: the smallest fault of each reading that is detected and isolated."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose import _core
+from truepose.arguments import Array, Level
+from truepose.calibration import bound
+from truepose.exceptions import InputError
+from truepose.faults.parity import Parity, detectable, parity, unexplained
+from truepose.robot import knowledge
+from truepose.robot.batches import flattened, require_answers
+from truepose.robot.laws import LAWS, Law
+from truepose.robot.robot import Robot
+
+#: Hours in which a healthy robot may give one false alarm, and a controller's usual period, s.
+HOURS, PERIOD = 1000.0, 1e-3
+#: A law whose pose moves less by an error of a reading, per m or rad, does not use it.
+UNUSED = 1e-9
+
+
+def false_alarm_rate(hours: float = HOURS, period: float = PERIOD) -> float:
+    """Probability of a false alarm in each test, one test a cycle, for one in so many hours.
+
+    Examples
+    --------
+    >>> false_alarm_rate()
+    2.7777777777777777e-10
+    """
+    return period / (3600 * hours)
+
+
+@dataclass(frozen=True)
+class Detectability:
+    """Smallest faults of each reading that tests of the readings alone find; inf where none does.
+
+    m or rad of the reading, which is wrong by a constant: a bias, a jump, or what a drift has
+    grown to. Leading shape (...) is that of the poses, m = n + r readings.
+    """
+
+    robot: Robot
+    level: Level
+    false_alarm: float  #: of each test
+    power: float  #: probability with which the limit itself is found, in one cycle
+    parity: Parity
+    #: (..., m) found at this pose: χ² of its r parities is beyond its gate
+    detected: Array
+    #: (..., m, m) also told from a fault of the second reading, which leaves r - 1 parities
+    apart: Array
+    #: (..., m) of a sudden change at this pose: what the geometry adds has not changed
+    jump: Array
+    moving: int  #: poses that are read once each while the fault stays
+    #: (m,) found from all of these together, by the reading's own hypothesis
+    moving_detected: Array
+    #: (m,) also told from any other reading's fault
+    moving_isolated: Array
+    #: law -> (..., m, 2): by how much the pose is off, m and rad, for 1 m or rad of the reading
+    cross_sensitivity: dict[Law, Array]
+
+    @cached_property
+    def isolated(self) -> Array:
+        """Smallest fault told from every other reading's at this pose, shape (..., m)."""
+        return self.apart.max(axis=-1)
+
+    def confused_with(self, times: float = 1.5) -> dict[str, tuple[str, ...]]:
+        """Which readings a fault of so many times `detected` is not told from, at most poses.
+
+        At most of those where it is detected at all.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> h4 = tp.load("h4").with_sensors("theta", "elbow1", "elbow2", "elbow3", "elbow4")
+        >>> x = [0.05, 0, -0.4, 0.2]
+        >>> tp.faults.detectability(h4, x, [x]).confused_with(1.2)["elbow1"]
+        ('q1',)
+        """
+        names, result = self.robot.readings, {}
+        detected = self.detected.reshape(-1, len(names))
+        apart = self.apart.reshape(-1, len(names), len(names))
+        for c, name in enumerate(names):
+            at = np.isfinite(detected[:, c])
+            more = apart[at, c] > times * detected[at, c, None]
+            result[name] = tuple(names[d] for d in np.flatnonzero(2 * more.sum(axis=0) > at.sum()))
+        return result
+
+    @cached_property
+    def alike_at_rest(self) -> tuple[tuple[str, ...], ...]:
+        """Groups of readings whose faults no test tells apart at any one pose."""
+        return self._groups(math.prod(self.detected.shape[:-1]))
+
+    @cached_property
+    def alike(self) -> tuple[tuple[str, ...], ...]:
+        """Groups of readings whose faults no test tells apart, over all poses together.
+
+        Their signatures are parallel: one is the other times a number that no pose changes.
+        """
+        return self._groups(1)
+
+    @cached_property
+    def unseen(self) -> tuple[str, ...]:
+        """Readings whose faults no test sees, at no pose."""
+        some = self.parity.signature.any(axis=tuple(range(self.parity.signature.ndim - 1)))
+        seen = zip(self.robot.readings, np.atleast_1d(some), strict=True)
+        return tuple(name for name, one in seen if not one)
+
+    def pose_error(self, law: Law) -> Array:
+        """How far the nacelle is off at rest by a fault just below `detected`.
+
+        Returns
+        -------
+        ndarray, shape (..., m, 2)
+            m and rad; inf where a law uses a reading that no test sees there.
+        """
+        return _harm(self.cross_sensitivity[law], self.detected)
+
+    def moving_pose_error(self, law: Law) -> Array:
+        """How far, where it is worst, by a fault just below `moving_detected`: shape (m, 2)."""
+        worst = self.cross_sensitivity[law].reshape(-1, len(self.robot.readings), 2).max(axis=0)
+        return _harm(worst, self.moving_detected)
+
+    def _groups(self, batches: int) -> tuple[tuple[str, ...], ...]:
+        """Readings whose columns are parallel in every batch of poses in which both are seen."""
+        rows = math.prod(self.parity.signature.shape[:-1]) // batches
+        G = self.parity.signature.reshape(batches, rows, len(self.robot.readings))
+        blind = np.asarray(~G.any(axis=1))
+        rest = unexplained(G.swapaxes(-1, -2) @ G)
+        alike = ((rest == 0) | blind[:, :, None] | blind[:, None, :]).all(axis=0)
+        names = self.robot.readings
+        some = [c for c in range(len(names)) if names[c] not in self.unseen]
+        groups = {tuple(d for d in some if d == c or alike[c, d]) for c in some}
+        return tuple(tuple(names[c] for c in group) for group in sorted(groups) if len(group) > 1)
+
+
+def detectability(
+    robot: Robot,
+    poses: ArrayLike,
+    calibrated_on: ArrayLike | None = None,
+    level: Level | None = None,
+    model_error: bool = True,
+    *,
+    false_alarm: float | None = None,
+    power: float = 0.9,
+    moving: int = 100,
+) -> Detectability:
+    """Smallest faults of readings that can be seen and named, before anything is built.
+
+    Parity space: linear and normal about the expected geometry, with the tolerances (or a
+    calibration's covariance) and the readings' own errors.
+
+    Parameters
+    ----------
+    robot : Robot
+        With the sensors in use.
+    poses : array_like, shape (..., n)
+    calibrated_on : array_like, shape (N, n), optional
+        Poses at which the robot has calibrated itself before, by its own readings alone.
+    level : {"ideal", "full"}, optional
+        By which readings are understood; by default :attr:`Robot.highest_level`.
+    model_error : bool
+        Whether to count, at the ideal level, what it leaves out of a real robot.
+    false_alarm : float, optional
+        Probability of a false alarm in each test; by default one in 1000 hours at 1 kHz.
+    power : float
+        Probability with which the limit is found.
+    moving : int
+        How many of the poses, spread evenly, are read while a fault stays.
+
+    Returns
+    -------
+    Detectability
+
+    Raises
+    ------
+    PoseError
+        A pose that cannot be reached or is singular.
+
+    Examples
+    --------
+    >>> import numpy as np, truepose as tp
+    >>> from truepose.paper import article
+    >>> h4, poses = tp.load("h4"), article.table2()
+    >>> for visited in (None, poses):
+    ...     found = tp.faults.detectability(h4, poses, visited, false_alarm=1e-6)
+    ...     print(np.degrees(np.median(found.detected, axis=0)).round(2))
+    [116.3  116.23   8.32   8.32  21.38]
+    [0.87 0.87 0.06 0.06 0.16]
+    >>> np.isinf(found.isolated).all(), np.degrees(found.moving_isolated).round(2)
+    (np.True_, array([0.24, 0.24, 0.15, 0.15, 0.12]))
+    """
+    alpha = false_alarm_rate() if false_alarm is None else false_alarm
+    require_inside("false_alarm", alpha, 0, 1)
+    require_inside("power", power, alpha, 1)
+    if moving < 1:
+        raise InputError(f"moving = {moving}: must be at least 1")
+    level = robot.highest_level if level is None else level
+    model = robot.expected()
+    root = None if calibrated_on is None else _learnt(robot, calibrated_on, level, model_error)
+    rows, lead = flattened(model, poses, model.n, "poses", "raise")
+    if not len(rows):
+        raise InputError("poses: none")
+    found = parity(model, rows, level, root, model_error)
+    m, r = robot.n + robot.r, robot.r
+
+    at_rest = found.at_rest()
+    gram = at_rest.swapaxes(-1, -2) @ at_rest
+    detected = _smallest(detectable(alpha, r, power), np.diagonal(gram, axis1=1, axis2=2))
+    left = unexplained(gram)  # inf from itself
+    apart = np.maximum(detected[..., None], _smallest(detectable(alpha, r - 1, power), left))
+    apart = np.where(np.eye(m, dtype=bool), detected[..., None], apart)
+    # Two readings' difference holds the noise of both, and no geometry.
+    changed = np.square(found.signature).sum(axis=-2) / 2
+    jump = np.minimum(detected, _smallest(detectable(alpha, r, power), changed))
+
+    some = np.unique(np.linspace(0, len(rows) - 1, moving).round().astype(int))
+    information = Parity(found.signature[some], found.geometry[some]).information()
+    one = detectable(alpha, 1, power)
+    return Detectability(
+        robot,
+        level,
+        alpha,
+        power,
+        Parity(*(part.reshape(*lead, *part.shape[1:]) for part in found)),
+        detected.reshape(*lead, m),
+        apart.reshape(*lead, m, m),
+        jump.reshape(*lead, m),
+        len(some),
+        _smallest(one, np.diagonal(information)),
+        _smallest(one, unexplained(information).min(axis=-1)),
+        _leakage(model, rows, lead, level, root, model_error),
+    )
+
+
+def _learnt(robot: Robot, poses: ArrayLike, level: Level, model_error: bool) -> Array:
+    knowledge.require_uncertain(robot)
+    visited, _ = flattened(robot, poses, robot.n, "calibrated_on", "raise")
+    root, status = bound.after_visiting(robot, visited, level, model_error)
+    if status:  # says which pose
+        bound.accuracy(robot, robot.home, visited, None, level, model_error)
+    return root
+
+
+def _smallest(length: float, square: Array) -> Array:
+    """Smallest b with b² g² = length², inf where there is none."""
+    if np.isinf(length):
+        return np.full(square.shape, np.inf)
+    with np.errstate(divide="ignore"):
+        return length / np.sqrt(square)
+
+
+def _leakage(
+    model: Robot,
+    rows: Array,
+    lead: tuple[int, ...],
+    level: Level,
+    root: Array | None,
+    model_error: bool,
+) -> dict[Law, Array]:
+    """How far the nacelle is off, m and rad, per unit of each reading's error, under each law."""
+    linear = np.array([unit == "m" for _, unit in model.coordinates])
+    known = knowledge.knowledge(model, root, level=level, error=model_error).core
+    result: dict[Law, Array] = {}
+    for law in LAWS:
+        kind = _core.laws[law]
+        if kind.sensed and not model.r:
+            continue
+        believed = model.with_level(level) if kind.weighs else model
+        leak, status, chain = _core.leakage(
+            believed.core, kind.law, known if kind.weighs else None, rows
+        )
+        require_answers(model, "pose", rows, lead, status, chain, "raise", "poses")
+        parts = [np.linalg.norm(leak[:, part], axis=1) for part in (linear, ~linear)]
+        result[law] = np.stack(parts, axis=-1).reshape(*lead, -1, 2)
+    return result
+
+
+def _harm(leakage: Array, limit: Array) -> Array:
+    used = leakage > UNUSED
+    return np.where(used, leakage, 0) * np.where(used, limit[..., None], 0)
+
+
+def require_inside(name: str, value: float, low: float, high: float) -> None:
+    """Raise InputError unless the value is a number between the two."""
+    if not (isinstance(value, (int, float)) and math.isfinite(value) and low < value < high):
+        raise InputError(f"{name} = {value!r}: must be greater than {low:g}, less than {high:g}")

@@ -1,0 +1,311 @@
+"""The fault monitor: detection and isolation of sensor faults (FDI) in the control loop."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose import _core
+from truepose.arguments import Array
+from truepose.control import delays
+from truepose.control.controller import Controller, positive
+from truepose.control.effects import Effects
+from truepose.control.linear import Gains
+from truepose.exceptions import InputError
+from truepose.robot import knowledge
+from truepose.robot.batches import flattened
+from truepose.robot.robot import Robot
+
+#: How a reading is, by the core's number: :attr:`Review.health`, :attr:`Simulation.health`.
+HEALTH = ("valid", "suspect", "failed")
+#: Why it is not valid.
+SYMPTOMS = tuple(_core.symptoms)
+
+#: Poses of the workspace at which the motors' accelerations are asked for, and by how much less
+#: than what they say counts as possible: between the poses, in motion.
+_POSES, _MARGIN = 256, 1.5
+#: Counts, and σ of a reading's own error, by which the model must have moved beside a reading that
+#: stands still; and the share of its torque limit at which a motor may stick (assumed).
+_COUNTS, _SIGMAS, _STICKS = 8, 6, 0.01
+#: Counts by which a motor that rests may be off.
+_BEAR = 2
+#: Torque's rms over its limit by which a motor may be shaken that is driven by what others say: at
+#: 5 σ it saturates.
+_SHAKES = 0.2
+#: Torque in motion, rms, over its limit (assumed): it bends arms.
+_TORQUE = 0.25
+#: How far beyond its stops a motor may be read, rad or m.
+_BEYOND = 0.05
+
+
+@dataclass(frozen=True, kw_only=True)
+class FaultMonitor:
+    """A watch over all readings, and a way down where one of them lies.
+
+    Every cycle asks each reading alone (a number? within the motor's stops, the sensor's range? no
+    faster than the motors can make it? not standing still while the robot moves?) and all of them
+    together: what they disagree about, once the pose is eliminated, against what noise, counts and
+    the geometry's tolerances (or calibration) allow, by its level and by its change. A reading that
+    is found to lie is replaced by what the others say; one that cannot be replaced, or a
+    disagreement of which nobody knows whose it is, stops the robot along its path.
+
+    Parameters
+    ----------
+    false_alarms : float
+        Allowed per hour: the one number that all thresholds follow from. By default one in
+        1000 hours.
+    coast : int
+        Cycles for which a missing or impossible reading is bridged by its own prediction, before
+        it has failed.
+    spikes, within : int
+        So many bridged faults in so many cycles are a failure.
+    decide : int
+        Cycles of disagreement of which nobody can be named, after which the robot stops.
+    stop : float
+        In which it then comes to rest along its path, s.
+    stop_lost : float
+        The same where a motor is lost, s: about twice the time in which a brake closes (20 ms,
+        assumed). The brake stops that motor; the other motors leave the path by as far as they
+        go on.
+    replaceable : float
+        σ up to which a motor's reading is replaced by what the sensors say, rad or m.
+    effects : Effects, optional
+        That a healthy robot has, and that are no disagreement: play and eccentric encoders
+        (:meth:`Effects.allowed_for`; a robot that is calibrated was so allowing for them), and
+        what arms give way by under the motors' torques.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> h4 = tp.load("h4")
+    >>> stuck = tp.faults.Fault("theta", "stuck", at=0.05)
+    >>> blind = tp.simulate(h4, faults=[stuck])
+    >>> watched = tp.simulate(h4, faults=[stuck], watch=tp.FaultMonitor())
+    >>> bool(abs(blind.error[:, 3]).max() > 1), bool(abs(watched.error[:, 3]).max() < 0.02)
+    (True, True)
+    >>> watched.failed
+    ['theta']
+    """
+
+    false_alarms: float = 1e-3
+    coast: int = 5
+    spikes: int = 3
+    within: int = 1000
+    decide: int = 20
+    stop: float = 0.15
+    stop_lost: float = 0.04
+    replaceable: float = 3e-3
+    effects: Effects | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("false_alarms", "stop", "stop_lost", "replaceable"):
+            positive(name, getattr(self, name))
+        for name, most in (("coast", 1000), ("spikes", 8), ("within", 10**6), ("decide", 10**4)):
+            value = getattr(self, name)
+            if not (isinstance(value, int) and 1 <= value <= most):
+                raise InputError(f"{name} = {value}: must be a whole number from 1 to {most}")
+
+    def guarding(
+        self, robot: Robot, controller: Controller, still_sensors: bool = True
+    ) -> _core.Guarding:
+        """Return what the core's guard needs: the robot, what is known of it, and thresholds.
+
+        Without `still_sensors` a sensor that stands still beside moving motors is not called stuck:
+        a law that holds it within a count while the geometry is off does the same to a healthy one.
+        Its disagreement with the others is judged in any case.
+        """
+        settings = _core.GuardSettings()
+        watch = _core.WatchSettings()
+        watch.period = controller.period
+        chance = self.false_alarms * controller.period / 3600
+        if not chance < 0.1:
+            raise InputError(
+                f"false_alarms = {self.false_alarms} an hour: must be fewer than a tenth of the "
+                f"cycles, {360 / controller.period:g} an hour"
+            )
+        watch.false_alarm = chance
+        for name in ("coast", "spikes", "within", "decide", "replaceable"):
+            setattr(watch, name, getattr(self, name))
+        finest = robot.at_highest_level
+        fill = 16 - robot.n - robot.r
+        watch.fastest = [*_fastest(finest).tolist(), *[0.0] * fill]
+        moved, rests = _moved(robot, controller)
+        moved[robot.n :] *= still_sensors
+        watch.moved = [*moved.tolist(), *[0.0] * fill]
+        watch.rests = [*rests.tolist(), *[0.0] * (6 - robot.n)]
+        watch.shaken = [*_shaken(robot, controller).tolist(), *[0.0] * (6 - robot.n)]
+        watch.kp = [controller.frequency**2] * 6
+        watch.kd = [2 * controller.damping * controller.frequency] * 6
+        low, high = _range(robot)
+        watch.low, watch.high = [*low, *[0.0] * fill], [*high, *[0.0] * fill]
+        settings.watch, settings.stop, settings.stop_lost = watch, self.stop, self.stop_lost
+        yields = robot if self.effects is None else _yielding(robot, self.effects)
+        slow = delays.settings(robot, controller.period)
+        return _core.Guarding(finest.core, knowledge.knowledge(yields).core, settings, slow)
+
+    def review(
+        self, robot: Robot, q_e: ArrayLike, desired: ArrayLike | None = None, period: float = 1e-3
+    ) -> Review:
+        """Watch readings that were recorded, one line a control period.
+
+        Parameters
+        ----------
+        robot : Robot
+            What is believed: with its tolerances, or calibrated.
+        q_e : array_like, shape (N, n + r)
+            Lines of readings, rad and m; NaN where there is none.
+        desired : array_like, shape (N, n), optional
+            Motor positions that the controller asked for; by default what was read. A motor that
+            stands still is found by them alone.
+        period : float
+            Between two lines, s.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> run = tp.simulate(tp.load("h4"), controller="joint")
+        >>> q_e = run.q_e.copy()
+        >>> q_e[200:, 4] += 0.5
+        >>> review = tp.FaultMonitor().review(tp.load("h4"), q_e)
+        >>> review.failed, int(review.first)
+        (['theta'], 200)
+        """
+        rows, lead = flattened(robot, q_e, robot.n + robot.r, "q_e", "nan")
+        if len(lead) != 1:
+            raise InputError(f"q_e: shape {(*lead, rows.shape[-1])}, must be (N, n + r)")
+        asked = rows[:, : robot.n] if desired is None else np.asarray(desired, dtype=float)
+        if asked.shape != (len(rows), robot.n):
+            raise InputError(f"desired: shape {asked.shape}, must be {(len(rows), robot.n)}")
+        positive("period", period)
+        guarding = self.guarding(robot, Controller(law="joint", period=period))
+        result = _core.Watching(guarding).review(
+            np.ascontiguousarray(asked), np.ascontiguousarray(rows)
+        )
+        return Review(robot, *result)
+
+
+class Review(NamedTuple):
+    """What a watch said of N lines of readings."""
+
+    robot: Robot
+    believed: Array  #: (N, n + r) the readings, or what stood for them
+    health: Array  #: (N, n + r) int, see `HEALTH`
+    symptom: Array  #: (N, n + r) int, the latest of each reading, see `SYMPTOMS`
+    chi2: Array  #: (N,) level of what the readings disagree about
+    freedom: Array  #: (N,) its degrees of freedom
+    doubted: Array  #: (N,) int, readings of which one is wrong, as bits
+    undecided: Array  #: (N,) bool: nobody will find out which
+    status: Array  #: (N,) int
+
+    @property
+    def failed(self) -> list[str]:
+        """Names of the readings that have failed by the end."""
+        return failed(self.robot, self.health)
+
+    @property
+    def first(self) -> int | None:
+        """The first line in which some reading is not valid; None: all are."""
+        return first(self.health)
+
+
+def failed(robot: Robot, health: Array) -> list[str]:
+    """Names of the readings that have failed in the last of the lines."""
+    last = health[-1] if len(health) else []
+    return [name for name, h in zip(robot.readings, last, strict=False) if HEALTH[h] == "failed"]
+
+
+def first(health: Array) -> int | None:
+    """Return the first line in which some reading is not valid."""
+    lines = np.flatnonzero((health > 0).any(axis=1))
+    return int(lines[0]) if lines.size else None
+
+
+def watched(robot: Robot, time: Array, health: Array, symptom: Array, stops: Array) -> str:
+    """Say which readings failed, when and why, and whether the robot had to stop; "": nothing."""
+    said = []
+    for c, name in enumerate(robot.readings):
+        lines = np.flatnonzero(health[:, c] == HEALTH.index("failed"))
+        if lines.size:
+            k = lines[0]
+            said.append(f"{name} failed at {time[k]:.3f} s ({SYMPTOMS[symptom[k, c]]})")
+    if stops.any():
+        why = "" if said else "readings disagree, which is undecided: "
+        said.append(f"{why}stops from {time[stops.argmax()]:.3f} s on")
+    return ", ".join(said)
+
+
+def _fastest(robot: Robot) -> Array:
+    """Second derivative that each reading may have, by the motors' torque limits; 0: not known."""
+    box = robot.spec.workspace
+    if box is None:
+        poses = np.array([robot.home])
+    else:
+        poses = np.random.default_rng(0).uniform(box.minimum, box.maximum, (_POSES, robot.n))
+    most, status, _ = _core.fastest(robot.core, np.ascontiguousarray(poses))
+    most = most[status <= 0]
+    return _MARGIN * most.max(axis=0) if len(most) else np.zeros(robot.n + robot.r)
+
+
+def _yielding(robot: Robot, effects: Effects) -> Robot:
+    """Return the robot with what its arms give way by counted as noise of the motors' readings."""
+    if robot.spec.calibration is None:
+        robot = effects.allowed_for(robot)
+    if not effects.arm_stiffness:
+        return robot
+    chains = []
+    for k, chain in enumerate(robot.spec.chain):
+        sigma = 0.0
+        if chain.actuator == "revolute":
+            gain = abs(robot.parameters[f"chain{k + 1}.gain"].value)
+            sigma = gain * _TORQUE * (chain.torque_limit or 0) / effects.arm_stiffness
+        chains.append(
+            chain.model_copy(update={"encoder_noise": math.hypot(chain.encoder_noise, sigma)})
+        )
+    values = {name: p.value for name, p in robot.parameters.items()}
+    return Robot(robot.spec.model_copy(update={"chain": tuple(chains)}), values)
+
+
+def _moved(robot: Robot, controller: Controller) -> tuple[Array, Array]:
+    """Motion of the model beside which no healthy reading stands still; error that motors bear."""
+    moved = _COUNTS * robot.resolution + _SIGMAS * knowledge.reading_sigma(robot)
+    # The error at which the PD overcomes friction; without a limit nothing is known of it.
+    limits = np.array([chain.torque_limit or 0.0 for chain in robot.spec.chain])
+    away = _STICKS * limits / (controller.frequency**2 * _inertia(robot, controller))
+    moved[: robot.n] += away
+    return moved, moved[: robot.n] - (_COUNTS - _BEAR) * robot.resolution[: robot.n]
+
+
+def _shaken(robot: Robot, controller: Controller) -> Array:
+    """White noise of each motor's reading that its torque follows by a share of its limit; rms."""
+    gains = Gains(controller.frequency, controller.velocity_bandwidth, controller.damping)
+    turn = np.exp(1j * np.linspace(0, np.pi, 1000))
+    answer = np.sqrt(np.mean(np.abs(gains.transfer(turn, controller.period)) ** 2))
+    limits = np.array([chain.torque_limit or 0.0 for chain in robot.spec.chain])
+    return _SHAKES * limits / (answer * _inertia(robot, controller))
+
+
+def _inertia(robot: Robot, controller: Controller) -> Array:
+    """Torque by which each motor's acceleration at home is had, over it."""
+    gains = replace(controller, gains="diagonal")
+    kp = np.array(gains.settings(robot, robot.home).kp[: robot.n])
+    return kp / controller.frequency**2
+
+
+def _range(robot: Robot) -> tuple[list[float], list[float]]:
+    """What each reading may be, of motors with stops and sensors with a range; else the same."""
+    low, high = np.zeros(robot.n + robot.r), np.zeros(robot.n + robot.r)
+    for k, chain in enumerate(robot.spec.chain):
+        if chain.limits is None:
+            continue
+        gain, offset = (
+            robot.parameters[f"chain{k + 1}.{name}"].value for name in ("gain", "encoder_offset")
+        )
+        ends = gain * np.array(chain.limits) - offset
+        low[k], high[k] = ends.min() - _BEYOND, ends.max() + _BEYOND
+    for k, sensor in enumerate(robot.spec.used, robot.n):
+        low[k], high[k] = sensor.range or (0.0, 0.0)
+    return low.tolist(), high.tolist()

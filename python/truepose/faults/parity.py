@@ -1,0 +1,162 @@
+"""Parity equations: contradictions between readings, with the pose eliminated."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose.arguments import Array, Level
+from truepose.robot import knowledge
+from truepose.robot.kinematics import Kinematics
+
+#: What rounding leaves of a zero: of a signature in units of its reading's σ, and of the sin² of
+#: the angle between two of them.
+UNSEEN, PARALLEL = 1e-9, 1e-12
+
+
+class Parity(NamedTuple):
+    """r combinations of the n + r readings that hold no pose: y = G (q_e - h), y ~ N(B u, I).
+
+    Whatever the pose is, to first order; u ~ N(0, I) is the geometry in units of what is known of
+    it, the same at every pose. A fault b of reading c adds b times column c of G, its signature.
+    """
+
+    signature: Array  #: G, (..., r, n + r), 1/rad or 1/m
+    geometry: Array  #: B, (..., r, p)
+
+    def at_rest(self) -> Array:
+        """G with u taken for noise: y of a healthy robot is N(0, I) at each pose by itself."""
+        B = self.geometry
+        C = np.eye(B.shape[-2]) + B @ B.swapaxes(-1, -2)
+        return np.linalg.solve(np.linalg.cholesky(C), self.signature)
+
+    def information(self) -> Array:
+        """Fisher information of constant faults, from all poses together, shape (n + r, n + r).
+
+        Gᵀ(I + B Bᵀ)⁻¹G of the poses' rows one below the other: u is common to them.
+        """
+        rows = math.prod(self.signature.shape[:-1])
+        B, G = (part.reshape(rows, part.shape[-1]) for part in (self.geometry, self.signature))
+        rest = whitened(G, B)
+        return rest.T @ rest
+
+
+def whitened(columns: Array, B: Array) -> Array:
+    """Columns of which what a geometry B u with u ~ N(0, I) explains is taken: by I + B Bᵀ.
+
+    Parameters
+    ----------
+    columns : ndarray, shape (N, k)
+    B : ndarray, shape (N, p)
+
+    Returns
+    -------
+    ndarray, shape (N + p, k)
+        Its scalar products are those of the columns with (I + B Bᵀ)⁻¹ between.
+    """
+    whole = np.vstack([columns, np.zeros((B.shape[1], columns.shape[1]))])
+    Q = np.linalg.qr(np.vstack([B, np.eye(B.shape[1])]))[0]  # no square of what cancels
+    return whole - Q @ (Q.T @ whole)
+
+
+def parity(
+    robot: Kinematics,
+    poses: ArrayLike,
+    level: Level | None = None,
+    posterior: Array | None = None,
+    model_error: bool = True,
+) -> Parity:
+    """Eliminate the pose from the readings: what a χ² test of the rest goes by.
+
+    Parameters
+    ----------
+    robot : Robot
+        With the sensors in use, about its expected geometry.
+    poses : array_like, shape (..., n)
+    level : {"ideal", "full"}, optional
+        By which readings are understood; by default :attr:`Robot.highest_level`.
+    posterior : ndarray, shape (p, p), optional
+        Root of Σ_ξ to take in place of the robot's own.
+    model_error : bool
+        Whether to count, at the ideal level, what it leaves out of a real robot, as an error of
+        each reading that stays the same.
+
+    Examples
+    --------
+    A healthy parity has variance 1, an error of the pose none:
+
+    >>> import numpy as np, truepose as tp
+    >>> from truepose.faults.parity import parity
+    >>> h4 = tp.load("h4").expected()
+    >>> x = np.array([0.05, 0, -0.4, 0.2])
+    >>> G = parity(h4, x).at_rest()
+    >>> off = h4.extended_positions(x + [1e-6, 0, 0, 0]) - h4.extended_positions(x)
+    >>> G.shape, bool(abs(G @ off).max() < 1e-7)
+    ((1, 5), True)
+    """
+    level = robot.highest_level if level is None else level
+    H_x, H_xi = robot.linearize(poses, level=level)
+    uncertain = knowledge.uncertain(robot)
+    names = list(robot.parameters)
+    root = knowledge.root(robot, uncertain) if posterior is None else posterior
+    moved = H_xi[..., [names.index(name) for name in uncertain]] @ root
+    stated = knowledge.stated_error(robot)
+    if model_error and level == "ideal" and stated.any():
+        fixed = np.broadcast_to(np.diag(stated), (*moved.shape[:-1], len(stated)))
+        moved = np.concatenate([moved, fixed], axis=-1)
+    sigma = knowledge.reading_sigma(robot)
+    Q = np.linalg.qr(H_x / sigma[:, None], mode="complete")[0]
+    rows = Q[..., robot.n :].swapaxes(-1, -2)
+    norm = np.linalg.norm(rows, axis=-2, keepdims=True)
+    signature = np.where(norm > UNSEEN, rows, 0) / sigma
+    return Parity(signature, signature @ moved)
+
+
+def unexplained(gram: Array) -> Array:
+    """How much of each fault another one cannot explain: |g_c|² sin²∠(g_c, g_d).
+
+    Parameters
+    ----------
+    gram : ndarray, shape (..., m, m)
+        Scalar products of the signatures, or their Fisher information.
+
+    Returns
+    -------
+    ndarray, shape (..., m, m)
+        0 where c is seen and parallel to d; |g_c|² where d is not seen at all; inf on the diagonal.
+    """
+    own = np.diagonal(gram, axis1=-2, axis2=-1)
+    other = np.where(own > 0, own, np.inf)
+    rest = own[..., :, None] - gram**2 / other[..., None, :]
+    rest = np.where(rest > PARALLEL * own[..., :, None], rest, 0.0)
+    return np.where(np.eye(gram.shape[-1], dtype=bool), np.inf, rest)
+
+
+def gate(false_alarm: float, freedoms: int) -> float:
+    """χ² that a healthy parity exceeds with this probability."""
+    from scipy.special import chdtri
+
+    return float(chdtri(freedoms, false_alarm))
+
+
+def detectable(false_alarm: float, freedoms: int, power: float) -> float:
+    """Length |b g| of the smallest fault that exceeds the gate with probability `power`.
+
+    χ² of a faulty parity is noncentral, by |b g|². Infinite without a freedom.
+
+    Examples
+    --------
+    One reading, one in a million: 4.89 σ to the gate, 1.28 σ beyond it.
+
+    >>> from truepose.faults.parity import detectable
+    >>> round(detectable(1e-6, 1, 0.9), 3)
+    6.173
+    """
+    from scipy.special import chndtrinc
+
+    if freedoms < 1:
+        return np.inf
+    return float(np.sqrt(chndtrinc(gate(false_alarm, freedoms), freedoms, 1 - power)))

@@ -1,0 +1,1 @@
+"""Integration of dask: Monte Carlo studies on a cluster."""

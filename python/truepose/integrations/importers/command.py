@@ -1,0 +1,78 @@
+"""`truepose import`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from truepose import files, robotfile
+from truepose.commands.options import Force, wrote
+from truepose.integrations.importers import Mechanism, from_mjcf, from_urdf, pivot_of
+from truepose.show.terminal import Format, say
+
+app = typer.Typer(no_args_is_help=True, help="Make a robot file of another program's model.")
+
+Pivot = Annotated[
+    str,
+    typer.Option(
+        metavar="BODY", help="Body that passive hinges carry and rods turn: a foot, a hand, a head."
+    ),
+]
+Out = Annotated[
+    Path | None,
+    typer.Option("-o", "--out", help="Robot file to write.", show_default="standard output"),
+]
+
+
+@app.command()
+def mjcf(
+    model: Annotated[Path, typer.Argument(help="MJCF file.")],
+    pivot: Pivot,
+    out: Out = None,
+    force: Force = False,
+) -> None:
+    """Make a robot file of an ankle, wrist or neck in an MJCF model.
+
+    Its loops are closed by rods: equality/connect, or welds within a rod. What cannot be said in a
+    robot file is named. Needs truepose[import].
+
+    Example: **truepose import mjcf humanoid.xml --pivot left_foot -o ankle.toml**
+    """
+    _put(from_mjcf(model), pivot, [model], out, force)
+
+
+@app.command()
+def urdf(
+    model: Annotated[Path, typer.Argument(help="URDF file.")],
+    loops: Annotated[
+        Path, typer.Argument(help="YAML file: closed_loop, type, name_mot, joint_name, joint_type.")
+    ],
+    pivot: Pivot,
+    out: Out = None,
+    force: Force = False,
+) -> None:
+    """Make a robot file of an ankle, wrist or neck in a URDF, whose loops a YAML file closes.
+
+    Needs truepose[import].
+
+    Example: **truepose import urdf robot.urdf robot.yaml --pivot foot -o ankle.toml**
+    """
+    _put(from_urdf(model, loops), pivot, [model, loops], out, force)
+
+
+def _put(mechanism: Mechanism, body: str, read: list[Path], out: Path | None, force: bool) -> None:
+    """Write the robot to a file, or to standard output."""
+    output = out and robotfile.output(out, "-o")
+    files.check([output] if output else [], read, force)
+    spec, notes = pivot_of(mechanism, body)
+    text = robotfile.to_toml(spec, {})
+    if output:
+        files.write({output: text}, read, force)
+        wrote(Format.table, out)
+    else:
+        print(text, end="")
+    left = "left to add: [tolerances], what machining and assembly leave open, and sensors"
+    for note in (*notes, left):
+        say(note, err=output is None)

@@ -1,0 +1,392 @@
+"""Passive axes and rods of an ankle, wrist or neck in a model."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from truepose.arguments import Array
+from truepose.exceptions import InputError
+from truepose.integrations.importers.actuators import armature, torque_limit
+from truepose.integrations.importers.home import standing, with_workspace
+from truepose.integrations.importers.links import MEET, Link, Mechanism, meeting
+from truepose.robotfile import RobotFile, taken
+
+_HEAVY = 1e-6  # kg, or kg·m²; less is what MuJoCo asks of bodies that weigh nothing
+
+
+def pivot_of(mechanism: Mechanism, body: str) -> tuple[RobotFile, list[str]]:
+    """Return the robot whose nacelle is a body that one to three passive hinges carry.
+
+    With it come lines to tell, of what is not as the model has it.
+
+    Its base is the body that the motors stand on. Each motor, a hinge or a slide, moves the end of
+    a rod, or is a slide between a rod's two ends; the rod's other end is on the nacelle. Of masses
+    it takes the nacelle's, the rods' and what the motors turn; products of inertia it leaves out.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    body : str
+        The nacelle's name.
+
+    Raises
+    ------
+    InputError
+        What cannot be said so, by name.
+    """
+    return _Pivot(mechanism, body).robot()
+
+
+@dataclass(frozen=True)
+class _Rod:
+    """A rod from a motor to the nacelle, or of a leg both its parts."""
+
+    motor: Link
+    near: Link  #: its end on the motor's side
+    far: Link  #: on the nacelle
+    rods: tuple[int, ...]  #: bodies
+    moved: int  #: body that the motor moves; of a leg the rod's lower part
+    base: int  #: body that the motor stands on
+
+
+class _Pivot:
+    def __init__(self, mechanism: Mechanism, body: str):
+        self.m, self.nacelle = mechanism, mechanism.body(body)
+        self.spine = list(self._spine())
+        self.bodies = [self.nacelle, *(link.bodies[0] for link in self.spine)]
+        self._merge_universals()
+        ends = [
+            link
+            for link in self.m.at(self.nacelle)
+            if link is not self.spine[0] and self._returns(link)
+        ]
+        if not ends:
+            raise self._wrong("no loop: no rod goes from it to a motor")
+        rods = [self._rod(end) for end in ends]
+        self.rods = sorted(rods, key=lambda rod: rod.motor.ids)
+        self.base = self.rods[0].base
+        for rod in self.rods:
+            if rod.base != self.base:
+                raise self._wrong(
+                    f"motors {self.rods[0].motor.name} and {rod.motor.name} stand on two bodies, "
+                    f"{self.m.name_of(self.base)} and {self.m.name_of(rod.base)}: must be one"
+                )
+        self.axes = [*reversed(self.spine[: self.bodies.index(self.base)])]
+        self._check()
+        put = self.m.data
+        self._p, self._R = put.xpos[self.base], put.xmat[self.base].reshape(3, 3)
+
+    def _wrong(self, why: str) -> InputError:
+        return InputError(f"{self.m.source}: {self.m.name_of(self.nacelle)}: {why}")
+
+    def _spine(self) -> Any:
+        """Joints that carry the nacelle, its own first, to the world."""
+        body, seen = self.nacelle, set()
+        while True:
+            up = [link for link in self.m.links if link.ids and link.bodies[1] == body]
+            if not up or body in seen:
+                break
+            seen.add(body)
+            yield up[0]
+            body = up[0].bodies[0]
+        if not seen:
+            raise self._wrong("nothing turns it: give the body that the passive axes carry")
+
+    def _merge_universals(self) -> None:
+        """Make one joint of those whose axes meet, with nothing on the body between."""
+        while True:
+            for body in {b for link in self.m.links for b in link.bodies} - {*self.bodies, 0}:
+                ends = self.m.at(body)
+                if len(ends) == 2 and (one := self._merged(body, *ends)) is not None:
+                    self.m.links = [k for k in self.m.links if not any(k is e for e in ends)]
+                    self.m.links.append(one)
+                    break
+            else:
+                return
+
+    def _merged(self, body: int, a: Link, b: Link) -> Link | None:
+        if not (a.turns and b.turns) or self._driven(a) or self._driven(b):
+            return None
+        # An axis of each: where one turns about several, those about its point say where that is.
+        at = np.vstack([np.tile(e.point_on(body), (len(e.axes), 1)) for e in (a, b)])
+        axes = np.vstack([a.axes, b.axes])
+        point = meeting(at, axes)
+        if point is None:
+            return None
+        ends = a.other(body), b.other(body)
+        shift = [point - e.point_on(body) for e in (a, b)]
+        points = [e.point_on(end) + s for e, end, s in zip((a, b), ends, shift, strict=True)]
+        return Link(
+            a.name if a.ids else b.name,
+            ends,
+            np.array(points),
+            axes[:3],
+            np.tile(points[0], (min(len(axes), 3), 1)),
+            ids=a.ids + b.ids,
+        )
+
+    def _driven(self, link: Link) -> bool:
+        return bool({*link.ids} & self.m.motors)
+
+    def _returns(self, link: Link) -> bool:
+        """Whether what a link leads to hangs on more than the nacelle."""
+        known, new = {self.nacelle}, [link.other(self.nacelle)]
+        while new:
+            body = new.pop()
+            if body in self.bodies:
+                return True
+            known.add(body)
+            new += [b for k in self.m.at(body) if (b := k.other(body)) not in known]
+        return False
+
+    def _onward(self, body: int, from_: Link) -> list[Link]:
+        """Links of a body that lead on; parts that only hang there do not."""
+        return [
+            k
+            for k in self.m.at(body, but=from_)
+            if len(self.m.at(k.other(body))) > 1 or k.other(body) in self.bodies
+        ]
+
+    def _rod(self, far: Link) -> _Rod:
+        """Follow a rod from the nacelle to its motor."""
+        rod = far.other(self.nacelle)
+        name = self.m.name_of
+        if rod in self.bodies:
+            raise self._wrong(f"{far.name} joins it to {name(rod)}: no rod is between")
+        self._end(far)
+        near = self._only(rod, far, "a rod has two ends")
+        rods = (rod,)
+        if near.slides:  # a leg
+            motor, upper = near, near.other(rod)
+            near = self._only(upper, motor, "a leg's part has an end and a slide")
+            self._end(near)
+            self._ball(near, far)
+            base = near.other(upper)
+            if base not in self.bodies:
+                raise self._wrong(
+                    f"{near.name} joins leg {name(upper)} to {name(base)}: not its base"
+                )
+            return _Rod(motor, near, far, (rod, upper), rod, base)
+        if near.turns == 1 and near.other(rod) in self.bodies:
+            raise self._wrong(
+                f"{far.name} joins it to {name(rod)}, which {near.name} turns: no rod is between"
+            )
+        self._end(near)
+        self._ball(near, far)
+        crank = near.other(rod)
+        if crank in self.bodies:
+            raise self._wrong(f"rod {name(rod)} ends on {name(crank)}: no motor moves it")
+        motor = self._only(crank, near, "a crank has an axis and one rod")
+        if not motor.slides and (motor.turns != 1 or not motor.ids):
+            raise self._wrong(
+                f"{motor.name}, on which {name(crank)} stands, is neither hinge nor slide"
+            )
+        if motor.bodies[0] not in self.bodies:
+            raise self._wrong(
+                f"{name(crank)} stands on {name(motor.other(crank))}, which does not carry it: "
+                f"must be among {', '.join(name(b) for b in self.bodies[1:])}"
+            )
+        return _Rod(motor, near, far, rods, crank, motor.bodies[0])
+
+    def _only(self, body: int, link: Link, expected: str) -> Link:
+        found = self._onward(body, link)
+        if len(found) != 1:
+            others = ", ".join(k.name for k in found) or "nothing"
+            raise self._wrong(
+                f"{self.m.name_of(body)} is joined by {link.name} and by {others}: {expected}"
+            )
+        return found[0]
+
+    def _end(self, link: Link) -> None:
+        if link.turns < 2:
+            kind = "slide" if link.slides else "free joint" if link.loose else "hinge"
+            raise self._wrong(
+                f"{link.name}, a {kind}, ends a rod: must be a ball, a universal joint or a connect"
+            )
+
+    def _ball(self, near: Link, far: Link) -> None:
+        if near.turns + far.turns < 5:
+            raise self._wrong(
+                f"{near.name} and {far.name} are both universal joints, which hold the rod's spin: "
+                "one must be a ball"
+            )
+
+    def _check(self) -> None:
+        """Refuse what a pivot's file has no words for."""
+        joints: list[int] = []
+        for link in self.axes:
+            if not {*link.ids} <= self.m.hinges:
+                raise self._wrong(f"{link.name}: a passive axis must be a hinge of its own")
+            if self._driven(link):
+                raise self._wrong(f"{link.name} is driven: an axis of a pivot is passive")
+            joints += link.ids
+        if len(joints) > 3:
+            raise self._wrong(
+                f"{len(joints)} axes up to {self.m.name_of(self.base)}: at most three"
+            )
+        if len(joints) != len(self.rods):
+            raise self._wrong(
+                f"{len(joints)} passive axes and {len(self.rods)} rods with motors: must be as many"
+            )
+        for rod in self.rods:
+            if self.m.motors and not self._driven(rod.motor):
+                raise self._wrong(f"{rod.motor.name}, which moves a rod, is not driven")
+            joints += (*rod.motor.ids, *rod.near.ids, *rod.far.ids)
+        for joint in joints:
+            if joint in self.m.coupled:
+                raise self._wrong(
+                    f"{self.m.model.joint(joint).name} is coupled by {self.m.coupled[joint]}: "
+                    "a robot's motors move alone"
+                )
+        still = {self.base, self.nacelle, *(rod.moved for rod in self.rods if not rod.motor.slides)}
+        if torn := still & self.m.moved:
+            raise self._wrong(
+                f"{self.m.name_of(min(torn))} is welded of parts that are apart at zero"
+            )
+
+    def _at(self, point: Array) -> Array:
+        return self._R.T @ (point - self._p)
+
+    def robot(self) -> tuple[RobotFile, list[str]]:
+        """Return it as a file says it, and what to tell of it."""
+        axes, ids, last = [], [], np.zeros(3)
+        for link in self.axes:
+            for joint, direction, anchor in zip(link.ids, link.axes, link.anchors, strict=True):
+                at = self._at(anchor)
+                axes.append(
+                    {
+                        "name": _word(self.m.model.joint(joint).name or f"x{joint}"),
+                        "origin": _round(at - last),
+                        "direction": _round(self._R.T @ direction),
+                        **self._limits("limits", joint),
+                    }
+                )
+                ids.append(joint)
+                last = at
+        chains = [self._chain(rod, last) for rod in self.rods]
+        model = self.m.model
+        data: dict[str, Any] = {
+            "name": _word(self.m.name),
+            "source": f"{self.m.source}, body {self.m.name_of(self.nacelle)}; no tolerances: "
+            "a model knows none",
+            "mobility": "pivot",
+            "gravity": _round(self._R.T @ model.opt.gravity),
+            "axis": axes,
+            "chain": chains,
+            **self._nacelle(last),
+        }
+        at = model.jnt_qposadr
+        motors = np.array([model.qpos0[at[rod.motor.ids[0]]] for rod in self.rods])
+        drawn = [float(model.qpos0[at[joint]]) for joint in ids]
+        robot, notes = standing(data, drawn, motors, self.m.source, self.m.name_of(self.nacelle))
+        spec, more = with_workspace(robot)
+        return spec, notes + more
+
+    def _chain(self, rod: _Rod, nacelle: Array) -> dict:
+        A = self._at(rod.far.point_on(self.nacelle))
+        data: dict[str, Any] = {"anchor": _round(A - nacelle), **self._motor(rod)}
+        if len(rod.rods) == 2:
+            P = self._at(rod.near.point_on(rod.base))
+            return {**data, "actuator": "telescopic", "base": _round(P), **self._leg(rod)}
+        B, u = self._at(rod.near.point_on(rod.moved)), self._R.T @ rod.motor.axes[0]
+        length = np.linalg.norm(rod.near.point_on(rod.rods[0]) - rod.far.point_on(rod.rods[0]))
+        data |= {"axis": _round(u), "rod": float(length)}
+        if rod.motor.slides:
+            return {**data, "actuator": "prismatic", "base": _round(B)}
+        at = self._at(rod.motor.anchors[0])
+        P = at + u * (u @ (B - at))
+        arm = float(np.linalg.norm(B - P))
+        if arm < MEET:
+            raise self._wrong(f"{rod.motor.name}: its rod ends on its axis, which cannot move it")
+        zero = (B - P) / arm
+        return {**data, "actuator": "revolute", "base": _round(P), "zero": _round(zero), "arm": arm}
+
+    def _leg(self, rod: _Rod) -> dict:
+        """Read a leg's length by its slide: reading = gain · length - offset."""
+        lower, upper = rod.rods
+        along = rod.far.point_on(lower) - rod.near.point_on(upper)  # at zero
+        length = float(np.linalg.norm(along))
+        lean = float(along @ rod.motor.axes[0]) / length
+        if abs(abs(lean) - 1) > MEET:
+            raise self._wrong(
+                f"{rod.motor.name} does not slide along its leg, between its two ends"
+            )
+        sign = np.sign(lean) * (1 if rod.motor.bodies[0] == upper else -1)
+        return {"gain": float(sign), "encoder_offset": float(sign) * length}
+
+    def _limits(self, key: str, joint: int) -> dict:
+        model = self.m.model
+        if not model.jnt_limited[joint]:
+            return {}
+        low, high = map(float, model.jnt_range[joint])
+        return {key: (low, high)} if low < high else {}
+
+    def _motor(self, rod: _Rod) -> dict:
+        """Limits, the drive's inertia and the rod's mass."""
+        model, joint = self.m.model, rod.motor.ids[0]
+        data: dict[str, Any] = {}
+        if len(rod.rods) == 1:
+            data |= self._limits("limits", joint)
+        actuators = self.m.actuators.get(joint, [])
+        if np.isfinite(most := torque_limit(model, joint, actuators)):
+            data["torque_limit"] = most
+        inertia = armature(model, joint, actuators)
+        mass, centre, I = self._inertia([rod.moved])
+        if rod.motor.slides:
+            inertia += mass
+        else:
+            u = rod.motor.axes[0]
+            across = np.cross(u, centre - rod.motor.anchors[0])
+            inertia += float(u @ I @ u + mass * across @ across)
+        if inertia > _HEAVY:
+            data["drive_inertia"] = inertia
+        weight = self._inertia([k for k in rod.rods if k != rod.moved])[0]
+        if weight > _HEAVY:
+            data["rod_mass"] = weight
+        return data
+
+    def _nacelle(self, at: Array) -> dict:
+        mass, centre, I = self._inertia([self.nacelle])
+        if mass < _HEAVY:
+            return {}
+        turned = np.diag(self._R.T @ I @ self._R)
+        names = zip(("inertia_x", "inertia_y", "inertia_z"), turned, strict=True)
+        return {
+            "nacelle": {
+                "mass": mass,
+                "centre": _round(self._at(centre) - at),
+                **{name: float(value) for name, value in names},
+            }
+        }
+
+    def _inertia(self, bodies: Sequence[int]) -> tuple[float, Array, Array]:
+        """Mass, centre and inertia about it of rigid bodies, every joint at zero."""
+        m, d = self.m.model, self.m.data
+        parts = [k for k, body in enumerate(self.m.body_of) if body in bodies and m.body_mass[k]]
+        mass = float(sum(m.body_mass[k] for k in parts))
+        if not mass:
+            return 0.0, np.zeros(3), np.zeros((3, 3))
+        centre = sum(m.body_mass[k] * d.xipos[k] for k in parts) / mass
+        I = np.zeros((3, 3))
+        for k in parts:
+            R, r = d.ximat[k].reshape(3, 3), d.xipos[k] - centre
+            I += R @ np.diag(m.body_inertia[k]) @ R.T
+            I += m.body_mass[k] * (r @ r * np.eye(3) - np.outer(r, r))
+        return mass, centre, I
+
+
+def _word(name: str) -> str:
+    """Make a name of letters, digits and _ that a robot file can have."""
+    word = re.sub(r"[^A-Za-z0-9_]", "_", name)
+    word = word if word[:1].isalpha() else f"a{word}"
+    return f"{word}_angle" if taken(word) else word
+
+
+def _round(vector: Array) -> tuple[float, ...]:
+    """Drop what rounding has left of zeros, and nothing else."""
+    return tuple(float(v) if abs(v) > 1e-12 else 0.0 for v in vector)

@@ -1,0 +1,1 @@
+"""Integration of Klipper: delta printers by their own configuration and readings."""

@@ -1,0 +1,131 @@
+"""`truepose klipper`."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from truepose import files, robotfile
+from truepose.commands.options import Force, How, wrote
+from truepose.exceptions import InputError
+from truepose.integrations.klipper import output, review, to_read
+from truepose.integrations.klipper.assessment import Assessment, assess
+from truepose.integrations.klipper.config import Config
+from truepose.integrations.klipper.printer import MM, has_readings
+from truepose.show.table import Table
+from truepose.show.terminal import Format, say, show
+
+#: Lengths of arms that any printer has, mm.
+_ARMS = (10.0, 5000.0)
+
+
+def command(
+    config: Annotated[
+        Path, typer.Argument(metavar="PRINTER.CFG", help="Klipper's config file, saved block too.")
+    ],
+    write: Annotated[
+        Path | None,
+        typer.Option(help="New printer.cfg with the estimate; no file is ever replaced by it."),
+    ] = None,
+    robot: Annotated[
+        Path | None, typer.Option(help="Robot file to write: the printer by the estimate.")
+    ] = None,
+    report: Annotated[Path | None, typer.Option(help="Report to write (HTML).")] = None,
+    arm: Annotated[
+        float | None,
+        typer.Option(
+            metavar="MM",
+            min=_ARMS[0],
+            max=_ARMS[1],
+            help="Length of the arms as drawn or measured.",
+            show_default="as the file had it first",
+        ),
+    ] = None,
+    next_readings: Annotated[
+        int | None,
+        typer.Option(
+            "--plan",
+            metavar="N",
+            min=1,
+            help="How many readings to say that are worth taking next.",
+        ),
+    ] = None,
+    how: How = Format.table,
+    force: Force = False,
+) -> None:
+    """Look at a delta printer by the readings that Klipper's delta_calibrate has saved.
+
+    Says how well the file's parameters fit its readings, what Klipper's own criterion gives and
+    what the estimate with stated tolerances, how well each parameter is known then, how readings
+    are predicted that were not looked at, what a print would show, and whether to use it at all.
+
+    With --plan, what to read next; of a file without readings, what first.
+
+    Example: **truepose klipper printer.cfg --report printer.html --write new.cfg**
+    """
+    if next_readings is not None and not (write or robot or report):
+        read = Config.read(config)
+        if not has_readings(read):
+            first(read, next_readings, None if arm is None else MM * arm, how)
+            return
+    found = run(config, write, robot, report, arm, force, next_readings)
+    for note in found.notes:
+        say(f"{config}: {note}", err=True)
+    tables = review.tables(found)
+    further = [] if found.to_read is None else [found.to_read]
+    show([*(narrow(tables) if how is Format.table else tables), *further], how)
+    for line in (*review.assumptions(found.prior, found.assumed), *review.words(found)):
+        say(f"{line}.", how)
+    wrote(how, write, robot, report)
+
+
+def first(config: Config, count: int, arm: float | None, how: Format) -> None:
+    """Say what to read of a printer that has no readings yet."""
+    table, assumed = to_read.first_readings(config, count, arm)
+    show([table], how)
+    for line in assumed:
+        say(f"{line}.", how)
+
+
+def narrow(tables: list[Table]) -> list[Table]:
+    """What fits on a screen of 80 columns; the report and programs get it all."""
+    fits, parameters, *held_out, prints = tables
+    rows = [row for row in parameters.rows if row[4]]
+    parameters = Table(parameters.name, parameters.title, parameters.header, rows)
+    return [fits, parameters.columns(0, 1, 2, 3, 5, 6), *held_out, prints.columns(0, 1, 2, 3, 4, 7)]
+
+
+def run(
+    config: Path,
+    write: Path | None = None,
+    robot: Path | None = None,
+    report: Path | None = None,
+    arm: float | None = None,
+    force: bool = False,
+    next_readings: int | None = None,
+) -> Assessment:
+    """Read, look over, fit, try; nothing is written unless all went well."""
+    contents: dict[files.Output, str] = {}
+    new = files.Output(write, "printer.cfg", "--write") if write else None
+    if new and os.path.lexists(new.path):
+        raise InputError(f"{new}: is there already: give the name of a new file")
+    robot_out = robotfile.output(robot, "--robot") if robot else None
+    page = files.Output(report, "report", "--report") if report else None
+    files.check(filter(None, (new, robot_out, page)), [config], force)
+    found = assess(Config.read(config), None if arm is None else MM * arm)
+    if next_readings is not None:
+        found = replace(found, to_read=to_read.next_readings(found, next_readings))
+    if new:
+        contents[new] = output.config_text(found)
+    if robot_out:
+        contents[robot_out] = output.robot_text(found)
+    if page:
+        from truepose.integrations.klipper import figures
+
+        contents[page] = figures.page(found, config.name)
+    files.write(contents, [config], force)
+    return found

@@ -1,0 +1,257 @@
+"""Reader and writer of printer.cfg, Klipper's configuration file, with its saved block.
+
+As Klipper reads it (klippy/configfile.py): a comment begins at any ``#``, or at a ``;`` that begins
+a line or follows a space; lines that begin with ``#*#`` are what SAVE_CONFIG wrote, and count where
+the file itself does not say otherwise. Files that are included are named, not read.
+"""
+
+from __future__ import annotations
+
+import configparser
+import contextlib
+import math
+import os
+import re
+import statistics
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+from truepose.exceptions import InputError, one_line, shortened
+from truepose.files import contents
+
+#: Of a file: the longest configurations of printers have a tenth of it.
+MOST_BYTES = 1_000_000
+#: No number of a printer is as large; its powers, and theirs, are numbers.
+LARGEST = 1e12
+#: Begins every line that SAVE_CONFIG wrote.
+SAVED = "#*#"
+#: First lines of the block that SAVE_CONFIG writes: Klipper knows it by them.
+SAVED_HEADER = (
+    "#*# <---------------------- SAVE_CONFIG ---------------------->\n"
+    "#*# DO NOT EDIT THIS BLOCK OR BELOW. The contents are auto-generated.\n"
+    "#*#\n"
+)
+
+#: An option that SAVE_CONFIG, or a person, has taken out: ``#arm_length: 345.0``.
+_OFF = re.compile(r"#\s*(\w+)\s*[:=]\s*([^#;]*)")
+_END = re.compile(r"\r\n?|\n")
+_SECTION = re.compile(r"\[([^\]]+)\]")
+
+
+@dataclass(frozen=True)
+class Config:
+    """A printer.cfg, read."""
+
+    path: str
+    text: str  #: as it stands, line ends made one character
+    values: dict[str, dict[str, str]]  #: by section and option, as Klipper takes them
+    saved: dict[str, dict[str, str]]  #: those of the saved block
+    off: dict[tuple[str, str], float]  #: commented out, of the file's own part: the first number
+    included: tuple[str, ...]  #: names of files that are not read
+    end: str = "\n"  #: of most of its lines
+    mark: str = ""  #: that it begins with: UTF-8's, or none
+
+    @classmethod
+    def read(cls, path: str | Path) -> Self:
+        """Read a file.
+
+        Raises
+        ------
+        InputError
+            One line: it cannot be read, or is no configuration.
+        """
+        try:
+            data = contents(Path(path), MOST_BYTES + 1)
+            text = data.decode() if len(data) <= MOST_BYTES else ""
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or "not a text file (UTF-8)"
+            raise InputError(f"{path}: cannot be read: {reason}") from None
+        if len(data) > MOST_BYTES:
+            raise InputError(f"{path}: cannot be read: more than {MOST_BYTES} bytes")
+        return cls.parse(text, path)
+
+    @classmethod
+    def parse(cls, text: str, path: str | Path = "printer.cfg") -> Self:
+        r"""Read a file's text.
+
+        Examples
+        --------
+        >>> from truepose.integrations.klipper.config import Config
+        >>> config = Config.parse("[printer]\nkinematics: delta # a tower each\n")
+        >>> config.values["printer"]["kinematics"]
+        'delta'
+        """
+        mark = "\ufeff" * text.startswith("\ufeff")
+        text = text.removeprefix(mark)
+        end = statistics.mode(_END.findall(text) or ["\n"])
+        lines = _END.split(text)
+        own = "\n".join("" if line.startswith(SAVED) else line for line in lines)
+        first, saved = (_parsed(part, path) for part in (own, _block(lines)))
+        merged = {name: dict(options) for name, options in saved.items()}
+        for name, options in first.items():
+            merged.setdefault(name, {}).update(options)
+        included = [name[8:].strip() for name in first if name.startswith("include ")]
+        whole = "\n".join(lines)
+        off = _taken_out(own)
+        return cls(os.fspath(path), whole, merged, saved, off, tuple(included), end, mark)
+
+    def error(self, section: str, option: str, text: str) -> InputError:
+        """Return the error that names an option of a section, its value and what it should be."""
+        value = self.values.get(section, {}).get(option)
+        said = "" if value is None else f" = {one_line(shortened(value))}"
+        return InputError(f"{self.path}: [{section}] {option}{said}: {text}")
+
+    def has(self, section: str, option: str) -> bool:
+        """Whether an option is there."""
+        return option in self.values.get(section, {})
+
+    def word(self, section: str, option: str) -> str:
+        """Return an option as it is written; an error where it is missing."""
+        if self.has(section, option):
+            return self.values[section][option]
+        where = f"; it may be in {', '.join(self.included)}" if self.included else ""
+        raise self.error(
+            section, option, f"is missing{one_line(where, 200)}{': not read' if where else ''}"
+        )
+
+    def number(
+        self, section: str, option: str, default: float | None = None, above: float | None = None
+    ) -> float:
+        """Return an option's number.
+
+        Parameters
+        ----------
+        default : float, optional
+            What Klipper takes where there is none; without it there must be one.
+        above : float, optional
+            It must be greater.
+        """
+        if default is not None and not self.has(section, option):
+            return default
+        return self._number(section, option, self.word(section, option), above)
+
+    def numbers(self, section: str, option: str, count: int) -> tuple[float, ...]:
+        """Return an option's numbers with commas between."""
+        parts = self.word(section, option).split(",")
+        if len(parts) != count:
+            raise self.error(section, option, f"must be {count} numbers with commas between")
+        return tuple(self._number(section, option, part) for part in parts)
+
+    def ratio(self, section: str, option: str) -> float:
+        """Return a gear ratio, as ``80:16, 2:1``: turns of the motor for one of what it drives."""
+        result = 1.0
+        for pair in self.word(section, option).split(","):
+            parts = pair.split(":")
+            if len(parts) != 2:
+                raise self.error(section, option, "must be pairs of numbers, as 80:16, 2:1")
+            over, under = (self._number(section, option, part, above=0) for part in parts)
+            result *= over / under
+        return result
+
+    def _number(self, section: str, option: str, text: str, above: float | None = None) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value) or "_" in text:
+            raise self.error(section, option, "must be a number")
+        if abs(value) >= LARGEST:
+            raise self.error(section, option, f"must be less than {LARGEST:g}")
+        if above is not None and value <= above:
+            raise self.error(section, option, f"must be greater than {above:g}")
+        return value
+
+    @property
+    def broken(self) -> int | None:
+        """Line, from 1, that stands among what SAVE_CONFIG wrote and is none of it."""
+        lines = self.text.rstrip().split("\n")
+        first = next((k for k, line in enumerate(lines) if line.startswith(SAVED)), len(lines))
+        return next(
+            (k + 1 for k in range(first, len(lines)) if not lines[k].startswith(SAVED)), None
+        )
+
+    def twice(self, section: str, option: str) -> str | None:
+        """Return what the saved block says of an option that the file itself gives otherwise."""
+        value = self.saved.get(section, {}).get(option)
+        return value if value != self.values.get(section, {}).get(option) else None
+
+
+def _block(lines: list[str]) -> str:
+    """Return what SAVE_CONFIG wrote, each line where it stands; without the header's words."""
+    block = [line[4:] if line.startswith(SAVED) else "" for line in lines]
+    begun = next((k for k, line in enumerate(block) if line.startswith("[")), len(block))
+    return "\n".join([""] * begun + block[begun:])
+
+
+def _parsed(text: str, path: str | Path) -> dict[str, dict[str, str]]:
+    parser = configparser.RawConfigParser(strict=False, inline_comment_prefixes=("#", ";"))
+    try:
+        parser.read_string("\n".join(line.partition("#")[0] for line in text.split("\n")))
+    except configparser.MissingSectionHeaderError as error:
+        what = f"line {error.lineno}: {shortened(error.line.strip())}: before any [section]"
+    except configparser.ParsingError as error:
+        number, line = error.errors[0]
+        what = f"line {number}: {shortened(str(line))}: neither a [section] nor 'option: value'"
+    except (configparser.Error, AttributeError) as error:
+        # AttributeError: configparser's own, of an indented line after an option without value
+        what = str(error)
+    else:
+        return {name: dict(parser.items(name)) for name in parser.sections()}
+    raise InputError(f"{path}: not a printer.cfg: {one_line(what, 300)}")
+
+
+def _taken_out(text: str) -> dict[tuple[str, str], float]:
+    """Numbers that are commented out, by section: as SAVE_CONFIG leaves what it has replaced."""
+    found: dict[tuple[str, str], float] = {}
+    section = ""
+    for line in text.split("\n"):
+        if header := _SECTION.match(line):
+            section = header[1].strip()
+        elif off := _OFF.match(line):
+            with contextlib.suppress(ValueError):
+                found.setdefault((section, off[1].lower()), float(off[2]))
+    return found
+
+
+def rewritten(
+    config: Config, changes: dict[str, dict[str, str]], drawn: dict[tuple[str, str], float]
+) -> str:
+    """Return the file's text with other values, as SAVE_CONFIG would leave it.
+
+    What the file itself says of them is commented out, and the saved block says them; all else
+    stays, comments and included files too.
+
+    Parameters
+    ----------
+    changes : dict
+        By section and option.
+    drawn : dict
+        Numbers by section and option that must stand there commented out: Klipper reads none, and
+        the first is what :attr:`Config.off` holds.
+    """
+    own, section = [], ""
+    for line in config.text.split("\n"):
+        if line.startswith(SAVED):
+            continue
+        if header := _SECTION.match(line):
+            section = header[1].strip()
+        option = re.match(r"(\w+)\s*[:=]", line)
+        replaced = option and option[1].lower() in changes.get(section, {})
+        own.append("#" + line if replaced else line)
+    noted = _taken_out("\n".join(own))
+    for (name, key), number in drawn.items():
+        headers = [k for k, line in enumerate(own) if (h := _SECTION.match(line)) and h[1] == name]
+        if headers and noted.get((name, key)) != number:
+            own.insert(headers[0] + 1, f"#{key}: {number!r}")
+    block = {name: dict(options) for name, options in config.saved.items()}
+    for name, options in changes.items():
+        block.setdefault(name, {}).update(options)
+    lines = []
+    for name, options in block.items():
+        lines.append(f"[{name}]")
+        lines += [f"{option} = {value}".replace("\n", "\n\t") for option, value in options.items()]
+        lines.append("")
+    said = [f"{SAVED} {line}".rstrip() for line in "\n".join(lines).strip().split("\n")]
+    text = "\n".join(own).rstrip() + "\n\n" + SAVED_HEADER + "\n".join(said) + "\n"
+    return config.mark + text.replace("\n", config.end)

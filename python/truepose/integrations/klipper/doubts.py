@@ -1,0 +1,166 @@
+"""Detection of mistyped readings and implausible parameters."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from truepose.arguments import Array
+from truepose.integrations.klipper.criterion import errors, rms
+from truepose.integrations.klipper.estimate import (
+    CHANGED,
+    Assumed,
+    Estimate,
+    Prior,
+    UnfitError,
+    estimate,
+    prior,
+)
+from truepose.integrations.klipper.model import Model
+from truepose.integrations.klipper.noise import Judged
+from truepose.integrations.klipper.printer import (
+    MM,
+    TAKE_OUT,
+    Printer,
+    Readings,
+    probe_offset,
+    unlike_arms,
+)
+
+#: Departure from the others that is nobody's calliper, m; and in units of their own scatter.
+_GROSS, _TIMES = 1 * MM, 6.0
+#: Heights that no printer leaves over, m, rms.
+_BED = 1 * MM
+_SUSPECTS = 30  #: heights that are left out to find a wrong one
+_FEWEST = 3  #: that a calibration needs
+#: Departure of a length from the geometry that is a unit, not a printer.
+_FACTOR = 0.05
+_UNITS = {1 / 25.4: "inches", 0.1: "cm", 1e-3: "m", 1e3: "µm", 25.4: "mm of inches"}
+
+
+def refuse(model: Model, printer: Printer, known: Prior, assumed: Assumed) -> None:
+    """Raise UnfitError, naming it, for a reading that cannot be; before anything rests on it."""
+    readings = printer.readings
+    e = errors(model, known.mean, readings, jacobian=False)
+    away = [*e.heights, *e.lengths]
+    names = [*readings.height_names, *readings.distance_names]
+    if not np.isfinite(away).all():
+        name = names[int(np.flatnonzero(~np.isfinite(away))[0])]
+        raise UnfitError(
+            f"{name}: the nozzle cannot have been there; {CHANGED}, or are lengths in "
+            "other units than mm?"
+        )
+    _wrong_height(model, printer, known, assumed)
+    _wrong_distance(readings, e.lengths)
+
+
+def _wrong_distance(readings: Readings, lengths: Array) -> None:
+    read = readings.distances
+    if not len(read):
+        return
+    ratio = read / lengths
+    if abs(float(np.median(ratio)) - 1) > _FACTOR:
+        unit = _unit(float(np.median(ratio)))
+        hint = f"{unit}? Klipper takes mm" if unit else f"{CHANGED}, or is a height wrong?"
+        raise UnfitError(
+            f"distances: {_mm(read[0])} mm, … where the nozzle moved by "
+            f"{lengths[0] / MM:.2f} mm, …: {hint}"
+        )
+    off = read - lengths
+    middle = float(np.median(off)) if len(off) > 2 else 0.0
+    scatter = 1.4826 * float(np.median(np.abs(off - middle))) if len(off) > 2 else 0.0
+    k = int(np.argmax(np.abs(off - middle)))
+    if abs(off[k] - middle) > max(_GROSS, _TIMES * scatter, 0.02 * lengths[k] * (len(off) < 3)):
+        unit = _unit(float(ratio[k]))
+        hint = f"{unit}? Klipper takes mm" if unit else "typed wrong?"
+        others = " by the others" if len(off) > 2 else ""
+        raise UnfitError(
+            f"{readings.distance_names[k]} = {_mm(read[k])}: "
+            f"{(lengths[k] + middle) / MM:.2f} mm is expected{others}: {hint} "
+            f"Measure it again, or {TAKE_OUT}"
+        )
+
+
+def _wrong_height(model: Model, printer: Printer, known: Prior, assumed: Assumed) -> None:
+    readings = printer.readings
+    heights = readings.heights_only()
+
+    def left_over(by: Readings) -> Array:
+        """By a prior of their own: one gross height has moved that of all."""
+        p = known.mean
+        with contextlib.suppress(UnfitError):
+            own = prior(model, replace(printer, readings=by), assumed, known.arm)
+            p = own.mean
+            p = estimate(model, by, own, assumed).p
+        return errors(model, p, by, jacobian=False).heights
+
+    off = left_over(heights)
+    left = rms(off)
+    if left <= _BED:
+        return
+    suspects = np.argsort(-np.abs(off))[: _SUSPECTS if len(off) > _FEWEST else 0].tolist()
+    without = [rms(left_over(heights.without([k]))) for k in suspects]
+    best = int(np.argmin(without)) if without else 0
+    if without and without[best] < 0.2 * left:
+        k = suspects[best]
+        raise UnfitError(
+            f"{readings.height_names[k]} = {_mm(readings.heights[k])}: does not fit the "
+            f"other heights: typed wrong? Measure it again, or {TAKE_OUT}"
+        )
+
+
+def _unit(ratio: float) -> str:
+    """Name the unit that a length was written in, where it is not mm; else nothing."""
+    for factor, name in _UNITS.items():
+        if abs(ratio / factor - 1) < _FACTOR:
+            return f"in {name}"
+    return ""
+
+
+def _mm(value: float) -> str:
+    return f"{value / MM:.6g}"
+
+
+def named(readings: Readings, judged: Judged, k: int) -> str:
+    """Say how far a reading is off what all others say."""
+    name = (*readings.height_names, *readings.distance_names)[k]
+    read = np.append(readings.heights, readings.distances)[k]
+    return (
+        f"{name} = {_mm(read)}: {judged.off[k] / MM:+.2f} mm off what all else says, "
+        f"± {judged.scale[k] / MM:.2f}"
+    )
+
+
+def refuse_unfit(left: tuple[Array, Array]) -> None:
+    """Raise UnfitError where no printer leaves so much over of its heights and distances."""
+    heights, distances = (rms(values) / MM if len(values) else 0.0 for values in left)
+    if MM * max(heights, distances) > _BED:
+        raise UnfitError(
+            "no such printer has these readings: "
+            f"{heights:.2f} mm rms of the heights and {distances:.2f} of the distances are left "
+            f"over; are some wrong, or {CHANGED}?"
+        )
+
+
+def notes(printer: Printer, found: Estimate, judged: Judged) -> Iterator[str]:
+    """What is odd of a printer and of its readings, in lines."""
+    if (wrong := judged.wrong) is not None:
+        yield named(printer.readings, judged, wrong)
+    yield from found.doubt
+    if said := unlike_arms(printer.parameters):
+        yield said
+    probe = probe_offset(printer.config)
+    heights = printer.readings.heights[len(printer.readings.heights) - printer.readings.probed :]
+    if probe and len(heights):
+        section, (_, _, z) = probe
+        known = printer.config.has(section, "z_offset")
+        middle = float(np.median(heights))
+        if known and not math.isclose(z, middle, abs_tol=0.5 * MM):
+            yield (
+                f"[{section}] z_offset = {_mm(z)} mm, but the heights were probed at {_mm(middle)} "
+                "mm: it was changed since; z = 0 is off by that much for these readings"
+            )

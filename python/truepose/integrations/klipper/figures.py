@@ -1,0 +1,139 @@
+"""Figures of a printer's calibration, and the page that holds them."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from truepose.calibration import figures
+from truepose.calibration.learnt import BARELY, IDENTIFIED
+from truepose.exceptions import one_line
+from truepose.files import picture
+from truepose.integrations.klipper import review
+from truepose.integrations.klipper.assessment import Assessment
+from truepose.integrations.klipper.held_out import ESTIMATE, MEAN
+from truepose.integrations.klipper.printer import MM, TOWERS, probe_offset
+from truepose.show.page import as_uri, render, versions
+
+_COLOURS = {"the file's parameters": "#878787", ESTIMATE: "#2166ac", MEAN: "#762a83"}
+_COLOURS |= {"bed heights alone": "#b2182b", "one common arm": "#1b7837"}
+_KLIPPER = "#e08214"
+
+
+def page(found: Assessment, source: str) -> str:
+    """Write what was found of a printer as one self-contained HTML page."""
+    probe = probe_offset(found.printer.config)
+    return render(
+        "klipper.html.j2",
+        source=one_line(source),
+        found=found,
+        kinematics=found.printer.kinematics,
+        counts=(len(found.printer.readings.heights), len(found.printer.readings.distances)),
+        steps=", ".join(f"{value:.6g}" for value in found.printer.step / found.printer.step_unit),
+        step_unit="mm" if found.printer.kinematics == "delta" else "°",
+        probe=None if probe is None else (probe[0], [f"{v / MM:g}" for v in probe[1]]),
+        words=review.words(found),
+        assumptions=review.assumptions(found.prior, found.assumed),
+        identified=IDENTIFIED,
+        barely=BARELY,
+        tables={table.name: table for table in review.tables(found)},
+        to_read=found.to_read,
+        images={
+            name: as_uri(picture(draw(found), ".svg"))
+            for name, draw in {
+                "bed": bed,
+                "readings": readings,
+                **({"held_out": held_out} if found.held_out else {}),
+                "parameters": parameters,
+            }.items()
+        },
+        versions=versions(),
+    )
+
+
+def bed(found: Assessment) -> Figure:
+    """Expected error of x, y, z over the bed, before and after; one scale for a coordinate."""
+    figure = Figure(figsize=(8.4, 6.2))  # laid out by hand: an eighth of the time
+    figure.subplots_adjust(0.1, 0.22, 0.97, 0.99, 0.1, 0.06)
+    grid = figure.subplots(2, 3, sharex=True, sharey=True)
+    rows = (("the file's parameters", found.before), ("the estimate", found.after))
+    for k, name in enumerate("xyz"):
+        top = max(float(part.error[:, k].max(initial=0.0)) for _, part in rows) / MM
+        levels = MaxNLocator(8, steps=[1, 2, 5, 10]).tick_values(0, top)
+        for axes, (_, part) in zip(grid[:, k], rows, strict=True):
+            _towers(axes, found)
+            if len(part.points):
+                x, y = (part.points / MM).T
+                error = part.error[:, k] / MM
+                filled = axes.tricontourf(x, y, error, levels=levels, cmap="viridis_r")
+        left, _, width, _ = grid[1, k].get_position().bounds
+        place = figure.add_axes((left + 0.08 * width, 0.09, 0.84 * width, 0.02))  # room for numbers
+        bar = figure.colorbar(filled, place, orientation="horizontal", ticks=levels[::2])
+        bar.set_label(f"error of {name} (mm)")
+    for axes, (name, _) in zip(grid[:, 0], rows, strict=True):
+        axes.set(ylabel=f"{name}\ny (mm)")
+    for axes in grid[-1]:
+        axes.set(xlabel="x (mm)")
+    return figure
+
+
+def _towers(axes: Axes, found: Assessment) -> None:
+    """Mark where the towers, or shoulders, stand: at the edge of the bed."""
+    edge = found.printer.radius / MM
+    for tower in TOWERS:
+        angle = found.printer.parameters[f"angle_{tower}"]
+        x, y = 1.12 * edge * np.cos(angle), 1.12 * edge * np.sin(angle)
+        axes.text(x, y, tower, ha="center", va="center", fontsize=10, color="0.3")
+    axes.set(aspect="equal", xlim=(-1.25 * edge, 1.25 * edge), ylim=(-1.25 * edge, 1.25 * edge))
+
+
+def readings(found: Assessment) -> Figure:
+    """What each set of parameters leaves over of every reading."""
+    return _bars(
+        found,
+        [(way.name, way.heights, way.distances) for way in found.fits],
+        "left over (mm)",
+    )
+
+
+def held_out(found: Assessment) -> Figure:
+    """Error of every reading when it is left out, one colour a way of calibrating."""
+    return _bars(
+        found,
+        [(way.name, way.heights, way.distances) for way in found.held_out],
+        "predicted less read (mm)",
+    )
+
+
+def _bars(found: Assessment, rows: list, label: str) -> Figure:
+    extended = found.extended
+    figure = Figure(figsize=(8.4, 3.4))
+    figure.subplots_adjust(0.11, 0.08, 0.99, 0.78 if len(rows) > 3 else 0.83, 0.2)
+    names = [found.printer.readings.height_names, found.printer.readings.distance_names]
+    wide = [max(len(part), 4) for part in names[: 1 + extended]]
+    panels = figure.subplots(1, len(wide), squeeze=False, width_ratios=wide)[0]
+    for k, (axes, of) in enumerate(zip(panels, names, strict=False)):
+        for j, (name, *values) in enumerate(rows):
+            colour = _COLOURS.get(name, _KLIPPER)
+            at = np.arange(len(of)) + 0.8 * ((j + 0.5) / len(rows) - 0.5)
+            axes.bar(at, values[k] / MM, 0.8 / len(rows), color=colour, label=name)
+        axes.axhline(0, color="0.4", lw=0.8)
+        short = [name.replace("manual_height", "m").replace("height", "h") for name in of]
+        axes.set_xticks(
+            range(len(of)),
+            [name.replace("distance", "d") for name in short],
+            fontsize=8,
+        )
+        axes.set(title=("heights", "distances")[k])
+        axes.title.set_size(10)
+    panels[0].set(ylabel=label)
+    handles = panels[0].get_legend_handles_labels()
+    figure.legend(*handles, loc="upper center", ncols=min(len(rows), 3), fontsize=9, frameon=False)
+    return figure
+
+
+def parameters(found: Assessment) -> Figure:
+    """Every parameter against its drawing, in units of what was assumed of it."""
+    return figures.parameters(found.estimate.learnt(found.model.names))

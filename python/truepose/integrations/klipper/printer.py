@@ -1,0 +1,361 @@
+"""A delta printer by its file: parameters, step distances, saved readings.
+
+In m and rad; a *stable position*, Klipper's word, is how many steps each motor has gone down from
+its endstop: whatever the parameters, that is where the machine stood.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from truepose.arguments import Array
+from truepose.exceptions import InputError, choose
+from truepose.integrations.klipper.config import Config
+
+MM, DEGREE = 1e-3, math.pi / 180
+TOWERS = "abc"
+KINEMATICS = ("delta", "rotary_delta")
+#: Where Klipper has the towers if nobody says, degrees.
+_ANGLES = {"delta": (210.0, 330.0, 90.0), "rotary_delta": (30.0, 150.0, 270.0)}
+#: Sections of what may have probed the bed, with its offsets.
+_PROBES = ("probe", "bltouch", "smart_effector", "probe_eddy_current", "beacon", "cartographer")
+#: Arms that differ by more are no arms that anybody glued, m.
+_APART = 5 * MM
+_MOST = 999  #: readings of each sort that Klipper looks for
+#: Names of readings, before their number.
+HEIGHTS = ("manual_height", "height")
+STEMS = (*HEIGHTS, "distance")
+#: What to do with a wrong reading: Klipper looks for none behind a number that is missing.
+TAKE_OUT = "take it out and number those behind it on"
+
+
+class Option(NamedTuple):
+    """Where a parameter stands in the file, and in which unit."""
+
+    section: str
+    option: str
+    unit: str  #: "m" or "rad", of this package
+    scale: float  #: of the file's unit
+
+
+def options(kinematics: str) -> dict[str, Option]:
+    """Return Klipper's parameters of a kind of printer, by the name that Klipper's log gives them.
+
+    Examples
+    --------
+    >>> from truepose.integrations.klipper.printer import options
+    >>> options("delta")["arm_b"][:3]
+    ('stepper_b', 'arm_length', 'm')
+    """
+    if kinematics == "delta":
+        shared = {"radius": "delta_radius"}
+        own = {"angle": "angle", "arm": "arm_length", "endstop": "position_endstop"}
+    else:
+        shared = {"shoulder_radius": "shoulder_radius", "shoulder_height": "shoulder_height"}
+        own = {"angle": "angle", "upper_arm": "upper_arm_length", "lower_arm": "lower_arm_length"}
+        own |= {"endstop": "position_endstop"}
+    result = {name: Option("printer", option, "m", MM) for name, option in shared.items()}
+    for name, option in own.items():
+        unit, scale = ("rad", DEGREE) if name == "angle" else ("m", MM)
+        for tower in TOWERS:
+            result[f"{name}_{tower}"] = Option(f"stepper_{tower}", option, unit, scale)
+    return result
+
+
+@dataclass(frozen=True)
+class Readings:
+    """What was measured: H heights of the bed, D distances on a print."""
+
+    heights: Array  #: (H,) of the nozzle over the bed where it was touched, m
+    height_steps: Array  #: (H, 3) stable positions
+    height_names: tuple[str, ...]  #: in the file
+    probed: int  #: how many of the heights the probe found; the others by hand
+    distances: Array  #: (D,) m
+    distance_steps: Array  #: (D, 2, 3)
+    distance_names: tuple[str, ...]
+
+    def without(self, heights: Collection[int] = (), distances: Collection[int] = ()) -> Readings:
+        """Return these without some of them."""
+        h = [k for k in range(len(self.heights)) if k not in heights]
+        d = [k for k in range(len(self.distances)) if k not in distances]
+        by_hand = len(self.heights) - self.probed
+        return Readings(
+            self.heights[h],
+            self.height_steps[h],
+            tuple(self.height_names[k] for k in h),
+            sum(k >= by_hand for k in h),
+            self.distances[d],
+            self.distance_steps[d],
+            tuple(self.distance_names[k] for k in d),
+        )
+
+    def heights_only(self) -> Readings:
+        """Return these without any distance."""
+        return self.without(distances=range(len(self.distances)))
+
+
+NO_READINGS = Readings(
+    *(np.zeros(0), np.zeros((0, 3)), (), 0), *(np.zeros(0), np.zeros((0, 2, 3)), ())
+)
+
+
+@dataclass(frozen=True)
+class Printer:
+    """A printer as its file has it."""
+
+    config: Config
+    kinematics: str
+    parameters: dict[str, float]  #: Klipper's, of :func:`options`; m, rad
+    step: Array  #: (3,) way of carriage or arm in one step, m or rad
+    readings: Readings
+    radius: float  #: of the bed that is printed on or probed, m
+    notes: tuple[str, ...]  #: what was noticed in the file
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return tuple(self.parameters)
+
+    @property
+    def values(self) -> Array:
+        """Parameters in the order of their names."""
+        return np.array(list(self.parameters.values()))
+
+    @property
+    def step_unit(self) -> float:
+        """What people read a step in: mm, or degrees of an arm."""
+        return MM if self.kinematics == "delta" else DEGREE
+
+
+def printer_of(config: Config, unread: bool = False) -> Printer:
+    """Take a printer out of its file.
+
+    Parameters
+    ----------
+    unread : bool
+        Whether its readings do not matter: there may be none.
+
+    Raises
+    ------
+    InputError
+        One line: section, option, value, what it should be.
+    """
+    kinematics = config.word("printer", "kinematics")
+    if kinematics not in KINEMATICS:
+        text = choose("kinematics", kinematics, KINEMATICS)
+        raise InputError(f"{config.path}: [printer] kinematics: {text}")
+    parameters = {
+        name: option.scale * value
+        for name, option in options(kinematics).items()
+        for value in [_parameter(config, kinematics, name, option)]
+    }
+    _longer_than_the_radius(config, kinematics, parameters)
+    step = [_step_distance(config, f"stepper_{t}", kinematics != "delta") for t in TOWERS]
+    scale = MM if kinematics == "delta" else 1.0
+    readings = NO_READINGS if unread else _readings(config, parameters)
+    return Printer(
+        config,
+        kinematics,
+        parameters,
+        scale * np.array(step),
+        readings,
+        _radius(config, kinematics, parameters),
+        tuple(_notes(config, kinematics)),
+    )
+
+
+def _parameter(config: Config, kinematics: str, name: str, option: Option) -> float:
+    """Return one of Klipper's parameters in the file's unit, or its default."""
+    section, key = option.section, option.option
+    default = None
+    if section != "printer":
+        first = f"stepper_{TOWERS[0]}"
+        if key == "angle" and kinematics == "delta":
+            default = _ANGLES[kinematics][TOWERS.index(name[-1])]
+        elif key == "angle" and not config.has(section, key):
+            usual = ", ".join(f"{angle:g}" for angle in _ANGLES[kinematics])
+            raise config.error(
+                section, key, f"is missing (Klipper takes {usual} for the three): write it"
+            )
+        elif section != first and config.has(first, key):
+            default = config.number(first, key)
+    return config.number(section, key, default, above=None if key == "angle" else 0.0)
+
+
+def _longer_than_the_radius(config: Config, kinematics: str, values: dict[str, float]) -> None:
+    """Refuse arms that do not reach the middle, as Klipper does."""
+    if kinematics != "delta":
+        return
+    for tower in TOWERS:
+        if values[f"arm_{tower}"] <= values["radius"]:
+            arm, radius = (f"{1e3 * values[key]:g}" for key in (f"arm_{tower}", "radius"))
+            section = f"stepper_{tower}"
+            raise config.error(
+                section if config.has(section, "arm_length") else "stepper_a",
+                "arm_length",
+                f"an arm of {arm} mm must be longer than delta_radius = {radius} mm; are both mm?",
+            )
+
+
+def _step_distance(config: Config, section: str, rotary: bool) -> float:
+    """Return what one step moves: mm, or rad of a rotary delta's arm."""
+    geared = config.has(section, "gear_ratio")
+    if config.has(section, "step_distance") and not (
+        geared or config.has(section, "rotation_distance")
+    ):
+        return config.number(section, "step_distance", above=0)  # before Klipper of 2021
+    turn = 2 * math.pi if rotary else config.number(section, "rotation_distance", above=0)
+    if rotary and not geared:
+        config.word(section, "gear_ratio")
+    steps = [
+        config.number(section, "full_steps_per_rotation", 200.0, above=0),
+        config.number(section, "microsteps", above=0),
+    ]
+    for option, count in zip(("full_steps_per_rotation", "microsteps"), steps, strict=True):
+        if count != int(count):
+            raise config.error(section, option, "must be a whole number")
+    return turn / (math.prod(steps) * (config.ratio(section, "gear_ratio") if geared else 1.0))
+
+
+def _radius(config: Config, kinematics: str, values: dict[str, float]) -> float:
+    """Radius of the bed: what Klipper probes, else what it prints on, else a guess."""
+    for section, option in (("delta_calibrate", "radius"), ("printer", "print_radius")):
+        if config.has(section, option):
+            return MM * config.number(section, option, above=0)
+    return 0.8 * values["radius"] if kinematics == "delta" else values["upper_arm_a"] / 2
+
+
+def _readings(config: Config, parameters: dict[str, float]) -> Readings:
+    section = "delta_calibrate"
+    by_hand = list(_listed(config, "manual_height", ("",)))
+    probed = list(_listed(config, "height", ("",)))
+    distances = list(_listed(config, "distance", ("1", "2")))
+    if not (by_hand or probed):
+        what = "distances, but no heights" if distances else "no saved readings"
+        odd = [*gaps(config, HEIGHTS), *filter(None, [unlike_arms(parameters)])]
+        said = [f"{what}; DELTA_CALIBRATE and SAVE_CONFIG write them", *odd]
+        raise InputError(f"{config.path}: [{section}]: {'. And '.join(said)}")
+    heights = by_hand + probed
+    readings = Readings(
+        np.array([value for _, value, _ in heights]),
+        np.array([at for _, _, at in heights])[:, 0],
+        tuple(name for name, _, _ in heights),
+        len(probed),
+        np.array([value for _, value, _ in distances]),
+        np.array([at for _, _, at in distances]).reshape(-1, 2, 3),
+        tuple(name for name, _, _ in distances),
+    )
+    _repeated(config, readings)
+    return readings
+
+
+def has_readings(config: Config) -> bool:
+    """Whether a file has readings of any sort."""
+    return any(_numbers(config, stem) for stem in STEMS)
+
+
+def _listed(
+    config: Config, stem: str, ends: tuple[str, ...]
+) -> Iterator[tuple[str, float, list[tuple[float, ...]]]]:
+    """Readings of a sort, numbered from 0 without a gap, as Klipper looks for them."""
+    section = "delta_calibrate"
+    for number in range(_MOST):
+        name = f"{stem}{number}"
+        if not config.has(section, name):
+            return
+        distance = stem == "distance"
+        value = MM * config.number(section, name, above=0.0 if distance else None)
+        yield name, value, [config.numbers(section, f"{name}_pos{end}", 3) for end in ends]
+
+
+def _repeated(config: Config, readings: Readings) -> None:
+    """Refuse a place that is there twice, digit for digit: it would count twice."""
+    seen: dict[bytes, str] = {}
+    rows = [
+        *zip(readings.height_names, readings.height_steps, strict=True),
+        *zip(readings.distance_names, readings.distance_steps, strict=True),
+    ]
+    for name, at in rows:
+        ends = at.reshape(-1, 3)
+        if len(ends) == 2 and (ends[0] == ends[1]).all():
+            text = f"{name}: from a point to itself"
+            raise InputError(f"{config.path}: [delta_calibrate] {text}: {TAKE_OUT}")
+        key = np.array(sorted(ends.tolist())).tobytes()
+        if key in seen:
+            text = f"{name}: at the same place as {seen[key]}, digit for digit"
+            raise InputError(f"{config.path}: [delta_calibrate] {text}: {TAKE_OUT}")
+        seen[key] = name
+
+
+def _notes(config: Config, kinematics: str) -> Iterator[str]:
+    """What stands in the file and is worth a line."""
+    if config.included:
+        shown = ", ".join(config.included[:5]) + ", …" * (len(config.included) > 5)
+        yield f"included files are not read: {shown}"
+    if config.broken:
+        yield (
+            f"line {config.broken} stands in what SAVE_CONFIG wrote and is no part of it: Klipper "
+            "reads none of that block then"
+        )
+    relevant = [(option.section, option.option) for option in options(kinematics).values()]
+    relevant += [("delta_calibrate", name) for name in config.values.get("delta_calibrate", {})]
+    for section, option in dict.fromkeys(relevant):
+        if (saved := config.twice(section, option)) is not None:
+            counts = config.word(section, option)
+            yield (
+                f"[{section}] {option} stands twice: {counts} counts, as in Klipper, and not the "
+                f"saved {saved}"
+            )
+    yield from gaps(config)
+
+
+def _numbers(config: Config, stem: str) -> set[int]:
+    """Numbers that readings of a sort have in the file, whether Klipper looks for them or not."""
+    names = config.values.get("delta_calibrate", {})
+    return {int(n[1]) for name in names if (n := re.fullmatch(rf"{stem}(\d{{1,3}})", name))}
+
+
+def gaps(config: Config, stems: tuple[str, ...] = STEMS) -> Iterator[str]:
+    """Name each number that is missing among the readings of a sort."""
+    for stem in stems:
+        found = _numbers(config, stem)
+        gap = next(k for k in range(len(found) + 1) if k not in found)
+        if any(k > gap for k in found):
+            last = stem + str(max(found))
+            yield f"{stem}{gap} is missing: as in Klipper none behind it counts, {last} neither"
+
+
+def unlike_arms(parameters: dict[str, float]) -> str | None:
+    """Say what arms are that nobody made, or nothing.
+
+    Examples
+    --------
+    >>> from truepose.integrations.klipper.printer import unlike_arms
+    >>> unlike_arms({"arm_a": 0.2880, "arm_b": 0.2884, "arm_c": 0.2879})
+    >>> unlike_arms({"arm_a": 0.214, "arm_b": 0.391, "arm_c": 0.288})[:50]
+    'arms of 214.0, 391.0, 288.0 mm differ by 177 mm: n'
+    """
+    lengths = [value for name, value in parameters.items() if name.startswith(("arm_", "lower_"))]
+    apart = max(lengths) - min(lengths)
+    if apart <= _APART:
+        return None
+    listed = ", ".join(f"{value / MM:.1f}" for value in lengths)
+    return (
+        f"arms of {listed} mm differ by {apart / MM:.0f} mm: no printer's rods do. They are where "
+        "a criterion went along what its readings do not see"
+    )
+
+
+def probe_offset(config: Config) -> tuple[str, tuple[float, float, float]] | None:
+    """Return the probe's section and its offset from the nozzle, m; None where there is none."""
+    for section in _PROBES:
+        if section in config.values:
+            x, y, z = (MM * config.number(section, f"{axis}_offset", 0.0) for axis in "xyz")
+            return section, (x, y, z)
+    return None

@@ -1,0 +1,1 @@
+"""Integration of LinuxCNC: a robot's table and configuration for the components in deploy/."""

@@ -1,0 +1,86 @@
+"""`truepose export linuxcnc`."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from truepose import files
+from truepose.commands.export import USUAL, ChosenLevel, say_stiff
+from truepose.commands.options import Force, RobotName, SensorsOption, parse_set, wrote
+from truepose.control.controller import Controller
+from truepose.exceptions import InputError
+from truepose.faults.monitor import FaultMonitor
+from truepose.integrations.linuxcnc.configuration import to_configuration
+from truepose.robot.laws import Law, usual
+from truepose.robot.robot import load
+from truepose.robotfile import path_of
+from truepose.show.terminal import Format
+
+
+def command(
+    robot: RobotName,
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder to write into.")],
+    force: Force = False,
+    sensors: SensorsOption = None,
+    level: ChosenLevel = None,
+    machine: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ROBOT", help="What is simulated: a robot file.", show_default="the robot"
+        ),
+    ] = None,
+    law: Annotated[
+        Law | None, typer.Option(help="That the machine starts with.", show_default=USUAL)
+    ] = None,
+    period: Annotated[float, typer.Option(help="Of the servo thread, s.")] = 1e-3,
+) -> None:
+    """Write a LinuxCNC configuration: a robot's table, ini and HAL, and a simulated machine.
+
+    For truepose's components of LinuxCNC. Tables serve this kind of machine.
+
+    Example: **truepose export linuxcnc h4 -o h4**
+    """
+    made, built = load(robot), load(machine) if machine else None
+    if sensors is not None:
+        made = made.with_sensors(*parse_set(made, sensors))
+    if level is not None:
+        made = made.with_level(level)
+    if built is not None and built.sensors != made.sensors:
+        built = built.with_sensors(*made.sensors)
+    controller = Controller(law=usual(made) if law is None else law, period=period)
+    contents = to_configuration(made, controller, FaultMonitor(), built)
+    read = [path_of(name) for name in (robot, machine) if name]
+    outputs: dict[files.Output, str | bytes] = {
+        files.Output(
+            out / name,
+            "LinuxCNC configuration",
+            "-o",
+            (lambda file: file.read(8) == b"truepose") if isinstance(text, bytes) else None,
+        ): text
+        for name, text in contents.items()
+    }
+    with _folder(out):
+        files.write(outputs, read, force)
+    wrote(Format.table, *(output.path for output in outputs))
+    say_stiff(made)
+
+
+@contextlib.contextmanager
+def _folder(path: Path) -> Iterator[None]:
+    """Make a folder to write into; it is not left where nothing is written."""
+    new = not path.exists()
+    try:
+        path.mkdir(exist_ok=True)
+    except OSError as error:
+        raise InputError(f"-o {path}: cannot be a folder: {error.strerror}") from None
+    try:
+        yield
+    except InputError:
+        if new:
+            path.rmdir()
+        raise

@@ -1,0 +1,371 @@
+"""LinuxCNC configurations: a robot's table, ini and HAL, and predicted limits."""
+
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import dataclass, replace
+
+import jinja2
+import numpy as np
+from scipy import stats
+
+from truepose import _core, files
+from truepose.arguments import Array
+from truepose.control.controller import Controller, require_same_readings
+from truepose.control.gains import poses
+from truepose.deploy.c_tables import require_prompt
+from truepose.exceptions import InputError
+from truepose.faults.monitor import FaultMonitor
+from truepose.robot.knowledge import knowledge
+from truepose.robot.laws import require_sensors
+from truepose.robot.robot import Robot
+from truepose.robot.units import reading_units
+from truepose.simulation.equilibrium import steady_state
+
+#: Uncertain parameters that the components hold at most (deploy/linuxcnc/table.h).
+_PARAMETERS = 256
+#: Robots and poses of which corrections are predicted, and their quantile that is accepted.
+_DRAWN, _POSES, _ACCEPTED = 40, 40, 0.999
+#: The same in σ of what is about normal; s of full speed over which it is differentiated.
+_ACCEPTED_SIGMAS = float(stats.norm.ppf((1 + _ACCEPTED) / 2))
+_DIFFERENCE = 5e-4
+#: Robots within their tolerances whose readings, once homed, are accepted.
+_HOMED = 0.9999
+#: By how much following errors exceed what is predicted, and a correction where nothing is, in
+#: machine units.
+_SPARE, _UNPREDICTED = 1.25, 5.0
+#: Of the drives' position loops, 1/s, assumed; cycles that they and their encoders are late; s over
+#: which a correction is blended in.
+_BANDWIDTH, _LATE, _BLEND = 50.0, 3, 0.5
+#: What a machine unit is of m and rad; each coordinate's axis.
+_SHOWN = {"m": 1e3, "rad": math.degrees(1)}
+_LETTERS = {"theta": "C", "rx": "A", "ry": "B", "rz": "C"}
+
+
+def to_table(robot: Robot, controller: Controller, watch: FaultMonitor) -> bytes:
+    """Return a robot as deploy/linuxcnc/table.h reads it: the C interface's structs, by name.
+
+    It serves the kind of machine that it was written on; another refuses it.
+
+    Parameters
+    ----------
+    robot : Robot
+        As the controller believes it to be: as drawn, or calibrated.
+    controller : Controller
+        Whose period and gains the watch is to know.
+    watch : FaultMonitor
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.integrations.linuxcnc.configuration import to_table
+    >>> table = to_table(tp.load("five-bar"), tp.Controller(law="joint"), tp.FaultMonitor())
+    >>> table[:12]
+    b'trueposerobt'
+    """
+    require_prompt(robot, controller.period)
+    blocks = {b"robt": _core.c_description_bytes(robot.core)}
+    if robot.r:
+        column, root, sigma = _core.c_knowledge(knowledge(robot).core)
+        if len(column) > _PARAMETERS:
+            raise InputError(
+                f"{robot.name}: {len(column)} uncertain parameters; LinuxCNC's components hold "
+                f"{_PARAMETERS}: choose fewer sensors (--sensors)"
+            )
+        blocks |= {
+            b"fine": _core.c_description_bytes(robot.at_highest_level.core),
+            b"wtch": _core.c_watch_bytes(watch.guarding(robot, controller, still_sensors=False)),
+            b"sigm": np.asarray(sigma, dtype=float).tobytes(),
+            b"colm": np.asarray(column, dtype=np.int32).tobytes(),
+            b"root": np.asarray(root, dtype=float).tobytes(),
+        }
+    rows = [name + struct.pack("=I", len(block)) + block for name, block in blocks.items()]
+    return b"truepose" + b"".join(rows)
+
+
+@dataclass(frozen=True)
+class Speeds:
+    """Largest velocities and accelerations of what is not in a robot's file, all assumed."""
+
+    linear: float = 1.5  #: m/s
+    linear_acceleration: float = 20.0  #: m/s²
+    angular: float = 10.0  #: rad/s
+    angular_acceleration: float = 200.0  #: rad/s²
+
+    def of(self, unit: str) -> dict[str, str]:
+        """Return them for an axis in m or rad, in mm or degrees."""
+        length = unit == "m"
+        values = (
+            (self.linear, self.linear_acceleration)
+            if length
+            else (self.angular, self.angular_acceleration)
+        )
+        scale = _SHOWN[unit]
+        return {"velocity": _short(scale * values[0]), "acceleration": _short(scale * values[1])}
+
+
+def to_configuration(
+    robot: Robot, controller: Controller, watch: FaultMonitor, machine: Robot | None = None
+) -> dict[str, str | bytes]:
+    """Return the files of a LinuxCNC configuration, by name.
+
+    ``robot.ini`` and ``robot.hal`` run a simulated machine; ``robot.table`` is what the controller
+    believes, ``machine.table`` what is.
+
+    Parameters
+    ----------
+    robot, controller, watch
+        Of :func:`to_table`.
+    machine : Robot, optional
+        With the same sensors; the robot itself by default.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.integrations.linuxcnc.configuration import to_configuration
+    >>> files = to_configuration(tp.load("h4"), tp.Controller(), tp.FaultMonitor())
+    >>> sorted(files)
+    ['machine.table', 'robot.hal', 'robot.ini', 'robot.table']
+    """
+    require_sensors(robot, controller.law)
+    machine = robot if machine is None else machine
+    require_same_readings(robot, machine)
+    speeds, units, home = Speeds(), reading_units(robot), robot.ikm(robot.home)
+    exported, learnt = corrections(robot, controller)
+    noise, most, rate = dither(robot), np.maximum(exported, learnt), rates(robot, controller)
+    joints = [
+        _joint(robot, i, units[i], home[i], (most[i], rate[i], noise[i]), controller)
+        for i in range(robot.n)
+    ]
+    shown = np.array([_SHOWN[unit] for unit in units[: robot.n]])
+    axes = [
+        {"letter": letter, **_range(robot, k, unit), **speeds.of(unit)}
+        for k, (letter, unit) in enumerate(_axes(robot))
+    ]
+    values = {
+        "mark": files.mark("LinuxCNC configuration"),
+        "robot": robot,
+        "n": robot.n,
+        "letters": "".join(axis["letter"] for axis in axes),
+        "order": ", ".join(name for name, _ in robot.coordinates),
+        "assumed": "velocities, accelerations, PID",
+        "period": controller.period,
+        "linear": speeds.of("m"),
+        "angular": speeds.of("rad"),
+        "least": _short(least_conditioning(robot) / 2),
+        "law": list(_core.laws).index(controller.law),
+        "gain": _short(_BANDWIDTH),
+        "drawn": _DRAWN,
+        "blend": _short(_BLEND),
+        "accepted": f"{100 * _ACCEPTED:g}",
+        "largest": _short(np.max((exported + noise) * shown) if exported.any() else _UNPREDICTED),
+        "largest_learnt": _short(np.max((learnt + noise) * shown)),
+        "homed": f"{100 * _HOMED:g}",
+        "chi2": _short(stats.chi2.ppf(_HOMED, robot.r) if robot.r else 0.0),
+        "joints": joints,
+        "axes": axes,
+        "sensors": _sensors(robot) if robot.r else [],
+    }
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("truepose", "_data/templates/linuxcnc"),
+        undefined=jinja2.StrictUndefined,
+        keep_trailing_newline=True,
+    )
+    made: dict[str, str | bytes] = {
+        name: environment.get_template(f"{name}.j2").render(values)
+        for name in ("robot.ini", "robot.hal")
+    }
+    made["robot.table"] = to_table(robot, controller, watch)
+    made["machine.table"] = to_table(machine, controller, watch)
+    return made
+
+
+def corrections(robot: Robot, controller: Controller, seed: int = 0) -> tuple[Array, Array]:
+    """Return the 99.9 % quantile of every motor's correction at rest, m or rad.
+
+    A law of redundant sensors holds motors whose own encoders are then off, by e_q. Over robots of
+    the file's tolerances e_q is about normal: the quantile is 3.29 times its rms over them, at the
+    worst of the workspace's corners and poses drawn in it. Of the joint law, what the redundant one
+    would correct.
+
+    Returns
+    -------
+    exported, learnt : ndarray, shape (n,)
+        For the law that goes by the file, and for a robot that has been learnt and rests where it
+        should.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import truepose as tp
+    >>> from truepose.integrations.linuxcnc.configuration import corrections
+    >>> exported, learnt = corrections(tp.load("h4"), tp.Controller())
+    >>> bool(1 < np.degrees(exported).max() < 4 < np.degrees(learnt).max() < 8)
+    True
+    """
+    if not robot.r:
+        return np.zeros(robot.n), np.zeros(robot.n)
+    e_q = _errors(robot, controller, _workspace(robot, seed), seed)
+    exported, learnt = _ACCEPTED_SIGMAS * _rms(e_q**2).max(axis=1)
+    return exported, learnt
+
+
+def rates(robot: Robot, controller: Controller, seed: int = 0) -> Array:
+    """Return how fast the correction of every motor changes at full speed, m/s or rad/s.
+
+    Its 99.9 % quantile over robots: 3.29 times the rms along the worst direction, at the worst of
+    the poses of :func:`corrections`, by the file or learnt. Along a straight path linear axes
+    together are as fast as one may be, and each angular axis as fast as it may be.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import truepose as tp
+    >>> from truepose.integrations.linuxcnc.configuration import rates
+    >>> bool(20 < np.degrees(rates(tp.load("h4"), tp.Controller())).max() < 50)
+    True
+    """
+    if not robot.r:
+        return np.zeros(robot.n)
+    linear = np.array([unit == "m" for _, unit in robot.coordinates])
+    speeds, x = Speeds(), _workspace(robot, seed)
+    steps = np.diag(_DIFFERENCE * np.where(linear, speeds.linear, speeds.angular))
+    by_axis = [
+        (_errors(robot, controller, x + step, seed) - _errors(robot, controller, x - step, seed))
+        / (2 * _DIFFERENCE)
+        for step in steps
+    ]
+    rate = np.stack(by_axis, axis=-1)
+    moved = rate[..., linear]
+    together = _rms(moved[..., :, None] * moved[..., None, :], square=True)
+    rms = np.sqrt(np.linalg.norm(together, 2, axis=(-2, -1)))
+    rms += _rms(rate[..., ~linear] ** 2).sum(axis=-1)
+    return _ACCEPTED_SIGMAS * rms.max(axis=(0, 1))
+
+
+def _errors(robot: Robot, controller: Controller, x: Array, seed: int) -> Array:
+    """Return e_q at rest of robots of the file's tolerances: by the file, and where each should.
+
+    Of shape (2, robots, poses, n).
+    """
+    law = "redundant" if controller.law == "joint" else controller.law
+    q_d = robot.ikm(x, errors="nan")
+    e_q = np.empty((2, _DRAWN, *q_d.shape))
+    for k in range(_DRAWN):
+        true = robot.sample(seed + k)
+        rest = steady_state(robot, true, x, replace(controller, law=law), errors="nan")
+        for kind, there in enumerate((rest, x)):
+            e_q[kind, k] = q_d - true.ikm(there, errors="nan")
+    return e_q
+
+
+def _rms(products: Array, *, square: bool = False) -> Array:
+    """Return the root of the mean, or the mean, over robots (axis 1) that answered."""
+    answered = np.isfinite(products)
+    total = np.where(answered, products, 0.0).sum(axis=1)
+    mean = total / np.maximum(answered.sum(axis=1), 1)
+    return mean if square else np.sqrt(mean)
+
+
+def dither(robot: Robot) -> Array:
+    """Return by how much one count of every reading moves a motor's error, m or rad."""
+    x = _workspace(robot, 0)
+    tej = np.abs(robot.tej(x, errors="nan")[1])
+    return np.nanmax(tej @ robot.resolution, axis=0)
+
+
+def least_conditioning(robot: Robot, seed: int = 0) -> float:
+    """Return the worst conditioning, 0 to 1, that the workspace has."""
+    parallel, serial = robot.conditioning(_workspace(robot, seed))
+    return float(min(np.min(parallel), np.min(serial)))
+
+
+def _workspace(robot: Robot, seed: int) -> Array:
+    """Return the workspace's corners, and poses drawn in it."""
+    return np.vstack([poses(robot), _anywhere(robot, seed)])
+
+
+def _anywhere(robot: Robot, seed: int) -> Array:
+    """Return poses of the workspace that are regular."""
+    box = robot.spec.workspace
+    if box is None:
+        return robot.home[None]
+    x = np.random.default_rng(seed).uniform(box.minimum, box.maximum, (_POSES, robot.n))
+    return x[np.isfinite(robot.ikm(x, errors="nan")).all(axis=1)]
+
+
+def _short(value: float) -> str:
+    return f"{value:.6g}"
+
+
+def _axes(robot: Robot) -> list[tuple[str, str]]:
+    """Return letter and unit of every coordinate's axis."""
+    if robot.spec.axis:
+        raise InputError(
+            f"{robot.name}: {robot.coordinates[0][0]} is none of LinuxCNC's axes: a pivot has no "
+            "configuration (choices: robots that move x, y, z)"
+        )
+    return [(_LETTERS.get(name, name.upper()), unit) for name, unit in robot.coordinates]
+
+
+def _range(robot: Robot, k: int, unit: str) -> dict[str, str]:
+    """Return the workspace's range of a coordinate; roll, pitch, yaw have none."""
+    box = robot.spec.workspace
+    if box is None or (unit == "rad" and robot.n == 6):
+        return {"low": "-1e9", "high": "1e9"}
+    low, high = box.minimum[k], box.maximum[k]
+    return {"low": _short(_SHOWN[unit] * low), "high": _short(_SHOWN[unit] * high)}
+
+
+def _joint(
+    robot: Robot,
+    i: int,
+    unit: str,
+    home: float,
+    moved: tuple[float, float, float],
+    controller: Controller,
+) -> dict[str, str]:
+    """Return what [JOINT_i] says."""
+    chain, scale, speeds = robot.spec.chain[i], _SHOWN[unit], Speeds().of(unit)
+    stops = chain.limits or (-math.inf, math.inf)
+    low, high = sorted(
+        robot.core_drawn.motor_reading(i, stop) if math.isfinite(stop) else chain.gain * stop
+        for stop in stops
+    )
+    lag = _LATE * controller.period * float(speeds["velocity"])
+    # The drives' loops follow the command less a correction that nothing feeds forward: at c' the
+    # drive is c' / P behind, however slow its own joint is meanwhile.
+    correction, rate, noise = moved
+    changes = rate / _BANDWIDTH
+    blended = 1.875 * correction / (_BLEND * _BANDWIDTH)  # the quintic's steepest part
+    least = _SPARE * scale * (blended + changes + noise)
+    return {
+        "type": "ANGULAR" if unit == "rad" else "LINEAR",
+        "low": repr(max(scale * low, -1e9)),
+        "high": repr(min(scale * high, 1e9)),
+        "home": repr(float(scale * home)),
+        "blended": _short(scale * blended),
+        "changes": _short(scale * changes),
+        "noise": _short(scale * noise),
+        "lag": _short(lag),
+        "min_ferror": _short(max(least, lag / 10)),
+        "ferror": _short(least + _SPARE * lag),
+        **speeds,
+    }
+
+
+def _sensors(robot: Robot) -> list[dict[str, str | bool]]:
+    """Return where encoders have their index: as the file's home reads; others are absolute."""
+    units = reading_units(robot)[robot.n :]
+    kinds = [_core.sensor_kinds[sensor.kind] for sensor in robot.spec.used]
+    return [
+        {"name": name, "absolute": not kind.shaft, "index": _short(_SHOWN[unit] * at)}
+        for name, kind, unit, at in zip(
+            robot.sensors, kinds, units, robot.rkm(robot.home), strict=True
+        )
+    ]

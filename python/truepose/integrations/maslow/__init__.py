@@ -1,0 +1,1 @@
+"""Integration of Maslow: sleds that hang on four belts."""

@@ -1,0 +1,383 @@
+"""Anchors of a sled on four belts, from the belts' own lengths.
+
+Two freedoms, four belts: the upper two are the motors, the lower two redundant readings. Any two of
+them could be the motors: which are, changes nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from truepose import robotfile
+from truepose.arguments import Array
+from truepose.calibration.fit import Calibration
+from truepose.calibration.fitting import fit_to
+from truepose.calibration.influences import NuisanceParameter, stretch, tension
+from truepose.calibration.learnt import Learnt
+from truepose.exceptions import PoseError
+from truepose.robot.robot import Robot
+
+#: In the order of the readings: upper left and right, lower left and right.
+BELTS = ("tl", "tr", "bl", "br")
+#: σ that is believed before anything is read, all assumed: of an anchor's coordinates and of a
+#: belt's zero, m; of the strain by which the lower belts are tightened, and by the sled's weight.
+ANCHOR, OFFSET, STRAIN = 0.3, 0.005, 0.003
+#: Of a belt's reading, m, before the log says how well it is explained.
+READING = 1e-3
+#: Of the freedoms that the mean of N χ² of two freedoms each has, those that their median has: its
+#: relative variance is 1/(N log² 2), the mean's 1/N.
+MEDIAN = np.log(2) ** 2
+#: Frames that are tried to begin with, m: width and height.
+FRAMES = (np.arange(1.0, 5.01, 0.1), np.arange(1.0, 4.01, 0.1))
+#: Of the width: a pose that little left of the middle counts to the right, for the machine, whose
+#: middle is its own, calls x = 0 that.
+MIDDLE = 0.02
+#: A frame that is no rectangle misfits the next rectangle by less than that, m, assumed.
+FITS = 0.1
+#: How the lower belts are tightened for a reading: on either side its own belt first, the other
+#: against it (Maslow's firmware, frame upright); both alike; or nothing stretches.
+Tightened = Literal["sides", "alike", "off"]
+TIGHTENED: tuple[Tightened, ...] = ("sides", "alike", "off")
+
+_SLED = """name = "sled"
+title = "Sled on four belts"
+mobility = "planar_translation"
+source = "The belts' own lengths. Gravity's direction and the tolerances are assumed."
+home = [{home[0]!r}, {home[1]!r}]
+gravity = [0.0, -9.81, 0.0]
+sensors = ["bl", "br"]
+
+[workspace] # of the poses that were read
+minimum = [{low[0]!r}, {low[1]!r}]
+maximum = [{high[0]!r}, {high[1]!r}]
+
+[every_chain]
+actuator = "telescopic"
+anchor = [0.0, 0.0, 0.0]
+encoder_noise = {sigma!r}
+
+[[chain]] # upper left
+base = [{tl[0]!r}, {tl[1]!r}, {tl[2]!r}]
+
+[[chain]] # upper right
+base = [{tr[0]!r}, {tr[1]!r}, {tr[2]!r}]
+
+[nacelle]
+mass = 10.0 # assumed
+
+[[sensor]]
+name = "bl"
+kind = "distance"
+origin = [{bl[0]!r}, {bl[1]!r}, {bl[2]!r}]
+target = [0.0, 0.0, 0.0]
+noise = {sigma!r}
+
+[[sensor]]
+name = "br"
+kind = "distance"
+origin = [{br[0]!r}, {br[1]!r}, {br[2]!r}]
+target = [0.0, 0.0, 0.0]
+noise = {sigma!r}
+
+# The base's frame: from the lower left anchor, x towards the lower right one.
+[tolerances]
+"chain*.base.[xy]" = {{ sigma = {anchor!r} }}
+"br.origin.x" = {{ sigma = {anchor!r} }}
+"""
+_OFFSETS = """"chain*.encoder_offset" = {{ sigma = {offset!r} }}
+"b[lr].offset" = {{ sigma = {offset!r} }}
+"""
+#: What the robot file calls an unknown, and what its owner does.
+NAMES = {
+    "chain1.base.x": "tl.x",
+    "chain1.base.y": "tl.y",
+    "chain2.base.x": "tr.x",
+    "chain2.base.y": "tr.y",
+    "br.origin.x": "br.x",
+    "chain1.encoder_offset": "tl.offset",
+    "chain2.encoder_offset": "tr.offset",
+}
+
+
+class Model(NamedTuple):
+    """What is unknown beside the anchors."""
+
+    offsets: bool = True
+    tightened: Tightened = "sides"
+
+    def __str__(self) -> str:
+        """Say it in words."""
+        others = ["offsets"] * self.offsets
+        others += [f"stretch ({self.tightened})"] if self.tightened != "off" else []
+        return ", ".join(["anchors", *others])
+
+
+@dataclass(frozen=True)
+class Sled:
+    """A sled as its belts show it."""
+
+    fit: Calibration
+    lengths: Array  #: (N, 4) m, as read
+    model: Model
+    sigma: float  #: of a belt's reading, m, as the log bears it out
+
+    @property
+    def unknowns(self) -> dict[str, Learnt]:
+        """Anchors, offsets (m), strains: by their owner's names."""
+        every = {**self.fit.parameters, **self.fit.influences}
+        return {NAMES.get(name, name): of for name, of in every.items()}
+
+    @property
+    def anchors(self) -> dict[str, Learnt]:
+        """The five coordinates that were unknown."""
+        return {n: of for n, of in self.unknowns.items() if n.endswith((".x", ".y"))}
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Width and height of the frame, m: means of opposite sides."""
+        at = {name: of.value for name, of in self.anchors.items()}
+        width = (at["tr.x"] - at["tl.x"] + at["br.x"]) / 2
+        return width, (at["tl.y"] + at["tr.y"]) / 2
+
+    def covariance(self) -> Array:
+        """Of `unknowns`, in their order."""
+        p = len(self.fit.names)
+        cross, own = self.fit.beside[:, :p], self.fit.beside[:, p:]
+        return np.block([[self.fit.covariance, cross.T], [cross, own]])
+
+    def corrected(self, lengths: Array) -> Array:
+        """Take from the readings what stretch adds to them: those of belts that do not stretch."""
+        robot, result = self.fit.robot, lengths
+        for _ in range(3 if self.fit.influences else 0):
+            x = robot.fkm(result[:, :2])
+            acting = influences(robot, x, self.model.tightened)
+            amounts = [self.fit.influences[of.name].value for of in acting]
+            result = lengths - sum(
+                amount * np.asarray(of.pattern) for amount, of in zip(amounts, acting, strict=True)
+            )
+        return result
+
+    def predicted(self, lengths: Array) -> Array:
+        """What the upper belts predict of the lower ones, less what those read, (N, 2) in m."""
+        right = self.corrected(lengths)
+        return (
+            self.fit.robot.extended_positions(self.fit.robot.fkm(right[:, :2]))[:, 2:]
+            - right[:, 2:]
+        )
+
+    def suspects(self) -> list[tuple[int, str, float]]:
+        """Poses that a robust loss left out, the belt that explains each best, and by how much."""
+        result = []
+        H_x, _ = self.fit.robot.linearize(np.nan_to_num(self.fit.x), errors="nan")
+        for k in self.fit.outliers:
+            H = H_x[k]
+            P = np.eye(4) - H @ np.linalg.solve(H.T @ H, H.T)
+            wrong = P @ self.fit.residuals[k]
+            size = np.abs(wrong) / np.sqrt(np.diag(P))
+            belt = int(np.argmax(size))
+            result.append((int(k), BELTS[belt], float(wrong[belt] / P[belt, belt])))
+        return sorted(result, key=lambda of: -abs(of[2]))
+
+
+def influences(robot: Robot, x: Array, tightened: Tightened) -> list[NuisanceParameter]:
+    """Strain of every belt, by what tightens it: amounts are the strain of a lower belt.
+
+    The upper belts hold what the lower ones pull, and the sled's weight (its unit: that as well).
+    """
+    if tightened == "off":
+        return []
+    H_x, _ = robot.linearize(x)
+    ends = [robot.parameters[f"chain{k}.base.x"].value for k in (1, 2)]
+    left = x[:, 0] < np.mean(ends) - MIDDLE * np.ptp(ends)
+
+    def pulled(by: Array) -> Array:
+        """By the lower belts with these tensions, (N, 2): tension of all four."""
+        force = np.zeros((len(x), 3))
+        force[:, :2] = -np.einsum("kr,krj->kj", by, H_x[:, 2:])
+        return np.hstack([tension(robot, x, force), by])
+
+    weight = np.hstack([tension(robot, x, (0.0, -1.0, 0.0)), np.zeros((len(x), 2))])
+    own = np.column_stack([left, ~left]).astype(float)
+    pulls = (
+        {"strain, belt of the side": own, "strain, other belt": 1 - own}
+        if tightened == "sides"
+        else {"strain, lower belts": np.ones_like(own)}
+    )
+    acting = {name: pulled(by) for name, by in pulls.items()} | {"strain, weight": weight}
+    return [
+        NuisanceParameter(name=name, pattern=stretch(robot, x, held), amount=(0.0, STRAIN))
+        for name, held in acting.items()
+    ]
+
+
+def calibrate(
+    lengths: Array,
+    heights: Sequence[float],
+    model: Model | None = None,
+    frame: tuple[float, float] | None = None,
+) -> Sled:
+    """Find anchors, offsets and strains from the lengths of four belts.
+
+    Parameters
+    ----------
+    lengths : ndarray, shape (N, 4)
+        m, in the order of `BELTS`.
+    heights : sequence of 4
+        Of the anchors over the sled's plane, m.
+    frame : (width, height), optional
+        To begin from, m; by default what explains the lengths best as a rectangle.
+    """
+    model = Model() if model is None else model
+    width, height = frame_of(lengths, heights)[:2] if frame is None else frame
+    corners = np.array([[0, height], [width, height], [0, 0], [width, 0]])
+    sigma, sled, x = READING, None, None
+    for _ in range(4):  # patterns and σ follow from the fit, and hardly change it
+        robot = robot_of(corners, heights, sigma, model)
+        x = robot.fkm(lengths[:, :2], errors="nan") if x is None else x
+        if not np.isfinite(x).all():
+            raise PoseError(
+                f"{np.isnan(x[:, 0]).sum()} poses cannot be reached in a frame like that"
+            )
+        acting = influences(robot if sled is None else sled.fit.robot, x, model.tightened)
+        fit = fit_to(robot, lengths, loss="student", influences=acting)
+        x = np.where(np.isfinite(fit.x), fit.x, x)
+        sled = Sled(fit, lengths, model, sigma)
+        sigma = float(np.clip(sigma * _disagreement(sled), 1e-6, 0.1))
+    assert sled is not None
+    return sled
+
+
+def _disagreement(sled: Sled) -> float:
+    """σ of a reading over that which the fit believed: median of χ², less what the fit has taken.
+
+    Of as many unknowns as are learnt, trace(I - Π⁻¹ Σ), the fit meets the readings by itself. What
+    is divided by a σ that f freedoms show is Student's t, of variance f/(f - 2): σ is stated so
+    much larger.
+    """
+    chi2 = sled.fit.chi2[sled.fit.redundancy > 0]  # of two freedoms: median 2 log 2
+    ratio2 = [of.ratio**2 for of in sled.unknowns.values()]
+    left = max(1 - (len(ratio2) - sum(ratio2)) / (2 * len(chi2)), 0.1)
+    f = max(2 * len(chi2) * left * MEDIAN, 4.0)
+    return float(np.sqrt(np.median(chi2) / (2 * np.log(2)) / left * f / (f - 2)))
+
+
+class Frame(NamedTuple):
+    """A rectangle, m."""
+
+    width: float
+    height: float
+    misfit: float  #: of the lower belts, the upper ones given: median
+
+
+def frame_of(lengths: Array, heights: Sequence[float]) -> Frame:
+    """Find the rectangle whose upper belts predict the lower ones best."""
+    tl, tr, bl, br = (lengths**2 - np.square(heights)).T
+    W, H = (side[..., None] for side in np.meshgrid(*FRAMES, indexing="ij"))
+    x = (tl - tr + W**2) / (2 * W)
+    below2 = tl - x**2
+    y = H - np.sqrt(np.where(below2 > 0, below2, np.nan))
+    wrong = np.hypot(np.hypot(x, y) - np.sqrt(bl), np.hypot(x - W, y) - np.sqrt(br))
+    misfit = np.median(np.where(np.isnan(wrong), 9.0, wrong), axis=2)
+    i, j = np.unravel_index(np.argmin(misfit), misfit.shape)
+    return Frame(float(FRAMES[0][i]), float(FRAMES[1][j]), float(misfit[i, j]))
+
+
+def robot_of(corners: Array, heights: Sequence[float], sigma: float, model: Model) -> Robot:
+    """A sled as drawn: anchors tl, tr, bl, br at these corners, (4, 2), m."""
+    at = {
+        belt: [*map(float, corner), float(z)]
+        for belt, corner, z in zip(BELTS, corners, heights, strict=True)
+    }
+    width, height = corners[1]
+    text = (_SLED + _OFFSETS * model.offsets).format(
+        **at,
+        sigma=sigma,
+        anchor=ANCHOR,
+        offset=OFFSET,
+        home=[float(width / 2), float(height / 2)],
+        low=[float(0.2 * width), float(0.2 * height)],
+        high=[float(0.8 * width), float(0.8 * height)],
+    )
+    return Robot(robotfile.parse(text, "sled"))
+
+
+class HeldOut(NamedTuple):
+    """What a calibration predicts of lines that it did not see."""
+
+    wrong: Array  #: (N, 2) lower belts by the upper ones, m
+    rms: float
+
+
+def held_out(lengths: Array, heights: Sequence[float], model: Model, parts: int = 9) -> HeldOut:
+    """Predict every ninth line by the others; σ is found anew without it each time."""
+    part = np.arange(len(lengths)) % parts
+    wrong = np.zeros((len(lengths), 2))
+    for k in range(parts):
+        sled = calibrate(lengths[part != k], heights, model)
+        wrong[part == k] = sled.predicted(lengths[part == k])
+    return HeldOut(wrong, float(np.sqrt(np.mean(wrong**2))))
+
+
+class Spread(NamedTuple):
+    """Scatter of the anchors over disjoint parts of the poses, in units of σ (rms)."""
+
+    of_stated: float  #: of the mean stated σ
+    of_readings: float  #: of the share of it that parts do not have in common: not the prior's
+
+
+def spread(lengths: Array, heights: Sequence[float], model: Model, parts: int = 4) -> Spread:
+    """Calibrate on every fourth line by itself, four times: do the anchors agree as σ says?
+
+    What the readings leave to the prior all parts take from it alike: of a covariance Σ after a
+    prior Π only Σ - Σ Π⁻¹ Σ scatters.
+    """
+    part = np.arange(len(lengths)) % parts
+    found = [calibrate(lengths[part == k], heights, model) for k in range(parts)]
+    value = np.array([[of.value for of in sled.anchors.values()] for sled in found])
+    stated, scatters = [], []
+    for sled in found:
+        names = list(sled.unknowns)
+        at = [names.index(name) for name in sled.anchors]
+        after = sled.covariance()
+        by_prior = after / [of.prior_sigma**2 for of in sled.unknowns.values()] @ after
+        stated.append(np.sqrt(np.diag(after))[at])
+        scatters.append(np.sqrt(np.diag(after - by_prior))[at])
+    apart = value.std(axis=0, ddof=1)
+    return Spread(
+        *(
+            float(np.sqrt(np.mean((apart / np.mean(sigma, axis=0)) ** 2)))
+            for sigma in (stated, scatters)
+        )
+    )
+
+
+def mistakes(lengths: Array) -> str | None:
+    """Name what is wrong with a table of lengths as a whole, if something is."""
+    size = float(np.median(lengths))
+    if 0.02 < size < 0.13:
+        return f"lengths of {1e3 * size:.0f} (median): in inches? must be mm"
+    if not 0.3 < size < 10:
+        return f"lengths of {1e3 * size:.4g} (median): must be mm"
+    return None
+
+
+def swapped(lengths: Array, heights: Sequence[float]) -> str | None:
+    """Name belts whose columns are exchanged: no frame explains the lengths, but then one does.
+
+    Two upper belts or the two lower ones: mirrored, the same. Two that are opposite each other give
+    a frame that stands on its side, which nothing but its shape tells (`Sled.size`).
+    """
+    as_is = frame_of(lengths, heights).misfit
+    if as_is < FITS:
+        return None
+    for order, names in (
+        ([1, 0, 2, 3], "columns tl and tr exchanged, or bl and br?"),
+        ([2, 1, 0, 3], "columns tl and bl exchanged, or tr and br?"),
+    ):
+        if frame_of(lengths[:, order], [heights[k] for k in order]).misfit < FITS:
+            return names
+    return f"no frame explains the lengths: {1e3 * as_is:.0f} mm (median) off in the best"

@@ -1,0 +1,246 @@
+"""`truepose maslow`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from truepose import files, logs, robotfile
+from truepose.arguments import Array
+from truepose.commands.options import Force, How, wrote
+from truepose.design.candidates import CandidatePoses, drawn, reachable
+from truepose.design.poses import plan_poses
+from truepose.exceptions import InputError
+from truepose.integrations.maslow import belts
+from truepose.integrations.maslow.belts import BELTS, Model, Sled
+from truepose.show.table import Cell, Table, fixed, number
+from truepose.show.terminal import Format, say, show
+
+#: Fewer poses than unknowns of the largest model leave most of them to the prior.
+FEWEST = 12
+#: Poses over the workspace, of which the next ones are chosen.
+CANDIDATES = 400
+#: Of the scatter of anchors over its σ, within which σ is called honest.
+HONEST = (0.8, 1.25)
+#: Parts of the poses that are calibrated on by themselves, each of `FEWEST` poses at least.
+PARTS = 4
+
+
+def command(
+    log: Annotated[
+        Path, typer.Argument(help="CSV: columns tl, tr, bl, br, the belts' lengths in mm.")
+    ],
+    heights: Annotated[
+        str, typer.Option(help="Of the anchors tl,tr,bl,br over the sled's plane, mm.")
+    ] = "116,69,47,89",
+    tightened: Annotated[
+        belts.Tightened,
+        typer.Option(
+            help="How the lower belts are pulled for a reading: the belt of the sled's side first, "
+            "both alike, or nothing stretches."
+        ),
+    ] = "sides",
+    next_poses: Annotated[
+        int | None,
+        typer.Option("--plan", min=1, help="How many poses to say that are worth reading next."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", help="Calibrated robot file to write.")
+    ] = None,
+    how: How = Format.table,
+    force: Force = False,
+) -> None:
+    """Find the anchors of a Maslow sled from its own log, with a σ beside each.
+
+    Says what the poses cannot tell apart, which readings are wrong, and how well the lower belts
+    are predicted by the upper ones on lines that were held out.
+
+    Example: **truepose maslow log.csv -o sled.toml**
+    """
+    output = robotfile.output(out, "-o", calibrated=True) if out else None
+    files.check([output] if output else [], (log,), force)
+    above = _heights(heights)
+    lengths, lines = read(log, above)
+    model = Model(True, tightened)
+    # All of it is said before anything is held out.
+    before = [
+        f"{len(lengths)} poses; anchors' heights {heights} mm; unknown: {model}",
+        f"prior σ, assumed: anchors {1e3 * belts.ANCHOR:.0f} mm, offsets "
+        f"{1e3 * belts.OFFSET:.0f} mm, strains {100 * belts.STRAIN:.1f} %",
+    ]
+    sled = belts.calibrate(lengths, above, model)
+    before.append(f"σ of a belt's reading, as the log bears it out: {1e3 * sled.sigma:.2f} mm")
+    before += on_its_side(sled)
+    if output:
+        fitted = sled.fit.robot
+        values = {name: p.value for name, p in fitted.parameters.items()}
+        contents = {output: robotfile.to_toml(fitted.spec, values)}
+    for text in before:
+        say(text, how)
+    further = [] if next_poses is None else [worth_reading(sled, next_poses)]
+    show([unknowns(sled), models(sled, above), *further], how)
+    for text in [*apart(sled), *suspects(sled, lines), *honesty(lengths, above, model)]:
+        say(text, how)
+    if output:
+        files.write(contents, (log,), force)
+    wrote(how, out)
+
+
+def read(path: Path, heights: list[float]) -> tuple[Array, Array]:
+    """Lengths in m and their lines; InputError where they are none of a sled's."""
+    lengths, lines = logs.table(path, BELTS)
+    for k, name in enumerate(BELTS):
+        if (wrong := np.flatnonzero(~(lengths[:, k] > 0))).size:
+            at = f"line {lines[wrong[0]]}: {name} = {lengths[wrong[0], k]:g}"
+            raise InputError(f"{path}: {at}: must be a length, mm")
+    if len(lengths) < FEWEST:
+        raise InputError(f"{path}: {len(lengths)} poses: must be {FEWEST} or more")
+    _, first, count = np.unique(lengths, axis=0, return_index=True, return_counts=True)
+    if (count > 1).any():
+        again = np.setdiff1d(np.arange(len(lengths)), first)[0]
+        twin = np.flatnonzero((lengths == lengths[again]).all(axis=1))[0]
+        raise InputError(
+            f"{path}: line {lines[again]}: as line {lines[twin]}, digit for digit: a pose that is "
+            "there twice counts twice"
+        )
+    lengths = 1e-3 * lengths
+    if mistake := belts.mistakes(lengths):
+        raise InputError(f"{path}: {mistake}")
+    for k, belt in np.argwhere(lengths <= heights):
+        reads, above = (f"{1e3 * v:g}" for v in (lengths[k, belt], heights[belt]))
+        raise InputError(
+            f"{path}: line {lines[k]}: {BELTS[belt]} = {reads}: must be more than the height of "
+            f"its anchor, {above} (--heights)"
+        )
+    if mistake := belts.swapped(lengths, heights):
+        raise InputError(f"{path}: {mistake}")
+    return lengths, lines
+
+
+def _heights(text: str) -> list[float]:
+    try:
+        heights = [1e-3 * float(part) for part in text.split(",")]
+    except ValueError:
+        heights = []
+    if len(heights) != 4 or not all(0 <= z < 1 for z in heights):
+        raise InputError(f"--heights {text}: must be four numbers from 0 to 1000, tl,tr,bl,br (mm)")
+    return heights
+
+
+def unknowns(sled: Sled) -> Table:
+    """One row for each unknown."""
+    rows = []
+    for name, of in sled.unknowns.items():
+        strain = name.startswith("strain")
+        factor, unit = (100.0, "%") if strain else (1e3, "mm")
+        cells = [fixed(factor * v, 3 if strain else 1) for v in (of.value, of.sigma)]
+        rows.append([name, *cells, unit, of.verdict])
+    title = "Anchors (from bl, x towards br), belts' offsets (length = reading + offset), strains"
+    return Table("unknowns", title, ["unknown", "value", "σ", "unit", "verdict"], rows)
+
+
+def models(sled: Sled, heights: list[float]) -> Table:
+    """How well each model predicts the lower belts on ninths that it did not see."""
+    known = [Model(False, "off"), Model(True, "off"), Model(True, "alike"), Model(True, "sides")]
+    rows = []
+    for model in known:
+        held = belts.held_out(sled.lengths, heights, model)
+        used = "used" if model == sled.model else ""
+        middle = 1e3 * float(np.median(np.abs(held.wrong)))
+        rows.append([str(model), number(1e3 * held.rms), number(middle), Cell(used, used)])
+    title = "Lower belts predicted by the upper ones, on held-out ninths"
+    return Table("held_out", title, ["unknown", "rms (mm)", "median (mm)", "here"], rows)
+
+
+def on_its_side(sled: Sled) -> list[str]:
+    """Doubt a frame that is higher than wide: two columns exchanged across it explain as much."""
+    width, height = (1e3 * side for side in sled.size)
+    if height <= width:
+        return []
+    return [
+        f"warning: the frame found is higher than wide, {width:.0f} x {height:.0f} mm: columns bl "
+        "and tr exchanged, or br and tl?"
+    ]
+
+
+def apart(sled: Sled) -> list[str]:
+    """Which offsets the poses cannot tell from anchors: what one σ of them would move."""
+    unknowns, covariance = sled.unknowns, sled.covariance()
+    names, said = list(unknowns), []
+    prior = np.array([of.prior_sigma for of in unknowns.values()])
+    own = [k for k, name in enumerate(names) if not name.endswith((".x", ".y"))]
+    anchors = [k for k, name in enumerate(names) if name.endswith((".x", ".y"))]
+    scaled = covariance[np.ix_(own, own)] / np.outer(prior[own], prior[own])
+    ratio2, vectors = np.linalg.eigh(scaled)
+    for k in range(len(ratio2) - 1, -1, -1):
+        if ratio2[k] < 0.5**2:
+            break
+        direction = vectors[:, k] / prior[own]
+        moves = covariance[np.ix_(anchors, own)] @ direction / np.sqrt(ratio2[k])
+        largest = np.argsort(-np.abs(moves))[:2]
+        terms = " ".join(
+            f"{'-' if vectors[j, k] < 0 else '+'}{names[own[j]]}"
+            for j in np.argsort(-np.abs(vectors[:, k]))
+            if abs(vectors[j, k]) > 0.3
+        )
+        with_it = ", ".join(f"{names[anchors[j]]} {1e3 * moves[j]:+.1f} mm" for j in largest)
+        said.append(
+            f"offsets or anchors? {terms}: known to {np.sqrt(ratio2[k]):.2f} of what was believed "
+            f"before; by one σ of it {with_it}"
+        )
+    return said or ["the poses tell offsets and anchors apart"]
+
+
+def worth_reading(sled: Sled, count: int) -> Table:
+    """Poses that would buy most, and the accuracy that each promises, stretch not known for sure.
+
+    Where the sled works its belts are pulled otherwise: the accuracy is of the anchors and zeros.
+    """
+    robot = sled.fit.robot
+    x = drawn(robot, CANDIDATES, 0)
+    x = x[reachable(robot, x, robot.highest_level)]
+    acting = belts.influences(robot, x, sled.model.tightened)
+    candidates = CandidatePoses(poses=x, influences=acting)
+    found = plan_poses(robot, count, candidates=candidates, after=sled.fit)
+    before = 1e3 * found.sigma[0, -1]
+    rows = [
+        [str(k), *(number(1e3 * v) for v in step.poses[0]), fixed(1e3 * sigma)]
+        for k, (step, sigma) in enumerate(zip(found.steps, found.sigma[1:, -1], strict=True), 1)
+    ]
+    title = f"What to read next; σ of the sled's position is {before:.2f} mm before"
+    return Table("next", title, ["pose", "x (mm)", "y (mm)", "σ of the position then (mm)"], rows)
+
+
+def suspects(sled: Sled, lines: Array) -> list[str]:
+    """Poses that do not fit, by line and belt."""
+    return [
+        f"line {lines[k]}: {belt} reads {1e3 * wrong:+.1f} mm off what the other belts say: counts "
+        "for next to nothing"
+        for k, belt, wrong in sled.suspects()
+    ]
+
+
+def honesty(lengths: Array, heights: list[float], model: Model) -> list[str]:
+    """Whether anchors from disjoint quarters of the poses scatter as σ says."""
+    if len(lengths) < PARTS * FEWEST:
+        return [
+            f"whether σ is honest quarters of {len(lengths)} poses are too few to say: "
+            f"{PARTS * FEWEST} or more would"
+        ]
+    found = belts.spread(lengths, heights, model, PARTS)
+    low, high = HONEST
+    verdict = (
+        "as σ says"
+        if low <= found.of_readings <= high
+        else "more than σ says: something is missing in the model"
+        if found.of_readings > high
+        else "less than σ says: what is missing in the model is the same in each quarter"
+    )
+    return [
+        f"anchors from disjoint quarters of the poses scatter by {found.of_stated:.2f} of their σ: "
+        "what σ has from the prior, that of the offsets above all, is the same in each quarter and "
+        f"scatters in none; by {found.of_readings:.2f} of the rest of it: {verdict}"
+    ]

@@ -1,0 +1,1 @@
+"""Integration of MCAP: logs that Foxglove and PlotJuggler read."""

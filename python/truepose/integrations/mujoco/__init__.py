@@ -1,0 +1,1 @@
+"""Integration of MuJoCo: models, a plant with rigid bodies, a viewer."""

@@ -1,0 +1,174 @@
+"""A MuJoCo simulation of a robot, stepped by its motors."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from truepose import _core
+from truepose.arguments import Array
+from truepose.control.effects import Effects
+from truepose.exceptions import InputError, PoseError, TrueposeError
+from truepose.integrations.mujoco.mechanism import Posture
+from truepose.integrations.mujoco.mjcf import TIMESTEP, Model
+from truepose.integrations.mujoco.mjcf_parts import turn
+from truepose.robot.frames import coordinates, frames
+from truepose.robot.robot import Robot
+
+_OPEN = 1e-4  # m: a loop that far open is not closed
+
+
+class Settled(NamedTuple):
+    """Where the nacelle stands with the motors held."""
+
+    frame: Array  #: (..., 4, 4) of the nacelle in the base frame
+    x: Array  #: (..., n) its coordinates
+    gap: Array  #: (...) by which the worst loop is open, m
+
+
+def require() -> Any:
+    """Return the module mujoco, or raise TrueposeError with a line that says how to get it."""
+    try:
+        import mujoco
+    except ImportError:
+        raise TrueposeError('MuJoCo is not installed: pip install "truepose[mujoco]"') from None
+    return mujoco
+
+
+class Body:
+    """A robot as MuJoCo holds it: model, state, and where in it the robot's joints are.
+
+    Parameters
+    ----------
+    robot : Robot
+        With the geometry that it has now.
+    effects : Effects
+    timestep : float
+    """
+
+    def __init__(self, robot: Robot, effects: Effects | None = None, timestep: float = TIMESTEP):
+        mujoco = self.mujoco = require()
+        self.robot, self.mechanism = robot, Model(robot)
+        # MuJoCo would write what it warns of into a file; here it becomes an error or a status.
+        mujoco.set_mju_user_warning(lambda _: None)
+        try:
+            self.model = mujoco.MjModel.from_xml_string(self.mechanism.xml(effects, timestep))
+        except ValueError as error:
+            raise InputError(f"{robot.name}: MuJoCo: {' '.join(str(error).split())}") from None
+        self.data = mujoco.MjData(self.model)
+        joints = [self.model.joint(j).name for j in range(self.model.njnt)]
+        at = dict(zip(joints, self.model.jnt_qposadr, strict=True))
+        self._at = at
+        self.motors = [at[f"motor{i + 1}"] for i in range(robot.n)]
+        self.roots = [at[name] for name in at if name.startswith("root")]
+        self.bars = [at[f"bar{k + 1}"] for k in range(self.mechanism.bars)]
+        self._axes = [at[f"axis{j + 1}"] for j in range(robot.core.axes)]
+        self._holds = [self.model.equality(f"hold{i + 1}").id for i in range(robot.n)]
+
+    def stand(self, posture: Posture) -> None:
+        """Put every body where a posture has it, at rest."""
+        self.mujoco.mj_resetData(self.model, self.data)
+        qpos = self.data.qpos
+        for name, value in posture.joints.items():
+            qpos[self._at[name]] = value
+        for k, at in enumerate(self.bars):
+            qpos[at] = posture.psi[k]
+        if self.mechanism.planar:
+            for k, axis in enumerate("xy"):
+                qpos[self._at[f"nacelle.{axis}"]] = posture.D[k]
+            if "nacelle.theta" in self._at:
+                qpos[self._at["nacelle.theta"]] = np.arctan2(posture.R[1, 0], posture.R[0, 0])
+        elif "nacelle" in self._at:
+            at = self._at["nacelle"]
+            qpos[at : at + 3] = posture.D
+            self.mujoco.mju_mat2Quat(qpos[at + 3 : at + 7], posture.R.ravel())
+
+    def nacelle(self) -> tuple[Array, Array]:
+        """D and R of the nacelle as it stands."""
+        qpos, D, R = self.data.qpos, self.mechanism.home.D.copy(), np.eye(3)
+        if self.mechanism.planar:
+            D[:2] = [qpos[self._at[f"nacelle.{axis}"]] for axis in "xy"]
+            if "nacelle.theta" in self._at:
+                R = turn(2, qpos[self._at["nacelle.theta"]])
+            return D, R
+        if self._axes:
+            frame = frames(self.robot, qpos[self._axes])
+            return frame[:3, 3], frame[:3, :3]
+        at, flat = self._at["nacelle"], np.empty(9)
+        self.mujoco.mju_quat2Mat(flat, qpos[at + 3 : at + 7])
+        return qpos[at : at + 3].copy(), flat.reshape(3, 3)
+
+    def frame(self) -> Array:
+        """The nacelle's frame, (4, 4)."""
+        frame = np.eye(4)
+        frame[:3, 3], frame[:3, :3] = self.nacelle()
+        return frame
+
+    def coordinates(self) -> Array:
+        """Coordinates x of the nacelle, (n,)."""
+        if self._axes:
+            return self.data.qpos[self._axes].copy()
+        return coordinates(self.robot, self.frame())
+
+    def positions(self) -> tuple[Array, Array]:
+        """Motors' and arms' angles or slides: an arm that yields is not where its motor is."""
+        motor = self.data.qpos[self.motors]
+        return motor, motor + self.data.qpos[self.roots] if self.roots else motor
+
+    def readings(self, theta: float = 0.0) -> Array:
+        """Exact readings (n + r,): no noise, no counts. `theta` says which turn θ is in."""
+        motor, arm = self.positions()
+        psi = self.data.qpos[self.bars].tolist() if self.bars else []
+        rest = [0.0] * (6 - self.robot.n)
+        q_e, _ = _core.readings(
+            self.robot.core,
+            *self.nacelle(),
+            [*psi, *[0.0] * (_core.max_bars - len(psi))],
+            theta,
+            [*motor.tolist(), *rest],
+            [*arm.tolist(), *rest],
+        )
+        return np.array(q_e)[: self.robot.n + self.robot.r]
+
+    def hold(self) -> None:
+        """Hold the motors: where they are, or where `settle_at` takes them."""
+        home = self.mechanism.home.position
+        self.model.eq_data[self._holds, 0] = self.data.qpos[self.motors] - home
+        self.data.eq_active[self._holds] = 1
+
+    def gap(self) -> float:
+        """By how much the worst loop is open, m."""
+        self.mujoco.mj_kinematics(self.model, self.data)
+        ends = [
+            self.data.site(f"{rod}.{end}").xpos
+            for i in range(self.robot.n)
+            for rod, _ in self.mechanism.rods(i)
+            for end in ("end", "anchor")
+        ]
+        return float(np.linalg.norm(np.array(ends[::2]) - np.array(ends[1::2]), axis=1).max())
+
+    def settle_at(self, q: Array, duration: float = 0.2) -> Settled:
+        """Move the motors from where they are to readings q, hold them, wait for rest."""
+        model, data, step = self.model, self.data, self.mujoco.mj_step
+        start = self.positions()[0]
+        core = self.robot.core
+        end = np.array([core.motor_position(i, value) for i, value in enumerate(q)])
+        home = self.mechanism.home.position
+        self.hold()
+        for share in np.linspace(0, 1, max(1, round(duration / model.opt.timestep))):
+            smooth = share**2 * (3 - 2 * share)
+            model.eq_data[self._holds, 0] = start + smooth * (end - start) - home
+            step(model, data)
+        for _ in range(100):
+            step(model, data, 40)
+            if not np.abs(data.qvel).max() > 1e-8:  # or not a number
+                break
+        said = ", ".join(f"{value:.6g}" for value in q)
+        gap = self.gap()
+        if not gap < _OPEN or not np.abs(data.qvel).max() < 1e-5:
+            raise PoseError(
+                f"{self.robot.name}: motors at q = [{said}]: the loops cannot close, or the robot "
+                "does not come to rest"
+            )
+        return Settled(self.frame(), self.coordinates(), np.array(gap))

@@ -1,0 +1,145 @@
+"""Rigid bodies, joints and loop closures of a robot for MuJoCo."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose import _core
+from truepose.arguments import Array
+from truepose.exceptions import InputError
+from truepose.integrations.mujoco.mjcf_parts import axes, turn
+from truepose.robot.batches import require_answers
+from truepose.robot.frames import frames
+from truepose.robot.robot import Robot
+
+
+@dataclass(frozen=True)
+class Posture:
+    """Where every body stands when all loops are closed. SI, base frame."""
+
+    D: Array  #: (3,)
+    R: Array  #: (3, 3)
+    psi: Array  #: (bars,) turn of each lateral bar in the nacelle
+    position: Array  #: (n,) of the motors, before their encoders' offsets
+    joints: dict[str, float]  #: of arms, rods and passive axes in MuJoCo, by their joints' names
+
+
+class Mechanism:
+    """A robot as bodies and joints.
+
+    Parameters
+    ----------
+    robot : Robot
+        With the parameter values that the bodies shall have.
+    """
+
+    def __init__(self, robot: Robot):
+        if robot.loose:
+            raise InputError(f"{robot.name}: {robot.full.reason}")
+        self.robot = robot
+        self.planar = robot.spec.mobility.startswith("planar")
+        self.chains = [robot.core.chain(i) for i in range(robot.n)]
+        self.bars = 1 + max(chain.bar for chain in self.chains)
+        self._frames = [np.eye(3)] * robot.n
+        pose = self._pose(robot.home)
+        self._frames = [self._frame(i, pose) for i in range(robot.n)]
+        self.home = self.posture(robot.home)
+
+    def rods(self, i: int) -> list[tuple[str, float]]:
+        """Name and side (+1, -1, or 0 of a single rod) of the rods of a chain."""
+        if self.chains[i].rod_spacing > 0:
+            return [(f"rod{i + 1}+", 1.0), (f"rod{i + 1}-", -1.0)]
+        return [(f"rod{i + 1}", 0.0)]
+
+    def posture(self, x: ArrayLike) -> Posture:
+        """All bodies at a pose whose loops are closed: at the full level where it exists."""
+        x = np.asarray(x, dtype=float)
+        D, R, psi, position = self._pose(x)
+        joints = {f"axis{j + 1}": float(x[j]) for j in range(self.robot.core.axes)}
+        for i, chain in enumerate(self.chains):
+            if chain.actuator != _core.Actuator.telescopic:
+                joints[f"motor{i + 1}"] = position[i]
+            for rod, side in self.rods(i):
+                along = self.anchor(i, side, D, R, psi) - self.elbow(i, side, position[i])
+                a, b, c = self.mount(i, position[i]).T @ (along / np.linalg.norm(along))
+                joints[f"{rod}.swing"] = float(np.arctan2(b, a))
+                joints[f"{rod}.lean"] = -float(np.arcsin(np.clip(c, -1, 1)))
+            if chain.actuator == _core.Actuator.telescopic:
+                joints[f"motor{i + 1}"] = position[i]
+        return Posture(D, R, psi, position, joints)
+
+    def _pose(self, x: Array) -> tuple[Array, Array, Array, Array]:
+        """D, R, bars' turns and motors' positions at x, beyond the motors' stops too."""
+        robot, core, n = self.robot, self.robot.core, self.robot.n
+        full = bool(robot.full)
+        rows = np.ascontiguousarray(x[None], dtype=float)
+        q, status, chain = _core.ikm(core.without_limits(), rows, full)
+        require_answers(robot, "pose", rows, (), status, chain, "raise")
+        position = np.array([core.motor_position(i, q[0, i]) for i in range(n)])
+        theta = x[3] if robot.spec.mobility == "schoenflies" else 0.0
+        psi, tilt = np.full(self.bars, -theta), np.zeros(2)
+        if full and core.full.kind != _core.FullKind.same:
+            rest = robot.residual_motion(x)
+            tilt, turns = np.split(rest, [len(rest) - self.bars])
+            psi = turns - theta
+        frame = frames(robot, x, tilt)
+        return frame[:3, 3], frame[:3, :3], psi, position
+
+    def anchor(self, i: int, side: float, D: Array, R: Array, psi: Array) -> Array:
+        """Where a rod ends on the nacelle."""
+        chain = self.chains[i]
+        body = R if chain.bar < 0 else R @ turn(2, psi[chain.bar])
+        return D + R @ chain.pivot + body @ self.on_bar(i, side)
+
+    def on_bar(self, i: int, side: float) -> Array:
+        """From a bar's pivot, or the chain's on the nacelle, to where a rod ends."""
+        chain = self.chains[i]
+        return chain.anchor + 0.5 * side * chain.rod_spacing * chain.pair_drawn
+
+    def elbow(self, i: int, side: float, position: float) -> Array:
+        """Where a rod begins."""
+        chain, mount = self.chains[i], self.mount(i, position)
+        B = np.array(chain.base)
+        if chain.actuator == _core.Actuator.revolute:
+            B = B + chain.arm * mount[:, 0]
+        if chain.actuator == _core.Actuator.prismatic:
+            B = B + position * np.array(chain.axis)
+        return B + 0.5 * side * chain.rod_spacing * mount[:, 2]
+
+    def mount(self, i: int, position: float) -> Array:
+        """Frame of what carries the rods: x along the arm, z the axis of their first hinge."""
+        turned = self.chains[i].actuator == _core.Actuator.revolute
+        return self._frames[i] @ turn(2, position) if turned else self._frames[i]
+
+    def _frame(self, i: int, pose: tuple) -> Array:
+        """The mount at position 0; of carriages and legs x is near the rods' direction at home."""
+        chain = self.chains[i]
+        if chain.actuator == _core.Actuator.revolute:
+            return axes(chain.zero, chain.axis)
+        D, R, psi, position = pose
+        along = self.anchor(i, 0, D, R, psi) - self.elbow(i, 0, position[i])
+        if chain.rod_spacing > 0:
+            z = np.array(chain.pair_axis)
+        elif self.planar:
+            z = np.array([0.0, 0.0, 1.0])
+        else:
+            z = np.cross(chain.axis, along)
+            if np.linalg.norm(z) < 0.1 * np.linalg.norm(along):
+                z = np.cross(np.eye(3)[np.abs(along).argmin()], along)
+        return axes(along, z)
+
+    @property
+    def size(self) -> float:
+        """Of the robot at home, m: what drawn thicknesses go by."""
+        return float(np.ptp(self.outline(), axis=0).max())
+
+    def outline(self) -> Array:
+        """Points of base, arms and nacelle at home."""
+        points = [np.array(chain.base) for chain in self.chains] + [self.home.D]
+        for i in range(self.robot.n):
+            points.append(self.elbow(i, 0, self.home.position[i]))
+            points.append(self.anchor(i, 0, self.home.D, self.home.R, self.home.psi))
+        return np.array(points)

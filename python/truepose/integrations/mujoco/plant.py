@@ -1,0 +1,300 @@
+"""A plant of rigid bodies in MuJoCo.
+
+The bodies and joints are those of :mod:`truepose.integrations.mujoco.mjcf`; readings come from the
+core's sensor models at the pose that MuJoCo finds, and torques from the core's control cycle.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose import _core
+from truepose.arguments import Array, check_seed, numbers_of
+from truepose.control import delays
+from truepose.control.controller import Controller
+from truepose.control.effects import Effects
+from truepose.exceptions import InputError
+from truepose.faults.fault import Fault, in_core
+from truepose.integrations.mujoco.body import Body, Settled, require
+from truepose.integrations.mujoco.mjcf import TIMESTEP
+from truepose.robot import knowledge
+from truepose.robot.batches import flattened
+from truepose.robot.robot import Robot
+from truepose.simulation.drive import unanswered
+from truepose.simulation.plants import Visit
+from truepose.threads import each
+
+_RIPPLES = 6  # periods of the torque ripple in a turn of the motor
+_RANGE = 40  # poses that one thread visits on end: what was where before does not depend on cores
+_WINDOW = 0.05  # s in which a pose at rest moves by less than
+_STILL = 2e-5  # m, and ten times that in rad
+_SWINGS = 1e-3  # m: more than that at the end of the longest wait is no pose
+
+
+class MujocoPlant:
+    """A true robot in MuJoCo, every rod by itself.
+
+    Parameters
+    ----------
+    truth : Robot
+        The true robot, cold.
+    effects : Effects
+        What its model forgets; nothing by default.
+    seed : int
+        Of the phases of eccentricity and ripple, and of the noise of readings.
+    duration, hold : float
+        Of a move from pose to pose, and the least time after it, s.
+    longest : float
+        After which a robot that has not come to rest is measured as it is, s after the move.
+    pose_time : float
+        From one pose to the next by the clock of the warm-up, s: moving, resting, measuring.
+    timestep : float
+        Of MuJoCo, s; a whole number of them makes a control period.
+    faults : sequence of Fault
+        Readings that lie. Their time is the warm-up's: the k-th move begins at k · `pose_time`.
+
+    Raises
+    ------
+    TrueposeError
+        MuJoCo is not installed.
+    """
+
+    def __init__(
+        self,
+        truth: Robot,
+        effects: Effects | None = None,
+        *,
+        seed: int = 0,
+        duration: float = 0.2,
+        hold: float = 0.1,
+        longest: float = 0.3,
+        pose_time: float = 10.0,
+        timestep: float = TIMESTEP,
+        faults: Sequence[Fault] = (),
+    ):
+        require()
+        for name, value in (("duration", duration), ("timestep", timestep), ("longest", longest)):
+            if not (math.isfinite(value) and value > 0):
+                raise InputError(f"{name} = {value}: must be a finite number greater than 0")
+        for name, value in (("hold", hold), ("pose_time", pose_time)):
+            if not (math.isfinite(value) and value >= 0):
+                raise InputError(f"{name} = {value}: must be a finite number of at least 0")
+        in_core(truth, faults, math.inf)  # whatever the controller's period
+        self.truth = truth
+        self.effects = Effects.none() if effects is None else effects
+        self.seed = check_seed(seed)
+        self.duration, self.hold, self.longest = duration, hold, max(hold, longest)
+        self.pose_time, self.timestep, self.faults = pose_time, timestep, tuple(faults)
+        self.ripple_phase = np.array(self.effects.plant(truth, self.seed).phase)[: truth.n]
+
+    def body(self, time: float = 0.0) -> Body:
+        """Return the robot in MuJoCo as it is some time after a cold start, at home and at rest."""
+        return Body(self.effects.geometry(self.truth, time, self.seed), self.effects, self.timestep)
+
+    def settle_at(self, q: ArrayLike) -> Settled:
+        """Hold the motors at readings q (..., n) and return where the nacelle comes to rest.
+
+        The motors go there from home along a straight line, so that the robot keeps its branch.
+
+        Raises
+        ------
+        PoseError
+            The loops do not close there, or the robot does not come to rest.
+        """
+        rows, lead = flattened(self.truth, q, self.truth.n, "q", "raise")
+        found = [self.body().settle_at(row) for row in rows]
+        frame, x, gap = (np.array(values) for values in zip(*found, strict=True))
+        return Settled(frame.reshape(*lead, 4, 4), x.reshape(*lead, -1), gap.reshape(lead))
+
+    def visit(
+        self,
+        robot: Robot,
+        x_d: ArrayLike,
+        controller: Controller,
+        progress: Callable[[], None] = lambda: None,
+    ) -> Visit:
+        """Drive from pose to pose, each from rest to rest, and read what is there.
+
+        Ranges of poses run side by side, each from home; which they are does not depend on the
+        number of cores, nor do the results. With faults all poses are one range.
+
+        Parameters
+        ----------
+        robot : Robot
+            What the controller believes.
+        x_d : array_like, shape (N, n)
+            Desired poses, in their order.
+        controller : Controller
+        progress : callable
+            Called after each pose.
+        """
+        x_d = numbers_of(x_d, "x_d")
+        if (robot.spec.mobility, robot.sensors) != (self.truth.spec.mobility, self.truth.sensors):
+            raise InputError(
+                f"{robot!r} and {self.truth!r} must have the same mobility and sensors"
+            )
+        if x_d.ndim != 2 or x_d.shape[1] != robot.n:
+            raise InputError(f"x_d: shape {x_d.shape}, must be (N, {robot.n})")
+        n, e = robot.n, robot.n + robot.r
+        result = Visit(
+            np.full((len(x_d), e), np.nan),
+            np.full((len(x_d), 4, 4), np.nan),
+            np.full((len(x_d), n), np.nan),
+            np.full(len(x_d), "", dtype=object),
+        )
+        length = len(x_d) if self.faults else _RANGE  # what is stuck stays so from pose to pose
+        starts = range(0, len(x_d), max(1, length))
+
+        def work(start: int) -> None:
+            drive = _Drive(self, robot, controller, self.seed + start, start * self.pose_time)
+            for k in range(start, min(start + length, len(x_d))):
+                for out, value in zip(result, drive.go(x_d[k], k * self.pose_time), strict=True):
+                    out[k] = value
+                progress()
+
+        for _ in each(work, starts):
+            pass
+        return result._replace(status=result.status.astype(str))
+
+
+class _Drive:
+    """One robot under control, from pose to pose."""
+
+    def __init__(
+        self, plant: MujocoPlant, robot: Robot, controller: Controller, seed: int, time: float
+    ):
+        self.plant, self.robot, self.controller = plant, robot, controller
+        self.n = robot.n
+        self.settings = controller.settings(robot, robot.home)
+        self.believed, self.known = knowledge.for_law(robot, controller.law)
+        self.steps = max(1, round(controller.period / plant.timestep))
+        if abs(self.steps * plant.timestep / controller.period - 1) > 1e-9:
+            raise InputError(
+                f"timestep = {plant.timestep}: the control period of {controller.period} s must be "
+                "a whole number of them"
+            )
+        self.slow = delays.lateness(robot, plant.truth, controller.period)
+        self.seed, self.cycles = seed, 0
+        lying = in_core(plant.truth, plant.faults, controller.period)
+        self.faults = _core.FaultyReadings(lying, controller.period)
+        # A geared encoder stands on the tool's axis: the gear's play is between it and the nacelle.
+        self.geared = np.array(
+            [
+                plant.truth.parameters[f"{s.name}.gain"].value if s.geared else 0.0
+                for s in robot.spec.used
+            ]
+        )
+        self.time = time
+        self.body = plant.body(time)
+        self.restart()
+
+    def restart(self) -> None:
+        """Stand at home, switched off and on."""
+        self.body.stand(self.body.mechanism.home)
+        self.state = _core.ControlState()
+        self.bus = _core.Slow(self.slow) if any(self.slow) else None
+        self.pending = np.zeros(self.n)
+        self.at = self.robot.home
+        self.theta = self.tool = self._theta()
+
+    def _theta(self) -> float:
+        R = self.body.nacelle()[1]
+        return math.atan2(R[1, 0], R[0, 0])
+
+    def go(self, x_d: Array, time: float) -> tuple:
+        """Move to a pose, wait for rest, read: (q_e, frame, x, status)."""
+        nothing = (np.nan, np.nan, np.nan)
+        rows = np.ascontiguousarray(x_d[None])
+        _, status, chain = _core.ikm(self.believed.core, rows, False)
+        if status[0] > 0:
+            guilty = f"chain {chain[0] + 1}: " if chain[0] >= 0 else ""
+            return (*nothing, f"{guilty}{_core.describe(int(status[0]))}")
+        self._warm(time)
+        period, plant = self.controller.period, self.plant
+        ends, since = plant.duration + plant.longest, plant.duration + plant.hold
+        window = max(1, round(_WINDOW / period))
+        self.silent: list[int] = []  # why the controller had no answer, cycle by cycle
+        trail: list[Array] = []
+        start, moved = self.at, np.inf
+        for cycle in range(round(ends / period) + 1):
+            now = cycle * period
+            if said := self._cycle(start, x_d, now, time):
+                self.restart()
+                return (*nothing, said)
+            trail.append(self._trace())
+            if now >= since and cycle % 10 == 0:
+                moved = float(np.ptp(trail[-window:], axis=0).max())
+                if moved < _STILL:
+                    break
+        self.at = x_d
+        said = unanswered(len(self.silent), self.silent[0]) if self.silent else "ok"
+        if moved > _SWINGS:
+            restless = f"does not come to rest: swings by more than {1e3 * _SWINGS:g} mm"
+            return (*nothing, said if self.silent else restless)
+        q_e = self._faulty(time + now + period)
+        return q_e, self.body.frame(), self.body.coordinates(), said
+
+    def _warm(self, time: float) -> None:
+        """Grow with the temperature: the same state in the model of now."""
+        effects = self.plant.effects
+        if not effects.warm_up or min(time, effects.warm_up_time) <= self.time:
+            return
+        old, self.time = self.body.data, time
+        self.body = self.plant.body(time)
+        for name in ("qpos", "qvel", "ctrl", "qacc_warmstart"):
+            getattr(self.body.data, name)[:] = getattr(old, name)
+
+    def _trace(self) -> Array:
+        """D and a tenth of R: what has to stand still."""
+        D, R = self.body.nacelle()
+        return np.concatenate([D, 0.1 * R.ravel()])
+
+    def _cycle(self, start: Array, end: Array, now: float, began: float) -> str:
+        """One control period of a move that began then; what went wrong, or nothing."""
+        body, plant, n = self.body, self.plant, self.n
+        pad = [0.0] * (6 - n)
+        core = self.believed.core
+        x, rate, acceleration = _core.setpoint(
+            core, [*start, *pad], [*end, *pad], plant.duration, now
+        )
+        sensed = self._faulty(began + now)
+        q_e = [*sensed.tolist(), *[0.0] * (_core.max_readings - len(sensed))]
+        if self.bus is not None:
+            q_e = self.bus.deliver(n, q_e)
+        status, _ = self.state.step(
+            core, self.settings, x, rate, acceleration, q_e, self.known, self.bus
+        )
+        if status > 0:
+            if not plant.faults:
+                return _core.describe(status)
+            self.silent.append(status)  # a machine holds the last torque
+        torque = np.array(self.state.torque)[:n]
+        applied, self.pending = (self.pending, torque) if plant.effects.delay else (torque, torque)
+        if plant.effects.torque_ripple:
+            angle = body.positions()[0]
+            ripple = np.sin(_RIPPLES * angle + plant.ripple_phase)
+            applied = applied * (1 + plant.effects.torque_ripple * ripple)
+        body.data.ctrl[:] = applied
+        body.mujoco.mj_step(body.model, body.data, self.steps)
+        if not np.isfinite(body.data.qpos).all():
+            return "lost: the motion is no longer finite"
+        return ""
+
+    def _faulty(self, time: float) -> Array:
+        return np.asarray(self.faults.read([time], self._read()[None]))[0]
+
+    def _read(self) -> Array:
+        """What whole encoders say now."""
+        exact = self.body.readings(self.theta)
+        self.theta += math.remainder(self._theta() - self.theta, 2 * math.pi)
+        half = 0.5 * self.plant.effects.tool_backlash
+        self.tool = min(max(self.tool, self.theta - half), self.theta + half)
+        exact[self.n :] += self.geared * (self.tool - self.theta)
+        self.cycles += 1
+        return np.asarray(
+            _core.spoil(self.body.robot.core, exact[None], self.seed * 1_000_003 + self.cycles)
+        )[0]

@@ -1,0 +1,113 @@
+"""A robot in MuJoCo's viewer, or as a picture.
+
+As a program (``python -m truepose.integrations.mujoco.viewing MJCF PNG``) it draws one picture
+under the MUJOCO_GL that it is given: a driver that is missing or broken takes no more than that
+with it.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from truepose.exceptions import InputError, TrueposeError
+from truepose.files import Output, check, mark, replace_file, unfinished
+from truepose.integrations.mujoco.body import Body, require
+from truepose.integrations.mujoco.mjcf import Model
+from truepose.robot.robot import Robot
+
+_WIDTH, _HEIGHT = 1600, 1200
+_DRIVERS = ("egl", "osmesa", "glfw")  # the last one needs a screen
+_PATIENCE = 120  # s for one picture
+
+
+def show(robot: Robot) -> None:
+    """Open MuJoCo's viewer on the robot at home, its motors held; returns when it is closed.
+
+    Raises
+    ------
+    TrueposeError
+        MuJoCo is not installed, or there is no screen.
+    """
+    require()
+    on_linux = sys.platform.startswith("linux")
+    if on_linux and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise TrueposeError(f"{robot.name}: there is no screen here; --png FILE draws a picture")
+    from mujoco import viewer
+
+    body = Body(robot)
+    body.hold()
+    viewer.launch(body.model, body.data)
+
+
+def picture(robot: Robot, path: Path, *, force: bool = False) -> None:
+    """Draw the robot at home into a PNG file. Needs no screen.
+
+    Parameters
+    ----------
+    robot : Robot
+    path : Path
+        A picture that truepose drew before is replaced.
+    force : bool
+        Replace any other file, too.
+
+    Raises
+    ------
+    InputError
+        The file cannot or may not be written.
+    TrueposeError
+        MuJoCo is not installed, or no OpenGL driver works.
+    """
+    require()
+    if path.suffix.lower() != ".png":
+        raise InputError(f"{path}: must end in .png")
+    check([Output(path, "picture")], force=force)
+    given = os.environ.get("MUJOCO_GL")
+    with unfinished(Path(tempfile.mkdtemp())) as folder:
+        model, png = folder / "robot.xml", folder / "robot.png"
+        model.write_text(Model(robot).xml(), encoding="utf-8")
+        for driver in (given,) if given else _DRIVERS:
+            words = [
+                sys.executable,
+                "-m",
+                "truepose.integrations.mujoco.viewing",
+                str(model),
+                str(png),
+            ]
+            try:
+                subprocess.run(
+                    words,
+                    env=os.environ | {"MUJOCO_GL": driver},
+                    capture_output=True,
+                    timeout=_PATIENCE,
+                    cwd=folder,
+                    check=True,
+                )
+            except (subprocess.SubprocessError, OSError):
+                continue
+            replace_file(path, png.read_bytes(), "picture", force)
+            return
+    tried = given or ", ".join(_DRIVERS)
+    raise TrueposeError(
+        f"no OpenGL driver works (MUJOCO_GL: {tried}): install libegl1 and libgl1-mesa-dri, or "
+        "libosmesa6 (Debian's names)"
+    )
+
+
+def _draw(model_file: str, png: str) -> None:
+    import mujoco
+    from matplotlib.image import imsave
+
+    model = mujoco.MjModel.from_xml_path(model_file)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    with mujoco.Renderer(model, _HEIGHT, _WIDTH) as renderer:
+        renderer.update_scene(data, camera="view")
+        imsave(png, renderer.render(), metadata={"Software": mark("picture")})
+
+
+if __name__ == "__main__":
+    _draw(*sys.argv[1:])

@@ -1,0 +1,1 @@
+"""Integration of viser: a workbench in the browser."""

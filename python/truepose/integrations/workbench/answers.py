@@ -1,0 +1,171 @@
+"""What the workbench shows of a state: steady states, their σ, conditioning."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from truepose.arguments import Array
+from truepose.calibration.bound import accuracy
+from truepose.exceptions import InputError, TrueposeError
+from truepose.integrations.workbench.state import State
+from truepose.robot.frames import frames, rotation_vector
+from truepose.robot.laws import LAWS, Law
+from truepose.robot.robot import Robot
+from truepose.robot.units import summed
+from truepose.simulation.equilibrium import steady_state
+
+#: What the accuracy is after, as the page calls it: (self-calibrated, touched off).
+HOWS = {
+    "as built": (False, False),
+    "touched off": (False, True),
+    "self-calibrated": (True, False),
+    "self-calibrated, touched off": (True, True),
+}
+#: Poses drawn from the workspace that it is asked for at, and that a calibration visits.
+POSES = 64
+
+
+class Rest(NamedTuple):
+    """Where the true robot comes to rest under a law."""
+
+    x: Array | None  #: (n,)
+    off: Array  #: (3,) of the nacelle's reference point from where it was sent, m
+    turn: float  #: from the orientation that it was sent to, rad
+    why: str  #: there is none
+
+
+def rests(state: State) -> dict[Law, Rest]:
+    """Where each of the laws takes the true robot.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.integrations.workbench.state import begin
+    >>> state = begin(tp.load("h4")).with_errors({"chain1.rod": 0.003})
+    >>> found = rests(state.sent([0.05, 0.05, -0.4, 0.2]))
+    >>> found["cartesian"].turn < 1e-9 < found["redundant"].turn < found["joint"].turn
+    True
+    """
+    asked = frames(state.robot, state.x_d)
+    found: dict[Law, Rest] = {}
+    for law in LAWS:
+        try:
+            x = steady_state(state.robot, state.truth, state.x_d, law)
+        except TrueposeError as error:
+            found[law] = Rest(None, np.full(3, np.nan), np.nan, str(error))
+            continue
+        got = frames(state.truth, x)
+        turn = rotation_vector(got[:3, :3] @ asked[:3, :3].T)
+        found[law] = Rest(x, got[:3, 3] - asked[:3, 3], float(np.linalg.norm(turn)), "")
+    return found
+
+
+def skeletons(state: State, x: Array | None, magnified: float = 1.0) -> tuple[Array, Array | None]:
+    """Points of the chains, (n, 4, 3), of the robot as drawn at x_d, and of the true one at x.
+
+    The latter `magnified` times as far from the former as they are, as structures are drawn under
+    load: millimetres would not be seen.
+    """
+    ghost = state.drawn.skeleton(state.x_d)
+    if x is None:
+        return ghost, None
+    return ghost, ghost + magnified * (state.truth.skeleton(x) - ghost)
+
+
+def covariance(state: State, how: str) -> Array:
+    """Covariance of the best estimate of the pose, (n, n), after what `HOWS` names."""
+    learnt, touched = HOWS[how]
+    robot = state.robot
+    return accuracy(
+        robot,
+        state.x_d,
+        workspace_poses(robot) if learnt else None,
+        robot.home if touched else None,
+    )
+
+
+def ellipsoid(robot: Robot, P: Array) -> tuple[Array, Array]:
+    """Half axes (3,), m, and their directions, columns of (3, 3): one σ of the position."""
+    axes = ["xyz".index(name) for name, _ in robot.coordinates if name in "xyz"]
+    whole = np.zeros((3, 3))
+    whole[np.ix_(axes, axes)] = P[: len(axes), : len(axes)]
+    variance, directions = np.linalg.eigh(whole)
+    directions[:, 2] *= np.sign(np.linalg.det(directions))
+    return np.sqrt(np.maximum(variance, 0.0)), directions
+
+
+def bounds(robot: Robot) -> dict[str, Array]:
+    """σ of each coordinate and of the position, (n + 1,), rms over the workspace; m and rad.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> h4 = tp.load("h4")
+    >>> for names in (["theta"], ["theta", "z_telemeter"]):
+    ...     sigma = bounds(h4.with_sensors(*names))
+    ...     print((1e3 * np.array([s[-1] for s in sigma.values()])).round(2))  # mm
+    [7.46 0.21 1.78 0.17]
+    [4.91 0.2  0.75 0.1 ]
+    """
+    poses = workspace_poses(robot)
+    total = summed(robot).columns
+    found = {}
+    for how, (learnt, touched) in HOWS.items():
+        P = accuracy(robot, poses, poses if learnt else None, robot.home if touched else None)
+        variance = np.diagonal(P, axis1=1, axis2=2).mean(axis=0)
+        found[how] = np.sqrt([*variance, variance[total].sum()])
+    return found
+
+
+def workspace_poses(robot: Robot) -> Array:
+    """Poses drawn from the workspace that can be reached; home alone where there is none."""
+    box = robot.spec.workspace
+    if box is None:
+        return robot.home[None]
+    poses = np.random.default_rng(0).uniform(box.minimum, box.maximum, (POSES, robot.n))
+    good = np.isfinite(accuracy(robot, poses, errors="nan")).all(axis=(1, 2))
+    if not good.any():
+        raise InputError(f"{robot.name}: no pose of its workspace is reachable and regular")
+    return poses[good]
+
+
+class Price(NamedTuple):
+    """What the sensors in use cost."""
+
+    total: float
+    unpriced: tuple[str, ...]  #: sensors whose price the file does not say
+
+
+def price(robot: Robot) -> Price:
+    """Add up what the file says of the prices of the sensors in use."""
+    prices = {sensor.name: getattr(sensor, "price", None) for sensor in robot.spec.used}
+    total = sum(value for value in prices.values() if value is not None)
+    return Price(float(total), tuple(name for name, value in prices.items() if value is None))
+
+
+def conditioning_map(state: State, points: int = 41, beyond: float = 0.3) -> tuple[Array, Array]:
+    """Places of the nacelle about the workspace and how far from singular it is there, 0 to 1.
+
+    The first two coordinates vary, the others stay.
+
+    Returns
+    -------
+    places : ndarray, shape (k, 3)
+        Those that can be reached.
+    worst : ndarray, shape (k,)
+        The smaller of the parallel and the serial conditioning.
+    """
+    robot = state.robot
+    box = robot.spec.workspace
+    low, high = (robot.home - 0.1, robot.home + 0.1) if box is None else (box.minimum, box.maximum)
+    low, high = np.array(low)[:2], np.array(high)[:2]
+    more = beyond * (high - low)
+    first, second = np.linspace(low - more, high + more, points).T
+    x = np.tile(state.x_d, (points * points, 1))
+    x[:, 0], x[:, 1] = (values.ravel() for values in np.meshgrid(first, second))
+    parallel, serial = robot.conditioning(x, errors="nan")
+    worst = np.minimum(parallel, serial.min(axis=1))
+    good = np.isfinite(worst)
+    return frames(robot, x[good])[:, :3, 3], worst[good]

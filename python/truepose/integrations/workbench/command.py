@@ -1,0 +1,57 @@
+"""`truepose workbench`."""
+
+from __future__ import annotations
+
+import webbrowser
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from truepose.commands.options import completing
+from truepose.integrations.workbench import serve
+from truepose.robot.robot import list_robots, load
+from truepose.show.terminal import say
+
+
+def command(
+    robot: Annotated[
+        str,
+        typer.Argument(
+            metavar="[ROBOT]",
+            help="A shipped robot's name, or a robot file.",
+            autocompletion=completing(list_robots),
+        ),
+    ] = "h4",
+    log: Annotated[Path | None, typer.Option(help="A log to play back.")] = None,
+    port: Annotated[int, typer.Option(min=1, max=65535, help="That serves the page.")] = serve.PORT,
+    host: Annotated[
+        str,
+        typer.Option(
+            help="Address to serve on; 0.0.0.0: all of this machine's, to every device that has "
+            "the printed address."
+        ),
+    ] = serve.HOST,
+    dark: Annotated[bool, typer.Option("--dark", help="Begin with a dark page.")] = False,
+    no_browser: Annotated[
+        bool, typer.Option("--no-browser", help="Open none; the page is there all the same.")
+    ] = False,
+) -> None:
+    """Look at a robot in the browser: drag it, make it wrong, tick sensors, play a log.
+
+    Needs viser: pip install "truepose[workbench]".
+
+    Example: **truepose workbench h4**
+    """
+    serve.require()
+    loaded = load(robot)
+    if not no_browser:
+        serve.require_browser()
+    page = serve.open_page(loaded, host, port, log=log, dark=dark)
+    address = page.address("localhost" if host in ("0.0.0.0", "127.0.0.1") else host)
+    say(f"{loaded.name}: {address} (Ctrl-C ends it)")
+    if host == "0.0.0.0" and (own := serve.own_address()):
+        say(f"From other devices: {page.address(own)}")
+    if not no_browser:
+        webbrowser.open(address)
+    serve.serve(page)

@@ -1,0 +1,102 @@
+"""Access control of the workbench: its token, and requests of its own page only.
+
+A server on a port of this machine is open to every page that a browser here shows: another site's
+script may connect its WebSocket, and a name that an attacker points at 127.0.0.1 (DNS rebinding)
+makes it the same origin. So every request must name this machine as its host, come from no other
+page, and bring the token that the printed address holds; the first one makes it a cookie.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ipaddress
+import secrets
+import socket
+from collections.abc import Callable, Iterator
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+
+class Guard:
+    """Refuses requests before anything of the page is sent.
+
+    Examples
+    --------
+    >>> guard = Guard("127.0.0.1", 8080)
+    >>> guard.refuses([f"localhost:8080"], [], f"/?token={guard.token}", [])
+    >>> guard.refuses(["localhost:8080"], [], "/?token=", [])
+    'no token: open the address that truepose workbench printed'
+    >>> guard.refuses(["evil.example:8080"], [], f"/?token={guard.token}", [])
+    'host evil.example:8080 is not this machine'
+    """
+
+    def __init__(self, host: str, port: int) -> None:
+        own = socket.gethostname().lower()
+        self._names = {host.lower(), "localhost", own, f"{own.partition('.')[0]}.local"}
+        self._cookie = f"truepose-{port}"
+        self.token = secrets.token_urlsafe(16)
+        self.guards = False  #: whether a server asks it
+
+    def refuses(
+        self, hosts: list[str], origins: list[str], target: str, cookies: list[str]
+    ) -> str | None:
+        """Return why a request is refused, from its headers' values; None where it is not."""
+        if len(hosts) != 1 or not self._is_own(hosts[0]):
+            return f"host {' '.join(hosts)} is not this machine"
+        if any(origin.partition("://")[2].lower() != hosts[0].lower() for origin in origins):
+            return f"origin {' '.join(origins)} is another page"
+        pairs = (pair.strip().partition("=") for line in cookies for pair in line.split(";"))
+        shown = [value for name, _, value in pairs if name == self._cookie]
+        if not any(map(self._is_token, [*shown, *_tokens(target)])):
+            return "no token: open the address that truepose workbench printed"
+        return None
+
+    def _is_own(self, host: str) -> bool:
+        """Whether a header names this machine: an address, which needs no lookup, or its names."""
+        try:
+            name = urlsplit(f"//{host}").hostname or ""
+            if name not in self._names:
+                ipaddress.ip_address(name)
+        except ValueError:
+            return False
+        return True
+
+    def _is_token(self, text: str) -> bool:
+        return secrets.compare_digest(text.encode("utf-8", "replace"), self.token.encode())
+
+    def _guarded(self, answer: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+        def process(connection: Any, request: Any) -> Any:
+            said = {name: request.headers.get_all(name) for name in ("Host", "Origin", "Cookie")}
+            why = self.refuses(said["Host"], said["Origin"], request.path, said["Cookie"])
+            if why is not None:
+                return connection.respond(403, f"truepose: {why}\n")
+            response = answer(connection, request)
+            if response is not None:
+                response.headers["Referrer-Policy"] = "no-referrer"
+                if any(map(self._is_token, _tokens(request.path))):
+                    cookie = f"{self._cookie}={self.token}; Path=/; HttpOnly; SameSite=Strict"
+                    response.headers["Set-Cookie"] = cookie
+            return response
+
+        return process
+
+    @contextlib.contextmanager
+    def installed(self) -> Iterator[None]:
+        """Guard the server that viser, which has no hook for it, starts meanwhile."""
+        from websockets.asyncio import server
+
+        plain: Any = server.serve
+
+        def serve(*args: Any, process_request: Any, **options: Any) -> Any:
+            self.guards = True
+            return plain(*args, process_request=self._guarded(process_request), **options)
+
+        server.serve = serve  # type: ignore[assignment, misc]
+        try:
+            yield
+        finally:
+            server.serve = plain  # type: ignore[misc]
+
+
+def _tokens(target: str) -> list[str]:
+    return parse_qs(target.partition("?")[2]).get("token", [])

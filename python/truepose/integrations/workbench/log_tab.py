@@ -1,0 +1,165 @@
+"""The tab that plays back a log and calibrates on it."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from viser import GuiApi, uplot
+
+from truepose.exceptions import InputError, PoseError, TrueposeError
+from truepose.files import unfinished
+from truepose.integrations.workbench import playback, words
+from truepose.integrations.workbench.bench import Bench, Tab
+from truepose.integrations.workbench.playback import Playback
+from truepose.integrations.workbench.state import State
+from truepose.show.units import in_print
+
+_LINES = 5  #: of a log played in a second
+_POSES = 40  #: of a log that the robot on the bench writes
+BEFORE, AFTER = "#d6604d", "#4393c3"
+
+
+class LogTab(Tab):
+    """A log, its residuals line by line, the calibration run on it."""
+
+    def __init__(self, page: Bench, gui: GuiApi):
+        super().__init__(page)
+        self.played: Playback | None = None
+        self._next = 0.0
+        upload = gui.add_upload_button("Open a log", hint="CSV, Parquet or MCAP")
+
+        @upload.on_upload
+        def _(event: Any) -> None:
+            with page.doing():
+                self._upload(event.target.value)
+
+        page.pressed(gui.add_button(f"Let it write one, {_POSES} poses"), self._rehearse)
+        self._calibrate: Any = gui.add_button("Calibrate on it", disabled=True)
+        page.pressed(self._calibrate, self._fit)
+        self._believe: Any = gui.add_checkbox(
+            "Control by the calibrated robot", False, disabled=True
+        )
+        page.when(self._believe, self._choose)
+        self._line: Any = gui.add_slider("Pose", 1, 2, 1, 1, disabled=True)
+        page.when(self._line, lambda _: self._go())
+        self._run: Any = gui.add_checkbox("Play", False, disabled=True)
+        self._about: Any = gui.add_html(words.page(words.note("No log yet.")))
+        self._sensor: Any = gui.add_dropdown("Plot", ("–",), disabled=True)
+        page.when(self._sensor, lambda _: self._plot())
+        self._chart: Any = None
+        self._gui, self._folder = gui, gui.add_folder(None)
+
+    def open(self, path: Path) -> None:
+        """Read a log file."""
+        self._take(playback.read(self.page.state.drawn, path))
+
+    def _upload(self, file: Any) -> None:
+        with unfinished(Path(tempfile.mkdtemp())) as folder:
+            path = folder / (Path(file.name).name or "log")
+            path.write_bytes(file.content)
+            try:
+                self.open(path)
+            except TrueposeError as error:  # by the name that the file has where it comes from
+                raise InputError(str(error).replace(str(path), path.name)) from None
+
+    def _rehearse(self) -> None:
+        self._take(playback.rehearsed(self.page.state, _POSES))
+
+    def _take(self, played: Playback) -> None:
+        """Begin with another log."""
+        self.played = played
+        self._believe.value = False
+        self.page.state = self.page.state.believing(None)
+        self._line.max = max(len(played.log.lines), 2)
+        self._line.value = 1
+        self._sensor.options = played.names
+        self._sensor.value = played.names[0]
+        for handle in (self._calibrate, self._line, self._run, self._sensor):
+            handle.disabled = False
+        self._believe.disabled = True
+        self._plot()
+        self._go()
+
+    def _fit(self) -> None:
+        if self.played is None:
+            return
+        self.played = playback.calibrated(self.played)
+        self._believe.disabled = False
+        self._believe.value = True
+        self._choose(True)
+        self._plot()
+
+    def _choose(self, calibrated: bool) -> None:
+        found = self.played and self.played.assessment
+        robot = found.fit.robot if found and calibrated else None
+        self.page.state = self.page.state.believing(robot)
+
+    def _go(self) -> None:
+        """Stand where the robot was at the line, if that is known."""
+        if self.played is None:
+            return
+        x = self.played.pose(int(self._line.value) - 1)
+        if not np.isfinite(x).all():
+            raise InputError(f"{self.played.log.at([int(self._line.value) - 1])}: no pose")
+        self.page.send(self.page.state.sent(x))
+
+    def _plot(self) -> None:
+        """Draw every line's residual of the sensor that is chosen."""
+        if self.played is None:
+            return
+        if self._chart is not None:
+            self._chart.remove()
+        played, k = self.played, self.played.names.index(self._sensor.value)
+        factor, unit = in_print(played.robot, played.names[k])
+        lines = np.arange(1.0, len(played.log.lines) + 1)
+        drawn = [("before", played.before, BEFORE)]
+        if played.after is not None:
+            drawn.append(("after", played.after, AFTER))
+        points = uplot.Series_Points(show=True, size=4)
+        with self._folder:
+            self._chart = self._gui.add_uplot(
+                (lines, *(factor * found.residual[:, k] for _, found, _ in drawn)),
+                (
+                    uplot.Series(label="pose"),
+                    *(
+                        uplot.Series(label=name, stroke=colour, width=1, points=points)
+                        for name, _, colour in drawn
+                    ),
+                ),
+                title=f"residual of {played.names[k]} ({unit})",
+                scales={"x": uplot.Scale(time=False, auto=True), "y": uplot.Scale(auto=True)},
+                legend=uplot.Legend(show=True),
+                aspect=1.5,
+            )
+
+    def tick(self, now: float) -> None:
+        """Go to the next line, where it is played."""
+        if self.played is None or not self._run.value or now < self._next:
+            return
+        self._next = now + 1 / _LINES
+        self._line.value = int(self._line.value) % len(self.played.log.lines) + 1
+        try:
+            self._go()
+        except (InputError, PoseError):
+            return  # the next one
+        self.page.show()
+
+    def follow(self, state: State) -> None:
+        """Write the residuals of the line; another set of sensors is another log's."""
+        if self.played is None:
+            return
+        if self.played.names != state.drawn.sensors:
+            self.played = None
+            for handle in (self._calibrate, self._believe, self._line, self._run, self._sensor):
+                handle.disabled = True
+            self._believe.value = self._run.value = False
+            self._about.content = words.page(words.note("No log of these sensors yet."))
+            return
+        line = int(self._line.value) - 1
+        parts = [words.residuals(self.played, line)]
+        found = self.played.assessment
+        parts += [words.note(text) for text in (found.notes if found else self.played.notes)[:3]]
+        self._about.content = words.page(*parts)

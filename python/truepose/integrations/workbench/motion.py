@@ -1,0 +1,59 @@
+"""A lap of the robot with faults and fault monitor, for the workbench."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from truepose.faults.fault import Fault
+from truepose.faults.monitor import HEALTH, SYMPTOMS, FaultMonitor
+from truepose.integrations.workbench.state import State
+from truepose.robot.laws import Law
+from truepose.simulation.moves import default_move
+from truepose.simulation.paths import Waypoints
+from truepose.simulation.simulate import Simulation, simulate
+
+LAPS, LEG = 2, 0.6  #: there and back, of a run; s of one way
+
+
+def run(
+    state: State, law: Law | None = None, faults: Sequence[Fault] = (), watched: bool = True
+) -> Simulation:
+    """Send the true robot there and back, as often as `LAPS` says.
+
+    What happens up to a time depends on the faults before it alone: a fault that is switched on
+    while a run is played is a run of the same seed with that fault from then on.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.integrations.workbench.state import begin
+    >>> state = begin(tp.load("h4"))
+    >>> before, after = run(state), run(state, faults=[tp.faults.Fault("theta", "stuck", at=1.0)])
+    >>> bool((before.x[:1000] == after.x[:1000]).all()), after.failed
+    (True, ['theta'])
+    """
+    start, end = default_move(state.robot)
+    path = Waypoints(poses=[start, *[end, start] * LAPS], duration=LEG)
+    watch = FaultMonitor() if watched else None
+    return simulate(state.robot, state.truth, law, path=path, faults=faults, watch=watch)
+
+
+def lights(played: Simulation, k: int) -> list[tuple[str, str, str]]:
+    """Name, health and symptom of every reading in the period k; the symptom "" of a valid one."""
+    found = []
+    for column, name in enumerate(played.robot.readings):
+        health = HEALTH[played.health[k, column]]
+        why = SYMPTOMS[played.symptom[k, column]] if health != "valid" else ""
+        found.append((name, health, why))
+    return found
+
+
+def ended(faults: Sequence[Fault], reading: str, time: float) -> list[Fault]:
+    """Return the faults, those of a reading ending at this time; they last from before it."""
+    return [
+        replace(fault, until=time)
+        if fault.reading == reading and fault.until is None and fault.at < time
+        else fault
+        for fault in faults
+    ]

@@ -1,0 +1,175 @@
+"""The tab of motion: faults by hand, and the fault monitor's lights."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from viser import GuiApi
+
+from truepose import _core
+from truepose.exceptions import TrueposeError, one_line
+from truepose.faults.fault import FAULT_KINDS, Fault
+from truepose.integrations.workbench import motion, words
+from truepose.integrations.workbench.bench import Bench, Tab
+from truepose.integrations.workbench.state import State
+from truepose.robot.laws import LAWS, usual
+from truepose.robot.units import reading_units, summed
+from truepose.show.units import printed
+from truepose.simulation.simulate import Simulation
+
+#: What a fault's size is called, its unit, and a usual value, by the core's name of the unit.
+_SIZES = {
+    "": ("No size", 1.0, 0.0),
+    "reading": ("Size (mm, mrad)", 1e-3, 10.0),
+    "reading/s": ("Size (mm/s, mrad/s)", 1e-3, 10.0),
+    "s": ("Late by (ms)", 1e-3, 10.0),
+    "1": ("Factor", 1.0, 1.05),
+}
+
+
+class MotionTab(Tab):
+    """The robot moves there and back; readings begin to lie, and end, by hand."""
+
+    def __init__(self, page: Bench, gui: GuiApi):
+        super().__init__(page)
+        self._run: Simulation | None = None
+        self._faults: list[Fault] = []
+        self._time, self._now = 0.0, 0.0
+        self._of: tuple | None = None
+        self._move: Any = gui.add_checkbox("Move", False, hint="there and back; key M")
+        page.when(self._move, lambda _: self._begin())
+        self._law: Any = gui.add_dropdown("Law", LAWS, initial_value=usual(page.state.robot))
+        self._watched: Any = gui.add_checkbox("Watch", True)
+        for handle in (self._law, self._watched):
+            page.when(handle, lambda _: self._again())
+        self._reading: Any = gui.add_dropdown("Reading", page.state.drawn.readings)
+        self._kind: Any = gui.add_dropdown("Lies by", FAULT_KINDS, initial_value="stuck")
+        self._size: Any = gui.add_number("Size", 0.0, step=0.01)
+        self._other: Any = gui.add_dropdown("Swapped with", page.state.drawn.readings)
+        for handle in (self._reading, self._kind):
+            page.when(handle, lambda _: self._name_size())
+        self._name_size()
+        self._on: Any = gui.add_checkbox("Fault", False, hint="from now on, until it is taken off")
+        page.when(self._on, lambda value: self._begin_fault() if value else self._end_fault())
+        self._lights: Any = gui.add_html(words.page(words.note("At rest.")))
+
+    def toggle(self) -> None:
+        """Move, or stop."""
+        self._move.value = not self._move.value
+        self._begin()
+
+    def _begin(self) -> None:
+        """Start from rest, or stop where the nacelle was last sent by hand."""
+        self._time, self._faults = 0.0, []
+        self._on.value = False
+        self.page.moving = bool(self._move.value)
+        self.page.scene.show_gizmos(not self.page.moving)
+        if not self.page.moving:
+            self._run = None
+            self._lights.content = words.page(words.note("At rest."))
+            return
+        self._now = 0.0
+        self._again()
+
+    def _again(self) -> None:
+        """Run once more, with the faults as they are by now."""
+        if not self.page.moving:
+            return
+        self._of = self._robots(self.page.state)
+        try:
+            self._run = motion.run(
+                self.page.state, self._law.value, self._faults, bool(self._watched.value)
+            )
+        except TrueposeError:
+            self._move.value = self.page.moving = False
+            self.page.scene.show_gizmos(True)
+            raise
+
+    def _name_size(self) -> None:
+        """Say what the size is of, and propose one; offer what could be swapped with it."""
+        row = _core.fault_kinds[self._kind.value]
+        self._size.label, _, self._size.value = _SIZES[row.size]
+        self._size.visible = bool(row.size)
+        drawn = self.page.state.drawn
+        units = dict(zip(drawn.readings, reading_units(drawn), strict=True))
+        mine = units[self._reading.value]
+        like = tuple(r for r, u in units.items() if u == mine and r != self._reading.value)
+        self._other.visible = row.pair and bool(like)
+        if like and like != tuple(self._other.options):
+            self._other.options = like
+
+    def _begin_fault(self) -> None:
+        kind = self._kind.value
+        row = _core.fault_kinds[kind]
+        size = _SIZES[row.size][1] * float(self._size.value) if row.size else None
+        other = self._other.value if self._other.visible else None
+        at = round(self._time, 3) if self.page.moving else 0.0
+        try:
+            fault = Fault(self._reading.value, kind, at=at, size=size, other=other)
+        except TrueposeError:
+            self._on.value = False
+            raise
+        if not self.page.moving:
+            self._move.value = True
+            self._begin()
+            self._on.value = True
+        self._faults.append(fault)
+        self._again()
+
+    def _end_fault(self) -> None:
+        lasting = [f for f in self._faults if _core.fault_kinds[f.kind].lasts]
+        self._faults = motion.ended(lasting, self._reading.value, round(self._time, 3))
+        self._again()
+
+    def tick(self, now: float) -> None:
+        """Show the run as far as it has come; begin a new one at its end."""
+        run = self._run
+        if run is None or not self.page.moving:
+            return
+        self._time += min(now - self._now, 0.2) if self._now else 0.0
+        self._now = now
+        if self._time > run.time[-1]:
+            self._lap()
+            return
+        k = int(np.searchsorted(run.time, self._time, side="right")) - 1
+        sent, place = replace(self.page.state, x_d=run.x_d[k]), run.x[k]
+        self.page.scene.show_robot(sent, place, self.page.magnified, self.page.coloured)
+        self.page.scene.show_rests(sent, {}, 1.0)
+        off = place - run.x_d[k]
+        total = summed(run.robot)
+        far = printed(float(np.linalg.norm(off[total.columns])), total.unit)
+        parts = [words.note(f"{self._time:.2f} s, off by {far}")]
+        if self._watched.value:
+            parts.insert(0, words.lights(motion.lights(run, k)))
+        if run.stops[k]:
+            parts.append(words.note("The watch stops the robot.", wrong=True))
+        if run.ended and k == len(run.time) - 1:
+            parts.append(words.note(one_line(run.ended), wrong=True))
+        self._lights.content = words.page(*parts)
+
+    def _lap(self) -> None:
+        """Begin anew; what still lies does so from the start."""
+        lasting = [f for f in self._faults if f.until is None and _core.fault_kinds[f.kind].lasts]
+        self._faults = [replace(fault, at=0.0) for fault in lasting]
+        self._time = 0.0
+        try:
+            self._again()
+        except TrueposeError as error:
+            self._run = None
+            self._lights.content = words.page(words.note(one_line(error, 300), wrong=True))
+
+    def follow(self, state: State) -> None:
+        """Readings are those of the sensors in use; another robot is another run."""
+        if tuple(self._reading.options) != state.drawn.readings:
+            self._reading.options = state.drawn.readings
+            there = {None, *state.drawn.readings}
+            self._faults = [f for f in self._faults if {f.reading, f.other} <= there]
+            self._name_size()
+        if self.page.moving and self._robots(state) != self._of:
+            self._again()
+
+    @staticmethod
+    def _robots(state: State) -> tuple:
+        return state.robot, state.truth

@@ -1,0 +1,206 @@
+"""The workbench's page: a panel over the scene."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from viser import GuiApi, ViserServer
+
+from truepose.arguments import Array
+from truepose.exceptions import TrueposeError, one_line
+from truepose.integrations.workbench import answers, words
+from truepose.integrations.workbench.guard import Guard
+from truepose.integrations.workbench.log_tab import LogTab
+from truepose.integrations.workbench.motion_tab import MotionTab
+from truepose.integrations.workbench.scene import LAW_COLOURS, Scene
+from truepose.integrations.workbench.state import State, begin
+from truepose.integrations.workbench.tabs import ErrorsTab, PoseTab, SensorsTab, ViewTab
+from truepose.robot.laws import Law, usual
+from truepose.robot.robot import Robot
+
+FRAMES = 20  #: a second, of what moves by itself
+
+
+class Page:
+    """A served page. All that changes it goes through :meth:`doing`, one change at a time."""
+
+    def __init__(self, robot: Robot, host: str, port: int, dark: bool = False):
+        self._guard = Guard(host, port)
+        with contextlib.redirect_stdout(io.StringIO()):  # viser says where it is; so do we
+            with self._guard.installed():
+                label = f"truepose: {robot.name}"
+                self.server = ViserServer(host, port, label=label, verbose=False)
+            if not self._guard.guards:
+                self.server.stop()
+                raise TrueposeError("the workbench cannot guard this viser: install viser 1.1")
+        self.state: State = begin(robot)
+        self.law: Law = usual(robot)  #: under which the drawn robot stands
+        self.magnified = 10.0
+        self.how: str | None = "as built"  #: of the ellipsoid; None: no ellipsoid
+        self.coloured = self.mapped = False
+        self.moving = False  #: by itself: by a run, not by a hand
+        self.lock = threading.RLock()
+        self._newest: object = None
+        self._stopped = threading.Event()
+        self.dress(dark)
+        gui = self.server.gui
+        self._said = ""
+        self._answers = gui.add_html("")
+        tabs = gui.add_tab_group()
+        self.scene = Scene(self.server, self.state, self._dragged)
+        self.tabs: list[Any] = []
+        for label, kind in (
+            ("Pose", PoseTab),
+            ("Errors", ErrorsTab),
+            ("Sensors", SensorsTab),
+            ("Log", LogTab),
+            ("Faults", MotionTab),
+        ):
+            with tabs.add_tab(label):
+                self.tabs.append(kind(self, gui))
+        with gui.add_folder("View", expand_by_default=False):
+            self.tabs.append(ViewTab(self, gui, dark))
+        self.place_gizmos()
+        self._keys(gui)
+        self.show()
+        self._player = threading.Thread(target=self._play, daemon=True)
+        self._player.start()
+
+    def address(self, host: str) -> str:
+        """Return the address that opens the page, with its token; `host` as browsers reach it."""
+        return f"http://{host}:{self.server.get_port()}/?token={self._guard.token}"
+
+    def dress(self, dark: bool) -> None:
+        """Choose a dark page or a light one."""
+        self.server.gui.configure_theme(
+            dark_mode=dark,
+            show_logo=False,
+            show_share_button=False,
+            brand_color=(88, 150, 220) if dark else (31, 95, 168),
+        )
+
+    def when(self, handle: Any, do: Callable[[Any], None]) -> Any:
+        """Do something with a handle's value whenever a hand changes it; return the handle."""
+
+        @handle.on_update  # type: ignore[untyped-decorator]
+        def _(event: Any) -> None:
+            if event.client is not None:  # else it was set from here
+                with self.doing():
+                    do(event.target.value)
+
+        return handle
+
+    def pressed(self, handle: Any, do: Callable[[], None]) -> None:
+        """Do something whenever a button is pressed."""
+
+        @handle.on_click  # type: ignore[untyped-decorator]
+        def _(_event: Any) -> None:
+            with self.doing():
+                do()
+
+    @contextlib.contextmanager
+    def doing(self) -> Iterator[None]:
+        """Change something, alone, and show it; what goes wrong is said in one line."""
+        with self.lock, self.server.atomic():
+            self._said = ""
+            try:
+                yield
+            except TrueposeError as error:
+                self._said = one_line(error, 300)
+            self.show()
+
+    def _dragged(self, frame: Array, ended: bool) -> None:
+        """Follow a drag to its newest frame; those overtaken meanwhile are left out."""
+        self._newest = frame
+        with self.lock:
+            if self._newest is not frame:
+                return
+            with self.doing():
+                self.state = self.state.dragged(frame)
+            if ended:
+                self.scene.place_gizmos(self.state)
+
+    def show(self) -> None:
+        """Show the state; a run shows the moving robot itself."""
+        state, said = self.state, self._said
+        found = answers.rests(state)
+        P = None
+        if self.how is not None and not self.moving:
+            try:
+                P = answers.covariance(state, self.how)
+            except TrueposeError as error:
+                said = said or one_line(error, 300)
+        if not self.moving:
+            self.scene.show_robot(state, found[self.law].x, self.magnified, self.coloured)
+            self.scene.show_rests(state, found, self.magnified)
+        self.scene.show_ellipsoid(state, P, self.magnified)
+        self.scene.show_map(state, self.mapped)
+        self._answers.content = words.page(
+            words.NARROW,
+            words.laws(found, LAW_COLOURS),
+            words.conditioning(state.robot.conditioning(state.x_d)),
+            words.note(said, wrong=True) if said else words.pose(state, self.magnified),
+        )
+        for tab in self.tabs:
+            tab.follow(state)
+
+    def place_gizmos(self) -> None:
+        """Put what is dragged where the nacelle is sent."""
+        self.scene.place_gizmos(self.state)
+
+    def send(self, state: State) -> None:
+        """Take over a state in which the nacelle was sent elsewhere, but not by a drag."""
+        self.state = state
+        self.place_gizmos()
+
+    def _keys(self, gui: GuiApi) -> None:
+        """Keys for what hands do most; the command palette lists them."""
+        home = self.state.drawn.home
+
+        def step(which: int) -> None:
+            laws = list(LAW_COLOURS)
+            self.law = laws[(laws.index(self.law) + which) % len(laws)]
+
+        def leave() -> None:
+            self.state = self.state.without_errors()
+
+        for key, label, do in (
+            ("H", "Home", lambda: self.send(self.state.sent(home))),
+            ("L", "Next law", lambda: step(1)),
+            ("N", "No errors", leave),
+            ("M", "Move, or stop", self.tabs[4].toggle),
+        ):
+            command = gui.add_command(label, hotkey=key)  # type: ignore[arg-type]
+
+            @command.on_trigger
+            def _(_event: Any, do: Callable[[], None] = do) -> None:
+                with self.doing():
+                    do()
+
+    def _play(self) -> None:
+        """Let what moves by itself take its next step, until the page is stopped."""
+        while not self._stopped.wait(1 / FRAMES):
+            now = time.perf_counter()
+            with self.lock, self.server.atomic():
+                for tab in self.tabs:
+                    with contextlib.suppress(TrueposeError):  # a pose that cannot be drawn
+                        tab.tick(now)
+
+    def open_log(self, path: Path) -> None:
+        """Play a log file back."""
+        with self.lock:
+            self.tabs[3].open(path)
+            self.show()
+
+    def stop(self) -> None:
+        """Serve the page no more."""
+        self._stopped.set()
+        self._player.join()
+        with contextlib.redirect_stdout(io.StringIO()):
+            self.server.stop()

@@ -1,0 +1,98 @@
+"""A log row by row, before and after a calibration on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from truepose import logs
+from truepose.arguments import Array
+from truepose.calibration import log_checks, review
+from truepose.calibration.expectation import Expectation, expect
+from truepose.calibration.review import Assessment
+from truepose.exceptions import InputError
+from truepose.integrations.workbench.state import State
+from truepose.logs import Log
+from truepose.robot.robot import Robot
+from truepose.simulation.rehearsal import rehearse
+
+
+@dataclass(frozen=True, eq=False)
+class Playback:
+    """A log that is played: N lines, k = r columns that the motors predict."""
+
+    robot: Robot  #: whose readings they are, at the prior mean
+    log: Log
+    notes: tuple[str, ...]  #: what was noticed in it
+    before: Expectation  #: by the motors, at the prior mean
+    assessment: Assessment | None = None  #: once it is calibrated
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the columns of residuals."""
+        return self.robot.sensors
+
+    @property
+    def after(self) -> Expectation | None:
+        """By the motors, at the calibrated geometry."""
+        return None if self.assessment is None else self.assessment.after
+
+    def pose(self, line: int) -> Array:
+        """Where the robot was, (n,), as well as it is known by now; NaN where it is not."""
+        known = self.before if self.after is None else self.after
+        return known.x[line]
+
+
+def opened(robot: Robot, log: Log) -> Playback:
+    """Look a log over, and predict its every line.
+
+    Raises
+    ------
+    InputError
+        Units, signs or columns are wrong; or no sensor was read, and so nothing is predicted.
+    """
+    log, findings = log_checks.check(robot, log)
+    if refused := [finding.text for finding in findings if finding.refused]:
+        raise InputError("; ".join(refused))
+    if not robot.sensors:
+        raise InputError(f"{robot.name}: no sensor is in use: its motors alone predict no reading")
+    model = robot.expected()
+    notes = tuple(finding.text for finding in findings)
+    return Playback(model, log, notes, expect(model, log.readings))
+
+
+def read(robot: Robot, path: str | Path) -> Playback:
+    """Open a log file: CSV, Parquet or MCAP."""
+    return opened(robot, logs.read(robot, path))
+
+
+def rehearsed(state: State, poses: int, seed: int = 0) -> Playback:
+    """Let the true robot that stands on the bench write a log, at poses of its workspace."""
+    q_e = rehearse(state.drawn, state.truth, poses, seed).q_e
+    table = dict(zip(state.drawn.readings, q_e.T, strict=True))
+    return opened(state.drawn, logs.of(state.drawn, table))
+
+
+def calibrated(played: Playback) -> Playback:
+    """Calibrate on the log, robustly, as `truepose calibrate` does.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.integrations.workbench.state import begin
+    >>> state = begin(tp.load("h4")).with_drawn_errors(seed=2)
+    >>> played = calibrated(rehearsed(state, poses=40))
+    >>> before, after = (np.nanstd(e.residual) for e in (played.before, played.after))
+    >>> bool(after < before / 10)
+    True
+    """
+    notes = list(played.notes)
+    assessment = review.assess(played.robot, played.log, notes, loss="student")
+    return replace(played, assessment=assessment)
+
+
+def rms(values: Array) -> Array:
+    """Root mean square of each column, of what is there."""
+    return np.sqrt(np.nanmean(np.square(values), axis=0))

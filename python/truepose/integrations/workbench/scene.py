@@ -1,0 +1,263 @@
+"""The workbench's scene: robot, true robot, steady states, ellipsoid, handles."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from viser import TransformControlsHandle, ViserServer
+from viser.transforms import SO3
+
+from truepose.arguments import Array
+from truepose.integrations.workbench.answers import Rest, conditioning_map, ellipsoid, skeletons
+from truepose.integrations.workbench.state import State
+from truepose.robot.frames import frames
+from truepose.robot.laws import LAWS
+from truepose.show.colours import COLOURS
+from truepose.show.parts import Part, parts_of
+
+#: Of each law, in the scene and in the table.
+LAW_COLOURS = dict(zip(LAWS, ("#d6604d", "#4393c3", "#5aae61", "#e08214", "#9970ab"), strict=True))
+#: Colours of a conditioning of 0, singular, to 1: red, yellow, blue, which all eyes tell apart.
+_RAMP = (0.0, 0.35, 1.0), ((178, 24, 43), (254, 224, 139), (33, 102, 172))
+_WIDTH = 2.2e-3  #: radius of a part over its line width, of a robot of 1 m
+_GHOST = (150, 155, 165)
+#: A part that would be lost on a dark page is drawn lighter.
+_PARTS = COLOURS | {"motor": "#5b6270", "carriage": "#5b6270"}
+
+
+def rgb(colour: str) -> tuple[int, int, int]:
+    """Red, green and blue of "#rrggbb"."""
+    return tuple(bytes.fromhex(colour[1:]))  # type: ignore[return-value]
+
+
+def ramp(conditioning: Array) -> Array:
+    """Colours (..., 3), uint8, of conditionings from 0 to 1."""
+    at, colours = _RAMP
+    channels = [np.interp(conditioning, at, channel) for channel in zip(*colours, strict=True)]
+    return np.stack(channels, axis=-1).astype(np.uint8)
+
+
+class Scene:
+    """Draws states; tells of frames to which the nacelle is dragged."""
+
+    def __init__(self, server: ViserServer, state: State, dragged: Callable[[Array, bool], None]):
+        self._server = server
+        points = state.drawn.skeleton(state.drawn.home)
+        self._size = max(float(np.ptp(points.reshape(-1, 3), axis=0).max()), 0.05)
+        self._bars: dict[str, Any] = {}
+        server.scene.configure_default_lights(cast_shadow=False)
+        centre = points.reshape(-1, 3).mean(axis=0)
+        self._camera(state, centre)
+        low = float(points[..., 2].min())
+        server.scene.add_grid(
+            "/floor",
+            width=3 * self._size,
+            height=3 * self._size,
+            cell_size=0.1 if self._size > 0.3 else 0.02,
+            section_size=0.5,
+            position=(centre[0], centre[1], low - 0.35 * self._size),
+            cell_color=(160, 165, 175),
+            section_color=(130, 135, 145),
+            plane_opacity=0.0,
+        )
+        self._marks = {
+            law: server.scene.add_icosphere(
+                f"/laws/{law}", radius=0.022 * self._size, color=rgb(colour), cast_shadow=False
+            )
+            for law, colour in LAW_COLOURS.items()
+        }
+        self._ellipsoid = server.scene.add_icosphere(
+            "/ellipsoid", radius=1.0, color=(240, 190, 40), opacity=0.6, cast_shadow=False
+        )
+        self._map: Any = None
+        self._gizmos = self._add_gizmos(state, dragged)
+
+    def _camera(self, state: State, centre: Array) -> None:
+        """Look at the whole robot: beside the panel, or above it on a narrow screen."""
+        camera = self._server.initial_camera
+        planar = state.drawn.spec.mobility.startswith("planar")
+        away = np.array([0.0, -0.25, 1.9]) if planar else np.array([1.15, -1.45, 0.75])
+        away *= 0.66 * self._size
+        camera.look_at, camera.position = tuple(centre), tuple(centre + away)
+
+        up = np.array([0.0, 1.0, 0.0] if planar else [0.0, 0.0, 1.0])
+        right = np.cross(up, away) / np.linalg.norm(np.cross(up, away))
+
+        @self._server.on_client_connect
+        def _(client: Any) -> None:
+            aspect = client.camera.aspect
+            far = away * (min(0.9 / aspect, 2.0) if aspect < 1 else 1.0)
+            half = np.tan(client.camera.fov / 2) * float(np.linalg.norm(far))  # of what is seen
+            aside = (
+                -half / 2 * up if aspect < 1 else 0.25 * half * right
+            )  # the panel's half or side
+            client.camera.position = centre + far + aside
+            client.camera.look_at = centre + aside
+
+    def _add_gizmos(
+        self, state: State, dragged: Callable[[Array, bool], None]
+    ) -> list[TransformControlsHandle]:
+        """One to shift the nacelle, and one to turn it about what its mobility leaves free."""
+        mobility = state.drawn.spec.mobility
+        planar = mobility.startswith("planar")
+        turns = mobility in ("planar", "schoenflies", "spatial", "pivot")
+        free = (True, True, not planar)
+        add = self._server.scene.add_transform_controls
+        gizmos = []
+        if mobility != "pivot":
+            shift = add("/shift", 0.22 * self._size, active_axes=free, disable_rotations=True)
+            gizmos.append(shift)
+        if turns:  # both axes beside the one turned about
+            about = (True, True, mobility in ("spatial", "pivot"))
+            gizmos.append(
+                add(
+                    "/turn",
+                    0.16 * self._size,
+                    active_axes=about,
+                    disable_axes=True,
+                    disable_sliders=True,
+                )
+            )
+        for gizmo in gizmos:
+            gizmo.depth_test = False
+
+            @gizmo.on_update
+            def _(event: Any) -> None:
+                frame = np.eye(4)
+                frame[:3, :3] = SO3(np.asarray(event.target.wxyz)).as_matrix()
+                frame[:3, 3] = event.target.position
+                dragged(frame, event.phase == "end")
+
+        return gizmos
+
+    def place_gizmos(self, state: State) -> None:
+        """Put what is dragged back to where the nacelle is sent."""
+        frame = frames(state.robot, state.x_d)
+        wxyz = SO3.from_matrix(frame[:3, :3]).wxyz
+        for gizmo in self._gizmos:
+            gizmo.position, gizmo.wxyz = frame[:3, 3], wxyz
+
+    def show_robot(self, state: State, x: Array | None, magnified: float, coloured: bool) -> None:
+        """Draw the true robot at x, magnified away from the ghost at x_d."""
+        ghost, real = skeletons(state, x, magnified)
+        self._draw("ghost", parts_of(state.drawn, ghost, state.x_d), None)
+        apart = real is not None and float(np.abs(real - ghost).max()) > 1e-4 * self._size
+        self._bars["ghost"].visible = apart  # else it would only shine through
+        if real is not None and x is not None:
+            off = magnified * (x - state.x_d)
+            shown = parts_of(state.truth, real, state.x_d + off)
+            at = state.robot.conditioning(state.x_d) if coloured else None
+            self._draw("robot", shown, _colours(shown, state.robot.n, at))
+
+    def _draw(self, name: str, parts: list[Part], colours: Array | None) -> None:
+        """One cylinder for every straight piece of every part: one mesh, many times."""
+        of = np.repeat(np.arange(len(parts)), [len(points) - 1 for _, points, _ in parts])
+        a = np.concatenate([points[:-1] for _, points, _ in parts])
+        b = np.concatenate([points[1:] for _, points, _ in parts])
+        length = np.linalg.norm(b - a, axis=1)
+        point = length < 1e-9  # a motor without an axis of its own: a short piece
+        a[point, 2] -= 0.012 * self._size
+        length[point] = 0.012 * self._size
+        radii = _WIDTH * self._size * np.array([width for _, _, width in parts])[of]
+        d = (b - a) / np.maximum(length, 1e-12)[:, None]
+        wxyz = np.column_stack([1 + d[:, 2], -d[:, 1], d[:, 0], np.zeros(len(d))])
+        wxyz[d[:, 2] < -1 + 1e-9] = (0, 1, 0, 0)
+        wxyz /= np.linalg.norm(wxyz, axis=1)[:, None]
+        shape = {
+            "batched_positions": ((a + b) / 2).astype(np.float32),
+            "batched_wxyzs": wxyz.astype(np.float32),
+            "batched_scales": np.column_stack([radii, radii, length]).astype(np.float32),
+            "batched_colors": np.tile(np.array(_GHOST, np.uint8), (len(d), 1))
+            if colours is None
+            else colours[of],
+        }
+        there = self._bars.get(name)
+        if there is not None and len(there.batched_positions) == len(d):
+            for key, values in shape.items():
+                setattr(there, key, values)
+            return
+        vertices, faces = _cylinder()
+        self._bars[name] = self._server.scene.add_batched_meshes_simple(
+            f"/{name}",
+            vertices,
+            faces,
+            opacity=0.28 if colours is None else None,
+            cast_shadow=False,
+            lod="off",
+            **shape,
+        )
+
+    def show_rests(self, state: State, found: dict, magnified: float) -> None:
+        """Mark where laws take the nacelle's reference point, magnified away from x_d."""
+        sent = frames(state.robot, state.x_d)[:3, 3]
+        for law, mark in self._marks.items():
+            rest: Rest | None = found.get(law)
+            mark.visible = rest is not None and rest.x is not None
+            if rest is not None and rest.x is not None:
+                mark.position = sent + magnified * rest.off
+
+    def show_ellipsoid(self, state: State, P: Array | None, magnified: float) -> None:
+        """Draw one σ of the position's estimate, magnified alike."""
+        self._ellipsoid.visible = P is not None
+        if P is None:
+            return
+        radii, directions = ellipsoid(state.robot, P)
+        self._ellipsoid.scale = tuple(np.maximum(magnified * radii, 1e-5))
+        self._ellipsoid.wxyz = SO3.from_matrix(directions).wxyz
+        self._ellipsoid.position = frames(state.robot, state.x_d)[:3, 3]
+
+    def show_map(self, state: State, wanted: bool) -> None:
+        """Colour the places about the workspace by how far from singular they are."""
+        if wanted:  # made anew: of another number of points, which a change may not have
+            places, worst = conditioning_map(state)
+            self._map = self._server.scene.add_point_cloud(
+                "/map",
+                places.astype(np.float32),
+                ramp(worst),
+                point_size=0.009 * self._size,
+                point_shape="circle",
+                precision="float32",
+                point_shading="flat",
+            )
+        elif self._map is not None:
+            self._map.visible = False
+
+    def show_gizmos(self, wanted: bool) -> None:
+        """Show what is dragged, or hide it while the robot moves by itself."""
+        for gizmo in self._gizmos:
+            gizmo.visible = wanted
+
+
+def _colours(parts: list[Part], n: int, conditioning: Any) -> Array:
+    """Of each part, (k, 3): its own, or that of its chain's and the nacelle's conditioning."""
+    colours = np.array([rgb(_PARTS[name]) for name, _, _ in parts], dtype=np.uint8)
+    if conditioning is None:
+        return colours
+    rods = [k for k, (name, _, _) in enumerate(parts) if name == "rod"]
+    for number, k in enumerate(rods):
+        colours[k] = ramp(conditioning.serial[number * n // len(rods)])
+    for k, (name, _, _) in enumerate(parts):
+        if name in ("nacelle", "central bar", "lateral bar"):
+            colours[k] = ramp(conditioning.parallel)
+    return colours
+
+
+def _cylinder(sides: int = 14) -> tuple[Array, Array]:
+    """Vertices and faces of a closed cylinder of radius 1 and length 1 about z."""
+    turn = 2 * np.pi * np.arange(sides) / sides
+    ring = np.column_stack([np.cos(turn), np.sin(turn)])
+    side = [np.column_stack([ring, np.full(sides, z)]) for z in (-0.5, 0.5)]
+    vertices = np.vstack([*side, *side, [[0, 0, -0.5], [0, 0, 0.5]]])  # caps have their own edges
+    k, after = np.arange(sides), (np.arange(sides) + 1) % sides
+    low, high = 2 * sides, 3 * sides
+    faces = np.vstack(
+        [
+            np.column_stack([k, after, after + sides]),
+            np.column_stack([k, after + sides, k + sides]),
+            np.column_stack([np.full(sides, 4 * sides), after + low, k + low]),
+            np.column_stack([np.full(sides, 4 * sides + 1), k + high, after + high]),
+        ]
+    )
+    return vertices.astype(np.float32), faces.astype(np.uint32)

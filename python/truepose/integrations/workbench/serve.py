@@ -1,0 +1,103 @@
+"""The workbench's server: a free port, viser, and who may connect."""
+
+from __future__ import annotations
+
+import importlib.util
+import socket
+import time
+import webbrowser
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from truepose.exceptions import InputError, TrueposeError
+from truepose.robot.robot import Robot
+
+if TYPE_CHECKING:
+    from truepose.integrations.workbench.page import Page
+
+HOST, PORT = "127.0.0.1", 8080  #: of this machine alone
+
+
+def require() -> None:
+    """Raise a TrueposeError unless viser is installed."""
+    if importlib.util.find_spec("viser") is None:
+        raise TrueposeError('the workbench needs viser: pip install "truepose[workbench]"')
+
+
+def require_free(host: str, port: int) -> None:
+    """Raise InputError where the port is taken, or the host is none of this machine's.
+
+    viser itself would take the next one, and the page would stand where nobody looks.
+    """
+    with socket.socket() as trial:
+        trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            trial.bind((host, port))
+        except OSError as error:
+            why = error.strerror or error
+            raise InputError(f"--port {port}: {host}:{port}: {why}; choose another") from None
+
+
+def own_address() -> str | None:
+    """Return this machine's address on its network; None where it has none."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("192.0.2.1", 9))  # sends nothing: the system only chooses the way
+        except OSError:
+            return None
+        return str(probe.getsockname()[0])
+
+
+def require_browser() -> None:
+    """Raise a TrueposeError where there is no browser to open."""
+    try:
+        webbrowser.get()
+    except webbrowser.Error:
+        raise TrueposeError(
+            "no browser is found here: --no-browser serves the page to one elsewhere"
+        ) from None
+
+
+def open_page(
+    robot: Robot,
+    host: str = HOST,
+    port: int = PORT,
+    *,
+    log: Path | None = None,
+    dark: bool = False,
+) -> Page:
+    """Serve the page; it is there until its `stop` is called.
+
+    Raises
+    ------
+    InputError
+        The port is taken; the log cannot be read or is refused.
+    TrueposeError
+        viser is not installed.
+    """
+    require()
+    require_free(host, port)
+    from truepose.integrations.workbench.page import Page
+
+    page = Page(robot, host, port, dark)
+    try:
+        if page.server.get_port() != port:  # taken meanwhile
+            raise InputError(f"--port {port}: {host}:{port}: already in use; choose another")
+        if log is not None:
+            page.open_log(log)
+    except BaseException:
+        page.stop()
+        raise
+    return page
+
+
+def serve(page: Page, wait: Callable[[], None] = lambda: time.sleep(3600)) -> None:
+    """Serve until interrupted."""
+    try:
+        while True:
+            wait()
+    except KeyboardInterrupt:
+        return
+    finally:
+        page.stop()

@@ -1,0 +1,162 @@
+"""The state of the workbench: the believed robot, the true one, the target."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose import _core
+from truepose.arguments import Array
+from truepose.exceptions import InputError
+from truepose.robot.frames import coordinates
+from truepose.robot.robot import Robot
+from truepose.robot.units import unit_of
+
+#: How far a slider moves an error that no tolerance speaks of, by its unit: m, rad, of a gain.
+_REACH = {"m": 1e-3, "rad": 1.75e-3, "": 1e-2, "1/N": 1e-6}
+_SIGMAS = 4  #: of a tolerance, that a slider reaches
+_BEYOND = 0.25  #: of the workspace, to which a coordinate's slider goes on each side
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """All that a page shows follows from this. Immutable: every method returns another one."""
+
+    drawn: Robot  #: the file's, with the sensors in use
+    robot: Robot  #: what controllers believe: drawn, or calibrated
+    truth: Robot  #: what is there, at its finest level
+    x_d: Array  #: (n,) where the nacelle is sent
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """True less drawn of the parameters that differ, m and rad."""
+        drawn = self.drawn.parameters
+        off = {name: p.value - drawn[name].value for name, p in self.truth.parameters.items()}
+        return {name: value for name, value in off.items() if value}
+
+    def sent(self, x: ArrayLike) -> State:
+        """Send the nacelle to x; PoseError where the robot, drawn or believed, does not get."""
+        x = np.array(x, dtype=float)
+        for robot in (self.robot, self.drawn):
+            robot.ikm(x, own_mode=True)
+        return replace(self, x_d=x)
+
+    def dragged(self, frame: ArrayLike) -> State:
+        """Send the nacelle to a frame, (4, 4), of which what the mobility lacks is dropped."""
+        return self.sent(coordinates(self.robot, frame))
+
+    def driven(self, q: ArrayLike) -> State:
+        """Turn the motors to q, shape (n,); PoseError where they hold no pose."""
+        return self.sent(self.robot.fkm(q, guess=self.x_d))
+
+    def with_errors(self, errors: Mapping[str, float]) -> State:
+        """Let these parameters of the true robot be off by so much of the drawn ones, m and rad."""
+        drawn = self.drawn.parameters
+        values = {name: drawn[name].value + error for name, error in errors.items()}
+        return replace(self, truth=self.truth.replace(values))
+
+    def without_errors(self) -> State:
+        """Let the true robot be as drawn."""
+        return self.with_errors(dict.fromkeys(self.errors, 0.0))
+
+    def with_drawn_errors(self, seed: int) -> State:
+        """Draw the true robot from the file's tolerances."""
+        truth = self.drawn.sample(seed)
+        return replace(self, truth=_real(truth.with_sensors(*self.drawn.sensors)))
+
+    def with_sensors(self, names: Iterable[str]) -> State:
+        """Read these sensors, in the file's order; InputError beyond what the core holds."""
+        wanted = set(names)
+        used = [sensor.name for sensor in self.drawn.spec.sensor if sensor.name in wanted]
+        most = min(_core.max_sensors, _core.max_readings - self.drawn.n)
+        if len(used) > most:
+            raise InputError(f"{self.drawn.name}: at most {most} sensors can be in use")
+        return replace(
+            self,
+            drawn=self.drawn.with_sensors(*used),
+            robot=self.robot.with_sensors(*used),
+            truth=self.truth.with_sensors(*used),
+        )
+
+    def believing(self, robot: Robot | None) -> State:
+        """Let controllers believe a calibrated robot; None: the drawn one."""
+        robot = self.drawn if robot is None else robot
+        return replace(self, robot=robot.with_sensors(*self.drawn.sensors))
+
+
+def begin(robot: Robot) -> State:
+    """Put a robot on the bench, without errors, at home.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> state = begin(tp.load("h4")).with_errors({"chain1.rod": 0.003})
+    >>> {name: round(error, 6) for name, error in state.errors.items()}
+    {'chain1.rod': 0.003}
+    """
+    return State(robot, robot, _real(robot), robot.home)
+
+
+def _real(robot: Robot) -> Robot:
+    return robot.with_level(robot.highest_level)
+
+
+def pose_range(robot: Robot) -> Array:
+    """Lowest and highest value of each coordinate's slider, (n, 2): a little beyond the workspace.
+
+    Where the file has no workspace 0.1 m and 0.5 rad about home.
+    """
+    box = robot.spec.workspace
+    if box is None:
+        reach = np.array([0.1 if unit == "m" else 0.5 for _, unit in robot.coordinates])
+        return np.column_stack([robot.home - reach, robot.home + reach])
+    low, high = np.array(box.minimum), np.array(box.maximum)
+    more = _BEYOND * (high - low)
+    return np.column_stack(
+        [np.minimum(low - more, robot.home), np.maximum(high + more, robot.home)]
+    )
+
+
+def motor_range(robot: Robot) -> Array:
+    """Lowest and highest reading of each motor over the reach of the coordinates, (n, 2)."""
+    low, high = pose_range(robot).T
+    poses = np.random.default_rng(0).uniform(low, high, (500, robot.n))
+    q = robot.ikm(np.vstack([robot.home, poses]), errors="nan")
+    return np.column_stack([np.nanmin(q, axis=0), np.nanmax(q, axis=0)])
+
+
+def error_range(robot: Robot, name: str) -> float:
+    """How far an error's slider goes, each way: some σ of its tolerance, which may be off centre.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> h4 = tp.load("h4")
+    >>> [round(1e3 * error_range(h4, name), 2) for name in ("chain1.rod", "chain1.rod_spacing")]
+    [18.51, 0.4]
+    """
+    tolerance = robot.with_calibration(None).spec.tolerance(name)
+    if tolerance is not None and tolerance.deviation:
+        return abs(tolerance.mean) + _SIGMAS * tolerance.deviation
+    return _REACH[unit_of(robot, name)]
+
+
+def groups(robot: Robot) -> dict[str, list[str]]:
+    """Parameters by what they belong to: chain1, …, bar1, …, and each sensor in use.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> list(groups(tp.load("h4")))
+    ['chain1', 'chain2', 'chain3', 'chain4', 'bar1', 'bar2', 'theta']
+    """
+    spare = {sensor.name for sensor in robot.spec.sensor} - {*robot.sensors}
+    found: dict[str, list[str]] = {}
+    for name in robot.parameters:
+        owner = name.split(".")[0]
+        if owner not in spare:
+            found.setdefault(owner, []).append(name)
+    return found

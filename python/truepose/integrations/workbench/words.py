@@ -1,0 +1,169 @@
+"""The workbench's answers as small HTML tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from html import escape
+
+import numpy as np
+
+from truepose.arguments import Array
+from truepose.integrations.workbench.answers import Price, Rest
+from truepose.integrations.workbench.playback import Playback, rms
+from truepose.integrations.workbench.state import State
+from truepose.robot.kinematics import Conditioning
+from truepose.robot.laws import Law
+from truepose.robot.robot import Robot
+from truepose.robot.units import summed, unit_of
+from truepose.show.table import number
+from truepose.show.units import PRINT, in_print, printed
+
+#: Of a watch's lights.
+LIGHTS = {"valid": "#5aae61", "suspect": "#e08214", "failed": "#d6604d"}
+_PAGE = "padding:0.2em 0.9em;font-size:0.82em;line-height:1.45"
+_CELL = "padding:0 0.45em 0 0;text-align:right;font-variant-numeric:tabular-nums"
+
+
+#: On a narrow screen viser's panel leaves a strip beside it and little above: as wide as the
+#: screen, and half as high.
+NARROW = (
+    "<style>@media (max-width: 40em) { .mantine-Paper-root[style*='bottom: 0px'] "
+    "{ width: 100% !important; max-height: 50% !important } "
+    ".mantine-Paper-root[style*='bottom: 0px'] .mantine-ScrollArea-content > div "
+    "{ width: 100% !important } }</style>"
+)
+
+
+def page(*parts: str) -> str:
+    """Put parts below each other, as wide as the panel."""
+    return f'<div style="{_PAGE}">{"".join(parts)}</div>'
+
+
+def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Lay rows of HTML cells out; the first column is words."""
+
+    def line(cells: Sequence[str], tag: str) -> str:
+        style = [_CELL.replace("right", "left"), *[_CELL] * (len(cells) - 1)]
+        return "".join(
+            f'<{tag} style="{one};font-weight:{600 if tag == "th" else 400}">{cell}</{tag}>'
+            for one, cell in zip(style, cells, strict=True)
+        )
+
+    body = "".join(f"<tr>{line(row, 'td')}</tr>" for row in rows)
+    return (
+        '<table style="width:100%;border-collapse:collapse">'
+        f"<tr>{line(header, 'th')}</tr>{body}</table>"
+    )
+
+
+def dot(colour: str, hollow: bool = False) -> str:
+    """Draw a disc, or a ring."""
+    inside = "transparent" if hollow else colour
+    return (
+        f'<span style="display:inline-block;width:0.7em;height:0.7em;border-radius:50%;'
+        f'background:{inside};border:2px solid {colour};margin-right:0.4em"></span>'
+    )
+
+
+def note(text: str, wrong: bool = False) -> str:
+    """Write a line of words; what went wrong stands out."""
+    colour = "color:#d6604d;" if wrong else "opacity:0.8;"
+    return f'<div style="{colour}margin-top:0.3em">{escape(text)}</div>'
+
+
+def laws(found: Mapping[Law, Rest], colours: Mapping[Law, str]) -> str:
+    """Where each law rests: how far off, and how far turned."""
+    rows, failed = [], []
+    for law, rest in found.items():
+        name = dot(colours[law], rest.x is None) + escape(law)
+        if rest.x is None:
+            rows.append([name, "–", "–"])
+            failed.append(note(rest.why))
+            continue
+        off, turn = float(np.linalg.norm(rest.off)), rest.turn
+        rows.append([name, number(1e3 * off, 3), number(float(np.degrees(turn)), 3)])
+    # One reason is enough: the others are the same one, or begin alike.
+    return table(["comes to rest", "off (mm)", "turned (°)"], rows) + "".join(failed[:1])
+
+
+def conditioning(at: Conditioning) -> str:
+    """Say how far from singular the robot is, of the nacelle and of the worst chain."""
+    worst = int(np.argmin(at.serial))
+    return note(
+        f"Conditioning {float(at.parallel):.2f}, of chain {worst + 1} "
+        f"{float(at.serial[worst]):.2f} (0 singular)"
+    )
+
+
+def pose(state: State, magnified: float) -> str:
+    """Say where the nacelle is sent."""
+    words = [
+        f"{name} {printed(value, unit, '.1f')}"
+        for value, (name, unit) in zip(state.x_d, state.robot.coordinates, strict=True)
+    ]
+    drawn = f"; errors drawn × {magnified:g}" if magnified != 1 and state.errors else ""
+    return note(f"Sent to {', '.join(words)}{drawn}")
+
+
+def accuracy(robot: Robot, found: Mapping[str, Array]) -> str:
+    """Write σ over the workspace, before and after what can be done about it."""
+    total = summed(robot)
+    factor, shown = PRINT[total.unit]
+    turns = [k for k, (_, unit) in enumerate(robot.coordinates) if unit == "rad"]
+    turns = [k for k in turns if k not in total.columns]
+    last = ["turn (°)"] if turns else []
+    header = ["σ over the workspace", f"{total.name} ({shown})", *last]
+    rows = []
+    for how, sigma in found.items():
+        turn = np.degrees(np.sqrt(np.sum(np.square(sigma[turns]))))
+        cells = [number(factor * float(sigma[-1]), 3), *([number(float(turn), 2)] if turns else [])]
+        rows.append([escape(how), *cells])
+    return table(header, rows)
+
+
+def bill(robot: Robot, cost: Price) -> str:
+    """Say what the sensors in use cost, as far as the file says it."""
+    if not robot.sensors:
+        return note("Motors alone")
+    if len(cost.unpriced) == robot.r:
+        return note(f"{robot.r} in use; the robot file names no prices")
+    missing = f", without {', '.join(cost.unpriced)}" if cost.unpriced else ""
+    return note(f"{robot.r} in use, price {cost.total:g}{missing}")
+
+
+def errors(state: State, most: int = 6) -> str:
+    """List the parameters that are not as drawn."""
+    found = state.errors
+    if not found:
+        return note("The true robot is as drawn.")
+    words = []
+    for name, value in list(found.items())[:most]:
+        factor, unit = PRINT[unit_of(state.drawn, name)]
+        words.append(f"{name} {factor * value:+.3f}{unit}")
+    more = f", … {len(found) - most} more" if len(found) > most else ""
+    return note(f"{len(found)} off: {', '.join(words)}{more}")
+
+
+def lights(readings: Sequence[tuple[str, str, str]]) -> str:
+    """Draw a light for every reading: valid, suspect, failed, and why."""
+    rows = [
+        [dot(LIGHTS[health]) + escape(name), escape(f"{health} ({why})" if why else health)]
+        for name, health, why in readings
+    ]
+    return table(["reading", "watch"], rows)
+
+
+def residuals(played: Playback, line: int) -> str:
+    """Write each sensor's residual at a line and over all of them, before and after."""
+    before, after = played.before, played.after
+    over, then = rms(before.residual), None if after is None else rms(after.residual)
+    rows = []
+    for k, name in enumerate(played.names):
+        factor, unit = in_print(played.robot, name)
+        values = [before.residual[line, k], over[k]]
+        if after is not None and then is not None:
+            values += [after.residual[line, k], then[k]]
+        cells = [number(factor * float(value), 3) for value in values]
+        rows.append([escape(f"{name} ({unit})"), *cells])
+    header = ["residual", "here", "rms", *(["after", "rms"] if after is not None else [])]
+    return table(header, rows)

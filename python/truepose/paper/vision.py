@@ -1,0 +1,407 @@
+"""The paper's vision system: three line cameras, four LEDs, and their covariance.
+
+A line camera (a linear CCD behind a cylindrical lens) at c, looking along n, its line along a,
+sees of an LED at p one coordinate, in pixels:
+
+    u = f a·(p − c) / n·(p − c) + u0
+
+so each reading is a plane through the LED. The LEDs light one after the other: which is which is
+known. The cameras are calibrated on an artefact, never on the robot's own poses.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose.arguments import Array, check_seed
+from truepose.exceptions import InputError
+from truepose.robot.frames import rotation
+from truepose.robot.robot import Robot
+
+CAMERAS = 3
+_ITERATIONS = 30
+#: Of a camera: rotation vector, shifts along line and axis (one along the third direction is not
+#: seen), logarithm of the focal length, centre of the line.
+_PARAMETERS = 7
+
+
+def frame_of(rotation: Array, position: Array) -> Array:
+    """Homogeneous matrices (..., 4, 4)."""
+    frame = np.zeros((*np.shape(position)[:-1], 4, 4))
+    frame[..., :3, :3], frame[..., :3, 3], frame[..., 3, 3] = rotation, position, 1
+    return frame
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setup:
+    """How the vision system stands, and how good its parts are. All values are assumed.
+
+    The paper names three linear CCD cameras and four LEDs, no more. These values give a pose
+    noise of about 0.05 mm and 0.035° (1σ).
+
+    Examples
+    --------
+    >>> from truepose.paper.vision import Setup
+    >>> Setup(noise=0.1).pixels
+    2048
+    """
+
+    centre: tuple[float, float, float] = (0.0, 0.0, -0.4)  #: which the cameras look at, m
+    distance: float = 1.5  #: of each camera from there, m
+    #: Of the line of sight, from the horizontal, upwards, rad. 54.7°: the planes that three cameras
+    #: see are then orthogonal.
+    elevation: float = math.atan(math.sqrt(2))
+    focal_length: float = 0.06  #: m
+    pixel: float = 14e-6  #: m
+    pixels: int = 2048  #: of each line: a view of 27°, 0.7 m wide at the centre
+    across: float = math.radians(30)  #: view of the cylindrical lens across the line, rad
+    noise: float = 0.3  #: σ of u in pixels, that of the nearest pixel; 0.1 mm at an LED
+    leds: tuple[tuple[float, float, float], ...] = (
+        (0.08, 0.0, -0.03),
+        (0.0, 0.08, -0.03),
+        (-0.08, 0.0, -0.03),
+        (0.0, -0.08, -0.03),
+    )  #: in the nacelle's frame, m
+    led_tolerance: float = 2e-5  #: σ of each coordinate of an LED, m
+    artefact: float = 0.3  #: edge of the cube of points that the cameras are calibrated with, m
+    artefact_points: int = 5  #: along each edge
+    artefact_tolerance: float = 2e-5  #: σ of each coordinate of a point, m
+    placing: float = 5e-3  #: σ of where a camera stands before its calibration, m
+    aiming: float = math.radians(0.5)  #: σ of each component of where it looks, rad
+    lens: float = 0.01  #: σ of its focal length, of itself
+    centring: float = 10.0  #: σ of the centre of its line, pixels
+    #: Error of the vision frame's registration to the robot's base: rotation vector (rad), then
+    #: shift (m), of a point of the base as the vision system sees it. Nothing here corrects it.
+    registration: tuple[float, ...] = field(default=(0.0,) * 6)
+
+    def __post_init__(self) -> None:
+        for f in fields(self):
+            values = np.asarray(getattr(self, f.name), dtype=float)
+            if not np.isfinite(values).all():
+                raise InputError(f"{f.name} = {getattr(self, f.name)}: must be finite")
+        optics = ("distance", "focal_length", "pixel", "pixels", "across", "artefact")
+        errors = ("noise", "placing", "aiming", "lens", "centring", "artefact_tolerance")
+        for name in optics + errors:
+            if getattr(self, name) <= 0:
+                raise InputError(f"{name} = {getattr(self, name)}: must be greater than 0")
+        if self.led_tolerance < 0:
+            raise InputError(f"led_tolerance = {self.led_tolerance}: must be at least 0")
+        if np.shape(self.leds)[1:] != (3,) or len(self.leds) < 3:
+            raise InputError(f"leds: shape {np.shape(self.leds)}, must be (3 or more, 3)")
+        if np.linalg.matrix_rank(np.array(self.leds) - np.mean(self.leds, axis=0), 1e-6) < 2:
+            raise InputError("leds: lie on one line: no pose can be seen")
+        if len(self.registration) != 6:
+            raise InputError(f"registration: {len(self.registration)} values, must be 6")
+        if self.artefact_points < 2:
+            raise InputError(f"artefact_points = {self.artefact_points}: must be at least 2")
+
+    @classmethod
+    def facing(cls, robot: Robot, **changes: Any) -> Setup:
+        """Cameras that look at a robot's home."""
+        home = np.zeros(3)
+        for k, (name, _) in enumerate(robot.coordinates):
+            if name in "xyz":
+                home["xyz".index(name)] = robot.home[k]
+        return cls(**({"centre": tuple(home.tolist())} | changes))
+
+
+class Cameras(NamedTuple):
+    """Line cameras, K of them: what they are, or what they are believed to be."""
+
+    position: Array  #: (K, 3) m
+    axis: Array  #: (K, 3) unit
+    line: Array  #: (K, 3) unit, across the axis
+    focal: Array  #: (K,) pixels
+    centre: Array  #: (K,) pixels
+
+    def _along(self, points: Array) -> tuple[Array, Array, Array]:
+        y = points[..., None, :] - self.position
+        return y, (y * self.line).sum(-1), (y * self.axis).sum(-1)
+
+    def project(self, points: Array) -> Array:
+        """Pixel coordinates (..., K) of points (..., 3), in view or not."""
+        _, s, w = self._along(points)
+        return self.focal * s / w + self.centre
+
+    def sees(self, points: Array, setup: Setup) -> Array:
+        """Which camera sees which point, (..., K)."""
+        y, s, w = self._along(points)
+        b = np.cross(self.axis, self.line)
+        u = self.focal * s / np.where(w > 0, w, np.inf) + self.centre
+        inside = (u >= 0) & (u < setup.pixels)
+        return (w > 0) & inside & (np.abs((y * b).sum(-1)) <= math.tan(setup.across / 2) * w)
+
+    def by_point(self, points: Array) -> Array:
+        """∂u/∂p, (..., K, 3)."""
+        _, s, w = self._along(points)
+        slope = self.line - (s / w)[..., None] * self.axis
+        return (self.focal / w)[..., None] * slope
+
+    def by_parameter(self, points: Array) -> Array:
+        """∂u/∂(each camera's own parameters), (..., K, 7)."""
+        y, s, w = self._along(points)
+        t = (s / w)[..., None]
+        turned = np.cross(self.line, y) - t * np.cross(self.axis, y)
+        shifted = np.concatenate([np.full_like(t, -1), t], axis=-1)
+        scale = (self.focal / w)[..., None]
+        longer = self.focal[:, None] * t
+        return np.concatenate([scale * turned, scale * shifted, longer, np.ones_like(t)], axis=-1)
+
+    def moved(self, change: Array) -> Cameras:
+        """Cameras whose parameters have changed by this much, (K, 7)."""
+        R = rotation(change[:, :3])
+        position = self.position + change[:, 3:4] * self.line + change[:, 4:5] * self.axis
+        axis = (R @ self.axis[..., None])[..., 0]
+        line = (R @ self.line[..., None])[..., 0]
+        focal = self.focal * np.exp(change[:, 5])
+        return Cameras(position, axis, line, focal, self.centre + change[:, 6])
+
+
+class CameraCalibration(NamedTuple):
+    """What the artefact has taught."""
+
+    cameras: Cameras  #: as now believed
+    covariance: Array  #: (7 K, 7 K)
+    residuals: Array  #: (seen points,) of u, pixels
+    freedoms: float  #: of their sum of squares over noise²
+    points: Array  #: (P, 3) of the artefact, as now believed, m
+
+
+class Seen(NamedTuple):
+    """Poses as the vision system sees them, base frame."""
+
+    frame: Array  #: (N, 4, 4) of the nacelle; NaN where it is not seen
+    covariance: Array  #: (N, 6, 6) of [shift; rotation vector]: noise, cameras, LEDs
+    status: Array  #: (N,) str: "ok", or why not
+
+
+class Vision:
+    """A vision system: its cameras stand, are calibrated on the artefact, and then measure.
+
+    Parameters
+    ----------
+    setup : Setup
+        How it stands.
+    seed : int
+        Of what is true of its parts, and of the artefact's readings.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from truepose.paper.vision import Setup, Vision
+    >>> vision, true = Vision(Setup()), np.eye(4)
+    >>> true[2, 3] = -0.4
+    >>> seen = vision.measure(true[None])
+    >>> bool(np.abs(seen.frame[0] - true).max() < 5e-3), seen.status.tolist()
+    (True, ['ok'])
+    """
+
+    def __init__(self, setup: Setup | None = None, seed: int = 0):
+        self.setup = setup = Setup() if setup is None else setup
+        self._rng = rng = np.random.default_rng(check_seed(seed))
+        self.drawn = drawn = _drawn(setup)
+        sigma = self._prior = np.array(
+            [setup.aiming] * 3 + [setup.placing] * 2 + [setup.lens, setup.centring]
+        )
+        self.true = drawn.moved(rng.normal(size=(CAMERAS, _PARAMETERS)) * sigma)
+        leds = np.array(setup.leds)
+        self.true_leds = leds + rng.normal(size=leds.shape) * setup.led_tolerance
+        self._calibration_seed = int(rng.integers(2**63))
+
+    @cached_property
+    def calibration(self) -> CameraCalibration:
+        """Cameras from the artefact: maximum a posteriori, its points being unknowns too."""
+        setup, rng = self.setup, np.random.default_rng(self._calibration_seed)
+        edge = np.linspace(-0.5, 0.5, setup.artefact_points) * setup.artefact
+        grid = np.stack(np.meshgrid(edge, edge, edge, indexing="ij"), -1).reshape(-1, 3)
+        nominal = grid + setup.centre
+        points = nominal + rng.normal(size=nominal.shape) * setup.artefact_tolerance
+        u = self.true.project(points) + rng.normal(size=(len(points), CAMERAS)) * setup.noise
+        seen = self.true.sees(points, setup)
+        if (seen.sum(axis=0) < _PARAMETERS).any():
+            raise InputError(
+                f"artefact = {setup.artefact} m: a camera sees {seen.sum(axis=0).min()} of its "
+                f"points, must see {_PARAMETERS} or more"
+            )
+        return _calibrate(self.drawn, self._prior, nominal, u, seen, setup)
+
+    def measure(self, frame: ArrayLike, seed: int = 0) -> Seen:
+        """Measure nacelle poses.
+
+        Parameters
+        ----------
+        frame : array_like, shape (N, 4, 4)
+            True poses of the nacelle in the base frame, m; NaN where there is none.
+        seed : int
+            Of the pixels' noise.
+
+        Returns
+        -------
+        Seen
+        """
+        setup, frame = self.setup, np.asarray(frame, dtype=float)
+        if frame.ndim != 3 or frame.shape[1:] != (4, 4):
+            raise InputError(f"frame: shape {frame.shape}, must be (N, 4, 4)")
+        there = np.isfinite(frame).all(axis=(1, 2))
+        R = rotation(setup.registration[:3])
+        leds = self.true_leds @ np.swapaxes(frame[:, :3, :3], 1, 2) + frame[:, None, :3, 3]
+        leds = leds @ R.T + np.array(setup.registration[3:])
+        with np.errstate(invalid="ignore"):
+            visible = self.true.sees(leds, setup)
+            u = self.true.project(leds)
+        noise = np.random.default_rng(check_seed(seed)).normal(size=u.shape)
+        return self.locate(u + setup.noise * noise, visible & there[:, None, None], there)
+
+    def locate(self, u: Array, visible: Array, there: Array | None = None) -> Seen:
+        """Find poses by least squares on SE(3) from what the cameras read.
+
+        Starts from the linear triangulation of the LEDs that all cameras see, at least three.
+
+        Parameters
+        ----------
+        u : ndarray, shape (N, LEDs, K)
+            Pixels.
+        visible : ndarray of bool, shape (N, LEDs, K)
+            Which LED is in view of which camera.
+        there : ndarray of bool, shape (N,), optional
+            False where there was nothing to see.
+        """
+        setup, cameras = self.setup, self.calibration.cameras
+        body, whole = np.array(setup.leds), np.asarray(visible.all(axis=2))
+        count = len(u)
+        frame = np.full((count, 4, 4), np.nan)
+        covariance = np.full((count, 6, 6), np.nan)
+        status = np.array(
+            [
+                f"{k} of {len(body)} LEDs in view of all cameras, 3 needed"
+                for k in whole.sum(axis=1)
+            ],
+            dtype=object,
+        )
+        if there is not None:
+            status[~there] = "no pose"
+        at = np.flatnonzero(whole.sum(axis=1) >= 3)
+        if at.size == 0:
+            return Seen(frame, covariance, status.astype(str))
+        u, weight = np.where(visible, u, 0.0)[at], visible[at].astype(float)
+        R, t = _fitted(body, _triangulated(cameras, u), whole[at].astype(float))
+        converged = np.zeros(len(at), dtype=bool)
+        for _ in range(_ITERATIONS):
+            arms = body @ np.swapaxes(R, 1, 2)
+            points = arms + t[:, None]
+            by_point = cameras.by_point(points)
+            J = np.concatenate([by_point, np.cross(arms[:, :, None], by_point)], axis=-1)
+            residual = (u - cameras.project(points)) * weight
+            normal = np.einsum("nlk,nlki,nlkj->nij", weight, J, J)
+            step = np.linalg.solve(normal, np.einsum("nlki,nlk->ni", J, residual)[..., None])[
+                ..., 0
+            ]
+            R, t = rotation(step[:, 3:]) @ R, t + step[:, :3]
+            converged = np.abs(step).max(axis=1) < 1e-11
+            if converged.all():
+                break
+        good = at[converged]
+        frame[good] = frame_of(R, t)[converged]
+        covariance[good] = self._covariance(R, points, J, normal, weight)[converged]
+        status[at] = np.where(converged, "ok", "no pose fits what the cameras see")
+        return Seen(frame, covariance, status.astype(str))
+
+    def _covariance(self, R: Array, points: Array, J: Array, normal: Array, weight: Array) -> Array:
+        """Noise of the pixels, and what calibration and LEDs leave open, alike in all poses."""
+        cameras, setup = self.calibration.cameras, self.setup
+        inverse = np.linalg.inv(normal)
+        gain = np.einsum("nij,nlkj,nlk->nilk", inverse, J, weight)
+        by_camera = np.einsum("nilk,nlkp->nikp", gain, cameras.by_parameter(points))
+        by_camera = by_camera.reshape(len(points), 6, -1)
+        by_led = np.einsum("nilk,nlkx,nxy->nily", gain, cameras.by_point(points), R)
+        by_led = by_led.reshape(len(points), 6, -1)
+        return (
+            setup.noise**2 * inverse
+            + by_camera @ self.calibration.covariance @ np.swapaxes(by_camera, 1, 2)
+            + setup.led_tolerance**2 * by_led @ np.swapaxes(by_led, 1, 2)
+        )
+
+
+def _drawn(setup: Setup) -> Cameras:
+    """Cameras as they were to be set up: around the centre, evenly, looking up at it."""
+    azimuth = 2 * np.pi * np.arange(CAMERAS) / CAMERAS
+    c, s = math.cos(setup.elevation), math.sin(setup.elevation)
+    radial = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros(CAMERAS)], axis=1)
+    up = np.array([0.0, 0.0, 1.0])
+    axis = -c * radial + s * up
+    line = s * radial + c * up
+    position = np.array(setup.centre) - setup.distance * axis
+    focal = np.full(CAMERAS, setup.focal_length / setup.pixel)
+    return Cameras(position, axis, line, focal, np.full(CAMERAS, setup.pixels / 2))
+
+
+def _calibrate(
+    cameras: Cameras, prior: Array, nominal: Array, u: Array, seen: Array, setup: Setup
+) -> CameraCalibration:
+    """Bundle adjustment by Gauss-Newton: cameras and the artefact's points, each with its prior.
+
+    Unknowns in units of their priors' σ, readings in units of the noise. A point meets no other:
+    the points' blocks are eliminated one by one, what is left is the cameras'.
+    """
+    change, points, start = np.zeros((CAMERAS, _PARAMETERS)), nominal.copy(), cameras
+    sigma = np.tile(prior, CAMERAS)
+    for _ in range(_ITERATIONS):
+        residual = np.where(seen, u - cameras.project(points), 0.0) / setup.noise
+        own = cameras.by_parameter(points) * (seen[..., None] * prior / setup.noise)
+        by_camera: Array = np.zeros((len(points), CAMERAS, CAMERAS, _PARAMETERS))
+        by_camera[:, range(CAMERAS), range(CAMERAS)] = own
+        by_camera = by_camera.reshape(len(points), CAMERAS, -1)
+        by_point = cameras.by_point(points) * seen[..., None]
+        by_point = by_point * (setup.artefact_tolerance / setup.noise)
+        across = np.swapaxes(by_camera, 1, 2) @ by_point
+        inner = np.linalg.inv(np.swapaxes(by_point, 1, 2) @ by_point + np.eye(3))
+        downhill = np.einsum("pkc,pk->c", by_camera, residual) - change.ravel() / sigma
+        beside = np.einsum("pkx,pk->px", by_point, residual)
+        beside = beside - (points - nominal) / setup.artefact_tolerance
+        information = np.einsum("pkc,pkd->cd", by_camera, by_camera) + np.eye(len(sigma))
+        shared = information - np.einsum("pcx,pxy,pdy->cd", across, inner, across, optimize=True)
+        step = np.linalg.solve(
+            shared, downhill - np.einsum("pcx,pxy,py->c", across, inner, beside, optimize=True)
+        )
+        moved = np.einsum("pxy,py->px", inner, beside - np.einsum("pcx,c->px", across, step))
+        change = change + (step * sigma).reshape(CAMERAS, _PARAMETERS)
+        points = points + moved * setup.artefact_tolerance
+        cameras = start.moved(change)
+        if max(np.abs(step).max(), np.abs(moved).max()) < 1e-8:
+            break
+    inverse = np.linalg.inv(shared)
+    # Freedoms: readings less the trace of what each unknown has learnt, 1 - posterior/prior.
+    back = np.einsum("pyx,pcx->pyc", inner, across)
+    left = np.einsum("pxx->", inner) + np.einsum("pyc,cd,pyd->", back, inverse, back, optimize=True)
+    unknown = len(sigma) + 3 * len(points)
+    freedoms = float(seen.sum() - (unknown - np.trace(inverse) - left))
+    residual = (u - cameras.project(points))[seen]
+    return CameraCalibration(cameras, inverse * np.outer(sigma, sigma), residual, freedoms, points)
+
+
+def _triangulated(cameras: Cameras, u: Array) -> Array:
+    """Points (..., 3) from what all cameras read (..., K): their planes meet, linearly."""
+    rows = cameras.focal[:, None] * cameras.line + (cameras.centre - u)[..., None] * cameras.axis
+    right = (rows * cameras.position).sum(-1)
+    scale = 1 / cameras.focal[:, None]
+    rows, right = rows * scale, right * scale[:, 0]
+    normal = np.swapaxes(rows, -1, -2) @ rows
+    return np.linalg.solve(normal, np.swapaxes(rows, -1, -2) @ right[..., None])[..., 0]
+
+
+def _fitted(body: Array, points: Array, weight: Array) -> tuple[Array, Array]:
+    """Rotation and position that lay the body's points over these: Kabsch, weight 0 or 1."""
+    share = (weight / weight.sum(axis=1, keepdims=True))[..., None]
+    points = np.where(weight[..., None] > 0, points, 0.0)
+    middle, centre = (share * body).sum(axis=1), (share * points).sum(axis=1)
+    H = np.einsum("nl,nlx,nly->nxy", weight, points - centre[:, None], body - middle[:, None])
+    U, _, Vt = np.linalg.svd(H)
+    U[..., 2] *= np.linalg.det(U @ Vt)[:, None]
+    R = U @ Vt
+    return R, centre - (R @ middle[..., None])[..., 0]

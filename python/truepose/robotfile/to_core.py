@@ -1,0 +1,196 @@
+"""The core's structs from a robot file: chains, sensors, columns of H_ξ."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from truepose import _core
+from truepose.arguments import Array
+from truepose.exceptions import RobotFileError
+from truepose.robotfile.parameters import PAIRED
+from truepose.robotfile.schema import Chain, PassiveAxis, RobotFile
+from truepose.robotfile.sensors import AxisAngle, Encoder, Sensor, SensorSection
+
+
+def columns(spec: RobotFile) -> list[tuple[str, int]]:
+    """Name of every parameter that the core knows in this robot, and its column of H_ξ.
+
+    The core says in which order they stand; a sensor's file may call a vector otherwise than it.
+    """
+    chain, axis = (
+        [key for key, _ in table] for table in (_core.chain_parameters, _core.axis_parameters)
+    )
+    width = len(chain)
+    columns = [
+        (f"chain{i + 1}.{key}", i * width + k) for i in range(spec.n) for k, key in enumerate(chain)
+    ]
+    columns += [(f"bar{k + 1}.pivot", spec.n * width + k) for k in range(len(spec.bar))]
+    start = spec.n * width + _core.max_bars
+    for sensor in spec.used:
+        for k, (core, _) in enumerate(_core.sensor_parameters):
+            if key := file_key(type(sensor), core):
+                columns.append((f"{sensor.name}.{key}", start + k))
+        start += len(_core.sensor_parameters)
+    for j in range(len(spec.axis)):
+        columns += [(f"axis{j + 1}.{key}", start + k) for k, key in enumerate(axis)]
+        start += len(axis)
+    return columns
+
+
+def file_key(kind: type[SensorSection], core: str) -> str:
+    """What a robot file calls one of the core's parameters of a sensor; empty: it has it not.
+
+    Examples
+    --------
+    >>> from truepose.robotfile.to_core import file_key
+    >>> from truepose.robotfile.sensors import SENSORS
+    >>> [file_key(SENSORS["inclinometer"], core) for core in ("gain", "normal.x", "target.x")]
+    ['gain', 'up.x', '']
+    """
+    vector, dot, component = core.partition(".")
+    if vector == "eccentricity":
+        return core if issubclass(kind, Encoder) else ""
+    if not dot:
+        return core
+    key = kind.mounting.get(vector)
+    return f"{key}.{component}" if key else ""
+
+
+def encoder_step(chain: Chain) -> float:
+    """One count of a motor encoder, rad or m; 0 if unquantised."""
+    if not chain.encoder_counts:
+        return 0.0
+    return (2 * math.pi if chain.actuator == "revolute" else 1.0) / chain.encoder_counts
+
+
+def _pair_drawn(spec: RobotFile, chain: Chain) -> Array:
+    """From one rod of a chain to the other, as drawn.
+
+    Along an arm's axis. On a carriage, unless the file says, across the rail and the rods at home:
+    there the pair holds the nacelle best.
+    """
+    if chain.actuator != "prismatic":
+        return np.array(chain.axis)
+    if chain.pair_axis is not None:
+        return np.array(chain.pair_axis)
+    theta = spec.home[3] if spec.mobility == "schoenflies" else 0.0
+    A = np.array(spec.home[:3]) + chain.anchor
+    if chain.bar is not None:
+        bar = spec.bar[chain.bar - 1]
+        turned = np.asarray(_core.rotations(np.array([[0.0, 0.0, theta]]))).reshape(3, 3)
+        A += turned @ (bar.pivot * np.array(bar.direction))
+    across = np.cross(chain.axis, A - chain.base)
+    length = float(np.linalg.norm(across))
+    if not length > 1e-3 * (chain.rod or 0.0):  # the rods' distance from the rail
+        raise RobotFileError(
+            f"{spec.name}: chain {spec.chain.index(chain) + 1}: its rail and its rods are parallel "
+            "at home: say which way the two rods lie apart (pair_axis = [x, y, z])"
+        )
+    return across / length
+
+
+def build(spec: RobotFile) -> _core.Robot:
+    """Fill the core's structs from the file, as drawn: axes at zero yaw and tilt."""
+    robot = _core.Robot()
+    mobility = f"pivot_{spec.n}" if spec.mobility == "pivot" else spec.mobility
+    robot.mobility = getattr(_core.Mobility, mobility)
+    robot.chains = robot.motors = spec.n
+    robot.gravity = np.array(spec.gravity)
+    robot.home = [*spec.home, *[0.0] * (6 - spec.n)]
+    robot.bar_joint = getattr(_core.BarJoint, spec.nacelle.bars)
+    for i, chain in enumerate(spec.chain):
+        robot.set_chain(i, _build_chain(spec, chain))
+    for j, axis in enumerate(spec.axis):
+        robot.set_axis(j, _build_axis(axis))
+    for sensor in spec.used:
+        robot.add_sensor(_build_sensor(spec, sensor))
+    body = _core.Body()
+    body.mass = spec.nacelle.mass
+    body.pivot = np.array(spec.nacelle.centre)
+    body.inertia = np.diag(
+        [spec.nacelle.inertia_x, spec.nacelle.inertia_y, spec.nacelle.inertia_z]
+    ).astype(float)
+    robot.add_body(body)
+    for k, bar in enumerate(spec.bar):
+        body = _core.Body()
+        body.mass, body.bar = bar.mass, k
+        body.pivot = bar.pivot * np.array(bar.direction)
+        robot.add_body(body)
+    return robot
+
+
+def _build_chain(spec: RobotFile, chain: Chain) -> _core.Chain:
+    """Fill the core's struct of a chain."""
+    built = _core.Chain()
+    built.actuator = getattr(_core.Actuator, chain.actuator)
+    for key in ("base", "axis", "zero"):
+        setattr(built, key, np.array(getattr(chain, key)))
+    built.arm, built.rod = chain.arm or 0.0, chain.rod or 0.0
+    if chain.bar is None:
+        built.pivot = np.array(chain.anchor)
+    else:
+        bar = spec.bar[chain.bar - 1]
+        built.pivot = bar.pivot * np.array(bar.direction)
+        built.anchor = np.array(chain.anchor)
+        built.bar = chain.bar - 1
+    built.encoder_offset, built.encoder_gain = chain.encoder_offset, chain.gain
+    built.encoder_buildup = chain.buildup
+    built.encoder_step = encoder_step(chain) * spec.quantised
+    built.encoder_noise = chain.encoder_noise
+    built.set_eccentricity(chain.eccentricity, 1.0)
+    if chain.limits is not None:
+        built.low, built.high = chain.limits
+    built.torque_limit = chain.torque_limit or 0.0
+    if spec.mobility in PAIRED:  # two rods
+        built.rod_spacing = chain.rod_spacing
+        built.pair_axis = built.pair_drawn = _pair_drawn(spec, chain)
+    for key in ("working_mode", "drive_inertia", "arm_mass", "rod_mass", "viscous", "coulomb"):
+        setattr(built, key, getattr(chain, key))
+    return built
+
+
+def _build_axis(axis: PassiveAxis) -> _core.PassiveAxis:
+    """Fill the core's struct of a passive axis."""
+    built = _core.PassiveAxis()
+    built.origin, built.direction = np.array(axis.origin), np.array(axis.direction)
+    if axis.limits is not None:
+        built.low, built.high = axis.limits
+    return built
+
+
+def _build_sensor(spec: RobotFile, sensor: Sensor) -> _core.Sensor:
+    """Fill the core's struct of a sensor."""
+    built = _core.Sensor()
+    built.kind = getattr(_core.SensorKind, sensor.kind)
+    built.offset, built.gain = sensor.offset, sensor.gain
+    built.step = sensor.step * spec.quantised
+    built.noise = sensor.noise
+    if isinstance(sensor, Encoder):
+        built.set_eccentricity(sensor.eccentricity, sensor.gear)
+    built.weight = sensor.weight
+    built.bar = (getattr(sensor, "bar", None) or 0) - 1
+    if isinstance(sensor, AxisAngle):
+        built.axis = sensor.axis - 1
+    for core, key in sensor.mounting.items():
+        setattr(built, core, np.array(getattr(sensor, key)))
+    if (number := getattr(sensor, "chain", None)) is not None:
+        built.chain = number - 1
+        built.at_nacelle = getattr(sensor, "side", "base") == "nacelle"
+        built.rod = -1 if getattr(sensor, "rod", "+") == "-" else 1
+        # A joint on the nacelle's side is built along the drawn axes of its chain.
+        built.direction = np.array(spec.chain[number - 1].axis)
+        built.normal = np.array(spec.chain[number - 1].zero)
+    return built
+
+
+def parameterised(
+    drawn: _core.Robot, known: list[tuple[str, int]], values: dict[str, float]
+) -> _core.Robot:
+    """Return the drawn robot with these parameters' values; `known` as from :func:`columns`."""
+    xi = np.asarray(drawn.drawn_parameters())
+    for name, column in known:
+        if name in values:
+            xi[column] = values[name]
+    return drawn.with_parameters(xi)

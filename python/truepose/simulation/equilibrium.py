@@ -1,0 +1,77 @@
+"""Steady-state poses of a robot under a controller, without its motion."""
+
+from __future__ import annotations
+
+from numpy.typing import ArrayLike
+
+from truepose import _core
+from truepose.arguments import Array, Errors
+from truepose.control.controller import Controller, require_same_readings
+from truepose.robot import knowledge
+from truepose.robot.batches import flattened, require_answers
+from truepose.robot.compliance import warn_if_stiff
+from truepose.robot.laws import Law, usual
+from truepose.robot.robot import Robot
+
+
+def steady_state(
+    robot: Robot,
+    truth: Robot,
+    x_d: ArrayLike,
+    controller: Controller | Law | None = None,
+    *,
+    gravity: bool = False,
+    start: ArrayLike | None = None,
+    errors: Errors = "raise",
+) -> Array:
+    """Pose in which the true robot comes to rest, exactly, without simulating the motion.
+
+    Parameters
+    ----------
+    robot, truth : Robot
+        What the controller believes, and what is.
+    x_d : array_like, shape (..., n)
+        Desired poses.
+    controller : Controller or law
+        Its encoders count as unquantised. By default the redundant law, of a robot without a
+        sensor in use the joint law.
+    gravity : bool
+        True: the PD must hold what the nominal feed-forward gets wrong of the true robot's weight.
+        False: no load, or integral action; the motor error of the law vanishes.
+    start : array_like, shape (n,), optional
+        Where the move started: :func:`simulate` places the gains there, and under gravity they
+        matter. The file's home pose by default.
+    errors : {"raise", "nan"}
+        What to do with a pose at which the true robot does not settle.
+
+    Returns
+    -------
+    ndarray, shape (..., n)
+
+    Raises
+    ------
+    PoseError
+        Names the pose, the chain and the reason.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> robot = tp.load("h4")
+    >>> true = robot.replace({"chain1.rod": 0.483})
+    >>> x_d = [0.05, 0.05, -0.4, 0.2]
+    >>> laws = "joint", "redundant"
+    >>> usual, redundant = (tp.steady_state(robot, true, x_d, law) for law in laws)
+    >>> bool(abs(redundant[3] - 0.2) < abs(usual[3] - 0.2) / 8)
+    True
+    """
+    if not isinstance(controller, Controller):
+        controller = Controller(law=usual(robot) if controller is None else controller)
+    rows, lead = flattened(robot, x_d, robot.n, "x_d", errors)
+    require_same_readings(robot, truth)
+    for one in {robot, truth}:
+        warn_if_stiff(one, "a controller")
+    settings = controller.settings(robot, robot.home if start is None else start)
+    believed, known = knowledge.for_law(robot, controller.law)
+    x, status, chain, _ = _core.settle(believed.core, truth.core, settings, known, gravity, rows)
+    require_answers(robot, "pose", rows, lead, status, chain, errors, name="x_d")
+    return x.reshape(*lead, robot.n)

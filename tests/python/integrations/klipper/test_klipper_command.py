@@ -1,0 +1,520 @@
+"""Does `truepose klipper` print and write what it should, and refuse what is no printer's file?"""
+
+import itertools
+import json
+import re
+
+import numpy as np
+import pytest
+from printer_files import changed, made_printer, made_text, read, text_of
+from spoiling import spoiled
+
+import truepose as tp
+from truepose.commands import cli
+from truepose.integrations.klipper import figures, noise
+from truepose.integrations.klipper.assessment import assess
+from truepose.integrations.klipper.config import MOST_BYTES, Config
+from truepose.integrations.klipper.criterion import klipper
+from truepose.integrations.klipper.printer import printer_of
+
+
+@pytest.fixture
+def run(monkeypatch, capsys, tmp_path):
+    """Return a function that runs `truepose klipper` in a folder: status, stdout, stderr."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "80")
+
+    def command(*words):
+        monkeypatch.setattr("sys.argv", ["truepose", "klipper", *map(str, words)])
+        with pytest.raises(SystemExit) as left:
+            cli.main()
+        return (left.value.code or 0, *capsys.readouterr())
+
+    return command
+
+
+@pytest.fixture
+def config(tmp_path):
+    path = tmp_path / "printer.cfg"
+    path.write_text(read("phnxdrgn536"), encoding="utf-8")
+    return path
+
+
+def test_a_screenful(run, config):
+    status, out, err = run("printer.cfg")
+    assert (status, err) == (0, "")
+    lines = out.splitlines()
+    tables = lines[: next(k for k, line in enumerate(lines) if line.startswith("Arms as drawn"))]
+    assert max(map(len, tables)) <= 80
+    assert len(lines) <= 60
+    for text in ("Klipper's nine parameters", "plain mean", "0.160", "0.044", "Use the estimate"):
+        assert text in out
+    assert "σ assumed beforehand: arm 0.5 mm" in out
+
+
+def test_it_writes_a_new_file_a_robot_and_a_report(run, config, tmp_path):
+    before = config.read_bytes()
+    words = ("--write", "new.cfg", "--robot", "printer.toml", "--report", "printer.html")
+    status, out, _ = run("printer.cfg", *words)
+    assert status == 0
+    assert [line for line in out.splitlines() if line.startswith("Wrote")] == [
+        "Wrote new.cfg",
+        "Wrote printer.toml",
+        "Wrote printer.html",
+    ]
+    assert config.read_bytes() == before
+    assert printer_of(Config.read(tmp_path / "new.cfg")).parameters["arm_b"] > 0.345
+    assert tp.load(tmp_path / "printer.toml").n == 3
+    page = (tmp_path / "printer.html").read_text(encoding="utf-8")
+    assert page.count("<img") == 4
+    assert "Expected error of x, y, z over the bed" in page
+    assert run("new.cfg")[0] == 0
+
+
+@pytest.mark.parametrize("words", [["--write", "printer.cfg"], ["--write", "there.cfg", "--force"]])
+def test_no_printer_cfg_is_ever_replaced(run, config, tmp_path, words):
+    (tmp_path / "there.cfg").write_text("mine", encoding="utf-8")
+    status, _, err = run("printer.cfg", *words, "--report", "printer.html")
+    assert status == 2
+    assert err.count("\n") == 1 and "is there already: give the name of a new file" in err
+    assert (tmp_path / "there.cfg").read_text(encoding="utf-8") == "mine"
+    assert not (tmp_path / "printer.html").exists()
+
+
+def test_programs_get_every_digit(run, config):
+    status, out, err = run("printer.cfg", "--format", "json")
+    assert status == 0
+    data = json.loads(out)
+    assert list(data) == ["fits", "parameters", "held_out", "prints"]
+    (radius,) = (row for row in data["parameters"] if row["parameter"] == "radius")
+    assert radius["file"] == pytest.approx(0.16276928, rel=1e-12) and radius["unit"] == "m"
+    assert data["fits"][0]["z rms (mm)"] == pytest.approx(0.0183497, abs=1e-7)
+    assert data["prints"][0]["scale, σ (mm on 100)"] == pytest.approx(0.116, abs=0.002)
+    assert "Use the estimate" in err
+
+
+def test_arms_by_hand_count_more_than_the_file(run, config):
+    assert "345 mm ([stepper_a] arm_length before it was replaced)" in run("printer.cfg")[1]
+    assert "Arms as drawn: 346.5 mm (--arm)" in run("printer.cfg", "--arm", "346.5")[1]
+
+
+@pytest.mark.parametrize("arm", [280, 34.5, 3000])
+@pytest.mark.parametrize("unread", [False, True])
+def test_an_arm_that_was_given_is_doubted_where_nothing_fits(run, config, arm, unread):
+    more: list = []
+    if unread:
+        config.write_text(lines_of("height|distance")(read("phnxdrgn536")), encoding="utf-8")
+        more = ["--plan", 4]
+    status, _, err = run("printer.cfg", "--arm", arm, *more)
+    if unread and arm > 100:  # there is nothing yet that such arms would not fit
+        assert status == 0
+        return
+    assert status == 2 and err.startswith("truepose: error: printer.cfg: ")
+    assert err.endswith(f"(or is --arm {arm} wrong?)\n") and err.count("\n") == 1
+
+
+def one(pattern: str, by: str):
+    """A change of one thing in a file."""
+
+    def change(text: str) -> str:
+        changed, count = re.subn(pattern, by, text, count=1)
+        assert count == 1
+        return changed
+
+    return change
+
+
+def lines_of(names: str):
+    """Lines of the saved block that begin with these names are left out."""
+    return lambda text: re.sub(rf"(?m)^#\*# ({names}).*\n", "", text)
+
+
+BAD = {
+    "no readings": (lines_of("height|distance"), "[delta_calibrate]: no saved readings; DELTA_CAL"),
+    "no heights": (lines_of("height"), "[delta_calibrate]: distances, but no heights; DELTA_CAL"),
+    "two heights": (lines_of("height[2-6]|distance"), "2 heights: Klipper probes 3 at least"),
+    "a gap among the heights": (
+        lambda text: text.replace("height2", "height9"),
+        "2 heights: Klipper probes 3 at least; height2 is missing: as in Klipper none behind it "
+        "counts, height9 neither",
+    ),
+    "no first height": (
+        lambda text: text.replace("height0", "height9"),
+        "distances, but no heights; DELTA_CALIBRATE and SAVE_CONFIG write them. And height0 is "
+        "missing: as in Klipper none behind it counts, height9 neither",
+    ),
+    "garbled": (one(r"height3 = 16.0", "height3 = 16,O"), "height3 = 16,O: must be a number"),
+    "beyond all bounds": (
+        one(r"distance4 = 65.06\d*", "distance4 = 1e200"),
+        "distance4 = 1e200: must be less than 1e+12",
+    ),
+    "garbled place": (
+        one(r"height2_pos = 31704", "height2_pos = 3l704"),
+        "height2_pos = 3l704.000,42083.000,31723.000: must be a number",
+    ),
+    "two of three": (one(r",32243.333", ""), "32157.333: must be 3 numbers with commas between"),
+    "not finite": (one(r"height3 = 16.0", "height3 = nan"), "height3 = nan: must be a number"),
+    "corexy": (
+        one("kinematics: delta", "kinematics: corexy"),
+        "[printer] kinematics: unknown kinematics 'corexy' (choices: delta, rotary_delta)",
+    ),
+    "10 mm off": (
+        one(r"distance4 = 65.06", "distance4 = 75.06"),
+        "distance4 = 75.06: 65.14 mm is expected by the others: typed wrong? Measure it "
+        "again, or take it out and number those behind it on",
+    ),
+    "inches": (
+        one(r"distance7 = 65.0\d*", "distance7 = 2.5606"),
+        "distance7 = 2.5606: 65.12 mm is expected by the others: in inches? Klipper takes mm",
+    ),
+    "all in cm": (
+        lambda text: re.sub(r"(distance\d+) = 6(\d)\.", r"\1 = 6.\2", text),
+        "distances: 6.497 mm, … where the nozzle moved by 64.92 mm, …: in cm? Klipper takes mm",
+    ),
+    "a height in cm": (
+        one(r"height5 = 16.0", "height5 = 1.6"),
+        "height5 = 1.6: does not fit the other heights: typed wrong?",
+    ),
+    "a gross height": (
+        one(r"height3 = 16.0", "height3 = 160"),
+        "height3 = 160: does not fit the other heights: typed wrong? Measure it again, or take it "
+        "out and number those behind it on",
+    ),
+    "a gross height in the middle": (
+        one(r"height0 = 16.0", "height0 = 1.6"),
+        "changed since, or is a height wrong?",
+    ),
+    "another rotation_distance": (
+        lambda text: text.replace("rotation_distance: 40", "rotation_distance: 4"),
+        "have microsteps or rotation_distance changed since",
+    ),
+    "three gross heights": (
+        lambda text: lines_of("distance")(re.sub(r"(ht[345]) = 16.0", r"\1 = -400", text)),
+        "no printer was found that fits the readings: are some wrong, or have microsteps",
+    ),
+    "a radius in cm": (
+        one(r"delta_radius = 162.769280", "delta_radius = 16.276928"),
+        "height2: the nozzle cannot have been there; have microsteps or rotation_distance changed",
+    ),
+    "arms in cm": (
+        lambda text: re.sub(r"(arm_length) = 34(\d)\.", r"\1 = 34.\2", text),
+        "an arm of 34.5512 mm must be longer than delta_radius = 162.769 mm; are both mm?",
+    ),
+    "two wrong heights": (
+        lambda text: text.replace("height3 = 16.0", "height3 = 26").replace(
+            "height5 = 16.0", "height5 = 6"
+        ),
+        "[delta_calibrate] no such printer has these readings: 5.39 mm rms of the",
+    ),
+    "a bed that no arm reaches": (
+        lambda text: re.sub(r"(height\d_pos = )\d", r"\g<1>9", text),
+        "the nozzle cannot have been there",
+    ),
+    "twice": (
+        one(r"height4_pos = .*", "height4_pos = 31704.000,42083.000,31723.000"),
+        "height4: at the same place as height2, digit for digit: take it out and number those",
+    ),
+    "turned round": (
+        one(
+            r"distance1_pos1 = .*\n.*\n",
+            "distance1_pos1 = 31268.931,35653.617,35735.432\n"
+            "#*# distance1_pos2 = 33313.562,33544.532,33622.698\n",
+        ),
+        "distance1: at the same place as distance0, digit for digit: take it out and",
+    ),
+    "a point to itself": (
+        one(r"distance0_pos2 = .*", "distance0_pos2 = 33313.562,33544.532,33622.698"),
+        "distance0: from a point to itself: take it out and number those behind it on",
+    ),
+    "no microsteps": (one("microsteps: 16\n", ""), "[stepper_a] microsteps: is missing"),
+    "half of a microstep": (one("microsteps: 16", "microsteps: 16.5"), "must be a whole number"),
+    "other microsteps": (
+        lambda text: text.replace("microsteps: 16", "microsteps: 32"),
+        "have microsteps or rotation_distance changed since",
+    ),
+    "no printer": (one(r"\[printer\]\n", "[other]\n"), "[printer] kinematics: is missing"),
+    "an arm of nothing": (
+        one(r"arm_length = 346.790457", "arm_length = 0"),
+        "[stepper_b] arm_length = 0: must be greater than 0",
+    ),
+    "no section": (lambda text: "height0 = 16\n" + text, "line 1: height0 = 16: before any [sec"),
+    "no option": (
+        one("kinematics: delta", "kinematics: delta\nwhat is this"),
+        "neither a [section] nor 'option: value'",
+    ),
+}
+
+
+@pytest.mark.parametrize(("heights", "more"), [("3-9", ""), ("5-9", ""), ("3-9", "distance")])
+def test_too_few_heights_to_leave_any_out_ask_for_more(run, config, heights, more):
+    gone = f"height[{heights}]" + "|distance" * (not more)
+    config.write_text(lines_of(gone)(read("phnxdrgn536")), encoding="utf-8")
+    status, out, _ = run("printer.cfg", "--report", "printer.html")
+    assert status == 0
+    asked = "Read more heights before anything rests on this calibration (--plan 6 says"
+    assert (asked in out) == (not more)
+    page = config.with_name("printer.html").read_text("utf-8")
+    for text in (out, page):
+        assert ("not looked at" in text) == bool(more)
+        assert "Too few readings to judge this calibration" in text
+
+
+def test_three_heights_are_met_exactly_by_klippers(run, config):
+    """To the decimals of the file, whose parameters are the criterion's then."""
+    made, model, truth = made_printer()
+    made = changed(made, angle_a=made.parameters["angle_a"] + 0.003)
+    three = truth.readings.heights_only().without(heights=range(3, 7))
+    met = changed(made, **dict(zip(model.names, klipper(model, made.values, three), strict=True)))
+    config.write_text(text_of(met, three), encoding="utf-8")
+    assert "are what Klipper's criterion gives; left over: z 0" in run("printer.cfg")[1]
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_bad_file_is_refused_in_one_line(run, config, tmp_path, name):
+    change, said = BAD[name]
+    config.write_text(change(read("phnxdrgn536")), encoding="utf-8")
+    words = ("--write", "new.cfg", "--robot", "printer.toml", "--report", "printer.html")
+    status, out, err = run("printer.cfg", *words)
+    assert (status, out) == (2, "")
+    assert err.count("\n") == 1
+    assert err.startswith("truepose: error: printer.cfg: ")
+    assert said in err and "loss" not in err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["printer.cfg"]
+
+
+def test_readings_behind_a_gap_are_no_printer_without_readings(run, config):
+    config.write_text(BAD["no first height"][0](read("phnxdrgn536")), encoding="utf-8")
+    status, out, err = run("printer.cfg", "--plan", 4)
+    assert (status, out) == (2, "") and "height0 is missing" in err
+
+
+def test_a_rotary_delta_without_angles_is_refused(run, config):
+    text, _ = made_text("rotary_delta")
+    config.write_text(re.sub(r"#\*# angle.*\n", "", text), encoding="utf-8")
+    status, _, err = run("printer.cfg")
+    assert status == 2
+    assert "[stepper_a] angle: is missing (Klipper takes 30, 150, 270 for the three)" in err
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "said"),
+    [
+        ("shoulder_height", "4129", "no such printer can be: printer: home"),
+        ("position_endstop", "400", "[stepper_a] position_endstop = 400: the arm does not reach"),
+        ("lower_arm_length", "32", "no such printer can be"),
+    ],
+)
+def test_a_rotary_delta_that_cannot_be_is_refused(run, config, option, value, said):
+    text, _ = made_text("rotary_delta")
+    config.write_text(re.sub(rf"({option}) = .*", rf"\1 = {value}", text), encoding="utf-8")
+    status, _, err = run("printer.cfg")
+    assert status == 2 and err.count("\n") == 1
+    assert said in err
+
+
+def test_windows_line_ends_and_a_mark_change_nothing(run, config):
+    plain = run("printer.cfg")
+    text = read("phnxdrgn536")
+    for data in (
+        text.replace("\n", "\r\n").encode(),
+        b"\xef\xbb\xbf" + text.encode(),
+        text.replace("\n", "\r").encode(),
+    ):
+        config.write_bytes(data)
+        assert run("printer.cfg") == plain
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf"])
+def test_what_is_written_keeps_line_ends_and_mark(run, config, tmp_path, end, mark):
+    """So that a diff shows no more than what the estimate changes."""
+    text = read("phnxdrgn536")
+    config.write_bytes(mark + text.replace("\n", end).encode())
+    assert run("printer.cfg", "--write", "new.cfg")[0] == 0
+    new = (tmp_path / "new.cfg").read_bytes()
+    assert new.startswith(mark + text[:20].encode())
+    lines = new.removeprefix(mark).decode().split(end)
+    assert not any(set(line) & set("\r\n\ufeff") for line in lines)
+    changed = set(lines) ^ set(text.split("\n"))
+    names = "delta_radius|angle|arm_length|position_endstop"
+    assert changed and all(re.match(rf"#\*# ({names}) = ", line) for line in changed)
+
+
+def test_what_is_no_text_and_what_is_too_long_are_refused(run, config, tmp_path):
+    filling = "# " + "x" * 97 + "\n"
+    for data, said in (
+        (read("phnxdrgn536").encode("utf-16"), "cannot be read: not a text file (UTF-8)"),
+        (filling.encode() * (MOST_BYTES // 100 + 1), f"more than {MOST_BYTES} bytes"),
+    ):
+        config.write_bytes(data)
+        status, _, err = run("printer.cfg")
+        assert status == 2 and said in err and err.count("\n") == 1
+    config.write_text(filling * (MOST_BYTES // 100 - 100) + read("phnxdrgn536"), encoding="utf-8")
+    assert run("printer.cfg")[0] == 0
+    assert run("nowhere.cfg")[0] == run(tmp_path)[0] == 2
+
+
+def test_what_is_noticed_is_said(run, config):
+    text = read("phnxdrgn536")
+    text = text.replace("[printer]\n", "[include macros.cfg]\n[printer]\n", 1)
+    text = text.replace("[stepper_b]\n", "[probe]\nz_offset: 18.5\n[stepper_b]\nangle: 330.1\n", 1)
+    text = re.sub(r"distance9 = .*\n", "distance99 = 65\n", text)
+    config.write_text(text + "[display_status]\n", encoding="utf-8")
+    status, _, err = run("printer.cfg")
+    assert status == 0
+    for said in (
+        "included files are not read: macros.cfg",
+        "[stepper_b] angle stands twice: 330.1 counts, as in Klipper, and not the saved 329.914363",
+        "distance9 is missing: as in Klipper none behind it counts, distance99 neither",
+        "[probe] z_offset = 18.5 mm, but the heights were probed at 16 mm",
+        "stands in what SAVE_CONFIG wrote and is no part of it",
+    ):
+        assert said in err
+
+
+def test_a_value_that_is_missing_may_be_in_an_included_file(run, config):
+    text = read("phnxdrgn536").replace("kinematics: delta\n", "[include other.cfg]\n", 1)
+    config.write_text(text, encoding="utf-8")
+    assert "is missing; it may be in other.cfg: not read" in run("printer.cfg")[2]
+
+
+def test_a_reading_that_departs_is_named(run, config):
+    text, _ = made_text(seed=1)
+    config.write_text(re.sub(r"distance5 = .*", "distance5 = 65.42", text), encoding="utf-8")
+    status, _, err = run("printer.cfg")
+    assert status == 0
+    assert re.search(r"distance5 = 65\.42: \+0\.\d+ mm off what all else says", err)
+
+
+def test_heights_found_by_hand_come_first():
+    text = read("phnxdrgn536").replace(
+        "[delta_calibrate]\n",
+        "[delta_calibrate]\nmanual_height0: 0.1\nmanual_height0_pos: 33000,33000,33000\n",
+        1,
+    )
+    readings = printer_of(Config.parse(text)).readings
+    assert readings.height_names[:2] == ("manual_height0", "height0")
+    assert (len(readings.heights), readings.probed) == (8, 7)
+    assert readings.heights[0] == pytest.approx(1e-4)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("rotation_distance: 40", "step_distance: 0.0125"),  # before 2021
+        ("rotation_distance: 40", "rotation_distance: 80\ngear_ratio: 4:2"),
+        ("rotation_distance: 40", "rotation_distance: 80\nfull_steps_per_rotation: 400"),
+        ("rotation_distance: 40", "rotation_distance = 40#mm"),
+        ("microsteps: 16", "microsteps: 16 ;fine"),
+    ],
+)
+def test_step_distances_are_klippers(old, new):
+    real = printer_of(Config.parse(read("phnxdrgn536").replace(old, new)))
+    np.testing.assert_allclose(real.step, 0.0125e-3, rtol=1e-12)
+
+
+def test_a_rotary_deltas_step_is_an_angle():
+    text, _ = made_text("rotary_delta")
+    step = printer_of(Config.parse(text)).step
+    np.testing.assert_allclose(step, 2 * np.pi / (200 * 16 * (107 / 16) * (60 / 16)), rtol=1e-12)
+    with pytest.raises(tp.InputError, match=r"\[stepper_a\] gear_ratio = 107: must be pairs"):
+        printer_of(Config.parse(text.replace("107.000:16, 60:16", "107")))
+
+
+#: Words of Klipper's that a spoiled file may have anywhere.
+WORDS = ("[printer]", "#*#", "delta", "rotary_delta", "%(a)s")
+
+
+@pytest.mark.parametrize("kinematics", ["delta", "rotary_delta"])
+@pytest.mark.filterwarnings("error")
+def test_a_spoiled_file_is_a_printer_or_one_line(kinematics, rng, count):
+    text = read("phnxdrgn536") if kinematics == "delta" else made_text(kinematics)[0]
+    refused = 0
+    for _ in range(max(count // 2000, 25)):
+        try:
+            found = assess(Config.parse(spoiled(text, rng, WORDS)))
+        except tp.InputError as error:
+            refused += 1
+            assert "\n" not in str(error) and len(str(error)) < 2000
+            assert str(error).startswith("printer.cfg: ")
+        else:
+            assert np.isfinite(found.estimate.p).all()
+    assert refused > 10
+
+
+def promised(data) -> np.ndarray:
+    """σ of x and y, and of z, after 0, 1, … of the readings, mm."""
+    return np.array([[row["σ in x, y (mm)"], row["σ in z (mm)"]] for row in data["next"]])
+
+
+def test_the_next_readings_promise_what_the_estimate_then_states(run, config, monkeypatch):
+    """Of as many more heights and distances where the plan has them: the same bound, read."""
+    status, out, _ = run("printer.cfg", "--plan", "6", "--format", "json")
+    plan = json.loads(out)
+    sigma = promised(plan)
+    assert status == 0 and len(sigma) == 7 and (np.diff(np.hypot(*sigma.T)) < 0).all()
+    assert {row["reading"] for row in plan["next"][1:]} == {"height", "distance"}
+    found = assess(Config.read(config))
+    counts, lines = {"height": 7, "distance": 12}, []
+    for row in plan["next"][1:]:
+        name = f"{row['reading']}{counts[row['reading']]}"
+        counts[row["reading"]] += 1
+        ends = [e for e in (row["pos1"], row["pos2"]) if e]
+        suffixes = ["_pos"] if len(ends) == 1 else ["_pos1", "_pos2"]
+        steps = np.array([[float(v) for v in end.split(",")] for end in ends])
+        at = found.model.positions(found.estimate.p, steps)
+        value = at[0, 2] if len(at) == 1 else found.estimate.expected(np.linalg.norm(at[0] - at[1]))
+        lines += [f"#*# {name} = {1e3 * float(value)!r}"]
+        lines += [f"#*# {name}{s} = {end}" for s, end in zip(suffixes, ends, strict=True)]
+    text = config.read_text(encoding="utf-8")
+    assert text.count("#*# [delta_calibrate]\n") == 1
+    listed = "#*# [delta_calibrate]\n" + "\n".join(lines) + "\n"
+    config.write_text(text.replace("#*# [delta_calibrate]\n", listed), encoding="utf-8")
+    monkeypatch.setattr(noise, "judge", lambda *_: found.judged)  # the noise that was planned with
+    status, out, _ = run("printer.cfg", "--plan", "1", "--format", "json")
+    assert status == 0
+    assert promised(json.loads(out))[0] == pytest.approx(sigma[-1], rel=0.02)
+
+
+@pytest.mark.parametrize("count", [2, 12])
+def test_a_printer_without_readings_is_told_what_to_read_first(run, config, count):
+    config.write_text(lines_of("height|distance")(read("phnxdrgn536")), encoding="utf-8")
+    status, out, err = run("printer.cfg", "--plan", count, "--format", "json")
+    data = json.loads(out)
+    kinds = [row["reading"] for row in data["next"][1:]]
+    assert status == 0 and "Heights come first" in err
+    assert kinds[:7] == ["height"] * min(count, 7)
+    assert ("distance" in kinds) == (count == 12)
+    sigma = promised(data)
+    assert (np.diff(np.hypot(*sigma.T)) < 0).all()
+    assert sigma[0, 0] > 1 and (sigma[-1] < 0.035 * sigma[0]).all() == (count == 12)
+    status, out, err = run("printer.cfg", "--plan", count, "--robot", "printer.toml")
+    assert (status, out) == (2, "") and "no saved readings" in err
+
+
+def test_a_plan_of_more_readings_than_there_are_is_refused(run, config):
+    status, out, err = run("printer.cfg", "--plan", 1000)
+    assert (status, out) == (2, "")
+    assert err == (
+        "truepose: error: printer.cfg: --plan 1000: n = 1000: 232 candidates that the machine can "
+        "reach\n"
+    )
+
+
+def test_a_rotary_delta_is_told_what_to_read_next(run, config):
+    text, _ = made_text("rotary_delta")
+    config.write_text(text, encoding="utf-8")
+    status, out, _ = run("printer.cfg", "--plan", 4, "--report", "printer.html")
+    assert status == 0 and "What to read next" in out
+    assert "What to read next</h2>" in config.with_name("printer.html").read_text("utf-8")
+
+
+@pytest.mark.parametrize("name", ["phnxdrgn536", "cupsster", "danorder-v400"])
+def test_numbers_of_neighbouring_colour_bars_stand_apart(name):
+    figure = figures.bed(assess(Config.parse(read(name))))
+    figure.draw_without_rendering()
+    bars = [axes for axes in figure.axes if axes.get_xlabel().startswith("error of")]
+    boxes = [t.get_window_extent() for axes in bars for t in axes.get_xticklabels() if t.get_text()]
+    boxes.sort(key=lambda box: box.x0)
+    gaps = [right.x0 - left.x1 for left, right in itertools.pairwise(boxes)]
+    assert len(bars) == 3 and min(gaps) > 0.3 * boxes[0].height

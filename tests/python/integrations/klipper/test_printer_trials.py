@@ -1,0 +1,55 @@
+"""Are estimates of printers as good as they say? Of printers drawn from what is assumed of them."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from printer_files import made_printer, text_of
+
+from truepose.integrations.klipper import review
+from truepose.integrations.klipper.assessment import assess
+from truepose.integrations.klipper.config import Config
+from truepose.integrations.klipper.estimate import Assumed
+from truepose.integrations.klipper.trials import drawn, made, trials
+
+
+@pytest.mark.parametrize(
+    ("kinematics", "distances"), [("delta", True), ("delta", False), ("rotary_delta", True)]
+)
+def test_estimates_lie_within_their_sigma(kinematics, distances, robots_drawn):
+    """`python benchmarks/printers.py` takes hundreds, of other noise too."""
+    count = robots_drawn
+    ran = [trial for trial in trials(kinematics, count, seed=7, distances=distances) if trial]
+    assert len(ran) == count  # none without an answer
+    inside = np.mean([trial.inside for trial in ran], axis=0)
+    assert (inside > 0.91 - 3.29 * np.sqrt(0.95 * 0.05 / count)).all()
+    error, bound = (np.mean([getattr(t, of) for t in ran], axis=0) for of in ("error", "bound"))
+    one_or_two = 1.5  # directions that a printer's error mostly has
+    assert np.sqrt(error / bound) == pytest.approx(1, abs=4 / np.sqrt(2 * count * one_or_two))
+
+
+@pytest.mark.parametrize("kinematics", ["delta", "rotary_delta"])
+def test_distances_make_a_printer_better_known(kinematics):
+    with_them, without = (
+        np.mean([t.bound for t in trials(kinematics, 5, seed=2, distances=d)], axis=0)
+        for d in (True, False)
+    )
+    assert (with_them < without).all()
+
+
+def test_readings_that_scatter_more_make_a_larger_sigma():
+    printer, _, truth = made_printer(seed=3)
+    warped = dataclasses.replace(
+        truth.readings, heights=truth.readings.heights + 2e-4 * np.cos(np.pi * np.arange(7))
+    )
+    calm, rough = (assess(Config.parse(text_of(printer, r))) for r in (truth.readings, warped))
+    assert "Too few readings to judge" in review.words(calm)[-2]
+    assert rough.judged.noise.sigma[0] > 2 * calm.judged.noise.sigma[0]
+
+
+def test_the_same_seed_draws_the_same_printer():
+    printer, model, truth = made_printer(seed=5)
+    again = made(model, drawn("delta"), Assumed(), 5)
+    np.testing.assert_array_equal(truth.p, again.p)
+    np.testing.assert_array_equal(truth.readings.distances, again.readings.distances)
+    assert (made(model, printer, Assumed(), 6).p != again.p).any()

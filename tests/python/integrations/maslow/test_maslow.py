@@ -1,0 +1,377 @@
+"""Are the anchors of a sled found from its belts alone, honestly, and are its log's mistakes?"""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from spoiling import spoiled
+
+import truepose as tp
+from truepose.calibration.fitting import fit_to
+from truepose.calibration.influences import NuisanceParameter, stretch, tension
+from truepose.integrations.maslow import belts, command
+from truepose.integrations.maslow.belts import BELTS, Model
+from truepose.robot.frames import frames
+
+HEIGHTS = [0.12, 0.07, 0.05, 0.09]
+ANCHORS = {"tl.x": 0.03, "tl.y": 2.07, "tr.x": 2.98, "tr.y": 2.06, "br.x": 2.965}
+
+
+def lengths_at(x, anchors, offsets=0.0, strains=(), tightened="sides", noise=0.0, rng=None):
+    """Lengths that a sled reads; its belts stretch as those of the package's own robot."""
+    at = np.array(
+        [
+            [anchors["tl.x"], anchors["tl.y"]],
+            [anchors["tr.x"], anchors["tr.y"]],
+            [0, 0],
+            [anchors["br.x"], 0],
+        ]
+    )
+    away = np.sqrt(((x[:, None] - at) ** 2).sum(axis=2) + np.square(HEIGHTS))
+    result = away - offsets
+    if len(strains):
+        robot = belts.robot_of(at, HEIGHTS, 1e-3, Model(False, "off"))
+        for strain, of in zip(strains, belts.influences(robot, x, tightened), strict=True):
+            result = result + strain * of.pattern
+    return result + (noise * rng.standard_normal(result.shape) if noise else 0)
+
+
+def poses():
+    return np.array([(x, y) for x in np.linspace(0.6, 2.4, 8) for y in np.linspace(0.6, 1.4, 6)])
+
+
+def sled(seed):
+    """A frame drawn about ANCHORS, its offsets and strains from their priors, and its log."""
+    rng = np.random.default_rng(seed)
+    anchors = {name: v + 0.02 * rng.standard_normal() for name, v in ANCHORS.items()}
+    offsets = belts.OFFSET * rng.standard_normal(4)
+    strains = belts.STRAIN * np.abs(rng.standard_normal(3)) * [1, 1, 0.2]
+    read = lengths_at(poses(), anchors, offsets, strains, noise=5e-4, rng=rng)
+    truth = anchors | dict(zip([f"{b}.offset" for b in BELTS], offsets, strict=True))
+    names = ("strain, belt of the side", "strain, other belt", "strain, weight")
+    return read, truth | dict(zip(names, strains, strict=True))
+
+
+def test_sleds_are_found_within_their_sigma():
+    """NEES of all twelve unknowns in band; the readings' own σ is found with them."""
+    nees, sigma = [], []
+    for seed in range(20):
+        read, truth = sled(seed)
+        found = belts.calibrate(read, HEIGHTS)
+        assert set(found.unknowns) == set(truth)
+        error = np.array([of.value - truth[name] for name, of in found.unknowns.items()])
+        nees.append(error @ np.linalg.solve(found.covariance(), error))
+        sigma.append(found.sigma)
+    assert np.mean(nees) / 12 == pytest.approx(1, abs=4 * np.sqrt(2 / 12 / len(nees)))
+    assert np.mean(sigma) == pytest.approx(5e-4, rel=0.1)
+
+
+def test_of_few_poses_sigma_counts_that_it_is_itself_estimated():
+    """16 poses: errors over a σ that is so uncertain are Student's, which is wider than normal."""
+    sigma = np.array([belts.calibrate(sled(k)[0][1::3], HEIGHTS).sigma for k in range(40)])
+    assert np.mean((5e-4 / sigma) ** 2) == pytest.approx(1, abs=0.25)
+
+
+def test_without_stretch_in_the_model_the_lower_belts_are_missed():
+    read, _ = sled(3)
+    with_it = belts.held_out(read, HEIGHTS, Model()).rms
+    without = belts.held_out(read, HEIGHTS, Model(True, "off")).rms
+    assert with_it < 1.3e-3 and without > 1.5 * with_it
+
+
+def test_anchors_from_disjoint_quarters_scatter_as_their_sigma_says():
+    found = [belts.spread(sled(seed)[0], HEIGHTS, Model()) for seed in range(5)]
+    of_readings = np.sqrt(np.mean([one.of_readings**2 for one in found]))
+    assert 0.75 < of_readings < 1.35
+    assert all(one.of_stated < one.of_readings for one in found)
+
+
+def test_a_wrong_reading_is_named_by_pose_and_belt():
+    read, _ = sled(5)
+    read[17, 3] += 0.012
+    (found,) = belts.calibrate(read, HEIGHTS).suspects()
+    assert found[:2] == (17, "br") and found[2] == pytest.approx(0.012, abs=2e-3)
+
+
+EITHER = """name = "sled"
+mobility = "planar_translation"
+source = "assumed"
+title = "Sled on four belts"
+home = [1.5, 1.0]
+gravity = [0.0, -9.81, 0.0]
+sensors = ["{c}", "{d}"]
+[workspace]
+minimum = [0.6, 0.6]
+maximum = [2.4, 1.5]
+[every_chain]
+actuator = "telescopic"
+anchor = [0.0, 0.0, 0.0]
+encoder_noise = 0.0005
+[[chain]]
+base = {A}
+[[chain]]
+base = {B}
+[nacelle]
+mass = 10.0
+[[sensor]]
+name = "{c}"
+kind = "distance"
+origin = {C}
+target = [0.0, 0.0, 0.0]
+noise = 0.0005
+[[sensor]]
+name = "{d}"
+kind = "distance"
+origin = {D}
+target = [0.0, 0.0, 0.0]
+noise = 0.0005
+[tolerances]
+"chain*.base.[xy]" = {{ sigma = 0.02 }}
+"chain*.encoder_offset" = {{ sigma = 0.005 }}
+"chain*.gain" = {{ sigma = 0.002 }}
+"*.origin.[xy]" = {{ sigma = 0.02 }}
+"??.offset" = {{ sigma = 0.005 }}
+"{c}.gain" = {{ sigma = 0.002 }}
+"{d}.gain" = {{ sigma = 0.002 }}
+"""
+
+
+def test_any_belts_may_be_the_motors(tmp_path):
+    """Upper, lower or left belts as motors, the others as readings: the same posterior."""
+    at = {
+        "tl": [0.0, 2.07, 0.12],
+        "tr": [3.0, 2.07, 0.07],
+        "bl": [0.0, 0.0, 0.05],
+        "br": [3.0, 0.0, 0.09],
+    }
+    rng = np.random.default_rng(2)
+    read = lengths_at(poses(), ANCHORS, noise=5e-4, rng=rng) * [1.001, 1, 0.999, 1]
+    known = {}
+    for motors in (("tl", "tr"), ("bl", "br"), ("tl", "bl")):
+        others = tuple(belt for belt in BELTS if belt not in motors)
+        path = tmp_path / "sled.toml"
+        names = dict(zip("cd", others, strict=True))
+        bases = dict(zip("ABCD", [at[belt] for belt in motors + others], strict=True))
+        path.write_text(EITHER.format(**names, **bases), encoding="utf-8")
+        robot = tp.load(path).replace({})
+        columns = [BELTS.index(belt) for belt in motors + others]
+        start = read[:, columns]
+        fit = tp.calibrate(robot, start)
+        for name, of in fit.parameters.items():
+            part, _, rest = name.partition(".")
+            belt = motors[int(part[-1]) - 1] if part.startswith("chain") else part
+            rest = rest.replace("base", "origin").replace("encoder_offset", "offset")
+            known.setdefault(f"{belt}.{rest}", []).append((of.value, of.sigma))
+    for name, each in known.items():
+        assert len(each) == 3, name
+        value, sigma = np.transpose(each)
+        assert np.ptp(value) < 0.05 * sigma.min() and np.ptp(sigma) < 1e-2 * sigma.min(), name
+
+
+# Influences on readings.
+
+
+def test_the_tension_of_rods_is_the_work_of_a_longer_one(any_robot, anywhere, rng):
+    """By finite differences: a rod longer by dL, motors held, moves the nacelle against F."""
+    robot = any_robot.with_sensors()
+    x = anywhere(robot, 3, rng)
+    force = np.array([3.0, -2.0, 5.0])
+    pull = tension(robot, x, force)
+    q, dL = robot.ikm(x), 1e-6
+    for i in range(robot.n):
+        rod = f"chain{i + 1}.rod"
+        name, sign = (rod, 1) if rod in robot.parameters else (f"chain{i + 1}.encoder_offset", 1)
+        ends = [
+            robot.replace({name: robot.parameters[name].value + sign * d}).fkm(q, guess=x)
+            for d in (-dL, dL)
+        ]
+        low, high = (frames(robot, end)[:, :3, 3] for end in ends)
+        work = (high - low) / (2 * dL) @ force
+        assert pull[:, i] == pytest.approx(work, rel=1e-4, abs=1e-4)
+
+
+def test_stretched_legs_are_told_from_their_offsets_by_what_they_carry():
+    """A hexapod under 200 N whose legs give 0.2 µm/N each metre more than they should."""
+    robot = tp.load("stewart").with_sensors("roll", "pitch")
+    rng = np.random.default_rng(1)
+    box = robot.spec.workspace
+    x = rng.uniform(box.minimum, box.maximum, (60, 6)) * [1, 1, 1, 0.7, 0.7, 0.7]
+    held = np.zeros((len(x), 8))
+    load = np.where(np.arange(60) % 2, -2000.0, 0.0)[:, None] * [0, 0, 1.0]
+    held[:, :6] = tension(robot, x, load)
+    pattern = stretch(robot, x, held)
+    q_e = robot.expected().read(x) + 2e-7 * pattern
+    legs = NuisanceParameter(name="compliance", pattern=pattern, amount=(0.0, 1e-6))
+    fit = fit_to(robot, q_e, influences=[legs])
+    of = fit.influences["compliance"]
+    assert abs(of.value - 2e-7) < 3 * of.sigma and of.sigma < 0.5e-6
+    assert fit.beside.shape == (1, len(fit.names) + 1)
+
+
+def test_an_influence_that_is_known_is_taken_off():
+    """With a prior mean and hardly any σ: as if the readings had been corrected beforehand."""
+    read, _ = sled(1)
+    robot = belts.robot_of(
+        np.array([[0.03, 2.07], [2.98, 2.06], [0, 0], [2.96, 0]]), HEIGHTS, 5e-4, Model()
+    )
+    x = poses()
+    strain = belts.influences(robot, x, "alike")[0]
+    known = NuisanceParameter(name="known", pattern=strain.pattern, amount=(1e-3, 1e-12))
+    one = fit_to(robot, read, influences=[known])
+    other = fit_to(robot, read - 1e-3 * strain.pattern)
+    for name, of in other.parameters.items():
+        assert abs(one.parameters[name].value - of.value) < 1e-3 * of.sigma
+    assert one.residuals == pytest.approx(other.residuals, abs=1e-8)
+
+
+# The command.
+
+
+def written(path, read, names=BELTS, factor=1e3):
+    rows = [",".join(names), *(",".join(f"{factor * v:.3f}" for v in row) for row in read)]
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+
+
+def test_the_command_tells_a_sleds_owner_what_is_known(run, tmp_path):
+    read, _ = sled(2)
+    read[10, 2] -= 0.02
+    written(tmp_path / "log.csv", read)
+    heights = ",".join(f"{1e3 * z:g}" for z in HEIGHTS)
+    status, out, err = run("maslow", "log.csv", "--heights", heights, "-o", "sled.toml")
+    assert (status, err) == (0, "")
+    for text in (
+        "tl.x",
+        "held-out ninths",
+        "offsets or anchors?",
+        "line 12: bl reads -19.8 mm",
+        "prior σ",
+    ):
+        assert text in out
+    robot = tp.load(tmp_path / "sled.toml")
+    assert robot.spec.calibration is not None and robot.n == robot.r == 2
+    options = ("--heights", heights, "--format", "json", "--plan", "3")
+    status, again, err = run("maslow", "log.csv", *options)
+    tables = json.loads(again)
+    assert status == 0 and len(tables["held_out"]) == 4
+    assert {"x (mm)", "y (mm)"} < set(tables["next"][0])
+    assert {"rms (mm)", "median (mm)"} < set(tables["held_out"][0])
+    promised = [row["σ of the position then (mm)"] for row in tables["next"]]
+    assert len(promised) == 3 and promised == sorted(promised, reverse=True)
+
+
+@pytest.mark.parametrize("order", [[0, 2, 1, 3], [3, 1, 2, 0]], ids=["bl with tr", "br with tl"])
+@pytest.mark.parametrize("how", ["table", "json"])
+def test_belts_exchanged_across_the_frame_are_doubted(run, tmp_path, order, how):
+    """The same poses beside a frame on its side: only its shape tells."""
+    read, _ = sled(2)
+    written(tmp_path / "log.csv", read[:, order])
+    heights = [f"{1e3 * HEIGHTS[k]:g}" for k in order]
+    words = ("maslow", "log.csv", "--heights", ",".join(heights), "--format", how)
+    status, out, err = run(*words)
+    (warned,) = [line for line in (out if how == "table" else err).split("\n") if "warning" in line]
+    assert status == 0 and "the frame found is higher than wide, 20" in warned
+    assert warned.endswith("columns bl and tr exchanged, or br and tl?")
+    written(tmp_path / "log.csv", read)
+    assert "warning" not in "".join(run(*words)[1:])
+
+
+def test_of_few_poses_no_quarters_judge_the_model(run, tmp_path):
+    """12 poses are calibrated on; quarters of three of them are all prior."""
+    read, _ = sled(2)
+    written(tmp_path / "log.csv", read[::4])
+    status, out, err = run("maslow", "log.csv")
+    assert (status, err) == (0, "") and "quarters of 12 poses are too few to say: 48 or more" in out
+    assert "as σ says" not in out and "than σ says" not in out
+
+
+def swap(read):
+    return read[:, [1, 0, 2, 3]]
+
+
+def replaced(line, text):
+    """A file whose tl in this line is that text."""
+    return lambda lines: [*lines[:line], re.sub("^[^,]*", text, lines[line]), *lines[line + 1 :]]
+
+
+SPOILT = {
+    "inches": (lambda read: read / 25.4, None, "in inches? must be mm"),
+    "metres": (lambda read: read / 1e3, None, "must be mm"),
+    "swapped": (swap, None, "columns tl and tr exchanged, or bl and br?"),
+    "lower swapped": (
+        lambda read: read[:, [0, 1, 3, 2]],
+        None,
+        "tl and tr exchanged, or bl and br",
+    ),
+    "left": (lambda read: read[:, [2, 1, 0, 3]], None, "tl and bl exchanged, or tr and br"),
+    "twice": (lambda read: np.vstack([read, read[4:5]]), None, "line 50: as line 6, digit for"),
+    "few": (lambda read: read[:5], None, "5 poses: must be 12 or more"),
+    "garbled": (None, replaced(9, "1x"), "line 10: tl = '1x'"),
+    "negative": (lambda read: read * np.where(np.arange(4) == 2, -1, 1), None, "line 2: bl = -"),
+    "too short": (
+        lambda read: read * np.where(np.arange(len(read)) == 3, 0.01, 1)[:, None],
+        None,
+        "line 5: tl = ",
+    ),
+    "nan": (None, replaced(8, "nan"), "line 9: tl = 'nan': must be a number\n"),
+    "empty": (None, replaced(8, ""), "line 9: tl = '': must be a number\n"),
+    "a word": (None, replaced(8, "abc"), "line 9: tl = 'abc': must be a number\n"),
+    "decimal commas": (
+        None,
+        lambda lines: [line.replace(",", ";").replace(".", ",") for line in lines],
+        "': must be a number; decimals need a point\n",
+    ),
+    "capitals": (
+        None,
+        lambda lines: [lines[0].upper(), *lines[1:]],
+        "no column 'tl'; did you mean 'TL' (case matters)? (choices: TL, TR, BL, BR)\n",
+    ),
+    "random": (lambda read: np.random.default_rng(0).permuted(read, axis=0), None, "no frame expl"),
+}
+
+
+@pytest.mark.parametrize("case", SPOILT)
+def test_a_log_that_is_wrong_is_refused_in_one_line(run, tmp_path, case):
+    spoil, garble, message = SPOILT[case]
+    read = sled(2)[0]
+    written(tmp_path / "log.csv", spoil(read) if spoil else read)
+    if garble:
+        lines = garble((tmp_path / "log.csv").read_text(encoding="utf-8").split("\n"))
+        (tmp_path / "log.csv").write_text("\n".join(lines), encoding="utf-8")
+    status, out, err = run("maslow", "log.csv", "-o", "sled.toml")
+    assert (status, out) == (2, "") and message in err and err.count("\n") == 1, err
+    assert not (tmp_path / "sled.toml").exists()
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_spoiled_log_is_a_sled_or_one_line(tmp_path, rng, count):
+    path, refused, sleds = tmp_path / "log.csv", 0, 0
+    written(path, sled(2)[0])
+    text = path.read_text(encoding="utf-8")
+    for _ in range(max(count // 1000, 60)):
+        path.write_text(spoiled(text, rng, ("tl", "br", '"', "inf", "2.5e3")), encoding="utf-8")
+        try:
+            lengths, lines = command.read(path, HEIGHTS)
+            found = belts.calibrate(lengths, HEIGHTS)
+            said = [*command.apart(found), *command.suspects(found, lines)]
+        except tp.TrueposeError as error:
+            refused += 1
+            assert "\n" not in str(error) and len(str(error)) < 2000
+        else:
+            sleds += 1
+            assert np.isfinite([of.sigma for of in found.unknowns.values()]).all()
+            assert not any("\n" in line for line in said)
+    assert refused > 10 and sleds > 5
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--heights", "1,2,3"), "must be four numbers from 0 to 1000"),
+        (("--tightened", "some"), "'sides', 'alike', 'off'"),
+    ],
+)
+def test_wrong_options_are_refused(run, tmp_path, options, message):
+    written(tmp_path / "log.csv", sled(2)[0])
+    status, out, err = run("maslow", "log.csv", *options)
+    assert (status, out) == (2, "") and message in err
