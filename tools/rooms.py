@@ -1,7 +1,8 @@
-"""Who imports whom? The package's rooms on their floors, drawn from the code.
+"""Draw which rooms of the package import which, from the code.
 
-Run as ``python tools/rooms.py [PICTURE]``; `make pictures` does. The floors are those of the import
-contract in pyproject.toml. An arrow that climbs would be red.
+Run as ``python tools/rooms.py [PICTURE]``; `make pictures` does. A dependency matrix: rooms in the
+order of the import contract in pyproject.toml, so that an import of a higher room would stand below
+the diagonal, in red.
 """
 
 from __future__ import annotations
@@ -12,14 +13,15 @@ from collections import Counter
 from pathlib import Path
 
 import grimp
+import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 
 from truepose import files
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = "truepose"
-WIDTH, HEIGHT, GAP = 2.4, 0.52, 1.0  # of a room's box; from floor to floor
+#: Modules that every room may use, shown as one.
+BASE = ("files", "headers", "plugins", "threads", "arguments", "exceptions")
 
 
 def floors() -> list[list[str]]:
@@ -33,6 +35,7 @@ def imports() -> tuple[Counter[str], Counter[tuple[str, str]]]:
     """Count the modules of each room, and the imports from one room of another."""
     graph = grimp.build_graph(PACKAGE, cache_dir=None)
     room = {name: name.split(".")[1] for name in graph.modules if "." in name}
+    room = {name: "base" if own in BASE else own for name, own in room.items()}
     arrows: Counter[tuple[str, str]] = Counter()
     for module, own in room.items():
         for imported in graph.find_modules_directly_imported_by(module):
@@ -42,67 +45,27 @@ def imports() -> tuple[Counter[str], Counter[tuple[str, str]]]:
 
 
 def draw() -> Figure:
-    """Draw the rooms, and an arrow for each pair, as wide as there are imports."""
-    tower, (modules, arrows) = floors(), imports()
-    place = {}
-    for floor, rooms in enumerate(reversed(tower)):
-        for k, room in enumerate(rooms):
-            place[room] = ((k - (len(rooms) - 1) / 2) * (WIDTH + 0.3), floor * GAP)
-    figure = Figure(figsize=(8.4, 8.8))
-    axes = figure.add_axes((0, 0, 1, 1))
-    axes.set(xlim=(-5.2, 5.2), ylim=(-0.6, (len(tower) - 1) * GAP + 0.6))
-    axes.axis("off")
-    for (above, below), count in sorted(arrows.items(), key=lambda arrow: arrow[1]):
-        _arrow(axes, place[above], place[below], count)
-    for room, (x, y) in place.items():
-        corner = (x - WIDTH / 2, y - HEIGHT / 2)
-        box = FancyBboxPatch(
-            corner, WIDTH, HEIGHT, "round,pad=0.04", fc="#eef3f8", ec="#1f5fa8", lw=1.2, zorder=5
-        )
-        axes.add_patch(box)
-        count = f"{modules[room]} module{'s' * (modules[room] > 1)}"
-        axes.text(x, y + 0.08, room, ha="center", va="center", size=12, zorder=6)
-        axes.text(x, y - 0.14, count, ha="center", va="center", size=7.5, color="0.4", zorder=6)
+    """Draw the matrix: a row imports from the columns that have a number."""
+    modules, arrows = imports()
+    listed = [room for floor in floors() for room in floor if room not in (*BASE, "__main__")]
+    listed.append("base")
+    figure = Figure(figsize=(8.4, 6.6), layout="constrained")
+    axes = figure.subplots()
+    counts = np.array([[arrows[row, column] for column in listed] for row in listed], float)
+    shown = np.where(counts > 0, counts, np.nan)
+    axes.imshow(np.log(1 + shown), cmap="Blues", vmin=0, vmax=2 * np.log(1 + counts.max()))
+    for row, column in zip(*np.nonzero(counts), strict=True):
+        colour = "black" if column > row else "#b3261e"
+        axes.text(column, row, f"{counts[row, column]:.0f}", ha="center", va="center", color=colour)
+    for k in range(len(listed)):
+        axes.text(k, k, "·", ha="center", va="center", color="0.6")
+    names = [f"{room} ({modules[room]})" for room in listed]
+    axes.set_xticks(range(len(listed)), listed, rotation=45, ha="left")
+    axes.set_yticks(range(len(listed)), names)
+    axes.tick_params(length=0, top=True, labeltop=True, bottom=False, labelbottom=False)
+    axes.spines[:].set_visible(False)
+    axes.set_ylabel("room (modules) that imports")
     return figure
-
-
-def _arrow(axes, start: tuple[float, float], end: tuple[float, float], count: int) -> None:
-    """From a side of one box to that of another, bent the more the more floors are between."""
-    span = round((start[1] - end[1]) / GAP)
-    colour = "#5b6770" if span > 0 else "#b3261e"
-    if span == 1 and start[0] == 0:
-        a, b, bend = (start[0], start[1] - HEIGHT / 2), (end[0], end[1] + HEIGHT / 2), 0.0
-    else:  # odd spans to the right, even ones to the left
-        side = 1 if span % 2 else -1
-        a = (start[0] + side * WIDTH / 2, start[1] - 0.1)
-        b = (end[0] + side * WIDTH / 2, end[1] + 0.1)
-        bend = -side * min(0.25 + 0.03 * span, 0.6)
-    style = f"-|>,head_length={4 + count / 12},head_width={2 + count / 20}"
-    arrow = FancyArrowPatch(
-        a,
-        b,
-        arrowstyle=style,
-        connectionstyle=f"arc3,rad={bend}",
-        lw=0.6 + count / 12,
-        color=colour,
-        alpha=0.55,
-        shrinkA=2,
-        shrinkB=4,
-        zorder=2,
-    )
-    axes.add_patch(arrow)
-    if count >= 8:
-        middle = (a[0] + b[0]) / 2 + bend * (b[1] - a[1]) / 2 + 0.22 * (bend == 0)
-        axes.text(
-            middle,
-            (a[1] + b[1]) / 2,
-            str(count),
-            size=8,
-            ha="center",
-            va="center",
-            color=colour,
-            zorder=4,
-        )
 
 
 if __name__ == "__main__":
