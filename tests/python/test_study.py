@@ -315,7 +315,14 @@ def endless(tmp_path):
     begun = []
 
     def begin(*words, workers):
-        study = [sys.executable, "-m", "truepose.commands.cli", "monte-carlo", "mine.py:slow", "3rrr"]
+        study = [
+            sys.executable,
+            "-m",
+            "truepose.commands.cli",
+            "monte-carlo",
+            "mine.py:slow",
+            "3rrr",
+        ]
         study = subprocess.Popen(
             [*study, *words], cwd=tmp_path, stderr=subprocess.PIPE, start_new_session=True
         )
