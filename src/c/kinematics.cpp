@@ -21,8 +21,11 @@ void by_rows(const Mat3& R, truepose_real* rows) {
 }
 Status rotation_status(const Mat3& R) {
   if (!R.allFinite()) return Status::not_finite;
-  const bool orthonormal = (R * R.transpose() - Mat3::Identity()).cwiseAbs().maxCoeff() < kRotation;
-  return orthonormal && R.determinant() > 0 ? Status::ok : Status::no_such_value;
+  bool rotation = R.col(0).cross(R.col(1)).dot(R.col(2)) > 0;
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j <= i; ++j)
+      rotation = rotation && std::fabs(R.row(i).dot(R.row(j)) - (i == j)) < kRotation;
+  return rotation ? Status::ok : Status::no_such_value;
 }
 
 Pose place_of(const Robot& robot, const Coordinates& x) {
@@ -31,13 +34,18 @@ Pose place_of(const Robot& robot, const Coordinates& x) {
   });
 }
 
+/// A rigid body's pose: its numbers are finite and its matrix is a rotation.
+TRUEPOSE_FLATTEN Outcome body(const truepose_pose& pose, Pose& at) {
+  at.R = matrix(pose.rotation);
+  at.D = Vec3(pose.position[0], pose.position[1], pose.position[2]);
+  return {at.D.allFinite() ? rotation_status(at.R) : Status::not_finite, -1};
+}
+
 /// Coordinates of a pose, if the mechanism can turn and move so. @param x  in: near them; out
 Outcome coordinates(const Robot& robot, const truepose_pose& pose, Coordinates& x) {
   Pose at;
-  at.R = matrix(pose.rotation);
-  at.D = Vec3(pose.position[0], pose.position[1], pose.position[2]);
-  const Status status = at.D.allFinite() ? rotation_status(at.R) : Status::not_finite;
-  if (status != Status::ok) return {status, -1};
+  const Outcome sound = body(pose, at);
+  if (!sound) return sound;
   if (turns_about_z(robot.mobility)) {
     const Real near = x[robot.motors - 1];
     at.theta = theta_of(at.R, std::isfinite(near) ? near : 0);
@@ -121,6 +129,31 @@ Outcome motors(const Robot& robot, const Coordinates& x, truepose_real* q) {
   return outcome;
 }
 
+/// The same of a pose, and how far from singular it is.
+Outcome motors(const Robot& robot, const truepose_pose& pose, truepose_real* q,
+               truepose_real* conditioned) {
+  Joint found{};
+  Outcome outcome;
+  if (robot.mobility == Mobility::spatial && !robot.rod_by_rod()) {  // every pose is one of its own
+    Pose at;
+    outcome = body(pose, at);
+    if (outcome) outcome = command<Mobility::spatial>(robot, at, found, conditioned);
+  } else {
+    Coordinates x = robot.home;
+    outcome = coordinates(robot, pose, x);
+    if (outcome)
+      outcome = robot.rod_by_rod() ? command_full(robot, x, found) : command(robot, x, found);
+    Joint serial{};
+    Real parallel = 0;
+    if (outcome && conditioned) outcome = conditioning(robot, x, parallel, serial);
+    if (outcome && conditioned)
+      *conditioned =
+          std::min(parallel, *std::min_element(serial.begin(), serial.begin() + robot.motors));
+  }
+  if (outcome) give(found, q);
+  return outcome;
+}
+
 FkmResult pose_of(const Robot& robot, const truepose_real* q, std::int32_t cap, Coordinates& x) {
   if (cap < 1 || cap > kFkmCap) return {Status::no_such_value};
   FkmResult result;
@@ -187,12 +220,9 @@ truepose_outcome truepose_ikm(const truepose_model* model, const truepose_real* 
 }
 
 truepose_outcome truepose_ikm_pose(const truepose_model* model, const truepose_pose* pose,
-                                   truepose_real* q) {
-  return c::asked(model, [&](const Robot& robot) {
-    Coordinates x{};
-    const Outcome outcome = c::coordinates(robot, *pose, x);
-    return outcome ? c::motors(robot, x, q) : outcome;
-  });
+                                   truepose_real* q, truepose_real* conditioned) {
+  return c::asked(model,
+                  [&](const Robot& robot) { return c::motors(robot, *pose, q, conditioned); });
 }
 
 truepose_fkm_result truepose_fkm(const truepose_model* model, const truepose_real* q, int32_t cap,
