@@ -19,13 +19,20 @@ Mat3 matrix(const truepose_real* rows) {
 void by_rows(const Mat3& R, truepose_real* rows) {
   for (int k = 0; k < 9; ++k) rows[k] = R(k / 3, k % 3);
 }
-Status rotation_status(const Mat3& R) {
-  if (!R.allFinite()) return Status::not_finite;
-  bool rotation = R.col(0).cross(R.col(1)).dot(R.col(2)) > 0;
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j <= i; ++j)
-      rotation = rotation && std::fabs(R.row(i).dot(R.row(j)) - (i == j)) < kRotation;
-  return rotation ? Status::ok : Status::no_such_value;
+/// @param R  by rows
+Status rotation_status(const truepose_real* R) {
+  const auto dot = [](const truepose_real* a, const truepose_real* b) {
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+  };
+  const truepose_real *x = R, *y = R + 3, *z = R + 6;
+  const truepose_real normal[] = {x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2],
+                                  x[0] * y[1] - x[1] * y[0]};
+  bool rotation = dot(normal, z) > 0;
+  for (const truepose_real off :
+       {dot(x, x) - 1, dot(y, y) - 1, dot(z, z) - 1, dot(x, y), dot(y, z), dot(z, x)})
+    rotation = rotation && std::fabs(off) < kRotation;
+  if (rotation) return Status::ok;
+  return matrix(R).allFinite() ? Status::no_such_value : Status::not_finite;
 }
 
 Pose place_of(const Robot& robot, const Coordinates& x) {
@@ -35,10 +42,10 @@ Pose place_of(const Robot& robot, const Coordinates& x) {
 }
 
 /// A rigid body's pose: its numbers are finite and its matrix is a rotation.
-TRUEPOSE_FLATTEN Outcome body(const truepose_pose& pose, Pose& at) {
+Outcome body(const truepose_pose& pose, Pose& at) {
   at.R = matrix(pose.rotation);
   at.D = Vec3(pose.position[0], pose.position[1], pose.position[2]);
-  return {at.D.allFinite() ? rotation_status(at.R) : Status::not_finite, -1};
+  return {at.D.allFinite() ? rotation_status(pose.rotation) : Status::not_finite, -1};
 }
 
 /// Coordinates of a pose, if the mechanism can turn and move so. @param x  in: near them; out
@@ -207,7 +214,7 @@ truepose_outcome truepose_from_roll_pitch_yaw(const truepose_real* angles,
 truepose_outcome truepose_to_roll_pitch_yaw(const truepose_real* rotation, truepose_real* angles) {
   const Mat3 R = c::matrix(rotation);
   const auto near = c::values<RollPitchYaw>(angles);
-  Status status = c::rotation_status(R);
+  Status status = c::rotation_status(rotation);
   if (!all_finite(near, 3)) status = Status::not_finite;
   if (status == Status::ok) c::give(to_roll_pitch_yaw(R, near), angles);
   return c::answer({status, -1});

@@ -34,8 +34,8 @@ inline Outcome same_full_mode(const Robot& robot, const Coordinates& x) {
 /// @return branch_lost: in another assembly mode; singular: between two; joint_limit and
 /// unreachable as of ikm
 template <Mobility K>
-inline Outcome command(const Robot& robot, const Pose& pose, Joint& q,
-                       Real* conditioning = nullptr) {
+TRUEPOSE_FLATTEN inline Outcome command(const Robot& robot, const Pose& pose, Joint& q,
+                                        Real* conditioning = nullptr) {
   Closure<K> closure;
   Outcome outcome = ikm<K>(robot, pose, closure);
   if (!outcome) return outcome;
