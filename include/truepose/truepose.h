@@ -463,7 +463,7 @@ typedef struct truepose_axis_command {
 /** Joint state from motor state, in one call: FKM, J, rates and torques.
  *
  * @param joints  in: position, the guess; out
- * @return as truepose_fkm()
+ * @return as truepose_fkm(); NOT_COMPILED where pivots are left out, as of the next function
  */
 TRUEPOSE_API truepose_outcome truepose_joint_state(const truepose_model* model,
                                                    const truepose_axis_state* motors, int32_t cap,

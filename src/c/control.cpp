@@ -149,6 +149,17 @@ truepose_outcome truepose_servo(const truepose_model* model, int32_t law, truepo
   });
 }
 
+#ifdef TRUEPOSE_NO_PIVOTS  // for small machines, as truepose_joint_torque()
+truepose_outcome truepose_joint_state(const truepose_model*, const truepose_axis_state*, int32_t,
+                                      truepose_axis_state*) {
+  return c::answer({Status::not_compiled, -1});
+}
+truepose_outcome truepose_motor_command(const truepose_model*, const truepose_axis_state*,
+                                        const truepose_axis_state*, const truepose_axis_command*,
+                                        truepose_axis_command*) {
+  return c::answer({Status::not_compiled, -1});
+}
+#else
 truepose_outcome truepose_joint_state(const truepose_model* model,
                                       const truepose_axis_state* motors, int32_t cap,
                                       truepose_axis_state* joints) {
@@ -179,6 +190,7 @@ truepose_outcome truepose_motor_command(const truepose_model* model,
     return outcome;
   });
 }
+#endif
 
 void truepose_default_control(truepose_control_settings* settings) {
   c::describe(ControlSettings{}, *settings);
