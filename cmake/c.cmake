@@ -1,4 +1,4 @@
-# The C interface, truepose.h: libtruepose, static and shared, which needs libm and libc alone.
+# The compiled library, static and shared, of truepose.h (C) and truepose.hpp (C++): needs libm and libc alone.
 enable_language(C)
 file(STRINGS include/truepose/truepose.h abi REGEX "^#define TRUEPOSE_ABI ")
 string(REGEX MATCH "[0-9]+" abi "${abi}")
@@ -21,15 +21,16 @@ set_target_properties(truepose_c_objects PROPERTIES
 foreach(kind static shared)
   string(TOUPPER ${kind} KIND)
   add_library(truepose_c_${kind} ${KIND} $<TARGET_OBJECTS:truepose_c_objects>)
-  add_library(truepose::c_${kind} ALIAS truepose_c_${kind})
+  add_library(truepose::${kind} ALIAS truepose_c_${kind})
   target_include_directories(truepose_c_${kind} INTERFACE
     $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include>)
   target_link_libraries(truepose_c_${kind} PUBLIC m)
   target_compile_definitions(truepose_c_${kind} INTERFACE $<$<BOOL:${TRUEPOSE_SINGLE}>:TRUEPOSE_SINGLE>)
   set_target_properties(truepose_c_${kind} PROPERTIES
-    OUTPUT_NAME truepose EXPORT_NAME c_${kind} LINKER_LANGUAGE C
+    OUTPUT_NAME truepose EXPORT_NAME ${kind} LINKER_LANGUAGE C
     VERSION ${abi}.${PROJECT_VERSION} SOVERSION ${abi})
 endforeach()
+add_library(truepose::truepose ALIAS truepose_c_static)
 if(CMAKE_SYSTEM_NAME STREQUAL "Linux")  # whatever else it needed would be an error of the linker
   target_link_options(truepose_c_shared PRIVATE -Wl,-z,defs -Wl,--gc-sections)
 endif()

@@ -48,23 +48,20 @@ int truepose_kins_extras(truepose_kins* kins, const char* letters) {
   return 1;
 }
 
-/** The nacelle's pose at axes: roll, pitch, yaw are a, b, c; theta, of the other mobilities, is c.
+/** The platform's pose at axes: roll, pitch, yaw are a, b, c; theta, of the other mobilities, is c.
  */
-static truepose_outcome coordinates(const truepose_kins* kins, const truepose_real* axes,
-                                    truepose_real* x) {
-  truepose_outcome outcome = {TRUEPOSE_OK, -1};
-  truepose_pose pose;
-  truepose_real angles[3];
-  for (int i = 0; i < 6; ++i) x[i] = 0;
+static truepose_outcome pose_at(const truepose_kins* kins, const truepose_real* axes,
+                                truepose_pose* pose) {
+  const int spatial = kins->robot.mobility == TRUEPOSE_SPATIAL;
+  truepose_real x[6] = {0}, angles[3];
   for (int i = 0; i < (has_z(kins->robot.mobility) ? 3 : 2); ++i) x[i] = axes[kX + i] * kins->unit;
   if (turns_about_z(kins->robot.mobility)) x[kins->motors - 1] = axes[kC] * kDegree;
-  if (kins->robot.mobility != TRUEPOSE_SPATIAL) return outcome;
+  if (!spatial) return truepose_pose_of(&kins->model, x, pose);
   for (int i = 0; i < 3; ++i) {
     angles[i] = axes[kA + i] * kDegree;
-    pose.position[i] = x[i];
+    pose->position[i] = x[i];
   }
-  outcome = truepose_from_roll_pitch_yaw(angles, pose.rotation);
-  return outcome.status > TRUEPOSE_OK ? outcome : truepose_coordinates_of(&kins->model, &pose, x);
+  return truepose_from_roll_pitch_yaw(angles, pose->rotation);
 }
 
 static truepose_outcome axes_of(const truepose_kins* kins, const truepose_real* x,
@@ -92,18 +89,17 @@ static truepose_real dot(const truepose_real* a, const truepose_real* b) {
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-/** By how much the struts' screws have turned at x. A strut's two universal joints hold its ends'
- * rolls: the base's second axis is normal to the base's own and to the strut, the platform's
+/** By how much the struts' screws have turned at a pose. A strut's two universal joints hold its
+ * ends' rolls: the base's second axis is normal to the base's own and to the strut, the platform's
  * likewise, and the screw turns by the angle between one and the other's normal in the strut. */
-static truepose_outcome screw_turns(truepose_kins* kins, const truepose_real* x) {
-  truepose_pose pose;
-  truepose_outcome outcome = truepose_pose_of(&kins->model, x, &pose);
+static truepose_outcome screw_turns(truepose_kins* kins, const truepose_pose* pose) {
+  truepose_outcome outcome = {TRUEPOSE_OK, -1};
   for (int i = 0; i < kins->motors && outcome.status <= TRUEPOSE_OK; ++i) {
     const truepose_chain* chain = &kins->robot.chain[i];
     truepose_real strut[3], axis[3], base[3], normal[3], platform[3];
     for (int k = 0; k < 3; ++k) {
-      const truepose_real* row = pose.rotation + 3 * k;
-      strut[k] = pose.position[k] + dot(row, chain->pivot) - chain->base[k];
+      const truepose_real* row = pose->rotation + 3 * k;
+      strut[k] = pose->position[k] + dot(row, chain->pivot) - chain->base[k];
       axis[k] = dot(row, kins->screw.platform_axis[i]);
     }
     cross(kins->screw.base_axis[i], strut, base);
@@ -117,25 +113,16 @@ static truepose_outcome screw_turns(truepose_kins* kins, const truepose_real* x)
   return outcome;
 }
 
-/** The smaller of how far from singular the whole is, and its chains are. */
-static truepose_outcome nearness(const truepose_kins* kins, const truepose_real* x,
-                                 truepose_real* conditioning) {
-  truepose_real serial[6];
-  const truepose_outcome outcome = truepose_conditioning(&kins->model, x, conditioning, serial);
-  for (int i = 0; i < kins->motors && outcome.status <= TRUEPOSE_OK; ++i)
-    *conditioning = fmin(*conditioning, serial[i]);
-  return outcome;
-}
-
 static truepose_outcome inverse(truepose_kins* kins, const truepose_real* axes,
                                 truepose_real* joints) {
-  truepose_real x[6], q[6];
-  truepose_outcome outcome = coordinates(kins, axes, x);
-  if (outcome.status <= TRUEPOSE_OK) outcome = truepose_ikm(&kins->model, x, q);
-  if (outcome.status <= TRUEPOSE_OK) outcome = nearness(kins, x, &kins->conditioning);
+  truepose_real q[6];
+  truepose_pose pose;
+  truepose_outcome outcome = pose_at(kins, axes, &pose);
+  if (outcome.status <= TRUEPOSE_OK)
+    outcome = truepose_ikm_pose(&kins->model, &pose, q, &kins->conditioning);
   if (outcome.status <= TRUEPOSE_OK && !(kins->conditioning >= kins->least_conditioning))
     outcome.status = TRUEPOSE_SINGULAR;
-  if (outcome.status <= TRUEPOSE_OK && kins->screw.lead != 0) outcome = screw_turns(kins, x);
+  if (outcome.status <= TRUEPOSE_OK && kins->screw.lead != 0) outcome = screw_turns(kins, &pose);
   for (int k = 0; k < kins->extras && outcome.status <= TRUEPOSE_OK; ++k)
     if (!isfinite(axes[kins->extra[k]])) outcome.status = TRUEPOSE_NOT_FINITE;
   if (outcome.status > TRUEPOSE_OK) return outcome;
@@ -158,9 +145,12 @@ int32_t truepose_kins_inverse(truepose_kins* kins, const truepose_real axes[TRUE
 /** The coordinates that axes are a guess of. @return 0: of none */
 static int guessed(const truepose_kins* kins, const truepose_real* axes, truepose_real* x) {
   int any = 0;
+  truepose_pose pose;
   for (int k = 0; k < TRUEPOSE_KINS_AXES; ++k) any |= axes[k] != 0;
   memcpy(x, kins->guess, sizeof kins->guess); /* which turn is meant */
-  if (any && coordinates(kins, axes, x).status <= TRUEPOSE_OK) {
+  if (turns_about_z(kins->robot.mobility)) x[kins->motors - 1] = axes[kC] * kDegree;
+  if (any && pose_at(kins, axes, &pose).status <= TRUEPOSE_OK &&
+      truepose_coordinates_of(&kins->model, &pose, x).status <= TRUEPOSE_OK) {
     for (int i = 0; i < kins->motors; ++i) any &= isfinite(x[i]) != 0;
     if (any) return 1;
   }
@@ -184,10 +174,13 @@ static truepose_fkm_result search_with_screws(truepose_kins* kins, const truepos
   int32_t iterations = 0;
   for (int round = 0; round < kScrewSteps; ++round) {
     truepose_real before[6], change = 0;
+    truepose_pose pose;
     memcpy(before, kins->screw.correction, sizeof before);
     result = search(kins, joints, x);
     iterations += result.iterations;
-    if (result.outcome.status <= TRUEPOSE_OK) result.outcome = screw_turns(kins, x);
+    if (result.outcome.status <= TRUEPOSE_OK)
+      result.outcome = truepose_pose_of(&kins->model, x, &pose);
+    if (result.outcome.status <= TRUEPOSE_OK) result.outcome = screw_turns(kins, &pose);
     if (result.outcome.status > TRUEPOSE_OK) break;
     for (int i = 0; i < kins->motors; ++i)
       change = fmax(change, fabs(kins->screw.correction[i] - before[i]));

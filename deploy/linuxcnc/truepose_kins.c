@@ -60,7 +60,9 @@ static double* axis_of(EmcPose* pose, int axis) {
   return axes[axis];
 }
 static void to_axes(const EmcPose* pose, double axes[9]) {
-  for (int k = 0; k < 9; ++k) axes[k] = *axis_of((EmcPose*)pose, k);
+  const double of[] = {pose->tran.x, pose->tran.y, pose->tran.z, pose->a, pose->b,
+                       pose->c,      pose->u,      pose->v,      pose->w};
+  memcpy(axes, of, sizeof of);
 }
 static void to_pose(const double axes[9], EmcPose* pose) {
   for (int k = 0; k < 9; ++k) *axis_of(pose, k) = axes[k];

@@ -3,7 +3,7 @@
 
 #include <numbers>
 
-#include "truepose/truepose.hpp"
+#include "truepose/core.hpp"
 
 /// Known to the compiler, so that it builds for four chains alone.
 inline constexpr truepose::Mobility kH4 = truepose::Mobility::schoenflies;  // x, y, z, θ

@@ -16,7 +16,7 @@
 #define TRUEPOSE_KERNELS(PREFIX, K)                                                               \
   PREFIX template FkmResult fkm<K>(const Robot&, const Joint&, Pose&, int);                       \
   PREFIX template FkmResult search<K>(const Robot&, const Joint&, Pose&, int);                    \
-  PREFIX template Outcome command_detail::same_mode<K>(const Robot&, const Coordinates&);         \
+  PREFIX template Outcome command<K>(const Robot&, const Pose&, Joint&, Real*);                   \
   PREFIX template Outcome linearise<K>(const Robot&, const Pose&, Extended&,                      \
                                        Matrix<kMaxReadings, kDof<K>>&, Real*);                    \
   PREFIX template Outcome fuse<K>(const Robot&, const Knowledge&, const ReadingCovariance&,       \

@@ -1,7 +1,7 @@
 /// @file
 /// What takes its time, and memory: the exact plant, its effects and faults, statics, stretch,
 /// calibration of logs, the accuracy to be had, assembly modes. Not for the control path
-/// (truepose/truepose.hpp).
+/// (truepose/core.hpp).
 #pragma once
 
 #include "truepose/offline/assembly.hpp"
@@ -14,4 +14,4 @@
 #include "truepose/offline/simulate.hpp"
 #include "truepose/offline/statics.hpp"
 #include "truepose/offline/stretch.hpp"
-#include "truepose/truepose.hpp"
+#include "truepose/core.hpp"

@@ -280,10 +280,15 @@ TRUEPOSE_API truepose_outcome truepose_to_roll_pitch_yaw(const truepose_real rot
 TRUEPOSE_API truepose_outcome truepose_ikm(const truepose_model* model,
                                            const truepose_real x[TRUEPOSE_FREEDOMS],
                                            truepose_real q[TRUEPOSE_FREEDOMS]);
-/** The same of a pose. @return as well NO_SUCH_VALUE, see truepose_coordinates_of() */
+/** The same of a pose, in one call with its conditioning.
+ *
+ * @param conditioning  out, the least of truepose_conditioning()'s numbers; may be null
+ * @return as well NO_SUCH_VALUE, see truepose_coordinates_of()
+ */
 TRUEPOSE_API truepose_outcome truepose_ikm_pose(const truepose_model* model,
                                                 const truepose_pose* pose,
-                                                truepose_real q[TRUEPOSE_FREEDOMS]);
+                                                truepose_real q[TRUEPOSE_FREEDOMS],
+                                                truepose_real* conditioning);
 
 /** How a search for the pose ended. */
 typedef struct truepose_fkm_result {
@@ -423,6 +428,57 @@ TRUEPOSE_API truepose_outcome truepose_motor_error(
     const truepose_model* model, int32_t law, truepose_real band,
     const truepose_real x_d[TRUEPOSE_FREEDOMS], const truepose_real q_e[TRUEPOSE_READINGS],
     const truepose_knowledge* known, truepose_real* work, truepose_real e[TRUEPOSE_FREEDOMS]);
+
+/** What truepose_servo() computes. */
+typedef struct truepose_servo_cycle {
+  truepose_real q_d[TRUEPOSE_FREEDOMS];                     /**< desired motor readings */
+  truepose_real error[TRUEPOSE_FREEDOMS];                   /**< as of truepose_motor_error() */
+  truepose_real J[TRUEPOSE_FREEDOMS * TRUEPOSE_FREEDOMS];   /**< as of truepose_jacobian() */
+  truepose_real tej[TRUEPOSE_FREEDOMS * TRUEPOSE_READINGS]; /**< laws of all readings; else 0 */
+  truepose_real x[TRUEPOSE_FREEDOMS]; /**< estimated pose, of laws that estimate one; else x_d */
+} truepose_servo_cycle;
+
+/** One servo cycle in one call: IKM, assembly mode, J, TEJ and motor error.
+ * Parameters and result as of truepose_motor_error(). J and TEJ are those of the ideal level, by
+ * which the laws map errors. */
+TRUEPOSE_API truepose_outcome truepose_servo(const truepose_model* model, int32_t law,
+                                             truepose_real band,
+                                             const truepose_real x_d[TRUEPOSE_FREEDOMS],
+                                             const truepose_real q_e[TRUEPOSE_READINGS],
+                                             const truepose_knowledge* known, truepose_real* work,
+                                             truepose_servo_cycle* cycle);
+
+/** State of motors, or of the joints of a platform on passive axes: rad, rad/s, N·m. Of another
+ * mobility the joints are the coordinates of the pose. */
+typedef struct truepose_axis_state {
+  truepose_real position[TRUEPOSE_FREEDOMS], velocity[TRUEPOSE_FREEDOMS];
+  truepose_real torque[TRUEPOSE_FREEDOMS];
+} truepose_axis_state;
+/** A drive's command: torque + kp (position - measured) + kd (velocity - measured). */
+typedef struct truepose_axis_command {
+  truepose_axis_state state;
+  truepose_real kp[TRUEPOSE_FREEDOMS], kd[TRUEPOSE_FREEDOMS];
+} truepose_axis_command;
+
+/** Joint state from motor state, in one call: FKM, J, rates and torques.
+ *
+ * @param joints  in: position, the guess; out
+ * @return as truepose_fkm(); NOT_COMPILED where pivots are left out, as of the next function
+ */
+TRUEPOSE_API truepose_outcome truepose_joint_state(const truepose_model* model,
+                                                   const truepose_axis_state* motors, int32_t cap,
+                                                   truepose_axis_state* joints);
+/** Motor command from joint command, in one call. The drives together act on the joints as the
+ * joint command says: exactly in the state given, and near it by the diagonal of J^T diag(kp) J.
+ *
+ * @param motors, joints  the state, as of truepose_joint_state()
+ * @return as truepose_ikm() of the position commanded
+ */
+TRUEPOSE_API truepose_outcome truepose_motor_command(const truepose_model* model,
+                                                     const truepose_axis_state* motors,
+                                                     const truepose_axis_state* joints,
+                                                     const truepose_axis_command* joint_command,
+                                                     truepose_axis_command* motor_command);
 
 /** Constant while a controller runs. Start from truepose_default_control(). */
 typedef struct truepose_control_settings {

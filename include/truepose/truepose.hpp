@@ -1,27 +1,133 @@
 /// @file
-/// One include for a machine's controller: everything here is of the control path, which allocates
-/// nothing, locks nothing, throws nothing and ends after a bounded number of steps. Simulation,
-/// calibration of logs and prediction are in truepose/offline.hpp.
+/// The compiled library for controllers in C++20: the functions of truepose.h as methods. Needs
+/// neither Eigen nor templates of every robot; links truepose::truepose. docs/cpp.md is the guide.
+/// truepose/core.hpp has the same functions as header-only templates, for inlining.
 ///
-/// Fill a truepose::Robot, pass it to truepose::finish (and truepose::finish_full for the level of
-/// single rods), look at the truepose::Outcome; then ask it anything:
-///
-/// - truepose::ikm, truepose::fkm, truepose::rkm, truepose::jacobian, truepose::tej, and their
-///   ..._full of every rod by itself; truepose::command, which refuses another assembly mode
-/// - truepose::estimate: the pose that all readings together say, with its covariance
-/// - truepose::control: one cycle of a controller; truepose::learn: one line of self-calibration
-/// - truepose::bring_up: what slow and late sensors would read now
-/// - truepose::watch: whether any reading lies; truepose::guarded: a controller that goes on
-/// without
-/// - truepose::set_parameters: another geometry ξ of the same robot
-///
-/// Every answer is an Outcome, or has a Status: nothing may be believed before it was looked at.
+/// Every method returns an Outcome; outputs are unchanged where it is false. Nothing allocates,
+/// locks or throws. Units m, rad, s, kg, N, N·m; base frame.
 #pragma once
 
-#include "truepose/control/command.hpp"
-#include "truepose/control/guard.hpp"
-#include "truepose/estimation/estimate.hpp"
-#include "truepose/estimation/learning.hpp"
-#include "truepose/full/linearise.hpp"
-#include "truepose/kinematics/fkm.hpp"
-#include "truepose/model/geometry.hpp"
+#include <array>
+
+#include "truepose/model/status.hpp"
+#include "truepose/truepose.h"
+
+namespace truepose {
+
+using Real = truepose_real;
+using Coordinates = std::array<Real, TRUEPOSE_FREEDOMS>;  ///< x, the first n used
+using Joint = std::array<Real, TRUEPOSE_FREEDOMS>;        ///< q, n
+using Extended = std::array<Real, TRUEPOSE_READINGS>;     ///< q_e = [q; r], n + r
+
+inline Outcome outcome_of(truepose_outcome from) {
+  return {static_cast<Status>(from.status), from.part};
+}
+
+/// What is known of a robot's geometry and readings, for laws that weigh, and the work space of
+/// truepose_work() numbers that these need. Default: nothing, for laws that do not weigh.
+struct Weights {
+  const truepose_knowledge* known = nullptr;
+  Real* work = nullptr;
+};
+
+/// A robot from a constant table (`truepose export c`), checked. Copies are independent.
+class Model {
+ public:
+  Model() : model_{} {}
+  /// @return as truepose_load(); a model that was refused answers Status::unfinished
+  Outcome load(const truepose_description& robot) {
+    return outcome_of(truepose_load(&model_, sizeof model_, &robot));
+  }
+  /// For functions of truepose.h that have no method here.
+  const truepose_model* c() const { return &model_; }
+  int freedoms() const { return truepose_freedoms(&model_); }
+  int sensors() const { return truepose_sensors(&model_); }
+
+  /// q = IKM(x); poses beyond a stop or a singularity are refused.
+  Outcome ikm(const Coordinates& x, Joint& q) const {
+    return outcome_of(truepose_ikm(&model_, x.data(), q.data()));
+  }
+  /// The same of a pose. @param conditioning  out unless null: 0 (singular) to 1
+  Outcome ikm(const truepose_pose& pose, Joint& q, Real* conditioning = nullptr) const {
+    return outcome_of(truepose_ikm_pose(&model_, &pose, q.data(), conditioning));
+  }
+  /// x = FKM(q). @param x  in: a guess @param cap  iterations at most
+  Outcome fkm(const Joint& q, Coordinates& x, int cap = 12) const {
+    return outcome_of(truepose_fkm(&model_, q.data(), cap, x.data()).outcome);
+  }
+  /// All readings at a pose: {IKM(x), RKM(x)}.
+  Outcome readings(const Coordinates& x, Extended& q_e) const {
+    return outcome_of(truepose_readings(&model_, x.data(), q_e.data()));
+  }
+  /// J by rows, dx = J dq.
+  Outcome jacobian(const Coordinates& x, std::array<Joint, TRUEPOSE_FREEDOMS>& J) const {
+    return outcome_of(truepose_jacobian(&model_, x.data(), J[0].data()));
+  }
+  /// Extended-to-joint matrix by rows. @param band  conditioning below which J is damped
+  Outcome tej(const Coordinates& x, std::array<Extended, TRUEPOSE_FREEDOMS>& tej,
+              Real band = 0) const {
+    return outcome_of(truepose_tej(&model_, x.data(), band, tej[0].data()));
+  }
+  /// One servo cycle for drives that close their own loops: IKM, assembly mode, J, TEJ and ê.
+  /// @param law  a truepose_law
+  Outcome servo(truepose_law law, const Coordinates& x_d, const Extended& q_e,
+                truepose_servo_cycle& cycle, Real band = 0, Weights weights = {}) const {
+    return outcome_of(truepose_servo(&model_, law, band, x_d.data(), q_e.data(), weights.known,
+                                     weights.work, &cycle));
+  }
+  /// Pose of all readings by weighted least squares. @param x  in: a guess
+  truepose_estimate_result estimate(const Extended& q_e, Weights weights, Coordinates& x) const {
+    return truepose_estimate(&model_, weights.known, q_e.data(), weights.work, x.data());
+  }
+  /// Joint state of a platform on passive axes from its motors'. @param joints  in: a guess
+  Outcome joint_state(const truepose_axis_state& motors, truepose_axis_state& joints,
+                      int cap = 12) const {
+    return outcome_of(truepose_joint_state(&model_, &motors, cap, &joints));
+  }
+  /// Motor command from a joint command, at the state given.
+  Outcome motor_command(const truepose_axis_state& motors, const truepose_axis_state& joints,
+                        const truepose_axis_command& wanted, truepose_axis_command& given) const {
+    return outcome_of(truepose_motor_command(&model_, &motors, &joints, &wanted, &given));
+  }
+
+ private:
+  truepose_model model_;
+};
+
+/// A controller with torques for its answer, with or without the fault monitor.
+class Controller {
+ public:
+  /// @return as truepose_begin_control()
+  Outcome begin(const truepose_control_settings& settings) {
+    return outcome_of(truepose_begin_control(&controller_, sizeof controller_, &settings));
+  }
+  /// @return as truepose_begin_guard()
+  Outcome begin(const truepose_watch_settings& settings) {
+    return outcome_of(truepose_begin_guard(&guard_, sizeof guard_, &settings));
+  }
+  /// One cycle.
+  Outcome step(const Model& model, const truepose_setpoint& setpoint, const Extended& q_e,
+               Joint& torque, Weights weights = {}) {
+    return outcome_of(truepose_control(model.c(), &controller_, &setpoint, q_e.data(),
+                                       weights.known, weights.work, torque.data()));
+  }
+  /// One cycle with the readings monitored. @param finest  the model of the highest level
+  Outcome step(const Model& model, const Model& finest, const truepose_setpoint& setpoint,
+               const Extended& q_e, Joint& torque, truepose_report& report, Weights weights = {}) {
+    return outcome_of(truepose_guarded(model.c(), finest.c(), &controller_, &guard_, &setpoint,
+                                       q_e.data(), weights.known, weights.work, torque.data(),
+                                       &report));
+  }
+  /// Another law from the next cycle on, without a step of the torque.
+  Outcome change_law(truepose_law law) {
+    return outcome_of(truepose_change_law(&controller_, law));
+  }
+  /// The reading was repaired. @param reading  from 0
+  Outcome restore(int reading) { return outcome_of(truepose_restore(&guard_, reading)); }
+
+ private:
+  truepose_controller controller_{};
+  truepose_guard guard_{};
+};
+
+}  // namespace truepose

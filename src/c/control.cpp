@@ -77,6 +77,16 @@ Setpoint of_c(const truepose_setpoint& from) {
           values<Coordinates>(from.acceleration)};
 }
 
+AxisState of_c(const truepose_axis_state& from) {
+  return {values<Coordinates>(from.position), values<Coordinates>(from.velocity),
+          values<Coordinates>(from.torque)};
+}
+void to_c(const AxisState& from, truepose_axis_state& to) {
+  give(from.position, to.position);
+  give(from.velocity, to.velocity);
+  give(from.torque, to.torque);
+}
+
 void report_on(const Guarding& guarding, truepose_report* report) {
   const Guard& guard = guarding.guard;
   *report = truepose_report{};
@@ -109,18 +119,78 @@ truepose_outcome truepose_motor_error(const truepose_model* model, int32_t law, 
                                       const truepose_real* x_d, const truepose_real* q_e,
                                       const truepose_knowledge* known, truepose_real* work,
                                       truepose_real* e) {
+  truepose_servo_cycle cycle;
+  const truepose_outcome outcome = truepose_servo(model, law, band, x_d, q_e, known, work, &cycle);
+  if (outcome.status <= TRUEPOSE_OK) std::copy_n(cycle.error, TRUEPOSE_FREEDOMS, e);
+  return outcome;
+}
+
+truepose_outcome truepose_servo(const truepose_model* model, int32_t law, truepose_real band,
+                                const truepose_real* x_d, const truepose_real* q_e,
+                                const truepose_knowledge* known, truepose_real* work,
+                                truepose_servo_cycle* cycle) {
   if (!c::law_exists(law)) return c::answer({Status::no_such_part, -1});
   return c::asked(model, [&](const Robot& robot) {
     const bool asked = properties(static_cast<Law>(law)).weighs;
     const c::Known weighs(robot, known, work, nullptr, asked);
     if (!weighs.sound) return weighs.sound;
-    Joint error{};
-    const Outcome outcome = motor_error(robot, static_cast<Law>(law), c::values<Coordinates>(x_d),
-                                        c::values<Extended>(q_e), error, band, weighs.weighing);
-    if (outcome) c::give(error, e);
+    ServoCycle found;
+    const Outcome outcome = servo(robot, static_cast<Law>(law), c::values<Coordinates>(x_d),
+                                  c::values<Extended>(q_e), found, band, weighs.weighing);
+    if (!outcome) return outcome;
+    c::give(found.q_d, cycle->q_d);
+    c::give(found.error, cycle->error);
+    c::give(found.x, cycle->x);
+    for (int i = 0; i < TRUEPOSE_FREEDOMS; ++i) {
+      c::give(found.J[i], cycle->J + i * TRUEPOSE_FREEDOMS);
+      c::give(found.tej[i], cycle->tej + i * TRUEPOSE_READINGS);
+    }
     return outcome;
   });
 }
+
+#ifdef TRUEPOSE_NO_PIVOTS  // for small machines, as truepose_joint_torque()
+truepose_outcome truepose_joint_state(const truepose_model*, const truepose_axis_state*, int32_t,
+                                      truepose_axis_state*) {
+  return c::answer({Status::not_compiled, -1});
+}
+truepose_outcome truepose_motor_command(const truepose_model*, const truepose_axis_state*,
+                                        const truepose_axis_state*, const truepose_axis_command*,
+                                        truepose_axis_command*) {
+  return c::answer({Status::not_compiled, -1});
+}
+#else
+truepose_outcome truepose_joint_state(const truepose_model* model,
+                                      const truepose_axis_state* motors, int32_t cap,
+                                      truepose_axis_state* joints) {
+  return c::asked(model, [&](const Robot& robot) -> Outcome {
+    if (cap < 1 || cap > kFkmCap) return {Status::no_such_value, -1};
+    AxisState found = c::of_c(*joints);
+    const Outcome outcome = joint_state(robot, c::of_c(*motors), cap, found);
+    if (outcome) c::to_c(found, *joints);
+    return outcome;
+  });
+}
+
+truepose_outcome truepose_motor_command(const truepose_model* model,
+                                        const truepose_axis_state* motors,
+                                        const truepose_axis_state* joints,
+                                        const truepose_axis_command* joint_command,
+                                        truepose_axis_command* motor_command_) {
+  return c::asked(model, [&](const Robot& robot) {
+    AxisCommand given;
+    const AxisCommand wanted{c::of_c(joint_command->state),
+                             c::values<Coordinates>(joint_command->kp),
+                             c::values<Coordinates>(joint_command->kd)};
+    const Outcome outcome = motor_command(robot, c::of_c(*motors), c::of_c(*joints), wanted, given);
+    if (!outcome) return outcome;
+    c::to_c(given.state, motor_command_->state);
+    c::give(given.kp, motor_command_->kp);
+    c::give(given.kd, motor_command_->kd);
+    return outcome;
+  });
+}
+#endif
 
 void truepose_default_control(truepose_control_settings* settings) {
   c::describe(ControlSettings{}, *settings);

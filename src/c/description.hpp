@@ -2,7 +2,7 @@
 #pragma once
 
 #include "truepose/truepose.h"
-#include "truepose/truepose.hpp"
+#include "truepose/core.hpp"
 
 namespace truepose::c {
 

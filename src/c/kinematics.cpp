@@ -19,10 +19,20 @@ Mat3 matrix(const truepose_real* rows) {
 void by_rows(const Mat3& R, truepose_real* rows) {
   for (int k = 0; k < 9; ++k) rows[k] = R(k / 3, k % 3);
 }
-Status rotation_status(const Mat3& R) {
-  if (!R.allFinite()) return Status::not_finite;
-  const bool orthonormal = (R * R.transpose() - Mat3::Identity()).cwiseAbs().maxCoeff() < kRotation;
-  return orthonormal && R.determinant() > 0 ? Status::ok : Status::no_such_value;
+/// @param R  by rows
+Status rotation_status(const truepose_real* R) {
+  const auto dot = [](const truepose_real* a, const truepose_real* b) {
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+  };
+  const truepose_real *x = R, *y = R + 3, *z = R + 6;
+  const truepose_real normal[] = {x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2],
+                                  x[0] * y[1] - x[1] * y[0]};
+  bool rotation = dot(normal, z) > 0;
+  for (const truepose_real off :
+       {dot(x, x) - 1, dot(y, y) - 1, dot(z, z) - 1, dot(x, y), dot(y, z), dot(z, x)})
+    rotation = rotation && std::fabs(off) < kRotation;
+  if (rotation) return Status::ok;
+  return matrix(R).allFinite() ? Status::no_such_value : Status::not_finite;
 }
 
 Pose place_of(const Robot& robot, const Coordinates& x) {
@@ -31,13 +41,18 @@ Pose place_of(const Robot& robot, const Coordinates& x) {
   });
 }
 
+/// A rigid body's pose: its numbers are finite and its matrix is a rotation.
+Outcome body(const truepose_pose& pose, Pose& at) {
+  at.R = matrix(pose.rotation);
+  at.D = Vec3(pose.position[0], pose.position[1], pose.position[2]);
+  return {at.D.allFinite() ? rotation_status(pose.rotation) : Status::not_finite, -1};
+}
+
 /// Coordinates of a pose, if the mechanism can turn and move so. @param x  in: near them; out
 Outcome coordinates(const Robot& robot, const truepose_pose& pose, Coordinates& x) {
   Pose at;
-  at.R = matrix(pose.rotation);
-  at.D = Vec3(pose.position[0], pose.position[1], pose.position[2]);
-  const Status status = at.D.allFinite() ? rotation_status(at.R) : Status::not_finite;
-  if (status != Status::ok) return {status, -1};
+  const Outcome sound = body(pose, at);
+  if (!sound) return sound;
   if (turns_about_z(robot.mobility)) {
     const Real near = x[robot.motors - 1];
     at.theta = theta_of(at.R, std::isfinite(near) ? near : 0);
@@ -121,6 +136,31 @@ Outcome motors(const Robot& robot, const Coordinates& x, truepose_real* q) {
   return outcome;
 }
 
+/// The same of a pose, and how far from singular it is.
+Outcome motors(const Robot& robot, const truepose_pose& pose, truepose_real* q,
+               truepose_real* conditioned) {
+  Joint found{};
+  Outcome outcome;
+  if (robot.mobility == Mobility::spatial && !robot.rod_by_rod()) {  // every pose is one of its own
+    Pose at;
+    outcome = body(pose, at);
+    if (outcome) outcome = command<Mobility::spatial>(robot, at, found, conditioned);
+  } else {
+    Coordinates x = robot.home;
+    outcome = coordinates(robot, pose, x);
+    if (outcome)
+      outcome = robot.rod_by_rod() ? command_full(robot, x, found) : command(robot, x, found);
+    Joint serial{};
+    Real parallel = 0;
+    if (outcome && conditioned) outcome = conditioning(robot, x, parallel, serial);
+    if (outcome && conditioned)
+      *conditioned =
+          std::min(parallel, *std::min_element(serial.begin(), serial.begin() + robot.motors));
+  }
+  if (outcome) give(found, q);
+  return outcome;
+}
+
 FkmResult pose_of(const Robot& robot, const truepose_real* q, std::int32_t cap, Coordinates& x) {
   if (cap < 1 || cap > kFkmCap) return {Status::no_such_value};
   FkmResult result;
@@ -174,7 +214,7 @@ truepose_outcome truepose_from_roll_pitch_yaw(const truepose_real* angles,
 truepose_outcome truepose_to_roll_pitch_yaw(const truepose_real* rotation, truepose_real* angles) {
   const Mat3 R = c::matrix(rotation);
   const auto near = c::values<RollPitchYaw>(angles);
-  Status status = c::rotation_status(R);
+  Status status = c::rotation_status(rotation);
   if (!all_finite(near, 3)) status = Status::not_finite;
   if (status == Status::ok) c::give(to_roll_pitch_yaw(R, near), angles);
   return c::answer({status, -1});
@@ -187,12 +227,9 @@ truepose_outcome truepose_ikm(const truepose_model* model, const truepose_real* 
 }
 
 truepose_outcome truepose_ikm_pose(const truepose_model* model, const truepose_pose* pose,
-                                   truepose_real* q) {
-  return c::asked(model, [&](const Robot& robot) {
-    Coordinates x{};
-    const Outcome outcome = c::coordinates(robot, *pose, x);
-    return outcome ? c::motors(robot, x, q) : outcome;
-  });
+                                   truepose_real* q, truepose_real* conditioned) {
+  return c::asked(model,
+                  [&](const Robot& robot) { return c::motors(robot, *pose, q, conditioned); });
 }
 
 truepose_fkm_result truepose_fkm(const truepose_model* model, const truepose_real* q, int32_t cap,

@@ -6,7 +6,7 @@
 #include <new>
 
 #include "truepose/truepose.h"
-#include "truepose/truepose.hpp"
+#include "truepose/core.hpp"
 
 namespace truepose::c {
 

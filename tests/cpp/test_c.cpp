@@ -1,10 +1,11 @@
-// Does the C interface answer as the core does, and refuse what is no robot?
+// The C interface, and the C++ one over it, answer as the core does and refuse what is no robot.
 #include <cstring>
 
 #include "../../src/c/description.hpp"
 #include "pivots.hpp"
 #include "truepose/kinematics/gyro.hpp"
 #include "truepose/math/roll_pitch_yaw.hpp"
+#include "truepose/truepose.hpp"
 
 using namespace pivots_tested;
 
@@ -120,8 +121,13 @@ TEST("a pose as position and rotation is the same pose") {
       CHECK(same(truepose_coordinates_of(&in_c.model, &pose, back), {}));
       for (int i = 0; i < 6; ++i) CHECK_NEAR(back[i], x[i], 1e-14);
       CHECK(same(truepose_ikm(&in_c.model, x.data(), q), {}));
-      CHECK(same(truepose_ikm_pose(&in_c.model, &pose, q_pose), {}));
+      Real least = 0, parallel = 0;
+      Joint serial{};
+      CHECK(same(truepose_ikm_pose(&in_c.model, &pose, q_pose, &least), {}));
       for (int i = 0; i < 6; ++i) CHECK_NEAR(q_pose[i], q[i], 1e-12);
+      CHECK(bool(conditioning(mechanism.robot, x, parallel, serial)));
+      for (int i = 0; i < mechanism.robot.motors; ++i) parallel = std::min(parallel, serial[i]);
+      CHECK_NEAR(least, parallel, 1e-10);
       truepose_pose_of(&in_c.model, mechanism.robot.home.data(), &found);
       CHECK(truepose_fkm_pose(&in_c.model, q, kCap, &found).outcome.status == TRUEPOSE_OK);
       for (int i = 0; i < 9; ++i) CHECK_NEAR(found.rotation[i], pose.rotation[i], 1e-10);
@@ -591,4 +597,117 @@ TEST("every status has the core's number and says what it is") {
   CHECK(TRUEPOSE_AXIS_ANGLE == static_cast<int>(SensorKind::axis_angle));
   CHECK(TRUEPOSE_DISAGREES == static_cast<int>(Symptom::disagrees));
   CHECK(truepose_abi() == TRUEPOSE_ABI);
+}
+
+TEST("a servo cycle in one call is IKM, J, TEJ and motor error of their own calls") {
+  check::Random random(11);
+  for_each([&](const Mechanism& mechanism, auto) {
+    const Robot& robot = mechanism.robot;
+    const InC in_c(robot);
+    Model model;
+    CHECK(bool(model.load(in_c.table)));
+    CHECK(model.freedoms() == robot.motors && model.sensors() == robot.r);
+    for (const truepose_law law :
+         {TRUEPOSE_LAW_JOINT, TRUEPOSE_LAW_REDUNDANT, TRUEPOSE_LAW_CARTESIAN}) {
+      if (law != TRUEPOSE_LAW_JOINT && robot.r == 0) continue;
+      const Coordinates x = random_pose(mechanism, random);
+      Extended q_e{};
+      Joint q{}, e{};
+      std::array<Joint, 6> J;
+      std::array<Extended, 6> tej;
+      CHECK(model.readings(x, q_e) && model.ikm(x, q) && model.jacobian(x, J) && model.tej(x, tej));
+      for (int i = 0; i < robot.motors + robot.r; ++i) q_e[i] += 1e-4 * random();
+      truepose_servo_cycle cycle;
+      CHECK(bool(model.servo(law, x, q_e, cycle)));
+      CHECK(same(truepose_motor_error(&in_c.model, law, 0, x.data(), q_e.data(), nullptr, nullptr,
+                                      e.data()),
+                 {}));
+      CHECK(same(cycle.error, e) && same(cycle.q_d, q));
+      CHECK(std::memcmp(cycle.J, &J, sizeof J) == 0);
+      const bool by_readings = law == TRUEPOSE_LAW_REDUNDANT;
+      CHECK((std::memcmp(cycle.tej, &tej, sizeof tej) == 0) == by_readings);
+      for (int i = 0; i < robot.motors; ++i) {
+        const Real off = std::fabs(cycle.x[i] - x[i]);
+        CHECK(law == TRUEPOSE_LAW_CARTESIAN ? off > 0 && off < 0.1 : off == 0);
+      }
+    }
+    Joint untouched{};
+    CHECK(Model().ikm(robot.home, untouched).status == Status::unfinished);
+  });
+}
+
+TEST("joint states conserve power, and motor commands act on the joints as commanded") {
+  check::Random random(12);
+  for_each([&](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    const Robot& robot = mechanism.robot;
+    const int n = robot.motors;
+    const InC in_c(robot);
+    Model model;
+    CHECK(bool(model.load(in_c.table)));
+    for (int k = 0; k < 10; ++k) {
+      const Coordinates x = random_pose(mechanism, random, 0.3);
+      Coordinates near = x;
+      truepose_axis_state motors{}, joints{};
+      for (int i = 0; i < n; ++i) {
+        motors.velocity[i] = random();
+        motors.torque[i] = random();
+        near[i] += 1e-3 * random();
+      }
+      CHECK(same(truepose_ikm(&in_c.model, x.data(), motors.position), {}));
+      std::copy_n(near.begin(), 6, joints.position);
+      CHECK(bool(model.joint_state(motors, joints)));
+      Real power = 0, joint_power = 0, along = 0;
+      for (int i = 0; i < n; ++i) {
+        CHECK_NEAR(joints.position[i], x[i], 1e-9);
+        power += motors.torque[i] * motors.velocity[i];
+        joint_power += joints.torque[i] * joints.velocity[i];
+      }
+      CHECK_NEAR(joint_power, power, 1e-9 * (1 + std::fabs(power)));
+      // Velocities against finite differences of the motors' positions along them.
+      constexpr Real kStep = 1e-6;
+      Joint q_near{};
+      Coordinates rate{};
+      std::copy_n(joints.velocity, 6, rate.begin());
+      for (Real& value : rate) value *= kStep;
+      CHECK(bool(ikm(robot, to_coordinates<K>(moved<K>(to_pose<K>(x), rate)), q_near)));
+      for (int i = 0; i < n; ++i)
+        along = std::max(along,
+                         std::fabs((q_near[i] - motors.position[i]) / kStep - motors.velocity[i]));
+      CHECK(along < 1e-3);
+
+      truepose_axis_command wanted{}, given{};
+      for (int i = 0; i < n; ++i) {
+        wanted.state.position[i] = near[i];
+        wanted.state.velocity[i] = random();
+        wanted.state.torque[i] = random();
+        wanted.kp[i] = 50 + 10 * random();
+        wanted.kd[i] = 2 + random();
+      }
+      CHECK(bool(model.motor_command(motors, joints, wanted, given)));
+      truepose_axis_state acting = motors, felt = joints;
+      Joint q_d{};
+      CHECK(bool(model.ikm(near, q_d)));
+      for (int i = 0; i < n; ++i) {
+        CHECK_NEAR(given.state.position[i], q_d[i], 1e-12);
+        CHECK(given.kp[i] > 0 && given.kd[i] > 0);
+        acting.torque[i] = given.state.torque[i] +
+                           given.kp[i] * (given.state.position[i] - motors.position[i]) +
+                           given.kd[i] * (given.state.velocity[i] - motors.velocity[i]);
+      }
+      CHECK(bool(model.joint_state(acting, felt)));
+      const Coordinates away = difference<K>(to_pose<K>(near), to_pose<K>(x));
+      for (int i = 0; i < n; ++i) {
+        const Real asked = wanted.state.torque[i] + wanted.kp[i] * away[i] +
+                           wanted.kd[i] * (wanted.state.velocity[i] - joints.velocity[i]);
+        CHECK_NEAR(felt.torque[i], asked, 1e-7 * (1 + std::fabs(asked)));
+      }
+    }
+    truepose_axis_state broken{}, kept{};
+    broken.velocity[0] = NAN;
+    CHECK(same(truepose_ikm(&in_c.model, robot.home.data(), broken.position), {}));
+    std::copy_n(robot.home.begin(), 6, kept.position);
+    CHECK(model.joint_state(broken, kept).status == Status::not_finite);
+    CHECK(kept.torque[0] == 0);
+  });
 }

@@ -1,5 +1,6 @@
-// Do the Jacobians say how the robot moves? Each against finite differences, in the tangent space.
+// Jacobians against finite differences, in the tangent space.
 #include "mechanisms.hpp"
+#include "truepose/kinematics/damping.hpp"
 #include "truepose/kinematics/fkm.hpp"
 #include "truepose/sensors/rkm.hpp"
 
@@ -157,4 +158,15 @@ TEST("the sign of det J_x agrees with elimination, up to six chains, and zero is
   compare(std::integral_constant<int, 3>{});
   compare(std::integral_constant<int, 4>{});
   compare(std::integral_constant<int, 6>{});
+  for_each([&](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    for (int k = 0; k < 50; ++k) {
+      Closure<K> closure;
+      Jacobians<K> jacobians;
+      CHECK(ikm<K>(mechanism.robot, to_pose<K>(random_pose(mechanism, random)), closure));
+      CHECK(jacobian<K>(closure, jacobians));
+      CHECK(jacobians.sign == determinant_sign<kDof<K>>(jacobians.jx));
+      CHECK(Conditioning<K>(closure).sign() == jacobians.sign);
+    }
+  });
 }

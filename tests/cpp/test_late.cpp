@@ -186,3 +186,90 @@ TEST("a robot with late sensors follows as one whose sensors are prompt") {
     CHECK(robot.r == 0 || apart[2] > 3 * apart[1]);
   });
 }
+
+TEST("noise of a late sensor is averaged, and a change beyond its counts is followed at once") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr int n = kDof<K>;
+    Robot robot = mechanism.robot;
+    if (robot.r == 0) return;
+    constexpr double kSigma = 1e-4;
+    constexpr int kEvery = 10, kAge = 8, kCycles = 20000;
+    robot.sensor[0].noise = kSigma;
+    const LateSettings settings = all_late(kEvery, kAge);
+    Late late;
+    CHECK(start(settings, late));
+    Bus bus(settings);
+    check::Random random(21);
+    const Extended rest = read_at<K>(mechanism, robot, 0);
+    double noise = 0, squares = 0;
+    for (int k = 0; k < kCycles; ++k) {
+      Extended q_e = rest;
+      if (k % kEvery == 0) noise = std::sqrt(3) * kSigma * random();  // uniform, of variance σ²
+      q_e[n] += noise;
+      late.arrived = bus.deliver(n, q_e);
+      CHECK(bring_up<K>(robot, late, q_e));
+      calm(robot, late, q_e);
+      if (k > 2000) squares += (q_e[n] - rest[n]) * (q_e[n] - rest[n]) / (kCycles - 2000);
+    }
+    // Weight a of a sample: variance a / (2 - a) of one sample's, of an average over about 20.
+    const double a = 1 - std::pow(1 - kCalmest * (1 - std::exp(-1.0 / (kEvery + kAge))), kEvery);
+    const double ratio = squares / (kSigma * kSigma * a / (2 - a));
+    CHECK(ratio > 0.7 && ratio < 1.7);
+
+    Extended q_e{};
+    for (int k = 0; k < 5 * (kEvery + kAge); ++k) {
+      q_e = rest;
+      q_e[n] += 100 * kSigma;
+      late.arrived = bus.deliver(n, q_e);
+      CHECK(bring_up<K>(robot, late, q_e));
+      calm(robot, late, q_e);
+    }
+    CHECK(q_e[n] - rest[n] > 95 * kSigma);
+    const double before = q_e[n];
+    for (int k = 0; k < 5 * (kEvery + kAge);
+         ++k) {  // a motor is lost: what comes late leads nothing
+      q_e = rest;
+      q_e[n] += 200 * kSigma;
+      late.arrived = bus.deliver(n, q_e);
+      CHECK(bring_up<K>(robot, late, q_e));
+      calm(robot, late, q_e, true);
+    }
+    CHECK_NEAR(q_e[n], before, 1e-9);
+  });
+}
+
+TEST("the stated variance of a late reading is that which the motors' noise gives it") {
+  for_each([](const Mechanism& mechanism, auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr int n = kDof<K>, kTrials = 1500;
+    Robot robot = mechanism.robot;
+    if (robot.r == 0) return;
+    constexpr double kSigma = 1e-6;
+    for (int i = 0; i < n; ++i) {
+      robot.chain[i].encoder_noise = kSigma;
+      robot.chain[i].encoder_step = 0;
+    }
+    robot.sensor[0].step = robot.sensor[0].noise = 0;
+    const Extended rest = read_at<K>(mechanism, robot, 0);
+    check::Random random(22);
+    double mean = 0, squares = 0, stated = 0;
+    for (int k = 0; k < kTrials; ++k) {
+      Late late;
+      CHECK(start(all_late(10, 8), late));
+      Extended q_e = rest;
+      for (int i = 0; i < n; ++i) q_e[i] += std::sqrt(3) * kSigma * random();
+      CHECK(bring_up<K>(robot, late, q_e));
+      const double off = late.expected[0] - rest[n];
+      mean += off / kTrials;
+      squares += off * off / kTrials;
+      Knowledge known;
+      known.sigma.fill(1e-9);
+      calm(robot, late, q_e);
+      weigh(robot, late, known);
+      stated += known.sigma[n] * known.sigma[n] / kTrials;
+    }
+    const double ratio = (squares - mean * mean) / stated;
+    CHECK(ratio > 0.85 && ratio < 1.15);  // its own σ is 0.03
+  });
+}

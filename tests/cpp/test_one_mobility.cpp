@@ -1,7 +1,7 @@
 // What does a build for one mobility, at the ideal level, answer? Compiled with
 // TRUEPOSE_ONLY_MOBILITY=schoenflies and TRUEPOSE_IDEAL_ONLY.
 #include "mechanisms.hpp"
-#include "truepose/truepose.hpp"
+#include "truepose/core.hpp"
 
 using namespace truepose;
 

@@ -1,5 +1,5 @@
 // Is a robot plain data, and is one that is not finished ever believed? By the one include.
-#include "truepose/truepose.hpp"
+#include "truepose/core.hpp"
 
 #include <climits>
 #include <cstring>

@@ -1,6 +1,6 @@
 // What does a build without the laws that weigh answer? Compiled with TRUEPOSE_UNWEIGHED.
 #include "mechanisms.hpp"
-#include "truepose/truepose.hpp"
+#include "truepose/core.hpp"
 
 using namespace truepose;
 

@@ -147,7 +147,7 @@ project(user LANGUAGES {languages})
 find_package(truepose 0.1 REQUIRED {components})
 foreach(kind static shared)
   add_executable(user_${{kind}} controller.c)
-  target_link_libraries(user_${{kind}} PRIVATE truepose::c_${{kind}})
+  target_link_libraries(user_${{kind}} PRIVATE truepose::${{kind}})
 endforeach()
 """
 NO_EIGEN = "-DCMAKE_DISABLE_FIND_PACKAGE_Eigen3=ON"

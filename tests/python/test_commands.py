@@ -258,7 +258,7 @@ def test_python_m_truepose_is_the_command_line():
 @pytest.mark.parametrize("page", ["README.md", "docs/get-started.md", "docs/calibration.md"])
 def test_a_page_shows_commands_that_there_are(run, page):
     text = (Path(__file__).parents[2] / page).read_text(encoding="utf-8")
-    shown = set(re.findall(r"^    (?:\.venv/bin/)?truepose ([a-z]+)", text, re.M))
+    shown = set(re.findall(r"^    (?:\.venv/bin/)?truepose ([a-z-]+)", text, re.M))
     assert shown
     for command in shown:
         assert run(command, "--help")[0] == 0

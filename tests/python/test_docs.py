@@ -10,6 +10,7 @@ import pytest
 import typer
 
 import truepose as tp
+from absolute_links import absolute
 from truepose.commands.cli import app
 from truepose.robotfile.reading import SHORTHAND
 from truepose.robotfile.schema import (
@@ -170,3 +171,14 @@ def test_the_site_is_built_without_a_warning_and_needs_no_network(site, tmp_path
     assert names <= {page.stem for page in built.glob("*.html")}
     equations = (built / "ten-minutes.html").read_text(encoding="utf-8")
     assert equations.count('<div class="equation"><svg') > 5
+
+
+def test_on_a_package_index_the_readme_has_absolute_links_to_files_that_exist():
+    text = (SITE.parents[1] / "README.md").read_text(encoding="utf-8")
+    page = absolute(text, "https://host/truepose", "v1")
+    links = re.findall(r"\]\(([^)\s]+)\)", page)
+    own = [link for link in links if link.startswith("https://host/truepose/")]
+    assert own and all(link.startswith(("https://", "#")) for link in links)
+    for link in own:
+        path = re.sub(r"https://host/truepose/(raw|blob)/v1/|#.*", "", link)
+        assert (SITE.parents[1] / path).exists(), link

@@ -186,7 +186,7 @@ def test_rods_one_above_the_other_leave_a_linear_delta_loose(load):
 
 @pytest.mark.parametrize("level", ["Full", "", 2, ["full"]])
 def test_an_unknown_level_lists_the_choices(h4, level):
-    for call in (h4.ikm, h4.rkm, h4.fkm, h4.jacobian, h4.extended):
+    for call in (h4.ikm, h4.rkm, h4.fkm, h4.jacobian, h4.extended_positions):
         with pytest.raises(tp.InputError, match=r"^unknown level .*\(choices: ideal, full\)$"):
             call(X_D, level=level)
 

@@ -25,7 +25,7 @@ def test_any_leading_shape_is_kept(h4, lead):
 
 def test_every_row_is_answered_by_itself(h4, anywhere, rng):
     x = anywhere(h4, 6, rng).reshape(2, 3, 4)
-    for name in ("ikm", "rkm", "extended", "jacobian"):
+    for name in ("ikm", "rkm", "extended_positions", "jacobian"):
         model = getattr(h4, name)
         assert np.array_equal(model(x)[1, 2], model(x[1, 2]))
 
@@ -60,7 +60,7 @@ def test_the_argument_is_not_written_to(h4):
 def test_errors_nan_marks_the_bad_rows_and_only_them(h4):
     x = np.array([POSE, [2, 0, -0.4, 0], POSE, [np.nan, 0, -0.4, 0], [0, np.inf, 0, 0]])
     good = [True, False, True, False, False]
-    for model in (h4.ikm, h4.extended, h4.jacobian):
+    for model in (h4.ikm, h4.extended_positions, h4.jacobian):
         answer = model(x, errors="nan").reshape(5, -1)
         assert np.isfinite(answer[good]).all() and np.isnan(answer[1:2]).any()
         assert np.isfinite(answer).all(axis=1).tolist() == good

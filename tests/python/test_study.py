@@ -12,6 +12,7 @@ import pytest
 
 import truepose as tp
 from truepose.exceptions import InputError
+from truepose.integrations.dask import cluster as dask_cluster
 from truepose.studies import workers
 from truepose.studies.cases import Case
 
@@ -247,14 +248,14 @@ def test_a_cluster_of_other_versions_is_refused(monkeypatch):
 
     old = workers.versions() | {"numpy": "1.0"}
     with pytest.raises(InputError, match=r"worker tcp://a has numpy 1\.0, here is"):
-        workers._require_same(Client({"tcp://a": old}))
+        dask_cluster.require_same(Client({"tcp://a": old}))
     with pytest.raises(InputError, match="no workers"):
-        workers._require_same(Client({}))
+        dask_cluster.require_same(Client({}))
 
 
 def test_no_cluster_where_there_is_none_is_one_line(run, monkeypatch):
     pytest.importorskip("distributed", reason="dask is not installed")
-    monkeypatch.setattr(workers, "PATIENCE", 0.5)
+    monkeypatch.setattr(dask_cluster, "PATIENCE", 0.5)
     status, _, errors = run(
         "monte-carlo", "rest", "3rrr", "--count", 2, "--cluster", "tcp://127.0.0.1:9"
     )

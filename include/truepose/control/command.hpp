@@ -2,23 +2,13 @@
 #pragma once
 
 #include "truepose/full/kinematics.hpp"
+#include "truepose/kinematics/damping.hpp"
 
 namespace truepose {
 
 namespace command_detail {
 
-/// branch_lost where det J_x has not the sign that it has at home.
-template <Mobility K>
-inline Outcome same_mode(const Robot& robot, const Coordinates& x) {
-  Closure<K> closure;
-  Jacobians<K> jacobians;
-  Outcome outcome = ikm<K, false>(robot, to_pose<K>(x), closure);
-  if (outcome) outcome = jacobian<K>(closure, jacobians);
-  if (outcome && other_mode<K>(robot, jacobians)) outcome = {Status::branch_lost, -1};
-  return outcome;
-}
-
-/// The same of the rows of every rod by itself.
+/// branch_lost where the rows of every rod have a determinant of another sign than at home.
 template <Mobility K>
 inline Outcome same_full_mode(const Robot& robot, const Coordinates& x) {
   FullClosure<K> closure;
@@ -40,13 +30,30 @@ inline Outcome same_full_mode(const Robot& robot, const Coordinates& x) {
 /// also on those that the robot could only reach through a singular pose, where its motors no
 /// longer hold it: they are refused (other_mode).
 ///
+/// @param conditioning  out unless null: the least of Conditioning's
 /// @return branch_lost: in another assembly mode; singular: between two; joint_limit and
 /// unreachable as of ikm
-inline Outcome command(const Robot& robot, const Coordinates& x, Joint& q) {
-  const Outcome outcome = ikm(robot, x, q);
+template <Mobility K>
+TRUEPOSE_FLATTEN inline Outcome command(const Robot& robot, const Pose& pose, Joint& q,
+                                        Real* conditioning = nullptr) {
+  Closure<K> closure;
+  Outcome outcome = ikm<K>(robot, pose, closure);
   if (!outcome) return outcome;
+  q = closure.q();
+  outcome = within_limits<K>(robot, pose, q);
+  if (!outcome) return outcome;
+  const Conditioning<K> at(closure);
+  outcome = at.outcome();
+  if (outcome && other_mode(robot.assembly_sign, [&] { return at.sign(); }))
+    outcome = {Status::branch_lost, -1};
+  if (outcome && conditioning) *conditioning = at.least();
+  return outcome;
+}
+
+/// The same for coordinates x of any mobility.
+inline Outcome command(const Robot& robot, const Coordinates& x, Joint& q) {
   return with_mobility(robot.mobility, [&](auto mobility) {
-    return command_detail::same_mode<mobility()>(robot, x);
+    return command<mobility()>(robot, to_pose<mobility()>(x), q);
   });
 }
 

@@ -115,9 +115,206 @@ inline Real led_out(Real leaving, Real whole) {
   return u * u * (3 - 2 * u);
 }
 
-/// One cycle. Bounded work, no allocation, no exception, no lock. Where the law has changed since
-/// the last one, or the readings were replaced, the error keeps its value and its rate: the
-/// difference is led out.
+/// The steps of one cycle, in their order: correct, measure, blend, follow, drive.
+template <Mobility K>
+class ControlCycle {
+ public:
+  static constexpr int n = kDof<K>;
+
+  /// What the controller remembers if every step has an answer.
+  ControlState next;
+
+  ControlCycle(const Robot& robot, const ControlSettings& settings, const Setpoint& setpoint,
+               const Extended& q_e, const ControlState& state)
+      : next(state),
+        robot_(robot),
+        settings_(settings),
+        setpoint_(setpoint),
+        q_e_(q_e),
+        state_(state),
+        corrects_(properties(settings.law).corrects) {}
+
+  /// A law needs the readings that it uses: usual control goes on without sensors.
+  bool finite() const {
+    return all_finite(q_e_, readings()) && all_finite(setpoint_.x, n) &&
+           all_finite(setpoint_.rate, n) && all_finite(setpoint_.acceleration, n);
+  }
+
+  /// ê_q of the law, and J, TEJ at x_d.
+  Outcome correct(const Weighing& weighing) {
+    const Outcome regular = refer<K>(robot_, settings_.law, setpoint_.x, reference_,
+                                     settings_.damped_below, weighing, &next.nearby);
+    next.error = {};
+    Outcome outcome = regular;
+    if (outcome)
+      outcome = motor_error<K>(robot_, settings_.law, reference_, q_e_, next.error, found_,
+                               weighing, next.nearby);
+    return outcome ? regular : outcome;
+  }
+
+  /// What the tracking loops follow. The rate of ê_q is the law's own map of the rates of the
+  /// errors that it is made of: of the motors, of all readings, or of the estimated pose (so that
+  /// θ is damped by its own, finer counts). A TEJ moves with x_d; that term is of second order in
+  /// the error and is left out.
+  void measure() {
+    std::copy_n(q_e_.begin(), readings(), measured_.begin());
+    joint_rate_ = reference_.jacobians.joint_rate(setpoint_.rate);
+    if (!posed()) return;
+    const Coordinates x = to_coordinates<K>(found_);
+    std::copy_n(x.begin(), n, measured_.begin());
+  }
+
+  /// Where law or readings were switched, the error keeps its value and its rate; the difference
+  /// is led out.
+  void blend() {
+    if (!state_.started || switches()) next.position = measured_;
+    if (switches()) {
+      next.rate = in_terms_of<K>(corrects_, state_.error_rate, reference_, robot_.r);
+      for (int i = 0; i < n; ++i) next.held[i] = state_.error[i] - next.error[i];
+      next.leaving = settings_.lead_out;
+    }
+    const Real share = led_out(next.leaving, settings_.lead_out);
+    next.leaving = std::max(0.0, next.leaving - settings_.period);
+    for (int i = 0; i < n; ++i) next.error[i] += share * next.held[i];
+  }
+
+  /// Rates of the errors by their tracking loops, and of ê_q by the law.
+  void follow() {
+    const Pose from = to_tangent();
+    const Real pole = std::exp(-settings_.velocity_bandwidth * settings_.period);
+    // Switched on, a robot counts as following until its readings say otherwise.
+    const Real half = state_.started ? 0.5 : 0;
+    const int tracked = corrects_ == Corrects::readings ? n + robot_.r : n;
+    Coordinates twist{};  // of x_d against x̂
+    next.error_rate = {};
+    for (int c = 0; c < tracked; ++c) {
+      const Real rate = desired_rate(c);
+      const Real expected = half * ((switches() ? rate : next.desired[c]) + rate);
+      if (switches())
+        next.position[c] = measured_[c] - settings_.period * (expected - next.rate[c]);
+      track(settings_, pole, measured_[c], expected, next.position[c], next.rate[c]);
+      next.desired[c] = rate;
+      if (corrects_ == Corrects::readings)
+        for (int i = 0; i < n; ++i) next.error_rate[i] += reference_.tej[i][c] * next.rate[c];
+      else if (posed())
+        twist[c] = next.rate[c];
+      else
+        next.error_rate[c] = next.rate[c];
+    }
+    if (posed()) next.error_rate = reference_.jacobians.joint_rate(twist);
+    from_tangent(from);
+    for (int c = 0; c < tracked; ++c)
+      sum_ += std::fabs(next.position[c]) + std::fabs(next.rate[c]) + std::fabs(next.desired[c]);
+  }
+
+  /// Torques of model, integrals and gains, limited.
+  ///
+  /// A motor's inertia, and how it pulls at the others, change with the pose: gains of the diagonal
+  /// at one pose place their poles there, if at all. With τ = slope Jᵀ (M (ẍ_d + J a) + c) and
+  /// a = kp ê_q + kd dê_q/dt, the model leaves d²ê_q/dt² = -a: each component by itself,
+  /// everywhere.
+  Outcome drive() {
+    for (int i = 0; i < n && state_.braked; ++i)  // nor do the others allow for what it does not do
+      if (braked(i)) next.error[i] = next.error_rate[i] = next.integral[i] = 0;
+    Joint pd{}, steps{}, torque{};  // of the gains; of the integrals; of the model
+    for (int i = 0; i < n; ++i) {
+      pd[i] = settings_.kp[i] * next.error[i] + settings_.kd[i] * next.error_rate[i];
+      steps[i] = settings_.ki[i] * settings_.period * next.error[i];
+    }
+    const bool shaped = settings_.gains == Gains::inertia;
+    if (shaped || settings_.feed_forward != FeedForward::none) {
+      DynamicModel<K> model;
+      const auto& J = reference_.jacobians.J;
+      const bool full = settings_.feed_forward == FeedForward::full;
+      const Outcome outcome = dynamic_model<K>(robot_, reference_.closure,
+                                               full ? setpoint_.rate : Coordinates{}, model);
+      if (!outcome) return outcome;
+      if (settings_.feed_forward == FeedForward::none) model.bias.fill(0);
+      torque = inverse_dynamics<K>(model, J, full ? setpoint_.acceleration : Coordinates{});
+      if (shaped) {
+        model.bias.fill(0);
+        pd = inverse_dynamics<K>(model, J, pose_rate<K>(J, pd));
+        steps = inverse_dynamics<K>(model, J, pose_rate<K>(J, steps));
+      }
+    }
+    for (int i = 0; i < n && state_.braked; ++i)
+      if (braked(i)) pd[i] = steps[i] = 0;
+    for (int i = 0; i < n; ++i) limit(i, torque[i], pd[i], steps[i]);
+    // One NaN in what is remembered would fail every later cycle, and what overflows then as well.
+    if (!(sum_ < by_precision(1e100L, 1e30L))) return {Status::not_finite, -1};
+    for (int i = 0; i < n; ++i) next.q_d[i] = reference_.q_e[i] + settings_.period * joint_rate_[i];
+    next.started = true;
+    next.switched = false;
+    next.law = settings_.law;
+    return {};
+  }
+
+ private:
+  bool posed() const { return corrects_ == Corrects::pose; }
+  bool switches() const {
+    return state_.started && (state_.switched || state_.law != settings_.law);
+  }
+  bool braked(int i) const { return state_.braked >> i & 1U; }
+  int readings() const { return corrects_ == Corrects::motors ? n : n + robot_.r; }
+
+  Real desired_rate(int c) const {
+    if (c < n) return posed() ? setpoint_.rate[c] : joint_rate_[c];
+    Real rate = 0;
+    for (int j = 0; j < n; ++j) rate += reference_.jr[c - n][j] * setpoint_.rate[j];
+    return rate;
+  }
+
+  /// Rotation vectors do not add: x̂ is tracked in the tangent space at its last pose.
+  Pose to_tangent() {
+    Pose from;
+    if constexpr (K == Mobility::spatial)
+      if (posed()) {
+        Coordinates last{};
+        std::copy_n(next.position.begin(), n, last.begin());
+        from = to_pose<K>(last);
+        const Coordinates step = difference<K>(found_, from);
+        std::copy_n(step.begin(), n, measured_.begin());
+        next.position.fill(0);
+      }
+    return from;
+  }
+  void from_tangent([[maybe_unused]] const Pose& from) {
+    if constexpr (K == Mobility::spatial)
+      if (posed()) {
+        Coordinates step{};
+        std::copy_n(next.position.begin(), n, step.begin());
+        const Coordinates x = to_coordinates<K>(moved<K>(from, step));
+        std::copy_n(x.begin(), n, next.position.begin());
+      }
+  }
+
+  /// @param step  of the integral: none while it would push a saturated motor further
+  void limit(int i, Real model, Real pd, Real step) {
+    const Real most = robot_.chain[i].torque_limit;
+    next.load[i] = model + next.integral[i];
+    const Real wanted = next.load[i] + pd;
+    const bool pushes = most > 0 && std::fabs(wanted) > most && wanted * step > 0;
+    if (!pushes) next.integral[i] += step;
+    // Before the limit and the brakes, which hide what is infinite.
+    sum_ +=
+        std::fabs(wanted) + std::fabs(step) + std::fabs(next.held[i]) + std::fabs(joint_rate_[i]);
+    next.torque[i] = limited(robot_.chain[i], wanted + (pushes ? 0 : step));
+  }
+
+  const Robot& robot_;
+  const ControlSettings& settings_;
+  const Setpoint& setpoint_;
+  const Extended& q_e_;
+  const ControlState& state_;
+  const Corrects corrects_;
+  Reference<K> reference_;
+  Pose found_;           ///< x̂, of laws of the pose
+  Extended measured_{};  ///< readings, or x̂
+  Joint joint_rate_{};   ///< of q_d
+  Real sum_ = 0;         ///< of all that is remembered
+};
+
+/// One cycle. Bounded work, no allocation, no exception, no lock.
 ///
 /// @param q_e       readings of motors and sensors, size n + r
 /// @param state     in and out; state.torque is the command
@@ -127,155 +324,18 @@ inline Real led_out(Real leaving, Real whole) {
 template <Mobility K>
 Outcome control(const Robot& robot, const ControlSettings& settings, const Setpoint& setpoint,
                 const Extended& q_e, ControlState& state, const Weighing& known = {}) {
-  constexpr int n = kDof<K>;
   if (!robot.finished) return {Status::unfinished, -1};
-  // A law asks for the readings that it uses: usual control goes on without sensors.
-  const Corrects corrects = properties(settings.law).corrects;
-  const int asked = corrects == Corrects::motors ? n : n + robot.r;
-  if (!all_finite(q_e, asked) || !all_finite(setpoint.x, n) || !all_finite(setpoint.rate, n) ||
-      !all_finite(setpoint.acceleration, n))
-    return {Status::not_finite, -1};
+  ControlCycle<K> cycle(robot, settings, setpoint, q_e, state);
+  if (!cycle.finite()) return {Status::not_finite, -1};
   const Scaled scaled(known, settings.sigma_scale);
-  const Weighing& weighing = scaled.weighing;
-  Reference<K> reference;
-  Parasitic nearby = state.nearby;
-  Outcome outcome = refer<K>(robot, settings.law, setpoint.x, reference, settings.damped_below,
-                             weighing, &nearby);
-  const Outcome regular = outcome;
-  Joint error{}, error_rate{}, torque{};
-  Pose found;
-  if (outcome)
-    outcome = motor_error<K>(robot, settings.law, reference, q_e, error, found, weighing, nearby);
+  const Outcome regular = cycle.correct(scaled.weighing);
+  if (!regular) return regular;
+  cycle.measure();
+  cycle.blend();
+  cycle.follow();
+  const Outcome outcome = cycle.drive();
   if (!outcome) return outcome;
-
-  // The rate of ê_q is the law's own map of the rates of the errors that it is made of: of the
-  // motors, of all readings, or of the estimated pose (so that θ is damped by its own, finer
-  // counts). A TEJ moves with x_d; that term is of second order in the error and is left out.
-  const bool posed = corrects == Corrects::pose, extended = corrects == Corrects::readings;
-  const int tracked = extended ? n + robot.r : n;
-  Extended measured{};
-  std::copy_n(q_e.begin(), asked, measured.begin());
-  const Joint joint_rate = reference.jacobians.joint_rate(setpoint.rate);
-  const Real* desired = posed ? setpoint.rate.data() : joint_rate.data();
-  if (posed) {
-    const Coordinates x = to_coordinates<K>(found);
-    std::copy_n(x.begin(), n, measured.begin());
-  }
-  // What a cycle without an answer leaves as it was is only written at the end.
-  Extended position = state.position, rates = state.rate, passed = state.desired;
-  Joint integral = state.integral, held = state.held, load{};
-  Real leaving = state.leaving;
-  const bool switches = state.started && (state.switched || state.law != settings.law);
-  if (!state.started || switches) position = measured;
-  if (switches) {
-    rates = in_terms_of<K>(corrects, state.error_rate, reference, robot.r);
-    for (int i = 0; i < n; ++i) held[i] = state.error[i] - error[i];
-    leaving = settings.lead_out;
-  }
-  const Real share = led_out(leaving, settings.lead_out);
-  leaving = std::max(0.0, leaving - settings.period);
-  for (int i = 0; i < n; ++i) error[i] += share * held[i];
-  Coordinates twist{};  // of x_d against x̂
-  Pose from;
-  if constexpr (K == Mobility::spatial)
-    if (posed) {  // rotation vectors do not add: x̂ is tracked in the tangent space at its last pose
-      Coordinates last{};
-      std::copy_n(position.begin(), n, last.begin());
-      from = to_pose<K>(last);
-      const Coordinates step = difference<K>(found, from);
-      std::copy_n(step.begin(), n, measured.begin());
-      position.fill(0);
-    }
-  const Real pole = std::exp(-settings.velocity_bandwidth * settings.period);
-  // Switched on, a robot counts as following until its readings say otherwise.
-  const Real half = state.started ? 0.5 : 0;
-  for (int c = 0; c < tracked; ++c) {
-    Real rate = 0;
-    if (c < n)
-      rate = desired[c];
-    else
-      for (int j = 0; j < n; ++j) rate += reference.jr[c - n][j] * setpoint.rate[j];
-    const Real expected = half * ((switches ? rate : passed[c]) + rate);
-    if (switches) position[c] = measured[c] - settings.period * (expected - rates[c]);
-    track(settings, pole, measured[c], expected, position[c], rates[c]);
-    passed[c] = rate;
-    if (extended)
-      for (int i = 0; i < n; ++i) error_rate[i] += reference.tej[i][c] * rates[c];
-    else if (posed)
-      twist[c] = rates[c];
-    else
-      error_rate[c] = rates[c];
-  }
-  if (posed) error_rate = reference.jacobians.joint_rate(twist);
-  if constexpr (K == Mobility::spatial)
-    if (posed) {
-      Coordinates step{};
-      std::copy_n(position.begin(), n, step.begin());
-      const Coordinates x = to_coordinates<K>(moved<K>(from, step));
-      std::copy_n(x.begin(), n, position.begin());
-    }
-  // One NaN in what the state keeps would fail every later cycle, and what overflows then as well.
-  Real sum = 0;
-  for (int c = 0; c < tracked; ++c)
-    sum += std::fabs(position[c]) + std::fabs(rates[c]) + std::fabs(passed[c]);
-
-  const auto braked = [&](int i) { return state.braked >> i & 1U; };
-  Joint pd{}, steps{};                         // of the gains; of the integrals
-  for (int i = 0; i < n && state.braked; ++i)  // nor do the others allow for what it does not do
-    if (braked(i)) error[i] = error_rate[i] = integral[i] = 0;
-  for (int i = 0; i < n; ++i) {
-    pd[i] = settings.kp[i] * error[i] + settings.kd[i] * error_rate[i];
-    steps[i] = settings.ki[i] * settings.period * error[i];
-  }
-  // A motor's inertia, and how it pulls at the others, change with the pose: gains of the diagonal
-  // at one pose place their poles there, if at all. With τ = slope Jᵀ (M (ẍ_d + J a) + c) and
-  // a = kp ê_q + kd dê_q/dt, the model leaves d²ê_q/dt² = -a: each component by itself, everywhere.
-  const bool shaped = settings.gains == Gains::inertia;
-  if (shaped || settings.feed_forward != FeedForward::none) {
-    DynamicModel<K> model;
-    const auto& J = reference.jacobians.J;
-    const bool full = settings.feed_forward == FeedForward::full;
-    outcome =
-        dynamic_model<K>(robot, reference.closure, full ? setpoint.rate : Coordinates{}, model);
-    if (!outcome) return outcome;
-    if (settings.feed_forward == FeedForward::none) model.bias.fill(0);
-    torque = inverse_dynamics<K>(model, J, full ? setpoint.acceleration : Coordinates{});
-    if (shaped) {
-      model.bias.fill(0);
-      pd = inverse_dynamics<K>(model, J, pose_rate<K>(J, pd));
-      steps = inverse_dynamics<K>(model, J, pose_rate<K>(J, steps));
-    }
-  }
-  for (int i = 0; i < n && state.braked; ++i)
-    if (braked(i)) pd[i] = steps[i] = 0;
-  for (int i = 0; i < n; ++i) {
-    const Real limit = robot.chain[i].torque_limit;
-    const Real step = steps[i];
-    load[i] = torque[i] + integral[i];
-    const Real wanted = load[i] + pd[i];
-    const bool pushes = limit > 0 && std::fabs(wanted) > limit && wanted * step > 0;
-    if (!pushes) integral[i] += step;  // a saturated motor does not wind up
-    torque[i] = wanted + (pushes ? 0 : step);
-    // Before the limit and the brakes, which hide what is infinite.
-    sum += std::fabs(wanted) + std::fabs(step) + std::fabs(held[i]) + std::fabs(joint_rate[i]);
-    torque[i] = limited(robot.chain[i], torque[i]);
-  }
-  if (!(sum < by_precision(1e100L, 1e30L))) return {Status::not_finite, -1};
-  state.started = true;
-  state.switched = false;
-  state.law = settings.law;
-  state.position = position;
-  state.rate = rates;
-  state.desired = passed;
-  state.integral = integral;
-  state.held = held;
-  state.leaving = leaving;
-  state.torque = torque;
-  state.error = error;
-  state.error_rate = error_rate;
-  state.load = load;
-  state.nearby = nearby;
-  for (int i = 0; i < n; ++i) state.q_d[i] = reference.q_e[i] + settings.period * joint_rate[i];
+  state = cycle.next;
   return regular;
 }
 

@@ -19,46 +19,54 @@ class Conditioning {
  public:
   static constexpr int n = kDof<K>;
 
-  explicit Conditioning(const Closure<K>& closure) {
-    for (int i = 0; i < n; ++i) {
-      const ChainState& chain = closure.chain[i];
-      length_[i] = chain.v.norm();
-      const Vec3 along = chain.v / length_[i];
-      jx_row<K>(closure.carried, along, chain.lever, lines_[i]);
-      const Real dB2 = chain.dB.squaredNorm();
-      // A telescopic leg is always driven along itself.
-      speed_[i] = dB2 > 0 ? std::sqrt(dB2) : std::fabs(chain.rate);
-    }
-    unit_ =
-        column_sizes<K>(closure.carried, Lanes<n>::Ones(),
-                        points<n>([&](int i) -> const Vec3& { return closure.chain[i].lever; }));
-    for (Real& unit : unit_) unit = std::sqrt(unit);
-    for (auto& row : lines_)
-      for (int j = 0; j < n; ++j) {
-        row[j] /= unit_[j];
-        square_ += row[j] * row[j];
-      }
+  TRUEPOSE_FLATTEN explicit Conditioning(const Closure<K>& closure) {
+    const auto& chain = closure.chain;
+    const Points<n> v = points<n>([&](int i) -> const Vec3& { return chain[i].v; });
+    const Points<n> lever = points<n>([&](int i) -> const Vec3& { return chain[i].lever; });
+    length_ = v.squared_norm().sqrt();
+    const Lanes<n> per_length = 1 / length_;
+    const Points<n> along{v.px * per_length, v.py * per_length, v.pz * per_length};
+    jx_row<K>(closure.carried, along, lever, columns_);
+    unit_ = column_sizes<K>(closure.carried, Lanes<n>::Ones(), lever);
     ones_.fill(1);
-    const NormalEquations<n> equations(lines_, ones_);
-    Real inverse2 = 0;  // |lines⁻¹|²
-    for (int j = 0; j < n; ++j)
-      for (const Real entry : equations.column(j, 1)) inverse2 += entry * entry;
-    parallel_ = equations.regular() ? n / std::sqrt(square_ * inverse2) : 0;
-    for (int i = 0; i < n; ++i)
-      serial_[i] = std::fabs(closure.chain[i].jq) / (length_[i] * speed_[i]);
+    for (int j = 0; j < n; ++j) {
+      unit_[j] = std::sqrt(unit_[j]);
+      columns_[j] *= 1 / unit_[j];
+      square_ += columns_[j].square().sum();
+    }
+    Matrix<n, n> inverse;
+    regular_ = invert<n>(columns_, ones_, Lanes<n>::Ones(), 0, inverse, &sign_);
+    Lanes<n> inverse2 = Lanes<n>::Zero();
+    for (const auto& row : inverse) inverse2 += Eigen::Map<const Lanes<n>>(row.data()).square();
+    parallel_ = regular_ ? n / std::sqrt(square_ * inverse2.sum()) : 0;
+    // A telescopic leg is always driven along itself.
+    const Lanes<n> dB =
+        points<n>([&](int i) -> const Vec3& { return chain[i].dB; }).squared_norm().sqrt();
+    speed_ = (dB > 0).select(dB, lanes<n>([&](int i) { return std::fabs(chain[i].rate); }));
+    serial_ = lanes<n>([&](int i) { return std::fabs(chain[i].jq); }) / (length_ * speed_);
   }
 
   /// Type 2: inverse condition number n / (|A| |A⁻¹|), Frobenius norms, in [0, 1], of the rods'
   /// unit lines A, their columns in units of column_sizes. 1: isotropic. 0: the motors do not hold
-  /// the nacelle.
+  /// the platform.
   Real parallel() const { return parallel_; }
   /// Type 1: how much of the motion of B_i, 0 to 1, goes along rod i. 0: arm and rod in one line.
   Real serial(int i) const { return serial_[i]; }
+  /// The smallest of them all.
+  Real least() const { return -largest<n>(-serial_.min(parallel_)); }
+  /// As jacobian() would end, and the sign of det J_x.
+  Outcome outcome() const {
+    for (int i = 0; i < n; ++i)
+      if (!(serial_[i] * serial_[i] > kSingular)) return {Status::singular, i};
+    return {regular_ ? Status::ok : Status::singular, -1};
+  }
+  int sign() const { return sign_; }
 
   /// J = A⁺ J_q with A⁺ = (AᵀA + λ² |A|²/n²)⁻¹ Aᵀ, units put back.
   bool damped(const Closure<K>& closure, Real band, Matrix<kDof<K>, kDof<K>>& J) const {
     const Real part = damping(parallel_, band) * square_ / (n * n);
-    const NormalEquations<n> equations(lines_, ones_, part);
+    const Matrix<n, n> lines = rows_of<n>(columns_);
+    const NormalEquations<n> equations(lines, ones_, part);
     for (int j = 0; j < n; ++j) {
       const std::array<Real, n> column = equations.column(j, closure.chain[j].jq / length_[j]);
       for (int i = 0; i < n; ++i) J[i][j] = column[i] / unit_[i];
@@ -74,9 +82,12 @@ class Conditioning {
   }
 
  private:
-  Matrix<kDof<K>, kDof<K>> lines_;
-  std::array<Real, kDof<K>> unit_, ones_, length_, speed_, serial_;
+  std::array<Lanes<n>, n> columns_;  ///< A
+  std::array<Real, n> unit_, ones_;
+  Lanes<n> length_, speed_, serial_;
   Real square_ = 0, parallel_;  // |A|²
+  int sign_ = 0;
+  bool regular_;
 };
 
 /// J_x, J_q and J, damped where a conditioning lies below `band` (0: nowhere, as the paper has it).

@@ -72,6 +72,7 @@ template <Mobility K>
 struct Jacobians {
   Matrix<kDof<K>, kDof<K>> jx, J;
   std::array<Real, kDof<K>> jq;
+  int sign = 0;  ///< of det J_x: poses of the same motors and another sign are other assembly modes
 
   /// q̇ = J⁻¹ ẋ = J_q⁻¹ J_x ẋ, without inverting J.
   Joint joint_rate(const Coordinates& rate) const {
@@ -105,7 +106,8 @@ TRUEPOSE_FLATTEN inline Outcome jacobian(const Closure<K>& closure, Jacobians<K>
   jx_row<K>(closure.carried, v, lever, columns);
   jacobians.jx = rows_of<n>(columns);
   const auto sizes = column_sizes<K>(closure.carried, v2, lever);
-  return {invert<n>(columns, sizes, jq, 0, jacobians.J) ? Status::ok : Status::singular, -1};
+  const bool regular = invert<n>(columns, sizes, jq, 0, jacobians.J, &jacobians.sign);
+  return {regular ? Status::ok : Status::singular, -1};
 }
 
 /// J(x), n×n, ẋ = J q̇; ẋ is a twist (its free columns), base frame.
@@ -128,12 +130,6 @@ inline Outcome jacobian(const Robot& robot, const Coordinates& x, JointMatrix& J
   });
 }
 
-/// Sign of det J_x: two poses with the same motors and another sign are other assembly modes.
-template <Mobility K>
-inline int assembly_sign(const Jacobians<K>& jacobians) {
-  return determinant_sign<kDof<K>>(jacobians.jx);
-}
-
 /// Whether a determinant has another sign than at home, hence belongs to another assembly mode, for
 /// certain. The same sign does not show that the way there is free: a robot may have two regions of
 /// one sign.
@@ -145,7 +141,7 @@ inline bool other_mode(int home, Sign&& sign) {
 }
 template <Mobility K>
 inline bool other_mode(const Robot& robot, const Jacobians<K>& jacobians) {
-  return other_mode(robot.assembly_sign, [&] { return assembly_sign<K>(jacobians); });
+  return other_mode(robot.assembly_sign, [&] { return jacobians.sign; });
 }
 
 /// Checks a robot's counts, indices and enums, and fills what it derives from its own data
@@ -181,7 +177,7 @@ inline Outcome finish(Robot& robot) {
     Outcome outcome = ikm<K>(robot, to_pose<K>(robot.home), closure);
     Jacobians<K> jacobians;
     if (outcome) outcome = jacobian<K>(closure, jacobians);
-    robot.assembly_sign = outcome ? assembly_sign<K>(jacobians) : 0;
+    robot.assembly_sign = outcome ? jacobians.sign : 0;
     return outcome ? within_limits<K>(robot, closure.pose, closure.q()) : outcome;
   });
 }

@@ -122,14 +122,16 @@ TRUEPOSE_RARE bool invert_by_normal_equations(const std::array<Lanes<N>, N>& col
 /// size[j] is what |column j|² would be if nothing in it cancelled: it gives the unit in which
 /// singularity is judged, so that neither metres nor radians matter.
 /// damping > 0: Levenberg's (AᵀA + damping · diag(size))⁻¹Aᵀ in the place of A⁻¹.
+/// @param sign  out unless null: sign of det A, -1, 0 or 1
 /// @return whether A has full rank
 template <int N>
 inline bool invert(const std::array<Lanes<N>, N>& columns, const std::array<Real, N>& size,
-                   const Lanes<N>& scale, Real damping, Matrix<N, N>& rows) {
+                   const Lanes<N>& scale, Real damping, Matrix<N, N>& rows, int* sign = nullptr) {
   if constexpr (N <= 4) {
     if (!(damping > 0)) {
       Matrix<N, N> b;
       const Real determinant = adjugate<N>(rows_of<N>(columns), b);
+      if (sign) *sign = (determinant > 0) - (determinant < 0);
       const Real per_determinant = 1 / determinant;
       for (int i = 0; i < N; ++i)
         for (int j = 0; j < N; ++j) rows[i][j] = b[i][j] * (per_determinant * scale[j]);
@@ -140,9 +142,11 @@ inline bool invert(const std::array<Lanes<N>, N>& columns, const std::array<Real
   } else if (!(damping > 0)) {
     const Triples triples = invert_by_triples(columns, size[0] / N, scale, rows);
     const Real lever2 = size[3] / size[0];
+    if (triples.independent && sign) *sign = (triples.determinant > 0) - (triples.determinant < 0);
     if (triples.independent)
       return triples.difference * triples.difference > kSingular * lever2 * lever2 * lever2;
   }
+  if (sign) *sign = determinant_sign<N>(rows_of<N>(columns));
   return invert_by_normal_equations<N>(columns, size, scale, damping, rows);
 }
 

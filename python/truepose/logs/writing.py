@@ -146,4 +146,4 @@ def _csv(path: Path, listed: list[Column]) -> bytes:
 def _writers() -> dict[str, Callable[[Path, list[Column]], bytes]]:
     """Return what writes each ending: two of our own, and those of integrations."""
     formats = plugins("log_formats").items()
-    return {".parquet": _parquet, ".csv": _csv} | {e: each.load().write for e, each in formats}
+    return {".csv": _csv, ".parquet": _parquet} | {e: each.load().write for e, each in formats}

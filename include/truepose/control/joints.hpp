@@ -1,0 +1,92 @@
+// Joint states from motor states, and motor commands from joint commands, of a platform on passive
+// axes.
+//
+// x = FKM(q), ẋ = J q̇, joint torque J⁻ᵀτ; back q = IKM(x), q̇ = J⁻¹ẋ, motor torque Jᵀτ: torque times
+// rate is the same on both sides. Of another mobility a joint is a free coordinate of the pose.
+#pragma once
+
+#include "truepose/control/command.hpp"
+#include "truepose/kinematics/fkm.hpp"
+
+namespace truepose {
+
+/// Of motors or of joints: rad or m, per s, N·m or N.
+struct AxisState {
+  Coordinates position{}, velocity{}, torque{};
+};
+/// What a drive is given: torque + kp (position - measured) + kd (velocity - measured).
+struct AxisCommand {
+  AxisState state;
+  Coordinates kp{}, kd{};
+};
+
+/// @param joints  in: near which position; out
+/// @return as fkm() and jacobian()
+inline Outcome joint_state(const Robot& robot, const AxisState& motors, int cap,
+                           AxisState& joints) {
+  Coordinates x = joints.position;
+  const FkmResult found = fkm(robot, motors.position, x, cap);
+  if (!found) return {found.status, found.chain};
+  return with_mobility(robot.mobility, [&](auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr int n = kDof<K>;
+    if (!all_finite(motors.velocity, n) || !all_finite(motors.torque, n))
+      return Outcome{Status::not_finite, -1};
+    Closure<K> closure;
+    Jacobians<K> at;
+    Outcome outcome = ikm<K, false>(robot, to_pose<K>(x), closure);
+    if (outcome) outcome = jacobian<K>(closure, at);
+    if (!outcome) return outcome;
+    joints = {x, {}, {}};
+    for (int i = 0; i < n; ++i)
+      for (int j = 0; j < n; ++j) {
+        joints.velocity[i] += at.J[i][j] * motors.velocity[j];
+        joints.torque[i] += at.jx[j][i] / at.jq[j] * motors.torque[j];
+      }
+    return outcome;
+  });
+}
+
+/// Motor commands whose drives together act on the joints as the joint command says: exactly where
+/// motors and joints are now, and near it by the diagonals of Jᵀ diag(kp) J and Jᵀ diag(kd) J.
+/// @param motors, joints  as of joint_state()
+/// @return as command() of the joint command's position
+inline Outcome motor_command(const Robot& robot, const AxisState& motors, const AxisState& joints,
+                             const AxisCommand& wanted, AxisCommand& given) {
+  return with_mobility(robot.mobility, [&](auto mobility) {
+    constexpr Mobility K = mobility();
+    constexpr int n = kDof<K>;
+    for (const Coordinates* values :
+         {&wanted.state.position, &wanted.state.velocity, &wanted.state.torque, &wanted.kp,
+          &wanted.kd, &motors.position, &motors.velocity, &joints.position, &joints.velocity})
+      if (!all_finite(*values, n)) return Outcome{Status::not_finite, -1};
+    const Pose desired = to_pose<K>(wanted.state.position), now = to_pose<K>(joints.position);
+    Closure<K> closure;
+    Jacobians<K> at;
+    AxisCommand result;
+    Outcome outcome = command<K>(robot, desired, result.state.position);
+    if (outcome) outcome = ikm<K, false>(robot, desired, closure);
+    if (outcome) outcome = jacobian<K>(closure, at);
+    if (outcome) result.state.velocity = at.joint_rate(wanted.state.velocity);
+    if (outcome) outcome = ikm<K, false>(robot, now, closure);
+    if (outcome) outcome = jacobian<K>(closure, at);
+    if (!outcome) return outcome;
+    const Coordinates away = difference<K>(desired, now);
+    for (int j = 0; j < n; ++j) {
+      for (int i = 0; i < n; ++i) {
+        const Real J = at.J[i][j];
+        result.kp[j] += J * J * wanted.kp[i];
+        result.kd[j] += J * J * wanted.kd[i];
+        result.state.torque[j] +=
+            J * (wanted.state.torque[i] + wanted.kp[i] * away[i] +
+                 wanted.kd[i] * (wanted.state.velocity[i] - joints.velocity[i]));
+      }
+      result.state.torque[j] -= result.kp[j] * (result.state.position[j] - motors.position[j]) +
+                                result.kd[j] * (result.state.velocity[j] - motors.velocity[j]);
+    }
+    given = result;
+    return outcome;
+  });
+}
+
+}  // namespace truepose
