@@ -157,15 +157,10 @@ def _touched(log: Log) -> list[tuple[str, str, Array]]:
 
 
 def read(path: Path, log: Log, sigma: float = SIGMA) -> tuple[Distance, ...]:
-    """Read a file of distances: columns from, to, distance (m), and if need be sigma and times.
+    """Read a file of distances: columns from, to, distance (m), and optionally sigma and times.
 
     Ends are names of the log's column `point`, on its first line; without that column, lines of
-    the log's file.
-
-    Raises
-    ------
-    InputError
-        One line names the file, the line, the column and the cell.
+    the log's file. An InputError names the file, the line, the column and the cell.
     """
     cells, lines = logs.texts(path, ("from", "to", "distance"))
     count = len(lines)

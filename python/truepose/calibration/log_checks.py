@@ -12,13 +12,7 @@ from truepose import logs
 from truepose.arguments import Array
 from truepose.calibration import log_faults
 from truepose.calibration.expectation import Expectation, expect, poses_of
-from truepose.calibration.log_faults import (
-    APART,
-    CENTIMETRES,
-    DEGREES,
-    MILLIMETRES,
-    apart,
-)
+from truepose.calibration.log_faults import APART, CENTIMETRES, DEGREES, MILLIMETRES, apart
 from truepose.logs import Log
 from truepose.robot import knowledge
 from truepose.robot.robot import Robot
@@ -36,33 +30,19 @@ class Finding(NamedTuple):
 
 
 def check(robot: Robot, log: Log, differences: int = 0) -> tuple[Log, list[Finding]]:
-    """Look over a log before anything is fitted to it.
+    """Check a log before a fit; `differences` is the number measured between its lines.
 
-    Parameters
-    ----------
-    robot : Robot
-    log : Log
-    differences : int
-        How many were measured between its lines.
-
-    Returns
-    -------
-    log : Log
-        Without the readings of a sensor that hung for a while, and those that are there twice.
-    findings : list of Finding
-        Units, signs, swapped columns and stuck sensors are refused, not mended.
+    Return the log without the readings of a sensor that was stuck for a while, and without repeated
+    ones, and what was found. Units, signs, swapped columns and stuck sensors are refused.
 
     Examples
     --------
-    >>> import numpy as np, truepose as tp
-    >>> from truepose import logs
-    >>> from truepose.paper import article
+    >>> import truepose as tp
     >>> h4 = tp.load("h4")
-    >>> table = dict(zip(h4.readings, h4.expected().extended_positions(article.table2()).T))
+    >>> table = dict(zip(h4.readings, h4.read(np.linspace(h4.home, [0.1, 0.1, -0.4, 0.5], 20)).T))
     >>> table["theta"] = np.degrees(table["theta"])
-    >>> for finding in check(h4, logs.of(h4, table))[1]:
-    ...     print(finding.text)
-    theta: in degrees, must be rad
+    >>> [finding.text for finding in check(h4, logs.of(h4, table))[1] if finding.refused]
+    ['theta: in degrees, must be rad']
     """
     model = robot.expected()
     findings = [*_cells(robot, log)]

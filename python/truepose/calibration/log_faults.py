@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.calibration.departure import chi2_quantile
 from truepose.calibration.expectation import Expectation, expect, poses_of
 from truepose.calibration.fit import Calibration
 from truepose.calibration.fitting import fit_to
@@ -72,20 +71,17 @@ def apart(seen: Expectation) -> Array:
 
 
 def named(robot: Robot, log: Log) -> list[str] | None:
-    """Which mistakes with the columns explain a log of a robot with its expected geometry.
+    """Mistakes with the columns that explain a log of a robot with its expected geometry.
 
-    Returns
-    -------
-    list of str, or None
-        None: nothing is wrong. Empty: none of those that have a name. Several: as good as each
-        other, those of the fewest columns first.
+    None: nothing is wrong. Empty: none that has a name. Several: equally good, those of the fewest
+    columns first.
     """
     log = few(robot, log)
     redundant = bool(np.isfinite(log.readings[:, robot.n :]).any() or log.measured is not None)
     own = math.inf
     if agree(robot, log.readings):
         fit = _fit(robot, log, log.readings) if redundant else None
-        if not redundant or (fit is not None and not _misfit(fit) > MISFIT):
+        if not redundant or (fit is not None and not fit.disagreement(fit.redundancy > 0) > MISFIT):
             return None
         own = _cost(fit)
     tried = [m for m in mistakes(robot, log) if agree(robot, m.undo(log.readings))]
@@ -139,13 +135,6 @@ def _cost(fit: Calibration | None) -> float:
     """What a fitted geometry is left with, lines left out taken for average ones."""
     good = 0 if fit is None else int((fit.status == "ok").sum())
     return fit.cost * len(fit.status) / good if fit and good else math.inf
-
-
-def _misfit(fit: Calibration) -> float:
-    """How many times their noise the readings disagree (median)."""
-    counted = fit.redundancy > 0
-    usual = chi2_quantile(0.5, fit.redundancy[counted])
-    return float(np.sqrt(np.median(fit.chi2[counted] / usual)))
 
 
 # --- mistakes -------------------------------------------------------------------------------------

@@ -14,11 +14,10 @@ from truepose import files, logs, robotfile
 from truepose.arguments import Level
 from truepose.calibration import log_checks, review
 from truepose.calibration.differences import measurements
-from truepose.calibration.fitting import Loss, ModelError
-from truepose.calibration.known_pose import known_poses
-from truepose.calibration.memory import MUCH, memory, much_memory
-from truepose.calibration.rehomed import rehomed
+from truepose.calibration.fitting import MUCH, Loss, ModelError, memory, much_memory
+from truepose.calibration.registration import known_poses
 from truepose.calibration.review import Assessment
+from truepose.calibration.zeroing import rehomed
 from truepose.commands.between import (
     Asked,
     DistancesFile,

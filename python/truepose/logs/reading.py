@@ -84,23 +84,12 @@ def is_table(value: object) -> bool:
 
 
 def of(robot: Robot, table: Any, where: str = "readings") -> Log:
-    """Take the columns of a robot and its sensors in use out of a table.
+    """Take the columns of a robot and its sensors in use out of a table, SI units.
 
-    Parameters
-    ----------
-    robot : Robot
-        With the sensors in use that were read.
-    table : dict of arrays, list of dicts, pandas, polars or pyarrow table, structured array
-        Columns q1 … qn, each sensor by its name, and measured_x … where something outside
-        measured a coordinate, measured_x_sigma … how well; plane and point, names of what the tool
-        touched;
-        of a robot whose file has compliances
-        load_x … and q1_tension …, N, empty where there was none, or it was not measured; SI units.
-
-    Raises
-    ------
-    InputError
-        A column is missing, or a cell is not a number; one line says which.
+    Columns q1 … qn, each sensor by its name; measured_x …, measured_x_sigma … where something
+    outside measured a coordinate; plane and point, names of what the tool touched; of a robot whose
+    file has compliances load_x … and q1_tension …, N, empty where there was none or it was not
+    measured. An InputError names the column that is missing, or the cell that is no number.
 
     Examples
     --------
@@ -157,13 +146,7 @@ def read(robot: Robot, path: str | Path) -> Log:
 
 
 def table(path: str | Path, names: Sequence[str]) -> tuple[Array, Array]:
-    """Read these columns of a CSV file of whatever machine: numbers (N, k), no cell empty; lines.
-
-    Raises
-    ------
-    InputError
-        One line names the file, the line, the column and the cell.
-    """
+    """Read columns of a CSV file of any machine: numbers (N, k), no cell empty, and their lines."""
     cells, lines = texts(path, names)
     where = str(path)
     columns = [_numbers(cells[n], n, lines, "line", where, empty=False) for n in names]

@@ -21,21 +21,8 @@ def flat(
 ) -> tuple[Array, Array]:
     """Fill in what stances measure: 0 of every axis that is not upright at zero, and its σ.
 
-    What was measured otherwise goes before. The lines of one stance are of one pose, which counts
-    once: in the first of them.
-
-    Parameters
-    ----------
-    robot : Robot
-        A pivot, whose base stood upright.
-    names : ndarray, shape (N,)
-        Of the stance of each line; "", 0, no, false: of none.
-    measured, sigma : ndarray, shape (N, n), or None
-        Angles from outside and their σ, rad; NaN where there are none.
-
-    Returns
-    -------
-    measured, sigma : ndarray, shape (N, n)
+    Only NaN of `measured` and `sigma`, (N, n) or None, are filled in. The lines of one stance are
+    of one pose, which counts once: in the first of them.
     """
     first = np.zeros(len(names), dtype=bool)
     first[np.unique(names.astype(str), return_index=True)[1]] = True

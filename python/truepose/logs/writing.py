@@ -22,15 +22,7 @@ from truepose.robot.robot import Robot
 
 
 def columns(run: Recorded, robot: Robot | None = None) -> list[Column]:
-    """Name, unit, description and values of everything in a run.
-
-    Parameters
-    ----------
-    run : Recorded
-        A :class:`truepose.simulation.Simulation`; the poses of an experiment, as measured; or as
-        the plant stood there (a Visit).
-    robot : Robot, optional
-        Of a Visit, which does not hold it.
+    """Name, unit, description and values of everything in a run; `robot`: of a Visit alone.
 
     Examples
     --------
@@ -49,11 +41,7 @@ def columns(run: Recorded, robot: Robot | None = None) -> list[Column]:
 
 
 def write(
-    run: Recorded,
-    path: str | Path,
-    robot: Robot | None = None,
-    *,
-    force: bool = False,
+    run: Recorded, path: str | Path, robot: Robot | None = None, *, force: bool = False
 ) -> None:
     """Write a run as its file's name ends: .parquet, .mcap or .csv.
 
@@ -87,17 +75,9 @@ def write(
 
 
 def check(path: str | Path, inputs: Iterable[str | Path] = (), force: bool = False) -> Output:
-    """Look whether a log may be written, best before any work is done for it.
+    """Check that a log may be written, best before any work is done for it.
 
-    Parameters
-    ----------
-    path, inputs, force
-        As of :func:`truepose.files.check`.
-
-    Raises
-    ------
-    InputError
-        An unknown ending, or a file that may not be written.
+    An InputError says that the ending is unknown, or why the file may not be written.
     """
     output = Output(Path(path), "log")
     checked([output], inputs, force)

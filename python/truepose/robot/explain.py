@@ -17,13 +17,7 @@ _HELD = 1e-6  # of the largest singular value; the core's own bound for a rank
 
 
 def at_home(robot: _core.Robot, spec: RobotFile, coordinates: list[str], failure: tuple) -> str:
-    """Say why the inverse model or the Jacobian at home fails, in one line.
-
-    Parameters
-    ----------
-    failure : (int, int)
-        Status and chain, as the core's `finish` returns them.
-    """
+    """Say why the inverse model or the Jacobian at home fails (status, chain), in one line."""
     status, chain = failure
     home = [*spec.home, *[0.0] * (6 - spec.n)]
     words = f"home = {list(spec.home)}: {_core.describe(status)}"

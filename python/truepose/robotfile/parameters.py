@@ -34,14 +34,7 @@ def parameter_names(
 ) -> list[str]:
     """Names of all geometric parameters, those of what is None (not known) included.
 
-    Parameters
-    ----------
-    sensors : sequence of (name, class)
-        The class as of :data:`~truepose.robotfile.sensors.SENSORS`.
-    stretches : bool
-        Whether compliances are among them: what the core's control path does not know.
-    axes : int
-        Passive axes of a pivot.
+    `stretches`: whether compliances are among them (the core's control path has none).
     """
     names = []
     for number, actuator in enumerate(actuators, 1):

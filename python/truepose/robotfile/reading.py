@@ -113,13 +113,7 @@ def path_of(robot: str) -> Path:
 
 
 def read(robot: str | Path) -> RobotFile:
-    """Read a shipped robot's name or a robot file's path.
-
-    Raises
-    ------
-    RobotFileError
-        One line: file, key, value, what it should be.
-    """
+    """Read a shipped robot's name or a robot file's path; one line says what is wrong."""
     files = loadable()
     if not isinstance(robot, (str, os.PathLike)) or not str(robot):
         raise RobotFileError(f"robot = {robot!r}: must be a shipped robot's name or a file's path")

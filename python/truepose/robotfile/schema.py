@@ -34,13 +34,7 @@ from truepose.robotfile.sensors import Sensor
 ANGLES = {"planar": 1, "schoenflies": 1, "spatial": 3, "pivot": 3}
 
 #: Degrees of freedom (= chains = motors) of each mobility; a pivot has as many as axes.
-FREEDOMS = {
-    "planar_translation": 2,
-    "planar": 3,
-    "translation": 3,
-    "schoenflies": 4,
-    "spatial": 6,
-}
+FREEDOMS = {"planar_translation": 2, "planar": 3, "translation": 3, "schoenflies": 4, "spatial": 6}
 
 
 def not_degrees(what: str, angles: float | Sequence[float]) -> None:

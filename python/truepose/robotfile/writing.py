@@ -41,14 +41,9 @@ def _keys(file: BinaryIO) -> set[str]:
 
 
 def to_toml(spec: RobotFile, values: dict[str, float]) -> str:
-    """Write a robot as a robot file's text.
+    """Write a robot as a robot file's text; order and comments of the file it came from are kept.
 
-    Parameters
-    ----------
-    spec : RobotFile
-        The robot. If it was read from a file, that file's order and comments are kept.
-    values : dict
-        Value of every parameter. Those that are not as drawn go into the table [parameters].
+    Parameters (`values`) that are not as drawn go into the table [parameters].
     """
     nominal = drawn(spec)
     document = tomlkit.parse(spec._text) if spec._text else _written_out(spec)
