@@ -165,7 +165,7 @@ def test_an_interrupted_calibration_leaves_the_old_files(run, log, tmp_path, mon
     def interrupted(path, text):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(files.writing.os, "replace", interrupted)
+    monkeypatch.setattr(files.os, "replace", interrupted)
     assert run("h4", log, "-o", "c.toml", "--force")[0] == 130
     assert (tmp_path / "c.toml").read_text(encoding="utf-8") == "old"
     assert sorted(p.name for p in tmp_path.iterdir()) == ["c.toml", "log.csv"]

@@ -231,7 +231,7 @@ def run(
         raise InputError("LOG: none; name a log of readings, --known-pose, or both")
     inputs = [robotfile.path_of(robot_file)]
     inputs += [path for path in (log_file, known_file, asked.distances) if path]
-    robot_out = robotfile.output(out, "-o", calibrated=True) if out else None
+    robot_out = robotfile.output(out, "-o") if out else None
     page_out = files.Output(report, "report", "--report") if report else None
     files.check(filter(None, (robot_out, page_out)), inputs, force)
     robot = load_with(robot_file, sensors)

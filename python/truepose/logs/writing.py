@@ -50,9 +50,9 @@ def write(
     run, robot
         As of :func:`columns`.
     path : str or Path
-        A log that truepose wrote before is replaced; an interrupted write leaves it as it was.
+        An interrupted write leaves a file that is there as it was.
     force : bool
-        Replace any other file, too; never what is read-only, or is no regular file.
+        Replace a file that is there; never what is read-only, or is no regular file.
 
     Raises
     ------

@@ -386,9 +386,9 @@ class Description:
         Parameters
         ----------
         path : str or Path
-            Where to write; a robot file that is there is replaced, any other file is not.
+            Where to write.
         force : bool
-            Replace any other file, too; never what is read-only, or is no regular file.
+            Replace a file that is there; never what is read-only, or is no regular file.
 
         Raises
         ------

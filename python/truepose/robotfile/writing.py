@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
-import tomllib
 from pathlib import Path
-from typing import BinaryIO
 
 import tomlkit
 
@@ -14,30 +11,10 @@ from truepose.robotfile.parameters import drawn
 from truepose.robotfile.reading import parse
 from truepose.robotfile.schema import CalibrationSection, RobotFile
 
-_LARGEST = 1 << 24  # bytes of a file that is looked at
 
-
-def output(path: str | Path, option: str = "", *, calibrated: bool = False) -> Output:
-    """Return a robot file to be written; its keys tell an earlier one, no mark.
-
-    Parameters
-    ----------
-    path : str or Path
-    option : str
-        By which it was asked for.
-    calibrated : bool
-        Whether it replaces calibrated robots alone.
-    """
-    kind, key = ("calibrated robot", "calibration") if calibrated else ("robot file", "mobility")
-    return Output(Path(path), kind, option, lambda file: key in _keys(file))
-
-
-def _keys(file: BinaryIO) -> set[str]:
-    """Keys of a robot file, which has a mobility or another robot's; of any other file none."""
-    with contextlib.suppress(ValueError, RecursionError):
-        keys = set(tomllib.loads(file.read(_LARGEST).decode()))
-        return keys | {"mobility"} if {"mobility", "based_on"} & keys else set()
-    return set()
+def output(path: str | Path, option: str = "") -> Output:
+    """Return a robot file to be written, and the option by which it was asked for."""
+    return Output(Path(path), "robot file", option)
 
 
 def to_toml(spec: RobotFile, values: dict[str, float]) -> str:
