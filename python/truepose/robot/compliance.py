@@ -24,6 +24,7 @@ from truepose.robot.batches import flattened, require_answers
 from truepose.robot.description import Description
 from truepose.robotfile.parameters import COMMON
 from truepose.robotfile.schema import Stretch
+from truepose.robotfile.to_core import padded
 
 #: Steps of a fixed point, each smaller by about the strain and how fast the tension changes.
 STEPS = 50
@@ -185,7 +186,7 @@ def under_load(
         *_core.under_load(
             robot.core,
             np.ascontiguousarray(x),
-            [*given.tolist(), *[0.0] * (6 - robot.n)],
+            padded(given),
             np.ascontiguousarray(beside + load),
             np.ascontiguousarray(measured),
             full,

@@ -10,6 +10,7 @@ from truepose import _core
 from truepose.arguments import Array
 from truepose.robot.passive import passive_axes
 from truepose.robotfile.schema import RobotFile
+from truepose.robotfile.to_core import padded
 
 #: Place of each coordinate in a twist [velocity; angular velocity].
 _TWIST = {"x": 0, "y": 1, "z": 2, "rx": 3, "ry": 4, "rz": 5, "theta": 5}
@@ -19,7 +20,7 @@ _HELD = 1e-6  # of the largest singular value; the core's own bound for a rank
 def at_home(robot: _core.Robot, spec: RobotFile, coordinates: list[str], failure: tuple) -> str:
     """Say why the inverse model or the Jacobian at home fails (status, chain), in one line."""
     status, chain = failure
-    home = [*spec.home, *[0.0] * (6 - spec.n)]
+    home = padded(spec.home)
     words = f"home = {list(spec.home)}: {_core.describe(status)}"
     words += f", chain {chain + 1}" if chain >= 0 else ""
     if status == _core.unreachable:

@@ -5,16 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.patches import Ellipse
-from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import Array, Errors, Level, fraction
 from truepose.exceptions import InputError, choose
 from truepose.robot import compliance, knowledge
-from truepose.robot.batches import flattened, require_answers
+from truepose.robot.batches import at_poses, flattened, require_answers
 from truepose.robot.kinematics import Kinematics
 from truepose.robot.laws import no_sensor, require_sensors
 
@@ -57,11 +54,9 @@ class Estimate(NamedTuple):
 
     def plot(self) -> Figure:
         """Draw the first two coordinates of every pose, with an ellipse of one σ about each."""
-        from truepose.robot.redundancy import draw
-
         n = self.x.shape[-1]
         x, P = self.x.reshape(-1, n)[:, :2], self.covariance.reshape(-1, n, n)[:, :2, :2]
-        return draw(x, P, angles=isinstance(self, Angles))
+        return _ellipses(x, P, angles=isinstance(self, Angles))
 
 
 class Angles(Estimate):
@@ -203,11 +198,8 @@ class Redundancy(Kinematics):
         True
         """
         fraction("damped_below", damped_below)
-        rows, lead = flattened(self, x, self.n, "x", errors)
-        M, M_plus, status, chain = _core.tej(self.core, rows, damped_below)
-        require_answers(self, "pose", rows, lead, status, chain, errors)
-        size = self.n + self.r
-        return M.reshape(*lead, size, self.n), M_plus.reshape(*lead, self.n, size)
+        M, M_plus = at_poses(self, x, errors, _core.tej, damped_below)
+        return M, M_plus
 
     def weighted_tej(self, x: ArrayLike, errors: Errors = "raise") -> Array:
         """Extended-to-joint matrix with the weights that the readings deserve, at x.
@@ -227,12 +219,12 @@ class Redundancy(Kinematics):
         >>> bool(np.allclose(robot.weighted_tej(x) @ M, np.eye(4), atol=1e-9))
         True
         """
-        rows, lead = flattened(self, x, self.n, "x", errors)
         believed, known = knowledge.for_law(self, "weighted")
-        full = believed.level == "full"
-        _, M_plus, status, chain = _core.gain(believed.core, known, rows, full)  # type: ignore[arg-type]
-        require_answers(self, "pose", rows, lead, status, chain, errors)
-        return M_plus.reshape(*lead, self.n, self.n + self.r)
+
+        def gain(core: _core.Robot, rows: Array) -> tuple:
+            return _core.gain(core, known, rows, believed.level == "full")  # type: ignore[arg-type]
+
+        return at_poses(self, x, errors, gain, core=believed.core)[1]
 
     def cross_sensitivity(
         self, x: ArrayLike, law: str, errors: Errors = "raise", *, sigma_scale: int = 1
@@ -272,22 +264,27 @@ class Redundancy(Kinematics):
         if law not in _core.laws:
             raise InputError(choose("law", law, _core.laws))
         require_sensors(self, law)
-        rows, lead = flattened(self, x, self.n, "x", errors)
         believed, known = knowledge.for_law(self, law, sigma_scale)
-        leak, status, chain = _core.leakage(believed.core, _core.laws[law].law, known, rows)
-        require_answers(self, "pose", rows, lead, status, chain, errors)
-        return leak.reshape(*lead, self.n, self.n + self.r)
+
+        def leakage(core: _core.Robot, rows: Array) -> tuple:
+            return _core.leakage(core, _core.laws[law].law, known, rows)
+
+        return at_poses(self, x, errors, leakage, core=believed.core)[0]
 
 
 _SHARE = 0.04  #: of the picture, that the largest ellipse takes at least: else they are magnified
 
 
-def draw(x: Array, P: Array, angles: bool = False) -> Figure:
+def _ellipses(x: Array, P: Array, angles: bool = False) -> Figure:
     """Draw N poses, (N, 2) in m or rad, and their covariances, (N, 2, 2); NaN is left out.
 
     The ellipses are magnified, by a power of ten that the title says, where they would not be seen.
     A single coordinate, (N, 1), is drawn over the poses' numbers.
     """
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Ellipse
+    from matplotlib.ticker import MaxNLocator
+
     good = np.isfinite(x).all(axis=1) & np.isfinite(P).all(axis=(1, 2))
     scale, unit = (np.degrees(1), "°") if angles else (1e3, "mm")
     names = ["first axis", "second axis"] if angles else ["x", "y"]

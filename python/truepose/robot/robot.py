@@ -14,9 +14,9 @@ from truepose import _core, robotfile
 from truepose.arguments import Array, check_seed
 from truepose.exceptions import InputError, RobotFileError
 from truepose.robot.batches import flattened
-from truepose.robot.description import Description
 from truepose.robot.dynamics import Dynamics
 from truepose.robot.redundancy import Redundancy
+from truepose.robotfile.to_core import padded
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,17 +52,6 @@ class AssemblyModes:
         """
         once, twice = int((self.seen == 1).sum()), int((self.seen == 2).sum())
         return len(self) + once * (once - 1) / (2 * (twice + 1))
-
-
-def assembly_modes(robot: Description, q: ArrayLike, starts: int, seed: int) -> AssemblyModes:
-    """Search the modes of :meth:`truepose.Robot.assembly_modes`."""
-    rows, lead = flattened(robot, q, robot.n, "q", "raise")
-    if lead:
-        raise InputError(f"q: shape {(*lead, robot.n)}, must be ({robot.n},)")
-    if not (isinstance(starts, int) and 1 <= starts <= 1_000_000):
-        raise InputError(f"starts = {starts}: must be a whole number from 1 to 1000000")
-    motors = [*rows[0], *[0.0] * (6 - robot.n)]
-    return AssemblyModes(*_core.assembly_modes(robot.core, motors, starts, check_seed(seed)))
 
 
 class Robot(Redundancy, Dynamics):
@@ -145,7 +134,13 @@ class Robot(Redundancy, Dynamics):
         >>> len(modes), bool(abs(modes.x[0] - robot.home).max() < 1e-9), modes.expected
         (2, True, 2.0)
         """
-        return assembly_modes(self, q, starts, seed)
+        rows, lead = flattened(self, q, self.n, "q", "raise")
+        if lead:
+            raise InputError(f"q: shape {(*lead, self.n)}, must be ({self.n},)")
+        if not (isinstance(starts, int) and 1 <= starts <= 1_000_000):
+            raise InputError(f"starts = {starts}: must be a whole number from 1 to 1000000")
+        motors = padded(rows[0])
+        return AssemblyModes(*_core.assembly_modes(self.core, motors, starts, check_seed(seed)))
 
 
 def list_robots() -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -58,6 +59,12 @@ def file_key(kind: type[SensorSection], core: str) -> str:
     return f"{key}.{component}" if key else ""
 
 
+def padded(values: Iterable[float]) -> list[float]:
+    """Return values of the chains or coordinates as the core takes them: six, the rest 0."""
+    given = list(map(float, values))
+    return given + [0.0] * (6 - len(given))
+
+
 def encoder_step(chain: Chain) -> float:
     """One count of a motor encoder, rad or m; 0 if unquantised."""
     if not chain.encoder_counts:
@@ -98,7 +105,7 @@ def build(spec: RobotFile) -> _core.Robot:
     robot.mobility = getattr(_core.Mobility, mobility)
     robot.chains = robot.motors = spec.n
     robot.gravity = np.array(spec.gravity)
-    robot.home = [*spec.home, *[0.0] * (6 - spec.n)]
+    robot.home = padded(spec.home)
     robot.bar_joint = getattr(_core.BarJoint, spec.nacelle.bars)
     for i, chain in enumerate(spec.chain):
         robot.set_chain(i, _build_chain(spec, chain))
