@@ -9,7 +9,7 @@ from truepose import _core
 from truepose.faults.fault import FAULT_KINDS, FaultKind
 from truepose.robot.laws import LAWS, Law
 from truepose.robot.units import unit_of
-from truepose.robotfile.parameters import drawn
+from truepose.robotfile.to_core import drawn
 from truepose.robotfile.sensors import SENSORS, Encoder
 from truepose.robotfile.to_core import columns
 

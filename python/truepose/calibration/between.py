@@ -68,7 +68,18 @@ class Between:
         common: dict[str, Any] = {"tool": self.tool, "tool_sigma": self.tool_sigma}
         result: list[Difference] = []
 
-        def plane(name: str, axis: str, rows: Array, above: Array, tilt: float) -> None:
+        planes: list[tuple[str, str, Array, Array, float]] = []
+        for column, name, rows in _touched(log):
+            if len(rows) < 2:
+                continue
+            if column == POINT:  # its coordinates are the same unknowns at every touch
+                level = np.zeros(len(rows))
+                linear = [axis for axis, unit in robot.coordinates if unit == "m"]
+                planes += [(f"point {name}, {axis}", axis, rows, level, 0.0) for axis in linear]
+            else:
+                above = log.above.get(column, np.zeros(len(log.lines)))[rows]
+                planes.append((f"{column} {name}", PLANES[column], rows, above, self.tilt))
+        for name, axis, rows, above, tilt in planes:
             heights = tool[rows, AXES.index(axis)] - above
             mean = float(np.median(heights[np.isfinite(heights)])) if len(heights) else 0.0
             result.append(
@@ -84,17 +95,6 @@ class Between:
                     **common,
                 )
             )
-
-        for column, name, rows in _touched(log):
-            if len(rows) < 2:
-                continue
-            if column == POINT:  # as often as it was touched, its coordinates are the same unknown
-                for axis, unit in robot.coordinates:
-                    if unit == "m":
-                        plane(f"point {name}, {axis}", axis, rows, np.zeros(len(rows)), 0.0)
-            else:
-                above = log.above.get(column, np.zeros(len(log.lines)))[rows]
-                plane(f"{column} {name}", PLANES[column], rows, above, self.tilt)
         at = {int(line): k for k, line in enumerate(log.lines)}
         kept = [of for of in self.distances if at.keys() >= set(of.lines)]
         if kept:

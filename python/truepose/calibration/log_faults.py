@@ -7,7 +7,6 @@ named, and with it whatever is as good (a robot's mirror images).
 
 from __future__ import annotations
 
-import functools
 import itertools
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
@@ -34,6 +33,11 @@ LINES, FITTED = 80, 12
 ALIKE, OF_COST = 20.0, 0.25
 #: Slopes of a column over its prediction that have a name.
 DEGREES, MILLIMETRES, CENTIMETRES = 180 / np.pi, 1000.0, 100.0
+#: And the names, of a length (0) and of an angle (1).
+UNITS = (
+    {MILLIMETRES: "in mm, must be m", CENTIMETRES: "in cm, must be m"},
+    {DEGREES: "in degrees, must be rad"},
+)
 
 
 class Mistake(NamedTuple):
@@ -152,16 +156,12 @@ def mistakes(robot: Robot, log: Log) -> Iterator[Mistake]:
         text = f"{_listed(names, which)}: {what}"
         return Mistake(text, len(which), lambda rows: rows / factors)
 
-    units = {
-        True: ((DEGREES, "in degrees, must be rad"),),
-        False: ((MILLIMETRES, "in mm, must be m"), (CENTIMETRES, "in cm, must be m")),
-    }
     alone = [(k,) for k in every]
     groups = [tuple(range(n)), _too_large(robot, log.readings)]
     groups += [tuple(np.flatnonzero(angle == kind)) for kind in (True, False)]
     for which in dict.fromkeys([*groups, *alone]):
         if len(which) and len(set(angle[list(which)])) == 1:
-            for factor, what in units[bool(angle[which[0]])]:
+            for factor, what in UNITS[int(angle[which[0]])].items():
                 yield scaled(which, factor, what)
                 if len(which) == 1:
                     yield scaled(which, -factor, f"{what}, and its sign is flipped")
@@ -175,11 +175,7 @@ def mistakes(robot: Robot, log: Log) -> Iterator[Mistake]:
             whole[columns[list(order)]] = columns
             moved = sum(k != held for k, held in enumerate(order))
             text = _reordered([names[k] for k in columns], order)
-            yield Mistake(text, moved, functools.partial(_taken, whole=whole))
-
-
-def _taken(rows: Array, whole: Array) -> Array:
-    return rows[:, whole]
+            yield Mistake(text, moved, lambda rows, whole=whole: rows[:, whole])  # type: ignore[misc]
 
 
 def _listed(names: Sequence[str], which: Iterable[int]) -> str:

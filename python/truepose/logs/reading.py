@@ -131,14 +131,8 @@ def read(robot: Robot, path: str | Path) -> Log:
         own = next((each for each in formats if data.startswith(each.MAGIC)), None)
         table = own.read(path, data, robot.readings) if own else None
     if table is not None:
-        return _pick(
-            robot,
-            list(table),
-            table,
-            np.arange(1, len(next(iter(table.values()))) + 1),
-            "row",
-            str(path),
-        )
+        numbered = np.arange(1, len(next(iter(table.values()))) + 1)
+        return _pick(robot, list(table), table, numbered, "row", str(path))
     header, rows, lines = _csv(path, data)
     table = {name: [row[k] for row in rows] for k, name in enumerate(header)}
     worth = raw.said(data.decode("utf-8-sig").splitlines())

@@ -22,9 +22,8 @@ from truepose.arguments import Array, Errors, Level, numbers_of
 from truepose.exceptions import InputError
 from truepose.robot.batches import flattened, require_answers
 from truepose.robot.description import Description
-from truepose.robotfile.parameters import COMMON
 from truepose.robotfile.schema import Stretch
-from truepose.robotfile.to_core import padded
+from truepose.robotfile.to_core import COMMON, padded
 
 #: Steps of a fixed point, each smaller by about the strain and how fast the tension changes.
 STEPS = 50

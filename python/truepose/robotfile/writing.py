@@ -7,9 +7,9 @@ from pathlib import Path
 import tomlkit
 
 from truepose.files import Output
-from truepose.robotfile.parameters import drawn
 from truepose.robotfile.reading import parse
 from truepose.robotfile.schema import CalibrationSection, RobotFile
+from truepose.robotfile.to_core import drawn
 
 
 def output(path: str | Path, option: str = "") -> Output:
