@@ -137,7 +137,7 @@ def figure(found: dict[str, Learnt]) -> Figure:
     for verdict, colour in VERDICTS.items():
         some = {k: p for k, p in enumerate(found.values()) if p.verdict == verdict}
         change = [(p.value - p.prior) / p.prior_sigma for p in some.values()]
-        style = {"fmt": "o", "ms": 3, "lw": 1, "color": colour, "label": verdict}
+        style: dict[str, Any] = {"fmt": "o", "ms": 3, "lw": 1, "color": colour, "label": verdict}
         axes.errorbar(change, list(some), xerr=[p.ratio for p in some.values()], **style)
     axes.set_yticks(range(len(found)), list(found), fontsize=7)
     axes.set(ylim=(len(found) - 0.3, -0.7), xlabel="change and σ, in units of the prior σ")

@@ -67,10 +67,9 @@ def one(robot: Robot, name: str, column: str, header: Mapping[str, str], where: 
     if not file:
         part = f"chain {at + 1}" if at < robot.n else f"sensor {name}"
         turns = at >= robot.n and column.endswith("_turns")  # no key of a sensor says them
+        or_else = "" if turns else f", or give {part} its {key} in the robot file"
         raise InputError(
-            f"{where}: column {column}: what is one worth? Say it in the log, '# one {column} = "
-            f"0.001 {next(iter(units))}'"
-            + f", or give {part} its {key} in the robot file"
-            * (not turns)
+            f"{where}: column {column}: what is one worth? Say it in the log, "
+            f"'# one {column} = 0.001 {next(iter(units))}'{or_else}"
         )
     return float(file)

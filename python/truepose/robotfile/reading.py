@@ -60,20 +60,9 @@ SHORTHAND = {
 }
 #: What decides how a robot moves, and of a chain.
 _MECHANISM = ("mobility", "home", "chain", "bar", "axis", "nacelle")
-_MOVES = {
-    "actuator",
-    "base",
-    "axis",
-    "zero",
-    "arm",
-    "rod",
-    "working_mode",
-    "anchor",
-    "bar",
-    "limits",
-}
-_MOVES |= {"rod_spacing", "rod_difference", "pair_axis", "yaw", "tilt", "encoder_offset", "gain"}
-_MOVES |= {"buildup", "limits"}
+_MOVES = {"actuator", "base", "axis", "zero", "arm", "rod", "working_mode", "anchor", "bar"}
+_MOVES |= {"limits", "rod_spacing", "rod_difference", "pair_axis", "yaw", "tilt", "encoder_offset"}
+_MOVES |= {"gain", "buildup"}
 
 #: Of a robot file. A calibration of as many parameters as a robot can have takes 0.7 MB of it.
 MOST_BYTES = 1_000_000

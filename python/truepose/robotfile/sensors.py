@@ -46,9 +46,7 @@ class SensorSection(Section):
     #: Vectors of the mounting: the core's name and the file's key.
     mounting: ClassVar[dict[str, str]] = {}
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$"), AfterValidator(_own_name)] = (
-        key("what logs, parameters and 'sensors' call it: letters, digits and _")
-    )
+    name: SensorName = key("what logs, parameters and 'sensors' call it: letters, digits and _")
     offset: Annotated[Number, unit("m or rad")] = key("reading = gain * value - offset", 0.0)
     gain: Number = key("reading = gain * value - offset", 1.0)
     noise: Sigma = key("σ of a reading, before it is counted", 0.0)
