@@ -16,7 +16,7 @@ from truepose.calibration.log_faults import APART, DEGREES, MILLIMETRES, UNITS, 
 from truepose.logs import Log
 from truepose.robot import knowledge
 from truepose.robot.robot import Robot
-from truepose.robot.units import reading_units
+from truepose.robot.units import angles, reading_units
 
 #: A prediction that varies by this many σ shows what a reading should have followed.
 VARIES = 8.0
@@ -192,8 +192,8 @@ def outside(robot: Robot, log: Log) -> Iterator[Finding]:
     few = log_faults.few(robot, log)
     outside = np.asarray(few.measured)
     x = poses_of(robot, few.readings[:, : robot.n])
-    angles = np.array([unit == "rad" for _, unit in robot.coordinates])
-    for which, factor in ((~angles, MILLIMETRES), (angles, DEGREES)):
+    angle = angles(robot)
+    for which, factor in ((~angle, MILLIMETRES), (angle, DEGREES)):
         good = np.isfinite(outside[:, which]).all(axis=1) & np.isfinite(x).all(axis=1)
         if not which.any() or good.sum() < 4:
             continue

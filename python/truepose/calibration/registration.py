@@ -17,6 +17,7 @@ from truepose.exceptions import InputError, choose
 from truepose.robot import frames, knowledge
 from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
+from truepose.robot.units import angles as angles_of
 from truepose.show.units import printed
 
 if TYPE_CHECKING:
@@ -203,15 +204,19 @@ def measured_outside(
     rows, lead = flattened(robot, measured, robot.n, "measured", "nan")
     if lead != (count,):
         raise InputError(f"measured: shape {np.shape(measured)}, must be ({count}, {robot.n})")
-    angles = [unit == "rad" for _, unit in robot.coordinates]
-    if robot.spec.mobility == "spatial" and (np.isfinite(rows[:, angles]).sum(axis=1) % 3).any():
-        raise InputError("measured: rx, ry and rz: all three or none at each pose")
+    _require_turns(robot, rows, "measured")
     return rows.copy(), sigmas(robot, sigma, angle_sigma, count)
+
+
+def _require_turns(robot: Robot, rows: Array, what: str) -> None:
+    turns = np.isfinite(rows[:, angles_of(robot)]).sum(axis=1)
+    if robot.spec.mobility == "spatial" and (turns % 3).any():
+        raise InputError(f"{what}: rx, ry and rz: all three or none at each pose")
 
 
 def sigmas(robot: Robot, sigma: ArrayLike | None, angle_sigma: float | None, count: int) -> Array:
     """σ of each coordinate measured, (count, n), m and rad; see :func:`truepose.calibrate`."""
-    angles = np.array([unit == "rad" for _, unit in robot.coordinates])
+    angles = angles_of(robot)
     default = np.where(angles, ANGLE_SIGMA, SIGMA) * np.ones((count, 1))
     result = default.copy()
     if sigma is not None:
@@ -275,9 +280,7 @@ def known_poses(robot: Robot, given: KnownPose | Any | None) -> KnownPoses:
             raise InputError(
                 f"known_pose: row {k}: must be {robot.n} numbers (m, rad), NaN: unknown"
             )
-    angles = [unit == "rad" for _, unit in robot.coordinates]
-    if robot.spec.mobility == "spatial" and (np.isfinite(x[:, angles]).sum(axis=1) % 3).any():
-        raise InputError("known_pose: rx, ry and rz: all three or none")
+    _require_turns(robot, x, "known_pose")
     try:
         rows = np.broadcast_to(np.asarray(sigma, dtype=float), x.shape)
     except (TypeError, ValueError):

@@ -119,13 +119,8 @@ def _motion(twist: Array) -> str:
         parts = [f"turning about {_direction(omega / turn)}"]
         through = np.cross(omega, v) / turn**2
         if np.abs(through).max() > 1e-6:
-            parts[0] += (
-                " through ("
-                + ", ".join(
-                    f"{1e3 * c:.3g}" for c in np.where(np.abs(through) > 1e-6, through, 0.0)
-                )
-                + ") mm"
-            )
+            point = 1e3 * np.where(np.abs(through) > 1e-6, through, 0.0)
+            parts[0] += f" through ({', '.join(f'{c:.3g}' for c in point)}) mm"
         if abs(pitch := float(v @ omega) / turn**2) > 1e-6:
             parts[0] += f", advancing {1e3 * pitch:.3g} mm/rad"
     elif v.any():

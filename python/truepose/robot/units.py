@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from truepose import _core
+from truepose.arguments import Array
 from truepose.robot.description import Description
 from truepose.robotfile.to_core import file_key
 
@@ -50,6 +53,11 @@ def unit_of(robot: Description, name: str) -> str:
         units = {file_key(type(sensor), core): unit for core, unit in _core.sensor_parameters}
         own = _core.sensor_kinds[sensor.kind].unit
     return own if not key or units.get(key, "reading") == "reading" else units[key]
+
+
+def angles(robot: Description) -> Array:
+    """Coordinates of a pose that are angles, (n,) bool."""
+    return np.array([unit == "rad" for _, unit in robot.coordinates])
 
 
 class Summed(NamedTuple):
