@@ -52,17 +52,7 @@ class Between:
     width: float = 0.0  #: prior σ of a printed line's width, m
 
     def of(self, robot: Robot, log: Log) -> list[Difference]:
-        """Differences between these lines; what is left of a name on one line alone says nothing.
-
-        Examples
-        --------
-        >>> import numpy as np, truepose as tp
-        >>> delta = tp.load("delta").with_sensors()
-        >>> q = delta.ikm(delta.home + np.random.default_rng(0).uniform(-0.05, 0.05, (5, 3)))
-        >>> table = dict(zip(delta.readings, q.T)) | {"plane": ["bed"] * 4 + [""]}
-        >>> [(of.name, len(of.lines)) for of in Between().of(delta, logs.of(delta, table))]
-        [('plane bed', 4)]
-        """
+        """Differences between these lines; a name that only one line has left is passed over."""
         touched = any((names != "").any() for names in log.labels.values())
         tool = self._places(robot, log) if touched else np.zeros((0, 3))
         common: dict[str, Any] = {"tool": self.tool, "tool_sigma": self.tool_sigma}

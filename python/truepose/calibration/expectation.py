@@ -46,14 +46,6 @@ def expect(
     of `measured`; `level` is by default the robot's highest. To first order x̂ - x = J (H_ξq δξ +
     ν_q), J the inverse of H_x's first n rows, so that a sensor is missed by [-J_r J, I] (H_ξ δξ +
     ν), a coordinate by ν_m - H_mx (x̂ - x) + H_mt δt, t the registration of what measured it.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> h4 = tp.load("h4").expected()
-    >>> seen = expect(h4, h4.extended_positions([[0.05, 0, -0.4, 0.2]]))
-    >>> print(abs(seen.residual).max() < 1e-9, seen.sigma.round(2))
-    True [[0.06]]
     """
     if len(readings) > LINES:  # H_ξ takes kilobytes a line
         parts = []

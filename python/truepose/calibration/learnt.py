@@ -105,12 +105,6 @@ def departure(off: Array, covariance: Array, prior_covariance: Array) -> Departu
     In units of the prior's root, u = S⁻¹(ξ - μ), the prior is N(0, I) and the posterior N(û, Σ_u).
     By the law of total variance û then scatters by I - Σ_u from robot to robot, each eigenvector
     of Σ_u by itself: û_k² / (1 - σ_k²) are χ²₁, whatever the readings and their noise.
-
-    Examples
-    --------
-    >>> found = departure(np.array([3e-3, 0.0]), np.diag([1e-8, 1e-6]), np.diag([1e-6, 1e-6]))
-    >>> found.combinations, round(found.factor, 1), found.betrayed  # 3 σ off, seen to a tenth
-    (1, 3.0, True)
     """
     whiten = np.linalg.inv(np.linalg.cholesky(prior_covariance))
     sigma2, vectors = np.linalg.eigh(whiten @ covariance @ whiten.T)

@@ -34,15 +34,6 @@ def check(robot: Robot, log: Log, differences: int = 0) -> tuple[Log, list[Findi
 
     Return the log without the readings of a sensor that was stuck for a while, and without repeated
     ones, and what was found. Units, signs, swapped columns and stuck sensors are refused.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> h4 = tp.load("h4")
-    >>> table = dict(zip(h4.readings, h4.read(np.linspace(h4.home, [0.1, 0.1, -0.4, 0.5], 20)).T))
-    >>> table["theta"] = np.degrees(table["theta"])
-    >>> [finding.text for finding in check(h4, logs.of(h4, table))[1] if finding.refused]
-    ['theta: in degrees, must be rad']
     """
     model = robot.expected()
     findings = [*_cells(robot, log)]

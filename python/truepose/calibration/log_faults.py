@@ -199,13 +199,7 @@ def _orders(count: int) -> Iterator[tuple[int, ...]]:
 
 
 def _reordered(names: list[str], order: tuple[int, ...]) -> str:
-    """Say which column holds which.
-
-    Examples
-    --------
-    >>> _reordered(["q1", "q2", "q3"], (1, 0, 2)), _reordered(["q1", "q2", "q3"], (1, 2, 0))
-    ('q1 and q2: swapped', 'q1, q2, q3: in another order, they hold q2, q3, q1')
-    """
+    """Say which column holds which: "q1 and q2: swapped"."""
     moved = [k for k, held in enumerate(order) if k != held]
     if len(moved) == 2:
         return f"{names[moved[0]]} and {names[moved[1]]}: swapped"

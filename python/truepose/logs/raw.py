@@ -35,16 +35,7 @@ def column_of(name: str, columns: Iterable[str]) -> str | None:
 
 
 def one(robot: Robot, name: str, column: str, header: Mapping[str, str], where: str) -> float:
-    """What one of a raw column is worth, m or rad.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> round(one(tp.load("h4"), "q1", "q1_counts", {}, "log.csv") * 14400, 6)  # a whole turn
-    6.283185
-    >>> one(tp.load("stewart"), "q1", "q1_turns", {"q1_turns": "75 mm"}, "log.csv")
-    0.075
-    """
+    """Value of one count, step or turn of a raw column, m or rad; `where` is for messages."""
     at = robot.readings.index(name)
     units = _LENGTHS if reading_units(robot)[at] == "m" else _ANGLES
     if (text := header.get(column)) is not None:

@@ -25,13 +25,7 @@ _Problem = tuple[tuple[str | int, ...], str]  # the key's path, and what is wron
 
 
 def problems(data: dict) -> Iterator[_Problem]:
-    """Find what does not fit, in the contents of a robot file with its shorthand written out.
-
-    Examples
-    --------
-    >>> list(problems({"mobility": "planar", "home": [0.0, 0.0]}))
-    [(('home',), 'home needs 3 coordinates, has 2')]
-    """
+    """Find what does not fit in a robot file's contents with its shorthand written out."""
     mobility = data.get("mobility")
     chains, bars, axes = (tables(data, key) for key in ("chain", "bar", "axis"))
     if isinstance(mobility, str) and mobility in FREEDOMS:

@@ -127,15 +127,7 @@ def columns(spec: RobotFile) -> list[tuple[str, int]]:
 
 
 def file_key(kind: type[SensorSection], core: str) -> str:
-    """What a robot file calls one of the core's parameters of a sensor; empty: it has it not.
-
-    Examples
-    --------
-    >>> from truepose.robotfile.to_core import file_key
-    >>> from truepose.robotfile.sensors import SENSORS
-    >>> [file_key(SENSORS["inclinometer"], core) for core in ("gain", "normal.x", "target.x")]
-    ['gain', 'up.x', '']
-    """
+    """Name in a robot file of one of the core's parameters of a sensor; empty: it has none."""
     vector, dot, component = core.partition(".")
     if vector == "eccentricity":
         return core if issubclass(kind, Encoder) else ""
