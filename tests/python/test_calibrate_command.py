@@ -187,7 +187,7 @@ def test_outside_measurements_alone_calibrate_a_robot_without_sensors(run, tmp_p
     columns = {f"q{i + 1}": q for i, q in enumerate(true.ikm(x).T)}
     columns |= {f"measured_{c}": x[:, k] for k, c in enumerate("xyz")}
     write(tmp_path / "log.csv", columns)
-    words = ("linear-delta", "log.csv", "-o", "c.toml", "--measured-sigma", "0.01mm")
+    words = ("linear-delta", "log.csv", "-o", "c.toml", "--measured-sigma", "0.01mm", "--force")
     status, out, err = run(*words, "--registration", "known")
     assert (status, err) == (0, "")
     assert "measured_z (mm)" in out and "tracker" not in out
