@@ -119,7 +119,7 @@ def test_a_tracker_sees_one_marker_from_one_place():
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("h4", "-o", "log.txt"), "log.txt: unknown ending '.txt' (choices: .parquet, .mcap, .csv"),
+        (("h4", "-o", "log.txt"), "log.txt: unknown ending '.txt' (choices: .parquet, .csv, .mcap"),
         (("h4", "--effects", "delay"), "--effects: unknown effect 'delay' (choices: all, none, ba"),
         (("h4", "--sensors", "thta"), "unknown sensor 'thta'; did you mean 'theta'?"),
         (("h4", "--truth", "rehearsal.csv"), "are the same file"),
