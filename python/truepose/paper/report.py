@@ -63,7 +63,7 @@ def folder(out: Path, force: bool = False) -> Iterator[Path]:
             raise InputError(
                 f"--out {out}: has a {others[0].name}; choose another folder, or --force"
             )
-        files.check([files.Output(p, "report", "--out") for p in others], force=True)
+        files.check([files.Output(p, "result", "--out") for p in others], force=True)
         with files.unfinished(base / f".truepose-{uuid.uuid4().hex}") as work:
             work.mkdir()
             yield work
