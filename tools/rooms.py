@@ -70,4 +70,4 @@ def draw() -> Figure:
 
 if __name__ == "__main__":
     out = Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "docs/pictures/rooms.svg"
-    files.replace_file(out, files.picture(draw(), out.suffix, dpi=110), "picture")
+    files.replace_file(out, files.picture(draw(), out.suffix, dpi=110), "picture", force=True)

@@ -43,7 +43,9 @@ def write(folder: Path, robot: Robot, found: list[Found]) -> None:
     """Write robot.toml, setup.toml, README.md and picture.png into the folder."""
     chosen = best(found)
     folder.mkdir(parents=True, exist_ok=True)
-    files.write({robotfile.output(folder / "robot.toml"): robot_file(robot, chosen.twin)})
+    files.write(
+        {robotfile.output(folder / "robot.toml"): robot_file(robot, chosen.twin)}, force=True
+    )
     files.replace_file(folder / "setup.toml", setup_file(chosen.twin), "setup", force=True)
     drawn = files.picture(draw(load(folder / "robot.toml")), ".png", dpi=110)
     files.replace_file(folder / "picture.png", drawn, "picture", force=True)

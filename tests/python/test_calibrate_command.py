@@ -165,7 +165,7 @@ def test_an_interrupted_calibration_leaves_the_old_files(run, log, tmp_path, mon
     def interrupted(path, text):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(files.writing.os, "replace", interrupted)
+    monkeypatch.setattr(files.os, "replace", interrupted)
     assert run("h4", log, "-o", "c.toml", "--force")[0] == 130
     assert (tmp_path / "c.toml").read_text(encoding="utf-8") == "old"
     assert sorted(p.name for p in tmp_path.iterdir()) == ["c.toml", "log.csv"]
@@ -187,7 +187,7 @@ def test_outside_measurements_alone_calibrate_a_robot_without_sensors(run, tmp_p
     columns = {f"q{i + 1}": q for i, q in enumerate(true.ikm(x).T)}
     columns |= {f"measured_{c}": x[:, k] for k, c in enumerate("xyz")}
     write(tmp_path / "log.csv", columns)
-    words = ("linear-delta", "log.csv", "-o", "c.toml", "--measured-sigma", "0.01mm")
+    words = ("linear-delta", "log.csv", "-o", "c.toml", "--measured-sigma", "0.01mm", "--force")
     status, out, err = run(*words, "--registration", "known")
     assert (status, err) == (0, "")
     assert "measured_z (mm)" in out and "tracker" not in out

@@ -164,7 +164,7 @@ def test_a_second_calibration_replaces_the_first_in_the_file(fit, small, tmp_pat
     q_e = small[1]
     fit.robot.save(tmp_path / "once.toml")
     twice = tp.calibrate(tp.load(tmp_path / "once.toml"), q_e).robot
-    twice.save(tmp_path / "once.toml")
+    twice.save(tmp_path / "once.toml", force=True)
     assert tp.load(tmp_path / "once.toml").parameters == twice.parameters
     assert (tmp_path / "once.toml").read_text(encoding="utf-8").count("[calibration]") == 1
     twice.with_calibration(None).save(tmp_path / "none.toml")
@@ -175,7 +175,7 @@ def test_an_interrupted_save_of_a_calibration_leaves_no_half_file(fit, tmp_path,
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(files.writing.os, "replace", interrupt)
+    monkeypatch.setattr(files.os, "replace", interrupt)
     with pytest.raises(KeyboardInterrupt):
         fit.robot.save(tmp_path / "calibrated.toml")
     assert list(tmp_path.iterdir()) == []

@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import chi2
 
 import truepose as tp
-from truepose.calibration.departure import FALSE_ALARMS, SEEN
+from truepose.calibration.learnt import FALSE_ALARMS, SEEN
 
 ELBOWS = ("elbow1", "elbow2", "elbow3", "elbow4")
 

@@ -286,7 +286,7 @@ def test_messages_of_another_pose_do_not_join(cases, tmp_path):
 MEASURE = """
 import resource, sys
 import numpy as np, truepose as tp
-from truepose.calibration.memory import memory
+from truepose.calibration.fitting import memory
 robot = tp.load("h4")
 rng = np.random.default_rng(0)
 box = robot.spec.workspace

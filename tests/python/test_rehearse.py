@@ -139,5 +139,5 @@ def test_a_robot_file_of_ones_own_is_not_replaced_by_a_truth(run, tmp_path):
     run("new", "h4", "-o", "rehearsal.truth.toml")
     before = (tmp_path / "rehearsal.truth.toml").read_bytes()
     status, _, err = run("rehearse", "h4")
-    assert status == 2 and "is there already and is no true robot that truepose wrote" in err
+    assert status == 2 and "is there already; --force" in err
     assert [p.read_bytes() for p in tmp_path.iterdir()] == [before]

@@ -286,7 +286,7 @@ def test_a_run_that_fails_leaves_nothing_half_written(
     monkeypatch.setattr("truepose.paper.reproduce.reproduce", lambda *_, **__: reproduction)
     monkeypatch.setattr(report, "_save", fail)
     for out in (before, tmp_path / "new"):
-        status, _, err = run("reproduce", "--robots", 1, "--out", out)
+        status, _, err = run("reproduce", "--robots", 1, "--out", out, "--force")
         assert status == (130 if failure is KeyboardInterrupt else 2)
         message = err.strip().splitlines()[-1]
         assert "interrupted" in message or "No space left" in message

@@ -110,7 +110,7 @@ def test_a_missing_package_is_one_line_that_says_how_to_get_it(
         return there(name, *args, **kwargs)
 
     monkeypatch.setattr(builtins, "__import__", without)
-    for work in (lambda: logs.write(move, path), lambda: logs.read(h4, path)):
+    for work in (lambda: logs.write(move, path, force=True), lambda: logs.read(h4, path)):
         with pytest.raises(tp.InputError) as error:
             work()
         assert f"pip install 'truepose[{extra}]'" in str(error.value)

@@ -9,7 +9,7 @@ from truepose import files, robotfile
 
 
 def saved(robot, path) -> tp.Robot:
-    robot.save(path)
+    robot.save(path, force=True)
     return tp.load(path)
 
 
@@ -116,9 +116,9 @@ def test_an_interrupted_save_leaves_the_old_file(h4, h4_text, tmp_path, monkeypa
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(files.writing.os, fails, interrupt)
+    monkeypatch.setattr(files.os, fails, interrupt)
     with pytest.raises(KeyboardInterrupt):
-        h4.replace({"chain1.rod": 0.5}).save(path)
+        h4.replace({"chain1.rod": 0.5}).save(path, force=True)
     assert path.read_text(encoding="utf-8") == h4_text
     assert os.listdir(tmp_path) == ["mine.toml"]
 

@@ -99,7 +99,10 @@ def test_a_circle_way_points_and_samples_are_followed_cycle_by_cycle(run, tmp_pa
     }
     for words, path in paths.items():
         status, said, err = run(
-            "simulate", "h4", *words, "--true", "nominal", "-o", "log.csv", "--format", "json"
+            "simulate",
+            "h4",
+            *words,
+            *["--true", "nominal", "-o", "log.csv", "--format", "json", "--force"],
         )
         assert status == 0 and ", poles 150 rad/s, true robot nominal: ok" in err
         alone = tp.simulate(h4, h4.with_level("full"), path=path)

@@ -9,9 +9,8 @@ from truepose import _core
 from truepose.faults.fault import FAULT_KINDS, FaultKind
 from truepose.robot.laws import LAWS, Law
 from truepose.robot.units import unit_of
-from truepose.robotfile.parameters import drawn
 from truepose.robotfile.sensors import SENSORS, Encoder
-from truepose.robotfile.to_core import columns
+from truepose.robotfile.to_core import columns, drawn
 
 
 def test_a_robot_file_knows_the_kinds_of_sensors_that_the_core_knows():

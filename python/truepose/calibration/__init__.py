@@ -4,8 +4,7 @@ from truepose.calibration.differences import DistanceMeasurements, PlaneContacts
 from truepose.calibration.fit import Calibration
 from truepose.calibration.influences import NuisanceParameter
 from truepose.calibration.registration import Registration
-from truepose.calibration.rehomed import homings, rehomed
-from truepose.calibration.zeroing import Zeroing, zero
+from truepose.calibration.zeroing import Zeroing, homings, rehomed, zero
 from truepose.robot.compliance import Payloads
 
 __all__ = [

@@ -52,23 +52,24 @@ class Between:
     width: float = 0.0  #: prior σ of a printed line's width, m
 
     def of(self, robot: Robot, log: Log) -> list[Difference]:
-        """Differences between these lines; what is left of a name on one line alone says nothing.
-
-        Examples
-        --------
-        >>> import numpy as np, truepose as tp
-        >>> delta = tp.load("delta").with_sensors()
-        >>> q = delta.ikm(delta.home + np.random.default_rng(0).uniform(-0.05, 0.05, (5, 3)))
-        >>> table = dict(zip(delta.readings, q.T)) | {"plane": ["bed"] * 4 + [""]}
-        >>> [(of.name, len(of.lines)) for of in Between().of(delta, logs.of(delta, table))]
-        [('plane bed', 4)]
-        """
+        """Differences between these lines; a name that only one line has left is passed over."""
         touched = any((names != "").any() for names in log.labels.values())
         tool = self._places(robot, log) if touched else np.zeros((0, 3))
         common: dict[str, Any] = {"tool": self.tool, "tool_sigma": self.tool_sigma}
         result: list[Difference] = []
 
-        def plane(name: str, axis: str, rows: Array, above: Array, tilt: float) -> None:
+        planes: list[tuple[str, str, Array, Array, float]] = []
+        for column, name, rows in _touched(log):
+            if len(rows) < 2:
+                continue
+            if column == POINT:  # its coordinates are the same unknowns at every touch
+                level = np.zeros(len(rows))
+                linear = [axis for axis, unit in robot.coordinates if unit == "m"]
+                planes += [(f"point {name}, {axis}", axis, rows, level, 0.0) for axis in linear]
+            else:
+                above = log.above.get(column, np.zeros(len(log.lines)))[rows]
+                planes.append((f"{column} {name}", PLANES[column], rows, above, self.tilt))
+        for name, axis, rows, above, tilt in planes:
             heights = tool[rows, AXES.index(axis)] - above
             mean = float(np.median(heights[np.isfinite(heights)])) if len(heights) else 0.0
             result.append(
@@ -84,17 +85,6 @@ class Between:
                     **common,
                 )
             )
-
-        for column, name, rows in _touched(log):
-            if len(rows) < 2:
-                continue
-            if column == POINT:  # as often as it was touched, its coordinates are the same unknown
-                for axis, unit in robot.coordinates:
-                    if unit == "m":
-                        plane(f"point {name}, {axis}", axis, rows, np.zeros(len(rows)), 0.0)
-            else:
-                above = log.above.get(column, np.zeros(len(log.lines)))[rows]
-                plane(f"{column} {name}", PLANES[column], rows, above, self.tilt)
         at = {int(line): k for k, line in enumerate(log.lines)}
         kept = [of for of in self.distances if at.keys() >= set(of.lines)]
         if kept:
@@ -157,15 +147,10 @@ def _touched(log: Log) -> list[tuple[str, str, Array]]:
 
 
 def read(path: Path, log: Log, sigma: float = SIGMA) -> tuple[Distance, ...]:
-    """Read a file of distances: columns from, to, distance (m), and if need be sigma and times.
+    """Read a file of distances: columns from, to, distance (m), and optionally sigma and times.
 
     Ends are names of the log's column `point`, on its first line; without that column, lines of
-    the log's file.
-
-    Raises
-    ------
-    InputError
-        One line names the file, the line, the column and the cell.
+    the log's file. An InputError names the file, the line, the column and the cell.
     """
     cells, lines = logs.texts(path, ("from", "to", "distance"))
     count = len(lines)

@@ -115,13 +115,8 @@ def accuracy(
     touched, reference = one(touch_off, "touch_off"), one(relative_to, "relative_to")
     sigma = touch_sigmas(robot, touch_sigma)
     if calibrated_on is not None or touch_off is not None:
-        visited, shape = flattened(
-            model,
-            nowhere if calibrated_on is None else calibrated_on,
-            model.n,
-            "calibrated_on",
-            "raise",
-        )
+        given = nowhere if calibrated_on is None else calibrated_on
+        visited, shape = flattened(model, given, model.n, "calibrated_on", "raise")
         root, status = after_visiting(
             robot, visited, level, model_error, touched, sigma, differences
         )

@@ -11,15 +11,15 @@ from numpy.typing import ArrayLike
 
 from truepose import logs
 from truepose.arguments import Level
-from truepose.calibration import fit_checks, log_checks
+from truepose.calibration import log_checks
 from truepose.calibration.between import Between
 from truepose.calibration.differences import Difference, measurements
 from truepose.calibration.fit import Calibration
 from truepose.calibration.fitting import Loss, ModelError, fit_to
 from truepose.calibration.influences import NuisanceParameter
-from truepose.calibration.known_pose import KnownPose
-from truepose.calibration.registration import Registration
+from truepose.calibration.registration import KnownPose, Registration
 from truepose.exceptions import InputError
+from truepose.logs import Log
 from truepose.robot.compliance import Payloads
 from truepose.robot.robot import Robot
 
@@ -121,36 +121,33 @@ def calibrate(
     >>> print(abs(fit.robot.estimate(true.extended_positions(dowel)).x - dowel).max() < 1e-5)
     True
     """
-    settings: dict[str, Any] = {
-        "known_pose": known_pose,
-        "measured_angle_sigma": measured_angle_sigma,
-        "registration": registration,
-        "level": level,
-        "loss": loss,
-        "tuning": tuning,
-        "model_error": model_error,
-        "differences": differences,
-        "influences": influences,
-        "loads": loads,
-    }
-    if not logs.is_table(readings):
-        rows = cast(ArrayLike | None, readings)
-        fit = fit_to(robot, rows, measured=measured, measured_sigma=measured_sigma, **settings)
-        if rows is None:
-            return fit
-        log = logs.of(robot, dict(zip(robot.readings, np.asarray(rows).T, strict=True)))
-        return replace(fit, notes=(*fit_checks.left_out(fit, log), *fit.notes))
-    log, differences, notes = _looked_over(robot, readings, differences)
-    settings["differences"] = differences
-    settings["loads"] = log.loads if loads is None else loads
+    log, notes, rows = None, list[str](), readings
+    if logs.is_table(readings):
+        log, differences, notes = _looked_over(robot, readings, differences)
+        rows, loads = log.readings, log.loads if loads is None else loads
+        measured = log.measured if measured is None else measured
+        measured_sigma = log.measured_sigma if measured_sigma is None else measured_sigma
     fit = fit_to(
         robot,
-        log.readings,
-        measured=log.measured if measured is None else measured,
-        measured_sigma=log.measured_sigma if measured_sigma is None else measured_sigma,
-        **settings,
+        cast(ArrayLike | None, rows),
+        known_pose=known_pose,
+        measured=measured,
+        measured_sigma=measured_sigma,
+        measured_angle_sigma=measured_angle_sigma,
+        registration=registration,
+        level=level,
+        loss=loss,
+        tuning=tuning,
+        model_error=model_error,
+        differences=differences,
+        influences=influences,
+        loads=loads,
     )
-    notes += fit_checks.review(fit, log)
+    if log is not None:
+        notes += review(fit, log)
+    elif rows is not None:
+        table = dict(zip(robot.readings, np.asarray(rows).T, strict=True))
+        notes += left_out(fit, logs.of(robot, table))
     return replace(fit, notes=(*notes, *fit.notes))
 
 
@@ -167,3 +164,39 @@ def _looked_over(
     if refused := [finding.text for finding in findings if finding.refused]:
         raise InputError(f"readings: {'; '.join(refused)}")
     return log, differences, [finding.text for finding in findings]
+
+
+def left_out(fit: Calibration, log: Log) -> list[str]:
+    """Lines whose motors were read and that the calibrated robot cannot reach, by the reason."""
+    read = np.isfinite(log.readings[:, : fit.robot.n]).all(axis=1)
+    reasons = dict.fromkeys(fit.status[read & (fit.status != "ok")].tolist())
+    return [
+        f"{log.at(np.flatnonzero(read & (fit.status == reason)))}: left out: by the calibrated "
+        f"robot {reason}"
+        for reason in reasons
+    ]
+
+
+def review(fit: Calibration, log: Log) -> list[str]:
+    """Outliers, lines left out, what was learnt: a line of text each."""
+    findings = left_out(fit, log)
+    if len(outliers := fit.outliers):
+        by_size = outliers[np.argsort(-fit.chi2[outliers])]
+        many = "s" * (len(outliers) > 1)
+        findings.append(f"{log.at(by_size)}: {len(outliers)} outlier{many}, worst first")
+    counted = (fit.weights >= 0.1) & (fit.redundancy > 0)
+    if counted.any() and (apart := fit.disagreement(counted)) > 2:
+        findings.append(
+            f"the readings disagree by {apart:.1f} times their noise (median) whatever the "
+            "geometry: a level, a tolerance or a sensor's noise is not as the file says"
+        )
+    far = [
+        f"{name} by {abs(p.value - p.prior) / p.prior_sigma:.1f} σ"
+        for name, p in fit.parameters.items()
+        if abs(p.value - p.prior) > 4 * p.prior_sigma
+    ]
+    if far:
+        findings.append(f"further from the drawing than tolerances allow: {', '.join(far[:5])}")
+    if all(p.verdict == "not identified" for p in fit.parameters.values()):
+        findings.append("no parameter is known noticeably better than before")
+    return findings

@@ -190,14 +190,9 @@ class Assembled:
 def assemble(
     robot: Robot, differences: Sequence[Difference], lines: int, first: int
 ) -> Assembled | None:
-    """Check differences, and write them as the core takes them; None where there are none.
+    """Check differences between `lines` poses, and write them as the core takes them; None: none.
 
-    Parameters
-    ----------
-    lines : int
-        How many poses there are to speak of.
-    first : int
-        Where their unknowns stand among all: behind the parameters and a tracker's frames.
+    `first` is the place of their unknowns among all: behind the parameters and a tracker's frames.
     """
     if not differences:
         return None

@@ -8,8 +8,8 @@ import numpy as np
 
 from truepose import _core
 from truepose.arguments import Array, Level
+from truepose.calibration.influences import relieved
 from truepose.calibration.registration import Registered
-from truepose.calibration.stretching import relieved
 from truepose.robot import compliance, knowledge
 from truepose.robot.compliance import Payloads
 from truepose.robot.robot import Robot
@@ -40,33 +40,12 @@ def expect(
     level: Level | None = None,
     loads: Payloads | None = None,
 ) -> Expectation:
-    """Predict every sensor from the motors, at the geometry that this robot has.
+    """Predict every sensor, and `measured` (N, n), from the motors at the geometry of this robot.
 
-    To first order x̂ - x = J (H_ξq δξ + ν_q), J the inverse of H_x's first n rows, so that a sensor
-    is missed by [-J_r J, I] (H_ξ δξ + ν), a coordinate by ν_m - H_mx (x̂ - x) + H_mt δt, t the
-    registration of what measured it.
-
-    Parameters
-    ----------
-    robot : Robot
-        Values and covariance of its parameters are those of the prediction.
-    readings : ndarray, shape (N, n + r)
-    measured : ndarray, shape (N, n), optional
-    measured_sigma : float or ndarray, shape (N, n)
-    registration : Registered, optional
-        Of `measured`, needed with it.
-    level : {"ideal", "full"}, optional
-        By default the robot's finest.
-    loads : Payloads, optional
-        Under which they were read.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> h4 = tp.load("h4").expected()
-    >>> seen = expect(h4, h4.extended_positions([[0.05, 0, -0.4, 0.2]]))
-    >>> print(abs(seen.residual).max() < 1e-9, seen.sigma.round(2))
-    True [[0.06]]
+    Values and covariance of the robot's parameters are those of the prediction; `registration` is
+    of `measured`; `level` is by default the robot's highest. To first order x̂ - x = J (H_ξq δξ +
+    ν_q), J the inverse of H_x's first n rows, so that a sensor is missed by [-J_r J, I] (H_ξ δξ +
+    ν), a coordinate by ν_m - H_mx (x̂ - x) + H_mt δt, t the registration of what measured it.
     """
     if len(readings) > LINES:  # H_ξ takes kilobytes a line
         parts = []

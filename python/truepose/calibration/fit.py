@@ -11,9 +11,15 @@ from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import Array, Level
-from truepose.calibration.departure import Departure, departure
 from truepose.calibration.differences import Differences
-from truepose.calibration.learnt import Learnt
+from truepose.calibration.learnt import (
+    VERDICTS,
+    Departure,
+    Learnt,
+    chi2_quantile,
+    departure,
+    figure,
+)
 from truepose.calibration.registration import Registered
 from truepose.exceptions import InputError
 from truepose.robot import compliance, knowledge
@@ -84,14 +90,12 @@ class Calibration:
     def verdicts(self) -> str:
         """One line: how many parameters are identified, barely, not."""
         found = [p.verdict for p in self.parameters.values()]
-        counts = (f"{found.count(v)} {v}" for v in ("identified", "barely", "not identified"))
+        counts = (f"{found.count(v)} {v}" for v in VERDICTS)
         return f"{len(found)} uncertain parameters: {', '.join(counts)}"
 
     def plot(self) -> Figure:
         """Draw every parameter's change and posterior σ, in units of its prior σ."""
-        from truepose.calibration import figures
-
-        return figures.parameters(self.parameters)
+        return figure(self.parameters)
 
     @property
     def parameters(self) -> dict[str, Learnt]:
@@ -111,6 +115,11 @@ class Calibration:
     def outliers(self) -> Array:
         """Lines that count for less than a tenth."""
         return np.flatnonzero((self.weights < 0.1) & (self.status == "ok"))
+
+    def disagreement(self, rows: Array) -> float:
+        """By how many times their noise the readings of some lines disagree (median)."""
+        usual = chi2_quantile(0.5, self.redundancy[rows])
+        return float(np.sqrt(np.median(self.chi2[rows] / usual)))
 
     @property
     def departure(self) -> Departure:

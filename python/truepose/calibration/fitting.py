@@ -13,21 +13,26 @@ from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import Array, Level
-from truepose.calibration.agreement import rows_of, sizes
-from truepose.calibration.departure import chi2_quantile
 from truepose.calibration.differences import Assembled, Difference, Differences, assemble
 from truepose.calibration.fit import Calibration
-from truepose.calibration.influences import NuisanceParameter, patterns
-from truepose.calibration.known_pose import KnownPose, known_poses
-from truepose.calibration.learnt import Learnt, calibration_of, mean_of
-from truepose.calibration.memory import MUCH, memory, much_memory
+from truepose.calibration.influences import (
+    NEGLIGIBLE,
+    ROUNDS,
+    NuisanceParameter,
+    Stretching,
+    patterns,
+)
+from truepose.calibration.learnt import Learnt, calibration_of, chi2_quantile, mean_of
 from truepose.calibration.registration import (
+    KnownPose,
     Registered,
     Registration,
+    known_poses,
     measured_outside,
     registration_of,
+    rows_of,
+    sizes,
 )
-from truepose.calibration.stretching import NEGLIGIBLE, ROUNDS, Stretching
 from truepose.exceptions import InputError, PoseError, choose
 from truepose.logs import repeated
 from truepose.robot import knowledge
@@ -43,6 +48,8 @@ Loss = Literal["squares", "huber", "student"]
 #: Of known poses that are right, the share that is said to contradict all else.
 FALSE_ALARMS = 1e-3
 
+#: Memory that a calibration may take without a warning, bytes.
+MUCH = 2e9
 #: Default tuning of each loss: Huber's bend and Student's degrees of freedom.
 TUNING: dict[Loss, float] = {"squares": 0.0, "huber": 1.0, "student": 4.0}
 
@@ -77,13 +84,16 @@ def fit_to(
     begun = registration_of(registration)
     frames = begun.sigma(robot, lines.outside) if lines.tracked else np.zeros(12)
     registering = bool(frames.any())
-    beside = frames if registering else np.zeros(0)
-    between = assemble(robot, differences, lines.own, own + len(beside))
-    if between is not None:
-        beside = np.concatenate([beside, between.sigma])
+    between = assemble(robot, differences, lines.own, own + 12 * registering)
     acting = np.pad(patterns(robot, influences, lines.own), ((0, lines.known), (0, 0), (0, 0)))
     usual = np.array([of.amount[0] for of in influences])
-    beside = np.concatenate([beside, [of.amount[1] for of in influences]])
+    beside = np.concatenate(
+        [
+            frames if registering else [],
+            between.sigma if between else [],
+            [of.amount[1] for of in influences],
+        ]
+    )
     level = robot.highest_level if level is None else level
     full = robot.is_full(level)
     guarded = not full and model_error == "on" and bool(knowledge.left_out(robot))
@@ -179,7 +189,7 @@ def fit_to(
 def _between(
     between: Assembled | None, answer: _Answer, names: int, influences: int
 ) -> tuple[Differences | None, Array]:
-    """Return measured differences as they were found, and the columns of all but parameters."""
+    """Measured differences as they were found, and the columns of all but parameters."""
     last = np.arange(len(answer.covariance) - influences, len(answer.covariance))
     if between is None:
         return None, last
@@ -337,16 +347,14 @@ def _calibrated(
 ) -> Robot:
     """Return the robot as it was found, at the level that its readings were understood by."""
     column = dict(columns(robot.spec))
+    values = {name: of.value for name, of in stretched.items()}
+    values = {name: values.get(name, float(answer.xi[column.get(name, 0)])) for name in names}
+    sigma = np.sqrt(np.diag(covariance))  # metres and radians are not mixed in the factors
+    root = sigma[:, None] * np.linalg.cholesky(covariance / np.outer(sigma, sigma))
+    source = f"{int((answer.lines == 0).sum())} poses, {', '.join(robot.sensors) or 'no sensor'}"
     error = knowledge.model_error(robot) if guarded else ()
-    learnt = calibration_of(
-        {
-            name: stretched[name].value if name in stretched else float(answer.xi[column[name]])
-            for name in names
-        },
-        _cholesky(covariance),
-        f"{int((answer.lines == 0).sum())} poses, {', '.join(robot.sensors) or 'no sensor'}",
-        dict(zip(robot.readings, map(float, error), strict=True)) if guarded else {},
-    )
+    left_out = dict(zip(robot.readings, map(float, error), strict=True)) if guarded else {}
+    learnt = calibration_of(values, root, source, left_out)
     return robot.with_calibration(learnt).with_level(level)
 
 
@@ -361,7 +369,14 @@ def _apart(answer: _Answer, count: int, sigma: Array) -> tuple[Array, Registered
     return joint[:count, :count], registered
 
 
-def _cholesky(covariance: Array) -> Array:
-    """Lower triangular root, factorised in units of σ so that metres and radians do not mix."""
-    sigma = np.sqrt(np.diag(covariance))
-    return sigma[:, None] * np.linalg.cholesky(covariance / np.outer(sigma, sigma))
+def memory(robot: Robot, lines: int, measured: bool, guarded: bool) -> float:
+    """How many bytes a calibration takes at most, about: two linearisations of every line."""
+    unknowns = len(knowledge.uncertain(robot)) + 12 * measured
+    unknowns += len(knowledge.left_out(robot)) if guarded else 0
+    beyond = robot.r + robot.n * measured
+    return lines * (2 * (8 * (robot.n + beyond) * unknowns + 1400) + 8 * beyond * unknowns)
+
+
+def much_memory(robot: Robot, lines: int, needed: float) -> str:
+    """Say how much memory a calibration will take."""
+    return f"{robot.name}: {lines} lines of readings need about {1e-9 * needed:.1f} GB of memory"

@@ -1,8 +1,9 @@
-"""Identified parameters, and what a robot file keeps of a calibration."""
+"""Identified parameters, and the prior-consistency (χ²) test of their tolerances."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -11,8 +12,17 @@ from truepose.robot.robot import Robot
 from truepose.robotfile.schema import CalibrationSection
 from truepose.robotfile.to_core import columns
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 #: Posterior over prior σ, up to which a parameter counts as identified, and as barely so.
 IDENTIFIED, BARELY = 0.3, 0.9
+#: Verdicts, and their colours in the figure.
+VERDICTS = {"identified": "#1b7837", "barely": "#e08214", "not identified": "#b2182b"}
+#: Posterior over prior σ, up to which a combination of parameters is used to judge the prior.
+SEEN = 1 / 3
+#: Probability that tolerances that are right are called too small.
+FALSE_ALARMS = 0.005
 
 
 class Learnt(NamedTuple):
@@ -59,3 +69,71 @@ def calibration_of(
         root=tuple(tuple(map(float, root[k, : k + 1])) for k in range(len(values))),
         model_error=model_error or {},
     )
+
+
+class Departure(NamedTuple):
+    """Squared departures from the prior over the combinations of parameters that a log sees."""
+
+    chi2: float  #: each in units of what the prior lets one expect
+    combinations: int
+
+    @property
+    def factor(self) -> float:
+        """Factor by which the tolerances are too small (about 1 where they are right)."""
+        return math.sqrt(self.chi2 / self.combinations) if self.combinations else 1.0
+
+    @property
+    def betrayed(self) -> bool:
+        """Whether tolerances that are right would depart so far in 0.5 % of all robots only."""
+        limit = chi2_quantile(1 - FALSE_ALARMS, self.combinations)
+        return bool(self.combinations > 0 and self.chi2 > limit)
+
+    def doubt(self, prior: str) -> list[str]:
+        """Return a line that says so, of what the prior is from; none where the test passes."""
+        if not self.betrayed:
+            return []
+        many = f"{self.combinations} combination{'' if self.combinations == 1 else 's'}"
+        return [
+            f"{prior} seem too small by a factor of about {self.factor:.1f}, judged by the {many} "
+            "of parameters that the readings see; then σ of what they do not see are so too"
+        ]
+
+
+def departure(off: Array, covariance: Array, prior_covariance: Array) -> Departure:
+    """Compare ξ̂ less the prior mean, (p,), with the prior's covariance and the posterior's.
+
+    In units of the prior's root, u = S⁻¹(ξ - μ), the prior is N(0, I) and the posterior N(û, Σ_u).
+    By the law of total variance û then scatters by I - Σ_u from robot to robot, each eigenvector
+    of Σ_u by itself: û_k² / (1 - σ_k²) are χ²₁, whatever the readings and their noise.
+    """
+    whiten = np.linalg.inv(np.linalg.cholesky(prior_covariance))
+    sigma2, vectors = np.linalg.eigh(whiten @ covariance @ whiten.T)
+    seen = sigma2 <= SEEN**2
+    u = vectors[:, seen].T @ (whiten @ off)
+    return Departure(float((u**2 / (1 - sigma2[seen])).sum()), int(seen.sum()))
+
+
+def chi2_quantile(probability: float, freedoms: Array | int) -> Any:
+    """Quantile of χ² (scipy.special.chdtri, imported when it is first needed)."""
+    from scipy.special import chdtri
+
+    return chdtri(freedoms, 1 - probability)
+
+
+def figure(found: dict[str, Learnt]) -> Figure:
+    """Draw every parameter's change and posterior σ, in units of its prior σ."""
+    from matplotlib.figure import Figure
+
+    picture = Figure(figsize=(8.4, 1.0 + 0.17 * len(found)), layout="constrained")
+    axes = picture.subplots()
+    axes.axvspan(-1, 1, color="0.92", zorder=0)
+    axes.axvline(0, color="0.6", lw=0.8)
+    for verdict, colour in VERDICTS.items():
+        some = {k: p for k, p in enumerate(found.values()) if p.verdict == verdict}
+        change = [(p.value - p.prior) / p.prior_sigma for p in some.values()]
+        style: dict[str, Any] = {"fmt": "o", "ms": 3, "lw": 1, "color": colour, "label": verdict}
+        axes.errorbar(change, list(some), xerr=[p.ratio for p in some.values()], **style)
+    axes.set_yticks(range(len(found)), list(found), fontsize=7)
+    axes.set(ylim=(len(found) - 0.3, -0.7), xlabel="change and σ, in units of the prior σ")
+    picture.legend(loc="outside upper center", ncols=3, fontsize=9, frameon=False)
+    return picture

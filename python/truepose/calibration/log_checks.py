@@ -12,17 +12,11 @@ from truepose import logs
 from truepose.arguments import Array
 from truepose.calibration import log_faults
 from truepose.calibration.expectation import Expectation, expect, poses_of
-from truepose.calibration.log_faults import (
-    APART,
-    CENTIMETRES,
-    DEGREES,
-    MILLIMETRES,
-    apart,
-)
+from truepose.calibration.log_faults import APART, DEGREES, MILLIMETRES, UNITS, apart
 from truepose.logs import Log
 from truepose.robot import knowledge
 from truepose.robot.robot import Robot
-from truepose.robot.units import reading_units
+from truepose.robot.units import angles, reading_units
 
 #: A prediction that varies by this many σ shows what a reading should have followed.
 VARIES = 8.0
@@ -36,33 +30,10 @@ class Finding(NamedTuple):
 
 
 def check(robot: Robot, log: Log, differences: int = 0) -> tuple[Log, list[Finding]]:
-    """Look over a log before anything is fitted to it.
+    """Check a log before a fit; `differences` is the number measured between its lines.
 
-    Parameters
-    ----------
-    robot : Robot
-    log : Log
-    differences : int
-        How many were measured between its lines.
-
-    Returns
-    -------
-    log : Log
-        Without the readings of a sensor that hung for a while, and those that are there twice.
-    findings : list of Finding
-        Units, signs, swapped columns and stuck sensors are refused, not mended.
-
-    Examples
-    --------
-    >>> import numpy as np, truepose as tp
-    >>> from truepose import logs
-    >>> from truepose.paper import article
-    >>> h4 = tp.load("h4")
-    >>> table = dict(zip(h4.readings, h4.expected().extended_positions(article.table2()).T))
-    >>> table["theta"] = np.degrees(table["theta"])
-    >>> for finding in check(h4, logs.of(h4, table))[1]:
-    ...     print(finding.text)
-    theta: in degrees, must be rad
+    Return the log without the readings of a sensor that was stuck for a while, and without repeated
+    ones, and what was found. Units, signs, swapped columns and stuck sensors are refused.
     """
     model = robot.expected()
     findings = [*_cells(robot, log)]
@@ -78,7 +49,7 @@ def check(robot: Robot, log: Log, differences: int = 0) -> tuple[Log, list[Findi
     if any(finding.refused for finding in findings):
         return log, findings
     if motors := _motors(model, log):
-        return log, [*findings, *motors]
+        return log, [*findings, *(Finding(text, refused=True) for text in motors)]
     findings += _sensors(model, log, expect(model, log.readings))
     findings += _equations(robot, log, differences)
     return log, findings
@@ -172,44 +143,35 @@ def _equations(robot: Robot, log: Log, differences: int) -> Iterator[Finding]:
 # --- motors ---------------------------------------------------------------------------------------
 
 
-def _motors(robot: Robot, log: Log) -> list[Finding]:
+def _motors(robot: Robot, log: Log) -> list[str]:
     """Whether motors and sensors fit each other; else which mistake explains them."""
     n = robot.n
     read = np.isfinite(log.readings[:, :n]).all(axis=1)
     if not read.any():
-        return [Finding("no line has a reading of every motor", refused=True)]
+        return ["no line has a reading of every motor"]
     found = log_faults.named(robot, log)
     if found is None:
         return []
     if found:
-        return [Finding(" or ".join(found), refused=True)]
+        return [" or ".join(found)]
     q = log.readings[read, :n]
     step = np.maximum(robot.resolution[:n], 1e-9)
     still = np.ptp(q, axis=0) < step
     if len(q) >= 5 and still.any() and not still.all():
         return [
-            Finding(
-                f"{log.names[k]}: stuck at {q[0, k]:.6g} on {_count(len(q), log.word)}",
-                refused=True,
-            )
+            f"{log.names[k]}: stuck at {q[0, k]:.6g} on {_count(len(q), log.word)}"
             for k in np.flatnonzero(still)
         ]
     near = log_faults.plausible(robot, log_faults.few(robot, log).readings)
     if near == 0:
         return [
-            Finding(
-                "the motors' readings fit this robot on no line: units, signs, offsets and the "
-                "order of the columns?",
-                refused=True,
-            )
+            "the motors' readings fit this robot on no line: units, signs, offsets and the order "
+            "of the columns?"
         ]
     if near < 0.5:
         return [
-            Finding(
-                f"only {100 * near:.0f} % of the lines lie near the robot's workspace: units, "
-                "signs, offsets and the order of the motors' columns?",
-                refused=True,
-            )
+            f"only {100 * near:.0f} % of the lines lie near the robot's workspace: units, signs, "
+            "offsets and the order of the motors' columns?"
         ]
     return []
 
@@ -221,11 +183,8 @@ def outside(robot: Robot, log: Log) -> Iterator[Finding]:
     few = log_faults.few(robot, log)
     outside = np.asarray(few.measured)
     x = poses_of(robot, few.readings[:, : robot.n])
-    angles = np.array([unit == "rad" for _, unit in robot.coordinates])
-    for which, factor, text in (
-        (~angles, MILLIMETRES, "in mm, must be m"),
-        (angles, DEGREES, "in degrees, must be rad"),
-    ):
+    angle = angles(robot)
+    for which, factor in ((~angle, MILLIMETRES), (angle, DEGREES)):
         good = np.isfinite(outside[:, which]).all(axis=1) & np.isfinite(x).all(axis=1)
         if not which.any() or good.sum() < 4:
             continue
@@ -236,7 +195,7 @@ def outside(robot: Robot, log: Log) -> Iterator[Finding]:
         if expected > 0 and factor / 3 < measured / expected < factor * 3:
             columns = zip(robot.coordinates, which, strict=True)
             names = ", ".join(f"measured_{name}" for (name, _), own in columns if own)
-            yield Finding(f"{names}: {text}", refused=True)
+            yield Finding(f"{names}: {UNITS[factor == DEGREES][factor]}", refused=True)
 
 
 # --- sensors --------------------------------------------------------------------------------------
@@ -258,41 +217,22 @@ def _slope(read: Array, expected: Array) -> float:
 
 def _named(slope: float, is_angle: bool) -> str | None:
     """What a slope says, if anything."""
-    names = (
-        {DEGREES: "in degrees, must be rad"}
-        if is_angle
-        else {MILLIMETRES: "in mm, must be m", CENTIMETRES: "in cm, must be m"}
-    )
-    for factor, name in names.items():
+    for factor, name in UNITS[is_angle].items():
         if abs(abs(slope) / factor - 1) < 0.3:
             return name + (", and its sign is flipped" if slope < 0 else "")
     return "its sign is flipped" if abs(slope + 1) < 0.3 else None
 
 
-def _named_slopes(robot: Robot, readings: Array) -> list[str | None]:
-    seen = expect(robot, readings)
-    angle = [unit == "rad" for unit in reading_units(robot)[robot.n :]]
-    return [
-        _named(_slope(readings[:, robot.n + k], seen.expected[:, k]), angle[k])
-        for k in range(robot.r)
-    ]
-
-
 def _sensors(robot: Robot, log: Log, seen: Expectation) -> Iterator[Finding]:
     """Units, signs and order of the sensors' columns, given motors that are right."""
-    n = robot.n
-    distance = apart(seen)
-    wrong = [k for k in range(robot.r) if distance[k] > APART]
-    names = _named_slopes(robot, log.readings)
-    angle = [unit == "rad" for unit in reading_units(robot)[robot.n :]]
-    for k in wrong:
-        read, name = log.readings[:, n + k], log.names[n + k]
-        slope = _slope(read, seen.expected[:, k])
-        if names[k]:
-            times = f"{slope:.3g} times what the motors predict"
-            yield Finding(f"{name}: {times}: {names[k]}", refused=True)
+    n, distance, units = robot.n, apart(seen), reading_units(robot)[robot.n :]
+    for k in [k for k in range(robot.r) if distance[k] > APART]:
+        name, unit = log.names[n + k], units[k]
+        slope = _slope(log.readings[:, n + k], seen.expected[:, k])
+        if wrong := _named(slope, unit == "rad"):
+            text = f"{name}: {slope:.3g} times what the motors predict: {wrong}"
+            yield Finding(text, refused=True)
             continue
-        unit = "rad" if angle[k] else "m"
         off = np.nanmedian(seen.residual[:, k])
         scatter = np.nanmedian(np.abs(seen.residual[:, k] - off))
         if abs(off) > 5 * scatter:
@@ -302,11 +242,8 @@ def _sensors(robot: Robot, log: Log, seen: Expectation) -> Iterator[Finding]:
             )
         else:
             lost = not abs(slope) > 0.3  # a NaN too
-            yield Finding(
-                f"{name}: {distance[k]:.0f} σ (median) off what motors and tolerances allow"
-                + (": does not follow the robot" if lost else ""),
-                refused=lost,
-            )
+            text = f"{name}: {distance[k]:.0f} σ (median) off what motors and tolerances allow"
+            yield Finding(text + (": does not follow the robot" if lost else ""), refused=lost)
 
 
 def _runs(read: Array, rows: Array, step: float) -> list[Array]:
@@ -315,6 +252,11 @@ def _runs(read: Array, rows: Array, step: float) -> list[Array]:
     starts, ends = np.r_[0, changes], np.r_[changes, len(rows)]
     long = np.flatnonzero(ends - starts >= 5)
     return [rows[starts[k] : ends[k]] for k in long]
+
+
+def _stuck_at(log: Log, column: int, value: float, rows: Array) -> str:
+    where = f"{log.lines[rows[0]]} to {log.lines[rows[-1]]}"
+    return f"{log.names[column]}: stuck at {value:.6g} on {_count(len(rows), log.word)} ({where})"
 
 
 def _hung(robot: Robot, log: Log, seen: Expectation) -> tuple[Log, list[Finding]]:
@@ -333,13 +275,8 @@ def _hung(robot: Robot, log: Log, seen: Expectation) -> tuple[Log, list[Finding]
         lost = np.concatenate([[], *runs]).astype(int)
         others = np.setdiff1d(rows, lost)
         if len(lost) and len(others) >= len(lost) and odd[others].mean() < 0.2:
-            findings.append(
-                Finding(
-                    f"{log.names[k]}: stuck at {readings[lost[0], k]:.6g} on "
-                    f"{_count(len(lost), log.word)} ({log.lines[lost[0]]} to "
-                    f"{log.lines[lost[-1]]}): these lines are left out"
-                )
-            )
+            text = _stuck_at(log, k, readings[lost[0], k], lost)
+            findings.append(Finding(f"{text}: these lines are left out"))
             readings[lost, k] = np.nan
             rows = others
     return replace(log, readings=readings), findings
@@ -364,12 +301,9 @@ def _stuck(robot: Robot, log: Log, seen: Expectation) -> tuple[Log, list[Finding
         if not hung:
             continue
         lost = np.concatenate(hung)
-        name = log.names[robot.n + k]
-        where = f"{log.lines[lost[0]]} to {log.lines[lost[-1]]}"
-        at = f"{name}: stuck at {read[lost[0]]:.6g} on {_count(len(lost), log.word)} ({where})"
+        at = _stuck_at(log, robot.n + k, read[lost[0]], lost)
         if len(lost) > 0.5 * len(rows):
-            text = f"{at}; leave it out (--sensors, with_sensors)"
-            findings.append(Finding(text, refused=True))
+            findings.append(Finding(f"{at}; leave it out (--sensors, with_sensors)", refused=True))
         else:
             readings[lost, robot.n + k] = np.nan
             findings.append(Finding(f"{at}: these readings are left out"))

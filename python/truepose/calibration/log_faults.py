@@ -7,7 +7,6 @@ named, and with it whatever is as good (a robot's mirror images).
 
 from __future__ import annotations
 
-import functools
 import itertools
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
@@ -16,7 +15,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.calibration.departure import chi2_quantile
 from truepose.calibration.expectation import Expectation, expect, poses_of
 from truepose.calibration.fit import Calibration
 from truepose.calibration.fitting import fit_to
@@ -35,6 +33,11 @@ LINES, FITTED = 80, 12
 ALIKE, OF_COST = 20.0, 0.25
 #: Slopes of a column over its prediction that have a name.
 DEGREES, MILLIMETRES, CENTIMETRES = 180 / np.pi, 1000.0, 100.0
+#: And the names, of a length (0) and of an angle (1).
+UNITS = (
+    {MILLIMETRES: "in mm, must be m", CENTIMETRES: "in cm, must be m"},
+    {DEGREES: "in degrees, must be rad"},
+)
 
 
 class Mistake(NamedTuple):
@@ -72,20 +75,17 @@ def apart(seen: Expectation) -> Array:
 
 
 def named(robot: Robot, log: Log) -> list[str] | None:
-    """Which mistakes with the columns explain a log of a robot with its expected geometry.
+    """Mistakes with the columns that explain a log of a robot with its expected geometry.
 
-    Returns
-    -------
-    list of str, or None
-        None: nothing is wrong. Empty: none of those that have a name. Several: as good as each
-        other, those of the fewest columns first.
+    None: nothing is wrong. Empty: none that has a name. Several: equally good, those of the fewest
+    columns first.
     """
     log = few(robot, log)
     redundant = bool(np.isfinite(log.readings[:, robot.n :]).any() or log.measured is not None)
     own = math.inf
     if agree(robot, log.readings):
         fit = _fit(robot, log, log.readings) if redundant else None
-        if not redundant or (fit is not None and not _misfit(fit) > MISFIT):
+        if not redundant or (fit is not None and not fit.disagreement(fit.redundancy > 0) > MISFIT):
             return None
         own = _cost(fit)
     tried = [m for m in mistakes(robot, log) if agree(robot, m.undo(log.readings))]
@@ -141,13 +141,6 @@ def _cost(fit: Calibration | None) -> float:
     return fit.cost * len(fit.status) / good if fit and good else math.inf
 
 
-def _misfit(fit: Calibration) -> float:
-    """How many times their noise the readings disagree (median)."""
-    counted = fit.redundancy > 0
-    usual = chi2_quantile(0.5, fit.redundancy[counted])
-    return float(np.sqrt(np.median(fit.chi2[counted] / usual)))
-
-
 # --- mistakes -------------------------------------------------------------------------------------
 
 
@@ -163,16 +156,12 @@ def mistakes(robot: Robot, log: Log) -> Iterator[Mistake]:
         text = f"{_listed(names, which)}: {what}"
         return Mistake(text, len(which), lambda rows: rows / factors)
 
-    units = {
-        True: ((DEGREES, "in degrees, must be rad"),),
-        False: ((MILLIMETRES, "in mm, must be m"), (CENTIMETRES, "in cm, must be m")),
-    }
     alone = [(k,) for k in every]
     groups = [tuple(range(n)), _too_large(robot, log.readings)]
     groups += [tuple(np.flatnonzero(angle == kind)) for kind in (True, False)]
     for which in dict.fromkeys([*groups, *alone]):
         if len(which) and len(set(angle[list(which)])) == 1:
-            for factor, what in units[bool(angle[which[0]])]:
+            for factor, what in UNITS[int(angle[which[0]])].items():
                 yield scaled(which, factor, what)
                 if len(which) == 1:
                     yield scaled(which, -factor, f"{what}, and its sign is flipped")
@@ -186,11 +175,7 @@ def mistakes(robot: Robot, log: Log) -> Iterator[Mistake]:
             whole[columns[list(order)]] = columns
             moved = sum(k != held for k, held in enumerate(order))
             text = _reordered([names[k] for k in columns], order)
-            yield Mistake(text, moved, functools.partial(_taken, whole=whole))
-
-
-def _taken(rows: Array, whole: Array) -> Array:
-    return rows[:, whole]
+            yield Mistake(text, moved, lambda rows, whole=whole: rows[:, whole])  # type: ignore[misc]
 
 
 def _listed(names: Sequence[str], which: Iterable[int]) -> str:
@@ -214,13 +199,7 @@ def _orders(count: int) -> Iterator[tuple[int, ...]]:
 
 
 def _reordered(names: list[str], order: tuple[int, ...]) -> str:
-    """Say which column holds which.
-
-    Examples
-    --------
-    >>> _reordered(["q1", "q2", "q3"], (1, 0, 2)), _reordered(["q1", "q2", "q3"], (1, 2, 0))
-    ('q1 and q2: swapped', 'q1, q2, q3: in another order, they hold q2, q3, q1')
-    """
+    """Say which column holds which: "q1 and q2: swapped"."""
     moved = [k for k, held in enumerate(order) if k != held]
     if len(moved) == 2:
         return f"{names[moved[0]]} and {names[moved[1]]}: swapped"

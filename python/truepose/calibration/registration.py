@@ -1,19 +1,24 @@
-"""The frame and the marker of an external measurement, estimated with the geometry."""
+"""Poses known from outside: tracker's frame and marker, known poses, and their χ² test."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose import _core
+from truepose import _core, logs
 from truepose.arguments import Array
+from truepose.calibration.bound import touch_sigmas
 from truepose.exceptions import InputError, choose
-from truepose.robot import frames
+from truepose.robot import frames, knowledge
 from truepose.robot.batches import flattened
+from truepose.robot.robot import Robot
+from truepose.robot.units import angles as angles_of
+from truepose.show.units import printed
 
 if TYPE_CHECKING:
     from truepose.robot.robot import Robot
@@ -90,14 +95,7 @@ UNKNOWNS = 12
 
 
 def registration_of(registration: Literal["unknown", "known"] | Registration) -> Registration:
-    """Return what a word says of a registration.
-
-    Examples
-    --------
-    >>> from truepose.calibration import registration
-    >>> registration_of("unknown").base_sigma[0], registration_of("known").base_sigma
-    (10.0, (0.0, 0.0))
-    """
+    """Return what a word says of a registration."""
     if isinstance(registration, Registration):
         return registration
     words = {"unknown": Registration(), "known": KNOWN}
@@ -206,15 +204,19 @@ def measured_outside(
     rows, lead = flattened(robot, measured, robot.n, "measured", "nan")
     if lead != (count,):
         raise InputError(f"measured: shape {np.shape(measured)}, must be ({count}, {robot.n})")
-    angles = [unit == "rad" for _, unit in robot.coordinates]
-    if robot.spec.mobility == "spatial" and (np.isfinite(rows[:, angles]).sum(axis=1) % 3).any():
-        raise InputError("measured: rx, ry and rz: all three or none at each pose")
+    _require_turns(robot, rows, "measured")
     return rows.copy(), sigmas(robot, sigma, angle_sigma, count)
+
+
+def _require_turns(robot: Robot, rows: Array, what: str) -> None:
+    turns = np.isfinite(rows[:, angles_of(robot)]).sum(axis=1)
+    if robot.spec.mobility == "spatial" and (turns % 3).any():
+        raise InputError(f"{what}: rx, ry and rz: all three or none at each pose")
 
 
 def sigmas(robot: Robot, sigma: ArrayLike | None, angle_sigma: float | None, count: int) -> Array:
     """σ of each coordinate measured, (count, n), m and rad; see :func:`truepose.calibrate`."""
-    angles = np.array([unit == "rad" for _, unit in robot.coordinates])
+    angles = angles_of(robot)
     default = np.where(angles, ANGLE_SIGMA, SIGMA) * np.ones((count, 1))
     result = default.copy()
     if sigma is not None:
@@ -237,3 +239,106 @@ def sigmas(robot: Robot, sigma: ArrayLike | None, angle_sigma: float | None, cou
         if not (np.isfinite(result[:, which]) & (result[:, which] > 0)).all():
             raise InputError(f"{name} = {given}: must be greater than 0 (m, rad)")
     return result
+
+
+#: Readings and the pose, and how well it is known (0: exactly); or a table with measured_ columns.
+KnownPose = tuple[ArrayLike, ArrayLike] | tuple[ArrayLike, ArrayLike, ArrayLike] | Mapping
+
+
+class KnownPoses(NamedTuple):
+    """K poses as the core takes them."""
+
+    readings: Array  #: (K, n + r)
+    x: Array  #: (K, n), NaN where a coordinate is not known
+    sigma: Array  #: (K, n)
+
+
+def known_poses(robot: Robot, given: KnownPose | Any | None) -> KnownPoses:
+    """Check shapes and values of known poses; none: no rows."""
+    if given is None:
+        return KnownPoses(np.zeros((0, robot.n + robot.r)), *np.zeros((2, 0, robot.n)))
+    sigma: ArrayLike
+    if logs.is_table(given):
+        log = logs.of(robot, given, "known_pose")
+        if log.measured is None:
+            wanted = ", ".join(f"measured_{name}" for name, _ in robot.coordinates)
+            raise InputError(f"known_pose: no column says where it stood: {wanted}")
+        readings, x = log.readings, log.measured
+        sigma = 0.0 if log.measured_sigma is None else np.nan_to_num(log.measured_sigma)
+    elif isinstance(given, tuple) and len(given) in (2, 3):
+        readings, _ = flattened(robot, given[0], robot.n + robot.r, "known_pose: readings", "nan")
+        x, _ = flattened(robot, given[1], robot.n, "known_pose: pose", "nan")
+        sigma = given[2] if len(given) == 3 else 0.0
+    else:
+        raise InputError("known_pose: must be (readings, pose), (readings, pose, σ) or a table")
+    if len(readings) != len(x):
+        raise InputError(f"known_pose: {len(readings)} rows of readings and {len(x)} poses")
+    for k, (row, pose) in enumerate(zip(readings, x, strict=True), 1):
+        if not np.isfinite(row[: robot.n]).all():
+            raise InputError(f"known_pose: row {k}: every motor must have been read")
+        if np.isinf(pose).any() or np.isnan(pose).all():
+            raise InputError(
+                f"known_pose: row {k}: must be {robot.n} numbers (m, rad), NaN: unknown"
+            )
+    _require_turns(robot, x, "known_pose")
+    try:
+        rows = np.broadcast_to(np.asarray(sigma, dtype=float), x.shape)
+    except (TypeError, ValueError):
+        raise InputError(f"known_pose: σ: must be a number or {robot.n} of them") from None
+    return KnownPoses(readings, x, np.array([touch_sigmas(robot, row) for row in rows]))
+
+
+class Row(NamedTuple):
+    """Readings less those expected at a known pose, e = B δξ + H δx + noise of covariance I.
+
+    What is not known of the pose is projected out, δx is what is: its own σ is in the noise.
+    """
+
+    e: Array  #: (m,)
+    B: Array  #: (m, p) by the calibration's parameters
+    H: Array  #: (m, k) by the coordinates that are known
+    known: Array  #: (n,) which they are
+
+    def left_out(self, covariance: Array, step: Array) -> tuple[float, Array]:
+        """χ² of m freedoms, and the coordinates' error, as all other rows predict this one.
+
+        With û (`step`) and Σ (`covariance`) of all rows, r = e - B û and P = I - B Σ
+        Bᵀ, the others miss it by P⁻¹ r, whose covariance is P⁻¹.
+        """
+        r = self.e - self.B @ step
+        missed = np.linalg.solve(np.eye(len(r)) - self.B @ covariance @ self.B.T, r)
+        return float(missed @ r), np.linalg.lstsq(self.H, missed)[0]
+
+
+def rows_of(
+    robot: Robot, names: tuple[str, ...], readings: Array, x: Array, known: Array, sigma: Array
+) -> list[Row]:
+    """Linearise K readings at poses `x` near the `known` ones and their σ, all (K, n).
+
+    NaN in `known` where a coordinate is not known; `names` are those of the p parameters.
+    """
+    H_x, H_xi = robot.linearize(x, level=robot.level)
+    every = list(robot.parameters)
+    H_xi = H_xi[..., [every.index(name) for name in names]]
+    noise = knowledge.stated_sigma(robot, robot.level) ** 2
+    expected = np.ascontiguousarray(robot.extended_positions(x, level=robot.level))
+    off = np.asarray(_core.innovation(robot.core, np.ascontiguousarray(readings), expected))
+    rows = []
+    for k in range(len(x)):
+        read, told = np.isfinite(readings[k]), np.isfinite(known[k])
+        Q = np.linalg.qr(H_x[k][np.ix_(read, ~told)], mode="complete")[0][:, (~told).sum() :]
+        H = Q.T @ H_x[k][np.ix_(read, told)]
+        e = Q.T @ off[k][read] + H @ (x[k] - known[k])[told]
+        C = H * sigma[k][told] ** 2 @ H.T + Q.T * noise[read] @ Q
+        half = np.linalg.inv(np.linalg.cholesky(C))
+        rows.append(Row(half @ e, half @ Q.T @ H_xi[k][read], half @ H, told))
+    return rows
+
+
+def sizes(robot: Robot, known: Array, values: Array, form: str) -> str:
+    """Name lengths and angles of some coordinates: "x +1.2 mm, theta 0.1°"."""
+    named = (of for of, own in zip(robot.coordinates, known, strict=True) if own)
+    return ", ".join(
+        f"{name} {printed(value, unit, form)}"
+        for (name, unit), value in zip(named, values.tolist(), strict=True)
+    )

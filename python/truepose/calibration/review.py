@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.calibration import fit_checks, registration
+from truepose.calibration import registration
 from truepose.calibration.between import Between
 from truepose.calibration.bound import accuracy
+from truepose.calibration.calibrate import review
 from truepose.calibration.expectation import Expectation, expect
 from truepose.calibration.fit import Calibration
 from truepose.calibration.fitting import fit_to
@@ -62,21 +63,10 @@ def assess(
 ) -> Assessment:
     """Calibrate by a log, and again without every fifth line; predict the accuracy.
 
-    Parameters
-    ----------
-    robot : Robot
-        With the sensors in use that were read.
-    log : Log
-        Looked over by :func:`truepose.calibration.log_checks.check`, which made the `notes`.
-    touch_off : ndarray, shape (n,), optional
-        Pose that the accuracy to come takes for known from outside; home by default.
-    progress : callable
-        Is told what was done, `STEPS` times.
-    between : Between, optional
-        How well the log's touches were made, and distances that belong to it.
-    **settings
-        Of :func:`truepose.calibrate`: level, loss, tuning, …; what it takes of a table is the
-        log's.
+    The log comes from :func:`truepose.calibration.log_checks.check`, and so do the `notes`.
+    `touch_off`, (n,), by default home, is the pose that the predicted accuracy takes as known.
+    `progress` is called `STEPS` times, with the name of what was done. `between` says how well the
+    log's touches were made. `settings` are those of :func:`truepose.calibrate`: level, loss, ….
     """
     given, angle = (settings.pop(f"measured_{of}", None) for of in ("sigma", "angle_sigma"))
     if log.measured is not None:
@@ -118,7 +108,6 @@ def assess(
     ahead = _ahead(fit, model, poses, touch)
     progress("accuracy")
     outside = () if measured is None else tuple(f"measured_{c}" for c, _ in robot.coordinates)
-    review = fit_checks.review(fit, log)
     return Assessment(
         fit=fit,
         log=log,
@@ -130,7 +119,7 @@ def assess(
         where=where,
         poses=poses,
         accuracy=ahead,
-        notes=(*notes, *review, *fit.notes),
+        notes=(*notes, *review(fit, log), *fit.notes),
     )
 
 

@@ -14,11 +14,10 @@ from truepose import files, logs, robotfile
 from truepose.arguments import Level
 from truepose.calibration import log_checks, review
 from truepose.calibration.differences import measurements
-from truepose.calibration.fitting import Loss, ModelError
-from truepose.calibration.known_pose import known_poses
-from truepose.calibration.memory import MUCH, memory, much_memory
-from truepose.calibration.rehomed import rehomed
+from truepose.calibration.fitting import MUCH, Loss, ModelError, memory, much_memory
+from truepose.calibration.registration import known_poses
 from truepose.calibration.review import Assessment
+from truepose.calibration.zeroing import rehomed
 from truepose.commands.between import (
     Asked,
     DistancesFile,
@@ -232,7 +231,7 @@ def run(
         raise InputError("LOG: none; name a log of readings, --known-pose, or both")
     inputs = [robotfile.path_of(robot_file)]
     inputs += [path for path in (log_file, known_file, asked.distances) if path]
-    robot_out = robotfile.output(out, "-o", calibrated=True) if out else None
+    robot_out = robotfile.output(out, "-o") if out else None
     page_out = files.Output(report, "report", "--report") if report else None
     files.check(filter(None, (robot_out, page_out)), inputs, force)
     robot = load_with(robot_file, sensors)

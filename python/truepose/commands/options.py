@@ -68,9 +68,7 @@ Poses = Annotated[
         show_default="a grid over the workspace",
     ),
 ]
-Force = Annotated[
-    bool, typer.Option("--force", help="Replace a file that is no earlier result of truepose.")
-]
+Force = Annotated[bool, typer.Option("--force", help="Replace a file that is there.")]
 How = Annotated[
     Format,
     typer.Option(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, BinaryIO
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
@@ -122,7 +122,7 @@ def command(
     loaded = load_with(robot, sensors)
     output = None
     if out is not None:
-        output = files.Output(out, "plan", "-o", lambda file: _is_ours(file, loaded))
+        output = files.Output(out, "plan", "-o")
         files.check([output], inputs, force)
     length, angle = parse_sigmas(loaded, outside, "--outside")
     x = drawn(loaded, int(candidates), seed) if given is None else read_poses(loaded, given)
@@ -222,11 +222,6 @@ def notes(found: PosePlan) -> list[str]:
 
 def _header(robot: Robot) -> list[str]:
     return [*(name for name, _ in robot.coordinates), "step"]
-
-
-def _is_ours(file: BinaryIO, robot: Robot) -> bool:
-    """Whether a file is a plan, and nothing was added to it: readings in new columns, say."""
-    return file.readline().decode(errors="replace").strip() == ",".join(_header(robot))
 
 
 def written(found: PosePlan) -> str:

@@ -66,7 +66,7 @@ def command(
 
     Example: **truepose zero g1-ankle stance.csv -o zeroed.toml**
     """
-    output = robotfile.output(out, "-o", calibrated=True) if out else None
+    output = robotfile.output(out, "-o") if out else None
     inputs = (log, robotfile.path_of(robot))
     files.check([output] if output else [], inputs, force)
     loaded = load_with(robot, sensors)

@@ -12,8 +12,8 @@ from truepose import _core
 from truepose.arguments import check_seed
 from truepose.exceptions import InputError, choose
 from truepose.robot.robot import Robot
-from truepose.robotfile.parameters import PAIRED
 from truepose.robotfile.schema import Tolerance
+from truepose.robotfile.to_core import PAIRED
 
 
 def _effect(default: float, group: str, unit: str, what: str, source: str) -> Any:

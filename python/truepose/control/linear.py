@@ -22,7 +22,7 @@ from truepose.exceptions import InputError
 from truepose.robot.frames import coordinates, frames, rotation
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
-from truepose.robotfile.parameters import PAIRED
+from truepose.robotfile.to_core import PAIRED
 
 _FALLEN = 1e12  #: growth in a period beyond which no control is thinkable
 _STEP = 1e-5  # m and rad, of the nacelle: the weight's stiffness is a difference

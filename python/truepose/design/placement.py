@@ -16,7 +16,7 @@ from truepose.design.sensors import asked_poses
 from truepose.exceptions import InputError, choose
 from truepose.robot import frames, knowledge
 from truepose.robot.robot import Robot
-from truepose.robotfile.parameters import drawn
+from truepose.robotfile.to_core import drawn
 
 #: Places that are drawn at random, and of which the best begin a search each.
 DRAWN, STARTS = 64, 6

@@ -7,6 +7,7 @@ says, `# one q1_turns = 75.69 mm`; else what the robot file does: counts and ste
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
 from collections.abc import Iterable, Mapping
@@ -34,21 +35,14 @@ def column_of(name: str, columns: Iterable[str]) -> str | None:
 
 
 def one(robot: Robot, name: str, column: str, header: Mapping[str, str], where: str) -> float:
-    """What one of a raw column is worth, m or rad.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> round(one(tp.load("h4"), "q1", "q1_counts", {}, "log.csv") * 14400, 6)  # a whole turn
-    6.283185
-    >>> one(tp.load("stewart"), "q1", "q1_turns", {"q1_turns": "75 mm"}, "log.csv")
-    0.075
-    """
+    """Value of one count, step or turn of a raw column, m or rad; `where` is for messages."""
     at = robot.readings.index(name)
     units = _LENGTHS if reading_units(robot)[at] == "m" else _ANGLES
     if (text := header.get(column)) is not None:
+        value = math.nan
         found = _VALUE.fullmatch(text)
-        value = units.get(found[2], math.nan) * _number(found[1]) if found else math.nan
+        with contextlib.suppress(ValueError):
+            value = units.get(found[2], math.nan) * float(found[1]) if found else math.nan
         if not (math.isfinite(value) and value != 0):
             raise InputError(
                 f"{where}: one {column} = {text}: must be a number and a unit ({', '.join(units)})"
@@ -63,21 +57,10 @@ def one(robot: Robot, name: str, column: str, header: Mapping[str, str], where: 
         file, key = robot.spec.used[at - robot.n].step, "counts or resolution"
     if not file:
         part = f"chain {at + 1}" if at < robot.n else f"sensor {name}"
-        has = (
-            ""
-            if part.startswith("sensor") and column.endswith("_turns")
-            else (f", or give {part} its {key} in the robot file")
-        )
-        unit = next(iter(units))
+        turns = at >= robot.n and column.endswith("_turns")  # no key of a sensor says them
+        or_else = "" if turns else f", or give {part} its {key} in the robot file"
         raise InputError(
             f"{where}: column {column}: what is one worth? Say it in the log, "
-            f"'# one {column} = 0.001 {unit}'{has}"
+            f"'# one {column} = 0.001 {next(iter(units))}'{or_else}"
         )
     return float(file)
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return math.nan

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -15,7 +16,6 @@ import numpy as np
 from truepose.arguments import Array, check_real, column_of, columns_of
 from truepose.exceptions import InputError, choose, controls, one_line
 from truepose.logs import limits, raw
-from truepose.logs.stances import STANCE, flat
 from truepose.plugins import plugins
 from truepose.robot.compliance import Payloads
 from truepose.robot.robot import Robot
@@ -84,23 +84,12 @@ def is_table(value: object) -> bool:
 
 
 def of(robot: Robot, table: Any, where: str = "readings") -> Log:
-    """Take the columns of a robot and its sensors in use out of a table.
+    """Take the columns of a robot and its sensors in use out of a table, SI units.
 
-    Parameters
-    ----------
-    robot : Robot
-        With the sensors in use that were read.
-    table : dict of arrays, list of dicts, pandas, polars or pyarrow table, structured array
-        Columns q1 … qn, each sensor by its name, and measured_x … where something outside
-        measured a coordinate, measured_x_sigma … how well; plane and point, names of what the tool
-        touched;
-        of a robot whose file has compliances
-        load_x … and q1_tension …, N, empty where there was none, or it was not measured; SI units.
-
-    Raises
-    ------
-    InputError
-        A column is missing, or a cell is not a number; one line says which.
+    Columns q1 … qn, each sensor by its name; measured_x …, measured_x_sigma … where something
+    outside measured a coordinate; plane and point, names of what the tool touched; of a robot whose
+    file has compliances load_x … and q1_tension …, N, empty where there was none or it was not
+    measured. An InputError names the column that is missing, or the cell that is no number.
 
     Examples
     --------
@@ -142,14 +131,8 @@ def read(robot: Robot, path: str | Path) -> Log:
         own = next((each for each in formats if data.startswith(each.MAGIC)), None)
         table = own.read(path, data, robot.readings) if own else None
     if table is not None:
-        return _pick(
-            robot,
-            list(table),
-            table,
-            np.arange(1, len(next(iter(table.values()))) + 1),
-            "row",
-            str(path),
-        )
+        numbered = np.arange(1, len(next(iter(table.values()))) + 1)
+        return _pick(robot, list(table), table, numbered, "row", str(path))
     header, rows, lines = _csv(path, data)
     table = {name: [row[k] for row in rows] for k, name in enumerate(header)}
     worth = raw.said(data.decode("utf-8-sig").splitlines())
@@ -157,13 +140,7 @@ def read(robot: Robot, path: str | Path) -> Log:
 
 
 def table(path: str | Path, names: Sequence[str]) -> tuple[Array, Array]:
-    """Read these columns of a CSV file of whatever machine: numbers (N, k), no cell empty; lines.
-
-    Raises
-    ------
-    InputError
-        One line names the file, the line, the column and the cell.
-    """
+    """Read columns of a CSV file of any machine: numbers (N, k), no cell empty, and their lines."""
     cells, lines = texts(path, names)
     where = str(path)
     columns = [_numbers(cells[n], n, lines, "line", where, empty=False) for n in names]
@@ -381,3 +358,40 @@ def _number(cell: Any, what: str, must: str) -> float:
         shown = one_line(cell, 60)
         hint = "; decimals need a point" if re.fullmatch(r"[-+]?\d*,\d+", shown) else ""
         raise InputError(f"{what} = '{shown}': must be a {must}{hint}") from None
+
+
+#: Column of names of stances: a pivot's nacelle, a foot, was flat.
+STANCE = "stance"
+#: σ of a stance, rad, assumed: a flat sole on a flat floor, 0.05°.
+FLAT = math.radians(0.05)
+_NONE = ("", "0", "no", "false")
+
+
+def flat(
+    robot: Robot, names: Array, measured: Array | None, sigma: Array | None
+) -> tuple[Array, Array]:
+    """Fill in what stances measure: 0 of every axis that is not upright at zero, and its σ.
+
+    Only NaN of `measured` and `sigma`, (N, n) or None, are filled in. The lines of one stance are
+    of one pose, which counts once: in the first of them.
+    """
+    first = np.zeros(len(names), dtype=bool)
+    first[np.unique(names.astype(str), return_index=True)[1]] = True
+    nothing = np.full((len(names), robot.n), np.nan)
+    measured = nothing if measured is None else measured
+    sigma = nothing if sigma is None else sigma
+    here = (first & stood(names))[:, None] & tilts(robot) & np.isnan(measured)
+    return np.where(here, 0.0, measured), np.where(here & np.isnan(sigma), FLAT, sigma)
+
+
+def stood(names: Array) -> Array:
+    """Lines that are of a stance, (N,) bool."""
+    return np.array([name.lower() not in _NONE for name in names], dtype=bool)
+
+
+def tilts(robot: Robot) -> Array:
+    """Axes of a pivot that tilt what is flat, (n,) bool: not those that are parallel to gravity."""
+    down = np.array(robot.spec.gravity)
+    size = float(np.linalg.norm(down)) or 1.0
+    axes = np.array([axis.direction for axis in robot.spec.axis])
+    return ~((np.linalg.norm(np.cross(axes, down), axis=1) < 1e-3 * size) & (down @ down > 0))

@@ -10,27 +10,63 @@ import csv
 import io
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from truepose.arguments import Array
 from truepose.exceptions import InputError, choose
 from truepose.files import Output, mark, replace_file
 from truepose.files import check as checked
-from truepose.logs.columns import Column, Recorded
 from truepose.plugins import plugins
 from truepose.robot.robot import Robot
+from truepose.robot.units import reading_units
+
+
+class Column(NamedTuple):
+    """One quantity of a run, in SI units."""
+
+    topic: str  #: what it belongs to: a channel of an MCAP file
+    name: str
+    unit: str
+    what: str
+    values: Array  #: (N,)
+
+
+class Recorded(Protocol):
+    """A run that a log can be written of."""
+
+    def columns(self, robot: Robot | None = None) -> list[Column]:
+        """Everything in the run; `robot`: of one that does not hold its own."""
+        ...
+
+
+def readings(robot: Robot, q_e: Array) -> list[Column]:
+    """Columns of the readings, by the names that a calibration looks for."""
+    kinds = {sensor.name: sensor.kind for sensor in robot.spec.sensor}
+    result = []
+    for k, (name, unit) in enumerate(zip(robot.readings, reading_units(robot), strict=True)):
+        what = f"motor {k + 1}'s encoder" if k < robot.n else f"sensor {name} ({kinds[name]})"
+        result.append(Column("readings", name, unit, f"reading of {what}", q_e[:, k]))
+    return result
+
+
+def pose(robot: Robot, kind: str, what: str, x: Array) -> list[Column]:
+    """Columns of a pose of some kind: desired, true, measured."""
+    return [
+        Column(kind, f"{kind}_{name}", unit, f"{kind} {name} of the nacelle, {what}", x[:, k])
+        for k, (name, unit) in enumerate(robot.coordinates)
+    ]
+
+
+def numbered(rows: Array) -> list[Column]:
+    """Column of the poses' numbers, where a run has no time."""
+    number = np.arange(len(rows), dtype=float)
+    return [Column("pose", "pose", "1", "number of the pose, from 0", number)]
 
 
 def columns(run: Recorded, robot: Robot | None = None) -> list[Column]:
-    """Name, unit, description and values of everything in a run.
-
-    Parameters
-    ----------
-    run : Recorded
-        A :class:`truepose.simulation.Simulation`; the poses of an experiment, as measured; or as
-        the plant stood there (a Visit).
-    robot : Robot, optional
-        Of a Visit, which does not hold it.
+    """Name, unit, description and values of everything in a run; `robot`: of a Visit alone.
 
     Examples
     --------
@@ -49,11 +85,7 @@ def columns(run: Recorded, robot: Robot | None = None) -> list[Column]:
 
 
 def write(
-    run: Recorded,
-    path: str | Path,
-    robot: Robot | None = None,
-    *,
-    force: bool = False,
+    run: Recorded, path: str | Path, robot: Robot | None = None, *, force: bool = False
 ) -> None:
     """Write a run as its file's name ends: .parquet, .mcap or .csv.
 
@@ -62,9 +94,9 @@ def write(
     run, robot
         As of :func:`columns`.
     path : str or Path
-        A log that truepose wrote before is replaced; an interrupted write leaves it as it was.
+        An interrupted write leaves a file that is there as it was.
     force : bool
-        Replace any other file, too; never what is read-only, or is no regular file.
+        Replace a file that is there; never what is read-only, or is no regular file.
 
     Raises
     ------
@@ -87,17 +119,9 @@ def write(
 
 
 def check(path: str | Path, inputs: Iterable[str | Path] = (), force: bool = False) -> Output:
-    """Look whether a log may be written, best before any work is done for it.
+    """Check that a log may be written, best before any work is done for it.
 
-    Parameters
-    ----------
-    path, inputs, force
-        As of :func:`truepose.files.check`.
-
-    Raises
-    ------
-    InputError
-        An unknown ending, or a file that may not be written.
+    An InputError says that the ending is unknown, or why the file may not be written.
     """
     output = Output(Path(path), "log")
     checked([output], inputs, force)

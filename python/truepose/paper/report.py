@@ -35,9 +35,8 @@ from truepose.simulation.moves import MOVE_TO
 FIGURES = 11  #: drawn for every report; one more with the warm-up
 PAGE = "report.html"
 LEARNT: Control = "self-calibrated"
-#: Kinds of what the folder holds, by their endings.
-_KINDS = {".html": "report", ".svg": "picture", ".png": "picture", ".csv": "table"}
-_KINDS |= {".parquet": "log", ".mcap": "log"}
+#: Endings of what the folder holds.
+_ENDINGS = (".html", ".svg", ".png", ".csv", ".parquet", ".mcap")
 
 
 @contextlib.contextmanager
@@ -47,28 +46,29 @@ def folder(out: Path, force: bool = False) -> Iterator[Path]:
     Parameters
     ----------
     out : Path
-        A folder that is not there, has no such files, or holds an earlier report.
+        A folder that is not there, or has no such files.
     force : bool
-        Replace files in it that are no earlier report's.
+        Replace files in it.
 
     Raises
     ------
     InputError
-        `out` cannot be written, or may not. Raised on entry, before any work is done, but where a
-        file of an earlier report has been changed.
+        `out` cannot be written, or may not. Raised on entry, before any work is done.
     """
     there = os.path.lexists(out)
     base = out if there else next(parent for parent in out.absolute().parents if parent.exists())
     try:
-        others = [p for p in sorted(out.iterdir()) if p.suffix in _KINDS] if there else []
-        files.check([files.Output(out / PAGE, "report", "--out")] if others else [], force=force)
-        if others and not (force or out / PAGE in others):
-            raise InputError(f"--out {out}: has a {others[0].name}, and no report; choose another")
+        others = [p for p in sorted(out.iterdir()) if p.suffix in _ENDINGS] if there else []
+        if others and not force:
+            raise InputError(
+                f"--out {out}: has a {others[0].name}; choose another folder, or --force"
+            )
+        files.check([files.Output(p, "result", "--out") for p in others], force=True)
         with files.unfinished(base / f".truepose-{uuid.uuid4().hex}") as work:
             work.mkdir()
             yield work
             if there:
-                _move(work, out, force)
+                _move(work, out)
             else:
                 out.parent.mkdir(parents=True, exist_ok=True)
                 os.replace(work, out)
@@ -76,22 +76,12 @@ def folder(out: Path, force: bool = False) -> Iterator[Path]:
         raise InputError(f"--out {out}: cannot be written: {error.strerror}") from None
 
 
-def _move(work: Path, out: Path, force: bool) -> None:
+def _move(work: Path, out: Path) -> None:
     """Move all files of a folder into another one, or none."""
     places = {file: out / file.name for file in sorted(work.iterdir())}
-    for file, place in places.items():
-        known = force or (file.suffix == ".csv" and _same_header(file, place))
-        files.check([files.Output(place, _KINDS[file.suffix])], force=known)
+    files.check([files.Output(place, "report") for place in places.values()], force=True)
     for file, place in places.items():
         os.replace(file, place)
-
-
-def _same_header(file: Path, other: Path) -> bool:
-    """Whether two tables have the same first line: they have no room for a mark."""
-    if not other.is_file():
-        return True
-    with file.open("rb") as a, other.open("rb") as b:
-        return a.readline() == b.readline()
 
 
 def write(

@@ -16,7 +16,7 @@ import numpy as np
 from truepose.arguments import Array, numbers_of
 from truepose.calibration.calibrate import calibrate
 from truepose.exceptions import InputError, choose
-from truepose.logs.columns import Column, numbered, pose, readings
+from truepose.logs.writing import Column, numbered, pose, readings
 from truepose.paper import article, statistics
 from truepose.paper.experiment import CONTROLS, Control
 from truepose.paper.trials import JITTER

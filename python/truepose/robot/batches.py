@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -73,6 +74,22 @@ def require_answers(
         f"{robot.name}: {what}{index} {name} = {_list(rows[k])}: "
         f"{guilty}{_core.describe(int(status[k]))}{beyond}"
     )
+
+
+def at_poses(
+    robot: Description,
+    x: ArrayLike,
+    errors: Errors,
+    function: Callable[..., Any],
+    *arguments: Any,
+    core: _core.Robot | None = None,
+    level: Level | None = None,
+) -> list[Array]:
+    """Results of a function of the core at poses x, (..., n), each with x's leading shape."""
+    rows, lead = flattened(robot, x, robot.n, "x", errors)
+    *results, status, chain = function(core or robot.core, rows, *arguments)
+    require_answers(robot, "pose", rows, lead, status, chain, errors, level=level)
+    return [of.reshape(*lead, *of.shape[1:]) for of in results]
 
 
 def _list(values: Array) -> str:

@@ -22,8 +22,8 @@ from truepose.arguments import Array, Errors, Level, numbers_of
 from truepose.exceptions import InputError
 from truepose.robot.batches import flattened, require_answers
 from truepose.robot.description import Description
-from truepose.robotfile.parameters import COMMON
 from truepose.robotfile.schema import Stretch
+from truepose.robotfile.to_core import COMMON, padded
 
 #: Steps of a fixed point, each smaller by about the strain and how fast the tension changes.
 STEPS = 50
@@ -172,20 +172,10 @@ def under_load(
     force: Array | None = None,
     tension: Array | None = None,
 ) -> UnderLoad:
-    """Ask the core for readings under load, their derivatives and the tensions.
+    """Readings under load, their derivatives and the tensions, at poses x, (N, n).
 
-    Parameters
-    ----------
-    robot : Robot
-    x : ndarray, shape (N, n)
-    full : bool
-        Level.
-    compliance : ndarray, shape (n,), optional
-        By default the robot's.
-    force : ndarray, shape (N, 3), optional
-        Beside the file's load, N.
-    tension : ndarray, shape (N, n), optional
-        That was measured, N, NaN where it was not.
+    `compliance`, (n,), is by default the robot's; `force`, (N, 3), N, is added to the file's load;
+    `tension`, (N, n), N, is what was measured, NaN where it was not.
     """
     given = robot.compliance if compliance is None else compliance
     load = robot.spec.stretch.load if robot.spec.stretch else (0.0, 0.0, 0.0)
@@ -195,7 +185,7 @@ def under_load(
         *_core.under_load(
             robot.core,
             np.ascontiguousarray(x),
-            [*given.tolist(), *[0.0] * (6 - robot.n)],
+            padded(given),
             np.ascontiguousarray(beside + load),
             np.ascontiguousarray(measured),
             full,
@@ -211,15 +201,7 @@ def given_way(robot: Loaded, x: Array, full: bool, **loads: Array) -> UnderLoad:
 
 
 def taken_as_stiff(robot: Loaded, what: str) -> str | None:
-    """Say that something knows nothing of a robot's compliance, if it has any.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> delta = tp.load("delta").with_payload((0, 0, 0)).replace({"stretch.compliance": 1e-7})
-    >>> taken_as_stiff(delta, "a controller")
-    'delta: a controller takes its rods as stiff: compliance and load count for nothing there'
-    """
+    """Say that something knows nothing of a robot's compliance, if it has any."""
     if not robot.gives_way:
         return None
     left_out = "compliance and load count for nothing there"
@@ -267,17 +249,8 @@ def at_rest(
 ) -> Answer:
     """Find the poses that readings under load are of: a fixed point, for tension changes slowly.
 
-    Parameters
-    ----------
-    robot : Robot
-    readings : ndarray, shape (N, n) or (N, n + r)
-    full : bool
-        Level.
-    answer : callable
-        Poses, status and chain of the readings of rods that do not give way, from a guess or, to
-        begin with, none.
-    **loads
-        Of :func:`under_load`.
+    `answer` gives poses, status and chain for readings, (N, n) or (N, n + r), of rods that do not
+    stretch, from a guess or, to begin with, None. `loads` are those of :func:`under_load`.
     """
     if not robot.gives_way:
         return answer(readings, None)

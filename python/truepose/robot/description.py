@@ -16,9 +16,8 @@ from truepose import _core, files, robotfile
 from truepose.arguments import Array, Level
 from truepose.exceptions import InputError, RobotFileError, choose
 from truepose.robot import explain
-from truepose.robotfile.parameters import drawn
 from truepose.robotfile.schema import CalibrationSection, RobotFile
-from truepose.robotfile.to_core import build, columns, encoder_step, parameterised
+from truepose.robotfile.to_core import build, columns, drawn, encoder_step, parameterised
 
 #: Names and units of the coordinates of each mobility; of a pivot its file names them.
 COORDINATES = {
@@ -386,9 +385,9 @@ class Description:
         Parameters
         ----------
         path : str or Path
-            Where to write; a robot file that is there is replaced, any other file is not.
+            Where to write.
         force : bool
-            Replace any other file, too; never what is read-only, or is no regular file.
+            Replace a file that is there; never what is read-only, or is no regular file.
 
         Raises
         ------

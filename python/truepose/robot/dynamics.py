@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from truepose import _core
 from truepose.arguments import Array, Errors
 from truepose.exceptions import InputError
-from truepose.robot.batches import flattened, require_answers
+from truepose.robot.batches import at_poses, flattened, require_answers
 from truepose.robot.description import Description
 
 
@@ -57,10 +57,7 @@ class Dynamics(Description):
         >>> print((J.T @ M @ J).round(3)[0])  # of motor 1: its own inertia, and its pull at others
         [ 0.108  0.04  -0.023 -0.023]
         """
-        rows, lead = flattened(self, x, self.n, "x", errors)
-        mass, status, chain = _core.mass_matrix(self.core, rows)
-        require_answers(self, "pose", rows, lead, status, chain, errors)
-        return mass.reshape(*lead, self.n, self.n)
+        return at_poses(self, x, errors, _core.mass_matrix)[0]
 
     def inverse_dynamics(
         self, x: ArrayLike, rate: ArrayLike, acceleration: ArrayLike, errors: Errors = "raise"

@@ -10,6 +10,7 @@ from truepose import _core
 from truepose.arguments import Array
 from truepose.robot.passive import passive_axes
 from truepose.robotfile.schema import RobotFile
+from truepose.robotfile.to_core import padded
 
 #: Place of each coordinate in a twist [velocity; angular velocity].
 _TWIST = {"x": 0, "y": 1, "z": 2, "rx": 3, "ry": 4, "rz": 5, "theta": 5}
@@ -17,15 +18,9 @@ _HELD = 1e-6  # of the largest singular value; the core's own bound for a rank
 
 
 def at_home(robot: _core.Robot, spec: RobotFile, coordinates: list[str], failure: tuple) -> str:
-    """Say why the inverse model or the Jacobian at home fails, in one line.
-
-    Parameters
-    ----------
-    failure : (int, int)
-        Status and chain, as the core's `finish` returns them.
-    """
+    """Say why the inverse model or the Jacobian at home fails (status, chain), in one line."""
     status, chain = failure
-    home = [*spec.home, *[0.0] * (6 - spec.n)]
+    home = padded(spec.home)
     words = f"home = {list(spec.home)}: {_core.describe(status)}"
     words += f", chain {chain + 1}" if chain >= 0 else ""
     if status == _core.unreachable:
@@ -124,13 +119,8 @@ def _motion(twist: Array) -> str:
         parts = [f"turning about {_direction(omega / turn)}"]
         through = np.cross(omega, v) / turn**2
         if np.abs(through).max() > 1e-6:
-            parts[0] += (
-                " through ("
-                + ", ".join(
-                    f"{1e3 * c:.3g}" for c in np.where(np.abs(through) > 1e-6, through, 0.0)
-                )
-                + ") mm"
-            )
+            point = 1e3 * np.where(np.abs(through) > 1e-6, through, 0.0)
+            parts[0] += f" through ({', '.join(f'{c:.3g}' for c in point)}) mm"
         if abs(pitch := float(v @ omega) / turn**2) > 1e-6:
             parts[0] += f", advancing {1e3 * pitch:.3g} mm/rad"
     elif v.any():

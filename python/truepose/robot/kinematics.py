@@ -11,9 +11,9 @@ from truepose import _core
 from truepose.arguments import Array, Errors, Level, check_seed, numbers_of
 from truepose.exceptions import InputError
 from truepose.robot import compliance
-from truepose.robot.batches import flattened, require_answers
+from truepose.robot.batches import at_poses, flattened, require_answers
 from truepose.robot.compliance import Loaded
-from truepose.robotfile.to_core import columns
+from truepose.robotfile.to_core import columns, padded
 
 
 class Conditioning(NamedTuple):
@@ -85,20 +85,16 @@ class Kinematics(Loaded):
         level: Level | None,
         own_mode: bool = False,
     ) -> Array:
-        rows, lead = flattened(self, x, self.n, "x", errors)
-        q, status, chain = _core.ikm(core, rows, self.is_full(level), own_mode)
-        require_answers(self, "pose", rows, lead, status, chain, errors, level=level)
-        if self.gives_way:
-            q = q + self._given_way(rows, lead, errors, level)[:, : self.n]
-        return q.reshape(*lead, self.n)
+        full = self.is_full(level)
+        (q,) = at_poses(self, x, errors, _core.ikm, full, own_mode, core=core, level=level)
+        return q + self._given_way(x, errors, full)[..., : self.n] if self.gives_way else q
 
-    def _given_way(
-        self, rows: Array, lead: tuple[int, ...], errors: Errors, level: Level | None
-    ) -> Array:
-        """By how much readings differ under load, (N, n + r)."""
-        by = compliance.given_way(self, rows, self.is_full(level))
+    def _given_way(self, x: ArrayLike, errors: Errors, full: bool) -> Array:
+        """Differences of the readings under load, (..., n + r)."""
+        rows, lead = flattened(self, x, self.n, "x", errors)
+        by = compliance.given_way(self, rows, full)
         require_answers(self, "pose", rows, lead, by.status, by.chain, errors)
-        return by.readings
+        return by.readings.reshape(*lead, self.n + self.r)
 
     def rkm(self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None) -> Array:
         """Redundant kinematic model: what the sensors in use read at the pose x.
@@ -110,12 +106,9 @@ class Kinematics(Loaded):
         -------
         ndarray, shape (..., r)
         """
-        rows, lead = flattened(self, x, self.n, "x", errors)
-        r, status, chain = _core.rkm(self.core, rows, self.is_full(level))
-        require_answers(self, "pose", rows, lead, status, chain, errors)
-        if self.gives_way:
-            r = r + self._given_way(rows, lead, errors, level)[:, self.n :]
-        return r.reshape(*lead, self.r)
+        full = self.is_full(level)
+        (r,) = at_poses(self, x, errors, _core.rkm, full)
+        return r + self._given_way(x, errors, full)[..., self.n :] if self.gives_way else r
 
     def extended_positions(
         self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None
@@ -175,10 +168,7 @@ class Kinematics(Loaded):
         [ 0.06  0.06 -0.04 -0.04]
         """
         self.is_full("full")
-        rows, lead = flattened(self, x, self.n, "x", errors)
-        rest, status, chain = _core.parasitic(self.core, rows)
-        require_answers(self, "pose", rows, lead, status, chain, errors)
-        return rest.reshape(*lead, rest.shape[-1])
+        return at_poses(self, x, errors, _core.parasitic)[0]
 
     def fkm(
         self,
@@ -238,10 +228,7 @@ class Kinematics(Loaded):
 
     def jacobian(self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None) -> Array:
         """Jacobian J, dx = J dq (spatial: dx a twist in the base frame), shape (..., n, n)."""
-        rows, lead = flattened(self, x, self.n, "x", errors)
-        J, status, chain = _core.jacobian(self.core, rows, self.is_full(level))
-        require_answers(self, "pose", rows, lead, status, chain, errors)
-        return J.reshape(*lead, self.n, self.n)
+        return at_poses(self, x, errors, _core.jacobian, self.is_full(level))[0]
 
     def gyro(self, x: ArrayLike, errors: Errors = "raise") -> Array:
         """What a gyroscope on the nacelle reads: W of ω = W ẋ, in the nacelle's frame.
@@ -271,10 +258,7 @@ class Kinematics(Loaded):
         >>> (np.linalg.pinv(W) @ omega).round(6).tolist()
         [0.5, -0.3]
         """
-        rows, lead = flattened(self, x, self.n, "x", errors)
-        W, status, chain = _core.gyro(self.core, rows)
-        require_answers(self, "pose", rows, lead, status, chain, errors)
-        return W.reshape(*lead, 3, self.n)
+        return at_poses(self, x, errors, _core.gyro)[0]
 
     def joint_torque(
         self, x: ArrayLike, torque: ArrayLike, errors: Errors = "raise", level: Level | None = None
@@ -304,8 +288,8 @@ class Kinematics(Loaded):
         >>> print(ankle.joint_torque([0.1, 0.05], [10, 10]).round(2))  # pitch, roll
         [ 0.81 19.17]
         """
-        J, given, lead = self._mapping(x, torque, "torque", errors, level)
-        return np.linalg.solve(J.swapaxes(-1, -2), given[..., None])[..., 0].reshape(*lead, self.n)
+        J, given = self._mapping(x, torque, errors, level)
+        return np.linalg.solve(J.swapaxes(-1, -2), given)[..., 0]
 
     def motor_torque(
         self, x: ArrayLike, torque: ArrayLike, errors: Errors = "raise", level: Level | None = None
@@ -321,24 +305,22 @@ class Kinematics(Loaded):
         >>> print(ankle.motor_torque([0.1, 0.05], [30.0, 0.0]).round(2))  # toes down
         [-11.36  10.07]
         """
-        J, given, lead = self._mapping(x, torque, "torque", errors, level)
-        return (J.swapaxes(-1, -2) @ given[..., None])[..., 0].reshape(*lead, self.n)
+        J, given = self._mapping(x, torque, errors, level)
+        return (J.swapaxes(-1, -2) @ given)[..., 0]
 
     def _mapping(
-        self, x: ArrayLike, given: ArrayLike, name: str, errors: Errors, level: Level | None
-    ) -> tuple[Array, Array, tuple[int, ...]]:
-        """J and what it is to map, one row each, and their leading shape."""
-        rows, lead = flattened(self, x, self.n, "x", errors)
-        values, other = flattened(self, given, self.n, name, errors)
+        self, x: ArrayLike, torque: ArrayLike, errors: Errors, level: Level | None
+    ) -> tuple[Array, Array]:
+        """J and the torques that it is to map, (..., n, 1), of one leading shape."""
+        J = self.jacobian(x, errors, level)
+        values, other = flattened(self, torque, self.n, "torque", errors)
         try:
-            shape = np.broadcast_shapes(lead, other)
+            lead = np.broadcast_shapes(J.shape[:-2], other)
         except ValueError:
-            shapes = f"x {(*lead, self.n)}, {name} {(*other, self.n)}"
+            shapes = f"x {J.shape[:-1]}, torque {(*other, self.n)}"
             raise InputError(f"{shapes}: leading shapes must broadcast") from None
-        J = self.jacobian(rows, errors, level).reshape(*lead, self.n, self.n)
-        values = values.reshape(*other, self.n)
-        J = np.broadcast_to(J, (*shape, self.n, self.n)).reshape(-1, self.n, self.n)
-        return J, np.broadcast_to(values, (*shape, self.n)).reshape(-1, self.n), shape
+        values = np.broadcast_to(values.reshape(*other, self.n), (*lead, self.n))
+        return np.broadcast_to(J, (*lead, self.n, self.n)), values[..., None]
 
     def conditioning(self, x: ArrayLike, errors: Errors = "raise") -> Conditioning:
         """How far from singular the robot is at x, free of its size and of its units, 0 to 1.
@@ -350,10 +332,8 @@ class Kinematics(Loaded):
         >>> round(float(parallel), 3), serial.round(3).tolist()
         (0.813, [0.854, 0.914, 0.873, 0.887])
         """
-        rows, lead = flattened(self, x, self.n, "x", errors)
-        values, status, chain = _core.conditioning(self.core, rows)
-        require_answers(self, "pose", rows, lead, status, chain, errors)
-        return Conditioning(values[:, 0].reshape(lead), values[:, 1:].reshape(*lead, self.n))
+        (values,) = at_poses(self, x, errors, _core.conditioning)
+        return Conditioning(values[..., 0], values[..., 1:])
 
     def skeleton(self, x: ArrayLike) -> Array:
         """Points of every chain at one pose, shape (n, 4, 3), m, base frame.
@@ -364,7 +344,7 @@ class Kinematics(Loaded):
         rows, lead = flattened(self, x, self.n, "x", "raise")
         if lead:
             raise InputError(f"x: shape {(*lead, self.n)}, must be ({self.n},)")
-        points, status, chain = _core.skeleton(self.core, [*rows[0], *[0.0] * (6 - self.n)])
+        points, status, chain = _core.skeleton(self.core, padded(rows[0]))
         require_answers(self, "pose", rows, (), np.array([status]), np.array([chain]), "raise")
         return points
 

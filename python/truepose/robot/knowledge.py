@@ -137,19 +137,17 @@ def knowledge(
 
     Parameters
     ----------
-    robot : Robot
     posterior : ndarray, shape (p, p), optional
-        A root to take in place of the robot's own; of compliances, too, which are behind all else.
+        A root to take in place of the robot's own; compliances are behind all else.
     guarded : bool
         Also what the ideal level leaves out, as parameters of their own behind the others.
     level : {"ideal", "full"}, optional
-        That the readings are understood by; by default the robot's finest.
+        Of the model of the readings; by default the robot's highest.
     error : bool
-        Whether readings that are understood by the ideal level count with what it leaves out: what
-        the robot's calibration says, or what its tolerances allow. Not together with `guarded`.
+        Whether readings of the ideal level count with the model error that the calibration states
+        or the tolerances allow. Not together with `guarded`.
     beside : ndarray, shape (k,), optional
-        σ of unknowns beside the parameters, of which no reading says anything: an outside
-        measurement's frames, what measured differences have of their own.
+        σ of unknowns beside the parameters, on which no reading depends: frames, differences.
     stretches : bool
         Also the compliances, behind those, as influences: the core asks for their columns.
     sigma_scale : int

@@ -13,15 +13,7 @@ LAWS: tuple[Law, ...] = tuple(_core.laws)
 
 
 def usual(robot: Description) -> Law:
-    """Return the law of a robot for which none is named: of redundant sensors where it has any.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> from truepose.robot.laws import usual
-    >>> usual(tp.load("h4")), usual(tp.load("delta"))
-    ('redundant', 'joint')
-    """
+    """Return the law of a robot for which none is named: of redundant sensors where it has any."""
     return "redundant" if robot.r else "joint"
 
 
@@ -35,15 +27,7 @@ def require_sensors(robot: Description, law: str) -> None:
 
 
 def no_sensor(robot: Description, what: str) -> InputError:
-    """Return the error of what needs a redundant sensor, of a robot that uses none.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> from truepose.robot.laws import no_sensor
-    >>> str(no_sensor(tp.load("five-bar"), "law 'weighted'")).split(": ")[2]
-    "its file has none; law 'joint' needs none"
-    """
+    """Return the error of what needs a redundant sensor, of a robot that uses none."""
     has = ", ".join(sensor.name for sensor in robot.spec.sensor)
     where = f"its file has {has} (with_sensors, --sensors)" if has else "its file has none"
     return InputError(

@@ -10,20 +10,11 @@ from truepose.arguments import Array
 
 
 def passive_axes(core: _core.Robot, x: ArrayLike) -> Array:
-    """Return a point and the direction of each passive axis, (axes, 2, 3), m, base frame.
-
-    Of a robot that is no pivot there are none.
-
-    Parameters
-    ----------
-    core : _core.Robot
-    x : array_like, shape (n,)
-        Angles of the axes, rad.
+    """Return a point and the direction of each passive axis at angles x, (axes, 2, 3), m, base.
 
     Examples
     --------
     >>> import truepose as tp
-    >>> from truepose.robot.passive import passive_axes
     >>> print(passive_axes(tp.load("g1-ankle").core, [0.5, 0.1]).round(3)[1])
     [[-0.008  0.    -0.015]
      [ 0.878  0.    -0.479]]

@@ -11,7 +11,7 @@ from truepose import _core
 from truepose.arguments import Array, Errors, Level, fraction
 from truepose.exceptions import InputError, choose
 from truepose.robot import compliance, knowledge
-from truepose.robot.batches import flattened, require_answers
+from truepose.robot.batches import at_poses, flattened, require_answers
 from truepose.robot.kinematics import Kinematics
 from truepose.robot.laws import no_sensor, require_sensors
 
@@ -54,11 +54,9 @@ class Estimate(NamedTuple):
 
     def plot(self) -> Figure:
         """Draw the first two coordinates of every pose, with an ellipse of one σ about each."""
-        from truepose.robot.ellipses import draw
-
         n = self.x.shape[-1]
         x, P = self.x.reshape(-1, n)[:, :2], self.covariance.reshape(-1, n, n)[:, :2, :2]
-        return draw(x, P, angles=isinstance(self, Angles))
+        return _ellipses(x, P, angles=isinstance(self, Angles))
 
 
 class Angles(Estimate):
@@ -200,11 +198,8 @@ class Redundancy(Kinematics):
         True
         """
         fraction("damped_below", damped_below)
-        rows, lead = flattened(self, x, self.n, "x", errors)
-        M, M_plus, status, chain = _core.tej(self.core, rows, damped_below)
-        require_answers(self, "pose", rows, lead, status, chain, errors)
-        size = self.n + self.r
-        return M.reshape(*lead, size, self.n), M_plus.reshape(*lead, self.n, size)
+        M, M_plus = at_poses(self, x, errors, _core.tej, damped_below)
+        return M, M_plus
 
     def weighted_tej(self, x: ArrayLike, errors: Errors = "raise") -> Array:
         """Extended-to-joint matrix with the weights that the readings deserve, at x.
@@ -224,12 +219,12 @@ class Redundancy(Kinematics):
         >>> bool(np.allclose(robot.weighted_tej(x) @ M, np.eye(4), atol=1e-9))
         True
         """
-        rows, lead = flattened(self, x, self.n, "x", errors)
         believed, known = knowledge.for_law(self, "weighted")
-        full = believed.level == "full"
-        _, M_plus, status, chain = _core.gain(believed.core, known, rows, full)  # type: ignore[arg-type]
-        require_answers(self, "pose", rows, lead, status, chain, errors)
-        return M_plus.reshape(*lead, self.n, self.n + self.r)
+
+        def gain(core: _core.Robot, rows: Array) -> tuple:
+            return _core.gain(core, known, rows, believed.level == "full")  # type: ignore[arg-type]
+
+        return at_poses(self, x, errors, gain, core=believed.core)[1]
 
     def cross_sensitivity(
         self, x: ArrayLike, law: str, errors: Errors = "raise", *, sigma_scale: int = 1
@@ -269,8 +264,55 @@ class Redundancy(Kinematics):
         if law not in _core.laws:
             raise InputError(choose("law", law, _core.laws))
         require_sensors(self, law)
-        rows, lead = flattened(self, x, self.n, "x", errors)
         believed, known = knowledge.for_law(self, law, sigma_scale)
-        leak, status, chain = _core.leakage(believed.core, _core.laws[law].law, known, rows)
-        require_answers(self, "pose", rows, lead, status, chain, errors)
-        return leak.reshape(*lead, self.n, self.n + self.r)
+
+        def leakage(core: _core.Robot, rows: Array) -> tuple:
+            return _core.leakage(core, _core.laws[law].law, known, rows)
+
+        return at_poses(self, x, errors, leakage, core=believed.core)[0]
+
+
+_SHARE = 0.04  #: of the picture, that the largest ellipse takes at least: else they are magnified
+
+
+def _ellipses(x: Array, P: Array, angles: bool = False) -> Figure:
+    """Draw N poses, (N, 2) in m or rad, and their covariances, (N, 2, 2); NaN is left out.
+
+    The ellipses are magnified, by a power of ten that the title says, where they would not be seen.
+    A single coordinate, (N, 1), is drawn over the poses' numbers.
+    """
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Ellipse
+    from matplotlib.ticker import MaxNLocator
+
+    good = np.isfinite(x).all(axis=1) & np.isfinite(P).all(axis=(1, 2))
+    scale, unit = (np.degrees(1), "°") if angles else (1e3, "mm")
+    names = ["first axis", "second axis"] if angles else ["x", "y"]
+    x, P = scale * x[good], scale**2 * P[good]
+    figure = Figure(figsize=(5.6, 5.0), layout="constrained")
+    axes = figure.subplots()
+    axes.grid(alpha=0.3)
+    if x.shape[1] == 1:
+        which = np.flatnonzero(good) + 1
+        axes.errorbar(
+            which, x[:, 0], np.sqrt(P[:, 0, 0]), fmt=".", color="#1f5fa8", ecolor="#b2182b"
+        )
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+        axes.set(xlabel="pose", ylabel=f"{names[0]} ({unit})", title="± 1 σ")
+        return figure
+    axes.plot(*x.T, ".", ms=3, color="#1f5fa8")
+    if len(x):
+        variance, directions = np.linalg.eigh(P)
+        half = np.sqrt(np.maximum(variance, 0.0))
+        largest, span = float(half.max()), float(np.ptp(x, axis=0).max())
+        by = 1.0
+        if 0 < largest < _SHARE * span:
+            by = 10.0 ** np.ceil(np.log10(_SHARE * span / largest))
+        for at, (small, large), v in zip(x, half, directions[..., 1], strict=True):
+            turn = float(np.degrees(np.arctan2(v[1], v[0])))
+            size = (2 * by * large, 2 * by * small)
+            axes.add_patch(Ellipse(tuple(at), *size, angle=turn, fc="none", ec="#b2182b", lw=0.8))
+        axes.autoscale_view()
+        axes.set_title("1 σ" + (f", × {by:g}" if by > 1 else ""), fontsize=10)
+    axes.set(xlabel=f"{names[0]} ({unit})", ylabel=f"{names[1]} ({unit})", aspect="equal")
+    return figure

@@ -2,17 +2,56 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from truepose import robotfile
-from truepose.exceptions import RobotFileError
-from truepose.robot.assembly import AssemblyModes, assembly_modes
+from truepose import _core, robotfile
+from truepose.arguments import Array, check_seed
+from truepose.exceptions import InputError, RobotFileError
+from truepose.robot.batches import flattened
 from truepose.robot.dynamics import Dynamics
 from truepose.robot.redundancy import Redundancy
+from truepose.robotfile.to_core import padded
+
+
+@dataclass(frozen=True, eq=False)
+class AssemblyModes:
+    """Poses that close every loop at the same motor positions; `len()` of them."""
+
+    x: Array  #: (m, n), nearest to home first; angles within ±π
+    seen: NDArray[np.intc]  #: (m,) how many of the searches came to each
+
+    def __len__(self) -> int:
+        return len(self.x)
+
+    def __iter__(self) -> Iterator[Array]:
+        return iter(self.x)
+
+    @property
+    def unseen(self) -> float:
+        """Probability that one more search that closes the loops comes to a mode not found yet.
+
+        Good and Turing's estimate: the share of the searches whose mode no other came to.
+        """
+        return float((self.seen == 1).sum() / max(self.seen.sum(), 1))
+
+    @property
+    def expected(self) -> float:
+        """How many modes there are, by those seen once and twice (Chao 1984, a lower bound).
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> AssemblyModes(np.zeros((5, 2)), np.array([9, 4, 1, 1, 2])).expected
+        5.5
+        """
+        once, twice = int((self.seen == 1).sum()), int((self.seen == 2).sum())
+        return len(self) + once * (once - 1) / (2 * (twice + 1))
 
 
 class Robot(Redundancy, Dynamics):
@@ -95,7 +134,13 @@ class Robot(Redundancy, Dynamics):
         >>> len(modes), bool(abs(modes.x[0] - robot.home).max() < 1e-9), modes.expected
         (2, True, 2.0)
         """
-        return assembly_modes(self, q, starts, seed)
+        rows, lead = flattened(self, q, self.n, "q", "raise")
+        if lead:
+            raise InputError(f"q: shape {(*lead, self.n)}, must be ({self.n},)")
+        if not (isinstance(starts, int) and 1 <= starts <= 1_000_000):
+            raise InputError(f"starts = {starts}: must be a whole number from 1 to 1000000")
+        motors = padded(rows[0])
+        return AssemblyModes(*_core.assembly_modes(self.core, motors, starts, check_seed(seed)))
 
 
 def list_robots() -> list[str]:

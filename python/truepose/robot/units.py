@@ -4,34 +4,22 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from truepose import _core
+from truepose.arguments import Array
 from truepose.robot.description import Description
 from truepose.robotfile.to_core import file_key
 
 
 def reading_units(robot: Description) -> list[str]:
-    """Unit of each extended position q_e, motors and the sensors in use: m or rad.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> reading_units(tp.load("h4").with_sensors("theta", "z_telemeter"))
-    ['rad', 'rad', 'rad', 'rad', 'rad', 'm']
-    """
+    """Unit of each extended position q_e, motors and the sensors in use: m or rad."""
     motors = [_motor(chain.actuator) for chain in robot.spec.chain]
     return motors + [_core.sensor_kinds[sensor.kind].unit for sensor in robot.spec.used]
 
 
 def unit_of(robot: Description, name: str) -> str:
-    """Unit of a sensor, a coordinate that something outside measured, or a parameter.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> h4 = tp.load("h4")
-    >>> [unit_of(h4, name) for name in ("chain1.rod", "chain1.yaw", "theta", "theta.gain")]
-    ['m', 'rad', 'rad', '']
-    """
+    """Unit of a sensor, a coordinate that something outside measured, or a parameter; "": none."""
     part, _, key = name.partition(".")
     coordinates = {f"measured_{c}": unit for c, unit in robot.coordinates}
     if name in coordinates:
@@ -52,6 +40,11 @@ def unit_of(robot: Description, name: str) -> str:
     return own if not key or units.get(key, "reading") == "reading" else units[key]
 
 
+def angles(robot: Description) -> Array:
+    """Coordinates of a pose that are angles, (n,) bool."""
+    return np.array([unit == "rad" for _, unit in robot.coordinates])
+
+
 class Summed(NamedTuple):
     """What the errors of a pose add up to: one number."""
 
@@ -61,14 +54,7 @@ class Summed(NamedTuple):
 
 
 def summed(robot: Description) -> Summed:
-    """Return which coordinates count where accuracy is one number.
-
-    Examples
-    --------
-    >>> import truepose as tp
-    >>> summed(tp.load("h4")), summed(tp.load("g1-ankle")).name
-    (Summed(name='position', unit='m', columns=[0, 1, 2]), 'turn')
-    """
+    """Return which coordinates count where accuracy is one number."""
     units = [unit for _, unit in robot.coordinates]
     name, unit = ("position", "m") if "m" in units else ("turn", "rad")
     return Summed(name, unit, [k for k, each in enumerate(units) if each == unit])

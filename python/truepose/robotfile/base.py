@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from pydantic.fields import FieldInfo
@@ -20,6 +20,11 @@ NonNegative = Annotated[Number, Field(ge=0)]
 def unit(name: str) -> FieldInfo:
     """Say a value's unit in the schema: the documentation's reference prints it."""
     return Field(json_schema_extra={"unit": name})
+
+
+def key(meaning: str, default: Any = ...) -> Any:
+    """Return a key of a table: what it means, for the documentation, and its default, if any."""
+    return Field(default, description=meaning)
 
 
 Point = Annotated[Vector, unit("m")]

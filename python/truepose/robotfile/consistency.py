@@ -25,13 +25,7 @@ _Problem = tuple[tuple[str | int, ...], str]  # the key's path, and what is wron
 
 
 def problems(data: dict) -> Iterator[_Problem]:
-    """Find what does not fit, in the contents of a robot file with its shorthand written out.
-
-    Examples
-    --------
-    >>> list(problems({"mobility": "planar", "home": [0.0, 0.0]}))
-    [(('home',), 'home needs 3 coordinates, has 2')]
-    """
+    """Find what does not fit in a robot file's contents with its shorthand written out."""
     mobility = data.get("mobility")
     chains, bars, axes = (tables(data, key) for key in ("chain", "bar", "axis"))
     if isinstance(mobility, str) and mobility in FREEDOMS:
@@ -59,30 +53,24 @@ def problems(data: dict) -> Iterator[_Problem]:
 
 
 def _sensors(data: dict, mobility: object, chains: int, bars: int, axes: int) -> Iterator[_Problem]:
-    """What of them names a part that the robot has not, or needs another mobility."""
+    """Sensors that name a part that the robot has not, or need another mobility."""
+    parts = {
+        "chain": (chains, f"of {chains} chains"),
+        "axis": (axes, f"but the file has {axes} axes"),
+        "bar": (bars, f"but the file has {bars} bars"),
+    }
+    needs = {"axis_angle": ("pivot",), "nacelle_angle": ("planar", "schoenflies")}
     for number, sensor in enumerate(tables(data, "sensor")):
-        whose, name = sensor.get("chain"), sensor.get("name")
-        if type(whose) is int and whose > chains:
-            yield (
-                ("sensor", number, "chain"),
-                f"sensor {name}: chain = {whose}, of {chains} chains",
-            )
-        about = sensor.get("axis")
-        if sensor.get("kind") == "axis_angle" and mobility != "pivot":
-            text = f"sensor {name}: axis_angle needs mobility pivot, not {mobility}"
+        name, kind = sensor.get("name"), sensor.get("kind")
+        needed = needs.get(kind) if isinstance(kind, str) else None
+        misplaced = needed is not None and mobility not in needed
+        if needed and misplaced:
+            text = f"sensor {name}: {kind} needs mobility {' or '.join(needed)}, not {mobility}"
             yield ("sensor", number, "kind"), text
-        elif type(about) is int and about > axes:
-            text = f"sensor {name}: axis = {about}, but the file has {axes} axes"
-            yield ("sensor", number, "axis"), text
-        bar = sensor.get("bar")
-        if type(bar) is int and bar > bars:
-            text = f"sensor {name}: bar = {bar}, but the file has {bars} bars"
-            yield ("sensor", number, "bar"), text
-        if sensor.get("kind") == "nacelle_angle" and mobility not in ("planar", "schoenflies"):
-            text = (
-                f"sensor {name}: nacelle_angle needs mobility planar or schoenflies, not {mobility}"
-            )
-            yield ("sensor", number, "kind"), text
+        for key, (count, has) in parts.items():
+            value = sensor.get(key)
+            if type(value) is int and value > count and not (misplaced and key == "axis"):
+                yield ("sensor", number, key), f"sensor {name}: {key} = {value}, {has}"
 
 
 def _pivot(data: dict, axes: list[dict], bars: list[dict]) -> Iterator[_Problem]:

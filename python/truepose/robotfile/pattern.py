@@ -15,13 +15,7 @@ _LISTS = ("limits", "eccentricity")
 
 
 def turned(vector: list[float], turns: Fraction, about: str) -> list[float]:
-    """Turn a vector about an axis of the base frame by a fraction of a full turn.
-
-    Examples
-    --------
-    >>> turned([1.0, 0.0, 2.0], Fraction(1, 4), "z")
-    [0.0, 1.0, 2.0]
-    """
+    """Turn a vector about an axis of the base frame by a fraction of a full turn."""
     c, s = _cosine(turns), _cosine(turns - Fraction(1, 4))
     k = "xyz".index(about)
     i, j = (k + 1) % 3, (k + 2) % 3
@@ -45,12 +39,6 @@ def expand(motif: list, repeat: int, about: str) -> list:
     """Repeat the chains of a motif: first all of them, then all of them turned, and so on.
 
     Vectors turn. Any other key may be a list with one value for each copy, see :func:`misfits`.
-
-    Examples
-    --------
-    >>> motif = [{"base": [2, 0, 0], "anchor": [1, 0, 0], "bar": [1, 2]}]
-    >>> [(c["base"], c["bar"]) for c in expand(motif, 2, "z")]
-    [([2.0, 0.0, 0], 1), ([-2.0, 0.0, 0], 2)]
     """
     return [_copy(chain, k, repeat, about) for k in range(repeat) for chain in motif]
 

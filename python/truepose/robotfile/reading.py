@@ -17,7 +17,6 @@ from pydantic import BaseModel, ValidationError
 from truepose.exceptions import RobotFileError, choose, shortened
 from truepose.files import contents
 from truepose.robotfile import consistency
-from truepose.robotfile.parameters import parameter_names
 from truepose.robotfile.pattern import expand, misfits
 from truepose.robotfile.schema import (
     ACTUATORS,
@@ -36,6 +35,7 @@ from truepose.robotfile.schema import (
     speaks_of_stretch,
 )
 from truepose.robotfile.sensors import SENSORS
+from truepose.robotfile.to_core import parameter_names
 
 _SECTIONS: dict[str, type[BaseModel]] = {
     "every_chain": Chain,
@@ -60,29 +60,9 @@ SHORTHAND = {
 }
 #: What decides how a robot moves, and of a chain.
 _MECHANISM = ("mobility", "home", "chain", "bar", "axis", "nacelle")
-_MOVES: tuple[str, ...] = (
-    "actuator",
-    "base",
-    "axis",
-    "zero",
-    "arm",
-    "rod",
-    "working_mode",
-    "anchor",
-    "bar",
-    "limits",
-)
-_MOVES += (
-    "rod_spacing",
-    "rod_difference",
-    "pair_axis",
-    "yaw",
-    "tilt",
-    "encoder_offset",
-    "gain",
-    "buildup",
-)
-
+_MOVES = {"actuator", "base", "axis", "zero", "arm", "rod", "working_mode", "anchor", "bar"}
+_MOVES |= {"limits", "rod_spacing", "rod_difference", "pair_axis", "yaw", "tilt", "encoder_offset"}
+_MOVES |= {"gain", "buildup"}
 
 #: Of a robot file. A calibration of as many parameters as a robot can have takes 0.7 MB of it.
 MOST_BYTES = 1_000_000
@@ -113,13 +93,7 @@ def path_of(robot: str) -> Path:
 
 
 def read(robot: str | Path) -> RobotFile:
-    """Read a shipped robot's name or a robot file's path.
-
-    Raises
-    ------
-    RobotFileError
-        One line: file, key, value, what it should be.
-    """
+    """Read a shipped robot's name or a robot file's path; one line says what is wrong."""
     files = loadable()
     if not isinstance(robot, (str, os.PathLike)) or not str(robot):
         raise RobotFileError(f"robot = {robot!r}: must be a shipped robot's name or a file's path")

@@ -26,6 +26,7 @@ from truepose.robotfile.base import (
     Section,
     Sigma,
     Vector,
+    key,
     unit,
 )
 from truepose.robotfile.sensors import Sensor
@@ -34,13 +35,7 @@ from truepose.robotfile.sensors import Sensor
 ANGLES = {"planar": 1, "schoenflies": 1, "spatial": 3, "pivot": 3}
 
 #: Degrees of freedom (= chains = motors) of each mobility; a pivot has as many as axes.
-FREEDOMS = {
-    "planar_translation": 2,
-    "planar": 3,
-    "translation": 3,
-    "schoenflies": 4,
-    "spatial": 6,
-}
+FREEDOMS = {"planar_translation": 2, "planar": 3, "translation": 3, "schoenflies": 4, "spatial": 6}
 
 
 def not_degrees(what: str, angles: float | Sequence[float]) -> None:
@@ -70,87 +65,78 @@ ACTUATORS: tuple[str, ...] = get_args(Actuator)
 class Chain(Section):
     """One motor, its arm and its rod (a spatial parallelogram counts as one rod)."""
 
-    actuator: Actuator = Field(description="how the motor moves B, the rod's end on its side")
-    base: Point = Field(description="P, a point of the motor's axis")
-    axis: Direction = Field(default=(0, 0, 1), description="u, motor axis or slide direction")
-    zero: Direction = Field(default=(1, 0, 0), description="e, arm's direction at q = 0")
-    arm: Length | None = Field(default=None, description="l = |PB| (revolute: needed)")
-    rod: Length | None = Field(default=None, description="L = |AB| (not telescopic: needed)")
-    working_mode: Literal[-1, 1] = Field(default=-1, description="sign of the entry of J_q")
-    anchor: Point = Field(description="A in the body that carries it")
-    bar: Index | None = Field(
-        default=None, description="bar that carries A; without it, the nacelle itself"
+    actuator: Actuator = key("how the motor moves B, the rod's end on its side")
+    base: Point = key("P, a point of the motor's axis")
+    axis: Direction = key("u, motor axis or slide direction", (0, 0, 1))
+    zero: Direction = key("e, arm's direction at q = 0", (1, 0, 0))
+    arm: Length | None = key("l = |PB| (revolute: needed)", None)
+    rod: Length | None = key("L = |AB| (not telescopic: needed)", None)
+    working_mode: Literal[-1, 1] = key("sign of the entry of J_q", -1)
+    anchor: Point = key("A in the body that carries it")
+    bar: Index | None = key("bar that carries A; without it, the nacelle itself", None)
+    rod_spacing: Length = key("between the two rods of a spatial parallelogram; full level", 0.08)
+    rod_difference: Annotated[Number, unit("m")] = key(
+        "length of the rod on the side of +u less that of the other, m; full level", 0.0
     )
-    rod_spacing: Length = Field(
-        default=0.08, description="between the two rods of a spatial parallelogram; full level"
+    pair_axis: Direction | None = key(
+        "from one rod of a carriage to the other (prismatic); by default across its rail and "
+        "its rods at home, if these are not parallel. Rods at the end of an arm lie along u",
+        None,
     )
-    rod_difference: Annotated[Number, unit("m")] = Field(
-        default=0.0,
-        description="length of the rod on the side of +u less that of the other, m; full level",
+    yaw: Angle = key("turns e and u about z", 0.0)
+    tilt: Angle = key("turns u about e", 0.0)
+    encoder_offset: Annotated[Number, unit("rad or m")] = key("reading = gain * q - offset", 0.0)
+    gain: Number = key(
+        "of the motor's reading: its encoder's scale, its screw's or belt's pitch over the "
+        "drawn one, or -1 for a reading that counts backwards",
+        1.0,
     )
-    pair_axis: Direction | None = Field(
-        default=None,
-        description="from one rod of a carriage to the other (prismatic); by default across its "
-        "rail and its rods at home, if these are not parallel. Rods at the end of an arm lie along "
-        "u",
+    buildup: Annotated[Number, unit("1/m")] = key(
+        "of a line that winds in layers on its spool (prismatic, telescopic): it is v + "
+        "buildup * v² out, v = (reading + offset) / gain; thickness / (4π radius²)",
+        0.0,
     )
-    yaw: Angle = Field(default=0.0, description="turns e and u about z")
-    tilt: Angle = Field(default=0.0, description="turns u about e")
-    encoder_offset: Annotated[Number, unit("rad or m")] = Field(
-        default=0.0, description="reading = gain * q - offset"
+    compliance: Annotated[NonNegative, unit("1/N")] | None = key(
+        "strain of its rods, leg or belt per newton of the tension of all its rods together, "
+        "1/(EA), beside that of [stretch]",
+        None,
     )
-    gain: Number = Field(
-        default=1.0,
-        description="of the motor's reading: its encoder's scale, its screw's or belt's pitch over "
-        "the drawn one, or -1 for a reading that counts backwards",
+    encoder_counts: Counts | None = key(
+        "per turn, or per m; without it the encoder has no counts", None
     )
-    buildup: Annotated[Number, unit("1/m")] = Field(
-        default=0.0,
-        description="of a line that winds in layers on its spool (prismatic, telescopic): it is "
-        "v + buildup * v² out, v = (reading + offset) / gain; thickness / (4π radius²)",
+    per_turn: Annotated[Number, unit("m or rad")] | None = key(
+        "what the motor moves in one turn of its shaft, for logs whose column is q1_turns: a "
+        "screw's lead, a spool's or pulley's circumference; negative where it turns the other "
+        "way",
+        None,
     )
-    compliance: Annotated[NonNegative, unit("1/N")] | None = Field(
-        default=None,
-        description="strain of its rods, leg or belt per newton of the tension of all its rods "
-        "together, 1/(EA), beside that of [stretch]",
+    encoder_noise: Sigma = key("σ of a reading", 0.0)
+    eccentricity: Harmonics = key(
+        "c1, s1, c2, s2: an angle φ reads φ + c1 cos φ + s1 sin φ + c2 cos 2φ + s2 sin 2φ "
+        "(revolute)",
+        (0, 0, 0, 0),
     )
-    encoder_counts: Counts | None = Field(
-        default=None, description="per turn, or per m; without it the encoder has no counts"
+    limits: Annotated[tuple[Number, Number], unit("rad or m")] | None = key(
+        "stops of the motor, lower and upper: its position before the encoder's offset", None
     )
-    per_turn: Annotated[Number, unit("m or rad")] | None = Field(
-        default=None,
-        description="what the motor moves in one turn of its shaft, for logs whose column is "
-        "q1_turns: a screw's lead, a spool's or pulley's circumference; negative where it turns "
-        "the other way",
+    torque_limit: Annotated[Positive, unit("N·m or N")] | None = key(
+        "of the motor, either way; without it there is none", None
     )
-    encoder_noise: Sigma = Field(default=0.0, description="σ of a reading")
-    eccentricity: Harmonics = Field(
-        default=(0, 0, 0, 0),
-        description="c1, s1, c2, s2: an angle φ reads φ + c1 cos φ + s1 sin φ + c2 cos 2φ + "
-        "s2 sin 2φ (revolute)",
+    speed_limit: Annotated[Positive, unit("rad/s or m/s")] | None = key(
+        "of the motor, either way; paths that ask for more are refused", None
     )
-    limits: Annotated[tuple[Number, Number], unit("rad or m")] | None = Field(
-        default=None,
-        description="stops of the motor, lower and upper: its position before the encoder's offset",
+    drive_inertia: Annotated[NonNegative, unit("kg·m² or kg")] = key(
+        "rotor and arm about the motor's axis; of a slide motor and carriage. As it is with "
+        "the drawn arm: another value of the parameter 'arm' does not change it",
+        0.0,
     )
-    torque_limit: Annotated[Positive, unit("N·m or N")] | None = Field(
-        default=None, description="of the motor, either way; without it there is none"
+    arm_mass: Mass = key("arm, or carriage", 0.0)
+    rod_mass: Mass = key("all rods of the chain together", 0.0)
+    viscous: Annotated[NonNegative, unit("N·m·s/rad or N·s/m")] = key(
+        "friction of the motor, by its speed", 0.0
     )
-    speed_limit: Annotated[Positive, unit("rad/s or m/s")] | None = Field(
-        default=None, description="of the motor, either way; paths that ask for more are refused"
-    )
-    drive_inertia: Annotated[NonNegative, unit("kg·m² or kg")] = Field(
-        default=0.0,
-        description="rotor and arm about the motor's axis; of a slide motor and carriage. As it is "
-        "with the drawn arm: another value of the parameter 'arm' does not change it",
-    )
-    arm_mass: Mass = Field(default=0.0, description="arm, or carriage")
-    rod_mass: Mass = Field(default=0.0, description="all rods of the chain together")
-    viscous: Annotated[NonNegative, unit("N·m·s/rad or N·s/m")] = Field(
-        default=0.0, description="friction of the motor, by its speed"
-    )
-    coulomb: Annotated[NonNegative, unit("N·m or N")] = Field(
-        default=0.0, description="friction of the motor, whatever its speed"
+    coulomb: Annotated[NonNegative, unit("N·m or N")] = key(
+        "friction of the motor, whatever its speed", 0.0
     )
 
     @model_validator(mode="after")
@@ -198,26 +184,23 @@ class Chain(Section):
 class Bar(Section):
     """A lateral bar of an articulated nacelle: pivots on the nacelle, keeps its orientation."""
 
-    direction: Direction = Field(
-        description="from the nacelle's centre to the pivot, nacelle frame"
-    )
-    pivot: Length = Field(description="distance of the pivot from the nacelle's centre")
-    mass: Mass = Field(default=0.0, description="of the bar, centred on its pivot")
+    direction: Direction = key("from the nacelle's centre to the pivot, nacelle frame")
+    pivot: Length = key("distance of the pivot from the nacelle's centre")
+    mass: Mass = key("of the bar, centred on its pivot", 0.0)
 
 
 class PassiveAxis(Section):
     """A passive axis of a pivot: the next one, or the nacelle, turns about it."""
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")] = Field(
-        description="of its angle, a coordinate of x: letters, digits and _"
+    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")] = key(
+        "of its angle, a coordinate of x: letters, digits and _"
     )
-    origin: Point = Field(
-        default=(0, 0, 0),
-        description="a point of it, from that of the axis before, or in the base frame",
+    origin: Point = key(
+        "a point of it, from that of the axis before, or in the base frame", (0, 0, 0)
     )
-    direction: Direction = Field(description="in the frame of the axis before, x = 0 the base's")
-    limits: Annotated[tuple[Number, Number], unit("rad")] | None = Field(
-        default=None, description="stops of the joint, lower and upper"
+    direction: Direction = key("in the frame of the axis before, x = 0 the base's")
+    limits: Annotated[tuple[Number, Number], unit("rad")] | None = key(
+        "stops of the joint, lower and upper", None
     )
 
     @model_validator(mode="after")
@@ -232,40 +215,34 @@ class PassiveAxis(Section):
 class Nacelle(Section):
     """The body whose pose is x."""
 
-    bars: Literal["pivots", "four_bar"] = Field(
-        default="pivots",
-        description="each bar turns on its own pivot, or all with the couplers of a four-bar",
+    bars: Literal["pivots", "four_bar"] = key(
+        "each bar turns on its own pivot, or all with the couplers of a four-bar", "pivots"
     )
-    mass: Mass = Field(default=0.0, description="without bars and rods")
-    centre: Point = Field(default=(0, 0, 0), description="of mass, nacelle frame")
-    inertia_x: Inertia = Field(default=0.0, description="about the centre of mass, along x")
-    inertia_y: Inertia = Field(default=0.0, description="about the centre of mass, along y")
-    inertia_z: Inertia = Field(default=0.0, description="about the centre of mass, along z")
+    mass: Mass = key("without bars and rods", 0.0)
+    centre: Point = key("of mass, nacelle frame", (0, 0, 0))
+    inertia_x: Inertia = key("about the centre of mass, along x", 0.0)
+    inertia_y: Inertia = key("about the centre of mass, along y", 0.0)
+    inertia_z: Inertia = key("about the centre of mass, along z", 0.0)
 
 
 class Stretch(Section):
     """How rods, legs and belts give way to what they carry: the nacelle's weight, and a load."""
 
-    compliance: Annotated[NonNegative, unit("1/N")] = Field(
-        default=0.0,
-        description="strain per newton of a chain's tension, of all chains alike; a chain's own "
-        "is added",
+    compliance: Annotated[NonNegative, unit("1/N")] = key(
+        "strain per newton of a chain's tension, of all chains alike; a chain's own is added", 0.0
     )
-    load: Annotated[Vector, unit("N")] = Field(
-        default=(0.0, 0.0, 0.0),
-        description="force on the nacelle's reference point beside the weights, base frame",
+    load: Annotated[Vector, unit("N")] = key(
+        "force on the nacelle's reference point beside the weights, base frame", (0.0, 0.0, 0.0)
     )
 
 
 class Workspace(Section):
     """Box of coordinates in which the robot is meant to work."""
 
-    minimum: Annotated[tuple[Number, ...], unit("m, rad")] = Field(
-        description="smallest value of each coordinate"
+    minimum: Annotated[tuple[Number, ...], unit("m, rad")] = key(
+        "smallest value of each coordinate"
     )
-    maximum: Annotated[tuple[Number, ...], unit("m, rad")] = Field(
-        description="largest value of each coordinate"
-    )
+    maximum: Annotated[tuple[Number, ...], unit("m, rad")] = key("largest value of each coordinate")
 
     @model_validator(mode="after")
     def _ordered(self) -> Workspace:
@@ -279,36 +256,35 @@ class Workspace(Section):
 class Pattern(Section):
     """The file's chains are one motif, repeated about an axis of the base frame."""
 
-    repeat: Annotated[int, Field(strict=True, ge=2, le=6)] = Field(
-        description="copies of the motif, a full turn together"
+    repeat: Annotated[int, Field(strict=True, ge=2, le=6)] = key(
+        "copies of the motif, a full turn together"
     )
-    about: Literal["x", "y", "z"] = Field(default="z", description="axis of the base frame")
+    about: Literal["x", "y", "z"] = key("axis of the base frame", "z")
 
 
 class Finer(Section):
     """A finer tolerance that parts can be machined to, for a price."""
 
-    sigma: Annotated[Positive, unit("the parameter's")] = Field(
-        description="standard deviation about the expected value"
+    sigma: Annotated[Positive, unit("the parameter's")] = key(
+        "standard deviation about the expected value"
     )
-    price: NonNegative = Field(
-        description="of all parameters of this entry together, in the currency of the sensors'"
+    price: NonNegative = key(
+        "of all parameters of this entry together, in the currency of the sensors'"
     )
 
 
 class Tolerance(Section):
     """What is not known of a parameter: a σ, or a uniform interval about its value."""
 
-    sigma: Annotated[NonNegative, unit("the parameter's")] | None = Field(
-        default=None, description="standard deviation about the drawn value"
+    sigma: Annotated[NonNegative, unit("the parameter's")] | None = key(
+        "standard deviation about the drawn value", None
     )
-    interval: Annotated[tuple[Number, Number], unit("the parameter's")] | None = Field(
-        default=None,
-        description="lowest and highest departure from the drawn value, all between as likely; "
-        "this or 'sigma'",
+    interval: Annotated[tuple[Number, Number], unit("the parameter's")] | None = key(
+        "lowest and highest departure from the drawn value, all between as likely; this or 'sigma'",
+        None,
     )
-    finer: tuple[Finer, ...] = Field(
-        default=(), description="what truepose design may have machined finer: levels, any order"
+    finer: tuple[Finer, ...] = key(
+        "what truepose design may have machined finer: levels, any order", ()
     )
 
     @model_validator(mode="after")
@@ -343,11 +319,11 @@ class Tolerance(Section):
 class CalibrationSection(Section):
     """What a calibration has learnt; it takes the place of these parameters' tolerances."""
 
-    source: str = Field(default="", description="readings that it rests on")
-    parameters: tuple[str, ...] = Field(description="names, in the order of 'mean' and 'root'")
-    mean: Annotated[tuple[Number, ...], unit("m or rad")] = Field(description="best values")
-    root: tuple[tuple[Number, ...], ...] = Field(
-        description="lower triangle, row by row: covariance = root · rootᵀ"
+    source: str = key("readings that it rests on", "")
+    parameters: tuple[str, ...] = key("names, in the order of 'mean' and 'root'")
+    mean: Annotated[tuple[Number, ...], unit("m or rad")] = key("best values")
+    root: tuple[tuple[Number, ...], ...] = key(
+        "lower triangle, row by row: covariance = root · rootᵀ"
     )
     model_error: dict[str, Sigma] = Field(
         default_factory=dict,
@@ -374,46 +350,34 @@ class CalibrationSection(Section):
 class RobotFile(Section):
     """A robot and its sensors."""
 
-    name: Name = Field(description="what messages, figures and results call it")
-    title: Name = Field(default="", description="one line about it")
-    source: str = Field(default="", description="where the numbers come from")
+    name: Name = key("what messages, figures and results call it")
+    title: Name = key("one line about it", "")
+    source: str = key("where the numbers come from", "")
     mobility: Literal[
         "planar_translation", "planar", "translation", "schoenflies", "spatial", "pivot"
-    ] = Field(description="which freedoms the nacelle has; as many chains")
-    home: Annotated[tuple[Number, ...], unit("m, rad")] = Field(
-        description="a pose well inside the workspace, one value a freedom"
+    ] = key("which freedoms the nacelle has; as many chains")
+    home: Annotated[tuple[Number, ...], unit("m, rad")] = key(
+        "a pose well inside the workspace, one value a freedom"
     )
-    gravity: Annotated[Vector, unit("m/s²")] = Field(
-        default=(0.0, 0.0, -9.81), description="in the base frame"
+    gravity: Annotated[Vector, unit("m/s²")] = key("in the base frame", (0.0, 0.0, -9.81))
+    sensors: tuple[str, ...] = key("names of the sensors in use", ())
+    workspace: Workspace | None = key("box in which the robot is meant to work", None)
+    singularity_free: Workspace | None = key(
+        "box in which the FKM from home finds every pose", None
     )
-    sensors: tuple[str, ...] = Field(default=(), description="names of the sensors in use")
-    workspace: Workspace | None = Field(
-        default=None, description="box in which the robot is meant to work"
+    level: Literal["ideal", "full"] | None = key(
+        "of the model: one rod per chain, or every rod by itself; without it, the paper's "
+        "kinematics and laws are ideal, what states an accuracy is full where it can be",
+        None,
     )
-    singularity_free: Workspace | None = Field(
-        default=None, description="box in which the FKM from home finds every pose"
-    )
-    level: Literal["ideal", "full"] | None = Field(
-        default=None,
-        description="of the model: one rod per chain, or every rod by itself; without it, the "
-        "paper's kinematics and laws are ideal, what states an accuracy is full where it can be",
-    )
-    quantised: bool = Field(default=True, description="false: encoders and sensors have no counts")
-    pattern: Pattern | None = Field(
-        default=None, description="the file's chains are a motif, repeated about an axis"
-    )
-    chain: tuple[Chain, ...] = Field(description="one for each freedom, with its motor and rod")
-    bar: tuple[Bar, ...] = Field(
-        default=(), description="lateral bars of an articulated nacelle, two at most"
-    )
-    axis: tuple[PassiveAxis, ...] = Field(
-        default=(), description="of a pivot: one to three, the base's first"
-    )
-    nacelle: Nacelle = Field(default=Nacelle(), description="its bars' joints, masses, inertia")
-    stretch: Stretch | None = Field(
-        default=None, description="how rods, legs and belts give way; without it they do not"
-    )
-    sensor: tuple[Sensor, ...] = Field(default=(), description="each sensor, in use or not")
+    quantised: bool = key("false: encoders and sensors have no counts", True)
+    pattern: Pattern | None = key("the file's chains are a motif, repeated about an axis", None)
+    chain: tuple[Chain, ...] = key("one for each freedom, with its motor and rod")
+    bar: tuple[Bar, ...] = key("lateral bars of an articulated nacelle, two at most", ())
+    axis: tuple[PassiveAxis, ...] = key("of a pivot: one to three, the base's first", ())
+    nacelle: Nacelle = key("its bars' joints, masses, inertia", Nacelle())
+    stretch: Stretch | None = key("how rods, legs and belts give way; without it they do not", None)
+    sensor: tuple[Sensor, ...] = key("each sensor, in use or not", ())
     tolerances: dict[str, Tolerance] = Field(
         default_factory=dict,
         description="by parameter, globs allowed, of which the first that fits counts: what is "
@@ -423,8 +387,8 @@ class RobotFile(Section):
         default_factory=dict,
         description="values that are not the drawn ones; tolerances stay about the drawn ones",
     )
-    calibration: CalibrationSection | None = Field(
-        default=None, description="what a calibration has learnt; written by it"
+    calibration: CalibrationSection | None = key(
+        "what a calibration has learnt; written by it", None
     )
     #: The file this was read from, kept so that saving keeps its order and comments.
     _text: str = PrivateAttr(default="")

@@ -25,6 +25,7 @@ from truepose.robotfile.base import (
     Seconds,
     Section,
     Sigma,
+    key,
     unit,
 )
 
@@ -36,30 +37,29 @@ def _own_name(name: str) -> str:
     return name
 
 
+SensorName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$"), AfterValidator(_own_name)]
+
+
 class SensorSection(Section):
     """What every kind of sensor has."""
 
     #: Vectors of the mounting: the core's name and the file's key.
     mounting: ClassVar[dict[str, str]] = {}
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$"), AfterValidator(_own_name)] = (
-        Field(description="what logs, parameters and 'sensors' call it: letters, digits and _")
+    name: SensorName = key("what logs, parameters and 'sensors' call it: letters, digits and _")
+    offset: Annotated[Number, unit("m or rad")] = key("reading = gain * value - offset", 0.0)
+    gain: Number = key("reading = gain * value - offset", 1.0)
+    noise: Sigma = key("σ of a reading, before it is counted", 0.0)
+    weight: NonNegative = key("of its row in the TEJ (paper: 1)", 1.0)
+    period: Seconds = key("from sample to sample; 0: the controller's", 0.0)
+    age: Seconds = key("of a sample when it arrives at the controller", 0.0)
+    range: Range | None = key(
+        "[low, high], what it can read: a watch fails a reading beyond; without it any number "
+        "will do",
+        None,
     )
-    offset: Annotated[Number, unit("m or rad")] = Field(
-        default=0.0, description="reading = gain * value - offset"
-    )
-    gain: Number = Field(default=1.0, description="reading = gain * value - offset")
-    noise: Sigma = Field(default=0.0, description="σ of a reading, before it is counted")
-    weight: NonNegative = Field(default=1.0, description="of its row in the TEJ (paper: 1)")
-    period: Seconds = Field(default=0.0, description="from sample to sample; 0: the controller's")
-    age: Seconds = Field(default=0.0, description="of a sample when it arrives at the controller")
-    range: Range | None = Field(
-        default=None,
-        description="[low, high], what it can read: a watch fails a reading beyond; without it "
-        "any number will do",
-    )
-    price: NonNegative | None = Field(
-        default=None, description="what it costs, in any currency: truepose design weighs it"
+    price: NonNegative | None = key(
+        "what it costs, in any currency: truepose design weighs it", None
     )
 
     @property
@@ -77,16 +77,14 @@ class SensorSection(Section):
 class Encoder(SensorSection):
     """Of a turning shaft, perhaps through a gear."""
 
-    counts: Counts | None = Field(
-        default=None, description="per turn of the encoder; without it there are none"
+    counts: Counts | None = key("per turn of the encoder; without it there are none", None)
+    gear: Annotated[Number, Field(ge=1e-6, le=1e6)] = key(
+        "turns of the encoder per turn of what it reads", 1.0
     )
-    gear: Annotated[Number, Field(ge=1e-6, le=1e6)] = Field(
-        default=1.0, description="turns of the encoder per turn of what it reads"
-    )
-    eccentricity: Harmonics = Field(
-        default=(0, 0, 0, 0),
-        description="c1, s1, c2, s2: the encoder at φ (the gear counted) reads φ + c1 cos φ + "
-        "s1 sin φ + c2 cos 2φ + s2 sin 2φ",
+    eccentricity: Harmonics = key(
+        "c1, s1, c2, s2: the encoder at φ (the gear counted) reads φ + c1 cos φ + s1 sin φ + "
+        "c2 cos 2φ + s2 sin 2φ",
+        (0, 0, 0, 0),
     )
 
     @property
@@ -96,9 +94,7 @@ class Encoder(SensorSection):
 
 
 class _Gauge(SensorSection):
-    resolution: Resolution | None = Field(
-        default=None, description="one count; without it there are none"
-    )
+    resolution: Resolution | None = key("one count; without it there are none", None)
 
     @property
     def step(self) -> float:
@@ -109,10 +105,8 @@ class _Gauge(SensorSection):
 class NacelleAngle(Encoder):
     """θ of the nacelle about z, the gear undone."""
 
-    kind: Literal["nacelle_angle"] = Field(description="says which sensor this is")
-    bar: Index | None = Field(
-        default=None, description="read at this bar's pivot, against the bar; without it, absolute"
-    )
+    kind: Literal["nacelle_angle"] = key("says which sensor this is")
+    bar: Index | None = key("read at this bar's pivot, against the bar; without it, absolute", None)
 
     @property
     def geared(self) -> bool:
@@ -125,11 +119,11 @@ class Telemeter(_Gauge):
 
     mounting: ClassVar[dict[str, str]] = {n: n for n in ("origin", "direction", "target", "normal")}
 
-    kind: Literal["telemeter"] = Field(description="says which sensor this is")
-    origin: Point = Field(description="a point of the line, base frame")
-    direction: Direction = Field(description="of the line, base frame")
-    target: Point = Field(default=(0, 0, 0), description="a point of the plane, nacelle frame")
-    normal: Direction = Field(description="of the plane, nacelle frame")
+    kind: Literal["telemeter"] = key("says which sensor this is")
+    origin: Point = key("a point of the line, base frame")
+    direction: Direction = key("of the line, base frame")
+    target: Point = key("a point of the plane, nacelle frame", (0, 0, 0))
+    normal: Direction = key("of the plane, nacelle frame")
 
 
 class Coordinate(_Gauge):
@@ -137,10 +131,10 @@ class Coordinate(_Gauge):
 
     mounting: ClassVar[dict[str, str]] = {n: n for n in ("origin", "direction", "target")}
 
-    kind: Literal["coordinate"] = Field(description="says which sensor this is")
-    origin: Point = Field(default=(0, 0, 0), description="where it reads 0, base frame")
-    direction: Direction = Field(description="measured direction, base frame")
-    target: Point = Field(default=(0, 0, 0), description="the point, nacelle frame")
+    kind: Literal["coordinate"] = key("says which sensor this is")
+    origin: Point = key("where it reads 0, base frame", (0, 0, 0))
+    direction: Direction = key("measured direction, base frame")
+    target: Point = key("the point, nacelle frame", (0, 0, 0))
 
 
 class Distance(_Gauge):
@@ -148,9 +142,9 @@ class Distance(_Gauge):
 
     mounting: ClassVar[dict[str, str]] = {n: n for n in ("origin", "target")}
 
-    kind: Literal["distance"] = Field(description="says which sensor this is")
-    origin: Point = Field(description="its point on the base, base frame")
-    target: Point = Field(default=(0, 0, 0), description="its point, nacelle frame")
+    kind: Literal["distance"] = key("says which sensor this is")
+    origin: Point = key("its point on the base, base frame")
+    target: Point = key("its point, nacelle frame", (0, 0, 0))
 
 
 class Inclinometer(_Gauge):
@@ -158,9 +152,9 @@ class Inclinometer(_Gauge):
 
     mounting: ClassVar[dict[str, str]] = {"direction": "axis", "normal": "up"}
 
-    kind: Literal["inclinometer"] = Field(description="says which sensor this is")
-    axis: Direction = Field(description="about which it measures, nacelle frame")
-    up: Direction = Field(default=(0, 0, 1), description="vertical at reading 0, nacelle frame")
+    kind: Literal["inclinometer"] = key("says which sensor this is")
+    axis: Direction = key("about which it measures, nacelle frame")
+    up: Direction = key("vertical at reading 0, nacelle frame", (0, 0, 1))
 
 
 class Rotation(_Gauge):
@@ -168,8 +162,8 @@ class Rotation(_Gauge):
 
     mounting: ClassVar[dict[str, str]] = {"direction": "direction"}
 
-    kind: Literal["rotation"] = Field(description="says which sensor this is")
-    direction: Direction = Field(description="of the component, base frame")
+    kind: Literal["rotation"] = key("says which sensor this is")
+    direction: Direction = key("of the component, base frame")
 
 
 #: Which rod of a spatial parallelogram a sensor sees: on the side of +u, or on the other.
@@ -185,32 +179,32 @@ class RodAngle(Encoder):
     Lateral: out of that plane, positive along u.
     """
 
-    kind: Literal["rod_in_plane", "rod_lateral"] = Field(description="says which sensor this is")
-    chain: Index = Field(description="whose rod, from 1")
-    side: Literal["base", "nacelle"] = Field(default="base", description="which of its joints")
+    kind: Literal["rod_in_plane", "rod_lateral"] = key("says which sensor this is")
+    chain: Index = key("whose rod, from 1")
+    side: Literal["base", "nacelle"] = key("which of its joints", "base")
     rod: Side = "+"
 
 
 class RodLength(_Gauge):
     """Distance of a rod's ends."""
 
-    kind: Literal["rod_length"] = Field(description="says which sensor this is")
-    chain: Index = Field(description="whose rod, from 1")
+    kind: Literal["rod_length"] = key("says which sensor this is")
+    chain: Index = key("whose rod, from 1")
     rod: Side = "+"
 
 
 class MotorEncoder(Encoder):
     """A second encoder on a revolute motor's load side."""
 
-    kind: Literal["motor_encoder"] = Field(description="says which sensor this is")
-    chain: Index = Field(description="whose motor, from 1")
+    kind: Literal["motor_encoder"] = key("says which sensor this is")
+    chain: Index = key("whose motor, from 1")
 
 
 class AxisAngle(Encoder):
     """An encoder on a passive axis of a pivot."""
 
-    kind: Literal["axis_angle"] = Field(description="says which sensor this is")
-    axis: Index = Field(description="which, from 1")
+    kind: Literal["axis_angle"] = key("says which sensor this is")
+    axis: Index = key("which, from 1")
 
 
 Sensor = Annotated[

@@ -1,17 +1,104 @@
-"""The core's structs from a robot file: chains, sensors, columns of H_ξ."""
+"""Parameters ξ of a robot, and the core's structs from its file."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 
 from truepose import _core
 from truepose.arguments import Array
 from truepose.exceptions import RobotFileError
-from truepose.robotfile.parameters import PAIRED
-from truepose.robotfile.schema import Chain, PassiveAxis, RobotFile
+from truepose.robotfile.schema import Chain, PassiveAxis, RobotFile, Stretch
 from truepose.robotfile.sensors import AxisAngle, Encoder, Sensor, SensorSection
+
+#: Mobilities whose chains are spatial parallelograms, two rods each.
+PAIRED = ("translation", "schoenflies")
+
+#: Amplitudes of an encoder's eccentricity: cosine and sine of one turn, of two.
+HARMONICS = ("c1", "s1", "c2", "s2")
+
+#: Of all chains alike.
+COMMON = "stretch.compliance"
+
+_COMPONENTS = {name: k for names in ("xyz", HARMONICS) for k, name in enumerate(names)}
+
+#: The core's sensor vectors that are directions: parameters of theirs have length 1 as drawn.
+DIRECTIONS = ("direction", "normal")
+
+
+def parameter_names(
+    mobility: str | None,
+    actuators: Sequence[str | None],
+    bars: int,
+    sensors: Sequence[tuple[str, type[Any]]],
+    stretches: bool,
+    axes: int = 0,
+) -> list[str]:
+    """Names of all geometric parameters, those of what is None (not known) included.
+
+    `stretches`: whether compliances are among them (the core's control path has none).
+    """
+    names = []
+    for number, actuator in enumerate(actuators, 1):
+        keys = [f"{vector}.{axis}" for vector in ("base", "anchor") for axis in "xyz"]
+        keys += ["encoder_offset", "yaw", "tilt"]
+        keys += ["rod_difference", "rod_spacing"] * (mobility in (*PAIRED, None))
+        keys += ["arm"] * (actuator in ("revolute", None))
+        keys += ["rod"] * (actuator != "telescopic")
+        keys += harmonics() * (actuator in ("revolute", None))
+        keys += ["gain"]
+        keys += ["buildup"] * (actuator != "revolute")
+        keys += ["compliance"] * stretches
+        names += [f"chain{number}.{key}" for key in keys]
+    names += [f"bar{number}.pivot" for number in range(1, bars + 1)]
+    names += [COMMON] * stretches
+    for name, kind in sensors:
+        keys = ["offset", "gain"]
+        keys += [f"{vector}.{axis}" for vector in kind.mounting.values() for axis in "xyz"]
+        keys += harmonics() * issubclass(kind, Encoder)
+        names += [f"{name}.{key}" for key in keys]
+    for number in range(1, axes + 1):
+        vectors = ("origin", "direction")
+        names += [f"axis{number}.{vector}.{axis}" for vector in vectors for axis in "xyz"]
+    return names
+
+
+def drawn(spec: RobotFile) -> dict[str, float]:
+    """Name and value of every geometric parameter, as the file's keys draw them."""
+    sensors = [(sensor.name, type(sensor)) for sensor in spec.sensor]
+    actuators = [chain.actuator for chain in spec.chain]
+    names = parameter_names(
+        spec.mobility, actuators, len(spec.bar), sensors, spec.stretches, len(spec.axis)
+    )
+    parts: dict[str, object] = {
+        f"chain{number}": chain for number, chain in enumerate(spec.chain, 1)
+    }
+    parts |= {f"bar{number}": bar for number, bar in enumerate(spec.bar, 1)}
+    parts |= {"stretch": spec.stretch or Stretch()}
+    parts |= {sensor.name: sensor for sensor in spec.sensor}
+    parts |= {f"axis{number}": axis for number, axis in enumerate(spec.axis, 1)}
+    values = {}
+    for name in names:
+        part, key, *component = name.split(".")
+        value = getattr(parts[part], key)
+        if value is None:  # a compliance of its own
+            value = 0.0
+        values[name] = value[_COMPONENTS[component[0]]] if component else value
+    for sensor in spec.sensor:
+        for vector in DIRECTIONS:
+            if turned := sensor.mounting.get(vector):  # only turning it means something
+                of = [f"{sensor.name}.{turned}.{axis}" for axis in "xyz"]
+                length = math.hypot(*(values[name] for name in of))
+                values |= {name: values[name] / length for name in of}
+    return values
+
+
+def harmonics() -> list[str]:
+    """Keys of an encoder's eccentricity."""
+    return [f"eccentricity.{harmonic}" for harmonic in HARMONICS]
 
 
 def columns(spec: RobotFile) -> list[tuple[str, int]]:
@@ -40,15 +127,7 @@ def columns(spec: RobotFile) -> list[tuple[str, int]]:
 
 
 def file_key(kind: type[SensorSection], core: str) -> str:
-    """What a robot file calls one of the core's parameters of a sensor; empty: it has it not.
-
-    Examples
-    --------
-    >>> from truepose.robotfile.to_core import file_key
-    >>> from truepose.robotfile.sensors import SENSORS
-    >>> [file_key(SENSORS["inclinometer"], core) for core in ("gain", "normal.x", "target.x")]
-    ['gain', 'up.x', '']
-    """
+    """Name in a robot file of one of the core's parameters of a sensor; empty: it has none."""
     vector, dot, component = core.partition(".")
     if vector == "eccentricity":
         return core if issubclass(kind, Encoder) else ""
@@ -56,6 +135,12 @@ def file_key(kind: type[SensorSection], core: str) -> str:
         return core
     key = kind.mounting.get(vector)
     return f"{key}.{component}" if key else ""
+
+
+def padded(values: Iterable[float]) -> list[float]:
+    """Return values of the chains or coordinates as the core takes them: six, the rest 0."""
+    given = list(map(float, values))
+    return given + [0.0] * (6 - len(given))
 
 
 def encoder_step(chain: Chain) -> float:
@@ -98,7 +183,7 @@ def build(spec: RobotFile) -> _core.Robot:
     robot.mobility = getattr(_core.Mobility, mobility)
     robot.chains = robot.motors = spec.n
     robot.gravity = np.array(spec.gravity)
-    robot.home = [*spec.home, *[0.0] * (6 - spec.n)]
+    robot.home = padded(spec.home)
     robot.bar_joint = getattr(_core.BarJoint, spec.nacelle.bars)
     for i, chain in enumerate(spec.chain):
         robot.set_chain(i, _build_chain(spec, chain))

@@ -2,53 +2,25 @@
 
 from __future__ import annotations
 
-import contextlib
-import tomllib
 from pathlib import Path
-from typing import BinaryIO
 
 import tomlkit
 
 from truepose.files import Output
-from truepose.robotfile.parameters import drawn
 from truepose.robotfile.reading import parse
 from truepose.robotfile.schema import CalibrationSection, RobotFile
-
-_LARGEST = 1 << 24  # bytes of a file that is looked at
-
-
-def output(path: str | Path, option: str = "", *, calibrated: bool = False) -> Output:
-    """Return a robot file to be written; its keys tell an earlier one, no mark.
-
-    Parameters
-    ----------
-    path : str or Path
-    option : str
-        By which it was asked for.
-    calibrated : bool
-        Whether it replaces calibrated robots alone.
-    """
-    kind, key = ("calibrated robot", "calibration") if calibrated else ("robot file", "mobility")
-    return Output(Path(path), kind, option, lambda file: key in _keys(file))
+from truepose.robotfile.to_core import drawn
 
 
-def _keys(file: BinaryIO) -> set[str]:
-    """Keys of a robot file, which has a mobility or another robot's; of any other file none."""
-    with contextlib.suppress(ValueError, RecursionError):
-        keys = set(tomllib.loads(file.read(_LARGEST).decode()))
-        return keys | {"mobility"} if {"mobility", "based_on"} & keys else set()
-    return set()
+def output(path: str | Path, option: str = "") -> Output:
+    """Return a robot file to be written, and the option by which it was asked for."""
+    return Output(Path(path), "robot file", option)
 
 
 def to_toml(spec: RobotFile, values: dict[str, float]) -> str:
-    """Write a robot as a robot file's text.
+    """Write a robot as a robot file's text; order and comments of the file it came from are kept.
 
-    Parameters
-    ----------
-    spec : RobotFile
-        The robot. If it was read from a file, that file's order and comments are kept.
-    values : dict
-        Value of every parameter. Those that are not as drawn go into the table [parameters].
+    Parameters (`values`) that are not as drawn go into the table [parameters].
     """
     nominal = drawn(spec)
     document = tomlkit.parse(spec._text) if spec._text else _written_out(spec)

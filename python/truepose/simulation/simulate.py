@@ -20,7 +20,7 @@ from truepose.control.effects import Effects
 from truepose.exceptions import InputError, PoseError
 from truepose.faults.fault import Fault
 from truepose.faults.monitor import FaultMonitor, failed, watched
-from truepose.logs.columns import Column, pose, readings
+from truepose.logs.writing import Column, pose, readings
 from truepose.robot.compliance import warn_if_stiff
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from truepose.calibration import figures
+from truepose.calibration import learnt
 from truepose.calibration.learnt import BARELY, IDENTIFIED
 from truepose.exceptions import one_line
 from truepose.files import picture
@@ -136,4 +136,4 @@ def _bars(found: Assessment, rows: list, label: str) -> Figure:
 
 def parameters(found: Assessment) -> Figure:
     """Every parameter against its drawing, in units of what was assumed of it."""
-    return figures.parameters(found.estimate.learnt(found.model.names))
+    return learnt.figure(found.estimate.learnt(found.model.names))

@@ -56,12 +56,7 @@ def command(
     contents = to_configuration(made, controller, FaultMonitor(), built)
     read = [path_of(name) for name in (robot, machine) if name]
     outputs: dict[files.Output, str | bytes] = {
-        files.Output(
-            out / name,
-            "LinuxCNC configuration",
-            "-o",
-            (lambda file: file.read(8) == b"truepose") if isinstance(text, bytes) else None,
-        ): text
+        files.Output(out / name, "LinuxCNC configuration", "-o"): text
         for name, text in contents.items()
     }
     with _folder(out):

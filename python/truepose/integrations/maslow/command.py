@@ -60,7 +60,7 @@ def command(
 
     Example: **truepose maslow log.csv -o sled.toml**
     """
-    output = robotfile.output(out, "-o", calibrated=True) if out else None
+    output = robotfile.output(out, "-o") if out else None
     files.check([output] if output else [], (log,), force)
     above = _heights(heights)
     lengths, lines = read(log, above)

@@ -16,9 +16,9 @@ import numpy as np
 
 from truepose.exceptions import InputError
 from truepose.files import mark
-from truepose.logs.columns import Column
 from truepose.logs.limits import require
 from truepose.logs.reading import spoilt
+from truepose.logs.writing import Column
 
 MAGIC = b"\x89MCAP"
 #: Messages of two channels this far apart may be of one pose, s.

@@ -8,7 +8,7 @@ from typing import NamedTuple, Protocol
 from truepose.arguments import Array
 from truepose.control.controller import Controller
 from truepose.exceptions import InputError
-from truepose.logs.columns import Column, numbered, pose, readings
+from truepose.logs.writing import Column, numbered, pose, readings
 from truepose.robot.robot import Robot
 
 

@@ -126,10 +126,10 @@ def test_an_exported_robot_with_sensors_is_watched_and_motion_reads_what_the_law
         assert re.search(fed, made["robot.hal"])
 
 
-def test_the_command_writes_a_folder_that_it_may_write_again(run):
+def test_the_command_writes_a_folder_and_again_by_force(run):
     assert run("export", "linuxcnc", "h4", "-o", "here")[0] == 0
     assert sorted(path.name for path in Path("here").iterdir()) == NAMES
-    assert run("export", "linuxcnc", "h4", "-o", "here")[0] == 0
+    assert run("export", "linuxcnc", "h4", "-o", "here", "--force")[0] == 0
     Path("here/robot.hal").write_text("loadrt mine")
     status, _, error = run("export", "linuxcnc", "h4", "-o", "here")
     assert status == 2

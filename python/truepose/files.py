@@ -1,8 +1,8 @@
-"""Atomic writing of results, never over a file of another program.
+"""Reading of regular files, atomic writing of results.
 
 Every file that truepose writes goes through :func:`write`: beside its place first, then renamed.
-What stands there already is replaced if it is an earlier result of the same kind, or by force; what
-is read by the same command, or is no regular file, never.
+A file that is there is replaced by force only; one that is read by the same command, is read-only
+or is no regular file, never.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ import shutil
 import stat
 import uuid
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING
 
 from truepose.exceptions import InputError, choose
 
@@ -33,10 +33,16 @@ ENDINGS = {
     "report": (".html", ".htm"),
     "plan": (".csv",),
     "robot file": (".toml",),
-    "calibrated robot": (".toml",),
 }
-#: Where a file says what it is: at its beginning; PDF and Parquet at their end.
-_BEGINNING, _END = 1 << 12, 1 << 16
+
+
+def contents(path: Path, most: int = -1) -> bytes:
+    """Read a file, of a long one `most` bytes; OSError where it is no regular file."""
+    mode = path.stat().st_mode
+    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):  # of a folder the system says so itself
+        raise OSError(0, "it is no regular file", str(path))
+    with path.open("rb") as file:
+        return file.read(most)
 
 
 def mark(kind: str) -> str:
@@ -49,30 +55,17 @@ class Output:
     """A file to be written."""
 
     path: Path
-    kind: str  #: of result; only the same kind counts as an earlier one
+    kind: str  #: of result: says which endings an option may have
     option: str = ""  #: by which it was asked for, for messages
-    #: Says whether an open file is an earlier result of a kind that bears no mark.
-    recognise: Callable[[BinaryIO], bool] | None = None
 
     def __str__(self) -> str:
         return f"{self.option} {self.path}".lstrip()
-
-    def earlier(self, path: Path) -> bool:
-        """Whether a file is an earlier result of this kind."""
-        with path.open("rb") as file:
-            if self.recognise:
-                return self.recognise(file)
-            start = file.read(_BEGINNING)
-            if start.startswith((b"%PDF", b"PAR1")):
-                file.seek(max(path.stat().st_size - _END, 0))
-                start = file.read()
-        return mark(self.kind).encode() in start
 
 
 def check(
     outputs: Iterable[Output], inputs: Iterable[str | Path] = (), force: bool = False
 ) -> list[Path]:
-    """Look whether files may be written, best before any work is done for them.
+    """Check that files may be written, best before any work is done for them.
 
     Parameters
     ----------
@@ -80,7 +73,7 @@ def check(
     inputs : iterable of path
         Files that are read for the outputs' sake: never replaced.
     force : bool
-        Replace also what is no earlier result.
+        Replace files that are there.
 
     Returns
     -------
@@ -92,18 +85,15 @@ def check(
     InputError
         An output has another format's ending or may not be written, or two are the same file.
     """
-    outputs, read = list(outputs), [_stat(Path(path)) for path in inputs]
-    places = [_place(output, [s for s in read if s], force) for output in outputs]
+    outputs, read = list(outputs), list[os.stat_result]()
+    for path in inputs:
+        with contextlib.suppress(OSError, ValueError):
+            read.append(os.stat(path))
+    places = [_place(output, read, force) for output in outputs]
     for (a, at), (b, other) in itertools.combinations(zip(outputs, places, strict=True), 2):
         if at == other or (at.exists() and other.exists() and at.samefile(other)):
             raise InputError(f"{a} and {b}: are the same file")
     return places
-
-
-def _stat(path: Path) -> os.stat_result | None:
-    with contextlib.suppress(OSError, ValueError):
-        return path.stat()
-    return None
 
 
 def _place(output: Output, read: list[os.stat_result], force: bool) -> Path:
@@ -115,7 +105,6 @@ def _place(output: Output, read: list[os.stat_result], force: bool) -> Path:
             there = None
             os.stat(place.parent)  # says itself that there is no such folder
         why = _why_not(place, there, read)
-        earlier = not there or why or force or output.earlier(place)
     except OSError as error:
         why = error.strerror or str(error)
     except ValueError as error:  # a NUL in its name
@@ -125,11 +114,8 @@ def _place(output: Output, read: list[os.stat_result], force: bool) -> Path:
     known = ENDINGS.get(output.kind)
     if output.option and known and output.path.suffix.lower() not in known:
         raise InputError(f"{output}: " + choose("ending", output.path.suffix, known))
-    if not earlier:
-        raise InputError(
-            f"{output}: is there already and is no {output.kind} that truepose wrote; "
-            "--force (force=True) replaces it"
-        )
+    if there and not force:
+        raise InputError(f"{output}: is there already; --force (force=True) replaces it")
     return place
 
 
@@ -150,17 +136,9 @@ def _why_not(place: Path, there: os.stat_result | None, read: list[os.stat_resul
 def write(
     contents: Mapping[Output, str | bytes], inputs: Iterable[str | Path] = (), force: bool = False
 ) -> None:
-    """Write files at once: whoever reads one sees the old contents or the new ones.
+    """Write files, after :func:`check`: whoever reads one sees the old contents or the new ones.
 
-    Parameters
-    ----------
-    contents, inputs, force
-        Of :func:`check`, which is made once more.
-
-    Raises
-    ------
-    InputError
-        One cannot be written; what was there is untouched.
+    Where one cannot be written, an InputError says why, and what was there is untouched.
     """
     places = check(contents, inputs, force)
     drafts = [place.with_name(f".truepose-{uuid.uuid4().hex}") for place in places]
@@ -204,10 +182,7 @@ def clear() -> None:
 
 def _remove(path: Path) -> None:
     with contextlib.suppress(OSError):
-        if path.is_dir():
-            shutil.rmtree(path)
-        else:
-            path.unlink()
+        (shutil.rmtree if path.is_dir() else os.unlink)(path)
 
 
 def replace_file(
