@@ -55,7 +55,7 @@ def command(
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
-    from truepose.paper import experiment_tables, report, tables
+    from truepose.paper import report, tables
     from truepose.paper.reproduce import reproduce, total_steps
 
     start = time.perf_counter()
@@ -74,7 +74,7 @@ def command(
             report.write(result, work, progress)
     found = [tables.moves(result), tables.many_robots(result), tables.gains(result)]
     found += [tables.sensing(result.sensing), *tables.following(result.following)]
-    found += experiment_tables.tables(result.section) if result.section else []
+    found += tables.twin_tables(result.section) if result.section else []
     show(found, how)
     for note in result.section.notes if result.section else ():
         say(f"truepose: {note}", err=True)

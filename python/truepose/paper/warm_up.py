@@ -14,7 +14,7 @@ from truepose.calibration.learnt import calibration_of
 from truepose.calibration.online import OnlineCalibrator
 from truepose.control.effects import Effects
 from truepose.paper import article
-from truepose.paper.trials import JITTER
+from truepose.paper.article import JITTER
 from truepose.robot import knowledge
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
