@@ -14,8 +14,7 @@ from truepose.show.terminal import Format, say, show
 
 def command(
     robots: Annotated[
-        int,
-        typer.Option(min=1, max=10_000, help="True robots to draw from the paper's errors."),
+        int, typer.Option(min=1, max=10_000, help="True robots to draw from the paper's errors.")
     ] = 100,
     seed: Annotated[
         int, typer.Option(min=0, help="Seed of the draw; the same seed, the same numbers.")
@@ -63,8 +62,7 @@ def command(
         columns = (TextColumn("{task.description:26}"), BarColumn(), TaskProgressColumn())
         with Progress(*columns, console=Console(stderr=True)) as bar:
             task = bar.add_task(
-                "robots",
-                total=total_steps(robots, experiment, full) + report.FIGURES + full,
+                "robots", total=total_steps(robots, experiment, full) + report.FIGURES + full
             )
 
             def progress(what: str) -> None:

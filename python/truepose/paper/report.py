@@ -17,14 +17,7 @@ from matplotlib.figure import Figure
 from truepose import files, logs
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError
-from truepose.paper import (
-    article,
-    experiment,
-    figures,
-    sensor_sets,
-    tables,
-    twin,
-)
+from truepose.paper import article, experiment, figures, sensor_sets, tables, twin
 from truepose.paper.experiment import CONTROLS, Control
 from truepose.paper.reproduce import Reproduction
 from truepose.show import drawing, page

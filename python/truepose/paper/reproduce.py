@@ -8,15 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.paper import (
-    article,
-    experiment,
-    faulty,
-    following,
-    sensor_sets,
-    twin,
-    warm_up,
-)
+from truepose.paper import article, experiment, faulty, following, sensor_sets, twin, warm_up
 from truepose.paper.experiment import Experiment
 from truepose.robot.laws import LAWS, Law
 from truepose.robot.robot import Robot, load

@@ -119,9 +119,7 @@ class Section:
     twin: Twin
     runs: dict[str, dict[Control, Run]]  #: by plant: "exact", "MuJoCo"
     notes: list[str]  #: what is missing, one line each
-    forgotten: list[forgotten.Line] = field(
-        default_factory=list
-    )  #: what effects take from calibration
+    forgotten: list[Line] = field(default_factory=list)  #: what effects take from calibration
     loops: dict[str, Simulation] = field(default_factory=dict)  #: moves with all effects, by PD
 
 

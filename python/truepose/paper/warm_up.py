@@ -123,11 +123,7 @@ def _one(
     online = OnlineCalibrator(
         known, [{name: g / np.sqrt(lines) for name, g in gain.items()} for gain in growth]
     )
-    believed = {
-        "frozen": known,
-        "redundant": known,
-        "weighted": _calibrated(drawn, cold, modes),
-    }
+    believed = {"frozen": known, "redundant": known, "weighted": _calibrated(drawn, cold, modes)}
     rng = np.random.default_rng(source.spawn(1)[0])
     table = article.table2()
     rms: dict[Method, list[float]] = {method: [] for method in METHODS}

@@ -60,12 +60,7 @@ def require_browser() -> None:
 
 
 def open_page(
-    robot: Robot,
-    host: str = HOST,
-    port: int = PORT,
-    *,
-    log: Path | None = None,
-    dark: bool = False,
+    robot: Robot, host: str = HOST, port: int = PORT, *, log: Path | None = None, dark: bool = False
 ) -> Page:
     """Serve the page; it is there until its `stop` is called.
 
