@@ -7,9 +7,9 @@ import argparse
 
 import truepose as tp
 from truepose.control.effects import Effects
-from truepose.paper import experiment_tables, forgotten
+from truepose.paper import forgotten, tables
+from truepose.paper.experiment import over_robots
 from truepose.paper.forgotten import Line
-from truepose.paper.statistics import over_robots
 from truepose.show.table import markdown
 
 
@@ -41,7 +41,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     chosen = parser.parse_args()
     lines = forgotten.study(tp.load("h4"), chosen.robots, chosen.seed)
-    print(markdown(experiment_tables.effects(lines)), ranked(lines), sep="\n\n")
+    print(markdown(tables.effects(lines)), ranked(lines), sep="\n\n")
 
 
 if __name__ == "__main__":

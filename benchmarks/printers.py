@@ -10,10 +10,10 @@ printers.py [--printers 400] [--seed 0] [--built 1] [--noise 0.01 0.1]     # som
 import argparse
 
 import numpy as np
+from printer_trials import trials
 
 from truepose.integrations.klipper.estimate import Assumed
 from truepose.integrations.klipper.printer import MM
-from truepose.integrations.klipper.trials import trials
 
 KINDS = {
     ("delta", False, 0): "linear, 7 heights",

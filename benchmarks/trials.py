@@ -10,9 +10,10 @@ import argparse
 from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
+import robot_trials as trials
 
 import truepose as tp
-from truepose.paper import article, trials
+from truepose.paper import article
 
 SETS = {
     "θ": ["theta"],

@@ -12,7 +12,7 @@ import numpy as np
 import tomlkit
 
 from truepose import files, robotfile
-from truepose.paper import article, experiment_section, experiment_tables, report, twin
+from truepose.paper import article, report, tables, twin
 from truepose.paper.experiment import CONTROLS, Control
 from truepose.paper.tables import cells
 from truepose.paper.twin import Twin
@@ -89,8 +89,8 @@ def setup_file(of: Twin) -> str:
 def readme(robot: Robot, found: list[Found], chosen: Found, runs: list[dict[Control, Run]]) -> str:
     """Say what the twin is, what it reaches, and how far the ten are apart."""
     own = runs[found.index(chosen)]
-    shown = [experiment_tables.table3(own, "exact", reading) for reading in READINGS]
-    setup = report.describe(experiment_section.Section(chosen.twin, {}, []))
+    shown = [tables.twin_table3(own, "exact", reading) for reading in READINGS]
+    setup = report.describe(twin.Section(chosen.twin, {}, []))
     reached = [int((f.misses > 1).sum()) for f in found]
     entries = len(chosen.misses)
     return _TEXT.format(
@@ -99,7 +99,7 @@ def readme(robot: Robot, found: list[Found], chosen: Found, runs: list[dict[Cont
         seed=chosen.twin.seed,
         estimated=markdown(shown[0]),
         desired=markdown(shown[1]),
-        changes=markdown(experiment_tables.changes(own, "exact")),
+        changes=markdown(tables.twin_changes(own, "exact")),
         missed=_missed(shown[0]),
         reached=", ".join(str(entries - n) for n in reached),
         entries=entries,
@@ -110,7 +110,7 @@ def readme(robot: Robot, found: list[Found], chosen: Found, runs: list[dict[Cont
         spread=markdown(spread(found)),
         apart=markdown(apart(found)),
         nuisances=markdown(nuisances(found)),
-        controls=markdown(experiment_tables.gains(own, "exact")),
+        controls=markdown(tables.twin_gains(own, "exact")),
         gains=markdown(gains(runs)),
         **setup,
     )
@@ -179,7 +179,7 @@ def nuisances(found: list[Found]) -> Table:
     """What is not geometry, of each twin."""
     rows = []
     for f in found:
-        told = report.describe(experiment_section.Section(f.twin, {}, []))
+        told = report.describe(twin.Section(f.twin, {}, []))
         keys = ("noise", "at_led", "radius", "backlash", "shift", "turn")
         worst = f"{f.misses.max():.2f}"
         rows.append([str(f.twin.seed), *(f"{told[k]:.2f}" for k in keys), worst])
@@ -192,11 +192,11 @@ def gains(runs: list[dict[Control, Run]]) -> Table:
     """What each control makes of all twins: median, smallest to largest."""
     rows = []
     for control in CONTROLS:
-        true = [experiment_tables.true_rms(ran[control]) for ran in runs]
-        seen = [experiment_tables.measured_rms(ran[control]) for ran in runs]
+        true = [tables.true_rms(ran[control]) for ran in runs]
+        seen = [tables.measured_rms(ran[control]) for ran in runs]
         theta = [float(ran[control].table("desired")[3, 2]) for ran in runs]
         cell = [f"{np.median(v):.2f} ({min(v):.2f} to {max(v):.2f})" for v in (true, seen, theta)]
-        rows.append([experiment_tables.NAMES[control], *cell])
+        rows.append([tables.TWIN_NAMES[control], *cell])
     header = ["control", "desired − true (mm)", "desired − measured (mm)", "θ Σ squares (°²)"]
     return Table("gains", "", header, rows)
 

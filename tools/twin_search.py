@@ -17,8 +17,8 @@ import numpy as np
 
 from truepose.arguments import Array
 from truepose.control.effects import Effects
-from truepose.paper import article, statistics
-from truepose.paper.errors import paper_directions
+from truepose.paper import article, experiment
+from truepose.paper.article import paper_directions
 from truepose.paper.experiment import Control
 from truepose.paper.twin import DEGREES, LAWS, MILLIMETRES, Twin, printed
 from truepose.paper.virtual_experiment import Reading, Run
@@ -146,7 +146,7 @@ def search(
 
     The errors at all poses are linear in the unknowns for a step of it (statics linearised at the
     full level), the table is not: its derivatives are differences of
-    :func:`truepose.paper.statistics.table3`. After each step the exact experiment confirms it or
+    :func:`truepose.paper.experiment.table3`. After each step the exact experiment confirms it or
     refuses.
 
     Parameters
@@ -172,7 +172,7 @@ def search(
     width = _SMOOTH * np.where(np.arange(5) == 3, DEGREES, MILLIMETRES)
 
     def residual(errors: Array, u: Array, aim: Array, offset: Array | None = None) -> Array:
-        tables = statistics.table3(errors)
+        tables = experiment.table3(errors)
         if offset is not None:
             tables[..., peak] = _smooth(errors, width) + offset
         miss = (tables[..., entry] - values[entry]) / aim
@@ -188,7 +188,7 @@ def search(
         cost, reach, idle = float((residual(errors, u, at) ** 2).sum()), _LARGEST, 0
         for _ in range(steps):
             slopes = _slopes(robot, u, runs, errors, exact, reading)
-            offset = statistics.table3(errors)[..., peak] - _smooth(errors, width)
+            offset = experiment.table3(errors)[..., peak] - _smooth(errors, width)
             step = _step(
                 u, errors, slopes, functools.partial(residual, aim=at, offset=offset), reach
             )
@@ -205,7 +205,7 @@ def search(
             reach = min(_LARGEST, 2 * reach)
             if idle == 2:
                 break
-    tables = statistics.table3(errors)
+    tables = experiment.table3(errors)
     misses = np.abs(tables - values)[entry] / target[entry]
     return Found(twin_of(robot, u, seed), u, tables, misses)
 
@@ -287,7 +287,7 @@ def _slopes(
                 else:
                     change[:, :3] = unit
                 result[row, :, :, k] = -unknown.sigma * change
-    result = np.moveaxis(statistics.in_print_units(np.moveaxis(result, -1, 0)), 0, -1)
+    result = np.moveaxis(experiment.in_print_units(np.moveaxis(result, -1, 0)), 0, -1)
     for k in range(len(found) - len(NUISANCES), len(found)):  # not geometry: differences
         moved = u.copy()
         moved[k] += 0.05

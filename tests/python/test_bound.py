@@ -4,10 +4,10 @@ import itertools
 
 import numpy as np
 import pytest
+import robot_trials as trials
 
 import truepose as tp
 from truepose.commands import accuracy
-from truepose.paper import trials
 from truepose.robot import knowledge
 
 TOUCH_OFF = np.array([0.0, 0.0, -0.4, 0.0])

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from robot_trials import difference
 from scipy.linalg import eigh
 from scipy.optimize import least_squares
 
 import truepose as tp
 from truepose import files
-from truepose.paper.trials import difference
 from truepose.robot import knowledge
 
 

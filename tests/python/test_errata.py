@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.paper import article, experiment, statistics, with_paper_errors
+from truepose.paper import article, experiment, with_paper_errors
 
 ALPHA = np.array([0, np.pi, 3 * np.pi / 2, 3 * np.pi / 2])
 X, Y, Z = np.eye(3)
@@ -203,8 +203,8 @@ def test_erratum_7_thetas_quadratic_error_is_in_square_degrees(rng):
         assert theta["average"] ** 2 < mean_square < theta["peak_to_peak"] ** 2
         assert theta["average_abs"] ** 2 < mean_square
     errors = rng.normal(size=(625, 4))
-    degrees, metres = statistics.table3(errors), statistics.table3(errors * [1e-3, 1e-3, 1e-3, 1])
-    radians = statistics.table3(np.radians(errors))
+    degrees, metres = experiment.table3(errors), experiment.table3(errors * [1e-3, 1e-3, 1e-3, 1])
+    radians = experiment.table3(np.radians(errors))
     assert degrees[3, 2] == metres[3, 2]  # no millimetre in it
     assert radians[3, 2] == pytest.approx(degrees[3, 2] * (np.pi / 180) ** 2)
 

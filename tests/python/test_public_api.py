@@ -11,7 +11,7 @@ import pytest
 
 import truepose as tp
 from truepose import robotfile
-from truepose.paper import article, errors, experiment, statistics
+from truepose.paper import article, experiment
 
 
 def public_names() -> list[str]:
@@ -36,7 +36,7 @@ def test_no_function_and_module_share_a_word():
     assert {name.rpartition(".")[2] for name in functions}.isdisjoint(rooms)
 
 
-MODULES = [errors, experiment, article, robotfile.reading, statistics]
+MODULES = [experiment, article, robotfile.reading]
 
 
 @pytest.mark.parametrize("owner", [tp.Robot, tp.simulation.Simulation, tp.Controller, *MODULES])

@@ -15,12 +15,12 @@ from truepose import files
 from truepose.commands import cli
 from truepose.paper import (
     article,
+    experiment,
     faulty,
     figures,
     following,
     forgotten,
     report,
-    statistics,
     tables,
 )
 from truepose.robot.laws import LAWS
@@ -166,7 +166,7 @@ def test_figures_11_to_13_have_one_scale(h4, truth):
     drawn = [figures.move(run, runs) for run in runs]
     for k, columns in ((0, slice(3)), (1, slice(3, 4))):
         (limits,) = {figure.axes[k].get_ylim() for figure in drawn}
-        errors = [statistics.in_print_units(run.error)[:, columns] for run in runs]
+        errors = [experiment.in_print_units(run.error)[:, columns] for run in runs]
         assert limits[0] < np.min(errors) and np.max(errors) < limits[1]
 
 

@@ -90,7 +90,7 @@ def test_the_package_loads_without_the_paper():
 )
 def test_help_loads_nothing_of_the_paper_and_no_plots(name):
     modules = loaded(command(*filter(None, (name, "--help"))), keep=("truepose", "matplotlib"))
-    few = {"truepose.paper"} | {f"truepose.paper.{m}" for m in ("article", "command", "errors")}
+    few = {"truepose.paper"} | {f"truepose.paper.{m}" for m in ("article", "command")}
     assert set(of_the_paper(modules)) <= few
     assert "matplotlib" not in modules
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from robot_trials import difference
 
 import truepose as tp
-from truepose.paper.trials import difference
 from truepose.robot import knowledge
 from truepose.robot.frames import rotation, rotation_vector
 

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.paper import article, statistics
+from truepose.paper import article, experiment
 from truepose.simulation.moves import MOVE_DURATION, MOVE_FROM, MOVE_TO
 
 
 def test_table_3_by_hand():
     """Three poses, errors chosen so that every statistic can be done in the head."""
     error = [[3, 0, 4, -1], [-3, 0, 4, 2], [0, 6, 0, 2]]
-    assert statistics.table3(error) == pytest.approx(
+    assert experiment.table3(error) == pytest.approx(
         np.array(
             [
                 # average, peak to peak, sum of squares, average of absolute values
@@ -27,19 +27,19 @@ def test_table_3_by_hand():
 
 def test_table_3_of_many_robots_is_that_of_each(rng):
     errors = rng.normal(size=(3, 10, 4))
-    tables = statistics.table3(errors)
+    tables = experiment.table3(errors)
     assert tables.shape == (3, 5, 4)
-    assert np.array_equal(tables[1], statistics.table3(errors[1]))
+    assert np.array_equal(tables[1], experiment.table3(errors[1]))
 
 
 @pytest.mark.parametrize("shape", [(4,), (10, 3), (0, 4)])
 def test_table_3_needs_poses_of_four_errors(shape):
     with pytest.raises(tp.InputError, match=r"^error: shape .*, must be \(..., poses, 4\)$"):
-        statistics.table3(np.zeros(shape))
+        experiment.table3(np.zeros(shape))
 
 
 def test_errors_are_printed_in_millimetres_and_degrees():
-    assert statistics.in_print_units([1e-3, 0, -2e-3, np.pi]) == pytest.approx([1, 0, -2, 180])
+    assert experiment.in_print_units([1e-3, 0, -2e-3, np.pi]) == pytest.approx([1, 0, -2, 180])
 
 
 def test_table_2_is_the_box_of_625_poses_in_metres_and_the_nacelles_angle(table2):

@@ -7,7 +7,8 @@ import truepose as tp
 import twin_folder
 import twin_search
 from truepose import robotfile
-from truepose.paper import article, experiment_tables, statistics, twin
+from truepose.paper import article, experiment, twin
+from truepose.paper import tables as printed_tables
 from truepose.show.table import markdown
 
 
@@ -35,9 +36,9 @@ def test_a_twin_loads_by_name_and_is_no_robot_to_choose(h4):
 def test_the_twin_gives_the_tables_of_its_readme(runs):
     readme = robotfile.loadable()[twin.NAME].with_name("README.md").read_text(encoding="utf-8")
     for reading in ("estimated", "desired"):
-        table = experiment_tables.table3(runs, "exact", reading)
+        table = printed_tables.twin_table3(runs, "exact", reading)
         assert markdown(table) in readme
-    assert markdown(experiment_tables.changes(runs, "exact")) in readme
+    assert markdown(printed_tables.twin_changes(runs, "exact")) in readme
 
 
 def test_the_twin_is_close_to_the_printed_table(tables):
@@ -62,8 +63,8 @@ def test_motors_alone_do_not_give_the_printed_sum_of_squares(runs):
     """128 deg² under the TEJ is no error of the motors' FKM: that one stays as wrong as it was."""
     theta = article.QUANTITIES.index("theta")
     usual, redundant = (
-        statistics.table3(
-            statistics.in_print_units(
+        experiment.table3(
+            experiment.in_print_units(
                 run.believed.fkm(run.q_e[:, :4], guess=run.desired) - run.measured
             )
         )[theta]
@@ -125,7 +126,7 @@ def test_slopes_of_the_errors_are_their_differences(h4, rng, reading):
 
 def test_smoothed_extremes_lie_above_the_true_ones_and_meet_them(rng):
     error = rng.normal(size=(625, 4))
-    exact = statistics.table3(error)[:, 1]
+    exact = experiment.table3(error)[:, 1]
     wide, narrow = (twin_search._smooth(error, np.full(5, width)) for width in (0.1, 1e-4))
     assert (wide >= exact).all()
     assert narrow == pytest.approx(exact, abs=1e-3)

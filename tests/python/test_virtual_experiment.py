@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.paper import experiment, statistics, twin, virtual_experiment
+from truepose.paper import experiment, twin, virtual_experiment
 from truepose.paper.vision import Setup, Vision
 from truepose.robot.frames import coordinates
 from truepose.simulation.plants import Visit, backlash
@@ -122,7 +122,7 @@ def test_both_readings_of_error(runs, table2):
     usual, redundant = runs["joint"], runs["redundant"]
     assert np.abs(usual.errors("estimated") - usual.errors("desired")).max() < 0.01
     shown = redundant.errors("desired") - redundant.errors("estimated")
-    wanted = statistics.in_print_units(table2 - redundant.estimated)
+    wanted = experiment.in_print_units(table2 - redundant.estimated)
     assert np.abs(shown - wanted).max() < 1e-9
     assert np.abs(shown[:, 3]).max() > 0.1  # what the TEJ leaves of θ
     with pytest.raises(tp.InputError, match="unknown reading 'error'"):

@@ -69,10 +69,7 @@ def named(robot: Robot, name: str | None) -> str:
 
 
 def to_c(
-    robot: Robot,
-    controller: Controller | None,
-    watch: FaultMonitor | None,
-    name: str | None = None,
+    robot: Robot, controller: Controller | None, watch: FaultMonitor | None, name: str | None = None
 ) -> str:
     """Write a header of constant tables for ``truepose/truepose.h``, in C99 and in C++.
 

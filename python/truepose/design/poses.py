@@ -169,13 +169,7 @@ def plan_poses(
         candidates = CandidatePoses(poses=x)
     touched = _one(robot, touch_off, "touch_off")
     rows = rows_of(
-        robot,
-        candidates,
-        level,
-        model_error,
-        fit,
-        touched,
-        touch_sigmas(robot, touch_sigma),
+        robot, candidates, level, model_error, fit, touched, touch_sigmas(robot, touch_sigma)
     )
     reference = _one(robot, relative_to, "relative_to")
     if seen and (rows.frames is None or len(reference)):

@@ -171,11 +171,7 @@ def select_sensors(
         robot, names, over, visited, touched, sigma, [level.information for level in levels]
     )
     search = searched(
-        worth,
-        [*named.values()],
-        ladders,
-        [names.index(name) for name in must],
-        survives,
+        worth, [*named.values()], ladders, [names.index(name) for name in must], survives
     )
     best, bound = None, np.nan
     if budget is not None:

@@ -1,4 +1,4 @@
-"""The paper's tables as data.
+"""The paper's tables as data, and the geometric errors of its simulated robots.
 
 Source: F. Marquet, O. Company, S. Krut, F. Pierrot, *Enhancing Parallel Robots Accuracy with
 Redundant Sensors*.
@@ -14,11 +14,18 @@ import numpy as np
 
 from truepose.arguments import Array
 from truepose.control.controller import Controller
+from truepose.exceptions import InputError
 from truepose.robot.laws import Law
+from truepose.robot.robot import Robot
 
 GEAR = 4  #: The tool turns four times as far as the nacelle.
 QUANTITIES = ("x", "y", "z", "theta", "norm_xyz")
 STATISTICS = ("average", "peak_to_peak", "sum_sq", "average_abs")
+
+#: Poses desired for a calibration are off Table 2's by up to this, m and rad. Usual control brings
+#: the motors to the same positions whatever robot is true: on an exactly repeated grid every robot
+#: would read the same rounding errors, which no average over robots or poses takes away.
+JITTER = 5e-4
 
 
 def control(law: Law) -> Controller:
@@ -86,4 +93,56 @@ def simulation_errors() -> dict[str, tuple[float, float]]:
     return {
         row["parameter"]: (float(row["minimum"]) / 1000, float(row["maximum"]) / 1000)
         for row in _rows("simulation_errors")
+    }
+
+
+def with_paper_errors(robot: Robot, seed: int | np.random.SeedSequence) -> Robot:
+    """Return a *true* robot: `robot` with errors drawn uniformly from the paper's ranges.
+
+    Every chain gets its own rod length L, arm length l, base radius R (its base point moves along
+    the arm's zero direction e) and nacelle offset d (its anchor moves along itself).
+
+    Parameters
+    ----------
+    robot : Robot
+        The nominal robot; its chains must be revolute.
+    seed : int or SeedSequence
+        The same seed gives the same robot.
+
+    Examples
+    --------
+    >>> import truepose as tp
+    >>> from truepose.paper import with_paper_errors
+    >>> robot = tp.load("h4")
+    >>> true = with_paper_errors(robot, seed=1)
+    >>> -0.003 <= true.parameters["chain1.rod"].value - 0.48 <= 0.010
+    True
+    """
+    if any(chain.actuator != "revolute" for chain in robot.spec.chain):
+        raise InputError(
+            f"{robot.name}: the paper's errors are those of arms: revolute chains only"
+        )
+    generator = np.random.default_rng(seed)
+    draw = {
+        name: generator.uniform(low, high, robot.n)
+        for name, (low, high) in simulation_errors().items()
+    }
+    changed = {name: parameter.value for name, parameter in robot.parameters.items()}
+    for i in range(robot.n):
+        for name, moves in paper_directions(robot, i).items():
+            for parameter, share in moves.items():
+                changed[parameter] += float(draw[name][i] * share)
+    return robot.replace(changed)
+
+
+def paper_directions(robot: Robot, i: int) -> dict[str, dict[str, float]]:
+    """Which parameters each of the paper's errors of chain i + 1 moves, and by which share."""
+    chain, name = robot.spec.chain[i], f"chain{i + 1}"
+    anchor = np.array(chain.anchor)
+    outward = anchor / max(float(np.linalg.norm(anchor)), 1e-300)
+    return {
+        "rod_length": {f"{name}.rod": 1.0},
+        "arm_length": {f"{name}.arm": 1.0},
+        "base_radius": {f"{name}.base.{c}": float(chain.zero[k]) for k, c in enumerate("xyz")},
+        "nacelle_offset": {f"{name}.anchor.{c}": float(outward[k]) for k, c in enumerate("xyz")},
     }

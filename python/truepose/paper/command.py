@@ -14,8 +14,7 @@ from truepose.show.terminal import Format, say, show
 
 def command(
     robots: Annotated[
-        int,
-        typer.Option(min=1, max=10_000, help="True robots to draw from the paper's errors."),
+        int, typer.Option(min=1, max=10_000, help="True robots to draw from the paper's errors.")
     ] = 100,
     seed: Annotated[
         int, typer.Option(min=0, help="Seed of the draw; the same seed, the same numbers.")
@@ -55,7 +54,7 @@ def command(
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
-    from truepose.paper import experiment_tables, report, tables
+    from truepose.paper import report, tables
     from truepose.paper.reproduce import reproduce, total_steps
 
     start = time.perf_counter()
@@ -63,8 +62,7 @@ def command(
         columns = (TextColumn("{task.description:26}"), BarColumn(), TaskProgressColumn())
         with Progress(*columns, console=Console(stderr=True)) as bar:
             task = bar.add_task(
-                "robots",
-                total=total_steps(robots, experiment, full) + report.FIGURES + full,
+                "robots", total=total_steps(robots, experiment, full) + report.FIGURES + full
             )
 
             def progress(what: str) -> None:
@@ -74,7 +72,7 @@ def command(
             report.write(result, work, progress)
     found = [tables.moves(result), tables.many_robots(result), tables.gains(result)]
     found += [tables.sensing(result.sensing), *tables.following(result.following)]
-    found += experiment_tables.tables(result.section) if result.section else []
+    found += tables.twin_tables(result.section) if result.section else []
     show(found, how)
     for note in result.section.notes if result.section else ():
         say(f"truepose: {note}", err=True)

@@ -7,10 +7,11 @@ from collections.abc import Iterable
 import numpy as np
 from matplotlib.figure import Figure
 
-from truepose.paper import experiment, statistics
+from truepose.paper import experiment, twin
 from truepose.paper import faulty as lying
 from truepose.paper import following as paths
 from truepose.paper.experiment import Control, Experiment
+from truepose.paper.virtual_experiment import Run
 from truepose.paper.warm_up import NAMES, WarmUp
 from truepose.robot.robot import Robot
 from truepose.simulation.simulate import Simulation
@@ -33,14 +34,14 @@ def move(run: Simulation, beside: Iterable[Simulation] = ()) -> Figure:
     """
     figure = Figure(figsize=(8.4, 3.1), layout="constrained")
     left, right = figure.subplots(1, 2)
-    error = statistics.in_print_units(run.error)
+    error = experiment.in_print_units(run.error)
     time = 1e3 * run.time
     for column, (name, colour) in enumerate(_AXES.items()):
         left.plot(time, error[:, column], color=colour, label=name)
     right.plot(time, error[:, 3], color="#7b3294", label="θ")
     for axes, unit, columns in ((left, "mm", slice(3)), (right, "°", slice(3, 4))):
         for other in beside:
-            held = statistics.in_print_units(other.error)[:, columns]
+            held = experiment.in_print_units(other.error)[:, columns]
             axes.update_datalim([(0, held.min()), (0, held.max())])
         axes.autoscale_view(scalex=False)
         axes.axvline(200, color="0.6", lw=0.8, ls=":")
@@ -217,3 +218,33 @@ def faults(lines: list[lying.Line]) -> Figure:
     handles = axes[0].get_legend_handles_labels()
     figure.legend(*handles, loc="outside upper center", ncols=5, fontsize=9, frameon=False)
     return figure
+
+
+def twin_poses(runs: dict[Control, Run]) -> Figure:
+    """Errors at all poses as the paper would have measured them: desired less measured."""
+    drawn = Figure(figsize=(8.4, 5.2), layout="constrained")
+    top, bottom = drawn.subplots(2, 1, sharex=True)
+    for control, ran in runs.items():
+        name, colour = CONTROLS[control]
+        error = ran.errors("desired")
+        style = {"ms": 2.5, "color": colour, "rasterized": True}
+        top.plot(error[:, 3], ".", label=name, **style)
+        bottom.plot(np.linalg.norm(error[:, :3], axis=1), ".", **style)
+    top.set(ylabel="θ, desired − measured (°)")
+    bottom.set(xlabel="pose (number in Table 2)", ylabel="position (mm)", ylim=(0, None))
+    drawn.legend(loc="outside upper center", ncols=5, fontsize=9, markerscale=4, frameon=False)
+    return drawn
+
+
+def loops(section: twin.Section) -> Figure:
+    """Position error after the move with all effects on: a limit cycle, and a loop that rests."""
+    drawn = Figure(figsize=(8.4, 2.8), layout="constrained")
+    for axes, (name, ran) in zip(drawn.subplots(1, 2), section.loops.items(), strict=True):
+        for column, axis in enumerate("xyz"):
+            axes.plot(1e3 * ran.time, 1e3 * ran.error[:, column], label=axis, lw=0.8)
+        axes.set(xlabel="time (ms)", ylabel="position error (mm)", xlim=(0, 1e3 * ran.time[-1]))
+        axes.set_title(name, size=9)
+        axes.axvline(200, color="0.6", lw=0.8, ls=":")
+    handles = drawn.axes[0].get_legend_handles_labels()
+    drawn.legend(*handles, loc="outside upper center", ncols=3, fontsize=9, frameon=False)
+    return drawn

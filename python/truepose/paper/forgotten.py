@@ -19,8 +19,8 @@ from truepose.control.controller import Controller
 from truepose.control.effects import Effects
 from truepose.exceptions import PoseError
 from truepose.paper import article, experiment
-from truepose.paper.statistics import interval, over_robots
-from truepose.paper.trials import JITTER
+from truepose.paper.article import JITTER
+from truepose.paper.experiment import interval, over_robots
 from truepose.paper.vision import Setup, Vision
 from truepose.robot.frames import coordinates
 from truepose.robot.laws import Law

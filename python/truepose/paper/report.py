@@ -17,16 +17,7 @@ from matplotlib.figure import Figure
 from truepose import files, logs
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError
-from truepose.paper import (
-    article,
-    experiment,
-    experiment_section,
-    experiment_tables,
-    figures,
-    sensor_sets,
-    statistics,
-    tables,
-)
+from truepose.paper import article, experiment, figures, sensor_sets, tables, twin
 from truepose.paper.experiment import CONTROLS, Control
 from truepose.paper.reproduce import Reproduction
 from truepose.show import drawing, page
@@ -102,7 +93,7 @@ def write(
         *([tables.warm_up(result.warm_up)] if result.warm_up else []),
         *tables.following(result.following),
         tables.faults(result.faults),
-        *(experiment_tables.tables(result.section) if result.section else ()),
+        *(tables.twin_tables(result.section) if result.section else ()),
     ]
     for table in numbers:
         _csv(out / f"{table.name}.csv", table.header, table.rows)
@@ -157,12 +148,12 @@ def _figures(result: Reproduction) -> Iterator[tuple[str, Figure]]:
     yield "following", figures.following(result.following)
     yield "faults", figures.faults(result.faults)
     for plant, runs in result.section.runs.items() if result.section else ():
-        yield f"experiment-{plant.lower()}", experiment_tables.figure(runs)
+        yield f"experiment-{plant.lower()}", figures.twin_poses(runs)
     if result.section and result.section.loops:
-        yield "loops", experiment_tables.loops(result.section)
+        yield "loops", figures.loops(result.section)
 
 
-def describe(section: experiment_section.Section) -> dict[str, float]:
+def describe(section: twin.Section) -> dict[str, float]:
     """What the twin's vision system and gear are, in millimetres and degrees."""
     setup = section.twin.setup
     return {
@@ -191,7 +182,7 @@ def _csv(path: Path, header: list[str], rows: Iterable[Iterable]) -> None:
     path.write_text(buffer.getvalue(), encoding="utf-8")
 
 
-def _logs(section: experiment_section.Section, out: Path) -> None:
+def _logs(section: twin.Section, out: Path) -> None:
     """Every run as CSV, and as Parquet and MCAP where their packages are installed."""
     packages = {"csv": "csv", "parquet": "pyarrow", "mcap": "mcap"}
     endings = [ending for ending, name in packages.items() if importlib.util.find_spec(name)]
@@ -214,7 +205,7 @@ def _raw_numbers(result: Reproduction, out: Path) -> None:
             for statistic, v in zip(article.STATISTICS, row, strict=True)
         ),
     )
-    poses = statistics.in_print_units(result.experiment.poses)
+    poses = experiment.in_print_units(result.experiment.poses)
     names = ["x", "y", "z", "theta"]
     units = ["mm", "mm", "mm", "deg"]
     header = [f"{n}_{u}" for n, u in zip(names, units, strict=True)]
@@ -228,6 +219,6 @@ def _raw_numbers(result: Reproduction, out: Path) -> None:
         header += [f"{n}_desired_{u}" for n, u in zip(names, units, strict=True)]
         header += [f"{n}_{u}" for n, u in zip(names, units, strict=True)]
         header += [f"torque{i + 1}_Nm" for i in range(run.robot.n)]
-        x_d, x = statistics.in_print_units(run.x_d), statistics.in_print_units(run.x)
+        x_d, x = experiment.in_print_units(run.x_d), experiment.in_print_units(run.x)
         rows = np.column_stack([run.time, x_d, x, run.torque]).tolist()
         _csv(out / f"{name}.csv", header, rows)

@@ -8,15 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from truepose.arguments import Array
-from truepose.paper import (
-    article,
-    experiment,
-    experiment_section,
-    faulty,
-    following,
-    sensor_sets,
-    warm_up,
-)
+from truepose.paper import article, experiment, faulty, following, sensor_sets, twin, warm_up
 from truepose.paper.experiment import Experiment
 from truepose.robot.laws import LAWS, Law
 from truepose.robot.robot import Robot, load
@@ -39,7 +31,7 @@ class Reproduction:
     warm_up: list[warm_up.WarmUp]  #: empty unless statistics were asked for
     following: list[following.Line]  #: of one robot on a circle; with statistics of several, fully
     faults: list[faulty.Line]  #: in one move; with statistics in many
-    section: experiment_section.Section | None  #: the virtual experiment, where it was asked for
+    section: twin.Section | None  #: the virtual experiment, where it was asked for
 
 
 #: The simulated moves: which true robot (errors: the first drawn one) and control, and its law.
@@ -58,7 +50,7 @@ def total_steps(robots: int, virtual: bool = False, full: bool = False) -> int:
     studies = sensor_sets.total_steps(_real(robots, full))
     studies += warm_up.total_steps(robots) if full else 0
     studies += following.total_steps(_following(robots, full), full) + faulty.total_steps()
-    more = experiment_section.total_steps(robots) if virtual else 0
+    more = twin.total_steps(robots) if virtual else 0
     return len(MOVES) + robots + checks + studies + more
 
 
@@ -113,7 +105,7 @@ def reproduce(
     )
     moved = FAULTY_MOVES if full else 1
     faults = faulty.study(robot, moved, seed, lambda: progress("readings that lie"))
-    section = experiment_section.run(progress, robots, seed) if virtual else None
+    section = twin.run(progress, robots, seed) if virtual else None
     return Reproduction(robot, seed, moves, result, check, sets, warm, lines, faults, section)
 
 

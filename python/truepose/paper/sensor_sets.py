@@ -10,8 +10,7 @@ import numpy as np
 from truepose.arguments import Array
 from truepose.calibration.bound import accuracy
 from truepose.paper import article, experiment
-from truepose.paper.experiment import Control
-from truepose.paper.statistics import over_robots, rms_interval
+from truepose.paper.experiment import Control, over_robots, rms_interval
 from truepose.robot.robot import Robot
 from truepose.robotfile.schema import Tolerance
 from truepose.threads import each

@@ -17,9 +17,9 @@ from truepose.arguments import Array, numbers_of
 from truepose.calibration.calibrate import calibrate
 from truepose.exceptions import InputError, choose
 from truepose.logs.writing import Column, numbered, pose, readings
-from truepose.paper import article, statistics
+from truepose.paper import article, experiment
+from truepose.paper.article import JITTER
 from truepose.paper.experiment import CONTROLS, Control
-from truepose.paper.trials import JITTER
 from truepose.paper.vision import Seen, Vision
 from truepose.robot.frames import coordinates
 from truepose.robot.laws import require_sensors
@@ -79,14 +79,14 @@ class Run:
         error = (self.estimated if reading == "estimated" else self.desired) - self.measured
         error[:, 3] = np.arctan2(np.sin(error[:, 3]), np.cos(error[:, 3]))
         error[~self.counted] = np.nan
-        return statistics.in_print_units(error)
+        return experiment.in_print_units(error)
 
     def table(self, reading: Reading = "estimated") -> Array:
         """Table 3 over the poses that count, (5, 4)."""
         if not self.counted.any():
             reason = next(iter(self.excluded))
             raise InputError(f"{self.control}: no pose counts: {reason}")
-        return statistics.table3(self.errors(reading)[self.counted])
+        return experiment.table3(self.errors(reading)[self.counted])
 
 
 def run(

@@ -14,7 +14,7 @@ from truepose.calibration.learnt import calibration_of
 from truepose.calibration.online import OnlineCalibrator
 from truepose.control.effects import Effects
 from truepose.paper import article
-from truepose.paper.trials import JITTER
+from truepose.paper.article import JITTER
 from truepose.robot import knowledge
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
@@ -123,11 +123,7 @@ def _one(
     online = OnlineCalibrator(
         known, [{name: g / np.sqrt(lines) for name, g in gain.items()} for gain in growth]
     )
-    believed = {
-        "frozen": known,
-        "redundant": known,
-        "weighted": _calibrated(drawn, cold, modes),
-    }
+    believed = {"frozen": known, "redundant": known, "weighted": _calibrated(drawn, cold, modes)}
     rng = np.random.default_rng(source.spawn(1)[0])
     table = article.table2()
     rms: dict[Method, list[float]] = {method: [] for method in METHODS}

@@ -92,9 +92,7 @@ def _towers(axes: Axes, found: Assessment) -> None:
 def readings(found: Assessment) -> Figure:
     """What each set of parameters leaves over of every reading."""
     return _bars(
-        found,
-        [(way.name, way.heights, way.distances) for way in found.fits],
-        "left over (mm)",
+        found, [(way.name, way.heights, way.distances) for way in found.fits], "left over (mm)"
     )
 
 
@@ -122,9 +120,7 @@ def _bars(found: Assessment, rows: list, label: str) -> Figure:
         axes.axhline(0, color="0.4", lw=0.8)
         short = [name.replace("manual_height", "m").replace("height", "h") for name in of]
         axes.set_xticks(
-            range(len(of)),
-            [name.replace("distance", "d") for name in short],
-            fontsize=8,
+            range(len(of)), [name.replace("distance", "d") for name in short], fontsize=8
         )
         axes.set(title=("heights", "distances")[k])
         axes.title.set_size(10)

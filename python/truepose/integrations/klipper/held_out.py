@@ -82,10 +82,7 @@ def _parts(count: int) -> list[range]:
 
 
 def leave_one_out(
-    model: Model,
-    readings: Readings,
-    how: dict[str, Callable[[Readings], Array]],
-    judged: Judged,
+    model: Model, readings: Readings, how: dict[str, Callable[[Readings], Array]], judged: Judged
 ) -> list[HeldOut]:
     """Try every way of calibrating on each reading that is left out in turn.
 

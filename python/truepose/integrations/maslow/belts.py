@@ -41,7 +41,6 @@ FITS = 0.1
 #: How the lower belts are tightened for a reading: on either side its own belt first, the other
 #: against it (Maslow's firmware, frame upright); both alike; or nothing stretches.
 Tightened = Literal["sides", "alike", "off"]
-TIGHTENED: tuple[Tightened, ...] = ("sides", "alike", "off")
 
 _SLED = """name = "sled"
 title = "Sled on four belts"

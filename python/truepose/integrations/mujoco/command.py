@@ -34,11 +34,7 @@ def view(
         wrote(Format.table, png)
 
 
-def mjcf(
-    robot: RobotName,
-    out: Out = None,
-    force: Force = False,
-) -> None:
+def mjcf(robot: RobotName, out: Out = None, force: Force = False) -> None:
     """Write a robot as an MJCF file for MuJoCo: every rod, joints, masses, motors; loops closed.
 
     Needs no MuJoCo.

@@ -232,11 +232,7 @@ class Model(Mechanism):
         spare = inertia.max() or max(centre.mass, MASSLESS) * max(reach, 0.1 * self.size) ** 2 / 3
         inertia[inertia == 0] = spare
         add(
-            body,
-            "inertial",
-            pos=centre.pivot,
-            mass=max(centre.mass, MASSLESS),
-            diaginertia=inertia,
+            body, "inertial", pos=centre.pivot, mass=max(centre.mass, MASSLESS), diaginertia=inertia
         )
         down = 1.0 if self.outline()[:, 2].max() > home.D[2] + 0.1 * self.size else -1.0
         capsule(body, "tool", [0, 0, 0], [0, 0, -0.12 * down * self.size], self.size / 70)

@@ -12,7 +12,8 @@ from viser import GuiApi, uplot
 from truepose.exceptions import InputError, PoseError, TrueposeError
 from truepose.files import unfinished
 from truepose.integrations.workbench import playback, words
-from truepose.integrations.workbench.bench import Bench, Tab
+from truepose.integrations.workbench.bench import Tab
+from truepose.integrations.workbench.page import Page
 from truepose.integrations.workbench.playback import Playback
 from truepose.integrations.workbench.state import State
 from truepose.show.units import in_print
@@ -25,7 +26,7 @@ BEFORE, AFTER = "#d6604d", "#4393c3"
 class LogTab(Tab):
     """A log, its residuals line by line, the calibration run on it."""
 
-    def __init__(self, page: Bench, gui: GuiApi):
+    def __init__(self, page: Page, gui: GuiApi):
         super().__init__(page)
         self.played: Playback | None = None
         self._next = 0.0

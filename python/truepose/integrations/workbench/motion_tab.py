@@ -12,7 +12,8 @@ from truepose import _core
 from truepose.exceptions import TrueposeError, one_line
 from truepose.faults.fault import FAULT_KINDS, Fault
 from truepose.integrations.workbench import motion, words
-from truepose.integrations.workbench.bench import Bench, Tab
+from truepose.integrations.workbench.bench import Tab
+from truepose.integrations.workbench.page import Page
 from truepose.integrations.workbench.state import State
 from truepose.robot.laws import LAWS, usual
 from truepose.robot.units import reading_units, summed
@@ -32,7 +33,7 @@ _SIZES = {
 class MotionTab(Tab):
     """The robot moves there and back; readings begin to lie, and end, by hand."""
 
-    def __init__(self, page: Bench, gui: GuiApi):
+    def __init__(self, page: Page, gui: GuiApi):
         super().__init__(page)
         self._run: Simulation | None = None
         self._faults: list[Fault] = []

@@ -6,7 +6,7 @@ import contextlib
 import io
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,21 +16,22 @@ from truepose.arguments import Array
 from truepose.exceptions import TrueposeError, one_line
 from truepose.integrations.workbench import answers, words
 from truepose.integrations.workbench.guard import Guard
-from truepose.integrations.workbench.log_tab import LogTab
-from truepose.integrations.workbench.motion_tab import MotionTab
 from truepose.integrations.workbench.scene import LAW_COLOURS, Scene
 from truepose.integrations.workbench.state import State, begin
-from truepose.integrations.workbench.tabs import ErrorsTab, PoseTab, SensorsTab, ViewTab
 from truepose.robot.laws import Law, usual
 from truepose.robot.robot import Robot
 
+#: Of a tab, from the page and its panel.
+Made = Callable[["Page", GuiApi], Any]
 FRAMES = 20  #: a second, of what moves by itself
 
 
 class Page:
     """A served page. All that changes it goes through :meth:`doing`, one change at a time."""
 
-    def __init__(self, robot: Robot, host: str, port: int, dark: bool = False):
+    def __init__(
+        self, robot: Robot, host: str, port: int, tabs: Mapping[str, Made], dark: bool = False
+    ):
         self._guard = Guard(host, port)
         with contextlib.redirect_stdout(io.StringIO()):  # viser says where it is; so do we
             with self._guard.installed():
@@ -48,24 +49,18 @@ class Page:
         self.lock = threading.RLock()
         self._newest: object = None
         self._stopped = threading.Event()
+        self.dark = dark  #: to begin with
         self.dress(dark)
         gui = self.server.gui
         self._said = ""
         self._answers = gui.add_html("")
-        tabs = gui.add_tab_group()
+        group = gui.add_tab_group()
         self.scene = Scene(self.server, self.state, self._dragged)
         self.tabs: list[Any] = []
-        for label, kind in (
-            ("Pose", PoseTab),
-            ("Errors", ErrorsTab),
-            ("Sensors", SensorsTab),
-            ("Log", LogTab),
-            ("Faults", MotionTab),
-        ):
-            with tabs.add_tab(label):
-                self.tabs.append(kind(self, gui))
-        with gui.add_folder("View", expand_by_default=False):
-            self.tabs.append(ViewTab(self, gui, dark))
+        for label, made in tabs.items():
+            folder = gui.add_folder(label, expand_by_default=False) if label == "View" else None
+            with folder or group.add_tab(label):
+                self.tabs.append(made(self, gui))
         self.place_gizmos()
         self._keys(gui)
         self.show()

@@ -60,12 +60,7 @@ def require_browser() -> None:
 
 
 def open_page(
-    robot: Robot,
-    host: str = HOST,
-    port: int = PORT,
-    *,
-    log: Path | None = None,
-    dark: bool = False,
+    robot: Robot, host: str = HOST, port: int = PORT, *, log: Path | None = None, dark: bool = False
 ) -> Page:
     """Serve the page; it is there until its `stop` is called.
 
@@ -78,9 +73,14 @@ def open_page(
     """
     require()
     require_free(host, port)
+    from truepose.integrations.workbench import tabs
+    from truepose.integrations.workbench.log_tab import LogTab
+    from truepose.integrations.workbench.motion_tab import MotionTab
     from truepose.integrations.workbench.page import Page
 
-    page = Page(robot, host, port, dark)
+    shown = {"Pose": tabs.PoseTab, "Errors": tabs.ErrorsTab, "Sensors": tabs.SensorsTab}
+    shown |= {"Log": LogTab, "Faults": MotionTab, "View": tabs.ViewTab}
+    page = Page(robot, host, port, shown, dark)
     try:
         if page.server.get_port() != port:  # taken meanwhile
             raise InputError(f"--port {port}: {host}:{port}: already in use; choose another")

@@ -10,7 +10,8 @@ from viser import GuiApi
 
 from truepose.exceptions import TrueposeError, one_line
 from truepose.integrations.workbench import answers, words
-from truepose.integrations.workbench.bench import Bench, Tab
+from truepose.integrations.workbench.bench import Tab
+from truepose.integrations.workbench.page import Page
 from truepose.integrations.workbench.state import (
     State,
     error_range,
@@ -48,7 +49,7 @@ def _stepped(value: float, low: float, high: float, step: float) -> float:
 class PoseTab(Tab):
     """Sliders of the coordinates and of the motors; each moves the others."""
 
-    def __init__(self, page: Bench, gui: GuiApi):
+    def __init__(self, page: Page, gui: GuiApi):
         super().__init__(page)
         robot, state = page.state.drawn, page.state
         self._factors = np.array([PRINT[unit][0] for _, unit in robot.coordinates])
@@ -95,7 +96,7 @@ class PoseTab(Tab):
 class ErrorsTab(Tab):
     """Sliders of any parameter's error, a group at a time."""
 
-    def __init__(self, page: Bench, gui: GuiApi):
+    def __init__(self, page: Page, gui: GuiApi):
         super().__init__(page)
         self._gui = gui
         self._sliders: dict[str, Any] = {}
@@ -149,7 +150,7 @@ class ErrorsTab(Tab):
 class SensorsTab(Tab):
     """Ticks of the sensors, with what they promise and cost."""
 
-    def __init__(self, page: Bench, gui: GuiApi):
+    def __init__(self, page: Page, gui: GuiApi):
         super().__init__(page)
         self._robot: Any = None
         self._bounds: Any = gui.add_html("")
@@ -185,7 +186,7 @@ class SensorsTab(Tab):
 class ViewTab(Tab):
     """What is drawn, and how."""
 
-    def __init__(self, page: Bench, gui: GuiApi, dark: bool):
+    def __init__(self, page: Page, gui: GuiApi):
         super().__init__(page)
         none = "none"
 
@@ -210,7 +211,7 @@ class ViewTab(Tab):
             gui.add_checkbox("Map of singularities", False, hint="about the workspace"),
             lambda value: choose("mapped", value),
         )
-        page.when(gui.add_checkbox("Dark page", dark), page.dress)
+        page.when(gui.add_checkbox("Dark page", page.dark), page.dress)
 
     def follow(self, state: State) -> None:
         """A key may have chosen the law."""

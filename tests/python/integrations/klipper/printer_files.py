@@ -4,12 +4,12 @@ import dataclasses
 from pathlib import Path
 
 import numpy as np
+from printer_trials import Truth, drawn, made
 
 from truepose.integrations.klipper.config import SAVED, SAVED_HEADER
 from truepose.integrations.klipper.estimate import Assumed
 from truepose.integrations.klipper.model import Model
 from truepose.integrations.klipper.printer import MM, Printer, Readings, options
-from truepose.integrations.klipper.trials import Truth, drawn, made
 
 REAL = Path(__file__).parent / "data"
 

@@ -6,6 +6,8 @@ import re
 import numpy as np
 import pytest
 from printer_files import REAL, changed, made_printer, made_text, read, text_of
+from printer_trials import drawn, poses, trials
+from printer_trials import made as made_of
 from scipy.optimize import least_squares
 
 import truepose as tp
@@ -18,8 +20,6 @@ from truepose.integrations.klipper.model import Model
 from truepose.integrations.klipper.noise import judge
 from truepose.integrations.klipper.printer import DEGREE, MM, options, printer_of
 from truepose.integrations.klipper.prints import over_the_bed
-from truepose.integrations.klipper.trials import drawn, poses, trials
-from truepose.integrations.klipper.trials import made as made_of
 
 #: z rms that Klipper's parameters leave, mm.
 LEFT = {"phnxdrgn536": 0.0183, "fzechert": 0.0063, "cupsster": 0.0759}

@@ -5,12 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 from printer_files import made_printer, text_of
+from printer_trials import drawn, made, trials
 
 from truepose.integrations.klipper import review
 from truepose.integrations.klipper.assessment import assess
 from truepose.integrations.klipper.config import Config
 from truepose.integrations.klipper.estimate import Assumed
-from truepose.integrations.klipper.trials import drawn, made, trials
 
 
 @pytest.mark.parametrize(

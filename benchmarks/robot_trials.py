@@ -17,13 +17,9 @@ from truepose.arguments import Array, Level
 from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.fitting import Loss, ModelError
+from truepose.paper.article import JITTER
 from truepose.robot.frames import rotation
 from truepose.robot.robot import Robot
-
-#: Desired poses are left by up to this, m and rad. Usual control brings the motors to the same
-#: positions whatever robot is true: on an exactly repeated grid every robot would read the same
-#: rounding errors, and symmetric poses too, which no average over robots or poses takes away.
-JITTER = 5e-4
 
 
 @dataclass(frozen=True)
@@ -100,11 +96,11 @@ def run(
     Examples
     --------
     >>> import numpy as np, truepose as tp
-    >>> from truepose.paper import trials
+    >>> import robot_trials
     >>> robot = tp.load("h4").with_sensors("theta", "z_telemeter")
     >>> rng, box = np.random.default_rng(0), robot.spec.workspace
     >>> poses, others = rng.uniform(box.minimum, box.maximum, (2, 200, 4))
-    >>> ran = trials.run(robot, poses, robot.home, others, count=2)
+    >>> ran = robot_trials.run(robot, poses, robot.home, others, count=2)
     >>> bool((ran.squares(ran.error) < ran.squares(ran.usual) / 50).all())
     True
     """
@@ -166,7 +162,7 @@ def difference(robot: Robot, x: Array, reference: Array) -> Array:
     Examples
     --------
     >>> import truepose as tp
-    >>> from truepose.paper.trials import difference
+    >>> from robot_trials import difference
     >>> print(difference(tp.load("h4"), [0.1, 0, -0.4, 0.2], [0, 0, -0.4, 0.1]).round(3))
     [0.1 0.  0.  0.1]
     """
