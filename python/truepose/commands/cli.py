@@ -24,7 +24,6 @@ from truepose.commands import (
     info,
     isolate,
     margins,
-    new,
     plan,
     rehearse,
     robots,
@@ -43,7 +42,7 @@ app = typer.Typer(
 )
 
 app.command("check")(check.command)
-app.command("new")(new.command)
+app.command("new")(robots.new_command)
 app.command("info")(info.command)
 app.command("accuracy")(accuracy.command)
 app.command("design")(design.command)
@@ -54,7 +53,7 @@ app.command("margins")(margins.command)
 app.command("calibrate")(calibrate.command)
 app.command("zero")(zero.command)
 app.add_typer(export.app, name="export")
-app.command("list")(robots.command)
+app.command("list")(robots.list_command)
 app.command("rehearse")(rehearse.command)
 app.command("simulate")(simulate.command)
 app.command("monte-carlo")(study.command)

@@ -13,7 +13,6 @@ import typer
 
 from truepose import files, robotfile
 from truepose.arguments import Array
-from truepose.commands import placing
 from truepose.commands.accuracy import label, read_poses
 from truepose.commands.options import (
     Force,
@@ -28,6 +27,7 @@ from truepose.commands.options import (
     wrote,
 )
 from truepose.design.candidates import drawn, reachable
+from truepose.design.placement import Placement
 from truepose.design.placement import place_sensors as find_place
 from truepose.design.sensors import SensorSelection, SensorSet, in_other_states, select_sensors
 from truepose.exceptions import InputError, choose
@@ -155,8 +155,8 @@ def command(
         )
         if out is not None:
             there.robot.save(out, force=force)
-        show([placing.table(there, ", ".join(state))], how)
-        for line in placing.notes(there):
+        show([_placement_table(there, ", ".join(state))], how)
+        for line in _placement_notes(there):
             say(line, how)
         wrote(how, out)
         return
@@ -361,4 +361,31 @@ def notes(found: SensorSelection) -> list[str]:
         own = label(robot, best.sensors)
         own += f"; machined: {machined(robot, best)}" if best.machined else ""
         lines.append(f"Best: {own}: {best.price:g}, {number(factor * best.sigma)}{unit}; {sure}.")
+    return lines
+
+
+def _placement_table(found: Placement, state: str) -> Table:
+    """One row a coordinate."""
+    rows = []
+    for name, place in found.places.items():
+        low, high = found.within[name]
+        cells = [number(1e3 * value) for value in (low, high, found.file[name], place)]
+        rows.append([Cell(name), *cells])
+    title = f"Where sensors say most of the {summed(found.robot).name}, {state}"
+    header = ["coordinate", "from (mm)", "to (mm)", "in the file (mm)", "best (mm)"]
+    return Table("place", title, header, rows)
+
+
+def _placement_notes(found: Placement) -> list[str]:
+    """What that is worth."""
+    robot = found.robot
+    total = summed(robot)
+    factor, unit = PRINT[total.unit]
+    before, after = (number(factor * sigma) for sigma in (found.before, found.sigma))
+    lines = [
+        f"{robot.name} with {label(robot, robot.sensors)}: σ of the {total.name} {after} {unit}, "
+        f"{before} {unit} where the file has them; {len(found.over)} poses."
+    ]
+    if found.sigma > 0.95 * found.before:
+        lines.append("Where they are mounted hardly matters.")
     return lines
