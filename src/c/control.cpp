@@ -104,6 +104,24 @@ void report_on(const Guarding& guarding, truepose_report* report) {
 
 constexpr Outcome kUnfinished{Status::unfinished, -1};
 
+/// ê_q of a law, and the rest of the cycle unless null.
+truepose_outcome servo(const truepose_model* model, std::int32_t law, Real band,
+                       const truepose_real* x_d, const truepose_real* q_e,
+                       const truepose_knowledge* known, truepose_real* work, truepose_real* e,
+                       ServoCycle* cycle) {
+  if (!law_exists(law)) return answer({Status::no_such_part, -1});
+  return asked(model, [&](const Robot& robot) {
+    const Law by = static_cast<Law>(law);
+    const Known weighs(robot, known, work, nullptr, properties(by).weighs);
+    if (!weighs.sound) return weighs.sound;
+    Joint error{};
+    const Outcome outcome = motor_error(robot, by, values<Coordinates>(x_d), values<Extended>(q_e),
+                                        error, band, weighs.weighing, nullptr, cycle);
+    if (outcome) give(error, e);
+    return outcome;
+  });
+}
+
 }  // namespace
 }  // namespace truepose::c
 
@@ -119,34 +137,24 @@ truepose_outcome truepose_motor_error(const truepose_model* model, int32_t law, 
                                       const truepose_real* x_d, const truepose_real* q_e,
                                       const truepose_knowledge* known, truepose_real* work,
                                       truepose_real* e) {
-  truepose_servo_cycle cycle;
-  const truepose_outcome outcome = truepose_servo(model, law, band, x_d, q_e, known, work, &cycle);
-  if (outcome.status <= TRUEPOSE_OK) std::copy_n(cycle.error, TRUEPOSE_FREEDOMS, e);
-  return outcome;
+  return c::servo(model, law, band, x_d, q_e, known, work, e, nullptr);
 }
 
 truepose_outcome truepose_servo(const truepose_model* model, int32_t law, truepose_real band,
                                 const truepose_real* x_d, const truepose_real* q_e,
                                 const truepose_knowledge* known, truepose_real* work,
                                 truepose_servo_cycle* cycle) {
-  if (!c::law_exists(law)) return c::answer({Status::no_such_part, -1});
-  return c::asked(model, [&](const Robot& robot) {
-    const bool asked = properties(static_cast<Law>(law)).weighs;
-    const c::Known weighs(robot, known, work, nullptr, asked);
-    if (!weighs.sound) return weighs.sound;
-    ServoCycle found;
-    const Outcome outcome = servo(robot, static_cast<Law>(law), c::values<Coordinates>(x_d),
-                                  c::values<Extended>(q_e), found, band, weighs.weighing);
-    if (!outcome) return outcome;
-    c::give(found.q_d, cycle->q_d);
-    c::give(found.error, cycle->error);
-    c::give(found.x, cycle->x);
-    for (int i = 0; i < TRUEPOSE_FREEDOMS; ++i) {
-      c::give(found.J[i], cycle->J + i * TRUEPOSE_FREEDOMS);
-      c::give(found.tej[i], cycle->tej + i * TRUEPOSE_READINGS);
-    }
-    return outcome;
-  });
+  ServoCycle found;
+  const truepose_outcome outcome =
+      c::servo(model, law, band, x_d, q_e, known, work, cycle->error, &found);
+  if (outcome.status > TRUEPOSE_OK) return outcome;
+  c::give(found.q_d, cycle->q_d);
+  c::give(found.x, cycle->x);
+  for (int i = 0; i < TRUEPOSE_FREEDOMS; ++i) {
+    c::give(found.J[i], cycle->J + i * TRUEPOSE_FREEDOMS);
+    c::give(found.tej[i], cycle->tej + i * TRUEPOSE_READINGS);
+  }
+  return outcome;
 }
 
 #ifdef TRUEPOSE_NO_PIVOTS  // for small machines, as truepose_joint_torque()

@@ -389,22 +389,24 @@ inline Outcome motor_error(const Robot& robot, Law law, const Reference<K>& refe
   return {};
 }
 
-/// A servo cycle of a robot whose drives close their own loops.
+/// What a servo cycle computes beside ê_q.
 struct ServoCycle {
-  Joint q_d{};    ///< desired motor readings, at the robot's level
-  Joint error{};  ///< ê_q of the law
+  Joint q_d{};  ///< desired motor readings, at the robot's level
   JointMatrix J{};
   ExtendedRows tej{};  ///< laws of all readings only
   Coordinates x{};     ///< laws of the pose: the estimated one; else the desired one
 };
 
-/// IKM, assembly mode, J, TEJ and ê_q of one cycle, for a robot of any mobility.
-/// @param x_d   desired pose
-/// @param band  conditioning below which J and J⁻¹ are damped (0: nowhere)
-/// @param kept  as `nearby` of refer()
-inline Outcome servo(const Robot& robot, Law law, const Coordinates& x_d, const Extended& q_e,
-                     ServoCycle& cycle, Real band = 0, const Weighing& weighing = {},
-                     Parasitic* kept = nullptr) {
+/// One servo cycle of a robot of any mobility whose drives close their own loops: IKM, assembly
+/// mode, J, TEJ, ê_q.
+/// @param x_d    desired pose
+/// @param error  out: ê_q
+/// @param band   conditioning below which J and J⁻¹ are damped (0: nowhere)
+/// @param kept   as `nearby` of refer()
+/// @param cycle  out unless null
+inline Outcome motor_error(const Robot& robot, Law law, const Coordinates& x_d, const Extended& q_e,
+                           Joint& error, Real band = 0, const Weighing& weighing = {},
+                           Parasitic* kept = nullptr, ServoCycle* cycle = nullptr) {
   return with_mobility(robot.mobility, [&](auto mobility) {
     constexpr Mobility K = mobility();
     constexpr int n = kDof<K>;
@@ -416,31 +418,24 @@ inline Outcome servo(const Robot& robot, Law law, const Coordinates& x_d, const 
     Parasitic& nearby = kept ? *kept : unknown;
     const Outcome regular = refer<K>(robot, law, x_d, reference, band, weighing, &nearby);
     if (!regular) return regular;
-    Pose found = reference.closure.pose;
+    Pose found;
     Joint e{};
     Outcome outcome = motor_error<K>(robot, law, reference, q_e, e, found, weighing, nearby);
     if (outcome && !all_finite(e, n)) outcome = {Status::not_finite, -1};
     if (!outcome) return outcome;
-    const bool estimated = properties(law).corrects == Corrects::pose;
-    cycle = {{}, e, {}, {}, estimated ? to_coordinates<K>(found) : x_d};
+    error = e;
+    if (cycle == nullptr) return regular;
+    const Corrects corrects = properties(law).corrects;
+    *cycle = {};
+    cycle->x = corrects == Corrects::pose ? to_coordinates<K>(found) : x_d;
     for (int i = 0; i < n; ++i) {
-      cycle.q_d[i] = reference.q_e[i];
-      std::copy_n(reference.jacobians.J[i].begin(), n, cycle.J[i].begin());
-      if (properties(law).corrects == Corrects::readings)
-        std::copy_n(reference.tej[i].begin(), n + robot.r, cycle.tej[i].begin());
+      cycle->q_d[i] = reference.q_e[i];
+      std::copy_n(reference.jacobians.J[i].begin(), n, cycle->J[i].begin());
+      if (corrects == Corrects::readings)
+        std::copy_n(reference.tej[i].begin(), n + robot.r, cycle->tej[i].begin());
     }
     return regular;
   });
-}
-
-/// ê_q of servo() alone.
-inline Outcome motor_error(const Robot& robot, Law law, const Coordinates& x_d, const Extended& q_e,
-                           Joint& error, Real band = 0, const Weighing& weighing = {},
-                           Parasitic* kept = nullptr) {
-  ServoCycle cycle;
-  const Outcome outcome = servo(robot, law, x_d, q_e, cycle, band, weighing, kept);
-  if (outcome) error = cycle.error;
-  return outcome;
 }
 
 }  // namespace truepose

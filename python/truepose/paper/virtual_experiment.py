@@ -58,7 +58,7 @@ class Run:
         return {str(reason): int(count) for reason, count in zip(reasons, counts, strict=True)}
 
     def columns(self, robot: Robot | None = None) -> list[Column]:
-        """Describe what a log of the run holds, see :func:`truepose.logs.columns`."""
+        """Describe what a log of the run holds, see :func:`truepose.logs.writing.columns`."""
         robot = self.believed
         result = numbered(self.q_e) + readings(robot, self.q_e)
         result += pose(robot, "desired", "asked of the controller", self.desired)

@@ -165,7 +165,7 @@ class Simulation:
         return saturated(int(held.argmax())) if held.any() else "ok"
 
     def columns(self, robot: Robot | None = None) -> list[Column]:
-        """Describe what a log of the run holds, see :func:`truepose.logs.columns`."""
+        """Describe what a log of the run holds, see :func:`truepose.logs.writing.columns`."""
         robot = self.truth
         result = [Column("time", "time", "s", "since the start", self.time)]
         result += readings(robot, self.q_e)

@@ -21,7 +21,7 @@ class Visit(NamedTuple):
     status: Array  #: (N,) str: "ok", or why not
 
     def columns(self, robot: Robot | None = None) -> list[Column]:
-        """Describe what a log of the visit holds, see :func:`truepose.logs.columns`."""
+        """Describe what a log of the visit holds, see :func:`truepose.logs.writing.columns`."""
         if robot is None:
             raise InputError("a Visit's log needs its robot: columns(visit, robot)")
         result = numbered(self.q_e) + readings(robot, self.q_e)
