@@ -16,9 +16,10 @@ namespace {
 
 /// `own_mode`: only poses of the robot's own assembly mode, as a machine may be sent to.
 auto batch_ikm(const Robot& robot, const Rows& x, bool full, bool own_mode) {
-  const auto model = own_mode ? (full ? &command_full : &command)
-                     : full   ? static_cast<decltype(&command)>(&ikm_full)
-                              : static_cast<decltype(&command)>(&ikm);
+  using Model = Outcome (*)(const Robot&, const Coordinates&, Joint&);
+  const Model model = own_mode ? (full ? Model(&command_full) : Model(&command))
+                      : full   ? Model(&ikm_full)
+                               : Model(&ikm);
   return map_rows<Coordinates, Joint>(
       x, x.shape(1),
       [&](const Coordinates& at, Joint& q, std::size_t) { return model(robot, at, q); });
