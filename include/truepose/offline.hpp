@@ -4,6 +4,7 @@
 /// (truepose/core.hpp).
 #pragma once
 
+#include "truepose/core.hpp"
 #include "truepose/offline/assembly.hpp"
 #include "truepose/offline/bound.hpp"
 #include "truepose/offline/calibrate.hpp"
@@ -14,4 +15,3 @@
 #include "truepose/offline/simulate.hpp"
 #include "truepose/offline/statics.hpp"
 #include "truepose/offline/stretch.hpp"
-#include "truepose/core.hpp"

@@ -1,8 +1,8 @@
 // Which of the C interface's numbers is which of the core's? Field by field, both ways.
 #pragma once
 
-#include "truepose/truepose.h"
 #include "truepose/core.hpp"
+#include "truepose/truepose.h"
 
 namespace truepose::c {
 

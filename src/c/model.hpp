@@ -5,8 +5,8 @@
 #include <cstring>
 #include <new>
 
-#include "truepose/truepose.h"
 #include "truepose/core.hpp"
+#include "truepose/truepose.h"
 
 namespace truepose::c {
 
