@@ -316,7 +316,9 @@ TEST("what a passive joint cannot turn to is refused, by the inverse model alone
       Coordinates x = robot.home;
       Joint q;
       CHECK(ikm(robot, x, q));
-      x[j] += 0.11;
+      x[j] -= 0.11;
+      CHECK(ikm(robot, x, q).status == Status::joint_limit);
+      x[j] += 0.22;
       CHECK(ikm(robot, x, q).status == Status::joint_limit);
       Coordinates found = robot.home;
       CHECK(fkm(robot, q, found));  // it may have been pushed there

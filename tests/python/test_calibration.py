@@ -1,10 +1,13 @@
 """Does a calibration find what readings say of the geometry, and admit what they do not?"""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from robot_trials import difference
 from scipy.linalg import eigh
 from scipy.optimize import least_squares
+from scipy.stats import chi2
 
 import truepose as tp
 from truepose import files
@@ -251,3 +254,13 @@ def test_the_worst_known_combinations_are_those_of_the_prior_that_was(fit, small
     ratios = [ratio for ratio, _ in again.worst_known(len(again.names))]
     expected = eigh(again.covariance, again.prior_covariance, eigvals_only=True)
     assert np.square(ratios) == pytest.approx(expected[::-1], rel=1e-6)
+
+
+def test_the_stated_disagreement_is_the_median_row_s(h4, anywhere, rng):
+    fit = tp.calibrate(h4, h4.sample(1).read(anywhere(h4, 25, rng)))
+    usual = chi2.ppf(0.5, fit.redundancy)
+    rows = np.arange(len(usual))
+    for gross in (0, 10):  # of 25
+        found = np.where(rows < gross, 1e6, 9 * usual)
+        fit_of = dataclasses.replace(fit, chi2=found)
+        assert fit_of.disagreement(rows) == pytest.approx(3)

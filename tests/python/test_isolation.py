@@ -102,3 +102,24 @@ def test_the_command_names_it(run: Any, tmp_path: Path, monkeypatch: pytest.Monk
     assert "It is theta: its bias is wrong." in out
     status, _, err = run("isolate", "h4", "tour.csv", "--sensors", "none")
     assert status == 2 and "no redundant sensor" in err
+
+
+def test_readings_that_explain_the_same_at_one_pose_are_all_named() -> None:
+    """One redundant sensor and one pose are one equation: nothing tells motors from each other."""
+    h4 = tp.load("h4").expected()
+    pose = np.full((1, h4.n), h4.home)
+    fit = tp.calibrate(h4, h4.read(np.linspace(h4.home - 0.05, h4.home + 0.05, 20), seed=3))
+    lies = fit.robot.extended_positions(pose)
+    lies[:, h4.n] += 0.5
+    found = tp.faults.isolate(fit.robot, lies)
+    assert found.faulty and set(found.readings) == set(h4.readings)
+
+
+def test_whole_turns_of_a_sensor_are_no_fault(learnt: tuple) -> None:
+    robot, _, tour = learnt
+    if "theta" not in robot.sensors:
+        return
+    turned = tour.copy()
+    turned[::2, robot.n] += 2 * np.pi * robot.parameters["theta.gain"].value
+    here, there = (tp.faults.isolate(robot, rows) for rows in (tour, turned))
+    assert there.chi2 == pytest.approx(here.chi2, rel=1e-9)

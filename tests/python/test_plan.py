@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.design.candidates import CandidatePoses, rows_of
+from truepose.design.candidates import CandidatePoses, drawn, rows_of
 from truepose.design.exchange import Exchange, chosen_of, posterior
+from truepose.design.poses import Sought
 from truepose.design.tour import tour
 from truepose.robot.units import summed
 
@@ -451,3 +452,42 @@ def test_amounts_of_influences_are_as_unknown_on_candidates_as_they_were_on_the_
     taken_as_known = plain.root @ posterior(plain.known, plain.C, range(20))
     zero = first.names.index("chain1.encoder_offset")
     assert np.linalg.norm(taken_as_known[zero]) < 0.9 * sigma[zero]
+
+
+def test_a_tour_is_short_in_time_where_one_motor_is_slow(anywhere, rng):
+    h4 = tp.load("h4")
+    chains = [
+        chain.model_copy(update={"speed_limit": 0.1 if k == 1 else 10.0})
+        for k, chain in enumerate(h4.spec.chain)
+    ]
+    slow = tp.Robot(h4.spec.model_copy(update={"chain": tuple(chains)}))
+    x = anywhere(h4, 6, rng)
+    q = h4.ikm(np.vstack([h4.home, x]), level="ideal")[:, 1]
+
+    def along(order):
+        return np.abs(np.diff(q[[0, *(k + 1 for k in order), 0]])).sum()
+
+    shortest = min(map(along, itertools.permutations(range(len(x)))))
+    assert along(tour(slow, x)) <= 1.02 * shortest < 0.95 * along(tour(h4, x))
+
+
+def test_a_plan_after_a_calibration_is_for_the_sensors_in_use(anywhere, rng):
+    both = tp.load("h4").with_sensors("theta", "z_telemeter")
+    fit = tp.calibrate(both, both.sample(1).read(anywhere(both, 30, rng)))
+    plan = tp.plan_poses(both.with_sensors("theta"), 2, candidates=40, after=fit)
+    assert tuple(plan.robot.sensors) == ("theta",)
+
+
+@pytest.mark.parametrize("reference", [None, [0.05, -0.05, -0.42, 0.2]], ids=["alone", "relative"])
+def test_the_weights_of_a_plan_are_the_slope_of_its_cost(reference):
+    """M with d cost = tr(M dΣ): exactly for the readings' best gains, nearly for a difference."""
+    h4 = tp.load("h4").with_sensors("theta", "z_telemeter")
+    none = np.zeros((0, h4.n))
+    candidates = CandidatePoses(poses=drawn(h4, 60, 0))
+    rows = rows_of(h4, candidates, "full", True, None, none, np.zeros(h4.n))
+    relative = none if reference is None else np.array([reference])
+    sought = Sought(h4, rows, "full", True, None, relative)
+    G = posterior(rows.known, rows.C, range(20))
+    step, within = 1e-3, 1e-3 if reference is None else 0.2
+    slope = (sought.cost((1 + step) * G) - sought.cost((1 - step) * G)) / (2 * step)
+    assert slope == pytest.approx(2 * np.trace(sought.weights(G) @ G @ G.T), rel=within)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.faults.monitor import HEALTH, SYMPTOMS
+from truepose import _core
+from truepose.faults.monitor import HEALTH, SYMPTOMS, _fastest, _moved, _shaken, _yielding
 from truepose.robot.laws import usual
 
 SENSORS = {"θ": ["theta"], "θ, elbows": ["theta", "elbow1", "elbow2", "elbow3", "elbow4"]}
@@ -227,3 +228,35 @@ def test_once_all_brakes_are_asked_for_the_motors_hold_the_weight_alone(
     weight = robot.inverse_dynamics(run.x_d[held.argmax()], np.zeros(robot.n), np.zeros(robot.n))
     assert np.ptp(run.torque[held], axis=0).max() == 0
     assert np.abs(run.torque[held] - weight).max() < 0.05 * np.abs(weight).max()
+
+
+def test_thresholds_follow_from_the_robot() -> None:
+    """The largest acceleration of all poses, friction, arms that deflect, noise of the torque."""
+    h4 = tp.load("h4")
+    controller = tp.Controller.for_robot(h4, tp.Effects())
+    box = h4.spec.workspace
+    assert box is not None
+    poses = np.random.default_rng(3).uniform(box.minimum, box.maximum, (30, h4.n))
+    one = np.array([_core.fastest(h4.core, x[None])[0][0] for x in poses])
+    assert (_fastest(h4.at_highest_level) >= one.max(axis=0)).all()  # a margin over any pose
+
+    twice = h4.spec.model_copy(
+        update={
+            "chain": tuple(
+                c.model_copy(update={"torque_limit": 2 * c.torque_limit}) for c in h4.spec.chain
+            )
+        }
+    )
+    strong = tp.Robot(twice)
+    still = _moved(strong, controller)[0] - _moved(h4, controller)[0]
+    assert (still[: h4.n] > 0).all() and (still[h4.n :] == 0).all()
+    assert _shaken(strong, controller) == pytest.approx(2 * _shaken(h4, controller))
+
+    soft = tp.Effects(arm_stiffness=100.0)
+    noise = [c.encoder_noise for c in _yielding(h4, soft).spec.chain]
+    stiff = [c.encoder_noise for c in _yielding(h4, tp.Effects(arm_stiffness=0.0)).spec.chain]
+    softer = [c.encoder_noise for c in _yielding(h4, tp.Effects(arm_stiffness=50.0)).spec.chain]
+    deflection = np.sqrt(np.square(noise) - np.square(stiff))
+    assert np.sqrt(np.square(softer) - np.square(stiff)) == pytest.approx(2 * deflection)
+    limits = np.array([c.torque_limit for c in h4.spec.chain])
+    assert (deflection > 0.01 * limits / 100).all() and (deflection < limits / 100).all()

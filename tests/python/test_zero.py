@@ -164,6 +164,13 @@ def test_the_command_zeroes_and_writes_what_estimates_afterwards(ankle, run, tmp
             ("--at", "1.5,0"),
             "at (--at): pitch = 1.5 rad: must be within its limits, -0.87267 to 0.5236",
         ),
+        (
+            "g1-ankle",
+            "q1,q2",
+            "0,0",
+            ("--at=-1,0",),
+            "at (--at): pitch = -1 rad: must be within its limits, -0.87267 to 0.5236",
+        ),
         ("g1-ankle", "q1,q2,stance", "0,0,a", ("--at", "0,0"), "the column 'stance' says that it"),
         (
             "delta",

@@ -66,13 +66,11 @@ class Isolation:
 
         if not self.faulty:
             return ()
-        rest = float(chdtri(self.freedom - 1, self.false_alarm)) if self.freedom > 1 else 0.0
+        rest = 1e-9 * self.chi2  # one equation: what explains it leaves no more than rounding
+        if self.freedom > 1:
+            rest = float(chdtri(self.freedom - 1, self.false_alarm))
         near = self.hypotheses[0].chi2 + float(chdtri(1, self.false_alarm))
-        return tuple(
-            h
-            for h in self.hypotheses
-            if h.chi2 <= max(rest, self.hypotheses[0].chi2 * (self.freedom == 1)) and h.chi2 <= near
-        )
+        return tuple(h for h in self.hypotheses if h.chi2 <= min(rest, near))
 
     @property
     def readings(self) -> tuple[str, ...]:

@@ -358,3 +358,43 @@ def test_a_urdf_that_is_none_is_told(neck):
     for text, said in (("<robot", "not XML"), ("<sdf/>", "<sdf>: a URDF is a <robot>")):
         with pytest.raises(InputError, match=said):
             neck(urdf=text)
+
+
+def test_a_crank_s_inertia_is_about_its_axis_wherever_its_mass_is(model):
+    """A box beside the axis, and leaning: parallel axis theorem, rotated principal inertia."""
+    box = '<geom type="box" size="0.01 0.02 0.03" pos="0.01 0.02 -0.015" euler="0.4 0.2 -0.3"/>'
+    joint = '<joint name="motor1" axis="1 0 0"/>'
+    alone = mujoco.MjModel.from_xml_string(
+        '<mujoco><compiler angle="radian"/><default><geom density="1000"/></default><worldbody>'
+        f"<body>{joint}{box}</body></worldbody></mujoco>"
+    )
+    data = mujoco.MjData(alone)
+    mujoco.mj_forward(alone, data)
+    mass = np.zeros((1, 1))
+    mujoco.mj_fullM(alone, data, mass)
+    crank = 'actuatorfrcrange="-20 20"/><geom/>'
+    assert crank in LEG
+    robot = model(LEG.replace(crank, crank.replace("<geom/>", box)))
+    assert robot.spec.chain[0].drive_inertia == pytest.approx(0.003 + mass[0, 0])
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_leg_of_a_model_reads_its_slide(model, sign):
+    """A plate on one axis, 0.3 m above the base, and a leg that slides beside it."""
+    robot = model(
+        f"""<mujoco model="plate"><compiler angle="radian"/><default><geom size="0.01"/></default>
+        <worldbody><body name="base"><geom/>
+          <body name="plate" pos="0 0 0.3">
+            <joint name="tilt" axis="0 1 0" range="-0.5 0.5"/><geom/><site name="A" pos="0.1 0 0"/>
+          </body>
+          <body name="lower" pos="0.1 0 0"><joint name="foot" type="ball"/><geom/>
+            <body name="upper"><joint name="leg" type="slide" axis="0 0 {sign}"/><geom/>
+              <site name="end" pos="0 0 0.3"/></body></body>
+        </body></worldbody>
+        <equality><connect site1="end" site2="A"/></equality>
+        <actuator><motor joint="leg"/></actuator></mujoco>""",
+        "plate",
+    )
+    for tilt in (-0.3, 0.0, 0.4):
+        length = np.hypot(0.1 * np.cos(tilt) - 0.1, 0.3 - 0.1 * np.sin(tilt))
+        assert robot.ikm([tilt])[0] == pytest.approx(sign * (length - 0.3), abs=1e-12)

@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 import truepose as tp
 from truepose.integrations.klipper import figures, held_out, output, review
 from truepose.integrations.klipper.assessment import assess
-from truepose.integrations.klipper.config import SAVED_HEADER, Config
+from truepose.integrations.klipper.config import SAVED_HEADER, Config, rewritten
 from truepose.integrations.klipper.criterion import errors, klipper, rms, weight
 from truepose.integrations.klipper.estimate import Assumed, estimate, prior, verdict
 from truepose.integrations.klipper.model import Model
@@ -437,3 +437,18 @@ def test_sampled_printers_are_inside_their_intervals_and_are_not_warned_of(dista
     can = [trial for trial in ran if trial.shows]
     assert len(can) > 12 if more else not can
     assert all(trial.found for trial in can)
+
+
+def test_a_file_that_is_rewritten_keeps_its_other_saved_options():
+    text = (
+        "[printer]\nkinematics: delta\nDelta_Radius: 150.0\n\n[stepper_a]\n#Arm_Length: 345.0\n\n"
+        + SAVED_HEADER
+        + "#*# [stepper_a]\n#*# position_endstop = 301.5\n#*# angle = 210.25\n"
+    )
+    config = Config.parse(text)
+    assert config.off == {("stepper_a", "arm_length"): 345.0}  # Klipper's options have no case
+    changes = {"printer": {"delta_radius": "151.5"}, "stepper_a": {"position_endstop": "302.5"}}
+    again = Config.parse(rewritten(config, changes, {}))
+    assert again.values["stepper_a"] == {"position_endstop": "302.5", "angle": "210.25"}
+    assert again.values["printer"] == {"kinematics": "delta", "delta_radius": "151.5"}
+    assert again.off == {("printer", "delta_radius"): 150.0, **config.off}
