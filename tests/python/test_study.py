@@ -325,7 +325,12 @@ def endless(tmp_path):
             "3rrr",
         ]
         study = subprocess.Popen(
-            [*study, *words], cwd=tmp_path, stderr=subprocess.PIPE, start_new_session=True
+            [*study, *words],
+            cwd=tmp_path,
+            stderr=subprocess.PIPE,
+            start_new_session=True,
+            # what started the tests may ignore it, and its children would inherit that
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
         )
         begun.append(study)
         assert waited(lambda: len(pids()) >= workers), study.poll()
