@@ -324,14 +324,12 @@ def endless(tmp_path):
             "mine.py:slow",
             "3rrr",
         ]
+        # A launcher of the tests may ignore the signal, and a child would inherit that.
+        before = signal.signal(signal.SIGINT, signal.default_int_handler)
         study = subprocess.Popen(
-            [*study, *words],
-            cwd=tmp_path,
-            stderr=subprocess.PIPE,
-            start_new_session=True,
-            # what started the tests may ignore it, and its children would inherit that
-            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+            [*study, *words], cwd=tmp_path, stderr=subprocess.PIPE, start_new_session=True
         )
+        signal.signal(signal.SIGINT, before)
         begun.append(study)
         assert waited(lambda: len(pids()) >= workers), study.poll()
         return study
