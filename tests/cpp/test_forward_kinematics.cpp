@@ -92,7 +92,7 @@ TEST("from home the FKM finds the pose of the robot's own mode, however far it h
         Closure<K> closure;
         Jacobians<K> jacobians;
         if (!ikm<K>(robot, pose, closure) || !jacobian<K>(closure, jacobians) ||
-            jacobians.sign != robot.assembly_sign)
+            jacobians.sign() != robot.assembly_sign)
           continue;
         ++reached;
         Pose alone = to_pose<K>(robot.home), found = alone;

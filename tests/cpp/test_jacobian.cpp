@@ -165,8 +165,8 @@ TEST("the sign of det J_x agrees with elimination, up to six chains, and zero is
       Jacobians<K> jacobians;
       CHECK(ikm<K>(mechanism.robot, to_pose<K>(random_pose(mechanism, random)), closure));
       CHECK(jacobian<K>(closure, jacobians));
-      CHECK(jacobians.sign == determinant_sign<kDof<K>>(jacobians.jx));
-      CHECK(Conditioning<K>(closure).sign() == jacobians.sign);
+      CHECK(jacobians.sign() == determinant_sign<kDof<K>>(jacobians.jx));
+      CHECK(Conditioning<K>(closure).sign() == jacobians.sign());
     }
   });
 }

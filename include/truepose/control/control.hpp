@@ -115,24 +115,27 @@ inline Real led_out(Real leaving, Real whole) {
   return u * u * (3 - 2 * u);
 }
 
-/// The steps of one cycle, in their order: correct, measure, blend, follow, drive.
+/// The steps of one cycle, in their order: correct, measure, blend, follow, drive, keep.
 template <Mobility K>
 class ControlCycle {
  public:
   static constexpr int n = kDof<K>;
 
-  /// What the controller remembers if every step has an answer.
-  ControlState next;
-
   ControlCycle(const Robot& robot, const ControlSettings& settings, const Setpoint& setpoint,
                const Extended& q_e, const ControlState& state)
-      : next(state),
-        robot_(robot),
+      : robot_(robot),
         settings_(settings),
         setpoint_(setpoint),
         q_e_(q_e),
         state_(state),
-        corrects_(properties(settings.law).corrects) {}
+        corrects_(properties(settings.law).corrects),
+        position_(state.position),
+        rate_(state.rate),
+        desired_(state.desired),
+        integral_(state.integral),
+        held_(state.held),
+        leaving_(state.leaving),
+        nearby_(state.nearby) {}
 
   /// A law needs the readings that it uses: usual control goes on without sensors.
   bool finite() const {
@@ -143,12 +146,11 @@ class ControlCycle {
   /// ê_q of the law, and J, TEJ at x_d.
   Outcome correct(const Weighing& weighing) {
     const Outcome regular = refer<K>(robot_, settings_.law, setpoint_.x, reference_,
-                                     settings_.damped_below, weighing, &next.nearby);
-    next.error = {};
+                                     settings_.damped_below, weighing, &nearby_);
     Outcome outcome = regular;
     if (outcome)
-      outcome = motor_error<K>(robot_, settings_.law, reference_, q_e_, next.error, found_,
-                               weighing, next.nearby);
+      outcome = motor_error<K>(robot_, settings_.law, reference_, q_e_, error_, found_, weighing,
+                               nearby_);
     return outcome ? regular : outcome;
   }
 
@@ -167,15 +169,15 @@ class ControlCycle {
   /// Where law or readings were switched, the error keeps its value and its rate; the difference
   /// is led out.
   void blend() {
-    if (!state_.started || switches()) next.position = measured_;
+    if (!state_.started || switches()) position_ = measured_;
     if (switches()) {
-      next.rate = in_terms_of<K>(corrects_, state_.error_rate, reference_, robot_.r);
-      for (int i = 0; i < n; ++i) next.held[i] = state_.error[i] - next.error[i];
-      next.leaving = settings_.lead_out;
+      rate_ = in_terms_of<K>(corrects_, state_.error_rate, reference_, robot_.r);
+      for (int i = 0; i < n; ++i) held_[i] = state_.error[i] - error_[i];
+      leaving_ = settings_.lead_out;
     }
-    const Real share = led_out(next.leaving, settings_.lead_out);
-    next.leaving = std::max(0.0, next.leaving - settings_.period);
-    for (int i = 0; i < n; ++i) next.error[i] += share * next.held[i];
+    const Real share = led_out(leaving_, settings_.lead_out);
+    leaving_ = std::max(0.0, leaving_ - settings_.period);
+    for (int i = 0; i < n; ++i) error_[i] += share * held_[i];
   }
 
   /// Rates of the errors by their tracking loops, and of ê_q by the law.
@@ -186,25 +188,23 @@ class ControlCycle {
     const Real half = state_.started ? 0.5 : 0;
     const int tracked = corrects_ == Corrects::readings ? n + robot_.r : n;
     Coordinates twist{};  // of x_d against x̂
-    next.error_rate = {};
     for (int c = 0; c < tracked; ++c) {
       const Real rate = desired_rate(c);
-      const Real expected = half * ((switches() ? rate : next.desired[c]) + rate);
-      if (switches())
-        next.position[c] = measured_[c] - settings_.period * (expected - next.rate[c]);
-      track(settings_, pole, measured_[c], expected, next.position[c], next.rate[c]);
-      next.desired[c] = rate;
+      const Real expected = half * ((switches() ? rate : desired_[c]) + rate);
+      if (switches()) position_[c] = measured_[c] - settings_.period * (expected - rate_[c]);
+      track(settings_, pole, measured_[c], expected, position_[c], rate_[c]);
+      desired_[c] = rate;
       if (corrects_ == Corrects::readings)
-        for (int i = 0; i < n; ++i) next.error_rate[i] += reference_.tej[i][c] * next.rate[c];
+        for (int i = 0; i < n; ++i) error_rate_[i] += reference_.tej[i][c] * rate_[c];
       else if (posed())
-        twist[c] = next.rate[c];
+        twist[c] = rate_[c];
       else
-        next.error_rate[c] = next.rate[c];
+        error_rate_[c] = rate_[c];
     }
-    if (posed()) next.error_rate = reference_.jacobians.joint_rate(twist);
+    if (posed()) error_rate_ = reference_.jacobians.joint_rate(twist);
     from_tangent(from);
     for (int c = 0; c < tracked; ++c)
-      sum_ += std::fabs(next.position[c]) + std::fabs(next.rate[c]) + std::fabs(next.desired[c]);
+      sum_ += std::fabs(position_[c]) + std::fabs(rate_[c]) + std::fabs(desired_[c]);
   }
 
   /// Torques of model, integrals and gains, limited.
@@ -215,11 +215,11 @@ class ControlCycle {
   /// everywhere.
   Outcome drive() {
     for (int i = 0; i < n && state_.braked; ++i)  // nor do the others allow for what it does not do
-      if (braked(i)) next.error[i] = next.error_rate[i] = next.integral[i] = 0;
+      if (braked(i)) error_[i] = error_rate_[i] = integral_[i] = 0;
     Joint pd{}, steps{}, torque{};  // of the gains; of the integrals; of the model
     for (int i = 0; i < n; ++i) {
-      pd[i] = settings_.kp[i] * next.error[i] + settings_.kd[i] * next.error_rate[i];
-      steps[i] = settings_.ki[i] * settings_.period * next.error[i];
+      pd[i] = settings_.kp[i] * error_[i] + settings_.kd[i] * error_rate_[i];
+      steps[i] = settings_.ki[i] * settings_.period * error_[i];
     }
     const bool shaped = settings_.gains == Gains::inertia;
     if (shaped || settings_.feed_forward != FeedForward::none) {
@@ -242,11 +242,27 @@ class ControlCycle {
     for (int i = 0; i < n; ++i) limit(i, torque[i], pd[i], steps[i]);
     // One NaN in what is remembered would fail every later cycle, and what overflows then as well.
     if (!(sum_ < by_precision(1e100L, 1e30L))) return {Status::not_finite, -1};
-    for (int i = 0; i < n; ++i) next.q_d[i] = reference_.q_e[i] + settings_.period * joint_rate_[i];
-    next.started = true;
-    next.switched = false;
-    next.law = settings_.law;
     return {};
+  }
+
+  /// What the controller remembers where every step had an answer.
+  void keep(ControlState& state) const {
+    state.started = true;
+    state.switched = false;
+    state.law = settings_.law;
+    state.position = position_;
+    state.rate = rate_;
+    state.desired = desired_;
+    state.integral = integral_;
+    state.held = held_;
+    state.leaving = leaving_;
+    state.torque = torque_;
+    state.error = error_;
+    state.error_rate = error_rate_;
+    state.load = load_;
+    state.nearby = nearby_;
+    for (int i = 0; i < n; ++i)
+      state.q_d[i] = reference_.q_e[i] + settings_.period * joint_rate_[i];
   }
 
  private:
@@ -270,11 +286,11 @@ class ControlCycle {
     if constexpr (K == Mobility::spatial)
       if (posed()) {
         Coordinates last{};
-        std::copy_n(next.position.begin(), n, last.begin());
+        std::copy_n(position_.begin(), n, last.begin());
         from = to_pose<K>(last);
         const Coordinates step = difference<K>(found_, from);
         std::copy_n(step.begin(), n, measured_.begin());
-        next.position.fill(0);
+        position_.fill(0);
       }
     return from;
   }
@@ -282,23 +298,22 @@ class ControlCycle {
     if constexpr (K == Mobility::spatial)
       if (posed()) {
         Coordinates step{};
-        std::copy_n(next.position.begin(), n, step.begin());
+        std::copy_n(position_.begin(), n, step.begin());
         const Coordinates x = to_coordinates<K>(moved<K>(from, step));
-        std::copy_n(x.begin(), n, next.position.begin());
+        std::copy_n(x.begin(), n, position_.begin());
       }
   }
 
   /// @param step  of the integral: none while it would push a saturated motor further
   void limit(int i, Real model, Real pd, Real step) {
     const Real most = robot_.chain[i].torque_limit;
-    next.load[i] = model + next.integral[i];
-    const Real wanted = next.load[i] + pd;
+    load_[i] = model + integral_[i];
+    const Real wanted = load_[i] + pd;
     const bool pushes = most > 0 && std::fabs(wanted) > most && wanted * step > 0;
-    if (!pushes) next.integral[i] += step;
+    if (!pushes) integral_[i] += step;
     // Before the limit and the brakes, which hide what is infinite.
-    sum_ +=
-        std::fabs(wanted) + std::fabs(step) + std::fabs(next.held[i]) + std::fabs(joint_rate_[i]);
-    next.torque[i] = limited(robot_.chain[i], wanted + (pushes ? 0 : step));
+    sum_ += std::fabs(wanted) + std::fabs(step) + std::fabs(held_[i]) + std::fabs(joint_rate_[i]);
+    torque_[i] = limited(robot_.chain[i], wanted + (pushes ? 0 : step));
   }
 
   const Robot& robot_;
@@ -312,6 +327,11 @@ class ControlCycle {
   Extended measured_{};  ///< readings, or x̂
   Joint joint_rate_{};   ///< of q_d
   Real sum_ = 0;         ///< of all that is remembered
+  // As of ControlState:
+  Extended position_, rate_, desired_;
+  Joint integral_, held_, error_{}, error_rate_{}, torque_{}, load_{};
+  Real leaving_;
+  Parasitic nearby_;
 };
 
 /// One cycle. Bounded work, no allocation, no exception, no lock.
@@ -335,7 +355,7 @@ Outcome control(const Robot& robot, const ControlSettings& settings, const Setpo
   cycle.follow();
   const Outcome outcome = cycle.drive();
   if (!outcome) return outcome;
-  state = cycle.next;
+  cycle.keep(state);
   return regular;
 }
 

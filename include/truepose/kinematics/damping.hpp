@@ -34,11 +34,11 @@ class Conditioning {
       columns_[j] *= 1 / unit_[j];
       square_ += columns_[j].square().sum();
     }
-    Matrix<n, n> inverse;
-    regular_ = invert<n>(columns_, ones_, Lanes<n>::Ones(), 0, inverse, &sign_);
+    Matrix<n, n> rows;
+    inverse_ = invert<n>(columns_, ones_, Lanes<n>::Ones(), 0, rows);
     Lanes<n> inverse2 = Lanes<n>::Zero();
-    for (const auto& row : inverse) inverse2 += Eigen::Map<const Lanes<n>>(row.data()).square();
-    parallel_ = regular_ ? n / std::sqrt(square_ * inverse2.sum()) : 0;
+    for (const auto& row : rows) inverse2 += Eigen::Map<const Lanes<n>>(row.data()).square();
+    parallel_ = inverse_ ? n / std::sqrt(square_ * inverse2.sum()) : 0;
     // A telescopic leg is always driven along itself.
     const Lanes<n> dB =
         points<n>([&](int i) -> const Vec3& { return chain[i].dB; }).squared_norm().sqrt();
@@ -58,9 +58,9 @@ class Conditioning {
   Outcome outcome() const {
     for (int i = 0; i < n; ++i)
       if (!(serial_[i] * serial_[i] > kSingular)) return {Status::singular, i};
-    return {regular_ ? Status::ok : Status::singular, -1};
+    return {inverse_ ? Status::ok : Status::singular, -1};
   }
-  int sign() const { return sign_; }
+  int sign() const { return (inverse_.determinant > 0) - (inverse_.determinant < 0); }
 
   /// J = A⁺ J_q with A⁺ = (AᵀA + λ² |A|²/n²)⁻¹ Aᵀ, units put back.
   bool damped(const Closure<K>& closure, Real band, Matrix<kDof<K>, kDof<K>>& J) const {
@@ -86,8 +86,7 @@ class Conditioning {
   std::array<Real, n> unit_, ones_;
   Lanes<n> length_, speed_, serial_;
   Real square_ = 0, parallel_;  // |A|²
-  int sign_ = 0;
-  bool regular_;
+  Inverted inverse_;
 };
 
 /// J_x, J_q and J, damped where a conditioning lies below `band` (0: nowhere, as the paper has it).

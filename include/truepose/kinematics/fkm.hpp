@@ -63,7 +63,8 @@ TRUEPOSE_FLATTEN FkmResult search(const Robot& robot, const Joint& q, Pose& pose
       [&](const At& at, Real damping) {
         Inverse inverse;
         loops.jx(at, jx);
-        inverse.full_rank = invert<n>(jx, loops.sizes(at), Lanes<n>::Ones(), damping, inverse.rows);
+        inverse.full_rank =
+            invert<n>(jx, loops.sizes(at), Lanes<n>::Ones(), damping, inverse.rows).regular;
         return inverse;
       },
       [&](const At& at, const Inverse& inverse, At& after) {

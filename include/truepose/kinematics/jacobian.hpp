@@ -72,7 +72,9 @@ template <Mobility K>
 struct Jacobians {
   Matrix<kDof<K>, kDof<K>> jx, J;
   std::array<Real, kDof<K>> jq;
-  int sign = 0;  ///< of det J_x: poses of the same motors and another sign are other assembly modes
+  Real determinant = 0;  ///< of J_x, or a number of its sign
+  /// Of det J_x: poses of the same motors and another sign are other assembly modes.
+  int sign() const { return (determinant > 0) - (determinant < 0); }
 
   /// q̇ = J⁻¹ ẋ = J_q⁻¹ J_x ẋ, without inverting J.
   Joint joint_rate(const Coordinates& rate) const {
@@ -106,8 +108,9 @@ TRUEPOSE_FLATTEN inline Outcome jacobian(const Closure<K>& closure, Jacobians<K>
   jx_row<K>(closure.carried, v, lever, columns);
   jacobians.jx = rows_of<n>(columns);
   const auto sizes = column_sizes<K>(closure.carried, v2, lever);
-  const bool regular = invert<n>(columns, sizes, jq, 0, jacobians.J, &jacobians.sign);
-  return {regular ? Status::ok : Status::singular, -1};
+  const Inverted inverse = invert<n>(columns, sizes, jq, 0, jacobians.J);
+  jacobians.determinant = inverse.determinant;
+  return {inverse ? Status::ok : Status::singular, -1};
 }
 
 /// J(x), n×n, ẋ = J q̇; ẋ is a twist (its free columns), base frame.
@@ -141,7 +144,7 @@ inline bool other_mode(int home, Sign&& sign) {
 }
 template <Mobility K>
 inline bool other_mode(const Robot& robot, const Jacobians<K>& jacobians) {
-  return other_mode(robot.assembly_sign, [&] { return jacobians.sign; });
+  return other_mode(robot.assembly_sign, [&] { return jacobians.sign(); });
 }
 
 /// Checks a robot's counts, indices and enums, and fills what it derives from its own data
@@ -177,7 +180,7 @@ inline Outcome finish(Robot& robot) {
     Outcome outcome = ikm<K>(robot, to_pose<K>(robot.home), closure);
     Jacobians<K> jacobians;
     if (outcome) outcome = jacobian<K>(closure, jacobians);
-    robot.assembly_sign = outcome ? jacobians.sign : 0;
+    robot.assembly_sign = outcome ? jacobians.sign() : 0;
     return outcome ? within_limits<K>(robot, closure.pose, closure.q()) : outcome;
   });
 }

@@ -116,38 +116,43 @@ TRUEPOSE_RARE bool invert_by_normal_equations(const std::array<Lanes<N>, N>& col
   return normal.regular();
 }
 
+/// How an inversion ended.
+struct Inverted {
+  bool regular = false;  ///< A has full rank
+  Real determinant = 0;  ///< det A, or a number of its sign; damped: 0
+  explicit operator bool() const { return regular; }
+};
+
 /// A⁻¹ diag(scale) of a square matrix given by its columns: up to 4×4 by its adjugate, 6×6 by
 /// triples of rows, or by the normal equations where those are not independent.
 ///
 /// size[j] is what |column j|² would be if nothing in it cancelled: it gives the unit in which
 /// singularity is judged, so that neither metres nor radians matter.
 /// damping > 0: Levenberg's (AᵀA + damping · diag(size))⁻¹Aᵀ in the place of A⁻¹.
-/// @param sign  out unless null: sign of det A, -1, 0 or 1
-/// @return whether A has full rank
 template <int N>
-inline bool invert(const std::array<Lanes<N>, N>& columns, const std::array<Real, N>& size,
-                   const Lanes<N>& scale, Real damping, Matrix<N, N>& rows, int* sign = nullptr) {
+inline Inverted invert(const std::array<Lanes<N>, N>& columns, const std::array<Real, N>& size,
+                       const Lanes<N>& scale, Real damping, Matrix<N, N>& rows) {
   if constexpr (N <= 4) {
     if (!(damping > 0)) {
       Matrix<N, N> b;
       const Real determinant = adjugate<N>(rows_of<N>(columns), b);
-      if (sign) *sign = (determinant > 0) - (determinant < 0);
       const Real per_determinant = 1 / determinant;
       for (int i = 0; i < N; ++i)
         for (int j = 0; j < N; ++j) rows[i][j] = b[i][j] * (per_determinant * scale[j]);
       Real unit = kSingular;
       for (int j = 0; j < N; ++j) unit *= size[j];
-      return determinant * determinant > unit;  // false for a NaN
+      return {determinant * determinant > unit, determinant};  // false for a NaN
     }
   } else if (!(damping > 0)) {
     const Triples triples = invert_by_triples(columns, size[0] / N, scale, rows);
     const Real lever2 = size[3] / size[0];
-    if (triples.independent && sign) *sign = (triples.determinant > 0) - (triples.determinant < 0);
-    if (triples.independent)
-      return triples.difference * triples.difference > kSingular * lever2 * lever2 * lever2;
+    if (triples.independent) {
+      const Real unit = kSingular * lever2 * lever2 * lever2;
+      return {triples.difference * triples.difference > unit, triples.determinant};
+    }
   }
-  if (sign) *sign = determinant_sign<N>(rows_of<N>(columns));
-  return invert_by_normal_equations<N>(columns, size, scale, damping, rows);
+  const int sign = damping > 0 ? 0 : determinant_sign<N>(rows_of<N>(columns));
+  return {invert_by_normal_equations<N>(columns, size, scale, damping, rows), Real(sign)};
 }
 
 /// A x for a matrix given by its rows.
