@@ -53,7 +53,7 @@ class Conditioning {
   /// Type 1: how much of the motion of B_i, 0 to 1, goes along rod i. 0: arm and rod in one line.
   Real serial(int i) const { return serial_[i]; }
   /// The smallest of them all.
-  Real least() const { return -largest<n>(-serial_.min(parallel_)); }
+  Real least() const { return std::min(parallel_, -largest<n>(-serial_)); }
   /// As jacobian() would end, and the sign of det J_x.
   Outcome outcome() const {
     for (int i = 0; i < n; ++i)

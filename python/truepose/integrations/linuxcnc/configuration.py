@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 import struct
 from dataclasses import dataclass, replace
+from statistics import NormalDist
 
 import jinja2
 import numpy as np
-from scipy import stats
 
 from truepose import _core, files
 from truepose.arguments import Array
+from truepose.calibration.learnt import chi2_quantile
 from truepose.control.controller import Controller, require_same_readings
 from truepose.control.gains import poses
 from truepose.deploy.c_tables import require_prompt
@@ -28,7 +29,7 @@ _PARAMETERS = 256
 #: Robots and poses of which corrections are predicted, and their quantile that is accepted.
 _DRAWN, _POSES, _ACCEPTED = 40, 40, 0.999
 #: The same in σ of what is about normal; s of full speed over which it is differentiated.
-_ACCEPTED_SIGMAS = float(stats.norm.ppf((1 + _ACCEPTED) / 2))
+_ACCEPTED_SIGMAS = NormalDist().inv_cdf((1 + _ACCEPTED) / 2)
 _DIFFERENCE = 5e-4
 #: Robots within their tolerances whose readings, once homed, are accepted.
 _HOMED = 0.9999
@@ -162,7 +163,7 @@ def to_configuration(
         "largest": _short(np.max((exported + noise) * shown) if exported.any() else _UNPREDICTED),
         "largest_learnt": _short(np.max((learnt + noise) * shown)),
         "homed": f"{100 * _HOMED:g}",
-        "chi2": _short(stats.chi2.ppf(_HOMED, robot.r) if robot.r else 0.0),
+        "chi2": _short(chi2_quantile(_HOMED, robot.r) if robot.r else 0.0),
         "joints": joints,
         "axes": axes,
         "sensors": _sensors(robot) if robot.r else [],
