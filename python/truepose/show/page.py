@@ -7,8 +7,6 @@ import platform
 import re
 from importlib import metadata, resources
 
-import jinja2
-
 _TEMPLATES = "_data/templates"
 _HEADING = re.compile(r"<h2>(.*?)</h2>", re.DOTALL)
 #: A contents list shorter than this says nothing that is not seen.
@@ -20,6 +18,8 @@ def render(template: str, **values: object) -> str:
 
     Panzoom (Timmy Willison and others, MIT) is written into the page: it needs no network.
     """
+    import jinja2
+
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("truepose", _TEMPLATES),
         autoescape=True,

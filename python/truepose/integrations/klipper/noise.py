@@ -26,7 +26,6 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import chdtr, stdtr, stdtrit
 
 from truepose.arguments import Array
 from truepose.integrations.klipper.criterion import errors
@@ -106,6 +105,8 @@ class Judged:
     @property
     def wrong(self) -> int | None:
         """The reading that chance hardly puts so far from all others, or None."""
+        from scipy.special import stdtr
+
         chance = 2 * stdtr(self.dof, -np.abs(self.off) / self.scale)
         worst = int(np.argmin(chance))
         return worst if chance[worst] < FALSE_ALARM / len(chance) else None
@@ -113,6 +114,8 @@ class Judged:
     @property
     def scattered(self) -> bool:
         """Whether the heights' noise, to 99.5 %, exceeds what makes a first layer."""
+        from scipy.special import chdtr
+
         dof = self.noise.dof[0]
         return bool(chdtr(dof, dof * (self.noise.sigma[0] / LAYER) ** 2) > 1 - FALSE_ALARM)
 
@@ -129,6 +132,8 @@ class Judged:
 
 def _shown(scale: Array, dof: Array, count: int) -> Array:
     """Error of one of `count` readings that is rejected in 90 % of cases."""
+    from scipy.special import stdtrit
+
     return scale * (stdtrit(dof, 1 - FALSE_ALARM / (2 * count)) + stdtrit(dof, POWER))
 
 

@@ -7,7 +7,6 @@ import struct
 from dataclasses import dataclass, replace
 from statistics import NormalDist
 
-import jinja2
 import numpy as np
 
 from truepose import _core, files
@@ -168,6 +167,8 @@ def to_configuration(
         "axes": axes,
         "sensors": _sensors(robot) if robot.r else [],
     }
+    import jinja2
+
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("truepose", "_data/templates/linuxcnc"),
         undefined=jinja2.StrictUndefined,
