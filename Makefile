@@ -25,11 +25,11 @@ help:
 	@echo "Also: report lint format fuzz realtime consumer wheel instructions bench mutants coverage pictures docs twin linuxcnc clean"
 
 reproduce: $(VENV)/installed
-	@truepose reproduce $(ARGS)
+	@truepose reproduce --force $(ARGS)
 
 # The same, and what takes statistics: sets of sensors over 100 real robots, a warm-up. Some minutes more.
 report: $(VENV)/installed
-	@truepose reproduce --full $(ARGS)
+	@truepose reproduce --full --force $(ARGS)
 
 test: test-python test-cpp
 
