@@ -221,7 +221,9 @@ def _directive(name: str) -> str:
     if isinstance(thing, type):
         kind = "exception" if issubclass(thing, Exception) else "class"
     members = "\n   :members:\n   :inherited-members: Exception, tuple" if kind == "class" else ""
-    return f".. currentmodule:: truepose\n\n.. auto{kind}:: {name}{members}"
+    *room, last = name.split(".")
+    where = ".".join(["truepose", *room])
+    return f".. currentmodule:: {where}\n\n.. auto{kind}:: {last}{members}"
 
 
 def cpp(doxygen: bool) -> tuple[str, dict[str, str]]:

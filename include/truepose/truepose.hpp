@@ -8,16 +8,16 @@
 #pragma once
 
 #include <array>
+#include <type_traits>
 
+#include "truepose/model/sizes.hpp"
 #include "truepose/model/status.hpp"
 #include "truepose/truepose.h"
 
 namespace truepose {
 
-using Real = truepose_real;
-using Coordinates = std::array<Real, TRUEPOSE_FREEDOMS>;  ///< x, the first n used
-using Joint = std::array<Real, TRUEPOSE_FREEDOMS>;        ///< q, n
-using Extended = std::array<Real, TRUEPOSE_READINGS>;     ///< q_e = [q; r], n + r
+static_assert(std::is_same_v<Real, truepose_real> && kMaxDof == TRUEPOSE_FREEDOMS &&
+              kMaxMotors == TRUEPOSE_FREEDOMS && kMaxReadings == TRUEPOSE_READINGS);
 
 inline Outcome outcome_of(truepose_outcome from) {
   return {static_cast<Status>(from.status), from.part};
