@@ -373,7 +373,7 @@ def main() -> int:
     if shutil.which("linuxcnc") is None:
         print("linuxcnc: SKIPPED, LinuxCNC is not installed (Debian: linuxcnc-uspace)")
         return 0
-    results = trial(asked.poses, not asked.without_quantization)
+    results = trial(asked.poses, not asked.unquantised)
     rows = {
         "s under the law, without a fault": ("lasted", ".0f"),
         f"θ, mean of {asked.poses} poses of Table 2, °": ("theta", ".3f"),

@@ -158,11 +158,11 @@ template Outcome leakage<Mobility::spatial>(const Robot&, Law, const Coordinates
 
 def test_motors_and_freedoms_are_counted_apart_in_the_types(tmp_path):
     shutil.copytree(SOURCE / "include", tmp_path / "include")
-    robot = tmp_path / "include" / "truepose" / "model" / "robot.hpp"
-    text = robot.read_text(encoding="utf-8")
+    sizes = tmp_path / "include" / "truepose" / "model" / "sizes.hpp"
+    text = sizes.read_text(encoding="utf-8")
     assert "kMaxMotors = 6;" in text and "kMaxDof = 6;" in text
     # With room for another number of motors, their q is no x: what mixes the two does not compile.
-    robot.write_text(text.replace("kMaxMotors = 6;", "kMaxMotors = 8;"), encoding="utf-8")
+    sizes.write_text(text.replace("kMaxMotors = 6;", "kMaxMotors = 8;"), encoding="utf-8")
     (tmp_path / "all.cpp").write_text(ROOM_FOR_MORE_MOTORS, encoding="utf-8")
     eigen = ("-isystem", wheels_eigen() / "include" / "eigen3")
     where = ("-I", tmp_path / "include", *eigen)
