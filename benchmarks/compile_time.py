@@ -16,7 +16,7 @@ PROGRAMS = {
     "the same, a servo cycle of any robot": """#include <truepose/truepose.hpp>
 truepose::Outcome cycle(const truepose::Model& model, const truepose::Coordinates& x_d,
                         const truepose::Extended& q_e, truepose_servo_cycle& cycle) {
-  return model.servo(TRUEPOSE_LAW_REDUNDANT, x_d, q_e, cycle);
+  return model.servo(TRUEPOSE_LAW_TEJ, x_d, q_e, cycle);
 }
 """,
     "#include <truepose/core.hpp>": "#include <truepose/core.hpp>\n",

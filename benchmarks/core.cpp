@@ -147,7 +147,7 @@ int main(int argc, char** argv) {
 
   // On a path, in counts, as a machine's readings are: what the watch adds to the paper's law.
   {
-    const ControlSettings settings = settings_for(h4.robot, Law::redundant, FeedForward::full);
+    const ControlSettings settings = settings_for(h4.robot, Law::tej, FeedForward::full);
     GuardSettings guarding;
     guarding.watch.fastest.fill(500);
     guarding.watch.moved.fill(2e-3);
@@ -165,7 +165,7 @@ int main(int argc, char** argv) {
     Guard guard;
     Extended believed;
     rows.push_back(
-        bench::measure("H4 control cycle, redundant, on a path", kPoses, kRepeats, [&](int i) {
+        bench::measure("H4 control cycle, TEJ, on a path", kPoses, kRepeats, [&](int i) {
           if (i == 0) plain = {};
           bench::keep(control<K>(h4.robot, settings, path[i], read[i], plain));
         }));
@@ -175,7 +175,7 @@ int main(int argc, char** argv) {
                            read[i], seen, believed));
     }));
     rows.push_back(
-        bench::measure("H4 guarded cycle, redundant, on a path", kPoses, kRepeats, [&](int i) {
+        bench::measure("H4 guarded cycle, TEJ, on a path", kPoses, kRepeats, [&](int i) {
           if (i == 0) {
             state = {};
             guard = {};

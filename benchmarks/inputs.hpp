@@ -56,9 +56,9 @@ inline ControlSettings settings_for(const Robot& robot, Law law, FeedForward fee
   return settings;
 }
 
-inline constexpr Law kLaws[]{Law::joint, Law::redundant, Law::cartesian};
+inline constexpr Law kLaws[]{Law::joint, Law::tej, Law::cartesian};
 inline constexpr Law kWeighing[]{Law::weighted, Law::estimated};
-inline constexpr const char* kLawNames[]{"joint", "redundant", "cartesian", "weighted",
+inline constexpr const char* kLawNames[]{"joint", "tej", "cartesian", "weighted",
                                          "estimated"};
 
 }  // namespace inputs

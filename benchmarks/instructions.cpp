@@ -49,7 +49,7 @@ COUNTED Status f_control_joint(const Robot& robot, const ControlSettings& settin
                                const Setpoint& setpoint, const Extended& q_e, ControlState& state) {
   return control<kH4>(robot, settings, setpoint, q_e, state).status;
 }
-COUNTED Status f_control_redundant(const Robot& robot, const ControlSettings& settings,
+COUNTED Status f_control_tej(const Robot& robot, const ControlSettings& settings,
                                    const Setpoint& setpoint, const Extended& q_e,
                                    ControlState& state) {
   return control<kH4>(robot, settings, setpoint, q_e, state).status;
@@ -120,7 +120,7 @@ COUNTED Status f_watch(const Robot& robot, const WatchSettings& settings, const 
                        const Joint& desired, const Extended& q_e, Watch& seen, Extended& believed) {
   return watch<kH4>(robot, settings, weighing, desired, q_e, seen, believed).status;
 }
-COUNTED Status f_guarded_redundant(const Robot& robot, const ControlSettings& settings,
+COUNTED Status f_guarded_tej(const Robot& robot, const ControlSettings& settings,
                                    const GuardSettings& guarding, const Setpoint& setpoint,
                                    const Extended& q_e, ControlState& state,
                                    const Weighing& weighing, Guard& guard) {
@@ -277,7 +277,7 @@ void count_watch(const Robot& robot, const ControlSettings& settings, const Weig
     for (int c = 0; c < 5; ++c) q_e[c] = quantised(q_e[c], 3e-5);
     const Joint desired = motors_of<kH4>(q_e);
     COUNT(true, f_watch, robot, guarding.watch, weighing, desired, q_e, seen, believed);
-    COUNT(true, f_guarded_redundant, robot, settings, guarding, setpoint, q_e, state, weighing,
+    COUNT(true, f_guarded_tej, robot, settings, guarding, setpoint, q_e, state, weighing,
           guard);
   }
 }
@@ -364,10 +364,10 @@ int main() {
   const Inputs<kH4> h4(mechanisms::h4());
   const Hostile hostile(h4.robot);
   const auto settings = [&](Law law) { return settings_for(h4.robot, law, FeedForward::none); };
-  const ControlSettings joint = settings(Law::joint), redundant = settings(Law::redundant),
+  const ControlSettings joint = settings(Law::joint), tej = settings(Law::tej),
                         cartesian = settings(Law::cartesian), weighted = settings(Law::weighted),
                         estimated = settings(Law::estimated),
-                        full = settings_for(h4.robot, Law::redundant, FeedForward::full);
+                        full = settings_for(h4.robot, Law::tej, FeedForward::full);
   ControlSettings inertia = full;
   inertia.gains = Gains::inertia;
   if (!place_poles(h4.robot, h4.robot.home, 150, 1, inertia)) std::printf("home is singular\n");
@@ -392,7 +392,7 @@ int main() {
                     state __VA_OPT__(, ) __VA_ARGS__);                                            \
             })
   COUNT_LAW(f_control_joint, joint);
-  COUNT_LAW(f_control_redundant, redundant);
+  COUNT_LAW(f_control_tej, tej);
   COUNT_LAW(f_control_cartesian, cartesian);
   COUNT_LAW(f_control_feed_forward, full);
   COUNT_LAW(f_control_inertia, inertia);
@@ -411,6 +411,6 @@ int main() {
   COUNT_KEPT(f_control_weighted_full_kept, rods, weighted, true);
   COUNT_KEPT(f_control_estimated_full, rods, estimated, false);
   COUNT_KEPT(f_control_estimated_full_kept, rods, estimated, true);
-  count_watch(h4.robot, redundant, prior.weighing());
+  count_watch(h4.robot, tej, prior.weighing());
   return 0;
 }

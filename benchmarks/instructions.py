@@ -25,7 +25,7 @@ TOLERANCE = 0.05
 #: Functions whose worst is at most so many times a median: that of the second.
 GOALS = {
     "f_control_joint": (5, "f_control_joint"),
-    "f_control_redundant": (5, "f_control_redundant"),
+    "f_control_tej": (5, "f_control_tej"),
     "f_control_cartesian": (5, "f_control_cartesian"),
     "f_control_weighted": (5, "f_control_weighted"),
     "f_control_estimated": (5, "f_control_estimated"),

@@ -1,5 +1,5 @@
 /* How late does a control cycle wake on this machine, and how long does it take? A guarded
- * redundant cycle of the H4 every millisecond, as a controller would run it: memory locked, first
+ * TEJ cycle of the H4 every millisecond, as a controller would run it: memory locked, first
  * in first out, on one core. docs/real-time.md has the command; seconds and priority are arguments.
  */
 #define _GNU_SOURCE

@@ -17,7 +17,7 @@ import truepose as tp
 from truepose.control.gains import REST, REST_TORQUE
 from truepose.control.loci import worst
 
-LAWS = ("joint", "redundant", "weighted", "estimated")
+LAWS = ("joint", "tej", "weighted", "estimated")
 RATES = (1.0, 2.0, 5.0, 10.0, 20.0, 0.5)  # kHz
 HOLD, LAST = 2.0, 0.2  # s
 

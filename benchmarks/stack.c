@@ -29,8 +29,8 @@ static void readings(void) { last = truepose_readings(&model, x, q_e); }
 static void jacobian(void) { last = truepose_jacobian(&model, x, J); }
 static void conditioning(void) { last = truepose_conditioning(&model, x, J, serial); }
 static void motor_tej(void) { last = truepose_tej(&model, x, 0, tej); }
-static void redundant(void) {
-  last = truepose_motor_error(&model, TRUEPOSE_LAW_REDUNDANT, 0, x, q_e, NULL, NULL, e);
+static void tej(void) {
+  last = truepose_motor_error(&model, TRUEPOSE_LAW_TEJ, 0, x, q_e, NULL, NULL, e);
 }
 static void estimate(void) {
   last = truepose_estimate(&finest, &h4_knowledge, q_e, work, x).outcome;
@@ -61,9 +61,9 @@ static const struct {
                {"jacobian", jacobian},
                {"conditioning", conditioning},
                {"tej", motor_tej},
-               {"motor_error, redundant law", redundant},
+               {"motor_error, TEJ law", tej},
                {"estimate, every rod", estimate},
-               {"control, redundant law", control},
+               {"control, TEJ law", control},
                {"control, estimated law, every rod", estimated},
                {"guarded, estimated law, every rod", guarded},
                {"learn, every rod", learn}};

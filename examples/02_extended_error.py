@@ -22,7 +22,7 @@ M, M_plus = nominal.tej(x_d)
 print("so the TEJ tells the motors to move, degrees:", np.degrees(M_plus @ e).round(3))
 
 # Where each law comes to rest. The Cartesian one trusts θ and finds x, y, z from all rods.
-for law in ("joint", "redundant", "cartesian"):
+for law in ("joint", "tej", "cartesian"):
     error = tp.steady_state(nominal, true, x_d, law) - x_d
     position, theta = 1e3 * np.linalg.norm(error[:3]), np.degrees(error[3])
     print(f"{law:10} position {position:5.2f} mm, θ {theta:7.4f} degrees")

@@ -18,11 +18,11 @@ def show(name, run):
 
 # The controller believes in `nominal`; the dynamics, gravity and encoders are those of `true`.
 show("ideal robot", tp.simulate(nominal.without_quantization()))
-for law in ("joint", "redundant", "cartesian"):
+for law in ("joint", "tej", "cartesian"):
     run = tp.simulate(nominal, true, law)
     show(law, run)
 
 # All settings are arguments: the start and the end, the gains, feed-forward, integral action …
-gentle = tp.Controller(law="redundant", frequency=80, integral=10)
+gentle = tp.Controller(law="tej", frequency=80, integral=10)
 show("gentle, integral", tp.simulate(nominal, true, gentle, duration=0.4, hold=0.6))
 print("a run's log:", run.time.shape, run.x.shape, run.q_e.shape, run.torque.shape)

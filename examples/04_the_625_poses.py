@@ -1,4 +1,4 @@
-"""Table 3 for one robot: 625 poses, settled under joint and under redundant control."""
+"""Table 3 for one robot: 625 poses, settled under joint and under TEJ control."""
 
 import truepose as tp
 from truepose.paper import article, experiment
@@ -12,7 +12,7 @@ print(f"{len(result.poses)} poses; mm and degrees, squares of them; (the paper's
 for row, quantity in enumerate(article.QUANTITIES):
     for column, statistic in enumerate(article.STATISTICS):
         line = f"{quantity:9} {statistic:13}"
-        for law, paper in (("joint", "usual"), ("redundant", "redundant")):
+        for law, paper in (("joint", "usual"), ("tej", "redundant")):
             value = result.tables[law][0, row, column]
             theirs = printed[paper].get((quantity, statistic), "")
             line += f" {law} {value:10.3f} ({theirs:>7})"

@@ -49,7 +49,7 @@ def main():
     table.add_column("velocity filter", justify="right")
     for case in CASES:
         table.add_column(case, justify="right")
-    for law in ("joint", "redundant"):
+    for law in ("joint", "tej"):
         for bandwidth in (300, 600, 1500):
             cells = [margin(robot, law, effects, bandwidth) for effects in CASES.values()]
             table.add_row(law, f"{bandwidth}", *(f"{c}" if c else "none" for c in cells))

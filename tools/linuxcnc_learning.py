@@ -32,9 +32,9 @@ from truepose.integrations.linuxcnc.configuration import corrections
 from truepose.paper import article
 
 SEED, ASKED, LEARNT_AT = 0, 12, 60  # the machine; poses where errors are asked, and of learning
-LAWS = ("redundant", "estimated")
+LAWS = ("tej", "estimated")
 CYCLES = 75_000  # which include all that learn
-#: How much θ is off afterwards, of what it was under the redundant law.
+#: How much θ is off afterwards, of what it was under the TEJ law.
 GAINS = 0.5
 
 
@@ -82,7 +82,7 @@ def learning() -> bool:
     true = robot.sample(SEED)
     table2 = np.random.default_rng(0).permutation(article.table2())
     x_d, others = table2[:ASKED], table2[ASKED : ASKED + LEARNT_AT]
-    what = job("redundant", x_d[:0], True) | {"refused": [], "circle": [], "cycles": CYCLES}
+    what = job("tej", x_d[:0], True) | {"refused": [], "circle": [], "cycles": CYCLES}
     what["clocks"] = [*CLOCKS, "truepose_tej.lines"]
     what["pins"] |= {"truepose_tej.use-learnt": 0, "truepose_tej.watch": 0} | accepted(robot)
     says = ("lines", "lines-left-out", "fault", *(f"pose-sigma.{k}" for k in range(4)))
@@ -91,11 +91,11 @@ def learning() -> bool:
     what["poses"] = visits(x_d) + begins + [g0(x) for x in others] + [pin("learn", 0)] + visits(x_d)
     with tempfile.TemporaryDirectory(prefix="truepose-linuxcnc-") as work:
         Path(work).chmod(0o755)
-        folder = configured(Path(work) / "learning", robot, true, "redundant")
+        folder = configured(Path(work) / "learning", robot, true, "tej")
         nets = [f"clock-{k} {name}" for k, name in enumerate(CLOCKS)]
         samples(folder, 6000, "ssu", *nets, "lines truepose_tej.lines")
         one = headless(folder, what)
-        next_day = job("redundant", x_d[:0], True) | {"refused": [], "circle": [], "clocks": []}
+        next_day = job("tej", x_d[:0], True) | {"refused": [], "circle": [], "clocks": []}
         next_day["pins"] |= {"truepose_tej.watch": 0} | accepted(robot)
         other = headless(folder, next_day | {"poses": visits(x_d)})
     for found in (one, other):
@@ -134,7 +134,7 @@ def steps() -> bool:
     tell_steps(found["steps"])
     states = found["noted"][-len(events) :]
     learnt, one, both = states[1], states[-2], states[-1]
-    law = LAWS_OF["redundant"]
+    law = LAWS_OF["tej"]
     right = learnt[0] > 0 and one[1:] == [law, False, True, 0] and both[1:] == [0, True, True, 5]
     dither, largest = found["steps"]["nothing"], max(found["steps"].values())
     return bool(right and largest < 1.2 * dither)

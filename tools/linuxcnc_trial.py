@@ -26,7 +26,7 @@ from truepose.integrations.linuxcnc.configuration import to_configuration
 from truepose.paper import article
 from truepose.simulation.moves import MOVE_FROM, MOVE_TO
 
-LAWS = ("joint", "redundant", "weighted", "estimated")
+LAWS = ("joint", "tej", "weighted", "estimated")
 CYCLES, LASTS = 5000, 30  # of which a median is taken; s that each law runs at least
 CLOCKS = ("truepose_tej.time", "motion-controller.time")
 ROD = 0.003  # by which a rod is longer, m
@@ -64,7 +64,7 @@ def job(law: str, poses: Array, counts: bool) -> dict[str, Any]:
 
 
 ARRIVES = 0.005  #: mm, of robots as they are exported: a tenth of a count
-LAWS_OF = {"joint": 0, "redundant": 1, "cartesian": 2, "weighted": 3, "estimated": 4}
+LAWS_OF = {"joint": 0, "tej": 1, "cartesian": 2, "weighted": 3, "estimated": 4}
 
 
 def headless(folder: Path, what: dict[str, Any], patience: float = 300.0) -> dict[str, Any]:
@@ -166,14 +166,14 @@ def judged(found: dict[str, Any], x_d: Array, settled: Array) -> dict[str, Any]:
 
 
 def steps() -> dict[str, float]:
-    """Run the redundant law; return the largest change a cycle of a drive's command, °/s."""
+    """Run the TEJ law; return the largest change a cycle of a drive's command, °/s."""
     robot, true = machines()
     law, sensor = "truepose_tej.law", "truepose_plant.sensor.0.fault"
     events = {
         "nothing": [],
-        "redundant to Cartesian": [(law, 2)],
+        "TEJ to Cartesian": [(law, 2)],
         "Cartesian to joint": [(law, 0)],
-        "joint to redundant": [(law, 1)],
+        "joint to TEJ": [(law, 1)],
         "θ's encoder falls silent": [(sensor, 1)],
         "it is heard again, and the fault reset": [(sensor, 0), ("truepose_tej.reset", 1)],
         "readings are watched": [("truepose_tej.reset", 0), ("truepose_tej.watch", 1)],
@@ -194,8 +194,8 @@ def stepped(
     noted: Sequence[str] = (),
     pins: Mapping[str, float] = MappingProxyType({}),
 ) -> dict[str, Any]:
-    """Let events happen to a machine at rest under the redundant law; return what was found."""
-    what = job("redundant", np.array([[0.05, 0.05, -0.42, 0.2]]), True)
+    """Let events happen to a machine at rest under the TEJ law; return what was found."""
+    what = job("tej", np.array([[0.05, 0.05, -0.42, 0.2]]), True)
     what["pins"] |= {"truepose_tej.watch": 0} | dict(pins)
     what |= {
         "events": [["", [("truepose_tej.reset", 0)]], *events.items()],
@@ -206,7 +206,7 @@ def stepped(
     }
     with tempfile.TemporaryDirectory(prefix="truepose-linuxcnc-") as work:
         Path(work).chmod(0o755)
-        folder = configured(Path(work) / "steps", robot, true, "redundant")
+        folder = configured(Path(work) / "steps", robot, true, "tej")
         event = "event truepose_plant.0.fault-size"
         samples(folder, 4000, "fffff", event, *(f"j{i}-velocity" for i in range(4)))
         found = headless(folder, what)
@@ -228,10 +228,10 @@ SWITCHED = 20  #: times, off and on or by an emergency stop
 
 
 def switching() -> bool:
-    """Switch off and on under the redundant law; print how far the platform walks."""
+    """Switch off and on under the TEJ law; print how far the platform walks."""
     robot, true = machines()
     asked = [f"truepose_tej.{name}" for name in ("law-in-effect", "fault-code", "chi2")]
-    what = job("redundant", np.zeros((0, 4)), False)
+    what = job("tej", np.zeros((0, 4)), False)
     what |= {"refused": [], "circle": [], "clocks": []}
     lines = [g0(np.array([0.05, 0.05, -0.42, np.radians(turn)])) for turn in (9, 10)]
     away = g0(np.array([0.05, 0.05, -0.42, np.radians(AWAY)]))
@@ -239,7 +239,7 @@ def switching() -> bool:
     what["switched"]["away"] = away
     with tempfile.TemporaryDirectory(prefix="truepose-linuxcnc-") as work:
         Path(work).chmod(0o755)
-        found = headless(configured(Path(work) / "switched", robot, true, "redundant"), what)
+        found = headless(configured(Path(work) / "switched", robot, true, "tej"), what)
     if "error" in found:
         raise SystemExit(f"switched: {found['error']}; LinuxCNC said {found['said']}")
     counts = np.degrees(robot.resolution)

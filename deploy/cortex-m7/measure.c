@@ -52,7 +52,7 @@ static int32_t fkm_torques(void) {
 }
 static int32_t tej(void) { return truepose_tej(&model, setpoint.x, 0, out).status; }
 static int32_t motor_error(void) {
-  return truepose_motor_error(&model, TRUEPOSE_LAW_REDUNDANT, 0, setpoint.x, q_e, 0, 0, out).status;
+  return truepose_motor_error(&model, TRUEPOSE_LAW_TEJ, 0, setpoint.x, q_e, 0, 0, out).status;
 }
 static int32_t estimate(void) {
   return truepose_estimate(&model, &ITS(knowledge), q_e, work, near).outcome.status;
@@ -78,16 +78,16 @@ static const entry entries[] = {
     {"FKM, from the last cycle's pose", fkm, 0, 0, 0},
     {"and the joints' torques there", fkm_torques, 0, 0, 0},
     {"TEJ", tej, 0, 0, 0},
-    {"motor error, redundant", motor_error, 0, 0, 0},
+    {"motor error, TEJ", motor_error, 0, 0, 0},
     {"estimate", estimate, 0, 0, 0},
     {"control, joint", control, TRUEPOSE_LAW_JOINT, 0, 0},
-    {"control, redundant", control, TRUEPOSE_LAW_REDUNDANT, 0, 0},
+    {"control, TEJ", control, TRUEPOSE_LAW_TEJ, 0, 0},
     {"control, Cartesian", control, TRUEPOSE_LAW_CARTESIAN, 0, 0},
     {"control, weighted", control, TRUEPOSE_LAW_WEIGHTED, 0, 0},
     {"control, estimated", control, TRUEPOSE_LAW_ESTIMATED, 0, 0},
-    {"redundant, full feed-forward", control, TRUEPOSE_LAW_REDUNDANT, 2, 0},
-    {"redundant, and gains shaped by the inertia", control, TRUEPOSE_LAW_REDUNDANT, 2, 1},
-    {"the same, guarded", guarded, TRUEPOSE_LAW_REDUNDANT, 2, 1},
+    {"TEJ, full feed-forward", control, TRUEPOSE_LAW_TEJ, 2, 0},
+    {"TEJ, and gains shaped by the inertia", control, TRUEPOSE_LAW_TEJ, 2, 1},
+    {"the same, guarded", guarded, TRUEPOSE_LAW_TEJ, 2, 1},
     {"learner", learn, 0, 0, 0},
 };
 

@@ -54,7 +54,7 @@ def rest() -> Figure:
     slope = np.linalg.norm(j)
     laws = {
         "joint": ("usual control:\nmotors right", "black", (-86, 4)),
-        "redundant": ("TEJ: nearest to 0", TEJ, (-108, 6)),
+        "tej": ("TEJ: nearest to 0", TEJ, (-108, 6)),
         "cartesian": ("Cartesian: θ right", OTHER, (-108, -14)),
     }
     figure = Figure(figsize=(4.6, 4.2), layout="constrained")
@@ -66,7 +66,7 @@ def rest() -> Figure:
         if law == "joint":
             axes.plot(along, slope * along, color=DRAWN, ls="--", lw=1.5)
             axes.plot(along, e_theta + slope * along, color=REAL, lw=1.5)
-        if law == "redundant":
+        if law == "tej":
             axes.plot([0, e_q], [0, e_theta], color=TEJ, lw=1.5)
         axes.plot(e_q, e_theta, "o", color=colour, ms=8, zorder=3)
         axes.annotate(name, (e_q, e_theta), place, textcoords="offset points", color=colour)
@@ -86,7 +86,7 @@ def over_table_2() -> Figure:
     """One robot with the paper's errors at the 625 poses: θ and position under three laws."""
     h4, poses = tp.load("h4"), article.table2()
     true = with_paper_errors(h4, seed=1)
-    usual, tej = (tp.steady_state(h4, true, poses, law) for law in ("joint", "redundant"))
+    usual, tej = (tp.steady_state(h4, true, poses, law) for law in ("joint", "tej"))
     learnt = tp.calibrate(h4, true.extended_positions(usual)).robot
     found = tp.steady_state(learnt, true, poses, "cartesian")
     figure = Figure(figsize=(6.4, 2.9), layout="constrained")

@@ -55,5 +55,5 @@ int main(void) {
   built.chain[2].rod += 0.003;
   if (fails("h4", truepose_load(&model, sizeof model, &h4))) return 1;
   if (fails("machine", truepose_load(&machine, sizeof machine, &built))) return 1;
-  return run(TRUEPOSE_LAW_JOINT, "joint") && run(TRUEPOSE_LAW_REDUNDANT, "redundant") ? 0 : 1;
+  return run(TRUEPOSE_LAW_JOINT, "joint") && run(TRUEPOSE_LAW_TEJ, "tej") ? 0 : 1;
 }

@@ -17,7 +17,7 @@ int main() {
   if (!finish(machine)) return 1;
 
   ControlSettings settings;  // what follows from them is fixed before the loop starts
-  settings.law = Law::redundant;
+  settings.law = Law::tej;
   if (!place_poles(robot, robot.home, 120, 0.9, settings)) return 1;
 
   const Coordinates from{-0.05, 0, -0.42, 0.2}, to{0.05, 0.05, -0.40, -0.2};

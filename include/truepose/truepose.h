@@ -409,10 +409,10 @@ TRUEPOSE_API truepose_estimate_result truepose_estimate(const truepose_model* mo
 
 typedef enum truepose_law {
   TRUEPOSE_LAW_JOINT = 0,     /**< the paper's Figure 1: motors alone */
-  TRUEPOSE_LAW_REDUNDANT = 1, /**< Figure 2: all readings by the TEJ */
+  TRUEPOSE_LAW_TEJ = 1, /**< Figure 2: all readings by the TEJ */
   TRUEPOSE_LAW_CARTESIAN = 2, /**< the pose of the redundant forward model: theta from its sensor
                                  where that is the only one, else least squares of all readings */
-  TRUEPOSE_LAW_WEIGHTED = 3,  /**< as redundant, weighed by what is known */
+  TRUEPOSE_LAW_WEIGHTED = 3,  /**< as tej, weighed by what is known */
   TRUEPOSE_LAW_ESTIMATED = 4  /**< the pose that all readings say, weighed */
 } truepose_law;
 

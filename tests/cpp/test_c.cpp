@@ -608,7 +608,7 @@ TEST("a servo cycle in one call is IKM, J, TEJ and motor error of their own call
     CHECK(bool(model.load(in_c.table)));
     CHECK(model.freedoms() == robot.motors && model.sensors() == robot.r);
     for (const truepose_law law :
-         {TRUEPOSE_LAW_JOINT, TRUEPOSE_LAW_REDUNDANT, TRUEPOSE_LAW_CARTESIAN}) {
+         {TRUEPOSE_LAW_JOINT, TRUEPOSE_LAW_TEJ, TRUEPOSE_LAW_CARTESIAN}) {
       if (law != TRUEPOSE_LAW_JOINT && robot.r == 0) continue;
       const Coordinates x = random_pose(mechanism, random);
       Extended q_e{};
@@ -624,7 +624,7 @@ TEST("a servo cycle in one call is IKM, J, TEJ and motor error of their own call
                  {}));
       CHECK(same(cycle.error, e) && same(cycle.q_d, q));
       CHECK(std::memcmp(cycle.J, &J, sizeof J) == 0);
-      const bool by_readings = law == TRUEPOSE_LAW_REDUNDANT;
+      const bool by_readings = law == TRUEPOSE_LAW_TEJ;
       CHECK((std::memcmp(cycle.tej, &tej, sizeof tej) == 0) == by_readings);
       for (int i = 0; i < robot.motors; ++i) {
         const Real off = std::fabs(cycle.x[i] - x[i]);

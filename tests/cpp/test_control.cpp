@@ -62,7 +62,7 @@ TEST("whatever fails, the last torque is held, nothing else changes, and the sta
 
 TEST("a singular setpoint holds the torque too") {
   Robot robot = planar("3-RPR", Actuator::telescopic).robot;
-  const ControlSettings settings = settings_for(robot, Law::redundant);
+  const ControlSettings settings = settings_for(robot, Law::tej);
   for (int i = 0; i < 3; ++i) {  // the legs meet in one point at θ = 0
     robot.chain[i].base = polar(0.4, 90 + 120 * i);
     robot.chain[i].pivot = polar(0.1, 90 + 120 * i);

@@ -144,7 +144,7 @@ TEST("outside the band TEJ and torque are the paper's, bit for bit") {
       for (int i = 0; i < n; ++i)
         CHECK(M[c][i] == M_damped[c][i] && tej_[i][c] == tej_damped[i][c]);
     ControlSettings settings;
-    settings.law = Law::redundant;
+    settings.law = Law::tej;
     CHECK(place_poles(robot, x, 100, 1, settings));
     Setpoint setpoint{x, {0.1, 0.2}, {1, 2}};
     Extended q_e{};
@@ -217,7 +217,7 @@ TEST("across a singularity of type 2 the torques stay bounded and steady, and th
     constexpr Mobility K = mobility();
     constexpr int n = kDof<K>;
     const Robot& robot = crossing.mechanism.robot;
-    for (const Law law : {Law::joint, Law::redundant, Law::cartesian}) {
+    for (const Law law : {Law::joint, Law::tej, Law::cartesian}) {
       if (law == Law::cartesian && K != Mobility::schoenflies) continue;
       ControlSettings exact;
       exact.law = law;
@@ -300,7 +300,7 @@ TEST("where an arm stretches the motor rates stay bounded, and the status names 
         robot.sensor[k].chain = stretched % n;
       }
       ControlSettings settings;
-      settings.law = Law::redundant;
+      settings.law = Law::tej;
       settings.damped_below = kBand;
       settings.kp.fill(10);
       settings.kd.fill(0.1);

@@ -99,7 +99,7 @@ TEST("a change of law, or of what is believed, is no step of the torque") {
     ControlState state;
     Joint last{};
     bool first = true;
-    for (const Law law : {Law::joint, Law::redundant, Law::estimated, Law::joint}) {
+    for (const Law law : {Law::joint, Law::tej, Law::estimated, Law::joint}) {
       settings.law = law;
       for (int k = 0; k < 300; ++k) {
         CHECK(control<K>(robot, settings, setpoint, q_e, state, weighing));
@@ -181,7 +181,7 @@ TEST("a lost motor follows its feed-forward into its brake until it is restored"
       if (!scene.known) return;
       scene.settings.gains = gains;
       CHECK(place_poles(scene.robot, scene.robot.home, 100, 1, scene.settings));
-      scene.settings.law = Law::redundant;
+      scene.settings.law = Law::tej;
       scene.guarding.watch.replaceable = 1e-12;
       for (int k = 0; k < 100; ++k) CHECK(scene.cycle(scene.readings));
       const Joint weight = scene.weight();

@@ -160,7 +160,7 @@ TEST("a robot with late sensors follows as one whose sensors are prompt") {
     constexpr int n = kDof<K>;
     const Robot& robot = mechanism.robot;
     ControlSettings settings;
-    settings.law = Law::redundant;
+    settings.law = Law::tej;
     if (!place_poles(robot, robot.home, 60, 1, settings)) return;
     Run run{robot.home, at(mechanism, 100), 0.2, 0.2};
     const LateSettings slow = all_late(10, 8);

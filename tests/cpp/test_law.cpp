@@ -50,7 +50,7 @@ TEST("weights that know nothing of the geometry and trust all readings alike are
     known.sigma.fill(0.3);
     std::vector<double> work(estimate_work(robot, 0));
     Reference<K> paper, weighted;
-    CHECK(refer<K>(robot, Law::redundant, x, paper));
+    CHECK(refer<K>(robot, Law::tej, x, paper));
     CHECK(refer<K>(robot, Law::weighted, x, weighted, 0, {&known, work.data()}));
     for (int i = 0; i < kDof<K>; ++i)
       for (int c = 0; c < kDof<K> + robot.r; ++c)
@@ -69,7 +69,7 @@ TEST("the Cartesian law takes every sensor: to first order it corrects as the pa
     for (int trial = 0; trial < 20; ++trial) {
       const Joint x = random_pose(mechanism, random);
       Reference<K> paper, reference;
-      CHECK(refer<K>(robot, Law::redundant, x, paper));
+      CHECK(refer<K>(robot, Law::tej, x, paper));
       CHECK(refer<K>(robot, Law::cartesian, x, reference));
       for (int c = 0; c < n + robot.r; ++c) {
         constexpr double kOff = 1e-5;

@@ -217,7 +217,7 @@ TEST("the forward model starts from the axes it is given, wherever the robot was
 
 TEST("under a law of redundant sensors the pose that they see is right, and no motor jumps") {
   const Mechanism mechanism = h4();
-  for (const int law : {TRUEPOSE_LAW_REDUNDANT, TRUEPOSE_LAW_CARTESIAN}) {
+  for (const int law : {TRUEPOSE_LAW_TEJ, TRUEPOSE_LAW_CARTESIAN}) {
     Loop loop(mechanism.robot);
     loop.run(500);
     const double by_motors = std::fabs(loop.plant->x[3] - mechanism.robot.home[3]);
@@ -239,7 +239,7 @@ TEST("under a law of redundant sensors the pose that they see is right, and no m
 
 TEST("off and on again, and from law to law, motors follow without a step") {
   Loop loop(h4().robot);
-  loop.in.law = TRUEPOSE_LAW_REDUNDANT;
+  loop.in.law = TRUEPOSE_LAW_TEJ;
   loop.run(1000);
   const double most = 1.2 * ramp(loop.largest_correction());
   const Correction before = loop.correction();
@@ -250,13 +250,13 @@ TEST("off and on again, and from law to law, motors follow without a step") {
   CHECK(loop.run(100) < most);
   loop.in.law = TRUEPOSE_LAW_JOINT;  // while the change before is under way
   CHECK(loop.run(100) < most);
-  loop.in.law = TRUEPOSE_LAW_REDUNDANT;
+  loop.in.law = TRUEPOSE_LAW_TEJ;
   CHECK(loop.run(1000) < most);
 }
 
 TEST("off and on again twenty times, the platform stays where it is") {
   for (const bool counts : {false, true})
-    for (const int law : {TRUEPOSE_LAW_REDUNDANT, TRUEPOSE_LAW_CARTESIAN}) {
+    for (const int law : {TRUEPOSE_LAW_TEJ, TRUEPOSE_LAW_CARTESIAN}) {
       constexpr double kCount = 4.4e-4, kTheta = 1.1e-4;
       Loop loop(h4().robot);
       if (counts) loop.counts(kCount, kTheta);
@@ -283,7 +283,7 @@ TEST("off and on again twenty times, the platform stays where it is") {
 
 TEST("motors that move while off are seen by motion, and are not pulled back") {
   Loop loop(h4().robot);
-  loop.in.law = TRUEPOSE_LAW_REDUNDANT;
+  loop.in.law = TRUEPOSE_LAW_TEJ;
   loop.run(1000);
   loop.off(10);
   loop.in.enable = 0;
@@ -305,12 +305,12 @@ TEST("homed where it does not belong, a robot is questioned before the law engag
   for (const bool right : {true, false}) {
     Prior prior(mechanism.robot);
     Loop loop(mechanism.robot, 5e-4, &prior);
-    loop.in.law = TRUEPOSE_LAW_REDUNDANT;
+    loop.in.law = TRUEPOSE_LAW_TEJ;
     loop.in.watch = 1;
     loop.in.chi2 = 15.1;
     loop.go({0.03, 0, mechanism.robot.home[2], 0.2});
     loop.run(1000);
-    CHECK(loop.corrector->fault == 0 && loop.corrector->law == TRUEPOSE_LAW_REDUNDANT);
+    CHECK(loop.corrector->fault == 0 && loop.corrector->law == TRUEPOSE_LAW_TEJ);
     Correction q{};
     CHECK(truepose_ikm(&loop.corrector->model, mechanism.robot.home.data(), q.data()).status ==
           TRUEPOSE_OK);
@@ -323,7 +323,7 @@ TEST("homed where it does not belong, a robot is questioned before the law engag
     CHECK((loop.corrector->chi2 < loop.in.chi2) == right);
     const int fault = right ? TRUEPOSE_TEJ_NO_FAULT : TRUEPOSE_TEJ_HOMING;
     CHECK(loop.corrector->fault == fault);
-    CHECK(loop.corrector->law == (right ? TRUEPOSE_LAW_REDUNDANT : TRUEPOSE_LAW_JOINT));
+    CHECK(loop.corrector->law == (right ? TRUEPOSE_LAW_TEJ : TRUEPOSE_LAW_JOINT));
     loop.off(20);
     loop.run(100);
     CHECK(loop.corrector->fault == fault);  // off and on is no answer
@@ -333,7 +333,7 @@ TEST("homed where it does not belong, a robot is questioned before the law engag
     loop.run(1);
     loop.in.reset = 0;
     loop.run(300);
-    CHECK(loop.corrector->fault == 0 && loop.corrector->law == TRUEPOSE_LAW_REDUNDANT);
+    CHECK(loop.corrector->fault == 0 && loop.corrector->law == TRUEPOSE_LAW_TEJ);
   }
 }
 
@@ -342,7 +342,7 @@ TEST("a reading without a number is the one that is named, watched or not") {
     for (int c = 0; c < 5; ++c) {
       Prior prior(h4().robot);
       Loop loop(h4().robot, 0.0, &prior);
-      loop.in.law = TRUEPOSE_LAW_REDUNDANT;
+      loop.in.law = TRUEPOSE_LAW_TEJ;
       loop.in.watch = watch;
       loop.run(300);
       loop.fault[c] = TRUEPOSE_PLANT_MISSING;
@@ -366,7 +366,7 @@ TEST("a reading without a number is the one that is named, watched or not") {
 
 TEST("a sensor that stops is said, and what it corrected is held and ramped out") {
   Loop loop(h4().robot);
-  loop.in.law = TRUEPOSE_LAW_REDUNDANT;
+  loop.in.law = TRUEPOSE_LAW_TEJ;
   loop.run(1000);
   const double correction = loop.largest_correction();
   const truepose_real speed[6] = {0.1, 0.1, 0.1, 0.1};
@@ -384,7 +384,7 @@ TEST("a sensor that stops is said, and what it corrected is held and ramped out"
   loop.run(1);
   loop.in.reset = 0;
   CHECK(loop.run(400) < 1.2 * ramp(correction));
-  CHECK(loop.corrector->fault == 0 && loop.corrector->law == TRUEPOSE_LAW_REDUNDANT);
+  CHECK(loop.corrector->fault == 0 && loop.corrector->law == TRUEPOSE_LAW_TEJ);
 }
 
 TEST("a sensor that is watched ends the law before its lie reaches a drive") {
@@ -393,10 +393,10 @@ TEST("a sensor that is watched ends the law before its lie reaches a drive") {
     for (const int watch : {0, 1}) {
       Prior prior(h4().robot);
       Loop loop(h4().robot, 0.0, &prior);
-      loop.in.law = TRUEPOSE_LAW_REDUNDANT;
+      loop.in.law = TRUEPOSE_LAW_TEJ;
       loop.in.watch = watch;
       loop.run(300);
-      CHECK(loop.corrector->fault == 0 && loop.corrector->law == TRUEPOSE_LAW_REDUNDANT);
+      CHECK(loop.corrector->fault == 0 && loop.corrector->law == TRUEPOSE_LAW_TEJ);
       loop.fault[loop.n] = lie;
       loop.size[loop.n] = 0.05;
       worst[watch] = 0;
@@ -415,7 +415,7 @@ TEST("of two sensors the one that lies is left out, and the law goes on without 
   Robot robot = h4().robot;
   robot.r = 2;
   CHECK(bool(finish(robot)));
-  for (const int law : {TRUEPOSE_LAW_REDUNDANT, TRUEPOSE_LAW_ESTIMATED})
+  for (const int law : {TRUEPOSE_LAW_TEJ, TRUEPOSE_LAW_ESTIMATED})
     for (const int lie : {TRUEPOSE_PLANT_MISSING, TRUEPOSE_PLANT_JUMPED}) {
       Prior prior(robot);
       Loop loop(robot, 1e-4, &prior);
@@ -448,7 +448,7 @@ TEST("of two sensors the one that lies is left out, and the law goes on without 
 
 TEST("at rest the robot is learnt, the law goes by it without a step, and it can be kept") {
   const Mechanism mechanism = h4();
-  for (const int law : {TRUEPOSE_LAW_REDUNDANT, TRUEPOSE_LAW_ESTIMATED}) {
+  for (const int law : {TRUEPOSE_LAW_TEJ, TRUEPOSE_LAW_ESTIMATED}) {
     check::Random random(3);
     Prior prior(mechanism.robot);
     Loop loop(mechanism.robot, 5e-4, &prior);
@@ -551,7 +551,7 @@ TEST("nothing is learnt that should not be") {
 TEST("what the law cannot answer for is a fault, and motors follow their own encoders") {
   const auto faulted = [](auto spoil) {
     Loop loop(h4().robot);
-    loop.in.law = TRUEPOSE_LAW_REDUNDANT;
+    loop.in.law = TRUEPOSE_LAW_TEJ;
     loop.run(300);
     spoil(loop);
     loop.run(300);
@@ -565,7 +565,7 @@ TEST("what the law cannot answer for is a fault, and motors follow their own enc
         TRUEPOSE_TEJ_UNSOLVED);  // nothing is known: the table has no knowledge
   CHECK(faulted([](Loop& loop) { loop.in.q_d[0] += 3; }) == TRUEPOSE_TEJ_UNSOLVED);
   Loop unreferenced(h4().robot);
-  unreferenced.in.law = TRUEPOSE_LAW_REDUNDANT;
+  unreferenced.in.law = TRUEPOSE_LAW_TEJ;
   unreferenced.in.referenced = 0;
   unreferenced.run(300);
   CHECK(unreferenced.corrector->law == TRUEPOSE_LAW_JOINT && unreferenced.corrector->fault == 0);

@@ -121,7 +121,7 @@ TEST("no law and no model blocks, on any mechanism") {
       ControlState state;
       CHECK(run_control(robot, settings, cycles, state, prior.weighing()) == 0);
     }
-    for (const Law law : {Law::joint, Law::redundant, Law::estimated}) {
+    for (const Law law : {Law::joint, Law::tej, Law::estimated}) {
       ControlSettings settings;
       settings.law = law;
       CHECK(place_poles(robot, robot.home, 100, 1, settings));

@@ -135,7 +135,7 @@ std::vector<std::pair<const char*, Answer>> ask(const Robot& robot) {
   ControlSettings settings;
   add("place_poles", answer(place_poles(robot, x, 100, 1, settings), settings.kp));
   for (const Law law :
-       {Law::joint, Law::redundant, Law::cartesian, Law::weighted, Law::estimated}) {
+       {Law::joint, Law::tej, Law::cartesian, Law::weighted, Law::estimated}) {
     ControlState state;
     settings.law = law;
     const Weighing weighing{&memory.known, memory.work.data()};

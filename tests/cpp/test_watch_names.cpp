@@ -61,7 +61,7 @@ struct Faulty {
 
 TEST("where a late sensor makes the loop swing no motor is called stuck that turns") {
   int wrong = 0;
-  for (const Law law : {Law::redundant, Law::cartesian, Law::estimated}) {
+  for (const Law law : {Law::tej, Law::cartesian, Law::estimated}) {
     check::Random random(74);
     Faulty scene(law);
     for (int move = 0; move < 30; ++move) {
@@ -74,7 +74,7 @@ TEST("where a late sensor makes the loop swing no motor is called stuck that tur
 }
 
 TEST("a motor whose encoder freezes in motion is named under every law") {
-  for (const Law law : {Law::joint, Law::redundant, Law::cartesian, Law::estimated}) {
+  for (const Law law : {Law::joint, Law::tej, Law::cartesian, Law::estimated}) {
     check::Random random(75);
     Faulty scene(law);
     for (int motor = 0; motor < kTheta; ++motor) {

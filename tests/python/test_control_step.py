@@ -84,7 +84,7 @@ def test_the_cycle_after_a_bad_one_goes_on_as_if_it_had_not_been(h4, drive):
 
 @pytest.mark.parametrize("first", [[float("nan")] * 5, [float("inf")] * 5])
 def test_a_controller_that_never_had_a_good_cycle_commands_nothing(h4, first):
-    drive = Drive(h4, "redundant")
+    drive = Drive(h4, "tej")
     assert drive.step(X_D, first) == NOT_FINITE
     assert not drive.torque.any()
 
@@ -142,7 +142,7 @@ def test_diagonal_gains_place_their_poles_where_they_were_set_up_alone(h4, table
 
 
 def test_redundant_control_pushes_by_the_tej_of_the_extended_error(h4):
-    drive = Drive(h4, "redundant", feed_forward="none")
+    drive = Drive(h4, "tej", feed_forward="none")
     e = np.array([1e-3, -2e-3, 0, 3e-3, 5e-3])
     drive.step(X_D, h4.extended_positions(X_D) - e)
     _, M_plus = h4.tej(X_D)

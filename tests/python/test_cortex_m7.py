@@ -50,14 +50,14 @@ def test_it_answers_as_python_did_when_the_reference_was_written(said):
 
 def test_an_h4_with_control_fits_a_small_machine(said):
     assert row(said, "control")[0] <= 48
-    mean, worst, stack = row(said, "control, redundant")
+    mean, worst, stack = row(said, "control, TEJ")
     assert mean <= worst <= 10_000
     assert stack <= 8192
 
 
 def test_in_single_precision_an_h4_fits_a_board_without_a_double_unit(said, tmp_path):
     single = board(tmp_path, "SINGLE=1")
-    for entry in ("IKM", "FKM, from the last cycle's pose", "TEJ", "control, redundant"):
+    for entry in ("IKM", "FKM, from the last cycle's pose", "TEJ", "control, TEJ"):
         assert row(single, entry)[0] < row(said, entry)[0]
     assert row(single, "control")[0] <= 40
     assert row(single, "redundant, full feed-forward")[0] <= 10_000
@@ -66,12 +66,12 @@ def test_in_single_precision_an_h4_fits_a_board_without_a_double_unit(said, tmp_
 def test_an_ankle_answers_there_as_elsewhere_and_costs_less_than_an_h4(said, tmp_path):
     ankle = board(tmp_path, "ROBOT=g1_ankle", "MOBILITY=pivot_2")
     assert "FAILED" not in ankle
-    for entry in ("IKM", "FKM, from the last cycle's pose", "control, redundant", "estimate"):
+    for entry in ("IKM", "FKM, from the last cycle's pose", "control, TEJ", "estimate"):
         assert row(ankle, entry)[0] < row(said, entry)[0]
     assert row(ankle, "and the joints' torques there")[0] <= 6500
 
 
 def test_no_cycle_takes_much_longer_than_its_usual_one(said):
-    for law in ("control, joint", "control, redundant", "control, Cartesian"):
+    for law in ("control, joint", "control, TEJ", "control, Cartesian"):
         mean, worst, _ = row(said, law)
         assert worst < 1.1 * mean

@@ -214,7 +214,7 @@ def test_the_table_of_the_documentation_is_the_codes():
 # --- online self-calibration in the loop
 
 
-@pytest.mark.parametrize("law", ["joint", "redundant", "weighted", "cartesian", "estimated"])
+@pytest.mark.parametrize("law", ["joint", "tej", "weighted", "cartesian", "estimated"])
 def test_a_controller_that_learns_while_it_works_gets_better_under_any_law(h4, table2, law):
     true = with_paper_errors(h4, seed=1)
     online = tp.OnlineCalibrator(h4)

@@ -236,7 +236,7 @@ def test_erratum_8_table_3_changes_y_by_more_than_the_law_can(h4, table2):
         pattern = errors * np.sqrt(total / (errors**2).sum())
         assert (limit(((pattern[:, None] * per_degree) ** 2).sum(axis=0)) < anything).all()
     for truth in experiment.draw_robots(h4, 10, seed=0):  # the exact statics keep the limit
-        usual_x, tej_x = (tp.steady_state(h4, truth, table2, law) for law in ("joint", "redundant"))
+        usual_x, tej_x = (tp.steady_state(h4, truth, table2, law) for law in ("joint", "tej"))
         theta = (usual_x - table2)[:, 3]
         moved = ((tej_x - usual_x)[:, :3] ** 2).sum(axis=0)
         assert (moved < 1.5 * (gain**2).max(axis=0) * (theta**2).sum()).all()

@@ -39,7 +39,7 @@ def test_errors_and_tables_belong_together(hundred_robots):
         assert tables[:, 0, 0] == pytest.approx(x.mean(axis=1))
     one = tp.steady_state(hundred_robots.robot, hundred_robots.truths[7], hundred_robots.poses[3])
     error = (one - hundred_robots.poses[3]) * [1e3, 1e3, 1e3, 180 / np.pi]
-    assert hundred_robots.errors["redundant"][7, 3] == pytest.approx(error, abs=1e-9)
+    assert hundred_robots.errors["tej"][7, 3] == pytest.approx(error, abs=1e-9)
 
 
 def test_drawing_more_robots_does_not_change_the_first_ones(h4):
@@ -84,7 +84,7 @@ def test_the_dynamics_end_where_the_statics_say(h4, truth, table2):
     """Exactly without counts; within a few counts of the encoders as built."""
     poses = table2[[0, 312, 500]]
     result = experiment.dynamics_check(h4, truth, poses)
-    for law in ("joint", "redundant", "cartesian"):
+    for law in ("joint", "tej", "cartesian"):
         assert np.abs(result["ideal"][law]).max() < 1e-3  # 1 µm
         assert np.abs(result["loaded"][law]).max() < 1e-3
         assert np.abs(result["as built"][law][:, :3]).max() < 0.5  # mm

@@ -217,7 +217,7 @@ def test_limits_are_in_order_on_every_mechanism(name, anywhere, rng):
             assert (np.isinf(greater) | (fewer <= greater * (1 + 1e-6))).all()
 
 
-@pytest.mark.parametrize("law", ["joint", "redundant", "cartesian", "weighted", "estimated"])
+@pytest.mark.parametrize("law", ["joint", "tej", "cartesian", "weighted", "estimated"])
 def test_a_fault_moves_the_nacelle_as_stated(h4, table2, law):
     """Where the robot rests with a wrong encoder, exactly, against the linear statement."""
     poses, b = table2[[37, 411]], 1e-3

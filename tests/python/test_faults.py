@@ -70,7 +70,7 @@ def test_a_faulty_reading_is_what_its_kind_makes_of_the_true_one(exact, kind, re
     np.testing.assert_allclose(run.q_e, expected, rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("law", ["joint", "redundant"])
+@pytest.mark.parametrize("law", ["joint", "tej"])
 @pytest.mark.parametrize("kind", FAULT_KINDS)
 def test_before_its_fault_a_robot_is_the_same_to_the_last_bit(h4, kind, law):
     usual, run = (tp.simulate(h4, controller=law, faults=f) for f in ((), [fault(kind, "q1")]))
@@ -101,7 +101,7 @@ def test_a_frozen_theta_takes_the_nacelle_away_under_the_papers_law_alone(h4):
     """The worst of them: the TEJ multiplies θ's error by |j|², 8 to 38."""
     stuck = [fault("stuck")]
     astray, usual = (
-        tp.simulate(h4, controller=law, faults=stuck) for law in ("redundant", "joint")
+        tp.simulate(h4, controller=law, faults=stuck) for law in ("tej", "joint")
     )
     assert np.linalg.norm(astray.error[:, :3], axis=1).max() > 0.37
     assert np.degrees(np.abs(astray.error[:, 3]).max()) > 130
@@ -142,7 +142,7 @@ def test_a_log_tells_where_there_was_no_answer(h4, tmp_path):
         np.testing.assert_array_equal(logs.read(h4, tmp_path / f"run{ending}").readings, run.q_e)
 
 
-@pytest.mark.parametrize("law", ["joint", "redundant", "cartesian", "estimated"])
+@pytest.mark.parametrize("law", ["joint", "tej", "cartesian", "estimated"])
 @pytest.mark.parametrize("reading", ["theta", "q1"])
 def test_at_rest_a_small_bias_moves_the_robot_as_its_law_leaks(h4, exact, law, reading):
     bias, column = 1e-6, h4.readings.index(reading)

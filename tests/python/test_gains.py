@@ -41,14 +41,14 @@ def test_stops_stand_where_the_motor_is_not_where_it_reads(h4, anywhere, rng):
     assert np.max(near.ikm(x)[:, 0]) > h4.spec.chain[0].limits[1]
 
 
-@pytest.mark.parametrize("law", ["joint", "redundant", "cartesian"])
+@pytest.mark.parametrize("law", ["joint", "tej", "cartesian"])
 def test_a_machine_moves_alike_however_its_encoders_count(h4, law):
     """Weight and friction pass through the gains as torques of the motor, not of its reading.
 
-    The redundant law's unit weights are of readings: there only alike scales leave it alone.
+    The TEJ law's unit weights are of readings: there only alike scales leave it alone.
     """
     truth = h4.sample(1)
-    mine = (-1.0,) * 4 if law == "redundant" else GAINS
+    mine = (-1.0,) * 4 if law == "tej" else GAINS
 
     def counting(robot):
         values = {f"chain{i + 1}.gain": mine[i] for i in range(4)}

@@ -42,7 +42,7 @@ def test_readings_are_those_of_when_they_were_taken_and_held(camera):
     assert abs(run.q_e[100, 4] - now[100, 4]) > 1e-3
 
 
-@pytest.mark.parametrize("law", ["redundant", "cartesian", "weighted", "estimated"])
+@pytest.mark.parametrize("law", ["tej", "cartesian", "weighted", "estimated"])
 def test_an_ideal_robot_follows_as_if_its_sensors_were_prompt(camera, law):
     slow = camera.without_quantization()
     prompt = tp.simulate(timed(slow, 0, 0), controller=law)

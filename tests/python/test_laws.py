@@ -70,7 +70,7 @@ def test_a_law_takes_every_sensor_in_use_or_is_refused(name, sensors, law):
 )
 def test_beyond_the_papers_closed_form_the_cartesian_law_leaks_as_the_tej(h4, table2, sensors):
     robot = h4.with_sensors(*sensors)
-    paper = robot.cross_sensitivity(table2[::25], "redundant")
+    paper = robot.cross_sensitivity(table2[::25], "tej")
     assert robot.cross_sensitivity(table2[::25], "cartesian") == pytest.approx(paper, abs=2e-3)
     closed = h4.cross_sensitivity(table2[::25], "cartesian")
     assert closed[:, 3] == pytest.approx(np.tile([0, 0, 0, 0, -1], (25, 1)), abs=1e-6)
@@ -83,7 +83,7 @@ def test_tej_and_estimate_with_the_same_weights_leak_alike(h4, table2, sensors):
     assert np.array_equal(leak, robot.cross_sensitivity(table2, "estimated"))
     J = robot.jacobian(table2)
     assert leak == pytest.approx(-J @ robot.weighted_tej(table2), abs=1e-9)
-    assert robot.cross_sensitivity(table2, "redundant") == pytest.approx(
+    assert robot.cross_sensitivity(table2, "tej") == pytest.approx(
         -J @ robot.tej(table2)[1], abs=1e-9
     )
 
@@ -91,7 +91,7 @@ def test_tej_and_estimate_with_the_same_weights_leak_alike(h4, table2, sensors):
 def test_no_motor_leaks_into_a_theta_that_is_measured_well(h4, table2):
     """The paper's TEJ lets through 1/(1 + |j|²) of it; known weights only what turns θ's bar."""
     share = np.abs(h4.cross_sensitivity(table2, "weighted")[:, 3, :4]).max()
-    assert share < 0.05 * np.abs(h4.cross_sensitivity(table2, "redundant")[:, 3, :4]).max()
+    assert share < 0.05 * np.abs(h4.cross_sensitivity(table2, "tej")[:, 3, :4]).max()
 
 
 def test_at_rest_the_weighted_motor_error_vanishes_and_the_estimate_is_the_setpoint(

@@ -15,7 +15,7 @@ from truepose.control.loci import Responses, worst
 from truepose.simulation.moves import default_move
 
 
-@pytest.mark.parametrize("law", ["joint", "redundant", "estimated"])
+@pytest.mark.parametrize("law", ["joint", "tej", "estimated"])
 @pytest.mark.parametrize("groups", [["delay"], ["compliance"], ["delay", "compliance"]])
 def test_a_simulated_robot_swings_up_where_its_gain_margin_ends(h4, law, groups):
     robot, effects = h4.without_quantization(), Effects().only(*groups)
@@ -42,7 +42,7 @@ def test_a_simulated_robot_swings_up_where_its_gain_margin_ends(h4, law, groups)
 
 
 def test_two_cycles_more_are_borne_and_three_not_where_the_delay_margin_lies_between(h4):
-    loop = Responses(plants(h4, [h4.home], "redundant", Effects().only("delay"), 1e-3))
+    loop = Responses(plants(h4, [h4.home], "tej", Effects().only("delay"), 1e-3))
     poles = next(
         found
         for found in (Gains(f, 10 * f) for f in range(60, 150))
@@ -56,8 +56,8 @@ def test_two_cycles_more_are_borne_and_three_not_where_the_delay_margin_lies_bet
 
 
 def test_chosen_gains_keep_the_margins_that_they_promise_at_every_corner(h4):
-    chosen, _ = gains.choose(h4, "redundant", Effects(), 1e-3)
-    found = gains.responses(h4, "redundant", Effects(), 1e-3)
+    chosen, _ = gains.choose(h4, "tej", Effects(), 1e-3)
+    found = gains.responses(h4, "tej", Effects(), 1e-3)
     assert len(found.plants) == 17 and found.stable(chosen).all()
     of_each = sum(found.alone(chosen) + found.torques(chosen), found.common(chosen))
     assert gains.kept(worst(of_each))
@@ -66,7 +66,7 @@ def test_chosen_gains_keep_the_margins_that_they_promise_at_every_corner(h4):
 @pytest.mark.parametrize(
     ("name", "law", "period"),
     [(name, None, 1e-3) for name in tp.list_robots()]
-    + [("h4", law, 2e-3) for law in ("joint", "redundant", "weighted", "estimated")]
+    + [("h4", law, 2e-3) for law in ("joint", "tej", "weighted", "estimated")]
     + [("3rrr", "joint", 2e-4), ("par4", "weighted", 2e-4)],
 )
 def test_with_all_effects_a_robot_comes_to_rest_under_chosen_gains(name, law, period):
@@ -114,7 +114,7 @@ def test_a_plant_is_integrated_in_steps_that_resolve_its_rotors():
         tp.simulate(delta, controller=controller, effects=effects, steps=4)
 
 
-@pytest.mark.parametrize("law", ["joint", "redundant"])
+@pytest.mark.parametrize("law", ["joint", "tej"])
 def test_counts_shake_motors_by_some_twice_what_white_noise_would(h4, law):
     chosen, _ = gains.choose(h4, law, Effects(), 1e-3)
     run = tp.simulate(h4, controller=law, effects=Effects(), hold=0.8)
@@ -127,7 +127,7 @@ def test_counts_shake_motors_by_some_twice_what_white_noise_would(h4, law):
 @pytest.mark.parametrize(
     ("name", "law", "held", "refused", "reason"),
     [
-        ("h4", "redundant", 3e-3, 4e-3, "26.2 rad/s.*friction.*counts let the nacelle hunt by"),
+        ("h4", "tej", 3e-3, 4e-3, "26.2 rad/s.*friction.*counts let the nacelle hunt by"),
         ("delta", "joint", 1e-3, 2e-3, "95.6 rad/s.*before friction holds the nacelle 1 mm off"),
         ("five-bar", "joint", 3e-3, 5e-3, "dB.*cycles are left"),
         ("stewart", "joint", 1e-2, 2e-2, "at 10 rad/s, the slowest, .*cycles are left"),
@@ -153,7 +153,7 @@ def test_more_friction_wants_stiffer_gains_than_a_slow_loop_has(h4):
 def test_margins_are_those_of_the_loops_that_they_name(h4):
     controller = tp.Controller(frequency=40, velocity_bandwidth=300)
     found = tp.control.stability_margins(h4, controller, poses=[h4.home])
-    loop = Responses(plants(h4, [h4.home], "redundant", Effects(), 1e-3))
+    loop = Responses(plants(h4, [h4.home], "tej", Effects(), 1e-3))
     asked = Gains(40, 300)
     assert list(found.loops) == ["all motors", *(f"motor {i}" for i in "1234"), *h4.readings]
     assert found.loops["all motors"] == loop.common(asked)
@@ -167,7 +167,7 @@ def test_a_sensor_alone_may_be_so_much_stronger(h4):
     found = tp.control.stability_margins(
         h4, tp.Controller(frequency=40, velocity_bandwidth=300), poses=[h4.home]
     )
-    margin, plant = found.worst("theta").more, plants(h4, [h4.home], "redundant", Effects(), 1e-3)
+    margin, plant = found.worst("theta").more, plants(h4, [h4.home], "tej", Effects(), 1e-3)
     radius = []
     for share in (0.98, 1.02):
         E = plant[0].E.copy()
@@ -182,7 +182,7 @@ def test_a_sensor_alone_may_be_so_much_stronger(h4):
     [
         ({"controller": tp.Controller(), "period": 1e-3}, "period: the Controller has its own"),
         ({"controller": "usual"}, "unknown law 'usual'"),
-        ({"period": 0.05}, r"h4: period 0\.05 s: the redundant law cannot hold it"),
+        ({"period": 0.05}, r"h4: period 0\.05 s: the TEJ law cannot hold it"),
         ({"period": -1.0}, "period = -1.0: must be"),
         ({"poses": []}, "poses: shape"),
         (
@@ -197,7 +197,7 @@ def test_a_wrong_question_is_told(h4, asked, message):
 
 
 def test_the_command_says_what_the_function_says(run, h4, tmp_path):
-    words = ("margins", "h4", "--law", "redundant", "--rate", "2000")
+    words = ("margins", "h4", "--law", "tej", "--rate", "2000")
     status, out, err = run(*words, "--format", "json", "--plot", str(tmp_path / "loops.svg"))
     said, found = json.loads(out), tp.control.stability_margins(h4, period=5e-4)
     assert status == 0 and "least of home and 16 corners" in err
@@ -213,16 +213,16 @@ def test_the_command_says_what_the_function_says(run, h4, tmp_path):
 
 
 def test_the_command_looks_at_gains_of_ones_own_and_names_what_is_unstable(run):
-    status, out, _ = run("margins", "h4", "--law", "redundant", "--gains", "150")
+    status, out, _ = run("margins", "h4", "--law", "tej", "--gains", "150")
     assert status == 0 and "redundant: unstable at 17 of 17 poses." in out
-    status, out, _ = run("margins", "h4", "--law", "redundant", "--gains", "50,300")
+    status, out, _ = run("margins", "h4", "--law", "tej", "--gains", "50,300")
     assert "redundant: does not keep 6 dB, 30° and two cycles." in out
     # Laws that are refused are named beside those that are not.
     status, out, err = run(
-        *("margins", "h4", "--law", "joint", "--law", "redundant"),
+        *("margins", "h4", "--law", "joint", "--law", "tej"),
         *("--rate", "350", "--format", "json"),
     )
-    assert status == 0 and [row["law"] for row in json.loads(out)["gains"]] == ["redundant"]
+    assert status == 0 and [row["law"] for row in json.loads(out)["gains"]] == ["tej"]
     assert "the joint law cannot hold it" in err
 
 
@@ -291,7 +291,7 @@ def test_a_calibrated_robot_has_gains_for_the_law_of_its_estimate(h4, sensors, s
 
 
 def test_the_scale_is_chosen_and_one_for_laws_that_do_not_weigh_and_robots_as_drawn(h4):
-    for law in ("joint", "redundant", "weighted", "estimated"):
+    for law in ("joint", "tej", "weighted", "estimated"):
         assert tp.Controller.for_robot(h4, law=law).sigma_scale == 1
     with pytest.raises(tp.InputError, match="sigma_scale: is chosen"):
         tp.Controller.for_robot(h4, sigma_scale=3)

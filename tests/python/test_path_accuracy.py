@@ -183,7 +183,7 @@ def test_motors_at_their_limit_are_told(h4):
     assert tp.simulation.path_accuracy(h4, CIRCLE, speed=0.5, runs=2).saturated == 0
 
 
-@pytest.mark.parametrize("law", ["joint", "redundant", "weighted", "cartesian", "estimated"])
+@pytest.mark.parametrize("law", ["joint", "tej", "weighted", "cartesian", "estimated"])
 def test_the_ideal_robot_follows_a_circle_of_2_hz_within_30_micrometres(h4, law):
     """At nominal gains, without effects or counts: 100 mm across, 0.63 m/s."""
     found = tp.simulation.path_accuracy(h4.without_quantization(), CIRCLE, controller=law, runs=1)

@@ -97,7 +97,7 @@ def rows(path):
 def test_it_ends_well_and_prints_table_3_beside_the_papers(made):
     result, _ = made
     assert result.returncode == 0, result.stderr
-    for text in ("usual", "redundant", "paper", "52400", "θ Σ squares", "seed 3", "assumed"):
+    for text in ("usual", "tej", "paper", "52400", "θ Σ squares", "seed 3", "assumed"):
         assert text in result.stdout
     lines = [line for line in result.stdout.splitlines() if not line.startswith("Report: ")]
     assert max(map(len, lines)) <= 80
@@ -162,7 +162,7 @@ def test_the_page_says_what_a_reader_would_stumble_over(made):
 
 def test_figures_11_to_13_have_one_scale(h4, truth):
     runs = [tp.simulate(h4, h4, "joint"), tp.simulate(h4, truth, "joint")]
-    runs.append(tp.simulate(h4, truth, "redundant"))
+    runs.append(tp.simulate(h4, truth, "tej"))
     drawn = [figures.move(run, runs) for run in runs]
     for k, columns in ((0, slice(3)), (1, slice(3, 4))):
         (limits,) = {figure.axes[k].get_ylim() for figure in drawn}
@@ -181,7 +181,7 @@ def test_the_csv_hold_the_numbers_behind_the_tables(made):
         float(row["value"])
         for row in statistics
         if (row["robot"], row["control"], row["quantity"], row["statistic"])
-        == ("0", "redundant", "theta", "sum_sq")
+        == ("0", "tej", "theta", "sum_sq")
     )
     assert kept == pytest.approx((theta**2).sum(), rel=1e-12)
     move = rows(out / "figure-13.csv")

@@ -40,7 +40,7 @@ def test_the_api_works_once_every_module_is_imported():
     assert "h4" in tp.list_robots()
     robot = tp.load("h4")
     truth = with_paper_errors(robot, seed=1)
-    run = tp.simulate(robot, truth, tp.Controller(law="redundant"), effects=tp.Effects.none())
+    run = tp.simulate(robot, truth, tp.Controller(law="tej"), effects=tp.Effects.none())
     assert run.status == "ok"
     poses = [robot.home, tp.steady_state(robot, truth, robot.home)]
     assert tp.accuracy(robot, poses).shape == (2, 4, 4)

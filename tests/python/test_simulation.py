@@ -73,12 +73,12 @@ def test_with_real_encoders_the_cartesian_law_hunts_about_the_true_theta(
 
 def test_under_redundant_control_theta_moves_as_told_and_under_joint_control_it_does_not(h4, truth):
     worst = {law: np.abs(tp.simulate(h4, truth, law).error[:, 3]).max() for law in LAWS}
-    assert worst["redundant"] < 0.2 * worst["joint"]
+    assert worst["tej"] < 0.2 * worst["joint"]
 
 
 def test_it_starts_at_rest_where_its_controller_holds_it(h4, truth):
     run = tp.simulate(
-        h4.without_quantization(), truth.without_quantization(), "redundant", duration=0.2, hold=0
+        h4.without_quantization(), truth.without_quantization(), "tej", duration=0.2, hold=0
     )
     assert np.abs(run.x[1] - run.x[0]).max() < 1e-9
     start = tp.steady_state(h4, truth, MOVE_FROM, gravity=True, start=MOVE_FROM)
@@ -105,7 +105,7 @@ def test_readings_are_whole_counts_of_the_true_robots_encoders(h4, truth):
 
 def test_integration_converges_with_the_fourth_order(h4, truth):
     """Torque is constant in a period, so halving the step divides the error by 16."""
-    controller = tp.Controller(law="redundant", period=4e-3, frequency=60, velocity_bandwidth=200)
+    controller = tp.Controller(law="tej", period=4e-3, frequency=60, velocity_bandwidth=200)
     robots = (h4.without_quantization(), truth.without_quantization(), controller)
     x = {steps: tp.simulate(*robots, steps=steps).x for steps in (1, 2, 4, 8, 64)}
     error = [np.abs(x[steps] - x[64]).max() for steps in (1, 2, 4, 8)]
@@ -230,7 +230,7 @@ def test_a_law_of_ones_own_is_named_as_it_is(h4):
 
     run = tp.simulate(h4, law=soft, hold=0.0)
     assert run.law == "soft" and repr(run).startswith("h4 under soft control")
-    assert tp.simulate(h4, hold=0.0).law == "redundant"
+    assert tp.simulate(h4, hold=0.0).law == "tej"
     assert tp.simulate(h4.with_sensors(), hold=0.0).law == "joint"
 
 

@@ -7,7 +7,7 @@ import truepose as tp
 from truepose.paper import experiment
 from truepose.simulation.moves import MOVE_TO
 
-LAWS = ("joint", "redundant", "cartesian")
+LAWS = ("joint", "tej", "cartesian")
 
 
 def between(nominal: tp.Robot, truth: tp.Robot, share: float) -> tp.Robot:
@@ -47,7 +47,7 @@ def test_at_rest_the_motor_error_of_the_law_vanishes(h4, truth, table2, law):
     if law == "cartesian":
         error = h4.redundant_fkm(read) - table2
     else:
-        _, M_plus = h4.with_sensors(*(h4.sensors if law == "redundant" else ())).tej(table2)
+        _, M_plus = h4.with_sensors(*(h4.sensors if law == "tej" else ())).tej(table2)
         error = np.einsum("...ij,...j", M_plus, (desired - read)[:, : M_plus.shape[2]])
     assert np.abs(error).max() < 1e-12
 
@@ -56,7 +56,7 @@ def test_at_rest_the_motor_error_of_the_law_vanishes(h4, truth, table2, law):
 def test_at_rest_the_motors_give_way_by_w_j_times_the_error_of_theta(h4, truth, table2, weight):
     """M⁺ e_qe = 0 means e_q = -w jᵀ e_θ, exactly, however large the errors."""
     robot, real = with_theta_weight(h4, weight), truth
-    x = tp.steady_state(robot, real, table2, "redundant")
+    x = tp.steady_state(robot, real, table2, "tej")
     e = robot.extended_positions(table2) - real.extended_positions(x)
     _, M_plus = robot.tej(table2)
     assert np.abs(np.einsum("...ij,...j", M_plus, e)).max() < 1e-13
@@ -69,7 +69,7 @@ def theta_errors(h4, truth, poses, share):
     """θ's static errors under joint and redundant control."""
     real = between(h4, truth, share)
     return [
-        tp.steady_state(h4, real, poses, law)[:, 3] - poses[:, 3] for law in ("joint", "redundant")
+        tp.steady_state(h4, real, poses, law)[:, 3] - poses[:, 3] for law in ("joint", "tej")
     ]
 
 
@@ -108,7 +108,7 @@ def test_an_offset_of_theta_is_followed_by_the_law_that_trusts_it(h4):
     theta = {law: tp.steady_state(h4, real, x_d, law)[3] - 0.1 for law in LAWS}
     assert theta["joint"] == pytest.approx(0, abs=1e-14)
     assert theta["cartesian"] == pytest.approx(0.01, abs=1e-14)
-    assert 0.009 < theta["redundant"] < 0.01
+    assert 0.009 < theta["tej"] < 0.01
 
 
 @pytest.mark.parametrize("law", LAWS)

@@ -71,7 +71,7 @@ def test_motors_alone_do_not_give_the_printed_sum_of_squares(runs):
         for run in runs.values()
     )
     assert redundant[2] == pytest.approx(usual[2], rel=0.05) == pytest.approx(231, rel=0.05)
-    assert runs["redundant"].table()[theta, 2] == pytest.approx(128, rel=0.05)
+    assert runs["tej"].table()[theta, 2] == pytest.approx(128, rel=0.05)
 
 
 def test_what_the_law_changes_of_x_y_z_is_less_than_what_changes_from_run_to_run(h4, shipped):

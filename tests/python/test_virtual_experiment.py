@@ -24,7 +24,7 @@ def runs(h4, truth):
     return virtual_experiment.run(plant, h4, Vision(Setup()), controls=tuple(experiment.CONTROLS))
 
 
-@pytest.mark.parametrize("law", ["joint", "redundant", "weighted", "cartesian", "estimated"])
+@pytest.mark.parametrize("law", ["joint", "tej", "weighted", "cartesian", "estimated"])
 def test_the_exact_plant_rests_where_settle_says(h4, truth, table2, law):
     visit = ExactPlant(truth).visit(h4, table2, tp.Controller(law=law))
     assert (visit.status == "ok").all()
@@ -46,7 +46,7 @@ def test_at_the_full_level_usual_control_brings_the_motors_where_they_belong(h4,
 
 
 def test_the_frame_holds_the_tilt_that_x_leaves_out(h4, tilted, table2):
-    visit = ExactPlant(tilted, level="full").visit(h4, table2, tp.Controller(law="redundant"))
+    visit = ExactPlant(tilted, level="full").visit(h4, table2, tp.Controller(law="tej"))
     upright = np.arccos(np.clip(visit.frame[:, 2, 2], -1, 1))
     wanted = np.linalg.norm(tilted.residual_motion(visit.x)[:, :2], axis=1)
     assert np.abs(upright - wanted).max() < 1e-6
@@ -67,7 +67,7 @@ def test_play_of_the_gear_lags_behind_the_nacelle(h4):
 
 def test_under_redundant_control_play_turns_the_nacelle_itself(h4, table2):
     effects = tp.Effects(**{**vars(tp.Effects.none()), "tool_backlash": np.radians(0.4)})
-    visit = ExactPlant(h4, effects).visit(h4, table2, tp.Controller(law="redundant"))
+    visit = ExactPlant(h4, effects).visit(h4, table2, tp.Controller(law="tej"))
     off = np.degrees(visit.x[:, 3] - table2[:, 3])
     assert (visit.status == "ok").all()
     assert np.abs(off).max() == pytest.approx(0.2, rel=0.05)
@@ -119,7 +119,7 @@ def test_the_experiment_never_reads_the_true_pose(h4, truth, table2):
 
 def test_both_readings_of_error(runs, table2):
     """At rest under usual control the encoders show the desired pose, under the TEJ they do not."""
-    usual, redundant = runs["joint"], runs["redundant"]
+    usual, redundant = runs["joint"], runs["tej"]
     assert np.abs(usual.errors("estimated") - usual.errors("desired")).max() < 0.01
     shown = redundant.errors("desired") - redundant.errors("estimated")
     wanted = experiment.in_print_units(table2 - redundant.estimated)
@@ -130,7 +130,7 @@ def test_both_readings_of_error(runs, table2):
 
 
 def test_vision_agrees_with_the_exact_statics_to_its_own_noise(h4, truth, runs, table2):
-    for control in ("joint", "redundant", "cartesian"):
+    for control in ("joint", "tej", "cartesian"):
         exact = experiment.rest(h4, truth, table2, controls=(control,))[control]
         apart = runs[control].measured - exact
         claimed = np.sqrt(np.diagonal(runs[control].covariance, axis1=1, axis2=2))[:, [0, 1, 2, 5]]
@@ -140,8 +140,8 @@ def test_vision_agrees_with_the_exact_statics_to_its_own_noise(h4, truth, runs, 
 def test_the_paper_is_seen_through_vision(runs):
     """θ's sum of squares falls, the position stays; self-calibration gains on it."""
     tables = {control: run.table("desired") for control, run in runs.items()}
-    assert tables["redundant"][3, 2] < 0.02 * tables["joint"][3, 2]
-    assert tables["redundant"][4, 2] > 0.3 * tables["joint"][4, 2]
+    assert tables["tej"][3, 2] < 0.02 * tables["joint"][3, 2]
+    assert tables["tej"][4, 2] > 0.3 * tables["joint"][4, 2]
     assert tables["self-calibrated"][4, 2] < 0.1 * tables["joint"][4, 2]
 
 
@@ -167,7 +167,7 @@ WAYS = {
 }
 
 
-@pytest.mark.parametrize("law", ["joint", "redundant", "weighted", "cartesian", "estimated"])
+@pytest.mark.parametrize("law", ["joint", "tej", "weighted", "cartesian", "estimated"])
 @pytest.mark.parametrize("way", WAYS)
 def test_every_pose_settles_behind_the_play_and_where_its_equations_say(h4, table2, law, way):
     """At rest the motor error vanishes; the tool follows the nacelle where its play ends."""
@@ -185,7 +185,7 @@ def test_every_pose_settles_behind_the_play_and_where_its_equations_say(h4, tabl
         ahead = min(half, max(-half, ahead + theta - now))
         assert found == pytest.approx(ahead, abs=2e-12)
         ahead, theta = found, now
-    if law == "redundant":
+    if law == "tej":
         error = h4.extended_positions(x_d) - visit.q_e
         assert np.abs(np.einsum("nij,nj->ni", h4.tej(x_d)[1], error)).max() < 1e-11
 

@@ -45,15 +45,15 @@ def test_a_frozen_calibration_goes_stale_and_learning_does_not(studied, sensors)
 
 def test_the_papers_law_alone_does_not_save_the_position(studied):
     line = studied["θ"]
-    assert line.rms["redundant"][:, -1] == pytest.approx(line.rms["frozen"][:, -1], rel=0.1)
+    assert line.rms["tej"][:, -1] == pytest.approx(line.rms["frozen"][:, -1], rel=0.1)
 
 
 def test_the_weights_make_a_telemeter_carry_the_warm_up(studied):
     line = studied["θ + z telemeter"]
-    assert (line.rms["weighted"][:, -1] < 0.2 * line.rms["redundant"][:, -1]).all()
+    assert (line.rms["weighted"][:, -1] < 0.2 * line.rms["tej"][:, -1]).all()
 
 
 def test_without_growth_nothing_goes_stale():
     cold = tp.Effects(base_expansion=0, arm_expansion=0, rod_expansion=0)
     line = warm_up.study(tp.load("h4"), 1, seed=2, effects=cold)[0]
-    assert max(np.abs(line.rms[m]).max() for m in ("frozen", "redundant", "weighted")) < 1e-6
+    assert max(np.abs(line.rms[m]).max() for m in ("frozen", "tej", "weighted")) < 1e-6

@@ -67,7 +67,7 @@ def test_an_abrupt_fault_is_named_within_30_ms(
         assert SYMPTOMS[run.symptom[first, column]] == symptom
 
 
-@pytest.mark.parametrize("law", ["joint", "redundant", "cartesian", "estimated"])
+@pytest.mark.parametrize("law", ["joint", "tej", "cartesian", "estimated"])
 @pytest.mark.parametrize("kind, size", [("stuck", None), ("dropout", None), ("jump", 0.05)])
 def test_a_lost_sensor_costs_what_it_was_worth_and_no_more(
     calibrated: dict, law: str, kind: str, size: float | None
@@ -119,7 +119,7 @@ def test_what_nothing_stands_for_stops_the_robot_along_its_path(calibrated: dict
 def test_a_drift_that_one_sensor_cannot_place_stops_the_robot(calibrated: dict) -> None:
     robot, truth = calibrated["θ"]
     fault = tp.faults.Fault("theta", "drift", at=0.05, size=0.2)
-    run = tp.simulate(robot, truth, "redundant", faults=[fault], watch=tp.FaultMonitor(), hold=0.5)
+    run = tp.simulate(robot, truth, "tej", faults=[fault], watch=tp.FaultMonitor(), hold=0.5)
     assert run.stops.any()
     assert not run.failed
     assert "readings disagree" in run.status

@@ -48,7 +48,7 @@ static int ask(const vectors* v, int k, int n, int e, truepose_real worst[AGREE_
   compare(v->jacobian + k * n * n, n, n, found, 6, 0, worst + AGREE_JACOBIAN);
   if (failed(truepose_tej(&model, x, 0, found))) return 0;
   compare(v->tej + k * n * e, n, e, found, 16, 0, worst + AGREE_TEJ);
-  const int32_t law = e > n ? TRUEPOSE_LAW_REDUNDANT : TRUEPOSE_LAW_JOINT;
+  const int32_t law = e > n ? TRUEPOSE_LAW_TEJ : TRUEPOSE_LAW_JOINT;
   if (failed(truepose_motor_error(&model, law, 0, x, q_e, 0, 0, found))) return 0;
   compare(v->error + k * n, 1, n, found, n, 1, worst + AGREE_ERROR); /* of readings of about 1 */
   if (!v->known) return 1;

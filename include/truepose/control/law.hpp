@@ -14,9 +14,9 @@ namespace truepose {
 
 enum class Law : int {
   joint = 0,      ///< Figure 1: e_q = q_d - q
-  redundant = 1,  ///< Figure 2: ê_q = TEJ (q_de - q_e)
+  tej = 1,        ///< Figure 2: ê_q = TEJ (q_de - q_e)
   cartesian = 2,  ///< closing remark: ê_q = J⁻¹ (x_d - x̂), x̂ of `redundant_fkm`
-  weighted = 3,   ///< as redundant, with the weighted TEJ (estimate.hpp)
+  weighted = 3,   ///< as tej, with the weighted TEJ (estimate.hpp)
   estimated = 4,  ///< as cartesian, x̂ from `estimate`: any mobility, any sensors
 };
 
@@ -40,7 +40,7 @@ struct LawProperties {
 inline constexpr std::array kLawTable{
     LawProperties{
         .law = Law::joint, .name = "joint", .corrects = Corrects::motors, .sensed = false},
-    LawProperties{Law::redundant, "redundant", Corrects::readings},
+    LawProperties{Law::tej, "tej", Corrects::readings},
     LawProperties{Law::cartesian, "cartesian", Corrects::pose},
     LawProperties{
         .law = Law::weighted, .name = "weighted", .corrects = Corrects::readings, .weighs = true},
@@ -271,7 +271,7 @@ TRUEPOSE_APART inline Outcome find(const Robot& robot, const Knowledge& known, R
 
 /// The redundant FKM of any robot and sensors: in closed form where that takes every reading, else
 /// the least squares of all of them, which count as in the paper's TEJ: motors by 1, sensors by
-/// their weights. To first order J⁻¹ (x_d - x̂) then is TEJ (q_de - q_e), the redundant law's.
+/// their weights. To first order J⁻¹ (x_d - x̂) then is TEJ (q_de - q_e), the TEJ law's.
 /// @param near    its D is on the nacelle's side of the spheres' centres; least squares start there
 /// @param nearby  what the full level adds there
 template <Mobility K>

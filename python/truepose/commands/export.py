@@ -36,7 +36,7 @@ ChosenLevel = Annotated[
         show_default="as the file; the finest for what weighs",
     ),
 ]
-USUAL = "redundant; joint where no sensor is in use"
+USUAL = "tej; joint where no sensor is in use"
 Out = Annotated[
     Path | None,
     typer.Option("-o", "--out", help="File to write.", show_default="standard output"),

@@ -48,7 +48,7 @@ def command(
         typer.Option(
             help=f"{', '.join(LAWS)}; give it again for further ones.",
             autocompletion=completing(lambda: LAWS),
-            show_default="joint and, with sensors, redundant, weighted, estimated",
+            show_default="joint and, with sensors, tej, weighted, estimated",
         ),
     ] = None,
     rate: Annotated[float, typer.Option(metavar="HZ", help="Control cycles in a second.")] = 1000.0,
@@ -74,8 +74,8 @@ def command(
     Prints for each law the gains, and the margins of all motors at once, of each motor alone and of
     each reading alone, a sensor's own loop included: the least of home and the workspace's corners.
 
-    Example: **truepose margins h4 --law joint --law redundant --rate 2000**, then
-    **truepose margins h4 --law redundant --gains 40,300**
+    Example: **truepose margins h4 --law joint --law tej --rate 2000**, then
+    **truepose margins h4 --law tej --gains 40,300**
     """
     save = plot_to(plot, [robot], force)
     positive("--rate", rate)
@@ -111,7 +111,7 @@ def laws_of(texts: list[str] | None, robot: Robot) -> list[Law]:
     for text in texts or ():
         if text not in LAWS:
             raise InputError(f"--law: {choose('law', text, LAWS)}")
-    usual = ["joint", "redundant", "weighted", "estimated"] if robot.r else ["joint"]
+    usual = ["joint", "tej", "weighted", "estimated"] if robot.r else ["joint"]
     return [law for law in LAWS if law in (texts or usual)]
 
 

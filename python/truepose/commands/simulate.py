@@ -99,8 +99,8 @@ def command(
     law: Annotated[
         Law | None,
         typer.Option(
-            help="joint is usual control, redundant the paper's TEJ.",
-            show_default="redundant; joint where no sensor is in use",
+            help="joint is usual control, tej the paper's.",
+            show_default="tej; joint where no sensor is in use",
         ),
     ] = None,
     true: Annotated[

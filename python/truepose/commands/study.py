@@ -107,8 +107,8 @@ def _values(text: str) -> tuple[str, list[float | int | str]]:
 
     Examples
     --------
-    >>> _values("law=joint,redundant"), _values("poses=10,20")
-    (('law', ['joint', 'redundant']), ('poses', [10, 20]))
+    >>> _values("law=joint,tej"), _values("poses=10,20")
+    (('law', ['joint', 'tej']), ('poses', [10, 20]))
     """
     name, equals, values = text.partition("=")
     if not (name and equals and values):

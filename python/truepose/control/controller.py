@@ -28,7 +28,7 @@ class Controller:
 
     Parameters
     ----------
-    law : {"joint", "redundant", "cartesian", "weighted", "estimated"}
+    law : {"joint", "tej", "cartesian", "weighted", "estimated"}
         The paper's Figure 1 (usual control), Figure 2 (TEJ), or closing remark (redundant FKM);
         Figure 2 with the weighted TEJ; or the Cartesian law on :meth:`Robot.estimate`. All but
         "joint" need a redundant sensor in use. The last two weigh the readings by the tolerances
@@ -59,7 +59,7 @@ class Controller:
         multiples smaller.
     """
 
-    law: Law = "redundant"
+    law: Law = "tej"
     frequency: float = 150.0
     damping: float = 1.0
     integral: float = 0.0
@@ -114,7 +114,7 @@ class Controller:
             By default all of them.
         law, period, damping, **settings
             As of the class; all but `frequency`, `velocity_bandwidth` and `sigma_scale`, which
-            are chosen. The law by default is the redundant one, of a robot without a sensor in
+            are chosen. The law by default is tej, of a robot without a sensor in
             use the joint law. With less damping than the paper's 1 a loop as stiff answers less
             to what is fast: a count's step, an arm's ringing.
 

@@ -73,7 +73,7 @@ def stability_margins(
         As drawn, and as the controller believes.
     controller : Controller or law
         Of a law alone, the gains that :meth:`Controller.for_robot` chooses; by default of the
-        redundant law, or of the joint law where no sensor is in use.
+        TEJ law, or of the joint law where no sensor is in use.
     effects : Effects, optional
         By default all of them; of these, delay, compliance and counts matter.
     poses : array_like, shape (P, n), optional

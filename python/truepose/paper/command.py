@@ -41,7 +41,7 @@ def command(
 ) -> None:
     """Run the paper end to end and set its figures and tables beside truepose's own.
 
-    The H4 makes the 0.2 s move of Figures 11 to 13 under usual, redundant (TEJ) and Cartesian
+    The H4 makes the 0.2 s move of Figures 11 to 13 under usual, TEJ and Cartesian
     control, and calibrated from its own readings; then settles at the 625 poses of Table 2, for
     many robots drawn from the paper's geometric errors. Prints Table 3 and writes a report. With
     --experiment a twin of the paper's robot is measured as that was. One real robot, every rod by

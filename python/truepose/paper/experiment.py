@@ -21,14 +21,14 @@ from truepose.simulation.equilibrium import steady_state
 from truepose.simulation.simulate import simulate
 from truepose.threads import each
 
-Control = Literal["joint", "redundant", "weighted", "cartesian", "self-calibrated"]
+Control = Literal["joint", "tej", "weighted", "cartesian", "self-calibrated"]
 
 #: The law of each control. `weighted` believes in the robot as it most likely is, prior means of
 #: its tolerances; `self-calibrated` in what the readings of usual control at the same poses have
 #: taught it; the others in the drawn robot.
 CONTROLS: dict[Control, Law] = {
     "joint": "joint",
-    "redundant": "redundant",
+    "tej": "tej",
     "weighted": "weighted",
     "cartesian": "cartesian",
     "self-calibrated": "estimated",
@@ -45,7 +45,7 @@ class Experiment:
     errors: dict[Control, Array]  #: (robots, P, 4) each
     tables: dict[Control, Array]  #: (robots, 5, 4) each, see :func:`table3`
 
-    def ratio(self, quantity: str, statistic: str, control: Control = "redundant") -> Array:
+    def ratio(self, quantity: str, statistic: str, control: Control = "tej") -> Array:
         """Statistic under a control over the same under joint control, one value per robot."""
         at = QUANTITIES.index(quantity), STATISTICS.index(statistic)
         return self.tables[control][(slice(None), *at)] / self.tables["joint"][(slice(None), *at)]
@@ -139,7 +139,7 @@ def moved_by_tej(result: Experiment, pose: ArrayLike) -> Array:
     """
     usual, redundant = (
         np.array([steady_state(result.robot, truth, pose, law)[:3] for truth in result.truths])
-        for law in ("joint", "redundant")
+        for law in ("joint", "tej")
     )
     return 1e3 * np.linalg.norm(redundant - usual, axis=1)
 

@@ -127,7 +127,7 @@ def study(
     >>> from truepose.paper import faulty
     >>> lines = {line.fault: line for line in faulty.study(tp.load("h4"), count=1, seed=0)}
     >>> stuck = lines["θ: stuck"]
-    >>> stuck.alone["redundant"][0].angle > 90, stuck.watched["redundant"][0].angle < 3
+    >>> stuck.alone["tej"][0].angle > 90, stuck.watched["tej"][0].angle < 3
     (True, True)
     """
     there = moves(robot, count, seed)

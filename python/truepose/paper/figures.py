@@ -19,7 +19,7 @@ from truepose.simulation.simulate import Simulation
 #: What people read for each control, and its colour.
 CONTROLS: dict[Control, tuple[str, str]] = {
     "joint": ("usual", "#b2182b"),
-    "redundant": ("redundant", "#2166ac"),
+    "tej": ("TEJ", "#2166ac"),
     "weighted": ("weighted", "#e08214"),
     "cartesian": ("Cartesian", "#1b7837"),
     "self-calibrated": ("self-calibrated", "#000000"),
@@ -73,7 +73,7 @@ def ratios(result: Experiment) -> Figure:
     """How much each robot gains: statistics over those of usual control."""
     figure = Figure(figsize=(8.4, 3.1), layout="constrained")
     left, right = figure.subplots(1, 2)
-    colour = CONTROLS["redundant"][1]
+    colour = CONTROLS["tej"][1]
     theta = 100 * result.ratio("theta", "sum_sq")
     norm = np.sqrt(result.ratio("norm_xyz", "sum_sq"))
     for axes, values, label in (
@@ -93,14 +93,14 @@ def rest(robot: Robot, result: Experiment) -> Figure:
     figure = Figure(figsize=(5.4, 3.6), layout="constrained")
     axes = figure.subplots()
     law = experiment.theta_law(robot, result.poses)
-    usual, left = result.errors["joint"][0][:, 3], result.errors["redundant"][0][:, 3]
+    usual, left = result.errors["joint"][0][:, 3], result.errors["tej"][0][:, 3]
     clear = np.abs(usual) > 0.1  # degrees; elsewhere the quotient says nothing
     axes.plot(
         100 * law[clear],
         100 * left[clear] / usual[clear],
         ".",
         ms=3,
-        color=CONTROLS["redundant"][1],
+        color=CONTROLS["tej"][1],
         rasterized=True,
         label="one robot, poses of Table 2 with |e| > 0.1°",
     )
@@ -116,7 +116,7 @@ def warm_up(results: list[WarmUp]) -> Figure:
     figure = Figure(figsize=(8.4, 3.6), layout="constrained")
     colours = {
         "frozen": CONTROLS["joint"][1],
-        "redundant": CONTROLS["redundant"][1],
+        "tej": CONTROLS["tej"][1],
         "weighted": CONTROLS["weighted"][1],
         "online": CONTROLS["self-calibrated"][1],
     }

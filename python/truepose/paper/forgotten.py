@@ -123,8 +123,8 @@ def study(
 
 def loops(robot: Robot) -> dict[str, Simulation]:
     """Return the paper's move with all effects on, under the nominal PD and under the soft one."""
-    nominal = article.control("redundant")
-    soft = _soft("redundant")
+    nominal = article.control("tej")
+    soft = _soft("tej")
     result = {}
     for c in (nominal, soft):
         name = f"poles at {c.frequency:.0f} rad/s, velocity filter {c.velocity_bandwidth:.0f} rad/s"

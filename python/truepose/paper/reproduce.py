@@ -38,7 +38,7 @@ class Reproduction:
 MOVES: dict[str, tuple[str, Law]] = {
     "figure-11": ("ideal, usual", "joint"),
     "figure-12": ("errors, usual", "joint"),
-    "figure-13": ("errors, redundant", "redundant"),
+    "figure-13": ("errors, TEJ", "tej"),
     "cartesian": ("errors, Cartesian", "cartesian"),
     "self-calibrated": ("errors, self-calibrated", "estimated"),
 }

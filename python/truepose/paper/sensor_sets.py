@@ -22,7 +22,7 @@ SETS: dict[str, tuple[str, ...]] = {
     "θ + four elbow angles": ("theta", "elbow1", "elbow2", "elbow3", "elbow4"),
     "θ + three draw-wires": ("theta", "wire1", "wire2", "wire3"),
 }
-CONTROLS: tuple[Control, ...] = ("joint", "redundant", "weighted", "self-calibrated")
+CONTROLS: tuple[Control, ...] = ("joint", "tej", "weighted", "self-calibrated")
 ROBOTS = 200  #: at least, for each set, where statistics are asked for
 MACHINED = 1e-4  #: m; rods and arms of ordinary machining are within this of the drawing, assumed
 EVERY = 6  #: robots calibrate themselves at all of Table 2's poses and are judged at every so many

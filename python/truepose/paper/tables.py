@@ -35,7 +35,7 @@ FURTHER: dict[Control, str] = {
     "cartesian": "Cartesian",
     "self-calibrated": "self-calibrated",
 }
-TWIN_NAMES = {"joint": "usual", "redundant": "redundant", **FURTHER}
+TWIN_NAMES = {"joint": "usual", "tej": "redundant", **FURTHER}
 READING_NAMES: dict[Reading, str] = {
     "estimated": "estimated − measured",
     "desired": "desired − measured",
@@ -65,7 +65,7 @@ def one_robot(result: Reproduction) -> Table:
     rows = []
     for at, key, label in cells():
         row = [label, printed["usual"][key], number(tables["joint"][0][at])]
-        row += [printed["redundant"][key], number(tables["redundant"][0][at])]
+        row += [printed["redundant"][key], number(tables["tej"][0][at])]
         rows.append(row + [number(tables[control][0][at]) for control in FURTHER])
     header = [UNITS, "usual, paper", "usual, truepose", "redundant, paper", "redundant, truepose"]
     header += [f"{name}, truepose" for name in FURTHER.values()]
@@ -78,9 +78,9 @@ def many_robots(result: Reproduction) -> Table:
     rows = []
     for at, key, label in cells():
         row: list[str] = [label]
-        controls: list[Control] = ["joint", "redundant", *FURTHER]
+        controls: list[Control] = ["joint", "tej", *FURTHER]
         for control in controls:
-            paper = {"joint": "usual", "redundant": "redundant"}.get(control, "")
+            paper = {"joint": "usual", "tej": "redundant"}.get(control, "")
             low, median, high = np.percentile(tables[control][(slice(None), *at)], [5, 50, 95])
             row += [printed[paper][key]] if paper else []
             name = f"{FURTHER.get(control, paper)}, truepose"
@@ -98,7 +98,7 @@ def many_robots(result: Reproduction) -> Table:
 def gains(result: Reproduction) -> Table:
     """What each control leaves of usual control's errors: ratios over the robots."""
     rows = []
-    controls: list[Control] = ["redundant", *FURTHER]
+    controls: list[Control] = ["tej", *FURTHER]
     for control in controls:
         for quantity, statistic, root, label in (
             ("theta", "sum_sq", False, "θ Σ squares"),

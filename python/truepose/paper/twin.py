@@ -31,7 +31,7 @@ from truepose.simulation.simulate import Simulation
 
 NAME = "h4-lirmm-twin"
 #: The paper's columns and the control of each.
-LAWS: tuple[Control, ...] = ("joint", "redundant")
+LAWS: tuple[Control, ...] = ("joint", "tej")
 COLUMNS = ("usual", "redundant")
 #: A twin is to be within this share of each printed value, or this much (mm, degrees).
 SHARE, MILLIMETRES, DEGREES = 0.25, 0.5, 0.15
@@ -126,7 +126,7 @@ class Section:
 #: Which controls the twin stands under, on each plant: a simulated one takes a minute a control.
 PLANTS: dict[str, tuple[Control, ...]] = {
     "exact": tuple(CONTROLS),
-    "MuJoCo": ("joint", "redundant", "self-calibrated"),
+    "MuJoCo": ("joint", "tej", "self-calibrated"),
 }
 
 

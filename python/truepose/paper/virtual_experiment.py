@@ -94,7 +94,7 @@ def run(
     robot: Robot,
     vision: Vision,
     poses: Array | None = None,
-    controls: Iterable[Control] = ("joint", "redundant"),
+    controls: Iterable[Control] = ("joint", "tej"),
     seed: int = 0,
     progress: Callable[[], None] = lambda: None,
 ) -> dict[Control, Run]:
@@ -128,13 +128,13 @@ def run(
     >>> h4 = tp.load("h4")
     >>> plant = ExactPlant(with_paper_errors(h4, seed=1))
     >>> runs = virtual_experiment.run(plant, h4, Vision(Setup.facing(h4)))
-    >>> usual, redundant = (runs[control].table() for control in ("joint", "redundant"))
+    >>> usual, redundant = (runs[control].table() for control in ("joint", "tej"))
     >>> bool(redundant[3, 2] < usual[3, 2] / 20)  # θ's sum of squares
     True
     """
     if robot.spec.mobility != "schoenflies":
         raise InputError(f"{robot.name}: the experiment is one of x, y, z and θ: schoenflies only")
-    require_sensors(robot, "redundant")
+    require_sensors(robot, "tej")
     poses = article.table2() if poses is None else numbers_of(poses, "poses")
     result: dict[Control, Run] = {}
     for control in controls:
@@ -193,7 +193,7 @@ def estimate(control: Control, believed: Robot, poses: Array, q_e: Array) -> Arr
     """Pose that the encoders show, as each control's own model has it; NaN where none fits."""
     if control == "joint":
         return believed.fkm(q_e[:, : believed.n], guess=poses, errors="nan")
-    if control in ("redundant", "cartesian"):
+    if control in ("tej", "cartesian"):
         return believed.redundant_fkm(q_e, errors="nan")
     return believed.estimate(q_e, guess=poses, errors="nan").x
 

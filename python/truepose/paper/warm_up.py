@@ -21,20 +21,20 @@ from truepose.robot.robot import Robot
 from truepose.simulation.equilibrium import steady_state
 from truepose.threads import each
 
-Method = Literal["frozen", "redundant", "weighted", "online"]
+Method = Literal["frozen", "tej", "weighted", "online"]
 
 #: Law of each method. All know the robot as it was cold. `weighted` also knows how far it may grow;
 #: `online` learns from every pose at which it rests, knowing how fast it may grow.
 METHODS: dict[Method, Law] = {
     "frozen": "joint",
-    "redundant": "redundant",
+    "tej": "tej",
     "weighted": "weighted",
     "online": "estimated",
 }
 #: As people read them.
 NAMES: dict[Method, str] = {
     "frozen": "frozen calibration",
-    "redundant": "and the paper's TEJ",
+    "tej": "and the paper's TEJ",
     "weighted": "and the weighted TEJ",
     "online": "online self-calibration",
 }
@@ -123,7 +123,7 @@ def _one(
     online = OnlineCalibrator(
         known, [{name: g / np.sqrt(lines) for name, g in gain.items()} for gain in growth]
     )
-    believed = {"frozen": known, "redundant": known, "weighted": _calibrated(drawn, cold, modes)}
+    believed = {"frozen": known, "tej": known, "weighted": _calibrated(drawn, cold, modes)}
     rng = np.random.default_rng(source.spawn(1)[0])
     table = article.table2()
     rms: dict[Method, list[float]] = {method: [] for method in METHODS}

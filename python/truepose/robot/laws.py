@@ -8,13 +8,13 @@ from truepose import _core
 from truepose.exceptions import InputError
 from truepose.robot.description import Description
 
-Law = Literal["joint", "redundant", "cartesian", "weighted", "estimated"]
+Law = Literal["joint", "tej", "cartesian", "weighted", "estimated"]
 LAWS: tuple[Law, ...] = tuple(_core.laws)
 
 
 def usual(robot: Description) -> Law:
     """Return the law of a robot for which none is named: of redundant sensors where it has any."""
-    return "redundant" if robot.r else "joint"
+    return "tej" if robot.r else "joint"
 
 
 def require_sensors(robot: Description, law: str) -> None:

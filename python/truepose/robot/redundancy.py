@@ -239,7 +239,7 @@ class Redundancy(Kinematics):
         ----------
         x : array_like, shape (..., n)
             Desired poses, m and rad.
-        law : {"joint", "redundant", "cartesian", "weighted", "estimated"}
+        law : {"joint", "tej", "cartesian", "weighted", "estimated"}
             As of :class:`truepose.Controller`.
         errors : {"raise", "nan"}
             What to do with a pose that cannot be reached or is singular.
@@ -255,7 +255,7 @@ class Redundancy(Kinematics):
         --------
         >>> import truepose as tp
         >>> robot, x = tp.load("h4"), [0.05, 0, -0.4, 0.2]
-        >>> for law in ("joint", "redundant", "weighted"):  # of motor 3, and of θ's sensor, into θ
+        >>> for law in ("joint", "tej", "weighted"):  # of motor 3, and of θ's sensor, into θ
         ...     print(law, robot.cross_sensitivity(x, law)[3, [2, 4]].round(3) + 0.0)
         joint [2.546 0.   ]
         redundant [ 0.186 -0.927]

@@ -33,7 +33,7 @@ def steady_state(
     x_d : array_like, shape (..., n)
         Desired poses.
     controller : Controller or law
-        Its encoders count as unquantised. By default the redundant law, of a robot without a
+        Its encoders count as unquantised. By default the TEJ law, of a robot without a
         sensor in use the joint law.
     gravity : bool
         True: the PD must hold what the nominal feed-forward gets wrong of the true robot's weight.
@@ -59,7 +59,7 @@ def steady_state(
     >>> robot = tp.load("h4")
     >>> true = robot.replace({"chain1.rod": 0.483})
     >>> x_d = [0.05, 0.05, -0.4, 0.2]
-    >>> laws = "joint", "redundant"
+    >>> laws = "joint", "tej"
     >>> usual, redundant = (tp.steady_state(robot, true, x_d, law) for law in laws)
     >>> bool(abs(redundant[3] - 0.2) < abs(usual[3] - 0.2) / 8)
     True

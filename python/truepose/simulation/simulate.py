@@ -219,7 +219,7 @@ def simulate(
         What the controller believes, and what is (default: the same).
     controller : Controller or law
         The law alone takes the other settings' defaults; with effects the gains that the robot
-        bears, :meth:`Controller.for_robot`. By default the redundant law, of a robot without a
+        bears, :meth:`Controller.for_robot`. By default the TEJ law, of a robot without a
         sensor in use the joint law.
     path : Path, callable or array_like, optional
         Instead of a move: :class:`Circle`, :class:`Line`, :class:`Waypoints`, :class:`SampledPath`

@@ -28,7 +28,7 @@ def rest(case: Case) -> dict[str, Answer]:
     """Where a true robot comes to rest under each law: rms over 25 poses of its workspace."""
     robot, true = case.robot, case.true
     poses = _poses(robot, ASKED, case.rng)
-    laws: tuple[Law, ...] = ("joint", "redundant", "weighted", "estimated")
+    laws: tuple[Law, ...] = ("joint", "tej", "weighted", "estimated")
     answer: dict[str, Answer] = {}
     for law in laws if robot.r else laws[:1]:
         answer |= _rms(robot, steady_state(robot, true, poses, law) - poses, law)

@@ -188,7 +188,7 @@ def corrections(robot: Robot, controller: Controller, seed: int = 0) -> tuple[Ar
 
     A law of redundant sensors holds motors whose own encoders are then off, by e_q. Over robots of
     the file's tolerances e_q is about normal: the quantile is 3.29 times its rms over them, at the
-    worst of the workspace's corners and poses drawn in it. Of the joint law, what the redundant one
+    worst of the workspace's corners and poses drawn in it. Of the joint law, what the TEJ law
     would correct.
 
     Returns
@@ -255,7 +255,7 @@ def _errors(robot: Robot, controller: Controller, x: Array, seed: int) -> Array:
 
     Of shape (2, robots, poses, n).
     """
-    law = "redundant" if controller.law == "joint" else controller.law
+    law = "tej" if controller.law == "joint" else controller.law
     q_d = robot.ikm(x, errors="nan")
     e_q = np.empty((2, _DRAWN, *q_d.shape))
     for k in range(_DRAWN):

@@ -45,7 +45,7 @@ def rests(state: State) -> dict[Law, Rest]:
     >>> from truepose.integrations.workbench.state import begin
     >>> state = begin(tp.load("h4")).with_errors({"chain1.rod": 0.003})
     >>> found = rests(state.sent([0.05, 0.05, -0.4, 0.2]))
-    >>> found["cartesian"].turn < 1e-9 < found["redundant"].turn < found["joint"].turn
+    >>> found["cartesian"].turn < 1e-9 < found["tej"].turn < found["joint"].turn
     True
     """
     asked = frames(state.robot, state.x_d)

@@ -53,7 +53,7 @@ class ExactPlant:
     >>> from truepose.simulation.plants.exact import ExactPlant
     >>> h4 = tp.load("h4")
     >>> plant = ExactPlant(h4.replace({"chain1.rod": 0.483}))
-    >>> visit = plant.visit(h4, [[0.05, 0.05, -0.4, 0.2]], tp.Controller(law="redundant"))
+    >>> visit = plant.visit(h4, [[0.05, 0.05, -0.4, 0.2]], tp.Controller(law="tej"))
     >>> visit.status.tolist(), bool(abs(visit.x[0, 3] - 0.2) < 0.003)
     (['ok'], True)
     """

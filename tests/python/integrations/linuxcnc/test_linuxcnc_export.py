@@ -15,7 +15,7 @@ NAMES = ["machine.table", "robot.hal", "robot.ini", "robot.table"]
 
 
 def configuration(robot, **options):
-    law = "redundant" if robot.r else "joint"
+    law = "tej" if robot.r else "joint"
     return to_configuration(robot, tp.Controller(law=law), tp.FaultMonitor(), **options)
 
 
@@ -75,7 +75,7 @@ def test_corrections_of_robots_within_their_tolerances_are_accepted(h4):
     e_q = np.empty((40, 2, *x_d.shape))
     for k in range(40):
         true = h4.sample(100 + k)
-        for kind, rest in enumerate((tp.steady_state(h4, true, x_d, "redundant"), x_d)):
+        for kind, rest in enumerate((tp.steady_state(h4, true, x_d, "tej"), x_d)):
             e_q[k, kind] = h4.ikm(x_d) - true.ikm(rest)
     largest = np.abs(e_q).max(axis=(0, 2, 3))
     assert accepted / 3 < largest[0] < accepted  # as exported
@@ -105,7 +105,7 @@ def test_drives_that_lag_behind_a_correction_are_no_following_error(h4):
         assert changes[i] + blended[i] < limit < 2.5 * (changes[i] + blended[i])
 
 
-@pytest.mark.parametrize("law", ["redundant", "cartesian", "weighted", "estimated"])
+@pytest.mark.parametrize("law", ["tej", "cartesian", "weighted", "estimated"])
 def test_a_law_of_redundant_sensors_is_refused_for_a_robot_without(run, law):
     status, _, error = run("export", "linuxcnc", "delta", "--law", law, "-o", "here")
     assert status == 2

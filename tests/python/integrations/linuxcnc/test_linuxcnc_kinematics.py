@@ -142,7 +142,7 @@ def test_a_delta_of_its_modules_pins_moves_as_its_module_moves_it(hal, ours, nam
 def test_a_table_moves_the_robot_of_its_file(ours, tmp_path, name):
     robot = tp.load(name)
     table = tmp_path / "robot.table"
-    law = "redundant" if robot.r else "joint"
+    law = "tej" if robot.r else "joint"
     table.write_bytes(to_table(robot, tp.Controller(law=law), tp.FaultMonitor()))
     module = ours(table=str(table), extra="w").knows(*SAYS)
     axes = {"x": 1e3, "y": 1e3, "z": 1e3, "theta": np.degrees(1)}

@@ -249,7 +249,7 @@ def test_one_second_of_free_motion_is_the_reduced_models(name, rng):
     assert body.coordinates() == pytest.approx(np.array(end)[: truth.n], abs=10e-6)
 
 
-@pytest.mark.parametrize("law", ["joint", "redundant"])
+@pytest.mark.parametrize("law", ["joint", "tej"])
 def test_under_control_it_rests_where_the_statics_say(h4, truth, table2, law):
     poses = table2[[3, 300, 620]]
     found = MujocoPlant(truth).visit(h4, poses, tp.Controller(law=law))
