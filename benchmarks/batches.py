@@ -28,7 +28,7 @@ CALLS = {"IKM": "q = IKM(x)", "J": "J(x)", "FKM": "FKM from 1 mm, 1 mrad"}
 
 def calls(name):
     robot = tp.load(name)
-    box = robot.spec.singularity_free or robot.spec.workspace
+    box = robot.spec.fkm_region or robot.spec.workspace
     x = np.random.default_rng(0).uniform(box.minimum, box.maximum, (POSES, robot.n))
     q, guess = robot.ikm(x), x + 1e-3
     return {

@@ -148,7 +148,7 @@ int main(int argc, char** argv) {
   // On a path, in counts, as a machine's readings are: what the watch adds to the paper's law.
   {
     const ControlSettings settings = settings_for(h4.robot, Law::tej, FeedForward::full);
-    GuardSettings guarding;
+    FaultTolerantSettings guarding;
     guarding.watch.fastest.fill(500);
     guarding.watch.moved.fill(2e-3);
     prepare(guarding.watch);
@@ -161,28 +161,26 @@ int main(int argc, char** argv) {
       for (int c = 0; c < 5; ++c) read[i][c] = 3e-5 * std::nearbyint(read[i][c] / 3e-5);
     }
     ControlState plain, state;
-    Watch seen;
-    Guard guard;
+    FaultMonitor seen;
+    FaultTolerantState guard;
     Extended believed;
-    rows.push_back(
-        bench::measure("H4 control cycle, TEJ, on a path", kPoses, kRepeats, [&](int i) {
-          if (i == 0) plain = {};
-          bench::keep(control<K>(h4.robot, settings, path[i], read[i], plain));
-        }));
+    rows.push_back(bench::measure("H4 control cycle, TEJ, on a path", kPoses, kRepeats, [&](int i) {
+      if (i == 0) plain = {};
+      bench::keep(control<K>(h4.robot, settings, path[i], read[i], plain));
+    }));
     rows.push_back(bench::measure("H4 watch, on a path", kPoses, kRepeats, [&](int i) {
       if (i == 0) seen = {};
-      bench::keep(watch<K>(h4.robot, guarding.watch, prior.weighing(), motors_of<K>(read[i]),
-                           read[i], seen, believed));
+      bench::keep(monitor_faults<K>(h4.robot, guarding.watch, prior.weighing(),
+                                    motors_of<K>(read[i]), read[i], seen, believed));
     }));
-    rows.push_back(
-        bench::measure("H4 guarded cycle, TEJ, on a path", kPoses, kRepeats, [&](int i) {
-          if (i == 0) {
-            state = {};
-            guard = {};
-          }
-          bench::keep(guarded<K>(h4.robot, settings, guarding, path[i], read[i], state,
-                                 prior.weighing(), guard));
-        }));
+    rows.push_back(bench::measure("H4 guarded cycle, TEJ, on a path", kPoses, kRepeats, [&](int i) {
+      if (i == 0) {
+        state = {};
+        guard = {};
+      }
+      bench::keep(control_fault_tolerant<K>(h4.robot, settings, guarding, path[i], read[i], state,
+                                            prior.weighing(), guard));
+    }));
   }
 
   Robot rods = turned.robot;

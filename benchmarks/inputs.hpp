@@ -58,7 +58,6 @@ inline ControlSettings settings_for(const Robot& robot, Law law, FeedForward fee
 
 inline constexpr Law kLaws[]{Law::joint, Law::tej, Law::cartesian};
 inline constexpr Law kWeighing[]{Law::weighted, Law::estimated};
-inline constexpr const char* kLawNames[]{"joint", "tej", "cartesian", "weighted",
-                                         "estimated"};
+inline constexpr const char* kLawNames[]{"joint", "tej", "cartesian", "weighted", "estimated"};
 
 }  // namespace inputs

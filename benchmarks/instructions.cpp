@@ -11,8 +11,8 @@
 #include "bench.hpp"
 #include "inputs.hpp"
 #include "truepose/control/command.hpp"
-#include "truepose/control/guard.hpp"
-#include "truepose/estimation/learning.hpp"
+#include "truepose/control/fault_tolerant_control.hpp"
+#include "truepose/estimation/online_calibrator.hpp"
 #include "truepose/offline/plant.hpp"
 
 using namespace inputs;
@@ -50,8 +50,7 @@ COUNTED Status f_control_joint(const Robot& robot, const ControlSettings& settin
   return control<kH4>(robot, settings, setpoint, q_e, state).status;
 }
 COUNTED Status f_control_tej(const Robot& robot, const ControlSettings& settings,
-                                   const Setpoint& setpoint, const Extended& q_e,
-                                   ControlState& state) {
+                             const Setpoint& setpoint, const Extended& q_e, ControlState& state) {
   return control<kH4>(robot, settings, setpoint, q_e, state).status;
 }
 COUNTED Status f_control_cartesian(const Robot& robot, const ControlSettings& settings,
@@ -113,18 +112,21 @@ COUNTED Status f_estimate(const Robot& robot, const Knowledge& known, const Exte
                           Pose& pose, double* work) {
   return estimate<kH4>(robot, known, q_e, pose, work).outcome.status;
 }
-COUNTED Status f_learn(Learner& learner, const Extended& q_e) {
-  return learn<kH4>(learner, q_e).status;
+COUNTED Status f_learn(OnlineCalibrator& learner, const Extended& q_e) {
+  return calibrate_online<kH4>(learner, q_e).status;
 }
-COUNTED Status f_watch(const Robot& robot, const WatchSettings& settings, const Weighing& weighing,
-                       const Joint& desired, const Extended& q_e, Watch& seen, Extended& believed) {
-  return watch<kH4>(robot, settings, weighing, desired, q_e, seen, believed).status;
+COUNTED Status f_watch(const Robot& robot, const FaultMonitorSettings& settings,
+                       const Weighing& weighing, const Joint& desired, const Extended& q_e,
+                       FaultMonitor& seen, Extended& believed) {
+  return monitor_faults<kH4>(robot, settings, weighing, desired, q_e, seen, believed).status;
 }
 COUNTED Status f_guarded_tej(const Robot& robot, const ControlSettings& settings,
-                                   const GuardSettings& guarding, const Setpoint& setpoint,
-                                   const Extended& q_e, ControlState& state,
-                                   const Weighing& weighing, Guard& guard) {
-  return guarded<kH4>(robot, settings, guarding, setpoint, q_e, state, weighing, guard).status;
+                             const FaultTolerantSettings& guarding, const Setpoint& setpoint,
+                             const Extended& q_e, ControlState& state, const Weighing& weighing,
+                             FaultTolerantState& guard) {
+  return control_fault_tolerant<kH4>(robot, settings, guarding, setpoint, q_e, state, weighing,
+                                     guard)
+      .status;
 }
 COUNTED Status f_forward_dynamics(const Robot& robot, const Pose& pose, const Coordinates& rate,
                                   Coordinates& acceleration) {
@@ -240,7 +242,7 @@ void count_law(const Inputs<kH4>& h4, const Hostile& hostile, Call&& call) {
 /// A law whose weights are kept, on the path, then on hostile inputs.
 template <class Call>
 void count_kept(const Robot& robot, const Hostile& hostile, Weighing weighing, Call&& call) {
-  KeptWeights kept;
+  CachedGain kept;
   weighing.kept = &kept;
   ControlState state;
   Parasitic rest;
@@ -254,7 +256,7 @@ void count_kept(const Robot& robot, const Hostile& hostile, Weighing weighing, C
   }
   for (std::size_t k = 0; k < hostile.q_e.size(); ++k) {
     ControlState after = state;
-    KeptWeights then = kept;
+    CachedGain then = kept;
     weighing.kept = &then;
     call(false, hostile.setpoint[k], hostile.q_e[k], after, weighing);
   }
@@ -263,22 +265,21 @@ void count_kept(const Robot& robot, const Hostile& hostile, Weighing weighing, C
 /// What a watch costs where nothing is wrong: on the path, in counts, the rarer cycles with a look
 /// at the geometry among them.
 void count_watch(const Robot& robot, const ControlSettings& settings, const Weighing& weighing) {
-  GuardSettings guarding;
+  FaultTolerantSettings guarding;
   guarding.watch.fastest.fill(500);
   guarding.watch.moved.fill(2e-3);
   prepare(guarding.watch);
-  Watch seen;
-  Guard guard;
+  FaultMonitor seen;
+  FaultTolerantState guard;
   ControlState state;
   for (int k = 0; k < kCounted; ++k) {
     const Setpoint setpoint = along(robot, settings.period * k);
     Extended q_e{}, believed;
     if (!extended<kH4>(robot, to_pose<kH4>(setpoint.x), q_e)) std::printf("out of reach\n");
-    for (int c = 0; c < 5; ++c) q_e[c] = quantised(q_e[c], 3e-5);
+    for (int c = 0; c < 5; ++c) q_e[c] = quantized(q_e[c], 3e-5);
     const Joint desired = motors_of<kH4>(q_e);
     COUNT(true, f_watch, robot, guarding.watch, weighing, desired, q_e, seen, believed);
-    COUNT(true, f_guarded_tej, robot, settings, guarding, setpoint, q_e, state, weighing,
-          guard);
+    COUNT(true, f_guarded_tej, robot, settings, guarding, setpoint, q_e, state, weighing, guard);
   }
 }
 
@@ -342,7 +343,7 @@ void count_ankle() {
 /// Estimates and lines of the learner; hostile lines each after a usual one.
 void count_readings(const Inputs<kH4>& h4, const Hostile& hostile) {
   mechanisms::Prior prior(h4.robot), taught(h4.robot);
-  Learner learner = taught.learner(h4.robot);
+  OnlineCalibrator learner = taught.learner(h4.robot);
   for (int i = 0; i < kCounted; ++i) {
     Pose pose = to_pose<kH4>(h4.x[i]);
     COUNT(true, f_estimate, h4.robot, prior.known(), h4.q_e[i], pose, prior.weighing().work);
@@ -352,8 +353,9 @@ void count_readings(const Inputs<kH4>& h4, const Hostile& hostile) {
     Pose pose = to_pose<kH4>(hostile.guess[k]);
     COUNT(false, f_estimate, h4.robot, prior.known(), hostile.q_e[k], pose, prior.weighing().work);
     mechanisms::Prior once(h4.robot);
-    Learner pupil = once.learner(h4.robot);
-    if (!learn<kH4>(pupil, h4.q_e[k % kCounted])) std::printf("a usual line is not learnt\n");
+    OnlineCalibrator pupil = once.learner(h4.robot);
+    if (!calibrate_online<kH4>(pupil, h4.q_e[k % kCounted]))
+      std::printf("a usual line is not learnt\n");
     COUNT(false, f_learn, pupil, hostile.q_e[k]);
   }
 }

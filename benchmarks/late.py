@@ -29,7 +29,9 @@ WAYS = ("with", "without", "prompt", "as if now")
 def timed(robot: tp.Robot, period: float = PERIOD, age: float = AGE) -> tp.Robot:
     """Return the robot, its sensors in use slow and late."""
     sensors = tuple(
-        s.model_copy(update={"period": period, "age": age}) if s.name in robot.sensors else s
+        s.model_copy(update={"sample_period": period, "latency": age})
+        if s.name in robot.sensors
+        else s
         for s in robot.spec.sensor
     )
     values = {name: p.value for name, p in robot.parameters.items()}

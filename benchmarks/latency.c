@@ -16,10 +16,10 @@ enum { PERIOD = 1000000, MOST = 3600000 }; /* ns; cycles */
 
 static truepose_model model, finest;
 static truepose_controller controller;
-static truepose_guard guard;
+static truepose_fault_monitor guard;
 static truepose_real work[8000], q_e[TRUEPOSE_READINGS], torque[TRUEPOSE_FREEDOMS];
 static truepose_setpoint setpoint;
-static truepose_report report;
+static truepose_fault_report report;
 static int32_t late[MOST], took[MOST];
 
 static int64_t since(const struct timespec* from) {
@@ -51,8 +51,8 @@ int main(int arguments, char** argument) {
   if (truepose_load(&model, sizeof model, &h4).status ||
       truepose_load(&finest, sizeof finest, &h4_finest).status ||
       truepose_readings(&finest, h4.home, q_e).status ||
-      truepose_begin_control(&controller, sizeof controller, &h4_control).status ||
-      truepose_begin_guard(&guard, sizeof guard, &h4_watch).status ||
+      truepose_controller_init(&controller, sizeof controller, &h4_control).status ||
+      truepose_fault_monitor_init(&guard, sizeof guard, &h4_fault_monitor).status ||
       truepose_work(&finest, h4_knowledge.count) > sizeof work / sizeof *work)
     return 1;
   clock_gettime(CLOCK_MONOTONIC, &next);
@@ -63,8 +63,8 @@ int main(int arguments, char** argument) {
     clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &next, NULL);
     late[k] = (int32_t)since(&next);
     clock_gettime(CLOCK_MONOTONIC, &woken);
-    if (truepose_guarded(&model, &finest, &controller, &guard, &setpoint, q_e, &h4_knowledge, work,
-                         torque, &report)
+    if (truepose_control_fault_tolerant(&model, &finest, &controller, &guard, &setpoint, q_e,
+                                        &h4_knowledge, work, torque, &report)
             .status)
       return 1;
     took[k] = (int32_t)since(&woken);

@@ -11,12 +11,12 @@ enum { STACK = 1 << 20, PAINT = 0xa5 };
 static _Alignas(4096) unsigned char stack[STACK];
 static truepose_model model, finest;
 static truepose_controller controller;
-static truepose_guard guard;
-static truepose_learner learner;
+static truepose_fault_monitor guard;
+static truepose_online_calibrator learner;
 static truepose_real work[8000], memory[40000], x[6], q[6], q_e[16], e[6], J[36], tej[96],
     serial[6];
 static truepose_setpoint setpoint;
-static truepose_report report;
+static truepose_fault_report report;
 static truepose_outcome last;
 
 static void nothing(void) {}
@@ -44,10 +44,10 @@ static void estimated(void) {
     last = truepose_control(&finest, &controller, &setpoint, q_e, &h4_knowledge, work, e);
 }
 static void guarded(void) {
-  last = truepose_guarded(&finest, NULL, &controller, &guard, &setpoint, q_e, &h4_knowledge, work,
-                          e, &report);
+  last = truepose_control_fault_tolerant(&finest, NULL, &controller, &guard, &setpoint, q_e,
+                                         &h4_knowledge, work, e, &report);
 }
-static void learn(void) { last = truepose_learn(&learner, q_e); }
+static void learn(void) { last = truepose_online_calibrator_step(&learner, q_e); }
 
 static const struct {
   const char* name;
@@ -92,11 +92,11 @@ int main(void) {
   memcpy(x, h4.home, sizeof x);
   memcpy(setpoint.x, h4.home, sizeof x);
   if (truepose_load(&model, sizeof model, &h4).status || (load(), last.status) ||
-      truepose_begin_control(&controller, sizeof controller, &h4_control).status ||
-      truepose_begin_guard(&guard, sizeof guard, &h4_watch).status ||
+      truepose_controller_init(&controller, sizeof controller, &h4_control).status ||
+      truepose_fault_monitor_init(&guard, sizeof guard, &h4_fault_monitor).status ||
       truepose_work(&finest, h4_knowledge.count) > sizeof work / sizeof *work ||
-      truepose_begin_learner(&learner, sizeof learner, &finest, &h4_knowledge, memory,
-                             sizeof memory / sizeof *memory)
+      truepose_online_calibrator_init(&learner, sizeof learner, &finest, &h4_knowledge, memory,
+                                      sizeof memory / sizeof *memory)
           .status)
     return 1;
   puts("| entry | stack, kB |\n|---|---|");

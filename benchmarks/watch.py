@@ -111,7 +111,7 @@ def normal(robot: tp.Robot) -> tp.Robot:
         sensor.model_copy(update={"noise": sigma.get(sensor.name, sensor.noise)})
         for sensor in spec.sensor
     ]
-    changes = {"chain": tuple(chains), "sensor": tuple(sensors), "quantised": False}
+    changes = {"chain": tuple(chains), "sensor": tuple(sensors), "quantized": False}
     values = {name: p.value for name, p in robot.parameters.items()}
     return tp.Robot(spec.model_copy(update=changes), values)
 

@@ -11,12 +11,12 @@ text = """name = "my-delta"
 mobility = "translation"
 home = [0.0, 0.0, -0.45]
 pattern = { repeat = 3, about = "z" }  # the chain below, three times
-every_chain = { actuator = "revolute", arm = 0.2, rod = 0.45 }  # m
+chain_defaults = { actuator = "revolute", arm = 0.2, rod = 0.45 }  # m
 
 [[chain]]
 base = [0.15, 0.0, 0.0]  # a point of the motor's axis
 axis = [0.0, 1.0, 0.0]   # u, of the motor
-zero = [1.0, 0.0, 0.0]   # e, the arm's direction at q = 0
+arm_zero = [1.0, 0.0, 0.0]   # e, the arm's direction at q = 0
 anchor = [0.05, 0.0, 0.0]
 """
 

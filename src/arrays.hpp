@@ -76,7 +76,7 @@ void bind_simulation(nb::module_& module);
 void bind_batch(nb::module_& module);
 void bind_calibration(nb::module_& module);
 void bind_plant(nb::module_& module);
-void bind_watch(nb::module_& module);
+void bind_fault_monitor(nb::module_& module);
 void bind_c(nb::module_& module);
 
 }  // namespace truepose::python

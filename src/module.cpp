@@ -288,6 +288,6 @@ NB_MODULE(_core, m) {
   python::bind_batch(m);
   python::bind_calibration(m);
   python::bind_plant(m);
-  python::bind_watch(m);
+  python::bind_fault_monitor(m);
   python::bind_c(m);
 }

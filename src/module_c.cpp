@@ -7,7 +7,7 @@
 
 #include "arrays.hpp"
 #include "c/description.hpp"
-#include "guarding.hpp"
+#include "fault_tolerant_setup.hpp"
 
 namespace truepose::python {
 namespace {
@@ -81,8 +81,8 @@ nb::tuple control_settings(const ControlSettings& settings) {
                         listed.rows);
 }
 
-nb::tuple watch_settings(const Guarding& guarding) {
-  truepose_watch_settings of;
+nb::tuple watch_settings(const FaultTolerantSetup& guarding) {
+  truepose_fault_monitor_settings of;
   c::describe(guarding.settings, of);
   Listed listed;
   c::watch_fields(of, guarding.settings.watch, guarding.settings, listed);
@@ -115,7 +115,9 @@ void bind_c(nb::module_& m) {
   m.def("c_description_bytes", &image_of<truepose_description, Robot>, "robot"_a);
   m.def(
       "c_watch_bytes",
-      [](const Guarding& of) { return image_of<truepose_watch_settings>(of.settings); },
+      [](const FaultTolerantSetup& of) {
+        return image_of<truepose_fault_monitor_settings>(of.settings);
+      },
       "guarding"_a);
 }
 

@@ -8,7 +8,7 @@
 #include "arrays.hpp"
 #include "for_rows.hpp"
 #include "known.hpp"
-#include "online.hpp"
+#include "online_calibration.hpp"
 #include "truepose/kernels.hpp"
 #include "truepose/offline/bound.hpp"
 #include "truepose/offline/calibrate.hpp"
@@ -295,7 +295,7 @@ auto batch_observe(Online& online, const Rows& q_e, const Row& linearised) {
   Outcomes outcomes(count);
   const Kernels model = kernels(drawn.mobility, online.full());
   Lesson lesson(online, drawn);
-  Learner& learner = lesson.learner;
+  OnlineCalibrator& learner = lesson.learner;
   const std::vector<double> about(linearised.data(), linearised.data() + linearised.shape(0));
   if (!about.empty()) learner.settings.linearised = about.data();
   for_rows_in_order(count, [&](std::size_t i) {

@@ -12,7 +12,7 @@
 #include "arrays.hpp"
 #include "for_rows.hpp"
 #include "known.hpp"
-#include "late.hpp"
+#include "multirate.hpp"
 #include "truepose/kernels.hpp"
 #include "truepose/offline/statics.hpp"
 
@@ -135,7 +135,7 @@ void bind_control(nb::module_& m) {
              Extended q_e, const Known* known, Slow* slow) {
             const Weights weights(robot, known);
             const Weighing weighing =
-                slow ? slow->bring_up(robot, weights.view(), q_e) : weights.view();
+                slow ? slow->compensate_latency(robot, weights.view(), q_e) : weights.view();
             const Outcome outcome =
                 control(robot, settings, {x, rate, acceleration}, q_e, state, weighing);
             return std::pair(static_cast<int>(outcome.status), outcome.chain);

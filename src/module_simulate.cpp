@@ -11,11 +11,11 @@
 #include <vector>
 
 #include "arrays.hpp"
+#include "fault_tolerant_setup.hpp"
 #include "for_rows.hpp"
-#include "guarding.hpp"
 #include "known.hpp"
-#include "late.hpp"
-#include "online.hpp"
+#include "multirate.hpp"
+#include "online_calibration.hpp"
 #include "truepose/kernels.hpp"
 #include "truepose/offline/simulate.hpp"
 
@@ -40,8 +40,8 @@ auto batch_spoil(const Robot& robot, const Rows& exact, std::uint64_t seed) {
 class LoopExtras {
  public:
   LoopExtras(const Robot& nominal, const Known* known, const Effects& effects, Online* online,
-             const std::vector<Fault>& faults, const Guarding* guarding, const Lateness& late,
-             double period)
+             const std::vector<Fault>& faults, const FaultTolerantSetup* guarding,
+             const Lateness& late, double period)
       : weights_(nominal, known),
         online_(online),
         lying_(faults, period),
@@ -78,8 +78,8 @@ class LoopExtras {
   Online* online_;
   FaultyReadings lying_;
   Weights watching_;
-  GuardSettings guarding_;
-  Learner learner_;
+  FaultTolerantSettings guarding_;
+  OnlineCalibrator learner_;
   Knowledge knowledge_;
   std::vector<double> work_;
 };
@@ -108,9 +108,9 @@ OwnLaw own_law(const Robot& robot, const OwnTorque& torque_of) {
 template <class Run>
 auto logged(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
             const Known* known, const Effects& effects, Online* online,
-            const std::vector<Fault>& faults, const Guarding* guarding, const Lateness& late,
-            const OwnTorque& torque_of, const Coordinates& start, std::uint64_t seed,
-            std::size_t periods, Run&& run) {
+            const std::vector<Fault>& faults, const FaultTolerantSetup* guarding,
+            const Lateness& late, const OwnTorque& torque_of, const Coordinates& start,
+            std::uint64_t seed, std::size_t periods, Run&& run) {
   const std::size_t n = dof(nominal.mobility), e = n + nominal.r;
   std::vector<Sample> log;
   Outcome outcome;
@@ -158,7 +158,7 @@ auto logged(const Robot& nominal, const Robot& truth, const ControlSettings& set
 
 auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
                     const Known* known, const Effects& effects, Online* online,
-                    const std::vector<Fault>& faults, const Guarding* guarding,
+                    const std::vector<Fault>& faults, const FaultTolerantSetup* guarding,
                     const Lateness& late, const Coordinates& from, const Coordinates& to,
                     double duration, double hold, int steps, const Coordinates& start,
                     std::uint64_t seed, const OwnTorque& torque_of) {
@@ -173,9 +173,9 @@ auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSetti
 /// robot slows down, what lies between.
 auto run_path(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
               const Known* known, const Effects& effects, Online* online,
-              const std::vector<Fault>& faults, const Guarding* guarding, const Lateness& late,
-              const Rows& x, const Rows& rate, const Rows& acceleration, int steps,
-              const Coordinates& start, std::uint64_t seed, const OwnTorque& torque_of) {
+              const std::vector<Fault>& faults, const FaultTolerantSetup* guarding,
+              const Lateness& late, const Rows& x, const Rows& rate, const Rows& acceleration,
+              int steps, const Coordinates& start, std::uint64_t seed, const OwnTorque& torque_of) {
   const std::size_t periods = x.shape(0) - 1;
   const auto at = [&](std::size_t k) {
     return Setpoint{row<Coordinates>(x, k), row<Coordinates>(rate, k),
@@ -209,9 +209,9 @@ bool at_limit(const Chain& chain, double torque) {
 /// failure the robot is put at the next.
 auto run_visit(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
                const Known* known, const Effects& effects, Online* online,
-               const std::vector<Fault>& faults, const Guarding* guarding, const Lateness& late,
-               const Rows& x_d, double duration, double hold, int steps, const Coordinates& start,
-               std::uint64_t seed) {
+               const std::vector<Fault>& faults, const FaultTolerantSetup* guarding,
+               const Lateness& late, const Rows& x_d, double duration, double hold, int steps,
+               const Coordinates& start, std::uint64_t seed) {
   const std::size_t count = x_d.shape(0), n = x_d.shape(1), e = n + nominal.r;
   Owned<double> x({count, n}), q_e({count, e}), swing({count});
   Owned<int> saturated({count}), unanswered({count}), reason({count});
@@ -282,11 +282,11 @@ auto faulty(FaultyReadings& faults, const std::vector<double>& time, const Rows&
 
 void bind_late(nb::module_& m) {
   using namespace nb::literals;
-  nb::class_<LateSettings>(m, "LateSettings")
+  nb::class_<MultirateSettings>(m, "MultirateSettings")
       .def(nb::init<>())
-      .def_rw("every", &LateSettings::every)
-      .def_rw("age", &LateSettings::age)
-      .def_rw("stray", &LateSettings::stray);
+      .def_rw("every", &MultirateSettings::every)
+      .def_rw("age", &MultirateSettings::age)
+      .def_rw("sensitivity", &MultirateSettings::sensitivity);
   nb::class_<Slow>(m, "Slow")
       .def(nb::init<const Lateness&>())
       .def("deliver", &Slow::deliver, "motors"_a, "q_e"_a);

@@ -368,12 +368,12 @@ def main() -> int:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--poses", type=int, default=30, help="of Table 2")
-    parser.add_argument("--unquantised", action="store_true", help="encoders without counts")
+    parser.add_argument("--unquantized", action="store_true", help="encoders without counts")
     asked = parser.parse_args()
     if shutil.which("linuxcnc") is None:
         print("linuxcnc: SKIPPED, LinuxCNC is not installed (Debian: linuxcnc-uspace)")
         return 0
-    results = trial(asked.poses, not asked.unquantised)
+    results = trial(asked.poses, not asked.unquantized)
     rows = {
         "s under the law, without a fault": ("lasted", ".0f"),
         f"θ, mean of {asked.poses} poses of Table 2, °": ("theta", ".3f"),

@@ -86,7 +86,7 @@ def unknowns(robot: Robot) -> list[Unknown]:
         name, directions = f"chain{i + 1}", paper_directions(robot, i)
         for error, moves in directions.items():
             found.append(Unknown(f"{name}.{error}", moves, 0.0, ranges[error]))
-        for point, along in (("base", chain.zero), ("anchor", chain.anchor)):
+        for point, along in (("base", chain.arm_zero), ("anchor", chain.anchor)):
             beside = np.linalg.svd(np.array(along, dtype=float)[None])[2][1:]
             for k, direction in enumerate(beside):
                 moves = {f"{name}.{point}.{c}": float(direction[j]) for j, c in enumerate("xyz")}
@@ -119,7 +119,7 @@ def twin_of(robot: Robot, u: Array, seed: int) -> Twin:
         others[unknown.name] = unknown.value(float(at))
         for parameter, share in unknown.moves.items():
             values[parameter] += share * others[unknown.name]
-    standard, effects = Setup.facing(robot), Effects().only("backlash", "quantisation")
+    standard, effects = Setup.facing(robot), Effects().only("backlash", "quantization")
     apart = math.exp(others["vision.leds"])
     leds = tuple((apart * x, apart * y, z) for x, y, z in standard.leds)
     registration = [others[f"registration.{c}"] for c in ("rx", "ry", "rz", "x", "y", "z")]

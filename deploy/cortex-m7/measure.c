@@ -17,9 +17,9 @@ enum { CYCLES = 100, WORK = 4000, MEMORY = 16000, COUNTED = 1000000 };
 
 static truepose_model model;
 static truepose_controller controller;
-static truepose_guard guard;
-static truepose_learner learner;
-static truepose_report report;
+static truepose_fault_monitor guard;
+static truepose_online_calibrator learner;
+static truepose_fault_report report;
 static truepose_real work[WORK], memory[MEMORY], out[6 * 16];
 static truepose_setpoint setpoint;
 static truepose_real q[6], q_e[16], near[6];
@@ -61,11 +61,11 @@ static int32_t control(void) {
   return truepose_control(&model, &controller, &setpoint, q_e, &ITS(knowledge), work, out).status;
 }
 static int32_t guarded(void) {
-  return truepose_guarded(&model, 0, &controller, &guard, &setpoint, q_e, &ITS(knowledge), work,
-                          out, &report)
+  return truepose_control_fault_tolerant(&model, 0, &controller, &guard, &setpoint, q_e,
+                                         &ITS(knowledge), work, out, &report)
       .status;
 }
-static int32_t learn(void) { return truepose_learn(&learner, q_e).status; }
+static int32_t learn(void) { return truepose_online_calibrator_step(&learner, q_e).status; }
 
 typedef struct entry {
   const char* name;
@@ -111,9 +111,10 @@ static int start(const entry* asked) {
   settings.gains = asked->gains;
   at_cycle(0);
   at_cycle(0);
-  return truepose_begin_control(&controller, sizeof controller, &settings).status == 0 &&
-         truepose_begin_guard(&guard, sizeof guard, &ITS(watch)).status == 0 &&
-         truepose_begin_learner(&learner, sizeof learner, &model, &ITS(knowledge), memory, MEMORY)
+  return truepose_controller_init(&controller, sizeof controller, &settings).status == 0 &&
+         truepose_fault_monitor_init(&guard, sizeof guard, &ITS(watch)).status == 0 &&
+         truepose_online_calibrator_init(&learner, sizeof learner, &model, &ITS(knowledge), memory,
+                                         MEMORY)
                  .status == 0;
 }
 

@@ -31,7 +31,8 @@ static inline int wrong(const char* what, const char* value, const char* why) {
 }
 /** The same of what the library says. @return 0: it has nothing against it */
 static inline int refused(const char* what, const char* value, truepose_outcome outcome) {
-  return outcome.status > TRUEPOSE_OK ? wrong(what, value, truepose_describe(outcome.status)) : 0;
+  return outcome.status > TRUEPOSE_OK ? wrong(what, value, truepose_status_text(outcome.status))
+                                      : 0;
 }
 
 /** The table and the unit that the component was given. @return 0, or -1 where one is none */

@@ -124,7 +124,7 @@ truepose_real truepose_reading_scale(const truepose_description* robot, int read
   if (reading >= robot->motors) {
     const truepose_sensor* sensor = &robot->sensor[reading - robot->motors];
     switch (sensor->kind) {
-      case TRUEPOSE_TELEMETER:
+      case TRUEPOSE_PLANE_DISTANCE:
       case TRUEPOSE_COORDINATE:
       case TRUEPOSE_DISTANCE:
       case TRUEPOSE_ROD_LENGTH: return unit;

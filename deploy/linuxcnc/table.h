@@ -13,7 +13,7 @@ enum { TRUEPOSE_TABLE_PARAMETERS = 256 }; /**< uncertain ones, at most */
 typedef struct truepose_table {
   truepose_description robot;
   truepose_description finest; /**< for laws that weigh, and for the watch */
-  truepose_watch_settings watch;
+  truepose_fault_monitor_settings watch;
   truepose_knowledge known; /**< count 0: no sensors, or nothing that is uncertain */
   int32_t column[TRUEPOSE_TABLE_PARAMETERS];
   truepose_real root[TRUEPOSE_TABLE_PARAMETERS * TRUEPOSE_TABLE_PARAMETERS];

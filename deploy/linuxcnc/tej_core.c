@@ -66,12 +66,12 @@ static void watched(truepose_corrector* tej, const truepose_corrector_input* inp
   truepose_real believed[TRUEPOSE_READINGS];
   truepose_outcome outcome = {TRUEPOSE_OK, -1};
   if (!tej->guarding) {
-    outcome = truepose_begin_guard(&tej->guard, sizeof tej->guard, &tej->table.watch);
+    outcome = truepose_fault_monitor_init(&tej->guard, sizeof tej->guard, &tej->table.watch);
     tej->guarding = outcome.status <= TRUEPOSE_OK;
   }
   if (tej->guarding)
-    outcome = truepose_watch(&tej->pupil.drawn, &tej->guard, input->q_d, q_e, &tej->table.known,
-                             tej->work, believed, &tej->report);
+    outcome = truepose_fault_monitor_step(&tej->pupil.drawn, &tej->guard, input->q_d, q_e,
+                                          &tej->table.known, tej->work, believed, &tej->report);
   if (outcome.status != TRUEPOSE_OK) tej->outcome = outcome;
   if (outcome.status > TRUEPOSE_OK) return; /* it has no opinion: the readings as they are */
   if (!not_finite(believed, tej->motors + tej->sensors)) memcpy(q_e, believed, sizeof believed);
@@ -107,11 +107,11 @@ static truepose_outcome error_of(truepose_corrector* tej, const truepose_correct
   truepose_outcome outcome = {TRUEPOSE_OK, -1};
   if (tej->begun != input->law + 1 || tej->band != input->band) {
     truepose_control_settings settings;
-    truepose_default_control(&settings);
+    truepose_control_defaults(&settings);
     settings.law = input->law;
     settings.damped_below = input->band;
     settings.period = tej->period;
-    outcome = truepose_begin_control(&tej->controller, sizeof tej->controller, &settings);
+    outcome = truepose_controller_init(&tej->controller, sizeof tej->controller, &settings);
     tej->begun = outcome.status <= TRUEPOSE_OK ? input->law + 1 : 0;
     tej->band = input->band;
   }

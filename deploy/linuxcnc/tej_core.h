@@ -11,7 +11,7 @@
 #ifndef TRUEPOSE_LINUXCNC_TEJ_CORE_H
 #define TRUEPOSE_LINUXCNC_TEJ_CORE_H
 
-#include "learn_core.h"
+#include "online_core.h"
 
 /** Why the law is not the one asked for. */
 typedef enum truepose_corrector_fault {
@@ -53,7 +53,7 @@ typedef struct truepose_corrector {
   truepose_pupil pupil;
   int32_t learnt;             /**< what laws believe in: 0 the table's robot, 1 what was learnt */
   truepose_knowledge weighed; /**< of that, and of the readings that are believed */
-  truepose_guard guard;
+  truepose_fault_monitor guard;
   truepose_controller controller; /**< of the law and the band below */
   int32_t begun;
   truepose_real band;
@@ -81,7 +81,7 @@ typedef struct truepose_corrector {
   int32_t symptom[TRUEPOSE_READINGS]; /**< of readings that failed; stays until reset */
   truepose_real chi2;                 /**< of the readings when they were tested last */
   truepose_real pose[6];              /**< estimated by the law in effect; while off, as held */
-  truepose_report report;
+  truepose_fault_report report;
 } truepose_corrector;
 
 /** @param tej        its table read

@@ -127,7 +127,7 @@ static void say(int forward) {
     for (int k = 0; k < TRUEPOSE_KINS_AXES; ++k) *says->refused_at[k] = kins.refused[k];
     if (told.status != kins.refusal.status || told.part != kins.refusal.part || since > AGAIN)
       rtapi_print_msg(RTAPI_MSG_ERR, "truepose_kins: %s refused: %s (chain %d)\n",
-                      forward ? "joints" : "a pose", truepose_describe(kins.refusal.status),
+                      forward ? "joints" : "a pose", truepose_status_text(kins.refusal.status),
                       kins.refusal.part);
     told = kins.refusal;
     since = 0;

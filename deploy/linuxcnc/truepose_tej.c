@@ -95,7 +95,7 @@ static void tell(const truepose_corrector_input* in, int32_t index_known) {
   told = tej.fault;
   if (told != 0)
     rtapi_print_msg(RTAPI_MSG_ERR, "truepose_tej: fault %d: %s (%s%s)\n", told, why[told],
-                    truepose_describe(tej.reason.status),
+                    truepose_status_text(tej.reason.status),
                     name_of(tej.reason.part, name, sizeof name));
 }
 

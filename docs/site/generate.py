@@ -33,7 +33,7 @@ def robot_file() -> str:
     top = schema | {"properties": dict(schema["properties"])}
     for key, what in reading.SHORTHAND.items():
         top["properties"][key] = {"description": what, "default": None, "type": "string"}
-    top["properties"]["every_chain"]["type"] = "object"
+    top["properties"]["chain_defaults"]["type"] = "object"
     kinds = {model.__name__: tables[model.__name__] for model in sensors.SENSORS.values()}
     text = "\n".join(_table("Top level", "top-level", top, tables))
     for name, table in tables.items():
@@ -65,11 +65,11 @@ def _sensors(kinds: dict[str, dict], tables: dict) -> str:
 def _titles(name: str) -> tuple[str, str]:
     """Heading and anchor of a table, by where the file has it."""
     places = {
-        "Chain": "`[[chain]]`, `[every_chain]`",
+        "Chain": "`[[chain]]`, `[chain_defaults]`",
         "Bar": "`[[bar]]`",
-        "Workspace": "`[workspace]`, `[singularity_free]`",
+        "Workspace": "`[workspace]`, `[fkm_region]`",
         "Tolerance": "`[tolerances]`: of each parameter",
-        "Finer": "`finer`: levels of a tolerance",
+        "PriceStep": "`price_steps`: levels of a tolerance",
     }
     return places.get(name, f"`[{name.lower()}]`"), name.lower()
 

@@ -11,7 +11,7 @@ static truepose_model model, machine; /* no heap: all memory is the program's ow
 
 static int fails(const char* what, truepose_outcome outcome) {
   if (outcome.status > TRUEPOSE_OK)
-    printf("%s: %s, part %d\n", what, truepose_describe(outcome.status), (int)outcome.part);
+    printf("%s: %s, part %d\n", what, truepose_status_text(outcome.status), (int)outcome.part);
   return outcome.status > TRUEPOSE_OK;
 }
 

@@ -43,7 +43,7 @@ struct Memory {
 
   std::vector<int> column;
   std::vector<double> sigmas, xi, root, kept, work;
-  Learner learner;
+  OnlineCalibrator learner;
   Outcome started;  ///< refused where the robot is not finished
 };
 
@@ -75,7 +75,7 @@ int main() {
 
   Memory memory(drawn);
   if (!memory.started) return 1;
-  Learner& learner = memory.learner;
+  OnlineCalibrator& learner = memory.learner;
   const Coordinates target{0.08, -0.06, -0.38, 0.3};
   std::printf("drawn:   %.3f mm from the target\n", apart(drawn, machine, target));
   Random random(1);
@@ -88,7 +88,7 @@ int main() {
     if (!ikm(learner.robot, sent, q) || !fkm(machine, q, x)) return 1;
     Extended q_e{};
     if (!measure<kH4>(machine, to_pose<kH4>(x), random, q_e)) return 1;
-    const Outcome outcome = learn<kH4>(learner, q_e);  // no allocation, bounded work
+    const Outcome outcome = calibrate_online<kH4>(learner, q_e);  // no allocation, bounded work
     if (!outcome || outcome.status == Status::stopped)
       std::printf("cycle %d: %s\n", cycle, describe(outcome.status));
   }

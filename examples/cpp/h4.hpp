@@ -51,7 +51,7 @@ inline truepose::Outcome make_h4(truepose::Robot& robot) {
   }
 
   robot.r = 1;  // θ, on the tool axis, which turns four times as far as the nacelle
-  robot.sensor[0].kind = SensorKind::nacelle_angle;
+  robot.sensor[0].kind = SensorKind::platform_angle;
   robot.sensor[0].step = count / 4;
   robot.sensor[0].eccentricity.gear = 4;
 

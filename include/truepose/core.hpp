@@ -10,7 +10,7 @@
 ///   ..._full of every rod by itself; truepose::command, which refuses another assembly mode
 /// - truepose::estimate: the pose that all readings together say, with its covariance
 /// - truepose::control: one cycle of a controller; truepose::learn: one line of self-calibration
-/// - truepose::bring_up: what slow and late sensors would read now
+/// - truepose::compensate_latency: what slow and late sensors would read now
 /// - truepose::watch: whether any reading lies; truepose::guarded: a controller that goes on
 /// without
 /// - truepose::set_parameters: another geometry ξ of the same robot
@@ -19,10 +19,10 @@
 #pragma once
 
 #include "truepose/control/command.hpp"
-#include "truepose/control/guard.hpp"
+#include "truepose/control/fault_tolerant_control.hpp"
 #include "truepose/control/joints.hpp"
 #include "truepose/estimation/estimate.hpp"
-#include "truepose/estimation/learning.hpp"
+#include "truepose/estimation/online_calibrator.hpp"
 #include "truepose/full/linearise.hpp"
 #include "truepose/kinematics/fkm.hpp"
 #include "truepose/model/geometry.hpp"

@@ -5,9 +5,9 @@
 
 #include "truepose/control/command.hpp"
 #include "truepose/control/control.hpp"
-#include "truepose/control/watch.hpp"
+#include "truepose/control/fault_monitor.hpp"
 #include "truepose/estimation/estimate.hpp"
-#include "truepose/estimation/learning.hpp"
+#include "truepose/estimation/online_calibrator.hpp"
 #include "truepose/full/linearise.hpp"
 
 /// Of one mobility. Inverse model, Jacobian, TEJ and dynamics are not among them: they are short,
@@ -28,9 +28,10 @@
                                          Joint&, Pose&, const Weighing&, const Parasitic&);       \
   PREFIX template Outcome control<K>(const Robot&, const ControlSettings&, const Setpoint&,       \
                                      const Extended&, ControlState&, const Weighing&);            \
-  PREFIX template Outcome learn<K>(Learner&, const Extended&);                                    \
-  PREFIX template Outcome watch<K>(const Robot&, const WatchSettings&, const Weighing&,           \
-                                   const Joint&, const Extended&, Watch&, Extended&, Late*);      \
+  PREFIX template Outcome calibrate_online<K>(OnlineCalibrator&, const Extended&);                \
+  PREFIX template Outcome monitor_faults<K>(const Robot&, const FaultMonitorSettings&,            \
+                                            const Weighing&, const Joint&, const Extended&,       \
+                                            FaultMonitor&, Extended&, Multirate*);                \
   TRUEPOSE_KERNELS_OF_LEVEL(PREFIX, K, IdealModel)
 
 #define TRUEPOSE_KERNELS_OF_LEVEL(PREFIX, K, MODEL)                                               \

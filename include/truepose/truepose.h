@@ -85,7 +85,7 @@ typedef struct truepose_outcome {
 } truepose_outcome;
 
 /** In English, a constant. */
-TRUEPOSE_API const char* truepose_describe(int32_t status);
+TRUEPOSE_API const char* truepose_status_text(int32_t status);
 /** TRUEPOSE_ABI of the library that is linked. */
 TRUEPOSE_API int32_t truepose_abi(void);
 
@@ -111,8 +111,8 @@ typedef enum truepose_actuator {
 } truepose_actuator;
 
 typedef enum truepose_sensor_kind {
-  TRUEPOSE_NACELLE_ANGLE = 0,
-  TRUEPOSE_TELEMETER = 1,
+  TRUEPOSE_PLATFORM_ANGLE = 0,
+  TRUEPOSE_PLANE_DISTANCE = 1,
   TRUEPOSE_COORDINATE = 2,
   TRUEPOSE_DISTANCE = 3,
   TRUEPOSE_INCLINOMETER = 4,
@@ -145,7 +145,7 @@ typedef struct truepose_chain {
   truepose_real encoder_buildup;    /**< slides and legs: q is v + buildup v^2, 1/m */
   truepose_real gear;               /**< turns of the encoder's shaft per turn of the motor */
   truepose_real eccentricity[4];    /**< of its disc: cos, sin, and of twice the angle, rad */
-  truepose_real encoder_step;       /**< one count, rad or m; 0: unquantised */
+  truepose_real encoder_step;       /**< one count, rad or m; 0: unquantized */
   truepose_real encoder_noise;      /**< sigma, rad or m */
   truepose_real low, high;          /**< stops, rad or m, without the offset; may be infinite */
   truepose_real torque_limit;       /**< N·m or N; 0: none */
@@ -165,7 +165,7 @@ typedef struct truepose_sensor {
   int32_t axis;       /**< axis_angle: which passive axis (from 0); others 0 */
   truepose_real gain, offset;
   truepose_real gear, eccentricity[4]; /**< of its encoder */
-  truepose_real step, noise;           /**< one count (0: unquantised), sigma */
+  truepose_real step, noise;           /**< one count (0: unquantized), sigma */
   truepose_real weight;                /**< of its row in the TEJ; the paper's is 1 */
   truepose_real origin[3], direction[3], target[3], normal[3];
 } truepose_sensor;
@@ -409,7 +409,7 @@ TRUEPOSE_API truepose_estimate_result truepose_estimate(const truepose_model* mo
 
 typedef enum truepose_law {
   TRUEPOSE_LAW_JOINT = 0,     /**< the paper's Figure 1: motors alone */
-  TRUEPOSE_LAW_TEJ = 1, /**< Figure 2: all readings by the TEJ */
+  TRUEPOSE_LAW_TEJ = 1,       /**< Figure 2: all readings by the TEJ */
   TRUEPOSE_LAW_CARTESIAN = 2, /**< the pose of the redundant forward model: theta from its sensor
                                  where that is the only one, else least squares of all readings */
   TRUEPOSE_LAW_WEIGHTED = 3,  /**< as tej, weighed by what is known */
@@ -480,7 +480,7 @@ TRUEPOSE_API truepose_outcome truepose_motor_command(const truepose_model* model
                                                      const truepose_axis_command* joint_command,
                                                      truepose_axis_command* motor_command);
 
-/** Constant while a controller runs. Start from truepose_default_control(). */
+/** Constant while a controller runs. Start from truepose_control_defaults(). */
 typedef struct truepose_control_settings {
   int32_t law;          /**< a truepose_law */
   int32_t gains;        /**< 0: torques per motor; 1: accelerations, shaped by the joint inertia */
@@ -494,7 +494,7 @@ typedef struct truepose_control_settings {
 } truepose_control_settings;
 
 /** 1 kHz, joint law, full feed-forward, gains 0. */
-TRUEPOSE_API void truepose_default_control(truepose_control_settings* settings);
+TRUEPOSE_API void truepose_control_defaults(truepose_control_settings* settings);
 /** PD gains that give every motor this natural frequency (rad/s) and damping ratio at x. */
 TRUEPOSE_API truepose_outcome truepose_place_poles(const truepose_model* model,
                                                    const truepose_real x[TRUEPOSE_FREEDOMS],
@@ -515,8 +515,8 @@ TRUEPOSE_API size_t truepose_controller_size(void);
 
 /** Switches a controller on, or on again. @return NO_SUCH_PART of law, gains or feed-forward,
  * NO_SUCH_VALUE (a period or bandwidth that is not positive), NOT_FINITE, TOO_SMALL */
-TRUEPOSE_API truepose_outcome truepose_begin_control(truepose_controller* controller, size_t size,
-                                                     const truepose_control_settings* settings);
+TRUEPOSE_API truepose_outcome truepose_controller_init(truepose_controller* controller, size_t size,
+                                                       const truepose_control_settings* settings);
 /** Another law from the next cycle on; no step of the torque follows. @return NO_SUCH_PART */
 TRUEPOSE_API truepose_outcome truepose_change_law(truepose_controller* controller, int32_t law);
 
@@ -545,7 +545,7 @@ TRUEPOSE_API truepose_outcome truepose_control(const truepose_model* model,
  */
 
 /** Constant while a guard runs: `truepose export c` writes it for a robot and its gains. */
-typedef struct truepose_watch_settings {
+typedef struct truepose_fault_monitor_settings {
   int32_t refresh;           /**< cycles at most between looks at what the geometry leaves open */
   int32_t coast;             /**< cycles a reading is bridged before it has failed */
   int32_t decide;            /**< cycles of disagreement after which the robot stops */
@@ -564,12 +564,12 @@ typedef struct truepose_watch_settings {
   truepose_real rests[TRUEPOSE_FREEDOMS];  /**< error at which a healthy motor may rest */
   truepose_real shaken[TRUEPOSE_FREEDOMS]; /**< sigma a cycle of what may drive one (0: any) */
   truepose_real low[TRUEPOSE_READINGS], high[TRUEPOSE_READINGS]; /**< range (equal: any) */
-} truepose_watch_settings;
+} truepose_fault_monitor_settings;
 
 typedef enum truepose_health {
   TRUEPOSE_VALID = 0,
   TRUEPOSE_SUSPECT = 1,
-  TRUEPOSE_FAILED = 2 /**< until truepose_restore() */
+  TRUEPOSE_FAILED = 2 /**< until truepose_fault_monitor_acknowledge() */
 } truepose_health;
 
 typedef enum truepose_symptom {
@@ -582,57 +582,58 @@ typedef enum truepose_symptom {
 } truepose_symptom;
 
 /** What a guard says. Sets of readings or motors are bits, the first one's 1. */
-typedef struct truepose_report {
+typedef struct truepose_fault_report {
   int32_t health[TRUEPOSE_READINGS];  /**< truepose_health */
   int32_t symptom[TRUEPOSE_READINGS]; /**< truepose_symptom, the latest */
   uint32_t doubted;                   /**< readings of which one is wrong; nobody knows which */
-  uint32_t lost;      /**< motors whose reading has failed, and nothing could stand for it */
-  uint32_t brakes;    /**< motors whose brakes must hold them until truepose_restore() */
+  uint32_t lost; /**< motors whose reading has failed, and nothing could stand for it */
+  uint32_t
+      brakes; /**< motors whose brakes must hold them until truepose_fault_monitor_acknowledge() */
   int32_t stops;      /**< 1: come to rest along the path, and stay: yours to obey, */
   truepose_real stop; /**< in so many s, for truepose_advance(); 0: it goes on */
-} truepose_report;
+} truepose_fault_report;
 
 /** Settings, and what a guard remembers. Opaque. */
-typedef union truepose_guard {
+typedef union truepose_fault_monitor {
   int64_t align;
   unsigned char bytes[16384];
-} truepose_guard;
-TRUEPOSE_API size_t truepose_guard_size(void);
+} truepose_fault_monitor;
+TRUEPOSE_API size_t truepose_fault_monitor_size(void);
 
 /** Starts a guard, or starts it anew. @return NO_SUCH_VALUE, NOT_FINITE, TOO_SMALL */
-TRUEPOSE_API truepose_outcome truepose_begin_guard(truepose_guard* guard, size_t size,
-                                                   const truepose_watch_settings* settings);
+TRUEPOSE_API truepose_outcome truepose_fault_monitor_init(
+    truepose_fault_monitor* guard, size_t size, const truepose_fault_monitor_settings* settings);
 
 /** As truepose_control(), with the readings watched: what is not believed is replaced. A motor
  * whose brake is asked for gets its feed-forward alone; once all brakes are asked for, all torques
- * are those of gravity at rest. Both last until truepose_restore().
+ * are those of gravity at rest. Both last until truepose_fault_monitor_acknowledge().
  *
  * @param finest  the robot as the watch understands it; null: `model`
  * @param known   of that robot; the controller's law weighs by it too
  * @param work    truepose_work(finest, known->count) numbers
  * @return DISAGREE and a reading: it is not valid, and the robot goes on without
  */
-TRUEPOSE_API truepose_outcome truepose_guarded(
+TRUEPOSE_API truepose_outcome truepose_control_fault_tolerant(
     const truepose_model* model, const truepose_model* finest, truepose_controller* controller,
-    truepose_guard* guard, const truepose_setpoint* setpoint,
+    truepose_fault_monitor* guard, const truepose_setpoint* setpoint,
     const truepose_real q_e[TRUEPOSE_READINGS], const truepose_knowledge* known,
-    truepose_real* work, truepose_real torque[TRUEPOSE_FREEDOMS], truepose_report* report);
+    truepose_real* work, truepose_real torque[TRUEPOSE_FREEDOMS], truepose_fault_report* report);
 
 /** The watch alone, for drives that close their own loops.
  *
  * @param desired   what the motors were asked for, n
  * @param believed  out: the readings, or what stands for those that are not believed
  */
-TRUEPOSE_API truepose_outcome truepose_watch(const truepose_model* finest, truepose_guard* guard,
-                                             const truepose_real desired[TRUEPOSE_FREEDOMS],
-                                             const truepose_real q_e[TRUEPOSE_READINGS],
-                                             const truepose_knowledge* known, truepose_real* work,
-                                             truepose_real believed[TRUEPOSE_READINGS],
-                                             truepose_report* report);
+TRUEPOSE_API truepose_outcome truepose_fault_monitor_step(
+    const truepose_model* finest, truepose_fault_monitor* guard,
+    const truepose_real desired[TRUEPOSE_FREEDOMS], const truepose_real q_e[TRUEPOSE_READINGS],
+    const truepose_knowledge* known, truepose_real* work, truepose_real believed[TRUEPOSE_READINGS],
+    truepose_fault_report* report);
 
 /** A reading that was mended is believed again, and the robot may go on.
  * @return NO_SUCH_PART (`part`: the reading), UNFINISHED */
-TRUEPOSE_API truepose_outcome truepose_restore(truepose_guard* guard, int32_t reading);
+TRUEPOSE_API truepose_outcome truepose_fault_monitor_acknowledge(truepose_fault_monitor* guard,
+                                                                 int32_t reading);
 
 /** Time along a path. Start with {0, 1, 0, 0}. */
 typedef struct truepose_path_clock {
@@ -640,7 +641,7 @@ typedef struct truepose_path_clock {
   truepose_real rate; /**< 1: as fast as real time, */
   truepose_real slowing, since;
 } truepose_path_clock;
-/** One period. @param stop  truepose_report's: s in which it comes to rest; 0: goes on */
+/** One period. @param stop  truepose_fault_report's: s in which it comes to rest; 0: goes on */
 TRUEPOSE_API void truepose_advance(truepose_path_clock* clock, truepose_real period,
                                    truepose_real stop);
 /** Turns what a path says at clock->time into what to ask of the robot. */
@@ -652,44 +653,46 @@ TRUEPOSE_API void truepose_pace(const truepose_path_clock* clock, truepose_setpo
 
 /** What a learner remembers. Opaque; holds pointers to the model it began with and to its memory.
  */
-typedef union truepose_learner {
+typedef union truepose_online_calibrator {
   int64_t align;
   unsigned char bytes[20480];
-} truepose_learner;
-TRUEPOSE_API size_t truepose_learner_size(void);
+} truepose_online_calibrator;
+TRUEPOSE_API size_t truepose_online_calibrator_size(void);
 
 /** Numbers of memory that a learner of so many parameters needs; 0 of what was not loaded. */
-TRUEPOSE_API size_t truepose_learner_memory(const truepose_model* drawn, int32_t count);
+TRUEPOSE_API size_t truepose_online_calibrator_memory(const truepose_model* drawn, int32_t count);
 
 /** Starts from the model's own values and what is known of them.
  *
  * @param drawn   stays where it is while the learner is used
  * @param prior   `column` likewise; at least one sensor, and one parameter
- * @param memory  truepose_learner_memory(drawn, prior->count) numbers, the learner's
+ * @param memory  truepose_online_calibrator_memory(drawn, prior->count) numbers, the learner's
  * @return TOO_SMALL, UNFINISHED, NO_SUCH_PART (a column), NOT_MEASURED (no sensor)
  */
-TRUEPOSE_API truepose_outcome truepose_begin_learner(truepose_learner* learner, size_t size,
-                                                     const truepose_model* drawn,
-                                                     const truepose_knowledge* prior,
-                                                     truepose_real* memory, size_t count);
+TRUEPOSE_API truepose_outcome truepose_online_calibrator_init(truepose_online_calibrator* learner,
+                                                              size_t size,
+                                                              const truepose_model* drawn,
+                                                              const truepose_knowledge* prior,
+                                                              truepose_real* memory, size_t count);
 
 /** One line of readings; one that is no news costs next to nothing.
  * @return DISAGREE: not learnt from, or not from the reading named; STOPPED: nothing is any more */
-TRUEPOSE_API truepose_outcome truepose_learn(truepose_learner* learner,
-                                             const truepose_real q_e[TRUEPOSE_READINGS]);
+TRUEPOSE_API truepose_outcome truepose_online_calibrator_step(
+    truepose_online_calibrator* learner, const truepose_real q_e[TRUEPOSE_READINGS]);
 /** How many lines counted, and how many were left out, or a reading of theirs. @return UNFINISHED
  */
-TRUEPOSE_API truepose_outcome truepose_lines(const truepose_learner* learner, int64_t* learnt,
-                                             int64_t* left_out);
+TRUEPOSE_API truepose_outcome truepose_online_calibrator_samples(
+    const truepose_online_calibrator* learner, int64_t* learnt, int64_t* left_out);
 /** Goes back to before the latest lines: one of their readings was found to lie. */
-TRUEPOSE_API truepose_outcome truepose_forget(truepose_learner* learner);
+TRUEPOSE_API truepose_outcome
+truepose_online_calibrator_roll_back(truepose_online_calibrator* learner);
 
 /** The robot as it is believed to be by now. @param model  out */
-TRUEPOSE_API truepose_outcome truepose_learnt(const truepose_learner* learner,
-                                              truepose_model* model, size_t size);
+TRUEPOSE_API truepose_outcome truepose_online_calibrator_model(
+    const truepose_online_calibrator* learner, truepose_model* model, size_t size);
 /** And how well that is known. @param known  out; points into the learner's memory */
-TRUEPOSE_API truepose_outcome truepose_learnt_knowledge(const truepose_learner* learner,
-                                                        truepose_knowledge* known);
+TRUEPOSE_API truepose_outcome truepose_online_calibrator_knowledge(
+    const truepose_online_calibrator* learner, truepose_knowledge* known);
 
 #ifdef __cplusplus
 }

@@ -97,13 +97,13 @@ class Model {
 /// A controller with torques for its answer, with or without the fault monitor.
 class Controller {
  public:
-  /// @return as truepose_begin_control()
+  /// @return as truepose_controller_init()
   Outcome begin(const truepose_control_settings& settings) {
-    return outcome_of(truepose_begin_control(&controller_, sizeof controller_, &settings));
+    return outcome_of(truepose_controller_init(&controller_, sizeof controller_, &settings));
   }
-  /// @return as truepose_begin_guard()
-  Outcome begin(const truepose_watch_settings& settings) {
-    return outcome_of(truepose_begin_guard(&guard_, sizeof guard_, &settings));
+  /// @return as truepose_fault_monitor_init()
+  Outcome begin(const truepose_fault_monitor_settings& settings) {
+    return outcome_of(truepose_fault_monitor_init(&guard_, sizeof guard_, &settings));
   }
   /// One cycle.
   Outcome step(const Model& model, const truepose_setpoint& setpoint, const Extended& q_e,
@@ -113,21 +113,24 @@ class Controller {
   }
   /// One cycle with the readings monitored. @param finest  the model of the highest level
   Outcome step(const Model& model, const Model& finest, const truepose_setpoint& setpoint,
-               const Extended& q_e, Joint& torque, truepose_report& report, Weights weights = {}) {
-    return outcome_of(truepose_guarded(model.c(), finest.c(), &controller_, &guard_, &setpoint,
-                                       q_e.data(), weights.known, weights.work, torque.data(),
-                                       &report));
+               const Extended& q_e, Joint& torque, truepose_fault_report& report,
+               Weights weights = {}) {
+    return outcome_of(truepose_control_fault_tolerant(model.c(), finest.c(), &controller_, &guard_,
+                                                      &setpoint, q_e.data(), weights.known,
+                                                      weights.work, torque.data(), &report));
   }
   /// Another law from the next cycle on, without a step of the torque.
   Outcome change_law(truepose_law law) {
     return outcome_of(truepose_change_law(&controller_, law));
   }
   /// The reading was repaired. @param reading  from 0
-  Outcome restore(int reading) { return outcome_of(truepose_restore(&guard_, reading)); }
+  Outcome acknowledge(int reading) {
+    return outcome_of(truepose_fault_monitor_acknowledge(&guard_, reading));
+  }
 
  private:
   truepose_controller controller_{};
-  truepose_guard guard_{};
+  truepose_fault_monitor guard_{};
 };
 
 }  // namespace truepose

@@ -10,12 +10,12 @@ namespace {
 struct Controller : InMemory<truepose_controller, Controller, 0x72746e43U> {
   ControlSettings settings;
   ControlState state;
-  KeptWeights kept;
+  CachedGain kept;
 };
 
-struct Guarding : InMemory<truepose_guard, Guarding, 0x72617547U> {
-  GuardSettings settings;
-  Guard guard;
+struct FaultTolerantSetup : InMemory<truepose_fault_monitor, FaultTolerantSetup, 0x72617547U> {
+  FaultTolerantSettings settings;
+  FaultTolerantState guard;
 };
 
 bool law_exists(std::int32_t law) {
@@ -32,8 +32,8 @@ ControlSettings of_c(const truepose_control_settings& from) {
   return settings;
 }
 
-GuardSettings of_c(const truepose_watch_settings& from) {
-  GuardSettings settings;
+FaultTolerantSettings of_c(const truepose_fault_monitor_settings& from) {
+  FaultTolerantSettings settings;
   settings.watch.refresh = from.refresh;
   settings.watch.coast = from.coast;
   settings.watch.decide = from.decide;
@@ -56,9 +56,9 @@ Status status_of(const truepose_control_settings& s) {
   return good ? Status::ok : Status::no_such_value;
 }
 
-Status status_of(const truepose_watch_settings& s) {
+Status status_of(const truepose_fault_monitor_settings& s) {
   Finite finite;
-  const GuardSettings any;
+  const FaultTolerantSettings any;
   watch_fields(s, any.watch, any, finite);
   if (!finite.all) return Status::not_finite;
   bool good = s.refresh > 0 && s.coast > 0 && s.decide > 0 && s.decide < 1 << 20 && s.spikes > 0 &&
@@ -87,9 +87,9 @@ void to_c(const AxisState& from, truepose_axis_state& to) {
   give(from.torque, to.torque);
 }
 
-void report_on(const Guarding& guarding, truepose_report* report) {
-  const Guard& guard = guarding.guard;
-  *report = truepose_report{};
+void report_on(const FaultTolerantSetup& guarding, truepose_fault_report* report) {
+  const FaultTolerantState& guard = guarding.guard;
+  *report = truepose_fault_report{};
   for (int c = 0; c < kMaxReadings; ++c) {
     report->health[c] = static_cast<std::int32_t>(guard.watch.reading[c].health);
     report->symptom[c] = static_cast<std::int32_t>(guard.watch.reading[c].symptom);
@@ -200,7 +200,7 @@ truepose_outcome truepose_motor_command(const truepose_model* model,
 }
 #endif
 
-void truepose_default_control(truepose_control_settings* settings) {
+void truepose_control_defaults(truepose_control_settings* settings) {
   c::describe(ControlSettings{}, *settings);
 }
 
@@ -219,8 +219,8 @@ truepose_outcome truepose_place_poles(const truepose_model* model, const truepos
 
 size_t truepose_controller_size(void) { return sizeof(c::Controller); }
 
-truepose_outcome truepose_begin_control(truepose_controller* controller, size_t size,
-                                        const truepose_control_settings* settings) {
+truepose_outcome truepose_controller_init(truepose_controller* controller, size_t size,
+                                          const truepose_control_settings* settings) {
   const Status status = c::status_of(*settings);
   if (status != Status::ok) return c::answer({status, -1});
   c::Controller* made = c::Controller::make(controller, size);
@@ -277,26 +277,26 @@ truepose_outcome truepose_control(const truepose_model* model, truepose_controll
   });
 }
 
-size_t truepose_guard_size(void) { return sizeof(c::Guarding); }
+size_t truepose_fault_monitor_size(void) { return sizeof(c::FaultTolerantSetup); }
 
-truepose_outcome truepose_begin_guard(truepose_guard* guard, size_t size,
-                                      const truepose_watch_settings* settings) {
+truepose_outcome truepose_fault_monitor_init(truepose_fault_monitor* guard, size_t size,
+                                             const truepose_fault_monitor_settings* settings) {
   const Status status = c::status_of(*settings);
   if (status != Status::ok) return c::answer({status, -1});
-  c::Guarding* made = c::Guarding::make(guard, size);
+  c::FaultTolerantSetup* made = c::FaultTolerantSetup::make(guard, size);
   if (made == nullptr) return c::answer({Status::too_small, -1});
   made->settings = c::of_c(*settings);
   return c::answer({});
 }
 
-truepose_outcome truepose_guarded(const truepose_model* model, const truepose_model* finest,
-                                  truepose_controller* controller, truepose_guard* guard,
-                                  const truepose_setpoint* setpoint, const truepose_real* q_e,
-                                  const truepose_knowledge* known, truepose_real* work,
-                                  truepose_real* torque, truepose_report* report) {
+truepose_outcome truepose_control_fault_tolerant(
+    const truepose_model* model, const truepose_model* finest, truepose_controller* controller,
+    truepose_fault_monitor* guard, const truepose_setpoint* setpoint, const truepose_real* q_e,
+    const truepose_knowledge* known, truepose_real* work, truepose_real* torque,
+    truepose_fault_report* report) {
   return c::asked(model, [&](const Robot& robot) {
     c::Controller* made = c::Controller::of(controller);
-    c::Guarding* guarding = c::Guarding::of(guard);
+    c::FaultTolerantSetup* guarding = c::FaultTolerantSetup::of(guard);
     if (made == nullptr || guarding == nullptr) return c::kUnfinished;
     const c::Known weighs(robot, known, work, &made->kept);
     if (!weighs.sound) return weighs.sound;
@@ -306,9 +306,9 @@ truepose_outcome truepose_guarded(const truepose_model* model, const truepose_mo
       return c::kUnfinished;
     guarding->settings.finest = watched ? &watched->robot : nullptr;
     const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {
-      return guarded<mobility()>(robot, made->settings, guarding->settings, c::of_c(*setpoint),
-                                 c::values<Extended>(q_e), made->state, weighs.weighing,
-                                 guarding->guard);
+      return control_fault_tolerant<mobility()>(robot, made->settings, guarding->settings,
+                                                c::of_c(*setpoint), c::values<Extended>(q_e),
+                                                made->state, weighs.weighing, guarding->guard);
     });
     c::give(made->state.torque, torque);
     c::report_on(*guarding, report);
@@ -316,20 +316,23 @@ truepose_outcome truepose_guarded(const truepose_model* model, const truepose_mo
   });
 }
 
-truepose_outcome truepose_watch(const truepose_model* finest, truepose_guard* guard,
-                                const truepose_real* desired, const truepose_real* q_e,
-                                const truepose_knowledge* known, truepose_real* work,
-                                truepose_real* believed, truepose_report* report) {
+truepose_outcome truepose_fault_monitor_step(const truepose_model* finest,
+                                             truepose_fault_monitor* guard,
+                                             const truepose_real* desired, const truepose_real* q_e,
+                                             const truepose_knowledge* known, truepose_real* work,
+                                             truepose_real* believed,
+                                             truepose_fault_report* report) {
   return c::asked(finest, [&](const Robot& robot) {
-    c::Guarding* guarding = c::Guarding::of(guard);
+    c::FaultTolerantSetup* guarding = c::FaultTolerantSetup::of(guard);
     if (guarding == nullptr) return c::kUnfinished;
     const c::Known weighs(robot, known, work);
     if (!weighs.sound) return weighs.sound;
     const auto read = c::values<Extended>(q_e);
     Extended stands = read;
     const Outcome outcome = with_mobility(robot.mobility, [&](auto mobility) {
-      return watch<mobility()>(robot, guarding->settings.watch, weighs.weighing,
-                               c::values<Joint>(desired), read, guarding->guard.watch, stands);
+      return monitor_faults<mobility()>(robot, guarding->settings.watch, weighs.weighing,
+                                        c::values<Joint>(desired), read, guarding->guard.watch,
+                                        stands);
     });
     if (outcome) c::give(stands, believed);
     c::report_on(*guarding, report);
@@ -337,11 +340,12 @@ truepose_outcome truepose_watch(const truepose_model* finest, truepose_guard* gu
   });
 }
 
-truepose_outcome truepose_restore(truepose_guard* guard, int32_t reading) {
-  c::Guarding* guarding = c::Guarding::of(guard);
+truepose_outcome truepose_fault_monitor_acknowledge(truepose_fault_monitor* guard,
+                                                    int32_t reading) {
+  c::FaultTolerantSetup* guarding = c::FaultTolerantSetup::of(guard);
   if (guarding == nullptr) return c::answer(c::kUnfinished);
   if (reading < 0 || reading >= kMaxReadings) return c::answer({Status::no_such_part, reading});
-  restore(guarding->guard, reading);
+  acknowledge(guarding->guard, reading);
   return c::answer({});
 }
 

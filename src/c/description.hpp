@@ -77,8 +77,8 @@ void control_fields(C& c, Core& core, F&& f) {
   f("ki", c.ki, core.ki);
 }
 /// @param stops  of a guard, beside its watch
-template <class C, class Watch, class Stops, class F>
-void watch_fields(C& c, Watch& watch, Stops& stops, F&& f) {
+template <class C, class FaultMonitor, class Stops, class F>
+void watch_fields(C& c, FaultMonitor& watch, Stops& stops, F&& f) {
   f("period", c.period, watch.period);
   f("false_alarm", c.false_alarm, watch.false_alarm);
   f("replaceable", c.replaceable, watch.replaceable);
@@ -183,8 +183,8 @@ inline void describe(const ControlSettings& settings, truepose_control_settings&
   of.sigma_scale = settings.sigma_scale;
   control_fields(of, settings, Copy<false>{});
 }
-inline void describe(const GuardSettings& settings, truepose_watch_settings& of) {
-  of = truepose_watch_settings{};
+inline void describe(const FaultTolerantSettings& settings, truepose_fault_monitor_settings& of) {
+  of = truepose_fault_monitor_settings{};
   of.refresh = settings.watch.refresh;
   of.coast = settings.watch.coast;
   of.decide = settings.watch.decide;

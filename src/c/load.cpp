@@ -143,7 +143,7 @@ size_t truepose_model_size(void) { return sizeof(c::Model); }
 
 int32_t truepose_abi(void) { return TRUEPOSE_ABI; }
 
-const char* truepose_describe(int32_t status) { return describe(static_cast<Status>(status)); }
+const char* truepose_status_text(int32_t status) { return describe(static_cast<Status>(status)); }
 
 truepose_outcome truepose_load(truepose_model* model, size_t size,
                                const truepose_description* description) {

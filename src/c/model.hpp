@@ -71,7 +71,7 @@ struct Known {
   Outcome sound;  ///< no_such_part: its count, or the column `chain`, is not the robot's
 
   Known(const Robot& robot, const truepose_knowledge* known, truepose_real* work,
-        KeptWeights* kept = nullptr, bool asked = true) {
+        CachedGain* kept = nullptr, bool asked = true) {
     if (!asked || known == nullptr || work == nullptr) return;
     const int all = parameter_count(robot);
     if (known->count < 0 || known->count > all) sound = {Status::no_such_part, -1};

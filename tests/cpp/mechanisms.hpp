@@ -9,7 +9,7 @@
 
 #include "check.hpp"
 #include "truepose/control/law.hpp"
-#include "truepose/estimation/learning.hpp"
+#include "truepose/estimation/online_calibrator.hpp"
 #include "truepose/full/full.hpp"
 
 namespace mechanisms {
@@ -61,12 +61,12 @@ class Prior {
   Knowledge& known() { return known_; }
   Weighing weighing() { return {&known_, work_.data()}; }
   /// What starts from here and learns; one at a time.
-  Learner learner(const Robot& robot) {
+  OnlineCalibrator learner(const Robot& robot) {
     xi_.resize(parameter_count(robot));
     if (!drawn_parameters(robot, xi_.data())) std::printf("a robot that is not finished learns\n");
     filter_.resize(online_work(robot, known_.count));
     drift_.assign(2 * known_.count, 1e-7);
-    Learner learner;
+    OnlineCalibrator learner;
     learner.drawn = &robot;
     learner.settings = {2, drift_.data()};
     kept_.resize(online_kept(known_.count));
@@ -89,7 +89,7 @@ class Prior {
 inline Sensor telemeter(const Vec3& origin, const Vec3& direction, const Vec3& target,
                         const Vec3& normal) {
   Sensor sensor;
-  sensor.kind = SensorKind::telemeter;
+  sensor.kind = SensorKind::plane_distance;
   sensor.origin = origin;
   sensor.direction = direction.normalized();
   sensor.target = target;

@@ -5,9 +5,9 @@
 #undef M_2_SQRTPI
 
 #include "truepose/control/command.hpp"
-#include "truepose/control/guard.hpp"
+#include "truepose/control/fault_tolerant_control.hpp"
 #include "truepose/estimation/estimate.hpp"
-#include "truepose/estimation/learning.hpp"
+#include "truepose/estimation/online_calibrator.hpp"
 #include "truepose/full/linearise.hpp"
 
 using namespace truepose;
@@ -61,9 +61,9 @@ Estimate<Mobility::schoenflies> realtime_estimate_full(const Robot& robot, const
 Outcome realtime_parasitic(const Robot& robot, const Coordinates& x, Coordinates& rest) {
   return parasitic(robot, x, rest);
 }
-Outcome realtime_bring_up(const Robot& robot, Late& late, Extended& q_e) {
-  const Outcome outcome = bring_up<Mobility::schoenflies>(robot, late, q_e);
-  calm(robot, late, q_e);
+Outcome realtime_bring_up(const Robot& robot, Multirate& late, Extended& q_e) {
+  const Outcome outcome = compensate_latency<Mobility::schoenflies>(robot, late, q_e);
+  low_pass(robot, late, q_e);
   return outcome;
 }
 Outcome realtime_redundant_fkm(const Robot& robot, const Extended& q_e, Coordinates& x) {
@@ -84,28 +84,30 @@ Outcome realtime_control(const Robot& robot, const ControlSettings& settings,
                          const Weighing& weighing) {
   return control(robot, settings, setpoint, q_e, state, weighing);
 }
-Outcome realtime_watch(const Robot& robot, const WatchSettings& settings, const Weighing& weighing,
-                       const Joint& desired, const Extended& q_e, Watch& seen, Extended& believed) {
-  return watch<Mobility::schoenflies>(robot, settings, weighing, desired, q_e, seen, believed);
+Outcome realtime_watch(const Robot& robot, const FaultMonitorSettings& settings,
+                       const Weighing& weighing, const Joint& desired, const Extended& q_e,
+                       FaultMonitor& seen, Extended& believed) {
+  return monitor_faults<Mobility::schoenflies>(robot, settings, weighing, desired, q_e, seen,
+                                               believed);
 }
 Outcome realtime_guarded(const Robot& robot, const ControlSettings& settings,
-                         const GuardSettings& guarding, const Setpoint& setpoint,
+                         const FaultTolerantSettings& guarding, const Setpoint& setpoint,
                          const Extended& q_e, ControlState& state, const Weighing& weighing,
-                         Guard& guard) {
-  return guarded<Mobility::schoenflies>(robot, settings, guarding, setpoint, q_e, state, weighing,
-                                        guard);
+                         FaultTolerantState& guard) {
+  return control_fault_tolerant<Mobility::schoenflies>(robot, settings, guarding, setpoint, q_e,
+                                                       state, weighing, guard);
 }
-void realtime_restore(Watch& seen, int reading) { restore(seen, reading); }
+void realtime_restore(FaultMonitor& seen, int reading) { acknowledge(seen, reading); }
 Setpoint realtime_paced(PathClock& clock, double period, double stop, const Setpoint& at) {
   clock.advance(period, stop);
   return clock.paced(at);
 }
-void realtime_prepare(WatchSettings& settings) { prepare(settings); }
-Outcome realtime_learn(Learner& learner, const Extended& q_e) {
-  return learn<Mobility::schoenflies>(learner, q_e);
+void realtime_prepare(FaultMonitorSettings& settings) { prepare(settings); }
+Outcome realtime_learn(OnlineCalibrator& learner, const Extended& q_e) {
+  return calibrate_online<Mobility::schoenflies>(learner, q_e);
 }
-Outcome realtime_learn_full(Learner& learner, const Extended& q_e) {
-  return learn<Mobility::schoenflies, FullModel>(learner, q_e);
+Outcome realtime_learn_full(OnlineCalibrator& learner, const Extended& q_e) {
+  return calibrate_online<Mobility::schoenflies, FullModel>(learner, q_e);
 }
 double realtime_friction(const Chain& chain, double rate) { return friction(chain, rate); }
 Setpoint realtime_quintic(const Coordinates& from, const Coordinates& to, double duration,

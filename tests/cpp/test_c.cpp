@@ -251,11 +251,11 @@ TEST("laws, estimates and control cycles through C are the core's") {
       CHECK(same(truepose_place_poles(&in_c_model.model, robot.home.data(), 100, 1, &table), {}));
       CHECK(same(table.kp, settings.kp) && same(table.kd, settings.kd));
       truepose_controller controller;
-      CHECK(same(truepose_begin_control(&controller, sizeof controller, &table), {}));
+      CHECK(same(truepose_controller_init(&controller, sizeof controller, &table), {}));
       truepose_controller alone;  // of drives that close their own loops
-      CHECK(same(truepose_begin_control(&alone, sizeof alone, &table), {}));
+      CHECK(same(truepose_controller_init(&alone, sizeof alone, &table), {}));
       ControlState state;
-      KeptWeights kept, kept_alone;
+      CachedGain kept, kept_alone;
       Weighing keeps = prior.weighing(), keeps_alone = keeps;
       keeps.kept = &kept;
       keeps_alone.kept = &kept_alone;
@@ -329,26 +329,27 @@ TEST("a guard in C finds a sensor that is gone, goes on without, and believes it
     ControlSettings settings;
     CHECK(bool(place_poles(robot, robot.home, 100, 1, settings)));
     const truepose_control_settings table = in_c(settings);
-    truepose_watch_settings watch;
-    c::describe(GuardSettings{}, watch);
+    truepose_fault_monitor_settings watch;
+    c::describe(FaultTolerantSettings{}, watch);
     truepose_controller controller;
-    truepose_guard guard;
-    CHECK(same(truepose_begin_control(&controller, sizeof controller, &table), {}));
-    CHECK(same(truepose_begin_guard(&guard, sizeof guard, &watch), {}));
+    truepose_fault_monitor guard;
+    CHECK(same(truepose_controller_init(&controller, sizeof controller, &table), {}));
+    CHECK(same(truepose_fault_monitor_init(&guard, sizeof guard, &watch), {}));
     truepose_setpoint setpoint{};
     std::copy_n(robot.home.begin(), 6, setpoint.x);
     Extended q_e{};
     CHECK(bool(extended<K>(robot, to_pose<K>(robot.home), q_e)));
     const int sensor = robot.motors;
-    truepose_report report;
+    truepose_fault_report report;
     truepose_outcome outcome{};
     const auto cycles = [&](int count, double reading) {
       Extended read = q_e;
       read[sensor] = reading;
       truepose_real torque[6];
       for (int k = 0; k < count; ++k)
-        outcome = truepose_guarded(&in_c_model.model, nullptr, &controller, &guard, &setpoint,
-                                   read.data(), &known, work.data(), torque, &report);
+        outcome = truepose_control_fault_tolerant(&in_c_model.model, nullptr, &controller, &guard,
+                                                  &setpoint, read.data(), &known, work.data(),
+                                                  torque, &report);
       for (int i = 0; i < robot.motors; ++i) CHECK(std::isfinite(torque[i]));
     };
     cycles(100, q_e[sensor]);
@@ -357,14 +358,14 @@ TEST("a guard in C finds a sensor that is gone, goes on without, and believes it
     CHECK(outcome.status == TRUEPOSE_DISAGREE && outcome.part == sensor);
     CHECK(report.health[sensor] == TRUEPOSE_FAILED && report.symptom[sensor] == TRUEPOSE_MISSING);
     CHECK(!report.stops && report.brakes == 0 && report.stop == 0);
-    CHECK(same(truepose_restore(&guard, sensor), {}));
+    CHECK(same(truepose_fault_monitor_acknowledge(&guard, sensor), {}));
     cycles(100, q_e[sensor]);
     CHECK(outcome.status == TRUEPOSE_OK && report.health[sensor] == TRUEPOSE_VALID);
     truepose_real believed[16] = {};
     Extended none = q_e;
     none[sensor] = NAN;
-    truepose_watch(&in_c_model.model, &guard, q_e.data(), none.data(), &known, work.data(),
-                   believed, &report);
+    truepose_fault_monitor_step(&in_c_model.model, &guard, q_e.data(), none.data(), &known,
+                                work.data(), believed, &report);
     CHECK_NEAR(believed[sensor], q_e[sensor], 1e-6);
     CHECK(report.health[sensor] == TRUEPOSE_SUSPECT);
   });
@@ -380,16 +381,16 @@ TEST("a learner in C learns what the core's does") {
     const std::int32_t p = prior.known().count;
     truepose_knowledge known{p, 0, prior.known().column, prior.known().root, {}};
     std::copy_n(prior.known().sigma.begin(), 16, known.sigma);
-    std::vector<truepose_real> memory(truepose_learner_memory(&in_c_model.model, p));
-    truepose_learner learner;
-    CHECK(truepose_begin_learner(&learner, sizeof learner, &in_c_model.model, &known, memory.data(),
-                                 memory.size() - 1)
+    std::vector<truepose_real> memory(truepose_online_calibrator_memory(&in_c_model.model, p));
+    truepose_online_calibrator learner;
+    CHECK(truepose_online_calibrator_init(&learner, sizeof learner, &in_c_model.model, &known,
+                                          memory.data(), memory.size() - 1)
               .status == TRUEPOSE_TOO_SMALL);
-    CHECK(truepose_learn(&learner, memory.data()).status == TRUEPOSE_UNFINISHED);
-    CHECK(same(truepose_begin_learner(&learner, sizeof learner, &in_c_model.model, &known,
-                                      memory.data(), memory.size()),
+    CHECK(truepose_online_calibrator_step(&learner, memory.data()).status == TRUEPOSE_UNFINISHED);
+    CHECK(same(truepose_online_calibrator_init(&learner, sizeof learner, &in_c_model.model, &known,
+                                               memory.data(), memory.size()),
                {}));
-    Learner core = twin.learner(robot);
+    OnlineCalibrator core = twin.learner(robot);
     core.settings = {};
     Robot truth = robot;
     truth.chain[0].encoder_offset += 1e-3;
@@ -397,19 +398,20 @@ TEST("a learner in C learns what the core's does") {
       Extended q_e{};
       const Coordinates x = random_pose(mechanism, random);
       CHECK(bool(extended<K>(truth, to_pose<K>(x), q_e)));
-      CHECK(same(truepose_learn(&learner, q_e.data()), learn<K>(core, q_e)));
+      CHECK(same(truepose_online_calibrator_step(&learner, q_e.data()),
+                 calibrate_online<K>(core, q_e)));
     }
     truepose_model learnt;
     truepose_knowledge after;
-    CHECK(same(truepose_learnt(&learner, &learnt, sizeof learnt), {}));
-    CHECK(same(truepose_learnt_knowledge(&learner, &after), {}));
+    CHECK(same(truepose_online_calibrator_model(&learner, &learnt, sizeof learnt), {}));
+    CHECK(same(truepose_online_calibrator_knowledge(&learner, &after), {}));
     CHECK(after.count == p && std::equal(after.root, after.root + p * p, core.state.root));
     truepose_real q[6] = {};
     Joint expected{};
     CHECK(same(truepose_ikm(&learnt, robot.home.data(), q), ikm(core.robot, robot.home, expected)));
     CHECK(same(q, expected));
     int64_t counted = 0, left_out = 0;
-    CHECK(same(truepose_lines(&learner, &counted, &left_out), {}));
+    CHECK(same(truepose_online_calibrator_samples(&learner, &counted, &left_out), {}));
     CHECK(counted == core.lines && left_out == core.left_out && counted + left_out == 10);
     truepose_description kept;  // what was learnt can be kept, and loaded another day
     CHECK(same(truepose_description_of(&learnt, &kept), {}));
@@ -418,7 +420,7 @@ TEST("a learner in C learns what the core's does") {
     truepose_real q_again[6] = {};
     CHECK(truepose_ikm(&again.model, robot.home.data(), q_again).status == TRUEPOSE_OK);
     for (int i = 0; i < robot.motors; ++i) CHECK_NEAR(q_again[i], q[i], 1e-14);
-    CHECK(same(truepose_forget(&learner), {}));
+    CHECK(same(truepose_online_calibrator_roll_back(&learner), {}));
   });
 }
 
@@ -508,15 +510,15 @@ TEST("a knowledge of parameters that the robot has not is refused, not read") {
   const InC in_c_model(robot);
   Prior prior(robot);
   truepose_control_settings control;
-  truepose_default_control(&control);
-  truepose_watch_settings watch;
-  c::describe(GuardSettings{}, watch);
+  truepose_control_defaults(&control);
+  truepose_fault_monitor_settings watch;
+  c::describe(FaultTolerantSettings{}, watch);
   truepose_controller controller, joint;
-  truepose_guard guard;
-  CHECK(same(truepose_begin_control(&joint, sizeof joint, &control), {}));
+  truepose_fault_monitor guard;
+  CHECK(same(truepose_controller_init(&joint, sizeof joint, &control), {}));
   control.law = TRUEPOSE_LAW_WEIGHTED;
-  CHECK(same(truepose_begin_control(&controller, sizeof controller, &control), {}));
-  CHECK(same(truepose_begin_guard(&guard, sizeof guard, &watch), {}));
+  CHECK(same(truepose_controller_init(&controller, sizeof controller, &control), {}));
+  CHECK(same(truepose_fault_monitor_init(&guard, sizeof guard, &watch), {}));
   std::vector<truepose_real> work(truepose_work(&in_c_model.model, prior.known().count));
   truepose_setpoint setpoint{};
   std::copy_n(robot.home.begin(), 6, setpoint.x);
@@ -527,7 +529,7 @@ TEST("a knowledge of parameters that the robot has not is refused, not read") {
     truepose_knowledge known{count, 0, column.data(), prior.known().root, {}};
     std::copy_n(prior.known().sigma.begin(), 16, known.sigma);
     truepose_real q_e[16] = {}, out[16], x[6] = {};
-    truepose_report report;
+    truepose_fault_report report;
     const truepose_model* model = &in_c_model.model;
     CHECK(same(truepose_motor_error(model, TRUEPOSE_LAW_WEIGHTED, 0, setpoint.x, q_e, &known,
                                     work.data(), out),
@@ -539,11 +541,11 @@ TEST("a knowledge of parameters that the robot has not is refused, not read") {
     // A law that does not weigh does not look at it; a guard does.
     CHECK(truepose_control(model, &joint, &setpoint, q_e, &known, work.data(), out).status ==
           TRUEPOSE_OK);
-    CHECK(truepose_guarded(model, nullptr, &joint, &guard, &setpoint, q_e, &known, work.data(), out,
-                           &report)
+    CHECK(truepose_control_fault_tolerant(model, nullptr, &joint, &guard, &setpoint, q_e, &known,
+                                          work.data(), out, &report)
               .status == TRUEPOSE_NO_SUCH_PART);
-    CHECK(truepose_watch(model, &guard, q_e, q_e, &known, work.data(), out, &report).status ==
-          TRUEPOSE_NO_SUCH_PART);
+    CHECK(truepose_fault_monitor_step(model, &guard, q_e, q_e, &known, work.data(), out, &report)
+              .status == TRUEPOSE_NO_SUCH_PART);
     CHECK(truepose_estimate(model, &known, q_e, work.data(), x).outcome.status ==
           TRUEPOSE_NO_SUCH_PART);
   };
@@ -558,12 +560,12 @@ TEST("a knowledge of parameters that the robot has not is refused, not read") {
 
 TEST("settings that no controller or watch can have are refused") {
   truepose_control_settings control;
-  truepose_default_control(&control);
+  truepose_control_defaults(&control);
   truepose_controller controller;
   const auto begun = [&](auto change) {
     truepose_control_settings settings = control;
     change(settings);
-    return truepose_begin_control(&controller, sizeof controller, &settings).status;
+    return truepose_controller_init(&controller, sizeof controller, &settings).status;
   };
   CHECK(begun([](auto&) {}) == TRUEPOSE_OK);
   CHECK(begun([](auto& s) { s.law = 5; }) == TRUEPOSE_NO_SUCH_PART);
@@ -572,25 +574,25 @@ TEST("settings that no controller or watch can have are refused") {
   CHECK(begun([](auto& s) { s.period = 0; }) == TRUEPOSE_NO_SUCH_VALUE);
   CHECK(begun([](auto& s) { s.kp[5] = NAN; }) == TRUEPOSE_NOT_FINITE);
   CHECK(truepose_change_law(&controller, -1).status == TRUEPOSE_NO_SUCH_PART);
-  truepose_watch_settings watch;
-  c::describe(GuardSettings{}, watch);
-  truepose_guard guard;
+  truepose_fault_monitor_settings watch;
+  c::describe(FaultTolerantSettings{}, watch);
+  truepose_fault_monitor guard;
   const auto watched = [&](auto change) {
-    truepose_watch_settings settings = watch;
+    truepose_fault_monitor_settings settings = watch;
     change(settings);
-    return truepose_begin_guard(&guard, sizeof guard, &settings).status;
+    return truepose_fault_monitor_init(&guard, sizeof guard, &settings).status;
   };
   CHECK(watched([](auto&) {}) == TRUEPOSE_OK);
   CHECK(watched([](auto& s) { s.spikes = 9; }) == TRUEPOSE_NO_SUCH_VALUE);
   CHECK(watched([](auto& s) { s.false_alarm = 1; }) == TRUEPOSE_NO_SUCH_VALUE);
   CHECK(watched([](auto& s) { s.low[3] = NAN; }) == TRUEPOSE_NOT_FINITE);
   std::memset(&guard, 0, sizeof guard);
-  CHECK(truepose_restore(&guard, 0).status == TRUEPOSE_UNFINISHED);
+  CHECK(truepose_fault_monitor_acknowledge(&guard, 0).status == TRUEPOSE_UNFINISHED);
 }
 
 TEST("every status has the core's number and says what it is") {
   for (int status = TRUEPOSE_STOPPED; status <= TRUEPOSE_NO_SUCH_VALUE; ++status)
-    CHECK(std::strcmp(truepose_describe(status), "unknown status") != 0);
+    CHECK(std::strcmp(truepose_status_text(status), "unknown status") != 0);
   CHECK(TRUEPOSE_NO_SUCH_VALUE == static_cast<int>(Status::no_such_value));
   CHECK(TRUEPOSE_NOT_COMPILED == static_cast<int>(Status::not_compiled));
   CHECK(TRUEPOSE_LAW_ESTIMATED == static_cast<int>(Law::estimated));
@@ -607,8 +609,7 @@ TEST("a servo cycle in one call is IKM, J, TEJ and motor error of their own call
     Model model;
     CHECK(bool(model.load(in_c.table)));
     CHECK(model.freedoms() == robot.motors && model.sensors() == robot.r);
-    for (const truepose_law law :
-         {TRUEPOSE_LAW_JOINT, TRUEPOSE_LAW_TEJ, TRUEPOSE_LAW_CARTESIAN}) {
+    for (const truepose_law law : {TRUEPOSE_LAW_JOINT, TRUEPOSE_LAW_TEJ, TRUEPOSE_LAW_CARTESIAN}) {
       if (law != TRUEPOSE_LAW_JOINT && robot.r == 0) continue;
       const Coordinates x = random_pose(mechanism, random);
       Extended q_e{};

@@ -88,7 +88,7 @@ TEST("a telemeter's point lies on its line and on the nacelle's plane") {
       CHECK(extended<K>(robot, pose, q_e));
       for (int s = 0; s < 2; ++s) {
         const Sensor& sensor = robot.sensor[s];
-        if (sensor.kind == SensorKind::nacelle_angle) {
+        if (sensor.kind == SensorKind::platform_angle) {
           CHECK_NEAR(q_e[kDof<K> + s], pose.theta, 0);
           continue;
         }

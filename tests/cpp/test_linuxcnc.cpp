@@ -115,7 +115,7 @@ struct Loop {
     std::copy_n(known.column, known.count, table.column);
     std::copy_n(known.root, known.count * known.count, table.root);
     std::copy_n(known.sigma.begin(), kMaxReadings, table.known.sigma);
-    c::describe(GuardSettings{}, table.watch);
+    c::describe(FaultTolerantSettings{}, table.watch);
   }
 
   /// To a pose, in so many cycles. @return as run()
@@ -505,7 +505,7 @@ TEST("memory holds what the largest robot learns, as many parameters as a table 
   CHECK(truepose_load(&model, sizeof model, &table).status == TRUEPOSE_OK);
   CHECK(truepose_work(&model, TRUEPOSE_TABLE_PARAMETERS) > 0);
   CHECK(truepose_work(&model, TRUEPOSE_TABLE_PARAMETERS) <= TRUEPOSE_TEJ_WORK);
-  CHECK(truepose_learner_memory(&model, TRUEPOSE_TABLE_PARAMETERS) <= TRUEPOSE_LEARNS);
+  CHECK(truepose_online_calibrator_memory(&model, TRUEPOSE_TABLE_PARAMETERS) <= TRUEPOSE_LEARNS);
 }
 
 TEST("nothing is learnt that should not be") {

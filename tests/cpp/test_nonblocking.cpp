@@ -7,7 +7,7 @@
 
 #include "mechanisms.hpp"
 #include "truepose/control/command.hpp"
-#include "truepose/control/guard.hpp"
+#include "truepose/control/fault_tolerant_control.hpp"
 #include "truepose/full/linearise.hpp"
 
 using namespace mechanisms;
@@ -31,9 +31,10 @@ long run_control(const Robot& robot, const ControlSettings& settings,
 
 /// Every eighth cycle a reading lies, another each time; those that fail of it are restored.
 template <Mobility K>
-long run_guarded(const Robot& robot, const ControlSettings& settings, const GuardSettings& guarding,
-                 const std::vector<Cycle>& cycles, ControlState& state, const Weighing& weighing,
-                 Guard& guard, Late& late) noexcept [[clang::nonblocking]] {
+long run_guarded(const Robot& robot, const ControlSettings& settings,
+                 const FaultTolerantSettings& guarding, const std::vector<Cycle>& cycles,
+                 ControlState& state, const Weighing& weighing, FaultTolerantState& guard,
+                 Multirate& late) noexcept [[clang::nonblocking]] {
   long lies = 0;
   PathClock clock;
   const Cycle* cycle = cycles.data();
@@ -44,21 +45,22 @@ long run_guarded(const Robot& robot, const ControlSettings& settings, const Guar
     if (k % 8 == 7) q_e[c] = k % 16 == 7 ? NAN : q_e[c] + 1;
     clock.advance(settings.period, guard.stop);
     late.arrived = arrivals(late.settings, late.cycle);
-    const Outcome outcome = guarded<K>(robot, settings, guarding, clock.paced(cycle[at].setpoint),
-                                       q_e, state, weighing, guard, &late);
+    const Outcome outcome =
+        control_fault_tolerant<K>(robot, settings, guarding, clock.paced(cycle[at].setpoint), q_e,
+                                  state, weighing, guard, &late);
     if (outcome.status == Status::disagree) ++lies;
-    if (k % 128 == 127) restore(guard.watch, c);
+    if (k % 128 == 127) acknowledge(guard.watch, c);
   }
   return lies;
 }
 
 template <Mobility K>
-long run_learner(Learner& learner, const std::vector<Cycle>& cycles) noexcept
+long run_learner(OnlineCalibrator& learner, const std::vector<Cycle>& cycles) noexcept
     [[clang::nonblocking]] {
   long failures = 0;
   const Cycle* cycle = cycles.data();
   for (std::size_t k = 0; k < cycles.size(); ++k)
-    if (!learn<K>(learner, cycle[k].q_e)) ++failures;
+    if (!calibrate_online<K>(learner, cycle[k].q_e)) ++failures;
   return failures;
 }
 
@@ -125,14 +127,14 @@ TEST("no law and no model blocks, on any mechanism") {
       ControlSettings settings;
       settings.law = law;
       CHECK(place_poles(robot, robot.home, 100, 1, settings));
-      GuardSettings guarding;
+      FaultTolerantSettings guarding;
       guarding.watch.fastest.fill(500);
       guarding.watch.moved.fill(2e-3);
       prepare(guarding.watch);
       ControlState state;
-      Guard guard;
-      Late late;
-      LateSettings slow;
+      FaultTolerantState guard;
+      Multirate late;
+      MultirateSettings slow;
       slow.every.fill(3);
       CHECK(start(slow, late));
       CHECK(run_guarded<K>(robot, settings, guarding, cycles, state, prior.weighing(), guard,
@@ -140,7 +142,7 @@ TEST("no law and no model blocks, on any mechanism") {
     }
     CHECK(run_models(robot, cycles) == 0);
     for (const double gate : {kGate, 0.0}) {
-      Learner learner = prior.learner(robot);
+      OnlineCalibrator learner = prior.learner(robot);
       learner.settings.gate = gate;
       CHECK(run_learner<K>(learner, cycles) < 200);  // ξ̂ wanders: these poses belong to no robot
     }

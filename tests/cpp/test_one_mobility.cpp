@@ -54,7 +54,7 @@ TEST("every law and the learner still work") {
     CHECK(extended<Mobility::schoenflies>(robot, to_pose<Mobility::schoenflies>(robot.home), q_e));
     ControlState state;
     CHECK(control(robot, settings, {robot.home}, q_e, state, prior.weighing()));
-    Learner learner = prior.learner(robot);
-    CHECK(learn<Mobility::schoenflies>(learner, q_e));
+    OnlineCalibrator learner = prior.learner(robot);
+    CHECK(calibrate_online<Mobility::schoenflies>(learner, q_e));
   }
 }

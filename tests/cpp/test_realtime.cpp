@@ -5,7 +5,7 @@
 #include <cstdlib>
 
 #include "mechanisms.hpp"
-#include "truepose/control/guard.hpp"
+#include "truepose/control/fault_tolerant_control.hpp"
 #include "truepose/estimation/estimate.hpp"
 #include "truepose/full/linearise.hpp"
 #include "truepose/offline/plant.hpp"
@@ -85,7 +85,7 @@ TEST("no law allocates in a million cycles with full feed-forward, and neither d
     Robot robot = mechanism.robot;
     robot.r = 2;
     Prior prior(robot);
-    KeptWeights kept;
+    CachedGain kept;
     const Weighing fresh = prior.weighing(), keeps{fresh.known, fresh.work, &kept};
     // All of the cycles for the paper's robot, a tenth for each of the others.
     const long count = robot.mobility == Mobility::schoenflies ? cycles : cycles / 10;
@@ -230,7 +230,7 @@ TEST("a guarded controller allocates nothing, whatever its readings do") {
     Robot robot = mechanism.robot;
     robot.r = 2;
     Prior prior(robot);
-    GuardSettings guarding;
+    FaultTolerantSettings guarding;
     guarding.watch.fastest.fill(500);
     guarding.watch.moved.fill(2e-3);
     prepare(guarding.watch);
@@ -239,7 +239,7 @@ TEST("a guarded controller allocates nothing, whatever its readings do") {
       settings.law = law;
       CHECK(place_poles(robot, robot.home, 100, 1, settings));
       ControlState state;
-      Guard guard;
+      FaultTolerantState guard;
       check::Random random(76);
       long lies = 0;
       const long before = allocations;
@@ -250,9 +250,9 @@ TEST("a guarded controller allocates nothing, whatever its readings do") {
         if (!extended<K>(robot, to_pose<K>(setpoint.x), q_e)) continue;
         const int c = static_cast<int>(k / 50) % (kDof<K> + robot.r);
         if (k % 50 > 40) q_e[c] = k % 100 > 50 ? NAN : q_e[c] + 1;
-        if (k % 200 == 199) restore(guard.watch, c);
-        const Outcome outcome =
-            guarded<K>(robot, settings, guarding, setpoint, q_e, state, prior.weighing(), guard);
+        if (k % 200 == 199) acknowledge(guard.watch, c);
+        const Outcome outcome = control_fault_tolerant<K>(robot, settings, guarding, setpoint, q_e,
+                                                          state, prior.weighing(), guard);
         if (outcome.status == Status::disagree) ++lies;
       }
       CHECK(allocations == before);
@@ -268,19 +268,19 @@ TEST("learning while it works, a controller allocates nothing, at either level")
     robot.r = 2;
     for (const double gate : {0.0, kGate}) {
       Prior prior(robot);
-      Learner learner = prior.learner(robot);
+      OnlineCalibrator learner = prior.learner(robot);
       learner.settings.gate = gate;
       check::Random random(74);
       const long before = allocations;
       for (long k = 0; k < 300; ++k) {
         Extended q_e;
         if (!extended<K>(robot, to_pose<K>(random_pose(mechanism, random)), q_e)) continue;
-        static_cast<void>(learn<K>(learner, q_e));
+        static_cast<void>(calibrate_online<K>(learner, q_e));
         if constexpr (kPaired<K>)
           if (robot.full.kind == FullKind::exists)
-            static_cast<void>(learn<K, FullModel>(learner, q_e));
+            static_cast<void>(calibrate_online<K, FullModel>(learner, q_e));
         q_e[0] += 3;  // mostly fails
-        static_cast<void>(learn<K>(learner, q_e));
+        static_cast<void>(calibrate_online<K>(learner, q_e));
       }
       CHECK(allocations == before);
       CHECK(gate > 0 ? learner.left_out > 5 : learner.lines > 250);

@@ -53,7 +53,7 @@ struct Memory {
                                      chain_column(3) + 17};
   std::vector<double> root = std::vector<double>(kUncertain * kUncertain), xi, work;
   Knowledge known{kUncertain, column.data(), root.data(), {}};
-  Learner learner;
+  OnlineCalibrator learner;
 
   Memory() : xi(400), work(20000) {
     for (int k = 0; k < kUncertain; ++k) root[k * kUncertain + k] = 1e-3;
@@ -134,8 +134,7 @@ std::vector<std::pair<const char*, Answer>> ask(const Robot& robot) {
   add("energy", answer(energetic, std::array{energies.kinetic, energies.potential}));
   ControlSettings settings;
   add("place_poles", answer(place_poles(robot, x, 100, 1, settings), settings.kp));
-  for (const Law law :
-       {Law::joint, Law::tej, Law::cartesian, Law::weighted, Law::estimated}) {
+  for (const Law law : {Law::joint, Law::tej, Law::cartesian, Law::weighted, Law::estimated}) {
     ControlState state;
     settings.law = law;
     const Weighing weighing{&memory.known, memory.work.data()};
@@ -145,7 +144,7 @@ std::vector<std::pair<const char*, Answer>> ask(const Robot& robot) {
   add("drawn_parameters", answer(drawn_parameters(robot, memory.xi.data()), memory.xi));
   Robot other = robot;
   add("set_parameters", answer(set_parameters(robot, memory.xi.data(), other), r));
-  add("learn", answer(learn<kH4>(memory.learner, q_e), memory.root));
+  add("learn", answer(calibrate_online<kH4>(memory.learner, q_e), memory.root));
   return all;
 }
 

@@ -13,7 +13,7 @@ constexpr double kStep = 1e-4;  // of fourth-order differences
 /// Whether a kind's reading is there, and moves, on robots of this mobility.
 bool fits(SensorKind kind, Mobility mobility) {
   switch (kind) {
-    case SensorKind::nacelle_angle:
+    case SensorKind::platform_angle:
       return mobility == Mobility::planar || mobility == Mobility::schoenflies;
     case SensorKind::inclinometer:
     case SensorKind::rotation: return mobility == Mobility::spatial;
@@ -66,7 +66,7 @@ std::vector<Sensor> sensors_of(const Robot& robot, Mobility mobility) {
       joint.normal = flat ? Vec3(Vec3::UnitX()) : robot.chain[chain].axis().unitOrthogonal();
     }
   }
-  if (robot.full.bars > 0) add(SensorKind::nacelle_angle).bar = robot.full.bars - 1;
+  if (robot.full.bars > 0) add(SensorKind::platform_angle).bar = robot.full.bars - 1;
   return sensors;
 }
 

@@ -29,7 +29,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     constexpr int n = kDof<K>;
     mechanisms::Prior prior(robot);
     Weighing weighing = bytes.one_in(8) ? Weighing{} : prior.weighing();
-    KeptWeights kept;
+    CachedGain kept;
     if (bytes.one_in(2)) weighing.kept = &kept;
     ControlState state;
     for (int cycle = 0; cycle < 4; ++cycle) {

@@ -1,7 +1,7 @@
 // Does any robot, knowledge or reading make an estimate or the learner crash, hang, call a NaN an
 // answer, or spoil what it had learnt?
 #include "decode.hpp"
-#include "truepose/estimation/learning.hpp"
+#include "truepose/estimation/online_calibrator.hpp"
 #include "truepose/full/linearise.hpp"
 
 namespace {
@@ -36,7 +36,7 @@ void check_estimate(Bytes& bytes, const Subject& subject, mechanisms::Prior& pri
 
 template <Mobility K, class Level>
 void check_learner(Bytes& bytes, const Subject& subject, mechanisms::Prior& prior) {
-  Learner learner = prior.learner(subject.robot);
+  OnlineCalibrator learner = prior.learner(subject.robot);
   if (bytes.one_in(2)) learner.settings.gate = std::fabs(bytes.number());
   if (bytes.one_in(4)) learner.fresh = bytes.number();
   const int p = learner.state.count, width = parameter_count(subject.robot);
@@ -49,7 +49,7 @@ void check_learner(Bytes& bytes, const Subject& subject, mechanisms::Prior& prio
                               root = all(learner.state.root, p * p);
     const long lines = learner.lines;
     const bool gave_up = learner.state.doubt.stopped;
-    const Outcome outcome = learn<K, Level>(learner, decode_readings<K>(bytes, subject));
+    const Outcome outcome = calibrate_online<K, Level>(learner, decode_readings<K>(bytes, subject));
     // It learns from a line less the reading that it blames; where it gives up, it goes back.
     const bool blames = outcome.status == Status::disagree && outcome.chain >= 0;
     const bool gives_up = learner.state.doubt.stopped != gave_up;

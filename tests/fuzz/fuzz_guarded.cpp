@@ -7,7 +7,7 @@
 #include <numbers>
 
 #include "decode.hpp"
-#include "truepose/control/guard.hpp"
+#include "truepose/control/fault_tolerant_control.hpp"
 
 using namespace fuzz;
 
@@ -24,9 +24,9 @@ void finite(const ControlState& state, int n, int rows) {
           "guarded: the tracking loops are finite");
 }
 
-void finite(const Watch& watch, int rows, int r) {
+void finite(const FaultMonitor& watch, int rows, int r) {
   for (int c = 0; c < rows; ++c) {
-    const WatchedReading& reading = watch.reading[c];
+    const MonitoredReading& reading = watch.reading[c];
     require(std::isfinite(reading.own.value) && std::isfinite(reading.own.rate) &&
                 std::isfinite(reading.spread),
             "watch: what it knows of a reading is finite");
@@ -61,7 +61,7 @@ void drive(Bytes& bytes, const Subject& subject) {
   settings.gains = static_cast<Gains>(bytes.below(2));
   static_cast<void>(place_poles(robot, robot.home, 100, 1, settings));
   if (!all_finite(settings.kp, n)) settings.kp = settings.kd = {};
-  GuardSettings guarding;
+  FaultTolerantSettings guarding;
   if (bytes.one_in(2)) guarding.watch.fastest.fill(500);
   if (bytes.one_in(2)) guarding.watch.moved.fill(2e-3);
   if (bytes.one_in(2)) {
@@ -75,7 +75,7 @@ void drive(Bytes& bytes, const Subject& subject) {
   prepare(guarding.watch);
   mechanisms::Prior prior(robot);
   ControlState state;
-  Guard guard;
+  FaultTolerantState guard;
   PathClock clock;
   // Mostly long enough for the trackers to settle, and to be led out and stopped.
   const int cycles = 40 + bytes.byte();
@@ -107,13 +107,13 @@ void drive(Bytes& bytes, const Subject& subject) {
       kept = q_e;
     }
     if (bytes.one_in(32)) settings.law = static_cast<Law>(bytes.below(5));
-    if (bytes.one_in(32)) restore(guard, bytes.below(rows + 2) - 1);
+    if (bytes.one_in(32)) acknowledge(guard, bytes.below(rows + 2) - 1);
     const double before = clock.time;
     clock.advance(settings.period, guard.stop);
     require(clock.time >= before && clock.rate >= 0 && clock.rate <= 1,
             "a path's time does not run backwards, nor faster");
-    static_cast<void>(guarded<K>(robot, settings, guarding, clock.paced(at), q_e, state,
-                                 prior.weighing(), guard));
+    static_cast<void>(control_fault_tolerant<K>(robot, settings, guarding, clock.paced(at), q_e,
+                                                state, prior.weighing(), guard));
     finite(state, n, rows);
     finite(guard.watch, rows, robot.r);
     for (int i = 0; i < n; ++i) {

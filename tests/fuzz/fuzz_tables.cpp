@@ -70,17 +70,17 @@ void ask(Bytes& bytes, const Robot& drawn, const truepose_model& model) {
   const bool same = n == drawn.motors && r == drawn.r;  // columns and work are the drawn robot's
   std::vector<truepose_real> work(truepose_work(&model, known.count));
   truepose_control_settings control;
-  truepose_default_control(&control);
-  truepose_watch_settings watch;
-  c::describe(GuardSettings{}, watch);
+  truepose_control_defaults(&control);
+  truepose_fault_monitor_settings watch;
+  c::describe(FaultTolerantSettings{}, watch);
   static_cast<void>(truepose_place_poles(&model, drawn.home.data(), 100, 1, &control));
   control.law = bytes.below(5);
   if (bytes.one_in(4)) scribble(bytes, control);
   if (bytes.one_in(4)) scribble(bytes, watch);
   truepose_controller controller;
-  truepose_guard guard;
-  if (!answered(truepose_begin_control(&controller, sizeof controller, &control)) ||
-      !answered(truepose_begin_guard(&guard, sizeof guard, &watch)) || !same)
+  truepose_fault_monitor guard;
+  if (!answered(truepose_controller_init(&controller, sizeof controller, &control)) ||
+      !answered(truepose_fault_monitor_init(&guard, sizeof guard, &watch)) || !same)
     return;
   truepose_setpoint setpoint{};
   std::copy_n(drawn.home.begin(), 6, setpoint.x);
@@ -89,15 +89,17 @@ void ask(Bytes& bytes, const Robot& drawn, const truepose_model& model) {
     const Extended off = numbers(bytes, Extended{});
     for (int c = 0; c < 16; ++c) read[c] = q_e[c] + off[static_cast<std::size_t>(c)];
     if (bytes.one_in(4)) scribble(bytes, setpoint);
-    truepose_report report;
-    static_cast<void>(truepose_guarded(&model, nullptr, &controller, &guard, &setpoint, read,
-                                       &known, work.data(), torque, &report));
+    truepose_fault_report report;
+    static_cast<void>(truepose_control_fault_tolerant(&model, nullptr, &controller, &guard,
+                                                      &setpoint, read, &known, work.data(), torque,
+                                                      &report));
     finite(torque, 6, "torques are finite");
     for (int i = 0; i < n; ++i)
       if (const double limit = drawn.chain[i].torque_limit; limit > 0 && std::isfinite(limit))
         require(std::fabs(torque[i]) <= limit, "torques are within their limits");
     if (bytes.one_in(4)) static_cast<void>(truepose_change_law(&controller, bytes.below(6)));
-    if (bytes.one_in(8)) static_cast<void>(truepose_restore(&guard, bytes.below(20) - 2));
+    if (bytes.one_in(8))
+      static_cast<void>(truepose_fault_monitor_acknowledge(&guard, bytes.below(20) - 2));
   }
 }
 

@@ -12,8 +12,12 @@ BUILDUP = 1e-3 / (4 * np.pi * 0.025**2)
 def spooled(tmp_path, extra=""):
     """A hexapod on six spools, whose build-up is known to 3 % of a metre's."""
     source = tp.load("stewart").spec._text
-    source = source.replace("[every_chain]\n", f"[every_chain]\nbuildup = {BUILDUP!r}\n{extra}")
-    source = source.replace("[tolerances]", '[tolerances]\n"chain*.buildup" = { sigma = 0.03 }')
+    source = source.replace(
+        "[chain_defaults]\n", f"[chain_defaults]\nspool_buildup = {BUILDUP!r}\n{extra}"
+    )
+    source = source.replace(
+        "[tolerances]", '[tolerances]\n"chain*.spool_buildup" = { sigma = 0.03 }'
+    )
     (tmp_path / "spools.toml").write_text(source, encoding="utf-8")
     return tp.load(tmp_path / "spools.toml")
 
@@ -29,21 +33,23 @@ def test_a_leg_is_as_long_as_its_spool_has_let_out(tmp_path, level):
     _, H_xi = robot.linearize(x, level=level)
     h = 1e-6
     for k in (1, 5):
-        name = f"chain{k}.buildup"
+        name = f"chain{k}.spool_buildup"
         more, less = (robot.replace({name: BUILDUP + d}).ikm(x, level=level) for d in (h, -h))
         assert H_xi[:, :6, names.index(name)] == pytest.approx((more - less) / (2 * h), abs=1e-8)
 
 
 def test_a_spool_is_calibrated_saved_and_loaded(tmp_path):
     robot = spooled(tmp_path).with_sensors("roll", "pitch")
-    true = robot.replace({f"chain{k}.buildup": BUILDUP + 0.02 * (-1) ** k for k in range(1, 7)})
+    true = robot.replace(
+        {f"chain{k}.spool_buildup": BUILDUP + 0.02 * (-1) ** k for k in range(1, 7)}
+    )
     rng = np.random.default_rng(4)
     box = robot.spec.workspace
     x = rng.uniform(box.minimum, box.maximum, (80, 6))
     fit = tp.calibrate(robot, true.extended_positions(x), measured=x, registration="known")
     for k in range(1, 7):
-        of = fit.parameters[f"chain{k}.buildup"]
-        assert abs(of.value - true.parameters[f"chain{k}.buildup"].value) < 3 * of.sigma
+        of = fit.parameters[f"chain{k}.spool_buildup"]
+        assert abs(of.value - true.parameters[f"chain{k}.spool_buildup"].value) < 3 * of.sigma
         assert of.verdict == "identified"
     fit.robot.save(tmp_path / "calibrated.toml")
     again = tp.load(tmp_path / "calibrated.toml")
@@ -51,10 +57,12 @@ def test_a_spool_is_calibrated_saved_and_loaded(tmp_path):
 
 
 def test_an_arm_has_no_spool(tmp_path):
-    source = tp.load("h4").spec._text.replace("[every_chain]\n", "[every_chain]\nbuildup = 0.1\n")
-    if "[every_chain]\n" not in source:
-        source = source.replace("[[chain]]\n", "[[chain]]\nbuildup = 0.1\n", 1)
+    source = tp.load("h4").spec._text.replace(
+        "[chain_defaults]\n", "[chain_defaults]\nspool_buildup = 0.1\n"
+    )
+    if "[chain_defaults]\n" not in source:
+        source = source.replace("[[chain]]\n", "[[chain]]\nspool_buildup = 0.1\n", 1)
     (tmp_path / "h4.toml").write_text(source, encoding="utf-8")
-    with pytest.raises(tp.RobotFileError, match="'buildup' is for prismatic and telescopic"):
+    with pytest.raises(tp.RobotFileError, match="'spool_buildup' is for prismatic and telescopic"):
         tp.load(tmp_path / "h4.toml")
-    assert "chain1.buildup" not in tp.load("h4").parameters
+    assert "chain1.spool_buildup" not in tp.load("h4").parameters

@@ -224,7 +224,7 @@ def test_without_masses_what_needs_none_is_exported_and_the_rest_is_named(run, h
     for name in ("left", "right"):  # two robots called h4 in one program
         status, _, said = run("export", "c", "bare.toml", "-o", f"{name}.h", "--name", name)
         assert status == 0
-        assert f"{name}_control and {name}_watch are left out" in said and "arm_mass" in said
+        assert f"{name}_control and {name}_fault_monitor are left out" in said and "arm_mass" in said
         user = f'#include "{name}.h"\n' + user
     (tmp_path / "user.c").write_text(user, encoding="utf-8")
     there = f"-I{HEADER.parents[1]}"
@@ -241,7 +241,7 @@ def test_a_prefix_that_c_does_not_take_is_refused_with_one_that_it_takes(run, na
 
 def test_a_slow_sensor_is_refused_by_name():
     h4 = tp.load("h4")
-    late = [s.model_copy(update={"period": 0.01}) for s in h4.spec.sensor]
+    late = [s.model_copy(update={"sample_period": 0.01}) for s in h4.spec.sensor]
     with pytest.raises(tp.InputError, match=r"h4: a sensor is slow or late .*--sensors"):
         tables(tp.Robot(h4.spec.model_copy(update={"sensor": late})))
 

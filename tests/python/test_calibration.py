@@ -90,7 +90,7 @@ def test_passive_joints_teach_every_robot(case, anywhere, rng):
 
 def test_what_no_reading_can_see_keeps_its_prior(any_robot, anywhere, rng):
     """A shift of the whole base: passive joints and motors never notice. Posterior = prior."""
-    inside = ("rod_in_plane", "inclinometer", "nacelle_angle")
+    inside = ("rod_in_plane", "inclinometer", "platform_angle")
     names = [s.name for s in any_robot.spec.sensor if s.kind in inside]
     if not names:
         pytest.skip("no sensor of a passive joint")
@@ -100,7 +100,7 @@ def test_what_no_reading_can_see_keeps_its_prior(any_robot, anywhere, rng):
     for axis in "xyz":
         base = (f".base.{axis}", f"axis1.origin.{axis}")  # of a pivot its first axis, too
         moved = np.array([float(name.endswith(base)) for name in fit.names])
-        if moved.sum() < robot.n + bool(robot.spec.axis):
+        if moved.sum() < robot.n + bool(robot.spec.passive_axis):
             continue
         combination = np.linalg.solve(fit.prior_covariance, moved)
         posterior = combination @ fit.covariance @ combination

@@ -26,10 +26,10 @@ def q_e(robot, table2):
     rng = np.random.default_rng(0)
     poses = rng.permutation(table2)[:150] + rng.uniform(-1e-3, 1e-3, (150, 4))
     true = with_paper_errors(robot, seed=1)
-    return quantised(true, true.extended_positions(poses))
+    return quantized(true, true.extended_positions(poses))
 
 
-def quantised(robot, q_e):
+def quantized(robot, q_e):
     return np.round(q_e / robot.resolution) * robot.resolution
 
 

@@ -183,7 +183,7 @@ UPU = """
 name = "3-upu"
 mobility = "translation"
 home = [0.0, 0.0, 0.5]
-every_chain = { actuator = "telescopic" }
+chain_defaults = { actuator = "telescopic" }
 pattern = { repeat = 3 }
 workspace = { minimum = [-0.1, -0.1, 0.4], maximum = [0.1, 0.1, 0.6] }
 [[chain]]
@@ -252,7 +252,7 @@ ORTHOGLIDE = """
 name = "orthoglide"
 mobility = "translation"
 home = [0, 0, 0]
-every_chain = { actuator = "prismatic", rod = 0.3, working_mode = -1, anchor = [0, 0, 0] }
+chain_defaults = { actuator = "prismatic", rod = 0.3, working_mode = -1, anchor = [0, 0, 0] }
 chain = [
   { base = [-0.5, 0, 0], axis = [1, 0, 0] PAIR1 },
   { base = [0, -0.5, 0], axis = [0, 1, 0] PAIR2 },

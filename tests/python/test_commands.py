@@ -69,8 +69,8 @@ def test_check_tells_every_problem_at_once_with_its_line(run, h4_text, tmp_path)
         ('mobility = "spatial"', "spatial has 6 freedoms: give 6 chains, not 4"),
         ("home = [0.0, 0.0]", "home needs 6 coordinates, has 2"),
         ("minimum = [-0.1", "workspace.minimum needs 6 coordinates, has 4"),
-        ("am = 0.26", "every_chain.am: unknown key 'am'; did you mean 'arm'? (choices: "),
-        ("rod = -0.48", "every_chain.rod = -0.48: input should be greater than 0"),
+        ("am = 0.26", "chain_defaults.am: unknown key 'am'; did you mean 'arm'? (choices: "),
+        ("rod = -0.48", "chain_defaults.rod = -0.48: input should be greater than 0"),
         ("axis = [0.0, 2.0, 0.0]", "chain.1.axis = [0.0, 2.0, 0.0]: must have length 1, has 2"),
         ('gear = "4"', "sensor.1.gear = '4': input should be a valid number"),
         ('name = "theta"', "two sensors have the same name: theta"),
@@ -175,7 +175,7 @@ def test_info_draws_the_conditioning_map(run, tmp_path):
 
 
 def test_info_needs_a_workspace(run, tmp_path, h4_text):
-    a, b = h4_text.index("[workspace]"), h4_text.index("[every_chain]")
+    a, b = h4_text.index("[workspace]"), h4_text.index("[chain_defaults]")
     (tmp_path / "mine.toml").write_text(h4_text[:a] + h4_text[b:], encoding="utf-8")
     said = "h4: no [workspace] minimum, maximum in its file"
     assert run("info", "mine.toml")[2] == f"truepose: error: {said}\n"

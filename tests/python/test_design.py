@@ -16,6 +16,7 @@ from truepose.robot.units import summed
 from truepose.robotfile import path_of
 from truepose.robotfile.schema import Tolerance
 
+NO_PRICE = ("--price", "none", "--price-steps")
 PRICES = {"theta": 90.0, "z_telemeter": 400.0, "wire1": 250.0, "wire2": 250.0, "pivot1": 40.0}
 
 
@@ -190,7 +191,7 @@ def test_a_robot_s_front_of_more_than_ten_candidates_is_that_of_all_sets(
     finer = {group: {1e-4: 300.0, 2e-5: 500.0}, "chain1.base.*": {5e-5: 60.0, 2e-5: 100.0}}
     finer["chain2.base.*"], finer["chain3.base.*"] = {1e-5: 90.0}, {1e-5: 110.0}
     calibrated = x[4:] if known == "self-calibrated" else None
-    asked = {"finer": finer, "calibrated_on": calibrated, "survives": known == "survives"}
+    asked = {"price_steps": finer, "calibrated_on": calibrated, "survives": known == "survives"}
     found = tp.select_sensors(robot, prices, poses=x[:4], **asked)
     assert found.exact and len(found.alone) == 12
     worth = Worth(robot, names, x[:4], x[4:] if calibrated is not None else x[:0], x[:0], [],
@@ -203,7 +204,7 @@ def test_a_robot_s_front_of_more_than_ten_candidates_is_that_of_all_sets(
 def test_a_front_of_many_candidates_is_marked_as_greedy(run, h4, tmp_path):
     """In the result, the table, the notes and the picture."""
     finer = [f"chain{i}.{part}=1e-5:{i}" for i in range(1, 5) for part in ("rod", "arm")]
-    words = [word for level in finer for word in ("--finer", level.replace("1e-5", "0.01mm"))]
+    words = [word for level in finer for word in ("--price-steps", level.replace("1e-5", "0.01mm"))]
     price = ("--price", "theta=90,z_telemeter=400,wire*=250,pivot*=40")
     status, out, errors = run("design", "h4", *price, *words, "--plot", tmp_path / "front.svg")
     assert status == 0 and "(greedy choices, not proven)" in " ".join(out.split()), errors
@@ -339,7 +340,9 @@ def test_a_finer_tolerance_is_worth_what_the_robot_with_it_is(name, how, anywher
     group = "chain*.encoder_offset" if name == "stewart" else "chain*.rod"
     sensors = [sensor.name for sensor in robot.spec.sensor][:2]
     finer = {group: {1e-4: 10.0, 2e-5: 30.0}, "chain*.base.*": {5e-5: 20.0}}
-    found = tp.select_sensors(robot, dict.fromkeys(sensors, 1.0), finer=finer, poses=x[:6], **known)
+    found = tp.select_sensors(
+        robot, dict.fromkeys(sensors, 1.0), price_steps=finer, poses=x[:6], **known
+    )
     choices = {(c.sensors, c.machined): c for c in found.front}
     best = found.front[-1]
     assert best.machined == ((group, 2e-5), ("chain*.base.*", 5e-5)) and best.price == 52
@@ -361,7 +364,7 @@ def test_the_same_sets_in_other_states(h4):
     """What each state says of a set is what a choice for that state says of it."""
     finer = {"chain*.rod": {1e-3: 300, 1e-4: 700}}
     x = tp.select_sensors(h4, PRICES, poses=None).over[:12]
-    asked = {"finer": finer, "poses": x[:6]}
+    asked = {"price_steps": finer, "poses": x[:6]}
     found = tp.select_sensors(h4, PRICES, **asked)
     at = {"calibrated_on": x[6:], "touch_off": h4.home}
     states = in_other_states(found, **at)
@@ -383,13 +386,15 @@ def test_a_file_says_what_machining_costs(h4, tmp_path):
         f"{{ sigma = {s}, price = {p} }}" for s, p in ((1e-3, 300), (5e-4, 800), (1e-4, 700))
     )
     file = tmp_path / "priced.toml"
-    file.write_text(text.replace(entry, f"{entry}, finer = [{levels}]"))
+    file.write_text(text.replace(entry, f"{entry}, price_steps = [{levels}]"))
     found = tp.select_sensors(tp.load(file), PRICES)
     assert [(level.sigma, level.price) for level in found.levels[0]] == [(1e-3, 300), (1e-4, 400)]
-    again = tp.select_sensors(h4, PRICES, finer={"chain*.rod": {1e-3: 300, 1e-4: 700, 5e-4: 800}})
+    again = tp.select_sensors(
+        h4, PRICES, price_steps={"chain*.rod": {1e-3: 300, 1e-4: 700, 5e-4: 800}}
+    )
     assert again.front == found.front and any(choice.machined for choice in found.front)
     assert not any(
-        choice.machined for choice in tp.select_sensors(tp.load(file), PRICES, finer={}).front
+        choice.machined for choice in tp.select_sensors(tp.load(file), PRICES, price_steps={}).front
     )
 
 
@@ -414,16 +419,22 @@ def test_prices_stand_in_the_file_too(h4):
         ({"must": ["elbow1"]}, "must: unknown sensor 'elbow1'"),
         ({"budget": 30}, "budget 30: nothing fits: the cheapest, pivot1, costs 40"),
         ({"prices": {}}, "h4: neither sensors nor levels to choose"),
-        ({"finer": {"chain*.rdo": {1e-4: 1}}}, "finer: unknown parameter 'chain\\*.rdo'"),
-        ({"finer": {"chain*.rod": {}}}, "finer: chain\\*.rod: no level"),
-        ({"finer": {"chain*.rod": {1: 1}}}, "rod: 1: must be less than its σ, 0.003753"),
-        ({"finer": {"chain*.rod": {0: 1}}}, "finer: chain\\*.rod: 0: must be greater than 0"),
-        ({"finer": {"chain*.rod": {1e-4: -1}}}, "0.0001 for -1: must be 0 or greater"),
-        ({"finer": {"chain*.gain": {1e-4: 1}}}, "gain: is known exactly"),
-        ({"finer": {"chain1.*": {1e-4: 1}}}, "chain1.\\*: must be of one unit, is of m, rad"),
         (
-            {"finer": {"chain*.rod": {1e-4: 1}, "chain1.rod": {1e-4: 1}}},
-            "finer: chain1.rod: in chain\\*.rod and in chain1.rod",
+            {"price_steps": {"chain*.rdo": {1e-4: 1}}},
+            "price_steps: unknown parameter 'chain\\*.rdo'",
+        ),
+        ({"price_steps": {"chain*.rod": {}}}, "price_steps: chain\\*.rod: no level"),
+        ({"price_steps": {"chain*.rod": {1: 1}}}, "rod: 1: must be less than its σ, 0.003753"),
+        (
+            {"price_steps": {"chain*.rod": {0: 1}}},
+            "price_steps: chain\\*.rod: 0: must be greater than 0",
+        ),
+        ({"price_steps": {"chain*.rod": {1e-4: -1}}}, "0.0001 for -1: must be 0 or greater"),
+        ({"price_steps": {"chain*.gain": {1e-4: 1}}}, "gain: is known exactly"),
+        ({"price_steps": {"chain1.*": {1e-4: 1}}}, "chain1.\\*: must be of one unit, is of m, rad"),
+        (
+            {"price_steps": {"chain*.rod": {1e-4: 1}, "chain1.rod": {1e-4: 1}}},
+            "price_steps: chain1.rod: in chain\\*.rod and in chain1.rod",
         ),
     ],
 )
@@ -442,7 +453,7 @@ def test_the_command_says_what_the_function_finds(run, h4, tmp_path):
         [1e3 * choice.sigma for choice in found.front]
     )
     assert "proven the best" in err and (tmp_path / "front.svg").exists()
-    said = run(*words, "--finer", "chain*.rod=1mm:50,0.1mm:300", "--target", "1.2mm")[1]
+    said = run(*words, "--price-steps", "chain*.rod=1mm:50,0.1mm:300", "--target", "1.2mm")[1]
     assert "1190" not in said and "rod 0.1 mm" in said and "and 2 levels of tolerances" in said
     said = run(*words, "--target", "6mm", "--calibrated", "6", "--survives", "--must", "theta")[1]
     assert "self-calibrated, any one sensor failed" in said and "proven the best" in said
@@ -461,11 +472,11 @@ def test_the_command_says_what_the_function_finds(run, h4, tmp_path):
         (("--price", "theta=90", "--calibrated", "0"), "--calibrated 0: must be 1 or greater"),
         (("--price", "none"), "h4: neither sensors nor levels to choose"),
         (("--price", "theta=90", "--budget", "1"), "nothing fits: the cheapest, theta, costs 90"),
-        (("--price", "none", "--finer", "rodd=1mm:3"), "--finer: unknown parameter 'rodd'"),
-        (("--price", "none", "--finer", "chain*.rod=1mm"), "must be PARAMETERS=SIGMA:PRICE"),
-        (("--price", "none", "--finer", "chain*.rod=1deg:3"), "chain*.rod: 1deg: must be a length"),
-        (("--price", "none", "--finer", "chain*.rod=-1mm:3"), "chain*.rod: -1mm: must be a length"),
-        (("--price", "none", "--finer", "*.gain=1mm:3"), "*.gain: 1mm: must be a number greater"),
+        ((*NO_PRICE, "rodd=1mm:3"), "--price-steps: unknown parameter 'rodd'"),
+        ((*NO_PRICE, "chain*.rod=1mm"), "must be PARAMETERS=SIGMA:PRICE"),
+        ((*NO_PRICE, "chain*.rod=1deg:3"), "chain*.rod: 1deg: must be a length"),
+        ((*NO_PRICE, "chain*.rod=-1mm:3"), "chain*.rod: -1mm: must be a length"),
+        ((*NO_PRICE, "*.gain=1mm:3"), "*.gain: 1mm: must be a number greater"),
     ],
 )
 def test_what_is_wrong_with_the_words_is_one_line(run, words, message):

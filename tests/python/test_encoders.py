@@ -23,7 +23,7 @@ def spoil(h4_text, tmp_path):
         text = h4_text
         for after, line in additions.items():
             old = {
-                "chains": "[every_chain]",
+                "chains": "[chain_defaults]",
                 "theta": "gear = 4.0",
                 "chain1": "anchor = [0.0, 0.06",
             }

@@ -33,7 +33,7 @@ def test_from_exact_readings_the_estimate_is_the_pose(any_robot, anywhere, rng, 
 
 
 def test_the_estimate_is_found_from_home_as_well(any_robot, rng):
-    box = any_robot.spec.singularity_free
+    box = any_robot.spec.fkm_region
     x = rng.uniform(box.minimum, box.maximum, (50, any_robot.n))
     for robot in sensor_sets(any_robot):
         assert robot.estimate(robot.extended_positions(x)).x == pytest.approx(x, abs=1e-9)

@@ -100,9 +100,7 @@ def test_two_faults_act_one_after_the_other(exact):
 def test_a_frozen_theta_takes_the_nacelle_away_under_the_papers_law_alone(h4):
     """The worst of them: the TEJ multiplies θ's error by |j|², 8 to 38."""
     stuck = [fault("stuck")]
-    astray, usual = (
-        tp.simulate(h4, controller=law, faults=stuck) for law in ("tej", "joint")
-    )
+    astray, usual = (tp.simulate(h4, controller=law, faults=stuck) for law in ("tej", "joint"))
     assert np.linalg.norm(astray.error[:, :3], axis=1).max() > 0.37
     assert np.degrees(np.abs(astray.error[:, 3]).max()) > 130
     assert usual.x.tobytes() == tp.simulate(h4, controller="joint").x.tobytes()

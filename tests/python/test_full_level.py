@@ -11,7 +11,7 @@ PAR4 = """
 name = "par4"
 mobility = "schoenflies"
 home = [0.0, 0.0, -0.7, 0.0]
-every_chain = { actuator = "revolute", arm = 0.375, rod = 0.8 }
+chain_defaults = { actuator = "revolute", arm = 0.375, rod = 0.8 }
 chain = [
   { base = [0.2, 0.2, 0], zero = [0.6, 0.8, 0], axis = [-0.8, 0.6, 0], anchor = [0, 0.06, 0], bar = 1 },
   { base = [-0.2, 0.2, 0], zero = [-0.6, 0.8, 0], axis = [-0.8, -0.6, 0], anchor = [0, 0.06, 0], bar = 2 },
@@ -27,7 +27,7 @@ name = "linear-delta"
 mobility = "translation"
 home = [0.0, 0.0, -0.5]
 workspace = { minimum = [-0.1, -0.1, -0.6], maximum = [0.1, 0.1, -0.4] }
-every_chain = { actuator = "prismatic", rod = 0.6, working_mode = 1 }
+chain_defaults = { actuator = "prismatic", rod = 0.6, working_mode = 1 }
 chain = [
   { base = [0.35, 0, 0], anchor = [0.05, 0, 0] },
   { base = [-0.175, 0.3, 0], anchor = [-0.025, 0.043, 0] },
@@ -218,7 +218,7 @@ def test_any_leading_shape(h4, lead):
             "bar = 3        #",
             "theta: bar = 3, but .* 2 bars",
         ),
-        ("[nacelle]", '[nacelle]\nbars = "welded"', "nacelle.bars = 'welded': .*four_bar"),
+        ("[platform]", '[platform]\nbars = "welded"', "platform.bars = 'welded': .*four_bar"),
     ],
 )
 def test_a_file_that_misdescribes_rods_or_bars_is_refused(load, h4_text, old, new, message):

@@ -18,7 +18,9 @@ LENGTH = np.array([1, 1, 1, 0.1])  #: m, by which an angle counts as a way
 def timed(robot, period=PERIOD, age=AGE):
     """The robot, its sensors in use slow and late."""
     sensors = tuple(
-        s.model_copy(update={"period": period, "age": age}) if s.name in robot.sensors else s
+        s.model_copy(update={"sample_period": period, "latency": age})
+        if s.name in robot.sensors
+        else s
         for s in robot.spec.sensor
     )
     values = {name: p.value for name, p in robot.parameters.items()}
@@ -128,7 +130,7 @@ def test_how_far_a_sensor_strays_is_what_drawn_robots_do(h4):
             for at in (x, x + step)
         ]
         off.append((seen[1] - seen[0]) / step[0])
-    found, most = np.std(off, axis=0), delays.stray(robot)[:, 0]
+    found, most = np.std(off, axis=0), delays.sensitivity(robot)[:, 0]
     assert (found < 1.2 * most).all() and (found > 0.1 * most).all()
 
 
@@ -236,13 +238,14 @@ def test_learning_goes_on_with_late_readings(camera):
 
 
 @pytest.mark.parametrize(
-    ("key", "value"), [("period", -0.1), ("age", -1.0), ("age", 11.0), ("period", "x")]
+    ("key", "value"),
+    [("sample_period", -0.1), ("latency", -1.0), ("latency", 11.0), ("sample_period", "x")],
 )
 def test_bad_numbers_in_a_file_are_named_in_one_line(tmp_path, key, value):
     path = tmp_path / "robot.toml"
     path.write_text(
         'based_on = "h4"\nsensors = ["eye"]\n\n[[sensor]]\nname = "eye"\n'
-        f'kind = "nacelle_angle"\n{key} = {value!r}\n'
+        f'kind = "platform_angle"\n{key} = {value!r}\n'
     )
     with pytest.raises(tp.RobotFileError, match=key) as error:
         tp.load(path)
@@ -251,6 +254,6 @@ def test_bad_numbers_in_a_file_are_named_in_one_line(tmp_path, key, value):
 
 def test_periods_that_the_controller_cannot_remember_are_refused(camera):
     with pytest.raises(
-        tp.InputError, match=r"sensor theta: age = 0\.5 s: at most 255 control periods"
+        tp.InputError, match=r"sensor theta: latency = 0\.5 s: at most 255 control periods"
     ):
         tp.simulate(timed(camera, 0.01, 0.5))

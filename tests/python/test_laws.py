@@ -137,7 +137,7 @@ def test_a_law_that_nobody_knows_is_named(h4):
         h4.cross_sensitivity(h4.home, "wieghted")
 
 
-def quantised_at_rest(robot: tp.Robot, rng: np.random.Generator) -> tp.Robot:
+def quantized_at_rest(robot: tp.Robot, rng: np.random.Generator) -> tp.Robot:
     """Return a robot whose readings are each off by up to half a count."""
     for reading, count in enumerate(robot.resolution):
         robot = read_wrong(robot, reading, count * rng.uniform(-0.5, 0.5))
@@ -153,7 +153,7 @@ def test_self_calibrated_control_takes_the_true_robot_to_the_bound(h4, table2, s
         draw, counts = source.spawn(2)
         true = robot.sample(draw).with_level("full")
         believed = experiment.self_calibrated(robot, true, table2, number)
-        real = quantised_at_rest(true, np.random.default_rng(counts))
+        real = quantized_at_rest(true, np.random.default_rng(counts))
         usual.append(tp.steady_state(robot, real, poses, "joint") - poses)
         learnt.append(tp.steady_state(believed, real, poses, "estimated") - poses)
     square = [(np.array(e)[..., :3] ** 2).sum(axis=-1).mean() for e in (usual, learnt)]

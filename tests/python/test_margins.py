@@ -85,7 +85,7 @@ def test_with_all_effects_a_robot_comes_to_rest_under_chosen_gains(name, law, pe
 @pytest.mark.parametrize("poles", [(50, 300), (30, 300)])
 def test_readings_hunt_by_a_count_as_far_as_the_describing_function_says(name, poles):
     # Without friction, which holds a motor within its count.
-    robot, effects = tp.load(name), Effects().only("quantisation", "delay", "compliance")
+    robot, effects = tp.load(name), Effects().only("quantization", "delay", "compliance")
     controller = tp.Controller(law="joint", frequency=poles[0], velocity_bandwidth=poles[1])
     found = tp.control.stability_margins(robot, controller, effects, poses=[default_move(robot)[1]])
     swings = []

@@ -13,7 +13,7 @@ PLANAR = """
 name = "crossed"
 mobility = "planar"
 home = [0.02, 0.01, 0]
-every_chain = { actuator = "telescopic" }
+chain_defaults = { actuator = "telescopic" }
 """
 #: Legs that all meet in one point of the nacelle's plane, 10 mm beside its reference point.
 MEETING = PLANAR + "".join(
@@ -24,19 +24,19 @@ BALL = """
 name = "ball"
 mobility = "spatial"
 home = [0, 0, 0.5, 0, 0, 0]
-every_chain = { actuator = "telescopic", anchor = [0, 0, 0] }
+chain_defaults = { actuator = "telescopic", anchor = [0, 0, 0] }
 """ + "".join(f"[[chain]]\nbase = [{x}, {y}, 0]\n" for x in (-0.3, 0.1, 0.4) for y in (-0.2, 0.5))
 SHELF = """
 name = "shelf"
 mobility = "translation"
 home = [0, 0, -0.5]
-every_chain = { actuator = "telescopic", anchor = [0, 0, 0] }
+chain_defaults = { actuator = "telescopic", anchor = [0, 0, 0] }
 """ + "".join(f"[[chain]]\nbase = [{x}, 0, 0]\n" for x in (-0.3, 0.1, 0.4))
 UPRIGHT = """
 name = "upright"
 mobility = "translation"
 home = [0.0, 0.0, -0.5]
-every_chain = { actuator = "prismatic", rod = 0.6, working_mode = 1, pair_axis = [0, 0, 1] }
+chain_defaults = { actuator = "prismatic", rod = 0.6, working_mode = 1, pair_axis = [0, 0, 1] }
 chain = [
   { base = [0.35, 0, 0], anchor = [0.05, 0, 0] },
   { base = [-0.175, 0.3, 0], anchor = [-0.025, 0.043, 0] },

@@ -155,7 +155,7 @@ def test_eccentric_encoders_are_the_robots_own_and_no_scatter(h4):
         h4, CIRCLE, effects=alone, runs=3, controller=tp.Controller()
     )
     assert found.AT > 5e-5 and found.RT < 1e-9
-    for group in ("quantisation", "ripple"):
+    for group in ("quantization", "ripple"):
         scattered = tp.simulation.path_accuracy(
             h4, CIRCLE, effects=tp.Effects().only(group), runs=3, controller=tp.Controller()
         )
@@ -192,7 +192,7 @@ def test_the_ideal_robot_follows_a_circle_of_2_hz_within_30_micrometres(h4, law)
 
 def test_counts_that_lie_elsewhere_are_known_to(h4):
     """Homing finds its zero between two counts; a run as a whole is not off by a part of one."""
-    counts = tp.Effects().only("quantisation")
+    counts = tp.Effects().only("quantization")
     found = tp.simulation.path_accuracy(
         h4, CIRCLE, effects=counts, runs=5, controller=tp.Controller()
     )

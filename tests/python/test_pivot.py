@@ -39,7 +39,7 @@ def test_its_coordinates_are_its_axes_and_its_motors_stand_at_0_at_neutral():
 def test_the_rods_close_on_a_nacelle_that_the_axes_carry_one_after_the_other(pivot, anywhere, rng):
     for x in anywhere(pivot, 50, rng):
         place, R = np.zeros(3), np.eye(3)
-        for axis, angle in zip(pivot.spec.axis, x, strict=True):
+        for axis, angle in zip(pivot.spec.passive_axis, x, strict=True):
             place = place + R @ axis.origin
             R = R @ turn(axis.direction, angle)
         frame = frames(pivot, x)
@@ -78,8 +78,8 @@ def test_motors_that_hold_the_foot_hold_its_weight_about_its_axes(pivot):
     robot = tp.Robot(pivot.spec.model_copy(update={"chain": tuple(bare)}))
     x, still = 0.5 * np.array(robot.spec.workspace.maximum), np.zeros(robot.n)
     frame = frames(robot, x)
-    centre = frame[:3, 3] + frame[:3, :3] @ robot.spec.nacelle.centre
-    weight = robot.spec.nacelle.mass * np.array(robot.spec.gravity)
+    centre = frame[:3, 3] + frame[:3, :3] @ robot.spec.platform.centre
+    weight = robot.spec.platform.mass * np.array(robot.spec.gravity)
     moment = [-axis @ np.cross(centre - at, weight) for at, axis in passive_axes(robot.core, x)]
     held = robot.joint_torque(x, robot.inverse_dynamics(x, still, still))
     assert held == pytest.approx(moment, abs=1e-12)
@@ -139,18 +139,18 @@ SPOILED = [
     ('"axis2.origin.z"', '"axis3.origin.z"', "tolerances: unknown parameter 'axis3.origin.z'"),
     ('name = "foot_roll"', 'name = "axis2"', "sensor.4.name = 'axis2': is what a chain, a bar"),
     (
-        "[nacelle]",
-        "[[bar]]\ndirection = [1, 0, 0]\npivot = 0.1\n[nacelle]",
+        "[platform]",
+        "[[bar]]\ndirection = [1, 0, 0]\npivot = 0.1\n[platform]",
         "bar: the nacelle of a pivot has no lateral bars",
     ),
     (
         "[[sensor]]",
-        '[[axis]]\nname = "toe"\ndirection = [1, 0, 0]\n[[sensor]]',
+        '[[passive_axis]]\nname = "toe"\ndirection = [1, 0, 0]\n[[sensor]]',
         "a pivot of 3 axes: give 3 chains, not 2; 1 of the nacelle's freedoms would be held by",
     ),
     (
         "[[sensor]]",
-        "".join(f'[[axis]]\nname = "t{k}"\ndirection = [1, 0, 0]\n' for k in range(2))
+        "".join(f'[[passive_axis]]\nname = "t{k}"\ndirection = [1, 0, 0]\n' for k in range(2))
         + "[[sensor]]",
         "4 axes: a pivot has 1 to 3, a table",
     ),
@@ -194,9 +194,9 @@ def test_sensors_of_other_mobilities_are_refused(h4_text, g1, tmp_path):
     path.write_text(h4_text + more, encoding="utf-8")
     with pytest.raises(tp.RobotFileError, match="sensor a: axis_angle needs mobility pivot"):
         tp.load(path)
-    more = '\n[[sensor]]\nname = "a"\nkind = "nacelle_angle"\n'
+    more = '\n[[sensor]]\nname = "a"\nkind = "platform_angle"\n'
     path.write_text(g1 + more, encoding="utf-8")
-    with pytest.raises(tp.RobotFileError, match="nacelle_angle needs mobility planar or schoenf"):
+    with pytest.raises(tp.RobotFileError, match="platform_angle needs mobility planar or schoenf"):
         tp.load(path)
 
 

@@ -95,7 +95,10 @@ def test_sensors_of_the_robot_that_a_file_is_based_on_move_too(tmp_path):
     [
         ({"sensors": ["wire9"]}, "place: unknown sensor 'wire9'"),
         ({"sensors": []}, "place: no sensor"),
-        ({"sensors": ["theta"]}, "place: theta: nacelle_angle has no place; .* z_telemeter, wire1"),
+        (
+            {"sensors": ["theta"]},
+            "place: theta: platform_angle has no place; .* z_telemeter, wire1",
+        ),
         ({"within": {"wire1.orign.x": (0, 1)}}, "within: unknown coordinate 'wire1.orign.x'"),
         ({"within": {"wire1.origin.x": (1, 0)}}, "within: wire1.origin.x = 1 to 0: must rise"),
     ],
@@ -129,7 +132,7 @@ def test_what_is_wrong_with_the_words_is_one_line(run, words, message):
 
 
 def test_the_report_is_one_page_that_a_browser_shows(run, tmp_path, browser):  # noqa: F811
-    words = ("--price", "theta=90,wire*=250", "--finer", "chain*.rod=1mm:300,0.1mm:700")
+    words = ("--price", "theta=90,wire*=250", "--price-steps", "chain*.rod=1mm:300,0.1mm:700")
     status, _, err = run("design", "h4", *words, "--budget", "800", "--report", "report.html")
     assert status == 0 and "report.html" in err + _
     path = tmp_path / "report.html"

@@ -13,10 +13,10 @@ LEAD = 0.0757
 def hexapod(tmp_path):
     """A hexapod whose file knows a leg's lead, and a log of it."""
     source = tp.load("stewart").spec._text
-    assert "[every_chain]\n" in source
+    assert "[chain_defaults]\n" in source
     path = tmp_path / "hexapod.toml"
     path.write_text(
-        source.replace("[every_chain]\n", f"[every_chain]\nper_turn = {LEAD}\n"), encoding="utf-8"
+        source.replace("[chain_defaults]\n", f"[chain_defaults]\nlead = {LEAD}\n"), encoding="utf-8"
     )
     robot = tp.load(path).with_sensors("roll")
     x = robot.home + np.random.default_rng(0).uniform(-0.02, 0.02, (5, 6))
@@ -58,7 +58,7 @@ def test_raw_columns_are_the_same_readings(hexapod, tmp_path):
         (
             "q1_turns",
             "",
-            r"what is one worth\? Say it .* or give chain 1 its per_turn",
+            r"what is one worth\? Say it .* or give chain 1 its lead",
         ),
         ("roll_turns", "", r"column roll_turns: what is one worth\? .* = 0.001 rad'$"),
     ],

@@ -14,7 +14,7 @@ def hanging(folder, anchors):
     """Return a printer whose lines read their change of length from the middle of the bed."""
     text = 'name = "hanging"\nmobility = "translation"\nsource = "assumed"\nsensors = ["high"]\n'
     text += "home = [0.0, 0.0, 0.5]\n[workspace]\nminimum = [-0.4, -0.4, 0.0]\n"
-    text += 'maximum = [0.4, 0.4, 1.4]\n[every_chain]\nactuator = "telescopic"\n'
+    text += 'maximum = [0.4, 0.4, 1.4]\n[chain_defaults]\nactuator = "telescopic"\n'
     text += f"encoder_noise = {NOISE}\n"
     offsets = np.linalg.norm(anchors, axis=1)
     for anchor, offset in zip(anchors[:3].tolist(), offsets, strict=False):

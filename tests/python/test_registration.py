@@ -88,7 +88,7 @@ def test_what_is_seen_changes_as_its_derivatives_say(any_robot, anywhere, rng):
         ):
             slope = (change(step) - change(-step)) / (2 * step)
             assert slope == pytest.approx(H[:, :, first + k], abs=2e-8)
-    if any_robot.spec.axis:  # angles are seen in no frame
+    if any_robot.spec.passive_axis:  # angles are seen in no frame
         assert np.array_equal(seen, x)
         for j in range(n):
             turned = step * np.eye(n)[j]

@@ -42,7 +42,10 @@ def test_torques_are_linear_in_the_acceleration_by_the_mass_matrix(moving):
 def test_the_motors_power_is_what_the_kinetic_energy_gains(moving):
     """Without weight and friction, along any motion: (τ·q̇) = d/dt (ẋᵀ M ẋ / 2)."""
     robot, x, rate, acceleration = moving
-    chains = tuple(c.model_copy(update={"viscous": 0.0, "coulomb": 0.0}) for c in robot.spec.chain)
+    chains = tuple(
+        c.model_copy(update={"viscous_friction": 0.0, "coulomb_friction": 0.0})
+        for c in robot.spec.chain
+    )
     robot = tp.Robot(robot.spec.model_copy(update={"chain": chains})).with_gravity((0, 0, 0))
     torque = robot.inverse_dynamics(x, rate, acceleration)
     motor = np.linalg.solve(robot.jacobian(x), rate[..., None])[..., 0]
@@ -74,7 +77,10 @@ def test_torques_at_rest_hold_the_weight(moving):
 
 
 def test_friction_is_part_of_both(h4):
-    rubbing = tuple(c.model_copy(update={"viscous": 0.3, "coulomb": 0.1}) for c in h4.spec.chain)
+    rubbing = tuple(
+        c.model_copy(update={"viscous_friction": 0.3, "coulomb_friction": 0.1})
+        for c in h4.spec.chain
+    )
     rough = tp.Robot(h4.spec.model_copy(update={"chain": rubbing}))
     x, rate = np.array([0.02, 0.01, -0.42, 0.1]), np.array([0.1, 0.2, -0.3, 0.5])
     more = rough.inverse_dynamics(x, rate, [0] * 4) - h4.inverse_dynamics(x, rate, [0] * 4)

@@ -51,7 +51,7 @@ def test_an_experiment_comes_back_with_what_vision_measured(h4, measured, tmp_pa
 def test_truepose_calibrate_reads_what_was_written(run, h4, truth, table2, tmp_path, ending):
     path = tmp_path / f"visit.{ending}"
     beside = np.random.default_rng(0).uniform(-5e-4, 5e-4, table2.shape)
-    visit = ExactPlant(truth, tp.Effects().only("quantisation")).visit(
+    visit = ExactPlant(truth, tp.Effects().only("quantization")).visit(
         h4, (table2 + beside)[::3], tp.Controller(law="joint")
     )
     logs.write(visit, path, h4)

@@ -96,7 +96,7 @@ def test_a_file_based_on_a_shipped_robot_is_short_and_saves_as_such(h4, tmp_path
     path = tmp_path / "mine.toml"
     path.write_text(
         'based_on = "h4"\nname = "ours" # the one by the door\n'
-        '[every_chain]\narm = 0.25\n[parameters]\n"chain1.rod" = 0.483\n',
+        '[chain_defaults]\narm = 0.25\n[parameters]\n"chain1.rod" = 0.483\n',
         encoding="utf-8",
     )
     ours = tp.load(path)

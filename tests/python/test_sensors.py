@@ -37,13 +37,13 @@ chain = 2
 name = "wrist"
 kind = "rod_in_plane"
 chain = 1
-side = "nacelle"
+side = "platform"
 
 [[sensor]]
 name = "wrist_lateral"
 kind = "rod_lateral"
 chain = 1
-side = "nacelle"
+side = "platform"
 rod = "-"
 gain = -2.0
 
@@ -72,7 +72,7 @@ direction = [0.6, 0.0, 0.8]
 BEAM = """
 [[sensor]]
 name = "beam"
-kind = "telemeter"
+kind = "plane_distance"
 origin = [-0.6, 0.05, -0.1]
 direction = [1.0, 0.0, 0.0]
 target = [0.03, 0.01, 0.0]
@@ -89,7 +89,7 @@ gear = 2.0
 AT_PIVOT = """
 [[sensor]]
 name = "pivot"
-kind = "nacelle_angle"
+kind = "platform_angle"
 bar = 2
 gain = 1.5
 """
@@ -109,7 +109,7 @@ def equipped(any_robot, rng, request):
     flat = any_robot.spec.mobility in ("planar_translation", "planar")
     turns = any_robot.spec.mobility in ("spatial", "pivot")
     text = KINDS + (ON_NACELLE if turns else BEAM)
-    text += ON_AXIS if any_robot.spec.axis else ""
+    text += ON_AXIS if any_robot.spec.passive_axis else ""
     text += AT_PIVOT if any_robot.spec.bar else ""
     robot = carrying(
         any_robot, text, lambda s: not (flat and (s.kind == "rod_lateral" or s.name == "wrist"))
@@ -128,7 +128,7 @@ def test_linearise_is_the_derivative_of_every_reading(equipped, level, anywhere,
     """H_x along the free twist, H_ξ along every parameter, against central differences."""
     if level == "full" and not equipped.full:
         pytest.skip(equipped.full.reason)
-    h = 2e-6 if equipped.spec.axis else 1e-5  # ankles are of centimetres
+    h = 2e-6 if equipped.spec.passive_axis else 1e-5  # ankles are of centimetres
     x, n = anywhere(equipped, 1, rng)[0], equipped.n
     # Rods that stretch: to first order in the strain, here some 1e-3 (without strain: see below).
     stretched = level == "full" and "stretch" in equipped.full.reason

@@ -55,7 +55,7 @@ def test_fkm_from_1_mm_and_1_mrad_away_finds_every_pose_of_the_workspace(any_rob
 
 
 def test_fkm_from_home_finds_every_pose_of_the_singularity_free_box(any_robot, rng, count):
-    x = corners_and_inside(any_robot.spec.singularity_free, count, rng)
+    x = corners_and_inside(any_robot.spec.fkm_region, count, rng)
     assert np.abs(any_robot.fkm(any_robot.ikm(x)) - x).max() < 1e-12
 
 
@@ -69,7 +69,7 @@ def test_a_platform_tilted_by_40_degrees_about_any_axis_is_found_from_home(name,
 
 
 def test_home_lies_in_both_boxes(any_robot):
-    for box in (any_robot.spec.workspace, any_robot.spec.singularity_free):
+    for box in (any_robot.spec.workspace, any_robot.spec.fkm_region):
         assert (box.minimum <= any_robot.home).all() and (any_robot.home <= box.maximum).all()
 
 
@@ -82,7 +82,7 @@ def test_parameters_are_named_as_the_interface_promises(any_robot):
         wanted |= {"rod"} if chain.actuator == "prismatic" else set()
         assert {f"chain{number}.{name}" for name in wanted} <= names
     assert {f"bar{k + 1}.pivot" for k in range(len(any_robot.spec.bar))} <= names
-    for number in range(1, len(any_robot.spec.axis) + 1):
+    for number in range(1, len(any_robot.spec.passive_axis) + 1):
         vectors = ("origin", "direction")
         assert {f"axis{number}.{v}.{c}" for v in vectors for c in "xyz"} <= names
 
@@ -141,7 +141,7 @@ def test_no_sensor_is_mounted_exactly(any_robot, anywhere, rng):
 def test_the_h4s_articulated_nacelle_has_its_inertia_with_the_bars_that_only_translate(h4):
     """Assumed: 0.003 kg·m² about z at θ = 0 in all, the bars as masses at their pivots."""
     bars = sum(bar.mass * bar.pivot**2 for bar in h4.spec.bar)
-    assert h4.spec.nacelle.inertia_z + bars == pytest.approx(0.003, abs=1e-12)
+    assert h4.spec.platform.inertia_z + bars == pytest.approx(0.003, abs=1e-12)
 
 
 def test_no_drive_is_lighter_than_the_arm_or_carriage_that_it_counts(any_robot):

@@ -58,7 +58,7 @@ def test_the_cartesian_law_ends_within_one_count_of_theta_without_gravity(h4, tr
 def test_with_real_encoders_the_cartesian_law_hunts_about_the_true_theta(
     h4, truth, gravity, integral
 ):
-    """Without friction a loop on quantised encoders never rests, it hunts by a few counts.
+    """Without friction a loop on quantized encoders never rests, it hunts by a few counts.
 
     A motor's count (0.025°) is four of θ's encoder (0.006°), and J turns it into more; as the
     Cartesian law damps θ by θ's own counts, θ's rms still stays within 1.5 of them.

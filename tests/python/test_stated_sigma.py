@@ -71,7 +71,7 @@ def test_hexapods_measured_from_outside_know_how_well_they_are_known(
 
 
 def test_only_a_reading_without_any_error_of_its_own_counts_with_an_assumed_one(stewart):
-    exact = tp.Robot(stewart.spec.model_copy(update={"quantised": False}))
+    exact = tp.Robot(stewart.spec.model_copy(update={"quantized": False}))
     assert (knowledge.reading_sigma(exact) == knowledge.EXACT).all()
     for step in (1e-6, 1e-8, 1e-10):
         robot = with_motors(stewart, step)

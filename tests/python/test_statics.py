@@ -68,9 +68,7 @@ def test_at_rest_the_motors_give_way_by_w_j_times_the_error_of_theta(h4, truth, 
 def theta_errors(h4, truth, poses, share):
     """θ's static errors under joint and redundant control."""
     real = between(h4, truth, share)
-    return [
-        tp.steady_state(h4, real, poses, law)[:, 3] - poses[:, 3] for law in ("joint", "tej")
-    ]
+    return [tp.steady_state(h4, real, poses, law)[:, 3] - poses[:, 3] for law in ("joint", "tej")]
 
 
 @pytest.mark.parametrize("weight", [1.0, 16.0])

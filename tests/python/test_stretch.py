@@ -19,7 +19,7 @@ def text_of(name, compliances, load=(0, 0, 0)):
     """A shipped robot's file whose rods give way: tolerances of compliances, by parameter."""
     told = "".join(f'"{of}" = {{ sigma = {sigma} }}\n' for of, sigma in compliances.items())
     source = tp.load(name).spec._text.replace("[tolerances]\n", f"[tolerances]\n{told}")
-    return source + f"\n[stretch]\nload = [{', '.join(str(float(f)) for f in load)}]\n"
+    return source + f"\n[compliance]\nload = [{', '.join(str(float(f)) for f in load)}]\n"
 
 
 @pytest.fixture
@@ -50,7 +50,7 @@ def loaded(robot):
     """The same under a load, its rods soft, each a little otherwise."""
     planar = robot.spec.mobility.startswith("planar")
     soft = robot.with_payload((20, -50, 0) if planar else (10, -20, -100))
-    return soft.replace({"stretch.compliance": 2e-6, "chain2.compliance": 1e-6})
+    return soft.replace({"compliance.all_chains": 2e-6, "chain2.compliance": 1e-6})
 
 
 @pytest.mark.parametrize("level", LEVELS)
@@ -96,7 +96,7 @@ def test_a_hexapods_legs_hold_its_weight_and_load(stewart, anywhere, rng):
     for pose, pull in zip(x, robot.rod_forces(x), strict=True):
         P, A = (robot.skeleton(pose)[:, k] for k in (0, 2))
         along = (P - A) / np.linalg.norm(P - A, axis=1)[:, None]
-        weight = robot.spec.nacelle.mass + 0.5 * sum(c.rod_mass for c in robot.spec.chain)
+        weight = robot.spec.platform.mass + 0.5 * sum(c.rod_mass for c in robot.spec.chain)
         held = np.array([30, -20, -400]) + weight * np.array(robot.spec.gravity)
         assert pull @ along == pytest.approx(-held, abs=1e-9)
 
@@ -109,7 +109,7 @@ def test_derivatives_by_compliance_are_those_of_finite_differences(any_robot, le
     _, H_xi = robot.linearize(x)
     names, h = list(robot.parameters), 1e-8
     elastic = level == "full" and "stretch" in robot.full.reason  # to first order in the strain
-    for name in ("chain2.compliance", "stretch.compliance"):
+    for name in ("chain2.compliance", "compliance.all_chains"):
         at = robot.parameters[name].value
         more, less = (robot.replace({name: at + d}).extended_positions(x) for d in (h, -h))
         slope = (more - less) / (2 * h)
@@ -127,7 +127,7 @@ CASES = {
 def test_compliances_are_found_within_their_sigma(yielding, anywhere, case):
     """Geometry and compliances drawn from the tolerances, loads that differ: NEES in band."""
     name, sensors, level = CASES[case]
-    soft = {"stretch.compliance": 2e-6, "chain*.compliance": 5e-7}
+    soft = {"compliance.all_chains": 2e-6, "chain*.compliance": 5e-7}
     robot = yielding(name, soft).with_sensors(*sensors).with_level(level)
     every, own = [], []
     for seed in range(8):
@@ -141,7 +141,7 @@ def test_compliances_are_found_within_their_sigma(yielding, anywhere, case):
         at = [k for k, n in enumerate(fit.names) if n.endswith("compliance")]
         every.append(error @ np.linalg.solve(fit.covariance, error) / len(error))
         own.append(error[at] @ np.linalg.solve(fit.covariance[np.ix_(at, at)], error[at]) / len(at))
-        assert len(at) == robot.n + 1 and fit.parameters["stretch.compliance"].ratio < 0.3
+        assert len(at) == robot.n + 1 and fit.parameters["compliance.all_chains"].ratio < 0.3
         assert 0.7 < np.sqrt(fit.chi2.sum() / fit.redundancy.sum()) < 1.3
     assert np.mean(every) == pytest.approx(1, abs=0.25)
     assert np.mean(own) == pytest.approx(1, abs=0.7)
@@ -171,9 +171,9 @@ def test_what_was_learnt_of_compliance_is_the_prior_of_the_next_calibration(
 
 
 def test_measured_tensions_and_loads_come_with_a_table(yielding, anywhere, rng):
-    robot = yielding("3rpr", {"stretch.compliance": 1e-5}).with_sensors()
+    robot = yielding("3rpr", {"compliance.all_chains": 1e-5}).with_sensors()
     robot = robot.replace({})
-    true = robot.expected().replace({"stretch.compliance": 4e-6})
+    true = robot.expected().replace({"compliance.all_chains": 4e-6})
     x = anywhere(robot, 40, rng)
     pull = rng.uniform(50, 400, (40, 3))
     added = compliance.given_way(true, x, False, tension=pull).readings
@@ -182,7 +182,7 @@ def test_measured_tensions_and_loads_come_with_a_table(yielding, anywhere, rng):
     tensions = {f"q{k + 1}_tension": pull[:, k] for k in range(3)}
     known = {"registration": "known", "measured_sigma": 1e-6, "measured_angle_sigma": 1e-6}
     fit = tp.calibrate(robot, table | outside | tensions, **known)
-    of = fit.parameters["stretch.compliance"]
+    of = fit.parameters["compliance.all_chains"]
     assert of.verdict == "identified" and abs(of.value - 4e-6) < 3 * of.sigma
     assert not any("not used" in note for note in fit.notes)
     wrong = tp.calibration.Payloads(tension=pull[:, :2])
@@ -255,9 +255,9 @@ def test_a_plan_promises_what_the_bound_says_of_its_poses(yielding):
 
 def test_the_command_finds_the_compliance_of_a_log_with_loads(run, tmp_path, anywhere, plain_page):
     path = tmp_path / "soft.toml"
-    path.write_text(text_of("stewart", {"stretch.compliance": 1e-6}), encoding="utf-8")
+    path.write_text(text_of("stewart", {"compliance.all_chains": 1e-6}), encoding="utf-8")
     robot = tp.load(path).with_sensors("roll", "pitch")
-    true, rng = robot.expected().replace({"stretch.compliance": 4e-7}), np.random.default_rng(5)
+    true, rng = robot.expected().replace({"compliance.all_chains": 4e-7}), np.random.default_rng(5)
     x = anywhere(robot, 60, rng) * [1, 1, 1, 0.7, 0.7, 0.7]
     force = rng.uniform(0, 1, (60, 1)) * [0, 0, -400.0]
     cells = np.hstack([read(true, x, force, 5), force[:, 2:]])
@@ -267,13 +267,13 @@ def test_the_command_finds_the_compliance_of_a_log_with_loads(run, tmp_path, any
     status, out, err = run("calibrate", "soft.toml", "log.csv", *options)
     assert status == 0 and "not used" not in err
     tables = json.loads(out)
-    (row,) = (r for r in tables["parameters"] if r["parameter"] == "stretch.compliance")
+    (row,) = (r for r in tables["parameters"] if r["parameter"] == "compliance.all_chains")
     assert row["unit"] == "1/N" and row["value"] == pytest.approx(4e-7, abs=3 * row["σ"])
     assert row["verdict"] == "identified"
     rolled = next(r for r in tables["residuals"] if r["reading"] == "roll")
     assert rolled["held out"] < 2 * rolled["expected"]
     found = tp.load("found.toml")
-    assert found.parameters["stretch.compliance"].sigma == pytest.approx(row["σ"])
+    assert found.parameters["compliance.all_chains"].sigma == pytest.approx(row["σ"])
     assert run("check", "found.toml")[0] == 0
     status, out, _ = run("info", "found.toml", "--samples", "100")
     assert status == 0 and "strain of its rods there" in out
@@ -286,7 +286,7 @@ def test_the_command_finds_the_compliance_of_a_log_with_loads(run, tmp_path, any
 
 
 def test_a_simulation_of_a_robot_whose_rods_give_way_says_that_it_has_them_stiff(h4):
-    soft = h4.with_payload((0, 0, 0)).replace({"stretch.compliance": 1e-7})
+    soft = h4.with_payload((0, 0, 0)).replace({"compliance.all_chains": 1e-7})
     for work in (
         lambda: tp.steady_state(soft, soft, soft.home, "joint"),
         lambda: tp.simulate(soft, duration=0.2),
@@ -297,9 +297,9 @@ def test_a_simulation_of_a_robot_whose_rods_give_way_says_that_it_has_them_stiff
 
 
 SPOILT = {
-    "[stretch]\ncompliance = -1e-6": "stretch.compliance = -1e-06: input should be",
-    "[stretch]\nload = [0.0, 1.0]": "stretch.load",
-    "[stretch]\nstiffness = 1e6": "unknown key 'stiffness'",
+    "[compliance]\ncompliance = -1e-6": "compliance.all_chains = -1e-06: input should be",
+    "[compliance]\nload = [0.0, 1.0]": "stretch.load",
+    "[compliance]\nstiffness = 1e6": "unknown key 'stiffness'",
     '[parameters]\n"chain9.compliance" = 1e-6': "unknown parameter 'chain9.compliance'",
 }
 
@@ -319,16 +319,16 @@ def test_a_file_that_says_nothing_of_stretch_has_no_parameter_of_it(any_robot):
 
 
 def test_a_load_is_saved(tmp_path, delta):
-    robot = delta.with_payload((0, 1, -20)).replace({"stretch.compliance": 1e-6})
+    robot = delta.with_payload((0, 1, -20)).replace({"compliance.all_chains": 1e-6})
     robot.save(tmp_path / "loaded.toml")
     again = tp.load(tmp_path / "loaded.toml")
     assert again.parameters == robot.parameters
-    assert again.spec.stretch.load == (0, 1, -20)
+    assert again.spec.compliance.load == (0, 1, -20)
     assert again.rod_forces(delta.home) == pytest.approx(robot.rod_forces(delta.home))
 
 
 def test_a_known_pose_is_read_under_the_load_of_the_file(yielding, anywhere, rng):
-    robot = yielding("delta", {"stretch.compliance": 2e-7}).with_sensors("z_telemeter")
+    robot = yielding("delta", {"compliance.all_chains": 2e-7}).with_sensors("z_telemeter")
     true = robot.sample(1)
     x, loads = anywhere(robot, 20, rng), tp.calibration.Payloads(force=[(0.0, 0.0, -50.0)] * 20)
     heavy = true.with_payload((0.0, 0.0, -50.0)).extended_positions(x)

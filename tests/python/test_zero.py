@@ -101,7 +101,7 @@ def test_stances_at_other_angles_tell_more_of_lengths(ankle, rng):
 def test_a_stance_at_a_stop_is_a_stance():
     """The readings' errors take the pose a little beyond the limit."""
     ankle = tp.load("g1-ankle").with_sensors()
-    stop = [0.0, ankle.spec.axis[1].limits[1]]
+    stop = [0.0, ankle.spec.passive_axis[1].limits[1]]
     q = ankle.extended_positions([[0.0, stop[1] + 1e-4]])
     found = tp.calibration.zero(ankle, q, at=stop)
     assert found.fit.x[0, 1] > stop[1]

@@ -60,7 +60,7 @@ struct ControlState {
   std::uint32_t braked = 0;
 };
 
-/// Rate of an error whose reading is quantised, as a drive estimates it: a tracking loop of second
+/// Rate of an error whose reading is quantized, as a drive estimates it: a tracking loop of second
 /// order (α-β filter) with both poles at p = exp(-bandwidth · period), hence stable for any.
 ///
 /// A loop on the reading y alone finds ẏ with a lag of about 2/bandwidth, F(s) = 1 / (1 + s/b)²;

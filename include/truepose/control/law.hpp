@@ -6,7 +6,7 @@
 #pragma once
 
 #include "truepose/control/tej.hpp"
-#include "truepose/estimation/kept.hpp"
+#include "truepose/estimation/cached_gain.hpp"
 #include "truepose/full/linearise.hpp"
 #include "truepose/kinematics/fkm_closed.hpp"
 
@@ -58,7 +58,7 @@ constexpr const LawProperties& properties(Law law) {
 struct Weighing {
   const Knowledge* known = nullptr;  ///< about the robot's own parameter values
   Real* work = nullptr;              ///< estimate_work(robot, known->count) numbers
-  KeptWeights* kept = nullptr;       ///< from cycle to cycle; nullptr: each cycle has its own
+  CachedGain* kept = nullptr;        ///< from cycle to cycle; nullptr: each cycle has its own
   explicit operator bool() const { return known != nullptr && work != nullptr; }
 };
 
@@ -108,10 +108,10 @@ inline Outcome linearise(const Robot& robot, const Reference<K>& reference, Exte
 template <Mobility K>
 inline Outcome keep(const Robot& robot, const Weighing& weighing, const Reference<K>& reference,
                     Extended& q_e, Matrix<kMaxReadings, kDof<K>>& H_x, Parasitic& rest,
-                    KeptFusion<K>& at) {
+                    CachedFusion<K>& at) {
   constexpr int n = kDof<K>;
   const Knowledge& known = *weighing.known;
-  KeptWeights& kept = *weighing.kept;
+  CachedGain& kept = *weighing.kept;
   Real *H_xi = weighing.work, *B = H_xi + (n + robot.r) * parameter_count(robot);
   const std::uint64_t mark = kept_detail::fingerprint(robot, known);
   const bool holds = kept.of == mark && kept.way(n, q_e) <= kept.reach;
@@ -131,7 +131,7 @@ TRUEPOSE_APART inline Outcome weigh(const Robot& robot, const Weighing& weighing
   constexpr int n = kDof<K>;
   Matrix<kMaxReadings, n> H_x;
   if (weighing.kept) {
-    KeptFusion<K> at;
+    CachedFusion<K> at;
     const Outcome outcome = keep<K>(robot, weighing, reference, reference.q_e, H_x, rest, at);
     if (outcome) at.tej(robot, H_x, reference.tej);
     if (outcome.status != Status::singular) return outcome;
@@ -312,7 +312,7 @@ inline Outcome find_kept(const Robot& robot, const Weighing& weighing,
   constexpr int n = kDof<K>;
   if (!weighing) return {Status::not_measured, -1};
   const Knowledge& known = *weighing.known;
-  KeptFusion<K> at;
+  CachedFusion<K> at;
   Matrix<kMaxReadings, n> H_x;
   Extended expected = reference.q_e;
   Pose pose = reference.closure.pose;

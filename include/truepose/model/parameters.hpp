@@ -63,7 +63,7 @@ inline constexpr std::array kChainTable{
     InChain{ChainParameter::eccentricity_c2, "eccentricity.c2", Unit::radian},
     InChain{ChainParameter::eccentricity_s2, "eccentricity.s2", Unit::radian},
     InChain{ChainParameter::encoder_gain, "gain", Unit::one},
-    InChain{ChainParameter::encoder_buildup, "buildup", Unit::one},
+    InChain{ChainParameter::encoder_buildup, "spool_buildup", Unit::one},
 };
 static_assert(in_order(kChainTable, &InChain::parameter));
 inline constexpr int kChainParameters = static_cast<int>(kChainTable.size());

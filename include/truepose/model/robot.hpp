@@ -95,7 +95,7 @@ struct Chain {
   bool encoder_errs = false;          ///< any of these; noted by finish, set_parameters
   Plain<Vec3> pivot = Vec3::Zero();   ///< c, turns with the nacelle
   Plain<Vec3> anchor = Vec3::Zero();  ///< a, keeps its orientation
-  Real encoder_step = 0;              ///< one count, rad or m (0: unquantised)
+  Real encoder_step = 0;              ///< one count, rad or m (0: unquantized)
   Real encoder_noise = 0;             ///< σ of the reading, rad or m
   Real low = -std::numeric_limits<Real>::infinity();  ///< the motor's stops, rad or m,
   Real high = std::numeric_limits<Real>::infinity();  ///< before the encoder's offset
@@ -129,15 +129,15 @@ struct Chain {
 /// - rotation: component along direction (base)
 /// - rod_* at the nacelle's side: u is direction, e is normal (in the body that carries A)
 struct Sensor {
-  SensorKind kind = SensorKind::nacelle_angle;
+  SensorKind kind = SensorKind::platform_angle;
   int chain = -1;           ///< whose rod or motor (0-based)
   bool at_nacelle = false;  ///< rod_*: at the joint on the nacelle's side
   int rod = 1;              ///< rod_* at the full level: which of the pair, +1 or -1
   Real gain = 1;
   Real offset = 0;
-  Real step = 0;              ///< one count of the reading (0: unquantised)
+  Real step = 0;              ///< one count of the reading (0: unquantized)
   Real noise = 0;             ///< σ of the reading
-  Eccentricity eccentricity;  ///< of an encoder: nacelle_angle, rod_in_plane, rod_lateral, motor
+  Eccentricity eccentricity;  ///< of an encoder: platform_angle, rod_in_plane, rod_lateral, motor
   bool encoder_errs = false;  ///< eccentricity; noted by finish, set_parameters
   Real weight = 1;            ///< of its row in the TEJ; the paper's is 1
   Plain<Vec3> origin = Vec3::Zero();
@@ -145,7 +145,7 @@ struct Sensor {
   Plain<Vec3> target = Vec3::Zero();
   Plain<Vec3> normal = Vec3::UnitZ();  ///< unit
   int bar =
-      -1;  ///< nacelle_angle at the full level: this bar's pivot (0-based; -1: the absolute θ)
+      -1;  ///< platform_angle at the full level: this bar's pivot (0-based; -1: the absolute θ)
   int axis = 0;  ///< axis_angle: of a pivot, which passive axis (0-based)
 };
 

@@ -19,17 +19,17 @@ enum class Unit : int {
 
 /// What a redundant sensor measures. One sensor is one number; a tracker is several of them.
 enum class SensorKind : int {
-  nacelle_angle = 0,  ///< θ of the nacelle about z, gear undone
-  telemeter = 1,      ///< distance along a fixed line to a plane of the nacelle
-  coordinate = 2,     ///< a point of the nacelle along a fixed direction (tracker, telemeter)
-  distance = 3,       ///< from a point of the base to a point of the nacelle (draw-wire, ball bar)
-  inclinometer = 4,   ///< turn of the nacelle about one of its axes, against gravity
-  rotation = 5,       ///< a component of the nacelle's rotation vector (tracker)
-  rod_in_plane = 6,   ///< rod's direction in its joint's plane (elbow, first U-joint angle)
-  rod_lateral = 7,    ///< rod's direction out of that plane
-  rod_length = 8,     ///< distance of the rod's ends
-  motor_encoder = 9,  ///< a second encoder on a motor's load side
-  axis_angle = 10,    ///< of a pivot: how far a passive axis has turned
+  platform_angle = 0,  ///< θ of the nacelle about z, gear undone
+  plane_distance = 1,  ///< distance along a fixed line to a plane of the nacelle
+  coordinate = 2,      ///< a point of the nacelle along a fixed direction (tracker, telemeter)
+  distance = 3,        ///< from a point of the base to a point of the nacelle (draw-wire, ball bar)
+  inclinometer = 4,    ///< turn of the nacelle about one of its axes, against gravity
+  rotation = 5,        ///< a component of the nacelle's rotation vector (tracker)
+  rod_in_plane = 6,    ///< rod's direction in its joint's plane (elbow, first U-joint angle)
+  rod_lateral = 7,     ///< rod's direction out of that plane
+  rod_length = 8,      ///< distance of the rod's ends
+  motor_encoder = 9,   ///< a second encoder on a motor's load side
+  axis_angle = 10,     ///< of a pivot: how far a passive axis has turned
 };
 
 /// Vectors of a sensor's mounting, as bits: those that a robot file gives a kind. A kind's reading
@@ -52,13 +52,13 @@ struct SensorProperties {
 
 /// In the order of SensorKind.
 inline constexpr std::array kSensorTable{
-    SensorProperties{.kind = SensorKind::nacelle_angle,
-                     .name = "nacelle_angle",
+    SensorProperties{.kind = SensorKind::platform_angle,
+                     .name = "platform_angle",
                      .unit = Unit::radian,
                      .shaft = true,
                      .is_theta = true},
-    SensorProperties{.kind = SensorKind::telemeter,
-                     .name = "telemeter",
+    SensorProperties{.kind = SensorKind::plane_distance,
+                     .name = "plane_distance",
                      .unit = Unit::metre,
                      .mounting = kOrigin | kDirection | kTarget | kNormal},
     SensorProperties{.kind = SensorKind::coordinate,

@@ -3,14 +3,14 @@
 
 #include <vector>
 
-#include "truepose/control/late.hpp"
+#include "truepose/control/multirate.hpp"
 
 namespace truepose {
 
 /// Between a robot's sensors and its controller. Samples are taken by the controller's clock.
 class Bus {
  public:
-  explicit Bus(const LateSettings& settings) : settings_(settings) {}
+  explicit Bus(const MultirateSettings& settings) : settings_(settings) {}
 
   /// One cycle. @param q_e  in: as the sensors have it, out: as the controller reads it
   /// @return sensors of which a sample has just arrived, as bits
@@ -35,7 +35,7 @@ class Bus {
  private:
   static std::size_t at(std::int64_t cycle) { return static_cast<std::size_t>(cycle) & kOldest; }
 
-  LateSettings settings_;
+  MultirateSettings settings_;
   std::int64_t cycle_ = 0;
   std::vector<Extended> was_;  ///< ring of the last cycles
   Extended held_{};

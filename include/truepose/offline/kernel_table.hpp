@@ -3,8 +3,8 @@
 // By a table: n is a number here, and matrices have room for the largest.
 #pragma once
 
-#include "truepose/estimation/learning.hpp"
-#include "truepose/offline/guarded.hpp"
+#include "truepose/estimation/online_calibrator.hpp"
+#include "truepose/offline/model_error.hpp"
 
 namespace truepose {
 

@@ -86,7 +86,7 @@ inline void spoil(const Robot& truth, Random& random, Extended& q_e) {
   const int n = dof(truth.mobility);
   const auto spoilt = [&](double value, double sigma, double step) {
     if (sigma > 0) value += std::normal_distribution<double>(0, sigma)(random);
-    return quantised(value, step);
+    return quantized(value, step);
   };
   for (int i = 0; i < n; ++i)
     q_e[i] = spoilt(q_e[i], truth.chain[i].encoder_noise, truth.chain[i].encoder_step);

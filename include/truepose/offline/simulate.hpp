@@ -3,8 +3,8 @@
 
 #include <functional>
 
-#include "truepose/control/guard.hpp"
-#include "truepose/estimation/learning.hpp"
+#include "truepose/control/fault_tolerant_control.hpp"
+#include "truepose/estimation/online_calibrator.hpp"
 #include "truepose/offline/bus.hpp"
 #include "truepose/offline/effects.hpp"
 #include "truepose/offline/faults.hpp"
@@ -40,16 +40,16 @@ using OwnLaw = std::function<Outcome(double time, const Setpoint&, const Extende
 
 /// What a loop may have beside a robot and its controller.
 struct Extras {
-  Weighing weighing{};               ///< for the laws `weighted` and `estimated`
-  Effects effects{};                 ///< what the model forgets
-  Learner* learner = nullptr;        ///< switches online self-calibration on
+  Weighing weighing{};                  ///< for the laws `weighted` and `estimated`
+  Effects effects{};                    ///< what the model forgets
+  OnlineCalibrator* learner = nullptr;  ///< switches online self-calibration on
   FaultyReadings* faults = nullptr;  ///< as a machine does, the loop then goes on without an answer
   double began = 0;                  ///< when the loop is made, by the faults' clock, s
-  const GuardSettings* guarding = nullptr;  ///< its readings are watched
-  Weighing watching{};                      ///< what the watch weighs them by
-  const LateSettings* bus = nullptr;        ///< slow and late sensors of the true robot,
-  const LateSettings* late = nullptr;       ///< and as the controller knows them
-  OwnLaw law{};                             ///< commands instead of `control`
+  const FaultTolerantSettings* guarding = nullptr;  ///< its readings are watched
+  Weighing watching{};                              ///< what the watch weighs them by
+  const MultirateSettings* bus = nullptr;           ///< slow and late sensors of the true robot,
+  const MultirateSettings* late = nullptr;          ///< and as the controller knows them
+  OwnLaw law{};                                     ///< commands instead of `control`
 };
 
 /// A robot, its controller, and what both remember from one move to the next.
@@ -64,7 +64,7 @@ class Loop {
         extras_(extras),
         plant_(truth, extras.effects, to_pose<K>(start), seed),
         resting_(plant_.rest()),
-        bus_(extras.bus ? *extras.bus : LateSettings{}) {
+        bus_(extras.bus ? *extras.bus : MultirateSettings{}) {
     if (extras.late && resting_) resting_ = truepose::start(*extras.late, late_);
   }
 
@@ -95,19 +95,20 @@ class Loop {
       const bool slow = extras_.late;  // readings; a torque may be late as well
       const bool late = extras_.effects.delayed && control_.started;
       const Joint before = control_.torque;
-      Learner* const learner = extras_.learner;
+      OnlineCalibrator* const learner = extras_.learner;
       const bool watched = extras_.guarding && !extras_.law;
       if (extras_.bus) late_.arrived = bus_.deliver(kDof<K>, q_e);
       Extended present = q_e;
       const Weighing weighing = slow && !watched ? brought_up(present) : extras_.weighing;
       bool gave_up =  // a line that fits no pose: next time
-          learner && !watched && learn<K>(*learner, present).status == Status::stopped;
+          learner && !watched && calibrate_online<K>(*learner, present).status == Status::stopped;
       const Robot& believed = learner ? learner->robot : nominal_;
       if (extras_.law)
         outcome = extras_.law(time, setpoint, present, control_.torque);
       else if (extras_.guarding)
-        outcome = guarded<K>(believed, settings_, *extras_.guarding, setpoint, q_e, control_,
-                             extras_.watching, guard_, slow ? &late_ : nullptr);
+        outcome =
+            control_fault_tolerant<K>(believed, settings_, *extras_.guarding, setpoint, q_e,
+                                      control_, extras_.watching, guard_, slow ? &late_ : nullptr);
       else
         outcome = control<K>(believed, settings_, setpoint, present, control_, weighing);
       if (learner && watched) {
@@ -147,8 +148,8 @@ class Loop {
   /// Slow and late readings as of now, where nobody watches them. @return what is known of them
   Weighing brought_up(Extended& present) {
     const Weighing& weighing = extras_.weighing;
-    if (!bring_up<K>(nominal_, late_, present)) return weighing;
-    calm(nominal_, late_, present);
+    if (!compensate_latency<K>(nominal_, late_, present)) return weighing;
+    low_pass(nominal_, late_, present);
     if (!weighing) return weighing;
     known_ = *weighing.known;
     weigh(nominal_, late_, known_);
@@ -157,13 +158,13 @@ class Loop {
 
   /// What the watch has seen is learnt where all of it is valid. Of a reading that has failed by
   /// now the latest lines are forgotten; the robot that is believed changes with that.
-  bool learn_watched(Learner& learner, const Extended& q_e) {
-    const Watch& watch = guard_.watch;
-    const bool valid =
-        std::all_of(watch.reading.begin(), watch.reading.end(),
-                    [](const WatchedReading& reading) { return reading.health == Health::valid; });
-    if (valid) return learn<K>(learner, q_e).status == Status::stopped;
-    if (watch.changed) control_.switched = bool(forget(learner)) || control_.switched;
+  bool learn_watched(OnlineCalibrator& learner, const Extended& q_e) {
+    const FaultMonitor& watch = guard_.watch;
+    const bool valid = std::all_of(
+        watch.reading.begin(), watch.reading.end(),
+        [](const MonitoredReading& reading) { return reading.health == Health::valid; });
+    if (valid) return calibrate_online<K>(learner, q_e).status == Status::stopped;
+    if (watch.changed) control_.switched = bool(roll_back(learner)) || control_.switched;
     return learner.state.doubt.stopped;
   }
 
@@ -173,9 +174,9 @@ class Loop {
   Plant<K> plant_;
   Outcome resting_;
   ControlState control_;
-  Guard guard_;
+  FaultTolerantState guard_;
   PathClock clock_;
-  Late late_;
+  Multirate late_;
   Bus bus_;
   Knowledge known_;  ///< of readings of which some are late
 };

@@ -89,7 +89,7 @@ class Loaded {
 /// Pose where the true robot settles when the nominal controller is asked for x_d. Quasi-Newton
 /// on the motor error with the nominal J: each step removes all but the few per cent by which the
 /// true robot's J differs; under a load, with what yields to it: a soft PD's own stiffness may be
-/// less than that with which gravity holds the robot. Unquantised readings.
+/// less than that with which gravity holds the robot. Unquantized readings.
 /// @param x         out
 /// @param known     of the nominal robot, for laws that weigh
 /// @param off       by which readings are off, as by the play of a gear

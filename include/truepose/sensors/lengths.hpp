@@ -7,7 +7,7 @@ namespace truepose {
 
 /// Along the fixed line o + s w to the plane of the nacelle through D + R t with normal R m:
 /// (R m)·(D + R t - o - s w) = 0.
-inline Sensed sense(Is<SensorKind::telemeter>, const Sensor& sensor, const Pose& pose) {
+inline Sensed sense(Is<SensorKind::plane_distance>, const Sensor& sensor, const Pose& pose) {
   Sensed s;
   const Vec3 normal = pose.R * sensor.normal(), arm = pose.R * sensor.target();
   const Real slope = normal.dot(sensor.direction());

@@ -5,7 +5,7 @@
 
 namespace truepose {
 
-inline Sensed sense(Is<SensorKind::nacelle_angle>, const Sensor&, const Pose& pose) {
+inline Sensed sense(Is<SensorKind::platform_angle>, const Sensor&, const Pose& pose) {
   Sensed s;
   s.value = pose.theta;
   s.angular.z() = 1;

@@ -135,14 +135,14 @@ TRUEPOSE_APART inline Real read_any(const Robot& robot, const Sensor& sensor,
 /// The same; the paper's θ without gradients it has not.
 template <Mobility K>
 inline Real read(const Robot& robot, const Sensor& sensor, const Closure<K>& closure, Real* row) {
-  if (sensor.kind != SensorKind::nacelle_angle || eccentric(sensor))
+  if (sensor.kind != SensorKind::platform_angle || eccentric(sensor))
     return read_any<K>(robot, sensor, closure, row);
   free_columns<K>(closure.carried, Vec3::Zero(), Vec3(0, 0, sensor.gain), row);
   return sensor.gain * closure.pose.theta - sensor.offset;
 }
 
-/// The nearest count of an encoder or telemeter (step 0: unquantised).
-inline Real quantised(Real value, Real step) {
+/// The nearest count of an encoder or telemeter (step 0: unquantized).
+inline Real quantized(Real value, Real step) {
   return step > 0 ? step * std::nearbyint(value / step) : value;
 }
 

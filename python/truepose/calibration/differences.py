@@ -196,7 +196,7 @@ def assemble(
     """
     if not differences:
         return None
-    if robot.spec.axis:
+    if robot.spec.passive_axis:
         raise InputError(
             f"{robot.name}: measured differences need lengths among the coordinates: a pivot has "
             "angles alone"

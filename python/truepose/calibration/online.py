@@ -25,7 +25,7 @@ class OnlineCalibrator:
 
     It starts from the priors of the robot's file (or its last calibration) and ends near where
     :func:`truepose.calibrate` ends on the same lines. In the core one line takes bounded time and
-    no memory (``include/truepose/estimation/online.hpp``).
+    no memory (``include/truepose/estimation/online_calibration.hpp``).
 
     Parameters
     ----------

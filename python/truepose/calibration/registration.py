@@ -68,7 +68,7 @@ class Registration:
     def sigma(self, robot: Robot, measured: Array) -> Array:
         """σ of the unknowns, (12,); 0 where known, or where nothing measured depends on it."""
         result = np.repeat([*self.base_sigma, *self.marker_sigma], 3).astype(float)
-        if robot.spec.axis:  # of a pivot: angles are measured in no frame but their own
+        if robot.spec.passive_axis:  # of a pivot: angles are measured in no frame but their own
             return np.zeros_like(result)
         names = [name for name, _ in robot.coordinates]
         if "z" not in names:  # in a plane

@@ -159,7 +159,7 @@ def _pose(robot: Robot, at: ArrayLike | None) -> Array:
         x = np.asarray(at, dtype=float)
         if x.shape != (robot.n,) or np.isinf(x).any() or np.isnan(x).all():
             raise InputError(f"at: must be {robot.n} numbers (m, rad), NaN where not known")
-        for axis, angle in zip(robot.spec.axis, x, strict=False):  # of a pivot
+        for axis, angle in zip(robot.spec.passive_axis, x, strict=False):  # of a pivot
             low, high = axis.limits or (-np.inf, np.inf)
             if angle < low or angle > high:
                 raise InputError(
@@ -171,7 +171,7 @@ def _pose(robot: Robot, at: ArrayLike | None) -> Array:
         except PoseError as error:
             raise InputError(f"at (--at): {error}") from None
         return x
-    if robot.spec.mobility == "pivot":
+    if robot.spec.mobility == "rotational":
         return np.where(logs.tilts(robot), 0.0, np.nan)
     return robot.home
 

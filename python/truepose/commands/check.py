@@ -201,6 +201,6 @@ def _line(where: dict, data: dict, path: tuple) -> int:
     """Find a problem's line; a chain that is a copy is written in the motif."""
     if path[:1] == ("chain",) and len(path) > 1 and isinstance(data.get("chain"), list):
         path = ("chain", path[1] % len(data["chain"]), *path[2:])
-        if path not in where and ("every_chain", *path[2:]) in where:
-            path = ("every_chain", *path[2:])
+        if path not in where and ("chain_defaults", *path[2:]) in where:
+            path = ("chain_defaults", *path[2:])
     return toml_lines.nearest(where, path)

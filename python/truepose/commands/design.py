@@ -52,13 +52,13 @@ def command(
             show_default="the keys price of the file",
         ),
     ] = None,
-    finer: Annotated[
+    price_steps: Annotated[
         list[str] | None,
         typer.Option(
             metavar="ROD*=1mm:40,0.1mm:200",
             help="To which σ parameters can be machined, a name or a glob, and for which price. "
             "Repeatable; 'none': to none.",
-            show_default="the keys finer of the file",
+            show_default="the keys price_steps of the file",
         ),
     ] = None,
     budget: Annotated[
@@ -127,7 +127,7 @@ def command(
         read.append(calibrated)
     inputs = [path_of(str(name)) for name in read]
     for_choosing = {
-        "--price": price, "--finer": finer, "--budget": budget, "--target": target,
+        "--price": price, "--price-steps": price_steps, "--budget": budget, "--target": target,
         "--survives": survives or None, "--plot": plot, "--report": report,
     }  # fmt: skip
     unused = for_choosing if place is not None else {"--within": within, "-o": out}
@@ -163,7 +163,7 @@ def command(
     found = select_sensors(
         loaded,
         None if price is None else parse_prices(loaded, price),
-        finer=None if finer is None else parse_finer(loaded, finer),
+        price_steps=None if price_steps is None else parse_price_steps(loaded, price_steps),
         budget=budget,
         target=parse_target(loaded, target),
         must=() if must is None else parse_set(loaded, must),
@@ -210,13 +210,13 @@ def parse_prices(robot: Robot, text: str) -> dict[str, float]:
     return result
 
 
-def parse_finer(robot: Robot, texts: Sequence[str]) -> dict[str, dict[float, float]]:
+def parse_price_steps(robot: Robot, texts: Sequence[str]) -> dict[str, dict[float, float]]:
     """Read what machining costs as people write it.
 
     Examples
     --------
     >>> import truepose as tp
-    >>> parse_finer(tp.load("h4"), ["chain*.rod=1mm:40,0.1mm:200"])
+    >>> parse_price_steps(tp.load("h4"), ["chain*.rod=1mm:40,0.1mm:200"])
     {'chain*.rod': {0.001: 40.0, 0.0001: 200.0}}
     """
     result: dict[str, dict[float, float]] = {}
@@ -224,7 +224,9 @@ def parse_finer(robot: Robot, texts: Sequence[str]) -> dict[str, dict[float, flo
         group, _, levels = text.partition("=")
         fits = fnmatch.filter(robot.parameters, group)
         if not fits:
-            raise InputError(f"--finer: {choose('parameter', group, robot.parameters)}, or a glob")
+            raise InputError(
+                f"--price-steps: {choose('parameter', group, robot.parameters)}, or a glob"
+            )
         curve = result.setdefault(group, {})
         for level in levels.split(","):
             size, _, value = level.partition(":")
@@ -234,9 +236,10 @@ def parse_finer(robot: Robot, texts: Sequence[str]) -> dict[str, dict[float, flo
                 price = np.nan
             if not 0 <= price < np.inf:
                 raise InputError(
-                    f"--finer {text}: must be PARAMETERS=SIGMA:PRICE,… as chain*.rod=0.1mm:200"
+                    f"--price-steps {text}: must be PARAMETERS=SIGMA:PRICE,… as "
+                    "chain*.rod=0.1mm:200"
                 )
-            curve[parse_size(size, f"--finer {group}:", unit_of(robot, fits[0]))] = price
+            curve[parse_size(size, f"--price-steps {group}:", unit_of(robot, fits[0]))] = price
     return result
 
 

@@ -230,7 +230,7 @@ def parse_size(text: str, option: str, unit: str) -> float:
 
     Examples
     --------
-    >>> parse_size("0.1mm", "--finer", "m"), parse_size("2e-3", "--finer", "")
+    >>> parse_size("0.1mm", "--price-steps", "m"), parse_size("2e-3", "--price-steps", "")
     (0.0001, 0.002)
     """
     (value,) = _sizes(text, option, (unit if unit in ("m", "rad") else "",)).values()

@@ -31,7 +31,7 @@ from truepose.show.units import in_print
 from truepose.simulation.rehearsal import Missed, Rehearsal, missed, rehearse
 
 #: Effects that a robot's readings at rest show, cold.
-AT_REST = ("backlash", "eccentricity", "quantisation")
+AT_REST = ("backlash", "eccentricity", "quantization")
 
 
 def command(
@@ -69,7 +69,7 @@ def command(
         effects_option(
             f"What acts on a robot at rest: {', '.join(AT_REST)}, all or none.", AT_REST
         ),
-    ] = "quantisation",
+    ] = "quantization",
     how: How = Format.table,
     force: Force = False,
 ) -> None:
@@ -127,7 +127,7 @@ def _next(when: str, *words: object) -> None:
 def _columns(ran: Rehearsal) -> list[logs.Column]:
     result = logs.readings(ran.truth, ran.q_e)
     if ran.measured is not None:
-        pivot = ran.truth.spec.mobility == "pivot"
+        pivot = ran.truth.spec.mobility == "rotational"
         names = [name for name, _ in ran.truth.coordinates] if pivot else "xyz"
         for name, values in zip(names, ran.measured.T, strict=False):
             what = f"{name} of a marker on the nacelle, in the tracker's frame"

@@ -86,7 +86,7 @@ def command(
 
 def _sigma(robot: Robot, text: str | None) -> list[float]:
     """σ of every coordinate."""
-    if text is None and robot.spec.mobility == "pivot":
+    if text is None and robot.spec.mobility == "rotational":
         return [logs.FLAT] * robot.n
     if text is None:
         raise InputError(f"--sigma: say how well {robot.name}'s pose is known: 0.02mm,0.01deg")

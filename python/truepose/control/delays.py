@@ -13,12 +13,12 @@ from truepose.exceptions import InputError
 from truepose.robot import knowledge
 from truepose.robot.robot import Robot
 
-Lateness = tuple[_core.LateSettings | None, _core.LateSettings | None]
+Lateness = tuple[_core.MultirateSettings | None, _core.MultirateSettings | None]
 
 _POSES, _STEP = 64, 1e-4  #: of the workspace; m and rad, of a difference
 
 
-def settings(robot: Robot, period: float) -> _core.LateSettings | None:
+def settings(robot: Robot, period: float) -> _core.MultirateSettings | None:
     """Return what the core brings slow and late readings up by; None where there are none.
 
     Parameters
@@ -43,8 +43,8 @@ def settings(robot: Robot, period: float) -> _core.LateSettings | None:
     late = clock(robot, period)
     if late is not None:
         whole = np.zeros((_core.max_sensors, 6))
-        whole[: robot.r, : robot.n] = stray(robot)
-        late.stray = whole.tolist()
+        whole[: robot.r, : robot.n] = sensitivity(robot)
+        late.sensitivity = whole.tolist()
     return late
 
 
@@ -53,11 +53,14 @@ def lateness(robot: Robot, truth: Robot, period: float) -> Lateness:
     return settings(robot, period), clock(truth, period)
 
 
-def clock(robot: Robot, period: float) -> _core.LateSettings | None:
+def clock(robot: Robot, period: float) -> _core.MultirateSettings | None:
     """Return when sensors sample, and how old that is on arrival; see :func:`settings`."""
     every, age = [0] * _core.max_sensors, [0] * _core.max_sensors
     for k, sensor in enumerate(robot.spec.used):
-        for key, most, cycles in (("period", _core.slowest, every), ("age", _core.oldest, age)):
+        for key, most, cycles in (
+            ("sample_period", _core.slowest, every),
+            ("latency", _core.oldest, age),
+        ):
             seconds = getattr(sensor, key)
             cycles[k] = math.ceil(seconds / period - 1e-6)
             if cycles[k] > most:
@@ -67,7 +70,7 @@ def clock(robot: Robot, period: float) -> _core.LateSettings | None:
                 )
     if max(every) <= 1 and max(age) == 0:
         return None
-    late = _core.LateSettings()
+    late = _core.MultirateSettings()
     late.every, late.age = every, age
     return late
 
@@ -93,7 +96,7 @@ def carried(robot: Robot, E: Array, H_x: Array, period: float) -> Array:
 
 
 @lru_cache(maxsize=16)
-def stray(robot: Robot) -> Array:
+def sensitivity(robot: Robot) -> Array:
     """By how much what a sensor and the motors disagree about changes with the pose, σ: (r, n).
 
     Of what is not known of the geometry, along each freedom: the largest over the workspace.
@@ -103,9 +106,9 @@ def stray(robot: Robot) -> Array:
     A telemeter of a calibrated robot goes astray by some 0.1 mm in a metre:
 
     >>> import truepose as tp
-    >>> from truepose.control.delays import stray
+    >>> from truepose.control.delays import sensitivity
     >>> h4 = tp.load("h4")
-    >>> stray(h4).shape
+    >>> sensitivity(h4).shape
     (1, 4)
     """
     n, names = robot.n, list(robot.parameters)

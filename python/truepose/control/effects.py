@@ -30,7 +30,7 @@ class Effects:
     The defaults are assumed, orders of magnitude of a machine of the H4's size;
     ``dataclasses.fields`` has each one's unit, meaning and source. Groups, the names that
     :meth:`only` and :meth:`without` take: "backlash", "friction", "compliance", "thermal",
-    "eccentricity", "quantisation", "delay", "ripple".
+    "eccentricity", "quantization", "delay", "ripple".
 
     Examples
     --------
@@ -76,8 +76,8 @@ class Effects:
         "first harmonic of every rotary encoder, of its shaft's angle; the phase is drawn",
         "assumed",
     )
-    quantisation: float = _effect(
-        1.0, "quantisation", "", "1: readings have the counts of the robot's file; 0: none", "file"
+    quantization: float = _effect(
+        1.0, "quantization", "", "1: readings have the counts of the robot's file; 0: none", "file"
     )
     delay: float = _effect(
         1.0, "delay", "cycles", "from a reading to the torque that answers it", "assumed"
@@ -95,7 +95,7 @@ class Effects:
             value = getattr(self, f.name)
             if not (isinstance(value, (int, float)) and math.isfinite(value) and value >= 0):
                 raise InputError(f"{f.name} = {value!r}: must be a finite number of at least 0")
-        for name in ("quantisation", "delay"):
+        for name in ("quantization", "delay"):
             if getattr(self, name) not in (0, 1):
                 raise InputError(f"{name} = {getattr(self, name)}: must be 0 or 1")
         if self.warm_up and not self.warm_up_time:
@@ -108,7 +108,7 @@ class Effects:
 
     @classmethod
     def none(cls) -> Effects:
-        """Nothing is forgotten: the model is the robot, its readings unquantised."""
+        """Nothing is forgotten: the model is the robot, its readings unquantized."""
         return cls().without(*cls.groups())
 
     def without(self, *groups: str) -> Effects:
@@ -164,7 +164,7 @@ class Effects:
             for key, share in (("c1", math.cos(phase)), ("s1", math.sin(phase))):
                 grown[f"{encoder}.{key}"] = values[f"{encoder}.{key}"] + self.eccentricity * share
         robot = truth.replace(grown)
-        return robot if self.quantisation else robot.without_quantization()
+        return robot if self.quantization else robot.without_quantization()
 
     def growth(self, robot: Robot) -> list[dict[str, float]]:
         """Return what base, arms and rods each gain in the whole warm-up, m by parameter.

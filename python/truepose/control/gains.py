@@ -139,7 +139,7 @@ def _chosen(
 ) -> Gains:
     period = everywhere.period
     home = Responses(everywhere.plants[:1])
-    read = robot if effects.quantisation else robot.without_quantization()
+    read = robot if effects.quantization else robot.without_quantization()
     rest = np.array([REST[unit == "rad"] for _, unit in robot.coordinates])
     limits = np.array([chain.torque_limit or np.inf for chain in robot.spec.chain])
 

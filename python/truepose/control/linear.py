@@ -164,7 +164,7 @@ def _plant(
     k = effects.arm_stiffness
     damping = 2 * _ARM_DAMPING * np.sqrt(k * own)
     arms, m = K[springy], len(springy)
-    viscous = np.diag([chain.viscous for chain in chains])
+    viscous = np.diag([chain.viscous_friction for chain in chains])
     s = 2 * n + 2 * m
     at, speed, turn, spin = (
         slice(a, a + b) for a, b in ((0, n), (n, n), (2 * n, m), (2 * n + m, m))
@@ -260,11 +260,11 @@ def _weight(robot: Robot, x: Array, M: Array, held: Array) -> Array:
     """Stiffness of a robot that constant torques hold against its weight, along the free twist."""
     n, still = robot.n, np.zeros(robot.n)
     step = np.zeros((n, 6))
-    if robot.spec.mobility != "pivot":
+    if robot.spec.mobility != "rotational":
         step[range(n), _DIRECTIONS[robot.spec.mobility]] = _STEP
     moved = []
     for sign in (1, -1):
-        if robot.spec.mobility == "pivot":
+        if robot.spec.mobility == "rotational":
             moved.append(robot.acceleration(x + sign * _STEP * np.eye(n), still, held))
             continue
         frame = np.tile(frames(robot, x), (n, 1, 1))

@@ -96,7 +96,7 @@ class Responses:
     def hunting(self, gains: Gains, counts: Array) -> Array:
         """Return how far the nacelle swings as readings hunt by a count, peak to peak: (P, n).
 
-        Readings rest in the middle of a count or hunt about its edge, where a quantiser is a relay
+        Readings rest in the middle of a count or hunt about its edge, where a quantizer is a relay
         whose describing function takes any value: each hunts, by itself, at the frequency at which
         its loop turns by -180°, and its square wave's fundamental, 4/π counts from peak to peak, is
         what the nacelle answers (A. Gelb and W. E. Vander Velde, Multiple-Input Describing

@@ -124,7 +124,7 @@ def stability_margins(
         controller.damping,
         controller.integral,
     )
-    read = robot if effects.quantisation else robot.without_quantization()
+    read = robot if effects.quantization else robot.without_quantization()
     limits = np.array([chain.torque_limit or np.inf for chain in robot.spec.chain])
     loops = {ALL: found.common(asked)}
     motors = [f"motor {i + 1}" for i in range(robot.n)]

@@ -92,7 +92,7 @@ def to_c(
     -------
     str
         ``NAME`` and, with sensors, ``NAME_knowledge``; with a controller ``NAME_control`` and, with
-        sensors and a watch, ``NAME_watch``.
+        sensors and a watch, ``NAME_fault_monitor``.
 
     Raises
     ------
@@ -140,8 +140,8 @@ def require_prompt(robot: Robot, period: float) -> None:
     """Raise where a sensor is slow or late, which the C interface has no entry for."""
     if delays.settings(robot, period) is not None:
         raise InputError(
-            f"{robot.name}: a sensor is slow or late (`period`, `age`), which the C interface has "
-            "no entry for: choose others (--sensors)"
+            f"{robot.name}: a sensor has `sample_period` or `latency`, which the C interface does not "
+            "support: choose others (--sensors)"
         )
 
 
@@ -185,7 +185,7 @@ def _description(name: str, robot: Robot) -> str:
         parts.append("  {" + ",\n".join(rows).lstrip() + "}")
     rows = [
         f"  {{ /* axis {axis.name} */\n{_rows(listed, '    ')}\n  }}"
-        for axis, (_, listed) in zip(robot.spec.axis, tables["axis"], strict=True)
+        for axis, (_, listed) in zip(robot.spec.passive_axis, tables["axis"], strict=True)
     ]
     rows = rows or ["  { /* axis none */\n    {0.0}, {0.0}, 0.0, 0.0,\n  }"]
     parts.append("  {" + ",\n".join(rows).lstrip() + "}")
@@ -226,7 +226,7 @@ def _control(name: str, robot: Robot, controller: Controller) -> str:
 def _watch(name: str, robot: Robot, controller: Controller, watch: FaultMonitor) -> str:
     counts, listed = _core.c_watch(watch.guarding(robot, controller))
     return (
-        f"static const truepose_watch_settings {name}_watch = {{\n"
+        f"static const truepose_fault_monitor_settings {name}_fault_monitor = {{\n"
         f"  {_whole(counts)}, /* refresh, coast, decide, spikes, within */\n"
         f"{_rows(listed, '  ')}\n}};\n"
     )

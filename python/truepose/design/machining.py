@@ -25,7 +25,7 @@ class Level(NamedTuple):
     information: dict[str, float]  #: that it adds to each parameter's, 1/σ²
 
 
-def levels_of(robot: Robot, finer: Mapping[str, Curve] | None) -> list[list[Level]]:
+def levels_of(robot: Robot, price_steps: Mapping[str, Curve] | None) -> list[list[Level]]:
     """Levels of each group, the coarsest first; by default those of the file.
 
     A level that costs no less than a finer one is none. A parameter that is finer already stays.
@@ -40,19 +40,19 @@ def levels_of(robot: Robot, finer: Mapping[str, Curve] | None) -> list[list[Leve
     >>> [(level.sigma, level.price) for level in rods]
     [(0.0001, 60.0), (2e-05, 140.0)]
     """
-    if finer is None:
-        finer = {
-            group: {level.sigma: level.price for level in tolerance.finer}
+    if price_steps is None:
+        price_steps = {
+            group: {level.sigma: level.price for level in tolerance.price_steps}
             for group, tolerance in robot.spec.tolerances.items()
-            if tolerance.finer
+            if tolerance.price_steps
         }
     taken: dict[str, str] = {}
     found: list[list[Level]] = []
-    for group, curve in finer.items():
+    for group, curve in price_steps.items():
         names = _uncertain(robot, group)
         for name in names:
             if name in taken:
-                raise InputError(f"finer: {name}: in {taken[name]} and in {group}")
+                raise InputError(f"price_steps: {name}: in {taken[name]} and in {group}")
             taken[name] = group
         found.append(_levels(robot, group, names, curve))
     return found
@@ -65,30 +65,33 @@ def _uncertain(robot: Robot, group: str) -> list[str]:
     if own is not None:  # of a file's entry: those for which it counts
         every = [name for name in every if robot.spec.tolerance(name) is own]
     if not every:
-        raise InputError(f"finer: {choose('parameter', group, robot.parameters)}, or a glob")
+        raise InputError(f"price_steps: {choose('parameter', group, robot.parameters)}, or a glob")
     learnt = robot.spec.calibration
     if learnt is not None and not set(every).isdisjoint(learnt.parameters):
-        raise InputError(f"finer: {group}: learnt by the calibration: is machined already")
+        raise InputError(f"price_steps: {group}: learnt by the calibration: is machined already")
     uncertain = [name for name in every if robot.parameters[name].sigma > 0]
     if not uncertain:
-        raise InputError(f"finer: {group}: is known exactly, by the robot's tolerances")
+        raise InputError(f"price_steps: {group}: is known exactly, by the robot's tolerances")
     if len(units := {unit_of(robot, name) or "1" for name in uncertain}) > 1:
-        raise InputError(f"finer: {group}: must be of one unit, is of {', '.join(sorted(units))}")
+        raise InputError(
+            f"price_steps: {group}: must be of one unit, is of {', '.join(sorted(units))}"
+        )
     return uncertain
 
 
 def _levels(robot: Robot, group: str, names: list[str], curve: Curve) -> list[Level]:
     if not curve:
-        raise InputError(f"finer: {group}: no level")
+        raise InputError(f"price_steps: {group}: no level")
     for sigma, price in curve.items():
         if not (np.isfinite(sigma) and sigma > 0):
-            raise InputError(f"finer: {group}: {sigma!r}: must be greater than 0 (m or rad)")
+            raise InputError(f"price_steps: {group}: {sigma!r}: must be greater than 0 (m or rad)")
         if not (np.isfinite(price) and price >= 0):
-            raise InputError(f"finer: {group}: {sigma:g} for {price!r}: must be 0 or greater")
+            raise InputError(f"price_steps: {group}: {sigma:g} for {price!r}: must be 0 or greater")
     left = {name: robot.parameters[name].sigma for name in names}
     if min(curve) >= max(left.values()):
         raise InputError(
-            f"finer: {group}: {min(curve):g}: must be less than its σ, {max(left.values()):.4g}"
+            f"price_steps: {group}: {min(curve):g}: must be less than its σ, "
+            f"{max(left.values()):.4g}"
         )
     order = [
         (sigma, price)

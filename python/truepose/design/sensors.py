@@ -86,7 +86,7 @@ def select_sensors(
     robot: Robot,
     prices: Mapping[str, float] | None = None,
     *,
-    finer: Mapping[str, Curve] | None = None,
+    price_steps: Mapping[str, Curve] | None = None,
     budget: float | None = None,
     target: float | None = None,
     must: Sequence[str] = (),
@@ -109,9 +109,9 @@ def select_sensors(
         Its sensors in use do not matter.
     prices : mapping, optional
         Of sensors in question, by their names; by default those of the file's key `price`.
-    finer : mapping, optional
+    price_steps : mapping, optional
         By names of parameters or globs, to which σ (m or rad, about what is expected) all of them
-        can be machined, and for which price; by default the file's keys `finer`.
+        can be machined, and for which price; by default the file's keys `price_steps`.
     budget : float, optional
         The most that all may cost: find the most accurate.
     target : float, optional
@@ -143,12 +143,12 @@ def select_sensors(
     >>> found.best.sensors, found.proven
     (('theta', 'wire1', 'wire2'), True)
     >>> machining = {"chain*.rod": {1e-3: 300, 1e-4: 700}, "chain*.encoder_offset": {2e-4: 80}}
-    >>> found = tp.select_sensors(tp.load("h4"), prices, finer=machining, budget=600)
+    >>> found = tp.select_sensors(tp.load("h4"), prices, price_steps=machining, budget=600)
     >>> found.best.sensors, found.best.machined
     (('wire1',), (('chain*.rod', 0.001),))
     """
     knowledge.require_uncertain(robot)
-    ladders = levels_of(robot, finer)
+    ladders = levels_of(robot, price_steps)
     named = priced(robot, prices, bool(ladders))
     names = list(named)
     for name in must:

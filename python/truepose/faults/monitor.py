@@ -111,15 +111,15 @@ class FaultMonitor:
 
     def guarding(
         self, robot: Robot, controller: Controller, still_sensors: bool = True
-    ) -> _core.Guarding:
+    ) -> _core.FaultTolerantSetup:
         """Return what the core's guard needs: the robot, what is known of it, and thresholds.
 
         Without `still_sensors` a sensor that stands still beside moving motors is not called stuck:
         a law that holds it within a count while the geometry is off does the same to a healthy one.
         Its disagreement with the others is judged in any case.
         """
-        settings = _core.GuardSettings()
-        watch = _core.WatchSettings()
+        settings = _core.FaultTolerantSettings()
+        watch = _core.FaultMonitorSettings()
         watch.period = controller.period
         chance = self.false_alarms * controller.period / 3600
         if not chance < 0.1:
@@ -145,7 +145,7 @@ class FaultMonitor:
         settings.watch, settings.stop, settings.stop_lost = watch, self.stop, self.stop_lost
         yields = robot if self.effects is None else _yielding(robot, self.effects)
         slow = delays.settings(robot, controller.period)
-        return _core.Guarding(finest.core, knowledge.knowledge(yields).core, settings, slow)
+        return _core.FaultTolerantSetup(finest.core, knowledge.knowledge(yields).core, settings, slow)
 
     def review(
         self, robot: Robot, q_e: ArrayLike, desired: ArrayLike | None = None, period: float = 1e-3
@@ -182,7 +182,7 @@ class FaultMonitor:
             raise InputError(f"desired: shape {asked.shape}, must be {(len(rows), robot.n)}")
         positive("period", period)
         guarding = self.guarding(robot, Controller(law="joint", period=period))
-        result = _core.Watching(guarding).review(
+        result = _core.FaultMonitorRun(guarding).review(
             np.ascontiguousarray(asked), np.ascontiguousarray(rows)
         )
         return Review(robot, *result)

@@ -2,7 +2,7 @@
 
 Column `q1_counts`, `q1_steps` or `q1_turns` stands for `q1`. One of it is what the log's header
 says, `# one q1_turns = 75.69 mm`; else what the robot file does: counts and steps by
-`encoder_counts`, `counts` or `resolution`, turns by `per_turn`.
+`encoder_counts`, `counts` or `resolution`, turns by `lead`.
 """
 
 from __future__ import annotations
@@ -49,8 +49,8 @@ def one(robot: Robot, name: str, column: str, header: Mapping[str, str], where: 
             )
         return value
     if column.endswith("_turns"):
-        file = robot.spec.chain[at].per_turn if at < robot.n else None
-        key = "per_turn"
+        file = robot.spec.chain[at].lead if at < robot.n else None
+        key = "lead"
     elif at < robot.n:
         file, key = encoder_step(robot.spec.chain[at]), "encoder_counts"
     else:

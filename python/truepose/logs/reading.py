@@ -279,7 +279,7 @@ def _pick(
     forces = [f"load_{axis}" for axis in "xyz" if robot.spec.stretches]
     tensions = [f"q{i + 1}_tension" for i in range(robot.n) if robot.spec.stretches]
     free = [name for name in columns if name not in one]
-    standing = [STANCE] if robot.spec.mobility == "pivot" else []
+    standing = [STANCE] if robot.spec.mobility == "rotational" else []
     labels = {
         name: _labels(table[name], name, lines, word, where)
         for name in (*PLANES, POINT, *standing)
@@ -393,5 +393,5 @@ def tilts(robot: Robot) -> Array:
     """Axes of a pivot that tilt what is flat, (n,) bool: not those that are parallel to gravity."""
     down = np.array(robot.spec.gravity)
     size = float(np.linalg.norm(down)) or 1.0
-    axes = np.array([axis.direction for axis in robot.spec.axis])
+    axes = np.array([axis.direction for axis in robot.spec.passive_axis])
     return ~((np.linalg.norm(np.cross(axes, down), axis=1) < 1e-3 * size) & (down @ down > 0))

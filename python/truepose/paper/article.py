@@ -143,6 +143,6 @@ def paper_directions(robot: Robot, i: int) -> dict[str, dict[str, float]]:
     return {
         "rod_length": {f"{name}.rod": 1.0},
         "arm_length": {f"{name}.arm": 1.0},
-        "base_radius": {f"{name}.base.{c}": float(chain.zero[k]) for k, c in enumerate("xyz")},
+        "base_radius": {f"{name}.base.{c}": float(chain.arm_zero[k]) for k, c in enumerate("xyz")},
         "nacelle_offset": {f"{name}.anchor.{c}": float(outward[k]) for k, c in enumerate("xyz")},
     }

@@ -154,7 +154,7 @@ def dynamics_check(
     Returns
     -------
     dict
-        "ideal": unquantised, gravity off; "loaded": unquantised, with gravity, against the statics
+        "ideal": unquantized, gravity off; "loaded": unquantized, with gravity, against the statics
         that count what the nominal feed-forward gets wrong; "as built": with gravity and encoder
         counts, against the same. Each {law: (P, 4) in mm and degrees}.
     """
@@ -185,7 +185,7 @@ def theta_law(robot: Robot, poses: Array) -> Array:
 
     j is the θ row of J and w the weight of θ's row in the TEJ.
     """
-    weight = next(s.weight for s in robot.spec.sensor if s.kind == "nacelle_angle")
+    weight = next(s.weight for s in robot.spec.sensor if s.kind == "platform_angle")
     j = robot.jacobian(poses)[..., 3, :]
     return 1 / (1 + weight * (j**2).sum(axis=-1))
 

@@ -177,9 +177,9 @@ def warm_up(lines: list[WarmUp]) -> Table:
 def check(result: Reproduction) -> Table:
     """Largest difference between the end of a simulated move and the exact statics."""
     names = {
-        "ideal": "unquantised, gravity off",
-        "loaded": "unquantised, gravity on",
-        "as built": "quantised encoders, gravity on",
+        "ideal": "unquantized, gravity off",
+        "loaded": "unquantized, gravity on",
+        "as built": "quantized encoders, gravity on",
     }
     rows = []
     for case, laws in result.check.items():

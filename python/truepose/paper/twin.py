@@ -100,7 +100,7 @@ def read(path: Path) -> Twin:
     return Twin(
         load(path),
         replace(Setup.facing(load("h4")), **vision),
-        replace(Effects().only("backlash", "quantisation"), **held["effects"]),
+        replace(Effects().only("backlash", "quantization"), **held["effects"]),
         held["seed"],
     )
 

@@ -89,7 +89,7 @@ def study(
     progress : callable
         Called after each robot.
     """
-    effects = (Effects() if effects is None else effects).only("thermal", "quantisation")
+    effects = (Effects() if effects is None else effects).only("thermal", "quantization")
     times = np.linspace(0, 1.5 * effects.warm_up_time, STEPS + 1)
     results = []
     for label, sensors in SETS.items():

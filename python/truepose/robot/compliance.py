@@ -1,8 +1,8 @@
 """Rod forces and the deflection of compliant rods, legs and belts.
 
 A chain's rods of length L are L (1 + c T) long under its tension T: c is its own compliance and
-that of all (`stretch.compliance`), T holds the nacelle's weight and the file's load. Kinematics and
-estimates here count with it; what runs on a controller does not.
+that of all (`compliance.all_chains`), T holds the nacelle's weight and the file's load.
+Kinematics and estimates here count with it; what runs on a controller does not.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from truepose.arguments import Array, Errors, Level, numbers_of
 from truepose.exceptions import InputError
 from truepose.robot.batches import flattened, require_answers
 from truepose.robot.description import Description
-from truepose.robotfile.schema import Stretch
+from truepose.robotfile.schema import Compliance
 from truepose.robotfile.to_core import COMMON, padded
 
 #: Steps of a fixed point, each smaller by about the strain and how fast the tension changes.
@@ -120,7 +120,7 @@ class Loaded(Description):
         --------
         >>> import truepose as tp
         >>> robot = tp.load("stewart").with_payload((0, 0, -500))
-        >>> robot = robot.replace({"stretch.compliance": 1e-7})
+        >>> robot = robot.replace({"compliance.all_chains": 1e-7})
         >>> lower = robot.fkm(robot.rigid.ikm(robot.home))[2] - robot.home[2]
         >>> print(f"{1e6 * lower:.1f} µm")
         -24.0 µm
@@ -128,7 +128,9 @@ class Loaded(Description):
         given = np.asarray(force, dtype=float)
         if given.shape != (3,) or not np.isfinite(given).all():
             raise InputError(f"load = {given.tolist()}: must be three finite numbers, N")
-        table = (self._spec.stretch or Stretch()).model_copy(update={"load": tuple(given.tolist())})
+        table = (self._spec.compliance or Compliance()).model_copy(
+            update={"load": tuple(given.tolist())}
+        )
         return self._with(stretch=table)
 
     def rod_forces(
@@ -178,7 +180,7 @@ def under_load(
     `tension`, (N, n), N, is what was measured, NaN where it was not.
     """
     given = robot.compliance if compliance is None else compliance
-    load = robot.spec.stretch.load if robot.spec.stretch else (0.0, 0.0, 0.0)
+    load = robot.spec.compliance.load if robot.spec.compliance else (0.0, 0.0, 0.0)
     beside = np.zeros((len(x), 3)) if force is None else force
     measured = np.full((len(x), robot.n), np.nan) if tension is None else tension
     return UnderLoad(

@@ -219,16 +219,16 @@ class Description:
     @property
     def coordinates(self) -> tuple[tuple[str, str], ...]:
         """Name and unit of each coordinate of x."""
-        if self._spec.mobility == "pivot":
+        if self._spec.mobility == "rotational":
             return tuple((axis.name, "rad") for axis in self._spec.axis)
         return COORDINATES[self._spec.mobility]
 
     @property
     def resolution(self) -> Array:
-        """One count of every reading, shape (n + r,); 0 where unquantised."""
+        """One count of every reading, shape (n + r,); 0 where unquantized."""
         steps = [encoder_step(chain) for chain in self._spec.chain]
         steps += [sensor.step for sensor in self._spec.used]
-        return np.array(steps) * self._spec.quantised
+        return np.array(steps) * self._spec.quantized
 
     @property
     def reading_sigma(self) -> Array:
@@ -373,7 +373,7 @@ class Description:
 
     def without_quantization(self) -> Self:
         """Return a copy whose encoders and sensors have no counts."""
-        return self._with(quantised=False)
+        return self._with(quantized=False)
 
     def save(self, path: str | Path, *, force: bool = False) -> None:
         """Write a robot file that loads back to this robot, bit for bit.

@@ -32,7 +32,7 @@ def at_home(robot: _core.Robot, spec: RobotFile, coordinates: list[str], failure
         revolute = spec.chain[chain].actuator == "revolute"
         how = "arm and rod stand in one line" if revolute else "rod stands square to its rail"
         words += f": its {how}"
-    elif status == _core.singular and spec.axis:
+    elif status == _core.singular and spec.passive_axis:
         words += f": {_not_turned(robot, spec, home)}"
     elif status == _core.singular:
         rows, _ = _core.rod_rows(robot, home)
@@ -48,7 +48,7 @@ def beyond(robot: _core.Robot, spec: RobotFile, x: Array, chain: int, full: bool
     Of no chain, -1: which passive axis is beyond its stops.
     """
     if chain < 0:
-        for axis, angle in zip(spec.axis, x, strict=True):
+        for axis, angle in zip(spec.passive_axis, x, strict=True):
             low, high = axis.limits or (-np.inf, np.inf)
             if not low <= angle <= high:
                 return f"of axis {axis.name}: {angle:.6g} of [{low:.6g}, {high:.6g}]"
@@ -60,7 +60,7 @@ def beyond(robot: _core.Robot, spec: RobotFile, x: Array, chain: int, full: bool
 
 def _not_turned(robot: _core.Robot, spec: RobotFile, home: list[float]) -> str:
     """Say which axes of a pivot coincide at home, or which of them no motor turns."""
-    lines = zip(spec.axis, passive_axes(robot, spec.home), strict=True)
+    lines = zip(spec.passive_axis, passive_axes(robot, spec.home), strict=True)
     for (axis, (p, a)), (other, (o, b)) in itertools.combinations(lines, 2):
         if np.linalg.norm(np.cross(a, b)) < _HELD and np.linalg.norm(np.cross(a, o - p)) < _HELD:
             return f"axes {axis.name} and {other.name} coincide"
@@ -68,11 +68,11 @@ def _not_turned(robot: _core.Robot, spec: RobotFile, home: list[float]) -> str:
     for i in range(spec.n):
         if np.abs(rows[i]).max() <= _HELD * np.abs(rows).max():
             return f"chain {i + 1}: its rod runs through every axis, or along it: no torque"
-    for j, axis in enumerate(spec.axis):
+    for j, axis in enumerate(spec.passive_axis):
         if np.abs(rows[:, j]).max() <= _HELD * np.abs(rows).max():
             return f"no motor turns axis {axis.name}: every rod's line runs through it, or along it"
     motion = np.linalg.svd(rows)[2][-1]
-    turned = [f"{v:.3g} {axis.name}" for v, axis in zip(motion, spec.axis, strict=True)]
+    turned = [f"{v:.3g} {axis.name}" for v, axis in zip(motion, spec.passive_axis, strict=True)]
     return f"the motors do not hold the nacelle against turning its axes by {' : '.join(turned)}"
 
 

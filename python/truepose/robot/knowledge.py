@@ -16,7 +16,7 @@ from truepose.robotfile.to_core import columns
 AnyRobot = TypeVar("AnyRobot", bound=Kinematics)
 
 
-#: σ that an unquantised, noiseless reading counts with, rad or m; others count with their own.
+#: σ that an unquantized, noiseless reading counts with, rad or m; others count with their own.
 EXACT = 1e-6
 
 

@@ -150,7 +150,7 @@ class Redundancy(Kinematics):
             covariance = self._not_knowing_compliance(x, level)
         require_answers(self, "reading", rows, lead, status, chain, errors, name="q_e")
         words = np.array([_core.describe(int(s)) for s in status])
-        kind = Angles if self._spec.mobility == "pivot" else Estimate
+        kind = Angles if self._spec.mobility == "rotational" else Estimate
         return kind(
             x.reshape(*lead, self.n),
             covariance.reshape(*lead, self.n, self.n),

@@ -12,7 +12,7 @@ from truepose.robotfile.schema import ANGLES, FREEDOMS, not_degrees
 #: Names that logs and parameters take for themselves.
 _TAKEN = re.compile(
     r"(q|chain|bar|axis|motor_error|torque)\d+|(measured|desired|true|estimated)_.*"
-    r"|time|pose|stretch|load_[xyz]|.*_tension|counted|near_singular|no_answer"
+    r"|time|pose|compliance|load_[xyz]|.*_tension|counted|near_singular|no_answer"
 )
 
 
@@ -27,13 +27,13 @@ _Problem = tuple[tuple[str | int, ...], str]  # the key's path, and what is wron
 def problems(data: dict) -> Iterator[_Problem]:
     """Find what does not fit in a robot file's contents with its shorthand written out."""
     mobility = data.get("mobility")
-    chains, bars, axes = (tables(data, key) for key in ("chain", "bar", "axis"))
+    chains, bars, axes = (tables(data, key) for key in ("chain", "bar", "passive_axis"))
     if isinstance(mobility, str) and mobility in FREEDOMS:
         yield from _sizes(data, mobility, FREEDOMS[mobility])
-    if mobility == "pivot":
-        yield from _pivot(data, axes, bars)
+    if mobility == "rotational":
+        yield from _rotational(data, axes, bars)
     elif axes:
-        yield ("axis",), f"axis: passive axes are those of mobility pivot, not of {mobility}"
+        yield ("passive_axis",), f"passive_axis: needs mobility rotational, not of {mobility}"
     if len(bars) > _core.max_bars:
         text = f"{len(bars)} bars: a nacelle has at most {_core.max_bars} here"
         yield ("bar", _core.max_bars), text
@@ -59,7 +59,7 @@ def _sensors(data: dict, mobility: object, chains: int, bars: int, axes: int) ->
         "axis": (axes, f"but the file has {axes} axes"),
         "bar": (bars, f"but the file has {bars} bars"),
     }
-    needs = {"axis_angle": ("pivot",), "nacelle_angle": ("planar", "schoenflies")}
+    needs = {"axis_angle": ("rotational",), "platform_angle": ("planar", "schoenflies")}
     for number, sensor in enumerate(tables(data, "sensor")):
         name, kind = sensor.get("name"), sensor.get("kind")
         needed = needs.get(kind) if isinstance(kind, str) else None
@@ -73,27 +73,34 @@ def _sensors(data: dict, mobility: object, chains: int, bars: int, axes: int) ->
                 yield ("sensor", number, key), f"sensor {name}: {key} = {value}, {has}"
 
 
-def _pivot(data: dict, axes: list[dict], bars: list[dict]) -> Iterator[_Problem]:
+def _rotational(data: dict, axes: list[dict], bars: list[dict]) -> Iterator[_Problem]:
     if not 1 <= len(axes) <= _core.max_axes:
-        text = f"{len(axes)} axes: a pivot has 1 to {_core.max_axes}, a table [[axis]] each"
-        yield ("axis",), text
+        text = (
+            f"{len(axes)} passive axes: a rotational platform has 1 to {_core.max_axes}, a table "
+            "[[passive_axis]] each"
+        )
+        yield ("passive_axis",), text
         return
     if bars:
-        yield ("bar",), "bar: the nacelle of a pivot has no lateral bars"
+        yield ("bar",), "bar: a rotational platform has no lateral bars"
     names = [str(axis.get("name")) for axis in axes]
     for number, name in enumerate(names):
         if name in names[:number]:
-            yield ("axis", number, "name"), f"two axes have the same name: {name}"
+            yield ("passive_axis", number, "name"), f"two axes have the same name: {name}"
         if taken(name) or name == "step":
             text = f"axis {name}: logs and parameters use this name for something else"
-            yield ("axis", number, "name"), text
-    yield from _sizes(data, "pivot", len(axes))
+            yield ("passive_axis", number, "name"), text
+    yield from _sizes(data, "rotational", len(axes))
 
 
 def _sizes(data: dict, mobility: str, n: int) -> Iterator[_Problem]:
     chains = data.get("chain")
     if isinstance(chains, list) and len(chains) != n:
-        has = f"a pivot of {n} axes" if mobility == "pivot" else f"{mobility} has {n} freedoms"
+        has = (
+            f"a platform on {n} passive axes"
+            if mobility == "rotational"
+            else f"{mobility} has {n} freedoms"
+        )
         text = f"{has}: give {n} chains, not {len(chains)}; " + (
             f"{n - len(chains)} of the nacelle's freedoms would be held by nothing"
             if len(chains) < n
@@ -101,7 +108,7 @@ def _sizes(data: dict, mobility: str, n: int) -> Iterator[_Problem]:
         )
         yield ("mobility",), text
     boxes: list[tuple[str, ...]] = [("home",)]
-    boxes += [(b, e) for b in ("workspace", "singularity_free") for e in ("minimum", "maximum")]
+    boxes += [(b, e) for b in ("workspace", "fkm_region") for e in ("minimum", "maximum")]
     for path in boxes:
         value: Any = data
         for key in path:

@@ -9,7 +9,7 @@ from fractions import Fraction
 from truepose.robotfile.schema import Chain
 
 #: Keys of a chain that turn with its copy.
-_TURNED = ("base", "axis", "zero", "anchor", "pair_axis")
+_TURNED = ("base", "axis", "arm_zero", "anchor", "pair_axis")
 #: Keys whose one value is a list itself.
 _LISTS = ("limits", "eccentricity")
 

@@ -24,31 +24,31 @@ from truepose.robotfile.schema import (
     Bar,
     CalibrationSection,
     Chain,
-    Finer,
-    Nacelle,
+    Compliance,
     PassiveAxis,
     Pattern,
+    Platform,
+    PriceStep,
     RobotFile,
-    Stretch,
     Tolerance,
     Workspace,
-    speaks_of_stretch,
+    speaks_of_compliance,
 )
 from truepose.robotfile.sensors import SENSORS
 from truepose.robotfile.to_core import parameter_names
 
 _SECTIONS: dict[str, type[BaseModel]] = {
-    "every_chain": Chain,
+    "chain_defaults": Chain,
     "chain": Chain,
     "bar": Bar,
-    "axis": PassiveAxis,
-    "nacelle": Nacelle,
+    "passive_axis": PassiveAxis,
+    "platform": Platform,
     "workspace": Workspace,
-    "singularity_free": Workspace,
+    "fkm_region": Workspace,
     "pattern": Pattern,
-    "stretch": Stretch,
+    "compliance": Compliance,
     "tolerances": Tolerance,
-    "finer": Finer,
+    "price_steps": PriceStep,
     "calibration": CalibrationSection,
     **SENSORS,
 }
@@ -56,13 +56,13 @@ _SECTIONS: dict[str, type[BaseModel]] = {
 SHORTHAND = {
     "based_on": "the shipped robot that this file changes: its tables are laid over that robot's, "
     "its lists replace that robot's",
-    "every_chain": "keys of 'chain' that all chains share; a chain's own key wins",
+    "chain_defaults": "keys of 'chain' that all chains share; a chain's own key wins",
 }
 #: What decides how a robot moves, and of a chain.
-_MECHANISM = ("mobility", "home", "chain", "bar", "axis", "nacelle")
-_MOVES = {"actuator", "base", "axis", "zero", "arm", "rod", "working_mode", "anchor", "bar"}
+_MECHANISM = ("mobility", "home", "chain", "bar", "passive_axis", "platform")
+_MOVES = {"actuator", "base", "axis", "arm_zero", "arm", "rod", "working_mode", "anchor", "bar"}
 _MOVES |= {"limits", "rod_spacing", "rod_difference", "pair_axis", "yaw", "tilt", "encoder_offset"}
-_MOVES |= {"gain", "buildup"}
+_MOVES |= {"gain", "spool_buildup"}
 
 #: Of a robot file. A calibration of as many parameters as a robot can have takes 0.7 MB of it.
 MOST_BYTES = 1_000_000
@@ -184,9 +184,9 @@ def _where_written(location: tuple, data: dict, motif: int) -> tuple:
     number = location[1] % motif
     chains = data.get("chain")
     own = chains[number] if isinstance(chains, list) and isinstance(chains[number], dict) else {}
-    shared = data.get("every_chain", {})
+    shared = data.get("chain_defaults", {})
     if location[2:] and location[2] not in own and location[2] in shared:
-        return ("every_chain", *location[2:])
+        return ("chain_defaults", *location[2:])
     return ("chain", number, *location[2:])
 
 
@@ -195,19 +195,19 @@ def _unknown_names(whole: dict) -> Iterator[Problem]:
 
     Looked at even where other keys are wrong: what they leave open may be anything.
     """
-    parts = ("chain", "bar", "sensor", "axis")
+    parts = ("chain", "bar", "sensor", "passive_axis")
     tables = {key: consistency.tables(whole, key)[:_TOLD] for key in parts}
     known = [str(sensor.get("name")) for sensor in tables["sensor"]]
     kinds = [sensor.get("kind") for sensor in tables["sensor"]]
     listed = isinstance(whole.get("chain"), list) and all(str(kind) in SENSORS for kind in kinds)
     actuators = [chain.get("actuator") for chain in tables["chain"]]
     parameters = parameter_names(
-        whole.get("mobility") if whole.get("mobility") in (*FREEDOMS, "pivot") else None,
+        whole.get("mobility") if whole.get("mobility") in (*FREEDOMS, "rotational") else None,
         [actuator if actuator in ACTUATORS else None for actuator in actuators],
         len(tables["bar"]),
         [(name, SENSORS[str(k)]) for name, k in zip(known, kinds, strict=True)] if listed else [],
         _stretches(whole),
-        len(tables["axis"]),
+        len(tables["passive_axis"]),
     )
     for table in ("tolerances", "parameters") if listed else ():
         entries = whole.get(table)
@@ -235,7 +235,7 @@ def _stretches(whole: dict) -> bool:
     named.append(learnt.get("parameters") if isinstance(learnt, dict) else None)
     own = [chain.get("compliance") for chain in consistency.tables(whole, "chain")[:_TOLD]]
     names = [name for part in named if isinstance(part, (dict, list)) for name in part]
-    return speaks_of_stretch(whole.get("stretch"), own, names)
+    return speaks_of_compliance(whole.get("compliance"), own, names)
 
 
 def _wrongly_learnt(calibration: object, parameters: list[str]) -> Iterator[Problem]:
@@ -302,16 +302,16 @@ class _ShorthandError(Exception):
 
 
 def _resolved(data: dict) -> tuple[dict, int, list[Problem]]:
-    """Write out what is shorthand: based_on, every_chain, pattern.
+    """Write out what is shorthand: based_on, chain_defaults, pattern.
 
     Also the motif's length, and what is wrong with the shorthand.
     """
     data = dict(data)
     if "based_on" in data:
         data = _based_on(data)
-    shared = data.pop("every_chain", {})
+    shared = data.pop("chain_defaults", {})
     if not isinstance(shared, dict):
-        raise _ShorthandError(("every_chain",), "every_chain: must be a table")
+        raise _ShorthandError(("chain_defaults",), "chain_defaults: must be a table")
     chains, pattern = data.get("chain"), data.get("pattern")
     if not isinstance(chains, list):
         return data, 0, []

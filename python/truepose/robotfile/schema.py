@@ -32,9 +32,9 @@ from truepose.robotfile.base import (
 from truepose.robotfile.sensors import Sensor
 
 #: How many of a mobility's coordinates, the last ones, are angles.
-ANGLES = {"planar": 1, "schoenflies": 1, "spatial": 3, "pivot": 3}
+ANGLES = {"planar": 1, "schoenflies": 1, "spatial": 3, "rotational": 3}
 
-#: Degrees of freedom (= chains = motors) of each mobility; a pivot has as many as axes.
+#: Degrees of freedom (= chains = motors) of each mobility; rotational: as many as passive axes.
 FREEDOMS = {"planar_translation": 2, "planar": 3, "translation": 3, "schoenflies": 4, "spatial": 6}
 
 
@@ -49,7 +49,7 @@ def not_degrees(what: str, angles: float | Sequence[float]) -> None:
         )
 
 
-def speaks_of_stretch(table: object, own: Iterable[object], names: Iterable[object]) -> bool:
+def speaks_of_compliance(table: object, own: Iterable[object], names: Iterable[object]) -> bool:
     """Whether a file says anything of compliance: its table, its chains' own, its parameters'."""
     return (
         table is not None
@@ -68,7 +68,7 @@ class Chain(Section):
     actuator: Actuator = key("how the motor moves B, the rod's end on its side")
     base: Point = key("P, a point of the motor's axis")
     axis: Direction = key("u, motor axis or slide direction", (0, 0, 1))
-    zero: Direction = key("e, arm's direction at q = 0", (1, 0, 0))
+    arm_zero: Direction = key("e, arm's direction at q = 0", (1, 0, 0))
     arm: Length | None = key("l = |PB| (revolute: needed)", None)
     rod: Length | None = key("L = |AB| (not telescopic: needed)", None)
     working_mode: Literal[-1, 1] = key("sign of the entry of J_q", -1)
@@ -91,20 +91,20 @@ class Chain(Section):
         "drawn one, or -1 for a reading that counts backwards",
         1.0,
     )
-    buildup: Annotated[Number, unit("1/m")] = key(
+    spool_buildup: Annotated[Number, unit("1/m")] = key(
         "of a line that winds in layers on its spool (prismatic, telescopic): it is v + "
-        "buildup * v² out, v = (reading + offset) / gain; thickness / (4π radius²)",
+        "spool_buildup * v² out, v = (reading + offset) / gain; thickness / (4π radius²)",
         0.0,
     )
     compliance: Annotated[NonNegative, unit("1/N")] | None = key(
         "strain of its rods, leg or belt per newton of the tension of all its rods together, "
-        "1/(EA), beside that of [stretch]",
+        "1/(EA), beside that of [compliance]",
         None,
     )
     encoder_counts: Counts | None = key(
         "per turn, or per m; without it the encoder has no counts", None
     )
-    per_turn: Annotated[Number, unit("m or rad")] | None = key(
+    lead: Annotated[Number, unit("m or rad")] | None = key(
         "what the motor moves in one turn of its shaft, for logs whose column is q1_turns: a "
         "screw's lead, a spool's or pulley's circumference; negative where it turns the other "
         "way",
@@ -132,10 +132,10 @@ class Chain(Section):
     )
     arm_mass: Mass = key("arm, or carriage", 0.0)
     rod_mass: Mass = key("all rods of the chain together", 0.0)
-    viscous: Annotated[NonNegative, unit("N·m·s/rad or N·s/m")] = key(
+    viscous_friction: Annotated[NonNegative, unit("N·m·s/rad or N·s/m")] = key(
         "friction of the motor, by its speed", 0.0
     )
-    coulomb: Annotated[NonNegative, unit("N·m or N")] = key(
+    coulomb_friction: Annotated[NonNegative, unit("N·m or N")] = key(
         "friction of the motor, whatever its speed", 0.0
     )
 
@@ -144,15 +144,17 @@ class Chain(Section):
         if self.actuator == "revolute":
             if self.arm is None:
                 raise ValueError("a revolute chain needs 'arm' (m)")
-            lean = sum(a * b for a, b in zip(self.axis, self.zero, strict=True))
+            lean = sum(a * b for a, b in zip(self.axis, self.arm_zero, strict=True))
             if abs(lean) > 1e-6:
-                raise ValueError(f"'zero' must be normal to 'axis'; their product is {lean:.3g}")
+                raise ValueError(
+                    f"'arm_zero' must be normal to 'axis'; their product is {lean:.3g}"
+                )
         if self.gain == 0:
             raise ValueError("gain = 0: a motor whose encoder reads nothing")
         if self.actuator != "revolute" and any(self.eccentricity):
             raise ValueError(f"'eccentricity' is for revolute chains, not {self.actuator}")
-        if self.actuator == "revolute" and self.buildup:
-            raise ValueError("'buildup' is for prismatic and telescopic chains, not revolute")
+        if self.actuator == "revolute" and self.spool_buildup:
+            raise ValueError("'spool_buildup' is for prismatic and telescopic chains, not revolute")
         if self.limits is not None and self.limits[0] >= self.limits[1]:
             raise ValueError("'limits' must be [lower, upper]")
         if self.actuator == "revolute" and self.limits is not None:
@@ -212,7 +214,7 @@ class PassiveAxis(Section):
         return self
 
 
-class Nacelle(Section):
+class Platform(Section):
     """The body whose pose is x."""
 
     bars: Literal["pivots", "four_bar"] = key(
@@ -225,10 +227,10 @@ class Nacelle(Section):
     inertia_z: Inertia = key("about the centre of mass, along z", 0.0)
 
 
-class Stretch(Section):
+class Compliance(Section):
     """How rods, legs and belts give way to what they carry: the nacelle's weight, and a load."""
 
-    compliance: Annotated[NonNegative, unit("1/N")] = key(
+    all_chains: Annotated[NonNegative, unit("1/N")] = key(
         "strain per newton of a chain's tension, of all chains alike; a chain's own is added", 0.0
     )
     load: Annotated[Vector, unit("N")] = key(
@@ -262,7 +264,7 @@ class Pattern(Section):
     about: Literal["x", "y", "z"] = key("axis of the base frame", "z")
 
 
-class Finer(Section):
+class PriceStep(Section):
     """A finer tolerance that parts can be machined to, for a price."""
 
     sigma: Annotated[Positive, unit("the parameter's")] = key(
@@ -283,7 +285,7 @@ class Tolerance(Section):
         "lowest and highest departure from the drawn value, all between as likely; this or 'sigma'",
         None,
     )
-    finer: tuple[Finer, ...] = key(
+    price_steps: tuple[PriceStep, ...] = key(
         "what truepose design may have machined finer: levels, any order", ()
     )
 
@@ -293,13 +295,13 @@ class Tolerance(Section):
             raise ValueError("give either 'sigma' or 'interval'")
         if self.interval is not None and self.interval[0] > self.interval[1]:
             raise ValueError("interval must be [lower, upper]")
-        sigmas = [level.sigma for level in self.finer]
+        sigmas = [level.sigma for level in self.price_steps]
         if len(set(sigmas)) < len(sigmas):
-            raise ValueError("'finer' has two levels of one sigma")
+            raise ValueError("'price_steps' has two levels of one sigma")
         if sigmas and max(sigmas) >= self.deviation:
             raise ValueError(
-                f"finer: sigma = {max(sigmas):g}: must be less than {self.deviation:.4g}, the σ "
-                "that it has without"
+                f"price_steps: sigma = {max(sigmas):g}: must be less than "
+                f"{self.deviation:.4g}, the σ that it has without"
             )
         return self
 
@@ -354,7 +356,7 @@ class RobotFile(Section):
     title: Name = key("one line about it", "")
     source: str = key("where the numbers come from", "")
     mobility: Literal[
-        "planar_translation", "planar", "translation", "schoenflies", "spatial", "pivot"
+        "planar_translation", "planar", "translation", "schoenflies", "spatial", "rotational"
     ] = key("which freedoms the nacelle has; as many chains")
     home: Annotated[tuple[Number, ...], unit("m, rad")] = key(
         "a pose well inside the workspace, one value a freedom"
@@ -362,21 +364,23 @@ class RobotFile(Section):
     gravity: Annotated[Vector, unit("m/s²")] = key("in the base frame", (0.0, 0.0, -9.81))
     sensors: tuple[str, ...] = key("names of the sensors in use", ())
     workspace: Workspace | None = key("box in which the robot is meant to work", None)
-    singularity_free: Workspace | None = key(
-        "box in which the FKM from home finds every pose", None
-    )
+    fkm_region: Workspace | None = key("box in which the FKM from home finds every pose", None)
     level: Literal["ideal", "full"] | None = key(
         "of the model: one rod per chain, or every rod by itself; without it, the paper's "
         "kinematics and laws are ideal, what states an accuracy is full where it can be",
         None,
     )
-    quantised: bool = key("false: encoders and sensors have no counts", True)
+    quantized: bool = key("false: encoders and sensors have no counts", True)
     pattern: Pattern | None = key("the file's chains are a motif, repeated about an axis", None)
     chain: tuple[Chain, ...] = key("one for each freedom, with its motor and rod")
     bar: tuple[Bar, ...] = key("lateral bars of an articulated nacelle, two at most", ())
-    axis: tuple[PassiveAxis, ...] = key("of a pivot: one to three, the base's first", ())
-    nacelle: Nacelle = key("its bars' joints, masses, inertia", Nacelle())
-    stretch: Stretch | None = key("how rods, legs and belts give way; without it they do not", None)
+    passive_axis: tuple[PassiveAxis, ...] = key(
+        "of a rotational platform: one to three, the base's first", ()
+    )
+    platform: Platform = key("its bars' joints, masses, inertia", Platform())
+    compliance: Compliance | None = key(
+        "how rods, legs and belts give way; without it they do not", None
+    )
     sensor: tuple[Sensor, ...] = key("each sensor, in use or not", ())
     tolerances: dict[str, Tolerance] = Field(
         default_factory=dict,
@@ -396,7 +400,7 @@ class RobotFile(Section):
     @property
     def n(self) -> int:
         """Degrees of freedom."""
-        return len(self.axis) if self.mobility == "pivot" else FREEDOMS[self.mobility]
+        return len(self.passive_axis) if self.mobility == "rotational" else FREEDOMS[self.mobility]
 
     @property
     def stretches(self) -> bool:
@@ -404,7 +408,7 @@ class RobotFile(Section):
         learnt = self.calibration.parameters if self.calibration else ()
         named = (*self.tolerances, *self.parameters, *learnt)
         own = [chain.compliance for chain in self.chain]
-        return speaks_of_stretch(self.stretch, own, named)
+        return speaks_of_compliance(self.compliance, own, named)
 
     @property
     def used(self) -> tuple[Sensor, ...]:

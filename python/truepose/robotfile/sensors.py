@@ -51,8 +51,8 @@ class SensorSection(Section):
     gain: Number = key("reading = gain * value - offset", 1.0)
     noise: Sigma = key("σ of a reading, before it is counted", 0.0)
     weight: NonNegative = key("of its row in the TEJ (paper: 1)", 1.0)
-    period: Seconds = key("from sample to sample; 0: the controller's", 0.0)
-    age: Seconds = key("of a sample when it arrives at the controller", 0.0)
+    sample_period: Seconds = key("from sample to sample; 0: the controller's", 0.0)
+    latency: Seconds = key("of a sample when it arrives at the controller", 0.0)
     range: Range | None = key(
         "[low, high], what it can read: a watch fails a reading beyond; without it any number "
         "will do",
@@ -89,7 +89,7 @@ class Encoder(SensorSection):
 
     @property
     def step(self) -> float:
-        """One count of the reading, rad; 0 if unquantised."""
+        """One count of the reading, rad; 0 if unquantized."""
         return 2 * math.pi / self.counts / self.gear if self.counts else 0.0
 
 
@@ -98,14 +98,14 @@ class _Gauge(SensorSection):
 
     @property
     def step(self) -> float:
-        """One count of the reading, m or rad; 0 if unquantised."""
+        """One count of the reading, m or rad; 0 if unquantized."""
         return self.resolution or 0.0
 
 
-class NacelleAngle(Encoder):
+class PlatformAngle(Encoder):
     """θ of the nacelle about z, the gear undone."""
 
-    kind: Literal["nacelle_angle"] = key("says which sensor this is")
+    kind: Literal["platform_angle"] = key("says which sensor this is")
     bar: Index | None = key("read at this bar's pivot, against the bar; without it, absolute", None)
 
     @property
@@ -114,12 +114,12 @@ class NacelleAngle(Encoder):
         return self.gear != 1
 
 
-class Telemeter(_Gauge):
+class PlaneDistance(_Gauge):
     """Distance along a line fixed in the base to a plane of the nacelle."""
 
     mounting: ClassVar[dict[str, str]] = {n: n for n in ("origin", "direction", "target", "normal")}
 
-    kind: Literal["telemeter"] = key("says which sensor this is")
+    kind: Literal["plane_distance"] = key("says which sensor this is")
     origin: Point = key("a point of the line, base frame")
     direction: Direction = key("of the line, base frame")
     target: Point = key("a point of the plane, nacelle frame", (0, 0, 0))
@@ -127,7 +127,7 @@ class Telemeter(_Gauge):
 
 
 class Coordinate(_Gauge):
-    """A point of the nacelle along a fixed direction: one axis of a tracker, or a telemeter."""
+    """A point of the platform along a fixed direction: an axis of a tracker, or a telemeter."""
 
     mounting: ClassVar[dict[str, str]] = {n: n for n in ("origin", "direction", "target")}
 
@@ -173,7 +173,7 @@ Side = Annotated[
 
 
 class RodAngle(Encoder):
-    """Direction of a rod in one of its joints: elbow, nacelle-side joint, U-joint of a leg.
+    """Direction of a rod in one of its joints: elbow, platform-side joint, U-joint of a leg.
 
     In plane: from the arm (base's side of a revolute chain), else from e, positive about u as q.
     Lateral: out of that plane, positive along u.
@@ -181,7 +181,7 @@ class RodAngle(Encoder):
 
     kind: Literal["rod_in_plane", "rod_lateral"] = key("says which sensor this is")
     chain: Index = key("whose rod, from 1")
-    side: Literal["base", "nacelle"] = key("which of its joints", "base")
+    side: Literal["base", "platform"] = key("which of its joints", "base")
     rod: Side = "+"
 
 
@@ -208,8 +208,8 @@ class AxisAngle(Encoder):
 
 
 Sensor = Annotated[
-    NacelleAngle
-    | Telemeter
+    PlatformAngle
+    | PlaneDistance
     | Coordinate
     | Distance
     | Inclinometer

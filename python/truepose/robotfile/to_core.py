@@ -11,7 +11,7 @@ import numpy as np
 from truepose import _core
 from truepose.arguments import Array
 from truepose.exceptions import RobotFileError
-from truepose.robotfile.schema import Chain, PassiveAxis, RobotFile, Stretch
+from truepose.robotfile.schema import Chain, Compliance, PassiveAxis, RobotFile
 from truepose.robotfile.sensors import AxisAngle, Encoder, Sensor, SensorSection
 
 #: Mobilities whose chains are spatial parallelograms, two rods each.
@@ -21,7 +21,7 @@ PAIRED = ("translation", "schoenflies")
 HARMONICS = ("c1", "s1", "c2", "s2")
 
 #: Of all chains alike.
-COMMON = "stretch.compliance"
+COMMON = "compliance.all_chains"
 
 _COMPONENTS = {name: k for names in ("xyz", HARMONICS) for k, name in enumerate(names)}
 
@@ -50,7 +50,7 @@ def parameter_names(
         keys += ["rod"] * (actuator != "telescopic")
         keys += harmonics() * (actuator in ("revolute", None))
         keys += ["gain"]
-        keys += ["buildup"] * (actuator != "revolute")
+        keys += ["spool_buildup"] * (actuator != "revolute")
         keys += ["compliance"] * stretches
         names += [f"chain{number}.{key}" for key in keys]
     names += [f"bar{number}.pivot" for number in range(1, bars + 1)]
@@ -71,15 +71,15 @@ def drawn(spec: RobotFile) -> dict[str, float]:
     sensors = [(sensor.name, type(sensor)) for sensor in spec.sensor]
     actuators = [chain.actuator for chain in spec.chain]
     names = parameter_names(
-        spec.mobility, actuators, len(spec.bar), sensors, spec.stretches, len(spec.axis)
+        spec.mobility, actuators, len(spec.bar), sensors, spec.stretches, len(spec.passive_axis)
     )
     parts: dict[str, object] = {
         f"chain{number}": chain for number, chain in enumerate(spec.chain, 1)
     }
     parts |= {f"bar{number}": bar for number, bar in enumerate(spec.bar, 1)}
-    parts |= {"stretch": spec.stretch or Stretch()}
+    parts |= {"compliance": spec.compliance or Compliance()}
     parts |= {sensor.name: sensor for sensor in spec.sensor}
-    parts |= {f"axis{number}": axis for number, axis in enumerate(spec.axis, 1)}
+    parts |= {f"axis{number}": axis for number, axis in enumerate(spec.passive_axis, 1)}
     values = {}
     for name in names:
         part, key, *component = name.split(".")
@@ -120,7 +120,7 @@ def columns(spec: RobotFile) -> list[tuple[str, int]]:
             if key := file_key(type(sensor), core):
                 columns.append((f"{sensor.name}.{key}", start + k))
         start += len(_core.sensor_parameters)
-    for j in range(len(spec.axis)):
+    for j in range(len(spec.passive_axis)):
         columns += [(f"axis{j + 1}.{key}", start + k) for k, key in enumerate(axis)]
         start += len(axis)
     return columns
@@ -144,7 +144,7 @@ def padded(values: Iterable[float]) -> list[float]:
 
 
 def encoder_step(chain: Chain) -> float:
-    """One count of a motor encoder, rad or m; 0 if unquantised."""
+    """One count of a motor encoder, rad or m; 0 if unquantized."""
     if not chain.encoder_counts:
         return 0.0
     return (2 * math.pi if chain.actuator == "revolute" else 1.0) / chain.encoder_counts
@@ -179,23 +179,23 @@ def _pair_drawn(spec: RobotFile, chain: Chain) -> Array:
 def build(spec: RobotFile) -> _core.Robot:
     """Fill the core's structs from the file, as drawn: axes at zero yaw and tilt."""
     robot = _core.Robot()
-    mobility = f"pivot_{spec.n}" if spec.mobility == "pivot" else spec.mobility
+    mobility = f"pivot_{spec.n}" if spec.mobility == "rotational" else spec.mobility
     robot.mobility = getattr(_core.Mobility, mobility)
     robot.chains = robot.motors = spec.n
     robot.gravity = np.array(spec.gravity)
     robot.home = padded(spec.home)
-    robot.bar_joint = getattr(_core.BarJoint, spec.nacelle.bars)
+    robot.bar_joint = getattr(_core.BarJoint, spec.platform.bars)
     for i, chain in enumerate(spec.chain):
         robot.set_chain(i, _build_chain(spec, chain))
-    for j, axis in enumerate(spec.axis):
+    for j, axis in enumerate(spec.passive_axis):
         robot.set_axis(j, _build_axis(axis))
     for sensor in spec.used:
         robot.add_sensor(_build_sensor(spec, sensor))
     body = _core.Body()
-    body.mass = spec.nacelle.mass
-    body.pivot = np.array(spec.nacelle.centre)
+    body.mass = spec.platform.mass
+    body.pivot = np.array(spec.platform.centre)
     body.inertia = np.diag(
-        [spec.nacelle.inertia_x, spec.nacelle.inertia_y, spec.nacelle.inertia_z]
+        [spec.platform.inertia_x, spec.platform.inertia_y, spec.platform.inertia_z]
     ).astype(float)
     robot.add_body(body)
     for k, bar in enumerate(spec.bar):
@@ -210,8 +210,9 @@ def _build_chain(spec: RobotFile, chain: Chain) -> _core.Chain:
     """Fill the core's struct of a chain."""
     built = _core.Chain()
     built.actuator = getattr(_core.Actuator, chain.actuator)
-    for key in ("base", "axis", "zero"):
+    for key in ("base", "axis"):
         setattr(built, key, np.array(getattr(chain, key)))
+    built.zero = np.array(chain.arm_zero)
     built.arm, built.rod = chain.arm or 0.0, chain.rod or 0.0
     if chain.bar is None:
         built.pivot = np.array(chain.anchor)
@@ -221,8 +222,8 @@ def _build_chain(spec: RobotFile, chain: Chain) -> _core.Chain:
         built.anchor = np.array(chain.anchor)
         built.bar = chain.bar - 1
     built.encoder_offset, built.encoder_gain = chain.encoder_offset, chain.gain
-    built.encoder_buildup = chain.buildup
-    built.encoder_step = encoder_step(chain) * spec.quantised
+    built.encoder_buildup = chain.spool_buildup
+    built.encoder_step = encoder_step(chain) * spec.quantized
     built.encoder_noise = chain.encoder_noise
     built.set_eccentricity(chain.eccentricity, 1.0)
     if chain.limits is not None:
@@ -231,8 +232,9 @@ def _build_chain(spec: RobotFile, chain: Chain) -> _core.Chain:
     if spec.mobility in PAIRED:  # two rods
         built.rod_spacing = chain.rod_spacing
         built.pair_axis = built.pair_drawn = _pair_drawn(spec, chain)
-    for key in ("working_mode", "drive_inertia", "arm_mass", "rod_mass", "viscous", "coulomb"):
+    for key in ("working_mode", "drive_inertia", "arm_mass", "rod_mass"):
         setattr(built, key, getattr(chain, key))
+    built.viscous, built.coulomb = chain.viscous_friction, chain.coulomb_friction
     return built
 
 
@@ -250,7 +252,7 @@ def _build_sensor(spec: RobotFile, sensor: Sensor) -> _core.Sensor:
     built = _core.Sensor()
     built.kind = getattr(_core.SensorKind, sensor.kind)
     built.offset, built.gain = sensor.offset, sensor.gain
-    built.step = sensor.step * spec.quantised
+    built.step = sensor.step * spec.quantized
     built.noise = sensor.noise
     if isinstance(sensor, Encoder):
         built.set_eccentricity(sensor.eccentricity, sensor.gear)
@@ -262,11 +264,11 @@ def _build_sensor(spec: RobotFile, sensor: Sensor) -> _core.Sensor:
         setattr(built, core, np.array(getattr(sensor, key)))
     if (number := getattr(sensor, "chain", None)) is not None:
         built.chain = number - 1
-        built.at_nacelle = getattr(sensor, "side", "base") == "nacelle"
+        built.at_nacelle = getattr(sensor, "side", "base") == "platform"
         built.rod = -1 if getattr(sensor, "rod", "+") == "-" else 1
         # A joint on the nacelle's side is built along the drawn axes of its chain.
         built.direction = np.array(spec.chain[number - 1].axis)
-        built.normal = np.array(spec.chain[number - 1].zero)
+        built.normal = np.array(spec.chain[number - 1].arm_zero)
     return built
 
 

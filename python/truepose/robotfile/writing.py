@@ -25,15 +25,15 @@ def to_toml(spec: RobotFile, values: dict[str, float]) -> str:
     nominal = drawn(spec)
     document = tomlkit.parse(spec._text) if spec._text else _written_out(spec)
     before = parse(document.as_string(), spec.name)
-    for key in ("sensors", "gravity", "level", "quantised"):
+    for key in ("sensors", "gravity", "level", "quantized"):
         if getattr(spec, key) != getattr(before, key):
             value = getattr(spec, key)
             if value is None:
                 document.pop(key)
                 continue
             document[key] = list(value) if isinstance(value, tuple) else value
-    if spec.stretch is not None and spec.stretch != before.stretch:
-        document["stretch"] = spec.stretch.model_dump(exclude_defaults=True, mode="json")
+    if spec.compliance is not None and spec.compliance != before.compliance:
+        document["compliance"] = spec.compliance.model_dump(exclude_defaults=True, mode="json")
     _mount(document, spec, before)
     if spec.calibration != before.calibration:
         document.pop("calibration", None)

@@ -33,7 +33,7 @@ def steady_state(
     x_d : array_like, shape (..., n)
         Desired poses.
     controller : Controller or law
-        Its encoders count as unquantised. By default the TEJ law, of a robot without a
+        Its encoders count as unquantized. By default the TEJ law, of a robot without a
         sensor in use the joint law.
     gravity : bool
         True: the PD must hold what the nominal feed-forward gets wrong of the true robot's weight.

@@ -81,7 +81,7 @@ def rehearse(
     where, seen = (np.random.default_rng([seed, k]) for k in (1, 2))
     x_d = _drawn(robot, _DRAWN * poses, where)
     x_d = x_d[np.isfinite(robot.ikm(x_d, errors="nan", own_mode=True)).all(axis=1)]
-    effects = Effects().only("quantisation") if effects is None else effects
+    effects = Effects().only("quantization") if effects is None else effects
     plant = ExactPlant(truth, effects, level=truth.level, seed=seed)
     visit = plant.visit(robot, x_d, Controller(law="joint"))
     there = np.flatnonzero(np.isfinite(visit.q_e).all(axis=1))[:poses]
@@ -89,7 +89,7 @@ def rehearse(
         drawn = _DRAWN * poses
         raise InputError(f"{robot.name}: of {drawn} poses of its workspace it reached {len(there)}")
     x, measured = visit.x[there], None
-    if tracker and robot.spec.mobility == "pivot":
+    if tracker and robot.spec.mobility == "rotational":
         measured = x + seen.normal(scale=ANGLE_SIGMA, size=x.shape)
     elif tracker:
         measured = _tracked(robot, visit.frame[there], seen)

@@ -38,7 +38,7 @@ def standing(
     InputError
         It stands in none of the three.
     """
-    middle = [float(np.mean(axis.get("limits", (0, 0)))) for axis in data["axis"]]
+    middle = [float(np.mean(axis.get("limits", (0, 0)))) for axis in data["passive_axis"]]
     why = ""
     for where, home in (("", drawn), ("zero", [0.0] * len(drawn)), ("mid-range", middle)):
         try:
@@ -85,7 +85,7 @@ def with_workspace(robot: Robot) -> tuple[RobotFile, list[str]]:
     It is the axes' ranges, a full turn where there is none, or as much of them about home as is
     reached everywhere, on a grid, with no singularity between.
     """
-    ranges = np.array([axis.limits or (-np.pi, np.pi) for axis in robot.spec.axis]).T
+    ranges = np.array([axis.limits or (-np.pi, np.pi) for axis in robot.spec.passive_axis]).T
     for share in range(_SHARES, 0, -1):
         ends = ranges if share == _SHARES else robot.home + share / _SHARES * (ranges - robot.home)
         low, high = (tuple(map(float, end)) for end in ends)

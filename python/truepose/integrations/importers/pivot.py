@@ -274,9 +274,9 @@ class _Pivot:
             "name": _word(self.m.name),
             "source": f"{self.m.source}, body {self.m.name_of(self.nacelle)}; no tolerances: "
             "a model knows none",
-            "mobility": "pivot",
+            "mobility": "rotational",
             "gravity": _round(self._R.T @ model.opt.gravity),
-            "axis": axes,
+            "passive_axis": axes,
             "chain": chains,
             **self._nacelle(last),
         }
@@ -304,7 +304,13 @@ class _Pivot:
         if arm < MEET:
             raise self._wrong(f"{rod.motor.name}: its rod ends on its axis, which cannot move it")
         zero = (B - P) / arm
-        return {**data, "actuator": "revolute", "base": _round(P), "zero": _round(zero), "arm": arm}
+        return {
+            **data,
+            "actuator": "revolute",
+            "base": _round(P),
+            "arm_zero": _round(zero),
+            "arm": arm,
+        }
 
     def _leg(self, rod: _Rod) -> dict:
         """Read a leg's length by its slide: reading = gain · length - offset."""
@@ -357,7 +363,7 @@ class _Pivot:
         turned = np.diag(self._R.T @ I @ self._R)
         names = zip(("inertia_x", "inertia_y", "inertia_z"), turned, strict=True)
         return {
-            "nacelle": {
+            "platform": {
                 "mass": mass,
                 "centre": _round(self._at(centre) - at),
                 **{name: float(value) for name, value in names},

@@ -178,7 +178,7 @@ def _file(printer: Printer) -> dict[str, Any]:
                 "working_mode": 1,  # arms outside
                 "base": [radius * c, radius * s, values["shoulder_height"]],
                 "axis": [s, -c, 0.0],  # u × e = z: q > 0 raises the arm
-                "zero": [c, s, 0.0],
+                "arm_zero": [c, s, 0.0],
                 "arm": values[f"upper_arm_{tower}"],
                 "rod": values[f"lower_arm_{tower}"],
                 "encoder_counts": 2 * np.pi / step,

@@ -307,7 +307,7 @@ def _short(value: float) -> str:
 
 def _axes(robot: Robot) -> list[tuple[str, str]]:
     """Return letter and unit of every coordinate's axis."""
-    if robot.spec.axis:
+    if robot.spec.passive_axis:
         raise InputError(
             f"{robot.name}: {robot.coordinates[0][0]} is none of LinuxCNC's axes: a pivot has no "
             "configuration (choices: robots that move x, y, z)"

@@ -54,7 +54,7 @@ sensors = ["bl", "br"]
 minimum = [{low[0]!r}, {low[1]!r}]
 maximum = [{high[0]!r}, {high[1]!r}]
 
-[every_chain]
+[chain_defaults]
 actuator = "telescopic"
 anchor = [0.0, 0.0, 0.0]
 encoder_noise = {sigma!r}
@@ -65,7 +65,7 @@ base = [{tl[0]!r}, {tl[1]!r}, {tl[2]!r}]
 [[chain]] # upper right
 base = [{tr[0]!r}, {tr[1]!r}, {tr[2]!r}]
 
-[nacelle]
+[platform]
 mass = 10.0 # assumed
 
 [[sensor]]

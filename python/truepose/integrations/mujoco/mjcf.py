@@ -87,7 +87,7 @@ class Model(Mechanism):
             add(equality, "joint", name=f"hold{i + 1}", joint1=name, active="false")
             add(actuator, "motor", name=name, joint=name)
         self._nacelle(effects, world)
-        if self.bars > 1 and self.robot.spec.nacelle.bars == "four_bar":
+        if self.bars > 1 and self.robot.spec.platform.bars == "four_bar":
             add(equality, "joint", name="four_bar", joint1="bar1", joint2="bar2")
         root.append(equality)
         root.append(actuator)
@@ -120,8 +120,8 @@ class Model(Mechanism):
         motor = {
             "name": f"motor{i + 1}",
             "ref": p,
-            "damping": chain.viscous,
-            "frictionloss": chain.coulomb + effects.motor_friction,
+            "damping": chain.viscous_friction,
+            "frictionloss": chain.coulomb_friction + effects.motor_friction,
         }
         if chain.actuator == _core.Actuator.telescopic:
             for rod, side in self.rods(i):
@@ -284,7 +284,7 @@ class Model(Mechanism):
                     axis=[0, 0, 1],
                     ref=spec.home[2],
                 )
-        elif not spec.axis:
+        elif not spec.passive_axis:
             add(body, "freejoint", name="nacelle")
 
     def _bar(self, k: int, effects: Effects, body: ET.Element) -> ET.Element:

@@ -106,7 +106,7 @@ class Scene:
         free = (True, True, not planar)
         add = self._server.scene.add_transform_controls
         gizmos = []
-        if mobility != "pivot":
+        if mobility != "rotational":
             shift = add("/shift", 0.22 * self._size, active_axes=free, disable_rotations=True)
             gizmos.append(shift)
         if turns:  # both axes beside the one turned about

@@ -24,7 +24,7 @@ from truepose.robot.robot import Robot
 from truepose.simulation.plants import Visit, backlash
 
 #: Groups of effects that statics know.
-EFFECTS = ("backlash", "thermal", "eccentricity", "quantisation")
+EFFECTS = ("backlash", "thermal", "eccentricity", "quantization")
 
 
 class ExactPlant:

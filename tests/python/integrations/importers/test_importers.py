@@ -80,7 +80,7 @@ def rods(model, x, q):
 def test_an_ankle_of_a_model_closes_as_the_model_does(model, rng):
     robot = model(LEG)
     assert [name for name, _ in robot.coordinates] == ["ankle_pitch", "ankle_roll"]
-    assert np.allclose(robot.spec.axis[0].limits, (-0.7, 0.5))
+    assert np.allclose(robot.spec.passive_axis[0].limits, (-0.7, 0.5))
     assert np.allclose(robot.spec.chain[0].limits, (-1.5, 1.5))
     assert robot.spec.chain[0].torque_limit == 20
     whole = mujoco.MjModel.from_xml_string(LEG)
@@ -98,7 +98,7 @@ def test_an_ankle_of_a_model_closes_as_the_model_does(model, rng):
 def test_an_ankle_has_the_model_s_masses(model):
     robot = model(LEG)
     ball = 1000 * 4 / 3 * np.pi * 0.01**3
-    assert robot.spec.nacelle.mass == pytest.approx(ball)
+    assert robot.spec.platform.mass == pytest.approx(ball)
     assert robot.spec.chain[0].drive_inertia == pytest.approx(0.003 + 0.4 * ball * 0.01**2)
     assert robot.spec.chain[0].rod_mass == pytest.approx(ball / 8)
 
@@ -317,7 +317,7 @@ def test_a_rod_that_a_urdf_welds_of_two_halves_is_as_long_as_both(neck):
     low, high = np.array([0.01, 0, 0.11]), np.array([0, 0.02, -0.1])
     assert spec.chain[0].rod == pytest.approx(np.linalg.norm(high - turn @ low), abs=1e-12)
     assert spec.chain[0].arm == pytest.approx(0.04)
-    assert spec.axis[0].limits == (-0.5, 0.5) and spec.axis[0].name == "nod"
+    assert spec.passive_axis[0].limits == (-0.5, 0.5) and spec.passive_axis[0].name == "nod"
     robot = tp.Robot(spec)
     assert any("all of 1001^1" in line for line in remarks(robot))
     assert robot.fkm(robot.ikm([0.2])) == pytest.approx([0.2], abs=1e-12)

@@ -27,9 +27,9 @@ def ini(made):
 
 def refused(robot):
     """Whether a robot is one whose coordinates LinuxCNC has no axes for: it says so."""
-    if not robot.spec.axis:
+    if not robot.spec.passive_axis:
         return False
-    name = robot.spec.axis[0].name
+    name = robot.spec.passive_axis[0].name
     with pytest.raises(tp.InputError, match=f"{name} is none of LinuxCNC's axes"):
         configuration(robot)
     return True

@@ -104,7 +104,7 @@ sensors = ["{c}", "{d}"]
 [workspace]
 minimum = [0.6, 0.6]
 maximum = [2.4, 1.5]
-[every_chain]
+[chain_defaults]
 actuator = "telescopic"
 anchor = [0.0, 0.0, 0.0]
 encoder_noise = 0.0005
@@ -112,7 +112,7 @@ encoder_noise = 0.0005
 base = {A}
 [[chain]]
 base = {B}
-[nacelle]
+[platform]
 mass = 10.0
 [[sensor]]
 name = "{c}"

@@ -36,7 +36,7 @@ def padded(values):
 
 def imperfect(robot, rng, turned):
     """Errors of every length; axes turned where every rod can follow."""
-    if robot.spec.axis:  # of centimetres, not of the paper's size
+    if robot.spec.passive_axis:  # of centimetres, not of the paper's size
         robot = robot.sample(int(rng.integers(2**32)))
     elif all(chain.actuator == "revolute" for chain in robot.spec.chain):
         robot = with_paper_errors(robot, int(rng.integers(2**32)))
@@ -56,7 +56,7 @@ def stretched(robot):
 
 
 def somewhere(robot, rng):
-    box = robot.spec.singularity_free
+    box = robot.spec.fkm_region
     return rng.uniform(box.minimum, box.maximum)
 
 
@@ -77,9 +77,9 @@ class Moving:
             if planar
             else [(start or 0) + k for k in range(6)]
         )
-        if robot.spec.axis:
+        if robot.spec.passive_axis:
             self.dof = [joints[f"axis{j + 1}"] for j in range(robot.n)]
-        own = planar or robot.spec.axis
+        own = planar or robot.spec.passive_axis
         self.columns = list(range(robot.n)) if own else FREE[robot.spec.mobility]
         mujoco.mj_forward(m, d)
         J, _ = self.closure()
@@ -260,7 +260,7 @@ def test_under_control_it_rests_where_the_statics_say(h4, truth, table2, law):
 
 
 def test_an_encoder_says_counts(h4, truth, table2):
-    plant = MujocoPlant(truth, tp.Effects().only("quantisation"))
+    plant = MujocoPlant(truth, tp.Effects().only("quantization"))
     q_e = plant.visit(h4, table2[:2], tp.Controller(law="joint")).q_e
     counts = q_e / h4.resolution
     assert counts == pytest.approx(np.round(counts), abs=1e-6)

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "mechanisms.hpp"
-#include "truepose/control/guard.hpp"
+#include "truepose/control/fault_tolerant_control.hpp"
 #include "truepose/offline/simulate.hpp"
 
 using namespace mechanisms;
@@ -26,7 +26,8 @@ struct Guarded {
     setpoint.x = robot.home;
   }
   Outcome cycle(const Extended& q_e) {
-    return guarded<K>(robot, settings, guarding, setpoint, q_e, state, prior.weighing(), guard);
+    return control_fault_tolerant<K>(robot, settings, guarding, setpoint, q_e, state,
+                                     prior.weighing(), guard);
   }
   /// What the motors hold at home.
   Joint weight() const {
@@ -39,11 +40,11 @@ struct Guarded {
   Prior prior;
   bool known;  ///< the robot has gains, and readings
   ControlSettings settings;
-  GuardSettings guarding;
+  FaultTolerantSettings guarding;
   Setpoint setpoint;
   Extended readings{};
   ControlState state;
-  Guard guard;
+  FaultTolerantState guard;
 };
 
 }  // namespace
@@ -142,7 +143,7 @@ TEST("without an answer the brakes are asked for, and after a reset the next is 
       CHECK(scene.guard.brakes == bit(scene.n) - 1);
     }
     Joint last = weight;
-    restore(scene.guard, 0);
+    acknowledge(scene.guard, 0);
     CHECK(!scene.guard.stops && scene.guard.brakes == 0);
     for (int k = 0; k < 300; ++k) {
       CHECK(scene.cycle(scene.readings));
@@ -196,7 +197,7 @@ TEST("a lost motor follows its feed-forward into its brake until it is restored"
         CHECK(scene.guard.stop == (lost ? scene.guarding.stop_lost : 0));
         if (lost) CHECK(std::fabs(scene.state.torque[0] - weight[0]) < 1e-9);
       }
-      restore(scene.guard, 0);
+      acknowledge(scene.guard, 0);
       Joint last = scene.state.torque;
       for (int k = 0; k < 300; ++k) {
         CHECK(scene.cycle(scene.readings));
@@ -216,8 +217,8 @@ TEST("a learner goes back to before the lines of a reading that has failed since
     Robot truth = robot;
     for (int i = 0; i < kDof<K>; ++i) truth.chain[i].rod += 1e-4 * (i - 1);
     Prior prior(robot);
-    Learner learner = prior.learner(robot);
-    CHECK(forget(learner));  // nothing yet
+    OnlineCalibrator learner = prior.learner(robot);
+    CHECK(roll_back(learner));  // nothing yet
     check::Random random(72);
     const auto xi = [&] {
       return std::vector<double>(learner.state.xi, learner.state.xi + parameter_count(robot));
@@ -227,9 +228,9 @@ TEST("a learner goes back to before the lines of a reading that has failed since
       Extended q_e{};
       CHECK(extended<K>(truth, to_pose<K>(random_pose(mechanism, random, 0.5)), q_e));
       past.push_back(xi());
-      CHECK(learn<K>(learner, q_e));
+      CHECK(calibrate_online<K>(learner, q_e));
     }
-    CHECK(forget(learner));
+    CHECK(roll_back(learner));
     const std::vector<double> now = xi();
     CHECK(std::find(past.end() - 2 * kEvery, past.end(), now) != past.end());
     Robot known = robot;
@@ -245,10 +246,10 @@ TEST("a guarded robot learns nothing of a reading that is bridged or has failed"
     const Robot& robot = mechanism.robot;
     for (const FaultKind kind : {FaultKind::spike, FaultKind::jump, FaultKind::dropout}) {
       Prior prior(robot), learnt(robot);
-      Learner learner = learnt.learner(robot);
+      OnlineCalibrator learner = learnt.learner(robot);
       ControlSettings settings;
       if (!place_poles(robot, robot.home, 100, 1, settings)) return;
-      GuardSettings guarding;
+      FaultTolerantSettings guarding;
       guarding.watch.fastest.fill(500);
       prepare(guarding.watch);
       FaultyReadings faults({{kind, 0, 0, 0.3, 0.06}}, settings.period);
@@ -281,7 +282,7 @@ TEST("a motor whose encoder freezes is found before the loop has driven it far, 
   const Robot& robot = scene.robot;
   scene.settings.gains = Gains::inertia;
   CHECK(place_poles(robot, robot.home, 100, 1, scene.settings));
-  WatchSettings& watch = scene.guarding.watch;
+  FaultMonitorSettings& watch = scene.guarding.watch;
   watch.moved.fill(4e-3);
   watch.rests.fill(1e-3);
   watch.kp = scene.settings.kp;

@@ -6,8 +6,8 @@
 // 1977, chapter V). Bounded work, no allocation, no exception.
 #pragma once
 
-#include "truepose/estimation/disagreement.hpp"
 #include "truepose/estimation/estimate.hpp"
+#include "truepose/estimation/residual_test.hpp"
 #include "truepose/model/geometry.hpp"
 
 namespace truepose {
@@ -21,7 +21,7 @@ struct OnlineState {
   Extended sigma{};                      ///< σ of every reading's own error, > 0
   int due = 0;                           ///< the drift whose turn is next
   Real* kept = nullptr;  ///< online_kept(count) numbers: what to go back to; nullptr: nothing
-  Doubt doubt{};         ///< how far the readings disagree, and whether that has stopped it
+  ResidualTest doubt{};  ///< how far the readings disagree, and whether that has stopped it
 };
 
 /// How the filter learns. Constant during a run.
@@ -192,7 +192,7 @@ constexpr bool no_pose(Status status) {
 /// One more line's say on whether the readings disagree. Where nothing speaks against them, the
 /// state as it was before this line is kept; where too much does, it is gone back to.
 inline void weigh_line(OnlineState& state, int readings, Real log_ratio) {
-  Doubt& doubt = state.doubt;
+  ResidualTest& doubt = state.doubt;
   if (state.kept && doubt.evidence <= 0 && ++doubt.since >= kEvery) {
     copy_state(state, false);
     doubt.since = 0;
@@ -225,7 +225,7 @@ Outcome observe(const Robot& drawn, const OnlineSettings& settings, const Extend
   const int r = drawn.r, rows = n + r, p = state.count;
   if (!all_finite(q_e, rows)) return {Status::not_finite, -1};
   const online_detail::Work work(drawn, p, memory);
-  Doubt& doubt = state.doubt;
+  ResidualTest& doubt = state.doubt;
   const bool gated = settings.gate > 0 && !doubt.stopped;
   if (gated && state.kept && doubt.lines == 0) online_detail::copy_state(state, false);
   const Real* xi = settings.linearised ? settings.linearised : state.xi;

@@ -1,6 +1,6 @@
 // What would a slow and late sensor read now? The motors' motion carries its last sample there.
 #include "mechanisms.hpp"
-#include "truepose/control/late.hpp"
+#include "truepose/control/multirate.hpp"
 #include "truepose/offline/bus.hpp"
 #include "truepose/offline/simulate.hpp"
 
@@ -26,8 +26,8 @@ Extended read_at(const Mechanism& mechanism, const Robot& truth, int k) {
 }
 
 /// All sensors sampled every so many cycles, each sample so old.
-LateSettings all_late(int every, int age) {
-  LateSettings settings;
+MultirateSettings all_late(int every, int age) {
+  MultirateSettings settings;
   settings.every.fill(every);
   settings.age.fill(age);
   return settings;
@@ -41,8 +41,8 @@ TEST("late readings of an ideal robot are what it would read now, however old th
     constexpr int n = kDof<K>;
     const Robot& robot = mechanism.robot;
     for (const auto& [every, age] : {std::pair{10, 8}, {1, 3}, {7, 0}, {30, kOldest}}) {
-      const LateSettings settings = all_late(every, age);
-      Late late;
+      const MultirateSettings settings = all_late(every, age);
+      Multirate late;
       CHECK(start(settings, late));
       Bus bus(settings);
       double farthest = 0, held = 0, calmed = 0;
@@ -52,10 +52,10 @@ TEST("late readings of an ideal robot are what it would read now, however old th
         late.arrived = bus.deliver(n, q_e);
         for (int i = 0; i < n; ++i) CHECK(q_e[i] == now[i]);
         for (int c = n; c < n + robot.r; ++c) held = std::max(held, std::fabs(q_e[c] - now[c]));
-        CHECK(bring_up<K>(robot, late, q_e));
+        CHECK(compensate_latency<K>(robot, late, q_e));
         for (int c = n; c < n + robot.r; ++c)
           farthest = std::max(farthest, std::fabs(q_e[c] - now[c]));
-        calm(robot, late, q_e);
+        low_pass(robot, late, q_e);
         for (int c = n; c < n + robot.r; ++c) calmed = std::max(calmed, std::fabs(q_e[c] - now[c]));
       }
       CHECK(farthest < 1e-6);
@@ -73,9 +73,9 @@ TEST("what the geometry has wrong is kept, and a reading is doubted by how far i
     if (robot.r == 0) return;
     Robot truth = robot;
     truth.sensor[0].offset += 0.02;
-    LateSettings settings = all_late(10, 8);
-    settings.stray[0].fill(0.1);
-    Late late;
+    MultirateSettings settings = all_late(10, 8);
+    settings.sensitivity[0].fill(0.1);
+    Multirate late;
     CHECK(start(settings, late));
     Bus bus(settings);
     for (int k = 0; k < 400; ++k) {
@@ -83,8 +83,8 @@ TEST("what the geometry has wrong is kept, and a reading is doubted by how far i
       Extended q_e = read_at<K>(mechanism, truth, moving);
       const double now = q_e[n];
       late.arrived = bus.deliver(n, q_e);
-      CHECK(bring_up<K>(robot, late, q_e));
-      calm(robot, late, q_e);
+      CHECK(compensate_latency<K>(robot, late, q_e));
+      low_pass(robot, late, q_e);
       CHECK_NEAR(q_e[n], now, 1e-6);
       Knowledge known;
       known.sigma.fill(1e-5);
@@ -105,13 +105,13 @@ TEST("motors without a pose for some cycles, and samples that are none, leave no
     constexpr Mobility K = mobility();
     constexpr int n = kDof<K>;
     const Robot& robot = mechanism.robot;
-    const LateSettings settings = all_late(10, 8);
-    Late late;
+    const MultirateSettings settings = all_late(10, 8);
+    Multirate late;
     CHECK(start(settings, late));
     Bus bus(settings);
     Extended nothing{};
     nothing.fill(NAN);
-    CHECK(!bring_up<K>(robot, late, nothing));  // before there is any pose
+    CHECK(!compensate_latency<K>(robot, late, nothing));  // before there is any pose
     CHECK(late.cycle == 0);
     for (int k = 0; k < 200; ++k) {
       const Extended now = read_at<K>(mechanism, robot, k);
@@ -120,7 +120,7 @@ TEST("motors without a pose for some cycles, and samples that are none, leave no
       late.arrived = bus.deliver(n, q_e);
       const bool motors = k < 100 || k >= 103;
       if (!motors) std::fill_n(q_e.begin(), n, NAN);
-      CHECK(bring_up<K>(robot, late, q_e));
+      CHECK(compensate_latency<K>(robot, late, q_e));
       CHECK(motors == late.placed || k < 100);
       // The picture of cycle 60 arrives in 68 and is held until 78.
       const bool blind = (k >= 68 && k < 78);
@@ -133,25 +133,25 @@ TEST("motors without a pose for some cycles, and samples that are none, leave no
 }
 
 TEST("a period or an age that is none, or too long, is refused and named") {
-  Late late;
+  Multirate late;
   for (const auto& [every, age] :
        {std::pair{-1, 0}, {0, -1}, {kSlowest + 1, 0}, {1, kOldest + 1}}) {
-    LateSettings settings;
+    MultirateSettings settings;
     settings.every[3] = every;
     settings.age[3] = age;
     const Outcome outcome = start(settings, late);
     CHECK(outcome.status == Status::no_such_part && outcome.chain == 3);
     CHECK(late.which == 0);
   }
-  LateSettings settings;
-  settings.stray[2][1] = NAN;
+  MultirateSettings settings;
+  settings.sensitivity[2][1] = NAN;
   CHECK(!start(settings, late));
   CHECK(start(all_late(kSlowest, kOldest), late));
-  CHECK(start(LateSettings{}, late));
+  CHECK(start(MultirateSettings{}, late));
   CHECK(late.which == 0 && arrivals(late.settings, 0) == 0);
   Extended q_e{};
   Robot robot;
-  CHECK(bring_up<Mobility::spatial>(robot, late, q_e).status == Status::unfinished);
+  CHECK(compensate_latency<Mobility::spatial>(robot, late, q_e).status == Status::unfinished);
 }
 
 TEST("a robot with late sensors follows as one whose sensors are prompt") {
@@ -163,7 +163,7 @@ TEST("a robot with late sensors follows as one whose sensors are prompt") {
     settings.law = Law::tej;
     if (!place_poles(robot, robot.home, 60, 1, settings)) return;
     Run run{robot.home, at(mechanism, 100), 0.2, 0.2};
-    const LateSettings slow = all_late(10, 8);
+    const MultirateSettings slow = all_late(10, 8);
     Coordinates end[3];
     double apart[3]{};                   // from x_d, on the way
     for (const int which : {0, 1, 2}) {  // prompt; late; late, and taken for prompt
@@ -196,8 +196,8 @@ TEST("noise of a late sensor is averaged, and a change beyond its counts is foll
     constexpr double kSigma = 1e-4;
     constexpr int kEvery = 10, kAge = 8, kCycles = 20000;
     robot.sensor[0].noise = kSigma;
-    const LateSettings settings = all_late(kEvery, kAge);
-    Late late;
+    const MultirateSettings settings = all_late(kEvery, kAge);
+    Multirate late;
     CHECK(start(settings, late));
     Bus bus(settings);
     check::Random random(21);
@@ -208,8 +208,8 @@ TEST("noise of a late sensor is averaged, and a change beyond its counts is foll
       if (k % kEvery == 0) noise = std::sqrt(3) * kSigma * random();  // uniform, of variance σ²
       q_e[n] += noise;
       late.arrived = bus.deliver(n, q_e);
-      CHECK(bring_up<K>(robot, late, q_e));
-      calm(robot, late, q_e);
+      CHECK(compensate_latency<K>(robot, late, q_e));
+      low_pass(robot, late, q_e);
       if (k > 2000) squares += (q_e[n] - rest[n]) * (q_e[n] - rest[n]) / (kCycles - 2000);
     }
     // Weight a of a sample: variance a / (2 - a) of one sample's, of an average over about 20.
@@ -222,8 +222,8 @@ TEST("noise of a late sensor is averaged, and a change beyond its counts is foll
       q_e = rest;
       q_e[n] += 100 * kSigma;
       late.arrived = bus.deliver(n, q_e);
-      CHECK(bring_up<K>(robot, late, q_e));
-      calm(robot, late, q_e);
+      CHECK(compensate_latency<K>(robot, late, q_e));
+      low_pass(robot, late, q_e);
     }
     CHECK(q_e[n] - rest[n] > 95 * kSigma);
     const double before = q_e[n];
@@ -232,8 +232,8 @@ TEST("noise of a late sensor is averaged, and a change beyond its counts is foll
       q_e = rest;
       q_e[n] += 200 * kSigma;
       late.arrived = bus.deliver(n, q_e);
-      CHECK(bring_up<K>(robot, late, q_e));
-      calm(robot, late, q_e, true);
+      CHECK(compensate_latency<K>(robot, late, q_e));
+      low_pass(robot, late, q_e, true);
     }
     CHECK_NEAR(q_e[n], before, 1e-9);
   });
@@ -255,17 +255,17 @@ TEST("the stated variance of a late reading is that which the motors' noise give
     check::Random random(22);
     double mean = 0, squares = 0, stated = 0;
     for (int k = 0; k < kTrials; ++k) {
-      Late late;
+      Multirate late;
       CHECK(start(all_late(10, 8), late));
       Extended q_e = rest;
       for (int i = 0; i < n; ++i) q_e[i] += std::sqrt(3) * kSigma * random();
-      CHECK(bring_up<K>(robot, late, q_e));
+      CHECK(compensate_latency<K>(robot, late, q_e));
       const double off = late.expected[0] - rest[n];
       mean += off / kTrials;
       squares += off * off / kTrials;
       Knowledge known;
       known.sigma.fill(1e-9);
-      calm(robot, late, q_e);
+      low_pass(robot, late, q_e);
       weigh(robot, late, known);
       stated += known.sigma[n] * known.sigma[n] / kTrials;
     }

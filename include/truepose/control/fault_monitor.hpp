@@ -15,9 +15,9 @@
 // what the others say it should be, its own error taken as unknown. Bounded work, no allocation.
 #pragma once
 
-#include "truepose/control/late.hpp"
+#include "truepose/control/fault_monitor_state.hpp"
+#include "truepose/control/multirate.hpp"
 #include "truepose/control/parity.hpp"
-#include "truepose/control/watched.hpp"
 
 namespace truepose {
 
@@ -29,8 +29,9 @@ class Cycle {
  public:
   static constexpr int n = kDof<K>;
 
-  Cycle(const Robot& robot, const WatchSettings& settings, const Weighing& weighing,
-        const Joint& desired, const Extended& q_e, Watch& watch, Extended& believed, Late* late)
+  Cycle(const Robot& robot, const FaultMonitorSettings& settings, const Weighing& weighing,
+        const Joint& desired, const Extended& q_e, FaultMonitor& watch, Extended& believed,
+        Multirate* late)
       : robot_(robot),
         settings_(settings),
         weighing_(weighing),
@@ -81,11 +82,11 @@ class Cycle {
   }
 
  private:
-  /// Late readings become present ones, by the motors that are believed.
+  /// Multirate readings become present ones, by the motors that are believed.
   void bring_late_up() {
     Extended by = q_e_;
     std::copy_n(believed_.begin(), n, by.begin());
-    if (!bring_up<K>(robot_, *late_, by)) return;
+    if (!compensate_latency<K>(robot_, *late_, by)) return;
     std::copy_n(by.begin() + n, r_, q_e_.begin() + n);
     bool motors = true;  // only what is prompt may stand for one
     for (int c = 0; c < n; ++c) motors = motors && watch_.reading[c].health != Health::failed;
@@ -93,7 +94,7 @@ class Cycle {
       if (late(c) && !motors) {
         noise_[c] = 1;
       } else if (late(c)) {
-        noise_[c] += late_detail::strayed(*late_, c - n, late_->before[c - n]);
+        noise_[c] += late_detail::latency_variance(*late_, c - n, late_->before[c - n]);
       } else if (c < n && leaves_track(c, innovation_[c])) {
         watch_.reading[c].left = watch_.cycle;
       }
@@ -103,7 +104,7 @@ class Cycle {
   /// Each reading by itself.
   void alone(int begin, int end) {
     for (int c = begin; c < end; ++c) {
-      WatchedReading& reading = watch_.reading[c];
+      MonitoredReading& reading = watch_.reading[c];
       if (!reading.begun && number(q_e_[c])) {
         reading.begun = true;
         reading.own = {q_e_[c], 0};
@@ -135,7 +136,7 @@ class Cycle {
   int every(int c) const { return late(c) ? std::max(1, late_->settings.every[c - n]) : 1; }
 
   Symptom symptom_of(int c) const {
-    const WatchedReading& reading = watch_.reading[c];
+    const MonitoredReading& reading = watch_.reading[c];
     const Real raw = q_e_[c], low = settings_.low[c], high = settings_.high[c];
     if (!number(raw)) return Symptom::missing;
     if (low < high && !(raw >= low && raw <= high)) return Symptom::out_of_range;
@@ -302,7 +303,7 @@ class Cycle {
   /// was when the reading changed last: it leaves its setpoint by ∬ kp δ + kd dδ/dt. An error at
   /// which a healthy motor may rest drives nothing, and lets it come to rest.
   void drive(int c) const {
-    WatchedReading& reading = watch_.reading[c];
+    MonitoredReading& reading = watch_.reading[c];
     const Real away = desired_[c] - reading.model;
     const Real bears = settings_.rests[c];
     const Real seems = away > bears ? away - bears : away < -bears ? away + bears : 0;
@@ -317,14 +318,14 @@ class Cycle {
   /// about its path, as where a sensor is late by which a law leads it, stands still where it
   /// turns, while its setpoint passes: it is judged by what it follows its setpoint to.
   Real much(int c, Real share) const {
-    const WatchedReading& reading = watch_.reading[c];
+    const MonitoredReading& reading = watch_.reading[c];
     return std::max(share * settings_.moved[c], kStrays * std::sqrt(reading.strays));
   }
 
   /// By how much the model has moved since the reading changed last, beyond what is noise; and by
   /// how much away from the motor, not towards it.
   Real stood(int c) const {
-    const WatchedReading& reading = watch_.reading[c];
+    const MonitoredReading& reading = watch_.reading[c];
     const Real by = model(c) - reading.model + reading.way;
     return std::min(std::fabs(by), std::fabs(by + reading.off)) -
            settings_.sigmas * parity_.expectation_noise(noise_, c);
@@ -332,7 +333,7 @@ class Cycle {
 
   /// By how much a motor is behind, and how that varies while it is seen to move.
   void trail(int c) const {
-    WatchedReading& reading = watch_.reading[c];
+    MonitoredReading& reading = watch_.reading[c];
     reading.behind = desired_[c] - believed_[c];
     const Real off = reading.behind - reading.usual;
     if (reading.still > 0 || !number(off)) return;
@@ -409,7 +410,7 @@ class Cycle {
     bool motors = watch_.placed;  // whether they say where the robot is
     for (int c = 0; c < n; ++c) motors = motors && watch_.reading[c].health != Health::failed;
     for (int c = 0; c < rows_; ++c) {
-      WatchedReading& reading = watch_.reading[c];
+      MonitoredReading& reading = watch_.reading[c];
       // With a motor lost the robot does not do what it is asked to. One that stops since nobody
       // knows which reading lies does: it may still be found.
       const bool judged = (!watch_.doubted || (watch_.undecided && c < n)) && !symptomatic_ &&
@@ -500,13 +501,13 @@ class Cycle {
   }
 
   const Robot& robot_;
-  const WatchSettings& settings_;
+  const FaultMonitorSettings& settings_;
   const Weighing& weighing_;
   const Joint& desired_;
   Extended q_e_;  ///< as read; late ones as of now
-  Watch& watch_;
+  FaultMonitor& watch_;
   Extended& believed_;
-  Late* late_;  ///< sensors that are slow or late; nullptr: none
+  Multirate* late_;  ///< sensors that are slow or late; nullptr: none
   int r_, rows_;
   bool settled_;
   Parity<K> parity_;
@@ -530,9 +531,9 @@ class Cycle {
 /// @return `disagree` and the first reading that is not valid; no answer: no pose can be made of
 /// the readings
 template <Mobility K>
-Outcome watch(const Robot& robot, const WatchSettings& settings, const Weighing& weighing,
-              const Joint& desired, const Extended& q_e, Watch& watch, Extended& believed,
-              Late* late = nullptr) {
+Outcome monitor_faults(const Robot& robot, const FaultMonitorSettings& settings,
+                       const Weighing& weighing, const Joint& desired, const Extended& q_e,
+                       FaultMonitor& watch, Extended& believed, Multirate* late = nullptr) {
   if (!robot.finished) return {Status::unfinished, -1};
   if (!weighing) return {Status::not_measured, -1};
   return watch_detail::Cycle<K>(robot, settings, weighing, desired, q_e, watch, believed, late)

@@ -1,7 +1,7 @@
 // Do weights that are kept from cycle to cycle stay right? As consistent as fresh ones anywhere,
 // the same where they are fresh, and as good as they claim in between.
 #include "mechanisms.hpp"
-#include "truepose/control/guard.hpp"
+#include "truepose/control/fault_tolerant_control.hpp"
 
 using namespace truepose;
 
@@ -14,16 +14,16 @@ struct Scene {
   Robot& robot = mechanism.robot;
   mechanisms::Prior prior;
   std::vector<double> root, H_xi, B;
-  KeptWeights kept;
+  CachedGain kept;
 
   Scene(const mechanisms::Mechanism& which, int r, int lines = 0)
       : mechanism(sensed(which, r)), prior(robot) {
-    Learner learner = prior.learner(robot);
+    OnlineCalibrator learner = prior.learner(robot);
     check::Random random(3);
     for (int k = 0; k < lines; ++k) {
       Extended q_e;
       CHECK(extended<K>(robot, to_pose<K>(mechanisms::random_pose(mechanism, random)), q_e));
-      CHECK(learn<K>(learner, q_e));
+      CHECK(calibrate_online<K>(learner, q_e));
     }
     H_xi.resize((kDof<K> + r) * parameter_count(robot));
     B.resize((kDof<K> + r) * prior.known().count);
@@ -216,7 +216,7 @@ TEST("x̂ of kept weights solves their own least squares, and is near that of fr
       CHECK((estimate_from<K, IdealModel>(scene.robot, scene.known(), q_e, fresh,
                                           scene.fresh().work, rest, kEstimateIterations)));
       // The gain of the weights that are kept, at x̂, finds no error in what is left.
-      KeptFusion<K> at;
+      CachedFusion<K> at;
       Extended expected, residual{};
       Coordinates step;
       Matrix<kMaxReadings, n> H_x;

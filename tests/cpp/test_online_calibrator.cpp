@@ -22,7 +22,7 @@ class Scene {
     q_e[0] += more;
     return q_e;
   }
-  Outcome learn(const Extended& q_e) { return truepose::learn<K>(learner, q_e); }
+  Outcome learn(const Extended& q_e) { return truepose::calibrate_online<K>(learner, q_e); }
   /// What readings of the last line have moved by so many σ, and so are news or not.
   double sigma() const { return learner.state.sigma[0]; }
 
@@ -32,7 +32,7 @@ class Scene {
   Prior prior_;
 
  public:
-  Learner learner;
+  OnlineCalibrator learner;
 };
 
 }  // namespace
@@ -142,10 +142,10 @@ TEST("a robot understood rod by rod is learnt rod by rod") {
   CHECK(linearise_full<Mobility::schoenflies>(scene.truth, pose, q_e, H_x, nullptr));
   Scene<Mobility::schoenflies> ideal(mechanism);
   const Outcome full = scene.learn(q_e),
-                other = learn<Mobility::schoenflies, IdealModel>(ideal.learner, q_e);
+                other = calibrate_online<Mobility::schoenflies, IdealModel>(ideal.learner, q_e);
   CHECK(full && other);
   CHECK(scene.learner.robot.chain[1].rod != ideal.learner.robot.chain[1].rod);
   Scene<Mobility::schoenflies> again(mechanism);
-  CHECK((learn<Mobility::schoenflies, FullModel>(again.learner, q_e)));
+  CHECK((calibrate_online<Mobility::schoenflies, FullModel>(again.learner, q_e)));
   CHECK(scene.learner.robot.chain[1].rod == again.learner.robot.chain[1].rod);
 }

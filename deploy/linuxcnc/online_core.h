@@ -1,6 +1,6 @@
 /* What is learnt of the robot while it works: self-calibration at rest. Each time that the machine
- * has stood still for a while its readings are one more line for truepose_learn(), and from that
- * cycle on there is another robot to believe in. Nothing of LinuxCNC is needed. */
+ * has stood still for a while its readings are one more line for truepose_online_calibrator_step(),
+ * and from that cycle on there is another robot to believe in. Nothing of LinuxCNC is needed. */
 #ifndef TRUEPOSE_LINUXCNC_LEARN_CORE_H
 #define TRUEPOSE_LINUXCNC_LEARN_CORE_H
 
@@ -21,7 +21,7 @@ typedef struct truepose_pupil {
   truepose_model robot, finest; /**< at `level`, and at the finest */
   truepose_knowledge known;     /**< of `finest` */
   /* memory */
-  truepose_learner learner;
+  truepose_online_calibrator learner;
   truepose_real memory[TRUEPOSE_LEARNS];
   truepose_model next, next_finest;        /**< while it is made */
   truepose_real stands[TRUEPOSE_FREEDOMS]; /**< where the commands have stood, */

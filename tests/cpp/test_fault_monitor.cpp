@@ -1,8 +1,8 @@
 // Does a watch find the reading that lies, and only that one? What stands for it?
 #include "mechanisms.hpp"
+#include "truepose/control/fault_monitor.hpp"
 #include "truepose/control/parity.hpp"
 #include "truepose/control/tracker.hpp"
-#include "truepose/control/watch.hpp"
 #include "truepose/math/chi2.hpp"
 
 using namespace mechanisms;
@@ -33,12 +33,12 @@ class Scene {
   Extended read(int k) const {
     Extended q_e{};
     CHECK(extended<K>(robot, to_pose<K>(at(k)), q_e));
-    for (int c = 0; c < n + robot.r; ++c) q_e[c] = quantised(q_e[c], 3e-5);
+    for (int c = 0; c < n + robot.r; ++c) q_e[c] = quantized(q_e[c], 3e-5);
     return q_e;
   }
   Outcome cycle(int k, const Extended& q_e) {
     const Weighing weighing{&known, work_.data()};
-    return watch<K>(robot, settings, weighing, motors_of<K>(read(k)), q_e, seen, believed);
+    return monitor_faults<K>(robot, settings, weighing, motors_of<K>(read(k)), q_e, seen, believed);
   }
   /// Healthy cycles 0 to k - 1.
   bool healthy(int k) {
@@ -49,8 +49,8 @@ class Scene {
 
   Robot robot;
   Knowledge known;
-  WatchSettings settings;
-  Watch seen;
+  FaultMonitorSettings settings;
+  FaultMonitor seen;
   Extended believed{};
 
  private:
@@ -204,7 +204,7 @@ TEST("a motor that is lost is taken to be where it is asked to be until it is re
       CHECK(scene.seen.lost == 1);
       CHECK(scene.believed[0] == scene.read(k)[0]);
     }
-    restore(scene.seen, 0);
+    acknowledge(scene.seen, 0);
     CHECK(scene.cycle(300, scene.read(300)).status == Status::ok);
     CHECK(scene.seen.lost == 0);
   });
@@ -219,7 +219,7 @@ TEST("a restored reading is believed again") {
     for (int k = 0; k <= scene.settings.coast; ++k)
       CHECK(scene.cycle(100, q_e).status == Status::disagree);
     CHECK(scene.seen.reading[0].health == Health::failed);
-    restore(scene.seen, 0);
+    acknowledge(scene.seen, 0);
     CHECK(scene.cycle(100, scene.read(100)).status == Status::ok);
   });
 }
@@ -283,7 +283,7 @@ TEST("spikes of long ago are not held against a reading when another is restored
     for (int k = 100; k < 1500; ++k) {
       Extended q_e = scene.read(k);
       if (k == 100 || k == 200 || k == 1450) q_e[0] += 0.3;
-      if (k == 1400) restore(scene.seen, 1);
+      if (k == 1400) acknowledge(scene.seen, 1);
       static_cast<void>(scene.cycle(k, q_e));
       CHECK(scene.seen.reading[0].health != Health::failed);
     }
@@ -302,7 +302,7 @@ TEST("what the law sees changes in the cycle in which something else stands for 
       for (int k = 100; k < 400; ++k) {
         Extended q_e = scene.read(k);
         if (k < 300) q_e[c] = still;
-        if (k == 300) restore(scene.seen, c);
+        if (k == 300) acknowledge(scene.seen, c);
         const std::uint32_t held = scene.seen.held;
         static_cast<void>(scene.cycle(k, q_e));
         const bool released =

@@ -6,8 +6,8 @@ using namespace truepose;
 namespace truepose::c {
 namespace {
 
-struct Pupil : InMemory<truepose_learner, Pupil, 0x6c697075U> {
-  Learner learner;
+struct Pupil : InMemory<truepose_online_calibrator, Pupil, 0x6c697075U> {
+  OnlineCalibrator learner;
 };
 
 /// Numbers for ξ̂, S, what is kept of them, and work.
@@ -33,7 +33,7 @@ truepose_estimate_result estimated(const Robot& robot, const Knowledge& known,
 }
 
 Outcome begin(const Robot& drawn, const truepose_knowledge& prior, truepose_real* memory,
-              Learner& learner) {
+              OnlineCalibrator& learner) {
   const int p = prior.count, all = parameter_count(drawn);
   if (drawn.r == 0) return {Status::not_measured, -1};
   if (p < 1 || p > all) return {Status::no_such_part, -1};
@@ -81,18 +81,18 @@ truepose_estimate_result truepose_estimate(const truepose_model* model,
   });
 }
 
-size_t truepose_learner_size(void) { return sizeof(c::Pupil); }
+size_t truepose_online_calibrator_size(void) { return sizeof(c::Pupil); }
 
-size_t truepose_learner_memory(const truepose_model* drawn, int32_t count) {
+size_t truepose_online_calibrator_memory(const truepose_model* drawn, int32_t count) {
   return c::of_robot(drawn, std::size_t{0}, [&](const Robot& robot) {
     return count < 1 ? std::size_t{0} : c::memory(robot, count);
   });
 }
 
-truepose_outcome truepose_begin_learner(truepose_learner* learner, size_t size,
-                                        const truepose_model* drawn,
-                                        const truepose_knowledge* prior, truepose_real* memory,
-                                        size_t count) {
+truepose_outcome truepose_online_calibrator_init(truepose_online_calibrator* learner, size_t size,
+                                                 const truepose_model* drawn,
+                                                 const truepose_knowledge* prior,
+                                                 truepose_real* memory, size_t count) {
   return c::asked(drawn, [&](const Robot& robot) -> Outcome {
     c::Pupil* made = c::Pupil::make(learner, size);
     if (made == nullptr) return {Status::too_small, -1};
@@ -104,16 +104,17 @@ truepose_outcome truepose_begin_learner(truepose_learner* learner, size_t size,
   });
 }
 
-truepose_outcome truepose_learn(truepose_learner* learner, const truepose_real* q_e) {
+truepose_outcome truepose_online_calibrator_step(truepose_online_calibrator* learner,
+                                                 const truepose_real* q_e) {
   c::Pupil* made = c::Pupil::of(learner);
   if (made == nullptr) return c::answer({Status::unfinished, -1});
   return c::answer(with_mobility(made->learner.drawn->mobility, [&](auto mobility) {
-    return learn<mobility()>(made->learner, c::values<Extended>(q_e));
+    return calibrate_online<mobility()>(made->learner, c::values<Extended>(q_e));
   }));
 }
 
-truepose_outcome truepose_lines(const truepose_learner* learner, int64_t* learnt,
-                                int64_t* left_out) {
+truepose_outcome truepose_online_calibrator_samples(const truepose_online_calibrator* learner,
+                                                    int64_t* learnt, int64_t* left_out) {
   const c::Pupil* made = c::Pupil::of(learner);
   if (made == nullptr) return c::answer({Status::unfinished, -1});
   *learnt = made->learner.lines;
@@ -121,14 +122,14 @@ truepose_outcome truepose_lines(const truepose_learner* learner, int64_t* learnt
   return c::answer({});
 }
 
-truepose_outcome truepose_forget(truepose_learner* learner) {
+truepose_outcome truepose_online_calibrator_roll_back(truepose_online_calibrator* learner) {
   c::Pupil* made = c::Pupil::of(learner);
   if (made == nullptr) return c::answer({Status::unfinished, -1});
-  return c::answer(forget(made->learner));
+  return c::answer(roll_back(made->learner));
 }
 
-truepose_outcome truepose_learnt(const truepose_learner* learner, truepose_model* model,
-                                 size_t size) {
+truepose_outcome truepose_online_calibrator_model(const truepose_online_calibrator* learner,
+                                                  truepose_model* model, size_t size) {
   const c::Pupil* made = c::Pupil::of(learner);
   if (made == nullptr) return c::answer({Status::unfinished, -1});
   c::Model* out = c::Model::make(model, size);
@@ -137,8 +138,8 @@ truepose_outcome truepose_learnt(const truepose_learner* learner, truepose_model
   return c::answer({});
 }
 
-truepose_outcome truepose_learnt_knowledge(const truepose_learner* learner,
-                                           truepose_knowledge* known) {
+truepose_outcome truepose_online_calibrator_knowledge(const truepose_online_calibrator* learner,
+                                                      truepose_knowledge* known) {
   const c::Pupil* made = c::Pupil::of(learner);
   if (made == nullptr) return c::answer({Status::unfinished, -1});
   const OnlineState& state = made->learner.state;

@@ -1,6 +1,6 @@
 // Does a watch name the reading that lies, and no motor that only swings with it?
 #include "mechanisms.hpp"
-#include "truepose/control/guard.hpp"
+#include "truepose/control/fault_tolerant_control.hpp"
 #include "truepose/offline/simulate.hpp"
 
 using namespace mechanisms;
@@ -16,7 +16,7 @@ struct Faulty {
     settings.law = law;
     settings.gains = Gains::inertia;
     CHECK(place_poles(mechanism.robot, mechanism.robot.home, 150, 1, settings));
-    WatchSettings& watch = guarding.watch;
+    FaultMonitorSettings& watch = guarding.watch;
     watch.fastest.fill(3000);
     watch.moved.fill(10 * kCount);
     watch.rests.fill(4 * kCount);
@@ -54,7 +54,7 @@ struct Faulty {
   Mechanism mechanism;
   Prior prior;
   ControlSettings settings;
-  GuardSettings guarding;
+  FaultTolerantSettings guarding;
 };
 
 }  // namespace

@@ -10,7 +10,7 @@
 // until the next. What follows fast is the motors' own; a loop closed through p would be late, and
 // is slow: laws act on p behind a low pass of the time that it is late anyway, and a slower one of
 // what is less than counts, which the robot would hunt. What p has changed by on the way since is
-// an error of the reading, of the known variance |stray (x(t) - x(s))|².
+// an error of the reading, of the known variance |sensitivity (x(t) - x(s))|².
 #pragma once
 
 #include "truepose/control/parity.hpp"
@@ -23,19 +23,19 @@ inline constexpr Real kCalmest = 0.1;     ///< pace of the low pass for what is 
 inline constexpr Real kCounts = 3;        ///< σ from which on p is followed rather than averaged
 
 /// Which sensors are slow or late. Constant during a run: fill it, then call start().
-struct LateSettings {
+struct MultirateSettings {
   std::array<int, kMaxSensors> every{};  ///< from sample to sample, control periods; 0 as 1
   std::array<int, kMaxSensors> age{};    ///< of a sample when it arrives, control periods
   /// By how much p changes along each freedom of the nacelle, σ: rad or m, per m or rad.
-  Matrix<kMaxSensors, kMaxDof> stray{};
+  Matrix<kMaxSensors, kMaxDof> sensitivity{};
 
   bool is(int sensor) const { return every[sensor] > 1 || age[sensor] > 0; }
 };
 
 /// What is remembered of them. Plain data, the caller's.
-struct Late {
+struct Multirate {
   // From start():
-  LateSettings settings;
+  MultirateSettings settings;
   std::uint32_t which = 0;  ///< sensors that are slow or late, as bits
   Reading pole{};           ///< of each one's low pass
 
@@ -64,12 +64,12 @@ struct Late {
 };
 
 /// Starts anew. @return no_such_part and the first sensor whose period or age is none, or too long
-inline Outcome start(const LateSettings& settings, Late& late) {
-  late = Late{};
+inline Outcome start(const MultirateSettings& settings, Multirate& late) {
+  late = Multirate{};
   for (int k = 0; k < kMaxSensors; ++k) {
     const int every = std::max(1, settings.every[k]), age = settings.age[k];
     if (settings.every[k] < 0 || every > kSlowest || age < 0 || age > kOldest ||
-        !all_finite(settings.stray[k], kMaxDof)) {
+        !all_finite(settings.sensitivity[k], kMaxDof)) {
       late.which = 0;
       return {Status::no_such_part, k};
     }
@@ -82,7 +82,7 @@ inline Outcome start(const LateSettings& settings, Late& late) {
 
 /// Sensors of which a sample arrives in a cycle, as bits, where the controller's clock, whole
 /// cycles from 0, says when they are taken. In the first one what stood still before is read.
-inline std::uint32_t arrivals(const LateSettings& settings, std::int64_t cycle) {
+inline std::uint32_t arrivals(const MultirateSettings& settings, std::int64_t cycle) {
   std::uint32_t bits = 0;
   for (int k = 0; k < kMaxSensors; ++k) {
     const std::int64_t taken = cycle - settings.age[k];
@@ -96,7 +96,7 @@ namespace late_detail {
 
 /// The pose of the motors, and h there. @return no answer: none is closed by their readings
 template <Mobility K>
-inline Outcome place(const Robot& robot, const Extended& q_e, Late& late) {
+inline Outcome place(const Robot& robot, const Extended& q_e, Multirate& late) {
   constexpr int n = kDof<K>;
   Extended fed{};  // the sensors as expected: the parity is by how much h has moved since
   std::copy_n(q_e.begin(), n, fed.begin());
@@ -133,7 +133,7 @@ inline Outcome place(const Robot& robot, const Extended& q_e, Late& late) {
 /// @param q_e    in: as read; out: those that are slow or late as of now, NaN after such a sample
 /// @return no answer: the first cycle has no pose, and counts for none
 template <Mobility K>
-Outcome bring_up(const Robot& robot, Late& late, Extended& q_e) {
+Outcome compensate_latency(const Robot& robot, Multirate& late, Extended& q_e) {
   constexpr int n = kDof<K>;
   if (!robot.finished) return {Status::unfinished, -1};
   const bool first = late.cycle == 0;
@@ -167,7 +167,7 @@ Outcome bring_up(const Robot& robot, Late& late, Extended& q_e) {
 /// What laws act upon, once it is decided what is believed: p behind the low pass.
 /// @param q_e    in and out: late readings as of now
 /// @param holds  p stays: a motor that nothing reads must not be led by what comes late
-inline void calm(const Robot& robot, Late& late, Extended& q_e, bool holds = false) {
+inline void low_pass(const Robot& robot, Multirate& late, Extended& q_e, bool holds = false) {
   const int n = dof(robot.mobility);
   for (int k = 0; k < robot.r; ++k) {
     if (!late.is(k)) continue;
@@ -192,10 +192,11 @@ inline void calm(const Robot& robot, Late& late, Extended& q_e, bool holds = fal
 namespace late_detail {
 
 /// @param since  `way` where p is known
-inline Real strayed(const Late& late, int sensor, const std::array<Real, kMaxDof>& since) {
+inline Real latency_variance(const Multirate& late, int sensor,
+                             const std::array<Real, kMaxDof>& since) {
   Real variance = 0;
   for (int i = 0; i < kMaxDof; ++i) {
-    const Real by = late.settings.stray[sensor][i] * (late.way[i] - since[i]);
+    const Real by = late.settings.sensitivity[sensor][i] * (late.way[i] - since[i]);
     variance += by * by;
   }
   return variance;
@@ -205,13 +206,13 @@ inline Real strayed(const Late& late, int sensor, const std::array<Real, kMaxDof
 
 /// What is known of what laws act upon: p may have changed since where the low pass is, and counts
 /// carried it. @param known  in and out
-inline void weigh(const Robot& robot, const Late& late, Knowledge& known) {
+inline void weigh(const Robot& robot, const Multirate& late, Knowledge& known) {
   const int n = dof(robot.mobility);
   for (int k = 0; k < robot.r; ++k) {
     Real& sigma = known.sigma[n + k];
     if (late.is(k))
-      sigma =
-          std::sqrt(sigma * sigma + late.noise[k] + late_detail::strayed(late, k, late.slowly[k]));
+      sigma = std::sqrt(sigma * sigma + late.noise[k] +
+                        late_detail::latency_variance(late, k, late.slowly[k]));
   }
 }
 

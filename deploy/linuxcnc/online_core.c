@@ -1,5 +1,5 @@
 /* What do readings at rest say of the robot? */
-#include "learn_core.h"
+#include "online_core.h"
 
 #include <math.h>
 #include <string.h>
@@ -10,13 +10,13 @@ enum { kCap = 12 }; /* steps of the forward model */
  * longer be loaded (its home beyond a stop) is not: the one before stays. */
 static int believe(truepose_pupil* pupil) {
   truepose_description of;
-  truepose_learnt(&pupil->learner, &pupil->next_finest, sizeof pupil->next_finest);
+  truepose_online_calibrator_model(&pupil->learner, &pupil->next_finest, sizeof pupil->next_finest);
   truepose_description_of(&pupil->next_finest, &of);
   of.level = pupil->level;
   if (truepose_load(&pupil->next, sizeof pupil->next, &of).status > TRUEPOSE_OK) return 0;
   pupil->robot = pupil->next;
   pupil->finest = pupil->next_finest;
-  truepose_learnt_knowledge(&pupil->learner, &pupil->known);
+  truepose_online_calibrator_knowledge(&pupil->learner, &pupil->known);
   return 1;
 }
 
@@ -36,9 +36,9 @@ truepose_outcome truepose_pupil_begin(truepose_pupil* pupil, const truepose_tabl
   if (truepose_work(&pupil->drawn, table->known.count) > TRUEPOSE_TEJ_WORK)
     outcome.status = TRUEPOSE_TOO_SMALL;
   else if (pupil->able)
-    outcome =
-        truepose_begin_learner(&pupil->learner, sizeof pupil->learner, &pupil->drawn, &pupil->prior,
-                               pupil->memory, sizeof pupil->memory / sizeof *pupil->memory);
+    outcome = truepose_online_calibrator_init(&pupil->learner, sizeof pupil->learner, &pupil->drawn,
+                                              &pupil->prior, pupil->memory,
+                                              sizeof pupil->memory / sizeof *pupil->memory);
   return outcome;
 }
 
@@ -72,8 +72,8 @@ int truepose_pupil_cycle(truepose_pupil* pupil, truepose_real period, truepose_r
   if (!pupil->able) return 0;
   if (fresh) ask_sigma(pupil, q_e, work);
   if (!stood(pupil, period, rest, q_d)) return 0;
-  pupil->outcome = truepose_learn(&pupil->learner, q_e);
-  truepose_lines(&pupil->learner, &pupil->lines, &pupil->left_out);
+  pupil->outcome = truepose_online_calibrator_step(&pupil->learner, q_e);
+  truepose_online_calibrator_samples(&pupil->learner, &pupil->lines, &pupil->left_out);
   /* A line of which one reading was left out has taught something as well. */
   if (pupil->lines + pupil->left_out == before) return 0;
   return pupil->fresh = believe(pupil);
@@ -81,7 +81,8 @@ int truepose_pupil_cycle(truepose_pupil* pupil, truepose_real period, truepose_r
 
 int truepose_pupil_forget(truepose_pupil* pupil) {
   if (!pupil->able || pupil->lines == 0) return 0;
-  return truepose_forget(&pupil->learner).status <= TRUEPOSE_OK && believe(pupil);
+  return truepose_online_calibrator_roll_back(&pupil->learner).status <= TRUEPOSE_OK &&
+         believe(pupil);
 }
 
 const char* truepose_pupil_keep(const truepose_pupil* pupil, const truepose_table* table,

@@ -28,7 +28,7 @@ class Scene {
     learner_.settings.drifts = 0;
     learner_.fresh = 0;
   }
-  Learner& learner() { return learner_; }
+  OnlineCalibrator& learner() { return learner_; }
   OnlineState& state() { return learner_.state; }
   int count() const { return learner_.state.count; }
   check::Random& random() { return random_; }
@@ -61,7 +61,7 @@ class Scene {
     return robot;
   }
   Prior prior_;
-  Learner learner_;
+  OnlineCalibrator learner_;
   check::Random random_;
 };
 
@@ -111,7 +111,7 @@ TEST("one line is learnt as Kalman's formula has it, all of its equations togeth
     std::vector<double> about(parameter_count(scene.robot));
     CHECK(drawn_parameters(scene.robot, about.data()));
     scene.learner().settings.linearised = about.data();
-    Learner& learner = scene.learner();
+    OnlineCalibrator& learner = scene.learner();
     CHECK((observe<K, Model>(scene.robot, learner.settings, q_e, scene.state(), learner.robot,
                              learner.pose, learner.work)));
 
@@ -153,8 +153,9 @@ TEST("a robot that differs within its tolerances passes the gate from its first 
     constexpr Mobility K = decltype(mobility)::value;
     Scene scene(mechanism, 12);
     for (long k = 0; k < check::sample_size(200); ++k)
-      CHECK((learn<K, decltype(model)>(scene.learner(), scene.read<K, decltype(model)>(random_pose(
-                                                            mechanism, scene.random(), 0.5)))
+      CHECK((calibrate_online<K, decltype(model)>(
+                 scene.learner(),
+                 scene.read<K, decltype(model)>(random_pose(mechanism, scene.random(), 0.5)))
                  .status == Status::ok));
   });
 }
@@ -167,15 +168,15 @@ TEST("where one reading alone is wrong, the others teach what they teach without
     const auto taught = [&](bool wrong) {
       Scene scene(mechanism, 13);
       for (int k = 0; k < 60; ++k)
-        CHECK((learn<K, Model>(scene.learner(),
-                               scene.read<K, Model>(random_pose(mechanism, scene.random(), 0.5)))));
+        CHECK((calibrate_online<K, Model>(
+            scene.learner(), scene.read<K, Model>(random_pose(mechanism, scene.random(), 0.5)))));
       Extended q_e = scene.read<K, Model>(mechanism.robot.home);
       const std::vector<double> about(scene.state().xi,
                                       scene.state().xi + parameter_count(scene.robot));
       scene.learner().settings.linearised = about.data();  // no curvature: it grows with σ
       if (wrong) q_e[n + 1] += 1e3 * scene.state().sigma[n + 1];
       if (!wrong) scene.state().sigma[n + 1] *= 1e7;
-      const Outcome outcome = learn<K, Model>(scene.learner(), q_e);
+      const Outcome outcome = calibrate_online<K, Model>(scene.learner(), q_e);
       CHECK(outcome.status == (wrong ? Status::disagree : Status::ok));
       CHECK(outcome.chain == (wrong ? n + 1 : -1));
       return scene.mean();
@@ -191,16 +192,17 @@ TEST("a line that nothing explains teaches nothing") {
     using Model = decltype(model);
     Scene scene(mechanism, 14, 1);
     for (int k = 0; k < 60; ++k)
-      CHECK((learn<K, Model>(scene.learner(),
-                             scene.read<K, Model>(random_pose(mechanism, scene.random(), 0.5)))));
+      CHECK((calibrate_online<K, Model>(
+          scene.learner(), scene.read<K, Model>(random_pose(mechanism, scene.random(), 0.5)))));
     const Eigen::VectorXd mean = scene.mean();
     const RowMatrix P = scene.covariance();
     Extended q_e = scene.read<K, Model>(mechanism.robot.home);
     q_e[kDof<K>] += 1000 * scene.state().sigma[kDof<K>];
-    const Outcome outcome = learn<K, Model>(scene.learner(), q_e);
+    const Outcome outcome = calibrate_online<K, Model>(scene.learner(), q_e);
     CHECK(outcome.status == Status::disagree && outcome.chain == -1);
     CHECK(scene.mean() == mean && scene.covariance() == P);
-    for (int cycle = 0; cycle < 100; ++cycle) CHECK((learn<K, Model>(scene.learner(), q_e)));
+    for (int cycle = 0; cycle < 100; ++cycle)
+      CHECK((calibrate_online<K, Model>(scene.learner(), q_e)));
     CHECK(!scene.state().doubt.stopped);  // at rest a bad line is no news
   });
 }
@@ -215,7 +217,7 @@ TEST("readings that keep disagreeing stop it within ten lines, at what was last 
     };
     std::vector<Eigen::VectorXd> means;
     for (int k = 0; k < 60; ++k) {
-      CHECK((learn<K, Model>(scene.learner(), line())));
+      CHECK((calibrate_online<K, Model>(scene.learner(), line())));
       means.push_back(scene.mean());
     }
     int lines = 0;
@@ -223,7 +225,7 @@ TEST("readings that keep disagreeing stop it within ten lines, at what was last 
     for (; lines < 20 && status != Status::stopped; ++lines) {
       Extended q_e = line();
       q_e[kDof<K> + 1] += 1000 * scene.state().sigma[kDof<K> + 1];
-      status = learn<K, Model>(scene.learner(), q_e).status;
+      status = calibrate_online<K, Model>(scene.learner(), q_e).status;
     }
     CHECK(status == Status::stopped && lines <= 10);
     CHECK(scene.state().doubt.suspect == -1 || scene.state().doubt.suspect == kDof<K> + 1);
@@ -231,7 +233,7 @@ TEST("readings that keep disagreeing stop it within ten lines, at what was last 
     bool earlier = false;
     for (std::size_t k = means.size() - 10; k < means.size(); ++k) earlier |= means[k] == kept;
     CHECK(earlier);
-    CHECK((learn<K, Model>(scene.learner(), line()).status == Status::stopped));
+    CHECK((calibrate_online<K, Model>(scene.learner(), line()).status == Status::stopped));
     CHECK(scene.mean() == kept);
   });
 }
@@ -247,7 +249,7 @@ TEST("random walks take their turns, and all that each would have walked meanwhi
   scene.learner().settings.drift = drift.data();
   const RowMatrix before = scene.covariance();
   for (int k = 0; k < walks * rounds; ++k)
-    CHECK((learn<Mobility::schoenflies>(
+    CHECK((calibrate_online<Mobility::schoenflies>(
         scene.learner(), scene.read<Mobility::schoenflies, IdealModel>(mechanism.robot.home))));
   const RowMatrix expected = before + walks * rounds * drift.transpose() * drift;
   CHECK((scene.covariance() - expected).cwiseAbs().maxCoeff() < 1e-12 * expected.maxCoeff());

@@ -33,7 +33,7 @@
 namespace truepose {
 
 /// Kept from cycle to cycle, the caller's, one for each controller. A new one knows nothing.
-struct KeptWeights {
+struct CachedGain {
   Real share = 0.1;      ///< s at most, as far as is foreseen
   std::uint64_t of = 0;  ///< fingerprint of robot and knowledge; 0: nothing is kept
   Joint q{};             ///< of the motors where it was computed
@@ -49,7 +49,7 @@ struct KeptWeights {
     return sum;
   }
 };
-static_assert(std::is_trivially_copyable_v<KeptWeights> && std::is_standard_layout_v<KeptWeights>);
+static_assert(std::is_trivially_copyable_v<CachedGain> && std::is_standard_layout_v<CachedGain>);
 
 namespace kept_detail {
 
@@ -102,7 +102,7 @@ inline std::uint64_t fingerprint(const Robot& robot, const Knowledge& known) {
 
 /// Generalised least squares at a pose, from weights that are kept.
 template <Mobility K>
-struct KeptFusion {
+struct CachedFusion {
   static constexpr int n = kDof<K>;
   Matrix<n, n> J;                   ///< H_q⁻¹
   Matrix<kMaxSensors, n> g;         ///< H_r J
@@ -129,7 +129,7 @@ struct KeptFusion {
   }
 
   /// K and P of what is kept. @return not_finite where V is no covariance
-  Outcome weigh(const Robot& robot, const Knowledge& known, const KeptWeights& kept) {
+  Outcome weigh(const Robot& robot, const Knowledge& known, const CachedGain& kept) {
     const int r = robot.r;
     const auto& C = kept.C;
     Matrix<kMaxSensors, n> noisy;  // H_r J Σ_q
@@ -199,7 +199,7 @@ struct KeptFusion {
 template <Mobility K>
 TRUEPOSE_APART Outcome refresh(const Robot& robot, const Knowledge& known, std::uint64_t mark,
                                const Extended& q_e, const Matrix<kMaxReadings, kDof<K>>& H_x,
-                               const Real* H_xi, Real* B, KeptWeights& kept, KeptFusion<K>& at) {
+                               const Real* H_xi, Real* B, CachedGain& kept, CachedFusion<K>& at) {
   constexpr int n = kDof<K>;
   const int rows = n + robot.r, p = known.count;
   Matrix<n, kMaxSensors> before{};  // K, of what was kept

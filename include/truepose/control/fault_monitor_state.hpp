@@ -11,7 +11,7 @@ namespace truepose {
 enum class Health : int {
   valid = 0,
   suspect = 1,  ///< bridged for some cycles, or one of several of which one is wrong
-  failed = 2,   ///< until whoever mended it calls restore()
+  failed = 2,   ///< until whoever mended it calls acknowledge()
 };
 
 /// Why it is not.
@@ -25,7 +25,7 @@ enum class Symptom : int {
 };
 
 /// Constant during a run. Fill it, then call prepare().
-struct WatchSettings {
+struct FaultMonitorSettings {
   Real period = 1e-3;           ///< s
   Real false_alarm = 2.78e-10;  ///< chance of one in a cycle, of all tests: 1000 h at 1 kHz
   int refresh = 64;             ///< cycles at most between looks at what the geometry leaves open
@@ -60,7 +60,7 @@ inline constexpr Real kNoNumber = 1e9;  ///< rad or m: beyond, a reading is none
 
 /// Fills what follows from the chance of a false alarm, shared by level and change: whatever asks a
 /// reading alone has a bound that no torque reaches, and this chance on top.
-inline void prepare(WatchSettings& settings) {
+inline void prepare(FaultMonitorSettings& settings) {
   const Real each = settings.false_alarm / 2;
   for (int k = 1; k <= kMaxSensors; ++k) settings.chi2[k] = chi2_beyond(each, k);
   settings.sigmas = std::sqrt(settings.chi2[1]);
@@ -70,7 +70,7 @@ inline void prepare(WatchSettings& settings) {
 }
 
 /// What is known of one reading.
-struct WatchedReading {
+struct MonitoredReading {
   Health health = Health::valid;
   Symptom symptom = Symptom::none;  ///< the latest
   bool begun = false;               ///< there was a number to begin with
@@ -94,8 +94,8 @@ struct WatchedReading {
 };
 
 /// What the watch remembers. Plain data, the caller's; a new one starts anew.
-struct Watch {
-  std::array<WatchedReading, kMaxReadings> reading;
+struct FaultMonitor {
+  std::array<MonitoredReading, kMaxReadings> reading;
   std::uint32_t doubted = 0;  ///< readings of which one is wrong, as bits; 0: nothing disagrees
   int disagreed = 0;  ///< twice the cycles in which they do and none can be named, less the others
   bool undecided = false;        ///< for so long that none will be: the robot should stop
@@ -119,9 +119,9 @@ struct Watch {
 
 /// A reading that was mended is believed again. What it says now counts as right, as at the start:
 /// while the trackers settle, all readings are only asked whether they are numbers within range.
-inline void restore(Watch& watch, int reading) {
+inline void acknowledge(FaultMonitor& watch, int reading) {
   if (reading < 0 || reading >= kMaxReadings) return;
-  WatchedReading anew;
+  MonitoredReading anew;
   anew.own = watch.reading[reading].own;  // what stands for it until there is a number
   watch.reading[reading] = anew;
   watch.doubted = watch.lost = 0;
@@ -134,8 +134,8 @@ namespace watch_detail {
 
 /// A reading is bridged once more. Too long, or too often, and it has failed.
 /// @param every  cycles for which one sample stands
-inline void bridge(const WatchSettings& settings, std::int64_t cycle, Symptom symptom, int every,
-                   WatchedReading& reading) {
+inline void bridge(const FaultMonitorSettings& settings, std::int64_t cycle, Symptom symptom,
+                   int every, MonitoredReading& reading) {
   const auto spike = [&](std::int64_t k) -> std::int64_t& {
     return reading.spike[static_cast<std::size_t>(k % kSpikesKept)];
   };

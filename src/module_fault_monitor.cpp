@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "arrays.hpp"
+#include "fault_tolerant_setup.hpp"
 #include "for_rows.hpp"
-#include "guarding.hpp"
 #include "truepose/kernels.hpp"
 #include "truepose/offline/fastest.hpp"
 
@@ -16,13 +16,13 @@ namespace truepose::python {
 namespace {
 
 /// A watch between one line and the next.
-struct Watching {
-  Guarding guarding;
+struct FaultMonitorRun {
+  FaultTolerantSetup guarding;
   Weights weights;
-  Watch watch;
-  Late late;
+  FaultMonitor watch;
+  Multirate late;
 
-  explicit Watching(const Guarding& given)
+  explicit FaultMonitorRun(const FaultTolerantSetup& given)
       : guarding(given), weights(guarding.robot, &guarding.known) {
     if (guarding.late) require_started(*guarding.late, late);
   }
@@ -31,8 +31,9 @@ struct Watching {
   template <Mobility K>
   Outcome line(const Joint& desired, const Extended& q_e, Extended& believed) {
     late.arrived = arrivals(late.settings, late.cycle);
-    return truepose::watch<K>(guarding.robot, guarding.settings.watch, weights.view(), desired, q_e,
-                              watch, believed, guarding.late ? &late : nullptr);
+    return truepose::monitor_faults<K>(guarding.robot, guarding.settings.watch, weights.view(),
+                                       desired, q_e, watch, believed,
+                                       guarding.late ? &late : nullptr);
   }
 };
 
@@ -46,7 +47,7 @@ auto batch_fastest(const Robot& robot, const Rows& x) {
 /// Lines one after another: what is believed, (N, n + r), every reading's health and symptom, and
 /// of each line the level of the parity, its degrees of freedom, the readings of which one is wrong
 /// as bits, whether nobody will decide which, and the status.
-auto review(Watching& w, const Rows& desired, const Rows& q_e) {
+auto review(FaultMonitorRun& w, const Rows& desired, const Rows& q_e) {
   const std::size_t count = q_e.shape(0), e = q_e.shape(1);
   Owned<double> believed({count, e}), chi2({count});
   Owned<int> health({count, e}), symptom({count, e}), freedom({count}), doubted({count});
@@ -74,41 +75,41 @@ auto review(Watching& w, const Rows& desired, const Rows& q_e) {
 
 }  // namespace
 
-void bind_watch(nb::module_& m) {
+void bind_fault_monitor(nb::module_& m) {
   using namespace nb::literals;
-  nb::class_<WatchSettings>(m, "WatchSettings")
+  nb::class_<FaultMonitorSettings>(m, "FaultMonitorSettings")
       .def(nb::init<>())
-      .def_rw("period", &WatchSettings::period)
-      .def_rw("false_alarm", &WatchSettings::false_alarm)
-      .def_rw("refresh", &WatchSettings::refresh)
-      .def_rw("coast", &WatchSettings::coast)
-      .def_rw("decide", &WatchSettings::decide)
-      .def_rw("replaceable", &WatchSettings::replaceable)
-      .def_rw("spikes", &WatchSettings::spikes)
-      .def_rw("within", &WatchSettings::within)
-      .def_rw("correlation", &WatchSettings::correlation)
-      .def_rw("fastest", &WatchSettings::fastest)
-      .def_rw("moved", &WatchSettings::moved)
-      .def_rw("kp", &WatchSettings::kp)
-      .def_rw("kd", &WatchSettings::kd)
-      .def_rw("rests", &WatchSettings::rests)
-      .def_rw("shaken", &WatchSettings::shaken)
-      .def_rw("low", &WatchSettings::low)
-      .def_rw("high", &WatchSettings::high);
-  nb::class_<GuardSettings>(m, "GuardSettings")
+      .def_rw("period", &FaultMonitorSettings::period)
+      .def_rw("false_alarm", &FaultMonitorSettings::false_alarm)
+      .def_rw("refresh", &FaultMonitorSettings::refresh)
+      .def_rw("coast", &FaultMonitorSettings::coast)
+      .def_rw("decide", &FaultMonitorSettings::decide)
+      .def_rw("replaceable", &FaultMonitorSettings::replaceable)
+      .def_rw("spikes", &FaultMonitorSettings::spikes)
+      .def_rw("within", &FaultMonitorSettings::within)
+      .def_rw("correlation", &FaultMonitorSettings::correlation)
+      .def_rw("fastest", &FaultMonitorSettings::fastest)
+      .def_rw("moved", &FaultMonitorSettings::moved)
+      .def_rw("kp", &FaultMonitorSettings::kp)
+      .def_rw("kd", &FaultMonitorSettings::kd)
+      .def_rw("rests", &FaultMonitorSettings::rests)
+      .def_rw("shaken", &FaultMonitorSettings::shaken)
+      .def_rw("low", &FaultMonitorSettings::low)
+      .def_rw("high", &FaultMonitorSettings::high);
+  nb::class_<FaultTolerantSettings>(m, "FaultTolerantSettings")
       .def(nb::init<>())
-      .def_rw("watch", &GuardSettings::watch)
-      .def_rw("stop", &GuardSettings::stop)
-      .def_rw("stop_lost", &GuardSettings::stop_lost)
-      .def_rw("held", &GuardSettings::held);
-  nb::class_<Guarding>(m, "Guarding")
-      .def(nb::init<const Robot&, const Known&, const GuardSettings&,
-                    const std::optional<LateSettings>&>(),
+      .def_rw("watch", &FaultTolerantSettings::watch)
+      .def_rw("stop", &FaultTolerantSettings::stop)
+      .def_rw("stop_lost", &FaultTolerantSettings::stop_lost)
+      .def_rw("held", &FaultTolerantSettings::held);
+  nb::class_<FaultTolerantSetup>(m, "FaultTolerantSetup")
+      .def(nb::init<const Robot&, const Known&, const FaultTolerantSettings&,
+                    const std::optional<MultirateSettings>&>(),
            "robot"_a, "known"_a, "settings"_a, "late"_a.none());
-  nb::class_<Watching>(m, "Watching")
-      .def(nb::init<const Guarding&>())
+  nb::class_<FaultMonitorRun>(m, "FaultMonitorRun")
+      .def(nb::init<const FaultTolerantSetup&>())
       .def("review", &review, "desired"_a, "q_e"_a)
-      .def("restore", [](Watching& w, int reading) { restore(w.watch, reading); });
+      .def("restore", [](FaultMonitorRun& w, int reading) { acknowledge(w.watch, reading); });
   m.def("fastest", &batch_fastest);
   nb::list symptoms;
   for (const char* name : {"", "missing", "out of range", "too fast", "stuck", "disagrees"})

@@ -5,7 +5,7 @@
 #pragma once
 
 #include "truepose/control/control.hpp"
-#include "truepose/control/watch.hpp"
+#include "truepose/control/fault_monitor.hpp"
 
 namespace truepose {
 
@@ -41,8 +41,8 @@ struct PathClock {
 };
 
 /// Constant during a run.
-struct GuardSettings {
-  WatchSettings watch;
+struct FaultTolerantSettings {
+  FaultMonitorSettings watch;
   Real stop = 0.15;  ///< s in which the robot comes to rest along its path,
   /// and with a lost motor: about twice the time in which a brake closes (20 ms, assumed). The
   /// brake stops that motor wherever the path is by then; the way left to the others is the error.
@@ -53,11 +53,11 @@ struct GuardSettings {
 };
 
 /// What it remembers, and what it says. The caller's; a new one starts anew.
-struct Guard {
-  Watch watch;
-  bool stops = false;        ///< the path is to be left at rest, until restore():
+struct FaultTolerantState {
+  FaultMonitor watch;
+  bool stops = false;        ///< the path is to be left at rest, until acknowledge():
   Real stop = 0;             ///< in so many s, for PathClock::advance(); 0: it goes on
-  std::uint32_t brakes = 0;  ///< motors whose brakes must hold them, as bits, until restore()
+  std::uint32_t brakes = 0;  ///< motors whose brakes must hold them, as bits, until acknowledge()
   Coordinates at{};          ///< the latest setpoint that was answered for
   Joint weight{};            ///< N·m that hold the robot there, once all brakes are asked for
   Real unanswered = 0;       ///< s since a torque was answered for
@@ -67,8 +67,8 @@ struct Guard {
 
 /// A reading that was mended is believed again, and the robot may go on: a new PathClock leads it
 /// from where it stands. What is still wrong stops it again.
-inline void restore(Guard& guard, int reading) {
-  restore(guard.watch, reading);
+inline void acknowledge(FaultTolerantState& guard, int reading) {
+  acknowledge(guard.watch, reading);
   guard.stops = false;
   guard.brakes = 0;
   guard.stop = guard.unanswered = guard.stopping = 0;
@@ -81,21 +81,22 @@ inline constexpr Real kDisbelieved = 1e4;
 ///
 /// A motor whose brake is asked for follows its feed-forward: while the brake closes it slows down
 /// with the others. Once all brakes are asked for, the torques are those that hold the robot at
-/// rest where it was asked to be last. No PD acts on either again before restore().
+/// rest where it was asked to be last. No PD acts on either again before acknowledge().
 ///
 /// @param q_e    as read
 /// @param guard  in and out; `stops` and `brakes` are the caller's to obey
 /// @param late   in and out: of slow and late sensors; nullptr: there are none
 /// @return as control(); `disagree` and a reading: it is not valid, and the robot goes on without
 template <Mobility K>
-Outcome guarded(const Robot& robot, const ControlSettings& settings, const GuardSettings& guarding,
-                const Setpoint& setpoint, const Extended& q_e, ControlState& state,
-                const Weighing& weighing, Guard& guard, Late* late = nullptr) {
+Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settings,
+                               const FaultTolerantSettings& guarding, const Setpoint& setpoint,
+                               const Extended& q_e, ControlState& state, const Weighing& weighing,
+                               FaultTolerantState& guard, Multirate* late = nullptr) {
   constexpr int n = kDof<K>;
   Extended believed = q_e;
-  const Outcome watched =
-      watch<K>(guarding.finest ? *guarding.finest : robot, guarding.watch, weighing,
-               state.started ? state.q_d : motors_of<K>(q_e), q_e, guard.watch, believed, late);
+  const Outcome watched = monitor_faults<K>(
+      guarding.finest ? *guarding.finest : robot, guarding.watch, weighing,
+      state.started ? state.q_d : motors_of<K>(q_e), q_e, guard.watch, believed, late);
   constexpr std::uint32_t all = bit(n) - 1;
   const bool held = guard.brakes == all;
   guard.stops = guard.stops || guard.watch.undecided || guard.watch.lost != 0;
@@ -120,7 +121,7 @@ Outcome guarded(const Robot& robot, const ControlSettings& settings, const Guard
       left = left || (c >= n && !failed);
     }
     if (late) {
-      calm(robot, *late, believed, motor);
+      low_pass(robot, *late, believed, motor);
       weigh(robot, *late, guard.known);
     }
     if (any && !left) now.law = Law::joint;
@@ -139,7 +140,7 @@ Outcome guarded(const Robot& robot, const ControlSettings& settings, const Guard
         (!state.started || !inverse_dynamics<K>(robot, to_pose<K>(guard.at), {}, {}, guard.weight)))
       guard.weight = {};
     for (int i = 0; i < n; ++i) state.torque[i] = limited(robot.chain[i], guard.weight[i]);
-    state.error = state.error_rate = state.integral = {};  // what follows restore() is led in
+    state.error = state.error_rate = state.integral = {};  // what follows acknowledge() is led in
   } else if (outcome) {
     guard.at = setpoint.x;
   } else {  // the last torques are held, but for the PD's of a motor lost in this cycle

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "known.hpp"
-#include "truepose/estimation/learning.hpp"
+#include "truepose/estimation/online_calibrator.hpp"
 
 namespace truepose::python {
 
@@ -24,8 +24,8 @@ class Online {
         full_(full) {}
 
   /// A learner that works on these arrays, believing `nominal` until its first line.
-  Learner learner(const Robot& nominal) {
-    Learner learner;
+  OnlineCalibrator learner(const Robot& nominal) {
+    OnlineCalibrator learner;
     learner.drawn = &drawn_;
     learner.settings.drifts = static_cast<int>(drift_.rows());
     learner.settings.drift = drift_.data();
@@ -66,7 +66,7 @@ class Online {
   }
 
   /// Remembers what is not in the arrays.
-  void take(const Learner& learner) {
+  void take(const OnlineCalibrator& learner) {
     due_ = learner.state.due;
     doubt_ = learner.state.doubt;
     lines_ += learner.lines;
@@ -77,7 +77,7 @@ class Online {
   bool full() const { return full_; }
   long lines() const { return lines_; }
   long left_out() const { return left_out_; }
-  const Doubt& doubt() const { return doubt_; }
+  const ResidualTest& doubt() const { return doubt_; }
   std::vector<double> xi() const { return xi_; }
   RowMatrix root() const { return known_.root; }
 
@@ -89,7 +89,7 @@ class Online {
   std::vector<double> work_, kept_;
   double gate_;
   int due_ = 0;
-  Doubt doubt_;
+  ResidualTest doubt_;
   long lines_ = 0, left_out_ = 0;
   bool full_;
 };
@@ -97,7 +97,7 @@ class Online {
 /// A learner at work; what it has learnt is remembered however the work ends.
 struct Lesson {
   Online& online;
-  Learner learner;
+  OnlineCalibrator learner;
 
   Lesson(Online& of, const Robot& nominal) : online(of), learner(of.learner(nominal)) {}
   ~Lesson() { online.take(learner); }

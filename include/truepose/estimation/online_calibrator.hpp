@@ -4,14 +4,14 @@
 // one more line about ξ, and the controller believes in the robot at ξ̂ from then on.
 #pragma once
 
-#include "truepose/estimation/online.hpp"
+#include "truepose/estimation/online_calibration.hpp"
 #include "truepose/full/linearise.hpp"
 
 namespace truepose {
 
 /// Online self-calibration switched on. The arrays that it points to are the caller's; `robot` is
 /// what the controller believes.
-struct Learner {
+struct OnlineCalibrator {
   const Robot* drawn = nullptr;  ///< as set_parameters takes it
   OnlineSettings settings;
   OnlineState state;
@@ -34,7 +34,7 @@ struct Learner {
 /// `ok` says that all of it was learnt from. `stopped` from the cycle on in which it gave up: the
 /// robot is then the last good one
 template <Mobility K, class Model>
-inline Outcome learn(Learner& learner, const Extended& q_e) {
+inline Outcome calibrate_online(OnlineCalibrator& learner, const Extended& q_e) {
   if (!learner.drawn->finished) return {Status::unfinished, -1};
   const int rows = kDof<K> + learner.drawn->r;
   bool news = learner.lines + learner.left_out == 0;
@@ -58,15 +58,15 @@ inline Outcome learn(Learner& learner, const Extended& q_e) {
 
 /// The same at the level at which the robot is understood.
 template <Mobility K>
-Outcome learn(Learner& learner, const Extended& q_e) {
+Outcome calibrate_online(OnlineCalibrator& learner, const Extended& q_e) {
   if constexpr (kRodByRod<K>)
-    if (learner.drawn->rod_by_rod()) return learn<K, FullModel>(learner, q_e);
-  return learn<K, IdealModel>(learner, q_e);
+    if (learner.drawn->rod_by_rod()) return calibrate_online<K, FullModel>(learner, q_e);
+  return calibrate_online<K, IdealModel>(learner, q_e);
 }
 
 /// Goes back to before the latest lines (online.hpp keeps what it was, where it is gated): one of
 /// their readings has been found to lie, later than it began to.
-inline Outcome forget(Learner& learner) {
+inline Outcome roll_back(OnlineCalibrator& learner) {
   OnlineState& state = learner.state;
   if (!state.kept || state.doubt.lines == 0) return {};
   online_detail::copy_state(state, true);

@@ -22,7 +22,7 @@ inline constexpr Real kNamed = 2;  ///< lines: one must be more often guilty tha
 inline constexpr int kEvery = 4;   ///< lines between states that are kept
 
 /// How far the readings of the last lines disagree. Plain data.
-struct Doubt {
+struct ResidualTest {
   Real evidence = 0;     ///< log of the likelihood ratio since it was last even
   Extended blame{};      ///< lines since then in which each reading alone was wrong
   bool stopped = false;  ///< nothing is learnt any more

@@ -1,0 +1,26 @@
+// What does Python's watch own? The robot as it understands it, and what is known of it.
+#pragma once
+
+#include <optional>
+
+#include "known.hpp"
+#include "multirate.hpp"
+#include "truepose/control/fault_tolerant_control.hpp"
+
+namespace truepose::python {
+
+struct FaultTolerantSetup {
+  Robot robot;
+  Known known;
+  FaultTolerantSettings settings;
+  std::optional<MultirateSettings> late;  ///< of slow and late sensors, if there are any
+
+  FaultTolerantSetup(const Robot& watched, const Known& knowledge,
+                     const FaultTolerantSettings& given,
+                     const std::optional<MultirateSettings>& slow)
+      : robot(watched), known(knowledge), settings(given), late(slow) {
+    prepare(settings.watch);
+  }
+};
+
+}  // namespace truepose::python
