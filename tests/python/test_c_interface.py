@@ -224,7 +224,9 @@ def test_without_masses_what_needs_none_is_exported_and_the_rest_is_named(run, h
     for name in ("left", "right"):  # two robots called h4 in one program
         status, _, said = run("export", "c", "bare.toml", "-o", f"{name}.h", "--name", name)
         assert status == 0
-        assert f"{name}_control and {name}_fault_monitor are left out" in said and "arm_mass" in said
+        assert (
+            f"{name}_control and {name}_fault_monitor are left out" in said and "arm_mass" in said
+        )
         user = f'#include "{name}.h"\n' + user
     (tmp_path / "user.c").write_text(user, encoding="utf-8")
     there = f"-I{HEADER.parents[1]}"

@@ -140,8 +140,8 @@ def require_prompt(robot: Robot, period: float) -> None:
     """Raise where a sensor is slow or late, which the C interface has no entry for."""
     if delays.settings(robot, period) is not None:
         raise InputError(
-            f"{robot.name}: a sensor has `sample_period` or `latency`, which the C interface does not "
-            "support: choose others (--sensors)"
+            f"{robot.name}: a sensor has `sample_period` or `latency`, which C does not have: "
+            "choose other sensors (--sensors)"
         )
 
 

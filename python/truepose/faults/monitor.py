@@ -145,7 +145,9 @@ class FaultMonitor:
         settings.watch, settings.stop, settings.stop_lost = watch, self.stop, self.stop_lost
         yields = robot if self.effects is None else _yielding(robot, self.effects)
         slow = delays.settings(robot, controller.period)
-        return _core.FaultTolerantSetup(finest.core, knowledge.knowledge(yields).core, settings, slow)
+        return _core.FaultTolerantSetup(
+            finest.core, knowledge.knowledge(yields).core, settings, slow
+        )
 
     def review(
         self, robot: Robot, q_e: ArrayLike, desired: ArrayLike | None = None, period: float = 1e-3

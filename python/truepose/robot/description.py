@@ -220,7 +220,7 @@ class Description:
     def coordinates(self) -> tuple[tuple[str, str], ...]:
         """Name and unit of each coordinate of x."""
         if self._spec.mobility == "rotational":
-            return tuple((axis.name, "rad") for axis in self._spec.axis)
+            return tuple((axis.name, "rad") for axis in self._spec.passive_axis)
         return COORDINATES[self._spec.mobility]
 
     @property

@@ -44,7 +44,7 @@ def draw(robot: Robot, x: ArrayLike | None = None) -> Figure:
     for number, (base, chain) in enumerate(zip(points[:, 0], robot.spec.chain, strict=True), 1):
         place = _label(base, points[:, 0], number - 1, size, planar)
         if chain.actuator == "revolute" and not planar:  # opposite to the arm
-            place = base - 0.12 * size * np.array(chain.zero)
+            place = base - 0.12 * size * np.array(chain.arm_zero)
         if chain.actuator == "prismatic":  # at an end of the rail that no rod hides
             rail = next(p for part, p, _ in parts if part == "rail" and _on(p, base))
             end, beyond = (rail[1], 1) if chain.axis[2] > 0 else (rail[0], -1)

@@ -118,7 +118,7 @@ class Mechanism:
         """The mount at position 0; of carriages and legs x is near the rods' direction at home."""
         chain = self.chains[i]
         if chain.actuator == _core.Actuator.revolute:
-            return axes(chain.arm_zero, chain.axis)
+            return axes(chain.zero, chain.axis)
         D, R, psi, position = pose
         along = self.anchor(i, 0, D, R, psi) - self.elbow(i, 0, position[i])
         if chain.rod_spacing > 0:

@@ -120,8 +120,8 @@ class Model(Mechanism):
         motor = {
             "name": f"motor{i + 1}",
             "ref": p,
-            "damping": chain.viscous_friction,
-            "frictionloss": chain.coulomb_friction + effects.motor_friction,
+            "damping": chain.viscous,
+            "frictionloss": chain.coulomb + effects.motor_friction,
         }
         if chain.actuator == _core.Actuator.telescopic:
             for rod, side in self.rods(i):
