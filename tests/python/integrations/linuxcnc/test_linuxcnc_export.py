@@ -77,9 +77,11 @@ def test_corrections_of_robots_within_their_tolerances_are_accepted(h4):
         true = h4.sample(100 + k)
         for kind, rest in enumerate((tp.steady_state(h4, true, x_d, "tej"), x_d)):
             e_q[k, kind] = h4.ikm(x_d) - true.ikm(rest)
-    largest = np.abs(e_q).max(axis=(0, 2, 3))
-    assert accepted / 3 < largest[0] < accepted  # as exported
-    assert largest[1] < corrections(h4, tp.Controller())[1].max()  # and as learnt
+    largest = np.abs(e_q).max(axis=(0, 2))  # of each motor
+    exported, learnt = corrections(h4, tp.Controller())
+    assert exported.max() < accepted < 1.05 * exported.max()  # what counts add
+    assert (exported / 3 < largest[0]).all() and (largest[0] < exported).all()
+    assert (largest[1] < learnt).all()
     assert corrections(tp.load("delta"), tp.Controller(law="joint"))[0].max() == 0
 
 
