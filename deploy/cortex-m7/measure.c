@@ -112,7 +112,7 @@ static int start(const entry* asked) {
   at_cycle(0);
   at_cycle(0);
   return truepose_controller_init(&controller, sizeof controller, &settings).status == 0 &&
-         truepose_fault_monitor_init(&guard, sizeof guard, &ITS(watch)).status == 0 &&
+         truepose_fault_monitor_init(&guard, sizeof guard, &ITS(fault_monitor)).status == 0 &&
          truepose_online_calibrator_init(&learner, sizeof learner, &model, &ITS(knowledge), memory,
                                          MEMORY)
                  .status == 0;

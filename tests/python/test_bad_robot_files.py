@@ -68,7 +68,7 @@ SPOILED = [
     ("axis = [0.0, 1.0, 0.0]", "axis = 1", "chain.1.axis = 1: must be a list"),
     ("axis = [0.0, 1.0, 0.0]", "axis = [0.0, 1.0]", "chain.1.axis.3: is missing"),
     ("axis = [0.0, 1.0, 0.0]", "axis = [0, 2, 0]", r"chain.1.axis = .*: must have length 1, has 2"),
-    ("axis = [0.0, 1.0, 0.0]", "axis = [1, 0, 0]", "chain.1: 'zero' must be normal to 'axis'"),
+    ("axis = [0.0, 1.0, 0.0]", "axis = [1, 0, 0]", "chain.1: 'arm_zero' must be normal to 'axis'"),
     ("[workspace]", "[[workspace]]", "workspace: must be a table"),
     ("[chain_defaults]", "[[chain_defaults]]", "chain_defaults: must be a table"),
     ('"schoenflies"', '"schonflies"', "mobility = 'schonflies': input should be 'planar_transl"),

@@ -60,7 +60,7 @@ def test_in_single_precision_an_h4_fits_a_board_without_a_double_unit(said, tmp_
     for entry in ("IKM", "FKM, from the last cycle's pose", "TEJ", "control, TEJ"):
         assert row(single, entry)[0] < row(said, entry)[0]
     assert row(single, "control")[0] <= 40
-    assert row(single, "redundant, full feed-forward")[0] <= 10_000
+    assert row(single, "TEJ, full feed-forward")[0] <= 10_000
 
 
 def test_an_ankle_answers_there_as_elsewhere_and_costs_less_than_an_h4(said, tmp_path):

@@ -111,7 +111,10 @@ def test_the_reference_has_every_public_name(site):
     modules = {name for name in tp.__all__ if inspect.ismodule(getattr(tp, name))}
     inner = {f"{room}.{name}" for room in modules for name in getattr(tp, room).__all__}
     assert set(names) == {*tp.__all__} - modules | inner
-    assert all(f":: {name}\n" in told for name in names)
+    for name in names:
+        *room, last = name.split(".")
+        where = ".".join(["truepose", *room])
+        assert re.search(rf"currentmodule:: {where}\n\n.. auto\w+:: {last}\n", told), name
 
 
 def pages() -> list[Path]:

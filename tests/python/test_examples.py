@@ -13,7 +13,7 @@ SHOWN = {
         "the motors see, degrees: 0.0",
         "θ's encoder sees",
         "joint  ",
-        "redundant  ",
+        "tej  ",
         "cartesian  position",
     ],
     "03_simulate_the_move.py": ["ideal robot        end:  0.000 mm", "cartesian", "(401, 5)"],

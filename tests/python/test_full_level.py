@@ -13,10 +13,10 @@ mobility = "schoenflies"
 home = [0.0, 0.0, -0.7, 0.0]
 chain_defaults = { actuator = "revolute", arm = 0.375, rod = 0.8 }
 chain = [
-  { base = [0.2, 0.2, 0], zero = [0.6, 0.8, 0], axis = [-0.8, 0.6, 0], anchor = [0, 0.06, 0], bar = 1 },
-  { base = [-0.2, 0.2, 0], zero = [-0.6, 0.8, 0], axis = [-0.8, -0.6, 0], anchor = [0, 0.06, 0], bar = 2 },
-  { base = [-0.2, -0.2, 0], zero = [-0.6, -0.8, 0], axis = [0.8, -0.6, 0], anchor = [0, -0.06, 0], bar = 2 },
-  { base = [0.2, -0.2, 0], zero = [0.6, -0.8, 0], axis = [0.8, 0.6, 0], anchor = [0, -0.06, 0], bar = 1 },
+  { base = [0.2, 0.2, 0], arm_zero = [0.6, 0.8, 0], axis = [-0.8, 0.6, 0], anchor = [0, 0.06, 0], bar = 1 },
+  { base = [-0.2, 0.2, 0], arm_zero = [-0.6, 0.8, 0], axis = [-0.8, -0.6, 0], anchor = [0, 0.06, 0], bar = 2 },
+  { base = [-0.2, -0.2, 0], arm_zero = [-0.6, -0.8, 0], axis = [0.8, -0.6, 0], anchor = [0, -0.06, 0], bar = 2 },
+  { base = [0.2, -0.2, 0], arm_zero = [0.6, -0.8, 0], axis = [0.8, 0.6, 0], anchor = [0, -0.06, 0], bar = 1 },
 ]
 bar = [{ direction = [1, 0, 0], pivot = 0.06 }, { direction = [-1, 0, 0], pivot = 0.06 }]
 nacelle = { bars = "four_bar" }

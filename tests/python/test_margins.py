@@ -182,7 +182,7 @@ def test_a_sensor_alone_may_be_so_much_stronger(h4):
     [
         ({"controller": tp.Controller(), "period": 1e-3}, "period: the Controller has its own"),
         ({"controller": "usual"}, "unknown law 'usual'"),
-        ({"period": 0.05}, r"h4: period 0\.05 s: the TEJ law cannot hold it"),
+        ({"period": 0.05}, r"h4: period 0\.05 s: the tej law cannot hold it"),
         ({"period": -1.0}, "period = -1.0: must be"),
         ({"poses": []}, "poses: shape"),
         (
@@ -203,7 +203,7 @@ def test_the_command_says_what_the_function_says(run, h4, tmp_path):
     assert status == 0 and "least of home and 16 corners" in err
     assert (tmp_path / "loops.svg").stat().st_size > 1e4
     assert said["gains"][0]["poles (rad/s)"] == found.controller.frequency
-    rows = {row["loop"]: row for row in said["margins_redundant"]}
+    rows = {row["loop"]: row for row in said["margins_tej"]}
     assert list(rows) == list(found.loops)
     worst_one = found.worst("theta")
     assert rows["theta"]["phase (°)"] == pytest.approx(np.degrees(worst_one.phase))
@@ -214,9 +214,9 @@ def test_the_command_says_what_the_function_says(run, h4, tmp_path):
 
 def test_the_command_looks_at_gains_of_ones_own_and_names_what_is_unstable(run):
     status, out, _ = run("margins", "h4", "--law", "tej", "--gains", "150")
-    assert status == 0 and "redundant: unstable at 17 of 17 poses." in out
+    assert status == 0 and "tej: unstable at 17 of 17 poses." in out
     status, out, _ = run("margins", "h4", "--law", "tej", "--gains", "50,300")
-    assert "redundant: does not keep 6 dB, 30° and two cycles." in out
+    assert "tej: does not keep 6 dB, 30° and two cycles." in out
     # Laws that are refused are named beside those that are not.
     status, out, err = run(
         *("margins", "h4", "--law", "joint", "--law", "tej"),

@@ -128,9 +128,9 @@ def test_yaw_adds_to_alpha_and_tilt_turns_u_about_e(h4, chain, yaw, tilt):
     """The arm, drawn by hand with its turned axes, still ends one rod away from A."""
     robot = h4.replace({f"chain{chain}.yaw": yaw, f"chain{chain}.tilt": tilt})
     spec, z = h4.spec.chain[chain - 1], np.array([0, 0, 1.0])
-    alpha = np.arctan2(spec.zero[1], spec.zero[0]) + yaw
+    alpha = np.arctan2(spec.arm_zero[1], spec.arm_zero[0]) + yaw
     e = np.array([np.cos(alpha), np.sin(alpha), 0])
-    u = turned(turned(np.array(spec.passive_axis), z, yaw), e, tilt)
+    u = turned(turned(np.array(spec.axis), z, yaw), e, tilt)
     q = robot.ikm(X_D)[chain - 1]
     B = np.array(spec.base) + 0.26 * (np.cos(q) * e + np.sin(q) * np.cross(u, e))
     c, s = 0.06 * np.cos(X_D[3]), 0.06 * np.sin(X_D[3])

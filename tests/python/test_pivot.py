@@ -130,29 +130,29 @@ SPOILED = [
         r"g1-ankle: home = \[0.0, 0.0\]: beyond a joint limit of axis roll: 0 of \[0.1, 0.2\]",
     ),
     (
-        '"pivot"',
+        '"rotational"',
         '"planar_translation"',
-        "axis: passive axes are those of mobility pivot, not of planar",
+        "passive_axis: needs mobility rotational, not planar",
     ),
-    ('"pivot"', '"pivots"', "mobility = 'pivots': input should be .* 'pivot'"),
+    ('"rotational"', '"rotations"', "mobility = 'rotations': input should be .* 'rotational'"),
     ("axis = 2\n", "axis = 3\n", "sensor roll_encoder: axis = 3, but the file has 2 axes"),
     ('"axis2.origin.z"', '"axis3.origin.z"', "tolerances: unknown parameter 'axis3.origin.z'"),
     ('name = "foot_roll"', 'name = "axis2"', "sensor.4.name = 'axis2': is what a chain, a bar"),
     (
         "[platform]",
         "[[bar]]\ndirection = [1, 0, 0]\npivot = 0.1\n[platform]",
-        "bar: the nacelle of a pivot has no lateral bars",
+        "bar: a rotational platform has no lateral bars",
     ),
     (
         "[[sensor]]",
         '[[passive_axis]]\nname = "toe"\ndirection = [1, 0, 0]\n[[sensor]]',
-        "a pivot of 3 axes: give 3 chains, not 2; 1 of the nacelle's freedoms would be held by",
+        "a platform on 3 passive axes: give 3 chains, not 2; 1 of the nacelle's freedoms would be held by",
     ),
     (
         "[[sensor]]",
         "".join(f'[[passive_axis]]\nname = "t{k}"\ndirection = [1, 0, 0]\n' for k in range(2))
         + "[[sensor]]",
-        "4 axes: a pivot has 1 to 3, a table",
+        "4 passive axes: a rotational platform has 1 to 3, a table",
     ),
 ]
 
@@ -176,7 +176,7 @@ def test_rods_through_their_axes_give_no_torque(chains):
     chain = list(spec.chain)
     for i in chains:
         anchor = np.array([0.0 if chains == (0,) else -0.041, 0.0, 0.0])
-        B = np.array(chain[i].base) + chain[i].arm * np.array(chain[i].zero)
+        B = np.array(chain[i].base) + chain[i].arm * np.array(chain[i].arm_zero)
         through = {"anchor": tuple(anchor), "rod": float(np.linalg.norm(B - anchor))}
         chain[i] = chain[i].model_copy(update=through)
     said = (
@@ -192,7 +192,7 @@ def test_sensors_of_other_mobilities_are_refused(h4_text, g1, tmp_path):
     path = tmp_path / "robot.toml"
     more = '\n[[sensor]]\nname = "a"\nkind = "axis_angle"\naxis = 1\n'
     path.write_text(h4_text + more, encoding="utf-8")
-    with pytest.raises(tp.RobotFileError, match="sensor a: axis_angle needs mobility pivot"):
+    with pytest.raises(tp.RobotFileError, match="sensor a: axis_angle needs mobility rotational"):
         tp.load(path)
     more = '\n[[sensor]]\nname = "a"\nkind = "platform_angle"\n'
     path.write_text(g1 + more, encoding="utf-8")

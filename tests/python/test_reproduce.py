@@ -80,7 +80,7 @@ def test_the_virtual_experiment_joins_the_report(with_experiment):
     assert "truepose reproduce --robots 1 --seed 0 --experiment" in page
     names = {path.name for path in out.iterdir()}
     assert {"experiment-exact.png", "twin_controls_exact.csv", "forgotten.csv"} <= names
-    assert {f"experiment-exact-redundant.{e}" for e in ("csv", "parquet", "mcap")} <= names
+    assert {f"experiment-exact-tej.{e}" for e in ("csv", "parquet", "mcap")} <= names
 
 
 def test_without_mujoco_one_line_says_how_to_get_it(with_experiment):
@@ -176,7 +176,7 @@ def test_the_csv_hold_the_numbers_behind_the_tables(made):
     assert len(statistics) == 8 * 5 * 5 * 4
     poses = rows(out / "poses.csv")
     assert len(poses) == 625
-    theta = np.array([float(pose["error_redundant_theta_deg"]) for pose in poses])
+    theta = np.array([float(pose["error_tej_theta_deg"]) for pose in poses])
     kept = next(
         float(row["value"])
         for row in statistics
@@ -205,7 +205,7 @@ def test_the_report_sets_faults_without_a_watch_beside_those_with_one(made):
     for law in LAWS:
         alone, watched = table["none"][f"{law} (mm, °)"].split(" → ")
         assert alone == watched
-    alone, watched = table["θ: stuck"]["redundant (mm, °)"].split(" → ")
+    alone, watched = table["θ: stuck"]["tej (mm, °)"].split(" → ")
     assert alone.endswith("(1)") and float(watched.split(",")[0]) < 1
 
 

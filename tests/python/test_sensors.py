@@ -234,9 +234,9 @@ def test_an_inclinometer_reads_against_the_files_gravity(any_robot):
     [
         ('name = "e"\nkind = "rod_in_plane"\nchain = 5', "chain = 5, of 4 chains"),
         ('name = "e"\nkind = "rod_in_plane"', "chain: is missing"),
-        ('name = "e"\nkind = "rod_in_plane"\nchain = 1\nside = "arm"', "'base' or 'nacelle'"),
+        ('name = "e"\nkind = "rod_in_plane"\nchain = 1\nside = "arm"', "'base' or 'platform'"),
         ('name = "e"\nkind = "rod_length"\nchain = 1\nrod = 1', "'+' or '-'"),
-        ('name = "e"\nkind = "telemetre"', "did you mean 'telemeter'"),
+        ('name = "e"\nkind = "plane_distanse"', "did you mean 'plane_distance'"),
         ('name = "e"\nkind = "distance"', "origin: is missing"),
     ],
 )

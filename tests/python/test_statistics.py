@@ -60,10 +60,10 @@ def test_the_robot_files_workspace_is_table_2(h4, table2):
     ("law", "quantity", "statistic", "printed"),
     [
         ("usual", "x", "average", 2.4),
-        ("tej", "y", "sum_sq", 23100),
+        ("redundant", "y", "sum_sq", 23100),
         ("usual", "theta", "peak_to_peak", 3.31),
-        ("tej", "theta", "sum_sq", 128),
-        ("tej", "norm_xyz", "average", 8.2),
+        ("redundant", "theta", "sum_sq", 128),
+        ("redundant", "norm_xyz", "average", 8.2),
         ("usual", "z", "average_abs", 3.9),
     ],
 )
@@ -78,8 +78,8 @@ def test_the_published_scatter_of_theta_is_what_the_derivation_says():
         bias[law] = table["theta", "average"]
         scatter[law] = np.sqrt(table["theta", "sum_sq"] / 625 - bias[law] ** 2)
     assert scatter["usual"] == pytest.approx(0.517, abs=1e-3)
-    assert scatter["tej"] == pytest.approx(0.452, abs=1e-3)
-    assert abs(bias["usual"] / bias["tej"]) == pytest.approx(16)
+    assert scatter["redundant"] == pytest.approx(0.452, abs=1e-3)
+    assert abs(bias["usual"] / bias["redundant"]) == pytest.approx(16)
 
 
 def test_the_move_is_that_of_figures_11_to_13():

@@ -297,8 +297,8 @@ def test_a_simulation_of_a_robot_whose_rods_give_way_says_that_it_has_them_stiff
 
 
 SPOILT = {
-    "[compliance]\ncompliance = -1e-6": "compliance.all_chains = -1e-06: input should be",
-    "[compliance]\nload = [0.0, 1.0]": "stretch.load",
+    "[compliance]\nall_chains = -1e-6": "compliance.all_chains = -1e-06: input should be",
+    "[compliance]\nload = [0.0, 1.0]": "compliance.load",
     "[compliance]\nstiffness = 1e6": "unknown key 'stiffness'",
     '[parameters]\n"chain9.compliance" = 1e-6': "unknown parameter 'chain9.compliance'",
 }

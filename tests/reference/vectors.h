@@ -1562,7 +1562,7 @@ static const truepose_control_settings g1_ankle_control = {
   {0.0}, /* ki */
 };
 
-static const truepose_fault_monitor_settings g1_ankle_watch = {
+static const truepose_fault_monitor_settings g1_ankle_fault_monitor = {
   64, 5, 20, 3, 1000, 0, /* refresh, coast, decide, spikes, within */
   0.001, /* period */
   2.7777777777777777e-10, /* false_alarm */

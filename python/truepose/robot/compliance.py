@@ -22,8 +22,8 @@ from truepose.arguments import Array, Errors, Level, numbers_of
 from truepose.exceptions import InputError
 from truepose.robot.batches import flattened, require_answers
 from truepose.robot.description import Description
-from truepose.robotfile.schema import Compliance
-from truepose.robotfile.to_core import COMMON, padded
+from truepose.robotfile.schema import COMMON, Compliance, is_compliance
+from truepose.robotfile.to_core import padded
 
 #: Steps of a fixed point, each smaller by about the strain and how fast the tension changes.
 STEPS = 50
@@ -111,7 +111,7 @@ class Loaded(Description):
     @functools.cached_property
     def rigid(self) -> Self:
         """The robot with rods that do not give way: as controllers have it."""
-        return self.replace({name: 0.0 for name in self.parameters if name.endswith("compliance")})
+        return self.replace({name: 0.0 for name in self.parameters if is_compliance(name)})
 
     def with_payload(self, force: ArrayLike) -> Self:
         """Return a copy that carries another load, N, on its reference point, base frame.
@@ -131,7 +131,7 @@ class Loaded(Description):
         table = (self._spec.compliance or Compliance()).model_copy(
             update={"load": tuple(given.tolist())}
         )
-        return self._with(stretch=table)
+        return self._with(compliance=table)
 
     def rod_forces(
         self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None
@@ -219,7 +219,7 @@ def warn_if_stiff(robot: Loaded, what: str) -> None:
 def unknown(robot: Loaded) -> list[str]:
     """Names of the compliances that are not known exactly (σ > 0)."""
     known = robot.parameters
-    return [n for n, p in known.items() if n.endswith(".compliance") and p.sigma > 0]
+    return [n for n, p in known.items() if is_compliance(n) and p.sigma > 0]
 
 
 def columns(robot: Loaded, names: Sequence[str], by_compliance: Array) -> Array:

@@ -13,6 +13,7 @@ from truepose.exceptions import InputError
 from truepose.robot import compliance
 from truepose.robot.batches import at_poses, flattened, require_answers
 from truepose.robot.compliance import Loaded
+from truepose.robotfile.schema import is_compliance
 from truepose.robotfile.to_core import columns, padded
 
 
@@ -392,7 +393,7 @@ class Kinematics(Loaded):
         if self._spec.stretches:
             by = compliance.under_load(self, rows, self.is_full(level))
             require_answers(self, "pose", rows, lead, by.status, by.chain, errors)
-            of_load = [name for name in names if name.endswith(".compliance")]
+            of_load = [name for name in names if is_compliance(name)]
             at = [names.index(name) for name in of_load]
             H[..., at] = compliance.columns(self, of_load, by.by_compliance)
         size = self.n + self.r

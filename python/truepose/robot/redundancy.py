@@ -258,7 +258,7 @@ class Redundancy(Kinematics):
         >>> for law in ("joint", "tej", "weighted"):  # of motor 3, and of θ's sensor, into θ
         ...     print(law, robot.cross_sensitivity(x, law)[3, [2, 4]].round(3) + 0.0)
         joint [2.546 0.   ]
-        redundant [ 0.186 -0.927]
+        tej [ 0.186 -0.927]
         weighted [ 0.001 -0.999]
         """
         if law not in _core.laws:

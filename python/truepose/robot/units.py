@@ -9,6 +9,7 @@ import numpy as np
 from truepose import _core
 from truepose.arguments import Array
 from truepose.robot.description import Description
+from truepose.robotfile.schema import is_compliance
 from truepose.robotfile.to_core import file_key
 
 
@@ -26,7 +27,7 @@ def unit_of(robot: Description, name: str) -> str:
         return coordinates[name]
     if part.startswith("axis") and part.removeprefix("axis").isdigit():
         return dict(_core.axis_parameters)[key]
-    if key == "compliance":
+    if is_compliance(name):
         return "1/N"
     if part.startswith("bar") and part.removeprefix("bar").isdigit():
         return "m"

@@ -33,7 +33,7 @@ def problems(data: dict) -> Iterator[_Problem]:
     if mobility == "rotational":
         yield from _rotational(data, axes, bars)
     elif axes:
-        yield ("passive_axis",), f"passive_axis: needs mobility rotational, not of {mobility}"
+        yield ("passive_axis",), f"passive_axis: needs mobility rotational, not {mobility}"
     if len(bars) > _core.max_bars:
         text = f"{len(bars)} bars: a nacelle has at most {_core.max_bars} here"
         yield ("bar", _core.max_bars), text

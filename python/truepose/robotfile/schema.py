@@ -49,12 +49,21 @@ def not_degrees(what: str, angles: float | Sequence[float]) -> None:
         )
 
 
+#: The compliance that all chains share, as a parameter.
+COMMON = "compliance.all_chains"
+
+
+def is_compliance(parameter: str) -> bool:
+    """Whether a parameter, or a glob of parameters, is a compliance: of one chain or of all."""
+    return parameter == COMMON or parameter.endswith(".compliance")
+
+
 def speaks_of_compliance(table: object, own: Iterable[object], names: Iterable[object]) -> bool:
     """Whether a file says anything of compliance: its table, its chains' own, its parameters'."""
     return (
         table is not None
         or any(compliance is not None for compliance in own)
-        or any(str(name).endswith("compliance") for name in names)
+        or any(is_compliance(str(name)) for name in names)
     )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from truepose import _core
 from truepose.arguments import Array
 from truepose.exceptions import RobotFileError
-from truepose.robotfile.schema import Chain, Compliance, PassiveAxis, RobotFile
+from truepose.robotfile.schema import COMMON, Chain, Compliance, PassiveAxis, RobotFile
 from truepose.robotfile.sensors import AxisAngle, Encoder, Sensor, SensorSection
 
 #: Mobilities whose chains are spatial parallelograms, two rods each.
@@ -19,9 +19,6 @@ PAIRED = ("translation", "schoenflies")
 
 #: Amplitudes of an encoder's eccentricity: cosine and sine of one turn, of two.
 HARMONICS = ("c1", "s1", "c2", "s2")
-
-#: Of all chains alike.
-COMMON = "compliance.all_chains"
 
 _COMPONENTS = {name: k for names in ("xyz", HARMONICS) for k, name in enumerate(names)}
 

@@ -56,7 +56,7 @@ class Simulation:
     >>> import truepose as tp
     >>> h4 = tp.load("h4").without_quantization()
     >>> tp.simulate(h4, h4.replace({"chain1.rod": 0.483}))
-    h4 under redundant control, 0.4 s, 401 periods: ok
+    h4 under tej control, 0.4 s, 401 periods: ok
     position: 3.66 mm off at most, 3.36 mm at the end; turn: 0.00591°, 0.00591°
     """
 
