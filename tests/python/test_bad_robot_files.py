@@ -96,7 +96,7 @@ SPOILED = [
     (
         "0.010] }",
         "0.010], price_steps = [{ sigma = 1, price = 2 }] }",
-        r"tolerances.chain\*.rod: finer: sigma = 1: must be less than 0.003753",
+        r"tolerances.chain\*.rod: price_steps: sigma = 1: must be less than 0.003753",
     ),
     (
         "0.010] }",

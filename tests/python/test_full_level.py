@@ -19,7 +19,7 @@ chain = [
   { base = [0.2, -0.2, 0], arm_zero = [0.6, -0.8, 0], axis = [0.8, 0.6, 0], anchor = [0, -0.06, 0], bar = 1 },
 ]
 bar = [{ direction = [1, 0, 0], pivot = 0.06 }, { direction = [-1, 0, 0], pivot = 0.06 }]
-nacelle = { bars = "four_bar" }
+platform = { bars = "four_bar" }
 """  # noqa: E501
 
 LINEAR_DELTA = """

@@ -146,7 +146,7 @@ SPOILED = [
     (
         "[[sensor]]",
         '[[passive_axis]]\nname = "toe"\ndirection = [1, 0, 0]\n[[sensor]]',
-        "a platform on 3 passive axes: give 3 chains, not 2; 1 of the nacelle's freedoms would be held by",
+        "a platform on 3 passive axes: give 3 chains, not 2; 1 of the nacelle's freedoms would be",
     ),
     (
         "[[sensor]]",

@@ -126,7 +126,7 @@ def test_poses_out_of_reach_are_told_and_left_empty(run, tmp_path):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("--law", "tej"), "--law"),
+        (("--law", "tejs"), "--law"),
         (("--effects", "gravity"), "--effects: unknown effect 'gravity' (choices: all, none, "),
         (("--to", "1,2"), "--to 1,2: must be 4 numbers, x,y,z,theta (m, rad)"),
         (("--to", "0,0,-3,0"), "h4: end of the move: pose x = [0, 0, -3, 0]: chain 1: unreachable"),

@@ -88,8 +88,8 @@ def c(
     if not made.has_inertia:
         say(
             f"{made.name}: the file has no masses (drive_inertia, arm_mass, rod_mass, nacelle's): "
-            f"{prefix}_control and {prefix}_fault_monitor are left out; kinematics, Jacobian, TEJ and "
-            "calibration are written",
+            f"{prefix}_control and {prefix}_fault_monitor are left out; kinematics, Jacobian, "
+            "TEJ and calibration are written",
             err=True,
         )
     elif frequency is None:
