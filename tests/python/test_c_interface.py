@@ -244,9 +244,7 @@ def test_a_prefix_that_c_does_not_take_is_refused_with_one_that_it_takes(run, na
 def test_a_slow_sensor_is_refused_by_name():
     h4 = tp.load("h4")
     late = [s.model_copy(update={"sample_period": 0.01}) for s in h4.spec.sensor]
-    with pytest.raises(
-        tp.InputError, match=r"h4: a sensor has `sample_period`.*--sensors"
-    ):
+    with pytest.raises(tp.InputError, match=r"h4: a sensor has `sample_period`.*--sensors"):
         tables(tp.Robot(h4.spec.model_copy(update={"sensor": late})))
 
 
