@@ -42,6 +42,7 @@ test-cpp: build/asan/build.ninja
 
 lint: $(VENV)/developing
 	ruff check .
+	python tools/plain_english.py
 	ruff format --check .
 	PYTHONPATH=python lint-imports --no-cache
 	@cp -p $(VENV)/lib/python3*/site-packages/truepose/_core.pyi python/truepose # built with the module

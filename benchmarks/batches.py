@@ -1,4 +1,4 @@
-"""What does Python add to the core, and what do more cores give? Batches of 1e5 poses.
+"""Cost that Python adds to the core, and gain of more processor cores. Batches of 1e5 poses.
 
     cmake --preset dev && cmake --build --preset dev --target benchmark_core
     python benchmarks/batches.py --core build/dev/benchmarks/benchmark_core

@@ -1,4 +1,4 @@
-// How long does one call take? Repeats, their median and minimum, a table or JSON.
+// Time of one call: repeats, their median and minimum, a table or JSON.
 #pragma once
 
 #include <algorithm>

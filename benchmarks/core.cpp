@@ -1,4 +1,4 @@
-// How fast is the core? Times of one call each; --json prints them for programs.
+// Speed of the core: the time of one call each.
 #include <cstring>
 
 #include "bench.hpp"

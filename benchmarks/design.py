@@ -1,4 +1,4 @@
-"""How long does it take to prove five of twenty sensors the best, and how near is greedy?
+"""Time to prove five of twenty sensors optimal, and gap of the greedy choice.
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/design.py [--robots h4 delta stewart]
         [--candidates 20] [--of 5]

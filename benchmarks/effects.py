@@ -1,4 +1,4 @@
-"""Prints the tables of docs/effects.md: what does each effect take from self-calibration?
+"""Tables of docs/effects.md: how much of self-calibration's gain each effect removes.
 
 effects.py [--robots 16] [--seed 0]      # a minute a robot on one core
 """

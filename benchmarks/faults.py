@@ -1,4 +1,4 @@
-"""Prints the table of docs/what-faults-do.md: what does a lying reading do, unwatched and watched?
+"""Table of docs/what-faults-do.md: effect of sensor faults with and without monitor.
 
 faults.py [--moves 30] [--seed 0] [--calibrated]      # minutes on one core
 

@@ -1,4 +1,4 @@
-// How many instructions does one call execute? The functions f_… that instructions.py counts, call
+// Instruction count of each call. The functions f_… that instructions.py counts, call
 // by call: at poses of the box, and on inputs that no robot should meet. A count is the same on
 // every run, whatever else the machine does; a time is not.
 #if __has_include(<valgrind/callgrind.h>)

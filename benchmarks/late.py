@@ -1,4 +1,4 @@
-"""Prints the table of docs/late.md: does a camera that is slow and late help the estimated law?
+"""Table of docs/late.md: gain of a slow and delayed camera under the estimated law.
 
 late.py [--robots 100] [--jobs 2]
 

@@ -1,4 +1,4 @@
-/* How late does a control cycle wake on this machine, and how long does it take? A guarded
+/* Wake-up latency and duration of a control cycle on this machine. A guarded
  * TEJ cycle of the H4 every millisecond, as a controller would run it: memory locked, first
  * in first out, on one core. docs/real-time.md has the command; seconds and priority are arguments.
  */

@@ -1,4 +1,4 @@
-"""Does every shipped robot rest with all effects on, under the gains that are chosen for it?
+"""Residual motion of every shipped robot with all effects, under its chosen gains.
 
     python benchmarks/margins.py [--robots h4 …] [--rates 1 2 …] [--seeds 3]    # ten minutes
 

@@ -1,4 +1,4 @@
-"""Prints the table of docs/accuracy.md: what does a fault do to a filter that learns online?
+"""Table of docs/accuracy.md: effect of faults on the online calibration filter.
 
 online_faults.py [--robots 4] [--lines 10000]      # a minute on one core
 

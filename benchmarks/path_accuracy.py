@@ -1,4 +1,4 @@
-"""Prints the tables of docs/path-accuracy.md: how well do H4s follow a circle and a square?
+"""Tables of docs/path-accuracy.md: H4s on a circle and a square.
 
 path_accuracy.py contour [--robots 20] [--jobs 1]    # 2 Hz, the geometry known exactly
 path_accuracy.py slow [--robots 20] [--jobs 1]       # 0.1 Hz, calibrated, beside rest;

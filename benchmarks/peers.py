@@ -1,4 +1,4 @@
-"""How fast are the peers on the same problem? Pinocchio and MuJoCo beside truepose, in one run.
+"""Speed beside Pinocchio and MuJoCo on the same problem, in one run.
 
     pip install ".[peers]" && python benchmarks/peers.py --core build/dev/benchmarks/benchmark_core
 

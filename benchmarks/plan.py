@@ -1,4 +1,4 @@
-"""What do planned calibration poses buy, beside random ones?
+"""Gain of planned calibration poses over random ones.
 
     python benchmarks/plan.py [--robots h4 …] [--poses 10 30] [--sets 200] [--drawn 0] # 5 minutes
     python benchmarks/plan.py --logged 15                                              # 1 minute

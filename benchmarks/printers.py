@@ -1,4 +1,4 @@
-"""Are estimates of printers as good as they say? Prints the table of docs/guides/delta-printer.md.
+"""Coverage of printers' stated σ: the table of docs/guides/delta-printer.md.
 
 Printers drawn from what `truepose klipper` assumes of them, their noise between 0.01 and 0.1 mm,
 probed at Klipper's seven points, or more, and with distances measured on Klipper's printed object.

@@ -1,4 +1,4 @@
-"""Are anchors of sleds as good as they say? Prints the table of docs/guides/maslow.md.
+"""Coverage of sleds' stated σ: the table of docs/guides/maslow.md.
 
 Sleds drawn from what `truepose maslow` assumes of belts, anchors 20 mm about a frame, 48 poses read
 with σ = 0.5 mm. 1 ± is for NEES over its twelve unknowns; the rms of each anchor's error over its

@@ -1,4 +1,4 @@
-/* How much stack does each entry of the C interface need? Painted: bytes of a thread's own stack
+/* Stack used by each entry of the C interface. Painted: bytes of a thread's own stack
  * that are no longer what they were. docs/c.md has the command. */
 #define _XOPEN_SOURCE 700
 #include <pthread.h>

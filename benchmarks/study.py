@@ -1,4 +1,4 @@
-"""How much faster is a study on two processes than on one, here and on a dask cluster?
+"""Speed of a study on two processes over one, here and on a dask cluster.
 
 study.py [--robots 200]        # two minutes on two cores
 

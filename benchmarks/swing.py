@@ -1,4 +1,4 @@
-"""Where does the loop's margin end in MuJoCo? How far the H4 swings after a move (docs/mujoco.md).
+"""Stability limit of the loop in MuJoCo: how far the H4 swings after a move (docs/mujoco.md).
 
     swing.py [--seed 0]
 

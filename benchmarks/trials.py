@@ -1,4 +1,4 @@
-"""Prints the tables of docs/accuracy.md: do calibrations of many H4s reach their bound?
+"""Tables of docs/accuracy.md: calibrations of many H4s against their bound.
 
 Of real robots, every rod by itself, at the defaults; of robots on paper, one rod a chain, with a
 calibration that may rely on it; and of both under the ideal level, what it leaves out counted.

@@ -1,4 +1,4 @@
-"""Prints the tables of docs/watch.md: how often does a watch cry wolf, and what does it find?
+"""Tables of docs/watch.md: false-alarm rate and detection of the fault monitor.
 
 watch.py alarms [--robots 100] [--seconds 10] [--jobs 2]   # healthy robots, all effects on
 watch.py rates [--robots 100] [--seconds 10] [--jobs 2]    # normal noise: is the chance kept?

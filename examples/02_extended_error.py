@@ -1,4 +1,4 @@
-"""A rod is 3 mm too long. Who sees it, and what does the paper's control do about it?"""
+"""A rod 3 mm too long: which reading detects it, and what each law does about it."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Sixty poses, one extra encoder: which parameters do a robot's own readings show?"""
+"""Calibration from sixty poses and one extra encoder."""
 
 import numpy as np
 

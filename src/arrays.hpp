@@ -1,4 +1,4 @@
-// How do numpy arrays reach the core? Rows of doubles in, freshly owned arrays out.
+// Conversion of numpy arrays. Rows of doubles in, freshly owned arrays out.
 #pragma once
 
 #include <nanobind/nanobind.h>

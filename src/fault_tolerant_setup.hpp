@@ -1,4 +1,4 @@
-// What does Python's watch own? The robot as it understands it, and what is known of it.
+// Python's fault monitor: the robot at its highest level, and what is known of it.
 #pragma once
 
 #include <optional>

@@ -1,4 +1,4 @@
-// Who does which row, and where do its results go? A batch is shared out among the cores that this
+// Distribution of the rows of a batch. A batch is shared out among the cores that this
 // process may use; Ctrl-C ends it.
 #pragma once
 

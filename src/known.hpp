@@ -1,4 +1,4 @@
-// How does Python's knowledge of a robot reach the core? Arrays owned here, pointers there.
+// Python's knowledge of a robot for the core. Arrays owned here, pointers there.
 #pragma once
 
 #include <stdexcept>

@@ -1,4 +1,4 @@
-// What does Python own of slow and late sensors? Their bus, and what is remembered of them.
+// Python's slow and delayed sensors: their bus, and what is remembered of them.
 #pragma once
 
 #include <optional>

@@ -1,4 +1,4 @@
-// What does Python's online self-calibration own? The filter's arrays, between one run and the
+// Python's online calibration. The filter's arrays, between one run and the
 // next.
 #pragma once
 

@@ -1,4 +1,4 @@
-// How does Ctrl-C reach a long computation? Python only notes a signal; whoever holds up the main
+// Ctrl-C in a long computation. Python only notes a signal; whoever holds up the main
 // thread must ask for it.
 #pragma once
 

@@ -1,4 +1,4 @@
-"""Does a test notice when the code is wrong? Each mutant of mutants.toml against its one test.
+"""Mutation tests. Each mutant of mutants.toml against its one test.
 
     python tests/mutants.py [--jobs N] [--share S] [part of a file's or a test's name …]
 

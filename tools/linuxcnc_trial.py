@@ -1,4 +1,4 @@
-"""The paper inside LinuxCNC: the H4 homes and runs G-code under four laws. How wrong is it?
+"""The paper inside LinuxCNC: the H4 homes and runs G-code under four laws.
 
 Run as ``python tools/linuxcnc_trial.py``; `make linuxcnc` does. The machine is simulated: one
 of its rods is 3 mm longer than its controller knows. Prints the table of docs/linuxcnc.md.

@@ -1,4 +1,4 @@
-"""What do robots answer, in Python? Seeded vectors that every other build of the core is held to.
+"""Reference vectors for every build of the core, seeded.
 
 Run as ``python tools/reference_vectors.py [HEADER]`` after the model has changed on purpose; by
 default it writes tests/reference/vectors.h, which agree.c compares with what the C interface

@@ -1,4 +1,4 @@
-"""Does a wheel work on every Python found here, away from the source tree?
+"""Test of a wheel on every Python found here, away from the source tree.
 
     python tools/try_wheel.py dist/truepose-*.whl
 

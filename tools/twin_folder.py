@@ -1,4 +1,4 @@
-"""What is shipped of the twins? All of it, made from nothing.
+"""Generation of everything shipped of the twins. All of it, made from nothing.
 
 Run as ``python tools/twin_folder.py FOLDER``.
 """

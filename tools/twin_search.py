@@ -1,4 +1,4 @@
-"""Which robots could have given the paper's Table 3? A search.
+"""Search for robots that could have given the paper's Table 3. A search.
 
 The printed numbers do not determine a robot. Each seed draws one from what is known beforehand,
 and moves it as little as needed until its experiment gives the printed table: randomised maximum

@@ -1,4 +1,4 @@
-/* What does a robot cost, an H4 unless ROBOT names another one of vectors.h? The self-test, then
+/* Cost of one robot, an H4 unless ROBOT names another one of vectors.h. The self-test, then
  * instructions and stack of every call, as a table. */
 #include <math.h>
 

@@ -1,4 +1,4 @@
-/* What do readings at rest say of the robot? */
+/* Online calibration from readings at rest. */
 #include "online_core.h"
 
 #include <math.h>

@@ -1,4 +1,4 @@
-/* Which error should the drives reduce? */
+/* Motor error for the drives, from all readings. */
 #include "tej_core.h"
 
 #include <math.h>

@@ -1,4 +1,4 @@
-"""What does Sphinx need to know? `make.py` stages the pages and calls it."""
+"""Settings of Sphinx. `make.py` stages the pages and calls it."""
 
 import sys
 from importlib.metadata import version as version_of

@@ -1,4 +1,4 @@
-"""How do equations get into the pages? As pictures drawn at build time: nothing is loaded."""
+"""Equations as pictures, drawn at build time: nothing is loaded."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which pictures of results do the pages show? `make docs-pictures` draws them anew."""
+"""Pictures of results on the pages. `make docs-pictures` draws them anew."""
 
 from __future__ import annotations
 

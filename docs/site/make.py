@@ -1,4 +1,4 @@
-"""How does docs/ become the site? `python docs/site/make.py [FOLDER]`; `make docs` calls it.
+"""Build of the site from docs/. `python docs/site/make.py [FOLDER]`; `make docs` calls it.
 
 The pages are staged in build/site: those of docs/, those that live beside what they describe
 (benchmarks, examples, robots, changes), and what `generate.py` finds in the code; links between

@@ -1,4 +1,4 @@
-/* How does a controller in plain C correct drives that close their own loops? At 1 kHz, on a
+/* A controller in plain C for drives that close their own loops. At 1 kHz, on a
  * machine that is simulated, one rod 3 mm longer than h4.h (truepose export c h4) has it. */
 #define _POSIX_C_SOURCE 200809L
 #include <math.h>

@@ -1,4 +1,4 @@
-// How does a controller learn the robot's geometry while it works? One line of readings a cycle.
+// Online calibration in a control loop. One line of readings a cycle.
 #include <cstdio>
 #include <vector>
 

@@ -1,4 +1,4 @@
-// How does a controller run truepose at 1 kHz? Readings and setpoint in, torques out.
+// A control loop at 1 kHz. Readings and setpoint in, torques out.
 #include <chrono>
 #include <cstdio>
 #include <thread>

@@ -1,4 +1,4 @@
-// Where are the motors for a pose, and where is the nacelle for the motors?
+// Inverse and forward kinematics of the H4.
 #include <cstdio>
 
 #include "h4.hpp"

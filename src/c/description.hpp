@@ -1,4 +1,4 @@
-// Which of the C interface's numbers is which of the core's? Field by field, both ways.
+// Correspondence of the C interface's numbers and the core's. Field by field, both ways.
 #pragma once
 
 #include "truepose/core.hpp"

@@ -1,4 +1,4 @@
-// May a robot be made of this table? Every count, index, enum and number is looked at before use.
+// Validation of a C table. Every count, index, enum and number is looked at before use.
 #include "description.hpp"
 #include "model.hpp"
 

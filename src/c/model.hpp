@@ -1,4 +1,4 @@
-// What stands in the memory that C callers give? The core's structs, behind a word that says so.
+// The core's structs in memory that C callers give, behind a word that marks them.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// How does a test say what it found? A few dozen lines: statements, checks, counts.
+// A small test framework: statements, checks, counts.
 //
 // A test states something about robots: TEST("the forward model undoes the inverse one") {...}.
 // A test that checks nothing fails, and so does a name filter that selects nothing.

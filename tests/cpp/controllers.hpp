@@ -1,4 +1,4 @@
-// Which settings do tests give a controller?
+// Controller settings of the tests.
 #pragma once
 
 #include "mechanisms.hpp"

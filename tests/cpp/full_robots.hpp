@@ -1,4 +1,4 @@
-// Which robots have a full level of their own, and how are they built when no axis is exact?
+// Robots with a full level, and their construction when no axis is exact.
 #pragma once
 
 #include "mechanisms.hpp"

@@ -1,4 +1,4 @@
-// Which robots are tested? One of every kind, none more symmetric than a real one.
+// Robots of the tests. One of every kind, none more symmetric than a real one.
 //
 // The H4 is the paper's, with the project's assumed dimensions and masses (robots/h4). The others
 // are plausible machines, their symmetry spoilt by a few millimetres so that no term can cancel

@@ -1,4 +1,4 @@
-// Which pivots are tested? Two ankles of public numbers, and a neck and a lever that are assumed.
+// Rotational platforms of the tests: two ankles of public numbers, an assumed neck and lever.
 #pragma once
 
 #include "mechanisms.hpp"

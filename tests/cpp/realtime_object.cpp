@@ -1,4 +1,4 @@
-// What does the real-time core ask of the machine? Every entry point in one object, compiled with
+// The real-time core in one object. Every entry point, compiled with
 // neither exceptions nor run-time types; check_symbols.cmake reads its undefined symbols.
 #include <cmath>
 #undef M_PI  // POSIX's: a library that keeps to C++20 has neither

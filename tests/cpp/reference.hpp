@@ -1,4 +1,4 @@
-// What are results compared with? Textbook algebra on matrices of any size, by Eigen's own
+// Reference results. Textbook algebra on matrices of any size, by Eigen's own
 // decompositions: compiled once for all tests, each of which would spend seconds on them.
 #pragma once
 

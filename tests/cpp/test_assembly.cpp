@@ -1,4 +1,4 @@
-// Which of the poses that searches came to are one mode, and in which order are they told?
+// Assembly modes: grouping of poses into modes, and their order.
 #include "mechanisms.hpp"
 #include "truepose/offline/assembly.hpp"
 

@@ -1,4 +1,4 @@
-// Do weights that are kept from cycle to cycle stay right? As consistent as fresh ones anywhere,
+// The cached gain matrix. As consistent as fresh ones anywhere,
 // the same where they are fresh, and as good as they claim in between.
 #include "mechanisms.hpp"
 #include "truepose/control/fault_tolerant_control.hpp"

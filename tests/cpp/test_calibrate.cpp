@@ -1,4 +1,4 @@
-// Does a calibration end at the optimum, say how sure it is, and bear lines that are wrong?
+// Calibration: the optimum, its stated σ, and robust losses.
 #include "truepose/offline/calibrate.hpp"
 
 #include "mechanisms.hpp"

@@ -1,4 +1,4 @@
-// Does one cycle of the controller do what it should, and hold its torque when it must not trust?
+// One control cycle, and its torque without an answer.
 #include <limits>
 
 #include "controllers.hpp"

@@ -1,4 +1,4 @@
-// Does a robot stay bounded beside and on its singularities, and the paper's law elsewhere?
+// Damping at and near singularities, and the paper's law elsewhere.
 #include "mechanisms.hpp"
 #include "reference.hpp"
 #include "truepose/control/control.hpp"

@@ -1,4 +1,4 @@
-// Do the equations of motion keep what physics keeps? Power, energy, symmetry, order of accuracy.
+// Equations of motion. Power, energy, symmetry, order of accuracy.
 #include "mechanisms.hpp"
 #include "truepose/model/geometry.hpp"
 #include "truepose/offline/plant.hpp"

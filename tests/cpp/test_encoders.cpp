@@ -1,4 +1,4 @@
-// What of an encoder may change what a robot does? Nothing; and a stop stops commands alone.
+// Encoders: scale, offset, eccentricity and stops. Nothing; and a stop stops commands alone.
 #include "mechanisms.hpp"
 #include "truepose/control/control.hpp"
 #include "truepose/kinematics/fkm.hpp"

@@ -1,4 +1,4 @@
-// Is the estimate the optimum of all readings, and does elimination leave what they say of ξ?
+// The estimate as the optimum of all readings, and the elimination of the pose.
 #include "mechanisms.hpp"
 #include "reference.hpp"
 #include "truepose/full/linearise.hpp"

@@ -1,4 +1,4 @@
-// Does a watch name the reading that lies, and no motor that only swings with it?
+// Isolation of the faulty reading.
 #include "mechanisms.hpp"
 #include "truepose/control/fault_tolerant_control.hpp"
 #include "truepose/offline/simulate.hpp"

@@ -1,4 +1,4 @@
-// Does a watch find the reading that lies, and only that one? What stands for it?
+// Detection of faulty readings, and their substitution.
 #include "mechanisms.hpp"
 #include "truepose/control/fault_monitor.hpp"
 #include "truepose/control/parity.hpp"

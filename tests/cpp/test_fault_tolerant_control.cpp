@@ -1,4 +1,4 @@
-// What does a guarded controller do when a reading lies, or nothing answers? It changes without a
+// The fault-tolerant controller under faults. It changes without a
 // step, stops, asks for brakes, and forgets.
 #include <algorithm>
 

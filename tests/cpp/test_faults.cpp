@@ -1,4 +1,4 @@
-// Does a faulty reading read what its kind says, and does the machine go on, whatever lies?
+// Simulated faults, and the machine under them.
 #include "mechanisms.hpp"
 #include "truepose/offline/simulate.hpp"
 #include "truepose/offline/statics.hpp"

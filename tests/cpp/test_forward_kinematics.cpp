@@ -1,4 +1,4 @@
-// Does the forward kinematic model find the pose again? From the motors, from motors and angle.
+// Forward kinematics. From the motors, from motors and angle.
 #include "mechanisms.hpp"
 #include "truepose/kinematics/fkm.hpp"
 #include "truepose/kinematics/fkm_closed.hpp"

@@ -1,4 +1,4 @@
-// Does every rod fit, when the axes are not exact? The full level against the ideal one, against
+// Closure of every rod when the axes are not exact. The full level against the ideal one, against
 // its own closures, and against figures computed outside this project.
 #include "full_robots.hpp"
 #include "truepose/full/rkm.hpp"

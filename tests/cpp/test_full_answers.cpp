@@ -1,4 +1,4 @@
-// What does the full level answer? A Jacobian that is its derivative, readings that follow, whether
+// Answers of the full level. A Jacobian that is its derivative, readings that follow, whether
 // it exists at all, and a status where it cannot answer.
 #include "full_robots.hpp"
 #include "truepose/full/rkm.hpp"

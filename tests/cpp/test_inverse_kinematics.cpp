@@ -1,4 +1,4 @@
-// Does the inverse kinematic model close the loops? And are poses and rotations sound below it?
+// Inverse kinematics, poses and rotations.
 #include "mechanisms.hpp"
 #include "truepose/control/command.hpp"
 #include "truepose/control/trajectory.hpp"

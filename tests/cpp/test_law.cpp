@@ -1,4 +1,4 @@
-// What motor errors do laws see in readings that agree, and by which weights?
+// Motor errors of the laws, and their weights.
 #include "mechanisms.hpp"
 
 using namespace mechanisms;

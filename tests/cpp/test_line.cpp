@@ -1,4 +1,4 @@
-// Does a line hand on what its readings say of ξ, missing ones left out and outside ones put in?
+// One row of readings as equations in ξ, missing ones left out and outside ones put in.
 #include "truepose/offline/line.hpp"
 
 #include "mechanisms.hpp"

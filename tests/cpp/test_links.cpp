@@ -1,4 +1,4 @@
-// Do measured differences change with poses and with their own unknowns as they say?
+// Derivatives of measured differences.
 #include "truepose/offline/links.hpp"
 
 #include "mechanisms.hpp"

@@ -1,4 +1,4 @@
-// Do LinuxCNC's components do what they say, whatever they are told? Without LinuxCNC: their cores.
+// LinuxCNC's components. Without LinuxCNC: their cores.
 #include <limits>
 #include <memory>
 

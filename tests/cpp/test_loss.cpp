@@ -1,4 +1,4 @@
-// What is a line expected to be worth under a robust loss? Against integrals over its definition.
+// Expected weight of a row under a robust loss. Against integrals over its definition.
 #include <numbers>
 
 #include "check.hpp"

@@ -1,4 +1,4 @@
-// What would a slow and late sensor read now? The motors' motion carries its last sample there.
+// Slow and delayed sensors. The motors' motion carries the last sample to now.
 #include "mechanisms.hpp"
 #include "truepose/control/multirate.hpp"
 #include "truepose/offline/bus.hpp"

@@ -1,4 +1,4 @@
-// Is the control path free of anything that can block? clang's RealtimeSanitizer watches it run,
+// A control path without blocking calls. clang's RealtimeSanitizer watches it run,
 // and -Wfunction-effects, here an error, proves the same when compiling (preset `realtime`).
 //
 // clang infers the effects of inline functions it can see, so the headers need no annotation: the

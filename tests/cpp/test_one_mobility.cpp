@@ -1,4 +1,4 @@
-// What does a build for one mobility, at the ideal level, answer? Compiled with
+// A build for one mobility at the ideal level. Compiled with
 // TRUEPOSE_ONLY_MOBILITY=schoenflies and TRUEPOSE_IDEAL_ONLY.
 #include "mechanisms.hpp"
 #include "truepose/core.hpp"

@@ -1,4 +1,4 @@
-// Does one line teach the filter what it holds, and does it refuse what contradicts the rest?
+// One update of the online calibration filter.
 #include "mechanisms.hpp"
 #include "reference.hpp"
 #include "truepose/full/linearise.hpp"

@@ -1,4 +1,4 @@
-// When does a controller take a line of readings for news, and what does it believe afterwards?
+// The online calibrator: new rows, and its result after them.
 #include "mechanisms.hpp"
 
 using namespace mechanisms;

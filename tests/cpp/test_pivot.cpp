@@ -1,4 +1,4 @@
-// Do rods move a nacelle on passive axes as its closure says? Kinematics, torques, H_ξ, dynamics.
+// Rotational platforms. Kinematics, torques, H_ξ, dynamics.
 #include "pivots.hpp"
 #include "truepose/control/dynamics.hpp"
 #include "truepose/estimation/estimate.hpp"

@@ -1,4 +1,4 @@
-// Does the exact plant forget nothing, and where does what it remembers begin?
+// The exact plant: its effects and its initial state.
 #include "mechanisms.hpp"
 #include "truepose/offline/effects.hpp"
 

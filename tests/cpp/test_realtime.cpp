@@ -1,4 +1,4 @@
-// Does the control path ever allocate? A hook on the allocator counts over a million cycles.
+// Allocations in the control path. A hook on the allocator counts over a million cycles.
 //
 // Outside sanitizers the executable brings its own malloc family, which also serves operator new.
 // AddressSanitizer owns those symbols and offers its own hook instead; it sees the same calls.

@@ -1,4 +1,4 @@
-// Is a robot plain data, and is one that is not finished ever believed? By the one include.
+// The robot as plain data, and robots that are not finished. By the one include.
 #include "truepose/core.hpp"
 
 #include <climits>

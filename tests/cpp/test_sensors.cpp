@@ -1,4 +1,4 @@
-// Do the readings' derivatives hold at both levels: along the pose, and along every parameter?
+// Derivatives of the readings at both levels: along the pose, and along every parameter.
 #include <functional>
 
 #include "mechanisms.hpp"

@@ -1,4 +1,4 @@
-// Does an ideal robot stay where it is to be in the loop: at rest, along a move, on a circle?
+// The simulated loop of an ideal robot: at rest, along a move, on a circle.
 #include <numbers>
 
 #include "controllers.hpp"

@@ -1,4 +1,4 @@
-// Where does a robot that is not its model come to rest under a law?
+// Static equilibrium of a robot that is not its model, under each law.
 #include <limits>
 
 #include "controllers.hpp"

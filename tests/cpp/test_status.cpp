@@ -1,4 +1,4 @@
-// What does a robot say when it cannot answer? Statuses, never a NaN presented as an answer.
+// Status values. Never a NaN presented as an answer. Statuses, never a NaN presented as an answer.
 #include <limits>
 
 #include "mechanisms.hpp"

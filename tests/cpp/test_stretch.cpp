@@ -1,4 +1,4 @@
-// Do rods, legs and belts carry what hangs on the nacelle, and give way to it as they should?
+// Compliance of rods, legs and belts under load.
 #include "truepose/offline/stretch.hpp"
 
 #include "mechanisms.hpp"

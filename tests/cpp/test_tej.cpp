@@ -1,4 +1,4 @@
-// Does the extended-to-joint matrix invert M, and does it weigh the sensors as asked?
+// The extended-to-joint matrix: inverse of M, weights of the sensors.
 #include "mechanisms.hpp"
 #include "reference.hpp"
 #include "truepose/control/tej.hpp"

@@ -1,4 +1,4 @@
-// What does a build without the laws that weigh answer? Compiled with TRUEPOSE_UNWEIGHED.
+// A build without the laws that weigh. Compiled with TRUEPOSE_UNWEIGHED.
 #include "mechanisms.hpp"
 #include "truepose/core.hpp"
 

@@ -1,4 +1,4 @@
-// How do bytes become a robot, poses and readings? Whatever plain data can hold, within the
+// Bytes as a robot, poses and readings. Whatever plain data can hold, within the
 // contract of the structs: counts within their capacities, indexes of chains and bars that exist.
 #pragma once
 

@@ -1,4 +1,4 @@
-// Which inputs does a fuzz target see where there is no fuzzer? Seeded random bytes: [--count N]
+// Fuzz targets without a fuzzer. Seeded random bytes: [--count N]
 // [--seed S], or the files that a fuzzer left.
 #include <cstdint>
 #include <cstdio>

@@ -1,4 +1,4 @@
-// Does any robot, pose or reading make the full level crash, hang or call a NaN an answer?
+// Fuzz target of the full level.
 #include "decode.hpp"
 #include "truepose/full/rkm.hpp"
 

@@ -1,4 +1,4 @@
-// Does any robot, pose or reading make the ideal level crash, hang or call a NaN an answer?
+// Fuzz target of the ideal level.
 #include "decode.hpp"
 #include "truepose/control/command.hpp"
 #include "truepose/control/law.hpp"

@@ -1,4 +1,4 @@
-// What does a fuzz target do about a broken promise of the core? It ends the process.
+// A broken promise of the core in a fuzz target. It ends the process.
 #pragma once
 
 #include <cstdio>

@@ -1,4 +1,4 @@
-"""How do tests run compilers, CMake and what these make?"""
+"""Compilers, CMake and built programs for tests."""
 
 import os
 import subprocess

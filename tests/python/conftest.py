@@ -1,4 +1,4 @@
-"""What do the tests share? Robots, poses, and the size of bulk samples."""
+"""Shared fixtures: robots, poses, and the size of bulk samples."""
 
 import os
 import re

@@ -1,4 +1,4 @@
-"""Which other poses do the same motors allow, and are they all that a search can find?"""
+"""Assembly modes of given motor positions, and completeness of the search."""
 
 import numpy as np
 import pytest

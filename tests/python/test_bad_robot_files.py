@@ -1,4 +1,4 @@
-"""What does a robot file that describes no robot get? One line: file, key, value, choices."""
+"""Messages for wrong robot files. One line: file, key, value, choices."""
 
 import re
 

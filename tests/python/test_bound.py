@@ -1,4 +1,4 @@
-"""Is the predicted accuracy the Cramér-Rao bound, and do calibrated robots reach it?"""
+"""Predicted accuracy, the Cramér-Rao bound, and calibrated robots beside it."""
 
 import itertools
 

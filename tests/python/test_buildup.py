@@ -1,4 +1,4 @@
-"""Is a spool whose line winds in layers found by what the robot reads elsewhere?"""
+"""Build-up of a spool's line, found by calibration."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Can a program in plain C run a robot? The library, its header, the tables, the examples.
+"""The C interface. The library, its header, the tables, the examples.
 
 The compilers are $CC and $CXX, or CMake's own choice.
 """

@@ -1,4 +1,4 @@
-"""Does `truepose calibrate` print, write and refuse what it should?"""
+"""Output and refusals of `truepose calibrate`."""
 
 import json
 import re

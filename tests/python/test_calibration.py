@@ -1,4 +1,4 @@
-"""Does a calibration find what readings say of the geometry, and admit what they do not?"""
+"""Calibration: parameters found, and parameters the readings cannot determine."""
 
 import dataclasses
 

@@ -1,4 +1,4 @@
-"""Does a log become readings, and is what is wrong with it found, named or refused?"""
+"""Calibration logs: reading, warnings and refusals."""
 
 import sys
 

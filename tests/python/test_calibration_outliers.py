@@ -1,4 +1,4 @@
-"""How far do 1 % gross errors pull a calibration? Against the same loss on the log without them."""
+"""Effect of 1 % gross errors. Against the same loss on the log without them."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Does `truepose check` see what a robot file says by mistake, though every key is right?"""
+"""Warnings of `truepose check` on valid robot files."""
 
 import re
 import tomllib

@@ -1,4 +1,4 @@
-"""Do check, new and info say what a user needs, in the right place, with the right status?"""
+"""Output and status of check, new and info."""
 
 import json
 import re

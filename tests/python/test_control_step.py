@@ -1,4 +1,4 @@
-"""Can a motor ever get a torque that is not a number, or more than it may have?"""
+"""Torques stay finite and within their limits."""
 
 import numpy as np
 import pytest

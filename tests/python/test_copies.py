@@ -1,4 +1,4 @@
-"""Can a robot and what it has learnt go to another process, and come back as they were?"""
+"""Copies and pickles of robots and results."""
 
 import copy
 import pickle

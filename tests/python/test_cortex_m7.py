@@ -1,4 +1,4 @@
-"""What does an H4 cost on a Cortex-M7, and does it answer there as elsewhere? deploy/cortex-m7.
+"""Cost and answers of an H4 on a Cortex-M7. deploy/cortex-m7.
 
 Skipped where the cross compiler or qemu are not installed.
 """

@@ -1,4 +1,4 @@
-"""Does a robot stay bounded on a singularity when asked to, and is it the paper's elsewhere?"""
+"""Damping on a singularity, and the paper's law elsewhere."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Does a microscopic residual make anyone believe in a rod's length?
+"""A microscopic residual while a rod's length is undetermined.
 
 A Delta printer probes its bed: z is measured in one plane, nothing else. Such fits report residuals
 of micrometres while their rods drift by millimetres (RepRapFirmware #335: residual 0.009 mm, rods

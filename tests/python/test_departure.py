@@ -1,4 +1,4 @@
-"""Does a calibration say that tolerances are too small, and only then? By the log's own χ²."""
+"""The consistency test of tolerances. By the log's own χ²."""
 
 import functools
 import re

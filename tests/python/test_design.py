@@ -1,4 +1,4 @@
-"""Are the sensors that a budget buys the best ones, and is their bound tp.accuracy's?"""
+"""Optimal sensor sets within a budget, and their bound."""
 
 import itertools
 import json

@@ -1,4 +1,4 @@
-"""Do differences between visited poses teach a robot without any sensor, and honestly so?"""
+"""Calibration from differences between visited poses."""
 
 import dataclasses
 

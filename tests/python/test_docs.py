@@ -1,4 +1,4 @@
-"""Is the documentation whole? Every key, command, name; no dead link; nothing from the network."""
+"""Completeness of the documentation: keys, commands, names; no dead link, nothing remote."""
 
 import importlib.util
 import inspect
@@ -11,6 +11,7 @@ import typer
 
 import truepose as tp
 from absolute_links import absolute
+from plain_english import questions
 from truepose.commands.cli import app
 from truepose.robotfile.reading import SHORTHAND
 from truepose.robotfile.schema import (
@@ -185,3 +186,9 @@ def test_on_a_package_index_the_readme_has_absolute_links_to_files_that_exist():
     for link in own:
         path = re.sub(r"https://host/truepose/(raw|blob)/v1/|#.*", "", link)
         assert (SITE.parents[1] / path).exists(), link
+
+
+def test_headings_and_module_lines_state_their_subject():
+    assert questions("# Why?\n\n## How\n", "md") == [1]
+    assert questions('"""Does it work?"""\n', "py") == questions("// Why? So.\n", "hpp") == [1]
+    assert questions('"""What works."""\nwhy = "?"\n', "py") == []

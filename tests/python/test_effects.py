@@ -1,4 +1,4 @@
-"""Does the exact plant do what a model forgets, each effect as its equation says?"""
+"""Effects of the exact plant against their equations."""
 
 import math
 from pathlib import Path

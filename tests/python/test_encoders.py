@@ -1,4 +1,4 @@
-"""What makes real encoders differ from ideal ones: eccentricity, noise, counts, stops?"""
+"""Real encoders: eccentricity, noise, counts, stops."""
 
 import numpy as np
 import pytest

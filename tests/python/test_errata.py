@@ -1,4 +1,4 @@
-"""Do the paper's own formulas give truepose's kinematics, and where is the paper misprinted?
+"""The paper's formulas against truepose's kinematics, and their misprints.
 
 `PaperH4` is a model of the H4 written from the paper's equations alone, in its notation; it shares
 no code with truepose. The errata are numbered as in docs/paper.md.

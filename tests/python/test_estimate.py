@@ -1,4 +1,4 @@
-"""Is the estimate the best one that all readings allow, and as good as it says?"""
+"""Pose estimates: optimality and stated covariance."""
 
 import numpy as np
 import pytest

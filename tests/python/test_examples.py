@@ -1,4 +1,4 @@
-"""Do the examples run, and say what they are meant to show?"""
+"""The examples and their output."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""Does a prediction by the motors know how far off it may be?"""
+"""Predicted error of poses predicted by the motors."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Does the experiment of Tables 2 and 3, on many robots, give the figures it should?"""
+"""The experiment of Tables 2 and 3 on many robots."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Does docs/extending.md work as it stands? Each of its steps, on a copy of the sources."""
+"""The steps of docs/extending.md, on a copy of the sources."""
 
 import os
 import re

@@ -1,4 +1,4 @@
-"""Are faults as small as stated found as often as stated, and those stated to be alike alike?"""
+"""Detectable and isolable faults against simulation."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""Does a faulty reading read what its kind says, on every plant, and does the machine go on?"""
+"""Simulated faults on every plant."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Does self-calibration survive what its model forgets?"""
+"""Self-calibration under effects that the model omits."""
 
 import math
 

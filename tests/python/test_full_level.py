@@ -1,4 +1,4 @@
-"""What does level="full" answer, where every rod closes its own loop, and where is it refused?"""
+"""level="full", where every rod closes its own loop, and where it is refused."""
 
 import numpy as np
 import pytest

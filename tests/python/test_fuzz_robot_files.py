@@ -1,4 +1,4 @@
-"""Does the reader of robot files survive anything? One line or a robot, nothing else."""
+"""Fuzzing of the robot-file reader. One line or a robot, nothing else."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""Does a motor whose encoder or screw has another scale change what is read, and only that?"""
+"""Scale of motor encoders and screws."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Is anything lost, or broken off with a traceback, whatever files and names truepose is given?"""
+"""Hostile files and names: nothing is lost, no traceback."""
 
 import io
 import json

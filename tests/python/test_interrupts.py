@@ -1,4 +1,4 @@
-"""Does Ctrl-C end what takes long? A signal's handler must be heard while the core computes."""
+"""Ctrl-C during long computations. A signal's handler must be heard while the core computes."""
 
 import os
 import signal

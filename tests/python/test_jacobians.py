@@ -1,4 +1,4 @@
-"""Is J the derivative of the motion, and the TEJ the inverse of M?"""
+"""J as the derivative of the motion, and the TEJ as the inverse of M."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Is a slow and late sensor brought up to now, and does it never make the estimated law worse?"""
+"""Slow and delayed sensors in simulation."""
 
 import dataclasses
 

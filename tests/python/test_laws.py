@@ -1,4 +1,4 @@
-"""What do the laws that weigh their readings reach, and how do errors of readings leak through?"""
+"""Accuracy of the weighted laws, and cross-sensitivity of all laws."""
 
 import numpy as np
 import pytest

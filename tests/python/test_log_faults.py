@@ -1,4 +1,4 @@
-"""Is the mistake that was made with a log's columns the one that is named?"""
+"""Mistakes in a log's columns, and their names."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""Does `make dev T=header` find a C++ test for every header of the control path?"""
+"""`make dev T=header` finds a C++ test for every header."""
 
 import re
 from pathlib import Path

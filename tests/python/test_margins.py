@@ -1,4 +1,4 @@
-"""Are a linearised loop's margins the simulated robot's, and do chosen gains keep them?"""
+"""Stability margins against simulation, and chosen gains."""
 
 import json
 from dataclasses import replace

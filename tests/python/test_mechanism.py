@@ -1,4 +1,4 @@
-"""Is a file that describes no mechanism refused with the reason a mechanic would give?"""
+"""Refusals of files that describe no mechanism."""
 
 import re
 

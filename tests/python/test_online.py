@@ -1,4 +1,4 @@
-"""Does a robot that learns line by line end where the batch ends?"""
+"""Online calibration against the batch."""
 
 import numpy as np
 import pytest

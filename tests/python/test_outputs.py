@@ -1,4 +1,4 @@
-"""Does a command write what it was asked for, beside everything else that is there?"""
+"""Files written by commands, and files left alone."""
 
 import html
 import json

@@ -1,4 +1,4 @@
-"""Can a C++ project use truepose: installed, inside another project, by CMake and by pkg-config?
+"""C++ projects that use truepose: installed or as a subproject, by CMake and pkg-config.
 
 The compiler is $CXX, or CMake's own choice (`make consumer` asks clang++-22 too).
 """

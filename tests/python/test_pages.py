@@ -1,4 +1,4 @@
-"""Can people read the reports? On a phone, in the dark, plots from near, by their contents."""
+"""Reports as pages. On a phone, in the dark, plots from near, by their contents."""
 
 import re
 

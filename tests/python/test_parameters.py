@@ -1,4 +1,4 @@
-"""Which geometric parameters has a robot, and what does each one move, in which direction?"""
+"""Geometric parameters and their effect."""
 
 import numpy as np
 import pytest

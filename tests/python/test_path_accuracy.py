@@ -1,4 +1,4 @@
-"""Is path accuracy what ISO 9283 says, on runs made by hand and on simulated ones?"""
+"""Path accuracy by ISO 9283, on runs made by hand and on simulated ones."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Do paths say what they mean, does the robot follow them, and is what it cannot do refused?"""
+"""Paths: setpoints, following, and refusals."""
 
 import re
 import sys

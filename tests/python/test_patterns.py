@@ -1,4 +1,4 @@
-"""Does a short file stand for the robot that a long one describes?"""
+"""Short robot files and the robots they describe."""
 
 from fractions import Fraction
 

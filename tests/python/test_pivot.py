@@ -1,4 +1,4 @@
-"""Do rods on a nacelle that passive axes carry answer as their files say?"""
+"""Rotational platforms: rods on a nacelle that passive axes carry."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""Do sensors stand where they say most, and does their robot's file load?"""
+"""Placement of sensors, and the robot files it writes."""
 
 import itertools
 import re

@@ -1,4 +1,4 @@
-"""Does a plan buy what it promises, more than others, where the machine can be?"""
+"""Planned calibration poses: gain, limits, order."""
 
 import csv
 import itertools

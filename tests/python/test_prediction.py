@@ -1,4 +1,4 @@
-"""Does `truepose accuracy` say what sensors are worth, and what is wrong with a question?"""
+"""Output and refusals of `truepose accuracy`."""
 
 import re
 

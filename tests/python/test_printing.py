@@ -1,4 +1,4 @@
-"""Does every table reach people whole, and programs with every digit?"""
+"""Printed tables: complete for people, exact for programs."""
 
 import csv
 import io

@@ -1,4 +1,4 @@
-"""Is what the package offers there, described, and light to import?"""
+"""The public API: names, docstrings, import cost."""
 
 import inspect
 import operator

@@ -1,4 +1,4 @@
-"""Are counts, steps and turns of a log the same readings as metres and radians?"""
+"""Logs in counts, steps and turns."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Does what holds for drawn robots hold for a real one? Jugglebot's log, robots/jugglebot."""
+"""A real hexapod. Jugglebot's log, robots/jugglebot."""
 
 import importlib.util
 from pathlib import Path

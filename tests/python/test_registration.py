@@ -1,4 +1,4 @@
-"""Is an outside measurement understood in a frame of its own, whichever that is?"""
+"""Outside measurements in a frame of their own."""
 
 import numpy as np
 import pytest

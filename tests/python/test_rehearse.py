@@ -1,4 +1,4 @@
-"""Is a rehearsed log what a real robot would write, and is what it taught judged rightly?"""
+"""Simulated calibration logs, and the judgement of a calibration."""
 
 import json
 import shlex

@@ -1,4 +1,4 @@
-"""Does `truepose reproduce` give people what it promises, and fail cleanly?"""
+"""Output and failures of `truepose reproduce`."""
 
 import contextlib
 import csv

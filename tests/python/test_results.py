@@ -1,4 +1,4 @@
-"""Do results print themselves, and draw themselves?"""
+"""Printing and drawing of results."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Do torques, masses and accelerations agree with each other, and with energy, on every robot?"""
+"""Torques, masses and accelerations against each other, and energy, on every robot."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Do the forward and inverse models undo each other, and on which branch?"""
+"""Forward and inverse models undo each other on the robot's own branch."""
 
 import numpy as np
 import pytest

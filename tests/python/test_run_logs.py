@@ -1,4 +1,4 @@
-"""Can what was run be written down, and read again as a log to calibrate on?"""
+"""Logs of simulated runs, read again for calibration."""
 
 import builtins
 import json

@@ -1,4 +1,4 @@
-"""Does a saved robot load back to the same robot, with its comments, and never half written?"""
+"""Saved robots load back with their comments, and are never half written."""
 
 import os
 

@@ -1,4 +1,4 @@
-"""What does every kind of sensor read, and how does that change with pose and parameters?"""
+"""Readings of every kind of sensor, and their derivatives."""
 
 import numpy as np
 import pytest

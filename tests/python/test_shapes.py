@@ -1,4 +1,4 @@
-"""Which arrays do the models take, and what do they give back?"""
+"""Shapes of arrays that the models take and return."""
 
 import numpy as np
 import pytest

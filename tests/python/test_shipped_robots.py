@@ -1,4 +1,4 @@
-"""Does every shipped robot do what its file promises, over its whole workspace?"""
+"""Every shipped robot against its file, over its whole workspace."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Does `truepose simulate` do what `tp.simulate` does, on every robot, and write it down?"""
+"""`truepose simulate` against `tp.simulate`."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""Does a simulated move end where the statics say, and can its numbers be trusted?"""
+"""Simulated moves against statics, and their accuracy."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Are a calibration's stated σ those that it has? Whatever the loss, and down to nanometres."""
+"""A calibration's stated σ. Whatever the loss, and down to nanometres."""
 
 import numpy as np
 import pytest

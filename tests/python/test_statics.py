@@ -1,4 +1,4 @@
-"""Where does a robot with errors come to rest under each law, and why there?"""
+"""Static equilibrium of a robot with errors under each law."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Are Table 3's statistics those the paper defines, and its data those it prints?"""
+"""Statistics of Table 3, and its printed data."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Do rods, legs and belts give way to what they carry, and is by how much found?"""
+"""Compliance of rods, legs and belts, and its calibration."""
 
 import json
 

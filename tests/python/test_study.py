@@ -1,4 +1,4 @@
-"""Are a study's numbers the same whoever works on it, and is nothing lost on the way?"""
+"""Monte Carlo studies: the same numbers on any number of processes, resumable."""
 
 import os
 import signal

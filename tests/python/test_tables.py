@@ -1,4 +1,4 @@
-"""Do robot files and the core agree on kinds of sensors, laws, faults, and on the order of ξ?"""
+"""Kinds of sensors, laws and faults in robot files and in the core, and the order of ξ."""
 
 from typing import get_args
 

@@ -1,4 +1,4 @@
-"""Is every key of a TOML file found on its line?"""
+"""Line numbers of TOML keys."""
 
 import tomllib
 

@@ -1,4 +1,4 @@
-"""Do a log's columns plane and point, and a file of distances, teach what was touched?"""
+"""Columns plane and point of a log, and files of distances."""
 
 import csv
 import json

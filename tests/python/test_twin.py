@@ -1,4 +1,4 @@
-"""Is the shipped twin what its README says, and does the search know where it goes?"""
+"""The shipped twin against its README, and the search that found it."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Is the virtual experiment the paper's, and does it read nothing but vision and encoders?"""
+"""The virtual experiment, which reads vision and encoders alone."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Does the vision system see what is there, and does it know how well?"""
+"""The simulated vision system and its stated σ."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Does a robot that learns while it works stay accurate as it warms up?"""
+"""Online calibration during warm-up."""
 
 from pathlib import Path
 

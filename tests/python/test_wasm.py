@@ -1,4 +1,4 @@
-"""Does the C interface answer in WebAssembly as elsewhere? deploy/wasm, by wasmtime and by node.
+"""The C interface in WebAssembly. deploy/wasm, by wasmtime and by node.
 
 Skipped where clang-22 or its wasm libraries are not installed.
 """

@@ -1,4 +1,4 @@
-"""Does a robot that stands where it is known to stand find its zeros?"""
+"""Homing offsets from a reference posture."""
 
 import re
 

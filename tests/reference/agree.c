@@ -1,4 +1,4 @@
-/* How far do this build's answers lie from what Python's truepose answered? No library but libm. */
+/* Difference of this build's answers from Python's. No library but libm. */
 #include "agree.h"
 
 #include <math.h>

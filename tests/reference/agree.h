@@ -1,4 +1,4 @@
-/* How far do this build's answers lie from the reference's? */
+/* Difference of this build's answers from the reference's. */
 #ifndef TRUEPOSE_AGREE_H
 #define TRUEPOSE_AGREE_H
 

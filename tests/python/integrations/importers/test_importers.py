@@ -1,4 +1,4 @@
-"""Does a robot file made of another program's model say what that model does?"""
+"""Robot files imported from MJCF and URDF models."""
 
 import mujoco
 import numpy as np

@@ -1,4 +1,4 @@
-"""Delta printers by Klipper's saved readings: does truepose find what Klipper found, and more?"""
+"""Delta printers by Klipper's saved readings, against Klipper's own results."""
 
 import dataclasses
 import re

@@ -1,4 +1,4 @@
-"""Does `truepose klipper` print and write what it should, and refuse what is no printer's file?"""
+"""Output and refusals of `truepose klipper`."""
 
 import itertools
 import json

@@ -1,4 +1,4 @@
-"""Are estimates of printers as good as they say? Of printers drawn from what is assumed of them."""
+"""Coverage of printers' stated σ. Of printers drawn from what is assumed of them."""
 
 import dataclasses
 

@@ -1,4 +1,4 @@
-"""How do tests ask LinuxCNC's modules without LinuxCNC? In this process, with a stub of HAL."""
+"""LinuxCNC's modules without LinuxCNC. In this process, with a stub of HAL."""
 
 import ctypes
 

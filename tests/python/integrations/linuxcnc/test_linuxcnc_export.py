@@ -1,4 +1,4 @@
-"""Does `truepose export linuxcnc` write what LinuxCNC's components and its motion need?"""
+"""Files that `truepose export linuxcnc` writes."""
 
 import configparser
 import re

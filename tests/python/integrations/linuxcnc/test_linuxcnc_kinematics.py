@@ -1,4 +1,4 @@
-"""Does the kinematics module answer as LinuxCNC's own do, and refuse what they drive through?
+"""The kinematics module of LinuxCNC against LinuxCNC's own.
 
 Both are asked in one process, without LinuxCNC running: tests/linuxcnc/stub_hal.c gives them pins.
 """

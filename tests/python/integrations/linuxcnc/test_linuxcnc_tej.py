@@ -1,4 +1,4 @@
-"""What does truepose_tej say on its pins, in LinuxCNC's log, and in the file that it keeps?"""
+"""Pins, log messages and kept file of truepose_tej."""
 
 import ctypes
 

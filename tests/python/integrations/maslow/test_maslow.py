@@ -1,4 +1,4 @@
-"""Are the anchors of a sled found from its belts alone, honestly, and are its log's mistakes?"""
+"""Anchors of a sled from its belts alone, and mistakes in its log."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""Does an independent robot, in MuJoCo, do what truepose's models say?"""
+"""An independent robot in MuJoCo against truepose's models."""
 
 import dataclasses
 import sys

@@ -1,4 +1,4 @@
-"""Does the workbench say what truepose says? Its states, its answers, its page in a browser."""
+"""The workbench against the API. Its states, its answers, its page in a browser."""
 
 import contextlib
 import http.client
