@@ -342,7 +342,7 @@ def effects(lines: list[forgotten.Line]) -> Table:
     header = ["effects", "usual, true", "calibrated, true", "gain", "usual, seen"]
     header += ["calibrated, seen", "left out"]
     title = (
-        "What a model forgets, and what it takes from self-calibration: position rms (mm)"
+        "Self-calibration with effects that the model omits: position rms (mm)"
         f" of {len(lines[0].usual)} robots [5, 95 % by which were drawn]"
     )
     return Table("forgotten", title, header, rows)
