@@ -9,7 +9,7 @@ import tomlkit
 
 import truepose as tp
 from truepose import robotfile
-from truepose.commands.check import check, remarks
+from truepose.commands.robots import check, remarks
 
 _LENGTHS = ("base", "anchor", "arm", "rod", "pivot", "rod_spacing", "home", "minimum", "maximum")
 

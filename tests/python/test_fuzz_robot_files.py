@@ -7,7 +7,7 @@ import pytest
 
 import truepose as tp
 from truepose import robotfile
-from truepose.commands.check import check
+from truepose.commands.robots import check
 
 _WORD = re.compile(r'"[^"\n]*"|[\w.+-]+|[\[\]{}=,]')
 _INSTEAD = ["", "nan", "-inf", "1e308", "-1", "0", "true", '""', '"x"', "[]", "{}", "[[1]]"]

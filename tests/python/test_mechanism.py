@@ -7,7 +7,7 @@ import pytest
 
 import truepose as tp
 from truepose.commands import info
-from truepose.commands.check import check
+from truepose.commands.robots import check
 
 PLANAR = """
 name = "crossed"

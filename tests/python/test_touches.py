@@ -15,7 +15,7 @@ from truepose.calibration.between import Between, read
 from truepose.calibration.differences import measurements
 from truepose.calibration.fitting import fit_to
 from truepose.commands import cli
-from truepose.commands.between import Asked
+from truepose.commands.options import Asked
 
 SIGMA = 2e-5
 

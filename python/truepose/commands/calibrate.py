@@ -18,22 +18,20 @@ from truepose.calibration.fitting import MUCH, Loss, ModelError, memory, much_me
 from truepose.calibration.registration import known_poses
 from truepose.calibration.review import Assessment
 from truepose.calibration.zeroing import rehomed
-from truepose.commands.between import (
+from truepose.commands.options import (
     Asked,
     DistancesFile,
     DistanceSigma,
+    Force,
+    How,
     LineWidth,
+    ModelLevel,
+    RobotName,
     Shrinkage,
     Tilt,
     Tool,
     ToolSigma,
     TouchSigma,
-)
-from truepose.commands.options import (
-    Force,
-    How,
-    ModelLevel,
-    RobotName,
     load_with,
     parse_pose,
     parse_sigmas,

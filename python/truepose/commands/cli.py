@@ -17,19 +17,16 @@ from truepose import files
 from truepose.commands import (
     accuracy,
     calibrate,
-    check,
     design,
     export,
     faults,
     info,
-    isolate,
+    log_questions,
     margins,
+    monte_carlo,
     plan,
-    rehearse,
     robots,
     simulate,
-    study,
-    zero,
 )
 from truepose.exceptions import TrueposeError
 from truepose.plugins import plugins
@@ -41,22 +38,22 @@ app = typer.Typer(
     help="Makes parallel robots accurate with redundant sensors.",
 )
 
-app.command("check")(check.command)
+app.command("check")(robots.check_command)
 app.command("new")(robots.new_command)
 app.command("info")(info.command)
 app.command("accuracy")(accuracy.command)
 app.command("design")(design.command)
 app.command("plan")(plan.command)
 app.command("faults")(faults.command)
-app.command("isolate")(isolate.command)
+app.command("isolate")(log_questions.isolate_command)
 app.command("margins")(margins.command)
 app.command("calibrate")(calibrate.command)
-app.command("zero")(zero.command)
+app.command("zero")(log_questions.zero_command)
 app.add_typer(export.app, name="export")
 app.command("list")(robots.list_command)
-app.command("rehearse")(rehearse.command)
+app.command("rehearse")(monte_carlo.rehearse_command)
 app.command("simulate")(simulate.command)
-app.command("monte-carlo")(study.command)
+app.command("monte-carlo")(monte_carlo.study_command)
 for _name, _found in plugins("commands").items():  # of integrations and of the paper
     _group, _, _name = _name.rpartition(".")
     _parent, _command = {"": app, "export": export.app}[_group], _found.load()

@@ -170,15 +170,15 @@ def command(
         survives=survives,
         **known,
     )
-    from truepose.commands import design_figures  # matplotlib takes its time
+    from truepose.design import figures  # matplotlib takes its time
 
-    save(lambda: design_figures.front(found))
+    save(lambda: figures.front(found))
     shown = table(found, ", ".join(state))
     if page_out is not None:
         visited = known["calibrated_on"] if calibrated else _visited(loaded, OTHERWISE)
         at = known["touch_off"] if touch_off else loaded.home
         told = [shown, each(found), states(found, in_other_states(found, visited, at))]
-        text = design_figures.page(
+        text = figures.page(
             found, ", ".join(state), told, notes(found), len(visited), bool(touch_off)
         )
         files.write({page_out: text}, inputs, force)

@@ -28,6 +28,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+from dataclasses import dataclass
+from typing import Any
+
+from truepose.calibration.between import SIGMA, Between, read
+from truepose.logs import Log
+
+
 def completing(choices: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
     """What a shell may complete a word to; where that is nothing, it offers files by itself."""
 
@@ -312,3 +319,87 @@ def true_robot(robot: Robot, text: str, seed: int) -> Robot:
         say(f"{robot.name}: no tolerances in its file: the true robot is the nominal one", err=True)
     true = robot.sample(seed)
     return true.with_level(true.highest_level)
+
+
+def _difference_option(
+    text: str, default: str = "", metavar: str | None = None, **more: Any
+) -> Any:
+    panel = "Differences between poses"
+    return typer.Option(
+        help=text, rich_help_panel=panel, show_default=default or True, metavar=metavar, **more
+    )
+
+
+TouchSigma = Annotated[
+    str | None,
+    _difference_option("σ of a touch of a plane or a point: columns plane, point.", "0.02mm"),
+]
+Tilt = Annotated[str | None, _difference_option("How far a plane may lean, σ: 1deg.", "level")]
+Tool = Annotated[
+    str | None,
+    _difference_option(
+        "What touches, from the nacelle's point in its frame, m.", "that point", "X,Y,Z"
+    ),
+]
+ToolSigma = Annotated[str | None, _difference_option("σ of that: 1mm.", "exactly known")]
+DistancesFile = Annotated[
+    Path | None,
+    _difference_option(
+        "CSV of distances between lines: from, to (points, else lines), distance (m); and if need "
+        "be sigma, times.",
+        metavar="CSV",
+    ),
+]
+DistanceSigma = Annotated[
+    str | None, _difference_option("σ of a distance.", "the column sigma, else 0.02mm")
+]
+Shrinkage = Annotated[
+    float, _difference_option("Of a print: σ of its shrinkage, 0.002 say.", min=0.0, max=1.0)
+]
+LineWidth = Annotated[
+    str | None, _difference_option("Of a print: σ of its line's width, 0.05mm.", "known")
+]
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What the options say, as people write it."""
+
+    touch_sigma: str | None = None
+    tilt: str | None = None
+    tool: str | None = None
+    tool_sigma: str | None = None
+    distances: Path | None = None
+    distance_sigma: str | None = None
+    shrinkage: float = 0.0
+    line_width: str | None = None
+
+    def between(self, robot: Robot, log: Log, where: Path) -> Between:
+        """Understand it, read the file of distances, and look whether the log's names are right."""
+        sigma = parse_length(self.distance_sigma, "--distance-sigma") or SIGMA
+        result = Between(
+            sigma=parse_length(self.touch_sigma, "--touch-sigma") or SIGMA,
+            tilt=parse_angle(self.tilt, "--tilt") or 0.0,
+            tool=_tool(self.tool),
+            tool_sigma=parse_length(self.tool_sigma, "--tool-sigma") or 0.0,
+            distances=read(self.distances, log, sigma) if self.distances else (),
+            scale=self.shrinkage,
+            width=parse_length(self.line_width, "--line-width") or 0.0,
+        )
+        try:
+            result.check(robot, log)
+        except InputError as error:
+            raise InputError(f"{where}: {error}") from None
+        if result.in_millimetres(robot, log):
+            raise InputError(f"{self.distances}: distance: in mm, must be m")
+        return result
+
+
+def _tool(text: str | None) -> tuple[float, ...]:
+    try:
+        tool = tuple(map(float, text.split(","))) if text is not None else (0.0, 0.0, 0.0)
+    except ValueError:
+        tool = ()
+    if len(tool) != 3 or not np.isfinite(tool).all():
+        raise InputError(f"--tool {text}: must be three numbers, x,y,z (m)")
+    return tool

@@ -6,7 +6,7 @@ import pytest
 
 import truepose as tp
 from truepose import robotfile
-from truepose.commands.check import remarks
+from truepose.commands.robots import remarks
 from truepose.exceptions import InputError
 from truepose.integrations.importers import from_mjcf, from_urdf, pivot_of
 
