@@ -9,10 +9,11 @@
 /// - truepose::ikm, truepose::fkm, truepose::rkm, truepose::jacobian, truepose::tej, and their
 ///   ..._full of every rod by itself; truepose::command, which refuses another assembly mode
 /// - truepose::estimate: the pose that all readings together say, with its covariance
-/// - truepose::control: one cycle of a controller; truepose::learn: one line of self-calibration
+/// - truepose::control: one cycle of a controller; truepose::calibrate_online: online
+///   calibration by one row of readings
 /// - truepose::compensate_latency: what slow and late sensors would read now
-/// - truepose::watch: whether any reading lies; truepose::guarded: a controller that goes on
-/// without
+/// - truepose::monitor_faults: faulty readings; truepose::control_fault_tolerant: a controller that
+///   continues without them
 /// - truepose::set_parameters: another geometry ξ of the same robot
 ///
 /// Every answer is an Outcome, or has a Status: nothing may be believed before it was looked at.
