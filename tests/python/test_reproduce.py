@@ -6,6 +6,7 @@ import io
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -101,6 +102,23 @@ def test_it_ends_well_and_prints_table_3_beside_the_papers(made):
         assert text in result.stdout
     lines = [line for line in result.stdout.splitlines() if not line.startswith("Report: ")]
     assert max(map(len, lines)) <= 80
+    verdicts = {
+        line[:32].strip(): line for line in lines if re.search(r"  (holds|differs|open|few)", line)
+    }
+    assert (
+        len(verdicts) == 10
+        and lines.index(min(verdicts.values(), key=lines.index)) > len(lines) - 20
+    )
+    assert "differs [1]" in verdicts["Fig. 13: same position error"]
+    assert verdicts["Cartesian law: no error of θ"].endswith("holds")
+
+
+def test_every_verdict_names_a_test_that_exists(made):
+    with (made[1] / "verdicts.csv").open(encoding="utf-8") as file:
+        tests = {row["test"] for row in csv.DictReader(file)}
+    for test in tests:
+        file, name = test.split("::")
+        assert f"def {name}(" in (Path(__file__).parent / file).read_text(encoding="utf-8")
 
 
 def test_the_folder_holds_page_figures_and_numbers_and_nothing_else(made):
@@ -118,7 +136,7 @@ def test_the_folder_holds_page_figures_and_numbers_and_nothing_else(made):
         "following",
         "faults",
     ]
-    numbers = ["table3_one_robot", "table3_robots", "gains", "moves", "dynamics_check"]
+    numbers = ["verdicts", "table3_one_robot", "table3_robots", "gains", "moves", "dynamics_check"]
     numbers += ["statistics", "poses", "figure-11", "figure-12", "figure-13", "cartesian"]
     numbers += ["self-calibrated", "sensing", "following_circle", "faults"]
     expected = {"report.html"} | {f"{name}.csv" for name in numbers}

@@ -73,10 +73,13 @@ def command(
     found = [tables.moves(result), tables.many_robots(result), tables.gains(result)]
     found += [tables.sensing(result.sensing), *tables.following(result.following)]
     found += tables.twin_tables(result.section) if result.section else []
+    verdicts = tables.verdicts(result)
+    found.append(verdicts.columns(0, 1, 2, 3) if how is Format.table else verdicts)
     show(found, how)
     for note in result.section.notes if result.section else ():
         say(f"truepose: {note}", err=True)
     elapsed = time.perf_counter() - start
-    say(f"{robots} robots, seed {seed}, {elapsed:.1f} s.", how)
-    say("The H4's dimensions and masses are assumed: the paper prints none.", how)
+    for reason in tables.REASONS:
+        say(reason, how)
+    say(f"{robots} robots, seed {seed}, {elapsed:.1f} s. The H4's dimensions are assumed.", how)
     say(f"Report: {out / report.PAGE}", how)

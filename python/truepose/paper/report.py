@@ -84,6 +84,7 @@ def write(
         images[name] = _save(figure, out / name)
         progress("figures")
     numbers = [
+        tables.verdicts(result),
         tables.one_robot(result),
         tables.many_robots(result),
         tables.gains(result),
@@ -107,6 +108,7 @@ def write(
         robot=result.robot,
         robots=len(result.experiment.truths),
         seed=result.seed,
+        reasons=tables.REASONS,
         scatter={law: tables.theta_scatter(law) for law in ("usual", "redundant")},
         ratio=float(np.median(result.experiment.ratio("theta", "sum_sq"))),
         displaced=float(np.median(experiment.moved_by_tej(result.experiment, MOVE_TO))),
