@@ -135,10 +135,11 @@ def verdicts(result: Reproduction) -> Table:
         ("Cartesian law: no error of θ", "0", f"{removed:.4f}°", holds[removed < 1e-3],
          "test_statics.py::test_a_trusted_theta_leaves_no_error_of_theta"),
     ]  # fmt: skip
+    named = [(*row, Cell(test.split("::test_")[1].replace("_", " "), test)) for *row, test in rows]
     count = len(found.truths)
     title = f"The paper's statements. Figures: one robot. Else {count} robots [5 %, 95 %]"
     header = ["statement", "printed", "found", "verdict", "test"]
-    return Table("verdicts", title, header, rows)
+    return Table("verdicts", title, header, named)
 
 
 def one_robot(result: Reproduction) -> Table:
