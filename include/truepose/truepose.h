@@ -69,7 +69,7 @@ typedef enum truepose_status {
   TRUEPOSE_NOT_CONVERGED = 8,  /**< the search ended: whether there is an answer is not known */
   TRUEPOSE_NO_SUCH_PART = 9,   /**< a count, an index or an enum names what is not there */
   TRUEPOSE_NOT_SQUARE = 10,    /**< more or fewer chains or motors than freedoms */
-  TRUEPOSE_UNFINISHED = 11,    /**< the model was not loaded, a controller or guard not begun */
+  TRUEPOSE_UNFINISHED = 11,    /**< the model was not loaded, a controller or monitor not begun */
   TRUEPOSE_NOT_COMPILED = 12,  /**< this mobility, or the full level: left out of the library */
   TRUEPOSE_OTHER_VERSION = 13, /**< of the table: not TRUEPOSE_ABI, or not its size */
   TRUEPOSE_TOO_SMALL = 14,     /**< the memory given, or it is not aligned */
@@ -541,10 +541,10 @@ TRUEPOSE_API truepose_outcome truepose_control(const truepose_model* model,
                                                truepose_real torque[TRUEPOSE_FREEDOMS]);
 
 /* ------------------------------------------------------------------------------------------------
- * The watch: does a reading lie, and what then?
+ * Fault monitor: detection, isolation and substitution of faulty readings
  */
 
-/** Constant while a guard runs: `truepose export c` writes it for a robot and its gains. */
+/** Constant while a monitor runs: `truepose export c` writes it for a robot and its gains. */
 typedef struct truepose_fault_monitor_settings {
   int32_t refresh;           /**< cycles at most between looks at what the geometry leaves open */
   int32_t coast;             /**< cycles a reading is bridged before it has failed */
@@ -581,7 +581,7 @@ typedef enum truepose_symptom {
   TRUEPOSE_DISAGREES = 5
 } truepose_symptom;
 
-/** What a guard says. Sets of readings or motors are bits, the first one's 1. */
+/** What a monitor says. Sets of readings or motors are bits, the first one's 1. */
 typedef struct truepose_fault_report {
   int32_t health[TRUEPOSE_READINGS];  /**< truepose_health */
   int32_t symptom[TRUEPOSE_READINGS]; /**< truepose_symptom, the latest */
@@ -593,16 +593,16 @@ typedef struct truepose_fault_report {
   truepose_real stop; /**< in so many s, for truepose_advance(); 0: it goes on */
 } truepose_fault_report;
 
-/** Settings, and what a guard remembers. Opaque. */
+/** Settings, and what a monitor remembers. Opaque. */
 typedef union truepose_fault_monitor {
   int64_t align;
   unsigned char bytes[16384];
 } truepose_fault_monitor;
 TRUEPOSE_API size_t truepose_fault_monitor_size(void);
 
-/** Starts a guard, or starts it anew. @return NO_SUCH_VALUE, NOT_FINITE, TOO_SMALL */
+/** Starts a monitor, or starts it anew. @return NO_SUCH_VALUE, NOT_FINITE, TOO_SMALL */
 TRUEPOSE_API truepose_outcome truepose_fault_monitor_init(
-    truepose_fault_monitor* guard, size_t size, const truepose_fault_monitor_settings* settings);
+    truepose_fault_monitor* monitor, size_t size, const truepose_fault_monitor_settings* settings);
 
 /** As truepose_control(), with the readings watched: what is not believed is replaced. A motor
  * whose brake is asked for gets its feed-forward alone; once all brakes are asked for, all torques
@@ -615,7 +615,7 @@ TRUEPOSE_API truepose_outcome truepose_fault_monitor_init(
  */
 TRUEPOSE_API truepose_outcome truepose_control_fault_tolerant(
     const truepose_model* model, const truepose_model* finest, truepose_controller* controller,
-    truepose_fault_monitor* guard, const truepose_setpoint* setpoint,
+    truepose_fault_monitor* monitor, const truepose_setpoint* setpoint,
     const truepose_real q_e[TRUEPOSE_READINGS], const truepose_knowledge* known,
     truepose_real* work, truepose_real torque[TRUEPOSE_FREEDOMS], truepose_fault_report* report);
 
@@ -625,14 +625,14 @@ TRUEPOSE_API truepose_outcome truepose_control_fault_tolerant(
  * @param believed  out: the readings, or what stands for those that are not believed
  */
 TRUEPOSE_API truepose_outcome truepose_fault_monitor_step(
-    const truepose_model* finest, truepose_fault_monitor* guard,
+    const truepose_model* finest, truepose_fault_monitor* monitor,
     const truepose_real desired[TRUEPOSE_FREEDOMS], const truepose_real q_e[TRUEPOSE_READINGS],
     const truepose_knowledge* known, truepose_real* work, truepose_real believed[TRUEPOSE_READINGS],
     truepose_fault_report* report);
 
 /** A reading that was mended is believed again, and the robot may go on.
  * @return NO_SUCH_PART (`part`: the reading), UNFINISHED */
-TRUEPOSE_API truepose_outcome truepose_fault_monitor_acknowledge(truepose_fault_monitor* guard,
+TRUEPOSE_API truepose_outcome truepose_fault_monitor_acknowledge(truepose_fault_monitor* monitor,
                                                                  int32_t reading);
 
 /** Time along a path. Start with {0, 1, 0, 0}. */
@@ -648,10 +648,11 @@ TRUEPOSE_API void truepose_advance(truepose_path_clock* clock, truepose_real per
 TRUEPOSE_API void truepose_pace(const truepose_path_clock* clock, truepose_setpoint* setpoint);
 
 /* ------------------------------------------------------------------------------------------------
- * Learning: self-calibration while the robot works
+ * Online calibration
  */
 
-/** What a learner remembers. Opaque; holds pointers to the model it began with and to its memory.
+/** What a calibrator remembers. Opaque; holds pointers to the model it began with and to its
+ * memory.
  */
 typedef union truepose_online_calibrator {
   int64_t align;
@@ -659,40 +660,38 @@ typedef union truepose_online_calibrator {
 } truepose_online_calibrator;
 TRUEPOSE_API size_t truepose_online_calibrator_size(void);
 
-/** Numbers of memory that a learner of so many parameters needs; 0 of what was not loaded. */
+/** Numbers of memory that a calibrator of so many parameters needs; 0 of what was not loaded. */
 TRUEPOSE_API size_t truepose_online_calibrator_memory(const truepose_model* drawn, int32_t count);
 
 /** Starts from the model's own values and what is known of them.
  *
- * @param drawn   stays where it is while the learner is used
+ * @param drawn   stays where it is while the calibrator is used
  * @param prior   `column` likewise; at least one sensor, and one parameter
- * @param memory  truepose_online_calibrator_memory(drawn, prior->count) numbers, the learner's
+ * @param memory  truepose_online_calibrator_memory(drawn, prior->count) numbers, the calibrator's
  * @return TOO_SMALL, UNFINISHED, NO_SUCH_PART (a column), NOT_MEASURED (no sensor)
  */
-TRUEPOSE_API truepose_outcome truepose_online_calibrator_init(truepose_online_calibrator* learner,
-                                                              size_t size,
-                                                              const truepose_model* drawn,
-                                                              const truepose_knowledge* prior,
-                                                              truepose_real* memory, size_t count);
+TRUEPOSE_API truepose_outcome truepose_online_calibrator_init(
+    truepose_online_calibrator* calibrator, size_t size, const truepose_model* drawn,
+    const truepose_knowledge* prior, truepose_real* memory, size_t count);
 
 /** One line of readings; one that is no news costs next to nothing.
  * @return DISAGREE: not learnt from, or not from the reading named; STOPPED: nothing is any more */
 TRUEPOSE_API truepose_outcome truepose_online_calibrator_step(
-    truepose_online_calibrator* learner, const truepose_real q_e[TRUEPOSE_READINGS]);
+    truepose_online_calibrator* calibrator, const truepose_real q_e[TRUEPOSE_READINGS]);
 /** How many lines counted, and how many were left out, or a reading of theirs. @return UNFINISHED
  */
 TRUEPOSE_API truepose_outcome truepose_online_calibrator_samples(
-    const truepose_online_calibrator* learner, int64_t* learnt, int64_t* left_out);
+    const truepose_online_calibrator* calibrator, int64_t* learnt, int64_t* left_out);
 /** Goes back to before the latest lines: one of their readings was found to lie. */
 TRUEPOSE_API truepose_outcome
-truepose_online_calibrator_roll_back(truepose_online_calibrator* learner);
+truepose_online_calibrator_roll_back(truepose_online_calibrator* calibrator);
 
 /** The robot as it is believed to be by now. @param model  out */
 TRUEPOSE_API truepose_outcome truepose_online_calibrator_model(
-    const truepose_online_calibrator* learner, truepose_model* model, size_t size);
-/** And how well that is known. @param known  out; points into the learner's memory */
+    const truepose_online_calibrator* calibrator, truepose_model* model, size_t size);
+/** And how well that is known. @param known  out; points into the calibrator's memory */
 TRUEPOSE_API truepose_outcome truepose_online_calibrator_knowledge(
-    const truepose_online_calibrator* learner, truepose_knowledge* known);
+    const truepose_online_calibrator* calibrator, truepose_knowledge* known);
 
 #ifdef __cplusplus
 }

@@ -1,7 +1,7 @@
 // Online calibration beside the control cycle.
 //
-// Between a cycle's readings and its torque, the online filter (online.hpp) takes the readings as
-// one more line about ξ, and the controller believes in the robot at ξ̂ from then on.
+// Between a cycle's readings and its torque, the online filter (online_calibration.hpp) takes the
+// readings as one more line about ξ, and the controller believes in the robot at ξ̂ from then on.
 #pragma once
 
 #include "truepose/estimation/online_calibration.hpp"
@@ -64,8 +64,8 @@ Outcome calibrate_online(OnlineCalibrator& learner, const Extended& q_e) {
   return calibrate_online<K, IdealModel>(learner, q_e);
 }
 
-/// Goes back to before the latest lines (online.hpp keeps what it was, where it is gated): one of
-/// their readings has been found to lie, later than it began to.
+/// Goes back to before the latest lines (online_calibration.hpp keeps what it was, where it is
+/// gated): one of their readings has been found to lie, later than it began to.
 inline Outcome roll_back(OnlineCalibrator& learner) {
   OnlineState& state = learner.state;
   if (!state.kept || state.doubt.lines == 0) return {};

@@ -54,8 +54,16 @@ COMMON = "compliance.all_chains"
 
 
 def is_compliance(parameter: str) -> bool:
-    """Whether a parameter, or a glob of parameters, is a compliance: of one chain or of all."""
-    return parameter == COMMON or parameter.endswith(".compliance")
+    """Whether a parameter, or a glob of parameters, is a compliance: of one chain or of all.
+
+    Examples
+    --------
+    >>> [is_compliance(name) for name in (COMMON, "compliance.*", "chain*.compliance")]
+    [True, True, True]
+    >>> is_compliance("*compliance"), is_compliance("chain*.rod")
+    (True, False)
+    """
+    return parameter.startswith("compliance.") or parameter.endswith("compliance")
 
 
 def speaks_of_compliance(table: object, own: Iterable[object], names: Iterable[object]) -> bool:
