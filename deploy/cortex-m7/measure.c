@@ -17,8 +17,8 @@ enum { CYCLES = 100, WORK = 4000, MEMORY = 16000, COUNTED = 1000000 };
 
 static truepose_model model;
 static truepose_controller controller;
-static truepose_fault_monitor guard;
-static truepose_online_calibrator learner;
+static truepose_fault_monitor monitor;
+static truepose_online_calibrator calibrator;
 static truepose_fault_report report;
 static truepose_real work[WORK], memory[MEMORY], out[6 * 16];
 static truepose_setpoint setpoint;
@@ -60,12 +60,12 @@ static int32_t estimate(void) {
 static int32_t control(void) {
   return truepose_control(&model, &controller, &setpoint, q_e, &ITS(knowledge), work, out).status;
 }
-static int32_t guarded(void) {
-  return truepose_control_fault_tolerant(&model, 0, &controller, &guard, &setpoint, q_e,
+static int32_t fault_tolerant(void) {
+  return truepose_control_fault_tolerant(&model, 0, &controller, &monitor, &setpoint, q_e,
                                          &ITS(knowledge), work, out, &report)
       .status;
 }
-static int32_t learn(void) { return truepose_online_calibrator_step(&learner, q_e).status; }
+static int32_t calibrate(void) { return truepose_online_calibrator_step(&calibrator, q_e).status; }
 
 typedef struct entry {
   const char* name;
@@ -87,8 +87,8 @@ static const entry entries[] = {
     {"control, estimated", control, TRUEPOSE_LAW_ESTIMATED, 0, 0},
     {"TEJ, full feed-forward", control, TRUEPOSE_LAW_TEJ, 2, 0},
     {"TEJ, and gains shaped by the inertia", control, TRUEPOSE_LAW_TEJ, 2, 1},
-    {"the same, guarded", guarded, TRUEPOSE_LAW_TEJ, 2, 1},
-    {"learner", learn, 0, 0, 0},
+    {"the same, with the fault monitor", fault_tolerant, TRUEPOSE_LAW_TEJ, 2, 1},
+    {"online calibration", calibrate, 0, 0, 0},
 };
 
 static uint32_t ticks_of(int32_t (*call)(void), int32_t* status) {
@@ -112,9 +112,9 @@ static int start(const entry* asked) {
   at_cycle(0);
   at_cycle(0);
   return truepose_controller_init(&controller, sizeof controller, &settings).status == 0 &&
-         truepose_fault_monitor_init(&guard, sizeof guard, &ITS(fault_monitor)).status == 0 &&
-         truepose_online_calibrator_init(&learner, sizeof learner, &model, &ITS(knowledge), memory,
-                                         MEMORY)
+         truepose_fault_monitor_init(&monitor, sizeof monitor, &ITS(fault_monitor)).status == 0 &&
+         truepose_online_calibrator_init(&calibrator, sizeof calibrator, &model, &ITS(knowledge),
+                                         memory, MEMORY)
                  .status == 0;
 }
 
