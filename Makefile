@@ -1,5 +1,6 @@
 # make reproduce   the paper, run end to end; report in truepose-report/
 # make test        pytest, the C++ tests under ASan and UBSan, the examples
+# make deployments what others build with it: C library, C and C++ projects, Cortex-M7, WebAssembly
 #
 # make dev T=fkm   the C++ tests that ask about fkm.hpp (or T=control, …), quickly; P=tests/python/test_….py:
 #                  that file of pytest, with a module that is built quickly
@@ -17,12 +18,12 @@ CPP := $(shell find include src tests/cpp tests/fuzz tests/linuxcnc tests/refere
          -name '*.[hc]pp' -o -name '*.[hc]' ! -name vectors.h)
 
 .DEFAULT_GOAL := help
-.PHONY: help reproduce report test test-python test-cpp lint format fuzz realtime consumer wheel instructions bench bench-peers \
+.PHONY: help reproduce report test test-python test-cpp lint format fuzz realtime deployments wheel instructions bench bench-peers \
         mutants coverage coverage-python coverage-cpp pictures docs twin dev linuxcnc clean
 
 help:
 	@sed -n 's/^# \?//p' Makefile | sed '/^$$/q'
-	@echo "Also: report lint format fuzz realtime consumer wheel instructions bench mutants coverage pictures docs twin linuxcnc clean"
+	@echo "Also: report lint format fuzz realtime wheel instructions bench mutants coverage pictures docs twin linuxcnc clean"
 
 reproduce: $(VENV)/installed
 	@truepose reproduce --force $(ARGS)
@@ -34,7 +35,8 @@ report: $(VENV)/installed
 test: test-python test-cpp
 
 test-python: $(VENV)/developing
-	OPENBLAS_NUM_THREADS=1 python -m pytest -q -n auto --dist worksteal --pyargs truepose tests/python docs README.md
+	OPENBLAS_NUM_THREADS=1 python -m pytest -q -n auto --dist worksteal \
+	  --ignore=tests/python/deployments --pyargs truepose tests/python docs README.md
 
 test-cpp: build/asan/build.ninja
 	cmake --build --preset asan
@@ -75,11 +77,12 @@ realtime: $(VENV)/tools
 	  ctest --preset realtime -R 'nonblocking|realtime'; \
 	else echo "realtime: SKIPPED, clang++-22 is not installed (Debian: clang-22 libclang-rt-22-dev)"; fi
 
-# A C++ project that uses the installed package, by clang++-22; `make test` has it by the system's c++.
-consumer: $(VENV)/developing
+# By the system's compilers; C++ projects by clang++-22 as well.
+deployments: $(VENV)/developing
+	python -m pytest -q -n auto --dist loadfile tests/python/deployments
 	@if command -v clang++-22 >/dev/null; then \
-	  CXX=clang++-22 python -m pytest -q tests/python/test_package.py; \
-	else echo "consumer: SKIPPED, clang++-22 is not installed (Debian: clang-22)"; fi
+	  CXX=clang++-22 python -m pytest -q tests/python/deployments/test_package.py; \
+	else echo "deployments: by clang SKIPPED, clang++-22 is not installed (Debian: clang-22)"; fi
 
 # One wheel for Python 3.11 and later in dist/, tried away from the source tree on every Python found.
 wheel: $(VENV)/created
@@ -120,9 +123,9 @@ coverage-cpp: $(VENV)/developing
 # modules from its own folder alone: to put them there, the first time, needs root.
 linuxcnc: $(VENV)/developing
 	@if command -v linuxcnc >/dev/null && command -v halcompile >/dev/null; then \
-	  cmake -S . -B build/c -G Ninja -DTRUEPOSE_PYTHON=OFF -DCMAKE_BUILD_TYPE=Release \
+	  cmake -S . -B build/library -DTRUEPOSE_PYTHON=OFF -DCMAKE_BUILD_TYPE=Release \
 	    -DCMAKE_PREFIX_PATH="$$(cmeel cmake)" && \
-	  cmake --build build/c --target truepose_c_static && \
+	  cmake --build build/library --parallel && \
 	  $(MAKE) --no-print-directory -C deploy/linuxcnc there && \
 	  python -m pytest -q tests/python/integrations/linuxcnc/test_linuxcnc_kinematics.py tests/python/integrations/linuxcnc/test_linuxcnc_tej.py && \
 	  python tools/linuxcnc_trial.py && python tools/linuxcnc_learning.py; \

@@ -14,7 +14,7 @@ from linuxcnc_modules import Module
 def components(tmp_path_factory) -> Path:
     """Return a folder with LinuxCNC's components, built; `make linuxcnc` makes what they link."""
     root = Path(__file__).parents[4]
-    library = Path(os.environ.get("TRUEPOSE_LIBRARY", root / "build/c/libtruepose.a"))
+    library = Path(os.environ.get("TRUEPOSE_LIBRARY", root / "build/library/libtruepose.a"))
     if shutil.which("halcompile") is None:
         pytest.skip("LinuxCNC is not installed (Debian: linuxcnc-uspace linuxcnc-uspace-dev)")
     if not library.exists():

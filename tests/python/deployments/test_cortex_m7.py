@@ -10,10 +10,9 @@ from pathlib import Path
 import pytest
 from compiling import told, wheels_eigen
 
-SOURCE = Path(__file__).parents[2]
+SOURCE = Path(__file__).parents[3]
 
 pytestmark = [
-    pytest.mark.xdist_group("cortex_m7"),
     pytest.mark.skipif(
         not all(map(shutil.which, ("make", "arm-none-eabi-g++", "qemu-system-arm"))),
         reason="no cross compiler or no qemu (Debian: gcc-arm-none-eabi libnewlib-arm-none-eabi "

@@ -14,14 +14,13 @@ import pytest
 import wasmtime
 from compiling import told, wheels_eigen
 
-SOURCE = Path(__file__).parents[2]
+SOURCE = Path(__file__).parents[3]
 HEADER = SOURCE / "include" / "truepose" / "truepose.h"
 BUILTINS = "/usr/lib/llvm-22/lib/clang/22/lib/wasi/libclang_rt.builtins-wasm32.a"
 #: Of the seven questions of tests/reference/agree.h the last is the estimate, a search.
 ALLOWED = (1e-13,) * 6 + (1e-10,)
 
 pytestmark = [
-    pytest.mark.xdist_group("wasm"),
     pytest.mark.skipif(
         not all(map(shutil.which, ("make", "clang++-22", "wasm-ld-22")))
         or not Path("/usr/include/wasm32-wasi/c++/v1").exists()
