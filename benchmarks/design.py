@@ -5,7 +5,7 @@
 
 The sensors of each robot's file, and copies of them as coarse by 2 to 10 times or as fine, until
 there are so many; prices drawn evenly from 50 to 400, a budget of five times their median. Printed:
-as built, touched off at home, and self-calibrated on ten poses, the sets that were compared, the
+as built, referenced at home, and self-calibrated on ten poses, the sets that were compared, the
 processor's seconds, whether the best is proven or else the gap, by what greedy choices with
 exchange miss it, sets in a minute.
 """
@@ -59,10 +59,10 @@ def main() -> None:
             for s, p in zip(robot.spec.sensor, rng.uniform(50, 400, 99), strict=False)
         }
         budget = asked.of * float(np.median(list(prices.values())))
-        for what in ("as built", "touched off", "self-calibrated"):
+        for what in ("as built", "referenced", "self-calibrated"):
             x = drawn(robot, 10, 0)
             known = {
-                "touched off": {"touch_off": robot.home},
+                "referenced": {"reference_pose": robot.home},
                 "self-calibrated": {"calibrated_on": x},
             }.get(what, {})
             start = time.process_time()
@@ -73,7 +73,7 @@ def main() -> None:
                 list(prices),
                 over,
                 known.get("calibrated_on", nowhere),
-                robot.home[None] if "touch_off" in known else nowhere,
+                robot.home[None] if "reference_pose" in known else nowhere,
                 [1e-9] * robot.n,
             )
             search = searched(worth, list(prices.values()))

@@ -14,7 +14,7 @@ from truepose.show.table import markdown
 
 
 def ranked(lines: list[Line]) -> str:
-    """The effects in the order of what they take away, alone and from all of them."""
+    """The effects in the order of their effect, alone and from all of them."""
     by = {line.case: line for line in lines}
     rows = []
     for group in Effects.groups():

@@ -6,7 +6,7 @@ held_out.py [--seeds 20] [--drawn 1000] [--picture held-out.svg]      # three mi
 Jugglebot's 108 poses (robots/jugglebot/log.csv) in ninths: each is predicted by its motors and by
 what the other eight taught, and compared with what motion capture saw. Then its motors are homed
 anew, each zero up to 20 mm off, and found again from ten poses. The model, its tolerances and the σ
-of what was measured stand in the robot's file and here; nothing was chosen by these tables. Last
+of the measurements stand in the robot's file and here; nothing was chosen by these tables. Last
 come hexapods drawn from the same tolerances, anywhere in a tracker's sight: do their errors keep to
 the σ that are stated of them?
 """
@@ -57,7 +57,7 @@ class Misses(NamedTuple):
 
     @property
     def nees(self) -> np.ndarray:
-        """Squared misses in units of what was stated, per coordinate: 1 where that is honest."""
+        """Squared misses in units of the stated ones, per coordinate: 1 where that is honest."""
         solved = np.linalg.solve(self.covariance, self.off[..., None])[..., 0]
         return (self.off * solved).sum(axis=1) / self.off.shape[1]
 
@@ -149,7 +149,7 @@ def placed(moved: np.ndarray) -> np.ndarray:
 
 
 def over_bound(each: list[Misses]) -> np.ndarray:
-    """Rms of what is missed over what is stated, of x, y, z, rx, ry, rz."""
+    """Rms error over the stated σ, of x, y, z, rx, ry, rz."""
     off = np.concatenate([m.off for m in each])
     stated = np.concatenate([np.diagonal(m.covariance, axis1=1, axis2=2) for m in each])
     return np.sqrt((off**2).mean(axis=0) / stated.mean(axis=0))

@@ -110,7 +110,7 @@ def row(kind: str, runs: list[tuple]) -> str:
 
 
 def clean(name: str, sensors: list[str], level: str, lines: int) -> str:
-    """Clean lines alone: left out, stopped, and what the gate costs of what is learnt."""
+    """Clean lines alone: left out, stopped, and the information that the gate costs."""
     robot = tp.load(name).with_sensors(*sensors)
     rng = np.random.default_rng(1)
     true = robot.sample(1)

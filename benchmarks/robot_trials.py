@@ -24,19 +24,19 @@ from truepose.robot.robot import Robot
 
 @dataclass(frozen=True)
 class Trials:
-    """R robots at P poses of the calibration, H others and the touch-off; n coordinates.
+    """R robots at P poses of the calibration, H others and the reference-pose; n coordinates.
 
     Errors are along the free twist, m and rad.
     """
 
     robot: Robot
-    usual: Array  #: (R, P, n) of usual control: true less desired
+    usual: Array  #: (R, P, n) of usual control: true − desired
     error: Array  #: (R, P, n) of the calibration's poses: believed less true
     held_out: Array  #: (R, H, n) of estimates at poses it has not seen
     stated: Array  #: (R, H, n) σ that those estimates claim
     touched_off: Array  #: (R, H, n) of those estimates, once one pose more was known from outside
     bound: Array  #: (P, n, n) covariance, predicted
-    bound_touched: Array  #: (H, n, n) covariance, predicted, the touch-off pose known
+    bound_touched: Array  #: (H, n, n) covariance, predicted, the reference-pose pose known
     xi_nees: Array  #: (R,) normalised squared error of ξ; its mean is to be `parameters`
     x_nees: Array  #: (R, H) of the estimates; their mean is to be n
     parameters: int  #: p
@@ -63,7 +63,7 @@ class Trials:
 def run(
     robot: Robot,
     poses: ArrayLike,
-    touch_off: ArrayLike,
+    reference_pose: ArrayLike,
     held_out: ArrayLike,
     count: int,
     seed: int = 0,
@@ -82,7 +82,7 @@ def run(
         The nominal robot with the sensors in use; the true ones are drawn from its tolerances.
     poses, held_out : array_like, shape (P, n) and (H, n)
         Where the robots calibrate themselves, and where they only estimate.
-    touch_off : array_like, shape (n,)
+    reference_pose : array_like, shape (n,)
         A pose at which something outside tells the robot where it stands.
     count, seed : int
         Robots; the first ones do not depend on `count`.
@@ -105,7 +105,7 @@ def run(
     True
     """
     poses, held_out = np.asarray(poses, dtype=float), np.asarray(held_out, dtype=float)
-    desired = np.vstack([poses, np.atleast_2d(touch_off), held_out])
+    desired = np.vstack([poses, np.atleast_2d(reference_pose), held_out])
     first = len(poses)
     found: dict[str, list] = {
         k: [] for k in ("usual", "error", "held", "stated", "touched_off", "xi", "x")
@@ -149,7 +149,7 @@ def run(
         stated=np.array(found["stated"]),
         touched_off=np.array(found["touched_off"]),
         bound=accuracy(robot, poses, **visited),
-        bound_touched=accuracy(robot, held_out, touch_off=touch_off, **visited),
+        bound_touched=accuracy(robot, held_out, reference_pose=reference_pose, **visited),
         xi_nees=np.array(found["xi"]),
         x_nees=np.array(found["x"]),
         parameters=len(names),

@@ -63,7 +63,7 @@ def cells(ran: trials.Trials) -> list[str]:
 
 
 ABSOLUTE = ("usual", "calibrated", "gain", "bound", "ratio", "x, y, z, θ", "other poses")
-TOUCHED = ("touched off", "bound", "ratio", "x, y, z, θ", "NEES of ξ", "NEES of x")
+REFERENCED = ("referenced", "bound", "ratio", "x, y, z, θ", "NEES of ξ", "NEES of x")
 COVERED = tuple(f"{poses} poses: x, y, z, θ" for poses in POSES)
 
 
@@ -88,7 +88,7 @@ def main() -> None:
     with ProcessPoolExecutor(given.jobs) as pool:
         ran = dict(zip((task[:3] for task in tasks), pool.map(one, tasks), strict=True))
     whole = {(kind, name): cells(ran[kind, name, POSES[-1]]) for kind in KINDS for name in SETS}
-    for header, part in ((ABSOLUTE, slice(0, 7)), (TOUCHED, slice(7, None))):
+    for header, part in ((ABSOLUTE, slice(0, 7)), (REFERENCED, slice(7, None))):
         print("| | " + " | ".join(header) + " |\n" + "|---" * (len(header) + 1) + "|")
         for (kind, name), values in whole.items():
             print(f"| {kind}: {name} | " + " | ".join(values[part]) + " |")

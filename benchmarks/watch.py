@@ -30,7 +30,7 @@ MORE = {
     "delta z, elbows": ("delta", ["z_telemeter", "elbow1", "elbow2", "elbow3"]),
     "stewart z, U-joints": ("stewart", ["z_telemeter", *(f"u_joint{k}" for k in range(1, 7))]),
 }
-SOFT = {"frequency": 40.0, "velocity_bandwidth": 300.0}  #: bears arms that give way and a delay
+SOFT = {"frequency": 40.0, "velocity_bandwidth": 300.0}  #: stable with compliant arms and a delay
 POSES = 100  #: of a calibration
 MOST = 0.1  #: limit, rad or m, from which on a reading is taken as not watched by the others
 SETTLING = 33  #: cycles of a watch that has begun

@@ -1,7 +1,7 @@
 """Stability limit of a controller on a robot that is not rigid. The exact plant, softened.
 
 Highest natural frequency of the PD (rad/s) at which the robot still comes to rest after a move, for
-laws and velocity filters, with none, one or all of the effects that a model forgets. Then the gains
+laws and velocity filters, with none, one or all of the effects that the model omits. Then the gains
 that are chosen by the loop's margins, without any trial.
 """
 

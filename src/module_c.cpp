@@ -90,7 +90,7 @@ nb::tuple watch_settings(const FaultTolerantSetup& guarding) {
                         listed.rows);
 }
 
-/// A struct as it lies in memory, for files that a program of the same kind of machine reads.
+/// A struct as it is in memory, for files that a program of the same kind of machine reads.
 template <class C, class Core>
 nb::bytes image_of(const Core& core) {
   static C of;  // 8 kB

@@ -50,7 +50,7 @@ Influences influences_at(const Robot& robot, const std::optional<Rows>& influenc
 }
 
 /// Gain of the fused readings, (N, n, n + r), at poses: how an error of one reading leaks into x.
-/// @param influence  of what the last of the knowledge are the amounts
+/// @param influence  whose amounts are the last entries of the knowledge
 auto batch_gain(const Robot& robot, const Known& known, const Rows& x, bool full,
                 const std::optional<Rows>& influence) {
   const std::size_t count = x.shape(0), n = x.shape(1), e = n + robot.r;

@@ -170,7 +170,7 @@ auto run_simulation(const Robot& nominal, const Robot& truth, const ControlSetti
 }
 
 /// Along any path: a row of each array, (N, n), at the start of every period. Between two, where a
-/// robot slows down, what lies between.
+/// robot slows down, the setpoint between.
 auto run_path(const Robot& nominal, const Robot& truth, const ControlSettings& settings,
               const Known* known, const Effects& effects, Online* online,
               const std::vector<Fault>& faults, const FaultTolerantSetup* guarding,

@@ -30,7 +30,7 @@ struct Slow {
     if (known_late) require_started(*lateness.first, late);
   }
 
-  /// As the controller reads it, (n + r,), of what the sensors have. Once a cycle.
+  /// As the controller reads it, (n + r,), from the sensors. Once a cycle.
   Extended deliver(int motors, Extended q_e) {
     late.arrived = bus.deliver(motors, q_e);
     return q_e;

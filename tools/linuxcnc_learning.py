@@ -34,7 +34,7 @@ from truepose.paper import article
 SEED, ASKED, LEARNT_AT = 0, 12, 60  # the machine; poses where errors are asked, and of learning
 LAWS = ("tej", "estimated")
 CYCLES = 75_000  # which include all that learn
-#: How much θ is off afterwards, of what it was under the TEJ law.
+#: θ's error afterwards, as a share of that under the TEJ law.
 GAINS = 0.5
 
 

@@ -16,7 +16,7 @@ import linuxcnc
 
 HERE = Path(__file__).resolve().parent
 SETTLES, PATIENCE = 0.4, 20.0  # s: of servo cycles, and at most of a wall's clock
-LOOKS = 1.2  # s, for a step of what drives are told
+LOOKS = 1.2  # s, for a step of a drive's command
 
 
 class Machine:
@@ -145,7 +145,7 @@ def clocks(cycles, names, meanwhile):
 
 
 def steps(events, machine, looks):
-    """Return the largest change, from one cycle to the next, of what a drive was told.
+    """Return the largest change, from one cycle to the next, of a drive's command.
 
     ``looks`` is called after each event.
     """

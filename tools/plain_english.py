@@ -1,4 +1,4 @@
-"""Check of headings and module lines: they state their subject, none is a question."""
+"""Check of headings, module lines and expressions: subjects are stated, banned words are absent."""
 
 import re
 import subprocess
@@ -7,6 +7,16 @@ from pathlib import Path
 
 #: What a file's first line begins with, by the file's ending.
 OPENING = {"py": '"""', "hpp": "//", "cpp": "//", "h": "/*", "c": "/*"}
+#: Other files that people read.
+READ = {"md", "toml", "txt", "j2"}
+#: Expressions that a hurried reader reads twice, or that make machines into persons.
+BANNED = re.compile(
+    r"\b(lies|cries wolf|swings? up|gives? way|touched off|touch off|betray(s|ed)|rehearse|stances?"
+    r"|forgets|spoils|of what|what of it|less desired|not friction's|as drawn leaves)\b",
+    re.IGNORECASE,
+)
+#: The list itself, and lists of old names.
+LISTS = ("tools/plain_english.py", "tests/python/test_docs.py", "docs/renames.csv")
 
 
 def questions(text: str, ending: str) -> list[int]:
@@ -15,18 +25,26 @@ def questions(text: str, ending: str) -> list[int]:
     if ending == "md":
         return [k for k, line in enumerate(lines, 1) if re.match(r"#+ .*\?\s*$", line)]
     first = lines[0] if lines else ""
-    return [1] * (first.startswith(OPENING[ending]) and "?" in first)
+    return [1] * (first.startswith(OPENING.get(ending, "\0")) and "?" in first)
+
+
+def banned(text: str) -> list[tuple[int, str]]:
+    """Return lines, from 1, and the banned expressions in them; code in a page is not read."""
+    lines = enumerate(text.splitlines(), 1)
+    return [(k, m[0]) for k, line in lines for m in BANNED.finditer(re.sub(r"`[^`]*`", "", line))]
 
 
 def main() -> int:
-    """Print every question; 1 if there is one."""
+    """Print every question and every banned expression; 1 if there is one."""
     listed = subprocess.run(["git", "ls-files"], capture_output=True, text=True, check=True).stdout
-    found = [
-        f"{file}:{line}: a question; state the subject"
-        for file in listed.splitlines()
-        if (ending := file.rpartition(".")[2]) in {*OPENING, "md"} and Path(file).is_file()
-        for line in questions(Path(file).read_text(encoding="utf-8"), ending)
-    ]
+    found = []
+    for file in listed.splitlines():
+        ending = file.rpartition(".")[2]
+        if ending not in {*OPENING, *READ} or file in LISTS or not Path(file).is_file():
+            continue
+        text = Path(file).read_text(encoding="utf-8")
+        found += [f"{file}:{k}: a question; state the subject" for k in questions(text, ending)]
+        found += [f'{file}:{k}: "{words}"; see CONTRIBUTING.md' for k, words in banned(text)]
     print(*found, sep="\n", end="\n" * bool(found))
     return bool(found)
 

@@ -236,7 +236,7 @@ law changes them by less than they change from run to run
 
 ## What it takes
 
-In units of what was known beforehand (standard normal numbers), all that is beyond 2: {unlikely}
+In units of the prior σ (standard normal numbers), all that is beyond 2: {unlikely}
 Σ u² = {size:.0f} for {unknowns} unknowns, where {unknowns} is expected.
 
 ## Ten twins

@@ -27,10 +27,10 @@ from truepose.robot.robot import Robot
 
 #: What the search aims at, as a part of that: σ of its residuals.
 _AIM = 0.15
-#: Beforehand, of what neither the paper nor the robot's file names; all assumed.
+#: Prior of quantities that neither the paper nor the robot's file names; all assumed.
 REGISTRATION_TURN = math.radians(0.2)  #: σ of each component, rad
 REGISTRATION_SHIFT = 3e-3  #: σ of each component, m
-#: Logarithms of what else is not geometry, over its default: σ of the vision's noise (a factor of
+#: Logarithms of other quantities, over their defaults: σ of the vision's noise (a factor of
 #: two) and of the gear's play (1.5); how far the LEDs may be from the nacelle's axis (40 to 80 mm).
 NUISANCES = {
     "vision.noise": (math.log(2.0), None),

@@ -25,7 +25,7 @@ PICTURES = Path(__file__).parents[1] / "docs/pictures"
 PORT = 8199
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 WIDE, PHONE = {"width": 1000, "height": 640}, {"width": 390, "height": 844}
-MOST = 3_000_000  #: bytes of what moves
+MOST = 3_000_000  #: bytes of an animation
 PATIENCE = 120_000  #: ms; a browser without a graphics card is slow
 
 
@@ -60,7 +60,7 @@ def choose(seen: Seen, tab: str) -> None:
 
 
 class Film:
-    """Frames of what is seen, one after the other."""
+    """Frames of the view, one after the other."""
 
     def __init__(self, seen: Seen):
         self.seen, self.frames, self.times = seen, [], []
@@ -109,7 +109,7 @@ def film(page: Any, seen: Seen) -> None:
         page.mapped = page.coloured = False
     choose(seen, "Log")
     with page.doing():
-        page.tabs[3]._rehearse()
+        page.tabs[3]._simulate_log()
     shown.take(1500, 10)
     with page.doing():
         page.tabs[3]._fit()

@@ -29,7 +29,7 @@ static inline int wrong(const char* what, const char* value, const char* why) {
   rtapi_print_msg(RTAPI_MSG_ERR, "%s: %s=%s: %s\n", COMPONENT, what, value, why);
   return -1;
 }
-/** The same of what the library says. @return 0: it has nothing against it */
+/** The same for a status of the library. @return 0: it has nothing against it */
 static inline int refused(const char* what, const char* value, truepose_outcome outcome) {
   return outcome.status > TRUEPOSE_OK ? wrong(what, value, truepose_status_text(outcome.status))
                                       : 0;

@@ -32,7 +32,7 @@ static void* place(const char* name, truepose_table* table, size_t* most) {
   return NULL;
 }
 
-/** FNV-1a of what was read so far and of these bytes. */
+/** FNV-1a of all bytes so far and of these. */
 static uint64_t marked(uint64_t mark, const void* bytes, size_t count) {
   const unsigned char* const at = bytes;
   for (size_t i = 0; i < count; ++i) mark = (mark ^ at[i]) * 1099511628211u;
@@ -124,9 +124,9 @@ truepose_real truepose_reading_scale(const truepose_description* robot, int read
   if (reading >= robot->motors) {
     const truepose_sensor* sensor = &robot->sensor[reading - robot->motors];
     switch (sensor->kind) {
-      case TRUEPOSE_PLANE_DISTANCE:
+      case TRUEPOSE_PLANE_DIPOSTURE:
       case TRUEPOSE_COORDINATE:
-      case TRUEPOSE_DISTANCE:
+      case TRUEPOSE_DIPOSTURE:
       case TRUEPOSE_ROD_LENGTH: return unit;
       case TRUEPOSE_MOTOR_ENCODER: motor = sensor->chain; break;
       default: return kDegree;

@@ -94,7 +94,7 @@ truepose_outcome truepose_corrector_begin(truepose_corrector* tej,
 void truepose_corrector_cycle(truepose_corrector* tej, const truepose_corrector_input* input);
 
 /** How the zero of a sensor that counts from power-on becomes known: its encoder's index, which
- * lies at a known reading. */
+ * is at a known reading. */
 typedef struct truepose_index {
   int32_t armed, known;
 } truepose_index;

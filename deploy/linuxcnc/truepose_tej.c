@@ -16,7 +16,7 @@ static int period_us = 1000;
 RTAPI_MP_INT(period_us, "of the thread, microseconds");
 
 static char* keep = "";
-RTAPI_MP_STRING(keep, "file of what was learnt: read when loaded, written when unloaded");
+RTAPI_MP_STRING(keep, "file of the identified parameters: read when loaded, written when unloaded");
 
 static struct tej_pins {
   hal_float_t *command[6], *offset[6], *motor_fb[6], *pid_fb[6], *correction[6], *e_q[6];

@@ -108,7 +108,7 @@ def over_table_2() -> Figure:
 
 
 def path_accuracy() -> Figure:
-    """Return the report's: one real robot on a circle, at half of what its motors allow."""
+    """Return the report's: one real robot on a circle, at half its motors' limits."""
     return figures.following(following.study(tp.load("h4"), robots=1, seed=0, full=False))
 
 

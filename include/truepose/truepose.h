@@ -229,7 +229,7 @@ TRUEPOSE_API truepose_outcome truepose_load(truepose_model* model, size_t size,
 TRUEPOSE_API truepose_outcome truepose_description_of(const truepose_model* model,
                                                       truepose_description* description);
 
-/** Freedoms n and sensors r; 0 of what was not loaded. */
+/** Freedoms n and sensors r; 0 of a model that was not loaded. */
 TRUEPOSE_API int32_t truepose_freedoms(const truepose_model* model);
 TRUEPOSE_API int32_t truepose_sensors(const truepose_model* model);
 
@@ -274,7 +274,7 @@ TRUEPOSE_API truepose_outcome truepose_to_roll_pitch_yaw(const truepose_real rot
 
 /** q = IKM(x), for motors that will go there.
  *
- * @return UNREACHABLE and the chain; BRANCH_LOST where x lies in another assembly mode, SINGULAR
+ * @return UNREACHABLE and the chain; BRANCH_LOST where x is in another assembly mode, SINGULAR
  * between two; JOINT_LIMIT and the motor; NOT_FINITE
  */
 TRUEPOSE_API truepose_outcome truepose_ikm(const truepose_model* model,
@@ -380,7 +380,7 @@ typedef struct truepose_knowledge {
   truepose_real sigma[TRUEPOSE_READINGS]; /**< of every reading's own error, > 0 */
 } truepose_knowledge;
 
-/** Numbers of work space that what is given a knowledge needs; 0 of what was not loaded. */
+/** Numbers of work space of a function that takes a knowledge; 0 of a model that was not loaded. */
 TRUEPOSE_API size_t truepose_work(const truepose_model* model, int32_t count);
 
 /** How an estimate of the pose ended, and how well it is known. */
@@ -388,7 +388,7 @@ typedef struct truepose_estimate_result {
   truepose_outcome outcome;
   int32_t iterations;
   int32_t unused;
-  truepose_real chi2; /**< of what the readings disagree about; r on average in a healthy robot */
+  truepose_real chi2; /**< of the readings' disagreement; r on average in a healthy robot */
   truepose_real covariance[TRUEPOSE_FREEDOMS * TRUEPOSE_FREEDOMS]; /**< of the free twist */
 } truepose_estimate_result;
 
@@ -562,7 +562,7 @@ typedef struct truepose_fault_monitor_settings {
   truepose_real moved[TRUEPOSE_READINGS];   /**< motion beside unchanged counts (0: not watched) */
   truepose_real kp[TRUEPOSE_FREEDOMS], kd[TRUEPOSE_FREEDOMS]; /**< 1/s², 1/s: the motors' loops */
   truepose_real rests[TRUEPOSE_FREEDOMS];  /**< error at which a healthy motor may rest */
-  truepose_real shaken[TRUEPOSE_FREEDOMS]; /**< sigma a cycle of what may drive one (0: any) */
+  truepose_real shaken[TRUEPOSE_FREEDOMS]; /**< largest innovation sigma per cycle (0: any) */
   truepose_real low[TRUEPOSE_READINGS], high[TRUEPOSE_READINGS]; /**< range (equal: any) */
 } truepose_fault_monitor_settings;
 
@@ -660,7 +660,8 @@ typedef union truepose_online_calibrator {
 } truepose_online_calibrator;
 TRUEPOSE_API size_t truepose_online_calibrator_size(void);
 
-/** Numbers of memory that a calibrator of so many parameters needs; 0 of what was not loaded. */
+/** Numbers of memory that a calibrator of so many parameters needs; 0 of a model that was not
+ * loaded. */
 TRUEPOSE_API size_t truepose_online_calibrator_memory(const truepose_model* drawn, int32_t count);
 
 /** Starts from the model's own values and what is known of them.

@@ -14,7 +14,7 @@ double determinant(const Dense& A);
 /// x of least |A x - b|, by QR: the condition number is not squared.
 Dense solve(const Dense& A, const Dense& b);
 
-/// An orthonormal basis, in rows, of what is orthogonal to A's columns: N A = 0, N Nᵀ = 1.
+/// An orthonormal basis, in rows, of the space orthogonal to A's columns: N A = 0, N Nᵀ = 1.
 Dense complement(const Dense& A);
 
 /// The largest first.

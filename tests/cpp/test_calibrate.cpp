@@ -89,7 +89,7 @@ class Scene {
   std::vector<int> column_;
 };
 
-/// Largest difference of what two calibrations learnt, in units of the first one's σ.
+/// Largest difference of two calibrations' parameters, in units of the first one's σ.
 double apart(const Scene& scene, const CalibrationResult& a, const CalibrationResult& b) {
   double most = 0;
   for (int k = 0; k < scene.known.count; ++k) {

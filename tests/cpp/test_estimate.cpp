@@ -199,7 +199,7 @@ TEST("rows that do not determine the pose are no pose") {
   CHECK(!eliminate(2, 3, A, B, 1, e));
 }
 
-TEST("times_root is a product with a lower triangle, whatever lies above it") {
+TEST("times_root is a product with a lower triangle, whatever is above it") {
   check::Random random(7);
   for (const int p : {1, 7, 8, 9, 16, 53}) {
     RowMatrix root(p, p), B(5, p);

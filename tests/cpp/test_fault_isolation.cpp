@@ -10,7 +10,7 @@ namespace {
 constexpr Mobility K = Mobility::schoenflies;
 constexpr int kTheta = kDof<K>;
 
-/// An H4 whose motors have 14400 counts a turn, guarded, one reading of which lies.
+/// An H4 whose motors have 14400 counts a turn, fault-tolerant, with one faulty reading.
 struct Faulty {
   explicit Faulty(Law law) : mechanism(h4()), prior((count(), mechanism.robot)) {
     settings.law = law;

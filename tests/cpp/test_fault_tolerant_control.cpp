@@ -1,5 +1,5 @@
 // The fault-tolerant controller under faults. It changes without a
-// step, stops, asks for brakes, and forgets.
+// step, stops, asks for brakes, and is reset.
 #include <algorithm>
 
 #include "mechanisms.hpp"
@@ -79,7 +79,7 @@ TEST("a stop that has to be shorter on the way goes on with the rate that it has
   CHECK(rate == 0);
 }
 
-TEST("a change of law, or of what is believed, is no step of the torque") {
+TEST("a change of law, or of the geometry, is no step of the torque") {
   for_each([](const Mechanism& mechanism, auto mobility) {
     constexpr Mobility K = mobility();
     constexpr int n = kDof<K>;

@@ -24,7 +24,9 @@ std::vector<double> read_of(const std::vector<Fault>& faults, double period = 0.
 
 }  // namespace
 
-TEST("a reading lies from its fault's begin to its end, by what the kind makes of the whole one") {
+TEST(
+    "a reading is faulty from its fault's begin to its end, by what the kind makes of the healthy "
+    "one") {
   const std::array<double (*)(int), kFaultTable.size()> lying{
       [](int k) { return k + 2.5; },                    // bias
       [](int k) { return k + 2.5; },                    // jump
@@ -42,8 +44,8 @@ TEST("a reading lies from its fault's begin to its end, by what the kind makes o
     for (const double end : {0.7, kNever}) {
       const std::vector<double> read = read_of({{row.kind, 2, 3, 2, 0.4, end}});
       for (int k = 0; k < 12; ++k) {
-        const bool lies = k >= 4 && (k < 7 || end == kNever);
-        const double expected = lies ? lying[static_cast<std::size_t>(row.kind)](k) : k + 0.5;
+        const bool faulty = k >= 4 && (k < 7 || end == kNever);
+        const double expected = faulty ? lying[static_cast<std::size_t>(row.kind)](k) : k + 0.5;
         CHECK(std::isnan(read[k]) == std::isnan(expected));
         if (!std::isnan(expected)) CHECK_NEAR(read[k], expected, 1e-12);
       }
@@ -67,7 +69,7 @@ TEST("faults act in their order") {
   CHECK_NEAR(read_of({gain, bias})[5], 3 * 5.5 + 1, 1e-12);
 }
 
-TEST("whatever reading lies, the machine goes on, and its torques stay finite and held") {
+TEST("whatever reading is faulty, the machine goes on, and its torques stay finite and held") {
   for_each([](const Mechanism& mechanism, auto mobility) {
     constexpr Mobility K = mobility();
     const Robot& robot = mechanism.robot;

@@ -76,7 +76,7 @@ TEST("an encoder's offset is taken off its reading and nothing else") {
   });
 }
 
-TEST("a telemeter's point lies on its line and on the nacelle's plane") {
+TEST("a telemeter's point is on its line and on the nacelle's plane") {
   for_each([](const Mechanism& mechanism, auto mobility) {
     constexpr Mobility K = mobility();
     Robot robot = mechanism.robot;
@@ -172,7 +172,7 @@ TEST("the quintic starts and ends at rest, and its rate and acceleration are its
   });
 }
 
-TEST("what a machine is sent to lies in its own assembly mode") {
+TEST("a machine's targets are in its own assembly mode") {
   for_each([](const Mechanism& mechanism, auto) {
     Robot robot = mechanism.robot;
     Joint q{}, same{};

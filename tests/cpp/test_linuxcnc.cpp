@@ -411,7 +411,7 @@ TEST("a sensor that is watched ends the law before its lie reaches a drive") {
   }
 }
 
-TEST("of two sensors the one that lies is left out, and the law goes on without a step") {
+TEST("of two sensors the faulty one is left out, and the law goes on without a step") {
   Robot robot = h4().robot;
   robot.r = 2;
   CHECK(bool(finish(robot)));

@@ -29,13 +29,13 @@ long run_control(const Robot& robot, const ControlSettings& settings,
   return failures;
 }
 
-/// Every eighth cycle a reading lies, another each time; those that fail of it are restored.
+/// Every eighth cycle a reading is faulty, another each time; those that fail of it are restored.
 template <Mobility K>
 long run_guarded(const Robot& robot, const ControlSettings& settings,
                  const FaultTolerantSettings& guarding, const std::vector<Cycle>& cycles,
                  ControlState& state, const Weighing& weighing, FaultTolerantState& guard,
                  Multirate& late) noexcept [[clang::nonblocking]] {
-  long lies = 0;
+  long faults = 0;
   PathClock clock;
   const Cycle* cycle = cycles.data();
   for (std::size_t k = 0; k < 4 * cycles.size(); ++k) {
@@ -48,10 +48,10 @@ long run_guarded(const Robot& robot, const ControlSettings& settings,
     const Outcome outcome =
         control_fault_tolerant<K>(robot, settings, guarding, clock.paced(cycle[at].setpoint), q_e,
                                   state, weighing, guard, &late);
-    if (outcome.status == Status::disagree) ++lies;
+    if (outcome.status == Status::disagree) ++faults;
     if (k % 128 == 127) acknowledge(guard.watch, c);
   }
-  return lies;
+  return faults;
 }
 
 template <Mobility K>

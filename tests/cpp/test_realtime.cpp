@@ -241,7 +241,7 @@ TEST("a guarded controller allocates nothing, whatever its readings do") {
       ControlState state;
       FaultTolerantState guard;
       check::Random random(76);
-      long lies = 0;
+      long faults = 0;
       const long before = allocations;
       for (long k = 0; k < 2000; ++k) {
         Setpoint setpoint;
@@ -253,10 +253,10 @@ TEST("a guarded controller allocates nothing, whatever its readings do") {
         if (k % 200 == 199) acknowledge(guard.watch, c);
         const Outcome outcome = control_fault_tolerant<K>(robot, settings, guarding, setpoint, q_e,
                                                           state, prior.weighing(), guard);
-        if (outcome.status == Status::disagree) ++lies;
+        if (outcome.status == Status::disagree) ++faults;
       }
       CHECK(allocations == before);
-      CHECK(lies > 100);
+      CHECK(faults > 100);
     }
   });
 }

@@ -284,7 +284,7 @@ TEST("two rods that cannot meet are unreachable, whichever side of the four is t
 
 TEST("a robot whose counts or indices name no part of it is refused") {
   using Spoil = void (*)(Robot&);
-  const Spoil spoils[]{
+  const Spoil changes[]{
       [](Robot& robot) { robot.r = kMaxSensors + 1; },
       [](Robot& robot) { robot.r = -1; },
       [](Robot& robot) { robot.bodies = kMaxBodies + 1; },
@@ -301,7 +301,7 @@ TEST("a robot whose counts or indices name no part of it is refused") {
         robot.sensor[0].chain = dof(robot.mobility);
       }};
   for_each([&](const Mechanism& mechanism, auto) {
-    for (const Spoil& spoil : spoils) {
+    for (const Spoil& spoil : changes) {
       Robot robot = mechanism.robot;
       robot.bodies = std::max(robot.bodies, 1);
       CHECK(finish(robot) && finish_full(robot));

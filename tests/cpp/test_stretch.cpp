@@ -101,7 +101,7 @@ TEST("a rod's tension is the work that what hangs on the nacelle does when it be
         });
         CHECK_NEAR(longer, by.tension[i], 1e-4 * (100 + std::fabs(by.tension[i])));
         if (!full) continue;
-        // Half the difference is on either rod: its work is half of what one rod's tension has over
+        // Half the difference is on either rod: its work is half of one rod's tension over
         // the other's.
         const double apart = slope([](Chain& chain, double h) { chain.rod_difference += h; });
         const double length = robot.chain[i].rod;

@@ -81,7 +81,7 @@ void drive(Bytes& bytes, const Subject& subject) {
   const int cycles = 40 + bytes.byte();
   const double speed = 10 * bytes.share();
   const Coordinates start = bytes.one_in(4) ? decode_pose(bytes, subject) : robot.home;
-  int lies = 0;  // cycles for which the last spoilt reading stays so
+  int faulty = 0;  // cycles for which the last spoilt reading stays so
   Extended kept{};
   std::uint32_t wrong = 0;
   for (int k = 0; k < cycles; ++k) {
@@ -96,14 +96,14 @@ void drive(Bytes& bytes, const Subject& subject) {
     Extended q_e{};
     if (!extended<K>(robot, to_pose<K>(at.x), q_e)) q_e = kept;
     for (int c = 0; c < rows; ++c)
-      if (lies > 0 && wrong & bit(c)) q_e[c] = kept[c];
-    lies = std::max(0, lies - 1);
+      if (faulty > 0 && wrong & bit(c)) q_e[c] = kept[c];
+    faulty = std::max(0, faulty - 1);
     if (bytes.one_in(16)) {
       const Extended right = q_e;
       spoil(bytes, rows, q_e);
       wrong = 0;
       for (int c = 0; c < rows; ++c) wrong |= right[c] == q_e[c] ? 0 : bit(c);
-      lies = bytes.byte();
+      faulty = bytes.byte();
       kept = q_e;
     }
     if (bytes.one_in(32)) settings.law = static_cast<Law>(bytes.below(5));

@@ -25,7 +25,7 @@ def jacobians(robot, x):
     return H_x / sigma, (H_xi * prior / sigma)[..., prior > 0]
 
 
-def by_hand(robot, poses, visited=(), touch_off=None, touch_sigma=0.0, relative_to=None):
+def by_hand(robot, poses, visited=(), reference_pose=None, reference_sigma=0.0, relative_to=None):
     """The bound as one big least-squares problem: all unknowns at once, then the pose's block."""
     _, B = jacobians(robot, poses[0])
     p, n = B.shape[1], robot.n
@@ -34,9 +34,9 @@ def by_hand(robot, poses, visited=(), touch_off=None, touch_sigma=0.0, relative_
         A, B = jacobians(robot, x)
         free = np.eye(len(A)) - A @ np.linalg.pinv(A)
         information += B.T @ free @ B
-    if touch_off is not None:  # no unknown, or one with a prior of its own
-        A, B = jacobians(robot, touch_off)
-        information += B.T @ np.linalg.solve(touch_sigma**2 * A @ A.T + np.eye(len(A)), B)
+    if reference_pose is not None:  # no unknown, or one with a prior of its own
+        A, B = jacobians(robot, reference_pose)
+        information += B.T @ np.linalg.solve(reference_sigma**2 * A @ A.T + np.eye(len(A)), B)
     learnt = np.linalg.inv(information)
 
     def leaks(x):
@@ -58,12 +58,14 @@ def by_hand(robot, poses, visited=(), touch_off=None, touch_sigma=0.0, relative_
 
 @pytest.mark.parametrize("calibrated", [False, True])
 @pytest.mark.parametrize(
-    "how", [(), ("touch_off",), ("touch_off", "touch_sigma"), ("relative_to",)], ids="+".join
+    "how",
+    [(), ("reference_pose",), ("reference_pose", "reference_sigma"), ("relative_to",)],
+    ids="+".join,
 )
 def test_the_bound_is_that_of_least_squares_by_hand(any_robot, anywhere, rng, calibrated, how):
     x = anywhere(any_robot, 12, rng)
     visited = x[3:] if calibrated else None
-    known = {key: 1e-4 if key == "touch_sigma" else any_robot.home for key in how}
+    known = {key: 1e-4 if key == "reference_sigma" else any_robot.home for key in how}
     for robot in (any_robot.with_sensors(), equipped(any_robot)):
         P = tp.accuracy(robot, x[:3], calibrated_on=visited, **known)
         expected = by_hand(robot, x[:3], x[3:] if calibrated else (), **known)
@@ -95,7 +97,7 @@ def test_whatever_is_learnt_never_harms(any_robot, anywhere, rng, of_level):
     names = rng.permutation([sensor.name for sensor in any_robot.spec.sensor]).tolist()
     known = any_robot.home + 0.5 * (x[0] - any_robot.home)
     hows = [
-        {"calibrated_on": visited, "touch_off": pose}
+        {"calibrated_on": visited, "reference_pose": pose}
         for visited in (None, x[3:10], x[3:])
         for pose in (None, known)
     ]
@@ -121,14 +123,14 @@ def test_a_touched_pose_is_worth_what_is_known_of_it(any_robot, anywhere, rng, c
     robot, x = equipped(any_robot), anywhere(any_robot, 10, rng)
     visited = x[3:] if calibrated else x[3:4]
     bounds = [
-        tp.accuracy(robot, x[:3], visited, robot.home, touch_sigma=sigma)
+        tp.accuracy(robot, x[:3], visited, robot.home, reference_sigma=sigma)
         for sigma in (0.0, 1e-6, 1e-4, 1e-2, 1e3)
     ]
     assert all(map(no_larger, bounds, bounds[1:]))
     unknown = tp.accuracy(robot, x[:3], np.vstack([visited, robot.home]))
     assert bounds[-1] == pytest.approx(unknown, rel=1e-4, abs=1e-6 * np.abs(unknown).max())
     each = np.where(np.arange(robot.n) == 0, 0.0, 1e3)  # its first coordinate alone is known
-    first = tp.accuracy(robot, x[:3], visited, robot.home, touch_sigma=each)
+    first = tp.accuracy(robot, x[:3], visited, robot.home, reference_sigma=each)
     assert no_larger(bounds[0], first) and no_larger(first, unknown)
 
 
@@ -150,7 +152,10 @@ def test_a_calibrated_robot_predicts_what_was_predicted_of_it(h4, table2):
     ("arguments", "message"),
     [
         ({"poses": [[0, 0, -4.0, 0]]}, r"^h4: pose \(0,\) poses = \[0, 0, -4, 0\]: chain 1: unr"),
-        ({"touch_off": [0, 0, -4.0, 0]}, r"^h4: pose touch_off = \[0, 0, -4, 0\]: chain 1: unr"),
+        (
+            {"reference_pose": [0, 0, -4.0, 0]},
+            r"^h4: pose reference_pose = \[0, 0, -4, 0\]: chain 1: unr",
+        ),
         (
             {"calibrated_on": [[0, 0, -0.4, 0], [0, 0, -4.0, 0]]},
             r"^h4: pose \(1,\) calibrated_on = \[0, 0, -4, 0\]: chain 1: unreachable",
@@ -165,16 +170,22 @@ def test_a_pose_that_cannot_be_is_named(h4, arguments, message):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"touch_off": [TOUCH_OFF]}, r"^touch_off: shape \(1, 4\), must be \(4,\)$"),
+        ({"reference_pose": [TOUCH_OFF]}, r"^reference_pose: shape \(1, 4\), must be \(4,\)$"),
         ({"relative_to": [TOUCH_OFF]}, r"^relative_to: shape \(1, 4\), must be \(4,\)$"),
-        ({"touch_sigma": [1, 2]}, r"^touch_sigma: must be a number or 4 of them$"),
-        ({"touch_sigma": -1e-3}, r"^touch_sigma = -0.001: must be 0 or greater \(m or rad\)$"),
-        ({"touch_sigma": np.nan}, r"^touch_sigma = nan: must be 0 or greater \(m or rad\)$"),
+        ({"reference_sigma": [1, 2]}, r"^reference_sigma: must be a number or 4 of them$"),
+        (
+            {"reference_sigma": -1e-3},
+            r"^reference_sigma = -0.001: must be 0 or greater \(m or rad\)$",
+        ),
+        (
+            {"reference_sigma": np.nan},
+            r"^reference_sigma = nan: must be 0 or greater \(m or rad\)$",
+        ),
     ],
 )
 def test_what_cannot_be_touched_off_is_named(h4, arguments, message):
     with pytest.raises(tp.InputError, match=message):
-        tp.accuracy(h4, [TOUCH_OFF], **{"touch_off": TOUCH_OFF} | arguments)
+        tp.accuracy(h4, [TOUCH_OFF], **{"reference_pose": TOUCH_OFF} | arguments)
 
 
 def test_unreachable_poses_can_be_marked(h4):

@@ -72,7 +72,7 @@ def test_it_prints_and_writes_what_the_readings_say(run, log, tmp_path, readings
         "identified",
         "Worst-known combinations",
         "absolute, before",
-        "touched off, after",
+        "referenced, after",
         " uncertain parameters: ",
         "Wrote mine.toml",
         "Wrote mine.html",
@@ -89,11 +89,11 @@ def test_it_prints_and_writes_what_the_readings_say(run, log, tmp_path, readings
 
 
 @pytest.mark.usefixtures("plain_page")
-def test_stances_in_a_log_are_poses_that_were_measured(run, tmp_path):
+def test_postures_in_a_log_are_poses_that_were_measured(run, tmp_path):
     robot = tp.load("g1-ankle")
     q = robot.ikm([[0, 0], [0.001, 0], [0, 0.001], [0.001, 0.001]])
     columns = {f"q{i + 1}": each for i, each in enumerate(q.T)}
-    write(tmp_path / "log.csv", columns | {"stance": [*"aabb"]})
+    write(tmp_path / "log.csv", columns | {"posture": [*"aabb"]})
     status, out, err = run("g1-ankle", "log.csv")
     assert status == 0, err
     assert "19 uncertain parameters" in out + err
@@ -116,8 +116,8 @@ def test_the_figures_are_those_of_the_calibration(h4, readings):
     assert np.isfinite(result.held_out[:, 0]).sum() == 24  # every fifth line
     assert (after < 0.05 * before).all()
     assert (held_out < 0.1 * before).all() and (held_out > 0.5 * after).all()
-    P = tp.accuracy(result.fit.robot, result.poses, touch_off=h4.home)
-    np.testing.assert_array_equal(result.accuracy["after", "touched off"], P)
+    P = tp.accuracy(result.fit.robot, result.poses, reference_pose=h4.home)
+    np.testing.assert_array_equal(result.accuracy["after", "referenced"], P)
 
 
 def test_wrong_logs_are_refused_and_nothing_is_written(run, readings, tmp_path):
@@ -141,8 +141,8 @@ def test_wrong_logs_are_refused_and_nothing_is_written(run, readings, tmp_path):
         (["h4", "log.csv", "-o", "no/c.toml"], "no/c.toml: cannot be written: No such file"),
         (["h4", "log.csv", "--sensors", "tetha"], "unknown sensor 'tetha'; did you mean 'theta'?"),
         (
-            ["h4", "log.csv", "--touch-off", "0,0"],
-            "--touch-off 0,0: must be 4 numbers, x,y,z,theta",
+            ["h4", "log.csv", "--reference-pose", "0,0"],
+            "--reference-pose 0,0: must be 4 numbers, x,y,z,theta",
         ),
         (["h4", "log.csv", "--tuning", "-1"], "tuning = -1.0: must be a number greater than 0"),
         (
@@ -174,7 +174,7 @@ def test_an_interrupted_calibration_leaves_the_old_files(run, log, tmp_path, mon
 @pytest.mark.parametrize("level", ["ideal", "full"])
 @pytest.mark.parametrize("loss", ["squares", "huber", "student"])
 def test_every_loss_and_level_runs(run, log, loss, level):
-    words = ["h4", log, "--loss", loss, "--level", level, "--touch-off", "0,0,-0.4,0"]
+    words = ["h4", log, "--loss", loss, "--level", level, "--reference-pose", "0,0,-0.4,0"]
     status, out, _ = run(*words)
     assert status == 0 and "uncertain parameters" in out
 
@@ -237,7 +237,7 @@ def test_lines_held_out_teach_the_geometry_that_they_try_nothing(h4, readings):
 
 @pytest.mark.usefixtures("plain_page")
 def test_a_known_pose_with_the_log_or_afterwards_gives_the_accuracy_promised(run, log, tmp_path):
-    """What the first page promises of a robot once touched off is what the second says of it."""
+    """What the first page promises of a robot once referenced is what the second says of it."""
     robot = tp.load("h4").with_sensors("theta", "z_telemeter")
     home = with_paper_errors(robot, seed=1).extended_positions(robot.home)
     columns = [*robot.readings, *(f"measured_{name}" for name, _ in robot.coordinates)]
@@ -252,7 +252,7 @@ def test_a_known_pose_with_the_log_or_afterwards_gives_the_accuracy_promised(run
     _, before, _ = run("h4", log, *options, "-o", "mine.toml")
     status, both, _ = run("h4", log, *options, "--known-pose", "dowel.csv")
     alone = run("mine.toml", "--format", "json", "--known-pose", "dowel.csv", "-o", "known.toml")
-    promised = position(before, "touched off, after")
+    promised = position(before, "referenced, after")
     assert status == 0 and alone[0] == 0
     for out in (both, alone[1]):
         assert position(out, "absolute, after") == pytest.approx(promised, rel=0.02)

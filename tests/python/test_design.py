@@ -32,7 +32,9 @@ def test_what_sets_are_worth_is_the_bound(any_robot, anywhere, rng, calibrated, 
     x = anywhere(any_robot, 12, rng)
     names = [sensor.name for sensor in any_robot.spec.sensor]
     nowhere = np.zeros((0, any_robot.n))
-    known = {} if touched is None else {"touch_off": any_robot.home, "touch_sigma": touched}
+    known = (
+        {} if touched is None else {"reference_pose": any_robot.home, "reference_sigma": touched}
+    )
     visited = x[6:] if calibrated else nowhere
     sigma = [max(touched or 0.0, 1e-12)] * any_robot.n
     worth = Worth(
@@ -49,7 +51,9 @@ def test_what_sets_are_worth_is_the_bound(any_robot, anywhere, rng, calibrated, 
         assert worth.variance(chosen) ** 0.5 == pytest.approx(position(robot, P), rel=1e-5)
 
 
-@pytest.mark.parametrize("how", [{}, {"touch_off": [0, 0, -0.4, 0]}, {"survives": True}], ids=str)
+@pytest.mark.parametrize(
+    "how", [{}, {"reference_pose": [0, 0, -0.4, 0]}, {"survives": True}], ids=str
+)
 @pytest.mark.parametrize("must", [(), ("theta",)])
 def test_the_best_is_the_best_of_all_sets(h4, how, must):
     """By enumeration: for a budget the most accurate, for its accuracy the cheapest."""
@@ -60,7 +64,7 @@ def test_the_best_is_the_best_of_all_sets(h4, how, must):
             if set(must) <= set(names):
                 price = sum(PRICES[name] for name in names)
                 left = [set(names) - {gone} for gone in names] if "survives" in how else []
-                known = {"touch_off": how["touch_off"]} if "touch_off" in how else {}
+                known = {"reference_pose": how["reference_pose"]} if "reference_pose" in how else {}
                 sigma = max(
                     position(h4, tp.accuracy(h4.with_sensors(*own), x, **known))
                     for own in left or [names]
@@ -329,13 +333,16 @@ def test_shares_of_sensors_leave_what_their_gradient_says(
     assert np.array(steps) / (2 * h) == pytest.approx(gradient, rel=1e-3, abs=1e-5 * value)
 
 
-@pytest.mark.parametrize("how", [{}, {"calibrated_on": True}, {"touch_off": True}], ids=str)
+@pytest.mark.parametrize("how", [{}, {"calibrated_on": True}, {"reference_pose": True}], ids=str)
 @pytest.mark.parametrize("name", ["h4", "delta", "stewart"])
 def test_a_finer_tolerance_is_worth_what_the_robot_with_it_is(name, how, anywhere, rng):
     """One whose file says so. Rods of an interval: about its middle, where they are expected."""
     robot = tp.load(name)
     x = anywhere(robot, 12, rng)
-    known = {"calibrated_on": {"calibrated_on": x[6:]}, "touch_off": {"touch_off": robot.home}}
+    known = {
+        "calibrated_on": {"calibrated_on": x[6:]},
+        "reference_pose": {"reference_pose": robot.home},
+    }
     known = known[next(iter(how))] if how else {}
     group = "chain*.encoder_offset" if name == "stewart" else "chain*.rod"
     sensors = [sensor.name for sensor in robot.spec.sensor][:2]
@@ -366,9 +373,13 @@ def test_the_same_sets_in_other_states(h4):
     x = tp.select_sensors(h4, PRICES, poses=None).over[:12]
     asked = {"price_steps": finer, "poses": x[:6]}
     found = tp.select_sensors(h4, PRICES, **asked)
-    at = {"calibrated_on": x[6:], "touch_off": h4.home}
+    at = {"calibrated_on": x[6:], "reference_pose": h4.home}
     states = in_other_states(found, **at)
-    for state, known in {"as built": (), "touched off": ("touch_off",), "both": tuple(at)}.items():
+    for state, known in {
+        "as built": (),
+        "referenced": ("reference_pose",),
+        "both": tuple(at),
+    }.items():
         own = tp.select_sensors(h4, PRICES, **asked, **{key: at[key] for key in known})
         there = {(c.sensors, c.machined): c.sigma for c in own.front}
         both = [(s, c) for s, c in zip(states[state], found.front, strict=True)

@@ -25,7 +25,7 @@ def on_the_bed(rng, count, height=0.0):
     return np.column_stack([radius * np.cos(turn), radius * np.sin(turn), z])
 
 
-#: Prior σ of what differences have of their own: h, a and b of the bed, a print's scale and width.
+#: Prior σ of the differences' own unknowns: h, a and b of the bed, a print's scale and width.
 FREE = np.array([0.01, 0.01, 0.01, 0.003, 0.2e-3])
 NAMES = ["plane.height", "plane.slope.x", "plane.slope.y", "distances.scale", "distances.width"]
 

@@ -11,7 +11,7 @@ import typer
 
 import truepose as tp
 from absolute_links import absolute
-from plain_english import questions
+from plain_english import banned, questions
 from truepose.commands.cli import app
 from truepose.robotfile.reading import SHORTHAND
 from truepose.robotfile.schema import (
@@ -192,3 +192,7 @@ def test_headings_and_module_lines_state_their_subject():
     assert questions("# Why?\n\n## How\n", "md") == [1]
     assert questions('"""Does it work?"""\n', "py") == questions("// Why? So.\n", "hpp") == [1]
     assert questions('"""What works."""\nwhy = "?"\n', "py") == []
+
+
+def test_banned_expressions_are_found_as_whole_words_but_not_in_a_pages_code():
+    assert banned("A reading lies.\nHe applies `lies`, of what\n") == [(1, "lies"), (2, "of what")]

@@ -198,7 +198,7 @@ def test_erratum_7_thetas_quadratic_error_is_in_square_degrees(rng):
     """Table 3 prints mm² for every row. θ's only agrees with its other columns as deg²."""
     for law in ("usual", "redundant"):
         theta = {s: article.table3()[law]["theta", s] for s in article.STATISTICS}
-        # The mean square lies between the squares of the mean and of the peak: same unit, squared.
+        # The mean square is between the squares of the mean and of the peak: same unit, squared.
         mean_square = theta["sum_sq"] / 625
         assert theta["average"] ** 2 < mean_square < theta["peak_to_peak"] ** 2
         assert theta["average_abs"] ** 2 < mean_square

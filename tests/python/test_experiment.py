@@ -24,7 +24,7 @@ def test_the_redundant_law_leaves_the_position_as_it_was(hundred_robots):
 
 
 def test_a_robot_with_the_papers_errors_is_as_wrong_as_the_papers_was(hundred_robots):
-    """The paper's one robot lies among those drawn from its errors, for all but θ's noise."""
+    """The paper's one robot is among those drawn from its errors, for all but θ's noise."""
     drawn = hundred_robots.tables["joint"]
     for quantity in ("x", "y", "z", "norm_xyz"):
         printed = article.table3()["usual"][quantity, "sum_sq"]

@@ -74,7 +74,7 @@ def test_what_a_builder_allows_for_is_what_the_effects_do(h4):
 
 
 def test_a_robot_that_swings_is_no_robot_at_rest(h4):
-    """The nominal PD on arms that give way: a limit cycle, said and left out."""
+    """The nominal PD with compliant arms: a limit cycle, said and left out."""
     from truepose.simulation.visit import visit
 
     nominal, poses = tp.Controller(law="joint"), [[0.05, 0, -0.4, 0.1]]

@@ -1,4 +1,4 @@
-"""Over poses a bank of hypotheses names the reading that lies, with one redundant sensor too."""
+"""Over poses a bank of hypotheses isolates the faulty reading, with one redundant sensor too."""
 
 from __future__ import annotations
 
@@ -41,16 +41,16 @@ def test_a_fault_of_one_reading_is_named_with_its_size_from_one_redundant_sensor
     robot, _, tour = learnt
     limits = tp.faults.detectability(robot, robot.fkm(tour[:40, : robot.n]))
     for c, reading in enumerate(robot.readings):
-        lies = tour.copy()
+        wrong = tour.copy()
         if kind == "bias":
             size = 3 * limits.moving_isolated[c]
             if not np.isfinite(size):
                 continue
-            lies[:, c] += size
+            wrong[:, c] += size
         else:
             size = 0.03
-            lies[:, c] *= 1 + size
-        found = tp.faults.isolate(robot, lies)
+            wrong[:, c] *= 1 + size
+        found = tp.faults.isolate(robot, wrong)
         assert found.faulty
         assert found.readings == (reading,)
         likeliest = found.may_be[0]
@@ -73,12 +73,12 @@ def test_two_faults_are_no_single_one_and_are_not_blamed_on_a_third() -> None:
 
 def test_before_a_calibration_tolerances_hide_what_a_calibration_shows(learnt: tuple) -> None:
     robot, _, tour = learnt
-    lies = tour.copy()
-    lies[:, 0] += (
+    wrong = tour.copy()
+    wrong[:, 0] += (
         4 * tp.faults.detectability(robot, robot.fkm(tour[:20, : robot.n])).moving_detected[0]
     )
-    assert tp.faults.isolate(robot, lies).faulty
-    assert not tp.faults.isolate(tp.load(robot.name).with_sensors(*robot.sensors), lies).faulty
+    assert tp.faults.isolate(robot, wrong).faulty
+    assert not tp.faults.isolate(tp.load(robot.name).with_sensors(*robot.sensors), wrong).faulty
 
 
 def test_a_robot_without_redundant_sensors_is_told_so() -> None:
@@ -109,9 +109,9 @@ def test_readings_that_explain_the_same_at_one_pose_are_all_named() -> None:
     h4 = tp.load("h4").expected()
     pose = np.full((1, h4.n), h4.home)
     fit = tp.calibrate(h4, h4.read(np.linspace(h4.home - 0.05, h4.home + 0.05, 20), seed=3))
-    lies = fit.robot.extended_positions(pose)
-    lies[:, h4.n] += 0.5
-    found = tp.faults.isolate(fit.robot, lies)
+    wrong = fit.robot.extended_positions(pose)
+    wrong[:, h4.n] += 0.5
+    found = tp.faults.isolate(fit.robot, wrong)
     assert found.faulty and set(found.readings) == set(h4.readings)
 
 

@@ -46,7 +46,7 @@ def variance(robot, poses, **settings):
 
 @pytest.mark.parametrize("call", CALLS)
 def test_a_robot_that_was_referenced_keeps_what_accuracy_promised(robot, poses, robots_drawn, call):
-    """Position rms of drawn robots over the promise, which is a fifth of what it is without."""
+    """Position rms of drawn robots over the promise, which is a fifth of the one without."""
     square, promised, absolute = [], [], []
     count = min(robots_drawn, 60)
     for seed in range(count):
@@ -55,7 +55,7 @@ def test_a_robot_that_was_referenced_keeps_what_accuracy_promised(robot, poses, 
         off = fit.robot.estimate(q_others, guess=others).x - others
         square.append(np.square(off[:, :3]).sum(axis=1).mean())
         for touch, bounds in ((robot.home, promised), (None, absolute)):
-            P = tp.accuracy(robot, others, calibrated_on=poses, touch_off=touch)
+            P = tp.accuracy(robot, others, calibrated_on=poses, reference_pose=touch)
             bounds.append(np.trace(P[:, :3, :3], axis1=1, axis2=2).mean())
     ratio = np.sqrt(np.mean(square) / np.mean(promised))
     scatter = np.std(square) / np.mean(square) / np.sqrt(count) / 2
@@ -106,7 +106,7 @@ def test_a_height_alone_may_be_known_and_how_well(robot, poses, how):
     }
     fit = tp.calibrate(robot, q_e, known_pose=given[how])
     each = np.where(np.isnan(x), 1e3, sigma)
-    told = {"calibrated_on": poses, "touch_off": robot.home, "touch_sigma": each}
+    told = {"calibrated_on": poses, "reference_pose": robot.home, "reference_sigma": each}
     assert variance(fit.robot, poses) == pytest.approx(variance(robot, poses, **told), rel=0.2)
 
 
@@ -135,7 +135,7 @@ def test_a_pose_that_contradicts_the_rest_is_named(robot, poses, call):
         (([np.nan] * 6, [0] * 4), InputError, "known_pose: row 1: every motor must have been read"),
         (([0] * 6, [np.nan] * 4), InputError, "known_pose: row 1: must be 4 numbers (m, rad), NaN"),
         (([0] * 6, [0] * 4, "a"), InputError, "known_pose: σ: must be a number or 4 of them"),
-        (([0] * 6, [0] * 4, -1), InputError, "touch_sigma"),
+        (([0] * 6, [0] * 4, -1), InputError, "reference_sigma"),
         (([9.0] * 6, [0] * 4), PoseError, "h4: known_pose: row 1: branch lost: units, signs and"),
     ],
 )

@@ -110,7 +110,7 @@ def test_a_gross_error_teaches_nothing(h4, table2, rng, sensors, level):
 
 
 def position(online, robot, true, poses):
-    """Position rms of what its robot estimates without any fault, and what it states, m."""
+    """Position rms of its robot's estimates without any fault, and what it states, m."""
     off = online.robot.estimate(true.extended_positions(poses)).x - poses
     P = tp.accuracy(online.robot, poses)[:, :3, :3]
     return (
@@ -201,11 +201,11 @@ def test_one_that_stopped_stays_with_what_it_knew_and_names_the_reading(h4, tabl
 
 
 def test_a_controller_sees_that_its_learner_gave_up(h4):
-    """All that the model forgets at once: more than the readings' σ allows for."""
+    """All effects that the model omits at once: more than the readings' σ allows for."""
     true, online = with_paper_errors(h4, 1), tp.OnlineCalibrator(h4)
     run = tp.simulate(h4, true, "estimated", learn=online)
     assert not run.gave_up.any() and online.stopped is None
-    prompt = tp.Controller(law="estimated")  # swings on arms that give way
+    prompt = tp.Controller(law="estimated")  # unstable with compliant arms
     again = tp.OnlineCalibrator(h4)
     run = tp.simulate(h4, true, prompt, learn=again, effects=tp.Effects())
     assert run.gave_up[-1] and again.stopped

@@ -28,7 +28,7 @@ WRITERS = {
     "placed": ("design", "h4", "--place", "z_telemeter", "--seed", "3", "-o", "out.toml"),
     "pdf": ("info", "h4", "--samples", "20", "--plot", "out.pdf"),
     "log": ("simulate", "h4", "-o", "out.csv"),
-    "truth": ("rehearse", "h4", "-o", "new.csv", "--truth", "out.toml", "--poses", "20"),
+    "truth": ("simulate-log", "h4", "-o", "new.csv", "--truth", "out.toml", "--poses", "20"),
     "model": ("export", "mjcf", "h4", "-o", "out.xml"),
 }
 
@@ -137,7 +137,7 @@ INPUTS = {
         (("calibrate", "mine.toml", "log.csv", "-o", "a.toml", "--report"), "mine.toml"),
         (("export", "mjcf", "mine.toml", "-o"), "mine.toml"),
         (("simulate", "h4", "--true", "mine.toml", "--plot", "a.png", "-o"), "mine.toml"),
-        (("rehearse", "mine.toml", "--truth"), "mine.toml"),
+        (("simulate-log", "mine.toml", "--truth"), "mine.toml"),
     ],
 )
 def test_an_input_is_never_replaced(run, folder, h4, words, own, alias, force):

@@ -6,7 +6,7 @@ import pytest
 from browsing import browser  # noqa: F401 – a fixture
 
 from truepose.commands import calibration_figures
-from truepose.integrations.workbench.playback import calibrated, rehearsed
+from truepose.integrations.workbench.playback import calibrated, simulated_log
 from truepose.integrations.workbench.state import begin
 
 MOST = 1_500_000  #: bytes of a report
@@ -17,7 +17,7 @@ def report(h4, tmp_path_factory):
     """Return the page of a calibration with many sensors."""
     robot = h4.with_sensors("theta", "z_telemeter", "elbow1", "elbow2")
     state = begin(robot).with_drawn_errors(seed=1)
-    assessment = calibrated(rehearsed(state, poses=40)).assessment
+    assessment = calibrated(simulated_log(state, poses=40)).assessment
     path = tmp_path_factory.mktemp("report") / "report.html"
     text = calibration_figures.page(assessment, "log.csv", "student")
     path.write_text(text, encoding="utf-8")

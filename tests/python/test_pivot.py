@@ -206,7 +206,7 @@ OUTSIDE = {
     "pitch_encoder": (0.16, 0.38),
     "roll_encoder": (0.19, 0.16),
     "foot_pitch,foot_roll": (0.10, 0.10),
-    "one stance": (0.11, 0.17),
+    "one posture": (0.11, 0.17),
 }
 
 
@@ -228,7 +228,7 @@ def rms(P):
 
 
 def stood(robot, read):
-    """What one flat-footed stance of 0.05° leaves."""
+    """What one flat-footed posture of 0.05° leaves."""
     flat = {"measured": np.zeros((1, 2)), "measured_sigma": np.radians(0.05)}
     return tp.calibrate(robot, read, **flat).robot
 
@@ -236,7 +236,7 @@ def stood(robot, read):
 @pytest.mark.parametrize("what", OUTSIDE)
 def test_what_an_ankle_knows_of_itself_is_what_another_code_says(what, g1_poses):
     robot = g1_with(what)
-    if what == "one stance":
+    if what == "one posture":
         P = tp.accuracy(stood(robot, robot.extended_positions([[0, 0]])), g1_poses)
     else:  # with a sensor: once it has calibrated itself on these poses
         P = tp.accuracy(robot, g1_poses, g1_poses if robot.r else None)
@@ -253,7 +253,7 @@ def test_ankles_drawn_from_the_tolerances_reach_the_bounds(what, g1_poses, robot
         if robot.r:
             read = true.read(seen, seed=seed + 1000, errors="nan")  # a corner may be out of reach
             known = tp.calibrate(robot, read[np.isfinite(read).all(axis=1)]).robot
-        if what == "one stance":
+        if what == "one posture":
             # The foot is not quite flat.
             floor = rng.normal(0, np.radians(0.05), (1, 2))
             known = stood(robot, true.read(floor, seed=seed))
@@ -263,7 +263,7 @@ def test_ankles_drawn_from_the_tolerances_reach_the_bounds(what, g1_poses, robot
         errors.append(off**2)
         nees.append(np.einsum("ki,kij,kj->k", off, np.linalg.inv(found.covariance), off).mean())
     bound = np.mean([tp.accuracy(robot, g1_poses[60:90], seen if robot.r else None)], axis=(0, 1))
-    if what == "one stance":
+    if what == "one posture":
         P = tp.accuracy(stood(robot, robot.extended_positions([[0, 0]])), g1_poses[60:90])
         bound = P.mean(axis=0)
     spread = 4 / np.sqrt(len(nees))

@@ -69,14 +69,16 @@ def test_the_set_is_the_best_or_nearly(problem, n):
 
 
 @pytest.mark.parametrize(
-    "how", [(), ("touch_off",), ("touch_off", "touch_sigma"), ("relative_to",)], ids="+".join
+    "how",
+    [(), ("reference_pose",), ("reference_pose", "reference_sigma"), ("relative_to",)],
+    ids="+".join,
 )
 @pytest.mark.parametrize("level", ["ideal", "full"])
 def test_what_is_promised_is_the_bound(any_robot, anywhere, rng, how, level):
     if (level == "full" and not any_robot.full) or not any_robot.spec.sensor:
         pytest.skip("no such level, or nothing to calibrate by")
     robot = equipped(any_robot)
-    known = {key: 1e-4 if key == "touch_sigma" else robot.home for key in how}
+    known = {key: 1e-4 if key == "reference_sigma" else robot.home for key in how}
     at = anywhere(robot, 1, rng)[0]
     plan = tp.plan_poses(robot, 6, candidates=40, level=level, poses=[robot.home, at], **known)
     for k in (0, 3, 6):
@@ -405,10 +407,10 @@ def test_where_poses_hardly_matter_it_is_said(run):
         (("--after", "none.csv"), "none.csv: cannot be read"),
         (("--outside", "fine"), "--outside fine: must be a length and an angle"),
         (("--sensors", "none"), "nothing to learn from any"),
-        (("--touch-off", "0,0"), "--touch-off 0,0: must be 4 numbers"),
+        (("--reference-pose", "0,0"), "--reference-pose 0,0: must be 4 numbers"),
         (("--seen",), "seen: needs candidates that a tracker in a frame of its own measures"),
         (("--relative-to", "0,0,-3,0"), "--relative-to 0,0,-3,0: h4: pose x = [0, 0, -3"),
-        (("--touch-off", "0,0,5,0"), "--touch-off 0,0,5,0: h4: pose x = [0, 0, 5, 0"),
+        (("--reference-pose", "0,0,5,0"), "--reference-pose 0,0,5,0: h4: pose x = [0, 0, 5, 0"),
         (("-o", "no/poses.csv"), "-o no/poses.csv: cannot be written"),
     ],
 )

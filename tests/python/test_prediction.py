@@ -26,12 +26,12 @@ def test_default_sets_are_none_those_in_use_each_further_one_and_all(h4):
 def test_every_robot_has_its_prediction(any_robot, anywhere, rng):
     """More is never worse: a row's σ is at most that of motors alone; learning helps or not."""
     poses = anywhere(any_robot, 30, rng)
-    found = accuracy.predict(any_robot, poses=poses, calibrated=True, touch_off=any_robot.home)
+    found = accuracy.predict(any_robot, poses=poses, calibrated=True, reference_pose=any_robot.home)
     assert list(found.sigma) == [
         "as built",
-        "as built, touched off",
+        "as built, referenced",
         "self-calibrated",
-        "self-calibrated, touched off",
+        "self-calibrated, referenced",
     ]
     for sigma in found.sigma.values():
         assert sigma.shape == (len(found.sets), any_robot.n + 1) and (sigma > 0).all()
@@ -59,9 +59,9 @@ def test_unreachable_corners_of_a_workspace_are_left_out_and_counted(h4):
 
 
 def test_the_command_prints_a_table_of_sensor_sets(run):
-    status, out, err = run("accuracy", "delta", "--calibrated", "--touch-off", "0,0,-0.2")
+    status, out, err = run("accuracy", "delta", "--calibrated", "--reference-pose", "0,0,-0.2")
     assert (status, err) == (0, "")
-    for words in ("as built", "self-calibrated", "self-calibrated, touched off", "motors alone"):
+    for words in ("as built", "self-calibrated", "self-calibrated, referenced", "motors alone"):
         assert words in out
     assert "elbow2" in out and "all 4" in out and "125 poses of a grid over the workspace" in out
 
@@ -105,9 +105,9 @@ def test_the_map_shows_the_bound(h4):
     [
         (("h4", "--sensors", "tetha"), "unknown sensor 'tetha'; did you mean 'theta'?"),
         (("h4", "--sensors", "theta,theta"), "a sensor is named twice: theta, theta"),
-        (("h4", "--touch-off", "0,0,-0.4"), "must be 4 numbers, x,y,z,theta (m, rad)"),
-        (("h4", "--touch-off", "0,0,high,0"), "must be numbers with commas between"),
-        (("h4", "--touch-off", "0,0,-4,0"), "pose x = [0, 0, -4, 0]: chain 1: unreachable"),
+        (("h4", "--reference-pose", "0,0,-0.4"), "must be 4 numbers, x,y,z,theta (m, rad)"),
+        (("h4", "--reference-pose", "0,0,high,0"), "must be numbers with commas between"),
+        (("h4", "--reference-pose", "0,0,-4,0"), "pose x = [0, 0, -4, 0]: chain 1: unreachable"),
         (("h4", "--level", "real"), "'--level': 'real' is not one of 'ideal', 'full'"),
         (("h4", "--poses", "none.csv"), "none.csv: cannot be read: No such file"),
         (("h4", "--poses", "columns.csv"), "columns.csv: column 'z' is missing; h4 needs x, y, z"),

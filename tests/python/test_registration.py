@@ -111,7 +111,7 @@ ROBOTS = ("h4", "delta", "stewart", "five-bar", "3rrr")
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_any_frame_is_found_within_its_stated_sigma(name, anywhere):
-    """Random frames, markers and robots: NEES of the registration, and of what is seen by it."""
+    """Random frames, markers and robots: NEES of the registration, and of poses by it."""
     robot = tp.load(name).with_sensors()
     by_registration, by_pose, unknowns = [], [], 0
     for seed in range(8):

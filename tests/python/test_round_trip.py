@@ -117,7 +117,7 @@ def test_the_inverse_model_refuses_another_assembly_mode_where_asked(any_robot):
         if other:
             with pytest.raises(tp.PoseError, match=f"^{any_robot.name}: pose x = .*: branch lost$"):
                 any_robot.ikm(x, own_mode=True)
-    # The linear delta's other mode has other working modes, a pivot's lies beyond its stops.
+    # The linear delta's other mode has other working modes, a pivot's is beyond its stops.
     assert told > 0 or any_robot.name == "linear-delta" or any_robot.spec.passive_axis
 
 

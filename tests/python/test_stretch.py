@@ -16,7 +16,7 @@ LEVELS = ("ideal", "full")
 
 
 def text_of(name, compliances, load=(0, 0, 0)):
-    """A shipped robot's file whose rods give way: tolerances of compliances, by parameter."""
+    """A shipped robot's file with compliant rods: tolerances of compliances, by parameter."""
     told = "".join(f'"{of}" = {{ sigma = {sigma} }}\n' for of, sigma in compliances.items())
     source = tp.load(name).spec._text.replace("[tolerances]\n", f"[tolerances]\n{told}")
     return source + f"\n[compliance]\nload = [{', '.join(str(float(f)) for f in load)}]\n"
@@ -82,7 +82,7 @@ def test_a_chain_under_tension_is_one_with_longer_rods(any_robot, anywhere, rng)
             name = f"chain{k}.rod"
             if name in robot.parameters:
                 longer[name] = robot.parameters[name].value * (1 + strain)
-            else:  # a leg, which reads less by what it gives way
+            else:  # a leg, which reads less by its deflection
                 P, A = robot.skeleton(pose)[k - 1, [0, 2]]
                 gain = robot.parameters[f"chain{k}.gain"].value
                 name, more = f"chain{k}.encoder_offset", gain * strain * np.linalg.norm(P - A)
@@ -208,7 +208,9 @@ def test_the_bound_counts_compliances_that_are_not_known(yielding, anywhere, rng
         > 0.99 * np.trace(known[:, :3, :3], axis1=1, axis2=2)
     ).all()
     seen = anywhere(robot, 30, rng)
-    touched = tp.accuracy(robot, x, model_error=False, calibrated_on=seen, touch_off=robot.home)
+    touched = tp.accuracy(
+        robot, x, model_error=False, calibrated_on=seen, reference_pose=robot.home
+    )
     assert (np.linalg.eigvalsh(P - touched) > -1e-12).all()
 
 

@@ -106,7 +106,7 @@ def test_no_pose_in_view_is_an_error(h4, truth):
 
 
 def test_the_experiment_never_reads_the_true_pose(h4, truth, table2):
-    """A plant that lies about x gives the same tables: only LEDs and encoders are looked at."""
+    """A plant with a false x gives the same tables: only LEDs and encoders are looked at."""
 
     class Liar(ExactPlant):
         def visit(self, *args, **kwargs):

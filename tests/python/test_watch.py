@@ -1,4 +1,4 @@
-"""A reading that lies is found, named where that can be, and does no harm; others are let be."""
+"""A faulty reading is detected, isolated where possible, and harmless; others stay in use."""
 
 from __future__ import annotations
 

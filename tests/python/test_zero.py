@@ -29,7 +29,7 @@ def standing(ankle, seed):
 def test_a_zeroed_ankle_is_as_accurate_as_the_bound_says(ankle, robots_drawn, anywhere, rng):
     """Errors of drawn ankles have the covariance that is stated of them, NEES about n."""
     x = anywhere(ankle, 20, rng)
-    bound = tp.accuracy(ankle, x, touch_off=[0, 0], touch_sigma=FLAT)
+    bound = tp.accuracy(ankle, x, reference_pose=[0, 0], reference_sigma=FLAT)
     off, nees = [], []
     for seed in range(robots_drawn):
         true, q = standing(ankle, seed)
@@ -55,7 +55,7 @@ def test_a_motor_s_zero_is_off_by_what_the_true_ankle_s_is(ankle):
         assert any(name.endswith("encoder_offset") for name in motor.causes)
 
 
-def test_a_stance_read_a_thousand_times_is_one_stance(ankle):
+def test_a_posture_read_a_thousand_times_is_one_posture(ankle):
     _, q = standing(ankle, 1)
     once, often = (
         tp.calibration.zero(ankle, q),
@@ -65,17 +65,17 @@ def test_a_stance_read_a_thousand_times_is_one_stance(ankle):
     assert [m.sigma for m in often.motors] == pytest.approx([m.sigma for m in once.motors])
 
 
-def test_four_stances_know_the_zero_twice_as_well_as_one(ankle):
+def test_four_postures_know_the_zero_twice_as_well_as_one(ankle):
     _, q = standing(ankle, 1)
-    table = {"q1": [q[0, 0]] * 4, "q2": [q[0, 1]] * 4, "stance": list("abcd")}
+    table = {"q1": [q[0, 0]] * 4, "q2": [q[0, 1]] * 4, "posture": list("abcd")}
     one, four = tp.calibration.zero(ankle, q, sigma=FLAT / 2), tp.calibration.zero(ankle, table)
     assert [m.sigma for m in four.motors] == pytest.approx([m.sigma for m in one.motors])
 
 
-def test_the_lines_of_a_stance_measure_it_once_for_a_calibration(ankle):
+def test_the_lines_of_a_posture_measure_it_once_for_a_calibration(ankle):
     _, q = standing(ankle, 1)
     rows = np.vstack([q, q, q + 0.1, q])
-    log = logs.of(ankle, {"q1": rows[:, 0], "q2": rows[:, 1], "stance": ["l", "l", "", "r"]})
+    log = logs.of(ankle, {"q1": rows[:, 0], "q2": rows[:, 1], "posture": ["l", "l", "", "r"]})
     there = np.isfinite(log.measured).all(axis=1)
     assert there.tolist() == [True, False, False, True]
     assert (log.measured[there] == 0).all() and (log.measured_sigma[there] == logs.FLAT).all()
@@ -85,7 +85,7 @@ def test_the_lines_of_a_stance_measure_it_once_for_a_calibration(ankle):
     assert np.allclose(fit.x[0], 0, atol=1e-3)
 
 
-def test_stances_at_other_angles_tell_more_of_lengths(ankle, rng):
+def test_postures_at_other_angles_tell_more_of_lengths(ankle, rng):
     true = ankle.sample(2)
     x = rng.uniform(-0.15, 0.15, (12, 2))
     names = [*ankle.readings, *(f"measured_{name}" for name, _ in ankle.coordinates)]
@@ -98,7 +98,7 @@ def test_stances_at_other_angles_tell_more_of_lengths(ankle, rng):
     assert sigma[0] < sigma[1]
 
 
-def test_a_stance_at_a_stop_is_a_stance():
+def test_a_posture_at_a_stop_is_a_posture():
     """The readings' errors take the pose a little beyond the limit."""
     ankle = tp.load("g1-ankle").with_sensors()
     stop = [0.0, ankle.spec.passive_axis[1].limits[1]]
@@ -126,7 +126,7 @@ def test_an_axis_that_was_not_measured_is_not_known(ankle):
     assert roll[0] < 0.1 * roll[1]
 
 
-def test_a_stance_says_nothing_of_a_turn_about_the_vertical():
+def test_a_posture_says_nothing_of_a_turn_about_the_vertical():
     neck = tp.load("neck")
     upright = ~logs.tilts(neck)
     names = [name for name, _ in neck.coordinates]
@@ -138,10 +138,10 @@ def test_a_stance_says_nothing_of_a_turn_about_the_vertical():
 def test_the_command_zeroes_and_writes_what_estimates_afterwards(ankle, run, tmp_path):
     true, q = standing(ankle, 5)
     (tmp_path / "log.csv").write_text(
-        f"q1,q2,stance\n{q[0, 0]},{q[0, 1]},1\n9,9,0\n", encoding="utf-8"
+        f"q1,q2,posture\n{q[0, 0]},{q[0, 1]},1\n9,9,0\n", encoding="utf-8"
     )
     status, out, err = run("zero", ankle.name, "log.csv", "--sensors", "none", "-o", "zeroed.toml")
-    assert status == 0 and err.startswith("log.csv: one stance: ") and err.count("\n") == 1
+    assert status == 0 and err.startswith("log.csv: one posture: ") and err.count("\n") == 1
     assert "encoder_offset" in out and "Wrote zeroed.toml" in out
     zeroed = tp.load(tmp_path / "zeroed.toml")
     assert zeroed.spec.calibration is not None
@@ -152,7 +152,7 @@ def test_the_command_zeroes_and_writes_what_estimates_afterwards(ankle, run, tmp
 @pytest.mark.parametrize(
     ("robot", "header", "row", "options", "said"),
     [
-        ("g1-ankle", "q1,q2,stance", "0,0,", (), "no line names a stance"),
+        ("g1-ankle", "q1,q2,posture", "0,0,", (), "no line names a posture"),
         ("g1-ankle", "q1", "0", (), "no column 'q2'"),
         ("g1-ankle", "q1,q2", "0,x", (), "log.csv: line 2: q2 = 'x': must be a number or empty"),
         ("g1-ankle", "q1,q2", "0,0", ("--sigma", "1mm"), "coordinates are in rad"),
@@ -171,7 +171,13 @@ def test_the_command_zeroes_and_writes_what_estimates_afterwards(ankle, run, tmp
             ("--at=-1,0",),
             "at (--at): pitch = -1 rad: must be within its limits, -0.87267 to 0.5236",
         ),
-        ("g1-ankle", "q1,q2,stance", "0,0,a", ("--at", "0,0"), "the column 'stance' says that it"),
+        (
+            "g1-ankle",
+            "q1,q2,posture",
+            "0,0,a",
+            ("--at", "0,0"),
+            "the column 'posture' says that it",
+        ),
         (
             "delta",
             "q1,q2,q3",
@@ -190,26 +196,26 @@ def test_what_cannot_be_zeroed_is_told(run, tmp_path, robot, header, row, option
 
 
 def flat(**others):
-    """Return two stances of two lines each, motors near 0."""
+    """Return two postures of two lines each, motors near 0."""
     log = {"q1": [0.0101, 0.01, 0.0103, 0.0099], "q2": [-0.0051, -0.005, -0.0049, -0.0052]}
-    return log | {"stance": ["a", "a", "b", "b"]} | others
+    return log | {"posture": ["a", "a", "b", "b"]} | others
 
 
 def test_a_log_that_no_ankle_of_these_tolerances_reads_is_refused(ankle):
-    """Zeros 2 σ off are found; 0.5 rad, degrees and a slip within a stance are mistakes."""
+    """Zeros 2 σ off are found; 0.5 rad, degrees and a slip within a posture are mistakes."""
     two = 2 * tp.calibration.zero(ankle, flat()).motors[0].prior_sigma
     found = tp.calibration.zero(ankle, flat(q1=np.full(4, two)))
     assert abs(found.motors[0].off - two) < 5 * found.motors[0].sigma
-    far = r"stance a: rows 1, 2: q1 = 0.51.* \(drawn: 0\), q2 = .* is 0, by .* σ .*: in degrees"
+    far = r"posture a: rows 1, 2: q1 = 0.51.* \(drawn: 0\), q2 = .* is 0, by .* σ .*: in degrees"
     with pytest.raises(InputError, match=far):
         tp.calibration.zero(ankle, flat(q1=np.array(flat()["q1"]) + 0.5))
-    with pytest.raises(InputError, match=r"stance a: .*: in degrees, a sign, the order"):
+    with pytest.raises(InputError, match=r"posture a: .*: in degrees, a sign, the order"):
         tp.calibration.zero(ankle, flat(q1=[29.0] * 4, q2=[-17.0] * 4))
-    with pytest.raises(InputError, match=r"stance a: rows 1, 2: the robot moves .* q1 by 0.5 rad"):
+    with pytest.raises(InputError, match=r"posture a: rows 1, 2: the robot moves .* q1 by 0.5 rad"):
         tp.calibration.zero(ankle, flat(q1=[0.01, 0.51, 0.01, 0.01]))
 
 
-def test_a_stance_that_slips_a_little_is_told_and_used(ankle):
+def test_a_posture_that_slips_a_little_is_told_and_used(ankle):
     found = tp.calibration.zero(ankle, flat(q1=[0.01, 0.02, 0.01, 0.01]))
     assert "rows 1, 2: the robot moves while it stands, q1 by 0.01 rad" in found.notes[0]
 
@@ -217,7 +223,7 @@ def test_a_stance_that_slips_a_little_is_told_and_used(ankle):
 def test_a_line_without_all_its_motors_is_left_out(ankle):
     whole = tp.calibration.zero(ankle, flat())
     holed = flat(
-        q1=[np.nan, *flat()["q1"]], q2=[0.0, *flat()["q2"]], stance=["a", "a", "a", "b", "b"]
+        q1=[np.nan, *flat()["q1"]], q2=[0.0, *flat()["q2"]], posture=["a", "a", "a", "b", "b"]
     )
     found = tp.calibration.zero(ankle, holed)
     assert found.notes == ("row 1: left out: a motor was not read",)
@@ -260,38 +266,40 @@ def test_readings_without_a_pose_are_refused(ankle):
 
 
 def three(ankle, seed, off):
-    """Return a log of three flat stances, one of them with its roll off by so many σ."""
+    """Return a log of three flat postures, one of them with its roll off by so many σ."""
     rng = np.random.default_rng(seed)
     true = ankle.sample(seed)
     x = FLAT * rng.standard_normal((3, 2))
     x[rng.integers(3), 1] += off * FLAT
     q = true.extended_positions(x) + reading_sigma(ankle) * rng.standard_normal((3, 2))
-    return {"q1": q[:, 0], "q2": q[:, 1], "stance": list("abc")}
+    return {"q1": q[:, 0], "q2": q[:, 1], "posture": list("abc")}
 
 
-def test_a_stance_that_contradicts_the_others_is_named_and_refused(ankle):
-    """12 σ off: 0.6° on the floor. Good stances pass: one log in 1000 is refused."""
+def test_a_posture_that_contradicts_the_others_is_named_and_refused(ankle):
+    """12 σ off: 0.6° on the floor. Good postures pass: one log in 1000 is refused."""
     for seed in range(20):
         tp.calibration.zero(ankle, three(ankle, seed, 0))
         log, wrong = three(ankle, seed, 12), np.random.default_rng(seed)
         wrong.standard_normal((3, 2))
         k = wrong.integers(3)
-        said = f"^stance {'abc'[k]}: row {k + 1}: contradicts the other 2: .* roll \\+0.[4-9]"
+        said = f"^posture {'abc'[k]}: row {k + 1}: contradicts the other 2: .* roll \\+0.[4-9]"
         with pytest.raises(InputError, match=said):
             tp.calibration.zero(ankle, log)
         rest = {name: np.delete(column, k) for name, column in log.items()}
         assert len(tp.calibration.zero(ankle, rest).notes) == 0
 
 
-def test_of_two_stances_that_contradict_each_other_both_are_named(ankle):
+def test_of_two_postures_that_contradict_each_other_both_are_named(ankle):
     log = {name: column[:2] for name, column in three(ankle, 1, 0).items()}
     tp.calibration.zero(ankle, log)
     log["q1"] = log["q1"] + [0.0, 0.03]
-    with pytest.raises(InputError, match=r"stance .: row .: contradicts stance .: row .: .* both"):
+    with pytest.raises(
+        InputError, match=r"posture .: row .: contradicts posture .: row .: .* both"
+    ):
         tp.calibration.zero(ankle, log)
 
 
-def test_a_stance_at_another_angle_is_compared_with_the_others_too(ankle, rng):
+def test_a_posture_at_another_angle_is_compared_with_the_others_too(ankle, rng):
     """Measured by a level: pitch of all, roll of the first three."""
     true = ankle.sample(2)
     x = rng.uniform(-0.15, 0.15, (6, 2))
@@ -304,7 +312,7 @@ def test_a_stance_at_another_angle_is_compared_with_the_others_too(ankle, rng):
         tp.calibration.zero(ankle, log)
 
 
-def test_one_stance_alone_says_what_it_cannot_show(ankle):
+def test_one_posture_alone_says_what_it_cannot_show(ankle):
     _, q = standing(ankle, 1)
     (note,) = tp.calibration.zero(ankle, q).notes
-    assert re.match(r"one stance: .* below pitch \d\.\d°, roll \d\.\d° goes into the zeros", note)
+    assert re.match(r"one posture: .* below pitch \d\.\d°, roll \d\.\d° goes into the zeros", note)

@@ -20,7 +20,7 @@ extern const char* const agree_names[AGREE_QUESTIONS];
 
 /** Asks all of every robot whose mobility is compiled.
  *
- * @param worst  out: largest difference over the size of what it is a difference of
+ * @param worst  out: largest difference over the size of the compared quantity
  * @return how many robots were asked; below 0: the (-n)th robot had no answer to something
  */
 int32_t agree(truepose_real worst[AGREE_QUESTIONS]);

@@ -1,4 +1,4 @@
-/* Says how far each answer lies from the reference; fails beyond agree_within(). */
+/* Says how far each answer is from the reference; fails beyond agree_within(). */
 #include <stdio.h>
 
 #include "agree.h"

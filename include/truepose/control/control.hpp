@@ -109,7 +109,7 @@ inline Real limited(const Chain& chain, Real torque) {
   return limit > 0 ? std::clamp(torque, -limit, limit) : torque;
 }
 
-/// Share of what was held at a switch that is left, from 1 to 0 without a corner.
+/// Remaining share of the offset held at a switch, from 1 to 0 without a corner.
 inline Real led_out(Real leaving, Real whole) {
   const Real u = whole > 0 ? leaving / whole : 0;
   return u * u * (3 - 2 * u);

@@ -412,7 +412,7 @@ class Cycle {
     for (int c = 0; c < rows_; ++c) {
       MonitoredReading& reading = watch_.reading[c];
       // With a motor lost the robot does not do what it is asked to. One that stops since nobody
-      // knows which reading lies does: it may still be found.
+      // knows which reading is faulty does: it may still be isolated.
       const bool judged = (!watch_.doubted || (watch_.undecided && c < n)) && !symptomatic_ &&
                           !watch_.lost && settings_.moved[c] > 0 && (c < n || motors);
       // What is asked is only known from the second cycle on.

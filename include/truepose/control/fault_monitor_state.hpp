@@ -40,7 +40,7 @@ struct FaultMonitorSettings {
   Extended moved{};    ///< motion of the model beside unchanged counts that is too much (0: none)
   Joint kp{}, kd{};  ///< 1/s² and 1/s, by which motors are driven where their encoders stand still
   Joint rests{};     ///< error at which a healthy motor may rest: counts, friction
-  Joint shaken{};    ///< σ of what is new in every cycle up to which the same (0: any)
+  Joint shaken{};    ///< largest σ of the innovation per cycle for the same (0: any)
   Extended low{}, high{};  ///< range of a reading (the same: not watched)
 
   // From prepare():

@@ -61,7 +61,7 @@ struct FaultTolerantState {
   Coordinates at{};          ///< the latest setpoint that was answered for
   Joint weight{};            ///< N·m that hold the robot there, once all brakes are asked for
   Real unanswered = 0;       ///< s since a torque was answered for
-  Real stopping = 0;         ///< s since nobody knows which reading lies
+  Real stopping = 0;         ///< s since the faulty reading is undecided
   Knowledge known{};         ///< of the readings that are believed
 };
 
@@ -101,7 +101,7 @@ Outcome control_fault_tolerant(const Robot& robot, const ControlSettings& settin
   const bool held = guard.brakes == all;
   guard.stops = guard.stops || guard.watch.undecided || guard.watch.lost != 0;
   guard.brakes |= guard.watch.lost;
-  // Where nobody knows which reading lies, no loop is trusted longer than the stop takes.
+  // Where the faulty reading is undecided, no loop is trusted longer than the stop takes.
   if (guard.watch.undecided) guard.stopping += settings.period;
   if (guard.stopping > guarding.stop) guard.brakes = all;
   state.switched = state.switched || state.braked != guard.brakes;

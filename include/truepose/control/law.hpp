@@ -181,7 +181,7 @@ Outcome found_pose(const Robot& robot, Law law, const Pose& desired, const Exten
 ///                  cycle's x_d, and then at this one's; nullptr: nothing is known beforehand
 /// @return near_singular where they are; not_compiled: a law that weighs, which was left out;
 /// not_measured: a law of redundant sensors, and none is in use, or of knowledge, and there is
-/// none; joint_limit where a motor would have to pass its stops; branch_lost where x_d lies in
+/// none; joint_limit where a motor would have to pass its stops; branch_lost where x_d is in
 /// another assembly mode than the robot's home (in the band, where the modes meet, both are its
 /// own)
 template <Mobility K>

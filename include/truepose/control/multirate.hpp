@@ -204,7 +204,7 @@ inline Real latency_variance(const Multirate& late, int sensor,
 
 }  // namespace late_detail
 
-/// What is known of what laws act upon: p may have changed since where the low pass is, and counts
+/// The knowledge that laws act upon: p may have changed since where the low pass is, and counts
 /// carried it. @param known  in and out
 inline void weigh(const Robot& robot, const Multirate& late, Knowledge& known) {
   const int n = dof(robot.mobility);

@@ -12,7 +12,7 @@ struct Setpoint {
   Coordinates x{}, rate{}, acceleration{};
 };
 
-/// What lies between two setpoints of a path that is followed more slowly. @param share  0 to 1
+/// The setpoint between two of a path that is followed more slowly. @param share  0 to 1
 inline Setpoint between(Mobility mobility, const Setpoint& a, const Setpoint& b, Real share) {
   return with_mobility(mobility, [&](auto K) {
     const Pose start = to_pose<K()>(a.x);

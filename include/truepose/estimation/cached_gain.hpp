@@ -128,7 +128,7 @@ struct CachedFusion {
     return true;
   }
 
-  /// K and P of what is kept. @return not_finite where V is no covariance
+  /// K and P of the cached gain. @return not_finite where V is no covariance
   Outcome weigh(const Robot& robot, const Knowledge& known, const CachedGain& kept) {
     const int r = robot.r;
     const auto& C = kept.C;
@@ -202,7 +202,7 @@ TRUEPOSE_APART Outcome refresh(const Robot& robot, const Knowledge& known, std::
                                const Real* H_xi, Real* B, CachedGain& kept, CachedFusion<K>& at) {
   constexpr int n = kDof<K>;
   const int rows = n + robot.r, p = known.count;
-  Matrix<n, kMaxSensors> before{};  // K, of what was kept
+  Matrix<n, kMaxSensors> before{};  // K of the cached gain
   const Real way = kept.way(n, q_e);
   const bool compares =
       kept.of == mark && way > 0 && way < kept_detail::kTooFar && at.weigh(robot, known, kept);

@@ -39,7 +39,8 @@ inline constexpr Real kElasticSlope = 0.1;
 inline bool is_last(Real size, Real last, Real chi2, int rows) {
   // Where σ is nanometres, rounding alone makes larger steps: a thousandth of σ that hardly
   // shrinks is as near as one gets.
-  const Real enough = kLastStep * std::max(Real(1), chi2 / rows);  // of what disagrees anyway
+  const Real enough =
+      kLastStep * std::max(Real(1), chi2 / rows);  // of the residual that remains anyway
   return size < enough || (size < 1e-6 && size > 0.25 * last);
 }
 
@@ -243,10 +244,10 @@ Estimate<K> estimate_from(const Robot& robot, const Knowledge& known, const Exte
       break;
     }
     // Where readings disagree by many σ, their curvature times that overshoots: a step that lowers
-    // the cost by less than a quarter of what it promised is shortened to where the parabola of
-    // both costs and the first slope is least, below 4/7 of it.
-    // Where slopes are inexact the cost may rise along it by what they leave out, 2 |whitened|
-    // times their share of the promised change of the readings.
+    // the cost by less than a quarter of the predicted decrease is shortened to where the parabola
+    // of both costs and the first slope is least, below 4/7 of it. Where slopes are inexact the
+    // cost may rise along it by what they leave out, 2 |whitened| times their share of the promised
+    // change of the readings.
     const Real inexact =
         2 * slope * length * std::sqrt(std::min(cost, next) * std::max(promised, Real(0)));
     const bool shorter = next > cost - 0.25 * length * promised + by_precision(1e-12, 1e-5) * cost +

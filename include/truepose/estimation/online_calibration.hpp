@@ -146,7 +146,7 @@ inline Outcome understand(const Robot& robot, const OnlineSettings& settings, co
     if (!all_finite(step, n)) return {Status::not_finite, -1};
     line.pose = moved<K>(line.pose, step);
   }
-  Real sum = 0;  // of what the state will keep: one NaN in it would spoil every later cycle
+  Real sum = 0;  // of the next state: one NaN in it would spoil every later cycle
   for (int row = n; row < rows; ++row) sum += e[row];
   for (const Real* h = work.F; h != work.F + robot.r * p; ++h) sum += *h;
   if (!std::isfinite(sum)) return {Status::not_finite, -1};
@@ -161,7 +161,7 @@ inline Outcome understand(const Robot& robot, const OnlineSettings& settings, co
         y -= work.F[i * p + k] * (state.xi[state.column[k]] - settings.linearised[state.column[k]]);
   }
   times_root(known, robot.r, work.F);
-  // What linearising about a poor ξ̂ leaves out is of second order: the square of what is open.
+  // What linearising about a poor ξ̂ leaves out is of second order: the square of the loop residual.
   // It counts as noise, lest the first lines claim to know what they do not.
   decorrelate(p, work.F, settings.linearised ? 0 : kCurvature * coarsest, line.innovations);
   // Nor may what it would learn from overflow, or be as good as certain.

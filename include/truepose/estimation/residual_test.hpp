@@ -55,7 +55,7 @@ struct Innovations {
 /// The equations F ζ = y, one by one, each after the filter has learnt those before.
 ///
 /// @param F  in: r×p; out: its row i belongs to the root after i updates (Carlson's form)
-/// @param curvature  what linearising leaves out, over the square of what is open
+/// @param curvature  second-order remainder over the square of the loop residual
 inline void decorrelate(int p, Real* F, Real curvature, Innovations& line) {
   for (int i = 0; i < line.r; ++i) {
     const Real* f = F + i * p;

@@ -198,7 +198,7 @@ struct Inverse {
       hidden(at.pose.R, row, A[rod]);
     }
   }
-  /// The entries from n on, of what changes as `row` along the motion of full_row.
+  /// The entries from n on, of the quantity that changes as `row` along the motion of full_row.
   static void hidden(const Mat3& R, const std::array<Real, kMaxUnknowns>& row, Column<K>& entry) {
     for (int j = 0; j < tilts; ++j) entry[n + j] = Vec3(row[3], row[4], row[5]).dot(turn(R, j));
     for (int k = n + tilts; k < kRods<K>; ++k) entry[k] = row[6 + k - n - tilts];

@@ -10,7 +10,7 @@ namespace truepose {
 inline constexpr int kAngleSteps = 20;
 
 /// The angles next to those of `pose` that carry the nacelle as near to a place as they can: least
-/// squares of what is left of D, and of the turn times the rods' length, by Newton's steps.
+/// squares of the remaining D, and of the remaining turn times the rods' length, by Newton's steps.
 /// @param seen  D and R of the nacelle
 /// @param pose  in: where to start; out
 template <Mobility K>

@@ -89,7 +89,7 @@ class Conditioning {
   Inverted inverse_;
 };
 
-/// J_x, J_q and J, damped where a conditioning lies below `band` (0: nowhere, as the paper has it).
+/// J_x, J_q and J, damped where a conditioning is below `band` (0: nowhere, as the paper has it).
 /// In the band the entries of J_q, the closure's too, become what J⁻¹ divides by: rates, J_r and
 /// the dynamics all follow.
 /// @return near_singular in the band: an answer, finite and bounded. The chain whose arm is

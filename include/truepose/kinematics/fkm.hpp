@@ -162,7 +162,7 @@ inline bool crawled(const Robot& robot, const std::array<Driven, kDof<K>>& drive
   return Conditioning<K>(closure).parallel() < kDependent;
 }
 
-/// Whether a pose lies in the robot's own assembly mode.
+/// Whether a pose is in the robot's own assembly mode.
 template <Mobility K>
 inline bool own_mode(const Robot& robot, const Pose& pose) {
   Closure<K> closure;

@@ -1,4 +1,4 @@
-// The forward kinematic model in closed form where the orientation is known: D lies on n spheres.
+// The forward kinematic model in closed form where the orientation is known: D is on n spheres.
 #pragma once
 
 #include "truepose/model/chain.hpp"
@@ -52,7 +52,7 @@ TRUEPOSE_FLATTEN inline Outcome fkm_closed(const Robot& robot, const Joint& q, c
   }
 
   // The columns of T's adjugate are the cross products of T's columns; for rank 2 each is a
-  // multiple of m, so the longest gives m. For rank 3 it lies near m, which is all that is needed.
+  // multiple of m, so the longest gives m. For rank 3 it is near m, which is all that is needed.
   const Vec3 a = T.col(1).cross(T.col(2)), b = T.col(2).cross(T.col(0)),
              c = T.col(0).cross(T.col(1));
   const Real aa = a.squaredNorm(), bb = b.squaredNorm(), cc = c.squaredNorm();

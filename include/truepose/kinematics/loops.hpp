@@ -23,7 +23,7 @@ class RodLoops {
 
   RodLoops(const Robot& robot, const std::array<Driven, n>& driven)
       : pivot_(points<n>([&](int i) -> Vec3 { return robot.chain[i].pivot(); })),
-        centre_(points<n>([&](int i) -> Vec3 {  // of the sphere on which D + R c lies
+        centre_(points<n>([&](int i) -> Vec3 {  // of the sphere of the points D + R c
           return robot.chain[i].base() + driven[i].p - robot.chain[i].anchor();
         })) {
     const auto rod = lanes<n>([&](int i) { return driven[i].rod; });

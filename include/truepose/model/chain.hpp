@@ -95,7 +95,7 @@ TRUEPOSE_APART inline Outcome beyond_limits(const Robot& robot, const Joint& q) 
   return {};
 }
 
-/// Whether every motor stands between its stops. Models of what the robot does never ask, for it
+/// Whether every motor stands between its stops. Models of the robot's behaviour never ask, for it
 /// may be pushed there; answers to what it should do (IKM, controllers) do.
 /// @return joint_limit and the first chain beyond
 inline Outcome within_limits(const Robot& robot, const Joint& q) {

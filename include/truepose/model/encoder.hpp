@@ -13,7 +13,7 @@ namespace truepose {
 /// First and second harmonic of an encoder's error. Its shaft stands at φ = gear · angle and reads
 /// φ + e(φ), e(φ) = c1 cos φ + s1 sin φ + c2 cos 2φ + s2 sin 2φ: an angle reads angle + e(φ)/gear.
 struct Eccentricity {
-  Real gear = 1;                    ///< turns of the shaft per turn of what it measures
+  Real gear = 1;                    ///< turns of the shaft per turn of the measured joint
   std::array<Real, 4> amplitude{};  ///< c1, s1, c2, s2, rad of the shaft
 
   bool any() const {

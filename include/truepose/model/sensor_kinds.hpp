@@ -14,7 +14,7 @@ enum class Unit : int {
   one = 0,
   metre = 1,
   radian = 2,
-  reading = 3,  ///< of a parameter: that of what its motor or sensor reads
+  reading = 3,  ///< of a parameter: the unit of its motor or sensor
 };
 
 /// What a redundant sensor measures. One sensor is one number; a tracker is several of them.

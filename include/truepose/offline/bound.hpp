@@ -127,7 +127,7 @@ inline Outcome reading_covariance(const Robot& robot, const Knowledge& known,
 }
 
 /// What all readings at a pose make of it, with the weights of that pose.
-/// @param acting   influences, whose amounts are the last of what is known
+/// @param acting   influences, whose amounts are the last known quantities
 /// @param H_xi, B  work space, as of reading_covariance
 inline Outcome fused(const Robot& robot, const Kernels& model, const Knowledge& known,
                      const Pose& pose, const Influences& acting, double* H_xi, double* B,

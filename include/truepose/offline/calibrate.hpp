@@ -116,7 +116,7 @@ class Calibrator {
 
   /// D of every line: of influences as it is given, of nuisances where its pose is now. It is held
   /// while the search goes on: the change of the latter with pose and ξ, times η, is of the second
-  /// order of what the ideal level leaves out.
+  /// order of the ideal level's model error.
   void freeze(const Iterate& at, std::vector<Status>& status) {
     const int m = settings_.nuisances, given = settings_.influences;
     if (m + given == 0) return;

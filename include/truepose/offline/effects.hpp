@@ -28,11 +28,10 @@ struct Effects {
   bool give_way() const { return arm_stiffness > 0 || rod_stiffness > 0; }
 };
 
-inline constexpr double kRipples = 6;         ///< periods in one turn of a motor
-inline constexpr double kBrakeCloses = 0.02;  ///< s after it was asked for; assumed
-inline constexpr double kBrakePresliding =
-    1e-3;                                  ///< rad or m that a closed brake gives way; assumed
-inline constexpr int kCompliantSteps = 4;  ///< at least, in one control period: rotors swing
+inline constexpr double kRipples = 6;             ///< periods in one turn of a motor
+inline constexpr double kBrakeCloses = 0.02;      ///< s after it was asked for; assumed
+inline constexpr double kBrakePresliding = 1e-3;  ///< rad or m that a closed brake yields; assumed
+inline constexpr int kCompliantSteps = 4;         ///< at least, in one control period: rotors swing
 
 namespace effects_detail {
 
@@ -177,8 +176,8 @@ class Plant {
     return transmitted_;
   }
 
-  /// What arms and rods give way, as geometry. The torque that passes an arm's root, less the
-  /// weight of arm and half its rods, is the rods' tension T times J_q/L. Rods give way
+  /// Deflection of arms and rods, as geometry. The torque that passes an arm's root, less the
+  /// weight of arm and half its rods, is the rods' tension T times J_q/L. Rods deflect
   /// quasi-statically.
   Outcome bend(Robot& robot) const {
     Closure<K> closure;

@@ -53,13 +53,13 @@ constexpr const FaultProperties& properties(FaultKind kind) {
   return kFaultTable[static_cast<std::size_t>(kind)];
 }
 
-/// One reading that lies for a time.
+/// One reading that is faulty for a time.
 struct Fault {
   FaultKind kind = FaultKind::bias;
   int reading = 0;   ///< of the extended positions
   int other = 0;     ///< with which it is exchanged
   double size = 0;   ///< in the kind's unit
-  double begin = 0;  ///< s; the first reading at that time or later lies
+  double begin = 0;  ///< s; the first reading at that time or later is faulty
   double end = std::numeric_limits<double>::infinity();  ///< s; the first that is whole again
 };
 

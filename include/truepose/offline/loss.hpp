@@ -27,7 +27,7 @@ enum class Loss : int {
 };
 
 /// Residual of a line, in units of its σ, that no noise explains. Huber's force is bounded, not its
-/// lever: a reading so wrong that its pose lies outside the workspace would pull all the same.
+/// lever: a reading so wrong that its pose is outside the workspace would pull all the same.
 inline constexpr double kGross = 30;
 
 /// s w below which a line is an outlier. Noise brings none there (d is then 7 to 20), so that such

@@ -149,7 +149,7 @@ inline Mat3 nearest_rotation(const Mat3& A) {
 }
 
 /// A registration to start from: poses are known roughly, measurements may be grossly wrong here
-/// and there (each counts by how near it lies). The base given the marker's place and that place
+/// and there (each counts by its distance). The base given the marker's place and that place
 /// given the base's rotation are linear by turns, over and over. Needs all the coordinates of a
 /// position on lines that span a plane; else tracker and base are taken to be parallel.
 /// @param known    the marker as it is believed to sit
@@ -230,7 +230,7 @@ inline Registration registered(Mobility mobility, const Registration& known, boo
     if (round > 10 && step.norm() < 1e-5) break;
   }
   if (!turning) return result;
-  Mat3 sum = Mat3::Zero();  // of what each line says of M
+  Mat3 sum = Mat3::Zero();  // of each row's estimate of M
   for (const Pair& p : pairs) {
     const double* x = measured + p.line * n;
     const Mat3 back = (result.base.R * pose[p.line].R).transpose();

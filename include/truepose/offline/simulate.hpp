@@ -41,7 +41,7 @@ using OwnLaw = std::function<Outcome(double time, const Setpoint&, const Extende
 /// What a loop may have beside a robot and its controller.
 struct Extras {
   Weighing weighing{};                  ///< for the laws `weighted` and `estimated`
-  Effects effects{};                    ///< what the model forgets
+  Effects effects{};                    ///< effects that the model omits
   OnlineCalibrator* learner = nullptr;  ///< switches online self-calibration on
   FaultyReadings* faults = nullptr;  ///< as a machine does, the loop then goes on without an answer
   double began = 0;                  ///< when the loop is made, by the faults' clock, s

@@ -18,7 +18,7 @@ struct StaticsSettings {
 };
 
 inline constexpr int kSettleIterations = 100;
-inline constexpr double kMostAmplified = 100;  ///< by faulty readings, of what still settles
+inline constexpr double kMostAmplified = 100;  ///< of faulty readings at a stable equilibrium
 
 namespace statics_detail {
 

@@ -141,7 +141,7 @@ def _touched(log: Log) -> list[tuple[str, str, Array]]:
     return [
         (column, name, np.flatnonzero(names == name))
         for column, names in log.labels.items()
-        if column == POINT or column in PLANES  # a stance is a pose that was measured
+        if column == POINT or column in PLANES  # a posture is a pose that was measured
         for name in dict.fromkeys(names[names != ""].tolist())
     ]
 

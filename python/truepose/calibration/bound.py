@@ -23,12 +23,12 @@ def accuracy(
     robot: Robot,
     poses: ArrayLike,
     calibrated_on: ArrayLike | None = None,
-    touch_off: ArrayLike | None = None,
+    reference_pose: ArrayLike | None = None,
     level: Level | None = None,
     model_error: bool = True,
     errors: Errors = "raise",
     *,
-    touch_sigma: ArrayLike | float = 0.0,
+    reference_sigma: ArrayLike | float = 0.0,
     relative_to: ArrayLike | None = None,
     differences: Sequence[Difference] = (),
 ) -> Array:
@@ -45,7 +45,7 @@ def accuracy(
         Where the accuracy is asked for.
     calibrated_on : array_like, shape (N, n), optional
         Poses at which the robot has calibrated itself before, by its own readings alone.
-    touch_off : array_like, shape (n,), optional
+    reference_pose : array_like, shape (n,), optional
         A pose at which the robot has stood and been read, and which is known from outside.
     level : {"ideal", "full"}, optional
         One rod per chain, or every rod by itself; by default :attr:`Robot.highest_level`.
@@ -53,9 +53,9 @@ def accuracy(
         Whether to count, at the ideal level, what it leaves out of a real robot.
     errors : {"raise", "nan"}
         What to do with a pose that cannot be reached, or at which the readings do not determine x;
-        `calibrated_on`, `touch_off` and `relative_to` are never such poses.
-    touch_sigma : array_like, shape (n,), or float
-        σ to which `touch_off` is known, m or rad; 0: exactly.
+        `calibrated_on`, `reference_pose` and `relative_to` are never such poses.
+    reference_sigma : array_like, shape (n,), or float
+        σ to which `reference_pose` is known, m or rad; 0: exactly.
     relative_to : array_like, shape (n,), optional
         A pose whose own estimate is taken off every other: what a display shows that is set to
         zero there. No bound, for the two are estimated apart: a sensor more can make it worse.
@@ -83,7 +83,7 @@ def accuracy(
     ...     print((1e3 * np.sqrt(np.trace(P[:, :3, :3], axis1=1, axis2=2).mean())).round(2))  # mm
     7.47
     1.07
-    >>> P = tp.accuracy(h4, poses, calibrated_on=poses, touch_off=h4.home)
+    >>> P = tp.accuracy(h4, poses, calibrated_on=poses, reference_pose=h4.home)
     >>> print((1e3 * np.sqrt(np.trace(P[:, :3, :3], axis1=1, axis2=2).mean())).round(2))
     0.16
     """
@@ -112,9 +112,9 @@ def accuracy(
         bound(at, (), "raise", name)
         return at
 
-    touched, reference = one(touch_off, "touch_off"), one(relative_to, "relative_to")
-    sigma = touch_sigmas(robot, touch_sigma)
-    if calibrated_on is not None or touch_off is not None:
+    touched, reference = one(reference_pose, "reference_pose"), one(relative_to, "relative_to")
+    sigma = reference_sigmas(robot, reference_sigma)
+    if calibrated_on is not None or reference_pose is not None:
         given = nowhere if calibrated_on is None else calibrated_on
         visited, shape = flattened(model, given, model.n, "calibrated_on", "raise")
         root, status = after_visiting(
@@ -135,7 +135,7 @@ def after_visiting(
     level: Level,
     model_error: bool = True,
     touched: Array | None = None,
-    touch_sigma: Sequence[float] = (),
+    reference_sigma: Sequence[float] = (),
     differences: Sequence[Difference] = (),
 ) -> tuple[Array, int]:
     """Root of Σ_ξ once the robot has calibrated itself at these poses, and the core's status.
@@ -162,7 +162,7 @@ def after_visiting(
         known.core,
         visited,
         known_poses,
-        list(touch_sigma) or [0.0] * robot.n,
+        list(reference_sigma) or [0.0] * robot.n,
         _core.Links([], 0) if between is None else between.core,
         full,
         known.nuisances,
@@ -171,13 +171,13 @@ def after_visiting(
     return known.own(root), status
 
 
-def touch_sigmas(robot: Robot, sigma: ArrayLike | float) -> list[float]:
+def reference_sigmas(robot: Robot, sigma: ArrayLike | float) -> list[float]:
     """Return σ of a touched pose as the core takes it, each greater than 0."""
     try:
         sigmas = np.broadcast_to(np.asarray(sigma, dtype=float), (robot.n,))
     except (TypeError, ValueError):
-        raise InputError(f"touch_sigma: must be a number or {robot.n} of them") from None
+        raise InputError(f"reference_sigma: must be a number or {robot.n} of them") from None
     if not (np.isfinite(sigmas).all() and (sigmas >= 0).all()):
-        raise InputError(f"touch_sigma = {sigma!r}: must be 0 or greater (m or rad)")
+        raise InputError(f"reference_sigma = {sigma!r}: must be 0 or greater (m or rad)")
     exact = EXACT * knowledge.reading_sigma(robot).min()
     return np.maximum(sigmas, exact).tolist()

@@ -61,7 +61,7 @@ def calibrate(
         Readings (n + r,) and pose (n,) in the base frame at which they were taken, NaN where a
         coordinate is not known: a dowel, a stop, a probe. A third entry is σ of the pose, m and
         rad; by default 0, exactly known. Also (K, n + r) and (K, n), or a table with columns
-        measured_x, …. The accuracy to expect is that of ``tp.accuracy(…, touch_off=pose)``. With
+        measured_x, …. ``tp.accuracy(…, reference_pose=pose)`` predicts its accuracy. With
         the log in one call, or alone on a robot that is already calibrated.
     measured : array_like, shape (N, n), optional
         Coordinates that something outside measured at these poses, NaN where it did not.

@@ -45,7 +45,7 @@ def expect(
     Values and covariance of the robot's parameters are those of the prediction; `registration` is
     of `measured`; `level` is by default the robot's highest. To first order x̂ - x = J (H_ξq δξ +
     ν_q), J the inverse of H_x's first n rows, so that a sensor is missed by [-J_r J, I] (H_ξ δξ +
-    ν), a coordinate by ν_m - H_mx (x̂ - x) + H_mt δt, t the registration of what measured it.
+    ν), a coordinate by ν_m - H_mx (x̂ - x) + H_mt δt, t the registration of the external device.
     """
     if len(readings) > LINES:  # H_ξ takes kilobytes a line
         parts = []

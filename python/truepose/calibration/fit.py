@@ -63,7 +63,7 @@ class Calibration:
     iterations: int
     cost: float  #: squared residuals and departures from the prior, in units of their σ
     guarded: bool  #: whether what the ideal level leaves out was allowed for
-    registration: Registered | None = None  #: of what was measured from outside, if anything was
+    registration: Registered | None = None  #: of external measurements, if there are any
     differences: Differences | None = None  #: that were measured between poses, if any were
     influences: dict[str, Learnt] = field(default_factory=dict)  #: amounts of each
     beside: Array = field(default_factory=lambda: np.zeros((0, 0)))
@@ -128,7 +128,7 @@ class Calibration:
         return departure(off, self.covariance, self.prior_covariance)
 
     def accuracy_seen(self, poses: ArrayLike) -> Array:
-        """Covariance of what a tracker is to see of this robot, (P, n, n): in the tracker's frame.
+        """Covariance of this robot's pose as a tracker sees it, (P, n, n): in the tracker's frame.
 
         Of the marker where all readings, the calibrated geometry and the registration say that it
         is. :func:`truepose.accuracy` of the calibrated robot is about the base's frame, which

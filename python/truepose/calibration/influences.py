@@ -175,7 +175,7 @@ class Stretching:
 def relieved(
     robot: Robot, readings: Array, full: bool, loads: dict[str, Array]
 ) -> tuple[Array, Array]:
-    """Readings, (N, n + r), as they would be if the rods did not give way, and the motors' poses.
+    """Readings, (N, n + r), as they would be if the rods were stiff, and the motors' poses.
 
     NaN where the motors give no pose.
     """

@@ -74,7 +74,7 @@ def calibration_of(
 class Departure(NamedTuple):
     """Squared departures from the prior over the combinations of parameters that a log sees."""
 
-    chi2: float  #: each in units of what the prior lets one expect
+    chi2: float  #: each in units of its expectation by the prior
     combinations: int
 
     @property
@@ -83,19 +83,19 @@ class Departure(NamedTuple):
         return math.sqrt(self.chi2 / self.combinations) if self.combinations else 1.0
 
     @property
-    def betrayed(self) -> bool:
+    def rejected(self) -> bool:
         """Whether tolerances that are right would depart so far in 0.5 % of all robots only."""
         limit = chi2_quantile(1 - FALSE_ALARMS, self.combinations)
         return bool(self.combinations > 0 and self.chi2 > limit)
 
     def doubt(self, prior: str) -> list[str]:
-        """Return a line that says so, of what the prior is from; none where the test passes."""
-        if not self.betrayed:
+        """Return a line that says so, with the prior's source; none where the test passes."""
+        if not self.rejected:
             return []
         many = f"{self.combinations} combination{'' if self.combinations == 1 else 's'}"
         return [
             f"{prior} seem too small by a factor of about {self.factor:.1f}, judged by the {many} "
-            "of parameters that the readings see; then σ of what they do not see are so too"
+            "of parameters that the readings see; then σ of unobserved parameters are so too"
         ]
 
 

@@ -177,7 +177,7 @@ def _motors(robot: Robot, log: Log) -> list[str]:
 
 
 def outside(robot: Robot, log: Log) -> Iterator[Finding]:
-    """Units of what was measured from outside: no frame changes a distance."""
+    """Units of external measurements: no frame changes a distance."""
     if log.measured is None:
         return
     few = log_faults.few(robot, log)

@@ -179,7 +179,7 @@ class OnlineCalibrator:
     def stopped(self) -> str | None:
         """Why nothing is learnt any more, in words; None while it learns.
 
-        A sensor that lies, a motor that slipped, or tolerances that the robot does not keep. What
+        A faulty sensor, a motor that slipped, or tolerances that the robot does not keep. What
         it knows is what it knew before. Once that is mended, `OnlineCalibrator(online.robot)` goes
         on from there.
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from truepose import _core, logs
 from truepose.arguments import Array
-from truepose.calibration.bound import touch_sigmas
+from truepose.calibration.bound import reference_sigmas
 from truepose.exceptions import InputError, choose
 from truepose.robot import frames, knowledge
 from truepose.robot.batches import flattened
@@ -285,7 +285,7 @@ def known_poses(robot: Robot, given: KnownPose | Any | None) -> KnownPoses:
         rows = np.broadcast_to(np.asarray(sigma, dtype=float), x.shape)
     except (TypeError, ValueError):
         raise InputError(f"known_pose: σ: must be a number or {robot.n} of them") from None
-    return KnownPoses(readings, x, np.array([touch_sigmas(robot, row) for row in rows]))
+    return KnownPoses(readings, x, np.array([reference_sigmas(robot, row) for row in rows]))
 
 
 class Row(NamedTuple):

@@ -30,7 +30,7 @@ FOLD = 5
 STEPS = 3
 #: Errors of the marker as the tracker will see it, not of the pose in the base's frame.
 SEEN = "in the tracker's frame"
-HOW = ("absolute", "touched off", SEEN)
+HOW = ("absolute", "referenced", SEEN)
 #: Poses drawn from the workspace for the accuracy to come.
 POSES = 500
 
@@ -45,10 +45,10 @@ class Assessment:
     before: Expectation  #: of all lines by the motors, at the prior mean
     after: Expectation  #: by the motors, at the calibrated geometry
     held_out: Array  #: (N, k) residuals of the held-out lines, fitted without them; else NaN
-    touch_off: Array  #: (n,)
+    reference_pose: Array  #: (n,)
     where: str  #: which poses the accuracy is for
     poses: Array  #: (P, n) of the accuracy
-    accuracy: dict[tuple[str, str], Array]  #: (before/after, absolute/touched off) -> (P, n, n)
+    accuracy: dict[tuple[str, str], Array]  #: (before/after, absolute/referenced) -> (P, n, n)
     notes: tuple[str, ...]  #: what was noticed in the log, before and after the fit
 
 
@@ -56,7 +56,7 @@ def assess(
     robot: Robot,
     log: Log,
     notes: list[str],
-    touch_off: Array | None = None,
+    reference_pose: Array | None = None,
     progress: Callable[[str], None] = lambda _: None,
     between: Between | None = None,
     **settings: Any,
@@ -64,8 +64,8 @@ def assess(
     """Calibrate by a log, and again without every fifth line; predict the accuracy.
 
     The log comes from :func:`truepose.calibration.log_checks.check`, and so do the `notes`.
-    `touch_off`, (n,), by default home, is the pose that the predicted accuracy takes as known.
-    `progress` is called `STEPS` times, with the name of what was done. `between` says how well the
+    `reference_pose`, (n,), by default home, is the pose that the predicted accuracy takes as known.
+    `progress` is called `STEPS` times, with the name of the step. `between` says how well the
     log's touches were made. `settings` are those of :func:`truepose.calibrate`: level, loss, ….
     """
     given, angle = (settings.pop(f"measured_{of}", None) for of in ("sigma", "angle_sigma"))
@@ -103,7 +103,7 @@ def assess(
         except TrueposeError as error:
             notes = [*notes, f"held-out lines: {error}"]
     progress("held-out lines")
-    touch = robot.home if touch_off is None else np.asarray(touch_off, dtype=float)
+    touch = robot.home if reference_pose is None else np.asarray(reference_pose, dtype=float)
     where, poses = _poses(fit)
     ahead = _ahead(fit, model, poses, touch)
     progress("accuracy")
@@ -115,7 +115,7 @@ def assess(
         before=before,
         after=after,
         held_out=held_out,
-        touch_off=touch,
+        reference_pose=touch,
         where=where,
         poses=poses,
         accuracy=ahead,
@@ -130,8 +130,8 @@ def _ahead(
     result = {}
     for when, known in (("before", model), ("after", fit.robot)):
         reached = _reached(fit, known, poses)
-        for how, at in (("absolute", None), ("touched off", touch)):
-            result[when, how] = accuracy(known, reached, touch_off=at, level=fit.level)
+        for how, at in (("absolute", None), ("referenced", touch)):
+            result[when, how] = accuracy(known, reached, reference_pose=at, level=fit.level)
     if fit.registration is not None and fit.registration.sigma.any():
         result["after", SEEN] = fit.accuracy_seen(_reached(fit, fit.robot, poses))
     return result
@@ -228,7 +228,7 @@ def worst(fit: Calibration, count: int = 5) -> Table:
 
 
 def predicted(result: Assessment) -> Table:
-    """RMS of the predicted error of x, before and after, absolute and touched off."""
+    """RMS of the predicted error of x, before and after, absolute and referenced."""
     robot = result.fit.robot
     total = summed(robot)
     rows = []
@@ -292,7 +292,7 @@ def beside_table(fit: Calibration) -> Table | None:
 
 
 def tables_of(result: Assessment) -> list[Table]:
-    """Every table, in the order in which they are read; of what was measured beside, if it was."""
+    """Return every table, in reading order; with external measurements, if there are any."""
     fit = result.fit
     tables = [residuals(result) if result.names else None, parameters(fit), worst(fit)]
     tables += [differences_table(fit), beside_table(fit), registration_table(fit)]

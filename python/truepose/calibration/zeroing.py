@@ -27,9 +27,9 @@ from truepose.robot.units import reading_units
 
 #: Share of a motor's variance from which a parameter is named.
 _SHARE = 0.05
-#: σ by which a stance's lines may differ.
+#: σ by which a posture's lines may differ.
 _SAME = 5.0
-#: Of logs whose stances are all right, the share in which one is refused for the others' sake.
+#: Of logs whose postures are all right, the share in which one is refused for the others' sake.
 FALSE_ALARMS = 1e-3
 
 
@@ -46,9 +46,9 @@ class Zero(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Zeroing:
-    """Motors' zeros as stances show them."""
+    """Motors' zeros as postures show them."""
 
-    fit: Calibration  #: calibrated by the stances
+    fit: Calibration  #: calibrated by the postures
     x: Array  #: (K, n) where the robot stood, as far as it was said; NaN
     motors: tuple[Zero, ...]  #: at the first of them
     notes: tuple[str, ...] = ()
@@ -76,20 +76,20 @@ def zero(
 
     A foot that stands flat, a nacelle against its stop. All that the file leaves open may be what
     is off there, and is corrected by as much as it is likely to be: offsets, rods, points. The
-    motors' readings at the stance are known then, and poses near it; which parameter it was is not.
+    motors' readings there are known then, and poses near it; which parameter it was is not.
 
     Parameters
     ----------
     robot : Robot
         With the sensors in use that were read.
     readings : array_like, shape (N, n + r), or a table
-        Of a table: where it has a column "stance", the lines that name one; lines of one name are
+        Of a table: where it has a column "posture", the lines that name one; lines of one name are
         averaged. Otherwise each line with columns measured_x …, and without these all lines
-        together are one. Where one was measured, it stood there; of a line that names no stance
+        together are one. Where one was measured, it stood there; of a line that names no posture
         what was not measured is not known.
     at : array_like, shape (n,), optional
         Where the robot stands as far as it was not measured, m and rad; NaN: not known. By default
-        at zero (a pivot; axes parallel to gravity not known) or home. Not with a column "stance",
+        at zero (a pivot; axes parallel to gravity not known) or home. Not with a column "posture",
         which says the same of its lines.
     sigma : float, or array_like, shape (n,)
         How well; of a pivot 0.05° by default (assumed), which other robots must be told.
@@ -101,9 +101,9 @@ def zero(
     Raises
     ------
     InputError
-        As :func:`truepose.calibrate`; no line of a stance; a robot that moves within one, by 20 of
-        its σ; one that stands 5 σ off what motors and tolerances allow; a stance that contradicts
-        the others (χ², at 1 in 1000 over all stances). One stance alone has nothing to be
+        As :func:`truepose.calibrate`; no line of a posture; a robot that moves within one, by 20 of
+        its σ; one that stands 5 σ off what motors and tolerances allow; a posture that contradicts
+        the others (χ², at 1 in 1000 over all postures). One posture alone has nothing to be
         compared with: ``notes`` says how far it may be off undetected.
 
     Examples
@@ -129,26 +129,26 @@ def zero(
         raise InputError("no line has a reading of every motor")
     if wrong := [finding.text for finding in log_checks.outside(robot.expected(), log)]:
         raise InputError(f"readings: {'; '.join(wrong)}")
-    stances, notes = _stances(robot, log.only(read), at, known)
+    postures, notes = _postures(robot, log.only(read), at, known)
     if not read.all():
         notes.insert(0, f"{log.at(np.flatnonzero(~read))}: left out: a motor was not read")
-    every = np.array([stance.x for stance in stances])
+    every = np.array([posture.x for posture in postures])
     _, first, of = np.unique(
         np.nan_to_num(every, nan=np.inf), axis=0, return_index=True, return_inverse=True
     )
-    order = np.argsort(first)  # poses as they come, each read by its stances' mean
+    order = np.argsort(first)  # poses as they come, each read by its postures' mean
     of, x = np.argsort(order)[of.ravel()], every[first[order]]
-    rows = np.array([_mean(np.array([s.read for s in stances])[of == k]) for k in range(len(x))])
+    rows = np.array([_mean(np.array([s.read for s in postures])[of == k]) for k in range(len(x))])
     sigmas = known / np.sqrt(np.bincount(of))[:, None]
-    allowed = _require_near(robot, rows, x, sigmas, [stances[k].where for k in first[order]])
+    allowed = _require_near(robot, rows, x, sigmas, [postures[k].where for k in first[order]])
     fit = calibrate(robot, rows, measured=x, measured_sigma=sigmas, registration="known")
-    _require_agreement(fit, stances, of, known)
-    if len(stances) == 1:
+    _require_agreement(fit, postures, of, known)
+    if len(postures) == 1:
         notes.append(_undetected(robot, allowed[0], x[0]))
     return Zeroing(fit, x, _motors(fit, rows), tuple(notes))
 
 
-class _Stance(NamedTuple):
+class _Posture(NamedTuple):
     where: str  #: name and lines
     read: Array  #: (n + r,) mean of its lines
     x: Array  #: (n,) where it stood, NaN where that is not known
@@ -183,11 +183,11 @@ def _sigma(robot: Robot, sigma: ArrayLike | float) -> Array:
     return values
 
 
-def _stances(
+def _postures(
     robot: Robot, log: logs.Log, at: ArrayLike | None, sigma: Array
-) -> tuple[list[_Stance], list[str]]:
-    """Return the log's stances, and what was seen."""
-    names = labels = log.labels.get(logs.STANCE)
+) -> tuple[list[_Posture], list[str]]:
+    """Return the log's postures, and what was seen."""
+    names = labels = log.labels.get(logs.POSTURE)
     usual = _pose(robot, at)
     outside = [f"measured_{name}" for name, _ in robot.coordinates]
     if names is None and log.measured is not None:
@@ -198,35 +198,35 @@ def _stances(
     else:
         stood = logs.stood(names)
         if not stood.any():
-            raise InputError("no line names a stance: the column 'stance' is empty, or 0")
+            raise InputError("no line names a posture: the column 'posture' is empty, or 0")
         if at is not None:
             raise InputError(
-                "at (--at): the column 'stance' says that it stood flat, at 0: leave one of them "
+                "at (--at): the column 'posture' says that it stood flat, at 0: leave one of them "
                 f"out, or say where in columns {', '.join(outside)}"
             )
-    stances, notes = [], []
+    postures, notes = [], []
     for name in dict.fromkeys(str(name) for name in names[stood]):
         lines = np.flatnonzero(stood & (names == name))
         here, known = log.readings[lines], usual
         if log.measured is not None:
             measured = _mean(log.measured[lines])
             known = np.where(np.isnan(measured), usual, measured)
-        where = log.at(lines) if labels is None else f"stance {name}: {log.at(lines)}"
-        stances.append(_Stance(where, _mean(here), known))
+        where = log.at(lines) if labels is None else f"posture {name}: {log.at(lines)}"
+        postures.append(_Posture(where, _mean(here), known))
         if moves := _moves(robot, here, known, sigma, where):
             notes.append(moves)
-    return stances, notes
+    return postures, notes
 
 
 def _mean(rows: Array) -> Array:
-    """Mean of what was read of each column; NaN where nothing was."""
+    """Mean reading of each column; NaN where nothing was."""
     read = np.isfinite(rows)
     count = read.sum(axis=0)
     return np.where(count, np.where(read, rows, 0.0).sum(axis=0) / np.maximum(count, 1), np.nan)
 
 
 def _moves(robot: Robot, here: Array, known: Array, sigma: Array, where: str) -> str:
-    """Say by how much the robot moves within the lines of a stance; "": it stands."""
+    """Say by how much the robot moves within the lines of a posture; "": it stands."""
     q = here[:, : robot.n]
     x = robot.fkm(q, np.where(np.isnan(known), robot.home, known), errors="nan")
     if np.isnan(x).any(axis=1).all():  # units, signs: :func:`_require_near` says so
@@ -237,16 +237,16 @@ def _moves(robot: Robot, here: Array, known: Array, sigma: Array, where: str) ->
     said = f"{where}: the robot moves while it stands, q{k + 1} by {size[k]:.3g} {units[k]}"
     still = (moved <= MISFIT * sigma).all()  # not where some lines close no loop
     if not still and size[k] > MISFIT * noise[k]:
-        raise InputError(f"{said}: the lines of a stance must be of one pose, in {units[k]}")
+        raise InputError(f"{said}: the lines of a posture must be of one pose, in {units[k]}")
     return said if (moved > _SAME * sigma).any() else ""
 
 
-def _require_agreement(fit: Calibration, stances: list[_Stance], of: Array, sigma: Array) -> None:
-    """Refuse a stance that contradicts all others; stance k is at the fit's pose `of[k]`."""
-    if len(stances) < 2:
+def _require_agreement(fit: Calibration, postures: list[_Posture], of: Array, sigma: Array) -> None:
+    """Refuse a posture that contradicts all others; posture k is at the fit's pose `of[k]`."""
+    if len(postures) < 2:
         return
     robot = fit.robot
-    read, x = (np.array(values) for values in zip(*((s.read, s.x) for s in stances), strict=True))
+    read, x = (np.array(values) for values in zip(*((s.read, s.x) for s in postures), strict=True))
     rows = rows_of(robot, fit.names, read, fit.x[of], x, np.broadcast_to(sigma, x.shape))
     prior, parameters = np.linalg.inv(fit.prior_covariance), fit.parameters.values()
     off = np.array([p.prior - p.value for p in parameters])
@@ -254,25 +254,25 @@ def _require_agreement(fit: Calibration, stances: list[_Stance], of: Array, sigm
     step = covariance @ (prior @ off + sum(row.B.T @ row.e for row in rows))
     found = [row.left_out(covariance, step) for row in rows]
     chi2, freedoms = np.array([value for value, _ in found]), np.array([len(r.e) for r in rows])
-    limit = chi2_quantile(1 - FALSE_ALARMS / len(stances), freedoms)
+    limit = chi2_quantile(1 - FALSE_ALARMS / len(postures), freedoms)
     worst = int(np.argmax(np.where(freedoms, chi2 - limit, -np.inf)))
     if not chi2[worst] > limit[worst]:
         return
     by = sizes(robot, rows[worst].known, found[worst][1], "+.3g")
-    others = [stance.where for k, stance in enumerate(stances) if k != worst]
+    others = [posture.where for k, posture in enumerate(postures) if k != worst]
     against = f"the other {len(others)}" if len(others) > 1 else others[0]
     again = "repeat it, or leave it out" if len(others) > 1 else "repeat both: one of them is wrong"
     raise InputError(
-        f"{stances[worst].where}: contradicts {against}: by that the robot stood {by} from where "
+        f"{postures[worst].where}: contradicts {against}: by that the robot stood {by} from where "
         f"it is said to (χ² = {chi2[worst]:.3g}, at most {limit[worst]:.3g}): {again}"
     )
 
 
 def _undetected(robot: Robot, sigma: Array, x: Array) -> str:
-    """Say how far a stance that nothing is compared with may be off."""
+    """Say how far a posture that nothing is compared with may be off."""
     told = np.isfinite(x)
     return (
-        "one stance: nothing shows whether it was as said; an error of it below "
+        "one posture: nothing shows whether it was as said; an error of it below "
         f"{sizes(robot, told, APART * sigma[told], '.2g')} goes into the zeros: put the robot "
         "down anew, and read it again"
     )
@@ -320,7 +320,7 @@ def _require_near(robot: Robot, rows: Array, x: Array, sigma: Array, called: lis
 
 
 def _motors(fit: Calibration, rows: Array) -> tuple[Zero, ...]:
-    """What each motor reads at the first stance: before, after, and why."""
+    """What each motor reads at the first posture: before, after, and why."""
     before, after, n = fit.prior, fit.robot, fit.robot.n
     x = fit.x[:1]  # at a stop perhaps, and beyond it by an error of the readings
     drawn = before.extended_positions(x, level=fit.level)[0, :n]

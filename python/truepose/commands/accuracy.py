@@ -56,7 +56,7 @@ def command(
     calibrated: Annotated[
         bool, typer.Option("--calibrated", help="Also after self-calibration over these poses.")
     ] = False,
-    touch_off: Annotated[
+    reference_pose: Annotated[
         str | None,
         typer.Option(
             metavar="X,Y,…", help="Also once read at this pose, known from outside; m and rad."
@@ -81,10 +81,10 @@ def command(
     loaded = load(robot)
     sets = [parse_set(loaded, text) for text in sensors] if sensors else None
     touched = None
-    if touch_off is not None:
-        touched = parse_pose(loaded, touch_off, "--touch-off")
+    if reference_pose is not None:
+        touched = parse_pose(loaded, reference_pose, "--reference-pose")
     given = read_poses(loaded, poses) if poses else None
-    found = predict(loaded, sets, given, calibrated=calibrated, touch_off=touched, level=level)
+    found = predict(loaded, sets, given, calibrated=calibrated, reference_pose=touched, level=level)
     shown = loaded.with_sensors(*(sets[0] if sets else loaded.sensors))
     visited = found.poses if calibrated else None
     save(lambda: draw_map(shown, visited, touched, level))
@@ -180,7 +180,7 @@ def predict(
     poses: ArrayLike | None = None,
     *,
     calibrated: bool = False,
-    touch_off: ArrayLike | None = None,
+    reference_pose: ArrayLike | None = None,
     level: Level | None = None,
 ) -> Prediction:
     """Bound of several sensor sets over the same poses.
@@ -194,7 +194,7 @@ def predict(
         By default those of :func:`workspace_grid` that every set's readings determine.
     calibrated : bool
         Also what remains after self-calibration over these poses.
-    touch_off : array_like, shape (n,), optional
+    reference_pose : array_like, shape (n,), optional
         Also what remains once the robot has been read at this pose, which is known from outside.
     level : {"ideal", "full"}, optional
         By default :attr:`Robot.highest_level`.
@@ -228,14 +228,14 @@ def predict(
     total = summed(robot).columns
     sigma = {}
     for learnt in (False, True)[: 1 + calibrated]:
-        for touched in (None, touch_off)[: 1 + (touch_off is not None)]:
+        for touched in (None, reference_pose)[: 1 + (reference_pose is not None)]:
             rows = []
             for candidate in candidates:
                 P = accuracy(candidate, poses, poses if learnt else None, touched, level)
                 variance = np.diagonal(P, axis1=-2, axis2=-1).mean(axis=0)
                 rows.append(np.sqrt([*variance, variance[total].sum()]))
             what = "self-calibrated" if learnt else "as built"
-            sigma[what + (", touched off" if touched is not None else "")] = np.array(rows)
+            sigma[what + (", referenced" if touched is not None else "")] = np.array(rows)
     return Prediction(robot, sets, poses, left_out, calibrated, sigma)
 
 
@@ -280,7 +280,7 @@ def label(robot: Robot, names: Sequence[str]) -> str:
 def draw_map(
     robot: Robot,
     poses: ArrayLike | None = None,
-    touch_off: ArrayLike | None = None,
+    reference_pose: ArrayLike | None = None,
     level: Level | None = None,
     points: int = 101,
 ) -> Figure:
@@ -294,15 +294,17 @@ def draw_map(
         With the sensors in use.
     poses : array_like, shape (P, n), optional
         After self-calibration over these poses.
-    touch_off : array_like, shape (n,), optional
+    reference_pose : array_like, shape (n,), optional
         Once the robot has been read at this pose, which is known from outside.
     """
     first, second, x = info.workspace_slice(robot, points)
-    P = accuracy(robot, x, poses, touch_off, level, errors="nan")
+    P = accuracy(robot, x, poses, reference_pose, level, errors="nan")
     total = summed(robot)
     factor, unit = PRINT[total.unit]
     variance = np.diagonal(P, axis1=-2, axis2=-1)[..., total.columns].sum(axis=-1)
     state = "as built" if poses is None else "self-calibrated"
-    note = f"{label(robot, robot.sensors)}; {state}" + (", touched off" * (touch_off is not None))
+    note = f"{label(robot, robot.sensors)}; {state}" + (
+        ", referenced" * (reference_pose is not None)
+    )
     what = f"σ of the {total.name} ({unit})"
     return info.draw_slice(robot, first, second, factor * np.sqrt(variance), what, note)

@@ -99,7 +99,7 @@ def command(
             "measured_x_sigma, …."
         ),
     ] = None,
-    touch_off: Annotated[
+    reference_pose: Annotated[
         str | None,
         typer.Option(
             help="Pose x,y,… that the predicted accuracy takes for known; --known-pose uses one.",
@@ -157,7 +157,7 @@ def command(
                 measured_sigma,
                 registration,
                 known_pose,
-                touch_off,
+                reference_pose,
                 homed,
                 lambda what: bar.update(task, advance=1, description=what),
                 force,
@@ -217,7 +217,7 @@ def run(
     measured_sigma: str | None,
     registration: str,
     known_file: Path | None,
-    touch_off: str | None,
+    reference_pose: str | None,
     homed: str | None,
     progress: Callable[[str], None],
     force: bool = False,
@@ -235,7 +235,7 @@ def run(
     robot = load_with(robot_file, sensors)
     sigma, angle_sigma = parse_sigmas(robot, measured_sigma, "--measured-sigma")
     robot = _rehomed(robot, homed)
-    at = None if touch_off is None else parse_pose(robot, touch_off, "--touch-off")
+    at = None if reference_pose is None else parse_pose(robot, reference_pose, "--reference-pose")
     known = None if known_file is None else _known(robot, known_file)
     if log_file is None:
         assert known_file is not None and known is not None
@@ -266,7 +266,7 @@ def run(
             robot,
             log,
             notes,
-            touch_off=at,
+            reference_pose=at,
             progress=progress,
             between=between,
             level=level,

@@ -23,7 +23,7 @@ def page(result: Assessment, source: str, loss: str) -> str:
     counts = int(review.counted(result).sum())
     touch = ", ".join(
         f"{name} = {printed(v, unit, '.4g')}"
-        for v, (name, unit) in zip(result.touch_off, robot.coordinates, strict=True)
+        for v, (name, unit) in zip(result.reference_pose, robot.coordinates, strict=True)
     )
     return render(
         "calibration.html.j2",
@@ -35,7 +35,7 @@ def page(result: Assessment, source: str, loss: str) -> str:
         verdicts=result.fit.verdicts,
         notes=result.notes,
         where=result.where,
-        touch_off=touch,
+        reference_pose=touch,
         identified=IDENTIFIED,
         barely=BARELY,
         tables={table.name: table for table in review.tables_of(result)},
@@ -86,7 +86,7 @@ def accuracy(result: Assessment) -> Figure:
     pair = figure.subplots(1, 2, sharey=True)
     total = summed(result.fit.robot)
     factor, unit = PRINT[total.unit]
-    for axes, how in zip(pair, ("absolute", "touched off"), strict=True):
+    for axes, how in zip(pair, ("absolute", "referenced"), strict=True):
         for when in ("before", "after"):
             P = np.diagonal(result.accuracy[when, how], axis1=1, axis2=2)
             error = factor * np.sort(np.sqrt(P[:, total.columns].sum(axis=1)))

@@ -51,7 +51,7 @@ app.command("calibrate")(calibrate.command)
 app.command("zero")(log_questions.zero_command)
 app.add_typer(export.app, name="export")
 app.command("list")(robots.list_command)
-app.command("rehearse")(monte_carlo.rehearse_command)
+app.command("simulate-log")(monte_carlo.simulate_log_command)
 app.command("simulate")(simulate.command)
 app.command("monte-carlo")(monte_carlo.study_command)
 for _name, _found in plugins("commands").items():  # of integrations and of the paper

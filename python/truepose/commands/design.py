@@ -76,7 +76,7 @@ def command(
             metavar="N|CSV", help="After self-calibration on N poses, or those of a file."
         ),
     ] = None,
-    touch_off: Annotated[
+    reference_pose: Annotated[
         str | None,
         typer.Option(metavar="X,Y,…", help="Once read at this pose, known from outside; m, rad."),
     ] = None,
@@ -142,11 +142,13 @@ def command(
     loaded = load(robot)
     known: dict[str, Any] = {
         "calibrated_on": None if calibrated is None else _visited(loaded, calibrated),
-        "touch_off": None if touch_off is None else parse_pose(loaded, touch_off, "--touch-off"),
+        "reference_pose": None
+        if reference_pose is None
+        else parse_pose(loaded, reference_pose, "--reference-pose"),
         "poses": None if over is None else read_poses(loaded, over),
     }
     state = ["as built" if calibrated is None else "self-calibrated"]
-    state += ["touched off"] * (touch_off is not None) + ["any one sensor failed"] * survives
+    state += ["referenced"] * (reference_pose is not None) + ["any one sensor failed"] * survives
     if place is not None:
         boxes = parse_boxes(within or [])
         beside = None if must is None else parse_set(loaded, must)
@@ -176,10 +178,10 @@ def command(
     shown = table(found, ", ".join(state))
     if page_out is not None:
         visited = known["calibrated_on"] if calibrated else _visited(loaded, OTHERWISE)
-        at = known["touch_off"] if touch_off else loaded.home
+        at = known["reference_pose"] if reference_pose else loaded.home
         told = [shown, each(found), states(found, in_other_states(found, visited, at))]
         text = figures.page(
-            found, ", ".join(state), told, notes(found), len(visited), bool(touch_off)
+            found, ", ".join(state), told, notes(found), len(visited), bool(reference_pose)
         )
         files.write({page_out: text}, inputs, force)
     show([shown], how)

@@ -263,7 +263,7 @@ def _header(robot: Robot) -> list[str]:
 
 
 def _pairs(found: Detectability, inside: Array | slice) -> list[Cell]:
-    """Medians over some poses of what is detected, and isolated, of each reading."""
+    """Medians over some poses of each reading's detectable and isolable fault."""
     cells = []
     for c, (reading, (factor, unit)) in enumerate(_readings(found.robot)):
         every = [

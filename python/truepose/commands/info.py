@@ -332,7 +332,7 @@ def rows(robot: Robot, figures: Figures) -> list[tuple[str, str]]:
 
 
 def _stretch(robot: Robot) -> list[tuple[str, str]]:
-    """What rods carry at home, and by how much they give way."""
+    """Rod forces at home, and the deflections."""
     at = robot.rod_forces(robot.home, errors="nan")
     strain = robot.compliance * at
     names = [f"chain {k}" for k in range(1, robot.n + 1)]

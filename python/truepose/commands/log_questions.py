@@ -37,7 +37,7 @@ def zero_command(
     robot: RobotName,
     log: Annotated[
         Path,
-        typer.Argument(help="CSV, Parquet or MCAP: columns q1 … qn, sensors' names, stance; SI."),
+        typer.Argument(help="CSV, Parquet or MCAP: columns q1 … qn, sensors' names, posture; SI."),
     ],
     out: Annotated[
         Path | None, typer.Option("-o", "--out", help="Calibrated robot file to write.")
@@ -64,10 +64,10 @@ def zero_command(
     """Zero a robot that stands where it is known to stand: a flat foot, a stop.
 
     Corrects the geometry as likely as it is, and says what stays open: at one pose offsets, rods
-    and points look alike. Lines with a name in the column stance are used, else each that says
-    measured_…, else all as one stance.
+    and points look alike. Lines with a name in the column posture are used, else each that says
+    measured_…, else all as one posture.
 
-    Example: **truepose zero g1-ankle stance.csv -o zeroed.toml**
+    Example: **truepose zero g1-ankle posture.csv -o zeroed.toml**
     """
     output = robotfile.output(out, "-o") if out else None
     inputs = (log, robotfile.path_of(robot))
@@ -102,7 +102,7 @@ def _sigma(robot: Robot, text: str | None) -> list[float]:
 
 
 def motors(found: Zeroing) -> Table:
-    """What each motor reads at the stance, should read, and how well that is known."""
+    """What each motor reads at the posture, should read, and how well that is known."""
     rows = []
     units = reading_units(found.robot)
     for k, motor in enumerate(found.motors):
@@ -134,7 +134,7 @@ def known(found: Zeroing) -> Table:
 
 def open_questions(found: Zeroing) -> list[str]:
     """Say for each motor what may be what is off."""
-    said = ["Which parameters are off a stance cannot tell; their shares of what was open:"]
+    said = ["A posture cannot tell which parameter is off; shares of the prior variance:"]
     for k, motor in enumerate(found.motors):
         causes = (f"{name} {100 * share:.0f} %" for name, share in motor.causes.items())
         said.append(f"q{k + 1}: {', '.join(causes)}")
@@ -154,7 +154,7 @@ def isolate_command(
     ] = None,
     how: How = Format.table,
 ) -> None:
-    """Find the reading that lies from a log of readings at many poses.
+    """Find the faulty reading from a log of readings at many poses.
 
     One pose shows that readings contradict each other; with few sensors, not which one is wrong.
     Drive the robot slowly through its workspace, with the file that it was calibrated to before.

@@ -192,7 +192,7 @@ def named(robot: Robot, pose: Array) -> Cell:
 def notes(found: list[StabilityMargins]) -> list[str]:
     """What the tables mean, and what is wrong."""
     lines = [
-        "Gain: of how much more, and less, it swings up; delay: beside what it has. Hunting: peak "
+        "Gain: factor to instability; delay: beyond the modelled one. Limit cycle: peak "
         "to peak of the nacelle where readings toggle between two counts; friction makes it less."
     ]
     for each in found:

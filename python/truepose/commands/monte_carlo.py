@@ -1,4 +1,4 @@
-"""`truepose rehearse` and `truepose monte-carlo`: robots sampled from the tolerances of a file."""
+"""`truepose simulate-log` and `truepose monte-carlo`: robots sampled from a file's tolerances."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from truepose.robotfile import path_of, to_toml
 from truepose.show.table import Cell, Table, fixed, number
 from truepose.show.terminal import Format, say, show
 from truepose.show.units import in_print
-from truepose.simulation.rehearsal import Missed, Rehearsal, missed, rehearse
+from truepose.simulation.simulated_log import Missed, SimulatedLog, missed, simulate_log
 from truepose.studies.functions import ASKED, LEARNT
 from truepose.studies.study import monte_carlo
 from truepose.studies.workers import On
@@ -40,11 +40,11 @@ from truepose.studies.workers import On
 AT_REST = ("backlash", "eccentricity", "quantization")
 
 
-def rehearse_command(
+def simulate_log_command(
     robot: RobotName,
     out: Annotated[
         Path, typer.Option("-o", "--out", help="Log to write: .csv, .parquet or .mcap.")
-    ] = Path("rehearsal.csv"),
+    ] = Path("simulated.csv"),
     truth: Annotated[
         Path | None,
         typer.Option(
@@ -85,8 +85,8 @@ def rehearse_command(
     workspace by its motors, and read at rest. It is kept beside the log; with **--found** the
     command says how far a calibrated file is from it.
 
-    Example: **truepose rehearse h4 -o log.csv**, then **truepose calibrate h4 log.csv -o
-    calibrated.toml**, then **truepose rehearse h4 -o log.csv --found calibrated.toml**
+    Example: **truepose simulate-log h4 -o log.csv**, then **truepose calibrate h4 log.csv -o
+    calibrated.toml**, then **truepose simulate-log h4 -o log.csv --found calibrated.toml**
     """
     kept = truth or out.with_suffix(".truth.toml")
     drawn = load(robot)
@@ -106,7 +106,7 @@ def rehearse_command(
     read = [path_of(robot)]
     outputs = [logs.check(out, read, force), Output(kept, "true robot", "--truth")]
     files.check(outputs, read, force)
-    ran = rehearse(
+    ran = simulate_log(
         drawn,
         true_robot(drawn, "drawn", seed),
         poses,
@@ -121,16 +121,16 @@ def rehearse_command(
     wrote(how, out, kept)
     calibrated = out.with_suffix(".calibrated.toml")
     chosen = ["--sensors", ",".join(names) or "none"] if names != load(robot).sensors else []
-    where = ["--truth", kept] if truth else ["-o", out] if out.name != "rehearsal.csv" else []
+    where = ["--truth", kept] if truth else ["-o", out] if out.name != "simulated.csv" else []
     _next("Next", "calibrate", robot, out, *chosen, "-o", calibrated)
-    _next("Then", "rehearse", robot, *where, "--found", calibrated)
+    _next("Then", "simulate-log", robot, *where, "--found", calibrated)
 
 
 def _next(when: str, *words: object) -> None:
     say(f"{when}: {shlex.join(['truepose', *map(str, words)])}")
 
 
-def _columns(ran: Rehearsal) -> list[logs.Column]:
+def _columns(ran: SimulatedLog) -> list[logs.Column]:
     result = logs.readings(ran.truth, ran.q_e)
     if ran.measured is not None:
         pivot = ran.truth.spec.mobility == "rotational"
@@ -175,7 +175,7 @@ MEANING = {
     "calibration": f"Each robot's rms over {ASKED} poses, calibrated on other poses ({LEARNT} where"
     " the grid names no number); bound: 1σ rms of the same poses. Compare the column rms: a robot's"
     " errors scatter about its bound, so medians differ.",
-    "rest": f"Each robot's rms over {ASKED} poses of its workspace, at rest: true less desired.",
+    "rest": f"Each robot's rms over {ASKED} poses of its workspace, at rest: true − desired.",
 }
 
 

@@ -106,7 +106,7 @@ Faults = Annotated[
     typer.Option(
         "--fault",
         metavar="READING:KIND[=SIZE][@TIME[..END]]",
-        help="A reading that lies from a time on, s, as theta:stuck@0.1. Kinds with a size: bias, "
+        help="A fault from a time on, s, as theta:stuck@0.1. Kinds with a size: bias, "
         "jump, spike (rad or m), drift (rad/s or m/s), gain (a factor), delay (s), swap (the other "
         "reading); without: stuck, dropout, sign. Repeatable; single faults are what counts.",
         autocompletion=_fitting_kinds,
@@ -233,7 +233,7 @@ def parse_sigmas(robot: Robot, text: str | None, option: str) -> tuple[float | N
 
 
 def parse_size(text: str, option: str, unit: str) -> float:
-    """Read a length, "0.1mm", an angle, "0.1deg", or of what is neither a number.
+    """Read a length, "0.1mm", an angle, "0.1deg", or a plain number of another unit.
 
     Examples
     --------

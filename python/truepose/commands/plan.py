@@ -79,7 +79,7 @@ def command(
             show_default="a grid over the workspace",
         ),
     ] = None,
-    touch_off: Annotated[
+    reference_pose: Annotated[
         str | None,
         typer.Option(
             metavar="X,Y,…", help="Also read at this pose, known from outside; m and rad."
@@ -127,7 +127,7 @@ def command(
     length, angle = parse_sigmas(loaded, outside, "--outside")
     x = drawn(loaded, int(candidates), seed) if given is None else read_poses(loaded, given)
     fit = None if after is None else fit_of(loaded, after)
-    at = None if touch_off is None else parse_pose(loaded, touch_off, "--touch-off")
+    at = None if reference_pose is None else parse_pose(loaded, reference_pose, "--reference-pose")
     zero = None if relative_to is None else parse_pose(loaded, relative_to, "--relative-to")
     found = plan_poses(
         loaded,
@@ -136,7 +136,7 @@ def command(
         after=fit,
         poses=None if over is None else read_poses(loaded, over),
         target=parse_target(loaded, target),
-        touch_off=at,
+        reference_pose=at,
         relative_to=zero,
         level=level,
         seen=seen,
@@ -187,7 +187,7 @@ def table(found: PosePlan) -> Table:
         place = Cell(str(places[k - 1]) if k else "", places[k - 1] if k else None)
         rows.append([name, *cells, place, number(factor * float(sigma[-1]))])
     header = [f"{name} ({PRINT[unit][1]})" for name, unit in coordinates]
-    of = " of what the tracker is to see" if found.seen else ""
+    of = " as the tracker sees it" if found.seen else ""
     own = label(found.robot, found.robot.sensors)
     title = f"Poses to measure, {own}, and the σ they promise{of}"
     last = f"{total.name} ({unit_shown})"

@@ -118,7 +118,7 @@ def command(
     fault: Faults = None,
     watch: Annotated[
         bool,
-        typer.Option("--watch", help="Watch the readings, and go on or stop where one lies."),
+        typer.Option("--watch", help="Monitor the readings; continue or stop where one is faulty."),
     ] = False,
     seed: Seed = 0,
     sensors: SensorsOption = None,
@@ -217,7 +217,7 @@ class Run(NamedTuple):
 
     log: Simulation | Visit
     over: Array  #: (N,) s, or number of the pose
-    error: Array  #: (N, n) true less desired; NaN where a pose was not reached
+    error: Array  #: (N, n) true − desired; NaN where a pose was not reached
     robot: Robot
     tables: list[Table]
     status: str
@@ -338,7 +338,7 @@ def _errors(
         label = Cell(f"{name} ({shown})", {"error": name, "unit": shown})
         cells = [float(factor * column[k]) for column in values]
         rows.append([label, *(number(v if np.isfinite(v) else None) for v in cells)])
-    return Table("errors", "True less desired", ["error", *ends, *columns], rows)
+    return Table("errors", "Error (true − desired)", ["error", *ends, *columns], rows)
 
 
 def draw(run: Run) -> Figure:

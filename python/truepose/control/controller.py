@@ -98,7 +98,7 @@ class Controller:
         damping: float = 0.55,
         **settings: Any,
     ) -> Self:
-        """Return the fastest controller that a robot bears whose effects its model forgets.
+        """Return the fastest controller that is stable with the effects that the model omits.
 
         Its poles and its velocity filter keep 6 dB, 30° and two cycles of delay, at home and at the
         corners of the workspace, of all motors at once and of each motor and each reading alone;

@@ -99,7 +99,7 @@ def carried(robot: Robot, E: Array, H_x: Array, period: float) -> Array:
 def sensitivity(robot: Robot) -> Array:
     """By how much what a sensor and the motors disagree about changes with the pose, σ: (r, n).
 
-    Of what is not known of the geometry, along each freedom: the largest over the workspace.
+    Uncertainty of the geometry, along each freedom: the largest over the workspace.
 
     Examples
     --------

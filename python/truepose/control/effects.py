@@ -103,7 +103,7 @@ class Effects:
 
     @classmethod
     def groups(cls) -> tuple[str, ...]:
-        """Names of what can be switched on and off by itself."""
+        """Names of effects that can be switched on and off."""
         return tuple(dict.fromkeys(f.metadata["group"] for f in fields(cls)))
 
     @classmethod
@@ -134,7 +134,7 @@ class Effects:
         return [name for name in names if name != "warm_up_time"]
 
     def geometry(self, truth: Robot, time: float = 0.0, seed: int = 0) -> Robot:
-        """Return the true robot as it is some time after a cold start: what of it is geometry.
+        """Return the true robot as it is some time after a cold start: its geometry.
 
         Thermal growth of base, arms and rods; eccentric encoders, their phases drawn by `seed`;
         counts or none.
@@ -195,7 +195,7 @@ class Effects:
         What a calibration should not blame on lengths and angles: encoders may be eccentric
         (tolerances of c1 and s1, a known amplitude at an unknown phase), and an angle read through
         a gear is off by up to half its play (noise). Warm-up is within the tolerances of most
-        robots; arms and rods give way by less than a count.
+        robots; arms and rods deflect by less than a count.
 
         Examples
         --------
@@ -220,7 +220,7 @@ class Effects:
         return Robot(spec.model_copy(update=update), values)
 
     def plant(self, robot: Robot, seed: int = 0) -> _core.Effects:
-        """Return the core's struct: what of it is not geometry, for :func:`truepose.simulate`.
+        """Return the core's struct: all but the geometry, for :func:`truepose.simulate`.
 
         A chain's passive joints count at its motor: four of them where its rods are a pair, two
         else, each turning as far as the motor does.

@@ -20,7 +20,7 @@ from truepose.robot.units import summed
 #: What chosen gains keep at every pose, of all motors at once, of each motor and of each reading
 #: alone: 6 dB up and down, 30°, two cycles.
 LEAST = Margin(2.0, 2.0, np.radians(30), 2.0)
-#: Torques' rms by counts and noise, of the limits: half of what counts as rest, since a loop that
+#: Torques' rms by counts and noise, of the limits: half the limit for rest, since a loop that
 #: hunts by a count shakes its motors some twice as much as the white noise that is reckoned with.
 _DITHER = 0.01
 #: What rest is: the nacelle's swing, peak to peak, m and rad; a motor's torque, rms of its limit.

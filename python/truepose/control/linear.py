@@ -187,7 +187,7 @@ def _plant(
 
     C, D = H_x @ one[at], np.zeros((n + robot.r, n))
     C[springy] = slope[springy, None] * one[turn]
-    if effects.rod_stiffness:  # rods give way at once, by the torque that they carry
+    if effects.rod_stiffness:  # rods deflect at once, by the torque that they carry
         names = list(robot.parameters)
         rods = 2 if robot.spec.mobility in PAIRED else 1
         carried = np.zeros((n, s))
@@ -235,12 +235,12 @@ def _turning(robot: Robot, x: Array, M: Array) -> tuple[Array, Array]:
     still = np.zeros(robot.n)
     held = robot.inverse_dynamics(x, still, still)
     ones = robot.acceleration(x, still, held + np.eye(robot.n))
-    # Rows of what one torque more accelerates are M⁻¹ Kᵀ of each motor.
+    # Rows of the acceleration by one torque more are M⁻¹ Kᵀ of each motor.
     return held, (ones - robot.acceleration(x, still, held)) @ M
 
 
 def _apart(robot: Robot, effects: Effects, M: Array, K: Array) -> tuple[list[int], Array, Array]:
-    """Motors whose arms give way, their rotors' inertia, and the mass matrix without those."""
+    """Motors with compliant arms, their rotors' inertia, and the mass matrix without those."""
     revolute = [i for i, chain in enumerate(robot.spec.chain) if chain.actuator == "revolute"]
     springy = revolute if effects.arm_stiffness else []
     own = np.array([_rotor(robot, i) for i in springy])

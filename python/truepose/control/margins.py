@@ -43,7 +43,7 @@ class StabilityMargins:
         return worst(self.loops[loop])
 
     def worst_pose(self, loop: str) -> int:
-        """Return the number of the pose at which a loop keeps least of what chosen gains keep."""
+        """Return the number of the pose with a loop's smallest share of the required margin."""
         shares = np.array(self.loops[loop]) / np.array(gains.LEAST)
         return int(shares.min(axis=1).argmin())
 
@@ -63,7 +63,7 @@ def stability_margins(
 ) -> StabilityMargins:
     """Gain, phase and delay margins of a robot under a controller: of its linearised loop.
 
-    In the loop are the delay, the velocity filter, arms and rods that give way and the robot's
+    In the loop are the delay, the velocity filter, compliant arms and rods and the robot's
     weight. Each sensor has its own, non-collocated, loop: from the motors through arms and nacelle
     to it, and back. Friction, play and ripple are not in it.
 

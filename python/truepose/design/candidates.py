@@ -50,7 +50,7 @@ class CandidatePoses:
 
     poses: ArrayLike  #: (N, n) m and rad
     measured_sigma: ArrayLike | float | None = None
-    #: of what is measured from outside: lengths, or each coordinate, inf where it is not; m, rad
+    #: of external measurements: lengths, or each coordinate, inf where it is not; m, rad
     measured_angle_sigma: float | None = None  #: of measured angles, rad
     registration: Literal["unknown", "known"] | Registration = "unknown"  #: as of a calibration
     differences: Sequence[Difference] = ()  #: by the numbers of the poses; how well, not what
@@ -73,8 +73,8 @@ class Rows:
     steps: list[Step]
     left_out: int  #: candidates where the machine cannot be
     C: Array  #: (N, r, P) in units of `root`; of those with fewer rows, the others are zero
-    root: Array  #: (P, P) of what is known before, any square one
-    known: Array  #: (P, P) information in those units, once the robot was touched off
+    root: Array  #: (P, P) of the prior, any square one
+    known: Array  #: (P, P) information in those units, once the robot was referenced
     frames: tuple[Array, Array] | None  #: base and marker, of a tracker whose unknowns follow
 
 
@@ -125,7 +125,7 @@ def rows_of(
     model_error: bool,
     after: Calibration | None = None,
     touched: Array | None = None,
-    touch_sigma: Sequence[float] = (),
+    reference_sigma: Sequence[float] = (),
 ) -> Rows:
     """Linearise what each candidate would say, and what is known before.
 
@@ -140,8 +140,8 @@ def rows_of(
         That knows a tracker's frame, or what measured differences have of their own, or amounts of
         influences: those of the candidates that are called the same are the same.
     touched : ndarray, shape (1, n) or none
-        Of `touch_off`.
-    touch_sigma : sequence of float
+        Of `reference_pose`.
+    reference_sigma : sequence of float
     """
     x, lead = flattened(robot, candidates.poses, robot.n, "candidates", "raise")
     if len(lead) != 1 or not len(x):
@@ -209,7 +209,15 @@ def rows_of(
     if touched is not None and len(touched):
         eye = np.eye(4)
         R, *_ = _core.rows_of_visits(
-            *(core, known.core, touched, touched, np.array([touch_sigma], dtype=float), eye, eye),
+            *(
+                core,
+                known.core,
+                touched,
+                touched,
+                np.array([reference_sigma], dtype=float),
+                eye,
+                eye,
+            ),
             *(-1, none, full, known.nuisances),
             _beside(0 * acting[:1], compliance.acting(model, touched, full)),
         )
@@ -272,7 +280,7 @@ def _root(
     others: dict[str, float],
     after: Calibration | None,
 ) -> Array:
-    """Square root of what is known of parameters, tracker's frames, and of `others`, by their σ."""
+    """Square root of the prior covariance of parameters, tracker's frames and `others`."""
     parameters = knowledge.root(robot, names)
     own = np.array(list(others.values()))
     p = len(parameters)
@@ -304,7 +312,7 @@ def _root(
 
 
 def _others(between: Assembled | None, influences: Sequence[NuisanceParameter]) -> dict[str, float]:
-    """Name and σ of what is unknown beside parameters and frames, as the core has it."""
+    """Name and σ of auxiliary unknowns, as the core has it."""
     differences = (
         {} if between is None else dict(zip(between.names, between.sigma.tolist(), strict=True))
     )

@@ -24,12 +24,12 @@ PER_CHOSEN, AT_LEAST = 5, 100
 #: Share that one candidate leaves of a variance, below which a difference of two would cost too
 #: many digits: then all is computed anew.
 CANCELS = 1e-4
-#: Share of what is left unknown below which a change is not worth making.
+#: Share of the remaining variance below which a change is not worth making.
 NEGLIGIBLE = 1e-6
 
 
 def posterior(information: Array, C: Array, chosen: Iterable[int]) -> Array:
-    """Root G of what is left unknown once these were measured: Σ = G Gᵀ.
+    """Root G of the posterior covariance after these measurements: Σ = G Gᵀ.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ class Exchange:
     def settle(self) -> Exchange:
         """Exchange one for a better one until there is none."""
         for _ in range(ROUNDS):
-            self._renew()  # of what rounding left
+            self._renew()  # against accumulated rounding
             swapped = False
             for c in list(self.chosen):
                 self.remove(c)

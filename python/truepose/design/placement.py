@@ -44,8 +44,8 @@ def place_sensors(
     within: Mapping[str, tuple[float, float]] | None = None,
     beside: Sequence[str] | None = None,
     calibrated_on: ArrayLike | None = None,
-    touch_off: ArrayLike | None = None,
-    touch_sigma: ArrayLike | float = 0.0,
+    reference_pose: ArrayLike | None = None,
+    reference_sigma: ArrayLike | float = 0.0,
     poses: ArrayLike | None = None,
     seed: int = 0,
 ) -> Placement:
@@ -68,7 +68,7 @@ def place_sensors(
         home for a target, and where the file has it.
     beside : sequence of str, optional
         Sensors that are read as well; by default those in use.
-    calibrated_on, touch_off, touch_sigma
+    calibrated_on, reference_pose, reference_sigma
         As of :func:`truepose.accuracy`.
     poses : array_like, shape (T, c), optional
         Where the accuracy is asked for; by default 32 over the workspace.
@@ -100,7 +100,7 @@ def place_sensors(
     others = robot.sensors if beside is None else beside
     used = list(dict.fromkeys([*others, *sensors]))
     over = asked_poses(robot, poses)
-    known: dict[str, Any] = {"calibrated_on": calibrated_on, "touch_off": touch_off}
+    known: dict[str, Any] = {"calibrated_on": calibrated_on, "reference_pose": reference_pose}
     linear = [k for k, (_, unit) in enumerate(robot.coordinates) if unit == "m"]
     low, high = np.array([boxes[name] for name in names]).T
 
@@ -109,7 +109,7 @@ def place_sensors(
         return robot.with_mounting(there).with_sensors(*used)
 
     def sigma(at: Array) -> float:
-        P = accuracy(placed(at), over, **known, touch_sigma=touch_sigma, errors="nan")
+        P = accuracy(placed(at), over, **known, reference_sigma=reference_sigma, errors="nan")
         return float(np.sqrt(np.diagonal(P, axis1=1, axis2=2)[:, linear].sum(axis=1).mean()))
 
     def cost(share: Array) -> float:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import Array, Level
-from truepose.calibration.bound import touch_sigmas
+from truepose.calibration.bound import reference_sigmas
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.fit import Calibration
 from truepose.calibration.registration import UNKNOWNS
@@ -30,7 +30,7 @@ from truepose.show.units import printed
 MOST = 200
 #: Sets drawn at random, of as many candidates, that a plan is compared with.
 RANDOM = 20
-#: A plan that leaves more than this of what random sets leave: the choice hardly matters.
+#: A plan that leaves more than this share of the random sets' error: the choice hardly matters.
 HARDLY = 0.95
 
 
@@ -50,7 +50,7 @@ class PosePlan:
     left_out: int  #: where the machine cannot be
     over: Array  #: (T, c) poses that the accuracy is asked for
     target: float | None = None  #: that was asked for, m
-    seen: bool = False  #: whether σ is of what a tracker is to see, in its own frame
+    seen: bool = False  #: whether σ is of the pose in the tracker's frame
 
     @property
     def needed(self) -> int | None:
@@ -91,8 +91,8 @@ def plan_poses(
     after: Calibration | ArrayLike | Mapping[str, ArrayLike] | None = None,
     poses: ArrayLike | None = None,
     target: float | None = None,
-    touch_off: ArrayLike | None = None,
-    touch_sigma: ArrayLike | float = 0.0,
+    reference_pose: ArrayLike | None = None,
+    reference_sigma: ArrayLike | float = 0.0,
     relative_to: ArrayLike | None = None,
     level: Level | None = None,
     model_error: bool = True,
@@ -103,7 +103,7 @@ def plan_poses(
 
     Of the candidates that the machine can reach, those that leave the least mean variance of the
     position over `poses` once the robot has calibrated itself on them, by the bound of
-    :func:`truepose.accuracy`: the sum of the variances of what is asked for, not the volume of the
+    :func:`truepose.accuracy`: the sum of the requested variances, not the volume of the
     parameters' (which would learn as gladly what no pose depends on).
 
     Parameters
@@ -121,7 +121,7 @@ def plan_poses(
         Where the accuracy is asked for; by default a grid over the workspace.
     target : float, optional
         σ of the position, m, that is enough: no more are chosen than it takes.
-    touch_off, touch_sigma, relative_to, level, model_error
+    reference_pose, reference_sigma, relative_to, level, model_error
         As of :func:`truepose.accuracy`.
     seen : bool
         Ask for what the candidates' tracker is to see, in its own frame, which is learnt as well,
@@ -167,9 +167,15 @@ def plan_poses(
         of = np.asarray(candidates)
         x = drawn(robot, int(of), seed) if of.ndim == 0 else candidates
         candidates = CandidatePoses(poses=x)
-    touched = _one(robot, touch_off, "touch_off")
+    touched = _one(robot, reference_pose, "reference_pose")
     rows = rows_of(
-        robot, candidates, level, model_error, fit, touched, touch_sigmas(robot, touch_sigma)
+        robot,
+        candidates,
+        level,
+        model_error,
+        fit,
+        touched,
+        reference_sigmas(robot, reference_sigma),
     )
     reference = _one(robot, relative_to, "relative_to")
     if seen and (rows.frames is None or len(reference)):
@@ -259,7 +265,7 @@ def _chosen(C: Array, known: Array, sought: Sought, n: int | None, target: float
 
 
 class Sought:
-    """The accuracy that is asked for: what it makes of what is left unknown, Σ = G Gᵀ."""
+    """The requested accuracy as a function of the posterior covariance Σ = G Gᵀ."""
 
     def __init__(
         self,

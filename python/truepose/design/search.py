@@ -243,7 +243,7 @@ class Search:
     def look_round(self) -> bool:
         """Look at the sets that make the front; return whether it is proven.
 
-        Up to `EXACT` candidates: the best of all, the best of what costs less than that, and so
+        Up to `EXACT` candidates: the best of all, the best cheaper one, and so
         on down to nothing, each proven. Beyond: greedy choices for many budgets.
         """
         free = self._free()

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose.arguments import Array
-from truepose.calibration.bound import touch_sigmas
+from truepose.calibration.bound import reference_sigmas
 from truepose.design.candidates import reachable
 from truepose.design.machining import Curve, Level, levels_of
 from truepose.design.relaxation import Relaxation
@@ -91,8 +91,8 @@ def select_sensors(
     target: float | None = None,
     must: Sequence[str] = (),
     calibrated_on: ArrayLike | None = None,
-    touch_off: ArrayLike | None = None,
-    touch_sigma: ArrayLike | float = 0.0,
+    reference_pose: ArrayLike | None = None,
+    reference_sigma: ArrayLike | float = 0.0,
     poses: ArrayLike | None = None,
     survives: bool = False,
 ) -> SensorSelection:
@@ -118,7 +118,7 @@ def select_sensors(
         σ of the position, m: find the cheapest.
     must : sequence of str
         Sensors that are there in any case; they cost their price.
-    calibrated_on, touch_off, touch_sigma
+    calibrated_on, reference_pose, reference_sigma
         As of :func:`truepose.accuracy`.
     poses : array_like, shape (T, c), optional
         Where the accuracy is asked for; by default 32 over the workspace.
@@ -164,8 +164,12 @@ def select_sensors(
     visited = (
         nowhere if calibrated_on is None else asked_poses(robot, calibrated_on, "calibrated_on")
     )
-    touched = nowhere if touch_off is None else asked_poses(robot, [touch_off], "touch_off")
-    sigma = touch_sigmas(robot, touch_sigma)
+    touched = (
+        nowhere
+        if reference_pose is None
+        else asked_poses(robot, [reference_pose], "reference_pose")
+    )
+    sigma = reference_sigmas(robot, reference_sigma)
     levels = [level for own in ladders for level in own]
     worth = Worth(
         robot, names, over, visited, touched, sigma, [level.information for level in levels]
@@ -231,9 +235,9 @@ def select_sensors(
 
 
 def in_other_states(
-    found: SensorSelection, calibrated_on: Array, touch_off: Array
+    found: SensorSelection, calibrated_on: Array, reference_pose: Array
 ) -> dict[str, Array]:
-    """σ of the front's sets (m) as built, touched off at a pose, self-calibrated, and both.
+    """σ of the front's sets (m) as built, referenced at a pose, self-calibrated, and both.
 
     Examples
     --------
@@ -243,7 +247,7 @@ def in_other_states(
     >>> for state, sigma in in_other_states(found, found.over[:10], h4.home).items():
     ...     print(f"{state}: {1e3 * sigma[0]:.1f} to {1e3 * sigma[-1]:.1f} mm")
     as built: 7.7 to 4.3 mm
-    touched off: 0.2 to 0.1 mm
+    referenced: 0.2 to 0.1 mm
     self-calibrated: 7.7 to 1.2 mm
     both: 0.2 to 0.1 mm
     """
@@ -259,12 +263,14 @@ def in_other_states(
     nowhere, result = np.zeros((0, robot.n)), {}
     for state, visited, touched in (
         ("as built", nowhere, nowhere),
-        ("touched off", nowhere, touch_off[None]),
+        ("referenced", nowhere, reference_pose[None]),
         ("self-calibrated", calibrated_on, nowhere),
-        ("both", calibrated_on, touch_off[None]),
+        ("both", calibrated_on, reference_pose[None]),
     ):
         finer = [level.information for level in levels]
-        worth = Worth(robot, names, found.over, visited, touched, touch_sigmas(robot, 0.0), finer)
+        worth = Worth(
+            robot, names, found.over, visited, touched, reference_sigmas(robot, 0.0), finer
+        )
         result[state] = np.sqrt([worth.variance(own) for own in sets])
     return result
 

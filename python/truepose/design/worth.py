@@ -35,7 +35,7 @@ class Worth:
         Where the robot calibrates itself before; or none.
     touched : ndarray, shape (1, c)
         A pose known from outside, where all is read; or none.
-    touch_sigma : sequence of float
+    reference_sigma : sequence of float
         σ of its coordinates.
     finer : sequence of mappings
         Of levels to which parameters can be machined: the information that each adds, by name.
@@ -60,7 +60,7 @@ class Worth:
         poses: Array,
         calibrated_on: Array,
         touched: Array,
-        touch_sigma: Sequence[float],
+        reference_sigma: Sequence[float],
         finer: Sequence[Mapping[str, float]] = (),
     ):
         self._robot, self._names = robot, list(names)
@@ -74,7 +74,7 @@ class Worth:
         if more:  # what the motors say there is said whatever the set
             H, B = self._jacobians(touched)
             there = B[0] @ root
-            there[:, -more:] = H[0] * np.asarray(touch_sigma)
+            there[:, -more:] = H[0] * np.asarray(reference_sigma)
             motors = there[:n]
             left = np.linalg.inv(np.linalg.cholesky(np.eye(len(root.T)) + motors.T @ motors)).T
             root, there = root @ left, there[n:] @ left
@@ -178,7 +178,7 @@ class Worth:
         return float(mean.mean())
 
     def _left(self, chosen: Sequence[int], own: Sequence[int], of: Array) -> Array:
-        """Root G of what is left of some unknowns after readings and machining: Σ = G Gᵀ."""
+        """Root G of the covariance of some unknowns after readings and machining: Σ = G Gᵀ."""
         from scipy.linalg.lapack import dtrtri  # of triangles, an eighth of the work
 
         white = np.linalg.inv(np.linalg.cholesky(self._noise[:, own][..., own]))
@@ -191,7 +191,7 @@ class Worth:
         """Mean variance where each candidate's information counts by a share, and its gradient.
 
         A sensor of share w reads √w s + ε of its value s. The variance falls with w by the square
-        of what is left of the covariance of the position and s, for each of its readings.
+        of the remaining covariance of the position and s, for each of its readings.
 
         Parameters
         ----------

@@ -22,7 +22,7 @@ _UNITS = {"reading": "rad or m", "reading/s": "rad/s or m/s", "s": "s", "1": "a 
 
 @dataclass(frozen=True)
 class Fault:
-    """One reading that lies from a time on: what it reads, where it would read s.
+    """One reading that is faulty from a time on: its value where the healthy one is s.
 
     ==========  ====================================================  ===================
     kind        reads                                                 size in

@@ -86,7 +86,7 @@ def isolate(
     *,
     false_alarm: float | None = None,
 ) -> Isolation:
-    """Find the reading that lies from lines at many poses, by a bank of hypotheses.
+    """Find the faulty reading from rows at many poses, by a bank of hypotheses.
 
     With one redundant sensor one pose shows that something is wrong, not what: one equation. A
     wrong reading contradicts the others by b times its signature, which changes with the pose in

@@ -44,7 +44,7 @@ _BEYOND = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class FaultMonitor:
-    """A watch over all readings, and a way down where one of them lies.
+    """A monitor of all readings, and a stop where one of them is faulty.
 
     Every cycle asks each reading alone (a number? within the motor's stops, the sensor's range? no
     faster than the motors can make it? not standing still while the robot moves?) and all of them
@@ -76,7 +76,7 @@ class FaultMonitor:
     effects : Effects, optional
         That a healthy robot has, and that are no disagreement: play and eccentric encoders
         (:meth:`Effects.allowed_for`; a robot that is calibrated was so allowing for them), and
-        what arms give way by under the motors' torques.
+        the arms' deflection under the motors' torques.
 
     Examples
     --------
@@ -197,7 +197,7 @@ class Review(NamedTuple):
     believed: Array  #: (N, n + r) the readings, or what stood for them
     health: Array  #: (N, n + r) int, see `HEALTH`
     symptom: Array  #: (N, n + r) int, the latest of each reading, see `SYMPTOMS`
-    chi2: Array  #: (N,) level of what the readings disagree about
+    chi2: Array  #: (N,) level of the readings' disagreement
     freedom: Array  #: (N,) its degrees of freedom
     doubted: Array  #: (N,) int, readings of which one is wrong, as bits
     undecided: Array  #: (N,) bool: nobody will find out which
@@ -253,7 +253,7 @@ def _fastest(robot: Robot) -> Array:
 
 
 def _yielding(robot: Robot, effects: Effects) -> Robot:
-    """Return the robot with what its arms give way by counted as noise of the motors' readings."""
+    """Return the robot with its arms' deflection counted as noise of the motors' readings."""
     if robot.spec.calibration is None:
         robot = effects.allowed_for(robot)
     if not effects.arm_stiffness:

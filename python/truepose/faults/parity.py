@@ -20,7 +20,7 @@ UNSEEN, PARALLEL = 1e-9, 1e-12
 class Parity(NamedTuple):
     """r combinations of the n + r readings that hold no pose: y = G (q_e - h), y ~ N(B u, I).
 
-    Whatever the pose is, to first order; u ~ N(0, I) is the geometry in units of what is known of
+    Whatever the pose is, to first order; u ~ N(0, I) is the geometry in units of the knowledge of
     it, the same at every pose. A fault b of reading c adds b times column c of G, its signature.
     """
 
@@ -58,7 +58,7 @@ def whitened(columns: Array, B: Array) -> Array:
         Its scalar products are those of the columns with (I + B Bᵀ)⁻¹ between.
     """
     whole = np.vstack([columns, np.zeros((B.shape[1], columns.shape[1]))])
-    Q = np.linalg.qr(np.vstack([B, np.eye(B.shape[1])]))[0]  # no square of what cancels
+    Q = np.linalg.qr(np.vstack([B, np.eye(B.shape[1])]))[0]  # no square of cancelling terms
     return whole - Q @ (Q.T @ whole)
 
 

@@ -3,7 +3,7 @@
 from truepose.logs.reading import FLAT as FLAT
 from truepose.logs.reading import PLANES as PLANES
 from truepose.logs.reading import POINT as POINT
-from truepose.logs.reading import STANCE as STANCE
+from truepose.logs.reading import POSTURE as POSTURE
 from truepose.logs.reading import Log, read
 from truepose.logs.reading import is_table as is_table
 from truepose.logs.reading import numbers as numbers

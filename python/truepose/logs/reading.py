@@ -87,7 +87,7 @@ def of(robot: Robot, table: Any, where: str = "readings") -> Log:
     """Take the columns of a robot and its sensors in use out of a table, SI units.
 
     Columns q1 … qn, each sensor by its name; measured_x …, measured_x_sigma … where something
-    outside measured a coordinate; plane and point, names of what the tool touched; of a robot whose
+    outside measured a coordinate; plane and point, names of touched features; of a robot whose
     file has compliances load_x … and q1_tension …, N, empty where there was none or it was not
     measured. An InputError names the column that is missing, or the cell that is no number.
 
@@ -275,11 +275,11 @@ def _pick(
         return np.column_stack(numbers) if np.isfinite(numbers).any() else None
 
     sigmas = [f"{name}_sigma" for name in outside]
-    # What pulls at rods that do not give way says nothing.
+    # A load on stiff rods says nothing.
     forces = [f"load_{axis}" for axis in "xyz" if robot.spec.stretches]
     tensions = [f"q{i + 1}_tension" for i in range(robot.n) if robot.spec.stretches]
     free = [name for name in columns if name not in one]
-    standing = [STANCE] if robot.spec.mobility == "rotational" else []
+    standing = [POSTURE] if robot.spec.mobility == "rotational" else []
     labels = {
         name: _labels(table[name], name, lines, word, where)
         for name in (*PLANES, POINT, *standing)
@@ -293,8 +293,8 @@ def _pick(
     used = (*outside, *sigmas, *forces, *tensions, *labels, *(f"{name}_above" for name in above))
     unused = tuple(name for name in free if name not in used)
     measured, sigma = block(outside), block(sigmas)
-    if STANCE in labels:
-        measured, sigma = flat(robot, labels[STANCE], measured, sigma)
+    if POSTURE in labels:
+        measured, sigma = flat(robot, labels[POSTURE], measured, sigma)
     pulls = {"force": block(forces), "tension": block(tensions)}
     loads = Payloads(**pulls) if any(values is not None for values in pulls.values()) else None
     return Log(names, readings, measured, lines, word, unused, sigma, labels, above, loads)
@@ -360,9 +360,9 @@ def _number(cell: Any, what: str, must: str) -> float:
         raise InputError(f"{what} = '{shown}': must be a {must}{hint}") from None
 
 
-#: Column of names of stances: a pivot's nacelle, a foot, was flat.
-STANCE = "stance"
-#: σ of a stance, rad, assumed: a flat sole on a flat floor, 0.05°.
+#: Column of names of postures: a pivot's nacelle, a foot, was flat.
+POSTURE = "posture"
+#: σ of a posture, rad, assumed: a flat sole on a flat floor, 0.05°.
 FLAT = math.radians(0.05)
 _NONE = ("", "0", "no", "false")
 
@@ -370,9 +370,9 @@ _NONE = ("", "0", "no", "false")
 def flat(
     robot: Robot, names: Array, measured: Array | None, sigma: Array | None
 ) -> tuple[Array, Array]:
-    """Fill in what stances measure: 0 of every axis that is not upright at zero, and its σ.
+    """Fill in what postures measure: 0 of every axis that is not upright at zero, and its σ.
 
-    Only NaN of `measured` and `sigma`, (N, n) or None, are filled in. The lines of one stance are
+    Only NaN of `measured` and `sigma`, (N, n) or None, are filled in. The lines of one posture are
     of one pose, which counts once: in the first of them.
     """
     first = np.zeros(len(names), dtype=bool)
@@ -385,7 +385,7 @@ def flat(
 
 
 def stood(names: Array) -> Array:
-    """Lines that are of a stance, (N,) bool."""
+    """Lines that are of a posture, (N,) bool."""
     return np.array([name.lower() not in _NONE for name in names], dtype=bool)
 
 

@@ -32,7 +32,7 @@ CASES: tuple[tuple[Law, bool], ...] = tuple((law, known) for known in (False, Tr
 SOME: tuple[tuple[Law, bool], ...] = tuple(
     (law, control == "self-calibrated") for control, law in experiment.CONTROLS.items()
 )
-SPEEDS = (1.0, 0.5, 0.1)  #: of what the motors allow, as ISO 9283 asks for
+SPEEDS = (1.0, 0.5, 0.1)  #: of the motors' limits, as ISO 9283 asks for
 ROBOTS = 4  #: of a report with statistics, at most
 
 
@@ -41,7 +41,7 @@ class Line:
     """One law on one path at one speed, on many robots."""
 
     path: str
-    speed: float  #: share of what the motors allow
+    speed: float  #: share of the motors' limits
     law: Law
     calibrated: bool  #: or as drawn
     each: list[PathAccuracy]  #: of every robot
@@ -74,7 +74,7 @@ def study(
     seed : int
         The same seed gives the same robots and runs.
     full : bool
-        Both paths, all laws as drawn and calibrated, all of `SPEEDS`; or the circle at half of what
+        Both paths, all laws, nominal and calibrated, all `SPEEDS`; or the circle at half the speed
         the motors allow, under the report's controls.
     progress : callable
         Called after each path accuracy.

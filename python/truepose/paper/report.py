@@ -26,7 +26,7 @@ from truepose.simulation.moves import MOVE_TO
 FIGURES = 11  #: drawn for every report; one more with the warm-up
 PAGE = "report.html"
 LEARNT: Control = "self-calibrated"
-#: Endings of what the folder holds.
+#: Endings of the folder's files.
 _ENDINGS = (".html", ".svg", ".png", ".csv", ".parquet", ".mcap")
 
 

@@ -309,7 +309,7 @@ def following(lines: list[paths.Line]) -> list[Table]:
 
 
 def faults(lines: list[lying.Line]) -> Table:
-    """Worst error with a reading that lies, without a watch and with one."""
+    """Worst error with a faulty reading, without and with the fault monitor."""
     rows = []
     for line in lines:
         row: list[str] = [line.fault]

@@ -200,5 +200,5 @@ def run(
     if robots == 0:
         return section
     few = min(robots, forgotten.ROBOTS)
-    lines = forgotten.study(robot, few, seed, lambda: progress("what a model forgets"))
+    lines = forgotten.study(robot, few, seed, lambda: progress("effects that the model omits"))
     return replace(section, forgotten=lines, loops=forgotten.loops(robot))

@@ -189,7 +189,7 @@ class Vision:
     setup : Setup
         How it stands.
     seed : int
-        Of what is true of its parts, and of the artefact's readings.
+        Of its true parts, and of the artefact's readings.
 
     Examples
     --------
@@ -376,7 +376,7 @@ def _calibrate(
         if max(np.abs(step).max(), np.abs(moved).max()) < 1e-8:
             break
     inverse = np.linalg.inv(shared)
-    # Freedoms: readings less the trace of what each unknown has learnt, 1 - posterior/prior.
+    # Freedoms: readings less the trace of each unknown's information, 1 - posterior/prior.
     back = np.einsum("pyx,pcx->pyc", inner, across)
     left = np.einsum("pxx->", inner) + np.einsum("pyc,cd,pyd->", back, inverse, back, optimize=True)
     unknown = len(sigma) + 3 * len(points)

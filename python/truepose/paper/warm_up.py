@@ -52,7 +52,7 @@ class WarmUp:
     hours: Array  #: (T,)
     rms: dict[Method, Array]  #: (robots, T) over the poses visited in each step, mm
     estimated: Array  #: (robots, T) of x̂ less x, from counted readings, as `online` knows by then
-    bound: Array  #: (robots, T) of that, by the covariance of what `online` knows
+    bound: Array  #: (robots, T) of that, by the covariance of `online`
 
     def over_bound(self) -> Array:
         """RMS of all robots' estimates under `online` over the bound's, at each time, (T,)."""

@@ -110,7 +110,7 @@ class Loaded(Description):
 
     @functools.cached_property
     def rigid(self) -> Self:
-        """The robot with rods that do not give way: as controllers have it."""
+        """The robot with stiff rods: as controllers have it."""
         return self.replace({name: 0.0 for name in self.parameters if is_compliance(name)})
 
     def with_payload(self, force: ArrayLike) -> Self:

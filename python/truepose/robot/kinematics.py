@@ -27,7 +27,7 @@ class Conditioning(NamedTuple):
 class Kinematics(Loaded):
     """The kinematic models of a :class:`truepose.Robot`.
 
-    All methods take any leading shape and run in C++. Where a robot's rods give way to what they
+    All methods take any leading shape and run in C++. Where a robot's rods deflect under what they
     carry (:attr:`compliance`), poses and readings are those under load; Jacobians along the pose
     leave out that tension changes with it: a share of the strain.
     """

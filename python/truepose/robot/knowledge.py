@@ -84,7 +84,7 @@ def left_out(robot: Kinematics) -> dict[str, float]:
 
 
 def stated_error(robot: Kinematics) -> Array:
-    """σ of what the ideal level leaves out of each reading, shape (n + r,): learnt, or allowed for.
+    """σ of the ideal level's model error in each reading, shape (n + r,): learnt, or allowed for.
 
     A calibration that found the ideal level to be enough, by request, has none.
     """
@@ -184,7 +184,7 @@ class Known(NamedTuple):
     compliances: int = 0  #: before those
 
     def own(self, root: Array) -> Array:
-        """Root of what a root, beside unknowns and nuisances, says of the parameters."""
+        """Root of the parameters' part of a root that has auxiliary unknowns."""
         p, k = self.parameters, self.compliances
         if not k:
             return root[:p, :p]

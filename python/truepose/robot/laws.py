@@ -27,7 +27,7 @@ def require_sensors(robot: Description, law: str) -> None:
 
 
 def no_sensor(robot: Description, what: str) -> InputError:
-    """Return the error of what needs a redundant sensor, of a robot that uses none."""
+    """Return the error for a law that needs a redundant sensor, of a robot that uses none."""
     has = ", ".join(sensor.name for sensor in robot.spec.sensor)
     where = f"its file has {has} (with_sensors, --sensors)" if has else "its file has none"
     return InputError(

@@ -245,7 +245,7 @@ class Platform(Section):
 
 
 class Compliance(Section):
-    """How rods, legs and belts give way to what they carry: the nacelle's weight, and a load."""
+    """Deflection of rods, legs and belts under the nacelle's weight and a load."""
 
     all_chains: Annotated[NonNegative, unit("1/N")] = key(
         "strain per newton of a chain's tension, of all chains alike; a chain's own is added", 0.0
@@ -396,7 +396,7 @@ class RobotFile(Section):
     )
     platform: Platform = key("its bars' joints, masses, inertia", Platform())
     compliance: Compliance | None = key(
-        "how rods, legs and belts give way; without it they do not", None
+        "deflection of rods, legs and belts; stiff without it", None
     )
     sensor: tuple[Sensor, ...] = key("each sensor, in use or not", ())
     tolerances: dict[str, Tolerance] = Field(

@@ -79,7 +79,7 @@ class Encoder(SensorSection):
 
     counts: Counts | None = key("per turn of the encoder; without it there are none", None)
     gear: Annotated[Number, Field(ge=1e-6, le=1e6)] = key(
-        "turns of the encoder per turn of what it reads", 1.0
+        "turns of the encoder per turn of the measured joint", 1.0
     )
     eccentricity: Harmonics = key(
         "c1, s1, c2, s2: the encoder at φ (the gear counted) reads φ + c1 cos φ + s1 sin φ + "

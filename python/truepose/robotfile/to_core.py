@@ -34,7 +34,7 @@ def parameter_names(
     stretches: bool,
     axes: int = 0,
 ) -> list[str]:
-    """Names of all geometric parameters, those of what is None (not known) included.
+    """Names of all geometric parameters, those that are None (not known) included.
 
     `stretches`: whether compliances are among them (the core's control path has none).
     """

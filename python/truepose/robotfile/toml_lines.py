@@ -34,7 +34,7 @@ def lines(text: str) -> dict[Path, int]:
 
 
 def nearest(where: dict[Path, int], path: Path) -> int:
-    """Find the line of a key, or of what should contain it; 1 if nothing does."""
+    """Find the line of a key, or of its table; 1 if nothing does."""
     while path and path not in where:
         path = path[:-1]
     return where.get(path, 1)

@@ -42,5 +42,5 @@ def errors(robot: Robot, over: Array, error: Array, torque: Array | None = None)
         axes.set_ylabel(label)
         axes.legend(loc="upper left", bbox_to_anchor=(1, 1), fontsize=8, frameon=False)
     axes.set_xlabel("time (s)" if move else "pose")
-    figure.suptitle(f"{robot.name}: true less desired", fontsize=10, parse_math=False)
+    figure.suptitle(f"{robot.name}: true − desired", fontsize=10, parse_math=False)
     return figure

@@ -237,12 +237,12 @@ def simulate(
     duration, hold : float
         Of the move, and after it, s.
     steps : int, optional
-        Integration steps in one control period; by default 2, and with arms that give way at least
+        Integration steps in one control period; by default 2, and with compliant arms at least
         4 and as many as a rotor turns by radians, swinging against its arm, in that period.
     seed : int
         Of the true robot's readings' noise, and of the effects' phases.
     effects : Effects, optional
-        What the model forgets; nothing by default.
+        Effects that the model omits; none by default.
     time : float
         Since the true robot was switched on, s: how far it has warmed up.
     learn : OnlineCalibrator, optional

@@ -22,7 +22,7 @@ _HEAVY = 1e-6  # kg, or kg·m²; less is what MuJoCo asks of bodies that weigh n
 def pivot_of(mechanism: Mechanism, body: str) -> tuple[RobotFile, list[str]]:
     """Return the robot whose nacelle is a body that one to three passive hinges carry.
 
-    With it come lines to tell, of what is not as the model has it.
+    With it come notes on differences from the model.
 
     Its base is the body that the motors stand on. Each motor, a hinge or a slide, moves the end of
     a rod, or is a slide between a rod's two ends; the rod's other end is on the nacelle. Of masses

@@ -139,7 +139,7 @@ class Config:
         return tuple(self._number(section, option, part) for part in parts)
 
     def ratio(self, section: str, option: str) -> float:
-        """Return a gear ratio, as ``80:16, 2:1``: turns of the motor for one of what it drives."""
+        """Return a gear ratio, as ``80:16, 2:1``: turns of the motor for one of the shaft."""
         result = 1.0
         for pair in self.word(section, option).split(","):
             parts = pair.split(":")

@@ -47,7 +47,7 @@ class UnfitError(InputError):
 
 #: What makes stable positions others than they were.
 CHANGED = "have microsteps or rotation_distance changed since"
-#: σ of what no parameter of Klipper's moves, m or rad.
+#: σ of the error that no parameter of Klipper models, m or rad.
 BY_DEFINITION = 1e-7
 #: Before the options that a rotary delta's file with an estimate keeps of its drawing: Klipper's
 #: own SAVE_CONFIG comments out what was only set roughly, as endstops.
@@ -57,7 +57,7 @@ _NEWTON = 4  #: steps from ξ back to p: they differ by a mm, of hundreds
 
 @dataclass(frozen=True)
 class Assumed:
-    """σ of what a builder leaves open and of what is measured: assumed, the same for all printers.
+    """σ of the build and of the measurements: assumed, the same for all printers.
 
     m, rad; κ has no unit.
     """
@@ -182,7 +182,7 @@ class Estimate:
     prior: Prior
     assumed: Assumed
     differences: Differences  #: heights and distances, each tried against all else
-    doubt: tuple[str, ...]  #: of what was assumed, where the readings depart from it too far
+    doubt: tuple[str, ...]  #: assumptions that the readings contradict
     fit: Calibration  #: of the printer as a robot
 
     @property

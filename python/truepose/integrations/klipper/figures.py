@@ -131,5 +131,5 @@ def _bars(found: Assessment, rows: list, label: str) -> Figure:
 
 
 def parameters(found: Assessment) -> Figure:
-    """Every parameter against its drawing, in units of what was assumed of it."""
+    """Every parameter against its nominal value, in units of its assumed σ."""
     return learnt.figure(found.estimate.learnt(found.model.names))

@@ -142,7 +142,7 @@ def fitted(
 ) -> tuple[Estimate, Judged]:
     """Estimate parameters and noise together, and judge the readings.
 
-    The noise of the heights and of the distances in `assumed` is the centre of what is assumed;
+    The noise of the heights and of the distances in `assumed` is the centre of the assumed range;
     that of the estimate is what was found, :attr:`Noise.deviation`.
     """
     judged = judge(model, readings, estimate(model, readings, known, assumed))

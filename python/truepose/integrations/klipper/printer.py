@@ -23,7 +23,7 @@ TOWERS = "abc"
 KINEMATICS = ("delta", "rotary_delta")
 #: Where Klipper has the towers if nobody says, degrees.
 _ANGLES = {"delta": (210.0, 330.0, 90.0), "rotary_delta": (30.0, 150.0, 270.0)}
-#: Sections of what may have probed the bed, with its offsets.
+#: Sections of devices that may have probed the bed, with its offsets.
 _PROBES = ("probe", "bltouch", "smart_effector", "probe_eddy_current", "beacon", "cartographer")
 #: Arms that differ by more are no arms that anybody glued, m.
 _APART = 5 * MM

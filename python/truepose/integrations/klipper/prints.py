@@ -24,7 +24,7 @@ class Shape(NamedTuple):
     """What a print is off in all, with its σ: more than 0 is too large, or leans to +x at +y."""
 
     scale: tuple[float, float]  #: of the nozzle's ways, of 1
-    print_scale: tuple[float, float]  #: of what is printed, shrinkage too, of 1
+    print_scale: tuple[float, float]  #: of a printed part, with shrinkage; 1 is true
     stretch: tuple[float, float]  #: of x against y, of 1
     skew: tuple[float, float]  #: of the angle between x and y, rad
 
@@ -86,7 +86,7 @@ def disc() -> Array:
 
 
 def without_rigid(points: Array) -> Array:
-    """Return the projection (2N, 2N) of x and y of all points that forgets what they share.
+    """Return the projection (2N, 2N) of x and y of all points that removes their common part.
 
     A shift along x, along y, and a turn.
     """

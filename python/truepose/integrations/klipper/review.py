@@ -68,7 +68,7 @@ def held_out(found: Assessment) -> Table:
         for way in found.held_out
     ]
     header = ["each reading left out in turn", "heights, rms (mm)", "distances, rms (mm)"]
-    title = "Prediction of what was not looked at"
+    title = "Prediction of held-out heights"
     return _without_empty(Table("held_out", title, header, rows))
 
 

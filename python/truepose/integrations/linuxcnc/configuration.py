@@ -27,7 +27,7 @@ from truepose.simulation.equilibrium import steady_state
 _PARAMETERS = 256
 #: Robots and poses of which corrections are predicted, and their quantile that is accepted.
 _DRAWN, _POSES, _ACCEPTED = 40, 40, 0.999
-#: The same in σ of what is about normal; s of full speed over which it is differentiated.
+#: The same in σ where the error is about normal; s of full speed over which it is differentiated.
 _ACCEPTED_SIGMAS = NormalDist().inv_cdf((1 + _ACCEPTED) / 2)
 _DIFFERENCE = 5e-4
 #: Robots within their tolerances whose readings, once homed, are accepted.
@@ -86,7 +86,7 @@ def to_table(robot: Robot, controller: Controller, watch: FaultMonitor) -> bytes
 
 @dataclass(frozen=True)
 class Speeds:
-    """Largest velocities and accelerations of what is not in a robot's file, all assumed."""
+    """Largest velocities and accelerations that no robot file has, all assumed."""
 
     linear: float = 1.5  #: m/s
     linear_acceleration: float = 20.0  #: m/s²

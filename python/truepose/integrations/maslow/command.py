@@ -188,7 +188,7 @@ def apart(sled: Sled) -> list[str]:
         )
         with_it = ", ".join(f"{names[anchors[j]]} {1e3 * moves[j]:+.1f} mm" for j in largest)
         said.append(
-            f"offsets or anchors? {terms}: known to {np.sqrt(ratio2[k]):.2f} of what was believed "
+            f"offsets or anchors? {terms}: known to {np.sqrt(ratio2[k]):.2f} of the prior σ "
             f"before; by one σ of it {with_it}"
         )
     return said or ["the poses tell offsets and anchors apart"]

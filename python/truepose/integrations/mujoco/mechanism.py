@@ -110,7 +110,7 @@ class Mechanism:
         return B + 0.5 * side * chain.rod_spacing * mount[:, 2]
 
     def mount(self, i: int, position: float) -> Array:
-        """Frame of what carries the rods: x along the arm, z the axis of their first hinge."""
+        """Frame of the rods' carrier: x along the arm, z the axis of their first hinge."""
         turned = self.chains[i].actuator == _core.Actuator.revolute
         return self._frames[i] @ turn(2, position) if turned else self._frames[i]
 

@@ -43,7 +43,7 @@ class MujocoPlant:
     truth : Robot
         The true robot, cold.
     effects : Effects
-        What its model forgets; nothing by default.
+        Effects that the model omits; none by default.
     seed : int
         Of the phases of eccentricity and ripple, and of the noise of readings.
     duration, hold : float

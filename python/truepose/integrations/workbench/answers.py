@@ -16,12 +16,12 @@ from truepose.robot.robot import Robot
 from truepose.robot.units import summed
 from truepose.simulation.equilibrium import steady_state
 
-#: What the accuracy is after, as the page calls it: (self-calibrated, touched off).
+#: What the accuracy is after, as the page calls it: (self-calibrated, referenced).
 HOWS = {
     "as built": (False, False),
-    "touched off": (False, True),
+    "referenced": (False, True),
     "self-calibrated": (True, False),
-    "self-calibrated, touched off": (True, True),
+    "self-calibrated, referenced": (True, True),
 }
 #: Poses drawn from the workspace that it is asked for at, and that a calibration visits.
 POSES = 64

@@ -16,4 +16,4 @@ class Tab:
         """Show the state; a hand did not do it."""
 
     def tick(self, now: float) -> None:
-        """Take a step of what moves by itself."""
+        """Take a step of the animation."""

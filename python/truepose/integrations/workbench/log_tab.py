@@ -37,7 +37,7 @@ class LogTab(Tab):
             with page.doing():
                 self._upload(event.target.value)
 
-        page.pressed(gui.add_button(f"Let it write one, {_POSES} poses"), self._rehearse)
+        page.pressed(gui.add_button(f"Let it write one, {_POSES} poses"), self._simulate_log)
         self._calibrate: Any = gui.add_button("Calibrate on it", disabled=True)
         page.pressed(self._calibrate, self._fit)
         self._believe: Any = gui.add_checkbox(
@@ -66,8 +66,8 @@ class LogTab(Tab):
             except TrueposeError as error:  # by the name that the file has where it comes from
                 raise InputError(str(error).replace(str(path), path.name)) from None
 
-    def _rehearse(self) -> None:
-        self._take(playback.rehearsed(self.page.state, _POSES))
+    def _simulate_log(self) -> None:
+        self._take(playback.simulated_log(self.page.state, _POSES))
 
     def _take(self, played: Playback) -> None:
         """Begin with another log."""

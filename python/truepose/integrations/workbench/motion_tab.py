@@ -46,7 +46,7 @@ class MotionTab(Tab):
         for handle in (self._law, self._watched):
             page.when(handle, lambda _: self._again())
         self._reading: Any = gui.add_dropdown("Reading", page.state.drawn.readings)
-        self._kind: Any = gui.add_dropdown("Lies by", FAULT_KINDS, initial_value="stuck")
+        self._kind: Any = gui.add_dropdown("Fault", FAULT_KINDS, initial_value="stuck")
         self._size: Any = gui.add_number("Size", 0.0, step=0.01)
         self._other: Any = gui.add_dropdown("Swapped with", page.state.drawn.readings)
         for handle in (self._reading, self._kind):
@@ -151,7 +151,7 @@ class MotionTab(Tab):
         self._lights.content = words.page(*parts)
 
     def _lap(self) -> None:
-        """Begin anew; what still lies does so from the start."""
+        """Begin anew; active faults act from the start."""
         lasting = [f for f in self._faults if f.until is None and _core.fault_kinds[f.kind].lasts]
         self._faults = [replace(fault, at=0.0) for fault in lasting]
         self._time = 0.0

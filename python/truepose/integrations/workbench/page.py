@@ -23,7 +23,7 @@ from truepose.robot.robot import Robot
 
 #: Of a tab, from the page and its panel.
 Made = Callable[["Page", GuiApi], Any]
-FRAMES = 20  #: a second, of what moves by itself
+FRAMES = 20  #: a second, of animations
 
 
 class Page:

@@ -16,7 +16,7 @@ from truepose.exceptions import InputError
 from truepose.integrations.workbench.state import State
 from truepose.logs import Log
 from truepose.robot.robot import Robot
-from truepose.simulation.rehearsal import rehearse
+from truepose.simulation.simulated_log import simulate_log
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,9 +68,9 @@ def read(robot: Robot, path: str | Path) -> Playback:
     return opened(robot, logs.read(robot, path))
 
 
-def rehearsed(state: State, poses: int, seed: int = 0) -> Playback:
+def simulated_log(state: State, poses: int, seed: int = 0) -> Playback:
     """Let the true robot that stands on the bench write a log, at poses of its workspace."""
-    q_e = rehearse(state.drawn, state.truth, poses, seed).q_e
+    q_e = simulate_log(state.drawn, state.truth, poses, seed).q_e
     table = dict(zip(state.drawn.readings, q_e.T, strict=True))
     return opened(state.drawn, logs.of(state.drawn, table))
 
@@ -83,7 +83,7 @@ def calibrated(played: Playback) -> Playback:
     >>> import truepose as tp
     >>> from truepose.integrations.workbench.state import begin
     >>> state = begin(tp.load("h4")).with_drawn_errors(seed=2)
-    >>> played = calibrated(rehearsed(state, poses=40))
+    >>> played = calibrated(simulated_log(state, poses=40))
     >>> before, after = (np.nanstd(e.residual) for e in (played.before, played.after))
     >>> bool(after < before / 10)
     True
@@ -94,5 +94,5 @@ def calibrated(played: Playback) -> Playback:
 
 
 def rms(values: Array) -> Array:
-    """Root mean square of each column, of what is there."""
+    """Root mean square of each column's finite values."""
     return np.sqrt(np.nanmean(np.square(values), axis=0))

@@ -89,7 +89,7 @@ class Scene:
         def _(client: Any) -> None:
             aspect = client.camera.aspect
             far = away * (min(0.9 / aspect, 2.0) if aspect < 1 else 1.0)
-            half = np.tan(client.camera.fov / 2) * float(np.linalg.norm(far))  # of what is seen
+            half = np.tan(client.camera.fov / 2) * float(np.linalg.norm(far))  # of the view
             aside = (
                 -half / 2 * up if aspect < 1 else 0.25 * half * right
             )  # the panel's half or side

@@ -1,6 +1,6 @@
 """A plant with dynamics, driven from pose to pose.
 
-Friction and play carry over from pose to pose; arms and rods give way; readings are late. The
+Friction and backlash carry over from pose to pose; arms and rods deflect; readings are delayed. The
 loops are those of the ideal level: this nacelle does not tilt.
 """
 
@@ -31,7 +31,7 @@ class DynamicPlant:
     truth : Robot
         The true geometry, cold.
     effects : Effects, optional
-        What its model forgets; nothing by default.
+        Effects that the model omits; none by default.
     time : float
         Since a cold start, s.
     seed : int

@@ -255,7 +255,7 @@ def test_an_imported_robot_lacks_its_tolerances_alone(tmp_path, run):
     assert run("info", "x.toml", "--samples", "50")[0] == 0
     with (tmp_path / "x.toml").open("a") as file:
         file.write('[tolerances]\n"chain*.rod" = { sigma = 0.0002 }\n')
-    for command in ("accuracy", "faults", "rehearse"):
+    for command in ("accuracy", "faults", "simulate-log"):
         assert run(command, "x.toml")[0] == 0
 
 

@@ -270,7 +270,7 @@ def test_what_is_written_is_read_again(kinematics, tmp_path):
     ("kinematics", "arm"), [("delta", None), ("delta", 0.3455), ("rotary_delta", None)]
 )
 def test_the_same_readings_never_count_twice(kinematics, arm):
-    """An estimate of what holds an estimate is the same one: the drawing stays what it was."""
+    """An estimate from a file with an estimate is the same one: the nominal geometry stays."""
     text = read("phnxdrgn536") if kinematics == "delta" else made_text(kinematics, seed=3)[0]
     if arm is None:
         text = re.sub(r"\n#arm_length.*", "", text)  # the file says of no drawing

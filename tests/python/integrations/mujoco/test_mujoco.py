@@ -185,7 +185,7 @@ def test_statics_agree_with_every_rod_by_itself(name, rng, settings):
 
 @pytest.mark.parametrize("name", ["g1-ankle", "x1-ankle", "neck"])
 def test_a_pivot_without_weight_settles_where_the_forward_model_says(name, rng):
-    """Under their weight MuJoCo's soft loops give way by some 1e-9 m."""
+    """Under their weight MuJoCo's soft loops deflect by some 1e-9 m."""
     robot = tp.Robot(tp.load(name).spec.model_copy(update={"gravity": (0.0, 0.0, 0.0)}))
     plant = MujocoPlant(robot)
     for _ in range(10):

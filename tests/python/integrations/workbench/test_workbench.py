@@ -169,7 +169,7 @@ def test_a_fault_that_is_switched_on_changes_no_past_and_a_light(state, law):
 
 
 def test_a_log_is_played_back_and_a_calibration_on_it_brings_the_robot_home(state):
-    played = playback.calibrated(playback.rehearsed(state, poses=40))
+    played = playback.calibrated(playback.simulated_log(state, poses=40))
     before, after = (playback.rms(e.residual) for e in (played.before, played.after))
     assert (after < before / 10).all()
     assert np.isfinite(played.pose(0)).all()
@@ -378,7 +378,7 @@ def test_what_a_hand_does_is_seen_in_every_tab(page):
     assert sensors._bounds.content != before
     assert "z_telemeter" in faults._reading.options and "z_telemeter" in errors._group.options
     with page.doing():
-        log._rehearse()
+        log._simulate_log()
     off = np.linalg.norm(answers.rests(page.state)["joint"].off)
     with page.doing():
         log._fit()

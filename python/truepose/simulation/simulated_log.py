@@ -1,4 +1,4 @@
-"""Simulated calibration logs, and the error of what is identified from them.
+"""Simulated calibration logs, and the error of calibrations on them.
 
 A robot is drawn from its tolerances, sent about its workspace by usual control, and read at rest.
 A tracker, where one looks on, stands somewhere, and sees a marker that sits beside the nacelle's
@@ -23,7 +23,7 @@ from truepose.robot.robot import Robot
 from truepose.robot.workspace import workspace
 from truepose.simulation.plants.exact import ExactPlant
 
-#: σ of what a tracker says of each coordinate, m: what a calibration takes unless it is told.
+#: σ of a tracker's coordinates, m: a calibration's default.
 TRACKER = 20e-6
 #: σ of where the tracker stands, m, and of how the marker sits, m: assumed.
 STANDS, SITS = 2.0, 5e-3
@@ -31,7 +31,7 @@ _DRAWN = 10  # poses drawn for each that is asked for, before giving up
 
 
 @dataclass(frozen=True)
-class Rehearsal:
+class SimulatedLog:
     """N poses at which a true robot stood still."""
 
     truth: Robot
@@ -41,14 +41,14 @@ class Rehearsal:
     measured: Array | None
 
 
-def rehearse(
+def simulate_log(
     robot: Robot,
     truth: Robot,
     poses: int = 100,
     seed: int = 0,
     effects: Effects | None = None,
     tracker: bool = False,
-) -> Rehearsal:
+) -> SimulatedLog:
     """Send a true robot to poses drawn from the workspace, and read it there.
 
     Parameters
@@ -73,9 +73,9 @@ def rehearse(
     --------
     >>> import truepose as tp
     >>> from truepose.paper import with_paper_errors
-    >>> from truepose.simulation.rehearsal import rehearse
+    >>> from truepose.simulation.simulated_log import simulate_log
     >>> h4 = tp.load("h4")
-    >>> rehearse(h4, with_paper_errors(h4, seed=1), poses=20).q_e.shape
+    >>> simulate_log(h4, with_paper_errors(h4, seed=1), poses=20).q_e.shape
     (20, 5)
     """
     where, seen = (np.random.default_rng([seed, k]) for k in (1, 2))
@@ -93,7 +93,7 @@ def rehearse(
         measured = x + seen.normal(scale=ANGLE_SIGMA, size=x.shape)
     elif tracker:
         measured = _tracked(robot, visit.frame[there], seen)
-    return Rehearsal(truth, x, visit.q_e[there], measured)
+    return SimulatedLog(truth, x, visit.q_e[there], measured)
 
 
 def _drawn(robot: Robot, poses: int, rng: np.random.Generator) -> Array:

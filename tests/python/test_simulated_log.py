@@ -10,7 +10,7 @@ import truepose as tp
 from truepose import files, logs
 from truepose.calibration.calibrate import calibrate
 from truepose.commands import calibration_figures
-from truepose.simulation.rehearsal import missed, rehearse
+from truepose.simulation.simulated_log import missed, simulate_log
 
 
 def drawn(robot: tp.Robot, seed: int) -> tp.Robot:
@@ -39,7 +39,7 @@ def test_the_printed_commands_calibrate_the_log_and_judge_it(
     """With a sensor of its own, a tracker in space, in a plane, of angles, and sensors chosen."""
     page = f"<!-- {files.mark('report')} -->"  # figures would take most of the time
     monkeypatch.setattr(calibration_figures, "page", lambda *_: page)
-    status, said, err = run("rehearse", name, "--poses", "60", "--seed", "3", *more)
+    status, said, err = run("simulate-log", name, "--poses", "60", "--seed", "3", *more)
     assert (status, err) == (0, "")
     assert run(*words_after(said, "Next"))[0] == 0
     status, said, err = run(*words_after(said, "Then"), "--format", "json")
@@ -47,13 +47,20 @@ def test_the_printed_commands_calibrate_the_log_and_judge_it(
     poses = {row["robot"]: row["less that at home (mm)"] for row in json.loads(said)["pose"]}
     assert poses["calibrated, by the motors"] < 0.5 * poses["drawn, by the motors"]
     assert "Squared error of all" in err
-    found = tp.load(tmp_path / "rehearsal.calibrated.toml")
+    found = tp.load(tmp_path / "simulated.calibrated.toml")
     assert len(json.loads(said)["parameters"]) == len(found.spec.calibration.parameters)
 
 
 def test_the_kept_truth_is_the_robot_that_wrote_the_log(run, tmp_path):
     run(
-        "rehearse", "delta", "--sensors", "z_telemeter,elbow*", "-o", "log.csv", "--effects", "none"
+        "simulate-log",
+        "delta",
+        "--sensors",
+        "z_telemeter,elbow*",
+        "-o",
+        "log.csv",
+        "--effects",
+        "none",
     )
     truth = tp.load(tmp_path / "log.truth.toml")
     log = logs.read(truth, tmp_path / "log.csv")
@@ -69,7 +76,7 @@ def test_what_it_misses_is_what_its_covariance_says():
     nees, count = [], 0
     for seed in range(12):
         truth = drawn(h4, seed)
-        fit = calibrate(h4, rehearse(h4, truth, 50, seed).q_e)
+        fit = calibrate(h4, simulate_log(h4, truth, 50, seed).q_e)
         result = missed(h4, truth, fit.robot, poses=20)
         nees.append(result.nees)
         count = len(result.names)
@@ -78,7 +85,7 @@ def test_what_it_misses_is_what_its_covariance_says():
 
 def test_the_true_robot_has_missed_nothing_and_the_drawn_one_all(h4):
     truth = drawn(h4, 1)
-    known = calibrate(h4, rehearse(h4, truth, 50).q_e).robot
+    known = calibrate(h4, simulate_log(h4, truth, 50).q_e).robot
     names = known.spec.calibration.parameters
     perfect = known.replace({name: truth.parameters[name].value for name in names})
     result = missed(h4, truth, perfect, poses=50)
@@ -99,7 +106,7 @@ def test_the_true_robot_has_missed_nothing_and_the_drawn_one_all(h4):
 
 @pytest.mark.parametrize("others", [(True, False), (False, True), (True, True)])
 def test_robots_that_share_a_name_alone_are_not_compared(h4, delta, others):
-    known = calibrate(h4, rehearse(h4, drawn(h4, 1), 50).q_e).robot.with_sensors()
+    known = calibrate(h4, simulate_log(h4, drawn(h4, 1), 50).q_e).robot.with_sensors()
     namesake = tp.Robot(delta.spec.model_copy(update={"name": h4.name})).with_sensors()
     robot, truth = (namesake if other else h4.with_sensors() for other in others)
     with pytest.raises(tp.InputError, match=r"^h4: drawn, true and calibrated have different par"):
@@ -109,11 +116,11 @@ def test_robots_that_share_a_name_alone_are_not_compared(h4, delta, others):
 def test_a_tracker_sees_one_marker_from_one_place():
     """Distances between poses are the nacelle's own, whatever frame they are seen in."""
     delta = tp.load("delta")
-    ran = rehearse(delta, delta, 30, seed=2, tracker=True)
+    ran = simulate_log(delta, delta, 30, seed=2, tracker=True)
     apart = [np.linalg.norm(x[1:] - x[0], axis=1) for x in (ran.x, ran.measured)]
     np.testing.assert_allclose(*apart, atol=6 * 2e-5)
     assert np.linalg.norm(ran.measured.mean(axis=0) - ran.x.mean(axis=0)) > 0.1
-    assert rehearse(delta, delta, 30, seed=2).measured is None
+    assert simulate_log(delta, delta, 30, seed=2).measured is None
 
 
 @pytest.mark.parametrize(
@@ -122,22 +129,22 @@ def test_a_tracker_sees_one_marker_from_one_place():
         (("h4", "-o", "log.txt"), "log.txt: unknown ending '.txt' (choices: .csv, .parquet, .mcap"),
         (("h4", "--effects", "delay"), "--effects: unknown effect 'delay' (choices: all, none, ba"),
         (("h4", "--sensors", "thta"), "unknown sensor 'thta'; did you mean 'theta'?"),
-        (("h4", "--truth", "rehearsal.csv"), "are the same file"),
-        (("h4", "--found", "none.toml"), "rehearsal.truth.toml: cannot be read"),
+        (("h4", "--truth", "simulated.csv"), "are the same file"),
+        (("h4", "--found", "none.toml"), "simulated.truth.toml: cannot be read"),
         (("h4", "--found", "h4", "--truth", "par4"), "par4: is another robot than h4"),
         (("h4", "--found", "h4", "--truth", "h4"), "h4: is not calibrated"),
     ],
 )
-def test_what_cannot_be_rehearsed_is_one_line_and_no_file(run, words, said, tmp_path):
-    status, out, err = run("rehearse", *words)
+def test_what_cannot_be_simulated_is_one_line_and_no_file(run, words, said, tmp_path):
+    status, out, err = run("simulate-log", *words)
     assert (status, out) == (2, "") and len(err.splitlines()) == 1
     assert said in err
     assert not list(tmp_path.iterdir())
 
 
 def test_a_robot_file_of_ones_own_is_not_replaced_by_a_truth(run, tmp_path):
-    run("new", "h4", "-o", "rehearsal.truth.toml")
-    before = (tmp_path / "rehearsal.truth.toml").read_bytes()
-    status, _, err = run("rehearse", "h4")
+    run("new", "h4", "-o", "simulated.truth.toml")
+    before = (tmp_path / "simulated.truth.toml").read_bytes()
+    status, _, err = run("simulate-log", "h4")
     assert status == 2 and "is there already; --force" in err
     assert [p.read_bytes() for p in tmp_path.iterdir()] == [before]

@@ -1,0 +1,190 @@
+"""Random mutation tests. Wrong changes of one line, and the tests that notice them.
+
+    python tests/random_mutants.py [--count 300] [--seed 0] [--jobs N] [part of a file's name …]
+
+An operator, a constant or an extremum of the package or of the core's headers is changed, in a
+copy. A mutant of the package is tried on the tests that run its line, the most specific ones, as
+coverage.py recorded them (`make coverage-python`); one of a header on the C++ tests that are
+labelled with it (tests/cpp/CMakeLists.txt), unoptimised and for one mobility. The table counts
+noticed mutants by room. The run fails below 85 % overall, or 75 % in a room of 8 or more.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import os
+import random
+import re
+import shutil
+import sys
+import tempfile
+import tokenize
+from collections import Counter, defaultdict
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import coverage
+from mutants import CPP, ROOT, Tools, VerdictError
+
+RECORD = ROOT / "build/coverage-python"
+#: How many test functions a mutant is tried on, and the mobility whose tests see most of a header.
+TRIED = 8
+PIVOTS = {"angles_of", "gyro", "so3"}
+SWAPS = {
+    "+": "-", "-": "+", "*": "/", "/": "*", "**": "*", "//": "/", "%": "*", "+=": "-=", "-=": "+=",
+    "<": ">=", ">=": "<", ">": "<=", "<=": ">", "==": "!=", "!=": "==", "&&": "||", "||": "&&",
+    "is": "is not", "in": "not in", "not": "", "and": "or", "or": "and", "any": "all", "all": "any",
+    "min": "max", "max": "min", "minimum": "maximum", "maximum": "minimum", "sin": "cos",
+    "cos": "sin", "True": "False", "False": "True", "true": "false", "false": "true",
+}  # fmt: skip
+#: Of a header: operators stand between blanks, which templates' brackets and pointers do not.
+TOKEN = re.compile(
+    r"(?<= )(?:[-+*/<>]|[-+]=|[<>=!]=|&&|\|\|)(?= )|\b(?:min|max|sin|cos)\b(?=\()"
+    r"|\b(?:true|false)\b|(?<![\w.\[<{])\d+(?:\.\d+)?(?:e-?\d+)?(?![\w.>\]])"
+)
+#: What is looked at instead.
+PICTURES = ("show/", "figures.py", "chart.py", "scene.py", "page.py")
+#: Lines that compute nothing.
+NAMES = ("raise ", "from ", "import ", "for ", "@")
+DECLARES = re.compile(r"\s*(?://|#|template|static_assert|using|enum|case )")
+
+Site = tuple[str, int, int, int, str]  #: file, line, first and last column, what is to stand there
+
+
+def other(said: str) -> str:
+    """Return what is written instead of an operator, a word or a number."""
+    if said in SWAPS:
+        return SWAPS[said]
+    value = ast.literal_eval(said)
+    return repr(value + 1 if isinstance(value, int) else 2 * value or 1.0)
+
+
+def in_module(path: Path) -> Iterator[tuple[int, int, int, str]]:
+    """Yield the places of a Python file that can be changed; messages are none."""
+    before = ""
+    with path.open("rb") as file:
+        for token in tokenize.tokenize(file.readline):
+            said, (line, begin), (_, end) = token.string, token.start, token.end
+            unary = said in ("*", "**") and not (before.isidentifier() or before in (")", "]"))
+            loop = said == "in" and "for " in token.line
+            changes = said in SWAPS or token.type == tokenize.NUMBER
+            if changes and not (unary or loop or token.line.lstrip().startswith(NAMES)):
+                yield line, begin, end, said
+            before = said
+
+
+def in_header(path: Path) -> Iterator[tuple[int, int, int, str]]:
+    """Yield the places of a header that can be changed."""
+    for line, text in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+        if not DECLARES.match(text):
+            for found in TOKEN.finditer(text.partition("//")[0]):
+                yield line, found.start(), found.end(), found[0]
+
+
+class Tests:
+    """The tests that notice what is wrong with a line."""
+
+    def __init__(self) -> None:
+        listed = (CPP / "CMakeLists.txt").read_text(encoding="utf-8")
+        labelled = re.findall(r"^truepose_test\((\w+) ([^)]*)\)", listed, re.MULTILINE)
+        self.labels = [(name, about.split()) for name, about in labelled]
+        data = coverage.CoverageData(str(RECORD))
+        data.read()
+        measured = [(f.rpartition("/truepose/")[2], f) for f in data.measured_files()]
+        self.lines = {name: data.contexts_by_lineno(f) for name, f in measured}
+        self.reach = Counter(
+            c for rows in self.lines.values() for row in rows.values() for c in row
+        )
+        self.files = {path.stem: path for path in (ROOT / "tests/python").rglob("test_*.py")}
+
+    def of(self, file: str, line: int) -> list[str]:
+        """Return the tests of a line, those that run least else first."""
+        if file.endswith(".hpp"):
+            header = Path(file).stem
+            return [f"{name}::*" for name, about in self.labels if header in about]
+        found = []
+        run = self.lines.get(file.removeprefix("python/truepose/"), {}).get(line, ())
+        for context in sorted(run, key=lambda context: (self.reach[context], context)):
+            *module, function = context.split(".")
+            if module and module[-1] in self.files and function.startswith("test_"):
+                found.append(f"{self.files[module[-1]].relative_to(ROOT)}::{function}")
+        return found[:TRIED]
+
+
+def drawn(words: list[str], seed: int) -> list[Site]:
+    """Return file, line, columns and change of all mutants, in a random order."""
+    sites = []
+    for folder, changes in (("python/truepose", in_module), ("include/truepose", in_header)):
+        for path in sorted((ROOT / folder).rglob("*.[ph]*")):
+            name = str(path.relative_to(ROOT))
+            if name.endswith(PICTURES) or path.suffix not in (".py", ".hpp"):
+                continue
+            if any(word in name for word in words or [""]):
+                sites += [(name, *site) for site in changes(path)]
+    random.Random(seed).shuffle(sites)
+    return sites
+
+
+def tried(site: Site, tests: Tests, tools: Tools) -> tuple[str, str, str]:
+    """Return the room, what became of a mutant, and the mutant."""
+    file, line, begin, end, right = site
+    text = (ROOT / file).read_text(encoding="utf-8").splitlines(keepends=True)
+    changed = text[line - 1][:begin] + other(right) + text[line - 1][end:]
+    said = f"{file}:{line}: {changed.strip()}"
+    room = "/".join(file.split("/")[1:3])
+    if not (asked := tests.of(file, line)):
+        return room, "no test", said
+    with tempfile.TemporaryDirectory(prefix="truepose-mutant-") as folder:
+        tree, part = Path(folder), file.partition("/")[0]
+        shutil.copytree(tools.clean / part, tree / part, symlinks=True)
+        (tree / file).write_text("".join([*text[: line - 1], changed, *text[line:]]), "utf-8")
+        for compiled in (tree / file).parent.glob(f"__pycache__/{Path(file).stem}.*"):
+            compiled.unlink()
+        try:
+            if part == "python":
+                ast.parse((tree / file).read_text("utf-8"))
+                passed = tools.python(set(asked), tree)
+            else:
+                mobility = "pivot_2" if Path(file).stem in PIVOTS else "schoenflies"
+                passed = all(tools.cpp({test}, mobility, tree) for test in asked)
+        except (SyntaxError, VerdictError) as why:
+            return room, "noticed" if str(why) == "HANGS" else "invalid", f"{said} ({why})"
+    return room, "SURVIVED" if passed else "noticed", said
+
+
+def main() -> None:
+    """Try mutants until enough were valid."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--count", type=int, default=300)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--jobs", type=int, default=os.cpu_count())
+    parser.add_argument("words", nargs="*", help="parts of files' names")
+    arguments = parser.parse_args()
+    if not RECORD.is_file():
+        sys.exit("random_mutants: no record of which test runs which line: make coverage-python")
+    tests, rooms = Tests(), defaultdict(Counter)
+    sites = drawn(arguments.words, arguments.seed)
+    with tempfile.TemporaryDirectory(prefix="truepose-mutants-") as clean:
+        tools = Tools(Path(clean))
+        with ThreadPoolExecutor(arguments.jobs) as pool:
+            for room, what, said in pool.map(
+                lambda s: tried(s, tests, tools), sites[: arguments.count]
+            ):
+                rooms[room][what] += 1
+                print(f"{what:9} {said[:150]}", flush=True)
+    total = sum(rooms.values(), Counter())
+    for room, count in [*sorted(rooms.items()), ("all", total)]:
+        valid = count.total() - count["invalid"]
+        print(f"{room:28} {count['noticed']:4} of {valid}")
+    share = {room: c["noticed"] / max(1, c.total() - c["invalid"]) for room, c in rooms.items()}
+    low = [
+        room for room, c in rooms.items() if c.total() - c["invalid"] >= 8 and share[room] < 0.75
+    ]
+    enough = total["noticed"] >= 0.85 * (total.total() - total["invalid"])
+    sys.exit(0 if enough and not low else f"too few are noticed{': ' * bool(low)}{', '.join(low)}")
+
+
+if __name__ == "__main__":
+    main()
