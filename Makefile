@@ -19,11 +19,11 @@ CPP := $(shell find include src tests/cpp tests/fuzz tests/linuxcnc tests/refere
 
 .DEFAULT_GOAL := help
 .PHONY: help reproduce report test test-python test-cpp lint format fuzz realtime deployments wheel instructions bench bench-peers \
-        mutants coverage coverage-python coverage-cpp pictures docs twin dev linuxcnc clean
+        mutants random-mutants coverage coverage-python coverage-cpp pictures docs twin dev linuxcnc clean
 
 help:
 	@sed -n 's/^# \?//p' Makefile | sed '/^$$/q'
-	@echo "Also: report lint format fuzz realtime wheel instructions bench mutants coverage pictures docs twin linuxcnc clean"
+	@echo "Also: report lint format fuzz realtime wheel instructions bench mutants random-mutants coverage pictures docs twin linuxcnc clean"
 
 reproduce: $(VENV)/installed
 	@truepose reproduce --force $(ARGS)
@@ -103,11 +103,17 @@ instructions: build/dev/build.ninja
 mutants: $(VENV)/developing
 	@python tests/mutants.py $(ARGS)
 
+# The same with changes drawn at random; an hour for 300 on two cores. First, once: make coverage-python.
+random-mutants: $(VENV)/developing
+	@python tests/random_mutants.py $(ARGS)
+
 # Which branches no test takes: of the package by coverage.py, of the core by clang. Some minutes.
 coverage: coverage-python coverage-cpp
 
 coverage-python: $(VENV)/developing
-	coverage run -m pytest -q tests/python
+	@mkdir -p build
+	OPENBLAS_NUM_THREADS=1 coverage run -m pytest -q -n auto --ignore=tests/python/deployments tests/python
+	coverage combine
 	coverage report --skip-covered --show-missing
 
 coverage-cpp: $(VENV)/developing
