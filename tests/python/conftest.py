@@ -10,6 +10,7 @@ import truepose as tp
 from truepose import files
 from truepose.commands import calibration_figures, cli
 from truepose.paper import article, with_paper_errors
+from truepose.show import terminal
 
 
 def pytest_addoption(parser):
@@ -111,6 +112,7 @@ def run(monkeypatch, capsys, tmp_path):
     """Return a function that runs `truepose` in an empty folder: status, stdout, stderr."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setattr(terminal, "MOST", 10_000)
 
     def command(*words):
         monkeypatch.setattr("sys.argv", ["truepose", *map(str, words)])

@@ -93,11 +93,11 @@ def test_readings_hunt_by_a_count_as_far_as_the_describing_function_says(name, p
         truth = robot.sample(seed)
         run = tp.simulate(robot, truth, controller, effects=effects, hold=1.2, seed=seed)
         swings.append(np.ptp(run.x[-200:], axis=0))
-    ratio = np.max(swings, axis=0)[:3].max() / found.hunting[0, :3].max()
+    ratio = np.max(swings, axis=0)[:3].max() / found.limit_cycle[0, :3].max()
     assert 0.6 < ratio < 1.6
 
 
-def test_less_damping_is_stiffer_at_the_same_hunting(h4):
+def test_less_damping_is_stiffer_at_the_same_limit_cycle(h4):
     soft, stiff = (gains.choose(h4, "joint", Effects(), 1e-3, damping)[0] for damping in (1, 0.55))
     assert stiff.frequency > 1.2 * soft.frequency
 

@@ -13,6 +13,7 @@ import pytest
 import truepose as tp
 from truepose.commands import accuracy, cli, info, options
 from truepose.paper import with_paper_errors
+from truepose.show import terminal
 from truepose.show.table import Table, fixed, number
 from truepose.show.terminal import laid_out
 
@@ -183,3 +184,32 @@ def test_words_that_hold_a_number_are_one_for_programs():
     assert json.dumps(table.records()) == '[{"word": "1", "a": 2.5, "b": "2.50 [1, 3]"}]'
     assert fixed(1 / 3).data == 1 / 3 and fixed(1 / 3) == "0.33"
     assert pickle.loads(pickle.dumps(fixed(1 / 3))).data == 1 / 3
+
+
+@pytest.mark.usefixtures("plain_page")
+@pytest.mark.parametrize(
+    ("words", "first"),
+    [
+        ("list", "Shipped robots"),
+        ("info h4", "H4 parallel robot"),
+        ("accuracy h4 --calibrated", "h4: 625 poses"),
+        ("faults h4", "h4, theta: 625 poses"),
+        ("margins delta", "delta at 1000 Hz"),
+        ("simulate h4", "h4, law tej"),
+        ("calibrate h4 log.csv -o new.toml", "55 uncertain parameters: "),
+    ],
+)
+def test_a_command_answers_first_on_one_screen_and_prints_the_rest_on_request(
+    run, monkeypatch, words, first
+):
+    run("simulate-log", "h4", "-o", "log.csv", "--poses", "30")
+    monkeypatch.setattr(terminal, "MOST", 20)
+    monkeypatch.setenv("COLUMNS", "80")
+    screen = run(*words.split())[1].splitlines()
+    assert screen[0].startswith(first) and len(screen) <= 20
+    assert max(map(len, screen)) <= 80
+    again = ("--force",) * ("-o new" in words)
+    every = run(*words.split(), "--all", *again)[1].splitlines()
+    (left,) = [int(line.split()[0]) for line in screen if "more lines with --all" in line] or [0]
+    shown = len(every) - left - sum(line.startswith("Wrote") for line in every)
+    assert screen[: shown - 1] == every[: shown - 1]

@@ -35,7 +35,7 @@ from truepose.robot.robot import Robot, load
 from truepose.robot.units import summed
 from truepose.robot.workspace import workspace_grid
 from truepose.show.table import Cell, Table, number
-from truepose.show.terminal import Format, say, show
+from truepose.show.terminal import Format, show
 from truepose.show.units import PRINT
 
 if TYPE_CHECKING:
@@ -88,10 +88,11 @@ def command(
     shown = loaded.with_sensors(*(sets[0] if sets else loaded.sensors))
     visited = found.poses if calibrated else None
     save(lambda: draw_map(shown, visited, touched, level))
-    show(tables(found), how)
     left_out = f", {found.left_out} that are unreachable or singular left out"
     where = f"{len(found.poses)} poses of {poses or 'a grid over the workspace'}"
-    say(f"{loaded.name}: {where}{left_out if found.left_out else ''}.", how)
+    answer = f"{loaded.name}: {where}{left_out if found.left_out else ''}."
+    best = tables(found)[:: -1 if how is Format.table else 1]  # on a screen the calibrated first
+    show(best, how, [answer], more=plot is not None)
     wrote(how, plot)
 
 

@@ -180,10 +180,11 @@ def command(
         say(f"{log or known_pose}: {note}", err=True)
     tables = review.tables_of(result)
     if how is Format.table:  # the report has the change of each parameter, too
-        few = (0, 1, 3, 4, 5, 6)
+        few = (0, 1, 3, 4, 6)
         tables = [t.columns(*few) if t.name == "parameters" else furthest(t) for t in tables]
-    show(tables, how)
-    say(f"{result.fit.verdicts}.", how)
+        tables.sort(key=lambda table: table.name != "accuracy")
+    written = sum(path is not None for path in (out, report))
+    show(tables, how, [f"{result.fit.verdicts}."], more=written)
     wrote(how, out, report)
 
 

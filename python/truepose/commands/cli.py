@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import functools
+import inspect
 import os
 import signal
 import sys
 import threading
 import warnings
+from collections.abc import Callable
 from importlib import metadata
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from typer.exceptions import TyperException
@@ -30,7 +33,7 @@ from truepose.commands import (
 )
 from truepose.exceptions import TrueposeError
 from truepose.plugins import plugins
-from truepose.show.terminal import prepare, say
+from truepose.show.terminal import limit, prepare, say
 
 app = typer.Typer(
     rich_markup_mode="markdown",
@@ -38,29 +41,51 @@ app = typer.Typer(
     help="Makes parallel robots accurate with redundant sensors.",
 )
 
-app.command("check")(robots.check_command)
-app.command("new")(robots.new_command)
-app.command("info")(info.command)
-app.command("accuracy")(accuracy.command)
-app.command("design")(design.command)
-app.command("plan")(plan.command)
-app.command("faults")(faults.command)
-app.command("isolate")(log_questions.isolate_command)
-app.command("margins")(margins.command)
-app.command("calibrate")(calibrate.command)
-app.command("zero")(log_questions.zero_command)
+
+def _limited(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Let a command that prints tables print a screen of them, and all with --all."""
+    signature = inspect.signature(command, eval_str=True)
+    if "how" not in signature.parameters:
+        return command
+    option = typer.Option("--all", help="Print all tables, not the first screen.")
+
+    @functools.wraps(command)
+    def run(*args: Any, everything: bool = False, **options: Any) -> Any:
+        limit(not everything)
+        return command(*args, **options)
+
+    of = Annotated[bool, option]
+    asked = inspect.Parameter(
+        "everything", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=of
+    )
+    run.__signature__ = signature.replace(parameters=[*signature.parameters.values(), asked])  # type: ignore[attr-defined]
+    run.__annotations__ = {name: p.annotation for name, p in run.__signature__.parameters.items()}  # type: ignore[attr-defined]
+    return run
+
+
+app.command("check")(_limited(robots.check_command))
+app.command("new")(_limited(robots.new_command))
+app.command("info")(_limited(info.command))
+app.command("accuracy")(_limited(accuracy.command))
+app.command("design")(_limited(design.command))
+app.command("plan")(_limited(plan.command))
+app.command("faults")(_limited(faults.command))
+app.command("isolate")(_limited(log_questions.isolate_command))
+app.command("margins")(_limited(margins.command))
+app.command("calibrate")(_limited(calibrate.command))
+app.command("zero")(_limited(log_questions.zero_command))
 app.add_typer(export.app, name="export")
-app.command("list")(robots.list_command)
-app.command("simulate-log")(monte_carlo.simulate_log_command)
-app.command("simulate")(simulate.command)
-app.command("monte-carlo")(monte_carlo.study_command)
+app.command("list")(_limited(robots.list_command))
+app.command("simulate-log")(_limited(monte_carlo.simulate_log_command))
+app.command("simulate")(_limited(simulate.command))
+app.command("monte-carlo")(_limited(monte_carlo.study_command))
 for _name, _found in plugins("commands").items():  # of integrations and of the paper
     _group, _, _name = _name.rpartition(".")
     _parent, _command = {"": app, "export": export.app}[_group], _found.load()
     if isinstance(_command, typer.Typer):
         _parent.add_typer(_command, name=_name)
     else:
-        _parent.command(_name)(_command)
+        _parent.command(_name)(_limited(_command))
 
 
 def _version(wanted: bool) -> None:

@@ -35,7 +35,7 @@ from truepose.robot.robot import Robot, load
 from truepose.robot.units import summed, unit_of
 from truepose.robotfile import path_of
 from truepose.show.table import Cell, Table, number
-from truepose.show.terminal import Format, say, show
+from truepose.show.terminal import Format, show
 from truepose.show.units import PRINT, WRITTEN, tolerance
 
 #: Poses of a self-calibration, where a report shows one that was not asked for.
@@ -157,9 +157,7 @@ def command(
         )
         if out is not None:
             there.robot.save(out, force=force)
-        show([_placement_table(there, ", ".join(state))], how)
-        for line in _placement_notes(there):
-            say(line, how)
+        show([_placement_table(there, ", ".join(state))], how, _placement_notes(there))
         wrote(how, out)
         return
     found = select_sensors(
@@ -184,9 +182,7 @@ def command(
             found, ", ".join(state), told, notes(found), len(visited), bool(reference_pose)
         )
         files.write({page_out: text}, inputs, force)
-    show([shown], how)
-    for line in notes(found):
-        say(line, how)
+    show([shown], how, notes(found), more=sum(p is not None for p in (plot, report)))
     wrote(how, plot, report)
 
 

@@ -103,12 +103,11 @@ def command(
     save(lambda: draw(found, state))
     others = list(_beside(loaded, subject, at, visited, found, effects))
     parts = [by_box(found, at, boxes)] if boxes > 1 else []
-    show([limits(found, state), *parts, *harm(found), beside(others)], how)
     where = f"{len(at)} poses of {poses or 'a grid over the workspace'}"
     gone = f", {left_out} that are unreachable or singular left out" if left_out else ""
-    say(f"{loaded.name}, {label(loaded, loaded.sensors)}: {where}{gone}; {state}.", how)
-    for line in notes(found):
-        say(line, how)
+    subject_line = f"{loaded.name}, {label(loaded, loaded.sensors)}: {where}{gone}; {state}."
+    tables = [limits(found, state), *parts, *harm(found), beside(others)]
+    show(tables, how, [subject_line], notes(found), plot is not None)
     wrote(how, plot)
 
 

@@ -77,9 +77,7 @@ def zero_command(
     found = zero(loaded, logs.read(loaded, log), at=pose, sigma=_sigma(loaded, sigma))
     for note in (*found.notes, *found.fit.notes):
         say(f"{log}: {note}", err=True)
-    show([motors(found), known(found)], how)
-    for line in open_questions(found):
-        say(line, how)
+    show([motors(found), known(found)], how, open_questions(found))
     if output:
         fitted = found.robot
         values = {name: p.value for name, p in fitted.parameters.items()}
@@ -165,9 +163,7 @@ def isolate_command(
     """
     loaded = load_with(robot, sensors)
     found = isolate(loaded, logs.read(loaded, log).readings, level, false_alarm=false_alarm)
-    show([hypotheses(found)], how)
-    for line in verdict(found):
-        say(line, how)
+    show([hypotheses(found)], how, verdict(found))
 
 
 def hypotheses(found: Isolation) -> Table:

@@ -28,7 +28,7 @@ from truepose.exceptions import InputError, choose
 from truepose.robot.laws import LAWS, Law
 from truepose.robot.robot import Robot
 from truepose.show.table import Cell, Table, number
-from truepose.show.terminal import Format, say, show
+from truepose.show.terminal import Format, show
 from truepose.show.units import PRINT
 
 if TYPE_CHECKING:
@@ -92,17 +92,14 @@ def command(
     if not found:
         raise refused[0]
     save(lambda: draw(found))
-    show([chosen(found), *(table(each) for each in found)], how)
     poses = len(found[0].poses)
     where = f"home and {poses - 1} corners of the workspace" if poses > 1 else "home"
     names = " ".join(name for name, _ in loaded.coordinates)
     units = "°" if all(unit == "rad" for _, unit in loaded.coordinates) else "mm, °"
     where += f" ({names}; {units})" * (poses > 1)
-    say(f"{loaded.name} at {rate:g} Hz, effects {effects}: least of {where}.", how)
-    for line in notes(found):
-        say(line, how)
-    for why in refused:
-        say(why, how)
+    least = f"{loaded.name} at {rate:g} Hz, effects {effects}: least of {where}."
+    tables = [chosen(found), *(table(each) for each in found)]
+    show(tables, how, [least, *refused], notes(found), plot is not None)
     wrote(how, plot)
 
 
@@ -144,7 +141,7 @@ def chosen(found: list[StabilityMargins]) -> Table:
     """One row a law: its gains, and what counts and noise do to it at the worst pose."""
     header = ["law", "poles (rad/s)", "damping", "filter (rad/s)", "torque noise (% of limit)"]
     units = dict.fromkeys(unit for _, unit in found[0].robot.coordinates)
-    header += [f"hunting ({PRINT[unit][1]})" for unit in units]
+    header += [f"limit cycle, ({PRINT[unit][1]})" for unit in units]
     rows = []
     for each in found:
         control = each.controller
@@ -152,7 +149,7 @@ def chosen(found: list[StabilityMargins]) -> Table:
         values.append(100 * each.dither.max())
         for unit in units:
             of = [own == unit for _, own in each.robot.coordinates]
-            values.append(PRINT[unit][0] * each.hunting[:, of].max())
+            values.append(PRINT[unit][0] * each.limit_cycle[:, of].max())
         rows.append([control.law, *(number(float(v)) for v in values)])
     return Table("gains", "Gains", header, rows)
 

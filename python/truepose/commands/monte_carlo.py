@@ -92,14 +92,13 @@ def simulate_log_command(
     drawn = load(robot)
     if found is not None:
         result = missed(drawn, load(kept), load(found), seed)
-        show(_compared(drawn, result), how)
         p = len(result.names)
         low, high = (p * (1 - 2 / (9 * p) + z * (2 / (9 * p)) ** 0.5) ** 3 for z in (-1.96, 1.96))
-        say(
+        nees = (
             f"Squared error of all {p} in the stated covariance: {result.nees:.1f}; where it is "
-            f"right, {low:.0f} to {high:.0f} of 95 in 100 calibrations.",
-            how,
+            f"right, {low:.0f} to {high:.0f} of 95 in 100 calibrations."
         )
+        show(_compared(drawn, result), how, [nees])
         return
     names = parse_set(drawn, sensors) if sensors is not None else drawn.sensors
     drawn = drawn.with_sensors(*names)
@@ -247,12 +246,10 @@ def study_command(
             cluster=cluster,
             progress=lambda done, total: bar.update(task, completed=done, total=total),
         )
-    show([found.table()], how)
+    show([found.table()], how, [MEANING[function]] if function in MEANING else [])
     if missing := int(found.unanswered.sum()):
         said = [*found.columns["error"][found.failed], "a result is not finite (NaN)"]
         say(f"{missing} of {len(found)} cases had no answer; the first: {said[0]}", err=True)
-    if function in MEANING:
-        say(MEANING[function], how)
     if out:
         say(f"Kept in {out}", how)
 

@@ -143,9 +143,7 @@ def command(
         seed=seed,
     )
     save(lambda: draw(found))
-    show([table(found)], how)
-    for line in notes(found):
-        say(line, how)
+    show([table(found)], how, notes(found), more=sum(p is not None for p in (out, plot)))
     if output is not None and found.steps:
         files.write({output: written(found)}, inputs, force)
     elif output is not None:

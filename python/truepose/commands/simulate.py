@@ -42,7 +42,7 @@ from truepose.robot.robot import Robot, list_robots
 from truepose.robot.units import summed
 from truepose.robotfile import path_of
 from truepose.show.table import Cell, Table, number
-from truepose.show.terminal import Format, say, show
+from truepose.show.terminal import Format, show
 from truepose.show.units import PRINT
 from truepose.simulation import paths
 from truepose.simulation.drive import controller_of
@@ -189,14 +189,12 @@ def command(
     if log is not None:
         columns = logs.columns(run.log, truth)
         files.write({log: logs.encoded(log.path, columns)}, read, force)
-    show(run.tables, how)
     who = f"true robot {f'drawn with seed {seed}' if true == 'drawn' else true}"
     if faults:
         who += f", faults {', '.join(map(str, faults))}"
-    say(
-        f"{believed.name}, law {law}, poles {controller.frequency:.3g} rad/s, {who}: {run.status}",
-        how,
-    )
+    poles = f"{controller.frequency:.3g} rad/s"
+    answer = f"{believed.name}, law {law}, poles {poles}, {who}: {run.status}"
+    show(run.tables, how, [answer], more=sum(p is not None for p in (out, plot)))
     wrote(how, out, plot)
 
 

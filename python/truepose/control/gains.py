@@ -150,7 +150,7 @@ def _chosen(
         dither = float((found.dither(gains, read.reading_sigma) / limits).max())
         if not dither <= _DITHER:
             return f"counts and noise shake a motor by {100 * dither:.2g} % of its torque limit"
-        swing = found.hunting(gains, read.resolution).max(axis=0)
+        swing = found.limit_cycle(gains, read.resolution).max(axis=0)
         if not (swing <= rest).all():
             k = int((swing / rest).argmax())
             length = rest[k] == REST[0]

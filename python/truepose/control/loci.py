@@ -93,7 +93,7 @@ class Responses:
         power = (np.abs(answer) ** 2).sum(axis=-1)
         return np.sqrt(np.trapezoid(power, self.frequency * self.period / np.pi, axis=1))
 
-    def hunting(self, gains: Gains, counts: Array) -> Array:
+    def limit_cycle(self, gains: Gains, counts: Array) -> Array:
         """Return how far the nacelle swings as readings hunt by a count, peak to peak: (P, n).
 
         Readings rest in the middle of a count or hunt about its edge, where a quantizer is a relay

@@ -36,7 +36,7 @@ class StabilityMargins:
     loci: Array  #: (P, F, n) complex: eigenvalues of the loop of all motors
     stable: Array  #: (P,) bool; margins of a loop that is not say nothing
     dither: Array  #: (P, n) rms of the torques as counts and noise are white, of their limits
-    hunting: Array  #: (P, n) peak to peak of the nacelle as readings hunt by a count: m, rad
+    limit_cycle: Array  #: (P, n) peak to peak of the nacelle as readings toggle by a count: m, rad
 
     def worst(self, loop: str) -> Margin:
         """Return the least of a loop's margins, each at its own pose."""
@@ -143,5 +143,5 @@ def stability_margins(
         found.together(asked),
         found.stable(asked),
         found.dither(asked, read.reading_sigma) / limits,
-        found.hunting(asked, read.resolution),
+        found.limit_cycle(asked, read.resolution),
     )

@@ -75,11 +75,13 @@ def command(
     found += tables.twin_tables(result.section) if result.section else []
     verdicts = tables.verdicts(result)
     found.append(verdicts.columns(0, 1, 2, 3) if how is Format.table else verdicts)
-    show(found, how)
+    elapsed = time.perf_counter() - start
+    answer = [
+        f"{robots} robots, seed {seed}, {elapsed:.1f} s. The H4's dimensions are assumed.",
+        f"Report: {out / report.PAGE}",
+    ]
+    show([found.pop(), *found], how, answer)
     for note in result.section.notes if result.section else ():
         say(f"truepose: {note}", err=True)
-    elapsed = time.perf_counter() - start
     for reason in tables.REASONS:
         say(reason, how)
-    say(f"{robots} robots, seed {seed}, {elapsed:.1f} s. The H4's dimensions are assumed.", how)
-    say(f"Report: {out / report.PAGE}", how)

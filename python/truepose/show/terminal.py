@@ -29,6 +29,10 @@ _PLAIN = {
 }
 _GAP = "  "
 _LEAST = 40  # columns; in a narrower window lines are longer than it is wide
+#: Lines of a command's answer.
+MOST = 20
+_PIECE = 6  # lines of a table below which its beginning is not printed
+_limited = False
 
 
 class Format(StrEnum):
@@ -60,16 +64,61 @@ def say(text: object, how: Format = Format.table, err: bool = False) -> None:
     print(one_line(text), file=sys.stderr if err or how is not Format.table else sys.stdout)
 
 
-def show(tables: list[Table], how: Format = Format.table) -> None:
-    """Print tables."""
+def limit(on: bool) -> None:
+    """Let :func:`show` print at most `MOST` lines, or everything."""
+    global _limited  # noqa: PLW0603 – of the one command that runs
+    _limited = on
+
+
+def show(
+    tables: list[Table],
+    how: Format = Format.table,
+    answer: Sequence[object] = (),
+    notes: Sequence[object] = (),
+    more: int = 0,
+) -> None:
+    """Print lines of an answer, tables, the most important first, and notes.
+
+    `more` is how many lines the command prints afterwards.
+    """
+    if how is not Format.table:
+        _data(tables, how)
+        for line in (*answer, *notes):
+            say(line, how)
+        return
+    width = max(shutil.get_terminal_size().columns, _LEAST)
+    first, last = (
+        [line for text in texts for line in _wrapped(_printable(str(text)), width)]
+        for texts in (answer, notes)
+    )
+    parts = [first, *(laid_out(table, width) for table in tables), last]
+    lines, left = _joined([part for part in parts if part], MOST - more)
+    if left:
+        lines += ["", f"{left} more lines with --all"]
+    print("\n".join(lines))
+
+
+def _joined(parts: list[list[str]], most: int) -> tuple[list[str], int]:
+    """Lines of a screen, and how many are left out."""
+    every = [line for part in parts for line in ("", *part)][1:]
+    if not _limited or len(every) <= most:
+        return every, 0
+    lines = parts[0][: most - 2]
+    for part in parts[1:]:
+        room = most - 2 - len(lines) - 1
+        if room < min(len(part), _PIECE):
+            break
+        lines += ["", *part[:room]]
+    return lines, len(every) - len(lines)
+
+
+def _data(tables: list[Table], how: Format) -> None:
+    """Print tables for programs."""
     if how is Format.json:
         data = {table.name: [_finite(row) for row in table.records()] for table in tables}
         print(json.dumps(data, indent=1, ensure_ascii=not _knows("σθ°")))
-    elif how is Format.csv:
-        print(_csv(tables), end="")
     else:
-        width = max(shutil.get_terminal_size().columns, _LEAST)
-        print("\n\n".join("\n".join(laid_out(table, width)) for table in tables) + "\n")
+        print(_csv(tables), end="")
 
 
 def _knows(letters: str) -> bool:

@@ -77,18 +77,16 @@ def command(
         say(f"{config}: {note}", err=True)
     tables = review.tables(found)
     further = [] if found.to_read is None else [found.to_read]
-    show([*(narrow(tables) if how is Format.table else tables), *further], how)
-    for line in (*review.assumptions(found.prior, found.assumed), *review.words(found)):
-        say(f"{line}.", how)
+    answer = (*review.words(found), *review.assumptions(found.prior, found.assumed))
+    shown = [*(narrow(tables) if how is Format.table else tables), *further]
+    show(shown, how, [f"{line}." for line in answer])
     wrote(how, write, robot, report)
 
 
 def first(config: Config, count: int, arm: float | None, how: Format) -> None:
     """Say what to read of a printer that has no readings yet."""
     table, assumed = to_read.first_readings(config, count, arm)
-    show([table], how)
-    for line in assumed:
-        say(f"{line}.", how)
+    show([table], how, [f"{line}." for line in assumed])
 
 
 def narrow(tables: list[Table]) -> list[Table]:

@@ -17,7 +17,7 @@ from truepose.exceptions import InputError
 from truepose.integrations.maslow import belts
 from truepose.integrations.maslow.belts import BELTS, Model, Sled
 from truepose.show.table import Cell, Table, fixed, number
-from truepose.show.terminal import Format, say, show
+from truepose.show.terminal import Format, show
 
 #: Fewer poses than unknowns of the largest model leave most of them to the prior.
 FEWEST = 12
@@ -78,12 +78,9 @@ def command(
         fitted = sled.fit.robot
         values = {name: p.value for name, p in fitted.parameters.items()}
         contents = {output: robotfile.to_toml(fitted.spec, values)}
-    for text in before:
-        say(text, how)
     further = [] if next_poses is None else [worth_reading(sled, next_poses)]
-    show([unknowns(sled), models(sled, above), *further], how)
-    for text in [*apart(sled), *suspects(sled, lines), *honesty(lengths, above, model)]:
-        say(text, how)
+    answer = [*before, *apart(sled), *suspects(sled, lines), *honesty(lengths, above, model)]
+    show([unknowns(sled), models(sled, above), *further], how, answer)
     if output:
         files.write(contents, (log,), force)
     wrote(how, out)
