@@ -107,12 +107,17 @@ def anywhere():
     return draw
 
 
+@pytest.fixture(autouse=True)
+def everything(monkeypatch):
+    """Let commands print all tables, as with --all."""
+    monkeypatch.setattr(terminal, "MOST", 10_000)
+
+
 @pytest.fixture
 def run(monkeypatch, capsys, tmp_path):
     """Return a function that runs `truepose` in an empty folder: status, stdout, stderr."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "200")
-    monkeypatch.setattr(terminal, "MOST", 10_000)
 
     def command(*words):
         monkeypatch.setattr("sys.argv", ["truepose", *map(str, words)])

@@ -225,7 +225,7 @@ def test_what_is_out_of_reach_lowers_the_fraction_and_greys_the_map(h4):
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        ("truepose si", ["simulate"]),
+        ("truepose si", ["simulate", "simulate-log"]),
         ("truepose info hexa", ["hexa", "hexaglide"]),
         ("truepose calibrate ste", ["stewart"]),
         ("truepose new lin", ["linear-delta"]),

@@ -61,7 +61,7 @@ def command(
 
     Says how well the file's parameters fit its readings, what Klipper's own criterion gives and
     what the estimate with stated tolerances, how well each parameter is known then, how readings
-    are predicted that were not looked at, what a print would show, and whether to use it at all.
+    are predicted that are held out, what a print would show, and whether to use it at all.
 
     With --plan, what to read next; of a file without readings, what first.
 
@@ -78,7 +78,7 @@ def command(
     tables = review.tables(found)
     further = [] if found.to_read is None else [found.to_read]
     answer = (*review.words(found), *review.assumptions(found.prior, found.assumed))
-    shown = [*(narrow(tables) if how is Format.table else tables), *further]
+    shown = [*further, *(narrow(tables) if how is Format.table else tables)]
     show(shown, how, [f"{line}." for line in answer])
     wrote(how, write, robot, report)
 
