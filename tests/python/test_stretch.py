@@ -42,7 +42,7 @@ def read(robot, x, force, seed):
     """Readings under forces that differ from line to line, noise and counts included."""
     full = robot.is_full(None)
     added = compliance.given_way(robot, x, full, force=force).readings
-    exact = np.ascontiguousarray(robot.rigid.extended_positions(x) + added)
+    exact = np.ascontiguousarray(robot.stiff.extended_positions(x) + added)
     return np.asarray(_core.spoil(robot.core, exact, seed))
 
 
@@ -61,7 +61,7 @@ def test_the_forward_model_undoes_the_inverse_one_under_load(
     x = anywhere(robot, min(count, 2000), rng)
     q = robot.ikm(x, errors="nan")
     good = np.isfinite(q).all(axis=1)
-    assert good.mean() > 0.3 and np.abs(q - robot.rigid.ikm(x, "nan"))[good].max() > 1e-5
+    assert good.mean() > 0.3 and np.abs(q - robot.stiff.ikm(x, "nan"))[good].max() > 1e-5
     assert robot.fkm(q[good], guess=x[good]) == pytest.approx(x[good], abs=1e-10)
     q_e = robot.extended_positions(x[good])
     assert q_e[:, : robot.n] == pytest.approx(q[good], abs=1e-14)
@@ -87,7 +87,7 @@ def test_a_chain_under_tension_is_one_with_longer_rods(any_robot, anywhere, rng)
                 gain = robot.parameters[f"chain{k}.gain"].value
                 name, more = f"chain{k}.encoder_offset", gain * strain * np.linalg.norm(P - A)
                 longer[name] = robot.parameters[name].value + more
-        assert robot.ikm(pose) == pytest.approx(robot.rigid.replace(longer).ikm(pose), abs=1e-12)
+        assert robot.ikm(pose) == pytest.approx(robot.stiff.replace(longer).ikm(pose), abs=1e-12)
 
 
 def test_a_hexapods_legs_hold_its_weight_and_load(stewart, anywhere, rng):
@@ -177,7 +177,7 @@ def test_measured_tensions_and_loads_come_with_a_table(yielding, anywhere, rng):
     x = anywhere(robot, 40, rng)
     pull = rng.uniform(50, 400, (40, 3))
     added = compliance.given_way(true, x, False, tension=pull).readings
-    table = {f"q{k + 1}": (true.rigid.extended_positions(x) + added)[:, k] for k in range(3)}
+    table = {f"q{k + 1}": (true.stiff.extended_positions(x) + added)[:, k] for k in range(3)}
     outside = dict(zip(("measured_x", "measured_y", "measured_theta"), x.T, strict=True))
     tensions = {f"q{k + 1}_tension": pull[:, k] for k in range(3)}
     known = {"registration": "known", "measured_sigma": 1e-6, "measured_angle_sigma": 1e-6}
@@ -317,7 +317,7 @@ def test_a_wrong_word_of_stretch_is_refused(tmp_path, added):
 
 def test_a_file_that_says_nothing_of_stretch_has_no_parameter_of_it(any_robot):
     assert not any(name.endswith("compliance") for name in any_robot.parameters)
-    assert not any_robot.gives_way and any_robot.rigid == any_robot
+    assert not any_robot.is_compliant and any_robot.stiff == any_robot
 
 
 def test_a_load_is_saved(tmp_path, delta):

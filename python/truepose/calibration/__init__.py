@@ -1,4 +1,4 @@
-"""Calibration: what a log of readings tells of a robot, and how accurate the pose can be."""
+"""Calibration of a robot from logs of its readings, and the accuracy to expect."""
 
 from truepose.calibration.differences import DistanceMeasurements, PlaneContacts, RepeatedPoses
 from truepose.calibration.fit import Calibration

@@ -32,7 +32,7 @@ def accuracy(
     relative_to: ArrayLike | None = None,
     differences: Sequence[Difference] = (),
 ) -> Array:
-    """Covariance of the best estimate of x that the robot's sensors allow.
+    """Predict the covariance of the best estimate of x: the Cramér–Rao bound of the sensors.
 
     Linear-Gaussian and Bayesian: tolerances (or a calibration's covariance) and the readings' own
     errors, linearised at the expected geometry. No unbiased estimate has a smaller mean covariance.

@@ -41,7 +41,7 @@ def calibrate(
     influences: Sequence[NuisanceParameter] = (),
     loads: Payloads | None = None,
 ) -> Calibration:
-    """Learn a robot's geometry from its own readings: maximum a posteriori, the poses unknown.
+    """Identify a robot's geometry from its own readings: maximum a posteriori, poses unknown.
 
     Prior means and σ are the tolerances of the robot's file (or its last calibration). They also
     hold the gauges: what no reading can see keeps its prior, and says so.

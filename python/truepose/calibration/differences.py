@@ -67,7 +67,7 @@ class DistanceMeasurements(_Measured):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RepeatedPoses(_Measured):
-    """Places that the tool came back to, or left by a known step: ``p_i - p_j = apart``."""
+    """Places that the tool revisited, or left by a known step: ``p_i - p_j = apart``."""
 
     pairs: ArrayLike  #: (M, 2) lines i and j
     apart: ArrayLike = 0.0  #: of each coordinate, in the base frame, m

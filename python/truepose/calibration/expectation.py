@@ -63,9 +63,9 @@ def expect(
     level = robot.highest_level if level is None else level
     under = (loads or Payloads()).arrays(robot, len(readings))
     stiff = robot
-    if robot.gives_way:
+    if robot.is_compliant:
         readings, _ = relieved(robot, readings, robot.is_full(level), under)
-        stiff = robot.rigid
+        stiff = robot.stiff
     x = poses_of(stiff, readings[:, :n], level)
     expected = stiff.extended_positions(x, errors="nan", level=level)
     apart = _core.innovation(robot.core, readings, np.ascontiguousarray(expected))

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Calibration:
-    """A calibration: the robot as its readings show it. N lines, p uncertain parameters.
+    """A calibration: the identified robot and its covariance. N rows, p uncertain parameters.
 
     Printed, it says what it rests on and what it found.
 

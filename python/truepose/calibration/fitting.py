@@ -71,7 +71,7 @@ def fit_to(
     influences: Sequence[NuisanceParameter] = (),
     loads: Payloads | None = None,
 ) -> Calibration:
-    """Learn a robot's geometry from an array of its readings, looked over or not.
+    """Identify a robot's geometry from an array of its readings, checked or not.
 
     Parameters, result and errors are those of :func:`truepose.calibrate`.
     """
@@ -154,7 +154,7 @@ def fit_to(
         )
     }
     shown = lines.rows - acting @ np.array([of.value for of in amounts.values()]) - added
-    stiff = calibrated.rigid if stretching.acts else calibrated
+    stiff = calibrated.stiff if stretching.acts else calibrated
     expected = stiff.extended_positions(answer.x, errors="nan", level=level)
     residuals = np.asarray(_core.innovation(robot.core, shown, np.ascontiguousarray(expected)))
     told = slice(lines.own or None)  # known poses only where there is nothing else

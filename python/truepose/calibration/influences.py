@@ -129,7 +129,7 @@ class Stretching:
         self._prior = [known[name] for name in self.names]
         expected = robot.expected()
         self._usual = expected.compliance
-        self.acts = bool(self.names) or expected.gives_way
+        self.acts = bool(self.names) or expected.is_compliant
         self._loads = (loads or Payloads()).arrays(robot, len(readings))
         self._by = np.zeros((*readings.shape, robot.n))  #: per unit of every chain's compliance
         if self.acts:
@@ -187,6 +187,6 @@ def relieved(
         return _core.fkm(robot.core, np.ascontiguousarray(q[:, :n]), begin, full)[:3]
 
     x, *_ = compliance.at_rest(robot, readings[:, :n], full, answer, **loads)
-    if not robot.gives_way:
+    if not robot.is_compliant:
         return readings, x
     return readings - compliance.given_way(robot, x, full, **loads).readings, x

@@ -21,7 +21,7 @@ from truepose.robotfile.to_core import columns
 
 
 class OnlineCalibrator:
-    """A filter on the robot's parameters that every line of its own readings makes wiser.
+    """Online calibration: a recursive filter on the parameters, updated by every row of readings.
 
     It starts from the priors of the robot's file (or its last calibration) and ends near where
     :func:`truepose.calibrate` ends on the same lines. In the core one line takes bounded time and

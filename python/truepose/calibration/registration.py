@@ -33,7 +33,7 @@ SIGMA, ANGLE_SIGMA = 2e-5, math.radians(0.01)
 
 @dataclass(frozen=True)
 class Registration:
-    """What is known beforehand of a tracker's frame and of its marker; σ = 0: known exactly.
+    """Prior of a tracker's frame and of its marker; σ = 0: known exactly.
 
     The tracker is to see position p = t + R_F (D + R c) and orientation R_F R M, where (D, R) is
     the nacelle's pose, (t, R_F) the base in the tracker's frame, (c, M) the marker's in the

@@ -46,7 +46,7 @@ class Zero(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Zeroing:
-    """Motors' zeros as postures show them."""
+    """Homing offsets identified at reference postures."""
 
     fit: Calibration  #: calibrated by the postures
     x: Array  #: (K, n) where the robot stood, as far as it was said; NaN
@@ -72,7 +72,7 @@ def zero(
     at: ArrayLike | None = None,
     sigma: ArrayLike | float = logs.FLAT,
 ) -> Zeroing:
-    """Find what the motors' zeros are off, from readings at a pose that is known from outside.
+    """Identify homing offsets from readings at a known reference pose.
 
     A foot that stands flat, a nacelle against its stop. All that the file leaves open may be what
     is off there, and is corrected by as much as it is likely to be: offsets, rods, points. The
@@ -348,7 +348,7 @@ def _motors(fit: Calibration, rows: Array) -> tuple[Zero, ...]:
 
 
 def rehomed(robot: Robot, sigma: ArrayLike) -> Robot:
-    """Return a robot of whose motors' zeros less is known: they may have moved by `sigma`.
+    """Return a robot with larger σ of its homing offsets: each may be off by `sigma`.
 
     Everything else that a calibration has learnt is kept, with its covariance, so that a few poses
     find the zeros again.
@@ -392,7 +392,7 @@ def rehomed(robot: Robot, sigma: ArrayLike) -> Robot:
 
 
 def homings(robot: Robot, homing: ArrayLike, sigma: ArrayLike) -> tuple[NuisanceParameter, ...]:
-    """Of a log during which motors were homed anew: their earlier zeros, as influences.
+    """Return the earlier homing offsets of a log with several homings, as nuisance parameters.
 
     The calibrated robot then has the zeros of the last homing, and all lines together tell the
     rest: what a tracker saw before, too, if it still stands where it stood.

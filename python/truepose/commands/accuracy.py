@@ -70,10 +70,10 @@ def command(
     how: How = Format.table,
     force: Force = False,
 ) -> None:
-    """Predict how accurately sensors let the pose be known: the Cramér-Rao bound, before building.
+    """Predict the pose accuracy that sensors allow: the Cramér-Rao bound.
 
-    Prints σ of each coordinate, root mean square over the poses, from the tolerances and counts of
-    the robot file.
+    Prints 1σ of each coordinate, root mean square over the poses, for each set of sensors. The
+    tolerances and counts are those of the robot file.
 
     Example: **truepose accuracy h4 --sensors theta --sensors theta,z_telemeter --calibrated**
     """

@@ -125,10 +125,10 @@ def command(
     how: How = Format.table,
     force: Force = False,
 ) -> None:
-    """Learn a robot's geometry from a log of its own readings.
+    """Identify a robot's geometry from a log of its own readings.
 
-    Says what is wrong with the log, how well each parameter is known then, and how accurate the
-    robot will be; the report says how to read that.
+    Prints the accuracy to expect, problems of the log, and every parameter with its σ. The report
+    explains them.
 
     Example: **truepose calibrate h4 log.csv -o calibrated.toml**
     """

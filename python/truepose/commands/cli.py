@@ -63,29 +63,48 @@ def _limited(command: Callable[..., Any]) -> Callable[..., Any]:
     return run
 
 
-app.command("check")(_limited(robots.check_command))
-app.command("new")(_limited(robots.new_command))
-app.command("info")(_limited(info.command))
-app.command("accuracy")(_limited(accuracy.command))
-app.command("design")(_limited(design.command))
-app.command("plan")(_limited(plan.command))
-app.command("faults")(_limited(faults.command))
-app.command("isolate")(_limited(log_questions.isolate_command))
-app.command("margins")(_limited(margins.command))
-app.command("calibrate")(_limited(calibrate.command))
-app.command("zero")(_limited(log_questions.zero_command))
-app.add_typer(export.app, name="export")
-app.command("list")(_limited(robots.list_command))
-app.command("simulate-log")(_limited(monte_carlo.simulate_log_command))
-app.command("simulate")(_limited(simulate.command))
-app.command("monte-carlo")(_limited(monte_carlo.study_command))
-for _name, _found in plugins("commands").items():  # of integrations and of the paper
-    _group, _, _name = _name.rpartition(".")
-    _parent, _command = {"": app, "export": export.app}[_group], _found.load()
-    if isinstance(_command, typer.Typer):
-        _parent.add_typer(_command, name=_name)
+#: Groups of the help, in the order in which a robot's builder needs them.
+_GROUPS: dict[str, dict[str, Callable[..., Any]]] = {
+    "Robots": {
+        "list": robots.list_command,
+        "info": info.command,
+        "new": robots.new_command,
+        "check": robots.check_command,
+    },
+    "Before building": {
+        "accuracy": accuracy.command,
+        "design": design.command,
+        "plan": plan.command,
+        "faults": faults.command,
+    },
+    "Calibration": {
+        "calibrate": calibrate.command,
+        "zero": log_questions.zero_command,
+        "isolate": log_questions.isolate_command,
+    },
+    "Simulation and control": {
+        "simulate": simulate.command,
+        "simulate-log": monte_carlo.simulate_log_command,
+        "monte-carlo": monte_carlo.study_command,
+        "margins": margins.command,
+    },
+}
+#: Groups of registered commands; others are of machines.
+_GROUP_OF = {"import": "Robots", "view": "Robots", "workbench": "Demonstration"}
+_GROUP_OF["reproduce"] = "Demonstration"
+
+for _group, _commands in _GROUPS.items():
+    for _name, _command in _commands.items():
+        app.command(_name, rich_help_panel=_group)(_limited(_command))
+app.add_typer(export.app, name="export", rich_help_panel="Robots")
+for _path, _found in plugins("commands").items():  # of integrations and of the paper
+    _under, _, _name = _path.rpartition(".")
+    _parent, _loaded = {"": app, "export": export.app}[_under], _found.load()
+    _panel = None if _under else _GROUP_OF.get(_name, "Machines")
+    if isinstance(_loaded, typer.Typer):
+        _parent.add_typer(_loaded, name=_name, rich_help_panel=_panel)
     else:
-        _parent.command(_name)(_limited(_command))
+        _parent.command(_name, rich_help_panel=_panel)(_limited(_loaded))
 
 
 def _version(wanted: bool) -> None:

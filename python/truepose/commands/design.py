@@ -115,9 +115,9 @@ def command(
     how: How = Format.table,
     force: Force = False,
 ) -> None:
-    """Choose sensors and tolerances by the accuracy they allow and their cost, before building.
+    """Choose sensors and tolerances by accuracy and cost.
 
-    Prints the sets that none is as cheap and as accurate as; with a budget or a target the best.
+    Prints the Pareto front; with a budget or a target, the best set.
 
     Example: **truepose design h4 --price theta=90,z_telemeter=400,wire1=250 --budget 600**, then
     **truepose design h4 --place wire1 -o placed.toml**

@@ -71,9 +71,9 @@ def c(
 ) -> None:
     """Write a robot as constant tables for a program in C or C++: truepose/truepose.h.
 
-    Its description, what is known of it (of a calibrated robot what its calibration left), gains
-    and the watch's settings; they compile alone. Without masses in the file there are no gains and
-    no watch; the rest is written.
+    Writes its description, the covariance of its parameters, gains and the fault monitor's
+    settings; the file compiles alone. Gains and monitor need masses in the robot file; without
+    them the rest is written.
 
     Example: **truepose export c calibrated.toml -o my_robot.h**
     """

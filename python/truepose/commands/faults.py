@@ -79,10 +79,10 @@ def command(
     how: How = Format.table,
     force: Force = False,
 ) -> None:
-    """Predict which faults of readings will be seen and named, before anything is built.
+    """Predict which sensor faults are detectable and isolable.
 
-    Prints the smallest fault of each reading that is detected, and isolated from the others', how
-    far the nacelle is off just below it under each law, and which readings no test tells apart.
+    Prints the smallest detectable and isolable fault of each reading, the pose error of a fault
+    just below detection under each law, and readings that no test distinguishes.
 
     Example: **truepose faults h4 --sensors theta,z_telemeter --calibrated --effects all**
     """

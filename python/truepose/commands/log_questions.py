@@ -61,11 +61,11 @@ def zero_command(
     how: How = Format.table,
     force: Force = False,
 ) -> None:
-    """Zero a robot that stands where it is known to stand: a flat foot, a stop.
+    """Identify homing offsets from a known reference posture: a flat foot, a stop.
 
-    Corrects the geometry as likely as it is, and says what stays open: at one pose offsets, rods
-    and points look alike. Lines with a name in the column posture are used, else each that says
-    measured_…, else all as one posture.
+    Prints the offsets, the accuracy afterwards, and the parameters that one posture cannot tell
+    apart. Uses the rows with a name in the column posture; else those with measured_…; else all
+    rows as one posture.
 
     Example: **truepose zero g1-ankle posture.csv -o zeroed.toml**
     """
@@ -152,12 +152,11 @@ def isolate_command(
     ] = None,
     how: How = Format.table,
 ) -> None:
-    """Find the faulty reading from a log of readings at many poses.
+    """Isolate the faulty reading in a log of many poses.
 
-    One pose shows that readings contradict each other; with few sensors, not which one is wrong.
-    Drive the robot slowly through its workspace, with the file that it was calibrated to before.
-    Prints for each reading by how much it would be wrong, alone and in all lines, and what that
-    leaves unexplained.
+    At one pose, few sensors detect a fault but do not isolate it. Move the robot slowly through its
+    workspace and use the file of its last calibration. Prints for each reading the size of a fault
+    in all rows, and the χ² that remains.
 
     Example: **truepose isolate calibrated.toml tour.csv**
     """

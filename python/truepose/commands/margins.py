@@ -69,10 +69,10 @@ def command(
     how: How = Format.table,
     force: Force = False,
 ) -> None:
-    """Tell how much gain, phase and delay a robot's loops bear, and choose gains that keep enough.
+    """Compute stability margins, and choose gains that keep the required ones.
 
-    Prints for each law the gains, and the margins of all motors at once, of each motor alone and of
-    each reading alone, a sensor's own loop included: the least of home and the workspace's corners.
+    Prints the gains of each law, and the gain, phase and delay margins of all motors at once, of
+    each motor and of each reading: the smallest of home and the workspace's corners.
 
     Example: **truepose margins h4 --law joint --law tej --rate 2000**, then
     **truepose margins h4 --law tej --gains 40,300**

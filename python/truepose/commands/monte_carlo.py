@@ -79,11 +79,10 @@ def simulate_log_command(
     how: How = Format.table,
     force: Force = False,
 ) -> None:
-    """Write a plausible log of a robot that is not there yet, to try a calibration on.
+    """Simulate a calibration log of a robot sampled from the file's tolerances.
 
-    A true robot is drawn from the tolerances of the file, every rod by itself, sent about its
-    workspace by its motors, and read at rest. It is kept beside the log; with **--found** the
-    command says how far a calibrated file is from it.
+    The true robot, with an error in every rod, is moved through its workspace and read at rest. It
+    is saved beside the log; **--found** compares a calibrated file with it.
 
     Example: **truepose simulate-log h4 -o log.csv**, then **truepose calibrate h4 log.csv -o
     calibrated.toml**, then **truepose simulate-log h4 -o log.csv --found calibrated.toml**
@@ -214,9 +213,10 @@ def study_command(
     ] = None,
     how: How = Format.table,
 ) -> None:
-    """Ask one question of many robots drawn from their tolerances; rms, medians and 95 %.
+    """Evaluate a function over many robots sampled from their tolerances.
 
-    Numbers do not depend on how many workers there are. A study that was ended goes on from there.
+    Prints rms, medians and 95th percentiles, which do not depend on the number of workers. A study
+    that was interrupted resumes.
 
     Example: **truepose monte-carlo calibration h4 par4 --count 200 -o my-study**
     """

@@ -107,9 +107,9 @@ def command(
     how: How = Format.table,
     force: Force = False,
 ) -> None:
-    """Plan a calibration: the poses that buy most accuracy, where the machine can be.
+    """Plan calibration poses by their marginal gain in accuracy.
 
-    Prints what each more promises for the position, and compares with random poses.
+    Prints the predicted position error after each pose, and compares with random poses.
 
     Example: **truepose plan h4 --poses 20 --sensors theta,z_telemeter**, then
     **truepose plan h4 --target 1.6mm**

@@ -30,7 +30,7 @@ from truepose.show.units import printed
 def list_command(how: How = Format.table) -> None:
     """List the shipped robots: freedoms, motors, sensors, levels, and what each is.
 
-    A robot's name stands for its file in every command; **truepose info** says more of one,
+    Every command takes these names in place of a file. **truepose info** prints more of one,
     **truepose new** writes its file for you to change.
 
     Example: **truepose list**
@@ -137,10 +137,10 @@ _LARGEST = 20.0  # m; no robot of rods has such a part, and few in mm have none
 def check_command(
     file: Annotated[Path, typer.Argument(help="A robot file (TOML).")],
 ) -> None:
-    """Explain everything that is wrong with a robot file, one line each; exit status 2 then.
+    """Check a robot file: one line for each error, and exit status 2.
 
-    A line names the file, the line, the key, its value and the valid choices. Of a file that
-    describes a robot: where its motors stand at home, and what its workspace holds, on a grid.
+    A line names the file, the line, the key, its value and the valid choices. For a valid file it
+    prints the motors at home, and the reachable part of the workspace on a grid.
 
     Example: **truepose check my_robot.toml**
     """

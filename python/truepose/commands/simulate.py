@@ -147,12 +147,12 @@ def command(
     how: How = Format.table,
     force: Force = False,
 ) -> None:
-    """Simulate a robot with a controller that believes in the nominal one; print its errors.
+    """Simulate a robot with geometric errors under a controller; print its pose errors.
 
-    The robot that is there is drawn from the tolerances of the file, every rod by itself; its
-    encoders count. Without **--to** it makes a move that it can. The log's readings have the names
-    that **truepose calibrate** looks for. A path that the robot cannot follow is refused before
-    anything moves.
+    The controller uses the nominal robot. The true robot is sampled from the tolerances of the
+    file, every rod by itself, and its encoders are quantized. Without **--to** it makes a default
+    move. The log's columns have the names that **truepose calibrate** reads. A path that the robot
+    cannot follow is refused before it starts.
 
     Example: **truepose simulate h4 --law estimated --effects friction,compliance -o move.csv**,
     then **truepose simulate h4 --fault theta:stuck@0.05 --watch**

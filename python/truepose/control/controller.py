@@ -193,7 +193,7 @@ def require_same_readings(robot: Robot, truth: Robot) -> None:
 
 
 class ControllerInput(NamedTuple):
-    """What a law of one's own may see in a control period, at its start."""
+    """Inputs of a user's control law at the start of a control period."""
 
     time: float  #: s
     x: Array  #: (n,) desired pose

@@ -25,7 +25,7 @@ def _effect(default: float, group: str, unit: str, what: str, source: str) -> An
 
 @dataclass(frozen=True, kw_only=True)
 class Effects:
-    """How strong each effect is; 0 switches it off.
+    """Strengths of the unmodelled effects; 0 switches one off.
 
     The defaults are assumed, orders of magnitude of a machine of the H4's size;
     ``dataclasses.fields`` has each one's unit, meaning and source. Groups, the names that

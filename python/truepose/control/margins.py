@@ -24,7 +24,7 @@ ALL = "all motors"
 
 @dataclass(frozen=True)
 class StabilityMargins:
-    """What the loops of a controlled robot bear at P poses; angles in rad."""
+    """Stability margins of a controlled robot's loops at P poses; angles in rad."""
 
     robot: Robot
     controller: Controller
@@ -61,7 +61,7 @@ def stability_margins(
     poses: ArrayLike | None = None,
     period: float | None = None,
 ) -> StabilityMargins:
-    """Gain, phase and delay margins of a robot under a controller: of its linearised loop.
+    """Compute gain, phase and delay margins of the linearised loops of a robot under a controller.
 
     In the loop are the delay, the velocity filter, compliant arms and rods and the robot's
     weight. Each sensor has its own, non-collocated, loop: from the motors through arms and nacelle

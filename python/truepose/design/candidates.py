@@ -30,7 +30,7 @@ BEYOND = 0.25
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CandidatePoses:
-    """What could be measured: readings at poses, and what something outside measures there.
+    """Candidate measurements: readings at poses, and external measurements there.
 
     Each measurement of `differences` is a candidate of its own, with readings at its one or two
     poses, taken for it; poses that none of them speaks of are candidates by themselves.

@@ -26,7 +26,7 @@ POINTS = ("origin", "target")
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """Where sensors say most."""
+    """Best places of sensors."""
 
     robot: Robot  #: with them there, and in use
     places: dict[str, float]  #: of each coordinate that was searched, m

@@ -36,7 +36,7 @@ HARDLY = 0.95
 
 @dataclass(frozen=True, eq=False)
 class PosePlan:
-    """What to measure, the most useful first, and what each promises. n steps."""
+    """Poses to measure, by marginal gain, and the predicted accuracy after each. n steps."""
 
     robot: Robot  #: as it is known before
     steps: list[Step]  #: each the one that buys most after those before it
@@ -99,7 +99,7 @@ def plan_poses(
     seen: bool = False,
     seed: int = 0,
 ) -> PosePlan:
-    """Choose what to measure next, so that the pose is then known best.
+    """Choose the poses to measure next by the predicted accuracy of the pose.
 
     Of the candidates that the machine can reach, those that leave the least mean variance of the
     position over `poses` once the robot has calibrated itself on them, by the bound of

@@ -50,7 +50,7 @@ class Alone(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SensorSelection:
-    """What sensors and finer tolerances buy."""
+    """Accuracy by cost: the Pareto front of sensors and finer tolerances."""
 
     robot: Robot
     prices: dict[str, float]  #: of each candidate
@@ -96,7 +96,7 @@ def select_sensors(
     poses: ArrayLike | None = None,
     survives: bool = False,
 ) -> SensorSelection:
-    """Choose sensors and tolerances by the accuracy that they allow and by what they cost.
+    """Choose sensors and tolerances by accuracy and cost.
 
     By the bound of :func:`truepose.accuracy`, at the robot's finest level. A sensor more never
     harms: what is within the budget's reach is never better than all of it together, and so the

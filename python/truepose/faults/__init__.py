@@ -1,4 +1,4 @@
-"""Sensor faults: what they look like, which can be detected and isolated, the fault monitor."""
+"""Sensor faults: kinds, detectability, isolation, the fault monitor."""
 
 from truepose.faults.fault import Fault
 from truepose.faults.isolation import Isolation, isolate

@@ -38,7 +38,7 @@ class Hypothesis:
 
 @dataclass(frozen=True)
 class Isolation:
-    """What lines of readings say of the hypotheses that each one alone is wrong."""
+    """Likelihood of each single-fault hypothesis given rows of readings."""
 
     robot: Robot
     level: Level

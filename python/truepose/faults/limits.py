@@ -149,7 +149,7 @@ def detectability(
     power: float = 0.9,
     moving: int = 100,
 ) -> Detectability:
-    """Smallest faults of readings that can be seen and named, before anything is built.
+    """Predict the smallest detectable and isolable fault of each reading.
 
     Parity space: linear and normal about the expected geometry, with the tolerances (or a
     calibration's covariance) and the readings' own errors.

@@ -39,15 +39,14 @@ def command(
     how: How = Format.table,
     force: Force = False,
 ) -> None:
-    """Run the paper end to end and set its figures and tables beside truepose's own.
+    """Run the paper end to end: a verdict on each statement, and a report.
 
-    The H4 makes the 0.2 s move of Figures 11 to 13 under usual, TEJ and Cartesian
-    control, and calibrated from its own readings; then settles at the 625 poses of Table 2, for
-    many robots drawn from the paper's geometric errors. Prints Table 3 and writes a report. With
-    --experiment a twin of the paper's robot is measured as that was. One real robot, every rod by
-    itself, calibrates itself with each set of sensors; with --full at least 100, and calibrated
-    robots warm up (minutes). Real robots follow a circle, and readings lie in a move, with a watch
-    and without; with --full also a square, all speeds, and many moves.
+    The H4 makes the 0.2 s move of Figures 11 to 13 under joint, TEJ and Cartesian control, and
+    after its own calibration. Many robots, sampled from the paper's errors, then stand at the 625
+    poses of Table 2. One robot with an error in every rod calibrates itself with each set of
+    sensors, follows a circle, and moves with faulty readings, with the fault monitor and without.
+    --experiment measures a twin of the paper's robot as the paper did. --full takes minutes: 100
+    robots, a warm-up, a square, all speeds and many moves.
 
     Example: **truepose reproduce --robots 100 --seed 0 --out my-report**
     """

@@ -33,7 +33,7 @@ CLOSED, CLOSE = 1e-13, 1e-9
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Payloads:
-    """What each line of a log was read under, where that was not always what the file says.
+    """Loads under which the rows of a log were read, where they differ from the file's.
 
     Examples
     --------
@@ -104,12 +104,12 @@ class Loaded(Description):
         return common + np.array(own)
 
     @functools.cached_property
-    def gives_way(self) -> bool:
-        """Whether any chain's compliance is not 0."""
+    def is_compliant(self) -> bool:
+        """Whether any chain is compliant."""
         return bool(self.compliance.any())
 
     @functools.cached_property
-    def rigid(self) -> Self:
+    def stiff(self) -> Self:
         """The robot with stiff rods: as controllers have it."""
         return self.replace({name: 0.0 for name in self.parameters if is_compliance(name)})
 
@@ -121,7 +121,7 @@ class Loaded(Description):
         >>> import truepose as tp
         >>> robot = tp.load("stewart").with_payload((0, 0, -500))
         >>> robot = robot.replace({"compliance.all_chains": 1e-7})
-        >>> lower = robot.fkm(robot.rigid.ikm(robot.home))[2] - robot.home[2]
+        >>> lower = robot.fkm(robot.stiff.ikm(robot.home))[2] - robot.home[2]
         >>> print(f"{1e6 * lower:.1f} µm")
         -24.0 µm
         """
@@ -136,7 +136,7 @@ class Loaded(Description):
     def rod_forces(
         self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None
     ) -> Array:
-        """Tension of every chain that stands still at x, all its rods together, N.
+        """Static tension of every chain at x, all its rods together, N.
 
         What holds the nacelle's weight, half of every rod's, and the file's load.
 
@@ -204,7 +204,7 @@ def given_way(robot: Loaded, x: Array, full: bool, **loads: Array) -> UnderLoad:
 
 def taken_as_stiff(robot: Loaded, what: str) -> str | None:
     """Say that something knows nothing of a robot's compliance, if it has any."""
-    if not robot.gives_way:
+    if not robot.is_compliant:
         return None
     left_out = "compliance and load count for nothing there"
     return f"{robot.name}: {what} takes its rods as stiff: {left_out}"
@@ -254,7 +254,7 @@ def at_rest(
     `answer` gives poses, status and chain for readings, (N, n) or (N, n + r), of rods that do not
     stretch, from a guess or, to begin with, None. `loads` are those of :func:`under_load`.
     """
-    if not robot.gives_way:
+    if not robot.is_compliant:
         return answer(readings, None)
     x, status, chain = (np.array(of) for of in answer(readings, None))
     open_ = np.flatnonzero(status <= 0)

@@ -156,7 +156,7 @@ class Description:
 
     @property
     def level(self) -> Level:
-        """Level of the model that its kinematics default to: ideal unless it says otherwise.
+        """Default level of the kinematics: ideal unless the file says otherwise.
 
         A robot's file says so, :meth:`with_level`, or the calibration that it comes from.
         """
@@ -164,7 +164,7 @@ class Description:
 
     @property
     def highest_level(self) -> Level:
-        """Level that estimates, calibrations, predictions and the laws that weigh default to.
+        """Default level of estimates, calibrations, predictions and weighting laws.
 
         That of the robot where it has one of its own; else full where its rods can be solved for
         one by one, since a real robot has them one by one.
@@ -179,7 +179,7 @@ class Description:
         return self._spec.level or ("full" if self.full else "ideal")
 
     def with_level(self, level: Level | None) -> Self:
-        """Return a copy whose methods and laws default to this level; None: as a file without it.
+        """Return a copy whose methods and laws default to this level; None: the file's default.
 
         Examples
         --------
@@ -295,7 +295,7 @@ class Description:
         return type(self)(self._spec, self._values | {k: float(v) for k, v in values.items()})
 
     def expected(self) -> Self:
-        """Return the robot as it most likely is: every parameter at its prior mean.
+        """Return the robot with every parameter at its prior mean.
 
         A drawn robot whose tolerances are not centred is not that robot: the H4's rods are to be
         3.5 mm longer than drawn, on average. A calibrated robot already is.
@@ -309,7 +309,7 @@ class Description:
         return self.replace({name: p.mean for name, p in self.parameters.items()})
 
     def with_mounting(self, places: Mapping[str, float]) -> Self:
-        """Return a copy whose sensors are mounted elsewhere, as drawn.
+        """Return a copy with other nominal mountings of sensors.
 
         Parameters
         ----------
@@ -336,7 +336,7 @@ class Description:
         return type(self)(self._spec.model_copy(update={"sensor": tuple(sensors)}), own)
 
     def with_calibration(self, calibration: CalibrationSection | None) -> Self:
-        """Return a copy that knows its parameters as a calibration found them, or not (None)."""
+        """Return a copy with a calibration's parameter covariance, or with the prior's (None)."""
         values = (
             {}
             if calibration is None

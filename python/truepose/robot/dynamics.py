@@ -24,7 +24,7 @@ class Dynamics(Description):
 
     @property
     def has_inertia(self) -> bool:
-        """Whether the file's masses give every motion at home an inertia: torques need it."""
+        """Whether every motion at home has an inertia by the file's masses: torques need it."""
         return bool(np.linalg.eigvalsh(self.mass_matrix(self.home)).min() > 0)
 
     def mass_matrix(self, x: ArrayLike, errors: Errors = "raise") -> Array:

@@ -88,7 +88,7 @@ class Kinematics(Loaded):
     ) -> Array:
         full = self.is_full(level)
         (q,) = at_poses(self, x, errors, _core.ikm, full, own_mode, core=core, level=level)
-        return q + self._given_way(x, errors, full)[..., : self.n] if self.gives_way else q
+        return q + self._given_way(x, errors, full)[..., : self.n] if self.is_compliant else q
 
     def _given_way(self, x: ArrayLike, errors: Errors, full: bool) -> Array:
         """Differences of the readings under load, (..., n + r)."""
@@ -98,7 +98,7 @@ class Kinematics(Loaded):
         return by.readings.reshape(*lead, self.n + self.r)
 
     def rkm(self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None) -> Array:
-        """Redundant kinematic model: what the sensors in use read at the pose x.
+        """Redundant kinematic model: readings of the sensors in use at the pose x.
 
         At the full level a sensor at a bar's pivot reads the bar's own turn too, one of a rod its
         own rod of the pair.
@@ -109,7 +109,7 @@ class Kinematics(Loaded):
         """
         full = self.is_full(level)
         (r,) = at_poses(self, x, errors, _core.rkm, full)
-        return r + self._given_way(x, errors, full)[..., self.n :] if self.gives_way else r
+        return r + self._given_way(x, errors, full)[..., self.n :] if self.is_compliant else r
 
     def extended_positions(
         self, x: ArrayLike, errors: Errors = "raise", level: Level | None = None
@@ -124,7 +124,7 @@ class Kinematics(Loaded):
     def read(
         self, x: ArrayLike, seed: int = 0, errors: Errors = "raise", level: Level | None = None
     ) -> Array:
-        """Readings as this robot's encoders and sensors give them: with noise, in counts.
+        """Simulate readings of this robot's encoders and sensors: with noise, in counts.
 
         Parameters
         ----------
@@ -153,7 +153,7 @@ class Kinematics(Loaded):
         return spoilt.reshape(exact.shape)
 
     def residual_motion(self, x: ArrayLike, errors: Errors = "raise") -> Array:
-        """What x leaves out: turns of the nacelle and its bars that the ideal level forbids, rad.
+        """Residual motion: turns of the nacelle and its bars that the ideal level excludes, rad.
 
         Returns
         -------
@@ -232,7 +232,7 @@ class Kinematics(Loaded):
         return at_poses(self, x, errors, _core.jacobian, self.is_full(level))[0]
 
     def gyro(self, x: ArrayLike, errors: Errors = "raise") -> Array:
-        """What a gyroscope on the nacelle reads: W of ω = W ẋ, in the nacelle's frame.
+        """Map W of a gyroscope on the nacelle: ω = W ẋ, in the nacelle's frame.
 
         Of a pivot ẋ are the axes' rates, so that those follow from ω: ẋ = W⁺ω, and the motors'
         from them, q̇ = J⁻¹ẋ. Of others ẋ is the free twist. A base that turns itself, as a shank
@@ -264,7 +264,7 @@ class Kinematics(Loaded):
     def joint_torque(
         self, x: ArrayLike, torque: ArrayLike, errors: Errors = "raise", level: Level | None = None
     ) -> Array:
-        """Motors' torques as the joints of a pivot feel them: J⁻ᵀ τ, Γᵀẋ = τᵀq̇.
+        """Joint torques of a pivot under motor torques: Γ = J⁻ᵀ τ, Γᵀẋ = τᵀq̇.
 
         Of another mobility the force and moment that they exert on the nacelle, along its free
         twist.
@@ -295,7 +295,7 @@ class Kinematics(Loaded):
     def motor_torque(
         self, x: ArrayLike, torque: ArrayLike, errors: Errors = "raise", level: Level | None = None
     ) -> Array:
-        """Torques of the motors that are these at the joints of a pivot: Jᵀ Γ.
+        """Motor torques for joint torques of a pivot: τ = Jᵀ Γ.
 
         The inverse of :meth:`joint_torque`.
 
@@ -324,7 +324,7 @@ class Kinematics(Loaded):
         return np.broadcast_to(J, (*lead, self.n, self.n)), values[..., None]
 
     def conditioning(self, x: ArrayLike, errors: Errors = "raise") -> Conditioning:
-        """How far from singular the robot is at x, free of its size and of its units, 0 to 1.
+        """Distance from singularities at x, independent of size and units, 0 to 1.
 
         Examples
         --------

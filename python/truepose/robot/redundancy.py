@@ -67,7 +67,7 @@ class Redundancy(Kinematics):
     """What a :class:`truepose.Robot` makes of all its readings together."""
 
     def redundant_fkm(self, q_e: ArrayLike, errors: Errors = "raise") -> Array:
-        """Redundant FKM: the pose that all readings give.
+        """Redundant FKM: the pose from motors and sensors.
 
         The paper's closed form where it takes every reading (θ's sensor is the only one of a robot
         that turns about z, a robot that cannot turn has none): θ from its sensor, the position from
@@ -97,7 +97,7 @@ class Redundancy(Kinematics):
         errors: Errors = "raise",
         level: Level | None = None,
     ) -> Estimate:
-        """Best pose from all readings, weighted by what is known of each, and its covariance.
+        """Estimate the pose from all readings, weighted by their covariance.
 
         x̂ minimises the readings' residuals in the metric C⁻¹, C = H_ξ Σ_ξ H_ξᵀ + Σ_s: tolerances
         (or a calibration's covariance) and the readings' own errors. The geometry is this robot's;
@@ -142,7 +142,7 @@ class Redundancy(Kinematics):
             return x, status, chain
 
         x, status, chain = compliance.at_rest(self, rows, full, answer)
-        if self.gives_way:
+        if self.is_compliant:
             by = compliance.given_way(self, x, full)
             answer(rows - by.readings, x)
         covariance, chi2 = found
@@ -202,7 +202,7 @@ class Redundancy(Kinematics):
         return M, M_plus
 
     def weighted_tej(self, x: ArrayLike, errors: Errors = "raise") -> Array:
-        """Extended-to-joint matrix with the weights that the readings deserve, at x.
+        """Extended-to-joint matrix weighted by the readings' covariance, at x.
 
         M⁺ = (MᵀC⁻¹M)⁻¹MᵀC⁻¹, C = H_ξ Σ_ξ H_ξᵀ + Σ_s as of :meth:`estimate`: what tolerances (or a
         calibration) and counts leave to be trusted in each reading. At :attr:`Robot.highest_level`.
@@ -229,7 +229,7 @@ class Redundancy(Kinematics):
     def cross_sensitivity(
         self, x: ArrayLike, law: str, errors: Errors = "raise", *, sigma_scale: int = 1
     ) -> Array:
-        """How an error of one reading leaks into the pose at which the robot rests.
+        """Sensitivity of the steady-state pose to an error of each reading.
 
         Where a law holds this robot at rest, its motor error ê_q vanishes; an error δq_e of the
         readings then moves the true pose by δx = leakage @ δq_e, to first order: -[J 0] under the

@@ -1,4 +1,4 @@
-"""Simulation: plants, paths, moves and static equilibrium of a robot that is not its model."""
+"""Simulation: plants, paths, moves and static equilibrium of a robot with errors."""
 
 from truepose.simulation.path_accuracy import PathAccuracy, path_accuracy
 from truepose.simulation.paths import Circle, Line, SampledPath, Waypoints

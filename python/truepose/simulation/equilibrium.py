@@ -24,7 +24,7 @@ def steady_state(
     start: ArrayLike | None = None,
     errors: Errors = "raise",
 ) -> Array:
-    """Pose in which the true robot comes to rest, exactly, without simulating the motion.
+    """Compute the steady-state pose of the true robot, without simulating the motion.
 
     Parameters
     ----------

@@ -28,7 +28,7 @@ _STANDS, _CORNER = 1e-3, 0.5
 
 @dataclass(frozen=True)
 class PathAccuracy:
-    """How several runs followed one path; m and rad.
+    """Path accuracy and repeatability of several runs; m and rad.
 
     Runs are compared where they pass the planes that stand upright on the path at points of it, so
     that being late is no error, and their mean and their scatter are judged apart: path accuracy

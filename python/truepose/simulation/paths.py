@@ -147,7 +147,7 @@ class Line(_Moves):
 
 @dataclass(frozen=True, kw_only=True)
 class Circle:
-    """Round a centre with the orientation held, from rest to rest.
+    """A circle at constant orientation, from rest to rest.
 
     Parameters
     ----------

@@ -95,7 +95,7 @@ def monte_carlo(
     cluster: Any = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Study:
-    """Ask a question of many robots drawn from their tolerances, side by side.
+    """Evaluate a function over many robots sampled from their tolerances, in parallel.
 
     Each answer depends on its case alone: the same seed gives the same numbers on any number of
     workers, here or on a cluster. What is done is kept, and a study that was ended goes on from

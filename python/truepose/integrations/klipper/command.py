@@ -57,13 +57,13 @@ def command(
     how: How = Format.table,
     force: Force = False,
 ) -> None:
-    """Look at a delta printer by the readings that Klipper's delta_calibrate has saved.
+    """Calibrate a delta printer from the readings that Klipper's delta_calibrate saved.
 
-    Says how well the file's parameters fit its readings, what Klipper's own criterion gives and
-    what the estimate with stated tolerances, how well each parameter is known then, how readings
-    are predicted that are held out, what a print would show, and whether to use it at all.
+    Prints the fit of the file's parameters, of Klipper's criterion and of the estimate with stated
+    tolerances; σ of each parameter; the error of held-out heights and of a print; and whether to
+    use the estimate.
 
-    With --plan, what to read next; of a file without readings, what first.
+    --plan adds the next points to measure; without readings, the first ones.
 
     Example: **truepose klipper printer.cfg --report printer.html --write new.cfg**
     """

@@ -53,10 +53,10 @@ def command(
     how: How = Format.table,
     force: Force = False,
 ) -> None:
-    """Find the anchors of a Maslow sled from its own log, with a σ beside each.
+    """Calibrate a Maslow sled: its anchors from its own log, with a σ for each.
 
-    Says what the poses cannot tell apart, which readings are wrong, and how well the lower belts
-    are predicted by the upper ones on lines that were held out.
+    Prints parameters that the poses cannot tell apart, wrong readings, and the error of held-out
+    rows: lower belts predicted by the upper ones.
 
     Example: **truepose maslow log.csv -o sled.toml**
     """

@@ -37,7 +37,7 @@ def command(
         bool, typer.Option("--no-browser", help="Open none; the page is there all the same.")
     ] = False,
 ) -> None:
-    """Look at a robot in the browser: drag it, make it wrong, tick sensors, play a log.
+    """Open a robot in the browser: move it, add errors, choose sensors, play a log.
 
     Needs viser: pip install "truepose[workbench]".
 
