@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import ast
+import importlib.util
 import os
 import random
 import re
@@ -92,8 +93,9 @@ class Tests:
         self.labels = [(name, about.split()) for name, about in labelled]
         data = coverage.CoverageData(str(RECORD))
         data.read()
-        measured = [(f.rpartition("/truepose/")[2], f) for f in data.measured_files()]
-        self.lines = {name: data.contexts_by_lineno(f) for name, f in measured}
+        package = Path(importlib.util.find_spec("truepose").origin).parent  # tests make copies
+        own = [Path(f) for f in data.measured_files() if Path(f).is_relative_to(package)]
+        self.lines = {str(f.relative_to(package)): data.contexts_by_lineno(str(f)) for f in own}
         self.reach = Counter(
             c for rows in self.lines.values() for row in rows.values() for c in row
         )

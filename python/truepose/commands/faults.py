@@ -107,7 +107,7 @@ def command(
     gone = f", {left_out} that are unreachable or singular left out" if left_out else ""
     subject_line = f"{loaded.name}, {label(loaded, loaded.sensors)}: {where}{gone}; {state}."
     tables = [limits(found, state), *parts, *harm(found), beside(others)]
-    show(tables, how, [subject_line], notes(found), plot is not None)
+    show(tables, how, [subject_line], list(notes(found)), plot is not None)
     wrote(how, plot)
 
 

@@ -150,7 +150,7 @@ def chosen(found: list[StabilityMargins]) -> Table:
         for unit in units:
             of = [own == unit for _, own in each.robot.coordinates]
             values.append(PRINT[unit][0] * each.limit_cycle[:, of].max())
-        rows.append([control.law, *(number(float(v)) for v in values)])
+        rows.append([control.built_in, *(number(float(v)) for v in values)])
     return Table("gains", "Gains", header, rows)
 
 
@@ -164,7 +164,7 @@ def table(found: StabilityMargins) -> Table:
         shown = [_bears(value, bool(found.stable.all())) for value in values]
         rows.append([loop, *shown, named(found.robot, pose)])
     header = ["loop", "gain (dB)", "less gain (dB)", "phase (°)", "delay (cycles)", "worst pose"]
-    law = found.controller.law
+    law = found.controller.built_in
     return Table(f"margins_{law}", f"Margins under the law {law}", header, rows)
 
 

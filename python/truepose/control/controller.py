@@ -12,6 +12,7 @@ from truepose import _core
 from truepose.arguments import Array, fraction
 from truepose.control.effects import Effects
 from truepose.control.gains import choose as choose_gains
+from truepose.control.own_law import OwnLaw, built_in, law_name
 from truepose.exceptions import InputError, PoseError, choose
 from truepose.robot.batches import flattened
 from truepose.robot.laws import LAWS, Law, require_sensors, usual
@@ -28,12 +29,14 @@ class Controller:
 
     Parameters
     ----------
-    law : {"joint", "tej", "cartesian", "weighted", "estimated"}
+    law : {"joint", "tej", "cartesian", "weighted", "estimated"} or callable
         The paper's Figure 1 (usual control), Figure 2 (TEJ), or closing remark (redundant FKM);
         Figure 2 with the weighted TEJ; or the Cartesian law on :meth:`Robot.estimate`. All but
         "joint" need a redundant sensor in use. The last two weigh the readings by the tolerances
         (or the calibration) of the robot that the controller believes in, and take its values as
         they are: pass ``robot.expected()`` for the prior mean, ``fit.robot`` for a calibrated one.
+        Or a function law(robot, x_d, q_e) that returns the motor error ê, (n,), from the
+        controller's robot, the desired pose (n,) and the readings (n + r,).
     frequency, damping : float
         PD gains by pole placement, rad/s and 1.
     integral : float
@@ -59,7 +62,7 @@ class Controller:
         multiples smaller.
     """
 
-    law: Law = "tej"
+    law: Law | OwnLaw = "tej"
     frequency: float = 150.0
     damping: float = 1.0
     integral: float = 0.0
@@ -71,7 +74,7 @@ class Controller:
     sigma_scale: int = 1
 
     def __post_init__(self) -> None:
-        if self.law not in LAWS:
+        if not callable(self.law) and self.law not in LAWS:
             raise InputError(choose("law", self.law, LAWS))
         for name, kinds in (("feed_forward", FeedForward), ("gains", Gains)):
             if getattr(self, name) not in get_args(kinds):
@@ -87,12 +90,22 @@ class Controller:
                 f"sigma_scale = {scale!r}: must be a whole number from 1 to {MOST_SCALED}"
             )
 
+    @property
+    def built_in(self) -> Law:
+        """The law's name; an InputError where the law is a function, which cannot be linearised."""
+        if callable(self.law):
+            raise InputError(
+                f"law {law_name(self.law)}: is a function; here only {', '.join(LAWS)} work "
+                "(functions: steady_state, simulate, monte_carlo)"
+            )
+        return self.law
+
     @classmethod
     def for_robot(
         cls,
         robot: Robot,
         effects: Effects | None = None,
-        law: Law | None = None,
+        law: Law | OwnLaw | None = None,
         *,
         period: float = 1e-3,
         damping: float = 0.55,
@@ -114,9 +127,9 @@ class Controller:
             By default all of them.
         law, period, damping, **settings
             As of the class; all but `frequency`, `velocity_bandwidth` and `sigma_scale`, which
-            are chosen. The law by default is tej, of a robot without a sensor in
-            use the joint law. With less damping than the paper's 1 a loop as stiff answers less
-            to what is fast: a count's step, an arm's ringing.
+            are chosen. The law by default is tej, of a robot without a sensor in use the joint
+            law; an own law takes their gains. With less damping than the paper's 1 a loop as stiff
+            answers less to what is fast: a count's step, an arm's ringing.
 
         Raises
         ------
@@ -139,10 +152,11 @@ class Controller:
             if name in settings:
                 raise InputError(f"{name}: is chosen; name it in Controller(…) instead")
         rest = cls(law=law, period=period, damping=damping, **settings)
-        require_sensors(robot, law)
+        like = built_in(law, robot)
+        require_sensors(robot, like)
         effects = Effects() if effects is None else effects
         gains, scale = choose_gains(
-            robot, law, effects, period, damping, rest.integral, rest.gains == "diagonal"
+            robot, like, effects, period, damping, rest.integral, rest.gains == "diagonal"
         )
         return replace(
             rest,
@@ -153,9 +167,10 @@ class Controller:
 
     def settings(self, robot: Robot, x: ArrayLike) -> _core.ControlSettings:
         """Return the core's settings, with the gains placed at the pose x."""
-        require_sensors(robot, self.law)
+        law = "joint" if callable(self.law) else self.law
+        require_sensors(robot, law)
         settings = _core.ControlSettings()
-        settings.law = _core.laws[self.law].law
+        settings.law = _core.laws[law].law
         settings.gains = getattr(_core.Gains, self.gains)
         settings.feed_forward = getattr(_core.FeedForward, self.feed_forward)
         settings.period = self.period

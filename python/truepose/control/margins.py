@@ -106,7 +106,7 @@ def stability_margins(
     elif period is not None:
         raise InputError("period: the Controller has its own")
     law, diagonal, scale = (
-        controller.law,
+        controller.built_in,
         controller.gains == "diagonal",
         controller.sigma_scale,
     )

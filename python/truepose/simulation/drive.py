@@ -16,6 +16,7 @@ from truepose.control import delays
 from truepose.control.controller import Controller, pose_of, positive, require_same_readings
 from truepose.control.effects import Effects
 from truepose.control.linear import ringing
+from truepose.control.own_law import OwnLaw, law_name
 from truepose.exceptions import InputError
 from truepose.faults.fault import Fault, in_core
 from truepose.faults.monitor import FaultMonitor
@@ -23,6 +24,7 @@ from truepose.robot import knowledge
 from truepose.robot.batches import require_answers
 from truepose.robot.laws import LAWS, Law, usual
 from truepose.robot.robot import Robot
+from truepose.simulation.equilibrium import steady_state
 
 RESTLESS = 1e-3  #: m or rad, peak to peak in the last 50 ms: more is no rest
 NO_REST = f"does not come to rest: swings by more than {1e3 * RESTLESS:g} mm or mrad"
@@ -46,7 +48,7 @@ class Drive(NamedTuple):
 def begin(
     robot: Robot,
     truth: Robot,
-    controller: Controller | Law | None,
+    controller: Controller | Law | OwnLaw | None,
     start: tuple[str, ArrayLike],
     *,
     duration: float,
@@ -79,7 +81,13 @@ def begin(
     name, x = start
     origin = pose_of(robot, x, name)
     settings = controller.settings(robot, origin[: robot.n])
-    believed, known = knowledge.for_law(robot, controller.law)
+    law = "joint" if callable(controller.law) else controller.law
+    if callable(controller.law) and (learn is not None or watch is not None):
+        raise InputError(
+            f"law {law_name(controller.law)}: learn and watch need a built-in law "
+            f"({', '.join(LAWS)})"
+        )
+    believed, known = knowledge.for_law(robot, law)
     rows, loaded = np.array(origin)[None, : robot.n], controller.integral == 0
     at_rest, status, chain, _ = _core.settle(
         believed.core, truth.core, settings, known, loaded, rows
@@ -89,18 +97,20 @@ def begin(
     guarding = None if watch is None else watch.guarding(robot, controller)
     slow = delays.lateness(robot, truth, controller.period)
     core = (believed.core, truth.core, settings, known, plant, filtered, lying, guarding, slow)
+    if callable(controller.law):
+        at_rest = steady_state(robot, truth, rows, controller, gravity=loaded)
     held = [*at_rest[0], *[0.0] * (6 - robot.n)]
     return Drive(truth, controller, core, check_seed(seed), steps, origin, held)
 
 
 def controller_of(
-    controller: Controller | Law | None, robot: Robot, effects: Effects | None
+    controller: Controller | Law | OwnLaw | None, robot: Robot, effects: Effects | None
 ) -> Controller:
     """Return a controller of which the law alone was named, or nothing: one that robots bear."""
     if isinstance(controller, Controller):
         return controller
     controller = usual(robot) if controller is None else controller
-    if effects in (None, Effects.none()) or controller not in LAWS:
+    if effects in (None, Effects.none()) or (not callable(controller) and controller not in LAWS):
         return Controller(law=controller)
     return Controller.for_robot(robot, effects, controller)
 

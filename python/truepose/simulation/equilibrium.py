@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import Array, Errors
 from truepose.control.controller import Controller, require_same_readings
+from truepose.control.own_law import OwnLaw, equilibrium, law_name
+from truepose.exceptions import PoseError
 from truepose.robot import knowledge
 from truepose.robot.batches import flattened, require_answers
 from truepose.robot.compliance import warn_if_stiff
@@ -18,7 +21,7 @@ def steady_state(
     robot: Robot,
     truth: Robot,
     x_d: ArrayLike,
-    controller: Controller | Law | None = None,
+    controller: Controller | Law | OwnLaw | None = None,
     *,
     gravity: bool = False,
     start: ArrayLike | None = None,
@@ -32,9 +35,9 @@ def steady_state(
         What the controller believes, and what is.
     x_d : array_like, shape (..., n)
         Desired poses.
-    controller : Controller or law
-        Its encoders count as unquantized. By default the TEJ law, of a robot without a
-        sensor in use the joint law.
+    controller : Controller, law or callable
+        A function is an own law, as of :class:`Controller`. Encoders count as unquantized. By
+        default the TEJ law, of a robot without a sensor in use the joint law.
     gravity : bool
         True: the PD must hold what the nominal feed-forward gets wrong of the true robot's weight.
         False: no load, or integral action; the motor error of the law vanishes.
@@ -70,8 +73,34 @@ def steady_state(
     require_same_readings(robot, truth)
     for one in {robot, truth}:
         warn_if_stiff(one, "a controller")
+    if callable(controller.law):
+        return _own(controller, robot, truth, rows, start, gravity, errors).reshape(*lead, robot.n)
     settings = controller.settings(robot, robot.home if start is None else start)
     believed, known = knowledge.for_law(robot, controller.law)
     x, status, chain, _ = _core.settle(believed.core, truth.core, settings, known, gravity, rows)
     require_answers(robot, "pose", rows, lead, status, chain, errors, name="x_d")
     return x.reshape(*lead, robot.n)
+
+
+def _own(
+    controller: Controller,
+    robot: Robot,
+    truth: Robot,
+    x_d: Array,
+    start: ArrayLike | None,
+    gravity: bool,
+    errors: Errors,
+) -> Array:
+    """Steady-state poses (N, n) under an own law."""
+    at = robot.home if start is None else start
+    x = np.full_like(x_d, np.nan)
+    for k, pose in enumerate(x_d):
+        found, converged = equilibrium(controller, robot, truth, pose, at, gravity)
+        if converged:
+            x[k] = found
+        elif errors == "raise":
+            raise PoseError(
+                f"{robot.name}: pose {k}, x_d = {pose}: no steady state under the law "
+                f"{law_name(controller.law)}"
+            )
+    return x

@@ -17,6 +17,7 @@ from truepose.arguments import Array, numbers_of
 from truepose.calibration.online import OnlineCalibrator
 from truepose.control.controller import Controller, ControllerInput, pose_of
 from truepose.control.effects import Effects
+from truepose.control.own_law import OwnLaw, Torques, law_name
 from truepose.exceptions import InputError, PoseError
 from truepose.faults.fault import Fault
 from truepose.faults.monitor import FaultMonitor, failed, watched
@@ -191,7 +192,7 @@ class Simulation:
 def simulate(
     robot: Robot,
     truth: Robot | None = None,
-    controller: Controller | Law | None = None,
+    controller: Controller | Law | OwnLaw | None = None,
     *,
     path: Path | Callable[[float], Any] | ArrayLike | None = None,
     law: Callable[[ControllerInput], ArrayLike] | None = None,
@@ -217,10 +218,10 @@ def simulate(
     ----------
     robot, truth : Robot
         What the controller believes, and what is (default: the same).
-    controller : Controller or law
-        The law alone takes the other settings' defaults; with effects the gains that the robot
-        bears, :meth:`Controller.for_robot`. By default the TEJ law, of a robot without a
-        sensor in use the joint law.
+    controller : Controller, law or callable
+        A function is an own law, as of :class:`Controller`. The law alone takes the other settings'
+        defaults; with effects the gains of :meth:`Controller.for_robot`. By default the TEJ law, of
+        a robot without a sensor in use the joint law.
     path : Path, callable or array_like, optional
         Instead of a move: :class:`Circle`, :class:`Line`, :class:`Waypoints`, :class:`SampledPath`
         (poses at times), or an object of your own with `setpoints`; a function of time, t -> x
@@ -252,7 +253,7 @@ def simulate(
     watch : FaultMonitor, optional
         Of the controller's readings; nothing by default.
     faults : sequence of Fault
-        Readings that lie. The robot starts at rest before the first of them. Where they leave the
+        Faulty readings. The robot starts at rest before the first of them. Where they leave the
         controller without an answer the run goes on, on the last torque, as a machine would
         (:attr:`Simulation.cycle_status`); it ends early where the robot leaves its workspace
         (:attr:`Simulation.ended`).
@@ -327,6 +328,8 @@ def simulate(
         faults=faults,
         watch=watch,
     )
+    if law is None and callable(drive.controller.law):
+        law = Torques(drive.controller, robot, drive.origin[: robot.n])
     own = None if law is None else _torque_of(law, robot)
     if setpoints is None:
         origin, end = (np.array(pose[: robot.n]) for pose in (drive.origin, target))
@@ -354,7 +357,7 @@ def simulate(
         ended = f"stopped after {after:.3f} s: {guilty}{_core.describe(status)}"
         if not (faults and len(log[0])):
             raise PoseError(f"{robot.name}: simulation {ended}")
-    name = drive.controller.law if law is None else getattr(law, "__name__", type(law).__name__)
+    name = law_name(drive.controller.law if law is None or isinstance(law, Torques) else law)
     return Simulation(robot, drive.truth, drive.controller, *log, hold, tuple(faults), ended, name)  # type: ignore[call-arg]
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from truepose.control.own_law import law_name
 from truepose.exceptions import InputError, TrueposeError
 from truepose.robot.robot import Robot
 
@@ -102,7 +103,8 @@ class Cases:
         return [self._row(function, self[index], index) for index in range(start, stop)]
 
     def _row(self, function: Asked, case: Case, index: int) -> dict[str, Answer]:
-        row: dict[str, Answer] = {"robot": case.robot.name, "number": case.number, **case.values}
+        row: dict[str, Answer] = {"robot": case.robot.name, "number": case.number}
+        row |= {k: law_name(v) if callable(v) else v for k, v in case.values.items()}
         read = Values(case.values)
         where = f"study: case {index} ({', '.join(f'{k} {v}' for k, v in row.items())})"
         try:

@@ -14,7 +14,7 @@ from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import calibrate
 from truepose.exceptions import InputError, choose
 from truepose.files import contents
-from truepose.robot.laws import Law
+from truepose.robot.laws import LAWS, Law
 from truepose.robot.robot import Robot
 from truepose.robot.workspace import workspace
 from truepose.simulation.equilibrium import steady_state
@@ -25,13 +25,18 @@ ASKED, LEARNT = 25, 40
 
 
 def rest(case: Case) -> dict[str, Answer]:
-    """Where a true robot comes to rest under each law: rms over 25 poses of its workspace."""
+    """Return the steady-state error of a true robot: rms over 25 poses of its workspace.
+
+    Under each built-in law, or under the law of the grid's key `law`, a name or a function.
+    """
     robot, true = case.robot, case.true
     poses = _poses(robot, ASKED, case.rng)
     laws: tuple[Law, ...] = ("joint", "tej", "weighted", "estimated")
+    asked = [case.values["law"]] if "law" in case.values else laws if robot.r else laws[:1]
     answer: dict[str, Answer] = {}
-    for law in laws if robot.r else laws[:1]:
-        answer |= _rms(robot, steady_state(robot, true, poses, law) - poses, law)
+    for law in asked:
+        of = "rest" if "law" in case.values else law
+        answer |= _rms(robot, steady_state(robot, true, poses, law) - poses, of)
     return answer
 
 
@@ -52,7 +57,7 @@ def calibration(case: Case) -> dict[str, Answer]:
 
 READY: dict[str, Asked] = {"calibration": calibration, "rest": rest}
 #: Keys of a grid that ready questions use, and each key's least whole number.
-KEYS: dict[str, dict[str, int]] = {"calibration": {"poses": 1}, "rest": {}}
+KEYS: dict[str, dict[str, int]] = {"calibration": {"poses": 1}, "rest": {"law": 0}}
 
 
 def require_keys(function: Asked, grid: Mapping[str, Sequence[object]]) -> None:
@@ -66,13 +71,16 @@ def require_keys(function: Asked, grid: Mapping[str, Sequence[object]]) -> None:
     truepose.exceptions.InputError: study calibration: grid: unknown key 'banana' (choices: poses)
     """
     name = next((name for name, ready in READY.items() if ready is function), "")
-    known = KEYS.get(name)
-    for key, values in grid.items() if known is not None else ():
-        if not known:
-            raise InputError(f"study {name}: grid: unknown key '{key}': {name} uses no grid")
+    if name not in KEYS:
+        return
+    known = KEYS[name]
+    for key, values in grid.items():
         if key not in known:
             raise InputError(f"study {name}: grid: {choose('key', key, known)}")
-        for value in values:
+        for value in values if key == "law" else ():
+            if not callable(value) and value not in LAWS:
+                raise InputError(f"study {name}: grid: {choose('law', value, LAWS)}")
+        for value in values if key != "law" else ():
             if not isinstance(value, int | np.integer) or value < known[key]:
                 raise InputError(
                     f"study {name}: grid: {key} = {value}: must be a whole number of at least "

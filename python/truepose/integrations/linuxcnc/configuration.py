@@ -128,7 +128,7 @@ def to_configuration(
     >>> sorted(files)
     ['machine.table', 'robot.hal', 'robot.ini', 'robot.table']
     """
-    require_sensors(robot, controller.law)
+    require_sensors(robot, controller.built_in)
     machine = robot if machine is None else machine
     require_same_readings(robot, machine)
     speeds, units, home = Speeds(), reading_units(robot), robot.ikm(robot.home)

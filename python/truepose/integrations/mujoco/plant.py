@@ -170,7 +170,7 @@ class _Drive:
         self.plant, self.robot, self.controller = plant, robot, controller
         self.n = robot.n
         self.settings = controller.settings(robot, robot.home)
-        self.believed, self.known = knowledge.for_law(robot, controller.law)
+        self.believed, self.known = knowledge.for_law(robot, controller.built_in)
         self.steps = max(1, round(controller.period / plant.timestep))
         if abs(self.steps * plant.timestep / controller.period - 1) > 1e-9:
             raise InputError(

@@ -160,7 +160,7 @@ class ExactPlant:
     ) -> tuple[Array, Array]:
         """Find where the motor error vanishes while the tool stands ahead of the nacelle."""
         settings = controller.settings(robot, robot.home)
-        believed, known = knowledge.for_law(robot, controller.law)
+        believed, known = knowledge.for_law(robot, controller.built_in)
         off = ahead[:, None] * self._geared
         x, status, _, by_truth = _core.settle(
             believed.core,

@@ -1,0 +1,127 @@
+"""Control laws of a user: functions that return the motor error ê."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from truepose.arguments import Array, numbers_of
+from truepose.exceptions import InputError
+from truepose.robot.laws import usual
+from truepose.robot.robot import Robot
+
+if TYPE_CHECKING:
+    from truepose.control.controller import Controller, ControllerInput
+
+#: Motor error ê, (n,), from the controller's robot, the desired pose and the readings (n + r,).
+OwnLaw = Callable[[Robot, Array, Array], ArrayLike]
+
+
+def law_name(law: Any) -> str:
+    """Return the name of a law, or of the function that is one."""
+    return law if isinstance(law, str) else getattr(law, "__name__", type(law).__name__)
+
+
+def built_in(law: Any, robot: Robot) -> Any:
+    """Return the law by whose loop gains are chosen: an own law counts as the usual one."""
+    return usual(robot) if callable(law) else law
+
+
+def motor_error(law: OwnLaw, robot: Robot, x_d: Array, q_e: Array) -> Array:
+    """Evaluate an own law; InputError where it returns another shape, or no finite number."""
+    error = numbers_of(law(robot, x_d, q_e), law_name(law))
+    if error.shape != (robot.n,):
+        raise InputError(
+            f"{law_name(law)}: returns shape {error.shape}, must be the motor error ({robot.n},)"
+        )
+    if not np.isfinite(error).all():
+        raise InputError(f"{law_name(law)}: returns {error} at x_d = {x_d}; must be finite")
+    return error
+
+
+class Torques:
+    """PD controller on the motor error of an own law, with the settings of a Controller.
+
+    Called once per control period, as the `law` of :func:`truepose.simulate`.
+    """
+
+    def __init__(self, controller: Controller, robot: Robot, start: ArrayLike) -> None:
+        self.controller, self.robot = controller, robot
+        self._start = np.asarray(start, dtype=float)
+        self._slow: Array | None = None  # low-passed motor error
+        self._sum = np.zeros(robot.n)
+
+    def inertia(self, x: Array) -> Array:
+        """Joint inertia that the gains act through, (n, n): JᵀMJ at x, or its diagonal at start."""
+        at = x if self.controller.gains == "inertia" else self._start
+        J = self.robot.jacobian(at)
+        whole = J.T @ self.robot.mass_matrix(at) @ J
+        return whole if self.controller.gains == "inertia" else np.diag(np.diag(whole))
+
+    def feed_forward(self, x: Array, rate: Array, acceleration: Array) -> Array:
+        """Torques of the nominal robot, (n,), as far as the controller feeds them forward."""
+        if self.controller.feed_forward == "none":
+            return np.zeros(self.robot.n)
+        moving = float(self.controller.feed_forward == "full")
+        return self.robot.inverse_dynamics(x, moving * rate, moving * acceleration)
+
+    def __call__(self, cycle: ControllerInput) -> Array:
+        """Return the torques, (n,)."""
+        own = self.controller
+        error = motor_error(own.law, self.robot, cycle.x, cycle.q_e)  # type: ignore[arg-type]
+        slow = error if self._slow is None else self._slow
+        speed = own.velocity_bandwidth * (error - slow)
+        self._slow = slow + (1 - math.exp(-own.velocity_bandwidth * own.period)) * (error - slow)
+        self._sum += own.integral * own.period * error
+        w = own.frequency
+        asked = w**2 * (error + self._sum) + 2 * own.damping * w * speed
+        return self.inertia(cycle.x) @ asked + self.feed_forward(
+            cycle.x, cycle.rate, cycle.acceleration
+        )
+
+
+def equilibrium(
+    controller: Controller, robot: Robot, truth: Robot, x_d: Array, start: ArrayLike, gravity: bool
+) -> tuple[Array, bool]:
+    """Find where the motor error of an own law vanishes, or holds the residual weight.
+
+    Parameters
+    ----------
+    controller : Controller
+        Whose law is a function.
+    robot, truth : Robot
+        The controller's robot and the true one.
+    x_d : ndarray, shape (n,)
+    start : array_like, shape (n,)
+        Pose at which diagonal gains were placed.
+    gravity : bool
+        As of :func:`truepose.steady_state`.
+
+    Returns
+    -------
+    (ndarray, shape (n,), bool)
+        The pose, and whether the search converged.
+    """
+    from scipy.optimize import root
+
+    torques, rest = Torques(controller, robot, start), np.zeros(robot.n)
+    stiffness = controller.frequency**2 * torques.inertia(x_d) if gravity else np.eye(robot.n)
+    fed = torques.feed_forward(x_d, rest, rest) if gravity else rest
+
+    def unbalanced(x: Array) -> Array:
+        q_e = truth.extended_positions(x, errors="nan")
+        if not np.isfinite(q_e).all():
+            return np.full(robot.n, 1e3)  # out of reach: a step back is taken
+        error = motor_error(controller.law, robot, x_d, q_e)  # type: ignore[arg-type]
+        weight = truth.inverse_dynamics(x, rest, rest) if gravity else rest
+        return np.linalg.solve(stiffness, stiffness @ error + fed - weight)
+
+    begin = truth.fkm(robot.ikm(x_d), errors="nan")
+    if not np.isfinite(begin).all():
+        return begin, False
+    found = root(unbalanced, begin, tol=1e-12)
+    return found.x, bool(np.abs(unbalanced(found.x)).max() < 1e-9)
