@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import numbers
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from truepose.exceptions import InputError
+from truepose.exceptions import InputError, shortened
 
 Array = NDArray[Any]  #: of numbers, mostly; of flags or words where it is said
 Errors = Literal["raise", "nan"]
 Level = Literal["ideal", "full"]
 
 
-def check_real(values: object, name: str) -> None:
+def check_real(values: Any, name: str) -> None:
     """Refuse what would lose its mask or its imaginary part on its way into the core.
 
     Raises
@@ -24,6 +25,10 @@ def check_real(values: object, name: str) -> None:
     InputError
         A masked array, or a list of them; complex numbers.
     """
+    if hasattr(values, "to_base_units"):  # pint, and those alike
+        raise InputError(f"{name}: has units ({values.units}): pass x.to_base_units().magnitude")
+    if isinstance(values, str | Path):
+        raise InputError(f"{name} = {shortened(repr(values))}: must be numbers, not a text")
     parts = values if isinstance(values, list | tuple) else (values,)
     parts = [part for part in parts if isinstance(part, np.ndarray | np.generic)]
     if any(isinstance(part, np.ma.MaskedArray) for part in parts):
@@ -75,6 +80,19 @@ def numbers_of(values: ArrayLike, name: str) -> Array:
         return np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):
         raise InputError(f"{name}: must be numbers") from None
+
+
+def require(value: object, kind: type, name: str, instead: str) -> None:
+    """Raise InputError unless an argument is of a kind; `instead` says how to get one.
+
+    Examples
+    --------
+    >>> require("h4", dict, "robot", "truepose.load('h4')")
+    Traceback (most recent call last):
+    truepose.exceptions.InputError: robot = 'h4': must be a dict: truepose.load('h4')
+    """
+    if not isinstance(value, kind):
+        raise InputError(f"{name} = {shortened(repr(value))}: must be a {kind.__name__}: {instead}")
 
 
 def check_seed(seed: int) -> int:

@@ -52,7 +52,14 @@ def choose(what: str, value: object, choices: Iterable[str]) -> str:
     """One line that says what `value` should have been: the nearest choice, then the choices."""
     choices, value = list(choices), shortened(str(value))
     same = [choice for choice in choices if choice.lower() == value.lower()]
-    near = same or difflib.get_close_matches(value, choices, n=1)
+    stem = value.rpartition(".")[0] + "."  # a parameter's: of its chain, bar or sensor
+    if len(kin := [choice for choice in choices if choice.startswith(stem)]) > 1:
+        choices = kin
+    last = [choice.rpartition(".")[2] for choice in choices]
+    near = same or [
+        choices[last.index(word)]
+        for word in difflib.get_close_matches(value.rpartition(".")[2], last, n=1)
+    ]
     case = " (case matters)" if same else ""
     hint = f"; did you mean '{near[0]}'{case}?" if near else ""
     more = f", … {len(choices) - _SHOWN} more" if len(choices) > _SHOWN else ""

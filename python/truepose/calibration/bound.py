@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, Errors, Level
+from truepose.arguments import Array, Errors, Level, require
 from truepose.calibration.differences import Difference, assemble
 from truepose.exceptions import InputError, PoseError
 from truepose.robot import compliance, knowledge
@@ -87,6 +87,7 @@ def accuracy(
     >>> print((1e3 * np.sqrt(np.trace(P[:, :3, :3], axis1=1, axis2=2).mean())).round(2))
     0.16
     """
+    require(robot, Robot, "robot", "truepose.load(name)")
     knowledge.require_uncertain(robot)
     model = robot.expected()
     level = robot.highest_level if level is None else level

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import logs
-from truepose.arguments import Level
+from truepose.arguments import Level, require
 from truepose.calibration import log_checks
 from truepose.calibration.between import Between
 from truepose.calibration.differences import Difference, measurements
@@ -121,6 +122,9 @@ def calibrate(
     >>> print(abs(fit.robot.estimate(true.extended_positions(dowel)).x - dowel).max() < 1e-5)
     True
     """
+    require(robot, Robot, "robot", "truepose.load(name)")
+    if isinstance(readings, str | Path):
+        raise InputError(f"readings: pass truepose.logs.read(robot, {str(readings)!r})")
     log, notes, rows = None, list[str](), readings
     if logs.is_table(readings):
         log, differences, notes = _looked_over(robot, readings, differences)

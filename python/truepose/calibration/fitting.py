@@ -326,7 +326,8 @@ def _require_found(robot: Robot, answer: _Answer, loss: Loss, known: int) -> Non
             what + "no line closes the robot's loops; units, signs and the order of the columns?"
         )
     if answer.status:
-        hint = "; gross errors? loss='student' bears them" if loss == "squares" else ""
+        hint = "; gross errors? try loss='student'" if loss == "squares" else ""
+        hint += "; are readings in m and rad?"
         why = _core.describe(answer.status)
         raise PoseError(f"{what}the search ended after {answer.iterations} steps: {why}{hint}")
     if not (answer.redundancy.any() or np.isfinite(answer.differences).any()):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, Errors, Level
+from truepose.arguments import Array, Errors, Level, require
 from truepose.calibration.fitting import MODEL_ERRORS, ModelError
 from truepose.calibration.learnt import Learnt, calibration_of, mean_of
 from truepose.exceptions import InputError, choose
@@ -66,6 +66,7 @@ class OnlineCalibrator:
         level: Level | None = None,
         model_error: ModelError = "on",
     ):
+        require(robot, Robot, "robot", "truepose.load(name)")
         warn_if_stiff(robot, "an online calibration")
         self._level = robot.highest_level if level is None else level
         self._robot = robot.with_level(self._level)

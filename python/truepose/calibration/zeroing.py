@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import logs
-from truepose.arguments import Array
+from truepose.arguments import Array, require
 from truepose.calibration import log_checks
 from truepose.calibration.bound import accuracy
 from truepose.calibration.calibrate import calibrate
@@ -115,6 +115,7 @@ def zero(
     >>> [round(motor.off, 4) for motor in found.motors]
     [-0.005, -0.0117]
     """
+    require(robot, Robot, "robot", "truepose.load(name)")
     if logs.is_table(readings):
         log = logs.of(robot, readings)
     else:

@@ -23,6 +23,9 @@ Gains = Literal["inertia", "diagonal"]
 MOST_SCALED = 1_000_000  #: of `sigma_scale`
 
 
+LONGEST_PERIOD = 0.2  #: s
+
+
 @dataclass(frozen=True, kw_only=True)
 class Controller:
     """A joint PD (or PID) on the motor error of one of the laws.
@@ -83,6 +86,10 @@ class Controller:
             positive(name, getattr(self, name))
         if not (math.isfinite(self.integral) and self.integral >= 0):
             raise InputError(f"integral = {self.integral}: must be a finite number of at least 0")
+        if self.period > LONGEST_PERIOD:
+            raise InputError(
+                f"period = {self.period}: must be at most {LONGEST_PERIOD} s; is it in ms?"
+            )
         fraction("damped_below", self.damped_below)
         scale = self.sigma_scale
         if not (isinstance(scale, int) and 1 <= scale <= MOST_SCALED):

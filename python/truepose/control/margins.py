@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose.arguments import Array
+from truepose.arguments import Array, require
 from truepose.control import gains
 from truepose.control.controller import Controller
 from truepose.control.effects import Effects
@@ -99,6 +99,7 @@ def stability_margins(
     >>> bool(paper.stable.any())  # its 150 rad/s are for a rigid robot
     False
     """
+    require(robot, Robot, "robot", "truepose.load(name)")
     effects = Effects() if effects is None else effects
     if not isinstance(controller, Controller):
         chosen = 1e-3 if period is None else period

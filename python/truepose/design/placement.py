@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose.arguments import Array, check_seed
+from truepose.arguments import Array, check_seed, require
 from truepose.calibration.bound import accuracy
 from truepose.design.sensors import asked_poses
 from truepose.exceptions import InputError, choose
@@ -93,6 +93,8 @@ def place_sensors(
     (True, True)
     """
     from scipy.optimize import minimize
+
+    require(robot, Robot, "robot", "truepose.load(name)")
 
     knowledge.require_uncertain(robot)
     names = _searched(robot, sensors)

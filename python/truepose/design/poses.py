@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, Level
+from truepose.arguments import Array, Level, require
 from truepose.calibration.bound import reference_sigmas
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.fit import Calibration
@@ -150,6 +150,7 @@ def plan_poses(
     >>> print(plan.poses.shape, plan.gain < 0.95)
     (20, 4) True
     """
+    require(robot, Robot, "robot", "truepose.load(name)")
     if n is not None and (isinstance(n, bool) or not isinstance(n, (int, np.integer)) or n < 1):
         raise InputError(f"n = {n!r}: must be a whole number, 1 or greater")
     if target is not None and not (np.isfinite(target) and target > 0):

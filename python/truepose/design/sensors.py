@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose.arguments import Array
+from truepose.arguments import Array, require
 from truepose.calibration.bound import reference_sigmas
 from truepose.design.candidates import reachable
 from truepose.design.machining import Curve, Level, levels_of
@@ -147,6 +147,7 @@ def select_sensors(
     >>> found.best.sensors, found.best.machined
     (('wire1',), (('chain*.rod', 0.001),))
     """
+    require(robot, Robot, "robot", "truepose.load(name)")
     knowledge.require_uncertain(robot)
     ladders = levels_of(robot, price_steps)
     named = priced(robot, prices, bool(ladders))

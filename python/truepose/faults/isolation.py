@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from truepose.arguments import Array, Level
+from truepose.arguments import Array, Level, require
 from truepose.exceptions import InputError
 from truepose.faults.limits import false_alarm_rate, require_inside
 from truepose.faults.parity import parity, whitened
@@ -133,6 +133,7 @@ def isolate(
     """
     from scipy.special import chdtri
 
+    require(robot, Robot, "robot", "truepose.load(name)")
     alpha = false_alarm_rate() if false_alarm is None else false_alarm
     require_inside("false_alarm", alpha, 0, 1)
     if not robot.r:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, Level
+from truepose.arguments import Array, Level, require
 from truepose.calibration import bound
 from truepose.exceptions import InputError
 from truepose.faults.parity import Parity, detectable, parity, unexplained
@@ -194,6 +194,7 @@ def detectability(
     >>> np.isinf(found.isolated).all(), np.degrees(found.moving_isolated).round(2)
     (np.True_, array([0.24, 0.24, 0.15, 0.15, 0.12]))
     """
+    require(robot, Robot, "robot", "truepose.load(name)")
     alpha = false_alarm_rate() if false_alarm is None else false_alarm
     require_inside("false_alarm", alpha, 0, 1)
     require_inside("power", power, alpha, 1)

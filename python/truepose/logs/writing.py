@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import io
+import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NamedTuple, Protocol
@@ -113,6 +114,8 @@ def write(
     ...     logs.read(h4, folder + "/move.csv").readings.shape[1]
     5
     """
+    if not isinstance(path, str | os.PathLike):
+        raise InputError(f"path = {path!r}: must be a file's name: logs.write(run, 'log.csv')")
     path = Path(path)
     check(path, force=force)
     replace_file(path, encoded(path, columns(run, robot)), "log", force)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from typing import Any
 
@@ -13,6 +14,8 @@ from truepose.arguments import Array, Errors, Level, column_of, columns_of, numb
 from truepose.exceptions import InputError, PoseError, choose
 from truepose.robot import explain
 from truepose.robot.description import Description
+
+_MUCH = 10.0  # m or rad: more than robots span and turn
 
 
 def flattened(
@@ -32,7 +35,20 @@ def flattened(
     if errors == "raise" and not np.isfinite(array).all():
         bad = array.reshape(-1, width)[~np.isfinite(array.reshape(-1, width)).all(axis=-1)][0]
         raise InputError(f"{name} = {_list(bad)}: must be finite numbers")
-    return np.ascontiguousarray(array.reshape(-1, width)), array.shape[:-1]
+    rows = np.ascontiguousarray(array.reshape(-1, width))
+    if name.startswith("x") and np.abs(rows).max(initial=0) > 2 * np.pi:
+        _warn_of_degrees(robot, rows, name)
+    return rows, array.shape[:-1]
+
+
+def _warn_of_degrees(robot: Description, rows: Array, name: str) -> None:
+    for k, (coordinate, unit) in enumerate(robot.coordinates):
+        if unit == "rad" and (most := float(np.abs(rows[:, k]).max())) > 2 * np.pi:
+            warnings.warn(
+                f"{robot.name}: {name}: {coordinate} = {most:.6g} rad is more than a turn; "
+                "is it in degrees?",
+                stacklevel=4,
+            )
 
 
 def _by_name(
@@ -72,8 +88,13 @@ def require_answers(
         )
     raise PoseError(
         f"{robot.name}: {what}{index} {name} = {_list(rows[k])}: "
-        f"{guilty}{_core.describe(int(status[k]))}{beyond}"
+        f"{guilty}{_core.describe(int(status[k]))}{beyond}{_in_other_units(rows[k])}"
     )
+
+
+def _in_other_units(row: Array) -> str:
+    """Ask whether a row that no robot reaches is in mm or degrees."""
+    return "; m and rad? (not mm, °)" if np.abs(row).max() > _MUCH else ""
 
 
 def at_poses(

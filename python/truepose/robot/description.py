@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from truepose import _core, files, robotfile
-from truepose.arguments import Array, Level
+from truepose.arguments import Array, Level, numbers_of, require
 from truepose.exceptions import InputError, RobotFileError, choose
 from truepose.robot import explain
 from truepose.robotfile.schema import CalibrationSection, RobotFile
@@ -337,6 +337,8 @@ class Description:
 
     def with_calibration(self, calibration: CalibrationSection | None) -> Self:
         """Return a copy with a calibration's parameter covariance, or with the prior's (None)."""
+        if calibration is not None:
+            require(calibration, CalibrationSection, "calibration", "fit.robot has one")
         values = (
             {}
             if calibration is None
@@ -354,6 +356,8 @@ class Description:
         >>> tp.load("h4").with_sensors("theta", "z_telemeter").r
         2
         """
+        if len(names) == 1 and isinstance(names[0], list | tuple):
+            names = tuple(names[0])
         known = [sensor.name for sensor in self._spec.sensor]
         for name in names:
             if name not in known:
@@ -367,7 +371,8 @@ class Description:
 
         Inclinometers read against it, and against z where it is off.
         """
-        if len(gravity) != 3 or not all(map(math.isfinite, gravity)):
+        numbers_of(gravity, "gravity")
+        if np.shape(gravity) != (3,) or not np.isfinite(gravity).all():
             raise InputError(f"gravity = {gravity}: must be three finite numbers, m/s²")
         return self._with(gravity=tuple(gravity))
 

@@ -84,6 +84,8 @@ class Robot(Redundancy, Dynamics):
         >>> -0.003 <= true.parameters["chain1.rod"].value - 0.48 <= 0.010
         True
         """
+        if not isinstance(seed, np.random.SeedSequence):
+            check_seed(seed)
         generator = np.random.default_rng(seed)
         sampled, robot = {}, self.with_calibration(None)
         for name, parameter in robot.parameters.items():

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, Errors
+from truepose.arguments import Array, Errors, require
 from truepose.control.controller import Controller, require_same_readings
 from truepose.control.own_law import OwnLaw, equilibrium, law_name
 from truepose.exceptions import PoseError
@@ -67,6 +67,8 @@ def steady_state(
     >>> bool(abs(redundant[3] - 0.2) < abs(usual[3] - 0.2) / 8)
     True
     """
+    require(robot, Robot, "robot", "truepose.load(name)")
+    require(truth, Robot, "truth", "truepose.load(name)")
     if not isinstance(controller, Controller):
         controller = Controller(law=usual(robot) if controller is None else controller)
     rows, lead = flattened(robot, x_d, robot.n, "x_d", errors)

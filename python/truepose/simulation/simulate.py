@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
-from truepose.arguments import Array, numbers_of
+from truepose.arguments import Array, numbers_of, require
 from truepose.calibration.online import OnlineCalibrator
 from truepose.control.controller import Controller, ControllerInput, pose_of
 from truepose.control.effects import Effects
@@ -297,7 +297,16 @@ def simulate(
     >>> bool(abs(run.error[:, :3]).max() < 2e-3)
     True
     """
+    require(robot, Robot, "robot", "truepose.load(name)")
     truth = robot if truth is None else truth
+    require(truth, Robot, "truth", "truepose.load(name)")
+    for value, kind, name in (
+        (effects, Effects, "effects"),
+        (learn, OnlineCalibrator, "learn"),
+        (watch, FaultMonitor, "watch"),
+    ):
+        if value is not None:
+            require(value, kind, name, f"truepose.{kind.__name__}(…), or None")
     for one in {robot, truth}:
         warn_if_stiff(one, "a simulation")
     controller = controller_of(controller, robot, effects)

@@ -1,0 +1,182 @@
+"""Natural mistakes. Each gets one line that says what to do."""
+
+import re
+import warnings
+
+import numpy as np
+import pytest
+
+import truepose as tp
+
+H4 = tp.load("h4")
+X = [0.05, 0.05, -0.4, 0.2]
+Q = H4.ikm(X)
+DELTA = tp.load("delta")
+Fault = tp.faults.Fault
+
+
+class Millimetres:
+    """What a library of units gives."""
+
+    units = "millimeter"
+    to_base_units = None
+
+
+def some_readings():
+    """Return readings of 30 poses."""
+    box = H4.spec.workspace
+    x = np.random.default_rng(0).uniform(box.minimum, box.maximum, (30, 4))
+    return H4.extended_positions(x)
+
+
+MISTAKES = {
+    "a pose in mm": (lambda: H4.ikm([50, 50, -400, 0.2]), r"unreachable; m and rad\? \(not mm"),
+    "an angle in degrees": (
+        lambda: H4.ikm([0.05, 0.05, -0.4, 11.5]),
+        r"theta = 11.5 rad .*degrees",
+    ),
+    "a pose without its angle": (lambda: H4.ikm(X[:3]), r"x: shape \(3,\), must be \(\.\.\., 4\)"),
+    "too many motors": (
+        lambda: H4.fkm([*Q, 0.1]),
+        r"q: shape \(5,\), must be \(\.\.\., 4\) for h4",
+    ),
+    "motors in degrees": (lambda: H4.fkm(np.degrees(Q)), r"m and rad\?"),
+    "a NaN": (lambda: H4.ikm([np.nan, 0, -0.4, 0]), "must be finite numbers"),
+    "a text for a pose": (lambda: H4.ikm("home"), "x = 'home': must be numbers"),
+    "nothing for a pose": (lambda: H4.ikm(None), r"must be \(\.\.\., 4\) for h4"),
+    "poses in columns": (lambda: H4.ikm(np.zeros((4, 10))), r"shape \(4, 10\), must be"),
+    "complex poses": (lambda: H4.ikm(np.array(X, complex)), "must be real"),
+    "a masked pose": (lambda: H4.ikm(np.ma.array(X, mask=[1, 0, 0, 0])), "fill what is masked"),
+    "a pose with units": (
+        lambda: H4.ikm(Millimetres()),
+        r"has units \(millimeter\): pass x\.to_ba",
+    ),
+    "other columns": (lambda: H4.ikm({"x": [0.05], "y": [0.05]}), "must be x, y, z, theta or q1"),
+    "errors": (
+        lambda: H4.ikm(X, errors="ignore"),
+        r"unknown errors 'ignore' \(choices: raise, nan",
+    ),
+    "a level": (lambda: H4.with_level("fulll"), "did you mean 'full'"),
+    "a level of one call": (lambda: H4.ikm(X, level="real"), "choices: ideal, full"),
+    "an unknown sensor": (lambda: H4.with_sensors("thetta"), "did you mean 'theta'"),
+    "a sensor twice": (lambda: H4.with_sensors("theta", "theta"), "named twice"),
+    "no such robot": (lambda: tp.load("h5"), "choices: 3rpr, .*or the path of a robot file"),
+    "a robot loaded": (lambda: tp.load(H4), "must be a shipped robot's name or a file's path"),
+    "a folder loaded": (lambda: tp.load("."), "Is a directory"),
+    "a parameter misspelt": (
+        lambda: H4.replace({"chain1.lenght": 0.48}),
+        r"choices: .*chain1\.rod",
+    ),
+    "a chain too many": (lambda: H4.replace({"chain5.rod": 0.48}), "did you mean 'chain1.rod'"),
+    "a rod in mm": (lambda: H4.replace({"chain1.rod": 483}), "its rod is .* mm too long"),
+    "a negative rod": (lambda: H4.replace({"chain1.rod": -0.48}), r"must be greater than 0 \(m\)"),
+    "a parameter as text": (lambda: H4.replace({"chain1.rod": "483mm"}), "must be a finite number"),
+    "a name to accuracy": (
+        lambda: tp.accuracy("h4", X),
+        r"robot = 'h4': must be a Robot: truepose\.",
+    ),
+    "a name to steady_state": (lambda: tp.steady_state("h4", H4, X), r"truepose\.load\(name\)"),
+    "a name to calibrate": (lambda: tp.calibrate("h4", {}), r"truepose\.load\(name\)"),
+    "a name to simulate": (lambda: tp.simulate("h4"), r"truepose\.load\(name\)"),
+    "a name to plan_poses": (lambda: tp.plan_poses("h4", 5), r"truepose\.load\(name\)"),
+    "a name to select_sensors": (lambda: tp.select_sensors("h4"), r"truepose\.load\(name\)"),
+    "a name to margins": (lambda: tp.control.stability_margins("h4"), r"truepose\.load\(name\)"),
+    "a true name": (lambda: tp.simulate(H4, "delta"), r"truth = 'delta': must be a Robot"),
+    "a law misspelt": (lambda: tp.steady_state(H4, H4, X, "cartezian"), "did you mean 'cartesian'"),
+    "a law's old name": (lambda: tp.Controller(law="redundant"), "choices: joint, tej, cartesian"),
+    "no sensor for a law": (
+        lambda: tp.steady_state(DELTA, DELTA, DELTA.home, "tej"),
+        r"needs a redundant sensor, .*with_sensors",
+    ),
+    "another robot": (lambda: tp.steady_state(H4, DELTA, X), "must have the same mobility and sen"),
+    "other sensors": (lambda: tp.steady_state(H4, H4.with_sensors(), X), "same mobility and sens"),
+    "negative poles": (
+        lambda: tp.Controller(frequency=-1),
+        "must be a finite number greater than 0",
+    ),
+    "a period in ms": (lambda: tp.Controller(period=1), r"at most 0\.2 s; is it in ms\?"),
+    "a list as a log": (
+        lambda: tp.calibrate(H4, [1, 2, 3]),
+        r"shape \(3,\), must be \(\.\.\., 5\)",
+    ),
+    "a log without theta": (
+        lambda: tp.calibrate(H4, {f"q{k}": [0] for k in range(1, 5)}),
+        "no column 'theta' .*leave a sensor out",
+    ),
+    "a log of unequal columns": (
+        lambda: tp.calibrate(H4, {**{f"q{k}": [0, 0] for k in range(1, 5)}, "theta": [0]}),
+        r"column theta: shape \(1,\), must be \(2,\)",
+    ),
+    "a log's path": (
+        lambda: tp.calibrate(H4, "log.csv"),
+        r"pass truepose\.logs\.read\(robot, 'log",
+    ),
+    "a log in degrees": (lambda: tp.calibrate(H4, np.degrees(some_readings())), "in m and rad"),
+    "a loss misspelt": (lambda: tp.calibrate(H4, some_readings(), loss="hubber"), "mean 'huber'"),
+    "motors to estimate": (
+        lambda: H4.estimate(Q),
+        r"q_e: shape \(4,\), must be \(\.\.\., 5\) for h4",
+    ),
+    "a kind of fault": (lambda: Fault("theta", "broken"), "choices: bias, jump, spike, stuck"),
+    "a fault's reading": (
+        lambda: tp.simulate(H4, faults=[Fault("tetha", "stuck")]),
+        "mean 'theta'",
+    ),
+    "one fault": (
+        lambda: tp.simulate(H4, faults=Fault("theta", "stuck")),
+        "list of Fault: .fault.",
+    ),
+    "effects as text": (
+        lambda: tp.simulate(H4, effects="all"),
+        r"must be a Effects: truepose\.Effe",
+    ),
+    "a monitor as a flag": (
+        lambda: tp.simulate(H4, watch=True),
+        r"truepose\.FaultMonitor\(…\), or N",
+    ),
+    "learning as a flag": (lambda: tp.simulate(H4, learn=True), r"truepose\.OnlineCalibrator\(…\)"),
+    "an end out of reach": (
+        lambda: tp.simulate(H4, start=H4.home, end=[1, 0, -0.4, 0]),
+        r"end of the move: .*chain 1: unreachable",
+    ),
+    "no duration": (lambda: tp.simulate(H4, duration=0), "duration = 0: must be .* greater than 0"),
+    "a circle in mm": (
+        lambda: tp.simulate(H4, path=tp.simulation.Circle(centre=H4.home, radius=50, frequency=1)),
+        r"m and rad\? \(not mm",
+    ),
+    "no robots": (lambda: tp.monte_carlo("rest", "h4", 0), "count = 0: must be at least 1"),
+    "a study misspelt": (lambda: tp.monte_carlo("rst", "h4", 2), r"mean 'rest'.*file\.py:function"),
+    "a key misspelt": (
+        lambda: tp.monte_carlo("calibration", "h4", 2, grid={"pose": [3]}),
+        "did you mean 'poses'",
+    ),
+    "a price's sensor": (lambda: tp.select_sensors(H4, {"theta2": 5}), "did you mean 'theta'"),
+    "no poses": (lambda: tp.plan_poses(H4, 0), "must be a whole number, 1 or greater"),
+    "half a pose": (lambda: tp.plan_poses(H4, 2.5), "must be a whole number, 1 or greater"),
+    "gravity as a number": (lambda: H4.with_gravity(9.81), r"must be three finite numbers, m/s²"),
+    "a load as a number": (lambda: H4.with_payload(5), "must be three finite numbers, N"),
+    "a seed as text": (lambda: H4.sample("a"), "must be a whole number from 0"),
+    "a fit for a section": (lambda: H4.with_calibration(3), r"fit\.robot has one"),
+    "a log's arguments": (lambda: tp.logs.write("x.csv", {}), r"logs\.write\(run, 'log\.csv'\)"),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_gets_one_line_that_says_what_to_do(name):
+    mistake, said = MISTAKES[name]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UserWarning)
+        with pytest.raises((tp.TrueposeError, UserWarning)) as refused:
+            mistake()
+    line = str(refused.value)
+    assert "\n" not in line and re.search(said, line), line
+
+
+def test_sixty_mistakes_are_tried():
+    assert len(MISTAKES) >= 60
+
+
+def test_a_list_of_sensors_and_a_table_of_poses_are_taken_as_they_are_meant():
+    assert H4.with_sensors(["theta", "z_telemeter"]).sensors == ("theta", "z_telemeter")
+    table = dict(zip(("theta", "z", "y", "x"), [[v] for v in X[::-1]], strict=True))
+    np.testing.assert_array_equal(H4.ikm(table), [Q])
