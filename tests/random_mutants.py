@@ -107,7 +107,9 @@ class Tests:
             header = Path(file).stem
             return [f"{name}::*" for name, about in self.labels if header in about]
         found = []
-        run = self.lines.get(file.removeprefix("python/truepose/"), {}).get(line, ())
+        rows = self.lines.get(file.removeprefix("python/truepose/"), {})
+        run = set(rows.get(line, ())) - {""}
+        run = run or {context for of in rows.values() for context in of}  # of a constant
         for context in sorted(run, key=lambda context: (self.reach[context], context)):
             *module, function = context.split(".")
             if module and module[-1] in self.files and function.startswith("test_"):
