@@ -146,7 +146,7 @@ def spread(found: list[Found]) -> Table:
             ends = f"{number(float(min(each_one)))} to {number(float(max(each_one)))}"
             row += [printed[column][key], ends]
         rows.append(row)
-    header = ["mm, °", "usual, paper", "twins", "redundant, paper", "twins"]
+    header = ["mm, °", "usual, paper", "twins", "TEJ, paper", "twins"]
     return Table("spread", "", header, rows)
 
 

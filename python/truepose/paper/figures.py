@@ -77,8 +77,8 @@ def ratios(result: Experiment) -> Figure:
     theta = 100 * result.ratio("theta", "sum_sq")
     norm = np.sqrt(result.ratio("norm_xyz", "sum_sq"))
     for axes, values, label in (
-        (left, theta, "θ: sum of squares, redundant / usual (%)"),
-        (right, norm, "position: rms of the norm, redundant / usual"),
+        (left, theta, "θ: sum of squares, TEJ / usual (%)"),
+        (right, norm, "position: rms of the norm, TEJ / usual"),
     ):
         axes.hist(values, bins=min(30, max(5, len(values) // 4)), color=colour, alpha=0.75)
         median = np.median(values)

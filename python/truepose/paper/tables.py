@@ -150,7 +150,7 @@ def one_robot(result: Reproduction) -> Table:
         row = [label, printed["usual"][key], number(tables["joint"][0][at])]
         row += [printed["redundant"][key], number(tables["tej"][0][at])]
         rows.append(row + [number(tables[control][0][at]) for control in FURTHER])
-    header = [UNITS, "usual, paper", "usual, truepose", "redundant, paper", "redundant, truepose"]
+    header = [UNITS, "usual, paper", "usual, truepose", "TEJ, paper", "TEJ, truepose"]
     header += [f"{name}, truepose" for name in FURTHER.values()]
     return Table("table3_one_robot", "Table 3 for one robot", header, rows)
 
@@ -172,7 +172,7 @@ def many_robots(result: Reproduction) -> Table:
             row.append(Cell(text, {k: float(v) for k, v in data.items()}))
         rows.append(row)
     count = len(result.experiment.truths)
-    header = [UNITS, "usual, paper", "usual, truepose", "redundant, paper", "redundant, truepose"]
+    header = [UNITS, "usual, paper", "usual, truepose", "TEJ, paper", "TEJ, truepose"]
     header += [f"{name}, truepose" for name in FURTHER.values()]
     title = f"Table 3 over {count} robots: median [5 %, 95 %]"
     return Table("table3_robots", title, header, rows)
@@ -226,7 +226,7 @@ def sensing(lines: list[Line]) -> Table:
         data = {"tolerances": line.tolerances, "sensors": line.sensors, "unit": "mm"}
         named = Cell(f"{line.tolerances}: {line.sensors}", data)
         rows.append([named, *map(fixed, others), self_calibrated, fixed(line.bound), gained])
-    header = ["position rms (mm)", "usual", "redundant, TEJ", "weighted, TEJ", "self-calibrated"]
+    header = ["position rms (mm)", "usual", "TEJ", "weighted TEJ", "self-calibrated"]
     header += ["bound", "gain"]
     count = len(lines[0].each["joint"])
     kind = "one robot" if count == 1 else f"{count} robots a line [90 % intervals]"
@@ -359,7 +359,7 @@ def twin_table3(runs: dict[Control, Run], plant: str, reading: Reading = "estima
             given = number(float(given))
             row += [printed[column][key], Cell(given + mark, given.data)]
         rows.append(row)
-    header = [UNITS, "usual, paper", "usual, twin", "redundant, paper", "redundant, twin"]
+    header = [UNITS, "usual, paper", "usual, twin", "TEJ, paper", "TEJ, twin"]
     title = f"Table 3 of the twin, {plant} plant: {READING_NAMES[reading]}"
     return Table(f"twin_table3_{plant.lower()}_{reading}", title, header, rows)
 
@@ -373,8 +373,8 @@ def twin_changes(runs: dict[Control, Run], plant: str) -> Table:
         if key[1] == "sum_sq":
             ratios = printed["redundant"][key] / printed["usual"][key], redundant[at] / usual[at]
             rows.append([label, *(f"{100 * (ratio - 1):+.1f}" for ratio in ratios)])
-    header = ["redundant less usual (%)", "paper", "twin"]
-    title = f"What changed from usual to redundant, {plant} plant"
+    header = ["TEJ − usual (%)", "paper", "twin"]
+    title = f"Change from usual to TEJ control, {plant} plant"
     return Table(f"twin_changes_{plant.lower()}", title, header, rows)
 
 
