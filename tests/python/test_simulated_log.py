@@ -45,7 +45,7 @@ def test_the_printed_commands_calibrate_the_log_and_judge_it(
     status, said, err = run(*words_after(said, "Then"), "--format", "json")
     assert status == 0
     poses = {row["robot"]: row["less that at home (mm)"] for row in json.loads(said)["pose"]}
-    assert poses["calibrated, by the motors"] < 0.5 * poses["drawn, by the motors"]
+    assert poses["calibrated, by the motors"] < 0.5 * poses["nominal, by the motors"]
     assert "Squared error of all" in err
     found = tp.load(tmp_path / "simulated.calibrated.toml")
     assert len(json.loads(said)["parameters"]) == len(found.spec.calibration.parameters)
@@ -97,7 +97,7 @@ def test_the_true_robot_has_missed_nothing_and_the_drawn_one_all(h4):
     )
     usual = truth.fkm(h4.ikm(x_d), guess=x_d) - x_d
     expected = np.linalg.norm(usual[:, :3], axis=1)
-    off = result.pose["drawn, by the motors"]
+    off = result.pose["nominal, by the motors"]
     np.testing.assert_allclose(off[:, 0], expected, atol=1e-9)
     at_home = (truth.fkm(h4.ikm(h4.home)) - h4.home)[:3]
     zeroed = np.linalg.norm(usual[:, :3] - at_home, axis=1)

@@ -153,10 +153,10 @@ def _compared(robot: Robot, result: Missed) -> list[Table]:
         "robot",
         "position rms (mm)",
         "largest (mm)",
-        "less that at home (mm)",
+        "relative to home (mm)",
         "turn rms (°)",
     ]
-    pose = Table("pose", "Where the true robot stands, less where it was sent", header, rows)
+    pose = Table("pose", "Pose error of the true robot (reached − commanded)", header, rows)
     rows = []
     errors = zip(result.names, result.before, result.after, result.sigma, strict=True)
     for name, *values in errors:

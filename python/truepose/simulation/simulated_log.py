@@ -159,7 +159,7 @@ def missed(robot: Robot, truth: Robot, found: Robot, seed: int = 0, poses: int =
     nees = float(np.sum(np.linalg.solve(root, after - true) ** 2))
     x_d = np.vstack([robot.home, _drawn(robot, poses, np.random.default_rng([seed, 3]))])
     pose = {
-        "drawn, by the motors": _led(robot, truth, x_d, "joint"),
+        "nominal, by the motors": _led(robot, truth, x_d, "joint"),
         "calibrated, by the motors": _led(found, truth, x_d, "joint"),
         "calibrated, by all readings": _led(found, truth, x_d, "estimated" if found.r else "joint"),
     }
