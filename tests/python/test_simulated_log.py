@@ -44,7 +44,7 @@ def test_the_printed_commands_calibrate_the_log_and_judge_it(
     assert run(*words_after(said, "Next"))[0] == 0
     status, said, err = run(*words_after(said, "Then"), "--format", "json")
     assert status == 0
-    poses = {row["robot"]: row["less that at home (mm)"] for row in json.loads(said)["pose"]}
+    poses = {row["robot"]: row["relative to home (mm)"] for row in json.loads(said)["pose"]}
     assert poses["calibrated, by the motors"] < 0.5 * poses["nominal, by the motors"]
     assert "Squared error of all" in err
     found = tp.load(tmp_path / "simulated.calibrated.toml")
