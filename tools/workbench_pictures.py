@@ -17,8 +17,8 @@ from PIL import Image
 from playwright.sync_api import Page as Seen
 from playwright.sync_api import sync_playwright
 
-import truepose as tp
 from truepose.integrations.workbench import serve
+from truepose.integrations.workbench.state import demonstration
 from truepose.robot.frames import frames
 
 PICTURES = Path(__file__).parents[1] / "docs/pictures"
@@ -90,40 +90,24 @@ class Film:
 
 
 def film(page: Any, seen: Seen) -> None:
-    """Drag a robot that is not as drawn, let it calibrate itself, let a reading lie."""
-    robot, shown = page.state.drawn, Film(seen)
-    shown.take(1200)
-    choose(seen, "Errors")
-    with page.doing():
-        page.state = page.state.with_drawn_errors(seed=1)
-    shown.take(1500, 10)
-    choose(seen, "Pose")
+    """Drag a robot with one rod 3 mm too long, and let it calibrate itself."""
+    robot, shown, start = page.state.drawn, Film(seen), page.state.x_d
+    shown.take(2000)
     for turn in np.linspace(0, 2 * np.pi, 13):
         away = np.array([0.08 * np.sin(turn), 0.08 - 0.08 * np.cos(turn), 0, 0.3 * np.sin(turn)])
-        page._dragged(frames(robot, robot.home + away), True)
+        page._dragged(frames(robot, start - [0, 0.08, 0, 0] + away), True)
         shown.take()
     with page.doing():
-        page.mapped = page.coloured = True
-    shown.take(1800, 10)
+        page.state = page.state.sent(start)
+    shown.take(1200, 8)
     with page.doing():
-        page.mapped = page.coloured = False
-    choose(seen, "Log")
-    with page.doing():
-        page.tabs[3]._simulate_log()
-    shown.take(1500, 10)
-    with page.doing():
-        page.tabs[3]._fit()
+        page.calibrate()
     shown.take(2500, 10)
-    choose(seen, "Faults")
-    with page.doing():
-        page.tabs[4].toggle()
-    for k in range(9):
-        if k == 4:
-            with page.doing():
-                page.tabs[4]._on.value = True
-                page.tabs[4]._begin_fault()
-        shown.take(200, 1)
-    shown.take(1500)
+    for turn in np.linspace(0, 2 * np.pi, 13):
+        away = np.array([0.08 * np.sin(turn), 0.08 - 0.08 * np.cos(turn), 0, 0.3 * np.sin(turn)])
+        page._dragged(frames(robot, start - [0, 0.08, 0, 0] + away), True)
+        shown.take()
+    shown.take(3000)
     shown.save(PICTURES / "workbench.webp")
 
 
@@ -137,16 +121,14 @@ def main() -> None:
             ("workbench-phone.png", PHONE, True),
             ("workbench.webp", WIDE, False),
         ):
-            page = serve.open_page(tp.load("h4"), port=PORT, dark=dark)
+            page = serve.open_page(demonstration(), port=PORT, dark=dark)
             seen = looked_at(browser, size, page.address("127.0.0.1"))
             if name.endswith(".webp"):
                 film(page, seen)
             else:
                 with page.doing():
-                    page.state = page.state.with_drawn_errors(seed=1)
-                    page.send(page.state.sent([0.05, 0.03, -0.42, 0.3]))
-                    page.mapped = not dark
-                choose(seen, "Sensors" if dark else "Errors")
+                    page.calibrate()
+                choose(seen, "Sensors" if dark else "Log")
                 settled(seen, 15)
                 shot = Image.open(io.BytesIO(seen.screenshot(timeout=PATIENCE)))
                 shot.convert("RGB").save(PICTURES / name, optimize=True)

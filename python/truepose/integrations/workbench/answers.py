@@ -62,6 +62,20 @@ def rests(state: State) -> dict[Law, Rest]:
     return found
 
 
+def position_error(state: State, law: Law, over: Array) -> float:
+    """Return the steady-state error of the position (of a pivot: the turn), rms, m or rad."""
+    x = steady_state(state.robot, state.truth, over, law, errors="nan")
+    off = (x - over)[:, summed(state.robot).columns]
+    return float(np.sqrt(np.nanmean(np.sum(off**2, axis=1))))
+
+
+def predicted(robot: Robot, over: Array, on: Array) -> float:
+    """Return the bound of that after a calibration at the poses `on`: 1 σ, rms, m or rad."""
+    P = accuracy(robot, over, calibrated_on=on, errors="nan")
+    columns = summed(robot).columns
+    return float(np.sqrt(np.nanmean(np.trace(P[:, columns][:, :, columns], axis1=1, axis2=2))))
+
+
 def skeletons(state: State, x: Array | None, magnified: float = 1.0) -> tuple[Array, Array | None]:
     """Points of the chains, (n, 4, 3), of the robot as drawn at x_d, and of the true one at x.
 

@@ -10,19 +10,21 @@ import typer
 
 from truepose.commands.options import completing
 from truepose.integrations.workbench import serve
+from truepose.integrations.workbench.state import begin, demonstration
 from truepose.robot.robot import list_robots, load
 from truepose.show.terminal import say
 
 
 def command(
     robot: Annotated[
-        str,
+        str | None,
         typer.Argument(
             metavar="[ROBOT]",
             help="A shipped robot's name, or a robot file.",
+            show_default="an H4 with one rod 3 mm too long",
             autocompletion=completing(list_robots),
         ),
-    ] = "h4",
+    ] = None,
     log: Annotated[Path | None, typer.Option(help="A log to play back.")] = None,
     port: Annotated[int, typer.Option(min=1, max=65535, help="That serves the page.")] = serve.PORT,
     host: Annotated[
@@ -39,17 +41,18 @@ def command(
 ) -> None:
     """Open a robot in the browser: move it, add errors, choose sensors, play a log.
 
-    Needs viser: pip install "truepose[workbench]".
+    Without a robot it shows an H4 with one rod 3 mm too long: one button calibrates it from its own
+    readings. Needs viser: pip install "truepose[workbench]".
 
     Example: **truepose workbench h4**
     """
     serve.require()
-    loaded = load(robot)
+    subject = demonstration() if robot is None else begin(load(robot))
     if not no_browser:
         serve.require_browser()
-    page = serve.open_page(loaded, host, port, log=log, dark=dark)
+    page = serve.open_page(subject, host, port, log=log, dark=dark)
     address = page.address("localhost" if host in ("0.0.0.0", "127.0.0.1") else host)
-    say(f"{loaded.name}: {address} (Ctrl-C ends it)")
+    say(f"{subject.drawn.name}: {address} (Ctrl-C ends it)")
     if host == "0.0.0.0" and (own := serve.own_address()):
         say(f"From other devices: {page.address(own)}")
     if not no_browser:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from viser import GuiApi, uplot
 
+from truepose.arguments import Array
 from truepose.exceptions import InputError, PoseError, TrueposeError
 from truepose.files import unfinished
 from truepose.integrations.workbench import playback, words
@@ -68,6 +69,14 @@ class LogTab(Tab):
 
     def _simulate_log(self) -> None:
         self._take(playback.simulated_log(self.page.state, _POSES))
+
+    def calibrate(self) -> Array:
+        """Write a log and calibrate on it; return its poses, (N, n), as they are then known."""
+        self._simulate_log()
+        self._fit()
+        assert self.played is not None
+        x = np.array([self.played.pose(k) for k in range(len(self.played.log.lines))])
+        return x[np.isfinite(x).all(axis=1)]
 
     def _take(self, played: Playback) -> None:
         """Begin with another log."""

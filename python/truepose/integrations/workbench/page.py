@@ -17,9 +17,8 @@ from truepose.exceptions import TrueposeError, one_line
 from truepose.integrations.workbench import answers, words
 from truepose.integrations.workbench.guard import Guard
 from truepose.integrations.workbench.scene import LAW_COLOURS, Scene
-from truepose.integrations.workbench.state import State, begin
+from truepose.integrations.workbench.state import State
 from truepose.robot.laws import Law, usual
-from truepose.robot.robot import Robot
 
 #: Of a tab, from the page and its panel.
 Made = Callable[["Page", GuiApi], Any]
@@ -30,18 +29,18 @@ class Page:
     """A served page. All that changes it goes through :meth:`doing`, one change at a time."""
 
     def __init__(
-        self, robot: Robot, host: str, port: int, tabs: Mapping[str, Made], dark: bool = False
+        self, state: State, host: str, port: int, tabs: Mapping[str, Made], dark: bool = False
     ):
         self._guard = Guard(host, port)
         with contextlib.redirect_stdout(io.StringIO()):  # viser says where it is; so do we
             with self._guard.installed():
-                label = f"truepose: {robot.name}"
+                label = f"truepose: {state.drawn.name}"
                 self.server = ViserServer(host, port, label=label, verbose=False)
             if not self._guard.guards:
                 self.server.stop()
                 raise TrueposeError("the workbench cannot guard this viser: install viser 1.1")
-        self.state: State = begin(robot)
-        self.law: Law = usual(robot)  #: under which the drawn robot stands
+        self.state = state
+        self.law: Law = usual(state.drawn)  #: under which the drawn robot stands
         self.magnified = 10.0
         self.how: str | None = "as built"  #: of the ellipsoid; None: no ellipsoid
         self.coloured = self.mapped = False
@@ -54,6 +53,8 @@ class Page:
         gui = self.server.gui
         self._said = ""
         self._answers = gui.add_html("")
+        button = gui.add_button("Calibrate from its own readings")
+        self._verdict: Any = gui.add_html("")
         group = gui.add_tab_group()
         self.scene = Scene(self.server, self.state, self._dragged)
         self.tabs: list[Any] = []
@@ -61,6 +62,7 @@ class Page:
             folder = gui.add_folder(label, expand_by_default=False) if label == "View" else None
             with folder or group.add_tab(label):
                 self.tabs.append(made(self, gui))
+        self.pressed(button, self.calibrate)
         self.place_gizmos()
         self._keys(gui)
         self.show()
@@ -186,6 +188,17 @@ class Page:
                 for tab in self.tabs:
                     with contextlib.suppress(TrueposeError):  # a pose that cannot be drawn
                         tab.tick(now)
+
+    def calibrate(self) -> None:
+        """Let the robot write a log and calibrate on it; show the error before and after."""
+        log, law, over = self.tabs[3], self.law, answers.workspace_poses(self.state.drawn)
+        before = answers.position_error(self.state.believing(None), law, over)
+        visited = log.calibrate()
+        after = answers.position_error(self.state, law, over)
+        bound = answers.predicted(self.state.drawn, over, visited)
+        self._verdict.content = words.page(
+            words.verdict(self.state.drawn, law, (before, after, bound), len(over), len(visited))
+        )
 
     def open_log(self, path: Path) -> None:
         """Play a log file back."""

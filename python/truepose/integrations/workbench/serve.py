@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from truepose.exceptions import InputError, TrueposeError
+from truepose.integrations.workbench.state import State, begin
 from truepose.robot.robot import Robot
 
 if TYPE_CHECKING:
@@ -60,9 +61,14 @@ def require_browser() -> None:
 
 
 def open_page(
-    robot: Robot, host: str = HOST, port: int = PORT, *, log: Path | None = None, dark: bool = False
+    subject: Robot | State,
+    host: str = HOST,
+    port: int = PORT,
+    *,
+    log: Path | None = None,
+    dark: bool = False,
 ) -> Page:
-    """Serve the page; it is there until its `stop` is called.
+    """Serve the page of a robot, or of a state of one, until its `stop` is called.
 
     Raises
     ------
@@ -80,7 +86,7 @@ def open_page(
 
     shown = {"Pose": tabs.PoseTab, "Errors": tabs.ErrorsTab, "Sensors": tabs.SensorsTab}
     shown |= {"Log": LogTab, "Faults": MotionTab, "View": tabs.ViewTab}
-    page = Page(robot, host, port, shown, dark)
+    page = Page(subject if isinstance(subject, State) else begin(subject), host, port, shown, dark)
     try:
         if page.server.get_port() != port:  # taken meanwhile
             raise InputError(f"--port {port}: {host}:{port}: already in use; choose another")

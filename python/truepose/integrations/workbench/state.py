@@ -12,7 +12,7 @@ from truepose import _core
 from truepose.arguments import Array
 from truepose.exceptions import InputError
 from truepose.robot.frames import coordinates
-from truepose.robot.robot import Robot
+from truepose.robot.robot import Robot, load
 from truepose.robot.units import unit_of
 
 #: How far a slider moves an error that no tolerance speaks of, by its unit: m, rad, of a gain.
@@ -98,6 +98,18 @@ def begin(robot: Robot) -> State:
     {'chain1.rod': 0.003}
     """
     return State(robot, robot, _real(robot), robot.home)
+
+
+def demonstration() -> State:
+    """Put an H4 with a θ encoder and a z telemeter on the bench, one rod 3 mm too long.
+
+    Examples
+    --------
+    >>> demonstration().drawn.sensors
+    ('theta', 'z_telemeter')
+    """
+    h4 = load("h4").with_sensors("theta", "z_telemeter")
+    return begin(h4).with_errors({"chain3.rod": 0.003}).sent([0.05, 0.05, -0.40, 0.20])
 
 
 def _real(robot: Robot) -> Robot:

@@ -56,6 +56,16 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     )
 
 
+def verdict(robot: Robot, law: str, errors: tuple[float, float, float], over: int, on: int) -> str:
+    """Compare the error before and after a calibration with the bound predicted beforehand."""
+    total = summed(robot)
+    factor, unit = PRINT[total.unit]
+    cells = [f"<b>{number(factor * error)}</b>" for error in errors]
+    header = [f"{total.name} error ({unit})", "before", "after", "predicted"]
+    about = f"rms over {over} poses, law {law}; calibrated on {on} poses; predicted: bound, 1 σ"
+    return table(header, [["calibration", *cells]]) + note(about)
+
+
 def dot(colour: str, hollow: bool = False) -> str:
     """Draw a disc, or a ring."""
     inside = "transparent" if hollow else colour

@@ -17,6 +17,7 @@ from truepose.exceptions import InputError, PoseError, TrueposeError
 from truepose.integrations.workbench import answers, motion, playback, serve, words
 from truepose.integrations.workbench.state import (
     begin,
+    demonstration,
     error_range,
     groups,
     motor_range,
@@ -367,6 +368,21 @@ def test_a_drag_moves_the_sliders_and_one_out_of_reach_says_why(page, h4):
     page._dragged(frames(h4, [2.0, *x[1:]]), True)
     assert np.allclose(page.state.x_d, x, atol=1e-12)
     assert "unreachable" in page._answers.content
+
+
+def test_the_first_minute_calibrates_a_robot_whose_rod_is_too_long():
+    pytest.importorskip("viser", reason="the workbench's page needs viser")
+    served = serve.open_page(demonstration(), port=free())
+    try:
+        assert served.state.errors == pytest.approx({"chain3.rod": 0.003})
+        assert served.state.drawn.sensors == ("theta", "z_telemeter")
+        with served.doing():
+            served.calibrate()
+        before, after, bound = map(float, re.findall(r"<b>([\d.]+)</b>", served._verdict.content))
+        assert before > 1 and after < before / 3 and bound < before / 2
+        assert "after" in served.tabs[3]._about.content
+    finally:
+        served.stop()
 
 
 def test_what_a_hand_does_is_seen_in_every_tab(page):
