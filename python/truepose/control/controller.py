@@ -12,7 +12,7 @@ from truepose import _core
 from truepose.arguments import Array, fraction
 from truepose.control.effects import Effects
 from truepose.control.gains import choose as choose_gains
-from truepose.control.own_law import OwnLaw, built_in, law_name
+from truepose.control.motor_error import OwnLaw, built_in, law_name
 from truepose.exceptions import InputError, PoseError, choose
 from truepose.robot.batches import flattened
 from truepose.robot.laws import LAWS, Law, require_sensors, usual

@@ -17,7 +17,8 @@ from truepose.arguments import Array, numbers_of, require
 from truepose.calibration.online import OnlineCalibrator
 from truepose.control.controller import Controller, ControllerInput, pose_of
 from truepose.control.effects import Effects
-from truepose.control.own_law import OwnLaw, Torques, law_name
+from truepose.control.motor_error import OwnLaw, law_name
+from truepose.control.own_law import Torques
 from truepose.exceptions import InputError, PoseError
 from truepose.faults.fault import Fault
 from truepose.faults.monitor import FaultMonitor, failed, watched
