@@ -124,9 +124,9 @@ truepose_real truepose_reading_scale(const truepose_description* robot, int read
   if (reading >= robot->motors) {
     const truepose_sensor* sensor = &robot->sensor[reading - robot->motors];
     switch (sensor->kind) {
-      case TRUEPOSE_PLANE_DIPOSTURE:
+      case TRUEPOSE_PLANE_DISTANCE:
       case TRUEPOSE_COORDINATE:
-      case TRUEPOSE_DIPOSTURE:
+      case TRUEPOSE_DISTANCE:
       case TRUEPOSE_ROD_LENGTH: return unit;
       case TRUEPOSE_MOTOR_ENCODER: motor = sensor->chain; break;
       default: return kDegree;
