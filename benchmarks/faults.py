@@ -1,4 +1,4 @@
-"""Table of docs/what-faults-do.md: effect of sensor faults with and without monitor.
+"""Table of docs/fault-consequences.md: effect of sensor faults with and without monitor.
 
 faults.py [--moves 30] [--seed 0] [--calibrated]      # minutes on one core
 

@@ -2,7 +2,7 @@
 // predictor learns the answers. Seeded: every run does the same work.
 #pragma once
 
-#include "../tests/cpp/pivots.hpp"
+#include "../tests/cpp/rotational.hpp"
 #include "truepose/control/control.hpp"
 #include "truepose/kinematics/fkm.hpp"
 

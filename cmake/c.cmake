@@ -5,7 +5,7 @@ string(REGEX MATCH "[0-9]+" abi "${abi}")
 
 add_library(truepose_c_objects OBJECT ${TRUEPOSE_C_SOURCES})
 if(NOT TRUEPOSE_MOBILITY)  # a small machine's library compiles what it calls, and nothing else
-  set(kernels src/kernels/paired.cpp src/kernels/plane_and_space.cpp src/kernels/pivots.cpp)
+  set(kernels src/kernels/paired.cpp src/kernels/plane_and_space.cpp src/kernels/rotational.cpp)
   target_sources(truepose_c_objects PRIVATE ${kernels})
   set_source_files_properties(${kernels} PROPERTIES COMPILE_OPTIONS "${TRUEPOSE_HOT}")
   target_compile_options(truepose_c_objects PRIVATE

@@ -2,7 +2,7 @@
 #include <cstring>
 
 #include "../../src/c/description.hpp"
-#include "pivots.hpp"
+#include "rotational.hpp"
 #include "truepose/kinematics/gyro.hpp"
 #include "truepose/math/roll_pitch_yaw.hpp"
 #include "truepose/truepose.hpp"

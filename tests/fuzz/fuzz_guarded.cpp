@@ -3,7 +3,7 @@
 //
 // Promised for any input: numbers, torques that the motors can, time that does not run backwards,
 // a brake where nobody knows any more. How large a step is at most is a question to a healthy law
-// and a stated fault, not to any: test_watch asks it.
+// and a stated fault, not to any: test_fault_monitor asks it.
 #include <numbers>
 
 #include "decode.hpp"

@@ -366,7 +366,7 @@ def test_the_command_says_what_is_wrong_with_a_fault(run, word, said):
 
 
 def test_the_documentation_has_every_kind():
-    page = Path(__file__).parents[2] / "docs" / "what-faults-do.md"
+    page = Path(__file__).parents[2] / "docs" / "fault-consequences.md"
     told = page.read_text(encoding="utf-8")
     for kind, row in _core.fault_kinds.items():
         (line,) = (line for line in told.splitlines() if line.startswith(f"| {kind} | "))

@@ -4,7 +4,7 @@
 //
 //     | B_i(q_i) - A_i(x) | = L_i,      A_i(x) = D + R(x) c_i + a_i
 //
-// and for a pivot A_i(x) = o_1 + R_1(x_1)(o_2 + R_2(x_2)(o_3 + R_3(x_3) c_i)) (docs/pivot.md).
+// and for a pivot A_i(x) = o_1 + R_1(x_1)(o_2 + R_2(x_2)(o_3 + R_3(x_3) c_i)) (docs/rotational.md).
 //
 // Units are SI (m, rad, kg, N), frames are the base frame unless said otherwise.
 #pragma once

@@ -2,6 +2,6 @@
 
 from truepose.integrations.importers.links import Link, Mechanism
 from truepose.integrations.importers.models import from_mjcf, from_urdf
-from truepose.integrations.importers.pivot import pivot_of
+from truepose.integrations.importers.rotational import pivot_of
 
 __all__ = ["Link", "Mechanism", "from_mjcf", "from_urdf", "pivot_of"]

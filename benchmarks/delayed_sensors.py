@@ -1,6 +1,6 @@
-"""Table of docs/late.md: gain of a slow and delayed camera under the estimated law.
+"""Table of docs/delayed-sensors.md: gain of a slow and delayed camera under the estimated law.
 
-late.py [--robots 100] [--jobs 2]
+delayed_sensors.py [--robots 100] [--jobs 2]
 
 100 pictures a second, 8 ms old when they arrive. Every robot is drawn from the tolerances; those
 that are calibrated calibrated themselves, with the camera, at 100 poses. Each goes from pose to

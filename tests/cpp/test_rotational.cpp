@@ -1,5 +1,5 @@
 // Rotational platforms. Kinematics, torques, H_ξ, dynamics.
-#include "pivots.hpp"
+#include "rotational.hpp"
 #include "truepose/control/dynamics.hpp"
 #include "truepose/estimation/estimate.hpp"
 #include "truepose/estimation/linearise.hpp"
