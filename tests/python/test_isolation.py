@@ -97,11 +97,13 @@ def test_the_command_names_it(run: Any, tmp_path: Path, monkeypatch: pytest.Monk
     there = h4.read(poses, seed=4)
     there[:, 4] += np.radians(1)
     np.savetxt("tour.csv", there, delimiter=",", header=",".join(h4.readings), comments="")
-    status, out, err = run("isolate", "calibrated.toml", "tour.csv")
+    status, out, err = run("faults", "calibrated.toml", "tour.csv")
     assert (status, err) == (0, "")
     assert "It is theta: its bias is wrong." in out
-    status, _, err = run("isolate", "h4", "tour.csv", "--sensors", "none")
+    status, _, err = run("faults", "h4", "tour.csv", "--sensors", "none")
     assert status == 2 and "no redundant sensor" in err
+    status, _, err = run("faults", "h4", "tour.csv", "--boxes", "2")
+    assert status == 2 and "--boxes: predicts faults without a log" in err
 
 
 def test_readings_that_explain_the_same_at_one_pose_are_all_named() -> None:

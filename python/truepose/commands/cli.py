@@ -24,12 +24,12 @@ from truepose.commands import (
     export,
     faults,
     info,
-    log_questions,
     margins,
     monte_carlo,
     plan,
     robots,
     simulate,
+    zero,
 )
 from truepose.exceptions import TrueposeError
 from truepose.plugins import plugins
@@ -79,8 +79,7 @@ _GROUPS: dict[str, dict[str, Callable[..., Any]]] = {
     },
     "Calibration": {
         "calibrate": calibrate.command,
-        "zero": log_questions.zero_command,
-        "isolate": log_questions.isolate_command,
+        "zero": zero.command,
     },
     "Simulation and control": {
         "simulate": simulate.command,

@@ -1,4 +1,4 @@
-"""`truepose faults`: detectability of faults before a robot is built."""
+"""`truepose faults`: detectability of sensor faults, or the faulty reading of a log."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import typer
 
+from truepose import logs
 from truepose.arguments import Array, Level
+from truepose.commands import isolation
 from truepose.commands.accuracy import label, read_poses
 from truepose.commands.options import (
     Force,
@@ -27,6 +29,7 @@ from truepose.commands.options import (
     wrote,
 )
 from truepose.exceptions import InputError
+from truepose.faults.isolation import isolate
 from truepose.faults.limits import (
     HOURS,
     Detectability,
@@ -52,6 +55,14 @@ TIMES = 1.5
 
 def command(
     robot: RobotName,
+    log: Annotated[
+        Path | None,
+        typer.Argument(
+            help="Isolate the faulty reading of this log: CSV, Parquet or MCAP; columns q1 … qn "
+            "and each sensor's name; SI.",
+            show_default=False,
+        ),
+    ] = None,
     sensors: SensorsOption = None,
     poses: Poses = None,
     calibrated: Annotated[
@@ -79,13 +90,26 @@ def command(
     how: How = Format.table,
     force: Force = False,
 ) -> None:
-    """Predict which sensor faults are detectable and isolable.
+    """Predict which sensor faults are detectable; with a LOG, isolate the faulty reading.
 
-    Prints the smallest detectable and isolable fault of each reading, the pose error of a fault
-    just below detection under each law, and readings that no test distinguishes.
+    Without LOG: the smallest detectable and isolable fault of each reading, the pose error of a
+    fault just below detection under each law, and readings that no test distinguishes.
 
-    Example: **truepose faults h4 --sensors theta,z_telemeter --calibrated --effects all**
+    With LOG: the size of a fault of each reading in all rows, and the χ² that remains. Move the
+    robot slowly through its workspace, and use the file of its last calibration.
+
+    Example: **truepose faults h4 --sensors theta,z_telemeter --calibrated --effects all**, then
+    **truepose faults calibrated.toml tour.csv**
     """
+    if log is not None:
+        given = {"--poses": poses, "--calibrated": calibrated, "--plot": plot}
+        given |= {"--effects": effects != "none", "--boxes": boxes > 1}
+        if extra := [name for name, value in given.items() if value]:
+            raise InputError(f"{extra[0]}: predicts faults without a log; leave it or {log} out")
+        loaded = load_with(robot, sensors)
+        isolated = isolate(loaded, logs.read(loaded, log).readings, level, false_alarm=false_alarm)
+        show([isolation.hypotheses(isolated)], how, isolation.verdict(isolated))
+        return
     save = plot_to(plot, [robot, *([poses] if poses else [])], force)
     loaded = load_with(robot, sensors)
     known = effects_of(effects, KNOWN_EFFECTS)

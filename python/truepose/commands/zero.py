@@ -1,4 +1,4 @@
-"""`truepose zero` and `truepose isolate`: homing offsets, and the faulty reading of a log."""
+"""`truepose zero`: homing offsets from a reference posture."""
 
 from __future__ import annotations
 
@@ -13,17 +13,14 @@ from truepose.calibration.zeroing import Zeroing, zero
 from truepose.commands.options import (
     Force,
     How,
-    ModelLevel,
     RobotName,
     SensorsOption,
-    false_alarm_option,
     load_with,
     parse_pose,
     parse_sizes,
     wrote,
 )
 from truepose.exceptions import InputError
-from truepose.faults.isolation import Hypothesis, Isolation, isolate
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
 from truepose.show.table import Cell, Table, number
@@ -33,7 +30,7 @@ from truepose.show.units import PRINT
 _POSES = 500
 
 
-def zero_command(
+def command(
     robot: RobotName,
     log: Annotated[
         Path,
@@ -137,80 +134,3 @@ def open_questions(found: Zeroing) -> list[str]:
         causes = (f"{name} {100 * share:.0f} %" for name, share in motor.causes.items())
         said.append(f"q{k + 1}: {', '.join(causes)}")
     return said
-
-
-def isolate_command(
-    robot: RobotName,
-    log: Annotated[
-        Path,
-        typer.Argument(help="CSV, Parquet or MCAP: columns q1 … qn and each sensor's name; SI."),
-    ],
-    sensors: SensorsOption = None,
-    level: ModelLevel = None,
-    false_alarm: Annotated[
-        float | None, false_alarm_option("Probability with which a healthy robot counts as faulty.")
-    ] = None,
-    how: How = Format.table,
-) -> None:
-    """Isolate the faulty reading in a log of many poses.
-
-    At one pose, few sensors detect a fault but do not isolate it. Move the robot slowly through its
-    workspace and use the file of its last calibration. Prints for each reading the size of a fault
-    in all rows, and the χ² that remains.
-
-    Example: **truepose isolate calibrated.toml tour.csv**
-    """
-    loaded = load_with(robot, sensors)
-    found = isolate(loaded, logs.read(loaded, log).readings, level, false_alarm=false_alarm)
-    show([hypotheses(found)], how, verdict(found))
-
-
-def hypotheses(found: Isolation) -> Table:
-    """One row a hypothesis, the likeliest first."""
-    units = dict(zip(found.robot.readings, reading_units(found.robot), strict=True))
-    rows = []
-    for h in found.hypotheses:
-        factor, unit = PRINT[units[h.reading]] if h.kind == "bias" else (100.0, "%")
-        rows.append(
-            [
-                h.reading,
-                h.kind,
-                Cell(f"{number(factor * h.size)} {unit}", {"size": factor * h.size, "unit": unit}),
-                number(factor * h.sigma),
-                number(h.chi2),
-                "yes" if h in found.may_be else "no",
-            ]
-        )
-    header = ["reading", "kind", "size", "σ", "χ² left", "may be it"]
-    title = f"One reading alone is wrong, in all of {found.lines} lines"
-    return Table("hypotheses", title, header, rows)
-
-
-def verdict(found: Isolation) -> list[str]:
-    """Say which reading it is, or why that is not known."""
-    gone = f"; {found.left_out} without a pose left out" if found.left_out else ""
-    said = [
-        f"{found.lines} lines{gone}, {found.level} level: χ² of the contradictions "
-        f"{found.chi2:.4g}, of {found.freedom} degrees of freedom; a healthy robot exceeds "
-        f"{found.limit:.4g} with probability {found.false_alarm:.2g}."
-    ]
-    if not found.faulty:
-        said.append("No contradiction: every reading may be right.")
-    elif not found.may_be:
-        said.append(
-            "No single bias or gain explains it: a fault that began on the way, several, a change "
-            "of the geometry, or another robot's file."
-        )
-    elif len(found.readings) > 1:
-        said.append(
-            f"One of these is wrong: {', '.join(found.readings)}. More poses, or another sensor, "
-            "tell them apart (truepose faults says which)."
-        )
-    else:
-        said.append(f"It is {found.readings[0]}: {_one_of(found.may_be)}.")
-    return said
-
-
-def _one_of(may_be: tuple[Hypothesis, ...]) -> str:
-    kinds = [h.kind for h in may_be]
-    return f"its {kinds[0]} is wrong" if len(kinds) == 1 else "by a " + " or a ".join(kinds)
