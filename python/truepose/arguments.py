@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import fnmatch
 import numbers
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from truepose.exceptions import InputError, shortened
+from truepose.exceptions import InputError, choose, shortened
 
 Array = NDArray[Any]  #: of numbers, mostly; of flags or words where it is said
 Errors = Literal["raise", "nan"]
@@ -106,3 +107,22 @@ def fraction(name: str, value: float) -> None:
     """Raise InputError unless the value is a number from 0 to 1."""
     if not (isinstance(value, numbers.Real) and 0 <= value <= 1):
         raise InputError(f"{name} = {value}: must be a number from 0 to 1")
+
+
+def selected(what: str, patterns: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:
+    """Return the names that these names and globs select, in their order; "all" or "none" alone.
+
+    Examples
+    --------
+    >>> selected("sensor", ["theta", "wire*"], ["wire1", "wire2", "theta"])
+    ('theta', 'wire1', 'wire2')
+    """
+    if list(patterns) in (["all"], ["none"]) and patterns[0] not in names:
+        return tuple(names) if patterns[0] == "all" else ()
+    chosen: list[str] = []
+    for pattern in patterns:
+        fits = [pattern] if pattern in names else fnmatch.filter(names, str(pattern))
+        if not fits:
+            raise InputError(choose(what, pattern, names) + ", or a glob of them, none, all")
+        chosen += fits if pattern in names else [name for name in fits if name not in chosen]
+    return tuple(chosen)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fnmatch
 import re
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -13,7 +12,7 @@ import typer
 from typer.models import OptionInfo
 
 from truepose import _core, files
-from truepose.arguments import Array, Level
+from truepose.arguments import Array, Level, selected
 from truepose.control.effects import Effects
 from truepose.exceptions import InputError, PoseError, choose
 from truepose.faults.fault import FAULT_KINDS, Fault
@@ -146,18 +145,10 @@ def parse_set(robot: Robot, text: str) -> tuple[str, ...]:
     >>> parse_set(tp.load("h4"), "theta,wire*")
     ('theta', 'wire1', 'wire2', 'wire3')
     """
-    names = tuple(sensor.name for sensor in robot.spec.sensor)
+    names = [sensor.name for sensor in robot.spec.sensor]
     if not names and text not in ("all", "none"):
         raise InputError(f"{text}: {robot.name} has no sensor in its file")
-    if text in ("all", "none"):
-        return names if text == "all" else ()
-    chosen: list[str] = []
-    for pattern in (part.strip() for part in text.split(",")):
-        fits = fnmatch.filter(names, pattern)
-        if not fits:
-            raise InputError(choose("sensor", pattern, names) + ", or a glob of them, none, all")
-        chosen += fits if pattern in names else [name for name in fits if name not in chosen]
-    return tuple(chosen)
+    return selected("sensor", [part.strip() for part in text.split(",")], names)
 
 
 def parse_pose(robot: Robot, text: str, name: str, reached: bool = True) -> Array:

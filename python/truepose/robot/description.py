@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from truepose import _core, files, robotfile
-from truepose.arguments import Array, Level, numbers_of, require
+from truepose.arguments import Array, Level, numbers_of, require, selected
 from truepose.exceptions import InputError, RobotFileError, choose
 from truepose.robot import explain
 from truepose.robotfile.schema import CalibrationSection, RobotFile
@@ -350,21 +350,23 @@ class Description:
     def with_sensors(self, *names: str) -> Self:
         """Return a copy that uses these sensors of its file, in this order.
 
+        Parameters
+        ----------
+        *names : str
+            Names or globs, "all", or "none"; or one list of them.
+
         Examples
         --------
         >>> import truepose as tp
-        >>> tp.load("h4").with_sensors("theta", "z_telemeter").r
-        2
+        >>> tp.load("h4").with_sensors("theta", "wire*").sensors
+        ('theta', 'wire1', 'wire2', 'wire3')
         """
         if len(names) == 1 and isinstance(names[0], list | tuple):
             names = tuple(names[0])
-        known = [sensor.name for sensor in self._spec.sensor]
-        for name in names:
-            if name not in known:
-                raise InputError(choose("sensor", name, known))
-        if len(set(names)) < len(names):
-            raise InputError(f"a sensor is named twice: {', '.join(names)}")
-        return self._with(sensors=names)
+        chosen = selected("sensor", names, [sensor.name for sensor in self._spec.sensor])
+        if len(set(chosen)) < len(chosen):
+            raise InputError(f"a sensor is named twice: {', '.join(chosen)}")
+        return self._with(sensors=chosen)
 
     def with_gravity(self, gravity: tuple[float, float, float]) -> Self:
         """Return a copy under another gravity, m/s², base frame; (0, 0, 0) switches it off.
