@@ -46,7 +46,7 @@ def test_the_calibration_is_the_maximum_a_posteriori(small):
     found = least_squares(
         residual, start, jac="3-point", x_scale=scale, xtol=1e-12, ftol=1e-15, gtol=1e-12
     )
-    fit = tp.calibrate(robot, q_e)
+    fit = tp.calibrate(robot, q_e, loss="squares")
     u = [(fit.parameters[n].value - prior[n].mean) / prior[n].sigma for n in names]
     assert u == pytest.approx(found.x[:p], abs=1e-5)
     assert fit.x == pytest.approx(found.x[p:].reshape(x.shape), abs=1e-9)

@@ -114,7 +114,7 @@ def test_it_is_the_maximum_a_posteriori_over_everything_at_once():
     found = least_squares(
         residual, start, jac="3-point", x_scale=scale, xtol=1e-14, ftol=1e-15, gtol=1e-12
     )
-    fit = tp.calibrate(robot, q_e, differences=[plane, distances, revisits])
+    fit = tp.calibrate(robot, q_e, differences=[plane, distances, revisits], loss="squares")
     u = [(fit.parameters[n].value - prior[n].mean) / prior[n].sigma for n in names]
     assert u == pytest.approx(found.x[:count], abs=2e-4)
     assert fit.x == pytest.approx(found.x[count + 8 :].reshape(x.shape), abs=3e-7)
@@ -167,7 +167,8 @@ def test_the_bound_says_beforehand_what_differences_will_teach():
     robot, _, _, _, _ = scene(0)
     x = on_the_bed(np.random.default_rng(1), 40)
     differences = printed(np.random.default_rng(1), x, np.zeros(5))
-    fit = tp.calibrate(robot, robot.expected().extended_positions(x), differences=differences)
+    exact = robot.expected().extended_positions(x)
+    fit = tp.calibrate(robot, exact, differences=differences, loss="squares")
     root, status = after_visiting(robot, x, "full", differences=differences)
     assert status == 0
     scale = np.sqrt(np.outer(*2 * [np.diag(fit.covariance)]))

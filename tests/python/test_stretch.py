@@ -156,12 +156,16 @@ def test_what_was_learnt_of_compliance_is_the_prior_of_the_next_calibration(
     x = anywhere(robot, 80, rng) * [1, 1, 1, 0.7, 0.7, 0.7]
     force = rng.uniform(0, 1, (80, 1)) * [0, 0, -400.0]
     q_e = read(true, x, force, 3)
-    both = tp.calibrate(robot, q_e, loads=tp.calibration.Payloads(force=force))
-    first = tp.calibrate(robot, q_e[:40], loads=tp.calibration.Payloads(force=force[:40]))
+    both = tp.calibrate(robot, q_e, loss="squares", loads=tp.calibration.Payloads(force=force))
+    first = tp.calibrate(
+        robot, q_e[:40], loss="squares", loads=tp.calibration.Payloads(force=force[:40])
+    )
     first.robot.save(tmp_path / "first.toml")
     again = tp.load(tmp_path / "first.toml").with_sensors("roll", "pitch")
     assert again.parameters == first.robot.parameters
-    then = tp.calibrate(again, q_e[40:], loads=tp.calibration.Payloads(force=force[40:]))
+    then = tp.calibrate(
+        again, q_e[40:], loss="squares", loads=tp.calibration.Payloads(force=force[40:])
+    )
     for name, of in both.parameters.items():
         last = then.parameters[name]
         assert abs(last.value - of.value) < 0.1 * of.sigma, name

@@ -35,7 +35,7 @@ def calibrate(
     measured_angle_sigma: float | None = None,
     registration: Literal["unknown", "known"] | Registration = "unknown",
     level: Level | None = None,
-    loss: Loss = "squares",
+    loss: Loss = "student",
     tuning: float | None = None,
     model_error: ModelError = "on",
     differences: Sequence[Difference] = (),
@@ -79,7 +79,8 @@ def calibrate(
         One rod per chain, or every rod by itself; by default :attr:`Robot.highest_level`, which is
         full where the robot has it. The calibrated robot keeps it (:attr:`Robot.level`).
     loss : {"squares", "huber", "student"}
-        What gross errors cost: their square, their size, or next to nothing.
+        What gross errors cost: their square, their size, or next to nothing. Squares are 1 % more
+        accurate on readings without any (30 H4s).
     tuning : float, optional
         Huber's bend (1 by default) or Student's degrees of freedom (4).
     model_error : {"on", "off"}

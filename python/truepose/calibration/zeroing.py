@@ -142,7 +142,8 @@ def zero(
     rows = np.array([_mean(np.array([s.read for s in postures])[of == k]) for k in range(len(x))])
     sigmas = known / np.sqrt(np.bincount(of))[:, None]
     allowed = _require_near(robot, rows, x, sigmas, [postures[k].where for k in first[order]])
-    fit = calibrate(robot, rows, measured=x, measured_sigma=sigmas, registration="known")
+    given: dict[str, Any] = {"measured": x, "measured_sigma": sigmas, "registration": "known"}
+    fit = calibrate(robot, rows, loss="squares", **given)  # few rows, each compared with the others
     _require_agreement(fit, postures, of, known)
     if len(postures) == 1:
         notes.append(_undetected(robot, allowed[0], x[0]))

@@ -65,7 +65,7 @@ def self_calibrated(robot: Robot, truth: Robot, visited: Array, seed: int = 0) -
     """
     beside = np.random.default_rng(seed).uniform(-JITTER, JITTER, visited.shape)
     readings = truth.read(steady_state(robot, truth, visited + beside, "joint"))
-    return calibrate(robot, readings).robot
+    return calibrate(robot, readings, loss="squares").robot
 
 
 def rest(

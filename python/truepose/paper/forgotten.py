@@ -151,7 +151,7 @@ def _one(
     readings = taught.q_e[taught.status == "ok"]
     usual = plant.visit(robot, judge, joint)
     try:
-        believed = calibrate(effects.allowed_for(robot), readings).robot
+        believed = calibrate(effects.allowed_for(robot), readings, loss="squares").robot
         calibrated = plant.visit(believed, judge, estimated)
     except PoseError:  # nothing learnt: every pose is left out and counted
         nothing = np.full_like(usual.x, np.nan)

@@ -163,7 +163,7 @@ def learnt(
     """
     beside = np.random.default_rng(seed).uniform(-JITTER, JITTER, poses.shape)
     visit = plant.visit(robot, poses + beside, article.control("joint"), progress)
-    return calibrate(robot, visit.q_e[visit.status == "ok"]).robot
+    return calibrate(robot, visit.q_e[visit.status == "ok"], loss="squares").robot
 
 
 def observe(
