@@ -243,9 +243,7 @@ def predicted(result: Assessment) -> Table:
     header = ["1σ bound", f"{total.name}, {PRINT[total.unit][1]}"]
     header += [f"{names.get(c, c)}, {PRINT[unit][1]}" for c, unit in robot.coordinates]
     count = len(result.accuracy["after", "absolute"])
-    title = (
-        f"Predicted error of the pose, rms over {count} poses {result.where.removeprefix('over ')}"
-    )
+    title = f"Predicted error of the pose, rms over {count} poses {result.where}"
     title += f"; calibrated on {int(counted(result).sum())} poses"
     return Table("accuracy", title, header, rows)
 
