@@ -192,7 +192,7 @@ def study_command(
         list[str] | None,
         typer.Option(
             help="name=value,value,…: every combination is asked of every robot. Names are those "
-            "that the function reads from case.values; calibration: poses; rest: none."
+            "that the function reads from case.values; calibration: poses; rest: law."
         ),
     ] = None,
     seed: Seed = 0,
