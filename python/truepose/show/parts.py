@@ -93,7 +93,7 @@ def _nacelle(robot: Robot, points: Array, planar: bool, axes: Array) -> list[Par
             parts.append(("passive axis", np.array([place - reach, place + reach]), 3.0))
         parts.append(("nacelle", _ring(corners), 4.0))
     if not planar:
-        stands = spec.mobility in ("spatial", "pivot") and centre[2] > points[:, 0, 2].max()
+        stands = spec.mobility in ("spatial", "rotational") and centre[2] > points[:, 0, 2].max()
         away = np.array([0.0, 0.0, 1.0 if stands else -1.0])
         parts.append(("tool", np.array([centre, centre + 0.14 * size * away]), 4.0))
     return parts
