@@ -17,8 +17,8 @@ from truepose.paper.experiment import CONTROLS, Control
 from truepose.paper.tables import cells
 from truepose.paper.twin import Twin
 from truepose.paper.virtual_experiment import READINGS, Run
+from truepose.robot.drawing import draw
 from truepose.robot.robot import Robot, load
-from truepose.show.drawing import draw
 from truepose.show.table import Table, markdown, number
 from truepose.threads import each
 from twin_search import Found, search, unknowns

@@ -72,6 +72,6 @@ def test_an_estimate_that_was_not_found_is_left_out_of_both(h4):
 def test_a_pivots_estimates_are_drawn_in_degrees():
     ankle = tp.load("g1-ankle").with_sensors("roll_encoder")
     (axes,) = ankle.estimate(ankle.extended_positions([[0.1, 0.05], [0.2, -0.1]])).plot().axes
-    assert axes.get_xlabel() == "first axis (°)"
+    assert axes.get_xlabel() == "pitch (°)"
     assert np.degrees([0.1, 0.2]) == pytest.approx(axes.lines[0].get_xdata())
     assert len(axes.patches) == 2

@@ -20,9 +20,9 @@ from truepose.calibration.registration import Registered
 from truepose.exceptions import PoseError, TrueposeError
 from truepose.logs import Log
 from truepose.robot.robot import Robot
-from truepose.robot.units import summed
+from truepose.robot.units import in_print, summed
 from truepose.show.table import Cell, Table, fixed, number
-from truepose.show.units import PRINT, SI, in_print
+from truepose.show.units import PRINT, SI
 
 #: Every so many lines one is held out.
 FOLD = 5

@@ -10,9 +10,9 @@ from truepose.calibration.learnt import BARELY, IDENTIFIED
 from truepose.calibration.review import Assessment
 from truepose.exceptions import one_line
 from truepose.files import picture
-from truepose.robot.units import summed
+from truepose.robot.units import in_print, summed
 from truepose.show.page import as_uri, render, versions
-from truepose.show.units import PRINT, in_print, printed
+from truepose.show.units import PRINT, printed
 
 _COLOURS = {"before": "#b2182b", "after": "#2166ac", "held out": "#1b7837"}
 

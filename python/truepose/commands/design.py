@@ -13,7 +13,7 @@ import typer
 
 from truepose import files, robotfile
 from truepose.arguments import Array
-from truepose.commands.accuracy import label, read_poses
+from truepose.commands.accuracy import read_poses
 from truepose.commands.options import (
     Force,
     How,
@@ -32,11 +32,11 @@ from truepose.design.placement import place_sensors as find_place
 from truepose.design.sensors import SensorSelection, SensorSet, in_other_states, select_sensors
 from truepose.exceptions import InputError, choose
 from truepose.robot.robot import Robot, load
-from truepose.robot.units import summed, unit_of
+from truepose.robot.units import label, summed, tolerance, unit_of
 from truepose.robotfile import path_of
 from truepose.show.table import Cell, Table, number
 from truepose.show.terminal import Format, show
-from truepose.show.units import PRINT, WRITTEN, tolerance
+from truepose.show.units import PRINT, WRITTEN
 
 #: Poses of a self-calibration, where a report shows one that was not asked for.
 OTHERWISE = "10"

@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 from truepose.arguments import Array, Level
-from truepose.commands.accuracy import label, read_poses
+from truepose.commands.accuracy import read_poses
 from truepose.commands.options import (
     Force,
     How,
@@ -35,7 +35,7 @@ from truepose.faults.limits import (
 )
 from truepose.robot import knowledge
 from truepose.robot.robot import Robot
-from truepose.robot.units import reading_units
+from truepose.robot.units import label, reading_units
 from truepose.robot.workspace import workspace_grid
 from truepose.show.table import Cell, Table, number
 from truepose.show.terminal import Format, say, show

@@ -17,7 +17,7 @@ from truepose.calibration.between import Between
 from truepose.calibration.calibrate import calibrate
 from truepose.calibration.differences import measurements
 from truepose.calibration.fit import Calibration
-from truepose.commands.accuracy import label, read_poses
+from truepose.commands.accuracy import read_poses
 from truepose.commands.options import (
     Force,
     How,
@@ -36,7 +36,7 @@ from truepose.design.candidates import COUNT, CandidatePoses, drawn
 from truepose.design.poses import HARDLY, PosePlan, plan_poses
 from truepose.exceptions import InputError
 from truepose.robot.robot import Robot
-from truepose.robot.units import summed
+from truepose.robot.units import label, summed
 from truepose.show.table import Cell, Table, number
 from truepose.show.terminal import Format, say, show
 from truepose.show.units import PRINT

@@ -10,10 +10,10 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from truepose.design.sensors import SensorSelection
 from truepose.files import picture
-from truepose.robot.units import summed
+from truepose.robot.units import summed, tolerance
 from truepose.show.page import as_uri, render, versions
 from truepose.show.table import Table
-from truepose.show.units import PRINT, tolerance
+from truepose.show.units import PRINT
 
 
 def page(

@@ -4,27 +4,52 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from truepose import _core, robotfile
+from truepose import _core, files, robotfile
 from truepose.arguments import Array, check_seed
 from truepose.exceptions import InputError, RobotFileError
 from truepose.robot.batches import flattened
+from truepose.robot.description import Description
 from truepose.robot.dynamics import Dynamics
-from truepose.robot.redundancy import Redundancy
+from truepose.robot.redundancy import Redundancy, draw_poses
+from truepose.robot.units import coordinate_axes, parameter_table
 from truepose.robotfile.to_core import padded
+from truepose.show.page import as_uri
+from truepose.show.results import Shown
+from truepose.show.table import Cell, Table, number
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
-@dataclass(frozen=True, eq=False)
-class AssemblyModes:
+@dataclass(frozen=True, eq=False, repr=False)
+class AssemblyModes(Shown):
     """Poses that close every loop at the same motor positions; `len()` of them."""
 
+    robot: Description
     x: Array  #: (m, n), nearest to home first; angles within ±π
     seen: NDArray[np.intc]  #: (m,) how many of the searches came to each
+
+    def table(self) -> Table:
+        """Return one row a mode: its pose, and how many searches came to it."""
+        axes = coordinate_axes(self.robot)
+        rows = [
+            [*(number(axis.factor * v) for axis, v in zip(axes, x, strict=True)), str(seen)]
+            for x, seen in zip(self.x, self.seen, strict=True)
+        ]
+        rows = [[Cell(str(k), k), *row] for k, row in enumerate(rows, 1)]
+        title = f"{self.robot.name}: {len(self)} assembly modes found"
+        return Table("modes", title, ["mode", *(a.label for a in axes), "searches"], rows)
+
+    def plot(self) -> Figure:
+        """Draw the first two coordinates of every mode."""
+        return draw_poses(self.robot, self.x)
 
     def __len__(self) -> int:
         return len(self.x)
@@ -46,15 +71,15 @@ class AssemblyModes:
 
         Examples
         --------
-        >>> import numpy as np
-        >>> AssemblyModes(np.zeros((5, 2)), np.array([9, 4, 1, 1, 2])).expected
+        >>> import numpy as np, truepose as tp
+        >>> AssemblyModes(tp.load("3rrr"), np.zeros((5, 3)), np.array([9, 4, 1, 1, 2])).expected
         5.5
         """
         once, twice = int((self.seen == 1).sum()), int((self.seen == 2).sum())
         return len(self) + once * (once - 1) / (2 * (twice + 1))
 
 
-class Robot(Redundancy, Dynamics):
+class Robot(Redundancy, Dynamics, Shown):
     """A robot and its sensors. Immutable: :meth:`replace` and :meth:`with_sensors` return copies.
 
     Coordinates x are those of the file's mobility (m, rad), motor positions q are what the motor
@@ -66,6 +91,30 @@ class Robot(Redundancy, Dynamics):
     spec : RobotFile
         A validated robot file.
     """
+
+    def table(self) -> Table:
+        """Return every geometric parameter: name, value, unit, sigma.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> next(row for row in tp.load("h4").table() if row["name"] == "pivot1.offset")
+        {'name': 'pivot1.offset', 'value': 0.0, 'unit': 'rad', 'sigma': 0.00034907}
+        """
+        return parameter_table(self, self.parameters)
+
+    def plot(self, x: ArrayLike | None = None) -> Figure:
+        """Draw the robot with its sensors in use at a pose; home by default."""
+        from truepose.robot.drawing import draw
+
+        return draw(self, x)
+
+    def _repr_html_(self) -> str:
+        image = as_uri(files.picture(self.plot(), ".svg"))
+        listed = f"<details><summary>Parameters</summary>{super()._repr_html_()}</details>"
+        return (
+            f'<div><p>{escape(repr(self))}</p><img src="{image}" alt="{self.name}"/>{listed}</div>'
+        )
 
     def sample(self, seed: int | np.random.SeedSequence) -> Self:
         """Return a robot whose every parameter is sampled from its tolerance in the robot file.
@@ -142,7 +191,9 @@ class Robot(Redundancy, Dynamics):
         if not (isinstance(starts, int) and 1 <= starts <= 1_000_000):
             raise InputError(f"starts = {starts}: must be a whole number from 1 to 1000000")
         motors = padded(rows[0])
-        return AssemblyModes(*_core.assembly_modes(self.core, motors, starts, check_seed(seed)))
+        return AssemblyModes(
+            self, *_core.assembly_modes(self.core, motors, starts, check_seed(seed))
+        )
 
 
 def list_robots() -> list[str]:
