@@ -3,7 +3,7 @@
 from truepose.design.candidates import CandidatePoses
 from truepose.design.placement import Placement, place_sensors
 from truepose.design.poses import PosePlan
-from truepose.design.sensors import SensorSelection, SensorSet
+from truepose.design.selection import SensorSelection, SensorSet
 
 __all__ = [
     "CandidatePoses",
