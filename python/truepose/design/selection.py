@@ -103,7 +103,9 @@ class SensorSelection(Shown):
         price = [choice.price for choice in self.front]
         shown: list[int] = []  # apart from each other
         for k, at in enumerate(price):
-            if not shown or at - price[shown[-1]] > _APART * max(price):
+            one, before = self.front[k], self.front[shown[-1] if shown else k]
+            far = at - before.price > _APART * max(price) or one.sigma < 0.8 * before.sigma
+            if k == 0 or far or one == self.best:
                 shown.append(k)
         lines = []
         for k in shown:
