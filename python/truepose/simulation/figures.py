@@ -1,12 +1,42 @@
-"""Figure of a run's errors and torques."""
+"""Tables and figures of a robot's errors and torques."""
 
 from __future__ import annotations
 
-from matplotlib.figure import Figure
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from truepose.arguments import Array
 from truepose.robot.robot import Robot
+from truepose.robot.units import coordinate_table, summed
+from truepose.show.table import Table
 from truepose.show.units import PRINT
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def error_table(
+    robot: Robot,
+    error: Array,
+    poses: Mapping[str, Array] | None = None,
+    last: bool = False,
+) -> Table:
+    """Write errors (N, n), NaN left out: one row a coordinate; last the position or the turn.
+
+    `poses`, (n,), stand beside; `last` adds the error at the end.
+    """
+    total = summed(robot)
+    position = np.linalg.norm(error[:, total.columns], axis=1)
+    error = np.column_stack([error, position])[np.isfinite(position)]
+    columns = {name: np.append(pose, np.nan) for name, pose in (poses or {}).items()}
+    columns["mean"] = error.mean(axis=0)
+    columns["rms"] = np.sqrt((error**2).mean(axis=0))
+    columns["largest"] = np.abs(error).max(axis=0)
+    if last:
+        columns["at the end"] = error[-1]
+    return coordinate_table(robot, "errors", "Error (true − desired)", "error", columns)
 
 
 def errors(robot: Robot, over: Array, error: Array, torque: Array | None = None) -> Figure:
@@ -19,6 +49,8 @@ def errors(robot: Robot, over: Array, error: Array, torque: Array | None = None)
         Time, s, where there are torques; else the numbers of poses.
     error, torque : ndarray, shape (N, n)
     """
+    from matplotlib.figure import Figure
+
     shown = {
         f"error ({PRINT[of][1]})": {
             name: PRINT[of][0] * error[:, k]
