@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import Array, Level
+from truepose.calibration import learnt
 from truepose.calibration.differences import Differences
 from truepose.calibration.learnt import (
     VERDICTS,
@@ -18,20 +19,21 @@ from truepose.calibration.learnt import (
     Learnt,
     chi2_quantile,
     departure,
-    figure,
 )
 from truepose.calibration.registration import Registered
 from truepose.exceptions import InputError
 from truepose.robot import compliance, knowledge
 from truepose.robot.batches import flattened, require_answers
 from truepose.robot.robot import Robot
+from truepose.show.results import Shown
+from truepose.show.table import Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, repr=False)
-class Calibration:
+class Calibration(Shown):
     """A calibration: the identified robot and its covariance. N rows, p uncertain parameters.
 
     Printed, it says what it rests on and what it found.
@@ -93,9 +95,13 @@ class Calibration:
         counts = (f"{found.count(v)} {v}" for v in VERDICTS)
         return f"{len(found)} uncertain parameters: {', '.join(counts)}"
 
+    def table(self) -> Table:
+        """Return every uncertain parameter: prior, posterior, verdict."""
+        return learnt.table(self.robot, self.parameters)
+
     def plot(self) -> Figure:
         """Draw every parameter's change and posterior σ, in units of its prior σ."""
-        return figure(self.parameters)
+        return learnt.figure(self.parameters)
 
     @property
     def parameters(self) -> dict[str, Learnt]:

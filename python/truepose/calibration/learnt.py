@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from truepose.arguments import Array
 from truepose.robot.robot import Robot
+from truepose.robot.units import in_print
 from truepose.robotfile.schema import CalibrationSection
 from truepose.robotfile.to_core import columns
+from truepose.show.table import Cell, Table, fixed
+from truepose.show.units import named
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -120,7 +124,23 @@ def chi2_quantile(probability: float, freedoms: Array | int) -> Any:
     return chdtri(freedoms, 1 - probability)
 
 
-def figure(found: dict[str, Learnt]) -> Figure:
+def table(robot: Robot, found: Mapping[str, Learnt]) -> Table:
+    """Every uncertain parameter: prior, posterior, verdict."""
+    rows = []
+    for name, p in found.items():
+        factor, unit = in_print(robot, name)
+        cells = [
+            Cell(f"{factor * p.value:.4f}", p.value),
+            Cell(f"{factor * (p.value - p.prior):+.4f}", p.value - p.prior),
+            *(Cell(f"{factor * v:.4f}", v) for v in (p.prior_sigma, p.sigma)),
+            fixed(p.ratio),
+        ]
+        rows.append([named("parameter", name, unit), *cells, p.verdict])
+    header = ["parameter", "value", "less prior", "prior σ", "σ", "σ / prior σ", "verdict"]
+    return Table("parameters", "Parameters", header, rows)
+
+
+def figure(found: Mapping[str, Learnt]) -> Figure:
     """Draw every parameter's change and posterior σ, in units of its prior σ."""
     from matplotlib.figure import Figure
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,7 +23,13 @@ from truepose.exceptions import InputError, PoseError
 from truepose.robot import knowledge
 from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
-from truepose.robot.units import reading_units
+from truepose.robot.units import reading_axes, reading_units
+from truepose.show.results import Shown
+from truepose.show.table import Table, number
+from truepose.show.units import named
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: Share of a motor's variance from which a parameter is named.
 _SHARE = 0.05
@@ -44,8 +50,8 @@ class Zero(NamedTuple):
     causes: dict[str, float]  #: parameters that may be what is off, by their share of its variance
 
 
-@dataclass(frozen=True, eq=False)
-class Zeroing:
+@dataclass(frozen=True, eq=False, repr=False)
+class Zeroing(Shown):
     """Homing offsets identified at reference postures."""
 
     fit: Calibration  #: calibrated by the postures
@@ -57,6 +63,36 @@ class Zeroing:
     def robot(self) -> Robot:
         """The calibrated robot."""
         return self.fit.robot
+
+    def table(self) -> Table:
+        """Return what each motor reads at the posture, should read, and how well that is known."""
+        rows = []
+        for axis, motor in zip(reading_axes(self.robot), self.motors, strict=False):
+            sizes = (motor.reading, motor.drawn, motor.off, motor.prior_sigma, motor.sigma)
+            name = named("motor", axis.name, axis.unit)
+            rows.append([name, *(number(axis.factor * size, data=size) for size in sizes)])
+        header = ["motor", "reads", "as drawn", "off", "σ before", "σ"]
+        return Table("motors", "Motors where the robot stands", header, rows)
+
+    def plot(self) -> Figure:
+        """Draw how far each motor is off, ± σ before and after."""
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(6.4, 1.4 + 0.4 * len(self.motors)), layout="constrained")
+        axes = figure.subplots()
+        own = reading_axes(self.robot)[: self.robot.n]
+        off = [axis.factor * motor.off for axis, motor in zip(own, self.motors, strict=True)]
+        for what, colour, wide in (("prior_sigma", "0.8", 6), ("sigma", "#1f5fa8", 2)):
+            sigma = [a.factor * getattr(m, what) for a, m in zip(own, self.motors, strict=True)]
+            label = "± σ before" if what == "prior_sigma" else "off ± σ"
+            centre = np.zeros(len(off)) if what == "prior_sigma" else off
+            axes.errorbar(centre, [a.label for a in own], xerr=sigma, fmt="o" if wide == 2 else "",
+                          ls="", color=colour, lw=wide, label=label)  # fmt: skip
+        units = " or ".join(dict.fromkeys(axis.unit for axis in own))
+        axes.set(xlabel=f"calibrated less nominal reading ({units})", ylabel="motor")
+        axes.invert_yaxis()
+        axes.legend(fontsize=8)
+        return figure
 
     def accuracy(self, poses: ArrayLike) -> tuple[Array, Array]:
         """Covariances (..., n, n) of the pose by all readings, before and after."""

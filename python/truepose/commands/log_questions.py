@@ -25,7 +25,6 @@ from truepose.commands.options import (
 from truepose.exceptions import InputError
 from truepose.faults.isolation import Hypothesis, Isolation, isolate
 from truepose.robot.robot import Robot
-from truepose.robot.units import reading_units
 from truepose.show.table import Cell, Table, number
 from truepose.show.terminal import Format, say, show
 from truepose.show.units import PRINT
@@ -77,7 +76,7 @@ def zero_command(
     found = zero(loaded, logs.read(loaded, log), at=pose, sigma=_sigma(loaded, sigma))
     for note in (*found.notes, *found.fit.notes):
         say(f"{log}: {note}", err=True)
-    show([motors(found), known(found)], how, open_questions(found))
+    show([found.table(), known(found)], how, open_questions(found))
     if output:
         fitted = found.robot
         values = {name: p.value for name, p in fitted.parameters.items()}
@@ -97,19 +96,6 @@ def _sigma(robot: Robot, text: str | None) -> list[float]:
         units = sorted({unit for _, unit in robot.coordinates})
         raise InputError(f"--sigma {text}: {robot.name}'s coordinates are in {' and '.join(units)}")
     return [float(value) for value in found if value is not None]
-
-
-def motors(found: Zeroing) -> Table:
-    """What each motor reads at the posture, should read, and how well that is known."""
-    rows = []
-    units = reading_units(found.robot)
-    for k, motor in enumerate(found.motors):
-        factor, unit = PRINT[units[k]]
-        sizes = (motor.reading, motor.drawn, motor.off, motor.prior_sigma, motor.sigma)
-        name = Cell(f"q{k + 1} ({unit})", {"motor": f"q{k + 1}", "unit": units[k]})
-        rows.append([name, *(number(factor * size, data=size) for size in sizes)])
-    header = ["motor", "reads", "as drawn", "off", "σ before", "σ"]
-    return Table("motors", "Motors where the robot stands", header, rows)
 
 
 def known(found: Zeroing) -> Table:
@@ -162,28 +148,7 @@ def isolate_command(
     """
     loaded = load_with(robot, sensors)
     found = isolate(loaded, logs.read(loaded, log).readings, level, false_alarm=false_alarm)
-    show([hypotheses(found)], how, verdict(found))
-
-
-def hypotheses(found: Isolation) -> Table:
-    """One row a hypothesis, the likeliest first."""
-    units = dict(zip(found.robot.readings, reading_units(found.robot), strict=True))
-    rows = []
-    for h in found.hypotheses:
-        factor, unit = PRINT[units[h.reading]] if h.kind == "bias" else (100.0, "%")
-        rows.append(
-            [
-                h.reading,
-                h.kind,
-                Cell(f"{number(factor * h.size)} {unit}", {"size": factor * h.size, "unit": unit}),
-                number(factor * h.sigma),
-                number(h.chi2),
-                "yes" if h in found.may_be else "no",
-            ]
-        )
-    header = ["reading", "kind", "size", "σ", "χ² left", "may be it"]
-    title = f"One reading alone is wrong, in all of {found.lines} lines"
-    return Table("hypotheses", title, header, rows)
+    show([found.table()], how, verdict(found))
 
 
 def verdict(found: Isolation) -> list[str]:

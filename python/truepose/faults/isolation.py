@@ -6,6 +6,7 @@ import itertools
 import math
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +18,12 @@ from truepose.faults.parity import parity, whitened
 from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
+from truepose.show.results import Shown
+from truepose.show.table import Cell, Table, number
+from truepose.show.units import PRINT
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: What a reading may be wrong by: the same everywhere, or in proportion to itself.
 KINDS = ("bias", "gain")
@@ -36,8 +43,8 @@ class Hypothesis:
         return f"{self.reading} {self.kind}"
 
 
-@dataclass(frozen=True)
-class Isolation:
+@dataclass(frozen=True, repr=False)
+class Isolation(Shown):
     """Likelihood of each single-fault hypothesis given rows of readings."""
 
     robot: Robot
@@ -76,6 +83,42 @@ class Isolation:
     def readings(self) -> tuple[str, ...]:
         """Readings of which one may be the faulty one; a single one is isolated."""
         return tuple(dict.fromkeys(h.reading for h in self.may_be))
+
+    def table(self) -> Table:
+        """Return one row a hypothesis, the likeliest first."""
+        units, may_be = (
+            dict(zip(self.robot.readings, reading_units(self.robot), strict=True)),
+            self.may_be,
+        )
+        rows = []
+        for h in self.hypotheses:
+            factor, unit = PRINT[units[h.reading]] if h.kind == "bias" else (100.0, "%")
+            size = factor * h.size
+            shown = Cell(f"{number(size)} {unit}", {"size": size, "unit": unit})
+            sure = "yes" if h in may_be else "no"
+            rows.append([h.reading, h.kind, shown, number(factor * h.sigma), number(h.chi2), sure])
+        header = ["reading", "kind", "size", "σ", "χ² left", "may be it"]
+        title = f"One reading alone is wrong, in all of {self.lines} lines"
+        return Table("hypotheses", title, header, rows)
+
+    def plot(self) -> Figure:
+        """Draw the χ² that each hypothesis leaves; those that may be it are red."""
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(6.4, 1.4 + 0.26 * len(self.hypotheses)), layout="constrained")
+        axes = figure.subplots()
+        may_be = self.may_be
+        colours = ["#b2182b" if h in may_be else "#8a8f98" for h in self.hypotheses]
+        names = [str(h) for h in self.hypotheses]
+        axes.barh(names, [h.chi2 for h in self.hypotheses], color=colours)
+        axes.axvline(self.chi2, color="k", lw=0.9, label="no fault")
+        axes.axvline(self.limit, color="k", lw=0.9, ls=":", label="limit of a healthy robot")
+        axes.set(xlabel="χ² left unexplained (–)", ylabel="hypothesis", xlim=(0, None))
+        axes.invert_yaxis()
+        said = f"one of {', '.join(self.readings)}" if may_be else "none isolated"
+        axes.set_title(f"{self.robot.name}, {self.lines} rows: {said}", fontsize=10)
+        figure.legend(loc="outside lower center", ncols=2, fontsize=8)
+        return figure
 
 
 def isolate(

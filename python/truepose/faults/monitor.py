@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +19,11 @@ from truepose.exceptions import InputError
 from truepose.robot import knowledge
 from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
+from truepose.show.results import Shown
+from truepose.show.table import Cell, Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: How a reading is, by the core's number: :attr:`Review.health`, :attr:`Simulation.health`.
 HEALTH = ("valid", "suspect", "failed")
@@ -190,8 +195,9 @@ class FaultMonitor:
         return Review(robot, *result)
 
 
-class Review(NamedTuple):
-    """What a watch said of N lines of readings."""
+@dataclass(frozen=True, eq=False, repr=False)
+class Review(Shown):
+    """What a fault monitor makes of N rows of readings."""
 
     robot: Robot
     believed: Array  #: (N, n + r) the readings, or what stood for them
@@ -212,6 +218,38 @@ class Review(NamedTuple):
     def first(self) -> int | None:
         """The first line in which some reading is not valid; None: all are."""
         return first(self.health)
+
+    def table(self) -> Table:
+        """Return one row a reading: its health at the end, and its first fault."""
+        rows = []
+        for c, name in enumerate(self.robot.readings):
+            k = first(self.health[:, [c]])
+            last = HEALTH[self.health[-1, c]] if len(self.health) else ""
+            reason = "" if k is None else SYMPTOMS[self.symptom[:, c].max()]
+            rows.append([name, last, Cell("" if k is None else str(k), k), reason])
+        title = f"{self.robot.name}: readings monitored over {len(self.health)} rows"
+        return Table(
+            "review", title, ["reading", "health at the end", "not valid from", "why"], rows
+        )
+
+    def plot(self) -> Figure:
+        """Draw how far the readings disagree, and the health of each reading."""
+        from matplotlib.figure import Figure
+
+        names = self.robot.readings
+        figure = Figure(figsize=(6.4, 3.0 + 0.25 * len(names)), layout="constrained")
+        upper, lower = figure.subplots(2, sharex=True, height_ratios=(2.2, 0.25 * len(names)))
+        upper.plot(self.chi2 / np.maximum(self.freedom, 1), lw=0.9)
+        upper.set(ylabel="χ² a degree of freedom (–)", yscale="log", title=self.robot.name)
+        colours = {"suspect": "#e08214", "failed": "#b2182b"}
+        for state, colour in colours.items():
+            row, reading = np.nonzero(self.health == HEALTH.index(state))
+            lower.plot(row, reading, "|", color=colour, ms=9, label=state)
+        lower.set_yticks(range(len(names)), names)
+        lower.set(xlabel="row (–)", ylabel="reading", ylim=(len(names) - 0.5, -0.5))
+        lower.set_xlim(0, max(len(self.health), 1))
+        figure.legend(loc="outside lower center", ncols=2, fontsize=8)
+        return figure
 
 
 def failed(robot: Robot, health: Array) -> list[str]:

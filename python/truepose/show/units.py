@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+from truepose.show.table import Cell
+
 #: Factor and name of the unit that people read, by that of the package.
 PRINT = {"m": (1e3, "mm"), "rad": (180 / math.pi, "°"), "": (1.0, ""), "1/N": (1e6, "µm/m/N")}
 #: The package's unit, by that which people read.
@@ -31,3 +33,8 @@ def printed(value: float, unit: str, form: str = ".2f") -> str:
     """
     factor, name = PRINT[unit]
     return f"{factor * value:{form}}{' ' * name.isalpha()}{name}"
+
+
+def named(what: str, name: str, unit: str) -> Cell:
+    """Name a row for people in print units; its data are SI."""
+    return Cell(f"{name} ({unit})" if unit else name, {what: name, "unit": SI[unit]})

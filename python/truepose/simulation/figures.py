@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+#: Control periods of a motor's mean torque in a figure.
+_MEAN = 11
+
+
 def error_table(
     robot: Robot,
     error: Array,
@@ -62,17 +66,27 @@ def errors(robot: Robot, over: Array, error: Array, torque: Array | None = None)
     move = torque is not None
     if torque is not None:
         motors = {f"motor {k}": values for k, values in enumerate(torque.T, 1)}
-        shown["torque (N·m) or force (N)"] = motors
+        turns = {chain.actuator == "revolute" for chain in robot.spec.chain}
+        both = "torque (N·m) or force (N)"
+        shown[both if len(turns) > 1 else "torque (N·m)" if True in turns else "force (N)"] = motors
     shown = {label: lines for label, lines in shown.items() if lines}
     figure = Figure(figsize=(7.0, 0.6 + 2.1 * len(shown)), layout="constrained")
     for axes, (label, lines) in zip(
         figure.subplots(len(shown), sharex=True, squeeze=False)[:, 0], shown.items(), strict=True
     ):
         for name, values in lines.items():
+            if name.startswith("motor ") and len(values) > 2 * _MEAN:  # thin, and its mean
+                (thin,) = axes.plot(over, values, lw=0.5, alpha=0.3)
+                values = np.convolve(values, np.full(_MEAN, 1 / _MEAN), "same")  # noqa: PLW2901
+                ends = slice(_MEAN // 2, -(_MEAN // 2))
+                axes.plot(over[ends], values[ends], label=name, lw=1.3, color=thin.get_color())
+                continue
             axes.plot(over, values, "-" if move else ".", label=name, lw=1.2)
         axes.axhline(0, color="0.6", lw=0.8)
         axes.set_ylabel(label)
         axes.legend(loc="upper left", bbox_to_anchor=(1, 1), fontsize=8, frameon=False)
     axes.set_xlabel("time (s)" if move else "pose")
-    figure.suptitle(f"{robot.name}: true − desired", fontsize=10, parse_math=False)
+    thick = f"; torques: mean of {_MEAN} periods, thin: each" if move else ""
+    title = f"{robot.name}: errors (true − desired){thick}"
+    figure.suptitle(title, fontsize=10, parse_math=False)
     return figure

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +15,9 @@ from truepose.control.effects import Effects
 from truepose.exceptions import InputError
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
+from truepose.show.results import Shown
+from truepose.show.table import Table, number
+from truepose.show.units import PRINT
 from truepose.simulation.chart import Chart, Setpoints, linear_of
 from truepose.simulation.drive import controller_of
 from truepose.simulation.feasible import Paced, fastest
@@ -22,12 +25,15 @@ from truepose.simulation.moves import MOVE_DURATION
 from truepose.simulation.paths import Path, path_of
 from truepose.simulation.simulate import simulate
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 #: Of a path's largest speed: slower is standing. Cosine of a turn in one period that is a corner.
 _STANDS, _CORNER = 1e-3, 0.5
 
 
-@dataclass(frozen=True)
-class PathAccuracy:
+@dataclass(frozen=True, repr=False)
+class PathAccuracy(Shown):
     """Path accuracy and repeatability of several runs; m and rad.
 
     Runs are compared where they pass the planes that stand upright on the path at points of it, so
@@ -93,6 +99,39 @@ class PathAccuracy:
     def counts(self) -> Array:
         """Which points every run has passed, (m,) bool."""
         return np.asarray(np.isfinite(self.deviation).all(axis=(0, 2)))
+
+    def table(self) -> Table:
+        """Return accuracy, repeatability and errors over the path."""
+        values = [("path accuracy AT", self.AT, "m"), ("path repeatability RT", self.RT, "m")]
+        if (~linear_of(self.robot)).any():
+            values += [("AT, angle", self.AT_angle, "rad"), ("RT, angle", self.RT_angle, "rad")]
+        for what in ("contour", "tracking"):
+            for name, size in ((what, "rms"), (f"{what}_max", "largest")):
+                values.append((f"{what} error, {size}", getattr(self, name), "m"))
+        rows = [
+            [name, number(PRINT[unit][0] * value), PRINT[unit][1]] for name, value, unit in values
+        ]
+        rows.append(["speed of the path", number(self.speed), "m/s"])
+        rows.append(["periods at a torque limit", number(100 * self.saturated), "%"])
+        title = f"{self.robot.name}: {len(self.deviation)} runs of a path (ISO 9283)"
+        return Table("path", title, ["quantity", "value", "unit"], rows)
+
+    def plot(self) -> Figure:
+        """Draw the distance from the path at its points: every run and their mean."""
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(6.4, 3.4), layout="constrained")
+        axes = figure.subplots()
+        share = 100 * (np.flatnonzero(self.counts) + 0.5) / len(self.asked)
+        each = 1e3 * np.linalg.norm(self._position, axis=-1)
+        axes.plot(share, each.T, color="0.7", lw=0.7, label="each run")
+        mean = 1e3 * np.linalg.norm(self._position.mean(axis=0), axis=-1)
+        axes.plot(share, mean, color="C3", lw=1.5, label="of the mean of the runs")
+        axes.set(xlabel="length along the path (%)", ylabel="distance (mm)", ylim=(0, None))
+        axes.set_title(f"{self.robot.name}: AT {1e3 * self.AT:.3g} mm, RT {1e3 * self.RT:.3g} mm")
+        handles = dict(zip(*axes.get_legend_handles_labels()[::-1], strict=True))
+        axes.legend(handles.values(), handles, fontsize=8)
+        return figure
 
     @property
     def _position(self) -> Array:
