@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,9 +19,6 @@ from truepose.robot.robot import Robot
 from truepose.robot.units import coordinate_table, summed
 from truepose.show.results import ShownArray
 from truepose.show.table import Table
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 #: A pose known exactly counts with this share of the finest reading's σ: 0 has no inverse.
 EXACT = 1e-6
@@ -64,12 +61,11 @@ class Accuracy(ShownArray):
         title = f"1σ bound of the pose, {self.state}, over {len(sigma)} poses"
         return coordinate_table(self.robot, "accuracy", title, "σ of", columns)
 
-    def plot(self) -> Figure:
-        """Draw σ of the position over the first two coordinates of the poses."""
+    def _draw(self, figure: Any) -> None:
         total, poses = summed(self.robot), self.poses
         x = poses if poses.ndim == 3 else poses.reshape(-1, self.robot.n)
         values = total.factor * self.sigma[..., -1].reshape(x.shape[:-1])
-        return draw_map(self.robot, x, values, f"σ of the {total.label}", self.state)
+        draw_map(figure, self.robot, x, values, f"σ of the {total.label}", self.state)
 
 
 def state_of(

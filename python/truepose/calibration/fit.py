@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,9 +27,6 @@ from truepose.robot.batches import flattened, require_answers
 from truepose.robot.robot import Robot
 from truepose.show.results import Shown
 from truepose.show.table import Table
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, repr=False)
@@ -99,9 +96,8 @@ class Calibration(Shown):
         """Return every uncertain parameter: prior, posterior, verdict."""
         return learnt.table(self.robot, self.parameters)
 
-    def plot(self) -> Figure:
-        """Draw every parameter's change and posterior σ, in units of its prior σ."""
-        return learnt.figure(self.parameters)
+    def _draw(self, figure: Any) -> None:
+        learnt.draw(figure, self.parameters)
 
     @property
     def parameters(self) -> dict[str, Learnt]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,9 +15,6 @@ from truepose.robotfile.schema import CalibrationSection
 from truepose.robotfile.to_core import columns
 from truepose.show.table import Cell, Table, fixed
 from truepose.show.units import named
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 #: Posterior over prior σ, up to which a parameter counts as identified, and as barely so.
 IDENTIFIED, BARELY = 0.3, 0.9
@@ -140,12 +137,10 @@ def table(robot: Robot, found: Mapping[str, Learnt]) -> Table:
     return Table("parameters", "Parameters", header, rows)
 
 
-def figure(found: Mapping[str, Learnt]) -> Figure:
+def draw(figure: Any, found: Mapping[str, Learnt]) -> None:
     """Draw every parameter's change and posterior σ, in units of its prior σ."""
-    from matplotlib.figure import Figure
-
-    picture = Figure(figsize=(8.4, 1.0 + 0.17 * len(found)), layout="constrained")
-    axes = picture.subplots()
+    figure.set_size_inches(6.4, 1.0 + 0.17 * len(found))
+    axes = figure.subplots()
     axes.axvspan(-1, 1, color="0.92", zorder=0)
     axes.axvline(0, color="0.6", lw=0.8)
     for verdict, colour in VERDICTS.items():
@@ -154,6 +149,6 @@ def figure(found: Mapping[str, Learnt]) -> Figure:
         style: dict[str, Any] = {"fmt": "o", "ms": 3, "lw": 1, "color": colour, "label": verdict}
         axes.errorbar(change, list(some), xerr=[p.ratio for p in some.values()], **style)
     axes.set_yticks(range(len(found)), list(found), fontsize=7)
-    axes.set(ylim=(len(found) - 0.3, -0.7), xlabel="change and σ, in units of the prior σ")
-    picture.legend(loc="outside upper center", ncols=3, fontsize=9, frameon=False)
-    return picture
+    axes.set(ylim=(len(found) - 0.3, -0.7), ylabel="parameter")
+    axes.set_xlabel("change and σ, in units of the prior σ (–)")
+    figure.legend(loc="outside upper center", ncols=3, fontsize=9, frameon=False)

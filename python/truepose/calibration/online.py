@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import fnmatch
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import Array, Errors, Level, require
-from truepose.calibration import learnt
 from truepose.calibration.fitting import MODEL_ERRORS, ModelError
 from truepose.calibration.learnt import Learnt, calibration_of, mean_of
 from truepose.exceptions import InputError, choose
@@ -20,14 +18,9 @@ from truepose.robot.batches import flattened, require_answers
 from truepose.robot.compliance import warn_if_stiff
 from truepose.robot.robot import Robot
 from truepose.robotfile.to_core import columns
-from truepose.show.results import Shown
-from truepose.show.table import Table
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
-class OnlineCalibrator(Shown):
+class OnlineCalibrator:
     """Online calibration: a recursive filter on the parameters, updated by every row of readings.
 
     It starts from the priors of the robot's file (or its last calibration) and ends near where
@@ -226,18 +219,6 @@ class OnlineCalibrator(Shown):
             name: Learnt(before[name].mean, before[name].sigma, values[name], float(s))
             for name, s in zip(self._names, sigma, strict=True)
         }
-
-    def table(self) -> Table:
-        """Return every uncertain parameter: before, now, verdict."""
-        return learnt.table(self._robot, self.parameters)
-
-    def plot(self) -> Figure:
-        """Draw every parameter's change and σ, in units of its prior σ."""
-        return learnt.figure(self.parameters)
-
-    def __repr__(self) -> str:
-        state = self.stopped or f"{self.lines} rows used, {self.left_out} left out"
-        return f"<truepose.OnlineCalibrator {self._robot.name}: {state}>"
 
     @property
     def robot(self) -> Robot:

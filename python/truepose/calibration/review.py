@@ -127,7 +127,7 @@ def _ahead(
     fit: Calibration, model: Robot, poses: Array, touch: Array
 ) -> dict[tuple[str, str], Array]:
     """Accuracy to come at the poses that can be reached, before and after."""
-    result = {}
+    result: dict[tuple[str, str], Array] = {}
     for when, known in (("before", model), ("after", fit.robot)):
         reached = _reached(fit, known, poses)
         for how, at in (("absolute", None), ("referenced", touch)):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,12 +24,10 @@ from truepose.robot import knowledge
 from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_axes, reading_units
+from truepose.show.charts import ranges
 from truepose.show.results import Shown
 from truepose.show.table import Table, number
 from truepose.show.units import named
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 #: Share of a motor's variance from which a parameter is named.
 _SHARE = 0.05
@@ -74,25 +72,17 @@ class Zeroing(Shown):
         header = ["motor", "reads", "as drawn", "off", "σ before", "σ"]
         return Table("motors", "Motors where the robot stands", header, rows)
 
-    def plot(self) -> Figure:
-        """Draw how far each motor is off, ± σ before and after."""
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(6.4, 1.4 + 0.4 * len(self.motors)), layout="constrained")
-        axes = figure.subplots()
-        own = reading_axes(self.robot)[: self.robot.n]
-        off = [axis.factor * motor.off for axis, motor in zip(own, self.motors, strict=True)]
-        for what, colour, wide in (("prior_sigma", "0.8", 6), ("sigma", "#1f5fa8", 2)):
-            sigma = [a.factor * getattr(m, what) for a, m in zip(own, self.motors, strict=True)]
-            label = "± σ before" if what == "prior_sigma" else "off ± σ"
-            centre = np.zeros(len(off)) if what == "prior_sigma" else off
-            axes.errorbar(centre, [a.label for a in own], xerr=sigma, fmt="o" if wide == 2 else "",
-                          ls="", color=colour, lw=wide, label=label)  # fmt: skip
-        units = " or ".join(dict.fromkeys(axis.unit for axis in own))
-        axes.set(xlabel=f"calibrated less nominal reading ({units})", ylabel="motor")
-        axes.invert_yaxis()
-        axes.legend(fontsize=8)
-        return figure
+    def _draw(self, figure: Any) -> None:
+        panels: dict[str, dict[str, dict[str, Array]]] = {}
+        for axis, motor in zip(reading_axes(self.robot), self.motors, strict=False):
+            series = panels.setdefault(f"calibrated less nominal reading ({axis.unit})", {})
+            for what, middle, sigma in (
+                ("prior ± σ", 0.0, motor.prior_sigma),
+                ("calibrated ± σ", motor.off, motor.sigma),
+            ):
+                spread = axis.factor * (middle + sigma * np.array([-1, 0, 1]))
+                series.setdefault(what, {})[axis.name] = spread
+        ranges(figure, panels, "motor")
 
     def accuracy(self, poses: ArrayLike) -> tuple[Array, Array]:
         """Covariances (..., n, n) of the pose by all readings, before and after."""

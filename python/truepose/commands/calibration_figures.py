@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from truepose.calibration import learnt, review
+from truepose.calibration import review
 from truepose.calibration.learnt import BARELY, IDENTIFIED
 from truepose.calibration.review import Assessment
 from truepose.exceptions import one_line
@@ -42,7 +42,7 @@ def page(result: Assessment, source: str, loss: str) -> str:
         images=({"residuals": as_uri(picture(residuals(result), ".svg"))} if result.names else {})
         | {
             "accuracy": as_uri(picture(accuracy(result), ".svg")),
-            "parameters": as_uri(picture(learnt.figure(result.fit.parameters), ".svg")),
+            "parameters": as_uri(picture(result.fit.plot(), ".svg")),
         },
         versions=versions(),
     )

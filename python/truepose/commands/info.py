@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
@@ -16,12 +16,10 @@ from truepose.exceptions import InputError
 from truepose.robot.maps import draw_map, workspace_slice
 from truepose.robot.robot import Robot, load
 from truepose.robot.workspace import workspace
+from truepose.show.results import figure_of
 from truepose.show.table import Cell, Table
 from truepose.show.terminal import Format, show
 from truepose.show.units import PRINT, printed
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 LENGTH = 0.1  #: m; turns a nacelle's angle into a length that a condition number can compare
 
@@ -49,7 +47,7 @@ def command(
     save = plot_to(plot, [robot], force)
     loaded = load(robot)
     measured = measure(loaded, samples, seed, length)
-    save(lambda: draw(loaded, length))
+    save(lambda: figure_of(lambda figure: draw(figure, loaded, length)))
     show([table(loaded, measured)], how)
     wrote(how, plot)
 
@@ -209,11 +207,11 @@ def condition_map(robot: Robot, length: float = LENGTH, points: int = 101) -> tu
     return x, condition
 
 
-def draw(robot: Robot, length: float = LENGTH) -> Figure:
+def draw(figure: Any, robot: Robot, length: float = LENGTH) -> None:
     """Draw :func:`condition_map`."""
     angles = len({unit for _, unit in robot.coordinates}) > 1
     note = f"angles times {1e3 * length:g} mm" if angles else "conditioning"
-    return draw_map(robot, *condition_map(robot, length), "condition number of J (–)", note, 1.0)
+    draw_map(figure, robot, *condition_map(robot, length), "condition number of J (–)", note, 1.0)
 
 
 def table(robot: Robot, figures: Figures) -> Table:

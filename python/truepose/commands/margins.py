@@ -24,6 +24,7 @@ from truepose.control.margins import StabilityMargins, draw, stability_margins
 from truepose.exceptions import InputError, choose
 from truepose.robot.laws import LAWS, Law
 from truepose.robot.robot import Robot
+from truepose.show.results import figure_of
 from truepose.show.table import Table, number
 from truepose.show.terminal import Format, show
 from truepose.show.units import PRINT
@@ -85,7 +86,7 @@ def command(
             refused.append(error)
     if not found:
         raise refused[0]
-    save(lambda: draw(found))
+    save(lambda: figure_of(lambda figure: draw(figure, found)))
     poses = len(found[0].poses)
     where = f"home and {poses - 1} corners of the workspace" if poses > 1 else "home"
     names = " ".join(name for name, _ in loaded.coordinates)

@@ -39,12 +39,12 @@ from truepose.robot.frames import frames
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot, list_robots
 from truepose.robotfile import path_of
+from truepose.show.results import figure_of
 from truepose.show.table import Cell, Table, number
 from truepose.show.terminal import Format, show
 from truepose.simulation import paths
 from truepose.simulation.drive import controller_of
-from truepose.simulation.figures import error_table
-from truepose.simulation.figures import errors as draw_errors
+from truepose.simulation.figures import draw_errors, error_table
 from truepose.simulation.moves import MOVE_DURATION, default_move
 from truepose.simulation.plants import Visit
 from truepose.simulation.simulate import Simulation, simulate
@@ -182,7 +182,8 @@ def command(
             ]
             run = _move(believed, truth, controller, *ends, effects=forgotten, **settings)
     torque = run.log.torque if isinstance(run.log, Simulation) else None
-    save(lambda: draw_errors(believed, run.over, run.error, torque))
+    asked = (believed, run.over, run.error, torque)
+    save(lambda: figure_of(lambda figure: draw_errors(figure, *asked)))
     if log is not None:
         columns = logs.columns(run.log, truth)
         files.write({log: logs.encoded(log.path, columns)}, read, force)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,9 +22,6 @@ from truepose.robot.robot import Robot
 from truepose.robot.units import coordinate_axes
 from truepose.show.results import Shown
 from truepose.show.table import Cell, Table, number
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 #: Name of the loop that a common multiplier of all motors' torques closes.
 ALL = "all motors"
@@ -74,21 +71,18 @@ class StabilityMargins(Shown):
         law = self.controller.built_in
         return Table(f"margins_{law}", f"Margins under the law {law}", header, rows)
 
-    def plot(self) -> Figure:
-        """Draw the loop of all motors at every pose, and the required margins."""
-        return draw([self])
+    def _draw(self, figure: Any) -> None:
+        draw(figure, [self])
 
 
-def draw(found: Sequence[StabilityMargins]) -> Figure:
+def draw(figure: Any, found: Sequence[StabilityMargins]) -> None:
     """Draw the loop of all motors of every law at every pose, and the required margins.
 
     A Nichols chart: phases go on from frequency to frequency, beyond -360° too.
     """
-    from matplotlib.figure import Figure
-
     columns = min(len(found), 2)
     rows = -(-len(found) // columns)
-    figure = Figure(figsize=(2.9 * columns + 1.4, 2.9 * rows + 1.0), layout="constrained")
+    figure.set_size_inches(2.9 * columns + 1.4, 2.9 * rows + 1.0)
     panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
     db, phase = 20 * np.log10(gains.LEAST.more), np.degrees(gains.LEAST.phase)
     for axes, each in zip(panels, found, strict=False):
@@ -96,7 +90,7 @@ def draw(found: Sequence[StabilityMargins]) -> Figure:
         turned = np.degrees(np.unwrap(np.angle(each.loci), axis=1))
         # Between -360° and 0 where the gain is last above 1; elsewhere as it goes on from there.
         last = decibels.shape[1] - 1 - (decibels[:, ::-1] > 0).argmax(axis=1)[:, None]
-        last[(decibels <= 0).all(axis=1)[:, None]] = 0
+        last[np.all(decibels <= 0, axis=1)[:, None]] = 0
         there = np.take_along_axis(turned, last, axis=1)
         degrees = turned - there + (there % 360 - 360)
         degrees[:, 1:][np.abs(np.diff(degrees, axis=1)) > 90] = np.nan  # another locus
@@ -121,7 +115,6 @@ def draw(found: Sequence[StabilityMargins]) -> Figure:
     figure.legend(by_label.values(), by_label, loc="outside lower center", ncols=3, fontsize=9)
     name = f"{found[0].robot.name}: open loops of all motors at once"
     figure.suptitle(name, fontsize=10, parse_math=False)
-    return figure
 
 
 def _margin(value: float, stable: bool) -> Cell:

@@ -7,12 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
+from truepose.arguments import Array
 from truepose.design.selection import SensorSelection
 from truepose.files import picture
 from truepose.robot.units import summed, tolerance
+from truepose.show.charts import ranges
 from truepose.show.page import as_uri, render, versions
+from truepose.show.results import figure_of
 from truepose.show.table import Table
-from truepose.show.units import PRINT
 
 
 def page(
@@ -45,19 +47,12 @@ def page(
 
 def each(found: SensorSelection) -> Figure:
     """Draw what each candidate leaves alone, and what all the others leave without it."""
-    figure = Figure(figsize=(8.4, 1.2 + 0.25 * len(found.alone)), layout="constrained")
-    panels = figure.subplots(1, 2, sharey=True)
-    own = sorted(found.alone, key=lambda one: -one.sigma)
-    names = [one.sensor if one.level is None else tolerance(found.robot, one.sensor, one.level)
-             for one in own]  # fmt: skip
     total = summed(found.robot)
-    colours = ["C0" if one.level is None else "C1" for one in own]
-    for axes, values, label in (
-        (panels[0], [one.sigma for one in own], "with it alone"),
-        (panels[1], [one.without for one in own], "with all but it"),
-    ):
-        axes.barh(names, total.factor * np.array(values), color=colours, height=0.7)
-        axes.set(xlabel=f"σ of the {total.name} {label} ({PRINT[total.unit][1]})")
-        axes.grid(color="0.92", axis="x")
-        axes.set_axisbelow(True)
-    return figure
+    series: dict[str, dict[str, Array]] = {"with it alone": {}, "with all but it": {}}
+    for one in sorted(found.alone, key=lambda one: one.sigma):
+        level = one.level
+        name = one.sensor if level is None else tolerance(found.robot, one.sensor, level)
+        for what, sigma in zip(series, (one.sigma, one.without), strict=True):
+            series[what][name] = total.factor * np.array([0, sigma, sigma])
+    panels = {f"σ of the {total.label}": series}
+    return figure_of(lambda figure: ranges(figure, panels, "candidate"))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import fnmatch
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,9 +20,6 @@ from truepose.robot.units import summed
 from truepose.robotfile.to_core import drawn
 from truepose.show.results import Shown
 from truepose.show.table import Table, number
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 #: Places that are drawn at random, and of which the best begin a search each.
 DRAWN, STARTS = 64, 6
@@ -53,9 +50,10 @@ class Placement(Shown):
         header = ["coordinate", "from (mm)", "to (mm)", "in the file (mm)", "best (mm)"]
         return Table("place", title, header, rows)
 
-    def plot(self) -> Figure:
-        """Draw the robot with its sensors there."""
-        return self.robot.plot()
+    def _draw(self, figure: Any) -> None:
+        from truepose.robot.drawing import draw
+
+        draw(figure, self.robot)
 
 
 def place_sensors(

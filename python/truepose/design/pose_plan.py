@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -12,12 +12,10 @@ from truepose.arguments import Array
 from truepose.design.candidates import Step
 from truepose.design.tour import tour
 from truepose.robot.robot import Robot
-from truepose.robot.units import coordinate_axes, label, summed
+from truepose.robot.units import by_unit, coordinate_axes, label, summed
+from truepose.show.charts import lines
 from truepose.show.results import Shown
 from truepose.show.table import Cell, Table, number
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -88,58 +86,45 @@ class PosePlan(Shown):
         header = ["pose", *(axis.label for axis in axes), "on the tour", total.label]
         return Table("plan", title, header, rows)
 
-    def plot(self) -> Figure:
-        """Draw the predicted σ after each pose, the tour, and every coordinate along it."""
-        from matplotlib.figure import Figure
-        from matplotlib.ticker import MaxNLocator
-
+    def _draw(self, figure: Any) -> None:
         robot, total, count = self.robot, summed(self.robot), len(self.steps)
         axes = coordinate_axes(robot)
-        units = dict.fromkeys(axis.unit for axis in axes)
-        figure = Figure(figsize=(6.4, 6.6 + 1.8 * len(units)), layout="constrained")
-        ratios = [2.4, 3.6, *[1.8] * len(units)]
-        promise, way, *each = figure.subplots(len(ratios), height_ratios=ratios)
-        promise.plot(range(count + 1), total.factor * self.sigma[:, -1], ".-", label="planned")
+        way = np.vstack([robot.home, self.poses, robot.home])
+        panels = by_unit(axes, way, "coordinate")
+        figure.set_size_inches(6.4, 6.6 + 1.8 * len(panels))
+        upper, middle, lower = figure.subfigures(3, 1, height_ratios=[2.6, 4, 1.8 * len(panels)])
+        sigma = {"planned": total.factor * self.sigma[:, -1]}
+        (promise,) = lines(
+            upper, range(count + 1), {f"σ of the {total.label}": sigma}, "poses", ".-"
+        )
         if count:
             low, median, high = total.factor * np.quantile(self.random, [0, 0.5, 1])
             span = [[median - low], [high - median]]
             promise.errorbar([count], [median], span, fmt="o", color="C1", label="random poses")
-        everything = total.factor * self.everything
-        promise.axhline(everything, color="0.5", lw=0.8, label=f"all {self.candidates} candidates")
-        if self.target is not None:
-            promise.axhline(total.factor * self.target, color="C3", ls=":", lw=0.9, label="target")
-        promise.set(xlabel="poses measured", ylabel=f"σ of the {total.label}")
+        asked = {f"all {self.candidates}": (self.everything, "0.5"), "target": (self.target, "C3")}
+        for name, (value, colour) in asked.items():
+            if value is not None:
+                promise.axhline(total.factor * value, color=colour, lw=0.9, ls=":", label=name)
         promise.set_ylim(bottom=0)
-        promise.legend(fontsize=8)
-        stops = np.vstack([robot.home, self.poses, robot.home]) * [axis.factor for axis in axes]
-        way.plot(*stops.T[:2], color="0.75", lw=0.8)
-        colour = {"c": stops[1:-1, 2], "cmap": "viridis"} if robot.n > 2 else {"c": "C0"}
-        dots = way.scatter(*stops[1:-1].T[:2], zorder=2, s=22, **colour)
-        way.plot(*stops[0, :2], "k+", ms=10, mew=1.5)
+        promise.legend(loc="upper left", bbox_to_anchor=(1, 1), fontsize=8, frameon=False)
+        tour = middle.subplots()
+        stops = way * [axis.factor for axis in axes]
+        tour.plot(*stops.T[:2], color="0.75", lw=0.8)
+        third = stops[1:-1, min(2, robot.n - 1)]
+        dots = tour.scatter(*stops[1:-1].T[:2], c=third, zorder=2, s=22)
+        tour.plot(*stops[0, :2], "k+", ms=10, mew=1.5)
         cell = 0.05 * max(float(np.ptp(stops[:, :2], axis=0).max()), 1e-9)
         there: dict[tuple[float, ...], list[str]] = {}  # those of about one place have one label
         for k, place in enumerate(stops[1:-1], 1):
             there.setdefault(tuple(cell * np.round(place[:2] / cell)), []).append(str(k))
         for at, numbers in there.items():
             words = {"xytext": (4, 4), "textcoords": "offset points", "fontsize": 7}
-            way.annotate(", ".join(numbers), at, **words)
+            tour.annotate(", ".join(numbers), at, **words)
         if robot.n > 2:
-            figure.colorbar(dots, ax=way, label=axes[2].label)
-        way.set(xlabel=axes[0].label, ylabel=axes[1].label, title="Tour in its order (+: home)")
-        way.margins(0.12)
-        way.title.set_size(9)
-        for panel, unit in zip(each, units, strict=True):
-            for k, axis in enumerate(axes):
-                if axis.unit == unit:
-                    panel.plot(stops[:, k], ".-", lw=0.9, label=axis.name)
-            panel.set(
-                xlabel="place on the tour (0 and last: home)",
-                ylabel="angle (°)" if unit == "°" else f"position ({unit})",
-            )
-            panel.legend(fontsize=8, ncols=1, loc="upper left", bbox_to_anchor=(1, 1))
-        for panel in (promise, *each):
-            panel.grid(color="0.92")
-            panel.xaxis.set_major_locator(MaxNLocator(integer=True))
+            middle.colorbar(dots, ax=tour, label=axes[2].label)
+        tour.set(xlabel=axes[0].label, ylabel=axes[1].label)
+        tour.set_title("Tour in its order (+: home)", fontsize=9)
+        tour.margins(0.12)
+        lines(lower, range(len(way)), panels, "place on the tour (0 and last: home)", ".-")
         title = f"{robot.name}: {label(robot, robot.sensors)}"
         figure.suptitle(title, fontsize=10, parse_math=False)
-        return figure

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
 from truepose.arguments import Array
 from truepose.design.machining import Level
@@ -12,9 +12,6 @@ from truepose.robot.units import label, summed, tolerance
 from truepose.show.results import Shown
 from truepose.show.table import Cell, Table, number
 from truepose.show.units import printed
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 #: Share of the largest price by which sets that a figure lists are apart.
 _APART = 0.03
@@ -94,9 +91,7 @@ class SensorSelection(Shown):
         header = ["sensors", *(["machined to"] if self.levels else []), "price", total.label]
         return Table("design", title, [*header, *([] if self.exact else ["front"])], rows)
 
-    def plot(self) -> Figure:
-        """Draw accuracy against price: the front, its sets by number, and the best."""
-        from matplotlib.figure import Figure
+    def _draw(self, figure: Any) -> None:
         from matplotlib.ticker import LogLocator, NullFormatter
 
         total = summed(self.robot)
@@ -112,7 +107,8 @@ class SensorSelection(Shown):
             of = f", {machined(self.robot, self.front[k])}" if self.front[k].machined else ""
             lines.append(f"{k + 1}  {label(self.robot, self.front[k].sensors)}{of}")
         height = 0.14 * len(lines) + 0.15
-        figure = Figure(figsize=(6.4, 4.4 + height))
+        figure.set_layout_engine("none")
+        figure.set_size_inches(6.4, 4.4 + height)
         upper, lower = figure.subfigures(2, 1, height_ratios=(4.4, height))
         axes = upper.add_axes((0.13, 0.13, 0.82, 0.79))
         sigma = [total.factor * choice.sigma for choice in self.front]
@@ -123,8 +119,8 @@ class SensorSelection(Shown):
             place = {"xytext": (3, 4), "textcoords": "offset points"}
             axes.annotate(str(k + 1), (price[k], sigma[k]), fontsize=8, **place)
         if self.best is not None:
-            at = (self.best.price, total.factor * self.best.sigma)
-            axes.plot(*at, "o", color="C3", ms=9, mfc="none", label="best")
+            there = self.best.price, total.factor * self.best.sigma
+            axes.plot(*there, "o", color="C3", ms=9, mfc="none", label="best")
         asked = ""
         if self.target is not None:
             asked = f", target {printed(self.target, total.unit, '.4g')}"
@@ -145,7 +141,6 @@ class SensorSelection(Shown):
         axes.grid(color="0.92", which="both")
         axes.legend(fontsize=8)
         lower.text(0.04, 1, "\n".join(lines), va="top", fontsize=8, parse_math=False)
-        return figure
 
 
 def machined(robot: Robot, choice: SensorSet) -> Cell:

@@ -6,7 +6,7 @@ import itertools
 import math
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,12 +18,10 @@ from truepose.faults.parity import parity, whitened
 from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
+from truepose.show.charts import ranges
 from truepose.show.results import Shown
 from truepose.show.table import Cell, Table, number
 from truepose.show.units import PRINT
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 #: What a reading may be wrong by: the same everywhere, or in proportion to itself.
 KINDS = ("bias", "gain")
@@ -101,24 +99,15 @@ class Isolation(Shown):
         title = f"One reading alone is wrong, in all of {self.lines} lines"
         return Table("hypotheses", title, header, rows)
 
-    def plot(self) -> Figure:
-        """Draw the χ² that each hypothesis leaves; those that may be it are red."""
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(6.4, 1.4 + 0.26 * len(self.hypotheses)), layout="constrained")
-        axes = figure.subplots()
+    def _draw(self, figure: Any) -> None:
         may_be = self.may_be
-        colours = ["#b2182b" if h in may_be else "#8a8f98" for h in self.hypotheses]
-        names = [str(h) for h in self.hypotheses]
-        axes.barh(names, [h.chi2 for h in self.hypotheses], color=colours)
+        series: dict[str, dict[str, list[float]]] = {"may be it": {}, "is not": {}}
+        for h in self.hypotheses:
+            series["may be it" if h in may_be else "is not"][str(h)] = [0, h.chi2, h.chi2]
+        (axes,) = ranges(figure, {"χ² left unexplained (–)": series}, "hypothesis")
         axes.axvline(self.chi2, color="k", lw=0.9, label="no fault")
         axes.axvline(self.limit, color="k", lw=0.9, ls=":", label="limit of a healthy robot")
-        axes.set(xlabel="χ² left unexplained (–)", ylabel="hypothesis", xlim=(0, None))
-        axes.invert_yaxis()
-        said = f"one of {', '.join(self.readings)}" if may_be else "none isolated"
-        axes.set_title(f"{self.robot.name}, {self.lines} rows: {said}", fontsize=10)
-        figure.legend(loc="outside lower center", ncols=2, fontsize=8)
-        return figure
+        axes.legend(fontsize=8)
 
 
 def isolate(

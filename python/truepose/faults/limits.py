@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,11 +20,9 @@ from truepose.robot.batches import flattened, require_answers
 from truepose.robot.laws import LAWS, Law
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_axes
+from truepose.show.charts import ranges
 from truepose.show.results import Shown
 from truepose.show.table import Cell, Table, number
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 #: Hours in which a healthy robot may give one false alarm, and a controller's usual period, s.
 HOURS, PERIOD = 1000.0, 1e-3
@@ -168,44 +166,23 @@ class Detectability(Shown):
         header += [over + "detected", over + "isolated"]
         return Table("faults", f"Smallest faults, {self.state}", header, rows)
 
-    def plot(self) -> Figure:
-        """Draw each reading's limits: median, 5 and 95 % of the poses that have one; by unit."""
-        from matplotlib.figure import Figure
-
-        m, names = len(self.robot.readings), self.robot.readings
-        parts: dict[tuple[float, str], list[int]] = {}
-        for c, (_, factor, unit) in enumerate(reading_axes(self.robot)):
-            parts.setdefault((factor, unit), []).append(c)
-        figure = Figure(figsize=(7.0, 1.4 + 0.45 * m), layout="constrained")
-        ratios = [len(shown) for shown in parts.values()]
-        panels = figure.subplots(len(parts), squeeze=False, height_ratios=ratios)[:, 0]
-        for axes, ((factor, unit), shown) in zip(panels, parts.items(), strict=True):
-            for what, values, shift, colour in (
-                ("detected", self.detected, -0.12, "C0"),
-                ("isolated", self.isolated, 0.12, "C1"),
+    def _draw(self, figure: Any) -> None:
+        panels: dict[str, dict[str, dict[str, Array]]] = {}
+        for c, axis in enumerate(reading_axes(self.robot)):
+            series = panels.setdefault(f"smallest fault ({axis.unit})", {})
+            for name, values in (
+                ("at a pose: detected", self.detected),
+                ("at a pose: isolated", self.isolated),
+                (f"over {self.moving} poses: detected", self.moving_detected),
+                (f"over {self.moving} poses: isolated", self.moving_isolated),
             ):
-                for row, c in enumerate(shown):
-                    at = factor * values.reshape(-1, m)[:, c]
-                    if not np.isfinite(at).any():
-                        continue
-                    low, middle, high = np.quantile(at[np.isfinite(at)], (0.05, 0.5, 0.95))
-                    label = what if row == 0 else None
-                    axes.plot([low, high], [row + shift] * 2, color=colour, lw=3, alpha=0.5)
-                    axes.plot(middle, row + shift, "o", color=colour, ms=5, label=label)
-            for what, least, mark in (
-                ("over poses: detected", self.moving_detected, "|"),
-                ("over poses: isolated", self.moving_isolated, "x"),
-            ):
-                axes.plot(
-                    factor * least[shown], range(len(shown)), mark, color="0.2", ms=7, label=what
-                )
+                own = values.reshape(-1, len(self.robot.readings))[:, c]
+                own = own[np.isfinite(own)] if np.isfinite(own).any() else np.array([np.nan])
+                spread = axis.factor * np.quantile(own, (0.05, 0.5, 0.95))
+                series.setdefault(name, {})[axis.name] = spread
+        for axes in ranges(figure, panels, "reading"):
             axes.set_xscale("log")
-            axes.set_yticks(range(len(shown)), [names[c] for c in shown])
-            axes.set(xlabel=f"smallest fault ({unit})", ylim=(len(shown) - 0.5, -0.5))
-            axes.grid(axis="x", color="0.9")
-        panels[0].legend(loc="upper left", bbox_to_anchor=(1, 1), fontsize=8, frameon=False)
         figure.suptitle(f"{self.robot.name}: {self.state}", fontsize=10, parse_math=False)
-        return figure
 
     def _groups(self, batches: int) -> tuple[tuple[str, ...], ...]:
         """Readings whose columns are parallel in every batch of poses in which both are seen."""

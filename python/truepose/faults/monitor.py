@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,11 +19,9 @@ from truepose.exceptions import InputError
 from truepose.robot import knowledge
 from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
+from truepose.show.charts import lines
 from truepose.show.results import Shown
 from truepose.show.table import Cell, Table
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 #: How a reading is, by the core's number: :attr:`Review.health`, :attr:`Simulation.health`.
 HEALTH = ("valid", "suspect", "failed")
@@ -232,24 +230,15 @@ class Review(Shown):
             "review", title, ["reading", "health at the end", "not valid from", "why"], rows
         )
 
-    def plot(self) -> Figure:
-        """Draw how far the readings disagree, and the health of each reading."""
-        from matplotlib.figure import Figure
-
-        names = self.robot.readings
-        figure = Figure(figsize=(6.4, 3.0 + 0.25 * len(names)), layout="constrained")
-        upper, lower = figure.subplots(2, sharex=True, height_ratios=(2.2, 0.25 * len(names)))
-        upper.plot(self.chi2 / np.maximum(self.freedom, 1), lw=0.9)
-        upper.set(ylabel="χ² a degree of freedom (–)", yscale="log", title=self.robot.name)
-        colours = {"suspect": "#e08214", "failed": "#b2182b"}
-        for state, colour in colours.items():
-            row, reading = np.nonzero(self.health == HEALTH.index(state))
-            lower.plot(row, reading, "|", color=colour, ms=9, label=state)
-        lower.set_yticks(range(len(names)), names)
-        lower.set(xlabel="row (–)", ylabel="reading", ylim=(len(names) - 0.5, -0.5))
-        lower.set_xlim(0, max(len(self.health), 1))
-        figure.legend(loc="outside lower center", ncols=2, fontsize=8)
-        return figure
+    def _draw(self, figure: Any) -> None:
+        health = dict(zip(self.robot.readings, self.health.T, strict=True))
+        panels = {
+            "χ² a degree of freedom (–)": {"all readings": self.chi2 / np.maximum(self.freedom, 1)},
+            "health (–)": health,
+        }
+        _, lower = lines(figure, np.arange(len(self.health)), panels, "row (–)")
+        lower.set_yticks(range(len(HEALTH)), HEALTH)
+        figure.suptitle(self.robot.name, fontsize=10, parse_math=False)
 
 
 def failed(robot: Robot, health: Array) -> list[str]:

@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -19,13 +19,6 @@ from truepose.logs import limits, raw
 from truepose.plugins import plugins
 from truepose.robot.compliance import Payloads
 from truepose.robot.robot import Robot
-from truepose.robot.units import Axis, reading_axes
-from truepose.show.results import Shown
-from truepose.show.table import Cell, Table
-from truepose.show.table import number as figure
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 #: What an empty cell may say, in lower case.
 _EMPTY = ("", "nan", "na", "n/a", "null", "none", "<na>")
@@ -37,8 +30,8 @@ PLANES = {"plane": "z", "plane_x": "x", "plane_y": "y"}
 POINT = "point"
 
 
-@dataclass(frozen=True, repr=False)
-class Log(Shown):
+@dataclass(frozen=True)
+class Log:
     """Readings of one robot with its sensors in use. N lines; NaN where nothing was read."""
 
     names: tuple[str, ...]  #: of the n + r columns: q1 … qn, then the sensors
@@ -51,33 +44,6 @@ class Log(Shown):
     labels: dict[str, Array] = field(default_factory=dict)  #: (N,) names of plane, point; or ""
     above: dict[str, Array] = field(default_factory=dict)  #: (N,) of each plane's column, m
     loads: Payloads | None = None  #: under which it was read, where it says so
-    axes: tuple[Axis, ...] = ()  #: of the readings, as people read them
-
-    def table(self) -> Table:
-        """Return one row a reading: how many, and their range."""
-        rows = []
-        for axis, values in zip(self.axes, self.readings.T, strict=True):
-            read = axis.factor * values[np.isfinite(values)]
-            ends = (read.min(), read.max()) if len(read) else (None, None)
-            count = Cell(str(len(read)), len(read))
-            rows.append([Cell(axis.label, axis.name), count, *map(figure, ends)])
-        title = f"Log of {len(self.lines)} {self.word}s"
-        return Table("log", title, ["reading", f"{self.word}s", "lowest", "highest"], rows)
-
-    def plot(self) -> Figure:
-        """Draw every reading, a panel for each unit."""
-        from matplotlib.figure import Figure
-
-        units = dict.fromkeys(axis.unit for axis in self.axes)
-        figure = Figure(figsize=(6.4, 0.6 + 2.4 * len(units)), layout="constrained")
-        panels = figure.subplots(len(units), sharex=True, squeeze=False)[:, 0]
-        for panel, unit in zip(panels, units, strict=True):
-            for axis, values in zip(self.axes, self.readings.T, strict=True):
-                if axis.unit == unit:
-                    panel.plot(self.lines, axis.factor * values, ".", ms=3, label=axis.name)
-            panel.set(xlabel=f"{self.word} (–)", ylabel=f"reading ({unit})")
-            panel.legend(loc="upper left", bbox_to_anchor=(1, 1), fontsize=8)
-        return figure
 
     def at(self, rows: Iterable[int], most: int = 8) -> str:
         """Name some lines: "lines 7, 9, 12"."""
@@ -331,19 +297,7 @@ def _pick(
         measured, sigma = flat(robot, labels[POSTURE], measured, sigma)
     pulls = {"force": block(forces), "tension": block(tensions)}
     loads = Payloads(**pulls) if any(values is not None for values in pulls.values()) else None
-    return Log(
-        names,
-        readings,
-        measured,
-        lines,
-        word,
-        unused,
-        sigma,
-        labels,
-        above,
-        loads,
-        tuple(reading_axes(robot)),
-    )
+    return Log(names, readings, measured, lines, word, unused, sigma, labels, above, loads)
 
 
 def _labels(column: Any, name: str, lines: Array, word: str, where: str) -> Array:

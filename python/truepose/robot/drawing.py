@@ -21,28 +21,25 @@ if TYPE_CHECKING:
 _MARKS = {"motor": ("o", 8), "sensor": ("D", 5)}
 
 
-def draw(robot: Kinematics, x: ArrayLike | None = None) -> Figure:
+def draw(figure: FigureBase, robot: Kinematics, x: ArrayLike | None = None) -> None:
     """Draw a robot's motors or rails, arms, rods (in pairs where they are), platform, sensors.
 
     Planar robots are drawn in their plane.
 
     Parameters
     ----------
+    figure : Figure or SubFigure
     robot : Robot
     x : array_like, shape (n,), optional
         Pose; home by default.
     """
-    figure = Figure(figsize=(6.4 if robot.spec.mobility.startswith("planar") else 7.2, 5.0))
-    draw_into(figure, robot, x)
-    return figure
-
-
-def draw_into(figure: FigureBase, robot: Kinematics, x: ArrayLike | None = None) -> None:
-    """Draw a robot, as :func:`draw`, into a figure or a part of one."""
     x = robot.home if x is None else numbers_of(x, "x")
     points = robot.skeleton(x)
     planar = robot.spec.mobility.startswith("planar")
     parts = parts_of(robot, points, x)
+    if isinstance(figure, Figure):
+        figure.set_layout_engine("none")
+        figure.set_size_inches(6.4 if planar else 7.2, 5.0)
     if planar:
         axes = figure.add_axes((0.12, 0.12, 0.66, 0.83))
         _show_plane(axes, parts)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -11,9 +11,6 @@ from truepose.exceptions import InputError
 from truepose.robot.kinematics import Kinematics
 from truepose.robot.units import coordinate_axes, label
 from truepose.robot.workspace import workspace
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 #: Values above so many times the median have the colour of that multiple.
 _MOST = 3.0
@@ -38,8 +35,14 @@ def workspace_slice(robot: Kinematics, points: int = 101) -> Array:
 
 
 def draw_map(
-    robot: Kinematics, x: Array, values: Array, quantity: str, note: str = "", least: float = 0.0
-) -> Figure:
+    figure: Any,
+    robot: Kinematics,
+    x: Array,
+    values: Array,
+    quantity: str,
+    note: str = "",
+    least: float = 0.0,
+) -> None:
     """Draw values at poses, mark the worst, and draw the robot with its sensors in use below.
 
     Parameters
@@ -54,14 +57,13 @@ def draw_map(
     least : float
         Where the scale of colours begins.
     """
-    from matplotlib.figure import Figure
-
-    from truepose.robot.drawing import draw_into
+    from truepose.robot.drawing import draw
 
     good = np.isfinite(values)
     if not good.any():
         raise InputError(f"{robot.name}: no pose to draw is reachable and regular")
-    figure = Figure(figsize=(6.4, 9.2))
+    figure.set_layout_engine("none")
+    figure.set_size_inches(6.4, 9.2)
     upper, lower = figure.subfigures(2, 1)
     axes = upper.add_axes((0.13, 0.13, 0.83, 0.67))
     names = coordinate_axes(robot)
@@ -98,6 +100,5 @@ def draw_map(
         fontsize=10,
         parse_math=False,
     )
-    draw_into(lower, robot)
+    draw(lower, robot)
     lower.suptitle(f"sensors in use: {label(robot, robot.sensors)}", fontsize=10, parse_math=False)
-    return figure

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,9 +19,6 @@ from truepose.robot.laws import no_sensor, require_sensors
 from truepose.robot.units import coordinate_axes
 from truepose.show.results import Shown
 from truepose.show.table import Cell, Table, number
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -74,11 +71,10 @@ class Estimate(Shown):
         header = ["pose", *header, *(f"σ of {name}" for name in header), "status"]
         return Table("estimate", f"{self.robot.name}: estimated poses", header, rows)
 
-    def plot(self) -> Figure:
-        """Draw the first two coordinates of every pose, with an ellipse of one σ about each."""
+    def _draw(self, figure: Any) -> None:
         n = self.robot.n
         P = self.covariance.reshape(-1, n, n)[:, :2, :2]
-        return draw_poses(self.robot, self.x.reshape(-1, n)[:, :2], P)
+        _ellipses(figure, self.robot, self.x.reshape(-1, n)[:, :2], P)
 
 
 class Redundancy(Kinematics):
@@ -293,23 +289,20 @@ class Redundancy(Kinematics):
 _SHARE = 0.04  #: of the picture, that the largest ellipse takes at least: else they are magnified
 
 
-def draw_poses(robot: Description, x: Array, P: Array | None = None) -> Figure:
-    """Draw the first two coordinates of N poses, (N, n), and covariances, (N, 2, 2).
+def _ellipses(figure: Any, robot: Description, x: Array, P: Array) -> None:
+    """Draw the first two coordinates of N poses, (N, 2), and covariances, (N, 2, 2).
 
     Poses with NaN are left out. The ellipses are magnified, by a power of ten that the title says,
     where they would not be seen. A single coordinate is drawn over the poses' numbers.
     """
-    from matplotlib.figure import Figure
     from matplotlib.patches import Ellipse
     from matplotlib.ticker import MaxNLocator
 
     names = coordinate_axes(robot)[:2]
     scale = np.array([axis.factor for axis in names])
-    x = x[:, :2]
-    P = np.zeros((len(x), len(names), len(names))) if P is None else P
     good = np.isfinite(x).all(axis=1) & np.isfinite(P).all(axis=(1, 2))
     x, P = scale * x[good], np.outer(scale, scale) * P[good]
-    figure = Figure(figsize=(5.6, 5.0), layout="constrained")
+    figure.set_size_inches(5.6, 5.0)
     axes = figure.subplots()
     axes.grid(alpha=0.3)
     if x.shape[1] == 1:
@@ -319,9 +312,9 @@ def draw_poses(robot: Description, x: Array, P: Array | None = None) -> Figure:
         )
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.set(xlabel="pose", ylabel=names[0].label, title="± 1 σ")
-        return figure
-    axes.plot(*x.T, ".", ms=3 if P.any() else 8, color="#1f5fa8")
-    if P.any():
+        return
+    axes.plot(*x.T, ".", ms=3, color="#1f5fa8")
+    if len(x):
         variance, directions = np.linalg.eigh(P)
         half = np.sqrt(np.maximum(variance, 0.0))
         largest, span = float(half.max()), float(np.ptp(x, axis=0).max())
@@ -336,4 +329,3 @@ def draw_poses(robot: Description, x: Array, P: Array | None = None) -> Figure:
         axes.set_title("1 σ" + (f", × {by:g}" if by > 1 else ""), fontsize=10)
     same = names[0].unit == names[1].unit
     axes.set(xlabel=names[0].label, ylabel=names[1].label, aspect="equal" if same else "auto")
-    return figure

@@ -15,41 +15,24 @@ from truepose import _core, files, robotfile
 from truepose.arguments import Array, check_seed
 from truepose.exceptions import InputError, RobotFileError
 from truepose.robot.batches import flattened
-from truepose.robot.description import Description
 from truepose.robot.dynamics import Dynamics
-from truepose.robot.redundancy import Redundancy, draw_poses
-from truepose.robot.units import coordinate_axes, parameter_table
+from truepose.robot.redundancy import Redundancy
+from truepose.robot.units import parameter_table
 from truepose.robotfile.to_core import padded
 from truepose.show.page import as_uri
-from truepose.show.results import Shown
-from truepose.show.table import Cell, Table, number
+from truepose.show.results import Shown, figure_of
+from truepose.show.table import Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class AssemblyModes(Shown):
+@dataclass(frozen=True, eq=False)
+class AssemblyModes:
     """Poses that close every loop at the same motor positions; `len()` of them."""
 
-    robot: Description
     x: Array  #: (m, n), nearest to home first; angles within ±π
     seen: NDArray[np.intc]  #: (m,) how many of the searches came to each
-
-    def table(self) -> Table:
-        """Return one row a mode: its pose, and how many searches came to it."""
-        axes = coordinate_axes(self.robot)
-        rows = [
-            [*(number(axis.factor * v) for axis, v in zip(axes, x, strict=True)), str(seen)]
-            for x, seen in zip(self.x, self.seen, strict=True)
-        ]
-        rows = [[Cell(str(k), k), *row] for k, row in enumerate(rows, 1)]
-        title = f"{self.robot.name}: {len(self)} assembly modes found"
-        return Table("modes", title, ["mode", *(a.label for a in axes), "searches"], rows)
-
-    def plot(self) -> Figure:
-        """Draw the first two coordinates of every mode."""
-        return draw_poses(self.robot, self.x)
 
     def __len__(self) -> int:
         return len(self.x)
@@ -71,8 +54,8 @@ class AssemblyModes(Shown):
 
         Examples
         --------
-        >>> import numpy as np, truepose as tp
-        >>> AssemblyModes(tp.load("3rrr"), np.zeros((5, 3)), np.array([9, 4, 1, 1, 2])).expected
+        >>> import numpy as np
+        >>> AssemblyModes(np.zeros((5, 2)), np.array([9, 4, 1, 1, 2])).expected
         5.5
         """
         once, twice = int((self.seen == 1).sum()), int((self.seen == 2).sum())
@@ -107,7 +90,7 @@ class Robot(Redundancy, Dynamics, Shown):
         """Draw the robot with its sensors in use at a pose; home by default."""
         from truepose.robot.drawing import draw
 
-        return draw(self, x)
+        return figure_of(lambda figure: draw(figure, self, x))
 
     def _repr_html_(self) -> str:
         image = as_uri(files.picture(self.plot(), ".svg"))

@@ -99,6 +99,14 @@ def summed(robot: Description) -> Summed:
     return Summed(name, unit, [k for k, each in enumerate(units) if each == unit])
 
 
+def by_unit(axes: Sequence[Axis], values: Array, what: str) -> dict[str, dict[str, Array]]:
+    """Columns as people read them, by the label of their axis and their name."""
+    panels: dict[str, dict[str, Array]] = {}
+    for axis, column in zip(axes, values.T, strict=True):
+        panels.setdefault(f"{what} ({axis.unit})", {})[axis.name] = axis.factor * column
+    return panels
+
+
 def _motor(actuator: str) -> str:
     return "rad" if actuator == "revolute" else "m"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -10,6 +11,15 @@ from truepose.show.table import Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+def figure_of(draw: Callable[[Any], object]) -> Figure:
+    """Return a figure into which this has drawn."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(layout="constrained")
+    draw(figure)
+    return figure
 
 
 class Shown:
@@ -21,6 +31,9 @@ class Shown:
 
     def plot(self) -> Figure:
         """Draw the result."""
+        return figure_of(self._draw)
+
+    def _draw(self, figure: Any) -> None:
         raise NotImplementedError
 
     def __repr__(self) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,11 +20,7 @@ from truepose.robot.laws import Law, usual
 from truepose.robot.robot import Robot
 from truepose.show.results import ShownArray
 from truepose.show.table import Table
-from truepose.simulation.figures import error_table
-from truepose.simulation.figures import errors as draw_errors
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from truepose.simulation.figures import draw_errors, error_table
 
 
 class SteadyState(ShownArray):
@@ -42,10 +38,9 @@ class SteadyState(ShownArray):
         """Return one row a coordinate: errors over the poses."""
         return error_table(self.robot, self.error.reshape(-1, self.robot.n))
 
-    def plot(self) -> Figure:
-        """Draw the errors of every pose, lengths above, angles below."""
+    def _draw(self, figure: Any) -> None:
         error = self.error.reshape(-1, self.robot.n)
-        return draw_errors(self.robot, np.arange(1, len(error) + 1), error)
+        draw_errors(figure, self.robot, np.arange(1, len(error) + 1), error)
 
 
 def steady_state(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +15,7 @@ from truepose.control.effects import Effects
 from truepose.exceptions import InputError
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
+from truepose.show.charts import lines
 from truepose.show.results import Shown
 from truepose.show.table import Table, number
 from truepose.show.units import PRINT
@@ -24,9 +25,6 @@ from truepose.simulation.feasible import Paced, fastest
 from truepose.simulation.moves import MOVE_DURATION
 from truepose.simulation.paths import Path, path_of
 from truepose.simulation.simulate import simulate
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 #: Of a path's largest speed: slower is standing. Cosine of a turn in one period that is a corner.
 _STANDS, _CORNER = 1e-3, 0.5
@@ -116,22 +114,13 @@ class PathAccuracy(Shown):
         title = f"{self.robot.name}: {len(self.deviation)} runs of a path (ISO 9283)"
         return Table("path", title, ["quantity", "value", "unit"], rows)
 
-    def plot(self) -> Figure:
-        """Draw the distance from the path at its points: every run and their mean."""
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(6.4, 3.4), layout="constrained")
-        axes = figure.subplots()
+    def _draw(self, figure: Any) -> None:
         share = 100 * (np.flatnonzero(self.counts) + 0.5) / len(self.asked)
         each = 1e3 * np.linalg.norm(self._position, axis=-1)
-        axes.plot(share, each.T, color="0.7", lw=0.7, label="each run")
         mean = 1e3 * np.linalg.norm(self._position.mean(axis=0), axis=-1)
-        axes.plot(share, mean, color="C3", lw=1.5, label="of the mean of the runs")
-        axes.set(xlabel="length along the path (%)", ylabel="distance (mm)", ylim=(0, None))
-        axes.set_title(f"{self.robot.name}: AT {1e3 * self.AT:.3g} mm, RT {1e3 * self.RT:.3g} mm")
-        handles = dict(zip(*axes.get_legend_handles_labels()[::-1], strict=True))
-        axes.legend(handles.values(), handles, fontsize=8)
-        return figure
+        named = {"largest": each.max(axis=0), "mean of the runs": mean, "least": each.min(axis=0)}
+        lines(figure, share, {"distance (mm)": named}, "length along the path (%)")
+        figure.suptitle(f"{self.robot.name}: AT {1e3 * self.AT:.3g} mm, RT {1e3 * self.RT:.3g} mm")
 
     @property
     def _position(self) -> Array:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -43,9 +43,6 @@ from truepose.simulation.drive import (
 from truepose.simulation.feasible import require_feasible, require_feasible_move
 from truepose.simulation.moves import MOVE_DURATION, default_move
 from truepose.simulation.paths import Path, path_of
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _WATCHED = 0.05  # s, the end of the hold in which the robot must rest; the core's own in `visit`
 
@@ -110,9 +107,8 @@ class Simulation(Shown):
         ends = {"from": self.x_d[0], "to": self.x_d[-1]}
         return figures.error_table(self.robot, self.error, ends, last=True)
 
-    def plot(self) -> Figure:
-        """Draw the errors over time, lengths above, angles below; then the torques."""
-        return figures.errors(self.robot, self.time, self.error, self.torque)
+    def _draw(self, figure: Any) -> None:
+        figures.draw_errors(figure, self.robot, self.time, self.error, self.torque)
 
     @property
     def near_singular(self) -> Array:

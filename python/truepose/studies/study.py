@@ -6,13 +6,14 @@ import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from truepose.arguments import Array
 from truepose.exceptions import InputError
 from truepose.robot.robot import Robot, load
+from truepose.show.charts import ranges
 from truepose.show.results import Shown
 from truepose.show.table import Table, number
 from truepose.studies.cases import OWN, Answer, Asked, Cases
@@ -20,12 +21,6 @@ from truepose.studies.chunks import Chunks
 from truepose.studies.functions import function_of, require_keys
 from truepose.studies.workers import On, Workers
 from truepose.threads import cores
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-#: Endings of columns that are units.
-_UNITS = ("mm", "deg", "um", "m", "rad")
 
 
 @dataclass(frozen=True, repr=False)
@@ -82,36 +77,20 @@ class Study(Shown):
         title += f"({self.unanswered.sum()} without an answer)"
         return Table("study", title, head, rows)
 
-    def plot(self) -> Figure:
-        """Draw the spread of every number: median, quartiles, 5 and 95 %; a panel for each unit."""
-        from matplotlib.figure import Figure
-
+    def _draw(self, figure: Any) -> None:
         keys = ("robot", *self.grid)
-        groups: dict[str, dict[str, Array]] = {}
-        words = [" ".join(str(self.columns[key][k]) for key in keys) for k in range(len(self))]
+        rows = zip(*(self.columns[key] for key in keys), strict=True)
+        words = np.array([" ".join(map(str, row)) for row in rows])
+        panels: dict[str, dict[str, dict[str, Array]]] = {}
         for name in self._numbers:
-            what, _, unit = name.rpartition("_")
-            what, unit = (what, {"deg": "°"}.get(unit, unit)) if unit in _UNITS else (name, "–")
-            for point in dict.fromkeys(words):
-                these = np.array([word == point for word in words]) & self._finite(name)
-                values = self.columns[name][these].astype(float)
-                groups.setdefault(unit, {})[f"{point} {what}"] = values
-        groups = groups or {"–": {"no answer": np.zeros(0)}}
-        ratios = [len(rows) for rows in groups.values()]
-        figure = Figure(figsize=(6.4, 0.9 * len(groups) + 0.32 * sum(ratios)), layout="constrained")
-        panels = figure.subplots(len(groups), height_ratios=ratios, squeeze=False)[:, 0]
-        for axes, (unit, rows) in zip(panels, groups.items(), strict=True):
-            places = range(len(rows))
-            for place, values in zip(places, rows.values(), strict=True):
-                if len(values):
-                    spread = np.percentile(values, (5, 25, 50, 75, 95))
-                    axes.plot(spread[[0, 4]], [place] * 2, color="#1f5fa8", lw=1)
-                    axes.plot(spread[[1, 3]], [place] * 2, color="#1f5fa8", lw=6, alpha=0.5)
-                    axes.plot(spread[2], place, "o", color="#b2182b", ms=5)
-            axes.set_yticks(places, rows)
-            axes.set(xlabel=f"result ({unit})", ylabel="case", xlim=(0, None))
-            axes.invert_yaxis()
-        return figure
+            unit = name.rpartition("_")[2] if "_" in name else "–"
+            for point in dict.fromkeys(words.tolist()):
+                values = self.columns[name][(words == point) & self._finite(name)].astype(float)
+                spread = np.percentile(values, (5, 50, 95)) if len(values) else [np.nan] * 3
+                series = panels.setdefault(f"result ({unit})", {}).setdefault("5, 50, 95 %", {})
+                series[f"{point} {name}"] = np.asarray(spread)
+        for axes in ranges(figure, panels or {"result (–)": {"none": {}}}, "case"):
+            axes.set_xlim(left=0)
 
 
 def monte_carlo(
