@@ -105,9 +105,10 @@ class Isolation(Shown):
         for h in self.hypotheses:
             series["may be it" if h in may_be else "is not"][str(h)] = [0, h.chi2, h.chi2]
         (axes,) = ranges(figure, {"χ² left unexplained (–)": series}, "hypothesis")
-        axes.axvline(self.chi2, color="k", lw=0.9, label="no fault")
-        axes.axvline(self.limit, color="k", lw=0.9, ls=":", label="limit of a healthy robot")
-        axes.legend(fontsize=8)
+        axes.axvline(self.chi2, color="k", lw=0.9)
+        axes.axvline(self.limit, color="k", lw=0.9, ls=":")
+        words = "line: χ² without a fault; dotted: limit of a healthy robot"
+        figure.suptitle(f"{self.robot.name}: {words}", fontsize=9, parse_math=False)
 
 
 def isolate(

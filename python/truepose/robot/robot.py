@@ -174,9 +174,7 @@ class Robot(Redundancy, Dynamics, Shown):
         if not (isinstance(starts, int) and 1 <= starts <= 1_000_000):
             raise InputError(f"starts = {starts}: must be a whole number from 1 to 1000000")
         motors = padded(rows[0])
-        return AssemblyModes(
-            self, *_core.assembly_modes(self.core, motors, starts, check_seed(seed))
-        )
+        return AssemblyModes(*_core.assembly_modes(self.core, motors, starts, check_seed(seed)))
 
 
 def list_robots() -> list[str]:

@@ -118,7 +118,7 @@ class PathAccuracy(Shown):
         share = 100 * (np.flatnonzero(self.counts) + 0.5) / len(self.asked)
         each = 1e3 * np.linalg.norm(self._position, axis=-1)
         mean = 1e3 * np.linalg.norm(self._position.mean(axis=0), axis=-1)
-        named = {"largest": each.max(axis=0), "mean of the runs": mean, "least": each.min(axis=0)}
+        named = {"worst run": each.max(axis=0), "mean of the runs": mean}
         lines(figure, share, {"distance (mm)": named}, "length along the path (%)")
         figure.suptitle(f"{self.robot.name}: AT {1e3 * self.AT:.3g} mm, RT {1e3 * self.RT:.3g} mm")
 
