@@ -26,7 +26,7 @@ struct NewtonEnd {
 };
 
 /// Newton's method for f = 0. A step that does not lower Σf² is retried with Levenberg's damping.
-/// Converged when the residual reaches rounding. A State has a `cost`, Σf², and a `residual` (m).
+/// Converged when the residual reaches rounding. State: `cost`, Σf²; `residual`, in scale's unit.
 /// @param current  in: the start; out: the last state that lowered the cost
 /// @param trial    work space
 /// @param scale    the largest length that f compares
