@@ -177,8 +177,8 @@ inline void turn_to(Real angle, Real& cosine, Real& sine) {
   sine = std::sin(angle);
 }
 
-/// The same after a turn by t to `angle`. Small turns by a series: exact to rounding, a third the
-/// cost.
+/// The same after a turn by t to `angle`. The series for small t is exact to rounding, at a third
+/// of the cost.
 inline void turn_by(Real t, Real angle, Real& cosine, Real& sine) {
   const Real t2 = t * t;
   if (!(t2 < 1e-3)) return turn_to(angle, cosine, sine);
