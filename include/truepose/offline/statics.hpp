@@ -9,17 +9,16 @@
 
 namespace truepose {
 
-/// Settings of the static equilibrium, kp ê_q + τ_ff(x_d) = τ_hold(x): nominal feed-forward against
-/// the true robot's weight; M_q(x_d) kp ê_q with inertia-shaped gains. Without gravity, or with
-/// integral action, ê_q = 0.
+/// Settings of the static equilibrium kp ê_q + τ_ff(x_d) = τ_hold(x), nominal feed-forward against
+/// true weight; M_q(x_d) kp ê_q with inertia-shaped gains. ê_q = 0 without gravity or with an
+/// integral.
 struct StaticsSettings {
   ControlSettings control;
   bool gravity = false;  ///< false: ê_q = 0
 };
 
 inline constexpr int kSettleIterations = 100;
-inline constexpr double kMostAmplified =
-    100;  ///< largest gain of faulty readings at a stable equilibrium
+inline constexpr double kMostAmplified = 100;  ///< largest fault gain at a stable equilibrium
 
 namespace statics_detail {
 
@@ -158,8 +157,8 @@ inline Outcome settle(const Robot& nominal, const Robot& truth, const StaticsSet
 ///
 /// At equilibrium ê_q(x_d, q_e) = 0, and for consistent readings every law has
 /// ∂ê_q/∂q_e H_x = -J⁻¹. With q_e = h(x) + δq_e therefore δx = J ∂ê_q/∂q_e δq_e: -[J 0] for the
-/// joint law, -J M⁺ for a TEJ, -∂x̂/∂q_e for a law of the pose. For `estimated` that is the gain of
-/// the fused readings, J times the weighted TEJ, as for `weighted`.
+/// joint law, -J M⁺ for a TEJ, -∂x̂/∂q_e for a law of the pose; for `estimated` that is J times the
+/// weighted TEJ, the gain of the fused readings, as for `weighted`.
 template <Mobility K>
 inline Outcome leakage(const Robot& robot, Law law, const Coordinates& x, PoseColumns& leak,
                        const Weighing& weighing = {}) {
