@@ -1,5 +1,4 @@
-// Ctrl-C in a long computation. Python only records a signal; the code that occupies the main
-// thread must check for it.
+// Ctrl-C in a long computation: Python only records it; the main thread's code must check for it.
 #pragma once
 
 #include <nanobind/nanobind.h>

@@ -1,5 +1,4 @@
-/* Simulated machine: true geometry, velocity drives, encoders with counts, and faults. Independent
- * of LinuxCNC. */
+/* Simulated machine: true geometry, velocity drives, encoders with counts, and faults. */
 #ifndef TRUEPOSE_LINUXCNC_PLANT_CORE_H
 #define TRUEPOSE_LINUXCNC_PLANT_CORE_H
 

@@ -115,8 +115,7 @@ static int refresh(void) {
   return loaded;
 }
 
-/** Keeps the last refusal on the pins and logs it once: again only after AGAIN answers, or if it
- * changes. */
+/** Keeps the last refusal on the pins; logs it once, and again after AGAIN answers or a change. */
 static void say(int forward) {
   enum { AGAIN = 1000 };
   const int refused = kins.outcome.status > TRUEPOSE_OK;

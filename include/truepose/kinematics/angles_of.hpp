@@ -10,8 +10,8 @@ namespace truepose {
 inline constexpr int kAngleSteps = 20;
 
 /// Finds the axis angles next to those of `pose` that bring the platform closest to `seen` (D, R),
-/// by Newton's steps: least squares of the remaining D and of the remaining turn times the rods'
-/// length. @param pose  in: start; out: the angles
+/// by Newton's steps: least squares of the remaining D and turn times the rods' length.
+/// @param pose  in: start; out: the angles
 template <Mobility K>
   requires kPivots<K>
 inline void angles_of(const Robot& robot, const Pose& seen, Pose& pose) {

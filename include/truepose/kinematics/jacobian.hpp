@@ -146,8 +146,7 @@ inline bool other_mode(const Robot& robot, const Jacobians<K>& jacobians) {
 
 /// Checks a robot's counts, indices and enums, and derives assembly_sign, limited, encoder_errs and
 /// the inclinometers' vertical. Call it after building a robot and after every change.
-/// A robot that passes is finished, even where its home is singular: its inverse model then works,
-/// but its assembly mode is not checked.
+/// A robot with a singular or unreachable home is finished, too: its assembly mode is unchecked.
 /// @return no_such_part, not_compiled, not_square: refused, still unfinished; or the outcome at
 /// home: unreachable, singular, joint_limit
 inline Outcome finish(Robot& robot) {

@@ -5,8 +5,7 @@
 
 namespace truepose {
 
-/// f_i = (|v_i|² - L_i²)/2, zero where chain i closes. Its derivative by the pose is -J_x, in the
-/// tangent space of the pose (no Euler angles).
+/// f_i = (|v_i|² - L_i²)/2, zero where chain i closes; derivative -J_x in the pose's tangent space.
 template <Mobility K>
 class RodLoops {
  public:

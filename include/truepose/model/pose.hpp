@@ -177,8 +177,7 @@ inline void turn_to(Real angle, Real& cosine, Real& sine) {
   sine = std::sin(angle);
 }
 
-/// The same after a turn by t to `angle`. The series for small t is exact to rounding, at a third
-/// of the cost.
+/// The same after a turn by t to `angle`. Small t: a series, exact to rounding, 3× as fast.
 inline void turn_by(Real t, Real angle, Real& cosine, Real& sine) {
   const Real t2 = t * t;
   if (!(t2 < 1e-3)) return turn_to(angle, cosine, sine);

@@ -147,8 +147,7 @@ struct Sensor {
   int axis = 0;  ///< axis_angle: index of the passive axis (0-based)
 };
 
-/// A passive axis, about which the next axis or the platform turns. At x = 0 all frames are
-/// parallel to the base's.
+/// A passive axis; the next one, or the platform, turns about it. At x = 0 all frames are parallel.
 struct PassiveAxis {
   Plain<Vec3> origin = Vec3::Zero();  ///< o, a point on it, from the preceding axis' o (or base)
   Plain<Vec3> direction = Vec3::UnitY();              ///< d, unit, in the preceding axis' frame
@@ -248,8 +247,7 @@ constexpr int passive_axes(Mobility mobility) { return pivots(mobility) ? dof(mo
 inline constexpr int kSensorPart = kMaxChains, kBodyPart = kSensorPart + kMaxSensors,
                      kAxisPart = kBodyPart + kMaxBodies;
 
-/// Checks that counts are within capacity, enums valid and indices refer to existing parts, which
-/// all other functions assume. Called by finish().
+/// Checks counts, enums and indices, which all other functions assume valid. Called by finish().
 /// @return no_such_part, and the part with the invalid index; -1: the robot itself
 inline Outcome parts_exist(const Robot& robot) {
   const auto missing = [](int part) { return Outcome{Status::no_such_part, part}; };

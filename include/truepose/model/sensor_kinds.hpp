@@ -1,7 +1,6 @@
 // Kinds of sensors and their common properties, one row each.
 //
-// Single source for all code, including the Python package. A kind's reading and derivatives are in
-// its `sense` (sensors/).
+// Single source for all code, Python included. Readings and derivatives are in `sense` (sensors/).
 #pragma once
 
 #include <array>

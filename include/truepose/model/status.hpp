@@ -3,8 +3,7 @@
 
 namespace truepose {
 
-/// Result of every core function. Nothing throws; check this. Below 0: an answer with a warning;
-/// above 0: no answer.
+/// Result of every core function; nothing throws. Below 0: answer with a warning; above 0: none.
 enum class [[nodiscard]] Status : int {
   stopped = -3,        ///< readings disagreed too long: identification has stopped
   disagree = -2,       ///< readings disagree: some or all were excluded from identification
@@ -53,8 +52,7 @@ constexpr const char* describe(Status status) {
   return "unknown status";
 }
 
-/// Status and the chain that caused it; for `disagree` the reading (0-based, -1: none in
-/// particular). True where there is an answer.
+/// Status and its chain, for `disagree` its reading (0-based, -1: none). True: there is an answer.
 struct [[nodiscard]] Outcome {
   Status status = Status::ok;
   int chain = -1;

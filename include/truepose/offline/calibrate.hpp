@@ -14,9 +14,8 @@
 
 namespace truepose {
 
-/// Batch calibration by Levenberg-Marquardt; deterministic. Under a robust loss residuals are first
-/// scaled by their median, so that the geometry's initial error is not treated as one big outlier
-/// and gross errors never enter as squares.
+/// Batch calibration by Levenberg-Marquardt; deterministic. A robust loss first scales residuals by
+/// their median: the initial error is then no outlier, and gross errors never enter as squares.
 class Calibrator {
  public:
   Calibrator(const Robot& drawn, const Kernels& model, const Knowledge& prior,

@@ -176,9 +176,8 @@ class Plant {
     return transmitted_;
   }
 
-  /// Applies the deflection of arms and rods as geometry. The torque at an arm's root, minus the
-  /// weight of arm and half its rods, equals the rods' tension T times J_q/L. Rods deflect
-  /// quasi-statically.
+  /// Applies the deflection of arms and (quasi-static) rods as geometry. The torque at an arm's
+  /// root, minus the weight of arm and half its rods, equals the rods' tension T times J_q/L.
   Outcome bend(Robot& robot) const {
     Closure<K> closure;
     const Outcome outcome = ikm<K>(truth_, state_.pose, closure);

@@ -32,8 +32,7 @@ struct Registration {
   Frame base, marker;
 };
 
-/// Number of unknowns: shift (m) and turn (rad) of the base in the tracker's frame, then of the
-/// marker in the platform's.
+/// Number of unknowns: shift (m), turn (rad) of base in tracker frame, of marker in platform frame.
 inline constexpr int kRegistration = 12;
 
 inline Registration moved(const Registration& from, const double* step) {

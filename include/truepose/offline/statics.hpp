@@ -10,8 +10,8 @@
 namespace truepose {
 
 /// Settings of the static equilibrium kp ê_q + τ_ff(x_d) = τ_hold(x), nominal feed-forward against
-/// true weight; M_q(x_d) kp ê_q with inertia-shaped gains. ê_q = 0 without gravity or with an
-/// integral.
+/// true weight; M_q(x_d) kp ê_q with inertia-shaped gains. Without gravity or with integral action,
+/// ê_q = 0.
 struct StaticsSettings {
   ControlSettings control;
   bool gravity = false;  ///< false: ê_q = 0
@@ -86,10 +86,9 @@ class Loaded {
 
 }  // namespace statics_detail
 
-/// Computes the steady-state pose of the true robot under the nominal controller at x_d.
-/// Quasi-Newton on the motor error with the nominal J: each step leaves the few per cent by which
-/// the true robot's J differs. Under a load it includes the load's change, as a soft PD may be less
-/// stiff than gravity. Readings are unquantized.
+/// Computes the true robot's steady-state pose under the nominal controller at x_d, with
+/// unquantized readings. Quasi-Newton on ê_q with the nominal J: each step leaves the few per cent
+/// by which J differs. It includes the load's change: gravity may be stiffer than a soft PD.
 /// @param x         out
 /// @param known     of the nominal robot, for weighted laws
 /// @param off       offsets of the readings, for example from backlash

@@ -21,7 +21,7 @@ namespace truepose {
 
 /// Load on a robot's rods, in addition to its weight.
 struct Load {
-  Vec3 force = Vec3::Zero();  ///< on the nacelle's reference point, N, base frame
+  Vec3 force = Vec3::Zero();  ///< on the platform's reference point, N, base frame
   /// Measured tension of a chain's rods together, N; NaN: computed from the load.
   Joint tension = [] {
     Joint unknown;
