@@ -159,9 +159,7 @@ def test_what_a_page_loads_from_elsewhere_is_found(site, tmp_path, remote):
 
 
 needs_sphinx = pytest.mark.skipif(
-    not all(
-        map(importlib.util.find_spec, ("sphinx", "myst_nb", "furo", "breathe", "numpydoc"))
-    ),
+    not all(map(importlib.util.find_spec, ("sphinx", "myst_nb", "furo", "breathe", "numpydoc"))),
     reason='needs pip install "truepose[docs]"; `make docs` makes the same checks',
 )
 
