@@ -8,6 +8,7 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator
 
 import truepose as tp
 from truepose.integrations.klipper import assessment
@@ -15,6 +16,8 @@ from truepose.integrations.klipper import figures as of_printer
 from truepose.integrations.klipper.config import Config
 from truepose.paper import article, faulty, figures, following, with_paper_errors
 from truepose.show.colours import COLOURS
+from truepose.show.plotted import plotted
+from truepose.show.table import as_csv
 
 PICTURES = Path(__file__).parents[1] / "pictures"
 PRINTER = Path(__file__).parents[2] / "tests/python/integrations/klipper/data/phnxdrgn536.cfg"
@@ -113,7 +116,7 @@ def path_accuracy() -> Figure:
     return figures.following(following.study(tp.load("h4"), robots=1, seed=0, full=False))
 
 
-def what_faults_do() -> Figure:
+def fault_consequences() -> Figure:
     """Return the report's, of 30 moves: worst errors under each fault and law, watched and not."""
     return figures.faults(faulty.study(tp.load("h4"), count=30, seed=0))
 
@@ -231,17 +234,31 @@ def chain() -> Figure:
     return figure
 
 
-DRAWN_BY = (chain, five_bar, rest, over_table_2, path_accuracy, what_faults_do)
+DRAWN_BY = (chain, five_bar, rest, over_table_2, path_accuracy, fault_consequences)
 DRAWN_BY += (klipper_bed, klipper_held_out, klipper_parameters)
 
 
+def named(figure: Figure, record: dict) -> dict:
+    """Round a point's numbers; give a row of names its name in place of its height."""
+    axes = figure.axes[record["panel"] - 1].yaxis
+    rounded = {k: float(f"{v:.7g}") if isinstance(v, float) else v for k, v in record.items()}
+    if "y" in record and isinstance(ticks := axes.get_major_locator(), FixedLocator):
+        nearest = min(ticks.locs, key=lambda at: abs(at - record["y"]))
+        rounded["y"] = axes.get_major_formatter()(nearest)
+    return rounded
+
+
 def main() -> None:
-    """Draw them all; the same file each time."""
+    """Draw them all, with their points as CSV; the same files each time."""
     mpl.rcParams["svg.hashsalt"] = "truepose"
     PICTURES.mkdir(exist_ok=True)
     for draw in DRAWN_BY:
         file = PICTURES / f"{draw.__name__.replace('_', '-')}.svg"
-        draw().savefig(file, metadata={"Date": None})
+        figure = draw()
+        figure.savefig(file, metadata={"Date": None})
+        if draw not in (chain, five_bar, klipper_bed):  # drawings, a map of colours
+            data = [named(figure, record) for record in plotted(figure)]
+            file.with_suffix(".csv").write_text(as_csv(data), encoding="utf-8")
         print(file.relative_to(Path.cwd()) if file.is_relative_to(Path.cwd()) else file)
 
 

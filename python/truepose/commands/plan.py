@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -37,7 +35,7 @@ from truepose.design.poses import HARDLY, PosePlan, plan_poses
 from truepose.exceptions import InputError
 from truepose.robot.robot import Robot
 from truepose.robot.units import summed
-from truepose.show.table import Cell, Table, number
+from truepose.show.table import Cell, Table, as_csv, number
 from truepose.show.terminal import Format, say, show
 from truepose.show.units import PRINT
 
@@ -218,18 +216,11 @@ def notes(found: PosePlan) -> list[str]:
     return lines
 
 
-def _header(robot: Robot) -> list[str]:
-    return [*(name for name, _ in robot.coordinates), "step"]
-
-
 def written(found: PosePlan) -> str:
     """Write the poses in the tour's order as CSV, and which step each is: the first buys most."""
-    text = io.StringIO()
-    rows = csv.writer(text, lineterminator="\n")
-    rows.writerow(_header(found.robot))
-    for x, k in zip(found.poses.tolist(), found.order, strict=True):
-        rows.writerow([*map(repr, x), k + 1])
-    return text.getvalue()
+    names = [name for name, _ in found.robot.coordinates]
+    steps = zip(found.poses.tolist(), found.order, strict=True)
+    return as_csv(dict(zip(names, x, strict=True)) | {"step": k + 1} for x, k in steps)
 
 
 def draw(found: PosePlan) -> Figure:
