@@ -35,7 +35,7 @@ def plotted(figure: Figure) -> list[dict[str, object]]:
 def _series(axes: Any) -> Iterator[tuple[str, str, Any, Any]]:
     """Yield kind, label, colour and points; lines across a panel are left out."""
     for line in (line for line in axes.lines if line.get_transform() == axes.transData):
-        yield "line", line.get_label(), line.get_color(), line.get_xydata()
+        yield "line", str(line.get_label()), line.get_color(), line.get_xydata()
     for area in (area for area in axes.collections if isinstance(area, PolyCollection)):
         yield "area", area.get_label(), area.get_facecolor()[0], area.get_paths()[0].vertices
     for bars in (bars for bars in axes.containers if hasattr(bars, "patches")):
