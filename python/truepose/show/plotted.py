@@ -37,7 +37,7 @@ def _series(axes: Any) -> Iterator[tuple[str, str, Any, Any]]:
     for line in (line for line in axes.lines if line.get_transform() == axes.transData):
         yield "line", str(line.get_label()), line.get_color(), line.get_xydata()
     for area in (area for area in axes.collections if isinstance(area, PolyCollection)):
-        yield "area", area.get_label(), area.get_facecolor()[0], area.get_paths()[0].vertices
+        yield "area", str(area.get_label()), area.get_facecolor()[0], area.get_paths()[0].vertices
     for bars in (bars for bars in axes.containers if hasattr(bars, "patches")):
         tops = [(bar.get_x() + bar.get_width() / 2, bar.get_height()) for bar in bars]
         yield "bar", bars.get_label(), bars[0].get_facecolor(), tops
