@@ -31,7 +31,6 @@ from truepose.robot.robot import Robot, load
 from truepose.robot.units import coordinate_axes, label, summed
 from truepose.show.table import Cell, Table, number
 from truepose.show.terminal import Format, show
-from truepose.show.units import PRINT
 
 
 def command(
@@ -86,7 +85,7 @@ def command(
     where = f"{len(found.poses)} poses of {poses or 'a grid over the workspace'}"
     answer = f"{loaded.name}: {where}{left_out if found.left_out else ''}."
     first = overview(found, level)
-    answers = [*best(first, PRINT[summed(loaded).unit][1]), answer]
+    answers = [*best(first), answer]
     shown_tables = tables(found)[:: -1 if how is Format.table else 1]  # the calibrated first
     show([first, *shown_tables], how, answers, notes(found), more=plot is not None)
     wrote(how, plot)
@@ -97,9 +96,10 @@ def notes(found: Prediction) -> list[str]:
     off = [name for name, p in found.robot.parameters.items() if abs(p.mean - p.value) > 1e-12]
     if not off:
         return []
+    some = ", ".join(off[:4]) + f" and {len(off) - 4} more" * (len(off) > 4)
     return [
         f"Tolerances of {found.robot.name} are not centred: as built, laws use the nominal "
-        f"geometry, and the bound the mean: {', '.join(off[:4])}{', …' * (len(off) > 4)}."
+        f"geometry, and the bound the mean: {some}."
     ]
 
 

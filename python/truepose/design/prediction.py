@@ -17,6 +17,7 @@ from truepose.robot.robot import Robot
 from truepose.robot.units import label, summed
 from truepose.robot.workspace import workspace_grid
 from truepose.show.table import Cell, Table, number
+from truepose.show.units import PRINT
 
 #: Laws of a robot as built, and the numbers of poses that it calibrates itself on, to compare.
 LAWS, POSES = ("joint", "tej", "estimated"), (10, 40, 160)
@@ -178,18 +179,21 @@ def overview(found: Prediction, level: Level | None = None) -> Table:
         named = Cell(label(found.robot, found.sets[k]), ",".join(found.sets[k]) or "none")
         sizes = (total.factor * values[k] for values in columns.values())
         rows.append([named, *(number(v if np.isfinite(v) else None) for v in sizes)])
-    title = f"1σ of the {total.label}, rms: as built under each law; self-calibrated on"
-    return Table("overview", title, ["sensors", *columns], rows)
+    unit = PRINT[total.unit][1]
+    title = f"1σ of the {total.name}, rms: as built, by law; self-calibrated on N poses"
+    return Table("overview", title, ["sensors", *(f"{name} ({unit})" for name in columns)], rows)
 
 
-def best(table: Table, unit: str) -> list[str]:
+def best(table: Table) -> list[str]:
     """Say which law and sensors of an :func:`overview` are best as built, and after calibration."""
     records, said = table.records(), []
-    laws = [name for name in table.header if name in LAWS]
-    for names in (laws, table.header[-1:]):
+    for names, how in (
+        (table.header[1 : 1 + len(LAWS)], "As built, best: {} law"),
+        (table.header[1 + len(LAWS) :][-1:], "Self-calibrated on {}"),
+    ):
         sizes = [(r[c], c, k) for c in names for k, r in enumerate(records) if r[c] is not None]
         if sizes:
             size, name, k = min(sizes)
-            how = f"As built: {name} law" if name in LAWS else f"Self-calibrated on {name}"
-            said.append(f"{how}, {table.rows[k][0]}: {number(size)} {unit} (1σ).")
+            word, unit = name[:-1].split(" (")
+            said.append(f"{how.format(word)}, {table.rows[k][0]}: {number(size)} {unit} (1σ).")
     return said

@@ -212,7 +212,7 @@ def faults(lines: list[lying.Line]) -> Figure:
             )
             panel.hlines(at, alone, watched, color=colour, lw=0.6)
             style = {"ms": 4, "mec": colour, "clip_on": False}
-            panel.plot(alone, at, "o", mfc="white", mew=0.9, **style)
+            panel.plot(alone, at, "o", mfc="white", mew=0.9, label=f"_{law}, alone", **style)
             panel.plot(watched, at, "o", mfc=colour, label=law, **style)
         panel.set(xscale="log", xlabel=label, ylim=(len(lines) - 0.5, -0.5))
         panel.minorticks_off()

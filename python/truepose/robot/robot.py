@@ -195,7 +195,7 @@ def load(robot: str | Path) -> Robot:
     Parameters
     ----------
     robot : str or Path
-        A name of :func:`robots`, or the path of a robot file.
+        A name of :func:`list_robots`, or the path of a robot file.
 
     Raises
     ------

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Sequence
+import csv
+import io
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -67,6 +69,16 @@ class Table:
                 record |= data if isinstance(data, dict) else {name: data}
             records.append(record)
         return records
+
+
+def as_csv(records: Iterable[Mapping[str, object]]) -> str:
+    """Write records as CSV, with every column that one of them has."""
+    rows, text = list(records), io.StringIO()
+    columns = dict.fromkeys(name for row in rows for name in row)
+    writer = csv.DictWriter(text, columns, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
 
 
 def fixed(value: float, decimals: int = 2) -> Cell:
