@@ -35,11 +35,7 @@ from truepose.design.poses import HARDLY, plan_poses
 from truepose.exceptions import InputError
 from truepose.robot.robot import Robot
 from truepose.robot.units import summed
-<<<<<<< HEAD
-from truepose.show.table import number
-=======
-from truepose.show.table import Cell, Table, as_csv, number
->>>>>>> codeB
+from truepose.show.table import as_csv, number
 from truepose.show.terminal import Format, say, show
 from truepose.show.units import PRINT
 
@@ -195,53 +191,6 @@ def notes(found: PosePlan) -> list[str]:
 
 def written(found: PosePlan) -> str:
     """Write the poses in the tour's order as CSV, and which step each is: the first buys most."""
-<<<<<<< HEAD
-    text = io.StringIO()
-    rows = csv.writer(text, lineterminator="\n")
-    rows.writerow(_header(found.robot))
-    for x, k in zip(found.poses.tolist(), found.order, strict=True):
-        rows.writerow([*map(repr, x), k + 1])
-    return text.getvalue()
-=======
     names = [name for name, _ in found.robot.coordinates]
     steps = zip(found.poses.tolist(), found.order, strict=True)
     return as_csv(dict(zip(names, x, strict=True)) | {"step": k + 1} for x, k in steps)
-
-
-def draw(found: PosePlan) -> Figure:
-    """Draw what each pose promises, and the tour over the first two coordinates."""
-    from matplotlib.figure import Figure
-
-    robot = found.robot
-    figure = Figure(figsize=(9, 3.8), layout="constrained")
-    left, right = figure.subplots(1, 2)
-    count = len(found.steps)
-    total = summed(robot)
-    factor, unit = PRINT[total.unit]
-    left.plot(range(count + 1), factor * found.sigma[:, -1], color="C0", label="planned")
-    if count:
-        low, median, high = factor * np.quantile(found.random, [0, 0.5, 1])
-        span = [[median - low], [high - median]]
-        left.errorbar([count], [median], span, fmt="o", color="C1", label="as many at random")
-    left.axhline(factor * found.everything, color="0.6", lw=0.8, label="all candidates")
-    left.set(xlabel="poses", ylabel=f"σ of the {total.name} ({unit})")
-    left.set_ylim(bottom=0)
-    left.grid(color="0.92", which="both")
-    left.legend(frameon=False)
-    (a, unit), (b, other) = robot.coordinates[:2]
-    way: Array = np.vstack([robot.home, found.poses, robot.home])
-    right.plot(PRINT[unit][0] * way[:, 0], PRINT[other][0] * way[:, 1], color="0.7", lw=0.8)
-    third = robot.coordinates[2:3]
-    colours = PRINT[third[0][1]][0] * found.poses[:, 2] if third else None
-    dots = right.scatter(
-        PRINT[unit][0] * found.poses[:, 0],
-        PRINT[other][0] * found.poses[:, 1],
-        c="C0" if colours is None else colours,
-        zorder=2,
-    )
-    if third:
-        figure.colorbar(dots, ax=right, label=f"{third[0][0]} ({PRINT[third[0][1]][1]})")
-    right.set(xlabel=f"{a} ({PRINT[unit][1]})", ylabel=f"{b} ({PRINT[other][1]})")
-    figure.suptitle(f"{robot.name}: {label(robot, robot.sensors)}", fontsize=10, parse_math=False)
-    return figure
->>>>>>> codeB

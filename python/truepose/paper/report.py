@@ -18,13 +18,9 @@ from truepose.exceptions import InputError
 from truepose.paper import article, experiment, figures, sensor_sets, tables, twin
 from truepose.paper.experiment import CONTROLS, Control
 from truepose.paper.reproduce import Reproduction
-<<<<<<< HEAD
 from truepose.show import page
-=======
-from truepose.show import drawing, page
 from truepose.show.plotted import plotted
 from truepose.show.table import as_csv
->>>>>>> codeB
 from truepose.simulation.moves import MOVE_TO
 
 FIGURES = 11  #: drawn for every report; one more with the warm-up
