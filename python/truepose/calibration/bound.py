@@ -62,10 +62,9 @@ class Accuracy(ShownArray):
         return coordinate_table(self.robot, "accuracy", title, "σ of", columns)
 
     def _draw(self, figure: Any) -> None:
-        total, poses = summed(self.robot), self.poses
-        x = poses if poses.ndim == 3 else poses.reshape(-1, self.robot.n)
-        values = total.factor * self.sigma[..., -1].reshape(x.shape[:-1])
-        draw_map(figure, self.robot, x, values, f"σ of the {total.label}", self.state)
+        total = summed(self.robot)
+        values, what = total.factor * self.sigma[..., -1], f"σ of the {total.label}"
+        draw_map(figure, self.robot, self.poses, values, what, self.state)
 
 
 def state_of(

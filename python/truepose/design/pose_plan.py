@@ -95,7 +95,7 @@ class PosePlan(Shown):
         upper, middle, lower = figure.subfigures(3, 1, height_ratios=[2.6, 4, 1.8 * len(panels)])
         sigma = {"planned": total.factor * self.sigma[:, -1]}
         (promise,) = lines(
-            upper, range(count + 1), {f"σ of the {total.label}": sigma}, "poses", ".-"
+            upper, range(count + 1), {f"σ of the {total.label}": sigma}, "poses measured", ".-"
         )
         if count:
             low, median, high = total.factor * np.quantile(self.random, [0, 0.5, 1])

@@ -59,6 +59,11 @@ def draw_map(
     """
     from truepose.robot.drawing import draw
 
+    if robot.n < 2:
+        raise InputError(f"{robot.name}: one coordinate, no map to draw")
+    grid = x.ndim == 3 and not (np.ptp(x[..., 0], axis=0).any() or np.ptp(x[..., 1], axis=1).any())
+    if not grid:
+        x, values = x.reshape(-1, robot.n), np.ravel(values)
     good = np.isfinite(values)
     if not good.any():
         raise InputError(f"{robot.name}: no pose to draw is reachable and regular")
@@ -71,29 +76,33 @@ def draw_map(
     low, middle, top = (float(of(values[good])) for of in (np.min, np.median, np.max))
     most = min(top, least + _MOST * (middle - least))
     scale = {"vmin": least, "vmax": most if most > least else least + 1.0}
-    if x.ndim == 3:
+    if grid:
         axes.set_facecolor("0.8")  # unreachable or singular
         filled = axes.pcolormesh(*along, values, cmap="viridis", rasterized=True, **scale)
         axes.plot(*(a.factor * h for a, h in zip(names, robot.home[:2], strict=False)), "w+", ms=12)
-    elif len(along) == 1:
-        filled = axes.scatter(along[0][good], values[good], c=values[good], **scale)
     else:
         order = np.argsort(values[good])  # the worst on top
         dots = [each[good][order] for each in (*along, values)]
         filled = axes.scatter(*dots[:2], c=dots[2], s=18, cmap="viridis", **scale)
     worst = np.unravel_index(int(np.nanargmax(values)), values.shape)
-    at = [float(each[worst]) for each in along] + [top] * (len(along) == 1)
-    axes.plot(*at, "o", ms=12, mfc="none", mec="#d7301f", mew=2, clip_on=False)
+    axes.plot(
+        *(each[worst] for each in along),
+        "o",
+        ms=12,
+        mfc="none",
+        mec="#d7301f",
+        mew=2,
+        clip_on=False,
+    )
     beyond = "max" if top > most else "neither"
     upper.colorbar(filled, ax=axes, label=quantity, format="%.3g", extend=beyond)
-    same = len({axis.unit for axis in names[:2]}) == 1
-    axes.set(xlabel=names[0].label, ylabel=names[1].label if robot.n > 1 else quantity)
-    axes.set_aspect("equal" if same and robot.n > 1 else "auto")
+    same = names[0].unit == names[1].unit
+    axes.set(xlabel=names[0].label, ylabel=names[1].label, aspect="equal" if same else "auto")
     rest = ", ".join(
         f"{axis.name} = {axis.factor * h:.4g} {axis.unit}".replace(" °", "°")
         for axis, h in zip(names[2:], robot.home[2:], strict=True)
     )
-    where = f"slice through home (+){rest and ': '}{rest}" if x.ndim == 3 else f"{good.sum()} poses"
+    where = f"slice through home (+){rest and ': '}{rest}" if grid else f"{good.sum()} poses"
     upper.suptitle(
         f"{robot.name}, {note}\n{where}\nleast {low:.3g}, median {middle:.3g}, "
         f"worst {top:.3g} (red ring)",

@@ -26,8 +26,8 @@ def lines(
     every = list(figure.subplots(len(panels), sharex=True, squeeze=False)[:, 0])
     for axes, (label, named) in zip(every, panels.items(), strict=True):
         for name, values in named.items():
-            colour = (colours or {}).get(name)
-            axes.plot(over, values, style, label=name, lw=1.2, ms=4, color=colour)
+            more: dict[str, Any] = {"color": (colours or {}).get(name), "rasterized": style == "."}
+            axes.plot(over, values, style, label=name, lw=1.2, ms=3, **more)
         axes.set_ylabel(label)
         axes.grid(color="0.92")
         axes.legend(loc="upper left", bbox_to_anchor=(1, 1), fontsize=8, frameon=False)
