@@ -28,29 +28,25 @@ def steady_state(
     start: ArrayLike | None = None,
     errors: Errors = "raise",
 ) -> Array:
-    """Compute the steady-state pose of the true robot, without simulating the motion.
+    """Compute the steady-state poses, (..., n), of the true robot, without simulating the motion.
 
     Parameters
     ----------
     robot, truth : Robot
-        What the controller believes, and what is.
+        The controller's robot and the true one.
     x_d : array_like, shape (..., n)
         Desired poses.
     controller : Controller, law or callable
-        A function is an own law, as of :class:`Controller`. Encoders count as unquantized. By
-        default the TEJ law, of a robot without a sensor in use the joint law.
+        A function is an own law, as for :class:`Controller`. Encoders count as unquantized. By
+        default the TEJ law, without a sensor in use the joint law.
     gravity : bool
-        True: the PD must hold what the nominal feed-forward gets wrong of the true robot's weight.
-        False: no load, or integral action; the motor error of the law vanishes.
+        True: the PD carries the error of the nominal feed-forward of the true robot's weight.
+        False: no load, or integral action; the law's motor error vanishes.
     start : array_like, shape (n,), optional
-        Where the move started: :func:`simulate` places the gains there, and under gravity they
-        matter. The file's home pose by default.
+        Start of the move, where :func:`simulate` places the gains; matters under gravity. The
+        file's home pose by default.
     errors : {"raise", "nan"}
-        What to do with a pose at which the true robot does not settle.
-
-    Returns
-    -------
-    ndarray, shape (..., n)
+        Action at a pose at which the true robot does not settle.
 
     Raises
     ------
@@ -94,7 +90,7 @@ def _own(
     gravity: bool,
     errors: Errors,
 ) -> Array:
-    """Steady-state poses (N, n) under an own law."""
+    """Compute the steady-state poses, (N, n), under an own law."""
     at = robot.home if start is None else start
     x = np.full_like(x_d, np.nan)
     for k, pose in enumerate(x_d):

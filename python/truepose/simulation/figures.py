@@ -10,14 +10,9 @@ from truepose.show.units import PRINT
 
 
 def errors(robot: Robot, over: Array, error: Array, torque: Array | None = None) -> Figure:
-    """Draw errors over time or poses: lengths above, angles below; then the torques of a move.
+    """Plot errors, (N, n), lengths above, angles below; then the torques, (N, n), of a move.
 
-    Parameters
-    ----------
-    robot : Robot
-    over : ndarray, shape (N,)
-        Time, s, where there are torques; else the numbers of poses.
-    error, torque : ndarray, shape (N, n)
+    `over`, (N,), is time, s, where there are torques; otherwise pose numbers.
     """
     shown = {
         f"error ({PRINT[of][1]})": {
