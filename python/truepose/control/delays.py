@@ -21,17 +21,8 @@ _POSES, _STEP = 64, 1e-4  #: poses of the workspace; step of a finite difference
 def settings(robot: Robot, period: float) -> _core.MultirateSettings | None:
     """Return the core's settings for multirate and delayed readings; None where there are none.
 
-    Parameters
-    ----------
-    robot : Robot
-        The controller's robot, with its sensors' sample periods and latencies.
-    period : float
-        Control period, s. Sample period and latency are rounded up to whole control periods.
-
-    Raises
-    ------
-    InputError
-        A sensor's sample period or latency is too many control periods.
+    From the sample periods and latencies of the controller's robot, rounded up to whole control
+    periods (`period`, s). Raises InputError for one that is too many control periods.
 
     Examples
     --------

@@ -134,19 +134,10 @@ class Effects:
         return [name for name in names if name != "warm_up_time"]
 
     def geometry(self, truth: Robot, time: float = 0.0, seed: int = 0) -> Robot:
-        """Return the true robot's geometry some time after a cold start.
+        """Return the true robot's geometry some time, s, after a cold start.
 
         Thermal growth of base, arms and rods; eccentric encoders with phases from `seed`;
-        quantization on or off.
-
-        Parameters
-        ----------
-        truth : Robot
-            The true robot, cold.
-        time : float
-            Time since it was switched on, s.
-        seed : int
-            The same seed gives the same phases.
+        quantization on or off. `truth` is the cold robot.
         """
         if not (math.isfinite(time) and time >= 0):
             raise InputError(f"time = {time}: must be a finite number of seconds of at least 0")

@@ -35,9 +35,9 @@ def frequencies(period: float) -> Array:
 
 
 class Responses:
-    """Frequency responses of P plants whose controller is one transfer function c(z) times E.
+    """Frequency responses of P plants, at poses of one robot, law and period.
 
-    `plants` is a list of Plant at poses, of one robot, law and period.
+    Their controller is one transfer function c(z) times E.
     """
 
     def __init__(self, plants: list[Plant]):

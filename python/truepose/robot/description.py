@@ -344,10 +344,7 @@ class Description:
     def with_sensors(self, *names: str) -> Self:
         """Return a copy that uses these sensors of its file, in this order.
 
-        Parameters
-        ----------
-        *names : str
-            Names or globs, "all", or "none"; or one list of them.
+        `names` are names or globs, "all", or "none"; or one list of them.
 
         Examples
         --------
@@ -381,14 +378,8 @@ class Description:
 
         Keeps the order and comments of the original. Parameters that differ from nominal go into
         the table [parameters]; tolerances stay about the nominal values. An interrupted save leaves
-        the old file unchanged.
-
-        Parameters
-        ----------
-        path : str or Path
-            File to write.
-        force : bool
-            Replace an existing file; never one that is read-only or no regular file.
+        the old file unchanged. `force` replaces an existing file, but never one that is read-only
+        or no regular file.
 
         Raises
         ------

@@ -31,19 +31,9 @@ class Dynamics(Description):
         """Compute the mass matrix M(x) of the free twist, (..., n, n); kg, kg·m and kg·m².
 
         It is symmetric; the kinetic energy is ẋᵀM ẋ/2 and the motors' joint inertia JᵀM J, see
-        :meth:`jacobian`.
-
-        Parameters
-        ----------
-        x : array_like, shape (..., n)
-            Poses, m and rad.
-        errors : {"raise", "nan"}
-            Action at an unreachable or singular pose.
-
-        Raises
-        ------
-        PoseError
-            Names the pose, the chain and the reason.
+        :meth:`jacobian`. x, (..., n), are poses, m and rad; `errors` ("raise" or "nan") is the
+        action at an unreachable or singular pose. PoseError names the pose, the chain and the
+        reason.
 
         Examples
         --------

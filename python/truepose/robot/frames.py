@@ -32,16 +32,9 @@ def rotation_vector(R: ArrayLike) -> Array:
 def frames(robot: Description, x: ArrayLike, tilt: ArrayLike | None = None) -> Array:
     """Compute homogeneous matrices (..., 4, 4) of the platform at poses x, base frame.
 
-    Parameters
-    ----------
-    robot : Robot
-        Its mobility defines the coordinates.
-    x : array_like, shape (..., n)
-        Poses, m and rad.
-    tilt : array_like, shape (..., 2 or 3), optional
-        Rotation that x omits, the first entries of :meth:`truepose.Robot.residual_motion`:
-        about x and y for a schoenflies robot (θ stays atan2(R_10, R_00)), about x, y and z for a
-        translation robot.
+    `tilt`, (..., 2 or 3), is the rotation that x, (..., n), m and rad, omits: the first entries of
+    :meth:`truepose.Robot.residual_motion`, about x and y for a schoenflies robot (θ stays
+    atan2(R_10, R_00)), about x, y and z for a translation robot.
 
     Examples
     --------

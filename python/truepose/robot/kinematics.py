@@ -120,21 +120,14 @@ class Kinematics(Loaded):
     def read(
         self, x: ArrayLike, seed: int = 0, errors: Errors = "raise", level: Level | None = None
     ) -> Array:
-        """Simulate readings of encoders and sensors, with noise and quantization.
+        """Simulate readings [q; r], (..., n + r), with noise and quantization.
 
         Parameters
         ----------
-        x : array_like, shape (..., n)
-            True poses, m and rad.
+        x, errors, level
+            True poses, errors and level as for :meth:`ikm`.
         seed : int
             Seed of the noise; the same seed gives the same readings.
-        errors, level
-            As for :meth:`ikm`.
-
-        Returns
-        -------
-        ndarray, shape (..., n + r)
-            [q; r], in the order of :attr:`reading_sigma`.
 
         Examples
         --------
@@ -151,11 +144,8 @@ class Kinematics(Loaded):
     def residual_motion(self, x: ArrayLike, errors: Errors = "raise") -> Array:
         """Compute the rotations of platform and bars that the ideal level excludes, rad.
 
-        Returns
-        -------
-        ndarray, shape (..., 6 - n + bars)
-            The platform's tilt about x and y (translation robots: about x, y, z), then each bar's
-            rotation about its hinge, relative to the base.
+        Shape (..., 6 - n + bars): the platform's tilt about x and y (translation robots: about x,
+        y, z), then each bar's rotation about its hinge, relative to the base.
 
         Examples
         --------

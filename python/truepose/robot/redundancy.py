@@ -88,7 +88,7 @@ class Redundancy(Kinematics):
         errors: Errors = "raise",
         level: Level | None = None,
     ) -> Estimate:
-        """Estimate the pose from all readings, weighted by their covariance.
+        """Estimate the pose from all readings, weighted by their covariance: an :class:`Estimate`.
 
         x̂ minimises the readings' residuals in the metric C⁻¹, C = H_ξ Σ_ξ H_ξᵀ + Σ_s: tolerances
         (or a calibration's covariance) and the readings' own errors. The geometry is this robot's;
@@ -105,11 +105,6 @@ class Redundancy(Kinematics):
         level : {"ideal", "full"}, optional
             One rod per chain, or every rod; by default :attr:`Robot.highest_level`. The ideal level
             adds its model error to the readings.
-
-        Returns
-        -------
-        Estimate
-            x (..., n), covariance (..., n, n), chi2 (...) and status (...).
 
         Examples
         --------
@@ -224,14 +219,10 @@ class Redundancy(Kinematics):
 
         Parameters
         ----------
-        x : array_like, shape (..., n)
-            Desired poses, m and rad.
-        law : {"joint", "tej", "cartesian", "weighted", "estimated"}
-            As for :class:`truepose.Controller`.
-        errors : {"raise", "nan"}
-            Action at an unreachable or singular pose.
-        sigma_scale : int
-            As for :class:`truepose.Controller`.
+        x, errors
+            Desired poses, (..., n), m and rad; action at an unreachable or singular pose.
+        law, sigma_scale
+            As for :class:`truepose.Controller`; built-in laws only.
 
         Returns
         -------

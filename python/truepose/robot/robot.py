@@ -100,9 +100,8 @@ class Robot(Redundancy, Dynamics):
 
         The robot's own pose is one of them; the others differ in the sign of det J_x or of an entry
         of J_q, or in neither. Every path between modes of different signs of det J_x passes a
-        singular pose; between modes of one sign a cuspidal robot passes none.
-
-        More starts may find more modes, never fewer.
+        singular pose; between modes of one sign a cuspidal robot passes none. More starts may find
+        more modes, never fewer. Raises InputError for a wrong shape or values that are not finite.
 
         Parameters
         ----------
@@ -113,11 +112,6 @@ class Robot(Redundancy, Dynamics):
             from their ends at q; the workspace box is not used.
         seed : int
             Seed of the guesses; the same seed gives the same guesses.
-
-        Raises
-        ------
-        InputError
-            Wrong shape, or values that are not finite.
 
         Examples
         --------
