@@ -18,7 +18,6 @@ from truepose.paper.tables import cells
 from truepose.paper.twin import Twin
 from truepose.paper.virtual_experiment import READINGS, Run
 from truepose.robot.robot import Robot, load
-from truepose.show.drawing import draw
 from truepose.show.table import Table, markdown, number
 from truepose.threads import each
 from twin_search import Found, search, unknowns
@@ -47,7 +46,7 @@ def write(folder: Path, robot: Robot, found: list[Found]) -> None:
         {robotfile.output(folder / "robot.toml"): robot_file(robot, chosen.twin)}, force=True
     )
     files.replace_file(folder / "setup.toml", setup_file(chosen.twin), "setup", force=True)
-    drawn = files.picture(draw(load(folder / "robot.toml")), ".png", dpi=110)
+    drawn = files.picture(load(folder / "robot.toml").plot(), ".png", dpi=110)
     files.replace_file(folder / "picture.png", drawn, "picture", force=True)
     runs = [f.twin.run(robot, tuple(CONTROLS)) for f in found]
     files.replace_file(folder / "README.md", readme(robot, found, chosen, runs), "page", force=True)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import truepose as tp
-from truepose.commands import accuracy, info
+from truepose.commands import accuracy
+from truepose.robot.maps import workspace_slice
 from truepose.robot.workspace import workspace_grid
 
 
@@ -90,14 +91,18 @@ def test_the_command_draws_a_map(run, tmp_path):
 
 
 def test_the_map_shows_the_bound(h4):
-    figure = accuracy.draw_map(h4, points=11)
-    title = figure.axes[0].get_title()
-    assert "slice through home" in title and "theta; as built" in title
-    x = info.workspace_slice(h4, 11)[2]
-    P = tp.accuracy(h4, x)
-    sigma = 1e3 * np.sqrt(np.einsum("ijkk->ijk", P)[..., :3].sum(axis=-1))
+    x = workspace_slice(h4, 11)
+    found = tp.accuracy(h4, x)
+    figure = found.plot()
+    title = figure.subfigs[0].get_suptitle()
+    assert title.startswith("h4, as built\nslice through home")
+    sigma = 1e3 * np.sqrt(np.einsum("ijkk->ijk", found)[..., :3].sum(axis=-1))
     low, high = figure.axes[1].get_ylim()
-    assert (low, high) == pytest.approx((sigma.min(), sigma.max()), rel=1e-6)
+    assert (low, high) == pytest.approx((0, sigma.max()), rel=1e-6)
+    row, column = np.unravel_index(sigma.argmax(), sigma.shape)
+    ring = figure.axes[0].lines[-1]
+    assert np.ravel(ring.get_data()) == pytest.approx(1e3 * x[row, column, :2])
+    assert figure.subfigs[1].get_suptitle() == "sensors in use: theta"
 
 
 @pytest.mark.parametrize(

@@ -107,7 +107,7 @@ def carrying(robot, text, fits=lambda _: True):
 def equipped(any_robot, rng, request):
     """Any of the robots, none of its axes exact, with every sensor that its mobility allows."""
     flat = any_robot.spec.mobility in ("planar_translation", "planar")
-    turns = any_robot.spec.mobility in ("spatial", "pivot")
+    turns = any_robot.spec.mobility in ("spatial", "rotational")
     text = KINDS + (ON_NACELLE if turns else BEAM)
     text += ON_AXIS if any_robot.spec.passive_axis else ""
     text += AT_PIVOT if any_robot.spec.bar else ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,10 +14,67 @@ from truepose.calibration.differences import Difference, assemble
 from truepose.exceptions import InputError, PoseError
 from truepose.robot import compliance, knowledge
 from truepose.robot.batches import flattened, require_answers
+from truepose.robot.maps import draw_map
 from truepose.robot.robot import Robot
+from truepose.robot.units import coordinate_table, summed
+from truepose.show.results import ShownArray
+from truepose.show.table import Table
 
 #: A pose known exactly counts with this share of the finest reading's σ: 0 has no inverse.
 EXACT = 1e-6
+
+
+class Accuracy(ShownArray):
+    """Covariance of the best estimate of x at each pose: an array, (..., n, n); m², m·rad, rad²."""
+
+    robot: Robot
+    poses: Array  #: (..., n)
+    state: str  #: as built, self-calibrated, …
+
+    @property
+    def sigma(self) -> Array:
+        """σ of each coordinate and last of the position, of a rotational platform the turn."""
+        variance = np.diagonal(np.asarray(self), axis1=-2, axis2=-1)
+        total = variance[..., summed(self.robot).columns].sum(axis=-1, keepdims=True)
+        return np.asarray(np.sqrt(np.concatenate([variance, total], axis=-1)))
+
+    @property
+    def rms(self) -> float:
+        """σ of the position (or turn), root mean square over the poses."""
+        return float(np.sqrt(np.nanmean(self.sigma[..., -1] ** 2)))
+
+    @property
+    def worst(self) -> float:
+        """σ of the position at the pose where it is largest."""
+        return float(np.nanmax(self.sigma[..., -1]))
+
+    def at(self, share: float) -> float:
+        """σ of the position that this share of the poses, 0 to 1, does not exceed."""
+        return float(np.nanquantile(self.sigma[..., -1], share))
+
+    def table(self) -> Table:
+        """Return one row a coordinate: σ over the poses."""
+        sigma = self.sigma.reshape(-1, self.robot.n + 1)
+        parts = np.nanquantile(sigma, (0.5, 0.95, 1), axis=0)
+        columns = {"rms": np.sqrt(np.nanmean(sigma**2, axis=0))}
+        columns |= dict(zip(("median", "95 %", "worst"), parts, strict=True))
+        title = f"1σ bound of the pose, {self.state}, over {len(sigma)} poses"
+        return coordinate_table(self.robot, "accuracy", title, "σ of", columns)
+
+    def _draw(self, figure: Any) -> None:
+        total, poses = summed(self.robot), self.poses
+        x = poses if poses.ndim == 3 else poses.reshape(-1, self.robot.n)
+        values = total.factor * self.sigma[..., -1].reshape(x.shape[:-1])
+        draw_map(figure, self.robot, x, values, f"σ of the {total.label}", self.state)
+
+
+def state_of(
+    calibrated_on: ArrayLike | None, reference_pose: ArrayLike | None, survives: bool = False
+) -> str:
+    """Name the state of a robot whose accuracy is predicted."""
+    state = ["as built" if calibrated_on is None else "self-calibrated"]
+    state += ["referenced"] * (reference_pose is not None)
+    return ", ".join(state + ["any one sensor failed"] * survives)
 
 
 def accuracy(
@@ -31,7 +89,7 @@ def accuracy(
     reference_sigma: ArrayLike | float = 0.0,
     relative_to: ArrayLike | None = None,
     differences: Sequence[Difference] = (),
-) -> Array:
+) -> Accuracy:
     """Predict the covariance of the best estimate of x: the Cramér–Rao bound of the sensors.
 
     Linear-Gaussian and Bayesian: tolerances (or a calibration's covariance) and the readings' own
@@ -65,8 +123,9 @@ def accuracy(
 
     Returns
     -------
-    ndarray, shape (..., n, n)
-        m², m·rad, rad²; of the free twist (spatial: rotation vector in the base frame).
+    Accuracy
+        An array, shape (..., n, n), m², m·rad, rad²; of the free twist (spatial: rotation vector
+        in the base frame).
 
     Raises
     ------
@@ -75,17 +134,17 @@ def accuracy(
 
     Examples
     --------
-    >>> import numpy as np, truepose as tp
+    >>> import truepose as tp
     >>> from truepose.paper import article
     >>> h4, poses = tp.load("h4"), article.table2()
     >>> for visited in (None, poses):
     ...     P = tp.accuracy(h4, poses, calibrated_on=visited)
-    ...     print((1e3 * np.sqrt(np.trace(P[:, :3, :3], axis1=1, axis2=2).mean())).round(2))  # mm
-    7.47
-    1.07
+    ...     print(round(1e3 * P.rms, 2), round(1e3 * P.at(0.95), 2))  # mm
+    7.47 8.29
+    1.07 1.13
     >>> P = tp.accuracy(h4, poses, calibrated_on=poses, reference_pose=h4.home)
-    >>> print((1e3 * np.sqrt(np.trace(P[:, :3, :3], axis1=1, axis2=2).mean())).round(2))
-    0.16
+    >>> round(1e3 * P.rms, 2), P.shape
+    (0.16, (625, 4, 4))
     """
     require(robot, Robot, "robot", "truepose.load(name)")
     knowledge.require_uncertain(robot)
@@ -127,7 +186,9 @@ def accuracy(
                 f"{robot.name}: model_error: {_core.describe(status)} at the full level"
             )
         known = knowledge.knowledge(robot, root, level=level, error=model_error, stretches=True)
-    return bound(rows, lead, errors, "poses", reference)
+    P = bound(rows, lead, errors, "poses", reference)
+    state = state_of(calibrated_on, reference_pose)
+    return Accuracy(P, robot=robot, poses=rows.reshape(*lead, model.n), state=state)
 
 
 def after_visiting(

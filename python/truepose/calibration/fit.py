@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from truepose import _core
 from truepose.arguments import Array, Level
+from truepose.calibration import learnt
 from truepose.calibration.differences import Differences
 from truepose.calibration.learnt import (
     VERDICTS,
@@ -18,20 +19,18 @@ from truepose.calibration.learnt import (
     Learnt,
     chi2_quantile,
     departure,
-    figure,
 )
 from truepose.calibration.registration import Registered
 from truepose.exceptions import InputError
 from truepose.robot import compliance, knowledge
 from truepose.robot.batches import flattened, require_answers
 from truepose.robot.robot import Robot
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from truepose.show.results import Shown
+from truepose.show.table import Table
 
 
 @dataclass(frozen=True, repr=False)
-class Calibration:
+class Calibration(Shown):
     """A calibration: the identified robot and its covariance. N rows, p uncertain parameters.
 
     Printed, it says what it rests on and what it found.
@@ -93,9 +92,12 @@ class Calibration:
         counts = (f"{found.count(v)} {v}" for v in VERDICTS)
         return f"{len(found)} uncertain parameters: {', '.join(counts)}"
 
-    def plot(self) -> Figure:
-        """Draw every parameter's change and posterior σ, in units of its prior σ."""
-        return figure(self.parameters)
+    def table(self) -> Table:
+        """Return every uncertain parameter: prior, posterior, verdict."""
+        return learnt.table(self.robot, self.parameters)
+
+    def _draw(self, figure: Any) -> None:
+        learnt.draw(figure, self.parameters)
 
     @property
     def parameters(self) -> dict[str, Learnt]:

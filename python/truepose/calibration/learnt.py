@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from truepose.arguments import Array
 from truepose.robot.robot import Robot
+from truepose.robot.units import in_print
 from truepose.robotfile.schema import CalibrationSection
 from truepose.robotfile.to_core import columns
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from truepose.show.table import Cell, Table, fixed
+from truepose.show.units import named
 
 #: Posterior over prior σ, up to which a parameter counts as identified, and as barely so.
 IDENTIFIED, BARELY = 0.3, 0.9
@@ -120,12 +121,26 @@ def chi2_quantile(probability: float, freedoms: Array | int) -> Any:
     return chdtri(freedoms, 1 - probability)
 
 
-def figure(found: dict[str, Learnt]) -> Figure:
-    """Draw every parameter's change and posterior σ, in units of its prior σ."""
-    from matplotlib.figure import Figure
+def table(robot: Robot, found: Mapping[str, Learnt]) -> Table:
+    """Every uncertain parameter: prior, posterior, verdict."""
+    rows = []
+    for name, p in found.items():
+        factor, unit = in_print(robot, name)
+        cells = [
+            Cell(f"{factor * p.value:.4f}", p.value),
+            Cell(f"{factor * (p.value - p.prior):+.4f}", p.value - p.prior),
+            *(Cell(f"{factor * v:.4f}", v) for v in (p.prior_sigma, p.sigma)),
+            fixed(p.ratio),
+        ]
+        rows.append([named("parameter", name, unit), *cells, p.verdict])
+    header = ["parameter", "value", "less prior", "prior σ", "σ", "σ / prior σ", "verdict"]
+    return Table("parameters", "Parameters", header, rows)
 
-    picture = Figure(figsize=(8.4, 1.0 + 0.17 * len(found)), layout="constrained")
-    axes = picture.subplots()
+
+def draw(figure: Any, found: Mapping[str, Learnt]) -> None:
+    """Draw every parameter's change and posterior σ, in units of its prior σ."""
+    figure.set_size_inches(6.4, 1.0 + 0.17 * len(found))
+    axes = figure.subplots()
     axes.axvspan(-1, 1, color="0.92", zorder=0)
     axes.axvline(0, color="0.6", lw=0.8)
     for verdict, colour in VERDICTS.items():
@@ -134,6 +149,6 @@ def figure(found: dict[str, Learnt]) -> Figure:
         style: dict[str, Any] = {"fmt": "o", "ms": 3, "lw": 1, "color": colour, "label": verdict}
         axes.errorbar(change, list(some), xerr=[p.ratio for p in some.values()], **style)
     axes.set_yticks(range(len(found)), list(found), fontsize=7)
-    axes.set(ylim=(len(found) - 0.3, -0.7), xlabel="change and σ, in units of the prior σ")
-    picture.legend(loc="outside upper center", ncols=3, fontsize=9, frameon=False)
-    return picture
+    axes.set(ylim=(len(found) - 0.3, -0.7), ylabel="parameter")
+    axes.set_xlabel("change and σ, in units of the prior σ (–)")
+    figure.legend(loc="outside upper center", ncols=3, fontsize=9, frameon=False)

@@ -20,9 +20,9 @@ from truepose.calibration.registration import Registered
 from truepose.exceptions import PoseError, TrueposeError
 from truepose.logs import Log
 from truepose.robot.robot import Robot
-from truepose.robot.units import summed
+from truepose.robot.units import in_print, summed
 from truepose.show.table import Cell, Table, fixed, number
-from truepose.show.units import PRINT, SI, in_print
+from truepose.show.units import PRINT, named
 
 #: Every so many lines one is held out.
 FOLD = 5
@@ -127,7 +127,7 @@ def _ahead(
     fit: Calibration, model: Robot, poses: Array, touch: Array
 ) -> dict[tuple[str, str], Array]:
     """Accuracy to come at the poses that can be reached, before and after."""
-    result = {}
+    result: dict[tuple[str, str], Array] = {}
     for when, known in (("before", model), ("after", fit.robot)):
         reached = _reached(fit, known, poses)
         for how, at in (("absolute", None), ("referenced", touch)):
@@ -166,11 +166,6 @@ def _rms(values: Array, rows: Array) -> float | None:
     return float(np.sqrt(np.mean(values**2))) if len(values) else None
 
 
-def _named(what: str, name: str, unit: str) -> Cell:
-    """Name a row for people in print units; its data are SI."""
-    return Cell(f"{name} ({unit})" if unit else name, {what: name, "unit": SI[unit]})
-
-
 def residuals(result: Assessment) -> Table:
     """RMS of each sensor against what the motors predict; the last column with poses fitted."""
     rows, good = [], counted(result)
@@ -195,25 +190,9 @@ def residuals(result: Assessment) -> Table:
         if values[0] is None and values[1] is None:
             continue
         cells = [number(None if v is None else factor * v, data=v) for v in values]
-        rows.append([_named("reading", name, unit), *cells])
+        rows.append([named("reading", name, unit), *cells])
     header = ["rms residual", "before", "after", "held out", "expected", "pose fitted"]
     return Table("residuals", "Each reading against its prediction by the motors", header, rows)
-
-
-def parameters(fit: Calibration) -> Table:
-    """Every uncertain parameter: prior, posterior, verdict."""
-    rows = []
-    for name, p in fit.parameters.items():
-        factor, unit = in_print(fit.robot, name)
-        cells = [
-            Cell(f"{factor * p.value:.4f}", p.value),
-            Cell(f"{factor * (p.value - p.prior):+.4f}", p.value - p.prior),
-            *(Cell(f"{factor * v:.4f}", v) for v in (p.prior_sigma, p.sigma)),
-            fixed(p.ratio),
-        ]
-        rows.append([_named("parameter", name, unit), *cells, p.verdict])
-    header = ["parameter", "value", "less prior", "prior σ", "σ", "σ / prior σ", "verdict"]
-    return Table("parameters", "Parameters", header, rows)
 
 
 def worst(fit: Calibration, count: int = 5) -> Table:
@@ -243,9 +222,7 @@ def predicted(result: Assessment) -> Table:
     header = ["1σ bound", f"{total.name}, {PRINT[total.unit][1]}"]
     header += [f"{names.get(c, c)}, {PRINT[unit][1]}" for c, unit in robot.coordinates]
     count = len(result.accuracy["after", "absolute"])
-    title = (
-        f"Predicted error of the pose, rms over {count} poses {result.where.removeprefix('over ')}"
-    )
+    title = f"Predicted error of the pose, rms over {count} poses {result.where}"
     title += f"; calibrated on {int(counted(result).sum())} poses"
     return Table("accuracy", title, header, rows)
 
@@ -286,7 +263,7 @@ def beside_table(fit: Calibration) -> Table | None:
         plain = ".slope." in name or name.endswith(".scale")
         factor, unit = PRINT["" if plain else "m"]
         cells = [Cell(f"{factor * v:.4f}", v) for v in (p.value, p.prior_sigma, p.sigma)]
-        rows.append([_named("unknown", name, unit), *cells, fixed(p.ratio), p.verdict])
+        rows.append([named("unknown", name, unit), *cells, fixed(p.ratio), p.verdict])
     header = ["unknown", "value", "prior σ", "σ", "σ / prior σ", "verdict"]
     return Table("differences_own", "What differences have of their own", header, rows)
 
@@ -294,6 +271,6 @@ def beside_table(fit: Calibration) -> Table | None:
 def tables_of(result: Assessment) -> list[Table]:
     """Return every table, in reading order; with external measurements, if there are any."""
     fit = result.fit
-    tables = [residuals(result) if result.names else None, parameters(fit), worst(fit)]
+    tables = [residuals(result) if result.names else None, fit.table(), worst(fit)]
     tables += [differences_table(fit), beside_table(fit), registration_table(fit)]
     return [table for table in (*tables, predicted(result)) if table is not None]

@@ -23,7 +23,11 @@ from truepose.exceptions import InputError, PoseError
 from truepose.robot import knowledge
 from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
-from truepose.robot.units import reading_units
+from truepose.robot.units import reading_axes, reading_units
+from truepose.show.charts import ranges
+from truepose.show.results import Shown
+from truepose.show.table import Table, number
+from truepose.show.units import named
 
 #: Share of a motor's variance from which a parameter is named.
 _SHARE = 0.05
@@ -44,8 +48,8 @@ class Zero(NamedTuple):
     causes: dict[str, float]  #: parameters that may be what is off, by their share of its variance
 
 
-@dataclass(frozen=True, eq=False)
-class Zeroing:
+@dataclass(frozen=True, eq=False, repr=False)
+class Zeroing(Shown):
     """Homing offsets identified at reference postures."""
 
     fit: Calibration  #: calibrated by the postures
@@ -57,6 +61,28 @@ class Zeroing:
     def robot(self) -> Robot:
         """The calibrated robot."""
         return self.fit.robot
+
+    def table(self) -> Table:
+        """Return what each motor reads at the posture, should read, and how well that is known."""
+        rows = []
+        for axis, motor in zip(reading_axes(self.robot), self.motors, strict=False):
+            sizes = (motor.reading, motor.drawn, motor.off, motor.prior_sigma, motor.sigma)
+            name = named("motor", axis.name, axis.unit)
+            rows.append([name, *(number(axis.factor * size, data=size) for size in sizes)])
+        header = ["motor", "reads", "as drawn", "off", "σ before", "σ"]
+        return Table("motors", "Motors where the robot stands", header, rows)
+
+    def _draw(self, figure: Any) -> None:
+        panels: dict[str, dict[str, dict[str, Array]]] = {}
+        for axis, motor in zip(reading_axes(self.robot), self.motors, strict=False):
+            series = panels.setdefault(f"calibrated less nominal reading ({axis.unit})", {})
+            for what, middle, sigma in (
+                ("prior ± σ", 0.0, motor.prior_sigma),
+                ("calibrated ± σ", motor.off, motor.sigma),
+            ):
+                spread = axis.factor * (middle + sigma * np.array([-1, 0, 1]))
+                series.setdefault(what, {})[axis.name] = spread
+        ranges(figure, panels, "motor")
 
     def accuracy(self, poses: ArrayLike) -> tuple[Array, Array]:
         """Covariances (..., n, n) of the pose by all readings, before and after."""

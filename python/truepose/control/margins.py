@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,13 +19,16 @@ from truepose.exceptions import InputError
 from truepose.robot.batches import flattened
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
+from truepose.robot.units import coordinate_axes
+from truepose.show.results import Shown
+from truepose.show.table import Cell, Table, number
 
 #: Name of the loop with a common multiplier of all motor torques.
 ALL = "all motors"
 
 
-@dataclass(frozen=True)
-class StabilityMargins:
+@dataclass(frozen=True, repr=False)
+class StabilityMargins(Shown):
     """Stability margins of a controlled robot's loops at P poses; angles in rad."""
 
     robot: Robot
@@ -51,6 +56,79 @@ class StabilityMargins:
     def kept(self) -> bool:
         """Whether all loops are stable and keep at least 6 dB, 30° and two cycles at every pose."""
         return bool(self.stable.all()) and all(gains.kept(self.worst(loop)) for loop in self.loops)
+
+    def table(self) -> Table:
+        """Return one row a loop: its least margins, and the pose where they are least."""
+        rows = []
+        for loop in self.loops:
+            margin, pose = self.worst(loop), self.poses[self.worst_pose(loop)]
+            decibels = [20 * float(np.log10(times)) for times in (margin.more, margin.less)]
+            values = [*decibels, float(np.degrees(margin.phase)), margin.delay]
+            shown = [_margin(value, bool(self.stable.all())) for value in values]
+            rows.append([loop, *shown, named(self.robot, pose)])
+        names = "gain (dB)", "less gain (dB)", "phase (°)", "delay (cycles)", "worst pose"
+        header = ["loop", *names]
+        law = self.controller.built_in
+        return Table(f"margins_{law}", f"Margins under the law {law}", header, rows)
+
+    def _draw(self, figure: Any) -> None:
+        draw(figure, [self])
+
+
+def draw(figure: Any, found: Sequence[StabilityMargins]) -> None:
+    """Draw the loop of all motors of every law at every pose, and the required margins.
+
+    A Nichols chart: phases go on from frequency to frequency, beyond -360° too.
+    """
+    columns = min(len(found), 2)
+    rows = -(-len(found) // columns)
+    figure.set_size_inches(2.9 * columns + 1.4, 2.9 * rows + 1.0)
+    panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
+    db, phase = 20 * np.log10(gains.LEAST.more), np.degrees(gains.LEAST.phase)
+    for axes, each in zip(panels, found, strict=False):
+        decibels = 20 * np.log10(np.abs(each.loci) + 1e-300)
+        turned = np.degrees(np.unwrap(np.angle(each.loci), axis=1))
+        # Between -360° and 0 where the gain is last above 1; elsewhere as it goes on from there.
+        last = decibels.shape[1] - 1 - (decibels[:, ::-1] > 0).argmax(axis=1)[:, None]
+        last[np.all(decibels <= 0, axis=1)[:, None]] = 0
+        there = np.take_along_axis(turned, last, axis=1)
+        degrees = turned - there + (there % 360 - 360)
+        degrees[:, 1:][np.abs(np.diff(degrees, axis=1)) > 90] = np.nan  # another locus
+        worst = each.worst_pose(ALL)
+        for pose in [*(p for p in range(len(each.poses)) if p != worst), worst]:
+            red = {"color": "C3", "lw": 1.3, "label": "worst pose", "zorder": 3}
+            style = red if pose == worst else {"color": "0.7", "lw": 0.7, "label": "other poses"}
+            axes.plot(degrees[pose], decibels[pose], **style)
+        for edge in (-180, -540):
+            axes.plot([edge - phase, edge + phase], [0, 0], color="C0", lw=2, zorder=4)
+            axes.plot([edge, edge], [-db, db], color="C0", lw=2, zorder=4, label="required margin")
+        title = f"{each.controller.law}" + ("" if each.stable.all() else ": unstable")
+        axes.set(
+            xlim=(-600, 0), ylim=(-60, 40), title=title, xlabel="phase (°)", ylabel="gain (dB)"
+        )
+        axes.set_xticks(range(-540, 1, 180))
+        axes.grid(color="0.92")
+        axes.label_outer()
+    for axes in panels[len(found) :]:
+        axes.set_visible(False)
+    by_label = dict(zip(*panels[0].get_legend_handles_labels()[::-1], strict=True))
+    figure.legend(by_label.values(), by_label, loc="outside lower center", ncols=3, fontsize=9)
+    name = f"{found[0].robot.name}: open loops of all motors at once"
+    figure.suptitle(name, fontsize=10, parse_math=False)
+
+
+def _margin(value: float, stable: bool) -> Cell:
+    if not stable:
+        return Cell("unstable", np.nan)
+    return number(value) if np.isfinite(value) else Cell("any", value)
+
+
+def named(robot: Robot, pose: Array) -> Cell:
+    """Name a pose for people, mm and degrees, and for programs."""
+    axes = coordinate_axes(robot)
+    values = {a.label: float(a.factor * v) for a, v in zip(axes, pose, strict=True)}
+    home = bool((pose == robot.home).all())
+    return Cell("home" if home else " ".join(f"{v:.4g}" for v in values.values()), values)
 
 
 def stability_margins(

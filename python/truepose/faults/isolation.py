@@ -6,6 +6,7 @@ import itertools
 import math
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +18,10 @@ from truepose.faults.parity import parity, whitened
 from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
+from truepose.show.charts import ranges
+from truepose.show.results import Shown
+from truepose.show.table import Cell, Table, number
+from truepose.show.units import PRINT
 
 #: Errors of a reading: constant, or proportional to itself.
 KINDS = ("bias", "gain")
@@ -36,8 +41,8 @@ class Hypothesis:
         return f"{self.reading} {self.kind}"
 
 
-@dataclass(frozen=True)
-class Isolation:
+@dataclass(frozen=True, repr=False)
+class Isolation(Shown):
     """Likelihood of each single-fault hypothesis given rows of readings."""
 
     robot: Robot
@@ -76,6 +81,34 @@ class Isolation:
     def readings(self) -> tuple[str, ...]:
         """Readings of which one may be faulty; a single one is isolated."""
         return tuple(dict.fromkeys(h.reading for h in self.may_be))
+
+    def table(self) -> Table:
+        """Return one row a hypothesis, the likeliest first."""
+        units, may_be = (
+            dict(zip(self.robot.readings, reading_units(self.robot), strict=True)),
+            self.may_be,
+        )
+        rows = []
+        for h in self.hypotheses:
+            factor, unit = PRINT[units[h.reading]] if h.kind == "bias" else (100.0, "%")
+            size = factor * h.size
+            shown = Cell(f"{number(size)} {unit}", {"size": size, "unit": unit})
+            sure = "yes" if h in may_be else "no"
+            rows.append([h.reading, h.kind, shown, number(factor * h.sigma), number(h.chi2), sure])
+        header = ["reading", "kind", "size", "σ", "χ² left", "may be it"]
+        title = f"One reading alone is wrong, in all of {self.lines} lines"
+        return Table("hypotheses", title, header, rows)
+
+    def _draw(self, figure: Any) -> None:
+        may_be = self.may_be
+        series: dict[str, dict[str, list[float]]] = {"may be it": {}, "is not": {}}
+        for h in self.hypotheses:
+            series["may be it" if h in may_be else "is not"][str(h)] = [0, h.chi2, h.chi2]
+        (axes,) = ranges(figure, {"χ² left unexplained (–)": series}, "hypothesis")
+        axes.axvline(self.chi2, color="k", lw=0.9)
+        axes.axvline(self.limit, color="k", lw=0.9, ls=":")
+        words = "line: χ² without a fault; dotted: limit of a healthy robot"
+        figure.suptitle(f"{self.robot.name}: {words}", fontsize=9, parse_math=False)
 
 
 def isolate(

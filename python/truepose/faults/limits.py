@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,9 +19,15 @@ from truepose.robot import knowledge
 from truepose.robot.batches import flattened, require_answers
 from truepose.robot.laws import LAWS, Law
 from truepose.robot.robot import Robot
+from truepose.robot.units import reading_axes
+from truepose.show.charts import ranges
+from truepose.show.results import Shown
+from truepose.show.table import Cell, Table, number
 
 #: Hours per false alarm of a healthy robot, and a controller's usual period, s.
 HOURS, PERIOD = 1000.0, 1e-3
+#: Factor on the limits of the faults whose confusion with others the table shows.
+TIMES = 1.5
 #: Sensitivity of the pose to a reading, per m or rad, below which a law does not use it.
 UNUSED = 1e-9
 
@@ -36,8 +43,8 @@ def false_alarm_rate(hours: float = HOURS, period: float = PERIOD) -> float:
     return period / (3600 * hours)
 
 
-@dataclass(frozen=True)
-class Detectability:
+@dataclass(frozen=True, repr=False)
+class Detectability(Shown):
     """Smallest faults of each reading that tests of the readings alone find; inf where none does.
 
     In m or rad of the reading, for a constant error: a bias, a jump, or a drift at that time.
@@ -62,13 +69,14 @@ class Detectability:
     moving_isolated: Array
     #: law -> (..., m, 2): pose error, m and rad, per 1 m or rad of the reading
     cross_sensitivity: dict[Law, Array]
+    state: str = ""  #: as built or self-calibrated, the level
 
     @cached_property
     def isolated(self) -> Array:
         """Smallest fault distinguished from every other reading's at this pose, shape (..., m)."""
         return self.apart.max(axis=-1)
 
-    def confused_with(self, times: float = 1.5) -> dict[str, tuple[str, ...]]:
+    def confused_with(self, times: float = TIMES) -> dict[str, tuple[str, ...]]:
         """Return the readings that a fault of `times` its `detected` is not distinguished from.
 
         At most of the poses at which it is detected at all.
@@ -121,6 +129,57 @@ class Detectability:
         """Return the worst pose error by a fault just below `moving_detected`, shape (m, 2)."""
         worst = self.cross_sensitivity[law].reshape(-1, len(self.robot.readings), 2).max(axis=0)
         return _harm(worst, self.moving_detected)
+
+    def table(self) -> Table:
+        """Return one row a reading: median and largest over the poses, mm and degrees."""
+        m = len(self.robot.readings)
+        detected, isolated, jump = (
+            values.reshape(-1, m) for values in (self.detected, self.isolated, self.jump)
+        )
+        confused = self.confused_with(TIMES)
+        rows = []
+        for c, (name, factor, unit) in enumerate(reading_axes(self.robot)):
+            named = Cell(f"{name} ({unit})", {"reading": name, "unit": unit})
+            values = [
+                np.median(detected[:, c]),
+                detected[:, c].max(),
+                np.median(isolated[:, c]),
+                np.median(jump[:, c]),
+                self.moving_detected[c],
+                self.moving_isolated[c],
+            ]
+            cells = [limit_cell(factor * float(value)) for value in values]
+            rivals = "all others" if len(confused[name]) == m - 1 else " ".join(confused[name])
+            rows.append([named, *cells[:3], rivals, *cells[3:]])
+        over = f"over {self.moving} poses: "
+        header = [
+            "reading",
+            "detected",
+            "at the worst pose",
+            "isolated",
+            f"confused with (at {TIMES:g} ×)",
+            "jump",
+        ]
+        header += [over + "detected", over + "isolated"]
+        return Table("faults", f"Smallest faults, {self.state}", header, rows)
+
+    def _draw(self, figure: Any) -> None:
+        panels: dict[str, dict[str, dict[str, Array]]] = {}
+        for c, axis in enumerate(reading_axes(self.robot)):
+            series = panels.setdefault(f"smallest fault ({axis.unit})", {})
+            for name, values in (
+                ("at a pose: detected", self.detected),
+                ("at a pose: isolated", self.isolated),
+                (f"over {self.moving} poses: detected", self.moving_detected),
+                (f"over {self.moving} poses: isolated", self.moving_isolated),
+            ):
+                own = values.reshape(-1, len(self.robot.readings))[:, c]
+                own = own[np.isfinite(own)] if np.isfinite(own).any() else np.array([np.nan])
+                spread = axis.factor * np.quantile(own, (0.05, 0.5, 0.95))
+                series.setdefault(name, {})[axis.name] = spread
+        for axes in ranges(figure, panels, "reading"):
+            axes.set_xscale("log")
+        figure.suptitle(f"{self.robot.name}: {self.state}", fontsize=10, parse_math=False)
 
     def _groups(self, batches: int) -> tuple[tuple[str, ...], ...]:
         """Return readings with parallel columns in every batch of poses in which both are seen."""
@@ -233,6 +292,7 @@ def detectability(
         _smallest(one, np.diagonal(information)),
         _smallest(one, unexplained(information).min(axis=-1)),
         _leakage(model, rows, lead, level, root, model_error),
+        f"{bound.state_of(calibrated_on, None)}, {level} level",
     )
 
 
@@ -288,3 +348,8 @@ def require_inside(name: str, value: float, low: float, high: float) -> None:
     """Raise InputError unless the value is a number between the two."""
     if not (isinstance(value, (int, float)) and math.isfinite(value) and low < value < high):
         raise InputError(f"{name} = {value!r}: must be greater than {low:g}, less than {high:g}")
+
+
+def limit_cell(value: float) -> Cell:
+    """Write a limit; inf: never."""
+    return number(value) if np.isfinite(value) else Cell("never", value)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +19,9 @@ from truepose.exceptions import InputError
 from truepose.robot import knowledge
 from truepose.robot.batches import flattened
 from truepose.robot.robot import Robot
+from truepose.show.charts import lines
+from truepose.show.results import Shown
+from truepose.show.table import Cell, Table
 
 #: Health of a reading, by the core's number: :attr:`Review.health`, :attr:`Simulation.health`.
 HEALTH = ("valid", "suspect", "failed")
@@ -184,7 +187,8 @@ class FaultMonitor:
         return Review(robot, *result)
 
 
-class Review(NamedTuple):
+@dataclass(frozen=True, eq=False, repr=False)
+class Review(Shown):
     """The fault monitor's results for N rows of readings."""
 
     robot: Robot
@@ -206,6 +210,29 @@ class Review(NamedTuple):
     def first(self) -> int | None:
         """The first row with a reading that is not valid; None: all are."""
         return first(self.health)
+
+    def table(self) -> Table:
+        """Return one row a reading: its health at the end, and its first fault."""
+        rows = []
+        for c, name in enumerate(self.robot.readings):
+            k = first(self.health[:, [c]])
+            last = HEALTH[self.health[-1, c]] if len(self.health) else ""
+            reason = "" if k is None else SYMPTOMS[self.symptom[:, c].max()]
+            rows.append([name, last, Cell("" if k is None else str(k), k), reason])
+        title = f"{self.robot.name}: readings monitored over {len(self.health)} rows"
+        return Table(
+            "review", title, ["reading", "health at the end", "not valid from", "why"], rows
+        )
+
+    def _draw(self, figure: Any) -> None:
+        health = dict(zip(self.robot.readings, self.health.T, strict=True))
+        panels = {
+            "χ² a degree of freedom (–)": {"all readings": self.chi2 / np.maximum(self.freedom, 1)},
+            "health (–)": health,
+        }
+        _, lower = lines(figure, np.arange(len(self.health)), panels, "row (–)")
+        lower.set_yticks(range(len(HEALTH)), HEALTH)
+        figure.suptitle(self.robot.name, fontsize=10, parse_math=False)
 
 
 def failed(robot: Robot, health: Array) -> list[str]:

@@ -20,7 +20,7 @@ from truepose.exceptions import InputError
 from truepose.paper import article, experiment, figures, sensor_sets, tables, twin
 from truepose.paper.experiment import CONTROLS, Control
 from truepose.paper.reproduce import Reproduction
-from truepose.show import drawing, page
+from truepose.show import page
 from truepose.simulation.moves import MOVE_TO
 
 FIGURES = 11  #: drawn for every report; one more with the warm-up
@@ -139,7 +139,7 @@ def write(
 
 
 def _figures(result: Reproduction) -> Iterator[tuple[str, Figure]]:
-    yield "robot", drawing.draw(result.robot)
+    yield "robot", result.robot.plot()
     for name, run in result.moves.items():
         yield name, figures.move(run, result.moves.values())
     yield "poses", figures.poses(result.experiment)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,14 +13,16 @@ from truepose.arguments import Array, Errors, Level, fraction
 from truepose.exceptions import InputError, choose
 from truepose.robot import compliance, knowledge
 from truepose.robot.batches import at_poses, flattened, require_answers
+from truepose.robot.description import Description
 from truepose.robot.kinematics import Kinematics
 from truepose.robot.laws import no_sensor, require_sensors
+from truepose.robot.units import coordinate_axes
+from truepose.show.results import Shown
+from truepose.show.table import Cell, Table, number
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
-
-class Estimate(NamedTuple):
+@dataclass(frozen=True, eq=False, repr=False)
+class Estimate(Shown):
     """The pose estimated from all readings, and its covariance.
 
     Printed: the pose ± one σ, m and rad.
@@ -34,6 +37,7 @@ class Estimate(NamedTuple):
     3 estimates, 3 ok; σ, rms: 0.0034, 0.0034, 0.0002, 0.0024
     """
 
+    robot: Description
     x: Array  #: (..., n)
     covariance: Array  #: (..., n, n) of the free twist (spatial: rotation vector in the base frame)
     chi2: Array  #: (...) of the residuals; about r where the tolerances are right
@@ -52,15 +56,25 @@ class Estimate(NamedTuple):
             said += f"; σ, rms: {', '.join(f'{s:.2g}' for s in sigma)}"
         return said
 
-    def plot(self) -> Figure:
-        """Draw the first two coordinates of every pose with its one-σ ellipse."""
-        n = self.x.shape[-1]
-        x, P = self.x.reshape(-1, n)[:, :2], self.covariance.reshape(-1, n, n)[:, :2, :2]
-        return _ellipses(x, P, angles=isinstance(self, Angles))
+    def table(self) -> Table:
+        """Return one row a pose: coordinates and their σ."""
+        axes, n = coordinate_axes(self.robot), self.robot.n
+        sigma = np.sqrt(np.diagonal(self.covariance, axis1=-2, axis2=-1)).reshape(-1, n)
+        factor = [axis.factor for axis in axes]
+        rows = [
+            [Cell(str(k), k), *map(number, (*(x * factor), *(s * factor))), str(status)]
+            for k, (x, s, status) in enumerate(
+                zip(self.x.reshape(-1, n), sigma, np.ravel(self.status), strict=True), 1
+            )
+        ]
+        header = [axis.label for axis in axes]
+        header = ["pose", *header, *(f"σ of {name}" for name in header), "status"]
+        return Table("estimate", f"{self.robot.name}: estimated poses", header, rows)
 
-
-class Angles(Estimate):
-    """An :class:`Estimate` of a rotational platform: x are its axis angles."""
+    def _draw(self, figure: Any) -> None:
+        n = self.robot.n
+        P = self.covariance.reshape(-1, n, n)[:, :2, :2]
+        _ellipses(figure, self.robot, self.x.reshape(-1, n)[:, :2], P)
 
 
 class Redundancy(Kinematics):
@@ -136,8 +150,8 @@ class Redundancy(Kinematics):
             covariance = self._not_knowing_compliance(x, level)
         require_answers(self, "reading", rows, lead, status, chain, errors, name="q_e")
         words = np.array([_core.describe(int(s)) for s in status])
-        kind = Angles if self._spec.mobility == "rotational" else Estimate
-        return kind(
+        return Estimate(
+            self,
             x.reshape(*lead, self.n),
             covariance.reshape(*lead, self.n, self.n),
             chi2.reshape(lead)[()],
@@ -253,21 +267,20 @@ class Redundancy(Kinematics):
 _SHARE = 0.04  #: minimum size of the largest ellipse in the picture; smaller ones are magnified
 
 
-def _ellipses(x: Array, P: Array, angles: bool = False) -> Figure:
-    """Draw N poses, (N, 2) in m or rad, with their covariances, (N, 2, 2), without NaN.
+def _ellipses(figure: Any, robot: Description, x: Array, P: Array) -> None:
+    """Draw the first two coordinates of N poses, (N, 2), and covariances, (N, 2, 2).
 
-    Ellipses too small to see are magnified by a power of ten given in the title. A single
-    coordinate, (N, 1), is drawn over the pose number.
+    Poses with NaN are excluded. Ellipses too small to see are magnified by a power of ten given
+    in the title. A single coordinate is drawn over the pose number.
     """
-    from matplotlib.figure import Figure
     from matplotlib.patches import Ellipse
     from matplotlib.ticker import MaxNLocator
 
+    names = coordinate_axes(robot)[:2]
+    scale = np.array([axis.factor for axis in names])
     good = np.isfinite(x).all(axis=1) & np.isfinite(P).all(axis=(1, 2))
-    scale, unit = (np.degrees(1), "°") if angles else (1e3, "mm")
-    names = ["first axis", "second axis"] if angles else ["x", "y"]
-    x, P = scale * x[good], scale**2 * P[good]
-    figure = Figure(figsize=(5.6, 5.0), layout="constrained")
+    x, P = scale * x[good], np.outer(scale, scale) * P[good]
+    figure.set_size_inches(5.6, 5.0)
     axes = figure.subplots()
     axes.grid(alpha=0.3)
     if x.shape[1] == 1:
@@ -276,8 +289,8 @@ def _ellipses(x: Array, P: Array, angles: bool = False) -> Figure:
             which, x[:, 0], np.sqrt(P[:, 0, 0]), fmt=".", color="#1f5fa8", ecolor="#b2182b"
         )
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-        axes.set(xlabel="pose", ylabel=f"{names[0]} ({unit})", title="± 1 σ")
-        return figure
+        axes.set(xlabel="pose", ylabel=names[0].label, title="± 1 σ")
+        return
     axes.plot(*x.T, ".", ms=3, color="#1f5fa8")
     if len(x):
         variance, directions = np.linalg.eigh(P)
@@ -292,5 +305,5 @@ def _ellipses(x: Array, P: Array, angles: bool = False) -> Figure:
             axes.add_patch(Ellipse(tuple(at), *size, angle=turn, fc="none", ec="#b2182b", lw=0.8))
         axes.autoscale_view()
         axes.set_title("1 σ" + (f", × {by:g}" if by > 1 else ""), fontsize=10)
-    axes.set(xlabel=f"{names[0]} ({unit})", ylabel=f"{names[1]} ({unit})", aspect="equal")
-    return figure
+    same = names[0].unit == names[1].unit
+    axes.set(xlabel=names[0].label, ylabel=names[1].label, aspect="equal" if same else "auto")

@@ -4,19 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from truepose import _core, robotfile
+from truepose import _core, files, robotfile
 from truepose.arguments import Array, check_seed
 from truepose.exceptions import InputError, RobotFileError
 from truepose.robot.batches import flattened
 from truepose.robot.dynamics import Dynamics
 from truepose.robot.redundancy import Redundancy
+from truepose.robot.units import parameter_table
 from truepose.robotfile.to_core import padded
+from truepose.show.page import as_uri
+from truepose.show.results import Shown, figure_of
+from truepose.show.table import Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +62,7 @@ class AssemblyModes:
         return len(self) + once * (once - 1) / (2 * (twice + 1))
 
 
-class Robot(Redundancy, Dynamics):
+class Robot(Redundancy, Dynamics, Shown):
     """A robot and its sensors. Immutable: :meth:`replace` and :meth:`with_sensors` return copies.
 
     Coordinates x follow the file's mobility (m, rad), motor positions q are readings of the motor
@@ -66,6 +74,30 @@ class Robot(Redundancy, Dynamics):
     spec : RobotFile
         A validated robot file.
     """
+
+    def table(self) -> Table:
+        """Return every geometric parameter: name, value, unit, sigma.
+
+        Examples
+        --------
+        >>> import truepose as tp
+        >>> next(row for row in tp.load("h4").table() if row["name"] == "pivot1.offset")
+        {'name': 'pivot1.offset', 'value': 0.0, 'unit': 'rad', 'sigma': 0.00034907}
+        """
+        return parameter_table(self, self.parameters)
+
+    def plot(self, x: ArrayLike | None = None) -> Figure:
+        """Draw the robot with its sensors in use at a pose; home by default."""
+        from truepose.robot.drawing import draw
+
+        return figure_of(lambda figure: draw(figure, self, x))
+
+    def _repr_html_(self) -> str:
+        image = as_uri(files.picture(self.plot(), ".svg"))
+        listed = f"<details><summary>Parameters</summary>{super()._repr_html_()}</details>"
+        return (
+            f'<div><p>{escape(repr(self))}</p><img src="{image}" alt="{self.name}"/>{listed}</div>'
+        )
 
     def sample(self, seed: int | np.random.SeedSequence) -> Self:
         """Return a robot with every parameter sampled from its tolerance in the robot file.

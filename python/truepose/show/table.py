@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -31,12 +31,23 @@ class Cell(str):
 
 @dataclass(frozen=True)
 class Table:
-    """Text cells under a header; `name` is also the CSV's file name."""
+    """Text cells under a header; `name` is also the CSV's file name.
+
+    An iterable of records, of which pandas and polars make a DataFrame.
+
+    Examples
+    --------
+    >>> list(Table("t", "A title", ["rod", "mm"], [["a", number(0.1234)]]))
+    [{'rod': 'a', 'mm': 0.1234}]
+    """
 
     name: str
     title: str
     header: list[str]
     rows: Sequence[Sequence[str]]
+
+    def __iter__(self) -> Iterator[dict[str, object]]:
+        return iter(self.records())
 
     def columns(self, *which: int) -> Table:
         """Return a narrower table."""

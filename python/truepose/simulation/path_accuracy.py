@@ -15,6 +15,10 @@ from truepose.control.effects import Effects
 from truepose.exceptions import InputError
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
+from truepose.show.charts import lines
+from truepose.show.results import Shown
+from truepose.show.table import Table, number
+from truepose.show.units import PRINT
 from truepose.simulation.chart import Chart, Setpoints, linear_of
 from truepose.simulation.drive import controller_of
 from truepose.simulation.feasible import Paced, fastest
@@ -26,8 +30,8 @@ from truepose.simulation.simulate import simulate
 _STANDS, _CORNER = 1e-3, 0.5
 
 
-@dataclass(frozen=True)
-class PathAccuracy:
+@dataclass(frozen=True, repr=False)
+class PathAccuracy(Shown):
     """Path accuracy and repeatability of several runs; m and rad.
 
     Runs are compared where they pass planes perpendicular to the path at points of it, so that
@@ -92,6 +96,30 @@ class PathAccuracy:
     def counts(self) -> Array:
         """Which points every run passes, (m,) bool."""
         return np.asarray(np.isfinite(self.deviation).all(axis=(0, 2)))
+
+    def table(self) -> Table:
+        """Return accuracy, repeatability and errors over the path."""
+        values = [("path accuracy AT", self.AT, "m"), ("path repeatability RT", self.RT, "m")]
+        if (~linear_of(self.robot)).any():
+            values += [("AT, angle", self.AT_angle, "rad"), ("RT, angle", self.RT_angle, "rad")]
+        for what in ("contour", "tracking"):
+            for name, size in ((what, "rms"), (f"{what}_max", "largest")):
+                values.append((f"{what} error, {size}", getattr(self, name), "m"))
+        rows = [
+            [name, number(PRINT[unit][0] * value), PRINT[unit][1]] for name, value, unit in values
+        ]
+        rows.append(["speed of the path", number(self.speed), "m/s"])
+        rows.append(["periods at a torque limit", number(100 * self.saturated), "%"])
+        title = f"{self.robot.name}: {len(self.deviation)} runs of a path (ISO 9283)"
+        return Table("path", title, ["quantity", "value", "unit"], rows)
+
+    def _draw(self, figure: Any) -> None:
+        share = 100 * (np.flatnonzero(self.counts) + 0.5) / len(self.asked)
+        each = 1e3 * np.linalg.norm(self._position, axis=-1)
+        mean = 1e3 * np.linalg.norm(self._position.mean(axis=0), axis=-1)
+        named = {"worst run": each.max(axis=0), "mean of the runs": mean}
+        lines(figure, share, {"distance (mm)": named}, "length along the path (%)")
+        figure.suptitle(f"{self.robot.name}: AT {1e3 * self.AT:.3g} mm, RT {1e3 * self.RT:.3g} mm")
 
     @property
     def _position(self) -> Array:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,7 +27,10 @@ from truepose.robot.compliance import warn_if_stiff
 from truepose.robot.laws import Law
 from truepose.robot.robot import Robot
 from truepose.robot.units import reading_units
+from truepose.show.results import Shown
+from truepose.show.table import Table
 from truepose.show.units import printed
+from truepose.simulation import figures
 from truepose.simulation.chart import Setpoints
 from truepose.simulation.drive import (
     NO_REST,
@@ -41,14 +44,11 @@ from truepose.simulation.feasible import require_feasible, require_feasible_move
 from truepose.simulation.moves import MOVE_DURATION, default_move
 from truepose.simulation.paths import Path, path_of
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 _WATCHED = 0.05  # s, end of the hold in which the robot must rest; `visit` uses the core's value
 
 
 @dataclass(frozen=True, repr=False)
-class Simulation:
+class Simulation(Shown):
     """A run: one row per control period, at its start. Units m, rad, s, N·m.
 
     Printed: the errors along the path and at its end.
@@ -100,11 +100,13 @@ class Simulation:
             f"{len(self.time)} periods: {self.status}\n{'; '.join(said)}"
         )
 
-    def plot(self) -> Figure:
-        """Plot the errors over time, lengths above, angles below; then the torques."""
-        from truepose.simulation import figures
+    def table(self) -> Table:
+        """Return one row per coordinate: its start and end, and errors."""
+        ends = {"from": self.x_d[0], "to": self.x_d[-1]}
+        return figures.error_table(self.robot, self.error, ends, last=True)
 
-        return figures.errors(self.robot, self.time, self.error, self.torque)
+    def _draw(self, figure: Any) -> None:
+        figures.draw_errors(figure, self.robot, self.time, self.error, self.torque)
 
     @property
     def near_singular(self) -> Array:

@@ -13,6 +13,8 @@ import numpy as np
 from truepose.arguments import Array
 from truepose.exceptions import InputError
 from truepose.robot.robot import Robot, load
+from truepose.show.charts import ranges
+from truepose.show.results import Shown
 from truepose.show.table import Table, number
 from truepose.studies.cases import OWN, Answer, Asked, Cases
 from truepose.studies.chunks import Chunks
@@ -21,8 +23,8 @@ from truepose.studies.workers import On, Workers
 from truepose.threads import cores
 
 
-@dataclass(frozen=True)
-class Study:
+@dataclass(frozen=True, repr=False)
+class Study(Shown):
     """Every case's answer, in the order of the cases: the same however many workers there were."""
 
     columns: dict[str, Array]  #: robot, number, the grid's, the function's; error, "" where none
@@ -75,10 +77,20 @@ class Study:
         title += f"({self.unanswered.sum()} without an answer)"
         return Table("study", title, head, rows)
 
-    def __str__(self) -> str:
-        from truepose.show.terminal import laid_out
-
-        return "\n".join(laid_out(self.table(), 100))
+    def _draw(self, figure: Any) -> None:
+        keys = ("robot", *self.grid)
+        rows = zip(*(self.columns[key] for key in keys), strict=True)
+        words = np.array([" ".join(map(str, row)) for row in rows])
+        panels: dict[str, dict[str, dict[str, Array]]] = {}
+        for name in self._numbers:
+            unit = name.rpartition("_")[2] if "_" in name else "–"
+            for point in dict.fromkeys(words.tolist()):
+                values = self.columns[name][(words == point) & self._finite(name)].astype(float)
+                spread = np.percentile(values, (5, 50, 95)) if len(values) else [np.nan] * 3
+                series = panels.setdefault(f"result ({unit})", {}).setdefault("5, 50, 95 %", {})
+                series[f"{point} {name}"] = np.asarray(spread)
+        for axes in ranges(figure, panels or {"result (–)": {"none": {}}}, "case"):
+            axes.set_xlim(left=0)
 
 
 def monte_carlo(

@@ -14,8 +14,8 @@ from truepose.integrations.workbench.answers import Rest, conditioning_map, elli
 from truepose.integrations.workbench.state import State
 from truepose.robot.frames import frames
 from truepose.robot.laws import LAWS
+from truepose.robot.parts import Part, parts_of
 from truepose.show.colours import COLOURS
-from truepose.show.parts import Part, parts_of
 
 #: Of each law, in the scene and in the table.
 LAW_COLOURS = dict(zip(LAWS, ("#d6604d", "#4393c3", "#5aae61", "#e08214", "#9970ab"), strict=True))
@@ -100,17 +100,16 @@ class Scene:
         self, state: State, dragged: Callable[[Array, bool], None]
     ) -> list[TransformControlsHandle]:
         """One to shift the nacelle, and one to turn it about what its mobility leaves free."""
-        mobility = state.drawn.spec.mobility
-        planar = mobility.startswith("planar")
-        turns = mobility in ("planar", "schoenflies", "spatial", "pivot")
+        planar = state.drawn.spec.mobility.startswith("planar")
+        units = [unit for _, unit in state.drawn.coordinates]
         free = (True, True, not planar)
         add = self._server.scene.add_transform_controls
         gizmos = []
-        if mobility != "rotational":
+        if "m" in units:
             shift = add("/shift", 0.22 * self._size, active_axes=free, disable_rotations=True)
             gizmos.append(shift)
-        if turns:  # both axes beside the one turned about
-            about = (True, True, mobility in ("spatial", "pivot"))
+        if "rad" in units:  # both axes beside the one turned about
+            about = (True, True, "m" not in units or units.count("rad") > 1)
             gizmos.append(
                 add(
                     "/turn",

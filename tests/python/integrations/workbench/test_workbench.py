@@ -488,3 +488,18 @@ def test_in_a_browser_a_key_moves_the_robot(page, browser, width, dark):  # noqa
     assert page.state.x_d[0] > x
     assert not wrong
     seen.close()
+
+
+def test_a_handle_shifts_or_turns_what_is_free(any_robot):
+    pytest.importorskip("viser")
+    from truepose.integrations.workbench.scene import Scene
+
+    added = []
+    scene = Scene.__new__(Scene)
+    handle = SimpleNamespace(on_update=lambda function: function)
+    add = lambda path, *_, **__: added.append(path) or handle  # noqa: E731
+    scene._server = SimpleNamespace(scene=SimpleNamespace(add_transform_controls=add))
+    scene._size = 1.0
+    scene._add_gizmos(begin(any_robot), lambda *_: None)
+    units = {unit for _, unit in any_robot.coordinates}
+    assert set(added) == {{"m": "/shift", "rad": "/turn"}[unit] for unit in units}
