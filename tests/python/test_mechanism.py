@@ -70,7 +70,7 @@ def changed(text: str, *changes: str) -> str:
     [
         (MEETING, r"singular: .* against turning about z through \(10, 0, 0\) mm$"),
         (BALL, r"against turning about [xyz], nor against turning about [xyz], nor against turn"),
-        (SHELF, r"singular: the chains do not hold the nacelle against moving along y$"),
+        (SHELF, r"singular: the chains do not constrain the platform against moving along y$"),
     ],
     ids=["legs that meet", "legs to one point", "legs in a plane"],
 )
@@ -118,7 +118,10 @@ def test_too_few_and_too_many_chains(write, h4_text):
 def test_a_freedom_that_only_the_single_rods_show_is_told_by_check(write):
     path = write(UPRIGHT)
     robot, problems = check(path)
-    told = r"loose by 1: 6 rods, 6 freedoms; the rods do not hold the nacelle against turning about"
+    told = (
+        "underconstrained by 1: 6 rods, 6 freedoms; "
+        "the rods do not constrain the platform against turning about"
+    )
     assert robot is None and len(problems) == 1
     assert re.match(rf"{path}:\d+: upright: {told} z", problems[0])
     assert re.match(told, tp.load(path).full.reason)  # the ideal level takes the rods for one

@@ -23,7 +23,7 @@ from truepose.robot.units import coordinate_axes
 from truepose.show.results import Shown
 from truepose.show.table import Cell, Table, number
 
-#: Name of the loop that a common multiplier of all motors' torques closes.
+#: Name of the loop with a common multiplier of all motor torques.
 ALL = "all motors"
 
 
@@ -39,9 +39,9 @@ class StabilityMargins(Shown):
     loops: dict[str, list[Margin]]
     frequency: Array  #: (F,) rad/s
     loci: Array  #: (P, F, n) complex: eigenvalues of the loop of all motors
-    stable: Array  #: (P,) bool; margins of a loop that is not say nothing
-    dither: Array  #: (P, n) rms of the torques as counts and noise are white, of their limits
-    limit_cycle: Array  #: (P, n) peak to peak of the nacelle as readings toggle by a count: m, rad
+    stable: Array  #: (P,) bool; an unstable loop's margins are meaningless
+    dither: Array  #: (P, n) rms of the torques by white counts and noise, over their limits
+    limit_cycle: Array  #: (P, n) peak to peak of the platform as readings toggle a count: m, rad
 
     def worst(self, loop: str) -> Margin:
         """Return the least of a loop's margins, each at its own pose."""
@@ -54,7 +54,7 @@ class StabilityMargins(Shown):
 
     @property
     def kept(self) -> bool:
-        """Whether all is stable and keeps at least 6 dB, 30° and two cycles at every pose."""
+        """Whether all loops are stable and keep at least 6 dB, 30° and two cycles at every pose."""
         return bool(self.stable.all()) and all(gains.kept(self.worst(loop)) for loop in self.loops)
 
     def table(self) -> Table:
@@ -139,21 +139,21 @@ def stability_margins(
     poses: ArrayLike | None = None,
     period: float | None = None,
 ) -> StabilityMargins:
-    """Compute gain, phase and delay margins of the linearised loops of a robot under a controller.
+    """Compute gain, phase and delay margins of a controlled robot's linearized loops.
 
-    In the loop are the delay, the velocity filter, compliant arms and rods and the robot's
-    weight. Each sensor has its own, non-collocated, loop: from the motors through arms and nacelle
-    to it, and back. Friction, play and ripple are not in it.
+    The loops include delay, velocity filter, compliant arms and rods, and the robot's weight. Each
+    sensor has its own, non-collocated, loop: from the motors through arms and platform to it, and
+    back. Friction, backlash and ripple are excluded.
 
     Parameters
     ----------
     robot : Robot
-        As drawn, and as the controller believes.
+        The nominal and the controller's robot.
     controller : Controller or law
-        Of a law alone, the gains that :meth:`Controller.for_robot` chooses; by default of the
-        TEJ law, or of the joint law where no sensor is in use.
+        For a law alone the gains of :meth:`Controller.for_robot`; by default of the TEJ law,
+        without a sensor in use of the joint law.
     effects : Effects, optional
-        By default all of them; of these, delay, compliance and counts matter.
+        All by default; of these, delay, compliance and quantization matter.
     poses : array_like, shape (P, n), optional
         By default home and the corners of the workspace.
     period : float, optional
@@ -162,7 +162,7 @@ def stability_margins(
     Raises
     ------
     InputError
-        No gains hold the robot at that period.
+        No gains stabilize the robot at that period.
     PoseError
         A given pose is out of reach or singular.
 

@@ -23,7 +23,7 @@ from truepose.show.table import Cell, Table, number
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Estimate(Shown):
-    """The best pose that all readings allow, and how well it is known.
+    """The pose estimated from all readings, and its covariance.
 
     Printed: the pose ± one σ, m and rad.
 
@@ -41,7 +41,7 @@ class Estimate(Shown):
     x: Array  #: (..., n)
     covariance: Array  #: (..., n, n) of the free twist (spatial: rotation vector in the base frame)
     chi2: Array  #: (...) of the residuals; about r where the tolerances are right
-    status: Array  #: (...) "ok", or why not
+    status: Array  #: (...) "ok", or the reason of failure
 
     def __repr__(self) -> str:
         variance = np.diagonal(self.covariance, axis1=-2, axis2=-1)
@@ -78,24 +78,15 @@ class Estimate(Shown):
 
 
 class Redundancy(Kinematics):
-    """What a :class:`truepose.Robot` makes of all its readings together."""
+    """Estimation and control with all readings of a :class:`truepose.Robot`."""
 
     def redundant_fkm(self, q_e: ArrayLike, errors: Errors = "raise") -> Array:
-        """Redundant FKM: the pose from motors and sensors.
+        """Redundant FKM: compute the poses, (..., n), from motors and sensors, q_e (..., n + r).
 
-        The paper's closed form where it takes every reading (θ's sensor is the only one of a robot
-        that turns about z, a robot that cannot turn has none): θ from its sensor, the position from
-        all n spheres. Elsewhere the least squares of all readings, which count as in the paper's
-        TEJ: motors by 1, sensors by the ``weight`` in the file.
-
-        Parameters
-        ----------
-        q_e : array_like, shape (..., n + r)
-            Extended positions: motors, then the sensors in use.
-
-        Returns
-        -------
-        ndarray, shape (..., n)
+        Uses the paper's closed form where it covers every reading: θ from its sensor, the position
+        from all n spheres. It needs θ's sensor alone on a robot that rotates about z, and no sensor
+        on one that cannot rotate. Otherwise a least-squares fit weights the readings as the paper's
+        TEJ: motors by 1, sensors by the file's ``weight``.
         """
         rows, lead = flattened(self, q_e, self.n + self.r, "q_e", errors)
         if not self.r and self._spec.mobility != "translation":
@@ -111,28 +102,23 @@ class Redundancy(Kinematics):
         errors: Errors = "raise",
         level: Level | None = None,
     ) -> Estimate:
-        """Estimate the pose from all readings, weighted by their covariance.
+        """Estimate the pose from all readings, weighted by their covariance: an :class:`Estimate`.
 
         x̂ minimises the readings' residuals in the metric C⁻¹, C = H_ξ Σ_ξ H_ξᵀ + Σ_s: tolerances
         (or a calibration's covariance) and the readings' own errors. The geometry is this robot's;
-        the covariance holds for true ones spread about it, see :meth:`expected`.
+        the covariance holds for true geometries spread about it, see :meth:`expected`.
 
         Parameters
         ----------
         q_e : array_like, shape (..., n + r)
             Extended positions: motors, then the sensors in use.
         guess : array_like, shape (n,) or (..., n), optional
-            Where to start; the file's home pose by default.
+            Start of the iteration; the file's home pose by default.
         errors : {"raise", "nan"}
-            What to do where no pose is found.
+            Action where no pose is found.
         level : {"ideal", "full"}, optional
-            One rod per chain, or every rod by itself; by default :attr:`Robot.highest_level`. At
-            the ideal level the readings count with what it leaves out of a real robot.
-
-        Returns
-        -------
-        Estimate
-            x (..., n), covariance (..., n, n), chi2 (...) and status (...).
+            One rod per chain, or every rod; by default :attr:`Robot.highest_level`. The ideal level
+            adds its model error to the readings.
 
         Examples
         --------
@@ -146,7 +132,7 @@ class Redundancy(Kinematics):
         start = self._guesses(guess, lead, errors)
         level = self.highest_level if level is None else level
         known, full = knowledge.knowledge(self, level=level).core, self.is_full(level)
-        found: list[Array] = []  #: covariance and χ² of the last answer
+        found: list[Array] = []  #: covariance and χ² of the last call
 
         def answer(q_e: Array, near: Array | None) -> compliance.Answer:
             begin = start if near is None else np.ascontiguousarray(near)
@@ -173,7 +159,7 @@ class Redundancy(Kinematics):
         )
 
     def _not_knowing_compliance(self, x: Array, level: Level) -> Array:
-        """Covariance of estimates whose weights leave out that compliances are not known."""
+        """Return the covariance of estimates whose weights neglect uncertain compliances."""
         names, every = knowledge.learnable(self), list(self.parameters)
         known, at = knowledge.knowledge(self, level=level).core, np.ascontiguousarray(x)
         gain, *_ = _core.gain(self.core, known, at, self.is_full(level))
@@ -185,17 +171,17 @@ class Redundancy(Kinematics):
     def tej(
         self, x: ArrayLike, errors: Errors = "raise", damped_below: float = 0.0
     ) -> tuple[Array, Array]:
-        """Extended-to-joint matrix of the paper, at x.
+        """Compute the paper's extended-to-joint matrix at x.
 
         Parameters
         ----------
         x : array_like, shape (..., n)
             Poses, m and rad.
         errors : {"raise", "nan"}
-            What to do with a pose that cannot be reached, or is singular.
+            Action at an unreachable or singular pose.
         damped_below : float
-            Damp J where a :meth:`conditioning` is less (0: nowhere, the paper's TEJ): finite and
-            bounded on a singularity too, and the paper's to the last bit elsewhere.
+            Damp J where a :meth:`conditioning` is less (0: nowhere, the paper's TEJ): bounded even
+            at a singularity, and equal to the paper's to the last bit elsewhere.
 
         Returns
         -------
@@ -216,14 +202,10 @@ class Redundancy(Kinematics):
         return M, M_plus
 
     def weighted_tej(self, x: ArrayLike, errors: Errors = "raise") -> Array:
-        """Extended-to-joint matrix weighted by the readings' covariance, at x.
+        """Compute the TEJ, (..., n, n + r), weighted by the readings' covariance, at x.
 
-        M⁺ = (MᵀC⁻¹M)⁻¹MᵀC⁻¹, C = H_ξ Σ_ξ H_ξᵀ + Σ_s as of :meth:`estimate`: what tolerances (or a
-        calibration) and counts leave to be trusted in each reading. At :attr:`Robot.highest_level`.
-
-        Returns
-        -------
-        ndarray, shape (..., n, n + r)
+        M⁺ = (MᵀC⁻¹M)⁻¹MᵀC⁻¹, C = H_ξ Σ_ξ H_ξᵀ + Σ_s as in :meth:`estimate`: tolerances (or a
+        calibration) and quantization. At :attr:`Robot.highest_level`.
 
         Examples
         --------
@@ -243,22 +225,18 @@ class Redundancy(Kinematics):
     def cross_sensitivity(
         self, x: ArrayLike, law: str, errors: Errors = "raise", *, sigma_scale: int = 1
     ) -> Array:
-        """Sensitivity of the steady-state pose to an error of each reading.
+        """Compute the sensitivity of the steady-state pose to an error of each reading.
 
-        Where a law holds this robot at rest, its motor error ê_q vanishes; an error δq_e of the
-        readings then moves the true pose by δx = leakage @ δq_e, to first order: -[J 0] under the
-        joint law, -J M⁺ under a TEJ, -∂x̂/∂q_e under a law of the pose.
+        In steady state the law's motor error ê_q is zero. An error δq_e of the readings then moves
+        the true pose by δx = leakage @ δq_e, to first order: -[J 0] under the joint law, -J M⁺
+        under a TEJ, -∂x̂/∂q_e under a law of the pose.
 
         Parameters
         ----------
-        x : array_like, shape (..., n)
-            Desired poses, m and rad.
-        law : {"joint", "tej", "cartesian", "weighted", "estimated"}
-            As of :class:`truepose.Controller`.
-        errors : {"raise", "nan"}
-            What to do with a pose that cannot be reached or is singular.
-        sigma_scale : int
-            As of :class:`truepose.Controller`.
+        x, errors
+            Desired poses, (..., n), m and rad; action at an unreachable or singular pose.
+        law, sigma_scale
+            As for :class:`truepose.Controller`; built-in laws only.
 
         Returns
         -------
@@ -286,14 +264,14 @@ class Redundancy(Kinematics):
         return at_poses(self, x, errors, leakage, core=believed.core)[0]
 
 
-_SHARE = 0.04  #: of the picture, that the largest ellipse takes at least: else they are magnified
+_SHARE = 0.04  #: minimum size of the largest ellipse in the picture; smaller ones are magnified
 
 
 def _ellipses(figure: Any, robot: Description, x: Array, P: Array) -> None:
     """Draw the first two coordinates of N poses, (N, 2), and covariances, (N, 2, 2).
 
-    Poses with NaN are left out. The ellipses are magnified, by a power of ten that the title says,
-    where they would not be seen. A single coordinate is drawn over the poses' numbers.
+    Poses with NaN are excluded. Ellipses too small to see are magnified by a power of ten given
+    in the title. A single coordinate is drawn over the pose number.
     """
     from matplotlib.patches import Ellipse
     from matplotlib.ticker import MaxNLocator

@@ -32,7 +32,7 @@ class AssemblyModes:
     """Poses that close every loop at the same motor positions; `len()` of them."""
 
     x: Array  #: (m, n), nearest to home first; angles within ±π
-    seen: NDArray[np.intc]  #: (m,) how many of the searches came to each
+    seen: NDArray[np.intc]  #: (m,) number of searches that ended in each
 
     def __len__(self) -> int:
         return len(self.x)
@@ -42,15 +42,15 @@ class AssemblyModes:
 
     @property
     def unseen(self) -> float:
-        """Probability that one more search that closes the loops comes to a mode not found yet.
+        """Probability that one more closing search ends in a mode not found yet.
 
-        Good and Turing's estimate: the share of the searches whose mode no other came to.
+        Good and Turing's estimate: the share of searches whose mode no other search reached.
         """
         return float((self.seen == 1).sum() / max(self.seen.sum(), 1))
 
     @property
     def expected(self) -> float:
-        """How many modes there are, by those seen once and twice (Chao 1984, a lower bound).
+        """Estimated number of modes from those seen once and twice (Chao 1984, a lower bound).
 
         Examples
         --------
@@ -65,9 +65,9 @@ class AssemblyModes:
 class Robot(Redundancy, Dynamics, Shown):
     """A robot and its sensors. Immutable: :meth:`replace` and :meth:`with_sensors` return copies.
 
-    Coordinates x are those of the file's mobility (m, rad), motor positions q are what the motor
-    encoders read (rad or m), redundant positions r what the sensors in use read. All methods
-    take any leading shape and run in C++. Frame: base, z up.
+    Coordinates x follow the file's mobility (m, rad), motor positions q are readings of the motor
+    encoders (rad or m), redundant positions r those of the sensors in use. All methods take any
+    leading shape and run in C++. Frame: base, z up.
 
     Parameters
     ----------
@@ -100,14 +100,10 @@ class Robot(Redundancy, Dynamics, Shown):
         )
 
     def sample(self, seed: int | np.random.SeedSequence) -> Self:
-        """Return a robot whose every parameter is sampled from its tolerance in the robot file.
+        """Return a robot with every parameter sampled from its tolerance in the robot file.
 
-        Normal where the file gives a sigma, uniform where it gives an interval, independently.
-
-        Parameters
-        ----------
-        seed : int or SeedSequence
-            The same seed gives the same robot.
+        Independently; normal where the file gives a sigma, uniform where it gives an interval. The
+        same `seed` (int or SeedSequence) gives the same robot.
 
         Examples
         --------
@@ -132,33 +128,22 @@ class Robot(Redundancy, Dynamics, Shown):
         return robot.replace(sampled)
 
     def assembly_modes(self, q: ArrayLike, starts: int = 50_000, seed: int = 0) -> AssemblyModes:
-        """Find all poses that given motor positions allow, by Newton iteration from many starts.
+        """Find all poses of given motor positions by Newton iteration from many starts.
 
-        The robot's own pose is one of them. The others have another sign of det J_x, or of an entry
-        of J_q, or the same signs. Every path between two modes of different signs of det J_x passes
-        a singular pose; between modes of one sign a cuspidal robot passes none.
-
-        More starts may find more modes, never fewer. `seen` counts the searches that ended in each
-        mode, `expected` estimates how many modes there are.
+        The robot's own pose is one of them; the others differ in the sign of det J_x or of an entry
+        of J_q, or in neither. Every path between modes of different signs of det J_x passes a
+        singular pose; between modes of one sign a cuspidal robot passes none. More starts may find
+        more modes, never fewer. Raises InputError for a wrong shape or values that are not finite.
 
         Parameters
         ----------
         q : array_like, shape (n,)
             Motor positions, rad or m.
         starts : int
-            Random guesses, of all orientations, and of positions that the rods could reach from
-            where q holds their ends; the workspace box is not used.
+            Number of random guesses, of all orientations, at positions that the rods could reach
+            from their ends at q; the workspace box is not used.
         seed : int
-            The same seed gives the same guesses.
-
-        Returns
-        -------
-        AssemblyModes
-
-        Raises
-        ------
-        InputError
-            Wrong shape, or values that are not finite.
+            Seed of the guesses; the same seed gives the same guesses.
 
         Examples
         --------
@@ -178,7 +163,7 @@ class Robot(Redundancy, Dynamics, Shown):
 
 
 def list_robots() -> list[str]:
-    """Names of the shipped robots.
+    """Return the names of the shipped robots.
 
     Examples
     --------

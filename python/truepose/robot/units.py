@@ -18,13 +18,13 @@ from truepose.show.units import PRINT, SI, printed
 
 
 def reading_units(robot: Description) -> list[str]:
-    """Unit of each extended position q_e, motors and the sensors in use: m or rad."""
+    """Return the unit of each extended position q_e, motors and sensors in use: m or rad."""
     motors = [_motor(chain.actuator) for chain in robot.spec.chain]
     return motors + [_core.sensor_kinds[sensor.kind].unit for sensor in robot.spec.used]
 
 
 def unit_of(robot: Description, name: str) -> str:
-    """Unit of a sensor, a coordinate that something outside measured, or a parameter; "": none."""
+    """Return the unit of a sensor, an externally measured coordinate or a parameter; "": none."""
     part, _, key = name.partition(".")
     coordinates = {f"measured_{c}": unit for c, unit in robot.coordinates}
     if name in coordinates:
@@ -46,16 +46,16 @@ def unit_of(robot: Description, name: str) -> str:
 
 
 def angles(robot: Description) -> Array:
-    """Coordinates of a pose that are angles, (n,) bool."""
+    """Return which coordinates of a pose are angles, (n,) bool."""
     return np.array([unit == "rad" for _, unit in robot.coordinates])
 
 
 class Summed(NamedTuple):
-    """What the errors of a pose add up to: one number."""
+    """The error of a pose as one number."""
 
-    name: str  #: position; of a robot whose coordinates are all angles, a pivot, turn
+    name: str  #: position, or turn where all coordinates are angles (rotational platforms)
     unit: str  #: m or rad
-    columns: list[int]  #: of the coordinates that it is the root of the sum of squares of
+    columns: list[int]  #: of the coordinates whose root sum of squares it is
 
     @property
     def factor(self) -> float:

@@ -26,7 +26,7 @@ from truepose.simulation.figures import draw_errors, error_table
 class SteadyState(ShownArray):
     """Steady-state poses of the true robot: an array, (..., n); m and rad."""
 
-    robot: Robot  #: that the controller believes
+    robot: Robot  #: the controller's robot
     x_d: Array  #: (..., n) desired
 
     @property
@@ -35,7 +35,7 @@ class SteadyState(ShownArray):
         return np.asarray(self) - self.x_d
 
     def table(self) -> Table:
-        """Return one row a coordinate: errors over the poses."""
+        """Return one row per coordinate: errors over the poses."""
         return error_table(self.robot, self.error.reshape(-1, self.robot.n))
 
     def _draw(self, figure: Any) -> None:
@@ -58,20 +58,20 @@ def steady_state(
     Parameters
     ----------
     robot, truth : Robot
-        What the controller believes, and what is.
+        The controller's robot and the true one.
     x_d : array_like, shape (..., n)
         Desired poses.
     controller : Controller, law or callable
-        A function is an own law, as of :class:`Controller`. Encoders count as unquantized. By
-        default the TEJ law, of a robot without a sensor in use the joint law.
+        A function is an own law, as for :class:`Controller`. Encoders count as unquantized. By
+        default the TEJ law, without a sensor in use the joint law.
     gravity : bool
-        True: the PD must hold what the nominal feed-forward gets wrong of the true robot's weight.
-        False: no load, or integral action; the motor error of the law vanishes.
+        True: the PD carries the error of the nominal feed-forward of the true robot's weight.
+        False: no load, or integral action; the law's motor error vanishes.
     start : array_like, shape (n,), optional
-        Where the move started: :func:`simulate` places the gains there, and under gravity they
-        matter. The file's home pose by default.
+        Start of the move, where :func:`simulate` places the gains; matters under gravity. The
+        file's home pose by default.
     errors : {"raise", "nan"}
-        What to do with a pose at which the true robot does not settle.
+        Action at a pose at which the true robot does not settle.
 
     Returns
     -------
@@ -122,7 +122,7 @@ def _own(
     gravity: bool,
     errors: Errors,
 ) -> Array:
-    """Steady-state poses (N, n) under an own law."""
+    """Compute the steady-state poses, (N, n), under an own law."""
     at = robot.home if start is None else start
     x = np.full_like(x_d, np.nan)
     for k, pose in enumerate(x_d):

@@ -23,9 +23,9 @@ def error_table(
     poses: Mapping[str, Array] | None = None,
     last: bool = False,
 ) -> Table:
-    """Write errors (N, n), NaN left out: one row a coordinate; last the position or the turn.
+    """Tabulate errors (N, n) without NaN, one row per coordinate; last the position or the turn.
 
-    `poses`, (n,), stand beside; `last` adds the error at the end.
+    `poses`, (n,), are further columns; `last` adds the error at the end.
     """
     total = summed(robot)
     position = np.linalg.norm(error[:, total.columns], axis=1)
@@ -42,15 +42,9 @@ def error_table(
 def draw_errors(
     figure: Any, robot: Robot, over: Array, error: Array, torque: Array | None = None
 ) -> None:
-    """Draw errors over time or poses: lengths above, angles below; then the torques of a move.
+    """Draw errors, (N, n), lengths above, angles below; then the torques, (N, n), of a move.
 
-    Parameters
-    ----------
-    figure : Figure
-    robot : Robot
-    over : ndarray, shape (N,)
-        Time, s, where there are torques; else the numbers of poses.
-    error, torque : ndarray, shape (N, n)
+    `over`, (N,), is time, s, where there are torques; otherwise pose numbers.
     """
     panels = by_unit(coordinate_axes(robot), error, "error")
     title = f"{robot.name}: errors (true − desired)"
