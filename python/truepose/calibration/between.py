@@ -136,7 +136,6 @@ class Between:
 
 
 def _touched(log: Log) -> list[tuple[str, str, Array]]:
-    """Return column, name and rows of every touched feature, in column order."""
     return [
         (column, name, np.flatnonzero(names == name))
         for column, names in log.labels.items()

@@ -27,8 +27,7 @@ class _Measured:
     """Fields common to all differences."""
 
     sigma: ArrayLike  #: of each measurement, m
-    tool: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    #: tool point from the platform's reference point, platform frame, m
+    tool: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: tool point, platform frame, m
     tool_sigma: float = 0.0  #: of each of its coordinates; 0: known
     name: str = ""
     called: Sequence[str] = ()  #: name of each measurement; by default its row numbers
@@ -247,7 +246,6 @@ def measurements(differences: Sequence[Difference]) -> int:
 
 
 def _names(differences: Sequence[Difference]) -> list[str]:
-    """Return unique names: plane, plane2, …"""
     result: list[str] = []
     for given in differences:
         base = name = str(getattr(given, "name", ""))
@@ -262,7 +260,6 @@ def _names(differences: Sequence[Difference]) -> list[str]:
 def _links(
     robot: Robot, given: Difference, name: str, lines: int, tool: int, unknowns: Any
 ) -> tuple[list[tuple[Any, ...]], tuple[int, ...]]:
-    """Return one set's measurements, one row each, and their shape."""
     kinds = _core.LinkKind
     if isinstance(given, PlaneContacts):
         if given.axis not in AXES:

@@ -70,10 +70,7 @@ def fit_to(
     influences: Sequence[NuisanceParameter] = (),
     loads: Payloads | None = None,
 ) -> Calibration:
-    """Identify a robot's geometry from an array of its readings.
-
-    Parameters, result and errors are those of :func:`truepose.calibrate`.
-    """
+    """Identify a robot's geometry from an array of readings; see :func:`truepose.calibrate`."""
     knowledge.require_uncertain(robot)
     names, own = knowledge.learnable(robot), len(knowledge.uncertain(robot))
     tuning = _tuned(loss, tuning)

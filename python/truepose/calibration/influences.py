@@ -136,10 +136,7 @@ class Stretching:
             self.follow(expected, x)
 
     def follow(self, model: Robot, x: Array) -> Array:
-        """Update the patterns to this geometry and these poses; return the change, m or rad.
-
-        Rows without a pose keep their patterns.
-        """
+        """Update the patterns, but of rows without a pose; return the change, m or rad."""
         at = compliance.under_load(
             model, x, self._full, compliance=model.compliance / 2, **self._loads
         )

@@ -72,8 +72,7 @@ def _cells(robot: Robot, log: Log) -> Iterator[Finding]:
 
 
 def _distinct(robot: Robot, log: Log) -> Array:
-    """Return the first row at each pose, by the motors' counts."""
-    q = log.readings[:, : robot.n]
+    q = log.readings[:, : robot.n]  # poses by their counts
     count = robot.resolution[: robot.n]
     step = np.where(count > 0, count, 1e-6)
     rows = np.flatnonzero(np.isfinite(q).all(axis=1))
@@ -138,9 +137,6 @@ def _equations(robot: Robot, log: Log, differences: int) -> Iterator[Finding]:
         )
 
 
-# --- motors ---------------------------------------------------------------------------------------
-
-
 def _motors(robot: Robot, log: Log) -> list[str]:
     """Return the mistakes that explain motors and sensors; none where these agree."""
     n = robot.n
@@ -194,9 +190,6 @@ def outside(robot: Robot, log: Log) -> Iterator[Finding]:
             columns = zip(robot.coordinates, which, strict=True)
             names = ", ".join(f"measured_{name}" for (name, _), own in columns if own)
             yield Finding(f"{names}: {UNITS[factor == DEGREES][factor]}", refused=True)
-
-
-# --- sensors --------------------------------------------------------------------------------------
 
 
 def _slope(read: Array, expected: Array) -> float:

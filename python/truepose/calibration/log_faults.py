@@ -139,9 +139,6 @@ def _cost(fit: Calibration | None) -> float:
     return fit.cost * len(fit.status) / good if fit and good else math.inf
 
 
-# --- mistakes -------------------------------------------------------------------------------------
-
-
 def mistakes(robot: Robot, log: Log) -> Iterator[Mistake]:
     """Yield possible mistakes in the columns: units, signs, order."""
     n, names = robot.n, log.names

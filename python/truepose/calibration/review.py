@@ -166,7 +166,6 @@ def _rms(values: Array, rows: Array) -> float | None:
 
 
 def _named(what: str, name: str, unit: str) -> Cell:
-    """Return a row's name with its print unit; its data are SI."""
     return Cell(f"{name} ({unit})" if unit else name, {what: name, "unit": SI[unit]})
 
 

@@ -275,10 +275,7 @@ def _undetected(robot: Robot, sigma: Array, x: Array) -> str:
 
 
 def _require_near(robot: Robot, rows: Array, x: Array, sigma: Array, called: list[str]) -> Array:
-    """Refuse readings that motors and tolerances exclude at the pose, by the nominal geometry.
-
-    Return σ of each coordinate there by motors and tolerances, (K, n).
-    """
+    """Refuse readings that tolerances exclude at a pose; return σ of coordinates there, (K, n)."""
     model, n = robot.expected(), robot.n
     base, marker = KNOWN.begin()
     nothing = np.zeros((UNKNOWNS, UNKNOWNS))
@@ -415,7 +412,6 @@ def homings(robot: Robot, homing: ArrayLike, sigma: ArrayLike) -> tuple[Nuisance
 
 
 def _moved(robot: Robot, sigma: ArrayLike) -> Array:
-    """Return σ of each offset's change, (n,)."""
     moved = np.asarray(sigma, dtype=float)
     if moved.shape not in ((), (robot.n,)) or not (np.isfinite(moved) & (moved >= 0)).all():
         raise InputError(

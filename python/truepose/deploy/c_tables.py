@@ -158,7 +158,6 @@ def _numbers(values: Iterable[float], indent: str = "    ") -> str:
 
 
 def _rows(listed: Listed, indent: str) -> str:
-    """Return the members of a struct, each with its name."""
     texts = []
     for name, value in listed:
         shown = _numbers(value, indent) if isinstance(value, list) else _number(value)

@@ -199,7 +199,6 @@ def _no_twins(path: Path | str, names: list[str]) -> None:
 
 
 def _csv(path: Path, data: bytes) -> tuple[list[str], list[list[str]], Array]:
-    """Return header, cells and line numbers."""
     limits.require_text(path, data)
     header: list[str] = []
     rows, lines = [], []
@@ -295,7 +294,6 @@ def _pick(
 
 
 def _labels(column: Any, name: str, lines: Array, word: str, where: str) -> Array:
-    """Return a column of names; "" where a cell is empty."""
     cells = [str(cell).strip() if cell is not None else "" for cell in column]
     cells = ["" if cell.lower() in _EMPTY else cell for cell in cells]
     for number, cell in zip(lines, cells, strict=False):

@@ -1,7 +1,4 @@
-"""Writers of logs: CSV, Parquet, and formats of integrations.
-
-Columns have the names that calibrations read, ``measured_x`` … for measured coordinates.
-"""
+"""Writers of logs with the columns that calibrations read: CSV, Parquet, plugins' formats."""
 
 from __future__ import annotations
 
@@ -167,6 +164,5 @@ def _csv(path: Path, listed: list[Column]) -> bytes:
 
 
 def _writers() -> dict[str, Callable[[Path, list[Column]], bytes]]:
-    """Return the writer of each ending: two built in, others from integrations."""
     formats = plugins("log_formats").items()
     return {".csv": _csv, ".parquet": _parquet} | {e: each.load().write for e, each in formats}

@@ -191,10 +191,7 @@ def _where_written(location: tuple, data: dict, motif: int) -> tuple:
 
 
 def _unknown_names(whole: dict) -> Iterator[Problem]:
-    """Yield unknown names of parameters (tolerances, values) and of sensors in use.
-
-    Runs even where other keys are wrong; names that depend on these are accepted.
-    """
+    """Yield unknown names of parameters and of sensors in use, even if other keys are wrong."""
     parts = ("chain", "bar", "sensor", "passive_axis")
     tables = {key: consistency.tables(whole, key)[:_TOLD] for key in parts}
     known = [str(sensor.get("name")) for sensor in tables["sensor"]]

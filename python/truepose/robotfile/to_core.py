@@ -98,10 +98,7 @@ def harmonics() -> list[str]:
 
 
 def columns(spec: RobotFile) -> list[tuple[str, int]]:
-    """Return every parameter that the core has for this robot, and its column of H_ξ.
-
-    The order is the core's; a sensor's vectors may have other names in the file.
-    """
+    """Return the file's name of every parameter that the core has, and its column of H_ξ."""
     chain, axis = (
         [key for key, _ in table] for table in (_core.chain_parameters, _core.axis_parameters)
     )
@@ -147,10 +144,9 @@ def encoder_step(chain: Chain) -> float:
 
 
 def _pair_drawn(spec: RobotFile, chain: Chain) -> Array:
-    """Return the nominal direction from one rod of a chain to the other.
+    """Return the nominal direction from one rod of a chain to the other: along an arm's axis.
 
-    Along an arm's axis; on a carriage by default across the rail and the rods at home, where the
-    pair constrains the platform best.
+    On a carriage by default across rail and rods at home, where the pair constrains best.
     """
     if chain.actuator != "prismatic":
         return np.array(chain.axis)

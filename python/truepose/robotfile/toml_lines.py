@@ -20,9 +20,7 @@ _TOKEN = re.compile(
 
 
 def lines(text: str) -> dict[Path, int]:
-    r"""Return the line (from 1) of every key and list element of a valid TOML text.
-
-    Nested keys are paths, list elements numbers from 0.
+    r"""Return the line (from 1) of every key path and list element (from 0) of a TOML text.
 
     Examples
     --------
@@ -78,7 +76,6 @@ class _Scan:
         return self.tokens[self.at - 1] if self.at <= len(self.tokens) else None
 
     def _key(self, token: tuple[int, str] | None) -> Path:
-        """Read a key, dotted or not, from its first token."""
         parts = [token[1] if token else ""]
         while self._peek() == ".":
             self._next()

@@ -18,10 +18,7 @@ def output(path: str | Path, option: str = "") -> Output:
 
 
 def to_toml(spec: RobotFile, values: dict[str, float]) -> str:
-    """Return a robot's file text, with order and comments of the file that it came from.
-
-    Parameters (`values`) other than nominal go into the table [parameters].
-    """
+    """Return a robot's file text, order and comments kept; non-nominal `values` as [parameters]."""
     nominal = drawn(spec)
     document = tomlkit.parse(spec._text) if spec._text else _written_out(spec)
     before = parse(document.as_string(), spec.name)
@@ -46,7 +43,6 @@ def to_toml(spec: RobotFile, values: dict[str, float]) -> str:
 
 
 def _mount(document: tomlkit.TOMLDocument, spec: RobotFile, before: RobotFile) -> None:
-    """Write the mounting of sensors that were moved."""
     known = {sensor.name: sensor for sensor in before.sensor}
     moved = [
         (sensor.name, key, getattr(sensor, key))

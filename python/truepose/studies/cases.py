@@ -92,13 +92,10 @@ class Cases:
         return Case(self.robots[kind], number, values, seed)
 
     def ask(self, function: Asked, start: int, stop: int) -> list[dict[str, Answer]]:
-        """Evaluate some cases; an error of truepose is a row, any other names the case.
+        """Evaluate some cases; an error of truepose is a row.
 
-        Raises
-        ------
-        InputError
-            The function fails otherwise, returns anything but names and numbers, or has not read
-            every value of the grid.
+        An InputError names the case where the function fails otherwise, returns anything but names
+        and numbers, or has not read every value of the grid.
         """
         return [self._row(function, self[index], index) for index in range(start, stop)]
 

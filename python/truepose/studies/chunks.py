@@ -1,7 +1,4 @@
-"""Storage of a study: a manifest and Parquet files of its cases.
-
-Each file is complete or absent, so that an interrupted study can continue later.
-"""
+"""Storage of a study that can continue later: a manifest, and Parquet files written whole."""
 
 from __future__ import annotations
 

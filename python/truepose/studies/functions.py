@@ -94,7 +94,6 @@ def _poses(robot: Robot, count: int, rng: np.random.Generator) -> Array:
 
 
 def _rms(robot: Robot, off: Array, of: str) -> dict[str, Answer]:
-    """Return the rms of positions, mm, and of angles, degrees."""
     angles = np.array([unit == "rad" for _, unit in robot.coordinates])
     answer: dict[str, Answer] = {}
     for which, factor, unit in ((~angles, 1e3, "mm"), (angles, 180 / np.pi, "deg")):

@@ -43,7 +43,6 @@ class Study:
 
     @property
     def _numbers(self) -> list[str]:
-        """Names of the function's numeric columns."""
         columns = self.columns.items()
         own = (*OWN, *self.grid)
         return [name for name, v in columns if name not in own and v.dtype.kind in "fiub"]
