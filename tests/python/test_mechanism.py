@@ -109,9 +109,9 @@ def test_too_few_and_too_many_chains(write, h4_text):
     one = h4_text[: h4_text.index("[[bar]]")]
     last = one[one.rindex("[[chain]]") :]
     fewer, more = h4_text.replace(last, ""), h4_text.replace(last, last + last)
-    with pytest.raises(tp.RobotFileError, match=r"not 3; 1 of the nacelle's .* held by nothing"):
+    with pytest.raises(tp.RobotFileError, match=r"not 3; 1 of the platform's .* unconstrained"):
         tp.load(write(fewer))
-    with pytest.raises(tp.RobotFileError, match="not 5; 1 of them would work against the others"):
+    with pytest.raises(tp.RobotFileError, match="not 5; 1 too many: the platform would be"):
         tp.load(write(more))
 
 

@@ -1,4 +1,4 @@
-"""The Cramér-Rao bound: how accurately a pose can be known, before anything is built."""
+"""Cramér-Rao bound: the pose accuracy to expect, before anything is built."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from truepose.robot.units import coordinate_table, summed
 from truepose.show.results import ShownArray
 from truepose.show.table import Table
 
-#: A pose known exactly counts with this share of the finest reading's σ: 0 has no inverse.
+#: σ of an exactly known pose, as a share of the smallest reading σ: 0 has no inverse.
 EXACT = 1e-6
 
 
@@ -97,28 +97,28 @@ def accuracy(
     Parameters
     ----------
     robot : Robot
-        With the sensors in use.
+        Robot with the sensors in use.
     poses : array_like, shape (..., n)
-        Where the accuracy is asked for.
+        Poses of the predicted accuracy, m or rad.
     calibrated_on : array_like, shape (N, n), optional
-        Poses at which the robot has calibrated itself before, by its own readings alone.
+        Poses of an earlier calibration by the robot's own readings alone.
     reference_pose : array_like, shape (n,), optional
-        A pose at which the robot has stood and been read, and which is known from outside.
+        A pose known from outside at which the readings were taken.
     level : {"ideal", "full"}, optional
         One rod per chain, or every rod by itself; by default :attr:`Robot.highest_level`.
     model_error : bool
-        Whether to count, at the ideal level, what it leaves out of a real robot.
+        Whether to include, at the ideal level, the errors that it omits.
     errors : {"raise", "nan"}
-        What to do with a pose that cannot be reached, or at which the readings do not determine x;
-        `calibrated_on`, `reference_pose` and `relative_to` are never such poses.
+        Treatment of a pose that cannot be reached, or at which the readings do not determine x; in
+        `calibrated_on`, `reference_pose` and `relative_to` it always raises.
     reference_sigma : array_like, shape (n,), or float
         σ to which `reference_pose` is known, m or rad; 0: exactly.
     relative_to : array_like, shape (n,), optional
-        A pose whose own estimate is taken off every other: what a display shows that is set to
-        zero there. No bound, for the two are estimated apart: a sensor more can make it worse.
+        A pose whose estimate is subtracted from every other, as by a display zeroed there. Not a
+        bound, because the two are estimated separately: one more sensor can make it worse.
     differences : sequence of PlaneContacts, DistanceMeasurements and RepeatedPoses, optional
-        That are measured between the poses of `calibrated_on`, by their numbers from 0. What they
-        measure does not matter, only how well.
+        Differences measured between the poses of `calibrated_on`, by their numbers from 0. Only
+        their σ matter, not their values.
 
     Returns
     -------
@@ -179,7 +179,7 @@ def accuracy(
         root, status = after_visiting(
             robot, visited, level, model_error, touched, sigma, differences
         )
-        if status:  # find the pose that it is about
+        if status:  # raises for the pose concerned
             bound(visited, shape, "raise", "calibrated_on")
             raise PoseError(
                 f"{robot.name}: model_error: {_core.describe(status)} at the full level"
@@ -199,12 +199,10 @@ def after_visiting(
     reference_sigma: Sequence[float] = (),
     differences: Sequence[Difference] = (),
 ) -> tuple[Array, int]:
-    """Root of Σ_ξ once the robot has calibrated itself at these poses, and the core's status.
+    """Return the root of Σ_ξ after a calibration at these poses, and the core's status.
 
-    Of the parameters as of :func:`truepose.robot.knowledge.learnable`.
-
-    `visited` has shape (N, n); `touched`, one pose more or none, is known from outside;
-    `differences` are measured between those visited.
+    Parameters are those of :func:`truepose.robot.knowledge.learnable`. `visited` has shape (N, n);
+    `touched` is one pose more, known from outside; `differences` link the visited poses.
     """
     full = robot.is_full(level)
     between = assemble(robot, differences, len(visited), len(knowledge.uncertain(robot)))
@@ -233,7 +231,7 @@ def after_visiting(
 
 
 def reference_sigmas(robot: Robot, sigma: ArrayLike | float) -> list[float]:
-    """Return σ of a touched pose as the core takes it, each greater than 0."""
+    """Return σ of a known pose in the core's form, each greater than 0."""
     try:
         sigmas = np.broadcast_to(np.asarray(sigma, dtype=float), (robot.n,))
     except (TypeError, ValueError):

@@ -1,4 +1,4 @@
-"""The result of a calibration: geometry, covariance, residuals, what stays unobserved."""
+"""Result of a calibration: geometry, covariance, residuals, unobserved parameters."""
 
 from __future__ import annotations
 
@@ -33,8 +33,6 @@ from truepose.show.table import Table
 class Calibration(Shown):
     """A calibration: the identified robot and its covariance. N rows, p uncertain parameters.
 
-    Printed, it says what it rests on and what it found.
-
     Examples
     --------
     >>> import truepose as tp
@@ -61,7 +59,7 @@ class Calibration(Shown):
     status: Array  #: (N,) "ok", or why a line was left out
     iterations: int
     cost: float  #: squared residuals and departures from the prior, in units of their σ
-    guarded: bool  #: whether what the ideal level leaves out was allowed for
+    guarded: bool  #: whether the ideal level's omitted errors were nuisances
     registration: Registered | None = None  #: of external measurements, if there are any
     differences: Differences | None = None  #: that were measured between poses, if any were
     influences: dict[str, Learnt] = field(default_factory=dict)  #: amounts of each
@@ -110,36 +108,36 @@ class Calibration(Shown):
 
     @property
     def others(self) -> dict[str, Learnt]:
-        """What is unknown beside the parameters: of measured differences, of influences."""
+        """Auxiliary unknowns: those of measured differences and of influences."""
         return {**(self.differences.unknowns if self.differences else {}), **self.influences}
 
     @property
     def outliers(self) -> Array:
-        """Lines that count for less than a tenth."""
+        """Rows with a weight below a tenth."""
         return np.flatnonzero((self.weights < 0.1) & (self.status == "ok"))
 
     def disagreement(self, rows: Array) -> float:
-        """By how many times their noise the readings of some lines disagree (median)."""
+        """Return the median disagreement of the readings of `rows`, in units of their noise."""
         usual = chi2_quantile(0.5, self.redundancy[rows])
         return float(np.sqrt(np.median(self.chi2[rows] / usual)))
 
     @property
     def departure(self) -> Departure:
-        """How far what was learnt is from the prior: whether the tolerances are too small."""
+        """Prior-consistency (χ²) test: whether the tolerances are too small."""
         off = np.array([p.value - p.prior for p in self.parameters.values()])
         return departure(off, self.covariance, self.prior_covariance)
 
     def accuracy_seen(self, poses: ArrayLike) -> Array:
-        """Covariance of this robot's pose as a tracker sees it, (P, n, n): in the tracker's frame.
+        """Return the covariance of the marker's pose in the tracker's frame, (P, n, n).
 
-        Of the marker where all readings, the calibrated geometry and the registration say that it
-        is. :func:`truepose.accuracy` of the calibrated robot is about the base's frame, which
-        readings and a tracker in a frame of its own see little of.
+        It is estimated from all readings, the calibrated geometry and the registration.
+        :func:`truepose.accuracy` of the calibrated robot refers to the base frame instead, which
+        readings and a tracker in its own frame hardly determine.
 
         Parameters
         ----------
         poses : array_like, shape (P, n)
-            Reachable ones.
+            Reachable poses, m or rad.
         """
         if self.registration is None:
             raise InputError(f"{self.robot.name}: accuracy_seen: nothing was measured from outside")
@@ -166,14 +164,14 @@ class Calibration(Shown):
         )
 
     def worst_known(self, count: int = 5) -> list[tuple[float, dict[str, float]]]:
-        """Combinations of parameters that the readings say least of.
+        """Return the parameter combinations that the readings determine least.
 
         Returns
         -------
         list of (ratio, combination)
             Posterior over prior σ of the combination, worst first, and its largest terms in units
-            of each parameter's prior σ, unknowns of measured differences among them. Gauges (the
-            base's and the nacelle's own frames) are among them, at 1.
+            of each parameter's prior σ, including auxiliary unknowns. Gauges (the base's and the
+            platform's own frames) appear with ratio 1.
         """
         names, before, after = list(self.names), self.prior_covariance, self.covariance
         if others := self.others:
