@@ -78,7 +78,7 @@ class Scaled {
   Knowledge known_;
 };
 
-/// Everything that a law needs at x_d alone: q_de, J, TEJ, q_d.
+/// Inputs of a law that depend on x_d alone: q_de, J, TEJ, q_d.
 template <Mobility K>
 struct Reference {
   Closure<K> closure;
@@ -175,12 +175,12 @@ Outcome found_pose(const Robot& robot, Law law, const Pose& desired, const Exten
 /// Computes a law's reference at x_d.
 /// @param band      conditioning below which J and J⁻¹ are damped (0: never, the paper's law)
 /// @param weighing  for the weighted law
-/// @param nearby    residual motion at the full level, at the last x_d, then at this one; or
+/// @param nearby    residual motion at the full level: at the last x_d, then at this one; or
 /// nullptr
 /// @return near_singular: J is damped; not_compiled: laws that weigh are left out; not_measured:
-/// the law needs a redundant sensor or knowledge, and there is none; joint_limit: a motor would
-/// have to pass its stops; branch_lost: x_d is in another assembly mode than home (in the band,
-/// where the modes meet, both are accepted)
+/// the law needs knowledge, or a redundant sensor in use, and there is none; joint_limit: a motor
+/// would have to pass its stops; branch_lost: x_d is in another assembly mode than home (in the
+/// band, where the modes meet, both are accepted)
 template <Mobility K>
 inline Outcome refer(const Robot& robot, Law law, const Coordinates& x_d, Reference<K>& reference,
                      Real band = 0, const Weighing& weighing = {}, Parasitic* nearby = nullptr) {
@@ -267,10 +267,9 @@ TRUEPOSE_APART inline Outcome find(const Robot& robot, const Knowledge& known, R
 }
 
 /// Redundant FKM of any robot and sensors: in closed form if that uses every reading, else least
-/// squares with the weights of the paper's TEJ: motors 1, sensors their own. To first order J⁻¹
-/// (x_d - x̂) is then TEJ (q_de - q_e), the TEJ law's.
-/// @param near    its D is on the platform's side of the spheres' centres; least squares start
-/// there
+/// squares with the weights of the paper's TEJ: motors 1, sensors their own. To first order
+/// J⁻¹ (x_d - x̂) is then TEJ (q_de - q_e), the TEJ law's.
+/// @param near    start of the least squares; its D is on the platform's side of the spheres
 /// @param nearby  residual motion there
 template <Mobility K>
 inline Outcome redundant_fkm(const Robot& robot, const Extended& q_e, const Pose& near,
