@@ -175,8 +175,7 @@ Outcome found_pose(const Robot& robot, Law law, const Pose& desired, const Exten
 /// Computes a law's reference at x_d.
 /// @param band      conditioning below which J and J⁻¹ are damped (0: never, the paper's law)
 /// @param weighing  for the weighted law
-/// @param nearby    residual motion at the full level: at the last x_d, then at this one; or
-/// nullptr
+/// @param nearby    null, or the full level's residual motion at the last x_d, then at this one
 /// @return near_singular: J is damped; not_compiled: laws that weigh are left out; not_measured:
 /// the law needs knowledge, or a redundant sensor in use, and there is none; joint_limit: a motor
 /// would have to pass its stops; branch_lost: x_d is in another assembly mode than home (in the

@@ -12,18 +12,16 @@
 //     δx = e_x - K p,   K = N V⁻¹,   cov(δx) = P = A - K V Kᵀ,   gain = [(I + K H_r) J, -K].
 //
 // A_ξ, N_ξ and V_ξ are cached; H, Σ_s and all that follows from them are current. So gain · H = I
-// to rounding with any cache: a robot at its target has no error, and one that is off has its whole
+// to rounding with any cache: a robot at its target has no error, one that is off has its whole
 // error. An error in the placing of the base changes e_x alone, equally at every pose, and a
-// perfect sensor of one coordinate stays perfect; with C itself, or K, in the cache neither would
-// hold (docs/model.md).
+// perfect sensor of one coordinate stays perfect; not so with C or K in the cache (docs/model.md).
 //
 // With K₀ of another pose x̂ changes by (K₀ - K) p: coordinate i by at most s σ_i √χ², χ² that of p
 // (r on average), by s σ_i RMS, and its variance grows by s², where
 //
 //     s² = max_i [(K₀ - K) V (K₀ - K)ᵀ]_ii / P_ii.
 //
-// s grows with the distance from K₀'s pose. A refresh measures it and sets the next refresh's
-// distance.
+// s grows with the distance from K₀'s pose. A refresh measures it and sets how far the next may be.
 #pragma once
 
 #include <bit>

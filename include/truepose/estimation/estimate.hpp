@@ -25,8 +25,7 @@ inline constexpr Real kLastStep = by_precision(1e-10, 1e-5);
 inline constexpr Real kLateStep = 1e-5;
 
 /// Decrease of χ² that a step may still promise at the last iteration: below the readings'
-/// resolution. Curvature lets Gauss-Newton creep, well within σ, along coordinates that they hardly
-/// determine.
+/// resolution. Where these leave a coordinate open, curvature makes Gauss-Newton creep within σ.
 inline constexpr Real kFlat = 0.5;
 
 /// Share of the readings' slope that the elastic full level may neglect: its derivatives keep the
@@ -38,8 +37,7 @@ inline constexpr Real kElasticSlope = 0.1;
 /// @param size  (step/σ)² of the coordinate that moves most; `last`: of the step before
 /// @param chi2  of as many readings as there are rows
 inline bool is_last(Real size, Real last, Real chi2, int rows) {
-  // With σ of nanometres, rounding makes larger steps: a thousandth of σ that hardly shrinks will
-  // do.
+  // With σ of nanometres, rounding makes larger steps: below σ/1000 and hardly shrinking is enough.
   const Real enough =
       kLastStep * std::max(Real(1), chi2 / rows);  // of the residual that remains anyway
   return size < enough || (size < 1e-6 && size > 0.25 * last);

@@ -18,8 +18,7 @@ inline void pose_rows(const Robot& robot, const Jacobians<K>& jacobians,
 /// q_e, H_x and H_ξ of the ideal level at a pose held by the motors.
 /// @param q_e   out: readings of the motors, then of the sensors in use
 /// @param H_x   out: along the free twist, n + r rows; the first n are J⁻¹, the others J_r
-/// @param H_xi  out: along ξ at fixed pose, (n + r)×parameter_count(robot), the caller's; or
-/// nullptr
+/// @param H_xi  out unless null: along ξ at fixed pose, (n + r)×parameter_count(robot) numbers
 /// @return unreachable; singular where J has no inverse or an arm is stretched; not_finite where a
 /// sensor has no reading or one of the derivatives is not finite
 template <Mobility K>

@@ -6,8 +6,8 @@
 namespace truepose {
 
 /// r = RKM(x) and J_r = ∂r/∂x (r rows of n) at a closed pose.
-/// @return not_finite where a sensor has no reading (a telemeter along its own plane, a rod across
-/// its joint's plane), or one without a derivative (a draw-wire of no length)
+/// @return not_finite: no reading (telemeter along its own plane, rod across its joint's plane), or
+/// no derivative (draw-wire of zero length)
 template <Mobility K>
 inline Outcome rkm(const Robot& robot, const Closure<K>& closure, Reading& values,
                    Matrix<kMaxSensors, kDof<K>>& jr) {
