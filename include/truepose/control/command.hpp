@@ -56,7 +56,6 @@ inline Outcome command(const Robot& robot, const Coordinates& x, Joint& q) {
   });
 }
 
-/// The same at the full level.
 inline Outcome command_full(const Robot& robot, const Coordinates& x, Joint& q) {
   const Outcome outcome = ikm_full(robot, x, q);
   if (!outcome) return outcome;

@@ -266,7 +266,6 @@ inline Outcome forward_dynamics_under(const Robot& robot, const Pose& pose, cons
   return outcome;
 }
 
-/// Acceleration ẍ under motor torques.
 template <Mobility K>
 inline Outcome forward_dynamics(const Robot& robot, const Pose& pose, const Coordinates& rate,
                                 const Joint& torque, Coordinates& acceleration) {

@@ -101,7 +101,6 @@ class Cycle {
     }
   }
 
-  /// Tests each reading by itself.
   void alone(int begin, int end) {
     for (int c = begin; c < end; ++c) {
       MonitoredReading& reading = watch_.reading[c];

@@ -163,8 +163,7 @@ inline int rank(Matrix<kMaxRods, kMaxUnknowns> m, int rows, int columns) {
   return std::min(rows, columns);
 }
 
-/// The rods' rows at home, in the columns of full_row; bars turned together by a four-bar share
-/// one.
+/// The rods' rows at home, in full_row's columns; bars turned together by a four-bar share one.
 /// @return the outcome of the inverse model at home
 template <Mobility K>
 inline Outcome full_rows(const Robot& robot, bool together, Matrix<kMaxRods, kMaxUnknowns>& rows) {

@@ -91,8 +91,7 @@ inline Outcome read_standing(const Robot& robot, const FullPose& pose, const Joi
 }
 
 /// r = RKM at the full level, and its derivatives.
-/// @return not_measured: an angle at the hinge of a missing bar; not_finite: a sensor has no
-/// reading
+/// @return not_measured: an angle at the hinge of a missing bar; not_finite: a sensor cannot read
 template <Mobility K>
 inline Outcome rkm_full(const Robot& robot, const FullClosure<K>& at, Reading& values,
                         std::array<FullRow, kMaxSensors>& rows) {

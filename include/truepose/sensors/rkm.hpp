@@ -19,7 +19,6 @@ inline Outcome rkm(const Robot& robot, const Closure<K>& closure, Reading& value
   return {std::isfinite(sum) ? Status::ok : Status::not_finite, -1};
 }
 
-/// r = RKM(x) for coordinates x of any mobility.
 inline Outcome rkm(const Robot& robot, const Coordinates& x, Reading& values) {
   return with_mobility(robot.mobility, [&](auto mobility) -> Outcome {
     constexpr Mobility K = mobility();
@@ -37,7 +36,6 @@ inline void extend(const Robot& robot, const Joint& q, const Reading& r, Extende
   for (int k = 0; k < robot.r; ++k) q_e[kDof<K> + k] = r[k];
 }
 
-/// Motor positions q of q_e = [q; r].
 template <Mobility K>
 inline Joint motors_of(const Extended& q_e) {
   Joint q{};
