@@ -50,7 +50,7 @@ class Cycle {
   }
 
   Outcome run() {
-    // Starts at the first readings that have a pose: before, a motor has no substitute.
+    // Starts at the first readings that have a pose: earlier, a motor has no substitute.
     const bool first_cycle = watch_.cycle == 0;
     for (int c = 0; first_cycle && c < n; ++c)
       if (!number(q_e_[c])) {
@@ -379,9 +379,9 @@ class Cycle {
           for (int i = 0; i < n; ++i) step[i] -= parity_.jacobians.J[i][c] * b;
       } else if (c < n) {
         watch_.lost |= bit(c);
-        believed_[c] = desired_[c];  // error 0
+        believed_[c] = desired_[c];  // the motor's error is 0
       } else {
-        believed_[c] = parity_.read[c] - parity_.value[c - n];  // predicted by the motors
+        believed_[c] = parity_.read[c] - parity_.value[c - n];  // as far as the motors determine it
       }
     }
     parity_.pose = moved<K>(parity_.pose, step);
