@@ -19,7 +19,7 @@ namespace truepose {
 inline constexpr int kOldest = 255;       ///< largest latency, control periods
 inline constexpr int kSlowest = 1 << 20;  ///< largest sample period, control periods
 inline constexpr Real kCalmest = 0.1;  ///< factor on the low-pass's gain for changes below counts
-inline constexpr Real kCounts = 3;        ///< σ above which p is followed rather than averaged
+inline constexpr Real kCounts = 3;     ///< σ above which p is followed rather than averaged
 
 /// Slow and delayed sensors. Constant during a run: fill it, then call start().
 struct MultirateSettings {
