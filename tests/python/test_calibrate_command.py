@@ -262,7 +262,7 @@ def test_a_known_pose_with_the_log_or_afterwards_gives_the_accuracy_promised(run
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ((), "LOG: none; name a log of readings, --known-pose, or both"),
+        ((), "LOG: none; give a log of readings, --known-pose, or both"),
         (("--known-pose", "log.csv"), "log.csv: known_pose: no column with its pose: measured_x"),
         (("--known-pose", "no.csv"), "no.csv: "),
     ],

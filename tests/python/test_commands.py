@@ -32,7 +32,7 @@ def test_new_overwrites_nothing(run, tmp_path):
     status, _, err = run("new", "delta")
     assert (status, err) == (
         2,
-        "truepose: error: delta.toml: is there already and is not overwritten; choose -o\n",
+        "truepose: error: delta.toml: exists and is not overwritten; choose another file with -o\n",
     )
     assert (tmp_path / "delta.toml").read_text(encoding="utf-8") == "mine"
 

@@ -192,7 +192,7 @@ def test_two_encoders_of_one_motor_are_alike_wherever_it_goes(second_encoder, ta
     assert np.isinf(found.moving_isolated).all() and np.isinf(found.detected[:, 1:4]).all()
     told = list(faults.notes(found))
     assert "over all 13 poses, by parallel signatures: q1 = second." in told[-2]
-    assert told[-1] == "Seen by no test, at no pose: q2, q3, q4."
+    assert told[-1] == "Undetectable by any test at any pose: q2, q3, q4."
     G = found.parity.signature
     assert G[..., 0] == pytest.approx(-G[..., 4])
     both = second_encoder.with_sensors("second", "theta")
@@ -389,7 +389,7 @@ def test_every_mechanism_has_its_table(run, tmp_path, name):
 def test_a_robot_without_redundant_sensors_is_told_what_is_left(run):
     status, out, err = run("faults", "h4", "--sensors", "none")
     assert (status, err) == (0, "")
-    assert "only their range, speed and freezing can be watched" in out and "theta" in out
+    assert "only their range, speed and freezing can be monitored" in out and "theta" in out
     status, out, err = run("faults", "five-bar", "--format", "json")
     assert [row["detected"] for row in json.loads(out)["faults"]] == [None, None]
     assert "(--sensors): none" in err

@@ -137,7 +137,7 @@ def hostile_robot(text: str, rng) -> str:
 
 def fits(status: int, out: str, err: str) -> bool:
     """Whether a command did what it should, or said in one line why not."""
-    assert "Traceback" not in err and "a fault of truepose" not in err, err
+    assert "Traceback" not in err and "a bug in truepose" not in err, err
     assert all(line.isprintable() for line in (out + err).splitlines()), (out, err)
     if status == 0:
         return True

@@ -99,7 +99,7 @@ def test_the_command_names_it(run: Any, tmp_path: Path, monkeypatch: pytest.Monk
     np.savetxt("tour.csv", there, delimiter=",", header=",".join(h4.readings), comments="")
     status, out, err = run("faults", "calibrated.toml", "tour.csv")
     assert (status, err) == (0, "")
-    assert "It is theta: its bias is wrong." in out
+    assert "Faulty: theta: its bias is wrong." in out
     status, _, err = run("faults", "h4", "tour.csv", "--sensors", "none")
     assert status == 2 and "no redundant sensor" in err
     status, _, err = run("faults", "h4", "tour.csv", "--boxes", "2")

@@ -200,7 +200,7 @@ def test_the_command_says_what_the_function_says(run, h4, tmp_path):
     words = ("margins", "h4", "--law", "tej", "--rate", "2000")
     status, out, err = run(*words, "--format", "json", "--plot", str(tmp_path / "loops.svg"))
     said, found = json.loads(out), tp.control.stability_margins(h4, period=5e-4)
-    assert status == 0 and "least of home and 16 corners" in err
+    assert status == 0 and "smallest over home and 16 corners" in err
     assert (tmp_path / "loops.svg").stat().st_size > 1e4
     assert said["gains"][0]["poles (rad/s)"] == found.controller.frequency
     rows = {row["loop"]: row for row in said["margins_tej"]}

@@ -157,5 +157,5 @@ def test_poses_of_the_workspace_that_are_not_reached_are_counted_by_reason(write
     assert figures.regular + missing == pytest.approx(1)
     reasons = " ".join(figures.refused)
     assert "unreachable (chain " in reasons and "beyond a joint limit (chain " in reasons
-    row = dict(info.rows(robot, figures))["poses that are not"]
+    row = dict(info.rows(robot, figures))["other poses"]
     assert all(f"{reason}: {count}" in row for reason, count in figures.refused.items())

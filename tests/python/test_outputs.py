@@ -287,4 +287,4 @@ def test_a_fault_of_truepose_is_one_line_that_says_so(run, monkeypatch):
     monkeypatch.setattr(cli, "app", lambda **_: {}["no such key"])
     status, out, err = run("info", "h4")
     assert (status, out) == (2, "") and len(err.splitlines()) == 1
-    assert "KeyError" in err and "a fault of truepose" in err
+    assert "KeyError" in err and "a bug in truepose" in err

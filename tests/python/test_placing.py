@@ -116,7 +116,7 @@ def test_a_sensor_that_was_measured_stays(h4):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--place", "wire1", "--budget", "9"), "--budget: chooses sensors, --place their places"),
+        (("--place", "wire1", "--budget", "9"), "--budget: is for sensor selection, not for --place"),
         (("--place", "wire1", "--survives"), "--survives: chooses sensors"),
         (("--price", "theta=9", "-o", "x.toml"), "-o: needs --place"),
         (("--price", "theta=9", "--within", "wire1.origin.x=0..1"), "--within: needs --place"),

@@ -384,9 +384,9 @@ def test_a_target_is_met_on_the_command_line_or_the_nearest_told(run, tmp_path):
     said = run("plan", "h4", "--candidates", "80", "--target", "2.5mm", "--poses", "2")[1]
     assert "Target 2.5 mm: not reached with 2." in said
     status, said, _ = run("plan", "h4", "--target", "1m", "-o", "plan.csv")
-    assert "nothing more to measure: 7.47 mm, the target 1000 mm is reached." in said
+    assert "no more poses needed: 7.47 mm, the target 1000 mm is reached." in said
     assert status == 0 and not (tmp_path / "plan.csv").exists() and "Wrote" not in said
-    assert "plan.csv: not written: a plan of no pose" in said
+    assert "plan.csv: not written: the plan has no poses" in said
 
 
 def test_where_poses_hardly_matter_it_is_said(run):

@@ -101,4 +101,4 @@ def test_the_command_finds_the_zeros_of_a_robot_homed_anew(run, tmp_path):
     off = [found[name].mean - by for name, by in moved.items()]
     assert np.abs(off).max() < 4 * max(found[name].sigma for name in moved) < 0.01
     status, _, errors = run(*words, "--rehomed", "2deg")
-    assert status == 2 and "motors read m; nothing is said of m" in errors
+    assert status == 2 and "motors read m; give a value in m" in errors

@@ -18,7 +18,7 @@ def rows(said: str, name: str = "errors") -> dict[str, dict]:
 @pytest.mark.parametrize("name", tp.list_robots())
 def test_every_robot_makes_a_move_at_the_defaults_and_rests(run, name, effects):
     status, said, err = run("simulate", name, "--effects", effects, "--format", "json")
-    assert status == 0 and err.endswith("true robot drawn with seed 0: ok\n")
+    assert status == 0 and err.endswith("true robot sampled with seed 0: ok\n")
     errors = rows(said)
     coordinates = [coordinate for coordinate, _ in tp.load(name).coordinates]
     total = summed(tp.load(name)).name
@@ -130,10 +130,10 @@ def test_poses_out_of_reach_are_told_and_left_empty(run, tmp_path):
         (("--effects", "gravity"), "--effects: unknown effect 'gravity' (choices: all, none, "),
         (("--to", "1,2"), "--to 1,2: must be 4 numbers, x,y,z,theta (m, rad)"),
         (("--to", "0,0,-3,0"), "h4: end of the move: pose x = [0, 0, -3, 0]: chain 1: unreachable"),
-        (("--path", "p.csv", "--to", "0,0,-0.4,0"), "--path: names all poses itself"),
-        (("--circle", "0.05"), "--circle 0.05: must be a radius, turns a second, and turns"),
+        (("--path", "p.csv", "--to", "0,0,-0.4,0"), "--path: defines all poses"),
+        (("--circle", "0.05"), "--circle 0.05: must be radius, turns per second, and turns"),
         (("--circle", "0.05,2", "--path", "p.csv"), "--path, --circle: name one of them"),
-        (("--circle", "0.05,2", "--to", "0,0,-0.4,0"), "--circle: names all poses itself: leave"),
+        (("--circle", "0.05,2", "--to", "0,0,-0.4,0"), "--circle: defines all poses: leave"),
         (("--circle", "0.1,9", "--from", "0,0,-0.42,0"), "h4: path at t = 0.043 s: motor 2 would"),
         (("--circle", "0.5,0.1"), "h4: path at t = 0 s: pose x = [0.5, 0, -0.4, 0]: chain"),
         (("--duration", "0"), "duration = 0.0: must be"),

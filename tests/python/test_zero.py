@@ -185,7 +185,7 @@ def test_the_command_zeroes_and_writes_what_estimates_afterwards(ankle, run, tmp
             ("--at", "0,0,-9", "--sigma", "1mm"),
             "at (--at): delta: pose",
         ),
-        ("delta", "q1,q2,q3", "0,0,0", (), "--sigma: say how well delta's pose is known"),
+        ("delta", "q1,q2,q3", "0,0,0", (), "--sigma: missing; give σ of delta's pose"),
     ],
 )
 def test_what_cannot_be_zeroed_is_told(run, tmp_path, robot, header, row, options, said):

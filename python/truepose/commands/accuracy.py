@@ -38,9 +38,9 @@ def command(
     sensors: Annotated[
         list[str] | None,
         typer.Option(
-            help="A set: names or globs with commas between, none, or all. Give it again for "
-            "further sets.",
-            show_default="none, those in use, with each other one, with each kind, all",
+            help="A set: names or globs separated by commas, none, or all. Repeatable: one set "
+            "each.",
+            show_default="none, those in use, these with each other one, with each kind, all",
         ),
     ] = None,
     poses: Poses = None,
@@ -50,7 +50,7 @@ def command(
     reference_pose: Annotated[
         str | None,
         typer.Option(
-            metavar="X,Y,…", help="Also once read at this pose, known from outside; m and rad."
+            metavar="X,Y,…", help="Also once referenced at this externally known pose; m and rad."
         ),
     ] = None,
     level: ModelLevel = None,
@@ -63,7 +63,7 @@ def command(
 ) -> None:
     """Predict which law and sensors make a robot accurate, and after how many calibration poses.
 
-    First the position error by sensor set: as built at rest under each law, and after
+    First the position error by sensor set: of the robot as built, at rest under each law, and after
     self-calibration. Then the Cramér-Rao bound (1σ) of each coordinate. All errors are root mean
     squares over the poses; tolerances and counts are those of the robot file.
 
@@ -92,14 +92,14 @@ def command(
 
 
 def notes(found: Prediction) -> list[str]:
-    """Say why a robot as built may err by more than the bound."""
+    """Explain why a robot as built may exceed the bound: tolerances that are not centered."""
     off = [name for name, p in found.robot.parameters.items() if abs(p.mean - p.value) > 1e-12]
     if not off:
         return []
     some = ", ".join(off[:4]) + f" and {len(off) - 4} more" * (len(off) > 4)
     return [
-        f"Tolerances of {found.robot.name} are not centred: as built, laws use the nominal "
-        f"geometry, and the bound the mean: {some}."
+        f"Tolerances of {found.robot.name} are not centered: as built, laws use the nominal "
+        f"geometry and the bound uses the mean: {some}."
     ]
 
 
@@ -149,7 +149,7 @@ def _number(path: Path, line: int, name: str, row: dict) -> float:
 
 
 def tables(found: Prediction) -> list[Table]:
-    """One table for each thing predicted: rows of sensor sets, σ in mm and degrees."""
+    """Return a table for each predicted state: one row per sensor set, σ in mm and degrees."""
     axes, total = coordinate_axes(found.robot), summed(found.robot)
     factor = [*(axis.factor for axis in axes), total.factor]
     result = []

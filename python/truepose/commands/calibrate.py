@@ -1,4 +1,4 @@
-"""`truepose calibrate`."""
+"""`truepose calibrate`: calibration of a robot on a log."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ from truepose.show.terminal import Format, say, show
 
 #: Calls of `progress` that :func:`run` makes.
 STEPS = 3 + review.STEPS
-#: Measured differences that a screen is shown of them all.
+#: Measured differences that the terminal shows; the report has all.
 SHOWN = 12
 
 Registration = Literal["unknown", "known"]
@@ -74,39 +74,39 @@ def command(
         Path | None, typer.Option(help="Also draw each parameter's change and σ (PNG, SVG, PDF).")
     ] = None,
     sensors: Annotated[
-        str | None, typer.Option(help="Sensors that were read: a,b.", show_default="the file's")
+        str | None, typer.Option(help="Sensors in the log: a,b.", show_default="the file's")
     ] = None,
     level: ModelLevel = None,
-    loss: Annotated[Loss, typer.Option(help="What gross errors cost.")] = "student",
+    loss: Annotated[Loss, typer.Option(help="Loss function for gross errors.")] = "student",
     tuning: Annotated[
         float | None,
-        typer.Option(help="Huber's bend or Student's degrees of freedom.", show_default="1; 4"),
+        typer.Option(help="Huber's threshold; Student's degrees of freedom.", show_default="1; 4"),
     ] = None,
     model_error: Annotated[
-        ModelError, typer.Option(help="Allow for what the ideal level leaves out.")
+        ModelError, typer.Option(help="Include the model error of the ideal level.")
     ] = "on",
     measured_sigma: Annotated[
         str | None,
         typer.Option(
             help="σ of the measured_… columns, lengths and angles: 0.02mm,0.01deg.",
-            show_default="the columns measured_…_sigma, else that",
+            show_default="the columns measured_…_sigma, else 0.02mm,0.01deg",
         ),
     ] = None,
     registration: Annotated[
         Registration,
-        typer.Option(help="Whether measured_… are the nacelle's coordinates in the base frame."),
+        typer.Option(help="known: measured_… are platform coordinates in the base frame."),
     ] = "unknown",
     known_pose: Annotated[
         Path | None,
         typer.Option(
-            help="Log of poses that are known in the base frame: measured_x, …; exactly, or to "
+            help="Log of poses known in the base frame: measured_x, …; exact, or with σ in "
             "measured_x_sigma, …."
         ),
     ] = None,
     reference_pose: Annotated[
         str | None,
         typer.Option(
-            help="Pose x,y,… that the predicted accuracy takes for known; --known-pose uses one.",
+            help="Known pose x,y,… of the predicted accuracy; --known-pose calibrates on one.",
             show_default="home",
         ),
     ] = None,
@@ -114,8 +114,8 @@ def command(
         str | None,
         typer.Option(
             "--rehomed",
-            help="Motors were homed anew: by how far their zeros may have moved: 20mm, or 2deg.",
-            show_default="not at all",
+            help="The motors were homed again: σ of the change of their offsets: 20mm, or 2deg.",
+            show_default="no change",
         ),
     ] = None,
     touch_sigma: TouchSigma = None,
@@ -129,9 +129,9 @@ def command(
     how: How = Format.table,
     force: Force = False,
 ) -> None:
-    """Identify a robot's geometry from a log of its own readings.
+    """Identify a robot's geometry from a log of its readings.
 
-    Prints the accuracy to expect, problems of the log, and every parameter with its σ. The report
+    Prints the expected accuracy, problems of the log, and every parameter with its σ. The report
     explains them.
 
     Example: **truepose calibrate h4 log.csv -o calibrated.toml**
@@ -195,16 +195,16 @@ def command(
 
 
 def furthest(table: Table) -> Table:
-    """Of measured differences those that are furthest off: what fits on a screen."""
+    """Reduce a table of measured differences to the largest residuals, for the terminal."""
     if table.name != "differences" or len(table.rows) <= SHOWN:
         return table
     rows = sorted(table.rows, key=lambda row: -abs(row[4].data))  # type: ignore[attr-defined]
-    title = f"{table.title}: the {SHOWN} furthest off of {len(rows)}"
+    title = f"{table.title}: the {SHOWN} largest residuals of {len(rows)}"
     return Table(table.name, title, table.header, rows[:SHOWN])
 
 
 class RefusedError(InputError):
-    """A log that nothing may be fitted to; one line for each reason."""
+    """A log that must not be fitted; one line for each reason."""
 
     def __init__(self, reasons: list[str]):
         super().__init__("; ".join(reasons))
@@ -230,10 +230,10 @@ def run(
     force: bool = False,
     asked: Asked | None = None,
 ) -> Assessment:
-    """Read, look over, fit, try, write; nothing is written unless all went well."""
+    """Read and check the log, calibrate, validate, then write; write nothing on an error."""
     asked = asked or Asked()
     if log_file is None and known_file is None:
-        raise InputError("LOG: none; name a log of readings, --known-pose, or both")
+        raise InputError("LOG: none; give a log of readings, --known-pose, or both")
     inputs = [robotfile.path_of(robot_file)]
     inputs += [path for path in (log_file, known_file, asked.distances) if path]
     robot_out = robotfile.output(out, "-o") if out else None
@@ -259,16 +259,16 @@ def run(
     progress("log looked over")
     guarded = (level or robot.highest_level) == "ideal" and model_error == "on"
     needed = memory(robot, len(log.lines), log.measured is not None, guarded)
-    if needed > MUCH:  # before, not with the notes that come after
+    if needed > MUCH:  # before the fit, not with the notes after it
         say(f"{log_file}: {much_memory(robot, len(log.lines), needed)}", err=True)
     few = (
         registration == "known" and log_file == known_file
-    )  # one pose is never enough to learn all
+    )  # one pose never identifies all parameters
     notes = [] if few else [finding.text for finding in findings]
     if log.unused:
         notes.insert(0, f"columns not used: {', '.join(log.unused)}")
     with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", ".* GB of memory")  # it was said
+        warnings.filterwarnings("ignore", ".* GB of memory")  # printed above
         result = review.assess(
             robot,
             log,
@@ -300,7 +300,7 @@ def run(
 
 
 def _known(robot: Robot, path: Path) -> logs.Log:
-    """Read poses that are known; how well, where the file does not say: exactly."""
+    """Read known poses; they are exact where the file has no σ."""
     log = logs.read(robot, path)
     try:
         poses = known_poses(robot, log)
@@ -310,7 +310,7 @@ def _known(robot: Robot, path: Path) -> logs.Log:
 
 
 def _rehomed(robot: Robot, text: str | None) -> Robot:
-    """Return the robot, its motors' zeros moved by as much as --rehomed says."""
+    """Return the robot with the uncertainty of its homing offsets increased by --rehomed."""
     if text is None:
         return robot
     by = dict(zip(("m", "rad"), parse_sizes(text, "--rehomed"), strict=True))
@@ -318,6 +318,6 @@ def _rehomed(robot: Robot, text: str | None) -> Robot:
     if missing := {unit for unit in units if by[unit] is None}:
         raise InputError(
             f"--rehomed {text}: {robot.name}'s motors read {' and '.join(sorted(set(units)))}; "
-            f"nothing is said of {' and '.join(sorted(missing))}"
+            f"give a value in {' and '.join(sorted(missing))}"
         )
     return rehomed(robot, [cast(float, by[unit]) for unit in units])

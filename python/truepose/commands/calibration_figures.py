@@ -49,7 +49,7 @@ def page(result: Assessment, source: str, loss: str) -> str:
 
 
 def residuals(result: Assessment) -> Figure:
-    """Residuals of every line, a pair of axes for each sensor: before, after and held out."""
+    """Draw residuals of every row, two axes for each sensor: before, after and held out."""
     shown = [k for k in range(len(result.names)) if np.isfinite(result.after.residual[:, k]).any()]
     figure = Figure(figsize=(8.4, 0.5 + 2.1 * len(shown)), layout="constrained")
     grid = figure.subplots(len(shown), 2, sharex=True, squeeze=False)
@@ -81,7 +81,7 @@ def residuals(result: Assessment) -> Figure:
 
 
 def accuracy(result: Assessment) -> Figure:
-    """Predicted σ of the position at every pose, sorted: before and after, both ways."""
+    """Draw the sorted predicted σ of the position, before and after, absolute and referenced."""
     figure = Figure(figsize=(8.4, 3.1), layout="constrained")
     pair = figure.subplots(1, 2, sharey=True)
     total = summed(result.fit.robot)

@@ -1,4 +1,4 @@
-"""The command line: `truepose --help`."""
+"""Command line: `truepose --help`."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ app = typer.Typer(
 
 
 def _limited(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Let a command that prints tables print a screen of them, and all with --all."""
+    """Limit a command's tables to one screen, and add the option --all."""
     signature = inspect.signature(command, eval_str=True)
     if "how" not in signature.parameters:
         return command
@@ -125,7 +125,7 @@ def _options(
 
 
 def _stop(number: int, _frame: object) -> None:
-    """End at once: an exception might be lost on its way, in a callback of the interpreter's."""
+    """End the process: an exception could be lost in a callback of the interpreter."""
     files.clear()
     shown = b"\x1b[?25h" * os.isatty(2)  # a progress bar hides the cursor
     os.write(2, shown + b"truepose: stopped\n")
@@ -133,14 +133,14 @@ def _stop(number: int, _frame: object) -> None:
 
 
 def main() -> None:
-    """Run the command line; what goes wrong becomes one line and exit status 2."""
+    """Run the command line; print an error as one line and exit with status 2."""
     prepare()
     signals = [signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
     if threading.current_thread() is not threading.main_thread():
-        signals = []  # only the main one may ask for them
+        signals = []  # only the main thread may install handlers
     before = {number: signal.signal(number, _stop) for number in signals}
     try:
-        with warnings.catch_warnings():  # a line each, without whose line of code it was
+        with warnings.catch_warnings():  # one line each, without the line of code
             warnings.showwarning = lambda message, *_: say(f"truepose: {message}", err=True)
             code, message = _run()
     finally:
@@ -152,7 +152,7 @@ def main() -> None:
 
 
 def _run() -> tuple[int, str]:
-    """Status and last word of a command."""
+    """Return the exit status and the last message of a command."""
     try:
         code = app(prog_name="truepose", standalone_mode=False) or 0
         sys.stdout.flush()
@@ -160,11 +160,11 @@ def _run() -> tuple[int, str]:
     except TrueposeError as error:
         return 2, f"error: {error}"
     except TyperException as error:
-        said = error.format_message().replace("Value error, ", "")  # pydantic's own words
+        said = error.format_message().replace("Value error, ", "")  # pydantic's prefix
         return 2, f"error: {said or 'no command given; try --help'}"
     except KeyboardInterrupt:
         return 130, "interrupted"
-    except BrokenPipeError:  # nobody reads on, as in `truepose info h4 | head -1`
+    except BrokenPipeError:  # the reader ended, as in `truepose info h4 | head -1`
         sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 – until the end
         return 128 + 13, ""
     except Exception as error:
@@ -173,7 +173,7 @@ def _run() -> tuple[int, str]:
         if isinstance(error, OSError):
             return 2, f"error: {error.filename or 'standard output'}: {error.strerror or error}"
         reason = f"{type(error).__name__}: {error}".removesuffix(": ")
-        return 2, f"error: {reason}; a fault of truepose: TRUEPOSE_DEBUG=1 says where"
+        return 2, f"error: {reason}; a bug in truepose: TRUEPOSE_DEBUG=1 prints the traceback"
 
 
 if __name__ == "__main__":

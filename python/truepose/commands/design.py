@@ -39,7 +39,7 @@ from truepose.show.table import Cell, Table, number
 from truepose.show.terminal import Format, show
 from truepose.show.units import PRINT, WRITTEN
 
-#: Poses of a self-calibration, where a report shows one that was not asked for.
+#: Self-calibration poses in a report, where --calibrated is not given.
 OTHERWISE = "10"
 
 
@@ -49,7 +49,7 @@ def command(
         str | None,
         typer.Option(
             metavar="A=90,B*=250",
-            help="Prices of sensors in question, names or globs; 'none': no sensor.",
+            help="Prices of candidate sensors, names or globs; 'none': no sensor.",
             show_default="the keys price of the file",
         ),
     ] = None,
@@ -57,52 +57,52 @@ def command(
         list[str] | None,
         typer.Option(
             metavar="ROD*=1mm:40,0.1mm:200",
-            help="To which σ parameters can be machined, a name or a glob, and for which price. "
-            "Repeatable; 'none': to none.",
+            help="Machining tolerances (σ) of parameters, a name or a glob, and their prices. "
+            "Repeatable; 'none': none.",
             show_default="the keys price_steps of the file",
         ),
     ] = None,
     budget: Annotated[
-        float | None, typer.Option(help="Find the most accurate set that costs no more.")
+        float | None, typer.Option(help="Find the most accurate set within this price.")
     ] = None,
     target: Annotated[
-        str | None, typer.Option(metavar="0.1mm", help="Find the cheapest set that is so accurate.")
+        str | None, typer.Option(metavar="0.1mm", help="Find the cheapest set with this σ or less.")
     ] = None,
     must: Annotated[
-        str | None, typer.Option(metavar="A,B*", help="Sensors that are there in any case.")
+        str | None, typer.Option(metavar="A,B*", help="Sensors that every set contains.")
     ] = None,
     calibrated: Annotated[
         str | None,
         typer.Option(
-            metavar="N|CSV", help="After self-calibration on N poses, or those of a file."
+            metavar="N|CSV", help="After self-calibration on N poses, or those of a CSV file."
         ),
     ] = None,
     reference_pose: Annotated[
         str | None,
-        typer.Option(metavar="X,Y,…", help="Once read at this pose, known from outside; m, rad."),
+        typer.Option(metavar="X,Y,…", help="Once referenced at this known pose; m, rad."),
     ] = None,
     survives: Annotated[
-        bool, typer.Option("--survives", help="With any one of the sensors failed, the worst.")
+        bool, typer.Option("--survives", help="Accuracy after the worst failure of one sensor.")
     ] = False,
     over: Annotated[
         Path | None,
         typer.Option(
-            help="CSV file of the poses where accuracy is asked for.",
+            help="CSV file of the poses where accuracy counts.",
             show_default="32 over the workspace",
         ),
     ] = None,
     place: Annotated[
         str | None,
         typer.Option(
-            metavar="A,B*", help="Instead: where these sensors should be mounted, --must beside."
+            metavar="A,B*", help="Instead find mounting places of these sensors; --must: others."
         ),
     ] = None,
     within: Annotated[
         list[str] | None,
         typer.Option(
             metavar="wire1.origin.z=-0.2m..100mm",
-            help="With --place: where they may be, a coordinate or a glob. Repeatable.",
-            show_default="as the motors, and the rods' ends at home",
+            help="With --place: range of a coordinate or a glob. Repeatable.",
+            show_default="box of the motors, and of the rods' ends at home",
         ),
     ] = None,
     out: Annotated[
@@ -134,7 +134,7 @@ def command(
     unused = for_choosing if place is not None else {"--within": within, "-o": out}
     for option, value in unused.items():
         if value is not None:
-            other = "chooses sensors, --place their places" if place else "needs --place"
+            other = "is for sensor selection, not for --place" if place else "needs --place"
             raise InputError(f"{option}: {other}")
     save = plot_to(plot, read, force)
     written = robotfile.output(out, "-o") if out is not None else None
@@ -184,7 +184,7 @@ def command(
 
 
 def parse_prices(robot: Robot, text: str) -> dict[str, float]:
-    """Read prices as people write them.
+    """Parse prices of sensors.
 
     Examples
     --------
@@ -206,7 +206,7 @@ def parse_prices(robot: Robot, text: str) -> dict[str, float]:
 
 
 def parse_price_steps(robot: Robot, texts: Sequence[str]) -> dict[str, dict[float, float]]:
-    """Read what machining costs as people write it.
+    """Parse prices of machining tolerances.
 
     Examples
     --------
@@ -239,7 +239,7 @@ def parse_price_steps(robot: Robot, texts: Sequence[str]) -> dict[str, dict[floa
 
 
 def parse_boxes(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Read where sensors may be as people write it.
+    """Parse ranges of the mounting coordinates.
 
     Examples
     --------
@@ -257,7 +257,7 @@ def parse_boxes(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
 
 
 def _metres(text: str) -> float:
-    """Read a length, of either sign; NaN of anything else."""
+    """Parse a length of either sign; return NaN for anything else."""
     found = re.fullmatch(r"\s*(.+?)([a-zµ]*)\s*", text)
     unit, factor = WRITTEN.get((found[2] if found else "") or "m", ("", np.nan))
     try:
@@ -277,19 +277,19 @@ def _visited(robot: Robot, text: str) -> Array:
 
 
 def states(found: SensorSelection, sigma: Mapping[str, Array]) -> Table:
-    """One row a set of the front: its σ in every state."""
+    """Return a table of the front's sets: σ of each in every state."""
     rows = []
     for k, choice in enumerate(found.front):
         own = [Cell(label(found.robot, choice.sensors)), number(choice.price)]
         own[1:1] = [machined(found.robot, choice)] if found.levels else []
         rows.append([*own, *(number(1e3 * float(values[k])) for values in sigma.values())])
     header = ["sensors", *(["machined to"] if found.levels else []), "price"]
-    title = "σ of the position (mm) of these sets in other states, no sensor failed"
+    title = "σ of the position (mm) of these sets in other states, all sensors healthy"
     return Table("states", title, [*header, *sigma], rows)
 
 
 def each(found: SensorSelection) -> Table:
-    """One row a candidate: what it does alone, and what is left without it."""
+    """Return a table of the candidates: σ with each alone, and with all others."""
     total, rows = summed(found.robot), []
     factor, unit = PRINT[total.unit]
     for own in found.alone:
@@ -299,13 +299,13 @@ def each(found: SensorSelection) -> Table:
             name = machined(found.robot, choice)
         cells = (factor * own.sigma, factor * own.without)
         rows.append([name, number(own.price), *map(number, cells)])
-    title = f"What each candidate does: σ of the {total.name} with it alone, and with all but it"
-    header = ["candidate", "price", f"alone ({unit})", f"all but it ({unit})"]
+    title = f"Each candidate: σ of the {total.name} with it alone, and with all others"
+    header = ["candidate", "price", f"alone ({unit})", f"all others ({unit})"]
     return Table("each", title, header, rows)
 
 
 def notes(found: SensorSelection) -> list[str]:
-    """What is best, and whether that is proven."""
+    """Return notes: the best set, and whether it is proven."""
     robot, count = found.robot, len(found.prices)
     levels = sum(map(len, found.levels))
     among = [f"{count} sensor{'s' * (count != 1)}"] * bool(count)
@@ -329,15 +329,15 @@ def notes(found: SensorSelection) -> list[str]:
 
 
 def _placement_notes(found: Placement) -> list[str]:
-    """What that is worth."""
+    """Return notes: σ before and after placement."""
     robot = found.robot
     total = summed(robot)
     factor, unit = PRINT[total.unit]
     before, after = (number(factor * sigma) for sigma in (found.before, found.sigma))
     lines = [
         f"{robot.name} with {label(robot, robot.sensors)}: σ of the {total.name} {after} {unit}, "
-        f"{before} {unit} where the file has them; {len(found.over)} poses."
+        f"{before} {unit} at the places in the file; {len(found.over)} poses."
     ]
     if found.sigma > 0.95 * found.before:
-        lines.append("Where they are mounted hardly matters.")
+        lines.append("The mounting places have little effect.")
     return lines

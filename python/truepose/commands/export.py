@@ -32,8 +32,8 @@ app = typer.Typer(no_args_is_help=True, help="Write a robot in another program's
 ChosenLevel = Annotated[
     Level | None,
     typer.Option(
-        help="Understand each chain as one rod, or every rod by itself.",
-        show_default="as the file; the finest for what weighs",
+        help="ideal: one rod per chain; full: every rod separately.",
+        show_default="the file's; weighted laws and monitor: the highest",
     ),
 ]
 USUAL = "tej; joint where no sensor is in use"
@@ -51,17 +51,17 @@ def c(
     sensors: SensorsOption = None,
     level: ChosenLevel = None,
     law: Annotated[
-        Law | None, typer.Option(help="That the gains are chosen for.", show_default=USUAL)
+        Law | None, typer.Option(help="Control law of the gains.", show_default=USUAL)
     ] = None,
-    period: Annotated[float, typer.Option(help="Of the control cycle, s.")] = 1e-3,
+    period: Annotated[float, typer.Option(help="Control cycle, s.")] = 1e-3,
     frequency: Annotated[
         float | None,
-        typer.Option(help="Of the PD's poles, rad/s.", show_default="what the robot bears"),
+        typer.Option(help="Poles of the PD, rad/s.", show_default="the fastest with margins"),
     ] = None,
     effects: Annotated[
         str,
         effects_option(
-            "That the gains bear and the watch allows for: all, none, or friction,play,…"
+            "Effects that gains tolerate and the fault monitor allows for: all, none, or friction,…"
         ),
     ] = "all",
     name: Annotated[
@@ -87,7 +87,7 @@ def c(
     controller = None
     if not made.has_inertia:
         say(
-            f"{made.name}: the file has no masses (drive_inertia, arm_mass, rod_mass, nacelle's): "
+            f"{made.name}: the file has no masses (drive_inertia, arm_mass, rod_mass, platform's): "
             f"{prefix}_control and {prefix}_fault_monitor are left out; kinematics, Jacobian, "
             "TEJ and calibration are written",
             err=True,
@@ -102,7 +102,7 @@ def c(
 
 
 def say_stiff(robot: Robot, what: str = "a controller") -> None:
-    """Say what a controller leaves out of a robot, on standard error."""
+    """Print on standard error which compliance a controller omits."""
     if said := taken_as_stiff(robot, what):
         say(said, err=True)
 

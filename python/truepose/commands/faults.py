@@ -46,7 +46,7 @@ from truepose.show.table import Cell, Table, number
 from truepose.show.terminal import Format, say, show
 from truepose.show.units import PRINT
 
-#: Effects that readings show while the model is right: what `Effects.allowed_for` knows of.
+#: Effects in the readings of a correct model that `Effects.allowed_for` supports.
 KNOWN_EFFECTS = ("backlash", "eccentricity")
 
 
@@ -68,17 +68,17 @@ def command(
     effects: Annotated[
         str,
         effects_option(
-            "What readings may show besides: all, none, backlash, eccentricity.", KNOWN_EFFECTS
+            "Further effects in the readings: all, none, backlash, eccentricity.", KNOWN_EFFECTS
         ),
     ] = "none",
     level: ModelLevel = None,
     false_alarm: Annotated[
-        float | None, false_alarm_option("Probability of a false alarm in each test, one a cycle.")
+        float | None, false_alarm_option("Probability of a false alarm in each test (one a cycle).")
     ] = None,
     boxes: Annotated[
         int,
         typer.Option(
-            min=1, max=20, help="Also the limits in so many equal parts of each coordinate's range."
+            min=1, max=20, help="Also limits by box: N equal parts of each coordinate's range."
         ),
     ] = 1,
     plot: Annotated[
@@ -90,7 +90,7 @@ def command(
     """Predict which sensor faults are detectable; with a LOG, isolate the faulty reading.
 
     Without LOG: the smallest detectable and isolable fault of each reading, the pose error of a
-    fault just below detection under each law, and readings that no test distinguishes.
+    fault just below detection under each law, and readings that no test can distinguish.
 
     With LOG: the size of a fault of each reading in all rows, and the χ² that remains. Move the
     robot slowly through its workspace, and use the file of its last calibration.
@@ -133,7 +133,7 @@ def command(
 
 
 def regular_grid(robot: Robot) -> tuple[Array, int]:
-    """Poses of :func:`workspace_grid` that are reachable and regular, and how many are not.
+    """Return the reachable, regular poses of :func:`workspace_grid`, and how many are not.
 
     Examples
     --------
@@ -154,12 +154,12 @@ def regular_grid(robot: Robot) -> tuple[Array, int]:
 
 
 def unwatched(robot: Robot) -> str:
-    """What there is to say of a robot whose readings cannot contradict each other."""
+    """Return the message for a robot without redundant sensors."""
     spare = ", ".join(sensor.name for sensor in robot.spec.sensor)
     return (
-        f"{robot.name}: no redundant sensor in use: its readings cannot contradict each other, and "
-        "only their range, speed and freezing can be watched; any other fault moves the nacelle "
-        f"unseen. Sensors of its file (--sensors): {spare or 'none'}."
+        f"{robot.name}: no redundant sensor in use: readings cannot be compared; only their range, "
+        "speed and freezing can be monitored. Any other fault causes an undetected pose error. "
+        f"Sensors of its file (--sensors): {spare or 'none'}."
     )
 
 
@@ -171,7 +171,7 @@ def _beside(
     found: Detectability,
     effects: str,
 ) -> Iterator[tuple[str, Detectability]]:
-    """The same limits under other assumptions, each under its name."""
+    """Yield the limits under other assumptions, each with its name."""
     levels: list[tuple[str, Level, bool]] = [(f"{found.level} level", found.level, True)]
     if knowledge.left_out(robot):
         levels = [
@@ -191,7 +191,7 @@ def _beside(
 
 
 def harm(found: Detectability) -> list[Table]:
-    """How far the nacelle is off by a fault just below detection: one column a law."""
+    """Return tables of the pose error of a fault just below detection: one column per law."""
     laws = list(found.cross_sensitivity)
     at_rest = {
         law: found.pose_error(law).reshape(-1, len(found.robot.readings), 2).max(axis=0)
@@ -200,7 +200,7 @@ def harm(found: Detectability) -> list[Table]:
     moving = {law: found.moving_pose_error(law) for law in laws}
     titles = {
         "harm_at_rest": (at_rest, "Pose error of a fault just below detection, worst pose"),
-        "harm_moving": (moving, f"The same of one that {found.moving} poses do not betray"),
+        "harm_moving": (moving, f"The same for a fault that {found.moving} poses do not reveal"),
     }
     return [
         Table(
@@ -217,7 +217,7 @@ def harm(found: Detectability) -> list[Table]:
 
 
 def beside(others: list[tuple[str, Detectability]]) -> Table:
-    """One row an assumption, medians over the poses: detected, and isolated."""
+    """Return medians over the poses, detected and isolated: one row per assumption."""
     rows = []
     for name, found in others:
         rows.append([name, *_pairs(found, np.s_[:])])
@@ -226,7 +226,7 @@ def beside(others: list[tuple[str, Detectability]]) -> Table:
 
 
 def by_box(found: Detectability, poses: Array, parts: int) -> Table:
-    """One row a part of a coordinate's range, medians over its poses: detected, and isolated."""
+    """Return medians, detected and isolated: one row per part of a coordinate's range."""
     rows = []
     for k, (name, unit) in enumerate(found.robot.coordinates):
         factor, printed = PRINT[unit]
@@ -249,7 +249,7 @@ def _header(robot: Robot) -> list[str]:
 
 
 def _pairs(found: Detectability, inside: Array | slice) -> list[Cell]:
-    """Medians over some poses of each reading's detectable and isolable fault."""
+    """Return medians over some poses of each reading's detectable and isolable fault."""
     cells = []
     for c, (reading, factor, unit) in enumerate(reading_axes(found.robot)):
         every = [
@@ -263,30 +263,30 @@ def _pairs(found: Detectability, inside: Array | slice) -> list[Cell]:
 
 
 def notes(found: Detectability) -> Iterator[str]:
-    """What the tables mean, and which readings no test tells apart."""
+    """Yield notes: meaning of the tables, and readings that no test can distinguish."""
     odds = f"{found.false_alarm:.2g}"
     if found.false_alarm == false_alarm_rate():
         odds = f"one in {HOURS:g} hours at 1 kHz, {odds}"
     yield (
-        f"Found with probability {found.power:g}, false alarms {odds} a test: a bias or a jump in "
-        "one cycle, a drift when it has grown so far; over poses read once each, a bias that stays."
+        f"Detection probability {found.power:g}, false alarms {odds} per test: a bias or a jump in "
+        "one cycle, a drift grown to this size; over poses read once each, a constant bias."
     )
     yield (
-        f"Confused with: the readings whose own faults explain one of {TIMES:g} times its limit as "
-        "well, at most of the poses where it is seen."
+        f"Confused with: readings whose faults explain a fault of {TIMES:g} times the limit as "
+        "well, at most of the poses where it is detected."
     )
     for where, groups in (
         ("at any one pose", found.alike_at_rest),
         (f"over all {found.detected[..., 0].size} poses", found.alike),
     ):
         told = "; ".join(" = ".join(group) for group in groups) or "none"
-        yield f"Not to be told apart {where}, by parallel signatures: {told}."
+        yield f"Indistinguishable {where} (parallel signatures): {told}."
     if found.unseen:
-        yield f"Seen by no test, at no pose: {', '.join(found.unseen)}."
+        yield f"Undetectable by any test at any pose: {', '.join(found.unseen)}."
 
 
 def _offset(robot: Robot, law: str, error: Array) -> Cell:
-    """Position and rotation in one cell, mm and degrees; what no test bounds is unbounded."""
+    """Return position and rotation in one cell, mm and degrees; "unbounded" without a bound."""
     units = dict.fromkeys(unit for _, unit in robot.coordinates)
     parts = [(PRINT[unit], error[k]) for k, unit in enumerate(("m", "rad")) if unit in units]
     data = {f"{law} ({name})": float(factor * value) for (factor, name), value in parts}
@@ -297,30 +297,30 @@ def _offset(robot: Robot, law: str, error: Array) -> Cell:
 
 
 def verdict(found: Isolation) -> list[str]:
-    """Say which reading it is, or why that is not known."""
-    gone = f"; {found.left_out} without a pose left out" if found.left_out else ""
+    """Return notes: the faulty reading, or why it is not isolated."""
+    gone = f" ({found.left_out} without a pose excluded)" if found.left_out else ""
     said = [
-        f"{found.lines} lines{gone}, {found.level} level: χ² of the contradictions "
-        f"{found.chi2:.4g}, of {found.freedom} degrees of freedom; a healthy robot exceeds "
+        f"{found.lines} rows{gone}, {found.level} level: χ² of the residuals "
+        f"{found.chi2:.4g}, {found.freedom} degrees of freedom; a healthy robot exceeds "
         f"{found.limit:.4g} with probability {found.false_alarm:.2g}."
     ]
     if not found.faulty:
-        said.append("No contradiction: every reading may be right.")
+        said.append("No fault detected: the readings are consistent.")
     elif not found.may_be:
         said.append(
-            "No single bias or gain explains it: a fault that began on the way, several, a change "
-            "of the geometry, or another robot's file."
+            "No single bias or gain explains it: a fault that began within the log, several "
+            "faults, a change of the geometry, or another robot's file."
         )
     elif len(found.readings) > 1:
         said.append(
-            f"One of these is wrong: {', '.join(found.readings)}. More poses, or another sensor, "
-            "tell them apart (truepose faults says which)."
+            f"One of these is faulty: {', '.join(found.readings)}. More poses or another sensor "
+            "distinguish them (see truepose faults)."
         )
     else:
-        said.append(f"It is {found.readings[0]}: {_one_of(found.may_be)}.")
+        said.append(f"Faulty: {found.readings[0]}: {_one_of(found.may_be)}.")
     return said
 
 
 def _one_of(may_be: tuple[Hypothesis, ...]) -> str:
     kinds = [h.kind for h in may_be]
-    return f"its {kinds[0]} is wrong" if len(kinds) == 1 else "by a " + " or a ".join(kinds)
+    return f"its {kinds[0]} is wrong" if len(kinds) == 1 else "a " + " or a ".join(kinds)

@@ -21,7 +21,7 @@ from truepose.show.table import Cell, Table
 from truepose.show.terminal import Format, show
 from truepose.show.units import PRINT, printed
 
-LENGTH = 0.1  #: m; turns a nacelle's angle into a length that a condition number can compare
+LENGTH = 0.1  #: m; makes platform angles comparable to lengths in a condition number
 
 
 def command(
@@ -30,9 +30,9 @@ def command(
         Path | None, typer.Option(help="Also draw the conditioning map (PNG, SVG, PDF).")
     ] = None,
     samples: Annotated[
-        int, typer.Option(min=1, max=10_000_000, help="Poses drawn from the workspace.")
+        int, typer.Option(min=1, max=10_000_000, help="Poses sampled from the workspace.")
     ] = 100_000,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the draw.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the samples.")] = 0,
     length: Annotated[
         float,
         typer.Option(min=1e-6, max=1e3, help="Length that makes angles comparable to lengths, m."),
@@ -40,7 +40,7 @@ def command(
     how: How = Format.table,
     force: Force = False,
 ) -> None:
-    """Print a robot's figures: freedoms, reach, conditioning, motor speeds.
+    """Print a robot's degrees of freedom, reach, conditioning and motor speeds.
 
     Example: **truepose info hexa --plot hexa.png**
     """
@@ -54,7 +54,7 @@ def command(
 
 @dataclass(frozen=True)
 class Speed:
-    """The largest speed of any motor while the nacelle moves at 1 m/s or turns at 1 rad/s."""
+    """Largest speed of any motor while the platform moves at 1 m/s or turns at 1 rad/s."""
 
     value: float  #: rad/s or m/s
     motor: int  #: from 1
@@ -63,32 +63,32 @@ class Speed:
 
 @dataclass(frozen=True)
 class Figures:
-    """What :func:`measure` finds over a workspace box."""
+    """Results of :func:`measure` over a workspace box."""
 
     samples: int
     seed: int
     length: float  #: m, see `LENGTH`
     reachable: float  #: fraction of the poses, within the joint limits
     regular: float  #: fraction of the poses that are reachable and not singular
-    refused: dict[str, int]  #: of the other poses, how many for which reason and chain
+    refused: dict[str, int]  #: number of other poses by reason and chain
     q_min: Array
     q_max: Array
     condition: tuple[float, float, float]  #: least, median, greatest condition number of J
     moving: Speed | None  #: at 1 m/s, in the worst direction; None if it only turns
-    turning: Speed | None  #: at 1 rad/s, about the worst axis; None if the nacelle cannot turn
+    turning: Speed | None  #: at 1 rad/s, about the worst axis; None if the platform cannot turn
     full_less_ideal: Array | None  #: (n,), see :func:`level_difference`
 
 
 def measure(robot: Robot, samples: int = 100_000, seed: int = 0, length: float = LENGTH) -> Figures:
-    """Measure a robot at poses drawn from its workspace box.
+    """Evaluate a robot at poses sampled from its workspace box.
 
     Parameters
     ----------
     robot : Robot
     samples, seed : int
-        How many poses; the same seed draws the same ones.
+        Number of poses; the same seed gives the same ones.
     length : float
-        m; angles of the nacelle are multiplied by it in condition numbers.
+        Factor of the platform's angles in condition numbers, m.
 
     Raises
     ------
@@ -135,7 +135,7 @@ def measure(robot: Robot, samples: int = 100_000, seed: int = 0, length: float =
 
 
 def reasons(status: Array, chain: Array) -> dict[str, int]:
-    """Count poses by what is wrong with them, most frequent first."""
+    """Count poses by the reason of failure, most frequent first."""
     counts: dict[str, int] = {}
     pairs, numbers = np.unique(np.column_stack([status, chain]), axis=0, return_counts=True)
     for k in np.argsort(-numbers):
@@ -147,21 +147,21 @@ def reasons(status: Array, chain: Array) -> dict[str, int]:
 
 
 def told(refused: dict[str, int]) -> str:
-    """Write counts of :func:`reasons` in one line."""
+    """Format counts of :func:`reasons` as one line."""
     return ", ".join(f"{reason}: {count}" for reason, count in refused.items())
 
 
 def level_difference(robot: Robot, poses: Array, seed: int = 0, count: int = 100) -> Array | None:
     """Root mean square of full − ideal under the file's axis tolerances.
 
-    `count` robots get yaw and tilt on every motor's axis, normal with the file's σ; at each pose
-    both levels are asked where the same motors put the nacelle.
+    Samples `count` robots with yaw and tilt of every motor's axis, normal with the file's σ, and
+    compares at each pose the platform poses of both levels for the same motor positions.
 
     Returns
     -------
     ndarray, shape (n,), or None
-        m and rad; None where the full level is the ideal one, does not exist, the file gives no
-        tolerance of an axis, or these leave no pose (of lengths in mm, say).
+        m and rad; None where the full level equals the ideal one or does not exist, the file has
+        no tolerance of an axis, or no pose is reachable with them (lengths in mm, for example).
 
     Examples
     --------
@@ -198,7 +198,7 @@ def level_difference(robot: Robot, poses: Array, seed: int = 0, count: int = 100
 
 
 def condition_map(robot: Robot, length: float = LENGTH, points: int = 101) -> tuple[Array, Array]:
-    """Poses of a :func:`workspace_slice`, and condition number of J: NaN where singular."""
+    """Return poses of a :func:`workspace_slice` and the condition number of J, NaN if singular."""
     x = workspace_slice(robot, points)
     J = robot.jacobian(x, errors="nan")
     condition = np.full((points, points), np.nan)
@@ -215,13 +215,13 @@ def draw(figure: Any, robot: Robot, length: float = LENGTH) -> None:
 
 
 def table(robot: Robot, figures: Figures) -> Table:
-    """What `truepose info` prints."""
+    """Return the table that `truepose info` prints."""
     title = robot.spec.title or robot.name
     return Table("info", title, ["figure", "value"], [list(row) for row in rows(robot, figures)])
 
 
 def rows(robot: Robot, figures: Figures) -> list[tuple[str, str]]:
-    """Name and value of each figure: mm and degrees for people, SI for programs."""
+    """Return name and value of each figure: mm and degrees in the text, SI in the data."""
     spec, box = robot.spec, workspace(robot)
     angles = len({unit for _, unit in robot.coordinates}) > 1
     scale = f", angles × {1e3 * figures.length:g} mm" if angles else ""
@@ -248,7 +248,7 @@ def rows(robot: Robot, figures: Figures) -> list[tuple[str, str]]:
         ),
     ]
     if figures.refused:
-        result.append(("poses that are not", told(figures.refused)))
+        result.append(("other poses", told(figures.refused)))
     for k, chain in enumerate(spec.chain):
         unit = "rad" if chain.actuator == "revolute" else "m"
         result.append((f"motor {k + 1}", _range(figures.q_min[k], figures.q_max[k], unit)))
@@ -277,7 +277,7 @@ def rows(robot: Robot, figures: Figures) -> list[tuple[str, str]]:
 
 
 def _stretch(robot: Robot) -> list[tuple[str, str]]:
-    """Rod forces at home, and the deflections."""
+    """Return rod forces at home and the strains."""
     at = robot.rod_forces(robot.home, errors="nan")
     strain = robot.compliance * at
     names = [f"chain {k}" for k in range(1, robot.n + 1)]
@@ -298,7 +298,7 @@ def _condition(robot: Robot, J: Array, length: float) -> Array:
 
 
 def _fastest(K: Array, x: Array) -> Speed:
-    """Rows of K: a motor is fastest when the nacelle moves along its row."""
+    """Find the fastest motor; its worst platform velocity is along its row of K."""
     speeds = np.linalg.norm(K, axis=2)
     pose, motor = np.unravel_index(int(speeds.argmax()), speeds.shape)
     return Speed(float(speeds[pose, motor]), int(motor) + 1, x[pose])

@@ -36,26 +36,26 @@ def command(
     robot: RobotName,
     effects: Annotated[
         str,
-        effects_option("What models forget: all, none, or some of them: delay,compliance,…"),
+        effects_option("Effects that the model omits: all, none, or some: delay,compliance,…"),
     ] = "all",
     law: Annotated[
         list[str] | None,
         typer.Option(
-            help=f"{', '.join(LAWS)}; give it again for further ones.",
+            help=f"{', '.join(LAWS)}. Repeatable.",
             autocompletion=completing(lambda: LAWS),
             show_default="joint and, with sensors, tej, weighted, estimated",
         ),
     ] = None,
-    rate: Annotated[float, typer.Option(metavar="HZ", help="Control cycles in a second.")] = 1000.0,
+    rate: Annotated[float, typer.Option(metavar="HZ", help="Control cycles per second.")] = 1000.0,
     sensors: SensorsOption = None,
     own: Annotated[
         str | None,
         typer.Option(
             "--gains",
             metavar="POLES[,FILTER[,DAMPING]]",
-            help="Gains of your own: poles and velocity filter, rad/s (10 times the poles), and "
-            "damping (1).",
-            show_default="the fastest that keep 6 dB, 30° and two cycles",
+            help="Given gains: poles and velocity filter, rad/s (default 10 times the poles), and "
+            "damping (default 1).",
+            show_default="the fastest with 6 dB, 30° and two cycles",
         ),
     ] = None,
     plot: Annotated[
@@ -66,8 +66,8 @@ def command(
 ) -> None:
     """Compute stability margins, and choose gains that keep the required ones.
 
-    Prints the gains of each law, and the gain, phase and delay margins of all motors at once, of
-    each motor and of each reading: the smallest of home and the workspace's corners.
+    Prints the gains of each law, and the gain, phase and delay margins of all motors together, of
+    each motor and of each reading: the smallest over home and the workspace's corners.
 
     Example: **truepose margins h4 --law joint --law tej --rate 2000**, then
     **truepose margins h4 --law tej --gains 40,300**
@@ -92,14 +92,14 @@ def command(
     names = " ".join(name for name, _ in loaded.coordinates)
     units = "°" if all(unit == "rad" for _, unit in loaded.coordinates) else "mm, °"
     where += f" ({names}; {units})" * (poses > 1)
-    least = f"{loaded.name} at {rate:g} Hz, effects {effects}: least of {where}."
+    least = f"{loaded.name} at {rate:g} Hz, effects {effects}: smallest over {where}."
     tables = [chosen(found), *(each.table() for each in found)]
     show(tables, how, [least, *refused], notes(found), plot is not None)
     wrote(how, plot)
 
 
 def laws_of(texts: list[str] | None, robot: Robot) -> list[Law]:
-    """Laws that were asked for, or those that differ on this robot."""
+    """Return the given laws; without any those that differ on this robot."""
     for text in texts or ():
         if text not in LAWS:
             raise InputError(f"--law: {choose('law', text, LAWS)}")
@@ -108,7 +108,7 @@ def laws_of(texts: list[str] | None, robot: Robot) -> list[Law]:
 
 
 def parse_gains(text: str, law: Law, period: float) -> Controller:
-    """Read gains as people write them: poles, velocity filter, damping.
+    """Parse gains: poles, velocity filter, damping.
 
     Examples
     --------
@@ -121,7 +121,7 @@ def parse_gains(text: str, law: Law, period: float) -> Controller:
     except ValueError:
         numbers = []
     if not 1 <= len(numbers) <= 3:
-        raise InputError(f"--gains {text}: must be POLES[,FILTER[,DAMPING]], numbers with commas")
+        raise InputError(f"--gains {text}: must be numbers POLES[,FILTER[,DAMPING]]")
     frequency, bandwidth, damping = (*numbers, *(_FILTER * numbers[0], 1.0)[len(numbers) - 1 :])
     return Controller(
         law=law,
@@ -133,7 +133,7 @@ def parse_gains(text: str, law: Law, period: float) -> Controller:
 
 
 def chosen(found: list[StabilityMargins]) -> Table:
-    """One row a law: its gains, and what counts and noise do to it at the worst pose."""
+    """Return a table with one row per law: gains, torque noise, limit cycle at the worst pose."""
     header = ["law", "poles (rad/s)", "damping", "filter (rad/s)", "torque noise (% of limit)"]
     units = dict.fromkeys(unit for _, unit in found[0].robot.coordinates)
     header += [f"limit cycle, ({PRINT[unit][1]})" for unit in units]
@@ -150,10 +150,10 @@ def chosen(found: list[StabilityMargins]) -> Table:
 
 
 def notes(found: list[StabilityMargins]) -> list[str]:
-    """What the tables mean, and what is wrong."""
+    """Return notes: meaning of the columns, unstable loops and margins that are too small."""
     lines = [
-        "Gain: factor to instability; delay: beyond the modelled one. Limit cycle: peak "
-        "to peak of the nacelle where readings toggle between two counts; friction makes it less."
+        "Gain: factor to instability; delay: beyond the modeled one. Limit cycle: platform, peak "
+        "to peak, while readings toggle between two counts; friction reduces it."
     ]
     for each in found:
         if not each.stable.all():

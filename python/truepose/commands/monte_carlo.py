@@ -36,7 +36,7 @@ from truepose.studies.functions import ASKED, LEARNT
 from truepose.studies.study import monte_carlo
 from truepose.studies.workers import On
 
-#: Effects that a robot's readings at rest show, cold.
+#: Effects in the readings of a cold robot at rest.
 AT_REST = ("backlash", "eccentricity", "quantization")
 
 
@@ -48,17 +48,17 @@ def simulate_log_command(
     truth: Annotated[
         Path | None,
         typer.Option(
-            help="Where the true robot is kept.", show_default="beside the log, as OUT.truth.toml"
+            help="File of the true robot.", show_default="beside the log, as OUT.truth.toml"
         ),
     ] = None,
     found: Annotated[
         Path | None,
         typer.Option(
-            help="A calibrated robot file: say how far it is from the kept truth; write nothing."
+            help="Calibrated robot file: print its errors against the true robot; write nothing."
         ),
     ] = None,
     poses: Annotated[
-        int, typer.Option(min=1, max=100_000, help="Lines of the log, drawn from the workspace.")
+        int, typer.Option(min=1, max=100_000, help="Rows of the log: poses of the workspace.")
     ] = 100,
     seed: Seed = 0,
     sensors: SensorsOption = None,
@@ -66,23 +66,21 @@ def simulate_log_command(
         bool | None,
         typer.Option(
             "--tracker/--no-tracker",
-            help="Whether something outside measures, in a frame of its own.",
+            help="Simulate an external tracker in a frame of its own.",
             show_default="where no sensor is in use",
         ),
     ] = None,
     effects: Annotated[
         str,
-        effects_option(
-            f"What acts on a robot at rest: {', '.join(AT_REST)}, all or none.", AT_REST
-        ),
+        effects_option(f"Effects on a robot at rest: {', '.join(AT_REST)}, all or none.", AT_REST),
     ] = "quantization",
     how: How = Format.table,
     force: Force = False,
 ) -> None:
     """Simulate a calibration log of a robot sampled from the file's tolerances.
 
-    The true robot, with an error in every rod, is moved through its workspace and read at rest. It
-    is saved beside the log; **--found** compares a calibrated file with it.
+    The true robot has an error in every rod; it moves through its workspace and is read at rest.
+    Its file is written beside the log; **--found** compares a calibrated file with it.
 
     Example: **truepose simulate-log h4 -o log.csv**, then **truepose calibrate h4 log.csv -o
     calibrated.toml**, then **truepose simulate-log h4 -o log.csv --found calibrated.toml**
@@ -94,8 +92,8 @@ def simulate_log_command(
         p = len(result.names)
         low, high = (p * (1 - 2 / (9 * p) + z * (2 / (9 * p)) ** 0.5) ** 3 for z in (-1.96, 1.96))
         nees = (
-            f"Squared error of all {p} in the stated covariance: {result.nees:.1f}; where it is "
-            f"right, {low:.0f} to {high:.0f} of 95 in 100 calibrations."
+            f"Squared error of all {p} by the stated covariance: {result.nees:.1f}; if that is "
+            f"correct, {low:.0f} to {high:.0f} in 95 % of calibrations."
         )
         show(_compared(drawn, result), how, [nees])
         return
@@ -134,15 +132,15 @@ def _columns(ran: SimulatedLog) -> list[logs.Column]:
         pivot = ran.truth.spec.mobility == "rotational"
         names = [name for name, _ in ran.truth.coordinates] if pivot else "xyz"
         for name, values in zip(names, ran.measured.T, strict=False):
-            what = f"{name} of a marker on the nacelle, in the tracker's frame"
-            what = f"{name}, measured from outside" if pivot else what
+            what = f"{name} of a marker on the platform, in the tracker's frame"
+            what = f"{name}, measured externally" if pivot else what
             unit = "rad" if pivot else "m"
             result.append(logs.Column("measured", f"measured_{name}", unit, what, values))
     return result
 
 
 def _compared(robot: Robot, result: Missed) -> list[Table]:
-    """Where it leads the robot, and each parameter."""
+    """Return tables of the pose errors and of each parameter's error."""
     rows = []
     for who, apart in result.pose.items():
         shown = apart[np.isfinite(apart).all(axis=1)] * [1e3, 1e3, 180 / np.pi]
@@ -154,7 +152,7 @@ def _compared(robot: Robot, result: Missed) -> list[Table]:
         "position rms (mm)",
         "largest (mm)",
         "relative to home (mm)",
-        "turn rms (°)",
+        "rotation rms (°)",
     ]
     pose = Table("pose", "Pose error of the true robot (reached − commanded)", header, rows)
     rows = []
@@ -164,15 +162,15 @@ def _compared(robot: Robot, result: Missed) -> list[Table]:
         label = Cell(f"{name} ({unit})".removesuffix(" ()"), {"parameter": name})
         cells = [Cell(f"{factor * v:.4f}", float(v)) for v in values]
         rows.append([label, *cells, fixed(values[1] / values[2])])
-    header = ["parameter", "drawn", "found", "σ", "found / σ"]
-    return [pose, Table("parameters", "Parameters, less the true ones", header, rows)]
+    header = ["parameter", "nominal", "calibrated", "σ", "calibrated / σ"]
+    return [pose, Table("parameters", "Parameter errors (value − true value)", header, rows)]
 
 
-#: What the numbers of ready questions are.
+#: Notes on the results of the built-in functions.
 MEANING = {
-    "calibration": f"Each robot's rms over {ASKED} poses, calibrated on other poses ({LEARNT} where"
-    " the grid names no number); bound: 1σ rms of the same poses. Compare the column rms: a robot's"
-    " errors scatter about its bound, so medians differ.",
+    "calibration": f"Each robot's rms over {ASKED} poses, calibrated on other poses (by default"
+    f" {LEARNT}); bound: 1σ rms of the same poses. Compare the column rms: the"
+    " errors scatter about the bound, so medians differ.",
     "rest": f"Each robot's rms over {ASKED} poses of its workspace, at rest: true − desired.",
 }
 
@@ -181,17 +179,17 @@ def study_command(
     function: Annotated[
         str,
         typer.Argument(
-            help="calibration: what robots are off by after they calibrated themselves; rest: where"
-            " they come to rest under each law; or your own, file.py:function."
+            help="calibration: errors after self-calibration; rest: errors of the static"
+            " equilibrium under each law; or your own function, file.py:function."
         ),
     ],
     robots: Annotated[list[str], typer.Argument(help="Shipped robots' names, or robot files.")],
-    count: Annotated[int, typer.Option(min=1, help="True robots to draw of each.")] = 100,
+    count: Annotated[int, typer.Option(min=1, help="True robots to sample of each.")] = 100,
     sensors: SensorsOption = None,
     grid: Annotated[
         list[str] | None,
         typer.Option(
-            help="name=value,value,…: every combination is asked of every robot. Names are those "
+            help="name=value,value,…: evaluates every combination for every robot. Names: those "
             "that the function reads from case.values; calibration: poses; rest: law."
         ),
     ] = None,
@@ -199,15 +197,15 @@ def study_command(
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", "-o", help="Folder that keeps what is done; a study goes on from it."
+            "--out", "-o", help="Folder of the results; an interrupted study resumes from it."
         ),
     ] = None,
-    chunk: Annotated[int, typer.Option(min=1, help="Cases that a worker does at a time.")] = 16,
+    chunk: Annotated[int, typer.Option(min=1, help="Cases per task of a worker.")] = 16,
     workers: Annotated[
         int | None,
-        typer.Option(min=0, help="Processes; 0: none but this one.", show_default="all cores"),
+        typer.Option(min=0, help="Processes; 0: only this one.", show_default="all cores"),
     ] = None,
-    on: Annotated[On, typer.Option(help="What works side by side here.")] = "processes",
+    on: Annotated[On, typer.Option(help="Kind of the parallel workers.")] = "processes",
     cluster: Annotated[
         str | None, typer.Option(help="Address of a dask scheduler: tcp://host:8786.")
     ] = None,

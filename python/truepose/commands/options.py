@@ -35,7 +35,7 @@ from truepose.logs import Log
 
 
 def completing(choices: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
-    """What a shell may complete a word to; where that is nothing, it offers files by itself."""
+    """Return a shell completion over the choices; without a match the shell offers files."""
 
     def fitting(incomplete: str) -> list[str]:
         return [choice for choice in choices() if choice.startswith(incomplete)]
@@ -52,50 +52,46 @@ RobotName = Annotated[
     ),
 ]
 Seed = Annotated[
-    int, typer.Option(min=0, help="Of all that is drawn; the same seed, the same numbers.")
+    int, typer.Option(min=0, help="Seed of all random numbers; the same seed repeats a run.")
 ]
 SensorsOption = Annotated[
     str | None,
-    typer.Option(
-        metavar="A,B*", help="Sensors that are read: names or globs.", show_default="the file's"
-    ),
+    typer.Option(metavar="A,B*", help="Sensors in use: names or globs.", show_default="the file's"),
 ]
 ModelLevel = Annotated[
     Level | None,
     typer.Option(
-        help="ideal: one rod per chain; full: every rod by itself.",
+        help="ideal: one rod per chain; full: every rod separately.",
         show_default="full where it exists",
     ),
 ]
 Poses = Annotated[
     Path | None,
     typer.Option(
-        help="CSV file, a column for each coordinate, m and rad.",
+        help="CSV file with a column for each coordinate, m and rad.",
         show_default="a grid over the workspace",
     ),
 ]
-Force = Annotated[bool, typer.Option("--force", help="Replace a file that is there.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace an existing file.")]
 How = Annotated[
     Format,
-    typer.Option(
-        "--format", help="csv and json hold every digit, units in names, and nothing else."
-    ),
+    typer.Option("--format", help="csv and json: data only, all digits, units in the names."),
 ]
 
 
 def false_alarm_option(text: str) -> OptionInfo:
-    """How often tests may blame a healthy robot; what is tested is the command's to say."""
+    """Return the option of the false-alarm rate; `text` states what the command tests."""
     default = f"one in {HOURS:g} hours at 1 kHz"
     return typer.Option(metavar="P", help=text, show_default=default)
 
 
 def effects_option(text: str, known: Sequence[str] = Effects.groups()) -> OptionInfo:
-    """What :func:`effects_of` reads."""
+    """Return the option that :func:`effects_of` parses."""
     return typer.Option(help=text, autocompletion=completing(lambda: ("all", "none", *known)))
 
 
 def _fitting_kinds(incomplete: str) -> list[str]:
-    """What zsh and fish may complete READING:KIND to; bash takes the colon for a word's end."""
+    """Complete READING:KIND in zsh and fish; bash ends a word at the colon."""
     reading, colon, kind = incomplete.rpartition(":")
     return [f"{reading}:{known}" for known in FAULT_KINDS if colon and known.startswith(kind)]
 
@@ -105,9 +101,9 @@ Faults = Annotated[
     typer.Option(
         "--fault",
         metavar="READING:KIND[=SIZE][@TIME[..END]]",
-        help="A fault from a time on, s, as theta:stuck@0.1. Kinds with a size: bias, "
+        help="A fault that begins at TIME, s: theta:stuck@0.1. Kinds with a size: bias, "
         "jump, spike (rad or m), drift (rad/s or m/s), gain (a factor), delay (s), swap (the other "
-        "reading); without: stuck, dropout, sign. Repeatable; single faults are what counts.",
+        "reading); without: stuck, dropout, sign. Repeatable; isolation assumes a single fault.",
         autocompletion=_fitting_kinds,
     ),
 ]
@@ -116,7 +112,7 @@ Faults = Annotated[
 def plot_to(
     path: Path | None, inputs: list[str | Path], force: bool
 ) -> Callable[[Callable[[], Figure]], None]:
-    """Look whether --plot may be written; return what draws and saves it, or does nothing."""
+    """Check that --plot may be written; return a function that draws and saves the figure."""
     if path is None:
         return lambda draw: None
     output = files.Output(path, "picture", "--plot")
@@ -130,14 +126,14 @@ def plot_to(
 
 
 def wrote(how: Format, *paths: Path | None) -> None:
-    """Say which files were written."""
+    """Print which files were written."""
     for path in paths:
         if path is not None:
             say(f"Wrote {path}", how)
 
 
 def parse_set(robot: Robot, text: str) -> tuple[str, ...]:
-    """Read a set as people write it: names or globs with commas between, "none", or "all".
+    """Parse a sensor set: names or globs separated by commas, "none", or "all".
 
     Examples
     --------
@@ -152,7 +148,7 @@ def parse_set(robot: Robot, text: str) -> tuple[str, ...]:
 
 
 def parse_pose(robot: Robot, text: str, name: str, reached: bool = True) -> Array:
-    """Read a pose, one that the robot can take if it is to be reached: m and rad, commas between.
+    """Parse a pose, m and rad separated by commas; check by default that the robot reaches it.
 
     Examples
     --------
@@ -163,7 +159,7 @@ def parse_pose(robot: Robot, text: str, name: str, reached: bool = True) -> Arra
     try:
         pose = np.array([float(part) for part in text.split(",")])
     except ValueError:
-        raise InputError(f"{name} {text}: must be numbers with commas between, m and rad") from None
+        raise InputError(f"{name} {text}: must be numbers separated by commas, m and rad") from None
     if len(pose) != robot.n or not np.isfinite(pose).all():
         names = ",".join(c for c, _ in robot.coordinates)
         raise InputError(f"{name} {text}: must be {robot.n} numbers, {names} (m, rad)")
@@ -175,7 +171,7 @@ def parse_pose(robot: Robot, text: str, name: str, reached: bool = True) -> Arra
     return pose
 
 
-#: What is asked for, by its units.
+#: Descriptions of valid sizes, by their units.
 _SIZES = {
     ("m", "rad"): "a length and an angle greater than 0 with units, as 0.02mm,0.01deg",
     ("m",): "a length greater than 0 with its unit, as 0.1mm",
@@ -202,7 +198,7 @@ def _sizes(text: str | None, option: str, units: tuple[str, ...]) -> dict[str, f
 
 
 def parse_sizes(text: str | None, option: str) -> tuple[float | None, float | None]:
-    """Read a length and an angle, "0.02mm,0.01deg", or one of them, each with its unit.
+    """Parse a length and an angle, "0.02mm,0.01deg", or one of them, each with its unit.
 
     Examples
     --------
@@ -214,7 +210,7 @@ def parse_sizes(text: str | None, option: str) -> tuple[float | None, float | No
 
 
 def parse_sigmas(robot: Robot, text: str | None, option: str) -> tuple[float | None, float | None]:
-    """Read σ of measured lengths and angles, of which the robot's coordinates have some."""
+    """Parse σ of measured lengths and angles; refuse a unit that no coordinate has."""
     sizes = parse_sizes(text, option)
     units = sorted({unit for _, unit in robot.coordinates})
     for unit, size in zip(("m", "rad"), sizes, strict=True):
@@ -224,7 +220,7 @@ def parse_sigmas(robot: Robot, text: str | None, option: str) -> tuple[float | N
 
 
 def parse_size(text: str, option: str, unit: str) -> float:
-    """Read a length, "0.1mm", an angle, "0.1deg", or a plain number of another unit.
+    """Parse a length, "0.1mm", an angle, "0.1deg", or a plain number of another unit.
 
     Examples
     --------
@@ -236,28 +232,28 @@ def parse_size(text: str, option: str, unit: str) -> float:
 
 
 def parse_length(text: str | None, option: str) -> float | None:
-    """Read a length as people write it, "0.1mm"."""
+    """Parse a length, "0.1mm"."""
     return None if text is None else parse_size(text, option, "m")
 
 
 def parse_angle(text: str | None, option: str) -> float | None:
-    """Read an angle as people write it, "0.1deg"."""
+    """Parse an angle, "0.1deg"."""
     return None if text is None else parse_size(text, option, "rad")
 
 
 def parse_target(robot: Robot, text: str | None) -> float | None:
-    """Read what σ is enough, as people write it: a length, "0.1mm", or a pivot's angle."""
+    """Parse a target σ: a length, "0.1mm", or the angle of a rotational platform."""
     return None if text is None else parse_size(text, "--target", summed(robot).unit)
 
 
 def load_with(robot: str, sensors: str | None) -> Robot:
-    """Load a robot that reads these sensors of its file, as people write them, or the file's."""
+    """Load a robot with these sensors of its file in use; None: those that the file uses."""
     loaded = load(robot)
     return loaded if sensors is None else loaded.with_sensors(*parse_set(loaded, sensors))
 
 
 def effects_of(text: str, known: Sequence[str] = Effects.groups()) -> Effects:
-    """Read effects as people write them: all, none, or names with commas between."""
+    """Parse effects: all, none, or names separated by commas."""
     if text in ("all", "none"):
         return Effects().only(*(known if text == "all" else ()))
     names = [name.strip() for name in text.split(",")]
@@ -268,7 +264,7 @@ def effects_of(text: str, known: Sequence[str] = Effects.groups()) -> Effects:
 
 
 def faults_of(texts: Sequence[str] | None) -> list[Fault]:
-    """Read faults as people write them; :class:`Fault` itself writes them so.
+    """Parse faults in the notation that :class:`Fault` prints.
 
     Examples
     --------
@@ -292,7 +288,7 @@ def _fault(text: str) -> Fault:
         ) from None
     return Fault(
         reading,
-        kind,  # type: ignore[arg-type]  # it looks for itself
+        kind,  # type: ignore[arg-type]  # Fault checks it
         at=numbers[1] or 0.0,
         size=numbers[0],
         until=numbers[2],
@@ -301,13 +297,13 @@ def _fault(text: str) -> Fault:
 
 
 def true_robot(robot: Robot, text: str, seed: int) -> Robot:
-    """Find the robot that is there: drawn from its tolerances, nominal, or a robot file's."""
+    """Return the true robot: sampled from the tolerances, nominal, or of a robot file."""
     if text == "nominal":
         return robot
     if text != "drawn":
         return load(text).with_sensors(*robot.sensors)
     if not any(parameter.sigma for parameter in robot.parameters.values()):
-        say(f"{robot.name}: no tolerances in its file: the true robot is the nominal one", err=True)
+        say(f"{robot.name}: the file has no tolerances; the true robot is nominal", err=True)
     true = robot.sample(seed)
     return true.with_level(true.highest_level)
 
@@ -323,21 +319,21 @@ def _difference_option(
 
 TouchSigma = Annotated[
     str | None,
-    _difference_option("σ of a touch of a plane or a point: columns plane, point.", "0.02mm"),
+    _difference_option("σ of a contact with a plane or a point: columns plane, point.", "0.02mm"),
 ]
-Tilt = Annotated[str | None, _difference_option("How far a plane may lean, σ: 1deg.", "level")]
+Tilt = Annotated[str | None, _difference_option("σ of a plane's inclination: 1deg.", "level")]
 Tool = Annotated[
     str | None,
     _difference_option(
-        "What touches, from the nacelle's point in its frame, m.", "that point", "X,Y,Z"
+        "Contact point in the platform's frame, m.", "the platform's point", "X,Y,Z"
     ),
 ]
-ToolSigma = Annotated[str | None, _difference_option("σ of that: 1mm.", "exactly known")]
+ToolSigma = Annotated[str | None, _difference_option("σ of --tool: 1mm.", "exactly known")]
 DistancesFile = Annotated[
     Path | None,
     _difference_option(
-        "CSV of distances between lines: from, to (points, else lines), distance (m); and if need "
-        "be sigma, times.",
+        "CSV of distances between rows: from, to (points, else rows), distance (m); optional: "
+        "sigma, times.",
         metavar="CSV",
     ),
 ]
@@ -345,16 +341,14 @@ DistanceSigma = Annotated[
     str | None, _difference_option("σ of a distance.", "the column sigma, else 0.02mm")
 ]
 Shrinkage = Annotated[
-    float, _difference_option("Of a print: σ of its shrinkage, 0.002 say.", min=0.0, max=1.0)
+    float, _difference_option("σ of a print's relative shrinkage: 0.002.", min=0.0, max=1.0)
 ]
-LineWidth = Annotated[
-    str | None, _difference_option("Of a print: σ of its line's width, 0.05mm.", "known")
-]
+LineWidth = Annotated[str | None, _difference_option("σ of a print's line width: 0.05mm.", "known")]
 
 
 @dataclass(frozen=True)
 class Asked:
-    """What the options say, as people write it."""
+    """Unparsed values of the options of differences between poses."""
 
     touch_sigma: str | None = None
     tilt: str | None = None
@@ -366,7 +360,7 @@ class Asked:
     line_width: str | None = None
 
     def between(self, robot: Robot, log: Log, where: Path) -> Between:
-        """Understand it, read the file of distances, and look whether the log's names are right."""
+        """Parse the options, read the file of distances, check them against the log's columns."""
         sigma = parse_length(self.distance_sigma, "--distance-sigma") or SIGMA
         result = Between(
             sigma=parse_length(self.touch_sigma, "--touch-sigma") or SIGMA,

@@ -44,59 +44,57 @@ def command(
     robot: RobotName,
     poses: Annotated[
         int | None,
-        typer.Option(metavar="N", help="How many to choose.", show_default="30"),
+        typer.Option(metavar="N", help="Number of poses to choose.", show_default="30"),
     ] = None,
     target: Annotated[
         str | None,
-        typer.Option(metavar="0.1mm", help="As many as reach this σ of the position, or say why."),
+        typer.Option(metavar="0.1mm", help="Choose as many as reach this σ of the position."),
     ] = None,
     candidates: Annotated[
         str,
         typer.Option(
-            metavar="N|CSV", help="How many poses of the workspace to choose from, or those of CSV."
+            metavar="N|CSV", help="Candidates: N poses of the workspace, or those of a CSV file."
         ),
     ] = str(COUNT),
     after: Annotated[
         Path | None,
-        typer.Option(metavar="LOG", help="What was read before: the next poses begin with it."),
+        typer.Option(metavar="LOG", help="Log of earlier readings, to which the plan adds poses."),
     ] = None,
     outside: Annotated[
         str | None,
         typer.Option(
             metavar="0.02mm,0.01deg",
-            help="σ to which a tracker in a frame of its own will measure each pose.",
+            help="σ of a tracker, in a frame of its own, that measures each pose.",
         ),
     ] = None,
     over: Annotated[
         Path | None,
         typer.Option(
-            help="CSV file of the poses where accuracy is asked for.",
+            help="CSV file of the poses where accuracy counts.",
             show_default="a grid over the workspace",
         ),
     ] = None,
     reference_pose: Annotated[
         str | None,
         typer.Option(
-            metavar="X,Y,…", help="Also read at this pose, known from outside; m and rad."
+            metavar="X,Y,…", help="Also referenced at this externally known pose; m and rad."
         ),
     ] = None,
     seen: Annotated[
         bool,
-        typer.Option(
-            "--seen", help="With --outside: ask for what the tracker is to see, in its own frame."
-        ),
+        typer.Option("--seen", help="With --outside: accuracy of the pose in the tracker's frame."),
     ] = False,
     relative_to: Annotated[
         str | None,
-        typer.Option(metavar="X,Y,…", help="Ask for differences from this pose; m and rad."),
+        typer.Option(metavar="X,Y,…", help="Accuracy relative to this pose; m and rad."),
     ] = None,
     sensors: SensorsOption = None,
     level: ModelLevel = None,
     out: Annotated[
-        Path | None, typer.Option("-o", "--out", help="Poses to write, in the tour's order (CSV).")
+        Path | None, typer.Option("-o", "--out", help="Poses to write, in tour order (CSV).")
     ] = None,
     plot: Annotated[
-        Path | None, typer.Option(help="Also draw promises and the tour (PNG, SVG, PDF).")
+        Path | None, typer.Option(help="Also draw predictions and the tour (PNG, SVG, PDF).")
     ] = None,
     seed: Seed = 0,
     how: How = Format.table,
@@ -142,12 +140,12 @@ def command(
     if output is not None and found.steps:
         files.write({output: written(found)}, inputs, force)
     elif output is not None:
-        say(f"{out}: not written: a plan of no pose", how)
+        say(f"{out}: not written: the plan has no poses", how)
     wrote(how, out if found.steps else None, plot)
 
 
 def fit_of(robot: Robot, path: Path) -> Calibration:
-    """Calibrate on a log as `truepose calibrate` does; on touches, not on a file of distances."""
+    """Calibrate on a log as `truepose calibrate` does; with contacts, without distances."""
     log = logs.read(robot, path)
     differences = Between().of(robot, log)
     log, findings = log_checks.check(robot, log, measurements(differences))
@@ -164,9 +162,9 @@ def fit_of(robot: Robot, path: Path) -> Calibration:
 
 
 def notes(found: PosePlan) -> list[str]:
-    """What it is worth, beside random poses and all."""
+    """Return notes: accuracy of the plan, of random poses and of all candidates."""
     robot, count, name = found.robot, len(found.steps), found.robot.name
-    gone = f", {found.left_out} where it cannot be left out" if found.left_out else ""
+    gone = f", {found.left_out} unreachable ones left out" if found.left_out else ""
     lines = [f"{name}: {count} of {found.candidates} poses{gone}; σ over {len(found.over)} poses."]
     total = summed(robot)
     factor, unit = PRINT[total.unit]
@@ -174,14 +172,14 @@ def notes(found: PosePlan) -> list[str]:
     if not count:
         sigma = number(factor * float(found.sigma[0, -1]))
         wanted = f"{factor * (found.target or 0):.4g}{unit}"
-        return [f"{name}: nothing more to measure: {sigma}{unit}, the target {wanted} is reached."]
+        return [f"{name}: no more poses needed: {sigma}{unit}, the target {wanted} is reached."]
     low, median, high = factor * np.quantile(found.random, [0, 0.5, 1])
     lines.append(
         f"Random {count} of them: {number(median)}{unit} ({number(low)} to {number(high)}); "
         f"all {found.candidates}: {number(factor * found.everything)}{unit}."
     )
     if found.gain > HARDLY:
-        lines.append("Which poses are measured hardly matters here; how many does.")
+        lines.append("The choice of poses hardly matters here; their number does.")
     if found.target is not None:
         wanted = f"{factor * found.target:.4g}{unit}"
         reached = f"reached with {found.needed}" if found.needed else f"not reached with {count}"
@@ -190,7 +188,7 @@ def notes(found: PosePlan) -> list[str]:
 
 
 def written(found: PosePlan) -> str:
-    """Write the poses in the tour's order as CSV, and which step each is: the first buys most."""
+    """Return CSV of the poses in tour order, each with its step: step 1 has the largest gain."""
     names = [name for name, _ in found.robot.coordinates]
     steps = zip(found.poses.tolist(), found.order, strict=True)
     return as_csv(dict(zip(names, x, strict=True)) | {"step": k + 1} for x, k in steps)

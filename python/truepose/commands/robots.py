@@ -1,4 +1,4 @@
-"""`truepose list`, `new`, `check`: shipped robots, a starter file, errors of a robot file."""
+"""`truepose list`, `new`, `check`: shipped robots, starter files, errors of a robot file."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from truepose.show.units import printed
 
 
 def list_command(how: How = Format.table) -> None:
-    """List the shipped robots: freedoms, motors, sensors, levels, and what each is.
+    """List the shipped robots: description, freedoms, motors, sensors and levels.
 
-    Every command takes these names in place of a file. **truepose info** prints more of one,
+    Every command takes these names in place of a file. **truepose info** prints details of a robot;
     **truepose new** writes its file for you to change.
 
     Example: **truepose list**
@@ -39,7 +39,7 @@ def list_command(how: How = Format.table) -> None:
 
 
 def shipped_table() -> Table:
-    """One row a robot; for programs also where its numbers are from.
+    """Return a table with one row per robot; its data include the source of the numbers.
 
     Examples
     --------
@@ -47,7 +47,7 @@ def shipped_table() -> Table:
     >>> row[1:4]
     ['Rotary Delta robot, 3 degrees of freedom', 'x y z', '3 revolute']
     """
-    header = ["robot", "what it is", "freedoms", "motors", "sensors in use", "further sensors"]
+    header = ["robot", "description", "freedoms", "motors", "sensors in use", "further sensors"]
     rows = [_row(name, load(name)) for name in list_robots()]
     return Table("robots", "Shipped robots", [*header, "full level"], rows)
 
@@ -71,7 +71,7 @@ def _row(name: str, robot: Robot) -> list[str]:
 
 
 def _shortly(names: Sequence[str]) -> str:
-    """Names as a person would type them: elbow1, elbow2, … as elbow*."""
+    """Abbreviate names with globs: elbow1, elbow2, … become elbow*."""
     stems = Counter(name.rstrip("0123456789") for name in names)
     single = {name.rstrip("0123456789"): name for name in names}
     return ", ".join(f"{stem}*" if n > 1 else single[stem] for stem, n in stems.items()) or "none"
@@ -81,7 +81,7 @@ def new_command(
     robot: Annotated[
         str,
         typer.Argument(
-            help="A shipped robot: the kind to start from.",
+            help="A shipped robot to start from.",
             autocompletion=completing(robotfile.shipped),
         ),
     ],
@@ -89,9 +89,9 @@ def new_command(
         Path | None, typer.Option("-o", "--out", help="File to write.", show_default="ROBOT.toml")
     ] = None,
 ) -> None:
-    """Write a commented starter file for a robot of a shipped kind.
+    """Write a commented starter file from a shipped robot.
 
-    A file that is there is never overwritten.
+    Never overwrites an existing file.
 
     Example: **truepose new delta -o my_delta.toml**
     """
@@ -100,12 +100,12 @@ def new_command(
 
 
 def write(robot: str, out: Path) -> Path:
-    """Write a commented starter file for a shipped kind of robot.
+    """Write a commented starter file from a shipped robot.
 
     Raises
     ------
     InputError
-        No such robot; or `out` is there already, or cannot be written.
+        No such robot; or `out` exists or cannot be written.
     """
     known = robotfile.shipped()
     if robot not in known:
@@ -115,23 +115,23 @@ def write(robot: str, out: Path) -> Path:
     text = (
         f"# A {robot} to start from: change its numbers to those of your drawings.\n"
         f"# `truepose check {one_line(out)}` explains what is wrong with them,\n"
-        f"# `truepose info {one_line(out)}` shows what the robot can do.\n"
+        f"# `truepose info {one_line(out)}` prints the robot's reach and conditioning.\n"
         "# Short form, for a few values that differ from the shipped robot's:\n"
         f'#     based_on = "{robot}"\n'
         '#     parameters = { "chain1.base.x" = 0.2 }\n#\n'
     )
     text += document.as_string()
-    robotfile.parse(text, str(out))  # its name is the file's, and may be none for a robot
+    robotfile.parse(text, str(out))  # the name is the file's, and may be invalid for a robot
     if os.path.lexists(out) and not out.is_dir():
-        raise InputError(f"{out}: is there already and is not overwritten; choose -o")
+        raise InputError(f"{out}: exists and is not overwritten; choose another file with -o")
     files.write({robotfile.output(out): text})
     return out
 
 
-#: Values of each coordinate on the grid at which a workspace is looked at, for n of them.
+#: Grid values per coordinate in the check of a workspace, by the number of coordinates n.
 GRID = {1: 1001, 2: 101, 3: 21, 4: 11, 6: 5}
 
-_LARGEST = 20.0  # m; no robot of rods has such a part, and few in mm have none
+_LARGEST = 20.0  # m; no part of a robot is as long; most files in mm have a greater number
 
 
 def check_command(
@@ -139,8 +139,8 @@ def check_command(
 ) -> None:
     """Check a robot file: one line for each error, and exit status 2.
 
-    A line names the file, the line, the key, its value and the valid choices. For a valid file it
-    prints the motors at home, and the reachable part of the workspace on a grid.
+    An error states file, line, key, value and the valid choices. For a valid file the command
+    prints the motors at home and the reachable part of the workspace on a grid.
 
     Example: **truepose check my_robot.toml**
     """
@@ -161,16 +161,16 @@ def check_command(
 def check(path: Path) -> tuple[Robot | None, list[str]]:
     """Check a robot file.
 
-    Everything that can be known at once: whether the mechanism closes at home and holds its nacelle
-    is looked at as soon as the keys that it needs are right, whether it reaches any of its
-    workspace and is not drawn in millimetres once it is a robot.
+    Reports all errors together. It checks that the mechanism closes at home, constrains its
+    platform and has lengths in m as soon as its keys are valid, and that it reaches a part
+    of its workspace once the whole file is valid.
 
     Returns
     -------
     robot : Robot or None
         The robot, if the file describes one.
     problems : list of str
-        Lines "file:line: key = value: what is wrong; valid choices".
+        Lines "file:line: key = value: error; valid choices".
 
     Raises
     ------
@@ -192,9 +192,9 @@ def check(path: Path) -> tuple[Robot | None, list[str]]:
 
 
 def remarks(robot: Robot) -> list[str]:
-    """Say where a robot's motors stand at home, and what its workspace holds, one line each.
+    """Return remarks, one line each: motors at home, sensors beyond their range, workspace.
 
-    The workspace is looked at on a grid of `GRID` values of each coordinate, its faces included.
+    The workspace is checked on a grid of `GRID` values of each coordinate, its faces included.
 
     Examples
     --------
@@ -211,8 +211,8 @@ def remarks(robot: Robot) -> list[str]:
     lines = [f"motors at home: {', '.join(listed)}"]
     if robot.loose:
         lines.append(
-            "legs: each counts as a single one; that something else holds the nacelle's "
-            "orientation is taken for granted"
+            "legs: each is a single rod; the model assumes that other parts constrain the "
+            "platform's orientation"
         )
     units = reading_units(robot)[robot.n :]
     for sensor, r, unit in zip(robot.spec.used, robot.rkm(robot.home), units, strict=True):
@@ -240,13 +240,13 @@ def remarks(robot: Robot) -> list[str]:
 
 
 def _reached(robot: Robot) -> tuple[int, dict[str, int], int]:
-    """Count the grid's poses that are reached and regular, the others by reason, and all."""
+    """Return the number of regular grid poses, of the others by reason, and of all."""
     x = workspace_grid(robot, GRID[robot.n])
     _, status, chain = _core.ikm(robot.core, x, False)
     J, rank, guilty = _core.jacobian(robot.core, x, False)
     lost = info.reasons(np.where(status, status, rank), np.where(status, chain, guilty))
     good = (status == 0) & (rank == 0)
-    # Beyond a singularity det J has another sign: no way leads there from home.
+    # Beyond a singularity det J has the other sign: home has no path to these poses.
     beyond = good.copy()
     beyond[good] = np.linalg.det(J[good]) * np.linalg.det(robot.jacobian(robot.home)) < 0
     if beyond.any():
@@ -277,12 +277,12 @@ def _examine(data: dict, text: str, where: str) -> tuple[Robot | None, list[Prob
 
 
 def _single_legs(robot: Robot) -> bool:
-    """Whether something else than pairs of rods may hold the nacelle's orientation (3-UPU)."""
+    """Return whether parts other than rod pairs may constrain the orientation (3-UPU)."""
     return all(chain.actuator == "telescopic" for chain in robot.spec.chain)
 
 
 def _in_millimetres(spec: RobotFile) -> list[Problem]:
-    """Ask whether the largest length of a mechanism is in mm."""
+    """Return a problem where the largest length of a mechanism seems to be in mm."""
     lengths: list[tuple[float, tuple]] = [(v, ("home",)) for v in spec.home[:3]]
     for number, chain in enumerate(spec.chain):
         for key in ("base", "anchor"):
@@ -303,7 +303,7 @@ def _in_millimetres(spec: RobotFile) -> list[Problem]:
 
 
 def _line(where: dict, data: dict, path: tuple) -> int:
-    """Find a problem's line; a chain that is a copy is written in the motif."""
+    """Return a problem's line; a copied chain has the line of its motif."""
     if path[:1] == ("chain",) and len(path) > 1 and isinstance(data.get("chain"), list):
         path = ("chain", path[1] % len(data["chain"]), *path[2:])
         if path not in where and ("chain_defaults", *path[2:]) in where:

@@ -1,4 +1,4 @@
-"""`truepose simulate`: a move or a path of a robot that is not its model."""
+"""`truepose simulate`: a move or a path of a robot that differs from its model."""
 
 from __future__ import annotations
 
@@ -50,8 +50,8 @@ from truepose.simulation.plants import Visit
 from truepose.simulation.simulate import Simulation, simulate
 from truepose.simulation.visit import visit
 
-#: Poles of a controller that visits poses without effects, rad/s, and the velocity loops' bandwidth
-#: in units of poles, where they are to rest at every pose or with effects.
+#: Poles of a controller that visits poses without effects, rad/s, and the velocity filter's
+#: bandwidth over the poles, for visits and with effects.
 VISITING, BANDWIDTH = 40.0, 7.5
 #: Duration and hold of a move, and of a path's way from pose to pose, s.
 MOVE, VISIT = (MOVE_DURATION, 0.2), (0.5, 0.4)
@@ -61,79 +61,79 @@ def command(
     robot: RobotName,
     start: Annotated[
         str | None,
-        typer.Option("--from", metavar="X,Y,…", help="Pose of the start, m and rad."),
+        typer.Option("--from", metavar="X,Y,…", help="Start pose, m and rad."),
     ] = None,
     end: Annotated[
         str | None,
         typer.Option(
-            "--to", metavar="X,Y,…", help="Pose of the end.", show_default="inside the workspace"
+            "--to", metavar="X,Y,…", help="End pose.", show_default="inside the workspace"
         ),
     ] = None,
     path: Annotated[
         Path | None,
         typer.Option(
-            help="Instead: CSV file of poses to visit one after another, a column for each "
-            "coordinate, m and rad; only what is read at rest is kept. With a column time, s, they "
-            "are passed at their times instead, and every cycle is kept."
+            help="Instead: CSV file of poses to visit in turn, a column for each coordinate, m and "
+            "rad; the log has the readings at rest. With a column time, s, the robot passes the "
+            "poses at these times, and the log has every cycle."
         ),
     ] = None,
     way_points: Annotated[
         Path | None,
         typer.Option(
-            help="Instead: such a file to move through, at rest for a moment at each pose; every "
-            "cycle is kept."
+            help="Instead: CSV file of poses to move through, with a stop at each; the log has "
+            "every cycle."
         ),
     ] = None,
     circle: Annotated[
         str | None,
         typer.Option(
             metavar="R,HZ[,TURNS]",
-            help="Instead: a level circle about the pose of --from (default: home), m and turns a "
-            "second.",
+            help="Instead: a horizontal circle about the pose of --from (default: home), m and "
+            "turns per second.",
         ),
     ] = None,
     law: Annotated[
         Law | None,
         typer.Option(
-            help="joint is usual control, tej the paper's.",
+            help="Control law; joint is standard control, tej the paper's law.",
             show_default="tej; joint where no sensor is in use",
         ),
     ] = None,
     true: Annotated[
         str,
         typer.Option(
-            help="The robot that is there: drawn from the file's tolerances, nominal, or a "
-            "robot's name or file.",
+            help="True robot: drawn = sampled from the file's tolerances, nominal, or a robot's "
+            "name or file.",
             autocompletion=completing(lambda: ("drawn", "nominal", *list_robots())),
         ),
     ] = "drawn",
     effects: Annotated[
         str,
-        effects_option("What models forget: all, none, or some of them: friction,delay,…"),
+        effects_option("Effects that the model omits: all, none, or some: friction,delay,…"),
     ] = "none",
     fault: Faults = None,
     watch: Annotated[
         bool,
-        typer.Option("--watch", help="Monitor the readings; continue or stop where one is faulty."),
+        typer.Option("--watch", help="Fault monitor: continue or stop when a reading is faulty."),
     ] = False,
     seed: Seed = 0,
     sensors: SensorsOption = None,
     duration: Annotated[
         float | None,
-        typer.Option(help="Of a move, s.", show_default="0.2; visiting 0.5 each"),
+        typer.Option(help="Duration of a move, s.", show_default="0.2; visiting 0.5 each"),
     ] = None,
     hold: Annotated[
-        float | None, typer.Option(help="After it, s.", show_default="0.2; visiting 0.4 each")
+        float | None, typer.Option(help="Hold after it, s.", show_default="0.2; visiting 0.4 each")
     ] = None,
     frequency: Annotated[
         float | None,
         typer.Option(
-            help="Of the PD's poles, rad/s.",
-            show_default="150, visiting 40; with effects what the robot bears",
+            help="Poles of the PD, rad/s.",
+            show_default="150, visiting 40; with effects the fastest with margins",
         ),
     ] = None,
     since: Annotated[
-        float, typer.Option(help="Seconds since it was switched on cold: how far it has warmed up.")
+        float, typer.Option(help="Time since switch-on of the cold robot, s (warm-up).")
     ] = 0.0,
     out: Annotated[
         Path | None,
@@ -146,9 +146,9 @@ def command(
     """Simulate a robot with geometric errors under a controller; print its pose errors.
 
     The controller uses the nominal robot. The true robot is sampled from the tolerances of the
-    file, every rod by itself, and its encoders are quantized. Without **--to** it makes a default
+    file, every rod separately, and its encoders are quantized. Without **--to** it makes a default
     move. The log's columns have the names that **truepose calibrate** reads. A path that the robot
-    cannot follow is refused before it starts.
+    cannot follow is refused before the start.
 
     Example: **truepose simulate h4 --law estimated --effects friction,compliance -o move.csv**,
     then **truepose simulate h4 --fault theta:stuck@0.05 --watch**
@@ -187,7 +187,7 @@ def command(
     if log is not None:
         columns = logs.columns(run.log, truth)
         files.write({log: logs.encoded(log.path, columns)}, read, force)
-    who = f"true robot {f'drawn with seed {seed}' if true == 'drawn' else true}"
+    who = f"true robot {f'sampled with seed {seed}' if true == 'drawn' else true}"
     if faults:
         who += f", faults {', '.join(map(str, faults))}"
     poles = f"{controller.frequency:.3g} rad/s"
@@ -209,10 +209,10 @@ def _controller(
 
 
 class Run(NamedTuple):
-    """What was simulated: a move's N cycles, or a path's N poses."""
+    """Result of a simulation: a move's N cycles, or a path's N poses."""
 
     log: Simulation | Visit
-    over: Array  #: (N,) s, or number of the pose
+    over: Array  #: (N,) time, s, or number of the pose
     error: Array  #: (N, n) true − desired; NaN where a pose was not reached
     robot: Robot
     tables: list[Table]
@@ -228,14 +228,14 @@ def _asked(
     end: str | None,
     duration: float | None,
 ) -> tuple[paths.Path | None, Array | None]:
-    """Return the path to follow, or the poses to visit; neither of a plain move."""
+    """Return the path to follow, or the poses to visit; neither for a plain move."""
     given = {"--path": path, "--way-points": way_points, "--circle": circle}
     named = [name for name, value in given.items() if value is not None]
     if len(named) > 1:
         raise InputError(f"{named[0]}, {named[1]}: name one of them")
     if named and (end is not None or (start is not None and circle is None)):
         left = "--to" if circle is not None else "--from and --to"
-        raise InputError(f"{named[0]}: names all poses itself: leave out {left}")
+        raise InputError(f"{named[0]}: defines all poses: leave out {left}")
     if path is not None:
         time, x_d = read_samples(robot, path)
         return (None, x_d) if time is None else (paths.SampledPath(time=time, x=x_d), None)
@@ -253,7 +253,7 @@ def _circle(text: str, centre: Array) -> paths.Circle:
         radius, frequency, *turns = (float(part) for part in text.split(","))
         (turns_,) = turns or (1.0,)
     except ValueError:
-        raise InputError(f"--circle {text}: must be a radius, turns a second, and turns") from None
+        raise InputError(f"--circle {text}: must be radius, turns per second, and turns") from None
     return paths.Circle(centre=centre, radius=radius, frequency=frequency, turns=turns_)
 
 

@@ -42,15 +42,15 @@ def command(
         str | None,
         typer.Option(
             metavar="X,Y,…",
-            help="Pose in which it stood; m, rad.",
-            show_default="zero of a pivot, else home",
+            help="Reference pose; m, rad.",
+            show_default="zero of a rotational platform, else home",
         ),
     ] = None,
     sigma: Annotated[
         str | None,
         typer.Option(
-            help="How well that is known: 0.05deg, or 0.02mm,0.01deg.",
-            show_default="0.05deg of a pivot",
+            help="σ of the reference pose: 0.05deg, or 0.02mm,0.01deg.",
+            show_default="0.05deg of a rotational platform",
         ),
     ] = None,
     sensors: SensorsOption = None,
@@ -59,9 +59,9 @@ def command(
 ) -> None:
     """Identify homing offsets from a known reference posture: a flat foot, a stop.
 
-    Prints the offsets, the accuracy afterwards, and the parameters that one posture cannot tell
-    apart. Uses the rows with a name in the column posture; else those with measured_…; else all
-    rows as one posture.
+    Prints the offsets, the accuracy afterwards, and the parameters that one posture cannot
+    distinguish. Uses the rows with a name in the column posture; else those with measured_…; else
+    all rows as one posture.
 
     Example: **truepose zero g1-ankle posture.csv -o zeroed.toml**
     """
@@ -82,11 +82,11 @@ def command(
 
 
 def _sigma(robot: Robot, text: str | None) -> list[float]:
-    """σ of every coordinate."""
+    """Return σ of the reference pose for every coordinate, m and rad."""
     if text is None and robot.spec.mobility == "rotational":
         return [logs.FLAT] * robot.n
     if text is None:
-        raise InputError(f"--sigma: say how well {robot.name}'s pose is known: 0.02mm,0.01deg")
+        raise InputError(f"--sigma: missing; give σ of {robot.name}'s pose: 0.02mm,0.01deg")
     by = dict(zip(("m", "rad"), parse_sizes(text, "--sigma"), strict=True))
     found = [by[unit] for _, unit in robot.coordinates]
     if None in found:
@@ -96,9 +96,9 @@ def _sigma(robot: Robot, text: str | None) -> list[float]:
 
 
 def known(found: Zeroing) -> Table:
-    """σ of each coordinate before and after, where it stood and over the workspace."""
+    """Return a table of σ before and after, at the reference pose and over the workspace."""
     robot = found.robot
-    places = {"where it stood": found.fit.x[:1]}
+    places = {"at the reference pose": found.fit.x[:1]}
     if (box := robot.spec.workspace) is not None:
         x = np.random.default_rng(0).uniform(box.minimum, box.maximum, (_POSES, robot.n))
         places["over the workspace"] = x[np.isfinite(robot.ikm(x, errors="nan")).all(axis=1)]
@@ -110,12 +110,12 @@ def known(found: Zeroing) -> Table:
             what = {"coordinate": name, "where": place, "unit": unit}
             cells = [number(factor * sigma[k], data=float(sigma[k])) for sigma in both]
             rows.append([Cell(f"{name} ({shown}) {place}", what), *cells])
-    return Table("accuracy", "What is known then", ["σ of", "before", "zeroed"], rows)
+    return Table("accuracy", "Accuracy before and after", ["σ of", "before", "zeroed"], rows)
 
 
 def open_questions(found: Zeroing) -> list[str]:
-    """Say for each motor what may be what is off."""
-    said = ["A posture cannot tell which parameter is off; shares of the prior variance:"]
+    """Return notes: possible causes of each motor's offset."""
+    said = ["One posture cannot tell which parameter is wrong; shares of the prior variance:"]
     for k, motor in enumerate(found.motors):
         causes = (f"{name} {100 * share:.0f} %" for name, share in motor.causes.items())
         said.append(f"q{k + 1}: {', '.join(causes)}")
